@@ -1,0 +1,43 @@
+# Two commands do all the set-up on a fresh Debian or Ubuntu machine: `make demo` and `make test`.
+.PHONY: demo test image native qemu check-style format clean
+
+VENV := .venv/bin
+
+demo:
+	@tools/setup.sh demo
+	@$(MAKE) --no-print-directory image native
+	$(VENV)/plumb demo --out out/demo
+
+test:
+	@tools/setup.sh test
+	@$(MAKE) --no-print-directory image native check-style
+	cmake --preset sanitize
+	cmake --build --preset sanitize
+	ctest --preset sanitize
+	ctest --preset native
+	$(VENV)/python -m pytest
+
+# The flash image, the same core as a QEMU image, and their checks.
+image:
+	@cmake --preset stm32f103 $(QUIET)
+	@cmake --build --preset stm32f103 $(QUIET)
+
+# The C core on this machine: the shared library that Python loads, and the C tests.
+native:
+	@cmake --preset native $(QUIET)
+	@cmake --build --preset native $(QUIET)
+
+C_FILES = $(shell git ls-files '*.c' '*.h')
+check-style:
+	$(VENV)/ruff check host tools tests
+	$(VENV)/ruff format --check host tools tests
+	$(VENV)/mypy
+	clang-format --dry-run -Werror $(C_FILES)
+
+format:
+	$(VENV)/ruff check --fix host tools tests
+	$(VENV)/ruff format host tools tests
+	clang-format -i $(C_FILES)
+
+clean:
+	rm -rf build out
