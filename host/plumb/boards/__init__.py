@@ -1,0 +1,107 @@
+"""Boards: everything that can run the C integers, behind one interface.
+
+`native` is the core in process, `qemu` the core as Cortex-M3 code, `virtual` the whole flash image on the simulated
+STM32F103, `serial:PORT[@BAUD]` the same image on silicon, or on a virtual board served by another process.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Protocol, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.errors import UsageError
+
+if TYPE_CHECKING:
+    from plumb.fixed import Words
+    from plumb.quantise import ControlParams
+
+RawCounts = npt.NDArray[np.int16]
+"""Shape (steps, 6): the raw counts of every step; a system uses the first few columns."""
+Setpoints = npt.NDArray[np.int32]
+"""Shape (steps,): binary angles, a full turn is 2**32."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a board said of a run.
+
+    digests: shape (steps,), CRC-32 of each step's words. words: the words themselves where the board gives them all
+    (native, qemu), else None: a link carries the digests, and single steps are asked for with `words_of_step`.
+    unverified_from: first step whose digest or raw counts were lost on the way, else None.
+    """
+
+    digests: npt.NDArray[np.uint32]
+    words: Words | None = None
+    unverified_from: int | None = None
+
+
+@dataclass(frozen=True)
+class StepOutput:
+    """One step's digest and what goes to the actuator, in half-microseconds."""
+
+    digest: int
+    pulse_halfus: tuple[int, int]
+
+
+class Stepper(Protocol):
+    """A run in lockstep, one sample at a time: for closed loops whose plant lives on the host."""
+
+    def step(self, raw: tuple[int, ...], setpoint_turn_q32: int) -> StepOutput: ...
+
+
+class Board(Protocol):
+    name: str
+
+    def run_injected(self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints) -> Answer:
+        """Reset, then every step in lockstep."""
+        ...
+
+    def words_of_step(
+        self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints, step: int
+    ) -> dict[str, int]:
+        """Reset, run up to and with `step`, and give every word of that step."""
+        ...
+
+    def stepper(self, params: ControlParams) -> Stepper:
+        """Reset, and hand the pace to the caller."""
+        ...
+
+    def close(self) -> None: ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+
+def open_board(spec: str, *, link: str = "serial", image: Path | None = None) -> Board:
+    """The board that SPEC names; raises UsageError for a name that is none, LinkError when it does not answer."""
+    kind, _, address = spec.partition(":")
+    if link != "serial":
+        raise UsageError(f"this version speaks to boards over serial only, not '{link}'")
+    if spec == "native":
+        from plumb.boards.native import NativeBoard
+
+        return NativeBoard()
+    if spec == "qemu":
+        from plumb.boards.qemu import QemuBoard
+
+        return QemuBoard()
+    if spec == "virtual":
+        from plumb.boards.virtual import VirtualBoard
+
+        return VirtualBoard(image)
+    if kind == "serial" and address:
+        from plumb.boards.link import SerialBoard
+
+        port, _, baud = address.partition("@")
+        if baud and not baud.isdigit():
+            raise UsageError(f"the baud rate in '{spec}' is not a number; write serial:PORT@921600")
+        return SerialBoard(port, int(baud) if baud else 921600)
+    raise UsageError(f"'{spec}' names no board; use native, qemu, virtual or serial:PORT[@BAUD]")
