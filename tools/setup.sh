@@ -58,7 +58,7 @@ fi
 # One stamp per purpose holds the project file it was installed from; when it differs, install again.
 stamp=.venv/plumb-$purpose.stamp
 if ! cmp -s pyproject.toml "$stamp"; then
-    extras=virtual
+    extras=virtual,report
     [ "$purpose" = test ] && extras=dev
     [ -x .venv/bin/python ] || "$python" -m venv .venv
     echo "plumb: installing Python packages into .venv"

@@ -1,0 +1,99 @@
+"""Check this machine: libraries, tools, the flash image, serial ports and the right to open them.
+
+Every line that is not good says what to do about it. Exit code 0 when the main job can run, else 2.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Finding:
+    what: str
+    good: bool
+    needed: bool
+    detail: str
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    findings = [*libraries(), *tools(), native_core(), image(), *serial_rights()]
+    bad = [finding for finding in findings if finding.needed and not finding.good]
+    if arguments.json:
+        print(json.dumps({"good": not bad, "findings": [asdict(finding) for finding in findings]}))
+    else:
+        for finding in findings:
+            mark = "ok  " if finding.good else ("MISS" if finding.needed else "-   ")
+            print(f"{mark} {finding.what}: {finding.detail}")
+    return 2 if bad else 0
+
+
+def libraries() -> Iterator[Finding]:
+    from importlib import metadata
+
+    for name, needed, remedy in (
+        ("numpy", True, "pip install numpy"),
+        ("python-can", True, "pip install python-can"),
+        ("pyserial", True, "pip install pyserial"),
+        ("cantools", True, "pip install cantools"),
+        ("unicorn", True, "pip install 'plumb[virtual]' for the virtual board"),
+        ("matplotlib", True, "pip install 'plumb[report]' for the report page"),
+        ("capstone", False, "pip install 'plumb[bench]' for plumb bench"),
+        ("pyelftools", False, "pip install 'plumb[bench]' for plumb bench"),
+    ):
+        try:
+            yield Finding(name, True, needed, metadata.version(name))
+        except metadata.PackageNotFoundError:
+            yield Finding(name, False, needed, remedy)
+
+
+def tools() -> Iterator[Finding]:
+    for command, purpose, package in (
+        ("arm-none-eabi-gcc", "builds the flash image", "gcc-arm-none-eabi and libnewlib-arm-none-eabi"),
+        ("qemu-system-arm", "runs the core on a second CPU", "qemu-system-arm"),
+        ("cmake", "builds everything", "cmake"),
+    ):
+        path = shutil.which(command)
+        yield Finding(command, path is not None, False, path or f"{purpose}: apt install {package}")
+
+
+def native_core() -> Finding:
+    from plumb import native
+    from plumb.errors import UsageError
+
+    try:
+        return Finding("native core", True, True, str(native.library_path()))
+    except UsageError as error:
+        return Finding("native core", False, True, str(error))
+
+
+def image() -> Finding:
+    from plumb.errors import UsageError
+    from plumb.f103.image import find_image
+
+    try:
+        return Finding("flash image", True, True, str(find_image(None)))
+    except UsageError as error:
+        return Finding("flash image", False, True, str(error))
+
+
+def serial_rights() -> Iterator[Finding]:
+    from serial.tools import list_ports
+
+    for port in list_ports.comports():
+        path = Path(port.device)
+        if not path.exists():
+            continue
+        allowed = os.access(path, os.R_OK | os.W_OK)
+        remedy = f"no permission: sudo usermod -aG {path.group()} $USER, then log in again"
+        yield Finding(port.device, allowed, False, port.description if allowed else remedy)

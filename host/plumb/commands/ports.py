@@ -1,0 +1,46 @@
+"""List the serial ports of this machine, and with --probe which of them answer as a plumb board.
+
+A port is only opened with --probe: opening a port toggles DTR on some adapters, which resets some boards.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--probe", action="store_true", help="open each port at 921600 baud and ask who is there")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from serial.tools import list_ports
+
+    rows = []
+    for port in sorted(list_ports.comports(), key=lambda entry: entry.device):
+        row = {"port": port.device, "description": port.description, "usb": port.hwid}
+        if arguments.probe:
+            row["board"] = probe(port.device)
+        rows.append(row)
+    if arguments.json:
+        print(json.dumps({"ports": rows}))
+        return 0
+    if not rows:
+        print("no serial ports; a USB-serial adapter appears as /dev/ttyUSB0 or /dev/ttyACM0 when it is plugged in")
+    for row in rows:
+        print("  ".join(str(value) for value in row.values()))
+    return 0
+
+
+def probe(device: str) -> str:
+    """One sentence about who answers at `device`."""
+    from plumb.errors import LinkError
+    from plumb.serialbus import PlumbBus
+    from plumb.session import Session
+
+    try:
+        with PlumbBus(device) as bus:
+            return Session(bus).connect().describe()
+    except LinkError as error:
+        return f"no plumb board: {error}"
