@@ -1,7 +1,7 @@
 """Print a shell completion script.
 
-    plumb completion bash > ~/.local/share/bash-completion/completions/plumb
-    plumb completion zsh  > a file named _plumb in a folder of your fpath
+plumb completion bash > ~/.local/share/bash-completion/completions/plumb
+plumb completion zsh  > a file named _plumb in a folder of your fpath
 """
 
 from __future__ import annotations
