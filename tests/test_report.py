@@ -37,7 +37,7 @@ def test_a_stretch_without_values_is_a_gap_not_an_error() -> None:
 @pytest.fixture(scope="module")
 def page() -> str:
     pytest.importorskip("matplotlib", reason="the report needs the extra plumb[report]")
-    plot = report.Plot("Tilt", "deg", TIME_S, [report.Line("true <tilt>", np.sin(TIME_S), "#000000")])
+    plot = report.Plot("true <tilt>", "deg", TIME_S, [report.Line("tilt", np.sin(TIME_S), "#000000")])
     table = report.Table("Errors", ["who", "rms"], [["a & b", "1"], ["c", "2"]], bad_rows=frozenset({1}))
     return report.page("A run", "pass", "All is well.", [plot, table])
 
@@ -53,7 +53,7 @@ def test_text_is_escaped_and_bad_rows_are_marked(page: str) -> None:
 
 
 def test_the_page_is_the_same_every_time(page: str) -> None:
-    plot = report.Plot("Tilt", "deg", TIME_S, [report.Line("true <tilt>", np.sin(TIME_S), "#000000")])
+    plot = report.Plot("true <tilt>", "deg", TIME_S, [report.Line("tilt", np.sin(TIME_S), "#000000")])
     table = report.Table("Errors", ["who", "rms"], [["a & b", "1"], ["c", "2"]], bad_rows=frozenset({1}))
     assert report.page("A run", "pass", "All is well.", [plot, table]) == page
 
