@@ -1,0 +1,120 @@
+"""The papers' equations in float64, as printed: the truth that fixed point is measured against.
+
+Units: deg, deg/s, g, s. Equation numbers (1) to (5) are those of the filter the four systems share:
+
+    x = [phi, b]^T        tilt and gyro bias
+    A = [[1, -Ts], [0, 1]]    B = [Ts, 0]^T    H = [1, 0]
+    (1) X(k|k-1) = A X(k-1|k-1) + B U(k)
+    (2) P(k|k-1) = A P(k-1|k-1) A^T + Q
+    (3) X(k|k)   = X(k|k-1) + K (Z - H X(k|k-1))
+    (4) K        = P(k|k-1) H^T (H P(k|k-1) H^T + R)^-1
+    (5) P(k|k)   = (I - K H) P(k|k-1)
+
+The 2x2 products are written out and all four entries of P are kept. Every kernel takes floats, and works on arrays of
+runs too where it has no branch. It runs on a Tuning: a person's, or the dequantised one of the integers, so that only
+the arithmetic differs from `plumb.fixed`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.tuning import Channel, Esc, Kalman, Pid, Start, Trust, Tuning
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def atan2(y: float, x: float) -> float:
+    """Angle in degrees of the point (x, y), -180 to 180."""
+    return math.degrees(math.atan2(y, x))
+
+
+def asin(sine: float) -> float:
+    """Angle in degrees, -90 to 90; a sine beyond +-1 counts as +-1."""
+    return math.degrees(math.asin(min(max(sine, -1.0), 1.0)))
+
+
+def wrap(angle_deg: float) -> float:
+    """The same angle in -180 <= angle < 180."""
+    return (angle_deg + 180.0) % 360.0 - 180.0
+
+
+def calibrate(raw: float, channel: Channel) -> float:
+    """Counts to the channel's unit."""
+    return (min(max(raw, channel.min_counts), channel.max_counts) - channel.zero_counts) * channel.unit_per_count
+
+
+def tilt(accel_y_g: float, accel_z_g: float, mode: str) -> float:
+    """Tilt in degrees from the acceleration: arcsin(a / g) as the paper has it, or from both axes."""
+    return asin(accel_y_g) if mode == "arcsine" else atan2(accel_y_g, accel_z_g)
+
+
+def trust(accel_y_g: float, accel_z_g: float, settings: Trust) -> float:
+    """R in deg^2: grows with the square of |a|^2 - 1 g^2, up to its limit."""
+    excess = accel_y_g * accel_y_g + accel_z_g * accel_z_g - 1.0
+    return min(settings.r_deg2 + settings.gain_deg2 * excess * excess, settings.r_max_deg2)
+
+
+@dataclass
+class KalmanState:
+    """X and P of equations (1) to (5), and the gyro sample that is U of the next step."""
+
+    tilt_deg: float
+    bias_dps: float
+    p00: float
+    p01: float
+    p10: float
+    p11: float
+    rate_dps: float = 0.0
+    innovation_deg: float = 0.0
+    k0: float = 0.0
+    k1: float = 0.0
+
+
+def kalman_init(start: Start) -> KalmanState:
+    """X0 and P0."""
+    return KalmanState(
+        start.tilt_deg, start.bias_dps, start.p00_deg2, start.p01_deg2_per_s, start.p01_deg2_per_s, start.p11_dps2
+    )
+
+
+def kalman_step(
+    x: KalmanState, settings: Kalman, period_s: float, z_deg: float, rate_dps: float, r_deg2: float
+) -> None:
+    """One predict and update; z is the accelerometer's tilt, rate the gyro's current sample."""
+    ts = period_s
+    u = x.rate_dps if settings.rate == "previous" else rate_dps
+    x.rate_dps = rate_dps
+
+    # (1) X(k|k-1) = A X(k-1|k-1) + B U(k)
+    tilt_deg = x.tilt_deg - ts * x.bias_dps + ts * u
+    bias_dps = x.bias_dps
+
+    # (2) P(k|k-1) = A P(k-1|k-1) A^T + Q
+    p00 = x.p00 - ts * x.p10 - ts * (x.p01 - ts * x.p11) + settings.q_angle_deg2_per_s * ts
+    p01 = x.p01 - ts * x.p11
+    p10 = x.p10 - ts * x.p11
+    p11 = x.p11 + settings.q_bias_dps2_per_s * ts
+
+    # (4) K = P(k|k-1) H^T (H P(k|k-1) H^T + R)^-1
+    s = p00 + r_deg2
+    k0 = p00 / s
+    k1 = p10 / s
+
+    # (3) X(k|k) = X(k|k-1) + K (Z - H X(k|k-1)); the innovation is an angle and wraps
+    innovation = wrap(z_deg - tilt_deg)
+    x.tilt_deg = wrap(tilt_deg + k0 * innovation)
+    x.bias_dps = bias_dps + k1 * innovation
+
+    # (5) P(k|k) = (I - K H) P(k|k-1)
+    x.p00 = (1.0 - k0) * p00
+    x.p01 = (1.0 - k0) * p01
+    x.p10 = p10 - k1 * p00
+    x.p11 = p11 - k1 * p01
+
+    x.innovation_deg, x.k0, x.k1 = innovation, k0, k1
