@@ -1,0 +1,57 @@
+/* Who may move the actuator: interlocks, nonce, keep-alive, latch.
+ *
+ * Armed is left on the first reason that blocks it, or 50 ms after the last keep-alive, and never entered again
+ * without a new arm command with a new nonce (latched). Time is an argument, in us of the board's clock; differences
+ * are taken modulo 2^32. */
+#ifndef PLUMB_LINK_ARMING_H
+#define PLUMB_LINK_ARMING_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define ARMING_KEEPALIVE_US 50000U   /* longest silence of who armed */
+#define ARMING_NONCE_US     1000000U /* a nonce is good for this long, once */
+
+/* Why arming is refused, or was left. Bits, as in STATUS. */
+#define ARMING_BLOCK_HELLO    0x0001U /* no host with the same protocol version and message definitions */
+#define ARMING_BLOCK_IDLE     0x0002U /* no run */
+#define ARMING_BLOCK_LOCKSTEP 0x0004U /* the host paces the steps: not in real time */
+#define ARMING_BLOCK_FAULT    0x0008U /* a board fault that blocks */
+#define ARMING_BLOCK_CLOSED   0x0010U /* link closed or read-only */
+#define ARMING_BLOCK_SILENCE  0x0020U /* left because the keep-alive was lost */
+#define ARMING_BLOCK_COMMAND  0x0040U /* left because the host said so */
+
+typedef struct {
+    bool armed;
+    bool nonce_valid;
+    uint16_t nonce_verb;
+    uint16_t cause; /* ARMING_BLOCK_* that ended the last armed time; 0: none */
+    uint32_t nonce;
+    uint32_t nonce_us;
+    uint32_t token; /* the nonce it was armed with: every keep-alive carries it */
+    uint32_t keepalive_us;
+    uint32_t random; /* xorshift state, never 0 */
+} arming_t;
+
+/* seed: anything that differs between boards. */
+void arming_init(arming_t *a, uint32_t seed);
+
+/* A fresh nonce for one command (verb); replaces the one before. Never 0. */
+uint32_t arming_challenge(arming_t *a, uint16_t verb, uint32_t now_us);
+
+/* True when this is the answer to the last challenge, in time. A nonce is used up by any answer, right or wrong. */
+bool arming_answer(arming_t *a, uint16_t verb, uint32_t nonce, uint32_t now_us);
+
+/* Arm, unless blocked (ARMING_BLOCK_*) is not 0. token: what keep-alives will carry. */
+bool arming_arm(arming_t *a, uint16_t blocked, uint32_t token, uint32_t now_us);
+
+/* A keep-alive; one with a wrong token, or while disarmed, does nothing and returns false. */
+bool arming_keepalive(arming_t *a, uint32_t token, uint32_t now_us);
+
+/* Leave armed, for this cause; the first cause stays. */
+void arming_disarm(arming_t *a, uint16_t cause);
+
+/* To be called often: disarms when blocked is not 0 or the keep-alive is late. */
+void arming_poll(arming_t *a, uint16_t blocked, uint32_t now_us);
+
+#endif
