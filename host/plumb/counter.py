@@ -1,0 +1,304 @@
+"""Calls C functions inside a linked Arm image and counts what they execute; plumb.cycles turns that into cycles.
+
+The function runs in an emulator (Unicorn); what it executed is a list of basic blocks, and the cost is read off that
+list.  Nothing is sampled: one input gives one number, the same on every machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import bisect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from plumb.cycles import TABLE_READ_CYCLES_2WS, Cost, Decoder, Instruction, instruction_cycles, path_cost, require
+from plumb.errors import UsageError
+
+MAGIC_RETURN = 0x1F00_0000  # a page of the code region that holds nothing: reaching it ends a call
+ARGUMENT_BASE = 0x6000_0000  # a page of RAM of the bench's own for arguments
+ARGUMENT_BYTES = 0x10000
+STACK_BASE = 0x7000_0000  # and a stack of the bench's own, so that the image's RAM stays as it is
+STACK_BYTES = 0x10000
+LIMIT_BLOCKS = 200_000  # a call that takes more is taken for lost
+
+
+@dataclass
+class Call:
+    """One finished call of a symbol: its result register, its path and the cost of the path."""
+
+    result: int
+    blocks: tuple[int, ...]
+    table_reads: int
+    cost: Cost
+
+
+@dataclass(frozen=True)
+class Symbol:
+    name: str
+    address: int
+    size: int
+    is_function: bool
+
+
+class Image:
+    """A linked Arm ELF: its loadable bytes, its symbols, its instructions."""
+
+    def __init__(self, path: Path) -> None:
+        elffile = require("elftools.elf.elffile")
+        if not path.is_file():
+            raise UsageError(f"There is no image {path}: build it with cmake --preset stm32f103 and cmake --build.")
+        self.path = path
+        self.segments: list[tuple[int, bytes, int]] = []
+        self.symbols: dict[str, Symbol] = {}
+        with path.open("rb") as handle:
+            elf = elffile.ELFFile(handle)
+            for segment in elf.iter_segments("PT_LOAD"):
+                header = segment.header
+                self.segments.append((header.p_vaddr, segment.data(), header.p_memsz))
+                if header.p_paddr != header.p_vaddr:
+                    self.segments.append((header.p_paddr, segment.data(), header.p_filesz))
+            table = elf.get_section_by_name(".symtab")
+            for entry in table.iter_symbols() if table else ():
+                kind = entry.entry.st_info.type
+                if kind in ("STT_FUNC", "STT_OBJECT"):
+                    address = entry.entry.st_value & (~1 if kind == "STT_FUNC" else ~0)
+                    self.symbols[entry.name] = Symbol(entry.name, address, entry.entry.st_size, kind == "STT_FUNC")
+        if not self.symbols:
+            raise UsageError(f"{path} has no symbols: the bench needs the .elf, not a stripped image.")
+        self._decoder = Decoder()
+        self._decoded: dict[int, Instruction] = {}
+
+    @cached_property
+    def _by_address(self) -> list[Symbol]:
+        return sorted((s for s in self.symbols.values() if s.size), key=lambda s: s.address)
+
+    def symbol(self, name: str) -> Symbol:
+        if name not in self.symbols:
+            raise UsageError(f"{self.path.name} has no symbol {name}: it was inlined, or left out by the linker.")
+        return self.symbols[name]
+
+    def symbol_at(self, address: int) -> Symbol | None:
+        """The function or object that covers an address."""
+        index = bisect.bisect_right([s.address for s in self._by_address], address) - 1
+        if index >= 0 and address < self._by_address[index].address + self._by_address[index].size:
+            return self._by_address[index]
+        return None
+
+    def bytes_at(self, address: int, size: int) -> bytes:
+        for base, data, _ in self.segments:
+            if base <= address < base + len(data):
+                return data[address - base : address - base + size]
+        raise UsageError(f"{self.path.name} holds nothing at 0x{address:08x}.")
+
+    def instruction(self, address: int) -> Instruction:
+        if address not in self._decoded:
+            self._decoded[address] = self._decoder.decode(self.bytes_at(address, 4), address)
+        return self._decoded[address]
+
+
+def path_instructions(image: Image, blocks: Sequence[int], sizes: dict[int, int]) -> list[Instruction]:
+    """The instructions of a path, in the order executed."""
+    path = []
+    for start in blocks:
+        address = start
+        while address < start + sizes[start]:
+            path.append(image.instruction(address))
+            address += path[-1].size
+    return path
+
+
+@dataclass
+class Profile:
+    """The worst of many calls of one function."""
+
+    name: str
+    calls: int = 0
+    instructions_max: int = 0
+    cycles_max: int = 0
+    cycles_2ws_max: int = 0
+    stack: int = 0
+    instructions_min: int = 1 << 31
+    worst: tuple[int, ...] = ()
+    functions: set[str] = field(default_factory=set)
+
+    def add(self, blocks: tuple[int, ...], cost: Cost) -> None:
+        self.calls += 1
+        if cost.cycles > self.cycles_max:
+            self.worst = blocks
+        self.instructions_max = max(self.instructions_max, cost.instructions)
+        self.instructions_min = min(self.instructions_min, cost.instructions)
+        self.cycles_max = max(self.cycles_max, cost.cycles)
+        self.cycles_2ws_max = max(self.cycles_2ws_max, cost.cycles_2ws)
+        self.stack = max(self.stack, cost.stack)
+
+
+class Counter:
+    """Calls functions of an image by symbol and counts what they take, nested calls of watched functions included.
+
+    Arguments are 32-bit integers; memory for pointers comes from place() and is read back with read().
+    """
+
+    def __init__(self, image: Image, watch: Sequence[str] = ()) -> None:
+        uc, arm, const = require("unicorn"), require("unicorn.arm_const"), require("unicorn.unicorn_const")
+        self.image = image
+        self._arm = arm
+        self._uc = uc.Uc(const.UC_ARCH_ARM, const.UC_MODE_THUMB | const.UC_MODE_MCLASS)
+        self._uc.ctl_set_cpu_model(arm.UC_CPU_ARM_CORTEX_M3)
+        mapped: set[int] = set()
+        for base, data, memory_bytes in image.segments:
+            for page in range(base & ~0xFFF, base + max(memory_bytes, 1), 0x1000):
+                if page not in mapped:
+                    self._uc.mem_map(page, 0x1000)
+                    mapped.add(page)
+            self._uc.mem_write(base, data)
+        self._uc.mem_map(ARGUMENT_BASE, ARGUMENT_BYTES)
+        self._uc.mem_map(STACK_BASE, STACK_BYTES)
+        self._uc.mem_map(MAGIC_RETURN, 0x1000)
+        self._next_argument = ARGUMENT_BASE
+        self._trace: list[int] = []
+        self._reads: list[int] = []  # addresses read from the image's code memory, literals included
+        self._sizes: dict[int, int] = {}
+        self._costs: dict[tuple[int, ...], Cost] = {}
+        self.profiles = {name: Profile(name) for name in watch}
+        self._watched = {image.symbol(name).address: name for name in watch}
+        self.table_symbols: set[str] = set()
+        self._uc.hook_add(const.UC_HOOK_BLOCK, self._on_block)
+        code = image.symbol_at(image.symbol(watch[0]).address) if watch else None
+        base, data, _ = next((s for s in image.segments if code and s[0] <= code.address < s[0] + len(s[1])),
+                             image.segments[0])  # fmt: skip
+        self._uc.hook_add(const.UC_HOOK_MEM_READ, self._on_flash_read, begin=base, end=base + len(data))
+
+    def _on_block(self, _uc: Any, address: int, size: int, _data: object) -> None:
+        self._trace.append(address)
+        if len(self._trace) > LIMIT_BLOCKS:
+            self._uc.emu_stop()
+        self._sizes[address] = size
+
+    def _on_flash_read(self, _uc: Any, _kind: int, address: int, _size: int, _value: int, _data: object) -> None:
+        self._reads.append(address)
+
+    def place(self, data: bytes) -> int:
+        """Puts bytes into the bench's own RAM, 8-byte aligned, and returns their address."""
+        address = self._next_argument
+        self._next_argument += (len(data) + 7) & ~7
+        if self._next_argument > ARGUMENT_BASE + ARGUMENT_BYTES:
+            raise UsageError("The bench's argument memory is full: place less.")
+        self._uc.mem_write(address, data)
+        return address
+
+    def write(self, address: int, data: bytes) -> None:
+        self._uc.mem_write(address, data)
+
+    def read(self, address: int, size: int) -> bytes:
+        return bytes(self._uc.mem_read(address, size))
+
+    def call(self, name: str, *arguments: int) -> Call:
+        """Runs one function to its return; raises UsageError when it does not come back."""
+        symbol = self.image.symbol(name)
+        uc, arm = self._uc, self._arm
+        stack = STACK_BASE + STACK_BYTES - 64
+        for register, value in zip((arm.UC_ARM_REG_R0, arm.UC_ARM_REG_R1, arm.UC_ARM_REG_R2, arm.UC_ARM_REG_R3),
+                                   arguments, strict=False):  # fmt: skip
+            uc.reg_write(register, value & 0xFFFF_FFFF)
+        for index, value in enumerate(arguments[4:]):
+            uc.mem_write(stack + 4 * index, (value & 0xFFFF_FFFF).to_bytes(4, "little"))
+        uc.reg_write(arm.UC_ARM_REG_SP, stack)
+        uc.reg_write(arm.UC_ARM_REG_LR, MAGIC_RETURN | 1)
+        self._trace.clear()
+        self._reads.clear()
+        uc.emu_start(symbol.address | 1, MAGIC_RETURN)
+        if len(self._trace) > LIMIT_BLOCKS:
+            raise UsageError(f"{name} did not return within {LIMIT_BLOCKS} basic blocks.")
+        blocks = tuple(self._trace)
+        tables = self._table_reads()
+        cost = self.cost(blocks)
+        if tables:
+            slower = cost.cycles_2ws + tables * TABLE_READ_CYCLES_2WS
+            cost = Cost(cost.instructions, cost.cycles, slower, cost.stack)
+        self._profile(blocks)
+        return Call(uc.reg_read(arm.UC_ARM_REG_R0), blocks, tables, cost)
+
+    def _table_reads(self) -> int:
+        count = 0
+        for address in self._reads:
+            symbol = self.image.symbol_at(address)
+            if symbol is not None and not symbol.is_function:
+                self.table_symbols.add(symbol.name)
+                count += 1
+        return count
+
+    def cost(self, blocks: tuple[int, ...]) -> Cost:
+        if blocks not in self._costs:
+            self._costs[blocks] = path_cost(path_instructions(self.image, blocks, self._sizes))
+        return self._costs[blocks]
+
+    def path(self, blocks: tuple[int, ...]) -> list[Instruction]:
+        return path_instructions(self.image, blocks, self._sizes)
+
+    def _profile(self, blocks: tuple[int, ...]) -> None:
+        """Finds the calls of watched functions inside a path, and books each."""
+        returns: list[int] = []
+        open_calls: list[tuple[str, int, int]] = []  # name, first block, depth of the return stack
+        for index, start in enumerate(blocks):
+            if returns and start == returns[-1]:
+                returns.pop()
+                while open_calls and open_calls[-1][2] > len(returns):
+                    name, first, _ = open_calls.pop()
+                    self._book(name, blocks[first:index])
+            if start in self._watched:
+                open_calls.append((self._watched[start], index, len(returns)))
+            last = self.path((start,))[-1]
+            if last.is_call:
+                returns.append(last.address + last.size)
+        while open_calls:
+            name, first, _ = open_calls.pop()
+            self._book(name, blocks[first:])
+
+    def _book(self, name: str, blocks: tuple[int, ...]) -> None:
+        profile = self.profiles[name]
+        profile.add(blocks, self.cost(blocks))
+        for start in blocks:
+            symbol = self.image.symbol_at(start)
+            if symbol is not None:
+                profile.functions.add(symbol.name)
+
+    def listing(self, blocks: tuple[int, ...], emit: Callable[[str], None] = print) -> None:
+        """Prints a path: address, cycles of each instruction, text; for hunting cycles."""
+        path = self.path(blocks)
+        for index, now in enumerate(path):
+            before = path[index - 1] if index else None
+            after = path[index + 1] if index + 1 < len(path) else None
+            taken = after is None or after.address != now.address + now.size
+            symbol = self.image.symbol_at(now.address)
+            took = instruction_cycles(now, before, taken, after)
+            emit(f"{now.address:08x} {took:3d}  {symbol.name if symbol else '?':24s} {now.text}")
+
+
+def _argument(counter: Counter, text: str) -> int:
+    """A number, `@N` for a pointer to N zero bytes, or `@a,b,c` for a pointer to 32-bit words."""
+    if not text.startswith("@"):
+        return int(text, 0)
+    words = text[1:].split(",")
+    if len(words) == 1:
+        return counter.place(bytes(int(words[0], 0)))
+    return counter.place(b"".join((int(word, 0) & 0xFFFF_FFFF).to_bytes(4, "little") for word in words))
+
+
+def main() -> None:
+    """`python -m plumb.counter IMAGE.elf SYMBOL ARGUMENT...`: one call, instruction by instruction, and its cost."""
+    parser = argparse.ArgumentParser(prog="python -m plumb.counter", description=main.__doc__)
+    parser.add_argument("image", type=Path)
+    parser.add_argument("symbol")
+    parser.add_argument("arguments", nargs="*", help="number | @N (N zero bytes) | @a,b,c (32-bit words)")
+    options = parser.parse_args()
+    counter = Counter(Image(options.image), [options.symbol])
+    call = counter.call(options.symbol, *(_argument(counter, text) for text in options.arguments))
+    counter.listing(call.blocks)
+    print(f"result {call.result:#010x}  {call.cost}")
+
+
+if __name__ == "__main__":
+    main()

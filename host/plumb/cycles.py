@@ -1,0 +1,201 @@
+"""The Cortex-M3 timing model: what each executed instruction costs, at zero and at two flash wait states.
+
+Source: Cortex-M3 Technical Reference Manual (ARM DDI 0337), "Instruction set summary" and "Load/store timings".  Where the
+manual gives a range the model takes the slowest, except that a pipeline refill is taken at its usual 2:
+
+    data processing, MUL, SSAT, CLZ, IT            1      (IT is never counted as folded)
+    MLA, MLS                                       2
+    UMULL, SMULL / UMLAL, SMLAL                    5 / 7  (manual: 3-5 and 4-7, by operand)
+    UDIV, SDIV                                     12     (manual: 2-12)
+    LDR, LDRB, LDRH, ...                           2; 1 directly after a load whose result is not its address
+    LDR from the literal pool                      +1     (contention with the fetch unit)
+    STR with immediate / register offset           1 / 2; the latter 1 directly after a load, as for LDR
+    LDM, STM, PUSH, POP, LDRD, STRD                1 + N registers
+    load or store                                  +1 when the instruction directly before, not a load, wrote its address
+    branch taken, BL, BX, POP {pc}, LDR pc         +P     P = 2; 3 for a target of 32 bits that is not word-aligned
+    branch not taken                               1
+    TBB, TBH                                       4 + P
+    MRS, MSR / barriers                            2 / 4
+
+A conditional instruction in an IT block is charged as if it were executed (a skipped one takes 1 cycle), a conditional
+branch as it went.  The call instruction belongs to the caller and is not counted; the return is.
+
+With two flash wait states (72 MHz) the flash delivers one 64-bit line in 3 cycles.  Model: two line buffers; the line after
+the one in use is fetched ahead as soon as the flash is idle; an instruction waits until the lines it lies in have arrived,
+of which one cycle is the ordinary fetch.  A literal-pool load takes the flash for 3 cycles, 2 of them lost; any other load
+from flash is charged 2 + 3 (its own wait, and the prefetch that it delays).  SRAM has no wait states.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from plumb.errors import UsageError
+
+FLASH_LINE_BYTES = 8
+FLASH_READ_CYCLES_2WS = 3
+TABLE_READ_CYCLES_2WS = 2 + FLASH_READ_CYCLES_2WS  # a load from flash outside the literal pool
+
+_SINGLE_LOADS = {"ldr", "ldrb", "ldrh", "ldrsb", "ldrsh"}
+_SINGLE_STORES = {"str", "strb", "strh"}
+_MULTIPLE = {"ldm", "ldmdb", "stm", "stmdb", "push", "pop"}
+_CYCLES = {
+    "mla": 2, "mls": 2, "umull": 5, "smull": 5, "umlal": 7, "smlal": 7, "udiv": 12, "sdiv": 12, "ldrd": 3, "strd": 3,
+    "tbb": 4, "tbh": 4, "mrs": 2, "msr": 2, "dsb": 4, "dmb": 4, "isb": 4, "ldrex": 2, "strex": 2, "clrex": 2,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Instruction:
+    """One decoded instruction, with what the timing model asks about it."""
+
+    address: int
+    size: int
+    text: str
+    name: str
+    reads_address: frozenset[int]  # registers that form a memory address
+    writes: frozenset[int]
+    registers: int  # length of the register list of LDM and friends
+    is_literal: bool  # a load from the literal pool
+    is_register_offset: bool
+    is_call: bool
+    stack_change: int  # bytes by which it moves the stack pointer; negative = grows
+
+    @property
+    def is_data_processing(self) -> bool:
+        return self.name not in _SINGLE_LOADS | _SINGLE_STORES | _MULTIPLE | {"ldrd", "strd"}
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What one call took.  Cycles at zero and at two flash wait states; stack in bytes, callees included."""
+
+    instructions: int
+    cycles: int
+    cycles_2ws: int
+    stack: int
+
+
+def require(module: str) -> Any:
+    try:
+        return __import__(module, fromlist=["_"])
+    except ImportError:
+        package = module.split(".")[0].replace("elftools", "pyelftools")
+        raise UsageError(f"Counting cycles needs the Python package {package}: install it with pip install "
+                         "'plumb[bench]'.") from None  # fmt: skip
+
+
+class Decoder:
+    """Thumb-2 machine code to Instruction; the condition that an IT block gives is not looked at."""
+
+    def __init__(self) -> None:
+        capstone = require("capstone")
+        self._arm = require("capstone.arm")
+        self._capstone = capstone.Cs(capstone.CS_ARCH_ARM, capstone.CS_MODE_THUMB | capstone.CS_MODE_MCLASS)
+        self._capstone.detail = True
+
+    def decode(self, code: bytes, address: int) -> Instruction:
+        """The first instruction in `code`, which lies at `address`."""
+        arm = self._arm
+        raw = next(self._capstone.disasm(code, address, 1), None)
+        if raw is None:
+            raise UsageError(f"What lies at 0x{address:08x} is not a Thumb instruction.")
+        name = self._capstone.insn_name(raw.id)
+        _, written = raw.regs_access()
+        memory = [operand for operand in raw.operands if operand.type == arm.ARM_OP_MEM]
+        bases = frozenset(r for o in memory for r in (o.mem.base, o.mem.index) if r)
+        listed = [operand for operand in raw.operands if operand.type == arm.ARM_OP_REG]
+        if name in ("push", "pop"):
+            bases = frozenset({arm.ARM_REG_SP})
+        elif name in _MULTIPLE:
+            bases = frozenset({listed[0].reg})
+        count = len(listed) if name in ("push", "pop") else max(len(listed) - 1, 0)
+        return Instruction(
+            address, raw.size, f"{raw.mnemonic} {raw.op_str}".strip(), name, bases, frozenset(written), count,
+            is_literal=arm.ARM_REG_PC in bases, is_register_offset=any(o.mem.index for o in memory),
+            is_call=name in ("bl", "blx"), stack_change=self._stack_change(raw, name, count),
+        )  # fmt: skip
+
+    def _stack_change(self, raw: Any, name: str, count: int) -> int:
+        arm = self._arm
+        operands = raw.operands
+        if name in ("push", "pop"):
+            return 4 * count * (1 if name == "pop" else -1)
+        if not operands:
+            return 0
+        on_sp = operands[0].type == arm.ARM_OP_REG and operands[0].reg == arm.ARM_REG_SP
+        if on_sp and name in ("stmdb", "ldm") and raw.writeback:
+            return 4 * count * (1 if name == "ldm" else -1)
+        if on_sp and name in ("sub", "subw", "add", "addw") and operands[-1].type == arm.ARM_OP_IMM:
+            return int(operands[-1].imm) * (1 if name.startswith("add") else -1)
+        memory = [o for o in operands if o.type == arm.ARM_OP_MEM and o.mem.base == arm.ARM_REG_SP]
+        if memory and raw.writeback:  # str lr, [sp, #-4]! and ldr pc, [sp], #4
+            moved = memory[0].mem.disp or (operands[-1].imm if operands[-1].type == arm.ARM_OP_IMM else 0)
+            return int(-moved if memory[0].subtracted and moved > 0 else moved)
+        return 0
+
+
+def _refill(target: Instruction | None) -> int:
+    return 3 if target is not None and target.size == 4 and target.address % 4 else 2
+
+
+def instruction_cycles(now: Instruction, before: Instruction | None, taken: bool, target: Instruction | None) -> int:
+    """Cycles of one instruction at zero wait states, given the one executed before it and whether it branched."""
+    depends = before is not None and bool(before.writes & now.reads_address)
+    after_load = before is not None and before.name in _SINGLE_LOADS and not depends
+    if now.name in _SINGLE_LOADS:
+        cycles = (1 if after_load else 2) + (1 if now.is_literal else 0)
+    elif now.name in _SINGLE_STORES:
+        cycles = 2 if now.is_register_offset and not after_load else 1
+    elif now.name in _MULTIPLE:
+        cycles = 1 + now.registers
+    else:
+        cycles = _CYCLES.get(now.name, 1)
+    if depends and before is not None and before.is_data_processing:
+        cycles += 1
+    return cycles + (_refill(target) if taken else 0)
+
+
+class _Flash:
+    """Two 64-bit line buffers in front of a flash that needs three cycles for a line."""
+
+    def __init__(self) -> None:
+        self.time = 0  # when the next instruction may start
+        self._free = 0  # when the flash can start the next read
+        self._ready: dict[int, int] = {}  # line -> arrival
+
+    def _read(self, line: int) -> None:
+        if line not in self._ready:
+            self._free = max(self.time, self._free) + FLASH_READ_CYCLES_2WS
+            while len(self._ready) > 1:
+                self._ready.pop(next(iter(self._ready)))
+            self._ready[line] = self._free
+
+    def execute(self, now: Instruction, cycles: int) -> None:
+        first = now.address // FLASH_LINE_BYTES
+        last = (now.address + now.size - 1) // FLASH_LINE_BYTES
+        for line in range(first, last + 1):
+            self._read(line)
+            self.time = max(self.time, self._ready[line] - 1)  # one cycle is the ordinary fetch
+        self._read(last + 1)
+        if now.is_literal:
+            self._free = max(self.time, self._free) + FLASH_READ_CYCLES_2WS
+            cycles += self._free - self.time - 1
+        self.time += cycles
+
+
+def path_cost(path: Sequence[Instruction]) -> Cost:
+    """Cost of a path that ends with the return to the caller."""
+    flash, cycles, depth, deepest = _Flash(), 0, 0, 0
+    for index, now in enumerate(path):
+        before = path[index - 1] if index else None
+        after = path[index + 1] if index + 1 < len(path) else None
+        taken = after is None or after.address != now.address + now.size
+        took = instruction_cycles(now, before, taken, after)
+        cycles += took
+        flash.execute(now, took)
+        depth += now.stack_change
+        deepest = min(deepest, depth)
+    return Cost(len(path), cycles, flash.time, -deepest)
