@@ -1,7 +1,7 @@
 """The Cortex-M3 timing model: what each executed instruction costs, at zero and at two flash wait states.
 
-Source: Cortex-M3 Technical Reference Manual (ARM DDI 0337), "Instruction set summary" and "Load/store timings".  Where the
-manual gives a range the model takes the slowest, except that a pipeline refill is taken at its usual 2:
+Source: Cortex-M3 Technical Reference Manual (ARM DDI 0337), "Instruction set summary" and "Load/store timings".  Where
+the manual gives a range the model takes the slowest, except that a pipeline refill is taken at its usual 2:
 
     data processing, MUL, SSAT, CLZ, IT            1      (IT is never counted as folded)
     MLA, MLS                                       2
@@ -11,7 +11,7 @@ manual gives a range the model takes the slowest, except that a pipeline refill 
     LDR from the literal pool                      +1     (contention with the fetch unit)
     STR with immediate / register offset           1 / 2; the latter 1 directly after a load, as for LDR
     LDM, STM, PUSH, POP, LDRD, STRD                1 + N registers
-    load or store                                  +1 when the instruction directly before, not a load, wrote its address
+    load or store                                  +1 when its address was computed by the instruction directly before
     branch taken, BL, BX, POP {pc}, LDR pc         +P     P = 2; 3 for a target of 32 bits that is not word-aligned
     branch not taken                               1
     TBB, TBH                                       4 + P
@@ -20,10 +20,10 @@ manual gives a range the model takes the slowest, except that a pipeline refill 
 A conditional instruction in an IT block is charged as if it were executed (a skipped one takes 1 cycle), a conditional
 branch as it went.  The call instruction belongs to the caller and is not counted; the return is.
 
-With two flash wait states (72 MHz) the flash delivers one 64-bit line in 3 cycles.  Model: two line buffers; the line after
-the one in use is fetched ahead as soon as the flash is idle; an instruction waits until the lines it lies in have arrived,
-of which one cycle is the ordinary fetch.  A literal-pool load takes the flash for 3 cycles, 2 of them lost; any other load
-from flash is charged 2 + 3 (its own wait, and the prefetch that it delays).  SRAM has no wait states.
+With two flash wait states (72 MHz) the flash delivers one 64-bit line in 3 cycles.  Model: two line buffers; the line
+after the one in use is fetched ahead as soon as the flash is idle; an instruction waits until the lines it lies in have
+arrived, of which one cycle is the ordinary fetch.  A literal-pool load takes the flash for 3 cycles, 2 of them lost;
+any other load from flash is charged 2 + 3 (its own wait, and the prefetch that it delays).  SRAM has no wait states.
 """
 
 from __future__ import annotations

@@ -1,0 +1,99 @@
+/* The core alone on QEMU's Cortex-M3: inputs from a file, every step's words and digest into a file, by
+ * semihosting.  Both files lie in QEMU's working directory, all numbers are little endian.
+ *
+ * "plumb-in.bin":  uint32 magic, uint32 parameter words, uint32 steps, the parameter words,
+ *                  then per step int16 raw[6], int32 setpoint
+ * "plumb-out.bin": uint32 magic, uint32 bytes of a step's words,
+ *                  then per step the words (control.h: c->words), uint32 digest
+ *
+ * The exit code of QEMU says how it went: run_result_t. */
+#include "control.h"
+#include "digest.h"
+#include "semihosting.h"
+#include <stddef.h>
+#include <string.h>
+
+#define MAGIC_IN    0x49424C50u /* "PLBI" */
+#define MAGIC_OUT   0x4F424C50u /* "PLBO" */
+#define BATCH_STEPS 64u
+
+typedef enum {
+    RUN_GOOD = 0,
+    RUN_NO_INPUT = 10,     /* the input file cannot be opened, or ends early */
+    RUN_OTHER_LAYOUT = 11, /* made for another parameter layout */
+    RUN_REFUSED = 12,      /* control_params_valid() says no */
+    RUN_NO_OUTPUT = 13,    /* the output file cannot be written */
+} run_result_t;
+
+typedef struct {
+    int16_t raw[CONTROL_RAW_MAX];
+    int32_t setpoint_turn_q32;
+} sample_t;
+
+typedef struct {
+    uint32_t magic;
+    uint32_t parameter_words;
+    uint32_t steps;
+} input_header_t;
+
+typedef struct {
+    control_words_t words;
+    uint32_t digest;
+} __attribute__((packed)) answer_t;
+
+static control_t control;
+static control_params_t params;
+static sample_t samples[BATCH_STEPS];
+static answer_t answers[BATCH_STEPS];
+
+static run_result_t run(int32_t input, int32_t output) {
+    input_header_t header;
+    if (!semihosting_read(input, &header, sizeof header) || header.magic != MAGIC_IN) {
+        return RUN_NO_INPUT;
+    }
+    if (header.parameter_words != sizeof params / sizeof(uint32_t)) {
+        return RUN_OTHER_LAYOUT;
+    }
+    if (!semihosting_read(input, &params, sizeof params)) {
+        return RUN_NO_INPUT;
+    }
+    if (!control_params_valid(&params)) {
+        return RUN_REFUSED;
+    }
+    const uint32_t head[2] = {MAGIC_OUT, sizeof(control_words_t)};
+    if (!semihosting_write(output, head, sizeof head)) {
+        return RUN_NO_OUTPUT;
+    }
+    control_init(&control, &params);
+    for (uint32_t left = header.steps; left > 0;) {
+        const uint32_t batch = left < BATCH_STEPS ? left : BATCH_STEPS;
+        if (!semihosting_read(input, samples, batch * sizeof samples[0])) {
+            return RUN_NO_INPUT;
+        }
+        for (uint32_t i = 0; i < batch; i++) {
+            control_step(&control, &params, samples[i].raw, samples[i].setpoint_turn_q32);
+            memcpy(&answers[i].words, &control.words, sizeof control.words);
+            answers[i].digest = digest_crc32(&control.words, sizeof control.words);
+        }
+        if (!semihosting_write(output, answers, batch * sizeof answers[0])) {
+            return RUN_NO_OUTPUT;
+        }
+        left -= batch;
+    }
+    return RUN_GOOD;
+}
+
+int main(void) {
+    const int32_t input = semihosting_open("plumb-in.bin", false);
+    if (input < 0) {
+        return RUN_NO_INPUT;
+    }
+    const int32_t output = semihosting_open("plumb-out.bin", true);
+    if (output < 0) {
+        return RUN_NO_OUTPUT;
+    }
+    const run_result_t result = run(input, output);
+    semihosting_close(input);
+    semihosting_close(output);
+    return (int)result;
+}

@@ -1,0 +1,143 @@
+"""The core as Cortex-M3 code under QEMU: inputs by file, every step's words and digest back by file.
+
+The file formats are written at the top of firmware/qemu/main.c. QEMU is a process per run; it never outlives the call,
+nor this process.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from plumb.boards import Answer, RawCounts, Setpoints, Stepper
+from plumb.errors import LinkError, UsageError
+from plumb.words import WORDS_DTYPE, Words
+
+if TYPE_CHECKING:
+    from plumb.quantise import ControlParams
+
+PROGRAM = "qemu-system-arm"
+IMAGE = Path("build/stm32f103/plumb_qemu.elf")
+MAGIC_IN = 0x49424C50
+MAGIC_OUT = 0x4F424C50
+SAMPLE_DTYPE = np.dtype([("raw", "<i2", 6), ("setpoint", "<i4")])
+START_UP_S = 30.0
+"""A run may take this long, and a millisecond more for every step: some hundred times what it needs."""
+_EXIT_REASONS = {
+    10: "it could not read its input",
+    11: "it was built for another parameter layout; build the image again",
+    12: "it refused the parameters",
+    13: "it could not write its output",
+    14: "it took a processor fault",
+}
+
+
+def _find_image() -> Path:
+    checkout = Path(__file__).parents[3]
+    for folder in (Path.cwd(), checkout):
+        if (folder / IMAGE).is_file():
+            return (folder / IMAGE).resolve()
+    raise UsageError(f"there is no {IMAGE}; build it with make image in a checkout of plumb, and run plumb from there")
+
+
+def _die_with_parent() -> None:
+    """In the child, before QEMU starts: Linux kills it when this process ends, however it ends."""
+    pr_set_pdeathsig = 1
+    ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
+
+
+def _run(command: list[str], folder: Path, limit_s: float) -> int:
+    """Exit code of QEMU; on time-out, Ctrl-C or any other exception QEMU is killed and reaped first."""
+    process = subprocess.Popen(
+        command,
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        start_new_session=True,  # Ctrl-C in a terminal is ours to handle
+        preexec_fn=_die_with_parent if sys.platform == "linux" else None,
+    )
+    try:
+        _, complaint = process.communicate(timeout=limit_s)
+    except subprocess.TimeoutExpired:
+        raise LinkError(f"{PROGRAM} did not finish within {limit_s:.0f} s and was stopped; run it again") from None
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.communicate()
+    if process.returncode != 0 and process.returncode not in _EXIT_REASONS:
+        said = complaint.decode(errors="replace").strip().splitlines()
+        raise LinkError(f"{PROGRAM} ended with code {process.returncode}: {said[-1] if said else 'it said nothing'}")
+    return process.returncode
+
+
+class QemuBoard:
+    """The Board that runs each vector in a QEMU process of its own."""
+
+    name = "qemu"
+
+    def __init__(self, image: Path | None = None) -> None:
+        program = shutil.which(PROGRAM)
+        if program is None:
+            raise UsageError(f"{PROGRAM} is not installed; on Debian or Ubuntu: apt install qemu-system-arm")
+        self._command = [program, "-M", "mps2-an385", "-icount", "shift=5", "-nographic"]
+        self._command += ["-semihosting-config", "enable=on,target=native", "-kernel", str(image or _find_image())]
+
+    def run_injected(self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints) -> Answer:
+        """Raises LinkError when QEMU fails or hangs, UsageError when the image refuses the parameters."""
+        steps = len(raw)
+        samples = np.zeros(steps, SAMPLE_DTYPE)
+        samples["raw"], samples["setpoint"] = raw, setpoint_turn_q32
+        words = [word & 0xFFFF_FFFF for word in params.words()]
+        head = struct.pack(f"<3I{len(words)}I", MAGIC_IN, len(words), steps, *words)
+        with tempfile.TemporaryDirectory(prefix="plumb-qemu-") as temporary:
+            folder = Path(temporary)
+            (folder / "plumb-in.bin").write_bytes(head + samples.tobytes())
+            code = _run(self._command, folder, START_UP_S + steps * 1e-3)
+            if code:
+                raise UsageError(f"the QEMU image stopped: {_EXIT_REASONS[code]}")
+            return self._answer((folder / "plumb-out.bin").read_bytes(), steps)
+
+    def _answer(self, data: bytes, steps: int) -> Answer:
+        magic, words_bytes = struct.unpack_from("<2I", data)
+        if magic != MAGIC_OUT or words_bytes != WORDS_DTYPE.itemsize:
+            raise UsageError(
+                f"the QEMU image gives {words_bytes} bytes of words for a step, not {WORDS_DTYPE.itemsize}; "
+                "build the image again"
+            )
+        layout = np.dtype([("words", WORDS_DTYPE), ("digest", "<u4")])
+        if len(data) != 8 + steps * layout.itemsize:
+            raise LinkError(f"{PROGRAM} wrote {len(data)} bytes for {steps} steps; run it again")
+        answers = np.frombuffer(data, layout, offset=8)
+        return Answer(answers["digest"].copy(), Words(answers["words"].copy()))
+
+    def words_of_step(
+        self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints, step: int
+    ) -> dict[str, int]:
+        words = self.run_injected(params, raw[: step + 1], setpoint_turn_q32[: step + 1]).words
+        assert words is not None
+        return {name: int(values[step]) for name, values in words.items()}
+
+    def stepper(self, params: ControlParams) -> Stepper:
+        raise UsageError("qemu takes whole runs only; close the loop with native, then replay its inputs on qemu")
+
+    def close(self) -> None:
+        """Nothing is left open between runs."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
