@@ -7,14 +7,13 @@ list.  Nothing is sampled: one input gives one number, the same on every machine
 from __future__ import annotations
 
 import argparse
-import bisect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from plumb.cycles import TABLE_READ_CYCLES_2WS, Cost, Decoder, Instruction, instruction_cycles, path_cost, require
+from plumb.elf import Elf
 from plumb.errors import UsageError
 
 MAGIC_RETURN = 0x1F00_0000  # a page of the code region that holds nothing: reaching it ends a call
@@ -35,63 +34,15 @@ class Call:
     cost: Cost
 
 
-@dataclass(frozen=True)
-class Symbol:
-    name: str
-    address: int
-    size: int
-    is_function: bool
-
-
-class Image:
-    """A linked Arm ELF: its loadable bytes, its symbols, its instructions."""
+class Image(Elf):
+    """A linked Arm ELF whose instructions can be looked at one by one."""
 
     def __init__(self, path: Path) -> None:
-        elffile = require("elftools.elf.elffile")
-        if not path.is_file():
-            raise UsageError(f"There is no image {path}: build it with cmake --preset stm32f103 and cmake --build.")
-        self.path = path
-        self.segments: list[tuple[int, bytes, int]] = []
-        self.symbols: dict[str, Symbol] = {}
-        with path.open("rb") as handle:
-            elf = elffile.ELFFile(handle)
-            for segment in elf.iter_segments("PT_LOAD"):
-                header = segment.header
-                self.segments.append((header.p_vaddr, segment.data(), header.p_memsz))
-                if header.p_paddr != header.p_vaddr:
-                    self.segments.append((header.p_paddr, segment.data(), header.p_filesz))
-            table = elf.get_section_by_name(".symtab")
-            for entry in table.iter_symbols() if table else ():
-                kind = entry.entry.st_info.type
-                if kind in ("STT_FUNC", "STT_OBJECT"):
-                    address = entry.entry.st_value & (~1 if kind == "STT_FUNC" else ~0)
-                    self.symbols[entry.name] = Symbol(entry.name, address, entry.entry.st_size, kind == "STT_FUNC")
+        super().__init__(path)
         if not self.symbols:
-            raise UsageError(f"{path} has no symbols: the bench needs the .elf, not a stripped image.")
+            raise UsageError(f"{path} has no symbols; the bench needs the .elf, not a stripped image")
         self._decoder = Decoder()
         self._decoded: dict[int, Instruction] = {}
-
-    @cached_property
-    def _by_address(self) -> list[Symbol]:
-        return sorted((s for s in self.symbols.values() if s.size), key=lambda s: s.address)
-
-    def symbol(self, name: str) -> Symbol:
-        if name not in self.symbols:
-            raise UsageError(f"{self.path.name} has no symbol {name}: it was inlined, or left out by the linker.")
-        return self.symbols[name]
-
-    def symbol_at(self, address: int) -> Symbol | None:
-        """The function or object that covers an address."""
-        index = bisect.bisect_right([s.address for s in self._by_address], address) - 1
-        if index >= 0 and address < self._by_address[index].address + self._by_address[index].size:
-            return self._by_address[index]
-        return None
-
-    def bytes_at(self, address: int, size: int) -> bytes:
-        for base, data, _ in self.segments:
-            if base <= address < base + len(data):
-                return data[address - base : address - base + size]
-        raise UsageError(f"{self.path.name} holds nothing at 0x{address:08x}.")
 
     def instruction(self, address: int) -> Instruction:
         if address not in self._decoded:
@@ -148,12 +99,13 @@ class Counter:
         self._uc = uc.Uc(const.UC_ARCH_ARM, const.UC_MODE_THUMB | const.UC_MODE_MCLASS)
         self._uc.ctl_set_cpu_model(arm.UC_CPU_ARM_CORTEX_M3)
         mapped: set[int] = set()
-        for base, data, memory_bytes in image.segments:
-            for page in range(base & ~0xFFF, base + max(memory_bytes, 1), 0x1000):
-                if page not in mapped:
-                    self._uc.mem_map(page, 0x1000)
-                    mapped.add(page)
-            self._uc.mem_write(base, data)
+        for segment in image.segments:
+            for base, size in ((segment.address, segment.memory_bytes), (segment.load, len(segment.data))):
+                for page in range(base & ~0xFFF, base + size, 0x1000):
+                    if page not in mapped:
+                        self._uc.mem_map(page, 0x1000)
+                        mapped.add(page)
+                self._uc.mem_write(base, segment.data)
         self._uc.mem_map(ARGUMENT_BASE, ARGUMENT_BYTES)
         self._uc.mem_map(STACK_BASE, STACK_BYTES)
         self._uc.mem_map(MAGIC_RETURN, 0x1000)
@@ -166,10 +118,10 @@ class Counter:
         self._watched = {image.symbol(name).address: name for name in watch}
         self.table_symbols: set[str] = set()
         self._uc.hook_add(const.UC_HOOK_BLOCK, self._on_block)
-        code = image.symbol_at(image.symbol(watch[0]).address) if watch else None
-        base, data, _ = next((s for s in image.segments if code and s[0] <= code.address < s[0] + len(s[1])),
-                             image.segments[0])  # fmt: skip
-        self._uc.hook_add(const.UC_HOOK_MEM_READ, self._on_flash_read, begin=base, end=base + len(data))
+        code = min(image.segments, key=lambda segment: segment.address)
+        self._uc.hook_add(
+            const.UC_HOOK_MEM_READ, self._on_flash_read, begin=code.address, end=code.address + len(code.data)
+        )
 
     def _on_block(self, _uc: Any, address: int, size: int, _data: object) -> None:
         self._trace.append(address)
