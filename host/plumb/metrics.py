@@ -1,0 +1,99 @@
+"""What a run is judged by. Angles in degrees, times in seconds, every window stated where it is cut.
+
+Estimator metrics score t >= 10 s, runs under 20 s their second half: the first 3 s are at rest and may give the
+starting bias, and the filter's own start-up is judged by `convergence` instead.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+SCORE_FROM_S = 10.0
+BIAS_CONVERGED_DPS = 1.0
+HOLD_WITHIN_DEG, HOLD_SETTLE_S = 2.0, 2.0
+
+
+def wrap_deg(angle_deg: npt.ArrayLike) -> FloatArray:
+    """The same angles in -180 <= angle < 180, any shape."""
+    return np.asarray((np.asarray(angle_deg, np.float64) + 180.0) % 360.0 - 180.0)
+
+
+def scored(time_s: FloatArray) -> BoolArray:
+    """Which samples count, (steps,): t >= 10 s, or the second half of a run under 20 s."""
+    end_s = time_s[-1] + (time_s[1] - time_s[0] if len(time_s) > 1 else 0.0)
+    return np.asarray(time_s >= (SCORE_FROM_S if end_s >= 2.0 * SCORE_FROM_S - 1e-9 else end_s / 2.0) - 1e-9)
+
+
+def angle_rmse_deg(estimate_deg: FloatArray, truth_deg: FloatArray, window: BoolArray) -> FloatArray:
+    """Root mean square of the wrapped error over the window, (steps[, runs]) -> () or (runs,)."""
+    error_deg = wrap_deg(estimate_deg[window] - truth_deg[window])
+    return np.asarray(np.sqrt(np.mean(error_deg * error_deg, axis=0)))
+
+
+def angle_max_deg(estimate_deg: FloatArray, truth_deg: FloatArray, window: BoolArray) -> FloatArray:
+    """Largest wrapped error over the window, (steps[, runs]) -> () or (runs,)."""
+    return np.asarray(np.max(np.abs(wrap_deg(estimate_deg[window] - truth_deg[window])), axis=0))
+
+
+def accel_only_deg(accel_y_g: FloatArray, accel_z_g: FloatArray) -> FloatArray:
+    """What the accelerometer alone says: atan2(ay, az) of the sampled values, any shape."""
+    return np.asarray(np.degrees(np.arctan2(accel_y_g, accel_z_g)))
+
+
+def accel_only_rmse_deg(
+    accel_y_g: FloatArray, accel_z_g: FloatArray, truth_deg: FloatArray, window: BoolArray
+) -> FloatArray:
+    """Root mean square error without any filter: the figure that every filter has to beat."""
+    return angle_rmse_deg(accel_only_deg(accel_y_g, accel_z_g), truth_deg, window)
+
+
+def gyro_only_deg(rate_dps: FloatArray, period_s: float, start_deg: FloatArray, rest_s: float = 3.0) -> FloatArray:
+    """The gyro alone, (steps[, runs]): its mean over the first rest_s taken off as bias, then summed from start_deg."""
+    rest = max(1, round(rest_s / period_s))
+    rate_dps = rate_dps - np.mean(rate_dps[:rest], axis=0)
+    travelled_deg = np.concatenate([np.zeros_like(rate_dps[:1]), np.cumsum(rate_dps[:-1] * period_s, axis=0)])
+    return np.asarray(start_deg + travelled_deg)
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """time_s: from the start until |bias error| < 1 deg/s for good, infinite if never; angle_max_deg from then on."""
+
+    time_s: float
+    angle_max_deg: float
+
+
+def convergence(bias_error_dps: FloatArray, tilt_error_deg: FloatArray, period_s: float) -> Convergence:
+    """Of one run, (steps,) each; step k ends k + 1 periods after the start."""
+    outside = np.flatnonzero(np.abs(bias_error_dps) >= BIAS_CONVERGED_DPS)
+    first = int(outside[-1]) + 1 if len(outside) else 0
+    if first == len(bias_error_dps):
+        return Convergence(float("inf"), float("inf"))
+    return Convergence((first + 1) * period_s, float(np.max(np.abs(wrap_deg(tilt_error_deg[first:])))))
+
+
+@dataclass(frozen=True)
+class Hold:
+    """recovery_s: release until |tilt - setpoint| <= 2 deg for good; rms and maximum from 2 s after the release."""
+
+    recovery_s: float
+    rms_deg: float
+    max_deg: float
+
+
+def hold(time_s: FloatArray, true_tilt_deg: FloatArray, setpoint_deg: FloatArray, release_s: float) -> Hold:
+    """Of one closed-loop run, (steps,) each, judged on the true tilt."""
+    error_deg = np.abs(wrap_deg(true_tilt_deg - setpoint_deg))
+    outside = np.flatnonzero((error_deg > HOLD_WITHIN_DEG) & (time_s >= release_s))
+    late = error_deg[time_s >= release_s + HOLD_SETTLE_S]
+    if len(outside) and outside[-1] + 1 == len(time_s):
+        recovery_s = float("inf")
+    else:
+        recovery_s = float(time_s[outside[-1] + 1] - release_s) if len(outside) else 0.0
+    return Hold(recovery_s, float(np.sqrt(np.mean(late * late))), float(np.max(late)))

@@ -1,0 +1,140 @@
+"""The analog sensors of the bench, as the ADC pin sees them: ENC-03 gyro, MMA7260 accelerometer, the ADC behind them.
+
+Volts in, volts out; noise is drawn elsewhere, once per sample, so that asking twice gives the same answer. Constants
+are those of the published quadrotor design (Feng et al. 2011) unless a line says otherwise.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.errors import UsageError
+from plumb.tuning import Channel
+
+FloatArray = npt.NDArray[np.float64]
+
+ADC_REFERENCE_V = 3.3
+ADC_COUNTS = 4096
+ADC_NOISE_LSB = 0.7
+"""Standard deviation before rounding, all sources up to the converter together (assumed)."""
+
+
+def adc_counts(volts: npt.ArrayLike) -> npt.NDArray[np.int16]:
+    """What the F103's 12-bit ADC makes of pin volts: round(V * 4096 / 3.3), clipped to 0..4095; same shape as volts."""
+    lsb = np.asarray(volts, np.float64) * (ADC_COUNTS / ADC_REFERENCE_V)
+    return np.clip(np.rint(lsb), 0, ADC_COUNTS - 1).astype(np.int16)
+
+
+@dataclass(frozen=True)
+class Enc03:
+    """Murata ENC-03 gyro: one axis, analog, stops at +-range_dps."""
+
+    zero_v: float = 1.35
+    v_per_dps: float = 0.67e-3
+    range_dps: float = 300.0
+
+    def volts(self, rate_dps: FloatArray) -> FloatArray:
+        """Output for what the element senses: scaled rate, bias and noise included, in deg/s."""
+        return self.zero_v + self.v_per_dps * np.clip(rate_dps, -self.range_dps, self.range_dps)
+
+    def channel(self) -> Channel:
+        """Calibration by the data sheet; counts a tenth beyond the range are no rate: clamped, and counted."""
+        return _channel(self.zero_v, self.v_per_dps, 1.1 * self.range_dps)
+
+
+@dataclass(frozen=True)
+class Mma7260:
+    """Freescale MMA7260 on its 1.5 g range, behind the one-pole low-pass whose corner the designer chooses."""
+
+    bandwidth_hz: float = 350.0
+    zero_v: float = 1.65
+    v_per_g: float = 0.8
+    range_g: float = 1.5
+    noise_g_per_rthz: float = 350e-6
+
+    @property
+    def noise_g(self) -> float:
+        """Noise behind the low-pass, rms: 350 ug * sqrt(1.5 * bandwidth).
+
+        The printed 1.5 is pi/2 rounded, the noise bandwidth of one pole; pi/2 gives the 8.2 mg stated for 350 Hz.
+        """
+        return self.noise_g_per_rthz * math.sqrt(math.pi / 2.0 * self.bandwidth_hz)
+
+    def volts(self, accel_g: FloatArray) -> FloatArray:
+        """Output for filtered specific force, offset and noise included, in g."""
+        return self.zero_v + self.v_per_g * np.clip(accel_g, -self.range_g, self.range_g)
+
+    def channel(self) -> Channel:
+        """Calibration by the data sheet; clamped a tenth beyond the range."""
+        return _channel(self.zero_v, self.v_per_g, 1.1 * self.range_g)
+
+
+def _channel(zero_v: float, v_per_unit: float, range_units: float) -> Channel:
+    counts_per_v = ADC_COUNTS / ADC_REFERENCE_V
+    zero, span = zero_v * counts_per_v, range_units * v_per_unit * counts_per_v
+    return Channel(
+        zero_counts=zero,
+        unit_per_count=1.0 / (v_per_unit * counts_per_v),
+        min_counts=max(0, math.floor(zero - span)),
+        max_counts=min(ADC_COUNTS - 1, math.ceil(zero + span)),
+    )
+
+
+@dataclass(frozen=True)
+class OnePole:
+    """First-order low-pass, exact for input that is straight between samples: y = decay y' + new x + old x'."""
+
+    decay: float
+    new: float
+    old: float
+
+    @classmethod
+    def of(cls, bandwidth_hz: float, step_s: float) -> OnePole:
+        """bandwidth_hz: the -3 dB corner, above 0; step_s: time between samples."""
+        if not bandwidth_hz > 0.0:
+            raise UsageError(f"a bandwidth of {bandwidth_hz} Hz lets nothing through; give one above 0")
+        steps = 1.0 / (2.0 * math.pi * bandwidth_hz * step_s)
+        decay = math.exp(-1.0 / steps)
+        return cls(decay, 1.0 - steps * (1.0 - decay), steps * (1.0 - decay) - decay)
+
+    def run(self, signal: FloatArray) -> FloatArray:
+        """The filtered signal, shape (n,); it was at its first value for ever before."""
+        drive = self.new * signal[1:] + self.old * signal[:-1] - (1.0 - self.decay) * signal[0]
+        memory = 1 if self.decay == 0.0 else min(len(signal), 2 + math.ceil(-40.0 / math.log(self.decay)))
+        response = np.convolve(drive, self.decay ** np.arange(memory))[: len(drive)]
+        return np.asarray(signal[0] + np.concatenate([[0.0], response]), np.float64)
+
+
+FaultKind = Literal["railed", "stuck", "noisy", "silent"]
+FAULT_NOISE_V = 0.1
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A channel that misbehaves between two times: at the rail, frozen, noisy by 0.1 V rms, or without supply (0 V)."""
+
+    kind: FaultKind
+    channel: int
+    start_s: float
+    stop_s: float = math.inf
+
+    def volts(self, volts: FloatArray, time_s: FloatArray, volts_at_start: float, noise: FloatArray) -> FloatArray:
+        """volts, time_s, noise: same shape; noise is unit white noise of those samples. Returns what the pin shows."""
+        instead: FloatArray | float
+        match self.kind:
+            case "railed":
+                instead = ADC_REFERENCE_V
+            case "stuck":
+                instead = volts_at_start
+            case "noisy":
+                instead = volts + FAULT_NOISE_V * noise
+            case "silent":
+                instead = 0.0
+            case _:
+                raise UsageError(f"'{self.kind}' is no sensor fault; use railed, stuck, noisy or silent")
+        return np.where((time_s >= self.start_s) & (time_s < self.stop_s), instead, volts)
