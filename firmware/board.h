@@ -1,0 +1,88 @@
+/* The whole hardware contract: what the application needs from a board, and nothing about how.
+ *
+ * Chosen at link time; firmware/stm32f103 is one implementation. Everything is called from the main loop
+ * only, nothing here waits (board_idle sleeps), and the caller owns every buffer. */
+#ifndef PLUMB_BOARD_H
+#define PLUMB_BOARD_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define BOARD_RAW_MAX   6u /* raw counts of one sample; a system uses the first few */
+#define BOARD_ACTUATORS 2u /* pulse outputs */
+
+/* board_faults(): the low byte must keep the actuators safe, the next byte only informs. */
+#define BOARD_FAULT_ADC            0x0001u /* calibration did not end: counts are not to be trusted */
+#define BOARD_FAULT_LATE           0x0002u /* since board_set_period_us: a period began before the last was taken */
+#define BOARD_FAULT_HARD           0x0004u /* a processor fault caused the last reset: board_identity()->crash_ */
+#define BOARD_FAULT_IMAGE          0x0008u /* the flash does not hold what was built: its CRC differs */
+#define BOARD_FAULT_CLOCK_FALLBACK 0x0100u /* no crystal: internal oscillator, CAN must stay off */
+#define BOARD_FAULT_UART_OVERRUN   0x0200u /* received bytes were lost or damaged */
+#define BOARD_FAULT_WATCHDOG       0x0400u /* the watchdog caused the last reset */
+/* Two counters that stop at 255: bits 16 to 23 UART errors, bits 24 to 31 late periods. */
+#define BOARD_FAULT_UART_COUNT_SHIFT 16u
+#define BOARD_FAULT_LATE_COUNT_SHIFT 24u
+
+typedef struct {
+    uint32_t part_id;      /* device id: 0x410 medium density, 0x414 high density */
+    uint32_t unique_id[3]; /* 96 bits */
+    uint32_t
+        git_hash[2];    /* first 16 hexadecimal digits of the commit, most significant first; 0: not known */
+    uint32_t git_dirty; /* 1: built from a tree that differs from that commit */
+    uint32_t flash_kib;
+    uint32_t ram_kib; /* of the smallest part with that much flash */
+    uint32_t
+        reset_cause;   /* RCC_CSR bits 31 to 24: low power, window watchdog, watchdog, software, power, pin */
+    uint32_t crash_pc; /* with BOARD_FAULT_HARD: the instruction */
+    uint32_t crash_exception; /* with BOARD_FAULT_HARD: exception number, 2 = crystal failed, 3 = HardFault */
+} board_identity_t;
+
+/* Clock, pins, UART, outputs at neutral, watchdog running. Never hangs: what fails shows in board_faults().
+ */
+void board_init(void);
+
+const board_identity_t *board_identity(void);
+uint32_t board_faults(void);
+
+/* Microseconds since start; wraps after 71.6 minutes, never steps back otherwise. */
+uint32_t board_now_us(void);
+
+/* Start the control period, 50 us to 131072 us (an odd number above 65536 us is rounded down): the sensors
+ * are sampled by hardware and one tick per period follows, the first after a period. 0 stops it. The same
+ * value again changes nothing. */
+void board_set_period_us(uint32_t period_us);
+
+/* True once per control period, when that period's sensors are ready. */
+bool board_take_tick(void);
+
+/* 12-bit counts of the last tick, 0 for channels that are not wired. False when they cannot be trusted. */
+bool board_read_sensors(int16_t raw[BOARD_RAW_MAX]);
+
+/* Frame of the pulses and the pulse that is safe, half-microseconds, below 65536. Takes effect with the next
+ * frame. */
+void board_configure_actuator(uint32_t frame_halfus, uint32_t neutral_halfus);
+
+/* Pulse lengths in half-microseconds; both take effect at the start of the next frame. */
+void board_set_actuator(const uint32_t pulse_halfus[BOARD_ACTUATORS]);
+
+/* The one safe state: every output at the neutral pulse. */
+void board_actuator_neutral(void);
+
+/* Bytes received so far, up to room. */
+size_t board_uart_read(uint8_t *bytes, size_t room);
+
+/* How many bytes board_uart_write() would accept now. */
+size_t board_uart_room(void);
+
+/* Queue bytes for sending; returns how many were accepted. */
+size_t board_uart_write(const uint8_t *bytes, size_t count);
+
+/* To be called in every turn of the loop; the board resets when that does not happen for 160 ms. */
+void board_feed_watchdog(void);
+
+/* Sleep until there may be something to do: bytes came, a full transmit queue has room, a tick, or 1 ms went
+ * by. */
+void board_idle(void);
+
+#endif

@@ -1,0 +1,83 @@
+/* One sample after the other: from the wire or the sensors, through control_step, to the actuator and back to the host.
+ * Everything here runs in one loop; interrupts only move bytes and say that there is something to do. */
+#include "board.h"
+#include "core/control.h"
+#include "link/session.h"
+
+int main(void);
+
+static control_t control;
+static params_t params;
+static session_t session;
+
+/* Bytes from the UART into the session, as many as it can answer. */
+static void receive(uint32_t now_us) {
+    uint8_t bytes[64];
+    const size_t room = session_receive_room(&session);
+    const size_t count = board_uart_read(bytes, room < sizeof bytes ? room : sizeof bytes);
+    session_receive(&session, bytes, count, now_us);
+}
+
+/* What the session has to say into the UART, as much as it takes. */
+static void transmit(void) {
+    uint8_t bytes[64];
+    size_t count;
+    do {
+        const size_t room = board_uart_room();
+        count = session_transmit(&session, bytes, room < sizeof bytes ? room : sizeof bytes);
+        (void)board_uart_write(bytes, count);
+    } while (count > 0u);
+}
+
+/* The sample of this step, if one is due: in lockstep when the host has sent it, in real time when the timer ticks. */
+static bool take_sample(int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32) {
+    switch (session_mode(&session)) {
+    case SESSION_LOCKSTEP:
+        return session_next_sample(&session, raw, setpoint_turn_q32);
+    case SESSION_REALTIME:
+        if (!board_take_tick()) {
+            return false;
+        }
+        if (!session_live(&session)) {
+            return session_next_sample(&session, raw, setpoint_turn_q32);
+        }
+        *setpoint_turn_q32 = session_setpoint(&session);
+        return board_read_sensors(raw);
+    default:
+        return false;
+    }
+}
+
+int main(void) {
+    board_init();
+    params_default(&params);
+    session_init(&session, board_identity(), &control, &params);
+    for (;;) {
+        const uint32_t now_us = board_now_us();
+        board_feed_watchdog();
+        receive(now_us);
+        session_report_faults(&session, board_faults());
+        session_poll(&session, now_us);
+
+        if (session_take_begin(&session)) {
+            board_set_period_us(0u);
+            board_configure_actuator(2u * params.esc_period_us, params.control.esc.neutral_halfus);
+        }
+        board_set_period_us(session_mode(&session) == SESSION_REALTIME ? session_period_us(&session) : 0u);
+
+        int16_t raw[CONTROL_RAW_MAX];
+        int32_t setpoint_turn_q32;
+        if (take_sample(raw, &setpoint_turn_q32)) {
+            control_step(&control, &params.control, raw, setpoint_turn_q32);
+            if (session_armed(&session)) {
+                board_set_actuator(control.words.pulse_halfus);
+            }
+            session_stepped(&session, now_us);
+        }
+        if (!session_armed(&session)) {
+            board_actuator_neutral();
+        }
+        transmit();
+        board_idle();
+    }
+}

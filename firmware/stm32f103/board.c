@@ -1,0 +1,70 @@
+/* The board as a whole: start-up order, identity, faults, sleep. */
+#include "../core/digest.h"
+#include "build_id.h"
+#include "port.h"
+
+extern const uint8_t image_start[], image_crc_address[];
+
+volatile bool port_wake;
+uint32_t port_faults;
+static board_identity_t identity;
+
+/* The device signature, RM0008 30. To be read at 8 MHz: at 72 MHz some chips return all ones. The device id
+ * register (DBGMCU_IDCODE) reads 0 without a debugger (erratum), so that the density comes from the size of
+ * the flash. */
+static void identify(void) {
+    identity.flash_kib = DEVICE_FLASH_KIB;
+    for (uint32_t word = 0u; word < 3u; word++) {
+        identity.unique_id[word] = DEVICE_UID(word);
+    }
+    const bool high_density = identity.flash_kib > 128u;
+    identity.part_id = high_density ? 0x414u : 0x410u;
+    identity.ram_kib = high_density ? (identity.flash_kib > 256u ? 64u : 48u) : 20u;
+    identity.git_hash[0] = BUILD_GIT_HASH_HIGH;
+    identity.git_hash[1] = BUILD_GIT_HASH_LOW;
+    identity.git_dirty = BUILD_GIT_DIRTY;
+}
+
+/* A chip that flashed badly and said nothing is found here, before it flies. */
+static void check_image(void) {
+    const uint32_t stored = *(const volatile uint32_t *)(const void *)image_crc_address;
+    if (digest_crc32(image_start, (size_t)(image_crc_address - image_start)) != stored) {
+        port_faults |= BOARD_FAULT_IMAGE;
+    }
+}
+
+void board_init(void) {
+    identify();
+    faults_init(&identity);
+    clock_init();
+    pwm_init();
+    pins_init(); /* after the timer runs at neutral: the outputs show nothing else */
+    watchdog_init();
+    check_image();
+    time_init();
+    uart_init();
+}
+
+const board_identity_t *board_identity(void) {
+    return &identity;
+}
+
+uint32_t board_faults(void) {
+    const uint32_t errors = uart_errors();
+    return port_faults | (errors > 0u ? BOARD_FAULT_UART_OVERRUN : 0u) |
+           (errors << BOARD_FAULT_UART_COUNT_SHIFT) | (adc_late() << BOARD_FAULT_LATE_COUNT_SHIFT);
+}
+
+void board_idle(void) {
+    for (;;) {
+        /* With interrupts masked, WFI still ends when one is pending: nothing can slip in between look and
+         * sleep. */
+        __asm volatile("cpsid i" ::: "memory");
+        if (port_wake) {
+            port_wake = false;
+            __asm volatile("cpsie i" ::: "memory");
+            return;
+        }
+        __asm volatile("wfi \n cpsie i \n isb" ::: "memory");
+    }
+}

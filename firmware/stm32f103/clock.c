@@ -1,0 +1,71 @@
+/* 72 MHz from an 8 MHz crystal, or 64 MHz from the internal oscillator when there is no crystal
+ * (RM0008 7.2, 7.3). */
+#include "port.h"
+
+/* Each bound is the datasheet's worst case, generously rounded up, at the frequency the processor has then.
+ */
+#define POLL_CYCLES      64u
+#define POLLS(us, mhz)   (((us) * (mhz)) / POLL_CYCLES)
+#define CRYSTAL_POLLS    POLLS(100000u, 8u) /* typically 2 ms, slow crystals some 10 ms */
+#define OSCILLATOR_POLLS POLLS(1000u, 8u)   /* HSI starts within 2 us */
+#define PLL_POLLS        POLLS(1000u, 8u)   /* locks within 200 us */
+#define SWITCH_POLLS     POLLS(100u, 72u)   /* a few cycles of either clock */
+
+static uint32_t mhz;
+
+bool clock_wait(volatile const uint32_t *address, uint32_t mask, uint32_t value, uint32_t polls) {
+    for (; polls > 0u; polls--) {
+        if ((*address & mask) == value) {
+            return true;
+        }
+        /* Subtract and taken branch: at least 4 cycles a turn. */
+        uint32_t turns = POLL_CYCLES / 4u;
+        __asm volatile("1: subs %0, %0, #1 \n bne 1b" : "+r"(turns)::"cc");
+    }
+    return false;
+}
+
+/* Multiplies `source` up and switches over; false leaves the processor on the internal oscillator. */
+static bool run_from_pll(uint32_t source) {
+    /* APB1 is limited to 36 MHz, the ADC to 14 MHz (RM0008 7.3.2): half, and a sixth. */
+    RCC_CFGR = source | RCC_CFGR_PPRE1_DIV2 | RCC_CFGR_ADCPRE_DIV6;
+    RCC_CR |= RCC_CR_PLLON;
+    if (!clock_wait(&RCC_CR, RCC_CR_PLLRDY, RCC_CR_PLLRDY, PLL_POLLS)) {
+        return false;
+    }
+    RCC_CFGR |= RCC_CFGR_SW_PLL;
+    return clock_wait(&RCC_CFGR, RCC_CFGR_SWS, RCC_CFGR_SWS_PLL, SWITCH_POLLS);
+}
+
+void clock_init(void) {
+    /* A ROM bootloader that jumped here has left its own PLL running: back to the state after reset first. */
+    RCC_CR |= RCC_CR_HSION;
+    (void)clock_wait(&RCC_CR, RCC_CR_HSIRDY, RCC_CR_HSIRDY, OSCILLATOR_POLLS);
+    RCC_CFGR = 0u;
+    (void)clock_wait(&RCC_CFGR, RCC_CFGR_SWS, 0u, SWITCH_POLLS);
+    RCC_CR &= ~(RCC_CR_PLLON | RCC_CR_HSEON | RCC_CR_CSSON);
+
+    /* Two wait states above 48 MHz, prefetch on, before the clock rises (RM0008 3.3.3). */
+    FLASH_ACR = FLASH_ACR_PRFTBE | FLASH_ACR_LATENCY_WS2;
+
+    RCC_CR |= RCC_CR_HSEON;
+    if (clock_wait(&RCC_CR, RCC_CR_HSERDY, RCC_CR_HSERDY, CRYSTAL_POLLS) &&
+        run_from_pll(RCC_CFGR_PLLSRC | RCC_CFGR_PLLMUL_X9)) {
+        /* A crystal that dies from here on raises NMI at 8 MHz internal clock (RM0008 7.2.7). */
+        RCC_CR |= RCC_CR_CSSON;
+        mhz = 72u;
+        return;
+    }
+    port_faults |= BOARD_FAULT_CLOCK_FALLBACK;
+    RCC_CFGR = 0u;
+    RCC_CR &= ~(RCC_CR_PLLON | RCC_CR_HSEON);
+    (void)clock_wait(&RCC_CR, RCC_CR_PLLRDY, 0u, PLL_POLLS); /* PLLMUL is locked while the PLL runs */
+    mhz = run_from_pll(RCC_CFGR_PLLMUL_X16) ? 64u : 8u;
+    if (mhz == 8u) {
+        RCC_CFGR = 0u;
+    }
+}
+
+uint32_t clock_mhz(void) {
+    return mhz;
+}

@@ -1,0 +1,72 @@
+/* What must not happen: processor faults, unexpected interrupts, a failing crystal, a full stack.
+ *
+ * One way out: actuator to neutral, a note for the next start, system reset. Nothing in it trusts memory. */
+#include "port.h"
+
+#define NOTE_MAGIC      0x4e4f5445u
+#define GUARD_WORDS     8u
+#define GUARD_PATTERN   0x5ac35ac3u
+#define EXCEPTION_STACK 0u /* there is no exception 0: the guard was overwritten */
+
+/* Kept over a reset: the start-up code clears .bss and leaves .noinit alone. */
+typedef struct {
+    uint32_t magic;
+    uint32_t exception;
+    uint32_t pc;
+    uint32_t check; /* xor of the others: memory after power-up holds anything */
+} note_t;
+static note_t note __attribute__((section(".noinit")));
+
+extern uint32_t ram_end[];
+
+__attribute__((noreturn)) static void crash(uint32_t exception, uint32_t pc) {
+    board_actuator_neutral();
+    note = (note_t){NOTE_MAGIC, exception, pc, NOTE_MAGIC ^ exception ^ pc};
+    __asm volatile("dsb" ::: "memory");
+    SCB_AIRCR = SCB_AIRCR_RESET;
+    for (;;) { /* the reset takes a few cycles; should it fail, the watchdog does it */
+    }
+}
+
+/* `frame` is where the processor stored r0 to r3, r12, lr, pc, psr, unless that failed, too. */
+__attribute__((noreturn, used)) void fault_found(const uint32_t *frame, uint32_t exception);
+void fault_found(const uint32_t *frame, uint32_t exception) {
+    const bool stored = frame >= stack_guard && frame + 8 <= ram_end && ((uintptr_t)frame & 3u) == 0u;
+    crash(exception, stored ? frame[6] : 0u);
+}
+
+__attribute__((naked)) void fault_entry(void) {
+    /* A fresh stack first: the old one may be the very fault. */
+    __asm volatile("mrs r0, msp \n"
+                   "mrs r1, ipsr \n"
+                   "ldr r2, =stack_top \n"
+                   "msr msp, r2 \n"
+                   "b fault_found \n"
+                   ".ltorg");
+}
+
+void faults_check_stack(void) {
+    for (uint32_t i = 0u; i < GUARD_WORDS; i++) {
+        if (stack_guard[i] != GUARD_PATTERN) {
+            crash(EXCEPTION_STACK, 0u);
+        }
+    }
+}
+
+void faults_init(board_identity_t *identity) {
+    for (uint32_t i = 0u; i < GUARD_WORDS; i++) {
+        stack_guard[i] = GUARD_PATTERN;
+    }
+    if (note.magic == NOTE_MAGIC && note.check == (note.magic ^ note.exception ^ note.pc)) {
+        port_faults |= BOARD_FAULT_HARD;
+        identity->crash_exception = note.exception;
+        identity->crash_pc = note.pc;
+    }
+    note.magic = 0u;
+    const uint32_t cause = RCC_CSR;
+    identity->reset_cause = cause >> 24;
+    if ((cause & RCC_CSR_IWDGRSTF) != 0u) {
+        port_faults |= BOARD_FAULT_WATCHDOG;
+    }
+    RCC_CSR = cause | RCC_CSR_RMVF; /* or the flags add up over resets (RM0008 7.3.10) */
+}

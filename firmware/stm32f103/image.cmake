@@ -1,0 +1,37 @@
+# The flash image for the STM32F103 (firmware.elf, .bin, .hex), and the core alone as a program for QEMU.
+find_package(Python3 REQUIRED COMPONENTS Interpreter)
+
+add_compile_options(-g -ffunction-sections -fdata-sections -fstack-usage -fno-common -fno-pic)
+set(CMAKE_POSITION_INDEPENDENT_CODE OFF)
+# The core is built for speed, everything around it for size.
+target_compile_options(plumb_core PRIVATE -O2)
+target_compile_options(plumb_link PRIVATE -Os)
+
+# Which commit this is: looked up in every build, so that the image never carries yesterday's name.
+set(BUILD_ID ${CMAKE_BINARY_DIR}/generated/build_id.h)
+add_custom_target(build_id BYPRODUCTS ${BUILD_ID}
+    COMMAND ${CMAKE_COMMAND} -DSOURCE=${CMAKE_SOURCE_DIR} -DOUTPUT=${BUILD_ID}
+            -P ${CMAKE_SOURCE_DIR}/firmware/stm32f103/build_id.cmake)
+
+file(GLOB PORT_SOURCES CONFIGURE_DEPENDS firmware/stm32f103/*.c)
+set(LINKER_SCRIPT ${CMAKE_SOURCE_DIR}/firmware/stm32f103/stm32f103.ld)
+add_executable(firmware firmware/main.c ${PORT_SOURCES})
+add_dependencies(firmware build_id)
+set_target_properties(firmware PROPERTIES SUFFIX .elf LINK_DEPENDS ${LINKER_SCRIPT})
+target_include_directories(firmware PRIVATE ${CMAKE_BINARY_DIR}/generated)
+target_compile_options(firmware PRIVATE -Os)
+target_link_libraries(firmware PRIVATE plumb_link plumb_core)
+target_link_options(firmware PRIVATE -nostartfiles --specs=nano.specs -T ${LINKER_SCRIPT}
+    -Wl,--gc-sections -Wl,-Map,${CMAKE_BINARY_DIR}/firmware.map -Wl,--fatal-warnings -Wl,--build-id=none)
+set(CHECK_ELF ${CMAKE_SOURCE_DIR}/tools/check_elf.py)
+add_custom_command(TARGET firmware POST_BUILD VERBATIM
+    COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/tools/finish_image.py $<TARGET_FILE:firmware>
+    COMMAND ${Python3_EXECUTABLE} ${CHECK_ELF} $<TARGET_FILE:firmware> --flash 32768 --ram 8192 --stack 1536)
+
+file(GLOB QEMU_SOURCES CONFIGURE_DEPENDS firmware/qemu/*.c)
+set(QEMU_SCRIPT ${CMAKE_SOURCE_DIR}/firmware/qemu/qemu.ld)
+add_executable(plumb_qemu ${QEMU_SOURCES})
+set_target_properties(plumb_qemu PROPERTIES SUFFIX .elf LINK_DEPENDS ${QEMU_SCRIPT})
+target_compile_options(plumb_qemu PRIVATE -O2)
+target_link_libraries(plumb_qemu PRIVATE plumb_core)
+target_link_options(plumb_qemu PRIVATE -nostartfiles --specs=nano.specs -T ${QEMU_SCRIPT} -Wl,--gc-sections)

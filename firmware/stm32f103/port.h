@@ -1,0 +1,58 @@
+/* What the files of this port share with each other; the application sees board.h alone. */
+#ifndef PLUMB_STM32F103_PORT_H
+#define PLUMB_STM32F103_PORT_H
+
+#include "../board.h"
+#include "stm32f103.h"
+
+/* Something happened that the main loop has to look at. Set by interrupts, cleared when the loop goes to
+ * sleep. */
+extern volatile bool port_wake;
+
+/* Latched BOARD_FAULT_ bits of this port, written by the main loop and during start-up only. */
+extern uint32_t port_faults;
+
+/* clock.c. Frequencies are those of the clock that really runs; timers run at the same rate (RM0008 figure 8:
+ * the doubler behind APB1 = HCLK / 2). */
+void clock_init(void);
+uint32_t clock_mhz(void);
+/* Polls until (*address & mask) == value, at most `polls` times, at least 64 cycles apart; false when it gave
+ * up. */
+bool clock_wait(volatile const uint32_t *address, uint32_t mask, uint32_t value, uint32_t polls);
+
+void pins_init(void);
+void time_init(void);
+uint32_t time_ms(void);
+void uart_init(void);
+uint32_t uart_errors(void); /* stops at 255 */
+bool adc_start(void);       /* conversions follow TIM3; false when calibration did not end */
+uint32_t adc_late(void);    /* since adc_start(), stops at 255 */
+void pwm_init(void);
+void watchdog_init(void);
+
+/* faults.c */
+void faults_init(board_identity_t *identity); /* takes over what the last crash left behind */
+void faults_check_stack(void);                /* resets when the stack reached its guard */
+void fault_entry(void);                       /* every exception that must not happen */
+
+/* startup.c, and the linker script */
+extern uint32_t stack_guard[], stack_top[];
+void reset_handler(void);
+
+/* Interrupts. */
+void systick_handler(void);
+void adc_dma_handler(void);
+void uart_tx_dma_handler(void);
+void uart_rx_dma_handler(void);
+void uart_handler(void);
+
+static inline void irq_enable(uint32_t irq) {
+    NVIC_ISER(irq / 32u) = 1u << (irq % 32u);
+}
+
+/* The compiler may not move memory accesses across this; the processor keeps their order anyway. */
+static inline void memory_fence(void) {
+    __asm volatile("" ::: "memory");
+}
+
+#endif

@@ -1,0 +1,59 @@
+/* From reset to main(): vector table, image header, initial memory. */
+#include "build_id.h"
+#include "port.h"
+
+int main(void);
+
+extern uint32_t data_load[], data_start[], data_end[], bss_start[], bss_end[];
+extern uint32_t image_start[],
+    image_bytes[]; /* addresses and sizes from the linker script: never dereferenced */
+
+typedef void (*vector_t)(void);
+#define F fault_entry
+
+/* RM0008 10.1.2, table 63, with the high-density parts' 60 interrupts. NMI, a failed crystal, is a fault, too.
+ * clang-format off */
+__attribute__((section(".vectors"), used)) static const vector_t vectors[16 + 60] = {
+    (vector_t)(uintptr_t)stack_top, reset_handler, F, F, F, F, F, F, F, F, F, F, F, F, F, systick_handler,
+    /*  0 */ F, F, F, F, F, F, F, F, F, F,
+    /* 10 */ F, adc_dma_handler, F, F, uart_tx_dma_handler, uart_rx_dma_handler, F, F, F, F,
+    /* 20 */ F, F, F, F, F, F, F, F, F, F,
+    /* 30 */ F, F, F, F, F, F, F, uart_handler, F, F,
+    /* 40 */ F, F, F, F, F, F, F, F, F, F,
+    /* 50 */ F, F, F, F, F, F, F, F, F, F,
+};
+/* clang-format on */
+
+/* Follows the vector table, at 0x130. The image's last word, behind everything that gets flashed, is the
+ * CRC-32 of all bytes before it; tools/finish_image.py writes it. */
+typedef struct {
+    uint32_t magic;
+    uint32_t family; /* what the image runs on */
+    uint32_t bytes;  /* of the image, CRC included */
+    uint32_t git_hash[2];
+    uint32_t git_dirty;
+    uint32_t reserved[2];
+} image_header_t;
+
+__attribute__((section(".image_header"), used)) static const image_header_t image_header = {
+    .magic = 0x626d6c70u, /* "plmb" */
+    .family = 0x103u,
+    .bytes = (uint32_t)(uintptr_t)image_bytes,
+    .git_hash = {BUILD_GIT_HASH_HIGH, BUILD_GIT_HASH_LOW},
+    .git_dirty = BUILD_GIT_DIRTY,
+};
+
+__attribute__((section(".image_crc"), used)) static const uint32_t image_crc = 0xffffffffu;
+
+void reset_handler(void) {
+    /* A ROM bootloader that jumped here left its own table in force. */
+    SCB_VTOR = (uint32_t)(uintptr_t)image_start;
+    for (uint32_t *to = data_start, *from = data_load; to < data_end; to++, from++) {
+        *to = *from;
+    }
+    for (uint32_t *to = bss_start; to < bss_end; to++) {
+        *to = 0u;
+    }
+    (void)main();
+    fault_entry(); /* main() does not return */
+}

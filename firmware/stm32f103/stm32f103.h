@@ -1,0 +1,218 @@
+/* Registers of the STM32F103 that this firmware touches, and no others.
+ *
+ * Addresses, offsets and bits are from RM0008 (reference manual, the section of each block is named) and, for
+ * the processor's own blocks, the ARMv7-M architecture manual. tests/test_registers.py compares every line
+ * with the vendor's register description: PERIPHERAL_REGISTER, and PERIPHERAL_REGISTER_FIELD[_VALUE] for
+ * bits. */
+#ifndef PLUMB_STM32F103_H
+#define PLUMB_STM32F103_H
+
+#include <stdint.h>
+
+#define REG32(base, offset) (*(volatile uint32_t *)((base) + (offset)))
+
+/* Reset and clock control, RM0008 section 7.3 */
+#define RCC_BASE             0x40021000u
+#define RCC_CR               REG32(RCC_BASE, 0x00u)
+#define RCC_CR_HSION         (1u << 0)
+#define RCC_CR_HSIRDY        (1u << 1)
+#define RCC_CR_HSEON         (1u << 16)
+#define RCC_CR_HSERDY        (1u << 17)
+#define RCC_CR_CSSON         (1u << 19)
+#define RCC_CR_PLLON         (1u << 24)
+#define RCC_CR_PLLRDY        (1u << 25)
+#define RCC_CFGR             REG32(RCC_BASE, 0x04u)
+#define RCC_CFGR_SW          (3u << 0)
+#define RCC_CFGR_SW_PLL      (2u << 0)
+#define RCC_CFGR_SWS         (3u << 2)
+#define RCC_CFGR_SWS_PLL     (2u << 2)
+#define RCC_CFGR_PPRE1_DIV2  (4u << 8)
+#define RCC_CFGR_ADCPRE_DIV6 (2u << 14)
+#define RCC_CFGR_PLLSRC      (1u << 16) /* HSE; 0 is HSI / 2 */
+#define RCC_CFGR_PLLMUL_X9   (7u << 18)
+#define RCC_CFGR_PLLMUL_X16  (14u << 18)
+#define RCC_CIR              REG32(RCC_BASE, 0x08u)
+#define RCC_CIR_CSSF         (1u << 7)
+#define RCC_CIR_CSSC         (1u << 23)
+#define RCC_APB2RSTR         REG32(RCC_BASE, 0x0cu)
+#define RCC_APB2RSTR_ADC1RST (1u << 9)
+#define RCC_AHBENR           REG32(RCC_BASE, 0x14u)
+#define RCC_AHBENR_DMA1EN    (1u << 0)
+#define RCC_APB2ENR          REG32(RCC_BASE, 0x18u)
+#define RCC_APB2ENR_IOPAEN   (1u << 2)
+#define RCC_APB2ENR_IOPBEN   (1u << 3)
+#define RCC_APB2ENR_ADC1EN   (1u << 9)
+#define RCC_APB2ENR_USART1EN (1u << 14)
+#define RCC_APB1ENR          REG32(RCC_BASE, 0x1cu)
+#define RCC_APB1ENR_TIM3EN   (1u << 1)
+#define RCC_APB1ENR_TIM4EN   (1u << 2)
+#define RCC_CSR              REG32(RCC_BASE, 0x24u)
+#define RCC_CSR_RMVF         (1u << 24)
+#define RCC_CSR_PINRSTF      (1u << 26)
+#define RCC_CSR_PORRSTF      (1u << 27)
+#define RCC_CSR_SFTRSTF      (1u << 28)
+#define RCC_CSR_IWDGRSTF     (1u << 29)
+
+/* Flash interface, RM0008 section 3.3.3 (and PM0075) */
+#define FLASH_BASE            0x40022000u
+#define FLASH_ACR             REG32(FLASH_BASE, 0x00u)
+#define FLASH_ACR_LATENCY_WS2 (2u << 0)
+#define FLASH_ACR_PRFTBE      (1u << 4)
+
+/* General-purpose I/O, RM0008 section 9.2. A pin's four bits in CRL (pins 0 to 7) or CRH (8 to 15): */
+#define GPIOA_BASE          0x40010800u
+#define GPIOA_CRL           REG32(GPIOA_BASE, 0x00u)
+#define GPIOA_CRH           REG32(GPIOA_BASE, 0x04u)
+#define GPIOA_BSRR          REG32(GPIOA_BASE, 0x10u)
+#define GPIOB_BASE          0x40010c00u
+#define GPIOB_CRL           REG32(GPIOB_BASE, 0x00u)
+#define PIN_ANALOG          0x0u
+#define PIN_INPUT_PULLED    0x8u /* direction of the pull: the pin's bit in ODR */
+#define PIN_ALTERNATE_10MHZ 0x9u /* push-pull */
+#define PIN_ALTERNATE_2MHZ  0xau /* push-pull */
+
+/* USART1, RM0008 section 27.6 */
+#define USART1_BASE       0x40013800u
+#define USART1_SR         REG32(USART1_BASE, 0x00u)
+#define USART1_SR_FE      (1u << 1)
+#define USART1_SR_NE      (1u << 2)
+#define USART1_SR_ORE     (1u << 3)
+#define USART1_SR_IDLE    (1u << 4)
+#define USART1_DR         REG32(USART1_BASE, 0x04u)
+#define USART1_BRR        REG32(USART1_BASE, 0x08u)
+#define USART1_CR1        REG32(USART1_BASE, 0x0cu)
+#define USART1_CR1_RE     (1u << 2)
+#define USART1_CR1_TE     (1u << 3)
+#define USART1_CR1_IDLEIE (1u << 4)
+#define USART1_CR1_UE     (1u << 13)
+#define USART1_CR3        REG32(USART1_BASE, 0x14u)
+#define USART1_CR3_EIE    (1u << 0)
+#define USART1_CR3_DMAR   (1u << 6)
+#define USART1_CR3_DMAT   (1u << 7)
+
+/* DMA1, RM0008 section 13.4. Channel 1: ADC1, 4: USART1_TX, 5: USART1_RX (table 78) */
+#define DMA1_BASE       0x40020000u
+#define DMA1_ISR        REG32(DMA1_BASE, 0x00u)
+#define DMA1_ISR_HTIF1  (1u << 2)
+#define DMA1_ISR_TCIF1  (1u << 1)
+#define DMA1_ISR_TEIF4  (1u << 15)
+#define DMA1_ISR_HTIF5  (1u << 18)
+#define DMA1_ISR_TCIF5  (1u << 17)
+#define DMA1_IFCR       REG32(DMA1_BASE, 0x04u)
+#define DMA1_IFCR_CGIF1 (1u << 0)
+#define DMA1_IFCR_CGIF4 (1u << 12)
+#define DMA1_IFCR_CGIF5 (1u << 16)
+#define DMA1_CCR1       REG32(DMA1_BASE, 0x08u)
+#define DMA1_CNDTR1     REG32(DMA1_BASE, 0x0cu)
+#define DMA1_CPAR1      REG32(DMA1_BASE, 0x10u)
+#define DMA1_CMAR1      REG32(DMA1_BASE, 0x14u)
+#define DMA1_CCR4       REG32(DMA1_BASE, 0x44u)
+#define DMA1_CNDTR4     REG32(DMA1_BASE, 0x48u)
+#define DMA1_CPAR4      REG32(DMA1_BASE, 0x4cu)
+#define DMA1_CMAR4      REG32(DMA1_BASE, 0x50u)
+#define DMA1_CCR5       REG32(DMA1_BASE, 0x58u)
+#define DMA1_CNDTR5     REG32(DMA1_BASE, 0x5cu)
+#define DMA1_CPAR5      REG32(DMA1_BASE, 0x60u)
+#define DMA1_CMAR5      REG32(DMA1_BASE, 0x64u)
+/* The control register's bits are the same for every channel. */
+#define DMA1_CCR1_EN          (1u << 0)
+#define DMA1_CCR1_TCIE        (1u << 1)
+#define DMA1_CCR1_HTIE        (1u << 2)
+#define DMA1_CCR1_TEIE        (1u << 3)
+#define DMA1_CCR1_DIR         (1u << 4) /* from memory */
+#define DMA1_CCR1_CIRC        (1u << 5)
+#define DMA1_CCR1_MINC        (1u << 7)
+#define DMA1_CCR1_PSIZE_16BIT (1u << 8)
+#define DMA1_CCR1_MSIZE_16BIT (1u << 10)
+#define DMA1_CCR1_PL_HIGH     (2u << 12)
+
+/* ADC1, RM0008 section 11.12 */
+#define ADC1_BASE              0x40012400u
+#define ADC1_CR1               REG32(ADC1_BASE, 0x04u)
+#define ADC1_CR1_SCAN          (1u << 8)
+#define ADC1_CR2               REG32(ADC1_BASE, 0x08u)
+#define ADC1_CR2_ADON          (1u << 0)
+#define ADC1_CR2_CAL           (1u << 2)
+#define ADC1_CR2_RSTCAL        (1u << 3)
+#define ADC1_CR2_DMA           (1u << 8)
+#define ADC1_CR2_EXTSEL_TIM3   (4u << 17) /* TIM3_TRGO, table 69 */
+#define ADC1_CR2_EXTTRIG       (1u << 20)
+#define ADC1_SMPR2             REG32(ADC1_BASE, 0x10u)
+#define ADC1_SMPR2_SMP0_71CYC5 (6u << 0)
+#define ADC1_SMPR2_SMP1_71CYC5 (6u << 3)
+#define ADC1_SMPR2_SMP2_71CYC5 (6u << 6)
+#define ADC1_SQR1              REG32(ADC1_BASE, 0x2cu)
+#define ADC1_SQR1_L_3CH        (2u << 20)
+#define ADC1_SQR3              REG32(ADC1_BASE, 0x34u)
+#define ADC1_SQR3_SQ1_IN0      (0u << 0)
+#define ADC1_SQR3_SQ2_IN1      (1u << 5)
+#define ADC1_SQR3_SQ3_IN2      (2u << 10)
+#define ADC1_DR                REG32(ADC1_BASE, 0x4cu)
+
+/* TIM3 and TIM4, RM0008 section 15.4 */
+#define TIM3_BASE            0x40000400u
+#define TIM3_CR1             REG32(TIM3_BASE, 0x00u)
+#define TIM3_CR1_CEN         (1u << 0)
+#define TIM3_CR2             REG32(TIM3_BASE, 0x04u)
+#define TIM3_CR2_MMS_UPDATE  (2u << 4)
+#define TIM3_EGR             REG32(TIM3_BASE, 0x14u)
+#define TIM3_EGR_UG          (1u << 0)
+#define TIM3_PSC             REG32(TIM3_BASE, 0x28u)
+#define TIM3_ARR             REG32(TIM3_BASE, 0x2cu)
+#define TIM4_BASE            0x40000800u
+#define TIM4_CR1             REG32(TIM4_BASE, 0x00u)
+#define TIM4_CR1_CEN         (1u << 0)
+#define TIM4_CR1_ARPE        (1u << 7)
+#define TIM4_EGR             REG32(TIM4_BASE, 0x14u)
+#define TIM4_EGR_UG          (1u << 0)
+#define TIM4_CCMR1           REG32(TIM4_BASE, 0x18u)
+#define TIM4_CCMR1_OC1PE     (1u << 3)
+#define TIM4_CCMR1_OC1M_PWM1 (6u << 4)
+#define TIM4_CCMR1_OC2PE     (1u << 11)
+#define TIM4_CCMR1_OC2M_PWM1 (6u << 12)
+#define TIM4_CCER            REG32(TIM4_BASE, 0x20u)
+#define TIM4_CCER_CC1E       (1u << 0)
+#define TIM4_CCER_CC2E       (1u << 4)
+#define TIM4_PSC             REG32(TIM4_BASE, 0x28u)
+#define TIM4_ARR             REG32(TIM4_BASE, 0x2cu)
+#define TIM4_CCR1            REG32(TIM4_BASE, 0x34u)
+#define TIM4_CCR2            REG32(TIM4_BASE, 0x38u)
+#define TIM4_CCR3            REG32(TIM4_BASE, 0x3cu)
+
+/* Independent watchdog, RM0008 section 19.4 */
+#define IWDG_BASE          0x40003000u
+#define IWDG_KR            REG32(IWDG_BASE, 0x00u)
+#define IWDG_KR_KEY_UNLOCK 0x5555u
+#define IWDG_KR_KEY_FEED   0xaaaau
+#define IWDG_KR_KEY_START  0xccccu
+#define IWDG_PR            REG32(IWDG_BASE, 0x04u)
+#define IWDG_PR_PR_DIV16   (2u << 0)
+#define IWDG_RLR           REG32(IWDG_BASE, 0x08u)
+#define IWDG_SR            REG32(IWDG_BASE, 0x0cu)
+#define IWDG_SR_PVU        (1u << 0)
+#define IWDG_SR_RVU        (1u << 1)
+
+/* Device electronic signature, RM0008 section 30: read-only memory, written in the factory */
+#define DEVICE_FLASH_KIB (*(volatile const uint16_t *)0x1ffff7e0u)
+#define DEVICE_UID(word) REG32(0x1ffff7e8u, 4u * (word))
+
+/* Processor: ARMv7-M architecture manual, sections B3.2 (SCB), B3.3 (SysTick), B3.4 (NVIC) */
+#define SYST_CSR           REG32(0xe000e010u, 0x0u)
+#define SYST_CSR_ENABLE    (1u << 0)
+#define SYST_CSR_TICKINT   (1u << 1)
+#define SYST_CSR_CLKSOURCE (1u << 2) /* processor clock */
+#define SYST_RVR           REG32(0xe000e010u, 0x4u)
+#define SYST_CVR           REG32(0xe000e010u, 0x8u)
+#define NVIC_ISER(word)    REG32(0xe000e100u, 4u * (word))
+#define SCB_VTOR           REG32(0xe000ed00u, 0x08u)
+#define SCB_AIRCR          REG32(0xe000ed00u, 0x0cu)
+#define SCB_AIRCR_RESET    ((0x5fau << 16) | (1u << 2)) /* key and SYSRESETREQ */
+#define SCB_CFSR           REG32(0xe000ed00u, 0x28u)
+
+/* Positions in the vector table after the processor's 16, RM0008 section 10.1.2 (table 63) */
+#define IRQ_DMA1_Channel1 11u
+#define IRQ_DMA1_Channel4 14u
+#define IRQ_DMA1_Channel5 15u
+#define IRQ_USART1        37u
+
+#endif

@@ -1,0 +1,41 @@
+/* Time from SysTick: it interrupts every millisecond and counts on while the processor sleeps.
+ *
+ * The cycle counter (DWT_CYCCNT) stands still in WFI sleep unless a debugger keeps the clock running, so it
+ * cannot tell the time of a loop that sleeps. */
+#include "port.h"
+
+static volatile uint32_t ticks_ms;
+static uint32_t last_us;
+
+void time_init(void) {
+    SYST_RVR = clock_mhz() * 1000u - 1u;
+    SYST_CVR = 0u;
+    SYST_CSR = SYST_CSR_ENABLE | SYST_CSR_TICKINT | SYST_CSR_CLKSOURCE;
+}
+
+void systick_handler(void) {
+    ticks_ms++;
+    port_wake = true;
+    faults_check_stack();
+}
+
+uint32_t time_ms(void) {
+    return ticks_ms;
+}
+
+uint32_t board_now_us(void) {
+    uint32_t ms = ticks_ms;
+    uint32_t left = SYST_CVR;
+    if (ticks_ms != ms) { /* the tick came in between: cannot happen twice within a millisecond */
+        ms = ticks_ms;
+        left = SYST_CVR;
+    }
+    const uint32_t rate_mhz = clock_mhz();
+    const uint32_t now_us = ms * 1000u + (rate_mhz * 1000u - 1u - left) / rate_mhz;
+    /* The counter reloads a few cycles before its interrupt is taken; what was read then lies 1 ms in the
+     * past. */
+    if ((int32_t)(now_us - last_us) > 0) {
+        last_us = now_us;
+    }
+    return last_us;
+}
