@@ -202,7 +202,10 @@ def _registers(operands: str) -> int:
 
 
 def _stack_growth(line: _Line) -> int | None:
-    """Bytes by which an instruction grows the stack; None when that cannot be told."""
+    """Bytes by which an instruction grows the stack; None when that cannot be told.
+
+    MSR MSP, with which a fault handler goes back to the top of the stack for good, counts as no growth.
+    """
     name, operands = line.name, line.operands
     if name in ("push", "pop"):
         return 4 * _registers(operands) * (1 if name == "push" else -1)
@@ -216,7 +219,7 @@ def _stack_growth(line: _Line) -> int | None:
         if amount and name in ("sub", "subw", "add", "addw"):
             return int(amount[1]) * (1 if name.startswith("sub") else -1)
         return None
-    return None if name == "msr" and operands.lower().startswith("msp") else 0
+    return 0
 
 
 def _ends_path(line: _Line) -> bool:
