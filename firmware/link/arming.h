@@ -1,8 +1,8 @@
 /* Who may move the actuator: interlocks, nonce, keep-alive, latch.
  *
- * Armed is left on the first reason that blocks it, or 50 ms after the last keep-alive, and never entered again
- * without a new arm command with a new nonce (latched). Time is an argument, in us of the board's clock; differences
- * are taken modulo 2^32. */
+ * Armed is left on the first reason that blocks it, or 50 ms after the last keep-alive, and never entered
+ * again without a new arm command with a new nonce (latched). Time is an argument, in us of the board's
+ * clock; differences are taken modulo 2^32. */
 #ifndef PLUMB_LINK_ARMING_H
 #define PLUMB_LINK_ARMING_H
 
@@ -39,7 +39,8 @@ void arming_init(arming_t *a, uint32_t seed);
 /* A fresh nonce for one command (verb); replaces the one before. Never 0. */
 uint32_t arming_challenge(arming_t *a, uint16_t verb, uint32_t now_us);
 
-/* True when this is the answer to the last challenge, in time. A nonce is used up by any answer, right or wrong. */
+/* True when this is the answer to the last challenge, in time. A nonce is used up by any answer, right or
+ * wrong. */
 bool arming_answer(arming_t *a, uint16_t verb, uint32_t nonce, uint32_t now_us);
 
 /* Arm, unless blocked (ARMING_BLOCK_*) is not 0. token: what keep-alives will carry. */

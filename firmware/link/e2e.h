@@ -1,17 +1,17 @@
 /* A frame, and what protects it from end to end: CRC-8 in byte 0, a 4-bit counter in byte 1.
  *
- * CRC-8 polynomial 0x2F, initial value and final XOR 0xFF, over the identifier (2 bytes, big-endian), the DLC and
- * bytes 1 to 7. Polynomial 0x2F detects every 3-bit error of an 8-byte frame; with the identifier and the length
- * inside, a frame that arrives under another name is rejected too. */
+ * CRC-8 polynomial 0x2F, initial value and final XOR 0xFF, over the identifier (2 bytes, big-endian), the DLC
+ * and bytes 1 to 7. Polynomial 0x2F detects every 3-bit error of an 8-byte frame; with the identifier and the
+ * length inside, a frame that arrives under another name is rejected too. */
 #ifndef PLUMB_LINK_E2E_H
 #define PLUMB_LINK_E2E_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-#define CAN_FRAME_DLC    8U      /* every frame of this protocol */
-#define CAN_ID_MAX       0x7FFU  /* standard identifiers, 11 bits */
-#define E2E_COUNTER_MASK 0x0FU   /* low nibble of byte 1; the high nibble is four flags */
+#define CAN_FRAME_DLC    8U     /* every frame of this protocol */
+#define CAN_ID_MAX       0x7FFU /* standard identifiers, 11 bits */
+#define E2E_COUNTER_MASK 0x0FU  /* low nibble of byte 1; the high nibble is four flags */
 
 typedef struct {
     uint16_t id;     /* 0..CAN_ID_MAX */

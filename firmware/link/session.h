@@ -1,7 +1,8 @@
-/* The conversation with the host: connect, parameters, run, telemetry, arming. PROTOCOL.md says what every byte is.
+/* The conversation with the host: connect, parameters, run, telemetry, arming. PROTOCOL.md says what every
+ * byte is.
  *
- * Bytes of the UART go in, bytes of the UART come out; time is an argument (us of the board's clock, wraps). No
- * hardware, no heap; the caller owns all memory. The main loop:
+ * Bytes of the UART go in, bytes of the UART come out; time is an argument (us of the board's clock, wraps).
+ * No hardware, no heap; the caller owns all memory. The main loop:
  *
  *     n = board_uart_read(buffer, min(sizeof buffer, session_receive_room(&s)));
  *     session_receive(&s, buffer, n, now);
@@ -9,46 +10,27 @@
  *     if (session_take_begin(&s)) { program the period and neutral; }
  *     lockstep:            due = session_next_sample(&s, raw, &setpoint);
  *     real time, injected: due = board_take_tick() && session_next_sample(&s, raw, &setpoint);
- *     real time, live:     due = board_take_tick() && board_read_sensors(raw); setpoint = session_setpoint(&s);
- *     if (due) { control_step(...); actuate if session_armed(&s), else neutral; session_stepped(&s, now); }
- *     n = session_transmit(&s, buffer, room); board_uart_write(buffer, n);
- *     without a step due, and whenever !session_armed(&s): the actuator is neutral
+ *     real time, live:     due = board_take_tick() && board_read_sensors(raw); setpoint =
+ * session_setpoint(&s); if (due) { control_step(...); actuate if session_armed(&s), else neutral;
+ * session_stepped(&s); } n = session_transmit(&s, buffer, room); board_uart_write(buffer, n); without a step
+ * due, and whenever !session_armed(&s): the actuator is neutral
  */
 #ifndef PLUMB_LINK_SESSION_H
 #define PLUMB_LINK_SESSION_H
 
+#include "../board.h"
 #include "../core/control.h"
 #include "arming.h"
-#include "e2e.h"
+#include "outbox.h"
 #include "params.h"
 #include "slcan.h"
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 
-#define SESSION_QUEUE_LENGTH 16U   /* lockstep samples in flight */
-#define SESSION_TX_BYTES     2048U /* power of two */
-#define SESSION_TX_RESERVE   512U  /* kept free of telemetry, so that replies always fit */
+#define SESSION_QUEUE_LENGTH    16U /* samples in flight; a power of two */
+#define SESSION_RECORD_WORDS    (sizeof(control_words_t) / 4U)
+#define SESSION_WORD_BANKS      ((SESSION_RECORD_WORDS + 31U) / 32U)
+#define SESSION_FAULTS_BLOCKING 0x00FFU /* of BOARD_FAULT_*: these disarm */
 
 typedef enum { SESSION_IDLE = 0, SESSION_LOCKSTEP = 1, SESSION_REALTIME = 2 } session_mode_t;
-
-/* Board faults, reported with session_report_faults(). The low byte blocks arming, the high byte only informs. */
-#define SESSION_FAULT_ADC            0x0001U /* no conversions, or calibration did not end */
-#define SESSION_FAULT_LATE           0x0002U /* control steps were missed: the loop is too slow for period_us */
-#define SESSION_FAULT_HARD           0x0004U /* the last reset came from the fault handler */
-#define SESSION_FAULT_CLOCK_FALLBACK 0x0100U /* crystal absent or failed: running from the internal oscillator */
-#define SESSION_FAULT_UART_OVERRUN   0x0200U /* received bytes were lost */
-#define SESSION_FAULT_WATCHDOG       0x0400U /* the last reset came from the watchdog */
-
-/* What the board is; the session only passes it on. */
-typedef struct {
-    uint32_t part_id;      /* device id register */
-    uint32_t unique_id[3]; /* 96 bits */
-    uint32_t git_hash[2];  /* first 16 hexadecimal digits of the commit, most significant first; 0: not known */
-    uint32_t flash_kib;
-    uint32_t ram_kib;
-    uint32_t reset_cause; /* reset flags as the part shows them */
-} session_config_t;
 
 /* One sample as injected, with the setpoint that goes with it. */
 typedef struct {
@@ -56,46 +38,90 @@ typedef struct {
     int32_t setpoint_turn_q32;
 } session_sample_t;
 
+/* A reply of many frames, sent as the outbox has room: next of end. */
 typedef struct {
-    const session_config_t *config;
+    uint16_t next;
+    uint16_t end;
+} session_reply_t;
+
+typedef struct {
+    const board_identity_t *board;
     control_t *control;
-    params_t *params;
-    params_t staged; /* what commit will make of *params */
+    params_t *params; /* in use */
+    params_t staged;  /* what a commit will make of them */
     slcan_rx_t rx;
+    outbox_t outbox;
     arming_t arming;
-    uint8_t tx[SESSION_TX_BYTES];
+
+    bool open;      /* between O or L and C */
+    bool read_only; /* opened with L */
+    bool greeted;   /* by a host of the same version and definitions */
+    bool parameters_staged;
+    uint8_t counter[OUTBOX_COUNTERS]; /* last received, 0xFF: none */
+    uint16_t rejected;                /* received frames thrown away, modulo 2^16 */
+    uint16_t lost;                    /* received frames missing by their counter, modulo 2^16 */
+    session_reply_t identity;
+    session_reply_t dump;
+    uint32_t faults;
+    uint32_t time_us;   /* last TIME */
+    uint32_t status_us; /* last STATUS */
+
+    session_mode_t mode;
+    bool live;
+    bool begun;                              /* not yet told to the main loop */
+    uint32_t frames_mask;                    /* bank 0 of SELECT */
+    uint32_t words_mask[SESSION_WORD_BANKS]; /* banks 1.. of SELECT */
+    uint16_t selected;                       /* frames a step sends, STEP included */
+    uint16_t step;                           /* number of the next step to run */
+    uint16_t queue_in;       /* samples ever taken in; in lockstep the number of the next one */
+    uint16_t queue_out;      /* samples ever taken out */
+    uint16_t saturated;      /* steps with a clamped value, modulo 2^16 */
+    uint16_t starved;        /* real-time steps without a new sample, modulo 2^16 */
+    uint16_t dropped_told;   /* outbox.dropped at the last STEP */
+    bool gap_told;           /* the missing sample was reported */
+    uint8_t sample_expected; /* real time: low six bits of the next sample's number */
+    uint8_t raw_b_step6;     /* low six bits of the number raw_b belongs to, above 63: none */
+    bool setpoint_waiting;   /* lockstep: given for the sample to come; real time: not yet used */
+    int16_t raw_b[3];
+    int32_t setpoint_turn_q32;
+    session_sample_t held; /* the sample of the last step */
     session_sample_t queue[SESSION_QUEUE_LENGTH];
+    uint32_t digest[SESSION_QUEUE_LENGTH]; /* of the last steps, to be sent again when a sample comes again */
 } session_t;
 
-/* Start from *params (valid; defaults: params_default()) with the link closed, idle and disarmed. */
-void session_init(session_t *s, const session_config_t *config, control_t *control, params_t *params);
+/* Start from *params (valid; see params_default()) with the link closed, idle and disarmed. */
+void session_init(session_t *s, const board_identity_t *board, control_t *control, params_t *params);
 
-/* How many bytes session_receive() may be given now, so that every reply has room. 0 while the host does not read. */
+/* How many bytes session_receive() may be given now, so that every reply has room. 0 while the host does not
+ * read. */
 size_t session_receive_room(const session_t *s);
 
 /* Take received bytes, at most session_receive_room(). */
 void session_receive(session_t *s, const uint8_t *bytes, size_t count, uint32_t now_us);
 
-/* Take up to room bytes for the UART; returns how many. Order is kept, a frame may be split between two calls. */
+/* Take up to room bytes for the UART; returns how many. Order is kept, a frame may be split between two
+ * calls. */
 size_t session_transmit(session_t *s, uint8_t *out, size_t room);
 
-/* Keep-alive, periodic telemetry, long replies. Call on every turn of the loop, at least once per millisecond. */
+/* Keep-alive, periodic telemetry, long replies. Call on every turn of the loop, at least once per
+ * millisecond. */
 void session_poll(session_t *s, uint32_t now_us);
 
-/* True once after a run began (state, step number and digest are reset): set the timer to session_period_us(). */
+/* True once after a run began (state, step number and digest are reset): set the timer to
+ * session_period_us(). */
 bool session_take_begin(session_t *s);
 
-/* The next injected sample. Lockstep: false until one is waiting and its replies have room. Real time, injected:
- * true on every tick; without a new sample the last one is held and counted. */
+/* The next injected sample. Lockstep: false until one is waiting and its replies have room. Real time,
+ * injected: true on every tick; without a new sample the last one is held and counted. */
 bool session_next_sample(session_t *s, int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32);
 
 /* Setpoint of a live step. */
-int32_t session_setpoint(session_t *s);
+int32_t session_setpoint(const session_t *s);
 
 /* After control_step(): sends the digest, and the words that were asked for. */
-void session_stepped(session_t *s, uint32_t now_us);
+void session_stepped(session_t *s);
 
-/* Board faults at this moment (SESSION_FAULT_*). A new one of the low byte disarms. */
+/* Board faults at this moment (BOARD_FAULT_*). One of the low byte disarms. */
 void session_report_faults(session_t *s, uint32_t faults);
 
 bool session_armed(const session_t *s);

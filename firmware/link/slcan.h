@@ -1,7 +1,8 @@
 /* SLCAN: CAN frames as text ("t10081122334455667788\r"), the format of Lawicel's adapters.
  *
- * The parser takes bytes one at a time and resynchronises by itself: a line ends at CR, whatever came before it, and
- * no stream of bytes can make it lose the line after the next CR. It knows nothing of what commands mean. */
+ * The parser takes bytes one at a time and resynchronises by itself: a line ends at CR, whatever came before
+ * it, and no stream of bytes can make it lose the line after the next CR. It knows nothing of what commands
+ * mean. */
 #ifndef PLUMB_LINK_SLCAN_H
 #define PLUMB_LINK_SLCAN_H
 
@@ -11,7 +12,8 @@
 #define SLCAN_CR          '\r'
 #define SLCAN_BEL         '\a'
 #define SLCAN_FRAME_CHARS 22U /* 't', 3 digits of id, 1 of length, 16 of data, CR */
-#define SLCAN_LINE_MAX    26U /* longest command that any SLCAN host sends to a classic CAN adapter, without CR */
+#define SLCAN_LINE_MAX                                                                                       \
+    26U /* longest command that any SLCAN host sends to a classic CAN adapter, without CR */
 
 typedef enum {
     SLCAN_NOTHING, /* the line goes on */
@@ -33,7 +35,8 @@ void slcan_rx_init(slcan_rx_t *rx);
 /* Take one byte. For SLCAN_FRAME the frame is in *frame; otherwise *frame is untouched. */
 slcan_event_t slcan_rx_take(slcan_rx_t *rx, uint8_t byte, can_frame_t *frame);
 
-/* Write the text of a frame (upper-case hexadecimal, CR at the end) and return its length, at most SLCAN_FRAME_CHARS. */
+/* Write the text of a frame (upper-case hexadecimal, CR at the end) and return its length, at most
+ * SLCAN_FRAME_CHARS. */
 size_t slcan_encode(const can_frame_t *frame, uint8_t text[SLCAN_FRAME_CHARS]);
 
 #endif

@@ -1,0 +1,203 @@
+"""Byte streams under the serial link: a serial port, a TCP socket, or an object in this process.
+
+Each has `read(timeout_s)`, which gives what has arrived, waiting at most that long for the first byte; `write(data)`,
+which gives up after two seconds; and `close()`. Trouble is a LinkError whose one sentence says what to do.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import socket
+import time
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from can import CanInitializationError, CanOperationError
+
+from plumb.errors import LinkError
+
+WRITE_TIMEOUT_S = 2.0
+CONNECT_TIMEOUT_S = 5.0
+_CHUNK = 65536
+
+
+class OpenError(LinkError, CanInitializationError):
+    """The port could not be opened."""
+
+
+class ClosedError(LinkError, CanOperationError):
+    """The port went away, or does not take data."""
+
+
+class Stream(Protocol):
+    """clock: seconds that pass for what is at the other end; simulated where the board is."""
+
+    name: str
+    clock: Callable[[], float]
+
+    def read(self, timeout_s: float) -> bytes: ...
+    def write(self, data: bytes) -> None: ...
+    def fileno(self) -> int: ...
+    def close(self) -> None: ...
+
+
+class SocketStream:
+    """A TCP connection to a virtual board served by another process."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self.name = f"{host}:{port}"
+        self.clock = time.monotonic
+        try:
+            self._socket = socket.create_connection((host, port), CONNECT_TIMEOUT_S)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise OpenError(f"no connection to {self.name} ({reason}): start the board there, or check the address")
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket.settimeout(WRITE_TIMEOUT_S)
+
+    def read(self, timeout_s: float) -> bytes:
+        try:
+            if not select.select([self._socket], [], [], timeout_s)[0]:
+                return b""
+            data = self._socket.recv(_CHUNK)
+        except (OSError, ValueError) as error:
+            raise ClosedError(f"the connection to {self.name} broke: {error}") from None
+        if not data:
+            raise ClosedError(f"the board at {self.name} closed the connection: start it again and reconnect")
+        return data
+
+    def write(self, data: bytes) -> None:
+        try:
+            self._socket.sendall(data)
+        except (OSError, ValueError) as error:
+            raise ClosedError(f"the board at {self.name} takes no data: {error}") from None
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+def _advice(port: str, error: Exception) -> str:
+    """What to do about a port that does not open."""
+    text = str(error).lower()
+    number = getattr(error, "errno", None)
+    if number == 13 or "permission" in text or "access is denied" in text:
+        return f"no permission to open {port}: add yourself to the group that owns it (often dialout) and log in again"
+    if number == 16 or "busy" in text or "exclusively lock" in text:
+        return f"{port} is in use: close the other program (ModemManager holds new ports for some seconds)"
+    if number == 2 or "no such file" in text or "could not open port" in text or "filenotfound" in text:
+        return f"there is no port {port}: plug the board in, and see which ports there are with `plumb ports`"
+    return f"{port} cannot be opened: {error}"
+
+
+class SerialStream:
+    """A serial port through pyserial; on POSIX it is read through select, without reconfiguring it for time-outs."""
+
+    def __init__(self, port: str, baudrate: int) -> None:
+        import serial
+
+        self.name = port
+        self.clock = time.monotonic
+        try:
+            self._port: Any = serial.serial_for_url(
+                port, baudrate, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True if os.name == "posix" else None
+            )
+        except (serial.SerialException, OSError, ValueError) as error:
+            raise OpenError(_advice(port, error)) from None
+        self._fd: int | None = None
+        if os.name == "posix":
+            with contextlib.suppress(Exception):
+                self._fd = self._port.fileno()
+
+    def read(self, timeout_s: float) -> bytes:
+        try:
+            if self._fd is not None:
+                if not select.select([self._fd], [], [], timeout_s)[0]:
+                    return b""
+                data = os.read(self._fd, _CHUNK)
+                if not data:
+                    raise OSError("it was unplugged")
+                return data
+            end = time.monotonic() + timeout_s
+            while True:
+                waiting: bytes = self._port.read(max(1, self._port.in_waiting))
+                if waiting or time.monotonic() >= end:
+                    return waiting
+                time.sleep(0.0005)
+        except (OSError, ValueError, TypeError) as error:
+            raise ClosedError(f"{self.name} closed in the middle of things ({error}): reconnect the board") from None
+
+    def write(self, data: bytes) -> None:
+        try:
+            self._port.write(data)
+        except (OSError, ValueError, TypeError) as error:
+            raise ClosedError(f"{self.name} takes no data ({error}): reconnect the board") from None
+
+    def fileno(self) -> int:
+        if self._fd is None:
+            raise NotImplementedError("this port has no file number")
+        return self._fd
+
+    def close(self) -> None:
+        with contextlib.suppress(Exception):
+            self._port.close()
+
+
+class ObjectStream:
+    """Anything in this process with read(n) and write(data): a virtual board's UART.
+
+    read(n) gives what there is, at most n bytes, and may let simulated time pass for it. The object's clock_s(), where
+    it has one, is the clock that time-outs go by, so that a run does not depend on this machine's speed; without bytes
+    and without simulated time passing it is polled until the wall clock says so.
+    """
+
+    def __init__(self, channel: Any) -> None:
+        self.name = type(channel).__name__
+        self.clock: Callable[[], float] = getattr(channel, "clock_s", time.monotonic)
+        self._channel = channel
+
+    def read(self, timeout_s: float) -> bytes:
+        data = bytes(self._channel.read(_CHUNK))
+        if data or timeout_s <= 0:
+            return data
+        end, wall_end = self.clock() + timeout_s, time.monotonic() + timeout_s
+        simulated = self.clock is not time.monotonic
+        while not data:
+            before = self.clock()
+            if before >= end or (time.monotonic() >= wall_end and not simulated):
+                break
+            data = bytes(self._channel.read(_CHUNK))
+            if not data and self.clock() == before:
+                if simulated or time.monotonic() >= wall_end:
+                    break
+                time.sleep(0.0002)
+        return data
+
+    def write(self, data: bytes) -> None:
+        self._channel.write(data)
+
+    def fileno(self) -> int:
+        raise NotImplementedError("a board in this process has no file number")
+
+    def close(self) -> None:
+        """The object belongs to who made it."""
+
+
+def open_stream(channel: Any, baudrate: int) -> Stream:
+    """PORT, PORT@BAUD, socket://HOST:PORT, tcp:HOST:PORT, any other pyserial URL, or an object."""
+    if not isinstance(channel, str):
+        return ObjectStream(channel)
+    for prefix in ("socket://", "tcp:"):
+        if channel.startswith(prefix):
+            host, _, port = channel.removeprefix(prefix).rpartition(":")
+            if not host or not port.isdigit():
+                raise OpenError(f"'{channel}' is no address: write {prefix}HOST:PORT")
+            return SocketStream(host, int(port))
+    port, _, baud = channel.rpartition("@")
+    if port and baud.isdigit():
+        return SerialStream(port, int(baud))
+    return SerialStream(channel, baudrate)
