@@ -1,5 +1,6 @@
-/* One sample after the other: from the wire or the sensors, through control_step, to the actuator and back to the host.
- * Everything here runs in one loop; interrupts only move bytes and say that there is something to do. */
+/* One sample after the other: from the wire or the sensors, through control_step, to the actuator and back to
+ * the host. Everything here runs in one loop; interrupts only move bytes and say that there is something to
+ * do. */
 #include "board.h"
 #include "core/control.h"
 #include "link/session.h"
@@ -29,7 +30,8 @@ static void transmit(void) {
     } while (count > 0u);
 }
 
-/* The sample of this step, if one is due: in lockstep when the host has sent it, in real time when the timer ticks. */
+/* The sample of this step, if one is due: in lockstep when the host has sent it, in real time when the timer
+ * ticks. */
 static bool take_sample(int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32) {
     switch (session_mode(&session)) {
     case SESSION_LOCKSTEP:
@@ -49,6 +51,7 @@ static bool take_sample(int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32
 }
 
 int main(void) {
+    bool driving = false; /* the actuators may be away from neutral */
     board_init();
     params_default(&params);
     session_init(&session, board_identity(), &control, &params);
@@ -62,20 +65,23 @@ int main(void) {
         if (session_take_begin(&session)) {
             board_set_period_us(0u);
             board_configure_actuator(2u * params.esc_period_us, params.control.esc.neutral_halfus);
+            board_actuator_neutral();
         }
         board_set_period_us(session_mode(&session) == SESSION_REALTIME ? session_period_us(&session) : 0u);
 
         int16_t raw[CONTROL_RAW_MAX];
         int32_t setpoint_turn_q32;
-        if (take_sample(raw, &setpoint_turn_q32)) {
+        while (take_sample(raw, &setpoint_turn_q32)) {
             control_step(&control, &params.control, raw, setpoint_turn_q32);
             if (session_armed(&session)) {
                 board_set_actuator(control.words.pulse_halfus);
+                driving = true;
             }
-            session_stepped(&session, now_us);
+            session_stepped(&session);
         }
-        if (!session_armed(&session)) {
+        if (driving && !session_armed(&session)) {
             board_actuator_neutral();
+            driving = false;
         }
         transmit();
         board_idle();

@@ -43,7 +43,7 @@ bool adc_start(void) {
     ADC1_SQR3 = ADC1_SQR3_SQ1_IN0 | ADC1_SQR3_SQ2_IN1 | ADC1_SQR3_SQ3_IN2;
     ADC1_CR1 = ADC1_CR1_SCAN;
 
-    DMA1_CPAR1 = ADC1_BASE + 0x4cu; /* DR */
+    DMA1_CPAR1 = (uint32_t)(uintptr_t)&ADC1_DR;
     DMA1_CMAR1 = (uint32_t)(uintptr_t)&scans[0][0];
     DMA1_CNDTR1 = 2u * CHANNELS;
     DMA1_CCR1 = DMA1_CCR1_EN | DMA1_CCR1_CIRC | DMA1_CCR1_MINC | DMA1_CCR1_PSIZE_16BIT |

@@ -5,14 +5,13 @@
 int main(void);
 
 extern uint32_t data_load[], data_start[], data_end[], bss_start[], bss_end[];
-extern uint32_t image_start[],
-    image_bytes[]; /* addresses and sizes from the linker script: never dereferenced */
+extern uint32_t image_start[], image_bytes[]; /* from the linker script; the second one is a number */
 
 typedef void (*vector_t)(void);
 #define F fault_entry
 
-/* RM0008 10.1.2, table 63, with the high-density parts' 60 interrupts. NMI, a failed crystal, is a fault, too.
- * clang-format off */
+// clang-format off
+/* RM0008 10.1.2, table 63, with the high-density parts' 60 interrupts. NMI, a failed crystal, is a fault. */
 __attribute__((section(".vectors"), used)) static const vector_t vectors[16 + 60] = {
     (vector_t)(uintptr_t)stack_top, reset_handler, F, F, F, F, F, F, F, F, F, F, F, F, F, systick_handler,
     /*  0 */ F, F, F, F, F, F, F, F, F, F,
@@ -22,7 +21,7 @@ __attribute__((section(".vectors"), used)) static const vector_t vectors[16 + 60
     /* 40 */ F, F, F, F, F, F, F, F, F, F,
     /* 50 */ F, F, F, F, F, F, F, F, F, F,
 };
-/* clang-format on */
+// clang-format on
 
 /* Follows the vector table, at 0x130. The image's last word, behind everything that gets flashed, is the
  * CRC-32 of all bytes before it; tools/finish_image.py writes it. */

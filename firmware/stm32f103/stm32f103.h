@@ -22,7 +22,6 @@
 #define RCC_CR_PLLON         (1u << 24)
 #define RCC_CR_PLLRDY        (1u << 25)
 #define RCC_CFGR             REG32(RCC_BASE, 0x04u)
-#define RCC_CFGR_SW          (3u << 0)
 #define RCC_CFGR_SW_PLL      (2u << 0)
 #define RCC_CFGR_SWS         (3u << 2)
 #define RCC_CFGR_SWS_PLL     (2u << 2)
@@ -31,9 +30,6 @@
 #define RCC_CFGR_PLLSRC      (1u << 16) /* HSE; 0 is HSI / 2 */
 #define RCC_CFGR_PLLMUL_X9   (7u << 18)
 #define RCC_CFGR_PLLMUL_X16  (14u << 18)
-#define RCC_CIR              REG32(RCC_BASE, 0x08u)
-#define RCC_CIR_CSSF         (1u << 7)
-#define RCC_CIR_CSSC         (1u << 23)
 #define RCC_APB2RSTR         REG32(RCC_BASE, 0x0cu)
 #define RCC_APB2RSTR_ADC1RST (1u << 9)
 #define RCC_AHBENR           REG32(RCC_BASE, 0x14u)
@@ -48,9 +44,6 @@
 #define RCC_APB1ENR_TIM4EN   (1u << 2)
 #define RCC_CSR              REG32(RCC_BASE, 0x24u)
 #define RCC_CSR_RMVF         (1u << 24)
-#define RCC_CSR_PINRSTF      (1u << 26)
-#define RCC_CSR_PORRSTF      (1u << 27)
-#define RCC_CSR_SFTRSTF      (1u << 28)
 #define RCC_CSR_IWDGRSTF     (1u << 29)
 
 /* Flash interface, RM0008 section 3.3.3 (and PM0075) */
@@ -77,7 +70,6 @@
 #define USART1_SR_FE      (1u << 1)
 #define USART1_SR_NE      (1u << 2)
 #define USART1_SR_ORE     (1u << 3)
-#define USART1_SR_IDLE    (1u << 4)
 #define USART1_DR         REG32(USART1_BASE, 0x04u)
 #define USART1_BRR        REG32(USART1_BASE, 0x08u)
 #define USART1_CR1        REG32(USART1_BASE, 0x0cu)
@@ -93,7 +85,6 @@
 /* DMA1, RM0008 section 13.4. Channel 1: ADC1, 4: USART1_TX, 5: USART1_RX (table 78) */
 #define DMA1_BASE       0x40020000u
 #define DMA1_ISR        REG32(DMA1_BASE, 0x00u)
-#define DMA1_ISR_HTIF1  (1u << 2)
 #define DMA1_ISR_TCIF1  (1u << 1)
 #define DMA1_ISR_TEIF4  (1u << 15)
 #define DMA1_ISR_HTIF5  (1u << 18)
@@ -207,7 +198,6 @@
 #define SCB_VTOR           REG32(0xe000ed00u, 0x08u)
 #define SCB_AIRCR          REG32(0xe000ed00u, 0x0cu)
 #define SCB_AIRCR_RESET    ((0x5fau << 16) | (1u << 2)) /* key and SYSRESETREQ */
-#define SCB_CFSR           REG32(0xe000ed00u, 0x28u)
 
 /* Positions in the vector table after the processor's 16, RM0008 section 10.1.2 (table 63) */
 #define IRQ_DMA1_Channel1 11u

@@ -23,12 +23,12 @@ static volatile uint32_t errors;
 void uart_init(void) {
     RCC_APB2ENR |= RCC_APB2ENR_USART1EN;
     RCC_AHBENR |= RCC_AHBENR_DMA1EN;
-    DMA1_CPAR5 = USART1_BASE + 4u; /* DR */
+    DMA1_CPAR5 = (uint32_t)(uintptr_t)&USART1_DR;
     DMA1_CMAR5 = (uint32_t)(uintptr_t)rx_ring;
     DMA1_CNDTR5 = RX_BYTES;
     DMA1_CCR5 =
         DMA1_CCR1_EN | DMA1_CCR1_CIRC | DMA1_CCR1_MINC | DMA1_CCR1_HTIE | DMA1_CCR1_TCIE | DMA1_CCR1_PL_HIGH;
-    DMA1_CPAR4 = USART1_BASE + 4u;
+    DMA1_CPAR4 = (uint32_t)(uintptr_t)&USART1_DR;
     irq_enable(IRQ_DMA1_Channel4);
     irq_enable(IRQ_DMA1_Channel5);
     irq_enable(IRQ_USART1);
@@ -119,10 +119,9 @@ void uart_tx_dma_handler(void) {
 }
 
 size_t board_uart_room(void) {
+    tx_refused = true; /* before looking: the piece may end in between */
     const size_t room = TX_BYTES - (tx_written - tx_sent);
-    if (room == 0u) {
-        tx_refused = true;
-    }
+    tx_refused = room == 0u;
     return room;
 }
 
