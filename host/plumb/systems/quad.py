@@ -133,11 +133,12 @@ class Scenario:
     @property
     def time_s(self) -> FloatArray:
         """Sampling instants, (steps,)."""
-        return np.arange(self.steps) * (self.period_us * 1e-6)
+        return np.arange(self.steps, dtype=np.float64) * (self.period_us * 1e-6)
 
     def on_grid(self, grid: FloatArray, time_s: npt.ArrayLike) -> FloatArray:
         """A grid array at any times, straight between grid points and constant beyond the ends."""
-        return np.interp(np.asarray(time_s, np.float64) / GRID_S, np.arange(len(grid)), grid)
+        points = np.interp(np.asarray(time_s, np.float64) / GRID_S, np.arange(len(grid)), grid)
+        return np.asarray(points, np.float64)
 
     def tilt_deg(self) -> FloatArray:
         """True tilt of the prescribed motion at the sampling instants, (steps,)."""

@@ -1,0 +1,265 @@
+"""A recording of a real three-axis sensor, turned into raw counts of one axis for the estimator.
+
+Files
+    .npz  gyr (N, 3) rad/s, acc (N, 3) m/s^2 of specific force, rate_hz or time_s; ref_quat (N, 4) w, x, y, z from
+          sensor frame to earth frame with z up, NaN where it is lost; movement (N,) bool, the samples to score
+    .csv  one header line; time_s, gyr_{x,y,z}_radps (or _dps), acc_{x,y,z}_mps2 (or _g), and perhaps ref_{w,x,y,z}
+          (empty or nan where lost) and movement (0 or 1); further columns are ignored
+
+One axis. With u the vertical in sensor coordinates (what a resting accelerometer reads, in g), the tilt about an axis
+is the angle of u in the plane across it, and grows with a positive rotation about it:
+
+    x: atan2(u_y, u_z)      y: atan2(-u_x, u_z)      z: atan2(u_x, u_y)
+
+From u' = u x w follows, for x (the others by exchange of letters),
+
+    tilt' = w_x - u_x (u_y w_y + u_z w_z) / (u_y^2 + u_z^2)
+
+The one-axis filter knows the first term only. The second vanishes while the axis is level, so turning about a level
+axis is what it is made for; in general motion the accelerometer must pull back what the coupling adds, and near a
+vertical axis there is no tilt about it at all: samples with sqrt(u_y^2 + u_z^2) < 0.15 are called singular and are not
+scored. The estimator sees only the axis' own rate and the two accelerations across it; a trust that grows with
+| |a|^2 - 1 | takes an inclined axis for a disturbance, so a constant R suits general motion better.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import zipfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.errors import UsageError
+from plumb.tuning import Calibration, Channel
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+Axis = Literal["x", "y", "z"]
+
+G_MPS2 = 9.80665
+SHORTEST_S = 2.0
+LONGEST_GAP_S = 1.0
+SINGULAR = 0.15
+FULL_SCALE_COUNTS = 32_000
+"""The largest sample of a channel lands here, of 32767: the ideal sensor is scaled to the recording."""
+
+# Columns (and signs) that make tilt = atan2(first, second) about an axis.
+_ACROSS: dict[str, tuple[tuple[int, float], tuple[int, float]]] = {
+    "x": ((1, 1.0), (2, 1.0)),
+    "y": ((0, -1.0), (2, 1.0)),
+    "z": ((0, 1.0), (1, 1.0)),
+}
+
+
+@dataclass(frozen=True)
+class Recording:
+    """time_s (N,) from 0, rising; gyr_dps (N, 3); acc_g (N, 3); ref_quat (N, 4) or None; movement (N,), all of it if
+    the file does not say."""
+
+    path: Path
+    time_s: FloatArray
+    gyr_dps: FloatArray
+    acc_g: FloatArray
+    ref_quat: FloatArray | None
+    movement: BoolArray
+
+    @property
+    def step_s(self) -> float:
+        """Median time between samples."""
+        return float(np.median(np.diff(self.time_s)))
+
+
+@dataclass(frozen=True)
+class AxisInput:
+    """One axis of a recording at a steady period. raw (steps, 6) int16: gyro, y, z as the firmware names them; truth
+    (steps,) deg, NaN without reference; scored (steps,): movement, with a reference, not singular."""
+
+    axis: str
+    period_us: int
+    raw: npt.NDArray[np.int16]
+    calibration: Calibration
+    truth_deg: FloatArray
+    scored: BoolArray
+    singular: BoolArray
+
+    @property
+    def time_s(self) -> FloatArray:
+        return np.arange(len(self.raw), dtype=np.float64) * (self.period_us * 1e-6)
+
+
+def load(path: Path | str) -> Recording:
+    """Read and check a file; raises UsageError with one sentence that says what is wrong with it."""
+    path = Path(path)
+    if not path.is_file():
+        raise UsageError(f"there is no recording at {path}; give an .npz or .csv file")
+    if path.suffix.lower() == ".npz":
+        columns = _read_npz(path)
+    elif path.suffix.lower() == ".csv":
+        columns = _read_csv(path)
+    else:
+        raise UsageError(f"{path.name} is neither .npz nor .csv; see `plumb replay --help` for both formats")
+    return _checked(path, columns)
+
+
+def _read_npz(path: Path) -> dict[str, npt.NDArray[np.float64]]:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            columns = {name: np.asarray(file[name], np.float64) for name in file.files}
+    except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise UsageError(f"{path.name} is damaged or no numpy .npz file of plain numbers ({error})") from error
+    missing = [name for name in ("gyr", "acc") if name not in columns]
+    if missing or not ("time_s" in columns or "rate_hz" in columns):
+        raise UsageError(f"{path.name} lacks {' and '.join(missing) or 'time_s or rate_hz'}; it has {sorted(columns)}")
+    if "time_s" not in columns:
+        rate_hz = float(columns["rate_hz"].reshape(-1)[0]) if columns["rate_hz"].size else 0.0
+        if not 1.0 <= rate_hz <= 1e5:
+            raise UsageError(f"{path.name} says rate_hz {rate_hz:g}; a rate is between 1 and 100000 Hz")
+        columns["time_s"] = np.arange(len(np.atleast_1d(columns["gyr"]))) / rate_hz
+    columns["gyr"] = np.degrees(columns["gyr"])
+    columns["acc"] = columns["acc"] / G_MPS2
+    return columns
+
+
+def _read_csv(path: Path) -> dict[str, npt.NDArray[np.float64]]:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = [row for row in csv.reader(file) if row]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise UsageError(f"{path.name} is no readable CSV text ({error})") from error
+    if not rows:
+        raise UsageError(f"{path.name} is empty")
+    header = [name.strip() for name in rows[0]]
+    wanted = ["time_s", "movement", *(f"ref_{c}" for c in "wxyz")]
+    wanted += [f"gyr_{c}_{u}" for c in "xyz" for u in ("radps", "dps")]
+    wanted += [f"acc_{c}_{u}" for c in "xyz" for u in ("mps2", "g")]
+    column: dict[str, FloatArray] = {}
+    for at, name in enumerate(header):
+        if name in wanted:
+            column[name] = np.array([_number(path, line, name, row, at) for line, row in enumerate(rows[1:], 2)])
+    gyr = _axes(column, "gyr", (("radps", 180.0 / math.pi), ("dps", 1.0)))
+    acc = _axes(column, "acc", (("mps2", 1.0 / G_MPS2), ("g", 1.0)))
+    if gyr is None or acc is None or "time_s" not in column:
+        raise UsageError(f"{path.name} needs columns time_s, gyr_x_radps.. (or _dps) and acc_x_mps2.. (or _g)")
+    columns = {"time_s": column["time_s"], "gyr": gyr, "acc": acc}
+    if all(f"ref_{c}" in column for c in "wxyz"):
+        columns["ref_quat"] = np.stack([column[f"ref_{c}"] for c in "wxyz"], 1)
+    if "movement" in column:
+        columns["movement"] = column["movement"]
+    return columns
+
+
+def _number(path: Path, line: int, name: str, row: list[str], at: int) -> float:
+    text = row[at].strip() if at < len(row) else ""
+    if not text:
+        return math.nan
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"{path.name} line {line}: '{text[:20]}' in column {name} is no number") from None
+
+
+def _axes(column: dict[str, FloatArray], stem: str, units: tuple[tuple[str, float], ...]) -> FloatArray | None:
+    for unit, factor in units:
+        names = [f"{stem}_{c}_{unit}" for c in "xyz"]
+        if all(name in column for name in names):
+            return factor * np.stack([column[name] for name in names], 1)
+    return None
+
+
+def _checked(path: Path, columns: dict[str, FloatArray]) -> Recording:
+    time_s, gyr, acc = columns["time_s"], columns["gyr"], columns["acc"]
+    n = len(time_s) if time_s.ndim == 1 else -1
+    if n < 1 or gyr.shape != (n, 3) or acc.shape != (n, 3):
+        raise UsageError(f"{path.name}: gyr {gyr.shape} and acc {acc.shape} are not (N, 3) beside {n} time stamps")
+    for name, values in (("time_s", time_s), ("gyr", gyr), ("acc", acc)):
+        bad = np.flatnonzero(~np.isfinite(values.reshape(len(values), -1)).all(1))
+        if len(bad):
+            raise UsageError(f"{path.name}: {name} of sample {bad[0]} is not a number; cut or repair the recording")
+    if n < 2 or time_s[-1] - time_s[0] < SHORTEST_S:
+        raise UsageError(f"{path.name} is too short: {n} samples; {SHORTEST_S:g} s are needed")
+    steps_s = np.diff(time_s)
+    if np.min(steps_s) <= 0.0:
+        raise UsageError(f"{path.name}: time stands still or runs back at sample {int(np.argmin(steps_s)) + 1}")
+    if np.max(steps_s) > LONGEST_GAP_S:
+        raise UsageError(f"{path.name} has a gap of {np.max(steps_s):.1f} s at sample {int(np.argmax(steps_s)) + 1}")
+    if np.max(np.abs(gyr)) > 2880.0 or np.max(np.abs(acc)) > 32.0:
+        raise UsageError(f"{path.name} exceeds 2880 deg/s or 32 g; are its units rad/s and m/s^2?")
+    quat, movement = columns.get("ref_quat"), columns.get("movement", np.ones(n))
+    if (quat is not None and quat.shape != (n, 4)) or movement.shape != (n,):
+        raise UsageError(f"{path.name}: ref_quat is not (N, 4), or movement not (N,), beside {n} samples")
+    return Recording(path, time_s - time_s[0], gyr, acc, quat, np.nan_to_num(movement) != 0.0)
+
+
+def steady(time_s: FloatArray, values: FloatArray, period_us: int) -> FloatArray:
+    """Samples at a steady period from 0 s, (N, c) -> (steps, c), from stamps that need not be regular.
+
+    A period longer than the recording's: the mean, over one period around each instant, of the straight lines between
+    samples, so that fast motion does not alias. Otherwise the straight lines themselves.
+    """
+    period_s = period_us * 1e-6
+    at_s = np.arange(math.floor(time_s[-1] / period_s + 1e-9) + 1) * period_s
+    half_s = 0.5 * period_s
+    if period_s <= float(np.median(np.diff(time_s))) * 1.0001:
+        return np.stack([np.interp(at_s, time_s, column) for column in values.T], 1)
+    area = np.zeros_like(values)
+    area[1:] = np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time_s)[:, None], axis=0)
+    early, late = np.maximum(at_s - half_s, 0.0), np.minimum(at_s + half_s, time_s[-1])
+    return np.stack(
+        [
+            (_area_at(late, time_s, column, a) - _area_at(early, time_s, column, a)) / (late - early)
+            for column, a in zip(values.T, area.T, strict=True)
+        ],
+        1,
+    )
+
+
+def _area_at(at_s: FloatArray, time_s: FloatArray, value: FloatArray, area: FloatArray) -> FloatArray:
+    i = np.clip(np.searchsorted(time_s, at_s, "right") - 1, 0, len(time_s) - 2)
+    into_s = at_s - time_s[i]
+    slope = (value[i + 1] - value[i]) / (time_s[i + 1] - time_s[i])
+    return np.asarray(area[i] + into_s * (value[i] + 0.5 * slope * into_s), np.float64)
+
+
+def vertical(ref_quat: FloatArray) -> FloatArray:
+    """The vertical in sensor coordinates, u = R(q)^T [0 0 1], (N, 4) -> (N, 3); NaN stays NaN."""
+    w, x, y, z = (ref_quat / np.linalg.norm(ref_quat, axis=1, keepdims=True)).T
+    return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z], 1)
+
+
+def pick_axis(recording: Recording, axis: str, period_us: int | None = None) -> AxisInput:
+    """Counts of an ideal sensor along one axis, and what it should say; period_us None: the recording's own."""
+    if axis not in _ACROSS:
+        raise UsageError(f"'{axis}' is no axis; use x, y or z")
+    if period_us is None:
+        period_us = round(recording.step_s * 1e6)
+    if not 500 <= period_us <= 100_000:
+        raise UsageError(f"a period of {period_us} us is outside 500 to 100000 us; resample with --period-us")
+    (first, sign), (second, _) = _ACROSS[axis]
+    signals = np.column_stack(
+        [recording.gyr_dps[:, "xyz".index(axis)], sign * recording.acc_g[:, first], recording.acc_g[:, second]]
+    )
+    signals = steady(recording.time_s, signals, period_us)
+    raw = np.zeros((len(signals), 6), np.int16)
+    channels = []
+    for c, floor in enumerate((1.0, 0.01, 0.01)):
+        unit = max(float(np.max(np.abs(signals[:, c]))), floor) / FULL_SCALE_COUNTS
+        raw[:, c] = np.rint(signals[:, c] / unit).astype(np.int16)
+        channels.append(Channel(zero_counts=0.0, unit_per_count=unit, min_counts=-32768, max_counts=32767))
+    at_s = np.arange(len(raw)) * (period_us * 1e-6)
+    near = np.clip(np.rint(np.interp(at_s, recording.time_s, np.arange(len(recording.time_s)))), 0, None).astype(int)
+    truth_deg, singular = np.full(len(raw), np.nan), np.zeros(len(raw), np.bool_)
+    if recording.ref_quat is not None:
+        # Straight between the two neighbours; lost where either of them is.
+        u = vertical(recording.ref_quat)
+        up = np.stack([np.interp(at_s, recording.time_s, column) for column in u.T], 1)
+        across = np.hypot(up[:, first], up[:, second])
+        truth_deg = np.degrees(np.arctan2(sign * up[:, first], up[:, second]))
+        singular = across < SINGULAR
+    scored = recording.movement[near] & np.isfinite(truth_deg) & ~singular
+    return AxisInput(axis, period_us, raw, Calibration(*channels), truth_deg, scored, singular)

@@ -1,0 +1,137 @@
+"""The quad scenarios are the published ones: only then do their figures mean anything.
+
+Float64 throughout; seeds 1000-1039, as every reported figure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from plumb import metrics, reference
+from plumb.errors import UsageError
+from plumb.systems import load, quad
+from plumb.systems.quad_plant import QuadPlant
+from plumb.tuning import Tuning
+
+SEEDS = range(1000, 1040)
+
+
+@pytest.fixture(scope="module")
+def runs() -> list[quad.Scenario]:
+    return [quad.scenario("motion", seed) for seed in SEEDS]
+
+
+@pytest.fixture(scope="module")
+def engineering(runs: list[quad.Scenario]) -> np.ndarray:
+    """Rate in deg/s, y and z in g: (3, steps, runs)."""
+    raw = np.stack([run.counts() for run in runs], axis=-1).astype(float)
+    channels = (quad.CALIBRATION.gyro, quad.CALIBRATION.accel_y, quad.CALIBRATION.accel_z)
+    return np.stack([(raw[:, i] - c.zero_counts) * c.unit_per_count for i, c in enumerate(channels)])
+
+
+def rmse_deg(runs: list[quad.Scenario], engineering: np.ndarray, tuning: Tuning) -> float:
+    """Mean over runs of the float64 filter's error, a constant R."""
+    rate_dps, y_g, z_g = engineering
+    z_deg = np.degrees(np.arctan2(y_g, z_g) if tuning.tilt == "atan2" else np.arcsin(np.clip(y_g, -1, 1)))
+    state = reference.kalman_init(tuning.start)
+    estimate = np.empty_like(z_deg)
+    for k in range(len(z_deg)):
+        reference.kalman_step(state, tuning.kalman, tuning.period_s, z_deg[k], rate_dps[k], tuning.trust.r_deg2)
+        estimate[k] = state.tilt_deg
+    truth = np.stack([run.tilt_deg() for run in runs], axis=-1)
+    return float(np.mean(metrics.angle_rmse_deg(estimate, truth, metrics.scored(runs[0].time_s))))
+
+
+def test_accelerometer_only_is_within_5_percent_of_2_40_deg(runs: list[quad.Scenario], engineering: np.ndarray) -> None:
+    truth = np.stack([run.tilt_deg() for run in runs], axis=-1)
+    figures = metrics.accel_only_rmse_deg(engineering[1], engineering[2], truth, metrics.scored(runs[0].time_s))
+    assert float(np.mean(figures)) == pytest.approx(2.40, rel=0.05)
+
+
+def test_the_papers_constants_give_1_87_deg_added_per_step_and_1_3_per_second(
+    runs: list[quad.Scenario], engineering: np.ndarray
+) -> None:
+    paper = quad.TUNINGS["paper"]
+    assert paper.kalman.q_angle_deg2_per_s * paper.period_s == pytest.approx(0.01, rel=1e-12)
+    assert paper.kalman.q_bias_dps2_per_s * paper.period_s == pytest.approx(0.005, rel=1e-12)
+    assert rmse_deg(runs, engineering, paper) == pytest.approx(1.87, rel=0.05)
+    per_second = replace(paper, kalman=quad.Kalman(0.01, 0.005))
+    assert rmse_deg(runs, engineering, per_second) == pytest.approx(1.3, rel=0.05)
+
+
+def test_motion_has_the_published_amplitudes(runs: list[quad.Scenario]) -> None:
+    tilt_deg = runs[0].tilt_deg()
+    assert np.array_equal(tilt_deg, runs[1].tilt_deg()), "the motion is prescribed, the same for every seed"
+    assert np.max(np.abs(tilt_deg[runs[0].time_s < 4.5])) < 1e-5, "at rest first"
+    assert 28.0 < np.max(np.abs(tilt_deg)) < 33.0
+    bias = np.stack([run.bias_dps for run in runs])
+    assert np.max(np.abs(bias[:, 0])) <= 2.01 and np.max(np.abs(bias[:, 0])) > 1.5
+    late = np.abs(bias[:, -1] - bias[:, 0])
+    assert late.mean() == pytest.approx(3.0 * (1.0 - np.exp(-1.2)), abs=0.03)
+    lateral = np.stack([run.lateral_g for run in runs])
+    assert 0.25 < np.max(np.abs(lateral)) < 0.75
+
+
+def test_quiet_is_motion_without_lateral_acceleration() -> None:
+    motion, quiet = quad.scenario("motion", 7), quad.scenario("quiet", 7)
+    assert np.array_equal(motion.tilt_deg(), quiet.tilt_deg()) and np.array_equal(motion.bias_dps, quiet.bias_dps)
+    assert np.array_equal(motion.gyro_noise_dps, quiet.gyro_noise_dps)
+    assert not np.any(quiet.lateral_g) and np.any(motion.lateral_g)
+
+
+@pytest.mark.parametrize("name", list(quad.SCENARIOS))
+def test_a_seed_is_a_run_and_another_seed_another(name: str) -> None:
+    one, again, other = (quad.scenario(name, seed).counts() for seed in (11, 11, 12))
+    assert np.array_equal(one, again) and not np.array_equal(one, other)
+    assert one.dtype == np.int16 and one[:, :3].min() > 0 and one[:, :3].max() < 4095 and not np.any(one[:, 3:])
+
+
+@pytest.mark.parametrize(("name", "period_us"), [("motion", 20_000), ("disturb", 20_000), ("hold", 5_000)])
+def test_the_open_loop_plant_gives_the_scenarios_counts_however_often_it_is_asked(name: str, period_us: int) -> None:
+    run = quad.scenario(name, 3, seconds=20.0, period_us=period_us, bandwidth_hz=50.0)
+    plant, counts, truth = QuadPlant(run, open_loop=True), run.counts(), run.tilt_deg()
+    for k, time_s in enumerate(run.time_s):
+        plant.advance_to(time_s - 0.001, (1900.0, 1100.0))
+        plant.volts(time_s - 0.001)
+        plant.advance_to(time_s, (1900.0, 1100.0))
+        assert plant.counts(time_s) == plant.counts(time_s) == tuple(counts[k].tolist())
+        assert plant.tilt_deg == pytest.approx(truth[k], abs=1e-9)
+
+
+def test_the_hand_lets_go_and_the_motors_turn_the_axis() -> None:
+    run = quad.scenario("hold", 4)
+    up, down, off = (QuadPlant(run) for _ in range(3))
+    for time_s in (2.9, 3.0, 3.3):
+        up.advance_to(time_s, (1700.0, 1300.0))
+        down.advance_to(time_s, (1300.0, 1700.0))
+        off.advance_to(time_s, (0.0, 0.0))
+        if time_s < 3.0:
+            assert up.tilt_deg == down.tilt_deg == 0.0
+    assert up.tilt_deg > 10.0 and down.tilt_deg < -10.0 and abs(off.tilt_deg) < 10.0
+    assert up.speed[0] == pytest.approx(0.7, abs=0.01) and off.speed == (0.0, 0.0)
+    up.advance_to(10.55, (1700.0, 1300.0))
+    assert up.tilt_deg == pytest.approx(20.0), "pulled to 20 deg by hand whatever the motors do"
+    up.advance_to(15.0, (2000.0, 1000.0))
+    assert up.tilt_deg == 60.0, "the stop"
+
+
+def test_setpoints_are_binary_angles() -> None:
+    motion = quad.scenario("motion", 1)
+    turns = motion.setpoint_turn_q32() / 2.0**32
+    assert turns.max() < 0.1 and np.max(np.abs(turns * 360.0 - motion.tilt_deg())) < 1e-6
+    plant = QuadPlant(motion)
+    assert plant.setpoint_turn_q32(20.0) == motion.setpoint_turn_q32()[1000]
+    assert not np.any(quad.scenario("hold", 1).setpoint_turn_q32())
+
+
+def test_wrong_names_and_lengths_are_refused() -> None:
+    with pytest.raises(UsageError, match="motion"):
+        quad.scenario("waltz", 1)
+    with pytest.raises(UsageError, match="3600 s"):
+        quad.scenario("motion", 1, seconds=0.1)
+    with pytest.raises(UsageError, match="quad"):
+        load("submarine")
+    assert load("quad") is quad

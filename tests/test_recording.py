@@ -1,0 +1,230 @@
+"""Recordings of real sensors become counts of one axis; whatever is wrong with a file is one sentence."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from plumb import recording
+from plumb.errors import UsageError
+from plumb.recording import G_MPS2
+
+AXES = ("x", "y", "z")
+LEVEL = {"x": (0.0, 0.0, 1.0), "y": (0.0, 0.0, 1.0), "z": (0.0, 1.0, 0.0)}
+"""Vertical in sensor coordinates at tilt 0 about each axis."""
+
+
+def turning(axis: str, seconds: float = 10.0, rate_hz: float = 200.0, jitter_s: float = 0.0) -> dict[str, np.ndarray]:
+    """An ideal sensor that turns about one level axis by 60 deg sin(2 t), in closed form."""
+    n = round(seconds * rate_hz)
+    t = np.arange(n) / rate_hz + jitter_s * np.random.default_rng(3).uniform(-1.0, 1.0, n)
+    t -= t[0]
+    half = np.radians(60.0) * np.sin(2.0 * t) / 2.0
+    i = "xyz".index(axis)
+    turn = np.zeros((n, 4))
+    turn[:, 0], turn[:, 1 + i] = np.cos(half), np.sin(half)
+    # For z the sensor first stands on its side: earth z along sensor y.
+    side = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]) if axis == "z" else np.array([1.0, 0.0, 0.0, 0.0])
+    quat = np.stack([product(side, row) for row in turn])
+    up = recording.vertical(quat)
+    gyr = np.zeros((n, 3))
+    gyr[:, i] = np.radians(60.0) * 2.0 * np.cos(2.0 * t)
+    return {"time_s": t, "gyr": gyr, "acc": up * G_MPS2, "ref_quat": quat, "movement": t > 2.0}
+
+
+def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    w, v = a[0] * b[0] - a[1:] @ b[1:], a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])
+    return np.array([w, *v])
+
+
+def saved(folder: Path, columns: dict[str, object]) -> Path:
+    path = folder / "run.npz"
+    np.savez(path, **columns)  # type: ignore[arg-type]
+    return path
+
+
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("period_us", [2_500, 5_000, 20_000])
+@pytest.mark.parametrize("jitter_s", [0.0, 0.002])
+def test_turning_about_a_level_axis_is_its_tilt(tmp_path: Path, axis: str, period_us: int, jitter_s: float) -> None:
+    loaded = recording.load(saved(tmp_path, turning(axis, jitter_s=jitter_s)))
+    one = recording.pick_axis(loaded, axis, period_us)
+    gyro, y, z = (
+        (one.raw[:, c] - ch.zero_counts) * ch.unit_per_count
+        for c, ch in enumerate((one.calibration.gyro, one.calibration.accel_y, one.calibration.accel_z))
+    )
+    expected_deg = 60.0 * np.sin(2.0 * one.time_s)
+    edge = slice(2, -2)
+    assert np.max(np.abs(one.truth_deg - expected_deg)[edge]) < 0.05
+    assert np.max(np.abs(np.degrees(np.arctan2(y, z)) - expected_deg)[edge]) < 0.05
+    assert np.max(np.abs(gyro - 120.0 * np.cos(2.0 * one.time_s))[edge]) < 0.2
+    assert np.array_equal(one.scored[one.time_s > 2.01], np.full(np.sum(one.time_s > 2.01), True))
+    assert not np.any(one.scored[one.time_s < 1.99]) and not np.any(one.singular)
+    assert 30_000 <= np.max(np.abs(one.raw[:, 0])) <= 32_767, "the counts use the range"
+    assert one.raw.dtype == np.int16 and not np.any(one.raw[:, 3:])
+
+
+def test_the_rate_of_tilt_is_the_stated_one_in_general_motion() -> None:
+    # tilt' = w_x - u_x (u_y w_y + u_z w_z) / (u_y^2 + u_z^2), from u' = u x w, checked by a difference quotient.
+    rng = np.random.default_rng(8)
+    for axis, (first, second, sign) in {"x": (1, 2, 1.0), "y": (0, 2, -1.0), "z": (0, 1, 1.0)}.items():
+        i = "xyz".index(axis)
+        for _ in range(20):
+            u, w = rng.standard_normal(3), rng.standard_normal(3)
+            u /= np.linalg.norm(u)
+            h = 1e-5
+            later, earlier = u + h * np.cross(u, w), u - h * np.cross(u, w)
+            quotient = np.arctan2(sign * later[first], later[second]) - np.arctan2(
+                sign * earlier[first], earlier[second]
+            )
+            coupling = u[i] * (u[first] * w[first] + u[second] * w[second]) / (u[first] ** 2 + u[second] ** 2)
+            assert ((quotient + np.pi) % (2 * np.pi) - np.pi) / (2 * h) == pytest.approx(w[i] - coupling, abs=1e-5)
+
+
+def test_markers_lost_and_a_vertical_axis_are_not_scored(tmp_path: Path) -> None:
+    columns = turning("x")
+    columns["ref_quat"][800:900] = np.nan
+    one = recording.pick_axis(recording.load(saved(tmp_path, columns)), "x", 5_000)
+    assert np.all(np.isnan(one.truth_deg[801:899])) and not np.any(one.scored[801:899]) and one.scored[950]
+    upright = turning("z")
+    standing = recording.pick_axis(
+        recording.load(saved(tmp_path, {**upright, "ref_quat": turning("x")["ref_quat"]})), "z"
+    )
+    flat = np.abs(standing.time_s % (np.pi / 2)) < 0.02
+    assert np.all(standing.singular[flat]) and not np.any(standing.scored & standing.singular)
+
+
+def test_without_reference_nothing_is_scored(tmp_path: Path) -> None:
+    columns = turning("y")
+    del columns["ref_quat"], columns["movement"]
+    one = recording.pick_axis(recording.load(saved(tmp_path, columns)), "y")
+    assert one.period_us == 5_000 and np.all(np.isnan(one.truth_deg)) and not np.any(one.scored)
+
+
+def test_csv_in_either_unit_is_the_same_recording(tmp_path: Path) -> None:
+    columns = turning("x", seconds=4.0)
+    npz = recording.pick_axis(recording.load(saved(tmp_path, columns)), "x", 5_000)
+    for gyr_unit, gyr_factor, acc_unit, acc_factor in (
+        ("radps", 1.0, "mps2", 1.0),
+        ("dps", 57.29577951308232, "g", 1 / G_MPS2),
+    ):
+        names = ["time_s", *(f"gyr_{c}_{gyr_unit}" for c in AXES), "note", *(f"acc_{c}_{acc_unit}" for c in AXES)]
+        names += [*(f"ref_{c}" for c in "wxyz"), "movement"]
+        lines = [",".join(names)]
+        for k in range(len(columns["time_s"])):
+            row = [columns["time_s"][k], *(columns["gyr"][k] * gyr_factor), "x", *(columns["acc"][k] * acc_factor)]
+            row += [*(columns["ref_quat"][k] if k != 500 else [""] * 4), int(columns["movement"][k])]
+            lines.append(",".join(str(value) for value in row))
+        path = tmp_path / "run.csv"
+        path.write_text("\n".join(lines) + "\n")
+        one = recording.pick_axis(recording.load(path), "x", 5_000)
+        assert np.array_equal(one.raw, npz.raw) and np.isnan(one.truth_deg[500]) and not one.scored[500]
+        assert np.array_equal(np.delete(one.scored, 500), np.delete(npz.scored, 500))
+
+
+def spoiled(change: str) -> dict[str, object]:
+    columns: dict[str, object] = dict(turning("x"))
+    gyr, acc, time_s = columns["gyr"], columns["acc"], columns["time_s"]
+    assert isinstance(gyr, np.ndarray) and isinstance(acc, np.ndarray) and isinstance(time_s, np.ndarray)
+    match change:
+        case "nan":
+            gyr[123, 1] = np.nan
+        case "infinite":
+            acc[77, 0] = np.inf
+        case "short":
+            columns = {name: value[:100] for name, value in columns.items()}  # type: ignore[index]
+        case "one sample":
+            columns = {name: value[:1] for name, value in columns.items()}  # type: ignore[index]
+        case "no samples":
+            columns = {name: value[:0] for name, value in columns.items()}  # type: ignore[index]
+        case "no acc":
+            del columns["acc"]
+        case "no time":
+            del columns["time_s"]
+        case "rate":
+            del columns["time_s"]
+            columns["rate_hz"] = 0.0
+        case "shape":
+            columns["gyr"] = gyr[:, :2]
+        case "lengths":
+            columns["acc"] = acc[:-1]
+        case "reference":
+            columns["ref_quat"] = gyr
+        case "backwards":
+            time_s[100] = time_s[98]
+        case "gap":
+            time_s[1000:] += 5.0
+        case "units":
+            columns["gyr"] = gyr * 57.3
+        case "objects":
+            columns["gyr"] = np.array([None, 1], object)
+    return columns
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ("nan", "gyr of sample 123"), ("infinite", "acc of sample 77"), ("short", "too short"),
+        ("one sample", "too short"), ("no samples", r"not \(N, 3\)|too short"), ("no acc", "lacks acc"),
+        ("no time", "time_s or rate_hz"), ("rate", "rate_hz 0"), ("shape", r"not \(N, 3\)"),
+        ("lengths", r"not \(N, 3\)"), ("reference", "ref_quat"), ("backwards", "runs back at sample 100"),
+        ("gap", "gap of 5.0 s at sample 1000"), ("units", "rad/s"), ("objects", "plain numbers"),
+    ],
+)  # fmt: skip
+def test_a_bad_recording_is_one_sentence(tmp_path: Path, change: str, sentence: str) -> None:
+    with pytest.raises(UsageError, match=sentence) as error:
+        recording.load(saved(tmp_path, spoiled(change)))
+    assert "\n" not in str(error.value) and error.value.exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "sentence"),
+    [
+        ("none.npz", None, "no recording"), ("noise.npz", b"\x00\x01 nothing", "damaged"),
+        ("empty.npz", b"", "damaged"),
+        ("photo.jpg", b"\xff\xd8", "neither"), ("empty.csv", b"", "empty"), ("binary.csv", b"\xff\xfe\x00", "CSV"),
+        ("words.csv", b"time_s,a\n1,2\n", "needs columns"), ("text.csv", b"time_s,a\nsoon,2\n", "line 2: 'soon'"),
+        ("cut.npz", b"cut", "damaged"),
+    ],
+)  # fmt: skip
+def test_a_wrong_file_is_one_sentence(tmp_path: Path, name: str, content: bytes | None, sentence: str) -> None:
+    path = tmp_path / name
+    if content == b"cut":
+        content = saved(tmp_path, turning("x")).read_bytes()[:2000]
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(UsageError, match=sentence) as error:
+        recording.load(path)
+    assert "\n" not in str(error.value)
+
+
+def test_wrong_axis_and_period_are_refused(tmp_path: Path) -> None:
+    loaded = recording.load(saved(tmp_path, turning("x")))
+    with pytest.raises(UsageError, match="x, y or z"):
+        recording.pick_axis(loaded, "up")
+    with pytest.raises(UsageError, match="100000 us"):
+        recording.pick_axis(loaded, "x", 1)
+
+
+def test_the_developer_recordings_load_on_every_axis() -> None:
+    folder = os.environ.get("PLUMB_DATA")
+    if not folder or not Path(folder).is_dir():
+        pytest.skip("set PLUMB_DATA to the folder of recordings to run this on real sensors")
+    files = sorted(Path(folder).glob("*.npz"))
+    assert files, f"no .npz in {folder}"
+    for path in files:
+        loaded = recording.load(path)
+        for axis in AXES:
+            one = recording.pick_axis(loaded, axis)
+            assert len(one.raw) >= 10_000 and np.max(np.abs(one.raw[:, 0])) >= 31_900
+            if loaded.ref_quat is not None and path.name.startswith("broad_02") and axis != "z":
+                # Slow rotation without translation: the accelerometer across the axis shows the reference's tilt.
+                y, z = (
+                    one.raw[:, 1] * one.calibration.accel_y.unit_per_count,
+                    one.raw[:, 2] * one.calibration.accel_z.unit_per_count,
+                )
+                error = (np.degrees(np.arctan2(y, z)) - one.truth_deg + 180.0) % 360.0 - 180.0
+                assert float(np.sqrt(np.mean(error[one.scored] ** 2))) < 8.0
