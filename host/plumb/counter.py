@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,6 @@ class Call:
 
     result: int
     blocks: tuple[int, ...]
-    table_reads: int
     cost: Cost
 
 
@@ -50,17 +49,6 @@ class Image(Elf):
         return self._decoded[address]
 
 
-def path_instructions(image: Image, blocks: Sequence[int], sizes: dict[int, int]) -> list[Instruction]:
-    """The instructions of a path, in the order executed."""
-    path = []
-    for start in blocks:
-        address = start
-        while address < start + sizes[start]:
-            path.append(image.instruction(address))
-            address += path[-1].size
-    return path
-
-
 @dataclass
 class Profile:
     """The worst of many calls of one function."""
@@ -73,7 +61,6 @@ class Profile:
     stack: int = 0
     instructions_min: int = 1 << 31
     worst: tuple[int, ...] = ()
-    functions: set[str] = field(default_factory=set)
 
     def add(self, blocks: tuple[int, ...], cost: Cost) -> None:
         self.calls += 1
@@ -95,7 +82,7 @@ class Counter:
     def __init__(self, image: Image, watch: Sequence[str] = ()) -> None:
         uc, arm, const = require("unicorn"), require("unicorn.arm_const"), require("unicorn.unicorn_const")
         self.image = image
-        self._arm = arm
+        self._arm, self._error = arm, uc.UcError
         self._uc = uc.Uc(const.UC_ARCH_ARM, const.UC_MODE_THUMB | const.UC_MODE_MCLASS)
         self._uc.ctl_set_cpu_model(arm.UC_CPU_ARM_CORTEX_M3)
         mapped: set[int] = set()
@@ -111,12 +98,12 @@ class Counter:
         self._uc.mem_map(MAGIC_RETURN, 0x1000)
         self._next_argument = ARGUMENT_BASE
         self._trace: list[int] = []
-        self._reads: list[int] = []  # addresses read from the image's code memory, literals included
+        self._tables: list[str] = []  # objects in flash that were read; ~index marks a read in the trace
         self._sizes: dict[int, int] = {}
         self._costs: dict[tuple[int, ...], Cost] = {}
+        self._nested: dict[tuple[int, ...], list[tuple[str, tuple[int, ...]]]] = {}
         self.profiles = {name: Profile(name) for name in watch}
         self._watched = {image.symbol(name).address: name for name in watch}
-        self.table_symbols: set[str] = set()
         self._uc.hook_add(const.UC_HOOK_BLOCK, self._on_block)
         code = min(image.segments, key=lambda segment: segment.address)
         self._uc.hook_add(
@@ -130,7 +117,11 @@ class Counter:
         self._sizes[address] = size
 
     def _on_flash_read(self, _uc: Any, _kind: int, address: int, _size: int, _value: int, _data: object) -> None:
-        self._reads.append(address)
+        symbol = self.image.symbol_at(address)
+        if symbol is not None and not symbol.is_function:  # a literal lies in its function, a table does not
+            if symbol.name not in self._tables:
+                self._tables.append(symbol.name)
+            self._trace.append(~self._tables.index(symbol.name))
 
     def place(self, data: bytes) -> int:
         """Puts bytes into the bench's own RAM, 8-byte aligned, and returns their address."""
@@ -160,62 +151,65 @@ class Counter:
         uc.reg_write(arm.UC_ARM_REG_SP, stack)
         uc.reg_write(arm.UC_ARM_REG_LR, MAGIC_RETURN | 1)
         self._trace.clear()
-        self._reads.clear()
-        uc.emu_start(symbol.address | 1, MAGIC_RETURN)
+        try:
+            uc.emu_start(symbol.address | 1, MAGIC_RETURN)
+        except self._error as error:
+            raise UsageError(f"{name} stopped at 0x{uc.reg_read(arm.UC_ARM_REG_PC):08x}: {error}") from None
         if len(self._trace) > LIMIT_BLOCKS:
             raise UsageError(f"{name} did not return within {LIMIT_BLOCKS} basic blocks.")
         blocks = tuple(self._trace)
-        tables = self._table_reads()
-        cost = self.cost(blocks)
-        if tables:
-            slower = cost.cycles_2ws + tables * TABLE_READ_CYCLES_2WS
-            cost = Cost(cost.instructions, cost.cycles, slower, cost.stack)
         self._profile(blocks)
-        return Call(uc.reg_read(arm.UC_ARM_REG_R0), blocks, tables, cost)
-
-    def _table_reads(self) -> int:
-        count = 0
-        for address in self._reads:
-            symbol = self.image.symbol_at(address)
-            if symbol is not None and not symbol.is_function:
-                self.table_symbols.add(symbol.name)
-                count += 1
-        return count
+        return Call(uc.reg_read(arm.UC_ARM_REG_R0), blocks, self.cost(blocks))
 
     def cost(self, blocks: tuple[int, ...]) -> Cost:
         if blocks not in self._costs:
-            self._costs[blocks] = path_cost(path_instructions(self.image, blocks, self._sizes))
+            cost = path_cost(self.path(blocks))
+            tables = sum(block < 0 for block in blocks)
+            self._costs[blocks] = replace(cost, cycles_2ws=cost.cycles_2ws + tables * TABLE_READ_CYCLES_2WS)
         return self._costs[blocks]
 
     def path(self, blocks: tuple[int, ...]) -> list[Instruction]:
-        return path_instructions(self.image, blocks, self._sizes)
+        """The instructions of a path, in the order executed."""
+        path = []
+        for start in (block for block in blocks if block >= 0):
+            address = start
+            while address < start + self._sizes[start]:
+                path.append(self.image.instruction(address))
+                address += path[-1].size
+        return path
 
     def _profile(self, blocks: tuple[int, ...]) -> None:
-        """Finds the calls of watched functions inside a path, and books each."""
+        """Books every call of a watched function inside a path."""
+        if blocks not in self._nested:
+            self._nested[blocks] = [(name, blocks[a:b]) for name, a, b in self._nested_calls(blocks)]
+        for name, part in self._nested[blocks]:
+            self.profiles[name].add(part, self.cost(part))
+
+    def _nested_calls(self, blocks: tuple[int, ...]) -> list[tuple[str, int, int]]:
+        """Watched functions that a path enters: name, first block, block after the last."""
         returns: list[int] = []
         open_calls: list[tuple[str, int, int]] = []  # name, first block, depth of the return stack
+        found: list[tuple[str, int, int]] = []
         for index, start in enumerate(blocks):
+            if start < 0:
+                continue
             if returns and start == returns[-1]:
                 returns.pop()
                 while open_calls and open_calls[-1][2] > len(returns):
                     name, first, _ = open_calls.pop()
-                    self._book(name, blocks[first:index])
+                    found.append((name, first, index))
             if start in self._watched:
                 open_calls.append((self._watched[start], index, len(returns)))
             last = self.path((start,))[-1]
             if last.is_call:
                 returns.append(last.address + last.size)
-        while open_calls:
-            name, first, _ = open_calls.pop()
-            self._book(name, blocks[first:])
+        return found + [(name, first, len(blocks)) for name, first, _ in open_calls]
 
-    def _book(self, name: str, blocks: tuple[int, ...]) -> None:
-        profile = self.profiles[name]
-        profile.add(blocks, self.cost(blocks))
-        for start in blocks:
-            symbol = self.image.symbol_at(start)
-            if symbol is not None:
-                profile.functions.add(symbol.name)
+    def symbols_of(self, name: str) -> set[str]:
+        """Every function that the watched one was seen to execute, itself included, and every table it read."""
+        seen = {block for path in self._nested.values() for n, part in path if n == name for block in part}
+        code = {symbol.name for symbol in (self.image.symbol_at(b) for b in seen if b >= 0) if symbol is not None}
+        return code | {self._tables[~block] for block in seen if block < 0}
 
     def listing(self, blocks: tuple[int, ...], emit: Callable[[str], None] = print) -> None:
         """Prints a path: address, cycles of each instruction, text; for hunting cycles."""

@@ -1,0 +1,216 @@
+"""The golden vectors are what their recipe says, every board agrees with them, and one wrong bit is found and named."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from plumb import golden, recipe
+from plumb.boards import Answer, Board, open_board
+from plumb.errors import PlumbError, UsageError
+from plumb.golden import Vector
+from plumb.words import Words
+
+FOLDER = Path(__file__).parent / "vectors"
+ENTRIES = recipe.read(FOLDER / golden.RECIPE)
+SMALL = """
+[[vector]]
+name = "small"
+system = "quad"
+tuning = "adaptive"
+wild = "steps"
+seed = 5
+steps = 60
+on_link = true
+
+[[vector]]
+name = "second"
+system = "quad"
+tuning = "paper_arcsine"
+scenario = "motion"
+seed = 5
+steps = 50
+on_link = true
+"""
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("made")
+    (folder / golden.RECIPE).write_text(SMALL)
+    golden.make(folder)
+    return folder
+
+
+@pytest.fixture
+def small(made: Path, tmp_path: Path) -> Path:
+    """A folder of two small vectors that a test may spoil."""
+    return Path(shutil.copytree(made, tmp_path / "vectors"))
+
+
+@pytest.fixture(params=["native", "qemu", "virtual"])
+def board(request: pytest.FixtureRequest) -> Iterator[Board]:
+    try:
+        opened = open_board(request.param)
+    except (PlumbError, ImportError) as error:
+        pytest.skip(str(error))
+    with opened:
+        yield opened
+
+
+class Spoiled:
+    """A board whose answers have one bit changed in one word of one step."""
+
+    def __init__(self, board: Board, step: int, signal: str, bit: int, with_words: bool = True) -> None:
+        self.name = board.name
+        self._board, self._at, self._with_words = board, (step, signal, bit), with_words
+
+    def run_injected(self, params: Any, raw: Any, setpoint: Any) -> Answer:
+        answer = self._board.run_injected(params, raw, setpoint)
+        step, signal, bit = self._at
+        if answer.words is None or not self._with_words:
+            digests = answer.digests.copy()
+            digests[step:] ^= 1 << 7  # a wrong state stays wrong
+            return Answer(digests)
+        record = answer.words.record.copy()
+        record[signal][step] ^= record[signal].dtype.type(1 << bit)
+        words = Words(record)
+        return Answer(words.digests(), words)
+
+    def words_of_step(self, params: Any, raw: Any, setpoint: Any, step: int) -> dict[str, int]:
+        words = self._board.words_of_step(params, raw, setpoint, step)
+        at, signal, bit = self._at
+        return {**words, signal: words[signal] ^ (1 << bit)} if step >= at else words
+
+
+def test_the_recipe_is_large_enough_and_the_files_small_enough() -> None:
+    sizes = [(FOLDER / (entry.name + golden.SUFFIX)).stat().st_size for entry in ENTRIES]
+    assert len(ENTRIES) >= 20
+    assert sum(entry.steps for entry in ENTRIES) >= 100_000
+    assert sum(entry.steps for entry in ENTRIES if entry.on_link) >= 10_000
+    assert len({entry.name for entry in ENTRIES}) == len(ENTRIES)
+    assert max(sizes) < 2**20 / 2
+    assert sum(sizes) < 2 * 2**20
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
+def test_recipe_and_model_still_give_the_file(entry: recipe.Entry) -> None:
+    stored = (FOLDER / (entry.name + golden.SUFFIX)).read_bytes()
+    assert golden.build(entry).encode() == stored, "make the vectors again: plumb golden make"
+
+
+def test_no_file_is_without_a_recipe() -> None:
+    assert {path.stem for path in FOLDER.glob("*" + golden.SUFFIX)} == {entry.name for entry in ENTRIES}
+
+
+def test_making_twice_gives_the_same_bytes(small: Path) -> None:
+    before = {path.name: path.read_bytes() for path in small.glob("*" + golden.SUFFIX)}
+    golden.make(small)
+    assert {path.name: path.read_bytes() for path in small.glob("*" + golden.SUFFIX)} == before
+    assert not list(small.glob("*.part"))
+
+
+def test_every_board_passes_every_vector_meant_for_it(board: Board) -> None:
+    result = golden.check(board, FOLDER)
+    meant = [entry for entry in ENTRIES if entry.on_link or board.name in golden.WHOLE_BOARDS]
+    assert result.verdict == "pass", result.describe()
+    assert (result.vectors, result.steps) == (len(meant), sum(entry.steps for entry in meant))
+    assert result.to_json()["first_divergence"] is None
+
+
+@pytest.mark.parametrize("bit", [0, 30])
+@pytest.mark.parametrize("signal", ["raw0", "tilt_turn_q32", "pulse1_halfus"])
+def test_one_wrong_bit_of_a_board_is_named(board: Board, small: Path, signal: str, bit: int) -> None:
+    result = golden.check(Spoiled(board, 37, signal, bit), small)  # type: ignore[arg-type]
+    first = result.first_divergence
+    assert first is not None
+    assert (first.vector, first.step, first.signal, first.in_file) == ("small", 37, signal, False)
+    assert first.actual == first.expected ^ (1 << bit) or bit >= 31
+    assert result.verdict == "fail" and result.mismatches >= 1
+    assert golden.verdict_of([golden.Result(1, 1), result]) == "fail"
+    assert "step 37" in result.describe()
+
+
+def test_a_board_that_gives_digests_only_is_asked_for_the_step(small: Path) -> None:
+    with open_board("native") as native:
+        spoiled = Spoiled(native, 21, "bias_hi", 3, with_words=False)
+        result = golden.check(spoiled, small)  # type: ignore[arg-type]
+    assert result.first_divergence is not None
+    assert (result.first_divergence.step, result.first_divergence.signal) == (21, "bias_hi")
+    assert result.mismatches == (60 - 21) + (50 - 21)
+
+
+def change(folder: Path, **fields: Any) -> None:
+    vector = Vector.read(folder / "small.golden")
+    (folder / "small.golden").write_bytes(dataclasses.replace(vector, **fields).encode())
+
+
+@pytest.mark.parametrize("what", ["raw", "setpoint", "digest", "params", "final"])
+def test_one_wrong_bit_of_a_file_is_named(small: Path, what: str) -> None:
+    vector = Vector.read(small / "small.golden")
+    raw, setpoint, digests = vector.raw.copy(), vector.setpoint_turn_q32.copy(), vector.digests.copy()
+    raw[11, 2] ^= 4
+    setpoint[12] ^= 1 << 9
+    digests[13] ^= np.uint32(1 << 31)
+    name = "pulse0_halfus"
+    if what == "raw":
+        change(small, raw=raw)
+    elif what == "setpoint":
+        change(small, setpoint_turn_q32=setpoint)
+    elif what == "digest":
+        change(small, digests=digests)
+    elif what == "final":
+        change(small, final={**vector.final, name: vector.final[name] ^ 1})
+    else:
+        words = list(vector.params.words())
+        words[3] ^= 1
+        change(small, params=golden.ControlParams.from_words(words))
+    with open_board("native") as native:
+        result = golden.check(native, small)
+    first = result.first_divergence
+    assert first is not None and first.in_file and result.verdict == "fail"
+    expected = {
+        "raw": (11, "raw2"),
+        "setpoint": (12, "setpoint_turn_q32"),
+        "digest": (13, "digest"),
+        "params": (0, "params[3]"),
+        "final": (59, name),
+    }
+    assert (first.step, first.signal) == expected[what]
+
+
+def test_lost_answers_make_the_verdict_unverified(small: Path) -> None:
+    class Lossy(Spoiled):
+        def run_injected(self, params: Any, raw: Any, setpoint: Any) -> Answer:
+            digests = self._board.run_injected(params, raw, setpoint).digests.copy()
+            digests[30:] = 0
+            return Answer(digests, None, 30)
+
+    with open_board("native") as native:
+        result = golden.check(Lossy(native, 0, "", 0), small)  # type: ignore[arg-type]
+    assert result.verdict == "unverified"
+    assert result.mismatches == 0
+    assert result.unverified_from == ("small", 30)
+
+
+@pytest.mark.parametrize("spoil", [lambda data: data[:-1], lambda data: data + b"x", lambda data: data[40:],
+                                   lambda _: b"", lambda data: data.replace(b"golden 1", b"golden 9")])  # fmt: skip
+def test_a_damaged_file_is_refused_in_a_sentence(small: Path, spoil: Any) -> None:
+    path = small / "small.golden"
+    path.write_bytes(spoil(path.read_bytes()))
+    with pytest.raises(UsageError, match="plumb golden make"):
+        Vector.read(path)
+
+
+@pytest.mark.parametrize("text", ["", "[[vector]]\nname = 'x'", SMALL.replace('wild = "steps"', 'wild = "mild"'),
+                                  SMALL.replace('wild = "steps"', "")])  # fmt: skip
+def test_a_wrong_recipe_is_refused_in_a_sentence(tmp_path: Path, text: str) -> None:
+    (tmp_path / golden.RECIPE).write_text(text)
+    with pytest.raises(UsageError):
+        golden.make(tmp_path)
