@@ -150,8 +150,8 @@ class Scenario:
 
     def setpoint_turn_q32(self) -> npt.NDArray[np.int32]:
         """Setpoints as binary angles, (steps,): what a closed loop is asked to follow."""
-        turns = self.on_grid(self.setpoint_deg, self.time_s) / 360.0
-        return np.rint(turns * 2.0**32).astype(np.int64).astype(np.int32)
+        nearest = np.minimum(np.rint(self.time_s / GRID_S).astype(np.int64), len(self.setpoint_deg) - 1)
+        return np.rint(self.setpoint_deg[nearest] / 360.0 * 2.0**32).astype(np.int64).astype(np.int32)
 
     def volts(self) -> FloatArray:
         """Pin volts of the prescribed motion at the sampling instants, (steps, 3)."""

@@ -74,7 +74,8 @@ class QuadPlant:
 
     def setpoint_turn_q32(self, time_s: float) -> int:
         """What the loop is asked to follow, a binary angle."""
-        return round(float(self.scenario.on_grid(self.scenario.setpoint_deg, time_s)) / 360.0 * 2**32)
+        setpoints_deg = self.scenario.setpoint_deg
+        return round(float(setpoints_deg[min(round(time_s / GRID_S), len(setpoints_deg) - 1)]) / 360.0 * 2**32)
 
     def advance_to(self, time_s: float, pulse_us: Sequence[float]) -> None:
         """Simulate up to time_s with these two ESC pulses; below 1000 us, or none at all (0), the motor stands."""
