@@ -1,0 +1,34 @@
+"""The virtual board: an STM32F103 in Python on Unicorn that runs the unmodified flash image."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from plumb.errors import UsageError
+from plumb.f103.image import find_image, load_image
+
+if TYPE_CHECKING:
+    from plumb.f103.machine import Machine
+
+__all__ = ["find_image", "load_image", "open_machine"]
+
+
+def open_machine(image: Path | None = None, part: str = "stm32f103c8", *, seed: int = 1) -> Machine:
+    """A machine with the image asked for, or with this checkout's build; raises UsageError in one sentence."""
+    try:
+        from plumb.f103.machine import Machine
+    except ImportError as error:
+        if error.name and error.name.partition(".")[0] == "unicorn":
+            raise UsageError("the virtual board needs unicorn; install the extra plumb[virtual]") from error
+        raise
+    return Machine(find_image(image), part, seed=seed)
+
+
+def __getattr__(name: str) -> object:
+    """`from plumb.f103 import Machine` without making every import of this package need unicorn."""
+    if name in ("Machine", "SimulationError"):
+        from plumb.f103 import bus, machine
+
+        return machine.Machine if name == "Machine" else bus.SimulationError
+    raise AttributeError(name)

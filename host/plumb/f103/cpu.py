@@ -1,0 +1,310 @@
+"""The Cortex-M3: Unicorn executes the instructions; exception entry and return, sleep and time are ours.
+
+Time. Every instruction takes CYCLES_PER_INSTRUCTION = 3/2 cycles of HCLK (a flat estimate for this firmware at two
+wait states); exception entry takes 12 cycles, return 10, a tail-chained entry 6 (Armv7-M, zero wait states). Unicorn
+counts instructions in its own memory: reading that counter inside a register access gives the exact present, and
+lowering the limit beside it ends the slice after the current instruction (stopping from inside a register access would
+repeat the access). So a slice always ends exactly at the next event, and results do not depend on how time was sliced.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import struct
+from typing import TYPE_CHECKING
+
+from unicorn import (
+    UC_ARCH_ARM,
+    UC_HOOK_INTR,
+    UC_HOOK_MEM_INVALID,
+    UC_MODE_MCLASS,
+    UC_MODE_THUMB,
+    UC_PROT_EXEC,
+    UC_PROT_READ,
+    UC_PROT_WRITE,
+    Uc,
+    UcError,
+)
+from unicorn.arm_const import (
+    UC_ARM_REG_BASEPRI,
+    UC_ARM_REG_CONTROL,
+    UC_ARM_REG_FAULTMASK,
+    UC_ARM_REG_LR,
+    UC_ARM_REG_PC,
+    UC_ARM_REG_PRIMASK,
+    UC_ARM_REG_R0,
+    UC_ARM_REG_R1,
+    UC_ARM_REG_R2,
+    UC_ARM_REG_R3,
+    UC_ARM_REG_R12,
+    UC_ARM_REG_SP,
+    UC_ARM_REG_XPSR,
+    UC_CPU_ARM_CORTEX_M3,
+)
+from unicorn.unicorn_const import (
+    UC_ERR_FETCH_PROT,
+    UC_ERR_FETCH_UNMAPPED,
+    UC_ERR_INSN_INVALID,
+    UC_ERR_READ_UNMAPPED,
+    UC_ERR_WRITE_PROT,
+    UC_ERR_WRITE_UNMAPPED,
+)
+
+from plumb.errors import UsageError
+from plumb.f103 import scb as core
+from plumb.f103.bus import SimulationError
+from plumb.f103.nvic import BUS_FAULT, HARD_FAULT, SVCALL, USAGE_FAULT
+
+if TYPE_CHECKING:
+    from plumb.f103.machine import Machine
+
+CYCLES_PER_INSTRUCTION = (3, 2)
+ENTRY_CYCLES, RETURN_CYCLES, TAIL_CHAIN_CYCLES = 12, 10, 6
+FLASH_BASE, RAM_BASE, SYSTEM_BASE = 0x08000000, 0x20000000, 0x1FFFF000
+NOWHERE = 0xFFFFFFFE
+"""End address of every run: never reached."""
+STACKED = (
+    UC_ARM_REG_R0,
+    UC_ARM_REG_R1,
+    UC_ARM_REG_R2,
+    UC_ARM_REG_R3,
+    UC_ARM_REG_R12,
+    UC_ARM_REG_LR,
+    UC_ARM_REG_PC,
+    UC_ARM_REG_XPSR,
+)
+FRAME = struct.Struct("<8I")
+_EXCEPTION_SVC, _EXCEPTION_RETURN = 2, 8
+_DATA_FAULTS = (UC_ERR_READ_UNMAPPED, UC_ERR_WRITE_UNMAPPED, UC_ERR_WRITE_PROT)
+_FETCH_FAULTS = (UC_ERR_FETCH_UNMAPPED, UC_ERR_FETCH_PROT)
+
+
+class Cpu:
+    """Registers, memory, and one slice of execution at a time."""
+
+    def __init__(self, machine: Machine, flash_bytes: int, ram_bytes: int) -> None:
+        self.machine = machine
+        self.uc = uc = Uc(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS)
+        uc.ctl_set_cpu_model(UC_CPU_ARM_CORTEX_M3)
+        read_only = UC_PROT_READ | UC_PROT_EXEC
+        self.flash = self._map(flash_bytes, (FLASH_BASE, 0), read_only)
+        self.system = self._map(0x1000, (SYSTEM_BASE,), UC_PROT_READ)
+        self.ram = self._map(ram_bytes, (RAM_BASE,), read_only | UC_PROT_WRITE)
+        self._counter, self._limit = _find_counter(uc)
+        self.running = False
+        self.sleeping = False
+        self.locked_up = ""
+        self.base = 0
+        """Ticks at the start of the running slice, or now between slices."""
+        self.instruction_ticks = 1
+        self.instructions = 0
+        self.slept_ticks = 0
+        self._stop_reason = 0
+        self._fault_address = 0
+        uc.hook_add(UC_HOOK_INTR, self._on_exception)
+        uc.hook_add(UC_HOOK_MEM_INVALID, self._on_bad_address)
+
+    def _map(self, size: int, bases: tuple[int, ...], access: int) -> memoryview:
+        """Memory that Unicorn and we see alike, at one or more addresses."""
+        memory = (ctypes.c_uint8 * size)()
+        for base in bases:
+            self.uc.mem_map_ptr(base, size, access, ctypes.addressof(memory))
+        return memoryview(memory).cast("B")
+
+    def now(self) -> int:
+        """Ticks. Inside a register access: the start of the instruction after the one that makes it."""
+        return self.base + self._counter.value * self.instruction_ticks if self.running else self.base
+
+    def set_clock(self, hclk_ticks: int) -> None:
+        now = self.now()
+        self.instruction_ticks = hclk_ticks * CYCLES_PER_INSTRUCTION[0] // CYCLES_PER_INSTRUCTION[1]
+        if self.running:
+            self.base = now - self._counter.value * self.instruction_ticks
+            self.end_slice()
+
+    def end_slice(self) -> None:
+        """Stop after the instruction that is running now."""
+        if self.running:
+            self._limit.value = min(self._limit.value, self._counter.value)
+
+    def end_slice_at(self, time: int) -> None:
+        """An event at `time` has become the next: run no further than the first instruction that ends at or after."""
+        if self.running:
+            last = max(-(-(time - self.base) // self.instruction_ticks), self._counter.value)
+            self._limit.value = min(self._limit.value, last)
+
+    def restart(self) -> None:
+        """Reset: stack pointer and entry point from the vector table, masks clear. Memory stays."""
+        stack, entry = struct.unpack_from("<II", self.flash)
+        self.sleeping, self.locked_up = False, ""
+        uc = self.uc
+        uc.reg_write(UC_ARM_REG_XPSR, 1 << 24)
+        for register in (UC_ARM_REG_CONTROL, UC_ARM_REG_PRIMASK, UC_ARM_REG_BASEPRI, UC_ARM_REG_FAULTMASK):
+            uc.reg_write(register, 0)
+        uc.reg_write(UC_ARM_REG_LR, 0xFFFFFFFF)
+        uc.reg_write(UC_ARM_REG_SP, stack & ~3)
+        uc.reg_write(UC_ARM_REG_PC, entry & ~1)
+        self.pc = entry & ~1
+
+    def run(self, instructions: int) -> None:
+        """Run at most so many instructions; fewer when the core sleeps, an exception ends, or a limit was lowered."""
+        self._stop_reason = 0
+        self.running = True
+        error = 0
+        try:
+            self.uc.emu_start(self.pc | 1, NOWHERE, 0, instructions)
+        except UcError as uc_error:
+            error = uc_error.errno
+        finally:
+            self.running = False
+            counted, limit = self._counter.value, self._limit.value
+            done = counted - 1 if counted > limit else counted
+            self.base += done * self.instruction_ticks
+            self.instructions += done
+            self.pc = self.uc.reg_read(UC_ARM_REG_PC)
+        if error:
+            self._fault(error)
+        elif self._stop_reason == _EXCEPTION_RETURN:
+            self._return()
+        elif self._stop_reason == _EXCEPTION_SVC:
+            self._synchronous(SVCALL)
+        elif self._stop_reason:  # a breakpoint without a debugger
+            self._synchronous(HARD_FAULT)
+        elif counted <= limit:
+            self.sleeping = True
+
+    def takes(self, number: int) -> bool:
+        """Whether the mask registers let `number` preempt now; nvic.candidate() has settled the rest."""
+        uc, nvic = self.uc, self.machine.nvic
+        priority = nvic.group_priority(number)
+        if priority >= 0 and (uc.reg_read(UC_ARM_REG_PRIMASK) & 1):
+            return False
+        if priority >= -1 and (uc.reg_read(UC_ARM_REG_FAULTMASK) & 1):
+            return False
+        base_priority = uc.reg_read(UC_ARM_REG_BASEPRI) & 0xF0
+        return not base_priority or priority < (base_priority & nvic.group_mask)
+
+    def enter(self, number: int) -> None:
+        """Exception entry (Armv7-M B1.5.6): push eight words, load the vector."""
+        uc, machine = self.uc, self.machine
+        frame = uc.reg_read_batch(STACKED)
+        if not machine.nvic.active and uc.reg_read(UC_ARM_REG_CONTROL) & 3:
+            raise SimulationError("CONTROL selects the process stack or unprivileged mode: not modelled")
+        stack = uc.reg_read(UC_ARM_REG_SP)
+        odd = stack & 4 if machine.scb.ccr & 1 << 9 else 0
+        top = stack - odd - FRAME.size
+        if not self._in_ram(top):
+            self._lock_up(f"exception {number} with the stack pointer at 0x{stack:08X}, outside RAM")
+            return
+        xpsr = frame[7] | (1 << 9 if odd else 0)
+        FRAME.pack_into(self.ram, top - RAM_BASE, *frame[:6], self.pc, xpsr)
+        uc.reg_write(UC_ARM_REG_SP, top)
+        uc.reg_write(UC_ARM_REG_LR, 0xFFFFFFF1 if machine.nvic.active else 0xFFFFFFF9)
+        self._vector(number, ENTRY_CYCLES)
+
+    def _vector(self, number: int, cycles: int) -> None:
+        machine = self.machine
+        machine.nvic.enter(number)
+        self.sleeping = False
+        self.uc.reg_write(UC_ARM_REG_XPSR, 1 << 24 | number)
+        table = machine.scb.vtor or FLASH_BASE
+        handler = int.from_bytes(self.read(table + 4 * number, 4), "little")
+        self.pc = handler & ~1
+        self.base += cycles * machine.rcc.hclk_ticks
+
+    def _return(self) -> None:
+        """Exception return: into the next pending exception without unstacking, else pop the frame."""
+        machine, uc = self.machine, self.uc
+        machine.nvic.leave()
+        uc.reg_write(UC_ARM_REG_FAULTMASK, 0)
+        exc_return = self.pc | 1
+        if exc_return not in (0xFFFFFFF1, 0xFFFFFFF9):
+            raise SimulationError(f"exception return 0x{exc_return:08X} is not modelled")
+        if machine.timeline.next <= self.base:
+            machine.timeline.run_due(self.base)
+        number = machine.nvic.candidate()
+        if number and self.takes(number):
+            uc.reg_write(UC_ARM_REG_LR, exc_return)
+            self._vector(number, TAIL_CHAIN_CYCLES)
+            return
+        stack = uc.reg_read(UC_ARM_REG_SP)
+        if not self._in_ram(stack):
+            self._lock_up(f"exception return with the stack pointer at 0x{stack:08X}, outside RAM")
+            return
+        frame = FRAME.unpack_from(self.ram, stack - RAM_BASE)
+        uc.reg_write(UC_ARM_REG_SP, stack + FRAME.size + (4 if frame[7] & 1 << 9 else 0))
+        uc.reg_write(UC_ARM_REG_XPSR, frame[7] & ~(1 << 9))
+        for register, value in zip(STACKED[:6], frame, strict=False):
+            uc.reg_write(register, value)
+        self.pc = frame[6]
+        self.base += RETURN_CYCLES * machine.rcc.hclk_ticks
+        if machine.scb.scr & 2 and not machine.nvic.active:
+            self.sleeping = True
+
+    def _fault(self, error: int) -> None:
+        """A bad address or instruction: the fault the core would take, or lock-up when it cannot."""
+        block = self.machine.scb
+        if error in _DATA_FAULTS:
+            block.cfsr |= core.CFSR_PRECISERR | core.CFSR_BFARVALID
+            block.bfar = self._fault_address
+            self._synchronous(BUS_FAULT)
+        elif error in _FETCH_FAULTS:
+            block.cfsr |= core.CFSR_IBUSERR
+            self._synchronous(BUS_FAULT)
+        elif error == UC_ERR_INSN_INVALID:
+            block.cfsr |= core.CFSR_UNDEFINSTR
+            self._synchronous(USAGE_FAULT)
+        else:
+            raise SimulationError(f"Unicorn stopped with error {error} at 0x{self.pc:08X}")
+
+    def _synchronous(self, number: int) -> None:
+        nvic = self.machine.nvic
+        current = nvic.execution_priority()
+        if not (nvic.enabled >> number & 1 and nvic.group_priority(number) < current and self.takes(number)):
+            self.machine.scb.hfsr |= core.HFSR_FORCED
+            number = HARD_FAULT
+            if current <= -1 or not self.takes(number):
+                self._lock_up(f"fault inside the fault handler, pc 0x{self.pc:08X}")
+                return
+        self.enter(number)
+
+    def _lock_up(self, why: str) -> None:
+        self.locked_up = why
+        self.machine.warn(f"the core has locked up: {why}")
+
+    def _in_ram(self, address: int) -> bool:
+        return RAM_BASE <= address <= RAM_BASE + len(self.ram) - FRAME.size
+
+    def read(self, address: int, size: int) -> bytes:
+        """Flash or RAM as the core and the DMA see it."""
+        for base, memory in ((RAM_BASE, self.ram), (FLASH_BASE, self.flash)):
+            if base <= address and address + size <= base + len(memory):
+                return bytes(memory[address - base : address - base + size])
+        raise SimulationError(f"read of {size} bytes at 0x{address:08X}: neither flash nor RAM")
+
+    def _on_exception(self, uc: Uc, number: int, _user: object) -> None:
+        self._stop_reason = number
+        uc.emu_stop()
+
+    def _on_bad_address(self, _uc: Uc, _access: int, address: int, _size: int, _value: int, _user: object) -> bool:
+        self._fault_address = address
+        return False
+
+
+def _find_counter(uc: Uc) -> tuple[ctypes.c_size_t, ctypes.c_size_t]:
+    """Unicorn's instruction counter and its limit, two neighbouring words of its state, found by what they hold
+    after a run whose length is known. Raises UsageError when this Unicorn keeps them otherwise."""
+    handle = uc._uch.value
+    uc.mem_map(0x60000000, 0x1000)
+    uc.mem_write(0x60000000, b"\x00\xbf" * 2048)  # no operation
+    candidates: set[int] | None = None
+    for length in (611, 1013):
+        uc.emu_start(0x60000001, NOWHERE, 0, length)
+        words = struct.unpack("<512Q", bytes((ctypes.c_char * 4096).from_address(handle)))
+        found = {i for i in range(511) if words[i] == length + 1 and words[i + 1] == length}
+        candidates = found if candidates is None else candidates & found
+    uc.mem_unmap(0x60000000, 0x1000)
+    if not candidates or len(candidates) != 1:
+        raise UsageError("this version of unicorn is not one the virtual board knows; install plumb[virtual] again")
+    offset = handle + 8 * candidates.pop()
+    return ctypes.c_size_t.from_address(offset), ctypes.c_size_t.from_address(offset + 8)

@@ -1,0 +1,99 @@
+"""The flash image: where it is, and its bytes, from .bin, .hex or .elf. All three of one build give the same bytes."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+from plumb.errors import UsageError
+
+FLASH_BASE = 0x08000000
+BUILD_IMAGE = Path("build") / "stm32f103" / "firmware.bin"
+_ELF_ARM, _PT_LOAD = 40, 1
+
+
+def find_image(image: Path | None = None) -> Path:
+    """The file that was asked for, else the build of this checkout; raises UsageError when there is none."""
+    if image is not None:
+        if not image.is_file():
+            raise UsageError(f"there is no file {image}; build an image with 'make image' or name another with --image")
+        return image
+    for root in (Path(__file__).resolve().parents[3], Path.cwd()):
+        if (root / BUILD_IMAGE).is_file():
+            return root / BUILD_IMAGE
+    raise UsageError("there is no flash image; build one with 'make image' or name one with --image")
+
+
+def load_image(path: Path) -> bytes:
+    """The bytes from 0x08000000 on; gaps read as erased flash. Raises UsageError for a file that is no image."""
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror}") from error
+    if raw[:4] == b"\x7fELF":
+        data = _from_elf(raw, path)
+    elif path.suffix.lower() in (".hex", ".ihx") or raw[:1] == b":":
+        data = _from_hex(raw, path)
+    else:
+        data = raw
+    check_image(data, str(path))
+    return data
+
+
+def check_image(data: bytes, name: str) -> None:
+    """A vector table with its stack in RAM and its entry in flash, or UsageError."""
+    if len(data) >= 8:
+        stack, entry = struct.unpack_from("<II", data)
+        if 0x20000000 < stack <= 0x20018000 and entry & 1 and FLASH_BASE <= entry < FLASH_BASE + len(data):
+            return
+    raise UsageError(f"{name} is not an image for the STM32F103: it does not begin with a vector table")
+
+
+def _place(pieces: list[tuple[int, bytes]], path: Path) -> bytes:
+    if not pieces:
+        raise UsageError(f"{path} holds nothing to flash")
+    end = max(address + len(data) for address, data in pieces)
+    if min(address for address, _ in pieces) < FLASH_BASE or end > FLASH_BASE + 0x80000:
+        raise UsageError(f"{path} has data outside the flash of an STM32F103")
+    image = bytearray(b"\xff" * (end - FLASH_BASE))
+    for address, data in pieces:
+        image[address - FLASH_BASE : address - FLASH_BASE + len(data)] = data
+    return bytes(image)
+
+
+def _from_elf(raw: bytes, path: Path) -> bytes:
+    """The loadable segments at their physical addresses."""
+    try:
+        machine = struct.unpack_from("<H", raw, 18)[0]
+        if raw[4:6] != b"\x01\x01" or machine != _ELF_ARM:
+            raise UsageError(f"{path} is not a 32-bit Arm program")
+        table, size, count = struct.unpack_from("<I", raw, 28)[0], *struct.unpack_from("<HH", raw, 42)
+        pieces = []
+        for i in range(count):
+            kind, offset, _virtual, physical, length = struct.unpack_from("<5I", raw, table + i * size)
+            if kind == _PT_LOAD and length:
+                pieces.append((physical, raw[offset : offset + length]))
+    except struct.error as error:
+        raise UsageError(f"{path} is a damaged ELF file") from error
+    return _place(pieces, path)
+
+
+def _from_hex(raw: bytes, path: Path) -> bytes:
+    """Intel HEX: data, end, and both kinds of extended address."""
+    pieces: list[tuple[int, bytes]] = []
+    upper = 0
+    for number, line in enumerate(raw.split(), 1):
+        try:
+            record = bytes.fromhex(line[1:].decode("ascii"))
+        except ValueError:
+            record = b""
+        if line[:1] != b":" or len(record) < 5 or len(record) != record[0] + 5 or sum(record) & 0xFF:
+            raise UsageError(f"{path} line {number} is not a valid Intel HEX record")
+        address, kind, data = int.from_bytes(record[1:3], "big"), record[3], record[4:-1]
+        if kind == 0:
+            pieces.append((upper + address, data))
+        elif kind == 1:
+            break
+        elif kind in (2, 4):
+            upper = int.from_bytes(data, "big") << (16 if kind == 4 else 4)
+    return _place(pieces, path)

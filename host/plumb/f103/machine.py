@@ -1,0 +1,293 @@
+"""The simulated STM32F103: part, memory, peripherals, and time that passes only when it is asked to.
+
+    machine = Machine(Path("firmware.bin"))
+    machine.adc["PA0"] = lambda t_s: 1.65
+    machine.uart.write(b"V\\r")
+    machine.uart.read(20)
+    machine.advance_us(1000)
+    machine.pwm("PB6")                  # Pwm(pulse_us, period_us, enabled)
+
+Two runs with the same calls give the same bytes: nothing here looks at a clock or at unseeded chance.
+"""
+
+from __future__ import annotations
+
+import random
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from plumb.errors import UsageError
+from plumb.f103.adc import PINS as ADC_PINS
+from plumb.f103.adc import Adc
+from plumb.f103.bus import Bus, Peripheral
+from plumb.f103.cpu import Cpu
+from plumb.f103.debug import CoreDebug, DbgMcu, Dwt
+from plumb.f103.dma import Dma
+from plumb.f103.flash import Flash
+from plumb.f103.gpio import Afio, Gpio
+from plumb.f103.image import check_image, load_image
+from plumb.f103.iwdg import Iwdg
+from plumb.f103.nvic import Nvic
+from plumb.f103.rcc import Rcc
+from plumb.f103.scb import Scb, SysTick
+from plumb.f103.stream import UartStream
+from plumb.f103.tim import Pwm, Timer
+from plumb.f103.timeline import NEVER, TICKS_PER_S, TICKS_PER_US, Timeline
+from plumb.f103.usart import Usart
+
+VoltSource = float | Callable[[float], float]
+"""Volts, or a function of simulated seconds that gives them."""
+
+
+@dataclass(frozen=True)
+class Part:
+    name: str
+    flash_kib: int
+    ram_kib: int
+    idcode: int
+
+
+PARTS = {
+    part.name: part
+    for part in (
+        Part("stm32f103c8", 64, 20, 0x20036410),
+        Part("stm32f103rct6", 256, 48, 0x10036414),
+        Part("stm32f103ret6", 512, 64, 0x10036414),
+        Part("stm32f103zet6", 512, 64, 0x10036414),
+    )
+}
+PWM_PINS = {f"PB{6 + i}": ("TIM4", i) for i in range(4)} | {
+    pin: ("TIM3", i) for i, pin in enumerate(("PA6", "PA7", "PB0", "PB1"))
+}
+SYSTEM_FLASH_SIZE, SYSTEM_UNIQUE_ID, SYSTEM_OPTIONS = 0x7E0, 0x7E8, 0x800
+
+
+class AdcPins(dict[str, VoltSource]):
+    """Pin name -> what drives it; a pin nobody drives is at 0 V."""
+
+    def __setitem__(self, pin: str, source: VoltSource) -> None:
+        if pin not in ADC_PINS:
+            raise UsageError(f"'{pin}' is no ADC input; use one of {', '.join(ADC_PINS)}")
+        super().__setitem__(pin, source)
+
+
+class Machine:
+    """One simulated part with an image in its flash. Raises UsageError for a bad image or part.
+
+    seed: what uninitialised RAM holds and the unique id. crystal: False for a board whose crystal is dead.
+    """
+
+    def __init__(self, image: bytes | Path, part: str = "stm32f103c8", *, seed: int = 1, crystal: bool = True) -> None:
+        if part not in PARTS:
+            raise UsageError(f"'{part}' is not a simulated part; use one of {', '.join(PARTS)}")
+        self.part = PARTS[part]
+        data = load_image(image) if isinstance(image, Path) else image
+        check_image(data, "the image")
+        if len(data) > self.part.flash_kib * 1024:
+            raise UsageError(f"the image has {len(data)} bytes; {part} has {self.part.flash_kib} KiB of flash")
+        self._chance = random.Random(seed)
+        self.warnings: list[str] = []
+        self.powered = True
+        self.debugger_attached = False
+        self.reset_count = 0
+        self._reset_cause = ""
+        self._host_waits = self._stop = False
+        self._build()
+        self.rcc.crystal_dead = not crystal
+        self._fill_memory(data)
+        self.uart = UartStream(self)
+        self.adc = AdcPins()
+        self._power_up()
+
+    def _build(self) -> None:
+        self.cpu = Cpu(self, self.part.flash_kib * 1024, self.part.ram_kib * 1024)
+        self.timeline = Timeline(self.cpu.end_slice_at)
+        self.bus = Bus(self)
+        self.nvic, self.scb, self.systick = Nvic(self), Scb(self), SysTick(self)
+        self.core_debug, self.dwt, self.dbgmcu = CoreDebug(self), Dwt(self), DbgMcu(self)
+        self.flash, self.rcc, self.dma, self.afio = Flash(self), Rcc(self), Dma(self), Afio(self)
+        self.ports = [Gpio(self, letter, 0x40010800 + 0x400 * i) for i, letter in enumerate("ABCDE")]
+        self.usart, self.adc1 = Usart(self), Adc(self)
+        self.tim3, self.tim4 = Timer(self, "TIM3", 0x40000400, 29), Timer(self, "TIM4", 0x40000800, 30)
+        self.iwdg = Iwdg(self)
+        core: list[Peripheral] = [self.nvic, self.scb, self.systick, self.core_debug, self.dwt, self.dbgmcu]
+        rest: list[Peripheral] = [self.flash, self.dma, self.afio, *self.ports, self.usart, self.adc1]
+        rest += [self.tim3, self.tim4, self.iwdg, self.rcc]
+        for peripheral in core + rest:
+            self.bus.attach(peripheral)
+        self.by_name = {peripheral.name: peripheral for peripheral in self.bus.peripherals}
+        bus, uc = self.bus, self.cpu.uc
+        for base, size in ((0x40000000, 0x24000), (0xE0000000, 0x100000)):
+            uc.mmio_map(
+                base,
+                size,
+                lambda _uc, offset, size, base: bus.read(base + offset, size),
+                base,
+                lambda _uc, offset, size, value, base: bus.write(base + offset, size, value),
+                base,
+            )
+
+    def _fill_memory(self, image: bytes) -> None:
+        cpu = self.cpu
+        cpu.flash[:] = b"\xff" * len(cpu.flash)
+        cpu.flash[: len(image)] = image
+        cpu.system[:] = b"\xff" * len(cpu.system)
+        struct.pack_into("<HH", cpu.system, SYSTEM_FLASH_SIZE, self.part.flash_kib, 0xFFFF)
+        cpu.system[SYSTEM_UNIQUE_ID : SYSTEM_UNIQUE_ID + 12] = self._chance.randbytes(12)
+        cpu.system[SYSTEM_OPTIONS : SYSTEM_OPTIONS + 4] = bytes((0xA5, 0x5A, 0xFF, 0x00))
+
+    # Power and reset
+
+    def _power_up(self) -> None:
+        self.cpu.ram[:] = self._chance.randbytes(len(self.cpu.ram))
+        self.rcc.csr = 0
+        self._restart("power")
+
+    def _restart(self, cause: str) -> None:
+        self._reset_cause = ""
+        self.reset_count += 1
+        for peripheral in self.bus.peripherals:
+            peripheral.reset()
+        self.rcc.note_reset(cause)
+        self.cpu.restart()
+
+    def reset(self) -> None:
+        """Pull the reset pin."""
+        if self.powered:
+            self._restart("pin")
+
+    def request_reset(self, cause: str) -> None:
+        """A reset from inside (software, iwdg): takes effect after the current instruction."""
+        self._reset_cause = cause
+        self.cpu.end_slice()
+
+    def power_cut(self) -> None:
+        """From now on nothing runs; RAM is lost."""
+        for peripheral in self.bus.peripherals:
+            peripheral.reset()
+        self.usart.from_host.clear()
+        self.powered = False
+
+    def power_on(self) -> None:
+        if not self.powered:
+            self.powered = True
+            self._power_up()
+
+    # Time
+
+    @property
+    def now(self) -> int:
+        """Ticks since the machine was made; see timeline.py."""
+        return self.cpu.now()
+
+    @property
+    def now_us(self) -> float:
+        return self.cpu.now() / TICKS_PER_US
+
+    @property
+    def now_s(self) -> float:
+        return self.cpu.now() / TICKS_PER_S
+
+    def awake_ticks(self) -> int:
+        """Time during which the core ran."""
+        return self.cpu.now() - self.cpu.slept_ticks
+
+    def advance_us(self, duration_us: float) -> None:
+        self.run_to(self.now + round(duration_us * TICKS_PER_US))
+
+    def run_until(self, predicate: Callable[[], bool], limit_us: float = 1e6) -> bool:
+        """Until predicate() holds, looked at after every event and interrupt; False when the limit came first."""
+        end = self.now + round(limit_us * TICKS_PER_US)
+        while not predicate():
+            if self.now >= end:
+                return False
+            self._step(end)
+        return True
+
+    def run_to(self, time: int) -> None:
+        while self.cpu.base < time:
+            self._step(time)
+
+    def run_until_sending(self, deadline: int) -> None:
+        """Until the board begins to send on the UART, or the deadline in ticks."""
+        self._host_waits, self._stop = True, False
+        while self.cpu.base < deadline and not self._stop:
+            self._step(deadline)
+        self._host_waits = False
+
+    def host_waits_no_more(self) -> None:
+        """The UART has begun to send."""
+        if self._host_waits:
+            self._stop = True
+            self.cpu.end_slice()
+
+    def _step(self, until: int) -> None:
+        """Events due now, then one exception entry, one slice of instructions, or one leap of sleep."""
+        cpu, timeline = self.cpu, self.timeline
+        if timeline.next <= cpu.base:
+            timeline.run_due(cpu.base)
+        if self._reset_cause:
+            self._restart(self._reset_cause)
+        asleep = not self.powered or bool(cpu.locked_up) or self.rcc.core_clock_lost
+        masked = False
+        if not asleep:
+            number = self.nvic.candidate()
+            if number:
+                if cpu.takes(number):
+                    cpu.enter(number)
+                    return
+                cpu.sleeping, masked = False, True  # pending behind PRIMASK ends WFI all the same
+            asleep = cpu.sleeping
+        end = min(timeline.next, until)
+        if asleep:
+            cpu.slept_ticks += end - cpu.base
+            cpu.base = end
+        elif masked:
+            cpu.run(1)  # the interrupt is due the moment the mask opens
+        else:
+            cpu.run(max(1, -(-(end - cpu.base) // cpu.instruction_ticks)))
+
+    # Pins
+
+    def port(self, pin: str) -> Gpio:
+        """'PB6' -> port B."""
+        port = self.by_name.get("GPIO" + pin[1:2])
+        if not isinstance(port, Gpio) or not pin[2:].isdigit() or int(pin[2:]) > 15:
+            raise UsageError(f"'{pin}' is not a pin; write PA0 to PE15")
+        return port
+
+    def pwm(self, pin: str) -> Pwm:
+        """What a servo or speed controller on `pin` sees now."""
+        if pin not in PWM_PINS:
+            raise UsageError(f"'{pin}' carries no PWM; use one of {', '.join(PWM_PINS)}")
+        name, index = PWM_PINS[pin]
+        remap = self.afio.mapr & (1 << 12 if name == "TIM4" else 3 << 10)
+        timer = self.tim4 if name == "TIM4" else self.tim3
+        wave = timer.output(index, self.now)
+        if self.powered and wave.enabled and not remap and self.port(pin).is_alternate_output(int(pin[2:])):
+            return wave
+        return Pwm(0.0, wave.period_us, False)
+
+    def pin(self, pin: str) -> bool | None:
+        """Level of a pin; None where it floats."""
+        return self.port(pin).level(int(pin[2:]))
+
+    def drive(self, pin: str, level: bool | None) -> None:
+        """Drive an input from outside; None lets go."""
+        self.port(pin).outside[int(pin[2:])] = level
+
+    # Reports
+
+    def warn(self, text: str) -> None:
+        """Something silicon tolerates but firmware should not do; each text once."""
+        if text not in self.warnings:
+            self.warnings.append(text)
+
+    def where(self) -> str:
+        return f"at {self.now_us:.1f} us, pc near 0x{self.cpu.pc:08X}"
+
+    @property
+    def next_event_us(self) -> float | None:
+        return None if self.timeline.next == NEVER else self.timeline.next / TICKS_PER_US
