@@ -134,8 +134,8 @@ def main() -> int:
     elf = bytearray(path.read_bytes())
     try:
         image = finish(elf)
-    except ValueError as error:
-        print(f"{path.name}: {error}", file=sys.stderr)
+    except (ValueError, struct.error) as error:
+        print(f"{path.name} cannot be made into an image: {error}", file=sys.stderr)
         return 1
     path.write_bytes(elf)
     path.with_suffix(".bin").write_bytes(image)
