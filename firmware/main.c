@@ -64,7 +64,7 @@ int main(void) {
 
         if (session_take_begin(&session)) {
             board_set_period_us(0u);
-            board_configure_actuator(2u * params.esc_period_us, params.control.esc.neutral_halfus);
+            board_configure_actuator(2u * params.esc_period_us, (uint32_t)params.control.esc.neutral_halfus);
             board_actuator_neutral();
         }
         board_set_period_us(session_mode(&session) == SESSION_REALTIME ? session_period_us(&session) : 0u);
