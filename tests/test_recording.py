@@ -171,7 +171,7 @@ def spoiled(change: str) -> dict[str, object]:
         ("one sample", "too short"), ("no samples", r"not \(N, 3\)|too short"), ("no acc", "lacks acc"),
         ("no time", "time_s or rate_hz"), ("rate", "rate_hz 0"), ("shape", r"not \(N, 3\)"),
         ("lengths", r"not \(N, 3\)"), ("reference", "ref_quat"), ("backwards", "runs back at sample 100"),
-        ("gap", "gap of 5.0 s at sample 1000"), ("units", "rad/s"), ("objects", "plain numbers"),
+        ("gap", "gap of 5.0 s at sample 1000"), ("units", "2500 deg/s or 27.5 g"), ("objects", "plain numbers"),
     ],
 )  # fmt: skip
 def test_a_bad_recording_is_one_sentence(tmp_path: Path, change: str, sentence: str) -> None:

@@ -46,6 +46,8 @@ G_MPS2 = 9.80665
 SHORTEST_S = 2.0
 LONGEST_GAP_S = 1.0
 SINGULAR = 0.15
+RATE_LIMIT_DPS, ACCEL_LIMIT_G = 2500.0, 27.5
+"""What the firmware's calibrated values can carry is 7 turn/s and 28 g."""
 FULL_SCALE_COUNTS = 32_000
 """The largest sample of a channel lands here, of 32767: the ideal sensor is scaled to the recording."""
 
@@ -188,8 +190,9 @@ def _checked(path: Path, columns: dict[str, FloatArray]) -> Recording:
         raise UsageError(f"{path.name}: time stands still or runs back at sample {int(np.argmin(steps_s)) + 1}")
     if np.max(steps_s) > LONGEST_GAP_S:
         raise UsageError(f"{path.name} has a gap of {np.max(steps_s):.1f} s at sample {int(np.argmax(steps_s)) + 1}")
-    if np.max(np.abs(gyr)) > 2880.0 or np.max(np.abs(acc)) > 32.0:
-        raise UsageError(f"{path.name} exceeds 2880 deg/s or 32 g; are its units rad/s and m/s^2?")
+    if np.max(np.abs(gyr)) > RATE_LIMIT_DPS or np.max(np.abs(acc)) > ACCEL_LIMIT_G:
+        limits = f"{RATE_LIMIT_DPS:g} deg/s or {ACCEL_LIMIT_G:g} g"
+        raise UsageError(f"{path.name} exceeds {limits}; are its units those of the format?")
     quat, movement = columns.get("ref_quat"), columns.get("movement", np.ones(n))
     if (quat is not None and quat.shape != (n, 4)) or movement.shape != (n,):
         raise UsageError(f"{path.name}: ref_quat is not (N, 4), or movement not (N,), beside {n} samples")
@@ -250,7 +253,9 @@ def pick_axis(recording: Recording, axis: str, period_us: int | None = None) -> 
     for c, floor in enumerate((1.0, 0.01, 0.01)):
         unit = max(float(np.max(np.abs(signals[:, c]))), floor) / FULL_SCALE_COUNTS
         raw[:, c] = np.rint(signals[:, c] / unit).astype(np.int16)
-        channels.append(Channel(zero_counts=0.0, unit_per_count=unit, min_counts=-32768, max_counts=32767))
+        channels.append(
+            Channel(zero_counts=0.0, unit_per_count=unit, min_counts=-FULL_SCALE_COUNTS, max_counts=FULL_SCALE_COUNTS)
+        )
     at_s = np.arange(len(raw)) * (period_us * 1e-6)
     near = np.clip(np.rint(np.interp(at_s, recording.time_s, np.arange(len(recording.time_s)))), 0, None).astype(int)
     truth_deg, singular = np.full(len(raw), np.nan), np.zeros(len(raw), np.bool_)
