@@ -21,6 +21,11 @@
 #define FRAME_COMMAND  0x40U
 #define FRAMES_ALL     0x7FU
 
+/* Measurements outside their range; a limited command is no such thing. */
+#define FLAGS_SATURATED                                                                                      \
+    (CONTROL_FLAG_GYRO_CLAMPED | CONTROL_FLAG_ACCEL_Y_CLAMPED | CONTROL_FLAG_ACCEL_Z_CLAMPED |               \
+     CONTROL_FLAG_ARCSINE_LIMITED)
+
 void run_begin(session_t *s, uint16_t run) {
     s->mode = run == MESSAGE_RUN_BEGIN_RUN_LOCKSTEP ? SESSION_LOCKSTEP : SESSION_REALTIME;
     s->live = run == MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE;
@@ -239,7 +244,7 @@ static void send_named(session_t *s, const control_words_t *w, uint8_t step_low)
         outbox_telemetry(box, message_bias_pack(&m), step_low);
     }
     if ((mask & FRAME_RATE) != 0) {
-        const message_rate_t m = {.rate = w->rate_turnps_q28};
+        const message_rate_t m = {.rate = w->rate_corrected_turnps_q28};
         outbox_telemetry(box, message_rate_pack(&m), step_low);
     }
     if ((mask & FRAME_MEASURED) != 0) {
@@ -247,7 +252,7 @@ static void send_named(session_t *s, const control_words_t *w, uint8_t step_low)
         outbox_telemetry(box, message_measured_pack(&m), step_low);
     }
     if ((mask & FRAME_COMMAND) != 0) {
-        const message_command_t m = {.command = w->command_q30};
+        const message_command_t m = {.command = w->pid.command_q30};
         outbox_telemetry(box, message_command_pack(&m), step_low);
     }
 }
@@ -266,7 +271,7 @@ static void send_words(session_t *s, const control_words_t *w, uint8_t step_low)
 void session_stepped(session_t *s) {
     const control_words_t *const w = &s->control->words;
     const message_step_t step = {.step = s->step, .digest = digest_crc32(w, sizeof *w)};
-    const bool saturated = w->saturated != 0;
+    const bool saturated = (w->flags & FLAGS_SATURATED) != 0;
 
     s->digest[QUEUE_SLOT(s->step)] = step.digest;
     s->saturated = (uint16_t)(s->saturated + saturated);

@@ -25,9 +25,9 @@ _LONGEST_WAIT_S = 0.5
 class PlumbBus(can.BusABC):
     """A board behind a serial port, a TCP socket or an in-process stream.
 
-    channel: see `plumb.stream.open_stream`. tty_baudrate: of a serial port that does not name one. listen_only: telemetry
-    only, the board refuses frames. Opening starts telemetry; closing stops it and disarms. bitrate is accepted, as
-    python-can passes it, and means nothing: there is no CAN bus behind this link.
+    channel: see `plumb.stream.open_stream`. tty_baudrate: of a serial port that does not name one. listen_only:
+    telemetry only, the board refuses frames. Opening starts telemetry; closing stops it and disarms. bitrate is
+    accepted, as python-can passes it, and means nothing: there is no CAN bus behind this link.
     """
 
     def __init__(

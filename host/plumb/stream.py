@@ -21,6 +21,7 @@ from plumb.errors import LinkError
 WRITE_TIMEOUT_S = 2.0
 CONNECT_TIMEOUT_S = 5.0
 _CHUNK = 65536
+_STANDSTILL_S = 2.0
 
 
 class OpenError(LinkError, CanInitializationError):
@@ -53,7 +54,9 @@ class SocketStream:
             self._socket = socket.create_connection((host, port), CONNECT_TIMEOUT_S)
         except OSError as error:
             reason = error.strerror or str(error)
-            raise OpenError(f"no connection to {self.name} ({reason}): start the board there, or check the address")
+            raise OpenError(
+                f"no connection to {self.name} ({reason}): start the board there, or check the address"
+            ) from None
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.settimeout(WRITE_TIMEOUT_S)
 
@@ -151,8 +154,7 @@ class ObjectStream:
     """Anything in this process with read(n) and write(data): a virtual board's UART.
 
     read(n) gives what there is, at most n bytes, and may let simulated time pass for it. The object's clock_s(), where
-    it has one, is the clock that time-outs go by, so that a run does not depend on this machine's speed; without bytes
-    and without simulated time passing it is polled until the wall clock says so.
+    it has one, is the clock that time-outs go by, so that a run does not depend on this machine's speed.
     """
 
     def __init__(self, channel: Any) -> None:
@@ -162,19 +164,15 @@ class ObjectStream:
 
     def read(self, timeout_s: float) -> bytes:
         data = bytes(self._channel.read(_CHUNK))
-        if data or timeout_s <= 0:
-            return data
-        end, wall_end = self.clock() + timeout_s, time.monotonic() + timeout_s
         simulated = self.clock is not time.monotonic
-        while not data:
-            before = self.clock()
-            if before >= end or (time.monotonic() >= wall_end and not simulated):
-                break
+        end, wall_end = self.clock() + timeout_s, time.monotonic() + max(timeout_s, _STANDSTILL_S)
+        while not data and (before := self.clock()) < end:
             data = bytes(self._channel.read(_CHUNK))
-            if not data and self.clock() == before:
-                if simulated or time.monotonic() >= wall_end:
-                    break
-                time.sleep(0.0002)
+            if data or (self.clock() != before and simulated):
+                continue
+            if simulated and time.monotonic() >= wall_end:
+                raise ClosedError("the simulated board stands still: no bytes come and its time does not pass")
+            time.sleep(0.0002)
         return data
 
     def write(self, data: bytes) -> None:

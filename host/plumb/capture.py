@@ -1,0 +1,128 @@
+"""What a run in real time said: raw counts and digest of every step, and from which step on something is missing.
+
+The steps of a live run are judged by running the same raw counts through the model. A count that was lost on the way
+makes everything from there on unverified: neither right nor wrong.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.errors import LinkError
+from plumb.protocol import Frame
+from plumb.session import REPLY_TIMEOUT_S, TRIES, Session
+
+
+def _unwrap(last: int, low: int, bits: int) -> int:
+    """The number nearest to `last` whose low bits are `low`."""
+    size = 1 << bits
+    ahead = (low - last) % size
+    return last + (ahead if ahead < size // 2 else ahead - size)
+
+
+@dataclass
+class Capture:
+    """Frames of one real-time run, put together by step. Feed it with the frames as they come.
+
+    digest, raw: by step number, unwrapped. values: (step, signal) -> raw integer of the other selected frames. setpoint:
+    (step, value) pairs, the first step that used each. steps: steps heard of so far.
+    """
+
+    session: Session
+    digest: dict[int, int] = field(default_factory=dict)
+    raw: dict[int, list[int]] = field(default_factory=dict)
+    values: dict[str, dict[int, int]] = field(default_factory=dict)
+    time_us: list[tuple[int, int]] = field(default_factory=list)
+    setpoint: list[tuple[int, int]] = field(default_factory=lambda: [(0, 0)])
+    setpoint_doubt: int | None = None
+    steps: int = 0
+    armed_steps: int = 0
+
+    def __post_init__(self) -> None:
+        messages = self.session.protocol
+        self._step, self._used = messages["STEP"], messages["SETPOINT_USED"]
+        self._raw = {messages["RAW_A"].identifier: 0, messages["RAW_B"].identifier: 3}
+        self._raw_message = messages["RAW_A"]
+        self._time = messages["TIME"]
+        names = ("ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND")
+        self._named = {messages[name].identifier: messages[name] for name in names}
+        self._last = 0
+
+    def feed(self, frames: list[Frame]) -> None:
+        for identifier, data in frames:
+            if identifier == self._step.identifier:
+                _, second, low, digest = self._step.unpack(data)
+                self._last = _unwrap(self._last, low, 16)
+                self.digest[self._last] = digest
+                self.armed_steps += second >> 4 & 1
+                self.steps = max(self.steps, self._last + 1)
+            elif identifier in self._raw:
+                _, second, *counts = self._raw_message.unpack(data)
+                step = _unwrap(self._last, second & 63, 6)
+                at = self._raw[identifier]
+                self.raw.setdefault(step, [0] * 6)[at : at + 3] = counts
+                self.steps = max(self.steps, step + 1)
+            elif identifier in self._named:
+                message = self._named[identifier]
+                step = _unwrap(self._last, data[1] >> 4, 4)
+                for name, value in zip(message.words, message.unpack(data)[2:], strict=True):
+                    if not name.startswith("reserved"):
+                        self.values.setdefault(name, {})[step] = value
+            elif identifier == self._used.identifier:
+                _, _, low, value = self._used.unpack(data)
+                self.setpoint.append((_unwrap(self._last, low, 16), value))
+            elif identifier == self._time.identifier:
+                _, _, low, time_us = self._time.unpack(data)
+                self.time_us.append((_unwrap(self._last, low, 16), time_us))
+
+    def set_setpoint(self, setpoint_turn_q32: int) -> None:
+        """Change the setpoint, and hear at which step. A confirmation that does not come casts doubt on what follows."""
+        known = len(self.setpoint)
+        start = self.steps
+        for _ in range(TRIES):
+            self.session.set_setpoint(setpoint_turn_q32)
+            end = self.session.clock() + REPLY_TIMEOUT_S
+            while (remaining := end - self.session.clock()) > 0:
+                self.session.receive(remaining)
+                if len(self.setpoint) > known:
+                    return
+            self.setpoint_doubt = start if self.setpoint_doubt is None else self.setpoint_doubt
+        raise LinkError("the board does not take the setpoint: check the cable")
+
+    def collect(self, steps: int) -> None:
+        """Receive until that many steps were heard of. Raises LinkError when the board falls silent."""
+        silent = 0
+        while self.steps < steps:
+            silent = 0 if self.session.receive(REPLY_TIMEOUT_S) else silent + 1
+            if silent >= TRIES:
+                raise LinkError(f"the board fell silent after step {self.steps}: check cable and power")
+
+    def unverified_from(self, steps: int) -> int | None:
+        """The first step below `steps` whose digest, raw counts or setpoint did not arrive, else None."""
+        missing = [step for step in range(steps) if step not in self.digest or step not in self.raw]
+        doubts = missing[:1] + ([self.setpoint_doubt] if self.setpoint_doubt is not None else [])
+        return min(doubts, default=None)
+
+    def raw_counts(self, steps: int) -> npt.NDArray[np.int16]:
+        """Shape (steps, 6); zero where lost."""
+        return np.array([self.raw.get(step, [0] * 6) for step in range(steps)], np.int16).reshape(steps, 6)
+
+    def digests(self, steps: int) -> npt.NDArray[np.uint32]:
+        """Shape (steps,); zero where lost."""
+        return np.array([self.digest.get(step, 0) for step in range(steps)], np.uint32)
+
+    def setpoints(self, steps: int) -> npt.NDArray[np.int32]:
+        """Shape (steps,): the setpoint each step used, turn_q32."""
+        result = np.zeros(steps, np.int32)
+        for step, value in self.setpoint:
+            result[max(step, 0) :] = value
+        return result
+
+    def series(self, name: str, steps: int) -> npt.NDArray[Any]:
+        """A signal of the other frames over the steps, shape (steps,), NaN where lost; raw integers as float64."""
+        seen = self.values.get(name, {})
+        return np.array([seen.get(step, np.nan) for step in range(steps)], np.float64)

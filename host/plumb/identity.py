@@ -1,0 +1,116 @@
+"""Who a board says it is, and what it means when it says no: numbers of the wire in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from plumb import parameters
+from plumb.errors import LinkError
+from plumb.protocol import Protocol
+
+BLOCKED = {
+    0: "no host of its version has connected",
+    1: "no run is on",
+    2: "in lockstep nothing can be armed: begin a run in real time",
+    3: "the board has a fault",
+    4: "the link is closed or read-only",
+    5: "the keep-alive was lost",
+    6: "the host disarmed",
+}
+FAULTS = {
+    0: "no conversions",
+    1: "control steps were missed",
+    2: "a processor fault ended the run before",
+    3: "the flash does not hold what was built",
+    8: "running on the internal oscillator",
+    9: "received bytes were lost",
+    10: "the watchdog ended the run before",
+}
+_REASONS = {
+    "UNSUPPORTED": "this image cannot do that",
+    "COUNT": "it has another number of parameters",
+    "CRC": "the staged table is not the one that was meant",
+    "PARAMETERS": "the parameters contradict each other",
+    "BUSY": "a run is on",
+    "NONCE": "the nonce was not fresh",
+    "NO_RUN": "no run is on",
+    "ROOM": "a step with that many words does not fit into its transmit queue",
+}
+
+
+
+def bits_text(bits: int, names: dict[int, str]) -> str:
+    """The meaning of the bits that are set, joined; 'none' for 0."""
+    return "; ".join(names.get(bit, f"bit {bit}") for bit in range(32) if bits >> bit & 1) or "none"
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What the board said of itself. items: every item by the name the DBC has for it."""
+
+    items: dict[str, int]
+    mismatch: str | None
+
+    def __getitem__(self, item: str) -> int:
+        return self.items.get(item, 0)
+
+    @property
+    def git_hash(self) -> str:
+        """First 16 digits of the commit the image was built from, '+' when the tree differed; '' when not known."""
+        if not self["GIT_HASH_0"] and not self["GIT_HASH_1"]:
+            return ""
+        return f"{self['GIT_HASH_0']:08x}{self['GIT_HASH_1']:08x}" + ("+" if self["GIT_DIRTY"] else "")
+
+    @property
+    def unique_id(self) -> str:
+        return "".join(f"{self[f'UNIQUE_ID_{i}']:08x}" for i in range(3))
+
+
+def identity_of(items: dict[int, int], mine: Protocol, parameter_count: int) -> Identity:
+    """From the items of IDENTITY by number, with what differs from this plumb spelled out."""
+    message = mine["IDENTITY"]
+    named = {message.choice("item", item): value for item, value in items.items()}
+    version, dbc_hash = named.get("PROTOCOL_VERSION", 0), named.get("DBC_HASH", 0)
+    mismatch = None
+    if version != mine.version:
+        older = "the board's image" if version < mine.version else "this plumb"
+        mismatch = (
+            f"the board speaks protocol version {version}, this plumb version {mine.version}: update {older}; "
+            "reading works, arming does not"
+        )
+    elif dbc_hash != mine.dbc_hash:
+        mismatch = (
+            f"the board was built from other message definitions ({dbc_hash:08x}) than this plumb "
+            f"({mine.dbc_hash:08x}): flash the image that belongs to it; reading works, arming does not"
+        )
+    elif named.get("PARAMETER_COUNT") != parameter_count:
+        mismatch = (
+            f"the board has {named.get('PARAMETER_COUNT')} parameters, this plumb {parameter_count}: "
+            "flash the image that belongs to it; reading works, arming does not"
+        )
+    return Identity(named, mismatch)
+
+
+class NackError(LinkError):
+    """The board answered no. reason: as the DBC names it."""
+
+    def __init__(self, reason: str, detail: int, text: str) -> None:
+        super().__init__(text)
+        self.reason = reason
+        self.detail = detail
+
+
+def nack_error(mine: Protocol, said: dict[str, int]) -> NackError:
+    """The error for a NACK, from its words by name."""
+    request = mine.by_identifier.get(said["request"])
+    reason = mine["NACK"].choice("reason", said["reason"])
+    detail = said["detail"]
+    name = request.name if request else hex(said["request"])
+    if reason == "BLOCKED":
+        why = bits_text(detail, BLOCKED)
+    elif reason in ("RANGE", "INDEX") and detail < len(parameters.table()):
+        row = parameters.table()[detail]
+        why = f"parameter {row.name} is outside {row.min} to {row.max}"
+    else:
+        why = _REASONS.get(reason, reason.lower().replace("_", " "))
+    return NackError(reason, detail, f"the board refused {name}: {why}")

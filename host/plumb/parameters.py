@@ -1,0 +1,86 @@
+"""The table of parameters: every 32-bit word a run depends on, by number, with limits in integers.
+
+`parameters.toml` is the one source: the firmware's table is generated from it, and the host checks against it. Units
+and formats are for people; what a tuning in engineering units comes to is worked out by `plumb.quantise`.
+"""
+
+from __future__ import annotations
+
+import struct
+import tomllib
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from plumb.errors import UsageError
+
+TABLE_PATH = Path(__file__).with_name("parameters.toml")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One word. name: the member of control_params_t, or of the link's part. owner: control or link. type: int32 or
+    uint32. format: what the integer stands for. min, max, default: integers as the firmware holds them."""
+
+    name: str
+    owner: str
+    type: str
+    unit: str
+    format: str
+    min: int
+    max: int
+    default: int
+    doc: str
+
+    def from_word(self, word: int) -> int:
+        """The integer of 32 bits as they came."""
+        return word - (1 << 32) if self.type == "int32" and word & 0x80000000 else word
+
+
+def load(path: Path) -> tuple[Parameter, ...]:
+    """The rows in order; raises UsageError with a sentence for a row that cannot be."""
+    rows = tuple(Parameter(**row) for row in tomllib.loads(path.read_text(encoding="utf-8"))["parameter"])
+    for row in rows:
+        low, high = (-(1 << 31), (1 << 31) - 1) if row.type == "int32" else (0, (1 << 32) - 1)
+        if row.type not in ("int32", "uint32") or not low <= row.min <= row.default <= row.max <= high:
+            raise UsageError(f"{path.name}: {row.name}: not {low} <= min <= default <= max <= {high}")
+        if row.owner not in ("control", "link"):
+            raise UsageError(f"{path.name}: {row.name}: the owner is control or link")
+    if len({row.name for row in rows}) != len(rows):
+        raise UsageError(f"{path.name}: two rows have the same name")
+    if [row.owner for row in rows] != sorted(row.owner for row in rows):
+        raise UsageError(f"{path.name}: the words of control come first")
+    return rows
+
+
+@lru_cache(maxsize=1)
+def table() -> tuple[Parameter, ...]:
+    """The table of this version."""
+    return load(TABLE_PATH)
+
+
+def crc32(words: Sequence[int]) -> int:
+    """CRC-32 of the whole table, as a commit carries it; words signed or unsigned, each taken modulo 2^32."""
+    return zlib.crc32(struct.pack(f"<{len(words)}I", *(word & 0xFFFFFFFF for word in words)))
+
+
+def whole_table(control_words: Sequence[int], **link_words: int) -> list[int]:
+    """Every word of the table in order: the control part, then the link's, from link_words or their defaults.
+
+    Raises UsageError when the number of words is wrong, a name is unknown, or a value is out of its range.
+    """
+    rows = table()
+    control = [row for row in rows if row.owner == "control"]
+    link = [row for row in rows if row.owner == "link"]
+    if len(control_words) != len(control):
+        raise UsageError(f"the control part has {len(control)} words, not {len(control_words)}")
+    unknown = sorted(set(link_words) - {row.name for row in link})
+    if unknown:
+        raise UsageError(f"there is no parameter '{unknown[0]}'; the link's are {', '.join(row.name for row in link)}")
+    words = [int(word) for word in control_words] + [link_words.get(row.name, row.default) for row in link]
+    for row, word in zip(rows, words, strict=True):
+        if not row.min <= row.from_word(word & 0xFFFFFFFF) <= row.max:
+            raise UsageError(f"parameter {row.name} = {word} is outside {row.min} to {row.max}")
+    return words

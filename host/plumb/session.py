@@ -1,0 +1,372 @@
+"""The conversation with a board: connect, parameters, runs, arming.
+
+A session works over any python-can bus; over `PlumbBus` it takes frames in chunks, which is what makes it fast. All
+time-outs go by the bus's clock where it has one, so that a simulated board answers the same way on every machine.
+Every request is answered, and repeated when it is not; trouble is a LinkError of one sentence.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Any, Self
+
+import can
+
+from plumb import parameters
+from plumb.errors import LinkError, UsageError
+from plumb.identity import Identity, NackError, identity_of, nack_error
+from plumb.protocol import Frame, Message, check, protocol
+from plumb.serialbus import DEFAULT_BAUDRATE, PlumbBus
+
+REPLY_TIMEOUT_S = 0.25
+TRIES = 4
+IN_FLIGHT = 16
+KEEPALIVE_EVERY_S = 0.015
+
+@dataclass
+class LinkCounters:
+    """Frames that did not make it, seen from here; the board's own counters are in Session.telemetry."""
+
+    lost: int = 0
+    rejected: int = 0
+    repeated_requests: int = 0
+
+
+@dataclass
+class Selection:
+    """What every step sends after its STEP: frames by name, words by their place in the record."""
+
+    frames: tuple[str, ...] = ()
+    words: tuple[int, ...] = ()
+
+    def count(self) -> int:
+        return len(self.frames) + len(self.words)
+
+
+SELECTABLE = ("RAW_A", "RAW_B", "ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND")
+"""Frames of SELECT bank 0, bit by bit."""
+
+
+@dataclass
+class Session:
+    """One board on one bus. Use as a context manager: leaving it closes the bus, which disarms.
+
+    telemetry: last TIME, STATUS, COUNTERS and EVENTS, as raw integers by name. listener: gets all frames as they come,
+    those too that arrive while a request waits for its answer.
+    """
+
+    bus: can.BusABC
+    identity: Identity | None = None
+    counters: LinkCounters = field(default_factory=LinkCounters)
+    telemetry: dict[str, dict[str, int]] = field(default_factory=dict)
+    selection: Selection = field(default_factory=Selection)
+    listener: Callable[[list[Frame]], None] | None = None
+
+    def __post_init__(self) -> None:
+        self.protocol = protocol()
+        self.clock: Callable[[], float] = getattr(self.bus, "clock", time.monotonic)
+        self.fast = self.bus if isinstance(self.bus, PlumbBus) else None
+        self._sent: dict[int, int] = {}
+        self._received: dict[int, int] = {}
+        numbered = ("RAW_A", "RAW_B", "STEP")
+        self._numbered = {self.protocol[name].identifier for name in numbered}
+        self._kept = {self.protocol[name].identifier: name for name in ("TIME", "STATUS", "COUNTERS", "EVENTS")}
+        self._token: int | None = None
+        self._keepalive_s = 0.0
+
+    @classmethod
+    def open(cls, channel: Any, baudrate: int = DEFAULT_BAUDRATE) -> Self:
+        """Open the channel and connect; the bus is closed again when that fails."""
+        bus = PlumbBus(channel, baudrate)
+        try:
+            session = cls(bus)
+            session.connect()
+        except BaseException:
+            bus.shutdown()
+            raise
+        return session
+
+    def close(self) -> None:
+        self._token = None
+        self.bus.shutdown()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # ---- frames ----
+
+    def frame(self, name: str, *words: int, flags: int = 0) -> Frame:
+        """A sealed frame with the next counter of its identifier."""
+        message = self.protocol[name]
+        counter = self._sent.get(message.identifier, 0)
+        self._sent[message.identifier] = counter + 1 & 15
+        return message.identifier, message.pack(counter, flags, *words)
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        if self.fast is not None:
+            self.fast.write_frames(frames)
+            return
+        for identifier, data in frames:
+            self.bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False), timeout=1.0)
+
+    def receive(self, timeout_s: float) -> list[Frame]:
+        """Frames that came, each looked at for what went missing and for telemetry; keeps an armed board alive."""
+        self.pump()
+        frames = self.fast.read_frames(timeout_s) if self.fast is not None else self._receive_slowly(timeout_s)
+        for frame in frames:
+            self._note(frame)
+        if self.listener is not None:
+            self.listener(frames)
+        return frames
+
+    def _receive_slowly(self, timeout_s: float) -> list[Frame]:
+        frames: list[Frame] = []
+        message = self.bus.recv(timeout_s)
+        while message is not None:
+            frame = (message.arbitration_id, bytes(message.data))
+            if message.is_extended_id or frame[0] not in self.protocol.by_identifier:
+                pass
+            elif check(*frame):
+                frames.append(frame)
+            else:
+                self.counters.rejected += 1
+            message = self.bus.recv(0)
+        return frames
+
+    def _note(self, frame: Frame) -> None:
+        identifier, data = frame
+        if identifier not in self._numbered:
+            counter = data[1] & 15
+            last = self._received.get(identifier)
+            if last is not None:
+                self.counters.lost += counter - last - 1 & 15
+            self._received[identifier] = counter
+            kept = self._kept.get(identifier)
+            if kept is not None:
+                self.telemetry[kept] = self.protocol[kept].decode(data)
+
+    # ---- requests ----
+
+    def request(self, name: str, *words: int, answer: str = "ACK", first: int | None = None) -> dict[str, int]:
+        """Send, wait for the answer, repeat when there is none.
+
+        answer: name of the message that answers. first: value its first word must have (ACK: always the request).
+        Raises NackError for a no, LinkError for silence.
+        """
+        expected, nack, ack = self.protocol[answer], self.protocol["NACK"], self.protocol["ACK"]
+        asked = self.protocol[name].identifier
+        for attempt in range(TRIES):
+            self.counters.repeated_requests += attempt > 0
+            frame = self.frame(name, *words)
+            counter = frame[1][1] & 15
+            self.send([frame])
+            end = self.clock() + REPLY_TIMEOUT_S
+            while (remaining := end - self.clock()) > 0:
+                for identifier, data in self.receive(remaining):
+                    if identifier in (ack.identifier, nack.identifier):
+                        said = self.protocol.by_identifier[identifier].decode(data)
+                        if said["request"] != asked or said["request_counter"] != counter:
+                            continue
+                        if identifier == nack.identifier:
+                            raise nack_error(self.protocol, said)
+                        if expected is ack:
+                            return said
+                    elif identifier == expected.identifier:
+                        said = expected.decode(data)
+                        if first is None or said[expected.words[0]] == first:
+                            return said
+        raise LinkError(f"the board stopped answering ({name} on {self.bus.channel_info}): check cable and power")
+
+    # ---- connect ----
+
+    def connect(self) -> Identity:
+        """Say hello and hear who is there; Identity.mismatch says why arming is out of the question, if it is.
+
+        Raises LinkError when nobody answers.
+        """
+        message = self.protocol["IDENTITY"]
+        end_item = message.value("item", "END")
+        for _ in range(TRIES):
+            items: dict[int, int] = {}
+            self._sent.clear()
+            self._received.clear()
+            self.send([self.frame("HELLO", self.protocol.version, self.protocol.dbc_hash)])
+            end = self.clock() + 2 * REPLY_TIMEOUT_S
+            while end_item not in items and (remaining := end - self.clock()) > 0:
+                for identifier, data in self.receive(remaining):
+                    if identifier == message.identifier:
+                        item, value = message.unpack(data)[2:]
+                        items[item] = value
+            if end_item in items and len(items) == items[end_item] + 1:
+                self.identity = identity_of(items, self.protocol, len(parameters.table()))
+                return self.identity
+        what = "answered, but not in full" if items else "does not answer"
+        raise LinkError(
+            f"{self.bus.channel_info}: the board {what}; check that it runs plumb, at this baud rate, and that "
+            "no other program reads this port"
+        )
+
+    def require_match(self) -> Identity:
+        """The identity, connecting first when that was not done; raises LinkError with the mismatch if there is one."""
+        identity = self.identity or self.connect()
+        if identity.mismatch:
+            raise LinkError(identity.mismatch)
+        return identity
+
+    # ---- parameters ----
+
+    def read_parameters(self) -> list[int]:
+        """Every parameter in use, as the integers of the table (unsigned where this version has no row for it)."""
+        identity = self.identity or self.connect()
+        count, message = identity["PARAMETER_COUNT"], self.protocol["PARAM_VALUE"]
+        values: dict[int, int] = {}
+        for _ in range(TRIES):
+            self.send([self.frame("PARAM_GET", 0xFFFF, 0)])
+            self._collect(message, values, range(count))
+            if len(values) == count:
+                rows = parameters.table()
+                return [rows[i].from_word(values[i]) if i < len(rows) else values[i] for i in range(count)]
+            self.counters.repeated_requests += 1
+        raise LinkError(f"only {len(values)} of {count} parameters came back: check the cable")
+
+    def _collect(self, message: Message, values: dict[int, int], wanted: Collection[int]) -> None:
+        """Take (index, value) frames into values until every wanted index has come, or nothing more comes."""
+        nack = self.protocol["NACK"]
+        missing = {index for index in wanted if index not in values}
+        end = self.clock() + REPLY_TIMEOUT_S
+        while missing and self.clock() < end:
+            frames = self.receive(REPLY_TIMEOUT_S)
+            for identifier, data in frames:
+                if identifier == message.identifier:
+                    index, value = message.unpack(data)[2:]
+                    values[index] = value
+                    missing.discard(index)
+                    end = self.clock() + REPLY_TIMEOUT_S
+                elif identifier == nack.identifier and nack.decode(data)["request"] in (
+                    self.protocol["PARAM_SET"].identifier,
+                    self.protocol["PARAM_GET"].identifier,
+                ):
+                    raise nack_error(self.protocol, nack.decode(data))
+
+    def upload(self, control_words: Sequence[int], **link_words: int) -> int:
+        """Stage the whole table, then commit it by its CRC-32, ending a run that is on; returns the CRC.
+
+        control_words: the control part in order; link_words: period_us and the like, defaults where not given. Raises
+        UsageError for a value out of range (or one the board finds contradictory), LinkError for silence.
+        """
+        self.require_match()
+        words = parameters.whole_table(control_words, **link_words)
+        staged = {index: word & 0xFFFFFFFF for index, word in enumerate(words)}
+        crc = parameters.crc32(words)
+        for _ in range(TRIES):
+            self._stage(staged)
+            try:
+                self._commit(len(words), crc)
+            except NackError as error:
+                if error.reason == "PARAMETERS":
+                    raise UsageError(f"{error}: see the limits in DESIGN.md") from None
+                if error.reason != "CRC":
+                    raise
+                continue
+            return crc
+        raise LinkError("the parameters did not arrive as they were sent: check the cable")
+
+    def _stage(self, words: dict[int, int]) -> None:
+        message = self.protocol["PARAM_STAGED"]
+        for _ in range(TRIES):
+            echoed: dict[int, int] = {}
+            indices = list(words)
+            for at in range(0, len(indices), IN_FLIGHT):
+                part = indices[at : at + IN_FLIGHT]
+                self.send([self.frame("PARAM_SET", index, words[index]) for index in part])
+                self._collect(message, echoed, part)
+            words = {index: word for index, word in words.items() if echoed.get(index) != word}
+            if not words:
+                return
+            self.counters.repeated_requests += len(words)
+        raise LinkError(f"{len(words)} parameters were not acknowledged: check the cable")
+
+    def _commit(self, count: int, crc: int) -> None:
+        try:
+            self.request("PARAM_COMMIT", count, crc)
+        except NackError as error:
+            if error.reason != "BUSY":
+                raise
+            self.end()
+            self.request("PARAM_COMMIT", count, crc)
+
+    # ---- runs and arming ----
+
+    def _answer_nonce(self, request: str, verb: int) -> int:
+        """Ask for a nonce and carry the command out with it; returns the nonce. A lost answer asks anew."""
+        for attempt in range(TRIES):
+            nonce = self.request("CHALLENGE", verb, 0, answer="NONCE", first=verb)["nonce"]
+            try:
+                self.request(request, verb, nonce)
+            except NackError as error:
+                if error.reason != "NONCE" or attempt == TRIES - 1:
+                    raise
+                continue
+            return nonce
+        raise LinkError("the board accepts no nonce")
+
+    def select(self, frames: Iterable[str] = (), words: Iterable[int] = ()) -> None:
+        """Choose what steps send: frames of SELECTABLE, words by their place in the record. May change in a run."""
+        chosen = Selection(tuple(frames), tuple(sorted(set(words))))
+        for frame in chosen.frames:
+            if frame not in SELECTABLE:
+                raise UsageError(f"no frame '{frame}' can be selected; there are {', '.join(SELECTABLE)}")
+        identity = self.identity or self.connect()
+        banks = [0] * (1 + (identity["RECORD_WORDS"] + 31) // 32)
+        banks[0] = sum(1 << SELECTABLE.index(frame) for frame in set(chosen.frames))
+        for word in chosen.words:
+            if not 0 <= word < identity["RECORD_WORDS"]:
+                raise UsageError(f"the board's record has no word {word}")
+            banks[1 + word // 32] |= 1 << word % 32
+        # Emptier first, so that no state in between is larger than the old or the new one.
+        for bank, mask in sorted(enumerate(banks), key=lambda entry: entry[1].bit_count()):
+            self.request("SELECT", bank, mask)
+        self.selection = chosen
+
+    def begin(self, run: str = "LOCKSTEP", frames: Iterable[str] = (), words: Iterable[int] = ()) -> None:
+        """Begin a run: LOCKSTEP, REALTIME_INJECTED or REALTIME_LIVE. State, step number and digest start anew."""
+        self.require_match()
+        self.select(frames, words)
+        self._token = None
+        self._answer_nonce("RUN_BEGIN", self.protocol["RUN_BEGIN"].value("run", run))
+
+    def end(self) -> int:
+        """End the run and disarm; returns its number of steps, modulo 2^16."""
+        self._token = None
+        return self.request("RUN_END", 0, 0)["detail"]
+
+    def arm(self) -> None:
+        """Arm; from here on `receive` or `pump` has to be called at least every 50 ms.
+
+        Raises LinkError with what is in the way.
+        """
+        self.require_match()
+        self._token = self._answer_nonce("EXECUTE", self.protocol["EXECUTE"].value("verb", "ARM"))
+        self._keepalive_s = self.clock()
+
+    def disarm(self) -> None:
+        self._token = None
+        self.request("DISARM", 0, 0)
+
+    def pump(self) -> None:
+        """Send the keep-alive when it is due. There is no thread for it on purpose: who hangs must lose the board."""
+        if self._token is not None and self.clock() - self._keepalive_s >= KEEPALIVE_EVERY_S:
+            self._keepalive_s = self.clock()
+            self.send([self.frame("KEEPALIVE", 0, self._token)])
+
+    def set_setpoint(self, setpoint_turn_q32: int) -> None:
+        """Real time: the setpoint from the next step on; the board tells the step with SETPOINT_USED."""
+        self.send([self.frame("SETPOINT", 0, setpoint_turn_q32)])
