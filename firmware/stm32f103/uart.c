@@ -10,6 +10,8 @@
 #define RX_BYTES   1024u /* 11 ms at full rate; a power of two */
 #define TX_BYTES   256u  /* 2.8 ms; the queue proper is the session's */
 #define ERRORS_MAX 255u
+#define DIVIDER_MIN                                                                                          \
+    16u /* below it the receiver does not sample; only without any PLL is the clock that slow */
 
 static uint8_t rx_ring[RX_BYTES];
 static volatile uint32_t rx_taken; /* index of the next byte to read */
@@ -33,7 +35,8 @@ void uart_init(void) {
     irq_enable(IRQ_DMA1_Channel5);
     irq_enable(IRQ_USART1);
     /* Divider in 1/16 of 16 samples, that is, clock cycles per bit, rounded: 78 at 72 MHz is 0.16 % fast. */
-    USART1_BRR = (clock_mhz() * 1000000u + BAUD / 2u) / BAUD;
+    const uint32_t divider = (clock_mhz() * 1000000u + BAUD / 2u) / BAUD;
+    USART1_BRR = divider < DIVIDER_MIN ? DIVIDER_MIN : divider;
     USART1_CR3 = USART1_CR3_DMAR | USART1_CR3_DMAT | USART1_CR3_EIE;
     USART1_CR1 = USART1_CR1_UE | USART1_CR1_TE | USART1_CR1_RE | USART1_CR1_IDLEIE;
 }
