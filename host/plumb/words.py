@@ -1,0 +1,83 @@
+"""The words of a step: raw inputs, intermediates and outputs, in the written order that digests are taken over.
+
+One numpy record per step, little endian, without padding: the same bytes as the firmware's struct. The order is that of
+DESIGN.md, "Numbers"; a test holds it equal to the name list the C exports.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.errors import UsageError
+
+WORDS_DTYPE = np.dtype(
+    [
+        *((f"raw_{i}", "<i4") for i in range(6)),
+        ("setpoint_turn_q32", "<i4"),
+        ("rate_turnps_q28", "<i4"),
+        ("accel_y_g_q26", "<i4"),
+        ("accel_z_g_q26", "<i4"),
+        ("tilt_measured_turn_q32", "<i4"),
+        ("variance", "<u4"),
+        ("tilt_turn_q62", "<i8"),
+        ("bias_turn_q62", "<i8"),
+        ("p00", "<i8"),
+        ("p01", "<i8"),
+        ("p11", "<i8"),
+        ("p11_frac", "<u4"),
+        ("innovation_turn_q32", "<i4"),
+        ("k0_q30", "<u4"),
+        ("k1_q30", "<i4"),
+        ("tilt_turn_q32", "<i4"),
+        ("bias_turnps_q28", "<i4"),
+        ("rate_corrected_turnps_q28", "<i4"),
+        ("error_turn_q32", "<i4"),
+        ("integral_q54", "<i8"),
+        ("rate_filtered_turnps_q27", "<i4"),
+        ("demand_q30", "<i4"),
+        ("command_q30", "<i4"),
+        ("limited", "<u4"),
+        ("pulse_halfus_0", "<u4"),
+        ("pulse_halfus_1", "<u4"),
+        ("flags", "<u4"),
+        ("step", "<u4"),
+    ]
+)
+
+
+class Words(Mapping[str, npt.NDArray[np.int64]]):
+    """Name -> int64 array of shape (steps,) or (steps, runs), backed by one packed record array."""
+
+    def __init__(self, record: npt.NDArray[np.void]) -> None:
+        if record.dtype != WORDS_DTYPE:
+            raise UsageError(f"a step has {WORDS_DTYPE.itemsize} bytes in {len(WORDS_DTYPE)} words, not {record.dtype}")
+        self.record = np.ascontiguousarray(record)
+
+    @classmethod
+    def from_bytes(cls, data: bytes | bytearray | memoryview, shape: tuple[int, ...]) -> Words:
+        """From the packed bytes of the firmware's struct, steps (then runs) in C order."""
+        return cls(np.frombuffer(data, WORDS_DTYPE).reshape(shape))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return WORDS_DTYPE.names or ()
+
+    def __getitem__(self, name: str) -> npt.NDArray[np.int64]:
+        return self.record[name].astype(np.int64)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def digests(self) -> npt.NDArray[np.uint32]:
+        """CRC-32 of every step's bytes, shape (steps,) or (steps, runs)."""
+        size = WORDS_DTYPE.itemsize
+        data = memoryview(self.record.tobytes())
+        crcs = [zlib.crc32(data[at : at + size]) for at in range(0, len(data), size)]
+        return np.array(crcs, np.uint32).reshape(self.record.shape)
