@@ -75,6 +75,29 @@ def test_motion_has_the_published_amplitudes(runs: list[quad.Scenario]) -> None:
     assert 0.25 < np.max(np.abs(lateral)) < 0.75
 
 
+def test_the_motion_is_smoothed_by_0_12_s(runs: list[quad.Scenario]) -> None:
+    # A Gaussian of sigma s passes a sine of f Hz with exp(-(2 pi f s)^2 / 2); whole periods of all three parts.
+    t, tilt_deg = runs[0].time_s[350:5650], runs[0].tilt_deg()[350:5650]
+    for f, amplitude in ((0.25, 15.0), (0.7, 8.0)):
+        seen = 2.0 * abs(np.mean(tilt_deg * np.exp(-2j * np.pi * f * t)))
+        assert seen == pytest.approx(amplitude * np.exp(-0.5 * (2.0 * np.pi * f * 0.12) ** 2), rel=0.03)
+
+
+def test_the_sensors_err_as_stated(runs: list[quad.Scenario], engineering: np.ndarray) -> None:
+    rest, lsb_dps, lsb_g = slice(0, 200), 1.2024, 1.00708e-3
+    at_rest = np.std(engineering[:, rest], axis=1).mean(axis=1)
+    # ADC: 0.7 LSB before rounding, and rounding.
+    assert at_rest[0] == pytest.approx(np.sqrt(0.5**2 + (0.49 + 1 / 12) * lsb_dps**2), rel=0.02)
+    assert at_rest[1:] == pytest.approx(np.sqrt(8.2e-3**2 + (0.49 + 1 / 12) * lsb_g**2), rel=0.02)
+    offsets_g = np.mean(engineering[1:, rest], axis=1) - np.array([[0.0], [1.0]])
+    assert float(np.sqrt(np.mean(offsets_g**2))) == pytest.approx(3e-3, rel=0.25)
+    rate = np.stack([run.rate_dps() for run in runs], axis=-1)
+    bias = np.stack([run.bias_dps for run in runs], axis=-1)
+    slope = np.sum((engineering[0] - bias) * rate, axis=0) / np.sum(rate * rate, axis=0)
+    assert slope == pytest.approx(np.array([run.scale for run in runs]), abs=3e-3)
+    assert 0.007 < float(np.sqrt(np.mean((slope - 1.0) ** 2))) < 0.014
+
+
 def test_quiet_is_motion_without_lateral_acceleration() -> None:
     motion, quiet = quad.scenario("motion", 7), quad.scenario("quiet", 7)
     assert np.array_equal(motion.tilt_deg(), quiet.tilt_deg()) and np.array_equal(motion.bias_dps, quiet.bias_dps)

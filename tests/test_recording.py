@@ -84,6 +84,15 @@ def test_the_rate_of_tilt_is_the_stated_one_in_general_motion() -> None:
             assert ((quotient + np.pi) % (2 * np.pi) - np.pi) / (2 * h) == pytest.approx(w[i] - coupling, abs=1e-5)
 
 
+def test_a_longer_period_takes_the_mean_and_does_not_alias() -> None:
+    time_s = np.arange(4001) / 1000.0
+    hum = np.sin(2.0 * np.pi * 50.0 * time_s + 1.0)
+    slow = 3.0 * time_s
+    out = recording.steady(time_s, np.stack([hum, slow], 1), 20_000)
+    assert np.max(np.abs(out[1:-1, 0])) < 1e-9, "one whole period of the hum in every mean"
+    assert out[1:-1, 1] == pytest.approx(3.0 * 0.02 * np.arange(1, len(out) - 1))
+
+
 def test_markers_lost_and_a_vertical_axis_are_not_scored(tmp_path: Path) -> None:
     columns = turning("x")
     columns["ref_quat"][800:900] = np.nan
