@@ -6,12 +6,11 @@
  * framing's CRC. */
 #include "port.h"
 
-#define BAUD       921600u
-#define RX_BYTES   1024u /* 11 ms at full rate; a power of two */
-#define TX_BYTES   256u  /* 2.8 ms; the queue proper is the session's */
-#define ERRORS_MAX 255u
-#define DIVIDER_MIN                                                                                          \
-    16u /* below it the receiver does not sample; only without any PLL is the clock that slow */
+#define BAUD        921600u
+#define RX_BYTES    1024u /* 11 ms at full rate; a power of two */
+#define TX_BYTES    256u  /* 2.8 ms; the queue proper is the session's */
+#define ERRORS_MAX  255u
+#define DIVIDER_MIN 16u /* the receiver takes 16 samples a bit; reached only when no PLL locks */
 
 static uint8_t rx_ring[RX_BYTES];
 static volatile uint32_t rx_taken; /* index of the next byte to read */
