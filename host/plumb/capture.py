@@ -28,8 +28,8 @@ def _unwrap(last: int, low: int, bits: int) -> int:
 class Capture:
     """Frames of one real-time run, put together by step. Feed it with the frames as they come.
 
-    digest, raw: by step number, unwrapped. values: (step, signal) -> raw integer of the other selected frames. setpoint:
-    (step, value) pairs, the first step that used each. steps: steps heard of so far.
+    digest, raw: by step number, unwrapped. values: signal -> step -> raw integer, of the other selected frames.
+    setpoint: (step, value) pairs, the first step that used each. steps: steps heard of so far.
     """
 
     session: Session
@@ -80,7 +80,7 @@ class Capture:
                 self.time_us.append((_unwrap(self._last, low, 16), time_us))
 
     def set_setpoint(self, setpoint_turn_q32: int) -> None:
-        """Change the setpoint, and hear at which step. A confirmation that does not come casts doubt on what follows."""
+        """Change the setpoint, and hear at which step. Without that, what follows is in doubt."""
         known = len(self.setpoint)
         start = self.steps
         for _ in range(TRIES):

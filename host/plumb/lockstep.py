@@ -18,7 +18,7 @@ from plumb.errors import LinkError, UsageError
 from plumb.identity import NackError, nack_error
 from plumb.protocol import Frame, Protocol
 from plumb.session import IN_FLIGHT, REPLY_TIMEOUT_S, TRIES, Session
-from plumb.slcan import crc8_columns
+from plumb.slcan import crc8_columns, frame_of_line, text_of_frames
 
 _WITH_B, _WITH_SETPOINT = 0x40, 0x80
 _LINE = 22
@@ -59,13 +59,13 @@ def samples_text(
     raw = np.asarray(raw)
     setpoint = np.asarray(setpoint, np.int64)
     if raw.ndim != 2 or raw.shape[1] not in (3, 6) or setpoint.shape != (len(raw),):
-        raise UsageError(f"samples have the shape (n, 3) or (n, 6) and setpoints (n,), not {raw.shape}, {setpoint.shape}")
+        raise UsageError(f"samples are (n, 3) or (n, 6) and setpoints (n,), not {raw.shape} and {setpoint.shape}")
     if raw.size and (raw.min() < -32768 or raw.max() > 32767):
         raise UsageError("a raw count is outside -32768 to 32767")
     counts = np.zeros((len(raw), 6), "<i2")
     counts[:, : raw.shape[1]] = raw
     numbers = step + np.arange(len(raw))
-    second = (numbers & 15 | (numbers >> 4 & 3) << 4).astype(np.uint8)
+    second: npt.NDArray[np.uint8] = (numbers & 63).astype(np.uint8)
     has_b = counts[:, 3:].any(axis=1)
     has_setpoint = np.diff(setpoint, prepend=before) != 0
     body = np.zeros((len(raw), 6), np.uint8)
@@ -74,7 +74,7 @@ def samples_text(
     flagged = second | (has_b * _WITH_B).astype(np.uint8) | (has_setpoint * _WITH_SETPOINT).astype(np.uint8)
     rows = np.stack(
         [
-            _lines(protocol["SETPOINT"].identifier, second & 15, body),
+            _lines(protocol["SETPOINT"].identifier, (numbers & 15).astype(np.uint8), body),
             _lines(protocol["SAMPLE_B"].identifier, second, np.ascontiguousarray(counts[:, 3:]).view(np.uint8)),
             _lines(protocol["SAMPLE_A"].identifier, flagged, np.ascontiguousarray(counts[:, :3]).view(np.uint8)),
         ],
@@ -155,7 +155,7 @@ class Lockstep:
         Raises LinkError when a selected word was lost on the way: the run has to be done again then.
         """
         session, step = self.session, self.step
-        text = samples_text(session.protocol, np.array([raw]), np.array([setpoint_turn_q32]), step, self._setpoint).text
+        text = self._text_of_one(raw, setpoint_turn_q32)
         pending, known = session.selection.count() + 1, session.protocol.by_identifier
         values: dict[str, int] = {}
         words: dict[int, int] = {}
@@ -189,13 +189,24 @@ class Lockstep:
                 raise LinkError(f"words of step {step} were lost on the link: run again")
         raise LinkError(f"the board stopped answering after step {step}: check cable and power")
 
+    def _text_of_one(self, raw: tuple[int, ...], setpoint: int) -> bytes:
+        """As samples_text, for one sample: without arrays."""
+        messages, step = self.session.protocol, self.step
+        counter, high = step & 15, step >> 4 & 3
+        frames = []
+        if setpoint != self._setpoint:
+            frames.append(("SETPOINT", messages["SETPOINT"].pack(counter, 0, step & 0xFFFF, setpoint)))
+        if any(raw[3:]):
+            frames.append(("SAMPLE_B", messages["SAMPLE_B"].pack(counter, high, *raw[3:])))
+        flags = high | (len(raw) > 3 and any(raw[3:])) << 2 | (setpoint != self._setpoint) << 3
+        frames.append(("SAMPLE_A", messages["SAMPLE_A"].pack(counter, flags, *raw[:3])))
+        return text_of_frames([(messages[name].identifier, data) for name, data in frames])
+
     def _write(self, text: bytes) -> None:
         fast = self.session.fast
         if fast is not None:
             fast.write_text(text)
             return
-        from plumb.slcan import frame_of_line
-
         frames: list[Frame] = [f for f in map(frame_of_line, text.split(b"\r")) if f is not None]
         self.session.send(frames)
 

@@ -1,0 +1,132 @@
+"""The firmware's session and core in this process: a board of memory whose clock only the test moves."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import subprocess
+import tempfile
+from functools import lru_cache
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+TURN_US = 100
+
+
+@lru_cache(maxsize=1)
+def library() -> ctypes.CDLL:
+    """Compiled once a run, undefined behaviour trapped."""
+    compiler = shutil.which(os.environ.get("CC", "cc"))
+    assert compiler, "a C compiler is needed"
+    sources = [ROOT / "tests/c/link_board.c", *sorted((ROOT / "firmware/link").glob("*.c"))]
+    sources += sorted((ROOT / "firmware/core").glob("*.c"))
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "liblink_board.so"
+        flags = ["-std=c99", "-O1", "-g", "-fPIC", "-shared", "-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"]
+        subprocess.run([compiler, *flags, "-o", str(target), *map(str, sources)], check=True)
+        loaded = ctypes.CDLL(str(target))
+    for name in ("bytes", "take", "give", "room", "parse"):
+        getattr(loaded, f"link_board_{name}").restype = ctypes.c_size_t
+    loaded.link_board_armed.restype = ctypes.c_bool
+    loaded.link_board_crc8.restype = ctypes.c_uint8
+    return loaded
+
+
+class MemoryBoard:
+    """The far end of a serial link. As a stream (read, write, in_waiting, clock_s) it is what PlumbBus takes.
+
+    bytes_per_turn limits what the simulated UART carries each way in a turn of 100 us (921600 baud: 9). corrupt, lose:
+    called with every chunk on its way down or up, to spoil it.
+    """
+
+    def __init__(self, seed: int = 1, bytes_per_turn: int = 1 << 16, time_us: int = 0) -> None:
+        self.lib = library()
+        self._memory = ctypes.create_string_buffer(self.lib.link_board_bytes())
+        self.time_us = time_us
+        self.bytes_per_turn = bytes_per_turn
+        self.spoil_down = lambda data: data
+        self.spoil_up = lambda data: data
+        self._down = b""
+        self._up = b""
+        self.reset(seed)
+
+    def reset(self, seed: int = 1) -> None:
+        self.lib.link_board_init(self._memory, seed)
+
+    # ---- the UART, by hand ----
+
+    def say(self, text: bytes, turns: int = 3) -> bytes:
+        """Send text, let some turns go by, and give what was answered."""
+        self.write(text)
+        for _ in range(turns):
+            self.turn()
+        return self.heard()
+
+    def heard(self) -> bytes:
+        data, self._up = self._up, b""
+        return data
+
+    def turn(self, step_us: int = TURN_US) -> None:
+        self.time_us += step_us
+        now = ctypes.c_uint32(self.time_us & 0xFFFFFFFF)
+        part = self._down[: self.bytes_per_turn]
+        taken = self.lib.link_board_take(self._memory, part, ctypes.c_size_t(len(part)), now)
+        self._down = self._down[taken:]
+        self.lib.link_board_turn(self._memory, now)
+        out = ctypes.create_string_buffer(min(4096, self.bytes_per_turn))
+        count = self.lib.link_board_give(self._memory, out, ctypes.c_size_t(len(out)))
+        if count:
+            self._up += self.spoil_up(out.raw[:count])
+
+    def run_us(self, time_us: int, step_us: int = TURN_US) -> None:
+        for _ in range(time_us // step_us):
+            self.turn(step_us)
+
+    def sensors(self, raw: tuple[int, ...] = (0,) * 6, faults: int = 0) -> None:
+        self.lib.link_board_sensors(self._memory, (ctypes.c_int16 * 6)(*raw), ctypes.c_uint32(faults))
+
+    @property
+    def armed(self) -> bool:
+        return bool(self.lib.link_board_armed(self._memory))
+
+    @property
+    def steps(self) -> int:
+        return int(self.lib.link_board_steps(self._memory))
+
+    @property
+    def pulses(self) -> tuple[int, int]:
+        pulses = (ctypes.c_uint32 * 2)()
+        self.lib.link_board_pulses(self._memory, pulses)
+        return pulses[0], pulses[1]
+
+    # ---- as a stream ----
+
+    def clock_s(self) -> float:
+        return self.time_us * 1e-6
+
+    @property
+    def in_waiting(self) -> int:
+        return len(self._up)
+
+    def write(self, data: bytes) -> int:
+        self._down += self.spoil_down(bytes(data))
+        return len(data)
+
+    def read(self, count: int) -> bytes:
+        """What the board says, letting up to 5 ms go by until it says something."""
+        for _ in range(50):
+            if self._up:
+                break
+            self.turn()
+        data, self._up = self._up[:count], self._up[count:]
+        return data
+
+
+def parse(data: bytes) -> tuple[list[tuple[int, bytes]], int]:
+    """The C parser on a whole stream: checked frames, and lines thrown away."""
+    frames = ctypes.create_string_buffer(10 * (len(data) // 5 + 1))
+    bad = ctypes.c_uint32()
+    count = library().link_board_parse(data, ctypes.c_size_t(len(data)), frames, ctypes.byref(bad))
+    entries = [frames.raw[10 * i : 10 * i + 10] for i in range(count)]
+    return [(int.from_bytes(entry[:2], "big"), entry[2:]) for entry in entries], bad.value
