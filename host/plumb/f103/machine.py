@@ -61,6 +61,7 @@ PARTS = {
 PWM_PINS = {f"PB{6 + i}": ("TIM4", i) for i in range(4)} | {
     pin: ("TIM3", i) for i, pin in enumerate(("PA6", "PA7", "PB0", "PB1"))
 }
+LOOK_US = 100
 SYSTEM_FLASH_SIZE, SYSTEM_UNIQUE_ID, SYSTEM_OPTIONS = 0x7E0, 0x7E8, 0x800
 
 
@@ -198,12 +199,13 @@ class Machine:
         self.run_to(self.now + round(duration_us * TICKS_PER_US))
 
     def run_until(self, predicate: Callable[[], bool], limit_us: float = 1e6) -> bool:
-        """Until predicate() holds, looked at after every event and interrupt; False when the limit came first."""
+        """Until predicate() holds, looked at after every event and interrupt and at least every LOOK_US; False when
+        the limit came first."""
         end = self.now + round(limit_us * TICKS_PER_US)
         while not predicate():
             if self.now >= end:
                 return False
-            self._step(end)
+            self._step(min(end, self.now + LOOK_US * TICKS_PER_US))
         return True
 
     def run_to(self, time: int) -> None:
@@ -230,6 +232,7 @@ class Machine:
             timeline.run_due(cpu.base)
         if self._reset_cause:
             self._restart(self._reset_cause)
+            return
         asleep = not self.powered or bool(cpu.locked_up) or self.rcc.core_clock_lost
         masked = False
         if not asleep:

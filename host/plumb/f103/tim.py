@@ -81,7 +81,7 @@ class Timer(Peripheral):
 
     def settle(self, now: int) -> None:
         """Pass the update events up to now."""
-        while self.cr1 & CEN and now >= self.zero_at + self.period_ticks:
+        while self.cr1 & CEN and self.active_arr and now >= self.zero_at + self.period_ticks:
             self.zero_at += self.period_ticks
             self.sr |= UIF
             before = self.period_ticks

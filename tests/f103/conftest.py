@@ -1,0 +1,62 @@
+"""Small programs for the simulated part, compiled on the spot: `board("uart")` is a machine that runs uart.c."""
+
+from __future__ import annotations
+
+import shutil
+import struct
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+COMPILER = "arm-none-eabi-gcc"
+FLAGS = [
+    *("-mcpu=cortex-m3", "-mthumb", "-std=c99", "-O2", "-Wall", "-Wextra", "-Werror"),
+    *("-ffreestanding", "-nostdlib", "-nostartfiles"),
+]
+RESULTS_OFFSET = 0
+
+
+@pytest.fixture(scope="session")
+def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Name of a program here -> its ELF file, with .bin and .hex beside it; compiled once."""
+    pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
+    if shutil.which(COMPILER) is None:
+        pytest.skip(f"{COMPILER} is not installed")
+    folder = tmp_path_factory.mktemp("f103")
+    done: dict[str, Path] = {}
+
+    def build_one(name: str) -> Path:
+        if name not in done:
+            elf = folder / f"{name}.elf"
+            sources = [str(HERE / f"{name}.c"), str(HERE / "start.c")]
+            subprocess.run([COMPILER, *FLAGS, "-T", str(HERE / "part.ld"), *sources, "-o", str(elf)], check=True)
+            for form, suffix in (("binary", ".bin"), ("ihex", ".hex")):
+                command = ["arm-none-eabi-objcopy", "-O", form, str(elf), str(elf.with_suffix(suffix))]
+                subprocess.run(command, check=True)
+            done[name] = elf
+        return done[name]
+
+    return build_one
+
+
+class Board:
+    """A machine with one of the small programs, and its results in RAM."""
+
+    def __init__(self, elf: Path, **options: object) -> None:
+        from plumb.f103 import Machine
+
+        self.machine = Machine(elf.with_suffix(".bin"), **options)
+
+    def result(self, index: int) -> int:
+        return struct.unpack_from("<I", self.machine.cpu.ram, RESULTS_OFFSET + 4 * index)[0]
+
+    def ask(self, index: int, value: int) -> None:
+        struct.pack_into("<I", self.machine.cpu.ram, RESULTS_OFFSET + 4 * index, value)
+
+
+@pytest.fixture
+def board(build: Callable[[str], Path]) -> Callable[..., Board]:
+    return lambda name, **options: Board(build(name), **options)

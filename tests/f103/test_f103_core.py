@@ -1,0 +1,219 @@
+"""The simulated core: exceptions, masks, sleep, faults and clocks behave as Armv7-M and RM0008 say."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+
+FAULT_HARD, FAULT_BUS, FAULT_USAGE = 3, 5, 6
+RESET_POWER, RESET_SOFTWARE, RESET_WATCHDOG, RESET_PIN = 1 << 27, 1 << 28, 1 << 29, 1 << 26
+
+
+def letters(board):
+    return bytes(board.machine.cpu.ram[:40]).split(b"\0")[0].decode()
+
+
+def test_exceptions_preempt_chain_and_obey_the_masks(board):
+    b = board("nesting")
+    b.machine.advance_us(2000)
+    first = "a(h)bct1"
+    masked = "2a(h)bctp3"
+    assert letters(b) == first + masked + "s4" + "5(h)6t7"
+    assert b.result(60) == 1
+
+
+def test_systick_keeps_time_and_no_wakeup_is_lost(board):
+    b = board("systick")
+    b.machine.advance_us(10_000)
+    ticks, cycles = b.result(0), b.result(5)
+    b.machine.advance_us(100_000)
+    assert b.result(0) - ticks == 100
+    assert b.result(2) == b.result(0)
+    assert b.result(1) >= 100
+    assert b.result(3) == 0, "the handler ran before the mask was opened"
+    assert 71_900 < b.result(4) < 72_000, "VAL read just after it wrapped"
+    assert b.result(5) - cycles < 0.02 * 72 * 100_000, "CYCCNT stands still during WFI"
+
+
+def test_a_dead_crystal_ends_in_the_fallback(board):
+    good, dead = board("clock"), board("clock", crystal=False)
+    for b in (good, dead):
+        b.machine.advance_us(50_000)
+        assert b.result(8) == 1
+        assert b.result(0) & 0xFF == 0x83
+        assert b.result(1) & 0xFC000000 == RESET_POWER | RESET_PIN
+        assert b.result(4) == 0, "the id register reads 0 without a debugger"
+        # 1000 turns of about four instructions at 3/2 cycles each
+        assert 5500 < b.result(7) < 8000
+    assert good.result(6) & 0xF == 0xA
+    assert good.result(5) < 20000
+    assert dead.result(5) == 20000
+    assert good.machine.rcc.hclk_ticks * 72 == dead.machine.rcc.hclk_ticks * 64
+
+
+@pytest.mark.parametrize(
+    ("part", "flash_kib"), [("stm32f103c8", 64), ("stm32f103rct6", 256), ("stm32f103ret6", 512), ("stm32f103zet6", 512)]
+)
+def test_parts_tell_their_flash_size_and_an_id_that_follows_the_seed(board, part, flash_kib):
+    ids = []
+    for seed in (1, 1, 2):
+        b = board("clock", part=part, seed=seed)
+        b.machine.advance_us(20_000)
+        assert b.result(2) == flash_kib
+        ids.append(b.result(3))
+    assert ids[0] == ids[1] != ids[2]
+
+
+@pytest.mark.parametrize(
+    ("cause", "enabled", "handler", "cfsr", "forced"),
+    [
+        (1, 0, FAULT_HARD, 0x8200, 1 << 30),
+        (1, 1, FAULT_BUS, 0x8200, 0),
+        (2, 1, FAULT_BUS, 0x8200, 0),
+        (3, 1, FAULT_USAGE, 0x10000, 0),
+        (3, 0, FAULT_HARD, 0x10000, 1 << 30),
+    ],
+)
+def test_faults_reach_their_handler_and_return(board, cause, enabled, handler, cfsr, forced):
+    b = board("fault")
+    b.ask(0, cause)
+    b.ask(7, enabled)
+    b.machine.advance_us(1000)
+    assert (b.result(2), b.result(4), b.result(5)) == (handler, cfsr, forced)
+    if cause < 3:
+        assert b.result(6) == (0x60000000 if cause == 1 else 0x08000000)
+    assert b.result(1) == 1, "the program went on behind the fault"
+
+
+def test_a_register_that_is_not_modelled_stops_with_its_address(board):
+    from plumb.f103 import SimulationError
+
+    b = board("fault")
+    b.ask(0, 4)
+    with pytest.raises(SimulationError, match="0x40005400"):
+        b.machine.advance_us(1000)
+
+
+def test_a_peripheral_without_clock_reads_zero_and_is_reported(board):
+    b = board("fault")
+    b.ask(0, 5)
+    b.machine.advance_us(1000)
+    assert b.result(1) == 1
+    assert b.result(8) == 0
+    assert b.machine.warnings == [
+        "ADC1 is written at 0x40012408 while its clock is off in RCC",
+        "ADC1 is read at 0x40012408 while its clock is off in RCC",
+    ]
+
+
+def test_read_modify_write_of_the_remap_register_loses_the_debug_port(board):
+    b = board("fault")
+    b.ask(0, 6)
+    assert b.machine.afio.debug_port
+    b.machine.advance_us(1000)
+    assert b.machine.afio.mapr == 4
+    assert not b.machine.afio.debug_port
+
+
+def test_too_few_wait_states_stop_the_simulation(board):
+    from plumb.f103 import SimulationError
+
+    b = board("fault")
+    b.ask(0, 7)
+    with pytest.raises(SimulationError, match="72 MHz with 0 flash wait states"):
+        b.machine.advance_us(10_000)
+
+
+def test_a_fault_without_a_stack_locks_the_core_up(board):
+    b = board("fault")
+    b.ask(0, 8)
+    b.machine.advance_us(1000)
+    assert "outside RAM" in b.machine.cpu.locked_up
+    b.ask(0, 0)
+    b.machine.reset()
+    b.machine.advance_us(1000)
+    assert b.machine.cpu.locked_up == ""
+    assert b.result(1) == 1
+
+
+def test_the_watchdog_bites_when_it_is_not_fed_and_flags_tell_why(board):
+    b = board("watchdog")
+    machine = b.machine
+    assert machine.run_until(lambda: machine.reset_count == 2, 1e6)
+    # 50 ms after the last of ten meals 10 ms apart
+    assert 145_000 < machine.now_us < 155_000
+    assert b.result(10) == 10
+    assert machine.run_until(lambda: machine.reset_count == 4, 1e6)
+    machine.advance_us(100)
+    flags = [b.result(2 + i) & 0xFC000000 for i in range(4)]
+    expected = [RESET_POWER, RESET_WATCHDOG, RESET_WATCHDOG, RESET_SOFTWARE]
+    assert flags == [flag | RESET_PIN for flag in expected]
+
+
+def test_the_watchdog_runs_on_its_own_oscillator(board):
+    b = board("watchdog")
+    b.machine.iwdg.lsi_hz = 60_000
+    assert b.machine.run_until(lambda: b.machine.reset_count == 2, 1e6)
+    assert 128_000 < b.machine.now_us < 138_000
+
+
+def test_a_power_cut_loses_memory_and_power_comes_back(board):
+    b = board("watchdog")
+    machine = b.machine
+    machine.advance_us(30_000)
+    assert b.result(1) == 1
+    machine.power_cut()
+    machine.advance_us(1_000_000)
+    assert machine.reset_count == 1
+    machine.power_on()
+    machine.advance_us(1000)
+    assert b.result(2) & 0xFC000000 == RESET_POWER | RESET_PIN
+    assert b.result(1) == 1
+
+
+def test_a_crystal_that_dies_stops_a_core_without_the_security_system(board):
+    b = board("systick")
+    machine = b.machine
+    machine.advance_us(50_000)
+    ticks = b.result(0)
+    machine.rcc.kill_crystal()
+    machine.advance_us(50_000)
+    assert b.result(0) == ticks
+
+
+def test_slicing_changes_nothing(board):
+    whole, sliced = board("nesting"), board("nesting")
+    whole.machine.advance_us(400)
+    while sliced.machine.now < whole.machine.now:
+        sliced.machine._step(min(sliced.machine.now + 20_000, whole.machine.now))
+    assert bytes(whole.machine.cpu.ram) == bytes(sliced.machine.cpu.ram)
+    assert whole.machine.cpu.instructions == sliced.machine.cpu.instructions
+
+
+def test_bin_hex_and_elf_give_the_same_bytes(build):
+    from plumb.f103 import load_image
+
+    elf = build("clock")
+    images = {load_image(elf.with_suffix(suffix)) for suffix in (".elf", ".bin", ".hex")}
+    assert len(images) == 1
+    assert struct.unpack_from("<I", images.pop())[0] == 0x20005000
+
+
+def test_what_is_no_image_is_refused_in_a_sentence(tmp_path, build):
+    from plumb.errors import UsageError
+    from plumb.f103 import find_image, load_image
+
+    bad_hex = build("clock").with_suffix(".hex").read_bytes().replace(b"0", b"1", 1)
+    for name, content, words in (
+        ("a.bin", b"not an image at all", "vector table"),
+        ("a.elf", b"\x7fELF\x01\x01" + b"\0" * 60, "32-bit Arm"),
+        ("a.elf", b"\x7fELF\x01", "damaged"),
+        ("a.hex", bad_hex, "line 1"),
+    ):
+        path = tmp_path / name
+        path.write_bytes(content)
+        with pytest.raises(UsageError, match=words):
+            load_image(path)
+    with pytest.raises(UsageError, match="make image"):
+        find_image(tmp_path / "none.bin")

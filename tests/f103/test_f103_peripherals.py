@@ -1,0 +1,193 @@
+"""The simulated peripherals: UART with DMA, ADC by timer and DMA, PWM, pins; and their failures on request."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+BYTE_US = 10 * 78 / 72  # at the divider that uart.c sets
+
+
+def echo(machine, data):
+    machine.uart.write(data)
+    out = b""
+    while len(out) < len(data):
+        part = machine.uart.read(len(data) - len(out))
+        assert part, f"only {out!r} came back"
+        out += part
+    return out
+
+
+def started(board, **options):
+    b = board("uart", **options)
+    b.machine.advance_us(5000)
+    assert b.result(0) == 1
+    assert b.machine.warnings == []
+    return b
+
+
+def test_dma_echo_carries_every_byte_in_order_and_in_time(board):
+    b = started(board)
+    machine = b.machine
+    begin = machine.now_us
+    assert echo(machine, b"t1008001122334455667\r") == b"t1008001122334455667\r"
+    # 21 bytes in, one byte of silence, 21 bytes out; the look-ahead ends with the last byte.
+    assert 42 * BYTE_US < machine.now_us - begin < 46 * BYTE_US
+    data = bytes(range(256)) * 4
+    assert echo(machine, data) == data
+    assert b.result(1) & 0x2F == 0, "no error flag, no byte left in the register"
+    assert b.result(1) & 0x10, "IDLE was seen"
+    assert b.result(2) & 7 << 16 == 7 << 16, "half and full were seen"
+
+
+def test_two_runs_give_the_same_bytes_and_the_same_memory(board):
+    def run():
+        b = started(board)
+        out = [echo(b.machine, bytes((i * 7 + k) & 0xFF for k in range(1 + i % 40))) for i in range(30)]
+        return out, bytes(b.machine.cpu.ram), b.machine.now, b.machine.cpu.instructions
+
+    assert run() == run()
+
+
+def test_an_image_of_any_form_runs_the_same(board, build):
+    from plumb.f103 import Machine
+
+    outcomes = set()
+    for suffix in (".bin", ".elf", ".hex"):
+        machine = Machine(build("uart").with_suffix(suffix))
+        machine.advance_us(5000)
+        outcomes.add((echo(machine, b"same"), bytes(machine.cpu.ram), machine.now))
+    assert len(outcomes) == 1
+
+
+def test_reading_an_idle_line_ends_after_the_timeout(board):
+    machine = started(board).machine
+    begin = machine.now_us
+    machine.uart.timeout = 0.003
+    assert machine.uart.read(1) == b""
+    assert machine.now_us - begin == pytest.approx(3000, abs=1)
+    assert machine.uart.clock_s() == pytest.approx(machine.now_us * 1e-6)
+
+
+def test_a_short_reply_is_not_waited_for_beyond_its_end(board):
+    machine = started(board).machine
+    machine.uart.write(b"abc")
+    begin = machine.now_us
+    assert machine.uart.read(100) == b"abc"
+    assert machine.now_us - begin < 8 * BYTE_US
+
+
+def test_framing_errors_noise_and_overruns_on_request(board):
+    b = started(board)
+    uart = b.machine.uart
+    uart.write_with_framing_error(b"F")
+    assert uart.read(1) == b"F"
+    assert b.result(1) & 2
+    uart.write_with_noise(b"N")
+    assert uart.read(1) == b"N"
+    assert b.result(1) & 4
+    uart.write_overrun(b"lost")
+    uart.write(b"kept")
+    assert uart.read(4) == b"kept"
+    assert b.result(1) & 8
+
+
+def test_a_wrong_baud_rate_gives_garbage_and_framing_errors(board):
+    b = started(board)
+    b.machine.uart.baudrate = 115200
+    b.machine.uart.write(b"U")
+    heard = b.machine.uart.read(1)
+    assert heard not in (b"", b"U")
+    assert b.result(1) & 2
+
+
+def test_a_slow_reader_overruns_without_dma(board):
+    b = board("polled")
+    uart = b.machine.uart
+    uart.baudrate = 115200
+    b.machine.advance_us(1000)
+    uart.timeout = 0.01
+    uart.write(b"ab")
+    assert uart.read(2) + uart.read(2) == b"ab"
+    assert not b.result(0) & 8
+    uart.write(b"!cdefghij")
+    out = b"".join(uart.read(9) for _ in range(3))
+    assert out[:1] == b"!"
+    assert len(out) < 9
+    assert b.result(0) & 8
+
+
+def test_adc_scans_follow_the_timer(board):
+    b = board("adc")
+    machine = b.machine
+    times = []
+
+    def ramp(t_s):
+        times.append(t_s)
+        return 3.3 * (t_s * 10 % 1.0)
+
+    machine.adc["PA0"] = 1.0
+    machine.adc["PA1"] = 3.2999
+    machine.adc["PA2"] = ramp
+    machine.advance_us(50_000)
+    scans = b.result(0)
+    machine.advance_us(100_000)
+    assert b.result(0) - scans == 100
+    assert b.result(1) == round(1.0 / 3.3 * 4096)
+    assert b.result(2) == 4095
+    assert abs(b.result(3) - 4096 * (times[-1] * 10 % 1.0)) <= 1
+    gaps = [later - sooner for sooner, later in pairwise(times)]
+    assert max(gaps) - min(gaps) < 1e-9
+    assert gaps[0] == pytest.approx(1e-3)
+    # Three conversions of 252 cycles at 12 MHz are 63 us.
+    assert 63 <= b.result(4) <= 65
+    assert b.result(5) > 0, "calibration took time"
+    assert machine.warnings == []
+
+
+@pytest.mark.parametrize(("volts", "count"), [(-5.0, 0), (0.0, 0), (3.3 / 8192 + 1e-6, 1), (1.65, 2048), (12.0, 4095)])
+def test_volts_become_counts(board, volts, count):
+    b = board("adc")
+    b.machine.adc["PA0"] = volts
+    b.machine.advance_us(10_000)
+    assert b.result(1) == count
+
+
+def test_a_silent_adc_says_nothing(board):
+    b = board("adc")
+    b.machine.advance_us(20_000)
+    scans = b.result(0)
+    assert scans > 0
+    b.machine.adc1.silent = True
+    b.machine.advance_us(20_000)
+    assert b.result(0) <= scans + 1
+
+
+def test_pwm_changes_only_between_two_pulses(board):
+    b = board("pwm")
+    machine = b.machine
+    machine.advance_us(6_000)
+    assert machine.pwm("PB6") == (1000.0, 2500.0, True)
+    assert machine.pwm("PB7") == (1500.0, 2500.0, True)
+    assert not machine.pwm("PB8").enabled
+    start = machine.tim4.zero_at
+    machine.run_to(start + 2500 * 40320 + 100 * 40320)  # 100 us into a period
+    b.ask(0, 3500)
+    machine.advance_us(2000)
+    assert machine.pwm("PB6").pulse_us == 1000.0
+    machine.advance_us(600)
+    assert machine.pwm("PB6").pulse_us == 1750.0
+    machine.power_cut()
+    assert not machine.pwm("PB6").enabled
+
+
+def test_pins_are_checked_by_name(board):
+    from plumb.errors import UsageError
+
+    machine = board("pwm").machine
+    for wrong in (lambda: machine.pwm("PA0"), lambda: machine.pin("PZ1"), lambda: machine.drive("PA16", True)):
+        with pytest.raises(UsageError, match=r"PA|PB"):
+            wrong()
+    with pytest.raises(UsageError, match="ADC input"):
+        machine.adc["PB9"] = 1.0

@@ -1,0 +1,54 @@
+"""Register addresses and reset values agree with the vendor's description, which ships inside pyocd."""
+
+from __future__ import annotations
+
+import importlib.util
+import zipfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+KNOWN_DIFFERENCES = {
+    ("RCC", "csr"): "holds the flags of the last reset",
+    ("TIM3", "arr"): "RM0008 says 0xFFFF",
+    ("TIM4", "arr"): "RM0008 says 0xFFFF",
+}
+CORE = {"SCB", "SysTick", "CoreDebug", "DWT", "DBGMCU"}
+"""Not described by the vendor's file."""
+
+
+def description():
+    found = importlib.util.find_spec("pyocd")
+    if found is None or not found.submodule_search_locations:
+        pytest.skip("pyocd, which carries the register description, is not installed")
+    archive = Path(found.submodule_search_locations[0]) / "debug" / "svd" / "svd_data.zip"
+    with zipfile.ZipFile(archive) as files:
+        name = next(name for name in files.namelist() if name.endswith("STM32F103xx.svd"))
+        return ElementTree.fromstring(files.read(name))
+
+
+def test_addresses_and_reset_values(board):
+    peripherals = {node.findtext("name"): node for node in description().iter("peripheral")}
+    machine = board("clock").machine
+    compared = 0
+    for peripheral in machine.bus.peripherals:
+        if peripheral.name in CORE:
+            continue
+        node = peripherals[peripheral.name]
+        base = int(node.findtext("baseAddress"), 0)
+        node = peripherals.get(node.get("derivedFrom"), node)
+        rows = {
+            row.findtext("name").lower().removesuffix("_output"): (
+                base + int(row.findtext("addressOffset"), 0),
+                int(row.findtext("resetValue") or "0", 0),
+            )
+            for row in node.iter("register")
+        }
+        for register in peripheral.REGISTERS:
+            address, reset = rows[register.name]
+            assert address == peripheral.base + register.offset, (peripheral.name, register.name)
+            if (peripheral.name, register.name) not in KNOWN_DIFFERENCES:
+                assert reset == register.reset, (peripheral.name, register.name)
+            compared += 1
+    assert compared > 150
