@@ -1,23 +1,35 @@
-/* Raw counts to physical units: one multiply-add per channel. */
+/* Raw counts -> units: clamp to the sensor's plausible range, scale, shift. One multiply-add of 32 bits.
+ *
+ * The gain and offset carry the unit: turn/s Q28 per count for a gyro, g Q26 per count for an accelerometer.
+ * Whoever makes the parameters proves that gain * raw + offset stays within +-CALIBRATION_LIMIT for every raw
+ * in [raw_min, raw_max] (calibration_valid); intermediate overflow is harmless, the sum is taken modulo 2^32.
+ */
 #ifndef PLUMB_CORE_CALIBRATION_H
 #define PLUMB_CORE_CALIBRATION_H
 
-#include <stdint.h>
+#include "fixed.h"
+#include <stdbool.h>
 
-/* value = clamp(raw, raw_min, raw_max) * gain + offset, in the channel's own format (rate: turn/s Q28,
- * acceleration: g Q26). The host makes sure, and control_params_valid() checks, that the value cannot leave
- * its range. */
 typedef struct {
+    int32_t raw_min; /* counts, -32768..32767 */
+    int32_t raw_max; /* counts, raw_min..32767 */
     int32_t gain;    /* units per count */
-    int32_t offset;  /* units at raw 0 */
-    int32_t raw_min; /* -32768 .. raw_max */
-    int32_t raw_max; /* .. 32767 */
-} calibration_t;
+    int32_t offset;  /* units at raw = 0 */
+} calibration_params_t;
 
-/* Clamp a count to the channel's range; sets flag in *saturated when that changed it. */
-int32_t calibration_clamp(const calibration_t *c, int32_t raw, uint32_t flag, uint32_t *saturated);
+#define CALIBRATION_LIMIT 1879048192L /* 7 * 2^28, of every calibrated value: 7 turn/s, 28 g */
 
-/* The physical value of a clamped count. */
-int32_t calibration_apply(const calibration_t *c, int32_t clamped);
+/* The counts that are used; a difference to raw is a saturated sample. About 5 cycles. */
+static inline int32_t calibration_clamp(const calibration_params_t *p, int32_t raw) {
+    return clamp_i32(raw, p->raw_min, p->raw_max);
+}
+
+/* raw: as clamped. About 4 cycles. */
+static inline int32_t calibration_scale(const calibration_params_t *p, int32_t raw) {
+    return wrap_i32((uint32_t)raw * (uint32_t)p->gain + (uint32_t)p->offset);
+}
+
+/* False if the range is empty or leaves int16, or if a value could leave +-CALIBRATION_LIMIT. */
+bool calibration_valid(const calibration_params_t *p);
 
 #endif

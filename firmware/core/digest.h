@@ -1,4 +1,4 @@
-/* CRC-32 (IEEE 802.3: reflected 0xEDB88320, initial and final complement), the checksum of zlib. */
+/* CRC-32 (IEEE 802.3, as zlib.crc32): polynomial 0xEDB88320 reflected, initial and final complement. */
 #ifndef PLUMB_CORE_DIGEST_H
 #define PLUMB_CORE_DIGEST_H
 

@@ -1,57 +1,74 @@
-/* Tilt and gyro bias from a rate and a measured tilt: the two-state Kalman filter, covariance updated at
+/* The two-state filter: tilt and gyro bias, full covariance at every step, measurement variance given at
  * every step.
  *
- *     phi' = omega - b + w_g,  b' = 0,  phi_acc = phi + w_a
+ *     phi' = phi + dt (omega - b) ;  z = phi + noise              P = [[p00, p01], [p01, p11]],  K = [k0, k1]
+ *     (1) X = A X + B U   (2) P = A P A^T + Q   (3) X += K (z - phi)   (4) K = P H^T / (p00 + R)   (5) P = (I
+ * - K H) P
  *
- * Feng et al. 2011, equations (1) to (5); DESIGN.md, "Numbers", has every format and rounding. Bias is kept
- * in turns per step, so that A = [[1, -1], [0, 1]]. Covariances are 64-bit integers in a unit that the host
- * chooses for each parameter set; p01 and p11 are scaled by 2^s and 2^2s, which makes the off-diagonal of A
- * -2^-s.
+ * Inside, the bias is counted per step (turn, not turn/s): A = [[1, -1], [0, 1]], and no product with dt is
+ * needed in the covariance. Covariances are in lsb, a unit of the parameter set's own (about 2^-57 of the
+ * largest variance it needs): p00, p01, p11 as 64-bit integers, p11 and its process noise with 32 more bits
+ * of fraction; r in 2^32 lsb.
  *
- * Cost: a constant number of instructions; `plumb bench` counts them. */
+ * Limits that make every sum below fit (kalman_valid): r <= 2^25, qa, p00, p11 <= 2^57, |p01| <= 2^56, qb <
+ * 2^57.
+ */
 #ifndef PLUMB_CORE_KALMAN_H
 #define PLUMB_CORE_KALMAN_H
 
-#include <stdint.h>
+#include "fixed.h"
+#include <stdbool.h>
 
-/* Settings of one period, from the host. 64-bit values are low word first. */
+#define KALMAN_R_MAX (1UL << 25)
+
 typedef struct {
-    uint32_t rate_current; /* 1: the current gyro sample is U(k); 0: the previous one, as the source prints */
-    uint32_t covariance_shift; /* s, 1..15 */
-    int32_t dt_s_q34;          /* 500 us .. 100 ms */
-    int32_t rate_hz_q19;       /* 1/dt */
-    int32_t bias_limit_q30;    /* |bias| in turns per step, <= 2 turn/s */
-    uint32_t q00_lo, q00_hi;   /* process noise of the tilt, per step, < 2^56 */
-    uint32_t q11_lo, q11_hi;   /* process noise of the bias, per step, < 2^60 */
-    uint32_t start_shift;      /* h, 0..31: start_p* are in a unit 2^h coarser, for the first step only */
-    int32_t start_tilt_turn_q32;
-    int32_t start_bias_q30; /* turns per step */
-    uint32_t start_p00_lo, start_p00_hi;
-    uint32_t start_p01_lo, start_p01_hi;
-    uint32_t start_p11_lo, start_p11_hi;
+    int32_t dt_s_q34;          /* period, 1 .. 0.1 s */
+    uint32_t rate_now;         /* U(k): 0 the previous gyro sample, as the sources print; 1 the current one */
+    uint32_t qa_hi, qa_lo;     /* Q of the tilt per step, lsb */
+    uint32_t qb, qb_frac;      /* Q of the bias per step: whole lsb, and 2^-32 lsb */
+    int32_t bias_max_turn_q30; /* |bias per step| is clamped here */
+    int32_t
+        rate_gain; /* 2^(30 - rate_shift) / dt, in [2^30, 2^31) unless dt > 0.5 s: turn per step -> turn/s */
+    uint32_t rate_shift; /* 1..16 */
 } kalman_params_t;
 
-/* State. All of it is among the words of a step. */
 typedef struct {
-    int64_t tilt_turn_q62;       /* wraps at +-2 turns, a multiple of a turn */
-    int64_t bias_turn_q62;       /* per step */
-    int64_t p00, p01, p11;       /* after the update */
-    uint32_t variance;           /* in: R of this step, unit 2^30 times that of p00, 4 .. 2^27 */
-    int32_t innovation_turn_q32; /* measured minus predicted, wraps */
-    int32_t k0_q30;              /* 0 .. 1 */
-    int32_t k1_q30;              /* scaled by 2^s, magnitude < 2 */
-    int32_t tilt_turn_q32;       /* out: the estimate */
-    int32_t bias_turnps_q28;     /* out */
+    int32_t bias_hi; /* bias per step, turn Q62 */
+    uint32_t bias_lo;
+    int32_t tilt_turn_q32;
+    uint32_t p00_hi, p00_lo; /* lsb */
+    int32_t p01_hi;
+    uint32_t p01_lo;
+    uint32_t p11_hi, p11_lo;
+} kalman_start_t;
+
+typedef struct {
+    int64_t tilt_turn_q62; /* modulo 4 turns; the angle is its bits 30..61 */
+    int64_t bias_turn_q62; /* per step */
+    int64_t p00, p01, p11; /* posterior, lsb */
+    uint32_t p11_frac;     /* 2^-32 lsb */
+    int32_t innovation_turn_q32;
+    uint32_t k0_q30; /* gains of the last step */
+    int32_t k1_q30;  /* bias per step, turn per turn */
 } kalman_t;
 
-/* Set the start state and covariance. */
-void kalman_init(kalman_t *k, const kalman_params_t *p);
+void kalman_init(kalman_t *k, const kalman_start_t *s);
 
-/* The first step after kalman_init: like every other, with the start covariance in its coarser unit. */
-void kalman_first_step(kalman_t *k, const kalman_params_t *p, int32_t measured_turn_q32,
-                       int32_t rate_turnps_q28);
+/* Predict with the gyro rate (turn/s Q28, any int32), then correct with the measured tilt z (turn Q32, wraps)
+ * of variance r (1..KALMAN_R_MAX). Constant number of instructions, one UDIV. */
+void kalman_step(kalman_t *k, const kalman_params_t *p, int32_t rate_turnps_q28, int32_t z_turn_q32,
+                 uint32_t r);
 
-/* One step. k->variance is R of this measurement; |rate| < 6 turn/s. */
-void kalman_step(kalman_t *k, const kalman_params_t *p, int32_t measured_turn_q32, int32_t rate_turnps_q28);
+/* Fused tilt, turn Q32. */
+static inline int32_t kalman_tilt(const kalman_t *k) {
+    return (int32_t)(uint32_t)((uint64_t)k->tilt_turn_q62 >> 30);
+}
+
+/* Bias in turn/s Q28, from turn per step Q62. */
+static inline int32_t kalman_bias(const kalman_t *k, const kalman_params_t *p) {
+    return mulhi_i32((int32_t)shl_hi((uint64_t)k->bias_turn_q62, p->rate_shift), p->rate_gain);
+}
+
+bool kalman_valid(const kalman_params_t *p, const kalman_start_t *s);
 
 #endif

@@ -1,34 +1,43 @@
-/* Tilt error to command: P on the error, I with clamp and conditional integration, D on the measured rate
- * behind a first-order filter, then output limits and slew limit. DESIGN.md, "Numbers", has every format and
- * rounding.
+/* Error -> command, with every limit an actuator has.
  *
- * Cost: a constant number of instructions; `plumb bench` counts them. */
+ *     demand  = kp * error + integral - kd * filtered rate       D acts on the measured rate, not on the
+ * error command = demand within the output limits, and within +-slew of the last command integral += ki dt *
+ * error, unless the command was limited and this would push it further (anti-windup)
+ *
+ * The sum is 64 bits wide in Q54: nothing in it can overflow while |kp|, |kd| <= 2^30 (pid_valid).
+ */
 #ifndef PLUMB_CORE_PID_H
 #define PLUMB_CORE_PID_H
 
-#include <stdint.h>
+#include "fixed.h"
+#include <stdbool.h>
 
-/* Gains are per turn and turn/s of the measurement; the command is 1.0 at 2^28. */
 typedef struct {
-    int32_t kp_q16;           /* command per turn, 0 .. 2^31-1 */
-    int32_t ki_q28;           /* command per turn and step, 0 .. 2^31-1 */
-    int32_t kd_q16;           /* command per turn/s, 0 .. 2^31-1 */
-    int32_t filter_q30;       /* share of the new rate in the filtered one, 1 .. 2^30 (no filter) */
-    int32_t integral_min_q28; /* -2^28 .. integral_max */
-    int32_t integral_max_q28; /* .. 2^28 */
-    int32_t command_min_q28;  /* -2^28 .. command_max */
-    int32_t command_max_q28;  /* .. 2^28 */
-    int32_t slew_q28;         /* largest change per step, 1 .. 2^29 */
+    int32_t kp_q22;           /* command per turn; +-2^30 */
+    int32_t ki_dt_q22;        /* command per turn and step */
+    int32_t kd_q27;           /* command per turn/s; +-2^30 */
+    int32_t d_alpha_q31;      /* 1 - exp(-dt / tau) of the D filter; 0..2^31-1 (no filter) */
+    int32_t integral_min_q22; /* command; -2^22..0 */
+    int32_t integral_max_q22; /* 0..2^22 */
+    int32_t out_min_q30;      /* command; -2^30..2^30 */
+    int32_t out_max_q30;      /* out_min..2^30 */
+    int32_t slew_q30;         /* largest change per step; 1..2^31-1 (2^31-1: no limit) */
 } pid_params_t;
 
-/* State. All of it is among the words of a step. */
 typedef struct {
-    int64_t integral_q60;
-    int32_t rate_filtered_turnps_q28;
-    int32_t command_q28; /* the last output */
-} pid_state_t;
+    int64_t integral_q54;
+    int32_t rate_filtered_turnps_q27;
+    int32_t demand_q30;  /* before the limits, saturated to +-2 */
+    int32_t command_q30; /* in [out_min, out_max] once reached; starts at 0 */
+    uint32_t limited;    /* 1 if the command is not the demand */
+} pid_t;
 
-/* One step; returns the command, which is also kept. error wraps: setpoint minus tilt. */
-int32_t pid_step(pid_state_t *pid, const pid_params_t *p, int32_t error_turn_q32, int32_t rate_turnps_q28);
+void pid_init(pid_t *c);
+
+/* error: setpoint - tilt, turn Q32, already wrapped; rate: measured, turn/s Q28. Constant number of
+ * instructions. */
+void pid_step(pid_t *c, const pid_params_t *p, int32_t error_turn_q32, int32_t rate_turnps_q28);
+
+bool pid_valid(const pid_params_t *p);
 
 #endif
