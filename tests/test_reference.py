@@ -60,7 +60,7 @@ def test_one_step_is_the_printed_matrices() -> None:
 
 
 def test_without_process_noise_it_is_a_line_fit() -> None:
-    """Q = 0 and a start that knows nothing: tilt and bias are the least-squares line through z minus the gyro's angle."""
+    """Q = 0 and a start that knows nothing: tilt and bias are the least-squares line through z."""
     rng = np.random.default_rng(2)
     z = rng.normal(0, 0.5, 60)
     x = reference.kalman_init(Start(p00_deg2=1e7, p11_dps2=1e7))

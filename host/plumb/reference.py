@@ -18,13 +18,12 @@ the arithmetic differs from `plumb.fixed`.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from plumb.tuning import Channel, Esc, Kalman, Pid, Start, Trust, Tuning
+from plumb.tuning import Channel, Kalman, Start, Trust
 
 FloatArray = npt.NDArray[np.float64]
 

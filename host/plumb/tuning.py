@@ -1,6 +1,6 @@
 """A tuning in engineering units: what a person sets, before anything is an integer.
 
-Frozen dataclasses of plain floats, in the order of the data flow. Units are in the names: deg, deg/s (dps), g, s, us, Hz.
+Frozen dataclasses of plain floats, in the order of the data flow; names carry the units: deg, deg/s (dps), g, s, us.
 `plumb.quantise` turns a Tuning into the integers of the firmware and back; `plumb.reference` runs on a Tuning directly.
 """
 
@@ -46,11 +46,15 @@ class Trust:
 
 @dataclass(frozen=True)
 class Kalman:
-    """Process noise as densities: Q of one step is the density times the period. rate: which gyro sample is U(k)."""
+    """Process noise as densities: Q of one step is the density times the period. rate: which gyro sample is U(k).
+
+    The estimated bias stays within +-bias_max_dps.
+    """
 
     q_angle_deg2_per_s: float
     q_bias_dps2_per_s: float
     rate: RateChoice = "previous"
+    bias_max_dps: float = 500.0
 
     @classmethod
     def per_step(
@@ -89,17 +93,21 @@ class Pid:
 
 @dataclass(frozen=True)
 class Esc:
-    """Pulses of the two opposing motors: mid +- span * command, clamped to [min, max]."""
+    """Pulses of the two opposing motors: mid +- span * command, clamped to [min, max]; neutral while disarmed."""
 
     mid_us: float = 1500.0
     span_us: float = 400.0
     min_us: float = 1000.0
     max_us: float = 2000.0
+    neutral_us: float = 1000.0
 
 
 @dataclass(frozen=True)
 class Tuning:
-    """Everything one run needs, for one period; another period is another Tuning."""
+    """Everything one run needs, for one period; another period is another Tuning.
+
+    exact_period_s: what the integers make of the period, in a dequantised Tuning (2^-35 s at most beside it).
+    """
 
     period_us: int
     calibration: Calibration
@@ -109,7 +117,8 @@ class Tuning:
     start: Start = field(default_factory=Start)
     pid: Pid = field(default_factory=Pid)
     esc: Esc = field(default_factory=Esc)
+    exact_period_s: float | None = None
 
     @property
     def period_s(self) -> float:
-        return self.period_us * 1e-6
+        return self.period_us * 1e-6 if self.exact_period_s is None else self.exact_period_s

@@ -1,0 +1,309 @@
+"""Units to integers: a Tuning becomes the 50 words of control_params_t, each within 0.1 % of what was asked, or is
+refused with a reason.
+
+Everything is worked out in exact fractions. The one choice made here is the unit of variance, the "lsb" of the filter:
+as fine as the largest variance of the set allows, and such that R is a whole number of 2^32 lsb where it is small.
+`dequantise` gives back in floats what the integers mean.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
+from fractions import Fraction
+from typing import Any, NoReturn
+
+from plumb import parameters
+from plumb.errors import UsageError
+from plumb.tuning import Calibration, Channel, Esc, Kalman, Pid, Start, Trust, Tuning
+
+__all__ = ["Calibration", "Channel", "ControlParams", "Esc", "Kalman", "Pid", "Start", "Trust", "Tuning", "quantise"]
+
+CALIBRATION_LIMIT = 7 << 28
+VARIANCE_MAX = 1 << 57
+"""Of qa, p00 and p11 in lsb; |p01| half as much."""
+R_MAX = 1 << 25
+"""Of R, in 2^32 lsb."""
+TOLERANCE = Fraction(1, 1000)
+DEG2 = Fraction(1, 360**2)
+"""Square degrees in turn^2."""
+
+
+@dataclass(frozen=True)
+class ControlParams:
+    """control_params_t as integers by name, in the order of parameters.toml.
+
+    lsb_deg2: the unit of variance, for people; the filter itself does not need it.
+    """
+
+    values: dict[str, int]
+    lsb_deg2: float = field(default=1.0, compare=False)
+
+    @classmethod
+    def from_words(cls, words: Sequence[int], lsb_deg2: float = 1.0) -> ControlParams:
+        """From the words of the table, signed or not; raises UsageError when the number or a range is wrong."""
+        whole = parameters.whole_table([int(word) & 0xFFFFFFFF for word in words])
+        rows = [row for row in parameters.table() if row.owner == "control"]
+        return cls({row.name: row.from_word(word) for row, word in zip(rows, whole, strict=False)}, lsb_deg2)
+
+    def __getitem__(self, name: str) -> int:
+        return self.values[name]
+
+    def words(self) -> list[int]:
+        """The integers in order, signed where the firmware's are."""
+        return list(self.values.values())
+
+    def crc32(self) -> int:
+        """CRC-32 of the control part of the table."""
+        return parameters.crc32(self.words())
+
+    def wide(self, high: str, low: str) -> int:
+        """The 64-bit integer of two words."""
+        return self.values[high] * (1 << 32) + self.values[low]
+
+    @property
+    def period_s(self) -> float:
+        return self.values["kalman.dt_s_q34"] / 2**34
+
+
+def _refuse(name: str, asked: float, reason: str) -> NoReturn:
+    raise UsageError(f"{name} = {asked:g}: {reason}")
+
+
+def _whole(name: str, asked: float, exact: Fraction, low: int, high: int) -> int:
+    """The integer nearest to `exact`, which is `asked` in the integer's unit."""
+    nearest = min(max(round(exact), low), high)
+    if abs(nearest - exact) <= abs(exact) * TOLERANCE:
+        return nearest
+    step = abs(asked / float(exact))
+    if exact > high:
+        _refuse(name, asked, f"too large for its integer, the most is {step * high:.6g}")
+    if exact < low and low != 1:
+        _refuse(name, asked, f"too small for its integer, the least is {step * low:.6g}")
+    _refuse(name, asked, f"too fine for its integer, whose step is {step:.3g}: ask for at least {step * 500:.3g}")
+
+
+def _numbers(settings: Any, path: str = "") -> Iterator[tuple[str, float]]:
+    for entry in fields(settings):
+        value = getattr(settings, entry.name)
+        if is_dataclass(value):
+            yield from _numbers(value, f"{path}{entry.name}.")
+        elif isinstance(value, int | float):
+            yield path + entry.name, value
+        elif value is not None and not isinstance(value, str):
+            raise UsageError(f"{path}{entry.name} is {value!r}: give a number")
+
+
+def _check(tuning: Tuning) -> None:
+    for name, value in _numbers(tuning):
+        if not math.isfinite(value):
+            raise UsageError(f"{name} is {value}: give a finite number")
+    if not 500 <= tuning.period_us <= 100_000 or tuning.period_us != int(tuning.period_us):
+        _refuse("period_us", tuning.period_us, "periods are whole, from 500 (2 kHz) to 100000 (10 Hz)")
+    if tuning.tilt not in ("arcsine", "atan2"):
+        raise UsageError(f"tilt = '{tuning.tilt}': arcsine or atan2")
+    if tuning.kalman.rate not in ("previous", "current"):
+        raise UsageError(f"kalman.rate = '{tuning.kalman.rate}': previous or current")
+    positive = {
+        "kalman.q_angle_deg2_per_s": tuning.kalman.q_angle_deg2_per_s,
+        "kalman.q_bias_dps2_per_s": tuning.kalman.q_bias_dps2_per_s,
+        "kalman.bias_max_dps": tuning.kalman.bias_max_dps,
+        "start.p00_deg2": tuning.start.p00_deg2,
+        "start.p11_dps2": tuning.start.p11_dps2,
+        "trust.gain_deg2": tuning.trust.gain_deg2,
+        "pid.derivative_tau_s": tuning.pid.derivative_tau_s,
+    }
+    for name, value in positive.items():
+        if value < 0:
+            _refuse(name, value, "it cannot be negative")
+    if tuning.trust.r_deg2 <= 0:
+        _refuse("trust.r_deg2", tuning.trust.r_deg2, "a measurement has some variance, give more than 0")
+    if tuning.trust.gain_deg2 and tuning.trust.r_max_deg2 < tuning.trust.r_deg2:
+        _refuse("trust.r_max_deg2", tuning.trust.r_max_deg2, f"less than r_deg2 = {tuning.trust.r_deg2:g}")
+    start = tuning.start
+    if Fraction(start.p01_deg2_per_s) ** 2 > Fraction(start.p00_deg2) * Fraction(start.p11_dps2):
+        _refuse("start.p01_deg2_per_s", start.p01_deg2_per_s, "its square is more than p00 times p11, no covariance")
+    for name, low, high in (
+        ("pid.command_max", tuning.pid.command_min, tuning.pid.command_max),
+        ("esc.max_us", tuning.esc.min_us, tuning.esc.max_us),
+    ):
+        if high < low:
+            _refuse(name, high, f"less than its minimum {low:g}")
+
+
+def _channel(name: str, channel: Channel, unit: Fraction) -> dict[str, int]:
+    """unit: integer units (turn/s Q28 or g Q26) per engineering unit."""
+    low, high = channel.min_counts, channel.max_counts
+    if not -32768 <= low <= high <= 32767 or low != int(low) or high != int(high):
+        raise UsageError(f"{name}.min_counts = {low}, max_counts = {high}: whole counts of 16 bits, in order")
+    per_count, zero = Fraction(channel.unit_per_count) * unit, Fraction(channel.zero_counts)
+    limit = (1 << 31) - 1
+    gain = _whole(f"{name}.unit_per_count", channel.unit_per_count, per_count, -limit, limit)
+    offset = round(-zero * gain)
+    worst = max(abs(low * gain + offset), abs(high * gain + offset))
+    if worst > CALIBRATION_LIMIT:
+        most, asked = float(CALIBRATION_LIMIT / unit), float(worst / unit)
+        _refuse(f"{name}.unit_per_count", channel.unit_per_count, f"reaches {asked:.6g} at its counts, most {most:.6g}")
+    offset = _whole(f"{name}.zero_counts", channel.zero_counts, -zero * gain, -(1 << 31), limit)
+    return {"raw_min": int(low), "raw_max": int(high), "gain": gain, "offset": offset}
+
+
+def _variances(tuning: Tuning, dt: Fraction) -> dict[str, tuple[float, Fraction]]:
+    """Name -> what was asked, and the same in turn^2 with the bias counted per step."""
+    q, p, trust = tuning.kalman, tuning.start, tuning.trust
+    asked = {
+        "trust.r_deg2": (trust.r_deg2, Fraction(1)),
+        "trust.r_max_deg2": (trust.r_max_deg2 if trust.gain_deg2 else trust.r_deg2, Fraction(1)),
+        "kalman.q_angle_deg2_per_s": (q.q_angle_deg2_per_s, dt),
+        "kalman.q_bias_dps2_per_s": (q.q_bias_dps2_per_s, dt**3),
+        "start.p00_deg2": (p.p00_deg2, Fraction(1)),
+        "start.p01_deg2_per_s": (p.p01_deg2_per_s, dt),
+        "start.p11_dps2": (p.p11_dps2, dt**2),
+    }
+    return {name: (value, Fraction(value) * per * DEG2) for name, (value, per) in asked.items()}
+
+
+LIMITS = {
+    "trust.r_max_deg2": R_MAX << 32,
+    "kalman.q_angle_deg2_per_s": VARIANCE_MAX,
+    "kalman.q_bias_dps2_per_s": 1 << 32,
+    "start.p00_deg2": VARIANCE_MAX,
+    "start.p01_deg2_per_s": VARIANCE_MAX // 2,
+    "start.p11_dps2": VARIANCE_MAX,
+}
+"""Largest value in lsb of each variance."""
+
+
+def _units(variances: dict[str, tuple[float, Fraction]]) -> Iterator[Fraction]:
+    """Units of variance to try, turn^2 per lsb, the finest first. R is whole in each where it is small."""
+    finest, name = max((abs(variances[name][1]) / limit, name) for name, limit in LIMITS.items())
+    asked, r = variances["trust.r_deg2"]
+    r_most = r / finest / (1 << 32)
+    if r_most * (1 + TOLERANCE / 2) < 1:
+        least = asked / float(r_most)
+        _refuse("trust.r_deg2", asked, f"too small beside {name} = {variances[name][0]:g}, the least is {least:.3g}")
+    if r_most > 2 / TOLERANCE:
+        yield finest
+    for whole in range(min(math.floor(r_most * (1 + TOLERANCE / 2)), 4000), 0, -1):
+        yield r / Fraction(whole << 32)
+
+
+def _filter(tuning: Tuning, dt: Fraction) -> tuple[dict[str, int], Fraction]:
+    """The variances as integers, and the unit: the first that takes all of them."""
+    variances = _variances(tuning, dt)
+    reason: UsageError | None = None
+    for unit in _units(variances):
+        try:
+            return _in_unit(tuning, variances, unit), unit
+        except UsageError as error:
+            reason = reason or error
+    assert reason is not None
+    raise reason
+
+
+def _in_unit(tuning: Tuning, variances: dict[str, tuple[float, Fraction]], unit: Fraction) -> dict[str, int]:
+    def lsb(name: str, low: int, high: int, fraction_bits: int = 0) -> int:
+        asked, exact = variances[name]
+        return _whole(name, asked, exact / unit * Fraction(2) ** fraction_bits, low, high)
+
+    r_base, r_max = lsb("trust.r_deg2", 1, R_MAX, -32), lsb("trust.r_max_deg2", 1, R_MAX, -32)
+    qa, qb = lsb("kalman.q_angle_deg2_per_s", 0, VARIANCE_MAX), lsb("kalman.q_bias_dps2_per_s", 0, (1 << 64) - 1, 32)
+    p00, p11 = lsb("start.p00_deg2", 0, VARIANCE_MAX), lsb("start.p11_dps2", 0, VARIANCE_MAX)
+    p01 = lsb("start.p01_deg2_per_s", -VARIANCE_MAX // 2, VARIANCE_MAX // 2)
+    return {
+        "tilt.r_base": r_base,
+        **_gain(tuning.trust, unit, r_base, r_max),
+        **_split("kalman.qa", qa),
+        "kalman.qb": qb >> 32,
+        "kalman.qb_frac": qb & 0xFFFFFFFF,
+        **_split("start.p00", p00),
+        **_split("start.p01", p01),
+        **_split("start.p11", p11),
+    }
+
+
+def _split(name: str, value: int) -> dict[str, int]:
+    return {f"{name}_hi": value >> 32, f"{name}_lo": value & 0xFFFFFFFF}
+
+
+def _gain(trust: Trust, unit: Fraction, r_base: int, r_max: int) -> dict[str, int]:
+    """R of the deviation d = | |a|^2 - 1 |, g^2 Q20, clamped just above where R reaches its limit, shifted up as far as
+    32 bits and the resolution of r_gain allow."""
+    none = {"tilt.r_gain": 0, "tilt.r_max": r_max, "tilt.deviation_max": 0, "tilt.deviation_shift": 0}
+    if not trust.gain_deg2:
+        return none
+    gain = Fraction(trust.gain_deg2) * DEG2 / (unit * (1 << 32))
+    d_max = min(math.isqrt(math.ceil((r_max - r_base) / gain * (1 << 40))) + 2, (1 << 31) - 1)
+    for shift in range(min(31, 32 - d_max.bit_length()), -1, -1):
+        exact = gain * Fraction(2) ** (24 - 2 * shift)
+        if exact > 2 / TOLERANCE or shift == 0:
+            r_gain = _whole("trust.gain_deg2", trust.gain_deg2, exact, 0, (1 << 32) - 1)
+            return {**none, "tilt.r_gain": r_gain, "tilt.deviation_max": d_max, "tilt.deviation_shift": shift}
+    raise AssertionError("a shift of zero always returns")
+
+
+def _pid(pid: Pid, dt: Fraction) -> dict[str, int]:
+    def word(name: str, scale: Fraction | int, low: int, high: int) -> int:
+        asked = float(getattr(pid, name))
+        return _whole(f"pid.{name}", asked, Fraction(asked) * scale, low, high)
+
+    alpha = Fraction(1)
+    if pid.derivative_tau_s:
+        alpha = Fraction(-math.expm1(-float(dt) / pid.derivative_tau_s))
+    slew = Fraction(pid.slew_per_s) * dt
+    most = (1 << 31) - 1
+    if slew <= 0:
+        _refuse("pid.slew_per_s", pid.slew_per_s, "the command could never move")
+    return {
+        "pid.kp_q22": word("kp_per_deg", 360 << 22, -(1 << 30), 1 << 30),
+        "pid.ki_dt_q22": word("ki_per_deg_s", (360 << 22) * dt, -most, most),
+        "pid.kd_q27": word("kd_per_dps", 360 << 27, -(1 << 30), 1 << 30),
+        "pid.d_alpha_q31": _whole("pid.derivative_tau_s", pid.derivative_tau_s, alpha * (1 << 31), 0, most),
+        "pid.integral_min_q22": word("integral_min", 1 << 22, -(1 << 22), 0),
+        "pid.integral_max_q22": word("integral_max", 1 << 22, 0, 1 << 22),
+        "pid.out_min_q30": word("command_min", 1 << 30, -(1 << 30), 1 << 30),
+        "pid.out_max_q30": word("command_max", 1 << 30, -(1 << 30), 1 << 30),
+        "pid.slew_q30": most if slew >= 2 else _whole("pid.slew_per_s", pid.slew_per_s, slew * (1 << 30), 1, most),
+    }
+
+
+def quantise(tuning: Tuning) -> ControlParams:
+    """The integers of a tuning; raises UsageError with the parameter, its value and the limit."""
+    _check(tuning)
+    dt = Fraction(int(tuning.period_us), 10**6)
+    rate_shift = math.floor(1 / dt).bit_length() - 1
+    start, kalman = tuning.start, tuning.kalman
+    half_turn = 1 << 31
+
+    def bias(name: str, asked: float, bits: int, low: int, high: int) -> int:
+        return _whole(name, asked, Fraction(asked) / 360 * dt * (1 << bits), low, high)
+
+    tilt = _whole("start.tilt_deg", start.tilt_deg, Fraction(start.tilt_deg) / 360 * (1 << 32), -half_turn, half_turn)
+    bias_max = bias("kalman.bias_max_dps", kalman.bias_max_dps, 30, 0, half_turn - 1)
+    if abs(start.bias_dps) > kalman.bias_max_dps:
+        _refuse("start.bias_dps", start.bias_dps, f"more than kalman.bias_max_dps = {kalman.bias_max_dps:g}")
+    integers, unit = _filter(tuning, dt)
+    integers |= {f"{name}.{key}": value for name, channel, per in (
+        ("gyro", tuning.calibration.gyro, Fraction(1 << 28, 360)),
+        ("accel_y", tuning.calibration.accel_y, Fraction(1 << 26)),
+        ("accel_z", tuning.calibration.accel_z, Fraction(1 << 26)),
+    ) for key, value in _channel(name, channel, per).items()}  # fmt: skip
+    integers |= {
+        "tilt.mode": int(tuning.tilt == "atan2"),
+        "kalman.dt_s_q34": round(dt * (1 << 34)),
+        "kalman.rate_now": int(kalman.rate == "current"),
+        "kalman.bias_max_turn_q30": bias_max,
+        "kalman.rate_gain": min(round(Fraction(2) ** (30 - rate_shift) / dt), half_turn - 1),
+        "kalman.rate_shift": rate_shift,
+        **_split("start.bias", bias("start.bias_dps", start.bias_dps, 62, -(1 << 62), 1 << 62)),
+        "start.tilt_turn_q32": (tilt + half_turn) % (1 << 32) - half_turn,
+        **_pid(tuning.pid, dt),
+    }
+    for entry in fields(Esc):
+        asked = float(getattr(tuning.esc, entry.name))
+        low = -16383 if entry.name == "span_us" else 0
+        name = f"esc.{entry.name.removesuffix('_us')}_halfus"
+        integers[name] = _whole(f"esc.{entry.name}", asked, Fraction(asked) * 2, low, 16383)
+    names = [row.name for row in parameters.table() if row.owner == "control"]
+    return ControlParams({name: integers.pop(name) for name in names}, float(unit / DEG2))
