@@ -17,7 +17,7 @@ import numpy.typing as npt
 from plumb.errors import UsageError
 
 if TYPE_CHECKING:
-    from plumb.fixed import Words
+    from plumb.words import Words
     from plumb.quantise import ControlParams
 
 RawCounts = npt.NDArray[np.int16]

@@ -20,7 +20,7 @@ class NativeStepper:
 
     def step(self, raw: tuple[int, ...], setpoint_turn_q32: int) -> StepOutput:
         words = self._controller.step(raw, setpoint_turn_q32)
-        return StepOutput(self._controller.digest(), (words["pulse0_halfus"], words["pulse1_halfus"]))
+        return StepOutput(self._controller.digest(), (words["pulse_halfus_0"], words["pulse_halfus_1"]))
 
 
 class NativeBoard:

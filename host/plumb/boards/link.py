@@ -1,0 +1,91 @@
+"""A board behind a link: samples go out in lockstep, and every step's digest comes back."""
+
+from __future__ import annotations
+
+import struct
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from plumb.boards import Answer, RawCounts, Setpoints, StepOutput, Stepper
+from plumb.lockstep import Lockstep
+from plumb.session import Session
+from plumb.words import Words
+
+if TYPE_CHECKING:
+    from plumb.quantise import ControlParams
+
+CHUNK_STEPS = 500
+"""Steps between two turns of the progress bar."""
+
+
+class LinkStepper:
+    """One sample at a time; the pulses travel in the frames of tilt and bias."""
+
+    def __init__(self, session: Session) -> None:
+        self._run = Lockstep(session, frames=("ANGLE", "BIAS"))
+
+    def step(self, raw: tuple[int, ...], setpoint_turn_q32: int) -> StepOutput:
+        reply = self._run.exchange(raw, setpoint_turn_q32)
+        return StepOutput(reply.digest, (reply.values["pulse_0"], reply.values["pulse_1"]))
+
+
+class LinkBoard:
+    """Everything that a Session makes of a board; owns the session."""
+
+    def __init__(self, name: str, session: Session) -> None:
+        self.name = name
+        self.session = session
+
+    def _upload(self, params: ControlParams) -> None:
+        self.session.upload(params.words(), period_us=round(params.period_s * 1e6))
+
+    def run_injected(self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints) -> Answer:
+        import numpy as np
+        from tqdm import tqdm
+
+        self._upload(params)
+        run = Lockstep(self.session)
+        digests = []
+        with tqdm(total=len(raw), desc=self.name, unit="step", leave=False, disable=None) as bar:
+            for at in range(0, len(raw), CHUNK_STEPS):
+                part = slice(at, at + CHUNK_STEPS)
+                digests.append(run.run(raw[part], setpoint_turn_q32[part]))
+                bar.update(len(digests[-1]))
+        self.session.end()
+        return Answer(np.concatenate(digests))
+
+    def words_of_step(
+        self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints, step: int
+    ) -> dict[str, int]:
+        self._upload(params)
+        run = Lockstep(self.session)
+        run.run(raw[:step], setpoint_turn_q32[:step])
+        identity = self.session.require_match()
+        self.session.select(words=range(identity["RECORD_WORDS"]))
+        reply = run.exchange(tuple(int(count) for count in raw[step]), int(setpoint_turn_q32[step]))
+        self.session.end()
+        record = struct.pack(f"<{len(reply.words)}I", *(reply.words[index] for index in sorted(reply.words)))
+        words = Words.from_bytes(record, (1,))
+        return {name: int(values[0]) for name, values in words.items()}
+
+    def stepper(self, params: ControlParams) -> Stepper:
+        self._upload(params)
+        return LinkStepper(self.session)
+
+    def close(self) -> None:
+        self.session.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class SerialBoard(LinkBoard):
+    """A board, or a served virtual board, at a serial port or any address that pyserial opens."""
+
+    def __init__(self, port: str, baudrate: int) -> None:
+        super().__init__(f"serial:{port}", Session.open(port, baudrate))

@@ -1,0 +1,78 @@
+"""Run a system's scenario on a board, and compare every step with the integer model.
+
+The plant and its sensors live on this machine, raw counts go to the board in lockstep, and the board answers each step
+with a digest of all its words. Closed-loop scenarios move the plant by the board's pulses; with --open-loop the motion
+is prescribed. `qemu` runs whole vectors: its loop is closed with the native core, then its inputs run on QEMU.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("system", help="quad")
+    parser.add_argument("--board", required=True, metavar="B", help="native, qemu, virtual or serial:PORT[@BAUD]")
+    parser.add_argument("--link", choices=("serial",), default="serial", help="how `virtual` is spoken to")
+    parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
+    parser.add_argument("--seed", type=int, default=1000, help="of every random number (default 1000)")
+    parser.add_argument("--seconds", type=float, help="length (default: the scenario's own)")
+    parser.add_argument("--scenario", default="motion", help="motion, quiet, disturb, hold or converge")
+    parser.add_argument("--tuning", default="adaptive", help="adaptive, paper, paper_arcsine, quiet or fast_start")
+    parser.add_argument("--open-loop", action="store_true", help="prescribed motion even where a loop would close")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html, summary.json and steps.csv")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from plumb import quantise, systems, trial
+    from plumb.boards import open_board
+    from plumb.errors import UsageError
+
+    system = systems.load(arguments.system)
+    if arguments.tuning not in system.TUNINGS:
+        raise UsageError(f"{arguments.system} has no tuning '{arguments.tuning}'; it has {', '.join(system.TUNINGS)}")
+    params = quantise.quantise(system.TUNINGS[arguments.tuning])
+    scenario = system.scenario(arguments.scenario, arguments.seed, seconds=arguments.seconds)
+    closes = arguments.scenario in system.CLOSED_LOOP and not arguments.open_loop
+    with open_board(arguments.board, link=arguments.link, image=arguments.image) as board:
+        if not closes:
+            result = trial.open_loop(board, trial.prescribed(scenario), params)
+        elif arguments.board == "qemu":
+            with open_board("native") as native:
+                flight = trial.closed_loop(native, scenario, params).flight
+            result = trial.open_loop(board, flight, params)
+        else:
+            result = trial.closed_loop(board, scenario, params)
+    summary = result.summary(
+        system=arguments.system,
+        scenario=arguments.scenario,
+        tuning=arguments.tuning,
+        loop="closed" if closes else "open",
+        board=arguments.board,
+        link=arguments.link if arguments.board == "virtual" else None,
+        seed=arguments.seed,
+    )
+    if arguments.out:
+        from plumb import story
+
+        story.write_run(arguments.out, result, summary)
+    print(json.dumps(summary) if arguments.json else describe(summary))
+    return {"pass": 0, "fail": 1, "unverified": 3}[result.verdict]
+
+
+def describe(summary: dict[str, object]) -> str:
+    """The summary for a reader: one line a figure."""
+    metrics = summary["metrics"]
+    assert isinstance(metrics, dict)
+    lines = [
+        f"{summary['system']} {summary['scenario']}, tuning {summary['tuning']}, {summary['loop']} loop, "
+        f"seed {summary['seed']}, {summary['steps']} steps on {summary['board']}",
+        *(f"  {name:<28} {value:.6g}" for name, value in metrics.items()),
+    ]
+    if "first_divergence" in summary:
+        lines.append(f"  first divergence: {summary['first_divergence']}")
+    lines.append(str(summary["verdict"]))
+    return "\n".join(lines)
