@@ -14,15 +14,24 @@ if TYPE_CHECKING:
 __all__ = ["find_image", "load_image", "open_machine"]
 
 
+START_US = 50_000
+"""A host opens the port of a board that has been powered for a while: oscillator and ADC are running."""
+
+
 def open_machine(image: Path | None = None, part: str = "stm32f103c8", *, seed: int = 1) -> Machine:
-    """A machine with the image asked for, or with this checkout's build; raises UsageError in one sentence."""
+    """A machine with the image asked for, or with this checkout's build, START_US after power-up.
+
+    Raises UsageError in one sentence: no image, no unicorn, no such part.
+    """
     try:
         from plumb.f103.machine import Machine
     except ImportError as error:
         if error.name and error.name.partition(".")[0] == "unicorn":
             raise UsageError("the virtual board needs unicorn; install the extra plumb[virtual]") from error
         raise
-    return Machine(find_image(image), part, seed=seed)
+    machine = Machine(find_image(image), part, seed=seed)
+    machine.advance_us(START_US)
+    return machine
 
 
 def __getattr__(name: str) -> object:

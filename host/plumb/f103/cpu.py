@@ -49,6 +49,7 @@ from unicorn.unicorn_const import (
     UC_ERR_WRITE_PROT,
     UC_ERR_WRITE_UNMAPPED,
 )
+from unicorn.unicorn_py3.unicorn import uclib
 
 from plumb.errors import UsageError
 from plumb.f103 import scb as core
@@ -79,6 +80,26 @@ _DATA_FAULTS = (UC_ERR_READ_UNMAPPED, UC_ERR_WRITE_UNMAPPED, UC_ERR_WRITE_PROT)
 _FETCH_FAULTS = (UC_ERR_FETCH_UNMAPPED, UC_ERR_FETCH_PROT)
 
 
+class Registers:
+    """A fixed group of core registers, read or written in one call (one at a time costs several times as much)."""
+
+    def __init__(self, uc: Uc, *registers: int) -> None:
+        count = len(registers)
+        self._handle, self._count = uc._uch, count
+        self._ids = (ctypes.c_int * count)(*registers)
+        self._values = (ctypes.c_uint32 * count)()
+        places = [ctypes.addressof(self._values) + 4 * i for i in range(count)]
+        self._places = (ctypes.c_void_p * count)(*places)
+
+    def read(self) -> list[int]:
+        uclib.uc_reg_read_batch(self._handle, self._ids, self._places, self._count)
+        return self._values[:]
+
+    def write(self, *values: int) -> None:
+        self._values[:] = list(values)
+        uclib.uc_reg_write_batch(self._handle, self._ids, self._places, self._count)
+
+
 class Cpu:
     """Registers, memory, and one slice of execution at a time."""
 
@@ -91,6 +112,11 @@ class Cpu:
         self.system = self._map(0x1000, (SYSTEM_BASE,), UC_PROT_READ)
         self.ram = self._map(ram_bytes, (RAM_BASE,), read_only | UC_PROT_WRITE)
         self._counter, self._limit = _find_counter(uc)
+        self._pc = Registers(uc, UC_ARM_REG_PC)
+        self._masks = Registers(uc, UC_ARM_REG_PRIMASK, UC_ARM_REG_FAULTMASK, UC_ARM_REG_BASEPRI)
+        self._before = Registers(uc, *STACKED, UC_ARM_REG_SP, UC_ARM_REG_CONTROL)
+        self._handler = Registers(uc, UC_ARM_REG_SP, UC_ARM_REG_LR, UC_ARM_REG_XPSR)
+        self._after = Registers(uc, UC_ARM_REG_XPSR, *STACKED[:6], UC_ARM_REG_SP)
         self.running = False
         self.sleeping = False
         self.locked_up = ""
@@ -161,7 +187,7 @@ class Cpu:
             done = counted - 1 if counted > limit else counted
             self.base += done * self.instruction_ticks
             self.instructions += done
-            self.pc = self.uc.reg_read(UC_ARM_REG_PC)
+            self.pc = self._pc.read()[0]
         if error:
             self._fault(error)
         elif self._stop_reason == _EXCEPTION_RETURN:
@@ -175,38 +201,33 @@ class Cpu:
 
     def takes(self, number: int) -> bool:
         """Whether the mask registers let `number` preempt now; nvic.candidate() has settled the rest."""
-        uc, nvic = self.uc, self.machine.nvic
+        nvic = self.machine.nvic
         priority = nvic.group_priority(number)
-        if priority >= 0 and (uc.reg_read(UC_ARM_REG_PRIMASK) & 1):
+        primask, faultmask, base_priority = self._masks.read()
+        if (priority >= 0 and primask & 1) or (priority >= -1 and faultmask & 1):
             return False
-        if priority >= -1 and (uc.reg_read(UC_ARM_REG_FAULTMASK) & 1):
-            return False
-        base_priority = uc.reg_read(UC_ARM_REG_BASEPRI) & 0xF0
+        base_priority &= 0xF0
         return not base_priority or priority < (base_priority & nvic.group_mask)
 
     def enter(self, number: int) -> None:
         """Exception entry (Armv7-M B1.5.6): push eight words, load the vector."""
-        uc, machine = self.uc, self.machine
-        frame = uc.reg_read_batch(STACKED)
-        if not machine.nvic.active and uc.reg_read(UC_ARM_REG_CONTROL) & 3:
+        machine = self.machine
+        *frame, xpsr, stack, control = self._before.read()
+        if not machine.nvic.active and control & 3:
             raise SimulationError("CONTROL selects the process stack or unprivileged mode: not modelled")
-        stack = uc.reg_read(UC_ARM_REG_SP)
         odd = stack & 4 if machine.scb.ccr & 1 << 9 else 0
         top = stack - odd - FRAME.size
         if not self._in_ram(top):
             self._lock_up(f"exception {number} with the stack pointer at 0x{stack:08X}, outside RAM")
             return
-        xpsr = frame[7] | (1 << 9 if odd else 0)
-        FRAME.pack_into(self.ram, top - RAM_BASE, *frame[:6], self.pc, xpsr)
-        uc.reg_write(UC_ARM_REG_SP, top)
-        uc.reg_write(UC_ARM_REG_LR, 0xFFFFFFF1 if machine.nvic.active else 0xFFFFFFF9)
-        self._vector(number, ENTRY_CYCLES)
+        FRAME.pack_into(self.ram, top - RAM_BASE, *frame[:6], self.pc, xpsr | odd << 7)
+        self._vector(number, top, 0xFFFFFFF1 if machine.nvic.active else 0xFFFFFFF9, ENTRY_CYCLES)
 
-    def _vector(self, number: int, cycles: int) -> None:
+    def _vector(self, number: int, stack: int, exc_return: int, cycles: int) -> None:
         machine = self.machine
         machine.nvic.enter(number)
         self.sleeping = False
-        self.uc.reg_write(UC_ARM_REG_XPSR, 1 << 24 | number)
+        self._handler.write(stack, exc_return, 1 << 24 | number)
         table = machine.scb.vtor or FLASH_BASE
         handler = int.from_bytes(self.read(table + 4 * number, 4), "little")
         self.pc = handler & ~1
@@ -223,19 +244,16 @@ class Cpu:
         if machine.timeline.next <= self.base:
             machine.timeline.run_due(self.base)
         number = machine.nvic.candidate()
-        if number and self.takes(number):
-            uc.reg_write(UC_ARM_REG_LR, exc_return)
-            self._vector(number, TAIL_CHAIN_CYCLES)
-            return
         stack = uc.reg_read(UC_ARM_REG_SP)
+        if number and self.takes(number):
+            self._vector(number, stack, exc_return, TAIL_CHAIN_CYCLES)
+            return
         if not self._in_ram(stack):
             self._lock_up(f"exception return with the stack pointer at 0x{stack:08X}, outside RAM")
             return
         frame = FRAME.unpack_from(self.ram, stack - RAM_BASE)
-        uc.reg_write(UC_ARM_REG_SP, stack + FRAME.size + (4 if frame[7] & 1 << 9 else 0))
-        uc.reg_write(UC_ARM_REG_XPSR, frame[7] & ~(1 << 9))
-        for register, value in zip(STACKED[:6], frame, strict=False):
-            uc.reg_write(register, value)
+        above = stack + FRAME.size + (4 if frame[7] & 1 << 9 else 0)
+        self._after.write(frame[7] & ~(1 << 9), *frame[:6], above)
         self.pc = frame[6]
         self.base += RETURN_CYCLES * machine.rcc.hclk_ticks
         if machine.scb.scr & 2 and not machine.nvic.active:

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from plumb.f103.machine import Machine
 
 LOOK_AHEAD = 64
-"""A read waits for what is being sent anyway, up to so many bytes: frames then come whole, at one call each."""
+"""A read waits for what is being sent anyway, up to so many bytes in all: frames come whole, in few calls, and a board
+that never pauses is still heard."""
 
 
 class UartStream:
@@ -49,12 +50,13 @@ class UartStream:
         return len(self._arrived)
 
     def read(self, size: int = 1) -> bytes:
-        """Up to `size` bytes: fewer when the board pauses after at least one, none when `timeout` passes first."""
+        """Up to `size` bytes: fewer when the board pauses after at least one or when LOOK_AHEAD are there, none when
+        `timeout` passes first."""
         machine = self.machine
         deadline = machine.now + int(self.timeout * TICKS_PER_S)
         self._collect()
-        while len(self._arrived) < size and machine.now < deadline:
-            under_way = machine.usart.time_of_byte(max(size - len(self._arrived), LOOK_AHEAD))
+        while len(self._arrived) < min(size, LOOK_AHEAD) and machine.now < deadline:
+            under_way = machine.usart.time_of_byte(LOOK_AHEAD - len(self._arrived))
             if under_way is not None:
                 machine.run_to(min(under_way, deadline))
             elif self._arrived:
