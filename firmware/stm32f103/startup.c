@@ -53,6 +53,5 @@ void reset_handler(void) {
     for (uint32_t *to = bss_start; to < bss_end; to++) {
         *to = 0u;
     }
-    (void)main();
-    fault_entry(); /* main() does not return */
+    (void)main(); /* does not return */
 }
