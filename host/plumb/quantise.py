@@ -307,3 +307,51 @@ def quantise(tuning: Tuning) -> ControlParams:
         integers[name] = _whole(f"esc.{entry.name}", asked, Fraction(asked) * 2, low, 16383)
     names = [row.name for row in parameters.table() if row.owner == "control"]
     return ControlParams({name: integers.pop(name) for name in names}, float(unit / DEG2))
+
+
+def dequantise(params: ControlParams) -> Tuning:
+    """What the integers mean, in engineering units: the tuning that the reference runs on beside them."""
+    p, dt, lsb = params.values, params.period_s, params.lsb_deg2
+
+    def channel(name: str, per_unit: float) -> Channel:
+        gain, offset = p[f"{name}.gain"], p[f"{name}.offset"]
+        zero = -offset / gain if gain else 0.0
+        return Channel(zero, gain / per_unit, p[f"{name}.raw_min"], p[f"{name}.raw_max"])
+
+    r_lsb, shift = lsb * 2**32, p["tilt.deviation_shift"]
+    gain = p["tilt.r_gain"] * r_lsb * 2.0 ** (2 * shift - 24)
+    reached = p["tilt.r_base"] * r_lsb + gain * (p["tilt.deviation_max"] / 2**20) ** 2
+    alpha = p["pid.d_alpha_q31"] / 2**31
+    tau = 0.0 if p["pid.d_alpha_q31"] == 2**31 - 1 else (-dt / math.log1p(-alpha) if alpha else math.inf)
+    return Tuning(
+        period_us=round(dt * 1e6),
+        calibration=Calibration(channel("gyro", 2**28 / 360), channel("accel_y", 2**26), channel("accel_z", 2**26)),
+        tilt="atan2" if p["tilt.mode"] else "arcsine",
+        trust=Trust(p["tilt.r_base"] * r_lsb, gain, min(p["tilt.r_max"] * r_lsb, reached)),
+        kalman=Kalman(
+            q_angle_deg2_per_s=params.wide("kalman.qa_hi", "kalman.qa_lo") * lsb / dt,
+            q_bias_dps2_per_s=params.wide("kalman.qb", "kalman.qb_frac") / 2**32 * lsb / dt**3,
+            rate="current" if p["kalman.rate_now"] else "previous",
+            bias_max_dps=p["kalman.bias_max_turn_q30"] / 2**30 * 360 / dt,
+        ),
+        start=Start(
+            tilt_deg=p["start.tilt_turn_q32"] / 2**32 * 360,
+            bias_dps=params.wide("start.bias_hi", "start.bias_lo") / 2**62 * 360 / dt,
+            p00_deg2=params.wide("start.p00_hi", "start.p00_lo") * lsb,
+            p01_deg2_per_s=params.wide("start.p01_hi", "start.p01_lo") * lsb / dt,
+            p11_dps2=params.wide("start.p11_hi", "start.p11_lo") * lsb / dt**2,
+        ),
+        pid=Pid(
+            kp_per_deg=p["pid.kp_q22"] / 2**22 / 360,
+            ki_per_deg_s=p["pid.ki_dt_q22"] / 2**22 / 360 / dt,
+            kd_per_dps=p["pid.kd_q27"] / 2**27 / 360,
+            derivative_tau_s=tau,
+            command_min=p["pid.out_min_q30"] / 2**30,
+            command_max=p["pid.out_max_q30"] / 2**30,
+            integral_min=p["pid.integral_min_q22"] / 2**22,
+            integral_max=p["pid.integral_max_q22"] / 2**22,
+            slew_per_s=p["pid.slew_q30"] / 2**30 / dt,
+        ),
+        esc=Esc(*(p[f"esc.{name}_halfus"] / 2 for name in ("mid", "span", "min", "max", "neutral"))),
+        exact_period_s=dt,
+    )

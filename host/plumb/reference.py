@@ -10,69 +10,80 @@ Units: deg, deg/s, g, s. Equation numbers (1) to (5) are those of the filter the
     (4) K        = P(k|k-1) H^T (H P(k|k-1) H^T + R)^-1
     (5) P(k|k)   = (I - K H) P(k|k-1)
 
-The 2x2 products are written out and all four entries of P are kept. Every kernel takes floats, and works on arrays of
-runs too where it has no branch. It runs on a Tuning: a person's, or the dequantised one of the integers, so that only
-the arithmetic differs from `plumb.fixed`.
+The 2x2 products are written out and all four entries of P are kept. Every kernel takes floats or arrays of runs. It
+runs on a Tuning: a person's, or the dequantised one of the integers, so that only the arithmetic differs from
+`plumb.fixed`.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from plumb.tuning import Channel, Kalman, Start, Trust
+from plumb.quantise import ControlParams, dequantise
+from plumb.tuning import Channel, Esc, Kalman, Pid, Start, TiltMode, Trust, Tuning
 
 FloatArray = npt.NDArray[np.float64]
+Number = Any
+"""A float, or an array with one float per run."""
 
 
-def atan2(y: float, x: float) -> float:
+def clip(x: Number, low: Number, high: Number) -> Number:
+    """x within [low, high]."""
+    return min(max(x, low), high) if isinstance(x, float) else np.clip(x, low, high)
+
+
+def atan2(y: Number, x: Number) -> Number:
     """Angle in degrees of the point (x, y), -180 to 180."""
-    return math.degrees(math.atan2(y, x))
+    return np.degrees(np.arctan2(y, x))
 
 
-def asin(sine: float) -> float:
+def asin(sine: Number) -> Number:
     """Angle in degrees, -90 to 90; a sine beyond +-1 counts as +-1."""
-    return math.degrees(math.asin(min(max(sine, -1.0), 1.0)))
+    return np.degrees(np.arcsin(clip(sine, -1.0, 1.0)))
 
 
-def wrap(angle_deg: float) -> float:
+def wrap(angle_deg: Number) -> Number:
     """The same angle in -180 <= angle < 180."""
     return (angle_deg + 180.0) % 360.0 - 180.0
 
 
-def calibrate(raw: float, channel: Channel) -> float:
+def calibrate(raw: Number, channel: Channel) -> Number:
     """Counts to the channel's unit."""
-    return (min(max(raw, channel.min_counts), channel.max_counts) - channel.zero_counts) * channel.unit_per_count
+    return (clip(raw, channel.min_counts, channel.max_counts) - channel.zero_counts) * channel.unit_per_count
 
 
-def tilt(accel_y_g: float, accel_z_g: float, mode: str) -> float:
+def tilt(accel_y_g: Number, accel_z_g: Number, mode: TiltMode) -> Number:
     """Tilt in degrees from the acceleration: arcsin(a / g) as the paper has it, or from both axes."""
     return asin(accel_y_g) if mode == "arcsine" else atan2(accel_y_g, accel_z_g)
 
 
-def trust(accel_y_g: float, accel_z_g: float, settings: Trust) -> float:
+def trust(accel_y_g: Number, accel_z_g: Number, settings: Trust) -> Number:
     """R in deg^2: grows with the square of |a|^2 - 1 g^2, up to its limit."""
+    if settings.gain_deg2 == 0:
+        return settings.r_deg2 + 0.0 * accel_y_g
     excess = accel_y_g * accel_y_g + accel_z_g * accel_z_g - 1.0
-    return min(settings.r_deg2 + settings.gain_deg2 * excess * excess, settings.r_max_deg2)
+    return np.minimum(settings.r_deg2 + settings.gain_deg2 * excess * excess, settings.r_max_deg2)
 
 
 @dataclass
 class KalmanState:
     """X and P of equations (1) to (5), and the gyro sample that is U of the next step."""
 
-    tilt_deg: float
-    bias_dps: float
-    p00: float
-    p01: float
-    p10: float
-    p11: float
-    rate_dps: float = 0.0
-    innovation_deg: float = 0.0
-    k0: float = 0.0
-    k1: float = 0.0
+    tilt_deg: Number
+    bias_dps: Number
+    p00: Number
+    p01: Number
+    p10: Number
+    p11: Number
+    rate_dps: Number = 0.0
+    innovation_deg: Number = 0.0
+    k0: Number = 0.0
+    k1: Number = 0.0
 
 
 def kalman_init(start: Start) -> KalmanState:
@@ -83,7 +94,7 @@ def kalman_init(start: Start) -> KalmanState:
 
 
 def kalman_step(
-    x: KalmanState, settings: Kalman, period_s: float, z_deg: float, rate_dps: float, r_deg2: float
+    x: KalmanState, settings: Kalman, period_s: float, z_deg: Number, rate_dps: Number, r_deg2: Number
 ) -> None:
     """One predict and update; z is the accelerometer's tilt, rate the gyro's current sample."""
     ts = period_s
@@ -105,10 +116,10 @@ def kalman_step(
     k0 = p00 / s
     k1 = p10 / s
 
-    # (3) X(k|k) = X(k|k-1) + K (Z - H X(k|k-1)); the innovation is an angle and wraps
+    # (3) X(k|k) = X(k|k-1) + K (Z - H X(k|k-1)); the innovation is an angle and wraps; the bias has a limit
     innovation = wrap(z_deg - tilt_deg)
     x.tilt_deg = wrap(tilt_deg + k0 * innovation)
-    x.bias_dps = bias_dps + k1 * innovation
+    x.bias_dps = clip(bias_dps + k1 * innovation, -settings.bias_max_dps, settings.bias_max_dps)
 
     # (5) P(k|k) = (I - K H) P(k|k-1)
     x.p00 = (1.0 - k0) * p00
@@ -117,3 +128,95 @@ def kalman_step(
     x.p11 = p11 - k1 * p01
 
     x.innovation_deg, x.k0, x.k1 = innovation, k0, k1
+
+
+@dataclass
+class PidState:
+    """Integral and command in [-1, 1], filtered rate in deg/s."""
+
+    integral: Number = 0.0
+    rate_filtered_dps: Number = 0.0
+    command: Number = 0.0
+
+
+def pid_step(c: PidState, settings: Pid, period_s: float, error_deg: Number, rate_dps: Number) -> None:
+    """One command from the tilt error and the measured rate; what the limits cut off is not integrated."""
+    tau = settings.derivative_tau_s
+    c.rate_filtered_dps += (rate_dps - c.rate_filtered_dps) * (1.0 - math.exp(-period_s / tau) if tau else 1.0)
+    demand = settings.kp_per_deg * error_deg + c.integral - settings.kd_per_dps * c.rate_filtered_dps
+
+    slew = settings.slew_per_s * period_s
+    within = clip(demand, settings.command_min, settings.command_max)
+    c.command = clip(within, c.command - slew, c.command + slew)
+
+    growth = settings.ki_per_deg_s * period_s * error_deg
+    further = (demand - c.command) * growth > 0.0
+    c.integral = clip(c.integral + growth * (1.0 - further), settings.integral_min, settings.integral_max)
+
+
+def esc(command: Number, settings: Esc) -> tuple[Number, Number]:
+    """Pulses of the two opposing motors in us."""
+    swing = settings.span_us * command
+    return (
+        clip(settings.mid_us + swing, settings.min_us, settings.max_us),
+        clip(settings.mid_us - swing, settings.min_us, settings.max_us),
+    )
+
+
+@dataclass
+class ControlState:
+    kalman: KalmanState
+    pid: PidState = field(default_factory=PidState)
+
+
+def control_step(
+    c: ControlState, tuning: Tuning, rate_dps: Number, z_deg: Number, r_deg2: Number, setpoint_deg: Number
+) -> dict[str, Number]:
+    """Everything of a step that has a memory: the filter on the measured tilt z, then the controller."""
+    kalman_step(c.kalman, tuning.kalman, tuning.period_s, z_deg, rate_dps, r_deg2)
+    error_deg = wrap(setpoint_deg - c.kalman.tilt_deg)
+    corrected_dps = rate_dps - c.kalman.bias_dps
+    pid_step(c.pid, tuning.pid, tuning.period_s, error_deg, corrected_dps)
+    pulse_us = esc(c.pid.command, tuning.esc)
+    return {
+        "tilt_deg": c.kalman.tilt_deg,
+        "bias_dps": c.kalman.bias_dps,
+        "innovation_deg": c.kalman.innovation_deg,
+        "rate_corrected_dps": corrected_dps,
+        "error_deg": error_deg,
+        "command": c.pid.command,
+        "pulse_0_us": pulse_us[0],
+        "pulse_1_us": pulse_us[1],
+    }
+
+
+def run_control(
+    settings: Tuning | ControlParams, raw: npt.ArrayLike, setpoint_turn_q32: npt.ArrayLike | None = None
+) -> dict[str, FloatArray]:
+    """From counts to pulses. raw: (steps, 3 or more[, runs]); setpoint: (steps[, runs]), level when left out.
+
+    Gives float arrays (steps[, runs]) by name: rate_dps, accel_y_g, accel_z_g, tilt_measured_deg, r_deg2, and those of
+    `control_step`.
+    """
+    tuning = dequantise(settings) if isinstance(settings, ControlParams) else settings
+    counts = np.asarray(raw, np.float64)
+    shape = (counts.shape[0], *counts.shape[2:])
+    turns = np.zeros(shape) if setpoint_turn_q32 is None else np.asarray(setpoint_turn_q32, np.float64) / 2**32
+    rate_dps = calibrate(counts[:, 0], tuning.calibration.gyro)
+    accel_y_g = calibrate(counts[:, 1], tuning.calibration.accel_y)
+    accel_z_g = calibrate(counts[:, 2], tuning.calibration.accel_z)
+    z_deg = tilt(accel_y_g, accel_z_g, tuning.tilt)
+    r_deg2 = trust(accel_y_g, accel_z_g, tuning.trust)
+
+    c = ControlState(kalman_init(tuning.start))
+    inputs = [values.tolist() if values.ndim == 1 else values for values in (rate_dps, z_deg, r_deg2, 360.0 * turns)]
+    steps = [control_step(c, tuning, *now) for now in zip(*inputs, strict=True)]
+    outputs = {name: np.array([step[name] for step in steps]) for name in (steps[0] if steps else ())}
+    return {
+        "rate_dps": rate_dps,
+        "accel_y_g": accel_y_g,
+        "accel_z_g": accel_z_g,
+        "tilt_measured_deg": z_deg,
+        "r_deg2": r_deg2,
+        **outputs,
+    }

@@ -54,7 +54,7 @@ class Words(Mapping[str, npt.NDArray[np.int64]]):
 
     def __init__(self, record: npt.NDArray[np.void]) -> None:
         if record.dtype != WORDS_DTYPE:
-            raise UsageError(f"a step has {WORDS_DTYPE.itemsize} bytes in {len(WORDS_DTYPE)} words, not {record.dtype}")
+            raise UsageError(f"a step is a record of {WORDS_DTYPE.itemsize} bytes, not {record.dtype}")
         self.record = np.ascontiguousarray(record)
 
     @classmethod

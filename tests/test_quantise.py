@@ -1,0 +1,150 @@
+"""Every accepted tuning is within 0.1 % of what was asked; what cannot be is refused in one sentence that says why."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
+
+import pytest
+
+from plumb import parameters
+from plumb.errors import UsageError
+from plumb.quantise import ControlParams, dequantise, quantise
+from plumb.systems import quad
+from plumb.tuning import Kalman, Start, Trust, Tuning
+
+PAPER = quad.TUNINGS["paper"]
+CORNERS = list(
+    itertools.product((500, 100_000), (1e-6, 10.0), (1e-8, 1.0), (1e-3, 1e3), (0.0, 180.0**2), (0.0, 500.0**2))
+)
+
+
+def corner(period_us: int, q_angle: float, q_bias: float, r: float, p00: float, p11: float) -> Tuning:
+    """The accepted box; the pid's gains are those that fit at 2 kHz as well as at 10 Hz."""
+    return replace(
+        PAPER,
+        period_us=period_us,
+        kalman=Kalman(q_angle, q_bias),
+        trust=Trust(r),
+        start=Start(p00_deg2=p00, p11_dps2=p11),
+    )
+
+
+def deviations(asked: Any, got: Any, path: str = "") -> dict[str, float]:
+    """Relative deviation of every number of a tuning."""
+    found: dict[str, float] = {}
+    for entry in fields(asked):
+        a, b = getattr(asked, entry.name), getattr(got, entry.name)
+        if is_dataclass(a):
+            found |= deviations(a, b, f"{path}{entry.name}.")
+        elif isinstance(a, int | float) and entry.name not in ("exact_period_s", "r_max_deg2"):
+            found[path + entry.name] = abs(b - a) / abs(a) if a else abs(b)
+    return found
+
+
+def changed(tuning: Tuning, path: str, value: Any) -> Tuning:
+    group, _, name = path.rpartition(".")
+    return replace(tuning, **{group: replace(getattr(tuning, group), **{name: value})} if group else {name: value})
+
+
+@pytest.mark.parametrize("name", quad.TUNINGS)
+def test_shipped_tunings_are_within_a_thousandth(name: str) -> None:
+    asked = quad.TUNINGS[name]
+    got = dequantise(quantise(asked))
+    # a filter or slew that was asked to be none comes back as the fastest there is
+    worst = {k: v for k, v in deviations(asked, got).items() if v > 1e-3}
+    assert worst == {}
+    if asked.trust.gain_deg2:
+        assert got.trust.r_max_deg2 == pytest.approx(asked.trust.r_max_deg2, rel=1e-3)
+
+
+@pytest.mark.parametrize("box", CORNERS, ids=lambda box: "-".join(f"{v:g}" for v in box))
+def test_corners_of_the_box_are_within_a_thousandth(box: tuple[float, ...]) -> None:
+    asked = corner(int(box[0]), *box[1:])
+    worst = {k: v for k, v in deviations(asked, dequantise(quantise(asked))).items() if v > 1e-3}
+    assert worst == {}
+
+
+def test_the_papers_constants_as_they_are() -> None:
+    got = dequantise(quantise(PAPER))
+    step = got.period_s
+    assert got.kalman.q_angle_deg2_per_s * step == pytest.approx(0.01, rel=1e-6)
+    assert got.kalman.q_bias_dps2_per_s * step == pytest.approx(0.005, rel=1e-6)
+    assert got.trust.r_deg2 == pytest.approx(0.056, rel=1e-6)
+    assert (got.start.p00_deg2, got.start.p01_deg2_per_s, got.start.p11_dps2) == pytest.approx((0.005,) * 3, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "reason"),
+    [
+        ("period_us", 499, "period_us = 499"),
+        ("period_us", 100_001, "period_us"),
+        ("period_us", 1000.5, "whole"),
+        ("calibration.gyro.unit_per_count", 0.0, ""),
+        ("trust.r_deg2", 0.0, "more than 0"),
+        ("trust.r_deg2", 1e-9, "too small beside"),
+        ("trust.gain_deg2", -1.0, "negative"),
+        ("trust.r_max_deg2", 0.1, "less than"),
+        ("kalman.q_angle_deg2_per_s", -1.0, "negative"),
+        ("kalman.q_bias_dps2_per_s", 1e9, "too small beside kalman.q_bias"),
+        ("kalman.bias_max_dps", 1e6, "too large"),
+        ("kalman.rate", "next", "previous or current"),
+        ("start.p00_deg2", 1e12, "too small beside start.p00"),
+        ("start.p01_deg2_per_s", 1e3, "no covariance"),
+        ("start.bias_dps", 501.0, "bias_max"),
+        ("start.tilt_deg", 181.0, "too large"),
+        ("pid.kp_per_deg", 1.0, "too large"),
+        ("pid.kp_per_deg", 1e-9, "too fine"),
+        ("pid.kd_per_dps", -1.0, "too small"),
+        ("pid.command_max", 1.5, "too large"),
+        ("pid.command_max", -2.0, "less than its minimum"),
+        ("pid.integral_max", -0.5, "too small"),
+        ("pid.slew_per_s", 0.0, "never move"),
+        ("pid.derivative_tau_s", -0.1, "negative"),
+        ("esc.mid_us", 9000.0, "too large"),
+        ("esc.max_us", 500.0, "less than its minimum"),
+        ("tilt", "sine", "arcsine or atan2"),
+    ],
+)
+def test_refused_with_a_reason(path: str, value: Any, reason: str) -> None:
+    tuning = quad.TUNINGS["adaptive"]
+    if path == "calibration.gyro.unit_per_count":
+        gyro = replace(tuning.calibration.gyro, unit_per_count=100.0)
+        tuning = replace(tuning, calibration=replace(tuning.calibration, gyro=gyro))
+        reason = "gyro.unit_per_count = 100"
+    else:
+        tuning = changed(tuning, path, value)
+    with pytest.raises(UsageError) as refused:
+        quantise(tuning)
+    sentence = str(refused.value)
+    assert reason in sentence and "\n" not in sentence
+    assert path.rpartition(".")[2] in sentence
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize(
+    "path", ["period_us", "trust.r_deg2", "kalman.q_bias_dps2_per_s", "start.p00_deg2", "pid.ki_per_deg_s"]
+)
+def test_nan_and_infinity_are_refused_by_name(path: str, value: float) -> None:
+    with pytest.raises(UsageError, match=path):
+        quantise(changed(PAPER, path, value))
+
+
+def test_words_go_and_come_back() -> None:
+    params = quantise(quad.TUNINGS["adaptive"])
+    rows = [row for row in parameters.table() if row.owner == "control"]
+    assert [row.name for row in rows] == list(params.values)
+    for row in rows:
+        assert row.min <= params[row.name] <= row.max, row.name
+    again = ControlParams.from_words([word & 0xFFFFFFFF for word in params.words()])
+    assert again == params and again.crc32() == params.crc32()
+    with pytest.raises(UsageError):
+        ControlParams.from_words(params.words()[:-1])
+
+
+def test_every_word_counts_in_the_crc() -> None:
+    words = quantise(PAPER).words()
+    seen = {parameters.crc32([w ^ (i == n) for i, w in enumerate(words)]) for n in range(-1, len(words))}
+    assert len(seen) == len(words) + 1
