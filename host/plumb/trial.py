@@ -132,7 +132,7 @@ def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Tria
 def judge(board: Board, flight: Flight, params: ControlParams, answer: Answer) -> Trial:
     """Compare an answer with the model, and where they differ find the first step and signal."""
     words = fixed.run_control(params, flight.raw, flight.setpoint_turn_q32)
-    reference_tilt_deg = reference.run_control(params, flight.raw, flight.setpoint_turn_q32).tilt_deg
+    reference_tilt_deg = reference.run_control(params, flight.raw, flight.setpoint_turn_q32)["tilt_deg"]
     step = first_digest_divergence(words.digests(), answer.digests)
     divergence = None if step is None else locate(board, flight, params, words, step)
     return Trial(flight, params, words, reference_tilt_deg, answer, divergence)

@@ -1,0 +1,43 @@
+"""Serve the virtual board as a process of its own, at the pace of the wall clock.
+
+    plumb virtual-board --serial pty               prints the terminal's name; open it like a serial port
+    plumb virtual-board --serial tcp:4000          then use serial:socket://127.0.0.1:4000 as the board
+    plumb virtual-board --serial pty --system quad with the plant on its pins, for live runs
+
+It runs the very image that is flashed, until Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--serial", default="pty", metavar="pty|tcp:PORT", help="where its UART appears (default pty)")
+    parser.add_argument("--symlink", type=Path, help="also make this name point to the terminal")
+    parser.add_argument("--system", help="couple this system's plant to the pins: quad")
+    parser.add_argument("--scenario", default="hold", help="of the plant (default hold)")
+    parser.add_argument("--seed", type=int, default=1000, help="of the plant (default 1000)")
+    parser.add_argument("--part", default="stm32f103c8", help="stm32f103c8, stm32f103ret6 or stm32f103zet6")
+    parser.add_argument("--image", type=Path, help="flash image (default: the checkout's build)")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from plumb import systems
+    from plumb.f103 import open_machine
+
+    machine = open_machine(arguments.image, arguments.part)
+    couple = None
+    if arguments.system:
+        from plumb import live
+
+        system = systems.load(arguments.system)
+        couple = live.coupler(system.scenario(arguments.scenario, arguments.seed))
+    from plumb.f103.serve import serve
+
+    def announce(address: str) -> None:
+        print(f"serving the virtual board at {address}; use it as serial:{address}; Ctrl-C ends it", flush=True)
+
+    serve(machine, arguments.serial, link=arguments.symlink, couple=couple, announce=announce)
+    return 0
