@@ -83,7 +83,7 @@ def main() -> int:
         print(f"finish_image: {path.name} is not a flash image: {error}", file=sys.stderr)
         return 1
     ram = 0
-    for section in Elf(path).sections:
+    for section in (s for s in Elf(path).sections if s.size):
         print(f"  {section.name:<14} {section.size:>6} bytes at 0x{section.address:08x}")
         ram += section.size if section.address >= 0x20000000 else 0
     print(f"  flash {len(image)} of {options.flash} bytes, RAM with stack {ram} of {options.ram} bytes")

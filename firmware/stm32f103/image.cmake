@@ -1,9 +1,6 @@
 # The flash image for the STM32F103 (firmware.elf, .bin, .hex), and the core alone as a program for QEMU.
 find_package(Python3 REQUIRED COMPONENTS Interpreter)
 
-# No jump tables: every call and jump is then visible to the checks of the finished image (tools/check_elf.py).
-add_compile_options(-g -ffunction-sections -fdata-sections -fstack-usage -fno-common -fno-pic -fno-jump-tables)
-set(CMAKE_POSITION_INDEPENDENT_CODE OFF)
 # The core is built for speed, everything around it for size.
 target_compile_options(plumb_core PRIVATE -O2)
 target_compile_options(plumb_link PRIVATE -Os)
