@@ -19,8 +19,8 @@ typedef struct {
     int32_t d_alpha_q31;      /* 1 - exp(-dt / tau) of the D filter; 0..2^31-1 (no filter) */
     int32_t integral_min_q22; /* command; -2^22..0 */
     int32_t integral_max_q22; /* 0..2^22 */
-    int32_t out_min_q30;      /* command; -2^30..2^30 */
-    int32_t out_max_q30;      /* out_min..2^30 */
+    int32_t out_min_q30;      /* command; -2^30..2^30-1 */
+    int32_t out_max_q30;      /* out_min..2^30-1 */
     int32_t slew_q30;         /* largest change per step; 1..2^31-1 (2^31-1: no limit) */
 } pid_params_t;
 

@@ -14,9 +14,9 @@
 
 typedef struct {
     uint32_t mode;   /* TILT_ARCSINE or TILT_ATAN2 */
-    uint32_t r_base; /* measurement variance at |a| = 1 g, in 2^32 lsb of the filter; 1..2^25 */
+    uint32_t r_base; /* measurement variance at |a| = 1 g, in 2^32 lsb of the filter; 1..2^24 */
     uint32_t r_gain; /* see tilt_variance; 0 keeps r_base */
-    uint32_t r_max;  /* r_base..2^25 */
+    uint32_t r_max;  /* r_base..2^24 */
     uint32_t
         deviation_max; /* | |a|^2 - 1 | is clamped here, g^2 Q20; deviation_max << deviation_shift < 2^32 */
     uint32_t deviation_shift; /* 0..31 */
