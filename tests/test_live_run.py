@@ -1,0 +1,116 @@
+"""A run in real time with the board's own sensors: sampling instants, counts, pulses, and what happens in silence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+pytest.importorskip("unicorn")
+
+from plumb.capture import Capture
+from plumb.errors import UsageError
+from plumb.f103 import find_image
+from plumb.f103.machine import Machine
+from plumb.session import Session
+
+SUPPLY_V = 3.3
+NEUTRAL_US = 1000.0
+
+
+@dataclass
+class Bench:
+    machine: Machine
+    session: Session
+
+    def begin(self, period_us: int) -> Capture:
+        words = self.session.read_parameters()
+        self.session.upload(words[:-2], period_us=period_us, esc_period_us=2500)
+        self.session.begin("REALTIME_LIVE", frames=["RAW_A"])
+        return Capture(self.session)
+
+    def run(self, capture: Capture, seconds: float) -> None:
+        end = self.session.clock() + seconds
+        while self.session.clock() < end:
+            capture.feed(self.session.receive(0.005))
+
+    def pulses_us(self) -> tuple[float, float]:
+        return self.machine.pwm("PB6").pulse_us, self.machine.pwm("PB7").pulse_us
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    try:
+        image = find_image()
+    except UsageError as error:
+        pytest.skip(str(error))
+    machine = Machine(image)
+    machine.advance_us(30_000)
+    with Session.open(machine.uart) as session:
+        yield Bench(machine, session)
+
+
+@pytest.mark.parametrize("period_us", [500, 1000, 20_000, 100_000])
+def test_samples_are_a_period_apart_and_arrive_as_converted(bench: Bench, period_us: int) -> None:
+    """The timer samples, no instruction does: the instants repeat to within a tick of the simulation."""
+    instants: list[float] = []
+
+    def gyro(t_s: float) -> float:
+        instants.append(t_s)
+        return 1.35 + 0.2 * math.sin(7 * t_s)
+
+    bench.machine.adc["PA0"] = gyro
+    bench.machine.adc["PA1"] = lambda t_s: 1.65 + 0.4 * math.sin(3 * t_s)
+    bench.machine.adc["PA2"] = SUPPLY_V
+    capture = bench.begin(period_us)
+    bench.run(capture, 20.5 * period_us * 1e-6 + 0.02)
+    assert capture.steps >= 20
+    gaps_us = np.diff(instants) * 1e6
+    assert np.max(np.abs(gaps_us - period_us)) < 0.01
+    raw = capture.raw_counts(20)
+    expected = [min(round((1.35 + 0.2 * math.sin(7 * t)) / SUPPLY_V * 4096), 4095) for t in instants[:20]]
+    assert raw[:, 0].tolist() == expected
+    assert set(raw[:, 2].tolist()) == {4095}
+    assert not raw[:, 3:].any()
+    assert bench.machine.warnings == []
+
+
+def test_disarmed_means_neutral_and_armed_means_commanded(bench: Bench) -> None:
+    capture = bench.begin(1000)
+    bench.run(capture, 0.02)
+    assert bench.pulses_us() == (NEUTRAL_US, NEUTRAL_US)
+    bench.session.arm()
+    bench.run(capture, 0.1)
+    assert bench.pulses_us() != (NEUTRAL_US, NEUTRAL_US)
+    bench.session.disarm()
+    bench.run(capture, 0.01)
+    assert bench.pulses_us() == (NEUTRAL_US, NEUTRAL_US)
+
+
+def test_silence_makes_it_safe_within_50_ms_for_good(bench: Bench) -> None:
+    capture = bench.begin(1000)
+    bench.session.arm()
+    bench.run(capture, 0.2)
+    assert bench.pulses_us() != (NEUTRAL_US, NEUTRAL_US)
+    silent_us = bench.machine.now_us
+    assert bench.machine.run_until(lambda: bench.pulses_us() == (NEUTRAL_US, NEUTRAL_US), 100_000)
+    # 50 ms since the last keep-alive, a turn of the loop, and the rest of a pulse frame
+    assert bench.machine.now_us - silent_us < 50_000 + 1_000 + 2_500
+    bench.session.pump()  # a keep-alive that comes too late revives nothing
+    bench.run(capture, 0.1)
+    assert bench.pulses_us() == (NEUTRAL_US, NEUTRAL_US)
+
+
+def test_a_reset_in_flight_ends_disarmed(bench: Bench) -> None:
+    capture = bench.begin(1000)
+    bench.session.arm()
+    bench.run(capture, 0.1)
+    bench.machine.reset()
+    for _ in range(100):
+        bench.machine.advance_us(500)
+        for pin in ("PB6", "PB7"):
+            wave = bench.machine.pwm(pin)
+            assert not wave.enabled or wave.pulse_us in (0.0, NEUTRAL_US)
