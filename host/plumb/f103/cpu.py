@@ -114,6 +114,7 @@ class Cpu:
         self._counter, self._limit = _find_counter(uc)
         self._pc = Registers(uc, UC_ARM_REG_PC)
         self._masks = Registers(uc, UC_ARM_REG_PRIMASK, UC_ARM_REG_FAULTMASK, UC_ARM_REG_BASEPRI)
+        self._stack = Registers(uc, UC_ARM_REG_SP)
         self._before = Registers(uc, *STACKED, UC_ARM_REG_SP, UC_ARM_REG_CONTROL)
         self._handler = Registers(uc, UC_ARM_REG_SP, UC_ARM_REG_LR, UC_ARM_REG_XPSR)
         self._after = Registers(uc, UC_ARM_REG_XPSR, *STACKED[:6], UC_ARM_REG_SP)
@@ -235,16 +236,17 @@ class Cpu:
 
     def _return(self) -> None:
         """Exception return: into the next pending exception without unstacking, else pop the frame."""
-        machine, uc = self.machine, self.uc
+        machine = self.machine
         machine.nvic.leave()
-        uc.reg_write(UC_ARM_REG_FAULTMASK, 0)
+        if self._masks.read()[1]:
+            self.uc.reg_write(UC_ARM_REG_FAULTMASK, 0)
         exc_return = self.pc | 1
         if exc_return not in (0xFFFFFFF1, 0xFFFFFFF9):
             raise SimulationError(f"exception return 0x{exc_return:08X} is not modelled")
         if machine.timeline.next <= self.base:
             machine.timeline.run_due(self.base)
         number = machine.nvic.candidate()
-        stack = uc.reg_read(UC_ARM_REG_SP)
+        stack = self._stack.read()[0]
         if number and self.takes(number):
             self._vector(number, stack, exc_return, TAIL_CHAIN_CYCLES)
             return

@@ -55,7 +55,8 @@ class Rcc(Peripheral):
         super().__init__(machine, "RCC", 0x40021000)
         self.crystal_dead = False
         self.pll_dead = False
-        self.hclk_ticks = 0
+        self.hclk_ticks = self.pclk2_ticks = self.timer1_ticks = 0
+        """Ticks of a cycle of the core and AHB, of APB2, and of the timers on APB1."""
         self.core_clock_lost = False
 
     def reset(self) -> None:
@@ -85,20 +86,6 @@ class Rcc(Peripheral):
         return {SW_HSI: HSI_MHZ, SW_HSE: HSE_MHZ, SW_PLL: self._pll_mhz()}[(self.cfgr >> 2) & 3]
 
     @property
-    def pclk1_ticks(self) -> int:
-        return self.hclk_ticks * self._apb_divider(8)
-
-    @property
-    def pclk2_ticks(self) -> int:
-        return self.hclk_ticks * self._apb_divider(11)
-
-    @property
-    def timer1_ticks(self) -> int:
-        """Timers on APB1 run at twice PCLK1 unless the divider is 1."""
-        divider = self._apb_divider(8)
-        return self.hclk_ticks * (1 if divider == 1 else divider // 2)
-
-    @property
     def adc_ticks(self) -> int:
         return self.pclk2_ticks * (2 + 2 * ((self.cfgr >> 14) & 3))
 
@@ -124,6 +111,9 @@ class Rcc(Peripheral):
             )
         if ticks * self._apb_divider(8) * 36 < TICKS_PER_US:
             raise SimulationError(f"APB1 runs above 36 MHz: set RCC_CFGR.PPRE1 first ({self.machine.where()})")
+        divider = self._apb_divider(8)
+        self.timer1_ticks = ticks * (1 if divider == 1 else divider // 2)
+        self.pclk2_ticks = ticks * self._apb_divider(11)
         if ticks != self.hclk_ticks:
             self.hclk_ticks = ticks
             self.machine.cpu.set_clock(ticks)

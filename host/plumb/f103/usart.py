@@ -73,6 +73,7 @@ class Usart(Peripheral):
     def reset(self) -> None:
         super().reset()
         self._cut_off(self.machine.now)
+        self._set_byte_time()
         self.tx_free = 0  # when the shift register and TDR will both be empty
         self.tc, self.sending = True, False
         self.rx_flags = 0
@@ -90,10 +91,9 @@ class Usart(Peripheral):
 
     # Time on the line
 
-    @property
-    def byte_ticks(self) -> int:
+    def _set_byte_time(self) -> None:
         bits = 10 + bool(self.cr1 & M9) + (self.cr2 >> 12 & 3 == 2)
-        return bits * max(self.brr, 1) * self.machine.rcc.pclk2_ticks
+        self.byte_ticks = bits * max(self.brr, 1) * self.machine.rcc.pclk2_ticks
 
     @property
     def baud(self) -> float:
@@ -305,6 +305,7 @@ class Usart(Peripheral):
         self._settle_rx(now)
 
     def clock_changed(self, now: int) -> None:
+        self._set_byte_time()
         self._plan()
 
     # Registers
@@ -346,6 +347,7 @@ class Usart(Peripheral):
         self._settle_tx_now()
         self._settle_rx_now()
         setattr(self, name, value)
+        self._set_byte_time()
         self._restart_dma()
 
     def write_brr(self, value: int) -> None:
