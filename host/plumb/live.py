@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from plumb import metrics
 from plumb.boards import Answer
 from plumb.boards.virtual import VirtualBoard
 from plumb.capture import Capture
@@ -96,7 +97,9 @@ def fly(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, open_
     raw = capture.raw_counts(steps)
     first = matching(np.array([count for count, _, _ in coupling.taken]), raw[:, 0])
     truth = np.array([row[1:] for row in coupling.taken[first : first + steps]])
-    flight = Flight(scenario.time_s, truth[:, 0], truth[:, 1], raw, capture.setpoints(steps))
+    flight = Flight(
+        scenario.time_s, truth[:, 0], truth[:, 1], raw, capture.setpoints(steps), metrics.scored(scenario.time_s)
+    )
     answer = Answer(capture.digests(steps), unverified_from=capture.unverified_from(steps))
     return judge(board, flight, params, answer)
 

@@ -28,7 +28,7 @@ import csv
 import math
 import zipfile
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -93,6 +93,12 @@ class AxisInput:
     @property
     def time_s(self) -> FloatArray:
         return np.arange(len(self.raw), dtype=np.float64) * (self.period_us * 1e-6)
+
+    def first(self, steps: int) -> AxisInput:
+        """Only the first steps."""
+        cut = (self.raw[:steps], self.truth_deg[:steps], self.scored[:steps], self.singular[:steps])
+        raw, truth_deg, scored, singular = cut
+        return replace(self, raw=raw, truth_deg=truth_deg, scored=scored, singular=singular)
 
 
 def load(path: Path | str) -> Recording:

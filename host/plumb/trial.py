@@ -6,7 +6,8 @@ from the equations (fixed against reference), and how far the board is from the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,32 +16,53 @@ import numpy.typing as npt
 from plumb import fixed, metrics, reference
 from plumb.boards import Answer, Board, RawCounts, Setpoints
 from plumb.compare import Divergence, first_digest_divergence
-from plumb.quantise import ControlParams
+from plumb.quantise import ControlParams, quantise
+from plumb.recording import AxisInput
 from plumb.systems.quad import Scenario
 from plumb.systems.quad_plant import QuadPlant
+from plumb.tuning import Tuning
 from plumb.words import Words
 
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
 TURN_DEG = 360.0 / 2.0**32
 """Degrees per unit of a binary angle."""
 
 
 @dataclass(frozen=True)
 class Flight:
-    """What went into a board, and the truth behind it; all arrays (steps,), raw (steps, 6)."""
+    """What went into a board, and the truth behind it; all arrays (steps,), raw (steps, 6).
+
+    tilt_deg, bias_dps: the truth, NaN where it is not known. scored: the samples that count.
+    """
 
     time_s: FloatArray
     tilt_deg: FloatArray
     bias_dps: FloatArray
     raw: RawCounts
     setpoint_turn_q32: Setpoints
+    scored: BoolArray
 
 
 def prescribed(scenario: Scenario) -> Flight:
     """A scenario's own motion: the controller runs, and does not move the plant."""
     return Flight(
-        scenario.time_s, scenario.tilt_deg(), scenario.bias_dps, scenario.counts(), scenario.setpoint_turn_q32()
+        scenario.time_s,
+        scenario.tilt_deg(),
+        scenario.bias_dps,
+        scenario.counts(),
+        scenario.setpoint_turn_q32(),
+        metrics.scored(scenario.time_s),
     )
+
+
+def recorded(axis: AxisInput, tuning: Tuning) -> tuple[Flight, ControlParams]:
+    """One axis of a recording, and the tuning made to fit its sensor and its period."""
+    steps = len(axis.raw)
+    flight = Flight(
+        axis.time_s, axis.truth_deg, np.full(steps, np.nan), axis.raw, np.zeros(steps, np.int32), axis.scored
+    )
+    return flight, quantise(replace(tuning, calibration=axis.calibration, period_us=axis.period_us))
 
 
 @dataclass(frozen=True)
@@ -70,7 +92,7 @@ class Trial:
     def estimate_deg(self) -> FloatArray:
         """The board's tilt: its own words where it gave them, else the model's, which its digests confirm."""
         words = self.words if self.answer.words is None else self.answer.words
-        return words["tilt_turn_q32"] * TURN_DEG
+        return np.asarray(words["tilt_turn_q32"] * TURN_DEG)
 
     @property
     def accel_only_deg(self) -> FloatArray:
@@ -80,13 +102,16 @@ class Trial:
 
     def metrics(self) -> dict[str, float | int | None]:
         """The figures every trial reports; windows and definitions are in plumb.metrics."""
-        truth_deg, window = self.flight.tilt_deg, metrics.scored(self.flight.time_s)
-        known = window & np.isfinite(truth_deg)
+        truth_deg, scored = self.flight.tilt_deg, self.flight.scored
+
+        def figure(measure: Callable[[FloatArray, FloatArray, BoolArray], FloatArray], deg: FloatArray) -> float | None:
+            return float(measure(deg, truth_deg, scored)) if scored.any() else None
+
         apart = metrics.wrap_deg(self.words["tilt_turn_q32"] * TURN_DEG - self.reference_tilt_deg)
         return {
-            "angle_rmse_deg": float(metrics.angle_rmse_deg(self.estimate_deg, truth_deg, known)),
-            "angle_max_deg": float(metrics.angle_max_deg(self.estimate_deg, truth_deg, known)),
-            "accel_only_rmse_deg": float(metrics.angle_rmse_deg(self.accel_only_deg, truth_deg, known)),
+            "angle_rmse_deg": figure(metrics.angle_rmse_deg, self.estimate_deg),
+            "angle_max_deg": figure(metrics.angle_max_deg, self.estimate_deg),
+            "accel_only_rmse_deg": figure(metrics.angle_rmse_deg, self.accel_only_deg),
             "fixed_vs_reference_max_deg": float(np.max(np.abs(apart))),
             "target_vs_fixed_mismatches": self.mismatches,
         }
@@ -125,7 +150,7 @@ def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Tria
         output = stepper.step(counts, int(setpoint[step]))
         digests[step] = output.digest
         pulse_us = (output.pulse_halfus[0] / 2.0, output.pulse_halfus[1] / 2.0)
-    flight = Flight(scenario.time_s, tilt_deg, bias_dps, raw, setpoint)
+    flight = Flight(scenario.time_s, tilt_deg, bias_dps, raw, setpoint, metrics.scored(scenario.time_s))
     return judge(board, flight, params, Answer(digests))
 
 

@@ -16,7 +16,9 @@ from pathlib import Path
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("action", choices=("make", "check"))
-    parser.add_argument("--board", action="append", metavar="B", help="native, qemu, virtual or serial:PORT; repeatable")
+    parser.add_argument(
+        "--board", action="append", metavar="B", help="native, qemu, virtual or serial:PORT; repeatable"
+    )
     parser.add_argument("--system", action="append", metavar="S", help="only this system's vectors; repeatable")
     parser.add_argument("--link", choices=("serial",), default="serial", help="how `virtual` is spoken to")
     parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")

@@ -36,11 +36,12 @@ def main(arguments: argparse.Namespace) -> int:
 def probe(device: str) -> str:
     """One sentence about who answers at `device`."""
     from plumb.errors import LinkError
-    from plumb.serialbus import PlumbBus
     from plumb.session import Session
 
     try:
-        with PlumbBus(device) as bus:
-            return Session(bus).connect().describe()
+        with Session.open(device) as session:
+            identity = session.connect()
     except LinkError as error:
         return f"no plumb board: {error}"
+    about = f"plumb board {identity.unique_id}, image {identity.git_hash or 'of no known commit'}"
+    return f"{about}; {identity.mismatch}" if identity.mismatch else about

@@ -96,7 +96,10 @@ TUNINGS = {
     "quiet": replace(
         ADAPTIVE, trust=Trust(r_deg2=0.25, r_max_deg2=0.25), kalman=Kalman.per_step(3e-3, 1e-5, PERIOD_US)
     ),
-    "fast_start": replace(ADAPTIVE, start=Start(p00_deg2=90.0**2, p11_dps2=100.0**2)),
+    # The paper's Q; only R is the noise of 0.5 deg and P0 admits to know nothing: what its slow start was made of.
+    # A three-axis sensor in general motion: constant R, wide enough for accelerations that are not gravity.
+    "recording": replace(ADAPTIVE, trust=Trust(r_deg2=25.0, r_max_deg2=25.0), kalman=Kalman(0.02, 1e-4)),
+    "fast_start": replace(PAPER, trust=Trust(r_deg2=0.25, r_max_deg2=0.25), start=ADAPTIVE.start),
 }
 
 

@@ -1,0 +1,59 @@
+"""Run a recording of a real three-axis sensor through a board, one axis, and compare every step with the model.
+
+FILE is .npz or .csv; the columns are described at the top of plumb/recording.py. An ideal sensor is scaled to the
+recording, resampled to the period. Where the recording has an optical reference the tilt error is reported, over the
+samples marked as movement. Exit code 1 on a mismatch.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=Path, help="the recording")
+    parser.add_argument("--system", default="quad", help="quad")
+    parser.add_argument("--axis", choices=("x", "y", "z"), default="x", help="axis of rotation (default x)")
+    parser.add_argument("--board", required=True, metavar="B", help="native, qemu, virtual or serial:PORT[@BAUD]")
+    parser.add_argument("--link", choices=("serial",), default="serial", help="how `virtual` is spoken to")
+    parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
+    parser.add_argument("--period-us", type=int, help="control period (default: the recording's own)")
+    parser.add_argument("--seconds", type=float, help="only the first so many seconds")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html, summary.json and steps.csv")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from plumb import recording, systems, trial
+    from plumb.boards import open_board
+    from plumb.commands.run import describe
+    from plumb.errors import UsageError
+
+    system = systems.load(arguments.system)
+    axis = recording.pick_axis(recording.load(arguments.file), arguments.axis, arguments.period_us)
+    if arguments.seconds is not None:
+        steps = int(arguments.seconds * 1e6 / axis.period_us)
+        if steps < 1:
+            raise UsageError(f"{arguments.seconds:g} s is less than one period of {axis.period_us} us")
+        axis = axis.first(steps)
+    flight, params = trial.recorded(axis, system.TUNINGS["recording"])
+    with open_board(arguments.board, link=arguments.link, image=arguments.image) as board:
+        result = trial.open_loop(board, flight, params)
+    summary = result.summary(
+        system=arguments.system,
+        scenario=f"{arguments.file.name} about {arguments.axis}",
+        tuning="recording",
+        loop="open",
+        board=arguments.board,
+        link=arguments.link if arguments.board == "virtual" else None,
+        seed=None,
+        scored_steps=int(flight.scored.sum()),
+    )
+    if arguments.out:
+        from plumb import story
+
+        story.write_run(arguments.out, result, summary)
+    print(json.dumps(summary) if arguments.json else describe(summary))
+    return {"pass": 0, "fail": 1, "unverified": 3}[result.verdict]
