@@ -1,0 +1,168 @@
+"""The served board: a pty or a TCP port that pyserial opens, clients that come and go, a clean end, and a plant."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+serial = pytest.importorskip("serial")
+HOST = str(Path(__file__).parents[2] / "host")
+SERVER = """
+import sys
+from pathlib import Path
+from plumb.f103 import Machine
+from plumb.f103.serve import serve
+link = Path(sys.argv[3]) if len(sys.argv) > 3 else None
+number = serve(Machine(Path(sys.argv[1])), sys.argv[2], link=link, announce=lambda text: print(text, flush=True))
+print("ended by", number, flush=True)
+"""
+
+
+class Server:
+    """The small echo program, served by a process of its own."""
+
+    def __init__(self, image: Path, *arguments: str) -> None:
+        environment = {**os.environ, "PYTHONPATH": HOST}
+        command = [sys.executable, "-c", SERVER, str(image), *arguments]
+        self.process = subprocess.Popen(
+            command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        self.address = self.process.stdout.readline().strip()
+
+    def end(self, number: int) -> tuple[str, str, int]:
+        self.process.send_signal(number)
+        out, err = self.process.communicate(timeout=20)
+        return out.strip(), err.strip(), self.process.returncode
+
+
+@pytest.fixture
+def serve(build):
+    servers = []
+
+    def start(*arguments):
+        servers.append(Server(build("uart").with_suffix(".bin"), *arguments))
+        return servers[-1]
+
+    yield start
+    for server in servers:
+        server.process.kill()
+        server.process.communicate()
+
+
+def exchange(address, data):
+    with serial.serial_for_url(address, 921600, timeout=5) as port:
+        port.write(data)
+        return port.read(len(data))
+
+
+def test_a_pty_with_a_stable_name_serves_one_client_after_the_other(serve, tmp_path):
+    link = tmp_path / "board"
+    server = serve("pty", str(link))
+    time.sleep(0.3)  # the board starts
+    assert link.resolve() == Path(server.address)
+    for address in (server.address, str(link), server.address):
+        assert exchange(address, b"hello board\r") == b"hello board\r"
+    out, err, code = server.end(signal.SIGTERM)
+    assert (out, err, code) == (f"ended by {int(signal.SIGTERM)}", "", 0)
+    assert not link.is_symlink()
+
+
+def test_a_tcp_port_serves_one_client_after_the_other_and_ends_on_interrupt(serve):
+    server = serve("tcp:0")
+    time.sleep(0.3)
+    assert server.address.startswith("socket://127.0.0.1:")
+    for _ in range(3):
+        assert exchange(server.address, bytes(range(200))) == bytes(range(200))
+    # A client that goes away in the middle of a transfer does no harm.
+    host, port = server.address.removeprefix("socket://").split(":")
+    rude = socket.create_connection((host, int(port)))
+    rude.sendall(b"x" * 2000)
+    rude.close()
+    time.sleep(0.2)
+    assert exchange(server.address, b"still here") == b"still here"
+    assert server.end(signal.SIGINT) == (f"ended by {int(signal.SIGINT)}", "", 0)
+
+
+def test_bad_addresses_are_refused_in_a_sentence(build, tmp_path):
+    from plumb.errors import LinkError, UsageError
+    from plumb.f103.serve import open_line
+
+    for wrong in ("usb", "tcp:", "tcp:abc", "pty:1"):
+        with pytest.raises(UsageError, match="pty or tcp:PORT"):
+            open_line(wrong)
+    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(LinkError, match="choose another"):
+        open_line(f"tcp:{taken.getsockname()[1]}")
+    with pytest.raises(LinkError, match="cannot be opened"):
+        open_line("tcp:99999")
+    plain = tmp_path / "file"
+    plain.write_text("precious")
+    with pytest.raises(UsageError, match="choose another name"):
+        open_line("pty", plain)
+    assert plain.read_text() == "precious"
+
+
+def test_paced_time_never_overtakes_the_wall_clock(board):
+    from plumb.f103.serve import run_paced
+
+    machine = board("systick").machine
+
+    class Silence:
+        address = ""
+
+        def watch(self):
+            return None
+
+        def read(self):
+            return b""
+
+        def write(self, data):
+            pass
+
+        def close(self):
+            pass
+
+    ended = threading.Event()
+    threading.Timer(0.4, ended.set).start()
+    before, begin = machine.now_s, time.monotonic()
+    run_paced(machine, Silence(), ended.is_set)
+    assert 0 < machine.now_s - before <= time.monotonic() - begin
+
+
+def test_a_plant_sees_the_pulses_and_drives_the_pins(board):
+    from plumb.f103.coupling import Coupling
+
+    class Ramp:
+        def __init__(self):
+            self.asked = []
+
+        def advance_to(self, time_s, pulse_us):
+            self.asked.append((time_s, tuple(pulse_us)))
+
+        def volts(self, time_s):
+            return [0.5 + time_s, 1.0, 2.0]
+
+    b = board("adc")
+    first, second = Ramp(), Ramp()
+    coupling = Coupling(b.machine, first)
+    b.machine.advance_us(30_500)
+    assert first.asked[0] == (0.0, (0.0, 0.0)), "its time begins with the first conversion; no pulses yet"
+    assert first.asked[-1][0] == pytest.approx((len(first.asked) - 1) * 1e-3)
+    assert [b.result(i) for i in (1, 2, 3)] == [
+        pytest.approx((0.5 + first.asked[-1][0]) / 3.3 * 4096, abs=0.51),
+        round(1.0 / 3.3 * 4096),
+        round(2.0 / 3.3 * 4096),
+    ]
+    coupling.restart(second)
+    count = len(first.asked)
+    b.machine.advance_us(5_000)
+    assert len(first.asked) == count
+    assert second.asked[0][0] == 0.0
+    assert len(second.asked) == 5
