@@ -7,6 +7,7 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +17,7 @@ from plumb.errors import UsageError
 POINTS_MAX = 2000
 """A plotted line keeps at most this many points: the extremes of each stretch, so that no spike is lost."""
 
-Series = npt.NDArray[np.float64]
+Series = npt.NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True)
