@@ -97,9 +97,9 @@ TUNINGS = {
         ADAPTIVE, trust=Trust(r_deg2=0.25, r_max_deg2=0.25), kalman=Kalman.per_step(3e-3, 1e-5, PERIOD_US)
     ),
     # The paper's Q; only R is the noise of 0.5 deg and P0 admits to know nothing: what its slow start was made of.
+    "fast_start": replace(PAPER, trust=Trust(r_deg2=0.25, r_max_deg2=0.25), start=ADAPTIVE.start),
     # A three-axis sensor in general motion: constant R, wide enough for accelerations that are not gravity.
     "recording": replace(ADAPTIVE, trust=Trust(r_deg2=25.0, r_max_deg2=25.0), kalman=Kalman(0.02, 1e-4)),
-    "fast_start": replace(PAPER, trust=Trust(r_deg2=0.25, r_max_deg2=0.25), start=ADAPTIVE.start),
 }
 
 
