@@ -56,24 +56,27 @@ def bench() -> Iterator[Bench]:
 @pytest.mark.parametrize("period_us", [500, 1000, 20_000, 100_000])
 def test_samples_are_a_period_apart_and_arrive_as_converted(bench: Bench, period_us: int) -> None:
     """The timer samples, no instruction does: the instants repeat to within a tick of the simulation."""
-    instants: list[float] = []
+    seen: dict[str, list[float]] = {"PA0": [], "PA1": [], "PA2": []}
+    """Pin -> when it was sampled."""
 
-    def gyro(t_s: float) -> float:
-        instants.append(t_s)
-        return 1.35 + 0.2 * math.sin(7 * t_s)
+    def volts(t_s: float, phase: float) -> float:
+        return 1.65 + 0.4 * math.sin(7 * t_s + phase)
 
-    bench.machine.adc["PA0"] = gyro
-    bench.machine.adc["PA1"] = lambda t_s: 1.65 + 0.4 * math.sin(3 * t_s)
-    bench.machine.adc["PA2"] = SUPPLY_V
+    for phase, (pin, instants) in enumerate(seen.items()):
+
+        def source(t_s: float, phase: int = phase, instants: list[float] = instants) -> float:
+            instants.append(t_s)
+            return volts(t_s, phase)
+
+        bench.machine.adc[pin] = source
     capture = bench.begin(period_us)
     bench.run(capture, 20.5 * period_us * 1e-6 + 0.02)
     assert capture.steps >= 20
-    gaps_us = np.diff(instants) * 1e6
-    assert np.max(np.abs(gaps_us - period_us)) < 0.01
     raw = capture.raw_counts(20)
-    expected = [min(round((1.35 + 0.2 * math.sin(7 * t)) / SUPPLY_V * 4096), 4095) for t in instants[:20]]
-    assert raw[:, 0].tolist() == expected
-    assert set(raw[:, 2].tolist()) == {4095}
+    for phase, instants in enumerate(seen.values()):
+        assert np.max(np.abs(np.diff(instants) * 1e6 - period_us)) < 0.01
+        counts = [round(volts(t_s, phase) / SUPPLY_V * 4096) for t_s in instants[:20]]
+        assert raw[:, phase].tolist() == counts
     assert not raw[:, 3:].any()
     assert bench.machine.warnings == []
 
@@ -101,6 +104,23 @@ def test_silence_makes_it_safe_within_50_ms_for_good(bench: Bench) -> None:
     assert bench.machine.now_us - silent_us < 50_000 + 1_000 + 2_500
     bench.session.pump()  # a keep-alive that comes too late revives nothing
     bench.run(capture, 0.1)
+    assert bench.pulses_us() == (NEUTRAL_US, NEUTRAL_US)
+
+
+def test_a_crash_in_flight_sends_neutral_pulses(bench: Bench) -> None:
+    """Before the reset, and instead of it should it fail: here the reset request is ignored, the watchdog acts."""
+    machine = bench.machine
+    capture = bench.begin(1000)
+    bench.session.arm()
+    bench.run(capture, 0.1)
+    assert bench.pulses_us() != (NEUTRAL_US, NEUTRAL_US)
+    honest = machine.request_reset
+    machine.request_reset = lambda cause: honest(cause) if cause != "software" else None
+    machine.rcc.kill_crystal()
+    # The clock has dropped from 72 to 8 MHz: the timer counts nine times slower until the reset.
+    assert machine.run_until(lambda: bench.pulses_us() == (9 * NEUTRAL_US, 9 * NEUTRAL_US), 30_000)
+    assert machine.run_until(lambda: machine.reset_count == 2, 400_000)
+    machine.advance_us(200_000)
     assert bench.pulses_us() == (NEUTRAL_US, NEUTRAL_US)
 
 

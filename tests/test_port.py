@@ -173,6 +173,6 @@ def test_time_goes_on_while_it_sleeps(image: bytes, elf: Elf) -> None:
     machine = Machine(image)
     machine.advance_us(BOOT_US)
     started_us, board_us, awake = machine.now_us, _word(machine, elf, "last_us"), machine.awake_ticks()
-    machine.advance_us(500_000)
+    machine.advance_us(2_000_000)
     assert _word(machine, elf, "last_us") - board_us == pytest.approx(machine.now_us - started_us, abs=1100)
-    assert (machine.awake_ticks() - awake) / (machine.now - 0) < 0.1
+    assert (machine.awake_ticks() - awake) / machine.now < 0.1
