@@ -1,0 +1,87 @@
+"""The flash image itself on the simulated part: repeatable to the byte, the same in every form and on every part."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+import pytest
+
+pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
+from plumb.errors import UsageError
+from plumb.f103 import Machine, find_image
+from plumb.lockstep import Lockstep
+from plumb.session import Session
+
+STEPS = 200
+START_US = 200_000
+"""Long enough for the firmware to give up waiting for a dead crystal."""
+
+
+@pytest.fixture(scope="module")
+def image():
+    try:
+        return find_image()
+    except UsageError as error:
+        pytest.skip(str(error))
+
+
+class Recorder:
+    """The UART, with everything that passes through it."""
+
+    def __init__(self, machine):
+        self.uart, self.clock_s, self.seen = machine.uart, machine.uart.clock_s, hashlib.sha256()
+
+    def read(self, size):
+        data = self.uart.read(size)
+        self.seen.update(data)
+        return data
+
+    def write(self, data):
+        self.seen.update(data)
+        return self.uart.write(data)
+
+
+def lockstep(machine, seed=5):
+    """Digests of a run, and a fingerprint of every byte on the line, of RAM and of time."""
+    machine.advance_us(START_US)
+    channel = Recorder(machine)
+    chance = np.random.default_rng(seed)
+    with Session.open(channel) as session:
+        run = Lockstep(session)
+        raw = chance.integers(0, 4096, (STEPS, 3))
+        digests = run.run(raw, np.zeros(STEPS, np.int64))
+        identity = session.identity
+    assert machine.warnings == []
+    return digests.tolist(), (channel.seen.hexdigest(), bytes(machine.cpu.ram), machine.now), identity
+
+
+def test_two_runs_are_the_same_to_the_byte(image):
+    first, second, other = lockstep(Machine(image)), lockstep(Machine(image)), lockstep(Machine(image), seed=6)
+    assert first == second
+    assert first[0] != other[0]
+
+
+def test_every_form_of_the_image_runs_the_same(image):
+    runs = [lockstep(Machine(image.with_suffix(suffix))) for suffix in (".bin", ".elf", ".hex")]
+    assert runs[0] == runs[1] == runs[2]
+
+
+def test_what_memory_held_before_does_not_matter(image):
+    assert lockstep(Machine(image, seed=1))[0] == lockstep(Machine(image, seed=2))[0]
+
+
+@pytest.mark.parametrize("part", ["stm32f103rct6", "stm32f103ret6", "stm32f103zet6"])
+def test_every_part_gives_the_same_digests_and_its_own_name(image, part):
+    machine = Machine(image, part)
+    digests, _, identity = lockstep(machine)
+    assert digests == lockstep(Machine(image))[0]
+    assert identity["FLASH_KIB"] == machine.part.flash_kib
+
+
+def test_a_dead_crystal_changes_the_clock_and_not_the_answers(image):
+    machine = Machine(image, crystal=False)
+    digests, _, identity = lockstep(machine)
+    assert digests == lockstep(Machine(image))[0]
+    assert machine.rcc.hclk_ticks * 64 == 40320
+    assert identity["FAULTS"] & 0x0100
