@@ -263,7 +263,7 @@ def _first_in_file(entry: recipe.Entry, vector: Vector, step: int) -> Divergence
         if (fresh.raw[at] != vector.raw[at]).any():
             column = int(np.flatnonzero(fresh.raw[at] != vector.raw[at])[0])
             expected, actual = int(fresh.raw[at, column]), int(vector.raw[at, column])
-            return Divergence(vector.name, at, f"raw{column}", expected, actual, in_file=True)
+            return Divergence(vector.name, at, f"raw_{column}", expected, actual, in_file=True)
         if fresh.setpoint_turn_q32[at] != vector.setpoint_turn_q32[at]:
             expected, actual = int(fresh.setpoint_turn_q32[at]), int(vector.setpoint_turn_q32[at])
             return Divergence(vector.name, at, "setpoint_turn_q32", expected, actual, in_file=True)

@@ -1,0 +1,276 @@
+"""Instructions, estimated cycles, bytes, stack and error of the kernels in the shipped image, against their budgets.
+
+The image's own machine code runs, called by symbol (plumb.counter). control_step runs whole, over ordinary and wild
+input with every shipped tuning; the kernels inside it are measured where it calls them, so their rows are what a step
+really spends. atan2 and asin run besides over their whole range. Numbers are the worst of all inputs: an upper bound
+per path by plumb.cycles, exact in instructions. Errors are against float64 on the same inputs, from the Arm code's own
+results: in degrees, for pid_step and control_step's command as a fraction of full command.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from tqdm import tqdm
+
+from plumb import reference
+from plumb.counter import Counter, Image
+from plumb.elf import CallGraph
+from plumb.errors import UsageError
+from plumb.quantise import ControlParams, dequantise, quantise
+from plumb.recipe import WILD, random_bits
+from plumb.systems import quad
+from plumb.words import WORDS_DTYPE, Words
+
+IMAGE = Path("build/stm32f103/firmware.elf")
+TURN_DEG = 360.0 / 2.0**32
+CONTROL_BYTES = 1024
+"""Room for control_t; its first member is the record of the step."""
+WILD_STEPS = 200
+MOTION_STEPS = 1500
+ANGLES = 2000
+ASIN_LIMIT_DEG = 80.0
+"""Beyond it the arcsine is so steep that no budget is set for its error."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What a kernel may take at zero wait states, and where we would like to be; its error and the unit of it."""
+
+    cycles: int
+    stretch: int
+    max_err: float
+    unit: str
+
+
+BUDGETS = {
+    "kalman_step": Budget(200, 145, 5e-4, "deg"),
+    "kalman_step_constant_r": Budget(130, 105, 2e-5, "deg"),
+    "atan2": Budget(180, 90, 5e-6, "deg"),
+    "asin": Budget(200, 180, 2e-5, "deg"),
+    "pid_step": Budget(75, 60, 1e-6, "command"),
+    "control_step": Budget(560, 420, 5e-4, "deg"),
+}
+IMAGE_BUDGETS = {"flash": 32 * 1024, "ram + stack": 8 * 1024}
+IMAGE_STRETCH = {"flash": 24 * 1024, "ram + stack": 6 * 1024}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One kernel, measured."""
+
+    instructions_max: int
+    cycles_max: int
+    cycles_2ws_max: int
+    bytes: int
+    stack: int
+    max_err: float
+
+    def verdict(self, budget: Budget) -> str:
+        over = []
+        if self.cycles_max > budget.cycles:
+            over.append(f"{self.cycles_max - budget.cycles} cycles over")
+        if not self.max_err <= budget.max_err:
+            over.append("error over")
+        return ", ".join(over) or ("stretch" if self.cycles_max <= budget.stretch else "ok")
+
+
+@dataclass(frozen=True)
+class BenchResult:
+    """Every row, the image's sizes in bytes, and rates of this machine, which no budget gates."""
+
+    kernels: dict[str, Row]
+    image: dict[str, int]
+    rates: dict[str, float]
+
+    def to_json(self) -> dict[str, Any]:
+        return {"kernels": {name: asdict(row) for name, row in self.kernels.items()}, "image": self.image}
+
+    def _image_sizes(self) -> dict[str, int]:
+        return {"flash": self.image["flash"], "ram + stack": self.image["ram"] + self.image["stack"]}
+
+    @property
+    def within_budget(self) -> bool:
+        sizes = self._image_sizes()
+        kernels = all("over" not in row.verdict(BUDGETS[name]) for name, row in self.kernels.items())
+        return kernels and all(sizes[name] <= budget for name, budget in IMAGE_BUDGETS.items())
+
+    def render(self) -> str:
+        """The table for people."""
+        lines = [f"{'kernel':<24}{'instr':>6}{'cycles':>8}{'2 ws':>7}{'budget':>8}{'bytes':>7}{'stack':>7}  error"]
+        for name, row in self.kernels.items():
+            budget = BUDGETS[name]
+            lines.append(
+                f"{name:<24}{row.instructions_max:>6}{row.cycles_max:>8}{row.cycles_2ws_max:>7}{budget.cycles:>8}"
+                f"{row.bytes:>7}{row.stack:>7}  {row.max_err:.1e} {budget.unit} (limit {budget.max_err:.0e}): "
+                f"{row.verdict(budget)}"
+            )
+        lines.append("")
+        for name, size in self._image_sizes().items():
+            word = "over" if size > IMAGE_BUDGETS[name] else "stretch" if size <= IMAGE_STRETCH[name] else "ok"
+            lines.append(f"image {name:<12}{size:>7} of {IMAGE_BUDGETS[name]} bytes: {word}")
+        lines.append(f"image ram {self.image['ram']} (.data + .bss), worst-case stack {self.image['stack']} bytes")
+        lines += [f"{name}: {rate:,.0f} per second on this machine" for name, rate in self.rates.items()]
+        lines.append("cycles: estimated by the processor manual's table, worst case; 2 ws: two flash wait states")
+        return "\n".join(lines)
+
+
+def find_image(image: Path | None = None) -> Path:
+    """The image asked for, else the checkout's build."""
+    candidates = [image] if image else [Path.cwd() / IMAGE, Path(__file__).parents[2] / IMAGE]
+    for candidate in candidates:
+        if candidate.is_file():
+            return candidate
+    raise UsageError(f"there is no {candidates[0]}; build it with make image in a checkout of plumb")
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One run of control_step on the Arm code: which tuning, which input, what came out."""
+
+    tuning: str
+    params: ControlParams
+    ordinary: bool
+    words: Words
+
+
+def _inputs(tunings: Sequence[str]) -> Iterator[tuple[str, bool, npt.NDArray[np.int64], npt.NDArray[np.int64]]]:
+    """(tuning, whether a sensor could give this, raw (steps, 6), setpoint (steps,))."""
+    for index, name in enumerate(tunings):
+        seconds = MOTION_STEPS * quad.PERIOD_US * 1e-6
+        motion = quad.scenario("motion", 3000 + index, seconds=seconds)
+        yield name, True, motion.counts().astype(np.int64), motion.setpoint_turn_q32().astype(np.int64)
+        for kind, make in WILD.items():
+            yield name, kind == "spin", *make(4000 + index, WILD_STEPS)
+
+
+def _pack(numbers: npt.ArrayLike, kind: str) -> bytes:
+    return np.asarray(numbers).astype(kind).tobytes()
+
+
+def _run_control(counter: Counter, tunings: Sequence[str]) -> list[_Run]:
+    """Every input through control_init and control_step; the counter's profiles fill up on the way."""
+    control, room = counter.place(bytes(CONTROL_BYTES)), counter.place(bytes(16))
+    table = counter.place(bytes(4 * 256))
+    runs = []
+    for tuning, ordinary, raw, setpoint in tqdm(list(_inputs(tunings)), disable=None, leave=False, unit="run"):
+        params = quantise(quad.TUNINGS[tuning])
+        counter.write(table, _pack(np.array(params.words()) & 0xFFFF_FFFF, "<u4"))
+        counter.call("control_init", control, table)
+        record = bytearray()
+        for counts, target in zip(raw, setpoint, strict=True):
+            counter.write(room, _pack(counts, "<i2"))
+            counter.call("control_step", control, table, room, int(target))
+            record += counter.read(control, WORDS_DTYPE.itemsize)
+        runs.append(_Run(tuning, params, ordinary, Words.from_bytes(record, (len(raw),))))
+    return runs
+
+
+def kalman_error_deg(words: Words, params: ControlParams) -> float:
+    """Largest tilt error of the filter against float64, both given the same integer tilt, rate and variance."""
+    exact = dequantise(params)
+    settings = replace(exact.kalman, rate="current")  # which sample is U(k) is decided here
+    z_deg = words["tilt_measured_turn_q32"] * TURN_DEG
+    rate_dps = words["rate_turnps_q28"] * (360.0 / 2**28)
+    if exact.kalman.rate == "previous":
+        rate_dps = np.concatenate([rate_dps[:1], rate_dps[:-1]])
+    r_deg2 = words["variance"] * 2.0**32 * params.lsb_deg2
+    state, tilt_deg = reference.kalman_init(exact.start), np.empty(len(z_deg))
+    for k in range(len(z_deg)):
+        reference.kalman_step(state, settings, params.period_s, z_deg[k], rate_dps[k], r_deg2[k])
+        tilt_deg[k] = state.tilt_deg
+    return float(np.abs(_wrap_deg(words["tilt_turn_q32"] * TURN_DEG - tilt_deg)).max())
+
+
+def pid_error(words: Words, params: ControlParams) -> float:
+    """Largest error of the command, a fraction of full command, given the same integer error and rate."""
+    settings, state = dequantise(params).pid, reference.PidState()
+    errors_deg = (words["error_turn_q32"] * TURN_DEG).tolist()
+    rates_dps = (words["rate_corrected_turnps_q28"] * (360.0 / 2**28)).tolist()
+    command = np.empty(len(errors_deg))
+    for k, (error_deg, rate_dps) in enumerate(zip(errors_deg, rates_dps, strict=True)):
+        reference.pid_step(state, settings, params.period_s, error_deg, rate_dps)
+        command[k] = state.command
+    return float(np.abs(words["command_q30"] / 2**30 - command).max())
+
+
+def chain_error_deg(words: Words, params: ControlParams) -> float:
+    """Largest tilt error of the whole step, raw counts to angle, against float64."""
+    raw = np.stack([words[f"raw_{i}"] for i in range(6)], axis=1)
+    expected = reference.run_control(dequantise(params), raw, words["setpoint_turn_q32"])
+    return float(np.abs(_wrap_deg(words["tilt_turn_q32"] * TURN_DEG - expected["tilt_deg"])).max())
+
+
+def _wrap_deg(angle_deg: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    return (angle_deg + 180.0) % 360.0 - 180.0
+
+
+def _signed(value: int) -> int:
+    return value - (1 << 32) if value >> 31 else value
+
+
+def _run_angles(counter: Counter) -> dict[str, float]:
+    """angle_atan2 and angle_asin over their range; the largest error of each in degrees."""
+    bits = (random_bits(17, 3 * ANGLES) >> np.uint64(32)).astype(np.int64) - 2**31
+    atan2_inputs = [(int(y) >> int(s % 30), int(x) >> int(s % 30)) for y, x, s in bits.reshape(-1, 3)]
+    edges = [0, 1, -1, 2**26, -(2**26), 2**31 - 1, -(2**31) + 1]
+    atan2_inputs += [(y, x) for y in edges for x in edges if (y, x) != (0, 0)]
+    asin_inputs = [int(b) >> 1 for b in bits[:ANGLES]] + [0, 1, -1, 2**30, -(2**30), 2**30 - 1, -(2**30) + 1]
+    worst = {"atan2": 0.0, "asin": 0.0}
+    for y, x in atan2_inputs:
+        angle_deg = _signed(counter.call("angle_atan2", y, x).result) * TURN_DEG
+        error = abs(reference.wrap(angle_deg - reference.atan2(y, x)))
+        worst["atan2"] = max(worst["atan2"], error)
+    for sine in asin_inputs:
+        angle_deg = _signed(counter.call("angle_asin", sine).result) * TURN_DEG
+        if abs(angle_deg) <= ASIN_LIMIT_DEG:
+            worst["asin"] = max(worst["asin"], abs(angle_deg - reference.asin(sine / 2**30)))
+    return worst
+
+
+def _row(counter: Counter, symbol: str, max_err: float) -> Row:
+    profile = counter.profiles[symbol]
+    if not profile.calls:
+        raise UsageError(f"{counter.image.path.name} never called {symbol}: nothing was measured")
+    size = sum(counter.image.symbol(name).size for name in counter.symbols_of(symbol))
+    return Row(profile.instructions_max, profile.cycles_max, profile.cycles_2ws_max, size, profile.stack, max_err)
+
+
+def measure(image: Path | None = None) -> BenchResult:
+    """Runs everything, about ten seconds; raises UsageError where there is no image, or no emulator for it."""
+    elf = Image(find_image(image))
+    graph = CallGraph(elf.path)
+    varying = [name for name, tuning in quad.TUNINGS.items() if tuning.trust.gain_deg2]
+    constant = [name for name in quad.TUNINGS if name not in varying]
+    step = Counter(elf, ["control_step", "kalman_step", "pid_step"])
+    step_constant_r = Counter(elf, ["control_step", "kalman_step", "pid_step"])
+    angles = Counter(elf, ["angle_atan2", "angle_asin"])
+    runs, runs_constant_r = _run_control(step, varying), _run_control(step_constant_r, constant)
+    angle_errors = _run_angles(angles)
+
+    def worst(error: Callable[[Words, ControlParams], float], of: list[_Run]) -> float:
+        return max(error(run.words, run.params) for run in of if run.ordinary)
+
+    both = runs + runs_constant_r
+    rows = {
+        "kalman_step": _row(step, "kalman_step", worst(kalman_error_deg, runs)),
+        "kalman_step_constant_r": _row(
+            step_constant_r, "kalman_step", worst(kalman_error_deg, [r for r in runs_constant_r if r.tuning == "paper"])
+        ),
+        "atan2": _row(angles, "angle_atan2", angle_errors["atan2"]),
+        "asin": _row(angles, "angle_asin", angle_errors["asin"]),
+        "pid_step": _row(step, "pid_step", worst(pid_error, both)),
+        "control_step": _row(step, "control_step", worst(chain_error_deg, both)),
+    }
+    sizes = {"flash": elf.flash_bytes, "ram": elf.ram_bytes, "stack": graph.worst_stack_bytes()}
+    return BenchResult(rows, sizes, rates())
+
+
+def rates() -> dict[str, float]:
+    """What this machine does in a second, where the pieces are there; reported, never gated."""
+    return {}
