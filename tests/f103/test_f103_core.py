@@ -182,6 +182,22 @@ def test_a_crystal_that_dies_stops_a_core_without_the_security_system(board):
     assert b.result(0) == ticks
 
 
+def test_the_security_system_falls_back_and_calls_once(board):
+    b = board("security")
+    machine = b.machine
+    machine.advance_us(5_000)
+    assert machine.rcc.hclk_ticks * 72 == 40320
+    machine.rcc.kill_crystal()
+    before = b.result(4)
+    machine.advance_us(1_000)
+    assert b.result(0) == 1
+    assert b.result(1) & 0x80
+    assert b.result(2) & 0x030B0000 == 0, "HSE, PLL and CSS are off"
+    assert b.result(3) & 0xF == 0, "HSI is the clock"
+    assert b.result(4) > before
+    assert machine.rcc.hclk_ticks * 8 == 40320
+
+
 def test_slicing_changes_nothing(board):
     whole, sliced = board("nesting"), board("nesting")
     whole.machine.advance_us(400)
