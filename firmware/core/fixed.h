@@ -98,6 +98,10 @@ static inline uint32_t min_u32(uint32_t a, uint32_t b) {
     return a < b ? a : b;
 }
 
+static inline uint32_t max_u32(uint32_t a, uint32_t b) {
+    return a > b ? a : b;
+}
+
 /* |x|, with |INT32_MIN| = 2^31. */
 static inline uint32_t abs_u32(int32_t x) {
     return x < 0 ? 0U - (uint32_t)x : (uint32_t)x;
@@ -118,6 +122,15 @@ static inline unsigned clz32(uint32_t x) {
 /* The one division: UDIV, 2 to 12 cycles. b > 0. */
 static inline uint32_t udiv32(uint32_t a, uint32_t b) {
     return a / b;
+}
+
+/* 2^61 / d for 2^30 <= d < 2^31, low by at most 2^-28 of itself, never high by more than 3, never above 2^31
+ * - 1: 16 bits of quotient by the division, doubled by one Newton step. e = x * (d / 2) - 2^46, which fits 32
+ * bits. 21 cycles. */
+static inline uint32_t reciprocal_q61(uint32_t d) {
+    const uint32_t x = udiv32(0xFFFFFFFFU, d >> 15);
+    const int32_t e = wrap_i32(x * (d >> 1));
+    return (x << 14) - (uint32_t)asr32((int32_t)x * (asr32(e, 17) + 1), 15);
 }
 
 /* Upper word of x * 2^n, 1 <= n <= 31. */

@@ -1,0 +1,85 @@
+#include "angle.h"
+#include "fixed.h"
+
+/* Minimax fits in turns; made and checked by tools/fit_angle.py. */
+
+/* clang-format off */
+static const int32_t ATAN_Q33[8] = {
+    1367129643, -455662709, 272695593, -190149124, 131821425, -76439450,
+    29889517, -5543123};
+
+static const int32_t ASIN_Q32[8] = {
+    1073741824, -146693434, 60841885, -34419707, 21495629, -12283458,
+    5033007, -1008616};
+
+static const uint32_t ROOT[96] = {
+    0xfffd03e9U, 0xfc1503bcU, 0xf8590393U, 0xf4c6036cU, 0xf15a0349U, 0xee110327U,
+    0xeaea0308U, 0xe7e202ebU, 0xe4f802cfU, 0xe22802b5U, 0xdf73029dU, 0xdcd60286U,
+    0xda500270U, 0xd7e0025cU, 0xd5840249U, 0xd33b0236U, 0xd1050225U, 0xcee00214U,
+    0xcccc0205U, 0xcac701f6U, 0xc8d201e7U, 0xc6eb01daU, 0xc51101cdU, 0xc34401c0U,
+    0xc18401b4U, 0xbfcf01a9U, 0xbe26019eU, 0xbc880194U, 0xbaf4018aU, 0xb96a0180U,
+    0xb7ea0177U, 0xb673016eU, 0xb5040166U, 0xb39f015eU, 0xb2410156U, 0xb0eb014eU,
+    0xaf9d0147U, 0xae560140U, 0xad160139U, 0xabdd0133U, 0xaaaa012cU, 0xa97e0126U,
+    0xa8580120U, 0xa738011bU, 0xa61d0115U, 0xa5080110U, 0xa3f8010bU, 0xa2ee0106U,
+    0xa1e80101U, 0xa0e800fcU, 0x9fec00f7U, 0x9ef400f3U, 0x9e0100efU, 0x9d1300eaU,
+    0x9c2800e6U, 0x9b4200e2U, 0x9a5f00dfU, 0x998100dbU, 0x98a600d7U, 0x97cf00d4U,
+    0x96fb00d0U, 0x962a00cdU, 0x955d00caU, 0x949400c7U, 0x93cd00c4U, 0x930900c1U,
+    0x924900beU, 0x918b00bbU, 0x90d100b8U, 0x901900b5U, 0x8f6300b3U, 0x8eb100b0U,
+    0x8e0100aeU, 0x8d5300abU, 0x8ca800a9U, 0x8bff00a6U, 0x8b5900a4U, 0x8ab500a2U,
+    0x8a1300a0U, 0x8974009dU, 0x88d6009bU, 0x883b0099U, 0x87a20097U, 0x870a0095U,
+    0x86750093U, 0x85e20092U, 0x85500090U, 0x84c0008eU, 0x8433008cU, 0x83a6008aU,
+    0x831c0089U, 0x82930087U, 0x820c0085U, 0x81870084U, 0x81030082U, 0x80810081U};
+
+/* clang-format on */
+
+#define QUARTER_TURN 0x40000000U
+#define HALF_TURN    0x80000000U
+
+/* c[0] + c[1] v + ... + c[7] v^7, v in Q30 and at most 1. Each product is floored to 4 units of c. */
+static inline int32_t polynomial(const int32_t c[8], int32_t v_q30) {
+    int32_t p = c[7];
+    p = c[6] + 4 * mulhi_i32(p, v_q30);
+    p = c[5] + 4 * mulhi_i32(p, v_q30);
+    p = c[4] + 4 * mulhi_i32(p, v_q30);
+    p = c[3] + 4 * mulhi_i32(p, v_q30);
+    p = c[2] + 4 * mulhi_i32(p, v_q30);
+    p = c[1] + 4 * mulhi_i32(p, v_q30);
+    return c[0] + 4 * mulhi_i32(p, v_q30);
+}
+
+int32_t angle_atan2(int32_t y, int32_t x) {
+    const uint32_t ax = abs_u32(x);
+    const uint32_t ay = abs_u32(y);
+    const uint32_t longer = max_u32(max_u32(ax, ay), 1U);
+    const unsigned n = clz32(longer);
+    const uint32_t denominator = longer << n >> 1;
+    const uint32_t numerator = min_u32(ax, ay) << n >> 1;
+
+    const uint32_t t_q30 = (uint32_t)(mul_u64(numerator, reciprocal_q61(denominator)) >> 31);
+    const uint32_t square_q30 = (uint32_t)(mul_u64(t_q30, t_q30) >> 30);
+    const uint32_t p_q33 = (uint32_t)polynomial(ATAN_Q33, (int32_t)square_q30);
+    uint32_t turn = (uint32_t)(mul_u64(t_q30, p_q33) >> 31);
+
+    turn = ay > ax ? QUARTER_TURN - turn : turn;
+    turn = x < 0 ? HALF_TURN - turn : turn;
+    return wrap_i32(y < 0 ? 0U - turn : turn);
+}
+
+int32_t angle_asin(int32_t x_q30) {
+    const uint32_t x = min_u32(abs_u32(x_q30), 1U << 30);
+    const uint32_t rest = (1U << 30) - x; /* 1 - |x| */
+
+    /* s = sqrt(rest * 2^m), 1 <= s < 2: 1 / s from a table by linear interpolation, then one Newton step */
+    const unsigned m = clz32(max_u32(rest, 1U)) & ~1U;
+    const uint32_t w = max_u32(rest, 1U) << m;
+    const uint32_t entry = ROOT[(w >> 25) - 32U];
+    const uint32_t r_q16 = (entry >> 16) - ((entry & 0xFFFFU) * (w >> 9 & 0xFFFFU) >> 16);
+    const uint32_t s_q29 = (uint32_t)(mul_u64(w, r_q16) >> 17);
+    const int32_t e_q30 = wrap_i32(mulhi_u32(w, r_q16 * r_q16) - (1U << 30));
+    const uint32_t root_q29 = s_q29 - (uint32_t)asr64(mul_i64((int32_t)s_q29, e_q30), 31);
+
+    const uint32_t p_q32 = (uint32_t)polynomial(ASIN_Q32, (int32_t)x);
+    const uint32_t acos_turn = (uint32_t)(mul_u64(root_q29, p_q32) >> 29) >> (m >> 1);
+    const uint32_t turn = QUARTER_TURN - (rest == 0U ? 0U : acos_turn);
+    return wrap_i32(x_q30 < 0 ? 0U - turn : turn);
+}
