@@ -9,6 +9,7 @@ results: in degrees, for pid_step and control_step's command as a fraction of fu
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -22,8 +23,10 @@ from plumb import reference
 from plumb.counter import Counter, Image
 from plumb.elf import CallGraph
 from plumb.errors import UsageError
+from plumb.protocol import protocol
 from plumb.quantise import ControlParams, dequantise, quantise
 from plumb.recipe import WILD, random_bits
+from plumb.slcan import SlcanParser, text_of_frames
 from plumb.systems import quad
 from plumb.words import WORDS_DTYPE, Words
 
@@ -34,6 +37,7 @@ CONTROL_BYTES = 1024
 WILD_STEPS = 200
 MOTION_STEPS = 1500
 ANGLES = 2000
+RATE_FRAMES = 20_000
 ASIN_LIMIT_DEG = 80.0
 """Beyond it the arcsine is so steep that no budget is set for its error."""
 
@@ -62,8 +66,9 @@ IMAGE_STRETCH = {"flash": 24 * 1024, "ram + stack": 6 * 1024}
 
 @dataclass(frozen=True)
 class Row:
-    """One kernel, measured."""
+    """One kernel, measured over all inputs."""
 
+    instructions_min: int
     instructions_max: int
     cycles_max: int
     cycles_2ws_max: int
@@ -89,7 +94,10 @@ class BenchResult:
     rates: dict[str, float]
 
     def to_json(self) -> dict[str, Any]:
-        return {"kernels": {name: asdict(row) for name, row in self.kernels.items()}, "image": self.image}
+        kernels = {name: asdict(row) for name, row in self.kernels.items()}
+        for row in kernels.values():
+            del row["instructions_min"]
+        return {"kernels": kernels, "image": self.image}
 
     def _image_sizes(self) -> dict[str, int]:
         return {"flash": self.image["flash"], "ram + stack": self.image["ram"] + self.image["stack"]}
@@ -224,12 +232,12 @@ def _run_angles(counter: Counter) -> dict[str, float]:
     worst = {"atan2": 0.0, "asin": 0.0}
     for y, x in atan2_inputs:
         angle_deg = _signed(counter.call("angle_atan2", y, x).result) * TURN_DEG
-        error = abs(reference.wrap(angle_deg - reference.atan2(y, x)))
+        error = float(abs(reference.wrap(angle_deg - reference.atan2(y, x))))
         worst["atan2"] = max(worst["atan2"], error)
     for sine in asin_inputs:
         angle_deg = _signed(counter.call("angle_asin", sine).result) * TURN_DEG
         if abs(angle_deg) <= ASIN_LIMIT_DEG:
-            worst["asin"] = max(worst["asin"], abs(angle_deg - reference.asin(sine / 2**30)))
+            worst["asin"] = max(worst["asin"], float(abs(angle_deg - reference.asin(sine / 2**30))))
     return worst
 
 
@@ -238,7 +246,15 @@ def _row(counter: Counter, symbol: str, max_err: float) -> Row:
     if not profile.calls:
         raise UsageError(f"{counter.image.path.name} never called {symbol}: nothing was measured")
     size = sum(counter.image.symbol(name).size for name in counter.symbols_of(symbol))
-    return Row(profile.instructions_max, profile.cycles_max, profile.cycles_2ws_max, size, profile.stack, max_err)
+    return Row(
+        profile.instructions_min,
+        profile.instructions_max,
+        profile.cycles_max,
+        profile.cycles_2ws_max,
+        size,
+        profile.stack,
+        max_err,
+    )
 
 
 def measure(image: Path | None = None) -> BenchResult:
@@ -272,5 +288,15 @@ def measure(image: Path | None = None) -> BenchResult:
 
 
 def rates() -> dict[str, float]:
-    """What this machine does in a second, where the pieces are there; reported, never gated."""
-    return {}
+    """What this machine does in a second, best of three; reported, never gated."""
+    message = protocol()["STEP"]
+    frames = [(message.identifier, message.pack(k, 0, k, k * 2654435761 % 2**32)) for k in range(RATE_FRAMES)]
+    text = text_of_frames(frames)
+    took = min(_seconds(lambda: SlcanParser().feed(text)) for _ in range(3))
+    return {"link frames parsed": RATE_FRAMES / took}
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    begin = time.perf_counter()
+    work()
+    return time.perf_counter() - begin

@@ -240,8 +240,11 @@ def main() -> None:
     parser.add_argument("symbol")
     parser.add_argument("arguments", nargs="*", help="number | @N (N zero bytes) | @a,b,c (32-bit words)")
     options = parser.parse_args()
-    counter = Counter(Image(options.image), [options.symbol])
-    call = counter.call(options.symbol, *(_argument(counter, text) for text in options.arguments))
+    try:
+        counter = Counter(Image(options.image), [options.symbol])
+        call = counter.call(options.symbol, *(_argument(counter, text) for text in options.arguments))
+    except UsageError as error:
+        parser.error(str(error))
     counter.listing(call.blocks)
     print(f"result {call.result:#010x}  {call.cost}")
 

@@ -1,0 +1,96 @@
+"""Every kernel of the shipped image is within its budget, and a budget that is exceeded is seen."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("unicorn")
+pytest.importorskip("capstone")
+
+from plumb import bench
+from plumb.bench import BenchResult, Row
+from plumb.errors import UsageError
+
+KERNEL_KEYS = {"instructions_max", "cycles_max", "cycles_2ws_max", "bytes", "stack", "max_err"}
+
+
+@pytest.fixture(scope="module")
+def measured() -> BenchResult:
+    try:
+        return bench.measure()
+    except UsageError as error:
+        if "make image" in str(error):
+            pytest.skip(str(error))
+        raise
+
+
+@pytest.mark.parametrize("kernel", bench.BUDGETS)
+def test_every_kernel_is_within_its_budget(measured: BenchResult, kernel: str) -> None:
+    row = measured.kernels[kernel]
+    assert "over" not in row.verdict(bench.BUDGETS[kernel]), measured.render()
+
+
+def test_the_image_is_within_its_budget(measured: BenchResult) -> None:
+    assert measured.image["flash"] <= bench.IMAGE_BUDGETS["flash"]
+    assert measured.image["ram"] + measured.image["stack"] <= bench.IMAGE_BUDGETS["ram + stack"]
+
+
+@pytest.mark.parametrize("kernel", ["kalman_step", "kalman_step_constant_r", "pid_step", "atan2"])
+def test_straight_line_kernels_take_the_same_instructions_for_every_input(measured: BenchResult, kernel: str) -> None:
+    row = measured.kernels[kernel]
+    assert row.instructions_min == row.instructions_max
+
+
+def test_figures_are_plausible_from_below(measured: BenchResult) -> None:
+    """A kernel that costs nothing, or is too exact to be true, was not measured."""
+    for name, row in measured.kernels.items():
+        assert row.cycles_max >= row.instructions_max >= 15, name
+        assert row.cycles_2ws_max >= row.cycles_max, name
+        assert row.bytes >= 40, name
+        assert row.max_err > 1e-12, name
+    step, parts = measured.kernels["control_step"], measured.kernels
+    assert step.cycles_max > parts["kalman_step"].cycles_max + parts["pid_step"].cycles_max
+    assert step.bytes > parts["kalman_step"].bytes
+
+
+def test_measuring_twice_gives_the_same_figures(measured: BenchResult) -> None:
+    assert bench.measure().to_json() == measured.to_json()
+
+
+def test_json_has_the_promised_keys(measured: BenchResult) -> None:
+    data = measured.to_json()
+    assert set(data) == {"kernels", "image"}
+    assert set(data["kernels"]) >= {"kalman_step", "pid_step", "atan2", "asin", "control_step"}
+    assert all(set(row) == KERNEL_KEYS for row in data["kernels"].values())
+    assert set(data["image"]) == {"flash", "ram", "stack"}
+
+
+GOOD = Row(100, 100, 10, 20, 100, 40, 1e-9)
+SIZES = {"flash": 1000, "ram": 1000, "stack": 100}
+
+
+def result(**change: float) -> BenchResult:
+    row = dataclasses.replace(GOOD, **change)  # type: ignore[arg-type]
+    return BenchResult({"pid_step": row}, SIZES, {})
+
+
+def test_a_budget_that_is_exceeded_is_seen() -> None:
+    budget = bench.BUDGETS["pid_step"]
+    assert result().within_budget
+    assert not result(cycles_max=budget.cycles + 1).within_budget
+    assert result(cycles_max=budget.cycles).within_budget
+    assert "1 cycles over" in result(cycles_max=budget.cycles + 1).render()
+    for error in (budget.max_err * 1.01, math.nan, math.inf):
+        assert not result(max_err=error).within_budget
+        assert "error over" in result(max_err=error).render()
+    for key in ("flash", "ram", "stack"):
+        assert not dataclasses.replace(result(), image={**SIZES, key: 40_000}).within_budget
+
+
+def test_without_an_image_one_sentence_names_the_command(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="make image"):
+        bench.measure(tmp_path / "none.elf")
