@@ -16,7 +16,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 SCORE_FROM_S = 10.0
 BIAS_CONVERGED_DPS = 1.0
-HOLD_WITHIN_DEG, HOLD_SETTLE_S = 2.0, 2.0
+HOLD_WITHIN_DEG, HOLD_SETTLE_S, HOLD_DWELL_S = 2.0, 2.0, 1.0
 
 
 def wrap_deg(angle_deg: npt.ArrayLike) -> FloatArray:
@@ -80,7 +80,10 @@ def convergence(bias_error_dps: FloatArray, tilt_error_deg: FloatArray, period_s
 
 @dataclass(frozen=True)
 class Hold:
-    """recovery_s: release until |tilt - setpoint| <= 2 deg for good; rms and maximum from 2 s after the release."""
+    """recovery_s: release until |tilt - setpoint| <= 2 deg, and for 1 s on; rms and maximum from 2 s after the release.
+
+    A later excursion is not a recovery that failed: it counts in rms and maximum.
+    """
 
     recovery_s: float
     rms_deg: float
@@ -90,10 +93,11 @@ class Hold:
 def hold(time_s: FloatArray, true_tilt_deg: FloatArray, setpoint_deg: FloatArray, release_s: float) -> Hold:
     """Of one closed-loop run, (steps,) each, judged on the true tilt."""
     error_deg = np.abs(wrap_deg(true_tilt_deg - setpoint_deg))
-    outside = np.flatnonzero((error_deg > HOLD_WITHIN_DEG) & (time_s >= release_s))
     late = error_deg[time_s >= release_s + HOLD_SETTLE_S]
-    if len(outside) and outside[-1] + 1 == len(time_s):
-        recovery_s = float("inf")
-    else:
-        recovery_s = float(time_s[outside[-1] + 1] - release_s) if len(outside) else 0.0
+    dwell = max(1, round(HOLD_DWELL_S / float(time_s[1] - time_s[0])))
+    outside = np.cumsum(error_deg > HOLD_WITHIN_DEG)
+    stays = np.flatnonzero((time_s[:-dwell] >= release_s) & (outside[dwell:] == outside[:-dwell]))
+    # The sample after the last one outside; the release itself when it never left.
+    first = int(stays[0]) + (error_deg[stays[0]] > HOLD_WITHIN_DEG) if len(stays) else None
+    recovery_s = float("inf") if first is None else float(time_s[first] - release_s)
     return Hold(recovery_s, float(np.sqrt(np.mean(late * late))), float(np.max(late)))
