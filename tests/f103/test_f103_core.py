@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import struct
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -233,3 +236,16 @@ def test_what_is_no_image_is_refused_in_a_sentence(tmp_path, build):
             load_image(path)
     with pytest.raises(UsageError, match="make image"):
         find_image(tmp_path / "none.bin")
+
+
+def test_without_unicorn_the_extra_is_named():
+    program = (
+        "import sys; sys.modules['unicorn'] = None; sys.path.insert(0, sys.argv[1])\n"
+        "from plumb.errors import UsageError\n"
+        "from plumb.f103 import open_machine\n"
+        "try:\n    open_machine()\n"
+        "except UsageError as error:\n    print(error)\n"
+    )
+    host = str(Path(__file__).parents[2] / "host")
+    said = subprocess.run([sys.executable, "-c", program, host], capture_output=True, text=True, check=True)
+    assert said.stdout == "the virtual board needs unicorn; install the extra plumb[virtual]\n"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from plumb.errors import UsageError
 from plumb.f103.image import find_image, load_image
 
 if TYPE_CHECKING:
@@ -23,12 +22,8 @@ def open_machine(image: Path | None = None, part: str = "stm32f103c8", *, seed: 
 
     Raises UsageError in one sentence: no image, no unicorn, no such part.
     """
-    try:
-        from plumb.f103.machine import Machine
-    except ImportError as error:
-        if error.name and error.name.partition(".")[0] == "unicorn":
-            raise UsageError("the virtual board needs unicorn; install the extra plumb[virtual]") from error
-        raise
+    from plumb.f103.machine import Machine
+
     machine = Machine(find_image(image), part, seed=seed)
     machine.advance_us(START_US)
     return machine

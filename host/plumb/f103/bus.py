@@ -10,12 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
+from plumb.errors import PlumbError
+
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
 
 
-class SimulationError(Exception):
+class SimulationError(PlumbError):
     """The firmware did something the virtual board does not model, or that silicon does not allow."""
+
+    exit_code = 3
 
 
 class Register(NamedTuple):

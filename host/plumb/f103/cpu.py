@@ -13,48 +13,51 @@ import ctypes
 import struct
 from typing import TYPE_CHECKING
 
-from unicorn import (
-    UC_ARCH_ARM,
-    UC_HOOK_INTR,
-    UC_HOOK_MEM_INVALID,
-    UC_MODE_MCLASS,
-    UC_MODE_THUMB,
-    UC_PROT_EXEC,
-    UC_PROT_READ,
-    UC_PROT_WRITE,
-    Uc,
-    UcError,
-)
-from unicorn.arm_const import (
-    UC_ARM_REG_BASEPRI,
-    UC_ARM_REG_CONTROL,
-    UC_ARM_REG_FAULTMASK,
-    UC_ARM_REG_LR,
-    UC_ARM_REG_PC,
-    UC_ARM_REG_PRIMASK,
-    UC_ARM_REG_R0,
-    UC_ARM_REG_R1,
-    UC_ARM_REG_R2,
-    UC_ARM_REG_R3,
-    UC_ARM_REG_R12,
-    UC_ARM_REG_SP,
-    UC_ARM_REG_XPSR,
-    UC_CPU_ARM_CORTEX_M3,
-)
-from unicorn.unicorn_const import (
-    UC_ERR_FETCH_PROT,
-    UC_ERR_FETCH_UNMAPPED,
-    UC_ERR_INSN_INVALID,
-    UC_ERR_READ_UNMAPPED,
-    UC_ERR_WRITE_PROT,
-    UC_ERR_WRITE_UNMAPPED,
-)
-from unicorn.unicorn_py3.unicorn import uclib
-
 from plumb.errors import UsageError
 from plumb.f103 import scb as core
 from plumb.f103.bus import SimulationError
 from plumb.f103.nvic import BUS_FAULT, HARD_FAULT, SVCALL, USAGE_FAULT
+
+try:
+    from unicorn import (
+        UC_ARCH_ARM,
+        UC_HOOK_INTR,
+        UC_HOOK_MEM_INVALID,
+        UC_MODE_MCLASS,
+        UC_MODE_THUMB,
+        UC_PROT_EXEC,
+        UC_PROT_READ,
+        UC_PROT_WRITE,
+        Uc,
+        UcError,
+    )
+    from unicorn.arm_const import (
+        UC_ARM_REG_BASEPRI,
+        UC_ARM_REG_CONTROL,
+        UC_ARM_REG_FAULTMASK,
+        UC_ARM_REG_LR,
+        UC_ARM_REG_PC,
+        UC_ARM_REG_PRIMASK,
+        UC_ARM_REG_R0,
+        UC_ARM_REG_R1,
+        UC_ARM_REG_R2,
+        UC_ARM_REG_R3,
+        UC_ARM_REG_R12,
+        UC_ARM_REG_SP,
+        UC_ARM_REG_XPSR,
+        UC_CPU_ARM_CORTEX_M3,
+    )
+    from unicorn.unicorn_const import (
+        UC_ERR_FETCH_PROT,
+        UC_ERR_FETCH_UNMAPPED,
+        UC_ERR_INSN_INVALID,
+        UC_ERR_READ_UNMAPPED,
+        UC_ERR_WRITE_PROT,
+        UC_ERR_WRITE_UNMAPPED,
+    )
+    from unicorn.unicorn_py3.unicorn import uclib
+except ImportError as error:
+    raise UsageError("the virtual board needs unicorn; install the extra plumb[virtual]") from error
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
