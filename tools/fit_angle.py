@@ -29,12 +29,12 @@ def remez(f: Function, weight: Function, terms: int) -> Array:
     """Coefficients c of sum c_k x^k minimising max |weight(x) (f(x) - p(x))| on [0, 1], lowest power first."""
     grid = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 20001))
     nodes = 0.5 - 0.5 * np.cos(np.pi * (np.arange(terms + 1) + 0.5) / (terms + 1))
-    coefficients: npt.NDArray[np.floating] = np.zeros(terms)
+    coefficients = np.zeros(terms)
     for _ in range(30):
         matrix = np.vander(nodes, terms, increasing=True) * weight(nodes)[:, None]
         level = (-1.0) ** np.arange(terms + 1)
         solution = np.linalg.solve(np.column_stack([matrix, level]), weight(nodes) * f(nodes))
-        coefficients = solution[:terms]
+        coefficients = np.asarray(solution[:terms], np.float64)
         error = weight(grid) * (f(grid) - np.polynomial.polynomial.polyval(grid, coefficients))
         edges = np.flatnonzero(np.sign(error[1:]) != np.sign(error[:-1])) + 1
         pieces = np.split(np.arange(grid.size), edges)

@@ -1,0 +1,80 @@
+#include "kalman.h"
+
+#define COVARIANCE_MAX ((int64_t)1 << 56)
+
+void kalman_init(kalman_t *k, const kalman_start_t *s) {
+    *k = (kalman_t){
+        .tilt_turn_q61 = make_i64(asr32(s->tilt_turn_q32, 3), (uint32_t)s->tilt_turn_q32 << 29),
+        .bias_turn_q61 = make_i64(s->bias_hi, s->bias_lo),
+        .p00 = wrap_i64(make_u64(s->p00_hi, s->p00_lo)),
+        .p01 = make_i64(s->p01_hi, s->p01_lo),
+        .p11 = wrap_i64(make_u64(s->p11_hi, s->p11_lo)),
+    };
+}
+
+void kalman_step(kalman_t *k, const kalman_params_t *p, uint32_t r, int32_t tilt_turn_q32,
+                 int32_t rate_turnps_q28) {
+    /* (2) P = A P A^T + Q, but p11, which waits for (5) */
+    const uint64_t p11 = (uint64_t)k->p11;
+    const uint64_t p01_last = (uint64_t)k->p01;
+    const uint64_t p01 = p01_last - p11;
+    const uint64_t p00 = (uint64_t)k->p00 - p01_last - p01 + make_u64(p->qa_hi, p->qa_lo);
+
+    /* (4) K = P H^T / S, S = p00 + R. The reciprocal of S takes 31 bits from its first one; p00 and p01 the
+     * same. */
+    const unsigned n = clz32(hi_u64(p00) + r);
+    const uint32_t p00a = hi_u64(p00) << (n - 1U) | lo_u64(p00) >> (33U - n);
+    const int32_t p01a = wrap_i32(hi_u64(p01) << (n - 1U) | lo_u64(p01) >> (33U - n));
+    const uint32_t y = reciprocal_q61(p00a + (r << (n - 1U)));
+    const uint64_t k0_q61 = mul_u64(p00a, y);
+    const uint32_t k0_q32 = hi_u64(k0_q61) << 3 | lo_u64(k0_q61) >> 29;
+    const int32_t k0_q29 = wrap_i32(hi_u64(k0_q61));
+    const int32_t k1_q29 = mulhi_i32(p01a, wrap_i32(y));
+
+    /* (5) p00 = R k0, exact where k0 is near 1; p11 -= k1 p01, of which p11_frac takes the bits below 1 lsb
+     */
+    k->p00 = wrap_i64(mul_u64(r, k0_q32));
+    const uint64_t d = (uint64_t)mul_i64(k1_q29, p01a);
+    const int32_t frac = wrap_i32(k->p11_frac_q24 + p->qb_frac_q24 - (lo_u64(d) << (36U - n) >> 8));
+    const uint32_t carry = p->qb + (uint32_t)asr32(frac, 24);
+    const uint64_t fall = make_u64(hi_u64(d) >> (n - 4U), hi_u64(d) << (36U - n) | lo_u64(d) >> (n - 4U));
+    const uint64_t p11_next = p11 - fall + (uint64_t)(int64_t)wrap_i32(carry);
+    k->p11 = make_i64(clamp_i32((int32_t)hi_u64(p11_next), 0, (1 << 24) - 1), lo_u64(p11_next));
+    k->p11_frac_q24 = (uint32_t)frac & 0xFFFFFFU;
+
+    /* p01 *= 1 - k0: 64 bits by 32, the sign of p01 taken out of the unsigned product */
+    const uint32_t c_q32 = ~k0_q32;
+    const uint32_t p01_sign = (uint32_t)asr32(wrap_i32(hi_u64(p01)), 31);
+    k->p01 =
+        wrap_i64(mul_u64(hi_u64(p01), c_q32) + mulhi_u32(lo_u64(p01), c_q32) - make_u64(c_q32 & p01_sign, 0));
+
+    /* (1), (3) */
+    const int64_t bias = k->bias_turn_q61;
+    const int64_t tilt =
+        add64_wrap(sub64_wrap(k->tilt_turn_q61, bias), mul_i64(rate_turnps_q28, p->dt_s_q33));
+    const int32_t innovation = sub_wrap(tilt_turn_q32, wrap_i32(shl_hi((uint64_t)tilt, 3)));
+    k->tilt_turn_q61 = add64_wrap(tilt, mul_i64(k0_q29, innovation));
+    const int64_t bias_next = add64_wrap(bias, mul_i64(k1_q29, innovation));
+    k->bias_turn_q61 =
+        make_i64(clamp_i32(hi_i64(bias_next), -(1 << 26), (1 << 26) - 1), lo_u64((uint64_t)bias_next));
+    k->innovation_turn_q32 = innovation;
+    k->k0_q29 = k0_q29;
+    k->k1_q29 = k1_q29;
+}
+
+bool kalman_valid(const kalman_params_t *p, const kalman_start_t *s) {
+    const int64_t qa = wrap_i64(make_u64(p->qa_hi, p->qa_lo));
+    const int64_t p00 = wrap_i64(make_u64(s->p00_hi, s->p00_lo));
+    const int64_t p01 = make_i64(s->p01_hi, s->p01_lo);
+    const int64_t p11 = wrap_i64(make_u64(s->p11_hi, s->p11_lo));
+    if (p->rate_shift < 1U || p->rate_shift > 16U || p->bias_max_turn_q29 < 0 ||
+        p->bias_max_turn_q29 >= 1 << 29)
+        return false;
+    /* the published bias: its upper word after the shift within 2^30, and 1 turn/s */
+    const uint64_t bias = (uint64_t)((uint32_t)p->bias_max_turn_q29 + 1U) << p->rate_shift;
+    return p->dt_s_q33 >= 1 && p->rate_now <= 1U && p->rate_gain >= 1 << 30 && bias <= 1U << 30 &&
+           bias * (uint32_t)p->rate_gain < (uint64_t)1 << 60 && qa >= 0 && qa <= COVARIANCE_MAX &&
+           p->qb < 0x7FFFFFFFU && p->qb_frac_q24 < 1U << 24 && s->bias_hi >= -(1 << 26) &&
+           s->bias_hi < 1 << 26 && p00 >= 0 && p00 <= COVARIANCE_MAX && p11 >= 0 && p11 < COVARIANCE_MAX &&
+           p01 <= p00 && p01 >= -p00 && p01 <= qa / 4;
+}
