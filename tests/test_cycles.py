@@ -137,4 +137,4 @@ def test_the_counter_runs_code_and_books_nested_calls(tmp_path: Path) -> None:
     assert call.cost.stack == 8
     inner = counter.profiles["inner"]
     assert (inner.calls, inner.instructions_max, inner.cycles_max) == (1, 2, 4)
-    assert counter.symbols_of("outer") == {"outer", "inner"}
+    assert {symbol.name for symbol in counter.symbols_of("outer")} == {"outer", "inner"}

@@ -245,7 +245,7 @@ def _row(counter: Counter, symbol: str, max_err: float) -> Row:
     profile = counter.profiles[symbol]
     if not profile.calls:
         raise UsageError(f"{counter.image.path.name} never called {symbol}: nothing was measured")
-    size = sum(counter.image.symbol(name).size for name in counter.symbols_of(symbol))
+    size = sum(part.size for part in counter.symbols_of(symbol))
     return Row(
         profile.instructions_min,
         profile.instructions_max,

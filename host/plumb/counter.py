@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from plumb.cycles import TABLE_READ_CYCLES_2WS, Cost, Decoder, Instruction, instruction_cycles, path_cost, require
-from plumb.elf import Elf
+from plumb.elf import Elf, Symbol
 from plumb.errors import UsageError
 
 MAGIC_RETURN = 0x1F00_0000  # a page of the code region that holds nothing: reaching it ends a call
@@ -98,7 +98,7 @@ class Counter:
         self._uc.mem_map(MAGIC_RETURN, 0x1000)
         self._next_argument = ARGUMENT_BASE
         self._trace: list[int] = []
-        self._tables: list[str] = []  # objects in flash that were read; ~index marks a read in the trace
+        self._tables: list[Symbol] = []  # objects in flash that were read; ~index marks a read in the trace
         self._sizes: dict[int, int] = {}
         self._costs: dict[tuple[int, ...], Cost] = {}
         self._nested: dict[tuple[int, ...], list[tuple[str, tuple[int, ...]]]] = {}
@@ -119,9 +119,9 @@ class Counter:
     def _on_flash_read(self, _uc: Any, _kind: int, address: int, _size: int, _value: int, _data: object) -> None:
         symbol = self.image.symbol_at(address)
         if symbol is not None and not symbol.is_function:  # a literal lies in its function, a table does not
-            if symbol.name not in self._tables:
-                self._tables.append(symbol.name)
-            self._trace.append(~self._tables.index(symbol.name))
+            if symbol not in self._tables:
+                self._tables.append(symbol)
+            self._trace.append(~self._tables.index(symbol))
 
     def place(self, data: bytes) -> int:
         """Puts bytes into the bench's own RAM, 8-byte aligned, and returns their address."""
@@ -205,10 +205,10 @@ class Counter:
                 returns.append(last.address + last.size)
         return found + [(name, first, len(blocks)) for name, first, _ in open_calls]
 
-    def symbols_of(self, name: str) -> set[str]:
+    def symbols_of(self, name: str) -> set[Symbol]:
         """Every function that the watched one was seen to execute, itself included, and every table it read."""
         seen = {block for path in self._nested.values() for n, part in path if n == name for block in part}
-        code = {symbol.name for symbol in (self.image.symbol_at(b) for b in seen if b >= 0) if symbol is not None}
+        code = {symbol for symbol in (self.image.symbol_at(b) for b in seen if b >= 0) if symbol is not None}
         return code | {self._tables[~block] for block in seen if block < 0}
 
     def listing(self, blocks: tuple[int, ...], emit: Callable[[str], None] = print) -> None:

@@ -84,6 +84,7 @@ class Elf:
             Section(text(names_index, h[0]), h[3], h[5], h[1] != 8, bool(h[2] & 1)) for h in headers if h[2] & 2
         ]
         self.symbols: dict[str, Symbol] = {}
+        self._placed: list[Symbol] = []  # all of them: statics of two files may share a name
         for header in (h for h in headers if h[1] == 2):
             for at in range(header[4], header[4] + header[5], 16):
                 name, value, size, info, _, section = struct.unpack_from("<3I2BH", data, at)
@@ -91,10 +92,11 @@ class Elf:
                     is_function = info & 15 == 2
                     symbol = Symbol(text(header[6], name), value & ~int(is_function), size, is_function)
                     self.symbols[symbol.name] = symbol
+                    self._placed.append(symbol)
 
     @cached_property
     def _by_address(self) -> tuple[list[int], list[Symbol]]:
-        sized = sorted((s for s in self.symbols.values() if s.size), key=lambda s: s.address)
+        sized = sorted((s for s in self._placed if s.size), key=lambda s: s.address)
         return [s.address for s in sized], sized
 
     def symbol(self, name: str) -> Symbol:
