@@ -25,6 +25,8 @@ from plumb.tuning import Calibration, Esc, Kalman, Pid, Start, Trust, Tuning
 FloatArray = npt.NDArray[np.float64]
 
 PERIOD_US = 20_000
+ESC_PERIOD_US = 2_500
+"""The speed controllers' pulses repeat at 400 Hz: at 50 Hz a pulse could be 20 ms late, more than the loop stands."""
 CHANNELS = 3
 GRID_S = 0.001
 """Step of the simulated physics and of everything that is filtered before it is sampled."""
