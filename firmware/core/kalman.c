@@ -74,7 +74,7 @@ bool kalman_valid(const kalman_params_t *p, const kalman_start_t *s) {
     const uint64_t bias = (uint64_t)((uint32_t)p->bias_max_turn_q29 + 1U) << p->rate_shift;
     return p->dt_s_q33 >= 1 && p->rate_now <= 1U && p->rate_gain >= 1 << 30 && bias <= 1U << 30 &&
            bias * (uint32_t)p->rate_gain < (uint64_t)1 << 60 && qa >= 0 && qa <= COVARIANCE_MAX &&
-           p->qb < 0x7FFFFFFFU && p->qb_frac_q24 < 1U << 24 && s->bias_hi >= -(1 << 26) &&
-           s->bias_hi < 1 << 26 && p00 >= 0 && p00 <= COVARIANCE_MAX && p11 >= 0 && p11 < COVARIANCE_MAX &&
-           p01 <= p00 && p01 >= -p00 && p01 <= qa / 4;
+           p->qb < 0x7FFFFFFFU && p->qb_frac_q24 < 1U << 24 && s->bias_hi > -(1 << 26) &&
+           s->bias_hi < 1 << 26 && p00 >= 0 && p00 <= 2 * COVARIANCE_MAX && p11 >= 0 &&
+           p11 < COVARIANCE_MAX && p01 <= p00 && p01 >= -p00 && p01 >= -COVARIANCE_MAX && p01 <= qa / 4;
 }

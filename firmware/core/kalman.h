@@ -34,10 +34,10 @@ typedef struct {
     int32_t bias_hi; /* turn Q61 */
     uint32_t bias_lo;
     int32_t tilt_turn_q32;
-    uint32_t p00_hi, p00_lo; /* lsb, 0..2^56 */
+    uint32_t p00_hi, p00_lo; /* lsb, 0..2^57 */
     int32_t p01_hi;
     uint32_t p01_lo;         /* -p00..min(p00, qa / 4) */
-    uint32_t p11_hi, p11_lo; /* 0..2^56 */
+    uint32_t p11_hi, p11_lo; /* 0..2^56-1 */
 } kalman_start_t;
 
 typedef struct {
