@@ -26,28 +26,28 @@ static const param_t table[PARAMS_COUNT] = {
     {0x80000000U, 0x7FFFFFFFU, 0x00010800U}, /* 10: accel_z.gain */
     {0x80000000U, 0x7FFFFFFFU, 0xF7C00000U}, /* 11: accel_z.offset */
     {0x00000000U, 0x00000001U, 0x00000001U}, /* 12: tilt.mode */
-    {0x00000001U, 0x02000000U, 0x00002469U}, /* 13: tilt.r_base */
+    {0x00000001U, 0x01000000U, 0x00002469U}, /* 13: tilt.r_base */
     {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 14: tilt.r_gain */
-    {0x00000001U, 0x02000000U, 0x02000000U}, /* 15: tilt.r_max */
+    {0x00000001U, 0x01000000U, 0x01000000U}, /* 15: tilt.r_max */
     {0x00000000U, 0xFFFFFFFFU, 0x000FFFFFU}, /* 16: tilt.deviation_max */
     {0x00000000U, 0x0000001FU, 0x0000000CU}, /* 17: tilt.deviation_shift */
-    {0x00000001U, 0x66666666U, 0x147AE148U}, /* 18: kalman.dt_s_q34 */
+    {0x00000001U, 0x33333333U, 0x0A3D70A4U}, /* 18: kalman.dt_s_q33 */
     {0x00000000U, 0x00000001U, 0x00000000U}, /* 19: kalman.rate_now */
-    {0x00000000U, 0x02000000U, 0x00000680U}, /* 20: kalman.qa_hi */
+    {0x00000000U, 0x01000000U, 0x00000680U}, /* 20: kalman.qa_hi */
     {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 21: kalman.qa_lo */
-    {0x00000000U, 0xFFFFFFFFU, 0x553378CEU}, /* 22: kalman.qb */
-    {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 23: kalman.qb_frac */
-    {0x00000000U, 0x7FFFFFFFU, 0x0020C49CU}, /* 24: kalman.bias_max_turn_q30 */
-    {0x00000001U, 0x7FFFFFFFU, 0x64000000U}, /* 25: kalman.rate_gain */
+    {0x00000000U, 0x7FFFFFFEU, 0x553378CEU}, /* 22: kalman.qb */
+    {0x00000000U, 0x00FFFFFFU, 0x00000000U}, /* 23: kalman.qb_frac_q24 */
+    {0x00000000U, 0x1FFFFFFFU, 0x0010624DU}, /* 24: kalman.bias_max_turn_q29 */
+    {0x40000000U, 0x7FFFFFFFU, 0x64000000U}, /* 25: kalman.rate_gain */
     {0x00000001U, 0x00000010U, 0x00000005U}, /* 26: kalman.rate_shift */
     {0x80000000U, 0x7FFFFFFFU, 0x00000000U}, /* 27: start.bias_hi */
     {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 28: start.bias_lo */
     {0x80000000U, 0x7FFFFFFFU, 0x00000000U}, /* 29: start.tilt_turn_q32 */
-    {0x00000000U, 0x02000000U, 0x00000340U}, /* 30: start.p00_hi */
+    {0x00000000U, 0x01000000U, 0x00000340U}, /* 30: start.p00_hi */
     {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 31: start.p00_lo */
     {0xFF000000U, 0x01000000U, 0x00000010U}, /* 32: start.p01_hi */
     {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 33: start.p01_lo */
-    {0x00000000U, 0x02000000U, 0x00000000U}, /* 34: start.p11_hi */
+    {0x00000000U, 0x01000000U, 0x00000000U}, /* 34: start.p11_hi */
     {0x00000000U, 0xFFFFFFFFU, 0x553378CEU}, /* 35: start.p11_lo */
     {0xC0000000U, 0x40000000U, 0x00000000U}, /* 36: pid.kp_q22 */
     {0x80000000U, 0x7FFFFFFFU, 0x00000000U}, /* 37: pid.ki_dt_q22 */
@@ -55,8 +55,8 @@ static const param_t table[PARAMS_COUNT] = {
     {0x00000000U, 0x7FFFFFFFU, 0x7FFFFFFFU}, /* 39: pid.d_alpha_q31 */
     {0xFFC00000U, 0x00000000U, 0x00000000U}, /* 40: pid.integral_min_q22 */
     {0x00000000U, 0x00400000U, 0x00000000U}, /* 41: pid.integral_max_q22 */
-    {0xC0000000U, 0x40000000U, 0xC0000000U}, /* 42: pid.out_min_q30 */
-    {0xC0000000U, 0x40000000U, 0x40000000U}, /* 43: pid.out_max_q30 */
+    {0xC0000000U, 0x3FFFFFFFU, 0xC0000000U}, /* 42: pid.out_min_q30 */
+    {0xC0000000U, 0x3FFFFFFFU, 0x3FFFFFFFU}, /* 43: pid.out_max_q30 */
     {0x00000001U, 0x7FFFFFFFU, 0x7FFFFFFFU}, /* 44: pid.slew_q30 */
     {0x00000000U, 0x00003FFFU, 0x00000BB8U}, /* 45: esc.mid_halfus */
     {0xFFFFC001U, 0x00003FFFU, 0x00000320U}, /* 46: esc.span_halfus */
@@ -87,13 +87,13 @@ PLACE(control.tilt.r_gain, 14);
 PLACE(control.tilt.r_max, 15);
 PLACE(control.tilt.deviation_max, 16);
 PLACE(control.tilt.deviation_shift, 17);
-PLACE(control.kalman.dt_s_q34, 18);
+PLACE(control.kalman.dt_s_q33, 18);
 PLACE(control.kalman.rate_now, 19);
 PLACE(control.kalman.qa_hi, 20);
 PLACE(control.kalman.qa_lo, 21);
 PLACE(control.kalman.qb, 22);
-PLACE(control.kalman.qb_frac, 23);
-PLACE(control.kalman.bias_max_turn_q30, 24);
+PLACE(control.kalman.qb_frac_q24, 23);
+PLACE(control.kalman.bias_max_turn_q29, 24);
 PLACE(control.kalman.rate_gain, 25);
 PLACE(control.kalman.rate_shift, 26);
 PLACE(control.start.bias_hi, 27);
