@@ -1,0 +1,203 @@
+/* The core as a shared library for Python: the same C as on the target, called over arrays.
+ *
+ * Every entry point takes pointers to plain integer arrays and counts. params is control_params_t as 32-bit
+ * words. The
+ * *_run functions keep one state over n steps; the *_each functions take n unrelated states, for inputs that
+ * no run would reach. Arrays of steps and runs are [steps][runs].
+ */
+#include "angle.h"
+#include "control.h"
+#include "digest.h"
+#include <string.h>
+
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+#define PARAMS_WORDS (sizeof(control_params_t) / sizeof(uint32_t))
+
+EXPORT const char *plumb_word_names(void);
+EXPORT int32_t plumb_sizeof_words(void);
+EXPORT int32_t plumb_sizeof_control(void);
+EXPORT int32_t plumb_sizeof_kalman(void);
+EXPORT int32_t plumb_sizeof_pid(void);
+EXPORT int32_t plumb_params_count(void);
+EXPORT int32_t plumb_params_valid(const uint32_t *params);
+EXPORT void plumb_control_init(void *control, const uint32_t *params);
+EXPORT void plumb_control_step(void *control, const uint32_t *params, const int16_t *raw,
+                               int32_t setpoint_turn_q32);
+EXPORT void plumb_control_words(const void *control, uint8_t *words);
+EXPORT void plumb_control_run(const uint32_t *params, const int16_t *raw, const int32_t *setpoint_turn_q32,
+                              int32_t steps, uint8_t *words, uint32_t *digests);
+EXPORT void plumb_kalman_run(const uint32_t *params, const uint32_t *variance, const int32_t *tilt_turn_q32,
+                             const int32_t *rate_turnps_q28, int32_t steps, int32_t runs, void *states,
+                             int32_t *fused_turn_q32);
+EXPORT void plumb_kalman_each(const uint32_t *params, void *states, const uint32_t *variance,
+                              const int32_t *tilt_turn_q32, const int32_t *rate_turnps_q28, int32_t n);
+EXPORT void plumb_pid_run(const uint32_t *params, const int32_t *error_turn_q32,
+                          const int32_t *rate_turnps_q28, int32_t steps, uint8_t *states);
+EXPORT void plumb_pid_each(const uint32_t *params, void *states, const int32_t *error_turn_q32,
+                           const int32_t *rate_turnps_q28, int32_t n);
+EXPORT void plumb_atan2_run(const int32_t *y, const int32_t *x, int32_t n, int32_t *turn_q32);
+EXPORT void plumb_asin_run(const int32_t *x_q30, int32_t n, int32_t *turn_q32);
+EXPORT void plumb_tilt_run(const uint32_t *params, const int32_t *accel_y_g_q26, const int32_t *accel_z_g_q26,
+                           int32_t n, int32_t *turn_q32, uint32_t *variance);
+EXPORT void plumb_reciprocal_run(const uint32_t *d, int32_t n, uint32_t *y_q61);
+EXPORT uint32_t plumb_crc32(const uint8_t *data, int32_t bytes);
+
+/* In the order of control_words_t; arrays as name_index. */
+const char *plumb_word_names(void) {
+    return "raw_0,raw_1,raw_2,raw_3,raw_4,raw_5,setpoint_turn_q32,rate_turnps_q28,accel_y_g_q26,accel_z_g_"
+           "q26,"
+           "tilt_measured_turn_q32,variance,tilt_turn_q61,bias_turn_q61,p00,p01,p11,p11_frac_q24,innovation_"
+           "turn_q32,"
+           "k0_q29,k1_q29,tilt_turn_q32,bias_turnps_q28,rate_corrected_turnps_q28,error_turn_q32,integral_"
+           "q54,"
+           "rate_filtered_turnps_q27,demand_q30,command_q30,limited,pulse_halfus_0,pulse_halfus_1,flags,step";
+}
+
+int32_t plumb_sizeof_words(void) {
+    return (int32_t)sizeof(control_words_t);
+}
+
+int32_t plumb_sizeof_control(void) {
+    return (int32_t)sizeof(control_t);
+}
+
+int32_t plumb_sizeof_kalman(void) {
+    return (int32_t)sizeof(kalman_t);
+}
+
+int32_t plumb_sizeof_pid(void) {
+    return (int32_t)sizeof(pid_t);
+}
+
+int32_t plumb_params_count(void) {
+    return (int32_t)PARAMS_WORDS;
+}
+
+static control_params_t params_of(const uint32_t *words) {
+    control_params_t p;
+    memcpy(&p, words, sizeof p);
+    return p;
+}
+
+int32_t plumb_params_valid(const uint32_t *params) {
+    const control_params_t p = params_of(params);
+    return control_params_valid(&p);
+}
+
+/* One step at a time, for a closed loop. control: plumb_sizeof_control() bytes, aligned to 8. */
+void plumb_control_init(void *control, const uint32_t *params) {
+    const control_params_t p = params_of(params);
+    control_init(control, &p);
+}
+
+void plumb_control_step(void *control, const uint32_t *params, const int16_t *raw,
+                        int32_t setpoint_turn_q32) {
+    const control_params_t p = params_of(params);
+    control_step(control, &p, raw, setpoint_turn_q32);
+}
+
+void plumb_control_words(const void *control, uint8_t *words) {
+    memcpy(words, &((const control_t *)control)->words, sizeof(control_words_t));
+}
+
+/* A whole run from its start. raw: [steps][6]; words: [steps][plumb_sizeof_words()], may be NULL; digests:
+ * [steps], may be NULL. */
+void plumb_control_run(const uint32_t *params, const int16_t *raw, const int32_t *setpoint_turn_q32,
+                       int32_t steps, uint8_t *words, uint32_t *digests) {
+    const control_params_t p = params_of(params);
+    control_t c;
+    control_init(&c, &p);
+    for (int32_t i = 0; i < steps; i++) {
+        control_step(&c, &p, raw + (size_t)i * CONTROL_RAW_MAX, setpoint_turn_q32[i]);
+        if (words)
+            memcpy(words + (size_t)i * sizeof c.words, &c.words, sizeof c.words);
+        if (digests)
+            digests[i] = digest_crc32(&c.words, sizeof c.words);
+    }
+}
+
+/* The filter alone: runs filters over steps samples. Inputs and fused are [steps][runs]; states:
+ * kalman_t[runs], set to the start of params here and left as they end. Filters of one step do not depend on
+ * each other: the processor works on several at once. */
+void plumb_kalman_run(const uint32_t *params, const uint32_t *variance, const int32_t *tilt_turn_q32,
+                      const int32_t *rate_turnps_q28, int32_t steps, int32_t runs, void *states,
+                      int32_t *fused_turn_q32) {
+    const control_params_t p = params_of(params);
+    kalman_t *k = states;
+    for (int32_t run = 0; run < runs; run++)
+        kalman_init(&k[run], &p.start);
+    for (int32_t i = 0; i < steps; i++) {
+        const size_t at = (size_t)i * (size_t)runs;
+        for (int32_t run = 0; run < runs; run++) {
+            const size_t j = at + (size_t)run;
+            kalman_step(&k[run], &p.kalman, variance[j], tilt_turn_q32[j], rate_turnps_q28[j]);
+            fused_turn_q32[j] = kalman_tilt(&k[run]);
+        }
+    }
+}
+
+/* One step of each of n states (kalman_t). */
+void plumb_kalman_each(const uint32_t *params, void *states, const uint32_t *variance,
+                       const int32_t *tilt_turn_q32, const int32_t *rate_turnps_q28, int32_t n) {
+    const control_params_t p = params_of(params);
+    kalman_t *k = states;
+    for (int32_t i = 0; i < n; i++)
+        kalman_step(&k[i], &p.kalman, variance[i], tilt_turn_q32[i], rate_turnps_q28[i]);
+}
+
+/* The controller alone, from its start. states: pid_t[steps], the state after every step. */
+void plumb_pid_run(const uint32_t *params, const int32_t *error_turn_q32, const int32_t *rate_turnps_q28,
+                   int32_t steps, uint8_t *states) {
+    const control_params_t p = params_of(params);
+    pid_t c;
+    pid_init(&c);
+    for (int32_t i = 0; i < steps; i++) {
+        pid_step(&c, &p.pid, error_turn_q32[i], rate_turnps_q28[i]);
+        memcpy(states + (size_t)i * sizeof c, &c, sizeof c);
+    }
+}
+
+/* One step of each of n states (pid_t). */
+void plumb_pid_each(const uint32_t *params, void *states, const int32_t *error_turn_q32,
+                    const int32_t *rate_turnps_q28, int32_t n) {
+    const control_params_t p = params_of(params);
+    pid_t *c = states;
+    for (int32_t i = 0; i < n; i++)
+        pid_step(&c[i], &p.pid, error_turn_q32[i], rate_turnps_q28[i]);
+}
+
+void plumb_atan2_run(const int32_t *y, const int32_t *x, int32_t n, int32_t *turn_q32) {
+    for (int32_t i = 0; i < n; i++)
+        turn_q32[i] = angle_atan2(y[i], x[i]);
+}
+
+void plumb_asin_run(const int32_t *x_q30, int32_t n, int32_t *turn_q32) {
+    for (int32_t i = 0; i < n; i++)
+        turn_q32[i] = angle_asin(x_q30[i]);
+}
+
+/* Measured tilt and its variance. */
+void plumb_tilt_run(const uint32_t *params, const int32_t *accel_y_g_q26, const int32_t *accel_z_g_q26,
+                    int32_t n, int32_t *turn_q32, uint32_t *variance) {
+    const control_params_t p = params_of(params);
+    for (int32_t i = 0; i < n; i++) {
+        uint32_t limited;
+        turn_q32[i] = tilt_angle(&p.tilt, accel_y_g_q26[i], accel_z_g_q26[i], &limited);
+        variance[i] = tilt_variance(&p.tilt, accel_y_g_q26[i], accel_z_g_q26[i]);
+    }
+}
+
+/* d: 2^30 .. 2^31 - 1 */
+void plumb_reciprocal_run(const uint32_t *d, int32_t n, uint32_t *y_q61) {
+    for (int32_t i = 0; i < n; i++)
+        y_q61[i] = reciprocal_q61(d[i]);
+}
+
+uint32_t plumb_crc32(const uint8_t *data, int32_t bytes) {
+    return digest_crc32(data, (size_t)bytes);
+}
