@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
@@ -23,7 +24,8 @@ def library() -> ctypes.CDLL:
     sources += sorted((ROOT / "firmware/core").glob("*.c"))
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "liblink_board.so"
-        flags = ["-std=c99", "-O1", "-g", "-fPIC", "-shared", "-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"]
+        flags = ["-std=c99", "-O1", "-g", "-fPIC", "-shared", "-Wall", "-Wextra", "-Werror"]
+        flags += ["-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"]
         subprocess.run([compiler, *flags, "-o", str(target), *map(str, sources)], check=True)
         loaded = ctypes.CDLL(str(target))
     for name in ("bytes", "take", "give", "room", "parse"):
@@ -36,17 +38,17 @@ def library() -> ctypes.CDLL:
 class MemoryBoard:
     """The far end of a serial link. As a stream (read, write, in_waiting, clock_s) it is what PlumbBus takes.
 
-    bytes_per_turn limits what the simulated UART carries each way in a turn of 100 us (921600 baud: 9). corrupt, lose:
-    called with every chunk on its way down or up, to spoil it.
+    down_per_turn, up_per_turn: what the simulated UART carries in a turn of 100 us (921600 baud: 9). spoil_down,
+    spoil_up: called with every chunk on its way, to damage it.
     """
 
-    def __init__(self, seed: int = 1, bytes_per_turn: int = 1 << 16, time_us: int = 0) -> None:
+    def __init__(self, seed: int = 1, time_us: int = 0) -> None:
         self.lib = library()
         self._memory = ctypes.create_string_buffer(self.lib.link_board_bytes())
         self.time_us = time_us
-        self.bytes_per_turn = bytes_per_turn
-        self.spoil_down = lambda data: data
-        self.spoil_up = lambda data: data
+        self.down_per_turn = self.up_per_turn = 4096
+        self.spoil_down: Callable[[bytes], bytes] = bytes
+        self.spoil_up: Callable[[bytes], bytes] = bytes
         self._down = b""
         self._up = b""
         self.reset(seed)
@@ -70,11 +72,11 @@ class MemoryBoard:
     def turn(self, step_us: int = TURN_US) -> None:
         self.time_us += step_us
         now = ctypes.c_uint32(self.time_us & 0xFFFFFFFF)
-        part = self._down[: self.bytes_per_turn]
+        part = self._down[: self.down_per_turn]
         taken = self.lib.link_board_take(self._memory, part, ctypes.c_size_t(len(part)), now)
         self._down = self._down[taken:]
         self.lib.link_board_turn(self._memory, now)
-        out = ctypes.create_string_buffer(min(4096, self.bytes_per_turn))
+        out = ctypes.create_string_buffer(self.up_per_turn)
         count = self.lib.link_board_give(self._memory, out, ctypes.c_size_t(len(out)))
         if count:
             self._up += self.spoil_up(out.raw[:count])

@@ -94,11 +94,17 @@ class Capture:
         raise LinkError("the board does not take the setpoint: check the cable")
 
     def collect(self, steps: int) -> None:
-        """Receive until that many steps were heard of. Raises LinkError when the board falls silent."""
-        silent = 0
-        while self.steps < steps:
-            silent = 0 if self.session.receive(REPLY_TIMEOUT_S) else silent + 1
-            if silent >= TRIES:
+        """Receive until that many steps are over (the next one was heard of), so that all their frames have come.
+
+        Raises LinkError when no step comes any more.
+        """
+        clock = self.session.clock
+        heard, heard_s = self.steps, clock()
+        while self.steps <= steps:
+            self.session.receive(REPLY_TIMEOUT_S)
+            if self.steps > heard:
+                heard, heard_s = self.steps, clock()
+            elif clock() - heard_s >= TRIES * REPLY_TIMEOUT_S:
                 raise LinkError(f"the board fell silent after step {self.steps}: check cable and power")
 
     def unverified_from(self, steps: int) -> int | None:

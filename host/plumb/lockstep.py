@@ -119,6 +119,7 @@ class Lockstep:
         digests = np.zeros(count, np.uint32)
         done = sent = stalled = 0
         went_back_at = -1
+        progress_s = self.session.clock()
         while done < count:
             limit = min(count, done + IN_FLIGHT)
             if sent < limit:
@@ -138,9 +139,9 @@ class Lockstep:
                 elif identifier == self._nack_id:
                     sent = min(sent, max(done, done + self._expected(data, base + done)))
             if done > before:
-                stalled = 0
-            elif not frames:
-                stalled += 1
+                stalled, progress_s = 0, self.session.clock()
+            elif self.session.clock() - progress_s >= REPLY_TIMEOUT_S:
+                stalled, progress_s = stalled + 1, self.session.clock()
                 went_back_at, sent = -1, done
                 if stalled >= TRIES:
                     raise LinkError(f"the board stopped answering after step {base + done}: check cable and power")

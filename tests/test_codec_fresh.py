@@ -1,0 +1,98 @@
+"""What is generated is what the sources say: messages.[ch] from the DBC, params.[ch] from the table."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import zlib
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from plumb import parameters
+from plumb.protocol import canonical_text, load_database, message_of, protocol, protocol_of
+
+ROOT = Path(__file__).resolve().parent.parent
+DBC = ROOT / "host" / "plumb" / "messages.dbc"
+
+
+def tool(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, ROOT / "tools" / f"{name}.py")
+    assert spec and spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("name", ["gen_messages", "gen_params"])
+def test_generated_files_are_fresh(name: str) -> None:
+    for file, text in tool(name).generate().items():
+        committed = (ROOT / "firmware" / "link" / file).read_text()
+        assert committed == text, f"{file} is stale: run tools/{name}.py"
+        assert committed.startswith("/* GENERATED")
+
+
+def test_hash_does_not_hear_comments_but_hears_every_position(tmp_path: Path) -> None:
+    text = DBC.read_text()
+    known = protocol().dbc_hash
+
+    def hash_of(changed: str) -> int:
+        assert changed != text
+        path = tmp_path / "messages.dbc"
+        path.write_text(changed)
+        return protocol_of(load_database(path)).dbc_hash
+
+    assert hash_of(re.sub(r'CM_ BO_ 256 "[^"]*"', 'CM_ BO_ 256 "other words"', text)) == known
+    assert hash_of(text.replace("SG_ digest", "SG_ checksum")) != known
+    assert hash_of(text.replace("(0.5,0)", "(0.25,0)")) != known
+    assert hash_of(text.replace('2 "INDEX"', '2 "PLACE"')) != known
+    assert hash_of(text.replace('VERSION "1"', 'VERSION "2"')) != known
+
+
+def test_hash_is_the_crc32_of_the_canonical_text() -> None:
+    lines = canonical_text(load_database()).splitlines()
+    assert lines[0] == "version 1"
+    assert lines[1] == "message 8 KEEPALIVE 8 HOST"
+    at = lines.index("message 256 STEP 8 BOARD")
+    assert lines[at + 1 : at + 3] == [
+        "signal crc8 0 8 little_endian unsigned 1.0 0.0 -",
+        "signal counter 8 4 little_endian unsigned 1.0 0.0 -",
+    ]
+    assert protocol().dbc_hash == zlib.crc32(("\n".join(lines) + "\n").encode())
+    header = (ROOT / "firmware" / "link" / "messages.h").read_text()
+    assert f"#define MESSAGES_DBC_HASH 0x{protocol().dbc_hash:08X}U" in header
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "complaint"),
+    [
+        ("BO_ 256 STEP: 8", "BO_ 256 STEP: 7", "does not fit"),
+        ("SG_ step : 16|16@1+", "SG_ step : 16|12@1+", "one 16-bit and one 32-bit"),
+        ("SG_ digest : 32|32@1+", "SG_ digest : 39|32@0+", "Intel"),
+    ],
+)
+def test_a_definition_that_breaks_the_frame_rules_is_refused(
+    tmp_path: Path, before: str, after: str, complaint: str
+) -> None:
+    path = tmp_path / "messages.dbc"
+    path.write_text(DBC.read_text().replace(before, after, 1))
+    import cantools
+
+    with pytest.raises((ValueError, cantools.Error), match=complaint):
+        for definition in load_database(path).messages:
+            message_of(definition)
+
+
+def test_every_message_is_described() -> None:
+    for definition in load_database().messages:
+        assert definition.comment, definition.name
+
+
+def test_table_order_is_the_order_of_the_struct() -> None:
+    rows = parameters.table()
+    assert [row.owner for row in rows] == ["control"] * 50 + ["link"] * 2
+    assert rows[-2].name == "period_us"
+    assert parameters.crc32([row.default for row in rows]) == zlib.crc32(
+        b"".join((row.default & 0xFFFFFFFF).to_bytes(4, "little") for row in rows)
+    )

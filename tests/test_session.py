@@ -1,0 +1,308 @@
+"""The conversation: handshake, parameters, nonces and arming, over a good line and over a bad one."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+
+import pytest
+from link_board import MemoryBoard
+from test_protocol import begin, frame, said
+
+from plumb import parameters
+from plumb.capture import Capture
+from plumb.errors import LinkError, UsageError
+from plumb.protocol import protocol
+from plumb.serialbus import PlumbBus
+from plumb.session import Session
+
+CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
+
+
+def changed(name: str, value: int) -> list[int]:
+    words = list(CONTROL)
+    words[[row.name for row in parameters.table()].index(name)] = value
+    return words
+
+
+class BadLine:
+    """Flips, drops and doubles bytes at random, seeded."""
+
+    def __init__(self, seed: int, rate: float) -> None:
+        self._rng, self._rate = random.Random(seed), rate
+
+    def __call__(self, data: bytes) -> bytes:
+        out = bytearray()
+        for byte in data:
+            if self._rng.random() >= self._rate:
+                out.append(byte)
+                continue
+            kind = self._rng.randrange(3)
+            out += bytes([byte ^ 1 << self._rng.randrange(8)]) if kind == 0 else bytes([byte]) * (kind - 1) * 2
+        return bytes(out)
+
+
+# ---- handshake ----
+
+
+def test_connect_tells_who_is_there() -> None:
+    with Session.open(MemoryBoard(seed=7)) as session:
+        identity = session.identity
+        assert identity is not None
+        assert identity.mismatch is None
+        assert identity.git_hash == "0123456789abcdef"
+        assert identity.unique_id == "000000072222222233333333"
+
+
+@pytest.mark.parametrize(
+    ("other", "sentence"),
+    [
+        ({"version": 2}, "update the board's image"),
+        ({"version": 0}, "update this plumb"),
+        ({"dbc_hash": 1}, "built from other message definitions"),
+    ],
+)
+def test_a_mismatch_is_explained_reading_works_and_arming_does_not(other: dict[str, int], sentence: str) -> None:
+    board = MemoryBoard()
+    with Session(PlumbBus(board)) as session:
+        session.protocol = replace(protocol(), **other)
+        identity = session.connect()
+        assert identity.mismatch is not None
+        assert sentence in identity.mismatch
+        assert "reading works, arming does not" in identity.mismatch
+        assert session.read_parameters()[: len(CONTROL)] == CONTROL
+        for refused in (session.arm, session.begin, lambda: session.upload(CONTROL)):
+            with pytest.raises(LinkError, match="arming does not"):
+                refused()
+        # The board does not rely on the host's good manners.
+        begin(board, "REALTIME_LIVE")
+        nonce = said(board.say(frame("CHALLENGE", 1, 0)))[0][1]["nonce"]
+        answers = [entry for entry in said(board.say(frame("EXECUTE", 1, nonce))) if entry[0] == "NACK"]
+        assert answers[0][1]["detail"] & 1
+        assert not board.armed
+
+
+def test_silence_is_one_sentence() -> None:
+    class Dead(MemoryBoard):
+        def write(self, data: bytes) -> int:
+            return len(data)
+
+    with pytest.raises(LinkError, match="does not answer; check that it runs plumb") as caught:
+        Session.open(Dead())
+    assert caught.value.exit_code == 3
+
+
+def test_a_board_whose_time_stands_still_does_not_hang(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Frozen(MemoryBoard):
+        def read(self, count: int) -> bytes:
+            return b""
+
+    monkeypatch.setattr("plumb.stream._STANDSTILL_S", 0.05)
+    with pytest.raises(LinkError, match="stands still"):
+        Session.open(Frozen())
+
+
+# ---- parameters ----
+
+
+def test_upload_stages_and_commits() -> None:
+    with Session.open(MemoryBoard()) as session:
+        crc = session.upload(changed("esc.mid_halfus", 3100), period_us=1000)
+        values = session.read_parameters()
+        assert parameters.crc32(values) == crc
+        assert dict(zip([row.name for row in parameters.table()], values, strict=True))["period_us"] == 1000
+        assert session.connect()["PARAMETER_CRC"] == crc
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_upload_survives_a_bad_line(seed: int) -> None:
+    board = MemoryBoard()
+    with Session.open(board) as session:
+        board.spoil_down, board.spoil_up = BadLine(seed, 0.003), BadLine(seed + 50, 0.003)
+        session.upload(changed("pid.kp_q22", 1000 + seed))
+        board.spoil_down = board.spoil_up = bytes
+        assert session.read_parameters()[: len(CONTROL)] == changed("pid.kp_q22", 1000 + seed)
+
+
+def test_upload_ends_a_run() -> None:
+    board = MemoryBoard()
+    with Session.open(board) as session:
+        session.begin("LOCKSTEP")
+        session.upload(CONTROL)
+        assert session.end() == 0
+
+
+def test_upload_refuses_with_the_reason() -> None:
+    with Session.open(MemoryBoard()) as session:
+        with pytest.raises(UsageError, match=r"esc.mid_halfus = 99999 is outside 0 to 16383"):
+            session.upload(changed("esc.mid_halfus", 99999))
+        with pytest.raises(UsageError, match="contradict each other"):
+            session.upload(changed("esc.max_halfus", 100))
+        with pytest.raises(UsageError, match="has 50 words, not 3"):
+            session.upload([1, 2, 3])
+        with pytest.raises(UsageError, match="there is no parameter 'period'"):
+            session.upload(CONTROL, period=3)
+        assert session.read_parameters()[: len(CONTROL)] == CONTROL
+
+
+# ---- arming ----
+
+
+def armed_session(board: MemoryBoard) -> Session:
+    session = Session.open(board)
+    session.upload(CONTROL, period_us=1000)
+    session.begin("REALTIME_LIVE")
+    session.arm()
+    assert board.armed
+    return session
+
+
+def test_keep_alive_holds_and_its_loss_disarms_after_50_ms_latched() -> None:
+    board = MemoryBoard()
+    session = armed_session(board)
+    for _ in range(100):
+        session.receive(0.005)
+    assert board.armed
+    board.run_us(49_000 - 15_000)
+    assert board.armed
+    board.run_us(17_000)
+    assert not board.armed
+    assert set(board.pulses) == {CONTROL[-1]}
+    session.receive(0.02)  # a keep-alive goes out, too late
+    board.run_us(1000)
+    assert not board.armed
+    session.receive(0.1)
+    board.run_us(200_000)
+    session.receive(0.1)
+    assert session.telemetry["EVENTS"]["disarm_cause"] == 0x20
+    session.arm()
+    assert board.armed
+    session.close()
+
+
+def test_disarming_time_to_the_turn() -> None:
+    board = MemoryBoard()
+    session = armed_session(board)
+    board.heard()
+    last = board.time_us
+    board.say(frame("KEEPALIVE", 0, session._token or 0), turns=1)
+    while board.armed:
+        board.turn()
+    assert 50_000 <= board.time_us - last <= 50_300
+    session.close()
+
+
+def test_a_stranger_cannot_keep_it_alive() -> None:
+    board = MemoryBoard()
+    session = armed_session(board)
+    for _ in range(6):
+        board.say(frame("KEEPALIVE", 0, (session._token or 0) ^ 1), turns=100)
+    assert not board.armed
+    session.close()
+
+
+def disarm_by_close(board: MemoryBoard, session: Session) -> None:
+    board.say(b"C\r")
+
+
+def disarm_by_read_only(board: MemoryBoard, session: Session) -> None:
+    board.say(b"L\r")
+
+
+def disarm_by_command(board: MemoryBoard, session: Session) -> None:
+    session.disarm()
+
+
+def disarm_by_run_end(board: MemoryBoard, session: Session) -> None:
+    session.end()
+
+
+def disarm_by_new_run(board: MemoryBoard, session: Session) -> None:
+    session.begin("REALTIME_LIVE")
+
+
+def disarm_by_fault(board: MemoryBoard, session: Session) -> None:
+    board.sensors(faults=1)
+    board.turn()
+
+
+def disarm_by_other_version(board: MemoryBoard, session: Session) -> None:
+    board.say(frame("HELLO", 99, 0))
+
+
+@pytest.mark.parametrize(
+    "cause",
+    [
+        disarm_by_close, disarm_by_read_only, disarm_by_command, disarm_by_run_end, disarm_by_new_run,
+        disarm_by_fault, disarm_by_other_version,
+    ],
+)  # fmt: skip
+def test_what_disarms(cause: object) -> None:
+    board = MemoryBoard()
+    session = armed_session(board)
+    assert callable(cause)
+    cause(board, session)
+    assert not board.armed
+    board.turn()
+    assert set(board.pulses) == {CONTROL[-1]}
+    session.close()
+
+
+@pytest.mark.parametrize("run", ["LOCKSTEP", None])
+def test_arming_is_refused_with_the_reason(run: str | None) -> None:
+    board = MemoryBoard()
+    with Session.open(board) as session:
+        if run:
+            session.begin(run)
+        with pytest.raises(LinkError, match="in lockstep nothing can be armed" if run else "no run is on"):
+            session.arm()
+        board.sensors(faults=2)
+        session.begin("REALTIME_LIVE")
+        with pytest.raises(LinkError, match="the board has a fault"):
+            session.arm()
+        board.sensors(faults=0x100)  # informs only
+        session.arm()
+        assert board.armed
+
+
+# ---- telemetry under load ----
+
+
+def test_a_full_queue_drops_whole_telemetry_and_never_replies() -> None:
+    board = MemoryBoard()
+    with Session.open(board) as session:
+        session.upload(CONTROL, period_us=500)
+        capture = Capture(session)
+        session.listener = capture.feed
+        session.begin("REALTIME_LIVE", frames=("RAW_A", "ANGLE"), words=range(40))
+        board.up_per_turn = 9  # 921600 baud: a tenth of what is asked for
+        for _ in range(20):
+            session.disarm()
+            assert session.read_parameters()[: len(CONTROL)] == CONTROL
+        session.end()
+        board.up_per_turn = 4096
+        board.run_us(300_000)
+        session.receive(0.1)
+        assert session.telemetry["COUNTERS"]["dropped"] > 1000
+        assert session.counters.lost > 100  # at least: counted modulo 16
+        assert session.counters.repeated_requests == 0
+        bus = session.bus
+        assert isinstance(bus, PlumbBus)
+        assert (bus.parser.bad, bus.parser.rejected) == (0, 0)
+        assert capture.unverified_from(capture.steps) is not None
+
+
+def test_a_host_that_does_not_read_is_not_answered_beyond_the_queue() -> None:
+    board = MemoryBoard()
+    board.say(b"O\r")
+    board.up_per_turn = 0
+    requests = 400
+    board.write(frame("CHALLENGE", 1, 0) * requests + b"V\r" * 300 + b"\r" * 300)
+    board.run_us(100_000)
+    board.up_per_turn = 64
+    board.run_us(1_000_000)
+    text = board.heard()
+    assert sum(name == "NONCE" for name, _ in said(text)) == requests
+    assert text.count(b"V0101\r") == 300
+    bare = [line for line in text.split(b"\r")[:-1] if not line]
+    assert len(bare) == requests + 300
