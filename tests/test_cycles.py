@@ -63,7 +63,7 @@ def test_one_instruction_costs_what_the_manual_says(code: str, cycles: int) -> N
     assert path_cost(path(code + RETURN)).cycles == cycles + 3
 
 
-@pytest.mark.parametrize(("code", "cycles"), [(POP3_PC, 1 + 3 + 2), (LOAD_PC, 2 + 2), (RETURN, 3)])
+@pytest.mark.parametrize(("code", "cycles"), [(POP3_PC, 1 + 3 + 2), (LOAD_PC, 5), (RETURN, 3)])
 def test_every_way_to_return_refills_the_pipeline(code: str, cycles: int) -> None:
     assert path_cost(path(code)).cycles == cycles
 

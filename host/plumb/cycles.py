@@ -1,9 +1,9 @@
 """The Cortex-M3 timing model: what each executed instruction costs, at zero and at two flash wait states.
 
-Source: Cortex-M3 Technical Reference Manual (ARM DDI 0337), "Instruction set summary" and "Load/store timings".  Where
-the manual gives a range the model takes the slowest, except that a pipeline refill is taken at its usual 2:
+Source: Cortex-M3 Technical Reference Manual r2p1 (ARM 100165), 3.3.1 "Processor instructions" and 3.3.2 "Load/store
+timings".  Where the manual gives a range the model takes the slowest, except that a pipeline refill takes its usual 2:
 
-    data processing, MUL, SSAT, CLZ, IT            1      (IT is never counted as folded)
+    data processing, MUL, SSAT, CLZ, IT            1      (an IT that folds onto a 16-bit instruction would take 0)
     MLA, MLS                                       2
     UMULL, SMULL / UMLAL, SMLAL                    5 / 7  (manual: 3-5 and 4-7, by operand)
     UDIV, SDIV                                     12     (manual: 2-12)
@@ -12,9 +12,10 @@ the manual gives a range the model takes the slowest, except that a pipeline ref
     STR with immediate / register offset           1 / 2; the latter 1 directly after a load, as for LDR
     LDM, STM, PUSH, POP, LDRD, STRD                1 + N registers
     load or store                                  +1 when its address was computed by the instruction directly before
-    branch taken, BL, BX, POP {pc}, LDR pc         +P     P = 2; 3 for a target of 32 bits that is not word-aligned
+    branch taken, BL, BX, POP {pc}                 +P     P = 2; 3 for a target of 32 bits that is not word-aligned
+    LDR pc                                         5
     branch not taken                               1
-    TBB, TBH                                       4 + P
+    TBB, TBH                                       6
     MRS, MSR / barriers                            2 / 4
 
 A conditional instruction in an IT block is charged as if it were executed (a skipped one takes 1 cycle), a conditional
@@ -41,9 +42,10 @@ TABLE_READ_CYCLES_2WS = 2 + FLASH_READ_CYCLES_2WS  # a load from flash outside t
 _SINGLE_LOADS = {"ldr", "ldrb", "ldrh", "ldrsb", "ldrsh"}
 _SINGLE_STORES = {"str", "strb", "strh"}
 _MULTIPLE = {"ldm", "ldmdb", "stm", "stmdb", "push", "pop"}
+_TABLE_BRANCHES = {"tbb", "tbh"}
 _CYCLES = {
     "mla": 2, "mls": 2, "umull": 5, "smull": 5, "umlal": 7, "smlal": 7, "udiv": 12, "sdiv": 12, "ldrd": 3, "strd": 3,
-    "tbb": 4, "tbh": 4, "mrs": 2, "msr": 2, "dsb": 4, "dmb": 4, "isb": 4, "ldrex": 2, "strex": 2, "clrex": 2,
+     "mrs": 2, "msr": 2, "dsb": 4, "dmb": 4, "isb": 4, "ldrex": 2, "strex": 2, "clrex": 2,
 }  # fmt: skip
 
 
@@ -155,7 +157,9 @@ def instruction_cycles(now: Instruction, before: Instruction | None, taken: bool
         cycles = _CYCLES.get(now.name, 1)
     if depends and before is not None and before.is_data_processing:
         cycles += 1
-    return cycles + (_refill(target) if taken else 0)
+    if taken:
+        cycles += 3 if now.name in _SINGLE_LOADS else 5 if now.name in _TABLE_BRANCHES else _refill(target)
+    return cycles
 
 
 class _Flash:
