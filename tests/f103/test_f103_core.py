@@ -24,14 +24,20 @@ def test_exceptions_preempt_chain_and_obey_the_masks(board):
     masked = "2a(h)bctp3"
     assert letters(b) == first + masked + "s4" + "5(h)6t7"
     assert b.result(60) == 1
+    # Twice an interrupt, one inside it and one chained to it (with PendSV behind, the second time), then three alone.
+    entry, leave, chain = 12, 10, 6
+    overhead = 2 * (entry + entry + leave + chain + leave) + chain + 3 * (entry + leave)
+    cpu = b.machine.cpu
+    assert (b.machine.now - cpu.instructions * cpu.instruction_ticks) == overhead * b.machine.rcc.hclk_ticks
 
 
 def test_systick_keeps_time_and_no_wakeup_is_lost(board):
     b = board("systick")
     b.machine.advance_us(10_000)
-    ticks, cycles = b.result(0), b.result(5)
+    ticks, cycles, zero_at = b.result(0), b.result(5), b.machine.systick.zero_at
     b.machine.advance_us(100_000)
     assert b.result(0) - ticks == 100
+    assert b.machine.systick.zero_at - zero_at == 100 * 1000 * 40320
     assert b.result(2) == b.result(0)
     assert b.result(1) >= 100
     assert b.result(3) == 0, "the handler ran before the mask was opened"
@@ -87,6 +93,7 @@ def test_faults_reach_their_handler_and_return(board, cause, enabled, handler, c
     if cause < 3:
         assert b.result(6) == (0x60000000 if cause == 1 else 0x08000000)
     assert b.result(1) == 1, "the program went on behind the fault"
+    assert (b.machine.scb.cfsr, b.machine.scb.hfsr) == (0, 0), "cleared by writing ones"
 
 
 def test_a_register_that_is_not_modelled_stops_with_its_address(board):
@@ -169,6 +176,7 @@ def test_a_power_cut_loses_memory_and_power_comes_back(board):
     machine.power_cut()
     machine.advance_us(1_000_000)
     assert machine.reset_count == 1
+    machine.rcc.csr |= RESET_SOFTWARE
     machine.power_on()
     machine.advance_us(1000)
     assert b.result(2) & 0xFC000000 == RESET_POWER | RESET_PIN
@@ -223,12 +231,14 @@ def test_what_is_no_image_is_refused_in_a_sentence(tmp_path, build):
     from plumb.errors import UsageError
     from plumb.f103 import find_image, load_image
 
-    bad_hex = build("clock").with_suffix(".hex").read_bytes().replace(b"0", b"1", 1)
+    lines = build("clock").with_suffix(".hex").read_bytes().split()
+    lines[1] = lines[1][:-1] + (b"0" if lines[1][-1:] != b"0" else b"1")
     for name, content, words in (
         ("a.bin", b"not an image at all", "vector table"),
         ("a.elf", b"\x7fELF\x01\x01" + b"\0" * 60, "32-bit Arm"),
         ("a.elf", b"\x7fELF\x01", "damaged"),
-        ("a.hex", bad_hex, "line 1"),
+        ("a.hex", b"\n".join(lines), "line 2"),
+        ("a.hex", b":0G000001FF", "line 1"),
     ):
         path = tmp_path / name
         path.write_bytes(content)

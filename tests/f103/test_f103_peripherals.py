@@ -41,6 +41,24 @@ def test_dma_echo_carries_every_byte_in_order_and_in_time(board):
     assert b.result(2) & 7 << 16 == 7 << 16, "half and full were seen"
 
 
+def test_transmission_by_dma_ends_when_the_last_byte_is_handed_over(board):
+    b = started(board)
+    b.machine.uart.write(b"0123456789")
+    assert b.machine.run_until(lambda: b.result(3) == 1, 1e4)
+    left_us = (b.machine.usart.tx_free - b.machine.now) / 40320
+    assert BYTE_US < left_us <= 2 * BYTE_US, "one byte on the line and one in the data register"
+
+
+def test_a_line_that_stays_high_interrupts_again(board):
+    b = board("transmit")
+    b.machine.uart.baudrate = 115200
+    b.machine.uart.timeout = 0.01
+    b.machine.advance_us(10)
+    assert b.machine.uart.read(64) == b"one interrupt per byte"
+    b.machine.advance_us(1000)
+    assert b.result(0) == len("one interrupt per byte") + 1
+
+
 def test_two_runs_give_the_same_bytes_and_the_same_memory(board):
     def run():
         b = started(board)
@@ -178,6 +196,9 @@ def test_pwm_changes_only_between_two_pulses(board):
     assert machine.pwm("PB6").pulse_us == 1000.0
     machine.advance_us(600)
     assert machine.pwm("PB6").pulse_us == 1750.0
+    machine.advance_us(1_234.5)
+    machine.pwm("PB6")
+    assert (machine.tim4.zero_at - start) % (2500 * 40320) == 0, "periods do not drift with the asking"
     machine.power_cut()
     assert not machine.pwm("PB6").enabled
 
