@@ -80,10 +80,11 @@ def test_bias_and_tilt_converge_at_rest() -> None:
 
 def test_previous_gyro_sample_is_the_input() -> None:
     x = reference.kalman_init(Start(p00_deg2=0, p11_dps2=0))
-    reference.kalman_step(x, Kalman(0, 0, "previous"), PERIOD_S, 0.0, 50.0, 1.0)
-    assert x.tilt_deg == 0.0
-    reference.kalman_step(x, Kalman(0, 0, "previous"), PERIOD_S, 0.0, 0.0, 1.0)
-    assert x.tilt_deg == pytest.approx(50.0 * PERIOD_S)
+    tilts = []
+    for rate_dps in (10.0, 50.0, 0.0):  # the first step has no previous sample and takes its own
+        reference.kalman_step(x, Kalman(0, 0, "previous"), PERIOD_S, 0.0, rate_dps, 1.0)
+        tilts.append(x.tilt_deg / PERIOD_S)
+    assert tilts == pytest.approx([10.0, 20.0, 70.0])
 
 
 def test_innovation_takes_the_short_way_round() -> None:

@@ -21,10 +21,12 @@ from plumb.tuning import Calibration, Channel, Esc, Kalman, Pid, Start, Trust, T
 __all__ = ["Calibration", "Channel", "ControlParams", "Esc", "Kalman", "Pid", "Start", "Trust", "Tuning", "quantise"]
 
 CALIBRATION_LIMIT = 7 << 28
-VARIANCE_MAX = 1 << 57
-"""Of qa, p00 and p11 in lsb; |p01| half as much."""
-R_MAX = 1 << 25
+VARIANCE_MAX = 1 << 56
+"""Of qa, p11 and |p01| in lsb; p00 may start at twice as much."""
+R_MAX = 1 << 24
 """Of R, in 2^32 lsb."""
+QB_MAX = (1 << 55) - (1 << 24) - 1
+"""Of the bias's process noise, in 2^-24 lsb."""
 TOLERANCE = Fraction(1, 1000)
 DEG2 = Fraction(1, 360**2)
 """Square degrees in turn^2."""
@@ -64,7 +66,7 @@ class ControlParams:
 
     @property
     def period_s(self) -> float:
-        return self.values["kalman.dt_s_q34"] / 2**34
+        return self.values["kalman.dt_s_q33"] / 2**33
 
 
 def _refuse(name: str, asked: float, reason: str) -> NoReturn:
@@ -124,6 +126,9 @@ def _check(tuning: Tuning) -> None:
     start = tuning.start
     if Fraction(start.p01_deg2_per_s) ** 2 > Fraction(start.p00_deg2) * Fraction(start.p11_dps2):
         _refuse("start.p01_deg2_per_s", start.p01_deg2_per_s, "its square is more than p00 times p11, no covariance")
+    most = min(tuning.kalman.q_angle_deg2_per_s / 4, start.p00_deg2 / tuning.period_s)
+    if not -start.p00_deg2 / tuning.period_s <= start.p01_deg2_per_s <= most:
+        _refuse("start.p01_deg2_per_s", start.p01_deg2_per_s, f"outside -p00 / period to {most:g} (Q_angle / 4)")
     for name, low, high in (
         ("pid.command_max", tuning.pid.command_min, tuning.pid.command_max),
         ("esc.max_us", tuning.esc.min_us, tuning.esc.max_us),
@@ -167,9 +172,9 @@ def _variances(tuning: Tuning, dt: Fraction) -> dict[str, tuple[float, Fraction]
 LIMITS = {
     "trust.r_max_deg2": R_MAX << 32,
     "kalman.q_angle_deg2_per_s": VARIANCE_MAX,
-    "kalman.q_bias_dps2_per_s": 1 << 32,
-    "start.p00_deg2": VARIANCE_MAX,
-    "start.p01_deg2_per_s": VARIANCE_MAX // 2,
+    "kalman.q_bias_dps2_per_s": 1 << 31,
+    "start.p00_deg2": 2 * VARIANCE_MAX,
+    "start.p01_deg2_per_s": VARIANCE_MAX,
     "start.p11_dps2": VARIANCE_MAX,
 }
 """Largest value in lsb of each variance."""
@@ -208,15 +213,15 @@ def _in_unit(tuning: Tuning, variances: dict[str, tuple[float, Fraction]], unit:
         return _whole(name, asked, exact / unit * Fraction(2) ** fraction_bits, low, high)
 
     r_base, r_max = lsb("trust.r_deg2", 1, R_MAX, -32), lsb("trust.r_max_deg2", 1, R_MAX, -32)
-    qa, qb = lsb("kalman.q_angle_deg2_per_s", 0, VARIANCE_MAX), lsb("kalman.q_bias_dps2_per_s", 0, (1 << 64) - 1, 32)
-    p00, p11 = lsb("start.p00_deg2", 0, VARIANCE_MAX), lsb("start.p11_dps2", 0, VARIANCE_MAX)
-    p01 = lsb("start.p01_deg2_per_s", -VARIANCE_MAX // 2, VARIANCE_MAX // 2)
+    qa, qb = lsb("kalman.q_angle_deg2_per_s", 0, VARIANCE_MAX), lsb("kalman.q_bias_dps2_per_s", 0, QB_MAX, 24)
+    p00, p11 = lsb("start.p00_deg2", 0, 2 * VARIANCE_MAX), lsb("start.p11_dps2", 0, VARIANCE_MAX - 1)
+    p01 = lsb("start.p01_deg2_per_s", -VARIANCE_MAX, VARIANCE_MAX)
     return {
         "tilt.r_base": r_base,
         **_gain(tuning.trust, unit, r_base, r_max),
         **_split("kalman.qa", qa),
-        "kalman.qb": qb >> 32,
-        "kalman.qb_frac": qb & 0xFFFFFFFF,
+        "kalman.qb": qb >> 24,
+        "kalman.qb_frac_q24": qb & ((1 << 24) - 1),
         **_split("start.p00", p00),
         **_split("start.p01", p01),
         **_split("start.p11", p11),
@@ -262,8 +267,8 @@ def _pid(pid: Pid, dt: Fraction) -> dict[str, int]:
         "pid.d_alpha_q31": _whole("pid.derivative_tau_s", pid.derivative_tau_s, alpha * (1 << 31), 0, most),
         "pid.integral_min_q22": word("integral_min", 1 << 22, -(1 << 22), 0),
         "pid.integral_max_q22": word("integral_max", 1 << 22, 0, 1 << 22),
-        "pid.out_min_q30": word("command_min", 1 << 30, -(1 << 30), 1 << 30),
-        "pid.out_max_q30": word("command_max", 1 << 30, -(1 << 30), 1 << 30),
+        "pid.out_min_q30": word("command_min", 1 << 30, -(1 << 30), (1 << 30) - 1),
+        "pid.out_max_q30": word("command_max", 1 << 30, -(1 << 30), (1 << 30) - 1),
         "pid.slew_q30": most if slew >= 2 else _whole("pid.slew_per_s", pid.slew_per_s, slew * (1 << 30), 1, most),
     }
 
@@ -272,7 +277,7 @@ def quantise(tuning: Tuning) -> ControlParams:
     """The integers of a tuning; raises UsageError with the parameter, its value and the limit."""
     _check(tuning)
     dt = Fraction(int(tuning.period_us), 10**6)
-    rate_shift = math.floor(1 / dt).bit_length() - 1
+    rate_shift = math.floor(1 / dt).bit_length()
     start, kalman = tuning.start, tuning.kalman
     half_turn = 1 << 31
 
@@ -280,7 +285,9 @@ def quantise(tuning: Tuning) -> ControlParams:
         return _whole(name, asked, Fraction(asked) / 360 * dt * (1 << bits), low, high)
 
     tilt = _whole("start.tilt_deg", start.tilt_deg, Fraction(start.tilt_deg) / 360 * (1 << 32), -half_turn, half_turn)
-    bias_max = bias("kalman.bias_max_dps", kalman.bias_max_dps, 30, 0, half_turn - 1)
+    if kalman.bias_max_dps >= 360:
+        _refuse("kalman.bias_max_dps", kalman.bias_max_dps, "the published bias stays below 360 deg/s")
+    bias_max = bias("kalman.bias_max_dps", kalman.bias_max_dps, 29, 0, half_turn - 1)
     if abs(start.bias_dps) > kalman.bias_max_dps:
         _refuse("start.bias_dps", start.bias_dps, f"more than kalman.bias_max_dps = {kalman.bias_max_dps:g}")
     integers, unit = _filter(tuning, dt)
@@ -291,12 +298,12 @@ def quantise(tuning: Tuning) -> ControlParams:
     ) for key, value in _channel(name, channel, per).items()}  # fmt: skip
     integers |= {
         "tilt.mode": int(tuning.tilt == "atan2"),
-        "kalman.dt_s_q34": round(dt * (1 << 34)),
+        "kalman.dt_s_q33": round(dt * (1 << 33)),
         "kalman.rate_now": int(kalman.rate == "current"),
-        "kalman.bias_max_turn_q30": bias_max,
-        "kalman.rate_gain": min(round(Fraction(2) ** (30 - rate_shift) / dt), half_turn - 1),
+        "kalman.bias_max_turn_q29": bias_max,
+        "kalman.rate_gain": min(round(Fraction(2) ** (31 - rate_shift) / dt), half_turn - 1),
         "kalman.rate_shift": rate_shift,
-        **_split("start.bias", bias("start.bias_dps", start.bias_dps, 62, -(1 << 62), 1 << 62)),
+        **_split("start.bias", bias("start.bias_dps", start.bias_dps, 61, -(1 << 58), (1 << 58) - 1)),
         "start.tilt_turn_q32": (tilt + half_turn) % (1 << 32) - half_turn,
         **_pid(tuning.pid, dt),
     }
@@ -330,13 +337,13 @@ def dequantise(params: ControlParams) -> Tuning:
         trust=Trust(p["tilt.r_base"] * r_lsb, gain, min(p["tilt.r_max"] * r_lsb, reached)),
         kalman=Kalman(
             q_angle_deg2_per_s=params.wide("kalman.qa_hi", "kalman.qa_lo") * lsb / dt,
-            q_bias_dps2_per_s=params.wide("kalman.qb", "kalman.qb_frac") / 2**32 * lsb / dt**3,
+            q_bias_dps2_per_s=(p["kalman.qb"] + p["kalman.qb_frac_q24"] / 2**24) * lsb / dt**3,
             rate="current" if p["kalman.rate_now"] else "previous",
-            bias_max_dps=p["kalman.bias_max_turn_q30"] / 2**30 * 360 / dt,
+            bias_max_dps=p["kalman.bias_max_turn_q29"] / 2**29 * 360 / dt,
         ),
         start=Start(
             tilt_deg=p["start.tilt_turn_q32"] / 2**32 * 360,
-            bias_dps=params.wide("start.bias_hi", "start.bias_lo") / 2**62 * 360 / dt,
+            bias_dps=params.wide("start.bias_hi", "start.bias_lo") / 2**61 * 360 / dt,
             p00_deg2=params.wide("start.p00_hi", "start.p00_lo") * lsb,
             p01_deg2_per_s=params.wide("start.p01_hi", "start.p01_lo") * lsb / dt,
             p11_dps2=params.wide("start.p11_hi", "start.p11_lo") * lsb / dt**2,

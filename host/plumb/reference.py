@@ -72,7 +72,7 @@ def trust(accel_y_g: Number, accel_z_g: Number, settings: Trust) -> Number:
 
 @dataclass
 class KalmanState:
-    """X and P of equations (1) to (5), and the gyro sample that is U of the next step."""
+    """X and P of equations (1) to (5), and the gyro sample that is U of the next step; the first step has its own."""
 
     tilt_deg: Number
     bias_dps: Number
@@ -80,7 +80,7 @@ class KalmanState:
     p01: Number
     p10: Number
     p11: Number
-    rate_dps: Number = 0.0
+    rate_dps: Number = None
     innovation_deg: Number = 0.0
     k0: Number = 0.0
     k1: Number = 0.0
@@ -98,7 +98,7 @@ def kalman_step(
 ) -> None:
     """One predict and update; z is the accelerometer's tilt, rate the gyro's current sample."""
     ts = period_s
-    u = x.rate_dps if settings.rate == "previous" else rate_dps
+    u = rate_dps if settings.rate == "current" or x.rate_dps is None else x.rate_dps
     x.rate_dps = rate_dps
 
     # (1) X(k|k-1) = A X(k-1|k-1) + B U(k)
@@ -116,10 +116,10 @@ def kalman_step(
     k0 = p00 / s
     k1 = p10 / s
 
-    # (3) X(k|k) = X(k|k-1) + K (Z - H X(k|k-1)); the innovation is an angle and wraps; the bias has a limit
+    # (3) X(k|k) = X(k|k-1) + K (Z - H X(k|k-1)); the innovation is an angle and wraps
     innovation = wrap(z_deg - tilt_deg)
     x.tilt_deg = wrap(tilt_deg + k0 * innovation)
-    x.bias_dps = clip(bias_dps + k1 * innovation, -settings.bias_max_dps, settings.bias_max_dps)
+    x.bias_dps = bias_dps + k1 * innovation
 
     # (5) P(k|k) = (I - K H) P(k|k-1)
     x.p00 = (1.0 - k0) * p00
@@ -175,12 +175,13 @@ def control_step(
     """Everything of a step that has a memory: the filter on the measured tilt z, then the controller."""
     kalman_step(c.kalman, tuning.kalman, tuning.period_s, z_deg, rate_dps, r_deg2)
     error_deg = wrap(setpoint_deg - c.kalman.tilt_deg)
-    corrected_dps = rate_dps - c.kalman.bias_dps
+    bias_dps = clip(c.kalman.bias_dps, -tuning.kalman.bias_max_dps, tuning.kalman.bias_max_dps)
+    corrected_dps = rate_dps - bias_dps
     pid_step(c.pid, tuning.pid, tuning.period_s, error_deg, corrected_dps)
     pulse_us = esc(c.pid.command, tuning.esc)
     return {
         "tilt_deg": c.kalman.tilt_deg,
-        "bias_dps": c.kalman.bias_dps,
+        "bias_dps": bias_dps,
         "innovation_deg": c.kalman.innovation_deg,
         "rate_corrected_dps": corrected_dps,
         "error_deg": error_deg,

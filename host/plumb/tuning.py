@@ -48,13 +48,13 @@ class Trust:
 class Kalman:
     """Process noise as densities: Q of one step is the density times the period. rate: which gyro sample is U(k).
 
-    The estimated bias stays within +-bias_max_dps.
+    The bias that is published and taken off the rate stays within +-bias_max_dps, which is below 360.
     """
 
     q_angle_deg2_per_s: float
     q_bias_dps2_per_s: float
     rate: RateChoice = "previous"
-    bias_max_dps: float = 500.0
+    bias_max_dps: float = 300.0
 
     @classmethod
     def per_step(

@@ -1,0 +1,219 @@
+"""The C core in this process, by ctypes: the same functions as `plumb.fixed`, at full speed.
+
+The library is the one that the package was installed with, or in a checkout the one of the `native` preset.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import time
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.errors import UsageError
+from plumb.fixed import check_inputs
+from plumb.quantise import ControlParams
+from plumb.words import WORDS_DTYPE, Words
+
+LIBRARY = "libplumb_native.so"
+BUILD = "cmake --preset native && cmake --build --preset native"
+
+KALMAN_DTYPE = np.dtype([(name, WORDS_DTYPE[name]) for name in (
+    "tilt_turn_q61", "bias_turn_q61", "p00", "p01", "p11", "p11_frac_q24", "innovation_turn_q32", "k0_q29", "k1_q29",
+)])  # fmt: skip
+"""kalman_t: the state of one filter after a step."""
+
+PID_DTYPE = np.dtype([(name, WORDS_DTYPE[name]) for name in (
+    "integral_q54", "rate_filtered_turnps_q27", "demand_q30", "command_q30", "limited",
+)])  # fmt: skip
+"""pid_t."""
+
+Int32s = npt.NDArray[np.int32]
+Records = npt.NDArray[np.void]
+
+
+def library_path() -> Path:
+    """Where the library is; UsageError that says how to make it when there is none."""
+    package = Path(__file__).resolve().parent
+    for path in (package / LIBRARY, package.parents[1] / "build" / "native" / LIBRARY):
+        if path.is_file():
+            return path
+    raise UsageError(f"the native core is not built: run '{BUILD}' in the checkout, or pip install the package")
+
+
+@lru_cache(maxsize=1)
+def library() -> ctypes.CDLL:
+    """The loaded library; UsageError when it is of another version than this package."""
+    path = library_path()
+    try:
+        core = ctypes.CDLL(str(path))
+        core.plumb_word_names.restype = ctypes.c_char_p
+        core.plumb_crc32.restype = ctypes.c_uint32
+        fits = (
+            word_names(core) == WORDS_DTYPE.names
+            and core.plumb_sizeof_words() == WORDS_DTYPE.itemsize
+            and core.plumb_sizeof_kalman() == KALMAN_DTYPE.itemsize
+            and core.plumb_sizeof_pid() == PID_DTYPE.itemsize
+        )
+    except (OSError, AttributeError) as error:
+        raise UsageError(f"{path} is not this core ({error}): run '{BUILD}' in the checkout") from error
+    if not fits:
+        raise UsageError(f"{path} is of another version than this package: run '{BUILD}' in the checkout")
+    return core
+
+
+def word_names(core: ctypes.CDLL) -> tuple[str, ...]:
+    """The words of a step as the C lists them."""
+    return tuple(core.plumb_word_names().decode().split(","))
+
+
+def _pointer(array: npt.NDArray[np.generic]) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def _i32(values: npt.ArrayLike) -> Int32s:
+    return np.ascontiguousarray(values, np.int32)
+
+
+def _u32(values: npt.ArrayLike) -> npt.NDArray[np.uint32]:
+    return np.ascontiguousarray(np.asarray(values, np.int64) & 0xFFFFFFFF, np.uint32)
+
+
+def params_valid(params: ControlParams) -> bool:
+    """What the firmware says of a whole set at commit."""
+    return bool(library().plumb_params_valid(_pointer(_u32(params.words()))))
+
+
+def crc32(data: bytes) -> int:
+    return int(library().plumb_crc32(data, len(data)))
+
+
+def atan2(y: npt.ArrayLike, x: npt.ArrayLike) -> Int32s:
+    """Binary angles of the points (x, y), any int32."""
+    rows, columns = _i32(y), _i32(x)
+    out = np.empty_like(rows)
+    library().plumb_atan2_run(_pointer(rows), _pointer(columns), rows.size, _pointer(out))
+    return out
+
+
+def asin(x_q30: npt.ArrayLike) -> Int32s:
+    """Binary angles whose sines are x / 2^30."""
+    sines = _i32(x_q30)
+    out = np.empty_like(sines)
+    library().plumb_asin_run(_pointer(sines), sines.size, _pointer(out))
+    return out
+
+
+def reciprocal(d: npt.ArrayLike) -> npt.NDArray[np.uint32]:
+    """2^61 / d, 2^30 <= d < 2^31."""
+    divisors = _u32(d)
+    out = np.empty_like(divisors)
+    library().plumb_reciprocal_run(_pointer(divisors), divisors.size, _pointer(out))
+    return out
+
+
+def tilt_and_trust(
+    params: ControlParams, accel_y_g_q26: npt.ArrayLike, accel_z_g_q26: npt.ArrayLike
+) -> tuple[Int32s, npt.NDArray[np.uint32]]:
+    """Measured tilt, turn Q32, and R in 2^32 lsb."""
+    y, z = _i32(accel_y_g_q26), _i32(accel_z_g_q26)
+    turn, variance = np.empty_like(y), np.empty(y.shape, np.uint32)
+    words = _u32(params.words())
+    library().plumb_tilt_run(_pointer(words), _pointer(y), _pointer(z), y.size, _pointer(turn), _pointer(variance))
+    return turn, variance
+
+
+def kalman_run(
+    params: ControlParams, variance: npt.ArrayLike, tilt_turn_q32: npt.ArrayLike, rate_turnps_q28: npt.ArrayLike
+) -> tuple[Int32s, Records]:
+    """The filter alone, from its start: fused tilt (steps[, runs]), and the last state of each run.
+
+    The rate is U(k) as it is given: which sample that is, control_step decides.
+    """
+    r, z, u = _u32(variance), _i32(tilt_turn_q32), _i32(rate_turnps_q28)
+    runs = z.shape[1] if z.ndim == 2 else 1
+    fused, states = np.empty_like(z), np.zeros(runs, KALMAN_DTYPE)
+    library().plumb_kalman_run(
+        _pointer(_u32(params.words())), _pointer(r), _pointer(z), _pointer(u), len(z), runs, _pointer(states),
+        _pointer(fused),
+    )  # fmt: skip
+    return fused, states
+
+
+def kalman_step(
+    params: ControlParams, states: Records, variance: npt.ArrayLike, tilt_turn_q32: npt.ArrayLike, rate: npt.ArrayLike
+) -> Records:
+    """One step of each of n unrelated states of KALMAN_DTYPE."""
+    r, z, u, after = _u32(variance), _i32(tilt_turn_q32), _i32(rate), states.copy()
+    words = _u32(params.words())
+    library().plumb_kalman_each(_pointer(words), _pointer(after), _pointer(r), _pointer(z), _pointer(u), len(after))
+    return after
+
+
+def pid_step(params: ControlParams, states: Records, error_turn_q32: npt.ArrayLike, rate: npt.ArrayLike) -> Records:
+    """One step of each of n unrelated states of PID_DTYPE."""
+    error, measured, after = _i32(error_turn_q32), _i32(rate), states.copy()
+    words = _u32(params.words())
+    library().plumb_pid_each(_pointer(words), _pointer(after), _pointer(error), _pointer(measured), len(after))
+    return after
+
+
+class Controller:
+    """One run, a step at a time, in memory that this object owns."""
+
+    def __init__(self, params: ControlParams) -> None:
+        self._core, self._params = library(), _u32(params.words())
+        self._memory = np.zeros(self._core.plumb_sizeof_control() // 8 + 1, np.int64)
+        self._record = np.zeros(1, WORDS_DTYPE)
+        self._core.plumb_control_init(_pointer(self._memory), _pointer(self._params))
+
+    def step(self, raw: Sequence[int], setpoint_turn_q32: int) -> dict[str, int]:
+        """The words of this step by name; raw: up to 6 counts, the rest are 0."""
+        counts = np.zeros(6, np.int16)
+        counts[: len(raw)] = raw
+        setpoint = ctypes.c_int32(int(setpoint_turn_q32))
+        self._core.plumb_control_step(_pointer(self._memory), _pointer(self._params), _pointer(counts), setpoint)
+        self._core.plumb_control_words(_pointer(self._memory), _pointer(self._record))
+        return dict(zip(WORDS_DTYPE.names or (), self._record[0].item(), strict=True))
+
+    def digest(self) -> int:
+        """CRC-32 of the last step's words, by the core's own function."""
+        return crc32(self._record.tobytes())
+
+
+def run_control(
+    params: ControlParams | Sequence[ControlParams], raw: npt.ArrayLike, setpoint_turn_q32: npt.ArrayLike
+) -> Words:
+    """raw: (steps, up to 6 counts[, runs]); setpoint: (steps[, runs]); one set of parameters, or one per run."""
+    counts, setpoint = check_inputs(raw, setpoint_turn_q32)
+    steps, runs = len(counts), counts.shape[2] if counts.ndim == 3 else 1
+    sets = [params] * runs if isinstance(params, ControlParams) else list(params)
+    if len(sets) != runs:
+        raise UsageError(f"{len(sets)} parameter sets were given for {runs} runs: give one, or one per run")
+    record = np.zeros((runs, steps), WORDS_DTYPE)
+    by_run = np.ascontiguousarray(np.moveaxis(counts.reshape(steps, 6, runs), 2, 0), np.int16)
+    targets = np.ascontiguousarray(setpoint.reshape(steps, runs).T, np.int32)
+    core = library()
+    for run, one in enumerate(sets):
+        core.plumb_control_run(
+            _pointer(_u32(one.words())), _pointer(by_run[run]), _pointer(targets[run]), steps, _pointer(record[run]), None
+        )
+    return Words(record.T if counts.ndim == 3 else record[0])
+
+
+def kalman_steps_per_s(params: ControlParams, runs: int = 64, steps: int = 4000, repeats: int = 5) -> float:
+    """Batched filter steps per second on one core, the best of some repeats."""
+    rng = np.random.default_rng(1)
+    z = rng.integers(-(1 << 28), 1 << 28, (steps, runs)).astype(np.int32)
+    u = rng.integers(-(1 << 26), 1 << 26, (steps, runs)).astype(np.int32)
+    r = np.full((steps, runs), params["tilt.r_base"], np.uint32)
+    best = float("inf")
+    for _ in range(repeats):
+        start = time.perf_counter()
+        kalman_run(params, r, z, u)
+        best = min(best, time.perf_counter() - start)
+    return runs * steps / best
