@@ -25,6 +25,7 @@ from plumb.elf import Elf
 from plumb.errors import PlumbError, UsageError
 
 FLASH_START = 0x08000000
+RAM_START = 0x20000000
 HEADER_OFFSET = 0x130
 HEADER_MAGIC = 0x626D6C70
 OBJCOPY = "arm-none-eabi-objcopy"
@@ -53,18 +54,25 @@ def objcopy(*arguments: str) -> None:
     subprocess.run([program, *arguments], check=True)
 
 
-def finish(path: Path) -> bytes:
-    """Writes checksum, .bin and .hex; returns the image."""
-    image = flat_image(Elf(path))
+def finish(path: Path, image: bytes) -> None:
+    """Writes the checksum into the ELF file, then .bin and .hex beside it."""
     checksum = struct.pack("<I", zlib.crc32(image[:-4]))
     with tempfile.NamedTemporaryFile(dir=path.parent) as word:
         word.write(checksum)
         word.flush()
         objcopy("--update-section", f".image_crc={word.name}", str(path))
     objcopy("-O", "ihex", str(path), str(path.with_suffix(".hex")))
-    image = image[:-4] + checksum
-    path.with_suffix(".bin").write_bytes(image)
-    return image
+    path.with_suffix(".bin").write_bytes(image[:-4] + checksum)
+
+
+def memory_table(elf: Elf) -> int:
+    """Prints what lies where; returns the RAM that is taken, stack included."""
+    ram = 0
+    for section in elf.sections:
+        if section.size:
+            print(f"  {section.name:<14} {section.size:>6} bytes at 0x{section.address:08x}")
+            ram += section.size if section.address >= RAM_START else 0
+    return ram
 
 
 def main() -> int:
@@ -75,20 +83,18 @@ def main() -> int:
     options = parser.parse_args()
     path: Path = options.image
     try:
-        image = finish(path)
+        elf = Elf(path)
+        image = flat_image(elf)
+        ram = memory_table(elf)
+        print(f"  flash {len(image)} of {options.flash} bytes, RAM with stack {ram} of {options.ram} bytes")
+        if len(image) > options.flash or ram > options.ram:
+            raise ValueError("it is over its budget")
+        finish(path, image)
     except PlumbError as error:
         print(f"finish_image: {error}", file=sys.stderr)
         return error.exit_code
     except ValueError as error:
-        print(f"finish_image: {path.name} is not a flash image: {error}", file=sys.stderr)
-        return 1
-    ram = 0
-    for section in (s for s in Elf(path).sections if s.size):
-        print(f"  {section.name:<14} {section.size:>6} bytes at 0x{section.address:08x}")
-        ram += section.size if section.address >= 0x20000000 else 0
-    print(f"  flash {len(image)} of {options.flash} bytes, RAM with stack {ram} of {options.ram} bytes")
-    if len(image) > options.flash or ram > options.ram:
-        print(f"finish_image: {path.name} is over its budget", file=sys.stderr)
+        print(f"finish_image: {path.name} becomes no flash image: {error}", file=sys.stderr)
         return 1
     return 0
 

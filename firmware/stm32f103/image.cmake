@@ -21,10 +21,11 @@ target_compile_options(firmware PRIVATE -Os)
 target_link_libraries(firmware PRIVATE plumb_link plumb_core)
 target_link_options(firmware PRIVATE -nostartfiles --specs=nano.specs -T ${LINKER_SCRIPT}
     -Wl,--gc-sections -Wl,-Map,${CMAKE_BINARY_DIR}/firmware.map -Wl,--fatal-warnings -Wl,--build-id=none)
-set(CHECK_ELF ${CMAKE_SOURCE_DIR}/tools/check_elf.py)
+# What does not keep its promises, or its budget, does not become an image.
 add_custom_command(TARGET firmware POST_BUILD VERBATIM
-    COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/tools/finish_image.py $<TARGET_FILE:firmware>
-    COMMAND ${Python3_EXECUTABLE} ${CHECK_ELF} $<TARGET_FILE:firmware> --flash 32768 --ram 8192 --stack 1536)
+    COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/tools/check_elf.py $<TARGET_FILE:firmware>
+            --flash 32768 --ram 8192 --stack 1536
+    COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/tools/finish_image.py $<TARGET_FILE:firmware>)
 
 file(GLOB QEMU_SOURCES CONFIGURE_DEPENDS firmware/qemu/*.c)
 set(QEMU_SCRIPT ${CMAKE_SOURCE_DIR}/firmware/qemu/qemu.ld)
