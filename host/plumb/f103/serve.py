@@ -45,9 +45,11 @@ class PtyLine:
     """A pseudo-terminal. `link` is a stable name for it, replaced when it exists as a symbolic link."""
 
     def __init__(self, link: Path | None = None) -> None:
-        import pty
-        import tty
-
+        try:
+            import pty
+            import tty
+        except ImportError as error:
+            raise UsageError("this system has no pseudo-terminals; serve the board on tcp:PORT") from error
         self._master, slave = pty.openpty()
         self.address = os.ttyname(slave)
         tty.setraw(slave)
