@@ -1,0 +1,153 @@
+"""`plumb run` and `plumb replay`: the contract's JSON, the right exit code, and a board that lies is found out."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from plumb import __main__ as front
+from plumb import quantise, trial
+from plumb.boards import Answer, RawCounts, Setpoints
+from plumb.boards.native import NativeBoard
+from plumb.quantise import ControlParams
+from plumb.systems import quad
+
+METRICS = {
+    "angle_rmse_deg",
+    "angle_max_deg",
+    "accel_only_rmse_deg",
+    "fixed_vs_reference_max_deg",
+    "target_vs_fixed_mismatches",
+}
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict[str, Any]]:
+    code = front.main([*arguments, "--json"])
+    captured = capsys.readouterr()
+    assert captured.out, captured.err
+    return code, json.loads(captured.out)
+
+
+@pytest.mark.parametrize("scenario", ["motion", "hold"])
+def test_a_run_prints_what_the_contract_names(scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+    code, said = run(capsys, "run", "quad", "--board", "native", "--scenario", scenario, "--seconds", "25")
+    assert code == 0 and said["verdict"] == "pass"
+    assert (said["system"], said["board"], said["seed"], said["steps"]) == ("quad", "native", 1000, 1250)
+    assert set(said["metrics"]) >= METRICS
+    assert said["metrics"]["target_vs_fixed_mismatches"] == 0
+
+
+def test_the_same_seed_gives_the_same_words(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ("run", "quad", "--board", "native", "--seconds", "20", "--seed")
+    first, again, other = (run(capsys, *arguments, seed)[1]["metrics"] for seed in ("7", "7", "8"))
+    assert first == again != other
+
+
+def test_open_loop_of_a_closed_scenario_moves_as_prescribed(capsys: pytest.CaptureFixture[str]) -> None:
+    _, said = run(capsys, "run", "quad", "--board", "native", "--scenario", "hold", "--open-loop", "--seconds", "20")
+    assert said["loop"] == "open"
+
+
+def test_a_run_writes_page_summary_and_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("matplotlib", reason="the report needs the extra plumb[report]")
+    _, said = run(capsys, "run", "quad", "--board", "native", "--seconds", "20", "--out", str(tmp_path / "out"))
+    assert json.loads((tmp_path / "out/summary.json").read_text()) == said
+    assert "<svg" in (tmp_path / "out/report.html").read_text()
+    rows = (tmp_path / "out/steps.csv").read_text().splitlines()
+    assert len(rows) == 1 + said["steps"]
+    assert rows[0].startswith("time_s,true_tilt_deg,true_bias_dps,raw_0,")
+    assert not list((tmp_path / "out").glob("*.part"))
+
+
+class LyingBoard(NativeBoard):
+    """Native, but one bit of one word of one step is wrong."""
+
+    name = "liar"
+
+    def __init__(self, step: int, signal: str) -> None:
+        self.step, self.signal = step, signal
+
+    def run_injected(self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints) -> Answer:
+        answer = super().run_injected(params, raw, setpoint_turn_q32)
+        assert answer.words is not None
+        record = answer.words.record.copy()
+        if self.step < len(record):
+            record[self.signal][self.step] ^= 1
+        words = type(answer.words)(record)
+        return replace(answer, words=words, digests=words.digests())
+
+    def words_of_step(
+        self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints, step: int
+    ) -> dict[str, int]:
+        words = self.run_injected(params, raw[: step + 1], setpoint_turn_q32[: step + 1]).words
+        assert words is not None
+        return {name: int(values[step]) for name, values in words.items()}
+
+
+@pytest.mark.parametrize("signal", ["innovation_turn_q32", "p11", "pulse_halfus_1"])
+def test_one_wrong_bit_is_a_failed_verdict_with_step_and_signal(signal: str) -> None:
+    flight = trial.prescribed(quad.scenario("motion", 3, seconds=4.0))
+    params = quantise.quantise(quad.TUNINGS["adaptive"])
+    judged = trial.open_loop(LyingBoard(77, signal), flight, params)
+    assert judged.verdict == "fail" and judged.mismatches == 1
+    assert judged.divergence is not None
+    assert (judged.divergence.step, judged.divergence.signal) == (77, signal)
+
+
+def test_a_lost_digest_is_unverified_not_passed() -> None:
+    flight = trial.prescribed(quad.scenario("motion", 3, seconds=4.0))
+    params = quantise.quantise(quad.TUNINGS["adaptive"])
+    answer = NativeBoard().run_injected(params, flight.raw, flight.setpoint_turn_q32)
+    judged = trial.judge(NativeBoard(), flight, params, replace(answer, unverified_from=120))
+    assert judged.verdict == "unverified"
+    assert judged.summary()["unverified_from_step"] == 120
+
+
+def recording_file(folder: Path, **changed: Any) -> Path:
+    """A made-up recording: turning about x, with its reference."""
+    time_s = np.arange(2000) / 200.0
+    tilt = np.radians(20.0) * np.sin(2.0 * np.pi * 0.3 * time_s)
+    rate = np.gradient(tilt, time_s)
+    zero = np.zeros_like(tilt)
+    columns: dict[str, Any] = {
+        "gyr": np.column_stack([rate, zero, zero]).astype(np.float32),
+        "acc": 9.80665 * np.column_stack([zero, np.sin(tilt), np.cos(tilt)]).astype(np.float32),
+        "ref_quat": np.column_stack([np.cos(tilt / 2), np.sin(tilt / 2), zero, zero]).astype(np.float32),
+        "movement": np.ones(2000, bool),
+        "rate_hz": np.float64(200.0),
+    }
+    path = folder / "recording.npz"
+    np.savez(path, **{**columns, **changed})
+    return path
+
+
+def test_a_replay_reports_the_error_against_the_reference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, said = run(capsys, "replay", str(recording_file(tmp_path)), "--axis", "x", "--board", "native")
+    assert code == 0 and said["verdict"] == "pass"
+    assert said["metrics"]["angle_rmse_deg"] < 0.3
+    assert said["scored_steps"] > 1900
+
+
+def test_a_recording_with_nan_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    broken = np.zeros((2000, 3), np.float32)
+    broken[500, 1] = np.nan
+    assert front.main(["replay", str(recording_file(tmp_path, gyr=broken)), "--board", "native"]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == "" and "gyr" in captured.err and len(captured.err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_a_real_recording_agrees_in_every_bit(axis: str, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = os.environ.get("PLUMB_DATA")
+    if not folder:
+        pytest.skip("PLUMB_DATA does not name a folder with recordings")
+    file = Path(folder) / "broad_02_undisturbed_slow_rotation_B.npz"
+    code, said = run(capsys, "replay", str(file), "--axis", axis, "--board", "native", "--seconds", "60")
+    assert code == 0 and said["metrics"]["target_vs_fixed_mismatches"] == 0
+    assert said["metrics"]["angle_rmse_deg"] is not None
