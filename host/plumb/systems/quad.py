@@ -101,8 +101,9 @@ TUNINGS = {
     ),
     # The paper's Q; only R is the noise of 0.5 deg and P0 admits to know nothing: what its slow start was made of.
     "fast_start": replace(PAPER, trust=Trust(r_deg2=0.25, r_max_deg2=0.25), start=ADAPTIVE.start),
-    # A three-axis sensor in general motion: constant R, wide enough for accelerations that are not gravity.
-    "recording": replace(ADAPTIVE, trust=Trust(r_deg2=25.0, r_max_deg2=25.0), kalman=Kalman(0.02, 1e-4)),
+    # A three-axis sensor in general motion: R wide enough for accelerations that are not gravity, and a Q of the angle
+    # for turning about the other axes, which a one-axis filter does not know; together half a second of memory.
+    "recording": replace(ADAPTIVE, trust=Trust(r_deg2=25.0, r_max_deg2=25.0), kalman=Kalman(0.35, 1e-4)),
 }
 
 
