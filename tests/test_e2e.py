@@ -6,8 +6,8 @@ import ctypes
 import random
 
 import pytest
-from link_board import library, parse
 
+from link_board import library, parse
 from plumb.protocol import check, crc8, protocol
 from plumb.slcan import SlcanParser, text_of_frames
 

@@ -8,16 +8,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from link_board import MemoryBoard
-from test_protocol import begin, frame, said
-from test_session import CONTROL, BadLine
 
+from link_board import MemoryBoard
 from plumb.capture import Capture
 from plumb.errors import LinkError, UsageError
 from plumb.lockstep import Lockstep, samples_text
 from plumb.protocol import protocol
 from plumb.session import Session
 from plumb.slcan import SlcanParser
+from test_protocol import begin, frame, said
+from test_session import CONTROL, BadLine
 
 
 def input_of(steps: int, seed: int, channels: int = 3) -> tuple[np.ndarray, np.ndarray]:
@@ -136,7 +136,8 @@ def test_samples_without_a_run_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("raw", "setpoint"), [(np.zeros((3, 2)), np.zeros(3)), (np.zeros((3, 3)), np.zeros(2)), (np.full((1, 3), 40000), [0])]
+    ("raw", "setpoint"),
+    [(np.zeros((3, 2)), np.zeros(3)), (np.zeros((3, 3)), np.zeros(2)), (np.full((1, 3), 40000), [0])],
 )
 def test_samples_of_the_wrong_shape_are_refused(raw: np.ndarray, setpoint: np.ndarray) -> None:
     with pytest.raises(UsageError):
@@ -170,15 +171,13 @@ def test_a_live_run_can_be_run_again() -> None:
     rng = np.random.default_rng(4)
     for setpoint in (5, -(1 << 31), 77):
         for _ in range(30):
-            board.sensors(tuple(int(v) for v in rng.integers(0, 4096, 3)) + (0, 0, 0))
+            board.sensors((*(int(v) for v in rng.integers(0, 4096, 3)), 0, 0, 0))
             board.run_us(1000)
         capture.set_setpoint(setpoint)
     capture.collect(150)
     assert capture.unverified_from(150) is None
     assert len(capture.setpoint) == 4
-    assert np.array_equal(
-        capture.digests(150), digests_of(capture.raw_counts(150), capture.setpoints(150))
-    )
+    assert np.array_equal(capture.digests(150), digests_of(capture.raw_counts(150), capture.setpoints(150)))
     steps = [step for step, _ in capture.time_us]
     assert len(steps) >= 2
     assert np.all(np.abs(np.diff([time for _, time in capture.time_us]) - 50_000) == 0)

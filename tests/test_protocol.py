@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import pytest
-from link_board import MemoryBoard
+from itertools import pairwise
 
+import pytest
+
+from link_board import MemoryBoard
 from plumb import parameters
 from plumb.protocol import Frame, protocol
 from plumb.slcan import SlcanParser, text_of_frames
@@ -231,7 +233,8 @@ def test_the_clock_wraps() -> None:
     board.say(b"O\r")
     board.run_us(600_000)
     time = protocol()["TIME"]
-    times = [time.unpack(data)[3] for identifier, data in SlcanParser().feed(board.heard()) if identifier == time.identifier]
-    gaps = {(b - a) & 0xFFFFFFFF for a, b in zip(times, times[1:], strict=False)}
+    frames = SlcanParser().feed(board.heard())
+    times = [time.unpack(data)[3] for identifier, data in frames if identifier == time.identifier]
+    gaps = {(b - a) & 0xFFFFFFFF for a, b in pairwise(times)}
     assert gaps == {50_000}
     assert times[0] > times[-1]

@@ -6,15 +6,15 @@ import random
 from dataclasses import replace
 
 import pytest
-from link_board import MemoryBoard
-from test_protocol import begin, frame, said
 
+from link_board import MemoryBoard
 from plumb import parameters
 from plumb.capture import Capture
 from plumb.errors import LinkError, UsageError
 from plumb.protocol import protocol
 from plumb.serialbus import PlumbBus
 from plumb.session import Session
+from test_protocol import begin, frame, said
 
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 

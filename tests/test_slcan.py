@@ -5,8 +5,8 @@ from __future__ import annotations
 import random
 
 import pytest
-from link_board import parse
 
+from link_board import parse
 from plumb.protocol import crc8
 from plumb.slcan import SlcanParser, frame_of_line, text_of_frames
 
@@ -34,7 +34,8 @@ def damaged_stream(seed: int) -> bytes:
         elif kind == 2:
             text = text.lower()
         elif kind == 3:
-            text = rng.choice([b"\r", b"\a", b"V0101\r", b"z\r", b"t1230\r", b"t12321122\r", b"t8008" + b"0" * 16 + b"\r"])
+            too_high = b"t8008" + b"0" * 16 + b"\r"
+            text = rng.choice([b"\r", b"\a", b"V0101\r", b"z\r", b"t1230\r", b"t12321122\r", too_high])
         parts.append(text)
     return b"".join(parts)
 

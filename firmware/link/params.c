@@ -43,7 +43,7 @@ static const param_t table[PARAMS_COUNT] = {
     {0x80000000U, 0x7FFFFFFFU, 0x00000000U}, /* 27: start.bias_hi */
     {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 28: start.bias_lo */
     {0x80000000U, 0x7FFFFFFFU, 0x00000000U}, /* 29: start.tilt_turn_q32 */
-    {0x00000000U, 0x01000000U, 0x00000340U}, /* 30: start.p00_hi */
+    {0x00000000U, 0x02000000U, 0x00000340U}, /* 30: start.p00_hi */
     {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 31: start.p00_lo */
     {0xFF000000U, 0x01000000U, 0x00000010U}, /* 32: start.p01_hi */
     {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 33: start.p01_lo */

@@ -38,7 +38,6 @@ _REASONS = {
 }
 
 
-
 def bits_text(bits: int, names: dict[int, str]) -> str:
     """The meaning of the bits that are set, joined; 'none' for 0."""
     return "; ".join(names.get(bit, f"bit {bit}") for bit in range(32) if bits >> bit & 1) or "none"

@@ -26,6 +26,7 @@ TRIES = 4
 IN_FLIGHT = 16
 KEEPALIVE_EVERY_S = 0.015
 
+
 @dataclass
 class LinkCounters:
     """Frames that did not make it, seen from here; the board's own counters are in Session.telemetry."""

@@ -26,9 +26,7 @@ _ENTRY = struct.Struct(">H8s")
 
 # CRC-8 after identifier and length 8, from the first two bytes of "iii8", which are iii shifted left by four plus 8:
 # the CRC is linear, so each byte's share is a table of its own.
-_AFTER_HIGH = bytes(
-    CRC8_TABLE[CRC8_TABLE[CRC8_TABLE[0xFF ^ byte >> 4] ^ (byte & 15) << 4] ^ 8] for byte in range(256)
-)
+_AFTER_HIGH = bytes(CRC8_TABLE[CRC8_TABLE[CRC8_TABLE[0xFF ^ byte >> 4] ^ (byte & 15) << 4] ^ 8] for byte in range(256))
 _AFTER_LOW = bytes(CRC8_TABLE[CRC8_TABLE[byte >> 4]] for byte in range(256))
 
 
