@@ -32,5 +32,9 @@ def main(arguments: argparse.Namespace) -> int:
     if not 1 <= arguments.seeds <= 1000:
         raise UsageError("the table takes 1 to 1000 seeds")
     rows = list(tqdm(figures.compute(range(1000, 1000 + arguments.seeds)), leave=False, unit="figure", disable=None))
-    print(json.dumps({"figures": [row.to_json() for row in rows]}) if arguments.json else figures.render(rows))
+    print(
+        json.dumps({"figures": [row.to_json() for row in rows], "assumed": list(figures.ASSUMED)})
+        if arguments.json
+        else figures.render(rows)
+    )
     return 0 if all(row.met for row in rows) else 1

@@ -1,0 +1,93 @@
+"""`quad` reaches its figures with the integers running: each one bounded from both sides, so that luck is noticed too.
+
+Seeds 1000-1039, which no tuning has seen. The upper bound is the figure to reach; the lower one is what these scenarios
+allow at best, so that a scenario which became easier by accident fails as well.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from plumb.systems import figures, quad
+from plumb.systems.figures import Figure
+
+Rows = dict[tuple[str, str, str], Figure]
+
+
+@pytest.fixture(scope="module")
+def estimator() -> Rows:
+    return keyed(figures.estimator_rows(figures.SEEDS))
+
+
+@pytest.fixture(scope="module")
+def convergence() -> Rows:
+    return keyed(figures.convergence_rows(figures.SEEDS))
+
+
+@pytest.fixture(scope="module")
+def hold() -> Rows:
+    return keyed(figures.hold_rows(figures.SEEDS))
+
+
+def keyed(rows: object) -> Rows:
+    return {(row.scenario, row.tuning, row.unit): row for row in rows}  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("key", "lowest", "highest", "worst_seed"),
+    [
+        (("motion", "-", "deg rms"), 2.28, 2.52, 3.0),
+        (("motion", "paper", "deg rms"), 1.78, 1.96, 2.2),
+        (("motion", "adaptive", "deg rms"), 0.44, 0.60, 0.90),
+        (("quiet", "adaptive", "deg rms"), 0.30, 0.40, 0.70),
+        (("quiet", "quiet", "deg rms"), 0.20, 0.33, 0.60),
+    ],
+)
+def test_tilt_errors(
+    estimator: Rows, key: tuple[str, str, str], lowest: float, highest: float, worst_seed: float
+) -> None:
+    row = estimator[key]
+    assert lowest < row.reached <= highest and row.met
+    assert row.worst is not None and row.reached < row.worst < worst_seed
+    if row.reference is not None:
+        assert row.reached == pytest.approx(row.reference, abs=1e-5), "the integers cost nothing"
+
+
+def test_the_filter_takes_75_percent_off_the_accelerometers_error(estimator: Rows) -> None:
+    row = estimator[("motion", "adaptive", "%")]
+    assert row.met and 75.0 <= row.reached < 83.0
+
+
+def test_one_tuning_gives_the_motion_and_the_quiet_figure(estimator: Rows) -> None:
+    assert {key[1] for key, row in estimator.items() if row.reach in (0.60, 0.40, 75.0)} == {"adaptive"}
+    trust = quad.TUNINGS["adaptive"].trust
+    assert trust.r_max_deg2 / trust.r_deg2 == pytest.approx(1000.0), "R adapts over 1000:1"
+
+
+def test_the_bias_converges_within_half_a_second(convergence: Rows) -> None:
+    paper = convergence[("converge", "paper", "s, median")]
+    assert paper.reached == pytest.approx(1.5, rel=0.05), "the source's own figure, or the scenario is another"
+    for tuning in ("adaptive", "fast_start"):
+        row = convergence[("converge", tuning, "s, median")]
+        assert row.met and 0.3 < row.reached <= 0.5 and row.worst is not None and row.worst < 1.5
+    after = convergence[("converge", "adaptive", "deg max")]
+    assert after.met and 0.1 < after.reached <= 2.0
+
+
+def test_the_loop_recovers_and_holds(hold: Rows) -> None:
+    recovery, rms = hold[("hold", "adaptive", "s")], hold[("hold", "adaptive", "deg rms")]
+    assert recovery.met and recovery.reached > 0.3 and recovery.worst is not None and recovery.worst <= 2.0
+    assert rms.met and rms.reached > 0.2 and rms.worst is not None and rms.worst <= 1.0
+
+
+def test_a_missed_figure_is_printed_as_missed() -> None:
+    rows = [
+        Figure("too much", "motion", "adaptive", "deg rms", "at most", 0.60, 0.61),
+        Figure("too little", "motion", "adaptive", "%", "at least", 75.0, 74.0),
+        Figure("elsewhere", "motion", "paper", "deg rms", "near", 1.87, 1.97),
+        Figure("good", "motion", "paper", "deg rms", "near", 1.87, 1.95, 2.0, 1.95, 2.4, 71.0),
+    ]
+    lines = figures.render(rows).splitlines()
+    assert [line.split()[-1] for line in lines[1 : len(rows) + 1]] == ["MISSED", "MISSED", "MISSED", "met"]
+    assert "Assumed: gyro noise 0.5 deg/s" in lines[-3], "no figure without what it stands on"
+    assert [row.to_json()["met"] for row in rows] == [False, False, False, True]
