@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from plumb import metrics
-from plumb.report import Line, Plot, Table, page, write_whole
-from plumb.trial import TURN_DEG, FloatArray, Trial
+from plumb.report import Line, Plot, Series, Table, page, write_whole
+from plumb.trial import TURN_DEG, Trial
 
 RATE_DPS = 360.0 / 2.0**28
 """Degrees per second in a unit of a rate word."""
@@ -107,10 +107,10 @@ def write_run(folder: Path, trial: Trial, summary: dict[str, Any], more: Sequenc
     write_whole(folder / "steps.csv", steps_csv(trial))
 
 
-def rms_and_max(trial: Trial, tilt_deg: FloatArray) -> tuple[float, float]:
+def rms_and_max(trial: Trial, tilt_deg: Series) -> tuple[float, float]:
     """Error of any estimate against the trial's truth over the samples that count, deg."""
     truth, scored = trial.flight.tilt_deg, trial.flight.scored
     return (
-        float(metrics.angle_rmse_deg(tilt_deg, truth, scored)),
-        float(metrics.angle_max_deg(tilt_deg, truth, scored)),
+        float(metrics.angle_rmse_deg(np.asarray(tilt_deg, np.float64), truth, scored)),
+        float(metrics.angle_max_deg(np.asarray(tilt_deg, np.float64), truth, scored)),
     )
