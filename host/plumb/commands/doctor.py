@@ -94,6 +94,8 @@ def serial_rights() -> Iterator[Finding]:
         path = Path(port.device)
         if not path.exists():
             continue
-        allowed = os.access(path, os.R_OK | os.W_OK)
-        remedy = f"no permission: sudo usermod -aG {path.group()} $USER, then log in again"
-        yield Finding(port.device, allowed, False, port.description if allowed else remedy)
+        if os.access(path, os.R_OK | os.W_OK):
+            yield Finding(port.device, True, False, port.description)
+        else:
+            remedy = f"no permission: sudo usermod -aG {path.group()} $USER, then log in again"
+            yield Finding(port.device, False, False, remedy)
