@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from plumb.quantise import ControlParams, quantise
 
 from plumb import fixed
 from plumb.boards import qemu
 from plumb.errors import LinkError, UsageError
+from plumb.quantise import ControlParams, quantise
 from plumb.recipe import WILD
 from plumb.systems import quad
 
