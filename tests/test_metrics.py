@@ -71,5 +71,8 @@ def test_hold_counts_from_the_release_until_it_stays_inside() -> None:
     assert late.recovery_s == pytest.approx(1.6) and late.max_deg == 5.0, "a later excursion counts as what it is"
     tilt_deg[::9] = 5.0
     assert metrics.hold(time_s, tilt_deg, np.zeros_like(time_s), 3.0).recovery_s == math.inf
+    assert math.isnan(metrics.hold(time_s, tilt_deg, np.zeros_like(time_s), 9.0).rms_deg), (
+        "ends before it can be judged"
+    )
     never = metrics.hold(time_s, np.full_like(time_s, 1.5), np.zeros_like(time_s), 3.0)
     assert never.recovery_s == pytest.approx(0.0) and never.rms_deg == pytest.approx(1.5)

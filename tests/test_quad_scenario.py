@@ -155,6 +155,8 @@ def test_wrong_names_and_lengths_are_refused() -> None:
         quad.scenario("waltz", 1)
     with pytest.raises(UsageError, match="3600 s"):
         quad.scenario("motion", 1, seconds=0.1)
+    with pytest.raises(UsageError, match="0 or more"):
+        quad.scenario("motion", -1)
     with pytest.raises(UsageError, match="quad"):
         load("submarine")
     assert load("quad") is quad

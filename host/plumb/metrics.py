@@ -94,6 +94,8 @@ def hold(time_s: FloatArray, true_tilt_deg: FloatArray, setpoint_deg: FloatArray
     """Of one closed-loop run, (steps,) each, judged on the true tilt."""
     error_deg = np.abs(wrap_deg(true_tilt_deg - setpoint_deg))
     late = error_deg[time_s >= release_s + HOLD_SETTLE_S]
+    if not len(late):
+        return Hold(float("inf"), float("nan"), float("nan"))
     dwell = max(1, round(HOLD_DWELL_S / float(time_s[1] - time_s[0])))
     outside = np.cumsum(error_deg > HOLD_WITHIN_DEG)
     stays = np.flatnonzero((time_s[:-dwell] >= release_s) & (outside[dwell:] == outside[:-dwell]))

@@ -219,6 +219,8 @@ def scenario(
         seconds = SECONDS[name]
     if not 1.0 <= seconds <= 3600.0 or not 500 <= period_us <= 100_000:
         raise UsageError("a run takes 1 to 3600 s at a period of 500 to 100000 us")
+    if seed < 0:
+        raise UsageError(f"a seed is 0 or more, not {seed}")
     rng = np.random.default_rng(seed)
     accelerometer = Mma7260(bandwidth_hz)
     period_s = period_us * 1e-6
