@@ -30,6 +30,7 @@ UNCALIBRATED_LSB = 23
 REFERENCE_V, TEMPERATURE_V = 1.20, 1.43
 IRQ = 18
 PINS = tuple([f"PA{i}" for i in range(8)] + ["PB0", "PB1"] + [f"PC{i}" for i in range(6)])
+_PLACES = tuple(("ABC".index(pin[1]), int(pin[2:])) for pin in PINS)
 
 
 class Adc(Peripheral):
@@ -127,8 +128,8 @@ class Adc(Peripheral):
     def _convert(self, channel: int, time: int) -> int:
         machine = self.machine
         if channel < len(PINS):
-            pin = PINS[channel]
-            if not machine.port(pin).is_analog(int(pin[2:])):
+            pin, (port, number) = PINS[channel], _PLACES[channel]
+            if not machine.ports[port].is_analog(number):
                 machine.warn(f"ADC1 converts {pin}, which is not configured as an analog input")
             source = machine.adc.get(pin, 0.0)
             volts = source(time / TICKS_PER_S) if callable(source) else source

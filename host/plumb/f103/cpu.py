@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from plumb.errors import UsageError
 from plumb.f103 import scb as core
-from plumb.f103.bus import SimulationError
+from plumb.f103.bus import Bus, SimulationError
 from plumb.f103.nvic import BUS_FAULT, HARD_FAULT, SVCALL, USAGE_FAULT
 
 try:
@@ -29,7 +29,6 @@ try:
         UC_PROT_READ,
         UC_PROT_WRITE,
         Uc,
-        UcError,
     )
     from unicorn.arm_const import (
         UC_ARM_REG_BASEPRI,
@@ -65,6 +64,11 @@ if TYPE_CHECKING:
 CYCLES_PER_INSTRUCTION = (3, 2)
 ENTRY_CYCLES, RETURN_CYCLES, TAIL_CHAIN_CYCLES = 12, 10, 6
 FLASH_BASE, RAM_BASE, SYSTEM_BASE = 0x08000000, 0x20000000, 0x1FFFF000
+_READ_CALLBACK = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_void_p, ctypes.c_uint64, ctypes.c_uint, ctypes.c_void_p)
+_WRITE_CALLBACK = ctypes.CFUNCTYPE(
+    None, ctypes.c_void_p, ctypes.c_uint64, ctypes.c_uint, ctypes.c_uint64, ctypes.c_void_p
+)
+CPSIE_I = b"\x62\xb6"
 NOWHERE = 0xFFFFFFFE
 """End address of every run: never reached."""
 STACKED = (
@@ -115,10 +119,9 @@ class Cpu:
         self.system = self._map(0x1000, (SYSTEM_BASE,), UC_PROT_READ)
         self.ram = self._map(ram_bytes, (RAM_BASE,), read_only | UC_PROT_WRITE)
         self._counter, self._limit = _find_counter(uc)
-        self._pc = Registers(uc, UC_ARM_REG_PC)
-        self._masks = Registers(uc, UC_ARM_REG_PRIMASK, UC_ARM_REG_FAULTMASK, UC_ARM_REG_BASEPRI)
-        self._stack = Registers(uc, UC_ARM_REG_SP)
-        self._before = Registers(uc, *STACKED, UC_ARM_REG_SP, UC_ARM_REG_CONTROL)
+        masks = (UC_ARM_REG_PRIMASK, UC_ARM_REG_FAULTMASK, UC_ARM_REG_BASEPRI)
+        self._state = Registers(uc, UC_ARM_REG_PC, UC_ARM_REG_SP, *masks)
+        self._before = Registers(uc, *STACKED, UC_ARM_REG_CONTROL)
         self._handler = Registers(uc, UC_ARM_REG_SP, UC_ARM_REG_LR, UC_ARM_REG_XPSR)
         self._after = Registers(uc, UC_ARM_REG_XPSR, *STACKED[:6], UC_ARM_REG_SP)
         self.running = False
@@ -129,6 +132,9 @@ class Cpu:
         self.instruction_ticks = 1
         self.instructions = 0
         self.slept_ticks = 0
+        self._handle = uc._uch
+        self._callbacks: list[object] = []
+        self._raised: BaseException | None = None
         self._stop_reason = 0
         self._fault_address = 0
         uc.hook_add(UC_HOOK_INTR, self._on_exception)
@@ -140,6 +146,33 @@ class Cpu:
         for base in bases:
             self.uc.mem_map_ptr(base, size, access, ctypes.addressof(memory))
         return memoryview(memory).cast("B")
+
+    def map_registers(self, base: int, size: int, bus: Bus) -> None:
+        """Hand accesses to a range of addresses to the bus. Straight to the library: it is the busiest path there is.
+        What is raised inside comes out of `run`."""
+
+        def read(_uc: int, offset: int, width: int, _user: int) -> int:
+            try:
+                return bus.read(base + offset, width)
+            except BaseException as error:
+                return self._raise_later(error)
+
+        def write(_uc: int, offset: int, width: int, value: int, _user: int) -> None:
+            try:
+                bus.write(base + offset, width, value)
+            except BaseException as error:
+                self._raise_later(error)
+
+        callbacks = _READ_CALLBACK(read), _WRITE_CALLBACK(write)
+        self._callbacks += callbacks
+        read_at, write_at = (ctypes.cast(callback, ctypes.c_void_p) for callback in callbacks)
+        if uclib.uc_mmio_map(self._handle, base, size, read_at, 0, write_at, 0):
+            raise SimulationError(f"Unicorn does not map the registers at 0x{base:08X}")
+
+    def _raise_later(self, error: BaseException) -> int:
+        self._raised = self._raised or error
+        self.end_slice()
+        return 0
 
     def now(self) -> int:
         """Ticks. Inside a register access: the start of the instruction after the one that makes it."""
@@ -173,25 +206,23 @@ class Cpu:
             uc.reg_write(register, 0)
         uc.reg_write(UC_ARM_REG_LR, 0xFFFFFFFF)
         uc.reg_write(UC_ARM_REG_SP, stack & ~3)
-        uc.reg_write(UC_ARM_REG_PC, entry & ~1)
-        self.pc = entry & ~1
+        self.pc, self.stack = entry & ~1, stack & ~3
+        self._primask = self._faultmask = self._base_priority = 0
 
     def run(self, instructions: int) -> None:
         """Run at most so many instructions; fewer when the core sleeps, an exception ends, or a limit was lowered."""
         self._stop_reason = 0
         self.running = True
-        error = 0
-        try:
-            self.uc.emu_start(self.pc | 1, NOWHERE, 0, instructions)
-        except UcError as uc_error:
-            error = uc_error.errno
-        finally:
-            self.running = False
-            counted, limit = self._counter.value, self._limit.value
-            done = counted - 1 if counted > limit else counted
-            self.base += done * self.instruction_ticks
-            self.instructions += done
-            self.pc = self._pc.read()[0]
+        error = uclib.uc_emu_start(self._handle, self.pc | 1, NOWHERE, 0, instructions)
+        self.running = False
+        counted, limit = self._counter.value, self._limit.value
+        done = counted - 1 if counted > limit else counted
+        self.base += done * self.instruction_ticks
+        self.instructions += done
+        self.pc, self.stack, self._primask, self._faultmask, self._base_priority = self._state.read()
+        if self._raised is not None:
+            raised, self._raised = self._raised, None
+            raise raised
         if error:
             self._fault(error)
         elif self._stop_reason == _EXCEPTION_RETURN:
@@ -207,16 +238,29 @@ class Cpu:
         """Whether the mask registers let `number` preempt now; nvic.candidate() has settled the rest."""
         nvic = self.machine.nvic
         priority = nvic.group_priority(number)
-        primask, faultmask, base_priority = self._masks.read()
-        if (priority >= 0 and primask & 1) or (priority >= -1 and faultmask & 1):
+        if (priority >= 0 and self._primask & 1) or (priority >= -1 and self._faultmask & 1):
             return False
-        base_priority &= 0xF0
+        base_priority = self._base_priority & 0xF0
         return not base_priority or priority < (base_priority & nvic.group_mask)
+
+    def run_masked(self) -> None:
+        """One instruction while an exception waits behind the masks: it is due the moment they open. After WFI that
+        instruction is nearly always CPSIE I, which is cheaper to do here."""
+        place = self.pc - FLASH_BASE
+        if place < 0 or self.flash[place : place + 2] != CPSIE_I:
+            self.run(1)
+            return
+        self.uc.reg_write(UC_ARM_REG_PRIMASK, 0)
+        self._primask = 0
+        self.pc += 2
+        self.base += self.instruction_ticks
+        self.instructions += 1
 
     def enter(self, number: int) -> None:
         """Exception entry (Armv7-M B1.5.6): push eight words, load the vector."""
         machine = self.machine
-        *frame, xpsr, stack, control = self._before.read()
+        *frame, xpsr, control = self._before.read()
+        stack = self.stack
         if not machine.nvic.active and control & 3:
             raise SimulationError("CONTROL selects the process stack or unprivileged mode: not modelled")
         odd = stack & 4 if machine.scb.ccr & 1 << 9 else 0
@@ -232,6 +276,7 @@ class Cpu:
         machine.nvic.enter(number)
         self.sleeping = False
         self._handler.write(stack, exc_return, 1 << 24 | number)
+        self.stack = stack
         table = machine.scb.vtor or FLASH_BASE
         handler = int.from_bytes(self.read(table + 4 * number, 4), "little")
         self.pc = handler & ~1
@@ -241,15 +286,16 @@ class Cpu:
         """Exception return: into the next pending exception without unstacking, else pop the frame."""
         machine = self.machine
         machine.nvic.leave()
-        if self._masks.read()[1]:
+        if self._faultmask:
             self.uc.reg_write(UC_ARM_REG_FAULTMASK, 0)
+            self._faultmask = 0
         exc_return = self.pc | 1
         if exc_return not in (0xFFFFFFF1, 0xFFFFFFF9):
             raise SimulationError(f"exception return 0x{exc_return:08X} is not modelled")
         if machine.timeline.next <= self.base:
             machine.timeline.run_due(self.base)
         number = machine.nvic.candidate()
-        stack = self._stack.read()[0]
+        stack = self.stack
         if number and self.takes(number):
             self._vector(number, stack, exc_return, TAIL_CHAIN_CYCLES)
             return
@@ -259,7 +305,7 @@ class Cpu:
         frame = FRAME.unpack_from(self.ram, stack - RAM_BASE)
         above = stack + FRAME.size + (4 if frame[7] & 1 << 9 else 0)
         self._after.write(frame[7] & ~(1 << 9), *frame[:6], above)
-        self.pc = frame[6]
+        self.pc, self.stack = frame[6], above
         self.base += RETURN_CYCLES * machine.rcc.hclk_ticks
         if machine.scb.scr & 2 and not machine.nvic.active:
             self.sleeping = True

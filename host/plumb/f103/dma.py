@@ -131,6 +131,8 @@ class Dma(Peripheral):
     def __init__(self, machine: Machine) -> None:
         super().__init__(machine, "DMA1", 0x40020000)
         self.channels = [Channel(self, i + 1) for i in range(7)]
+        self.lazy: list[Channel] = []
+        """Those whose owner moves units only when somebody looks."""
         self.flags = 0
 
     def reset(self) -> None:
@@ -147,15 +149,15 @@ class Dma(Peripheral):
         self.machine.nvic.set_line(IRQ_CHANNEL1 + channel.number - 1, bool(active))
 
     def read_isr(self) -> int:
-        for channel in self.channels:
+        for channel in self.lazy:
             channel.settle()
         return self.flags
 
     def write_ifcr(self, value: int) -> None:
         for channel in self.channels:
-            channel.settle()
             group = value >> (4 * (channel.number - 1)) & 0xF
             if group:
+                channel.settle()
                 self.flags &= ~((0xF if group & 1 else group) << (4 * (channel.number - 1)))
                 if not self.flags >> (4 * (channel.number - 1)) & 0xE:
                     self.flags &= ~(1 << (4 * (channel.number - 1)))

@@ -119,16 +119,8 @@ class Machine:
         for peripheral in core + rest:
             self.bus.attach(peripheral)
         self.by_name = {peripheral.name: peripheral for peripheral in self.bus.peripherals}
-        bus, uc = self.bus, self.cpu.uc
         for base, size in ((0x40000000, 0x24000), (0xE0000000, 0x100000)):
-            uc.mmio_map(
-                base,
-                size,
-                lambda _uc, offset, size, base: bus.read(base + offset, size),
-                base,
-                lambda _uc, offset, size, value, base: bus.write(base + offset, size, value),
-                base,
-            )
+            self.cpu.map_registers(base, size, self.bus)
 
     def _fill_memory(self, image: bytes) -> None:
         cpu = self.cpu
@@ -248,7 +240,7 @@ class Machine:
             cpu.slept_ticks += end - cpu.base
             cpu.base = end
         elif masked:
-            cpu.run(1)  # the interrupt is due the moment the mask opens
+            cpu.run_masked()
         else:
             cpu.run(max(1, -(-(end - cpu.base) // cpu.instruction_ticks)))
 

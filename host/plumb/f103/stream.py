@@ -13,7 +13,7 @@ from plumb.f103.usart import FE, NE, ORE
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
 
-LOOK_AHEAD = 64
+LOOK_AHEAD = 128
 """A read waits for what is being sent anyway, up to so many bytes in all: frames come whole, in few calls, and a board
 that never pauses is still heard."""
 

@@ -63,6 +63,7 @@ class Usart(Peripheral):
         self.host_baud = 921600
         self.tx_dma, self.rx_dma = machine.dma.channels[3], machine.dma.channels[4]
         self.tx_dma.served = self.rx_dma.served = self.base + 4
+        machine.dma.lazy += [self.tx_dma, self.rx_dma]
         self.tx_dma.settle, self.tx_dma.changed = self._settle_tx_now, self._restart_dma
         self.rx_dma.settle, self.rx_dma.changed = self._settle_rx_now, self._restart_dma
         self.to_host: deque[Burst] = deque()
@@ -106,10 +107,10 @@ class Usart(Peripheral):
         return bytes((0xA5 ^ byte << 1) & 0xFF for byte in data), FE
 
     def _pin_works(self) -> bool:
-        pin = "PB6" if self.machine.afio.mapr & 4 else "PA9"
-        works = self.machine.port(pin).is_alternate_output(int(pin[2:]))
+        port, pin = (1, 6) if self.machine.afio.mapr & 4 else (0, 9)
+        works = self.machine.ports[port].is_alternate_output(pin)
         if not works:
-            self.machine.warn(f"USART1 sends, but {pin} is not an alternate-function output")
+            self.machine.warn(f"USART1 sends, but P{'AB'[port]}{pin} is not an alternate-function output")
         return works
 
     # Transmitter
@@ -128,6 +129,8 @@ class Usart(Peripheral):
     def _settle_tx(self, now: int) -> None:
         """Let the DMA feed TDR up to now: one byte at once when the line is free, then one per byte time."""
         channel = self.tx_dma
+        if not self.sending and not channel.left:
+            return
         while self.cr3 & DMAT and channel.ready and self._tx_on():
             byte_ticks = self.byte_ticks
             first = max(self.tx_dma_from, self.tx_free - byte_ticks)
