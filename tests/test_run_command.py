@@ -49,9 +49,11 @@ def test_the_same_seed_gives_the_same_words(capsys: pytest.CaptureFixture[str]) 
     assert first == again != other
 
 
-def test_open_loop_of_a_closed_scenario_moves_as_prescribed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_loop_is_open_only_on_request(capsys: pytest.CaptureFixture[str]) -> None:
     _, said = run(capsys, "run", "quad", "--board", "native", "--scenario", "hold", "--open-loop", "--seconds", "20")
     assert said["loop"] == "open"
+    _, said = run(capsys, "run", "quad", "--board", "native", "--scenario", "hold", "--seconds", "20")
+    assert said["loop"] == "closed"
 
 
 def test_a_run_writes_page_summary_and_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,8 +1,8 @@
 """Run a system's scenario on a board, and compare every step with the integer model.
 
 The plant and its sensors live on this machine, raw counts go to the board in lockstep, and the board answers each step
-with a digest of all its words. Closed-loop scenarios move the plant by the board's pulses; with --open-loop the motion
-is prescribed. `qemu` runs whole vectors: its loop is closed with the native core, then its inputs run on QEMU.
+with a digest of all its words. The board's pulses move the plant, which is asked to follow the scenario; with --open-loop
+the motion is prescribed, as the estimator's figures want it. `qemu` runs whole vectors: its loop is closed with the native core, then its inputs run on QEMU.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=float, help="length (default: the scenario's own)")
     parser.add_argument("--scenario", default="motion", help="motion, quiet, disturb, hold or converge")
     parser.add_argument("--tuning", default="adaptive", help="adaptive, paper, paper_arcsine, quiet or fast_start")
-    parser.add_argument("--open-loop", action="store_true", help="prescribed motion even where a loop would close")
+    parser.add_argument("--open-loop", action="store_true", help="prescribed motion: the pulses move nothing")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html, summary.json and steps.csv")
     parser.add_argument("--json", action="store_true", help="print JSON")
 
@@ -36,7 +36,7 @@ def main(arguments: argparse.Namespace) -> int:
         raise UsageError(f"{arguments.system} has no tuning '{arguments.tuning}'; it has {', '.join(system.TUNINGS)}")
     params = quantise.quantise(system.TUNINGS[arguments.tuning])
     scenario = system.scenario(arguments.scenario, arguments.seed, seconds=arguments.seconds)
-    closes = arguments.scenario in system.CLOSED_LOOP and not arguments.open_loop
+    closes = not arguments.open_loop
     with open_board(arguments.board, link=arguments.link, image=arguments.image) as board:
         if not closes:
             result = trial.open_loop(board, trial.prescribed(scenario), params)

@@ -1,0 +1,72 @@
+"""`plumb demo`: the main job, on the image that was built, from the sensors' volts to the report."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from plumb import __main__ as front
+from plumb import quantise
+from plumb.errors import LinkError, UsageError
+from plumb.f103.image import find_image
+from plumb.systems import quad
+
+pytest.importorskip("unicorn", reason="the virtual board needs the extra plumb[virtual]")
+pytest.importorskip("matplotlib", reason="the report needs the extra plumb[report]")
+try:
+    find_image()
+except UsageError as missing:
+    pytest.skip(str(missing), allow_module_level=True)
+
+from plumb import live  # after the skips: it needs unicorn
+from plumb.boards.virtual import VirtualBoard
+
+
+def test_the_demo_closes_the_loop_and_agrees_in_every_bit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["demo", "--seconds", "20", "--out", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["verdict"] == "pass" and summary["metrics"]["target_vs_fixed_mismatches"] == 0
+    errors = summary["tilt_error_deg"]
+    assert errors["adaptive, the board"] == errors["adaptive, fixed"]
+    assert errors["adaptive, the board"]["rms"] < errors["the paper's constants, fixed"]["rms"]
+    assert errors["the paper's constants, fixed"]["rms"] < errors["accelerometer only"]["rms"]
+    assert {"native", "virtual"} <= summary["golden"].keys()
+    assert all(row["mismatches"] == 0 for row in summary["golden"].values())
+    page = (tmp_path / "report.html").read_text()
+    assert page.count("<svg") == 6
+    assert "accelerometer only" in said and "pass; the report is" in said
+
+
+def test_a_live_run_holds_the_axis_level() -> None:
+    scenario = quad.scenario("hold", 1001, seconds=15.0)
+    with VirtualBoard() as board:
+        flown = live.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]))
+        assert board.machine.warnings == []
+    assert flown.verdict == "pass"
+    late = np.abs(flown.flight.tilt_deg[flown.flight.time_s > 13.0])
+    assert 0.0 < late.max() < 2.0
+    pulled = flown.flight.tilt_deg[(flown.flight.time_s > 10.4) & (flown.flight.time_s < 10.6)]
+    assert pulled.max() > 19.0
+
+
+def test_a_live_open_loop_takes_the_counts_of_the_scenario() -> None:
+    scenario = quad.scenario("motion", 1002, seconds=8.0)
+    with VirtualBoard() as board:
+        flown = live.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]), open_loop=True)
+    # The noise belongs to the sample, the motion to the instant: live sampling lies within a period of the scenario's.
+    apart = np.abs(flown.flight.raw[:, 1].astype(int) - scenario.counts()[:, 1])
+    assert np.median(apart) <= 12
+
+
+def test_conversions_before_the_run_are_not_its_steps() -> None:
+    rng = np.random.default_rng(5)
+    taken = rng.integers(0, 4096, 60)
+    streamed = taken[3:53].astype(np.int16)
+    streamed[10] = 0  # lost on the link
+    assert live.matching(taken, streamed) == 3
+    with pytest.raises(LinkError, match="60 steps of 50"):
+        live.matching(taken[:50], taken.astype(np.int16))
