@@ -96,3 +96,9 @@ def test_table_order_is_the_order_of_the_struct() -> None:
     assert parameters.crc32([row.default for row in rows]) == zlib.crc32(
         b"".join((row.default & 0xFFFFFFFF).to_bytes(4, "little") for row in rows)
     )
+
+
+def test_protocol_document_is_fresh() -> None:
+    text = (ROOT / "PROTOCOL.md").read_text()
+    assert tool("gen_protocol").generate(text) == text, "PROTOCOL.md is stale: run tools/gen_protocol.py"
+    assert text.count("<!-- begin") == 8

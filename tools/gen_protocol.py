@@ -1,0 +1,233 @@
+"""Fill PROTOCOL.md: the table of messages from the DBC, and transcripts by talking to the real C session.
+
+What stands between `<!-- begin NAME -->` and `<!-- end -->` is written by this tool; the rest is prose.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tests")]
+
+from link_board import MemoryBoard  # type: ignore[import-not-found]  # noqa: E402
+from plumb import parameters  # noqa: E402
+from plumb.protocol import Message, load_database, protocol  # noqa: E402
+from plumb.slcan import frame_of_line, text_of_frames  # noqa: E402
+
+PERIODIC = ("TIME", "STATUS", "COUNTERS", "EVENTS")
+
+
+def message_table() -> str:
+    """Every message: identifier, direction, the words of bytes 2 to 7, the flags of byte 1, and what it is for."""
+    lines = ["| id | name | from | bytes 2.. | flags (bits 4..7 of byte 1) | |", "|---|---|---|---|---|---|"]
+    database = load_database()
+    for definition in sorted(database.messages, key=lambda message: message.frame_id):
+        message = protocol()[definition.name]
+        units = {signal.name: signal.unit for signal in definition.signals}
+        comments = {signal.name: str(signal.comment or "") for signal in definition.signals}
+        kinds = {"H": "u16", "h": "i16", "I": "u32", "i": "i32"}
+        words = []
+        for name, code in zip(message.words, message.layout.format[3:], strict=True):
+            unit = f" [{units[name]}]" if units[name] else ""
+            words.append(f"{kinds[code]} {'0' if name.startswith('reserved') else name}{unit}")
+        flags = [
+            f"{shift + 4}: {name}" if width == 1 else f"{shift + 4}-{shift + 3 + width}: {name}"
+            for name, (shift, width) in message.flags.items()
+        ]
+        notes = [str(definition.comment)] + [f"{name}: {text}" for name, text in comments.items() if text]
+        text = " ".join(notes).replace("|", "\\|")
+        lines.append(
+            f"| 0x{message.identifier:03X} | {message.name} | {message.sender.lower()} | {', '.join(words)} "
+            f"| {', '.join(flags)} | {text} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def value_table() -> str:
+    """Every named value but the words of the record, which have a list of their own."""
+    lines = ["| signal | values |", "|---|---|"]
+    for message in sorted(protocol().messages.values(), key=lambda m: m.identifier):
+        for signal, choices in message.choices.items():
+            if message.name != "WORD":
+                values = ", ".join(f"{number} {name}" for number, name in choices.items())
+                lines.append(f"| {message.name}.{signal} | {values} |")
+    return "\n".join(lines) + "\n"
+
+
+def record_table() -> str:
+    names = protocol()["WORD"].choices["index"]
+    return "".join(f"{index} `{name}`{', ' if index < len(names) - 1 else '.'}" for index, name in names.items()) + "\n"
+
+
+def shown_value(message: Message, signal: str, value: int) -> str:
+    """Names where there are some, hexadecimal digits for what is no quantity."""
+    if signal == "request":
+        return protocol().by_identifier[value].name
+    if signal in ("dbc_hash", "digest", "nonce", "token", "crc"):
+        return f"{value & 0xFFFFFFFF:08x}"
+    return message.choice(signal, value)
+
+
+class Scene:
+    """A conversation with a fresh board, written down as it happens."""
+
+    def __init__(self) -> None:
+        self.board = MemoryBoard(seed=1)
+        self.lines: list[str] = []
+        self._counter: dict[int, int] = {}
+
+    def _note(self, mark: str, line: bytes) -> None:
+        text = line.decode("ascii") or "CR"
+        frame = frame_of_line(line)
+        if frame is not None:
+            message = protocol().by_identifier[frame[0]]
+            words = message.decode(frame[1])
+            flags = [name for name, (_, width) in message.flags.items() if width == 1 and words[name]]
+            shown = [
+                f"{name} {shown_value(message, name, words[name])}"
+                for name in message.words
+                if not name.startswith("reserved")
+            ]
+            text = f"{text:<24}{' '.join([message.name, *flags])}: {', '.join(shown)}".rstrip(": ")
+        self.lines.append(f"{mark} {text}")
+
+    def _hear(self, text: bytes) -> dict[str, dict[str, int]]:
+        heard = {}
+        for line in re.findall(rb"[^\r\a]*[\r\a]", text):
+            if line == b"\a":
+                self.lines.append("< BEL")
+                continue
+            frame = frame_of_line(line[:-1])
+            if frame is not None:
+                name = protocol().by_identifier[frame[0]].name
+                heard[name] = protocol()[name].decode(frame[1])
+                if name in PERIODIC:
+                    continue
+            self._note("<", line[:-1])
+        return heard
+
+    def text(self, text: bytes, turns: int = 3) -> None:
+        for line in text.split(b"\r")[:-1]:
+            self._note(">", line)
+            self._hear(self.board.say(line + b"\r", turns))
+
+    def say(self, name: str, *words: int, flags: int = 0, counter: int | None = None, turns: int = 3) -> dict[str, int]:
+        """One frame; returns the words of the last frame that came back."""
+        message = protocol()[name]
+        own = self._counter.get(message.identifier, 0)
+        self._counter[message.identifier] = own + 1 & 15
+        data = message.pack(own if counter is None else counter, flags, *words)
+        line = text_of_frames([(message.identifier, data)])
+        self._note(">", line[:-1])
+        heard = self._hear(self.board.say(line, turns))
+        return heard[list(heard)[-1]] if heard else {}
+
+    def remark(self, text: str) -> None:
+        self.lines.append(f"  ({text})")
+
+    def greet(self) -> None:
+        """Open and say hello, without a line in the transcript."""
+        hello = protocol()["HELLO"]
+        data = hello.pack(0, 0, protocol().version, protocol().dbc_hash)
+        self.board.say(b"O\r" + text_of_frames([(hello.identifier, data)]), 20)
+
+    def begin(self, run: str) -> None:
+        number = protocol()["RUN_BEGIN"].value("run", run)
+        nonce = self.say("CHALLENGE", number, 0)["nonce"]
+        self.say("RUN_BEGIN", number, nonce)
+
+
+def connect(scene: Scene) -> None:
+    scene.text(b"\rC\rO\r")
+    scene.say("HELLO", protocol().version, protocol().dbc_hash, turns=20)
+
+
+def commands(scene: Scene) -> None:
+    scene.text(b"V\rN\rS6\rX\r")
+    scene.say("HELLO", protocol().version, protocol().dbc_hash)
+    scene.remark("not open: refused")
+
+
+def stage_and_commit(scene: Scene) -> None:
+    scene.greet()
+    rows = parameters.table()
+    words = [row.default for row in rows]
+    index = next(i for i, row in enumerate(rows) if row.name == "period_us")
+    scene.say("PARAM_SET", index, 1)
+    scene.say("PARAM_SET", index, 1000)
+    scene.say("PARAM_COMMIT", len(words), parameters.crc32(words))
+    words[index] = 1000
+    scene.say("PARAM_COMMIT", len(words), parameters.crc32(words))
+    scene.say("PARAM_GET", index, 0)
+
+
+def golden_run(scene: Scene) -> None:
+    scene.greet()
+    scene.say("SELECT", 0, 0b1100)
+    scene.begin("LOCKSTEP")
+    scene.say("SAMPLE_A", 1700, 2100, 3000, counter=0)
+    scene.say("SETPOINT", 1, 1 << 28, counter=1)
+    scene.say("SAMPLE_A", 1701, 2090, 3010, counter=1, flags=8)
+    scene.remark("sample 2 is lost on the way")
+    scene.say("SAMPLE_A", 1703, 2080, 3020, counter=3)
+    scene.say("SAMPLE_A", 1702, 2085, 3015, counter=2)
+    scene.say("SAMPLE_A", 1703, 2080, 3020, counter=3)
+    scene.say("RUN_END", 0, 0)
+
+
+def arm(scene: Scene) -> None:
+    scene.greet()
+    verb = protocol()["EXECUTE"].value("verb", "ARM")
+    nonce = scene.say("CHALLENGE", verb, 0)["nonce"]
+    scene.say("EXECUTE", verb, nonce)
+    scene.remark("blocked: no run, bit 1")
+    scene.begin("REALTIME_LIVE")
+    nonce = scene.say("CHALLENGE", verb, 0)["nonce"]
+    scene.say("EXECUTE", verb, nonce)
+    scene.say("KEEPALIVE", 0, nonce, turns=160)
+    scene.say("KEEPALIVE", 0, nonce, turns=160)
+    scene.remark("silence: 50 ms after the last keep-alive the board is disarmed")
+    scene.board.run_us(30_000)
+    scene._hear(scene.board.heard())
+    scene.say("KEEPALIVE", 0, nonce, turns=160)
+    scene.remark("too late, latched: only a new EXECUTE with a new nonce arms again")
+
+
+SCENES: dict[str, Callable[[Scene], None]] = {
+    "connect": connect,
+    "commands": commands,
+    "parameters": stage_and_commit,
+    "golden": golden_run,
+    "arm": arm,
+}
+
+
+def transcript(name: str) -> str:
+    scene = Scene()
+    SCENES[name](scene)
+    return "```\n" + "\n".join(scene.lines) + "\n```\n"
+
+
+def generate(text: str) -> str:
+    """The document with every generated part fresh."""
+    parts = {"messages": message_table, "values": value_table, "record": record_table}
+
+    def part(match: re.Match[str]) -> str:
+        name = match[1]
+        body = parts[name]() if name in parts else transcript(name)
+        return f"<!-- begin {name} -->\n{body}<!-- end -->"
+
+    return re.sub(r"<!-- begin (\w+) -->\n.*?<!-- end -->", part, text, flags=re.DOTALL)
+
+
+def main() -> None:
+    path = ROOT / "PROTOCOL.md"
+    path.write_text(generate(path.read_text()))
+
+
+if __name__ == "__main__":
+    main()
