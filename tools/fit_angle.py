@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 ANGLE_C = Path(__file__).resolve().parent.parent / "firmware" / "core" / "angle.c"
 ATAN_TERMS, ATAN_Q = 8, 33  # atan(t) = t * P(t^2), 0 <= t <= 1
-ASIN_TERMS, ASIN_Q = 8, 32  # asin(x) = 1/4 - sqrt(1 - x) * P(x), 0 <= x <= 1, with P(0) = 1/4
+ASIN_TERMS, ASIN_Q = 7, 32  # asin(x) = 1/4 - sqrt(1 - x) * P(x), 0 <= x <= 1, with P(0) = 1/4
 PER_UNIT = 32  # segments of 1/sqrt(w) per unit of w, for 1 <= w < 4
 
 Array = npt.NDArray[np.float64]

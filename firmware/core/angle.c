@@ -8,9 +8,9 @@ static const int32_t ATAN_Q33[8] = {
     1367129643, -455662709, 272695593, -190149124, 131821425, -76439450,
     29889517, -5543123};
 
-static const int32_t ASIN_Q32[8] = {
-    1073741824, -146693434, 60841885, -34419707, 21495629, -12283458,
-    5033007, -1008616};
+static const int32_t ASIN_Q32[7] = {
+    1073741824, -146689165, 60745628, -33710821, 19130782, -8341557,
+    1831557};
 
 static const uint32_t ROOT[96] = {
     0xfffd03e9U, 0xfc1503bcU, 0xf8590393U, 0xf4c6036cU, 0xf15a0349U, 0xee110327U,
@@ -35,16 +35,9 @@ static const uint32_t ROOT[96] = {
 #define QUARTER_TURN 0x40000000U
 #define HALF_TURN    0x80000000U
 
-/* c[0] + c[1] v + ... + c[7] v^7, v in Q30 and at most 1. Each product is floored to 4 units of c. */
-static inline int32_t polynomial(const int32_t c[8], int32_t v_q30) {
-    int32_t p = c[7];
-    p = c[6] + 4 * mulhi_i32(p, v_q30);
-    p = c[5] + 4 * mulhi_i32(p, v_q30);
-    p = c[4] + 4 * mulhi_i32(p, v_q30);
-    p = c[3] + 4 * mulhi_i32(p, v_q30);
-    p = c[2] + 4 * mulhi_i32(p, v_q30);
-    p = c[1] + 4 * mulhi_i32(p, v_q30);
-    return c[0] + 4 * mulhi_i32(p, v_q30);
+/* One step of Horner's rule: c + p v, v in Q30 and at most 1. The product is floored to 4 units of c. */
+static inline int32_t horner(int32_t c, int32_t p, int32_t v_q30) {
+    return c + 4 * mulhi_i32(p, v_q30);
 }
 
 int32_t angle_atan2(int32_t y, int32_t x) {
@@ -57,8 +50,16 @@ int32_t angle_atan2(int32_t y, int32_t x) {
 
     const uint32_t t_q30 = (uint32_t)(mul_u64(numerator, reciprocal_q61(denominator)) >> 31);
     const uint32_t square_q30 = (uint32_t)(mul_u64(t_q30, t_q30) >> 30);
-    const uint32_t p_q33 = (uint32_t)polynomial(ATAN_Q33, (int32_t)square_q30);
-    uint32_t turn = (uint32_t)(mul_u64(t_q30, p_q33) >> 31);
+    const int32_t square = (int32_t)square_q30;
+    int32_t p = ATAN_Q33[7];
+    p = horner(ATAN_Q33[6], p, square);
+    p = horner(ATAN_Q33[5], p, square);
+    p = horner(ATAN_Q33[4], p, square);
+    p = horner(ATAN_Q33[3], p, square);
+    p = horner(ATAN_Q33[2], p, square);
+    p = horner(ATAN_Q33[1], p, square);
+    p = horner(ATAN_Q33[0], p, square);
+    uint32_t turn = (uint32_t)(mul_u64(t_q30, (uint32_t)p) >> 31);
 
     turn = ay > ax ? QUARTER_TURN - turn : turn;
     turn = x < 0 ? HALF_TURN - turn : turn;
@@ -78,8 +79,15 @@ int32_t angle_asin(int32_t x_q30) {
     const int32_t e_q30 = wrap_i32(mulhi_u32(w, r_q16 * r_q16) - (1U << 30));
     const uint32_t root_q29 = s_q29 - (uint32_t)asr64(mul_i64((int32_t)s_q29, e_q30), 31);
 
-    const uint32_t p_q32 = (uint32_t)polynomial(ASIN_Q32, (int32_t)x);
-    const uint32_t acos_turn = (uint32_t)(mul_u64(root_q29, p_q32) >> 29) >> (m >> 1);
+    const int32_t sine = (int32_t)x;
+    int32_t p = ASIN_Q32[6];
+    p = horner(ASIN_Q32[5], p, sine);
+    p = horner(ASIN_Q32[4], p, sine);
+    p = horner(ASIN_Q32[3], p, sine);
+    p = horner(ASIN_Q32[2], p, sine);
+    p = horner(ASIN_Q32[1], p, sine);
+    p = horner(ASIN_Q32[0], p, sine);
+    const uint32_t acos_turn = (uint32_t)(mul_u64(root_q29, (uint32_t)p) >> 29) >> (m >> 1);
     const uint32_t turn = QUARTER_TURN - (rest == 0U ? 0U : acos_turn);
     return wrap_i32(x_q30 < 0 ? 0U - turn : turn);
 }

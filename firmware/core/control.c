@@ -4,7 +4,7 @@
 
 /* The words are hashed as bytes: no padding anywhere. */
 typedef char control_assert_packed[sizeof(control_words_t) == 160 ? 1 : -1];
-typedef char control_assert_words[sizeof(control_params_t) == 200 ? 1 : -1];
+typedef char control_assert_words[sizeof(control_params_t) == 184 ? 1 : -1];
 
 void control_init(control_t *c, const control_params_t *p) {
     *c = (control_t){0};
@@ -18,8 +18,8 @@ static int32_t calibrate(const calibration_params_t *p, int32_t raw, uint32_t *f
     return calibration_scale(p, used);
 }
 
-static void pulses(uint32_t pulse_halfus[2], const esc_params_t *p, int32_t command_q30) {
-    const int32_t thrust = asr32(asr32(command_q30, 14) * p->span_halfus + (1 << 15), 16);
+static void pulses(uint32_t pulse_halfus[2], const esc_params_t *p, int32_t command_q22) {
+    const int32_t thrust = asr32(asr32(command_q22, 6) * p->span_halfus + (1 << 15), 16);
     pulse_halfus[0] = (uint32_t)clamp_i32(p->mid_halfus + thrust, p->min_halfus, p->max_halfus);
     pulse_halfus[1] = (uint32_t)clamp_i32(p->mid_halfus - thrust, p->min_halfus, p->max_halfus);
 }
@@ -37,10 +37,9 @@ void control_step(control_t *c, const control_params_t *p, const int16_t raw[CON
     w->rate_turnps_q28 = calibrate(&p->gyro, raw[0], &flags, CONTROL_FLAG_GYRO_CLAMPED);
     w->accel_y_g_q26 = calibrate(&p->accel_y, raw[1], &flags, CONTROL_FLAG_ACCEL_Y_CLAMPED);
     w->accel_z_g_q26 = calibrate(&p->accel_z, raw[2], &flags, CONTROL_FLAG_ACCEL_Z_CLAMPED);
-    c->clamped_steps += flags != 0U;
+    w->clamped_steps += flags != 0U;
 
-    uint32_t arcsine_limited;
-    w->tilt_measured_turn_q32 = tilt_angle(&p->tilt, w->accel_y_g_q26, w->accel_z_g_q26, &arcsine_limited);
+    w->tilt_measured_turn_q32 = tilt_angle(&p->tilt, w->accel_y_g_q26, w->accel_z_g_q26);
     w->variance = tilt_variance(&p->tilt, w->accel_y_g_q26, w->accel_z_g_q26);
 
     /* the sources drive the filter with the sample before; the first step has none */
@@ -50,12 +49,11 @@ void control_step(control_t *c, const control_params_t *p, const int16_t raw[CON
     w->bias_turnps_q28 = kalman_bias(&w->kalman, &p->kalman);
     w->rate_corrected_turnps_q28 = sub_wrap(w->rate_turnps_q28, w->bias_turnps_q28);
 
-    w->error_turn_q32 = sub_wrap(setpoint_turn_q32, w->tilt_turn_q32);
-    pid_step(&w->pid, &p->pid, w->error_turn_q32, w->rate_corrected_turnps_q28);
-    pulses(w->pulse_halfus, &p->esc, w->pid.command_q30);
+    w->pid.error_turn_q32 = sub_wrap(setpoint_turn_q32, w->tilt_turn_q32);
+    pid_step(&w->pid, &p->pid, w->pid.error_turn_q32, w->rate_corrected_turnps_q28);
+    pulses(w->pulse_halfus, &p->esc, w->pid.command_q22);
 
-    flags |= arcsine_limited ? CONTROL_FLAG_ARCSINE_LIMITED : 0U;
-    flags |= w->pid.limited ? CONTROL_FLAG_COMMAND_LIMITED : 0U;
+    flags |= w->pid.excess_q22 != 0 ? CONTROL_FLAG_COMMAND_LIMITED : 0U;
     w->flags = flags;
 }
 

@@ -40,8 +40,7 @@ typedef struct {
 #define CONTROL_FLAG_GYRO_CLAMPED    (1U << 0)
 #define CONTROL_FLAG_ACCEL_Y_CLAMPED (1U << 1)
 #define CONTROL_FLAG_ACCEL_Z_CLAMPED (1U << 2)
-#define CONTROL_FLAG_ARCSINE_LIMITED (1U << 3)
-#define CONTROL_FLAG_COMMAND_LIMITED (1U << 4)
+#define CONTROL_FLAG_COMMAND_LIMITED (1U << 3)
 
 typedef struct {
     int32_t raw[CONTROL_RAW_MAX]; /* counts, as given */
@@ -55,16 +54,16 @@ typedef struct {
     int32_t tilt_turn_q32;             /* fused */
     int32_t bias_turnps_q28;           /* estimated */
     int32_t rate_corrected_turnps_q28; /* rate - bias */
-    int32_t error_turn_q32;            /* setpoint - tilt, wrapped */
+    uint32_t clamped_steps;            /* so far, steps with any raw count outside its range */
     pid_t pid;
     uint32_t pulse_halfus[2];
     uint32_t flags; /* CONTROL_FLAG_* of this step */
     uint32_t step;  /* number of this step in the run, from 1 */
 } control_words_t;
 
+/* A whole controller: its state is its record. */
 typedef struct {
     control_words_t words;
-    uint32_t clamped_steps; /* steps of this run with any raw count outside its range */
 } control_t;
 
 /* State at the start of a run. All words become zero but those of the filter's and the pid's state. */

@@ -35,12 +35,11 @@ void kalman_step(kalman_t *k, const kalman_params_t *p, uint32_t r, int32_t tilt
      */
     k->p00 = wrap_i64(mul_u64(r, k0_q32));
     const uint64_t d = (uint64_t)mul_i64(k1_q29, p01a);
-    const int32_t frac = wrap_i32(k->p11_frac_q24 + p->qb_frac_q24 - (lo_u64(d) << (36U - n) >> 8));
-    const uint32_t carry = p->qb + (uint32_t)asr32(frac, 24);
+    const int32_t frac = wrap_i32(k->p11_frac_q30 + p->qb_frac_q30 - (lo_u64(d) << (36U - n) >> 2));
     const uint64_t fall = make_u64(hi_u64(d) >> (n - 4U), hi_u64(d) << (36U - n) | lo_u64(d) >> (n - 4U));
-    const uint64_t p11_next = p11 - fall + (uint64_t)(int64_t)wrap_i32(carry);
+    const uint64_t p11_next = p11 - fall + p->qb + (uint64_t)(int64_t)asr32(frac, 30);
     k->p11 = make_i64(clamp_i32((int32_t)hi_u64(p11_next), 0, (1 << 24) - 1), lo_u64(p11_next));
-    k->p11_frac_q24 = (uint32_t)frac & 0xFFFFFFU;
+    k->p11_frac_q30 = (uint32_t)frac & 0x3FFFFFFFU;
 
     /* p01 *= 1 - k0: 64 bits by 32, the sign of p01 taken out of the unsigned product */
     const uint32_t c_q32 = ~k0_q32;
@@ -74,7 +73,7 @@ bool kalman_valid(const kalman_params_t *p, const kalman_start_t *s) {
     const uint64_t bias = (uint64_t)((uint32_t)p->bias_max_turn_q29 + 1U) << p->rate_shift;
     return p->dt_s_q33 >= 1 && p->rate_now <= 1U && p->rate_gain >= 1 << 30 && bias <= 1U << 30 &&
            bias * (uint32_t)p->rate_gain < (uint64_t)1 << 60 && qa >= 0 && qa <= COVARIANCE_MAX &&
-           p->qb < 0x7FFFFFFFU && p->qb_frac_q24 < 1U << 24 && s->bias_hi > -(1 << 26) &&
-           s->bias_hi < 1 << 26 && p00 >= 0 && p00 <= 2 * COVARIANCE_MAX && p11 >= 0 &&
-           p11 < COVARIANCE_MAX && p01 <= p00 && p01 >= -p00 && p01 >= -COVARIANCE_MAX && p01 <= qa / 4;
+           p->qb_frac_q30 < 1U << 30 && s->bias_hi > -(1 << 26) && s->bias_hi < 1 << 26 && p00 >= 0 &&
+           p00 <= 2 * COVARIANCE_MAX && p11 >= 0 && p11 < COVARIANCE_MAX && p01 <= p00 && p01 >= -p00 &&
+           p01 >= -COVARIANCE_MAX && p01 <= qa / 4;
 }

@@ -7,7 +7,7 @@
  *
  * Inside, the bias is counted per step (turn, not turn/s): A = [[1, -1], [0, 1]], and the covariance needs no
  * product with dt. Covariances are in lsb, a unit of the parameter set's own (about 2^-56 of the largest
- * variance in it): p00, p01, p11 as 64-bit integers, p11 and its process noise with 24 more bits of fraction;
+ * variance in it): p00, p01, p11 as 64-bit integers, p11 and its process noise with 30 more bits of fraction;
  * r in 2^32 lsb.
  */
 #ifndef PLUMB_CORE_KALMAN_H
@@ -22,8 +22,8 @@ typedef struct {
     int32_t dt_s_q33;          /* period, up to 0.1 s */
     uint32_t rate_now;         /* U(k): 0 the previous gyro sample, as the sources print; 1 the current one */
     uint32_t qa_hi, qa_lo;     /* Q of the tilt per step, lsb; 0..2^56 */
-    uint32_t qb;               /* Q of the bias per step, whole lsb; 0..2^31-2 */
-    uint32_t qb_frac_q24;      /* and the rest of it; 0..2^24-1 */
+    uint32_t qb;               /* Q of the bias per step, whole lsb; 0..2^32-1 */
+    uint32_t qb_frac_q30;      /* and the rest of it; 0..2^24-1 */
     int32_t bias_max_turn_q29; /* limit of the published bias, per step; at most 1 turn/s */
     int32_t rate_gain;         /* 2^(31 - rate_shift) / dt, at least 2^30: turn per step -> turn/s */
     uint32_t rate_shift;       /* 1..16 */
@@ -44,7 +44,7 @@ typedef struct {
     int64_t tilt_turn_q61; /* modulo 8 turns; the angle is its bits 29..60 */
     int64_t bias_turn_q61; /* per step; +-1/8 turn */
     int64_t p00, p01, p11; /* posterior, lsb */
-    uint32_t p11_frac_q24;
+    uint32_t p11_frac_q30;
     int32_t innovation_turn_q32;
     int32_t k0_q29; /* gains of this step */
     int32_t k1_q29; /* turn per step, per turn */

@@ -6,6 +6,7 @@
 #ifndef PLUMB_CORE_TILT_H
 #define PLUMB_CORE_TILT_H
 
+#include "angle.h"
 #include "fixed.h"
 #include <stdbool.h>
 
@@ -22,15 +23,29 @@ typedef struct {
     uint32_t deviation_shift; /* 0..31 */
 } tilt_params_t;
 
-/* Measured tilt, turn Q32. *limited becomes 1 if the arcsine had to be limited, else 0. */
-int32_t tilt_angle(const tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26, uint32_t *limited);
+#define TILT_ONE_G_Q26  (1L << 26)
+#define TILT_ONE_G2_Q20 (1L << 20)
+
+/* Measured tilt, turn Q32, from accelerations of any size. The angle's cost and 10 cycles. */
+static inline int32_t tilt_angle(const tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
+    if (p->mode == TILT_ATAN2)
+        return angle_atan2(accel_y_g_q26, accel_z_g_q26);
+    return angle_asin(clamp_i32(accel_y_g_q26, -TILT_ONE_G_Q26, TILT_ONE_G_Q26) * 16);
+}
 
 /* r = min(r_base + r_gain * (|a|^2 - 1 g^2)^2, r_max), for accelerations within +-CALIBRATION_LIMIT:
  *     d = min(| ((ay^2 + az^2) >> 32) - 2^20 |, deviation_max) << deviation_shift
  *     r = min(r_base + ((((d^2) >> 32) * r_gain) >> 32), r_max)
- * No memory, no dead band. */
-uint32_t tilt_variance(const tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26);
+ * No memory, no dead band. 40 cycles. */
+static inline uint32_t tilt_variance(const tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
+    const int64_t square =
+        add64_wrap(mul_i64(accel_y_g_q26, accel_y_g_q26), mul_i64(accel_z_g_q26, accel_z_g_q26));
+    const uint32_t deviation_q20 = abs_u32(sub_wrap(hi_i64(square), TILT_ONE_G2_Q20));
+    const uint32_t d = min_u32(deviation_q20, p->deviation_max) << p->deviation_shift;
+    return min_u32(p->r_base + mulhi_u32(mulhi_u32(d, d), p->r_gain), p->r_max);
+}
 
+/* Mode and ranges, and that r_base + r_gain * (largest deviation)^2 does not overflow. */
 bool tilt_valid(const tilt_params_t *p);
 
 #endif

@@ -51,11 +51,11 @@ EXPORT uint32_t plumb_crc32(const uint8_t *data, int32_t bytes);
 const char *plumb_word_names(void) {
     return "raw_0,raw_1,raw_2,raw_3,raw_4,raw_5,setpoint_turn_q32,rate_turnps_q28,accel_y_g_q26,accel_z_g_"
            "q26,"
-           "tilt_measured_turn_q32,variance,tilt_turn_q61,bias_turn_q61,p00,p01,p11,p11_frac_q24,innovation_"
+           "tilt_measured_turn_q32,variance,tilt_turn_q61,bias_turn_q61,p00,p01,p11,p11_frac_q30,innovation_"
            "turn_q32,"
-           "k0_q29,k1_q29,tilt_turn_q32,bias_turnps_q28,rate_corrected_turnps_q28,error_turn_q32,integral_"
-           "q54,"
-           "rate_filtered_turnps_q27,demand_q30,command_q30,limited,pulse_halfus_0,pulse_halfus_1,flags,step";
+           "k0_q29,k1_q29,tilt_turn_q32,bias_turnps_q28,rate_corrected_turnps_q28,clamped_steps,integral_q54,"
+           "command_q22,rate_filtered_turnps_q27,excess_q22,error_turn_q32,pulse_halfus_0,pulse_halfus_1,"
+           "flags,step";
 }
 
 int32_t plumb_sizeof_words(void) {
@@ -186,8 +186,7 @@ void plumb_tilt_run(const uint32_t *params, const int32_t *accel_y_g_q26, const 
                     int32_t n, int32_t *turn_q32, uint32_t *variance) {
     const control_params_t p = params_of(params);
     for (int32_t i = 0; i < n; i++) {
-        uint32_t limited;
-        turn_q32[i] = tilt_angle(&p.tilt, accel_y_g_q26[i], accel_z_g_q26[i], &limited);
+        turn_q32[i] = tilt_angle(&p.tilt, accel_y_g_q26[i], accel_z_g_q26[i]);
         variance[i] = tilt_variance(&p.tilt, accel_y_g_q26[i], accel_z_g_q26[i]);
     }
 }
