@@ -5,15 +5,19 @@ from __future__ import annotations
 import random
 from dataclasses import replace
 
+import can
+import numpy as np
 import pytest
 
 from link_board import MemoryBoard
 from plumb import parameters
 from plumb.capture import Capture
 from plumb.errors import LinkError, UsageError
-from plumb.protocol import protocol
+from plumb.lockstep import Lockstep
+from plumb.protocol import crc8, protocol
 from plumb.serialbus import PlumbBus
 from plumb.session import Session
+from plumb.slcan import text_of_frames
 from test_protocol import begin, frame, said
 
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
@@ -306,3 +310,61 @@ def test_a_host_that_does_not_read_is_not_answered_beyond_the_queue() -> None:
     assert text.count(b"V0101\r") == 300
     bare = [line for line in text.split(b"\r")[:-1] if not line]
     assert len(bare) == requests + 300
+
+
+# ---- anything at all ----
+
+
+@pytest.mark.parametrize("run", [None, "LOCKSTEP", "REALTIME_INJECTED", "REALTIME_LIVE"])
+def test_no_frame_and_no_noise_upsets_the_board(run: str | None) -> None:
+    """Well-sealed frames of every kind with any content, and noise; undefined behaviour would trap."""
+    rng = random.Random(run)
+    board = MemoryBoard()
+    board.say(b"O\r")
+    messages = [message for message in protocol().messages.values() if message.sender == "HOST"]
+    if run:
+        begin(board, run)
+        messages = [message for message in messages if message.name != "RUN_END"]
+    board.down_per_turn = 64
+    for _ in range(3000):
+        message = rng.choice(messages)
+        body = rng.choice([rng.randbytes(6), bytes(6), b"\xff" * 6, bytes([rng.randrange(64), 0]) + rng.randbytes(4)])
+        data = bytes([0, rng.randrange(256)]) + body
+        sealed = bytes([crc8(message.identifier, data)]) + data[1:]
+        board.write(text_of_frames([(message.identifier, sealed)]))
+        if rng.random() < 0.05:
+            board.write(rng.randbytes(30) + rng.choice([b"\r", b"", b"L\r", b"C\rO\r"]))
+        board.turn()
+    board.run_us(500_000)
+    board.heard()
+    with Session.open(board) as session:
+        session.upload(CONTROL)
+        session.begin("LOCKSTEP")
+
+
+def test_any_python_can_bus_carries_a_session() -> None:
+    """CAN interfaces know nothing of chunks: one message at a time, through python-can's own interface."""
+
+    class Plain(can.BusABC):
+        def __init__(self, inner: PlumbBus) -> None:
+            self._inner = inner
+            super().__init__("plain")
+
+        def send(self, msg: can.Message, timeout: float | None = None) -> None:
+            self._inner.send(msg, timeout)
+
+        def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+            return self._inner._recv_internal(timeout)
+
+        def shutdown(self) -> None:
+            super().shutdown()
+            self._inner.shutdown()
+
+    raw = np.arange(300).reshape(100, 3)
+    with Session(Plain(PlumbBus(MemoryBoard()))) as session:
+        assert session.connect().mismatch is None
+        session.upload(CONTROL)
+        digests = Lockstep(session).run(raw, np.zeros(100))
+    with Session.open(MemoryBoard()) as session:
+        session.upload(CONTROL)
+        assert np.array_equal(Lockstep(session).run(raw, np.zeros(100)), digests)

@@ -258,12 +258,17 @@ static void send_named(session_t *s, const control_words_t *w, uint8_t step_low)
 }
 
 static void send_words(session_t *s, const control_words_t *w, uint8_t step_low) {
-    for (uint16_t i = 0; i < SESSION_RECORD_WORDS; i++) {
-        if ((s->words_mask[i / 32U] >> (i % 32U) & 1U) != 0) {
-            message_word_t m = {.index = i};
+    for (unsigned bank = 0; bank < SESSION_WORD_BANKS; bank++) {
+        uint16_t index = (uint16_t)(32U * bank);
 
-            memcpy(&m.value, (const uint8_t *)w + 4U * i, sizeof m.value);
-            outbox_telemetry(&s->outbox, message_word_pack(&m), step_low);
+        for (uint32_t mask = s->words_mask[bank]; mask != 0 && index < SESSION_RECORD_WORDS;
+             mask >>= 1, index++) {
+            if ((mask & 1U) != 0) {
+                message_word_t m = {.index = index};
+
+                memcpy(&m.value, (const uint8_t *)w + 4U * index, sizeof m.value);
+                outbox_telemetry(&s->outbox, message_word_pack(&m), step_low);
+            }
         }
     }
 }
@@ -282,8 +287,10 @@ void session_stepped(session_t *s) {
         outbox_reply(&s->outbox, message_setpoint_used_pack(&used), 0);
     }
     if (s->open) {
+        const uint16_t dropped = s->outbox.dropped; /* before this STEP, which may be dropped itself */
+
         outbox_telemetry(&s->outbox, message_step_pack(&step), step_flags(s, saturated));
-        s->dropped_told = s->outbox.dropped;
+        s->dropped_told = dropped;
         send_raw(s, w);
         send_named(s, w, (uint8_t)(s->step & E2E_COUNTER_MASK));
         send_words(s, w, (uint8_t)(s->step & E2E_COUNTER_MASK));

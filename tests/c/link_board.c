@@ -1,5 +1,5 @@
-/* A board of memory alone: the session and the core as the main loop runs them, one turn per call. Python loads it as
- * a shared library and is its UART, its clock, its timer and its sensors. */
+/* A board of memory alone: the session and the core as the main loop runs them, one turn per call. Python
+ * loads it as a shared library and is its UART, its clock, its timer and its sensors. */
 #include "../../firmware/link/session.h"
 #include <string.h>
 
@@ -124,7 +124,8 @@ void link_board_pulses(const link_board_t *b, uint32_t pulse_halfus[2]) {
     memcpy(pulse_halfus, b->pulse_halfus, sizeof b->pulse_halfus);
 }
 
-/* All frames with a right CRC out of a stream, ten bytes each (id big-endian, data); *bad: lines thrown away. */
+/* All frames with a right CRC out of a stream, ten bytes each (id big-endian, data); *bad: lines thrown away.
+ */
 size_t link_board_parse(const uint8_t *bytes, size_t count, uint8_t *frames, uint32_t *bad) {
     slcan_rx_t rx;
     size_t found = 0;
