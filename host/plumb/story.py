@@ -17,7 +17,7 @@ from plumb.trial import TURN_DEG, Trial
 
 RATE_DPS = 360.0 / 2.0**28
 """Degrees per second in a unit of a rate word."""
-COMMAND = 2.0**-30
+COMMAND = 2.0**-22
 TRUTH, SENSOR, ESTIMATE, SECOND = "#1d2430", "#c9a227", "#2a5ca8", "#b3261e"
 
 
@@ -36,7 +36,7 @@ def plots(trial: Trial) -> list[Plot]:
     found = [
         Plot("Tilt: truth, accelerometer alone, estimate", "deg", time_s, tilt),
         Plot("Gyro bias", "deg/s", time_s, bias),
-        Plot("Command of the PID", "1 = full", time_s, [Line("command", words["command_q30"] * COMMAND, ESTIMATE)]),
+        Plot("Command of the PID", "1 = full", time_s, [Line("command", words["command_q22"] * COMMAND, ESTIMATE)]),
         Plot(
             "Pulses to the two speed controllers",
             "us",
