@@ -47,7 +47,7 @@ def test_batches_single_steps_and_words_tell_the_same() -> None:
             assert reply.values["tilt"] & 0xFFFFFFFF == words["tilt_turn_q32"]
             assert reply.values["rate"] & 0xFFFFFFFF == words["rate_corrected_turnps_q28"]
             assert reply.values["tilt_measured"] & 0xFFFFFFFF == words["tilt_measured_turn_q32"]
-            assert reply.values["command"] & 0xFFFFFFFF == words["command_q30"]
+            assert reply.values["command"] & 0xFFFFFFFF == words["command_q22"]
             assert reply.values["bias"] & 0xFFFFFFFF == words["bias_turnps_q28"]
             assert (reply.values["pulse_0"], reply.values["pulse_1"]) == (
                 words["pulse_halfus_0"], words["pulse_halfus_1"],

@@ -6,7 +6,7 @@
 #include "e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 1U
-#define MESSAGES_DBC_HASH 0x0D0BAF4FU
+#define MESSAGES_DBC_HASH 0xCE4B0782U
 
 #define MESSAGE_KEEPALIVE_ID 0x008U
 typedef struct {

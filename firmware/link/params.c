@@ -13,58 +13,54 @@ typedef struct {
 } param_t;
 
 static const param_t table[PARAMS_COUNT] = {
-    {0xFFFF8000U, 0x00007FFFU, 0x00000514U}, /* 0: gyro.raw_min */
-    {0xFFFF8000U, 0x00007FFFU, 0x00000802U}, /* 1: gyro.raw_max */
-    {0x80000000U, 0x7FFFFFFFU, 0x000DAED0U}, /* 2: gyro.gain */
-    {0x80000000U, 0x7FFFFFFFU, 0xA670C100U}, /* 3: gyro.offset */
-    {0xFFFF8000U, 0x00007FFFU, 0x00000000U}, /* 4: accel_y.raw_min */
-    {0xFFFF8000U, 0x00007FFFU, 0x00000FFFU}, /* 5: accel_y.raw_max */
+    {0xFFFF8000U, 0x00007FFFU, 0x00000579U}, /* 0: gyro.raw_min */
+    {0xFFFF8000U, 0x00007FFFU, 0x0000079FU}, /* 1: gyro.raw_max */
+    {0x80000000U, 0x7FFFFFFFU, 0x000DAE7DU}, /* 2: gyro.gain */
+    {0x80000000U, 0x7FFFFFFFU, 0xA6729F46U}, /* 3: gyro.offset */
+    {0xFFFF8000U, 0x00007FFFU, 0x00000199U}, /* 4: accel_y.raw_min */
+    {0xFFFF8000U, 0x00007FFFU, 0x00000E67U}, /* 5: accel_y.raw_max */
     {0x80000000U, 0x7FFFFFFFU, 0x00010800U}, /* 6: accel_y.gain */
     {0x80000000U, 0x7FFFFFFFU, 0xF7C00000U}, /* 7: accel_y.offset */
-    {0xFFFF8000U, 0x00007FFFU, 0x00000000U}, /* 8: accel_z.raw_min */
-    {0xFFFF8000U, 0x00007FFFU, 0x00000FFFU}, /* 9: accel_z.raw_max */
+    {0xFFFF8000U, 0x00007FFFU, 0x00000199U}, /* 8: accel_z.raw_min */
+    {0xFFFF8000U, 0x00007FFFU, 0x00000E67U}, /* 9: accel_z.raw_max */
     {0x80000000U, 0x7FFFFFFFU, 0x00010800U}, /* 10: accel_z.gain */
     {0x80000000U, 0x7FFFFFFFU, 0xF7C00000U}, /* 11: accel_z.offset */
     {0x00000000U, 0x00000001U, 0x00000001U}, /* 12: tilt.mode */
     {0x00000001U, 0x01000000U, 0x00002469U}, /* 13: tilt.r_base */
-    {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 14: tilt.r_gain */
-    {0x00000001U, 0x01000000U, 0x01000000U}, /* 15: tilt.r_max */
-    {0x00000000U, 0xFFFFFFFFU, 0x000FFFFFU}, /* 16: tilt.deviation_max */
-    {0x00000000U, 0x0000001FU, 0x0000000CU}, /* 17: tilt.deviation_shift */
+    {0x00000000U, 0xFFFFFFFFU, 0x009C71C7U}, /* 14: tilt.r_gain */
+    {0x00000001U, 0x01000000U, 0x008E38E4U}, /* 15: tilt.r_max */
+    {0x00000000U, 0xFFFFFFFFU, 0x00079FB8U}, /* 16: tilt.deviation_max */
+    {0x00000000U, 0x0000001FU, 0x0000000DU}, /* 17: tilt.deviation_shift */
     {0x00000001U, 0x33333333U, 0x0A3D70A4U}, /* 18: kalman.dt_s_q33 */
     {0x00000000U, 0x00000001U, 0x00000000U}, /* 19: kalman.rate_now */
-    {0x00000000U, 0x01000000U, 0x00000680U}, /* 20: kalman.qa_hi */
-    {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 21: kalman.qa_lo */
-    {0x00000000U, 0x7FFFFFFEU, 0x553378CEU}, /* 22: kalman.qb */
-    {0x00000000U, 0x00FFFFFFU, 0x00000000U}, /* 23: kalman.qb_frac_q24 */
-    {0x00000000U, 0x1FFFFFFFU, 0x0010624DU}, /* 24: kalman.bias_max_turn_q29 */
+    {0x00000000U, 0x01000000U, 0x00000002U}, /* 20: kalman.qa_hi */
+    {0x00000000U, 0xFFFFFFFFU, 0x3CA98CE5U}, /* 21: kalman.qa_lo */
+    {0x00000000U, 0xFFFFFFFFU, 0x0007D199U}, /* 22: kalman.qb */
+    {0x00000000U, 0x3FFFFFFFU, 0x23AFC4ADU}, /* 23: kalman.qb_frac_q30 */
+    {0x00000000U, 0x1FFFFFFFU, 0x00888889U}, /* 24: kalman.bias_max_turn_q29 */
     {0x40000000U, 0x7FFFFFFFU, 0x64000000U}, /* 25: kalman.rate_gain */
-    {0x00000001U, 0x00000010U, 0x00000005U}, /* 26: kalman.rate_shift */
-    {0x80000000U, 0x7FFFFFFFU, 0x00000000U}, /* 27: start.bias_hi */
+    {0x00000001U, 0x00000010U, 0x00000006U}, /* 26: kalman.rate_shift */
+    {0xFC000001U, 0x03FFFFFFU, 0x00000000U}, /* 27: start.bias_hi */
     {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 28: start.bias_lo */
     {0x80000000U, 0x7FFFFFFFU, 0x00000000U}, /* 29: start.tilt_turn_q32 */
-    {0x00000000U, 0x02000000U, 0x00000340U}, /* 30: start.p00_hi */
+    {0x00000000U, 0x02000000U, 0x02000000U}, /* 30: start.p00_hi */
     {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 31: start.p00_lo */
-    {0xFF000000U, 0x01000000U, 0x00000010U}, /* 32: start.p01_hi */
+    {0xFF000000U, 0x01000000U, 0x00000000U}, /* 32: start.p01_hi */
     {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 33: start.p01_lo */
-    {0x00000000U, 0x01000000U, 0x00000000U}, /* 34: start.p11_hi */
-    {0x00000000U, 0xFFFFFFFFU, 0x553378CEU}, /* 35: start.p11_lo */
-    {0xC0000000U, 0x40000000U, 0x00000000U}, /* 36: pid.kp_q22 */
-    {0x80000000U, 0x7FFFFFFFU, 0x00000000U}, /* 37: pid.ki_dt_q22 */
-    {0xC0000000U, 0x40000000U, 0x00000000U}, /* 38: pid.kd_q27 */
-    {0x00000000U, 0x7FFFFFFFU, 0x7FFFFFFFU}, /* 39: pid.d_alpha_q31 */
-    {0xFFC00000U, 0x00000000U, 0x00000000U}, /* 40: pid.integral_min_q22 */
-    {0x00000000U, 0x00400000U, 0x00000000U}, /* 41: pid.integral_max_q22 */
-    {0xC0000000U, 0x3FFFFFFFU, 0xC0000000U}, /* 42: pid.out_min_q30 */
-    {0xC0000000U, 0x3FFFFFFFU, 0x3FFFFFFFU}, /* 43: pid.out_max_q30 */
-    {0x00000001U, 0x7FFFFFFFU, 0x7FFFFFFFU}, /* 44: pid.slew_q30 */
-    {0x00000000U, 0x00003FFFU, 0x00000BB8U}, /* 45: esc.mid_halfus */
-    {0xFFFFC001U, 0x00003FFFU, 0x00000320U}, /* 46: esc.span_halfus */
-    {0x00000000U, 0x00003FFFU, 0x000007D0U}, /* 47: esc.min_halfus */
-    {0x00000000U, 0x00003FFFU, 0x00000FA0U}, /* 48: esc.max_halfus */
-    {0x00000000U, 0x00003FFFU, 0x000007D0U}, /* 49: esc.neutral_halfus */
-    {0x000001F4U, 0x000186A0U, 0x00004E20U}, /* 50: period_us */
-    {0x000009C4U, 0x00004E20U, 0x00004E20U}, /* 51: esc_period_us */
+    {0x00000000U, 0x00FFFFFFU, 0x000005D3U}, /* 34: start.p11_hi */
+    {0x00000000U, 0xFFFFFFFFU, 0x4EDEE9D6U}, /* 35: start.p11_lo */
+    {0xC0000000U, 0x40000000U, 0x040CCCCDU}, /* 36: pid.kp_q22 */
+    {0x00000000U, 0x7FFFFFFFU, 0x00374BC7U}, /* 37: pid.ki_dt_q22 */
+    {0xC0000000U, 0x40000000U, 0x187AE148U}, /* 38: pid.kd_q27 */
+    {0x00000000U, 0x7FFFFFFFU, 0x7DA7D549U}, /* 39: pid.d_alpha_q31 */
+    {0x00000001U, 0x00800000U, 0x0019999AU}, /* 40: pid.slew_q22 */
+    {0x00000000U, 0x00003FFFU, 0x00000BB8U}, /* 41: esc.mid_halfus */
+    {0xFFFFC001U, 0x00003FFFU, 0x00000320U}, /* 42: esc.span_halfus */
+    {0x00000000U, 0x00003FFFU, 0x000007D0U}, /* 43: esc.min_halfus */
+    {0x00000000U, 0x00003FFFU, 0x00000FA0U}, /* 44: esc.max_halfus */
+    {0x00000000U, 0x00003FFFU, 0x000007D0U}, /* 45: esc.neutral_halfus */
+    {0x000001F4U, 0x000186A0U, 0x00004E20U}, /* 46: period_us */
+    {0x000009C4U, 0x00004E20U, 0x00004E20U}, /* 47: esc_period_us */
 };
 
 #define PLACE(member, index) \
@@ -92,7 +88,7 @@ PLACE(control.kalman.rate_now, 19);
 PLACE(control.kalman.qa_hi, 20);
 PLACE(control.kalman.qa_lo, 21);
 PLACE(control.kalman.qb, 22);
-PLACE(control.kalman.qb_frac_q24, 23);
+PLACE(control.kalman.qb_frac_q30, 23);
 PLACE(control.kalman.bias_max_turn_q29, 24);
 PLACE(control.kalman.rate_gain, 25);
 PLACE(control.kalman.rate_shift, 26);
@@ -109,18 +105,14 @@ PLACE(control.pid.kp_q22, 36);
 PLACE(control.pid.ki_dt_q22, 37);
 PLACE(control.pid.kd_q27, 38);
 PLACE(control.pid.d_alpha_q31, 39);
-PLACE(control.pid.integral_min_q22, 40);
-PLACE(control.pid.integral_max_q22, 41);
-PLACE(control.pid.out_min_q30, 42);
-PLACE(control.pid.out_max_q30, 43);
-PLACE(control.pid.slew_q30, 44);
-PLACE(control.esc.mid_halfus, 45);
-PLACE(control.esc.span_halfus, 46);
-PLACE(control.esc.min_halfus, 47);
-PLACE(control.esc.max_halfus, 48);
-PLACE(control.esc.neutral_halfus, 49);
-PLACE(period_us, 50);
-PLACE(esc_period_us, 51);
+PLACE(control.pid.slew_q22, 40);
+PLACE(control.esc.mid_halfus, 41);
+PLACE(control.esc.span_halfus, 42);
+PLACE(control.esc.min_halfus, 43);
+PLACE(control.esc.max_halfus, 44);
+PLACE(control.esc.neutral_halfus, 45);
+PLACE(period_us, 46);
+PLACE(esc_period_us, 47);
 typedef char whole_table[sizeof(params_t) == 4U * PARAMS_COUNT ? 1 : -1];
 
 uint32_t params_word(const params_t *p, uint16_t index) {

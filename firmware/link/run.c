@@ -21,10 +21,9 @@
 #define FRAME_COMMAND  0x40U
 #define FRAMES_ALL     0x7FU
 
-/* Measurements outside their range; a limited command is no such thing. */
+/* Raw counts outside their range; a limited command is no such thing. */
 #define FLAGS_SATURATED                                                                                      \
-    (CONTROL_FLAG_GYRO_CLAMPED | CONTROL_FLAG_ACCEL_Y_CLAMPED | CONTROL_FLAG_ACCEL_Z_CLAMPED |               \
-     CONTROL_FLAG_ARCSINE_LIMITED)
+    (CONTROL_FLAG_GYRO_CLAMPED | CONTROL_FLAG_ACCEL_Y_CLAMPED | CONTROL_FLAG_ACCEL_Z_CLAMPED)
 
 void run_begin(session_t *s, uint16_t run) {
     s->mode = run == MESSAGE_RUN_BEGIN_RUN_LOCKSTEP ? SESSION_LOCKSTEP : SESSION_REALTIME;
@@ -252,7 +251,7 @@ static void send_named(session_t *s, const control_words_t *w, uint8_t step_low)
         outbox_telemetry(box, message_measured_pack(&m), step_low);
     }
     if ((mask & FRAME_COMMAND) != 0) {
-        const message_command_t m = {.command = w->pid.command_q30};
+        const message_command_t m = {.command = w->pid.command_q22};
         outbox_telemetry(box, message_command_pack(&m), step_low);
     }
 }
