@@ -102,3 +102,22 @@ def test_protocol_document_is_fresh() -> None:
     text = (ROOT / "PROTOCOL.md").read_text()
     assert tool("gen_protocol").generate(text) == text, "PROTOCOL.md is stale: run tools/gen_protocol.py"
     assert text.count("<!-- begin") == 8
+
+
+def test_words_on_the_wire_are_the_words_of_the_record() -> None:
+    from plumb.words import WORDS_DTYPE
+
+    names: list[str] = []
+    for name in WORDS_DTYPE.names or ():
+        wide = WORDS_DTYPE[name].itemsize == 8
+        names += [f"{name}_lo", f"{name}_hi"] if wide else [name]
+    assert list(protocol()["WORD"].choices["index"].values()) == names
+
+
+def test_factory_values_are_a_shipped_tuning() -> None:
+    from plumb.quantise import quantise
+    from plumb.systems.quad import TUNINGS
+
+    rows = parameters.table()
+    assert [row.default for row in rows if row.owner == "control"] == quantise(TUNINGS["adaptive"]).words()
+    assert {row.name: row.default for row in rows}["period_us"] == TUNINGS["adaptive"].period_us
