@@ -10,7 +10,7 @@ import numpy as np
 from plumb.integers import Integer, clamp, clz32, mulhi_u32, select, wrap_i32, wrap_u32
 
 ATAN_Q33 = (1367129643, -455662709, 272695593, -190149124, 131821425, -76439450, 29889517, -5543123)
-ASIN_Q32 = (1073741824, -146693434, 60841885, -34419707, 21495629, -12283458, 5033007, -1008616)
+ASIN_Q32 = (1073741824, -146689165, 60745628, -33710821, 19130782, -8341557, 1831557)
 
 ROOT = tuple(
     int(entry, 16)
@@ -37,9 +37,9 @@ def reciprocal(d: Integer) -> Integer:
 
 
 def polynomial(c: tuple[int, ...], v: Integer) -> Integer:
-    """c[0] + c[1] v + ... + c[7] v^7; v in Q30, 0 to 1."""
-    p = c[7]
-    for coefficient in c[6::-1]:
+    """c[0] + c[1] v + c[2] v^2 + ...; v in Q30, 0 to 1."""
+    p = c[-1]
+    for coefficient in c[-2::-1]:
         p = coefficient + 4 * ((p * v) >> 32)
     return p
 

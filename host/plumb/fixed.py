@@ -24,8 +24,7 @@ __all__ = ["Controller", "asin", "atan2", "calibrate", "control_step", "kalman_s
 
 Params = Mapping[str, Integer]
 
-FLAG_ARCSINE_LIMITED = 1 << 3
-FLAG_COMMAND_LIMITED = 1 << 4
+FLAG_COMMAND_LIMITED = 1 << 3
 
 
 @dataclass(slots=True)
@@ -35,7 +34,7 @@ class KalmanState:
     p00: Integer
     p01: Integer
     p11: Integer
-    p11_frac_q24: Integer = 0
+    p11_frac_q30: Integer = 0
     innovation_turn_q32: Integer = 0
     k0_q29: Integer = 0
     k1_q29: Integer = 0
@@ -44,10 +43,9 @@ class KalmanState:
 @dataclass(slots=True)
 class PidState:
     integral_q54: Integer = 0
+    command_q22: Integer = 0
     rate_filtered_turnps_q27: Integer = 0
-    demand_q30: Integer = 0
-    command_q30: Integer = 0
-    limited: Integer = 0
+    excess_q22: Integer = 0
 
 
 @dataclass(slots=True)
@@ -55,6 +53,7 @@ class ControlState:
     kalman: KalmanState
     pid: PidState
     rate_turnps_q28: Integer = 0
+    clamped_steps: Integer = 0
     step: int = 0
 
 
@@ -64,14 +63,13 @@ def calibrate(raw: Integer, p: Params, channel: str) -> tuple[Integer, Integer]:
     return wrap_i32(used * p[f"{channel}.gain"] + p[f"{channel}.offset"]), select(used != raw, 1, 0)
 
 
-def tilt(accel_y_g_q26: Integer, accel_z_g_q26: Integer, p: Params) -> tuple[Integer, Integer]:
-    """Measured tilt, turn Q32; and 1 where the arcsine had to be limited."""
-    sine = clamp(accel_y_g_q26, -(1 << 26), 1 << 26)
+def tilt(accel_y_g_q26: Integer, accel_z_g_q26: Integer, p: Params) -> Integer:
+    """Measured tilt, turn Q32."""
     arcsine = p["tilt.mode"] == 0
-    limited = select(arcsine & (sine != accel_y_g_q26), 1, 0)
+    sine_q30 = clamp(accel_y_g_q26, -(1 << 26), 1 << 26) * 16
     if isinstance(arcsine, bool):
-        return asin(sine * 16) if arcsine else atan2(accel_y_g_q26, accel_z_g_q26), limited
-    return select(arcsine, asin(sine * 16), atan2(accel_y_g_q26, accel_z_g_q26)), limited
+        return asin(sine_q30) if arcsine else atan2(accel_y_g_q26, accel_z_g_q26)
+    return select(arcsine, asin(sine_q30), atan2(accel_y_g_q26, accel_z_g_q26))
 
 
 def trust(accel_y_g_q26: Integer, accel_z_g_q26: Integer, p: Params) -> Integer:
@@ -111,10 +109,10 @@ def kalman_step(k: KalmanState, p: Params, r: Integer, z: Integer, u: Integer) -
     # (5)
     k.p00 = r * k0_q32
     d = k1_q29 * p01a
-    f = k.p11_frac_q24 + p["kalman.qb_frac_q24"] - (wrap_u32(wrap_u32(d) << (36 - n)) >> 8)
-    p11n = k.p11 + p["kalman.qb"] + (f >> 24) - (d >> (n - 4))
+    f = k.p11_frac_q30 + p["kalman.qb_frac_q30"] - (wrap_u32(wrap_u32(d) << (36 - n)) >> 2)
+    p11n = k.p11 + p["kalman.qb"] + (f >> 30) - (d >> (n - 4))
     k.p11 = (clamp(p11n >> 32, 0, (1 << 24) - 1) << 32) + wrap_u32(p11n)
-    k.p11_frac_q24 = f & ((1 << 24) - 1)
+    k.p11_frac_q30 = f & ((1 << 30) - 1)
     c = 0xFFFFFFFF - k0_q32
     k.p01 = (p01 >> 32) * c + mulhi_u32(wrap_u32(p01), c)
 
@@ -131,25 +129,22 @@ def kalman_step(k: KalmanState, p: Params, r: Integer, z: Integer, u: Integer) -
 def pid_step(c: PidState, p: Params, error: Integer, rate: Integer) -> None:
     """error: turn Q32; rate: turn/s Q28."""
     x = wrap_i32((rate >> 1) - c.rate_filtered_turnps_q27)
-    c.rate_filtered_turnps_q27 = c.rate_filtered_turnps_q27 + ((x * p["pid.d_alpha_q31"]) >> 31)
-    u = wrap_i64(error * p["pid.kp_q22"] + c.integral_q54 - c.rate_filtered_turnps_q27 * p["pid.kd_q27"])
-    demand = (clamp(u >> 32, -(1 << 23), (1 << 23) - 1) << 8) + (wrap_u32(u) >> 24)
-    out = clamp(demand, p["pid.out_min_q30"], p["pid.out_max_q30"])
-    slew = p["pid.slew_q30"]
-    command = c.command_q30 + clamp(out - c.command_q30, -slew, slew)
+    c.rate_filtered_turnps_q27 = wrap_i32(c.rate_filtered_turnps_q27 + 2 * ((x * p["pid.d_alpha_q31"]) >> 32))
+    demand = ((error * p["pid.kp_q22"]) >> 32) - ((c.rate_filtered_turnps_q27 * p["pid.kd_q27"]) >> 32)
+    demand = demand + (c.integral_q54 >> 32)
+    wanted = clamp(demand, -(1 << 22), (1 << 22) - 1)
+    slew = p["pid.slew_q22"]
+    c.command_q22 = c.command_q22 + clamp(wanted - c.command_q22, -slew, slew)
 
-    i = error * p["pid.ki_dt_q22"]
-    m = (demand >> 1) - (command >> 1)
-    i = select((m != 0) & ((m >= 0) == (i >= 0)), 0, i)
-    w = c.integral_q54 + i
-    low, high = p["pid.integral_min_q22"], p["pid.integral_max_q22"]
-    c.integral_q54 = (clamp(w >> 32, low, high) << 32) + wrap_u32(w)
-    c.demand_q30, c.command_q30, c.limited = demand, command, select(demand != command, 1, 0)
+    c.excess_q22 = demand - c.command_q22
+    further = (c.excess_q22 != 0) & ((c.excess_q22 < 0) == (error < 0))
+    w = c.integral_q54 + select(further, 0, error) * p["pid.ki_dt_q22"]
+    c.integral_q54 = (clamp(w >> 32, -(1 << 23), (1 << 23) - 1) << 32) + wrap_u32(w)
 
 
-def esc(command_q30: Integer, p: Params) -> tuple[Integer, Integer]:
+def esc(command_q22: Integer, p: Params) -> tuple[Integer, Integer]:
     """Pulses of the two opposing motors in half-microseconds."""
-    d = ((command_q30 >> 14) * p["esc.span_halfus"] + (1 << 15)) >> 16
+    d = ((command_q22 >> 6) * p["esc.span_halfus"] + (1 << 15)) >> 16
     mid, low, high = p["esc.mid_halfus"], p["esc.min_halfus"], p["esc.max_halfus"]
     return clamp(mid + d, low, high), clamp(mid - d, low, high)
 
@@ -167,7 +162,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_tu
     accel_z, z_clamped = calibrate(raw[2], p, "accel_z")
     c.rate_turnps_q28 = rate
     u = rate if c.step == 1 else select(p["kalman.rate_now"] == 1, rate, previous)
-    measured, arcsine_limited = tilt(accel_y, accel_z, p)
+    measured = tilt(accel_y, accel_z, p)
     variance = trust(accel_y, accel_z, p)
     k, pid = c.kalman, c.pid
     kalman_step(k, p, variance, measured, u)
@@ -180,25 +175,21 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_tu
     rate_corrected = rate - bias
     error = wrap_i32(setpoint_turn_q32 - tilt_turn_q32)
     pid_step(pid, p, error, rate_corrected)
-    pulse = esc(pid.command_q30, p)
-    flags = (
-        gyro_clamped
-        | y_clamped << 1
-        | z_clamped << 2
-        | arcsine_limited * FLAG_ARCSINE_LIMITED
-        | pid.limited * FLAG_COMMAND_LIMITED
-    )
+    pulse = esc(pid.command_q22, p)
+    clamped = gyro_clamped | y_clamped << 1 | z_clamped << 2
+    c.clamped_steps = c.clamped_steps + select(clamped != 0, 1, 0)
+    flags = clamped | select(pid.excess_q22 != 0, FLAG_COMMAND_LIMITED, 0)
     return (
         *raw, setpoint_turn_q32, rate, accel_y, accel_z, measured, variance,
-        k.tilt_turn_q61, k.bias_turn_q61, k.p00, k.p01, k.p11, k.p11_frac_q24,
+        k.tilt_turn_q61, k.bias_turn_q61, k.p00, k.p01, k.p11, k.p11_frac_q30,
         k.innovation_turn_q32, k.k0_q29, k.k1_q29,
-        tilt_turn_q32, bias, rate_corrected, error,
-        pid.integral_q54, pid.rate_filtered_turnps_q27, pid.demand_q30, pid.command_q30, pid.limited,
+        tilt_turn_q32, bias, rate_corrected, c.clamped_steps,
+        pid.integral_q54, pid.command_q22, pid.rate_filtered_turnps_q27, pid.excess_q22, error,
         *pulse, flags, c.step,
     )  # fmt: skip
 
 
-RECORD = struct.Struct("<11iI5qI7iq3iI4I")
+RECORD = struct.Struct("<11iI5qI6iIq4i4I")
 
 
 class Controller:

@@ -23,12 +23,12 @@ LIBRARY = "libplumb_native.so"
 BUILD = "cmake --preset native && cmake --build --preset native"
 
 KALMAN_DTYPE = np.dtype([(name, WORDS_DTYPE[name]) for name in (
-    "tilt_turn_q61", "bias_turn_q61", "p00", "p01", "p11", "p11_frac_q24", "innovation_turn_q32", "k0_q29", "k1_q29",
+    "tilt_turn_q61", "bias_turn_q61", "p00", "p01", "p11", "p11_frac_q30", "innovation_turn_q32", "k0_q29", "k1_q29",
 )])  # fmt: skip
 """kalman_t: the state of one filter after a step."""
 
 PID_DTYPE = np.dtype([(name, WORDS_DTYPE[name]) for name in (
-    "integral_q54", "rate_filtered_turnps_q27", "demand_q30", "command_q30", "limited",
+    "integral_q54", "command_q22", "rate_filtered_turnps_q27", "excess_q22", "error_turn_q32",
 )])  # fmt: skip
 """pid_t."""
 

@@ -25,8 +25,10 @@ VARIANCE_MAX = 1 << 56
 """Of qa, p11 and |p01| in lsb; p00 may start at twice as much."""
 R_MAX = 1 << 24
 """Of R, in 2^32 lsb."""
-QB_MAX = (1 << 55) - (1 << 24) - 1
-"""Of the bias's process noise, in 2^-24 lsb."""
+BIAS_MAX = ((1 << 26) - 1) << 32
+"""Of the start's bias per step, turn Q61."""
+QB_MAX = (1 << 62) - 1
+"""Of the bias's process noise, in 2^-30 lsb."""
 TOLERANCE = Fraction(1, 1000)
 DEG2 = Fraction(1, 360**2)
 """Square degrees in turn^2."""
@@ -129,12 +131,8 @@ def _check(tuning: Tuning) -> None:
     most = min(tuning.kalman.q_angle_deg2_per_s / 4, start.p00_deg2 / tuning.period_s)
     if not -start.p00_deg2 / tuning.period_s <= start.p01_deg2_per_s <= most:
         _refuse("start.p01_deg2_per_s", start.p01_deg2_per_s, f"outside -p00 / period to {most:g} (Q_angle / 4)")
-    for name, low, high in (
-        ("pid.command_max", tuning.pid.command_min, tuning.pid.command_max),
-        ("esc.max_us", tuning.esc.min_us, tuning.esc.max_us),
-    ):
-        if high < low:
-            _refuse(name, high, f"less than its minimum {low:g}")
+    if tuning.esc.max_us < tuning.esc.min_us:
+        _refuse("esc.max_us", tuning.esc.max_us, f"less than min_us = {tuning.esc.min_us:g}")
 
 
 def _channel(name: str, channel: Channel, unit: Fraction) -> dict[str, int]:
@@ -172,7 +170,7 @@ def _variances(tuning: Tuning, dt: Fraction) -> dict[str, tuple[float, Fraction]
 LIMITS = {
     "trust.r_max_deg2": R_MAX << 32,
     "kalman.q_angle_deg2_per_s": VARIANCE_MAX,
-    "kalman.q_bias_dps2_per_s": 1 << 31,
+    "kalman.q_bias_dps2_per_s": 1 << 32,
     "start.p00_deg2": 2 * VARIANCE_MAX,
     "start.p01_deg2_per_s": VARIANCE_MAX,
     "start.p11_dps2": VARIANCE_MAX,
@@ -213,15 +211,15 @@ def _in_unit(tuning: Tuning, variances: dict[str, tuple[float, Fraction]], unit:
         return _whole(name, asked, exact / unit * Fraction(2) ** fraction_bits, low, high)
 
     r_base, r_max = lsb("trust.r_deg2", 1, R_MAX, -32), lsb("trust.r_max_deg2", 1, R_MAX, -32)
-    qa, qb = lsb("kalman.q_angle_deg2_per_s", 0, VARIANCE_MAX), lsb("kalman.q_bias_dps2_per_s", 0, QB_MAX, 24)
+    qa, qb = lsb("kalman.q_angle_deg2_per_s", 0, VARIANCE_MAX), lsb("kalman.q_bias_dps2_per_s", 0, QB_MAX, 30)
     p00, p11 = lsb("start.p00_deg2", 0, 2 * VARIANCE_MAX), lsb("start.p11_dps2", 0, VARIANCE_MAX - 1)
     p01 = lsb("start.p01_deg2_per_s", -VARIANCE_MAX, VARIANCE_MAX)
     return {
         "tilt.r_base": r_base,
         **_gain(tuning.trust, unit, r_base, r_max),
         **_split("kalman.qa", qa),
-        "kalman.qb": qb >> 24,
-        "kalman.qb_frac_q24": qb & ((1 << 24) - 1),
+        "kalman.qb": qb >> 30,
+        "kalman.qb_frac_q30": qb & ((1 << 30) - 1),
         **_split("start.p00", p00),
         **_split("start.p01", p01),
         **_split("start.p11", p11),
@@ -262,14 +260,10 @@ def _pid(pid: Pid, dt: Fraction) -> dict[str, int]:
         _refuse("pid.slew_per_s", pid.slew_per_s, "the command could never move")
     return {
         "pid.kp_q22": word("kp_per_deg", 360 << 22, -(1 << 30), 1 << 30),
-        "pid.ki_dt_q22": word("ki_per_deg_s", (360 << 22) * dt, -most, most),
+        "pid.ki_dt_q22": word("ki_per_deg_s", (360 << 22) * dt, 0, most),
         "pid.kd_q27": word("kd_per_dps", 360 << 27, -(1 << 30), 1 << 30),
         "pid.d_alpha_q31": _whole("pid.derivative_tau_s", pid.derivative_tau_s, alpha * (1 << 31), 0, most),
-        "pid.integral_min_q22": word("integral_min", 1 << 22, -(1 << 22), 0),
-        "pid.integral_max_q22": word("integral_max", 1 << 22, 0, 1 << 22),
-        "pid.out_min_q30": word("command_min", 1 << 30, -(1 << 30), (1 << 30) - 1),
-        "pid.out_max_q30": word("command_max", 1 << 30, -(1 << 30), (1 << 30) - 1),
-        "pid.slew_q30": most if slew >= 2 else _whole("pid.slew_per_s", pid.slew_per_s, slew * (1 << 30), 1, most),
+        "pid.slew_q22": 1 << 23 if slew >= 2 else _whole("pid.slew_per_s", pid.slew_per_s, slew * (1 << 22), 1, 1 << 23),
     }
 
 
@@ -303,7 +297,7 @@ def quantise(tuning: Tuning) -> ControlParams:
         "kalman.bias_max_turn_q29": bias_max,
         "kalman.rate_gain": min(round(Fraction(2) ** (31 - rate_shift) / dt), half_turn - 1),
         "kalman.rate_shift": rate_shift,
-        **_split("start.bias", bias("start.bias_dps", start.bias_dps, 61, -(1 << 58), (1 << 58) - 1)),
+        **_split("start.bias", bias("start.bias_dps", start.bias_dps, 61, -BIAS_MAX, BIAS_MAX)),
         "start.tilt_turn_q32": (tilt + half_turn) % (1 << 32) - half_turn,
         **_pid(tuning.pid, dt),
     }
@@ -337,7 +331,7 @@ def dequantise(params: ControlParams) -> Tuning:
         trust=Trust(p["tilt.r_base"] * r_lsb, gain, min(p["tilt.r_max"] * r_lsb, reached)),
         kalman=Kalman(
             q_angle_deg2_per_s=params.wide("kalman.qa_hi", "kalman.qa_lo") * lsb / dt,
-            q_bias_dps2_per_s=(p["kalman.qb"] + p["kalman.qb_frac_q24"] / 2**24) * lsb / dt**3,
+            q_bias_dps2_per_s=(p["kalman.qb"] + p["kalman.qb_frac_q30"] / 2**30) * lsb / dt**3,
             rate="current" if p["kalman.rate_now"] else "previous",
             bias_max_dps=p["kalman.bias_max_turn_q29"] / 2**29 * 360 / dt,
         ),
@@ -353,11 +347,7 @@ def dequantise(params: ControlParams) -> Tuning:
             ki_per_deg_s=p["pid.ki_dt_q22"] / 2**22 / 360 / dt,
             kd_per_dps=p["pid.kd_q27"] / 2**27 / 360,
             derivative_tau_s=tau,
-            command_min=p["pid.out_min_q30"] / 2**30,
-            command_max=p["pid.out_max_q30"] / 2**30,
-            integral_min=p["pid.integral_min_q22"] / 2**22,
-            integral_max=p["pid.integral_max_q22"] / 2**22,
-            slew_per_s=p["pid.slew_q30"] / 2**30 / dt,
+            slew_per_s=p["pid.slew_q22"] / 2**22 / dt,
         ),
         esc=Esc(*(p[f"esc.{name}_halfus"] / 2 for name in ("mid", "span", "min", "max", "neutral"))),
         exact_period_s=dt,

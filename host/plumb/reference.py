@@ -146,12 +146,11 @@ def pid_step(c: PidState, settings: Pid, period_s: float, error_deg: Number, rat
     demand = settings.kp_per_deg * error_deg + c.integral - settings.kd_per_dps * c.rate_filtered_dps
 
     slew = settings.slew_per_s * period_s
-    within = clip(demand, settings.command_min, settings.command_max)
-    c.command = clip(within, c.command - slew, c.command + slew)
+    c.command = clip(clip(demand, -1.0, 1.0), c.command - slew, c.command + slew)
 
     growth = settings.ki_per_deg_s * period_s * error_deg
     further = (demand - c.command) * growth > 0.0
-    c.integral = clip(c.integral + growth * (1.0 - further), settings.integral_min, settings.integral_max)
+    c.integral += growth * (1.0 - further)
 
 
 def esc(command: Number, settings: Esc) -> tuple[Number, Number]:

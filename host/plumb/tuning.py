@@ -78,16 +78,15 @@ class Start:
 
 @dataclass(frozen=True)
 class Pid:
-    """Command in [-1, 1] from the tilt error in deg; D acts on the measured rate behind a first-order filter."""
+    """Command in [-1, 1] from the tilt error in deg; D acts on the measured rate behind a first-order filter.
+
+    What share of the actuator a command of 1 is, and its direction, is the span of Esc.
+    """
 
     kp_per_deg: float = 0.0
     ki_per_deg_s: float = 0.0
     kd_per_dps: float = 0.0
     derivative_tau_s: float = 0.0
-    command_min: float = -1.0
-    command_max: float = 1.0
-    integral_min: float = -1.0
-    integral_max: float = 1.0
     slew_per_s: float = 1000.0
 
 

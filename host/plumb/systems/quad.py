@@ -67,8 +67,6 @@ PID = Pid(
     ki_per_deg_s=0.12,
     kd_per_dps=0.0085,
     derivative_tau_s=0.005,
-    integral_min=-0.1,
-    integral_max=0.1,
     slew_per_s=20.0,
 )
 

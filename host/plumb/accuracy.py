@@ -1,0 +1,96 @@
+"""How far the integers are from float64 on the same integer inputs: the error budget's middle part, measured.
+
+The inputs are the hard ones: the tilt sweeps through the whole turn, the gyro has 20 deg/s of bias, one measurement in
+fifty points anywhere, and R jumps over its whole range where the tuning lets it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb import native, reference
+from plumb.quantise import ControlParams, dequantise
+
+TURN_DEG = 360.0 / 2**32
+NEAR_HALF_TURN_DEG = 0.01
+"""Innovations this close to +-180 deg may go round either way: the reference goes the way the integers went."""
+
+
+@dataclass(frozen=True)
+class FilterInputs:
+    """What a filter is given, as the firmware holds it; all (steps,). variance: 2^32 lsb; rate: U(k), turn/s Q28."""
+
+    variance: npt.NDArray[np.int64]
+    tilt_turn_q32: npt.NDArray[np.int64]
+    rate_turnps_q28: npt.NDArray[np.int64]
+
+
+def hard_inputs(params: ControlParams, steps: int, seed: int, bias_dps: float = 20.0) -> FilterInputs:
+    """A sweep through the whole turn every 25 s or so, with swings on it, bias, noise and outliers."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(steps) * params.period_s
+    tilt_deg = 14.0 * time_s + 40.0 * np.sin(0.9 * time_s) + 10.0 * np.sin(5.0 * time_s)
+    rate_dps = 14.0 + 36.0 * np.cos(0.9 * time_s) + 50.0 * np.cos(5.0 * time_s)
+    measured_deg = tilt_deg + rng.normal(0.0, 0.5, steps)
+    measured_deg = np.where(rng.random(steps) < 0.02, rng.uniform(-180.0, 180.0, steps), measured_deg)
+    gyro_dps = rate_dps + bias_dps + rng.normal(0.0, 0.5, steps)
+    low, high = params["tilt.r_base"], params["tilt.r_max"]
+    jumps = np.exp(rng.uniform(np.log(low), np.log(high), steps)) if high > low else np.full(steps, low)
+    turns = np.rint(measured_deg / 360.0 * 2**32).astype(np.int64)
+    return FilterInputs(
+        np.clip(np.rint(jumps), low, high).astype(np.int64),
+        (turns + 2**31) % 2**32 - 2**31,
+        np.rint(gyro_dps / 360.0 * 2**28).astype(np.int64),
+    )
+
+
+def filter_error_deg(params: ControlParams, inputs: FilterInputs) -> npt.NDArray[np.float64]:
+    """Fused tilt of the C integers minus the reference's, per step, wrapped; both on the very same integers."""
+    tuning = dequantise(params)
+    z_q32, u_q28 = inputs.tilt_turn_q32, inputs.rate_turnps_q28
+    fused, _ = native.kalman_run(params, inputs.variance, z_q32, u_q28)
+    z_deg, u_dps = (z_q32 * TURN_DEG).tolist(), (u_q28 * (360.0 / 2**28)).tolist()
+    r_deg2 = (inputs.variance * (params.lsb_deg2 * 2**32)).tolist()
+    settings, period_s = tuning.kalman, tuning.period_s
+    x = reference.kalman_init(tuning.start)
+    x.rate_dps = u_dps[0] if u_dps else 0.0
+    tilt_deg = np.empty(len(z_deg))
+    for step, z in enumerate(z_deg):
+        # U(k) is given: as the "previous" sample of this step
+        x.rate_dps = u_dps[step]
+        reference.kalman_step(x, settings, period_s, z, u_dps[step], r_deg2[step])
+        if abs(x.innovation_deg) > 180.0 - NEAR_HALF_TURN_DEG:
+            _same_way_round(params, inputs, step, x)
+        tilt_deg[step] = x.tilt_deg
+    error: npt.NDArray[np.float64] = reference.wrap(fused.astype(np.float64) * TURN_DEG - tilt_deg)
+    return error
+
+
+def _same_way_round(params: ControlParams, inputs: FilterInputs, step: int, x: reference.KalmanState) -> None:
+    """Give the reference the integers' side of +-180 deg."""
+    upto = slice(0, step + 1)
+    _, states = native.kalman_run(
+        params, inputs.variance[upto], inputs.tilt_turn_q32[upto], inputs.rate_turnps_q28[upto]
+    )
+    innovation_deg = float(states["innovation_turn_q32"][0]) * TURN_DEG
+    if innovation_deg * x.innovation_deg < 0:
+        turn = 360.0 if innovation_deg > 0 else -360.0
+        x.tilt_deg = reference.wrap(x.tilt_deg + x.k0 * turn)
+        x.bias_dps += x.k1 * turn
+        x.innovation_deg += turn
+
+
+def atan2_error_deg(y: npt.ArrayLike, x: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Binary angle minus float64, degrees; (0, 0) has none."""
+    exact = reference.atan2(np.asarray(y, np.float64), np.asarray(x, np.float64))
+    error: npt.NDArray[np.float64] = reference.wrap(native.atan2(y, x) * TURN_DEG - exact)
+    return error
+
+
+def asin_error_deg(x_q30: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Binary angle minus float64, degrees, of sines x / 2^30."""
+    error: npt.NDArray[np.float64] = native.asin(x_q30) * TURN_DEG - reference.asin(np.asarray(x_q30) / 2**30)
+    return error
