@@ -12,49 +12,62 @@ void control_init(control_t *c, const control_params_t *p) {
     pid_init(&c->words.pid);
 }
 
-static int32_t calibrate(const calibration_params_t *p, int32_t raw, uint32_t *flags, uint32_t flag) {
+static inline int32_t calibrate(const calibration_params_t *p, int32_t raw, uint32_t *flags, uint32_t flag) {
     const int32_t used = calibration_clamp(p, raw);
     *flags |= used != raw ? flag : 0U;
     return calibration_scale(p, used);
 }
 
-static void pulses(uint32_t pulse_halfus[2], const esc_params_t *p, int32_t command_q22) {
+static inline void pulses(uint32_t pulse_halfus[2], const esc_params_t *p, int32_t command_q22) {
+    const int32_t mid = p->mid_halfus, low = p->min_halfus, high = p->max_halfus;
     const int32_t thrust = asr32(asr32(command_q22, 6) * p->span_halfus + (1 << 15), 16);
-    pulse_halfus[0] = (uint32_t)clamp_i32(p->mid_halfus + thrust, p->min_halfus, p->max_halfus);
-    pulse_halfus[1] = (uint32_t)clamp_i32(p->mid_halfus - thrust, p->min_halfus, p->max_halfus);
+    const int32_t first = clamp_i32(mid + thrust, low, high);
+    const int32_t second = clamp_i32(mid - thrust, low, high);
+    pulse_halfus[0] = (uint32_t)first;
+    pulse_halfus[1] = (uint32_t)second;
 }
 
 void control_step(control_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
                   int32_t setpoint_turn_q32) {
     control_words_t *w = &c->words;
-    for (int i = 0; i < CONTROL_RAW_MAX; i++)
-        w->raw[i] = raw[i];
+    const int32_t raw0 = raw[0], raw1 = raw[1], raw2 = raw[2], raw3 = raw[3], raw4 = raw[4], raw5 = raw[5];
+    w->raw[0] = raw0;
+    w->raw[1] = raw1;
+    w->raw[2] = raw2;
+    w->raw[3] = raw3;
+    w->raw[4] = raw4;
+    w->raw[5] = raw5;
     w->setpoint_turn_q32 = setpoint_turn_q32;
-    w->step++;
 
-    const int32_t rate_last = w->rate_turnps_q28;
     uint32_t flags = 0;
-    w->rate_turnps_q28 = calibrate(&p->gyro, raw[0], &flags, CONTROL_FLAG_GYRO_CLAMPED);
-    w->accel_y_g_q26 = calibrate(&p->accel_y, raw[1], &flags, CONTROL_FLAG_ACCEL_Y_CLAMPED);
-    w->accel_z_g_q26 = calibrate(&p->accel_z, raw[2], &flags, CONTROL_FLAG_ACCEL_Z_CLAMPED);
+    const int32_t rate = calibrate(&p->gyro, raw0, &flags, CONTROL_FLAG_GYRO_CLAMPED);
+    const int32_t accel_y = calibrate(&p->accel_y, raw1, &flags, CONTROL_FLAG_ACCEL_Y_CLAMPED);
+    const int32_t accel_z = calibrate(&p->accel_z, raw2, &flags, CONTROL_FLAG_ACCEL_Z_CLAMPED);
+    /* the sources drive the filter with the sample before; the first step has none */
+    const uint32_t step = w->step + 1U;
+    const int32_t u = p->kalman.rate_now || step == 1U ? rate : w->rate_turnps_q28;
+    w->step = step;
+    w->rate_turnps_q28 = rate;
+    w->accel_y_g_q26 = accel_y;
+    w->accel_z_g_q26 = accel_z;
     w->clamped_steps += flags != 0U;
 
-    w->tilt_measured_turn_q32 = tilt_angle(&p->tilt, w->accel_y_g_q26, w->accel_z_g_q26);
-    w->variance = tilt_variance(&p->tilt, w->accel_y_g_q26, w->accel_z_g_q26);
+    const uint32_t variance = tilt_variance(&p->tilt, accel_y, accel_z);
+    w->variance = variance;
+    const int32_t measured = tilt_angle(&p->tilt, accel_y, accel_z);
+    w->tilt_measured_turn_q32 = measured;
 
-    /* the sources drive the filter with the sample before; the first step has none */
-    const int32_t rate = p->kalman.rate_now || w->step == 1U ? w->rate_turnps_q28 : rate_last;
-    kalman_step(&w->kalman, &p->kalman, w->variance, w->tilt_measured_turn_q32, rate);
-    w->tilt_turn_q32 = kalman_tilt(&w->kalman);
-    w->bias_turnps_q28 = kalman_bias(&w->kalman, &p->kalman);
-    w->rate_corrected_turnps_q28 = sub_wrap(w->rate_turnps_q28, w->bias_turnps_q28);
+    kalman_step(&w->kalman, &p->kalman, variance, measured, u);
+    const int32_t tilt = kalman_tilt(&w->kalman), bias = kalman_bias(&w->kalman, &p->kalman);
+    const int32_t corrected = sub_wrap(w->rate_turnps_q28, bias), error = sub_wrap(setpoint_turn_q32, tilt);
+    w->tilt_turn_q32 = tilt;
+    w->bias_turnps_q28 = bias;
+    w->rate_corrected_turnps_q28 = corrected;
+    w->pid.error_turn_q32 = error;
 
-    w->pid.error_turn_q32 = sub_wrap(setpoint_turn_q32, w->tilt_turn_q32);
-    pid_step(&w->pid, &p->pid, w->pid.error_turn_q32, w->rate_corrected_turnps_q28);
+    pid_step(&w->pid, &p->pid, error, corrected);
     pulses(w->pulse_halfus, &p->esc, w->pid.command_q22);
-
-    flags |= w->pid.excess_q22 != 0 ? CONTROL_FLAG_COMMAND_LIMITED : 0U;
-    w->flags = flags;
+    w->flags = flags | (w->pid.excess_q22 != 0 ? CONTROL_FLAG_COMMAND_LIMITED : 0U);
 }
 
 static bool esc_valid(const esc_params_t *p) {
