@@ -12,27 +12,27 @@ void kalman_init(kalman_t *k, const kalman_start_t *s) {
     };
 }
 
-void kalman_step(kalman_t *k, const kalman_params_t *p, uint32_t r, int32_t tilt_turn_q32,
+void kalman_step(kalman_t *restrict k, const kalman_params_t *restrict p, uint32_t r, int32_t tilt_turn_q32,
                  int32_t rate_turnps_q28) {
     /* (2) P = A P A^T + Q, but p11, which waits for (5) */
     const uint64_t p11 = (uint64_t)k->p11;
     const uint64_t p01_last = (uint64_t)k->p01;
     const uint64_t p01 = p01_last - p11;
-    const uint64_t p00 = (uint64_t)k->p00 - p01_last - p01 + make_u64(p->qa_hi, p->qa_lo);
+    const uint64_t p00 = (uint64_t)k->p00 + make_u64(p->qa_hi, p->qa_lo) - (p01_last + p01);
 
-    /* (4) K = P H^T / S, S = p00 + R. The reciprocal of S takes 31 bits from its first one; p00 and p01 the
-     * same. */
+    /* (4) K = P H^T / S, S = p00 + R: 31 bits of each from the first bit of S. A last bit of 1 stands for
+     * what was cut off: it is right on average, where a floor would add up over the steps. */
     const unsigned n = clz32(hi_u64(p00) + r);
-    const uint32_t p00a = hi_u64(p00) << (n - 1U) | lo_u64(p00) >> (33U - n);
-    const int32_t p01a = wrap_i32(hi_u64(p01) << (n - 1U) | lo_u64(p01) >> (33U - n));
+    const uint32_t p00a = hi_u64(p00) << (n - 1U) | lo_u64(p00) >> (33U - n) | 1U;
+    const int32_t p01a = wrap_i32(hi_u64(p01) << (n - 1U) | lo_u64(p01) >> (33U - n) | 1U);
     const uint32_t y = reciprocal_q61(p00a + (r << (n - 1U)));
     const uint64_t k0_q61 = mul_u64(p00a, y);
-    const uint32_t k0_q32 = hi_u64(k0_q61) << 3 | lo_u64(k0_q61) >> 29;
+    const uint32_t k0_q32 = hi_u64(k0_q61) << 3 | lo_u64(k0_q61) >> 29 | 1U;
     const int32_t k0_q29 = wrap_i32(hi_u64(k0_q61));
-    const int32_t k1_q29 = mulhi_i32(p01a, wrap_i32(y));
+    const uint64_t k1_q61 = (uint64_t)mul_i64(p01a, wrap_i32(y));
+    const int32_t k1_q29 = wrap_i32(hi_u64(k1_q61) + (lo_u64(k1_q61) >> 31));
 
-    /* (5) p00 = R k0, exact where k0 is near 1; p11 -= k1 p01, of which p11_frac takes the bits below 1 lsb
-     */
+    /* (5) p00 = R k0, good where k0 is near 1, too; p11 -= k1 p01, whose bits below 1 lsb go into p11_frac */
     k->p00 = wrap_i64(mul_u64(r, k0_q32));
     const uint64_t d = (uint64_t)mul_i64(k1_q29, p01a);
     const int32_t frac = wrap_i32(k->p11_frac_q30 + p->qb_frac_q30 - (lo_u64(d) << (36U - n) >> 2));
