@@ -206,7 +206,7 @@ def pid_error(words: Words, params: ControlParams) -> float:
     for k, (error_deg, rate_dps) in enumerate(zip(errors_deg, rates_dps, strict=True)):
         reference.pid_step(state, settings, params.period_s, error_deg, rate_dps)
         command[k] = state.command
-    return float(np.abs(words["command_q30"] / 2**30 - command).max())
+    return float(np.abs(words["command_q22"] / 2**22 - command).max())
 
 
 def chain_error_deg(words: Words, params: ControlParams) -> float:
