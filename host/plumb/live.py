@@ -18,7 +18,7 @@ from plumb.f103.timeline import TICKS_PER_S, TICKS_PER_US
 from plumb.quantise import ControlParams
 from plumb.sensors import adc_counts
 from plumb.session import REPLY_TIMEOUT_S
-from plumb.systems.quad import Scenario
+from plumb.systems.quad import ESC_PERIOD_US, Scenario
 from plumb.systems.quad_plant import QuadPlant
 from plumb.trial import Flight, Trial, judge
 
@@ -81,7 +81,7 @@ def fly(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, open_
     from tqdm import tqdm
 
     session, steps = board.session, scenario.steps
-    session.upload(params.words(), period_us=scenario.period_us)
+    session.upload(params.words(), period_us=scenario.period_us, esc_period_us=ESC_PERIOD_US)
     capture = Capture(session)
     session.begin("REALTIME_LIVE", frames=("RAW_A", "ANGLE", "BIAS"))
     session.listener = capture.feed
