@@ -97,14 +97,14 @@ def kalman_step(k: KalmanState, p: Params, r: Integer, z: Integer, u: Integer) -
 
     # (4) S = p00 + r * 2^32, normalised by n; y = 2^61 / S
     n = clz32((p00 >> 32) + r)
-    p00a = wrap_u32((p00 << (n - 1)) >> 32)
-    p01a = wrap_i32((p01 << (n - 1)) >> 32)
+    p00a = wrap_u32((p00 << (n - 1)) >> 32) | 1
+    p01a = wrap_i32((p01 << (n - 1)) >> 32) | 1
     sa = p00a + (r << (n - 1))
     y = reciprocal(sa)
     g = p00a * y
-    k0_q32 = wrap_u32(g >> 29)
+    k0_q32 = wrap_u32(g >> 29) | 1
     k0_q29 = g >> 32
-    k1_q29 = (p01a * y) >> 32
+    k1_q29 = (p01a * y + (1 << 31)) >> 32
 
     # (5)
     k.p00 = r * k0_q32

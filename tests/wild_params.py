@@ -1,0 +1,75 @@
+"""Random parameters at the edges of what the firmware accepts, as integers: no tuning a person would write."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plumb.quantise import ControlParams
+
+
+def log_uniform(rng: np.random.Generator, low: int, high: int) -> int:
+    """An integer in [low, high], 0 <= low: every size as likely as any other, the ends themselves now and then."""
+    if low >= high or rng.random() < 0.05:
+        return min(low, high)
+    if rng.random() < 0.05:
+        return high
+    return min(max(int(2.0 ** rng.uniform(np.log2(max(low, 0.5)), np.log2(high))), low), high)
+
+
+def signed(rng: np.random.Generator, limit: int) -> int:
+    return log_uniform(rng, 0, limit) * int(rng.choice([-1, 1]))
+
+
+def channel(rng: np.random.Generator) -> tuple[int, int, int, int]:
+    """raw_min, raw_max, gain, offset with both ends within +-7 * 2^28."""
+    low, high = sorted(int(count) for count in rng.integers(-32768, 32768, 2))
+    if rng.random() < 0.3:
+        low, high = -32768, 32767
+    limit = 7 << 28
+    first, last = signed(rng, limit), signed(rng, limit)
+    gain = int((last - first) / (high - low)) if high > low else signed(rng, 1 << 20)
+    offset = first - gain * low
+    if not -(1 << 31) <= offset < 1 << 31 or max(abs(gain * low + offset), abs(gain * high + offset)) > limit:
+        return channel(rng)
+    return low, high, gain, offset
+
+
+def wild_params(rng: np.random.Generator) -> ControlParams:
+    """Parameters that control_params_valid accepts."""
+    values: dict[str, int] = {}
+    for name in ("gyro", "accel_y", "accel_z"):
+        for key, value in zip(("raw_min", "raw_max", "gain", "offset"), channel(rng), strict=True):
+            values[f"{name}.{key}"] = value
+
+    r_base = log_uniform(rng, 1, 1 << 24)
+    shift = int(rng.integers(0, 32))
+    deviation = log_uniform(rng, 0, (1 << 32 - shift) - 1)
+    square = ((deviation << shift) ** 2) >> 32
+    gain = log_uniform(rng, 0, min(((1 << 64) - (r_base << 32) - 1) // max(square, 1), (1 << 32) - 1))
+    values |= {"tilt.mode": int(rng.integers(0, 2)), "tilt.r_base": r_base, "tilt.r_gain": gain}
+    values |= {"tilt.r_max": log_uniform(rng, r_base, 1 << 24)}
+    values |= {"tilt.deviation_max": deviation, "tilt.deviation_shift": shift}
+
+    rate_shift, rate_gain = int(rng.integers(1, 17)), int(rng.integers(1 << 30, 1 << 31))
+    most_bias = min((1 << 30) >> rate_shift, ((1 << 60) - 1) // rate_gain >> rate_shift) - 1
+    qa, p00 = log_uniform(rng, 0, 1 << 56), log_uniform(rng, 0, 1 << 57)
+    p01 = min(signed(rng, min(p00, 1 << 56)), qa // 4)
+    p11, bias = log_uniform(rng, 0, (1 << 56) - 1), signed(rng, ((1 << 26) - 1) << 32)
+    values |= {"kalman.dt_s_q33": log_uniform(rng, 1, 858993459), "kalman.rate_now": int(rng.integers(0, 2))}
+    values |= {"kalman.qa_hi": qa >> 32, "kalman.qa_lo": qa & 0xFFFFFFFF}
+    values |= {"kalman.qb": log_uniform(rng, 0, (1 << 32) - 1), "kalman.qb_frac_q30": int(rng.integers(0, 1 << 30))}
+    values |= {"kalman.bias_max_turn_q29": log_uniform(rng, 0, most_bias)}
+    values |= {"kalman.rate_gain": rate_gain, "kalman.rate_shift": rate_shift}
+    values |= {"start.bias_hi": bias >> 32, "start.bias_lo": bias & 0xFFFFFFFF}
+    values |= {"start.tilt_turn_q32": int(rng.integers(-(1 << 31), 1 << 31))}
+    for name, value in (("p00", p00), ("p01", p01), ("p11", p11)):
+        values |= {f"start.{name}_hi": value >> 32, f"start.{name}_lo": value & 0xFFFFFFFF}
+
+    values |= {"pid.kp_q22": signed(rng, 1 << 30), "pid.ki_dt_q22": log_uniform(rng, 0, (1 << 31) - 1)}
+    values |= {"pid.kd_q27": signed(rng, 1 << 30), "pid.d_alpha_q31": log_uniform(rng, 0, (1 << 31) - 1)}
+    values |= {"pid.slew_q22": log_uniform(rng, 1, 1 << 23)}
+
+    low, high = sorted(int(pulse) for pulse in rng.integers(0, 16384, 2))
+    values |= {"esc.mid_halfus": int(rng.integers(0, 16384)), "esc.span_halfus": signed(rng, 16383)}
+    values |= {"esc.min_halfus": low, "esc.max_halfus": high, "esc.neutral_halfus": int(rng.integers(0, 16384))}
+    return ControlParams.from_words(list(values.values()))
