@@ -1,0 +1,96 @@
+"""Arc tangent and arc sine: their error against float64, their symmetry, and the corners of int32."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from plumb import accuracy, angle, native
+
+QUARTER, HALF = 1 << 30, 1 << 31
+INT32_MIN, INT32_MAX = -(1 << 31), (1 << 31) - 1
+
+
+def vectors(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Directions all round, lengths from 2^8 to 2^31: shorter vectors have fewer directions, not more error."""
+    length, phi = 2.0 ** rng.uniform(8, 31, n), rng.uniform(-np.pi, np.pi, n)
+    return tuple(np.rint(length * f(phi)).astype(np.int64).clip(INT32_MIN, INT32_MAX) for f in (np.sin, np.cos))
+
+
+def test_atan2_is_within_5e_6_deg() -> None:
+    y, x = vectors(np.random.default_rng(1), 2_000_000)
+    assert np.abs(accuracy.atan2_error_deg(y, x)).max() < 5e-6
+
+
+def test_atan2_around_the_eighths_of_the_turn() -> None:
+    """Where the octants meet, and beside the axes."""
+    base = np.array([1 << 10, 12345, 1 << 20, 99999999, 1 << 30, INT32_MAX - 4])
+    near = (base[:, None] + np.arange(-4, 5)).ravel()
+    y, x = np.meshgrid(np.concatenate([near, -near, np.arange(-4, 5)]), np.concatenate([near, -near, np.arange(-4, 5)]))
+    some = (y != 0) | (x != 0)
+    assert np.abs(accuracy.atan2_error_deg(y[some], x[some])).max() < 5e-6
+
+
+def test_atan2_is_symmetric() -> None:
+    """In y exactly; in x and across the diagonal as binary angles, wherever the mirror image is another int32."""
+    y, x = vectors(np.random.default_rng(3), 200_000)
+    keep = (np.abs(y) < INT32_MAX) & (np.abs(x) < INT32_MAX) & (y != 0) & (x != 0) & (np.abs(y) != np.abs(x))
+    y, x = y[keep], x[keep]
+    turn = native.atan2(y, x).astype(np.int64)
+    assert np.array_equal(native.atan2(-y, x), -turn)
+    assert np.array_equal((native.atan2(y, -x) + turn - HALF) % (2 * HALF), np.zeros_like(turn))
+    first = (y > 0) & (x > 0)
+    assert np.array_equal(native.atan2(x[first], y[first]), QUARTER - turn[first])
+
+
+@pytest.mark.parametrize("atan2", [angle.atan2, native.atan2])
+@pytest.mark.parametrize(
+    ("y", "x", "turn"),
+    [
+        (0, 0, 0),
+        (0, 1, 0),
+        (0, INT32_MAX, 0),
+        (1, 0, QUARTER),
+        (-1, 0, -QUARTER),
+        (INT32_MIN, 0, -QUARTER),
+        (0, -1, -HALF),
+        (0, INT32_MIN, -HALF),
+    ],
+)
+def test_atan2_on_the_axes(atan2: object, y: int, x: int, turn: int) -> None:
+    assert callable(atan2)
+    assert int(np.ravel(atan2(np.array([y]), np.array([x])))[0]) == turn
+
+
+@pytest.mark.parametrize(("y", "x", "deg"), [(INT32_MIN, INT32_MIN, -135), (INT32_MIN, INT32_MAX, -45)])
+def test_atan2_of_the_most_negative(y: int, x: int, deg: float) -> None:
+    assert native.atan2([y], [x])[0] * accuracy.TURN_DEG == pytest.approx(deg, abs=5e-6)
+
+
+def test_asin_is_within_1e_5_deg_up_to_the_ends() -> None:
+    rng = np.random.default_rng(4)
+    x = rng.integers(-QUARTER, QUARTER + 1, 2_000_000)
+    ends = QUARTER - (rng.integers(0, QUARTER, 1_000_000) >> rng.integers(0, 30, 1_000_000))
+    assert np.abs(accuracy.asin_error_deg(x)).max() < 1e-5
+    assert np.abs(accuracy.asin_error_deg(np.concatenate([ends, -ends]))).max() < 1e-5
+
+
+def test_asin_is_odd_and_saturates() -> None:
+    x = np.random.default_rng(5).integers(0, QUARTER, 200_000)
+    assert np.array_equal(native.asin(-x), -native.asin(x))
+    beyond = np.array([QUARTER, QUARTER + 1, INT32_MAX, -QUARTER, -QUARTER - 1, INT32_MIN, 0])
+    assert native.asin(beyond).tolist() == [QUARTER] * 3 + [-QUARTER] * 3 + [native.asin([0])[0]]
+    assert abs(int(native.asin([0])[0])) <= 5
+
+
+def test_asin_never_turns_back() -> None:
+    """Monotonic on a grid of 1e-6 of its range: a controller never sees the wrong direction."""
+    x = np.arange(-QUARTER, QUARTER, 997)
+    assert np.diff(native.asin(x).astype(np.int64)).min() >= 0
+
+
+def test_reciprocal_is_within_its_stated_error() -> None:
+    d = np.random.default_rng(6).integers(1 << 30, 1 << 31, 1_000_000)
+    y = native.reciprocal(d).astype(np.float64)
+    relative = y / (2.0**61 / d) - 1.0
+    assert relative.min() > -(2.0**-28.3) and (y - 2.0**61 / d).max() <= 3.0 and y.max() < 2**31
