@@ -139,10 +139,10 @@ def test_one_wrong_bit_of_a_board_is_named(board: Board, small: Path, signal: st
 
 def test_a_board_that_gives_digests_only_is_asked_for_the_step(small: Path) -> None:
     with open_board("native") as native:
-        spoiled = Spoiled(native, 21, "bias_turn_q62", 3, with_words=False)
+        spoiled = Spoiled(native, 21, "bias_turn_q61", 3, with_words=False)
         result = golden.check(spoiled, small)  # type: ignore[arg-type]
     assert result.first_divergence is not None
-    assert (result.first_divergence.step, result.first_divergence.signal) == (21, "bias_turn_q62")
+    assert (result.first_divergence.step, result.first_divergence.signal) == (21, "bias_turn_q61")
     assert result.mismatches == (60 - 21) + (50 - 21)
 
 

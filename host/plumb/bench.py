@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from tqdm import tqdm
 
-from plumb import reference
+from plumb import native, reference
 from plumb.counter import Counter, Image
 from plumb.elf import CallGraph
 from plumb.errors import UsageError
@@ -295,7 +295,8 @@ def rates() -> dict[str, float]:
     frames = [(message.identifier, message.pack(k, 0, k, k * 2654435761 % 2**32)) for k in range(RATE_FRAMES)]
     text = text_of_frames(frames)
     took = min(_seconds(lambda: SlcanParser().feed(text)) for _ in range(3))
-    return {"link frames parsed": RATE_FRAMES / took}
+    steps_per_s = native.kalman_steps_per_s(quantise(quad.TUNINGS["adaptive"]))
+    return {"native Kalman steps": steps_per_s, "link frames parsed": RATE_FRAMES / took}
 
 
 def _seconds(work: Callable[[], object]) -> float:
