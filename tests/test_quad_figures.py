@@ -6,10 +6,13 @@ allow at best, so that a scenario which became easier by accident fails as well.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 
 from plumb.systems import figures, quad
 from plumb.systems.figures import Figure
+from plumb.systems.quad_plant import QuadPlant
 
 Rows = dict[tuple[str, str, str], Figure]
 
@@ -78,6 +81,23 @@ def test_the_loop_recovers_and_holds(hold: Rows) -> None:
     recovery, rms = hold[("hold", "adaptive", "s")], hold[("hold", "adaptive", "deg rms")]
     assert recovery.met and recovery.reached > 0.3 and recovery.worst is not None and recovery.worst <= 2.0
     assert rms.met and rms.reached > 0.2 and rms.worst is not None and rms.worst <= 1.0
+
+
+class LatePlant(QuadPlant):
+    """The pulses of a step arrive 10 ms late."""
+
+    late_us: Sequence[float] = (0.0, 0.0)
+
+    def advance_to(self, time_s: float, pulse_us: Sequence[float]) -> None:
+        super().advance_to(min(self.time_s + 0.010, time_s), self.late_us)
+        super().advance_to(time_s, pulse_us)
+        self.late_us = pulse_us
+
+
+def test_the_loop_stands_10_ms_of_delay(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(figures, "QuadPlant", LatePlant)
+    runs = [figures.hold_run(quad.TUNINGS["adaptive"], seed) for seed in (1000, 1001, 1002)]
+    assert max(run.recovery_s for run in runs) <= 2.0 and max(run.rms_deg for run in runs) <= 1.0
 
 
 def test_a_missed_figure_is_printed_as_missed() -> None:
