@@ -93,6 +93,11 @@ class MemoryBoard:
         return bool(self.lib.link_board_armed(self._memory))
 
     @property
+    def receive_room(self) -> int:
+        """How many bytes the session would take now."""
+        return int(self.lib.link_board_room(self._memory))
+
+    @property
     def steps(self) -> int:
         return int(self.lib.link_board_steps(self._memory))
 

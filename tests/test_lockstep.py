@@ -64,6 +64,8 @@ def test_a_run_resets_state_step_and_digest() -> None:
         first = Lockstep(session).run(raw, setpoint)
         assert np.array_equal(Lockstep(session).run(raw, setpoint), first)
         assert session.end() == 100
+        level = np.zeros(100)  # a setpoint of 0 is not said: it is what a run begins with
+        assert np.array_equal(Lockstep(session).run(raw, level), digests_of(raw, level))
 
 
 def test_step_numbers_go_round() -> None:

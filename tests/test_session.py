@@ -196,6 +196,16 @@ def test_disarming_time_to_the_turn() -> None:
     session.close()
 
 
+def test_a_keep_alive_that_is_too_late_does_not_revive() -> None:
+    """Even when it is the first thing that is seen after a long turn of the loop."""
+    board = MemoryBoard()
+    session = armed_session(board)
+    board.write(frame("KEEPALIVE", 0, session._token or 0))
+    board.turn(step_us=60_000)
+    assert not board.armed
+    session.close()
+
+
 def test_a_stranger_cannot_keep_it_alive() -> None:
     board = MemoryBoard()
     session = armed_session(board)
@@ -280,6 +290,9 @@ def test_a_full_queue_drops_whole_telemetry_and_never_replies() -> None:
         session.listener = capture.feed
         session.begin("REALTIME_LIVE", frames=("RAW_A", "ANGLE"), words=range(40))
         board.up_per_turn = 9  # 921600 baud: a tenth of what is asked for
+        for _ in range(2000):
+            board.turn()
+            assert board.receive_room >= 150  # telemetry does not crowd out what the host may want to say
         for _ in range(20):
             session.disarm()
             assert session.read_parameters()[: len(CONTROL)] == CONTROL
@@ -310,6 +323,42 @@ def test_a_host_that_does_not_read_is_not_answered_beyond_the_queue() -> None:
     assert text.count(b"V0101\r") == 300
     bare = [line for line in text.split(b"\r")[:-1] if not line]
     assert len(bare) == requests + 300
+
+
+def test_what_goes_wrong_is_counted() -> None:
+    board = MemoryBoard()
+    with Session.open(board) as session:
+        board.say(b"t12\r" + b"\xff\r" + frame("KEEPALIVE", 0, 1)[:-2] + b"F\r" + b"t1230\r")
+        for counter in (3, 4, 9, 10, 2):  # none known before; 4 missing, then 7
+            board.say(frame("PARAM_GET", 0, 0, counter=counter))
+        board.run_us(200_000)
+        session.receive(0.01)
+        assert session.telemetry["COUNTERS"] == {"rejected": 4, "lost": 11, "dropped": 0}
+        session.connect()  # a new host may begin with any counter
+        board.say(frame("PARAM_GET", 0, 0, counter=13))
+        board.run_us(200_000)
+        session.receive(0.01)
+        assert session.telemetry["COUNTERS"]["lost"] == 11
+
+
+def test_status_shows_the_run() -> None:
+    board = MemoryBoard()
+    with Session.open(board) as session:
+
+        def status() -> dict[str, int]:
+            board.run_us(200_000)
+            session.receive(0.01)
+            return session.telemetry["STATUS"]
+
+        assert (status()["mode"], status()["live"]) == (0, 0)
+        session.begin("REALTIME_LIVE")
+        assert (status()["mode"], status()["live"]) == (2, 1)
+        session.end()
+        assert (status()["mode"], status()["live"]) == (0, 0)
+        session.begin("LOCKSTEP")
+        assert (status()["mode"], status()["live"], status()["blocked"]) == (1, 0, 4)
+        board.say(frame("PARAM_SET", 0, 0))
+        assert status()["staged"] == 1
 
 
 # ---- anything at all ----

@@ -45,9 +45,6 @@ static uint16_t arming_blocked(const session_t *s) {
 
 void session_report_faults(session_t *s, uint32_t faults) {
     s->faults = faults;
-    if ((faults & SESSION_FAULTS_BLOCKING) != 0) {
-        arming_disarm(&s->arming, ARMING_BLOCK_FAULT);
-    }
 }
 
 /* ---- replies ---- */
@@ -321,10 +318,7 @@ static void on_frame(session_t *s, const can_frame_t *f, uint32_t now_us) {
 
 static void open_link(session_t *s, bool open, bool read_only) {
     s->open = open;
-    s->read_only = read_only;
-    if (!open || read_only) {
-        arming_disarm(&s->arming, ARMING_BLOCK_CLOSED);
-    }
+    s->read_only = read_only; /* with either, arming_blocked() disarms at the next poll */
     put_char(s, SLCAN_CR);
 }
 
