@@ -52,8 +52,8 @@ class Budget:
     unit: str
 
 
-# The error of control_step is that of the whole chain, counts to angle, on which the resolution of R acts while the filter
-# is still far off; its limit is a hundredth of what the sensors' noise leaves.
+# The error of control_step is that of the whole chain, counts to angle, on which the resolution of R acts while the
+# filter is still far off; its limit is a hundredth of what the sensors' noise leaves.
 BUDGETS = {
     "kalman_step": Budget(200, 145, 5e-4, "deg"),
     "kalman_step_constant_r": Budget(130, 105, 2e-5, "deg"),
