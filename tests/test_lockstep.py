@@ -64,6 +64,10 @@ def test_a_run_resets_state_step_and_digest() -> None:
         first = Lockstep(session).run(raw, setpoint)
         assert np.array_equal(Lockstep(session).run(raw, setpoint), first)
         assert session.end() == 100
+        run = Lockstep(session)
+        again = [run.run(raw, setpoint), run.run(raw, np.zeros(100))]
+        both = digests_of(np.concatenate([raw, raw]), np.concatenate([setpoint, np.zeros(100, np.int32)]))
+        assert np.array_equal(np.concatenate(again), both)
         level = np.zeros(100)  # a setpoint of 0 is not said: it is what a run begins with
         assert np.array_equal(Lockstep(session).run(raw, level), digests_of(raw, level))
 
@@ -92,6 +96,8 @@ def test_every_digest_arrives_over_a_bad_line(seed: int, way: str) -> None:
         digests = run.run(raw, setpoint)
         board.spoil_down = board.spoil_up = bytes
         assert board.steps == 200
+        # A loss shows in what comes next; only at the end of a run somebody has to wait for it.
+        assert board.time_us < (350_000 if way != "both" else 1_500_000)
     assert np.array_equal(digests, digests_of(raw, setpoint))
 
 

@@ -209,8 +209,9 @@ def test_a_keep_alive_that_is_too_late_does_not_revive() -> None:
 def test_a_stranger_cannot_keep_it_alive() -> None:
     board = MemoryBoard()
     session = armed_session(board)
-    for _ in range(6):
-        board.say(frame("KEEPALIVE", 0, (session._token or 0) ^ 1), turns=100)
+    token = session._token or 0
+    for wrong in (token ^ 1, token + 1, token - 1, 0, token ^ 1 << 31, 0xFFFFFFFF):
+        board.say(frame("KEEPALIVE", 0, wrong), turns=100)
     assert not board.armed
     session.close()
 
@@ -323,6 +324,42 @@ def test_a_host_that_does_not_read_is_not_answered_beyond_the_queue() -> None:
     assert text.count(b"V0101\r") == 300
     bare = [line for line in text.split(b"\r")[:-1] if not line]
     assert len(bare) == requests + 300
+
+
+def test_the_next_step_tells_that_frames_were_dropped() -> None:
+    board = MemoryBoard()
+    session = armed_session(board)
+    session.pump()
+    board.up_per_turn = 0
+    board.run_us(200_000)
+    board.up_per_turn = 4096
+    board.run_us(10_000)
+    steps = [words for name, words in said(board.heard()) if name == "STEP"]
+    jumps = [k for k in range(1, len(steps)) if steps[k]["step"] != steps[k - 1]["step"] + 1]
+    assert len(jumps) == 1
+    assert [k for k, words in enumerate(steps) if words["dropped"]] == jumps
+    session.close()
+
+
+def test_a_stale_answer_is_not_taken_for_the_new_one() -> None:
+    board = MemoryBoard()
+    with Session.open(board) as session:
+        ack, asked = protocol()["ACK"], protocol()["RUN_END"].identifier
+        stale = text_of_frames([(ack.identifier, ack.pack(0, 9, asked, 999))])
+        board.spoil_up = lambda data: stale + data
+        assert session.end() == 0
+
+
+def test_nothing_is_kept_alive_after_the_end() -> None:
+    board = MemoryBoard()
+    session = armed_session(board)
+    session.end()
+    sent: list[bytes] = []
+    board.spoil_down = lambda data: sent.append(data) or data
+    for _ in range(30):
+        session.receive(0.01)
+    assert sent == []
+    session.close()
 
 
 def test_what_goes_wrong_is_counted() -> None:

@@ -90,6 +90,22 @@ def test_what_is_counted() -> None:
     assert list(parser.answers) == [b"V0101"]
 
 
+@pytest.mark.parametrize("count", [1, 4, 5, 40])
+def test_one_bad_frame_among_whole_lines(count: int) -> None:
+    """All lines of the usual shape are looked at together: the odd one out must not slip through."""
+    rng = random.Random(count)
+    frames = [good(rng) for _ in range(count)]
+    spoiled = (frames[0][0], frames[0][1][:-1] + bytes([frames[0][1][-1] ^ 1]))
+    body = rng.randbytes(7)
+    too_high = (0x923, bytes([crc8(0x923, b"\0" + body)]) + body)
+    for odd in (spoiled, too_high):
+        for at in (0, count // 2, count):
+            lines = [*frames[:at], odd, *frames[at:]]
+            parser = SlcanParser()
+            assert parser.feed(text_of_frames(lines)) == frames
+            assert parser.rejected + parser.bad == 1
+
+
 @pytest.mark.parametrize(
     "line", [b"", b"t", b"t123", b"t1239", b"t8000", b"t12g0", b"t123100", b"t 230", b"T12345678800", b"t123\xb20"]
 )

@@ -7,6 +7,7 @@
 #define STEP6_MASK     63U
 #define STEP6_SHIFT    4U
 #define FLAG_STEP_HIGH 3U
+#define NO_GAP         0xFFU
 #define RAW_B_NONE     0xFFU
 
 #define QUEUE_SLOT(step) ((step) & (SESSION_QUEUE_LENGTH - 1U))
@@ -32,7 +33,7 @@ void run_begin(session_t *s, uint16_t run) {
     s->step = 0;
     s->queue_in = 0;
     s->queue_out = 0;
-    s->gap_told = false;
+    s->gap_ahead = NO_GAP;
     s->sample_expected = 0;
     s->raw_b_step6 = RAW_B_NONE;
     s->setpoint_waiting = false;
@@ -87,13 +88,14 @@ static unsigned step6_of(const can_frame_t *f) {
     return e2e_counter(f) | ((e2e_flags(f) & FLAG_STEP_HIGH) << STEP6_SHIFT);
 }
 
-/* One report for one gap; the host goes back to the step that is asked for. */
-static void tell_gap(session_t *s, const can_frame_t *f) {
-    if (!s->gap_told) {
-        s->gap_told = true;
+/* One report for one gap: the samples behind it are ever further ahead. Nearer again means that the host went
+ * back to the step that was asked for, and that it is missing once more. */
+static void tell_gap(session_t *s, const can_frame_t *f, unsigned ahead) {
+    if (ahead <= s->gap_ahead) {
         s->lost++;
         nack(s, f, MESSAGE_NACK_REASON_SEQUENCE);
     }
+    s->gap_ahead = (uint8_t)ahead;
 }
 
 static uint8_t step_flags(const session_t *s, bool saturated) {
@@ -130,7 +132,7 @@ static void enqueue(session_t *s, const can_frame_t *f) {
         memcpy(&sample->raw[3], s->raw_b, sizeof s->raw_b);
     }
     s->raw_b_step6 = RAW_B_NONE;
-    s->gap_told = false;
+    s->gap_ahead = NO_GAP;
     s->queue_in++;
 }
 
@@ -142,7 +144,7 @@ static void sample_in_lockstep(session_t *s, const can_frame_t *f, bool incomple
     if (ahead > STEP6_MASK - SESSION_QUEUE_LENGTH) {
         answer_again(s, (uint16_t)(s->queue_in + ahead - (STEP6_MASK + 1U)));
     } else if (ahead != 0 || incomplete || without_setpoint) {
-        tell_gap(s, f);
+        tell_gap(s, f, ahead);
     } else {
         s->setpoint_waiting = false;
         enqueue(s, f);

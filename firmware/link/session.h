@@ -78,7 +78,7 @@ typedef struct {
     uint16_t saturated;      /* steps with a clamped value, modulo 2^16 */
     uint16_t starved;        /* real-time steps without a new sample, modulo 2^16 */
     uint16_t dropped_told;   /* outbox.dropped at the last STEP */
-    bool gap_told;           /* the missing sample was reported */
+    uint8_t gap_ahead;       /* how far ahead of the missing sample the last one was, 0xFF: none is missing */
     uint8_t sample_expected; /* real time: low six bits of the next sample's number */
     uint8_t raw_b_step6;     /* low six bits of the number raw_b belongs to, above 63: none */
     bool setpoint_waiting;   /* lockstep: given for the sample to come; real time: not yet used */

@@ -118,7 +118,7 @@ class Lockstep:
         count, base = len(samples.ends) - 1, self.step
         digests = np.zeros(count, np.uint32)
         done = sent = stalled = 0
-        went_back_at = -1
+        gap = IN_FLIGHT
         progress_s = self.session.clock()
         while done < count:
             limit = min(count, done + IN_FLIGHT)
@@ -133,16 +133,19 @@ class Lockstep:
                     ahead = (number - base - done) & 0xFFFF
                     if ahead == 0 and done < count:
                         digests[done] = digest
-                        done += 1
-                    elif ahead < IN_FLIGHT and went_back_at != done:
-                        went_back_at, sent = done, done
+                        done, gap = done + 1, IN_FLIGHT
+                    elif ahead < IN_FLIGHT:
+                        # Go back once for a gap: what is behind it is ever further ahead, until the repetition comes.
+                        if ahead <= gap:
+                            sent = done
+                        gap = ahead
                 elif identifier == self._nack_id:
                     sent = min(sent, max(done, done + self._expected(data, base + done)))
             if done > before:
                 stalled, progress_s = 0, self.session.clock()
             elif self.session.clock() - progress_s >= REPLY_TIMEOUT_S:
                 stalled, progress_s = stalled + 1, self.session.clock()
-                went_back_at, sent = -1, done
+                gap, sent = IN_FLIGHT, done
                 if stalled >= TRIES:
                     raise LinkError(f"the board stopped answering after step {base + done}: check cable and power")
         self.step += count
