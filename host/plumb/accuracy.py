@@ -1,11 +1,14 @@
 """How far the integers are from float64 on the same integer inputs: the error budget's middle part, measured.
 
-The inputs are the hard ones: the tilt sweeps through the whole turn, the gyro has 20 deg/s of bias, one measurement in
-fifty points anywhere, and R jumps over its whole range where the tuning lets it.
+`python -m plumb.accuracy` prints the table of DESIGN.md, "Error bounds". The inputs are the hard ones: the tilt sweeps
+through the whole turn, the gyro has 20 deg/s of bias, one measurement in fifty points anywhere, and R jumps over its
+whole range where the tuning lets it.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,23 +50,27 @@ def hard_inputs(params: ControlParams, steps: int, seed: int, bias_dps: float = 
     )
 
 
-def filter_error_deg(params: ControlParams, inputs: FilterInputs) -> npt.NDArray[np.float64]:
+def filter_error_deg(
+    params: ControlParams, inputs: FilterInputs, near_half_turn_deg: float = NEAR_HALF_TURN_DEG
+) -> npt.NDArray[np.float64]:
     """Fused tilt of the C integers minus the reference's, per step, wrapped; both on the very same integers."""
     tuning = dequantise(params)
+    bias_limit_dps = 45.0 / params.period_s
+    sure_deg = 180.0 - near_half_turn_deg
     z_q32, u_q28 = inputs.tilt_turn_q32, inputs.rate_turnps_q28
     fused, _ = native.kalman_run(params, inputs.variance, z_q32, u_q28)
     z_deg, u_dps = (z_q32 * TURN_DEG).tolist(), (u_q28 * (360.0 / 2**28)).tolist()
     r_deg2 = (inputs.variance * (params.lsb_deg2 * 2**32)).tolist()
     settings, period_s = tuning.kalman, tuning.period_s
     x = reference.kalman_init(tuning.start)
-    x.rate_dps = u_dps[0] if u_dps else 0.0
     tilt_deg = np.empty(len(z_deg))
     for step, z in enumerate(z_deg):
-        # U(k) is given: as the "previous" sample of this step
-        x.rate_dps = u_dps[step]
+        x.rate_dps = u_dps[step]  # U(k) is given, whichever sample it is
         reference.kalman_step(x, settings, period_s, z, u_dps[step], r_deg2[step])
-        if abs(x.innovation_deg) > 180.0 - NEAR_HALF_TURN_DEG:
+        if abs(x.innovation_deg) > sure_deg:
             _same_way_round(params, inputs, step, x)
+        if abs(x.bias_dps) > bias_limit_dps:  # an eighth of a turn per step is the format's limit
+            x.bias_dps = math.copysign(bias_limit_dps, x.bias_dps)
         tilt_deg[step] = x.tilt_deg
     error: npt.NDArray[np.float64] = reference.wrap(fused.astype(np.float64) * TURN_DEG - tilt_deg)
     return error
@@ -83,6 +90,38 @@ def _same_way_round(params: ControlParams, inputs: FilterInputs, step: int, x: r
         x.innovation_deg += turn
 
 
+def steady_gains(q_angle: float, q_bias: float, r: float) -> tuple[float, float]:
+    """Gains of the stationary filter, bias counted per step; variances per step in any one unit.
+
+    With S = R / (1 - k0) and L = -k1 = sqrt(q_bias / S) the Riccati equation is k0^2 = L (2 - k0) + q_angle / S.
+    """
+    low, high = 0.0, 1.0
+    for _ in range(200):
+        k0 = (low + high) / 2.0
+        s = r / (1.0 - k0)
+        lag = math.sqrt(q_bias / s)
+        low, high = (k0, high) if k0 * k0 < lag * (2.0 - k0) + q_angle / s else (low, k0)
+    return k0, -lag
+
+
+def filter_bound_deg(params: ControlParams, innovation_deg: float = 180.0) -> float:
+    """Largest error of the fused tilt against float64 that DESIGN.md, "Error bounds", allows this set; at most 180.
+
+    innovation_deg: the largest innovation of the run. Gains are those of the filter at rest with the largest R.
+    """
+    tuning, dt = dequantise(params), params.period_s
+    r = params["tilt.r_max"] * params.lsb_deg2 * 2**32
+    q_angle, q_bias = tuning.kalman.q_angle_deg2_per_s * dt, tuning.kalman.q_bias_dps2_per_s * dt**3
+    if q_bias == 0.0:
+        return 180.0
+    k0, k1 = steady_gains(q_angle, q_bias, r)
+    p01_lsb = -k1 * r / (1.0 - k0) / params.lsb_deg2
+    gains = 2.0**-28 / -k1 + 2.0**-28 / k0
+    covariance = 2.0**-31 / k0**2 + 1.0 / (k0 * p01_lsb)
+    start = 2.0**-29 * tuning.start.p11_dps2 * dt**2 / (params["tilt.r_base"] * params.lsb_deg2 * 2**32)
+    return min(innovation_deg * (gains + covariance + start) + 2.0 * TURN_DEG, 180.0)
+
+
 def atan2_error_deg(y: npt.ArrayLike, x: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Binary angle minus float64, degrees; (0, 0) has none."""
     exact = reference.atan2(np.asarray(y, np.float64), np.asarray(x, np.float64))
@@ -94,3 +133,32 @@ def asin_error_deg(x_q30: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Binary angle minus float64, degrees, of sines x / 2^30."""
     error: npt.NDArray[np.float64] = native.asin(x_q30) * TURN_DEG - reference.asin(np.asarray(x_q30) / 2**30)
     return error
+
+
+def chain_error_deg(params: ControlParams, raw: npt.ArrayLike, setpoint_turn_q32: npt.ArrayLike) -> float:
+    """Largest error of the fused tilt from counts to angle: calibration, tilt, trust and filter, all of it twice."""
+    tilt_deg = native.run_control(params, raw, setpoint_turn_q32)["tilt_turn_q32"] * TURN_DEG
+    error = reference.wrap(tilt_deg - reference.run_control(params, raw, setpoint_turn_q32)["tilt_deg"])
+    return float(np.abs(error).max())
+
+
+def _rows(steps: int) -> Iterator[str]:
+    from plumb.quantise import quantise
+    from plumb.systems import quad
+
+    yield "tuning            filter, hard input    stated bound at 180 deg / 1 deg    counts to angle, motion"
+    for name, tuning in quad.TUNINGS.items():
+        params, run = quantise(tuning), quad.scenario("motion", 1000)
+        error = np.abs(filter_error_deg(params, hard_inputs(params, steps, seed=11))).max()
+        bounds = [filter_bound_deg(params, innovation) for innovation in (180.0, 1.0)]
+        chain = chain_error_deg(params, run.counts(), run.setpoint_turn_q32())
+        yield f"{name:<18}{error:>15.1e} deg{bounds[0]:>20.1e} / {bounds[1]:.1e} deg{chain:>20.1e} deg"
+    rng = np.random.default_rng(1)
+    y, x = rng.integers(-(1 << 31), 1 << 31, (2, steps))
+    yield f"atan2 {np.abs(atan2_error_deg(y, x)).max():.1e} deg"
+    yield f"asin  {np.abs(asin_error_deg(x >> 1)).max():.1e} deg"
+
+
+if __name__ == "__main__":
+    for row in _rows(1_000_000):
+        print(row)
