@@ -32,12 +32,12 @@ check-style:
 	$(VENV)/ruff check host tools tests
 	$(VENV)/ruff format --check host tools tests
 	$(VENV)/mypy
-	clang-format --dry-run -Werror $(C_FILES)
+	$(VENV)/clang-format --dry-run -Werror $(C_FILES)
 
 format:
 	$(VENV)/ruff check --fix host tools tests
 	$(VENV)/ruff format host tools tests
-	clang-format -i $(C_FILES)
+	$(VENV)/clang-format -i $(C_FILES)
 
 clean:
 	rm -rf build out

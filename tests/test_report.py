@@ -60,5 +60,5 @@ def test_the_page_is_the_same_every_time(page: str) -> None:
 
 def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
-    with pytest.raises(UsageError, match="cannot write .*--out"):
+    with pytest.raises(UsageError, match=r"cannot write .*--out"):
         report.write_whole(tmp_path / "file" / "report.html", "text")

@@ -20,7 +20,6 @@ need qemu-system-arm qemu-system-arm
     missing="$missing libnewlib-arm-none-eabi"
 if [ "$purpose" = test ]; then
     need clang clang
-    need clang-format clang-format
     # 32-bit builds of the core need the 32-bit C library.
     printf 'int main(void){return 0;}' | gcc -m32 -x c - -o /dev/null 2>/dev/null || missing="$missing gcc-multilib"
 fi

@@ -200,7 +200,12 @@ def run_control(
     core = library()
     for run, one in enumerate(sets):
         core.plumb_control_run(
-            _pointer(_u32(one.words())), _pointer(by_run[run]), _pointer(targets[run]), steps, _pointer(record[run]), None
+            _pointer(_u32(one.words())),
+            _pointer(by_run[run]),
+            _pointer(targets[run]),
+            steps,
+            _pointer(record[run]),
+            None,
         )
     return Words(record.T if counts.ndim == 3 else record[0])
 

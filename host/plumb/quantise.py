@@ -263,7 +263,7 @@ def _pid(pid: Pid, dt: Fraction) -> dict[str, int]:
         "pid.ki_dt_q22": word("ki_per_deg_s", (360 << 22) * dt, 0, most),
         "pid.kd_q27": word("kd_per_dps", 360 << 27, -(1 << 30), 1 << 30),
         "pid.d_alpha_q31": _whole("pid.derivative_tau_s", pid.derivative_tau_s, alpha * (1 << 31), 0, most),
-        "pid.slew_q22": 1 << 23 if slew >= 2 else _whole("pid.slew_per_s", pid.slew_per_s, slew * (1 << 22), 1, 1 << 23),
+        "pid.slew_q22": _whole("pid.slew_per_s", pid.slew_per_s, min(slew, Fraction(2)) * (1 << 22), 1, 1 << 23),
     }
 
 

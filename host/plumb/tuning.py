@@ -57,9 +57,7 @@ class Kalman:
     bias_max_dps: float = 300.0
 
     @classmethod
-    def per_step(
-        cls, q_angle_deg2: float, q_bias_dps2: float, period_us: int, rate: RateChoice = "previous"
-    ) -> Kalman:
+    def per_step(cls, q_angle_deg2: float, q_bias_dps2: float, period_us: int, rate: RateChoice = "previous") -> Kalman:
         """The Q that is added at every step, as the papers print it."""
         steps_per_s = 1e6 / period_us
         return cls(q_angle_deg2 * steps_per_s, q_bias_dps2 * steps_per_s, rate)

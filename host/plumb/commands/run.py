@@ -1,8 +1,9 @@
 """Run a system's scenario on a board, and compare every step with the integer model.
 
 The plant and its sensors live on this machine, raw counts go to the board in lockstep, and the board answers each step
-with a digest of all its words. The board's pulses move the plant, which is asked to follow the scenario; with --open-loop
-the motion is prescribed, as the estimator's figures want it. `qemu` runs whole vectors: its loop is closed with the native core, then its inputs run on QEMU.
+with a digest of all its words. The board's pulses move the plant, which is asked to follow the scenario; with
+--open-loop the motion is prescribed, as the estimator's figures want it. `qemu` runs whole vectors: its loop is closed
+with the native core, then its inputs run on QEMU.
 """
 
 from __future__ import annotations
