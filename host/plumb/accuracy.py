@@ -122,6 +122,16 @@ def filter_bound_deg(params: ControlParams, innovation_deg: float = 180.0) -> fl
     return min(innovation_deg * (gains + covariance + start) + 2.0 * TURN_DEG, 180.0)
 
 
+def chain_bound_deg(params: ControlParams, innovation_deg: float = 180.0) -> float:
+    """The same from counts to angle: the filter's bound, the angle's error, and what R loses as an integer."""
+    trust = dequantise(params).trust
+    r_share = 0.0
+    if trust.gain_deg2:
+        r_share = 3.0 / params["tilt.r_base"] + 2.0**-20 * math.sqrt(trust.gain_deg2 / trust.r_deg2)
+    angle_deg = 1e-5 if params["tilt.mode"] == 0 else 5e-6
+    return min(filter_bound_deg(params, innovation_deg) + angle_deg + innovation_deg * r_share, 180.0)
+
+
 def atan2_error_deg(y: npt.ArrayLike, x: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Binary angle minus float64, degrees; (0, 0) has none."""
     exact = reference.atan2(np.asarray(y, np.float64), np.asarray(x, np.float64))
@@ -146,13 +156,17 @@ def _rows(steps: int) -> Iterator[str]:
     from plumb.quantise import quantise
     from plumb.systems import quad
 
-    yield "tuning            filter, hard input    stated bound at 180 deg / 1 deg    counts to angle, motion"
+    yield "tuning        filter on the hard input                              counts to angle, scenario motion"
     for name, tuning in quad.TUNINGS.items():
         params, run = quantise(tuning), quad.scenario("motion", 1000)
         error = np.abs(filter_error_deg(params, hard_inputs(params, steps, seed=11))).max()
         bounds = [filter_bound_deg(params, innovation) for innovation in (180.0, 1.0)]
+        bounds.append(chain_bound_deg(params, 180.0))
         chain = chain_error_deg(params, run.counts(), run.setpoint_turn_q32())
-        yield f"{name:<18}{error:>15.1e} deg{bounds[0]:>20.1e} / {bounds[1]:.1e} deg{chain:>20.1e} deg"
+        yield (
+            f"{name:<14}{error:>11.1e} deg (bound at 180 deg {bounds[0]:.1e}, at 1 deg {bounds[1]:.1e})"
+            f"{chain:>11.1e} deg (bound at 180 deg {bounds[2]:.1e})"
+        )
     rng = np.random.default_rng(1)
     y, x = rng.integers(-(1 << 31), 1 << 31, (2, steps))
     yield f"atan2 {np.abs(atan2_error_deg(y, x)).max():.1e} deg"
