@@ -121,3 +121,19 @@ def test_factory_values_are_a_shipped_tuning() -> None:
     rows = parameters.table()
     assert [row.default for row in rows if row.owner == "control"] == quantise(TUNINGS["adaptive"]).words()
     assert {row.name: row.default for row in rows}["period_us"] == TUNINGS["adaptive"].period_us
+
+
+def test_other_tools_see_degrees_and_names() -> None:
+    """What cantools monitor or SavvyCAN show with the DBC."""
+    database = load_database()
+    angle = database.decode_message("ANGLE", protocol()["ANGLE"].pack(0, 0, 3001, -(1 << 29)))
+    assert angle["tilt"] == pytest.approx(-45.0)
+    assert angle["pulse_0"] == 1500.5
+    bias = database.decode_message("BIAS", protocol()["BIAS"].pack(0, 0, 0, (1 << 28) // 360))
+    assert bias["bias"] == pytest.approx(1.0, abs=1e-5)
+    command = database.decode_message("COMMAND", protocol()["COMMAND"].pack(0, 0, 0, 1 << 21))
+    assert command["command"] == 0.5
+    status = database.decode_message("STATUS", protocol()["STATUS"].pack(0, 1, 2, 0, 0))
+    assert (str(status["mode"]), status["armed"]) == ("REALTIME", 1)
+    word = database.decode_message("WORD", protocol()["WORD"].pack(0, 0, 21, 0))
+    assert str(word["index"]) == protocol()["WORD"].choice("index", 21)

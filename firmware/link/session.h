@@ -99,6 +99,12 @@ size_t session_receive_room(const session_t *s);
 /* Take received bytes, at most session_receive_room(). */
 void session_receive(session_t *s, const uint8_t *bytes, size_t count, uint32_t now_us);
 
+/* A frame, of whatever link: true when it is whole and may be taken, else it was counted as rejected. */
+bool session_accepts(session_t *s, const can_frame_t *frame);
+
+/* Do what an accepted frame asks for. */
+void session_take_frame(session_t *s, const can_frame_t *frame, uint32_t now_us);
+
 /* Take up to room bytes for the UART; returns how many. Order is kept, a frame may be split between two
  * calls. */
 size_t session_transmit(session_t *s, uint8_t *out, size_t room);
