@@ -6,6 +6,7 @@ STM32F103, `serial:PORT[@BAUD]` the same image on silicon, or on a virtual board
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -54,30 +55,35 @@ class Stepper(Protocol):
     def step(self, raw: tuple[int, ...], setpoint_turn_q32: int) -> StepOutput: ...
 
 
-class Board(Protocol):
+class Board(ABC):
+    """Anything that runs the C integers. Use as a context manager: leaving it closes what is open."""
+
     name: str
 
+    @abstractmethod
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints) -> Answer:
         """Reset, then every step in lockstep."""
-        ...
 
+    @abstractmethod
     def words_of_step(
         self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints, step: int
     ) -> dict[str, int]:
         """Reset, run up to and with `step`, and give every word of that step."""
-        ...
 
+    @abstractmethod
     def stepper(self, params: ControlParams) -> Stepper:
         """Reset, and hand the pace to the caller."""
-        ...
 
-    def close(self) -> None: ...
+    def close(self) -> None:  # noqa: B027  (most boards hold nothing open)
+        """Let go of the link, if there is one."""
 
-    def __enter__(self) -> Self: ...
+    def __enter__(self) -> Self:
+        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
+    ) -> None:
+        self.close()
 
 
 def open_board(spec: str, *, link: str = "serial", image: Path | None = None) -> Board:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import struct
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
-from plumb.boards import Answer, RawCounts, Setpoints, StepOutput, Stepper
+from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper
 from plumb.lockstep import Lockstep
 from plumb.session import Session
 from plumb.words import Words
@@ -29,7 +28,7 @@ class LinkStepper:
         return StepOutput(reply.digest, (reply.values["pulse_0"], reply.values["pulse_1"]))
 
 
-class LinkBoard:
+class LinkBoard(Board):
     """Everything that a Session makes of a board; owns the session."""
 
     def __init__(self, name: str, session: Session) -> None:
@@ -74,14 +73,6 @@ class LinkBoard:
 
     def close(self) -> None:
         self.session.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 class SerialBoard(LinkBoard):

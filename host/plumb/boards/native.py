@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 from plumb import native
-from plumb.boards import Answer, RawCounts, Setpoints, StepOutput, Stepper
+from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper
 
 if TYPE_CHECKING:
     from plumb.quantise import ControlParams
@@ -23,7 +22,7 @@ class NativeStepper:
         return StepOutput(self._controller.digest(), (words["pulse_halfus_0"], words["pulse_halfus_1"]))
 
 
-class NativeBoard:
+class NativeBoard(Board):
     name = "native"
 
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints) -> Answer:
@@ -38,14 +37,3 @@ class NativeBoard:
 
     def stepper(self, params: ControlParams) -> Stepper:
         return NativeStepper(params)
-
-    def close(self) -> None:
-        """Nothing is open."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

@@ -14,12 +14,11 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plumb.boards import Answer, RawCounts, Setpoints, Stepper
+from plumb.boards import Answer, Board, RawCounts, Setpoints, Stepper
 from plumb.errors import LinkError, UsageError
 from plumb.words import WORDS_DTYPE, Words
 
@@ -81,7 +80,7 @@ def _run(command: list[str], folder: Path, limit_s: float) -> int:
     return process.returncode
 
 
-class QemuBoard:
+class QemuBoard(Board):
     """The Board that runs each vector in a QEMU process of its own."""
 
     name = "qemu"
@@ -130,14 +129,3 @@ class QemuBoard:
 
     def stepper(self, params: ControlParams) -> Stepper:
         raise UsageError("qemu takes whole runs only; close the loop with native, then replay its inputs on qemu")
-
-    def close(self) -> None:
-        """Nothing is left open between runs."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
