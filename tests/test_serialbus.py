@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import random
 import re
@@ -19,6 +20,7 @@ import can
 import pytest
 
 from link_board import MemoryBoard
+from plumb import parameters
 from plumb.errors import LinkError
 from plumb.protocol import Frame, check, protocol
 from plumb.serialbus import PlumbBus
@@ -100,6 +102,22 @@ def test_a_flood_is_taken_whole() -> None:
     text = text_of_frames(good)
     with PlumbBus(Loopback([text[at : at + 65536] for at in range(0, len(text), 65536)])) as bus:
         assert everything(bus) == good
+
+
+def test_a_notifier_in_an_event_loop_hears_a_whole_burst(port: str) -> None:
+    async def listen(bus: PlumbBus) -> list[int]:
+        reader = can.AsyncBufferedReader()
+        notifier = can.Notifier(bus, [reader], loop=asyncio.get_running_loop())
+        message = protocol()["PARAM_GET"]
+        bus.write_frames([(message.identifier, message.pack(0, 0, 0xFFFF, 0))])
+        found: list[int] = []
+        while found.count(protocol()["PARAM_VALUE"].identifier) < len(parameters.table()):
+            found.append((await asyncio.wait_for(reader.get_message(), 10)).arbitration_id)
+        notifier.stop()
+        return found
+
+    with PlumbBus(port) as bus:
+        asyncio.run(listen(bus))
 
 
 def test_recv_returns_in_time_without_a_frame() -> None:

@@ -28,6 +28,9 @@ class PlumbBus(can.BusABC):
     channel: see `plumb.stream.open_stream`. tty_baudrate: of a serial port that does not name one. listen_only:
     telemetry only, the board refuses frames. Opening starts telemetry; closing stops it and disarms. bitrate is
     accepted, as python-can passes it, and means nothing: there is no CAN bus behind this link.
+
+    There is no fileno() on purpose: frames wait in here after the port has been read, and who selects on the port
+    would miss them.
     """
 
     def __init__(
@@ -109,9 +112,6 @@ class PlumbBus(can.BusABC):
 
     def flush_tx_buffer(self) -> None:
         """Everything is handed to the operating system at once; there is nothing to flush."""
-
-    def fileno(self) -> int:
-        return self._stream.fileno()
 
     def shutdown(self) -> None:
         """Stop telemetry (which disarms) and close; safe to call twice, and when the port is gone already."""

@@ -40,7 +40,6 @@ class Stream(Protocol):
 
     def read(self, timeout_s: float) -> bytes: ...
     def write(self, data: bytes) -> None: ...
-    def fileno(self) -> int: ...
     def close(self) -> None: ...
 
 
@@ -76,9 +75,6 @@ class SocketStream:
             self._socket.sendall(data)
         except (OSError, ValueError) as error:
             raise ClosedError(f"the board at {self.name} takes no data: {error}") from None
-
-    def fileno(self) -> int:
-        return self._socket.fileno()
 
     def close(self) -> None:
         self._socket.close()
@@ -140,11 +136,6 @@ class SerialStream:
         except (OSError, ValueError, TypeError) as error:
             raise ClosedError(f"{self.name} takes no data ({error}): reconnect the board") from None
 
-    def fileno(self) -> int:
-        if self._fd is None:
-            raise NotImplementedError("this port has no file number")
-        return self._fd
-
     def close(self) -> None:
         with contextlib.suppress(Exception):
             self._port.close()
@@ -177,9 +168,6 @@ class ObjectStream:
 
     def write(self, data: bytes) -> None:
         self._channel.write(data)
-
-    def fileno(self) -> int:
-        raise NotImplementedError("a board in this process has no file number")
 
     def close(self) -> None:
         """The object belongs to who made it."""
