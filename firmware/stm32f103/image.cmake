@@ -4,7 +4,7 @@ find_package(Python3 REQUIRED COMPONENTS Interpreter)
 # The core is built for speed, everything around it for size. What follows -O2 was chosen by `plumb bench`: no literal
 # pools (their loads wait for the flash), and loads left single and in the order written, so that they pipeline.
 target_compile_options(plumb_core PRIVATE -O2
-    -mslow-flash-data -fno-schedule-insns -fno-peephole2 -fno-tree-forwprop -fno-tree-reassoc)
+    -mslow-flash-data -fno-schedule-insns -fno-peephole2 -fno-tree-reassoc)
 target_compile_options(plumb_link PRIVATE -Os)
 
 # Which commit this is: looked up in every build, so that the image never carries yesterday's name.
