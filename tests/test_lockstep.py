@@ -192,6 +192,22 @@ def test_a_live_run_can_be_run_again() -> None:
     session.close()
 
 
+def test_steps_of_the_run_before_are_not_taken_for_this_one() -> None:
+    board = MemoryBoard()
+    session, first = live(board)
+    first.collect(37)
+    board.run_us(50_000)
+    session.listener = None
+    second = Capture(session)
+    session.listener = second.feed
+    session.begin("REALTIME_LIVE", frames=("RAW_A",))
+    second.collect(50)
+    assert sorted(second.digest) == list(range(second.steps))
+    assert second.unverified_from(50) is None
+    assert np.array_equal(second.digests(50), digests_of(second.raw_counts(50), second.setpoints(50)))
+    session.close()
+
+
 @pytest.mark.parametrize("lost", ["RAW_A", "STEP"])
 def test_a_lost_count_or_digest_is_noticed(lost: str) -> None:
     board = MemoryBoard()

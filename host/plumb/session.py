@@ -338,10 +338,17 @@ class Session:
         self.selection = chosen
 
     def begin(self, run: str = "LOCKSTEP", frames: Iterable[str] = (), words: Iterable[int] = ()) -> None:
-        """Begin a run: LOCKSTEP, REALTIME_INJECTED or REALTIME_LIVE. State, step number and digest start anew."""
+        """Begin a run: LOCKSTEP, REALTIME_INJECTED or REALTIME_LIVE. State, step number and digest start anew.
+
+        A run that is on is ended first, and its last frames are not shown to the listener.
+        """
         self.require_match()
-        self.select(frames, words)
-        self._token = None
+        listener, self.listener = self.listener, None
+        try:
+            self.end()
+            self.select(frames, words)
+        finally:
+            self.listener = listener
         self._answer_nonce("RUN_BEGIN", self.protocol["RUN_BEGIN"].value("run", run))
 
     def end(self) -> int:
