@@ -15,7 +15,7 @@ from plumb import bench
 from plumb.bench import BenchResult, Row
 from plumb.errors import UsageError
 
-MISSED = {"kalman_step_constant_r": 192, "control_step": 673}
+MISSED = {"kalman_step_constant_r": 192, "control_step": 664}
 """Kernels that do not meet their budget, and the cycles they take: README says so too. They may only get faster, and a
 kernel that gets within its budget leaves this list."""
 
