@@ -116,6 +116,21 @@ inner:
     adds r0, r0, r2
     bx lr
     .size inner, . - inner
+    .globl look
+    .thumb_func
+    .type look, %function
+look:
+    movw r1, #:lower16:table
+    movt r1, #:upper16:table
+    nop
+    ldr r0, [r1, r0]
+    bx lr
+    .size look, . - look
+    .align 2
+    .type table, %object
+table:
+    .word 7, 8
+    .size table, . - table
 """
 
 
@@ -129,7 +144,7 @@ def test_the_counter_runs_code_and_books_nested_calls(tmp_path: Path) -> None:
     link = ["-nostdlib", "-Wl,-e,outer", "-Wl,-Ttext=0x08000000"]
     command = ["arm-none-eabi-gcc", "-mcpu=cortex-m3", "-mthumb", *link, "two.s", "-o", "two.elf"]
     subprocess.run(command, cwd=tmp_path, check=True)
-    counter = Counter(Image(tmp_path / "two.elf"), ["outer", "inner"])
+    counter = Counter(Image(tmp_path / "two.elf"), ["outer", "inner", "look"])
     call = counter.call("outer", 40, 0, 2)
     assert call.result == 42
     assert call.cost.instructions == 5
@@ -138,3 +153,8 @@ def test_the_counter_runs_code_and_books_nested_calls(tmp_path: Path) -> None:
     inner = counter.profiles["inner"]
     assert (inner.calls, inner.instructions_max, inner.cycles_max) == (1, 2, 4)
     assert {symbol.name for symbol in counter.symbols_of("outer")} == {"outer", "inner"}
+    assert counter.call("look", 4).result == 8
+    assert {symbol.name for symbol in counter.symbols_of("look")} == {"look", "table"}
+    look = counter.profiles["look"]
+    assert look.cycles_max == 3 + 2 + 3
+    assert look.cycles_2ws_max >= look.cycles_max + 5  # a table in flash waits, and so does the prefetch

@@ -32,14 +32,18 @@ void reset(void) { x = work(x); for (;;) {} }
 GOOD = "static int __attribute__((noinline)) work(int a) { return a * 3; }"
 
 
-def build(folder: Path, work: str, *options: str) -> Path:
+def build(folder: Path, work: str) -> Path:
     (folder / "a.c").write_text(FRAME % work)
     (folder / "a.ld").write_text(
         "SECTIONS { . = 0x08000000; .text : { KEEP(*(.vectors)) *(.text* .rodata*) }"
         " .ARM.exidx : { *(.ARM.exidx*) } . = 0x20000000; .data : { *(.data*) } .bss : { *(.bss* COMMON) } }"
     )
+    return link(folder)
+
+
+def link(folder: Path) -> Path:
     command = ["arm-none-eabi-gcc", "-mcpu=cortex-m3", "-mthumb", "-O2", "-nostartfiles", "--specs=nosys.specs"]
-    command += ["-Wl,-e,reset", "-Wl,--defsym=end=0x20001000", "-Wl,--no-warn-rwx-segments", "-T", "a.ld", *options]
+    command += ["-Wl,-e,reset", "-Wl,--defsym=end=0x20001000", "-Wl,--no-warn-rwx-segments", "-T", "a.ld"]
     subprocess.run([*command, "a.c", "-o", "a.elf"], cwd=folder, check=True, capture_output=True)
     return folder / "a.elf"
 
@@ -98,6 +102,39 @@ def test_worst_stack_adds_the_deepest_chain_and_every_handler(tmp_path: Path) ->
     assert graph.stack_bytes(reset.address) == reset.depth_bytes + functions["deep"].depth_bytes
     handlers = 36 + functions["handler"].depth_bytes  # one handler in two places of the table
     assert graph.worst_stack_bytes() == graph.stack_bytes(reset.address) + handlers
+
+
+def test_a_tail_call_and_a_jump_table_lead_on(tmp_path: Path) -> None:
+    """`work` jumps to `middle`, which goes to `deep` only from inside a jump table."""
+    work = """
+    int __attribute__((noinline)) deep(int a) { volatile char b[300]; b[a & 127] = 1; seen = b; return b[0]; }
+    int __attribute__((noinline)) middle(int a) {
+        switch (a) {
+        case 0: x = 5; break; case 1: x *= 7; break; case 2: x -= 2; break; case 3: x /= 3; break;
+        case 4: return deep(x) + 1; case 5: x ^= 77; break; case 6: x = -x; break; case 7: x <<= 3; break;
+        }
+        return x;
+    }
+    int __attribute__((noinline)) work(int a) { x += a; return middle(a & 7); }
+    """
+    image = build(tmp_path, work)
+    listing = subprocess.run(["arm-none-eabi-objdump", "-d", str(image)], capture_output=True, text=True, check=True)
+    assert "tbb" in listing.stdout or "tbh" in listing.stdout
+    graph = CallGraph(image)
+    functions = {f.name: f for f in graph.functions.values()}
+    assert functions["work"].calls == {functions["middle"].address: 0}
+    assert functions["deep"].address in functions["middle"].calls
+    assert graph.stack_bytes(functions["work"].address) >= 300 + functions["middle"].depth_bytes
+
+
+def test_the_reserved_stack_is_not_counted_as_data(tmp_path: Path) -> None:
+    plain = Elf(build(tmp_path, GOOD)).ram_bytes
+    reserve = 'char reserve[512] __attribute__((section(".bss.stack"), used));'
+    script = build(tmp_path, GOOD + reserve).with_name("a.ld")
+    assert Elf(tmp_path / "a.elf").ram_bytes == plain + 512
+    script.write_text(script.read_text().replace(".bss :", ".stack (NOLOAD) : { *(.bss.stack) } .bss :"))
+    link(tmp_path)
+    assert Elf(tmp_path / "a.elf").ram_bytes == plain
 
 
 def test_files_that_are_no_image_are_refused_in_one_sentence(tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ CONTROL_BYTES = 1024
 WILD_STEPS = 200
 MOTION_STEPS = 1500
 ANGLES = 2000
-KALMAN_STEPS = 50_000
+KALMAN_STEPS = 20_000
 RATE_FRAMES = 20_000
 ASIN_LIMIT_DEG = 80.0
 """Beyond it the arcsine is so steep that no budget is set for its error."""
@@ -157,7 +157,7 @@ def _inputs(tunings: Sequence[str]) -> Iterator[tuple[str, bool, npt.NDArray[np.
         seconds = MOTION_STEPS * quad.PERIOD_US * 1e-6
         motion = quad.scenario("motion", 3000 + index, seconds=seconds)
         yield name, True, motion.counts().astype(np.int64), motion.setpoint_turn_q32().astype(np.int64)
-        for kind, make in WILD.items():
+        for make in WILD.values():
             yield name, False, *make(4000 + index, WILD_STEPS)
 
 
