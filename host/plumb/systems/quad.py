@@ -55,8 +55,6 @@ SCENARIOS = {
     "converge": "at rest from a start 30 deg and 5 deg/s wrong, 10 s",
 }
 SECONDS = {"motion": 120.0, "quiet": 120.0, "disturb": 30.0, "hold": 30.0, "converge": 10.0}
-CLOSED_LOOP = ("hold",)
-"""Scenarios that close the loop unless told otherwise; the others are prescribed motion."""
 
 CALIBRATION = Calibration(gyro=GYRO.channel(), accel_y=Mma7260().channel(), accel_z=Mma7260().channel())
 
@@ -109,7 +107,8 @@ TUNINGS = {
 class Scenario:
     """One run's motion and every random number of it. Grid arrays: one value per GRID_S; sample arrays: per period.
 
-    prescribed_deg, setpoint_deg, lateral_g, hand: grid. The axis follows prescribed_deg while `hand` is true.
+    prescribed_deg, setpoint_deg, lateral_g, hand: grid. The axis follows prescribed_deg while `hand` is true: in open
+    loop always. A closed loop is asked to follow setpoint_deg, which in `motion` and `quiet` is the prescribed motion.
     bias_dps: (steps,); gyro_noise_dps: (steps,); accel_noise_g: (2, steps); adc_noise_v, fault_noise: (3, steps).
     """
 
