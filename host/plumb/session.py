@@ -282,7 +282,7 @@ class Session:
 
     def _stage(self, words: dict[int, int]) -> None:
         message = self.protocol["PARAM_STAGED"]
-        for _ in range(TRIES):
+        for _ in range(2 * TRIES):
             echoed: dict[int, int] = {}
             indices = list(words)
             for at in range(0, len(indices), IN_FLIGHT):
@@ -293,7 +293,7 @@ class Session:
             if not words:
                 return
             self.counters.repeated_requests += len(words)
-        raise LinkError(f"{len(words)} parameters were not acknowledged: check the cable")
+        raise LinkError("not every parameter was acknowledged: check the cable")
 
     def _commit(self, count: int, crc: int) -> None:
         try:
