@@ -1,0 +1,157 @@
+/* Framing, protection and queue: known answers, round trips, and anything at all into the parser and the
+ * session. The sanitizers watch; what the session says is tested from Python. */
+#include "check.h"
+#include "messages.h"
+#include "session.h"
+#include <string.h>
+
+static can_frame_t random_frame(void) {
+    can_frame_t f = {.id = (uint16_t)(check_random() & CAN_ID_MAX)};
+
+    for (unsigned i = 2; i < 8; i++) {
+        f.data[i] = (uint8_t)(check_random() & 0xFFU);
+    }
+    e2e_seal(&f, (uint8_t)(check_random() & 15U), (uint8_t)(check_random() & 15U));
+    return f;
+}
+
+static void check_framing(void) {
+    slcan_rx_t rx;
+
+    slcan_rx_init(&rx);
+    for (unsigned n = 0; n < 20000; n++) {
+        const can_frame_t sent = random_frame();
+        uint8_t text[SLCAN_FRAME_CHARS];
+        can_frame_t heard = {0};
+        slcan_event_t event = SLCAN_NOTHING;
+
+        CHECK(e2e_check(&sent));
+        CHECK(slcan_encode(&sent, text) == SLCAN_FRAME_CHARS);
+        for (unsigned i = 0; i < sizeof text; i++) {
+            CHECK(event == SLCAN_NOTHING);
+            event = slcan_rx_take(&rx, text[i], &heard);
+        }
+        CHECK(event == SLCAN_FRAME && memcmp(&heard, &sent, sizeof sent) == 0);
+        /* Noise up to a CR, and the next frame is heard again. */
+        for (unsigned i = check_random() % 64U; i > 0; i--) {
+            (void)slcan_rx_take(&rx, (uint8_t)(check_random() & 0xFFU), &heard);
+        }
+        (void)slcan_rx_take(&rx, SLCAN_CR, &heard);
+    }
+}
+
+/* Against the definition, bit by bit, over what the CRC covers: identifier, length, bytes 1 to 7. */
+static void check_crc(void) {
+    can_frame_t f = {.id = 0x0131U, .dlc = 8, .data = {0, '3', '4', '5', '6', '7', '8', '9'}};
+    uint8_t crc = 0xFFU;
+    const uint8_t covered[] = {0x01, 0x31, 8, '3', '4', '5', '6', '7', '8', '9'};
+
+    for (unsigned i = 0; i < sizeof covered; i++) {
+        crc ^= covered[i];
+        for (unsigned bit = 0; bit < 8; bit++) {
+            crc = (uint8_t)((crc & 0x80U) != 0 ? ((unsigned)crc << 1) ^ 0x2FU : (unsigned)crc << 1);
+        }
+    }
+    crc ^= 0xFFU;
+    CHECK(e2e_crc8(&f) == crc);
+    f.data[0] = e2e_crc8(&f);
+    CHECK(e2e_check(&f));
+    f.dlc = 7;
+    CHECK(!e2e_check(&f));
+}
+
+/* Bytes come out as they went in, round and round, and nothing is dropped by halves. */
+static void check_queue(void) {
+    static outbox_t box;
+    uint32_t in = 0, out = 0;
+
+    outbox_init(&box);
+    for (unsigned n = 0; n < 50000; n++) {
+        uint8_t bytes[97];
+        size_t count = check_random() % sizeof bytes;
+
+        if (count <= outbox_room(&box)) {
+            for (size_t i = 0; i < count; i++) {
+                bytes[i] = (uint8_t)(in++ & 0xFFU);
+            }
+            outbox_put(&box, bytes, count);
+        }
+        count = outbox_take(&box, bytes, check_random() % sizeof bytes);
+        for (size_t i = 0; i < count; i++) {
+            CHECK(bytes[i] == (uint8_t)(out++ & 0xFFU));
+        }
+        CHECK(outbox_room(&box) == OUTBOX_BYTES - (in - out));
+    }
+    outbox_init(&box);
+    for (unsigned n = 0; n < 200; n++) {
+        outbox_telemetry(&box, random_frame(), 0);
+        CHECK(outbox_room(&box) >= OUTBOX_RESERVE);
+    }
+    CHECK(box.dropped == 200U - (OUTBOX_BYTES - OUTBOX_RESERVE) / SLCAN_FRAME_CHARS);
+    CHECK((OUTBOX_BYTES - outbox_room(&box)) % SLCAN_FRAME_CHARS == 0);
+}
+
+/* Turns of the loop with frames of every identifier and with noise coming in. */
+static void check_session(void) {
+    static const board_identity_t board = {.unique_id = {1, 2, 3}};
+    static const uint16_t runs[] = {MESSAGE_RUN_BEGIN_RUN_LOCKSTEP, MESSAGE_RUN_BEGIN_RUN_REALTIME_INJECTED,
+                                    MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE};
+    static session_t session;
+    static control_t control;
+    static params_t params;
+    uint32_t now_us = 0xFFF00000U; /* the clock wraps on the way */
+    uint32_t steps = 0;
+
+    params_default(&params);
+    CHECK(control_params_valid(&params.control));
+    session_init(&session, &board, &control, &params);
+    session_receive(&session, (const uint8_t *)"O\r", 2, now_us);
+    for (unsigned n = 0; n < 200000; n++) {
+        uint8_t bytes[SLCAN_FRAME_CHARS];
+        int16_t raw[CONTROL_RAW_MAX] = {0};
+        int32_t setpoint = 0;
+        can_frame_t f = random_frame();
+        size_t count = sizeof bytes;
+
+        f.id = (uint16_t)(f.id & 0x23FU);
+        e2e_seal(&f, (uint8_t)(n & 15U), (uint8_t)(check_random() & 3U));
+        (void)slcan_encode(&f, bytes);
+        if (check_random() % 8U == 0) {
+            bytes[check_random() % sizeof bytes] = (uint8_t)(check_random() & 0xFFU);
+        }
+        if (session_receive_room(&session) < count) {
+            count = session_receive_room(&session);
+        }
+        session_receive(&session, bytes, count, now_us);
+        if (n % 1000U == 0) { /* as if a host had begun a run */
+            const uint16_t run = runs[n / 1000U % 3U];
+            const message_nonce_t m = {.verb = run, .nonce = arming_challenge(&session.arming, run, now_us)};
+            can_frame_t begin = message_nonce_pack(&m);
+
+            begin.id = MESSAGE_RUN_BEGIN_ID;
+            session_take_frame(&session, &begin, now_us);
+            CHECK(session_take_begin(&session));
+        }
+        session_poll(&session, now_us);
+        CHECK(!session_armed(&session)); /* nobody has greeted */
+        if (session_mode(&session) != SESSION_IDLE &&
+            (session_live(&session) || session_next_sample(&session, raw, &setpoint))) {
+            control_step(&control, &params.control, raw, setpoint);
+            session_stepped(&session);
+            steps++;
+        }
+        (void)session_transmit(&session, bytes, check_random() % sizeof bytes);
+        now_us += 100U;
+    }
+    CHECK(steps > 10000);
+    CHECK(session.outbox.dropped > 0);
+    CHECK(session.rejected > 10000);
+}
+
+int main(void) {
+    check_framing();
+    check_crc();
+    check_queue();
+    check_session();
+    return check_failures != 0;
+}
