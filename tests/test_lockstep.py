@@ -17,7 +17,8 @@ from plumb.protocol import protocol
 from plumb.session import Session
 from plumb.slcan import SlcanParser
 from test_protocol import begin, frame, said
-from test_session import CONTROL, BadLine
+from test_arming import CONTROL
+from test_session import BadLine
 
 
 def input_of(steps: int, seed: int, channels: int = 3) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,10 @@ static void put_char(session_t *s, uint8_t character) {
 
 static void open_link(session_t *s, bool open, bool read_only) {
     s->open = open;
-    s->read_only = read_only; /* with either, arming_blocked() disarms at the next poll */
+    s->read_only = read_only;
+    if (!open || read_only) {
+        arming_disarm(&s->arming, ARMING_BLOCK_CLOSED); /* at once: it may be open again by the next poll */
+    }
     put_char(s, SLCAN_CR);
 }
 

@@ -108,6 +108,9 @@ static void on_hello(session_t *s, const can_frame_t *f) {
     const message_hello_t m = message_hello_unpack(f);
 
     s->greeted = m.protocol_version == MESSAGES_PROTOCOL_VERSION && m.dbc_hash == MESSAGES_DBC_HASH;
+    if (!s->greeted) {
+        arming_disarm(&s->arming, ARMING_BLOCK_HELLO); /* at once: a right one may follow by the next poll */
+    }
     s->staged = *s->params;
     s->parameters_staged = false;
     s->identity = (session_reply_t){0, IDENTITY_ITEMS + 1U};
@@ -163,6 +166,13 @@ static void on_param_set(session_t *s, const can_frame_t *f) {
     }
 }
 
+/* What ties the core's words to the board's: between two pulses there is a gap. */
+static bool pulses_fit(const params_t *p) {
+    const int32_t frame_halfus = (int32_t)(2U * p->esc_period_us);
+
+    return p->control.esc.max_halfus < frame_halfus && p->control.esc.neutral_halfus < frame_halfus;
+}
+
 static void on_param_commit(session_t *s, const can_frame_t *f) {
     const message_param_commit_t m = message_param_commit_unpack(f);
 
@@ -172,7 +182,7 @@ static void on_param_commit(session_t *s, const can_frame_t *f) {
         reply_nack(s, f, MESSAGE_NACK_REASON_COUNT, PARAMS_COUNT);
     } else if (m.crc != params_crc32(&s->staged)) {
         reply_nack(s, f, MESSAGE_NACK_REASON_CRC, 0);
-    } else if (!control_params_valid(&s->staged.control)) {
+    } else if (!control_params_valid(&s->staged.control) || !pulses_fit(&s->staged)) {
         reply_nack(s, f, MESSAGE_NACK_REASON_PARAMETERS, 0);
     } else {
         *s->params = s->staged;

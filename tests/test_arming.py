@@ -1,0 +1,153 @@
+"""Arming: what it asks for, the keep-alive that holds it, and everything that ends it, at once and latched."""
+
+from __future__ import annotations
+
+import pytest
+
+from link_board import MemoryBoard
+from plumb import parameters
+from plumb.errors import LinkError
+from plumb.session import Session
+from test_protocol import frame
+
+CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
+
+
+def armed_session(board: MemoryBoard) -> Session:
+    session = Session.open(board)
+    session.upload(CONTROL, period_us=1000)
+    session.begin("REALTIME_LIVE")
+    session.arm()
+    assert board.armed
+    return session
+
+
+def test_keep_alive_holds_and_its_loss_disarms_after_50_ms_latched() -> None:
+    board = MemoryBoard()
+    session = armed_session(board)
+    for _ in range(100):
+        session.receive(0.005)
+    assert board.armed
+    board.run_us(49_000 - 15_000)
+    assert board.armed
+    board.run_us(17_000)
+    assert not board.armed
+    assert set(board.pulses) == {CONTROL[-1]}
+    session.receive(0.02)  # a keep-alive goes out, too late
+    board.run_us(1000)
+    assert not board.armed
+    session.receive(0.1)
+    board.run_us(200_000)
+    session.receive(0.1)
+    assert session.telemetry["EVENTS"]["disarm_cause"] == 0x20
+    session.arm()
+    assert board.armed
+    for _ in range(50):
+        session.receive(0.005)
+    assert board.armed and session.telemetry["EVENTS"]["disarm_cause"] == 0
+    session.close()
+
+
+def test_disarming_time_to_the_turn() -> None:
+    board = MemoryBoard()
+    session = armed_session(board)
+    board.heard()
+    last = board.time_us
+    board.say(frame("KEEPALIVE", 0, session._token or 0), turns=1)
+    while board.armed:
+        board.turn()
+    assert 50_000 <= board.time_us - last <= 50_300
+    session.close()
+
+
+def test_a_keep_alive_that_is_too_late_does_not_revive() -> None:
+    """Even when it is the first thing that is seen after a long turn of the loop."""
+    board = MemoryBoard()
+    session = armed_session(board)
+    board.write(frame("KEEPALIVE", 0, session._token or 0))
+    board.turn(step_us=60_000)
+    assert not board.armed
+    session.close()
+
+
+def test_a_stranger_cannot_keep_it_alive() -> None:
+    board = MemoryBoard()
+    session = armed_session(board)
+    token = session._token or 0
+    for wrong in (token ^ 1, token + 1, token - 1, 0, token ^ 1 << 31, 0xFFFFFFFF):
+        board.say(frame("KEEPALIVE", 0, wrong), turns=100)
+    assert not board.armed
+    session.close()
+
+
+def disarm_by_close(board: MemoryBoard, session: Session) -> None:
+    board.say(b"C\r")
+
+
+def disarm_by_close_and_open(board: MemoryBoard, session: Session) -> None:
+    board.say(b"C\rO\r")  # both before the loop comes round
+
+
+def disarm_by_read_only(board: MemoryBoard, session: Session) -> None:
+    board.say(b"L\r")
+
+
+def disarm_by_command(board: MemoryBoard, session: Session) -> None:
+    session.disarm()
+
+
+def disarm_by_run_end(board: MemoryBoard, session: Session) -> None:
+    session.end()
+
+
+def disarm_by_new_run(board: MemoryBoard, session: Session) -> None:
+    session.begin("REALTIME_LIVE")
+
+
+def disarm_by_fault(board: MemoryBoard, session: Session) -> None:
+    board.sensors(faults=1)
+    board.turn()
+
+
+def disarm_by_other_version(board: MemoryBoard, session: Session) -> None:
+    board.say(frame("HELLO", 99, 0))
+
+
+def disarm_by_other_version_and_back(board: MemoryBoard, session: Session) -> None:
+    board.say(frame("HELLO", 99, 0) + frame("HELLO", session.protocol.version, session.protocol.dbc_hash))
+
+
+@pytest.mark.parametrize(
+    "cause",
+    [
+        disarm_by_close, disarm_by_close_and_open, disarm_by_read_only, disarm_by_command, disarm_by_run_end,
+        disarm_by_new_run, disarm_by_fault, disarm_by_other_version, disarm_by_other_version_and_back,
+    ],
+)  # fmt: skip
+def test_what_disarms(cause: object) -> None:
+    board = MemoryBoard()
+    session = armed_session(board)
+    assert callable(cause)
+    cause(board, session)
+    assert not board.armed
+    board.turn()
+    assert set(board.pulses) == {CONTROL[-1]}
+    session.close()
+
+
+@pytest.mark.parametrize("run", ["LOCKSTEP", None])
+def test_arming_is_refused_with_the_reason(run: str | None) -> None:
+    board = MemoryBoard()
+    with Session.open(board) as session:
+        if run:
+            session.begin(run)
+        with pytest.raises(LinkError, match="in lockstep nothing can be armed" if run else "no run is on"):
+            session.arm()
+        session.begin("REALTIME_LIVE")
+        for bit in range(8):
+            board.sensors(faults=1 << bit)
+            with pytest.raises(LinkError, match="the board has a fault"):
+                session.arm()
+        board.sensors(faults=0x100)  # informs only
+        session.arm()
+        assert board.armed
