@@ -1,4 +1,4 @@
-/* Integer arithmetic of the core: the only file in which a signed number is shifted right or narrowed.
+/* Integer arithmetic of the core: the only file in which a signed number is shifted right.
  *
  * Sums of 64 bits are taken modulo 2^64 (wrap_*): no operation here is undefined for any input. Costs are
  * Cortex-M3 cycles at zero wait states. Division is udiv32 alone; no 64-bit value is ever divided.

@@ -38,7 +38,7 @@ void kalman_step(kalman_t *restrict k, const kalman_params_t *restrict p, uint32
     const int32_t frac = wrap_i32(k->p11_frac_q30 + p->qb_frac_q30 - (lo_u64(d) << (36U - n) >> 2));
     const uint64_t fall = make_u64(hi_u64(d) >> (n - 4U), hi_u64(d) << (36U - n) | lo_u64(d) >> (n - 4U));
     const uint64_t p11_next = p11 - fall + p->qb + (uint64_t)(int64_t)asr32(frac, 30);
-    k->p11 = make_i64(clamp_i32((int32_t)hi_u64(p11_next), 0, (1 << 24) - 1), lo_u64(p11_next));
+    k->p11 = make_i64(clamp_i32(wrap_i32(hi_u64(p11_next)), 0, (1 << 24) - 1), lo_u64(p11_next));
     k->p11_frac_q30 = (uint32_t)frac & 0x3FFFFFFFU;
 
     /* p01 *= 1 - k0: 64 bits by 32, the sign of p01 taken out of the unsigned product */

@@ -1,14 +1,18 @@
 /* The two-state filter: tilt and gyro bias, full covariance at every step, measurement variance given at
- * every step.
+ * every step. The equations are numbered as the sources print them; P = [[p00, p01], [p01, p11]], K = [k0,
+ * k1].
  *
- *     phi' = phi + dt (omega - b) ;  z = phi + noise              P = [[p00, p01], [p01, p11]],  K = [k0, k1]
- *     (1) X = A X + B U   (2) P = A P A^T + Q   (3) X += K (z - phi)   (4) K = P H^T / (p00 + R)   (5) P = (I
- * - K H) P
+ *     phi' = phi + dt (omega - b),  b' = b,  z = phi + noise of variance R
+ *     (1) X = A X + B U
+ *     (2) P = A P A^T + Q
+ *     (3) X = X + K (z - phi)
+ *     (4) K = P H^T / (p00 + R)
+ *     (5) P = (I - K H) P
  *
  * Inside, the bias is counted per step (turn, not turn/s): A = [[1, -1], [0, 1]], and the covariance needs no
  * product with dt. Covariances are in lsb, a unit of the parameter set's own (about 2^-56 of the largest
  * variance in it): p00, p01, p11 as 64-bit integers, p11 and its process noise with 30 more bits of fraction;
- * r in 2^32 lsb.
+ * r in 2^32 lsb. Why every sum fits: DESIGN.md, "Numbers".
  */
 #ifndef PLUMB_CORE_KALMAN_H
 #define PLUMB_CORE_KALMAN_H
@@ -23,7 +27,7 @@ typedef struct {
     uint32_t rate_now;         /* U(k): 0 the previous gyro sample, as the sources print; 1 the current one */
     uint32_t qa_hi, qa_lo;     /* Q of the tilt per step, lsb; 0..2^56 */
     uint32_t qb;               /* Q of the bias per step, whole lsb; 0..2^32-1 */
-    uint32_t qb_frac_q30;      /* and the rest of it; 0..2^24-1 */
+    uint32_t qb_frac_q30;      /* and the rest of it; 0..2^30-1 */
     int32_t bias_max_turn_q29; /* limit of the published bias, per step; at most 1 turn/s */
     int32_t rate_gain;         /* 2^(31 - rate_shift) / dt, at least 2^30: turn per step -> turn/s */
     uint32_t rate_shift;       /* 1..16 */
@@ -36,7 +40,7 @@ typedef struct {
     int32_t tilt_turn_q32;
     uint32_t p00_hi, p00_lo; /* lsb, 0..2^57 */
     int32_t p01_hi;
-    uint32_t p01_lo;         /* -p00..min(p00, qa / 4) */
+    uint32_t p01_lo;         /* from -min(p00, 2^56) to min(p00, qa / 4) */
     uint32_t p11_hi, p11_lo; /* 0..2^56-1 */
 } kalman_start_t;
 

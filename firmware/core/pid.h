@@ -1,8 +1,8 @@
 /* Error -> command, with every limit an actuator has.
  *
- *     demand  = kp * error + integral - kd * filtered rate       D acts on the measured rate, not on the
- * error command = demand limited to +-1, and to +-slew from the last command integral += ki dt * error,
- * unless the command was limited and this would push it further (anti-windup)
+ *     (1) demand = kp * error + integral - kd * filtered rate     D is of the measured rate
+ *     (2) command = demand, limited to +-1 and to +-slew from the last command
+ *     (3) integral += ki dt * error, unless (2) limited and this would push it further
  *
  * +-1 is all that the actuator may get: a smaller share is a smaller span of the output and larger gains; the
  * direction is the sign of that span. The integral keeps 64 bits, the sum its upper 32: |kp|, |kd| <= 2^30

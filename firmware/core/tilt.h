@@ -14,19 +14,18 @@
 #define TILT_ATAN2   1U /* atan2(accel_y, accel_z), +-180 degrees */
 
 typedef struct {
-    uint32_t mode;   /* TILT_ARCSINE or TILT_ATAN2 */
-    uint32_t r_base; /* measurement variance at |a| = 1 g, in 2^32 lsb of the filter; 1..2^24 */
-    uint32_t r_gain; /* see tilt_variance; 0 keeps r_base */
-    uint32_t r_max;  /* r_base..2^24 */
-    uint32_t
-        deviation_max; /* | |a|^2 - 1 | is clamped here, g^2 Q20; deviation_max << deviation_shift < 2^32 */
+    uint32_t mode;            /* TILT_ARCSINE or TILT_ATAN2 */
+    uint32_t r_base;          /* measurement variance at |a| = 1 g, in 2^32 lsb of the filter; 1..2^24 */
+    uint32_t r_gain;          /* see tilt_variance; 0 keeps r_base */
+    uint32_t r_max;           /* r_base..2^24 */
+    uint32_t deviation_max;   /* | |a|^2 - 1 | is clamped here, g^2 Q20; shifted below 2^32 */
     uint32_t deviation_shift; /* 0..31 */
 } tilt_params_t;
 
 #define TILT_ONE_G_Q26  (1L << 26)
 #define TILT_ONE_G2_Q20 (1L << 20)
 
-/* Measured tilt, turn Q32, from accelerations of any size. The angle's cost and 10 cycles. */
+/* Measured tilt, turn Q32, from accelerations of any size. */
 static inline int32_t tilt_angle(const tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
     if (p->mode == TILT_ATAN2)
         return angle_atan2(accel_y_g_q26, accel_z_g_q26);
@@ -36,7 +35,7 @@ static inline int32_t tilt_angle(const tilt_params_t *p, int32_t accel_y_g_q26, 
 /* r = min(r_base + r_gain * (|a|^2 - 1 g^2)^2, r_max), for accelerations within +-CALIBRATION_LIMIT:
  *     d = min(| ((ay^2 + az^2) >> 32) - 2^20 |, deviation_max) << deviation_shift
  *     r = min(r_base + ((((d^2) >> 32) * r_gain) >> 32), r_max)
- * No memory, no dead band. 40 cycles. */
+ * No memory, no dead band. */
 static inline uint32_t tilt_variance(const tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
     const int64_t square =
         add64_wrap(mul_i64(accel_y_g_q26, accel_y_g_q26), mul_i64(accel_z_g_q26, accel_z_g_q26));
