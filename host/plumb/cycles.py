@@ -84,7 +84,7 @@ def require(module: str) -> Any:
     try:
         return __import__(module, fromlist=["_"])
     except ImportError:
-        package = module.split(".")[0].replace("elftools", "pyelftools")
+        package = module.split(".")[0]
         raise UsageError(f"Counting cycles needs the Python package {package}: install it with pip install "
                          "'plumb[bench]'.") from None  # fmt: skip
 

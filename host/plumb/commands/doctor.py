@@ -49,7 +49,6 @@ def libraries() -> Iterator[Finding]:
         ("unicorn", True, "pip install 'plumb[virtual]' for the virtual board"),
         ("matplotlib", True, "pip install 'plumb[report]' for the report page"),
         ("capstone", False, "pip install 'plumb[bench]' for plumb bench"),
-        ("pyelftools", False, "pip install 'plumb[bench]' for plumb bench"),
     ):
         try:
             yield Finding(name, True, needed, metadata.version(name))
