@@ -16,8 +16,8 @@ from plumb.lockstep import Lockstep, samples_text
 from plumb.protocol import protocol
 from plumb.session import Session
 from plumb.slcan import SlcanParser
-from test_protocol import begin, frame, said
 from test_arming import CONTROL
+from test_protocol import begin, frame, said
 from test_session import BadLine
 
 
