@@ -119,7 +119,7 @@ def test_tilt_and_trust() -> None:
     y[:9], z[:9] = np.repeat([-limit, 0, limit], 3), np.tile([-limit, 0, limit], 3)
     for params in wild_params_of_all_runs()[:60]:
         turn, variance = native.tilt_and_trust(params, y, z)
-        columns = fixed.stack(params, len(y))
+        columns = fixed.stack(params, 1)
         assert np.array_equal(fixed.tilt(y, z, columns), turn)
         assert np.array_equal(fixed.trust(y, z, columns), variance)
 
@@ -143,7 +143,7 @@ def test_kalman_step_on_unrelated_states() -> None:
         r = np.clip((1 << 24) >> rng.integers(0, 25, n), 1, 1 << 24)
         z, u = rng.choice(INT32, n), rng.choice(INT32, n)
         k = fixed.KalmanState(*(before[name].astype(np.int64) for name in before.dtype.names))
-        fixed.kalman_step(k, fixed.stack(params, n), r, z, u)
+        fixed.kalman_step(k, fixed.stack(params, 1), r, z, u)
         after = native.kalman_step(params, before, r, z, u)
         for name in before.dtype.names:
             assert np.array_equal(getattr(k, name), after[name].astype(np.int64)), name
@@ -159,7 +159,7 @@ def test_pid_step_on_unrelated_states() -> None:
         error, rate = rng.choice(INT32, n), rng.choice(INT32, n)
         names = ("integral_q54", "command_q22", "rate_filtered_turnps_q27", "excess_q22")
         c = fixed.PidState(*(before[name].astype(np.int64) for name in names))
-        fixed.pid_step(c, fixed.stack(params, n), error, rate)
+        fixed.pid_step(c, fixed.stack(params, 1), error, rate)
         after = native.pid_step(params, before, error, rate)
         for name in names:
             assert np.array_equal(getattr(c, name), after[name].astype(np.int64)), name
