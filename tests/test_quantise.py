@@ -118,6 +118,10 @@ def test_the_papers_constants_as_they_are() -> None:
         ("pid.derivative_tau_s", -0.1, "negative"),
         ("esc.mid_us", 9000.0, "too large"),
         ("esc.max_us", 500.0, "less than min_us"),
+        ("pid.derivative_tau_s", 1e9, "too slow"),
+        ("pid.kp_per_deg", "much", "give a number"),
+        ("esc.mid_us", None, "give a number"),
+        ("start.p00_deg2", 1e-20, "too fine"),
         ("tilt", "sine", "arcsine or atan2"),
     ],
 )

@@ -91,11 +91,13 @@ def _whole(name: str, asked: float, exact: Fraction, low: int, high: int) -> int
 def _numbers(settings: Any, path: str = "") -> Iterator[tuple[str, float]]:
     for entry in fields(settings):
         value = getattr(settings, entry.name)
+        if entry.name in ("tilt", "rate", "exact_period_s"):
+            continue
         if is_dataclass(value):
             yield from _numbers(value, f"{path}{entry.name}.")
-        elif isinstance(value, int | float):
+        elif isinstance(value, int | float) and not isinstance(value, bool):
             yield path + entry.name, value
-        elif value is not None and not isinstance(value, str):
+        else:
             raise UsageError(f"{path}{entry.name} is {value!r}: give a number")
 
 
@@ -201,8 +203,8 @@ def _filter(tuning: Tuning, dt: Fraction) -> tuple[dict[str, int], Fraction]:
             return _in_unit(tuning, variances, unit), unit
         except UsageError as error:
             reason = reason or error
-    assert reason is not None
-    raise reason
+    largest = max(LIMITS, key=lambda name: abs(variances[name][1]) / LIMITS[name])
+    raise UsageError(f"{reason}, or for less of {largest} = {variances[largest][0]:g}, which sets the unit")
 
 
 def _in_unit(tuning: Tuning, variances: dict[str, tuple[float, Fraction]], unit: Fraction) -> dict[str, int]:
@@ -254,6 +256,8 @@ def _pid(pid: Pid, dt: Fraction) -> dict[str, int]:
     alpha = Fraction(1)
     if pid.derivative_tau_s:
         alpha = Fraction(-math.expm1(-float(dt) / pid.derivative_tau_s))
+    if alpha * (1 << 31) < 500:
+        _refuse("pid.derivative_tau_s", pid.derivative_tau_s, f"too slow, the most is {float(dt) * 2**31 / 500:.3g}")
     slew = Fraction(pid.slew_per_s) * dt
     most = (1 << 31) - 1
     if slew <= 0:

@@ -1,0 +1,79 @@
+"""The native core is found or its absence explained, and neither it nor fixed takes inputs that it would misread."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from plumb import fixed, native
+from plumb.errors import UsageError
+from plumb.quantise import quantise
+from plumb.systems import quad
+
+PARAMS = quantise(quad.TUNINGS["paper"])
+
+
+def test_a_missing_library_is_one_sentence_that_says_what_to_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(native, "LIBRARY", "libplumb_nowhere.so")
+    with pytest.raises(UsageError, match="cmake --preset native"):
+        native.library_path()
+
+
+@pytest.mark.parametrize("content", [b"", b"not a library"])
+def test_a_library_that_is_none_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, content: bytes) -> None:
+    other = tmp_path / native.LIBRARY
+    other.write_bytes(content)
+    monkeypatch.setattr(native, "library_path", lambda: other)
+    native.library.cache_clear()
+    try:
+        with pytest.raises(UsageError, match="is not this core"):
+            native.library()
+    finally:
+        native.library.cache_clear()
+
+
+def test_a_library_of_other_words_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(native, "word_names", lambda core: ("raw_0",))
+    native.library.cache_clear()
+    try:
+        with pytest.raises(UsageError, match="another version"):
+            native.library()
+    finally:
+        native.library.cache_clear()
+
+
+@pytest.mark.parametrize("implementation", [fixed, native])
+@pytest.mark.parametrize(
+    ("raw", "setpoint", "reason"),
+    [
+        (np.zeros((5, 6)), np.zeros(5, int), "round them"),
+        (np.full((5, 6), 32768), np.zeros(5, int), "16 bits"),
+        (np.zeros((5, 6), int), np.full(5, 1 << 31), "32 bits"),
+        (np.zeros((5, 2), int), np.zeros(5, int), "3 to 6"),
+        (np.zeros((5, 7), int), np.zeros(5, int), "3 to 6"),
+        (np.zeros(5, int), np.zeros(5, int), "3 to 6"),
+        (np.zeros((5, 6), int), np.zeros(4, int), "do not match"),
+        (np.zeros((5, 6, 2), int), np.zeros(5, int), "do not match"),
+    ],
+)
+def test_inputs_that_do_not_fit_are_refused(
+    implementation: ModuleType, raw: np.ndarray, setpoint: np.ndarray, reason: str
+) -> None:
+    with pytest.raises(UsageError, match=reason):
+        implementation.run_control(PARAMS, raw, setpoint)
+
+
+@pytest.mark.parametrize("implementation", [fixed, native])
+def test_as_many_parameter_sets_as_runs(implementation: ModuleType) -> None:
+    raw, setpoint = np.zeros((5, 6, 3), int), np.zeros((5, 3), int)
+    with pytest.raises(UsageError, match="2 parameter sets were given for 3 runs"):
+        implementation.run_control([PARAMS, PARAMS], raw, setpoint)
+
+
+@pytest.mark.parametrize("implementation", [fixed, native])
+def test_no_steps_are_no_words(implementation: ModuleType) -> None:
+    words = implementation.run_control(PARAMS, np.zeros((0, 6), int), np.zeros(0, int))
+    assert words.record.shape == (0,) and words.digests().size == 0
