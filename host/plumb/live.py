@@ -30,7 +30,7 @@ FOLLOW_US = 1000
 
 
 class Coupling:
-    """Joins a plant to a machine's pins; the plant's time 0 is the moment of joining.
+    """Joins a plant to a machine's pins; the plant's time 0 is the first conversion of the gyro channel.
 
     taken: one row a conversion of the gyro channel: its count, the true tilt and the true bias at that moment.
     """
@@ -39,17 +39,20 @@ class Coupling:
         self.machine = machine
         self.plant = plant
         self.taken: list[tuple[int, float, float]] = []
-        self._start = machine.now
+        self._start: int | None = None
         machine.adc[ADC_PINS[0]] = self._gyro_volts
         for index in (1, 2):
             machine.adc[ADC_PINS[index]] = self._accel_volts(index)
         self._follow(machine.now)
 
     def _time_s(self, now_s: float) -> float:
-        return max(now_s - self._start / TICKS_PER_S, 0.0)
+        return 0.0 if self._start is None else now_s - self._start / TICKS_PER_S
 
     def _gyro_volts(self, now_s: float) -> float:
+        if self._start is None:
+            self._start = round(now_s * TICKS_PER_S)
         time_s, plant = self._time_s(now_s), self.plant
+        self._advance(time_s)
         volts = plant.volts(time_s)[0]
         self.taken.append((int(adc_counts(np.array(volts))), plant.tilt_deg, plant.bias_dps(time_s)))
         return volts
@@ -57,10 +60,12 @@ class Coupling:
     def _accel_volts(self, index: int) -> Callable[[float], float]:
         return lambda now_s: self.plant.volts(self._time_s(now_s))[index]
 
-    def _follow(self, now: int) -> None:
+    def _advance(self, time_s: float) -> None:
         pulses = [self.machine.pwm(pin) for pin in ESC_PINS]
-        widths_us = [pulse.pulse_us if pulse.enabled else 0.0 for pulse in pulses]
-        self.plant.advance_to((now - self._start) / TICKS_PER_S, widths_us)
+        self.plant.advance_to(time_s, [pulse.pulse_us if pulse.enabled else 0.0 for pulse in pulses])
+
+    def _follow(self, now: int) -> None:
+        self._advance(self._time_s(now / TICKS_PER_S))
         self.machine.timeline.at("plant", now + FOLLOW_US * TICKS_PER_US, self._follow)
 
 
