@@ -13,9 +13,9 @@ from test_protocol import frame
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 
 
-def armed_session(board: MemoryBoard) -> Session:
+def armed_session(board: MemoryBoard, period_us: int = 1000) -> Session:
     session = Session.open(board)
-    session.upload(CONTROL, period_us=1000)
+    session.upload(CONTROL, period_us=period_us)
     session.begin("REALTIME_LIVE")
     session.arm()
     assert board.armed
@@ -45,6 +45,16 @@ def test_keep_alive_holds_and_its_loss_disarms_after_50_ms_latched() -> None:
     for _ in range(50):
         session.receive(0.005)
     assert board.armed and session.telemetry["EVENTS"]["disarm_cause"] == 0
+    session.close()
+
+
+def test_waiting_in_vain_keeps_it_alive() -> None:
+    """At 10 Hz a board says something every 50 ms or less; who waits for it owes keep-alives all the same."""
+    board = MemoryBoard()
+    session = armed_session(board, period_us=100_000)
+    board.spoil_up = lambda data: b""
+    assert session.receive(0.25) == []
+    assert board.armed
     session.close()
 
 

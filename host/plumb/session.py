@@ -120,8 +120,15 @@ class Session:
 
     def receive(self, timeout_s: float) -> list[Frame]:
         """Frames that came, each looked at for what went missing and for telemetry; keeps an armed board alive."""
-        self.pump()
-        frames = self.fast.read_frames(timeout_s) if self.fast is not None else self._receive_slowly(timeout_s)
+        end = self.clock() + timeout_s
+        while True:
+            self.pump()
+            wait_s = max(0.0, end - self.clock())
+            if self._token is not None:
+                wait_s = min(wait_s, KEEPALIVE_EVERY_S)
+            frames = self.fast.read_frames(wait_s) if self.fast is not None else self._receive_slowly(wait_s)
+            if frames or self._token is None or self.clock() >= end:
+                break
         for frame in frames:
             self._note(frame)
         if self.listener is not None:
