@@ -136,6 +136,14 @@ def test_a_replay_reports_the_error_against_the_reference(tmp_path: Path, capsys
     assert said["scored_steps"] > 1900
 
 
+def test_a_recording_at_rest_has_nothing_to_score(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = recording_file(tmp_path, movement=np.zeros(2000, bool))
+    code, said = run(capsys, "replay", str(file), "--board", "native")
+    assert code == 0 and said["metrics"]["angle_rmse_deg"] is None and said["scored_steps"] == 0
+    assert front.main(["replay", str(file), "--board", "native"]) == 0
+    assert "nothing to score" in capsys.readouterr().out
+
+
 def test_a_recording_with_nan_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     broken = np.zeros((2000, 3), np.float32)
     broken[500, 1] = np.nan

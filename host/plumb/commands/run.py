@@ -71,7 +71,7 @@ def describe(summary: dict[str, object]) -> str:
     lines = [
         f"{summary['system']} {summary['scenario']}, tuning {summary['tuning']}, {summary['loop']} loop, "
         f"seed {summary['seed']}, {summary['steps']} steps on {summary['board']}",
-        *(f"  {name:<28} {value:.6g}" for name, value in metrics.items()),
+        *(f"  {name:<28} {'nothing to score' if value is None else f'{value:.6g}'}" for name, value in metrics.items()),
     ]
     if "first_divergence" in summary:
         lines.append(f"  first divergence: {summary['first_divergence']}")
