@@ -40,7 +40,7 @@ def wild_params_of_all_runs() -> tuple[ControlParams, ...]:
 
 
 def test_the_words_have_the_same_names_and_order() -> None:
-    assert native.word_names(native.library()) == WORDS_DTYPE.names
+    assert native.word_names(native.c_core()) == WORDS_DTYPE.names
 
 
 def test_wild_parameters_are_valid() -> None:

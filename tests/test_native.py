@@ -19,30 +19,30 @@ PARAMS = quantise(quad.TUNINGS["paper"])
 def test_a_missing_library_is_one_sentence_that_says_what_to_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(native, "LIBRARY", "libplumb_nowhere.so")
     with pytest.raises(UsageError, match="cmake --preset native"):
-        native.library_path()
+        native.core_path()
 
 
 @pytest.mark.parametrize("content", [b"", b"not a library"])
 def test_a_library_that_is_none_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, content: bytes) -> None:
     other = tmp_path / native.LIBRARY
     other.write_bytes(content)
-    monkeypatch.setattr(native, "library_path", lambda: other)
-    native.library.cache_clear()
+    monkeypatch.setattr(native, "core_path", lambda: other)
+    native.c_core.cache_clear()
     try:
         with pytest.raises(UsageError, match="is not this core"):
-            native.library()
+            native.c_core()
     finally:
-        native.library.cache_clear()
+        native.c_core.cache_clear()
 
 
 def test_a_library_of_other_words_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(native, "word_names", lambda core: ("raw_0",))
-    native.library.cache_clear()
+    native.c_core.cache_clear()
     try:
         with pytest.raises(UsageError, match="another version"):
-            native.library()
+            native.c_core()
     finally:
-        native.library.cache_clear()
+        native.c_core.cache_clear()
 
 
 @pytest.mark.parametrize("implementation", [fixed, native])

@@ -36,7 +36,7 @@ Int32s = npt.NDArray[np.int32]
 Records = npt.NDArray[np.void]
 
 
-def library_path() -> Path:
+def core_path() -> Path:
     """Where the library is; UsageError that says how to make it when there is none."""
     package = Path(__file__).resolve().parent
     for path in (package / LIBRARY, package.parents[1] / "build" / "native" / LIBRARY):
@@ -46,9 +46,9 @@ def library_path() -> Path:
 
 
 @lru_cache(maxsize=1)
-def library() -> ctypes.CDLL:
+def c_core() -> ctypes.CDLL:
     """The loaded library; UsageError when it is of another version than this package."""
-    path = library_path()
+    path = core_path()
     try:
         core = ctypes.CDLL(str(path))
         core.plumb_word_names.restype = ctypes.c_char_p
@@ -85,18 +85,18 @@ def _u32(values: npt.ArrayLike) -> npt.NDArray[np.uint32]:
 
 def params_valid(params: ControlParams) -> bool:
     """What the firmware says of a whole set at commit."""
-    return bool(library().plumb_params_valid(_pointer(_u32(params.words()))))
+    return bool(c_core().plumb_params_valid(_pointer(_u32(params.words()))))
 
 
 def crc32(data: bytes) -> int:
-    return int(library().plumb_crc32(data, len(data)))
+    return int(c_core().plumb_crc32(data, len(data)))
 
 
 def atan2(y: npt.ArrayLike, x: npt.ArrayLike) -> Int32s:
     """Binary angles of the points (x, y), any int32."""
     rows, columns = _i32(y), _i32(x)
     out = np.empty_like(rows)
-    library().plumb_atan2_run(_pointer(rows), _pointer(columns), rows.size, _pointer(out))
+    c_core().plumb_atan2_run(_pointer(rows), _pointer(columns), rows.size, _pointer(out))
     return out
 
 
@@ -104,7 +104,7 @@ def asin(x_q30: npt.ArrayLike) -> Int32s:
     """Binary angles whose sines are x / 2^30."""
     sines = _i32(x_q30)
     out = np.empty_like(sines)
-    library().plumb_asin_run(_pointer(sines), sines.size, _pointer(out))
+    c_core().plumb_asin_run(_pointer(sines), sines.size, _pointer(out))
     return out
 
 
@@ -112,7 +112,7 @@ def reciprocal(d: npt.ArrayLike) -> npt.NDArray[np.uint32]:
     """2^61 / d, 2^30 <= d < 2^31."""
     divisors = _u32(d)
     out = np.empty_like(divisors)
-    library().plumb_reciprocal_run(_pointer(divisors), divisors.size, _pointer(out))
+    c_core().plumb_reciprocal_run(_pointer(divisors), divisors.size, _pointer(out))
     return out
 
 
@@ -123,7 +123,7 @@ def tilt_and_trust(
     y, z = _i32(accel_y_g_q26), _i32(accel_z_g_q26)
     turn, variance = np.empty_like(y), np.empty(y.shape, np.uint32)
     words = _u32(params.words())
-    library().plumb_tilt_run(_pointer(words), _pointer(y), _pointer(z), y.size, _pointer(turn), _pointer(variance))
+    c_core().plumb_tilt_run(_pointer(words), _pointer(y), _pointer(z), y.size, _pointer(turn), _pointer(variance))
     return turn, variance
 
 
@@ -137,7 +137,7 @@ def kalman_run(
     r, z, u = _u32(variance), _i32(tilt_turn_q32), _i32(rate_turnps_q28)
     runs = z.shape[1] if z.ndim == 2 else 1
     fused, states = np.empty_like(z), np.zeros(runs, KALMAN_DTYPE)
-    library().plumb_kalman_run(
+    c_core().plumb_kalman_run(
         _pointer(_u32(params.words())), _pointer(r), _pointer(z), _pointer(u), len(z), runs, _pointer(states),
         _pointer(fused),
     )  # fmt: skip
@@ -150,7 +150,7 @@ def kalman_step(
     """One step of each of n unrelated states of KALMAN_DTYPE."""
     r, z, u, after = _u32(variance), _i32(tilt_turn_q32), _i32(rate), states.copy()
     words = _u32(params.words())
-    library().plumb_kalman_each(_pointer(words), _pointer(after), _pointer(r), _pointer(z), _pointer(u), len(after))
+    c_core().plumb_kalman_each(_pointer(words), _pointer(after), _pointer(r), _pointer(z), _pointer(u), len(after))
     return after
 
 
@@ -158,7 +158,7 @@ def pid_step(params: ControlParams, states: Records, error_turn_q32: npt.ArrayLi
     """One step of each of n unrelated states of PID_DTYPE."""
     error, measured, after = _i32(error_turn_q32), _i32(rate), states.copy()
     words = _u32(params.words())
-    library().plumb_pid_each(_pointer(words), _pointer(after), _pointer(error), _pointer(measured), len(after))
+    c_core().plumb_pid_each(_pointer(words), _pointer(after), _pointer(error), _pointer(measured), len(after))
     return after
 
 
@@ -166,7 +166,7 @@ class Controller:
     """One run, a step at a time, in memory that this object owns."""
 
     def __init__(self, params: ControlParams) -> None:
-        self._core, self._params = library(), _u32(params.words())
+        self._core, self._params = c_core(), _u32(params.words())
         self._memory = np.zeros(self._core.plumb_sizeof_control() // 8 + 1, np.int64)
         self._record = np.zeros(1, WORDS_DTYPE)
         self._core.plumb_control_init(_pointer(self._memory), _pointer(self._params))
@@ -197,7 +197,7 @@ def run_control(
     record = np.zeros((runs, steps), WORDS_DTYPE)
     by_run = np.ascontiguousarray(np.moveaxis(counts.reshape(steps, 6, runs), 2, 0), np.int16)
     targets = np.ascontiguousarray(setpoint.reshape(steps, runs).T, np.int32)
-    core = library()
+    core = c_core()
     for run, one in enumerate(sets):
         core.plumb_control_run(
             _pointer(_u32(one.words())),

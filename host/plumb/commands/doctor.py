@@ -71,7 +71,7 @@ def native_core() -> Finding:
     from plumb.errors import UsageError
 
     try:
-        return Finding("native core", True, True, str(native.library_path()))
+        return Finding("native core", True, True, str(native.core_path()))
     except UsageError as error:
         return Finding("native core", False, True, str(error))
 
