@@ -71,7 +71,9 @@ int main(void) {
 
         int16_t raw[CONTROL_RAW_MAX];
         int32_t setpoint_turn_q32;
-        while (take_sample(raw, &setpoint_turn_q32)) {
+        /* As many as can wait in lockstep, and no more: ticks that outrun the steps must not keep the loop
+         * from its watch over them. */
+        for (unsigned i = 0u; i < SESSION_QUEUE_LENGTH && take_sample(raw, &setpoint_turn_q32); i++) {
             control_step(&control, &params.control, raw, setpoint_turn_q32);
             if (session_armed(&session)) {
                 board_set_actuator(control.words.pulse_halfus);

@@ -12,9 +12,10 @@ import pytest
 pytest.importorskip("unicorn")
 
 from plumb.capture import Capture
-from plumb.errors import UsageError
+from plumb.errors import LinkError, UsageError
 from plumb.f103 import find_image
 from plumb.f103.machine import Machine
+from plumb.parameters import table
 from plumb.session import Session
 
 SUPPLY_V = 3.3
@@ -91,6 +92,56 @@ def test_disarmed_means_neutral_and_armed_means_commanded(bench: Bench) -> None:
     bench.session.disarm()
     bench.run(capture, 0.01)
     assert bench.pulses_us() == (NEUTRAL_US, NEUTRAL_US)
+
+
+def test_disarmed_nothing_but_neutral_is_ever_written(bench: Bench) -> None:
+    """Not even for the moment until the end of the loop's turn: the frame could end in between."""
+    written = set()
+    honest = bench.machine.tim4._write_ccr
+
+    def spy(index: int, value: int) -> None:
+        written.add(value)
+        honest(index, value)
+
+    bench.machine.tim4._write_ccr = spy
+    bench.run(bench.begin(1000), 0.05)
+    assert written == {2 * NEUTRAL_US}
+
+
+def test_a_run_begins_with_the_neutral_pulse_it_was_given(bench: Bench) -> None:
+    words = bench.session.read_parameters()
+    words[[row.name for row in table()].index("esc.neutral_halfus")] = 2222
+    bench.session.upload(words[:-2], period_us=1000, esc_period_us=2500)
+    bench.session.begin("LOCKSTEP")
+    bench.machine.advance_us(20_000)
+    assert bench.pulses_us() == (1111.0, 1111.0)
+
+
+def test_a_missed_period_blocks_arming_until_the_next_run(bench: Bench) -> None:
+    bench.run(bench.begin(1000), 0.02)
+    assert bench.session.connect()["FAULTS"] == 0
+    bench.machine.tim3.write_arr(29)  # 30 us: shorter than a turn of the loop
+    bench.machine.advance_us(70_000)  # the counter, past its new end already, goes round first
+    with pytest.raises(LinkError, match="the board has a fault"):
+        bench.session.arm()
+    faults = bench.session.connect()["FAULTS"]
+    assert faults & 2 and faults >> 24
+    bench.session.begin("REALTIME_LIVE")
+    bench.session.arm()
+
+
+def test_counts_of_an_uncalibrated_converter_are_not_used(bench: Bench) -> None:
+    honest = bench.machine.adc1._calibrate
+    bench.machine.adc1._calibrate = lambda *_: None
+    capture = bench.begin(1000)
+    bench.run(capture, 0.05)
+    assert capture.steps == 0
+    with pytest.raises(LinkError, match="the board has a fault"):
+        bench.session.arm()
+    bench.machine.adc1._calibrate = honest
+    capture = bench.begin(1000)
+    bench.run(capture, 0.05)
+    assert capture.steps > 0
 
 
 def test_silence_makes_it_safe_within_50_ms_for_good(bench: Bench) -> None:
