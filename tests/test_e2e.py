@@ -43,6 +43,16 @@ def test_c_and_python_agree() -> None:
         assert library().link_board_crc8(identifier, 8, (ctypes.c_uint8 * 8)(*data)) == data[0]
 
 
+@pytest.mark.parametrize("length", range(8))
+def test_a_shorter_frame_is_none_even_with_its_crc(length: int) -> None:
+    body = bytes(range(1, 8))[: max(length - 1, 0)]
+    data = (b"\0" + body).ljust(8, b"\0")
+    crc = library().link_board_crc8(0x123, length, (ctypes.c_uint8 * 8)(*data))
+    text = text_of_frames([(0x123, (bytes([crc]) + body)[:length])])
+    assert parse(text) == ([], 0)
+    assert SlcanParser().feed(text) == []
+
+
 def survivors(text: bytes, frame: tuple[int, bytes]) -> list[tuple[int, bytes]]:
     """Frames that come out of damaged text, in C and in Python, other than the one that went in."""
     ours = SlcanParser().feed(b"\r" + text + b"\r")

@@ -69,6 +69,7 @@ def test_a_run_resets_state_step_and_digest() -> None:
         again = [run.run(raw, setpoint), run.run(raw, np.zeros(100))]
         both = digests_of(np.concatenate([raw, raw]), np.concatenate([setpoint, np.zeros(100, np.int32)]))
         assert np.array_equal(np.concatenate(again), both)
+        Lockstep(session).run(raw, np.full(100, 12345))
         level = np.zeros(100)  # a setpoint of 0 is not said: it is what a run begins with
         assert np.array_equal(Lockstep(session).run(raw, level), digests_of(raw, level))
 
@@ -134,6 +135,22 @@ def test_a_gap_is_told_once_with_the_step_that_is_missing() -> None:
         answers = said(board.say(samples.part(1, 8), turns=20))  # one too early: answered again, not run again
         assert [words["step"] for name, words in answers if name == "STEP"] == list(range(1, 8))
         assert board.steps == 8
+
+
+def test_a_second_half_from_64_steps_ago_is_not_taken() -> None:
+    """SAMPLE_B carries six bits of its step: one that was used must not serve the step where they come round."""
+    board = MemoryBoard()
+    with Session.open(board) as session:
+        session.begin("LOCKSTEP")
+        raw = np.zeros((65, 6), np.int16)
+        raw[[0, 64], 3] = 7
+        samples = samples_text(protocol(), raw, np.zeros(65))
+        for step in range(64):
+            board.say(samples.part(step, step + 1))
+        whole = samples.part(64, 65)
+        answers = said(board.say(whole[len(whole) // 2 :]))  # SAMPLE_A alone
+        assert [(name, words["detail"]) for name, words in answers] == [("NACK", 64)]
+        assert [name for name, _ in said(board.say(whole))] == ["STEP"]
 
 
 def test_samples_without_a_run_are_refused() -> None:
@@ -256,6 +273,11 @@ def test_injected_in_real_time_holds_the_last_sample_and_counts() -> None:
     session.receive(0.01)
     assert session.telemetry["EVENTS"]["starved"] > 5
     assert session.telemetry["COUNTERS"]["lost"] == 1
+    again = Capture(session)
+    session.listener = again.feed
+    session.begin("REALTIME_INJECTED", frames=("RAW_A",))
+    again.collect(3)
+    assert not again.raw_counts(3).any()  # what the last run held is not held for this one
     session.close()
 
 

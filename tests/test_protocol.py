@@ -212,6 +212,13 @@ def test_what_this_image_cannot_do(opened: MemoryBoard, verb: str) -> None:
 # ---- telemetry ----
 
 
+def test_a_step_must_fit_beside_the_replies(opened: MemoryBoard) -> None:
+    """72 frames would fill the queue into its reserve, and a lockstep run would wait for room for ever."""
+    everything = [(bank, said(opened.say(frame("SELECT", bank, 0xFFFFFFFF)))[0]) for bank in (0, 1, 2, 3)]
+    reasons = [words["reason"] if name == "NACK" else 0 for _, (name, words) in everything]
+    assert reasons == [0, 0, 13, 2]  # ACK, ACK, ROOM, INDEX
+
+
 def test_periodic_telemetry_only_while_open(board: MemoryBoard) -> None:
     names = [message.name for message in protocol().by_identifier.values()]
     assert {"TIME", "STATUS"} <= set(names)
