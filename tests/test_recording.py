@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,9 @@ import pytest
 
 from plumb import recording
 from plumb.errors import UsageError
+from plumb.quantise import quantise
 from plumb.recording import G_MPS2
+from plumb.systems.quad import TUNINGS
 
 AXES = ("x", "y", "z")
 LEVEL = {"x": (0.0, 0.0, 1.0), "y": (0.0, 0.0, 1.0), "z": (0.0, 1.0, 0.0)}
@@ -111,6 +114,29 @@ def test_without_reference_nothing_is_scored(tmp_path: Path) -> None:
     del columns["ref_quat"], columns["movement"]
     one = recording.pick_axis(recording.load(saved(tmp_path, columns)), "y")
     assert one.period_us == 5_000 and np.all(np.isnan(one.truth_deg)) and not np.any(one.scored)
+
+
+def test_a_sensor_at_rest_is_scaled_no_finer_than_the_firmware_can_carry(tmp_path: Path) -> None:
+    columns = turning("x")
+    columns["gyr"] = np.zeros_like(columns["gyr"])
+    columns["acc"] = np.tile([0.0, 0.0, 9.81], (len(columns["acc"]), 1))
+    for axis in AXES:
+        one = recording.pick_axis(recording.load(saved(tmp_path, columns)), axis)
+        quantise(replace(TUNINGS["recording"], calibration=one.calibration, period_us=one.period_us))
+
+
+def test_arrays_of_no_concern_are_ignored(tmp_path: Path) -> None:
+    columns: dict[str, object] = {**turning("x"), "subject": np.array("pendulum"), "phase": np.array([1j])}
+    assert recording.load(saved(tmp_path, columns)).path.suffix == ".npz"
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("lost", [0.0, np.inf, np.nan])
+def test_a_reference_without_length_is_lost(tmp_path: Path, lost: float) -> None:
+    columns = turning("x")
+    columns["ref_quat"][500] = lost
+    one = recording.pick_axis(recording.load(saved(tmp_path, columns)), "x")
+    assert np.isnan(one.truth_deg[500]) and not one.scored[500] and one.scored[600]
 
 
 def test_csv_in_either_unit_is_the_same_recording(tmp_path: Path) -> None:

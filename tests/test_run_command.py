@@ -152,6 +152,15 @@ def test_a_recording_with_nan_is_refused(tmp_path: Path, capsys: pytest.CaptureF
     assert captured.out == "" and "gyr" in captured.err and len(captured.err.splitlines()) == 1
 
 
+@pytest.mark.parametrize(("seconds", "code"), [("nan", 2), ("0", 2), ("-1", 2), ("inf", 0)])
+def test_any_length_of_a_replay_is_taken_or_refused(
+    seconds: str, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = str(recording_file(tmp_path))
+    assert front.main(["replay", file, "--board", "native", "--seconds", seconds]) == code
+    assert len(capsys.readouterr().err.splitlines()) == (1 if code else 0)
+
+
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
 def test_a_real_recording_agrees_in_every_bit(axis: str, capsys: pytest.CaptureFixture[str]) -> None:
     folder = os.environ.get("PLUMB_DATA")

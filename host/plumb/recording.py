@@ -2,7 +2,8 @@
 
 Files
     .npz  gyr (N, 3) rad/s, acc (N, 3) m/s^2 of specific force, rate_hz or time_s; ref_quat (N, 4) w, x, y, z from
-          sensor frame to earth frame with z up, NaN where it is lost; movement (N,) bool, the samples to score
+          sensor frame to earth frame with z up, NaN where it is lost; movement (N,) bool, the samples to score;
+          further arrays are ignored
     .csv  one header line; time_s, gyr_{x,y,z}_radps (or _dps), acc_{x,y,z}_mps2 (or _g), and perhaps ref_{w,x,y,z}
           (empty or nan where lost) and movement (0 or 1); further columns are ignored
 
@@ -48,8 +49,13 @@ LONGEST_GAP_S = 1.0
 SINGULAR = 0.15
 RATE_LIMIT_DPS, ACCEL_LIMIT_G = 2500.0, 27.5
 """What the firmware's calibrated values can carry is 7 turn/s and 28 g."""
+LEAST_SCALE_DPS, LEAST_SCALE_G = 25.0, 0.25
+"""The sensor is made no finer than this full scale: below it a count is too few units of the firmware's gains to keep
+the 0.1 % of every parameter, and it is far under the noise of any sensor already."""
 FULL_SCALE_COUNTS = 32_000
 """The largest sample of a channel lands here, of 32767: the ideal sensor is scaled to the recording."""
+
+NPZ_NAMES = ("gyr", "acc", "rate_hz", "time_s", "ref_quat", "movement")
 
 # Columns (and signs) that make tilt = atan2(first, second) about an axis.
 _ACROSS: dict[str, tuple[tuple[int, float], tuple[int, float]]] = {
@@ -118,12 +124,13 @@ def load(path: Path | str) -> Recording:
 def _read_npz(path: Path) -> dict[str, npt.NDArray[np.float64]]:
     try:
         with np.load(path, allow_pickle=False) as file:
-            columns = {name: np.asarray(file[name], np.float64) for name in file.files}
+            columns = {name: file[name].astype(np.float64, casting="same_kind") for name in NPZ_NAMES if name in file}
+            names = sorted(file.files)
     except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise UsageError(f"{path.name} is damaged or no numpy .npz file of plain numbers ({error})") from error
+        raise UsageError(f"{path.name} is damaged or no numpy .npz file of plain numbers") from error
     missing = [name for name in ("gyr", "acc") if name not in columns]
     if missing or not ("time_s" in columns or "rate_hz" in columns):
-        raise UsageError(f"{path.name} lacks {' and '.join(missing) or 'time_s or rate_hz'}; it has {sorted(columns)}")
+        raise UsageError(f"{path.name} lacks {' and '.join(missing) or 'time_s or rate_hz'}; it has {names}")
     if "time_s" not in columns:
         rate_hz = float(columns["rate_hz"].reshape(-1)[0]) if columns["rate_hz"].size else 0.0
         if not 1.0 <= rate_hz <= 1e5:
@@ -236,8 +243,9 @@ def _area_at(at_s: FloatArray, time_s: FloatArray, value: FloatArray, area: Floa
 
 
 def vertical(ref_quat: FloatArray) -> FloatArray:
-    """The vertical in sensor coordinates, u = R(q)^T [0 0 1], (N, 4) -> (N, 3); NaN stays NaN."""
-    w, x, y, z = (ref_quat / np.linalg.norm(ref_quat, axis=1, keepdims=True)).T
+    """The vertical in sensor coordinates, u = R(q)^T [0 0 1], (N, 4) -> (N, 3); NaN where it is lost."""
+    length = np.linalg.norm(ref_quat, axis=1, keepdims=True)
+    w, x, y, z = (ref_quat / np.where((length > 0.0) & np.isfinite(length), length, np.nan)).T
     return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z], 1)
 
 
@@ -256,8 +264,8 @@ def pick_axis(recording: Recording, axis: str, period_us: int | None = None) -> 
     signals = steady(recording.time_s, signals, period_us)
     raw = np.zeros((len(signals), 6), np.int16)
     channels = []
-    for c, floor in enumerate((1.0, 0.01, 0.01)):
-        unit = max(float(np.max(np.abs(signals[:, c]))), floor) / FULL_SCALE_COUNTS
+    for c, least in enumerate((LEAST_SCALE_DPS, LEAST_SCALE_G, LEAST_SCALE_G)):
+        unit = max(float(np.max(np.abs(signals[:, c]))), least) / FULL_SCALE_COUNTS
         raw[:, c] = np.rint(signals[:, c] / unit).astype(np.int16)
         channels.append(
             Channel(zero_counts=0.0, unit_per_count=unit, min_counts=-FULL_SCALE_COUNTS, max_counts=FULL_SCALE_COUNTS)

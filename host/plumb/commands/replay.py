@@ -34,10 +34,10 @@ def main(arguments: argparse.Namespace) -> int:
     system = systems.load(arguments.system)
     axis = recording.pick_axis(recording.load(arguments.file), arguments.axis, arguments.period_us)
     if arguments.seconds is not None:
-        steps = int(arguments.seconds * 1e6 / axis.period_us)
-        if steps < 1:
+        steps = arguments.seconds * 1e6 / axis.period_us
+        if not steps >= 1:
             raise UsageError(f"{arguments.seconds:g} s is less than one period of {axis.period_us} us")
-        axis = axis.first(steps)
+        axis = axis.first(int(min(steps, len(axis.raw))))
     flight, params = trial.recorded(axis, system.TUNINGS["recording"])
     with open_board(arguments.board, link=arguments.link, image=arguments.image) as board:
         result = trial.open_loop(board, flight, params)

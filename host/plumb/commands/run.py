@@ -68,9 +68,10 @@ def describe(summary: dict[str, object]) -> str:
     """The summary for a reader: one line a figure."""
     metrics = summary["metrics"]
     assert isinstance(metrics, dict)
+    seed = "" if summary["seed"] is None else f"seed {summary['seed']}, "
     lines = [
         f"{summary['system']} {summary['scenario']}, tuning {summary['tuning']}, {summary['loop']} loop, "
-        f"seed {summary['seed']}, {summary['steps']} steps on {summary['board']}",
+        f"{seed}{summary['steps']} steps on {summary['board']}",
         *(f"  {name:<28} {'nothing to score' if value is None else f'{value:.6g}'}" for name, value in metrics.items()),
     ]
     if "first_divergence" in summary:
