@@ -23,6 +23,8 @@ COMMANDS = {
     "replay": "run a recording of real sensors through a board, one axis",
     "systems": "the systems' published figures, and what the integers reach",
     "virtual-board": "serve the simulated STM32F103 on a pty or TCP port",
+    "monitor": "watch a running board: tilt, bias, pulses, mode, counters, losses",
+    "params": "read, change, keep and restore a board's parameters",
     "bench": "instructions, cycles, bytes, stack and error of the kernels, against budget",
     "ports": "list serial ports, and which one answers as a plumb board",
     "doctor": "check this machine: tools, libraries, image, permissions",

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import struct
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper
+from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper, open_board
+from plumb.errors import UsageError
 from plumb.lockstep import Lockstep
 from plumb.session import Session
 from plumb.words import Words
@@ -80,3 +82,11 @@ class SerialBoard(LinkBoard):
 
     def __init__(self, port: str, baudrate: int) -> None:
         super().__init__(f"serial:{port}", Session.open(port, baudrate))
+
+
+def open_link_board(spec: str, *, image: Path | None = None) -> LinkBoard:
+    """The board that SPEC names, spoken to over its link; raises UsageError where there is none."""
+    board = None if spec in ("native", "qemu") else open_board(spec, image=image)
+    if not isinstance(board, LinkBoard):
+        raise UsageError(f"'{spec}' is no board with a link; use virtual or serial:PORT[@BAUD]")
+    return board

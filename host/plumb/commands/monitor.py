@@ -1,0 +1,181 @@
+"""Watch a running board: tilt, bias, rates, pulses, mode, what blocks arming, counters and losses.
+
+    plumb monitor --board serial:/dev/ttyUSB0                 whatever is running there, read-only
+    plumb monitor --board serial:/dev/ttyUSB0 --run live      begin a run on its own sensors, unarmed
+    plumb monitor --board virtual --run live --seconds 20     the quad's axis in motion, on the simulated board
+
+Ten looks a second: a block that renews itself on a terminal, a line each second elsewhere, with --json each look as one
+line of JSON. Ends after --seconds, or with Ctrl-C. Without --run the link is read-only and a run goes on as it is; what
+its steps show was selected when it began. A serial port has one client at a time, and opening it disarms the board: who
+wants to see an armed run looks at the program that armed it. --run live ends the run that is on, and its own at the
+end.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import shutil
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from plumb.boards.link import LinkBoard
+    from plumb.identity import Identity
+    from plumb.monitor import Snapshot
+
+LOOKS_PER_LINE = 10
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--board", required=True, metavar="B", help="virtual or serial:PORT[@BAUD]")
+    parser.add_argument("--run", choices=("live",), help="begin a run on the board's own sensors, unarmed")
+    parser.add_argument("--seconds", type=float, metavar="N", help="how long (default: until Ctrl-C)")
+    parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
+    parser.add_argument("--scenario", default="motion", help="of the plant on `virtual` (default motion)")
+    parser.add_argument("--seed", type=int, default=1000, help="of the plant on `virtual` (default 1000)")
+    parser.add_argument("--json", action="store_true", help="print JSON, one object a line")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from plumb import monitor
+    from plumb.boards.link import open_link_board
+    from plumb.errors import UsageError
+
+    if arguments.seconds is not None and not arguments.seconds > 0:
+        raise UsageError(f"--seconds {arguments.seconds:g}: ask for more than nothing")
+    on_terminal = sys.stdout.isatty() and not arguments.json
+    with open_link_board(arguments.board, image=arguments.image) as board:
+        session = board.session
+        paced = attach_plant(board, arguments.scenario, arguments.seed) and on_terminal
+        identity = session.identity or session.connect()
+        if identity.mismatch:
+            print(f"plumb: warning: {identity.mismatch}", file=sys.stderr)
+        if arguments.run:
+            monitor.begin_live(session)
+        else:
+            monitor.read_only(session)
+        begin_s, begin_wall_s = session.clock(), time.monotonic()
+        with interrupts() as caught:
+            for look, snapshot in enumerate(monitor.watch(session, arguments.seconds)):
+                if caught:
+                    break
+                if arguments.json:
+                    print(json.dumps(snapshot), flush=True)
+                elif on_terminal:
+                    show(block(identity, snapshot), first=look == 0)
+                elif look % LOOKS_PER_LINE == LOOKS_PER_LINE - 1:
+                    print(line(snapshot), flush=True)
+                if paced:
+                    time.sleep(max(0.0, session.clock() - begin_s - (time.monotonic() - begin_wall_s)))
+        if arguments.run:
+            session.end()
+    if caught:
+        raise KeyboardInterrupt
+    return 0
+
+
+def attach_plant(board: LinkBoard, scenario: str, seed: int) -> bool:
+    """Put the quad's axis, moved by hand, on the pins of a board simulated in this process; False for another board."""
+    from plumb.systems import quad
+
+    chosen = quad.scenario(scenario, seed)
+    if board.name != "virtual":
+        return False
+    from plumb.boards.virtual import VirtualBoard
+    from plumb.live import Coupling
+    from plumb.systems.quad_plant import QuadPlant
+
+    assert isinstance(board, VirtualBoard)
+    Coupling(board.machine, QuadPlant(chosen, open_loop=True))
+    return True
+
+
+@contextlib.contextmanager
+def interrupts() -> Iterator[list[int]]:
+    """Ctrl-C, noted instead of raised: the link and the run are to be ended in good order."""
+    caught: list[int] = []
+
+    def note(number: int, _frame: FrameType | None) -> None:
+        caught.append(number)
+
+    old = signal.signal(signal.SIGINT, note)
+    try:
+        yield caught
+    finally:
+        signal.signal(signal.SIGINT, old)
+
+
+def number(value: float | None, unit: str, width: int = 9, places: int = 3) -> str:
+    text = "-" if value is None else f"{value:+.{places}f}"
+    return f"{text:>{width}} {unit}"
+
+
+def count(value: int | None) -> str:
+    return "-" if value is None else str(value)
+
+
+def state(snapshot: Snapshot) -> str:
+    """IDLE, LOCKSTEP, REALTIME live, and whether it is armed."""
+    words = [snapshot["mode"] or "-", "live" if snapshot["live"] else "", "ARMED" if snapshot["armed"] else "disarmed"]
+    return " ".join(filter(None, words))
+
+
+def block(identity: Identity, s: Snapshot) -> list[str]:
+    """The view of a terminal."""
+    rate = "-" if s["steps_per_s"] is None else f"{s['steps_per_s']:.1f}/s"
+    lost = f"steps {s['host_lost_steps']}, other frames {s['host_lost']}, rejected {s['host_rejected']}"
+    board = (
+        f"frames {count(s['board_lost'])}, rejected {count(s['board_rejected'])}, dropped {count(s['board_dropped'])}"
+    )
+    in_the_way = "; ".join(s["blocked"]) or "nothing is in the way"
+    armed = "yes" if s["armed"] else f"no, the pins stay neutral; {in_the_way}"
+    idle = "no run is on: --run live begins one" if s["mode"] == "IDLE" else ""
+    return [
+        f"plumb board {identity.unique_id}, image {identity.git_hash or 'of no known commit'}",
+        f"time      {s['time_s']:10.2f} s    {state(s)}    step {count(s['step'])}, {rate}    {idle}".rstrip(),
+        f"tilt      {number(s['tilt_deg'], 'deg')}      measured {number(s['tilt_measured_deg'], 'deg')}",
+        f"rate      {number(s['rate_dps'], 'deg/s')}    bias     {number(s['bias_dps'], 'deg/s')}",
+        f"command   {number(s['command'], '')}         pulses   {pulses(s)}",
+        f"raw       {' '.join(map(str, s['raw'])) if s['raw'] else '-'}",
+        f"armed     {armed}",
+        f"faults    {'; '.join(s['faults']) or 'none'}",
+        f"last disarmed by  {'; '.join(s['disarm_cause']) or 'nothing'}",
+        f"events    saturated {count(s['saturated_steps'])}, starved {count(s['starved_steps'])}",
+        f"lost here     {lost}",
+        f"by the board  {board}",
+    ]
+
+
+def pulses(s: Snapshot) -> str:
+    return " ".join("-" if s[f"pulse_{i}_us"] is None else f"{s[f'pulse_{i}_us']:.1f}" for i in (0, 1)) + " us"
+
+
+def show(lines: list[str], *, first: bool) -> None:
+    """Write the block over the last one, cut to the width of the terminal so that no line wraps."""
+    width = shutil.get_terminal_size().columns - 1
+    back = "" if first else f"\x1b[{len(lines)}A"
+    print(back + "".join(f"{text[:width]}\x1b[K\n" for text in lines), end="", flush=True)
+
+
+def line(s: Snapshot) -> str:
+    """The view of a file or a pipe."""
+    lost = s["host_lost"] + s["host_lost_steps"]
+    trouble = [f"lost {lost}"] if lost else []
+    trouble += [f"rejected {s['host_rejected']}"] if s["host_rejected"] else []
+    trouble += [f"dropped {s['board_dropped']}"] if s["board_dropped"] else []
+    trouble += s["faults"]
+    values = [("tilt", s["tilt_deg"], "deg"), ("rate", s["rate_dps"], "deg/s"), ("bias", s["bias_dps"], "deg/s")]
+    words = [f"{s['time_s']:.2f} s", state(s)]
+    words += [f"{name} {number(value, unit, 0)}" for name, value, unit in values if value is not None]
+    if s["pulse_0_us"] is not None:
+        words.append(f"pulses {pulses(s)}")
+    if s["step"] is not None:
+        words.append(f"step {s['step']}")
+    return "  ".join(words + trouble)

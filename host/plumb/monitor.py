@@ -1,0 +1,198 @@
+"""What a running board shows of itself, put together ten times a second from the frames that come.
+
+Only listening: whatever steps send is what was selected when their run began. A value that has not come for STALE_S is
+None, so that nothing old looks like now.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+from plumb.errors import LinkError
+from plumb.identity import BLOCKED, FAULTS, bits_text
+from plumb.protocol import Frame, load_database
+from plumb.session import REPLY_TIMEOUT_S, SELECTABLE, TRIES, Session
+
+EVERY_S = 0.1
+STALE_S = 0.5
+"""The slowest run steps every 0.1 s."""
+RATE_OVER_S = 1.0
+SILENCE_S = TRIES * REPLY_TIMEOUT_S
+"""An open link says TIME every 50 ms."""
+LINE_FRAMES_PS = 921600 / 10 / 22
+"""Frames a second that the UART carries."""
+ALWAYS = ("TIME", "STATUS", "COUNTERS", "EVENTS")
+WANTED = ("ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND", "RAW_A")
+"""The most wanted first."""
+
+Snapshot = dict[str, Any]
+"""One look at the board; the keys are those of Monitor.snapshot."""
+
+
+def selection(period_us: int) -> tuple[str, ...]:
+    """As much of WANTED as two thirds of the line carry beside STEP, at one step every period_us."""
+    frames_per_step = LINE_FRAMES_PS * period_us * 1e-6 * 2 / 3
+    return WANTED[: max(1, min(len(WANTED), int(frames_per_step) - 1))]
+
+
+@lru_cache(maxsize=1)
+def _scales() -> dict[tuple[str, str], float]:
+    """(message, signal) -> value of one, in the unit of the DBC."""
+    messages = load_database().messages
+    return {(message.name, signal.name): float(signal.scale) for message in messages for signal in message.signals}
+
+
+@dataclass
+class Monitor:
+    """Feed it the frames as they come; `snapshot` is what they say together.
+
+    heard_s: when something came last, by the session's clock. lost_steps: steps whose STEP did not arrive.
+    """
+
+    session: Session
+    heard_s: float = 0.0
+    lost_steps: int = 0
+    _last: dict[str, tuple[float, bytes]] = field(default_factory=dict)
+    _step: int | None = None
+    _time_us: int = 0
+    _clock: deque[tuple[int, int]] = field(default_factory=deque)
+
+    def __post_init__(self) -> None:
+        self.heard_s = self.session.clock()
+
+    def feed(self, frames: list[Frame]) -> None:
+        messages, now_s = self.session.protocol, self.session.clock()
+        for identifier, data in frames:
+            message = messages.by_identifier.get(identifier)
+            if message is None:
+                continue
+            name = message.name
+            self._last[name] = now_s, data
+            if name == "STEP":
+                self._count(messages["STEP"].unpack(data)[2])
+            elif name == "TIME":
+                _, _, step, time_us = messages["TIME"].unpack(data)
+                self._pass_time(step, time_us)
+        if frames:
+            self.heard_s = now_s
+
+    def _count(self, step: int) -> None:
+        gap = 0 if self._step is None else step - self._step - 1 & 0xFFFF
+        if gap < 0x8000:  # else the number went back: another run
+            self.lost_steps += gap
+        self._step = step
+
+    def _pass_time(self, step: int, time_us: int) -> None:
+        """Unwrap the board's clock; a step number that goes back begins the rate anew."""
+        self._time_us += time_us - self._time_us & 0xFFFFFFFF
+        if self._clock and step - self._clock[-1][1] & 0xFFFF >= 0x8000:
+            self._clock.clear()
+        self._clock.append((self._time_us, step))
+        while self._time_us - self._clock[0][0] > RATE_OVER_S * 1e6:
+            self._clock.popleft()
+
+    @property
+    def complete(self) -> bool:
+        """Everything that an open link always says has been heard."""
+        return all(name in self._last for name in ALWAYS)
+
+    def _said(self, name: str) -> dict[str, int] | None:
+        """The last such frame as raw integers; None where it is not from now."""
+        entry = self._last.get(name)
+        if entry is None or self.session.clock() - entry[0] > STALE_S:
+            return None
+        return self.session.protocol[name].decode(entry[1])
+
+    def _value(self, message: str, signal: str) -> float | None:
+        said = self._said(message)
+        return None if said is None else said[signal] * _scales()[message, signal]
+
+    def _steps_per_s(self) -> float | None:
+        if len(self._clock) < 2:
+            return None
+        (first_us, first), (last_us, last) = self._clock[0], self._clock[-1]
+        return (last - first & 0xFFFF) * 1e6 / (last_us - first_us)
+
+    def snapshot(self) -> Snapshot:
+        """Everything by name, with the unit in the name; None where the board does not say it now."""
+        status, counters, events = (self._said(name) or {} for name in ALWAYS[1:])
+        step, raw = self._said("STEP"), self._said("RAW_A")
+        counted, fast = self.session.counters, self.session.fast
+        mode = status.get("mode")
+        return {
+            "time_s": self._time_us * 1e-6,
+            "mode": None if mode is None else self.session.protocol["STATUS"].choice("mode", mode),
+            "live": _flag(status, "live"),
+            "armed": _flag(status, "armed"),
+            "blocked": _sentences(status.get("blocked", 0), BLOCKED),
+            "faults": _sentences(status.get("faults", 0), FAULTS),
+            "staged": _flag(status, "staged"),
+            "read_only": _flag(status, "read_only"),
+            "step": None if step is None else step["step"],
+            "steps_per_s": self._steps_per_s(),
+            "tilt_deg": self._value("ANGLE", "tilt"),
+            "tilt_measured_deg": self._value("MEASURED", "tilt_measured"),
+            "bias_dps": self._value("BIAS", "bias"),
+            "rate_dps": self._value("RATE", "rate"),
+            "command": self._value("COMMAND", "command"),
+            "pulse_0_us": self._value("ANGLE", "pulse_0"),
+            "pulse_1_us": self._value("BIAS", "pulse_1"),
+            "raw": None if raw is None else [raw[f"raw_{i}"] for i in range(3)],
+            "saturated_steps": events.get("saturated"),
+            "starved_steps": events.get("starved"),
+            "disarm_cause": _sentences(events.get("disarm_cause", 0), BLOCKED),
+            "board_rejected": counters.get("rejected"),
+            "board_lost": counters.get("lost"),
+            "board_dropped": counters.get("dropped"),
+            "host_rejected": counted.rejected + (fast.parser.rejected + fast.parser.bad if fast is not None else 0),
+            "host_lost": counted.lost,
+            "host_lost_steps": self.lost_steps,
+        }
+
+
+def _flag(said: dict[str, int], name: str) -> bool | None:
+    return bool(said[name]) if name in said else None
+
+
+def _sentences(bits: int, names: dict[int, str]) -> list[str]:
+    return bits_text(bits, names).split("; ") if bits else []
+
+
+def read_only(session: Session) -> None:
+    """From here on the board takes no frame from this link, and this end sends none."""
+    if session.fast is not None:
+        session.fast.write_text(b"L\r")
+
+
+def begin_live(session: Session) -> None:
+    """Begin a run in real time on the board's own sensors, unarmed, with as much to see as the line carries."""
+    from plumb.tablefile import by_name
+
+    period_us = by_name(session.read_parameters())["period_us"]
+    session.begin("REALTIME_LIVE", frames=[name for name in SELECTABLE if name in selection(period_us)])
+
+
+def watch(session: Session, seconds: float | None = None) -> Iterator[Snapshot]:
+    """A snapshot every EVERY_S of the session's clock, for so many seconds or without end.
+
+    Raises LinkError when the board falls silent.
+    """
+    monitor = Monitor(session)
+    session.listener = monitor.feed
+    begin_s = session.clock()
+    shown = 0
+    try:
+        while seconds is None or shown * EVERY_S < seconds - 1e-9:
+            due_s = begin_s + (shown + 1) * EVERY_S
+            while (remaining := due_s - session.clock()) > 0 or not monitor.complete:
+                session.receive(max(remaining, EVERY_S / 10))
+                if session.clock() - monitor.heard_s > SILENCE_S:
+                    raise LinkError("the board fell silent: check cable and power, then start again")
+            shown += 1
+            yield monitor.snapshot()
+    finally:
+        session.listener = None
