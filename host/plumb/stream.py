@@ -80,7 +80,7 @@ class SocketStream:
         self._socket.close()
 
 
-def _advice(port: str, error: Exception) -> str:
+def open_advice(port: str, error: Exception) -> str:
     """What to do about a port that does not open."""
     text = str(error).lower()
     number = getattr(error, "errno", None)
@@ -106,7 +106,7 @@ class SerialStream:
                 port, baudrate, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True if os.name == "posix" else None
             )
         except (serial.SerialException, OSError, ValueError) as error:
-            raise OpenError(_advice(port, error)) from None
+            raise OpenError(open_advice(port, error)) from None
         self._fd: int | None = None
         if os.name == "posix":
             with contextlib.suppress(Exception):

@@ -3,13 +3,30 @@
 from __future__ import annotations
 
 import struct
+import zlib
+from dataclasses import dataclass
 from pathlib import Path
 
 from plumb.errors import UsageError
 
 FLASH_BASE = 0x08000000
 BUILD_IMAGE = Path("build") / "stm32f103" / "firmware.bin"
+PARAMETER_SLOTS = 0x0800F000
+"""From here on the flash of the smallest part belongs to the parameters."""
+FAMILY = 0x103
+_HEADER_OFFSET = 0x130
+_HEADER_MAGIC = 0x626D6C70
 _ELF_ARM, _PT_LOAD = 40, 1
+
+
+@dataclass(frozen=True)
+class ImageHeader:
+    """What an image says of itself. git_hash: first 16 digits of its commit, '' when not known."""
+
+    family: int
+    size: int
+    git_hash: str
+    git_dirty: bool
 
 
 def find_image(image: Path | None = None) -> Path:
@@ -47,6 +64,24 @@ def check_image(data: bytes, name: str) -> None:
         if 0x20000000 < stack <= 0x20018000 and entry & 1 and FLASH_BASE <= entry < FLASH_BASE + len(data):
             return
     raise UsageError(f"{name} is not an image for the STM32F103: it does not begin with a vector table")
+
+
+def own_header(data: bytes, name: str) -> ImageHeader:
+    """The header of a plumb image that is whole, for this family, and clear of the parameters; else UsageError."""
+    if len(data) < _HEADER_OFFSET + 32 or struct.unpack_from("<I", data, _HEADER_OFFSET)[0] != _HEADER_MAGIC:
+        raise UsageError(f"{name} is not a plumb image: it has no image header; build one with 'make image'")
+    _, family, size, hash_high, hash_low, dirty = struct.unpack_from("<6I", data, _HEADER_OFFSET)
+    if family != FAMILY:
+        raise UsageError(f"{name} is for another part (family {family:x}, not {FAMILY:x}); build one with 'make image'")
+    if size != len(data) or struct.unpack("<I", data[-4:])[0] != zlib.crc32(data[:-4]):
+        raise UsageError(f"{name} is damaged: its length or checksum is wrong; build it again with 'make image'")
+    if FLASH_BASE + size > PARAMETER_SLOTS:
+        raise UsageError(
+            f"{name} is too long: its {size} bytes reach into the parameters at 0x{PARAMETER_SLOTS:08x}; "
+            "build a smaller one"
+        )
+    git_hash = f"{hash_high:08x}{hash_low:08x}" if hash_high or hash_low else ""
+    return ImageHeader(family, size, git_hash, bool(dirty))
 
 
 def _place(pieces: list[tuple[int, bytes]], path: Path) -> bytes:
