@@ -25,6 +25,7 @@ COMMANDS = {
     "virtual-board": "serve the simulated STM32F103 on a pty or TCP port",
     "monitor": "watch a running board: tilt, bias, pulses, mode, counters, losses",
     "params": "read, change, keep and restore a board's parameters",
+    "flash": "write the flash image to a board over its ROM bootloader, and read it back",
     "bench": "instructions, cycles, bytes, stack and error of the kernels, against budget",
     "ports": "list serial ports, and which one answers as a plumb board",
     "doctor": "check this machine: tools, libraries, image, permissions",

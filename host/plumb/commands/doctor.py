@@ -49,6 +49,7 @@ def libraries() -> Iterator[Finding]:
         ("unicorn", True, "pip install 'plumb[virtual]' for the virtual board"),
         ("matplotlib", True, "pip install 'plumb[report]' for the report page"),
         ("capstone", False, "pip install 'plumb[bench]' for plumb bench"),
+        ("stm32loader", False, "pip install 'plumb[flash]' for plumb flash"),
     ):
         try:
             yield Finding(name, True, needed, metadata.version(name))
