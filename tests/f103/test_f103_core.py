@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import struct
 import subprocess
 import sys
@@ -246,6 +248,25 @@ def test_what_is_no_image_is_refused_in_a_sentence(tmp_path, build):
             load_image(path)
     with pytest.raises(UsageError, match="make image"):
         find_image(tmp_path / "none.bin")
+
+
+def test_ctrl_c_inside_a_register_access_ends_the_run_and_not_the_access(board, monkeypatch):
+    b = board("systick")
+    read, whole = b.machine.bus.read, []
+
+    def interrupted(address, width):
+        if not whole:
+            os.kill(os.getpid(), signal.SIGINT)
+        whole.append(read(address, width))
+        return whole[-1]
+
+    monkeypatch.setattr(b.machine.bus, "read", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        b.machine.advance_us(10_000)
+    assert len(whole) == 1 and b.machine.now_us < 10_000
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    b.machine.advance_us(1000)
+    assert len(whole) > 1
 
 
 def test_without_unicorn_the_extra_is_named():

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import ctypes
 import struct
+from types import FrameType
 from typing import TYPE_CHECKING
 
 from plumb.errors import UsageError
@@ -173,6 +174,13 @@ class Cpu:
         self._raised = self._raised or error
         self.end_slice()
         return 0
+
+    def on_interrupt(self, _number: int, _frame: FrameType | None) -> None:
+        """Ctrl-C. What is raised on the way into or out of a register access would be lost, and the access with it."""
+        if self.running:
+            self._raise_later(KeyboardInterrupt())
+        else:
+            raise KeyboardInterrupt
 
     def now(self) -> int:
         """Ticks. Inside a register access: the start of the instruction after the one that makes it."""

@@ -12,9 +12,12 @@ Two runs with the same calls give the same bytes: nothing here looks at a clock 
 
 from __future__ import annotations
 
+import contextlib
 import random
+import signal
 import struct
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -194,22 +197,38 @@ class Machine:
         """Until predicate() holds, looked at after every event and interrupt and at least every LOOK_US; False when
         the limit came first."""
         end = self.now + round(limit_us * TICKS_PER_US)
-        while not predicate():
-            if self.now >= end:
-                return False
-            self._step(min(end, self.now + LOOK_US * TICKS_PER_US))
+        with self._interruptible():
+            while not predicate():
+                if self.now >= end:
+                    return False
+                self._step(min(end, self.now + LOOK_US * TICKS_PER_US))
         return True
 
     def run_to(self, time: int) -> None:
-        while self.cpu.base < time:
-            self._step(time)
+        with self._interruptible():
+            while self.cpu.base < time:
+                self._step(time)
 
     def run_until_sending(self, deadline: int) -> None:
         """Until the board begins to send on the UART, or the deadline in ticks."""
         self._host_waits, self._stop = True, False
-        while self.cpu.base < deadline and not self._stop:
-            self._step(deadline)
+        with self._interruptible():
+            while self.cpu.base < deadline and not self._stop:
+                self._step(deadline)
         self._host_waits = False
+
+    @contextlib.contextmanager
+    def _interruptible(self) -> Iterator[None]:
+        """Let the core end its slice before Ctrl-C is raised, where that is how this process takes it."""
+        main = threading.current_thread() is threading.main_thread()
+        if not main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+            yield
+            return
+        signal.signal(signal.SIGINT, self.cpu.on_interrupt)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def host_waits_no_more(self) -> None:
         """The UART has begun to send."""
