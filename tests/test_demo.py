@@ -12,6 +12,7 @@ from plumb import __main__ as front
 from plumb import quantise
 from plumb.errors import LinkError, UsageError
 from plumb.f103.image import find_image
+from plumb.session import Session
 from plumb.systems import quad
 
 pytest.importorskip("unicorn", reason="the virtual board needs the extra plumb[virtual]")
@@ -75,3 +76,11 @@ def test_a_live_run_knows_its_truth_to_the_last_step() -> None:
     with VirtualBoard() as board:
         flown = live.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]), open_loop=True)
     assert np.array_equal(flown.flight.bias_dps, scenario.bias_dps)
+
+
+def test_a_board_that_disarms_itself_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is streamed after that is a drone that falls: no figure may come of it."""
+    monkeypatch.setattr(Session, "pump", lambda session: None)
+    scenario = quad.scenario("hold", 1004, seconds=4.0)
+    with VirtualBoard() as board, pytest.raises(LinkError, match="disarmed itself before step"):
+        live.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]))

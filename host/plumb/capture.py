@@ -29,7 +29,8 @@ class Capture:
     """Frames of one real-time run, put together by step. Feed it with the frames as they come.
 
     digest, raw: by step number, unwrapped. values: signal -> step -> raw integer, of the other selected frames.
-    setpoint: (step, value) pairs, the first step that used each. steps: steps heard of so far.
+    setpoint: (step, value) pairs, the first step that used each. steps: steps heard of so far. disarmed_step: the last
+    step at which the board was found to have left armed.
     """
 
     session: Session
@@ -40,7 +41,8 @@ class Capture:
     setpoint: list[tuple[int, int]] = field(default_factory=lambda: [(0, 0)])
     setpoint_doubt: int | None = None
     steps: int = 0
-    armed_steps: int = 0
+    armed: bool = False
+    disarmed_step: int | None = None
 
     def __post_init__(self) -> None:
         messages = self.session.protocol
@@ -58,7 +60,9 @@ class Capture:
                 _, second, low, digest = self._step.unpack(data)
                 self._last = _unwrap(self._last, low, 16)
                 self.digest[self._last] = digest
-                self.armed_steps += second >> 4 & 1
+                before, self.armed = self.armed, bool(second >> 4 & 1)
+                if before and not self.armed:
+                    self.disarmed_step = self._last
                 self.steps = max(self.steps, self._last + 1)
             elif identifier in self._raw:
                 _, second, *counts = self._raw_message.unpack(data)

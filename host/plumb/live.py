@@ -96,6 +96,8 @@ def fly(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, open_
         while capture.steps < steps:
             if not session.receive(REPLY_TIMEOUT_S):
                 raise LinkError(f"the board fell silent after step {capture.steps}")
+            if capture.disarmed_step is not None:
+                raise LinkError(f"the board disarmed itself before step {capture.disarmed_step}: run again")
             bar.update(min(capture.steps, steps) - bar.n)
     session.end()
     session.listener = None
