@@ -29,6 +29,14 @@ add_custom_command(TARGET firmware POST_BUILD VERBATIM
             --flash 32768 --ram 8192 --stack 1536
     COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/tools/finish_image.py $<TARGET_FILE:firmware>)
 
+# cmake --build --preset stm32f103 --target flash: builds what is stale, then writes it to the board at PLUMB_PORT.
+set(PLUMB_PORT /dev/ttyUSB0 CACHE STRING "Serial port of the board, for the target flash")
+find_program(PLUMB_COMMAND plumb HINTS ${CMAKE_SOURCE_DIR}/.venv/bin)
+if(PLUMB_COMMAND)
+    add_custom_target(flash USES_TERMINAL VERBATIM DEPENDS firmware
+        COMMAND ${PLUMB_COMMAND} flash --port ${PLUMB_PORT} --image $<TARGET_FILE_DIR:firmware>/firmware.bin)
+endif()
+
 file(GLOB QEMU_SOURCES CONFIGURE_DEPENDS firmware/qemu/*.c)
 set(QEMU_SCRIPT ${CMAKE_SOURCE_DIR}/firmware/qemu/qemu.ld)
 add_executable(plumb_qemu ${QEMU_SOURCES})
