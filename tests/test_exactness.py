@@ -133,6 +133,9 @@ def states(params: ControlParams, rng: np.random.Generator, n: int) -> npt.NDArr
     records["p01"] = -(records["p00"] * rng.random(n)).astype(np.int64)
     records["p11"] = rng.integers(0, 1 << 56, n) >> rng.integers(0, 56, n)
     records["p11_frac_q30"] = rng.integers(0, 1 << 30, n)
+    # p11 at its upper clamp, which no run reaches: it takes a p01 that leaves p11 nothing to fall by
+    records["p00"][:9] = 1 << 56
+    records["p01"][:9] = records["p11"][:9] = (1 << 56) - (1 << np.arange(9))
     return records
 
 

@@ -127,6 +127,7 @@ def test_a_missed_period_blocks_arming_until_the_next_run(bench: Bench) -> None:
     faults = bench.session.connect()["FAULTS"]
     assert faults & 2 and faults >> 24
     bench.session.begin("REALTIME_LIVE")
+    assert bench.session.connect()["FAULTS"] == 0
     bench.session.arm()
 
 

@@ -76,6 +76,8 @@ def test_neutral_pulses_come_at_once(image: bytes) -> None:
     assert machine.run_until(lambda: machine.pwm("PB6").enabled, 5000)
     assert machine.run_until(lambda: machine.pwm("PB6").pulse_us > 0, 5000)
     assert _at_neutral(machine)
+    preloaded = 0x0808  # OC1PE, OC2PE: a change waits for the end of the frame, so no pulse is cut or doubled
+    assert machine.tim4.ccmr1 & preloaded == preloaded
 
 
 def test_without_a_crystal(image: bytes, elf: Elf) -> None:
