@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from link_board import MemoryBoard
-from plumb.capture import Capture
+from plumb.capture import Capture, unwrap
 from plumb.errors import LinkError, UsageError
 from plumb.lockstep import Lockstep, samples_text
 from plumb.protocol import protocol
@@ -242,6 +242,15 @@ def test_a_lost_count_or_digest_is_noticed(lost: str) -> None:
     assert seen <= first <= seen + 12
     assert capture.unverified_from(20) is None
     session.close()
+
+
+@pytest.mark.parametrize(
+    ("last", "low", "bits", "step"),
+    [(70, 7, 6, 71), (70, 5, 6, 69), (63, 0, 6, 64), (64, 63, 6, 63), (65535, 0, 16, 65536), (65540, 65535, 16, 65535)],
+)
+def test_a_short_number_is_the_nearest_step(last: int, low: int, bits: int, step: int) -> None:
+    """A frame may belong to the step before the last STEP, too."""
+    assert unwrap(last, low, bits) == step
 
 
 def test_a_setpoint_without_confirmation_is_in_doubt() -> None:

@@ -85,6 +85,18 @@ def test_a_mismatch_is_explained_reading_works_and_arming_does_not(other: dict[s
         assert not board.armed
 
 
+def test_a_new_greeting_counts_anew() -> None:
+    """After a reset of the board its counters begin at 0: that is no loss."""
+    board = MemoryBoard()
+    with Session.open(board) as session:
+        for _ in range(5):
+            session.end()
+        board.reset()
+        board.say(b"O\r")
+        session.connect()
+        assert session.counters.lost == 0
+
+
 def test_silence_is_one_sentence() -> None:
     class Dead(MemoryBoard):
         def write(self, data: bytes) -> int:

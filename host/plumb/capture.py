@@ -17,7 +17,7 @@ from plumb.protocol import Frame
 from plumb.session import REPLY_TIMEOUT_S, TRIES, Session
 
 
-def _unwrap(last: int, low: int, bits: int) -> int:
+def unwrap(last: int, low: int, bits: int) -> int:
     """The number nearest to `last` whose low bits are `low`."""
     size = 1 << bits
     ahead = (low - last) % size
@@ -58,7 +58,7 @@ class Capture:
         for identifier, data in frames:
             if identifier == self._step.identifier:
                 _, second, low, digest = self._step.unpack(data)
-                self._last = _unwrap(self._last, low, 16)
+                self._last = unwrap(self._last, low, 16)
                 self.digest[self._last] = digest
                 before, self.armed = self.armed, bool(second >> 4 & 1)
                 if before and not self.armed:
@@ -66,22 +66,22 @@ class Capture:
                 self.steps = max(self.steps, self._last + 1)
             elif identifier in self._raw:
                 _, second, *counts = self._raw_message.unpack(data)
-                step = _unwrap(self._last, second & 63, 6)
+                step = unwrap(self._last, second & 63, 6)
                 at = self._raw[identifier]
                 self.raw.setdefault(step, [0] * 6)[at : at + 3] = counts
                 self.steps = max(self.steps, step + 1)
             elif identifier in self._named:
                 message = self._named[identifier]
-                step = _unwrap(self._last, data[1] >> 4, 4)
+                step = unwrap(self._last, data[1] >> 4, 4)
                 for name, value in zip(message.words, message.unpack(data)[2:], strict=True):
                     if not name.startswith("reserved"):
                         self.values.setdefault(name, {})[step] = value
             elif identifier == self._used.identifier:
                 _, _, low, value = self._used.unpack(data)
-                self.setpoint.append((_unwrap(self._last, low, 16), value))
+                self.setpoint.append((unwrap(self._last, low, 16), value))
             elif identifier == self._time.identifier:
                 _, _, low, time_us = self._time.unpack(data)
-                self.time_us.append((_unwrap(self._last, low, 16), time_us))
+                self.time_us.append((unwrap(self._last, low, 16), time_us))
 
     def set_setpoint(self, setpoint_turn_q32: int) -> None:
         """Change the setpoint, and hear at which step. Without that, what follows is in doubt."""
