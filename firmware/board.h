@@ -25,21 +25,18 @@
 #define BOARD_FAULT_LATE_COUNT_SHIFT 24u
 
 typedef struct {
-    uint32_t part_id;      /* device id: 0x410 medium density, 0x414 high density */
-    uint32_t unique_id[3]; /* 96 bits */
-    uint32_t
-        git_hash[2];    /* first 16 hexadecimal digits of the commit, most significant first; 0: not known */
-    uint32_t git_dirty; /* 1: built from a tree that differs from that commit */
-    uint32_t flash_kib;
-    uint32_t ram_kib; /* of the smallest part with that much flash */
-    uint32_t
-        reset_cause;   /* RCC_CSR bits 31 to 24: low power, window watchdog, watchdog, software, power, pin */
-    uint32_t crash_pc; /* with BOARD_FAULT_HARD: the instruction */
-    uint32_t crash_exception; /* with BOARD_FAULT_HARD: exception number, 2 = crystal failed, 3 = HardFault */
+    uint32_t part_id;         /* device id: 0x410 medium density, 0x414 high density */
+    uint32_t unique_id[3];    /* 96 bits */
+    uint32_t git_hash[2];     /* commit, first 16 hexadecimal digits, most significant first; 0: not known */
+    uint32_t git_dirty;       /* 1: built from a tree that differs from that commit */
+    uint32_t flash_kib;       /* as the part says */
+    uint32_t ram_kib;         /* of the smallest part with that much flash */
+    uint32_t reset_cause;     /* RCC_CSR 31..24: low power, window watchdog, watchdog, software, power, pin */
+    uint32_t crash_pc;        /* with BOARD_FAULT_HARD: the instruction */
+    uint32_t crash_exception; /* with BOARD_FAULT_HARD: 2 crystal failed, 3 HardFault, 0 stack at its guard */
 } board_identity_t;
 
-/* Clock, pins, UART, outputs at neutral, watchdog running. Never hangs: what fails shows in board_faults().
- */
+/* Clock, pins, UART, outputs at neutral, watchdog running. Never hangs: board_faults() says what failed. */
 void board_init(void);
 
 const board_identity_t *board_identity(void);

@@ -2,18 +2,16 @@
  * byte is.
  *
  * Bytes of the UART go in, bytes of the UART come out; time is an argument (us of the board's clock, wraps).
- * No hardware, no heap; the caller owns all memory. The main loop:
+ * No hardware, no heap; the caller owns all memory. A turn of the main loop (firmware/main.c):
  *
- *     n = board_uart_read(buffer, min(sizeof buffer, session_receive_room(&s)));
- *     session_receive(&s, buffer, n, now);
- *     session_poll(&s, now);
- *     if (session_take_begin(&s)) { program the period and neutral; }
- *     lockstep:            due = session_next_sample(&s, raw, &setpoint);
- *     real time, injected: due = board_take_tick() && session_next_sample(&s, raw, &setpoint);
- *     real time, live:     due = board_take_tick() && board_read_sensors(raw); setpoint =
- * session_setpoint(&s); if (due) { control_step(...); actuate if session_armed(&s), else neutral;
- * session_stepped(&s); } n = session_transmit(&s, buffer, room); board_uart_write(buffer, n); without a step
- * due, and whenever !session_armed(&s): the actuator is neutral
+ *     session_receive()      what came, at most session_receive_room()
+ *     session_poll()         may disarm
+ *     session_take_begin()   a run began: set the timer to session_period_us(), the outputs to its neutral
+ *     per sample             from session_next_sample(), or live with session_setpoint(): control_step(),
+ *                            actuate if session_armed(), session_stepped()
+ *     session_transmit()     what there is to say
+ *
+ * Whenever session_armed() is false the outputs are at neutral.
  */
 #ifndef PLUMB_LINK_SESSION_H
 #define PLUMB_LINK_SESSION_H
