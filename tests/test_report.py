@@ -8,8 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plumb import report
+from plumb import report, story, trial
+from plumb.boards.native import NativeBoard
 from plumb.errors import UsageError
+from plumb.quantise import quantise
+from plumb.systems.quad import TUNINGS
+from plumb.systems.quad import scenario as quad_scenario
 
 TIME_S = np.arange(50_000) / 1000.0
 
@@ -61,4 +65,33 @@ def test_the_page_is_the_same_every_time(page: str) -> None:
 def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(UsageError, match=r"cannot write .*--out"):
-        report.write_whole(tmp_path / "file" / "report.html", "text")
+        report.write_whole(tmp_path / "file", {"report.html": "text"})
+
+
+@pytest.mark.parametrize("trouble", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_files_appear_together_or_not_at_all(
+    trouble: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report.write_whole(tmp_path, {"a": "old", "b": "old"})
+    write = Path.write_text
+
+    def failing(path: Path, text: str, encoding: str) -> int:
+        if path.name.startswith("b"):
+            raise trouble
+        return write(path, text, encoding=encoding)
+
+    monkeypatch.setattr(Path, "write_text", failing)
+    with pytest.raises((UsageError, KeyboardInterrupt)):
+        report.write_whole(tmp_path, {"a": "new", "b": "new"})
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a": "old", "b": "old"}
+
+
+def test_a_plot_can_be_read_on_a_narrow_screen(page: str) -> None:
+    assert page.count('<div class="plot"><svg') == 1 and "overflow-x: auto" in page
+
+
+def test_a_closed_loop_shows_what_was_asked_for() -> None:
+    params, scenario = quantise(TUNINGS["adaptive"]), quad_scenario("hold", 1000, seconds=2.0)
+    flown = trial.closed_loop(NativeBoard(), scenario, params)
+    labels = {line.label for line in story.plots(flown, closed=True)[0].lines}
+    assert labels - {line.label for line in story.plots(flown, closed=False)[0].lines} == {"setpoint"}

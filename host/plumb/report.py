@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import html
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -112,6 +113,8 @@ table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th, td { padding: 0.25rem 0.9rem 0.25rem 0; text-align: left; border-bottom: 1px solid #d9dee6; }
 tr.bad td { color: #b3261e; font-weight: 600; } .note { color: #58626f; font-size: 0.9rem; max-width: 50rem; }
 svg { width: 100%; height: auto; }
+/* On a narrow screen a plot keeps the size at which its labels can be read, and scrolls. */
+.plot { overflow-x: auto; } .plot svg { min-width: 46rem; }
 """
 
 
@@ -123,7 +126,7 @@ def page(title: str, verdict: str, lead: str, parts: Sequence[Plot | Table]) -> 
             body.append(table_html(part))
         else:
             note = f'<p class="note">{html.escape(part.note)}</p>' if part.note else ""
-            body.append(f"<h2>{html.escape(part.title)}</h2>\n{plot_svg(part)}\n{note}")
+            body.append(f'<h2>{html.escape(part.title)}</h2>\n<div class="plot">{plot_svg(part)}</div>\n{note}')
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -135,12 +138,19 @@ def page(title: str, verdict: str, lead: str, parts: Sequence[Plot | Table]) -> 
     )
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write the file or leave what was there: a crash or Ctrl-C never leaves half a page."""
+def write_whole(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write the files, or leave what was there: all are written beside their places before the first one moves in."""
+    parts = {folder / name: folder / (name + ".part") for name in texts}
+    path = folder
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beside = path.with_name(path.name + ".part")
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
+        folder.mkdir(parents=True, exist_ok=True)
+        for path, part in parts.items():
+            part.write_text(texts[path.name], encoding="utf-8")
+        for path, part in parts.items():
+            part.replace(path)
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror}; choose another folder with --out") from error
+    finally:
+        with contextlib.suppress(OSError):
+            for part in parts.values():
+                part.unlink(missing_ok=True)

@@ -21,8 +21,8 @@ COMMAND = 2.0**-22
 TRUTH, SENSOR, ESTIMATE, SECOND = "#1d2430", "#c9a227", "#2a5ca8", "#b3261e"
 
 
-def plots(trial: Trial) -> list[Plot]:
-    """Tilt and estimate, estimation error, bias, control and PWM, fixed point against float64."""
+def plots(trial: Trial, *, closed: bool) -> list[Plot]:
+    """Tilt (and setpoint, in a closed loop), estimation error, bias, control and PWM, fixed point against float64."""
     time_s, words, truth = trial.flight.time_s, trial.words, trial.flight.tilt_deg
     error = metrics.wrap_deg(trial.estimate_deg - truth)
     apart = metrics.wrap_deg(words["tilt_turn_q32"] * TURN_DEG - trial.reference_tilt_deg)
@@ -33,6 +33,8 @@ def plots(trial: Trial) -> list[Plot]:
     if np.isfinite(truth).any():
         tilt.append(Line("true", truth, TRUTH, 1.6))
     tilt.append(Line("estimate", trial.estimate_deg, ESTIMATE))
+    if closed:
+        tilt.append(Line("setpoint", trial.flight.setpoint_turn_q32 * TURN_DEG, SECOND))
     found = [
         Plot("Tilt: truth, accelerometer alone, estimate", "deg", time_s, tilt),
         Plot("Gyro bias", "deg/s", time_s, bias),
@@ -101,10 +103,13 @@ def write_run(folder: Path, trial: Trial, summary: dict[str, Any], more: Sequenc
     )
     if trial.divergence is not None:
         lead = f"The board left the model at {trial.divergence}."
-    html = page(title, summary["verdict"], lead, [budget(trial), *more, *plots(trial)])
-    write_whole(folder / "report.html", html)
-    write_whole(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
-    write_whole(folder / "steps.csv", steps_csv(trial))
+    html = page(
+        title, summary["verdict"], lead, [budget(trial), *more, *plots(trial, closed=summary["loop"] == "closed")]
+    )
+    write_whole(
+        folder,
+        {"report.html": html, "summary.json": json.dumps(summary, indent=2) + "\n", "steps.csv": steps_csv(trial)},
+    )
 
 
 def rms_and_max(trial: Trial, tilt_deg: Series) -> tuple[float, float]:

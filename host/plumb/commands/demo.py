@@ -70,7 +70,7 @@ def main(arguments: argparse.Namespace) -> int:
     summary["golden"] = {name: check.to_json() for name, check in checks.items()}
     tables = [
         Table(
-            "Tilt error against the truth, t >= 10 s",
+            f"Tilt error against the truth, t >= {flight.time_s[flight.scored][0]:g} s",
             ["estimate", "rms", "largest"],
             [[name, f"{rms:.3f} deg", f"{worst:.3f} deg"] for name, (rms, worst) in errors.items()],
             "All rows from the same raw counts, taken by the board's ADC in the closed loop.",
