@@ -10,6 +10,8 @@ from plumb.errors import LinkError
 from plumb.session import Session
 from test_protocol import frame
 
+FRAME_US = 20_000
+"""Of the pulses, the table's default: what the actuator may lag behind."""
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 
 
@@ -28,7 +30,7 @@ def test_keep_alive_holds_and_its_loss_disarms_after_50_ms_latched() -> None:
     for _ in range(100):
         session.receive(0.005)
     assert board.armed
-    board.run_us(49_000 - 15_000)
+    board.run_us(49_000 - FRAME_US - 15_000)
     assert board.armed
     board.run_us(17_000)
     assert not board.armed
@@ -42,7 +44,7 @@ def test_keep_alive_holds_and_its_loss_disarms_after_50_ms_latched() -> None:
     assert session.telemetry["EVENTS"]["disarm_cause"] == 0x20
     session.arm()
     assert board.armed
-    for _ in range(50):
+    for _ in range(300):  # EVENTS takes turns with STATUS and COUNTERS
         session.receive(0.005)
     assert board.armed and session.telemetry["EVENTS"]["disarm_cause"] == 0
     session.close()
@@ -66,7 +68,7 @@ def test_disarming_time_to_the_turn() -> None:
     board.say(frame("KEEPALIVE", 0, session._token or 0), turns=1)
     while board.armed:
         board.turn()
-    assert 50_000 <= board.time_us - last <= 50_300
+    assert 49_000 - FRAME_US <= board.time_us - last <= 49_300 - FRAME_US
     session.close()
 
 

@@ -31,7 +31,7 @@ bool arming_answer(arming_t *a, uint16_t verb, uint32_t nonce, uint32_t now_us) 
     return good;
 }
 
-bool arming_arm(arming_t *a, uint16_t blocked, uint32_t token, uint32_t now_us) {
+bool arming_arm(arming_t *a, uint16_t blocked, uint32_t token, uint32_t frame_us, uint32_t now_us) {
     if (blocked != 0) {
         return false;
     }
@@ -39,6 +39,7 @@ bool arming_arm(arming_t *a, uint16_t blocked, uint32_t token, uint32_t now_us) 
     a->cause = 0;
     a->token = token;
     a->keepalive_us = now_us;
+    a->silence_us = ARMING_SAFE_US - ARMING_TURN_US - frame_us;
     return true;
 }
 
@@ -63,7 +64,7 @@ void arming_poll(arming_t *a, uint16_t blocked, uint32_t now_us) {
     if (blocked != 0) {
         arming_disarm(a, blocked);
     }
-    if (now_us - a->keepalive_us > ARMING_KEEPALIVE_US) {
+    if (now_us - a->keepalive_us > a->silence_us) {
         arming_disarm(a, ARMING_BLOCK_SILENCE);
     }
 }

@@ -207,7 +207,7 @@ static void on_execute(session_t *s, const can_frame_t *f, uint32_t now_us) {
         reply_nack(s, f, MESSAGE_NACK_REASON_NONCE, 0);
     } else if (m.verb != MESSAGE_EXECUTE_VERB_ARM) {
         reply_nack(s, f, MESSAGE_NACK_REASON_UNSUPPORTED, m.verb);
-    } else if (!arming_arm(&s->arming, arming_blocked(s), m.nonce, now_us)) {
+    } else if (!arming_arm(&s->arming, arming_blocked(s), m.nonce, s->params->esc_period_us, now_us)) {
         reply_nack(s, f, MESSAGE_NACK_REASON_BLOCKED, arming_blocked(s));
     } else {
         reply_ack(s, f, m.verb);
