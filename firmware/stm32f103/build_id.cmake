@@ -1,5 +1,6 @@
 # Writes build_id.h: the commit, and whether what goes into the image differs from it. Run as a script, with SOURCE
 # and OUTPUT. The file is only touched when it changes.
+cmake_minimum_required(VERSION 3.20)
 set(hash 0000000000000000)
 set(dirty 0)
 execute_process(COMMAND git -C ${SOURCE} rev-parse HEAD

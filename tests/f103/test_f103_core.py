@@ -250,6 +250,15 @@ def test_what_is_no_image_is_refused_in_a_sentence(tmp_path, build):
         find_image(tmp_path / "none.bin")
 
 
+@pytest.fixture
+def ctrl_c():
+    """A terminal's Ctrl-C, also where the tests run in the background of a shell, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_inside_a_register_access_ends_the_run_and_not_the_access(board, monkeypatch):
     b = board("systick")
     read, whole = b.machine.bus.read, []
