@@ -190,7 +190,7 @@ def arm(scene: Scene) -> None:
     scene.say("EXECUTE", verb, nonce)
     scene.say("KEEPALIVE", 0, nonce, turns=160)
     scene.say("KEEPALIVE", 0, nonce, turns=160)
-    scene.remark("silence: one frame of pulses and a turn short of 50 ms after the last keep-alive the board is disarmed")
+    scene.remark("silence: 49 ms less a frame of pulses after the last keep-alive the board is disarmed")
     scene.board.run_us(30_000)
     scene._hear(scene.board.heard())
     scene.say("KEEPALIVE", 0, nonce, turns=160)

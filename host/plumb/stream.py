@@ -149,7 +149,7 @@ class ObjectStream:
     """
 
     def __init__(self, channel: Any) -> None:
-        self.name = type(channel).__name__
+        self.name = str(getattr(channel, "name", type(channel).__name__))
         self.clock: Callable[[], float] = getattr(channel, "clock_s", time.monotonic)
         self._channel = channel
 

@@ -96,13 +96,11 @@ def test_bad_addresses_are_refused_in_a_sentence(build, tmp_path):
     from plumb.errors import LinkError, UsageError
     from plumb.f103.serve import open_line
 
-    for wrong in ("usb", "tcp:", "tcp:abc", "pty:1"):
+    for wrong in ("usb", "tcp:", "tcp:abc", "pty:1", "tcp:99999"):
         with pytest.raises(UsageError, match="pty or tcp:PORT"):
             open_line(wrong)
     with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(LinkError, match="choose another"):
         open_line(f"tcp:{taken.getsockname()[1]}")
-    with pytest.raises(LinkError, match="cannot be opened"):
-        open_line("tcp:99999")
     plain = tmp_path / "file"
     plain.write_text("precious")
     with pytest.raises(UsageError, match="choose another name"):

@@ -17,4 +17,6 @@ class VirtualBoard(LinkBoard):
 
     def __init__(self, image: Path | None = None) -> None:
         self.machine = open_machine(image)
+        running = "the image of the checkout" if image is None else str(image)
+        self.machine.uart.name = f"the virtual board with {running}"
         super().__init__("virtual", Session.open(self.machine.uart))

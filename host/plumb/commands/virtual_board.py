@@ -10,6 +10,7 @@ It runs the very image that is flashed, until Ctrl-C.
 from __future__ import annotations
 
 import argparse
+import signal
 from pathlib import Path
 
 
@@ -39,5 +40,7 @@ def main(arguments: argparse.Namespace) -> int:
     def announce(address: str) -> None:
         print(f"serving the virtual board at {address}; use it as serial:{address}; Ctrl-C ends it", flush=True)
 
-    serve(machine, arguments.serial, link=arguments.symlink, couple=couple, announce=announce)
+    ended_by = serve(machine, arguments.serial, link=arguments.symlink, couple=couple, announce=announce)
+    if ended_by == signal.SIGINT:
+        raise KeyboardInterrupt
     return 0

@@ -98,8 +98,8 @@ class TcpLine:
         self._client: socket.socket | None = None
         try:
             self._server = socket.create_server(("127.0.0.1", port), backlog=1)
-        except (OSError, OverflowError) as error:
-            raise LinkError(f"port {port} on 127.0.0.1 cannot be opened: {error}; choose another") from error
+        except OSError as error:
+            raise LinkError(f"port {port} on 127.0.0.1 cannot be opened: {error.strerror}; choose another") from error
         self._server.setblocking(False)
         self.address = f"socket://127.0.0.1:{self._server.getsockname()[1]}"
 
@@ -147,9 +147,9 @@ def open_line(spec: str, link: Path | None = None) -> Line:
     kind, _, port = spec.partition(":")
     if spec == "pty":
         return PtyLine(link)
-    if kind == "tcp" and port.isdigit():
+    if kind == "tcp" and port.isdigit() and int(port) <= 65535:
         return TcpLine(int(port))
-    raise UsageError(f"'{spec}' is no way to serve the board; write pty or tcp:PORT")
+    raise UsageError(f"'{spec}' is no way to serve the board; write pty or tcp:PORT, up to 65535")
 
 
 @contextlib.contextmanager

@@ -24,6 +24,7 @@ class UartStream:
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
         self.timeout = 0.02
+        self.name = "the virtual board"
         self._arrived = bytearray()
 
     @property
