@@ -66,8 +66,7 @@ def test_a_run_of_its_own_is_shown_in_units(board: MemoryBoard, capsys: pytest.C
     assert last["steps_per_s"] == pytest.approx(50, rel=0.05)
     assert last["time_s"] - shown[0]["time_s"] == pytest.approx(1.4, abs=0.06)
     assert not board.armed
-    with Session.open(board) as session:  # the run was ended
-        session.upload(CONTROL)
+    assert looks(capsys, "--seconds", "0.3")[-1]["mode"] == "IDLE"  # its run was ended
 
 
 def test_who_only_watches_says_nothing_and_the_run_goes_on(
@@ -100,6 +99,14 @@ def test_an_idle_board_shows_no_angle(board: MemoryBoard, capsys: pytest.Capture
     last = looks(capsys, "--seconds", "0.5")[-1]
     assert (last["mode"], last["step"], last["tilt_deg"], last["armed"]) == ("IDLE", None, None, False)
     assert "no run is on" in last["blocked"]
+
+
+def test_the_first_look_waits_for_everything_an_open_link_says(board: MemoryBoard) -> None:
+    with Session.open(board) as session:
+        late_us = board.time_us + 250_000
+        board.spoil_up = lambda data: data if board.time_us > late_us or b"t111" not in data else b""
+        first = next(iter(monitor.watch(session)))
+    assert first["mode"] == "IDLE" and first["board_lost"] is not None and first["saturated_steps"] is not None
 
 
 def test_what_does_not_come_any_more_is_not_shown(board: MemoryBoard) -> None:
@@ -193,9 +200,9 @@ def test_an_interrupt_ends_the_run_and_is_130(
     assert front.main(["monitor", "--board", "memory", "--run", "live"]) == 130
     captured = capsys.readouterr()
     assert captured.err == "plumb: interrupted.\n"
-    with Session.open(board) as session:
-        session.upload(CONTROL)
-        assert session.counters.repeated_requests == 0
+    steps = board.steps
+    board.run_us(100_000)
+    assert board.steps == steps  # the run was ended
     assert signal.getsignal(signal.SIGINT) is handler
 
 
