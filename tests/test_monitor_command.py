@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 from collections.abc import Callable
 from typing import Any
@@ -170,6 +171,10 @@ def test_one_line_a_second_where_there_is_no_terminal(board: MemoryBoard, capsys
     rows = capsys.readouterr().out.splitlines()
     assert len(rows) == 2
     assert all("REALTIME live disarmed  tilt +" in row and "\x1b" not in row for row in rows)
+    board.sensors((0,) * 6, faults=0x100)
+    assert front.main(["monitor", "--board", "memory", "--run", "live", "--seconds", "1"]) == 0
+    said = re.search(r"  saturated (\d+)  running on the internal oscillator\n$", capsys.readouterr().out)
+    assert said and 45 <= int(said[1]) <= 50  # of 50 steps; the board counts them out every 0.1 s
 
 
 def test_a_terminal_is_written_over_and_no_line_wraps(

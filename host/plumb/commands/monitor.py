@@ -170,6 +170,7 @@ def line(s: Snapshot) -> str:
     trouble = [f"lost {lost}"] if lost else []
     trouble += [f"rejected {s['host_rejected']}"] if s["host_rejected"] else []
     trouble += [f"dropped {s['board_dropped']}"] if s["board_dropped"] else []
+    trouble += [f"saturated {s['saturated_steps']}"] if s["saturated_steps"] else []
     trouble += s["faults"]
     values = [("tilt", s["tilt_deg"], "deg"), ("rate", s["rate_dps"], "deg/s"), ("bias", s["bias_dps"], "deg/s")]
     words = [f"{s['time_s']:.2f} s", state(s)]
