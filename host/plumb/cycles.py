@@ -85,7 +85,7 @@ def require(module: str) -> Any:
         return __import__(module, fromlist=["_"])
     except ImportError:
         package = module.split(".")[0]
-        raise UsageError(f"Counting cycles needs the Python package {package}: install it with pip install "
+        raise UsageError(f"counting cycles needs the Python package {package}: install it with pip install "
                          "'plumb[bench]'.") from None  # fmt: skip
 
 

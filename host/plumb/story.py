@@ -30,13 +30,13 @@ def plots(trial: Trial, *, closed: bool) -> list[Plot]:
     if np.isfinite(trial.flight.bias_dps).any():
         bias.insert(0, Line("true", trial.flight.bias_dps, TRUTH))
     tilt = [Line("accelerometer only", trial.accel_only_deg, SENSOR, 0.7)]
+    if closed:
+        tilt.append(Line("setpoint", trial.flight.setpoint_turn_q32 * TURN_DEG, SECOND))
     if np.isfinite(truth).any():
         tilt.append(Line("true", truth, TRUTH, 1.6))
     tilt.append(Line("estimate", trial.estimate_deg, ESTIMATE))
-    if closed:
-        tilt.append(Line("setpoint", trial.flight.setpoint_turn_q32 * TURN_DEG, SECOND))
     found = [
-        Plot("Tilt: truth, accelerometer alone, estimate", "deg", time_s, tilt),
+        Plot("Tilt", "deg", time_s, tilt),
         Plot("Gyro bias", "deg/s", time_s, bias),
         Plot("Command of the PID", "1 = full", time_s, [Line("command", words["command_q22"] * COMMAND, ESTIMATE)]),
         Plot(
