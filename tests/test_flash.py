@@ -29,11 +29,11 @@ ERASE = 0x43
 needs_image = pytest.mark.skipif(not BUILD.exists(), reason="the flash image is not built: run make image")
 
 
-def made_image(size: int, family: int = 0x103, magic: bytes = b"plmb") -> bytes:
-    """An image that says the right things about itself and does nothing."""
+def made_image(size: int, family: int = 0x103, magic: bytes = b"plmb", claims: int = 0) -> bytes:
+    """An image that says the right things about itself and does nothing. claims: a length other than its own."""
     body = bytearray(i * 7 & 0xFF for i in range(size - 4))
     struct.pack_into("<II", body, 0, 0x20002000, FLASH + 0x41)
-    struct.pack_into("<4s7I", body, 0x130, magic, family, size, 0x12345678, 0x9ABCDEF0, 0, 0, 0)
+    struct.pack_into("<4s7I", body, 0x130, magic, family, claims or size, 0x12345678, 0x9ABCDEF0, 0, 0, 0)
     return bytes(body) + struct.pack("<I", zlib.crc32(body))
 
 
@@ -218,12 +218,13 @@ def test_a_chip_that_the_image_is_not_for_is_left_alone(
         (made_image(2100, magic=b"plum"), "not a plumb image"),
         (made_image(2100, family=0x407), "another part"),
         (made_image(2100)[:-1], "damaged"),
+        (made_image(2100, claims=2104), "damaged"),
         (made_image(2100)[:700] + b"!" + made_image(2100)[701:], "damaged"),
         (made_image(SLOTS + 4), "parameters"),
         (bytes(2100), "vector table"),
         (made_image(2100)[:0x148], "not a plumb image"),
     ],
-    ids=["no header", "other family", "cut", "changed", "too long", "zeros", "header cut"],
+    ids=["no header", "other family", "cut", "other length", "changed", "too long", "zeros", "header cut"],
 )
 def test_a_wrong_image_is_refused_before_the_port_is_touched(
     image: bytes, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
