@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=1000, help="of every random number (default 1000)")
     parser.add_argument("--seconds", type=float, help="length (default: the scenario's own)")
     parser.add_argument("--scenario", default="motion", help="motion, quiet, disturb, hold or converge")
-    parser.add_argument("--tuning", default="adaptive", help="adaptive, paper, paper_arcsine, quiet, fast_start or recording")
+    parser.add_argument("--tuning", default="adaptive", help="a name from the system's list; a wrong one prints it")
     parser.add_argument("--open-loop", action="store_true", help="prescribed motion: the pulses move nothing")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html, summary.json and steps.csv")
     parser.add_argument("--json", action="store_true", help="print JSON")
