@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from link_board import MemoryBoard
 from plumb import parameters
 from plumb.errors import LinkError
+from plumb.lockstep import samples_text
+from plumb.protocol import protocol
 from plumb.session import Session
 from test_protocol import frame
 
@@ -163,3 +166,30 @@ def test_arming_is_refused_with_the_reason(run: str | None) -> None:
         board.sensors(faults=0x100)  # informs only
         session.arm()
         assert board.armed
+
+
+def test_an_injected_run_is_armed_by_fresh_samples_only() -> None:
+    board = MemoryBoard()
+    session = Session.open(board)
+    session.upload(CONTROL, period_us=10_000)
+    session.begin("REALTIME_INJECTED")
+    with pytest.raises(LinkError, match="no injected samples come"):
+        session.arm()
+
+    samples = samples_text(protocol(), np.ones((40, 3), np.int16), np.zeros(40))
+    for step in range(20):
+        board.write(samples.part(step, step + 1))
+        board.run_us(10_000)
+        session.receive(0.001)
+        if step == 2:
+            session.arm()
+    assert board.armed
+    for _ in range(4):  # a few samples may fail
+        board.run_us(10_000)
+        session.receive(0.001)
+    assert board.armed
+    for _ in range(4):
+        board.run_us(10_000)
+        session.receive(0.001)
+    assert not board.armed
+    session.close()

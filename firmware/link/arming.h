@@ -22,6 +22,7 @@
 #define ARMING_BLOCK_CLOSED   0x0010U /* link closed or read-only */
 #define ARMING_BLOCK_SILENCE  0x0020U /* left because the keep-alive was lost */
 #define ARMING_BLOCK_COMMAND  0x0040U /* left because the host said so */
+#define ARMING_BLOCK_SAMPLES  0x0080U /* injected in real time, and no sample came for a while */
 
 typedef struct {
     bool armed;

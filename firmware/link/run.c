@@ -39,6 +39,7 @@ void run_begin(session_t *s, uint16_t run) {
     s->setpoint_waiting = false;
     s->setpoint_turn_q32 = 0;
     s->held = (session_sample_t){0};
+    s->stale = UINT16_MAX;
     control_init(s->control, &s->params->control);
 }
 
@@ -204,8 +205,10 @@ bool session_next_sample(session_t *s, int16_t raw[CONTROL_RAW_MAX], int32_t *se
     if (waiting) {
         s->held = s->queue[QUEUE_SLOT(s->queue_out)];
         s->queue_out++;
+        s->stale = 0;
     } else {
         s->starved++;
+        s->stale = (uint16_t)(s->stale + (s->stale != UINT16_MAX ? 1U : 0U));
     }
     memcpy(raw, s->held.raw, sizeof s->held.raw);
     *setpoint_turn_q32 = s->mode == SESSION_LOCKSTEP ? s->held.setpoint_turn_q32 : s->setpoint_turn_q32;

@@ -26,6 +26,12 @@ uint32_t session_period_us(const session_t *s) {
     return s->params->period_us;
 }
 
+/* Control on a sample that is held is control of nothing: a few steps may be bridged, not more than
+ * ARMING_SAFE_US. */
+static bool samples_stale(const session_t *s) {
+    return s->stale == UINT16_MAX || s->stale > ARMING_SAFE_US / s->params->period_us;
+}
+
 static uint16_t arming_blocked(const session_t *s) {
     unsigned blocked = 0;
 
@@ -34,6 +40,7 @@ static uint16_t arming_blocked(const session_t *s) {
     blocked |= s->mode == SESSION_LOCKSTEP ? ARMING_BLOCK_LOCKSTEP : 0U;
     blocked |= (s->faults & SESSION_FAULTS_BLOCKING) != 0 ? ARMING_BLOCK_FAULT : 0U;
     blocked |= s->open && !s->read_only ? 0U : ARMING_BLOCK_CLOSED;
+    blocked |= s->mode == SESSION_REALTIME && !s->live && samples_stale(s) ? ARMING_BLOCK_SAMPLES : 0U;
     return (uint16_t)blocked;
 }
 

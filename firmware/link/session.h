@@ -71,12 +71,13 @@ typedef struct {
     uint32_t words_mask[SESSION_WORD_BANKS]; /* banks 1.. of SELECT */
     uint16_t selected;                       /* frames a step sends, STEP included */
     uint16_t step;                           /* number of the next step to run */
-    uint16_t queue_in;       /* samples ever taken in; in lockstep the number of the next one */
-    uint16_t queue_out;      /* samples ever taken out */
-    uint16_t saturated;      /* steps with a clamped value, modulo 2^16 */
-    uint16_t starved;        /* real-time steps without a new sample, modulo 2^16 */
-    uint16_t dropped_told;   /* outbox.dropped at the last STEP */
-    uint8_t gap_ahead;       /* how far ahead of the missing sample the last one was, 0xFF: none is missing */
+    uint16_t queue_in;     /* samples ever taken in; in lockstep the number of the next one */
+    uint16_t queue_out;    /* samples ever taken out */
+    uint16_t saturated;    /* steps with a clamped value, modulo 2^16 */
+    uint16_t starved;      /* real-time steps without a new sample, modulo 2^16 */
+    uint16_t dropped_told; /* outbox.dropped at the last STEP */
+    uint16_t stale;    /* real-time steps since the last injected sample; all ones: none came in this run */
+    uint8_t gap_ahead; /* how far ahead of the missing sample the last one was, 0xFF: none is missing */
     uint8_t sample_expected; /* real time: low six bits of the next sample's number */
     uint8_t raw_b_step6;     /* low six bits of the number raw_b belongs to, above 63: none */
     bool setpoint_waiting;   /* lockstep: given for the sample to come; real time: not yet used */

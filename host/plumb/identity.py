@@ -16,6 +16,7 @@ BLOCKED = {
     4: "the link is closed or read-only",
     5: "the keep-alive was lost",
     6: "the host disarmed",
+    7: "no injected samples come",
 }
 FAULTS = {
     0: "no conversions",
