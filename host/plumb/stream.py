@@ -80,6 +80,29 @@ class SocketStream:
         self._socket.close()
 
 
+class DatagramStream:
+    """Text in datagrams to a port of this machine. Nobody there is silence, as on a cable."""
+
+    def __init__(self, port: int) -> None:
+        self.name = f"udp:{port}"
+        self.clock = time.monotonic
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.connect(("127.0.0.1", port))
+
+    def read(self, timeout_s: float) -> bytes:
+        with contextlib.suppress(OSError):  # refused: nobody is there yet
+            if select.select([self._socket], [], [], timeout_s)[0]:
+                return self._socket.recv(_CHUNK)
+        return b""
+
+    def write(self, data: bytes) -> None:
+        with contextlib.suppress(OSError):
+            self._socket.send(data)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
 def open_advice(port: str, error: Exception) -> str:
     """What to do about a port that does not open."""
     text = str(error).lower()
@@ -174,7 +197,7 @@ class ObjectStream:
 
 
 def open_stream(channel: Any, baudrate: int) -> Stream:
-    """PORT, PORT@BAUD, socket://HOST:PORT, tcp:HOST:PORT, any other pyserial URL, or an object."""
+    """PORT, PORT@BAUD, socket://HOST:PORT, tcp:HOST:PORT, udp:PORT, any other pyserial URL, or an object."""
     if not isinstance(channel, str):
         return ObjectStream(channel)
     for prefix in ("socket://", "tcp:"):
@@ -183,6 +206,8 @@ def open_stream(channel: Any, baudrate: int) -> Stream:
             if not host or not port.isdigit():
                 raise OpenError(f"'{channel}' is no address: write {prefix}HOST:PORT")
             return SocketStream(host, int(port))
+    if channel.startswith("udp:") and channel[4:].isdigit():
+        return DatagramStream(int(channel[4:]))
     port, _, baud = channel.rpartition("@")
     if port and baud.isdigit():
         return SerialStream(port, int(baud))

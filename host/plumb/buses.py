@@ -1,0 +1,135 @@
+"""A bus by its name on the command line, as a python-can bus.
+
+    serial:PORT[@BAUD]            a board, or a served one, behind a serial port
+    tcp:HOST:PORT                 the same text over TCP
+    udp:PORT                      the same text in datagrams, on this machine
+    can:INTERFACE:CHANNEL[@KBIT]  any interface of python-can; 500 kbit/s unless said
+    file:PATH                     frames of a log, paced by their time stamps (.asc .blf .csv .log .trc)
+
+`open_bus` takes the host's end; `serve_bus` the far end, where `serial:pty` makes a pseudo-terminal and tcp and udp
+wait for whoever opens them.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import can
+
+from plumb.errors import LinkError, UsageError
+from plumb.serialbus import DEFAULT_BAUDRATE, PlumbBus
+
+DEFAULT_KBIT = 500
+KINDS = "serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT, can:INTERFACE:CHANNEL[@KBIT] or file:PATH"
+
+
+def open_bus(spec: str) -> can.BusABC:
+    """The host's end. Raises UsageError for a name that is none, LinkError when it cannot be opened."""
+    kind, address = _split(spec)
+    if kind == "serial":
+        return PlumbBus(address, DEFAULT_BAUDRATE)
+    if kind == "tcp":
+        return PlumbBus(spec)
+    if kind == "udp":
+        return PlumbBus(f"udp:{_port(spec, address)}")
+    if kind == "can":
+        return open_can(address)
+    return LogBus(Path(address))
+
+
+def serve_bus(spec: str) -> can.BusABC:
+    """The far end: what a second board on the bus would be. Raises UsageError, LinkError as `open_bus`."""
+    from plumb.adapter import AdapterBus
+    from plumb.line import UdpLine, open_line
+
+    kind, address = _split(spec)
+    if spec == "serial:pty":
+        return AdapterBus(open_line("pty"))
+    if kind == "tcp":
+        host, _, port = address.rpartition(":")
+        if host not in ("127.0.0.1", "localhost"):
+            raise UsageError(f"'{spec}': this end waits on this machine only; write tcp:127.0.0.1:PORT")
+        return AdapterBus(open_line(f"tcp:{port}"))
+    if kind == "udp":
+        return AdapterBus(UdpLine(_port(spec, address)))
+    if kind == "file":
+        raise UsageError("a file is no end of a conversation; plumb record BUS --out PATH writes one")
+    return open_bus(spec)
+
+
+def _split(spec: str) -> tuple[str, str]:
+    kind, _, address = spec.partition(":")
+    if kind not in ("serial", "tcp", "udp", "can", "file") or not address:
+        raise UsageError(f"'{spec}' names no bus; use {KINDS}")
+    return kind, address
+
+
+def _port(spec: str, address: str) -> int:
+    if not address.isdigit() or int(address) > 65535:
+        raise UsageError(f"'{spec}': a port is a number up to 65535")
+    return int(address)
+
+
+def open_can(address: str) -> can.BusABC:
+    """INTERFACE:CHANNEL[@KBIT]; of slcan, what follows the @ is the port's baud rate, as python-can has it."""
+    interface, _, channel = address.partition(":")
+    kbit = DEFAULT_KBIT
+    head, _, rate = channel.rpartition("@")
+    if interface != "slcan" and head and rate.isdigit():
+        channel, kbit = head, int(rate)
+    options: dict[str, Any] = {"interface": interface, "channel": channel, "bitrate": kbit * 1000}
+    if interface == "socketcand":
+        host, _, rest = channel.partition(":")
+        port, _, name = rest.partition(":")
+        if not port.isdigit() or not name:
+            raise UsageError(f"'can:{address}': write can:socketcand:HOST:PORT:CHANNEL")
+        options = {"interface": interface, "host": host, "port": int(port), "channel": name}
+    if not interface or not channel:
+        raise UsageError(f"'can:{address}' names no bus; use can:INTERFACE:CHANNEL[@KBIT]")
+    if interface not in can.VALID_INTERFACES:
+        raise UsageError(f"python-can has no interface '{interface}'; it has {', '.join(sorted(can.VALID_INTERFACES))}")
+    try:
+        return can.Bus(**options)
+    except LinkError:
+        raise
+    except Exception as error:  # interfaces raise whatever their drivers do
+        reason = str(error).strip() or type(error).__name__
+        raise LinkError(
+            f"can:{address} cannot be opened ({reason}): check that the interface is up and its driver installed"
+        ) from None
+
+
+class LogBus(can.BusABC):
+    """The frames of a log file, each when its time has come, then nothing more. What is sent is thrown away.
+
+    ended: the last frame has been given.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.ended = False
+        try:
+            self._messages: Iterator[can.Message] = iter(list(can.LogReader(path)))
+        except (OSError, ValueError, KeyError, IndexError, TypeError, NotImplementedError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            raise UsageError(f"{path} cannot be read as a log of frames: {reason}") from None
+        self._next = next(self._messages, None)
+        self._offset = time.monotonic() - (self._next.timestamp if self._next else 0.0)
+        self.channel_info = f"the log {path}"
+        super().__init__(str(path))
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        message = self._next
+        due_s = float("inf") if message is None else message.timestamp + self._offset - time.monotonic()
+        if message is None or (timeout is not None and due_s > timeout):
+            self.ended = message is None
+            time.sleep(0.0 if timeout is None else timeout)
+            return None, False
+        time.sleep(max(0.0, due_s))
+        self._next = next(self._messages, None)
+        return message, False
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """A log takes nothing."""

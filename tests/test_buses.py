@@ -1,0 +1,189 @@
+"""A bus by its name: both ends of a cable, stock tools at one of them, and one sentence for what is no bus."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import can
+import pytest
+import serial
+
+from plumb.adapter import AdapterBus
+from plumb.buses import LogBus, open_bus, serve_bus
+from plumb.errors import LinkError, PlumbError, UsageError
+from plumb.line import open_line
+from plumb.protocol import protocol
+from plumb.serialbus import PlumbBus
+
+ANGLE = protocol()["ANGLE"]
+
+
+def frame(step: int) -> can.Message:
+    return can.Message(
+        arbitration_id=ANGLE.identifier, data=ANGLE.pack(step & 15, 0, step, -step), is_extended_id=False
+    )
+
+
+@contextmanager
+def answering(bus: can.BusABC) -> Iterator[list[can.Message]]:
+    """The bus served by a thread, as a process of its own would: what it hears is kept."""
+    heard: list[can.Message] = []
+    done = threading.Event()
+
+    def serve() -> None:
+        while not done.is_set():
+            message = bus.recv(0.01)
+            if message is not None:
+                heard.append(message)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        yield heard
+    finally:
+        done.set()
+        thread.join()
+
+
+def wait_for(condition: object, seconds: float = 5.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:  # type: ignore[operator]
+        time.sleep(0.005)
+    assert condition()  # type: ignore[operator]
+
+
+def address_of(far: AdapterBus) -> str:
+    text = far.channel_info.removeprefix("SLCAN on ")
+    return text.replace("socket://", "tcp:") if ":" in text else f"serial:{text}"
+
+
+@pytest.mark.parametrize("spec", ["serial:pty", "tcp:127.0.0.1:0", "udp:0"])
+def test_frames_go_both_ways_between_the_two_ends(spec: str) -> None:
+    far = serve_bus(spec)
+    assert isinstance(far, AdapterBus)
+    with answering(far) as heard, open_bus(address_of(far)) as near:
+        wait_for(lambda: far.open)
+        for step in range(40):
+            near.send(frame(step))
+        wait_for(lambda: len(heard) == 40)
+        assert [bytes(m.data) for m in heard] == [bytes(frame(step).data) for step in range(40)]
+        for step in range(40):
+            far.send(frame(step))
+        back = [near.recv(2.0) for _ in range(40)]
+        assert [bytes(m.data) for m in back if m] == [bytes(frame(step).data) for step in range(40)]
+    far.shutdown()
+
+
+def test_nothing_is_sent_before_a_host_opens_the_link_nor_after_it_left() -> None:
+    far = serve_bus("tcp:127.0.0.1:0")
+    far.send(frame(1))
+    with answering(far):
+        with open_bus(address_of(far)) as near:
+            wait_for(lambda: far.open)  # type: ignore[attr-defined]
+            assert near.recv(0.1) is None
+        wait_for(lambda: not far.open)  # type: ignore[attr-defined]
+        far.send(frame(2))
+        with open_bus(address_of(far)) as near:
+            wait_for(lambda: far.open)  # type: ignore[attr-defined]
+            assert near.recv(0.1) is None
+    far.shutdown()
+
+
+def test_an_adapter_answers_the_commands_that_stock_tools_send() -> None:
+    far = AdapterBus(open_line("pty"))
+    transcript = [
+        (b"\r", b"\r"),
+        (b"S6\r", b"\r"),
+        (b"t1000\r", b"\a"),  # not open yet
+        (b"V\r", b"V0101\r"),
+        (b"O\r", b"\r"),
+        (b"O\r", b"\r"),
+        (b"t1002AB0\r", b"\a"),
+        (b"t1002AB01\r", b"\r"),
+        (b"X\r", b"\a"),
+        (b"L\r", b"\r"),
+        (b"t1002AB01\r\r", b"\a\r"),
+        (b"C\r", b"\r"),
+    ]
+    with answering(far) as heard, serial.Serial(address_of(far).removeprefix("serial:"), timeout=1) as port:
+        for question, answer in transcript:
+            port.write(question)
+            assert port.read(len(answer)) == answer
+    assert [(m.arbitration_id, bytes(m.data)) for m in heard] == [(0x100, b"\xab\x01")]
+    far.shutdown()
+
+
+def test_python_cans_own_slcan_interface_talks_to_an_adapter() -> None:
+    far = AdapterBus(open_line("pty"))
+    name = address_of(far).removeprefix("serial:")
+    with answering(far) as heard, open_bus(f"can:slcan:{name}@115200") as stock:
+        wait_for(lambda: far.open)
+        stock.send(frame(7))
+        wait_for(lambda: len(heard) == 1)
+        far.send(frame(9))
+        answer = stock.recv(2.0)
+    assert answer is not None and bytes(answer.data) == bytes(frame(9).data)
+    far.shutdown()
+
+
+def test_a_can_bus_is_any_interface_of_python_can() -> None:
+    with open_bus("can:virtual:pair@250") as one, open_bus("can:virtual:pair@250") as other:
+        one.send(frame(3))
+        heard = other.recv(1.0)
+    assert heard is not None and heard.arbitration_id == ANGLE.identifier
+
+
+def test_a_log_gives_its_frames_in_order_and_then_ends(tmp_path: Path) -> None:
+    path = tmp_path / "run.asc"
+    with can.Logger(path) as log:
+        for step in range(5):
+            message = frame(step)
+            message.timestamp = 1000.0 + 0.01 * step
+            log(message)
+    bus = LogBus(path)
+    heard = [bus.recv(1.0) for _ in range(5)]
+    assert [bytes(m.data) for m in heard if m] == [bytes(frame(step).data) for step in range(5)]
+    assert bus.recv(0.0) is None and bus.ended
+    bus.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("spec", "kind", "says"),
+    [
+        ("nonsense", UsageError, "names no bus"),
+        ("serial:", UsageError, "names no bus"),
+        ("serial:/no/such/port", LinkError, "there is no port"),
+        ("tcp:127.0.0.1:1", LinkError, "no connection"),
+        ("tcp:host", LinkError, "is no address"),
+        ("udp:many", UsageError, "a port is a number"),
+        ("can:nothing:0", UsageError, "no interface 'nothing'"),
+        ("can:virtual", UsageError, "names no bus"),
+        ("can:socketcand:host", UsageError, "can:socketcand:HOST:PORT:CHANNEL"),
+        ("can:socketcan:nothere", LinkError, "cannot be opened"),
+        ("file:/no/such.asc", UsageError, "cannot be read as a log"),
+    ],
+)
+def test_what_is_no_bus_gets_one_sentence(spec: str, kind: type[PlumbError], says: str) -> None:
+    with pytest.raises(kind, match=says) as caught:
+        open_bus(spec).shutdown()
+    assert "\n" not in str(caught.value)
+
+
+def test_a_far_end_waits_on_this_machine_only() -> None:
+    with pytest.raises(UsageError, match="this machine only"):
+        serve_bus("tcp:192.0.2.1:4000")
+    with pytest.raises(UsageError, match="no end of a conversation"):
+        serve_bus("file:x.asc")
+
+
+def test_an_endless_line_does_not_grow() -> None:
+    far = AdapterBus(open_line("tcp:0"))
+    with answering(far), PlumbBus(address_of(far)) as near:
+        near.write_text(b"x" * 200_000)
+        time.sleep(0.2)
+    assert len(far._pending) <= 64
+    far.shutdown()
