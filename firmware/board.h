@@ -63,6 +63,9 @@ void board_configure_actuator(uint32_t frame_halfus, uint32_t neutral_halfus);
 /* Pulse lengths in half-microseconds; both take effect at the start of the next frame. */
 void board_set_actuator(const uint32_t pulse_halfus[BOARD_ACTUATORS]);
 
+/* Whether the arm switch is closed at this moment, bounces and all. */
+bool board_arm_switch(void);
+
 /* The one safe state: every output at the neutral pulse. */
 void board_actuator_neutral(void);
 

@@ -60,6 +60,7 @@ int main(void) {
         board_feed_watchdog();
         receive(now_us);
         session_report_faults(&session, board_faults());
+        session_report_switch(&session, board_arm_switch(), now_us);
         session_poll(&session, now_us);
 
         if (session_take_begin(&session)) {
@@ -75,13 +76,13 @@ int main(void) {
          * from its watch over them. */
         for (unsigned i = 0u; i < SESSION_QUEUE_LENGTH && take_sample(raw, &setpoint_turn_q32); i++) {
             control_step(&control, &params.control, raw, setpoint_turn_q32);
-            if (session_armed(&session)) {
+            if (session_driving(&session)) {
                 board_set_actuator(control.words.pulse_halfus);
                 driving = true;
             }
             session_stepped(&session);
         }
-        if (driving && !session_armed(&session)) {
+        if (driving && !session_driving(&session)) {
             board_actuator_neutral();
             driving = false;
         }

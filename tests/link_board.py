@@ -88,6 +88,9 @@ class MemoryBoard:
     def sensors(self, raw: tuple[int, ...] = (0,) * 6, faults: int = 0) -> None:
         self.lib.link_board_sensors(self._memory, (ctypes.c_int16 * 6)(*raw), ctypes.c_uint32(faults))
 
+    def switch(self, closed: bool) -> None:
+        self.lib.link_board_switch(self._memory, ctypes.c_bool(closed))
+
     @property
     def armed(self) -> bool:
         return bool(self.lib.link_board_armed(self._memory))

@@ -91,8 +91,8 @@ def test_every_message_is_described() -> None:
 
 def test_table_order_is_the_order_of_the_struct() -> None:
     rows = parameters.table()
-    assert [row.owner for row in rows] == ["control"] * 46 + ["link"] * 2
-    assert rows[-2].name == "period_us"
+    assert [row.owner for row in rows] == ["control"] * 46 + ["link"] * (len(rows) - 46)
+    assert rows[46].name == "period_us"
     assert parameters.crc32([row.default for row in rows]) == zlib.crc32(
         b"".join((row.default & 0xFFFFFFFF).to_bytes(4, "little") for row in rows)
     )

@@ -20,6 +20,7 @@ from plumb.session import Session
 
 SUPPLY_V = 3.3
 NEUTRAL_US = 1000.0
+CONTROL_WORDS = sum(row.owner == "control" for row in table())
 
 
 @dataclass
@@ -29,7 +30,7 @@ class Bench:
 
     def begin(self, period_us: int, esc_period_us: int = 2500) -> Capture:
         words = self.session.read_parameters()
-        self.session.upload(words[:-2], period_us=period_us, esc_period_us=esc_period_us)
+        self.session.upload(words[:CONTROL_WORDS], period_us=period_us, esc_period_us=esc_period_us, arm_hold_ms=0)
         self.session.begin("REALTIME_LIVE", frames=["RAW_A"])
         return Capture(self.session)
 
@@ -111,7 +112,7 @@ def test_disarmed_nothing_but_neutral_is_ever_written(bench: Bench) -> None:
 def test_a_run_begins_with_the_neutral_pulse_it_was_given(bench: Bench) -> None:
     words = bench.session.read_parameters()
     words[[row.name for row in table()].index("esc.neutral_halfus")] = 2222
-    bench.session.upload(words[:-2], period_us=1000, esc_period_us=2500)
+    bench.session.upload(words[:CONTROL_WORDS], period_us=1000, esc_period_us=2500)
     bench.session.begin("LOCKSTEP")
     bench.machine.advance_us(20_000)
     assert bench.pulses_us() == (1111.0, 1111.0)

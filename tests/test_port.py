@@ -166,6 +166,7 @@ def test_noise_on_the_line_is_counted_and_survived(image: bytes, elf: Elf) -> No
     machine.uart.baudrate = 921600
     machine.uart.read(4096)
     machine.uart.write(b"\rV\r")
+    machine.advance_us(2000)
     assert machine.uart.read(64).rstrip(b"\r\a").lstrip(b"\r\a").startswith(b"V")
     assert machine.reset_count == 1
 

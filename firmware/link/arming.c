@@ -1,7 +1,7 @@
 #include "arming.h"
 
 void arming_init(arming_t *a, uint32_t seed) {
-    *a = (arming_t){0};
+    *a = (arming_t){.switch_closed = true}; /* until it was seen open */
     a->random = seed | 1U;
 }
 
@@ -31,20 +31,64 @@ bool arming_answer(arming_t *a, uint16_t verb, uint32_t nonce, uint32_t now_us) 
     return good;
 }
 
-bool arming_arm(arming_t *a, uint16_t blocked, uint32_t token, uint32_t frame_us, uint32_t now_us) {
+static void arm(arming_t *a, bool by_switch, arming_actuator_t actuator, uint32_t now_us) {
+    a->armed = true;
+    a->driving = false;
+    a->by_switch = by_switch;
+    a->cause = 0;
+    a->keepalive_us = now_us;
+    a->silence_us = ARMING_SAFE_US - ARMING_TURN_US - actuator.frame_us;
+    a->armed_us = now_us;
+    a->hold_us = actuator.hold_us;
+}
+
+bool arming_arm(arming_t *a, uint16_t blocked, uint32_t token, arming_actuator_t actuator, uint32_t now_us) {
     if (blocked != 0) {
         return false;
     }
-    a->armed = true;
-    a->cause = 0;
+    arm(a, false, actuator, now_us);
     a->token = token;
-    a->keepalive_us = now_us;
-    a->silence_us = ARMING_SAFE_US - ARMING_TURN_US - frame_us;
     return true;
 }
 
+bool arming_switch(arming_t *a, bool closed, uint32_t now_us) {
+    if (!closed && a->by_switch) {
+        arming_disarm(a, ARMING_BLOCK_SWITCH);
+    }
+    if (closed != a->switch_closed) {
+        a->switch_closed = closed;
+        a->switch_us = now_us;
+    }
+    a->switch_trying = a->switch_trying && closed;
+    if (now_us - a->switch_us < ARMING_SWITCH_US || a->switch_ready != closed) {
+        return false;
+    }
+    a->switch_ready = !closed;
+    a->switch_trying = closed;
+    a->switch_try_us = now_us;
+    return closed;
+}
+
+uint16_t arming_handle(const arming_t *a) {
+    const bool used_up = a->switch_closed && !a->switch_ready && !a->switch_trying;
+
+    return used_up && (a->by_switch || !a->armed) ? ARMING_BLOCK_HANDLE : 0U;
+}
+
+void arming_try_switch(arming_t *a, uint16_t blocked, arming_actuator_t actuator, uint32_t now_us) {
+    if (!a->switch_trying) {
+        return;
+    }
+    if (a->armed || now_us - a->switch_try_us > ARMING_SWITCH_TRY_US) {
+        a->switch_trying = false;
+    } else if ((blocked & ~ARMING_BLOCKS_HOST) == 0) {
+        a->switch_trying = false;
+        arm(a, true, actuator, now_us);
+    }
+}
+
 bool arming_keepalive(arming_t *a, uint32_t token, uint32_t now_us) {
-    if (!a->armed || token != a->token) {
+    if (!a->armed || a->by_switch || token != a->token) {
         return false;
     }
     /* A keep-alive that comes too late must not revive: the poll may not have run yet. */
@@ -56,15 +100,26 @@ bool arming_keepalive(arming_t *a, uint32_t token, uint32_t now_us) {
 void arming_disarm(arming_t *a, uint16_t cause) {
     if (a->armed) {
         a->armed = false;
+        a->driving = false;
         a->cause = cause;
     }
 }
 
-void arming_poll(arming_t *a, uint16_t blocked, uint32_t now_us) {
-    if (blocked != 0) {
-        arming_disarm(a, blocked);
+void arming_disarm_host(arming_t *a, uint16_t cause) {
+    if (!a->by_switch) {
+        arming_disarm(a, cause);
     }
-    if (now_us - a->keepalive_us > a->silence_us) {
+}
+
+void arming_poll(arming_t *a, uint16_t blocked, uint32_t now_us) {
+    const uint16_t matters = a->by_switch ? (uint16_t)(blocked & ~ARMING_BLOCKS_HOST) : blocked;
+
+    if (matters != 0) {
+        arming_disarm(a, matters);
+    }
+    if (!a->by_switch && now_us - a->keepalive_us > a->silence_us) {
         arming_disarm(a, ARMING_BLOCK_SILENCE);
     }
+    /* Once over it stays over: the clock wraps. */
+    a->driving = a->armed && (a->driving || now_us - a->armed_us >= a->hold_us);
 }

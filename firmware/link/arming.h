@@ -1,9 +1,13 @@
-/* Who may move the actuator: interlocks, nonce, keep-alive, latch.
+/* Who may move the actuator: interlocks, nonce, keep-alive, latch; and the arm switch, which needs no host.
  *
  * Armed is left on the first reason that blocks it, or when the keep-alive stays away, and never entered
  * again without a new arm command with a new nonce (latched). The outputs are to be safe 50 ms after the last
  * keep-alive: a neutral pulse begins with the next frame of pulses, so the limit is a frame and a turn of the
- * loop shorter. Time is an argument, in us of the board's clock; differences are taken modulo 2^32. */
+ * loop shorter. Time is an argument, in us of the board's clock; differences are taken modulo 2^32.
+ *
+ * The switch arms by being closed after it was seen open, and is the dead man's handle: no keep-alive is
+ * asked for, and opening it disarms with the first look that finds it open. Whoever armed, the actuator stays
+ * at neutral for hold_us more (driving), so that speed controllers see their arming pulse. */
 #ifndef PLUMB_LINK_ARMING_H
 #define PLUMB_LINK_ARMING_H
 
@@ -14,6 +18,9 @@
 #define ARMING_TURN_US  1000U    /* of it for the loop to come round */
 #define ARMING_NONCE_US 1000000U /* a nonce is good for this long, once */
 
+#define ARMING_SWITCH_US     20000U  /* contacts bounce for some ms */
+#define ARMING_SWITCH_TRY_US 100000U /* how long after closing what is in the way may still go away */
+
 /* Why arming is refused, or was left. Bits, as in STATUS. */
 #define ARMING_BLOCK_HELLO    0x0001U /* no host with the same protocol version and message definitions */
 #define ARMING_BLOCK_IDLE     0x0002U /* no run */
@@ -23,9 +30,24 @@
 #define ARMING_BLOCK_SILENCE  0x0020U /* left because the keep-alive was lost */
 #define ARMING_BLOCK_COMMAND  0x0040U /* left because the host said so */
 #define ARMING_BLOCK_SAMPLES  0x0080U /* injected in real time, and no sample came for a while */
+#define ARMING_BLOCK_SWITCH   0x0100U /* left because the arm switch was opened */
+#define ARMING_BLOCK_PINS     0x0200U /* what the system moves is not on the pins the board started with */
+#define ARMING_BLOCK_HANDLE                                                                                  \
+    0x0400U /* the arm switch is closed: it is in charge, or has to be opened first                          \
+             */
+/* What concerns a host alone; the switch arms and stays armed all the same. */
+#define ARMING_BLOCKS_HOST (ARMING_BLOCK_HELLO | ARMING_BLOCK_CLOSED | ARMING_BLOCK_HANDLE)
+
+/* What the actuator needs to be safe, in us. */
+typedef struct {
+    uint32_t frame_us; /* how long it takes to follow, below ARMING_SAFE_US - ARMING_TURN_US */
+    uint32_t hold_us;  /* neutral after arming, for this long */
+} arming_actuator_t;
 
 typedef struct {
     bool armed;
+    bool driving;   /* armed, and the hold is over */
+    bool by_switch; /* who armed: the switch, else a host */
     bool nonce_valid;
     uint16_t nonce_verb;
     uint16_t cause; /* ARMING_BLOCK_* that ended the last armed time; 0: none */
@@ -33,8 +55,15 @@ typedef struct {
     uint32_t nonce_us;
     uint32_t token; /* the nonce it was armed with: every keep-alive carries it */
     uint32_t keepalive_us;
-    uint32_t silence_us; /* longest silence of who armed */
-    uint32_t random;     /* xorshift state, never 0 */
+    uint32_t silence_us; /* longest silence of the host that armed */
+    uint32_t armed_us;
+    uint32_t hold_us;
+    bool switch_closed; /* at the last look */
+    bool switch_ready;  /* was open long enough: the next closing counts */
+    bool switch_trying; /* closed, and waiting for what is in the way */
+    uint32_t switch_us; /* of its last change */
+    uint32_t switch_try_us;
+    uint32_t random; /* xorshift state, never 0 */
 } arming_t;
 
 /* seed: anything that differs between boards. */
@@ -47,9 +76,20 @@ uint32_t arming_challenge(arming_t *a, uint16_t verb, uint32_t now_us);
  * wrong. */
 bool arming_answer(arming_t *a, uint16_t verb, uint32_t nonce, uint32_t now_us);
 
-/* Arm, unless blocked (ARMING_BLOCK_*) is not 0. token: what keep-alives will carry. frame_us: how long the
- * actuator takes to follow, below ARMING_SAFE_US - ARMING_TURN_US. */
-bool arming_arm(arming_t *a, uint16_t blocked, uint32_t token, uint32_t frame_us, uint32_t now_us);
+/* Arm for a host, unless blocked (ARMING_BLOCK_*) is not 0. token: what keep-alives will carry. */
+bool arming_arm(arming_t *a, uint16_t blocked, uint32_t token, arming_actuator_t actuator, uint32_t now_us);
+
+/* The switch as it is now, closed or open; to be called often. True once for each closing that counts: held
+ * for ARMING_SWITCH_US after being open as long, so one that was closed at the start has to be opened first.
+ */
+bool arming_switch(arming_t *a, bool closed, uint32_t now_us);
+
+/* ARMING_BLOCK_HANDLE while a closed switch keeps hosts from arming, else 0. */
+uint16_t arming_handle(const arming_t *a);
+
+/* After a closing that counts: arms as soon as nothing but a host is missing, for ARMING_SWITCH_TRY_US; then
+ * the switch has to be opened first. */
+void arming_try_switch(arming_t *a, uint16_t blocked, arming_actuator_t actuator, uint32_t now_us);
 
 /* A keep-alive; one with a wrong token, or while disarmed, does nothing and returns false. */
 bool arming_keepalive(arming_t *a, uint32_t token, uint32_t now_us);
@@ -57,7 +97,10 @@ bool arming_keepalive(arming_t *a, uint32_t token, uint32_t now_us);
 /* Leave armed, for this cause; the first cause stays. */
 void arming_disarm(arming_t *a, uint16_t cause);
 
-/* To be called often: disarms when blocked is not 0 or the keep-alive is late. */
+/* As arming_disarm, when a host armed: what is wrong with the link does not concern the switch. */
+void arming_disarm_host(arming_t *a, uint16_t cause);
+
+/* To be called often: disarms when blocked is not 0 or the keep-alive is late; ends the hold. */
 void arming_poll(arming_t *a, uint16_t blocked, uint32_t now_us);
 
 #endif

@@ -17,7 +17,8 @@ static void open_link(session_t *s, bool open, bool read_only) {
     s->open = open;
     s->read_only = read_only;
     if (!open || read_only) {
-        arming_disarm(&s->arming, ARMING_BLOCK_CLOSED); /* at once: it may be open again by the next poll */
+        /* At once: it may be open again by the next poll. */
+        arming_disarm_host(&s->arming, ARMING_BLOCK_CLOSED);
     }
     put_char(s, SLCAN_CR);
 }

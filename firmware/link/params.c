@@ -61,6 +61,7 @@ static const param_t table[PARAMS_COUNT] = {
     {0x00000000U, 0x00003FFFU, 0x000007D0U}, /* 45: esc.neutral_halfus */
     {0x000001F4U, 0x000186A0U, 0x00004E20U}, /* 46: period_us */
     {0x000009C4U, 0x00004E20U, 0x00004E20U}, /* 47: esc_period_us */
+    {0x00000000U, 0x00002710U, 0x000003E8U}, /* 48: arm_hold_ms */
 };
 
 #define PLACE(member, index) \
@@ -113,6 +114,7 @@ PLACE(control.esc.max_halfus, 44);
 PLACE(control.esc.neutral_halfus, 45);
 PLACE(period_us, 46);
 PLACE(esc_period_us, 47);
+PLACE(arm_hold_ms, 48);
 typedef char whole_table[sizeof(params_t) == 4U * PARAMS_COUNT ? 1 : -1];
 
 uint32_t params_word(const params_t *p, uint16_t index) {

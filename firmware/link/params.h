@@ -5,7 +5,7 @@
 
 #include "../core/control.h"
 
-#define PARAMS_COUNT 48U
+#define PARAMS_COUNT 49U
 
 /* Parameters of a run: the control core's, then the link's and the board's. Words of 32 bits, in the order of their
  * numbers on the wire. */
@@ -13,6 +13,7 @@ typedef struct {
     control_params_t control;
     uint32_t period_us;
     uint32_t esc_period_us;
+    uint32_t arm_hold_ms;
 } params_t;
 
 /* Factory values. */

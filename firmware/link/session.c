@@ -14,6 +14,10 @@ bool session_armed(const session_t *s) {
     return s->arming.armed;
 }
 
+bool session_driving(const session_t *s) {
+    return s->arming.driving;
+}
+
 bool session_live(const session_t *s) {
     return s->live;
 }
@@ -41,11 +45,32 @@ static uint16_t arming_blocked(const session_t *s) {
     blocked |= (s->faults & SESSION_FAULTS_BLOCKING) != 0 ? ARMING_BLOCK_FAULT : 0U;
     blocked |= s->open && !s->read_only ? 0U : ARMING_BLOCK_CLOSED;
     blocked |= s->mode == SESSION_REALTIME && !s->live && samples_stale(s) ? ARMING_BLOCK_SAMPLES : 0U;
+    blocked |= arming_handle(&s->arming);
     return (uint16_t)blocked;
 }
 
 void session_report_faults(session_t *s, uint32_t faults) {
     s->faults = faults;
+}
+
+static arming_actuator_t actuator(const session_t *s) {
+    return (arming_actuator_t){.frame_us = s->params->esc_period_us,
+                               .hold_us = 1000U * s->params->arm_hold_ms};
+}
+
+/* Closed while nothing runs, the switch starts the system in use on the board's own sensors; that run ends
+ * when it is disarmed, so that the next closing begins with a fresh state. */
+void session_report_switch(session_t *s, bool closed, uint32_t now_us) {
+    if (arming_switch(&s->arming, closed, now_us) && s->mode == SESSION_IDLE) {
+        run_begin(s, MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE);
+        s->stand_alone = true;
+    }
+    arming_try_switch(&s->arming, arming_blocked(s), actuator(s), now_us);
+    if (s->stand_alone && !s->arming.armed && !s->arming.switch_trying) {
+        s->stand_alone = false;
+        s->mode = SESSION_IDLE;
+        s->live = false;
+    }
 }
 
 /* ---- replies ---- */
@@ -116,7 +141,8 @@ static void on_hello(session_t *s, const can_frame_t *f) {
 
     s->greeted = m.protocol_version == MESSAGES_PROTOCOL_VERSION && m.dbc_hash == MESSAGES_DBC_HASH;
     if (!s->greeted) {
-        arming_disarm(&s->arming, ARMING_BLOCK_HELLO); /* at once: a right one may follow by the next poll */
+        arming_disarm_host(&s->arming,
+                           ARMING_BLOCK_HELLO); /* at once: a right one may follow by the next poll */
     }
     s->staged = *s->params;
     s->parameters_staged = false;
@@ -214,7 +240,7 @@ static void on_execute(session_t *s, const can_frame_t *f, uint32_t now_us) {
         reply_nack(s, f, MESSAGE_NACK_REASON_NONCE, 0);
     } else if (m.verb != MESSAGE_EXECUTE_VERB_ARM) {
         reply_nack(s, f, MESSAGE_NACK_REASON_UNSUPPORTED, m.verb);
-    } else if (!arming_arm(&s->arming, arming_blocked(s), m.nonce, s->params->esc_period_us, now_us)) {
+    } else if (!arming_arm(&s->arming, arming_blocked(s), m.nonce, actuator(s), now_us)) {
         reply_nack(s, f, MESSAGE_NACK_REASON_BLOCKED, arming_blocked(s));
     } else {
         reply_ack(s, f, m.verb);
@@ -230,6 +256,7 @@ static void on_run_begin(session_t *s, const can_frame_t *f, uint32_t now_us) {
         reply_nack(s, f, MESSAGE_NACK_REASON_UNSUPPORTED, m.run);
     } else {
         arming_disarm(&s->arming, ARMING_BLOCK_COMMAND);
+        s->stand_alone = false;
         run_begin(s, m.run);
         reply_ack(s, f, m.run);
     }
@@ -237,6 +264,7 @@ static void on_run_begin(session_t *s, const can_frame_t *f, uint32_t now_us) {
 
 static void on_run_end(session_t *s, const can_frame_t *f) {
     arming_disarm(&s->arming, ARMING_BLOCK_COMMAND);
+    s->stand_alone = false;
     s->mode = SESSION_IDLE;
     s->live = false;
     reply_ack(s, f, s->step);

@@ -8,10 +8,10 @@
  *     session_poll()         may disarm
  *     session_take_begin()   a run began: set the timer to session_period_us(), the outputs to its neutral
  *     per sample             from session_next_sample(), or live with session_setpoint(): control_step(),
- *                            actuate if session_armed(), session_stepped()
+ *                            actuate if session_driving(), session_stepped()
  *     session_transmit()     what there is to say
  *
- * Whenever session_armed() is false the outputs are at neutral.
+ * Whenever session_driving() is false the outputs are at neutral.
  */
 #ifndef PLUMB_LINK_SESSION_H
 #define PLUMB_LINK_SESSION_H
@@ -67,6 +67,7 @@ typedef struct {
     session_mode_t mode;
     bool live;
     bool begun;                              /* not yet told to the main loop */
+    bool stand_alone;                        /* this run was begun by the arm switch */
     uint32_t frames_mask;                    /* bank 0 of SELECT */
     uint32_t words_mask[SESSION_WORD_BANKS]; /* banks 1.. of SELECT */
     uint16_t selected;                       /* frames a step sends, STEP included */
@@ -129,8 +130,13 @@ void session_stepped(session_t *s);
 /* Board faults at this moment (BOARD_FAULT_*). With one of the low byte the next poll disarms. */
 void session_report_faults(session_t *s, uint32_t faults);
 
+/* The arm switch at this moment: closing it arms, opening it disarms (arming.h). Call on every turn of the
+ * loop, after session_report_faults(). */
+void session_report_switch(session_t *s, bool closed, uint32_t now_us);
+
 bool session_armed(const session_t *s);
-bool session_live(const session_t *s); /* real time with the board's own sensors */
+bool session_driving(const session_t *s); /* armed, and neutral was held long enough: the actuator may move */
+bool session_live(const session_t *s);    /* real time with the board's own sensors */
 session_mode_t session_mode(const session_t *s);
 uint32_t session_period_us(const session_t *s);
 

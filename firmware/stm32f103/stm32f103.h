@@ -37,6 +37,7 @@
 #define RCC_APB2ENR          REG32(RCC_BASE, 0x18u)
 #define RCC_APB2ENR_IOPAEN   (1u << 2)
 #define RCC_APB2ENR_IOPBEN   (1u << 3)
+#define RCC_APB2ENR_IOPCEN   (1u << 4)
 #define RCC_APB2ENR_ADC1EN   (1u << 9)
 #define RCC_APB2ENR_USART1EN (1u << 14)
 #define RCC_APB1ENR          REG32(RCC_BASE, 0x1cu)
@@ -59,6 +60,10 @@
 #define GPIOA_BSRR          REG32(GPIOA_BASE, 0x10u)
 #define GPIOB_BASE          0x40010c00u
 #define GPIOB_CRL           REG32(GPIOB_BASE, 0x00u)
+#define GPIOC_BASE          0x40011000u
+#define GPIOC_CRH           REG32(GPIOC_BASE, 0x04u)
+#define GPIOC_IDR           REG32(GPIOC_BASE, 0x08u)
+#define GPIOC_BSRR          REG32(GPIOC_BASE, 0x10u)
 #define PIN_ANALOG          0x0u
 #define PIN_INPUT_PULLED    0x8u /* direction of the pull: the pin's bit in ODR */
 #define PIN_ALTERNATE_10MHZ 0x9u /* push-pull */

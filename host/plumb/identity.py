@@ -17,6 +17,9 @@ BLOCKED = {
     5: "the keep-alive was lost",
     6: "the host disarmed",
     7: "no injected samples come",
+    8: "the arm switch was opened",
+    9: "what this system moves is not on the board's pins: set the parameter pins, save and reset",
+    10: "the arm switch is closed: it holds the board armed, or has to be opened first",
 }
 FAULTS = {
     0: "no conversions",

@@ -86,7 +86,8 @@ def fly(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, open_
     from tqdm import tqdm
 
     session, steps = board.session, scenario.steps
-    session.upload(params.words(), period_us=scenario.period_us, esc_period_us=ESC_PERIOD_US)
+    # The plant's speed controllers need no arming pulse, and its motion does not wait for one.
+    session.upload(params.words(), period_us=scenario.period_us, esc_period_us=ESC_PERIOD_US, arm_hold_ms=0)
     capture = Capture(session)
     session.begin("REALTIME_LIVE", frames=("RAW_A", "ANGLE", "BIAS"))
     session.listener = capture.feed

@@ -10,6 +10,7 @@ typedef struct {
     session_t session;
     int16_t sensors[CONTROL_RAW_MAX];
     uint32_t faults;
+    bool switch_closed;       /* the arm switch */
     uint32_t tick_us;         /* time of the last tick */
     uint32_t pulse_halfus[2]; /* what the actuator gets: neutral while disarmed */
     uint32_t steps;
@@ -18,6 +19,7 @@ typedef struct {
 size_t link_board_bytes(void);
 void link_board_init(link_board_t *b, uint32_t seed);
 void link_board_sensors(link_board_t *b, const int16_t raw[CONTROL_RAW_MAX], uint32_t faults);
+void link_board_switch(link_board_t *b, bool closed);
 size_t link_board_take(link_board_t *b, const uint8_t *bytes, size_t count, uint32_t now_us);
 void link_board_turn(link_board_t *b, uint32_t now_us);
 size_t link_board_give(link_board_t *b, uint8_t *out, size_t room);
@@ -47,6 +49,10 @@ void link_board_init(link_board_t *b, uint32_t seed) {
 void link_board_sensors(link_board_t *b, const int16_t raw[CONTROL_RAW_MAX], uint32_t faults) {
     memcpy(b->sensors, raw, sizeof b->sensors);
     b->faults = faults;
+}
+
+void link_board_switch(link_board_t *b, bool closed) {
+    b->switch_closed = closed;
 }
 
 /* Bytes of the UART, as many as can be answered; returns how many were taken. */
@@ -87,6 +93,7 @@ void link_board_turn(link_board_t *b, uint32_t now_us) {
     int32_t setpoint;
 
     session_report_faults(&b->session, b->faults);
+    session_report_switch(&b->session, b->switch_closed, now_us);
     session_poll(&b->session, now_us);
     if (session_take_begin(&b->session)) {
         b->tick_us = now_us;
@@ -94,12 +101,12 @@ void link_board_turn(link_board_t *b, uint32_t now_us) {
     if (take_sample(b, now_us, raw, &setpoint)) {
         control_step(&b->control, &b->params.control, raw, setpoint);
         b->steps++;
-        if (session_armed(&b->session)) {
+        if (session_driving(&b->session)) {
             memcpy(b->pulse_halfus, b->control.words.pulse_halfus, sizeof b->pulse_halfus);
         }
         session_stepped(&b->session);
     }
-    if (!session_armed(&b->session)) {
+    if (!session_driving(&b->session)) {
         b->pulse_halfus[0] = b->pulse_halfus[1] = (uint32_t)b->params.control.esc.neutral_halfus;
     }
 }
