@@ -1,4 +1,4 @@
-"""Arc tangent and arc sine: their error against float64, their symmetry, and the corners of int32."""
+"""Angles, sines and lengths: their error against float64, their symmetry, and the corners of int32."""
 
 from __future__ import annotations
 
@@ -94,3 +94,53 @@ def test_reciprocal_is_within_its_stated_error() -> None:
     y = native.reciprocal(d).astype(np.float64)
     relative = y / (2.0**61 / d) - 1.0
     assert relative.min() > -(2.0**-28.3) and (y - 2.0**61 / d).max() <= 3.0 and y.max() < 2**31
+
+
+def all_round(seed: int, n: int) -> np.ndarray:
+    """Binary angles everywhere, and within 4 units of every eighth of a turn."""
+    anywhere = np.random.default_rng(seed).integers(INT32_MIN, INT32_MAX + 1, n)
+    eighths = (np.arange(-4, 4)[:, None] * (1 << 29) + np.arange(-4, 5)).ravel()
+    return np.concatenate([anywhere, eighths[eighths >= INT32_MIN]])
+
+
+def test_sine_and_cosine_are_within_8e_9() -> None:
+    assert accuracy.sincos_error(all_round(7, 2_000_000)).max() < 8e-9
+
+
+def test_sine_and_cosine_never_leave_one_and_meet_it_at_the_quarters() -> None:
+    sine, cosine = native.sincos(all_round(8, 500_000))
+    assert max(np.abs(sine).max(), np.abs(cosine).max()) == QUARTER
+    quarters = [(0, 0, QUARTER), (QUARTER, QUARTER, 0), (-HALF, 0, -QUARTER), (-QUARTER, -QUARTER, 0)]
+    for turn, sine_q30, cosine_q30 in quarters:
+        assert [int(value[0]) for value in native.sincos([turn])] == [sine_q30, cosine_q30]
+
+
+def test_a_quarter_turn_makes_a_sine_of_a_cosine() -> None:
+    turn = all_round(9, 200_000)
+    sine, cosine = native.sincos(turn)
+    later_sine, later_cosine = native.sincos((turn + QUARTER + HALF) % (2 * HALF) - HALF)
+    assert np.array_equal(later_sine, cosine) and np.array_equal(later_cosine, -sine)
+
+
+def test_length_is_within_6e_9_of_itself_and_a_unit() -> None:
+    rng = np.random.default_rng(10)
+    size = 2.0 ** rng.uniform(0, np.log2(7.0 * 2**28), (2, 1_000_000))
+    y, x = np.rint(size * rng.choice([-1.0, 1.0], size.shape)).astype(np.int64)
+    half = np.hypot(y.astype(np.float64), x.astype(np.float64)) / 2.0
+    assert np.all(np.abs(native.length(y, x) - half) <= 6e-9 * half + 1.0)
+
+
+def test_length_of_nothing_and_of_the_longest() -> None:
+    most = 7 << 28
+    assert native.length([0, 1, 0, 2], [0, 0, -2, 0]).tolist() == [0, 0, 1, 1]
+    assert int(native.length([most], [-most])[0]) == pytest.approx(most / np.sqrt(2.0), rel=6e-9)
+
+
+def test_both_hands_agree_on_sine_cosine_and_length() -> None:
+    turn = all_round(11, 20_000)
+    assert all(np.array_equal(a, b) for a, b in zip(native.sincos(turn), angle.sincos(turn), strict=True))
+    one_by_one = [angle.sincos(int(t)) for t in turn[-50:]]
+    assert one_by_one == list(zip(*(part.tolist() for part in native.sincos(turn[-50:])), strict=True))
+    y, x = np.random.default_rng(12).integers(-(7 << 28), 7 << 28, (2, 20_000)) >> np.arange(20_000) % 31
+    assert np.array_equal(native.length(y, x), angle.length(y, x))
+    assert [angle.length(int(b), int(a)) for b, a in zip(y, x, strict=True)] == native.length(y, x).tolist()

@@ -19,6 +19,8 @@ import numpy.typing as npt
 ANGLE_C = Path(__file__).resolve().parent.parent / "firmware" / "core" / "angle.c"
 ATAN_TERMS, ATAN_Q = 8, 33  # atan(t) = t * P(t^2), 0 <= t <= 1
 ASIN_TERMS, ASIN_Q = 7, 32  # asin(x) = 1/4 - sqrt(1 - x) * P(x), 0 <= x <= 1, with P(0) = 1/4
+SIN_TERMS, SIN_Q = 4, 31  # sin(pi/4 x) = x * P(x^2), 0 <= x <= 1
+COS_TERMS, COS_Q = 4, 32  # cos(pi/4 x) = 1 - x^2 * P(x^2), 0 <= x <= 1
 PER_UNIT = 32  # segments of 1/sqrt(w) per unit of w, for 1 <= w < 4
 
 Array = npt.NDArray[np.float64]
@@ -56,6 +58,24 @@ def acos_over_root(x: Array) -> Array:
     """(acos(x) / sqrt(1 - x) - 1/4) / x: what is left of P when P(0) is fixed."""
     x = np.clip(x, 1e-6, 1.0 - 1e-12)
     return (np.arccos(x) / np.sqrt(1.0 - x) / (2 * np.pi) - 0.25) / x
+
+
+def sin_over_x(z: Array) -> Array:
+    x = np.sqrt(np.maximum(z, 1e-18))
+    return np.sin(np.pi / 4 * x) / x
+
+
+def versine_over_square(z: Array) -> Array:
+    z = np.maximum(z, 1e-6)
+    return (1.0 - np.cos(np.pi / 4 * np.sqrt(z))) / z
+
+
+def sin_table() -> list[int]:
+    return [round(float(c) * 2**SIN_Q) for c in remez(sin_over_x, np.sqrt, SIN_TERMS)]
+
+
+def cos_table() -> list[int]:
+    return [round(float(c) * 2**COS_Q) for c in remez(versine_over_square, lambda z: z + 1e-9, COS_TERMS)]
 
 
 def atan_table() -> list[int]:
@@ -96,6 +116,7 @@ def numbers_in(name: str, source: str) -> list[int]:
 
 def main() -> int:
     tables = {"ATAN_Q33": atan_table(), "ASIN_Q32": asin_table(), "ROOT": root_table()}
+    tables |= {"SIN_Q31": sin_table(), "COS_Q32": cos_table()}
     if "--check" not in sys.argv[1:]:
         for name, numbers in tables.items():
             print(rows(name, "uint32_t" if name == "ROOT" else "int32_t", numbers, 6))

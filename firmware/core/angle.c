@@ -30,6 +30,12 @@ static const uint32_t ROOT[96] = {
     0x86750093U, 0x85e20092U, 0x85500090U, 0x84c0008eU, 0x8433008cU, 0x83a6008aU,
     0x831c0089U, 0x82930087U, 0x820c0085U, 0x81870084U, 0x81030082U, 0x80810081U};
 
+static const int32_t SIN_Q31[4] = {
+    1686629690, -173399356, 5346959, -77046};
+
+static const int32_t COS_Q32[4] = {
+    1324675872, -68093819, 1399910, -15167};
+
 /* clang-format on */
 
 #define QUARTER_TURN 0x40000000U
@@ -66,18 +72,21 @@ int32_t angle_atan2(int32_t y, int32_t x) {
     return wrap_i32(y < 0 ? 0U - turn : turn);
 }
 
-int32_t angle_asin(int32_t x_q30) {
-    const uint32_t x = min_u32(abs_u32(x_q30), 1U << 30);
-    const uint32_t rest = (1U << 30) - x; /* 1 - |x| */
-
-    /* s = sqrt(rest * 2^m), 1 <= s < 2: 1 / s from a table by linear interpolation, then one Newton step */
-    const unsigned m = clz32(max_u32(rest, 1U)) & ~1U;
-    const uint32_t w = max_u32(rest, 1U) << m;
+/* sqrt(w / 2^30), Q29, for 2^30 <= w < 2^32: 1 / sqrt from a table by linear interpolation, then one Newton
+ * step. */
+static inline uint32_t root_q29(uint32_t w) {
     const uint32_t entry = ROOT[(w >> 25) - 32U];
     const uint32_t r_q16 = (entry >> 16) - ((entry & 0xFFFFU) * (w >> 9 & 0xFFFFU) >> 16);
     const uint32_t s_q29 = (uint32_t)(mul_u64(w, r_q16) >> 17);
     const int32_t e_q30 = wrap_i32(mulhi_u32(w, r_q16 * r_q16) - (1U << 30));
-    const uint32_t root_q29 = s_q29 - (uint32_t)asr64(mul_i64((int32_t)s_q29, e_q30), 31);
+    return s_q29 - (uint32_t)asr64(mul_i64((int32_t)s_q29, e_q30), 31);
+}
+
+int32_t angle_asin(int32_t x_q30) {
+    const uint32_t x = min_u32(abs_u32(x_q30), 1U << 30);
+    const uint32_t rest = (1U << 30) - x; /* 1 - |x| */
+    const unsigned m = clz32(max_u32(rest, 1U)) & ~1U;
+    const uint32_t root = root_q29(max_u32(rest, 1U) << m);
 
     const int32_t sine = (int32_t)x;
     int32_t p = ASIN_Q32[6];
@@ -87,7 +96,37 @@ int32_t angle_asin(int32_t x_q30) {
     p = horner(ASIN_Q32[2], p, sine);
     p = horner(ASIN_Q32[1], p, sine);
     p = horner(ASIN_Q32[0], p, sine);
-    const uint32_t acos_turn = (uint32_t)(mul_u64(root_q29, (uint32_t)p) >> 29) >> (m >> 1);
+    const uint32_t acos_turn = (uint32_t)(mul_u64(root, (uint32_t)p) >> 29) >> (m >> 1);
     const uint32_t turn = QUARTER_TURN - (rest == 0U ? 0U : acos_turn);
     return wrap_i32(x_q30 < 0 ? 0U - turn : turn);
+}
+
+uint32_t angle_length(int32_t y, int32_t x) {
+    const uint64_t square = (uint64_t)mul_i64(y, y) + (uint64_t)mul_i64(x, x);
+    const uint32_t hi = hi_u64(square), lo = lo_u64(square) | 1U;
+    const unsigned n = (hi != 0U ? clz32(hi) : 32U + clz32(lo)) & ~1U;
+    const uint32_t w = n < 32U ? hi << n | lo >> 1 >> (31U - n) : lo << (n - 32U);
+    return root_q29(w) << 1 >> (n >> 1);
+}
+
+void angle_sincos(int32_t turn_q32, int32_t *sin_q30, int32_t *cos_q30) {
+    /* x: the rest to the nearest quarter turn, in eighths of a turn, -1 <= x < 1 */
+    const uint32_t quadrant = ((uint32_t)turn_q32 + (QUARTER_TURN >> 1)) >> 30;
+    const int32_t x_q29 = wrap_i32((uint32_t)turn_q32 - (quadrant << 30));
+    const int32_t square_q30 = (int32_t)(mul_i64(x_q29, x_q29) >> 28);
+
+    int32_t p = SIN_Q31[3];
+    p = horner(SIN_Q31[2], p, square_q30);
+    p = horner(SIN_Q31[1], p, square_q30);
+    p = horner(SIN_Q31[0], p, square_q30);
+    const int32_t sine = (int32_t)asr64(mul_i64(x_q29, p), 30);
+    p = COS_Q32[3];
+    p = horner(COS_Q32[2], p, square_q30);
+    p = horner(COS_Q32[1], p, square_q30);
+    p = horner(COS_Q32[0], p, square_q30);
+    const int32_t cosine = (1 << 30) - mulhi_i32(square_q30, p);
+
+    const int32_t s = quadrant & 1U ? cosine : sine, c = quadrant & 1U ? sine : cosine;
+    *sin_q30 = quadrant & 2U ? -s : s;
+    *cos_q30 = (quadrant + 1U) & 2U ? -c : c;
 }

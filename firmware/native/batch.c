@@ -42,6 +42,8 @@ EXPORT void plumb_pid_each(const uint32_t *params, void *states, const int32_t *
                            const int32_t *rate_turnps_q28, int32_t n);
 EXPORT void plumb_atan2_run(const int32_t *y, const int32_t *x, int32_t n, int32_t *turn_q32);
 EXPORT void plumb_asin_run(const int32_t *x_q30, int32_t n, int32_t *turn_q32);
+EXPORT void plumb_sincos_run(const int32_t *turn_q32, int32_t n, int32_t *sin_q30, int32_t *cos_q30);
+EXPORT void plumb_length_run(const int32_t *y, const int32_t *x, int32_t n, uint32_t *half);
 EXPORT void plumb_tilt_run(const uint32_t *params, const int32_t *accel_y_g_q26, const int32_t *accel_z_g_q26,
                            int32_t n, int32_t *turn_q32, uint32_t *variance);
 EXPORT void plumb_reciprocal_run(const uint32_t *d, int32_t n, uint32_t *y_q61);
@@ -179,6 +181,16 @@ void plumb_atan2_run(const int32_t *y, const int32_t *x, int32_t n, int32_t *tur
 void plumb_asin_run(const int32_t *x_q30, int32_t n, int32_t *turn_q32) {
     for (int32_t i = 0; i < n; i++)
         turn_q32[i] = angle_asin(x_q30[i]);
+}
+
+void plumb_sincos_run(const int32_t *turn_q32, int32_t n, int32_t *sin_q30, int32_t *cos_q30) {
+    for (int32_t i = 0; i < n; i++)
+        angle_sincos(turn_q32[i], &sin_q30[i], &cos_q30[i]);
+}
+
+void plumb_length_run(const int32_t *y, const int32_t *x, int32_t n, uint32_t *half) {
+    for (int32_t i = 0; i < n; i++)
+        half[i] = angle_length(y[i], x[i]);
 }
 
 /* Measured tilt and its variance. */

@@ -145,6 +145,13 @@ def asin_error_deg(x_q30: npt.ArrayLike) -> npt.NDArray[np.float64]:
     return error
 
 
+def sincos_error(turn_q32: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """The larger error of sine and cosine of binary angles against float64."""
+    angle = np.asarray(turn_q32, np.float64) * (2.0 * np.pi / 2.0**32)
+    sine, cosine = native.sincos(turn_q32)
+    return np.maximum(np.abs(sine / 2.0**30 - np.sin(angle)), np.abs(cosine / 2.0**30 - np.cos(angle)))
+
+
 def chain_error_deg(params: ControlParams, raw: npt.ArrayLike, setpoint_turn_q32: npt.ArrayLike) -> float:
     """Largest error of the fused tilt from counts to angle: calibration, tilt, trust and filter, all of it twice."""
     tilt_deg = native.run_control(params, raw, setpoint_turn_q32)["tilt_turn_q32"] * TURN_DEG

@@ -1,4 +1,4 @@
-"""Arc tangent and arc sine as binary angles, from DESIGN.md "Numbers" alone; the integer side of `plumb.fixed`.
+"""Arc tangent, arc sine, sine, cosine and length, from DESIGN.md "Numbers" alone; the integer side of `plumb.fixed`.
 
 Like all kernels here they take ints, or int64 arrays, and give the same for both.
 """
@@ -11,6 +11,8 @@ from plumb.integers import Integer, clamp, clz32, mulhi_u32, select, wrap_i32, w
 
 ATAN_Q33 = (1367129643, -455662709, 272695593, -190149124, 131821425, -76439450, 29889517, -5543123)
 ASIN_Q32 = (1073741824, -146689165, 60745628, -33710821, 19130782, -8341557, 1831557)
+SIN_Q31 = (1686629690, -173399356, 5346959, -77046)
+COS_Q32 = (1324675872, -68093819, 1399910, -15167)
 
 # fmt: off
 ROOT = (
@@ -63,19 +65,44 @@ def atan2(y: Integer, x: Integer) -> Integer:
     return wrap_i32(select(y < 0, -turn, turn))
 
 
-def asin(x: Integer) -> Integer:
-    """Angle whose sine is x / 2^30, turn Q32; beyond +-1 a quarter turn."""
-    v = clamp(abs(x), 0, 1 << 30)
-    rest = clamp((1 << 30) - v, 1, 1 << 30)
-    m = clz32(rest) & ~1
-    w = rest << m
+def root(w: Integer) -> Integer:
+    """sqrt(w / 2^30), Q29, of 2^30 <= w < 2^32."""
     segment = (w >> 25) - 32
     entry = ROOT[segment] if isinstance(segment, int) else ROOT_ARRAY[segment]
     r = (entry >> 16) - (((entry & 0xFFFF) * ((w >> 9) & 0xFFFF)) >> 16)
     s = (w * r) >> 17
     e = wrap_i32(mulhi_u32(w, wrap_u32(r * r)) - (1 << 30))
-    root = s - ((s * e) >> 31)
-    acos = ((root * polynomial(ASIN_Q32, v)) >> 29) >> (m >> 1)
+    return s - ((s * e) >> 31)
+
+
+def asin(x: Integer) -> Integer:
+    """Angle whose sine is x / 2^30, turn Q32; beyond +-1 a quarter turn."""
+    v = clamp(abs(x), 0, 1 << 30)
+    rest = clamp((1 << 30) - v, 1, 1 << 30)
+    m = clz32(rest) & ~1
+    acos = ((root(rest << m) * polynomial(ASIN_Q32, v)) >> 29) >> (m >> 1)
     acos = select(v == 1 << 30, 0, acos)
     turn = (1 << 30) - acos
     return select(x < 0, -turn, turn)
+
+
+def length(y: Integer, x: Integer) -> Integer:
+    """Half the length of (x, y), for components of at most 7 * 2^28."""
+    square = (y * y + x * x) | 1
+    short = square < 1 << 32
+    top = select(short, square, square >> 32)
+    n = (select(short, 32, 0) + clz32(top)) & ~1
+    w = select(short, wrap_u32(square) << (n & 31), ((square >> 1) >> (31 - (n & 31))))
+    return (root(w) << 1) >> (n >> 1)
+
+
+def sincos(turn: Integer) -> tuple[Integer, Integer]:
+    """Sine and cosine of a binary angle, Q30."""
+    quadrant = wrap_u32(turn + (1 << 29)) >> 30
+    x = wrap_i32(turn - (quadrant << 30))
+    v = (x * x) >> 28
+    sine = (x * polynomial(SIN_Q31, v)) >> 30
+    cosine = (1 << 30) - ((v * polynomial(COS_Q32, v)) >> 32)
+    odd = (quadrant & 1) == 1
+    s, c = select(odd, cosine, sine), select(odd, sine, cosine)
+    return select((quadrant & 2) == 2, -s, s), select(((quadrant + 1) & 2) == 2, -c, c)

@@ -108,6 +108,22 @@ def asin(x_q30: npt.ArrayLike) -> Int32s:
     return out
 
 
+def sincos(turn_q32: npt.ArrayLike) -> tuple[Int32s, Int32s]:
+    """Sine and cosine of binary angles, Q30."""
+    turns = _i32(turn_q32)
+    sine, cosine = np.empty_like(turns), np.empty_like(turns)
+    c_core().plumb_sincos_run(_pointer(turns), turns.size, _pointer(sine), _pointer(cosine))
+    return sine, cosine
+
+
+def length(y: npt.ArrayLike, x: npt.ArrayLike) -> npt.NDArray[np.uint32]:
+    """Half the lengths of the vectors (x, y), components of at most 7 * 2^28."""
+    ys, xs = _i32(y), _i32(x)
+    out = np.empty(ys.shape, np.uint32)
+    c_core().plumb_length_run(_pointer(ys), _pointer(xs), ys.size, _pointer(out))
+    return out
+
+
 def reciprocal(d: npt.ArrayLike) -> npt.NDArray[np.uint32]:
     """2^61 / d, 2^30 <= d < 2^31."""
     divisors = _u32(d)
