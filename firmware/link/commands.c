@@ -1,25 +1,25 @@
 /* The UART's side of a session: SLCAN commands around the frames, each answered by CR or a bell. */
+#include "links.h"
 #include "messages.h"
-#include "session.h"
 
 #define HARDWARE_VERSION "01"
 
-/* The most a received byte may cause: "V\r" is answered by six characters. And what may come on top at once:
- * the end of a line begun before, answered by CR and one frame, and a SETPOINT_USED that is still owed. */
-#define REPLY_PER_BYTE 3U
-#define REPLY_AT_ONCE  (1U + 2U * SLCAN_FRAME_CHARS)
+/* The most that received bytes may cause: two of them, "V\r", an entry of the outbox. And what may come on
+ * top at once: the end of a line begun before, answered by CR and one frame; a CR behind that; and a
+ * SETPOINT_USED that is still owed. */
+#define BYTES_PER_ENTRY 2U
+#define ENTRIES_AT_ONCE 4U
+
+static void put_text(session_t *s, const uint8_t *text, size_t count) {
+    outbox_put(&s->link[LINK_UART].outbox, text, count);
+}
 
 static void put_char(session_t *s, uint8_t character) {
-    outbox_put(&s->outbox, &character, 1);
+    put_text(s, &character, 1);
 }
 
 static void open_link(session_t *s, bool open, bool read_only) {
-    s->open = open;
-    s->read_only = read_only;
-    if (!open || read_only) {
-        /* At once: it may be open again by the next poll. */
-        arming_disarm_host(&s->arming, ARMING_BLOCK_CLOSED);
-    }
+    links_open(s, LINK_UART, open, read_only);
     put_char(s, SLCAN_CR);
 }
 
@@ -34,7 +34,7 @@ static void reply_serial_number(session_t *s) {
     for (unsigned i = 0; i < 4; i++) {
         text[1 + i] = (uint8_t)hex[(folded >> (12U - 4U * i)) & 15U];
     }
-    outbox_put(&s->outbox, text, sizeof text);
+    put_text(s, text, sizeof text);
 }
 
 static void on_command(session_t *s) {
@@ -61,7 +61,7 @@ static void on_command(session_t *s) {
         put_char(s, SLCAN_CR);
         break;
     case 'V':
-        outbox_put(&s->outbox, version, sizeof version);
+        put_text(s, version, sizeof version);
         break;
     case 'N':
         reply_serial_number(s);
@@ -72,9 +72,9 @@ static void on_command(session_t *s) {
 }
 
 size_t session_receive_room(const session_t *s) {
-    const size_t room = outbox_room(&s->outbox);
+    const size_t room = outbox_room(&s->link[LINK_UART].outbox);
 
-    return room > REPLY_AT_ONCE ? (room - REPLY_AT_ONCE) / REPLY_PER_BYTE : 0;
+    return room > ENTRIES_AT_ONCE ? (room - ENTRIES_AT_ONCE) * BYTES_PER_ENTRY : 0;
 }
 
 void session_receive(session_t *s, const uint8_t *bytes, size_t count, uint32_t now_us) {
@@ -91,15 +91,15 @@ void session_receive(session_t *s, const uint8_t *bytes, size_t count, uint32_t 
             on_command(s);
             break;
         case SLCAN_FRAME:
-            if (session_accepts(s, &frame)) {
+            if (links_accept(s, LINK_UART, &frame, now_us)) {
                 put_char(s, SLCAN_CR); /* before whatever the frame is answered by */
-                session_take_frame(s, &frame, now_us);
+                session_take_frame(s, LINK_UART, &frame, now_us);
             } else {
                 put_char(s, SLCAN_BEL);
             }
             break;
         case SLCAN_BAD:
-            s->rejected++;
+            s->link[LINK_UART].rejected++;
             put_char(s, SLCAN_BEL);
             break;
         }

@@ -6,7 +6,7 @@
 #include "e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 1U
-#define MESSAGES_DBC_HASH 0xCE4B0782U
+#define MESSAGES_DBC_HASH 0x1B75970BU
 
 #define MESSAGE_KEEPALIVE_ID 0x008U
 typedef struct {
@@ -246,7 +246,6 @@ can_frame_t message_ack_pack(const message_ack_t *m);
 #define MESSAGE_NACK_REASON_NO_RUN 10U
 #define MESSAGE_NACK_REASON_SEQUENCE 11U
 #define MESSAGE_NACK_REASON_QUEUE_FULL 12U
-#define MESSAGE_NACK_REASON_ROOM 13U
 typedef struct {
     uint16_t request;
     uint16_t reason;
@@ -267,6 +266,8 @@ typedef struct {
     uint32_t value;
 } message_param_staged_t;
 can_frame_t message_param_staged_pack(const message_param_staged_t *m);
+
+#define MESSAGE_CLOSE_ID 0x7FBU
 
 #define MESSAGE_HELLO_ID 0x7FCU
 typedef struct {

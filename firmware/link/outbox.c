@@ -1,36 +1,73 @@
 #include "outbox.h"
+#include <string.h>
 
 void outbox_init(outbox_t *box) {
     *box = (outbox_t){0};
 }
 
-static size_t waiting(const outbox_t *box) {
-    return (uint16_t)(box->head - box->tail);
+void outbox_clear(outbox_t *box) {
+    box->count = 0;
+    box->gone = 0;
 }
 
 size_t outbox_room(const outbox_t *box) {
-    return OUTBOX_BYTES - waiting(box);
+    return OUTBOX_ENTRIES - (size_t)box->count;
 }
 
 bool outbox_telemetry_fits(const outbox_t *box, size_t frames) {
-    return outbox_room(box) >= OUTBOX_RESERVE + frames * SLCAN_FRAME_CHARS;
+    return outbox_room(box) >= OUTBOX_RESERVE + frames;
+}
+
+/* Place of entry n, counted from the oldest. */
+static outbox_entry_t *entry(outbox_t *box, unsigned n) {
+    return &box->ring[(box->first + n) % OUTBOX_ENTRIES];
+}
+
+static bool is_text(const outbox_entry_t *e) {
+    return (e->id & OUTBOX_IS_TEXT) != 0;
+}
+
+static unsigned characters(const outbox_entry_t *e) {
+    return e->id & ~OUTBOX_IS_TEXT;
+}
+
+/* A new last entry; NULL when there is no room. */
+static outbox_entry_t *append(outbox_t *box) {
+    if (box->count >= OUTBOX_ENTRIES) {
+        return NULL;
+    }
+    box->count++;
+    return entry(box, box->count - 1U);
+}
+
+static void remove_first(outbox_t *box) {
+    box->first = (uint8_t)((box->first + 1U) % OUTBOX_ENTRIES);
+    box->count--;
+    box->gone = 0;
 }
 
 void outbox_put(outbox_t *box, const uint8_t *text, size_t count) {
-    if (count > outbox_room(box)) {
-        return;
+    outbox_entry_t *e = box->count > 0 ? entry(box, box->count - 1U) : NULL;
+
+    if (e == NULL || !is_text(e) || characters(e) + count > OUTBOX_TEXT) {
+        e = append(box);
+        if (e == NULL) {
+            return;
+        }
+        e->id = OUTBOX_IS_TEXT;
     }
-    for (size_t i = 0; i < count; i++) {
-        box->text[box->head % OUTBOX_BYTES] = text[i];
-        box->head++;
-    }
+    memcpy(&e->data[characters(e)], text, count);
+    e->id = (uint16_t)(e->id + count);
 }
 
 static void put_sealed(outbox_t *box, can_frame_t *frame, uint8_t counter, uint8_t flags) {
-    uint8_t text[SLCAN_FRAME_CHARS];
+    outbox_entry_t *const e = append(box);
 
-    e2e_seal(frame, counter, flags);
-    outbox_put(box, text, slcan_encode(frame, text));
+    if (e != NULL) {
+        e2e_seal(frame, counter, flags);
+        e->id = frame->id;
+        memcpy(e->data, frame->data, sizeof e->data);
+    }
 }
 
 static uint8_t next_counter(outbox_t *box, uint16_t id) {
@@ -56,13 +93,44 @@ void outbox_telemetry(outbox_t *box, can_frame_t frame, uint8_t flags) {
     outbox_numbered(box, frame, next_counter(box, frame.id), flags);
 }
 
+static can_frame_t frame_of(const outbox_entry_t *e) {
+    can_frame_t frame = {.id = e->id, .dlc = CAN_FRAME_DLC};
+
+    memcpy(frame.data, e->data, sizeof frame.data);
+    return frame;
+}
+
 size_t outbox_take(outbox_t *box, uint8_t *out, size_t room) {
     size_t count = 0;
 
-    while (count < room && box->tail != box->head) {
-        out[count] = box->text[box->tail % OUTBOX_BYTES];
-        box->tail++;
-        count++;
+    while (count < room && box->count > 0) {
+        const outbox_entry_t *const e = entry(box, 0);
+        uint8_t text[SLCAN_FRAME_CHARS];
+        size_t length = characters(e);
+
+        if (is_text(e)) {
+            memcpy(text, e->data, length);
+        } else {
+            const can_frame_t frame = frame_of(e);
+            length = slcan_encode(&frame, text);
+        }
+        while (count < room && box->gone < length) {
+            out[count] = text[box->gone];
+            box->gone++;
+            count++;
+        }
+        if (box->gone >= length) {
+            remove_first(box);
+        }
     }
     return count;
+}
+
+bool outbox_take_frame(outbox_t *box, can_frame_t *frame) {
+    if (box->count == 0) {
+        return false;
+    }
+    *frame = frame_of(entry(box, 0));
+    remove_first(box);
+    return true;
 }

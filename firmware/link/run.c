@@ -1,5 +1,6 @@
 #include "run.h"
 #include "../core/digest.h"
+#include "links.h"
 #include "messages.h"
 #include <string.h>
 
@@ -33,6 +34,8 @@ void run_begin(session_t *s, uint16_t run) {
     s->step = 0;
     s->queue_in = 0;
     s->queue_out = 0;
+    s->word_next = SESSION_RECORD_WORDS;
+    s->run_by = s->asked;
     s->gap_ahead = NO_GAP;
     s->sample_expected = 0;
     s->raw_b_step6 = RAW_B_NONE;
@@ -59,22 +62,13 @@ static uint16_t bits_set(uint32_t mask) {
     return count;
 }
 
-bool run_select(session_t *s, uint16_t bank, uint32_t mask) {
-    uint32_t *const chosen = bank == 0 ? &s->frames_mask : &s->words_mask[bank - 1U];
-    const uint32_t before = *chosen;
-    unsigned frames = 1; /* STEP */
-
-    *chosen = bank == 0 ? mask & FRAMES_ALL : mask;
-    frames += bits_set(s->frames_mask);
-    for (unsigned i = 0; i < SESSION_WORD_BANKS; i++) {
-        frames += bits_set(s->words_mask[i]);
+void run_select(session_t *s, uint16_t bank, uint32_t mask) {
+    if (bank == 0) {
+        s->frames_mask = mask & FRAMES_ALL;
+        s->selected = (uint16_t)(1U + bits_set(s->frames_mask)); /* and STEP */
+    } else {
+        s->words_mask[bank - 1U] = mask;
     }
-    if (OUTBOX_RESERVE + frames * SLCAN_FRAME_CHARS > OUTBOX_BYTES) {
-        *chosen = before;
-        return false;
-    }
-    s->selected = (uint16_t)frames;
-    return true;
 }
 
 /* ---- samples in ---- */
@@ -82,7 +76,7 @@ bool run_select(session_t *s, uint16_t bank, uint32_t mask) {
 static void nack(session_t *s, const can_frame_t *f, uint16_t reason) {
     const message_nack_t m = {.request = f->id, .reason = reason, .detail = s->queue_in};
 
-    outbox_reply(&s->outbox, message_nack_pack(&m), e2e_counter(f));
+    links_reply(s, message_nack_pack(&m), e2e_counter(f));
 }
 
 static unsigned step6_of(const can_frame_t *f) {
@@ -93,19 +87,19 @@ static unsigned step6_of(const can_frame_t *f) {
  * back to the step that was asked for, and that it is missing once more. */
 static void tell_gap(session_t *s, const can_frame_t *f, unsigned ahead) {
     if (ahead <= s->gap_ahead) {
-        s->lost++;
+        s->link[s->asked].lost++;
         nack(s, f, MESSAGE_NACK_REASON_SEQUENCE);
     }
     s->gap_ahead = (uint8_t)ahead;
 }
 
-static uint8_t step_flags(const session_t *s, bool saturated) {
+static uint8_t step_flags(const session_t *s, const session_link_t *l, bool saturated) {
     unsigned flags = 0;
 
     flags |= s->arming.armed ? MESSAGE_STEP_ARMED : 0U;
     flags |= s->live ? MESSAGE_STEP_LIVE : 0U;
     flags |= saturated ? MESSAGE_STEP_SATURATED : 0U;
-    flags |= s->dropped_told != s->outbox.dropped ? MESSAGE_STEP_DROPPED : 0U;
+    flags |= l->dropped_told != l->outbox.dropped ? MESSAGE_STEP_DROPPED : 0U;
     return (uint8_t)flags;
 }
 
@@ -115,7 +109,7 @@ static void answer_again(session_t *s, uint16_t step) {
     const message_step_t m = {.step = step, .digest = s->digest[QUEUE_SLOT(step)]};
 
     if ((uint16_t)(s->step - step - 1U) < SESSION_QUEUE_LENGTH) {
-        outbox_reply(&s->outbox, message_step_pack(&m), step_flags(s, false));
+        links_reply(s, message_step_pack(&m), step_flags(s, &s->link[s->asked], false));
     }
 }
 
@@ -153,10 +147,12 @@ static void sample_in_lockstep(session_t *s, const can_frame_t *f, bool incomple
 }
 
 static void sample_in_real_time(session_t *s, const can_frame_t *f, bool incomplete) {
-    s->lost = (uint16_t)(s->lost + ((step6_of(f) - s->sample_expected) & STEP6_MASK));
+    session_link_t *const l = &s->link[s->asked];
+
+    l->lost = (uint16_t)(l->lost + ((step6_of(f) - s->sample_expected) & STEP6_MASK));
     s->sample_expected = (uint8_t)((step6_of(f) + 1U) & STEP6_MASK);
     if (incomplete) {
-        s->lost++;
+        l->lost++;
     } else {
         enqueue(s, f);
     }
@@ -165,7 +161,7 @@ static void sample_in_real_time(session_t *s, const can_frame_t *f, bool incompl
 void run_on_sample_a(session_t *s, const can_frame_t *f) {
     const bool incomplete = (e2e_flags(f) & MESSAGE_SAMPLE_A_WITH_B) != 0 && s->raw_b_step6 != step6_of(f);
 
-    if (s->mode == SESSION_IDLE || s->live) {
+    if (s->mode == SESSION_IDLE || s->live || (s->mode == SESSION_LOCKSTEP && s->run_by != s->asked)) {
         nack(s, f, MESSAGE_NACK_REASON_NO_RUN);
     } else if (s->mode == SESSION_LOCKSTEP) {
         sample_in_lockstep(s, f, incomplete);
@@ -192,6 +188,7 @@ void run_on_setpoint(session_t *s, const can_frame_t *f) {
         nack(s, f, MESSAGE_NACK_REASON_NO_RUN);
     } else if (s->mode == SESSION_REALTIME || due) {
         s->setpoint_turn_q32 = m.setpoint;
+        s->setpoint_by = s->asked;
         s->setpoint_waiting = true;
     }
 }
@@ -199,7 +196,8 @@ void run_on_setpoint(session_t *s, const can_frame_t *f) {
 bool session_next_sample(session_t *s, int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32) {
     const bool waiting = s->queue_in != s->queue_out;
 
-    if (s->mode == SESSION_LOCKSTEP && !(waiting && outbox_telemetry_fits(&s->outbox, s->selected))) {
+    if (s->mode == SESSION_LOCKSTEP && !(waiting && s->word_next == SESSION_RECORD_WORDS &&
+                                         outbox_telemetry_fits(&s->link[s->run_by].outbox, s->selected))) {
         return false;
     }
     if (waiting) {
@@ -228,51 +226,63 @@ static void send_raw(session_t *s, const control_words_t *w) {
     const uint8_t high = (uint8_t)((s->step >> STEP6_SHIFT) & FLAG_STEP_HIGH);
 
     if ((s->frames_mask & FRAME_RAW_A) != 0) {
-        outbox_numbered(&s->outbox, message_raw_a_pack(&a), low, high);
+        links_numbered(s, message_raw_a_pack(&a), low, high);
     }
     if ((s->frames_mask & FRAME_RAW_B) != 0) {
-        outbox_numbered(&s->outbox, message_raw_b_pack(&b), low, high);
+        links_numbered(s, message_raw_b_pack(&b), low, high);
     }
 }
 
 static void send_named(session_t *s, const control_words_t *w, uint8_t step_low) {
     const uint32_t mask = s->frames_mask;
-    outbox_t *const box = &s->outbox;
 
     if ((mask & FRAME_ANGLE) != 0) {
         const message_angle_t m = {.pulse_0 = (uint16_t)w->pulse_halfus[0], .tilt = w->tilt_turn_q32};
-        outbox_telemetry(box, message_angle_pack(&m), step_low);
+        links_telemetry(s, message_angle_pack(&m), step_low);
     }
     if ((mask & FRAME_BIAS) != 0) {
         const message_bias_t m = {.pulse_1 = (uint16_t)w->pulse_halfus[1], .bias = w->bias_turnps_q28};
-        outbox_telemetry(box, message_bias_pack(&m), step_low);
+        links_telemetry(s, message_bias_pack(&m), step_low);
     }
     if ((mask & FRAME_RATE) != 0) {
         const message_rate_t m = {.rate = w->rate_corrected_turnps_q28};
-        outbox_telemetry(box, message_rate_pack(&m), step_low);
+        links_telemetry(s, message_rate_pack(&m), step_low);
     }
     if ((mask & FRAME_MEASURED) != 0) {
         const message_measured_t m = {.tilt_measured = w->tilt_measured_turn_q32};
-        outbox_telemetry(box, message_measured_pack(&m), step_low);
+        links_telemetry(s, message_measured_pack(&m), step_low);
     }
     if ((mask & FRAME_COMMAND) != 0) {
         const message_command_t m = {.command = w->pid.command_q22};
-        outbox_telemetry(box, message_command_pack(&m), step_low);
+        links_telemetry(s, message_command_pack(&m), step_low);
     }
 }
 
-static void send_words(session_t *s, const control_words_t *w, uint8_t step_low) {
-    for (unsigned bank = 0; bank < SESSION_WORD_BANKS; bank++) {
-        uint16_t index = (uint16_t)(32U * bank);
+void run_send_words(session_t *s) {
+    const uint8_t step_low = (uint8_t)((s->step - 1U) & E2E_COUNTER_MASK);
 
-        for (uint32_t mask = s->words_mask[bank]; mask != 0 && index < SESSION_RECORD_WORDS;
-             mask >>= 1, index++) {
-            if ((mask & 1U) != 0) {
-                message_word_t m = {.index = index};
+    for (; s->word_next < SESSION_RECORD_WORDS; s->word_next++) {
+        message_word_t m = {.index = s->word_next};
 
-                memcpy(&m.value, (const uint8_t *)w + 4U * index, sizeof m.value);
-                outbox_telemetry(&s->outbox, message_word_pack(&m), step_low);
-            }
+        if ((s->words_mask[m.index / 32U] >> (m.index % 32U) & 1U) == 0) {
+            continue;
+        }
+        if (s->mode == SESSION_LOCKSTEP && !outbox_telemetry_fits(&s->link[s->run_by].outbox, 1)) {
+            return;
+        }
+        memcpy(&m.value, (const uint8_t *)&s->control->words + 4U * m.index, sizeof m.value);
+        links_telemetry(s, message_word_pack(&m), step_low);
+    }
+}
+
+static void send_step(session_t *s, const message_step_t *m, bool saturated) {
+    for (unsigned i = 0; i < LINKS; i++) {
+        session_link_t *const l = &s->link[i];
+        const uint16_t dropped = l->outbox.dropped; /* before this STEP, which may be dropped itself */
+
+        if (l->open) {
+            outbox_telemetry(&l->outbox, message_step_pack(m), step_flags(s, l, saturated));
+            l->dropped_told = dropped;
         }
     }
 }
@@ -288,16 +298,12 @@ void session_stepped(session_t *s) {
         const message_setpoint_used_t used = {.step = s->step, .setpoint = s->setpoint_turn_q32};
 
         s->setpoint_waiting = false;
-        outbox_reply(&s->outbox, message_setpoint_used_pack(&used), 0);
+        links_answer(s, s->setpoint_by, message_setpoint_used_pack(&used), 0);
     }
-    if (s->open) {
-        const uint16_t dropped = s->outbox.dropped; /* before this STEP, which may be dropped itself */
-
-        outbox_telemetry(&s->outbox, message_step_pack(&step), step_flags(s, saturated));
-        s->dropped_told = dropped;
-        send_raw(s, w);
-        send_named(s, w, (uint8_t)(s->step & E2E_COUNTER_MASK));
-        send_words(s, w, (uint8_t)(s->step & E2E_COUNTER_MASK));
-    }
+    send_step(s, &step, saturated);
+    send_raw(s, w);
+    send_named(s, w, (uint8_t)(s->step & E2E_COUNTER_MASK));
     s->step++;
+    s->word_next = 0;
+    run_send_words(s);
 }

@@ -1,12 +1,13 @@
 #include "session.h"
+#include "links.h"
 #include "messages.h"
 #include "run.h"
 #include <string.h>
 
 #define TIME_EVERY_US   50000U
 #define STATUS_EVERY_US 100000U
-#define COUNTER_UNKNOWN 0xFFU
 #define ALL_PARAMETERS  0xFFFFU
+#define FRAME_REPLIES   2U /* what a frame is answered by, and a SETPOINT_USED that is still owed */
 
 /* ---- what is, and whether it may be armed ---- */
 
@@ -36,14 +37,16 @@ static bool samples_stale(const session_t *s) {
     return s->stale == UINT16_MAX || s->stale > ARMING_SAFE_US / s->params->period_us;
 }
 
-static uint16_t arming_blocked(const session_t *s) {
+/* As seen from one link. */
+static uint16_t arming_blocked(const session_t *s, link_t link) {
+    const session_link_t *const l = &s->link[link];
     unsigned blocked = 0;
 
-    blocked |= s->greeted ? 0U : ARMING_BLOCK_HELLO;
+    blocked |= l->greeted ? 0U : ARMING_BLOCK_HELLO;
     blocked |= s->mode == SESSION_IDLE ? ARMING_BLOCK_IDLE : 0U;
     blocked |= s->mode == SESSION_LOCKSTEP ? ARMING_BLOCK_LOCKSTEP : 0U;
     blocked |= (s->faults & SESSION_FAULTS_BLOCKING) != 0 ? ARMING_BLOCK_FAULT : 0U;
-    blocked |= s->open && !s->read_only ? 0U : ARMING_BLOCK_CLOSED;
+    blocked |= l->open && !l->read_only ? 0U : ARMING_BLOCK_CLOSED;
     blocked |= s->mode == SESSION_REALTIME && !s->live && samples_stale(s) ? ARMING_BLOCK_SAMPLES : 0U;
     blocked |= arming_handle(&s->arming);
     return (uint16_t)blocked;
@@ -65,7 +68,7 @@ void session_report_switch(session_t *s, bool closed, uint32_t now_us) {
         run_begin(s, MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE);
         s->stand_alone = true;
     }
-    arming_try_switch(&s->arming, arming_blocked(s), actuator(s), now_us);
+    arming_try_switch(&s->arming, arming_blocked(s, s->armed_by), actuator(s), now_us);
     if (s->stand_alone && !s->arming.armed && !s->arming.switch_trying) {
         s->stand_alone = false;
         s->mode = SESSION_IDLE;
@@ -78,13 +81,13 @@ void session_report_switch(session_t *s, bool closed, uint32_t now_us) {
 static void reply_ack(session_t *s, const can_frame_t *request, uint32_t detail) {
     const message_ack_t m = {.request = request->id, .detail = detail};
 
-    outbox_reply(&s->outbox, message_ack_pack(&m), e2e_counter(request));
+    links_reply(s, message_ack_pack(&m), e2e_counter(request));
 }
 
 static void reply_nack(session_t *s, const can_frame_t *request, uint16_t reason, uint16_t detail) {
     const message_nack_t m = {.request = request->id, .reason = reason, .detail = detail};
 
-    outbox_reply(&s->outbox, message_nack_pack(&m), e2e_counter(request));
+    links_reply(s, message_nack_pack(&m), e2e_counter(request));
 }
 
 /* ---- connect ---- */
@@ -138,32 +141,36 @@ static uint32_t identity_value(const session_t *s, uint16_t item, uint32_t now_u
 
 static void on_hello(session_t *s, const can_frame_t *f) {
     const message_hello_t m = message_hello_unpack(f);
+    session_link_t *const l = &s->link[s->asked];
 
-    s->greeted = m.protocol_version == MESSAGES_PROTOCOL_VERSION && m.dbc_hash == MESSAGES_DBC_HASH;
-    if (!s->greeted) {
-        arming_disarm_host(&s->arming,
-                           ARMING_BLOCK_HELLO); /* at once: a right one may follow by the next poll */
+    links_forget_counters(l);
+    l->greeted = m.protocol_version == MESSAGES_PROTOCOL_VERSION && m.dbc_hash == MESSAGES_DBC_HASH;
+    if (!l->greeted && s->armed_by == s->asked) {
+        /* At once: a right one may follow by the next poll. */
+        arming_disarm_host(&s->arming, ARMING_BLOCK_HELLO);
     }
-    s->staged = *s->params;
-    s->parameters_staged = false;
-    s->identity = (session_reply_t){0, IDENTITY_ITEMS + 1U};
+    if (s->staged_by == s->asked) {
+        s->staged = *s->params;
+        s->parameters_staged = false;
+    }
+    l->identity = (session_reply_t){0, IDENTITY_ITEMS + 1U};
 }
 
 /* Long replies go on while there is room that others do not need. */
-static void poll_long_replies(session_t *s, uint32_t now_us) {
-    while (s->identity.next < s->identity.end && outbox_telemetry_fits(&s->outbox, 1)) {
-        const uint16_t item = s->identity.next++;
+static void poll_long_replies(session_t *s, session_link_t *l, uint32_t now_us) {
+    while (l->identity.next < l->identity.end && outbox_telemetry_fits(&l->outbox, 1)) {
+        const uint16_t item = l->identity.next++;
         const bool end = item == IDENTITY_ITEMS;
         const message_identity_t m = {.item = end ? MESSAGE_IDENTITY_ITEM_END : item,
                                       .value = end ? IDENTITY_ITEMS : identity_value(s, item, now_us)};
 
-        outbox_reply(&s->outbox, message_identity_pack(&m), 0);
+        outbox_reply(&l->outbox, message_identity_pack(&m), 0);
     }
-    while (s->dump.next < s->dump.end && outbox_telemetry_fits(&s->outbox, 1)) {
-        const uint16_t index = s->dump.next++;
+    while (l->dump.next < l->dump.end && outbox_telemetry_fits(&l->outbox, 1)) {
+        const uint16_t index = l->dump.next++;
         const message_param_value_t m = {.index = index, .value = params_word(s->params, index)};
 
-        outbox_reply(&s->outbox, message_param_value_pack(&m), 0);
+        outbox_reply(&l->outbox, message_param_value_pack(&m), 0);
     }
 }
 
@@ -173,11 +180,11 @@ static void on_param_get(session_t *s, const can_frame_t *f) {
     const message_param_get_t m = message_param_get_unpack(f);
 
     if (m.index == ALL_PARAMETERS) {
-        s->dump = (session_reply_t){0, PARAMS_COUNT};
+        s->link[s->asked].dump = (session_reply_t){0, PARAMS_COUNT};
     } else if (m.index < PARAMS_COUNT) {
         const message_param_value_t value = {.index = m.index, .value = params_word(s->params, m.index)};
 
-        outbox_reply(&s->outbox, message_param_value_pack(&value), 0);
+        links_reply(s, message_param_value_pack(&value), 0);
     } else {
         reply_nack(s, f, MESSAGE_NACK_REASON_INDEX, m.index);
     }
@@ -193,9 +200,13 @@ static void on_param_set(session_t *s, const can_frame_t *f) {
     } else {
         const message_param_staged_t staged = {.index = m.index, .value = m.value};
 
+        if (!s->parameters_staged || s->staged_by != s->asked) { /* one host's table, or the other's */
+            s->staged = *s->params;
+            s->staged_by = s->asked;
+        }
         params_set_word(&s->staged, m.index, m.value);
         s->parameters_staged = true;
-        outbox_reply(&s->outbox, message_param_staged_pack(&staged), 0);
+        links_reply(s, message_param_staged_pack(&staged), 0);
     }
 }
 
@@ -230,19 +241,26 @@ static void on_challenge(session_t *s, const can_frame_t *f, uint32_t now_us) {
     const message_challenge_t m = message_challenge_unpack(f);
     const message_nonce_t nonce = {.verb = m.verb, .nonce = arming_challenge(&s->arming, m.verb, now_us)};
 
-    outbox_reply(&s->outbox, message_nonce_pack(&nonce), 0);
+    s->challenge = s->asked;
+    links_reply(s, message_nonce_pack(&nonce), 0);
+}
+
+/* A nonce answers where it was asked for. */
+static bool nonce_good(session_t *s, uint16_t verb, uint32_t nonce, uint32_t now_us) {
+    return arming_answer(&s->arming, verb, nonce, now_us) && s->challenge == s->asked;
 }
 
 static void on_execute(session_t *s, const can_frame_t *f, uint32_t now_us) {
     const message_execute_t m = message_execute_unpack(f);
 
-    if (!arming_answer(&s->arming, m.verb, m.nonce, now_us)) {
+    if (!nonce_good(s, m.verb, m.nonce, now_us)) {
         reply_nack(s, f, MESSAGE_NACK_REASON_NONCE, 0);
     } else if (m.verb != MESSAGE_EXECUTE_VERB_ARM) {
         reply_nack(s, f, MESSAGE_NACK_REASON_UNSUPPORTED, m.verb);
-    } else if (!arming_arm(&s->arming, arming_blocked(s), m.nonce, actuator(s), now_us)) {
-        reply_nack(s, f, MESSAGE_NACK_REASON_BLOCKED, arming_blocked(s));
+    } else if (!arming_arm(&s->arming, arming_blocked(s, s->asked), m.nonce, actuator(s), now_us)) {
+        reply_nack(s, f, MESSAGE_NACK_REASON_BLOCKED, arming_blocked(s, s->asked));
     } else {
+        s->armed_by = s->asked;
         reply_ack(s, f, m.verb);
     }
 }
@@ -250,7 +268,7 @@ static void on_execute(session_t *s, const can_frame_t *f, uint32_t now_us) {
 static void on_run_begin(session_t *s, const can_frame_t *f, uint32_t now_us) {
     const message_run_begin_t m = message_run_begin_unpack(f);
 
-    if (!arming_answer(&s->arming, m.run, m.nonce, now_us)) {
+    if (!nonce_good(s, m.run, m.nonce, now_us)) {
         reply_nack(s, f, MESSAGE_NACK_REASON_NONCE, 0);
     } else if (m.run < MESSAGE_RUN_BEGIN_RUN_LOCKSTEP || m.run > MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE) {
         reply_nack(s, f, MESSAGE_NACK_REASON_UNSUPPORTED, m.run);
@@ -275,9 +293,8 @@ static void on_select(session_t *s, const can_frame_t *f) {
 
     if (m.bank > SESSION_WORD_BANKS) {
         reply_nack(s, f, MESSAGE_NACK_REASON_INDEX, m.bank);
-    } else if (!run_select(s, m.bank, m.mask)) {
-        reply_nack(s, f, MESSAGE_NACK_REASON_ROOM, m.bank);
     } else {
+        run_select(s, m.bank, m.mask);
         reply_ack(s, f, m.mask);
     }
 }
@@ -289,18 +306,20 @@ static void on_disarm(session_t *s, const can_frame_t *f) {
 
 /* ---- receive ---- */
 
-/* The counter tells what went missing; SAMPLE and SETPOINT are numbered by their step and looked at by run.c.
- */
-static void note_counter(session_t *s, const can_frame_t *f) {
-    uint8_t *last = &s->counter[OUTBOX_SLOT(f->id)];
-
-    if (*last != COUNTER_UNKNOWN) {
-        s->lost = (uint16_t)(s->lost + ((e2e_counter(f) - *last - 1U) & E2E_COUNTER_MASK));
+static void on_keepalive(session_t *s, const can_frame_t *f, uint32_t now_us) {
+    if (s->armed_by == s->asked) { /* the link that armed is the one that must live */
+        (void)arming_keepalive(&s->arming, message_keepalive_unpack(f).token, now_us);
     }
-    *last = e2e_counter(f);
 }
 
-void session_take_frame(session_t *s, const can_frame_t *f, uint32_t now_us) {
+static void on_close(session_t *s, const can_frame_t *f) {
+    reply_ack(s, f, 0);
+    links_open(s, s->asked, false, false);
+}
+
+/* SAMPLE and SETPOINT are numbered by their step and looked at by run.c; the others count. */
+void session_take_frame(session_t *s, link_t link, const can_frame_t *f, uint32_t now_us) {
+    s->asked = link;
     switch (f->id) {
     case MESSAGE_SAMPLE_A_ID:
         run_on_sample_a(s, f);
@@ -312,11 +331,13 @@ void session_take_frame(session_t *s, const can_frame_t *f, uint32_t now_us) {
         run_on_setpoint(s, f);
         return;
     case MESSAGE_HELLO_ID:
-        memset(s->counter, COUNTER_UNKNOWN, sizeof s->counter);
         on_hello(s, f);
         break;
     case MESSAGE_KEEPALIVE_ID:
-        (void)arming_keepalive(&s->arming, message_keepalive_unpack(f).token, now_us);
+        on_keepalive(s, f, now_us);
+        break;
+    case MESSAGE_CLOSE_ID:
+        on_close(s, f);
         break;
     case MESSAGE_DISARM_ID:
         on_disarm(s, f);
@@ -348,60 +369,74 @@ void session_take_frame(session_t *s, const can_frame_t *f, uint32_t now_us) {
     default:
         return; /* other nodes' frames */
     }
-    note_counter(s, f);
+    links_note_counter(&s->link[link], f);
 }
 
-bool session_accepts(session_t *s, const can_frame_t *f) {
-    const bool good = e2e_check(f) && s->open && !s->read_only;
+bool session_frame_room(const session_t *s) {
+    return outbox_room(&s->link[LINK_CAN].outbox) >= FRAME_REPLIES;
+}
 
-    s->rejected = (uint16_t)(s->rejected + !good);
-    return good;
+void session_receive_frame(session_t *s, const can_frame_t *f, uint32_t now_us) {
+    if (links_accept(s, LINK_CAN, f, now_us)) {
+        session_take_frame(s, LINK_CAN, f, now_us);
+    }
 }
 
 /* ---- transmit ---- */
 
 size_t session_transmit(session_t *s, uint8_t *out, size_t room) {
-    return outbox_take(&s->outbox, out, room);
+    return outbox_take(&s->link[LINK_UART].outbox, out, room);
 }
 
-static uint8_t status_flags(const session_t *s) {
+bool session_transmit_frame(session_t *s, can_frame_t *frame) {
+    return outbox_take_frame(&s->link[LINK_CAN].outbox, frame);
+}
+
+static uint8_t status_flags(const session_t *s, const session_link_t *l) {
     unsigned flags = 0;
 
     flags |= s->arming.armed ? MESSAGE_STATUS_ARMED : 0U;
     flags |= s->live ? MESSAGE_STATUS_LIVE : 0U;
     flags |= s->parameters_staged ? MESSAGE_STATUS_STAGED : 0U;
-    flags |= s->read_only ? MESSAGE_STATUS_READ_ONLY : 0U;
+    flags |= l->read_only ? MESSAGE_STATUS_READ_ONLY : 0U;
     return (uint8_t)flags;
 }
 
-static void send_status(session_t *s) {
-    const message_status_t status = {
-        .mode = (uint16_t)s->mode, .blocked = arming_blocked(s), .faults = (uint16_t)(s->faults & 0xFFFFU)};
+static void send_status(session_t *s, link_t link) {
+    session_link_t *const l = &s->link[link];
+    const message_status_t status = {.mode = (uint16_t)s->mode,
+                                     .blocked = arming_blocked(s, link),
+                                     .faults = (uint16_t)(s->faults & 0xFFFFU)};
     const message_counters_t counters = {
-        .rejected = s->rejected, .lost = s->lost, .dropped = s->outbox.dropped};
+        .rejected = l->rejected, .lost = l->lost, .dropped = l->outbox.dropped};
     const message_events_t events = {
         .saturated = s->saturated, .starved = s->starved, .disarm_cause = s->arming.cause};
 
-    outbox_telemetry(&s->outbox, message_status_pack(&status), status_flags(s));
-    outbox_telemetry(&s->outbox, message_counters_pack(&counters), 0);
-    outbox_telemetry(&s->outbox, message_events_pack(&events), 0);
+    outbox_telemetry(&l->outbox, message_status_pack(&status), status_flags(s, l));
+    outbox_telemetry(&l->outbox, message_counters_pack(&counters), 0);
+    outbox_telemetry(&l->outbox, message_events_pack(&events), 0);
 }
 
 void session_poll(session_t *s, uint32_t now_us) {
-    arming_poll(&s->arming, arming_blocked(s), now_us);
-    poll_long_replies(s, now_us);
-    if (!s->open) {
-        return;
+    links_poll(s, now_us);
+    arming_poll(&s->arming, arming_blocked(s, s->armed_by), now_us);
+    run_send_words(s);
+    for (unsigned i = 0; i < LINKS; i++) {
+        poll_long_replies(s, &s->link[i], now_us);
     }
     if (now_us - s->time_us >= TIME_EVERY_US) {
         const message_time_t m = {.step = s->step, .time = now_us};
 
         s->time_us = now_us;
-        outbox_telemetry(&s->outbox, message_time_pack(&m), 0);
+        links_telemetry(s, message_time_pack(&m), 0);
     }
     if (now_us - s->status_us >= STATUS_EVERY_US) {
         s->status_us = now_us;
-        send_status(s);
+        for (unsigned i = 0; i < LINKS; i++) {
+            if (s->link[i].open) {
+                send_status(s, (link_t)i);
+            }
+        }
     }
 }
 
@@ -412,9 +447,8 @@ void session_init(session_t *s, const board_identity_t *board, control_t *contro
     s->params = params;
     s->staged = *params;
     slcan_rx_init(&s->rx);
-    outbox_init(&s->outbox);
+    links_init(s);
     arming_init(&s->arming, board->unique_id[0] ^ board->unique_id[1] ^ board->unique_id[2]);
-    memset(s->counter, COUNTER_UNKNOWN, sizeof s->counter);
-    (void)run_select(s, 0, 0);
+    run_select(s, 0, 0);
     control_init(control, &params->control);
 }

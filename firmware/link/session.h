@@ -1,15 +1,17 @@
 /* The conversation with the host: connect, parameters, run, telemetry, arming. PROTOCOL.md says what every
  * byte is.
  *
- * Bytes of the UART go in, bytes of the UART come out; time is an argument (us of the board's clock, wraps).
- * No hardware, no heap; the caller owns all memory. A turn of the main loop (firmware/main.c):
+ * Two links, which may both be open: bytes of the UART and frames of CAN go in and come out; time is an
+ * argument (us of the board's clock, wraps). No hardware, no heap; the caller owns all memory. A turn of the
+ * main loop (firmware/main.c):
  *
- *     session_receive()      what came, at most session_receive_room()
+ *     session_receive()      what the UART brought, at most session_receive_room()
+ *     session_receive_frame()  what CAN brought, while session_frame_room()
  *     session_poll()         may disarm
  *     session_take_begin()   a run began: set the timer to session_period_us(), the outputs to its neutral
  *     per sample             from session_next_sample(), or live with session_setpoint(): control_step(),
  *                            actuate if session_driving(), session_stepped()
- *     session_transmit()     what there is to say
+ *     session_transmit()     what there is to say on the UART, session_transmit_frame() on CAN
  *
  * Whenever session_driving() is false the outputs are at neutral.
  */
@@ -42,24 +44,39 @@ typedef struct {
     uint16_t end;
 } session_reply_t;
 
+typedef enum { LINK_UART = 0, LINK_CAN = 1, LINKS = 2 } link_t;
+
+/* One way to a host. */
+typedef struct {
+    outbox_t outbox;
+    bool open;                        /* UART: between O or L and C; CAN: from HELLO to CLOSE or silence */
+    bool read_only;                   /* opened with L */
+    bool greeted;                     /* by a host of the same version and definitions */
+    uint8_t counter[OUTBOX_COUNTERS]; /* last received, 0xFF: none */
+    uint16_t rejected;                /* received frames thrown away, modulo 2^16 */
+    uint16_t lost;                    /* received frames missing by their counter, modulo 2^16 */
+    uint16_t dropped_told;            /* outbox.dropped at the last STEP */
+    uint32_t heard_us;                /* last good frame */
+    session_reply_t identity;
+    session_reply_t dump;
+} session_link_t;
+
 typedef struct {
     const board_identity_t *board;
     control_t *control;
     params_t *params; /* in use */
     params_t staged;  /* what a commit will make of them */
     slcan_rx_t rx;
-    outbox_t outbox;
+    session_link_t link[LINKS];
     arming_t arming;
 
-    bool open;      /* between O or L and C */
-    bool read_only; /* opened with L */
-    bool greeted;   /* by a host of the same version and definitions */
+    link_t asked;       /* over which the request at hand came */
+    link_t challenge;   /* over which the nonce was asked for: answered there or nowhere */
+    link_t armed_by;    /* while armed: whose keep-alive holds it */
+    link_t run_by;      /* who began the run: lockstep goes at its pace */
+    link_t setpoint_by; /* who is owed a SETPOINT_USED */
+    link_t staged_by;   /* while parameters are staged */
     bool parameters_staged;
-    uint8_t counter[OUTBOX_COUNTERS]; /* last received, 0xFF: none */
-    uint16_t rejected;                /* received frames thrown away, modulo 2^16 */
-    uint16_t lost;                    /* received frames missing by their counter, modulo 2^16 */
-    session_reply_t identity;
-    session_reply_t dump;
     uint32_t faults;
     uint32_t time_us;   /* last TIME */
     uint32_t status_us; /* last STATUS */
@@ -70,15 +87,15 @@ typedef struct {
     bool stand_alone;                        /* this run was begun by the arm switch */
     uint32_t frames_mask;                    /* bank 0 of SELECT */
     uint32_t words_mask[SESSION_WORD_BANKS]; /* banks 1.. of SELECT */
-    uint16_t selected;                       /* frames a step sends, STEP included */
-    uint16_t step;                           /* number of the next step to run */
-    uint16_t queue_in;     /* samples ever taken in; in lockstep the number of the next one */
-    uint16_t queue_out;    /* samples ever taken out */
-    uint16_t saturated;    /* steps with a clamped value, modulo 2^16 */
-    uint16_t starved;      /* real-time steps without a new sample, modulo 2^16 */
-    uint16_t dropped_told; /* outbox.dropped at the last STEP */
-    uint16_t stale;    /* real-time steps since the last injected sample; all ones: none came in this run */
-    uint8_t gap_ahead; /* how far ahead of the missing sample the last one was, 0xFF: none is missing */
+    uint16_t selected;  /* frames a step sends at once, STEP included; the words follow */
+    uint16_t step;      /* number of the next step to run */
+    uint16_t queue_in;  /* samples ever taken in; in lockstep the number of the next one */
+    uint16_t queue_out; /* samples ever taken out */
+    uint16_t saturated; /* steps with a clamped value, modulo 2^16 */
+    uint16_t starved;   /* real-time steps without a new sample, modulo 2^16 */
+    uint16_t word_next; /* of the last step's record, the next to be sent; SESSION_RECORD_WORDS: all were */
+    uint16_t stale;     /* real-time steps since the last injected sample; all ones: none came in this run */
+    uint8_t gap_ahead;  /* how far ahead of the missing sample the last one was, 0xFF: none is missing */
     uint8_t sample_expected; /* real time: low six bits of the next sample's number */
     uint8_t raw_b_step6;     /* low six bits of the number raw_b belongs to, above 63: none */
     bool setpoint_waiting;   /* lockstep: given for the sample to come; real time: not yet used */
@@ -89,25 +106,31 @@ typedef struct {
     uint32_t digest[SESSION_QUEUE_LENGTH]; /* of the last steps, to be sent again when a sample comes again */
 } session_t;
 
-/* Start from *params (valid; see params_default()) with the link closed, idle and disarmed. */
+/* Start from *params (valid; see params_default()) with both links closed, idle and disarmed. */
 void session_init(session_t *s, const board_identity_t *board, control_t *control, params_t *params);
 
 /* How many bytes session_receive() may be given now, so that every reply has room. 0 while the host does not
  * read. */
 size_t session_receive_room(const session_t *s);
 
-/* Take received bytes, at most session_receive_room(). */
+/* Take received bytes of the UART, at most session_receive_room(). */
 void session_receive(session_t *s, const uint8_t *bytes, size_t count, uint32_t now_us);
 
-/* A frame, of whatever link: true when it is whole and may be taken, else it was counted as rejected. */
-bool session_accepts(session_t *s, const can_frame_t *frame);
+/* True when a frame of CAN may be taken: its reply has room. */
+bool session_frame_room(const session_t *s);
 
-/* Do what an accepted frame asks for. */
-void session_take_frame(session_t *s, const can_frame_t *frame, uint32_t now_us);
+/* Take a frame of CAN. */
+void session_receive_frame(session_t *s, const can_frame_t *frame, uint32_t now_us);
+
+/* Do what a frame asks for that was accepted from this link. */
+void session_take_frame(session_t *s, link_t link, const can_frame_t *frame, uint32_t now_us);
 
 /* Take up to room bytes for the UART; returns how many. Order is kept, a frame may be split between two
  * calls. */
 size_t session_transmit(session_t *s, uint8_t *out, size_t room);
+
+/* Take the next frame for CAN; false when none waits. */
+bool session_transmit_frame(session_t *s, can_frame_t *frame);
 
 /* Keep-alive, periodic telemetry, long replies. Call on every turn of the loop, at least once per
  * millisecond. */

@@ -38,7 +38,6 @@ _REASONS = {
     "BUSY": "a run is on",
     "NONCE": "the nonce was not fresh",
     "NO_RUN": "no run is on",
-    "ROOM": "a step with that many words does not fit into its transmit queue",
 }
 
 

@@ -60,35 +60,56 @@ static void check_crc(void) {
     CHECK(!e2e_check(&f));
 }
 
-/* Bytes come out as they went in, round and round, and nothing is dropped by halves. */
+/* Frames and characters come out in the order they went in, round and round, cut anywhere, and nothing is
+ * dropped by halves. */
 static void check_queue(void) {
     static outbox_t box;
+    static uint8_t expected[1U << 16], heard[1U << 16];
     uint32_t in = 0, out = 0;
+    can_frame_t frame;
 
     outbox_init(&box);
-    for (unsigned n = 0; n < 50000; n++) {
-        uint8_t bytes[97];
-        size_t count = check_random() % sizeof bytes;
+    while (in < sizeof expected - 64U) {
+        uint8_t text[64];
+        const size_t count = check_random() % (OUTBOX_TEXT + 1U);
+        const size_t taken = outbox_take(&box, text, check_random() % sizeof text);
 
-        if (count <= outbox_room(&box)) {
-            for (size_t i = 0; i < count; i++) {
-                bytes[i] = (uint8_t)(in++ & 0xFFU);
-            }
-            outbox_put(&box, bytes, count);
+        memcpy(&heard[out], text, taken);
+        out += (uint32_t)taken;
+        if (outbox_room(&box) == 0) {
+            continue;
         }
-        count = outbox_take(&box, bytes, check_random() % sizeof bytes);
-        for (size_t i = 0; i < count; i++) {
-            CHECK(bytes[i] == (uint8_t)(out++ & 0xFFU));
+        if (check_random() % 2U == 0) {
+            frame = random_frame();
+            outbox_reply(&box, frame, 3);
+            e2e_seal(&frame, (box.counter[OUTBOX_SLOT(frame.id)] - 1U) & E2E_COUNTER_MASK, 3);
+            in += (uint32_t)slcan_encode(&frame, &expected[in]);
+        } else if (count > 0) {
+            memset(text, (int)('0' + in % 10U), count);
+            outbox_put(&box, text, count);
+            memcpy(&expected[in], text, count);
+            in += (uint32_t)count;
         }
-        CHECK(outbox_room(&box) == OUTBOX_BYTES - (in - out));
     }
-    outbox_init(&box);
+    out += (uint32_t)outbox_take(&box, &heard[out], sizeof heard - out);
+    CHECK(out == in && memcmp(expected, heard, in) == 0);
+    CHECK(outbox_room(&box) == OUTBOX_ENTRIES);
+
     for (unsigned n = 0; n < 200; n++) {
         outbox_telemetry(&box, random_frame(), 0);
         CHECK(outbox_room(&box) >= OUTBOX_RESERVE);
     }
-    CHECK(box.dropped == 200U - (OUTBOX_BYTES - OUTBOX_RESERVE) / SLCAN_FRAME_CHARS);
-    CHECK((OUTBOX_BYTES - outbox_room(&box)) % SLCAN_FRAME_CHARS == 0);
+    CHECK(box.dropped == 200U - (OUTBOX_ENTRIES - OUTBOX_RESERVE));
+    for (unsigned n = 0; n < 500; n++) { /* beyond the last entry: nothing is overwritten */
+        outbox_put(&box, (const uint8_t *)"\r", 1);
+        outbox_reply(&box, random_frame(), 0);
+    }
+    CHECK(outbox_room(&box) == 0);
+    for (unsigned n = 0; n < OUTBOX_ENTRIES - OUTBOX_RESERVE; n++) {
+        CHECK(outbox_take_frame(&box, &frame) && e2e_check(&frame));
+    }
+    outbox_clear(&box);
+    CHECK(outbox_room(&box) == OUTBOX_ENTRIES && !outbox_take_frame(&box, &frame));
 }
 
 /* Turns of the loop with frames of every identifier and with noise coming in. */
@@ -129,7 +150,7 @@ static void check_session(void) {
             can_frame_t begin = message_nonce_pack(&m);
 
             begin.id = MESSAGE_RUN_BEGIN_ID;
-            session_take_frame(&session, &begin, now_us);
+            session_take_frame(&session, LINK_UART, &begin, now_us);
             CHECK(session_take_begin(&session));
         }
         session_poll(&session, now_us);
@@ -144,8 +165,8 @@ static void check_session(void) {
         now_us += 100U;
     }
     CHECK(steps > 10000);
-    CHECK(session.outbox.dropped > 0);
-    CHECK(session.rejected > 10000);
+    CHECK(session.link[LINK_UART].outbox.dropped > 0);
+    CHECK(session.link[LINK_UART].rejected > 10000);
 }
 
 int main(void) {
