@@ -289,6 +289,19 @@ def test_injected_in_real_time_holds_the_last_sample_and_counts() -> None:
     session.close()
 
 
+def test_in_real_time_the_first_sample_says_where_the_numbers_are() -> None:
+    """A sensor board was running before: nothing is missing because it is at number 37."""
+    board = MemoryBoard()
+    session, capture = live(board, "REALTIME_INJECTED")
+    board.write(samples_text(protocol(), np.ones((5, 3), np.int16), np.zeros(5), step=37).text)
+    capture.collect(10)
+    board.write(samples_text(protocol(), np.ones((5, 3), np.int16), np.zeros(5), step=44).text)
+    board.run_us(200_000)
+    session.receive(0.01)
+    assert session.telemetry["COUNTERS"]["lost"] == 2
+    session.close()
+
+
 def test_replies_tell_their_request() -> None:
     board = MemoryBoard()
     with Session.open(board) as session:

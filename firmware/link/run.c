@@ -9,6 +9,7 @@
 #define STEP6_SHIFT    4U
 #define FLAG_STEP_HIGH 3U
 #define NO_GAP         0xFFU
+#define SAMPLE_ANY     0xFFU
 #define RAW_B_NONE     0xFFU
 
 #define QUEUE_SLOT(step) ((step) & (SESSION_QUEUE_LENGTH - 1U))
@@ -37,7 +38,7 @@ void run_begin(session_t *s, uint16_t run) {
     s->word_next = SESSION_RECORD_WORDS;
     s->run_by = s->asked;
     s->gap_ahead = NO_GAP;
-    s->sample_expected = 0;
+    s->sample_expected = SAMPLE_ANY;
     s->raw_b_step6 = RAW_B_NONE;
     s->setpoint_waiting = false;
     s->setpoint_turn_q32 = 0;
@@ -146,10 +147,12 @@ static void sample_in_lockstep(session_t *s, const can_frame_t *f, bool incomple
     }
 }
 
+/* A sensor board numbers its samples without knowing of the run: the first says where they are. */
 static void sample_in_real_time(session_t *s, const can_frame_t *f, bool incomplete) {
     session_link_t *const l = &s->link[s->asked];
+    const bool first = s->sample_expected > STEP6_MASK;
 
-    l->lost = (uint16_t)(l->lost + ((step6_of(f) - s->sample_expected) & STEP6_MASK));
+    l->lost = (uint16_t)(l->lost + (first ? 0U : (step6_of(f) - s->sample_expected) & STEP6_MASK));
     s->sample_expected = (uint8_t)((step6_of(f) + 1U) & STEP6_MASK);
     if (incomplete) {
         l->lost++;

@@ -96,7 +96,7 @@ typedef struct {
     uint16_t word_next; /* of the last step's record, the next to be sent; SESSION_RECORD_WORDS: all were */
     uint16_t stale;     /* real-time steps since the last injected sample; all ones: none came in this run */
     uint8_t gap_ahead;  /* how far ahead of the missing sample the last one was, 0xFF: none is missing */
-    uint8_t sample_expected; /* real time: low six bits of the next sample's number */
+    uint8_t sample_expected; /* real time: low six bits of the next sample's number, above 63: any */
     uint8_t raw_b_step6;     /* low six bits of the number raw_b belongs to, above 63: none */
     bool setpoint_waiting;   /* lockstep: given for the sample to come; real time: not yet used */
     int16_t raw_b[3];
