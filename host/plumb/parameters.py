@@ -84,3 +84,8 @@ def whole_table(control_words: Sequence[int], **link_words: int) -> list[int]:
         if not row.min <= row.from_word(word & 0xFFFFFFFF) <= row.max:
             raise UsageError(f"parameter {row.name} = {word} is outside {row.min} to {row.max}")
     return words
+
+
+def control_part(words: Sequence[int]) -> list[int]:
+    """The control part of a whole table."""
+    return [word for row, word in zip(table(), words, strict=True) if row.owner == "control"]

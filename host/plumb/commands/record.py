@@ -1,0 +1,113 @@
+"""Record a running board, or whatever goes by on a bus.
+
+    plumb record --board serial:/dev/ttyUSB0 --run live --out today --seconds 60
+    plumb record --board virtual --run live --out today --seconds 10
+    plumb record --bus can:socketcan:can0 --out bus.asc
+
+With --board DIR holds frames.asc (every frame), steps.csv (a row a step, in units) and board.json (identity and all
+parameters it ran with). Without --run it only listens to the run that is on. With --bus a log of frames is all: no word
+is sent; its suffix names the format (.asc .blf .csv .log .trc). Ends after --seconds, or with Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from plumb.session import Session
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("--board", metavar="B", help="virtual, serial:PORT[@BAUD] or can:...")
+    what.add_argument("--bus", metavar="BUS", help="serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT or can:...")
+    parser.add_argument("--out", type=Path, required=True, metavar="PATH", help="folder, or with --bus the log")
+    parser.add_argument("--run", choices=("live",), help="begin a run on the board's own sensors, unarmed")
+    parser.add_argument("--seconds", type=float, metavar="N", help="how long (default: until Ctrl-C)")
+    parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
+    parser.add_argument("--json", action="store_true", help="print JSON at the end")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from plumb.commands.bridge import endings
+    from plumb.errors import UsageError
+
+    if arguments.seconds is not None and not arguments.seconds > 0:
+        raise UsageError(f"--seconds {arguments.seconds:g}: ask for more than nothing")
+    if arguments.bus and arguments.run:
+        raise UsageError("--bus only listens: --run needs --board")
+    with endings() as caught:
+        summary = of_bus(arguments, caught) if arguments.bus else of_board(arguments, caught)
+    if arguments.json:
+        print(json.dumps(summary))
+    else:
+        print(", ".join(f"{name} {value}" for name, value in summary.items()))
+    if caught:
+        raise KeyboardInterrupt
+    return 0
+
+
+def of_bus(arguments: argparse.Namespace, caught: list[int]) -> dict[str, Any]:
+    from plumb.buses import open_bus
+    from plumb.recorder import open_log
+
+    end = None if arguments.seconds is None else time.monotonic() + arguments.seconds
+    count = 0
+    with open_bus(arguments.bus) as bus, open_log(arguments.out) as log:
+        while not caught and (end is None or time.monotonic() < end) and not getattr(bus, "ended", False):
+            message = bus.recv(0.1)
+            if message is not None:
+                log(message)
+                count += 1
+    return {"frames": count, "log": str(arguments.out)}
+
+
+def of_board(arguments: argparse.Namespace, caught: list[int]) -> dict[str, Any]:
+    from plumb import monitor
+    from plumb.boards.link import open_link_board
+    from plumb.recorder import Recorder
+    from plumb.session import SELECTABLE
+
+    make_folder(arguments.out)
+    with open_link_board(arguments.board, image=arguments.image) as board:
+        session = board.session
+        recorder = Recorder(session, arguments.out, SELECTABLE)
+        try:
+            session.listener = recorder.feed
+            if arguments.run:
+                monitor.begin_live(session)
+            else:
+                monitor.read_only(session)
+            listen(session, arguments.seconds, caught)
+            session.listener = None
+            if arguments.run:
+                session.end()
+        finally:
+            recorder.close()
+    return {"steps": recorder.rows, "lost": recorder.lost, "folder": str(arguments.out)}
+
+
+def make_folder(folder: Path) -> None:
+    from plumb.errors import UsageError
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{folder} cannot be made: {error.strerror}") from None
+
+
+def listen(session: Session, seconds: float | None, caught: list[int]) -> None:
+    """Receive for so long of the board's time; raises LinkError when it falls silent."""
+    from plumb.errors import LinkError
+    from plumb.monitor import SILENCE_S
+
+    begin_s = heard_s = session.clock()
+    while not caught and (seconds is None or session.clock() - begin_s < seconds):
+        if session.receive(0.05):
+            heard_s = session.clock()
+        elif session.clock() - heard_s > SILENCE_S:
+            raise LinkError("the board fell silent: check cable and power; what was recorded is kept")

@@ -1,0 +1,115 @@
+"""A running board into files: every frame as it came, and a row for every step, written as they come.
+
+    frames.asc   all frames with the times they were heard at, for python-can and the tools that read such logs
+    steps.csv    a row a step: raw counts and the selected signals, in the units of the message definitions
+    board.json   who it was and every parameter it ran with
+
+What a step did not say is an empty cell. Killing the recorder loses at most a second.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import can
+
+from plumb import __version__, parameters
+from plumb.capture import Capture
+from plumb.errors import UsageError
+from plumb.protocol import Frame, load_database
+from plumb.session import Session
+
+FLUSH_EVERY_S = 1.0
+SUFFIXES = (".asc", ".blf", ".csv", ".log", ".trc")
+NOTHING: tuple[Any, ...] = ("",) * 6
+_UNITS = {"deg": "_deg", "deg/s": "_dps", "us": "_us", "m/s": "_mps"}
+
+
+def open_log(path: Path) -> Any:
+    """A log of frames in the format of its suffix; raises UsageError when it cannot be written."""
+    if path.suffix not in SUFFIXES:
+        raise UsageError(f"{path}: a log of frames ends in {', '.join(SUFFIXES)}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return can.Logger(path)
+    except OSError as error:
+        raise UsageError(f"{path} cannot be written: {error.strerror}") from None
+
+
+def message_of(frame: Frame, time_s: float) -> can.Message:
+    """For a log."""
+    identifier, data = frame
+    return can.Message(
+        timestamp=time_s, arbitration_id=identifier, is_extended_id=False, dlc=len(data), data=data, channel=0
+    )
+
+
+class Recorder:
+    """Feed it the frames as they come. rows: steps written; lost: steps among them without counts or digest."""
+
+    def __init__(self, session: Session, folder: Path, frames: tuple[str, ...]) -> None:
+        self.rows = self.lost = 0
+        self._capture = Capture(session)
+        self._next: int | None = None
+        # Log formats want a date; a simulated board has seconds since its start.
+        self._clock = time.time if session.clock is time.monotonic else session.clock
+        self._flushed_s = time.monotonic()
+        self._signals = signals(frames)
+        self._log = open_log(folder / "frames.asc")
+        self._file = (folder / "steps.csv").open("w", newline="", encoding="utf-8")
+        self._csv = csv.writer(self._file)
+        self._csv.writerow(
+            ["step", "digest", *(f"raw_{i}_counts" for i in range(6)), *(c for _, c, _ in self._signals)]
+        )
+        about = {
+            "plumb": __version__,
+            "board": (session.identity or session.connect()).items,
+            "parameters": dict(zip((row.name for row in parameters.table()), session.read_parameters(), strict=False)),
+        }
+        (folder / "board.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+
+    def feed(self, frames: list[Frame]) -> None:
+        now_s = self._clock()
+        for frame in frames:
+            self._log(message_of(frame, now_s))
+        self._capture.feed(frames)
+        self._write(self._capture.steps - 1)  # the last one heard of may not be complete
+        if time.monotonic() - self._flushed_s > FLUSH_EVERY_S:
+            self._file.flush()
+            self._flushed_s = time.monotonic()
+
+    def _write(self, end: int) -> None:
+        capture = self._capture
+        if self._next is None and end > 0:
+            self._next = min([*capture.digest, *capture.raw])
+        while self._next is not None and self._next < end:
+            step, self._next = self._next, self._next + 1
+            digest, raw = capture.digest.pop(step, None), capture.raw.pop(step, None)
+            self.lost += digest is None
+            cells: list[Any] = [step, "" if digest is None else f"{digest:08x}", *(raw if raw is not None else NOTHING)]
+            for name, _, scale in self._signals:
+                value = capture.values.get(name, {}).pop(step, None)
+                cells.append("" if value is None else f"{value * scale:.9g}")
+            self._csv.writerow(cells)
+            self.rows += 1
+
+    def close(self) -> None:
+        self._write(self._capture.steps)
+        self._file.close()
+        self._log.stop()
+
+
+def signals(frames: tuple[str, ...]) -> list[tuple[str, str, float]]:
+    """(signal, its column, value of one) of the frames that a step may send, in their order."""
+    found = []
+    for message in load_database().messages:
+        if message.name in frames:
+            for signal in sorted(message.signals, key=lambda signal: signal.start):
+                if signal.start >= 16 and not signal.name.startswith(("reserved", "raw_")):
+                    column = signal.name + _UNITS.get(signal.unit or "", "")
+                    found.append((signal.name, column, float(signal.scale)))
+    return found
