@@ -14,15 +14,11 @@ end.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
 import shutil
-import signal
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -46,6 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     from plumb import monitor
     from plumb.boards.link import open_link_board
+    from plumb.endings import endings
     from plumb.errors import UsageError
 
     if arguments.seconds is not None and not arguments.seconds > 0:
@@ -62,7 +59,7 @@ def main(arguments: argparse.Namespace) -> int:
         else:
             monitor.read_only(session)
         begin_s, begin_wall_s = session.clock(), time.monotonic()
-        with interrupts() as caught:
+        with endings() as caught:
             for look, snapshot in enumerate(monitor.watch(session, arguments.seconds)):
                 if caught:
                     break
@@ -95,21 +92,6 @@ def attach_plant(board: LinkBoard, scenario: str, seed: int) -> bool:
     assert isinstance(board, VirtualBoard)
     Coupling(board.machine, QuadPlant(chosen, open_loop=True))
     return True
-
-
-@contextlib.contextmanager
-def interrupts() -> Iterator[list[int]]:
-    """Ctrl-C, noted instead of raised: the link and the run are to be ended in good order."""
-    caught: list[int] = []
-
-    def note(number: int, _frame: FrameType | None) -> None:
-        caught.append(number)
-
-    old = signal.signal(signal.SIGINT, note)
-    try:
-        yield caught
-    finally:
-        signal.signal(signal.SIGINT, old)
 
 
 def number(value: float | None, unit: str, width: int = 9, places: int = 3) -> str:

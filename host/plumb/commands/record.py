@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb.commands.bridge import endings
+    from plumb.endings import endings
     from plumb.errors import UsageError
 
     if arguments.seconds is not None and not arguments.seconds > 0:

@@ -4,14 +4,12 @@ nobody listens is lost, as on a cable."""
 
 from __future__ import annotations
 
-import contextlib
 import select
-import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
 
+from plumb.endings import endings
 from plumb.f103.machine import Machine
 from plumb.f103.timeline import TICKS_PER_S
 from plumb.line import Line, open_line
@@ -20,22 +18,6 @@ SLICE_S = 0.0003
 """Rest between two turns of the loop, and so the grain of the pace."""
 LAG_S = 0.05
 """When the machine cannot keep up by more than this, time is given up rather than chased."""
-
-
-@contextlib.contextmanager
-def _signals() -> Iterator[list[int]]:
-    """Signals that ask for the end, collected instead of raised."""
-    caught: list[int] = []
-
-    def note(number: int, _frame: FrameType | None) -> None:
-        caught.append(number)
-
-    old = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield caught
-    finally:
-        for number, handler in old.items():
-            signal.signal(number, handler)
 
 
 def run_paced(machine: Machine, line: Line, stopped: Callable[[], bool]) -> None:
@@ -77,7 +59,7 @@ def serve(
     try:
         if couple is not None:
             couple(machine)
-        with _signals() as caught:
+        with endings() as caught:
             announce(line.address)
             run_paced(machine, line, lambda: bool(caught))
             return caught[0]
