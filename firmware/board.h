@@ -17,6 +17,8 @@
 #define BOARD_FAULT_LATE           0x0002u /* since board_set_period_us: a period began before the last was taken */
 #define BOARD_FAULT_HARD           0x0004u /* a processor fault caused the last reset: board_identity()->crash_ */
 #define BOARD_FAULT_IMAGE          0x0008u /* the flash does not hold what was built: its CRC differs */
+#define BOARD_FAULT_BRIDGE         0x0010u /* the break input switched the bridge off, or holds it off */
+#define BOARD_FAULT_HALL           0x0020u /* all Hall sensors alike: a wire is off */
 #define BOARD_FAULT_CLOCK_FALLBACK 0x0100u /* no crystal: internal oscillator, CAN must stay off */
 #define BOARD_FAULT_UART_OVERRUN   0x0200u /* received bytes were lost or damaged */
 #define BOARD_FAULT_WATCHDOG       0x0400u /* the watchdog caused the last reset */
@@ -34,10 +36,20 @@ typedef struct {
     uint32_t reset_cause;     /* RCC_CSR 31..24: low power, window watchdog, watchdog, software, power, pin */
     uint32_t crash_pc;        /* with BOARD_FAULT_HARD: the instruction */
     uint32_t crash_exception; /* with BOARD_FAULT_HARD: 2 crystal failed, 3 HardFault, 0 stack at its guard */
+    uint32_t pins;            /* the pin set in force, BOARD_PINS_ */
 } board_identity_t;
 
+#define BOARD_PINS_STANDARD 0u /* two speed controllers; USART1 on PA9, PA10 */
+#define BOARD_PINS_BRIDGE   1u /* three-phase bridge and Hall sensors; USART1 on PB6, PB7 */
+
+/* What is decided once, at start. */
+typedef struct {
+    uint32_t pins;         /* BOARD_PINS_ */
+    uint32_t dead_time_ns; /* of the bridge, 200 to 3500: rounded up */
+} board_setup_t;
+
 /* Clock, pins, UART, outputs at neutral, watchdog running. Never hangs: board_faults() says what failed. */
-void board_init(void);
+void board_init(const board_setup_t *setup);
 
 const board_identity_t *board_identity(void);
 uint32_t board_faults(void);
@@ -66,8 +78,22 @@ void board_set_actuator(const uint32_t pulse_halfus[BOARD_ACTUATORS]);
 /* Whether the arm switch is closed at this moment, bounces and all. */
 bool board_arm_switch(void);
 
-/* The one safe state: every output at the neutral pulse. */
+/* The arming is over: from now on the outputs may leave neutral. Switches the bridge on, at duty 0; once the
+ * break input has switched it off, only this can do it again. */
+void board_arm_actuator(void);
+
+/* Bridge: the motor gets this share of its supply, -32767..32767; positive makes board_hall_count() grow.
+ * Nothing happens with other pins, or while the bridge is off. */
+void board_set_bridge(int32_t duty_q15);
+
+/* Edges of the Hall sensors, forward less backward, modulo 2^16; 0 with other pins. */
+int16_t board_hall_count(void);
+
+/* The one safe state: every output at the neutral pulse, every switch of the bridge off. */
 void board_actuator_neutral(void);
+
+/* Forget what the bridge reported, where it is no longer so. */
+void board_clear_bridge_faults(void);
 
 /* Bytes received so far, up to room. */
 size_t board_uart_read(uint8_t *bytes, size_t room);

@@ -52,8 +52,8 @@ static bool take_sample(int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32
 
 int main(void) {
     bool driving = false; /* the actuators may be away from neutral */
-    board_init();
     params_default(&params);
+    board_init(&(board_setup_t){.pins = params.pins, .dead_time_ns = params.dead_time_ns});
     session_init(&session, board_identity(), &control, &params);
     for (;;) {
         const uint32_t now_us = board_now_us();
@@ -67,6 +67,12 @@ int main(void) {
             board_set_period_us(0u);
             board_configure_actuator(2u * params.esc_period_us, (uint32_t)params.control.esc.neutral_halfus);
             board_actuator_neutral();
+            board_clear_bridge_faults();
+            driving = false;
+        }
+        if (session_driving(&session) && !driving) {
+            board_arm_actuator();
+            driving = true;
         }
         board_set_period_us(session_mode(&session) == SESSION_REALTIME ? session_period_us(&session) : 0u);
 
@@ -78,7 +84,6 @@ int main(void) {
             control_step(&control, &params.control, raw, setpoint_turn_q32);
             if (session_driving(&session)) {
                 board_set_actuator(control.words.pulse_halfus);
-                driving = true;
             }
             session_stepped(&session);
         }

@@ -24,7 +24,7 @@ PROCESSOR = {
     "SCB_VTOR": 0xE000ED08,
     "SCB_AIRCR": 0xE000ED0C,
 }
-ARRAYS = {"NVIC_ISER": 0xE000E100, "DEVICE_UID": 0x1FFFF7E8}
+ARRAYS = {"NVIC_ISER": 0xE000E100, "NVIC_ISPR": 0xE000E200, "DEVICE_UID": 0x1FFFF7E8}
 
 
 @dataclass
@@ -51,12 +51,12 @@ def svd() -> tuple[dict[str, Block], dict[str, int]]:
         source = found[node.attrib["derivedFrom"]] if "derivedFrom" in node.attrib else node
         for register in source.iter("register"):
             # Input and output views of one register are two entries in the SVD.
-            label = _text(register, "name").removesuffix("_Output")
+            label = _text(register, "name").removesuffix("_Output").removesuffix("_Input")
             block.registers[label] = _number(register, "addressOffset")
-            block.bits[label] = {
-                _text(bit, "name"): ((1 << _number(bit, "bitWidth")) - 1) << _number(bit, "bitOffset")
+            block.bits.setdefault(label, {}).update(
+                (_text(bit, "name"), ((1 << _number(bit, "bitWidth")) - 1) << _number(bit, "bitOffset"))
                 for bit in register.iter("field")
-            }
+            )
         blocks[name] = block
     return blocks, {_text(node, "name"): _number(node, "value") for node in root.iter("interrupt")}
 
@@ -105,7 +105,8 @@ def test_every_definition_is_the_vendors(svd: tuple[dict[str, Block], dict[str, 
         else:
             block, register, bit = name.split("_", 2)
             fields = blocks[block].bits[register]
-            label = bit if bit in fields else bit.rsplit("_", 1)[0]
+            words = bit.split("_")
+            label = next("_".join(words[:n]) for n in range(len(words), 0, -1) if "_".join(words[:n]) in fields)
             assert f"{block}_{register}" in definitions, f"{name}: its register is not defined"
             mask = fields[label]
             if label == bit:

@@ -6,7 +6,7 @@
 #include "e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 1U
-#define MESSAGES_DBC_HASH 0x1B75970BU
+#define MESSAGES_DBC_HASH 0x5DBD7566U
 
 #define MESSAGE_KEEPALIVE_ID 0x008U
 typedef struct {
@@ -296,6 +296,7 @@ message_hello_t message_hello_unpack(const can_frame_t *frame);
 #define MESSAGE_IDENTITY_ITEM_CRASH_PC 16U
 #define MESSAGE_IDENTITY_ITEM_CRASH_EXCEPTION 17U
 #define MESSAGE_IDENTITY_ITEM_UPTIME_US 18U
+#define MESSAGE_IDENTITY_ITEM_PINS 19U
 #define MESSAGE_IDENTITY_ITEM_END 65535U
 typedef struct {
     uint16_t item;

@@ -62,6 +62,8 @@ static const param_t table[PARAMS_COUNT] = {
     {0x000001F4U, 0x000186A0U, 0x00004E20U}, /* 46: period_us */
     {0x000009C4U, 0x00004E20U, 0x00004E20U}, /* 47: esc_period_us */
     {0x00000000U, 0x00002710U, 0x000003E8U}, /* 48: arm_hold_ms */
+    {0x00000000U, 0x00000001U, 0x00000000U}, /* 49: pins */
+    {0x000000C8U, 0x00000DACU, 0x000003E8U}, /* 50: dead_time_ns */
 };
 
 #define PLACE(member, index) \
@@ -115,6 +117,8 @@ PLACE(control.esc.neutral_halfus, 45);
 PLACE(period_us, 46);
 PLACE(esc_period_us, 47);
 PLACE(arm_hold_ms, 48);
+PLACE(pins, 49);
+PLACE(dead_time_ns, 50);
 typedef char whole_table[sizeof(params_t) == 4U * PARAMS_COUNT ? 1 : -1];
 
 uint32_t params_word(const params_t *p, uint16_t index) {

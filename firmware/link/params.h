@@ -5,7 +5,7 @@
 
 #include "../core/control.h"
 
-#define PARAMS_COUNT 49U
+#define PARAMS_COUNT 51U
 
 /* Parameters of a run: the control core's, then the link's and the board's. Words of 32 bits, in the order of their
  * numbers on the wire. */
@@ -14,6 +14,8 @@ typedef struct {
     uint32_t period_us;
     uint32_t esc_period_us;
     uint32_t arm_hold_ms;
+    uint32_t pins;
+    uint32_t dead_time_ns;
 } params_t;
 
 /* Factory values. */

@@ -48,6 +48,7 @@ static uint16_t arming_blocked(const session_t *s, link_t link) {
     blocked |= (s->faults & SESSION_FAULTS_BLOCKING) != 0 ? ARMING_BLOCK_FAULT : 0U;
     blocked |= l->open && !l->read_only ? 0U : ARMING_BLOCK_CLOSED;
     blocked |= s->mode == SESSION_REALTIME && !s->live && samples_stale(s) ? ARMING_BLOCK_SAMPLES : 0U;
+    blocked |= s->board->pins != BOARD_PINS_STANDARD ? ARMING_BLOCK_PINS : 0U;
     blocked |= arming_handle(&s->arming);
     return (uint16_t)blocked;
 }
@@ -132,12 +133,14 @@ static uint32_t identity_value(const session_t *s, uint16_t item, uint32_t now_u
         return b->crash_pc;
     case MESSAGE_IDENTITY_ITEM_CRASH_EXCEPTION:
         return b->crash_exception;
+    case MESSAGE_IDENTITY_ITEM_UPTIME_US:
+        return now_us;
     default:
-        return now_us; /* UPTIME_US, the last */
+        return b->pins; /* PINS, the last */
     }
 }
 
-#define IDENTITY_ITEMS (MESSAGE_IDENTITY_ITEM_UPTIME_US + 1U)
+#define IDENTITY_ITEMS (MESSAGE_IDENTITY_ITEM_PINS + 1U)
 
 static void on_hello(session_t *s, const can_frame_t *f) {
     const message_hello_t m = message_hello_unpack(f);

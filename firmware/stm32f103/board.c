@@ -33,16 +33,22 @@ static void check_image(void) {
     }
 }
 
-void board_init(void) {
+void board_init(const board_setup_t *setup) {
+    identity.pins = setup->pins;
     identify();
     faults_init(&identity);
     clock_init();
+    time_init();
+    pins_clocks();
     pwm_init();
-    pins_init(); /* after the timer runs at neutral: the outputs show nothing else */
+    if (setup->pins == BOARD_PINS_BRIDGE) {
+        bridge_init(setup->dead_time_ns);
+    }
+    pins_init(setup->pins); /* after the timers run at neutral: the outputs show nothing else */
     watchdog_init();
     check_image();
-    time_init();
     uart_init();
+    board_clear_bridge_faults(); /* whatever its inputs seemed to be before they had their pulls */
 }
 
 const board_identity_t *board_identity(void) {
@@ -51,7 +57,7 @@ const board_identity_t *board_identity(void) {
 
 uint32_t board_faults(void) {
     const uint32_t errors = uart_errors();
-    return port_faults | (errors > 0u ? BOARD_FAULT_UART_OVERRUN : 0u) |
+    return port_faults | bridge_faults() | (errors > 0u ? BOARD_FAULT_UART_OVERRUN : 0u) |
            (errors << BOARD_FAULT_UART_COUNT_SHIFT) | (adc_late() << BOARD_FAULT_LATE_COUNT_SHIFT);
 }
 

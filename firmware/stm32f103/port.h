@@ -20,7 +20,10 @@ uint32_t clock_mhz(void);
  * up. */
 bool clock_wait(volatile const uint32_t *address, uint32_t mask, uint32_t value, uint32_t polls);
 
-void pins_init(void);
+void pins_clocks(void);
+void pins_init(uint32_t pins);
+/* control: the CRL or CRH that holds the pin's four mode bits. */
+void pins_set_mode(volatile uint32_t *control, uint32_t pin, uint32_t mode);
 void time_init(void);
 uint32_t time_ms(void);
 void uart_init(void);
@@ -28,6 +31,9 @@ uint32_t uart_errors(void); /* stops at 255 */
 bool adc_start(void);       /* conversions follow TIM3; false when calibration did not end */
 uint32_t adc_late(void);    /* since adc_start(), stops at 255 */
 void pwm_init(void);
+void bridge_init(uint32_t dead_time_ns); /* after time_init(), before its pins are */
+void bridge_off(void);                   /* with any pins, at any time */
+uint32_t bridge_faults(void);
 void watchdog_init(void);
 
 /* faults.c */
@@ -45,6 +51,7 @@ void adc_dma_handler(void);
 void uart_tx_dma_handler(void);
 void uart_rx_dma_handler(void);
 void uart_handler(void);
+void bridge_handler(void);
 
 static inline void irq_enable(uint32_t irq) {
     NVIC_ISER(irq / 32u) = 1u << (irq % 32u);

@@ -33,4 +33,5 @@ void board_actuator_neutral(void) {
     const uint32_t neutral_halfus = TIM4_CCR3;
     TIM4_CCR1 = neutral_halfus;
     TIM4_CCR2 = neutral_halfus;
+    bridge_off();
 }

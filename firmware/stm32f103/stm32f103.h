@@ -35,12 +35,15 @@
 #define RCC_AHBENR           REG32(RCC_BASE, 0x14u)
 #define RCC_AHBENR_DMA1EN    (1u << 0)
 #define RCC_APB2ENR          REG32(RCC_BASE, 0x18u)
+#define RCC_APB2ENR_AFIOEN   (1u << 0)
 #define RCC_APB2ENR_IOPAEN   (1u << 2)
 #define RCC_APB2ENR_IOPBEN   (1u << 3)
 #define RCC_APB2ENR_IOPCEN   (1u << 4)
 #define RCC_APB2ENR_ADC1EN   (1u << 9)
+#define RCC_APB2ENR_TIM1EN   (1u << 11)
 #define RCC_APB2ENR_USART1EN (1u << 14)
 #define RCC_APB1ENR          REG32(RCC_BASE, 0x1cu)
+#define RCC_APB1ENR_TIM2EN   (1u << 0)
 #define RCC_APB1ENR_TIM3EN   (1u << 1)
 #define RCC_APB1ENR_TIM4EN   (1u << 2)
 #define RCC_CSR              REG32(RCC_BASE, 0x24u)
@@ -57,17 +60,32 @@
 #define GPIOA_BASE          0x40010800u
 #define GPIOA_CRL           REG32(GPIOA_BASE, 0x00u)
 #define GPIOA_CRH           REG32(GPIOA_BASE, 0x04u)
+#define GPIOA_IDR           REG32(GPIOA_BASE, 0x08u)
 #define GPIOA_BSRR          REG32(GPIOA_BASE, 0x10u)
 #define GPIOB_BASE          0x40010c00u
 #define GPIOB_CRL           REG32(GPIOB_BASE, 0x00u)
+#define GPIOB_CRH           REG32(GPIOB_BASE, 0x04u)
+#define GPIOB_IDR           REG32(GPIOB_BASE, 0x08u)
+#define GPIOB_BSRR          REG32(GPIOB_BASE, 0x10u)
 #define GPIOC_BASE          0x40011000u
 #define GPIOC_CRH           REG32(GPIOC_BASE, 0x04u)
 #define GPIOC_IDR           REG32(GPIOC_BASE, 0x08u)
 #define GPIOC_BSRR          REG32(GPIOC_BASE, 0x10u)
 #define PIN_ANALOG          0x0u
+#define PIN_OUTPUT_10MHZ    0x1u /* push-pull */
 #define PIN_INPUT_PULLED    0x8u /* direction of the pull: the pin's bit in ODR */
 #define PIN_ALTERNATE_10MHZ 0x9u /* push-pull */
 #define PIN_ALTERNATE_2MHZ  0xau /* push-pull */
+#define PIN_ALTERNATE_DRAIN 0xdu /* open drain, 10 MHz */
+
+/* Alternate functions, RM0008 section 9.4. MAPR.SWJ_CFG cannot be read: the register is written once, whole.
+ */
+#define AFIO_BASE                 0x40010000u
+#define AFIO_MAPR                 REG32(AFIO_BASE, 0x04u)
+#define AFIO_MAPR_I2C1_REMAP      (1u << 1)  /* PB8, PB9 */
+#define AFIO_MAPR_USART1_REMAP    (1u << 2)  /* PB6, PB7 */
+#define AFIO_MAPR_TIM2_REMAP_FULL (3u << 8)  /* PA15, PB3, PB10 */
+#define AFIO_MAPR_SWJ_CFG_SWD     (2u << 24) /* no JTAG: PA15, PB3, PB4 are free */
 
 /* USART1, RM0008 section 27.6 */
 #define USART1_BASE       0x40013800u
@@ -145,6 +163,59 @@
 #define ADC1_SQR3_SQ3_IN2      (2u << 10)
 #define ADC1_DR                REG32(ADC1_BASE, 0x4cu)
 
+/* TIM1, RM0008 section 14.4 */
+#define TIM1_BASE             0x40012c00u
+#define TIM1_CR1              REG32(TIM1_BASE, 0x00u)
+#define TIM1_CR1_CEN          (1u << 0)
+#define TIM1_CR1_CMS_MODE1    (1u << 5) /* centre-aligned */
+#define TIM1_CR1_ARPE         (1u << 7)
+#define TIM1_CR2              REG32(TIM1_BASE, 0x04u)
+#define TIM1_CR2_CCPC         (1u << 0) /* CCxE, CCxNE and OCxM wait for COMG */
+#define TIM1_SR               REG32(TIM1_BASE, 0x10u)
+#define TIM1_SR_BIF           (1u << 7)
+#define TIM1_EGR              REG32(TIM1_BASE, 0x14u)
+#define TIM1_EGR_UG           (1u << 0)
+#define TIM1_EGR_COMG         (1u << 5)
+#define TIM1_CCMR1            REG32(TIM1_BASE, 0x18u)
+#define TIM1_CCMR1_OC1PE      (1u << 3)
+#define TIM1_CCMR1_OC1M_LOW   (4u << 4) /* forced inactive */
+#define TIM1_CCMR1_OC1M_PWM1  (6u << 4)
+#define TIM1_CCMR2            REG32(TIM1_BASE, 0x1cu)
+#define TIM1_CCER             REG32(TIM1_BASE, 0x20u)
+#define TIM1_CCER_CC1E        (1u << 0)
+#define TIM1_CCER_CC1NE       (1u << 2)
+#define TIM1_PSC              REG32(TIM1_BASE, 0x28u)
+#define TIM1_ARR              REG32(TIM1_BASE, 0x2cu)
+#define TIM1_CCR1             REG32(TIM1_BASE, 0x34u)
+#define TIM1_CCR2             REG32(TIM1_BASE, 0x38u)
+#define TIM1_CCR3             REG32(TIM1_BASE, 0x3cu)
+#define TIM1_BDTR             REG32(TIM1_BASE, 0x44u)
+#define TIM1_BDTR_DTG_DOUBLE  (4u << 5) /* from here on steps of two, 64 more (14.4.18) */
+#define TIM1_BDTR_LOCK_LEVEL2 (2u << 8)
+#define TIM1_BDTR_OSSI        (1u << 10)
+#define TIM1_BDTR_OSSR        (1u << 11)
+#define TIM1_BDTR_BKE         (1u << 12)
+#define TIM1_BDTR_MOE         (1u << 15)
+
+/* TIM2, RM0008 section 15.4 */
+#define TIM2_BASE               0x40000000u
+#define TIM2_CR1                REG32(TIM2_BASE, 0x00u)
+#define TIM2_CR1_CEN            (1u << 0)
+#define TIM2_CR1_CKD_DIV4       (2u << 8)
+#define TIM2_CR2                REG32(TIM2_BASE, 0x04u)
+#define TIM2_CR2_TI1S           (1u << 7) /* exclusive or of channels 1 to 3 */
+#define TIM2_SMCR               REG32(TIM2_BASE, 0x08u)
+#define TIM2_SMCR_TS_TI1F_ED    (4u << 4) /* both edges of TI1 */
+#define TIM2_DIER               REG32(TIM2_BASE, 0x0cu)
+#define TIM2_DIER_CC1IE         (1u << 1)
+#define TIM2_SR                 REG32(TIM2_BASE, 0x10u)
+#define TIM2_SR_CC1IF           (1u << 1)
+#define TIM2_CCMR1              REG32(TIM2_BASE, 0x18u)
+#define TIM2_CCMR1_CC1S_TRC     (3u << 0)
+#define TIM2_CCMR1_IC1F_8_DIV32 (15u << 4) /* 8 equal samples, each 32 of the divided clock */
+#define TIM2_CCER               REG32(TIM2_BASE, 0x20u)
+#define TIM2_CCER_CC1E          (1u << 0)
+
 /* TIM3 and TIM4, RM0008 section 15.4 */
 #define TIM3_BASE            0x40000400u
 #define TIM3_CR1             REG32(TIM3_BASE, 0x00u)
@@ -200,6 +271,7 @@
 #define SYST_RVR           REG32(0xe000e010u, 0x4u)
 #define SYST_CVR           REG32(0xe000e010u, 0x8u)
 #define NVIC_ISER(word)    REG32(0xe000e100u, 4u * (word))
+#define NVIC_ISPR(word)    REG32(0xe000e200u, 4u * (word))
 #define SCB_VTOR           REG32(0xe000ed00u, 0x08u)
 #define SCB_AIRCR          REG32(0xe000ed00u, 0x0cu)
 #define SCB_AIRCR_RESET    ((0x5fau << 16) | (1u << 2)) /* key and SYSRESETREQ */
@@ -208,6 +280,7 @@
 #define IRQ_DMA1_Channel1 11u
 #define IRQ_DMA1_Channel4 14u
 #define IRQ_DMA1_Channel5 15u
+#define IRQ_TIM2          28u
 #define IRQ_USART1        37u
 
 #endif

@@ -1,0 +1,163 @@
+/* Three-phase bridge on TIM1, commutated by the rotor's Hall sensors on TIM2; pin set `bridge` alone
+ * (RM0008 14.3.11 to 14.3.18, 15.3.5; DESIGN.md "The bridge").
+ *
+ * Every commutation is one interrupt: a Hall edge raises it, a new duty pends it. It writes preloaded
+ * registers, and one COM event changes all six switches at once. A phase that floats keeps its high side
+ * enabled but forced low, so that with OSSR and OSSI the timer drives every gate low whatever happens; only
+ * before the pins are set up is that the work of the gates' pull-down resistors.
+ *
+ * The break input (PB12) and the clock security system clear MOE in hardware: no instruction takes part, none
+ * can hold it back (LOCK), and nothing but arming sets MOE again (AOE stays off). */
+#include "../core/commutation.h"
+#include "port.h"
+
+#define PWM_HZ 20000u
+#define LOW_MIN_NS                                                                                           \
+    1000u /* low side on, in every period: fills the bootstrap capacitors of the high sides                  \
+           */
+#define DTG_SINGLE_MAX   127u /* dead times up to here are counted in single steps, RM0008 14.4.18 */
+#define DTG_DOUBLE_MAX   254u
+#define OUTPUTS_OF_PHASE (TIM1_CCER_CC1E | TIM1_CCER_CC1NE)
+
+static bool wired;
+static uint32_t period; /* counts from valley to peak */
+static uint32_t on_max;
+static uint32_t dead_cycles;
+static volatile int32_t wanted_q15;
+static volatile bool hall_failed;
+static uint32_t hall_last;
+static volatile uint32_t hall_edges;
+static uint32_t changed_at; /* SysTick at the last COM event */
+
+static uint32_t hall_now(void) {
+    return (GPIOA_IDR >> 15 & 1u) | (GPIOB_IDR >> 3 & 1u) << 1 | (GPIOB_IDR >> 10 & 1u) << 2;
+}
+
+/* Between low side off and high side on, the timer keeps the dead time only while both outputs of a phase are
+ * enabled. By way of floating it is on us: two COM events lie at least a dead time apart. */
+static void wait_dead_time(void) {
+    const uint32_t reload = clock_mhz() * 1000u;
+    for (uint32_t polls = dead_cycles; polls > 0u; polls--) {
+        if ((changed_at + reload - SYST_CVR) % reload >= dead_cycles) {
+            break;
+        }
+    }
+    changed_at = SYST_CVR;
+}
+
+/* Hall edge, or a new duty. */
+void bridge_handler(void) {
+    TIM2_SR = ~TIM2_SR_CC1IF;
+    const uint32_t hall = hall_now();
+    hall_edges += (uint32_t)commutation_moved(hall_last, hall);
+    hall_last = hall;
+
+    commutation_t c;
+    if (!commutation_step(&c, hall, wanted_q15, period, on_max)) {
+        hall_failed = true;
+    }
+    if (hall_failed) { /* stays so until the next run */
+        TIM1_BDTR &= ~TIM1_BDTR_MOE;
+        c = (commutation_t){.on = 0u};
+    }
+    uint32_t modes = 0u, outputs = 0u;
+    for (uint32_t phase = 0u; phase < COMMUTATION_PHASES; phase++) {
+        const uint32_t mode = c.drive[phase] == COMMUTATION_PWM ? TIM1_CCMR1_OC1M_PWM1 : TIM1_CCMR1_OC1M_LOW;
+        modes |= (TIM1_CCMR1_OC1PE | mode) << 8u * phase;
+        outputs |= (c.drive[phase] == COMMUTATION_FLOAT ? TIM1_CCER_CC1E : OUTPUTS_OF_PHASE) << 4u * phase;
+    }
+    TIM1_CCR1 = c.on;
+    TIM1_CCR2 = c.on;
+    TIM1_CCR3 = c.on;
+    TIM1_CCMR1 = modes & 0xffffu;
+    TIM1_CCMR2 = modes >> 16;
+    TIM1_CCER = outputs;
+    wait_dead_time();
+    TIM1_EGR = TIM1_EGR_COMG;
+}
+
+static void commutate(void) {
+    NVIC_ISPR(IRQ_TIM2 / 32u) = 1u << IRQ_TIM2 % 32u;
+}
+
+static void start_pwm(uint32_t dead_time_ns) {
+    const uint32_t mhz = clock_mhz();
+    const uint32_t dead = (dead_time_ns * mhz + 999u) / 1000u;
+    dead_cycles = dead < DTG_DOUBLE_MAX ? dead : DTG_DOUBLE_MAX;
+    period = mhz * 1000000u / PWM_HZ / 2u;
+    on_max = period - dead_cycles - LOW_MIN_NS * mhz / 2000u;
+
+    RCC_APB2ENR |= RCC_APB2ENR_TIM1EN;
+    TIM1_CR2 = TIM1_CR2_CCPC;
+    TIM1_PSC = 0u;
+    TIM1_ARR = period;
+    const uint32_t coded =
+        dead_cycles <= DTG_SINGLE_MAX ? dead_cycles : TIM1_BDTR_DTG_DOUBLE | ((dead_cycles + 1u) / 2u - 64u);
+    /* Break input active low and pulled down: a wire that is off breaks. */
+    TIM1_BDTR = coded | TIM1_BDTR_OSSI | TIM1_BDTR_OSSR | TIM1_BDTR_BKE | TIM1_BDTR_LOCK_LEVEL2;
+    TIM1_EGR = TIM1_EGR_UG;
+    TIM1_CR1 = TIM1_CR1_ARPE | TIM1_CR1_CMS_MODE1 | TIM1_CR1_CEN;
+}
+
+/* Any edge of the three inputs captures, after 14 us of quiet (at 72 MHz): longer than the PWM rings. */
+static void start_hall(void) {
+    RCC_APB1ENR |= RCC_APB1ENR_TIM2EN;
+    TIM2_CR2 = TIM2_CR2_TI1S;
+    TIM2_SMCR = TIM2_SMCR_TS_TI1F_ED;
+    TIM2_CCMR1 = TIM2_CCMR1_CC1S_TRC | TIM2_CCMR1_IC1F_8_DIV32;
+    TIM2_CCER = TIM2_CCER_CC1E;
+    TIM2_DIER = TIM2_DIER_CC1IE;
+    TIM2_CR1 = TIM2_CR1_CKD_DIV4 | TIM2_CR1_CEN;
+    irq_enable(IRQ_TIM2);
+}
+
+void bridge_init(uint32_t dead_time_ns) {
+    start_pwm(dead_time_ns);
+    hall_last = hall_now();
+    start_hall();
+    wired = true;
+    commutate();
+}
+
+void board_arm_actuator(void) {
+    if (wired) {
+        wanted_q15 = 0;
+        commutate();
+        if (!hall_failed) {
+            TIM1_BDTR |= TIM1_BDTR_MOE;
+        }
+    }
+}
+
+void board_set_bridge(int32_t duty_q15) {
+    if (wired) {
+        wanted_q15 = duty_q15;
+        commutate();
+    }
+}
+
+int16_t board_hall_count(void) {
+    return (int16_t)(uint16_t)hall_edges;
+}
+
+/* Reads no memory: the fault handler calls it, too. */
+void bridge_off(void) {
+    if ((RCC_APB2ENR & RCC_APB2ENR_TIM1EN) != 0u) {
+        TIM1_BDTR &= ~TIM1_BDTR_MOE;
+    }
+}
+
+void board_clear_bridge_faults(void) {
+    if (wired) {
+        TIM1_SR = ~TIM1_SR_BIF; /* stays while the input is active */
+        hall_failed = false;
+        commutate(); /* sets it again when it is still so */
+    }
+}
+
+uint32_t bridge_faults(void) {
+    if (!wired) {
+        return 0u;
+    }
+    return ((TIM1_SR & TIM1_SR_BIF) != 0u ? BOARD_FAULT_BRIDGE : 0u) | (hall_failed ? BOARD_FAULT_HALL : 0u);
+}
