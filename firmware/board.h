@@ -19,6 +19,7 @@
 #define BOARD_FAULT_IMAGE          0x0008u /* the flash does not hold what was built: its CRC differs */
 #define BOARD_FAULT_BRIDGE         0x0010u /* the break input switched the bridge off, or holds it off */
 #define BOARD_FAULT_HALL           0x0020u /* all Hall sensors alike: a wire is off */
+#define BOARD_FAULT_PARAMETERS     0x0080u /* the session's: what was saved cannot be used */
 #define BOARD_FAULT_CLOCK_FALLBACK 0x0100u /* no crystal: internal oscillator, CAN must stay off */
 #define BOARD_FAULT_UART_OVERRUN   0x0200u /* received bytes were lost or damaged */
 #define BOARD_FAULT_WATCHDOG       0x0400u /* the watchdog caused the last reset */
@@ -106,6 +107,23 @@ size_t board_uart_write(const uint8_t *bytes, size_t count);
 
 /* To be called in every turn of the loop; the board resets when that does not happen for 160 ms. */
 void board_feed_watchdog(void);
+
+/* Two slots of flash that keep what is saved, of BOARD_STORE_HALFWORDS each. Readable at any time, before
+ * board_init() too. */
+#define BOARD_STORE_SLOTS     2u
+#define BOARD_STORE_HALFWORDS 1024u
+const uint16_t *board_store_slot(uint32_t slot);
+
+/* Erase a slot: all its bits become 1. The processor stands still for up to 80 ms and feeds the watchdog:
+ * only while nothing moves. False: bits are left. */
+bool board_store_erase(uint32_t slot);
+
+/* Program one erased half-word; 0 may be programmed over anything. 70 us. False: refused. */
+bool board_store_program(uint32_t slot, uint32_t halfword, uint16_t value);
+
+/* Outputs neutral, then the part's ROM bootloader: it listens on the UART's pins until the next reset. Does
+ * not return. */
+void board_enter_bootloader(void);
 
 /* Sleep until there may be something to do: bytes came, a full transmit queue has room, a tick, or 1 ms went
  * by. */

@@ -3,6 +3,7 @@
  * do. */
 #include "board.h"
 #include "core/control.h"
+#include "link/requests.h"
 #include "link/session.h"
 
 int main(void);
@@ -52,9 +53,10 @@ static bool take_sample(int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32
 
 int main(void) {
     bool driving = false; /* the actuators may be away from neutral */
-    params_default(&params);
+    const store_report_t saved = store_load(&params);
     board_init(&(board_setup_t){.pins = params.pins, .dead_time_ns = params.dead_time_ns});
     session_init(&session, board_identity(), &control, &params);
+    requests_loaded(&session, &saved);
     for (;;) {
         const uint32_t now_us = board_now_us();
         board_feed_watchdog();
@@ -92,6 +94,9 @@ int main(void) {
             driving = false;
         }
         transmit();
+        if (requests_bootloader_due(&session, now_us)) {
+            board_enter_bootloader();
+        }
         board_idle();
     }
 }

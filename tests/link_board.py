@@ -20,7 +20,7 @@ def library() -> ctypes.CDLL:
     """Compiled once a run, undefined behaviour trapped."""
     compiler = shutil.which(os.environ.get("CC", "cc"))
     assert compiler, "a C compiler is needed"
-    sources = [ROOT / "tests/c/link_board.c", *sorted((ROOT / "firmware/link").glob("*.c"))]
+    sources = [ROOT / "tests/c/link_board.c", ROOT / "tests/c/flash.c", *sorted((ROOT / "firmware/link").glob("*.c"))]
     sources += sorted((ROOT / "firmware/core").glob("*.c"))
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "liblink_board.so"
@@ -30,7 +30,7 @@ def library() -> ctypes.CDLL:
         loaded = ctypes.CDLL(str(target))
     for name in ("bytes", "take", "give", "room", "parse"):
         getattr(loaded, f"link_board_{name}").restype = ctypes.c_size_t
-    loaded.link_board_armed.restype = ctypes.c_bool
+    loaded.link_board_armed.restype = loaded.link_board_leaves.restype = ctypes.c_bool
     loaded.link_board_crc8.restype = ctypes.c_uint8
     return loaded
 
@@ -51,9 +51,11 @@ class MemoryBoard:
         self.spoil_up: Callable[[bytes], bytes] = bytes
         self._down = b""
         self._up = b""
+        self.lib.flash_blank()
         self.reset(seed)
 
     def reset(self, seed: int = 1) -> None:
+        """Power off and on: what was saved is found again."""
         self.lib.link_board_init(self._memory, seed)
 
     # ---- the UART, by hand ----
@@ -90,6 +92,15 @@ class MemoryBoard:
 
     def switch(self, closed: bool) -> None:
         self.lib.link_board_switch(self._memory, ctypes.c_bool(closed))
+
+    @property
+    def leaves(self) -> bool:
+        """On its way into the ROM bootloader."""
+        return bool(self.lib.link_board_leaves(self._memory, ctypes.c_uint32(self.time_us & 0xFFFFFFFF)))
+
+    def flash_cells(self) -> ctypes.Array[ctypes.c_uint16]:
+        """The half-words of both slots."""
+        return (ctypes.c_uint16 * 2048).in_dll(self.lib, "flash")
 
     @property
     def armed(self) -> bool:

@@ -89,7 +89,7 @@ def test_the_list_has_every_parameter_and_the_crc(board: MemoryBoard, capsys: py
 def test_a_change_is_committed_and_marked(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = params(capsys, "set", "esc.mid_halfus=0xbb9", "pid.kp_q22=-5")
     assert code == 0 and err == ""
-    assert "esc.mid_halfus: 3000 -> 3001 (1500.5 us)" in out and "until the board is reset" in out
+    assert "esc.mid_halfus: 3000 -> 3001 (1500.5 us)" in out and "set by a host and not saved" in out
     wanted = {**DEFAULTS, "esc.mid_halfus": 3001, "pid.kp_q22": -5}
     assert in_use(board) == wanted
     _, out, _ = params(capsys, "get", "pid.kp_q22", "esc.mid_halfus", "--json")

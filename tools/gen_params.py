@@ -42,6 +42,12 @@ uint32_t params_word(const params_t *p, uint16_t index);
 void params_set_word(params_t *p, uint16_t index, uint32_t value);
 bool params_in_range(uint16_t index, uint32_t value);
 
+/* What stays when numbers change: the CRC-16 of a row's name, never 0xFFFF. A row renamed is another row. */
+uint16_t params_id(uint16_t index);
+
+/* The row with that id; PARAMS_COUNT: this version has none. */
+uint16_t params_find(uint16_t id);
+
 #endif
 """
 
@@ -60,6 +66,10 @@ typedef struct {{
 
 static const param_t table[PARAMS_COUNT] = {{
 {rows}
+}};
+
+static const uint16_t ids[PARAMS_COUNT] = {{
+{ids}
 }};
 
 #define PLACE(member, index) \\
@@ -94,6 +104,19 @@ bool params_in_range(uint16_t index, uint32_t value) {{
 
     return (value ^ sign) >= (t->min ^ sign) && (value ^ sign) <= (t->max ^ sign);
 }}
+
+uint16_t params_id(uint16_t index) {{
+    return ids[index];
+}}
+
+uint16_t params_find(uint16_t id) {{
+    uint16_t index = 0;
+
+    while (index < PARAMS_COUNT && ids[index] != id) {{
+        index++;
+    }}
+    return index;
+}}
 """
 
 
@@ -108,9 +131,10 @@ def generate() -> dict[str, str]:
         member = row.name if row.owner == "link" else f"control.{row.name}"
         lines.append(f"    {{{values}}}, /* {index}: {row.name} */")
         places.append(f"PLACE({member}, {index});")
+    ids = "\n".join(f"    0x{row.id:04X}U, /* {row.name} */" for row in rows)
     return {
         "params.h": LINE_1 + HEADER.format(count=len(rows), members=members),
-        "params.c": LINE_1 + SOURCE.format(rows="\n".join(lines), places="\n".join(places)),
+        "params.c": LINE_1 + SOURCE.format(rows="\n".join(lines), ids=ids, places="\n".join(places)),
     }
 
 

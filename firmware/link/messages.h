@@ -6,7 +6,7 @@
 #include "e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 1U
-#define MESSAGES_DBC_HASH 0x5DBD7566U
+#define MESSAGES_DBC_HASH 0x7AC83F7AU
 
 #define MESSAGE_KEEPALIVE_ID 0x008U
 typedef struct {
@@ -156,6 +156,8 @@ can_frame_t message_setpoint_used_pack(const message_setpoint_used_t *m);
 #define MESSAGE_CHALLENGE_VERB_ARM 1U
 #define MESSAGE_CHALLENGE_VERB_SAVE 2U
 #define MESSAGE_CHALLENGE_VERB_BOOTLOADER 3U
+#define MESSAGE_CHALLENGE_VERB_LOAD 4U
+#define MESSAGE_CHALLENGE_VERB_DEFAULTS 5U
 #define MESSAGE_CHALLENGE_VERB_LOCKSTEP 16U
 #define MESSAGE_CHALLENGE_VERB_REALTIME_INJECTED 17U
 #define MESSAGE_CHALLENGE_VERB_REALTIME_LIVE 18U
@@ -168,6 +170,8 @@ message_challenge_t message_challenge_unpack(const can_frame_t *frame);
 #define MESSAGE_EXECUTE_VERB_ARM 1U
 #define MESSAGE_EXECUTE_VERB_SAVE 2U
 #define MESSAGE_EXECUTE_VERB_BOOTLOADER 3U
+#define MESSAGE_EXECUTE_VERB_LOAD 4U
+#define MESSAGE_EXECUTE_VERB_DEFAULTS 5U
 typedef struct {
     uint16_t verb;
     uint32_t nonce;
@@ -217,6 +221,8 @@ message_param_commit_t message_param_commit_unpack(const can_frame_t *frame);
 #define MESSAGE_NONCE_VERB_ARM 1U
 #define MESSAGE_NONCE_VERB_SAVE 2U
 #define MESSAGE_NONCE_VERB_BOOTLOADER 3U
+#define MESSAGE_NONCE_VERB_LOAD 4U
+#define MESSAGE_NONCE_VERB_DEFAULTS 5U
 #define MESSAGE_NONCE_VERB_LOCKSTEP 16U
 #define MESSAGE_NONCE_VERB_REALTIME_INJECTED 17U
 #define MESSAGE_NONCE_VERB_REALTIME_LIVE 18U
@@ -246,6 +252,8 @@ can_frame_t message_ack_pack(const message_ack_t *m);
 #define MESSAGE_NACK_REASON_NO_RUN 10U
 #define MESSAGE_NACK_REASON_SEQUENCE 11U
 #define MESSAGE_NACK_REASON_QUEUE_FULL 12U
+#define MESSAGE_NACK_REASON_FLASH 14U
+#define MESSAGE_NACK_REASON_NOTHING_SAVED 15U
 typedef struct {
     uint16_t request;
     uint16_t reason;
@@ -297,6 +305,10 @@ message_hello_t message_hello_unpack(const can_frame_t *frame);
 #define MESSAGE_IDENTITY_ITEM_CRASH_EXCEPTION 17U
 #define MESSAGE_IDENTITY_ITEM_UPTIME_US 18U
 #define MESSAGE_IDENTITY_ITEM_PINS 19U
+#define MESSAGE_IDENTITY_ITEM_PARAMETER_SOURCE 20U
+#define MESSAGE_IDENTITY_ITEM_SAVED_SEQUENCE 21U
+#define MESSAGE_IDENTITY_ITEM_SAVED_UNKNOWN 22U
+#define MESSAGE_IDENTITY_ITEM_SAVED_MISSING 23U
 #define MESSAGE_IDENTITY_ITEM_END 65535U
 typedef struct {
     uint16_t item;

@@ -66,6 +66,60 @@ static const param_t table[PARAMS_COUNT] = {
     {0x000000C8U, 0x00000DACU, 0x000003E8U}, /* 50: dead_time_ns */
 };
 
+static const uint16_t ids[PARAMS_COUNT] = {
+    0xBA59U, /* gyro.raw_min */
+    0x4107U, /* gyro.raw_max */
+    0x9902U, /* gyro.gain */
+    0xF7B7U, /* gyro.offset */
+    0x88D5U, /* accel_y.raw_min */
+    0x738BU, /* accel_y.raw_max */
+    0x7965U, /* accel_y.gain */
+    0xFB44U, /* accel_y.offset */
+    0xA591U, /* accel_z.raw_min */
+    0x5ECFU, /* accel_z.raw_max */
+    0xB785U, /* accel_z.gain */
+    0x3331U, /* accel_z.offset */
+    0xB244U, /* tilt.mode */
+    0x3916U, /* tilt.r_base */
+    0xD880U, /* tilt.r_gain */
+    0x2319U, /* tilt.r_max */
+    0xF254U, /* tilt.deviation_max */
+    0xBC9BU, /* tilt.deviation_shift */
+    0x262DU, /* kalman.dt_s_q33 */
+    0xC63BU, /* kalman.rate_now */
+    0x7EA7U, /* kalman.qa_hi */
+    0xD2A5U, /* kalman.qa_lo */
+    0x7CE3U, /* kalman.qb */
+    0x1ECBU, /* kalman.qb_frac_q30 */
+    0xD708U, /* kalman.bias_max_turn_q29 */
+    0xC7E8U, /* kalman.rate_gain */
+    0x883AU, /* kalman.rate_shift */
+    0x49B5U, /* start.bias_hi */
+    0xE5B7U, /* start.bias_lo */
+    0xD8BFU, /* start.tilt_turn_q32 */
+    0x2D9AU, /* start.p00_hi */
+    0x8198U, /* start.p00_lo */
+    0x5B2EU, /* start.p01_hi */
+    0xF72CU, /* start.p01_lo */
+    0xF17FU, /* start.p11_hi */
+    0x5D7DU, /* start.p11_lo */
+    0x60DDU, /* pid.kp_q22 */
+    0xE34FU, /* pid.ki_dt_q22 */
+    0xBD24U, /* pid.kd_q27 */
+    0x403EU, /* pid.d_alpha_q31 */
+    0x62C0U, /* pid.slew_q22 */
+    0x04D2U, /* esc.mid_halfus */
+    0xEC03U, /* esc.span_halfus */
+    0x95AEU, /* esc.min_halfus */
+    0x012EU, /* esc.max_halfus */
+    0xE601U, /* esc.neutral_halfus */
+    0xA176U, /* period_us */
+    0x0139U, /* esc_period_us */
+    0xAD57U, /* arm_hold_ms */
+    0xA59EU, /* pins */
+    0x9410U, /* dead_time_ns */
+};
+
 #define PLACE(member, index) \
     typedef char place_of_word_##index[offsetof(params_t, member) == 4U * (index) ? 1 : -1]
 PLACE(control.gyro.raw_min, 0);
@@ -147,4 +201,17 @@ bool params_in_range(uint16_t index, uint32_t value) {
     const uint32_t sign = t->min & 0x80000000U; /* flipping it orders two's complement as unsigned */
 
     return (value ^ sign) >= (t->min ^ sign) && (value ^ sign) <= (t->max ^ sign);
+}
+
+uint16_t params_id(uint16_t index) {
+    return ids[index];
+}
+
+uint16_t params_find(uint16_t id) {
+    uint16_t index = 0;
+
+    while (index < PARAMS_COUNT && ids[index] != id) {
+        index++;
+    }
+    return index;
 }

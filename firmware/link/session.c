@@ -1,6 +1,7 @@
 #include "session.h"
 #include "links.h"
 #include "messages.h"
+#include "requests.h"
 #include "run.h"
 #include <string.h>
 
@@ -54,7 +55,7 @@ static uint16_t arming_blocked(const session_t *s, link_t link) {
 }
 
 void session_report_faults(session_t *s, uint32_t faults) {
-    s->faults = faults;
+    s->faults = faults | requests_faults(s);
 }
 
 static arming_actuator_t actuator(const session_t *s) {
@@ -135,12 +136,20 @@ static uint32_t identity_value(const session_t *s, uint16_t item, uint32_t now_u
         return b->crash_exception;
     case MESSAGE_IDENTITY_ITEM_UPTIME_US:
         return now_us;
+    case MESSAGE_IDENTITY_ITEM_PINS:
+        return b->pins;
+    case MESSAGE_IDENTITY_ITEM_PARAMETER_SOURCE:
+        return s->parameters_from;
+    case MESSAGE_IDENTITY_ITEM_SAVED_SEQUENCE:
+        return s->saved.sequence;
+    case MESSAGE_IDENTITY_ITEM_SAVED_UNKNOWN:
+        return s->saved.unknown;
     default:
-        return b->pins; /* PINS, the last */
+        return s->saved.missing; /* SAVED_MISSING, the last */
     }
 }
 
-#define IDENTITY_ITEMS (MESSAGE_IDENTITY_ITEM_PINS + 1U)
+#define IDENTITY_ITEMS (MESSAGE_IDENTITY_ITEM_SAVED_MISSING + 1U)
 
 static void on_hello(session_t *s, const can_frame_t *f) {
     const message_hello_t m = message_hello_unpack(f);
@@ -213,11 +222,9 @@ static void on_param_set(session_t *s, const can_frame_t *f) {
     }
 }
 
-/* What ties the core's words to the board's: between two pulses there is a gap. */
-static bool pulses_fit(const params_t *p) {
-    const int32_t frame_halfus = (int32_t)(2U * p->esc_period_us);
-
-    return p->control.esc.max_halfus < frame_halfus && p->control.esc.neutral_halfus < frame_halfus;
+void session_use_staged(session_t *s) {
+    *s->params = s->staged;
+    s->parameters_staged = false;
 }
 
 static void on_param_commit(session_t *s, const can_frame_t *f) {
@@ -229,11 +236,11 @@ static void on_param_commit(session_t *s, const can_frame_t *f) {
         reply_nack(s, f, MESSAGE_NACK_REASON_COUNT, PARAMS_COUNT);
     } else if (m.crc != params_crc32(&s->staged)) {
         reply_nack(s, f, MESSAGE_NACK_REASON_CRC, 0);
-    } else if (!control_params_valid(&s->staged.control) || !pulses_fit(&s->staged)) {
+    } else if (!store_accepts(&s->staged)) {
         reply_nack(s, f, MESSAGE_NACK_REASON_PARAMETERS, 0);
     } else {
-        *s->params = s->staged;
-        s->parameters_staged = false;
+        session_use_staged(s);
+        requests_committed(s);
         reply_ack(s, f, m.crc);
     }
 }
@@ -259,7 +266,13 @@ static void on_execute(session_t *s, const can_frame_t *f, uint32_t now_us) {
     if (!nonce_good(s, m.verb, m.nonce, now_us)) {
         reply_nack(s, f, MESSAGE_NACK_REASON_NONCE, 0);
     } else if (m.verb != MESSAGE_EXECUTE_VERB_ARM) {
-        reply_nack(s, f, MESSAGE_NACK_REASON_UNSUPPORTED, m.verb);
+        const uint16_t reason = requests_execute(s, m.verb, now_us);
+
+        if (reason == 0) {
+            reply_ack(s, f, m.verb);
+        } else {
+            reply_nack(s, f, reason, m.verb);
+        }
     } else if (!arming_arm(&s->arming, arming_blocked(s, s->asked), m.nonce, actuator(s), now_us)) {
         reply_nack(s, f, MESSAGE_NACK_REASON_BLOCKED, arming_blocked(s, s->asked));
     } else {

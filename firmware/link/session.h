@@ -24,6 +24,7 @@
 #include "outbox.h"
 #include "params.h"
 #include "slcan.h"
+#include "store.h"
 
 #define SESSION_QUEUE_LENGTH    16U /* samples in flight; a power of two */
 #define SESSION_RECORD_WORDS    (sizeof(control_words_t) / 4U)
@@ -77,6 +78,10 @@ typedef struct {
     link_t setpoint_by; /* who is owed a SETPOINT_USED */
     link_t staged_by;   /* while parameters are staged */
     bool parameters_staged;
+    store_report_t saved;     /* what flash holds */
+    uint16_t parameters_from; /* store_found_t or REQUESTS_FROM_HOST */
+    bool bootloader_asked;
+    uint32_t bootloader_us; /* when */
     uint32_t faults;
     uint32_t time_us;   /* last TIME */
     uint32_t status_us; /* last STATUS */
@@ -156,6 +161,9 @@ void session_report_faults(session_t *s, uint32_t faults);
 /* The arm switch at this moment: closing it arms, opening it disarms (arming.h). Call on every turn of the
  * loop, after session_report_faults(). */
 void session_report_switch(session_t *s, bool closed, uint32_t now_us);
+
+/* Staged parameters become those in use. No run is on. */
+void session_use_staged(session_t *s);
 
 bool session_armed(const session_t *s);
 bool session_driving(const session_t *s); /* armed, and neutral was held long enough: the actuator may move */

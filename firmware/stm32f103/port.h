@@ -35,11 +35,15 @@ void bridge_init(uint32_t dead_time_ns); /* after time_init(), before its pins a
 void bridge_off(void);                   /* with any pins, at any time */
 uint32_t bridge_faults(void);
 void watchdog_init(void);
+void watchdog_feed(void);
 
 /* faults.c */
 void faults_init(board_identity_t *identity); /* takes over what the last crash left behind */
 void faults_check_stack(void);                /* resets when the stack reached its guard */
 void fault_entry(void);                       /* every exception that must not happen */
+
+/* bootloader.c: by the reset handler, before it touches memory */
+void bootloader_if_asked(void);
 
 /* startup.c, and the linker script */
 extern uint32_t stack_guard[], stack_top[];

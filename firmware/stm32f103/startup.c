@@ -45,6 +45,7 @@ __attribute__((section(".image_header"), used)) static const image_header_t imag
 __attribute__((section(".image_crc"), used)) static const uint32_t image_crc = 0xffffffffu;
 
 void reset_handler(void) {
+    bootloader_if_asked();
     /* A ROM bootloader that jumped here left its own table in force. */
     SCB_VTOR = (uint32_t)(uintptr_t)image_start;
     for (uint32_t *to = data_start, *from = data_load; to < data_end; to++, from++) {

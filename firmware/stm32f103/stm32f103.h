@@ -46,8 +46,12 @@
 #define RCC_APB1ENR_TIM2EN   (1u << 0)
 #define RCC_APB1ENR_TIM3EN   (1u << 1)
 #define RCC_APB1ENR_TIM4EN   (1u << 2)
+#define RCC_APB1ENR_BKPEN    (1u << 27)
+#define RCC_APB1ENR_PWREN    (1u << 28)
 #define RCC_CSR              REG32(RCC_BASE, 0x24u)
 #define RCC_CSR_RMVF         (1u << 24)
+#define RCC_CSR_PORRSTF      (1u << 27)
+#define RCC_CSR_SFTRSTF      (1u << 28)
 #define RCC_CSR_IWDGRSTF     (1u << 29)
 
 /* Flash interface, RM0008 section 3.3.3 (and PM0075) */
@@ -55,6 +59,27 @@
 #define FLASH_ACR             REG32(FLASH_BASE, 0x00u)
 #define FLASH_ACR_LATENCY_WS2 (2u << 0)
 #define FLASH_ACR_PRFTBE      (1u << 4)
+#define FLASH_KEYR            REG32(FLASH_BASE, 0x04u)
+#define FLASH_KEYR_KEY_1      0x45670123u
+#define FLASH_KEYR_KEY_2      0xcdef89abu
+#define FLASH_SR              REG32(FLASH_BASE, 0x0cu)
+#define FLASH_SR_BSY          (1u << 0)
+#define FLASH_SR_PGERR        (1u << 2)
+#define FLASH_SR_WRPRTERR     (1u << 4)
+#define FLASH_SR_EOP          (1u << 5)
+#define FLASH_CR              REG32(FLASH_BASE, 0x10u)
+#define FLASH_CR_PG           (1u << 0)
+#define FLASH_CR_PER          (1u << 1)
+#define FLASH_CR_STRT         (1u << 6)
+#define FLASH_CR_LOCK         (1u << 7)
+#define FLASH_AR              REG32(FLASH_BASE, 0x14u)
+
+/* Power control, RM0008 section 5.4, and backup registers, section 6.4; the first one lies at 4 */
+#define PWR_BASE   0x40007000u
+#define PWR_CR     REG32(PWR_BASE, 0x00u)
+#define PWR_CR_DBP (1u << 8)
+#define BKP_BASE   0x40006c04u
+#define BKP_DR1    REG32(BKP_BASE, 0x00u)
 
 /* General-purpose I/O, RM0008 section 9.2. A pin's four bits in CRL (pins 0 to 7) or CRH (8 to 15): */
 #define GPIOA_BASE          0x40010800u

@@ -14,6 +14,10 @@ void watchdog_init(void) {
     IWDG_PR = IWDG_PR_PR_DIV16;
     IWDG_RLR = RELOAD;
     (void)clock_wait(&IWDG_SR, IWDG_SR_PVU | IWDG_SR_RVU, 0u, UPDATE_POLLS);
+    watchdog_feed();
+}
+
+void watchdog_feed(void) {
     IWDG_KR = IWDG_KR_KEY_FEED;
 }
 
@@ -21,6 +25,6 @@ void board_feed_watchdog(void) {
     const uint32_t now_ms = time_ms();
     if (now_ms != fed_ms) { /* once a millisecond is plenty */
         fed_ms = now_ms;
-        IWDG_KR = IWDG_KR_KEY_FEED;
+        watchdog_feed();
     }
 }

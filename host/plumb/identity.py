@@ -26,10 +26,22 @@ FAULTS = {
     1: "control steps were missed",
     2: "a processor fault ended the run before",
     3: "the flash does not hold what was built",
+    7: "the saved parameters cannot be used: load, reset or set them, then save",
     8: "running on the internal oscillator",
     9: "received bytes were lost",
     10: "the watchdog ended the run before",
+    12: "the crystal failed in the run before",
 }
+SOURCES = {
+    0: "factory defaults",
+    1: "saved in flash",
+    2: "factory defaults: what was saved is damaged",
+    3: "factory defaults: what was saved contradicts itself or this image's limits",
+    4: "set by a host and not saved",
+}
+"""PARAMETER_SOURCE: where the parameters in use come from."""
+RESET_CAUSES = {2: "reset pin", 3: "power", 4: "software", 5: "watchdog", 6: "window watchdog", 7: "low power"}
+"""RESET_CAUSE: RCC_CSR 31..24 (RM0008 7.3.10). Every reset also pulls the pin."""
 _REASONS = {
     "UNSUPPORTED": "this image cannot do that",
     "COUNT": "it has another number of parameters",
@@ -38,6 +50,8 @@ _REASONS = {
     "BUSY": "a run is on",
     "NONCE": "the nonce was not fresh",
     "NO_RUN": "no run is on",
+    "FLASH": "its flash does not take it, what was saved before is still there",
+    "NOTHING_SAVED": "nothing is saved",
 }
 
 
@@ -62,6 +76,22 @@ class Identity:
         if not self["GIT_HASH_0"] and not self["GIT_HASH_1"]:
             return ""
         return f"{self['GIT_HASH_0']:08x}{self['GIT_HASH_1']:08x}" + ("+" if self["GIT_DIRTY"] else "")
+
+    @property
+    def parameter_source(self) -> str:
+        """Where the parameters in use come from, in words."""
+        source = self["PARAMETER_SOURCE"]
+        text = SOURCES.get(source, f"source {source}")
+        if source != 1:
+            return text
+        counts = ((self["SAVED_UNKNOWN"], "unknown to this image"), (self["SAVED_MISSING"], "missing, at defaults"))
+        return ", ".join([f"{text}, number {self['SAVED_SEQUENCE']}", *(f"{n} {what}" for n, what in counts if n)])
+
+    @property
+    def reset_cause(self) -> str:
+        """What started the board, in words: the pin only where nothing else did."""
+        cause = self["RESET_CAUSE"]
+        return bits_text(cause & ~4 if cause & ~4 else cause, RESET_CAUSES)
 
     @property
     def unique_id(self) -> str:

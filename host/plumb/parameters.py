@@ -6,6 +6,7 @@ and formats are for people; what a tuning in engineering units comes to is worke
 
 from __future__ import annotations
 
+import binascii
 import struct
 import tomllib
 import zlib
@@ -17,6 +18,8 @@ from pathlib import Path
 from plumb.errors import UsageError
 
 TABLE_PATH = Path(__file__).with_name("parameters.toml")
+ERASED = 0xFFFF
+"""No row's id: what erased flash reads as."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,16 @@ class Parameter:
     default: int
     doc: str
 
+    @property
+    def id(self) -> int:
+        """What stays when numbers change: CRC-16 (polynomial 0x1021, from 0xFFFF) of the name."""
+        return binascii.crc_hqx(self.name.encode(), 0xFFFF)
+
+    @property
+    def group(self) -> str:
+        """The member of control_params_t it is part of: `kalman` of kalman.qb; "" where it stands alone."""
+        return self.name.rpartition(".")[0]
+
     def from_word(self, word: int) -> int:
         """The integer of 32 bits as they came."""
         return word - (1 << 32) if self.type == "int32" and word & 0x80000000 else word
@@ -50,6 +63,8 @@ def load(path: Path) -> tuple[Parameter, ...]:
             raise UsageError(f"{path.name}: {row.name}: the owner is control or link")
     if len({row.name for row in rows}) != len(rows):
         raise UsageError(f"{path.name}: two rows have the same name")
+    if len({row.id for row in rows} | {ERASED}) != len(rows) + 1:
+        raise UsageError(f"{path.name}: two names have the same CRC-16, or it is that of erased flash; rename one")
     if [row.owner for row in rows] != sorted(row.owner for row in rows):
         raise UsageError(f"{path.name}: the words of control come first")
     return rows

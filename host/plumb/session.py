@@ -326,6 +326,21 @@ class Session:
             return nonce
         raise LinkError("the board accepts no nonce")
 
+    def execute(self, verb: str) -> int:
+        """Carry out a verb of EXECUTE with a fresh nonce; returns the nonce. Raises NackError for a no."""
+        self.require_match()
+        return self._answer_nonce("EXECUTE", self.protocol["EXECUTE"].value("verb", verb))
+
+    def execute_idle(self, verb: str) -> None:
+        """As execute, for what no run may be on for: ends the one that is."""
+        try:
+            self.execute(verb)
+        except NackError as error:
+            if error.reason != "BUSY":
+                raise
+            self.end()
+            self.execute(verb)
+
     def select(self, frames: Iterable[str] = (), words: Iterable[int] = ()) -> None:
         """Choose what steps send: frames of SELECTABLE, words by their place in the record. May change in a run."""
         chosen = Selection(tuple(frames), tuple(sorted(set(words))))
@@ -368,8 +383,7 @@ class Session:
 
         Raises LinkError with what is in the way.
         """
-        self.require_match()
-        self._token = self._answer_nonce("EXECUTE", self.protocol["EXECUTE"].value("verb", "ARM"))
+        self._token = self.execute("ARM")
         self._keepalive_s = self.clock()
 
     def disarm(self) -> None:

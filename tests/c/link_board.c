@@ -1,6 +1,7 @@
 /* A board of memory alone: the session and the core as the main loop runs them, one turn per call. Python
  * loads it as a shared library and is its UART, its clock, its timer and its sensors. */
-#include "../../firmware/link/session.h"
+#include "../../firmware/link/requests.h"
+#include "flash.h"
 #include <string.h>
 
 typedef struct {
@@ -24,6 +25,7 @@ size_t link_board_take(link_board_t *b, const uint8_t *bytes, size_t count, uint
 void link_board_turn(link_board_t *b, uint32_t now_us);
 size_t link_board_give(link_board_t *b, uint8_t *out, size_t room);
 size_t link_board_room(const link_board_t *b);
+bool link_board_leaves(const link_board_t *b, uint32_t now_us); /* for the ROM bootloader */
 bool link_board_armed(const link_board_t *b);
 uint32_t link_board_steps(const link_board_t *b);
 void link_board_pulses(const link_board_t *b, uint32_t pulse_halfus[2]);
@@ -42,8 +44,9 @@ void link_board_init(link_board_t *b, uint32_t seed) {
                                      .flash_kib = 64,
                                      .ram_kib = 20,
                                      .reset_cause = 0x0CU};
-    params_default(&b->params);
+    const store_report_t saved = store_load(&b->params);
     session_init(&b->session, &b->identity, &b->control, &b->params);
+    requests_loaded(&b->session, &saved);
 }
 
 void link_board_sensors(link_board_t *b, const int16_t raw[CONTROL_RAW_MAX], uint32_t faults) {
@@ -117,6 +120,10 @@ size_t link_board_give(link_board_t *b, uint8_t *out, size_t room) {
 
 size_t link_board_room(const link_board_t *b) {
     return session_receive_room(&b->session);
+}
+
+bool link_board_leaves(const link_board_t *b, uint32_t now_us) {
+    return requests_bootloader_due(&b->session, now_us);
 }
 
 bool link_board_armed(const link_board_t *b) {

@@ -3,14 +3,18 @@
     plumb params list --board serial:/dev/ttyUSB0
     plumb params get pid.kp_q22 period_us --board serial:/dev/ttyUSB0
     plumb params set period_us=10000 pid.slew_q22=0x100000 --board serial:/dev/ttyUSB0
+    plumb params save --board serial:/dev/ttyUSB0
+    plumb params load --board serial:/dev/ttyUSB0
+    plumb params reset --save --board serial:/dev/ttyUSB0
     plumb params dump quad.toml --board serial:/dev/ttyUSB0
     plumb params load quad.toml --board serial:/dev/ttyUSB0
 
 Values are the integers of the board's table; what they mean in engineering units is shown beside them. A change is
 staged, then committed by the CRC-32 of the whole resulting table, and acknowledged, or refused as a whole with the
-reason; it disarms the board and ends a run that is on. Values live until the board is reset: this image stores none in
-flash, so keep them in a file with `dump` and give them back with `load`. `virtual` is a new board every time: there, a
-change tells whether the board would take it.
+reason; it disarms the board and ends a run that is on. `set`, `load` and `reset` change what is in use until the board
+is reset; `save`, or --save behind any of them, keeps what is in use in the board's flash, from where it comes back at
+every start. `load` takes a file of `dump`, or without one what the flash holds; `reset` brings the factory's values
+back. `virtual` is a new board every time: there, a change tells whether the board would take it.
 """
 
 from __future__ import annotations
@@ -31,16 +35,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     each.add_argument("--board", required=True, metavar="B", help="virtual or serial:PORT[@BAUD]")
     each.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
     each.add_argument("--json", action="store_true", help="print JSON")
-    verbs = parser.add_subparsers(dest="action", required=True, metavar="list|get|set|dump|load")
+    keep = argparse.ArgumentParser(add_help=False)
+    keep.add_argument("--save", action="store_true", help="and keep them in the board's flash")
+    verbs = parser.add_subparsers(dest="action", required=True, metavar="list|get|set|save|load|reset|dump")
     verbs.add_parser("list", parents=[each], help="every parameter: value, meaning, range, default")
     one = verbs.add_parser("get", parents=[each], help="some parameters, with what they are for")
     one.add_argument("names", nargs="+", metavar="NAME")
-    change = verbs.add_parser("set", parents=[each], help="change some; they live until the board is reset")
+    change = verbs.add_parser("set", parents=[each, keep], help="change some")
     change.add_argument("assignments", nargs="+", metavar="NAME=VALUE", help="integers of the table")
-    keep = verbs.add_parser("dump", parents=[each], help="write the whole table and its CRC-32 to a TOML file")
-    keep.add_argument("file", type=Path, metavar="FILE")
-    give = verbs.add_parser("load", parents=[each], help="commit a file; values live until the board is reset")
-    give.add_argument("file", type=Path, metavar="FILE")
+    verbs.add_parser("save", parents=[each], help="keep what is in use in the board's flash")
+    give = verbs.add_parser("load", parents=[each, keep], help="commit a file, or go back to what the flash holds")
+    give.add_argument("file", type=Path, nargs="?", metavar="FILE")
+    verbs.add_parser("reset", parents=[each, keep], help="factory values")
+    write = verbs.add_parser("dump", parents=[each], help="write the whole table and its CRC-32 to a TOML file")
+    write.add_argument("file", type=Path, metavar="FILE")
 
 
 def main(arguments: argparse.Namespace) -> int:
@@ -54,7 +62,7 @@ def main(arguments: argparse.Namespace) -> int:
         rows = tuple(tablefile.row_named(name) for name in arguments.names)
     elif arguments.action == "set":
         wanted = tablefile.assignments(arguments.assignments)
-    elif arguments.action == "load":
+    elif arguments.action == "load" and arguments.file is not None:
         said = tablefile.read(arguments.file)
         wanted = said.values
         warnings += [f"{arguments.file}: there is no parameter '{name}'; it is left out" for name in said.unknown]
@@ -67,8 +75,14 @@ def main(arguments: argparse.Namespace) -> int:
             warnings.append(identity.mismatch)
         warn(warnings)
         words = tablefile.read_table(board.session)
-        if wanted:
-            return change_values(board.session, words, wanted, warnings, arguments.json)
+        if arguments.action in ("set", "load", "reset", "save"):
+            verb = "DEFAULTS" if arguments.action == "reset" else ""
+            verb = "LOAD" if arguments.action == "load" and arguments.file is None else verb
+            after = change(board.session, verb, words, wanted)
+            if arguments.action == "save" or arguments.save:
+                board.session.execute_idle("SAVE")
+            source = board.session.connect().parameter_source
+            return report_change(words, after, source, warnings, arguments.json)
     values = tablefile.by_name(words)
     if arguments.action == "dump":
         tablefile.write(arguments.file, tablefile.text_of(words))
@@ -84,29 +98,37 @@ def main(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def change_values(
-    session: Session, words: list[int], wanted: dict[str, int], warnings: list[str], as_json: bool
-) -> int:
-    """Commit the board's table with what is wanted in it, and say what changed."""
+def change(session: Session, verb: str, words: list[int], wanted: dict[str, int]) -> list[int]:
+    """Carry out a verb, or else commit what is wanted, if anything; returns the table that is in use then."""
+    from plumb import tablefile
+
+    session.require_match()
+    if verb:
+        session.execute_idle(verb)
+    elif wanted:
+        tablefile.commit(session, {**tablefile.by_name(words), **wanted})
+    return tablefile.read_table(session)
+
+
+def report_change(words: list[int], after_words: list[int], source: str, warnings: list[str], as_json: bool) -> int:
+    """Say what is different, and where what is in use comes from."""
     from plumb import parameters, tablefile
     from plumb.meaning import meaning
 
-    session.require_match()
-    before = tablefile.by_name(words)
-    after = {**before, **wanted}
-    crc = f"0x{tablefile.commit(session, after):08x}"
+    before, after = tablefile.by_name(words), tablefile.by_name(after_words)
+    crc = f"0x{parameters.crc32(after_words):08x}"
     doubts = tablefile.doubts(after)
     warn(doubts)
     changed = [row for row in parameters.table() if after[row.name] != before[row.name]]
     if as_json:
         rows = {row.name: {"from": before[row.name], "to": after[row.name]} for row in changed}
-        print(json.dumps({"crc32": crc, "changed": rows, "warnings": warnings + doubts}))
+        print(json.dumps({"crc32": crc, "changed": rows, "source": source, "warnings": warnings + doubts}))
         return 0
     for row in changed:
         means = str(meaning(row, after))
         print(f"{row.name}: {before[row.name]} -> {after[row.name]}" + (f" ({means})" if means else ""))
     what = f"{len(changed)} changed" if changed else "nothing changed"
-    print(f"committed, CRC-32 {crc}: {what}; the values live until the board is reset")
+    print(f"in use, CRC-32 {crc}: {what}; they are {source}")
     return 0
 
 

@@ -24,6 +24,7 @@ try:
         UC_ARCH_ARM,
         UC_HOOK_INTR,
         UC_HOOK_MEM_INVALID,
+        UC_MEM_WRITE_PROT,
         UC_MODE_MCLASS,
         UC_MODE_THUMB,
         UC_PROT_EXEC,
@@ -138,6 +139,7 @@ class Cpu:
         self._raised: BaseException | None = None
         self._stop_reason = 0
         self._fault_address = 0
+        self._flash_write: tuple[int, int, bytes] | None = None
         uc.hook_add(UC_HOOK_INTR, self._on_exception)
         uc.hook_add(UC_HOOK_MEM_INVALID, self._on_bad_address)
 
@@ -228,6 +230,11 @@ class Cpu:
         self.base += done * self.instruction_ticks
         self.instructions += done
         self.pc, self.stack, self._primask, self._faultmask, self._base_priority = self._state.read()
+        if self._flash_write is not None:
+            address, value, before = self._flash_write
+            self._flash_write = None
+            self.flash[address - FLASH_BASE : address - FLASH_BASE + 2] = before
+            self.machine.flash.program(address, value)
         if self._raised is not None:
             raised, self._raised = self._raised, None
             raise raised
@@ -363,7 +370,14 @@ class Cpu:
         self._stop_reason = number
         uc.emu_stop()
 
-    def _on_bad_address(self, _uc: Uc, _access: int, address: int, _size: int, _value: int, _user: object) -> bool:
+    def _on_bad_address(self, _uc: Uc, access: int, address: int, size: int, value: int, _user: object) -> bool:
+        """A write to flash may be a command to its controller: Unicorn lets it through to the memory, the slice ends
+        behind it, and there it is taken back and carried out."""
+        offset = address - FLASH_BASE
+        if access == UC_MEM_WRITE_PROT and 0 <= offset < len(self.flash) and self.machine.flash.takes(size):
+            self._flash_write = address, value & 0xFFFF, bytes(self.flash[offset : offset + 2])
+            self.end_slice()
+            return True
         self._fault_address = address
         return False
 

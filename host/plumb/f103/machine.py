@@ -24,6 +24,7 @@ from pathlib import Path
 from plumb.errors import UsageError
 from plumb.f103.adc import PINS as ADC_PINS
 from plumb.f103.adc import Adc
+from plumb.f103.backup import Bkp, Pwr
 from plumb.f103.bus import Bus, Peripheral
 from plumb.f103.cpu import Cpu
 from plumb.f103.debug import CoreDebug, DbgMcu, Dwt
@@ -91,7 +92,7 @@ class Machine:
         check_image(data, "the image")
         if len(data) > self.part.flash_kib * 1024:
             raise UsageError(f"the image has {len(data)} bytes; {part} has {self.part.flash_kib} KiB of flash")
-        self._chance = random.Random(seed)
+        self.chance = random.Random(seed)
         self.warnings: list[str] = []
         self.powered = True
         self.debugger_attached = False
@@ -116,9 +117,10 @@ class Machine:
         self.usart, self.adc1 = Usart(self), Adc(self)
         self.tim3, self.tim4 = Timer(self, "TIM3", 0x40000400, 29), Timer(self, "TIM4", 0x40000800, 30)
         self.iwdg = Iwdg(self)
+        self.pwr, self.bkp = Pwr(self), Bkp(self)
         core: list[Peripheral] = [self.nvic, self.scb, self.systick, self.core_debug, self.dwt, self.dbgmcu]
         rest: list[Peripheral] = [self.flash, self.dma, self.afio, *self.ports, self.usart, self.adc1]
-        rest += [self.tim3, self.tim4, self.iwdg, self.rcc]
+        rest += [self.tim3, self.tim4, self.iwdg, self.pwr, self.bkp, self.rcc]
         for peripheral in core + rest:
             self.bus.attach(peripheral)
         self.by_name = {peripheral.name: peripheral for peripheral in self.bus.peripherals}
@@ -131,15 +133,25 @@ class Machine:
         cpu.flash[: len(image)] = image
         cpu.system[:] = b"\xff" * len(cpu.system)
         struct.pack_into("<HH", cpu.system, SYSTEM_FLASH_SIZE, self.part.flash_kib, 0xFFFF)
-        cpu.system[SYSTEM_UNIQUE_ID : SYSTEM_UNIQUE_ID + 12] = self._chance.randbytes(12)
+        cpu.system[SYSTEM_UNIQUE_ID : SYSTEM_UNIQUE_ID + 12] = self.chance.randbytes(12)
         cpu.system[SYSTEM_OPTIONS : SYSTEM_OPTIONS + 4] = bytes((0xA5, 0x5A, 0xFF, 0x00))
 
     # Power and reset
 
     def _power_up(self) -> None:
-        self.cpu.ram[:] = self._chance.randbytes(len(self.cpu.ram))
+        self.cpu.ram[:] = self.chance.randbytes(len(self.cpu.ram))
+        self.bkp.power_lost()
         self.rcc.csr = 0
         self._restart("power")
+
+    def brown_out(self) -> None:
+        """The supply dips below the reset threshold: half of the RAM's bits are kept, at random, flash stops in the
+        middle of what it did, and the backup registers hold."""
+        if self.powered:
+            kept, random = self.chance.randbytes(len(self.cpu.ram)), self.chance.randbytes(len(self.cpu.ram))
+            self.cpu.ram[:] = bytes(r & k | n & ~k & 0xFF for r, k, n in zip(self.cpu.ram, kept, random, strict=True))
+            self.rcc.csr = 0
+            self._restart("power")
 
     def _restart(self, cause: str) -> None:
         self._reset_cause = ""
@@ -244,7 +256,7 @@ class Machine:
         if self._reset_cause:
             self._restart(self._reset_cause)
             return
-        asleep = not self.powered or bool(cpu.locked_up) or self.rcc.core_clock_lost
+        asleep = not self.powered or bool(cpu.locked_up) or self.rcc.core_clock_lost or self.flash.busy
         masked = False
         if not asleep:
             number = self.nvic.candidate()
@@ -256,7 +268,7 @@ class Machine:
             asleep = cpu.sleeping
         end = min(timeline.next, until)
         if asleep:
-            cpu.slept_ticks += end - cpu.base
+            cpu.slept_ticks += 0 if self.flash.busy else end - cpu.base
             cpu.base = end
         elif masked:
             cpu.run_masked()

@@ -25,7 +25,7 @@ HSI_MHZ = HSE_MHZ = 8
 PLL_BITS = 0x003F0000
 """PLLSRC, PLLXTPRE, PLLMUL: frozen while the PLL runs."""
 APB2_CLOCKS = {"AFIO": 0, "GPIOA": 2, "GPIOB": 3, "GPIOC": 4, "GPIOD": 5, "GPIOE": 6, "ADC1": 9, "USART1": 14}
-APB1_CLOCKS = {"TIM3": 1, "TIM4": 2}
+APB1_CLOCKS = {"TIM3": 1, "TIM4": 2, "BKP": 27, "PWR": 28}
 AHB_CLOCKS = {"DMA1": 0}
 
 

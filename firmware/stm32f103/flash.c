@@ -1,0 +1,76 @@
+/* The two slots of saved parameters: the last 4 KiB of the smallest part's flash (PM0075 2.3, RM0008 3.3).
+ *
+ * The flash cannot be read while it is erased or programmed, so the processor, which runs from it, stands
+ * still: up to 40 ms for a page, 70 us for a half-word (datasheet, table of flash characteristics).
+ * Interrupts wait and the clock of this board loses that time. HSI drives the operations and is never
+ * switched off. */
+#include "port.h"
+
+#define MEDIUM_DENSITY_KIB 128u
+#define SLOT_BYTES         (2u * BOARD_STORE_HALFWORDS)
+/* Twice the worst case, in polls of 64 cycles at 72 MHz; that the processor stands still only makes them
+ * longer. */
+#define ERASE_POLLS   90000u
+#define PROGRAM_POLLS 160u
+#define ERRORS        (FLASH_SR_PGERR | FLASH_SR_WRPRTERR)
+
+extern volatile uint16_t store_start[];
+
+static volatile uint16_t *slot_start(uint32_t slot) {
+    return store_start + slot * BOARD_STORE_HALFWORDS;
+}
+
+const uint16_t *board_store_slot(uint32_t slot) {
+    return (const uint16_t *)slot_start(slot);
+}
+
+/* After a wrong key the controller stays locked until the next reset, and every operation fails. */
+static bool unlock(void) {
+    if ((FLASH_CR & FLASH_CR_LOCK) != 0u) {
+        FLASH_KEYR = FLASH_KEYR_KEY_1;
+        FLASH_KEYR = FLASH_KEYR_KEY_2;
+    }
+    FLASH_SR = ERRORS | FLASH_SR_EOP; /* cleared by writing 1 */
+    return (FLASH_CR & FLASH_CR_LOCK) == 0u;
+}
+
+/* Waits for the end of what was begun, and locks. */
+static bool finish(uint32_t polls) {
+    const bool ended = clock_wait(&FLASH_SR, FLASH_SR_BSY, 0u, polls);
+    const bool good = ended && (FLASH_SR & ERRORS) == 0u;
+    FLASH_CR = FLASH_CR_LOCK;
+    return good;
+}
+
+static bool erase_page(uint32_t address) {
+    watchdog_feed();
+    if (!unlock()) {
+        return false;
+    }
+    FLASH_CR = FLASH_CR_PER;
+    FLASH_AR = address;
+    FLASH_CR = FLASH_CR_PER | FLASH_CR_STRT;
+    return finish(ERASE_POLLS);
+}
+
+bool board_store_erase(uint32_t slot) {
+    const uint32_t start = (uint32_t)(uintptr_t)slot_start(slot);
+    const uint32_t page_bytes = board_identity()->flash_kib > MEDIUM_DENSITY_KIB ? 2048u : 1024u;
+    bool good = true;
+    for (uint32_t at = 0u; at < SLOT_BYTES && good; at += page_bytes) {
+        good = erase_page(start + at);
+    }
+    for (uint32_t i = 0u; i < BOARD_STORE_HALFWORDS && good; i++) {
+        good = slot_start(slot)[i] == 0xffffu;
+    }
+    return good;
+}
+
+bool board_store_program(uint32_t slot, uint32_t halfword, uint16_t value) {
+    if (!unlock()) {
+        return false;
+    }
+    FLASH_CR = FLASH_CR_PG;
+    slot_start(slot)[halfword] = value;
+    return finish(PROGRAM_POLLS);
+}

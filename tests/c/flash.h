@@ -1,0 +1,30 @@
+/* The two slots of board.h as an array whose power fails, whose bits wear out, and whose every moment can be
+ * looked at. */
+#ifndef PLUMB_TESTS_FLASH_H
+#define PLUMB_TESTS_FLASH_H
+
+#include "../../firmware/board.h"
+
+#define FLASH_CELLS (BOARD_STORE_SLOTS * BOARD_STORE_HALFWORDS)
+
+typedef struct {
+    uint16_t cell[FLASH_CELLS];
+} flash_t;
+
+extern flash_t flash;
+extern uint32_t flash_page_bytes; /* 1024 or 2048 */
+
+/* Worn bits: always 0, always 1. */
+extern uint16_t flash_stuck_low[FLASH_CELLS], flash_stuck_high[FLASH_CELLS];
+
+/* A cell that power failed in while it was programmed: it may read either way until that is done again.
+ * FLASH_CELLS: none. */
+extern size_t flash_weak;
+
+/* Called inside every operation, once for each of the ways in which it may be left half done, with the flash
+ * as power would leave it; NULL: not called. */
+extern void (*flash_half_done)(void);
+
+void flash_blank(void); /* all ones, nothing worn, 1 KiB pages, nobody looks */
+
+#endif
