@@ -51,6 +51,14 @@ static bool take_sample(int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32
     }
 }
 
+/* The outputs of the last step to what the system drives. */
+static void actuate(void) {
+    switch (params.control.system) {
+    default:
+        board_set_actuator(control.quad.words.pulse_halfus);
+    }
+}
+
 int main(void) {
     bool driving = false; /* the actuators may be away from neutral */
     const store_report_t saved = store_load(&params);
@@ -85,7 +93,7 @@ int main(void) {
         for (unsigned i = 0u; i < SESSION_QUEUE_LENGTH && take_sample(raw, &setpoint_turn_q32); i++) {
             control_step(&control, &params.control, raw, setpoint_turn_q32);
             if (session_driving(&session)) {
-                board_set_actuator(control.words.pulse_halfus);
+                actuate();
             }
             session_stepped(&session);
         }

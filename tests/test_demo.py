@@ -48,9 +48,9 @@ def test_a_live_run_holds_the_axis_level() -> None:
         flown = live.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]))
         assert board.machine.warnings == []
     assert flown.verdict == "pass"
-    late = np.abs(flown.flight.tilt_deg[flown.flight.time_s > 13.0])
+    late = np.abs(flown.flight.truth["tilt_deg"][flown.flight.time_s > 13.0])
     assert 0.0 < late.max() < 2.0
-    pulled = flown.flight.tilt_deg[(flown.flight.time_s > 10.4) & (flown.flight.time_s < 10.6)]
+    pulled = flown.flight.truth["tilt_deg"][(flown.flight.time_s > 10.4) & (flown.flight.time_s < 10.6)]
     assert pulled.max() > 19.0
 
 
@@ -75,7 +75,7 @@ def test_a_live_run_knows_its_truth_to_the_last_step() -> None:
     scenario = quad.scenario("motion", 1003, seconds=4.0)
     with VirtualBoard() as board:
         flown = live.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]), open_loop=True)
-    assert np.array_equal(flown.flight.bias_dps, scenario.bias_dps)
+    assert np.array_equal(flown.flight.truth["bias_dps"], scenario.bias_dps)
 
 
 def test_a_board_that_disarms_itself_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ from plumb import angle, fixed, native
 from plumb.compare import count_mismatches, first_digest_divergence, first_divergence
 from plumb.quantise import ControlParams, quantise
 from plumb.systems import quad
-from plumb.words import WORDS_DTYPE, Words
+from plumb.words import QUAD, RECORDS, Words, names_of
 from wild_params import wild_params
 
 EDGES = np.array([sign * ((1 << n) + d) for n in range(32) for d in (-2, -1, 0, 1, 2) for sign in (-1, 1)], np.int64)
@@ -39,8 +39,10 @@ def wild_params_of_all_runs() -> tuple[ControlParams, ...]:
     return tuple(wild_params(rng) for _ in range(RUNS))
 
 
-def test_the_words_have_the_same_names_and_order() -> None:
-    assert native.word_names(native.c_core()) == WORDS_DTYPE.names
+@pytest.mark.parametrize("system", RECORDS)
+def test_the_words_have_the_same_names_and_order(system: str) -> None:
+    assert native.word_names(native.c_core(), system) == names_of(system)
+    assert names_of(system)[:6] == tuple(f"raw_{i}" for i in range(6)) and names_of(system)[-2:] == ("flags", "step")
 
 
 def test_wild_parameters_are_valid() -> None:
@@ -54,8 +56,8 @@ def test_wild_runs_agree_in_every_bit() -> None:
     assert first_divergence(model, native.run_control(params, raw, setpoint)) is None
     # wild enough: every flag, and both signs of every word that can have both
     assert np.bitwise_or.reduce(model["flags"], axis=None) == 15
-    for name in WORDS_DTYPE.names or ():
-        if WORDS_DTYPE[name].kind == "i" and name not in ("p00", "p11", "k0_q29"):
+    for name in names_of("quad"):
+        if QUAD[name].kind == "i" and name not in ("p00", "p11", "k0_q29"):
             assert model[name].min() < 0 < model[name].max(), name
 
 
@@ -64,7 +66,7 @@ def test_ordinary_runs_agree_in_every_bit(name: str) -> None:
     params = quantise(quad.TUNINGS[name])
     runs = [quad.scenario(kind, seed) for kind in ("motion", "disturb") for seed in range(3)]
     raw = np.concatenate([run.counts() for run in runs])
-    setpoint = np.concatenate([run.setpoint_turn_q32() for run in runs])
+    setpoint = np.concatenate([run.setpoint() for run in runs])
     columns = raw.reshape(-1, 20, 6).transpose(0, 2, 1), setpoint.reshape(-1, 20)  # 20 runs of every 20th sample
     assert first_divergence(fixed.run_control(params, *columns), native.run_control(params, *columns)) is None
     whole = fixed.run_control(params, raw[:6000], setpoint[:6000])
@@ -180,7 +182,7 @@ def test_one_flipped_bit_is_found_and_named(implementation: ModuleType) -> None:
     params = quantise(quad.TUNINGS["paper"])
     raw, setpoint = wild_inputs(np.random.default_rng(31), 300, 4)
     expected, answer = fixed.run_control(params, raw, setpoint), implementation.run_control(params, raw, setpoint)
-    for name in WORDS_DTYPE.names or ():
+    for name in names_of("quad"):
         actual = Words(answer.record.copy())
         actual.record[name][217, 2] ^= 1
         found = first_divergence(expected, actual)

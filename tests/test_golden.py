@@ -154,7 +154,7 @@ def change(folder: Path, **fields: Any) -> None:
 @pytest.mark.parametrize("what", ["raw", "setpoint", "digest", "params", "final"])
 def test_one_wrong_bit_of_a_file_is_named(small: Path, what: str) -> None:
     vector = Vector.read(small / "small.golden")
-    raw, setpoint, digests = vector.raw.copy(), vector.setpoint_turn_q32.copy(), vector.digests.copy()
+    raw, setpoint, digests = vector.raw.copy(), vector.setpoint.copy(), vector.digests.copy()
     raw[11, 2] ^= 4
     setpoint[12] ^= 1 << 9
     digests[13] ^= np.uint32(1 << 31)
@@ -162,15 +162,15 @@ def test_one_wrong_bit_of_a_file_is_named(small: Path, what: str) -> None:
     if what == "raw":
         change(small, raw=raw)
     elif what == "setpoint":
-        change(small, setpoint_turn_q32=setpoint)
+        change(small, setpoint=setpoint)
     elif what == "digest":
         change(small, digests=digests)
     elif what == "final":
         change(small, final={**vector.final, name: vector.final[name] ^ 1})
     else:
-        words = list(vector.params.words())
-        words[3] ^= 1
-        change(small, params=golden.ControlParams.from_words(words))
+        own = vector.params.own()
+        own["gyro.gain"] ^= 1
+        change(small, params=golden.ControlParams.of("quad", own))
     with open_board("native") as native:
         result = golden.check(native, small)
     first = result.first_divergence
@@ -179,7 +179,7 @@ def test_one_wrong_bit_of_a_file_is_named(small: Path, what: str) -> None:
         "raw": (11, "raw_2"),
         "setpoint": (12, "setpoint_turn_q32"),
         "digest": (13, "digest"),
-        "params": (0, "params[3]"),
+        "params": (0, "params[gyro.gain]"),
         "final": (59, name),
     }
     assert (first.step, first.signal) == expected[what]
@@ -200,7 +200,7 @@ def test_lost_answers_make_the_verdict_unverified(small: Path) -> None:
 
 
 @pytest.mark.parametrize("spoil", [lambda data: data[:-1], lambda data: data + b"x", lambda data: data[40:],
-                                   lambda _: b"", lambda data: data.replace(b"golden 1", b"golden 9")])  # fmt: skip
+                                   lambda _: b"", lambda data: data.replace(b"golden 2", b"golden 9")])  # fmt: skip
 def test_a_damaged_file_is_refused_in_a_sentence(small: Path, spoil: Any) -> None:
     path = small / "small.golden"
     path.write_bytes(spoil(path.read_bytes()))

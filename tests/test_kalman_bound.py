@@ -89,8 +89,8 @@ def test_the_whole_chain_from_counts(name: str) -> None:
     params = quantise(quad.TUNINGS[name])
     for scenario in ("motion", "disturb", "converge"):
         run = quad.scenario(scenario, 1003)
-        words = native.run_control(params, run.counts(), run.setpoint_turn_q32())
-        truth = reference.run_control(params, run.counts(), run.setpoint_turn_q32())
+        words = native.run_control(params, run.counts(), run.setpoint())
+        truth = reference.run_control(params, run.counts(), run.setpoint())
         tilt_deg = words["tilt_turn_q32"] * accuracy.TURN_DEG
         error_deg = float(np.abs(reference.wrap(tilt_deg - truth["tilt_deg"])).max())
         assert error_deg <= min(5e-4, accuracy.chain_bound_deg(params, float(np.abs(truth["innovation_deg"]).max())))

@@ -36,7 +36,7 @@ def test_a_library_that_is_none_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_
 
 
 def test_a_library_of_other_words_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(native, "word_names", lambda core: ("raw_0",))
+    monkeypatch.setattr(native, "word_names", lambda core, system: ("raw_0",))
     native.c_core.cache_clear()
     try:
         with pytest.raises(UsageError, match="another version"):

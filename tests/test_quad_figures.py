@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from plumb.systems import figures, quad
+from plumb.systems import figures, quad, quad_figures
 from plumb.systems.figures import Figure
 from plumb.systems.quad_plant import QuadPlant
 
@@ -19,17 +19,17 @@ Rows = dict[tuple[str, str, str], Figure]
 
 @pytest.fixture(scope="module")
 def estimator() -> Rows:
-    return keyed(figures.estimator_rows(figures.SEEDS))
+    return keyed(quad_figures.estimator_rows(figures.SEEDS))
 
 
 @pytest.fixture(scope="module")
 def convergence() -> Rows:
-    return keyed(figures.convergence_rows(figures.SEEDS))
+    return keyed(quad_figures.convergence_rows(figures.SEEDS))
 
 
 @pytest.fixture(scope="module")
 def hold() -> Rows:
-    return keyed(figures.hold_rows(figures.SEEDS))
+    return keyed(quad_figures.hold_rows(figures.SEEDS))
 
 
 def keyed(rows: object) -> Rows:
@@ -95,8 +95,8 @@ class LatePlant(QuadPlant):
 
 
 def test_the_loop_stands_10_ms_of_delay(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(figures, "QuadPlant", LatePlant)
-    runs = [figures.hold_run(quad.TUNINGS["adaptive"], seed) for seed in (1000, 1001, 1002)]
+    monkeypatch.setattr(quad_figures, "QuadPlant", LatePlant)
+    runs = [quad_figures.hold_run(quad.TUNINGS["adaptive"], seed) for seed in (1000, 1001, 1002)]
     assert max(run.recovery_s for run in runs) <= 2.0 and max(run.rms_deg for run in runs) <= 1.0
 
 
@@ -107,7 +107,11 @@ def test_a_missed_figure_is_printed_as_missed() -> None:
         Figure("elsewhere", "motion", "paper", "deg rms", "near", 1.87, 1.97),
         Figure("good", "motion", "paper", "deg rms", "near", 1.87, 1.95, 2.0, 1.95, 2.4, 71.0),
     ]
-    lines = figures.render(rows).splitlines()
+    named = [("quad", row) for row in rows]
+    lines = figures.render(named).splitlines()
     assert [line.split()[-1] for line in lines[1 : len(rows) + 1]] == ["MISSED", "MISSED", "MISSED", "met"]
     assert "Assumed: gyro noise 0.5 deg/s" in lines[-3], "no figure without what it stands on"
+    assert [line.startswith(figures.RED) for line in figures.render(named, colour=True).splitlines()[1:5]] == [
+        True, True, True, False,
+    ]  # fmt: skip
     assert [row.to_json()["met"] for row in rows] == [False, False, False, True]

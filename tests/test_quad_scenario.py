@@ -143,11 +143,11 @@ def test_the_hand_lets_go_and_the_motors_turn_the_axis() -> None:
 
 def test_setpoints_are_binary_angles() -> None:
     motion = quad.scenario("motion", 1)
-    turns = motion.setpoint_turn_q32() / 2.0**32
+    turns = motion.setpoint() / 2.0**32
     assert turns.max() < 0.1 and np.max(np.abs(turns * 360.0 - motion.tilt_deg())) < 1e-6
     plant = QuadPlant(motion)
-    assert plant.setpoint_turn_q32(20.0) == motion.setpoint_turn_q32()[1000]
-    assert not np.any(quad.scenario("hold", 1).setpoint_turn_q32())
+    assert plant.setpoint(20.0) == motion.setpoint()[1000]
+    assert not np.any(quad.scenario("hold", 1).setpoint())
 
 
 def test_wrong_names_and_lengths_are_refused() -> None:

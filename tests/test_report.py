@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plumb import report, story, trial
+from plumb import report, trial
 from plumb.boards.native import NativeBoard
 from plumb.errors import UsageError
 from plumb.quantise import quantise
+from plumb.systems import quad_view
 from plumb.systems.quad import TUNINGS
 from plumb.systems.quad import scenario as quad_scenario
 
@@ -93,5 +94,5 @@ def test_a_plot_can_be_read_on_a_narrow_screen(page: str) -> None:
 def test_a_closed_loop_shows_what_was_asked_for() -> None:
     params, scenario = quantise(TUNINGS["adaptive"]), quad_scenario("hold", 1000, seconds=2.0)
     flown = trial.closed_loop(NativeBoard(), scenario, params)
-    labels = {line.label for line in story.plots(flown, closed=True)[0].lines}
-    assert labels - {line.label for line in story.plots(flown, closed=False)[0].lines} == {"setpoint"}
+    labels = {line.label for line in quad_view.plots(flown, closed=True)[0].lines}
+    assert labels - {line.label for line in quad_view.plots(flown, closed=False)[0].lines} == {"setpoint"}

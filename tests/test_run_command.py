@@ -75,8 +75,8 @@ class LyingBoard(NativeBoard):
     def __init__(self, step: int, signal: str) -> None:
         self.step, self.signal = step, signal
 
-    def run_injected(self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints) -> Answer:
-        answer = super().run_injected(params, raw, setpoint_turn_q32)
+    def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
+        answer = super().run_injected(params, raw, setpoint)
         assert answer.words is not None
         record = answer.words.record.copy()
         if self.step < len(record):
@@ -84,10 +84,8 @@ class LyingBoard(NativeBoard):
         words = type(answer.words)(record)
         return replace(answer, words=words, digests=words.digests())
 
-    def words_of_step(
-        self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints, step: int
-    ) -> dict[str, int]:
-        words = self.run_injected(params, raw[: step + 1], setpoint_turn_q32[: step + 1]).words
+    def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:
+        words = self.run_injected(params, raw[: step + 1], setpoint[: step + 1]).words
         assert words is not None
         return {name: int(values[step]) for name, values in words.items()}
 
@@ -105,7 +103,7 @@ def test_one_wrong_bit_is_a_failed_verdict_with_step_and_signal(signal: str) -> 
 def test_a_lost_digest_is_unverified_not_passed() -> None:
     flight = trial.prescribed(quad.scenario("motion", 3, seconds=4.0))
     params = quantise.quantise(quad.TUNINGS["adaptive"])
-    answer = NativeBoard().run_injected(params, flight.raw, flight.setpoint_turn_q32)
+    answer = NativeBoard().run_injected(params, flight.raw, flight.setpoint)
     judged = trial.judge(NativeBoard(), flight, params, replace(answer, unverified_from=120))
     assert judged.verdict == "unverified"
     assert judged.summary()["unverified_from_step"] == 120

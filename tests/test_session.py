@@ -153,7 +153,7 @@ def test_upload_refuses_with_the_reason() -> None:
             session.upload(changed("esc.mid_halfus", 99999))
         with pytest.raises(UsageError, match="contradict each other"):
             session.upload(changed("esc.max_halfus", 100))
-        with pytest.raises(UsageError, match="has 46 words, not 3"):
+        with pytest.raises(UsageError, match="has 47 words, not 3"):
             session.upload([1, 2, 3])
         with pytest.raises(UsageError, match="there is no parameter 'period'"):
             session.upload(CONTROL, period=3)

@@ -72,4 +72,4 @@ def wild_params(rng: np.random.Generator) -> ControlParams:
     low, high = sorted(int(pulse) for pulse in rng.integers(0, 16384, 2))
     values |= {"esc.mid_halfus": int(rng.integers(0, 16384)), "esc.span_halfus": signed(rng, 16383)}
     values |= {"esc.min_halfus": low, "esc.max_halfus": high, "esc.neutral_halfus": int(rng.integers(0, 16384))}
-    return ControlParams.from_words(list(values.values()))
+    return ControlParams.of("quad", values)

@@ -22,7 +22,7 @@ from plumb.systems import quad
 
 params = quantise.quantise(quad.TUNINGS["adaptive"])
 scenario = quad.scenario("motion", seed=7)
-words = native.run_control(params, scenario.counts(), scenario.setpoint_turn_q32())
+words = native.run_control(params, scenario.counts(), scenario.setpoint())
 error_deg = words["tilt_turn_q32"] * (360 / 2**32) - scenario.tilt_deg()
 print(f"{np.sqrt(np.mean(error_deg[500:] ** 2)):.3f} deg rms")
 """

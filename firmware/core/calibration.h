@@ -29,6 +29,14 @@ static inline int32_t calibration_scale(const calibration_params_t *p, int32_t r
     return wrap_i32((uint32_t)raw * (uint32_t)p->gain + (uint32_t)p->offset);
 }
 
+/* Both; sets `flag` in *flags when the count was outside its range. */
+static inline int32_t calibration_take(const calibration_params_t *p, int32_t raw, uint32_t *flags,
+                                       uint32_t flag) {
+    const int32_t used = calibration_clamp(p, raw);
+    *flags |= used != raw ? flag : 0U;
+    return calibration_scale(p, used);
+}
+
 /* False if the range is empty or leaves int16, or if a value could leave +-CALIBRATION_LIMIT. */
 bool calibration_valid(const calibration_params_t *p);
 

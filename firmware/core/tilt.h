@@ -27,9 +27,9 @@ typedef struct {
 
 /* Measured tilt, turn Q32, from accelerations of any size. */
 static inline int32_t tilt_angle(const tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
-    if (p->mode == TILT_ATAN2)
-        return angle_atan2(accel_y_g_q26, accel_z_g_q26);
-    return angle_asin(clamp_i32(accel_y_g_q26, -TILT_ONE_G_Q26, TILT_ONE_G_Q26) * 16);
+    if (p->mode == TILT_ARCSINE)
+        return angle_asin(clamp_i32(accel_y_g_q26, -TILT_ONE_G_Q26, TILT_ONE_G_Q26) * 16);
+    return angle_atan2(accel_y_g_q26, accel_z_g_q26);
 }
 
 /* r = min(r_base + r_gain * (|a|^2 - 1 g^2)^2, r_max), for accelerations within +-CALIBRATION_LIMIT:

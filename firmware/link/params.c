@@ -13,60 +13,62 @@ typedef struct {
 } param_t;
 
 static const param_t table[PARAMS_COUNT] = {
-    {0xFFFF8000U, 0x00007FFFU, 0x00000579U}, /* 0: gyro.raw_min */
-    {0xFFFF8000U, 0x00007FFFU, 0x0000079FU}, /* 1: gyro.raw_max */
-    {0x80000000U, 0x7FFFFFFFU, 0x000DAE7DU}, /* 2: gyro.gain */
-    {0x80000000U, 0x7FFFFFFFU, 0xA6729F46U}, /* 3: gyro.offset */
-    {0xFFFF8000U, 0x00007FFFU, 0x00000199U}, /* 4: accel_y.raw_min */
-    {0xFFFF8000U, 0x00007FFFU, 0x00000E67U}, /* 5: accel_y.raw_max */
-    {0x80000000U, 0x7FFFFFFFU, 0x00010800U}, /* 6: accel_y.gain */
-    {0x80000000U, 0x7FFFFFFFU, 0xF7C00000U}, /* 7: accel_y.offset */
-    {0xFFFF8000U, 0x00007FFFU, 0x00000199U}, /* 8: accel_z.raw_min */
-    {0xFFFF8000U, 0x00007FFFU, 0x00000E67U}, /* 9: accel_z.raw_max */
-    {0x80000000U, 0x7FFFFFFFU, 0x00010800U}, /* 10: accel_z.gain */
-    {0x80000000U, 0x7FFFFFFFU, 0xF7C00000U}, /* 11: accel_z.offset */
-    {0x00000000U, 0x00000001U, 0x00000001U}, /* 12: tilt.mode */
-    {0x00000001U, 0x01000000U, 0x00002469U}, /* 13: tilt.r_base */
-    {0x00000000U, 0xFFFFFFFFU, 0x009C71C7U}, /* 14: tilt.r_gain */
-    {0x00000001U, 0x01000000U, 0x008E38E4U}, /* 15: tilt.r_max */
-    {0x00000000U, 0xFFFFFFFFU, 0x00079FB8U}, /* 16: tilt.deviation_max */
-    {0x00000000U, 0x0000001FU, 0x0000000DU}, /* 17: tilt.deviation_shift */
-    {0x00000001U, 0x33333333U, 0x0A3D70A4U}, /* 18: kalman.dt_s_q33 */
-    {0x00000000U, 0x00000001U, 0x00000000U}, /* 19: kalman.rate_now */
-    {0x00000000U, 0x01000000U, 0x00000002U}, /* 20: kalman.qa_hi */
-    {0x00000000U, 0xFFFFFFFFU, 0x3CA98CE5U}, /* 21: kalman.qa_lo */
-    {0x00000000U, 0xFFFFFFFFU, 0x0007D199U}, /* 22: kalman.qb */
-    {0x00000000U, 0x3FFFFFFFU, 0x23AFC4ADU}, /* 23: kalman.qb_frac_q30 */
-    {0x00000000U, 0x1FFFFFFFU, 0x00888889U}, /* 24: kalman.bias_max_turn_q29 */
-    {0x40000000U, 0x7FFFFFFFU, 0x64000000U}, /* 25: kalman.rate_gain */
-    {0x00000001U, 0x00000010U, 0x00000006U}, /* 26: kalman.rate_shift */
-    {0xFC000001U, 0x03FFFFFFU, 0x00000000U}, /* 27: start.bias_hi */
-    {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 28: start.bias_lo */
-    {0x80000000U, 0x7FFFFFFFU, 0x00000000U}, /* 29: start.tilt_turn_q32 */
-    {0x00000000U, 0x02000000U, 0x02000000U}, /* 30: start.p00_hi */
-    {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 31: start.p00_lo */
-    {0xFF000000U, 0x01000000U, 0x00000000U}, /* 32: start.p01_hi */
-    {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 33: start.p01_lo */
-    {0x00000000U, 0x00FFFFFFU, 0x000005D3U}, /* 34: start.p11_hi */
-    {0x00000000U, 0xFFFFFFFFU, 0x4EDEE9D6U}, /* 35: start.p11_lo */
-    {0xC0000000U, 0x40000000U, 0x040CCCCDU}, /* 36: pid.kp_q22 */
-    {0x00000000U, 0x7FFFFFFFU, 0x00374BC7U}, /* 37: pid.ki_dt_q22 */
-    {0xC0000000U, 0x40000000U, 0x187AE148U}, /* 38: pid.kd_q27 */
-    {0x00000000U, 0x7FFFFFFFU, 0x7DA7D549U}, /* 39: pid.d_alpha_q31 */
-    {0x00000001U, 0x00800000U, 0x0019999AU}, /* 40: pid.slew_q22 */
-    {0x00000000U, 0x00003FFFU, 0x00000BB8U}, /* 41: esc.mid_halfus */
-    {0xFFFFC001U, 0x00003FFFU, 0x00000320U}, /* 42: esc.span_halfus */
-    {0x00000000U, 0x00003FFFU, 0x000007D0U}, /* 43: esc.min_halfus */
-    {0x00000000U, 0x00003FFFU, 0x00000FA0U}, /* 44: esc.max_halfus */
-    {0x00000000U, 0x00003FFFU, 0x000007D0U}, /* 45: esc.neutral_halfus */
-    {0x000001F4U, 0x000186A0U, 0x00004E20U}, /* 46: period_us */
-    {0x000009C4U, 0x00004E20U, 0x00004E20U}, /* 47: esc_period_us */
-    {0x00000000U, 0x00002710U, 0x000003E8U}, /* 48: arm_hold_ms */
-    {0x00000000U, 0x00000001U, 0x00000000U}, /* 49: pins */
-    {0x000000C8U, 0x00000DACU, 0x000003E8U}, /* 50: dead_time_ns */
+    {0x00000000U, 0x00000000U, 0x00000000U}, /* 0: system */
+    {0xFFFF8000U, 0x00007FFFU, 0x00000579U}, /* 1: gyro.raw_min */
+    {0xFFFF8000U, 0x00007FFFU, 0x0000079FU}, /* 2: gyro.raw_max */
+    {0x80000000U, 0x7FFFFFFFU, 0x000DAE7DU}, /* 3: gyro.gain */
+    {0x80000000U, 0x7FFFFFFFU, 0xA6729F46U}, /* 4: gyro.offset */
+    {0xFFFF8000U, 0x00007FFFU, 0x00000199U}, /* 5: accel_y.raw_min */
+    {0xFFFF8000U, 0x00007FFFU, 0x00000E67U}, /* 6: accel_y.raw_max */
+    {0x80000000U, 0x7FFFFFFFU, 0x00010800U}, /* 7: accel_y.gain */
+    {0x80000000U, 0x7FFFFFFFU, 0xF7C00000U}, /* 8: accel_y.offset */
+    {0xFFFF8000U, 0x00007FFFU, 0x00000199U}, /* 9: accel_z.raw_min */
+    {0xFFFF8000U, 0x00007FFFU, 0x00000E67U}, /* 10: accel_z.raw_max */
+    {0x80000000U, 0x7FFFFFFFU, 0x00010800U}, /* 11: accel_z.gain */
+    {0x80000000U, 0x7FFFFFFFU, 0xF7C00000U}, /* 12: accel_z.offset */
+    {0x00000000U, 0x00000001U, 0x00000001U}, /* 13: tilt.mode */
+    {0x00000001U, 0x01000000U, 0x00002469U}, /* 14: tilt.r_base */
+    {0x00000000U, 0xFFFFFFFFU, 0x009C71C7U}, /* 15: tilt.r_gain */
+    {0x00000001U, 0x01000000U, 0x008E38E4U}, /* 16: tilt.r_max */
+    {0x00000000U, 0xFFFFFFFFU, 0x00079FB8U}, /* 17: tilt.deviation_max */
+    {0x00000000U, 0x0000001FU, 0x0000000DU}, /* 18: tilt.deviation_shift */
+    {0x00000001U, 0x33333333U, 0x0A3D70A4U}, /* 19: kalman.dt_s_q33 */
+    {0x00000000U, 0x00000001U, 0x00000000U}, /* 20: kalman.rate_now */
+    {0x00000000U, 0x01000000U, 0x00000002U}, /* 21: kalman.qa_hi */
+    {0x00000000U, 0xFFFFFFFFU, 0x3CA98CE5U}, /* 22: kalman.qa_lo */
+    {0x00000000U, 0xFFFFFFFFU, 0x0007D199U}, /* 23: kalman.qb */
+    {0x00000000U, 0x3FFFFFFFU, 0x23AFC4ADU}, /* 24: kalman.qb_frac_q30 */
+    {0x00000000U, 0x1FFFFFFFU, 0x00888889U}, /* 25: kalman.bias_max_turn_q29 */
+    {0x40000000U, 0x7FFFFFFFU, 0x64000000U}, /* 26: kalman.rate_gain */
+    {0x00000001U, 0x00000010U, 0x00000006U}, /* 27: kalman.rate_shift */
+    {0xFC000001U, 0x03FFFFFFU, 0x00000000U}, /* 28: start.bias_hi */
+    {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 29: start.bias_lo */
+    {0x80000000U, 0x7FFFFFFFU, 0x00000000U}, /* 30: start.tilt_turn_q32 */
+    {0x00000000U, 0x02000000U, 0x02000000U}, /* 31: start.p00_hi */
+    {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 32: start.p00_lo */
+    {0xFF000000U, 0x01000000U, 0x00000000U}, /* 33: start.p01_hi */
+    {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 34: start.p01_lo */
+    {0x00000000U, 0x00FFFFFFU, 0x000005D3U}, /* 35: start.p11_hi */
+    {0x00000000U, 0xFFFFFFFFU, 0x4EDEE9D6U}, /* 36: start.p11_lo */
+    {0xC0000000U, 0x40000000U, 0x040CCCCDU}, /* 37: pid.kp_q22 */
+    {0x00000000U, 0x7FFFFFFFU, 0x00374BC7U}, /* 38: pid.ki_dt_q22 */
+    {0xC0000000U, 0x40000000U, 0x187AE148U}, /* 39: pid.kd_q27 */
+    {0x00000000U, 0x7FFFFFFFU, 0x7DA7D549U}, /* 40: pid.d_alpha_q31 */
+    {0x00000001U, 0x00800000U, 0x0019999AU}, /* 41: pid.slew_q22 */
+    {0x00000000U, 0x00003FFFU, 0x00000BB8U}, /* 42: esc.mid_halfus */
+    {0xFFFFC001U, 0x00003FFFU, 0x00000320U}, /* 43: esc.span_halfus */
+    {0x00000000U, 0x00003FFFU, 0x000007D0U}, /* 44: esc.min_halfus */
+    {0x00000000U, 0x00003FFFU, 0x00000FA0U}, /* 45: esc.max_halfus */
+    {0x00000000U, 0x00003FFFU, 0x000007D0U}, /* 46: esc.neutral_halfus */
+    {0x000001F4U, 0x000186A0U, 0x00004E20U}, /* 47: period_us */
+    {0x000009C4U, 0x00004E20U, 0x00004E20U}, /* 48: esc_period_us */
+    {0x00000000U, 0x00002710U, 0x000003E8U}, /* 49: arm_hold_ms */
+    {0x00000000U, 0x00000001U, 0x00000000U}, /* 50: pins */
+    {0x000000C8U, 0x00000DACU, 0x000003E8U}, /* 51: dead_time_ns */
 };
 
 static const uint16_t ids[PARAMS_COUNT] = {
+    0xA423U, /* system */
     0xBA59U, /* gyro.raw_min */
     0x4107U, /* gyro.raw_max */
     0x9902U, /* gyro.gain */
@@ -122,57 +124,58 @@ static const uint16_t ids[PARAMS_COUNT] = {
 
 #define PLACE(member, index) \
     typedef char place_of_word_##index[offsetof(params_t, member) == 4U * (index) ? 1 : -1]
-PLACE(control.gyro.raw_min, 0);
-PLACE(control.gyro.raw_max, 1);
-PLACE(control.gyro.gain, 2);
-PLACE(control.gyro.offset, 3);
-PLACE(control.accel_y.raw_min, 4);
-PLACE(control.accel_y.raw_max, 5);
-PLACE(control.accel_y.gain, 6);
-PLACE(control.accel_y.offset, 7);
-PLACE(control.accel_z.raw_min, 8);
-PLACE(control.accel_z.raw_max, 9);
-PLACE(control.accel_z.gain, 10);
-PLACE(control.accel_z.offset, 11);
-PLACE(control.tilt.mode, 12);
-PLACE(control.tilt.r_base, 13);
-PLACE(control.tilt.r_gain, 14);
-PLACE(control.tilt.r_max, 15);
-PLACE(control.tilt.deviation_max, 16);
-PLACE(control.tilt.deviation_shift, 17);
-PLACE(control.kalman.dt_s_q33, 18);
-PLACE(control.kalman.rate_now, 19);
-PLACE(control.kalman.qa_hi, 20);
-PLACE(control.kalman.qa_lo, 21);
-PLACE(control.kalman.qb, 22);
-PLACE(control.kalman.qb_frac_q30, 23);
-PLACE(control.kalman.bias_max_turn_q29, 24);
-PLACE(control.kalman.rate_gain, 25);
-PLACE(control.kalman.rate_shift, 26);
-PLACE(control.start.bias_hi, 27);
-PLACE(control.start.bias_lo, 28);
-PLACE(control.start.tilt_turn_q32, 29);
-PLACE(control.start.p00_hi, 30);
-PLACE(control.start.p00_lo, 31);
-PLACE(control.start.p01_hi, 32);
-PLACE(control.start.p01_lo, 33);
-PLACE(control.start.p11_hi, 34);
-PLACE(control.start.p11_lo, 35);
-PLACE(control.pid.kp_q22, 36);
-PLACE(control.pid.ki_dt_q22, 37);
-PLACE(control.pid.kd_q27, 38);
-PLACE(control.pid.d_alpha_q31, 39);
-PLACE(control.pid.slew_q22, 40);
-PLACE(control.esc.mid_halfus, 41);
-PLACE(control.esc.span_halfus, 42);
-PLACE(control.esc.min_halfus, 43);
-PLACE(control.esc.max_halfus, 44);
-PLACE(control.esc.neutral_halfus, 45);
-PLACE(period_us, 46);
-PLACE(esc_period_us, 47);
-PLACE(arm_hold_ms, 48);
-PLACE(pins, 49);
-PLACE(dead_time_ns, 50);
+PLACE(control.system, 0);
+PLACE(control.gyro.raw_min, 1);
+PLACE(control.gyro.raw_max, 2);
+PLACE(control.gyro.gain, 3);
+PLACE(control.gyro.offset, 4);
+PLACE(control.accel_y.raw_min, 5);
+PLACE(control.accel_y.raw_max, 6);
+PLACE(control.accel_y.gain, 7);
+PLACE(control.accel_y.offset, 8);
+PLACE(control.accel_z.raw_min, 9);
+PLACE(control.accel_z.raw_max, 10);
+PLACE(control.accel_z.gain, 11);
+PLACE(control.accel_z.offset, 12);
+PLACE(control.tilt.mode, 13);
+PLACE(control.tilt.r_base, 14);
+PLACE(control.tilt.r_gain, 15);
+PLACE(control.tilt.r_max, 16);
+PLACE(control.tilt.deviation_max, 17);
+PLACE(control.tilt.deviation_shift, 18);
+PLACE(control.kalman.dt_s_q33, 19);
+PLACE(control.kalman.rate_now, 20);
+PLACE(control.kalman.qa_hi, 21);
+PLACE(control.kalman.qa_lo, 22);
+PLACE(control.kalman.qb, 23);
+PLACE(control.kalman.qb_frac_q30, 24);
+PLACE(control.kalman.bias_max_turn_q29, 25);
+PLACE(control.kalman.rate_gain, 26);
+PLACE(control.kalman.rate_shift, 27);
+PLACE(control.start.bias_hi, 28);
+PLACE(control.start.bias_lo, 29);
+PLACE(control.start.tilt_turn_q32, 30);
+PLACE(control.start.p00_hi, 31);
+PLACE(control.start.p00_lo, 32);
+PLACE(control.start.p01_hi, 33);
+PLACE(control.start.p01_lo, 34);
+PLACE(control.start.p11_hi, 35);
+PLACE(control.start.p11_lo, 36);
+PLACE(control.pid.kp_q22, 37);
+PLACE(control.pid.ki_dt_q22, 38);
+PLACE(control.pid.kd_q27, 39);
+PLACE(control.pid.d_alpha_q31, 40);
+PLACE(control.pid.slew_q22, 41);
+PLACE(control.esc.mid_halfus, 42);
+PLACE(control.esc.span_halfus, 43);
+PLACE(control.esc.min_halfus, 44);
+PLACE(control.esc.max_halfus, 45);
+PLACE(control.esc.neutral_halfus, 46);
+PLACE(period_us, 47);
+PLACE(esc_period_us, 48);
+PLACE(arm_hold_ms, 49);
+PLACE(pins, 50);
+PLACE(dead_time_ns, 51);
 typedef char whole_table[sizeof(params_t) == 4U * PARAMS_COUNT ? 1 : -1];
 
 uint32_t params_word(const params_t *p, uint16_t index) {

@@ -3,6 +3,7 @@
 #include "messages.h"
 #include "requests.h"
 #include "run.h"
+#include "telemetry.h"
 #include <string.h>
 
 #define TIME_EVERY_US   50000U
@@ -125,7 +126,7 @@ static uint32_t identity_value(const session_t *s, uint16_t item, uint32_t now_u
     case MESSAGE_IDENTITY_ITEM_PARAMETER_CRC:
         return params_crc32(s->params);
     case MESSAGE_IDENTITY_ITEM_RECORD_WORDS:
-        return SESSION_RECORD_WORDS;
+        return (uint32_t)control_words_bytes(&s->params->control) / 4U;
     case MESSAGE_IDENTITY_ITEM_RESET_CAUSE:
         return b->reset_cause;
     case MESSAGE_IDENTITY_ITEM_FAULTS:
@@ -223,6 +224,9 @@ static void on_param_set(session_t *s, const can_frame_t *f) {
 }
 
 void session_use_staged(session_t *s) {
+    if (s->staged.control.system != s->params->control.system) {
+        telemetry_select_nothing(s); /* another record */
+    }
     *s->params = s->staged;
     s->parameters_staged = false;
 }
@@ -310,7 +314,7 @@ static void on_select(session_t *s, const can_frame_t *f) {
     if (m.bank > SESSION_WORD_BANKS) {
         reply_nack(s, f, MESSAGE_NACK_REASON_INDEX, m.bank);
     } else {
-        run_select(s, m.bank, m.mask);
+        telemetry_select(s, m.bank, m.mask);
         reply_ack(s, f, m.mask);
     }
 }
@@ -436,7 +440,7 @@ static void send_status(session_t *s, link_t link) {
 void session_poll(session_t *s, uint32_t now_us) {
     links_poll(s, now_us);
     arming_poll(&s->arming, arming_blocked(s, s->armed_by), now_us);
-    run_send_words(s);
+    telemetry_send_words(s);
     for (unsigned i = 0; i < LINKS; i++) {
         poll_long_replies(s, &s->link[i], now_us);
     }
@@ -465,6 +469,6 @@ void session_init(session_t *s, const board_identity_t *board, control_t *contro
     slcan_rx_init(&s->rx);
     links_init(s);
     arming_init(&s->arming, board->unique_id[0] ^ board->unique_id[1] ^ board->unique_id[2]);
-    run_select(s, 0, 0);
+    telemetry_select_nothing(s);
     control_init(control, &params->control);
 }

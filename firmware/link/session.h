@@ -27,8 +27,8 @@
 #include "store.h"
 
 #define SESSION_QUEUE_LENGTH    16U /* samples in flight; a power of two */
-#define SESSION_RECORD_WORDS    (sizeof(control_words_t) / 4U)
-#define SESSION_WORD_BANKS      ((SESSION_RECORD_WORDS + 31U) / 32U)
+#define SESSION_SLOT(step)      ((step) & (SESSION_QUEUE_LENGTH - 1U))
+#define SESSION_WORD_BANKS      ((CONTROL_RECORD_WORDS_MAX + 31U) / 32U)
 #define SESSION_FAULTS_BLOCKING 0x00FFU /* of BOARD_FAULT_*: these disarm */
 
 typedef enum { SESSION_IDLE = 0, SESSION_LOCKSTEP = 1, SESSION_REALTIME = 2 } session_mode_t;
@@ -98,9 +98,10 @@ typedef struct {
     uint16_t queue_out; /* samples ever taken out */
     uint16_t saturated; /* steps with a clamped value, modulo 2^16 */
     uint16_t starved;   /* real-time steps without a new sample, modulo 2^16 */
-    uint16_t word_next; /* of the last step's record, the next to be sent; SESSION_RECORD_WORDS: all were */
-    uint16_t stale;     /* real-time steps since the last injected sample; all ones: none came in this run */
-    uint8_t gap_ahead;  /* how far ahead of the missing sample the last one was, 0xFF: none is missing */
+    uint16_t
+        word_next;  /* of the last step's record, the next to be sent; CONTROL_RECORD_WORDS_MAX: all were */
+    uint16_t stale; /* real-time steps since the last injected sample; all ones: none came in this run */
+    uint8_t gap_ahead;       /* how far ahead of the missing sample the last one was, 0xFF: none is missing */
     uint8_t sample_expected; /* real time: low six bits of the next sample's number, above 63: any */
     uint8_t raw_b_step6;     /* low six bits of the number raw_b belongs to, above 63: none */
     bool setpoint_waiting;   /* lockstep: given for the sample to come; real time: not yet used */

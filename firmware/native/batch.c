@@ -18,18 +18,17 @@
 
 #define PARAMS_WORDS (sizeof(control_params_t) / sizeof(uint32_t))
 
-EXPORT const char *plumb_word_names(void);
-EXPORT int32_t plumb_sizeof_words(void);
+EXPORT const char *plumb_word_names(uint32_t system);
+EXPORT int32_t plumb_sizeof_words(uint32_t system);
 EXPORT int32_t plumb_sizeof_control(void);
 EXPORT int32_t plumb_sizeof_kalman(void);
 EXPORT int32_t plumb_sizeof_pid(void);
 EXPORT int32_t plumb_params_count(void);
 EXPORT int32_t plumb_params_valid(const uint32_t *params);
 EXPORT void plumb_control_init(void *control, const uint32_t *params);
-EXPORT void plumb_control_step(void *control, const uint32_t *params, const int16_t *raw,
-                               int32_t setpoint_turn_q32);
-EXPORT void plumb_control_words(const void *control, uint8_t *words);
-EXPORT void plumb_control_run(const uint32_t *params, const int16_t *raw, const int32_t *setpoint_turn_q32,
+EXPORT void plumb_control_step(void *control, const uint32_t *params, const int16_t *raw, int32_t setpoint);
+EXPORT void plumb_control_words(const void *control, const uint32_t *params, uint8_t *words);
+EXPORT void plumb_control_run(const uint32_t *params, const int16_t *raw, const int32_t *setpoint,
                               int32_t steps, uint8_t *words, uint32_t *digests);
 EXPORT void plumb_kalman_run(const uint32_t *params, const uint32_t *variance, const int32_t *tilt_turn_q32,
                              const int32_t *rate_turnps_q28, int32_t steps, int32_t runs, void *states,
@@ -49,19 +48,27 @@ EXPORT void plumb_tilt_run(const uint32_t *params, const int32_t *accel_y_g_q26,
 EXPORT void plumb_reciprocal_run(const uint32_t *d, int32_t n, uint32_t *y_q61);
 EXPORT uint32_t plumb_crc32(const uint8_t *data, int32_t bytes);
 
-/* In the order of control_words_t; arrays as name_index. */
-const char *plumb_word_names(void) {
-    return "raw_0,raw_1,raw_2,raw_3,raw_4,raw_5,setpoint_turn_q32,rate_turnps_q28,accel_y_g_q26,accel_z_g_"
-           "q26,"
-           "tilt_measured_turn_q32,variance,tilt_turn_q61,bias_turn_q61,p00,p01,p11,p11_frac_q30,innovation_"
-           "turn_q32,"
-           "k0_q29,k1_q29,tilt_turn_q32,bias_turnps_q28,rate_corrected_turnps_q28,clamped_steps,integral_q54,"
-           "command_q22,rate_filtered_turnps_q27,excess_q22,error_turn_q32,pulse_halfus_0,pulse_halfus_1,"
-           "flags,step";
+#define QUAD_NAMES                                                                                           \
+    "raw_0,raw_1,raw_2,raw_3,raw_4,raw_5,setpoint_turn_q32,rate_turnps_q28,accel_y_g_q26,accel_z_g_q26,"     \
+    "tilt_measured_turn_q32,variance,tilt_turn_q61,bias_turn_q61,p00,p01,p11,p11_frac_q30,"                  \
+    "innovation_turn_q32,k0_q29,k1_q29,tilt_turn_q32,bias_turnps_q28,rate_corrected_turnps_q28,"             \
+    "clamped_steps,integral_q54,command_q22,rate_filtered_turnps_q27,excess_q22,error_turn_q32,"             \
+    "pulse_halfus_0,pulse_halfus_1,flags,step"
+
+/* The words of a system's step in the order of its record; arrays as name_index. NULL: there is no such
+ * system. */
+const char *plumb_word_names(uint32_t system) {
+    switch (system) {
+    case CONTROL_QUAD:
+        return QUAD_NAMES;
+    default:
+        return NULL;
+    }
 }
 
-int32_t plumb_sizeof_words(void) {
-    return (int32_t)sizeof(control_words_t);
+int32_t plumb_sizeof_words(uint32_t system) {
+    const control_params_t p = {.system = system};
+    return (int32_t)control_words_bytes(&p);
 }
 
 int32_t plumb_sizeof_control(void) {
@@ -97,29 +104,30 @@ void plumb_control_init(void *control, const uint32_t *params) {
     control_init(control, &p);
 }
 
-void plumb_control_step(void *control, const uint32_t *params, const int16_t *raw,
-                        int32_t setpoint_turn_q32) {
+void plumb_control_step(void *control, const uint32_t *params, const int16_t *raw, int32_t setpoint) {
     const control_params_t p = params_of(params);
-    control_step(control, &p, raw, setpoint_turn_q32);
+    control_step(control, &p, raw, setpoint);
 }
 
-void plumb_control_words(const void *control, uint8_t *words) {
-    memcpy(words, &((const control_t *)control)->words, sizeof(control_words_t));
+void plumb_control_words(const void *control, const uint32_t *params, uint8_t *words) {
+    const control_params_t p = params_of(params);
+    memcpy(words, control_words(control), control_words_bytes(&p));
 }
 
-/* A whole run from its start. raw: [steps][6]; words: [steps][plumb_sizeof_words()], may be NULL; digests:
- * [steps], may be NULL. */
-void plumb_control_run(const uint32_t *params, const int16_t *raw, const int32_t *setpoint_turn_q32,
-                       int32_t steps, uint8_t *words, uint32_t *digests) {
+/* A whole run from its start. raw: [steps][6]; words: [steps][plumb_sizeof_words(system)], may be NULL;
+ * digests: [steps], may be NULL. */
+void plumb_control_run(const uint32_t *params, const int16_t *raw, const int32_t *setpoint, int32_t steps,
+                       uint8_t *words, uint32_t *digests) {
     const control_params_t p = params_of(params);
+    const size_t bytes = control_words_bytes(&p);
     control_t c;
     control_init(&c, &p);
     for (int32_t i = 0; i < steps; i++) {
-        control_step(&c, &p, raw + (size_t)i * CONTROL_RAW_MAX, setpoint_turn_q32[i]);
+        control_step(&c, &p, raw + (size_t)i * CONTROL_RAW_MAX, setpoint[i]);
         if (words)
-            memcpy(words + (size_t)i * sizeof c.words, &c.words, sizeof c.words);
+            memcpy(words + (size_t)i * bytes, control_words(&c), bytes);
         if (digests)
-            digests[i] = digest_crc32(&c.words, sizeof c.words);
+            digests[i] = digest_crc32(control_words(&c), bytes);
     }
 }
 

@@ -4,7 +4,7 @@
  * "plumb-in.bin":  uint32 magic, uint32 parameter words, uint32 steps, the parameter words,
  *                  then per step int16 raw[6], int32 setpoint
  * "plumb-out.bin": uint32 magic, uint32 bytes of a step's words,
- *                  then per step the words (control.h: c->words), uint32 digest
+ *                  then per step the words (control_words()), uint32 digest
  *
  * The exit code of QEMU says how it went: run_result_t. */
 #include "control.h"
@@ -27,7 +27,7 @@ typedef enum {
 
 typedef struct {
     int16_t raw[CONTROL_RAW_MAX];
-    int32_t setpoint_turn_q32;
+    int32_t setpoint;
 } sample_t;
 
 typedef struct {
@@ -36,15 +36,10 @@ typedef struct {
     uint32_t steps;
 } input_header_t;
 
-typedef struct {
-    control_words_t words;
-    uint32_t digest;
-} __attribute__((packed)) answer_t;
-
 static control_t control;
 static control_params_t params;
 static sample_t samples[BATCH_STEPS];
-static answer_t answers[BATCH_STEPS];
+static uint8_t answers[BATCH_STEPS * (sizeof(control_words_t) + sizeof(uint32_t))];
 
 static run_result_t run(int32_t input, int32_t output) {
     input_header_t header;
@@ -60,7 +55,8 @@ static run_result_t run(int32_t input, int32_t output) {
     if (!control_params_valid(&params)) {
         return RUN_REFUSED;
     }
-    const uint32_t head[2] = {MAGIC_OUT, sizeof(control_words_t)};
+    const uint32_t bytes = (uint32_t)control_words_bytes(&params);
+    const uint32_t head[2] = {MAGIC_OUT, bytes};
     if (!semihosting_write(output, head, sizeof head)) {
         return RUN_NO_OUTPUT;
     }
@@ -70,12 +66,15 @@ static run_result_t run(int32_t input, int32_t output) {
         if (!semihosting_read(input, samples, batch * sizeof samples[0])) {
             return RUN_NO_INPUT;
         }
+        uint8_t *answer = answers;
         for (uint32_t i = 0; i < batch; i++) {
-            control_step(&control, &params, samples[i].raw, samples[i].setpoint_turn_q32);
-            memcpy(&answers[i].words, &control.words, sizeof control.words);
-            answers[i].digest = digest_crc32(&control.words, sizeof control.words);
+            control_step(&control, &params, samples[i].raw, samples[i].setpoint);
+            const uint32_t digest = digest_crc32(control_words(&control), bytes);
+            memcpy(answer, control_words(&control), bytes);
+            memcpy(answer + bytes, &digest, sizeof digest);
+            answer += bytes + sizeof digest;
         }
-        if (!semihosting_write(output, answers, batch * sizeof answers[0])) {
+        if (!semihosting_write(output, answers, (uint32_t)(answer - answers))) {
             return RUN_NO_OUTPUT;
         }
         left -= batch;

@@ -169,7 +169,7 @@ def _rows(steps: int) -> Iterator[str]:
         error = np.abs(filter_error_deg(params, hard_inputs(params, steps, seed=11))).max()
         bounds = [filter_bound_deg(params, innovation) for innovation in (180.0, 1.0)]
         bounds.append(chain_bound_deg(params, 180.0))
-        chain = chain_error_deg(params, run.counts(), run.setpoint_turn_q32())
+        chain = chain_error_deg(params, run.counts(), run.setpoint())
         yield (
             f"{name:<14}{error:>11.1e} deg (bound at 180 deg {bounds[0]:.1e}, at 1 deg {bounds[1]:.1e})"
             f"{chain:>11.1e} deg (bound at 180 deg {bounds[2]:.1e})"

@@ -30,7 +30,7 @@ from plumb.quantise import ControlParams, dequantise, quantise
 from plumb.recipe import WILD, random_bits
 from plumb.slcan import SlcanParser, text_of_frames
 from plumb.systems import quad
-from plumb.words import WORDS_DTYPE, Words
+from plumb.words import QUAD, Words
 
 IMAGE = Path("build/stm32f103/firmware.elf")
 CONTROL_BYTES = 1024
@@ -156,7 +156,7 @@ def _inputs(tunings: Sequence[str]) -> Iterator[tuple[str, bool, npt.NDArray[np.
     for index, name in enumerate(tunings):
         seconds = MOTION_STEPS * quad.PERIOD_US * 1e-6
         motion = quad.scenario("motion", 3000 + index, seconds=seconds)
-        yield name, True, motion.counts().astype(np.int64), motion.setpoint_turn_q32().astype(np.int64)
+        yield name, True, motion.counts().astype(np.int64), motion.setpoint().astype(np.int64)
         for make in WILD.values():
             yield name, False, *make(4000 + index, WILD_STEPS)
 
@@ -178,8 +178,8 @@ def _run_control(counter: Counter, tunings: Sequence[str]) -> list[_Run]:
         for counts, target in zip(raw, setpoint, strict=True):
             counter.write(room, _pack(counts, "<i2"))
             counter.call("control_step", control, table, room, int(target))
-            record += counter.read(control, WORDS_DTYPE.itemsize)
-        runs.append(_Run(params, ordinary, raw, setpoint, Words.from_bytes(record, (len(raw),))))
+            record += counter.read(control, QUAD.itemsize)
+        runs.append(_Run(params, ordinary, raw, setpoint, Words.from_bytes(record, (len(raw),), "quad")))
     return runs
 
 

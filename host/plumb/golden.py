@@ -7,8 +7,8 @@ A vector file, NAME.golden, is one line of JSON and then binary, little endian, 
     int32  setpoint (steps,)           left out when the header's "setpoint" is a number: constant
     uint32 digest   (steps,)           CRC-32 of every step's words
 
-"params" are the parameter words of the run, "final" the words of the last step by name. "on_link" marks the vectors
-that are also run over a link, where a step costs a frame.
+"params" are the parameter words that the system reads, "final" the words of the last step, by name. "on_link" marks the
+vectors that are also run over a link, where a step costs a frame.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from plumb.boards import Answer, Board, RawCounts, Setpoints
 from plumb.compare import first_digest_divergence
 from plumb.errors import UsageError
 from plumb.quantise import ControlParams
-from plumb.words import Words
+from plumb.words import Words, names_of
 
-FORMAT = "plumb golden 1"
+FORMAT = "plumb golden 2"
 SUFFIX = ".golden"
 RECIPE = "recipe.toml"
 WHOLE_BOARDS = ("native", "qemu")
@@ -39,20 +39,20 @@ WHOLE_BOARDS = ("native", "qemu")
 
 @dataclass(frozen=True)
 class Vector:
-    """One golden vector. raw: (steps, 6) int16; setpoint_turn_q32: (steps,) int32; digests: (steps,) uint32."""
+    """One golden vector. raw: (steps, 6) int16; setpoint: (steps,) int32; digests: (steps,) uint32."""
 
     name: str
     system: str
     on_link: bool
     params: ControlParams
     raw: RawCounts
-    setpoint_turn_q32: Setpoints
+    setpoint: Setpoints
     digests: npt.NDArray[np.uint32]
     final: dict[str, int]
 
     def encode(self) -> bytes:
         columns = [i for i in range(self.raw.shape[1]) if self.raw[:, i].any()]
-        constant = bool((self.setpoint_turn_q32 == self.setpoint_turn_q32[0]).all())
+        constant = bool((self.setpoint == self.setpoint[0]).all())
         header = {
             "format": FORMAT,
             "name": self.name,
@@ -60,12 +60,12 @@ class Vector:
             "on_link": self.on_link,
             "steps": len(self.raw),
             "columns": columns,
-            "setpoint": int(self.setpoint_turn_q32[0]) if constant else None,
-            "params": list(self.params.words()),
+            "setpoint": int(self.setpoint[0]) if constant else None,
+            "params": self.params.own(),
             "final": self.final,
         }
         binary = self.raw[:, columns].astype("<i2").tobytes()
-        binary += b"" if constant else self.setpoint_turn_q32.astype("<i4").tobytes()
+        binary += b"" if constant else self.setpoint.astype("<i4").tobytes()
         return json.dumps(header).encode() + b"\n" + binary + self.digests.astype("<u4").tobytes()
 
     @classmethod
@@ -77,7 +77,7 @@ class Vector:
             if header["format"] != FORMAT:
                 raise ValueError(header["format"])
             return cls._decode(header, binary)
-        except (OSError, ValueError, KeyError, TypeError, IndexError):
+        except (OSError, ValueError, KeyError, TypeError, IndexError, UsageError):
             raise UsageError(f"{path} is not a whole golden vector; make it again with: plumb golden make") from None
 
     @classmethod
@@ -94,7 +94,7 @@ class Vector:
         digests = np.frombuffer(binary, "<u4", steps, at).astype(np.uint32)
         if len(binary) != at + 4 * steps:
             raise ValueError("length")
-        params = ControlParams.from_words(header["params"])
+        params = ControlParams.of(header["system"], header["params"])
         final = {str(name): int(value) for name, value in header["final"].items()}
         return cls(header["name"], header["system"], bool(header["on_link"]), params, raw, setpoint, digests, final)
 
@@ -139,7 +139,7 @@ def load(folder: Path, systems: Sequence[str] | None = None) -> list[Vector]:
 @dataclass(frozen=True)
 class Divergence:
     """Where a board, or the vector file itself (in_file), first leaves the model. signal is a word of the step, or
-    `params[i]`, or `digest`; actual is None where the board gave nothing."""
+    `params[NAME]`, or `digest`; actual is None where the board gave nothing."""
 
     vector: str
     step: int
@@ -199,7 +199,7 @@ def check(board: Board, folder: Path, systems: Sequence[str] | None = None) -> R
     result = Result()
     chosen = [(e, Vector.read(folder / (e.name + SUFFIX))) for e in entries if e.on_link or board.name in WHOLE_BOARDS]
     for entry, vector in tqdm(chosen, disable=None, leave=False, unit="vector", desc=board.name):
-        answer = board.run_injected(vector.params, vector.raw, vector.setpoint_turn_q32)
+        answer = board.run_injected(vector.params, vector.raw, vector.setpoint)
         result.vectors += 1
         result.steps += len(vector.raw)
         if answer.unverified_from is not None and result.unverified_from is None:
@@ -220,14 +220,14 @@ def _trace(board: Board, entry: recipe.Entry, vector: Vector, answer: Answer) ->
     if step is None:
         return _first_in_words(vector, answer)
     step = min(step, len(vector.raw) - 1)
-    model = fixed.run_control(vector.params, vector.raw, vector.setpoint_turn_q32)
+    model = fixed.run_control(vector.params, vector.raw, vector.setpoint)
     in_file = first_digest_divergence(model.digests(), vector.digests)
     if in_file is not None and in_file <= step:
         return _first_in_file(entry, vector, in_file)
     if answer.words is not None:
         actual = {name: int(values[step]) for name, values in answer.words.items()}
     else:
-        actual = board.words_of_step(vector.params, vector.raw, vector.setpoint_turn_q32, step)
+        actual = board.words_of_step(vector.params, vector.raw, vector.setpoint, step)
     for name, values in model.items():
         if int(values[step]) != actual.get(name):
             return Divergence(vector.name, step, name, int(values[step]), actual.get(name))
@@ -242,7 +242,7 @@ def _first_in_words(vector: Vector, answer: Answer) -> Divergence | None:
     step = first_digest_divergence(answer.digests, words.digests())
     last = len(vector.raw) - 1
     if step is not None:
-        model = fixed.run_control(vector.params, vector.raw[: step + 1], vector.setpoint_turn_q32[: step + 1])
+        model = fixed.run_control(vector.params, vector.raw[: step + 1], vector.setpoint[: step + 1])
         for name, values in model.items():
             if int(values[step]) != int(words[name][step]):
                 return Divergence(vector.name, step, name, int(values[step]), int(words[name][step]))
@@ -255,16 +255,16 @@ def _first_in_words(vector: Vector, answer: Answer) -> Divergence | None:
 def _first_in_file(entry: recipe.Entry, vector: Vector, step: int) -> Divergence:
     """The file disagrees with the model on its own inputs: what its recipe gives shows which number was changed."""
     fresh = build(entry)
-    for index, (expected, actual) in enumerate(zip(fresh.params.words(), vector.params.words(), strict=True)):
-        if expected != actual:
-            return Divergence(vector.name, 0, f"params[{index}]", expected, actual, in_file=True)
+    for name, expected in fresh.params.own().items():
+        if expected != vector.params[name]:
+            return Divergence(vector.name, 0, f"params[{name}]", expected, vector.params[name], in_file=True)
     steps = min(len(fresh.raw), len(vector.raw))
     for at in range(steps):
         if (fresh.raw[at] != vector.raw[at]).any():
             column = int(np.flatnonzero(fresh.raw[at] != vector.raw[at])[0])
             expected, actual = int(fresh.raw[at, column]), int(vector.raw[at, column])
             return Divergence(vector.name, at, f"raw_{column}", expected, actual, in_file=True)
-        if fresh.setpoint_turn_q32[at] != vector.setpoint_turn_q32[at]:
-            expected, actual = int(fresh.setpoint_turn_q32[at]), int(vector.setpoint_turn_q32[at])
-            return Divergence(vector.name, at, "setpoint_turn_q32", expected, actual, in_file=True)
+        if fresh.setpoint[at] != vector.setpoint[at]:
+            expected, actual = int(fresh.setpoint[at]), int(vector.setpoint[at])
+            return Divergence(vector.name, at, names_of(vector.system)[6], expected, actual, in_file=True)
     return Divergence(vector.name, step, "digest", int(fresh.digests[step]), int(vector.digests[step]), in_file=True)

@@ -14,20 +14,21 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from plumb import parameters
 from plumb.errors import UsageError
-from plumb.fixed import check_inputs
+from plumb.fixed import check_inputs, system_name
 from plumb.quantise import ControlParams
-from plumb.words import WORDS_DTYPE, Words
+from plumb.words import QUAD, RECORDS, Words, names_of
 
 LIBRARY = "libplumb_native.so"
 BUILD = "cmake --preset native && cmake --build --preset native"
 
-KALMAN_DTYPE = np.dtype([(name, WORDS_DTYPE[name]) for name in (
+KALMAN_DTYPE = np.dtype([(name, QUAD[name]) for name in (
     "tilt_turn_q61", "bias_turn_q61", "p00", "p01", "p11", "p11_frac_q30", "innovation_turn_q32", "k0_q29", "k1_q29",
 )])  # fmt: skip
 """kalman_t: the state of one filter after a step."""
 
-PID_DTYPE = np.dtype([(name, WORDS_DTYPE[name]) for name in (
+PID_DTYPE = np.dtype([(name, QUAD[name]) for name in (
     "integral_q54", "command_q22", "rate_filtered_turnps_q27", "excess_q22", "error_turn_q32",
 )])  # fmt: skip
 """pid_t."""
@@ -54,8 +55,9 @@ def c_core() -> ctypes.CDLL:
         core.plumb_word_names.restype = ctypes.c_char_p
         core.plumb_crc32.restype = ctypes.c_uint32
         fits = (
-            word_names(core) == WORDS_DTYPE.names
-            and core.plumb_sizeof_words() == WORDS_DTYPE.itemsize
+            all(word_names(core, system) == names_of(system) for system in RECORDS)
+            and all(core.plumb_sizeof_words(_number(system)) == RECORDS[system].itemsize for system in RECORDS)
+            and core.plumb_params_count() == sum(row.owner == "control" for row in parameters.table())
             and core.plumb_sizeof_kalman() == KALMAN_DTYPE.itemsize
             and core.plumb_sizeof_pid() == PID_DTYPE.itemsize
         )
@@ -66,9 +68,14 @@ def c_core() -> ctypes.CDLL:
     return core
 
 
-def word_names(core: ctypes.CDLL) -> tuple[str, ...]:
-    """The words of a step as the C lists them."""
-    return tuple(core.plumb_word_names().decode().split(","))
+def _number(system: str) -> int:
+    return parameters.SYSTEMS.index(system)
+
+
+def word_names(core: ctypes.CDLL, system: str) -> tuple[str, ...]:
+    """The words of a system's step as the C lists them; none for a system it does not have."""
+    names: bytes | None = core.plumb_word_names(_number(system))
+    return tuple(names.decode().split(",")) if names else ()
 
 
 def _pointer(array: npt.NDArray[np.generic]) -> ctypes.c_void_p:
@@ -184,35 +191,33 @@ class Controller:
     def __init__(self, params: ControlParams) -> None:
         self._core, self._params = c_core(), _u32(params.words())
         self._memory = np.zeros(self._core.plumb_sizeof_control() // 8 + 1, np.int64)
-        self._record = np.zeros(1, WORDS_DTYPE)
+        self._record = np.zeros(1, RECORDS[params.system])
         self._core.plumb_control_init(_pointer(self._memory), _pointer(self._params))
 
-    def step(self, raw: Sequence[int], setpoint_turn_q32: int) -> dict[str, int]:
+    def step(self, raw: Sequence[int], setpoint: int) -> dict[str, int]:
         """The words of this step by name; raw: up to 6 counts, the rest are 0."""
         counts = np.zeros(6, np.int16)
         counts[: len(raw)] = raw
-        setpoint = ctypes.c_int32(int(setpoint_turn_q32))
-        self._core.plumb_control_step(_pointer(self._memory), _pointer(self._params), _pointer(counts), setpoint)
-        self._core.plumb_control_words(_pointer(self._memory), _pointer(self._record))
-        return dict(zip(WORDS_DTYPE.names or (), self._record[0].item(), strict=True))
+        target = ctypes.c_int32(int(setpoint))
+        self._core.plumb_control_step(_pointer(self._memory), _pointer(self._params), _pointer(counts), target)
+        self._core.plumb_control_words(_pointer(self._memory), _pointer(self._params), _pointer(self._record))
+        return dict(zip(self._record.dtype.names or (), self._record[0].item(), strict=True))
 
     def digest(self) -> int:
         """CRC-32 of the last step's words, by the core's own function."""
         return crc32(self._record.tobytes())
 
 
-def run_control(
-    params: ControlParams | Sequence[ControlParams], raw: npt.ArrayLike, setpoint_turn_q32: npt.ArrayLike
-) -> Words:
+def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
     """raw: (steps, up to 6 counts[, runs]); setpoint: (steps[, runs]); one set of parameters, or one per run."""
-    counts, setpoint = check_inputs(raw, setpoint_turn_q32)
+    counts, setpoints = check_inputs(raw, setpoint)
     steps, runs = len(counts), counts.shape[2] if counts.ndim == 3 else 1
     sets = [params] * runs if isinstance(params, ControlParams) else list(params)
     if len(sets) != runs:
         raise UsageError(f"{len(sets)} parameter sets were given for {runs} runs: give one, or one per run")
-    record = np.zeros((runs, steps), WORDS_DTYPE)
+    record = np.zeros((runs, steps), RECORDS[system_name(sets)])
     by_run = np.ascontiguousarray(np.moveaxis(counts.reshape(steps, 6, runs), 2, 0), np.int16)
-    targets = np.ascontiguousarray(setpoint.reshape(steps, runs).T, np.int32)
+    targets = np.ascontiguousarray(setpoints.reshape(steps, runs).T, np.int32)
     core = c_core()
     for run, one in enumerate(sets):
         core.plumb_control_run(

@@ -18,6 +18,8 @@ from pathlib import Path
 from plumb.errors import UsageError
 
 TABLE_PATH = Path(__file__).with_name("parameters.toml")
+SYSTEMS = ("quad", "balancer", "turntable", "phone")
+"""By the number that the parameter `system` holds."""
 ERASED = 0xFFFF
 """No row's id: what erased flash reads as."""
 

@@ -3,7 +3,7 @@
 tests/vectors/recipe.toml, a [[vector]] table each:
 
     name        also the file's name
-    system      "quad"
+    system      a system's name
     tuning      a shipped tuning of that system, by name
     set         optional: dotted fields of the tuning to change, for example {"kalman.q_angle_deg2_per_s" = 10.0}
     scenario    a scenario of that system, with `seed`; or
@@ -129,7 +129,7 @@ class Entry:
             run = system.scenario(
                 self.scenario, self.seed, seconds=self.steps * tuning.period_us * 1e-6, period_us=tuning.period_us
             )
-            raw, setpoint = run.counts(), run.setpoint_turn_q32()
+            raw, setpoint = run.counts(), run.setpoint()
         return quantise(tuning), raw.astype(np.int16), setpoint.astype(np.int32)
 
 

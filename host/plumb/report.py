@@ -18,6 +18,9 @@ from plumb.errors import UsageError
 POINTS_MAX = 2000
 """A plotted line keeps at most this many points: the extremes of each stretch, so that no spike is lost."""
 
+TRUTH, SENSOR, ESTIMATE, SECOND = "#1d2430", "#c9a227", "#2a5ca8", "#b3261e"
+"""Colours of the lines: one meaning each on every page."""
+
 Series = npt.NDArray[np.floating[Any]]
 
 

@@ -20,6 +20,7 @@ from plumb.errors import LinkError, UsageError
 from plumb.identity import Identity, NackError, identity_of, nack_error
 from plumb.protocol import Frame, Message, check, protocol
 from plumb.serialbus import DEFAULT_BAUDRATE, PlumbBus
+from plumb.words import RECORDS
 
 REPLY_TIMEOUT_S = 0.25
 TRIES = 4
@@ -77,6 +78,7 @@ class Session:
         self._kept = {self.protocol[name].identifier: name for name in ("TIME", "STATUS", "COUNTERS", "EVENTS")}
         self._token: int | None = None
         self._keepalive_s = 0.0
+        self._uploaded: str | None = None
 
     @classmethod
     def open(cls, channel: Any, baudrate: int = DEFAULT_BAUDRATE) -> Self:
@@ -284,6 +286,7 @@ class Session:
                 if error.reason != "CRC":
                     raise
                 continue
+            self._uploaded = parameters.SYSTEMS[words[0]]
             return crc
         raise LinkError("the parameters did not arrive as they were sent: check the cable")
 
@@ -329,7 +332,10 @@ class Session:
     def execute(self, verb: str) -> int:
         """Carry out a verb of EXECUTE with a fresh nonce; returns the nonce. Raises NackError for a no."""
         self.require_match()
-        return self._answer_nonce("EXECUTE", self.protocol["EXECUTE"].value("verb", verb))
+        nonce = self._answer_nonce("EXECUTE", self.protocol["EXECUTE"].value("verb", verb))
+        if verb in ("LOAD", "DEFAULTS"):  # may be another system: who asks for its record asks the board
+            self.identity = self._uploaded = None
+        return nonce
 
     def execute_idle(self, verb: str) -> None:
         """As execute, for what no run may be on for: ends the one that is."""
@@ -341,17 +347,24 @@ class Session:
             self.end()
             self.execute(verb)
 
+    @property
+    def record_words(self) -> int:
+        """Words in the record of the system that was uploaded last, else of the one the board said it has."""
+        if self._uploaded is not None:
+            return RECORDS[self._uploaded].itemsize // 4
+        return (self.identity or self.connect())["RECORD_WORDS"]
+
     def select(self, frames: Iterable[str] = (), words: Iterable[int] = ()) -> None:
         """Choose what steps send: frames of SELECTABLE, words by their place in the record. May change in a run."""
         chosen = Selection(tuple(frames), tuple(sorted(set(words))))
         for frame in chosen.frames:
             if frame not in SELECTABLE:
                 raise UsageError(f"no frame '{frame}' can be selected; there are {', '.join(SELECTABLE)}")
-        identity = self.identity or self.connect()
-        banks = [0] * (1 + (identity["RECORD_WORDS"] + 31) // 32)
+        record_words = self.record_words
+        banks = [0] * (1 + (record_words + 31) // 32)
         banks[0] = sum(1 << SELECTABLE.index(frame) for frame in set(chosen.frames))
         for word in chosen.words:
-            if not 0 <= word < identity["RECORD_WORDS"]:
+            if not 0 <= word < record_words:
                 raise UsageError(f"the board's record has no word {word}")
             banks[1 + word // 32] |= 1 << word % 32
         # Emptier first, so that no state in between is larger than the old or the new one.

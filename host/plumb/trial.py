@@ -6,62 +6,51 @@ from the equations (fixed against reference), and how far the board is from the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from plumb import fixed, metrics, reference
+from plumb import fixed, reference, systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints
 from plumb.compare import Divergence, first_digest_divergence
 from plumb.quantise import ControlParams, quantise
 from plumb.recording import AxisInput
-from plumb.systems.quad import Scenario
-from plumb.systems.quad_plant import QuadPlant
 from plumb.tuning import Tuning
 from plumb.words import Words
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
-TURN_DEG = 360.0 / 2.0**32
-"""Degrees per unit of a binary angle."""
+Scenario = Any
+"""Of any system: what plumb.systems says a scenario has."""
 
 
 @dataclass(frozen=True)
 class Flight:
     """What went into a board, and the truth behind it; all arrays (steps,), raw (steps, 6).
 
-    tilt_deg, bias_dps: the truth, NaN where it is not known. scored: the samples that count.
+    truth: by name, NaN where it is not known. scored: the samples that count.
     """
 
     time_s: FloatArray
-    tilt_deg: FloatArray
-    bias_dps: FloatArray
+    truth: dict[str, FloatArray]
     raw: RawCounts
-    setpoint_turn_q32: Setpoints
+    setpoint: Setpoints
     scored: BoolArray
 
 
 def prescribed(scenario: Scenario) -> Flight:
     """A scenario's own motion: the controller runs, and does not move the plant."""
-    return Flight(
-        scenario.time_s,
-        scenario.tilt_deg(),
-        scenario.bias_dps,
-        scenario.counts(),
-        scenario.setpoint_turn_q32(),
-        metrics.scored(scenario.time_s),
-    )
+    return Flight(scenario.time_s, scenario.truth(), scenario.counts(), scenario.setpoint(), scenario.scored)
 
 
 def recorded(axis: AxisInput, tuning: Tuning) -> tuple[Flight, ControlParams]:
     """One axis of a recording, and the tuning made to fit its sensor and its period."""
     steps = len(axis.raw)
-    flight = Flight(
-        axis.time_s, axis.truth_deg, np.full(steps, np.nan), axis.raw, np.zeros(steps, np.int32), axis.scored
-    )
+    truth = {"tilt_deg": axis.truth_deg, "bias_dps": np.full(steps, np.nan)}
+    flight = Flight(axis.time_s, truth, axis.raw, np.zeros(steps, np.int32), axis.scored)
     return flight, quantise(replace(tuning, calibration=axis.calibration, period_us=axis.period_us))
 
 
@@ -73,9 +62,19 @@ class Trial:
     params: ControlParams
     words: Words
     """The integer model's words for the same counts."""
-    reference_tilt_deg: FloatArray
+    reference: dict[str, FloatArray]
+    """What float64 makes of the same counts, by name."""
     answer: Answer
     divergence: Divergence | None
+
+    @property
+    def system(self) -> str:
+        return self.params.system
+
+    @property
+    def board_words(self) -> Words:
+        """The board's own words where it gave them, else the model's, which its digests confirm."""
+        return self.words if self.answer.words is None else self.answer.words
 
     @property
     def mismatches(self) -> int:
@@ -88,33 +87,10 @@ class Trial:
             return "fail"
         return "pass" if self.answer.unverified_from is None else "unverified"
 
-    @property
-    def estimate_deg(self) -> FloatArray:
-        """The board's tilt: its own words where it gave them, else the model's, which its digests confirm."""
-        words = self.words if self.answer.words is None else self.answer.words
-        return np.asarray(words["tilt_turn_q32"] * TURN_DEG)
-
-    @property
-    def accel_only_deg(self) -> FloatArray:
-        """What the accelerometer alone says of the sampled values."""
-        y, z = (self.words[name].astype(np.float64) for name in ("accel_y_g_q26", "accel_z_g_q26"))
-        return metrics.accel_only_deg(y, z)
-
     def metrics(self) -> dict[str, float | int | None]:
-        """The figures every trial reports; windows and definitions are in plumb.metrics."""
-        truth_deg, scored = self.flight.tilt_deg, self.flight.scored
-
-        def figure(measure: Callable[[FloatArray, FloatArray, BoolArray], FloatArray], deg: FloatArray) -> float | None:
-            return float(measure(deg, truth_deg, scored)) if scored.any() else None
-
-        apart = metrics.wrap_deg(self.words["tilt_turn_q32"] * TURN_DEG - self.reference_tilt_deg)
-        return {
-            "angle_rmse_deg": figure(metrics.angle_rmse_deg, self.estimate_deg),
-            "angle_max_deg": figure(metrics.angle_max_deg, self.estimate_deg),
-            "accel_only_rmse_deg": figure(metrics.angle_rmse_deg, self.accel_only_deg),
-            "fixed_vs_reference_max_deg": float(np.max(np.abs(apart))),
-            "target_vs_fixed_mismatches": self.mismatches,
-        }
+        """The figures a trial of this system reports, those that all systems report first."""
+        own: dict[str, float | None] = systems.load(self.system, "view").metrics(self)
+        return {**own, "target_vs_fixed_mismatches": self.mismatches}
 
     def summary(self, **heading: Any) -> dict[str, Any]:
         """What `run --json` prints, after its heading."""
@@ -128,44 +104,47 @@ class Trial:
 
 def open_loop(board: Board, flight: Flight, params: ControlParams) -> Trial:
     """A flight as it is, in lockstep."""
-    return judge(board, flight, params, board.run_injected(params, flight.raw, flight.setpoint_turn_q32))
+    return judge(board, flight, params, board.run_injected(params, flight.raw, flight.setpoint))
 
 
 def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Trial:
-    """The plant on the host, the loop on the board: each step's pulses move the axis until the next sample."""
+    """The plant on the host, the loop on the board: what a step puts out moves the plant until the next sample."""
     from tqdm import tqdm
 
-    plant, stepper = QuadPlant(scenario), board.stepper(params)
-    period_s = scenario.period_us * 1e-6
-    raw = np.zeros((scenario.steps, 6), np.int16)
-    tilt_deg, bias_dps = np.zeros(scenario.steps), np.zeros(scenario.steps)
-    setpoint = scenario.setpoint_turn_q32()
+    plant, stepper = systems.load(params.system).plant(scenario), board.stepper(params)
+    raw, setpoint = np.zeros((scenario.steps, 6), np.int16), scenario.setpoint()
+    truth: list[dict[str, float]] = []
     digests = np.zeros(scenario.steps, np.uint32)
-    pulse_us = (0.0, 0.0)
+    outputs: dict[str, int] = {}
     for step in tqdm(range(scenario.steps), desc=f"closed loop on {board.name}", unit="step", disable=None):
-        time_s = step * period_s
-        plant.advance_to(time_s, pulse_us)
+        time_s = step * scenario.period_us * 1e-6
+        plant.follow(time_s, outputs)
         counts = plant.counts(time_s)
-        raw[step], tilt_deg[step], bias_dps[step] = counts, plant.tilt_deg, plant.bias_dps(time_s)
+        raw[step] = counts
+        truth.append(plant.truth(time_s))
         output = stepper.step(counts, int(setpoint[step]))
-        digests[step] = output.digest
-        pulse_us = (output.pulse_halfus[0] / 2.0, output.pulse_halfus[1] / 2.0)
-    flight = Flight(scenario.time_s, tilt_deg, bias_dps, raw, setpoint, metrics.scored(scenario.time_s))
+        digests[step], outputs = output.digest, output.outputs
+    flight = Flight(scenario.time_s, columns(truth), raw, setpoint, scenario.scored)
     return judge(board, flight, params, Answer(digests))
+
+
+def columns(rows: Sequence[dict[str, float]]) -> dict[str, FloatArray]:
+    """Rows of the truth as arrays."""
+    return {name: np.array([row[name] for row in rows], np.float64) for name in (rows[0] if rows else ())}
 
 
 def judge(board: Board, flight: Flight, params: ControlParams, answer: Answer) -> Trial:
     """Compare an answer with the model, and where they differ find the first step and signal."""
-    words = fixed.run_control(params, flight.raw, flight.setpoint_turn_q32)
-    reference_tilt_deg = reference.run_control(params, flight.raw, flight.setpoint_turn_q32)["tilt_deg"]
+    words = fixed.run_control(params, flight.raw, flight.setpoint)
+    ideal = reference.run_control(params, flight.raw, flight.setpoint)
     step = first_digest_divergence(words.digests(), answer.digests)
     divergence = None if step is None else locate(board, flight, params, words, step)
-    return Trial(flight, params, words, reference_tilt_deg, answer, divergence)
+    return Trial(flight, params, words, ideal, answer, divergence)
 
 
 def locate(board: Board, flight: Flight, params: ControlParams, words: Words, step: int) -> Divergence:
     """Run again up to the step whose digest differed, and name the first word that does."""
-    actual = board.words_of_step(params, flight.raw, flight.setpoint_turn_q32, step)
+    actual = board.words_of_step(params, flight.raw, flight.setpoint, step)
     for name in words.names:
         expected = int(words[name][step])
         if actual[name] != expected:

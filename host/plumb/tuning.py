@@ -7,7 +7,7 @@ Frozen dataclasses of plain floats, in the order of the data flow; names carry t
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import ClassVar, Literal
 
 TiltMode = Literal["arcsine", "atan2"]
 RateChoice = Literal["previous", "current"]
@@ -101,10 +101,12 @@ class Esc:
 
 @dataclass(frozen=True)
 class Tuning:
-    """Everything one run needs, for one period; another period is another Tuning.
+    """Everything one run of `quad` needs, for one period; another period is another Tuning.
 
     exact_period_s: what the integers make of the period, in a dequantised Tuning (2^-35 s at most beside it).
     """
+
+    system: ClassVar[str] = "quad"
 
     period_us: int
     calibration: Calibration
@@ -119,3 +121,7 @@ class Tuning:
     @property
     def period_s(self) -> float:
         return self.period_us * 1e-6 if self.exact_period_s is None else self.exact_period_s
+
+
+AnyTuning = Tuning
+"""The tuning of any system: `system` says which."""

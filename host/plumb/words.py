@@ -1,11 +1,13 @@
 """The words of a step: raw inputs, intermediates and outputs, in the written order that digests are taken over.
 
-One numpy record per step, little endian, without padding: the same bytes as the firmware's struct. The order is that of
-DESIGN.md, "Numbers"; a test holds it equal to the name list the C exports.
+One numpy record per step and system, little endian, without padding: the same bytes as the firmware's struct. The order
+is that of DESIGN.md, "Numbers"; a test holds it equal to the name list the C exports. Every record begins with the raw
+counts and the setpoint as given, and ends with the flags and the number of the step.
 """
 
 from __future__ import annotations
 
+import struct
 import zlib
 from collections.abc import Iterator, Mapping
 
@@ -14,7 +16,7 @@ import numpy.typing as npt
 
 from plumb.errors import UsageError
 
-WORDS_DTYPE = np.dtype(
+QUAD = np.dtype(
     [
         *((f"raw_{i}", "<i4") for i in range(6)),
         ("setpoint_turn_q32", "<i4"),
@@ -49,22 +51,41 @@ WORDS_DTYPE = np.dtype(
 )
 
 
+RECORDS: dict[str, np.dtype[np.void]] = {"quad": QUAD}
+"""The record of each system; the order of the names is that of the parameter `system`."""
+
+
+def names_of(system: str) -> tuple[str, ...]:
+    """The words of a system's step in the written order."""
+    return RECORDS[system].names or ()
+
+
+def packer(system: str) -> struct.Struct:
+    """Packs the values of one step, in the written order, into the bytes that the digest is taken over."""
+    kinds = {"i4": "i", "u4": "I", "i8": "q", "u8": "Q"}
+    return struct.Struct("<" + "".join(kinds[RECORDS[system][name].str[1:]] for name in names_of(system)))
+
+
 class Words(Mapping[str, npt.NDArray[np.int64]]):
-    """Name -> int64 array of shape (steps,) or (steps, runs), backed by one packed record array."""
+    """Name -> int64 array of shape (steps,) or (steps, runs), backed by one packed record array of one system."""
 
     def __init__(self, record: npt.NDArray[np.void]) -> None:
-        if record.dtype != WORDS_DTYPE:
-            raise UsageError(f"a step is a record of {WORDS_DTYPE.itemsize} bytes, not {record.dtype}")
+        if record.dtype not in RECORDS.values():
+            raise UsageError(f"no system's step is a record of {record.dtype}")
         self.record = np.ascontiguousarray(record)
 
     @classmethod
-    def from_bytes(cls, data: bytes | bytearray | memoryview, shape: tuple[int, ...]) -> Words:
+    def from_bytes(cls, data: bytes | bytearray | memoryview, shape: tuple[int, ...], system: str) -> Words:
         """From the packed bytes of the firmware's struct, steps (then runs) in C order."""
-        return cls(np.frombuffer(data, WORDS_DTYPE).reshape(shape))
+        return cls(np.frombuffer(data, RECORDS[system]).reshape(shape))
+
+    @property
+    def system(self) -> str:
+        return next(name for name, dtype in RECORDS.items() if dtype == self.record.dtype)
 
     @property
     def names(self) -> tuple[str, ...]:
-        return WORDS_DTYPE.names or ()
+        return self.record.dtype.names or ()
 
     def __getitem__(self, name: str) -> npt.NDArray[np.int64]:
         return self.record[name].astype(np.int64)
@@ -77,7 +98,7 @@ class Words(Mapping[str, npt.NDArray[np.int64]]):
 
     def digests(self) -> npt.NDArray[np.uint32]:
         """CRC-32 of every step's bytes, shape (steps,) or (steps, runs)."""
-        size = WORDS_DTYPE.itemsize
+        size = self.record.dtype.itemsize
         data = memoryview(self.record.tobytes())
         crcs = [zlib.crc32(data[at : at + size]) for at in range(0, len(data), size)]
         return np.array(crcs, np.uint32).reshape(self.record.shape)

@@ -105,7 +105,7 @@ void link_board_turn(link_board_t *b, uint32_t now_us) {
         control_step(&b->control, &b->params.control, raw, setpoint);
         b->steps++;
         if (session_driving(&b->session)) {
-            memcpy(b->pulse_halfus, b->control.words.pulse_halfus, sizeof b->pulse_halfus);
+            memcpy(b->pulse_halfus, b->control.quad.words.pulse_halfus, sizeof b->pulse_halfus);
         }
         session_stepped(&b->session);
     }

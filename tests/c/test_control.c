@@ -75,7 +75,7 @@ static void one_step(void) {
     control_init(&c, &p);
     CHECK(control_params_valid(&p));
     control_step(&c, &p, raw, 0);
-    const control_words_t *w = &c.words;
+    const quad_words_t *w = &c.quad.words;
     CHECK(w->raw[1] == 3072 && w->raw[3] == 11 && w->raw[4] == -12 && w->raw[5] == 13);
     CHECK(w->rate_turnps_q28 == 0 && w->accel_y_g_q26 == 1 << 26 && w->accel_z_g_q26 == 0);
     CHECK(abs(w->tilt_measured_turn_q32 - (1 << 30)) <= 60 && w->variance == 1000U);
@@ -105,12 +105,12 @@ static void rate_of_the_step_before(void) {
         control_init(&c, &p);
         control_step(&c, &p, still, 0);
         control_step(&c, &p, turning, 0);
-        CHECK(abs(c.words.tilt_turn_q32 - (now ? 85899346 : 0)) <= 60);
+        CHECK(abs(c.quad.words.tilt_turn_q32 - (now ? 85899346 : 0)) <= 60);
         control_step(&c, &p, still, 0);
-        CHECK(abs(c.words.tilt_turn_q32 - 85899346) <= 60);
+        CHECK(abs(c.quad.words.tilt_turn_q32 - 85899346) <= 60);
         control_init(&c, &p);
         control_step(&c, &p, turning, 0);
-        CHECK(abs(c.words.tilt_turn_q32 - 85899346) <= 60);
+        CHECK(abs(c.quad.words.tilt_turn_q32 - 85899346) <= 60);
     }
 }
 
@@ -120,21 +120,21 @@ static void limits_are_told(void) {
     control_t c;
     control_init(&c, &p);
     control_step(&c, &p, raw, INT32_MIN);
-    CHECK((c.words.flags & 7U) ==
-          (CONTROL_FLAG_GYRO_CLAMPED | CONTROL_FLAG_ACCEL_Y_CLAMPED | CONTROL_FLAG_ACCEL_Z_CLAMPED));
-    CHECK(c.words.clamped_steps == 1U && c.words.raw[0] == 4095 && c.words.raw[1] == -1);
-    CHECK(c.words.rate_turnps_q28 == (3800 - 2048) * (1 << 20));
+    CHECK((c.quad.words.flags & 7U) ==
+          (QUAD_FLAG_GYRO_CLAMPED | QUAD_FLAG_ACCEL_Y_CLAMPED | QUAD_FLAG_ACCEL_Z_CLAMPED));
+    CHECK(c.quad.words.clamped_steps == 1U && c.quad.words.raw[0] == 4095 && c.quad.words.raw[1] == -1);
+    CHECK(c.quad.words.rate_turnps_q28 == (3800 - 2048) * (1 << 20));
     control_step(&c, &p, raw, INT32_MIN);
-    CHECK(c.words.clamped_steps == 2U);
+    CHECK(c.quad.words.clamped_steps == 2U);
 
     control_params_t strong = p;
     strong.pid.kp_q22 = 1 << 30;
     control_step(&c, &strong, raw, 1 << 30);
-    CHECK((c.words.flags & CONTROL_FLAG_COMMAND_LIMITED) != 0U);
-    CHECK(c.words.pulse_halfus[0] + c.words.pulse_halfus[1] == 6000U);
+    CHECK((c.quad.words.flags & QUAD_FLAG_COMMAND_LIMITED) != 0U);
+    CHECK(c.quad.words.pulse_halfus[0] + c.quad.words.pulse_halfus[1] == 6000U);
     strong.esc.span_halfus = 16383;
     control_step(&c, &strong, raw, 1 << 30);
-    CHECK(c.words.pulse_halfus[0] == 4000U && c.words.pulse_halfus[1] == 2000U);
+    CHECK(c.quad.words.pulse_halfus[0] == 4000U && c.quad.words.pulse_halfus[1] == 2000U);
 }
 
 /* Nothing of one run reaches the next, and the arcsine gives the angle of atan2 at 1 g. */
@@ -151,8 +151,8 @@ static void starts_afresh(void) {
     p.tilt.mode = TILT_ARCSINE;
     control_init(&b, &p);
     control_step(&b, &p, raw, 0);
-    CHECK(abs(a.words.tilt_measured_turn_q32 - b.words.tilt_measured_turn_q32) < 200000);
-    CHECK(abs(b.words.tilt_measured_turn_q32 - 357913941) <= 84);
+    CHECK(abs(a.quad.words.tilt_measured_turn_q32 - b.quad.words.tilt_measured_turn_q32) < 200000);
+    CHECK(abs(b.quad.words.tilt_measured_turn_q32 - 357913941) <= 84);
 }
 
 int main(void) {

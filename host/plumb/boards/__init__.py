@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 RawCounts = npt.NDArray[np.int16]
 """Shape (steps, 6): the raw counts of every step; a system uses the first few columns."""
 Setpoints = npt.NDArray[np.int32]
-"""Shape (steps,): binary angles, a full turn is 2**32."""
+"""Shape (steps,): in the unit of the system; quad: binary angles, a full turn is 2**32."""
 
 
 @dataclass(frozen=True)
@@ -43,16 +43,16 @@ class Answer:
 
 @dataclass(frozen=True)
 class StepOutput:
-    """One step's digest and what goes to the actuator, in half-microseconds."""
+    """One step's digest and what goes to the actuator: words of the record by name, those a system calls OUTPUTS."""
 
     digest: int
-    pulse_halfus: tuple[int, int]
+    outputs: dict[str, int]
 
 
 class Stepper(Protocol):
     """A run in lockstep, one sample at a time: for closed loops whose plant lives on the host."""
 
-    def step(self, raw: tuple[int, ...], setpoint_turn_q32: int) -> StepOutput: ...
+    def step(self, raw: tuple[int, ...], setpoint: int) -> StepOutput: ...
 
 
 class Board(ABC):
@@ -61,13 +61,11 @@ class Board(ABC):
     name: str
 
     @abstractmethod
-    def run_injected(self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints) -> Answer:
+    def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
         """Reset, then every step in lockstep."""
 
     @abstractmethod
-    def words_of_step(
-        self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints, step: int
-    ) -> dict[str, int]:
+    def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:
         """Reset, run up to and with `step`, and give every word of that step."""
 
     @abstractmethod

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING
 
+from plumb import systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper, open_board
 from plumb.errors import UsageError
 from plumb.lockstep import Lockstep
@@ -20,14 +22,17 @@ CHUNK_STEPS = 500
 
 
 class LinkStepper:
-    """One sample at a time; the pulses travel in the frames of tilt and bias."""
+    """One sample at a time; the outputs travel in named frames."""
 
-    def __init__(self, session: Session) -> None:
-        self._run = Lockstep(session, frames=("ANGLE", "BIAS"))
+    def __init__(self, session: Session, system: ModuleType) -> None:
+        self._signals: dict[str, tuple[str, str]] = system.OUTPUT_FRAMES
+        frames = dict.fromkeys(frame for frame, _ in self._signals.values())
+        self._run = Lockstep(session, frames=tuple(frames))
 
-    def step(self, raw: tuple[int, ...], setpoint_turn_q32: int) -> StepOutput:
-        reply = self._run.exchange(raw, setpoint_turn_q32)
-        return StepOutput(reply.digest, (reply.values["pulse_0"], reply.values["pulse_1"]))
+    def step(self, raw: tuple[int, ...], setpoint: int) -> StepOutput:
+        reply = self._run.exchange(raw, setpoint)
+        outputs = {name: reply.values[signal] for name, (_, signal) in self._signals.items()}
+        return StepOutput(reply.digest, outputs)
 
 
 class LinkBoard(Board):
@@ -40,7 +45,7 @@ class LinkBoard(Board):
     def _upload(self, params: ControlParams) -> None:
         self.session.upload(params.words(), period_us=round(params.period_s * 1e6))
 
-    def run_injected(self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints) -> Answer:
+    def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
         import numpy as np
         from tqdm import tqdm
 
@@ -50,28 +55,25 @@ class LinkBoard(Board):
         with tqdm(total=len(raw), desc=self.name, unit="step", leave=False, disable=None) as bar:
             for at in range(0, len(raw), CHUNK_STEPS):
                 part = slice(at, at + CHUNK_STEPS)
-                digests.append(run.run(raw[part], setpoint_turn_q32[part]))
+                digests.append(run.run(raw[part], setpoint[part]))
                 bar.update(len(digests[-1]))
         self.session.end()
         return Answer(np.concatenate(digests))
 
-    def words_of_step(
-        self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints, step: int
-    ) -> dict[str, int]:
+    def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:
         self._upload(params)
         run = Lockstep(self.session)
-        run.run(raw[:step], setpoint_turn_q32[:step])
-        identity = self.session.require_match()
-        self.session.select(words=range(identity["RECORD_WORDS"]))
-        reply = run.exchange(tuple(int(count) for count in raw[step]), int(setpoint_turn_q32[step]))
+        run.run(raw[:step], setpoint[:step])
+        self.session.select(words=range(self.session.record_words))
+        reply = run.exchange(tuple(int(count) for count in raw[step]), int(setpoint[step]))
         self.session.end()
         record = struct.pack(f"<{len(reply.words)}I", *(reply.words[index] for index in sorted(reply.words)))
-        words = Words.from_bytes(record, (1,))
+        words = Words.from_bytes(record, (1,), params.system)
         return {name: int(values[0]) for name, values in words.items()}
 
     def stepper(self, params: ControlParams) -> Stepper:
         self._upload(params)
-        return LinkStepper(self.session)
+        return LinkStepper(self.session, systems.load(params.system))
 
     def close(self) -> None:
         self.session.close()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from plumb import native
+from plumb import native, systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper
 
 if TYPE_CHECKING:
@@ -16,23 +16,22 @@ class NativeStepper:
 
     def __init__(self, params: ControlParams) -> None:
         self._controller = native.Controller(params)
+        self._outputs = systems.load(params.system).OUTPUTS
 
-    def step(self, raw: tuple[int, ...], setpoint_turn_q32: int) -> StepOutput:
-        words = self._controller.step(raw, setpoint_turn_q32)
-        return StepOutput(self._controller.digest(), (words["pulse_halfus_0"], words["pulse_halfus_1"]))
+    def step(self, raw: tuple[int, ...], setpoint: int) -> StepOutput:
+        words = self._controller.step(raw, setpoint)
+        return StepOutput(self._controller.digest(), {name: words[name] for name in self._outputs})
 
 
 class NativeBoard(Board):
     name = "native"
 
-    def run_injected(self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints) -> Answer:
-        words = native.run_control(params, raw, setpoint_turn_q32)
+    def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
+        words = native.run_control(params, raw, setpoint)
         return Answer(words.digests(), words)
 
-    def words_of_step(
-        self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints, step: int
-    ) -> dict[str, int]:
-        words = native.run_control(params, raw[: step + 1], setpoint_turn_q32[: step + 1])
+    def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:
+        words = native.run_control(params, raw[: step + 1], setpoint[: step + 1])
         return {name: int(values[step]) for name, values in words.items()}
 
     def stepper(self, params: ControlParams) -> Stepper:

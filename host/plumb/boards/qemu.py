@@ -20,7 +20,7 @@ import numpy as np
 
 from plumb.boards import Answer, Board, RawCounts, Setpoints, Stepper
 from plumb.errors import LinkError, UsageError
-from plumb.words import WORDS_DTYPE, Words
+from plumb.words import RECORDS, Words
 
 if TYPE_CHECKING:
     from plumb.quantise import ControlParams
@@ -92,11 +92,11 @@ class QemuBoard(Board):
         self._command = [program, "-M", "mps2-an385", "-icount", "shift=5", "-nographic"]
         self._command += ["-semihosting-config", "enable=on,target=native", "-kernel", str(image or _find_image())]
 
-    def run_injected(self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints) -> Answer:
+    def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
         """Raises LinkError when QEMU fails or hangs, UsageError when the image refuses the parameters."""
         steps = len(raw)
         samples = np.zeros(steps, SAMPLE_DTYPE)
-        samples["raw"], samples["setpoint"] = raw, setpoint_turn_q32
+        samples["raw"], samples["setpoint"] = raw, setpoint
         words = [word & 0xFFFF_FFFF for word in params.words()]
         head = struct.pack(f"<3I{len(words)}I", MAGIC_IN, len(words), steps, *words)
         with tempfile.TemporaryDirectory(prefix="plumb-qemu-") as temporary:
@@ -105,25 +105,24 @@ class QemuBoard(Board):
             code = _run(self._command, folder, START_UP_S + steps * 1e-3)
             if code:
                 raise UsageError(f"the QEMU image stopped: {_EXIT_REASONS[code]}")
-            return self._answer((folder / "plumb-out.bin").read_bytes(), steps)
+            return self._answer((folder / "plumb-out.bin").read_bytes(), steps, params.system)
 
-    def _answer(self, data: bytes, steps: int) -> Answer:
+    def _answer(self, data: bytes, steps: int, system: str) -> Answer:
+        record = RECORDS[system]
         magic, words_bytes = struct.unpack_from("<2I", data)
-        if magic != MAGIC_OUT or words_bytes != WORDS_DTYPE.itemsize:
+        if magic != MAGIC_OUT or words_bytes != record.itemsize:
             raise UsageError(
-                f"the QEMU image gives {words_bytes} bytes of words for a step, not {WORDS_DTYPE.itemsize}; "
+                f"the QEMU image gives {words_bytes} bytes of words for a step, not {record.itemsize}; "
                 "build the image again"
             )
-        layout = np.dtype([("words", WORDS_DTYPE), ("digest", "<u4")])
+        layout = np.dtype([("words", record), ("digest", "<u4")])
         if len(data) != 8 + steps * layout.itemsize:
             raise LinkError(f"{PROGRAM} wrote {len(data)} bytes for {steps} steps; run it again")
         answers = np.frombuffer(data, layout, offset=8)
         return Answer(answers["digest"].copy(), Words(answers["words"].copy()))
 
-    def words_of_step(
-        self, params: ControlParams, raw: RawCounts, setpoint_turn_q32: Setpoints, step: int
-    ) -> dict[str, int]:
-        words = self.run_injected(params, raw[: step + 1], setpoint_turn_q32[: step + 1]).words
+    def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:
+        words = self.run_injected(params, raw[: step + 1], setpoint[: step + 1]).words
         assert words is not None
         return {name: int(values[step]) for name, values in words.items()}
 

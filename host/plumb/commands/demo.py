@@ -28,8 +28,8 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.boards.virtual import VirtualBoard
     from plumb.quantise import quantise
     from plumb.report import Table
-    from plumb.systems import quad
-    from plumb.trial import TURN_DEG
+    from plumb.systems import quad, quad_view
+    from plumb.systems.quad_view import TURN_DEG
 
     folder = golden.vectors_folder(None)
     params = quantise(quad.TUNINGS["adaptive"])
@@ -43,15 +43,15 @@ def main(arguments: argparse.Namespace) -> int:
             checks[name] = golden.check(board_, folder)
 
     flight = trial.flight
-    paper = fixed.run_control(quantise(quad.TUNINGS["paper"]), flight.raw, flight.setpoint_turn_q32)
+    paper = fixed.run_control(quantise(quad.TUNINGS["paper"]), flight.raw, flight.setpoint)
     estimates = {
-        "accelerometer only": trial.accel_only_deg,
+        "accelerometer only": quad_view.accel_only_deg(trial),
         "the paper's constants, fixed": paper["tilt_turn_q32"] * TURN_DEG,
-        "adaptive, float64 reference": trial.reference_tilt_deg,
+        "adaptive, float64 reference": trial.reference["tilt_deg"],
         "adaptive, fixed": trial.words["tilt_turn_q32"] * TURN_DEG,
-        "adaptive, the board": trial.estimate_deg,
+        "adaptive, the board": quad_view.estimate_deg(trial),
     }
-    errors = {name: story.rms_and_max(trial, tilt_deg) for name, tilt_deg in estimates.items()}
+    errors = {name: quad_view.rms_and_max(trial, tilt_deg) for name, tilt_deg in estimates.items()}
     verdict = golden.verdict_of(checks.values())
     if trial.verdict != "pass":
         verdict = trial.verdict if verdict != "fail" else verdict

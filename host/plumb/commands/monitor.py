@@ -86,7 +86,7 @@ def attach_plant(board: LinkBoard, scenario: str, seed: int) -> bool:
     if board.name != "virtual":
         return False
     from plumb.boards.virtual import VirtualBoard
-    from plumb.live import Coupling
+    from plumb.systems.quad_live import Coupling
     from plumb.systems.quad_plant import QuadPlant
 
     assert isinstance(board, VirtualBoard)

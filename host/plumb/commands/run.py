@@ -14,14 +14,14 @@ from pathlib import Path
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("system", help="quad")
+    parser.add_argument("system", help="a name that `plumb systems` lists")
     parser.add_argument("--board", required=True, metavar="B", help="native, qemu, virtual or serial:PORT[@BAUD]")
     parser.add_argument("--link", choices=("serial",), default="serial", help="how `virtual` is spoken to")
     parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
     parser.add_argument("--seed", type=int, default=1000, help="of every random number (default 1000)")
     parser.add_argument("--seconds", type=float, help="length (default: the scenario's own)")
-    parser.add_argument("--scenario", default="motion", help="motion, quiet, disturb, hold or converge")
-    parser.add_argument("--tuning", default="adaptive", help="a name from the system's list; a wrong one prints it")
+    parser.add_argument("--scenario", help="a name from the system's list; a wrong one prints it")
+    parser.add_argument("--tuning", help="a name from the system's list; a wrong one prints it")
     parser.add_argument("--open-loop", action="store_true", help="prescribed motion: the pulses move nothing")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html, summary.json and steps.csv")
     parser.add_argument("--json", action="store_true", help="print JSON")
@@ -33,11 +33,12 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.errors import UsageError
 
     system = systems.load(arguments.system)
-    if arguments.tuning not in system.TUNINGS:
-        raise UsageError(f"{arguments.system} has no tuning '{arguments.tuning}'; it has {', '.join(system.TUNINGS)}")
-    params = quantise.quantise(system.TUNINGS[arguments.tuning])
-    scenario = system.scenario(arguments.scenario, arguments.seed, seconds=arguments.seconds)
-    closes = not arguments.open_loop
+    tuning, name = arguments.tuning or system.DEFAULT_TUNING, arguments.scenario or system.DEFAULT_SCENARIO
+    if tuning not in system.TUNINGS:
+        raise UsageError(f"{arguments.system} has no tuning '{tuning}'; it has {', '.join(system.TUNINGS)}")
+    params = quantise.quantise(system.TUNINGS[tuning])
+    scenario = system.scenario(name, arguments.seed, seconds=arguments.seconds)
+    closes = bool(system.OUTPUTS) and not arguments.open_loop
     with open_board(arguments.board, link=arguments.link, image=arguments.image) as board:
         if not closes:
             result = trial.open_loop(board, trial.prescribed(scenario), params)
@@ -49,8 +50,8 @@ def main(arguments: argparse.Namespace) -> int:
             result = trial.closed_loop(board, scenario, params)
     summary = result.summary(
         system=arguments.system,
-        scenario=arguments.scenario,
-        tuning=arguments.tuning,
+        scenario=name,
+        tuning=tuning,
         loop="closed" if closes else "open",
         board=arguments.board,
         link=arguments.link if arguments.board == "virtual" else None,

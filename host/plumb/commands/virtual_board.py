@@ -17,8 +17,8 @@ from pathlib import Path
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--serial", default="pty", metavar="pty|tcp:PORT", help="where its UART appears (default pty)")
     parser.add_argument("--symlink", type=Path, help="also make this name point to the terminal")
-    parser.add_argument("--system", help="couple this system's plant to the pins: quad")
-    parser.add_argument("--scenario", default="hold", help="of the plant (default hold)")
+    parser.add_argument("--system", help="couple this system's plant to the pins")
+    parser.add_argument("--scenario", help="of the plant; a wrong name prints the system's list")
     parser.add_argument("--seed", type=int, default=1000, help="of the plant (default 1000)")
     parser.add_argument("--part", default="stm32f103c8", help="stm32f103c8 (default), stm32f103rct6, -ret6 or -zet6")
     parser.add_argument("--image", type=Path, help="flash image (default: the checkout's build)")
@@ -34,7 +34,8 @@ def main(arguments: argparse.Namespace) -> int:
         from plumb import live
 
         system = systems.load(arguments.system)
-        couple = live.coupler(system.scenario(arguments.scenario, arguments.seed))
+        name = arguments.scenario or systems.load(arguments.system, "live").SCENARIO
+        couple = live.coupler(arguments.system, system.scenario(name, arguments.seed))
     from plumb.f103.serve import serve
 
     def announce(address: str) -> None:

@@ -1,11 +1,22 @@
 """The systems: a published design each, with its plant, its sensors, its scenarios and its tunings.
 
-A system's module offers
+A system X is, besides its step in C (firmware/core/X.[ch]) and the modules of its name in `plumb.fixed`,
+`plumb.reference` and `plumb.quantise`, and its record in `plumb.words`:
 
-    SCENARIOS             name -> one sentence
-    TUNINGS               name -> plumb.tuning.Tuning; "adaptive" is the one a run uses unless told otherwise
-    scenario(name, seed)  everything random of one run, drawn; prescribed motion as counts, truth and setpoint
-    plant(scenario)       the sensor board in motion: volts out, actuator pulses in
+    systems/X.py            scenarios and tunings
+        SCENARIOS               name -> one sentence;  TUNINGS  name -> tuning
+        DEFAULT_SCENARIO, DEFAULT_TUNING
+        OUTPUT_FRAMES           word of the record -> (frame, signal) that carries it over a link: what moves the plant
+        OUTPUTS                 those words; none where nothing is driven, and every loop is open
+        scenario(name, seed, *, seconds=None, period_us=...)   everything random of one run, drawn; it has
+            period_us, steps, time_s (steps,), scored (steps,) bool: the samples that count
+            counts() (steps, 6) int16, setpoint() (steps,) int32, truth() name -> (steps,): of the prescribed motion
+        plant(scenario, open_loop=False)    the physics, and sensors that ride on it; it has
+            follow(time_s, outputs)         simulate up to time_s with the words of the last step ({}: none yet)
+            counts(time_s) six raw counts, truth(time_s) name -> number, setpoint(time_s) int
+    systems/X_view.py       what a trial is measured by and looks like: metrics(trial), plots(trial, closed=...)
+    systems/X_figures.py    what was asked, and what is reached: SECTIONS, ASSUMED (see plumb.systems.figures)
+    systems/X_live.py       on the pins of the virtual board: Coupling(machine, plant), FRAMES, LINK (see plumb.live)
 """
 
 from __future__ import annotations
@@ -18,8 +29,8 @@ from plumb.errors import UsageError
 SYSTEMS = {"quad": "one axis of a quadrotor: ENC-03, MMA7260, two motors behind an ESC (Feng et al. 2011)"}
 
 
-def load(name: str) -> ModuleType:
-    """The module of a system; raises UsageError for a name that is none."""
+def load(name: str, part: str = "") -> ModuleType:
+    """The module of a system, or its part `view`, `figures` or `live`; raises UsageError for a name that is none."""
     if name not in SYSTEMS:
         raise UsageError(f"there is no system '{name}'; this version has {', '.join(SYSTEMS)}")
-    return importlib.import_module(f"plumb.systems.{name}")
+    return importlib.import_module(f"plumb.systems.{name}{f'_{part}' if part else ''}")

@@ -14,13 +14,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from plumb import metrics
 from plumb.errors import UsageError
 from plumb.sensors import ADC_COUNTS, ADC_NOISE_LSB, ADC_REFERENCE_V, Enc03, Fault, Mma7260, OnePole, adc_counts
 from plumb.tuning import Calibration, Esc, Kalman, Pid, Start, Trust, Tuning
+
+if TYPE_CHECKING:
+    from plumb.systems.quad_plant import QuadPlant
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -54,6 +59,9 @@ SCENARIOS = {
     "hold": "attitude hold at level, 30 s, pulled to 20 deg by hand and released",
     "converge": "at rest from a start 30 deg and 5 deg/s wrong, 10 s",
 }
+DEFAULT_SCENARIO, DEFAULT_TUNING = "motion", "adaptive"
+OUTPUT_FRAMES = {"pulse_halfus_0": ("ANGLE", "pulse_0"), "pulse_halfus_1": ("BIAS", "pulse_1")}
+OUTPUTS = tuple(OUTPUT_FRAMES)
 SECONDS = {"motion": 120.0, "quiet": 120.0, "disturb": 30.0, "hold": 30.0, "converge": 10.0}
 
 CALIBRATION = Calibration(gyro=GYRO.channel(), accel_y=Mma7260().channel(), accel_z=Mma7260().channel())
@@ -148,11 +156,20 @@ class Scenario:
         """True tilt of the prescribed motion at the sampling instants, (steps,)."""
         return self.on_grid(self.prescribed_deg, self.time_s)
 
+    def truth(self) -> dict[str, FloatArray]:
+        """What is to be estimated of the prescribed motion, (steps,) each."""
+        return {"tilt_deg": self.tilt_deg(), "bias_dps": self.bias_dps}
+
+    @property
+    def scored(self) -> npt.NDArray[np.bool_]:
+        """The samples that count, (steps,)."""
+        return metrics.scored(self.time_s)
+
     def rate_dps(self) -> FloatArray:
         """True rate of the prescribed motion at the sampling instants, (steps,)."""
         return self.on_grid(np.asarray(np.gradient(self.prescribed_deg, GRID_S), np.float64), self.time_s)
 
-    def setpoint_turn_q32(self) -> npt.NDArray[np.int32]:
+    def setpoint(self) -> npt.NDArray[np.int32]:
         """Setpoints as binary angles, (steps,): what a closed loop is asked to follow."""
         nearest = np.minimum(np.rint(self.time_s / GRID_S).astype(np.int64), len(self.setpoint_deg) - 1)
         return np.rint(self.setpoint_deg[nearest] / 360.0 * 2.0**32).astype(np.int64).astype(np.int32)
@@ -270,6 +287,13 @@ def scenario(
         torque_noise,
         faults,
     )
+
+
+def plant(scenario: Scenario, *, open_loop: bool = False) -> QuadPlant:
+    """The axis in motion."""
+    from plumb.systems.quad_plant import QuadPlant
+
+    return QuadPlant(scenario, open_loop=open_loop)
 
 
 @lru_cache(maxsize=16)

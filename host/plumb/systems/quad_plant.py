@@ -14,7 +14,7 @@ period or a thousand times gives the same answers.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -72,10 +72,19 @@ class QuadPlant:
         """True gyro bias of the sample taken at that time."""
         return float(self.scenario.bias_dps[self._sample(time_s)])
 
-    def setpoint_turn_q32(self, time_s: float) -> int:
+    def setpoint(self, time_s: float) -> int:
         """What the loop is asked to follow, a binary angle."""
         setpoints_deg = self.scenario.setpoint_deg
         return round(float(setpoints_deg[min(round(time_s / GRID_S), len(setpoints_deg) - 1)]) / 360.0 * 2**32)
+
+    def truth(self, time_s: float) -> dict[str, float]:
+        """What is to be estimated, at time_s, which `advance_to` must have reached."""
+        return {"tilt_deg": self.tilt_deg, "bias_dps": self.bias_dps(time_s)}
+
+    def follow(self, time_s: float, outputs: Mapping[str, int]) -> None:
+        """Simulate up to time_s with the words of the last step; before the first the motors stand."""
+        pulses = (outputs.get("pulse_halfus_0", 0), outputs.get("pulse_halfus_1", 0))
+        self.advance_to(time_s, [pulse / 2.0 for pulse in pulses])
 
     def advance_to(self, time_s: float, pulse_us: Sequence[float]) -> None:
         """Simulate up to time_s with these two ESC pulses; below 1000 us, or none at all (0), the motor stands."""

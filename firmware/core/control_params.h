@@ -1,0 +1,40 @@
+/* What a step is tuned by: every system's parameters in one flat table of 32-bit words.
+ *
+ * The order is that of host/plumb/parameters.toml, word for word: first which system it is, then the groups
+ * that systems share, then each system's own. A system reads its groups and leaves the others alone.
+ */
+#ifndef PLUMB_CORE_CONTROL_PARAMS_H
+#define PLUMB_CORE_CONTROL_PARAMS_H
+
+#include "calibration.h"
+#include "kalman.h"
+#include "pid.h"
+#include "tilt.h"
+
+#define CONTROL_RAW_MAX 6 /* raw counts of a step; a system uses the first few */
+
+#define CONTROL_QUAD 0U /* control_params_t.system */
+
+/* Pulses in half-microseconds: mid +- span * command, within [min, max]. neutral is what the board sends
+ * while disarmed; no step uses it. */
+typedef struct {
+    int32_t mid_halfus;     /* 0..16383 */
+    int32_t span_halfus;    /* -16383..16383; the sign turns the direction */
+    int32_t min_halfus;     /* 0..16383 */
+    int32_t max_halfus;     /* min..16383 */
+    int32_t neutral_halfus; /* 0..16383 */
+} esc_params_t;
+
+typedef struct {
+    uint32_t system;              /* CONTROL_* */
+    calibration_params_t gyro;    /* turn/s Q28 */
+    calibration_params_t accel_y; /* g Q26 */
+    calibration_params_t accel_z; /* g Q26 */
+    tilt_params_t tilt;
+    kalman_params_t kalman;
+    kalman_start_t start;
+    pid_params_t pid;
+    esc_params_t esc;
+} control_params_t;
+
+#endif

@@ -1,0 +1,76 @@
+#include "quad.h"
+
+#define PULSE_MAX 16383 /* half-microseconds */
+
+/* The words are hashed as bytes: no padding anywhere. */
+typedef char quad_assert_packed[sizeof(quad_words_t) == 160 ? 1 : -1];
+
+void quad_init(quad_t *c, const control_params_t *p) {
+    *c = (quad_t){0};
+    kalman_init(&c->words.kalman, &p->start);
+    pid_init(&c->words.pid);
+}
+
+static inline void pulses(uint32_t pulse_halfus[2], const esc_params_t *p, int32_t command_q22) {
+    const int32_t mid = p->mid_halfus, low = p->min_halfus, high = p->max_halfus;
+    const int32_t thrust = asr32(asr32(command_q22, 6) * p->span_halfus + (1 << 15), 16);
+    const int32_t first = clamp_i32(mid + thrust, low, high);
+    const int32_t second = clamp_i32(mid - thrust, low, high);
+    pulse_halfus[0] = (uint32_t)first;
+    pulse_halfus[1] = (uint32_t)second;
+}
+
+void quad_step(quad_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
+               int32_t setpoint_turn_q32) {
+    quad_words_t *w = &c->words;
+    const int32_t raw0 = raw[0], raw1 = raw[1], raw2 = raw[2], raw3 = raw[3], raw4 = raw[4], raw5 = raw[5];
+    w->raw[0] = raw0;
+    w->raw[1] = raw1;
+    w->raw[2] = raw2;
+    w->raw[3] = raw3;
+    w->raw[4] = raw4;
+    w->raw[5] = raw5;
+    w->setpoint_turn_q32 = setpoint_turn_q32;
+
+    uint32_t flags = 0;
+    const int32_t rate = calibration_take(&p->gyro, raw0, &flags, QUAD_FLAG_GYRO_CLAMPED);
+    const int32_t accel_y = calibration_take(&p->accel_y, raw1, &flags, QUAD_FLAG_ACCEL_Y_CLAMPED);
+    const int32_t accel_z = calibration_take(&p->accel_z, raw2, &flags, QUAD_FLAG_ACCEL_Z_CLAMPED);
+    /* the sources drive the filter with the sample before; the first step has none */
+    const uint32_t step = w->step + 1U;
+    const int32_t u = p->kalman.rate_now || step == 1U ? rate : w->rate_turnps_q28;
+    w->step = step;
+    w->rate_turnps_q28 = rate;
+    w->accel_y_g_q26 = accel_y;
+    w->accel_z_g_q26 = accel_z;
+    w->clamped_steps += flags != 0U;
+
+    const uint32_t variance = tilt_variance(&p->tilt, accel_y, accel_z);
+    w->variance = variance;
+    const int32_t measured = tilt_angle(&p->tilt, accel_y, accel_z);
+    w->tilt_measured_turn_q32 = measured;
+
+    kalman_step(&w->kalman, &p->kalman, variance, measured, u);
+    const int32_t tilt = kalman_tilt(&w->kalman), bias = kalman_bias(&w->kalman, &p->kalman);
+    const int32_t corrected = sub_wrap(w->rate_turnps_q28, bias), error = sub_wrap(setpoint_turn_q32, tilt);
+    w->tilt_turn_q32 = tilt;
+    w->bias_turnps_q28 = bias;
+    w->rate_corrected_turnps_q28 = corrected;
+    w->pid.error_turn_q32 = error;
+
+    pid_step(&w->pid, &p->pid, error, corrected);
+    pulses(w->pulse_halfus, &p->esc, w->pid.command_q22);
+    w->flags = flags | (w->pid.excess_q22 != 0 ? QUAD_FLAG_COMMAND_LIMITED : 0U);
+}
+
+static bool esc_valid(const esc_params_t *p) {
+    return p->mid_halfus >= 0 && p->mid_halfus <= PULSE_MAX && p->span_halfus >= -PULSE_MAX &&
+           p->span_halfus <= PULSE_MAX && p->min_halfus >= 0 && p->min_halfus <= p->max_halfus &&
+           p->max_halfus <= PULSE_MAX && p->neutral_halfus >= 0 && p->neutral_halfus <= PULSE_MAX;
+}
+
+bool quad_params_valid(const control_params_t *p) {
+    return calibration_valid(&p->gyro) && calibration_valid(&p->accel_y) && calibration_valid(&p->accel_z) &&
+           tilt_valid(&p->tilt) && kalman_valid(&p->kalman, &p->start) && pid_valid(&p->pid) &&
+           esc_valid(&p->esc);
+}

@@ -1,0 +1,180 @@
+#include "telemetry.h"
+#include "../core/digest.h"
+#include "links.h"
+#include "messages.h"
+#include <string.h>
+
+/* RAW carries the low six bits of its step number: four as the counter, two as flags. */
+#define STEP6_SHIFT    4U
+#define FLAG_STEP_HIGH 3U
+
+/* Bits of SELECT bank 0. */
+#define FRAME_RAW_A    0x01U
+#define FRAME_RAW_B    0x02U
+#define FRAME_ANGLE    0x04U
+#define FRAME_BIAS     0x08U
+#define FRAME_RATE     0x10U
+#define FRAME_MEASURED 0x20U
+#define FRAME_COMMAND  0x40U
+#define FRAMES_RAW     (FRAME_RAW_A | FRAME_RAW_B)
+#define FRAMES_QUAD    (FRAMES_RAW | FRAME_ANGLE | FRAME_BIAS | FRAME_RATE | FRAME_MEASURED | FRAME_COMMAND)
+
+/* ---- selection ---- */
+
+static uint16_t bits_set(uint32_t mask) {
+    uint16_t count = 0;
+
+    for (; mask != 0; mask &= mask - 1U) {
+        count++;
+    }
+    return count;
+}
+
+/* Frames that the selected system has. */
+static uint32_t system_frames(const session_t *s) {
+    switch (s->params->control.system) {
+    default:
+        return FRAMES_QUAD;
+    }
+}
+
+static uint32_t record_words(const session_t *s) {
+    return (uint32_t)control_words_bytes(&s->params->control) / 4U;
+}
+
+/* The bits of a bank of words that lie inside the record. */
+static uint32_t words_inside(const session_t *s, uint32_t first) {
+    const uint32_t record = record_words(s);
+
+    if (record <= first) {
+        return 0;
+    }
+    return record - first >= 32U ? 0xFFFFFFFFU : (1U << (record - first)) - 1U;
+}
+
+void telemetry_select(session_t *s, uint16_t bank, uint32_t mask) {
+    if (bank == 0) {
+        s->frames_mask = mask & system_frames(s);
+        s->selected = (uint16_t)(1U + bits_set(s->frames_mask)); /* and STEP */
+    } else {
+        s->words_mask[bank - 1U] = mask & words_inside(s, 32U * (bank - 1U));
+    }
+}
+
+void telemetry_select_nothing(session_t *s) {
+    s->frames_mask = 0;
+    s->selected = 1; /* STEP */
+    memset(s->words_mask, 0, sizeof s->words_mask);
+}
+
+/* ---- words out ---- */
+
+uint8_t telemetry_step_flags(const session_t *s, const session_link_t *l, bool saturated) {
+    unsigned flags = 0;
+
+    flags |= s->arming.armed ? MESSAGE_STEP_ARMED : 0U;
+    flags |= s->live ? MESSAGE_STEP_LIVE : 0U;
+    flags |= saturated ? MESSAGE_STEP_SATURATED : 0U;
+    flags |= l->dropped_told != l->outbox.dropped ? MESSAGE_STEP_DROPPED : 0U;
+    return (uint8_t)flags;
+}
+
+/* Every record begins with the raw counts. */
+static void send_raw(session_t *s, const int32_t raw[CONTROL_RAW_MAX]) {
+    const message_raw_a_t a = {(int16_t)raw[0], (int16_t)raw[1], (int16_t)raw[2]};
+    const message_raw_b_t b = {(int16_t)raw[3], (int16_t)raw[4], (int16_t)raw[5]};
+    const uint8_t low = (uint8_t)(s->step & E2E_COUNTER_MASK);
+    const uint8_t high = (uint8_t)((s->step >> STEP6_SHIFT) & FLAG_STEP_HIGH);
+
+    if ((s->frames_mask & FRAME_RAW_A) != 0) {
+        links_numbered(s, message_raw_a_pack(&a), low, high);
+    }
+    if ((s->frames_mask & FRAME_RAW_B) != 0) {
+        links_numbered(s, message_raw_b_pack(&b), low, high);
+    }
+}
+
+static void send_quad(session_t *s, const quad_words_t *w, uint8_t step_low) {
+    const uint32_t mask = s->frames_mask;
+
+    if ((mask & FRAME_ANGLE) != 0) {
+        const message_angle_t m = {.pulse_0 = (uint16_t)w->pulse_halfus[0], .tilt = w->tilt_turn_q32};
+        links_telemetry(s, message_angle_pack(&m), step_low);
+    }
+    if ((mask & FRAME_BIAS) != 0) {
+        const message_bias_t m = {.pulse_1 = (uint16_t)w->pulse_halfus[1], .bias = w->bias_turnps_q28};
+        links_telemetry(s, message_bias_pack(&m), step_low);
+    }
+    if ((mask & FRAME_RATE) != 0) {
+        const message_rate_t m = {.rate = w->rate_corrected_turnps_q28};
+        links_telemetry(s, message_rate_pack(&m), step_low);
+    }
+    if ((mask & FRAME_MEASURED) != 0) {
+        const message_measured_t m = {.tilt_measured = w->tilt_measured_turn_q32};
+        links_telemetry(s, message_measured_pack(&m), step_low);
+    }
+    if ((mask & FRAME_COMMAND) != 0) {
+        const message_command_t m = {.command = w->pid.command_q22};
+        links_telemetry(s, message_command_pack(&m), step_low);
+    }
+}
+
+/* The frames that the system's words have names in. */
+static void send_named(session_t *s, uint8_t step_low) {
+    switch (s->params->control.system) {
+    default:
+        send_quad(s, &s->control->quad.words, step_low);
+    }
+}
+
+void telemetry_send_words(session_t *s) {
+    const uint8_t *const words = control_words(s->control);
+    const uint8_t step_low = (uint8_t)((s->step - 1U) & E2E_COUNTER_MASK);
+
+    for (; s->word_next < CONTROL_RECORD_WORDS_MAX; s->word_next++) {
+        message_word_t m = {.index = s->word_next};
+
+        if ((s->words_mask[m.index / 32U] >> (m.index % 32U) & 1U) == 0) {
+            continue;
+        }
+        if (s->mode == SESSION_LOCKSTEP && !outbox_telemetry_fits(&s->link[s->run_by].outbox, 1)) {
+            return;
+        }
+        memcpy(&m.value, words + 4U * m.index, sizeof m.value);
+        links_telemetry(s, message_word_pack(&m), step_low);
+    }
+}
+
+static void send_step(session_t *s, const message_step_t *m, bool saturated) {
+    for (unsigned i = 0; i < LINKS; i++) {
+        session_link_t *const l = &s->link[i];
+        const uint16_t dropped = l->outbox.dropped; /* before this STEP, which may be dropped itself */
+
+        if (l->open) {
+            outbox_telemetry(&l->outbox, message_step_pack(m), telemetry_step_flags(s, l, saturated));
+            l->dropped_told = dropped;
+        }
+    }
+}
+
+void session_stepped(session_t *s) {
+    const control_params_t *const params = &s->params->control;
+    const void *const words = control_words(s->control);
+    const message_step_t step = {.step = s->step, .digest = digest_crc32(words, control_words_bytes(params))};
+    const bool saturated = control_saturated(s->control, params);
+
+    s->digest[SESSION_SLOT(s->step)] = step.digest;
+    s->saturated = (uint16_t)(s->saturated + saturated);
+    if (s->mode == SESSION_REALTIME && s->setpoint_waiting) {
+        const message_setpoint_used_t used = {.step = s->step, .setpoint = s->setpoint_turn_q32};
+
+        s->setpoint_waiting = false;
+        links_answer(s, s->setpoint_by, message_setpoint_used_pack(&used), 0);
+    }
+    send_step(s, &step, saturated);
+    send_raw(s, words);
+    send_named(s, (uint8_t)(s->step & E2E_COUNTER_MASK));
+    s->step++;
+    s->word_next = 0;
+    telemetry_send_words(s);
+}
