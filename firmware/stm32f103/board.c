@@ -48,7 +48,9 @@ void board_init(const board_setup_t *setup) {
     watchdog_init();
     check_image();
     uart_init();
-    board_clear_bridge_faults(); /* whatever its inputs seemed to be before they had their pulls */
+    if (setup->pins == BOARD_PINS_BRIDGE) {
+        bridge_start();
+    }
 }
 
 const board_identity_t *board_identity(void) {

@@ -80,7 +80,7 @@ static void commutate(void) {
     NVIC_ISPR(IRQ_TIM2 / 32u) = 1u << IRQ_TIM2 % 32u;
 }
 
-static void start_pwm(uint32_t dead_time_ns) {
+void bridge_init(uint32_t dead_time_ns) {
     const uint32_t mhz = clock_mhz();
     const uint32_t dead = (dead_time_ns * mhz + 999u) / 1000u;
     dead_cycles = dead < DTG_DOUBLE_MAX ? dead : DTG_DOUBLE_MAX;
@@ -99,8 +99,8 @@ static void start_pwm(uint32_t dead_time_ns) {
     TIM1_CR1 = TIM1_CR1_ARPE | TIM1_CR1_CMS_MODE1 | TIM1_CR1_CEN;
 }
 
-/* Any edge of the three inputs captures, after 14 us of quiet (at 72 MHz): longer than the PWM rings. */
-static void start_hall(void) {
+void bridge_start(void) {
+    /* Any edge of the three inputs captures, after 14 us of quiet (at 72 MHz): longer than the PWM rings. */
     RCC_APB1ENR |= RCC_APB1ENR_TIM2EN;
     TIM2_CR2 = TIM2_CR2_TI1S;
     TIM2_SMCR = TIM2_SMCR_TS_TI1F_ED;
@@ -108,15 +108,10 @@ static void start_hall(void) {
     TIM2_CCER = TIM2_CCER_CC1E;
     TIM2_DIER = TIM2_DIER_CC1IE;
     TIM2_CR1 = TIM2_CR1_CKD_DIV4 | TIM2_CR1_CEN;
-    irq_enable(IRQ_TIM2);
-}
-
-void bridge_init(uint32_t dead_time_ns) {
-    start_pwm(dead_time_ns);
     hall_last = hall_now();
-    start_hall();
+    irq_enable(IRQ_TIM2);
     wired = true;
-    commutate();
+    board_clear_bridge_faults(); /* whatever the inputs seemed to say before they had their pulls */
 }
 
 void board_arm_actuator(void) {

@@ -31,7 +31,8 @@ uint32_t uart_errors(void); /* stops at 255 */
 bool adc_start(void);       /* conversions follow TIM3; false when calibration did not end */
 uint32_t adc_late(void);    /* since adc_start(), stops at 255 */
 void pwm_init(void);
-void bridge_init(uint32_t dead_time_ns); /* after time_init(), before its pins are */
+void bridge_init(uint32_t dead_time_ns); /* after time_init(), before its pins: off, and driven so */
+void bridge_start(void);                 /* once its pins are set up, and had time to settle */
 void bridge_off(void);                   /* with any pins, at any time */
 uint32_t bridge_faults(void);
 void watchdog_init(void);

@@ -31,6 +31,7 @@ HANDLER(irq2_handler);
 HANDLER(dma1_channel1_handler);
 HANDLER(dma1_channel4_handler);
 HANDLER(dma1_channel5_handler);
+HANDLER(tim2_handler);
 HANDLER(usart1_handler);
 
 typedef void (*vector_t)(void);
@@ -51,5 +52,6 @@ __attribute__((section(".vectors"), used)) static const vector_t vectors[16 + 60
     [16 + 11] = dma1_channel1_handler,
     [16 + 14] = dma1_channel4_handler,
     [16 + 15] = dma1_channel5_handler,
+    [16 + 28] = tim2_handler,
     [16 + 37] = usart1_handler,
 };

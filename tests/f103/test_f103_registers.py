@@ -11,6 +11,8 @@ import pytest
 
 KNOWN_DIFFERENCES = {
     ("RCC", "csr"): "holds the flags of the last reset",
+    ("TIM1", "arr"): "RM0008 says 0xFFFF",
+    ("TIM2", "arr"): "RM0008 says 0xFFFF",
     ("TIM3", "arr"): "RM0008 says 0xFFFF",
     ("TIM4", "arr"): "RM0008 says 0xFFFF",
 }

@@ -11,6 +11,10 @@ if TYPE_CHECKING:
     from plumb.f103.machine import Machine
 
 
+JTAG_PINS = (("GPIOA", 15), ("GPIOB", 3), ("GPIOB", 4))
+"""JTDI, JTDO and NJTRST until AFIO_MAPR.SWJ_CFG frees them."""
+
+
 class Gpio(Peripheral):
     """One port. `outside[n]` is what the world drives pin n with: True, False, or None for nothing."""
 
@@ -45,7 +49,10 @@ class Gpio(Peripheral):
         return self.mode(pin) == 0
 
     def level(self, pin: int) -> bool | None:
-        """What a meter would show: the driven level, the pull, or None where the pin floats."""
+        """What a meter would show: the driven level, the pull, or None where the pin floats. A pin that the debug port
+        still has shows nothing to the program."""
+        if (self.name, pin) in JTAG_PINS and self.machine.afio.swj_cfg < 2:
+            return None
         mode = self.mode(pin)
         if mode & 3 and not mode & 8:
             high = bool(self.odr >> pin & 1)
@@ -55,14 +62,31 @@ class Gpio(Peripheral):
             return self.outside[pin]
         return bool(self.odr >> pin & 1)
 
+    def _changed(self) -> None:
+        self.machine.pins_changed()
+
+    def write_crl(self, value: int) -> None:
+        self.crl = value
+        self._changed()
+
+    def write_crh(self, value: int) -> None:
+        self.crh = value
+        self._changed()
+
+    def write_odr(self, value: int) -> None:
+        self.odr = value & 0xFFFF
+        self._changed()
+
     def read_idr(self) -> int:
         return sum(1 << pin for pin in range(16) if not self.is_analog(pin) and self.level(pin))
 
     def write_bsrr(self, value: int) -> None:
         self.odr = (self.odr & ~(value >> 16) | value) & 0xFFFF
+        self._changed()
 
     def write_brr(self, value: int) -> None:
         self.odr &= ~value & 0xFFFF
+        self._changed()
 
     def read_bsrr(self) -> int:
         return 0
@@ -98,6 +122,7 @@ class Afio(Peripheral):
     def write_mapr(self, value: int) -> None:
         self.mapr = value & 0x001FFFFF
         self.swj_cfg = (value >> 24) & 7
+        self.machine.pins_changed()
         if self.swj_cfg not in (0, 1, 2, 4):
             self.machine.warn(f"AFIO_MAPR.SWJ_CFG is written with {self.swj_cfg}, which is undefined")
 

@@ -38,6 +38,8 @@ from plumb.f103.rcc import Rcc
 from plumb.f103.scb import Scb, SysTick
 from plumb.f103.stream import UartStream
 from plumb.f103.tim import Pwm, Timer
+from plumb.f103.tim1 import Bridge, Tim1
+from plumb.f103.tim2 import REMAPPED_PINS, Tim2
 from plumb.f103.timeline import NEVER, TICKS_PER_S, TICKS_PER_US, Timeline
 from plumb.f103.usart import Usart
 
@@ -116,11 +118,12 @@ class Machine:
         self.ports = [Gpio(self, letter, 0x40010800 + 0x400 * i) for i, letter in enumerate("ABCDE")]
         self.usart, self.adc1 = Usart(self), Adc(self)
         self.tim3, self.tim4 = Timer(self, "TIM3", 0x40000400, 29), Timer(self, "TIM4", 0x40000800, 30)
+        self.tim1, self.tim2 = Tim1(self), Tim2(self)
         self.iwdg = Iwdg(self)
         self.pwr, self.bkp = Pwr(self), Bkp(self)
         core: list[Peripheral] = [self.nvic, self.scb, self.systick, self.core_debug, self.dwt, self.dbgmcu]
         rest: list[Peripheral] = [self.flash, self.dma, self.afio, *self.ports, self.usart, self.adc1]
-        rest += [self.tim3, self.tim4, self.iwdg, self.pwr, self.bkp, self.rcc]
+        rest += [self.tim1, self.tim2, self.tim3, self.tim4, self.iwdg, self.pwr, self.bkp, self.rcc]
         for peripheral in core + rest:
             self.bus.attach(peripheral)
         self.by_name = {peripheral.name: peripheral for peripheral in self.bus.peripherals}
@@ -303,6 +306,22 @@ class Machine:
     def drive(self, pin: str, level: bool | None) -> None:
         """Drive an input from outside; None lets go."""
         self.port(pin).outside[int(pin[2:])] = level
+        self.pins_changed()
+
+    def pins_changed(self) -> None:
+        """For whoever watches levels without being asked."""
+        self.tim1.pins_changed()
+        self.tim2.pins_changed()
+
+    def bridge(self) -> Bridge:
+        """What a three-phase bridge on TIM1's pins does to its motor now."""
+        return self.tim1.bridge(self.now) if self.powered else Bridge((None, None, None), False)
+
+    def set_hall(self, state: int) -> None:
+        """Drive the three Hall inputs of the pin set `bridge`: A (PA15) is bit 0, B (PB3) bit 1, C (PB10) bit 2."""
+        for bit, pin in enumerate(REMAPPED_PINS):
+            self.port(pin).outside[int(pin[2:])] = bool(state >> bit & 1)
+        self.pins_changed()
 
     # Reports
 

@@ -24,8 +24,18 @@ HSE_START_US, PLL_START_US = 2000, 200
 HSI_MHZ = HSE_MHZ = 8
 PLL_BITS = 0x003F0000
 """PLLSRC, PLLXTPRE, PLLMUL: frozen while the PLL runs."""
-APB2_CLOCKS = {"AFIO": 0, "GPIOA": 2, "GPIOB": 3, "GPIOC": 4, "GPIOD": 5, "GPIOE": 6, "ADC1": 9, "USART1": 14}
-APB1_CLOCKS = {"TIM3": 1, "TIM4": 2, "BKP": 27, "PWR": 28}
+APB2_CLOCKS = {
+    "AFIO": 0,
+    "GPIOA": 2,
+    "GPIOB": 3,
+    "GPIOC": 4,
+    "GPIOD": 5,
+    "GPIOE": 6,
+    "ADC1": 9,
+    "TIM1": 11,
+    "USART1": 14,
+}
+APB1_CLOCKS = {"TIM2": 0, "TIM3": 1, "TIM4": 2, "BKP": 27, "PWR": 28}
 AHB_CLOCKS = {"DMA1": 0}
 
 
@@ -233,6 +243,7 @@ class Rcc(Peripheral):
             if in_use:
                 self._change_clock(self.cfgr & ~0x0F)
             self.cir |= CSSF
+            self.machine.tim1.clock_failed()
             self.machine.nvic.pend(NMI)
             return
         self.cr &= ~HSERDY

@@ -109,6 +109,9 @@ class Usart(Peripheral):
     def _pin_works(self) -> bool:
         port, pin = (1, 6) if self.machine.afio.mapr & 4 else (0, 9)
         works = self.machine.ports[port].is_alternate_output(pin)
+        if port == 1 and not self.machine.afio.mapr & 2:
+            self.machine.warn("USART1 is remapped while I2C1 is not: it does not come out of PB6")
+            return False
         if not works:
             self.machine.warn(f"USART1 sends, but P{'AB'[port]}{pin} is not an alternate-function output")
         return works
