@@ -3,24 +3,32 @@
  * do. */
 #include "board.h"
 #include "core/control.h"
+#include "link/messages.h"
 #include "link/requests.h"
 #include "link/session.h"
 
 int main(void);
 
+#define CAN_PER_TURN 16u /* a flood must not keep the loop from its steps */
+
 static control_t control;
 static params_t params;
 static session_t session;
 
-/* Bytes from the UART into the session, as many as it can answer. */
+/* What both links brought into the session, as much as it can answer. */
 static void receive(uint32_t now_us) {
     uint8_t bytes[64];
     const size_t room = session_receive_room(&session);
     const size_t count = board_uart_read(bytes, room < sizeof bytes ? room : sizeof bytes);
     session_receive(&session, bytes, count, now_us);
+
+    can_frame_t frame;
+    for (unsigned i = 0u; i < CAN_PER_TURN && session_frame_room(&session) && board_can_read(&frame); i++) {
+        session_receive_frame(&session, &frame, now_us);
+    }
 }
 
-/* What the session has to say into the UART, as much as it takes. */
+/* What the session has to say, as much as the UART and CAN take. */
 static void transmit(void) {
     uint8_t bytes[64];
     size_t count;
@@ -29,6 +37,11 @@ static void transmit(void) {
         count = session_transmit(&session, bytes, room < sizeof bytes ? room : sizeof bytes);
         (void)board_uart_write(bytes, count);
     } while (count > 0u);
+
+    can_frame_t frame;
+    while (board_can_room() && session_transmit_frame(&session, &frame)) {
+        board_can_send(&frame);
+    }
 }
 
 /* The sample of this step, if one is due: in lockstep when the host has sent it, in real time when the timer
@@ -68,8 +81,10 @@ int main(void) {
     for (;;) {
         const uint32_t now_us = board_now_us();
         board_feed_watchdog();
+        board_can_join(session_can_kbit(&session), messages_from_host, MESSAGES_FROM_HOST);
         receive(now_us);
         session_report_faults(&session, board_faults());
+        session_report_can(&session, board_can_health());
         session_report_switch(&session, board_arm_switch(), now_us);
         session_poll(&session, now_us);
 

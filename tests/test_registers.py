@@ -51,7 +51,7 @@ def svd() -> tuple[dict[str, Block], dict[str, int]]:
         source = found[node.attrib["derivedFrom"]] if "derivedFrom" in node.attrib else node
         for register in source.iter("register"):
             # Input and output views of one register are two entries in the SVD.
-            label = _text(register, "name").removesuffix("_Output").removesuffix("_Input")
+            label = _text(register, "name").removesuffix("_Output").removesuffix("_Input").removeprefix(f"{name}_")
             block.registers[label] = _number(register, "addressOffset")
             block.bits.setdefault(label, {}).update(
                 (_text(bit, "name"), ((1 << _number(bit, "bitWidth")) - 1) << _number(bit, "bitOffset"))

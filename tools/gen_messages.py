@@ -105,15 +105,21 @@ def generate() -> dict[str, str]:
         slots = [message.identifier & 63 for message in messages if message.sender == sender]
         if len(set(slots)) != len(slots):
             raise SystemExit(f"messages.dbc: the low six bits of what {sender} sends are not all different")
+    from_host = [f"MESSAGE_{message.name}_ID" for message in messages if message.sender == "HOST"]
     header = (
         LINE_1 + "#ifndef PLUMB_LINK_MESSAGES_H\n#define PLUMB_LINK_MESSAGES_H\n\n"
         '#include "e2e.h"\n\n'
         f"#define MESSAGES_PROTOCOL_VERSION {protocol.version}U\n"
         f"#define MESSAGES_DBC_HASH 0x{protocol.dbc_hash:08X}U\n\n"
+        + "/* Every identifier that the host sends: what a receiver's filters let through. */\n"
+        f"#define MESSAGES_FROM_HOST {len(from_host)}U\n"
+        "extern const uint16_t messages_from_host[MESSAGES_FROM_HOST];\n\n"
         + "\n".join(header_of(message) for message in messages)
         + "\n#endif\n"
     )
     source = LINE_1 + '#include "messages.h"\n' + HELPERS
+    source += "\nconst uint16_t messages_from_host[MESSAGES_FROM_HOST] = {\n"
+    source += "".join(f"    {name},\n" for name in from_host) + "};\n"
     source += "".join("\n" + source_of(message) for message in messages if source_of(message))
     return {"messages.h": header, "messages.c": source}
 

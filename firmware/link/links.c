@@ -54,6 +54,9 @@ void links_poll(session_t *s, uint32_t now_us) {
         links_open(s, LINK_CAN, false, false);
         outbox_clear(&l->outbox); /* nobody is there: not to be said to who comes next */
     }
+    if (!l->open) {
+        s->can_kbit = s->params->can_bitrate_kbit;
+    }
 }
 
 void links_reply(session_t *s, can_frame_t frame, uint8_t flags) {

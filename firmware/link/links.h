@@ -19,7 +19,7 @@ void links_forget_counters(session_link_t *l);
 void links_note_counter(session_link_t *l, const can_frame_t *frame);
 
 /* CAN has nobody who says that a host went away: a link over which nothing came for LINKS_SILENCE_US is
- * closed. */
+ * closed. While it is closed its bit rate may change. */
 void links_poll(session_t *s, uint32_t now_us);
 
 /* To who asked. */

@@ -20,6 +20,24 @@ static inline uint32_t get_u32(const can_frame_t *frame, unsigned at) {
     return get_u16(frame, at) | ((uint32_t)get_u16(frame, at + 2) << 16);
 }
 
+const uint16_t messages_from_host[MESSAGES_FROM_HOST] = {
+    MESSAGE_KEEPALIVE_ID,
+    MESSAGE_DISARM_ID,
+    MESSAGE_SAMPLE_A_ID,
+    MESSAGE_SAMPLE_B_ID,
+    MESSAGE_SETPOINT_ID,
+    MESSAGE_CHALLENGE_ID,
+    MESSAGE_EXECUTE_ID,
+    MESSAGE_RUN_BEGIN_ID,
+    MESSAGE_RUN_END_ID,
+    MESSAGE_SELECT_ID,
+    MESSAGE_PARAM_GET_ID,
+    MESSAGE_PARAM_SET_ID,
+    MESSAGE_PARAM_COMMIT_ID,
+    MESSAGE_CLOSE_ID,
+    MESSAGE_HELLO_ID,
+};
+
 message_keepalive_t message_keepalive_unpack(const can_frame_t *frame) {
     message_keepalive_t m;
 
@@ -164,6 +182,15 @@ can_frame_t message_setpoint_used_pack(const message_setpoint_used_t *m) {
 
     put_u16(&frame, 2, (uint16_t)m->step);
     put_u32(&frame, 4, (uint32_t)m->setpoint);
+    return frame;
+}
+
+can_frame_t message_can_health_pack(const message_can_health_t *m) {
+    can_frame_t frame = {.id = MESSAGE_CAN_HEALTH_ID, .dlc = CAN_FRAME_DLC};
+
+    put_u16(&frame, 2, (uint16_t)m->transmit_errors);
+    put_u16(&frame, 4, (uint16_t)m->receive_errors);
+    put_u16(&frame, 6, (uint16_t)m->bus_offs);
     return frame;
 }
 

@@ -6,7 +6,11 @@
 #include "e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 1U
-#define MESSAGES_DBC_HASH 0x7AC83F7AU
+#define MESSAGES_DBC_HASH 0x9B71F7A8U
+
+/* Every identifier that the host sends: what a receiver's filters let through. */
+#define MESSAGES_FROM_HOST 15U
+extern const uint16_t messages_from_host[MESSAGES_FROM_HOST];
 
 #define MESSAGE_KEEPALIVE_ID 0x008U
 typedef struct {
@@ -151,6 +155,23 @@ typedef struct {
     int32_t setpoint;
 } message_setpoint_used_t;
 can_frame_t message_setpoint_used_pack(const message_setpoint_used_t *m);
+
+#define MESSAGE_CAN_HEALTH_ID 0x115U
+#define MESSAGE_CAN_HEALTH_BUS_OFF 0x8U /* flag */
+#define MESSAGE_CAN_HEALTH_LAST_ERROR_NONE 0U
+#define MESSAGE_CAN_HEALTH_LAST_ERROR_STUFF 1U
+#define MESSAGE_CAN_HEALTH_LAST_ERROR_FORM 2U
+#define MESSAGE_CAN_HEALTH_LAST_ERROR_ACKNOWLEDGEMENT 3U
+#define MESSAGE_CAN_HEALTH_LAST_ERROR_BIT_RECESSIVE 4U
+#define MESSAGE_CAN_HEALTH_LAST_ERROR_BIT_DOMINANT 5U
+#define MESSAGE_CAN_HEALTH_LAST_ERROR_CRC 6U
+#define MESSAGE_CAN_HEALTH_LAST_ERROR_UNCHANGED 7U
+typedef struct {
+    uint16_t transmit_errors;
+    uint16_t receive_errors;
+    uint16_t bus_offs;
+} message_can_health_t;
+can_frame_t message_can_health_pack(const message_can_health_t *m);
 
 #define MESSAGE_CHALLENGE_ID 0x200U
 #define MESSAGE_CHALLENGE_VERB_ARM 1U

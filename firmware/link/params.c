@@ -65,6 +65,7 @@ static const param_t table[PARAMS_COUNT] = {
     {0x00000000U, 0x00002710U, 0x000003E8U}, /* 49: arm_hold_ms */
     {0x00000000U, 0x00000001U, 0x00000000U}, /* 50: pins */
     {0x000000C8U, 0x00000DACU, 0x000003E8U}, /* 51: dead_time_ns */
+    {0x0000007DU, 0x000003E8U, 0x000001F4U}, /* 52: can_bitrate_kbit */
 };
 
 static const uint16_t ids[PARAMS_COUNT] = {
@@ -120,6 +121,7 @@ static const uint16_t ids[PARAMS_COUNT] = {
     0xAD57U, /* arm_hold_ms */
     0xA59EU, /* pins */
     0x9410U, /* dead_time_ns */
+    0x6AC3U, /* can_bitrate_kbit */
 };
 
 #define PLACE(member, index) \
@@ -176,6 +178,7 @@ PLACE(esc_period_us, 48);
 PLACE(arm_hold_ms, 49);
 PLACE(pins, 50);
 PLACE(dead_time_ns, 51);
+PLACE(can_bitrate_kbit, 52);
 typedef char whole_table[sizeof(params_t) == 4U * PARAMS_COUNT ? 1 : -1];
 
 uint32_t params_word(const params_t *p, uint16_t index) {

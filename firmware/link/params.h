@@ -5,7 +5,7 @@
 
 #include "../core/control.h"
 
-#define PARAMS_COUNT 52U
+#define PARAMS_COUNT 53U
 
 /* Parameters of a run: the control core's, then the link's and the board's. Words of 32 bits, in the order of their
  * numbers on the wire. */
@@ -16,6 +16,7 @@ typedef struct {
     uint32_t arm_hold_ms;
     uint32_t pins;
     uint32_t dead_time_ns;
+    uint32_t can_bitrate_kbit;
 } params_t;
 
 /* Factory values. */

@@ -59,6 +59,14 @@ void session_report_faults(session_t *s, uint32_t faults) {
     s->faults = faults | requests_faults(s);
 }
 
+void session_report_can(session_t *s, const board_can_health_t *health) {
+    s->can = health;
+}
+
+uint32_t session_can_kbit(const session_t *s) {
+    return s->can_kbit;
+}
+
 static arming_actuator_t actuator(const session_t *s) {
     return (arming_actuator_t){.frame_us = s->params->esc_period_us,
                                .hold_us = 1000U * s->params->arm_hold_ms};
@@ -435,6 +443,14 @@ static void send_status(session_t *s, link_t link) {
     outbox_telemetry(&l->outbox, message_status_pack(&status), status_flags(s, l));
     outbox_telemetry(&l->outbox, message_counters_pack(&counters), 0);
     outbox_telemetry(&l->outbox, message_events_pack(&events), 0);
+    if (s->can != NULL) {
+        const message_can_health_t health = {.transmit_errors = s->can->transmit_errors,
+                                             .receive_errors = s->can->receive_errors,
+                                             .bus_offs = s->can->bus_offs};
+        const unsigned off = s->can->bus_off ? MESSAGE_CAN_HEALTH_BUS_OFF : 0U;
+
+        outbox_telemetry(&l->outbox, message_can_health_pack(&health), (uint8_t)(s->can->last_error | off));
+    }
 }
 
 void session_poll(session_t *s, uint32_t now_us) {
@@ -469,6 +485,7 @@ void session_init(session_t *s, const board_identity_t *board, control_t *contro
     slcan_rx_init(&s->rx);
     links_init(s);
     arming_init(&s->arming, board->unique_id[0] ^ board->unique_id[1] ^ board->unique_id[2]);
+    s->can_kbit = params->can_bitrate_kbit;
     telemetry_select_nothing(s);
     control_init(control, &params->control);
 }

@@ -83,6 +83,8 @@ typedef struct {
     bool bootloader_asked;
     uint32_t bootloader_us; /* when */
     uint32_t faults;
+    const board_can_health_t *can;
+    uint32_t can_kbit;
     uint32_t time_us;   /* last TIME */
     uint32_t status_us; /* last STATUS */
 
@@ -158,6 +160,12 @@ void session_stepped(session_t *s);
 
 /* Board faults at this moment (BOARD_FAULT_*). With one of the low byte the next poll disarms. */
 void session_report_faults(session_t *s, uint32_t faults);
+
+/* How the CAN controller fares: sent with the status. Kept by the caller. */
+void session_report_can(session_t *s, const board_can_health_t *health);
+
+/* Bit rate for CAN: the parameter, but never another one while a host is there. */
+uint32_t session_can_kbit(const session_t *s);
 
 /* The arm switch at this moment: closing it arms, opening it disarms (arming.h). Call on every turn of the
  * loop, after session_report_faults(). */

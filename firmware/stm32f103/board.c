@@ -48,6 +48,7 @@ void board_init(const board_setup_t *setup) {
     watchdog_init();
     check_image();
     uart_init();
+    can_init();
     if (setup->pins == BOARD_PINS_BRIDGE) {
         bridge_start();
     }
@@ -60,7 +61,8 @@ const board_identity_t *board_identity(void) {
 uint32_t board_faults(void) {
     const uint32_t errors = uart_errors();
     return port_faults | bridge_faults() | (errors > 0u ? BOARD_FAULT_UART_OVERRUN : 0u) |
-           (errors << BOARD_FAULT_UART_COUNT_SHIFT) | (adc_late() << BOARD_FAULT_LATE_COUNT_SHIFT);
+           (can_overrun() ? BOARD_FAULT_CAN_OVERRUN : 0u) | (errors << BOARD_FAULT_UART_COUNT_SHIFT) |
+           (adc_late() << BOARD_FAULT_LATE_COUNT_SHIFT);
 }
 
 void board_idle(void) {

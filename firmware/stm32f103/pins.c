@@ -45,16 +45,19 @@ void pins_init(uint32_t pins) {
     for (uint32_t pin = 0u; pin < 4u; pin++) { /* ADC1_IN0 to IN3: gyro, accelerometer, second axis, spare */
         pins_set_mode(&GPIOA_CRL, pin, PIN_ANALOG);
     }
-    pins_set_mode(&GPIOB_CRL, 0u, PIN_ANALOG);          /* ADC1_IN8 */
-    pins_set_mode(&GPIOB_CRL, 1u, PIN_ANALOG);          /* ADC1_IN9 */
-    GPIOA_BSRR = 1u << 4 | 1u << 6;                     /* chip not selected; MISO pulled up */
-    pins_set_mode(&GPIOA_CRL, 4u, PIN_OUTPUT_10MHZ);    /* select of the accelerometer */
-    pins_set_mode(&GPIOA_CRL, 5u, PIN_ALTERNATE_10MHZ); /* SPI1_SCK */
-    pins_set_mode(&GPIOA_CRL, 6u, PIN_INPUT_PULLED);    /* SPI1_MISO */
-    pins_set_mode(&GPIOA_CRL, 7u, PIN_ALTERNATE_10MHZ); /* SPI1_MOSI */
-    pins_set_mode(&GPIOB_CRH, 8u, PIN_ALTERNATE_DRAIN); /* I2C1_SCL */
-    pins_set_mode(&GPIOB_CRH, 9u, PIN_ALTERNATE_DRAIN); /* I2C1_SDA */
-    GPIOC_BSRR = 1u << ARM_SWITCH;                      /* pulled up: no switch is an open switch */
+    pins_set_mode(&GPIOB_CRL, 0u, PIN_ANALOG);           /* ADC1_IN8 */
+    pins_set_mode(&GPIOB_CRL, 1u, PIN_ANALOG);           /* ADC1_IN9 */
+    GPIOA_BSRR = 1u << 4 | 1u << 6;                      /* chip not selected; MISO pulled up */
+    pins_set_mode(&GPIOA_CRL, 4u, PIN_OUTPUT_10MHZ);     /* select of the accelerometer */
+    pins_set_mode(&GPIOA_CRL, 5u, PIN_ALTERNATE_10MHZ);  /* SPI1_SCK */
+    pins_set_mode(&GPIOA_CRL, 6u, PIN_INPUT_PULLED);     /* SPI1_MISO */
+    pins_set_mode(&GPIOA_CRL, 7u, PIN_ALTERNATE_10MHZ);  /* SPI1_MOSI */
+    pins_set_mode(&GPIOB_CRH, 8u, PIN_ALTERNATE_DRAIN);  /* I2C1_SCL */
+    pins_set_mode(&GPIOB_CRH, 9u, PIN_ALTERNATE_DRAIN);  /* I2C1_SDA */
+    GPIOA_BSRR = 1u << 11;                               /* pulled up: without a transceiver nobody speaks */
+    pins_set_mode(&GPIOA_CRH, 11u, PIN_INPUT_PULLED);    /* CAN_RX */
+    pins_set_mode(&GPIOA_CRH, 12u, PIN_ALTERNATE_10MHZ); /* CAN_TX: recessive while the controller rests */
+    GPIOC_BSRR = 1u << ARM_SWITCH;                       /* pulled up: no switch is an open switch */
     pins_set_mode(&GPIOC_CRH, ARM_SWITCH, PIN_INPUT_PULLED);
     if (pins == BOARD_PINS_BRIDGE) {
         bridge_pins();

@@ -35,6 +35,8 @@ void bridge_init(uint32_t dead_time_ns); /* after time_init(), before its pins: 
 void bridge_start(void);                 /* once its pins are set up, and had time to settle */
 void bridge_off(void);                   /* with any pins, at any time */
 uint32_t bridge_faults(void);
+void can_init(void); /* stays off the bus when the clock is not the crystal's */
+bool can_overrun(void);
 void watchdog_init(void);
 void watchdog_feed(void);
 
@@ -57,6 +59,8 @@ void uart_tx_dma_handler(void);
 void uart_rx_dma_handler(void);
 void uart_handler(void);
 void bridge_handler(void);
+void can_tx_handler(void);
+void can_rx_handler(void);
 
 static inline void irq_enable(uint32_t irq) {
     NVIC_ISER(irq / 32u) = 1u << (irq % 32u);

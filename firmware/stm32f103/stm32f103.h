@@ -46,6 +46,7 @@
 #define RCC_APB1ENR_TIM2EN   (1u << 0)
 #define RCC_APB1ENR_TIM3EN   (1u << 1)
 #define RCC_APB1ENR_TIM4EN   (1u << 2)
+#define RCC_APB1ENR_CANEN    (1u << 25)
 #define RCC_APB1ENR_BKPEN    (1u << 27)
 #define RCC_APB1ENR_PWREN    (1u << 28)
 #define RCC_CSR              REG32(RCC_BASE, 0x24u)
@@ -271,6 +272,52 @@
 #define TIM4_CCR2            REG32(TIM4_BASE, 0x38u)
 #define TIM4_CCR3            REG32(TIM4_BASE, 0x3cu)
 
+/* bxCAN, RM0008 section 24.9. A mailbox is four registers: identifier, length, bytes 0 to 3, bytes 4 to 7;
+ * mailboxes follow each other every 16 bytes, filter banks of two registers every 8. */
+#define CAN_BASE       0x40006400u
+#define CAN_MCR        REG32(CAN_BASE, 0x00u)
+#define CAN_MCR_INRQ   (1u << 0)
+#define CAN_MCR_TXFP   (1u << 2) /* mailboxes go out in the order they were filled */
+#define CAN_MSR        REG32(CAN_BASE, 0x04u)
+#define CAN_MSR_INAK   (1u << 0)
+#define CAN_TSR        REG32(CAN_BASE, 0x08u)
+#define CAN_TSR_RQCP0  (1u << 0)
+#define CAN_TSR_ABRQ0  (1u << 7)
+#define CAN_TSR_RQCP1  (1u << 8)
+#define CAN_TSR_ABRQ1  (1u << 15)
+#define CAN_TSR_RQCP2  (1u << 16)
+#define CAN_TSR_ABRQ2  (1u << 23)
+#define CAN_TSR_CODE   (3u << 24) /* number of a mailbox that is empty, if one is */
+#define CAN_TSR_TME0   (1u << 26)
+#define CAN_TSR_TME1   (1u << 27)
+#define CAN_TSR_TME2   (1u << 28)
+#define CAN_RF0R       REG32(CAN_BASE, 0x0cu)
+#define CAN_RF0R_FMP0  (3u << 0)
+#define CAN_RF0R_FOVR0 (1u << 4)
+#define CAN_RF0R_RFOM0 (1u << 5)
+#define CAN_IER        REG32(CAN_BASE, 0x14u)
+#define CAN_IER_TMEIE  (1u << 0)
+#define CAN_IER_FMPIE0 (1u << 1)
+#define CAN_ESR        REG32(CAN_BASE, 0x18u)
+#define CAN_ESR_BOFF   (1u << 2)
+#define CAN_ESR_LEC    (7u << 4)
+#define CAN_ESR_TEC    (0xffu << 16)
+#define CAN_ESR_REC    (0xffu << 24)
+#define CAN_BTR        REG32(CAN_BASE, 0x1cu)
+#define CAN_BTR_TS1_15 (14u << 16)
+#define CAN_BTR_TS2_2  (1u << 20)
+#define CAN_BTR_SJW_2  (1u << 24)
+#define CAN_TI0R       REG32(CAN_BASE, 0x180u)
+#define CAN_TI0R_TXRQ  (1u << 0)
+#define CAN_RI0R       REG32(CAN_BASE, 0x1b0u)
+#define CAN_FMR        REG32(CAN_BASE, 0x200u)
+#define CAN_FMR_FINIT  (1u << 0)
+#define CAN_FM1R       REG32(CAN_BASE, 0x204u) /* by bank: 1 a list of identifiers, 0 identifier and mask */
+#define CAN_FS1R       REG32(CAN_BASE, 0x20cu) /* by bank: 1 one or two of 32 bits, 0 two or four of 16 */
+#define CAN_FFA1R      REG32(CAN_BASE, 0x214u) /* by bank: 0 into FIFO 0 */
+#define CAN_FA1R       REG32(CAN_BASE, 0x21cu) /* by bank: active */
+#define CAN_F0R1       REG32(CAN_BASE, 0x240u)
+
 /* Independent watchdog, RM0008 section 19.4 */
 #define IWDG_BASE          0x40003000u
 #define IWDG_KR            REG32(IWDG_BASE, 0x00u)
@@ -305,6 +352,8 @@
 #define IRQ_DMA1_Channel1 11u
 #define IRQ_DMA1_Channel4 14u
 #define IRQ_DMA1_Channel5 15u
+#define IRQ_CAN1_TX       19u
+#define IRQ_CAN1_RX0      20u
 #define IRQ_TIM2          28u
 #define IRQ_USART1        37u
 

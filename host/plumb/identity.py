@@ -30,6 +30,7 @@ FAULTS = {
     8: "running on the internal oscillator",
     9: "received bytes were lost",
     10: "the watchdog ended the run before",
+    11: "received CAN frames were lost",
     12: "the crystal failed in the run before",
 }
 SOURCES = {

@@ -26,6 +26,7 @@ from plumb.f103.adc import PINS as ADC_PINS
 from plumb.f103.adc import Adc
 from plumb.f103.backup import Bkp, Pwr
 from plumb.f103.bus import Bus, Peripheral
+from plumb.f103.bxcan import Bxcan
 from plumb.f103.cpu import Cpu
 from plumb.f103.debug import CoreDebug, DbgMcu, Dwt
 from plumb.f103.dma import Dma
@@ -123,7 +124,8 @@ class Machine:
         self.pwr, self.bkp = Pwr(self), Bkp(self)
         core: list[Peripheral] = [self.nvic, self.scb, self.systick, self.core_debug, self.dwt, self.dbgmcu]
         rest: list[Peripheral] = [self.flash, self.dma, self.afio, *self.ports, self.usart, self.adc1]
-        rest += [self.tim1, self.tim2, self.tim3, self.tim4, self.iwdg, self.pwr, self.bkp, self.rcc]
+        self.can = Bxcan(self)
+        rest += [self.tim1, self.tim2, self.tim3, self.tim4, self.iwdg, self.pwr, self.bkp, self.can, self.rcc]
         for peripheral in core + rest:
             self.bus.attach(peripheral)
         self.by_name = {peripheral.name: peripheral for peripheral in self.bus.peripherals}
@@ -179,6 +181,7 @@ class Machine:
         for peripheral in self.bus.peripherals:
             peripheral.reset()
         self.usart.from_host.clear()
+        self.can.wire.power_off()
         self.powered = False
 
     def power_on(self) -> None:

@@ -35,7 +35,7 @@ APB2_CLOCKS = {
     "TIM1": 11,
     "USART1": 14,
 }
-APB1_CLOCKS = {"TIM2": 0, "TIM3": 1, "TIM4": 2, "BKP": 27, "PWR": 28}
+APB1_CLOCKS = {"TIM2": 0, "TIM3": 1, "TIM4": 2, "CAN": 25, "BKP": 27, "PWR": 28}
 AHB_CLOCKS = {"DMA1": 0}
 
 
@@ -65,8 +65,8 @@ class Rcc(Peripheral):
         super().__init__(machine, "RCC", 0x40021000)
         self.crystal_dead = False
         self.pll_dead = False
-        self.hclk_ticks = self.pclk2_ticks = self.timer1_ticks = 0
-        """Ticks of a cycle of the core and AHB, of APB2, and of the timers on APB1."""
+        self.hclk_ticks = self.pclk1_ticks = self.pclk2_ticks = self.timer1_ticks = 0
+        """Ticks of a cycle of the core and AHB, of APB1, of APB2, and of the timers on APB1."""
         self.core_clock_lost = False
 
     def reset(self) -> None:
@@ -123,6 +123,7 @@ class Rcc(Peripheral):
             raise SimulationError(f"APB1 runs above 36 MHz: set RCC_CFGR.PPRE1 first ({self.machine.where()})")
         divider = self._apb_divider(8)
         self.timer1_ticks = ticks * (1 if divider == 1 else divider // 2)
+        self.pclk1_ticks = ticks * divider
         self.pclk2_ticks = ticks * self._apb_divider(11)
         if ticks != self.hclk_ticks:
             self.hclk_ticks = ticks

@@ -1,0 +1,227 @@
+/* CAN at 125 kbit/s to 1 Mbit/s on PA11 and PA12 (bxCAN, RM0008 24).
+ *
+ * Receive: the filters let nothing but the host's identifiers through; an interrupt empties the FIFO of three
+ * into a ring. Transmit: three mailboxes in the order they were filled; an interrupt says that one is free.
+ * Everything that takes time (entering and leaving initialisation, eleven recessive bits, the way back from
+ * bus-off) is a state that the loop looks at again, so nothing here waits and a dead bus stops nobody.
+ *
+ * Alone on the bus, a controller repeats its frame for ever without going bus-off (RM0008 24.7.6: an
+ * acknowledgement error in error passive does not count), so a frame without a way is given up here. */
+#include "port.h"
+
+#define CRYSTAL_MHZ  72u
+#define QUANTA_KHZ   2000u /* prescaler times kbit/s: 36 MHz over the 18 quanta of a bit, sampled at 16 */
+#define RX_FRAMES    16u   /* a power of two; 1.8 ms at 1 Mbit/s */
+#define BANK_IDS     4u
+#define REST_MIN_MS  10u
+#define REST_MAX_MS  1000u
+#define GIVE_UP_MS   500u
+#define ALL_EMPTY    (CAN_TSR_TME0 | CAN_TSR_TME1 | CAN_TSR_TME2)
+#define ABORT_ALL    (CAN_TSR_ABRQ0 | CAN_TSR_ABRQ1 | CAN_TSR_ABRQ2)
+#define STANDARD_ID  21u /* position of an 11-bit identifier in a mailbox */
+#define FILTER_ID    5u  /* and in a filter of 16 bits; the bits below say: data frame, no extension */
+#define MAILBOX_STEP 4u  /* registers */
+#define FIFO_MASK    (RX_FRAMES - 1u)
+
+typedef enum {
+    CAN_OFF,     /* no crystal */
+    CAN_ASKING,  /* for initialisation: granted at the end of the frame under way */
+    CAN_JOINING, /* eleven recessive bits, after bus-off 128 times */
+    CAN_ON,
+    CAN_RESTING /* after bus-off */
+} can_state_t;
+
+static can_state_t state;
+static uint32_t rate_kbit;
+static uint32_t since_ms; /* of the state */
+static uint32_t rest_ms;
+static volatile uint32_t sent_ms; /* a mailbox became empty, or the first was filled */
+static can_frame_t rx_ring[RX_FRAMES];
+static volatile uint32_t rx_in, rx_out; /* free-running; written by the interrupt, by the loop */
+static volatile bool rx_stopped;        /* the interrupt found the ring full and switched itself off */
+static volatile bool overrun;
+static board_can_health_t health;
+
+static void enter(can_state_t next) {
+    state = next;
+    since_ms = time_ms();
+}
+
+void can_init(void) {
+    health.bus_off = true;
+    if (clock_mhz() != CRYSTAL_MHZ) {
+        return; /* the internal oscillator is off by up to 2.5 %, CAN bears half a percent */
+    }
+    RCC_APB1ENR |= RCC_APB1ENR_CANEN;
+    rest_ms = REST_MIN_MS;
+    irq_enable(IRQ_CAN1_TX);
+    irq_enable(IRQ_CAN1_RX0);
+    CAN_MCR = CAN_MCR_INRQ | CAN_MCR_TXFP; /* and out of sleep, in which it is after reset */
+    enter(CAN_ASKING);
+}
+
+bool can_overrun(void) {
+    return overrun;
+}
+
+/* List mode, four identifiers of 16 bits to a bank, all into FIFO 0. What is left of the last bank repeats
+ * its first. */
+static void set_filters(const uint16_t *ids, size_t count) {
+    volatile uint32_t *const bank = &CAN_F0R1;
+    uint32_t active = 0u;
+    CAN_FMR |= CAN_FMR_FINIT;
+    CAN_FA1R = 0u;
+    for (size_t from = 0u; from < count; from += BANK_IDS) {
+        uint32_t filter[BANK_IDS];
+        for (size_t i = 0u; i < BANK_IDS; i++) {
+            filter[i] = (uint32_t)ids[from + i < count ? from + i : from] << FILTER_ID;
+        }
+        bank[from / 2u] = filter[0] | filter[1] << 16;
+        bank[from / 2u + 1u] = filter[2] | filter[3] << 16;
+        active = active << 1 | 1u;
+    }
+    CAN_FM1R = active;
+    CAN_FS1R = 0u;
+    CAN_FFA1R = 0u;
+    CAN_FA1R = active;
+    CAN_FMR &= ~CAN_FMR_FINIT;
+}
+
+static void set_up(const uint16_t *ids, size_t count) {
+    CAN_BTR = CAN_BTR_SJW_2 | CAN_BTR_TS2_2 | CAN_BTR_TS1_15 | (QUANTA_KHZ / rate_kbit - 1u);
+    set_filters(ids, count);
+    CAN_IER = CAN_IER_TMEIE | CAN_IER_FMPIE0;
+    CAN_MCR &= ~CAN_MCR_INRQ;
+    enter(CAN_JOINING);
+}
+
+static void go_off(void) {
+    health.bus_offs++;
+    CAN_TSR = ABORT_ALL; /* what was to be said is old by the time it could be */
+    enter(CAN_RESTING);
+}
+
+static void look_after(uint32_t errors) {
+    const uint32_t now_ms = time_ms();
+    if ((errors & CAN_ESR_BOFF) != 0u) {
+        go_off();
+    } else if (now_ms - since_ms >= REST_MAX_MS) {
+        rest_ms = REST_MIN_MS; /* it holds */
+    }
+    if ((CAN_TSR & ALL_EMPTY) != ALL_EMPTY && now_ms - sent_ms >= GIVE_UP_MS) {
+        CAN_TSR = ABORT_ALL;
+    }
+}
+
+void board_can_join(uint32_t kbit, const uint16_t *ids, size_t count) {
+    if (state == CAN_OFF) {
+        return;
+    }
+    if (kbit != rate_kbit) {
+        rate_kbit = kbit;
+        CAN_MCR |= CAN_MCR_INRQ;
+        enter(CAN_ASKING);
+    }
+    const uint32_t errors = CAN_ESR;
+    switch (state) {
+    case CAN_ASKING:
+        if ((CAN_MSR & CAN_MSR_INAK) != 0u) {
+            set_up(ids, count);
+        }
+        break;
+    case CAN_JOINING:
+        if ((CAN_MSR & CAN_MSR_INAK) == 0u && (errors & CAN_ESR_BOFF) == 0u) {
+            enter(CAN_ON);
+        }
+        break;
+    case CAN_ON:
+        look_after(errors);
+        break;
+    default:
+        if (time_ms() - since_ms >= rest_ms) {
+            rest_ms = 2u * rest_ms < REST_MAX_MS ? 2u * rest_ms : REST_MAX_MS;
+            CAN_MCR |= CAN_MCR_INRQ;
+            enter(CAN_ASKING);
+        }
+    }
+    health.transmit_errors = (uint8_t)((errors & CAN_ESR_TEC) >> 16);
+    health.receive_errors = (uint8_t)((errors & CAN_ESR_REC) >> 24);
+    health.last_error = (uint8_t)((errors & CAN_ESR_LEC) >> 4);
+    health.bus_off = state != CAN_ON;
+}
+
+const board_can_health_t *board_can_health(void) {
+    return &health;
+}
+
+void can_rx_handler(void) {
+    for (;;) {
+        const uint32_t status = CAN_RF0R;
+        if ((status & CAN_RF0R_FOVR0) != 0u) {
+            CAN_RF0R = CAN_RF0R_FOVR0;
+            overrun = true;
+        }
+        /* While a release is under way the next frame does not show yet; its interrupt will come. */
+        if ((status & CAN_RF0R_FMP0) == 0u || (status & CAN_RF0R_RFOM0) != 0u) {
+            break;
+        }
+        if (rx_in - rx_out >= RX_FRAMES) {
+            CAN_IER = CAN_IER_TMEIE; /* until the loop has made room */
+            rx_stopped = true;
+            break;
+        }
+        const volatile uint32_t *const mailbox = &CAN_RI0R;
+        can_frame_t *const frame = &rx_ring[rx_in & FIFO_MASK];
+        const uint32_t low = mailbox[2], high = mailbox[3];
+        frame->id = (uint16_t)(mailbox[0] >> STANDARD_ID);
+        frame->dlc = (uint8_t)(mailbox[1] & 15u);
+        for (uint32_t i = 0u; i < 4u; i++) {
+            frame->data[i] = (uint8_t)(low >> (8u * i));
+            frame->data[4u + i] = (uint8_t)(high >> (8u * i));
+        }
+        CAN_RF0R = CAN_RF0R_RFOM0;
+        memory_fence();
+        rx_in = rx_in + 1u;
+    }
+    port_wake = true;
+}
+
+bool board_can_read(can_frame_t *frame) {
+    if (rx_in == rx_out) {
+        return false;
+    }
+    *frame = rx_ring[rx_out & FIFO_MASK];
+    memory_fence();
+    rx_out = rx_out + 1u;
+    if (rx_stopped) {
+        rx_stopped = false;
+        CAN_IER = CAN_IER_TMEIE | CAN_IER_FMPIE0;
+    }
+    return true;
+}
+
+bool board_can_room(void) {
+    return state == CAN_ON && (CAN_TSR & ALL_EMPTY) != 0u;
+}
+
+void board_can_send(const can_frame_t *frame) {
+    const uint32_t status = CAN_TSR;
+    volatile uint32_t *const mailbox = &CAN_TI0R + MAILBOX_STEP * ((status & CAN_TSR_CODE) >> 24);
+    if ((status & ALL_EMPTY) == ALL_EMPTY) {
+        sent_ms = time_ms();
+    }
+    uint32_t word[2] = {0u, 0u};
+    for (uint32_t i = 0u; i < 8u; i++) {
+        word[i / 4u] |= (uint32_t)frame->data[i] << (8u * (i % 4u));
+    }
+    mailbox[1] = frame->dlc;
+    mailbox[2] = word[0];
+    mailbox[3] = word[1];
+    mailbox[0] = (uint32_t)frame->id << STANDARD_ID | CAN_TI0R_TXRQ;
+}
+
+void can_tx_handler(void) {
+    CAN_TSR = CAN_TSR_RQCP0 | CAN_TSR_RQCP1 | CAN_TSR_RQCP2;
+    sent_ms = time_ms();
+    port_wake = true;
+}
