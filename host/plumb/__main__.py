@@ -26,6 +26,8 @@ COMMANDS = {
     "monitor": "watch a running board: tilt, bias, pulses, mode, counters, losses",
     "record": "record a running board, or a bus, into files",
     "params": "read, change, keep and restore a board's parameters",
+    "sensor-board": "the simulated sensor board: samples in real time as frames on a bus",
+    "bridge": "carry frames between a sensor board and a board, with the model beside",
     "link-test": "try a link: losses, damage, rates and delays",
     "flash": "write the flash image to a board over its ROM bootloader, and read it back",
     "bench": "instructions, cycles, bytes, stack and error of the kernels, against budget",

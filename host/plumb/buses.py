@@ -40,14 +40,17 @@ def open_bus(spec: str) -> can.BusABC:
     return LogBus(Path(address))
 
 
-def serve_bus(spec: str) -> can.BusABC:
-    """The far end: what a second board on the bus would be. Raises UsageError, LinkError as `open_bus`."""
+def serve_bus(spec: str, link: Path | None = None) -> can.BusABC:
+    """The far end: what a second board on the bus would be; link names the pseudo-terminal, if it is one.
+
+    Raises UsageError, LinkError as `open_bus`.
+    """
     from plumb.adapter import AdapterBus
     from plumb.line import UdpLine, open_line
 
     kind, address = _split(spec)
     if spec == "serial:pty":
-        return AdapterBus(open_line("pty"))
+        return AdapterBus(open_line("pty", link))
     if kind == "tcp":
         host, _, port = address.rpartition(":")
         if host not in ("127.0.0.1", "localhost"):

@@ -47,7 +47,7 @@ def fly(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, open_
     session, steps = board.session, scenario.steps
     system, live = systems.load(params.system), systems.load(params.system, "live")
     # The plant's actuators need no arming pulse, and its motion does not wait for one.
-    session.upload(params.words(), period_us=scenario.period_us, arm_hold_ms=0, **live.LINK)
+    session.upload(params.words(), period_us=scenario.period_us, arm_hold_ms=0, **system.LINK)
     capture = Capture(session)
     session.begin("REALTIME_LIVE", frames=live.FRAMES)
     session.listener = capture.feed

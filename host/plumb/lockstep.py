@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from binascii import hexlify
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -85,6 +86,21 @@ def samples_text(
     return SampleText(rows[sent].tobytes(), ends)
 
 
+def sample_frames(protocol: Protocol, step: int, raw: Sequence[int], setpoint: int, before: int) -> list[Frame]:
+    """One sample, as samples_text has it, without arrays: up to six counts, and a setpoint where it differs from
+    `before`."""
+    counter, high = step & 15, step >> 4 & 3
+    rest = tuple(raw[3:]) if any(raw[3:]) else ()
+    frames = []
+    if setpoint != before:
+        frames.append(("SETPOINT", protocol["SETPOINT"].pack(counter, 0, step & 0xFFFF, setpoint)))
+    if rest:
+        frames.append(("SAMPLE_B", protocol["SAMPLE_B"].pack(counter, high, *rest)))
+    flags = high | bool(rest) << 2 | (setpoint != before) << 3
+    frames.append(("SAMPLE_A", protocol["SAMPLE_A"].pack(counter, flags, *raw[:3])))
+    return [(protocol[name].identifier, data) for name, data in frames]
+
+
 @dataclass(frozen=True)
 class StepReply:
     """One step: its digest, raw integers of the selected frames by signal name, selected words by their place."""
@@ -159,7 +175,7 @@ class Lockstep:
         Raises LinkError when a selected word was lost on the way: the run has to be done again then.
         """
         session, step = self.session, self.step
-        text = self._text_of_one(raw, setpoint_turn_q32)
+        text = text_of_frames(sample_frames(session.protocol, step, raw, setpoint_turn_q32, self._setpoint))
         pending, known = session.selection.count() + 1, session.protocol.by_identifier
         values: dict[str, int] = {}
         words: dict[int, int] = {}
@@ -192,19 +208,6 @@ class Lockstep:
             if digest >= 0:
                 raise LinkError(f"words of step {step} were lost on the link: run again")
         raise LinkError(f"the board stopped answering after step {step}: check cable and power")
-
-    def _text_of_one(self, raw: tuple[int, ...], setpoint: int) -> bytes:
-        """As samples_text, for one sample: without arrays."""
-        messages, step = self.session.protocol, self.step
-        counter, high = step & 15, step >> 4 & 3
-        frames = []
-        if setpoint != self._setpoint:
-            frames.append(("SETPOINT", messages["SETPOINT"].pack(counter, 0, step & 0xFFFF, setpoint)))
-        if any(raw[3:]):
-            frames.append(("SAMPLE_B", messages["SAMPLE_B"].pack(counter, high, *raw[3:])))
-        flags = high | (len(raw) > 3 and any(raw[3:])) << 2 | (setpoint != self._setpoint) << 3
-        frames.append(("SAMPLE_A", messages["SAMPLE_A"].pack(counter, flags, *raw[:3])))
-        return text_of_frames([(messages[name].identifier, data) for name, data in frames])
 
     def _write(self, text: bytes) -> None:
         fast = self.session.fast

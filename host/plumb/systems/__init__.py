@@ -7,6 +7,7 @@ A system X is, besides its step in C (firmware/core/X.[ch]) and the modules of i
         SCENARIOS               name -> one sentence;  TUNINGS  name -> tuning
         DEFAULT_SCENARIO, DEFAULT_TUNING
         OUTPUT_FRAMES           word of the record -> (frame, signal) that carries it over a link: what moves the plant
+        LINK                    words of the link's part of the parameters, by name, beside period_us
         OUTPUTS                 those words; none where nothing is driven, and every loop is open
         scenario(name, seed, *, seconds=None, period_us=...)   everything random of one run, drawn; it has
             period_us, steps, time_s (steps,), scored (steps,) bool: the samples that count
@@ -16,7 +17,7 @@ A system X is, besides its step in C (firmware/core/X.[ch]) and the modules of i
             counts(time_s) six raw counts, truth(time_s) name -> number, setpoint(time_s) int
     systems/X_view.py       what a trial is measured by and looks like: metrics(trial), plots(trial, closed=...)
     systems/X_figures.py    what was asked, and what is reached: SECTIONS, ASSUMED (see plumb.systems.figures)
-    systems/X_live.py       on the pins of the virtual board: Coupling(machine, plant), FRAMES, LINK (see plumb.live)
+    systems/X_live.py       on the pins of the virtual board: Coupling(machine, plant), FRAMES, ... (see plumb.live)
 """
 
 from __future__ import annotations

@@ -32,6 +32,7 @@ FloatArray = npt.NDArray[np.float64]
 PERIOD_US = 20_000
 ESC_PERIOD_US = 2_500
 """The speed controllers' pulses repeat at 400 Hz: at 50 Hz a pulse could be 20 ms late, more than the loop stands."""
+LINK = {"esc_period_us": ESC_PERIOD_US}
 CHANNELS = 3
 GRID_S = 0.001
 """Step of the simulated physics and of everything that is filtered before it is sampled."""

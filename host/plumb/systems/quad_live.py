@@ -9,12 +9,10 @@ import numpy as np
 from plumb.f103.machine import Machine
 from plumb.f103.timeline import TICKS_PER_S, TICKS_PER_US
 from plumb.sensors import adc_counts
-from plumb.systems.quad import ESC_PERIOD_US
 from plumb.systems.quad_plant import QuadPlant
 
 SCENARIO = "hold"
 FRAMES = ("RAW_A", "ANGLE", "BIAS")
-LINK = {"esc_period_us": ESC_PERIOD_US}
 ADC_PINS = ("PA0", "PA1", "PA2")
 """Gyro, y, z."""
 ESC_PINS = ("PB6", "PB7")

@@ -1,0 +1,378 @@
+"""A sensor board on one bus, an STM32 on another, and this process between them: frame for frame, counted.
+
+Samples go to the STM32 as they came, everything the STM32 says goes to the sensor board. The bridge is the STM32's
+host: it connects, uploads the system's parameters, begins a run in real time on injected samples when the first
+sample comes, ends it (which disarms) when they stop, and keeps an armed board alive. Either side may come and go.
+
+With a shadow the integer model runs beside the board on the counts that the board says it used (`plumb.shadow`).
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import can
+
+from plumb.buses import LogBus, open_bus
+from plumb.capture import Capture
+from plumb.errors import LinkError, UsageError
+from plumb.identity import BLOCKED, bits_text
+from plumb.parameters import control_part
+from plumb.protocol import Frame, check, protocol
+from plumb.quantise import ControlParams
+from plumb.serialbus import PlumbBus
+from plumb.session import Session
+from plumb.shadow import Shadow
+
+RETRY_S = 0.5
+"""Between two attempts to open a side that is not there."""
+SILENCE_S = 1.0
+"""Without a sample for so long the run ends; what is silent for longer is asked to begin again."""
+TURN_S = 0.001
+STANDING_OVER = 25
+"""Samples over which at least one older was always waiting for its step: delay that never goes away by itself, because
+both sides have the same period; one is left out then."""
+ARM_AFTER_STEPS = 10
+
+Open = Callable[[str], can.BusABC]
+Say = Callable[[str], None]
+
+
+@dataclass
+class Flow:
+    """Frames heard on one side. lost: missing by their number; rejected: damaged; foreign: not of this protocol."""
+
+    frames: int = 0
+    lost: int = 0
+    rejected: int = 0
+    foreign: int = 0
+    opened: int = 0
+    _last: dict[int, int] = field(default_factory=dict, repr=False)
+
+    def note(self, identifier: int, data: bytes) -> bool:
+        """Count a frame; False when it is not to be passed on."""
+        message = protocol().by_identifier.get(identifier)
+        if message is None:
+            self.foreign += 1
+            return False
+        if not check(identifier, data):
+            self.rejected += 1
+            return False
+        self.frames += 1
+        # SAMPLE and RAW are numbered by their step in six bits; one of four repeats what its SAMPLE_A says.
+        wide = message.name in ("SAMPLE_A", "SAMPLE_B", "RAW_A", "RAW_B")
+        if message.name not in ("SAMPLE_B", "SETPOINT"):
+            mask = 63 if wide else 15
+            number = data[1] & mask
+            last = self._last.get(identifier)
+            self.lost += 0 if last is None else number - last - 1 & mask
+            self._last[identifier] = number
+        return True
+
+    def forget(self) -> None:
+        """Another conversation begins: numbers start anew."""
+        self._last.clear()
+
+
+class End:
+    """One bus, opened again and again by a thread of its own; what comes waits in `arrived` with its time.
+
+    generation: how often the other end is known to have come anew. trouble: why it is not open, or ''. wrong: its name
+    can never be opened.
+    """
+
+    def __init__(self, spec: str, open_: Open = open_bus) -> None:
+        self.spec, self.flow = spec, Flow()
+        self.generation = 0
+        self.trouble = ""
+        self.wrong: UsageError | None = None
+        self.ended = False
+        self.arrived: queue.SimpleQueue[tuple[float, Frame]] = queue.SimpleQueue()
+        self._open, self._bus = open_, None
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"bus {spec}", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        self._done.set()
+        self._thread.join()
+
+    def send(self, frames: list[Frame]) -> None:
+        """Frames to the other end, or nowhere while nobody is there."""
+        bus: Any = self._bus
+        if bus is None:
+            return
+        try:
+            if isinstance(bus, PlumbBus):
+                bus.write_frames(frames)
+            else:
+                for identifier, data in frames:
+                    bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False), timeout=0.1)
+        except (LinkError, can.CanError, OSError):
+            pass  # the reading thread will see it too, and open anew
+
+    def drain(self) -> list[tuple[float, Frame]]:
+        """What has arrived since the last call; raises UsageError when nothing ever can."""
+        if self.wrong is not None:
+            raise self.wrong
+        return [self.arrived.get() for _ in range(self.arrived.qsize())]
+
+    def _run(self) -> None:
+        while not self._done.is_set():
+            try:
+                with self._open(self.spec) as bus:
+                    self._bus, self.trouble = bus, ""  # type: ignore[assignment]
+                    self.generation += 1
+                    self.flow.opened += 1
+                    self.flow.forget()
+                    self._read(bus)
+            except UsageError as error:
+                self.wrong = error
+                return
+            except (LinkError, can.CanError, OSError) as error:
+                self.trouble = str(error)
+            self._bus = None
+            self._done.wait(RETRY_S)
+
+    def _read(self, bus: can.BusABC) -> None:
+        heard_s = time.monotonic()
+        while not self._done.is_set():
+            message = bus.recv(0.1)
+            now_s = time.monotonic()
+            if message is not None and not message.is_extended_id and not message.is_error_frame:
+                if now_s - heard_s > SILENCE_S:
+                    self.generation += 1
+                    self.flow.forget()
+                heard_s = now_s
+                frame = message.arbitration_id, bytes(message.data)
+                if self.flow.note(*frame):
+                    self.arrived.put((now_s, frame))
+            elif now_s - heard_s > SILENCE_S and isinstance(bus, PlumbBus):
+                bus.write_text(b"O\r")  # a far end that started again, and was not told that somebody listens
+                heard_s = now_s
+            if isinstance(bus, PlumbBus):
+                self.flow.rejected = bus.parser.rejected + bus.parser.bad
+            self.ended = isinstance(bus, LogBus) and bus.ended
+
+
+def carry(one: End, other: End, stopped: Callable[[], bool]) -> None:
+    """Every frame of either side to the other, as it came, until stopped() holds."""
+    while not stopped() and not one.ended and not other.ended:
+        moved = False
+        for source, target in ((one, other), (other, one)):
+            frames = [frame for _, frame in source.drain()]
+            if frames:
+                target.send(frames)
+                moved = True
+        if not moved:
+            time.sleep(TURN_S)
+
+
+class Bridge:
+    """Joins the sensor board at `sensor` to the STM32 at `board`.
+
+    params: uploaded when a run begins, with the link's words by name (period_us and the like); None leaves the board's
+    own. frames: the actuator's, selected beside the raw counts. arm: once, when the first run has steps; what disarms
+    after that stays disarmed. say: gets what a person should know.
+    """
+
+    def __init__(
+        self,
+        sensor: str,
+        board: str,
+        params: ControlParams | None,
+        frames: tuple[str, ...],
+        link: dict[str, int],
+        *,
+        arm: bool = False,
+        shadow: bool = False,
+        say: Say = lambda text: None,
+        open_: Open = open_bus,
+    ) -> None:
+        self.sensor, self.board_spec, self.board = End(sensor, open_), board, Flow()
+        self.params, self.frames, self.link = params, frames, link
+        self.want_arm, self.want_shadow, self.say, self._open = arm, shadow, say, open_
+        self.runs = self.steps = self.skipped = 0
+        self.latencies_s: list[float] = []
+        self.shadow: Shadow | None = None
+        self.telemetry: dict[str, dict[str, int]] = {}
+        names = protocol()
+        self._sample_a, self._raw_a = names["SAMPLE_A"], names["RAW_A"]
+        self._down = {names[name].identifier for name in ("SAMPLE_A", "SAMPLE_B", "SETPOINT")}
+        self._told: set[str] = set()
+
+    def run(self, stopped: Callable[[], bool]) -> None:
+        """Until stopped() holds, or the shadow has seen a bit that differs, or a log that was played is at its end."""
+        self.sensor.start()
+        try:
+            self.sensor.drain()
+            while not stopped() and not self._over():
+                try:
+                    with Session(self._open(self.board_spec)) as session:
+                        session.connect()
+                        session.require_match()
+                        self.board.opened += 1
+                        self.say(f"the board at {self.board_spec} answers")
+                        self._told.clear()
+                        self._serve(session, stopped)
+                except LinkError as error:
+                    self._once(f"the board's side: {error}")
+                    self._wait(RETRY_S, stopped)
+        finally:
+            self.sensor.stop()
+
+    def _over(self) -> bool:
+        found = self.shadow is not None and self.shadow.divergence is not None
+        return found or (self.sensor.ended and self.sensor.arrived.empty())
+
+    def _once(self, text: str) -> None:
+        if text not in self._told:
+            self._told.add(text)
+            self.say(text)
+
+    def _wait(self, seconds: float, stopped: Callable[[], bool]) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and not stopped():
+            self.sensor.drain()
+            time.sleep(0.02)
+
+    # ---- one conversation with the board ----
+
+    def _serve(self, session: Session, stopped: Callable[[], bool]) -> None:
+        while not stopped() and not self._over():
+            self.sensor.drain()  # what came while nobody could use it
+            frames = self._await_sample(session, stopped)
+            if frames:
+                self._one_run(session, frames, stopped)
+
+    def _await_sample(self, session: Session, stopped: Callable[[], bool]) -> list[tuple[float, Frame]]:
+        while not stopped() and not self._over():
+            frames = self.sensor.drain()
+            if any(frame[0] == self._sample_a.identifier for _, frame in frames):
+                return frames
+            if self.sensor.trouble:
+                self._once(f"the sensor board's side: {self.sensor.trouble}")
+            session.receive(0.02)
+        return []
+
+    def _one_run(self, session: Session, first: list[tuple[float, Frame]], stopped: Callable[[], bool]) -> None:
+        params = self.params
+        if params is None:
+            params = ControlParams.from_words(control_part(session.read_parameters()))
+        else:
+            session.upload(params.words(), **self.link)
+        run = _Run(self, session, params)
+        session.listener = run.up
+        session.begin("REALTIME_INJECTED", frames=("RAW_A", "RAW_B", *self.frames))
+        self.runs += 1
+        generation, heard_s = self.sensor.generation, time.monotonic()
+        self.say(f"run {self.runs}: samples come, the board steps")
+        pending = first[-3:]  # the newest sample, whole
+        while not stopped() and not self._over():
+            if pending:
+                heard_s = time.monotonic()
+                run.down(pending)
+            session.receive(TURN_S)
+            run.look()
+            if generation != self.sensor.generation or time.monotonic() - heard_s > SILENCE_S:
+                self.say("the sensor board fell silent: the run ends, the outputs are neutral")
+                break
+            pending = self.sensor.drain()
+        session.listener = None
+        run.end()
+
+
+class _Run:
+    """One run of the board: samples down, answers up, the shadow beside."""
+
+    def __init__(self, bridge: Bridge, session: Session, params: ControlParams) -> None:
+        self.bridge, self.session, self.capture = bridge, session, Capture(session)
+        self._group: list[Frame] = []
+        self._waiting: deque[tuple[float, tuple[int, ...]]] = deque()
+        self._standing = 0
+        self._armed = False
+        self._used: tuple[int, ...] | None = None
+        bridge.board.forget()
+        if bridge.want_shadow:
+            bridge.shadow = Shadow(params, bridge.shadow)
+
+    def down(self, arrived: list[tuple[float, Frame]]) -> None:
+        """Whole samples to the board, in one piece each."""
+        bridge = self.bridge
+        for time_s, frame in arrived:
+            if frame[0] not in bridge._down:
+                continue
+            self._group.append(frame)
+            if frame[0] != bridge._sample_a.identifier:
+                continue
+            group, self._group = self._group, []
+            self._standing = self._standing + 1 if self._waiting else 0
+            if self._standing >= STANDING_OVER:
+                self._standing = 0
+                bridge.skipped += 1
+                group = [entry for entry in group if entry[0] == protocol()["SETPOINT"].identifier]
+            else:
+                self._waiting.append((time_s, tuple(bridge._sample_a.unpack(frame[1])[2:])))
+            if group:
+                self.session.send(group)
+
+    def up(self, frames: list[Frame]) -> None:
+        """Answers, also those that came while a request waited for its own."""
+        bridge = self.bridge
+        if frames:
+            bridge.sensor.send(frames)
+        now_s = time.monotonic()
+        for identifier, data in frames:
+            bridge.board.note(identifier, data)
+            if identifier == bridge._raw_a.identifier:
+                self._match(tuple(bridge._raw_a.unpack(data)[2:]), now_s)
+        before = self.capture.steps
+        self.capture.feed(frames)
+        bridge.steps += self.capture.steps - before
+        bridge.telemetry.update(self.session.telemetry)
+        self.capture.values.clear()
+        self.capture.time_us.clear()
+        if bridge.shadow is None:
+            self.capture.raw.clear()
+            self.capture.digest.clear()
+
+    def look(self) -> None:
+        """Between two turns: compare, arm once, and say what happened."""
+        bridge, session = self.bridge, self.session
+        if bridge.shadow is not None:
+            bridge.shadow.follow(self.capture, session.counters.lost + session.counters.rejected)
+        if bridge.want_arm and self.capture.steps > ARM_AFTER_STEPS:
+            bridge.want_arm = False
+            try:
+                session.arm()
+                bridge.say("armed")
+            except LinkError as error:
+                bridge.say(f"not armed: {error}")
+        if self._armed and not self.capture.armed:
+            cause = session.telemetry.get("EVENTS", {}).get("disarm_cause", 0)
+            bridge.say(f"the board disarmed: {bits_text(cause, BLOCKED)}; it stays so until this is started again")
+        self._armed = self.capture.armed
+
+    def _match(self, counts: tuple[int, ...], now_s: float) -> None:
+        """A step used these counts: the sample they came with has arrived, and what waited before it never will."""
+        if counts == self._used and not (self._waiting and self._waiting[0][1] == counts):
+            return  # held: no new sample was there
+        self._used = counts
+        while self._waiting:
+            sent_s, sample = self._waiting.popleft()
+            if sample == counts:
+                self.bridge.latencies_s.append(now_s - sent_s)
+                return
+
+    def end(self) -> None:
+        if self.bridge.shadow is not None and self.bridge.shadow.divergence is not None:
+            self.bridge.shadow.locate(self.session)
+        self.session.end()

@@ -1,0 +1,78 @@
+"""The simulated sensor board: a plant in real time, whose samples go out as frames, as a second board on the bus sends
+them, and which feels what the STM32 answers.
+
+Sample k goes out k periods after the first; when this process is late by more than a period the time is given up, and
+counted. The actuator's words come back in the frames of the step; they move the plant only while the last STEP says
+that the board is armed, because only then would the pins.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import can
+
+from plumb.lockstep import sample_frames
+from plumb.protocol import check, protocol
+
+HEARD_FOR_S = 0.1
+"""Without a STEP for so long the actuators are taken to be at neutral."""
+
+
+class SensorBoard:
+    """One scenario's plant at one bus. sent: samples so far; late: periods given up; armed: as the last STEP said."""
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        plant: Any,
+        period_us: int,
+        outputs: Mapping[str, tuple[str, str]],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """outputs: word of the record -> frame and signal that carry it."""
+        self.bus, self.plant, self.period_s = bus, plant, period_us * 1e-6
+        self.sent = self.late = 0
+        self.armed = False
+        self._protocol, self._clock = protocol(), clock
+        self._outputs = [(self._protocol[frame].identifier, signal, word) for word, (frame, signal) in outputs.items()]
+        self._values: dict[str, int] = {}
+        self._setpoint = 0
+        self._armed_s = float("-inf")
+
+    def run(self, stopped: Callable[[], bool], seconds: float | None = None) -> None:
+        """Emit until stopped() holds or the seconds are over."""
+        start_s = self._clock()
+        while not stopped() and (seconds is None or self.sent * self.period_s < seconds - 1e-9):
+            due_s = start_s + self.sent * self.period_s
+            while (remaining := due_s - self._clock()) > 0 and not stopped():
+                self._take(self.bus.recv(min(remaining, 0.2)))
+            behind = int((self._clock() - due_s) / self.period_s)
+            self.late += behind
+            start_s += behind * self.period_s
+            self.emit()
+
+    def emit(self) -> None:
+        """The next sample."""
+        time_s = self.sent * self.period_s
+        driven = self.armed and self._clock() - self._armed_s < HEARD_FOR_S
+        self.plant.follow(time_s, self._values if driven else {})
+        counts, setpoint = self.plant.counts(time_s), self.plant.setpoint(time_s)
+        for identifier, data in sample_frames(self._protocol, self.sent, counts, setpoint, self._setpoint):
+            self.bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+        self._setpoint = setpoint
+        self.sent += 1
+        while (message := self.bus.recv(0)) is not None:
+            self._take(message)
+
+    def _take(self, message: can.Message | None) -> None:
+        if message is None or message.is_extended_id or not check(message.arbitration_id, bytes(message.data)):
+            return
+        identifier, data = message.arbitration_id, bytes(message.data)
+        if identifier == self._protocol["STEP"].identifier:
+            self.armed, self._armed_s = bool(data[1] >> 4 & 1), self._clock()
+        for carrier, signal, word in self._outputs:
+            if carrier == identifier:
+                self._values[word] = self._protocol.by_identifier[identifier].decode(data)[signal]
