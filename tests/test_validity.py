@@ -69,7 +69,8 @@ def test_the_factory_values_are_valid() -> None:
         ("pid.d_alpha_q31", 0, -1, {}),
         ("pid.slew_q22", 1, 0, {}),
         ("pid.slew_q22", 1 << 23, (1 << 23) + 1, {}),
-        ("esc.mid_halfus", 0, -1, {}),
+        ("esc.mid_halfus", 2000, 1999, {}),  # neutral
+        ("esc.mid_halfus", 0, -1, {"esc.neutral_halfus": 0}),
         ("esc.mid_halfus", 16383, 16384, {}),
         ("esc.span_halfus", 16383, 16384, {}),
         ("esc.span_halfus", -16383, -16384, {}),
@@ -77,7 +78,8 @@ def test_the_factory_values_are_valid() -> None:
         ("esc.min_halfus", 4000, 4001, {}),  # max
         ("esc.max_halfus", 16383, 16384, {}),
         ("esc.neutral_halfus", 0, -1, {}),
-        ("esc.neutral_halfus", 16383, 16384, {}),
+        ("esc.neutral_halfus", 3000, 3001, {}),  # mid
+        ("esc.neutral_halfus", 16383, 16384, {"esc.mid_halfus": 16383}),
     ],
 )  # fmt: skip
 def test_last_good_and_first_bad(name: str, good: int, bad: int, others: dict[str, int]) -> None:

@@ -70,6 +70,7 @@ def wild_params(rng: np.random.Generator) -> ControlParams:
     values |= {"pid.slew_q22": log_uniform(rng, 1, 1 << 23)}
 
     low, high = sorted(int(pulse) for pulse in rng.integers(0, 16384, 2))
-    values |= {"esc.mid_halfus": int(rng.integers(0, 16384)), "esc.span_halfus": signed(rng, 16383)}
-    values |= {"esc.min_halfus": low, "esc.max_halfus": high, "esc.neutral_halfus": int(rng.integers(0, 16384))}
+    mid = int(rng.integers(0, 16384))
+    values |= {"esc.mid_halfus": mid, "esc.span_halfus": signed(rng, 16383)}
+    values |= {"esc.min_halfus": low, "esc.max_halfus": high, "esc.neutral_halfus": int(rng.integers(0, mid + 1))}
     return ControlParams.of("quad", values)

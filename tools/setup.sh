@@ -54,14 +54,19 @@ if [ -n "$missing" ]; then
     $sudo env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $missing >/dev/null
 fi
 
-# One stamp per purpose holds the project file it was installed from; when it differs, install again.
+# One stamp per purpose holds the project file it was installed from, and the modules that the install knows by path; when
+# that differs, install again.
 stamp=.venv/plumb-$purpose.stamp
-if ! cmp -s pyproject.toml "$stamp"; then
+wanted() {
+    cat pyproject.toml
+    find host/plumb -name '*.py' | sort
+}
+if ! wanted | cmp -s - "$stamp"; then
     extras=virtual,report
     [ "$purpose" = test ] && extras=dev
     [ -x .venv/bin/python ] || "$python" -m venv .venv
     echo "plumb: installing Python packages into .venv"
     .venv/bin/python -m pip install -q --disable-pip-version-check --upgrade pip
     .venv/bin/python -m pip install -q --disable-pip-version-check -e ".[$extras]"
-    cp pyproject.toml "$stamp"
+    wanted >"$stamp"
 fi

@@ -22,7 +22,7 @@ typedef struct {
     int32_t span_halfus;    /* -16383..16383; the sign turns the direction */
     int32_t min_halfus;     /* 0..16383 */
     int32_t max_halfus;     /* min..16383 */
-    int32_t neutral_halfus; /* 0..16383 */
+    int32_t neutral_halfus; /* 0..mid: no more thrust than at rest in flight */
 } esc_params_t;
 
 typedef struct {

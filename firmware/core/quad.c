@@ -66,7 +66,7 @@ void quad_step(quad_t *c, const control_params_t *p, const int16_t raw[CONTROL_R
 static bool esc_valid(const esc_params_t *p) {
     return p->mid_halfus >= 0 && p->mid_halfus <= PULSE_MAX && p->span_halfus >= -PULSE_MAX &&
            p->span_halfus <= PULSE_MAX && p->min_halfus >= 0 && p->min_halfus <= p->max_halfus &&
-           p->max_halfus <= PULSE_MAX && p->neutral_halfus >= 0 && p->neutral_halfus <= PULSE_MAX;
+           p->max_halfus <= PULSE_MAX && p->neutral_halfus >= 0 && p->neutral_halfus <= p->mid_halfus;
 }
 
 bool quad_params_valid(const control_params_t *p) {

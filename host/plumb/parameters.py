@@ -83,6 +83,26 @@ def crc32(words: Sequence[int]) -> int:
     return zlib.crc32(struct.pack(f"<{len(words)}I", *(word & 0xFFFFFFFF for word in words)))
 
 
+_AT_MOST = (
+    ("gyro.raw_min", "gyro.raw_max"),
+    ("accel_y.raw_min", "accel_y.raw_max"),
+    ("accel_z.raw_min", "accel_z.raw_max"),
+    ("tilt.r_base", "tilt.r_max"),
+    ("esc.min_halfus", "esc.max_halfus"),
+    ("esc.neutral_halfus", "esc.mid_halfus"),
+)
+"""Pairs of which the first may not be more than the second."""
+
+
+def contradiction(words: Sequence[int]) -> str | None:
+    """The first pair of a whole table that the board refuses together, as a sentence; None where there is no such."""
+    values = {row.name: row.from_word(word & 0xFFFFFFFF) for row, word in zip(table(), words, strict=True)}
+    for low, high in _AT_MOST:
+        if values[low] > values[high]:
+            return f"{low} = {values[low]} is more than {high} = {values[high]}"
+    return None
+
+
 def whole_table(control_words: Sequence[int], **link_words: int) -> list[int]:
     """Every word of the table in order: the control part, then the link's, from link_words or their defaults.
 

@@ -282,7 +282,8 @@ class Session:
                 self._commit(len(words), crc)
             except NackError as error:
                 if error.reason == "PARAMETERS":
-                    raise UsageError(f"{error}: see the limits in DESIGN.md") from None
+                    why = parameters.contradiction(words) or "see the limits in DESIGN.md"
+                    raise UsageError(f"{error}: {why}") from None
                 if error.reason != "CRC":
                     raise
                 continue

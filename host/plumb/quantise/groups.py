@@ -272,6 +272,8 @@ def esc_words(esc: Esc) -> dict[str, int]:
     """esc_params_t."""
     if esc.max_us < esc.min_us:
         refuse("esc.max_us", esc.max_us, f"less than min_us = {esc.min_us:g}")
+    if esc.neutral_us > esc.mid_us:
+        refuse("esc.neutral_us", esc.neutral_us, f"more than mid_us = {esc.mid_us:g}: disarmed motors would pull")
     words = {}
     for entry in fields(Esc):
         asked = float(getattr(esc, entry.name))
