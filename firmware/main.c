@@ -58,7 +58,8 @@ static bool take_sample(int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32
             return session_next_sample(&session, raw, setpoint_turn_q32);
         }
         *setpoint_turn_q32 = session_setpoint(&session);
-        return board_read_sensors(raw);
+        board_read_sensors(raw);
+        return true;
     default:
         return false;
     }
@@ -70,6 +71,27 @@ static void actuate(void) {
     default:
         board_set_actuator(control.quad.words.pulse_halfus);
     }
+}
+
+/* The sensors that this system samples itself; none when samples come from the host. Not inlined, like the
+ * next one: what they keep on the stack does not lie below the rest of the loop. */
+__attribute__((noinline)) static void choose_sensors(void) {
+    const bool injected = session_mode(&session) != SESSION_IDLE && !session_live(&session);
+    const board_sensors_t wanted = {.kind = injected ? BOARD_SENSORS_NONE : BOARD_SENSORS_ANALOG_3,
+                                    .oversample_log2 = params.adc_oversample_log2,
+                                    .rail_steps = params.rail_steps,
+                                    .stuck_steps = params.stuck_steps,
+                                    .accel_on_spi = params.accel_bus,
+                                    .accel_rate = params.accel_rate,
+                                    .gyro_filter = params.gyro_filter,
+                                    .imu_axis = params.imu_axis};
+    board_use_sensors(&wanted);
+}
+
+__attribute__((noinline)) static void report_sensors(void) {
+    board_health_t health;
+    board_sensor_health(&health);
+    session_report_sensors(&session, &health);
 }
 
 int main(void) {
@@ -85,6 +107,7 @@ int main(void) {
         receive(now_us);
         session_report_faults(&session, board_faults());
         session_report_can(&session, board_can_health());
+        report_sensors();
         session_report_switch(&session, board_arm_switch(), now_us);
         session_poll(&session, now_us);
 
@@ -99,6 +122,7 @@ int main(void) {
             board_arm_actuator();
             driving = true;
         }
+        choose_sensors();
         board_set_period_us(session_mode(&session) == SESSION_REALTIME ? session_period_us(&session) : 0u);
 
         int16_t raw[CONTROL_RAW_MAX];

@@ -11,6 +11,7 @@ import pytest
 
 pytest.importorskip("unicorn")
 
+from pins import at_rest
 from plumb.capture import Capture
 from plumb.errors import LinkError, UsageError
 from plumb.f103 import find_image
@@ -50,6 +51,7 @@ def bench() -> Iterator[Bench]:
     except UsageError as error:
         pytest.skip(str(error))
     machine = Machine(image)
+    at_rest(machine)
     machine.advance_us(30_000)
     with Session.open(machine.uart) as session:
         yield Bench(machine, session)

@@ -9,6 +9,7 @@ import pytest
 from link_board import MemoryBoard
 from plumb import parameters
 from plumb.protocol import Frame, protocol
+from plumb.session import PERIODIC
 from plumb.slcan import SlcanParser, text_of_frames
 
 
@@ -22,7 +23,7 @@ def said(text: bytes) -> list[tuple[str, dict[str, int]]]:
     messages = protocol().by_identifier
     frames: list[Frame] = SlcanParser().feed(text)
     named = [(messages[identifier].name, messages[identifier].decode(data)) for identifier, data in frames]
-    return [entry for entry in named if entry[0] not in ("TIME", "STATUS", "COUNTERS", "EVENTS")]
+    return [entry for entry in named if entry[0] not in PERIODIC]
 
 
 @pytest.fixture
@@ -234,9 +235,9 @@ def test_periodic_telemetry_only_while_open(board: MemoryBoard) -> None:
     board.say(b"O\r")
     board.run_us(1_000_000)
     identifiers = [identifier for identifier, _ in SlcanParser().feed(board.heard())]
-    count = {name: identifiers.count(protocol()[name].identifier) for name in ("TIME", "STATUS", "COUNTERS", "EVENTS")}
+    count = {name: identifiers.count(protocol()[name].identifier) for name in PERIODIC}
     assert 18 <= count["TIME"] <= 21
-    assert all(9 <= count[name] <= 11 for name in ("STATUS", "COUNTERS", "EVENTS"))
+    assert all(9 <= count[name] <= 11 for name in PERIODIC[1:])
     board.say(b"C\r")
     board.run_us(1_000_000)
     assert board.heard() == b""

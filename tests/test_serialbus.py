@@ -24,7 +24,7 @@ from plumb import parameters
 from plumb.errors import LinkError
 from plumb.protocol import Frame, check, protocol
 from plumb.serialbus import PlumbBus
-from plumb.session import Session
+from plumb.session import PERIODIC, Session
 from plumb.slcan import text_of_frames
 
 
@@ -145,7 +145,7 @@ def test_listen_only_opens_read_only() -> None:
         bus.write_frames(frames_of(1))
         board.run_us(300_000)
         names = {protocol().by_identifier[identifier].name for identifier, _ in bus.read_frames(0.05)}
-        assert names == {"TIME", "STATUS", "COUNTERS", "EVENTS"}
+        assert names == set(PERIODIC)
         assert bus.parser.refused == 1
 
 

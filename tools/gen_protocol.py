@@ -16,9 +16,8 @@ sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tests")]
 from link_board import MemoryBoard  # type: ignore[import-not-found]  # noqa: E402
 from plumb import parameters  # noqa: E402
 from plumb.protocol import Message, load_database, protocol  # noqa: E402
+from plumb.session import PERIODIC  # noqa: E402
 from plumb.slcan import frame_of_line, text_of_frames  # noqa: E402
-
-PERIODIC = ("TIME", "STATUS", "COUNTERS", "EVENTS")
 
 
 def message_table() -> str:

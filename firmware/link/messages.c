@@ -194,6 +194,15 @@ can_frame_t message_can_health_pack(const message_can_health_t *m) {
     return frame;
 }
 
+can_frame_t message_sensors_pack(const message_sensors_t *m) {
+    can_frame_t frame = {.id = MESSAGE_SENSORS_ID, .dlc = CAN_FRAME_DLC};
+
+    put_u16(&frame, 2, (uint16_t)m->analog);
+    put_u16(&frame, 4, (uint16_t)m->digital);
+    put_u16(&frame, 6, (uint16_t)m->bus_failures);
+    return frame;
+}
+
 message_challenge_t message_challenge_unpack(const can_frame_t *frame) {
     message_challenge_t m;
 

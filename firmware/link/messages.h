@@ -6,7 +6,7 @@
 #include "e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 1U
-#define MESSAGES_DBC_HASH 0x9B71F7A8U
+#define MESSAGES_DBC_HASH 0x40FDF87BU
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U
@@ -172,6 +172,14 @@ typedef struct {
     uint16_t bus_offs;
 } message_can_health_t;
 can_frame_t message_can_health_pack(const message_can_health_t *m);
+
+#define MESSAGE_SENSORS_ID 0x116U
+typedef struct {
+    uint16_t analog;
+    uint16_t digital;
+    uint16_t bus_failures;
+} message_sensors_t;
+can_frame_t message_sensors_pack(const message_sensors_t *m);
 
 #define MESSAGE_CHALLENGE_ID 0x200U
 #define MESSAGE_CHALLENGE_VERB_ARM 1U

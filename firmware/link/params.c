@@ -66,6 +66,13 @@ static const param_t table[PARAMS_COUNT] = {
     {0x00000000U, 0x00000001U, 0x00000000U}, /* 50: pins */
     {0x000000C8U, 0x00000DACU, 0x000003E8U}, /* 51: dead_time_ns */
     {0x0000007DU, 0x000003E8U, 0x000001F4U}, /* 52: can_bitrate_kbit */
+    {0x00000000U, 0x00000004U, 0x00000000U}, /* 53: adc_oversample_log2 */
+    {0x00000000U, 0x0000FFFFU, 0x00000005U}, /* 54: rail_steps */
+    {0x00000000U, 0x0000FFFFU, 0x00000064U}, /* 55: stuck_steps */
+    {0x00000000U, 0x00000001U, 0x00000000U}, /* 56: accel_bus */
+    {0x00000006U, 0x0000000FU, 0x0000000BU}, /* 57: accel_rate */
+    {0x00000001U, 0x00000006U, 0x00000002U}, /* 58: gyro_filter */
+    {0x00000000U, 0x00000002U, 0x00000001U}, /* 59: imu_axis */
 };
 
 static const uint16_t ids[PARAMS_COUNT] = {
@@ -122,6 +129,13 @@ static const uint16_t ids[PARAMS_COUNT] = {
     0xA59EU, /* pins */
     0x9410U, /* dead_time_ns */
     0x6AC3U, /* can_bitrate_kbit */
+    0xEED9U, /* adc_oversample_log2 */
+    0x3E85U, /* rail_steps */
+    0xFC4DU, /* stuck_steps */
+    0x4649U, /* accel_bus */
+    0x4092U, /* accel_rate */
+    0x6B51U, /* gyro_filter */
+    0x6B40U, /* imu_axis */
 };
 
 #define PLACE(member, index) \
@@ -179,6 +193,13 @@ PLACE(arm_hold_ms, 49);
 PLACE(pins, 50);
 PLACE(dead_time_ns, 51);
 PLACE(can_bitrate_kbit, 52);
+PLACE(adc_oversample_log2, 53);
+PLACE(rail_steps, 54);
+PLACE(stuck_steps, 55);
+PLACE(accel_bus, 56);
+PLACE(accel_rate, 57);
+PLACE(gyro_filter, 58);
+PLACE(imu_axis, 59);
 typedef char whole_table[sizeof(params_t) == 4U * PARAMS_COUNT ? 1 : -1];
 
 uint32_t params_word(const params_t *p, uint16_t index) {

@@ -5,7 +5,7 @@
 
 #include "../core/control.h"
 
-#define PARAMS_COUNT 53U
+#define PARAMS_COUNT 60U
 
 /* Parameters of a run: the control core's, then the link's and the board's. Words of 32 bits, in the order of their
  * numbers on the wire. */
@@ -17,6 +17,13 @@ typedef struct {
     uint32_t pins;
     uint32_t dead_time_ns;
     uint32_t can_bitrate_kbit;
+    uint32_t adc_oversample_log2;
+    uint32_t rail_steps;
+    uint32_t stuck_steps;
+    uint32_t accel_bus;
+    uint32_t accel_rate;
+    uint32_t gyro_filter;
+    uint32_t imu_axis;
 } params_t;
 
 /* Factory values. */

@@ -67,6 +67,10 @@ uint32_t session_can_kbit(const session_t *s) {
     return s->can_kbit;
 }
 
+void session_report_sensors(session_t *s, const board_health_t *health) {
+    s->health = *health;
+}
+
 static arming_actuator_t actuator(const session_t *s) {
     return (arming_actuator_t){.frame_us = s->params->esc_period_us,
                                .hold_us = 1000U * s->params->arm_hold_ms};
@@ -439,6 +443,10 @@ static void send_status(session_t *s, link_t link) {
         .rejected = l->rejected, .lost = l->lost, .dropped = l->outbox.dropped};
     const message_events_t events = {
         .saturated = s->saturated, .starved = s->starved, .disarm_cause = s->arming.cause};
+    const message_sensors_t sensors = {.analog =
+                                           (uint16_t)(s->health.railed | (unsigned)s->health.stuck << 8),
+                                       .digital = (uint16_t)(s->health.gyro | (unsigned)s->health.accel << 8),
+                                       .bus_failures = s->health.bus_failures};
 
     outbox_telemetry(&l->outbox, message_status_pack(&status), status_flags(s, l));
     outbox_telemetry(&l->outbox, message_counters_pack(&counters), 0);
@@ -451,6 +459,7 @@ static void send_status(session_t *s, link_t link) {
 
         outbox_telemetry(&l->outbox, message_can_health_pack(&health), (uint8_t)(s->can->last_error | off));
     }
+    outbox_telemetry(&l->outbox, message_sensors_pack(&sensors), 0);
 }
 
 void session_poll(session_t *s, uint32_t now_us) {

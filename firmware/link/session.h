@@ -85,6 +85,7 @@ typedef struct {
     uint32_t faults;
     const board_can_health_t *can;
     uint32_t can_kbit;
+    board_health_t health;
     uint32_t time_us;   /* last TIME */
     uint32_t status_us; /* last STATUS */
 
@@ -173,6 +174,9 @@ void session_report_switch(session_t *s, bool closed, uint32_t now_us);
 
 /* Staged parameters become those in use. No run is on. */
 void session_use_staged(session_t *s);
+
+/* What stands behind BOARD_FAULT_SENSOR at this moment, for SENSORS. */
+void session_report_sensors(session_t *s, const board_health_t *health);
 
 bool session_armed(const session_t *s);
 bool session_driving(const session_t *s); /* armed, and neutral was held long enough: the actuator may move */

@@ -57,9 +57,11 @@ bool store_accepts(const params_t *params) {
     /* What ties the core's words to the board's: between two pulses there is a gap. */
     const int32_t frame_halfus = (int32_t)(2U * params->esc_period_us);
 
-    /* And every bit of CAN has 18 quanta of 36 MHz (firmware/stm32f103/bxcan.c). */
+    /* ... all scans of a period end before it, and every bit of CAN has 18 quanta of 36 MHz
+     * (firmware/stm32f103/bxcan.c). */
     return control_params_valid(&params->control) && params->control.esc.max_halfus < frame_halfus &&
-           params->control.esc.neutral_halfus < frame_halfus && 2000U % params->can_bitrate_kbit == 0;
+           params->control.esc.neutral_halfus < frame_halfus && 2000U % params->can_bitrate_kbit == 0 &&
+           BOARD_SCAN_US << params->adc_oversample_log2 <= params->period_us;
 }
 
 /* Every known value of a whole slot into *params; false for one outside its row's range. */

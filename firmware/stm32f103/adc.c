@@ -1,112 +1,161 @@
-/* Live sensors: TIM3 starts a scan of PA0, PA1, PA2 once per control period, DMA1 channel 1 stores it, and
- * the end of the scan is the tick (RM0008 11.3, 11.12, 15.4). No instruction takes part in the timing of a
- * sample. */
+/* Analog sensors: a trigger of TIM3 starts a scan of three or six inputs, DMA1 channel 1 stores it
+ * (RM0008 11.3, 11.12). For oversampling the end of a scan starts the next one, 1 to 16 in a row at the
+ * beginning of a period; their mean, rounded, is the sample. */
 #include "port.h"
+#include "watch.h"
 
-#define CHANNELS          3u
 #define CALIBRATION_POLLS 64u /* 83 ADC cycles at 12 MHz are 500 processor cycles, 8 polls */
-#define LATE_MAX          255u
+#define SILENT_PERIODS    2u  /* without a complete sample: the converter does not work */
+#define RESTART_MS        20u
+#define COUNT_MAX         4095u
 
-/* Two scans: while one is being written the other can be read for a whole period. */
-static volatile uint16_t scans[2][CHANNELS];
-static volatile uint32_t scans_done;
-static volatile uint32_t newest; /* index of the last complete scan */
-static uint32_t scans_taken;
-static uint32_t late;
-static uint32_t running_us; /* 0: stopped */
-static bool trusted;
+static const uint8_t inputs[BOARD_RAW_MAX] = {0u, 1u, 2u, 3u, 8u, 9u}; /* PA0 to PA3, PB0, PB1 */
+static volatile uint16_t scans[2u * BOARD_RAW_MAX];                    /* two, of `channels` counts each */
+static uint32_t channels;
+static uint32_t oversample_log2, rail_steps, stuck_steps;
+static bool marks_bad; /* deliver INT16_MIN for a channel that is not to be trusted */
+static uint32_t scans_summed;
+static uint16_t sums[BOARD_RAW_MAX]; /* 16 times 4095 still fits */
+static uint16_t railed_for[BOARD_RAW_MAX];
+static watch_t watches[BOARD_RAW_MAX];
+static volatile uint16_t railed, stuck; /* one bit a channel */
+static volatile bool waiting;           /* the period's sample is not complete */
+static volatile uint32_t silent_periods;
+static bool calibrated = true;
+static uint32_t started_ms;
+
+void adc_stop(void) {
+    DMA1_CCR1 = 0u;
+    DMA1_IFCR = DMA1_IFCR_CGIF1;
+    irq_forget(IRQ_DMA1_Channel1);
+    railed = 0u;
+    stuck = 0u;
+    silent_periods = 0u;
+    calibrated = true;
+    waiting = false;
+}
 
 /* The whole converter from reset: whatever scan was under way, the next one begins with the first channel. */
-bool adc_start(void) {
+static void restart(void) {
     RCC_APB2ENR |= RCC_APB2ENR_ADC1EN;
     RCC_APB2RSTR |= RCC_APB2RSTR_ADC1RST;
     RCC_APB2RSTR &= ~RCC_APB2RSTR_ADC1RST;
-    DMA1_CCR1 = 0u;
-    DMA1_IFCR = DMA1_IFCR_CGIF1;
-    scans_done = 0u;
-    scans_taken = 0u;
-    late = 0u;
+    started_ms = time_ms();
+    scans_summed = 0u;
 
     /* Powered up, two ADC cycles later calibrated (RM0008 11.4); the wait before its first poll is long
      * enough. */
     ADC1_CR2 = ADC1_CR2_ADON;
     (void)clock_wait(&ADC1_CR2, ADC1_CR2_ADON, 0u, 2u);
     ADC1_CR2 = ADC1_CR2_ADON | ADC1_CR2_RSTCAL;
-    trusted = clock_wait(&ADC1_CR2, ADC1_CR2_RSTCAL, 0u, CALIBRATION_POLLS);
+    calibrated = clock_wait(&ADC1_CR2, ADC1_CR2_RSTCAL, 0u, CALIBRATION_POLLS);
     ADC1_CR2 = ADC1_CR2_ADON | ADC1_CR2_CAL;
-    trusted = clock_wait(&ADC1_CR2, ADC1_CR2_CAL, 0u, CALIBRATION_POLLS) && trusted;
+    calibrated = clock_wait(&ADC1_CR2, ADC1_CR2_CAL, 0u, CALIBRATION_POLLS) && calibrated;
 
     /* 71.5 + 12.5 cycles at 12 MHz: 7 us a channel, enough for a source of 50 kOhm (datasheet, table of
      * R_AIN). */
-    ADC1_SMPR2 = ADC1_SMPR2_SMP0_71CYC5 | ADC1_SMPR2_SMP1_71CYC5 | ADC1_SMPR2_SMP2_71CYC5;
-    ADC1_SQR1 = ADC1_SQR1_L_3CH;
-    ADC1_SQR3 = ADC1_SQR3_SQ1_IN0 | ADC1_SQR3_SQ2_IN1 | ADC1_SQR3_SQ3_IN2;
+    uint32_t times = 0u, order = 0u;
+    for (uint32_t i = 0u; i < channels; i++) {
+        times |= ADC1_SMPR2_SMP0_71CYC5 << (3u * inputs[i]);
+        order |= (uint32_t)inputs[i] << (5u * i);
+    }
+    ADC1_SMPR2 = times;
+    ADC1_SQR1 = (channels - 1u) * ADC1_SQR1_L_2CH;
+    ADC1_SQR3 = order;
     ADC1_CR1 = ADC1_CR1_SCAN;
 
     DMA1_CPAR1 = (uint32_t)(uintptr_t)&ADC1_DR;
-    DMA1_CMAR1 = (uint32_t)(uintptr_t)&scans[0][0];
-    DMA1_CNDTR1 = 2u * CHANNELS;
+    DMA1_CMAR1 = (uint32_t)(uintptr_t)scans;
+    DMA1_CNDTR1 = 2u * channels;
     DMA1_CCR1 = DMA1_CCR1_EN | DMA1_CCR1_CIRC | DMA1_CCR1_MINC | DMA1_CCR1_PSIZE_16BIT |
                 DMA1_CCR1_MSIZE_16BIT | DMA1_CCR1_HTIE | DMA1_CCR1_TCIE;
     irq_enable(IRQ_DMA1_Channel1);
     ADC1_CR2 = ADC1_CR2_ADON | ADC1_CR2_DMA | ADC1_CR2_EXTSEL_TIM3 | ADC1_CR2_EXTTRIG;
-    return trusted;
 }
 
-uint32_t adc_late(void) {
-    return late;
+void adc_start(const board_sensors_t *use) {
+    marks_bad = use->kind == BOARD_SENSORS_ANALOG_6;
+    channels = marks_bad ? 6u : 3u;
+    oversample_log2 = use->oversample_log2;
+    rail_steps = use->rail_steps;
+    stuck_steps = use->stuck_steps;
+    for (uint32_t i = 0u; i < BOARD_RAW_MAX; i++) {
+        railed_for[i] = 0u;
+        watches[i] = (watch_t){0};
+    }
+    restart();
+}
+
+bool adc_failed(void) {
+    return !calibrated || silent_periods >= SILENT_PERIODS;
+}
+
+void adc_poll(void) {
+    if (adc_failed() && time_ms() - started_ms >= RESTART_MS) {
+        DMA1_CCR1 = 0u;
+        DMA1_IFCR = DMA1_IFCR_CGIF1;
+        irq_forget(IRQ_DMA1_Channel1);
+        restart();
+    }
+}
+
+void adc_period(void) {
+    if (waiting && silent_periods < SILENT_PERIODS) {
+        silent_periods++;
+    }
+    waiting = true;
+}
+
+/* One channel's sum of the period: is it at a rail, does it hang? Judged before rounding, where noise shows.
+ */
+static void judge(uint32_t i) {
+    const uint32_t sum = sums[i], bit = 1u << i;
+    if (sum != 0u && sum != COUNT_MAX << oversample_log2) {
+        railed_for[i] = 0u;
+    } else if (railed_for[i] < UINT16_MAX) {
+        railed_for[i]++;
+    }
+    const bool at_rail = rail_steps > 0u && railed_for[i] >= rail_steps;
+    railed = (uint16_t)(at_rail ? railed | bit : railed & ~bit);
+    stuck = (uint16_t)(watch_stuck(&watches[i], (uint16_t)sum, stuck_steps) ? stuck | bit : stuck & ~bit);
+}
+
+static void publish(void) {
+    int16_t *const raw = sampling_next();
+    const uint32_t half = (1u << oversample_log2) >> 1;
+    for (uint32_t i = 0u; i < channels; i++) {
+        judge(i);
+        const bool bad = ((uint32_t)(railed | stuck) >> i & 1u) != 0u;
+        raw[i] = marks_bad && bad ? INT16_MIN : (int16_t)((sums[i] + half) >> oversample_log2);
+    }
+    sampling_publish();
 }
 
 void adc_dma_handler(void) {
-    newest = (DMA1_ISR & DMA1_ISR_TCIF1) != 0u ? 1u : 0u;
+    if ((DMA1_ISR & (DMA1_ISR_HTIF1 | DMA1_ISR_TCIF1)) == (DMA1_ISR_HTIF1 | DMA1_ISR_TCIF1)) {
+        sampling_missed(); /* late by a whole period: two scans are there, and one is lost */
+    }
     DMA1_IFCR = DMA1_IFCR_CGIF1;
-    scans_done++;
-    port_wake = true;
-}
-
-void board_set_period_us(uint32_t period_us) {
-    if (period_us == running_us) {
+    /* With the second half still to come, or under way, the first is the newest. */
+    const volatile uint16_t *const scan = &scans[DMA1_CNDTR1 <= channels ? 0u : channels];
+    for (uint32_t i = 0u; i < channels; i++) {
+        sums[i] = (uint16_t)(scans_summed == 0u ? scan[i] : sums[i] + scan[i]);
+    }
+    scans_summed++;
+    if (scans_summed < 1u << oversample_log2) {
+        /* The same value once more starts a conversion (RM0008 11.12.3, ADON). */
+        ADC1_CR2 = ADC1_CR2_ADON | ADC1_CR2_DMA | ADC1_CR2_EXTSEL_TIM3 | ADC1_CR2_EXTTRIG;
         return;
     }
-    running_us = period_us;
-    RCC_APB1ENR |= RCC_APB1ENR_TIM3EN;
-    TIM3_CR1 = 0u;
-    TIM3_CR2 = TIM3_CR2_MMS_UPDATE;
-    if (period_us == 0u) {
-        return;
+    scans_summed = 0u;
+    waiting = false;
+    silent_periods = 0u;
+    if (calibrated) {
+        publish();
     }
-    /* 1 us a count, 2 us where 16 bits do not reach. The prescaler is taken over by an update event (UG),
-     * which is also a trigger: the converter is set up after it, so that the first scan comes with the first
-     * full period. */
-    const uint32_t step_us = period_us > 65536u ? 2u : 1u;
-    TIM3_PSC = clock_mhz() * step_us - 1u;
-    TIM3_ARR = period_us / step_us - 1u;
-    TIM3_EGR = TIM3_EGR_UG;
-    if (adc_start()) {
-        port_faults &= ~(BOARD_FAULT_ADC | BOARD_FAULT_LATE);
-    } else {
-        port_faults |= BOARD_FAULT_ADC;
-    }
-    TIM3_CR1 = TIM3_CR1_CEN;
 }
 
-bool board_take_tick(void) {
-    const uint32_t done = scans_done;
-    if (running_us == 0u || done == scans_taken) {
-        return false;
-    }
-    for (uint32_t missed = done - scans_taken - 1u; missed > 0u && late < LATE_MAX; missed--) {
-        late++;
-        port_faults |= BOARD_FAULT_LATE;
-    }
-    scans_taken = done;
-    return true;
-}
-
-bool board_read_sensors(int16_t raw[BOARD_RAW_MAX]) {
-    const volatile uint16_t *const scan = scans[newest];
-    for (uint32_t i = 0u; i < BOARD_RAW_MAX; i++) {
-        raw[i] = i < CHANNELS ? (int16_t)scan[i] : 0;
-    }
-    return trusted;
+void adc_health(board_health_t *health) {
+    health->railed = railed;
+    health->stuck = stuck;
 }

@@ -52,6 +52,8 @@ void board_init(const board_setup_t *setup) {
     if (setup->pins == BOARD_PINS_BRIDGE) {
         bridge_start();
     }
+    i2c_init();
+    spi_init();
 }
 
 const board_identity_t *board_identity(void) {
@@ -60,9 +62,13 @@ const board_identity_t *board_identity(void) {
 
 uint32_t board_faults(void) {
     const uint32_t errors = uart_errors();
+    board_health_t health;
+    board_sensor_health(&health);
+    const bool sensor_bad = (health.railed | health.stuck | health.gyro | health.accel) != BOARD_SENSOR_GOOD;
     return port_faults | bridge_faults() | (errors > 0u ? BOARD_FAULT_UART_OVERRUN : 0u) |
+           (adc_failed() ? BOARD_FAULT_ADC : 0u) | (sensor_bad ? BOARD_FAULT_SENSOR : 0u) |
            (can_overrun() ? BOARD_FAULT_CAN_OVERRUN : 0u) | (errors << BOARD_FAULT_UART_COUNT_SHIFT) |
-           (adc_late() << BOARD_FAULT_LATE_COUNT_SHIFT);
+           (sampling_late() << BOARD_FAULT_LATE_COUNT_SHIFT);
 }
 
 void board_idle(void) {

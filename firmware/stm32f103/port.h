@@ -28,8 +28,6 @@ void time_init(void);
 uint32_t time_ms(void);
 void uart_init(void);
 uint32_t uart_errors(void); /* stops at 255 */
-bool adc_start(void);       /* conversions follow TIM3; false when calibration did not end */
-uint32_t adc_late(void);    /* since adc_start(), stops at 255 */
 void pwm_init(void);
 void bridge_init(uint32_t dead_time_ns); /* after time_init(), before its pins: off, and driven so */
 void bridge_start(void);                 /* once its pins are set up, and had time to settle */
@@ -39,6 +37,42 @@ void can_init(void); /* stays off the bus when the clock is not the crystal's */
 bool can_overrun(void);
 void watchdog_init(void);
 void watchdog_feed(void);
+
+/* sampling.c */
+int16_t *sampling_next(void); /* where an interrupt puts the period's raw counts, BOARD_RAW_MAX places */
+void sampling_publish(void);  /* ... and says that they are complete */
+void sampling_missed(void);   /* from an interrupt: a period has none */
+uint32_t sampling_late(void); /* periods missed since the start, stops at 255 */
+
+/* adc.c: analog sensors, started by TIM3. */
+void adc_start(const board_sensors_t *use);
+void adc_stop(void);
+void adc_period(void); /* from the interrupt that begins a period */
+void adc_poll(void);   /* tries again when conversions do not come */
+bool adc_failed(void); /* they do not come, or calibration did not end */
+void adc_health(board_health_t *health);
+
+/* i2c.c, spi.c: one access at a time, bounded in time by the caller, who hears of its end in an interrupt. */
+typedef enum {
+    TRANSFER_DONE,
+    TRANSFER_REFUSED, /* nobody answered to the address */
+    TRANSFER_FAILED   /* the bus did not behave; it is reset */
+} transfer_t;
+void i2c_init(void);
+void i2c_read(uint8_t slave, uint8_t at, uint8_t *to, uint32_t wanted);
+void i2c_write(uint8_t slave, uint8_t at, uint8_t byte);
+void i2c_abort(void);
+bool i2c_recover(void); /* half a clock of clearing the bus, to be called every millisecond until true */
+void spi_init(void);
+void spi_exchange(uint8_t *bytes, uint32_t count);
+void spi_abort(void);
+
+/* imu.c: gyro and accelerometer on those buses. */
+void imu_use(const board_sensors_t *wanted); /* with interrupts masked */
+void imu_period(void);                       /* from the interrupt that begins a period */
+void imu_poll_ms(void);                      /* from the interrupt of the millisecond */
+void imu_transferred(transfer_t result);     /* an access ended; from its interrupt */
+void imu_health(board_health_t *health);
 
 /* faults.c */
 void faults_init(board_identity_t *identity); /* takes over what the last crash left behind */
@@ -52,7 +86,7 @@ void bootloader_if_asked(void);
 extern uint32_t stack_guard[], stack_top[];
 void reset_handler(void);
 
-/* Interrupts. */
+/* Interrupts. All have one priority: none interrupts another. */
 void systick_handler(void);
 void adc_dma_handler(void);
 void uart_tx_dma_handler(void);
@@ -61,9 +95,19 @@ void uart_handler(void);
 void bridge_handler(void);
 void can_tx_handler(void);
 void can_rx_handler(void);
+void sampling_timer_handler(void);
+void i2c_event_handler(void);
+void i2c_error_handler(void);
+void i2c_dma_handler(void);
+void spi_dma_handler(void);
 
 static inline void irq_enable(uint32_t irq) {
     NVIC_ISER(irq / 32u) = 1u << (irq % 32u);
+}
+
+/* What is pending of it is no longer meant: its cause has been stopped. */
+static inline void irq_forget(uint32_t irq) {
+    NVIC_ICPR(irq / 32u) = 1u << (irq % 32u);
 }
 
 /* The compiler may not move memory accesses across this; the processor keeps their order anyway. */

@@ -41,11 +41,13 @@
 #define RCC_APB2ENR_IOPCEN   (1u << 4)
 #define RCC_APB2ENR_ADC1EN   (1u << 9)
 #define RCC_APB2ENR_TIM1EN   (1u << 11)
+#define RCC_APB2ENR_SPI1EN   (1u << 12)
 #define RCC_APB2ENR_USART1EN (1u << 14)
 #define RCC_APB1ENR          REG32(RCC_BASE, 0x1cu)
 #define RCC_APB1ENR_TIM2EN   (1u << 0)
 #define RCC_APB1ENR_TIM3EN   (1u << 1)
 #define RCC_APB1ENR_TIM4EN   (1u << 2)
+#define RCC_APB1ENR_I2C1EN   (1u << 21)
 #define RCC_APB1ENR_CANEN    (1u << 25)
 #define RCC_APB1ENR_BKPEN    (1u << 27)
 #define RCC_APB1ENR_PWREN    (1u << 28)
@@ -99,6 +101,7 @@
 #define GPIOC_BSRR          REG32(GPIOC_BASE, 0x10u)
 #define PIN_ANALOG          0x0u
 #define PIN_OUTPUT_10MHZ    0x1u /* push-pull */
+#define PIN_OPEN_DRAIN      0x5u /* 10 MHz */
 #define PIN_INPUT_PULLED    0x8u /* direction of the pull: the pin's bit in ODR */
 #define PIN_ALTERNATE_10MHZ 0x9u /* push-pull */
 #define PIN_ALTERNATE_2MHZ  0xau /* push-pull */
@@ -131,21 +134,34 @@
 #define USART1_CR3_DMAR   (1u << 6)
 #define USART1_CR3_DMAT   (1u << 7)
 
-/* DMA1, RM0008 section 13.4. Channel 1: ADC1, 4: USART1_TX, 5: USART1_RX (table 78) */
+/* DMA1, RM0008 section 13.4. Channel 1: ADC1, 2: SPI1_RX, 3: SPI1_TX, 4: USART1_TX,
+ * 5: USART1_RX, 7: I2C1_RX (table 78) */
 #define DMA1_BASE       0x40020000u
 #define DMA1_ISR        REG32(DMA1_BASE, 0x00u)
 #define DMA1_ISR_TCIF1  (1u << 1)
+#define DMA1_ISR_HTIF1  (1u << 2)
 #define DMA1_ISR_TEIF4  (1u << 15)
 #define DMA1_ISR_HTIF5  (1u << 18)
 #define DMA1_ISR_TCIF5  (1u << 17)
 #define DMA1_IFCR       REG32(DMA1_BASE, 0x04u)
 #define DMA1_IFCR_CGIF1 (1u << 0)
+#define DMA1_IFCR_CGIF2 (1u << 4)
+#define DMA1_IFCR_CGIF3 (1u << 8)
 #define DMA1_IFCR_CGIF4 (1u << 12)
 #define DMA1_IFCR_CGIF5 (1u << 16)
+#define DMA1_IFCR_CGIF7 (1u << 24)
 #define DMA1_CCR1       REG32(DMA1_BASE, 0x08u)
 #define DMA1_CNDTR1     REG32(DMA1_BASE, 0x0cu)
 #define DMA1_CPAR1      REG32(DMA1_BASE, 0x10u)
 #define DMA1_CMAR1      REG32(DMA1_BASE, 0x14u)
+#define DMA1_CCR2       REG32(DMA1_BASE, 0x1cu)
+#define DMA1_CNDTR2     REG32(DMA1_BASE, 0x20u)
+#define DMA1_CPAR2      REG32(DMA1_BASE, 0x24u)
+#define DMA1_CMAR2      REG32(DMA1_BASE, 0x28u)
+#define DMA1_CCR3       REG32(DMA1_BASE, 0x30u)
+#define DMA1_CNDTR3     REG32(DMA1_BASE, 0x34u)
+#define DMA1_CPAR3      REG32(DMA1_BASE, 0x38u)
+#define DMA1_CMAR3      REG32(DMA1_BASE, 0x3cu)
 #define DMA1_CCR4       REG32(DMA1_BASE, 0x44u)
 #define DMA1_CNDTR4     REG32(DMA1_BASE, 0x48u)
 #define DMA1_CPAR4      REG32(DMA1_BASE, 0x4cu)
@@ -154,6 +170,10 @@
 #define DMA1_CNDTR5     REG32(DMA1_BASE, 0x5cu)
 #define DMA1_CPAR5      REG32(DMA1_BASE, 0x60u)
 #define DMA1_CMAR5      REG32(DMA1_BASE, 0x64u)
+#define DMA1_CCR7       REG32(DMA1_BASE, 0x80u)
+#define DMA1_CNDTR7     REG32(DMA1_BASE, 0x84u)
+#define DMA1_CPAR7      REG32(DMA1_BASE, 0x88u)
+#define DMA1_CMAR7      REG32(DMA1_BASE, 0x8cu)
 /* The control register's bits are the same for every channel. */
 #define DMA1_CCR1_EN          (1u << 0)
 #define DMA1_CCR1_TCIE        (1u << 1)
@@ -179,14 +199,9 @@
 #define ADC1_CR2_EXTTRIG       (1u << 20)
 #define ADC1_SMPR2             REG32(ADC1_BASE, 0x10u)
 #define ADC1_SMPR2_SMP0_71CYC5 (6u << 0)
-#define ADC1_SMPR2_SMP1_71CYC5 (6u << 3)
-#define ADC1_SMPR2_SMP2_71CYC5 (6u << 6)
 #define ADC1_SQR1              REG32(ADC1_BASE, 0x2cu)
-#define ADC1_SQR1_L_3CH        (2u << 20)
+#define ADC1_SQR1_L_2CH        (1u << 20) /* for every channel after the first */
 #define ADC1_SQR3              REG32(ADC1_BASE, 0x34u)
-#define ADC1_SQR3_SQ1_IN0      (0u << 0)
-#define ADC1_SQR3_SQ2_IN1      (1u << 5)
-#define ADC1_SQR3_SQ3_IN2      (2u << 10)
 #define ADC1_DR                REG32(ADC1_BASE, 0x4cu)
 
 /* TIM1, RM0008 section 14.4 */
@@ -248,6 +263,9 @@
 #define TIM3_CR1_CEN         (1u << 0)
 #define TIM3_CR2             REG32(TIM3_BASE, 0x04u)
 #define TIM3_CR2_MMS_UPDATE  (2u << 4)
+#define TIM3_DIER            REG32(TIM3_BASE, 0x0cu)
+#define TIM3_DIER_UIE        (1u << 0)
+#define TIM3_SR              REG32(TIM3_BASE, 0x10u)
 #define TIM3_EGR             REG32(TIM3_BASE, 0x14u)
 #define TIM3_EGR_UG          (1u << 0)
 #define TIM3_PSC             REG32(TIM3_BASE, 0x28u)
@@ -318,6 +336,45 @@
 #define CAN_FA1R       REG32(CAN_BASE, 0x21cu) /* by bank: active */
 #define CAN_F0R1       REG32(CAN_BASE, 0x240u)
 
+/* I2C1, RM0008 section 26.6 */
+#define I2C1_BASE        0x40005400u
+#define I2C1_CR1         REG32(I2C1_BASE, 0x00u)
+#define I2C1_CR1_PE      (1u << 0)
+#define I2C1_CR1_START   (1u << 8)
+#define I2C1_CR1_STOP    (1u << 9)
+#define I2C1_CR1_ACK     (1u << 10)
+#define I2C1_CR1_SWRST   (1u << 15)
+#define I2C1_CR2         REG32(I2C1_BASE, 0x04u) /* bits 5 to 0: PCLK1 in MHz */
+#define I2C1_CR2_ITERREN (1u << 8)
+#define I2C1_CR2_ITEVTEN (1u << 9)
+#define I2C1_CR2_DMAEN   (1u << 11)
+#define I2C1_CR2_LAST    (1u << 12)
+#define I2C1_DR          REG32(I2C1_BASE, 0x10u)
+#define I2C1_SR1         REG32(I2C1_BASE, 0x14u)
+#define I2C1_SR1_SB      (1u << 0)
+#define I2C1_SR1_ADDR    (1u << 1)
+#define I2C1_SR1_BTF     (1u << 2)
+#define I2C1_SR1_AF      (1u << 10)
+#define I2C1_SR2         REG32(I2C1_BASE, 0x18u)
+#define I2C1_CCR         REG32(I2C1_BASE, 0x1cu)
+#define I2C1_CCR_F_S     (1u << 15)
+#define I2C1_TRISE       REG32(I2C1_BASE, 0x20u)
+
+/* SPI1, RM0008 section 25.5 */
+#define SPI1_BASE         0x40013000u
+#define SPI1_CR1          REG32(SPI1_BASE, 0x00u)
+#define SPI1_CR1_CPHA     (1u << 0)
+#define SPI1_CR1_CPOL     (1u << 1)
+#define SPI1_CR1_MSTR     (1u << 2)
+#define SPI1_CR1_BR_DIV16 (3u << 3)
+#define SPI1_CR1_SPE      (1u << 6)
+#define SPI1_CR1_SSI      (1u << 8)
+#define SPI1_CR1_SSM      (1u << 9)
+#define SPI1_CR2          REG32(SPI1_BASE, 0x04u)
+#define SPI1_CR2_RXDMAEN  (1u << 0)
+#define SPI1_CR2_TXDMAEN  (1u << 1)
+#define SPI1_DR           REG32(SPI1_BASE, 0x0cu)
+
 /* Independent watchdog, RM0008 section 19.4 */
 #define IWDG_BASE          0x40003000u
 #define IWDG_KR            REG32(IWDG_BASE, 0x00u)
@@ -344,17 +401,23 @@
 #define SYST_CVR           REG32(0xe000e010u, 0x8u)
 #define NVIC_ISER(word)    REG32(0xe000e100u, 4u * (word))
 #define NVIC_ISPR(word)    REG32(0xe000e200u, 4u * (word))
+#define NVIC_ICPR(word)    REG32(0xe000e280u, 4u * (word))
 #define SCB_VTOR           REG32(0xe000ed00u, 0x08u)
 #define SCB_AIRCR          REG32(0xe000ed00u, 0x0cu)
 #define SCB_AIRCR_RESET    ((0x5fau << 16) | (1u << 2)) /* key and SYSRESETREQ */
 
 /* Positions in the vector table after the processor's 16, RM0008 section 10.1.2 (table 63) */
 #define IRQ_DMA1_Channel1 11u
+#define IRQ_DMA1_Channel2 12u
 #define IRQ_DMA1_Channel4 14u
 #define IRQ_DMA1_Channel5 15u
+#define IRQ_DMA1_Channel7 17u
 #define IRQ_CAN1_TX       19u
 #define IRQ_CAN1_RX0      20u
 #define IRQ_TIM2          28u
+#define IRQ_TIM3          29u
+#define IRQ_I2C1_EV       31u
+#define IRQ_I2C1_ER       32u
 #define IRQ_USART1        37u
 
 #endif

@@ -16,6 +16,7 @@ void time_init(void) {
 void systick_handler(void) {
     ticks_ms++;
     port_wake = true;
+    imu_poll_ms();
     faults_check_stack();
 }
 

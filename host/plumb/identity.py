@@ -26,6 +26,7 @@ FAULTS = {
     1: "control steps were missed",
     2: "a processor fault ended the run before",
     3: "the flash does not hold what was built",
+    6: "a sensor is lost or not to be trusted",
     7: "the saved parameters cannot be used: load, reset or set them, then save",
     8: "running on the internal oscillator",
     9: "received bytes were lost",
@@ -43,6 +44,15 @@ SOURCES = {
 """PARAMETER_SOURCE: where the parameters in use come from."""
 RESET_CAUSES = {2: "reset pin", 3: "power", 4: "software", 5: "watchdog", 6: "window watchdog", 7: "low power"}
 """RESET_CAUSE: RCC_CSR 31..24 (RM0008 7.3.10). Every reset also pulls the pin."""
+ANALOG_INPUTS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")
+SENSOR_CAUSES = {
+    1: "not found yet",
+    2: "does not answer to its address",
+    3: "its bus hangs",
+    4: "another chip answers, or it did not take its settings",
+    5: "has no data",
+    6: "its data do not change",
+}
 _REASONS = {
     "UNSUPPORTED": "this image cannot do that",
     "COUNT": "it has another number of parameters",
@@ -59,6 +69,16 @@ _REASONS = {
 def bits_text(bits: int, names: dict[int, str]) -> str:
     """The meaning of the bits that are set, joined; 'none' for 0."""
     return "; ".join(names.get(bit, f"bit {bit}") for bit in range(32) if bits >> bit & 1) or "none"
+
+
+def sensors_text(said: dict[str, int]) -> list[str]:
+    """A sentence for every sensor that is not to be trusted, from the words of SENSORS by name."""
+    analog, digital = said.get("analog", 0), said.get("digital", 0)
+    found = [f"input {pin} is at a rail" for i, pin in enumerate(ANALOG_INPUTS) if analog >> i & 1]
+    found += [f"input {pin} does not change" for i, pin in enumerate(ANALOG_INPUTS) if analog >> (8 + i) & 1]
+    for name, cause in (("gyro", digital & 0xFF), ("accelerometer", digital >> 8)):
+        found += [f"{name}: {SENSOR_CAUSES.get(cause, f'cause {cause}')}"] if cause else []
+    return found
 
 
 @dataclass(frozen=True)

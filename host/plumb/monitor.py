@@ -13,9 +13,9 @@ from functools import lru_cache
 from typing import Any
 
 from plumb.errors import LinkError
-from plumb.identity import BLOCKED, FAULTS, bits_text
+from plumb.identity import BLOCKED, FAULTS, bits_text, sensors_text
 from plumb.protocol import Frame, load_database
-from plumb.session import REPLY_TIMEOUT_S, SELECTABLE, TRIES, Session
+from plumb.session import PERIODIC, REPLY_TIMEOUT_S, SELECTABLE, TRIES, Session
 
 EVERY_S = 0.1
 STALE_S = 0.5
@@ -25,7 +25,6 @@ SILENCE_S = TRIES * REPLY_TIMEOUT_S
 """An open link says TIME every 50 ms."""
 LINE_FRAMES_PS = 921600 / 10 / 22
 """Frames a second that the UART carries."""
-ALWAYS = ("TIME", "STATUS", "COUNTERS", "EVENTS")
 WANTED = ("ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND", "RAW_A")
 """The most wanted first."""
 
@@ -98,7 +97,7 @@ class Monitor:
     @property
     def complete(self) -> bool:
         """Everything that an open link always says has been heard."""
-        return all(name in self._last for name in ALWAYS)
+        return all(name in self._last for name in PERIODIC)
 
     def _said(self, name: str) -> dict[str, int] | None:
         """The last such frame as raw integers; None where it is not from now."""
@@ -119,7 +118,7 @@ class Monitor:
 
     def snapshot(self) -> Snapshot:
         """Everything by name, with the unit in the name; None where the board does not say it now."""
-        status, counters, events = (self._said(name) or {} for name in ALWAYS[1:])
+        status, counters, events, sensors = (self._said(name) or {} for name in PERIODIC[1:])
         step, raw = self._said("STEP"), self._said("RAW_A")
         counted, fast = self.session.counters, self.session.fast
         mode = status.get("mode")
@@ -129,7 +128,7 @@ class Monitor:
             "live": _flag(status, "live"),
             "armed": _flag(status, "armed"),
             "blocked": _sentences(status.get("blocked", 0), BLOCKED),
-            "faults": _sentences(status.get("faults", 0), FAULTS),
+            "faults": _sentences(status.get("faults", 0), FAULTS) + sensors_text(sensors),
             "staged": _flag(status, "staged"),
             "read_only": _flag(status, "read_only"),
             "step": None if step is None else step["step"],
@@ -145,6 +144,7 @@ class Monitor:
             "saturated_steps": events.get("saturated"),
             "starved_steps": events.get("starved"),
             "disarm_cause": _sentences(events.get("disarm_cause", 0), BLOCKED),
+            "bus_failures": sensors.get("bus_failures"),
             "board_rejected": counters.get("rejected"),
             "board_lost": counters.get("lost"),
             "board_dropped": counters.get("dropped"),

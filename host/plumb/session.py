@@ -26,6 +26,8 @@ REPLY_TIMEOUT_S = 0.25
 TRIES = 4
 IN_FLIGHT = 16
 KEEPALIVE_EVERY_S = 0.015
+PERIODIC = ("TIME", "STATUS", "COUNTERS", "EVENTS", "SENSORS")
+"""What an open link always says."""
 
 
 @dataclass
@@ -56,8 +58,8 @@ SELECTABLE = ("RAW_A", "RAW_B", "ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND")
 class Session:
     """One board on one bus. Use as a context manager: leaving it closes the bus, which disarms.
 
-    telemetry: last TIME, STATUS, COUNTERS and EVENTS, as raw integers by name. listener: gets all frames as they come,
-    those too that arrive while a request waits for its answer.
+    telemetry: the last of each PERIODIC message, as raw integers by name. listener: gets all frames as they come, those
+    too that arrive while a request waits for its answer.
     """
 
     bus: can.BusABC
@@ -75,7 +77,7 @@ class Session:
         self._received: dict[int, int] = {}
         numbered = ("RAW_A", "RAW_B", "STEP")
         self._numbered = {self.protocol[name].identifier for name in numbered}
-        self._kept = {self.protocol[name].identifier: name for name in ("TIME", "STATUS", "COUNTERS", "EVENTS")}
+        self._kept = {self.protocol[name].identifier: name for name in PERIODIC}
         self._token: int | None = None
         self._keepalive_s = 0.0
         self._uploaded: str | None = None

@@ -11,6 +11,7 @@ typedef struct {
     session_t session;
     int16_t sensors[CONTROL_RAW_MAX];
     uint32_t faults;
+    board_health_t health;
     bool switch_closed;       /* the arm switch */
     uint32_t tick_us;         /* time of the last tick */
     uint32_t pulse_halfus[2]; /* what the actuator gets: neutral while disarmed */
@@ -20,6 +21,7 @@ typedef struct {
 size_t link_board_bytes(void);
 void link_board_init(link_board_t *b, uint32_t seed);
 void link_board_sensors(link_board_t *b, const int16_t raw[CONTROL_RAW_MAX], uint32_t faults);
+void link_board_health(link_board_t *b, const board_health_t *health);
 void link_board_switch(link_board_t *b, bool closed);
 size_t link_board_take(link_board_t *b, const uint8_t *bytes, size_t count, uint32_t now_us);
 void link_board_turn(link_board_t *b, uint32_t now_us);
@@ -52,6 +54,10 @@ void link_board_init(link_board_t *b, uint32_t seed) {
 void link_board_sensors(link_board_t *b, const int16_t raw[CONTROL_RAW_MAX], uint32_t faults) {
     memcpy(b->sensors, raw, sizeof b->sensors);
     b->faults = faults;
+}
+
+void link_board_health(link_board_t *b, const board_health_t *health) {
+    b->health = *health;
 }
 
 void link_board_switch(link_board_t *b, bool closed) {
@@ -96,6 +102,7 @@ void link_board_turn(link_board_t *b, uint32_t now_us) {
     int32_t setpoint;
 
     session_report_faults(&b->session, b->faults);
+    session_report_sensors(&b->session, &b->health);
     session_report_switch(&b->session, b->switch_closed, now_us);
     session_poll(&b->session, now_us);
     if (session_take_begin(&b->session)) {

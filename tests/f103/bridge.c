@@ -11,6 +11,7 @@ enum { IDLE, ARM, DUTY, OFF, CLEAR, RAPID };
 volatile bool port_wake;
 uint32_t port_faults;
 void faults_check_stack(void) {}
+void imu_poll_ms(void) {}
 
 void tim2_handler(void);
 void tim2_handler(void) {

@@ -44,7 +44,7 @@ int main(void) {
         __asm volatile("udf #1");
         break;
     case 4:
-        REG(0x40005400) = 1; /* I2C1: not modelled */
+        REG(0x40005800) = 1; /* I2C1: not modelled */
         break;
     case 5:
         REG(0x40012408) = 1; /* ADC1 without its clock */

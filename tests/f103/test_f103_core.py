@@ -103,7 +103,7 @@ def test_a_register_that_is_not_modelled_stops_with_its_address(board):
 
     b = board("fault")
     b.ask(0, 4)
-    with pytest.raises(SimulationError, match="0x40005400"):
+    with pytest.raises(SimulationError, match="0x40005800"):
         b.machine.advance_us(1000)
 
 

@@ -48,7 +48,7 @@ def test_addresses_and_reset_values(board):
         rows = {
             row.findtext("name").lower().removesuffix("_output").removeprefix("can_"): (
                 base + int(row.findtext("addressOffset"), 0),
-                int(row.findtext("resetValue") or "0", 0),
+                int(row.findtext("resetValue") or "0", 16),
             )
             for row in node.iter("register")
         }

@@ -32,11 +32,13 @@ from plumb.f103.debug import CoreDebug, DbgMcu, Dwt
 from plumb.f103.dma import Dma
 from plumb.f103.flash import Flash
 from plumb.f103.gpio import Afio, Gpio
+from plumb.f103.i2c import I2c, I2cBus
 from plumb.f103.image import check_image, load_image
 from plumb.f103.iwdg import Iwdg
 from plumb.f103.nvic import Nvic
 from plumb.f103.rcc import Rcc
 from plumb.f103.scb import Scb, SysTick
+from plumb.f103.spi import Spi
 from plumb.f103.stream import UartStream
 from plumb.f103.tim import Pwm, Timer
 from plumb.f103.tim1 import Bridge, Tim1
@@ -120,12 +122,26 @@ class Machine:
         self.usart, self.adc1 = Usart(self), Adc(self)
         self.tim3, self.tim4 = Timer(self, "TIM3", 0x40000400, 29), Timer(self, "TIM4", 0x40000800, 30)
         self.tim1, self.tim2 = Tim1(self), Tim2(self)
+        self.i2c_bus = I2cBus(self)
+        self.i2c1, self.spi1 = I2c(self), Spi(self)
         self.iwdg = Iwdg(self)
         self.pwr, self.bkp = Pwr(self), Bkp(self)
         core: list[Peripheral] = [self.nvic, self.scb, self.systick, self.core_debug, self.dwt, self.dbgmcu]
         rest: list[Peripheral] = [self.flash, self.dma, self.afio, *self.ports, self.usart, self.adc1]
         self.can = Bxcan(self)
-        rest += [self.tim1, self.tim2, self.tim3, self.tim4, self.iwdg, self.pwr, self.bkp, self.can, self.rcc]
+        rest += [
+            self.tim1,
+            self.tim2,
+            self.tim3,
+            self.tim4,
+            self.i2c1,
+            self.spi1,
+            self.iwdg,
+            self.pwr,
+            self.bkp,
+            self.can,
+            self.rcc,
+        ]
         for peripheral in core + rest:
             self.bus.attach(peripheral)
         self.by_name = {peripheral.name: peripheral for peripheral in self.bus.peripherals}
@@ -187,6 +203,10 @@ class Machine:
     def power_on(self) -> None:
         if not self.powered:
             self.powered = True
+            for slave in self.i2c_bus.slaves:
+                slave.brown_out()
+            for device in self.spi1.devices.values():
+                device.brown_out()
             self._power_up()
 
     # Time
@@ -315,6 +335,8 @@ class Machine:
         """For whoever watches levels without being asked."""
         self.tim1.pins_changed()
         self.tim2.pins_changed()
+        self.spi1.pins_changed()
+        self.i2c_bus.pins_changed()
 
     def bridge(self) -> Bridge:
         """What a three-phase bridge on TIM1's pins does to its motor now."""

@@ -33,9 +33,10 @@ APB2_CLOCKS = {
     "GPIOE": 6,
     "ADC1": 9,
     "TIM1": 11,
+    "SPI1": 12,
     "USART1": 14,
 }
-APB1_CLOCKS = {"TIM2": 0, "TIM3": 1, "TIM4": 2, "CAN": 25, "BKP": 27, "PWR": 28}
+APB1_CLOCKS = {"TIM2": 0, "TIM3": 1, "TIM4": 2, "I2C1": 21, "CAN": 25, "BKP": 27, "PWR": 28}
 AHB_CLOCKS = {"DMA1": 0}
 
 

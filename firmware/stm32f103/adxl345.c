@@ -1,0 +1,22 @@
+/* ADXL345 accelerometer (Analog Devices data sheet, rev. E): full resolution, +-16 g, 256 counts per g. Timed
+ * reads take the newest sample; its age is at most one period of its output rate. */
+#include "imu.h"
+
+static const chip_step_t steps[] = {
+    {CHIP_CHECK, 0x00u, 0xffu, 0xe5u}, /* DEVID */
+    {CHIP_WRITE, 0x2du, 0u, 0x00u},    /* POWER_CTL: standby while it is set up */
+    {CHIP_OPTION, 0x2cu, 0u, 0x00u},   /* BW_RATE: output rate */
+    {CHIP_WRITE, 0x31u, 0u, 0x0bu},    /* DATA_FORMAT: FULL_RES, +-16 g, four wires */
+    {CHIP_WRITE, 0x38u, 0u, 0x00u},    /* FIFO_CTL: bypass, only the newest sample */
+    {CHIP_CHECK, 0x31u, 0xffu, 0x0bu}, /* SPI acknowledges nothing: see that it was heard */
+    {CHIP_WRITE, 0x2du, 0u, 0x08u},    /* POWER_CTL: measure */
+    {CHIP_AWAIT, 0x30u, 0x80u, 0x80u}, /* INT_SOURCE: DATA_READY */
+};
+
+const chip_t adxl345 = {
+    .steps = steps,
+    .step_count = sizeof steps / sizeof steps[0],
+    .address = 0x53u, /* SDO/ALT ADDRESS low */
+    .data = 0x32u,    /* DATAX0 to DATAZ1 */
+    .low_byte_first = true,
+};

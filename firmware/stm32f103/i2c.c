@@ -1,0 +1,200 @@
+/* I2C1 as master on PB8 (SCL) and PB9 (SDA), one register access of a slave at a time
+ * (RM0008 26.3.3, 26.3.7).
+ *
+ * Interrupts do it all, and only on events that hold the clock line until they are answered (SB, ADDR, BTF),
+ * so that no delay of an interrupt can lose or double a byte. Received bytes go by DMA, whose end-of-transfer
+ * makes the hardware answer the last one with NACK (LAST); a single byte is refused in advance (ACK cleared
+ * before ADDR). That leaves nothing of the erratum "some software events must be managed before the current
+ * byte is being transferred", nor of "wrong data read into data register" (ES096, ES0340: I2C).
+ *
+ * Whoever starts an access bounds it in time and calls i2c_abort(). After that the bus is recovered: nine
+ * clocks at most free a slave that holds SDA in the middle of a byte, then a STOP, then the peripheral's
+ * reset. The same edges unlock the analog filters that may hold BUSY after power-up, and the reset (SWRST) is
+ * the cure for "start cannot be generated after a misplaced stop" (same errata). */
+#include "port.h"
+
+#define SPEED_HZ      400000u
+#define RISE_NS       300u /* of fast mode, at most */
+#define STOP_POLLS    32u  /* a STOP takes a clock of the bus, 2.5 us: about 3 polls */
+#define SCL           8u
+#define SDA           9u
+#define RECOVER_STOP  19u /* half clocks of recovery: 1 to 18 free SDA, then the STOP */
+#define RECOVER_STEPS 21u
+
+typedef enum { IDLE, START, ADDRESS, REGISTER, VALUE, RESTART, READ_ADDRESS, DATA } state_t;
+
+static volatile state_t state;
+static uint8_t address, reg, value;
+static uint8_t *bytes;
+static uint32_t count; /* of bytes to read, 0: write value */
+static uint32_t recover_step;
+
+static uint32_t bus_mhz(void) { /* PCLK1: half of HCLK above 36 MHz, see clock.c */
+    return clock_mhz() > 36u ? clock_mhz() / 2u : clock_mhz();
+}
+
+static void reset(void) {
+    state = IDLE;
+    DMA1_CCR7 = 0u;
+    DMA1_IFCR = DMA1_IFCR_CGIF7;
+    I2C1_CR1 = I2C1_CR1_SWRST;
+    I2C1_CR1 = 0u;
+    const uint32_t mhz = bus_mhz();
+    I2C1_CR2 = mhz;
+    I2C1_CCR = I2C1_CCR_F_S | ((mhz * 1000000u + 3u * SPEED_HZ - 1u) / (3u * SPEED_HZ)); /* low 2, high 1 */
+    I2C1_TRISE = mhz * RISE_NS / 1000u + 1u;
+    I2C1_CR1 = I2C1_CR1_PE;
+}
+
+void i2c_init(void) {
+    RCC_APB1ENR |= RCC_APB1ENR_I2C1EN;
+    DMA1_CPAR7 = (uint32_t)(uintptr_t)&I2C1_DR;
+    irq_enable(IRQ_I2C1_EV);
+    irq_enable(IRQ_I2C1_ER);
+    irq_enable(IRQ_DMA1_Channel7);
+    reset();
+}
+
+static void begin(uint8_t slave, uint8_t at) {
+    address = (uint8_t)(slave << 1);
+    reg = at;
+    state = START;
+    I2C1_CR2 = bus_mhz() | I2C1_CR2_ITEVTEN | I2C1_CR2_ITERREN;
+    I2C1_CR1 = I2C1_CR1_PE | I2C1_CR1_START;
+}
+
+void i2c_read(uint8_t slave, uint8_t at, uint8_t *to, uint32_t wanted) {
+    bytes = to;
+    count = wanted;
+    begin(slave, at);
+}
+
+void i2c_write(uint8_t slave, uint8_t at, uint8_t byte) {
+    count = 0u;
+    value = byte;
+    begin(slave, at);
+}
+
+/* STOP, and no register touched until it is out (RM0008 26.6.1). */
+static void finish(transfer_t result) {
+    I2C1_CR2 = bus_mhz();
+    I2C1_CR1 = I2C1_CR1_PE | I2C1_CR1_STOP;
+    if (!clock_wait(&I2C1_CR1, I2C1_CR1_STOP, 0u, STOP_POLLS)) {
+        reset();
+        result = TRANSFER_FAILED;
+    }
+    state = IDLE;
+    imu_transferred(result);
+}
+
+static void receive(void) {
+    DMA1_CMAR7 = (uint32_t)(uintptr_t)bytes;
+    DMA1_CNDTR7 = count;
+    DMA1_CCR7 = DMA1_CCR1_EN | DMA1_CCR1_MINC | DMA1_CCR1_TCIE | DMA1_CCR1_PL_HIGH;
+    I2C1_CR2 = bus_mhz() | I2C1_CR2_ITEVTEN | I2C1_CR2_ITERREN | I2C1_CR2_DMAEN | I2C1_CR2_LAST;
+    I2C1_CR1 = I2C1_CR1_PE | (count > 1u ? I2C1_CR1_ACK : 0u);
+}
+
+/* An event that belongs to another state is one that is still on its way out: the interrupt comes again. */
+void i2c_event_handler(void) {
+    const uint32_t event = I2C1_SR1;
+    switch (state) {
+    case START:
+    case RESTART:
+        if ((event & I2C1_SR1_SB) != 0u) {
+            I2C1_DR = address | (state == RESTART ? 1u : 0u);
+            state = state == RESTART ? READ_ADDRESS : ADDRESS;
+        }
+        break;
+    case ADDRESS:
+        if ((event & I2C1_SR1_ADDR) != 0u) {
+            (void)I2C1_SR2;
+            I2C1_DR = reg;
+            state = REGISTER;
+        }
+        break;
+    case REGISTER:
+        if ((event & I2C1_SR1_BTF) != 0u) {
+            if (count == 0u) {
+                I2C1_DR = value;
+                state = VALUE;
+            } else {
+                I2C1_CR1 = I2C1_CR1_PE | I2C1_CR1_START;
+                state = RESTART;
+            }
+        }
+        break;
+    case VALUE:
+        if ((event & I2C1_SR1_BTF) != 0u) {
+            finish(TRANSFER_DONE);
+        }
+        break;
+    case READ_ADDRESS:
+        if ((event & I2C1_SR1_ADDR) != 0u) {
+            receive();
+            (void)I2C1_SR2; /* from here on the clock runs */
+            state = DATA;
+        }
+        break;
+    default:
+        break;
+    }
+}
+
+void i2c_dma_handler(void) {
+    DMA1_IFCR = DMA1_IFCR_CGIF7;
+    DMA1_CCR7 = 0u;
+    if (state == DATA) {
+        finish(TRANSFER_DONE);
+    }
+}
+
+void i2c_error_handler(void) {
+    const uint32_t error = I2C1_SR1;
+    I2C1_SR1 = 0u; /* clears the error flags alone (RM0008 26.6.6) */
+    if (state == IDLE) {
+        return;
+    }
+    if ((error & I2C1_SR1_AF) != 0u) {
+        finish(TRANSFER_REFUSED);
+    } else {
+        i2c_abort();
+        imu_transferred(TRANSFER_FAILED);
+    }
+}
+
+void i2c_abort(void) {
+    reset();
+    recover_step = 0u;
+}
+
+static void drive(uint32_t pin, bool high) {
+    GPIOB_BSRR = 1u << (high ? pin : pin + 16u);
+}
+
+bool i2c_recover(void) {
+    const uint32_t step = recover_step;
+    if (step == 0u) {
+        I2C1_CR1 = 0u;
+        drive(SCL, true);
+        drive(SDA, true);
+        pins_set_mode(&GPIOB_CRH, SCL, PIN_OPEN_DRAIN);
+        pins_set_mode(&GPIOB_CRH, SDA, PIN_OPEN_DRAIN);
+    } else if (step < RECOVER_STOP) {
+        drive(SCL, step % 2u == 0u);
+    } else {
+        drive(SDA, step == RECOVER_STEPS);
+        drive(SCL, step > RECOVER_STOP);
+    }
+    recover_step++;
+    if (step > 0u && step % 2u == 0u && step < RECOVER_STOP && (GPIOB_IDR & 1u << SDA) != 0u) {
+        recover_step = RECOVER_STOP;
+    }
+    if (step < RECOVER_STEPS) {
+        return false;
+    }
+    pins_set_mode(&GPIOB_CRH, SCL, PIN_ALTERNATE_DRAIN);
+    pins_set_mode(&GPIOB_CRH, SDA, PIN_ALTERNATE_DRAIN);
+    i2c_abort();
+    return true;
+}

@@ -1,0 +1,256 @@
+/* Gyro and accelerometer on I2C and SPI: found, set up, read once a period, missed, found again.
+ *
+ * Everything here runs in interrupts of one priority: the period's (imu_period), the millisecond's
+ * (imu_poll_ms) and the end of an access (imu_transferred). One access is under way at a time, and the
+ * millisecond ends one that takes longer than two. A failed access is tried three times; then the sensor is
+ * lost, the bus is cleared and the sensor is started anew every 20 ms. Without both sensors no sample is made
+ * up: there is no tick. */
+#include "imu.h"
+#include "watch.h"
+
+#define GYRO       0u
+#define ACCEL      1u
+#define SENSORS    2u
+#define TRIES      3u
+#define ACCESS_MS  2u  /* reading six bytes takes 0.21 ms at 400 kHz */
+#define RETRY_MS   20u /* from a loss to the next start */
+#define AWAIT_MS   100u
+#define DATA_BYTES 6u
+#define SPI_READ   0x80u
+#define SPI_MANY   0x40u
+#define AXIS_LAST  2u
+
+typedef enum { OFF, RECOVER, REST, SET_UP, SAMPLE } phase_t;
+
+typedef struct {
+    uint8_t cause; /* BOARD_SENSOR_*: why it is not trusted */
+    bool up;
+    uint8_t step; /* of its chip's start */
+    uint8_t wait_ms;
+    uint8_t awaited_ms;
+    watch_t watch;
+} sensor_t;
+
+static const chip_t *const chips[SENSORS] = {&itg3205, &adxl345};
+static board_sensors_t use;
+static volatile phase_t phase;
+static sensor_t sensors[SENSORS];
+static uint32_t active; /* whose access is under way */
+static uint32_t age_ms, tries;
+static uint16_t failures;
+static uint8_t bytes[1u + DATA_BYTES]; /* SPI: the command first */
+static int16_t axes[SENSORS][3];
+
+static bool on_spi(uint32_t sensor) {
+    return sensor == ACCEL && use.accel_on_spi != 0u;
+}
+
+static void read(uint32_t sensor, uint8_t reg, uint32_t count) {
+    if (on_spi(sensor)) {
+        bytes[0] = (uint8_t)(reg | SPI_READ | (count > 1u ? SPI_MANY : 0u));
+        spi_exchange(bytes, 1u + count);
+    } else {
+        i2c_read(chips[sensor]->address, reg, &bytes[1], count);
+    }
+}
+
+static void write(uint32_t sensor, uint8_t reg, uint8_t value) {
+    if (on_spi(sensor)) {
+        bytes[0] = reg;
+        bytes[1] = value;
+        spi_exchange(bytes, 2u);
+    } else {
+        i2c_write(chips[sensor]->address, reg, value);
+    }
+}
+
+static void access(void) {
+    const chip_t *const chip = chips[active];
+    const chip_step_t *const step = &chip->steps[sensors[active].step];
+    age_ms = 0u;
+    if (phase == SAMPLE) {
+        read(active, chip->data, DATA_BYTES);
+    } else if (step->action == CHIP_WRITE) {
+        write(active, step->reg, step->value);
+    } else if (step->action == CHIP_OPTION) {
+        const uint32_t option = active == ACCEL ? use.accel_rate : use.gyro_filter;
+        write(active, step->reg, (uint8_t)(step->value | option));
+    } else {
+        read(active, step->reg, 1u);
+    }
+}
+
+static void lose(uint8_t cause) {
+    sensor_t *const s = &sensors[active];
+    s->cause = cause;
+    s->up = false;
+    s->step = 0u;
+    s->wait_ms = RETRY_MS;
+    tries = 0u;
+    phase = cause == BOARD_SENSOR_BUS && !on_spi(active) ? RECOVER : REST;
+}
+
+/* After an access of the start: true when the same access is to be repeated in a millisecond. */
+static void next_step(void) {
+    sensor_t *const s = &sensors[active];
+    const chip_step_t *const step = &chips[active]->steps[s->step];
+    const bool reads = step->action == CHIP_CHECK || step->action == CHIP_AWAIT;
+    if (reads && (bytes[1] & step->mask) != step->value) {
+        if (step->action == CHIP_CHECK) {
+            lose(BOARD_SENSOR_IDENTITY);
+        } else if (++s->awaited_ms >= AWAIT_MS) {
+            lose(BOARD_SENSOR_SILENT);
+        } else {
+            s->wait_ms = 1u;
+            phase = REST;
+        }
+        return;
+    }
+    s->step++;
+    if (s->step < chips[active]->step_count) {
+        access();
+        return;
+    }
+    s->up = true;
+    phase = REST;
+    if (s->cause != BOARD_SENSOR_STUCK) { /* that one has to move first */
+        s->cause = BOARD_SENSOR_GOOD;
+    }
+}
+
+static void take_sample(void) {
+    uint32_t mixed = 0u;
+    for (uint32_t i = 0u; i < DATA_BYTES; i++) {
+        mixed = 31u * mixed + bytes[1u + i];
+    }
+    for (uint32_t axis = 0u; axis <= AXIS_LAST; axis++) {
+        const uint32_t first = bytes[1u + 2u * axis], second = bytes[2u + 2u * axis];
+        axes[active][axis] =
+            (int16_t)(chips[active]->low_byte_first ? first | second << 8 : first << 8 | second);
+    }
+    sensor_t *const s = &sensors[active];
+    if (watch_stuck(&s->watch, (uint16_t)mixed, use.stuck_steps)) {
+        if (s->cause == BOARD_SENSOR_GOOD) {
+            lose(BOARD_SENSOR_STUCK); /* a chip that lost its supply for a moment starts anew, asleep */
+        }
+    } else if (s->watch.same == 0u) {
+        s->cause = BOARD_SENSOR_GOOD;
+    }
+}
+
+static void publish(void) {
+    /* About the wheels' axis: x or z instead of y turns the pair of accelerations with it. */
+    const uint32_t axis = use.imu_axis;
+    int16_t *const raw = sampling_next();
+    raw[0] = axes[GYRO][axis];
+    raw[1] = axes[ACCEL][axis == 0u ? 1u : 0u];
+    raw[2] = axes[ACCEL][axis == AXIS_LAST ? 1u : 2u];
+    raw[3] = board_hall_count();
+    sampling_publish();
+}
+
+void imu_transferred(transfer_t result) {
+    if (phase != SET_UP && phase != SAMPLE) {
+        return;
+    }
+    if (result != TRANSFER_DONE) {
+        failures++;
+        tries++;
+        if (tries < TRIES) {
+            access();
+        } else {
+            lose(result == TRANSFER_REFUSED ? BOARD_SENSOR_NO_ANSWER : BOARD_SENSOR_BUS);
+        }
+        return;
+    }
+    tries = 0u;
+    if (phase == SET_UP) {
+        next_step();
+        return;
+    }
+    take_sample();
+    if (phase != SAMPLE) {
+        return; /* lost just now */
+    }
+    if (active == GYRO) {
+        active = ACCEL;
+        access();
+    } else {
+        phase = REST;
+        publish();
+    }
+}
+
+void imu_period(void) {
+    if (!sensors[GYRO].up || !sensors[ACCEL].up) {
+        return;
+    }
+    if (phase != REST) {
+        sampling_missed();
+        return;
+    }
+    phase = SAMPLE;
+    active = GYRO;
+    access();
+}
+
+static void start_one_of_the_lost(void) {
+    for (uint32_t i = 0u; i < SENSORS; i++) {
+        sensor_t *const s = &sensors[i];
+        if (s->up) {
+            continue;
+        }
+        if (s->wait_ms > 0u) {
+            s->wait_ms--;
+        } else if (phase == REST) {
+            phase = SET_UP;
+            active = i;
+            access();
+        }
+    }
+}
+
+void imu_poll_ms(void) {
+    switch (phase) {
+    case RECOVER:
+        if (i2c_recover()) {
+            phase = REST;
+        }
+        break;
+    case REST:
+        start_one_of_the_lost();
+        break;
+    case SET_UP:
+    case SAMPLE:
+        age_ms++;
+        if (age_ms > ACCESS_MS) {
+            failures++;
+            spi_abort();
+            i2c_abort();
+            lose(BOARD_SENSOR_BUS);
+        }
+        break;
+    default:
+        break;
+    }
+}
+
+void imu_use(const board_sensors_t *wanted) {
+    phase = OFF;
+    spi_abort();
+    i2c_abort();
+    use = *wanted;
+    for (uint32_t i = 0u; i < SENSORS; i++) {
+        sensors[i] = (sensor_t){.cause = BOARD_SENSOR_STARTING};
+    }
+    tries = 0u;
+    if (wanted->kind == BOARD_SENSORS_BALANCE) {
+        phase = RECOVER;
+    }
+}
+
+void imu_health(board_health_t *health) {
+    health->gyro = phase == OFF ? BOARD_SENSOR_GOOD : sensors[GYRO].cause;
+    health->accel = phase == OFF ? BOARD_SENSOR_GOOD : sensors[ACCEL].cause;
+    health->bus_failures = failures;
+}

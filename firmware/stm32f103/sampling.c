@@ -1,0 +1,129 @@
+/* The control period: TIM3 counts it, starts what is to be sampled, and a complete sample is the tick (RM0008
+ * 15.3, 15.4). Analog inputs are started by the timer's trigger itself, so that no instruction takes part in
+ * the timing of a sample; the digital sensors by its interrupt. Without sensors the interrupt is the tick. */
+#include "port.h"
+#include <string.h>
+
+#define LATE_MAX 255u
+
+static board_sensors_t use;
+static uint32_t running_us; /* 0: stopped */
+/* Two samples: while one is being written the other can be read for a whole period. */
+static int16_t samples[2][BOARD_RAW_MAX];
+static volatile uint32_t newest; /* index of the last complete one */
+static volatile uint32_t samples_done, periods_missed;
+static uint32_t samples_taken, missed_taken;
+static uint32_t late;
+
+static bool analog(void) {
+    return use.kind == BOARD_SENSORS_ANALOG_3 || use.kind == BOARD_SENSORS_ANALOG_6;
+}
+
+int16_t *sampling_next(void) {
+    return samples[newest ^ 1u];
+}
+
+void sampling_publish(void) {
+    newest ^= 1u;
+    samples_done++;
+    port_wake = true;
+}
+
+void sampling_missed(void) {
+    periods_missed++;
+}
+
+void sampling_timer_handler(void) {
+    TIM3_SR = 0u;
+    switch (use.kind) {
+    case BOARD_SENSORS_NONE:
+        sampling_publish(); /* the counts come from the host */
+        break;
+    case BOARD_SENSORS_BALANCE:
+        imu_period();
+        break;
+    default:
+        adc_period();
+        break;
+    }
+}
+
+uint32_t sampling_late(void) {
+    return late;
+}
+
+void board_set_period_us(uint32_t period_us) {
+    if (period_us == running_us) {
+        return;
+    }
+    running_us = period_us;
+    RCC_APB1ENR |= RCC_APB1ENR_TIM3EN;
+    TIM3_CR1 = 0u;
+    TIM3_DIER = 0u;
+    TIM3_CR2 = TIM3_CR2_MMS_UPDATE;
+    adc_stop();
+    if (period_us == 0u) {
+        return;
+    }
+    /* 1 us a count, 2 us where 16 bits do not reach. The prescaler is taken over by an update event (UG),
+     * which is also a trigger: the converter is set up after it, so that the first scan comes with the first
+     * full period. */
+    const uint32_t step_us = period_us > 65536u ? 2u : 1u;
+    TIM3_PSC = clock_mhz() * step_us - 1u;
+    TIM3_ARR = period_us / step_us - 1u;
+    TIM3_EGR = TIM3_EGR_UG;
+    TIM3_SR = 0u;
+    irq_forget(IRQ_TIM3);
+    irq_enable(IRQ_TIM3);
+    memset(samples, 0, sizeof samples); /* places that these sensors do not fill */
+    samples_taken = samples_done;
+    missed_taken = periods_missed;
+    late = 0u;
+    port_faults &= ~BOARD_FAULT_LATE;
+    if (analog()) {
+        adc_start(&use);
+    }
+    TIM3_DIER = TIM3_DIER_UIE;
+    TIM3_CR1 = TIM3_CR1_CEN;
+}
+
+void board_use_sensors(const board_sensors_t *wanted) {
+    if (memcmp(&use, wanted, sizeof use) == 0) {
+        return;
+    }
+    const uint32_t period_us = running_us;
+    board_set_period_us(0u);
+    __asm volatile("cpsid i" ::: "memory");
+    use = *wanted;
+    imu_use(wanted);
+    __asm volatile("cpsie i" ::: "memory");
+    board_set_period_us(period_us);
+}
+
+bool board_take_tick(void) {
+    if (running_us == 0u) {
+        return false;
+    }
+    if (analog()) {
+        adc_poll();
+    }
+    const uint32_t done = samples_done;
+    const bool ticked = done != samples_taken;
+    uint32_t missed = periods_missed - missed_taken + (ticked ? done - samples_taken - 1u : 0u);
+    missed_taken = periods_missed;
+    samples_taken = done;
+    for (; missed > 0u && late < LATE_MAX; missed--) {
+        late++;
+        port_faults |= BOARD_FAULT_LATE;
+    }
+    return ticked;
+}
+
+void board_read_sensors(int16_t raw[BOARD_RAW_MAX]) {
+    memcpy(raw, samples[newest], sizeof samples[0]);
+}
+
+void board_sensor_health(board_health_t *health) {
+    adc_health(health);
+    imu_health(health);
+}
