@@ -61,7 +61,7 @@ static const param_t table[PARAMS_COUNT] = {
     {0x00000000U, 0x00003FFFU, 0x00000FA0U}, /* 45: esc.max_halfus */
     {0x00000000U, 0x00003FFFU, 0x000007D0U}, /* 46: esc.neutral_halfus */
     {0x000001F4U, 0x000186A0U, 0x00004E20U}, /* 47: period_us */
-    {0x000009C4U, 0x00004E20U, 0x00004E20U}, /* 48: esc_period_us */
+    {0x000007F8U, 0x00004E20U, 0x00004E20U}, /* 48: esc_period_us */
     {0x00000000U, 0x00002710U, 0x000003E8U}, /* 49: arm_hold_ms */
     {0x00000000U, 0x00000001U, 0x00000000U}, /* 50: pins */
     {0x000000C8U, 0x00000DACU, 0x000003E8U}, /* 51: dead_time_ns */

@@ -39,6 +39,16 @@ static bool samples_stale(const session_t *s) {
     return s->stale == UINT16_MAX || s->stale > ARMING_SAFE_US / s->params->period_us;
 }
 
+/* Whether what the system drives is on the pins that the board started with. */
+static bool moves_something(const session_t *s) {
+    switch (s->params->control.system) {
+    case CONTROL_QUAD:
+        return s->board->pins == BOARD_PINS_STANDARD;
+    default:
+        return false;
+    }
+}
+
 /* As seen from one link. */
 static uint16_t arming_blocked(const session_t *s, link_t link) {
     const session_link_t *const l = &s->link[link];
@@ -50,7 +60,7 @@ static uint16_t arming_blocked(const session_t *s, link_t link) {
     blocked |= (s->faults & SESSION_FAULTS_BLOCKING) != 0 ? ARMING_BLOCK_FAULT : 0U;
     blocked |= l->open && !l->read_only ? 0U : ARMING_BLOCK_CLOSED;
     blocked |= s->mode == SESSION_REALTIME && !s->live && samples_stale(s) ? ARMING_BLOCK_SAMPLES : 0U;
-    blocked |= s->board->pins != BOARD_PINS_STANDARD ? ARMING_BLOCK_PINS : 0U;
+    blocked |= moves_something(s) ? 0U : ARMING_BLOCK_PINS;
     blocked |= arming_handle(&s->arming);
     return (uint16_t)blocked;
 }

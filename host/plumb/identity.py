@@ -18,7 +18,7 @@ BLOCKED = {
     6: "the host disarmed",
     7: "no injected samples come",
     8: "the arm switch was opened",
-    9: "what this system moves is not on the board's pins: set the parameter pins, save and reset",
+    9: "this system has nothing to move on these pins: set the parameter pins, save and reset",
     10: "the arm switch is closed: it holds the board armed, or has to be opened first",
 }
 FAULTS = {
@@ -26,6 +26,8 @@ FAULTS = {
     1: "control steps were missed",
     2: "a processor fault ended the run before",
     3: "the flash does not hold what was built",
+    4: "the break input switched the bridge off: look at the gate driver, and whether PB12 is wired",
+    5: "all three Hall sensors say the same: a wire is off",
     6: "a sensor is lost or not to be trusted",
     7: "the saved parameters cannot be used: load, reset or set them, then save",
     8: "running on the internal oscillator",
@@ -34,6 +36,8 @@ FAULTS = {
     11: "received CAN frames were lost",
     12: "the crystal failed in the run before",
 }
+PINS = {0: "standard", 1: "bridge"}
+"""Pin set in force: item PINS, parameter pins."""
 SOURCES = {
     0: "factory defaults",
     1: "saved in flash",

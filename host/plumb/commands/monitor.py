@@ -111,6 +111,8 @@ def state(snapshot: Snapshot) -> str:
 
 def block(identity: Identity, s: Snapshot) -> list[str]:
     """The view of a terminal."""
+    from plumb.identity import PINS
+
     rate = "-" if s["steps_per_s"] is None else f"{s['steps_per_s']:.1f}/s"
     lost = f"steps {s['host_lost_steps']}, other frames {s['host_lost']}, rejected {s['host_rejected']}"
     board = (
@@ -120,7 +122,8 @@ def block(identity: Identity, s: Snapshot) -> list[str]:
     armed = "yes" if s["armed"] else f"no, the pins stay neutral; {in_the_way}"
     idle = "no run is on: --run live begins one" if s["mode"] == "IDLE" else ""
     return [
-        f"plumb board {identity.unique_id}, image {identity.git_hash or 'of no known commit'}",
+        f"plumb board {identity.unique_id}, image {identity.git_hash or 'of no known commit'}, "
+        f"pins {PINS.get(identity['PINS'], '?')}",
         f"time      {s['time_s']:10.2f} s    {state(s)}    step {count(s['step'])}, {rate}    {idle}".rstrip(),
         f"tilt      {number(s['tilt_deg'], 'deg')}      measured {number(s['tilt_measured_deg'], 'deg')}",
         f"rate      {number(s['rate_dps'], 'deg/s')}    bias     {number(s['bias_dps'], 'deg/s')}",

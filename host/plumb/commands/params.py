@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from plumb.identity import Identity
     from plumb.parameters import Parameter
     from plumb.session import Session
 
@@ -81,8 +82,8 @@ def main(arguments: argparse.Namespace) -> int:
             after = change(board.session, verb, words, wanted)
             if arguments.action == "save" or arguments.save:
                 board.session.execute_idle("SAVE")
-            source = board.session.connect().parameter_source
-            return report_change(words, after, source, warnings, arguments.json)
+            identity = board.session.connect()
+            return report_change(words, after, identity, warnings, arguments.json)
     values = tablefile.by_name(words)
     if arguments.action == "dump":
         tablefile.write(arguments.file, tablefile.text_of(words))
@@ -110,16 +111,19 @@ def change(session: Session, verb: str, words: list[int], wanted: dict[str, int]
     return tablefile.read_table(session)
 
 
-def report_change(words: list[int], after_words: list[int], source: str, warnings: list[str], as_json: bool) -> int:
+def report_change(
+    words: list[int], after_words: list[int], identity: Identity, warnings: list[str], as_json: bool
+) -> int:
     """Say what is different, and where what is in use comes from."""
     from plumb import parameters, tablefile
     from plumb.meaning import meaning
 
     before, after = tablefile.by_name(words), tablefile.by_name(after_words)
     crc = f"0x{parameters.crc32(after_words):08x}"
-    doubts = tablefile.doubts(after)
-    warn(doubts)
     changed = [row for row in parameters.table() if after[row.name] != before[row.name]]
+    doubts = tablefile.doubts(after) + at_next_start(identity, after, [row.name for row in changed])
+    source = identity.parameter_source
+    warn(doubts)
     if as_json:
         rows = {row.name: {"from": before[row.name], "to": after[row.name]} for row in changed}
         print(json.dumps({"crc32": crc, "changed": rows, "source": source, "warnings": warnings + doubts}))
@@ -130,6 +134,18 @@ def report_change(words: list[int], after_words: list[int], source: str, warning
     what = f"{len(changed)} changed" if changed else "nothing changed"
     print(f"in use, CRC-32 {crc}: {what}; they are {source}")
     return 0
+
+
+def at_next_start(identity: Identity, values: dict[str, int], changed: list[str]) -> list[str]:
+    """What the table says and the board does not yet do."""
+    from plumb.identity import PINS
+
+    waiting = ["pins"] if identity["PINS"] != values["pins"] else []
+    waiting += ["dead_time_ns"] if "dead_time_ns" in changed else []
+    if not waiting:
+        return []
+    now = PINS.get(identity["PINS"], "?")
+    return [f"{' and '.join(waiting)} is read at the start alone: save and reset the board (its pins are now {now})"]
 
 
 def warn(sentences: list[str]) -> None:

@@ -138,6 +138,7 @@ class SysTick(Peripheral):
     def reset(self) -> None:
         super().reset()
         self.zero_at, self.flag = 0, False
+        self.machine.timeline.cancel("systick")
 
     @property
     def step(self) -> int:

@@ -1,0 +1,158 @@
+"""Both pin sets of the one flash image: what each pin carries, what is neutral when, and how a set comes into force."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
+from plumb.errors import LinkError, UsageError
+from plumb.f103 import Machine, find_image
+from plumb.f103.tim1 import HIGH_PINS, LOW_PINS
+from plumb.parameters import table
+from plumb.session import Session
+
+CONTROL_WORDS = sum(row.owner == "control" for row in table())
+BOOT_US = 60_000
+NEUTRAL_US = 1000.0
+FAULT_BRIDGE, FAULT_HALL = 0x10, 0x20
+BLOCKED_PINS = 1 << 9
+SWITCH = "PC14"
+
+
+@pytest.fixture(scope="module")
+def image():
+    try:
+        return find_image()
+    except UsageError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture
+def standard(image):
+    machine = Machine(image)
+    machine.advance_us(BOOT_US)
+    return machine
+
+
+@pytest.fixture
+def bridged(standard):
+    """Told once, saved, switched off, rewired, switched on: a rotor at rest, and a gate driver that is happy."""
+    with Session.open(standard.uart) as session:
+        session.upload(session.read_parameters()[:CONTROL_WORDS], pins=1, arm_hold_ms=0)
+        session.execute("SAVE")
+        assert session.connect()["PINS"] == 0  # not before the next start
+    standard.power_cut()
+    standard.drive("PB12", True)
+    standard.set_hall(5)
+    standard.tim1.trace = []
+    standard.power_on()
+    standard.advance_us(BOOT_US)
+    return standard
+
+
+def test_standard_is_the_factory_set(standard):
+    with Session.open(standard.uart) as session:
+        assert session.connect()["PINS"] == 0
+    for pin in ("PB6", "PB7"):
+        assert standard.pwm(pin) == (NEUTRAL_US, 2500.0, True)
+    for pin in HIGH_PINS[:1] + LOW_PINS:
+        assert not standard.port(pin).is_output(int(pin[2:]))
+    assert not standard.tim1.clocked and standard.warnings == []
+    assert standard.afio.debug_port and standard.afio.swj_cfg == 2
+
+
+def test_bridge_speaks_on_other_pins_and_keeps_every_gate_low(bridged):
+    with Session.open(bridged.uart) as session:
+        identity = session.connect()
+        assert identity["PINS"] == 1 and identity["FAULTS"] & 0xFF == 0
+    assert bridged.port("PB6").is_alternate_output(6)
+    assert not bridged.pwm("PB7").enabled and not bridged.port("PB7").is_output(7)
+    assert bridged.bridge() == ((None, None, None), False)
+    bridged.tim1.settle(bridged.now)
+    assert not any(edge.on for edge in bridged.tim1.trace)
+    for pin in HIGH_PINS + LOW_PINS:
+        assert bridged.port(pin).is_alternate_output(int(pin[2:]))
+    assert bridged.afio.debug_port and bridged.warnings == []
+
+
+def test_the_set_in_force_survives_every_kind_of_reset(bridged):
+    bridged.reset()
+    bridged.advance_us(BOOT_US)
+    with Session.open(bridged.uart) as session:
+        assert session.connect()["PINS"] == 1
+
+
+def test_a_quad_is_not_armed_on_the_pins_of_the_bridge(bridged):
+    with Session.open(bridged.uart) as session:
+        session.begin("REALTIME_LIVE")
+        with pytest.raises(LinkError, match="nothing to move on these pins: set the parameter pins, save and reset"):
+            session.arm()
+        for _ in range(50):
+            session.receive(0.005)
+        assert session.telemetry["STATUS"]["blocked"] == BLOCKED_PINS
+
+
+def test_its_uart_pins_drive_a_bridge_so_it_does_not_enter_the_bootloader(bridged):
+    with Session.open(bridged.uart) as session, pytest.raises(LinkError, match="this image cannot do that"):
+        session.execute_idle("BOOTLOADER")
+
+
+@pytest.mark.parametrize(
+    ("what", "fault"),
+    [(lambda m: m.drive("PB12", False), FAULT_BRIDGE), (lambda m: m.drive("PB12", None), FAULT_BRIDGE),
+     (lambda m: m.set_hall(0), FAULT_HALL), (lambda m: m.set_hall(7), FAULT_HALL)],
+)  # fmt: skip
+def test_break_and_broken_hall_wires_are_told_until_a_run_begins_without_them(bridged, what, fault):
+    with Session.open(bridged.uart) as session:
+        what(bridged)
+        session.begin("LOCKSTEP")  # looks anew
+        session.end()
+        assert session.connect()["FAULTS"] & 0xFF == fault
+        bridged.drive("PB12", True)
+        bridged.set_hall(5)
+        bridged.advance_us(1000)
+        assert session.connect()["FAULTS"] & 0xFF == fault
+        session.begin("LOCKSTEP")
+        assert session.connect()["FAULTS"] & 0xFF == 0
+
+
+def test_the_pins_of_the_bridge_stay_low_through_a_crash_and_the_start_after_it(bridged):
+    begin = bridged.now
+    bridged.rcc.kill_crystal()
+    bridged.advance_us(300_000)
+    assert bridged.reset_count > 2
+    bridged.tim1.settle(bridged.now)
+    assert not any(edge.on for edge in bridged.tim1.trace if edge.time >= begin)
+
+
+def test_the_arm_switch_flies_the_saved_quad_and_lets_it_go(standard):
+    with Session.open(standard.uart) as session:
+        session.upload(session.read_parameters()[:CONTROL_WORDS], period_us=1000, esc_period_us=2500, arm_hold_ms=300)
+        session.execute("SAVE")
+    standard.power_cut()
+    standard.power_on()
+    standard.advance_us(BOOT_US)
+    assert standard.pin(SWITCH) is True  # pulled up
+    standard.drive(SWITCH, False)
+    standard.advance_us(20_000 + 290_000)
+    assert [standard.pwm(pin).pulse_us for pin in ("PB6", "PB7")] == [NEUTRAL_US] * 2  # the arming pulse
+    standard.advance_us(100_000)
+    assert [standard.pwm(pin).pulse_us for pin in ("PB6", "PB7")] != [NEUTRAL_US] * 2
+    standard.advance_us(1_000_000)
+    assert standard.pwm("PB6").pulse_us != NEUTRAL_US  # no host, no keep-alive
+    standard.drive(SWITCH, None)
+    standard.advance_us(2500 + 1500)  # a turn of the loop, and the frame of pulses under way
+    assert [standard.pwm(pin).pulse_us for pin in ("PB6", "PB7")] == [NEUTRAL_US] * 2
+
+
+@pytest.mark.parametrize("hz", [50, 100, 400, 490])
+def test_speed_controllers_get_their_pulses_at_any_rate(standard, hz):
+    """1000 to 2000 us, 50 to 490 Hz: the period to half a microsecond."""
+    period_us = round(1e6 / hz)
+    words = dict(zip([row.name for row in table()], [row.default for row in table()], strict=True))
+    assert words["esc.min_halfus"] == 2000 and words["esc.max_halfus"] == 4000
+    with Session.open(standard.uart) as session:
+        session.upload(session.read_parameters()[:CONTROL_WORDS], esc_period_us=period_us)
+        session.begin("LOCKSTEP")
+        standard.advance_us(50_000)
+        assert standard.pwm("PB6") == (NEUTRAL_US, period_us, True)
