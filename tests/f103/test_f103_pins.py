@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
+from pins import at_rest
 from plumb.errors import LinkError, UsageError
 from plumb.f103 import Machine, find_image
 from plumb.f103.tim1 import HIGH_PINS, LOW_PINS
@@ -30,6 +31,7 @@ def image():
 @pytest.fixture
 def standard(image):
     machine = Machine(image)
+    at_rest(machine)
     machine.advance_us(BOOT_US)
     return machine
 
