@@ -48,11 +48,15 @@ def fly(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, open_
     system, live = systems.load(params.system), systems.load(params.system, "live")
     # The plant's actuators need no arming pulse, and its motion does not wait for one.
     session.upload(params.words(), period_us=scenario.period_us, arm_hold_ms=0, **system.LINK)
+    if session.require_match()["PINS"] != system.LINK.get("pins", 0):
+        session.execute_idle("SAVE")
+        session = board.restart()
+    coupling = live.Coupling(board.machine, system.plant(scenario, open_loop=open_loop))
     capture = Capture(session)
     session.begin("REALTIME_LIVE", frames=live.FRAMES)
     session.listener = capture.feed
-    coupling = live.Coupling(board.machine, system.plant(scenario, open_loop=open_loop))
-    session.arm()
+    if system.OUTPUT_FRAMES:
+        session.arm()
     with tqdm(total=steps, desc="live on the virtual board", unit="step", leave=False, disable=None) as bar:
         while capture.steps < steps:
             if not session.receive(REPLY_TIMEOUT_S):

@@ -158,3 +158,15 @@ def test_speed_controllers_get_their_pulses_at_any_rate(standard, hz):
         session.begin("LOCKSTEP")
         standard.advance_us(50_000)
         assert standard.pwm("PB6") == (NEUTRAL_US, period_us, True)
+
+
+def test_a_restart_brings_the_saved_set_into_force(image):
+    from plumb.boards.virtual import VirtualBoard
+
+    with VirtualBoard(image) as board:
+        session = board.session
+        session.upload(session.read_parameters()[:CONTROL_WORDS], pins=1)
+        session.execute_idle("SAVE")
+        assert session.connect()["PINS"] == 0
+        assert board.restart().require_match()["PINS"] == 1
+        assert board.machine.warnings == []

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from plumb.boards.link import LinkBoard
-from plumb.f103 import open_machine
+from plumb.f103 import START_US, open_machine
 from plumb.session import Session
 
 
@@ -20,3 +20,11 @@ class VirtualBoard(LinkBoard):
         running = "the image of the checkout" if image is None else str(image)
         self.machine.uart.name = f"the virtual board with {running}"
         super().__init__("virtual", Session.open(self.machine.uart))
+
+    def restart(self) -> Session:
+        """Pull the reset pin and connect again: what is saved is in force then."""
+        self.session.close()
+        self.machine.reset()
+        self.machine.advance_us(START_US)
+        self.session = Session.open(self.machine.uart)
+        return self.session
