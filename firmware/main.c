@@ -68,6 +68,9 @@ static bool take_sample(int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32
 /* The outputs of the last step to what the system drives. */
 static void actuate(void) {
     switch (params.control.system) {
+    case CONTROL_BALANCER:
+        board_set_bridge(control.balancer.words.duty_q15);
+        break;
     default:
         board_set_actuator(control.quad.words.pulse_halfus);
     }

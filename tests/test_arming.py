@@ -16,6 +16,7 @@ from test_protocol import frame
 FRAME_US = 20_000
 """Of the pulses, the table's default: what the actuator may lag behind."""
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
+NEUTRAL = next(row.default for row in parameters.table() if row.name == "esc.neutral_halfus")
 
 
 def armed_session(board: MemoryBoard, period_us: int = 1000) -> Session:
@@ -37,7 +38,7 @@ def test_keep_alive_holds_and_its_loss_disarms_after_50_ms_latched() -> None:
     assert board.armed
     board.run_us(17_000)
     assert not board.armed
-    assert set(board.pulses) == {CONTROL[-1]}
+    assert set(board.pulses) == {NEUTRAL}
     session.receive(0.02)  # a keep-alive goes out, too late
     board.run_us(1000)
     assert not board.armed
@@ -146,7 +147,7 @@ def test_what_disarms(cause: object) -> None:
     cause(board, session)
     assert not board.armed
     board.turn()
-    assert set(board.pulses) == {CONTROL[-1]}
+    assert set(board.pulses) == {NEUTRAL}
     session.close()
 
 

@@ -157,7 +157,7 @@ def test_upload_refuses_with_the_reason() -> None:
             session.upload(changed("esc.max_halfus", 100))
         with pytest.raises(UsageError, match="esc.neutral_halfus = 3001 is more than esc.mid_halfus = 3000"):
             session.upload(changed("esc.neutral_halfus", 3001))
-        with pytest.raises(UsageError, match="has 47 words, not 3"):
+        with pytest.raises(UsageError, match="has [0-9]+ words, not 3"):
             session.upload([1, 2, 3])
         with pytest.raises(UsageError, match="there is no parameter 'period'"):
             session.upload(CONTROL, period=3)

@@ -34,8 +34,14 @@ def channel(rng: np.random.Generator) -> tuple[int, int, int, int]:
     return low, high, gain, offset
 
 
-def wild_params(rng: np.random.Generator) -> ControlParams:
-    """Parameters that control_params_valid accepts."""
+def _controller(rng: np.random.Generator, group: str) -> dict[str, int]:
+    values = {f"{group}.kp_q22": signed(rng, 1 << 30), f"{group}.ki_dt_q22": log_uniform(rng, 0, (1 << 31) - 1)}
+    values |= {f"{group}.kd_q27": signed(rng, 1 << 30), f"{group}.d_alpha_q31": log_uniform(rng, 0, (1 << 31) - 1)}
+    return values | {f"{group}.slew_q22": log_uniform(rng, 1, 1 << 23)}
+
+
+def _shared(rng: np.random.Generator) -> dict[str, int]:
+    """Calibration, trust, filter and controller."""
     values: dict[str, int] = {}
     for name in ("gyro", "accel_y", "accel_z"):
         for key, value in zip(("raw_min", "raw_max", "gain", "offset"), channel(rng), strict=True):
@@ -65,12 +71,29 @@ def wild_params(rng: np.random.Generator) -> ControlParams:
     for name, value in (("p00", p00), ("p01", p01), ("p11", p11)):
         values |= {f"start.{name}_hi": value >> 32, f"start.{name}_lo": value & 0xFFFFFFFF}
 
-    values |= {"pid.kp_q22": signed(rng, 1 << 30), "pid.ki_dt_q22": log_uniform(rng, 0, (1 << 31) - 1)}
-    values |= {"pid.kd_q27": signed(rng, 1 << 30), "pid.d_alpha_q31": log_uniform(rng, 0, (1 << 31) - 1)}
-    values |= {"pid.slew_q22": log_uniform(rng, 1, 1 << 23)}
+    return values | _controller(rng, "pid")
 
+
+def wild_params(rng: np.random.Generator) -> ControlParams:
+    """Parameters of quad that control_params_valid accepts."""
+    values = _shared(rng)
     low, high = sorted(int(pulse) for pulse in rng.integers(0, 16384, 2))
     mid = int(rng.integers(0, 16384))
     values |= {"esc.mid_halfus": mid, "esc.span_halfus": signed(rng, 16383)}
     values |= {"esc.min_halfus": low, "esc.max_halfus": high, "esc.neutral_halfus": int(rng.integers(0, mid + 1))}
     return ControlParams.of("quad", values)
+
+
+def wild_balancer_params(rng: np.random.Generator) -> ControlParams:
+    """Parameters of balancer that control_params_valid accepts."""
+    values = _shared(rng) | _controller(rng, "speed")
+    edges = log_uniform(rng, 1, 32767)
+    values |= {"wheel.edges_max": edges, "wheel.edge_mps_q26": signed(rng, (15 << 26) // edges)}
+    values |= {"wheel.alpha_q31": log_uniform(rng, 0, (1 << 31) - 1)}
+    values |= {"wheel.accel_gain_q30": log_uniform(rng, 0, (1 << 31) - 1)}
+    values |= {"drive.speed_max_mps_q26": log_uniform(rng, 0, 8 << 26)}
+    values |= {"drive.lean_max_turn_q34": log_uniform(rng, 0, 1 << 30)}
+    values |= {"drive.span_q15": signed(rng, 32767), "drive.duty_max_q15": log_uniform(rng, 0, 32767)}
+    # in most runs never fallen: there would be nothing left to see
+    fall = 1 << 31 if rng.random() < 0.7 else log_uniform(rng, 0, 1 << 31)
+    return ControlParams.of("balancer", values | {"drive.fall_turn_q32": fall})

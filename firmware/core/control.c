@@ -1,9 +1,12 @@
 #include "control.h"
 
-typedef char control_assert_words[sizeof(control_params_t) == 188 ? 1 : -1];
+typedef char control_assert_words[sizeof(control_params_t) == 244 ? 1 : -1];
 
 void control_init(control_t *c, const control_params_t *p) {
     switch (p->system) {
+    case CONTROL_BALANCER:
+        balancer_init(&c->balancer, p);
+        break;
     default:
         quad_init(&c->quad, p);
     }
@@ -12,6 +15,9 @@ void control_init(control_t *c, const control_params_t *p) {
 void control_step(control_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
                   int32_t setpoint) {
     switch (p->system) {
+    case CONTROL_BALANCER:
+        balancer_step(&c->balancer, p, raw, setpoint);
+        break;
     default:
         quad_step(&c->quad, p, raw, setpoint);
     }
@@ -21,6 +27,8 @@ bool control_params_valid(const control_params_t *p) {
     switch (p->system) {
     case CONTROL_QUAD:
         return quad_params_valid(p);
+    case CONTROL_BALANCER:
+        return balancer_params_valid(p);
     default:
         return false;
     }
@@ -32,6 +40,8 @@ const void *control_words(const control_t *c) {
 
 size_t control_words_bytes(const control_params_t *p) {
     switch (p->system) {
+    case CONTROL_BALANCER:
+        return sizeof(balancer_words_t);
     default:
         return sizeof(quad_words_t);
     }
@@ -39,6 +49,8 @@ size_t control_words_bytes(const control_params_t *p) {
 
 bool control_saturated(const control_t *c, const control_params_t *p) {
     switch (p->system) {
+    case CONTROL_BALANCER:
+        return (c->balancer.words.flags & BALANCER_FLAGS_SATURATED) != 0;
     default:
         return (c->quad.words.flags & QUAD_FLAGS_SATURATED) != 0;
     }

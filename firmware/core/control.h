@@ -8,6 +8,7 @@
 #ifndef PLUMB_CORE_CONTROL_H
 #define PLUMB_CORE_CONTROL_H
 
+#include "balancer.h"
 #include "control_params.h"
 #include "quad.h"
 #include <stddef.h>
@@ -15,6 +16,7 @@
 /* The largest record of any system, in words. */
 typedef union {
     quad_words_t quad;
+    balancer_words_t balancer;
 } control_words_t;
 
 #define CONTROL_RECORD_WORDS_MAX (sizeof(control_words_t) / 4U)
@@ -22,6 +24,7 @@ typedef union {
 /* A whole controller of any system. Its words come first in each. */
 typedef union {
     quad_t quad;
+    balancer_t balancer;
 } control_t;
 
 /* State at the start of a run: the record is zero but for the start values of filters and controllers. */

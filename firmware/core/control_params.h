@@ -10,10 +10,13 @@
 #include "kalman.h"
 #include "pid.h"
 #include "tilt.h"
+#include "wheel.h"
 
 #define CONTROL_RAW_MAX 6 /* raw counts of a step; a system uses the first few */
 
-#define CONTROL_QUAD 0U /* control_params_t.system */
+/* control_params_t.system */
+#define CONTROL_QUAD     0U
+#define CONTROL_BALANCER 1U
 
 /* Pulses in half-microseconds: mid +- span * command, within [min, max]. neutral is what the board sends
  * while disarmed; no step uses it. */
@@ -25,6 +28,15 @@ typedef struct {
     int32_t neutral_halfus; /* 0..mid: no more thrust than at rest in flight */
 } esc_params_t;
 
+/* Duty of the bridge: span * command, within +-duty_max. No tilt beyond fall: the vehicle lies. */
+typedef struct {
+    int32_t speed_max_mps_q26; /* 0..8 m/s: the setpoint is clamped to it */
+    int32_t lean_max_turn_q34; /* 0..2^30: the lean that a command of 1 of the speed loop asks for */
+    int32_t span_q15;          /* -32767..32767; the sign turns the direction */
+    int32_t duty_max_q15;      /* 0..32767 */
+    uint32_t fall_turn_q32;    /* 0..2^31, which no tilt is beyond */
+} drive_params_t;
+
 typedef struct {
     uint32_t system;              /* CONTROL_* */
     calibration_params_t gyro;    /* turn/s Q28 */
@@ -35,6 +47,9 @@ typedef struct {
     kalman_start_t start;
     pid_params_t pid;
     esc_params_t esc;
+    wheel_params_t wheel; /* balancer */
+    pid_params_t speed;   /* balancer: velocity error -> lean */
+    drive_params_t drive; /* balancer */
 } control_params_t;
 
 #endif

@@ -142,6 +142,14 @@ can_frame_t message_command_pack(const message_command_t *m) {
     return frame;
 }
 
+can_frame_t message_drive_pack(const message_drive_t *m) {
+    can_frame_t frame = {.id = MESSAGE_DRIVE_ID, .dlc = CAN_FRAME_DLC};
+
+    put_u16(&frame, 2, (uint16_t)m->duty);
+    put_u32(&frame, 4, (uint32_t)m->velocity);
+    return frame;
+}
+
 can_frame_t message_time_pack(const message_time_t *m) {
     can_frame_t frame = {.id = MESSAGE_TIME_ID, .dlc = CAN_FRAME_DLC};
 

@@ -6,7 +6,7 @@
 #include "e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 1U
-#define MESSAGES_DBC_HASH 0x40FDF87BU
+#define MESSAGES_DBC_HASH 0xD277A16FU
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U
@@ -110,6 +110,13 @@ typedef struct {
     int32_t command;
 } message_command_t;
 can_frame_t message_command_pack(const message_command_t *m);
+
+#define MESSAGE_DRIVE_ID 0x10DU
+typedef struct {
+    int16_t duty;
+    int32_t velocity;
+} message_drive_t;
+can_frame_t message_drive_pack(const message_drive_t *m);
 
 #define MESSAGE_TIME_ID 0x110U
 typedef struct {

@@ -13,7 +13,7 @@ typedef struct {
 } param_t;
 
 static const param_t table[PARAMS_COUNT] = {
-    {0x00000000U, 0x00000000U, 0x00000000U}, /* 0: system */
+    {0x00000000U, 0x00000001U, 0x00000000U}, /* 0: system */
     {0xFFFF8000U, 0x00007FFFU, 0x00000579U}, /* 1: gyro.raw_min */
     {0xFFFF8000U, 0x00007FFFU, 0x0000079FU}, /* 2: gyro.raw_max */
     {0x80000000U, 0x7FFFFFFFU, 0x000DAE7DU}, /* 3: gyro.gain */
@@ -60,19 +60,33 @@ static const param_t table[PARAMS_COUNT] = {
     {0x00000000U, 0x00003FFFU, 0x000007D0U}, /* 44: esc.min_halfus */
     {0x00000000U, 0x00003FFFU, 0x00000FA0U}, /* 45: esc.max_halfus */
     {0x00000000U, 0x00003FFFU, 0x000007D0U}, /* 46: esc.neutral_halfus */
-    {0x000001F4U, 0x000186A0U, 0x00004E20U}, /* 47: period_us */
-    {0x000007F8U, 0x00004E20U, 0x00004E20U}, /* 48: esc_period_us */
-    {0x00000000U, 0x00002710U, 0x000003E8U}, /* 49: arm_hold_ms */
-    {0x00000000U, 0x00000001U, 0x00000000U}, /* 50: pins */
-    {0x000000C8U, 0x00000DACU, 0x000003E8U}, /* 51: dead_time_ns */
-    {0x0000007DU, 0x000003E8U, 0x000001F4U}, /* 52: can_bitrate_kbit */
-    {0x00000000U, 0x00000004U, 0x00000000U}, /* 53: adc_oversample_log2 */
-    {0x00000000U, 0x0000FFFFU, 0x00000005U}, /* 54: rail_steps */
-    {0x00000000U, 0x0000FFFFU, 0x00000064U}, /* 55: stuck_steps */
-    {0x00000000U, 0x00000001U, 0x00000000U}, /* 56: accel_bus */
-    {0x00000006U, 0x0000000FU, 0x0000000BU}, /* 57: accel_rate */
-    {0x00000001U, 0x00000006U, 0x00000002U}, /* 58: gyro_filter */
-    {0x00000000U, 0x00000002U, 0x00000001U}, /* 59: imu_axis */
+    {0x00000001U, 0x00007FFFU, 0x00000028U}, /* 47: wheel.edges_max */
+    {0xC0000000U, 0x40000000U, 0x017EF9A0U}, /* 48: wheel.edge_mps_q26 */
+    {0x00000000U, 0x7FFFFFFFU, 0x063E1D3DU}, /* 49: wheel.alpha_q31 */
+    {0x00000000U, 0x7FFFFFFFU, 0x1FD41D6AU}, /* 50: wheel.accel_gain_q30 */
+    {0xC0000000U, 0x40000000U, 0x0A000000U}, /* 51: speed.kp_q22 */
+    {0x00000000U, 0x7FFFFFFFU, 0x00028F5CU}, /* 52: speed.ki_dt_q22 */
+    {0xC0000000U, 0x40000000U, 0x00000000U}, /* 53: speed.kd_q27 */
+    {0x00000000U, 0x7FFFFFFFU, 0x7FFFFFFFU}, /* 54: speed.d_alpha_q31 */
+    {0x00000001U, 0x00800000U, 0x00800000U}, /* 55: speed.slew_q22 */
+    {0x00000000U, 0x20000000U, 0x04000000U}, /* 56: drive.speed_max_mps_q26 */
+    {0x00000000U, 0x40000000U, 0x16C16C17U}, /* 57: drive.lean_max_turn_q34 */
+    {0xFFFF8001U, 0x00007FFFU, 0xFFFF8001U}, /* 58: drive.span_q15 */
+    {0x00000000U, 0x00007FFFU, 0x00007FFFU}, /* 59: drive.duty_max_q15 */
+    {0x00000000U, 0x80000000U, 0x20000000U}, /* 60: drive.fall_turn_q32 */
+    {0x000001F4U, 0x000186A0U, 0x00004E20U}, /* 61: period_us */
+    {0x000007F8U, 0x00004E20U, 0x00004E20U}, /* 62: esc_period_us */
+    {0x00000000U, 0x00002710U, 0x000003E8U}, /* 63: arm_hold_ms */
+    {0x00000000U, 0x00000001U, 0x00000000U}, /* 64: pins */
+    {0x000000C8U, 0x00000DACU, 0x000003E8U}, /* 65: dead_time_ns */
+    {0x0000007DU, 0x000003E8U, 0x000001F4U}, /* 66: can_bitrate_kbit */
+    {0x00000000U, 0x00000004U, 0x00000000U}, /* 67: adc_oversample_log2 */
+    {0x00000000U, 0x0000FFFFU, 0x00000005U}, /* 68: rail_steps */
+    {0x00000000U, 0x0000FFFFU, 0x00000064U}, /* 69: stuck_steps */
+    {0x00000000U, 0x00000001U, 0x00000000U}, /* 70: accel_bus */
+    {0x00000006U, 0x0000000FU, 0x0000000BU}, /* 71: accel_rate */
+    {0x00000001U, 0x00000006U, 0x00000002U}, /* 72: gyro_filter */
+    {0x00000000U, 0x00000002U, 0x00000001U}, /* 73: imu_axis */
 };
 
 static const uint16_t ids[PARAMS_COUNT] = {
@@ -123,6 +137,20 @@ static const uint16_t ids[PARAMS_COUNT] = {
     0x95AEU, /* esc.min_halfus */
     0x012EU, /* esc.max_halfus */
     0xE601U, /* esc.neutral_halfus */
+    0xF234U, /* wheel.edges_max */
+    0xBFF5U, /* wheel.edge_mps_q26 */
+    0xD796U, /* wheel.alpha_q31 */
+    0x55C7U, /* wheel.accel_gain_q30 */
+    0xDC56U, /* speed.kp_q22 */
+    0xAFB3U, /* speed.ki_dt_q22 */
+    0x01AFU, /* speed.kd_q27 */
+    0x260CU, /* speed.d_alpha_q31 */
+    0x1943U, /* speed.slew_q22 */
+    0xE635U, /* drive.speed_max_mps_q26 */
+    0xBB31U, /* drive.lean_max_turn_q34 */
+    0x9BA9U, /* drive.span_q15 */
+    0xC202U, /* drive.duty_max_q15 */
+    0x6CAAU, /* drive.fall_turn_q32 */
     0xA176U, /* period_us */
     0x0139U, /* esc_period_us */
     0xAD57U, /* arm_hold_ms */
@@ -187,19 +215,33 @@ PLACE(control.esc.span_halfus, 43);
 PLACE(control.esc.min_halfus, 44);
 PLACE(control.esc.max_halfus, 45);
 PLACE(control.esc.neutral_halfus, 46);
-PLACE(period_us, 47);
-PLACE(esc_period_us, 48);
-PLACE(arm_hold_ms, 49);
-PLACE(pins, 50);
-PLACE(dead_time_ns, 51);
-PLACE(can_bitrate_kbit, 52);
-PLACE(adc_oversample_log2, 53);
-PLACE(rail_steps, 54);
-PLACE(stuck_steps, 55);
-PLACE(accel_bus, 56);
-PLACE(accel_rate, 57);
-PLACE(gyro_filter, 58);
-PLACE(imu_axis, 59);
+PLACE(control.wheel.edges_max, 47);
+PLACE(control.wheel.edge_mps_q26, 48);
+PLACE(control.wheel.alpha_q31, 49);
+PLACE(control.wheel.accel_gain_q30, 50);
+PLACE(control.speed.kp_q22, 51);
+PLACE(control.speed.ki_dt_q22, 52);
+PLACE(control.speed.kd_q27, 53);
+PLACE(control.speed.d_alpha_q31, 54);
+PLACE(control.speed.slew_q22, 55);
+PLACE(control.drive.speed_max_mps_q26, 56);
+PLACE(control.drive.lean_max_turn_q34, 57);
+PLACE(control.drive.span_q15, 58);
+PLACE(control.drive.duty_max_q15, 59);
+PLACE(control.drive.fall_turn_q32, 60);
+PLACE(period_us, 61);
+PLACE(esc_period_us, 62);
+PLACE(arm_hold_ms, 63);
+PLACE(pins, 64);
+PLACE(dead_time_ns, 65);
+PLACE(can_bitrate_kbit, 66);
+PLACE(adc_oversample_log2, 67);
+PLACE(rail_steps, 68);
+PLACE(stuck_steps, 69);
+PLACE(accel_bus, 70);
+PLACE(accel_rate, 71);
+PLACE(gyro_filter, 72);
+PLACE(imu_axis, 73);
 typedef char whole_table[sizeof(params_t) == 4U * PARAMS_COUNT ? 1 : -1];
 
 uint32_t params_word(const params_t *p, uint16_t index) {

@@ -9,15 +9,17 @@
 #define FLAG_STEP_HIGH 3U
 
 /* Bits of SELECT bank 0. */
-#define FRAME_RAW_A    0x01U
-#define FRAME_RAW_B    0x02U
-#define FRAME_ANGLE    0x04U
-#define FRAME_BIAS     0x08U
-#define FRAME_RATE     0x10U
-#define FRAME_MEASURED 0x20U
-#define FRAME_COMMAND  0x40U
-#define FRAMES_RAW     (FRAME_RAW_A | FRAME_RAW_B)
-#define FRAMES_QUAD    (FRAMES_RAW | FRAME_ANGLE | FRAME_BIAS | FRAME_RATE | FRAME_MEASURED | FRAME_COMMAND)
+#define FRAME_RAW_A     0x01U
+#define FRAME_RAW_B     0x02U
+#define FRAME_ANGLE     0x04U
+#define FRAME_BIAS      0x08U
+#define FRAME_RATE      0x10U
+#define FRAME_MEASURED  0x20U
+#define FRAME_COMMAND   0x40U
+#define FRAME_DRIVE     0x80U
+#define FRAMES_RAW      (FRAME_RAW_A | FRAME_RAW_B)
+#define FRAMES_QUAD     (FRAMES_RAW | FRAME_ANGLE | FRAME_BIAS | FRAME_RATE | FRAME_MEASURED | FRAME_COMMAND)
+#define FRAMES_BALANCER (FRAMES_QUAD | FRAME_DRIVE)
 
 /* ---- selection ---- */
 
@@ -33,6 +35,8 @@ static uint16_t bits_set(uint32_t mask) {
 /* Frames that the selected system has. */
 static uint32_t system_frames(const session_t *s) {
     switch (s->params->control.system) {
+    case CONTROL_BALANCER:
+        return FRAMES_BALANCER;
     default:
         return FRAMES_QUAD;
     }
@@ -94,34 +98,69 @@ static void send_raw(session_t *s, const int32_t raw[CONTROL_RAW_MAX]) {
     }
 }
 
-static void send_quad(session_t *s, const quad_words_t *w, uint8_t step_low) {
+/* What every system of one axis has names for. */
+typedef struct {
+    message_angle_t angle;
+    message_bias_t bias;
+    message_rate_t rate;
+    message_measured_t measured;
+    message_command_t command;
+} axis_t;
+
+static void send_axis(session_t *s, const axis_t *m, uint8_t step_low) {
     const uint32_t mask = s->frames_mask;
 
     if ((mask & FRAME_ANGLE) != 0) {
-        const message_angle_t m = {.pulse_0 = (uint16_t)w->pulse_halfus[0], .tilt = w->tilt_turn_q32};
-        links_telemetry(s, message_angle_pack(&m), step_low);
+        links_telemetry(s, message_angle_pack(&m->angle), step_low);
     }
     if ((mask & FRAME_BIAS) != 0) {
-        const message_bias_t m = {.pulse_1 = (uint16_t)w->pulse_halfus[1], .bias = w->bias_turnps_q28};
-        links_telemetry(s, message_bias_pack(&m), step_low);
+        links_telemetry(s, message_bias_pack(&m->bias), step_low);
     }
     if ((mask & FRAME_RATE) != 0) {
-        const message_rate_t m = {.rate = w->rate_corrected_turnps_q28};
-        links_telemetry(s, message_rate_pack(&m), step_low);
+        links_telemetry(s, message_rate_pack(&m->rate), step_low);
     }
     if ((mask & FRAME_MEASURED) != 0) {
-        const message_measured_t m = {.tilt_measured = w->tilt_measured_turn_q32};
-        links_telemetry(s, message_measured_pack(&m), step_low);
+        links_telemetry(s, message_measured_pack(&m->measured), step_low);
     }
     if ((mask & FRAME_COMMAND) != 0) {
-        const message_command_t m = {.command = w->pid.command_q22};
-        links_telemetry(s, message_command_pack(&m), step_low);
+        links_telemetry(s, message_command_pack(&m->command), step_low);
+    }
+}
+
+static void send_quad(session_t *s, const quad_words_t *w, uint8_t step_low) {
+    const axis_t m = {
+        .angle = {.pulse_0 = (uint16_t)w->pulse_halfus[0], .tilt = w->tilt_turn_q32},
+        .bias = {.pulse_1 = (uint16_t)w->pulse_halfus[1], .bias = w->bias_turnps_q28},
+        .rate = {.rate = w->rate_corrected_turnps_q28},
+        .measured = {.tilt_measured = w->tilt_measured_turn_q32},
+        .command = {.command = w->pid.command_q22},
+    };
+
+    send_axis(s, &m, step_low);
+}
+
+static void send_balancer(session_t *s, const balancer_words_t *w, uint8_t step_low) {
+    const message_drive_t drive = {.duty = (int16_t)w->duty_q15, .velocity = w->wheel.velocity_mps_q26};
+    const axis_t m = {
+        .angle = {.tilt = w->tilt_turn_q32},
+        .bias = {.bias = w->bias_turnps_q28},
+        .rate = {.rate = w->rate_corrected_turnps_q28},
+        .measured = {.tilt_measured = w->tilt_measured_turn_q32},
+        .command = {.command = w->pid.command_q22},
+    };
+
+    send_axis(s, &m, step_low);
+    if ((s->frames_mask & FRAME_DRIVE) != 0) {
+        links_telemetry(s, message_drive_pack(&drive), step_low);
     }
 }
 
 /* The frames that the system's words have names in. */
 static void send_named(session_t *s, uint8_t step_low) {
     switch (s->params->control.system) {
+    case CONTROL_BALANCER:
+        send_balancer(s, &s->control->balancer.words, step_low);
+        break;
     default:
         send_quad(s, &s->control->quad.words, step_low);
     }

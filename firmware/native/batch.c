@@ -48,6 +48,14 @@ EXPORT void plumb_tilt_run(const uint32_t *params, const int32_t *accel_y_g_q26,
 EXPORT void plumb_reciprocal_run(const uint32_t *d, int32_t n, uint32_t *y_q61);
 EXPORT uint32_t plumb_crc32(const uint8_t *data, int32_t bytes);
 
+#define BALANCER_NAMES                                                                                       \
+    "raw_0,raw_1,raw_2,raw_3,raw_4,raw_5,setpoint_mps_q26,rate_turnps_q28,accel_x_g_q26,accel_z_g_q26,"      \
+    "speed_mps_q26,velocity_mps_q26,wheel_accel_g_q26,gravity_x_g_q26,tilt_measured_turn_q32,variance,"      \
+    "tilt_turn_q61,bias_turn_q61,p00,p01,p11,p11_frac_q30,innovation_turn_q32,k0_q29,k1_q29,tilt_turn_q32,"  \
+    "bias_turnps_q28,rate_corrected_turnps_q28,clamped_steps,speed_integral_q54,speed_command_q22,"          \
+    "accel_filtered_g_q25,speed_excess_q22,speed_error_mps_q26,integral_q54,command_q22,"                    \
+    "rate_filtered_turnps_q27,excess_q22,error_turn_q32,lean_turn_q32,duty_q15,flags,step"
+
 #define QUAD_NAMES                                                                                           \
     "raw_0,raw_1,raw_2,raw_3,raw_4,raw_5,setpoint_turn_q32,rate_turnps_q28,accel_y_g_q26,accel_z_g_q26,"     \
     "tilt_measured_turn_q32,variance,tilt_turn_q61,bias_turn_q61,p00,p01,p11,p11_frac_q30,"                  \
@@ -61,6 +69,8 @@ const char *plumb_word_names(uint32_t system) {
     switch (system) {
     case CONTROL_QUAD:
         return QUAD_NAMES;
+    case CONTROL_BALANCER:
+        return BALANCER_NAMES;
     default:
         return NULL;
     }

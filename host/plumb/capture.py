@@ -50,7 +50,7 @@ class Capture:
         self._raw = {messages["RAW_A"].identifier: 0, messages["RAW_B"].identifier: 3}
         self._raw_message = messages["RAW_A"]
         self._time = messages["TIME"]
-        names = ("ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND")
+        names = ("ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND", "DRIVE")
         self._named = {messages[name].identifier: messages[name] for name in names}
         self._last = 0
 

@@ -86,6 +86,42 @@ def _channel(zero_v: float, v_per_unit: float, range_units: float) -> Channel:
 
 
 @dataclass(frozen=True)
+class Adxl345:
+    """Analog Devices ADXL345 in full resolution on its 16 g range: forward (x) and up (z), 3.9 mg per count."""
+
+    g_per_lsb: float = 3.9e-3
+    range_lsb: int = 4096
+    noise_lsb: tuple[float, float] = (0.75, 1.1)
+    """Standard deviation of x and z at 100 Hz."""
+
+    def counts(self, accel_g: FloatArray, noise_lsb: FloatArray) -> npt.NDArray[np.int16]:
+        """What the data registers hold for these specific forces, offsets included; any shape, same for both."""
+        return np.clip(np.rint(accel_g / self.g_per_lsb + noise_lsb), -self.range_lsb, self.range_lsb - 1).astype(
+            np.int16
+        )
+
+    def channel(self, forward: bool = True) -> Channel:
+        """Calibration by the data sheet; forward: whether a positive count is a positive value."""
+        return Channel(0.0, self.g_per_lsb if forward else -self.g_per_lsb, -self.range_lsb + 1, self.range_lsb - 2)
+
+
+@dataclass(frozen=True)
+class Itg3205:
+    """InvenSense ITG-3205: +-2000 deg/s, 14.375 counts per deg/s."""
+
+    lsb_per_dps: float = 14.375
+
+    def counts(self, rate_dps: FloatArray) -> npt.NDArray[np.int16]:
+        """What the data registers hold for what the element senses, bias and noise included."""
+        return np.clip(np.rint(rate_dps * self.lsb_per_dps), -32768, 32767).astype(np.int16)
+
+    def channel(self) -> Channel:
+        """Calibration by the data sheet; counts a tenth beyond the range are no rate: clamped, and counted."""
+        most = round(2200.0 * self.lsb_per_dps)
+        return Channel(0.0, 1.0 / self.lsb_per_dps, -most, most)
+
+
+@dataclass(frozen=True)
 class OnePole:
     """First-order low-pass, exact for input that is straight between samples: y = decay y' + new x + old x'."""
 
@@ -111,12 +147,12 @@ class OnePole:
 
 
 FaultKind = Literal["railed", "stuck", "noisy", "silent"]
-FAULT_NOISE_V = 0.1
+FAULT_NOISE_V, FAULT_NOISE_LSB, FAULT_RAIL_LSB = 0.1, 200.0, 32767
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A channel that misbehaves between two times: at the rail, frozen, noisy by 0.1 V rms, or without supply (0 V)."""
+    """A channel that misbehaves between two times: at the rail, frozen, noisy by 0.1 V or 200 counts rms, or dead."""
 
     kind: FaultKind
     channel: int
@@ -138,3 +174,21 @@ class Fault:
             case _:
                 raise UsageError(f"'{self.kind}' is no sensor fault; use railed, stuck, noisy or silent")
         return np.where((time_s >= self.start_s) & (time_s < self.stop_s), instead, volts)
+
+    def counts(
+        self, counts: npt.NDArray[np.int16], time_s: FloatArray, counts_at_start: int, noise: FloatArray
+    ) -> npt.NDArray[np.int16]:
+        """The same for a digital sensor: what its data register shows."""
+        instead: FloatArray | float
+        match self.kind:
+            case "railed":
+                instead = FAULT_RAIL_LSB
+            case "stuck":
+                instead = counts_at_start
+            case "noisy":
+                instead = np.clip(np.rint(counts + FAULT_NOISE_LSB * noise), -32768, 32767)
+            case "silent":
+                instead = 0.0
+            case _:
+                raise UsageError(f"'{self.kind}' is no sensor fault; use railed, stuck, noisy or silent")
+        return np.where((time_s >= self.start_s) & (time_s < self.stop_s), instead, counts).astype(np.int16)

@@ -50,7 +50,7 @@ class Selection:
         return len(self.frames) + len(self.words)
 
 
-SELECTABLE = ("RAW_A", "RAW_B", "ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND")
+SELECTABLE = ("RAW_A", "RAW_B", "ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND", "DRIVE")
 """Frames of SELECT bank 0, bit by bit."""
 
 

@@ -51,7 +51,50 @@ QUAD = np.dtype(
 )
 
 
-RECORDS: dict[str, np.dtype[np.void]] = {"quad": QUAD}
+BALANCER = np.dtype(
+    [
+        *((f"raw_{i}", "<i4") for i in range(6)),
+        ("setpoint_mps_q26", "<i4"),
+        ("rate_turnps_q28", "<i4"),
+        ("accel_x_g_q26", "<i4"),
+        ("accel_z_g_q26", "<i4"),
+        ("speed_mps_q26", "<i4"),
+        ("velocity_mps_q26", "<i4"),
+        ("wheel_accel_g_q26", "<i4"),
+        ("gravity_x_g_q26", "<i4"),
+        ("tilt_measured_turn_q32", "<i4"),
+        ("variance", "<u4"),
+        ("tilt_turn_q61", "<i8"),
+        ("bias_turn_q61", "<i8"),
+        ("p00", "<i8"),
+        ("p01", "<i8"),
+        ("p11", "<i8"),
+        ("p11_frac_q30", "<u4"),
+        ("innovation_turn_q32", "<i4"),
+        ("k0_q29", "<i4"),
+        ("k1_q29", "<i4"),
+        ("tilt_turn_q32", "<i4"),
+        ("bias_turnps_q28", "<i4"),
+        ("rate_corrected_turnps_q28", "<i4"),
+        ("clamped_steps", "<u4"),
+        ("speed_integral_q54", "<i8"),
+        ("speed_command_q22", "<i4"),
+        ("accel_filtered_g_q25", "<i4"),
+        ("speed_excess_q22", "<i4"),
+        ("speed_error_mps_q26", "<i4"),
+        ("integral_q54", "<i8"),
+        ("command_q22", "<i4"),
+        ("rate_filtered_turnps_q27", "<i4"),
+        ("excess_q22", "<i4"),
+        ("error_turn_q32", "<i4"),
+        ("lean_turn_q32", "<i4"),
+        ("duty_q15", "<i4"),
+        ("flags", "<u4"),
+        ("step", "<u4"),
+    ]
+)
+
+RECORDS: dict[str, np.dtype[np.void]] = {"quad": QUAD, "balancer": BALANCER}
 """The record of each system; the order of the names is that of the parameter `system`."""
 
 

@@ -118,17 +118,17 @@ def kalman_bias(k: KalmanState, p: Params) -> Integer:
     return (wrap_i32(shifted >> 32) * p["kalman.rate_gain"]) >> 32
 
 
-def pid_step(c: PidState, p: Params, error: Integer, rate: Integer) -> None:
-    """error: turn Q32; rate: turn/s Q28."""
+def pid_step(c: PidState, p: Params, error: Integer, rate: Integer, group: str = "pid") -> None:
+    """error: turn Q32; rate: turn/s Q28; group: whose parameters."""
     x = wrap_i32((rate >> 1) - c.rate_filtered_turnps_q27)
-    c.rate_filtered_turnps_q27 = wrap_i32(c.rate_filtered_turnps_q27 + 2 * ((x * p["pid.d_alpha_q31"]) >> 32))
-    demand = ((error * p["pid.kp_q22"]) >> 32) - ((c.rate_filtered_turnps_q27 * p["pid.kd_q27"]) >> 32)
+    c.rate_filtered_turnps_q27 = wrap_i32(c.rate_filtered_turnps_q27 + 2 * ((x * p[f"{group}.d_alpha_q31"]) >> 32))
+    demand = ((error * p[f"{group}.kp_q22"]) >> 32) - ((c.rate_filtered_turnps_q27 * p[f"{group}.kd_q27"]) >> 32)
     demand = demand + (c.integral_q54 >> 32)
     wanted = clamp(demand, -(1 << 22), (1 << 22) - 1)
-    slew = p["pid.slew_q22"]
+    slew = p[f"{group}.slew_q22"]
     c.command_q22 = c.command_q22 + clamp(wanted - c.command_q22, -slew, slew)
 
     c.excess_q22 = demand - c.command_q22
     further = (c.excess_q22 != 0) & ((c.excess_q22 < 0) == (error < 0))
-    w = c.integral_q54 + select(further, 0, error) * p["pid.ki_dt_q22"]
+    w = c.integral_q54 + select(further, 0, error) * p[f"{group}.ki_dt_q22"]
     c.integral_q54 = (clamp(w >> 32, -(1 << 23), (1 << 23) - 1) << 32) + wrap_u32(w)

@@ -1,0 +1,83 @@
+#include "balancer.h"
+
+#define SPEED_MAX  (8L << 26)  /* m/s: setpoint - velocity fits 32 bits */
+#define LEAN_MAX   (1L << 30)  /* turn Q34 */
+#define DUTY_MAX   32767       /* Q15 */
+#define FALL_NEVER (1UL << 31) /* turn Q32: half a turn, no tilt is more */
+
+/* The words are hashed as bytes: no padding anywhere. */
+typedef char balancer_assert_packed[sizeof(balancer_words_t) == 200 ? 1 : -1];
+
+void balancer_init(balancer_t *c, const control_params_t *p) {
+    *c = (balancer_t){0};
+    kalman_init(&c->words.kalman, &p->start);
+    pid_init(&c->words.speed);
+    pid_init(&c->words.pid);
+}
+
+void balancer_step(balancer_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
+                   int32_t setpoint_mps_q26) {
+    balancer_words_t *w = &c->words;
+    const drive_params_t *drive = &p->drive;
+    const uint32_t step = w->step + 1U;
+    /* the count wraps; the first step has no count before it */
+    const int32_t edges = step == 1U ? 0 : (int16_t)sub_wrap(raw[3], w->raw[3]);
+    for (unsigned i = 0; i < CONTROL_RAW_MAX; i++)
+        w->raw[i] = raw[i];
+    w->setpoint_mps_q26 = setpoint_mps_q26;
+
+    uint32_t flags = 0;
+    const int32_t rate = calibration_take(&p->gyro, raw[0], &flags, BALANCER_FLAG_GYRO_CLAMPED);
+    const int32_t accel_x = calibration_take(&p->accel_y, raw[1], &flags, BALANCER_FLAG_ACCEL_X_CLAMPED);
+    const int32_t accel_z = calibration_take(&p->accel_z, raw[2], &flags, BALANCER_FLAG_ACCEL_Z_CLAMPED);
+    flags |= wheel_step(&w->wheel, &p->wheel, edges) ? BALANCER_FLAG_WHEEL_CLAMPED : 0U;
+    /* the source drives the filter with the sample before; the first step has none */
+    const int32_t u = p->kalman.rate_now || step == 1U ? rate : w->rate_turnps_q28;
+    const int32_t gravity_x = accel_x + w->wheel.accel_g_q26;
+    w->step = step;
+    w->rate_turnps_q28 = rate;
+    w->accel_x_g_q26 = accel_x;
+    w->accel_z_g_q26 = accel_z;
+    w->gravity_x_g_q26 = gravity_x;
+    w->clamped_steps += flags != 0U;
+
+    const uint32_t variance = tilt_variance(&p->tilt, gravity_x, accel_z);
+    const int32_t measured = tilt_angle(&p->tilt, gravity_x, accel_z);
+    w->variance = variance;
+    w->tilt_measured_turn_q32 = measured;
+
+    kalman_step(&w->kalman, &p->kalman, variance, measured, u);
+    const int32_t tilt = kalman_tilt(&w->kalman), bias = kalman_bias(&w->kalman, &p->kalman);
+    const int32_t corrected = sub_wrap(rate, bias);
+    w->tilt_turn_q32 = tilt;
+    w->bias_turnps_q28 = bias;
+    w->rate_corrected_turnps_q28 = corrected;
+
+    const int32_t wanted = clamp_i32(setpoint_mps_q26, -drive->speed_max_mps_q26, drive->speed_max_mps_q26);
+    w->speed.error_turn_q32 = wanted - w->wheel.velocity_mps_q26;
+    pid_step(&w->speed, &p->speed, w->speed.error_turn_q32, w->wheel.accel_g_q26);
+    w->lean_turn_q32 = mulhi_i32(w->speed.command_q22 * 256, drive->lean_max_turn_q34);
+
+    w->pid.error_turn_q32 = sub_wrap(w->lean_turn_q32, tilt);
+    pid_step(&w->pid, &p->pid, w->pid.error_turn_q32, corrected);
+
+    const bool fallen = (w->flags & BALANCER_FLAG_FALLEN) != 0U || abs_u32(tilt) > drive->fall_turn_q32;
+    const int32_t duty = asr32(asr32(w->pid.command_q22, 6) * drive->span_q15 + (1 << 15), 16);
+    w->duty_q15 = fallen ? 0 : clamp_i32(duty, -drive->duty_max_q15, drive->duty_max_q15);
+    flags |= wanted != setpoint_mps_q26 ? BALANCER_FLAG_SETPOINT_CLAMPED : 0U;
+    flags |= w->speed.excess_q22 != 0 ? BALANCER_FLAG_LEAN_LIMITED : 0U;
+    flags |= w->pid.excess_q22 != 0 ? BALANCER_FLAG_COMMAND_LIMITED : 0U;
+    w->flags = flags | (fallen ? BALANCER_FLAG_FALLEN : 0U);
+}
+
+static bool drive_valid(const drive_params_t *p) {
+    return p->speed_max_mps_q26 >= 0 && p->speed_max_mps_q26 <= SPEED_MAX && p->lean_max_turn_q34 >= 0 &&
+           p->lean_max_turn_q34 <= LEAN_MAX && p->span_q15 >= -DUTY_MAX && p->span_q15 <= DUTY_MAX &&
+           p->duty_max_q15 >= 0 && p->duty_max_q15 <= DUTY_MAX && p->fall_turn_q32 <= FALL_NEVER;
+}
+
+bool balancer_params_valid(const control_params_t *p) {
+    return calibration_valid(&p->gyro) && calibration_valid(&p->accel_y) && calibration_valid(&p->accel_z) &&
+           wheel_valid(&p->wheel) && tilt_valid(&p->tilt) && kalman_valid(&p->kalman, &p->start) &&
+           pid_valid(&p->speed) && pid_valid(&p->pid) && drive_valid(&p->drive);
+}

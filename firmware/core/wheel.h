@@ -1,0 +1,48 @@
+/* Hall edges -> speed of the wheels and acceleration of the axle.
+ *
+ *     speed    = edges of this step * length of one edge / dt
+ *     velocity = speed behind a first-order filter
+ *     accel    = the slope of velocity
+ *
+ * An edge more or less in one step is a jump of the speed; the filter spreads it, and what it does to the
+ * acceleration in one step it takes back in the next ones: over time it sums to nothing.
+ */
+#ifndef PLUMB_CORE_WHEEL_H
+#define PLUMB_CORE_WHEEL_H
+
+#include "fixed.h"
+#include <stdbool.h>
+
+typedef struct {
+    int32_t edges_max;      /* of one step, 1..32767; more are clamped */
+    int32_t edge_mps_q26;   /* m/s of one edge per step; the sign turns the direction */
+    int32_t alpha_q31;      /* 1 - exp(-dt / tau) of the filter; 0..2^31-1 */
+    int32_t accel_gain_q30; /* alpha / (dt * 1 g): g per m/s; 0..2^31-1, 0 for no acceleration at all */
+} wheel_params_t;
+
+typedef struct {
+    int32_t speed_mps_q26;    /* of this step, +-WHEEL_SPEED_LIMIT */
+    int32_t velocity_mps_q26; /* filtered */
+    int32_t accel_g_q26;      /* +-WHEEL_ACCEL_LIMIT */
+} wheel_t;
+
+#define WHEEL_SPEED_LIMIT (15L << 26) /* m/s */
+#define WHEEL_ACCEL_LIMIT (3L << 26)  /* g */
+
+/* edges: signed, of this step. True when anything had to be clamped. About 30 cycles. */
+static inline bool wheel_step(wheel_t *c, const wheel_params_t *p, int32_t edges) {
+    const int32_t used = clamp_i32(edges, -p->edges_max, p->edges_max);
+    const int32_t speed = used * p->edge_mps_q26;
+    const int32_t change = speed - c->velocity_mps_q26;
+    c->speed_mps_q26 = speed;
+    c->velocity_mps_q26 = c->velocity_mps_q26 + 2 * mulhi_i32(change, p->alpha_q31);
+    const int32_t accel_q24 = mulhi_i32(change, p->accel_gain_q30);
+    const int32_t limited_q24 = clamp_i32(accel_q24, -(WHEEL_ACCEL_LIMIT >> 2), WHEEL_ACCEL_LIMIT >> 2);
+    c->accel_g_q26 = limited_q24 * 4;
+    return used != edges || limited_q24 != accel_q24;
+}
+
+/* The ranges above, and that no speed can leave +-WHEEL_SPEED_LIMIT. */
+bool wheel_valid(const wheel_params_t *p);
+
+#endif
