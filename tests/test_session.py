@@ -152,12 +152,12 @@ def test_upload_refuses_with_the_reason() -> None:
         with pytest.raises(UsageError, match=r"esc.mid_halfus = 99999 is outside 0 to 16383"):
             session.upload(changed("esc.mid_halfus", 99999))
         with pytest.raises(
-            UsageError, match="contradict each other: esc.min_halfus = 2000 is more than esc.max_halfus"
+            UsageError, match=r"contradict each other: esc.min_halfus = 2000 is more than esc.max_halfus"
         ):
             session.upload(changed("esc.max_halfus", 100))
-        with pytest.raises(UsageError, match="esc.neutral_halfus = 3001 is more than esc.mid_halfus = 3000"):
+        with pytest.raises(UsageError, match=r"esc.neutral_halfus = 3001 is more than esc.mid_halfus = 3000"):
             session.upload(changed("esc.neutral_halfus", 3001))
-        with pytest.raises(UsageError, match="has [0-9]+ words, not 3"):
+        with pytest.raises(UsageError, match=r"has [0-9]+ words, not 3"):
             session.upload([1, 2, 3])
         with pytest.raises(UsageError, match="there is no parameter 'period'"):
             session.upload(CONTROL, period=3)
@@ -170,7 +170,7 @@ def test_a_pulse_that_fills_its_period_is_refused(name: str) -> None:
     with Session.open(MemoryBoard()) as session:
         words = changed("esc.mid_halfus", 6000)
         at = [row.name for row in parameters.table()].index(name)
-        with pytest.raises(UsageError, match="contradict each other"):
+        with pytest.raises(UsageError, match=r"contradict each other"):
             session.upload([*words[:at], 5000, *words[at + 1 :]], esc_period_us=2500)
         session.upload([*words[:at], 4999, *words[at + 1 :]], esc_period_us=2500)
 
