@@ -6,7 +6,6 @@
 #include "port.h"
 
 #define ASKED         0xb007u /* of 16 bits */
-#define SYSTEM_MEMORY 0x1ffff000u
 #define BACKUP_CLOCKS (RCC_APB1ENR_PWREN | RCC_APB1ENR_BKPEN)
 #define RESET_CAUSES  (RCC_CSR_SFTRSTF | RCC_CSR_PORRSTF)
 
@@ -33,11 +32,11 @@ void bootloader_if_asked(void) {
     PWR_CR &= ~PWR_CR_DBP;
     RCC_APB1ENR &= ~BACKUP_CLOCKS;
     if (asked && forgotten) {
-        SCB_VTOR = SYSTEM_MEMORY;
+        SCB_VTOR = DEVICE_SYSTEM_MEMORY;
         __asm volatile("ldr r0, [%0] \n"
                        "ldr lr, [%0, #4] \n"
                        "msr msp, r0 \n"
-                       "bx lr" ::"r"(SYSTEM_MEMORY)
+                       "bx lr" ::"r"(DEVICE_SYSTEM_MEMORY)
                        : "r0", "lr", "memory");
         __builtin_unreachable();
     }

@@ -389,8 +389,9 @@
 #define IWDG_SR_RVU        (1u << 1)
 
 /* Device electronic signature, RM0008 section 30: read-only memory, written in the factory */
-#define DEVICE_FLASH_KIB (*(volatile const uint16_t *)0x1ffff7e0u)
-#define DEVICE_UID(word) REG32(0x1ffff7e8u, 4u * (word))
+#define DEVICE_SYSTEM_MEMORY 0x1ffff000u /* the ROM bootloader's vectors, section 3.3.3 */
+#define DEVICE_FLASH_KIB     (*(volatile const uint16_t *)0x1ffff7e0u)
+#define DEVICE_UID(word)     REG32(0x1ffff7e8u, 4u * (word))
 
 /* Processor: ARMv7-M architecture manual, sections B3.2 (SCB), B3.3 (SysTick), B3.4 (NVIC) */
 #define SYST_CSR           REG32(0xe000e010u, 0x0u)

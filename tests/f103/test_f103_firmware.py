@@ -11,6 +11,7 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[vi
 from plumb.errors import UsageError
 from plumb.f103 import Machine, find_image
 from plumb.lockstep import Lockstep
+from plumb.parameters import table
 from plumb.session import Session
 
 STEPS = 200
@@ -71,7 +72,10 @@ def test_what_memory_held_before_does_not_matter(image):
     assert lockstep(Machine(image, seed=1))[0] == lockstep(Machine(image, seed=2))[0]
 
 
-@pytest.mark.parametrize("part", ["stm32f103rct6", "stm32f103ret6", "stm32f103zet6"])
+OTHER_PARTS = ["stm32f103cb", "stm32f103rct6", "stm32f103ret6", "stm32f103zet6"]
+
+
+@pytest.mark.parametrize("part", OTHER_PARTS)
 def test_every_part_gives_the_same_digests_and_its_own_name(image, part):
     machine = Machine(image, part)
     digests, _, identity = lockstep(machine)
@@ -85,3 +89,28 @@ def test_a_dead_crystal_changes_the_clock_and_not_the_answers(image):
     assert digests == lockstep(Machine(image))[0]
     assert machine.rcc.hclk_ticks * 64 == 40320
     assert identity["FAULTS"] & 0x0100
+
+
+@pytest.mark.parametrize("part", ["stm32f103c8", *OTHER_PARTS])
+def test_every_part_keeps_its_parameters_in_pages_of_its_own_size(image, part):
+    """Two slots of 2 KiB, erased in pages of 1 KiB or 2 KiB: one save after the other, and each is found again."""
+    machine = Machine(image, part)
+    for number in range(3):
+        machine.advance_us(START_US)
+        with Session.open(machine.uart) as session:
+            words = session.read_parameters()
+            control = [row for row in table() if row.owner == "control"]
+            session.upload(words[: len(control)], period_us=3000 + number)
+            session.execute("SAVE")
+        machine.power_cut()
+        machine.power_on()
+        machine.advance_us(START_US)
+        with Session.open(machine.uart) as session:
+            identity = session.connect()
+            assert (
+                identity.parameter_source == f"saved in flash, number {number + 1}" and identity["FAULTS"] & 0xFF == 0
+            )
+            assert identity["FLASH_KIB"] == machine.part.flash_kib and identity["RAM_KIB"] == machine.part.ram_kib
+            names = [row.name for row in table()]
+            assert session.read_parameters()[names.index("period_us")] == 3000 + number
+    assert machine.warnings == []

@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--system", help="couple this system's plant to the pins")
     parser.add_argument("--scenario", help="of the plant; a wrong name prints the system's list")
     parser.add_argument("--seed", type=int, default=1000, help="of the plant (default 1000)")
-    parser.add_argument("--part", default="stm32f103c8", help="stm32f103c8 (default), stm32f103rct6, -ret6 or -zet6")
+    parser.add_argument("--part", default="stm32f103c8", help="stm32f103c8 (default), -cb, -rct6, -ret6 or -zet6")
     parser.add_argument("--image", type=Path, help="flash image (default: the checkout's build)")
 
 

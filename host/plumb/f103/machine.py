@@ -62,6 +62,7 @@ PARTS = {
     part.name: part
     for part in (
         Part("stm32f103c8", 64, 20, 0x20036410),
+        Part("stm32f103cb", 128, 20, 0x20036410),
         Part("stm32f103rct6", 256, 48, 0x10036414),
         Part("stm32f103ret6", 512, 64, 0x10036414),
         Part("stm32f103zet6", 512, 64, 0x10036414),
