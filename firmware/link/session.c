@@ -44,6 +44,8 @@ static bool moves_something(const session_t *s) {
     switch (s->params->control.system) {
     case CONTROL_QUAD:
         return s->board->pins == BOARD_PINS_STANDARD;
+    case CONTROL_BALANCER:
+        return s->board->pins == BOARD_PINS_BRIDGE;
     default:
         return false;
     }
