@@ -19,6 +19,7 @@ import json
 import signal
 import sys
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -63,7 +64,8 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def say(text: str) -> None:
-    print(f"plumb: {text}", file=sys.stderr, flush=True)
+    over = "\r\x1b[K" if sys.stderr.isatty() else ""
+    print(f"{over}plumb: {text}", file=sys.stderr, flush=True)
 
 
 def carried(arguments: argparse.Namespace, stopped: Any) -> dict[str, Any]:
@@ -100,8 +102,34 @@ def bridged(arguments: argparse.Namespace, stopped: Any) -> dict[str, Any]:
         shadow=arguments.shadow,
         say=say,
     )
-    bridge.run(stopped)
+    bridge.run(watched(bridge, stopped) if sys.stderr.isatty() else stopped)
     return summary_of(bridge)
+
+
+def watched(bridge: Bridge, stopped: Callable[[], bool]) -> Callable[[], bool]:
+    """The same question, which also writes what has been counted, once a second, over the line before."""
+    shown_s = time.monotonic()
+    before = (0, 0, 0)
+
+    def asked() -> bool:
+        nonlocal shown_s, before
+        now_s = time.monotonic()
+        if now_s - shown_s >= 1.0:
+            count = (bridge.sensor.flow.frames, bridge.board.frames, bridge.steps)
+            rates = [(new - old) / (now_s - shown_s) for new, old in zip(count, before, strict=True)]
+            lost = bridge.sensor.flow.lost + bridge.board.lost
+            rejected = bridge.sensor.flow.rejected + bridge.board.rejected
+            took = f"{1e3 * bridge.latencies_s[-1]:.1f} ms" if bridge.latencies_s else "-"
+            verified = f", {bridge.shadow.steps} verified" if bridge.shadow else ""
+            text = (
+                f"{rates[0]:.0f} frames/s down, {rates[1]:.0f} up, {rates[2]:.0f} steps/s{verified}, "
+                f"delay {took}, lost {lost}, rejected {rejected}"
+            )
+            print(f"\r{text}\x1b[K", end="", file=sys.stderr, flush=True)
+            shown_s, before = now_s, count
+        return stopped()
+
+    return asked
 
 
 def flow(flow: Flow, end: End | None = None) -> dict[str, Any]:
