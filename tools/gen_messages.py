@@ -54,22 +54,21 @@ def source_of(message: Message) -> str:
         return ""
     codes = message.layout.format[3:]
     places = {2: (2, 4), 3: (2, 4, 6)}[len(codes)]
-    body = []
-    for name, code, place in zip(message.words, codes, places, strict=True):
-        if name not in used:
-            continue
-        width = 16 if code in "Hh" else 32
-        if message.sender == "BOARD":
-            body.append(f"put_u{width}(&frame, {place}, (uint{width}_t)m->{name});")
-        else:
-            body.append(f"m.{name} = ({used[name]})get_u{width}(frame, {place});")
-    inner = "\n    ".join(body)
+    words = list(zip(message.words, codes, places, strict=True))
     if message.sender == "BOARD":
+        values = ", ".join(
+            f"(uint{16 if code in 'Hh' else 32}_t)m->{name}" if name in used else "0U" for name, code, _ in words
+        )
+        shape = "pair" if len(codes) == 2 else "three"
         return (
             f"can_frame_t message_{lower}_pack(const message_{lower}_t *m) {{\n"
-            f"    can_frame_t frame = {{.id = MESSAGE_{message.name}_ID, .dlc = CAN_FRAME_DLC}};\n\n"
-            f"    {inner}\n    return frame;\n}}\n"
+            f"    return {shape}(MESSAGE_{message.name}_ID, {values});\n}}\n"
         )
+    inner = "\n    ".join(
+        f"m.{name} = ({used[name]})get_u{16 if code in 'Hh' else 32}(frame, {place});"
+        for name, code, place in words
+        if name in used
+    )
     return (
         f"message_{lower}_t message_{lower}_unpack(const can_frame_t *frame) {{\n"
         f"    message_{lower}_t m;\n\n    {inner}\n    return m;\n}}\n"
@@ -82,16 +81,25 @@ static inline void put_u16(can_frame_t *frame, unsigned at, uint16_t value) {
     frame->data[at + 1] = (uint8_t)(value >> 8);
 }
 
-static inline void put_u32(can_frame_t *frame, unsigned at, uint32_t value) {
-    put_u16(frame, at, (uint16_t)(value & 0xFFFFU));
-    put_u16(frame, at + 2, (uint16_t)(value >> 16));
+/* The two shapes of a frame. */
+static can_frame_t pair(uint16_t id, uint16_t half, uint32_t word) {
+    can_frame_t frame = {.id = id, .dlc = CAN_FRAME_DLC};
+
+    put_u16(&frame, 2, half);
+    put_u16(&frame, 4, (uint16_t)(word & 0xFFFFU));
+    put_u16(&frame, 6, (uint16_t)(word >> 16));
+    return frame;
 }
 
-static inline uint16_t get_u16(const can_frame_t *frame, unsigned at) {
+static can_frame_t three(uint16_t id, uint16_t first, uint16_t second, uint16_t third) {
+    return pair(id, first, second | (uint32_t)third << 16);
+}
+
+static uint16_t get_u16(const can_frame_t *frame, unsigned at) {
     return (uint16_t)(frame->data[at] | ((unsigned)frame->data[at + 1] << 8));
 }
 
-static inline uint32_t get_u32(const can_frame_t *frame, unsigned at) {
+static uint32_t get_u32(const can_frame_t *frame, unsigned at) {
     return get_u16(frame, at) | ((uint32_t)get_u16(frame, at + 2) << 16);
 }
 """

@@ -57,15 +57,22 @@ SOURCE = """/* clang-format off */
 #include <stddef.h>
 #include <string.h>
 
-/* A word is signed when its minimum is negative. */
+/* A word is signed when its minimum is negative. Many rows share a range. */
 typedef struct {{
     uint32_t min;
     uint32_t max;
-    uint32_t value;
-}} param_t;
+}} range_t;
 
-static const param_t table[PARAMS_COUNT] = {{
-{rows}
+static const range_t ranges[] = {{
+{ranges}
+}};
+
+static const uint8_t range_of[PARAMS_COUNT] = {{
+{range_of}
+}};
+
+static const uint32_t defaults[PARAMS_COUNT] = {{
+{defaults}
 }};
 
 static const uint16_t ids[PARAMS_COUNT] = {{
@@ -90,7 +97,7 @@ void params_set_word(params_t *p, uint16_t index, uint32_t value) {{
 
 void params_default(params_t *p) {{
     for (uint16_t i = 0; i < PARAMS_COUNT; i++) {{
-        params_set_word(p, i, table[i].value);
+        params_set_word(p, i, defaults[i]);
     }}
 }}
 
@@ -99,10 +106,10 @@ uint32_t params_crc32(const params_t *p) {{
 }}
 
 bool params_in_range(uint16_t index, uint32_t value) {{
-    const param_t *const t = &table[index];
-    const uint32_t sign = t->min & 0x80000000U; /* flipping it orders two's complement as unsigned */
+    const range_t *const r = &ranges[range_of[index]];
+    const uint32_t sign = r->min & 0x80000000U; /* flipping it orders two's complement as unsigned */
 
-    return (value ^ sign) >= (t->min ^ sign) && (value ^ sign) <= (t->max ^ sign);
+    return (value ^ sign) >= (r->min ^ sign) && (value ^ sign) <= (r->max ^ sign);
 }}
 
 uint16_t params_id(uint16_t index) {{
@@ -125,17 +132,27 @@ def generate() -> dict[str, str]:
     rows = table()
     own = [row for row in rows if row.owner == "link"]
     members = "\n".join(f"    {row.type}_t {row.name};" for row in own)
-    lines, places = [], []
-    for index, row in enumerate(rows):
-        values = ", ".join(f"0x{value & 0xFFFFFFFF:08X}U" for value in (row.min, row.max, row.default))
-        member = row.name if row.owner == "link" else f"control.{row.name}"
-        lines.append(f"    {{{values}}}, /* {index}: {row.name} */")
-        places.append(f"PLACE({member}, {index});")
-    ids = "\n".join(f"    0x{row.id:04X}U, /* {row.name} */" for row in rows)
+    places = [
+        f"PLACE({row.name if row.owner == 'link' else f'control.{row.name}'}, {index});"
+        for index, row in enumerate(rows)
+    ]
+    ranges = list(dict.fromkeys((row.min, row.max) for row in rows))
     return {
         "params.h": LINE_1 + HEADER.format(count=len(rows), members=members),
-        "params.c": LINE_1 + SOURCE.format(rows="\n".join(lines), ids=ids, places="\n".join(places)),
+        "params.c": LINE_1
+        + SOURCE.format(
+            ranges="\n".join(f"    {{{word(low)}, {word(high)}}}," for low, high in ranges),
+            range_of="\n".join(f"    {ranges.index((row.min, row.max))}U, /* {row.name} */" for row in rows),
+            defaults="\n".join(f"    {word(row.default)}, /* {index}: {row.name} */" for index, row in enumerate(rows)),
+            ids="\n".join(f"    0x{row.id:04X}U, /* {row.name} */" for row in rows),
+            places="\n".join(places),
+        ),
     }
+
+
+def word(value: int) -> str:
+    """As the firmware has it."""
+    return f"0x{value & 0xFFFFFFFF:08X}U"
 
 
 def main() -> None:

@@ -7,16 +7,25 @@ static inline void put_u16(can_frame_t *frame, unsigned at, uint16_t value) {
     frame->data[at + 1] = (uint8_t)(value >> 8);
 }
 
-static inline void put_u32(can_frame_t *frame, unsigned at, uint32_t value) {
-    put_u16(frame, at, (uint16_t)(value & 0xFFFFU));
-    put_u16(frame, at + 2, (uint16_t)(value >> 16));
+/* The two shapes of a frame. */
+static can_frame_t pair(uint16_t id, uint16_t half, uint32_t word) {
+    can_frame_t frame = {.id = id, .dlc = CAN_FRAME_DLC};
+
+    put_u16(&frame, 2, half);
+    put_u16(&frame, 4, (uint16_t)(word & 0xFFFFU));
+    put_u16(&frame, 6, (uint16_t)(word >> 16));
+    return frame;
 }
 
-static inline uint16_t get_u16(const can_frame_t *frame, unsigned at) {
+static can_frame_t three(uint16_t id, uint16_t first, uint16_t second, uint16_t third) {
+    return pair(id, first, second | (uint32_t)third << 16);
+}
+
+static uint16_t get_u16(const can_frame_t *frame, unsigned at) {
     return (uint16_t)(frame->data[at] | ((unsigned)frame->data[at + 1] << 8));
 }
 
-static inline uint32_t get_u32(const can_frame_t *frame, unsigned at) {
+static uint32_t get_u32(const can_frame_t *frame, unsigned at) {
     return get_u16(frame, at) | ((uint32_t)get_u16(frame, at + 2) << 16);
 }
 
@@ -72,143 +81,71 @@ message_setpoint_t message_setpoint_unpack(const can_frame_t *frame) {
 }
 
 can_frame_t message_step_pack(const message_step_t *m) {
-    can_frame_t frame = {.id = MESSAGE_STEP_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->step);
-    put_u32(&frame, 4, (uint32_t)m->digest);
-    return frame;
+    return pair(MESSAGE_STEP_ID, (uint16_t)m->step, (uint32_t)m->digest);
 }
 
 can_frame_t message_raw_a_pack(const message_raw_a_t *m) {
-    can_frame_t frame = {.id = MESSAGE_RAW_A_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->raw_0);
-    put_u16(&frame, 4, (uint16_t)m->raw_1);
-    put_u16(&frame, 6, (uint16_t)m->raw_2);
-    return frame;
+    return three(MESSAGE_RAW_A_ID, (uint16_t)m->raw_0, (uint16_t)m->raw_1, (uint16_t)m->raw_2);
 }
 
 can_frame_t message_raw_b_pack(const message_raw_b_t *m) {
-    can_frame_t frame = {.id = MESSAGE_RAW_B_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->raw_3);
-    put_u16(&frame, 4, (uint16_t)m->raw_4);
-    put_u16(&frame, 6, (uint16_t)m->raw_5);
-    return frame;
+    return three(MESSAGE_RAW_B_ID, (uint16_t)m->raw_3, (uint16_t)m->raw_4, (uint16_t)m->raw_5);
 }
 
 can_frame_t message_word_pack(const message_word_t *m) {
-    can_frame_t frame = {.id = MESSAGE_WORD_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->index);
-    put_u32(&frame, 4, (uint32_t)m->value);
-    return frame;
+    return pair(MESSAGE_WORD_ID, (uint16_t)m->index, (uint32_t)m->value);
 }
 
 can_frame_t message_angle_pack(const message_angle_t *m) {
-    can_frame_t frame = {.id = MESSAGE_ANGLE_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->pulse_0);
-    put_u32(&frame, 4, (uint32_t)m->tilt);
-    return frame;
+    return pair(MESSAGE_ANGLE_ID, (uint16_t)m->pulse_0, (uint32_t)m->tilt);
 }
 
 can_frame_t message_bias_pack(const message_bias_t *m) {
-    can_frame_t frame = {.id = MESSAGE_BIAS_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->pulse_1);
-    put_u32(&frame, 4, (uint32_t)m->bias);
-    return frame;
+    return pair(MESSAGE_BIAS_ID, (uint16_t)m->pulse_1, (uint32_t)m->bias);
 }
 
 can_frame_t message_rate_pack(const message_rate_t *m) {
-    can_frame_t frame = {.id = MESSAGE_RATE_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u32(&frame, 4, (uint32_t)m->rate);
-    return frame;
+    return pair(MESSAGE_RATE_ID, 0U, (uint32_t)m->rate);
 }
 
 can_frame_t message_measured_pack(const message_measured_t *m) {
-    can_frame_t frame = {.id = MESSAGE_MEASURED_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u32(&frame, 4, (uint32_t)m->tilt_measured);
-    return frame;
+    return pair(MESSAGE_MEASURED_ID, 0U, (uint32_t)m->tilt_measured);
 }
 
 can_frame_t message_command_pack(const message_command_t *m) {
-    can_frame_t frame = {.id = MESSAGE_COMMAND_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u32(&frame, 4, (uint32_t)m->command);
-    return frame;
+    return pair(MESSAGE_COMMAND_ID, 0U, (uint32_t)m->command);
 }
 
 can_frame_t message_drive_pack(const message_drive_t *m) {
-    can_frame_t frame = {.id = MESSAGE_DRIVE_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->duty);
-    put_u32(&frame, 4, (uint32_t)m->velocity);
-    return frame;
+    return pair(MESSAGE_DRIVE_ID, (uint16_t)m->duty, (uint32_t)m->velocity);
 }
 
 can_frame_t message_time_pack(const message_time_t *m) {
-    can_frame_t frame = {.id = MESSAGE_TIME_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->step);
-    put_u32(&frame, 4, (uint32_t)m->time);
-    return frame;
+    return pair(MESSAGE_TIME_ID, (uint16_t)m->step, (uint32_t)m->time);
 }
 
 can_frame_t message_status_pack(const message_status_t *m) {
-    can_frame_t frame = {.id = MESSAGE_STATUS_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->mode);
-    put_u16(&frame, 4, (uint16_t)m->blocked);
-    put_u16(&frame, 6, (uint16_t)m->faults);
-    return frame;
+    return three(MESSAGE_STATUS_ID, (uint16_t)m->mode, (uint16_t)m->blocked, (uint16_t)m->faults);
 }
 
 can_frame_t message_counters_pack(const message_counters_t *m) {
-    can_frame_t frame = {.id = MESSAGE_COUNTERS_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->rejected);
-    put_u16(&frame, 4, (uint16_t)m->lost);
-    put_u16(&frame, 6, (uint16_t)m->dropped);
-    return frame;
+    return three(MESSAGE_COUNTERS_ID, (uint16_t)m->rejected, (uint16_t)m->lost, (uint16_t)m->dropped);
 }
 
 can_frame_t message_events_pack(const message_events_t *m) {
-    can_frame_t frame = {.id = MESSAGE_EVENTS_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->saturated);
-    put_u16(&frame, 4, (uint16_t)m->starved);
-    put_u16(&frame, 6, (uint16_t)m->disarm_cause);
-    return frame;
+    return three(MESSAGE_EVENTS_ID, (uint16_t)m->saturated, (uint16_t)m->starved, (uint16_t)m->disarm_cause);
 }
 
 can_frame_t message_setpoint_used_pack(const message_setpoint_used_t *m) {
-    can_frame_t frame = {.id = MESSAGE_SETPOINT_USED_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->step);
-    put_u32(&frame, 4, (uint32_t)m->setpoint);
-    return frame;
+    return pair(MESSAGE_SETPOINT_USED_ID, (uint16_t)m->step, (uint32_t)m->setpoint);
 }
 
 can_frame_t message_can_health_pack(const message_can_health_t *m) {
-    can_frame_t frame = {.id = MESSAGE_CAN_HEALTH_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->transmit_errors);
-    put_u16(&frame, 4, (uint16_t)m->receive_errors);
-    put_u16(&frame, 6, (uint16_t)m->bus_offs);
-    return frame;
+    return three(MESSAGE_CAN_HEALTH_ID, (uint16_t)m->transmit_errors, (uint16_t)m->receive_errors, (uint16_t)m->bus_offs);
 }
 
 can_frame_t message_sensors_pack(const message_sensors_t *m) {
-    can_frame_t frame = {.id = MESSAGE_SENSORS_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->analog);
-    put_u16(&frame, 4, (uint16_t)m->digital);
-    put_u16(&frame, 6, (uint16_t)m->bus_failures);
-    return frame;
+    return three(MESSAGE_SENSORS_ID, (uint16_t)m->analog, (uint16_t)m->digital, (uint16_t)m->bus_failures);
 }
 
 message_challenge_t message_challenge_unpack(const can_frame_t *frame) {
@@ -266,44 +203,23 @@ message_param_commit_t message_param_commit_unpack(const can_frame_t *frame) {
 }
 
 can_frame_t message_nonce_pack(const message_nonce_t *m) {
-    can_frame_t frame = {.id = MESSAGE_NONCE_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->verb);
-    put_u32(&frame, 4, (uint32_t)m->nonce);
-    return frame;
+    return pair(MESSAGE_NONCE_ID, (uint16_t)m->verb, (uint32_t)m->nonce);
 }
 
 can_frame_t message_ack_pack(const message_ack_t *m) {
-    can_frame_t frame = {.id = MESSAGE_ACK_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->request);
-    put_u32(&frame, 4, (uint32_t)m->detail);
-    return frame;
+    return pair(MESSAGE_ACK_ID, (uint16_t)m->request, (uint32_t)m->detail);
 }
 
 can_frame_t message_nack_pack(const message_nack_t *m) {
-    can_frame_t frame = {.id = MESSAGE_NACK_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->request);
-    put_u16(&frame, 4, (uint16_t)m->reason);
-    put_u16(&frame, 6, (uint16_t)m->detail);
-    return frame;
+    return three(MESSAGE_NACK_ID, (uint16_t)m->request, (uint16_t)m->reason, (uint16_t)m->detail);
 }
 
 can_frame_t message_param_value_pack(const message_param_value_t *m) {
-    can_frame_t frame = {.id = MESSAGE_PARAM_VALUE_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->index);
-    put_u32(&frame, 4, (uint32_t)m->value);
-    return frame;
+    return pair(MESSAGE_PARAM_VALUE_ID, (uint16_t)m->index, (uint32_t)m->value);
 }
 
 can_frame_t message_param_staged_pack(const message_param_staged_t *m) {
-    can_frame_t frame = {.id = MESSAGE_PARAM_STAGED_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->index);
-    put_u32(&frame, 4, (uint32_t)m->value);
-    return frame;
+    return pair(MESSAGE_PARAM_STAGED_ID, (uint16_t)m->index, (uint32_t)m->value);
 }
 
 message_hello_t message_hello_unpack(const can_frame_t *frame) {
@@ -315,9 +231,5 @@ message_hello_t message_hello_unpack(const can_frame_t *frame) {
 }
 
 can_frame_t message_identity_pack(const message_identity_t *m) {
-    can_frame_t frame = {.id = MESSAGE_IDENTITY_ID, .dlc = CAN_FRAME_DLC};
-
-    put_u16(&frame, 2, (uint16_t)m->item);
-    put_u32(&frame, 4, (uint32_t)m->value);
-    return frame;
+    return pair(MESSAGE_IDENTITY_ID, (uint16_t)m->item, (uint32_t)m->value);
 }

@@ -5,88 +5,204 @@
 #include <stddef.h>
 #include <string.h>
 
-/* A word is signed when its minimum is negative. */
+/* A word is signed when its minimum is negative. Many rows share a range. */
 typedef struct {
     uint32_t min;
     uint32_t max;
-    uint32_t value;
-} param_t;
+} range_t;
 
-static const param_t table[PARAMS_COUNT] = {
-    {0x00000000U, 0x00000001U, 0x00000000U}, /* 0: system */
-    {0xFFFF8000U, 0x00007FFFU, 0x00000579U}, /* 1: gyro.raw_min */
-    {0xFFFF8000U, 0x00007FFFU, 0x0000079FU}, /* 2: gyro.raw_max */
-    {0x80000000U, 0x7FFFFFFFU, 0x000DAE7DU}, /* 3: gyro.gain */
-    {0x80000000U, 0x7FFFFFFFU, 0xA6729F46U}, /* 4: gyro.offset */
-    {0xFFFF8000U, 0x00007FFFU, 0x00000199U}, /* 5: accel_y.raw_min */
-    {0xFFFF8000U, 0x00007FFFU, 0x00000E67U}, /* 6: accel_y.raw_max */
-    {0x80000000U, 0x7FFFFFFFU, 0x00010800U}, /* 7: accel_y.gain */
-    {0x80000000U, 0x7FFFFFFFU, 0xF7C00000U}, /* 8: accel_y.offset */
-    {0xFFFF8000U, 0x00007FFFU, 0x00000199U}, /* 9: accel_z.raw_min */
-    {0xFFFF8000U, 0x00007FFFU, 0x00000E67U}, /* 10: accel_z.raw_max */
-    {0x80000000U, 0x7FFFFFFFU, 0x00010800U}, /* 11: accel_z.gain */
-    {0x80000000U, 0x7FFFFFFFU, 0xF7C00000U}, /* 12: accel_z.offset */
-    {0x00000000U, 0x00000001U, 0x00000001U}, /* 13: tilt.mode */
-    {0x00000001U, 0x01000000U, 0x00002469U}, /* 14: tilt.r_base */
-    {0x00000000U, 0xFFFFFFFFU, 0x009C71C7U}, /* 15: tilt.r_gain */
-    {0x00000001U, 0x01000000U, 0x008E38E4U}, /* 16: tilt.r_max */
-    {0x00000000U, 0xFFFFFFFFU, 0x00079FB8U}, /* 17: tilt.deviation_max */
-    {0x00000000U, 0x0000001FU, 0x0000000DU}, /* 18: tilt.deviation_shift */
-    {0x00000001U, 0x33333333U, 0x0A3D70A4U}, /* 19: kalman.dt_s_q33 */
-    {0x00000000U, 0x00000001U, 0x00000000U}, /* 20: kalman.rate_now */
-    {0x00000000U, 0x01000000U, 0x00000002U}, /* 21: kalman.qa_hi */
-    {0x00000000U, 0xFFFFFFFFU, 0x3CA98CE5U}, /* 22: kalman.qa_lo */
-    {0x00000000U, 0xFFFFFFFFU, 0x0007D199U}, /* 23: kalman.qb */
-    {0x00000000U, 0x3FFFFFFFU, 0x23AFC4ADU}, /* 24: kalman.qb_frac_q30 */
-    {0x00000000U, 0x1FFFFFFFU, 0x00888889U}, /* 25: kalman.bias_max_turn_q29 */
-    {0x40000000U, 0x7FFFFFFFU, 0x64000000U}, /* 26: kalman.rate_gain */
-    {0x00000001U, 0x00000010U, 0x00000006U}, /* 27: kalman.rate_shift */
-    {0xFC000001U, 0x03FFFFFFU, 0x00000000U}, /* 28: start.bias_hi */
-    {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 29: start.bias_lo */
-    {0x80000000U, 0x7FFFFFFFU, 0x00000000U}, /* 30: start.tilt_turn_q32 */
-    {0x00000000U, 0x02000000U, 0x02000000U}, /* 31: start.p00_hi */
-    {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 32: start.p00_lo */
-    {0xFF000000U, 0x01000000U, 0x00000000U}, /* 33: start.p01_hi */
-    {0x00000000U, 0xFFFFFFFFU, 0x00000000U}, /* 34: start.p01_lo */
-    {0x00000000U, 0x00FFFFFFU, 0x000005D3U}, /* 35: start.p11_hi */
-    {0x00000000U, 0xFFFFFFFFU, 0x4EDEE9D6U}, /* 36: start.p11_lo */
-    {0xC0000000U, 0x40000000U, 0x040CCCCDU}, /* 37: pid.kp_q22 */
-    {0x00000000U, 0x7FFFFFFFU, 0x00374BC7U}, /* 38: pid.ki_dt_q22 */
-    {0xC0000000U, 0x40000000U, 0x187AE148U}, /* 39: pid.kd_q27 */
-    {0x00000000U, 0x7FFFFFFFU, 0x7DA7D549U}, /* 40: pid.d_alpha_q31 */
-    {0x00000001U, 0x00800000U, 0x0019999AU}, /* 41: pid.slew_q22 */
-    {0x00000000U, 0x00003FFFU, 0x00000BB8U}, /* 42: esc.mid_halfus */
-    {0xFFFFC001U, 0x00003FFFU, 0x00000320U}, /* 43: esc.span_halfus */
-    {0x00000000U, 0x00003FFFU, 0x000007D0U}, /* 44: esc.min_halfus */
-    {0x00000000U, 0x00003FFFU, 0x00000FA0U}, /* 45: esc.max_halfus */
-    {0x00000000U, 0x00003FFFU, 0x000007D0U}, /* 46: esc.neutral_halfus */
-    {0x00000001U, 0x00007FFFU, 0x00000028U}, /* 47: wheel.edges_max */
-    {0xC0000000U, 0x40000000U, 0x017EF9A0U}, /* 48: wheel.edge_mps_q26 */
-    {0x00000000U, 0x7FFFFFFFU, 0x063E1D3DU}, /* 49: wheel.alpha_q31 */
-    {0x00000000U, 0x7FFFFFFFU, 0x1FD41D6AU}, /* 50: wheel.accel_gain_q30 */
-    {0xC0000000U, 0x40000000U, 0x0A000000U}, /* 51: speed.kp_q22 */
-    {0x00000000U, 0x7FFFFFFFU, 0x00028F5CU}, /* 52: speed.ki_dt_q22 */
-    {0xC0000000U, 0x40000000U, 0x00000000U}, /* 53: speed.kd_q27 */
-    {0x00000000U, 0x7FFFFFFFU, 0x7FFFFFFFU}, /* 54: speed.d_alpha_q31 */
-    {0x00000001U, 0x00800000U, 0x00800000U}, /* 55: speed.slew_q22 */
-    {0x00000000U, 0x20000000U, 0x04000000U}, /* 56: drive.speed_max_mps_q26 */
-    {0x00000000U, 0x40000000U, 0x16C16C17U}, /* 57: drive.lean_max_turn_q34 */
-    {0xFFFF8001U, 0x00007FFFU, 0xFFFF8001U}, /* 58: drive.span_q15 */
-    {0x00000000U, 0x00007FFFU, 0x00007FFFU}, /* 59: drive.duty_max_q15 */
-    {0x00000000U, 0x80000000U, 0x20000000U}, /* 60: drive.fall_turn_q32 */
-    {0x000001F4U, 0x000186A0U, 0x00004E20U}, /* 61: period_us */
-    {0x000007F8U, 0x00004E20U, 0x00004E20U}, /* 62: esc_period_us */
-    {0x00000000U, 0x00002710U, 0x000003E8U}, /* 63: arm_hold_ms */
-    {0x00000000U, 0x00000001U, 0x00000000U}, /* 64: pins */
-    {0x000000C8U, 0x00000DACU, 0x000003E8U}, /* 65: dead_time_ns */
-    {0x0000007DU, 0x000003E8U, 0x000001F4U}, /* 66: can_bitrate_kbit */
-    {0x00000000U, 0x00000004U, 0x00000000U}, /* 67: adc_oversample_log2 */
-    {0x00000000U, 0x0000FFFFU, 0x00000005U}, /* 68: rail_steps */
-    {0x00000000U, 0x0000FFFFU, 0x00000064U}, /* 69: stuck_steps */
-    {0x00000000U, 0x00000001U, 0x00000000U}, /* 70: accel_bus */
-    {0x00000006U, 0x0000000FU, 0x0000000BU}, /* 71: accel_rate */
-    {0x00000001U, 0x00000006U, 0x00000002U}, /* 72: gyro_filter */
-    {0x00000000U, 0x00000002U, 0x00000001U}, /* 73: imu_axis */
+static const range_t ranges[] = {
+    {0x00000000U, 0x00000001U},
+    {0xFFFF8000U, 0x00007FFFU},
+    {0x80000000U, 0x7FFFFFFFU},
+    {0x00000001U, 0x01000000U},
+    {0x00000000U, 0xFFFFFFFFU},
+    {0x00000000U, 0x0000001FU},
+    {0x00000001U, 0x33333333U},
+    {0x00000000U, 0x01000000U},
+    {0x00000000U, 0x3FFFFFFFU},
+    {0x00000000U, 0x1FFFFFFFU},
+    {0x40000000U, 0x7FFFFFFFU},
+    {0x00000001U, 0x00000010U},
+    {0xFC000001U, 0x03FFFFFFU},
+    {0x00000000U, 0x02000000U},
+    {0xFF000000U, 0x01000000U},
+    {0x00000000U, 0x00FFFFFFU},
+    {0xC0000000U, 0x40000000U},
+    {0x00000000U, 0x7FFFFFFFU},
+    {0x00000001U, 0x00800000U},
+    {0x00000000U, 0x00003FFFU},
+    {0xFFFFC001U, 0x00003FFFU},
+    {0x00000001U, 0x00007FFFU},
+    {0x00000000U, 0x20000000U},
+    {0x00000000U, 0x40000000U},
+    {0xFFFF8001U, 0x00007FFFU},
+    {0x00000000U, 0x00007FFFU},
+    {0x00000000U, 0x80000000U},
+    {0x000001F4U, 0x000186A0U},
+    {0x000007F8U, 0x00004E20U},
+    {0x00000000U, 0x00002710U},
+    {0x000000C8U, 0x00000DACU},
+    {0x0000007DU, 0x000003E8U},
+    {0x00000000U, 0x00000004U},
+    {0x00000000U, 0x0000FFFFU},
+    {0x00000006U, 0x0000000FU},
+    {0x00000001U, 0x00000006U},
+    {0x00000000U, 0x00000002U},
+};
+
+static const uint8_t range_of[PARAMS_COUNT] = {
+    0U, /* system */
+    1U, /* gyro.raw_min */
+    1U, /* gyro.raw_max */
+    2U, /* gyro.gain */
+    2U, /* gyro.offset */
+    1U, /* accel_y.raw_min */
+    1U, /* accel_y.raw_max */
+    2U, /* accel_y.gain */
+    2U, /* accel_y.offset */
+    1U, /* accel_z.raw_min */
+    1U, /* accel_z.raw_max */
+    2U, /* accel_z.gain */
+    2U, /* accel_z.offset */
+    0U, /* tilt.mode */
+    3U, /* tilt.r_base */
+    4U, /* tilt.r_gain */
+    3U, /* tilt.r_max */
+    4U, /* tilt.deviation_max */
+    5U, /* tilt.deviation_shift */
+    6U, /* kalman.dt_s_q33 */
+    0U, /* kalman.rate_now */
+    7U, /* kalman.qa_hi */
+    4U, /* kalman.qa_lo */
+    4U, /* kalman.qb */
+    8U, /* kalman.qb_frac_q30 */
+    9U, /* kalman.bias_max_turn_q29 */
+    10U, /* kalman.rate_gain */
+    11U, /* kalman.rate_shift */
+    12U, /* start.bias_hi */
+    4U, /* start.bias_lo */
+    2U, /* start.tilt_turn_q32 */
+    13U, /* start.p00_hi */
+    4U, /* start.p00_lo */
+    14U, /* start.p01_hi */
+    4U, /* start.p01_lo */
+    15U, /* start.p11_hi */
+    4U, /* start.p11_lo */
+    16U, /* pid.kp_q22 */
+    17U, /* pid.ki_dt_q22 */
+    16U, /* pid.kd_q27 */
+    17U, /* pid.d_alpha_q31 */
+    18U, /* pid.slew_q22 */
+    19U, /* esc.mid_halfus */
+    20U, /* esc.span_halfus */
+    19U, /* esc.min_halfus */
+    19U, /* esc.max_halfus */
+    19U, /* esc.neutral_halfus */
+    21U, /* wheel.edges_max */
+    16U, /* wheel.edge_mps_q26 */
+    17U, /* wheel.alpha_q31 */
+    17U, /* wheel.accel_gain_q30 */
+    16U, /* speed.kp_q22 */
+    17U, /* speed.ki_dt_q22 */
+    16U, /* speed.kd_q27 */
+    17U, /* speed.d_alpha_q31 */
+    18U, /* speed.slew_q22 */
+    22U, /* drive.speed_max_mps_q26 */
+    23U, /* drive.lean_max_turn_q34 */
+    24U, /* drive.span_q15 */
+    25U, /* drive.duty_max_q15 */
+    26U, /* drive.fall_turn_q32 */
+    27U, /* period_us */
+    28U, /* esc_period_us */
+    29U, /* arm_hold_ms */
+    0U, /* pins */
+    30U, /* dead_time_ns */
+    31U, /* can_bitrate_kbit */
+    32U, /* adc_oversample_log2 */
+    33U, /* rail_steps */
+    33U, /* stuck_steps */
+    0U, /* accel_bus */
+    34U, /* accel_rate */
+    35U, /* gyro_filter */
+    36U, /* imu_axis */
+};
+
+static const uint32_t defaults[PARAMS_COUNT] = {
+    0x00000000U, /* 0: system */
+    0x00000579U, /* 1: gyro.raw_min */
+    0x0000079FU, /* 2: gyro.raw_max */
+    0x000DAE7DU, /* 3: gyro.gain */
+    0xA6729F46U, /* 4: gyro.offset */
+    0x00000199U, /* 5: accel_y.raw_min */
+    0x00000E67U, /* 6: accel_y.raw_max */
+    0x00010800U, /* 7: accel_y.gain */
+    0xF7C00000U, /* 8: accel_y.offset */
+    0x00000199U, /* 9: accel_z.raw_min */
+    0x00000E67U, /* 10: accel_z.raw_max */
+    0x00010800U, /* 11: accel_z.gain */
+    0xF7C00000U, /* 12: accel_z.offset */
+    0x00000001U, /* 13: tilt.mode */
+    0x00002469U, /* 14: tilt.r_base */
+    0x009C71C7U, /* 15: tilt.r_gain */
+    0x008E38E4U, /* 16: tilt.r_max */
+    0x00079FB8U, /* 17: tilt.deviation_max */
+    0x0000000DU, /* 18: tilt.deviation_shift */
+    0x0A3D70A4U, /* 19: kalman.dt_s_q33 */
+    0x00000000U, /* 20: kalman.rate_now */
+    0x00000002U, /* 21: kalman.qa_hi */
+    0x3CA98CE5U, /* 22: kalman.qa_lo */
+    0x0007D199U, /* 23: kalman.qb */
+    0x23AFC4ADU, /* 24: kalman.qb_frac_q30 */
+    0x00888889U, /* 25: kalman.bias_max_turn_q29 */
+    0x64000000U, /* 26: kalman.rate_gain */
+    0x00000006U, /* 27: kalman.rate_shift */
+    0x00000000U, /* 28: start.bias_hi */
+    0x00000000U, /* 29: start.bias_lo */
+    0x00000000U, /* 30: start.tilt_turn_q32 */
+    0x02000000U, /* 31: start.p00_hi */
+    0x00000000U, /* 32: start.p00_lo */
+    0x00000000U, /* 33: start.p01_hi */
+    0x00000000U, /* 34: start.p01_lo */
+    0x000005D3U, /* 35: start.p11_hi */
+    0x4EDEE9D6U, /* 36: start.p11_lo */
+    0x040CCCCDU, /* 37: pid.kp_q22 */
+    0x00374BC7U, /* 38: pid.ki_dt_q22 */
+    0x187AE148U, /* 39: pid.kd_q27 */
+    0x7DA7D549U, /* 40: pid.d_alpha_q31 */
+    0x0019999AU, /* 41: pid.slew_q22 */
+    0x00000BB8U, /* 42: esc.mid_halfus */
+    0x00000320U, /* 43: esc.span_halfus */
+    0x000007D0U, /* 44: esc.min_halfus */
+    0x00000FA0U, /* 45: esc.max_halfus */
+    0x000007D0U, /* 46: esc.neutral_halfus */
+    0x00000028U, /* 47: wheel.edges_max */
+    0x017EF9A0U, /* 48: wheel.edge_mps_q26 */
+    0x063E1D3DU, /* 49: wheel.alpha_q31 */
+    0x1FD41D6AU, /* 50: wheel.accel_gain_q30 */
+    0x0A000000U, /* 51: speed.kp_q22 */
+    0x00028F5CU, /* 52: speed.ki_dt_q22 */
+    0x00000000U, /* 53: speed.kd_q27 */
+    0x7FFFFFFFU, /* 54: speed.d_alpha_q31 */
+    0x00800000U, /* 55: speed.slew_q22 */
+    0x04000000U, /* 56: drive.speed_max_mps_q26 */
+    0x16C16C17U, /* 57: drive.lean_max_turn_q34 */
+    0xFFFF8001U, /* 58: drive.span_q15 */
+    0x00007FFFU, /* 59: drive.duty_max_q15 */
+    0x20000000U, /* 60: drive.fall_turn_q32 */
+    0x00004E20U, /* 61: period_us */
+    0x00004E20U, /* 62: esc_period_us */
+    0x000003E8U, /* 63: arm_hold_ms */
+    0x00000000U, /* 64: pins */
+    0x000003E8U, /* 65: dead_time_ns */
+    0x000001F4U, /* 66: can_bitrate_kbit */
+    0x00000000U, /* 67: adc_oversample_log2 */
+    0x00000005U, /* 68: rail_steps */
+    0x00000064U, /* 69: stuck_steps */
+    0x00000000U, /* 70: accel_bus */
+    0x0000000BU, /* 71: accel_rate */
+    0x00000002U, /* 72: gyro_filter */
+    0x00000001U, /* 73: imu_axis */
 };
 
 static const uint16_t ids[PARAMS_COUNT] = {
@@ -257,7 +373,7 @@ void params_set_word(params_t *p, uint16_t index, uint32_t value) {
 
 void params_default(params_t *p) {
     for (uint16_t i = 0; i < PARAMS_COUNT; i++) {
-        params_set_word(p, i, table[i].value);
+        params_set_word(p, i, defaults[i]);
     }
 }
 
@@ -266,10 +382,10 @@ uint32_t params_crc32(const params_t *p) {
 }
 
 bool params_in_range(uint16_t index, uint32_t value) {
-    const param_t *const t = &table[index];
-    const uint32_t sign = t->min & 0x80000000U; /* flipping it orders two's complement as unsigned */
+    const range_t *const r = &ranges[range_of[index]];
+    const uint32_t sign = r->min & 0x80000000U; /* flipping it orders two's complement as unsigned */
 
-    return (value ^ sign) >= (t->min ^ sign) && (value ^ sign) <= (t->max ^ sign);
+    return (value ^ sign) >= (r->min ^ sign) && (value ^ sign) <= (r->max ^ sign);
 }
 
 uint16_t params_id(uint16_t index) {
