@@ -36,8 +36,8 @@ SILENCE_S = 1.0
 """Without a sample for so long the run ends; what is silent for longer is asked to begin again."""
 TURN_S = 0.001
 STANDING_OVER = 25
-"""Samples over which at least one older was always waiting for its step: delay that never goes away by itself, because
-both sides have the same period; one is left out then."""
+"""Samples over which at least so and so many older ones were always waiting for their step: delay that never goes away by
+itself, because both sides have the same period. That many are left out then."""
 ARM_AFTER_STEPS = 10
 
 Open = Callable[[str], can.BusABC]
@@ -297,7 +297,7 @@ class _Run:
         self.bridge, self.session, self.capture = bridge, session, Capture(session)
         self._group: list[Frame] = []
         self._waiting: deque[tuple[float, tuple[int, ...]]] = deque()
-        self._standing = 0
+        self._standing = self._surplus = self._looked = 0
         self._armed = False
         self._used: tuple[int, ...] | None = None
         bridge.board.forget()
@@ -314,9 +314,12 @@ class _Run:
             if frame[0] != bridge._sample_a.identifier:
                 continue
             group, self._group = self._group, []
-            self._standing = self._standing + 1 if self._waiting else 0
-            if self._standing >= STANDING_OVER:
-                self._standing = 0
+            self._looked += 1
+            self._standing = min(self._standing, len(self._waiting))
+            if self._looked >= STANDING_OVER:
+                self._surplus, self._looked, self._standing = self._standing, 0, len(self._waiting)
+            if self._surplus:
+                self._surplus -= 1
                 bridge.skipped += 1
                 group = [entry for entry in group if entry[0] == protocol()["SETPOINT"].identifier]
             else:
