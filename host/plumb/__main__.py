@@ -29,6 +29,7 @@ COMMANDS = {
     "sensor-board": "the simulated sensor board: samples in real time as frames on a bus",
     "bridge": "carry frames between a sensor board and a board, with the model beside",
     "link-test": "try a link: losses, damage, rates and delays",
+    "bandwidth": "the low-pass of an accelerometer for a motion, and its noise",
     "flash": "write the flash image to a board over its ROM bootloader, and read it back",
     "bench": "instructions, cycles, bytes, stack and error of the kernels, against budget",
     "ports": "list serial ports, and which one answers as a plumb board",

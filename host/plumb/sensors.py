@@ -7,12 +7,14 @@ are those of the published quadrotor design (Feng et al. 2011) unless a line say
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from plumb.disturbance import Request
 from plumb.errors import UsageError
 from plumb.tuning import Channel
 
@@ -147,7 +149,16 @@ class OnePole:
 
 
 FaultKind = Literal["railed", "stuck", "noisy", "silent"]
+FAULT_KINDS: tuple[FaultKind, ...] = ("railed", "stuck", "noisy", "silent")
 FAULT_NOISE_V, FAULT_NOISE_LSB, FAULT_RAIL_LSB = 0.1, 200.0, 32767
+
+
+FAULT_NOTES = {
+    "railed": "a channel at the end of its scale",
+    "stuck": "a channel frozen at its last value",
+    "noisy": f"a channel with {FAULT_NOISE_V:g} V, or {FAULT_NOISE_LSB:g} counts, rms of noise more",
+    "silent": "a channel that is dead: 0 V, or zero",
+}
 
 
 @dataclass(frozen=True)
@@ -192,3 +203,12 @@ class Fault:
             case _:
                 raise UsageError(f"'{self.kind}' is no sensor fault; use railed, stuck, noisy or silent")
         return np.where((time_s >= self.start_s) & (time_s < self.stop_s), instead, counts).astype(np.int16)
+
+
+def fault_of(asked: Request, channels: Sequence[str]) -> Fault:
+    """The fault of a sensor that was asked for; channels: their names in the order of the raw counts."""
+    for kind in FAULT_KINDS:
+        if kind == asked.kind and asked.what in channels:
+            return Fault(kind, list(channels).index(asked.what), asked.start_s, asked.stop_s)
+    said = f"{asked.kind}:{asked.what}" if asked.what else asked.kind
+    raise UsageError(f"there is no fault '{said}' here; there are {', '.join(FAULT_KINDS)} of {', '.join(channels)}")

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 
@@ -22,13 +23,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=float, help="length (default: the scenario's own)")
     parser.add_argument("--scenario", help="a name from the system's list; a wrong one prints it")
     parser.add_argument("--tuning", help="a name from the system's list; a wrong one prints it")
+    parser.add_argument("--start", metavar="MODE", help="start-up mode of the filter, instead of the tuning's own")
+    parser.add_argument(
+        "--condition", action="append", default=[], metavar="NAME=NUMBER", help="of the scenario; repeatable"
+    )
+    parser.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="KIND[:WHAT]@START[-STOP]",
+        help="railed, stuck, noisy, silent of a sensor, a push, ...; repeatable; `plumb systems --system S` lists them",
+    )
     parser.add_argument("--open-loop", action="store_true", help="prescribed motion: the pulses move nothing")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html, summary.json and steps.csv")
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb import quantise, systems, trial
+    from dataclasses import replace
+
+    from plumb import disturbance, quantise, systems, trial
     from plumb.boards import open_board
     from plumb.errors import UsageError
 
@@ -36,8 +50,16 @@ def main(arguments: argparse.Namespace) -> int:
     tuning, name = arguments.tuning or system.DEFAULT_TUNING, arguments.scenario or system.DEFAULT_SCENARIO
     if tuning not in system.TUNINGS:
         raise UsageError(f"{arguments.system} has no tuning '{tuning}'; it has {', '.join(system.TUNINGS)}")
-    params = quantise.quantise(system.TUNINGS[tuning])
-    scenario = system.scenario(name, arguments.seed, seconds=arguments.seconds)
+    settings = system.TUNINGS[tuning]
+    if arguments.start:
+        if arguments.start not in system.STARTS:
+            modes = ", ".join(system.STARTS) or "none"
+            raise UsageError(f"{arguments.system} has no start-up mode '{arguments.start}'; it has {modes}")
+        settings, tuning = replace(settings, start=system.STARTS[arguments.start]), f"{tuning}, {arguments.start}"
+    params = quantise.quantise(settings)
+    faults = system.faults([disturbance.parse(text) for text in arguments.fault])
+    conditions = conditions_of(arguments.system, system.CONDITIONS, arguments.condition)
+    scenario = system.scenario(name, arguments.seed, seconds=arguments.seconds, faults=faults, **conditions)
     closes = bool(system.OUTPUTS) and not arguments.open_loop
     with open_board(arguments.board, link=arguments.link, image=arguments.image) as board:
         if not closes:
@@ -56,6 +78,8 @@ def main(arguments: argparse.Namespace) -> int:
         board=arguments.board,
         link=arguments.link if arguments.board == "virtual" else None,
         seed=arguments.seed,
+        **({"faults": arguments.fault} if arguments.fault else {}),
+        **({"conditions": conditions} if conditions else {}),
     )
     if arguments.out:
         from plumb import story
@@ -63,6 +87,22 @@ def main(arguments: argparse.Namespace) -> int:
         story.write_run(arguments.out, result, summary)
     print(json.dumps(summary) if arguments.json else describe(summary))
     return {"pass": 0, "fail": 1, "unverified": 3}[result.verdict]
+
+
+def conditions_of(system: str, known: Mapping[str, str], texts: Sequence[str]) -> dict[str, float]:
+    """NAME=NUMBER each; raises UsageError for what is none."""
+    from plumb.errors import UsageError
+
+    found = {}
+    for text in texts:
+        name, _, number = text.partition("=")
+        if name not in known:
+            raise UsageError(f"{system} has no condition '{name}'; it has {', '.join(known) or 'none'}")
+        try:
+            found[name] = float(number)
+        except ValueError:
+            raise UsageError(f"'{text}' sets nothing; write {name}=NUMBER") from None
+    return found
 
 
 def describe(summary: dict[str, object]) -> str:

@@ -1,4 +1,5 @@
-"""The systems this version has; with --table, what their sources claim and what the integers reach.
+"""The systems this version has; with --system, everything a run of that one can be asked for by name; with --table,
+what their sources claim and what the integers reach.
 
 The table runs the C integers over seeds 1000 to 1039 of every scenario. Exit code 1 when a figure is missed.
 """
@@ -8,11 +9,14 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Iterator
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--table", action="store_true", help="run the scenarios and print the figures")
-    parser.add_argument("--system", action="append", metavar="S", help="only this system's figures; repeatable")
+    parser.add_argument(
+        "--system", action="append", metavar="S", help="only this system: its presets, or its figures; repeatable"
+    )
     parser.add_argument("--seeds", type=int, default=40, help="how many seeds from 1000 on (default 40)")
     parser.add_argument("--json", action="store_true", help="print JSON")
 
@@ -23,6 +27,8 @@ def main(arguments: argparse.Namespace) -> int:
     if not arguments.table:
         if arguments.json:
             print(json.dumps({"systems": systems.SYSTEMS}))
+        elif arguments.system:
+            print("\n\n".join("\n".join(presets(name)) for name in arguments.system))
         else:
             print("\n".join(f"{name}: {text}" for name, text in systems.SYSTEMS.items()))
         return 0
@@ -44,3 +50,27 @@ def main(arguments: argparse.Namespace) -> int:
     else:
         print(figures.render(rows, colour=sys.stdout.isatty()))
     return 0 if all(row.met for _, row in rows) else 1
+
+
+def presets(name: str) -> Iterator[str]:
+    """Everything a run of the system can be asked for, by name."""
+    from plumb import systems
+    from plumb.systems import figures
+
+    system = systems.load(name)
+    yield f"{name}: {systems.SYSTEMS[name]}; every {system.PERIOD_US / 1000:g} ms"
+    listed = {
+        "scenarios (--scenario)": {key: f"{system.SECONDS[key]:g} s; {text}" for key, text in system.SCENARIOS.items()},
+        "tunings (--tuning)": system.TUNING_NOTES,
+        "start-up modes (--start)": system.START_NOTES,
+        "conditions (--condition NAME=NUMBER)": system.CONDITIONS,
+        "faults (--fault KIND[:WHAT]@START[-STOP])": system.FAULTS,
+    }
+    defaults = (system.DEFAULT_SCENARIO, system.DEFAULT_TUNING)
+    for title, names in listed.items():
+        if names:
+            yield f"{title}:"
+        for key, text in names.items():
+            yield f"  {key + ('*' if key in defaults else ''):<18}{text}".rstrip()
+    yield "noise and how figures are measured (seeds 0-19 to fit, 1000-1039 to report):"
+    yield from (f"  {sentence}" for sentence in figures.assumed(name))

@@ -4,12 +4,16 @@ A system X is, besides its step in C (firmware/core/X.[ch]) and the modules of i
 `plumb.reference` and `plumb.quantise`, and its record in `plumb.words`:
 
     systems/X.py            scenarios and tunings
-        SCENARIOS               name -> one sentence;  TUNINGS  name -> tuning
-        DEFAULT_SCENARIO, DEFAULT_TUNING
+        SCENARIOS               name -> one sentence;  SECONDS  name -> how long
+        TUNINGS                 name -> tuning;  TUNING_NOTES  name -> one sentence
+        DEFAULT_SCENARIO, DEFAULT_TUNING, PERIOD_US, LINK (words of the link's part of the parameters, by name)
+        STARTS                  start-up mode -> Start, for any of the tunings;  START_NOTES
+        CONDITIONS              what of a scenario can be set besides, name -> one sentence: a number, for scenario()
+        FAULTS                  kind -> one sentence;  faults(requests)  what scenario(faults=...) takes
         OUTPUT_FRAMES           word of the record -> (frame, signal) that carries it over a link: what moves the plant
         LINK                    words of the link's part of the parameters, by name, beside period_us
         OUTPUTS                 those words; none where nothing is driven, and every loop is open
-        scenario(name, seed, *, seconds=None, period_us=...)   everything random of one run, drawn; it has
+        scenario(name, seed, *, seconds=None, period_us=..., faults=())    everything random of one run, drawn; it has
             period_us, steps, time_s (steps,), scored (steps,) bool: the samples that count
             counts() (steps, 6) int16, setpoint() (steps,) int32, truth() name -> (steps,): of the prescribed motion
         plant(scenario, open_loop=False)    the physics, and sensors that ride on it; it has

@@ -12,6 +12,7 @@ and disturbances. What the source leaves open and is assumed here stands at the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -19,8 +20,9 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb import metrics
+from plumb.disturbance import Request
 from plumb.errors import UsageError
-from plumb.sensors import Adxl345, Fault, Itg3205
+from plumb.sensors import FAULT_NOTES, Adxl345, Fault, Itg3205, fault_of
 from plumb.systems.balancer_plant import EDGE_M, GRID_S, BalancerPlant, Vehicle
 from plumb.tuning import BalancerTuning, Calibration, Drive, Kalman, Pid, SpeedLoop, Start, Trust, Wheel
 
@@ -40,14 +42,17 @@ VELOCITY_UNIT = 1 << 26
 """Setpoints are m/s Q26."""
 
 SCENARIOS = {
-    "rough": "120 s of velocity commands and pushes, 0.1 g of vibration",
+    "rough": "velocity commands and pushes, 0.1 g of vibration",
     "smooth": "the same ride with 0.02 g of vibration",
-    "endure": "ten minutes of commands and pushes, 0.1 g of vibration",
-    "rocked": "held and rocked by hand, 20 s (the paper's figures 5 and 6)",
+    "endure": "commands and pushes, 0.1 g of vibration",
+    "rocked": "held and rocked by hand (the paper's figures 5 and 6)",
 }
 DEFAULT_SCENARIO, DEFAULT_TUNING = "rough", "tuned"
 OUTPUT_FRAMES = {"duty_q15": ("DRIVE", "duty")}
 OUTPUTS = tuple(OUTPUT_FRAMES)
+CONDITIONS: dict[str, str] = {}
+FAULT_CHANNELS = ("gyro", "accel_x", "accel_z", "hall")
+FAULTS = {**FAULT_NOTES, "push": "an acceleration of the axle in m/s^2 more, closed loop, for example push:6@15-15.15"}
 SECONDS = {"rough": 120.0, "smooth": 120.0, "endure": 600.0, "rocked": 20.0}
 
 CALIBRATION = Calibration(
@@ -77,6 +82,34 @@ TUNINGS = {
     "paper_rule": replace(ARCTAN, kalman=Kalman.per_step(1e-3, 1e-6, PERIOD_US)),
     "paper_rule_wheel": replace(TUNED, kalman=Kalman.per_step(1e-3, 1e-6, PERIOD_US)),
 }
+TUNING_NOTES = {
+    "tuned": "the axle's acceleration, from the Hall edges, taken off before the arctangent",
+    "arctan": "the arctangent of the two axes as the source has it",
+    "paper_rule": "arctan, Q of the bias three orders of magnitude below Q of the angle",
+    "paper_rule_wheel": "tuned, with that rule",
+}
+STARTS: dict[str, Start] = {}
+START_NOTES: dict[str, str] = {}
+
+
+@dataclass(frozen=True)
+class Push:
+    """An acceleration of the axle for a while, beside the scenario's own pushes."""
+
+    push_mps2: float
+    start_s: float
+    stop_s: float
+
+
+def faults(requests: Sequence[Request]) -> tuple[Fault | Push, ...]:
+    """What `scenario` takes; raises UsageError for a kind or a channel that there is not."""
+    found: list[Fault | Push] = []
+    for asked in requests:
+        if asked.kind == "push":
+            found.append(Push(asked.number("m/s^2"), asked.start_s, asked.stop_s))
+        else:
+            found.append(fault_of(asked, FAULT_CHANNELS))
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -210,7 +243,7 @@ def scenario(
     *,
     seconds: float | None = None,
     period_us: int = PERIOD_US,
-    faults: tuple[Fault, ...] = (),
+    faults: tuple[Fault | Push, ...] = (),
 ) -> Scenario:
     """Draw a run. One generator per seed, in this order:
 
@@ -250,6 +283,9 @@ def scenario(
     push = np.zeros(points)
     for at_s, size in zip(push_s, push_mps2, strict=True):
         push += size * ((grid_s >= at_s) & (grid_s < at_s + PUSH_S))
+    for more in faults:
+        if isinstance(more, Push):
+            push += more.push_mps2 * ((grid_s >= more.start_s) & (grid_s < more.stop_s))
     latest = np.searchsorted(command_s, grid_s, side="right")
     by_hand = name == "rocked"
     return Scenario(
@@ -268,7 +304,7 @@ def scenario(
         accel_noise_lsb,
         gyro_noise_dps,
         fault_noise,
-        faults,
+        tuple(fault for fault in faults if isinstance(fault, Fault)),
     )
 
 

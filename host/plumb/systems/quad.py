@@ -11,7 +11,7 @@ vibration 0.03 g rms at 2 to 12 Hz, six lateral bursts of 0.3 g and 0.15 s, ADC 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -20,8 +20,20 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb import metrics
+from plumb.disturbance import Request
 from plumb.errors import UsageError
-from plumb.sensors import ADC_COUNTS, ADC_NOISE_LSB, ADC_REFERENCE_V, Enc03, Fault, Mma7260, OnePole, adc_counts
+from plumb.sensors import (
+    ADC_COUNTS,
+    ADC_NOISE_LSB,
+    ADC_REFERENCE_V,
+    FAULT_NOTES,
+    Enc03,
+    Fault,
+    Mma7260,
+    OnePole,
+    adc_counts,
+    fault_of,
+)
 from plumb.tuning import Calibration, Esc, Kalman, Pid, Start, Trust, Tuning
 
 if TYPE_CHECKING:
@@ -54,13 +66,16 @@ CONVERGE_NOISE_G = float(np.radians(0.5))
 HOLD_REST_S, HOLD_MOVE_S, HOLD_RELEASE_S, HOLD_TILT_DEG = 3.0, 10.0, 10.6, 20.0
 
 SCENARIOS = {
-    "motion": "120 s of prescribed rolling with vibration and six lateral bursts",
+    "motion": "prescribed rolling with vibration and six lateral bursts",
     "quiet": "the same motion without vibration and bursts",
-    "disturb": "the start angle moved by hand, 30 s (the paper's figures 2 and 3)",
-    "hold": "attitude hold at level, 30 s, pulled to 20 deg by hand and released",
-    "converge": "at rest from a start 30 deg and 5 deg/s wrong, 10 s",
+    "disturb": "the start angle moved by hand (the paper's figures 2 and 3)",
+    "hold": "attitude hold at level, pulled to 20 deg by hand and released",
+    "converge": "at rest from a start 30 deg and 5 deg/s wrong",
 }
 DEFAULT_SCENARIO, DEFAULT_TUNING = "motion", "adaptive"
+CONDITIONS = {"bandwidth_hz": "corner of the accelerometer's one-pole low-pass, lag included (default 350)"}
+FAULT_CHANNELS = ("gyro", "accel_y", "accel_z")
+FAULTS = {**FAULT_NOTES, "push": "a torque in Nm on the axis of a closed loop, for example push:0.1@15-15.2"}
 OUTPUT_FRAMES = {"pulse_halfus_0": ("ANGLE", "pulse_0"), "pulse_halfus_1": ("BIAS", "pulse_1")}
 OUTPUTS = tuple(OUTPUT_FRAMES)
 SECONDS = {"motion": 120.0, "quiet": 120.0, "disturb": 30.0, "hold": 30.0, "converge": 10.0}
@@ -77,13 +92,23 @@ PID = Pid(
     slew_per_s=20.0,
 )
 
+FAST_START = Start(p00_deg2=30.0**2, p11_dps2=10.0**2)
+STARTS = {
+    "paper": Start(p00_deg2=0.005, p01_deg2_per_s=0.005, p11_dps2=0.005),
+    "fast": FAST_START,
+}
+START_NOTES = {
+    "paper": "table 2: sure of a start at level without bias, so that a wrong one is given up slowly",
+    "fast": "nothing is known, the first samples decide; the gains fall by themselves to those at rest",
+}
+
 ADAPTIVE = Tuning(
     period_us=PERIOD_US,
     calibration=CALIBRATION,
     tilt="atan2",
     trust=Trust(r_deg2=0.25, gain_deg2=1100.0, r_max_deg2=250.0),
     kalman=Kalman.per_step(6e-5, 8e-6, PERIOD_US),
-    start=Start(p00_deg2=30.0**2, p11_dps2=10.0**2),
+    start=FAST_START,
     pid=PID,
     esc=Esc(),
 )
@@ -94,7 +119,7 @@ PAPER = replace(
     ADAPTIVE,
     trust=Trust(r_deg2=0.056, r_max_deg2=0.056),
     kalman=Kalman.per_step(0.01, 0.005, PERIOD_US),
-    start=Start(p00_deg2=0.005, p01_deg2_per_s=0.005, p11_dps2=0.005),
+    start=STARTS["paper"],
 )
 
 TUNINGS = {
@@ -105,11 +130,39 @@ TUNINGS = {
         ADAPTIVE, trust=Trust(r_deg2=0.25, r_max_deg2=0.25), kalman=Kalman.per_step(3e-3, 1e-5, PERIOD_US)
     ),
     # The paper's Q; only R is the noise of 0.5 deg and P0 admits to know nothing: what its slow start was made of.
-    "fast_start": replace(PAPER, trust=Trust(r_deg2=0.25, r_max_deg2=0.25), start=ADAPTIVE.start),
+    "fast_start": replace(PAPER, trust=Trust(r_deg2=0.25, r_max_deg2=0.25), start=FAST_START),
     # A three-axis sensor in general motion: R wide enough for accelerations that are not gravity, and a Q of the angle
     # for turning about the other axes, which a one-axis filter does not know; together half a second of memory.
     "recording": replace(ADAPTIVE, trust=Trust(r_deg2=25.0, r_max_deg2=25.0), kalman=Kalman(0.35, 1e-4)),
 }
+TUNING_NOTES = {
+    "adaptive": "R follows | |a|^2 - 1 | over 1000:1; the shipped tuning",
+    "paper": "the paper's table 2, angles from both axes",
+    "paper_arcsine": "the paper's table 2, its tilt = arcsin(a / g) as printed",
+    "quiet": "constant R, for a frame that does not vibrate",
+    "fast_start": "the paper's Q with the accelerometer's own R, start-up mode fast",
+    "recording": "constant, wide R for recordings of general motion",
+}
+
+
+@dataclass(frozen=True)
+class Push:
+    """A torque on the axis for a while."""
+
+    torque_nm: float
+    start_s: float
+    stop_s: float
+
+
+def faults(requests: Sequence[Request]) -> tuple[Fault | Push, ...]:
+    """What `scenario` takes; raises UsageError for a kind or a channel that there is not."""
+    found: list[Fault | Push] = []
+    for asked in requests:
+        if asked.kind == "push":
+            found.append(Push(asked.number("Nm"), asked.start_s, asked.stop_s))
+        else:
+            found.append(fault_of(asked, FAULT_CHANNELS))
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -138,6 +191,7 @@ class Scenario:
     fault_noise: FloatArray
     torque_noise: FloatArray
     faults: tuple[Fault, ...] = ()
+    pushes: tuple[Push, ...] = ()
 
     @property
     def steps(self) -> int:
@@ -220,7 +274,7 @@ def scenario(
     seconds: float | None = None,
     period_us: int = PERIOD_US,
     bandwidth_hz: float = 350.0,
-    faults: tuple[Fault, ...] = (),
+    faults: tuple[Fault | Push, ...] = (),
 ) -> Scenario:
     """Draw a run. One generator per seed, in this order:
 
@@ -286,7 +340,8 @@ def scenario(
         adc_noise_v,
         fault_noise,
         torque_noise,
-        faults,
+        tuple(fault for fault in faults if isinstance(fault, Fault)),
+        tuple(push for push in faults if isinstance(push, Push)),
     )
 
 

@@ -121,7 +121,7 @@ class QuadPlant:
             self._gust_nm = keep * self._gust_nm + GUST_NM * math.sqrt(1.0 - keep * keep) * self._gust_drive[n % last]
             turning_nm = ARM_M * THRUST_N * (self._speed[0] ** 2 - self._speed[1] ** 2)
             friction_nm = FRICTION_NMS * math.radians(self.rate_dps)
-            torque_nm = turning_nm - friction_nm + self._imbalance_nm + self._gust_nm
+            torque_nm = turning_nm - friction_nm + self._imbalance_nm + self._gust_nm + self._pushed_nm()
             self.rate_dps += math.degrees(torque_nm / INERTIA_KGM2) * GRID_S
             self.tilt_deg += self.rate_dps * GRID_S
             if abs(self.tilt_deg) > STOP_DEG:
@@ -132,6 +132,10 @@ class QuadPlant:
             pole.decay * self._force_filtered[1] + pole.new * force[1] + pole.old * self._force[1],
         )
         self._force = force
+
+    def _pushed_nm(self) -> float:
+        time_s = (self._step - 1) * GRID_S  # the beginning of the step that is being simulated
+        return sum(push.torque_nm for push in self.scenario.pushes if push.start_s <= time_s < push.stop_s)
 
     def _specific_force(self, n: int) -> tuple[float, float]:
         tilt_rad = math.radians(self.tilt_deg)

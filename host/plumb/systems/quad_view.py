@@ -45,7 +45,17 @@ def metrics(trial: Trial) -> dict[str, float | None]:
         "angle_max_deg": figure(measures.angle_max_deg, estimate_deg(trial)),
         "accel_only_rmse_deg": figure(measures.angle_rmse_deg, accel_only_deg(trial)),
         "fixed_vs_reference_max_deg": float(np.max(np.abs(apart))),
+        "bias_settled_s": bias_settled_s(trial),
     }
+
+
+def bias_settled_s(trial: Trial) -> float | None:
+    """From the start until the bias stays within 1 deg/s of the true one; None where that is not known, or never."""
+    error_dps = trial.board_words["bias_turnps_q28"] * RATE_DPS - trial.flight.truth["bias_dps"]
+    if not np.isfinite(error_dps).all():
+        return None
+    settled = measures.convergence(error_dps, np.zeros_like(error_dps), trial.params.period_s)
+    return settled.time_s if np.isfinite(settled.time_s) else None
 
 
 def plots(trial: Trial, *, closed: bool) -> list[Plot]:

@@ -1,0 +1,52 @@
+"""What is asked to go wrong in a run, as text: KIND[:WHAT]@START[-STOP], times in seconds.
+
+    stuck:gyro@20        a channel freezes at 20 s, for good
+    railed:accel_y@20-25 a channel at its rail for 5 s
+    push:0.2@15-15.3     a push of that size
+
+Which kinds there are, and of what, a system says (FAULTS of plumb.systems).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+from plumb.errors import UsageError
+
+_FORM = re.compile(r"(?P<kind>[a-z]+)(:(?P<what>[^@]+))?@(?P<start>[0-9.]+)(-(?P<stop>[0-9.]+))?")
+
+
+@dataclass(frozen=True)
+class Request:
+    """One thing that goes wrong from start_s on, before stop_s."""
+
+    kind: str
+    what: str
+    start_s: float
+    stop_s: float
+
+    def number(self, unit: str) -> float:
+        """`what` as a number; raises UsageError with the unit it has."""
+        try:
+            value = float(self.what)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise UsageError(f"{self.kind}:{self.what}: give a number of {unit}")
+        return value
+
+
+def parse(text: str) -> Request:
+    """Raises UsageError with the form when the text has another."""
+    found = _FORM.fullmatch(text)
+    try:
+        assert found
+        start_s, stop_s = float(found["start"]), float(found["stop"] or "inf")
+        assert start_s < stop_s
+    except (AssertionError, ValueError):
+        raise UsageError(
+            f"'{text}' is no fault; write KIND[:WHAT]@START[-STOP], for example stuck:gyro@20-25"
+        ) from None
+    return Request(found["kind"], found["what"] or "", start_s, stop_s)
