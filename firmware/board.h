@@ -85,7 +85,7 @@ typedef struct {
 typedef enum {
     BOARD_SENSOR_GOOD = 0,  /* or not in use */
     BOARD_SENSOR_STARTING,  /* not found yet */
-    BOARD_SENSOR_NO_ANSWER, /* it does not acknowledge its address */
+    BOARD_SENSOR_NO_ANSWER, /* nobody answers where it should be */
     BOARD_SENSOR_BUS,       /* the bus hangs, or an access took too long */
     BOARD_SENSOR_IDENTITY,  /* another chip answers, or it did not take its settings */
     BOARD_SENSOR_SILENT,    /* it has no data */

@@ -79,8 +79,11 @@ static void actuate(void) {
 /* The sensors that this system samples itself; none when samples come from the host. Not inlined, like the
  * next one: what they keep on the stack does not lie below the rest of the loop. */
 __attribute__((noinline)) static void choose_sensors(void) {
+    /* By control_params_t.system; the phone has none of its own. */
+    static const uint8_t kinds[] = {BOARD_SENSORS_ANALOG_3, BOARD_SENSORS_BALANCE, BOARD_SENSORS_ANALOG_6,
+                                    BOARD_SENSORS_NONE};
     const bool injected = session_mode(&session) != SESSION_IDLE && !session_live(&session);
-    const board_sensors_t wanted = {.kind = injected ? BOARD_SENSORS_NONE : BOARD_SENSORS_ANALOG_3,
+    const board_sensors_t wanted = {.kind = injected ? BOARD_SENSORS_NONE : kinds[params.control.system],
                                     .oversample_log2 = params.adc_oversample_log2,
                                     .rail_steps = params.rail_steps,
                                     .stuck_steps = params.stuck_steps,

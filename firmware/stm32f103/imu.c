@@ -36,6 +36,7 @@ static board_sensors_t use;
 static volatile phase_t phase;
 static sensor_t sensors[SENSORS];
 static uint32_t active; /* whose access is under way */
+static uint32_t asked;  /* bytes that the access reads, 0: it writes */
 static uint32_t age_ms, tries;
 static uint16_t failures;
 static uint8_t bytes[1u + DATA_BYTES]; /* SPI: the command first */
@@ -46,6 +47,7 @@ static bool on_spi(uint32_t sensor) {
 }
 
 static void read(uint32_t sensor, uint8_t reg, uint32_t count) {
+    asked = count;
     if (on_spi(sensor)) {
         bytes[0] = (uint8_t)(reg | SPI_READ | (count > 1u ? SPI_MANY : 0u));
         spi_exchange(bytes, 1u + count);
@@ -55,6 +57,7 @@ static void read(uint32_t sensor, uint8_t reg, uint32_t count) {
 }
 
 static void write(uint32_t sensor, uint8_t reg, uint8_t value) {
+    asked = 0u;
     if (on_spi(sensor)) {
         bytes[0] = reg;
         bytes[1] = value;
@@ -149,9 +152,21 @@ static void publish(void) {
     sampling_publish();
 }
 
+/* SPI knows no acknowledge: a chip that is not there leaves the line to its pull-up. */
+static bool line_was_idle(void) {
+    uint8_t all = 0xffu;
+    for (uint32_t i = 0u; i < asked; i++) {
+        all &= bytes[1u + i];
+    }
+    return on_spi(active) && asked > 0u && all == 0xffu;
+}
+
 void imu_transferred(transfer_t result) {
     if (phase != SET_UP && phase != SAMPLE) {
         return;
+    }
+    if (result == TRANSFER_DONE && line_was_idle()) {
+        result = TRANSFER_REFUSED;
     }
     if (result != TRANSFER_DONE) {
         failures++;

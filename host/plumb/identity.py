@@ -51,7 +51,7 @@ RESET_CAUSES = {2: "reset pin", 3: "power", 4: "software", 5: "watchdog", 6: "wi
 ANALOG_INPUTS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")
 SENSOR_CAUSES = {
     1: "not found yet",
-    2: "does not answer to its address",
+    2: "does not answer",
     3: "its bus hangs",
     4: "another chip answers, or it did not take its settings",
     5: "has no data",

@@ -94,12 +94,19 @@ _AT_MOST = (
 """Pairs of which the first may not be more than the second."""
 
 
+SCAN_US = 50
+"""BOARD_SCAN_US of firmware/board.h."""
+
+
 def contradiction(words: Sequence[int]) -> str | None:
     """The first pair of a whole table that the board refuses together, as a sentence; None where there is no such."""
     values = {row.name: row.from_word(word & 0xFFFFFFFF) for row, word in zip(table(), words, strict=True)}
     for low, high in _AT_MOST:
         if values[low] > values[high]:
             return f"{low} = {values[low]} is more than {high} = {values[high]}"
+    scans_us = SCAN_US << values["adc_oversample_log2"]
+    if scans_us > values["period_us"]:
+        return f"adc_oversample_log2 = {values['adc_oversample_log2']} takes {scans_us} us of every period_us"
     return None
 
 

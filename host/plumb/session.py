@@ -17,7 +17,7 @@ import can
 
 from plumb import parameters
 from plumb.errors import LinkError, UsageError
-from plumb.identity import Identity, NackError, identity_of, nack_error
+from plumb.identity import Identity, NackError, identity_of, nack_error, sensors_text
 from plumb.protocol import Frame, Message, check, protocol
 from plumb.serialbus import DEFAULT_BAUDRATE, PlumbBus
 from plumb.words import RECORDS
@@ -26,6 +26,9 @@ REPLY_TIMEOUT_S = 0.25
 TRIES = 4
 IN_FLIGHT = 16
 KEEPALIVE_EVERY_S = 0.015
+SENSORS_START_S = 0.3
+"""Sensors in use are found, set up and heard within this, or they are not there."""
+BLOCKED_BY_FAULT = 1 << 3
 PERIODIC = ("TIME", "STATUS", "COUNTERS", "EVENTS", "SENSORS")
 """What an open link always says."""
 
@@ -397,9 +400,20 @@ class Session:
     def arm(self) -> None:
         """Arm; from here on `receive` or `pump` has to be called at least every 50 ms.
 
-        Raises LinkError with what is in the way.
+        A board with a fault gets SENSORS_START_S for its sensors to come up. Raises LinkError with what is in the way.
         """
-        self._token = self.execute("ARM")
+        end_s = self.clock() + SENSORS_START_S
+        while True:
+            try:
+                self._token = self.execute("ARM")
+                break
+            except NackError as error:
+                sensors = sensors_text(self.telemetry.get("SENSORS", {}))
+                if error.reason != "BLOCKED" or error.detail != BLOCKED_BY_FAULT:
+                    raise
+                if self.clock() > end_s:
+                    raise LinkError("; ".join([str(error), *sensors])) from error
+                self.receive(REPLY_TIMEOUT_S / 5)
         self._keepalive_s = self.clock()
 
     def disarm(self) -> None:

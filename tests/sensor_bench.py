@@ -1,0 +1,133 @@
+"""A virtual board with the flash image and sensors of either kind, begun, armed and watched from its link."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import pytest
+
+pytest.importorskip("unicorn")
+
+from plumb.capture import Capture
+from plumb.elf import Elf
+from plumb.errors import UsageError
+from plumb.f103 import find_image
+from plumb.f103.adxl345 import Adxl345
+from plumb.f103.itg3205 import Itg3205
+from plumb.f103.machine import Machine
+from plumb.identity import sensors_text
+from plumb.parameters import table
+from plumb.session import Session
+
+PERIOD_US = 5000
+NEUTRAL_US = 1000.0
+CONTROL_WORDS = sum(row.owner == "control" for row in table())
+DIGITAL = 3
+"""BOARD_SENSORS_BALANCE of board.h."""
+NO_CONVERSIONS, STEPS_MISSED, SENSOR = 1, 2, 0x40
+SELECT_PIN = 4
+BOOT_US = 30_000
+RECOVERY_S = 0.15
+"""Clearing the bus, setting up both chips, and their first samples."""
+
+
+def world(scale: tuple[float, float, float], noise: float, seed: int) -> Callable[[float], tuple[float, float, float]]:
+    chance = random.Random(seed)
+
+    def felt(_time_s: float) -> tuple[float, float, float]:
+        x, y, z = (value + noise * chance.gauss(0.0, 1.0) for value in scale)
+        return x, y, z
+
+    return felt
+
+
+@dataclass
+class Bench:
+    """A board with sensors, begun and watched from its link."""
+
+    machine: Machine
+    session: Session
+    words: dict[str, int] = field(default_factory=dict)
+    gyro: Itg3205 | None = None
+    accel: Adxl345 | None = None
+
+    def begin(self, **words: int) -> Capture:
+        control = self.session.read_parameters()[:CONTROL_WORDS]
+        self.words = {"period_us": PERIOD_US, "esc_period_us": 2500, "arm_hold_ms": 0} | words
+        self.session.upload(control, **self.words)
+        self.session.begin("REALTIME_LIVE", frames=["RAW_A", "RAW_B"])
+        return Capture(self.session)
+
+    def run(self, capture: Capture, seconds: float) -> int:
+        """How many steps it took."""
+        before, end = capture.steps, self.session.clock() + seconds
+        while self.session.clock() < end:
+            capture.feed(self.session.receive(0.002))
+        return capture.steps - before
+
+    def armed(self, **words: int) -> Capture:
+        capture = self.begin(**words)
+        self.run(capture, 0.05)
+        self.session.arm()
+        self.run(capture, 0.1)
+        assert self.driving()
+        return capture
+
+    def driving(self) -> bool:
+        return any(self.machine.pwm(pin).pulse_us != NEUTRAL_US for pin in ("PB6", "PB7"))
+
+    def told(self) -> list[str]:
+        """What the board says of its sensors, from here on."""
+        self.session.telemetry.pop("SENSORS", None)
+        end = self.session.clock() + 0.25
+        while "SENSORS" not in self.session.telemetry and self.session.clock() < end:
+            self.session.receive(0.01)
+        return sensors_text(self.session.telemetry["SENSORS"])
+
+    def faults(self) -> int:
+        return self.session.connect()["FAULTS"]
+
+    def bus_failures(self) -> int:
+        self.told()
+        return self.session.telemetry["SENSORS"]["bus_failures"]
+
+    def recovers(self, capture: Capture) -> None:
+        """No fault any more, samples again, and it can be armed again: by a command, not by itself."""
+        self.run(capture, RECOVERY_S)
+        assert self.told() == []
+        assert not self.driving()
+        assert self.run(capture, 0.1) >= 0.1e6 / PERIOD_US - 2
+        self.session.arm()
+        self.run(capture, 0.05)
+        assert self.driving()
+        assert self.machine.reset_count == 1
+        assert self.machine.warnings == []
+
+
+def image(**options: bool) -> Machine:
+    try:
+        return Machine(find_image(), **options)
+    except UsageError as error:
+        pytest.skip(str(error))
+
+
+def fit(machine: Machine, *, spi: bool = False) -> tuple[Itg3205, Adxl345]:
+    gyro = Itg3205(machine, world((1.0, 20.0, -3.0), 0.4, 1))
+    accel = Adxl345(machine, world((0.1, 0.2, 0.95), 0.004, 2))
+    machine.i2c_bus.slaves.append(gyro)
+    if spi:
+        machine.spi1.devices[SELECT_PIN] = accel
+    else:
+        machine.i2c_bus.slaves.append(accel)
+    return gyro, accel
+
+
+def boot_digital(machine: Machine) -> None:
+    """From here on the system with two speed controllers samples the digital sensors: in the table of main.c, system 0
+    gets what system 1 has. Sensors and outputs are under test here, not what is computed in between."""
+    machine.advance_us(BOOT_US)
+    symbols = Elf(find_image().with_suffix(".elf")).symbols
+    table_of_kinds = next(symbol for name, symbol in symbols.items() if name.startswith("kinds"))
+    machine.cpu.flash[table_of_kinds.address - 0x08000000] = DIGITAL

@@ -1,0 +1,158 @@
+"""The analog inputs of a live board, on the virtual board with the flash image: oversampling, inputs and a converter
+that fail, and interrupts that come late."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+pytest.importorskip("unicorn")
+
+from pins import LSB_V, at_rest
+from plumb.capture import Capture
+from plumb.errors import UsageError
+from plumb.session import Session
+from sensor_bench import BOOT_US, NO_CONVERSIONS, PERIOD_US, SENSOR, STEPS_MISSED, Bench, image
+
+SCAN_DONE = 1 << (16 + 11)
+"""Of DMA1 channel 1, in the interrupt controller."""
+
+
+@pytest.fixture
+def analog() -> Iterator[Bench]:
+    machine = image()
+    at_rest(machine)
+    machine.advance_us(BOOT_US)
+    with Session.open(machine.uart) as session:
+        yield Bench(machine, session)
+
+
+def test_an_input_at_a_rail(analog: Bench) -> None:
+    """Four samples of a knock are no fault, five are."""
+    capture = analog.armed()
+    for pin, volts, length_s in (("PA1", 3.3, 4.5), ("PA0", 0.0, 4.5)):
+        honest = analog.machine.adc[pin]
+        until_s = analog.machine.now_s + length_s * PERIOD_US * 1e-6
+        analog.machine.adc[pin] = lambda t_s, v=volts, s=honest, end=until_s: v if t_s < end else s(t_s)
+        analog.run(capture, 10 * PERIOD_US * 1e-6)
+        assert analog.driving()
+        analog.machine.adc[pin] = volts
+        analog.run(capture, 7 * PERIOD_US * 1e-6)
+        assert not analog.driving()
+        assert analog.told() == [f"input {pin} is at a rail"]
+        assert analog.faults() & SENSOR
+        assert analog.run(capture, 0.1) > 15, "the steps go on: the host sees what the input does"
+        analog.machine.adc[pin] = honest
+        analog.recovers(capture)
+
+
+def test_an_input_that_hangs(analog: Bench) -> None:
+    capture = analog.armed()
+    honest = analog.machine.adc["PA2"]
+    analog.machine.adc["PA2"] = honest(analog.machine.now_s)
+    analog.run(capture, 95 * PERIOD_US * 1e-6)
+    assert analog.driving()
+    analog.run(capture, 10 * PERIOD_US * 1e-6)
+    assert not analog.driving()
+    assert analog.told() == ["input PA2 does not change"]
+    analog.machine.adc["PA2"] = honest
+    analog.recovers(capture)
+
+
+def test_detection_can_be_switched_off(analog: Bench) -> None:
+    capture = analog.armed(rail_steps=0, stuck_steps=0)
+    analog.machine.adc["PA0"], analog.machine.adc["PA1"] = 1.0, 3.3
+    analog.run(capture, 1.0)
+    assert analog.driving() and analog.told() == []
+
+
+def test_a_noisy_input_is_no_reason_to_stop(analog: Bench) -> None:
+    """0.1 V rms, 124 counts: what is beyond the sensor's range is clamped and counted, and R grows with |a|."""
+    capture = analog.armed()
+    at_rest(analog.machine, noise_lsb=0.1 / LSB_V)
+    assert analog.run(capture, 0.5) >= 0.5e6 / PERIOD_US - 2
+    assert analog.driving() and analog.told() == []
+    assert analog.session.telemetry["EVENTS"]["saturated"] > 0
+
+
+def test_a_converter_that_falls_silent(analog: Bench) -> None:
+    capture = analog.armed()
+    analog.machine.adc1.silent = True
+    analog.run(capture, 4 * PERIOD_US * 1e-6)
+    assert not analog.driving()
+    assert analog.faults() & NO_CONVERSIONS
+    assert analog.run(capture, 0.2) == 0
+    analog.machine.adc1.silent = False
+    analog.recovers(capture)
+    assert analog.faults() & NO_CONVERSIONS == 0
+
+
+@pytest.mark.parametrize("log2", [0, 1, 2, 3, 4])
+def test_oversampling_is_the_rounded_mean_of_scans_in_a_row(analog: Bench, log2: int) -> None:
+    seen: dict[str, list[tuple[float, float]]] = {"PA0": [], "PA1": [], "PA2": []}
+    for pin, rows in seen.items():
+
+        def source(t_s: float, rows: list[tuple[float, float]] = rows, honest=analog.machine.adc[pin]) -> float:
+            volts = honest(t_s)
+            rows.append((t_s, volts))
+            return volts
+
+        analog.machine.adc[pin] = source
+    capture = analog.begin(adc_oversample_log2=log2)
+    analog.run(capture, 0.2)
+    scans = 1 << log2
+    raw = capture.raw_counts(20)
+    for index, rows in enumerate(seen.values()):
+        times = np.array([t for t, _ in rows[: 20 * scans]]).reshape(20, scans)
+        counts = np.array([round(volts / LSB_V) for _, volts in rows[: 20 * scans]]).reshape(20, scans)
+        assert raw[:, index].tolist() == ((counts.sum(1) + scans // 2) >> log2).tolist()
+        assert np.abs(np.diff(times[:, 0]) - PERIOD_US * 1e-6).max() < 1e-8, "the timer begins every period"
+        assert times[:, -1].max() - times[:, 0].min() < 20 * PERIOD_US * 1e-6
+        spread = times[:, -1] - times[:, 0]
+        assert np.all(spread <= (scans - 1) * 30e-6), "one scan after the other, 21 us and the interrupt"
+    assert analog.machine.warnings == []
+
+
+def test_scans_that_do_not_fit_the_period_are_refused(analog: Bench) -> None:
+    with pytest.raises(UsageError, match="adc_oversample_log2 = 4 takes 800 us"):
+        analog.begin(adc_oversample_log2=4, period_us=500)
+    analog.begin(adc_oversample_log2=3, period_us=500)
+
+
+@pytest.mark.parametrize("late_periods", [1.2, 1.9])
+def test_a_scan_that_was_overwritten_is_counted(analog: Bench, late_periods: float) -> None:
+    """The interrupt comes late by more than a period: two scans are there, one of them is lost."""
+    capture = analog.begin()
+    analog.run(capture, 0.05)
+    assert analog.faults() == 0
+    nvic, machine = analog.machine.nvic, analog.machine
+    assert machine.run_until(lambda: not nvic.pending & SCAN_DONE and machine.adc1.busy, 2 * PERIOD_US)
+    nvic.enabled &= ~SCAN_DONE
+    machine.advance_us(late_periods * PERIOD_US)
+    nvic.enabled |= SCAN_DONE
+    nvic.changed()
+    machine.advance_us(1000)
+    faults = analog.faults()
+    assert faults & STEPS_MISSED
+    assert faults >> 24 == 1
+
+
+def test_no_tick_of_the_run_before_comes_with_the_next(analog: Bench) -> None:
+    """A scan ends while interrupts wait and the run is begun anew: its sample belongs to nobody."""
+    capture = analog.begin()
+    analog.run(capture, 0.05)
+    nvic = analog.machine.nvic
+    nvic.enabled &= ~SCAN_DONE
+    analog.machine.advance_us(1.5 * PERIOD_US)
+    assert nvic.pending & SCAN_DONE
+    analog.session.begin("REALTIME_LIVE", frames=["RAW_A"])
+    begun_us = analog.machine.now_us
+    times: list[float] = []
+    honest = analog.machine.adc["PA0"]
+    analog.machine.adc["PA0"] = lambda t_s: times.append(t_s) or honest(t_s)
+    capture = Capture(analog.session)
+    while capture.steps == 0:
+        capture.feed(analog.session.receive(0.001))
+    assert len(times) == 1 and analog.machine.now_us - begun_us > PERIOD_US * 0.9

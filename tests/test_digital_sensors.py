@@ -1,0 +1,208 @@
+"""ADXL345 and ITG-3205 of a live board, on the virtual board with the flash image: read in time, and when a chip or a
+bus fails the right one is named, the outputs go to neutral, nothing hangs, and it recovers when the sensor does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import pytest
+
+pytest.importorskip("unicorn")
+
+from plumb.errors import LinkError
+from plumb.session import Session
+from sensor_bench import PERIOD_US, RECOVERY_S, SENSOR, STEPS_MISSED, Bench, boot_digital, fit, image
+
+
+@pytest.fixture(params=["i2c", "spi"])
+def digital(request: pytest.FixtureRequest) -> Iterator[Bench]:
+    machine = image()
+    gyro, accel = fit(machine, spi=request.param == "spi")
+    boot_digital(machine)
+    with Session.open(machine.uart) as session:
+        bench = Bench(machine, session, gyro=gyro, accel=accel)
+        begin = bench.begin
+        bench.begin = lambda **words: begin(accel_bus=int(request.param == "spi"), **words)
+        yield bench
+
+
+def test_every_period_has_the_newest_sample_of_both_chips(digital: Bench) -> None:
+    gyro, accel = digital.gyro, digital.accel
+    seen: list[tuple[float, str, float, tuple[int, int, int]]] = []
+    gyro.on_read = lambda time_s, counts: seen.append((digital.machine.now_s, "gyro", time_s, counts))
+    accel.on_read = lambda time_s, counts: seen.append((digital.machine.now_s, "accel", time_s, counts))
+    capture = digital.begin()
+    digital.run(capture, 0.3)
+    rates, tilts = ([row for row in seen if row[1] == name] for name in ("gyro", "accel"))
+    raw = capture.raw_counts(50)
+    assert raw[:, 0].tolist() == [counts[1] for *_, counts in rates[:50]]
+    assert raw[:, 1].tolist() == [counts[0] for *_, counts in tilts[:50]]
+    assert raw[:, 2].tolist() == [counts[2] for *_, counts in tilts[:50]]
+    for rows, period_s, slack_us in ((rates, 1 / 1000, 3), (tilts, 1 / 200, 3)):
+        assert max(abs(b[0] - a[0] - PERIOD_US * 1e-6) for a, b in pairwise(rows)) < slack_us * 1e-6
+        assert max(at_s - sampled_s for at_s, _, sampled_s, _ in rows) < period_s + 1e-3
+    assert digital.machine.warnings == []
+
+
+def test_a_chip_can_be_armed_on_as_soon_as_it_is_there(digital: Bench) -> None:
+    """begin, then arm at once: the host waits until the sensors are up."""
+    capture = digital.begin()
+    digital.session.arm()
+    digital.run(capture, 0.1)
+    assert digital.driving()
+
+
+@pytest.mark.parametrize("name", ["gyro", "accelerometer"])
+def test_a_chip_that_does_not_answer(digital: Bench, name: str) -> None:
+    capture = digital.armed()
+    chip = digital.gyro if name == "gyro" else digital.accel
+    chip.answers = False
+    digital.run(capture, 2 * PERIOD_US * 1e-6 + 0.003)
+    assert not digital.driving()
+    assert digital.told() == [f"{name}: does not answer"]
+    assert digital.faults() & SENSOR
+    assert digital.run(capture, 0.1) == 0, "no sample is made up"
+    with pytest.raises(LinkError, match=f"{name}: does not answer"):
+        digital.session.arm()
+    chip.answers = True
+    digital.recovers(capture)
+
+
+@pytest.mark.parametrize("name", ["gyro", "accelerometer"])
+def test_another_chip_at_its_place(digital: Bench, name: str) -> None:
+    chip = digital.gyro if name == "gyro" else digital.accel
+    right, chip.identity = chip.identity, 0x33
+    capture = digital.begin()
+    assert digital.run(capture, 0.2) == 0
+    assert digital.told() == [f"{name}: another chip answers, or it did not take its settings"]
+    with pytest.raises(LinkError, match="another chip"):
+        digital.session.arm()
+    chip.identity = right
+    digital.recovers(capture)
+
+
+@pytest.mark.parametrize("name", ["gyro", "accelerometer"])
+def test_a_chip_whose_data_hang(digital: Bench, name: str) -> None:
+    capture = digital.armed(stuck_steps=20)
+    chip = digital.gyro if name == "gyro" else digital.accel
+    chip.frozen = True
+    digital.run(capture, 15 * PERIOD_US * 1e-6)
+    assert digital.driving(), "not before 20 steps"
+    digital.run(capture, 8 * PERIOD_US * 1e-6)
+    assert not digital.driving()
+    assert digital.told()[0] in (f"{name}: its data do not change", f"{name}: has no data")
+    digital.run(capture, 0.3)
+    assert len(digital.told()) == 1, "set up anew or not: a chip that hangs stays a fault"
+    chip.frozen = False
+    digital.run(capture, RECOVERY_S)
+    digital.recovers(capture)
+
+
+def test_a_chip_that_lost_its_settings_gets_them_again(digital: Bench) -> None:
+    """A dip of the supply: the accelerometer is back at +-2 g and in standby, its data stand still."""
+    capture = digital.armed(stuck_steps=20)
+    digital.accel.brown_out()
+    digital.run(capture, 22 * PERIOD_US * 1e-6)
+    assert not digital.driving()
+    digital.recovers(capture)
+    assert digital.accel.registers[0x31] == 0x0B
+
+
+def test_one_access_that_fails_is_tried_again_and_costs_no_step(digital: Bench) -> None:
+    capture = digital.armed()
+    failures = digital.bus_failures()
+    honest = digital.gyro.begin
+    refusals = [False, False]
+
+    def begin(reading: bool, now: int) -> bool:
+        return honest(reading, now) and (not refusals or refusals.pop())
+
+    digital.gyro.begin = begin
+    assert digital.run(capture, 0.2) >= 0.2e6 / PERIOD_US - 1
+    assert digital.driving()
+    assert digital.bus_failures() - failures == 2
+    assert digital.told() == []
+
+
+# The I2C bus
+
+
+@pytest.fixture
+def i2c() -> Iterator[Bench]:
+    machine = image()
+    gyro, accel = fit(machine)
+    boot_digital(machine)
+    with Session.open(machine.uart) as session:
+        yield Bench(machine, session, gyro=gyro, accel=accel)
+
+
+@pytest.mark.parametrize("clocks", [1, 5, 9])
+def test_a_slave_that_holds_the_data_line_is_clocked_free(i2c: Bench, clocks: int) -> None:
+    capture = i2c.armed()
+    i2c.machine.i2c_bus.stick(clocks)
+    i2c.run(capture, 0.015)
+    assert not i2c.driving()
+    i2c.recovers(capture)
+    assert i2c.machine.i2c_bus.held == 0
+
+
+@pytest.mark.parametrize("clocks", [1, 9])
+def test_a_data_line_that_is_held_at_power_up(clocks: int) -> None:
+    """The processor was reset in the middle of a byte: the slave was not."""
+    machine = image()
+    gyro, accel = fit(machine)
+    machine.i2c_bus.stick(clocks)
+    boot_digital(machine)
+    with Session.open(machine.uart) as session:
+        bench = Bench(machine, session, gyro=gyro, accel=accel)
+        bench.recovers(bench.begin())
+
+
+def test_analog_filters_that_lock_at_power_up(i2c: Bench) -> None:
+    """The erratum that makes the bus look busy for ever: only edges on the pins and a reset of I2C1 help."""
+    capture = i2c.armed()
+    i2c.machine.i2c1.filters_locked = {"scl": True, "sda": True}
+    i2c.run(capture, 0.015)
+    assert not i2c.driving()
+    i2c.recovers(capture)
+
+
+def test_a_shorted_data_line_is_a_fault_for_as_long_as_it_lasts(i2c: Bench) -> None:
+    capture = i2c.armed()
+    i2c.machine.i2c_bus.short(True)
+    i2c.run(capture, 0.015)
+    assert not i2c.driving()
+    said = i2c.told()
+    assert said == ["gyro: its bus hangs"]
+    i2c.run(capture, 0.5)
+    assert set(i2c.told()) & {"gyro: its bus hangs", "gyro: does not answer"}
+    i2c.machine.i2c_bus.short(False)
+    i2c.recovers(capture)
+
+
+def test_a_misplaced_stop_costs_no_step(i2c: Bench) -> None:
+    """No START can be sent after it until I2C1 is reset (errata): the access is begun again in the same period."""
+    capture = i2c.armed()
+    for wait_us in (31.0, 57.0, 101.0, 203.0):
+        assert i2c.machine.run_until(lambda: i2c.machine.i2c1.phase == "sending", 2 * PERIOD_US)
+        i2c.machine.advance_us(wait_us)
+        i2c.machine.i2c1.bus_error()
+        i2c.run(capture, 0.03)
+    assert i2c.driving()
+    assert i2c.told() == []
+    assert capture.disarmed_step is None
+    assert i2c.bus_failures() >= 4
+    assert i2c.faults() & STEPS_MISSED == 0
+
+
+def test_without_a_crystal_the_bus_runs_from_the_other_clock() -> None:
+    """64 MHz: FREQ, CCR and TRISE are others, or the model stops; both chips are read all the same."""
+    machine = image(crystal=False)
+    gyro, accel = fit(machine)
+    machine.advance_us(170_000)
+    boot_digital(machine)
+    with Session.open(machine.uart) as session:
+        bench = Bench(machine, session, gyro=gyro, accel=accel)
+        bench.recovers(bench.begin())
+        assert 380.0 < 1e3 * 40320 / machine.i2c1.clock_ticks <= 400.0
