@@ -37,13 +37,17 @@ void quad_step(quad_t *c, const control_params_t *p, const int16_t raw[CONTROL_R
     const int32_t accel_y = calibration_take(&p->accel_y, raw1, &flags, QUAD_FLAG_ACCEL_Y_CLAMPED);
     const int32_t accel_z = calibration_take(&p->accel_z, raw2, &flags, QUAD_FLAG_ACCEL_Z_CLAMPED);
     /* the sources drive the filter with the sample before; the first step has none */
-    const uint32_t step = w->step + 1U;
-    const int32_t u = p->kalman.rate_now || step == 1U ? rate : w->rate_turnps_q28;
-    w->step = step;
+    const uint32_t now = p->kalman.rate_now | (w->step == 0U);
+    const int32_t last = w->rate_turnps_q28;
+    const int32_t u = now != 0U ? rate : last;
+    w->step++;
     w->rate_turnps_q28 = rate;
     w->accel_y_g_q26 = accel_y;
     w->accel_z_g_q26 = accel_z;
-    w->clamped_steps += flags != 0U;
+    uint32_t clamped_steps = w->clamped_steps;
+    if (flags != 0U)
+        clamped_steps++;
+    w->clamped_steps = clamped_steps;
 
     const uint32_t variance = tilt_variance(&p->tilt, accel_y, accel_z);
     w->variance = variance;

@@ -6,6 +6,9 @@ find_package(Python3 REQUIRED COMPONENTS Interpreter)
 target_compile_options(plumb_core PRIVATE -O2
     -mslow-flash-data -fno-schedule-insns -fno-peephole2 -fno-tree-reassoc)
 target_compile_options(plumb_link PRIVATE -Os)
+# The switch between systems needs one register beside the four arguments: r12, which nobody has to save.
+set_source_files_properties(firmware/core/control.c PROPERTIES COMPILE_OPTIONS
+    "-ffixed-r4;-ffixed-r5;-ffixed-r6;-ffixed-r7")
 
 # Which commit this is: looked up in every build, so that the image never carries yesterday's name.
 set(BUILD_ID ${CMAKE_BINARY_DIR}/generated/build_id.h)
