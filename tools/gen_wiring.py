@@ -230,16 +230,16 @@ def line(points: list[tuple[float, float]], colour: str) -> str:
 def blue_pill(drawing: Drawing) -> list[str]:
     used = {wire.pin: wire.role for wire in drawing.wires()}
     height = PITCH * len(LEFT)
+    middle, centred = BOARD_X + BOARD_WIDTH / 2, ' text-anchor="middle"'
     parts = [
-        f'<rect x="{BOARD_X}" y="{TOP - 12}" width="{BOARD_WIDTH}" height="{height + 24}" rx="8" fill="#e8f0fb" stroke="#2a5ca8"/>',
-        f'<rect x="{BOARD_X + BOARD_WIDTH / 2 - 30:g}" y="{TOP - 24}" width="60" height="24" rx="3" fill="#d5dae1" stroke="{FAINT}"/>',
-        text(BOARD_X + BOARD_WIDTH / 2, TOP - 8, "USB", FAINT, 11, ' text-anchor="middle"'),
-        text(BOARD_X + BOARD_WIDTH / 2, TOP + 170, "Blue Pill", INK, 16, ' text-anchor="middle" font-weight="600"'),
-        text(BOARD_X + BOARD_WIDTH / 2, TOP + 190, "STM32F103C8", FAINT, 12, ' text-anchor="middle"'),
-        text(BOARD_X + BOARD_WIDTH / 2, TOP + 214, f"pins: {drawing.pins}", INK, 12, ' text-anchor="middle"'),
-        text(
-            BOARD_X + BOARD_WIDTH / 2, TOP + height + 6, "SWD: 3V3 SWDIO SWCLK GND", FAINT, 10, ' text-anchor="middle"'
-        ),
+        f'<rect x="{BOARD_X}" y="{TOP - 12}" width="{BOARD_WIDTH}" height="{height + 24}" rx="8" fill="#e8f0fb" '
+        f'stroke="{COLOURS[INPUT]}"/>',
+        f'<rect x="{middle - 30:g}" y="{TOP - 24}" width="60" height="24" rx="3" fill="#d5dae1" stroke="{FAINT}"/>',
+        text(middle, TOP - 8, "USB", FAINT, 11, centred),
+        text(middle, TOP + 170, "Blue Pill", INK, 16, centred + ' font-weight="600"'),
+        text(middle, TOP + 190, "STM32F103C8", FAINT, 12, centred),
+        text(middle, TOP + 214, f"pins: {drawing.pins}", INK, 12, centred),
+        text(middle, TOP + height + 6, "SWD: 3V3 SWDIO SWCLK GND", FAINT, 10, centred),
     ]
     for names, x, anchor in ((LEFT, BOARD_X + 10, "start"), (RIGHT, BOARD_X + BOARD_WIDTH - 10, "end")):
         for row, pin in enumerate(names):

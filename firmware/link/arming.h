@@ -32,9 +32,7 @@
 #define ARMING_BLOCK_SAMPLES  0x0080U /* injected in real time, and no sample came for a while */
 #define ARMING_BLOCK_SWITCH   0x0100U /* left because the arm switch was opened */
 #define ARMING_BLOCK_PINS     0x0200U /* what the system moves is not on the pins the board started with */
-#define ARMING_BLOCK_HANDLE                                                                                  \
-    0x0400U /* the arm switch is closed: it is in charge, or has to be opened first                          \
-             */
+#define ARMING_BLOCK_HANDLE   0x0400U /* the arm switch is closed, and has the say */
 /* What concerns a host alone; the switch arms and stays armed all the same. */
 #define ARMING_BLOCKS_HOST (ARMING_BLOCK_HELLO | ARMING_BLOCK_CLOSED | ARMING_BLOCK_HANDLE)
 

@@ -21,6 +21,9 @@ BLOCKED = {
     9: "this system has nothing to move on these pins: set the parameter pins, save and reset",
     10: "the arm switch is closed: it holds the board armed, or has to be opened first",
 }
+HOST_BLOCKS = (0, 1, 3)
+"""Of these a host is rid by what it does anyway, and of faults it hears one by one."""
+BLOCKING_FAULTS = range(8)
 FAULTS = {
     0: "no conversions",
     1: "control steps were missed",

@@ -18,6 +18,7 @@ from plumb.protocol import Frame, load_database
 from plumb.session import PERIODIC, REPLY_TIMEOUT_S, SELECTABLE, TRIES, Session
 
 EVERY_S = 0.1
+STATUS_EVERY_S = 0.1
 STALE_S = 0.5
 """The slowest run steps every 0.1 s."""
 RATE_OVER_S = 1.0

@@ -1,6 +1,10 @@
-"""Check this machine: libraries, tools, the flash image, serial ports and the right to open them.
+"""Check this machine: libraries, tools, the flash image, serial ports and the right to open them; and a board.
 
-Every line that is not good says what to do about it. Exit code 0 when the main job can run, else 2.
+    plumb doctor
+    plumb doctor --board serial:/dev/ttyUSB0       what the board is, its faults, and what keeps it from arming
+
+Every line that is not good says what to do about it. Exit code 0 when the main job can run, else 2; 1 with a board that
+has a fault or is not this plumb's.
 """
 
 from __future__ import annotations
@@ -23,19 +27,26 @@ class Finding:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--board", metavar="SPEC", help="look at this board, too: virtual, serial:PORT[@BAUD] or can:..."
+    )
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
 def main(arguments: argparse.Namespace) -> int:
     findings = [*libraries(), *tools(), native_core(), image(), *serial_rights()]
     bad = [finding for finding in findings if finding.needed and not finding.good]
+    ill = []
+    if arguments.board:
+        findings += board(arguments.board)
+        ill = [finding for finding in findings if finding.needed and not finding.good and finding not in bad]
     if arguments.json:
-        print(json.dumps({"good": not bad, "findings": [asdict(finding) for finding in findings]}))
+        print(json.dumps({"good": not bad and not ill, "findings": [asdict(finding) for finding in findings]}))
     else:
         for finding in findings:
             mark = "ok  " if finding.good else ("MISS" if finding.needed else "-   ")
             print(f"{mark} {finding.what}: {finding.detail}")
-    return 2 if bad else 0
+    return 2 if bad else 1 if ill else 0
 
 
 def libraries() -> Iterator[Finding]:
@@ -99,3 +110,33 @@ def serial_rights() -> Iterator[Finding]:
         else:
             remedy = f"no permission: sudo usermod -aG {path.group()} $USER, then log in again"
             yield Finding(port.device, False, False, remedy)
+
+
+def board(spec: str) -> list[Finding]:
+    """What a board says of itself. Raises LinkError when it does not answer, UsageError when there is no such board."""
+    from plumb.boards.link import open_link_board
+    from plumb.identity import BLOCKED, BLOCKING_FAULTS, FAULTS, HOST_BLOCKS, PINS
+    from plumb.monitor import STATUS_EVERY_S
+
+    with open_link_board(spec) as opened:
+        session = opened.session
+        identity = session.identity or session.connect()
+        commit, mismatch = identity.git_hash or "of no known commit", identity.mismatch
+        found = [
+            Finding("board", not mismatch, True, mismatch or f"{identity.unique_id}, image {commit}"),
+            Finding("chip", True, False, f"flash {identity['FLASH_KIB']} KiB, RAM {identity['RAM_KIB']} KiB"),
+            Finding("parameters", True, False, identity.parameter_source),
+            Finding("pins", True, False, PINS.get(identity["PINS"], "unknown")),
+        ]
+        faults = [(bit, text) for bit, text in FAULTS.items() if identity["FAULTS"] >> bit & 1]
+        found += [Finding("fault", False, bit in BLOCKING_FAULTS, text) for bit, text in faults]
+        end_s = session.clock() + 2 * STATUS_EVERY_S
+        while "STATUS" not in session.telemetry and session.clock() < end_s:
+            session.receive(STATUS_EVERY_S / 10)
+        blocked = session.telemetry.get("STATUS", {}).get("blocked", 0)
+        found += [
+            Finding("arming", False, False, text)
+            for bit, text in BLOCKED.items()
+            if blocked >> bit & 1 and bit not in HOST_BLOCKS
+        ]
+    return found
