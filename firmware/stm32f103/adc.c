@@ -9,8 +9,7 @@
 #define RESTART_MS        20u
 #define COUNT_MAX         4095u
 
-static const uint8_t inputs[BOARD_RAW_MAX] = {0u, 1u, 2u, 3u, 8u, 9u}; /* PA0 to PA3, PB0, PB1 */
-static volatile uint16_t scans[2u * BOARD_RAW_MAX];                    /* two, of `channels` counts each */
+static volatile uint16_t scans[2u * BOARD_RAW_MAX]; /* two, of `channels` counts each */
 static uint32_t channels;
 static uint32_t oversample_log2, rail_steps, stuck_steps;
 static bool marks_bad; /* deliver INT16_MIN for a channel that is not to be trusted */
@@ -54,14 +53,11 @@ static void restart(void) {
 
     /* 71.5 + 12.5 cycles at 12 MHz: 7 us a channel, enough for a source of 50 kOhm (datasheet, table of
      * R_AIN). */
-    uint32_t times = 0u, order = 0u;
-    for (uint32_t i = 0u; i < channels; i++) {
-        times |= ADC1_SMPR2_SMP0_71CYC5 << (3u * inputs[i]);
-        order |= (uint32_t)inputs[i] << (5u * i);
-    }
-    ADC1_SMPR2 = times;
+    ADC1_SMPR2 = ADC1_SMPR2_SMP0_71CYC5 | ADC1_SMPR2_SMP1_71CYC5 | ADC1_SMPR2_SMP2_71CYC5 |
+                 ADC1_SMPR2_SMP3_71CYC5 | ADC1_SMPR2_SMP8_71CYC5 | ADC1_SMPR2_SMP9_71CYC5;
     ADC1_SQR1 = (channels - 1u) * ADC1_SQR1_L_2CH;
-    ADC1_SQR3 = order;
+    ADC1_SQR3 = ADC1_SQR3_SQ1_IN0 | ADC1_SQR3_SQ2_IN1 | ADC1_SQR3_SQ3_IN2 | ADC1_SQR3_SQ4_IN3 |
+                ADC1_SQR3_SQ5_IN8 | ADC1_SQR3_SQ6_IN9;
     ADC1_CR1 = ADC1_CR1_SCAN;
 
     DMA1_CPAR1 = (uint32_t)(uintptr_t)&ADC1_DR;

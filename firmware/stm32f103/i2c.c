@@ -13,7 +13,7 @@
  * the cure for "start cannot be generated after a misplaced stop" (same errata). */
 #include "port.h"
 
-#define SPEED_HZ      400000u
+#define SPEED_KHZ     400u
 #define RISE_NS       300u /* of fast mode, at most */
 #define STOP_POLLS    32u  /* a STOP takes a clock of the bus, 2.5 us: about 3 polls */
 #define SCL           8u
@@ -24,14 +24,11 @@
 typedef enum { IDLE, START, ADDRESS, REGISTER, VALUE, RESTART, READ_ADDRESS, DATA } state_t;
 
 static volatile state_t state;
-static uint8_t address, reg, value;
+static uint8_t address, reg;
 static uint8_t *bytes;
-static uint32_t count; /* of bytes to read, 0: write value */
+static uint32_t count; /* of bytes to read, 0: one to write */
+static uint32_t pclk1_mhz;
 static uint32_t recover_step;
-
-static uint32_t bus_mhz(void) { /* PCLK1: half of HCLK above 36 MHz, see clock.c */
-    return clock_mhz() > 36u ? clock_mhz() / 2u : clock_mhz();
-}
 
 static void reset(void) {
     state = IDLE;
@@ -39,15 +36,16 @@ static void reset(void) {
     DMA1_IFCR = DMA1_IFCR_CGIF7;
     I2C1_CR1 = I2C1_CR1_SWRST;
     I2C1_CR1 = 0u;
-    const uint32_t mhz = bus_mhz();
-    I2C1_CR2 = mhz;
-    I2C1_CCR = I2C1_CCR_F_S | ((mhz * 1000000u + 3u * SPEED_HZ - 1u) / (3u * SPEED_HZ)); /* low 2, high 1 */
-    I2C1_TRISE = mhz * RISE_NS / 1000u + 1u;
+    I2C1_CR2 = pclk1_mhz;
+    I2C1_CCR =
+        I2C1_CCR_F_S | ((pclk1_mhz * 1000u + 3u * SPEED_KHZ - 1u) / (3u * SPEED_KHZ)); /* low 2, high 1 */
+    I2C1_TRISE = pclk1_mhz * RISE_NS / 1000u + 1u;
     I2C1_CR1 = I2C1_CR1_PE;
 }
 
 void i2c_init(void) {
     RCC_APB1ENR |= RCC_APB1ENR_I2C1EN;
+    pclk1_mhz = clock_mhz() > 36u ? clock_mhz() / 2u : clock_mhz(); /* see clock.c */
     DMA1_CPAR7 = (uint32_t)(uintptr_t)&I2C1_DR;
     irq_enable(IRQ_I2C1_EV);
     irq_enable(IRQ_I2C1_ER);
@@ -55,29 +53,19 @@ void i2c_init(void) {
     reset();
 }
 
-static void begin(uint8_t slave, uint8_t at) {
+void i2c_access(uint8_t slave, uint8_t at, uint8_t *data, uint32_t to_read) {
     address = (uint8_t)(slave << 1);
     reg = at;
+    bytes = data;
+    count = to_read;
     state = START;
-    I2C1_CR2 = bus_mhz() | I2C1_CR2_ITEVTEN | I2C1_CR2_ITERREN;
+    I2C1_CR2 = pclk1_mhz | I2C1_CR2_ITEVTEN | I2C1_CR2_ITERREN;
     I2C1_CR1 = I2C1_CR1_PE | I2C1_CR1_START;
-}
-
-void i2c_read(uint8_t slave, uint8_t at, uint8_t *to, uint32_t wanted) {
-    bytes = to;
-    count = wanted;
-    begin(slave, at);
-}
-
-void i2c_write(uint8_t slave, uint8_t at, uint8_t byte) {
-    count = 0u;
-    value = byte;
-    begin(slave, at);
 }
 
 /* STOP, and no register touched until it is out (RM0008 26.6.1). */
 static void finish(transfer_t result) {
-    I2C1_CR2 = bus_mhz();
+    I2C1_CR2 = pclk1_mhz;
     I2C1_CR1 = I2C1_CR1_PE | I2C1_CR1_STOP;
     if (!clock_wait(&I2C1_CR1, I2C1_CR1_STOP, 0u, STOP_POLLS)) {
         reset();
@@ -91,7 +79,7 @@ static void receive(void) {
     DMA1_CMAR7 = (uint32_t)(uintptr_t)bytes;
     DMA1_CNDTR7 = count;
     DMA1_CCR7 = DMA1_CCR1_EN | DMA1_CCR1_MINC | DMA1_CCR1_TCIE | DMA1_CCR1_PL_HIGH;
-    I2C1_CR2 = bus_mhz() | I2C1_CR2_ITEVTEN | I2C1_CR2_ITERREN | I2C1_CR2_DMAEN | I2C1_CR2_LAST;
+    I2C1_CR2 = pclk1_mhz | I2C1_CR2_ITEVTEN | I2C1_CR2_ITERREN | I2C1_CR2_DMAEN | I2C1_CR2_LAST;
     I2C1_CR1 = I2C1_CR1_PE | (count > 1u ? I2C1_CR1_ACK : 0u);
 }
 
@@ -116,7 +104,7 @@ void i2c_event_handler(void) {
     case REGISTER:
         if ((event & I2C1_SR1_BTF) != 0u) {
             if (count == 0u) {
-                I2C1_DR = value;
+                I2C1_DR = *bytes;
                 state = VALUE;
             } else {
                 I2C1_CR1 = I2C1_CR1_PE | I2C1_CR1_START;

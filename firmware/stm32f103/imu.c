@@ -46,40 +46,29 @@ static bool on_spi(uint32_t sensor) {
     return sensor == ACCEL && use.accel_on_spi != 0u;
 }
 
-static void read(uint32_t sensor, uint8_t reg, uint32_t count) {
-    asked = count;
-    if (on_spi(sensor)) {
-        bytes[0] = (uint8_t)(reg | SPI_READ | (count > 1u ? SPI_MANY : 0u));
-        spi_exchange(bytes, 1u + count);
+/* Of the active sensor: reads so many bytes, or with 0 writes bytes[1]. */
+static void transfer(uint8_t reg, uint32_t to_read) {
+    asked = to_read;
+    age_ms = 0u;
+    if (on_spi(active)) {
+        bytes[0] = (uint8_t)(reg | (to_read > 0u ? SPI_READ : 0u) | (to_read > 1u ? SPI_MANY : 0u));
+        spi_exchange(bytes, to_read > 0u ? 1u + to_read : 2u);
     } else {
-        i2c_read(chips[sensor]->address, reg, &bytes[1], count);
-    }
-}
-
-static void write(uint32_t sensor, uint8_t reg, uint8_t value) {
-    asked = 0u;
-    if (on_spi(sensor)) {
-        bytes[0] = reg;
-        bytes[1] = value;
-        spi_exchange(bytes, 2u);
-    } else {
-        i2c_write(chips[sensor]->address, reg, value);
+        i2c_access(chips[active]->address, reg, &bytes[1], to_read);
     }
 }
 
 static void access(void) {
     const chip_t *const chip = chips[active];
     const chip_step_t *const step = &chip->steps[sensors[active].step];
-    age_ms = 0u;
     if (phase == SAMPLE) {
-        read(active, chip->data, DATA_BYTES);
-    } else if (step->action == CHIP_WRITE) {
-        write(active, step->reg, step->value);
-    } else if (step->action == CHIP_OPTION) {
+        transfer(chip->data, DATA_BYTES);
+    } else if (step->action == CHIP_WRITE || step->action == CHIP_OPTION) {
         const uint32_t option = active == ACCEL ? use.accel_rate : use.gyro_filter;
-        write(active, step->reg, (uint8_t)(step->value | option));
+        bytes[1] = (uint8_t)(step->value | (step->action == CHIP_OPTION ? option : 0u));
+        transfer(step->reg, 0u);
     } else {
-        read(active, step->reg, 1u);
+        transfer(step->reg, 1u);
     }
 }
 
@@ -93,7 +82,7 @@ static void lose(uint8_t cause) {
     phase = cause == BOARD_SENSOR_BUS && !on_spi(active) ? RECOVER : REST;
 }
 
-/* After an access of the start: true when the same access is to be repeated in a millisecond. */
+/* After an access of the start: the next one, or what is wrong. */
 static void next_step(void) {
     sensor_t *const s = &sensors[active];
     const chip_step_t *const step = &chips[active]->steps[s->step];
@@ -122,14 +111,12 @@ static void next_step(void) {
 }
 
 static void take_sample(void) {
-    uint32_t mixed = 0u;
-    for (uint32_t i = 0u; i < DATA_BYTES; i++) {
-        mixed = 31u * mixed + bytes[1u + i];
-    }
+    uint32_t mixed = 0u; /* one number that changes when any axis does, but for one chance in 65536 */
     for (uint32_t axis = 0u; axis <= AXIS_LAST; axis++) {
         const uint32_t first = bytes[1u + 2u * axis], second = bytes[2u + 2u * axis];
-        axes[active][axis] =
-            (int16_t)(chips[active]->low_byte_first ? first | second << 8 : first << 8 | second);
+        const uint32_t value = chips[active]->low_byte_first ? first | second << 8 : first << 8 | second;
+        axes[active][axis] = (int16_t)value;
+        mixed = 31u * mixed + value;
     }
     sensor_t *const s = &sensors[active];
     if (watch_stuck(&s->watch, (uint16_t)mixed, use.stuck_steps)) {

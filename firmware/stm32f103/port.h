@@ -59,8 +59,8 @@ typedef enum {
     TRANSFER_FAILED   /* the bus did not behave; it is reset */
 } transfer_t;
 void i2c_init(void);
-void i2c_read(uint8_t slave, uint8_t at, uint8_t *to, uint32_t wanted);
-void i2c_write(uint8_t slave, uint8_t at, uint8_t byte);
+/* A register of a slave: reads so many bytes from there on into data, or with 0 writes one from data. */
+void i2c_access(uint8_t slave, uint8_t at, uint8_t *data, uint32_t to_read);
 void i2c_abort(void);
 bool i2c_recover(void); /* half a clock of clearing the bus, to be called every millisecond until true */
 void spi_init(void);

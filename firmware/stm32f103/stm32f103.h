@@ -199,9 +199,20 @@
 #define ADC1_CR2_EXTTRIG       (1u << 20)
 #define ADC1_SMPR2             REG32(ADC1_BASE, 0x10u)
 #define ADC1_SMPR2_SMP0_71CYC5 (6u << 0)
+#define ADC1_SMPR2_SMP1_71CYC5 (6u << 3)
+#define ADC1_SMPR2_SMP2_71CYC5 (6u << 6)
+#define ADC1_SMPR2_SMP3_71CYC5 (6u << 9)
+#define ADC1_SMPR2_SMP8_71CYC5 (6u << 24)
+#define ADC1_SMPR2_SMP9_71CYC5 (6u << 27)
 #define ADC1_SQR1              REG32(ADC1_BASE, 0x2cu)
 #define ADC1_SQR1_L_2CH        (1u << 20) /* for every channel after the first */
 #define ADC1_SQR3              REG32(ADC1_BASE, 0x34u)
+#define ADC1_SQR3_SQ1_IN0      (0u << 0)
+#define ADC1_SQR3_SQ2_IN1      (1u << 5)
+#define ADC1_SQR3_SQ3_IN2      (2u << 10)
+#define ADC1_SQR3_SQ4_IN3      (3u << 15)
+#define ADC1_SQR3_SQ5_IN8      (8u << 20)
+#define ADC1_SQR3_SQ6_IN9      (9u << 25)
 #define ADC1_DR                REG32(ADC1_BASE, 0x4cu)
 
 /* TIM1, RM0008 section 14.4 */
