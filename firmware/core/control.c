@@ -1,11 +1,14 @@
 #include "control.h"
 
-typedef char control_assert_words[sizeof(control_params_t) == 244 ? 1 : -1];
+typedef char control_assert_words[sizeof(control_params_t) == 308 ? 1 : -1];
 
 void control_init(control_t *c, const control_params_t *p) {
     switch (p->system) {
     case CONTROL_BALANCER:
         balancer_init(&c->balancer, p);
+        break;
+    case CONTROL_PHONE:
+        phone_init(&c->phone, p);
         break;
     default:
         quad_init(&c->quad, p);
@@ -22,6 +25,9 @@ void control_step(control_t *c, const control_params_t *p, const int16_t raw[CON
     case CONTROL_BALANCER:
         balancer_step(&c->balancer, p, raw, setpoint);
         break;
+    case CONTROL_PHONE:
+        phone_step(&c->phone, p, raw, setpoint);
+        break;
     default:
         break; /* control_params_valid() lets no other pass */
     }
@@ -33,6 +39,8 @@ bool control_params_valid(const control_params_t *p) {
         return quad_params_valid(p);
     case CONTROL_BALANCER:
         return balancer_params_valid(p);
+    case CONTROL_PHONE:
+        return phone_params_valid(p);
     default:
         return false;
     }
@@ -46,6 +54,8 @@ size_t control_words_bytes(const control_params_t *p) {
     switch (p->system) {
     case CONTROL_BALANCER:
         return sizeof(balancer_words_t);
+    case CONTROL_PHONE:
+        return sizeof(phone_words_t);
     default:
         return sizeof(quad_words_t);
     }
@@ -55,6 +65,8 @@ bool control_saturated(const control_t *c, const control_params_t *p) {
     switch (p->system) {
     case CONTROL_BALANCER:
         return (c->balancer.words.flags & BALANCER_FLAGS_SATURATED) != 0;
+    case CONTROL_PHONE:
+        return (c->phone.words.flags & PHONE_FLAGS_SATURATED) != 0;
     default:
         return (c->quad.words.flags & QUAD_FLAGS_SATURATED) != 0;
     }

@@ -10,6 +10,7 @@
 
 #include "balancer.h"
 #include "control_params.h"
+#include "phone.h"
 #include "quad.h"
 #include <stddef.h>
 
@@ -17,6 +18,7 @@
 typedef union {
     quad_words_t quad;
     balancer_words_t balancer;
+    phone_words_t phone;
 } control_words_t;
 
 #define CONTROL_RECORD_WORDS_MAX (sizeof(control_words_t) / 4U)
@@ -25,6 +27,7 @@ typedef union {
 typedef union {
     quad_t quad;
     balancer_t balancer;
+    phone_t phone;
 } control_t;
 
 /* State at the start of a run: the record is zero but for the start values of filters and controllers. */

@@ -17,6 +17,7 @@
 /* control_params_t.system */
 #define CONTROL_QUAD     0U
 #define CONTROL_BALANCER 1U
+#define CONTROL_PHONE    3U
 
 /* Pulses in half-microseconds: mid +- span * command, within [min, max]. neutral is what the board sends
  * while disarmed; no step uses it. */
@@ -37,6 +38,24 @@ typedef struct {
     uint32_t fall_turn_q32;    /* 0..2^31, which no tilt is beyond */
 } drive_params_t;
 
+#define PHONE_BODY_RATES  0U /* pitch' = wy, roll' = wx: the source */
+#define PHONE_EULER_RATES 1U
+
+typedef struct {
+    uint32_t rates; /* PHONE_BODY_RATES or PHONE_EULER_RATES */
+} phone_params_t;
+
+/* The filter of roll: its own noise and start; period, choice of rate and limit of the bias are those of the
+ * group kalman. The lsb of its variances is its own, too. */
+typedef struct {
+    uint32_t r_base;       /* variance of the measurement, 2^32 lsb; 1..2^24 */
+    uint32_t r_max;        /* of one that is left out; r_base..2^24 */
+    uint32_t qa_hi, qa_lo; /* as in kalman_params_t */
+    uint32_t qb;
+    uint32_t qb_frac_q30;
+    kalman_start_t start;
+} roll_params_t;
+
 typedef struct {
     uint32_t system;              /* CONTROL_* */
     calibration_params_t gyro;    /* turn/s Q28 */
@@ -50,6 +69,8 @@ typedef struct {
     wheel_params_t wheel; /* balancer */
     pid_params_t speed;   /* balancer: velocity error -> lean */
     drive_params_t drive; /* balancer */
+    phone_params_t phone;
+    roll_params_t roll;
 } control_params_t;
 
 #endif

@@ -138,4 +138,11 @@ static inline uint32_t shl_hi(uint64_t x, unsigned n) {
     return (hi_u64(x) << n) | (lo_u64(x) >> (32U - n));
 }
 
+/* The same of a signed x, saturated to 32 bits. */
+static inline int32_t sat_shl_hi(int64_t x, unsigned n) {
+    const int32_t limit = (int32_t)(0x80000000U >> n);
+    const int32_t hi = clamp_i32(hi_i64(x), -limit, limit - 1);
+    return wrap_i32(shl_hi(make_u64((uint32_t)hi, lo_u64((uint64_t)x)), n));
+}
+
 #endif

@@ -66,6 +66,14 @@ static inline int32_t kalman_tilt(const kalman_t *k) {
     return wrap_i32(shl_hi((uint64_t)k->tilt_turn_q61, 3));
 }
 
+/* What the next step expects to be measured, turn Q32: (1) with that rate. Given back as the measurement, the
+ * innovation is 0 and nothing is corrected. */
+static inline int32_t kalman_predicted(const kalman_t *k, const kalman_params_t *p, int32_t rate_turnps_q28) {
+    const int64_t tilt =
+        add64_wrap(sub64_wrap(k->tilt_turn_q61, k->bias_turn_q61), mul_i64(rate_turnps_q28, p->dt_s_q33));
+    return wrap_i32(shl_hi((uint64_t)tilt, 3));
+}
+
 /* Bias, turn/s Q28, within the limit bias_max. */
 static inline int32_t kalman_bias(const kalman_t *k, const kalman_params_t *p) {
     const int32_t hi = clamp_i32(hi_i64(k->bias_turn_q61), -p->bias_max_turn_q29, p->bias_max_turn_q29);

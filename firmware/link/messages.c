@@ -120,6 +120,14 @@ can_frame_t message_drive_pack(const message_drive_t *m) {
     return pair(MESSAGE_DRIVE_ID, (uint16_t)m->duty, (uint32_t)m->velocity);
 }
 
+can_frame_t message_roll_pack(const message_roll_t *m) {
+    return pair(MESSAGE_ROLL_ID, (uint16_t)m->flags, (uint32_t)m->roll);
+}
+
+can_frame_t message_roll_bias_pack(const message_roll_bias_t *m) {
+    return pair(MESSAGE_ROLL_BIAS_ID, 0U, (uint32_t)m->bias);
+}
+
 can_frame_t message_time_pack(const message_time_t *m) {
     return pair(MESSAGE_TIME_ID, (uint16_t)m->step, (uint32_t)m->time);
 }

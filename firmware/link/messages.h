@@ -6,7 +6,7 @@
 #include "e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 1U
-#define MESSAGES_DBC_HASH 0xD277A16FU
+#define MESSAGES_DBC_HASH 0xE81E52C7U
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U
@@ -117,6 +117,19 @@ typedef struct {
     int32_t velocity;
 } message_drive_t;
 can_frame_t message_drive_pack(const message_drive_t *m);
+
+#define MESSAGE_ROLL_ID 0x10EU
+typedef struct {
+    uint16_t flags;
+    int32_t roll;
+} message_roll_t;
+can_frame_t message_roll_pack(const message_roll_t *m);
+
+#define MESSAGE_ROLL_BIAS_ID 0x10FU
+typedef struct {
+    int32_t bias;
+} message_roll_bias_t;
+can_frame_t message_roll_bias_pack(const message_roll_bias_t *m);
 
 #define MESSAGE_TIME_ID 0x110U
 typedef struct {

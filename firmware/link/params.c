@@ -12,9 +12,10 @@ typedef struct {
 } range_t;
 
 static const range_t ranges[] = {
-    {0x00000000U, 0x00000001U},
+    {0x00000000U, 0x00000003U},
     {0xFFFF8000U, 0x00007FFFU},
     {0x80000000U, 0x7FFFFFFFU},
+    {0x00000000U, 0x00000001U},
     {0x00000001U, 0x01000000U},
     {0x00000000U, 0xFFFFFFFFU},
     {0x00000000U, 0x0000001FU},
@@ -65,67 +66,83 @@ static const uint8_t range_of[PARAMS_COUNT] = {
     1U, /* accel_z.raw_max */
     2U, /* accel_z.gain */
     2U, /* accel_z.offset */
-    0U, /* tilt.mode */
-    3U, /* tilt.r_base */
-    4U, /* tilt.r_gain */
-    3U, /* tilt.r_max */
-    4U, /* tilt.deviation_max */
-    5U, /* tilt.deviation_shift */
-    6U, /* kalman.dt_s_q33 */
-    0U, /* kalman.rate_now */
-    7U, /* kalman.qa_hi */
-    4U, /* kalman.qa_lo */
-    4U, /* kalman.qb */
-    8U, /* kalman.qb_frac_q30 */
-    9U, /* kalman.bias_max_turn_q29 */
-    10U, /* kalman.rate_gain */
-    11U, /* kalman.rate_shift */
-    12U, /* start.bias_hi */
-    4U, /* start.bias_lo */
+    3U, /* tilt.mode */
+    4U, /* tilt.r_base */
+    5U, /* tilt.r_gain */
+    4U, /* tilt.r_max */
+    5U, /* tilt.deviation_max */
+    6U, /* tilt.deviation_shift */
+    7U, /* kalman.dt_s_q33 */
+    3U, /* kalman.rate_now */
+    8U, /* kalman.qa_hi */
+    5U, /* kalman.qa_lo */
+    5U, /* kalman.qb */
+    9U, /* kalman.qb_frac_q30 */
+    10U, /* kalman.bias_max_turn_q29 */
+    11U, /* kalman.rate_gain */
+    12U, /* kalman.rate_shift */
+    13U, /* start.bias_hi */
+    5U, /* start.bias_lo */
     2U, /* start.tilt_turn_q32 */
-    13U, /* start.p00_hi */
-    4U, /* start.p00_lo */
-    14U, /* start.p01_hi */
-    4U, /* start.p01_lo */
-    15U, /* start.p11_hi */
-    4U, /* start.p11_lo */
-    16U, /* pid.kp_q22 */
-    17U, /* pid.ki_dt_q22 */
-    16U, /* pid.kd_q27 */
-    17U, /* pid.d_alpha_q31 */
-    18U, /* pid.slew_q22 */
-    19U, /* esc.mid_halfus */
-    20U, /* esc.span_halfus */
-    19U, /* esc.min_halfus */
-    19U, /* esc.max_halfus */
-    19U, /* esc.neutral_halfus */
-    21U, /* wheel.edges_max */
-    16U, /* wheel.edge_mps_q26 */
-    17U, /* wheel.alpha_q31 */
-    17U, /* wheel.accel_gain_q30 */
-    16U, /* speed.kp_q22 */
-    17U, /* speed.ki_dt_q22 */
-    16U, /* speed.kd_q27 */
-    17U, /* speed.d_alpha_q31 */
-    18U, /* speed.slew_q22 */
-    22U, /* drive.speed_max_mps_q26 */
-    23U, /* drive.lean_max_turn_q34 */
-    24U, /* drive.span_q15 */
-    25U, /* drive.duty_max_q15 */
-    26U, /* drive.fall_turn_q32 */
-    27U, /* period_us */
-    28U, /* esc_period_us */
-    29U, /* arm_hold_ms */
-    0U, /* pins */
-    30U, /* dead_time_ns */
-    31U, /* can_bitrate_kbit */
-    32U, /* adc_oversample_log2 */
-    33U, /* rail_steps */
-    33U, /* stuck_steps */
-    0U, /* accel_bus */
-    34U, /* accel_rate */
-    35U, /* gyro_filter */
-    36U, /* imu_axis */
+    14U, /* start.p00_hi */
+    5U, /* start.p00_lo */
+    15U, /* start.p01_hi */
+    5U, /* start.p01_lo */
+    16U, /* start.p11_hi */
+    5U, /* start.p11_lo */
+    17U, /* pid.kp_q22 */
+    18U, /* pid.ki_dt_q22 */
+    17U, /* pid.kd_q27 */
+    18U, /* pid.d_alpha_q31 */
+    19U, /* pid.slew_q22 */
+    20U, /* esc.mid_halfus */
+    21U, /* esc.span_halfus */
+    20U, /* esc.min_halfus */
+    20U, /* esc.max_halfus */
+    20U, /* esc.neutral_halfus */
+    22U, /* wheel.edges_max */
+    17U, /* wheel.edge_mps_q26 */
+    18U, /* wheel.alpha_q31 */
+    18U, /* wheel.accel_gain_q30 */
+    17U, /* speed.kp_q22 */
+    18U, /* speed.ki_dt_q22 */
+    17U, /* speed.kd_q27 */
+    18U, /* speed.d_alpha_q31 */
+    19U, /* speed.slew_q22 */
+    23U, /* drive.speed_max_mps_q26 */
+    24U, /* drive.lean_max_turn_q34 */
+    25U, /* drive.span_q15 */
+    26U, /* drive.duty_max_q15 */
+    27U, /* drive.fall_turn_q32 */
+    3U, /* phone.rates */
+    4U, /* roll.r_base */
+    4U, /* roll.r_max */
+    8U, /* roll.qa_hi */
+    5U, /* roll.qa_lo */
+    5U, /* roll.qb */
+    9U, /* roll.qb_frac_q30 */
+    13U, /* roll.start.bias_hi */
+    5U, /* roll.start.bias_lo */
+    2U, /* roll.start.tilt_turn_q32 */
+    14U, /* roll.start.p00_hi */
+    5U, /* roll.start.p00_lo */
+    15U, /* roll.start.p01_hi */
+    5U, /* roll.start.p01_lo */
+    16U, /* roll.start.p11_hi */
+    5U, /* roll.start.p11_lo */
+    28U, /* period_us */
+    29U, /* esc_period_us */
+    30U, /* arm_hold_ms */
+    3U, /* pins */
+    31U, /* dead_time_ns */
+    32U, /* can_bitrate_kbit */
+    33U, /* adc_oversample_log2 */
+    34U, /* rail_steps */
+    34U, /* stuck_steps */
+    3U, /* accel_bus */
+    35U, /* accel_rate */
+    36U, /* gyro_filter */
+    37U, /* imu_axis */
 };
 
 static const uint32_t defaults[PARAMS_COUNT] = {
@@ -190,19 +207,35 @@ static const uint32_t defaults[PARAMS_COUNT] = {
     0xFFFF8001U, /* 58: drive.span_q15 */
     0x00007FFFU, /* 59: drive.duty_max_q15 */
     0x20000000U, /* 60: drive.fall_turn_q32 */
-    0x00004E20U, /* 61: period_us */
-    0x00004E20U, /* 62: esc_period_us */
-    0x000003E8U, /* 63: arm_hold_ms */
-    0x00000000U, /* 64: pins */
-    0x000003E8U, /* 65: dead_time_ns */
-    0x000001F4U, /* 66: can_bitrate_kbit */
-    0x00000000U, /* 67: adc_oversample_log2 */
-    0x00000005U, /* 68: rail_steps */
-    0x00000064U, /* 69: stuck_steps */
-    0x00000000U, /* 70: accel_bus */
-    0x0000000BU, /* 71: accel_rate */
-    0x00000002U, /* 72: gyro_filter */
-    0x00000001U, /* 73: imu_axis */
+    0x00000001U, /* 61: phone.rates */
+    0x0000A1D1U, /* 62: roll.r_base */
+    0x003F35BAU, /* 63: roll.r_max */
+    0x00000000U, /* 64: roll.qa_hi */
+    0x6A0C6F6DU, /* 65: roll.qa_lo */
+    0x000006F3U, /* 66: roll.qb */
+    0x0CCA6359U, /* 67: roll.qb_frac_q30 */
+    0x00000000U, /* 68: roll.start.bias_hi */
+    0x00000000U, /* 69: roll.start.bias_lo */
+    0x00000000U, /* 70: roll.start.tilt_turn_q32 */
+    0x02000000U, /* 71: roll.start.p00_hi */
+    0x00000000U, /* 72: roll.start.p00_lo */
+    0x00000000U, /* 73: roll.start.p01_hi */
+    0x00000000U, /* 74: roll.start.p01_lo */
+    0x0000000AU, /* 75: roll.start.p11_hi */
+    0x5B36E1A0U, /* 76: roll.start.p11_lo */
+    0x00004E20U, /* 77: period_us */
+    0x00004E20U, /* 78: esc_period_us */
+    0x000003E8U, /* 79: arm_hold_ms */
+    0x00000000U, /* 80: pins */
+    0x000003E8U, /* 81: dead_time_ns */
+    0x000001F4U, /* 82: can_bitrate_kbit */
+    0x00000000U, /* 83: adc_oversample_log2 */
+    0x00000005U, /* 84: rail_steps */
+    0x00000064U, /* 85: stuck_steps */
+    0x00000000U, /* 86: accel_bus */
+    0x0000000BU, /* 87: accel_rate */
+    0x00000002U, /* 88: gyro_filter */
+    0x00000001U, /* 89: imu_axis */
 };
 
 static const uint16_t ids[PARAMS_COUNT] = {
@@ -267,6 +300,22 @@ static const uint16_t ids[PARAMS_COUNT] = {
     0x9BA9U, /* drive.span_q15 */
     0xC202U, /* drive.duty_max_q15 */
     0x6CAAU, /* drive.fall_turn_q32 */
+    0xAA8FU, /* phone.rates */
+    0x9833U, /* roll.r_base */
+    0xAEF8U, /* roll.r_max */
+    0xDDD4U, /* roll.qa_hi */
+    0x71D6U, /* roll.qa_lo */
+    0xE10BU, /* roll.qb */
+    0xC257U, /* roll.qb_frac_q30 */
+    0xB414U, /* roll.start.bias_hi */
+    0x1816U, /* roll.start.bias_lo */
+    0x8775U, /* roll.start.tilt_turn_q32 */
+    0xA467U, /* roll.start.p00_hi */
+    0x0865U, /* roll.start.p00_lo */
+    0xD2D3U, /* roll.start.p01_hi */
+    0x7ED1U, /* roll.start.p01_lo */
+    0x7882U, /* roll.start.p11_hi */
+    0xD480U, /* roll.start.p11_lo */
     0xA176U, /* period_us */
     0x0139U, /* esc_period_us */
     0xAD57U, /* arm_hold_ms */
@@ -345,19 +394,35 @@ PLACE(control.drive.lean_max_turn_q34, 57);
 PLACE(control.drive.span_q15, 58);
 PLACE(control.drive.duty_max_q15, 59);
 PLACE(control.drive.fall_turn_q32, 60);
-PLACE(period_us, 61);
-PLACE(esc_period_us, 62);
-PLACE(arm_hold_ms, 63);
-PLACE(pins, 64);
-PLACE(dead_time_ns, 65);
-PLACE(can_bitrate_kbit, 66);
-PLACE(adc_oversample_log2, 67);
-PLACE(rail_steps, 68);
-PLACE(stuck_steps, 69);
-PLACE(accel_bus, 70);
-PLACE(accel_rate, 71);
-PLACE(gyro_filter, 72);
-PLACE(imu_axis, 73);
+PLACE(control.phone.rates, 61);
+PLACE(control.roll.r_base, 62);
+PLACE(control.roll.r_max, 63);
+PLACE(control.roll.qa_hi, 64);
+PLACE(control.roll.qa_lo, 65);
+PLACE(control.roll.qb, 66);
+PLACE(control.roll.qb_frac_q30, 67);
+PLACE(control.roll.start.bias_hi, 68);
+PLACE(control.roll.start.bias_lo, 69);
+PLACE(control.roll.start.tilt_turn_q32, 70);
+PLACE(control.roll.start.p00_hi, 71);
+PLACE(control.roll.start.p00_lo, 72);
+PLACE(control.roll.start.p01_hi, 73);
+PLACE(control.roll.start.p01_lo, 74);
+PLACE(control.roll.start.p11_hi, 75);
+PLACE(control.roll.start.p11_lo, 76);
+PLACE(period_us, 77);
+PLACE(esc_period_us, 78);
+PLACE(arm_hold_ms, 79);
+PLACE(pins, 80);
+PLACE(dead_time_ns, 81);
+PLACE(can_bitrate_kbit, 82);
+PLACE(adc_oversample_log2, 83);
+PLACE(rail_steps, 84);
+PLACE(stuck_steps, 85);
+PLACE(accel_bus, 86);
+PLACE(accel_rate, 87);
+PLACE(gyro_filter, 88);
+PLACE(imu_axis, 89);
 typedef char whole_table[sizeof(params_t) == 4U * PARAMS_COUNT ? 1 : -1];
 
 uint32_t params_word(const params_t *p, uint16_t index) {

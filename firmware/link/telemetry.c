@@ -17,9 +17,12 @@
 #define FRAME_MEASURED  0x20U
 #define FRAME_COMMAND   0x40U
 #define FRAME_DRIVE     0x80U
+#define FRAME_ROLL      0x100U
+#define FRAME_ROLL_BIAS 0x200U
 #define FRAMES_RAW      (FRAME_RAW_A | FRAME_RAW_B)
 #define FRAMES_QUAD     (FRAMES_RAW | FRAME_ANGLE | FRAME_BIAS | FRAME_RATE | FRAME_MEASURED | FRAME_COMMAND)
 #define FRAMES_BALANCER (FRAMES_QUAD | FRAME_DRIVE)
+#define FRAMES_PHONE    (FRAMES_RAW | FRAME_ANGLE | FRAME_BIAS | FRAME_ROLL | FRAME_ROLL_BIAS)
 
 /* ---- selection ---- */
 
@@ -37,6 +40,8 @@ static uint32_t system_frames(const session_t *s) {
     switch (s->params->control.system) {
     case CONTROL_BALANCER:
         return FRAMES_BALANCER;
+    case CONTROL_PHONE:
+        return FRAMES_PHONE;
     default:
         return FRAMES_QUAD;
     }
@@ -155,11 +160,35 @@ static void send_balancer(session_t *s, const balancer_words_t *w, uint8_t step_
     }
 }
 
+static void send_phone(session_t *s, const phone_words_t *w, uint8_t step_low) {
+    const uint32_t mask = s->frames_mask;
+
+    if ((mask & FRAME_ANGLE) != 0) {
+        const message_angle_t m = {.tilt = w->pitch_turn_q32};
+        links_telemetry(s, message_angle_pack(&m), step_low);
+    }
+    if ((mask & FRAME_BIAS) != 0) {
+        const message_bias_t m = {.bias = w->pitch_bias_turnps_q28};
+        links_telemetry(s, message_bias_pack(&m), step_low);
+    }
+    if ((mask & FRAME_ROLL) != 0) {
+        const message_roll_t m = {.flags = (uint16_t)w->flags, .roll = w->roll_turn_q32};
+        links_telemetry(s, message_roll_pack(&m), step_low);
+    }
+    if ((mask & FRAME_ROLL_BIAS) != 0) {
+        const message_roll_bias_t m = {.bias = w->roll_bias_turnps_q28};
+        links_telemetry(s, message_roll_bias_pack(&m), step_low);
+    }
+}
+
 /* The frames that the system's words have names in. */
 static void send_named(session_t *s, uint8_t step_low) {
     switch (s->params->control.system) {
     case CONTROL_BALANCER:
         send_balancer(s, &s->control->balancer.words, step_low);
+        break;
+    case CONTROL_PHONE:
+        send_phone(s, &s->control->phone.words, step_low);
         break;
     default:
         send_quad(s, &s->control->quad.words, step_low);

@@ -63,6 +63,17 @@ EXPORT uint32_t plumb_crc32(const uint8_t *data, int32_t bytes);
     "clamped_steps,integral_q54,command_q22,rate_filtered_turnps_q27,excess_q22,error_turn_q32,"             \
     "pulse_halfus_0,pulse_halfus_1,flags,step"
 
+#define PHONE_NAMES                                                                                          \
+    "raw_0,raw_1,raw_2,raw_3,raw_4,raw_5,setpoint_turn_q32,rate_x_turnps_q28,rate_y_turnps_q28,"             \
+    "rate_z_turnps_q28,accel_x_g_q26,accel_y_g_q26,accel_z_g_q26,tangent_q26,pitch_rate_turnps_q28,"         \
+    "roll_rate_turnps_q28,pitch_measured_turn_q32,roll_measured_turn_q32,pitch_variance,"                    \
+    "roll_variance,pitch_turn_q61,pitch_bias_turn_q61,pitch_p00,pitch_p01,pitch_p11,"                        \
+    "pitch_p11_frac_q30,pitch_innovation_turn_q32,pitch_k0_q29,pitch_k1_q29,roll_turn_q61,"                  \
+    "roll_bias_turn_q61,roll_p00,roll_p01,roll_p11,roll_p11_frac_q30,roll_innovation_turn_q32,"              \
+    "roll_k0_q29,roll_k1_q29,pitch_turn_q32,pitch_bias_turnps_q28,pitch_rate_corrected_turnps_q28,"          \
+    "roll_turn_q32,roll_bias_turnps_q28,roll_rate_corrected_turnps_q28,uncorrected_steps,"                   \
+    "clamped_steps,flags,step"
+
 /* The words of a system's step in the order of its record; arrays as name_index. NULL: there is no such
  * system. */
 const char *plumb_word_names(uint32_t system) {
@@ -71,6 +82,8 @@ const char *plumb_word_names(uint32_t system) {
         return QUAD_NAMES;
     case CONTROL_BALANCER:
         return BALANCER_NAMES;
+    case CONTROL_PHONE:
+        return PHONE_NAMES;
     default:
         return NULL;
     }

@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb import native, reference
-from plumb.quantise import ControlParams, dequantise
+from plumb.quantise import ControlParams
+from plumb.quantise.groups import filter_of
 
 TURN_DEG = 360.0 / 2**32
 NEAR_HALF_TURN_DEG = 0.01
@@ -54,15 +55,15 @@ def filter_error_deg(
     params: ControlParams, inputs: FilterInputs, near_half_turn_deg: float = NEAR_HALF_TURN_DEG
 ) -> npt.NDArray[np.float64]:
     """Fused tilt of the C integers minus the reference's, per step, wrapped; both on the very same integers."""
-    tuning = dequantise(params)
+    settings, start, _ = filter_of(params)
     bias_limit_dps = 45.0 / params.period_s
     sure_deg = 180.0 - near_half_turn_deg
     z_q32, u_q28 = inputs.tilt_turn_q32, inputs.rate_turnps_q28
     fused, _ = native.kalman_run(params, inputs.variance, z_q32, u_q28)
     z_deg, u_dps = (z_q32 * TURN_DEG).tolist(), (u_q28 * (360.0 / 2**28)).tolist()
     r_deg2 = (inputs.variance * (params.lsb_deg2 * 2**32)).tolist()
-    settings, period_s = tuning.kalman, tuning.period_s
-    x = reference.kalman_init(tuning.start)
+    period_s = params.period_s
+    x = reference.kalman_init(start)
     tilt_deg = np.empty(len(z_deg))
     for step, z in enumerate(z_deg):
         x.rate_dps = u_dps[step]  # U(k) is given, whichever sample it is
@@ -109,22 +110,22 @@ def filter_bound_deg(params: ControlParams, innovation_deg: float = 180.0) -> fl
 
     innovation_deg: the largest innovation of the run. Gains are those of the filter at rest with the largest R.
     """
-    tuning, dt = dequantise(params), params.period_s
+    (kalman, start, _), dt = filter_of(params), params.period_s
     r = params["tilt.r_max"] * params.lsb_deg2 * 2**32
-    q_angle, q_bias = tuning.kalman.q_angle_deg2_per_s * dt, tuning.kalman.q_bias_dps2_per_s * dt**3
+    q_angle, q_bias = kalman.q_angle_deg2_per_s * dt, kalman.q_bias_dps2_per_s * dt**3
     if q_bias == 0.0:
         return 180.0
     k0, k1 = steady_gains(q_angle, q_bias, r)
     p01_lsb = -k1 * r / (1.0 - k0) / params.lsb_deg2
     gains = 2.0**-28 / -k1 + 2.0**-28 / k0
     covariance = 2.0**-31 / k0**2 + 1.0 / (k0 * p01_lsb)
-    start = 2.0**-29 * tuning.start.p11_dps2 * dt**2 / (params["tilt.r_base"] * params.lsb_deg2 * 2**32)
-    return min(innovation_deg * (gains + covariance + start) + 2.0 * TURN_DEG, 180.0)
+    fall = 2.0**-29 * start.p11_dps2 * dt**2 / (params["tilt.r_base"] * params.lsb_deg2 * 2**32)
+    return min(innovation_deg * (gains + covariance + fall) + 2.0 * TURN_DEG, 180.0)
 
 
 def chain_bound_deg(params: ControlParams, innovation_deg: float = 180.0) -> float:
     """The same from counts to angle: the filter's bound, the angle's error, and what R loses as an integer."""
-    trust = dequantise(params).trust
+    _, _, trust = filter_of(params)
     r_share = 0.0
     if trust.gain_deg2:
         r_share = 3.0 / params["tilt.r_base"] + 2.0**-20 * math.sqrt(trust.gain_deg2 / trust.r_deg2)

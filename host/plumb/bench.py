@@ -26,7 +26,8 @@ from plumb.counter import Counter, Image
 from plumb.elf import CallGraph
 from plumb.errors import UsageError
 from plumb.protocol import protocol
-from plumb.quantise import ControlParams, dequantise, quantise
+from plumb.quantise import ControlParams, quantise
+from plumb.quantise.groups import pid_of
 from plumb.recipe import WILD, random_bits
 from plumb.slcan import SlcanParser, text_of_frames
 from plumb.systems import quad
@@ -195,7 +196,7 @@ def kalman_error_deg(tunings: Sequence[str]) -> float:
 
 def pid_error(words: Words, params: ControlParams) -> float:
     """Largest error of the command, a fraction of full command, given the same integer error and rate."""
-    settings, state = dequantise(params).pid, reference.PidState()
+    settings, state = pid_of(params), reference.PidState()
     errors_deg = (words["error_turn_q32"] * TURN_DEG).tolist()
     rates_dps = (words["rate_corrected_turnps_q28"] * (360.0 / 2**28)).tolist()
     command = np.empty(len(errors_deg))

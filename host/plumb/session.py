@@ -53,7 +53,7 @@ class Selection:
         return len(self.frames) + len(self.words)
 
 
-SELECTABLE = ("RAW_A", "RAW_B", "ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND", "DRIVE")
+SELECTABLE = ("RAW_A", "RAW_B", "ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND", "DRIVE", "ROLL", "ROLL_BIAS")
 """Frames of SELECT bank 0, bit by bit."""
 
 

@@ -11,6 +11,7 @@ from typing import ClassVar, Literal
 
 TiltMode = Literal["arcsine", "atan2"]
 RateChoice = Literal["previous", "current"]
+PhoneRates = Literal["body", "euler"]
 
 
 @dataclass(frozen=True)
@@ -189,5 +190,45 @@ class BalancerTuning:
         return self.period_us * 1e-6 if self.exact_period_s is None else self.exact_period_s
 
 
-AnyTuning = Tuning | BalancerTuning
+@dataclass(frozen=True)
+class PhoneAxis:
+    """The filter of one angle of `phone`: Q as densities, a constant R, and where it starts."""
+
+    q_angle_deg2_per_s: float
+    q_bias_dps2_per_s: float
+    r_deg2: float
+    start: Start = field(default_factory=lambda: Start(p00_deg2=90.0**2))
+
+
+@dataclass(frozen=True)
+class PhoneTuning:
+    """Everything one run of `phone` needs, for one period.
+
+    gyro, accel: the channel of all three axes each. rates: what drives the filters, the body's rates as printed or
+    those of the angles. r_left_out_deg2: stands in for R where an acceleration tells no angle.
+    """
+
+    system: ClassVar[str] = "phone"
+
+    period_us: int
+    gyro: Channel
+    accel: Channel
+    pitch: PhoneAxis
+    roll: PhoneAxis
+    rates: PhoneRates = "euler"
+    r_left_out_deg2: float = 1e3
+    rate: RateChoice = "previous"
+    bias_max_dps: float = 300.0
+    exact_period_s: float | None = None
+
+    @property
+    def period_s(self) -> float:
+        return self.period_us * 1e-6 if self.exact_period_s is None else self.exact_period_s
+
+    def kalman(self, axis: PhoneAxis) -> Kalman:
+        """The settings of one axis' filter."""
+        return Kalman(axis.q_angle_deg2_per_s, axis.q_bias_dps2_per_s, self.rate, self.bias_max_dps)
+
+
+AnyTuning = Tuning | BalancerTuning | PhoneTuning
 """The tuning of any system: `system` says which."""

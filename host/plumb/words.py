@@ -94,7 +94,52 @@ BALANCER = np.dtype(
     ]
 )
 
-RECORDS: dict[str, np.dtype[np.void]] = {"quad": QUAD, "balancer": BALANCER}
+KALMAN = [
+    ("turn_q61", "<i8"),
+    ("bias_turn_q61", "<i8"),
+    ("p00", "<i8"),
+    ("p01", "<i8"),
+    ("p11", "<i8"),
+    ("p11_frac_q30", "<u4"),
+    ("innovation_turn_q32", "<i4"),
+    ("k0_q29", "<i4"),
+    ("k1_q29", "<i4"),
+]
+"""The words of one filter (kalman_t), as a record with two of them names them behind the axis."""
+
+PHONE = np.dtype(
+    [
+        *((f"raw_{i}", "<i4") for i in range(6)),
+        ("setpoint_turn_q32", "<i4"),
+        ("rate_x_turnps_q28", "<i4"),
+        ("rate_y_turnps_q28", "<i4"),
+        ("rate_z_turnps_q28", "<i4"),
+        ("accel_x_g_q26", "<i4"),
+        ("accel_y_g_q26", "<i4"),
+        ("accel_z_g_q26", "<i4"),
+        ("tangent_q26", "<i4"),
+        ("pitch_rate_turnps_q28", "<i4"),
+        ("roll_rate_turnps_q28", "<i4"),
+        ("pitch_measured_turn_q32", "<i4"),
+        ("roll_measured_turn_q32", "<i4"),
+        ("pitch_variance", "<u4"),
+        ("roll_variance", "<u4"),
+        *((f"{axis}_{name}", kind) for axis in ("pitch", "roll") for name, kind in KALMAN),
+        ("pitch_turn_q32", "<i4"),
+        ("pitch_bias_turnps_q28", "<i4"),
+        ("pitch_rate_corrected_turnps_q28", "<i4"),
+        ("roll_turn_q32", "<i4"),
+        ("roll_bias_turnps_q28", "<i4"),
+        ("roll_rate_corrected_turnps_q28", "<i4"),
+        ("uncorrected_steps", "<u4"),
+        ("clamped_steps", "<u4"),
+        ("flags", "<u4"),
+        ("step", "<u4"),
+    ]
+)
+
+
+RECORDS: dict[str, np.dtype[np.void]] = {"quad": QUAD, "balancer": BALANCER, "phone": PHONE}
 """The record of each system; the order of the names is that of the parameter `system`."""
 
 

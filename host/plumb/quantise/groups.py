@@ -51,7 +51,7 @@ def whole(name: str, asked: float, exact: Fraction, low: int, high: int) -> int:
 def _numbers(settings: Any, path: str = "") -> Iterator[tuple[str, float]]:
     for entry in fields(settings):
         value = getattr(settings, entry.name)
-        if entry.name in ("tilt", "rate", "exact_period_s"):
+        if entry.name in ("tilt", "rate", "rates", "exact_period_s"):
             continue
         if is_dataclass(value):
             yield from _numbers(value, f"{path}{entry.name}.")
@@ -94,12 +94,14 @@ def channel_words(name: str, channel: Channel, unit: Fraction) -> dict[str, int]
     return {f"{name}.raw_min": int(low), f"{name}.raw_max": int(high), f"{name}.gain": gain, f"{name}.offset": offset}
 
 
-def _variances(kalman: Kalman, start: Start, trust: Trust, dt: Fraction) -> dict[str, tuple[float, Fraction]]:
+def _variances(
+    kalman: Kalman, start: Start, trust: Trust, r_max_deg2: float, dt: Fraction
+) -> dict[str, tuple[float, Fraction]]:
     """Name -> what was asked, and the same in turn^2 with the bias counted per step."""
     q, p = kalman, start
     asked = {
         "trust.r_deg2": (trust.r_deg2, Fraction(1)),
-        "trust.r_max_deg2": (trust.r_max_deg2 if trust.gain_deg2 else trust.r_deg2, Fraction(1)),
+        "trust.r_max_deg2": (r_max_deg2, Fraction(1)),
         "kalman.q_angle_deg2_per_s": (q.q_angle_deg2_per_s, dt),
         "kalman.q_bias_dps2_per_s": (q.q_bias_dps2_per_s, dt**3),
         "start.p00_deg2": (p.p00_deg2, Fraction(1)),
@@ -164,15 +166,25 @@ def check_filter(kalman: Kalman, start: Start, trust: Trust, period_us: int) -> 
         refuse("start.bias_dps", start.bias_dps, f"more than kalman.bias_max_dps = {kalman.bias_max_dps:g}")
 
 
-def filter_words(kalman: Kalman, start: Start, trust: Trust, period_us: int) -> tuple[dict[str, int], Fraction]:
+def filter_words(
+    kalman: Kalman,
+    start: Start,
+    trust: Trust,
+    period_us: int,
+    *,
+    r_left_out_deg2: float | None = None,
+    unit_deg2: Fraction | None = None,
+) -> tuple[dict[str, int], Fraction]:
     """The groups kalman and start, and the variances of tilt; and the unit of variance, deg^2 per lsb.
 
-    Of the units that may be, the first that takes all variances.
+    r_left_out_deg2: r_max where R is constant and r_max stands in for a measurement that is left out. The unit is
+    unit_deg2, or where that is left open, of the units that may be the first that takes all variances.
     """
     dt = Fraction(int(period_us), 10**6)
-    variances = _variances(kalman, start, trust, dt)
+    r_max_deg2 = trust.r_max_deg2 if trust.gain_deg2 else r_left_out_deg2 or trust.r_deg2
+    variances = _variances(kalman, start, trust, r_max_deg2, dt)
     reason: UsageError | None = None
-    for unit in _units(variances):
+    for unit in _units(variances) if unit_deg2 is None else [unit_deg2 * DEG2]:
         try:
             words = _in_unit(trust, variances, unit)
             break

@@ -34,6 +34,7 @@ from plumb.errors import UsageError
 SYSTEMS = {
     "quad": "one axis of a quadrotor: ENC-03, MMA7260, two motors behind an ESC (Feng et al. 2011)",
     "balancer": "a two-wheel self-balancing vehicle: ADXL345, ITG-3205, Hall sensors, brushless motor (Zhang, He 2013)",
+    "phone": "pitch and roll of a smartphone, its samples over UDP",
 }
 
 

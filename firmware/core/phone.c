@@ -1,0 +1,123 @@
+#include "phone.h"
+#include "angle.h"
+
+typedef char phone_assert_packed[sizeof(phone_words_t) == 232 ? 1 : -1];
+
+#define COSINE_MIN_Q30   (1 << 26) /* 1/16: the tangent of pitch stays within +-16 */
+#define STILL_TURNPS_Q28 3728270U  /* 5 deg/s */
+#define SINGULAR_G_Q25   5033165U  /* 0.15 g: below it an acceleration tells no direction */
+#define SINGULAR_G_Q26   10066330U
+
+void phone_init(phone_t *c, const control_params_t *p) {
+    *c = (phone_t){0};
+    kalman_init(&c->words.pitch, &p->start);
+    kalman_init(&c->words.roll, &p->roll.start);
+}
+
+/* The filter of roll has the period and the limits of the other, and its own noise. */
+static inline kalman_params_t roll_filter(const control_params_t *p) {
+    kalman_params_t filter = p->kalman;
+    filter.qa_hi = p->roll.qa_hi;
+    filter.qa_lo = p->roll.qa_lo;
+    filter.qb = p->roll.qb;
+    filter.qb_frac_q30 = p->roll.qb_frac_q30;
+    return filter;
+}
+
+/* pitch' = wy cos(roll) - wz sin(roll); roll' = wx + tan(pitch) (wy sin(roll) + wz cos(roll)); both within
+ * +-8 turn/s, the cosine of pitch not below 1/16. Where roll is lost and the phone hardly turns, the second
+ * term is bias and noise many times over: roll' = wx. */
+static inline void euler_rates(phone_words_t *w, int32_t x, int32_t y, int32_t z, bool roll_lost) {
+    int32_t sin_pitch, cos_pitch, sin_roll, cos_roll;
+    angle_sincos(kalman_tilt(&w->pitch), &sin_pitch, &cos_pitch);
+    angle_sincos(kalman_tilt(&w->roll), &sin_roll, &cos_roll);
+
+    const uint32_t cosine = (uint32_t)max_i32(cos_pitch, COSINE_MIN_Q30);
+    const unsigned n = clz32(cosine);
+    const uint32_t secant_q26 = reciprocal_q61(cosine << (n - 1U)) >> (6U - n);
+    const bool still =
+        abs_u32(x) < STILL_TURNPS_Q28 && abs_u32(y) < STILL_TURNPS_Q28 && abs_u32(z) < STILL_TURNPS_Q28;
+    const int32_t tangent_q26 =
+        roll_lost && still ? 0 : sat_shl_hi(mul_i64(sin_pitch, (int32_t)secant_q26), 2);
+    const int32_t across = sat_shl_hi(add64_wrap(mul_i64(y, sin_roll), mul_i64(z, cos_roll)), 2);
+    w->tangent_q26 = tangent_q26;
+    w->pitch_rate_turnps_q28 = sat_shl_hi(sub64_wrap(mul_i64(y, cos_roll), mul_i64(z, sin_roll)), 2);
+    w->roll_rate_turnps_q28 = sat_shl_hi(add64_wrap(mul_i64(tangent_q26, across), mul_i64(x, 1 << 26)), 6);
+}
+
+/* One step of one filter. A measurement that is lost is replaced by what the filter expects, of variance
+ * r_max: it corrects nothing, and the covariance goes on. */
+static inline void correct(kalman_t *k, const kalman_params_t *filter, int32_t rate, int32_t measured,
+                           bool lost, uint32_t *variance, uint32_t r_base, uint32_t r_max) {
+    *variance = lost ? r_max : r_base;
+    kalman_step(k, filter, *variance, lost ? kalman_predicted(k, filter, rate) : measured, rate);
+}
+
+void phone_step(phone_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
+                int32_t setpoint_turn_q32) {
+    phone_words_t *w = &c->words;
+    for (unsigned i = 0; i < CONTROL_RAW_MAX; i++)
+        w->raw[i] = raw[i];
+    w->setpoint_turn_q32 = setpoint_turn_q32;
+
+    uint32_t flags = 0;
+    const int32_t rate_x = calibration_take(&p->gyro, raw[0], &flags, PHONE_FLAG_GYRO_CLAMPED);
+    const int32_t rate_y = calibration_take(&p->gyro, raw[1], &flags, PHONE_FLAG_GYRO_CLAMPED);
+    const int32_t rate_z = calibration_take(&p->gyro, raw[2], &flags, PHONE_FLAG_GYRO_CLAMPED);
+    const int32_t accel_x = calibration_take(&p->accel_y, raw[3], &flags, PHONE_FLAG_ACCEL_CLAMPED);
+    const int32_t accel_y = calibration_take(&p->accel_y, raw[4], &flags, PHONE_FLAG_ACCEL_CLAMPED);
+    const int32_t accel_z = calibration_take(&p->accel_y, raw[5], &flags, PHONE_FLAG_ACCEL_CLAMPED);
+    w->clamped_steps += flags != 0U;
+    w->accel_x_g_q26 = accel_x;
+    w->accel_y_g_q26 = accel_y;
+    w->accel_z_g_q26 = accel_z;
+
+    /* asin(x / |a|) is the direction of (length of y and z, x), which is as fine beside the vertical */
+    const uint32_t lateral_q25 = angle_length(accel_y, accel_z);
+    w->pitch_measured_turn_q32 = angle_atan2(-asr32(accel_x, 1), (int32_t)lateral_q25);
+    w->roll_measured_turn_q32 = angle_atan2(accel_y, accel_z);
+    const bool roll_lost = lateral_q25 < SINGULAR_G_Q25;
+    const bool pitch_lost = roll_lost && abs_u32(accel_x) < SINGULAR_G_Q26;
+    w->uncorrected_steps += roll_lost;
+    flags |=
+        (roll_lost ? PHONE_FLAG_ROLL_UNCORRECTED : 0U) | (pitch_lost ? PHONE_FLAG_PITCH_UNCORRECTED : 0U);
+    w->flags = flags;
+
+    /* the source drives the filters with the sample before; the first step has none */
+    const uint32_t step = w->step + 1U;
+    const bool now = p->kalman.rate_now || step == 1U;
+    const int32_t x = now ? rate_x : w->rate_x_turnps_q28;
+    const int32_t y = now ? rate_y : w->rate_y_turnps_q28;
+    const int32_t z = now ? rate_z : w->rate_z_turnps_q28;
+    w->step = step;
+    w->rate_x_turnps_q28 = rate_x;
+    w->rate_y_turnps_q28 = rate_y;
+    w->rate_z_turnps_q28 = rate_z;
+    if (p->phone.rates == PHONE_EULER_RATES) {
+        euler_rates(w, x, y, z, roll_lost);
+    } else {
+        w->pitch_rate_turnps_q28 = y;
+        w->roll_rate_turnps_q28 = x;
+    }
+
+    const kalman_params_t roll_kalman = roll_filter(p);
+    correct(&w->pitch, &p->kalman, w->pitch_rate_turnps_q28, w->pitch_measured_turn_q32, pitch_lost,
+            &w->pitch_variance, p->tilt.r_base, p->tilt.r_max);
+    correct(&w->roll, &roll_kalman, w->roll_rate_turnps_q28, w->roll_measured_turn_q32, roll_lost,
+            &w->roll_variance, p->roll.r_base, p->roll.r_max);
+
+    w->pitch_turn_q32 = kalman_tilt(&w->pitch);
+    w->pitch_bias_turnps_q28 = kalman_bias(&w->pitch, &p->kalman);
+    w->pitch_rate_corrected_turnps_q28 = sub_wrap(w->pitch_rate_turnps_q28, w->pitch_bias_turnps_q28);
+    w->roll_turn_q32 = kalman_tilt(&w->roll);
+    w->roll_bias_turnps_q28 = kalman_bias(&w->roll, &p->kalman);
+    w->roll_rate_corrected_turnps_q28 = sub_wrap(w->roll_rate_turnps_q28, w->roll_bias_turnps_q28);
+}
+
+bool phone_params_valid(const control_params_t *p) {
+    const kalman_params_t roll_kalman = roll_filter(p);
+    return calibration_valid(&p->gyro) && calibration_valid(&p->accel_y) && tilt_valid(&p->tilt) &&
+           kalman_valid(&p->kalman, &p->start) && p->phone.rates <= PHONE_EULER_RATES &&
+           p->roll.r_base >= 1U && p->roll.r_base <= p->roll.r_max && p->roll.r_max <= KALMAN_R_MAX &&
+           kalman_valid(&roll_kalman, &p->roll.start);
+}
