@@ -15,15 +15,17 @@ says nothing: as much as the mean of the other two.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from plumb import metrics
+from plumb.disturbance import Request
 from plumb.errors import UsageError
-from plumb.tuning import Channel, PhoneAxis, PhoneTuning
+from plumb.sensors import FAULT_NOTES, Fault, fault_of
+from plumb.tuning import Channel, PhoneAxis, PhoneTuning, Start
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -76,10 +78,24 @@ PRINTED_AXIS = replace(EULER.pitch, q_angle_deg2_per_s=10.0)
 PRINTED = replace(EULER, rates="body", pitch=PRINTED_AXIS, roll=PRINTED_AXIS)
 
 TUNINGS = {"euler": EULER, "printed": PRINTED}
+TUNING_NOTES = {
+    "euler": "the rates of the angles drive the filters; the shipped tuning",
+    "printed": "the body's rates drive the filters, as the source prints them",
+}
 DEFAULT_TUNING = "euler"
+STARTS: dict[str, Start] = {}
+START_NOTES: dict[str, str] = {}
+CONDITIONS: dict[str, str] = {}
+FAULT_CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+FAULTS = FAULT_NOTES
 OUTPUT_FRAMES: dict[str, tuple[str, str]] = {}
 OUTPUTS: tuple[str, ...] = ()
 LINK: dict[str, int] = {}
+
+
+def faults(requests: Sequence[Request]) -> tuple[Fault, ...]:
+    """What `scenario` takes; raises UsageError for a kind or a channel that there is not."""
+    return tuple(fault_of(asked, FAULT_CHANNELS) for asked in requests)
 
 
 def up(pitch_deg: npt.ArrayLike, roll_deg: npt.ArrayLike) -> FloatArray:
@@ -111,7 +127,7 @@ def counts_of(rate_dps: FloatArray, force_g: FloatArray) -> npt.NDArray[np.int16
 class Scenario:
     """One run: its motion and what the sensors made of it, all at the sampling instants.
 
-    rate_dps, force_g, sensed_dps, sensed_g: (3, steps), true and sensed; vertical: (3, steps); bias_dps: (3, steps).
+    (3, steps): rate_dps, vertical, bias_dps, true; sensed_dps, sensed_g, before faults. fault_noise: (6, steps).
     """
 
     name: str
@@ -122,6 +138,8 @@ class Scenario:
     bias_dps: FloatArray
     sensed_dps: FloatArray
     sensed_g: FloatArray
+    fault_noise: FloatArray
+    faults: tuple[Fault, ...] = ()
 
     @property
     def steps(self) -> int:
@@ -137,7 +155,13 @@ class Scenario:
 
     def counts(self) -> npt.NDArray[np.int16]:
         """Raw counts, (steps, 6)."""
-        return counts_of(self.sensed_dps, self.sensed_g)
+        raw = counts_of(self.sensed_dps, self.sensed_g)
+        for fault in self.faults:
+            begun = int(np.searchsorted(self.time_s, fault.start_s))
+            if begun < self.steps:
+                at_start, noise = int(raw[begun, fault.channel]), self.fault_noise[fault.channel]
+                raw[:, fault.channel] = fault.counts(raw[:, fault.channel], self.time_s, at_start, noise)
+        return raw
 
     def setpoint(self) -> npt.NDArray[np.int32]:
         """Nothing is controlled: zeros, (steps,)."""
@@ -185,12 +209,19 @@ def plant(run: Scenario, *, open_loop: bool = True) -> Playback:
     return Playback(run, run.counts(), run.truth())
 
 
-def scenario(name: str, seed: int, *, seconds: float | None = None, period_us: int = PERIOD_US) -> Scenario:
+def scenario(
+    name: str,
+    seed: int,
+    *,
+    seconds: float | None = None,
+    period_us: int = PERIOD_US,
+    faults: tuple[Fault, ...] = (),
+) -> Scenario:
     """Draw a run. One generator per seed, in this order:
 
     bias direction (3), scale (3), accelerometer offset (3), yaw, pitch, roll (grid each), linear acceleration along
-    three fixed axes (grid each), bias walk, gyro noise, accelerometer noise (3, steps each). A scenario that has no use
-    for one draws it all the same.
+    three fixed axes (grid each), bias walk, gyro noise, accelerometer noise (3, steps each), fault noise (6, steps). A
+    scenario that has no use for one draws it all the same.
     """
     if name not in SCENARIOS:
         raise UsageError(f"phone has no scenario '{name}'; it has {', '.join(SCENARIOS)}")
@@ -209,6 +240,7 @@ def scenario(name: str, seed: int, *, seconds: float | None = None, period_us: i
     walk_dps = np.cumsum(WALK_DPS_PER_RTS * np.sqrt(period_s) * rng.standard_normal((3, steps)), axis=1)
     gyro_noise_dps = GYRO_NOISE_DPS_PER_RTHZ / np.sqrt(period_s) * rng.standard_normal((3, steps))
     accel_noise_g = ACCEL_NOISE_G_PER_RTHZ / np.sqrt(period_s) * rng.standard_normal((3, steps))
+    fault_noise = rng.standard_normal((6, steps))
 
     t = np.arange(points, dtype=np.float64) * GRID_S
     fade = np.clip((t - REST_S) / FADE_S, 0.0, 1.0)
@@ -236,6 +268,8 @@ def scenario(name: str, seed: int, *, seconds: float | None = None, period_us: i
         drifting_dps,
         sensed_dps=scale[:, None] * rate_dps + drifting_dps + gyro_noise_dps,
         sensed_g=vertical + to_body(euler_deg, linear_g) + offset_g[:, None] + accel_noise_g,
+        fault_noise=fault_noise,
+        faults=faults,
     )
 
 
