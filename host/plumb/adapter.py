@@ -18,12 +18,14 @@ from plumb.protocol import Frame
 from plumb.slcan import LINE_MAX, frame_of_line, text_of_frames
 
 _CR, _BEL = b"\r", b"\a"
+_RATES = {b"S4": 125, b"S5": 250, b"S6": 500, b"S8": 1000}
 _LOOK_S = 0.01
 """How often a pty is asked whether a client has come: that makes no descriptor readable."""
 
 
 class AdapterBus(can.BusABC):
-    """open: a host said O or L and not yet C. read_only: it said L, and what it sends is refused."""
+    """open: a host said O or L and not yet C. read_only: it said L, and what it sends is refused. kbit: the bit rate it
+    asked for (S4, S5, S6, S8), None as long as it asked for none."""
 
     def __init__(self, line: Line, can_filters: Any = None, **kwargs: Any) -> None:
         self._line = line
@@ -31,6 +33,7 @@ class AdapterBus(can.BusABC):
         self._frames: deque[Frame] = deque()
         self.open = self.read_only = False
         self.refused = 0
+        self.kbit: int | None = None
         self.channel_info = f"SLCAN on {line.address}"
         super().__init__(line.address, can_filters=can_filters, **kwargs)
 
@@ -77,6 +80,8 @@ class AdapterBus(can.BusABC):
             return b"V0101\r"
         elif text == b"N":
             return b"N0000\r"
+        elif text in _RATES:
+            self.kbit = _RATES[text]
         elif text[:1] not in (b"S", b"s", b""):
             self.refused += 1
             return _BEL

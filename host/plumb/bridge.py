@@ -36,8 +36,8 @@ SILENCE_S = 1.0
 """Without a sample for so long the run ends; what is silent for longer is asked to begin again."""
 TURN_S = 0.001
 STANDING_OVER = 25
-"""Samples over which at least so and so many older ones were always waiting for their step: delay that never goes away by
-itself, because both sides have the same period. That many are left out then."""
+"""Samples over which at least so and so many older ones were always waiting for their step: delay that never goes away
+by itself, because both sides have the same period. That many are left out then."""
 ARM_AFTER_STEPS = 10
 
 Open = Callable[[str], can.BusABC]
@@ -351,7 +351,7 @@ class _Run:
         """Between two turns: compare, arm once, and say what happened."""
         bridge, session = self.bridge, self.session
         if bridge.shadow is not None:
-            bridge.shadow.follow(self.capture, session.counters.lost + session.counters.rejected)
+            bridge.shadow.follow(self.capture, session.counters.lost + session.frames.rejected)
         if bridge.want_arm and self.capture.steps > ARM_AFTER_STEPS:
             bridge.want_arm = False
             try:

@@ -93,6 +93,10 @@ class TcpLine:
         self._server.setblocking(False)
         self.address = f"socket://127.0.0.1:{self._server.getsockname()[1]}"
 
+    @property
+    def connected(self) -> bool:
+        return self._client is not None
+
     def watch(self) -> int | None:
         return (self._client or self._server).fileno()
 

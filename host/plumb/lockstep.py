@@ -19,7 +19,7 @@ from plumb.errors import LinkError, UsageError
 from plumb.identity import NackError, nack_error
 from plumb.protocol import Frame, Protocol
 from plumb.session import IN_FLIGHT, REPLY_TIMEOUT_S, TRIES, Session
-from plumb.slcan import crc8_columns, frame_of_line, text_of_frames
+from plumb.slcan import SlcanParser, crc8_columns, text_of_frames
 
 _WITH_B, _WITH_SETPOINT = 0x40, 0x80
 _LINE = 22
@@ -122,6 +122,7 @@ class Lockstep:
         self._step_id = session.protocol["STEP"].identifier
         self._word_id = session.protocol["WORD"].identifier
         self._nack_id = session.protocol["NACK"].identifier
+        self._text_parser = SlcanParser()
         self._pair = struct.Struct("<BBHI")
         session.begin("LOCKSTEP", frames, words)
 
@@ -214,8 +215,7 @@ class Lockstep:
         if fast is not None:
             fast.write_text(text)
             return
-        frames: list[Frame] = [f for f in map(frame_of_line, text.split(b"\r")) if f is not None]
-        self.session.send(frames)
+        self.session.send(self._text_parser.feed(text))
 
     def _expected(self, data: bytes, step: int) -> int:
         """How far ahead of `step` the board is, from a NACK of a sample; raises LinkError for another reason."""

@@ -119,9 +119,9 @@ class Monitor:
 
     def snapshot(self) -> Snapshot:
         """Everything by name, with the unit in the name; None where the board does not say it now."""
-        status, counters, events, sensors = (self._said(name) or {} for name in PERIODIC[1:])
+        status, counters, events, sensors, can = (self._said(name) or {} for name in PERIODIC[1:])
         step, raw = self._said("STEP"), self._said("RAW_A")
-        counted, fast = self.session.counters, self.session.fast
+        counted = self.session.counters
         mode = status.get("mode")
         return {
             "time_s": self._time_us * 1e-6,
@@ -146,10 +146,14 @@ class Monitor:
             "starved_steps": events.get("starved"),
             "disarm_cause": _sentences(events.get("disarm_cause", 0), BLOCKED),
             "bus_failures": sensors.get("bus_failures"),
+            "can_off_bus": _flag(can, "bus_off"),
+            "can_transmit_errors": can.get("transmit_errors"),
+            "can_receive_errors": can.get("receive_errors"),
+            "can_bus_offs": can.get("bus_offs"),
             "board_rejected": counters.get("rejected"),
             "board_lost": counters.get("lost"),
             "board_dropped": counters.get("dropped"),
-            "host_rejected": counted.rejected + (fast.parser.rejected + fast.parser.bad if fast is not None else 0),
+            "host_rejected": self.session.frames.rejected,
             "host_lost": counted.lost,
             "host_lost_steps": self.lost_steps,
         }
@@ -164,7 +168,7 @@ def _sentences(bits: int, names: dict[int, str]) -> list[str]:
 
 
 def read_only(session: Session) -> None:
-    """From here on the board takes no frame from this link, and this end sends none."""
+    """From here on the board takes no frame from this UART, and this end sends none. CAN has no such state."""
     if session.fast is not None:
         session.fast.write_text(b"L\r")
 

@@ -72,6 +72,10 @@ def load(path: Path) -> tuple[Parameter, ...]:
     return rows
 
 
+WIRING = ("pins", "dead_time_ns", "can_bitrate_kbit")
+"""Parameters that belong to how a board is wired, not to what it runs."""
+
+
 @lru_cache(maxsize=1)
 def table() -> tuple[Parameter, ...]:
     """The table of this version."""

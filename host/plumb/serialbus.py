@@ -83,6 +83,11 @@ class PlumbBus(can.BusABC):
         """Send SLCAN text that was prepared."""
         self._stream.write(text)
 
+    @property
+    def rejected(self) -> int:
+        """Lines that were no frame, and frames with a wrong CRC."""
+        return self.parser.bad + self.parser.rejected
+
     # ---- python-can ----
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:

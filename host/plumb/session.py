@@ -1,24 +1,26 @@
 """The conversation with a board: connect, parameters, runs, arming.
 
-A session works over any python-can bus; over `PlumbBus` it takes frames in chunks, which is what makes it fast. All
-time-outs go by the bus's clock where it has one, so that a simulated board answers the same way on every machine.
-Every request is answered, and repeated when it is not; trouble is a LinkError of one sentence.
+A session works over any python-can bus: over `PlumbBus` on the board's UART, over every other on its CAN bus (or, with
+python-can's own slcan interface, on the UART too). All time-outs go by the bus's clock where it has one, so that a
+simulated board answers the same way on every machine. Every request is answered, and repeated when it is not; trouble
+is a LinkError of one sentence.
 """
 
 from __future__ import annotations
 
-import time
+import contextlib
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import can
 
 from plumb import parameters
+from plumb.canlink import AnyBus, FrameBus
 from plumb.errors import LinkError, UsageError
 from plumb.identity import Identity, NackError, identity_of, nack_error, sensors_text
-from plumb.protocol import Frame, Message, check, protocol
+from plumb.protocol import Frame, Message, protocol
 from plumb.serialbus import DEFAULT_BAUDRATE, PlumbBus
 from plumb.words import RECORDS
 
@@ -29,8 +31,10 @@ KEEPALIVE_EVERY_S = 0.015
 SENSORS_START_S = 0.3
 """Sensors in use are found, set up and heard within this, or they are not there."""
 BLOCKED_BY_FAULT = 1 << 3
-PERIODIC = ("TIME", "STATUS", "COUNTERS", "EVENTS", "SENSORS")
+PERIODIC = ("TIME", "STATUS", "COUNTERS", "EVENTS", "SENSORS", "CAN_HEALTH")
 """What an open link always says."""
+PRESENCE_EVERY_S = 0.5
+"""A CAN link closes after two seconds without a frame from the host."""
 
 
 @dataclass
@@ -38,7 +42,6 @@ class LinkCounters:
     """Frames that did not make it, seen from here; the board's own counters are in Session.telemetry."""
 
     lost: int = 0
-    rejected: int = 0
     repeated_requests: int = 0
 
 
@@ -74,8 +77,10 @@ class Session:
 
     def __post_init__(self) -> None:
         self.protocol = protocol()
-        self.clock: Callable[[], float] = getattr(self.bus, "clock", time.monotonic)
+        own = hasattr(self.bus, "read_frames")
+        self.frames: FrameBus = cast(FrameBus, self.bus) if own else AnyBus(self.bus)
         self.fast = self.bus if isinstance(self.bus, PlumbBus) else None
+        self.clock: Callable[[], float] = self.frames.clock
         self._sent: dict[int, int] = {}
         self._received: dict[int, int] = {}
         numbered = ("RAW_A", "RAW_B", "STEP")
@@ -83,12 +88,18 @@ class Session:
         self._kept = {self.protocol[name].identifier: name for name in PERIODIC}
         self._token: int | None = None
         self._keepalive_s = 0.0
+        self._said_s = 0.0
+        self._wiring: dict[str, int] | None = None
         self._uploaded: str | None = None
 
     @classmethod
     def open(cls, channel: Any, baudrate: int = DEFAULT_BAUDRATE) -> Self:
-        """Open the channel and connect; the bus is closed again when that fails."""
-        bus = PlumbBus(channel, baudrate)
+        """Open the serial channel and connect; the bus is closed again when that fails."""
+        return cls.over(PlumbBus(channel, baudrate))
+
+    @classmethod
+    def over(cls, bus: can.BusABC) -> Self:
+        """Connect over a bus, which is closed when that fails."""
         try:
             session = cls(bus)
             session.connect()
@@ -99,6 +110,9 @@ class Session:
 
     def close(self) -> None:
         self._token = None
+        if self.fast is None:  # which says C
+            with contextlib.suppress(LinkError):
+                self.send([self.frame("CLOSE", 0, 0)])
         self.bus.shutdown()
 
     def __enter__(self) -> Self:
@@ -119,11 +133,8 @@ class Session:
         return message.identifier, message.pack(counter, flags, *words)
 
     def send(self, frames: Sequence[Frame]) -> None:
-        if self.fast is not None:
-            self.fast.write_frames(frames)
-            return
-        for identifier, data in frames:
-            self.bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False), timeout=1.0)
+        self._said_s = self.clock()
+        self.frames.write_frames(frames)
 
     def receive(self, timeout_s: float) -> list[Frame]:
         """Frames that came, each looked at for what went missing and for telemetry; keeps an armed board alive."""
@@ -133,27 +144,15 @@ class Session:
             wait_s = max(0.0, end - self.clock())
             if self._token is not None:
                 wait_s = min(wait_s, KEEPALIVE_EVERY_S)
-            frames = self.fast.read_frames(wait_s) if self.fast is not None else self._receive_slowly(wait_s)
-            if frames or self._token is None or self.clock() >= end:
+            elif self.fast is None:
+                wait_s = min(wait_s, PRESENCE_EVERY_S)
+            frames = self.frames.read_frames(wait_s)
+            if frames or self.clock() >= end:
                 break
         for frame in frames:
             self._note(frame)
         if self.listener is not None:
             self.listener(frames)
-        return frames
-
-    def _receive_slowly(self, timeout_s: float) -> list[Frame]:
-        frames: list[Frame] = []
-        message = self.bus.recv(timeout_s)
-        while message is not None:
-            frame = (message.arbitration_id, bytes(message.data))
-            if message.is_extended_id or frame[0] not in self.protocol.by_identifier:
-                pass
-            elif check(*frame):
-                frames.append(frame)
-            else:
-                self.counters.rejected += 1
-            message = self.bus.recv(0)
         return frames
 
     def _note(self, frame: Frame) -> None:
@@ -224,10 +223,10 @@ class Session:
                 self.identity = identity_of(items, self.protocol, len(parameters.table()))
                 return self.identity
         what = "answered, but not in full" if items else "does not answer"
-        raise LinkError(
-            f"{self.bus.channel_info}: the board {what}; check that it runs plumb, at this baud rate, and that "
-            "no other program reads this port"
-        )
+        check = "at this baud rate, and that no other program reads this port"
+        if self.fast is None:
+            check = "that wiring and termination are right, and that can_bitrate_kbit is the bus's bit rate"
+        raise LinkError(f"{self.bus.channel_info}: the board {what}; check that it runs plumb, {check}")
 
     def require_match(self) -> Identity:
         """The identity, connecting first when that was not done; raises LinkError with the mismatch if there is one."""
@@ -274,11 +273,12 @@ class Session:
     def upload(self, control_words: Sequence[int], **link_words: int) -> int:
         """Stage the whole table, then commit it by its CRC-32, ending a run that is on; returns the CRC.
 
-        control_words: the control part in order; link_words: period_us and the like, defaults where not given. Raises
-        UsageError for a value out of range (or one the board finds contradictory), LinkError for silence.
+        control_words: the control part in order; link_words: period_us and the like, defaults where not given, but what
+        belongs to the board's wiring (parameters.WIRING) stays as the board has it. Raises UsageError for a value out
+        of range (or one the board finds contradictory), LinkError for silence.
         """
         self.require_match()
-        words = parameters.whole_table(control_words, **link_words)
+        words = parameters.whole_table(control_words, **{**self._read_wiring(), **link_words})
         staged = {index: word & 0xFFFFFFFF for index, word in enumerate(words)}
         crc = parameters.crc32(words)
         for _ in range(TRIES):
@@ -293,8 +293,21 @@ class Session:
                     raise
                 continue
             self._uploaded = parameters.SYSTEMS[words[0]]
+            self._wiring = None if self._wiring is None else {name: words[i] for i, name in self._wiring_places()}
             return crc
         raise LinkError("the parameters did not arrive as they were sent: check the cable")
+
+    def _wiring_places(self) -> list[tuple[int, str]]:
+        return [(i, row.name) for i, row in enumerate(parameters.table()) if row.name in parameters.WIRING]
+
+    def _read_wiring(self) -> dict[str, int]:
+        """The board's own values of parameters.WIRING, asked for once."""
+        if self._wiring is None:
+            self._wiring = {
+                name: self.request("PARAM_GET", place, 0, answer="PARAM_VALUE", first=place)["value"]
+                for place, name in self._wiring_places()
+            }
+        return self._wiring
 
     def _stage(self, words: dict[int, int]) -> None:
         message = self.protocol["PARAM_STAGED"]
@@ -340,7 +353,7 @@ class Session:
         self.require_match()
         nonce = self._answer_nonce("EXECUTE", self.protocol["EXECUTE"].value("verb", verb))
         if verb in ("LOAD", "DEFAULTS"):  # may be another system: who asks for its record asks the board
-            self.identity = self._uploaded = None
+            self.identity = self._uploaded = self._wiring = None
         return nonce
 
     def execute_idle(self, verb: str) -> None:
@@ -421,10 +434,14 @@ class Session:
         self.request("DISARM", 0, 0)
 
     def pump(self) -> None:
-        """Send the keep-alive when it is due. There is no thread for it on purpose: who hangs must lose the board."""
-        if self._token is not None and self.clock() - self._keepalive_s >= KEEPALIVE_EVERY_S:
-            self._keepalive_s = self.clock()
+        """Send the keep-alive when it is due, and on CAN say now and then that somebody is here. There is no thread for
+        it on purpose: who hangs must lose the board."""
+        now_s = self.clock()
+        if self._token is not None and now_s - self._keepalive_s >= KEEPALIVE_EVERY_S:
+            self._keepalive_s = now_s
             self.send([self.frame("KEEPALIVE", 0, self._token)])
+        elif self.fast is None and self.identity is not None and now_s - self._said_s >= PRESENCE_EVERY_S:
+            self.send([self.frame("KEEPALIVE", 0, 0)])
 
     def set_setpoint(self, setpoint_turn_q32: int) -> None:
         """Real time: the setpoint from the next step on; the board tells the step with SETPOINT_USED."""

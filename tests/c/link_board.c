@@ -101,6 +101,9 @@ void link_board_turn(link_board_t *b, uint32_t now_us) {
     int16_t raw[CONTROL_RAW_MAX];
     int32_t setpoint;
 
+    static const board_can_health_t quiet = {.bus_off = true};
+
+    session_report_can(&b->session, &quiet);
     session_report_faults(&b->session, b->faults);
     session_report_sensors(&b->session, &b->health);
     session_report_switch(&b->session, b->switch_closed, now_us);

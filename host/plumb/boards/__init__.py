@@ -1,7 +1,8 @@
 """Boards: everything that can run the C integers, behind one interface.
 
 `native` is the core in process, `qemu` the core as Cortex-M3 code, `virtual` the whole flash image on the simulated
-STM32F103, `serial:PORT[@BAUD]` the same image on silicon, or on a virtual board served by another process.
+STM32F103; `serial:PORT[@BAUD]` and `can:INTERFACE:CHANNEL[@KBIT]` the same image on silicon, or on a virtual board
+served by another process.
 """
 
 from __future__ import annotations
@@ -85,10 +86,11 @@ class Board(ABC):
 
 
 def open_board(spec: str, *, link: str = "serial", image: Path | None = None) -> Board:
-    """The board that SPEC names; raises UsageError for a name that is none, LinkError when it does not answer."""
+    """The board that SPEC names; link: how `virtual` is spoken to, serial or can.
+
+    Raises UsageError for a name that is none, LinkError when it does not answer.
+    """
     kind, _, address = spec.partition(":")
-    if link != "serial":
-        raise UsageError(f"this version speaks to boards over serial only, not '{link}'")
     if spec == "native":
         from plumb.boards.native import NativeBoard
 
@@ -100,7 +102,7 @@ def open_board(spec: str, *, link: str = "serial", image: Path | None = None) ->
     if spec == "virtual":
         from plumb.boards.virtual import VirtualBoard
 
-        return VirtualBoard(image)
+        return VirtualBoard(image, link)
     if kind == "serial" and address:
         from plumb.boards.link import SerialBoard
 
@@ -108,4 +110,10 @@ def open_board(spec: str, *, link: str = "serial", image: Path | None = None) ->
         if baud and not baud.isdigit():
             raise UsageError(f"the baud rate in '{spec}' is not a number; write serial:PORT@921600")
         return SerialBoard(port, int(baud) if baud else 921600)
-    raise UsageError(f"'{spec}' names no board; use native, qemu, virtual or serial:PORT[@BAUD]")
+    if kind == "can" and address:
+        from plumb.boards.link import CanBoard
+
+        return CanBoard(spec)
+    raise UsageError(
+        f"'{spec}' names no board; use native, qemu, virtual, serial:PORT[@BAUD] or can:INTERFACE:CHANNEL[@KBIT]"
+    )

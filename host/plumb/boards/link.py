@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from plumb import systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper, open_board
+from plumb.buses import open_can
 from plumb.errors import UsageError
 from plumb.lockstep import Lockstep
 from plumb.session import Session
@@ -17,6 +18,7 @@ from plumb.words import Words
 if TYPE_CHECKING:
     from plumb.quantise import ControlParams
 
+REMOTE = "serial:PORT[@BAUD] or can:INTERFACE:CHANNEL[@KBIT]"
 CHUNK_STEPS = 500
 """Steps between two turns of the progress bar."""
 
@@ -86,9 +88,16 @@ class SerialBoard(LinkBoard):
         super().__init__(f"serial:{port}", Session.open(port, baudrate))
 
 
-def open_link_board(spec: str, *, image: Path | None = None) -> LinkBoard:
+class CanBoard(LinkBoard):
+    """A board, or a served virtual board, on any bus that python-can opens."""
+
+    def __init__(self, spec: str) -> None:
+        super().__init__(spec, Session.over(open_can(spec.removeprefix("can:"))))
+
+
+def open_link_board(spec: str, *, link: str = "serial", image: Path | None = None) -> LinkBoard:
     """The board that SPEC names, spoken to over its link; raises UsageError where there is none."""
-    board = None if spec in ("native", "qemu") else open_board(spec, image=image)
+    board = None if spec in ("native", "qemu") else open_board(spec, link=link, image=image)
     if not isinstance(board, LinkBoard):
-        raise UsageError(f"'{spec}' is no board with a link; use virtual or serial:PORT[@BAUD]")
+        raise UsageError(f"'{spec}' is no board with a link; use virtual, {REMOTE}")
     return board

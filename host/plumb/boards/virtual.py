@@ -1,6 +1,6 @@
-"""The virtual board in process: the whole flash image on the simulated STM32F103, spoken to over its UART.
+"""The virtual board in process: the whole flash image on the simulated STM32F103, spoken to over its UART or over CAN.
 
-Stepped: simulated time passes only while the host waits for bytes, so that two runs give the same bytes.
+Stepped: simulated time passes only while the host waits for an answer, so that two runs give the same bytes.
 """
 
 from __future__ import annotations
@@ -13,18 +13,26 @@ from plumb.session import Session
 
 
 class VirtualBoard(LinkBoard):
-    """machine: the simulated part, for who wants to reach its pins."""
+    """machine: the simulated part, for who wants to reach its pins. link: serial or can."""
 
-    def __init__(self, image: Path | None = None) -> None:
+    def __init__(self, image: Path | None = None, link: str = "serial") -> None:
         self.machine = open_machine(image)
+        self._link = link
         running = "the image of the checkout" if image is None else str(image)
         self.machine.uart.name = f"the virtual board with {running}"
-        super().__init__("virtual", Session.open(self.machine.uart))
+        super().__init__("virtual", self._connect())
+
+    def _connect(self) -> Session:
+        if self._link != "can":
+            return Session.open(self.machine.uart)
+        from plumb.f103.canbus import MachineBus
+
+        return Session.over(MachineBus(self.machine, self.machine.uart.name))
 
     def restart(self) -> Session:
         """Pull the reset pin and connect again: what is saved is in force then."""
         self.session.close()
         self.machine.reset()
         self.machine.advance_us(START_US)
-        self.session = Session.open(self.machine.uart)
+        self.session = self._connect()
         return self.session

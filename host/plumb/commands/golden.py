@@ -17,10 +17,10 @@ from pathlib import Path
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("action", choices=("make", "check"))
     parser.add_argument(
-        "--board", action="append", metavar="B", help="native, qemu, virtual or serial:PORT; repeatable"
+        "--board", action="append", metavar="B", help="native, qemu, virtual, serial:PORT or can:BUS; repeatable"
     )
     parser.add_argument("--system", action="append", metavar="S", help="only this system's vectors; repeatable")
-    parser.add_argument("--link", choices=("serial",), default="serial", help="how `virtual` is spoken to")
+    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
     parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
     parser.add_argument("--vectors", type=Path, help="folder of the vectors (default: the checkout's tests/vectors)")
     parser.add_argument("--json", action="store_true", help="print JSON")

@@ -30,9 +30,10 @@ LOOKS_PER_LINE = 10
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--board", required=True, metavar="B", help="virtual or serial:PORT[@BAUD]")
+    parser.add_argument("--board", required=True, metavar="B", help="virtual, serial:PORT or can:BUS")
     parser.add_argument("--run", choices=("live",), help="begin a run on the board's own sensors, unarmed")
     parser.add_argument("--seconds", type=float, metavar="N", help="how long (default: until Ctrl-C)")
+    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
     parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
     parser.add_argument("--scenario", default="motion", help="of the plant on `virtual` (default motion)")
     parser.add_argument("--seed", type=int, default=1000, help="of the plant on `virtual` (default 1000)")
@@ -48,7 +49,7 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.seconds is not None and not arguments.seconds > 0:
         raise UsageError(f"--seconds {arguments.seconds:g}: ask for more than nothing")
     on_terminal = sys.stdout.isatty() and not arguments.json
-    with open_link_board(arguments.board, image=arguments.image) as board:
+    with open_link_board(arguments.board, link=arguments.link, image=arguments.image) as board:
         session = board.session
         paced = attach_plant(board, arguments.scenario, arguments.seed) and on_terminal
         identity = session.identity or session.connect()
@@ -118,6 +119,8 @@ def block(identity: Identity, s: Snapshot) -> list[str]:
     board = (
         f"frames {count(s['board_lost'])}, rejected {count(s['board_rejected'])}, dropped {count(s['board_dropped'])}"
     )
+    errors = f"errors sent {count(s['can_transmit_errors'])}, received {count(s['can_receive_errors'])}"
+    can = f"{'off the bus' if s['can_off_bus'] else 'on the bus'}, {errors}, times off {count(s['can_bus_offs'])}"
     in_the_way = "; ".join(s["blocked"]) or "nothing is in the way"
     armed = "yes" if s["armed"] else f"no, the pins stay neutral; {in_the_way}"
     idle = "no run is on: --run live begins one" if s["mode"] == "IDLE" else ""
@@ -133,6 +136,7 @@ def block(identity: Identity, s: Snapshot) -> list[str]:
         f"faults    {'; '.join(s['faults']) or 'none'}",
         f"last disarmed by  {'; '.join(s['disarm_cause']) or 'nothing'}",
         f"events    saturated {count(s['saturated_steps'])}, starved {count(s['starved_steps'])}",
+        f"can       {can}",
         f"lost here     {lost}",
         f"by the board  {board}",
     ]

@@ -33,7 +33,8 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     each = argparse.ArgumentParser(add_help=False)
-    each.add_argument("--board", required=True, metavar="B", help="virtual or serial:PORT[@BAUD]")
+    each.add_argument("--board", required=True, metavar="B", help="virtual, serial:PORT or can:BUS")
+    each.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
     each.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
     each.add_argument("--json", action="store_true", help="print JSON")
     keep = argparse.ArgumentParser(add_help=False)
@@ -70,7 +71,7 @@ def main(arguments: argparse.Namespace) -> int:
         warnings += [f"{arguments.file}: {name} is missing; the board's value stays" for name in said.missing]
         if said.edited:
             warnings.append(f"{arguments.file}: the values are not those its CRC-32 was taken of: it was edited since")
-    with open_link_board(arguments.board, image=arguments.image) as board:
+    with open_link_board(arguments.board, link=arguments.link, image=arguments.image) as board:
         identity = board.session.identity
         if identity is not None and identity.mismatch:
             warnings.append(identity.mismatch)

@@ -23,11 +23,12 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("--board", metavar="B", help="virtual, serial:PORT[@BAUD] or can:...")
+    what.add_argument("--board", metavar="B", help="virtual, serial:PORT or can:BUS")
     what.add_argument("--bus", metavar="BUS", help="serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT or can:...")
     parser.add_argument("--out", type=Path, required=True, metavar="PATH", help="folder, or with --bus the log")
     parser.add_argument("--run", choices=("live",), help="begin a run on the board's own sensors, unarmed")
     parser.add_argument("--seconds", type=float, metavar="N", help="how long (default: until Ctrl-C)")
+    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
     parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
     parser.add_argument("--json", action="store_true", help="print JSON at the end")
 
@@ -73,7 +74,7 @@ def of_board(arguments: argparse.Namespace, caught: list[int]) -> dict[str, Any]
     from plumb.session import SELECTABLE
 
     make_folder(arguments.out)
-    with open_link_board(arguments.board, image=arguments.image) as board:
+    with open_link_board(arguments.board, link=arguments.link, image=arguments.image) as board:
         session = board.session
         recorder = Recorder(session, arguments.out, SELECTABLE)
         try:

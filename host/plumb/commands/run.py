@@ -16,8 +16,8 @@ from pathlib import Path
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("system", help="a name that `plumb systems` lists")
-    parser.add_argument("--board", required=True, metavar="B", help="native, qemu, virtual or serial:PORT[@BAUD]")
-    parser.add_argument("--link", choices=("serial",), default="serial", help="how `virtual` is spoken to")
+    parser.add_argument("--board", required=True, metavar="B", help="native, qemu, virtual, serial:PORT or can:BUS")
+    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
     parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
     parser.add_argument("--seed", type=int, default=1000, help="of every random number (default 1000)")
     parser.add_argument("--seconds", type=float, help="length (default: the scenario's own)")
