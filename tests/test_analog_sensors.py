@@ -13,6 +13,7 @@ pytest.importorskip("unicorn")
 from pins import LSB_V, at_rest
 from plumb.capture import Capture
 from plumb.errors import UsageError
+from plumb.monitor import watch
 from plumb.session import Session
 from sensor_bench import BOOT_US, NO_CONVERSIONS, PERIOD_US, SENSOR, STEPS_MISSED, Bench, image
 
@@ -43,6 +44,9 @@ def test_an_input_at_a_rail(analog: Bench) -> None:
         assert not analog.driving()
         assert analog.told() == [f"input {pin} is at a rail"]
         assert analog.faults() & SENSOR
+        shown = next(iter(watch(analog.session, 0.2)))["faults"]
+        assert shown == ["a sensor is lost or not to be trusted", f"input {pin} is at a rail"]
+        analog.session.listener = None
         assert analog.run(capture, 0.1) > 15, "the steps go on: the host sees what the input does"
         analog.machine.adc[pin] = honest
         analog.recovers(capture)
