@@ -41,7 +41,7 @@ void clock_init(void) {
     /* A ROM bootloader that jumped here has left its own PLL running: back to the state after reset first. */
     RCC_CR |= RCC_CR_HSION;
     (void)clock_wait(&RCC_CR, RCC_CR_HSIRDY, RCC_CR_HSIRDY, OSCILLATOR_POLLS);
-    RCC_CFGR = 0u;
+    RCC_CFGR &= ~RCC_CFGR_SW; /* nothing else of it may change while the PLL runs */
     (void)clock_wait(&RCC_CFGR, RCC_CFGR_SWS, 0u, SWITCH_POLLS);
     RCC_CR &= ~(RCC_CR_PLLON | RCC_CR_HSEON | RCC_CR_CSSON);
 

@@ -22,6 +22,7 @@
 #define RCC_CR_PLLON         (1u << 24)
 #define RCC_CR_PLLRDY        (1u << 25)
 #define RCC_CFGR             REG32(RCC_BASE, 0x04u)
+#define RCC_CFGR_SW          (3u << 0)
 #define RCC_CFGR_SW_PLL      (2u << 0)
 #define RCC_CFGR_SWS         (3u << 2)
 #define RCC_CFGR_SWS_PLL     (2u << 2)

@@ -15,19 +15,26 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
+from operator import xor
 from types import ModuleType
 from typing import Any, TypeVar
 
 from plumb.errors import LinkError, UsageError
 from plumb.f103.image import FLASH_BASE
+from plumb.f103.rom import RomBootloader
+from plumb.identity import NackError
+from plumb.stream import WRITE_TIMEOUT_S, OpenError, open_advice
 
 FLASH_SIZE_ADDRESS = 0x1FFFF7E0  # RM0008 30.1.1, in KiB
 BLOCK_BYTES = 256
 REPLY_S = 1.0  # a page erase takes up to 40 ms (datasheet, table 30); the rest is patience
 SYNC_S = 0.3
+LEAVES_S = 0.3  # a board that was asked leaves 0.1 s after its answer
 _TRIES = 3
 _ACK, _NACK, _SYNC = 0x79, 0x1F, b"\x7f"
+WRITE_TO = b"\x08\x00\x00\x00\x08"
+"""The address 0x08000000 and its checksum."""
 Result = TypeVar("Result")
 
 # AN2606, device ids of the F103: density, page size, least flash that is sold with it.
@@ -79,8 +86,6 @@ class Line:
 
     def __init__(self, port: str, baud: int) -> None:
         import serial
-
-        from plumb.stream import WRITE_TIMEOUT_S, OpenError, open_advice
 
         self.timeout = REPLY_S
         exclusive = True if os.name == "posix" else None
@@ -145,22 +150,28 @@ class RomLoader:
         self._line = line
         self._boot: Any = self._module.Stm32Bootloader(line, device_family="F1", verbosity=0)
 
+    def answers(self) -> bool:
+        """True when a bootloader is there already: ACK after a reset, NACK when it was awake."""
+        return any(self._knock() for _ in range(_TRIES))
+
     def synchronise(self, wait_s: float) -> None:
-        """Sends 0x7F until the bootloader answers: ACK after a reset, NACK when it was awake already."""
+        """Sends 0x7F until the bootloader answers."""
         end = time.monotonic() + wait_s
+        while not self._knock():
+            if time.monotonic() >= end:
+                raise LinkError(
+                    "no bootloader answers: set BOOT0 to 1 and BOOT1 to 0, check that the adapter's TX goes to "
+                    "PA10 and its RX to PA9, press RESET and try again"
+                )
+
+    def _knock(self) -> bool:
         self._line.timeout = SYNC_S
         try:
-            while True:
-                self._line.discard()
-                self._line.write(_SYNC)
-                with contextlib.suppress(SilenceError):
-                    if self._line.read()[0] in (_ACK, _NACK):
-                        return
-                if time.monotonic() >= end:
-                    raise LinkError(
-                        "no bootloader answers: set BOOT0 to 1 and BOOT1 to 0, check that the adapter's TX goes to "
-                        "PA10 and its RX to PA9, press RESET and try again"
-                    )
+            self._line.discard()
+            self._line.write(_SYNC)
+            with contextlib.suppress(SilenceError):
+                return self._line.read()[0] in (_ACK, _NACK)
+            return False
         except OSError as error:
             raise self._broken(error) from None
         finally:
@@ -273,6 +284,31 @@ class RomLoader:
         )
 
 
+def ask_running_board(port: str) -> bool:
+    """Ask what runs at the other end of a serial port to go into its bootloader; False when no plumb board answers.
+
+    Image and host may be of any two versions: the nonce and this verb never change. Raises LinkError when the board
+    says no.
+    """
+    from plumb.session import Session
+
+    try:
+        session = Session.open(port)
+    except OpenError:
+        raise
+    except LinkError:
+        return False
+    with session:
+        try:
+            session.execute("BOOTLOADER", matching=False)
+        except NackError as error:
+            if error.reason == "UNSUPPORTED":
+                return False
+            raise LinkError(f"{error}: end the run, open the arm switch, and try again") from None
+    time.sleep(LEAVES_S)
+    return True
+
+
 @dataclass(frozen=True)
 class Flashed:
     """What was done. wrong: offsets of bytes that read back differently; blank: all of them read as erased flash."""
@@ -281,6 +317,23 @@ class Flashed:
     pages: Sequence[int]
     wrong: Sequence[int]
     blank: bool
+
+
+def block_bytes(data: bytes) -> int:
+    """How many of these bytes to send in one block, at most BLOCK_BYTES.
+
+    A block goes out blind: its length, the data, a checksum. Where the length is lost on the way, the first byte of
+    data takes its place, and what is left over is read as commands. So a block is made shorter when that would erase,
+    write or start something.
+    """
+    for count in range(min(len(data), BLOCK_BYTES), 0, -4):
+        block = data[:count]
+        chip = RomBootloader(bytearray(b"\xff" * 0x10000), lambda _offset, _data: None)
+        chip.receive(_SYNC + b"\x31\xce" + WRITE_TO)
+        chip.receive(block + bytes([reduce(xor, block, count - 1)]) + 8 * _SYNC)
+        if not chip.erased and not chip.written and chip.started_at is None:
+            return count
+    raise UsageError("the image holds bytes that a bootloader could take for a command; build another one")
 
 
 def program(loader: RomLoader, part: Part, image: bytes, done: Callable[[str, int], None]) -> Flashed:
@@ -293,10 +346,12 @@ def program(loader: RomLoader, part: Part, image: bytes, done: Callable[[str, in
     for page in pages:
         loader.erase(page)
         done("erasing", min(part.page_bytes, len(image) - page * part.page_bytes))
-    for start in range(0, len(image), BLOCK_BYTES):
-        block = image[start : start + BLOCK_BYTES]
+    start = 0
+    while start < len(image):
+        block = image[start : start + block_bytes(image[start : start + BLOCK_BYTES])]
         loader.write(FLASH_BASE + start, block)
         done("writing", len(block))
+        start += len(block)
     found = b""
     for start in range(0, len(image), BLOCK_BYTES):
         found += loader.read(FLASH_BASE + start, min(BLOCK_BYTES, len(image) - start))

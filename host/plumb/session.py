@@ -348,9 +348,11 @@ class Session:
             return nonce
         raise LinkError("the board accepts no nonce")
 
-    def execute(self, verb: str) -> int:
-        """Carry out a verb of EXECUTE with a fresh nonce; returns the nonce. Raises NackError for a no."""
-        self.require_match()
+    def execute(self, verb: str, *, matching: bool = True) -> int:
+        """Carry out a verb of EXECUTE with a fresh nonce; returns the nonce. Raises NackError for a no, and LinkError
+        when the board has other definitions, unless they need not match."""
+        if matching:
+            self.require_match()
         nonce = self._answer_nonce("EXECUTE", self.protocol["EXECUTE"].value("verb", verb))
         if verb in ("LOAD", "DEFAULTS"):  # may be another system: who asks for its record asks the board
             self.identity = self._uploaded = self._wiring = None

@@ -73,6 +73,7 @@ def tools() -> Iterator[Finding]:
         ("arm-none-eabi-gcc", "builds the flash image", "gcc-arm-none-eabi and libnewlib-arm-none-eabi"),
         ("qemu-system-arm", "runs the core on a second CPU", "qemu-system-arm"),
         ("cmake", "builds everything", "cmake"),
+        ("openocd", "plumb flash --probe openocd", "openocd"),
     ):
         path = shutil.which(command)
         yield Finding(command, path is not None, False, path or f"{purpose}: apt install {package}")

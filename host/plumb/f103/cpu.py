@@ -206,9 +206,14 @@ class Cpu:
             last = max(-(-(time - self.base) // self.instruction_ticks), self._counter.value)
             self._limit.value = min(self._limit.value, last)
 
-    def restart(self) -> None:
-        """Reset: stack pointer and entry point from the vector table, masks clear. Memory stays."""
-        stack, entry = struct.unpack_from("<II", self.flash)
+    def forget_code(self) -> None:
+        """The flash holds another program now: what was translated of the old one does not count."""
+        self.uc.ctl_flush_tb()
+
+    def restart(self, vectors: int = FLASH_BASE) -> None:
+        """Stack pointer and entry point from a vector table in flash, that of a reset by default; masks clear. Memory
+        stays."""
+        stack, entry = struct.unpack_from("<II", self.flash, vectors - FLASH_BASE)
         self.sleeping, self.locked_up = False, ""
         uc = self.uc
         uc.reg_write(UC_ARM_REG_XPSR, 1 << 24)
@@ -332,6 +337,8 @@ class Cpu:
             block.cfsr |= core.CFSR_PRECISERR | core.CFSR_BFARVALID
             block.bfar = self._fault_address
             self._synchronous(BUS_FAULT)
+        elif error in _FETCH_FAULTS and SYSTEM_BASE <= self.pc < SYSTEM_BASE + len(self.system):
+            self.machine.enter_rom()
         elif error in _FETCH_FAULTS:
             block.cfsr |= core.CFSR_IBUSERR
             self._synchronous(BUS_FAULT)

@@ -82,7 +82,7 @@ class Flash(Peripheral):
         """These bits of the byte at `address` are stuck at 0 or 1 from now on."""
         zeros, ones = self._stuck.get(address - FLASH_BASE, (0, 0))
         self._stuck[address - FLASH_BASE] = (zeros | bits, ones) if not level else (zeros, ones | bits)
-        self._store(address - FLASH_BASE, bytes(self.machine.cpu.flash[address - FLASH_BASE :][:1]))
+        self.store(address - FLASH_BASE, bytes(self.machine.cpu.flash[address - FLASH_BASE :][:1]))
 
     # Registers
 
@@ -178,7 +178,7 @@ class Flash(Peripheral):
 
     def _end(self, _time: int) -> None:
         assert self._operation is not None
-        self._store(self._operation.offset, self._operation.after)
+        self.store(self._operation.offset, self._operation.after)
         self._operation = None
         self.sr = self.sr & ~BSY | EOP
 
@@ -192,9 +192,10 @@ class Flash(Peripheral):
             for old, new in zip(before, operation.after, strict=True)
         )
         half = bytes(o & ~m | n & m for o, n, m in zip(before, operation.after, mask, strict=True))
-        self._store(operation.offset, half)
+        self.store(operation.offset, half)
 
-    def _store(self, offset: int, data: bytes) -> None:
+    def store(self, offset: int, data: bytes) -> None:
+        """These bytes into the memory, as far as it still takes them."""
         for at, byte in enumerate(data, offset):
             zeros, ones = self._stuck.get(at, (0, 0))
             self.machine.cpu.flash[at] = byte & ~zeros | ones

@@ -27,7 +27,7 @@ from plumb.f103.adc import Adc
 from plumb.f103.backup import Bkp, Pwr
 from plumb.f103.bus import Bus, Peripheral
 from plumb.f103.bxcan import Bxcan
-from plumb.f103.cpu import Cpu
+from plumb.f103.cpu import SYSTEM_BASE, Cpu
 from plumb.f103.debug import CoreDebug, DbgMcu, Dwt
 from plumb.f103.dma import Dma
 from plumb.f103.flash import Flash
@@ -36,7 +36,8 @@ from plumb.f103.i2c import I2c, I2cBus
 from plumb.f103.image import check_image, load_image
 from plumb.f103.iwdg import Iwdg
 from plumb.f103.nvic import Nvic
-from plumb.f103.rcc import Rcc
+from plumb.f103.rcc import PLLON, Rcc
+from plumb.f103.rom import RomBootloader
 from plumb.f103.scb import Scb, SysTick
 from plumb.f103.spi import Spi
 from plumb.f103.stream import UartStream
@@ -72,6 +73,9 @@ PWM_PINS = {f"PB{6 + i}": ("TIM4", i) for i in range(4)} | {
     pin: ("TIM3", i) for i, pin in enumerate(("PA6", "PA7", "PB0", "PB1"))
 }
 LOOK_US = 100
+PLL_24MHZ = 4 << 18 | 2
+"""RCC_CFGR: HSI / 2 x 6."""
+SYSTEM_STACK, SYSTEM_ENTRY = 0x20000200, 0x1FFFF020
 SYSTEM_FLASH_SIZE, SYSTEM_UNIQUE_ID, SYSTEM_OPTIONS = 0x7E0, 0x7E8, 0x800
 
 
@@ -103,6 +107,9 @@ class Machine:
         self.powered = True
         self.debugger_attached = False
         self.reset_count = 0
+        self.boot0 = False
+        """Level of the pin at the next reset: True starts the ROM bootloader."""
+        self.rom: RomBootloader | None = None
         self._reset_cause = ""
         self._host_waits = self._stop = False
         self._build()
@@ -154,6 +161,7 @@ class Machine:
         cpu.flash[:] = b"\xff" * len(cpu.flash)
         cpu.flash[: len(image)] = image
         cpu.system[:] = b"\xff" * len(cpu.system)
+        struct.pack_into("<II", cpu.system, 0, SYSTEM_STACK, SYSTEM_ENTRY | 1)
         struct.pack_into("<HH", cpu.system, SYSTEM_FLASH_SIZE, self.part.flash_kib, 0xFFFF)
         cpu.system[SYSTEM_UNIQUE_ID : SYSTEM_UNIQUE_ID + 12] = self.chance.randbytes(12)
         cpu.system[SYSTEM_OPTIONS : SYSTEM_OPTIONS + 4] = bytes((0xA5, 0x5A, 0xFF, 0x00))
@@ -182,6 +190,33 @@ class Machine:
             peripheral.reset()
         self.rcc.note_reset(cause)
         self.cpu.restart()
+        self.rom = None
+        if self.boot0:
+            self.enter_rom()
+
+    # The ROM bootloader, which is no code here
+
+    def enter_rom(self) -> None:
+        """The core has gone into system memory: from now on the bootloader has the UART. It wants the part as a reset
+        leaves it."""
+        if self.rcc.cfgr or self.rcc.apb1enr or self.rcc.apb2enr:
+            self.warn("the ROM bootloader is entered with clocks that a reset has off")
+        self.rom = RomBootloader(
+            self.cpu.flash, self.flash.store, device_id=self.part.idcode & 0xFFF, extended=self.part.flash_kib > 512
+        )
+
+    def rom_receives(self, data: bytes) -> bytes:
+        """What the bootloader answers. Sent somewhere else, it leaves its clock and its vector table in force."""
+        assert self.rom is not None
+        answer = self.rom.receive(data)
+        if self.rom.started_at is not None:
+            self.cpu.forget_code()
+            self.cpu.restart(self.rom.started_at)
+            self.rom = None
+            self.scb.vtor = SYSTEM_BASE
+            self.rcc.write_cfgr(PLL_24MHZ)
+            self.rcc.write_cr(self.rcc.cr | PLLON)
+        return answer
 
     def reset(self) -> None:
         """Pull the reset pin."""
@@ -283,7 +318,8 @@ class Machine:
         if self._reset_cause:
             self._restart(self._reset_cause)
             return
-        asleep = not self.powered or bool(cpu.locked_up) or self.rcc.core_clock_lost or self.flash.busy
+        asleep = not self.powered or bool(cpu.locked_up) or self.rcc.core_clock_lost
+        asleep = asleep or self.flash.busy or self.rom is not None
         masked = False
         if not asleep:
             number = self.nvic.candidate()

@@ -41,7 +41,10 @@ class UartStream:
 
     def write(self, data: bytes) -> int:
         """Queue bytes on the line to the board; they arrive at the baud rate as simulated time passes."""
-        self.machine.usart.receive(bytes(data))
+        if self.machine.rom is not None:
+            self._arrived += self.machine.rom_receives(bytes(data))
+        else:
+            self.machine.usart.receive(bytes(data))
         return len(data)
 
     @property
