@@ -152,10 +152,11 @@ def test_the_board_s_faults_are_named(board: MemoryBoard) -> None:
     assert "the board has a fault" in last["blocked"]
 
 
-@pytest.mark.parametrize(("period_us", "frames"), [(20_000, 6), (2_000, 4), (1_000, 1), (500, 1)])
-def test_a_run_asks_for_no_more_than_the_line_carries(period_us: int, frames: int) -> None:
-    chosen = monitor.selection(period_us)
-    assert chosen == monitor.WANTED[:frames]
+@pytest.mark.parametrize("system", monitor.WANTED)
+@pytest.mark.parametrize(("period_us", "frames"), [(20_000, 8), (2_000, 4), (1_000, 1), (500, 1)])
+def test_a_run_asks_for_no_more_than_the_line_carries(period_us: int, frames: int, system: str) -> None:
+    chosen = monitor.selection(period_us, system)
+    assert chosen == monitor.WANTED[system][:frames]
     assert (1 + len(chosen)) * 22 * 1e6 / period_us < 92_160
 
 

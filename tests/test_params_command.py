@@ -198,3 +198,26 @@ def test_a_table_that_came_back_wrong_is_link_trouble(
 def test_only_a_board_with_a_link_has_parameters(spec: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert front.main(["params", "list", "--board", spec]) == 2
     assert "no board with a link" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("system", ["quad", "phone"])
+def test_a_board_becomes_a_system_with_its_shipped_tuning(
+    board: MemoryBoard, capsys: pytest.CaptureFixture[str], system: str
+) -> None:
+    from plumb import systems
+    from plumb.quantise import quantise
+
+    code, out, _ = params(capsys, "tuning", system, "--json")
+    changed = json.loads(out)["changed"]
+    module = systems.load(system)
+    values = {**quantise(module.TUNINGS[module.DEFAULT_TUNING]).values, "period_us": module.PERIOD_US, **module.LINK}
+    rows = {row.name: row.default for row in parameters.table()}
+    assert code == 0
+    assert {name: row["to"] for name, row in changed.items()} == {
+        name: value for name, value in values.items() if value != rows[name]
+    }
+
+
+def test_a_tuning_that_is_none_is_wrong_use(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = params(capsys, "tuning", "quad", "sharpest")
+    assert code == 2 and "adaptive" in err

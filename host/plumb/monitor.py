@@ -26,17 +26,22 @@ SILENCE_S = TRIES * REPLY_TIMEOUT_S
 """An open link says TIME every 50 ms."""
 LINE_FRAMES_PS = 921600 / 10 / 22
 """Frames a second that the UART carries."""
-WANTED = ("ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND", "RAW_A")
+WANTED = {
+    "quad": ("ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND", "RAW_A"),
+    "balancer": ("ANGLE", "DRIVE", "BIAS", "RATE", "MEASURED", "COMMAND", "RAW_A", "RAW_B"),
+    "turntable": ("RAW_A", "RAW_B"),
+    "phone": ("ANGLE", "ROLL", "BIAS", "ROLL_BIAS", "RAW_A", "RAW_B"),
+}
 """The most wanted first."""
 
 Snapshot = dict[str, Any]
 """One look at the board; the keys are those of Monitor.snapshot."""
 
 
-def selection(period_us: int) -> tuple[str, ...]:
-    """As much of WANTED as two thirds of the line carry beside STEP, at one step every period_us."""
+def selection(period_us: int, system: str = "quad") -> tuple[str, ...]:
+    """As much of what is wanted of a system as two thirds of the line carry beside STEP, at one step every period_us."""
     frames_per_step = LINE_FRAMES_PS * period_us * 1e-6 * 2 / 3
-    return WANTED[: max(1, min(len(WANTED), int(frames_per_step) - 1))]
+    return WANTED[system][: max(1, int(frames_per_step) - 1)]
 
 
 @lru_cache(maxsize=1)
@@ -120,7 +125,7 @@ class Monitor:
     def snapshot(self) -> Snapshot:
         """Everything by name, with the unit in the name; None where the board does not say it now."""
         status, counters, events, sensors, can = (self._said(name) or {} for name in PERIODIC[1:])
-        step, raw = self._said("STEP"), self._said("RAW_A")
+        step, raw = self._said("STEP"), {**(self._said("RAW_A") or {}), **(self._said("RAW_B") or {})}
         counted = self.session.counters
         mode = status.get("mode")
         return {
@@ -141,7 +146,11 @@ class Monitor:
             "command": self._value("COMMAND", "command"),
             "pulse_0_us": self._value("ANGLE", "pulse_0"),
             "pulse_1_us": self._value("BIAS", "pulse_1"),
-            "raw": None if raw is None else [raw[f"raw_{i}"] for i in range(3)],
+            "roll_deg": self._value("ROLL", "roll"),
+            "roll_bias_dps": self._value("ROLL_BIAS", "bias"),
+            "duty": self._value("DRIVE", "duty"),
+            "velocity_mps": self._value("DRIVE", "velocity"),
+            "raw": [raw[name] for name in (f"raw_{i}" for i in range(6)) if name in raw] or None,
             "saturated_steps": events.get("saturated"),
             "starved_steps": events.get("starved"),
             "disarm_cause": _sentences(events.get("disarm_cause", 0), BLOCKED),
@@ -175,10 +184,12 @@ def read_only(session: Session) -> None:
 
 def begin_live(session: Session) -> None:
     """Begin a run in real time on the board's own sensors, unarmed, with as much to see as the line carries."""
+    from plumb.parameters import SYSTEMS
     from plumb.tablefile import by_name
 
-    period_us = by_name(session.read_parameters())["period_us"]
-    session.begin("REALTIME_LIVE", frames=[name for name in SELECTABLE if name in selection(period_us)])
+    words = by_name(session.read_parameters())
+    wanted = selection(words["period_us"], SYSTEMS[words["system"]])
+    session.begin("REALTIME_LIVE", frames=[name for name in SELECTABLE if name in wanted])
 
 
 def watch(session: Session, seconds: float | None = None) -> Iterator[Snapshot]:

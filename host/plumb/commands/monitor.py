@@ -6,8 +6,8 @@
 
 Ten looks a second: a block that renews itself on a terminal, a line each second elsewhere, with --json each look as one
 line of JSON. Ends after --seconds, or with Ctrl-C. Without --run the link is read-only and a run goes on as it is; what
-its steps show was selected when it began. A serial port has one client at a time, and opening it disarms the board: who
-wants to see an armed run looks at the program that armed it. --run live ends the run that is on, and its own at the
+its steps show was selected when it began. A serial port has one client at a time, and opening it disarms a board that a
+host armed: who wants to see such a run looks at the program that armed it. What the arm switch armed flies on. --run live ends the run that is on, and its own at the
 end.
 """
 
@@ -131,6 +131,7 @@ def block(identity: Identity, s: Snapshot) -> list[str]:
         f"tilt      {number(s['tilt_deg'], 'deg')}      measured {number(s['tilt_measured_deg'], 'deg')}",
         f"rate      {number(s['rate_dps'], 'deg/s')}    bias     {number(s['bias_dps'], 'deg/s')}",
         f"command   {number(s['command'], '')}         pulses   {pulses(s)}",
+        *drive_and_roll(s),
         f"raw       {' '.join(map(str, s['raw'])) if s['raw'] else '-'}",
         f"armed     {armed}",
         f"faults    {'; '.join(s['faults']) or 'none'}",
@@ -140,6 +141,16 @@ def block(identity: Identity, s: Snapshot) -> list[str]:
         f"lost here     {lost}",
         f"by the board  {board}",
     ]
+
+
+def drive_and_roll(s: Snapshot) -> list[str]:
+    """Lines of the systems that have these."""
+    lines = []
+    if s["duty"] is not None:
+        lines.append(f"duty      {number(s['duty'], '')}         velocity {number(s['velocity_mps'], 'm/s')}")
+    if s["roll_deg"] is not None:
+        lines.append(f"roll      {number(s['roll_deg'], 'deg')}      bias     {number(s['roll_bias_dps'], 'deg/s')}")
+    return lines
 
 
 def pulses(s: Snapshot) -> str:

@@ -3,6 +3,7 @@
     plumb params list --board serial:/dev/ttyUSB0
     plumb params get pid.kp_q22 period_us --board serial:/dev/ttyUSB0
     plumb params set period_us=10000 pid.slew_q22=0x100000 --board serial:/dev/ttyUSB0
+    plumb params tuning balancer --board serial:/dev/ttyUSB0 --save
     plumb params save --board serial:/dev/ttyUSB0
     plumb params load --board serial:/dev/ttyUSB0
     plumb params reset --save --board serial:/dev/ttyUSB0
@@ -11,7 +12,8 @@
 
 Values are the integers of the board's table; what they mean in engineering units is shown beside them. A change is
 staged, then committed by the CRC-32 of the whole resulting table, and acknowledged, or refused as a whole with the
-reason; it disarms the board and ends a run that is on. `set`, `load` and `reset` change what is in use until the board
+reason; it disarms the board and ends a run that is on. `tuning` makes the board a system, with one of the tunings that
+`plumb run SYSTEM` knows, its period and what its actuator needs. `set`, `tuning`, `load` and `reset` change what is in use until the board
 is reset; `save`, or --save behind any of them, keeps what is in use in the board's flash, from where it comes back at
 every start. `load` takes a file of `dump`, or without one what the flash holds; `reset` brings the factory's values
 back. `virtual` is a new board every time: there, a change tells whether the board would take it.
@@ -39,12 +41,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     each.add_argument("--json", action="store_true", help="print JSON")
     keep = argparse.ArgumentParser(add_help=False)
     keep.add_argument("--save", action="store_true", help="and keep them in the board's flash")
-    verbs = parser.add_subparsers(dest="action", required=True, metavar="list|get|set|save|load|reset|dump")
+    verbs = parser.add_subparsers(dest="action", required=True, metavar="list|get|set|tuning|save|load|reset|dump")
     verbs.add_parser("list", parents=[each], help="every parameter: value, meaning, range, default")
     one = verbs.add_parser("get", parents=[each], help="some parameters, with what they are for")
     one.add_argument("names", nargs="+", metavar="NAME")
     change = verbs.add_parser("set", parents=[each, keep], help="change some")
     change.add_argument("assignments", nargs="+", metavar="NAME=VALUE", help="integers of the table")
+    tune = verbs.add_parser("tuning", parents=[each, keep], help="make the board a system, with a shipped tuning")
+    tune.add_argument("system", metavar="SYSTEM", help="quad, balancer, turntable or phone")
+    tune.add_argument("tuning", nargs="?", metavar="TUNING", help="default: the one that `plumb run` takes")
     verbs.add_parser("save", parents=[each], help="keep what is in use in the board's flash")
     give = verbs.add_parser("load", parents=[each, keep], help="commit a file, or go back to what the flash holds")
     give.add_argument("file", type=Path, nargs="?", metavar="FILE")
@@ -64,6 +69,8 @@ def main(arguments: argparse.Namespace) -> int:
         rows = tuple(tablefile.row_named(name) for name in arguments.names)
     elif arguments.action == "set":
         wanted = tablefile.assignments(arguments.assignments)
+    elif arguments.action == "tuning":
+        wanted = table_of(arguments.system, arguments.tuning)
     elif arguments.action == "load" and arguments.file is not None:
         said = tablefile.read(arguments.file)
         wanted = said.values
@@ -77,7 +84,7 @@ def main(arguments: argparse.Namespace) -> int:
             warnings.append(identity.mismatch)
         warn(warnings)
         words = tablefile.read_table(board.session)
-        if arguments.action in ("set", "load", "reset", "save"):
+        if arguments.action in ("set", "tuning", "load", "reset", "save"):
             verb = "DEFAULTS" if arguments.action == "reset" else ""
             verb = "LOAD" if arguments.action == "load" and arguments.file is None else verb
             after = change(board.session, verb, words, wanted)
@@ -98,6 +105,19 @@ def main(arguments: argparse.Namespace) -> int:
     else:
         print(as_table(described) if arguments.action == "list" else "\n\n".join(map(in_full, described)))
     return 0
+
+
+def table_of(name: str, tuning: str | None) -> dict[str, int]:
+    """Words by name of a system as it is shipped; raises UsageError for a system or a tuning that there is not."""
+    from plumb import systems
+    from plumb.errors import UsageError
+    from plumb.quantise import quantise
+
+    system = systems.load(name)
+    chosen = tuning or system.DEFAULT_TUNING
+    if chosen not in system.TUNINGS:
+        raise UsageError(f"{name} has no tuning '{chosen}'; use one of {', '.join(system.TUNINGS)}")
+    return {**quantise(system.TUNINGS[chosen]).values, "period_us": system.PERIOD_US, **system.LINK}
 
 
 def change(session: Session, verb: str, words: list[int], wanted: dict[str, int]) -> list[int]:
