@@ -39,7 +39,7 @@ Snapshot = dict[str, Any]
 
 
 def selection(period_us: int, system: str = "quad") -> tuple[str, ...]:
-    """As much of what is wanted of a system as two thirds of the line carry beside STEP, at one step every period_us."""
+    """As much of what is wanted of a system as two thirds of the line carry beside STEP, one step every period_us."""
     frames_per_step = LINE_FRAMES_PS * period_us * 1e-6 * 2 / 3
     return WANTED[system][: max(1, int(frames_per_step) - 1)]
 

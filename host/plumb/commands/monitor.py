@@ -7,8 +7,8 @@
 Ten looks a second: a block that renews itself on a terminal, a line each second elsewhere, with --json each look as one
 line of JSON. Ends after --seconds, or with Ctrl-C. Without --run the link is read-only and a run goes on as it is; what
 its steps show was selected when it began. A serial port has one client at a time, and opening it disarms a board that a
-host armed: who wants to see such a run looks at the program that armed it. What the arm switch armed flies on. --run live ends the run that is on, and its own at the
-end.
+host armed: who wants to see such a run looks at the program that armed it. What the arm switch armed flies on. --run
+live ends the run that is on, and its own at the end.
 """
 
 from __future__ import annotations

@@ -13,10 +13,10 @@
 Values are the integers of the board's table; what they mean in engineering units is shown beside them. A change is
 staged, then committed by the CRC-32 of the whole resulting table, and acknowledged, or refused as a whole with the
 reason; it disarms the board and ends a run that is on. `tuning` makes the board a system, with one of the tunings that
-`plumb run SYSTEM` knows, its period and what its actuator needs. `set`, `tuning`, `load` and `reset` change what is in use until the board
-is reset; `save`, or --save behind any of them, keeps what is in use in the board's flash, from where it comes back at
-every start. `load` takes a file of `dump`, or without one what the flash holds; `reset` brings the factory's values
-back. `virtual` is a new board every time: there, a change tells whether the board would take it.
+`plumb run SYSTEM` knows, its period and what its actuator needs. `set`, `tuning`, `load` and `reset` change what is in
+use until the board is reset; `save`, or --save behind any of them, keeps what is in use in the board's flash, from
+where it comes back at every start. `load` takes a file of `dump`, or without one what the flash holds; `reset` brings
+the factory's values back. `virtual` is a new board every time: there, a change tells whether the board would take it.
 """
 
 from __future__ import annotations
