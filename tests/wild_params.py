@@ -97,3 +97,14 @@ def wild_balancer_params(rng: np.random.Generator) -> ControlParams:
     # in most runs never fallen: there would be nothing left to see
     fall = 1 << 31 if rng.random() < 0.7 else log_uniform(rng, 0, 1 << 31)
     return ControlParams.of("balancer", values | {"drive.fall_turn_q32": fall})
+
+
+def wild_phone_params(rng: np.random.Generator) -> ControlParams:
+    """Parameters of phone that control_params_valid accepts: both filters wild, each in its own way."""
+    groups = ("gyro", "accel_y", "tilt", "kalman", "start")
+    values = {name: value for name, value in _shared(rng).items() if name.rpartition(".")[0] in groups}
+    second = _shared(rng)
+    values |= {f"roll.{name}": second[f"kalman.{name}"] for name in ("qa_hi", "qa_lo", "qb", "qb_frac_q30")}
+    values |= {f"roll.{name}": second[f"tilt.{name}"] for name in ("r_base", "r_max")}
+    values |= {f"roll.{name}": value for name, value in second.items() if name.startswith("start.")}
+    return ControlParams.of("phone", values | {"phone.rates": int(rng.random() < 0.8)})

@@ -27,8 +27,11 @@ def quantise(tuning: PhoneTuning) -> ControlParams:
         raise UsageError(f"rates = '{tuning.rates}': body or euler")
     try:
         pitch, roll, unit_deg2 = _both(tuning)
-    except UsageError:
-        pitch, roll, unit_deg2 = _both(tuning, finest="roll")
+    except UsageError as reason:
+        try:
+            pitch, roll, unit_deg2 = _both(tuning, finest="roll")
+        except UsageError:
+            raise reason from None
     own = {
         **channel_words("gyro", tuning.gyro, Fraction(1 << 28, 360)),
         **channel_words("accel_y", tuning.accel, Fraction(1 << 26)),
