@@ -26,7 +26,8 @@
 #define BOARD_FAULT_WATCHDOG       0x0400u /* the watchdog caused the last reset */
 #define BOARD_FAULT_SENSOR         0x0040u /* a sensor is lost or not to be trusted: board_sensor_health() */
 #define BOARD_FAULT_CAN_OVERRUN                                                                              \
-    0x0800u /* received CAN frames were lost: the loop did not fetch them in time */
+    0x0800u                         /* received CAN frames were lost: the loop did not fetch them in time */
+#define BOARD_FAULT_CRYSTAL 0x1000u /* the crystal failed in the run before: internal oscillator since */
 /* Two counters that stop at 255: bits 16 to 23 UART errors, bits 24 to 31 late periods. */
 #define BOARD_FAULT_UART_COUNT_SHIFT 16u
 #define BOARD_FAULT_LATE_COUNT_SHIFT 24u
@@ -40,7 +41,7 @@ typedef struct {
     uint32_t ram_kib;         /* of the smallest part with that much flash */
     uint32_t reset_cause;     /* RCC_CSR 31..24: low power, window watchdog, watchdog, software, power, pin */
     uint32_t crash_pc;        /* with BOARD_FAULT_HARD: the instruction */
-    uint32_t crash_exception; /* with BOARD_FAULT_HARD: 2 crystal failed, 3 HardFault, 0 stack at its guard */
+    uint32_t crash_exception; /* with BOARD_FAULT_HARD: 3 HardFault, 0 stack at its guard; with CRYSTAL: 2 */
     uint32_t pins;            /* the pin set in force, BOARD_PINS_ */
 } board_identity_t;
 
@@ -185,7 +186,8 @@ void board_can_send(const can_frame_t *frame);
 
 const board_can_health_t *board_can_health(void);
 
-/* To be called in every turn of the loop; the board resets when that does not happen for 160 ms. */
+/* To be called in every turn of the loop that met its deadline; the board resets when that does not happen
+ * for 160 ms. */
 void board_feed_watchdog(void);
 
 /* Two slots of flash that keep what is saved, of BOARD_STORE_HALFWORDS each. Readable at any time, before

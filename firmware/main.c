@@ -9,7 +9,8 @@
 
 int main(void);
 
-#define CAN_PER_TURN 16u /* a flood must not keep the loop from its steps */
+#define DEADLINE_US  10000u /* of a turn; the longest sleep is 1 ms, and outputs must be safe within 50 */
+#define CAN_PER_TURN 16u    /* a flood must not keep the loop from its steps */
 
 static control_t control;
 static params_t params;
@@ -100,6 +101,15 @@ __attribute__((noinline)) static void report_sensors(void) {
     session_report_sensors(&session, &health);
 }
 
+/* Whether the loop does what it is there for: it came round in time, and no step that moves something was
+ * missed. That disarms; an image in which it does not is to be reset. */
+static bool met_deadline(uint32_t now_us, uint32_t faults) {
+    static uint32_t last_us;
+    const uint32_t turn_us = now_us - last_us;
+    last_us = now_us;
+    return turn_us <= DEADLINE_US && !(session_armed(&session) && (faults & BOARD_FAULT_LATE) != 0u);
+}
+
 int main(void) {
     bool driving = false; /* the actuators may be away from neutral */
     const store_report_t saved = store_load(&params);
@@ -108,14 +118,17 @@ int main(void) {
     requests_loaded(&session, &saved);
     for (;;) {
         const uint32_t now_us = board_now_us();
-        board_feed_watchdog();
         board_can_join(session_can_kbit(&session), messages_from_host, MESSAGES_FROM_HOST);
         receive(now_us);
-        session_report_faults(&session, board_faults());
+        const uint32_t faults = board_faults();
+        session_report_faults(&session, faults);
         session_report_can(&session, board_can_health());
         report_sensors();
         session_report_switch(&session, board_arm_switch(), now_us);
         session_poll(&session, now_us);
+        if (met_deadline(now_us, faults)) {
+            board_feed_watchdog();
+        }
 
         if (session_take_begin(&session)) {
             board_set_period_us(0u);

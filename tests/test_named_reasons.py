@@ -68,7 +68,8 @@ def doctor(capsys: pytest.CaptureFixture[str]) -> tuple[int, dict[str, list[str]
 def test_doctor_on_a_board_that_is_well(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
     code, told = doctor(capsys)
     assert code == 0
-    assert told["pins"] == ["standard"] and "fault" not in told and "arming" not in told
+    assert told["last reset"] == ["power"] and told["parameters"] == ["factory defaults"]
+    assert told["pins"] == ["standard"] and "crash" not in told and "fault" not in told and "arming" not in told
 
 
 @pytest.mark.parametrize("bit", BLOCKING_FAULTS)

@@ -48,8 +48,12 @@ void clock_init(void) {
     /* Two wait states above 48 MHz, prefetch on, before the clock rises (RM0008 3.3.3). */
     FLASH_ACR = FLASH_ACR_PRFTBE | FLASH_ACR_LATENCY_WS2;
 
-    RCC_CR |= RCC_CR_HSEON;
-    if (clock_wait(&RCC_CR, RCC_CR_HSERDY, RCC_CR_HSERDY, CRYSTAL_POLLS) &&
+    /* A crystal that failed in the run before is not waited for: neutral pulses come at once. */
+    const bool try_crystal = (port_faults & BOARD_FAULT_CRYSTAL) == 0u;
+    if (try_crystal) {
+        RCC_CR |= RCC_CR_HSEON;
+    }
+    if (try_crystal && clock_wait(&RCC_CR, RCC_CR_HSERDY, RCC_CR_HSERDY, CRYSTAL_POLLS) &&
         run_from_pll(RCC_CFGR_PLLSRC | RCC_CFGR_PLLMUL_X9)) {
         /* A crystal that dies from here on raises NMI at 8 MHz internal clock (RM0008 7.2.7). */
         RCC_CR |= RCC_CR_CSSON;

@@ -7,6 +7,7 @@
 #define GUARD_WORDS     8u
 #define GUARD_PATTERN   0x5ac35ac3u
 #define EXCEPTION_STACK 0u /* there is no exception 0: the guard was overwritten */
+#define EXCEPTION_NMI   2u /* the clock security system, and nothing else on this part (RM0008 7.2.7) */
 
 /* Kept over a reset: the start-up code clears .bss and leaves .noinit alone. */
 typedef struct {
@@ -58,7 +59,7 @@ void faults_init(board_identity_t *identity) {
         stack_guard[i] = GUARD_PATTERN;
     }
     if (note.magic == NOTE_MAGIC && note.check == (note.magic ^ note.exception ^ note.pc)) {
-        port_faults |= BOARD_FAULT_HARD;
+        port_faults |= note.exception == EXCEPTION_NMI ? BOARD_FAULT_CRYSTAL : BOARD_FAULT_HARD;
         identity->crash_exception = note.exception;
         identity->crash_pc = note.pc;
     }

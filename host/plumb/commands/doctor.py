@@ -126,9 +126,13 @@ def board(spec: str) -> list[Finding]:
         found = [
             Finding("board", not mismatch, True, mismatch or f"{identity.unique_id}, image {commit}"),
             Finding("chip", True, False, f"flash {identity['FLASH_KIB']} KiB, RAM {identity['RAM_KIB']} KiB"),
+            Finding("last reset", "watchdog" not in identity.reset_cause, False, identity.reset_cause),
             Finding("parameters", True, False, identity.parameter_source),
             Finding("pins", True, False, PINS.get(identity["PINS"], "unknown")),
         ]
+        if identity["CRASH_PC"] or identity["CRASH_EXCEPTION"]:
+            crash = f"exception {identity['CRASH_EXCEPTION']} at 0x{identity['CRASH_PC']:08x} ended the run before"
+            found.append(Finding("crash", False, False, f"{crash}: addr2line -e firmware.elf names the line"))
         faults = [(bit, text) for bit, text in FAULTS.items() if identity["FAULTS"] >> bit & 1]
         found += [Finding("fault", False, bit in BLOCKING_FAULTS, text) for bit, text in faults]
         end_s = session.clock() + 2 * STATUS_EVERY_S

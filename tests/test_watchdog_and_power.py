@@ -1,0 +1,182 @@
+"""What ends a run from outside the program: a loop that misses its deadline, and power that comes and goes.
+
+The image is the one that is flashed; where it has to misbehave, its machine code is patched.
+"""
+
+from __future__ import annotations
+
+import random
+import struct
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("unicorn")
+
+from pins import at_rest
+from plumb import parameters
+from plumb.elf import Elf
+from plumb.f103.machine import Machine
+from plumb.identity import Identity
+from plumb.session import Session
+
+BUILD = Path(__file__).parents[1] / "build/stm32f103"
+BOOT_US = 30_000
+NEUTRAL_US = 1000.0
+CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
+IMAGE_FAULT, WATCHDOG_FAULT = 0x08, 0x400
+RETURN = struct.pack("<H", 0x4770)
+
+pytestmark = pytest.mark.skipif(
+    not (BUILD / "firmware.elf").exists(), reason="the flash image is not built: run make image"
+)
+
+
+@pytest.fixture(scope="module")
+def elf() -> Elf:
+    return Elf(BUILD / "firmware.elf")
+
+
+@pytest.fixture(scope="module")
+def image() -> bytes:
+    return (BUILD / "firmware.bin").read_bytes()
+
+
+def patched(image: bytes, elf: Elf, function: str, code: bytes) -> bytes:
+    at = elf.symbol(function).address - 0x08000000
+    return image[:at] + code + image[at + len(code) :]
+
+
+def delay(us: int) -> bytes:
+    """Machine code that takes so long and returns: movw, movt, then subs and bne; 3 cycles a turn here."""
+    turns = us * 72 // 3
+    words = []
+    for half, opcode in ((turns & 0xFFFF, 0xF240), (turns >> 16, 0xF2C0)):
+        words += [opcode | half >> 12 | (half >> 11 & 1) << 10, (half >> 8 & 7) << 12 | 3 << 8 | half & 0xFF]
+    return struct.pack("<6H", *words, 0x3B01, 0xD1FD) + RETURN
+
+
+def started(image: bytes) -> Machine:
+    machine = Machine(image)
+    at_rest(machine)
+    machine.advance_us(BOOT_US)
+    return machine
+
+
+def identity(machine: Machine) -> Identity:
+    machine.uart.reset_input_buffer()
+    with Session.open(machine.uart) as session:
+        return session.require_match()
+
+
+def at_neutral(machine: Machine) -> bool:
+    return all(machine.pwm(pin).enabled and machine.pwm(pin).pulse_us == NEUTRAL_US for pin in ("PB6", "PB7"))
+
+
+@pytest.mark.parametrize(("turn_us", "resets"), [(8_000, 0), (15_000, 1)])
+def test_a_loop_that_comes_round_too_late_every_time_is_reset(
+    image: bytes, elf: Elf, turn_us: int, resets: int
+) -> None:
+    """15 ms a turn would have fed a watchdog of 160 ms ten times over."""
+    machine = Machine(patched(image, elf, "session_poll", delay(turn_us)))
+    assert machine.run_until(lambda: machine.reset_count == 2, 500_000) == bool(resets)
+
+
+def test_one_late_turn_is_forgiven(image: bytes) -> None:
+    """Saving takes longer than the deadline of a turn, and is done in one."""
+    machine = started(image)
+    with Session.open(machine.uart) as session:
+        session.upload(CONTROL, period_us=3000)
+        session.execute("SAVE")
+        session.receive(0.5)
+    assert machine.reset_count == 1
+
+
+def test_armed_and_missing_steps_without_disarming_is_reset(image: bytes, elf: Elf) -> None:
+    """An image that could not disarm: what should have is patched out, and a step takes three periods."""
+    slow = patched(image, elf, "control_step", delay(1500))
+    machine = started(patched(slow, elf, "arming_poll", RETURN))
+    with Session.open(machine.uart) as session:
+        session.upload(CONTROL, period_us=100_000, arm_hold_ms=0)
+        session.begin("REALTIME_LIVE")
+        session.connect()
+        # The image's CRC is wrong now, which blocks arming: make the fault go.
+        fault = elf.symbol("port_faults").address - 0x20000000
+        machine.cpu.ram[fault] &= ~IMAGE_FAULT
+        session.arm()
+        session.pump()
+        machine.tim3.psc, machine.tim3.arr = 71, 499  # from here on the timer ticks every 500 us
+        machine.tim3._restart_count(machine.now)
+        assert machine.run_until(lambda: machine.reset_count == 2, 400_000)
+    machine.advance_us(BOOT_US)
+    assert at_neutral(machine)
+    assert identity(machine)["FAULTS"] & WATCHDOG_FAULT
+
+
+def cut(machine: Machine, brown: bool) -> None:
+    if brown:
+        machine.brown_out()
+    else:
+        machine.power_cut()
+        machine.advance_us(1000)
+        machine.power_on()
+
+
+@pytest.mark.parametrize("brown", [False, True], ids=["power cut", "brown-out"])
+def test_power_fails_at_any_cycle_of_the_start(image: bytes, brown: bool) -> None:
+    """Whatever was half set up, the next start is as good as the first, and tells why it was."""
+    chance = random.Random(7)
+    machine = started(image)
+    for _ in range(60):
+        machine.reset()
+        machine.run_to(machine.now + chance.randrange(8_000 * 40320))
+        cut(machine, brown)
+        machine.advance_us(BOOT_US)
+        assert at_neutral(machine)
+    told = identity(machine)
+    assert told.reset_cause == "power" and told["FAULTS"] == 0 and told["CRASH_PC"] == 0
+    assert machine.warnings == []
+
+
+@pytest.mark.parametrize("brown", [False, True], ids=["power cut", "brown-out"])
+def test_power_fails_in_flight(image: bytes, brown: bool) -> None:
+    """Armed, driving, at any cycle: off at once, then neutral, disarmed and without a run."""
+    chance = random.Random(8)
+    for _ in range(5):
+        machine = started(image)
+        session = Session.open(machine.uart)
+        session.upload(CONTROL, period_us=1000, arm_hold_ms=0)
+        session.begin("REALTIME_LIVE")
+        session.arm()
+        for _turn in range(20):
+            session.receive(0.005)
+        assert not at_neutral(machine)
+        machine.run_to(machine.now + chance.randrange(5_000 * 40320))
+        cut(machine, brown)
+        seen = set()
+        for _look in range(300):
+            machine.advance_us(100)
+            seen.add((machine.pwm("PB6").enabled, machine.pwm("PB6").pulse_us))
+        assert seen <= {(False, 0.0), (True, 0.0), (True, NEUTRAL_US)} and at_neutral(machine)
+        session._token = None
+        assert identity(machine).reset_cause == "power"
+        machine.uart.read(4096)
+        machine.run_until(lambda: False, 120_000)
+        with Session.open(machine.uart) as after:
+            after.receive(0.2)
+            assert after.telemetry["STATUS"]["mode"] == 0 and after.telemetry["STATUS"]["blocked"] & 2
+
+
+def test_every_reset_says_what_it_was(image: bytes, elf: Elf) -> None:
+    machine = started(image)
+    assert identity(machine).reset_cause == "power"
+    machine.reset()
+    machine.advance_us(BOOT_US)
+    assert identity(machine).reset_cause == "reset pin"
+    guard = elf.symbol("stack_guard").address - 0x20000000
+    machine.cpu.ram[guard] ^= 0xFF
+    machine.advance_us(BOOT_US)
+    assert identity(machine).reset_cause == "software"
+    machine.request_reset("iwdg")
+    machine.advance_us(BOOT_US)
+    assert identity(machine).reset_cause == "watchdog"
