@@ -130,7 +130,7 @@ def test_sensors_at_rest() -> None:
 
 def test_chips_round_and_saturate_as_their_data_sheets_say() -> None:
     assert Itg3205().counts(np.array([1.0, -1.0, 2300.0, -2300.0])).tolist() == [14, -14, 32767, -32768]
-    accel = Adxl345().counts(np.array([1.0, -1.0, 17.0, -17.0]), np.zeros(4))
+    accel = Adxl345().counts(np.array([1.0, -1.0, 17.0, -17.0]))
     assert accel.tolist() == [256, -256, 4095, -4096]
 
 

@@ -26,6 +26,11 @@ from plumb.quantise import ControlParams
 from plumb.session import REPLY_TIMEOUT_S
 from plumb.trial import Flight, Scenario, Trial, columns, judge
 
+FOUND_US = 50_000
+"""Digital sensors that were just connected are found within this time."""
+STANDSTILL_US = 500_000
+"""Without a step for so long, the run is over: a sensor gives no samples any more."""
+
 
 def coupler(system: str, scenario: Scenario) -> Callable[[Machine], None]:
     """What `serve` calls to put a plant on the pins of the machine it serves."""
@@ -52,18 +57,24 @@ def fly(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, open_
         session.execute_idle("SAVE")
         session = board.restart()
     coupling = live.Coupling(board.machine, system.plant(scenario, open_loop=open_loop))
+    board.machine.advance_us(FOUND_US)
     capture = Capture(session)
     session.begin("REALTIME_LIVE", frames=live.FRAMES)
     session.listener = capture.feed
     if system.OUTPUT_FRAMES:
         session.arm()
     with tqdm(total=steps, desc="live on the virtual board", unit="step", leave=False, disable=None) as bar:
+        heard, heard_us = 0, board.machine.now_us
         while capture.steps < steps:
             if not session.receive(REPLY_TIMEOUT_S):
                 raise LinkError(f"the board fell silent after step {capture.steps}")
             if capture.disarmed_step is not None:
                 raise LinkError(f"the board disarmed itself before step {capture.disarmed_step}: run again")
-            bar.update(min(capture.steps, steps) - bar.n)
+            if capture.steps > heard:
+                bar.update(capture.steps - heard)
+                heard, heard_us = capture.steps, board.machine.now_us
+            elif board.machine.now_us - heard_us > STANDSTILL_US:
+                raise LinkError(f"the board takes no samples after step {capture.steps}: a sensor or the link failed")
     session.end()
     session.listener = None
     raw = capture.raw_counts(steps)

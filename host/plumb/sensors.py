@@ -96,11 +96,9 @@ class Adxl345:
     noise_lsb: tuple[float, float] = (0.75, 1.1)
     """Standard deviation of x and z at 100 Hz."""
 
-    def counts(self, accel_g: FloatArray, noise_lsb: FloatArray) -> npt.NDArray[np.int16]:
-        """What the data registers hold for these specific forces, offsets included; any shape, same for both."""
-        return np.clip(np.rint(accel_g / self.g_per_lsb + noise_lsb), -self.range_lsb, self.range_lsb - 1).astype(
-            np.int16
-        )
+    def counts(self, accel_g: FloatArray) -> npt.NDArray[np.int16]:
+        """What the data registers hold for what the element senses, offset and noise included; any shape."""
+        return np.clip(np.rint(accel_g / self.g_per_lsb), -self.range_lsb, self.range_lsb - 1).astype(np.int16)
 
     def channel(self, forward: bool = True) -> Channel:
         """Calibration by the data sheet; forward: whether a positive count is a positive value."""

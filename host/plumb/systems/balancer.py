@@ -29,6 +29,8 @@ from plumb.tuning import BalancerTuning, Calibration, Drive, Kalman, Pid, SpeedL
 FloatArray = npt.NDArray[np.float64]
 
 PERIOD_US = 10_000
+LINK = {"pins": 1, "accel_rate": 13, "gyro_filter": 1}
+"""On the board: bridge and Hall sensors; chips sample at 800 Hz and 1 kHz, so that a sample is about 1 ms old."""
 CHANNELS = 4
 GYRO, ACCELEROMETER = Itg3205(), Adxl345()
 VIBRATION_G = {"rough": 0.1, "smooth": 0.02, "endure": 0.1, "rocked": 0.06}
@@ -193,13 +195,19 @@ class Scenario:
     def sensed(
         self, k: npt.NDArray[np.int_], rate_dps: FloatArray, force_g: FloatArray, edges: npt.NDArray[np.int64]
     ) -> npt.NDArray[np.int16]:
-        """Counts (n, 6) of samples k: vibration, sensor errors and noise on top of true rate and force (2, n)."""
-        felt_g = force_g + self.vibration_g[:, k]
-        accel = ACCELEROMETER.counts(felt_g + self.offset_g[:, None], self.accel_noise_lsb[:, k])
-        gyro = self.scale * rate_dps + self.bias_dps[k] + DPS_PER_G * felt_g[0] + self.gyro_noise_dps[k]
+        """Counts (n, 6) of samples k at true rate and force (2, n)."""
+        gyro_dps, accel_g = self.felt(k, rate_dps, force_g)
         raw = np.zeros((len(k), 6), np.int16)
-        raw[:, 0], raw[:, 1:3], raw[:, 3] = GYRO.counts(gyro), accel.T, edges.astype(np.int16)
+        raw[:, 0], raw[:, 1:3] = GYRO.counts(gyro_dps), ACCELEROMETER.counts(accel_g).T
+        raw[:, 3] = edges.astype(np.int16)
         return raw
+
+    def felt(self, k: npt.NDArray[np.int_], rate_dps: FloatArray, force_g: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What the chips convert in samples k: vibration, sensor errors and noise on top of true rate and force; deg/s
+        (n,) and g (2, n)."""
+        shaken_g = force_g + self.vibration_g[:, k]
+        gyro_dps = self.scale * rate_dps + self.bias_dps[k] + DPS_PER_G * shaken_g[0] + self.gyro_noise_dps[k]
+        return gyro_dps, shaken_g + self.offset_g[:, None] + ACCELEROMETER.g_per_lsb * self.accel_noise_lsb[:, k]
 
     def faulted(
         self, raw: npt.NDArray[np.int16], k: npt.NDArray[np.int_], time_s: FloatArray, frozen: dict[int, int]

@@ -70,8 +70,8 @@ class Vehicle:
         self.tilt_rad, self.rate_radps, self.turning_radps2 = self._hand[0], 0.0, 0.0
         self.way_m, self.velocity_mps, self.accel_mps2 = 0.0, 0.0, 0.0
 
-    def advance(self, duty: float) -> None:
-        """One step of GRID_S with this duty, -1..1; what the scenario has of pushes acts by itself."""
+    def advance(self, duty: float | None) -> None:
+        """One step of GRID_S with this duty, -1..1, or with the bridge open; what pushes it acts by itself."""
         at = self.step % len(self._noise)
         self.step += 1
         keep = 1.0 - GRID_S / DISTURBANCE_TAU_S
@@ -99,9 +99,13 @@ class Vehicle:
         up = GRAVITY_MPS2 - SENSOR_HEIGHT_M * (self.turning_radps2 * sine + square * cosine)
         return (along * cosine - up * sine) / GRAVITY_MPS2, (along * sine + up * cosine) / GRAVITY_MPS2
 
+    def rolled_edges(self) -> float:
+        """How far the wheel has turned against the body, in Hall edges: whole ones are where a Hall sensor changes."""
+        return float(self.way_m - WHEEL_RADIUS_M * self.tilt_rad) / EDGE_M
+
     def hall_edges(self) -> int:
-        """Edges of the wheel against the body so far, signed."""
-        return int((self.way_m - WHEEL_RADIUS_M * self.tilt_rad) // EDGE_M)
+        """Edges so far, signed."""
+        return math.floor(self.rolled_edges())
 
     def _follow_hand(self, at: int) -> None:
         """The hand holds the body where the scenario has it; the wheels stand."""
@@ -121,9 +125,10 @@ class Vehicle:
         fall = GRAVITY_MPS2 * math.sin(self.tilt_rad) - accel * math.cos(self.tilt_rad)
         self.accel_mps2, self.turning_radps2 = accel, fall / PENDULUM_M + kick_radps2
 
-    def _drive(self, duty: float, kick_radps2: float) -> None:
+    def _drive(self, duty: float | None, kick_radps2: float) -> None:
         spin = self.velocity_mps / WHEEL_RADIUS_M - self.rate_radps
-        torque = STALL_NM * (duty - spin / NO_LOAD_RADPS) - FRICTION_NM * math.tanh(spin / 0.5)
+        pull = 0.0 if duty is None else STALL_NM * (duty - spin / NO_LOAD_RADPS)
+        torque = pull - FRICTION_NM * math.tanh(spin / 0.5)
         sine, cosine = math.sin(self.tilt_rad), math.cos(self.tilt_rad)
         moment = BODY_KG * BODY_CENTRE_M
         inertia = moment * PENDULUM_M
@@ -153,8 +158,11 @@ class BalancerPlant:
         return self.vehicle.step * GRID_S
 
     def follow(self, time_s: float, outputs: Mapping[str, int]) -> None:
-        """Simulate up to time_s at the duty of `outputs` (duty_q15; the bridge is open, 0, without one)."""
-        duty = min(max(outputs.get("duty_q15", 0) / 32767.0, -1.0), 1.0)
+        """Simulate up to time_s at the duty of `outputs` (duty_q15; the bridge is open without one)."""
+        self.drive_to(time_s, outputs["duty_q15"] / 32768.0 if outputs else None)
+
+    def drive_to(self, time_s: float, duty: float | None) -> None:
+        """Simulate up to time_s at a duty of -1..1, or with the bridge open."""
         for _ in range(math.floor(time_s / GRID_S + 1e-6) - self.vehicle.step):
             self.vehicle.advance(duty)
 
@@ -162,14 +170,16 @@ class BalancerPlant:
         """Six raw counts, four used: gyro, forward, up, Hall edges; of time_s, which `follow` has reached."""
         k = np.array([self._sample(time_s)])
         vehicle = self.vehicle
-        forward_g, up_g = vehicle.force_g()
-        row = self.scenario.sensed(
-            k,
-            np.array([math.degrees(vehicle.rate_radps)]),
-            np.array([[forward_g], [up_g]]),
-            np.array([vehicle.hall_edges()]),
-        )
+        rate_dps, force_g = np.array([math.degrees(vehicle.rate_radps)]), np.array(vehicle.force_g())[:, None]
+        row = self.scenario.sensed(k, rate_dps, force_g, np.array([vehicle.hall_edges()]))
         return tuple(int(count) for count in self.scenario.faulted(row, k, np.array([time_s]), self._frozen)[0])
+
+    def felt(self, time_s: float) -> tuple[float, float, float]:
+        """What the chips convert now, noise included: rate about the axle in deg/s, forces forward and up in g."""
+        vehicle = self.vehicle
+        rate_dps, force_g = np.array([math.degrees(vehicle.rate_radps)]), np.array(vehicle.force_g())[:, None]
+        gyro_dps, accel_g = self.scenario.felt(np.array([self._sample(time_s)]), rate_dps, force_g)
+        return float(gyro_dps[0]), float(accel_g[0, 0]), float(accel_g[1, 0])
 
     def truth(self, time_s: float) -> dict[str, float]:
         """Tilt, gyro bias of the sample of time_s, rate, velocity and the velocity asked for."""
