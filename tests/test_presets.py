@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,17 @@ def test_its_presets_are_printed_in_one_place(name: str, capsys: pytest.CaptureF
     text, system = capsys.readouterr().out, systems.load(name)
     for names in (system.SCENARIOS, system.TUNINGS, system.STARTS, system.CONDITIONS, system.FAULTS):
         assert all(f"  {key}" in text for key in names)
+
+
+def test_the_sources_figures_are_drawn_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("matplotlib", reason="plots need the extra plumb[report]")
+    for folder in ("once", "again"):
+        assert front.main(["systems", "--plots", str(tmp_path / folder), "--system", "quad"]) == 0
+    files = sorted((tmp_path / "once").iterdir())
+    assert [str(file) for file in files] == sorted(capsys.readouterr().out.split()[: len(files)])
+    for file in files:
+        text = file.read_text()
+        assert text.startswith("<svg") and "time (s)" in text and (tmp_path / "again" / file.name).read_text() == text
 
 
 @pytest.mark.parametrize(("kind", "column"), [("railed", 0), ("stuck", 1), ("silent", 2), ("noisy", 1)])

@@ -106,12 +106,15 @@ def test_a_missed_figure_is_printed_as_missed() -> None:
         Figure("too little", "motion", "adaptive", "%", "at least", 75.0, 74.0),
         Figure("elsewhere", "motion", "paper", "deg rms", "near", 1.87, 1.97),
         Figure("good", "motion", "paper", "deg rms", "near", 1.87, 1.95, 2.0, 1.95, 2.4, 71.0),
+        Figure("beside", "motion", "paper", "deg rms", "shown", 0.0, 7.5, source="+-5 deg"),
     ]
     named = [("quad", row) for row in rows]
     lines = figures.render(named).splitlines()
-    assert [line.split()[-1] for line in lines[1 : len(rows) + 1]] == ["MISSED", "MISSED", "MISSED", "met"]
+    verdicts = [line.split()[-1] for line in lines[1 : len(rows) + 1]]
+    assert verdicts == ["MISSED", "MISSED", "MISSED", "met", "7.500"], "what is only shown has no verdict"
+    assert "+-5 deg" in lines[5] and "source" in lines[0]
     assert "Assumed: gyro noise 0.5 deg/s" in lines[-3], "no figure without what it stands on"
     assert [line.startswith(figures.RED) for line in figures.render(named, colour=True).splitlines()[1:5]] == [
         True, True, True, False,
     ]  # fmt: skip
-    assert [row.to_json()["met"] for row in rows] == [False, False, False, True]
+    assert [row.to_json()["met"] for row in rows] == [False, False, False, True, True]

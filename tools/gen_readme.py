@@ -43,6 +43,9 @@ def block(name: str) -> str:
     shown = [line for line in answer.stdout.rstrip().splitlines() if not line.startswith(MACHINE_DEPENDENT)]
     if name == "python":
         shown = [*EXAMPLE.rstrip().splitlines(), *(f"# {line}" for line in shown)]
+    if name == "systems":  # a "-" at the front of a diff is red
+        shown = [f"{'-' if line.endswith('MISSED') else ' '} {line}".rstrip() for line in shown]
+        return "\n```diff\n" + "\n".join(shown) + "\n```\n\n"
     return "\n" + "\n".join(f"    {line}".rstrip() for line in shown) + "\n\n"
 
 

@@ -67,8 +67,8 @@ def thin(time_s: Series, values: Series) -> tuple[Series, Series]:
     return time_s[keep], values[keep]
 
 
-def plot_svg(plot: Plot) -> str:
-    """The panel as an SVG element; text stays text, so that it can be searched and scaled."""
+def plot_svg(*plots: Plot, titles: bool = False) -> str:
+    """The panels, one above the other, as an SVG element; text stays text, so that it can be searched and scaled."""
     try:
         import matplotlib
     except ImportError:
@@ -78,18 +78,20 @@ def plot_svg(plot: Plot) -> str:
 
     # A fixed salt makes the ids in the file, and so the whole page, the same from run to run.
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "plumb", "font.family": "sans-serif"}):
-        figure = Figure(figsize=(10.5, 3.1), layout="constrained")
-        axes = figure.subplots()
-        for line in plot.lines:
-            axes.plot(*thin(plot.time_s, line.values), label=line.label, color=line.colour, linewidth=line.width)
-        axes.set_xlabel("time (s)")
-        axes.set_ylabel(plot.unit)
-        axes.margins(x=0)
-        axes.grid(alpha=0.3)
-        if len(plot.lines) > 1:
-            axes.legend(loc="upper right", fontsize="small", ncols=min(4, len(plot.lines)), framealpha=0.85)
-        for side in ("top", "right"):
-            axes.spines[side].set_visible(False)
+        figure = Figure(figsize=(10.5, 3.1 * len(plots)), layout="constrained")
+        for plot, axes in zip(plots, figure.subplots(len(plots), squeeze=False)[:, 0], strict=True):
+            for line in plot.lines:
+                axes.plot(*thin(plot.time_s, line.values), label=line.label, color=line.colour, linewidth=line.width)
+            if titles:
+                axes.set_title(plot.title, loc="left", fontsize="medium")
+            axes.set_xlabel("time (s)")
+            axes.set_ylabel(plot.unit)
+            axes.margins(x=0)
+            axes.grid(alpha=0.3)
+            if len(plot.lines) > 1:
+                axes.legend(loc="upper right", fontsize="small", ncols=min(4, len(plot.lines)), framealpha=0.85)
+            for side in ("top", "right"):
+                axes.spines[side].set_visible(False)
         sink = io.StringIO()
         figure.savefig(sink, format="svg", metadata={"Date": None, "Creator": None})
     text = sink.getvalue()

@@ -10,6 +10,7 @@ import argparse
 import json
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--system", action="append", metavar="S", help="only this system: its presets, or its figures; repeatable"
     )
+    parser.add_argument("--plots", type=Path, metavar="DIR", help="write the sources' figures as DIR/SYSTEM_NAME.svg")
     parser.add_argument("--seeds", type=int, default=40, help="how many seeds from 1000 on (default 40)")
     parser.add_argument("--json", action="store_true", help="print JSON")
 
@@ -24,6 +26,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     from plumb import systems
 
+    names = arguments.system or list(systems.SYSTEMS)
+    for name in names:
+        systems.load(name)
+    if arguments.plots:
+        from plumb.systems import figures
+
+        files = [str(path) for name in names for path in figures.write_plots(name, arguments.plots)]
+        print(json.dumps({"written": files}) if arguments.json else "\n".join(files))
+        return 0
     if not arguments.table:
         if arguments.json:
             print(json.dumps({"systems": systems.SYSTEMS}))
@@ -39,9 +50,6 @@ def main(arguments: argparse.Namespace) -> int:
 
     if not 1 <= arguments.seeds <= 1000:
         raise UsageError("the table takes 1 to 1000 seeds")
-    names = arguments.system or list(systems.SYSTEMS)
-    for name in names:
-        systems.load(name)
     seeds = range(1000, 1000 + arguments.seeds)
     rows = list(tqdm(figures.compute(names, seeds), leave=False, unit="figure", disable=None))
     if arguments.json:

@@ -5,17 +5,21 @@ same tuning and the same counts. A system's part `figures` offers
 
     SECTIONS    name -> function of seeds that gives figures
     ASSUMED     sentences: what was assumed, and how it was measured
+    PLOTS       name -> function that gives the panels of a figure of the source, reproduced
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 from plumb import systems
+from plumb.report import plot_svg, write_whole
 
-Sense = Literal["at most", "at least", "near"]
+Sense = Literal["at most", "at least", "near", "shown"]
+"""How a figure is to be reached; shown: nothing was asked, the row is there for comparison."""
 
 SEEDS = range(1000, 1040)
 NEAR = 0.05
@@ -27,6 +31,7 @@ class Figure:
     """One line of the table. reached: over all seeds, the mean (convergence: the median); worst: of any seed.
 
     reference: the same in float64; accel_only, gyro_only: the same without a filter; None where it means nothing.
+    reach: 0 where the row is shown only. source: what the source itself claims, "" where it gives no number for this.
     """
 
     claim: str
@@ -40,6 +45,7 @@ class Figure:
     reference: float | None = None
     accel_only: float | None = None
     gyro_only: float | None = None
+    source: str = ""
 
     @property
     def met(self) -> bool:
@@ -48,6 +54,8 @@ class Figure:
                 return self.reached <= self.reach
             case "at least":
                 return self.reached >= self.reach
+            case "shown":
+                return True
             case _:
                 return abs(self.reached - self.reach) <= NEAR * self.reach
 
@@ -66,6 +74,16 @@ def compute(
                 yield name, row
 
 
+def write_plots(name: str, folder: Path) -> list[Path]:
+    """The source's figures, reproduced, as folder/SYSTEM_NAME.svg; the same bytes every time."""
+    written = []
+    for plot, panels in systems.load(name, "figures").PLOTS.items():
+        svg = plot_svg(*panels(), titles=True)
+        written.append(folder / f"{name}_{plot}.svg")
+        write_whole(folder, {written[-1].name: svg.replace("<svg ", '<svg style="background:#fff" ', 1) + "\n"})
+    return written
+
+
 def assumed(name: str) -> tuple[str, ...]:
     """What the figures of a system rest on."""
     sentences: tuple[str, ...] = systems.load(name, "figures").ASSUMED
@@ -81,16 +99,18 @@ def render(figures: Iterable[tuple[str, Figure]], *, colour: bool = False) -> st
 
 
 def _block(name: str, rows: Sequence[Figure], colour: bool) -> Iterator[str]:
-    header = ("claim", "scenario", "tuning", "unit", "to reach", "reached", "worst", "float64", "accel", "gyro", "")
+    header = (
+        "figure", "scenario", "tuning", "unit", "source", "to reach", "reached", "worst", "float64", "accel", "gyro", ""
+    )  # fmt: skip
     lines: list[tuple[str, ...]] = [(name + ": " + header[0], *header[1:])]
     for row in rows:
-        sense = {"at most": "<=", "at least": ">=", "near": "~"}[row.sense]
+        sense = {"at most": "<= ", "at least": ">= ", "near": "~ "}
         numbers = (row.worst, row.reference, row.accel_only, row.gyro_only)
         cells = ("" if value is None else f"{value:.3f}" for value in numbers)
-        reach, reached = f"{sense} {row.reach:g}", f"{row.reached:.3f}"
-        lines.append(
-            (row.claim, row.scenario, row.tuning, row.unit, reach, reached, *cells, "met" if row.met else "MISSED")
-        )
+        reach = "" if row.sense == "shown" else f"{sense[row.sense]}{row.reach:g}"
+        reached = f"{row.reached:.3f}"
+        verdict = "" if row.sense == "shown" else "met" if row.met else "MISSED"
+        lines.append((row.claim, row.scenario, row.tuning, row.unit, row.source, reach, reached, *cells, verdict))
     widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
     for line in lines:
         text = "  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip()
