@@ -34,6 +34,7 @@ class AdapterBus(can.BusABC):
         self.open = self.read_only = False
         self.refused = 0
         self.kbit: int | None = None
+        self.address = line.address
         self.channel_info = f"SLCAN on {line.address}"
         super().__init__(line.address, can_filters=can_filters, **kwargs)
 

@@ -12,6 +12,7 @@ wait for whoever opens them.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -89,7 +90,13 @@ def open_can(address: str) -> can.BusABC:
         port, _, name = rest.partition(":")
         if not port.isdigit() or not name:
             raise UsageError(f"'can:{address}': write can:socketcand:HOST:PORT:CHANNEL")
-        options = {"interface": interface, "host": host, "port": int(port), "channel": name}
+        options = {
+            "interface": interface,
+            "host": host,
+            "port": int(port),
+            "channel": name,
+            "tcp_tune": os.name != "nt",
+        }
     if not interface or not channel:
         raise UsageError(f"'can:{address}' names no bus; use can:INTERFACE:CHANNEL[@KBIT]")
     if interface not in can.VALID_INTERFACES:

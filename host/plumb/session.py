@@ -33,8 +33,9 @@ SENSORS_START_S = 0.3
 BLOCKED_BY_FAULT = 1 << 3
 PERIODIC = ("TIME", "STATUS", "COUNTERS", "EVENTS", "SENSORS", "CAN_HEALTH")
 """What an open link always says."""
-PRESENCE_EVERY_S = 0.5
-"""A CAN link closes after two seconds without a frame from the host."""
+PRESENCE_EVERY_S, SILENCE_S = 0.5, 1.5
+"""A CAN link closes after two seconds without a frame from the host: who waits speaks now and then, and who was busy
+with something else for so long opens it again."""
 
 
 @dataclass
@@ -133,7 +134,10 @@ class Session:
         return message.identifier, message.pack(counter, flags, *words)
 
     def send(self, frames: Sequence[Frame]) -> None:
-        self._said_s = self.clock()
+        now_s = self.clock()
+        if self.fast is None and self.identity is not None and now_s - self._said_s > SILENCE_S:
+            frames = [self.frame("HELLO", self.protocol.version, self.protocol.dbc_hash), *frames]
+        self._said_s = now_s
         self.frames.write_frames(frames)
 
     def receive(self, timeout_s: float) -> list[Frame]:

@@ -3,6 +3,10 @@
     plumb virtual-board --serial pty               prints the terminal's name; open it like a serial port
     plumb virtual-board --serial tcp:4000          then use serial:socket://127.0.0.1:4000 as the board
     plumb virtual-board --serial pty --system quad with the plant on its pins, for live runs
+    plumb virtual-board --can slcan:pty            its CAN bus behind an SLCAN adapter: can:slcan:TERMINAL
+    plumb virtual-board --can slcan:tcp:4001       the same over TCP: can:slcan:socket://127.0.0.1:4001
+    plumb virtual-board --can socketcand:4002      as a socketcand server: can:socketcand:127.0.0.1:4002:can0
+    plumb virtual-board --can socketcan:vcan0      or a node on any bus that python-can opens, INTERFACE:CHANNEL[@KBIT]
 
 It runs the very image that is flashed, until Ctrl-C.
 """
@@ -16,6 +20,7 @@ from pathlib import Path
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--serial", default="pty", metavar="pty|tcp:PORT", help="where its UART appears (default pty)")
+    parser.add_argument("--can", metavar="INTERFACE:CHANNEL", help="where its CAN bus appears (default: nowhere)")
     parser.add_argument("--symlink", type=Path, help="also make this name point to the terminal")
     parser.add_argument("--system", help="couple this system's plant to the pins")
     parser.add_argument("--scenario", help="of the plant; a wrong name prints the system's list")
@@ -39,9 +44,11 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.f103.serve import serve
 
     def announce(address: str) -> None:
-        print(f"serving the virtual board at {address}; use it as serial:{address}; Ctrl-C ends it", flush=True)
+        name = address if address.startswith("can:") else f"serial:{address}"
+        print(f"serving the virtual board at {address}; use it as {name}; Ctrl-C ends it", flush=True)
 
-    ended_by = serve(machine, arguments.serial, link=arguments.symlink, couple=couple, announce=announce)
+    where = arguments.serial
+    ended_by = serve(machine, where, link=arguments.symlink, can_spec=arguments.can, couple=couple, announce=announce)
     if ended_by == signal.SIGINT:
         raise KeyboardInterrupt
     return 0

@@ -110,10 +110,8 @@ class Joint:
 
     def move(self) -> None:
         """Frames that have arrived, in both directions."""
-        asked: int | None = getattr(self.bus, "kbit", None)
-        if asked is not None:
-            self.wire.kbit = asked
         while (message := self.bus.recv(0)) is not None:
+            self.wire.kbit = getattr(self.bus, "kbit", None) or self.wire.kbit  # what came before the frame may set it
             if not message.is_error_frame and not message.is_fd and message.dlc <= FRAME_DLC:
                 self.wire.send(frame_of(message))
         for frame in self.wire.take():

@@ -1,0 +1,123 @@
+"""The virtual board's CAN bus served to other processes, and stock python-can interfaces that reach it."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+
+import can
+import pytest
+
+pytest.importorskip("unicorn", reason="the virtual board needs the extra plumb[virtual]")
+
+from plumb import __main__ as front
+from plumb import parameters
+from plumb.buses import open_can
+from plumb.errors import LinkError, UsageError
+from plumb.f103 import open_machine
+from plumb.f103.canbus import Joint
+from plumb.f103.image import find_image
+from plumb.f103.serve import run_paced
+from plumb.line import open_line
+from plumb.session import Session
+
+try:
+    find_image()
+except UsageError as missing:
+    pytest.skip(str(missing), allow_module_level=True)
+
+Served = Callable[[str], list[str]]
+
+
+@pytest.fixture
+def served() -> Iterator[Served]:
+    """--can SPEC -> the names under which the board's ends can be reached: CAN first, then the UART."""
+    processes = []
+
+    def start(spec: str) -> list[str]:
+        command = [sys.executable, "-m", "plumb", "virtual-board", "--serial", "pty", "--can", spec]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        processes.append(process)
+        assert process.stdout is not None
+        found = [re.search(r"use it as (\S+);", process.stdout.readline()) for _ in range(2)]
+        return [match[1] for match in found if match]
+
+    yield start
+    for process in processes:
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(timeout=30) == 0
+
+
+def table_crc(session: Session) -> int:
+    return parameters.crc32(session.read_parameters())
+
+
+@pytest.mark.parametrize("spec", ["slcan:pty", "slcan:tcp:0", "socketcand:0"])
+def test_a_run_from_another_process(spec: str, served: Served, capsys: pytest.CaptureFixture[str]) -> None:
+    """Over the stock slcan interface on a terminal and on TCP, and over the stock socketcand interface."""
+    bus, _ = served(spec)
+    assert bus.startswith(f"can:{spec.split(':')[0]}:")
+    assert front.main(["run", "quad", "--board", bus, "--seconds", "1", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["metrics"]["target_vs_fixed_mismatches"] == 0
+
+
+def test_both_ends_from_two_hosts_and_stock_slcan_on_the_uart(served: Served) -> None:
+    bus, uart = served("slcan:tcp:0")
+    with Session.over(open_can(bus.removeprefix("can:"))) as over_can:
+        stock = can.Bus(interface="slcan", channel=f"{uart.removeprefix('serial:')}@921600", bitrate=500000)
+        with Session.over(stock) as over_uart:
+            assert table_crc(over_can) == table_crc(over_uart)
+            over_uart.begin("LOCKSTEP")
+            with pytest.raises(LinkError, match="no run is on"):
+                over_can.request("SAMPLE_A", 1, 2, 3)
+            assert over_can.end() == 0  # anybody may end it
+    with Session.over(open_can(bus.removeprefix("can:"))) as again:
+        assert again.identity is not None and again.identity.mismatch is None
+
+
+def test_an_adapter_set_to_another_bit_rate_hears_nothing(served: Served) -> None:
+    bus, _ = served("slcan:tcp:0")
+    channel = bus.removeprefix("can:slcan:")
+    for bitrate in (250_000, 500_000):
+        other = can.Bus(interface="slcan", channel=channel, bitrate=bitrate, sleep_after_open=0)
+        if bitrate == 250_000:
+            with pytest.raises(LinkError, match="can_bitrate_kbit is the bus's bit rate"):
+                Session.over(other)
+        else:
+            with Session.over(other) as session:
+                assert session.read_parameters()
+                for _ in range(20):
+                    session.receive(0.05)
+                assert session.telemetry["CAN_HEALTH"]["bus_offs"] == 0
+
+
+def test_any_python_can_bus_can_be_the_boards() -> None:
+    """python-can's own virtual bus, with other traffic on it: the machine is one node of it."""
+    machine, line = open_machine(), open_line("pty")
+    node, host, stranger = (can.Bus(interface="virtual", channel="joint", receive_own_messages=False) for _ in range(3))
+    stop = threading.Event()
+    runner = threading.Thread(target=run_paced, args=(machine, line, stop.is_set, Joint(machine, node, 500)))
+    runner.start()
+    try:
+        stranger.send(can.Message(arbitration_id=0x18FF50E5, is_extended_id=True, data=bytes(8)))
+        stranger.send(can.Message(arbitration_id=0x123, is_extended_id=False, is_remote_frame=True, dlc=4))
+        with Session.over(host) as session:
+            assert session.read_parameters()
+        assert machine.warnings == []
+    finally:
+        stop.set()
+        runner.join()
+        line.close()
+        node.shutdown()
+        stranger.shutdown()
+
+
+@pytest.mark.parametrize("spec", ["none:0", "socketcand:x", "slcan"])
+def test_no_way_to_serve_is_wrong_use(spec: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["virtual-board", "--serial", "pty", "--can", spec]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
