@@ -1,4 +1,4 @@
-"""`balancer` on the whole flash image: chips on I2C, Hall sensors and bridge, and what becomes of it when parts fail."""
+"""`balancer` on the whole flash image: chips on I2C, Hall sensors and bridge, and what comes of parts that fail."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_a_chip_that_falls_silent_disarms_and_the_vehicle_falls() -> None:
 
     with VirtualBoard() as board, pytest.MonkeyPatch.context() as patch:
         patch.setattr(balancer_live, "Coupling", Dying)
-        with pytest.raises(LinkError, match="takes no samples|disarmed itself"):
+        with pytest.raises(LinkError, match=r"takes no samples|disarmed itself"):
             live.fly(board, balancer.scenario("rough", 1000, seconds=8.0), PARAMS)
         assert not board.machine.bridge().enabled, "no duty on stale samples"
 
