@@ -54,6 +54,7 @@ class Tim1(Timer):
 
     def __init__(self, machine: Machine) -> None:
         self.trace: list[Edge] | None = None
+        self._shown: dict[tuple[int, str], bool | None] = {}
         super().__init__(machine, "TIM1", 0x40012C00, 25)
 
     def reset(self) -> None:
@@ -62,7 +63,6 @@ class Tim1(Timer):
         self.active_modes, self.active_ccer = 0, 0
         self._ref = [False] * PHASES
         self._ref_since = [LONG_AGO] * PHASES
-        self._shown: dict[tuple[int, str], bool | None] = {}
         self._scanned = 0
         self._look(self.machine.now)
 
