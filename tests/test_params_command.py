@@ -11,7 +11,7 @@ import pytest
 
 from link_board import MemoryBoard
 from plumb import __main__ as front
-from plumb import parameters
+from plumb import parameters, systems
 from plumb.boards.link import LinkBoard
 from plumb.meaning import meaning
 from plumb.session import Session
@@ -200,11 +200,10 @@ def test_only_a_board_with_a_link_has_parameters(spec: str, capsys: pytest.Captu
     assert "no board with a link" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("system", ["quad", "phone"])
+@pytest.mark.parametrize("system", list(systems.SYSTEMS))
 def test_a_board_becomes_a_system_with_its_shipped_tuning(
     board: MemoryBoard, capsys: pytest.CaptureFixture[str], system: str
 ) -> None:
-    from plumb import systems
     from plumb.quantise import quantise
 
     code, out, _ = params(capsys, "tuning", system, "--json")
