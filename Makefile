@@ -1,5 +1,5 @@
 # Two commands do all the set-up on a fresh Debian or Ubuntu machine: `make demo` and `make test`.
-.PHONY: demo test image native qemu check-style format clean
+.PHONY: demo test image native size check-style format clean
 
 VENV := .venv/bin
 
@@ -11,6 +11,7 @@ demo:
 test:
 	@tools/setup.sh test
 	@$(MAKE) --no-print-directory image native check-style
+	@$(SIZE) --against previous
 	cmake --preset sanitize
 	cmake --build --preset sanitize
 	ctest --preset sanitize
@@ -26,6 +27,12 @@ image:
 native:
 	@cmake --preset native $(QUIET)
 	@cmake --build --preset native $(QUIET)
+
+# Flash, RAM and stack by module and function, and what differs from the commit before.
+SIZE = $(VENV)/python tools/size_table.py build/stm32f103/firmware.elf
+size: image
+	@$(SIZE) --functions
+	@$(SIZE) --against previous
 
 C_FILES = $(shell git ls-files '*.c' '*.h')
 check-style:

@@ -202,3 +202,11 @@ def test_nothing_is_defined_that_nobody_uses() -> None:
     sources = "".join(path.read_text(encoding="utf-8") for path in HEADER.parent.glob("*.[ch]"))
     words = [name.removesuffix("(word)") for name in _definitions()]
     assert [word for word in words if len(re.findall(rf"\b{word}\b", sources)) < 2] == []
+
+
+def test_no_interrupt_can_interrupt_another() -> None:
+    """What the bound of the stack counts on: nothing that could give a handler another priority is within reach."""
+    for path in HEADER.parent.glob("*.[ch]"):
+        text = path.read_text(encoding="utf-8")
+        assert not re.search(r"\b(NVIC_IPR|SCB_SHP|SCB_SHCSR|basepri|AIRCR_PRIGROUP)", text), path.name
+        assert not re.search(r"0x[eE]000[eE]4|0x[eE]000[eE][dD][12]", text), path.name

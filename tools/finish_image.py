@@ -23,25 +23,23 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "host"))
 
 from plumb.elf import Elf
 from plumb.errors import PlumbError, UsageError
+from plumb.f103.image import FLASH_BASE, HEADER, HEADER_MAGIC, HEADER_OFFSET
 
-FLASH_START = 0x08000000
 RAM_START = 0x20000000
-HEADER_OFFSET = 0x130
-HEADER_MAGIC = 0x626D6C70
 OBJCOPY = "arm-none-eabi-objcopy"
 
 
 def flat_image(elf: Elf) -> bytes:
-    """The image from FLASH_START on, gaps as erased flash. Raises ValueError with what is wrong."""
-    pieces = [(segment.load - FLASH_START, segment.data) for segment in elf.segments if segment.data]
+    """The image from FLASH_BASE on, gaps as erased flash. Raises ValueError with what is wrong."""
+    pieces = [(segment.load - FLASH_BASE, segment.data) for segment in elf.segments if segment.data]
     if not pieces or min(pieces)[0] < 0:
         raise ValueError("it has content that is not for flash")
     image = bytearray(b"\xff" * max(start + len(data) for start, data in pieces))
     for start, data in pieces:
         image[start : start + len(data)] = data
-    if len(image) < HEADER_OFFSET + 12:
+    if len(image) < HEADER_OFFSET + HEADER.size:
         raise ValueError("it is too short for an image header")
-    magic, _, size = struct.unpack_from("<3I", image, HEADER_OFFSET)
+    magic, _, size, *_ = HEADER.unpack_from(image, HEADER_OFFSET)
     if magic != HEADER_MAGIC or size != len(image):
         raise ValueError("its image header is missing or does not give its length")
     return bytes(image)

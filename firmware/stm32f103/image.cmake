@@ -31,6 +31,7 @@ target_link_options(firmware PRIVATE -nostartfiles --specs=nano.specs -T ${LINKE
 add_custom_command(TARGET firmware POST_BUILD VERBATIM
     COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/tools/check_elf.py $<TARGET_FILE:firmware>
             --flash 32768 --ram 8192 --stack 1536
+    COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/tools/size_table.py $<TARGET_FILE:firmware>
     COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/tools/finish_image.py $<TARGET_FILE:firmware>)
 
 # cmake --build --preset stm32f103 --target flash: builds what is stale, then writes it to the board at PLUMB_PORT.

@@ -112,6 +112,11 @@ class Elf:
             return symbols[index]
         return None
 
+    def symbols_between(self, start: int, end: int) -> list[Symbol]:
+        """Functions and objects whose first byte lies there, in order."""
+        addresses, symbols = self._by_address
+        return symbols[bisect.bisect_left(addresses, start) : bisect.bisect_left(addresses, end)]
+
     def bytes_at(self, address: int, size: int) -> bytes:
         for segment in self.segments:
             if segment.address <= address < segment.address + len(segment.data):
@@ -334,7 +339,9 @@ class CallGraph:
         return found
 
     def worst_stack_bytes(self) -> int:
-        """The reset handler's chain, and on top of it every other exception handler of the table once, each with the
-        frame that the processor pushes: no priorities are assumed, so this holds for any."""
+        """The reset handler's chain, on it the deepest interrupt handler, and on that the frame of a fault, whose
+        handler begins a stack of its own. All interrupts have the priority they have after a reset, so none interrupts
+        another: tests/test_registers.py holds the firmware to it."""
         reset, *handlers = self.elf.vectors()
-        return self.stack_bytes(reset) + sum(EXCEPTION_FRAME_BYTES + self.stack_bytes(h) for h in handlers)
+        deepest = max((self.stack_bytes(handler) for handler in handlers), default=0)
+        return self.stack_bytes(reset) + EXCEPTION_FRAME_BYTES + deepest + EXCEPTION_FRAME_BYTES

@@ -14,8 +14,11 @@ BUILD_IMAGE = Path("build") / "stm32f103" / "firmware.bin"
 PARAMETER_SLOTS = 0x0800F000
 """From here on the flash of the smallest part belongs to the parameters."""
 FAMILY = 0x103
-_HEADER_OFFSET = 0x130
-_HEADER_MAGIC = 0x626D6C70
+HEADER_OFFSET = 0x130
+HEADER_MAGIC = 0x626D6C70
+HEADER = struct.Struct("<6I")
+"""Behind the vector table: magic, family, bytes of the image, commit (two words), whether the tree differed from it.
+firmware/stm32f103/startup.c places it; the image's last word is the CRC-32 of all bytes before it."""
 _ELF_ARM, _PT_LOAD = 40, 1
 
 
@@ -68,9 +71,9 @@ def check_image(data: bytes, name: str) -> None:
 
 def own_header(data: bytes, name: str) -> ImageHeader:
     """The header of a plumb image that is whole, for this family, and clear of the parameters; else UsageError."""
-    if len(data) < _HEADER_OFFSET + 32 or struct.unpack_from("<I", data, _HEADER_OFFSET)[0] != _HEADER_MAGIC:
+    if len(data) < HEADER_OFFSET + 32 or struct.unpack_from("<I", data, HEADER_OFFSET)[0] != HEADER_MAGIC:
         raise UsageError(f"{name} is not a plumb image: it has no image header; build one with 'make image'")
-    _, family, size, hash_high, hash_low, dirty = struct.unpack_from("<6I", data, _HEADER_OFFSET)
+    _, family, size, hash_high, hash_low, dirty = HEADER.unpack_from(data, HEADER_OFFSET)
     if family != FAMILY:
         raise UsageError(f"{name} is for another part (family {family:x}, not {FAMILY:x}); build one with 'make image'")
     if size != len(data) or struct.unpack("<I", data[-4:])[0] != zlib.crc32(data[:-4]):
