@@ -42,6 +42,7 @@ FACTS = {
 """Addresses, and of bits their value, that are in no vendor's file. An array's name is that of its first word."""
 PIN_MODES = {
     "PIN_ANALOG": 0b0000,  # RM0008 9.1, table 20: CNF1:0 MODE1:0
+    "PIN_FLOATING": 0b0100,
     "PIN_INPUT_PULLED": 0b1000,
     "PIN_OUTPUT_10MHZ": 0b0001,  # table 21: MODE 01 is 10 MHz
     "PIN_OPEN_DRAIN": 0b0101,

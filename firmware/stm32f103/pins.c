@@ -9,61 +9,53 @@ void pins_set_mode(volatile uint32_t *control, uint32_t pin, uint32_t mode) {
     *control = (*control & ~(0xfu << shift)) | (mode << shift);
 }
 
-static void standard_pins(void) {
-    pins_set_mode(&GPIOA_CRH, 9u, PIN_ALTERNATE_10MHZ); /* USART1_TX */
-    GPIOA_BSRR = 1u << 10;                              /* pulled up: an open line is idle, not a break */
-    pins_set_mode(&GPIOA_CRH, 10u, PIN_INPUT_PULLED);   /* USART1_RX */
-    pins_set_mode(&GPIOB_CRL, 6u, PIN_ALTERNATE_2MHZ);  /* TIM4_CH1, first speed controller */
-    pins_set_mode(&GPIOB_CRL, 7u, PIN_ALTERNATE_2MHZ);  /* TIM4_CH2, second */
-}
-
-static void bridge_pins(void) {
-    pins_set_mode(&GPIOB_CRL, 6u, PIN_ALTERNATE_10MHZ); /* USART1_TX */
-    GPIOB_BSRR = 1u << 7 | 1u << 3 | 1u << 10;          /* pulled up, as is the line of RX */
-    pins_set_mode(&GPIOB_CRL, 7u, PIN_INPUT_PULLED);    /* USART1_RX */
-    GPIOA_BSRR = 1u << 15;
-    pins_set_mode(&GPIOA_CRH, 15u, PIN_INPUT_PULLED); /* TIM2_CH1, Hall A: open collectors */
-    pins_set_mode(&GPIOB_CRL, 3u, PIN_INPUT_PULLED);  /* TIM2_CH2, Hall B */
-    pins_set_mode(&GPIOB_CRH, 10u, PIN_INPUT_PULLED); /* TIM2_CH3, Hall C */
-    GPIOB_BSRR = 1u << (16u + 12u);                   /* pulled down: a wire that is off breaks */
-    pins_set_mode(&GPIOB_CRH, 12u, PIN_INPUT_PULLED); /* TIM1_BKIN */
-    for (uint32_t phase = 0u; phase < 3u; phase++) {
-        pins_set_mode(&GPIOA_CRH, 8u + phase, PIN_ALTERNATE_10MHZ);  /* TIM1_CH1 to CH3, high sides */
-        pins_set_mode(&GPIOB_CRH, 13u + phase, PIN_ALTERNATE_10MHZ); /* TIM1_CH1N to CH3N, low sides */
-    }
-}
-
 void pins_clocks(void) {
     RCC_APB2ENR |= RCC_APB2ENR_AFIOEN | RCC_APB2ENR_IOPAEN | RCC_APB2ENR_IOPBEN | RCC_APB2ENR_IOPCEN;
 }
 
+/* Eight pins at a time, from pin 7 or 15 down. */
+#define MODES(p7, p6, p5, p4, p3, p2, p1, p0)                                                                \
+    ((p7) << 28 | (p6) << 24 | (p5) << 20 | (p4) << 16 | (p3) << 12 | (p2) << 8 | (p1) << 4 | (p0))
+#define UP(pin)   (1u << (pin)) /* in BSRR: the pull, or the level, of a pin */
+#define DOWN(pin) (1u << (16u + (pin)))
+
+#define ANALOG PIN_ANALOG
+#define FREE   PIN_FLOATING
+#define INPUT  PIN_INPUT_PULLED
+#define OUTPUT PIN_OUTPUT_10MHZ
+#define SIGNAL PIN_ALTERNATE_10MHZ
+#define PULSE  PIN_ALTERNATE_2MHZ
+#define DRAIN  PIN_ALTERNATE_DRAIN
+
 void pins_init(uint32_t pins) {
+    const bool bridge = pins == BOARD_PINS_BRIDGE;
     /* The one write of MAPR, whole. I2C1 stays away from PB6 and PB7 even while it is not used: a remapped
      * USART1 does not come out of them otherwise. */
     AFIO_MAPR = AFIO_MAPR_SWJ_CFG_SWD | AFIO_MAPR_I2C1_REMAP |
-                (pins == BOARD_PINS_BRIDGE ? AFIO_MAPR_USART1_REMAP | AFIO_MAPR_TIM2_REMAP_FULL : 0u);
-    for (uint32_t pin = 0u; pin < 4u; pin++) { /* ADC1_IN0 to IN3: gyro, accelerometer, second axis, spare */
-        pins_set_mode(&GPIOA_CRL, pin, PIN_ANALOG);
-    }
-    pins_set_mode(&GPIOB_CRL, 0u, PIN_ANALOG);           /* ADC1_IN8 */
-    pins_set_mode(&GPIOB_CRL, 1u, PIN_ANALOG);           /* ADC1_IN9 */
-    GPIOA_BSRR = 1u << 4 | 1u << 6;                      /* chip not selected; MISO pulled up */
-    pins_set_mode(&GPIOA_CRL, 4u, PIN_OUTPUT_10MHZ);     /* select of the accelerometer */
-    pins_set_mode(&GPIOA_CRL, 5u, PIN_ALTERNATE_10MHZ);  /* SPI1_SCK */
-    pins_set_mode(&GPIOA_CRL, 6u, PIN_INPUT_PULLED);     /* SPI1_MISO */
-    pins_set_mode(&GPIOA_CRL, 7u, PIN_ALTERNATE_10MHZ);  /* SPI1_MOSI */
-    pins_set_mode(&GPIOB_CRH, 8u, PIN_ALTERNATE_DRAIN);  /* I2C1_SCL */
-    pins_set_mode(&GPIOB_CRH, 9u, PIN_ALTERNATE_DRAIN);  /* I2C1_SDA */
-    GPIOA_BSRR = 1u << 11;                               /* pulled up: without a transceiver nobody speaks */
-    pins_set_mode(&GPIOA_CRH, 11u, PIN_INPUT_PULLED);    /* CAN_RX */
-    pins_set_mode(&GPIOA_CRH, 12u, PIN_ALTERNATE_10MHZ); /* CAN_TX: recessive while the controller rests */
-    GPIOC_BSRR = 1u << ARM_SWITCH;                       /* pulled up: no switch is an open switch */
-    pins_set_mode(&GPIOC_CRH, ARM_SWITCH, PIN_INPUT_PULLED);
-    if (pins == BOARD_PINS_BRIDGE) {
-        bridge_pins();
+                (bridge ? AFIO_MAPR_USART1_REMAP | AFIO_MAPR_TIM2_REMAP_FULL : 0u);
+    /* Levels and pulls first. PA4: the chip is not selected. PA10, PB7, PA11: an open line is idle. The Hall
+     * sensors have open collectors, and a break input whose wire is off breaks. */
+    GPIOA_BSRR = UP(4) | UP(6) | UP(10) | UP(11) | UP(15);
+    GPIOB_BSRR = UP(3) | UP(7) | UP(10) | DOWN(12);
+    GPIOC_BSRR = UP(ARM_SWITCH);
+    /* SPI1 MOSI, MISO, SCK, select; ADC1 inputs 3 to 0. */
+    GPIOA_CRL = MODES(SIGNAL, INPUT, SIGNAL, OUTPUT, ANALOG, ANALOG, ANALOG, ANALOG);
+    if (bridge) {
+        /* Hall A; SWD; CAN TX, RX; TIM1 high sides C, B, A. */
+        GPIOA_CRH = MODES(INPUT, FREE, FREE, SIGNAL, INPUT, SIGNAL, SIGNAL, SIGNAL);
+        /* USART1 RX, TX; Hall B; ADC1 inputs 9, 8. */
+        GPIOB_CRL = MODES(INPUT, SIGNAL, FREE, FREE, INPUT, FREE, ANALOG, ANALOG);
+        /* TIM1 low sides C, B, A, break; Hall C; I2C1 SDA, SCL. */
+        GPIOB_CRH = MODES(SIGNAL, SIGNAL, SIGNAL, INPUT, FREE, INPUT, DRAIN, DRAIN);
     } else {
-        standard_pins();
+        /* SWD; CAN TX, RX; USART1 RX, TX. */
+        GPIOA_CRH = MODES(FREE, FREE, FREE, SIGNAL, INPUT, INPUT, SIGNAL, FREE);
+        /* TIM4 channels 2 and 1, the speed controllers; ADC1 inputs 9, 8. */
+        GPIOB_CRL = MODES(PULSE, PULSE, FREE, FREE, FREE, FREE, ANALOG, ANALOG);
+        /* I2C1 SDA, SCL. */
+        GPIOB_CRH = MODES(FREE, FREE, FREE, FREE, FREE, FREE, DRAIN, DRAIN);
     }
+    GPIOC_CRH = MODES(FREE, INPUT, FREE, FREE, FREE, FREE, FREE, FREE); /* PC14: arm switch */
 }
 
 bool board_arm_switch(void) {

@@ -103,6 +103,7 @@
 #define PIN_ANALOG          0x0u
 #define PIN_OUTPUT_10MHZ    0x1u /* push-pull */
 #define PIN_OPEN_DRAIN      0x5u /* 10 MHz */
+#define PIN_FLOATING        0x4u /* input, as after reset */
 #define PIN_INPUT_PULLED    0x8u /* direction of the pull: the pin's bit in ODR */
 #define PIN_ALTERNATE_10MHZ 0x9u /* push-pull */
 #define PIN_ALTERNATE_2MHZ  0xau /* push-pull */
