@@ -1,0 +1,206 @@
+"""I2C1, SPI1 and the two sensor chips as register models: what the manuals say, asked by a polling program."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+I2C, SPI = 1, 2
+GYRO, ACCEL = 0x68, 0x53
+SELECT_PIN = 4
+BYTE_US = 9 * 2.5
+
+
+class Master:
+    """A part that runs i2c.c, with both chips on I2C and another accelerometer on SPI."""
+
+    def __init__(self, board):
+        from plumb.f103.adxl345 import Adxl345
+        from plumb.f103.itg3205 import Itg3205
+
+        self.board = board("i2c")
+        self.machine = self.board.machine
+        self.felt_g, self.felt_dps = (0.1, -0.5, 1.0), (10.0, -20.0, 300.0)
+        self.accel = Adxl345(self.machine, lambda _t: self.felt_g)
+        self.gyro = Itg3205(self.machine, lambda _t: self.felt_dps)
+        self.machine.i2c_bus.slaves += [self.accel, self.gyro]
+        self.on_spi = Adxl345(self.machine, lambda _t: self.felt_g)
+        self.machine.spi1.devices[SELECT_PIN] = self.on_spi
+        self.machine.advance_us(5000)
+
+    def ask(self, bus, slave, register, count, value=0):
+        """The bytes read, or None where it was refused or nothing came."""
+        for index, word in enumerate((slave, register, count, value, 0)):
+            self.board.ask(1 + index, word)
+        self.board.ask(0, bus)
+        assert self.machine.run_until(lambda: self.board.result(0) == 0, 50_000)
+        return None if self.board.result(5) else bytes(self.board.result(8 + i) for i in range(count))
+
+    def read(self, slave, register, count=1):
+        return self.ask(I2C, slave, register, count)
+
+    def write(self, slave, register, value):
+        assert self.ask(I2C, slave, register, 0, value) is not None
+
+
+@pytest.fixture
+def master(board):
+    return Master(board)
+
+
+def test_one_byte_two_bytes_and_many(master):
+    assert master.read(ACCEL, 0x00) == b"\xe5"
+    assert master.read(ACCEL, 0x2C, 2) == b"\x0a\x00"
+    assert master.read(GYRO, 0x15, 6) == bytes(6)
+    assert master.read(GYRO, 0x00)[0] & 0x7E == 0x68
+    assert master.machine.warnings == []
+
+
+def test_a_write_arrives_and_is_read_back(master):
+    master.write(ACCEL, 0x31, 0x0B)
+    assert master.read(ACCEL, 0x31) == b"\x0b"
+    master.write(ACCEL, 0x00, 0x12)
+    assert master.read(ACCEL, 0x00) == b"\xe5"
+    assert master.machine.warnings == ["ADXL345: register 0x00 is written, which is read-only or reserved"]
+
+
+def test_nobody_at_the_address_is_a_nack(master):
+    assert master.read(0x10, 0x00) is None
+    assert master.board.result(5) & 1 << 10
+    assert master.read(ACCEL, 0x00) == b"\xe5", "the bus is free again"
+
+
+def test_bytes_take_nine_clocks_of_ccr(master):
+    times = []
+    honest = master.accel.read
+    master.accel.read = lambda now: times.append(now / 40320) or honest(now)
+    begun = master.machine.now_us
+    assert master.read(ACCEL, 0x2C, 4) is not None
+    assert [later - sooner for sooner, later in pairwise(times)] == pytest.approx([BYTE_US] * 3, abs=2.0)
+    # START, address, register, START, address, four bytes, STOP
+    assert 7 * BYTE_US + 3 * 2.5 < master.machine.now_us - begun < 7 * BYTE_US + 7.5 + 120
+
+
+def test_a_held_line_keeps_a_start_waiting_until_it_is_free(master):
+    master.machine.i2c_bus.stick(9)
+    for index, word in enumerate((ACCEL, 0, 1, 0, 0)):
+        master.board.ask(1 + index, word)
+    master.board.ask(0, I2C)
+    master.machine.advance_us(300)
+    assert master.machine.i2c1.phase == "waiting"
+    master.machine.i2c_bus.held = 0
+    master.machine.i2c_bus.pins_changed()
+    assert master.machine.run_until(lambda: master.board.result(0) == 0, 50_000)
+    assert master.board.result(8) == 0xE5
+
+
+@pytest.mark.parametrize(
+    ("register", "value", "why"), [("cr2", 8, "PCLK1 is 36 MHz"), ("ccr", 1 << 15 | 29, "400 is the limit")]
+)
+def test_the_bus_is_strict_about_its_clock(master, register, value, why):
+    from plumb.f103 import SimulationError
+
+    setattr(master.machine.i2c1, register, value)
+    with pytest.raises(SimulationError, match=why):
+        master.read(ACCEL, 0)
+
+
+def test_spi_reads_what_i2c_does(master):
+    assert master.ask(SPI, 0, 0x00, 1) == b"\xe5"
+    master.ask(SPI, 0, 0x31, 0, 0x0B)
+    assert master.ask(SPI, 0, 0x31, 1) == b"\x0b"
+    master.ask(SPI, 0, 0x2D, 0, 0x08)
+    master.machine.advance_us(12_000)
+    raw = master.ask(SPI, 0, 0x32, 6)
+    assert [int.from_bytes(raw[i : i + 2], "little", signed=True) for i in (0, 2, 4)] == [26, -128, 256]
+    master.on_spi.answers = False
+    assert master.ask(SPI, 0, 0x00, 1) == b"\xff"
+
+
+def test_spi_in_another_mode_says_nothing_of_use(master):
+    master.machine.spi1.cr1 &= ~3
+    assert master.ask(SPI, 0, 0x00, 1) == b"\xff"
+    assert master.machine.warnings == ["SPI1 has CPOL, CPHA = 0, 0; the chips here want 1, 1"]
+
+
+@pytest.mark.parametrize(
+    ("form", "rate", "felt_g", "counts"),
+    [
+        (0x0B, 0x0A, 1.0, 256),  # full resolution: 256 counts per g in every range
+        (0x08, 0x0A, 1.0, 256),
+        (0x00, 0x0A, 1.0, 256),  # ten bits: 2 g is 512
+        (0x03, 0x0A, 1.0, 32),
+        (0x0B, 0x0A, 20.0, 4095),
+        (0x0B, 0x0A, -20.0, -4096),
+        (0x00, 0x0A, 3.0, 511),
+        (0x0B, 0x0E, 1.0039, 256),  # above 800 Hz the last bit is always 0
+    ],
+)
+def test_accelerometer_counts(master, form, rate, felt_g, counts):
+    master.felt_g = (felt_g, 0.0, -felt_g)
+    for register, value in ((0x31, form), (0x2C, rate), (0x2D, 0x08)):
+        master.write(ACCEL, register, value)
+    master.machine.advance_us(12_000)
+    raw = master.read(ACCEL, 0x32, 6)
+    assert int.from_bytes(raw[:2], "little", signed=True) == counts
+
+
+def test_the_accelerometer_samples_while_it_measures(master):
+    master.machine.advance_us(50_000)
+    assert master.read(ACCEL, 0x30) == b"\x02", "standby after power-up: nothing is ready"
+    master.write(ACCEL, 0x2D, 0x08)
+    master.machine.advance_us(11_000)
+    assert master.read(ACCEL, 0x30)[0] & 0x80
+    master.read(ACCEL, 0x32, 6)
+    assert not master.read(ACCEL, 0x30)[0] & 0x80, "reading the data says they are old"
+    taken = []
+    master.accel.source = lambda t_s: taken.append(t_s) or (0.0, 0.0, 1.0)
+    master.machine.advance_us(100_000)
+    assert len(taken) == 10
+    assert [later - sooner for sooner, later in pairwise(taken)] == pytest.approx([0.01] * 9)
+    master.write(ACCEL, 0x2C, 0x0D)
+    taken.clear()
+    master.machine.advance_us(100_000)
+    assert len(taken) in (79, 80)
+
+
+def test_gyro_counts_and_rate(master):
+    master.write(GYRO, 0x16, 0x1A)
+    taken = []
+    honest = master.gyro.source
+    master.gyro.source = lambda t_s: taken.append(t_s) or honest(t_s)
+    master.machine.advance_us(50_000)
+    raw = master.read(GYRO, 0x1D, 6)
+    counts = [int.from_bytes(raw[i : i + 2], "big", signed=True) for i in (0, 2, 4)]
+    assert counts == [round(14.375 * dps) for dps in master.felt_dps]
+    assert [later - sooner for sooner, later in pairwise(taken)] == pytest.approx([1e-3] * (len(taken) - 1))
+    master.felt_dps = (2500.0, -2500.0, 2000.0)
+    master.machine.advance_us(2000)
+    raw = master.read(GYRO, 0x1D, 6)
+    assert raw[:4] == b"\x7f\xff\x80\x00" and int.from_bytes(raw[4:], "big") == 28750
+    master.write(GYRO, 0x15, 9)
+    taken.clear()
+    master.machine.advance_us(100_000)
+    assert len(taken) in (9, 10)
+
+
+def test_the_gyro_says_when_data_are_new_if_it_is_asked_to(master):
+    master.write(GYRO, 0x16, 0x1A)
+    master.machine.advance_us(5000)
+    assert master.read(GYRO, 0x1A) == b"\x00"
+    master.write(GYRO, 0x17, 0x01)
+    master.machine.advance_us(2000)
+    assert master.read(GYRO, 0x1A) == b"\x01"
+    assert master.read(GYRO, 0x1A) == b"\x00", "reading clears it"
+    master.write(GYRO, 0x3E, 0x40)
+    master.machine.advance_us(5000)
+    assert master.read(GYRO, 0x1A) == b"\x00", "asleep"
+
+
+def test_a_power_cut_takes_the_settings_of_the_chips(master):
+    master.write(ACCEL, 0x31, 0x0B)
+    master.machine.power_cut()
+    master.machine.power_on()
+    master.machine.advance_us(5000)
+    assert master.read(ACCEL, 0x31) == b"\x00"
