@@ -30,17 +30,23 @@ def analog() -> Iterator[Bench]:
         yield Bench(machine, session)
 
 
+def after_a_scan(bench: Bench) -> None:
+    bench.machine.advance_us(PERIOD_US - bench.machine.tim3.count(bench.machine.now) + 200)
+
+
 def test_an_input_at_a_rail(analog: Bench) -> None:
     """Four samples of a knock are no fault, five are."""
     capture = analog.armed()
-    for pin, volts, length_s in (("PA1", 3.3, 4.5), ("PA0", 0.0, 4.5)):
+    for pin, volts in (("PA1", 3.3), ("PA0", 0.0)):
         honest = analog.machine.adc[pin]
-        until_s = analog.machine.now_s + length_s * PERIOD_US * 1e-6
+        after_a_scan(analog)
+        until_s = analog.machine.now_s + 4.5 * PERIOD_US * 1e-6
         analog.machine.adc[pin] = lambda t_s, v=volts, s=honest, end=until_s: v if t_s < end else s(t_s)
         analog.run(capture, 10 * PERIOD_US * 1e-6)
         assert analog.driving()
+        after_a_scan(analog)
         analog.machine.adc[pin] = volts
-        analog.run(capture, 7 * PERIOD_US * 1e-6)
+        analog.run(capture, 5.5 * PERIOD_US * 1e-6)
         assert not analog.driving()
         assert analog.told() == [f"input {pin} is at a rail"]
         assert analog.faults() & SENSOR
@@ -159,4 +165,5 @@ def test_no_tick_of_the_run_before_comes_with_the_next(analog: Bench) -> None:
     capture = Capture(analog.session)
     while capture.steps == 0:
         capture.feed(analog.session.receive(0.001))
-    assert len(times) == 1 and analog.machine.now_us - begun_us > PERIOD_US * 0.9
+    assert capture.steps == len(times), "a step for each scan, and none more"
+    assert analog.machine.now_us - begun_us > PERIOD_US * 0.9

@@ -113,6 +113,18 @@ def test_a_chip_whose_data_hang(digital: Bench, name: str) -> None:
     digital.recovers(capture)
 
 
+def test_a_chip_that_says_the_same_for_ever_stays_a_fault(digital: Bench) -> None:
+    """Its data are new each time, and the same: setting it up anew does not clear that, only a change does."""
+    capture = digital.armed(stuck_steps=20)
+    honest, digital.accel.source = digital.accel.source, lambda _time_s: (0.1, 0.2, 0.9)
+    digital.run(capture, 25 * PERIOD_US * 1e-6)
+    assert not digital.driving()
+    for _ in range(10):
+        assert digital.told() == ["accelerometer: its data do not change"]
+    digital.accel.source = honest
+    digital.recovers(capture)
+
+
 def test_a_chip_that_lost_its_settings_gets_them_again(digital: Bench) -> None:
     """A dip of the supply: the accelerometer is back at +-2 g and in standby, its data stand still."""
     capture = digital.armed(stuck_steps=20)

@@ -231,7 +231,8 @@ class I2c(Peripheral):
         self.phase = "stretched"
         byte = self.slave.read(time)
         by_dma = bool(self.cr2 & DMAEN)
-        last = self.dma.left == 1 and bool(self.cr2 & LAST)
+        # The DMA announces the last byte with the one before it: a single byte is not announced.
+        last = self.dma.left == 1 and self.dma.done > 0 and bool(self.cr2 & LAST)
         self.refused = not self.cr1 & ACK or (by_dma and last)
         if self.sr1 & RXNE:
             self.sr1 |= BTF  # the second byte waits behind the one in DR
@@ -311,7 +312,9 @@ class I2c(Peripheral):
             self.machine.timeline.cancel("i2c")
             self.cr1 = 0
             self.sr1 = 0
+            dead = self.phase == "dead"
             self._clear()
+            self.phase = "dead" if dead else "idle"
         elif self.phase == "idle":
             self.cr1 &= ~STOP
             if value & START:
