@@ -3,6 +3,9 @@
 FILE is .npz or .csv; the columns are described at the top of plumb/recording.py. An ideal sensor is scaled to the
 recording, resampled to the period. Where the recording has an optical reference the tilt error is reported, over the
 samples marked as movement. Exit code 1 on a mismatch.
+
+With --system phone, pitch and roll of the whole sensor; FILE may then also hold the datagrams of a phone's app, one a
+line, as `plumb phone --save` writes them. Of several runs in a file the longest is taken.
 """
 
 from __future__ import annotations
@@ -10,12 +13,19 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from plumb.quantise import ControlParams
+    from plumb.trial import Flight
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help="the recording")
-    parser.add_argument("--system", default="quad", help="quad")
-    parser.add_argument("--axis", choices=("x", "y", "z"), default="x", help="axis of rotation (default x)")
+    parser.add_argument(
+        "--system", choices=("quad", "phone"), default="quad", help="quad: one axis; phone: both angles"
+    )
+    parser.add_argument("--axis", choices=("x", "y", "z"), default="x", help="quad: axis of rotation (default x)")
     parser.add_argument("--board", required=True, metavar="B", help="native, qemu, virtual, serial:PORT or can:BUS")
     parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
     parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
@@ -26,25 +36,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb import recording, systems, trial
+    from plumb import trial
     from plumb.boards import open_board
     from plumb.commands.run import describe
-    from plumb.errors import UsageError
 
-    system = systems.load(arguments.system)
-    axis = recording.pick_axis(recording.load(arguments.file), arguments.axis, arguments.period_us)
-    if arguments.seconds is not None:
-        steps = arguments.seconds * 1e6 / axis.period_us
-        if not steps >= 1:
-            raise UsageError(f"{arguments.seconds:g} s is less than one period of {axis.period_us} us")
-        axis = axis.first(int(min(steps, len(axis.raw))))
-    flight, params = trial.recorded(axis, system.TUNINGS["recording"])
+    flight, params, heading = (of_phone if arguments.system == "phone" else of_axis)(arguments)
     with open_board(arguments.board, link=arguments.link, image=arguments.image) as board:
         result = trial.open_loop(board, flight, params)
     summary = result.summary(
         system=arguments.system,
-        scenario=f"{arguments.file.name} about {arguments.axis}",
-        tuning="recording",
+        **heading,
         loop="open",
         board=arguments.board,
         link=arguments.link if arguments.board == "virtual" else None,
@@ -57,3 +58,34 @@ def main(arguments: argparse.Namespace) -> int:
         story.write_run(arguments.out, result, summary)
     print(json.dumps(summary) if arguments.json else describe(summary))
     return {"pass": 0, "fail": 1, "unverified": 3}[result.verdict]
+
+
+def of_axis(arguments: argparse.Namespace) -> tuple[Flight, ControlParams, dict[str, Any]]:
+    """One axis of a recording, and the tuning made to fit it."""
+    from plumb import recording, trial
+    from plumb.errors import UsageError
+    from plumb.systems import quad
+
+    axis = recording.pick_axis(recording.load(arguments.file), arguments.axis, arguments.period_us)
+    if arguments.seconds is not None:
+        steps = arguments.seconds * 1e6 / axis.period_us
+        if not steps >= 1:
+            raise UsageError(f"{arguments.seconds:g} s is less than one period of {axis.period_us} us")
+        axis = axis.first(int(min(steps, len(axis.raw))))
+    flight, params = trial.recorded(axis, quad.TUNINGS["recording"])
+    return flight, params, {"scenario": f"{arguments.file.name} about {arguments.axis}", "tuning": "recording"}
+
+
+def of_phone(arguments: argparse.Namespace) -> tuple[Flight, ControlParams, dict[str, Any]]:
+    """Pitch and roll of a recording, or of a file of datagrams."""
+    from plumb import phone_feed, phone_source
+    from plumb.systems import phone
+
+    period_us = arguments.period_us or phone.PERIOD_US
+    params = phone_feed.params_of(phone.DEFAULT_TUNING, period_us)
+    steps, intake, recorded = phone_source.steps_of_file(arguments.file, period_us)
+    longest = phone_feed.longest_run(steps)
+    if arguments.seconds is not None:
+        longest = longest[: max(1, round(arguments.seconds * 1e6 / period_us))]
+    heading = {"scenario": arguments.file.name, "tuning": phone.DEFAULT_TUNING, "received": intake.to_json()}
+    return phone_feed.flight_of(longest, params, recorded), params, heading

@@ -1,0 +1,151 @@
+"""Take a phone's sensors over UDP, feed them to a board, show pitch and roll, and compare every step with the model.
+
+    plumb phone --board native                             datagrams from this machine, port 50000
+    plumb phone --board serial:/dev/ttyUSB0 --listen all   from a phone in the same network
+    plumb phone --board virtual --listen all --seconds 30 --out walk
+
+`qemu` takes whole runs: the native core follows the phone, then the longest run goes through QEMU.
+
+Apps: SensaGram (JSON), Sensorstream IMU+GPS and Wireless IMU (CSV). SensorUDP is understood, but sends no gyroscope.
+Switch on gyroscope and accelerometer at about 100 Hz, and give the app this machine's address and the port. Ends after
+--seconds of the phone's time, when nothing comes for 5 s, or with Ctrl-C. What --save wrote runs again with: plumb
+replay FILE --system phone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from plumb.resampler import Step
+
+DEFAULT_PORT = 50_000
+LOOK_STEPS = 10
+"""Between two looks on a terminal."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--board", required=True, metavar="B", help="native, qemu, virtual, serial:PORT or can:BUS")
+    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
+    parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
+    parser.add_argument("--udp", type=int, default=DEFAULT_PORT, metavar="PORT", help=f"port (default {DEFAULT_PORT})")
+    parser.add_argument("--listen", default="loopback", metavar="WHERE", help="loopback (default), all, or an address")
+    parser.add_argument("--tuning", default="euler", help="euler (default) or printed")
+    parser.add_argument("--period-us", type=int, default=10_000, help="control period (default 10000)")
+    parser.add_argument("--seconds", type=float, help="how long, by the phone's clock (default: until it stops)")
+    parser.add_argument("--wait", type=float, default=30.0, metavar="S", help="for the first step (default 30)")
+    parser.add_argument("--save", type=Path, metavar="FILE", help="write every datagram, one a line")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html, summary.json and steps.csv")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from plumb import phone_feed, phone_source, story, trial
+    from plumb.boards import open_board
+    from plumb.endings import endings
+    from plumb.errors import LinkError
+
+    params = phone_feed.params_of(arguments.tuning, arguments.period_us)
+    intake = phone_source.Intake(arguments.period_us)
+    where = {"loopback": phone_source.LOOPBACK, "all": phone_source.EVERYWHERE}.get(arguments.listen, arguments.listen)
+    screen = Screen(show=not arguments.json)
+    with (
+        phone_source.Listener(arguments.udp, where, save=arguments.save) as listener,
+        open_board(arguments.board, link=arguments.link, image=arguments.image) as board,
+        open_board("native") as native,
+        endings() as stop,
+    ):
+        print(f"listening on {listener.address}:{listener.port}", file=sys.stderr, flush=True)
+        follower = phone_feed.Follower(native if arguments.board == "qemu" else board, params)
+        cut_short = phone_feed.follow(
+            listener, intake, follower, seconds=arguments.seconds, wait_s=arguments.wait, stop=stop, saw=screen.saw
+        )
+        screen.leave()
+        outcome = follower.outcome
+        if not outcome.steps:
+            raise KeyboardInterrupt  # anything else would have been an error
+        summary = {
+            "system": "phone",
+            "source": f"udp:{listener.port}",
+            "tuning": arguments.tuning,
+            "board": arguments.board,
+            "link": arguments.link if arguments.board == "virtual" else None,
+            "steps": outcome.steps,
+            "verdict": outcome.verdict,
+            "mismatches": outcome.mismatches,
+            "cut_short": cut_short or None,
+            "received": intake.to_json(),
+            **screen.last,
+        }
+        if outcome.divergence is not None:
+            summary["first_divergence"] = outcome.divergence.as_dict()
+        if arguments.out or arguments.board == "qemu":
+            whole = trial.open_loop(board, phone_feed.flight_of(outcome.longest, params), params)
+            heading = {"system": "phone", "scenario": summary["source"], "tuning": arguments.tuning, "loop": "open"}
+            longest = whole.summary(**heading, board=arguments.board, seed=None)
+            if arguments.board == "qemu":
+                longest["mismatches"] = whole.mismatches
+                judged = ("steps", "verdict", "mismatches", "first_divergence")
+                summary |= {key: longest[key] for key in judged if key in longest}
+            if arguments.out:
+                story.write_run(arguments.out, whole, longest)
+    print(json.dumps(summary) if arguments.json else describe(summary))
+    code = {"pass": 0, "fail": 1, "unverified": 3}[summary["verdict"]]
+    if cut_short and arguments.seconds is not None and code == 0:
+        raise LinkError(cut_short)
+    return code
+
+
+class Screen:
+    """Pitch and roll as they come: a line that renews itself on a terminal, a line each second elsewhere."""
+
+    def __init__(self, *, show: bool) -> None:
+        self.last: dict[str, float] = {}
+        self._show, self._terminal = show, sys.stdout.isatty()
+        self._second = -1
+
+    def saw(self, step: Step, words: dict[str, int]) -> None:
+        turn, rate = 360.0 / 2**32, 360.0 / 2**28
+        self.last = {
+            "pitch_deg": round(words["pitch_turn_q32"] * turn, 4),
+            "roll_deg": round(words["roll_turn_q32"] * turn, 4),
+            "pitch_bias_dps": round(words["pitch_bias_turnps_q28"] * rate, 4),
+            "roll_bias_dps": round(words["roll_bias_turnps_q28"] * rate, 4),
+        }
+        second = int(step.time_s + 1e-6)
+        if not self._show or (words["step"] % LOOK_STEPS if self._terminal else second == self._second):
+            return
+        self._second = second
+        angles = "  ".join(f"{axis} {self.last[f'{axis}_deg']:+8.2f} deg" for axis in ("pitch", "roll"))
+        biases = ", ".join(f"{self.last[f'{axis}_bias_dps']:+.3f}" for axis in ("pitch", "roll"))
+        line = f"{step.time_s:8.2f} s  {angles}  bias {biases} deg/s"
+        line += "  too steep to tell roll" if words["flags"] & 4 else ""
+        print(f"\r{line}\x1b[K" if self._terminal else line, end="" if self._terminal else "\n", flush=True)
+
+    def leave(self) -> None:
+        """What is printed next begins a line."""
+        if self._show and self._terminal and self.last:
+            print()
+
+
+def describe(summary: dict[str, Any]) -> str:
+    """The summary for a reader."""
+    received = summary["received"]
+    samples = received["samples"]
+    apps = ", ".join(f"{count} of {app}" for app, count in received["apps"].items())
+    lines = [
+        f"phone at {summary['source']}: {summary['steps']} steps on {summary['board']}, runs {received['runs']}",
+        f"  datagrams {received['datagrams']}: {apps or 'none known'}; malformed {received['malformed']}, "
+        f"from elsewhere {received['strangers']}",
+        f"  samples: gyro {samples['gyro']}, accelerometer {samples['accel']}; reordered {received['reordered']}, "
+        f"doubled {received['duplicate']}, too late {received['late']}; longest gap {received['longest_gap_s']:.3f} s",
+    ]
+    if "first_divergence" in summary:
+        lines.append(f"  first divergence: {summary['first_divergence']}")
+    if summary["cut_short"]:
+        lines.append(f"  {summary['cut_short']}")
+    return "\n".join([*lines, str(summary["verdict"])])

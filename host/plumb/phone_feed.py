@@ -1,0 +1,151 @@
+"""A phone's steps to a board, every one of them compared with the integer model.
+
+The board runs in lockstep: a step is sent when the phone's samples for it are complete, so the phone's clock paces the
+board.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from plumb import fixed, recording, trial
+from plumb.boards import Board, RawCounts, Stepper
+from plumb.compare import Divergence
+from plumb.errors import LinkError, UsageError
+from plumb.phone_source import Intake, Listener
+from plumb.quantise import ControlParams, quantise
+from plumb.resampler import Step
+from plumb.systems import phone
+
+SILENCE_S = 5.0
+"""Without a step for so long the phone has stopped."""
+
+
+def params_of(tuning: str, period_us: int) -> ControlParams:
+    """The integers of a shipped tuning at a period; raises UsageError where there is none."""
+    if tuning not in phone.TUNINGS:
+        raise UsageError(f"phone has no tuning '{tuning}'; it has {', '.join(phone.TUNINGS)}")
+    return quantise(replace(phone.TUNINGS[tuning], period_us=period_us))
+
+
+def counts(steps: Iterable[Step]) -> RawCounts:
+    """Raw counts of steps, (n, 6)."""
+    rows = [(*step.rate_dps, *step.force_g) for step in steps]
+    columns = np.array(rows, np.float64).reshape(-1, 6).T
+    return phone.counts_of(columns[:3], columns[3:])
+
+
+def longest_run(steps: Iterable[Step]) -> list[Step]:
+    """The longest stretch of steps that one run makes."""
+    found: list[list[Step]] = []
+    for step in steps:
+        if step.first:
+            found.append([])
+        found[-1].append(step)
+    return max(found, key=len, default=[])
+
+
+def flight_of(steps: list[Step], params: ControlParams, recorded: recording.Recording | None = None) -> trial.Flight:
+    """One run as a trial takes it; the truth is the recording's optical reference, where it has one."""
+    period_s = params.period_s
+    time_s = np.array([step.time_s for step in steps], np.float64)
+    truth = {f"{axis}_deg": np.full(len(steps), np.nan) for axis in ("pitch", "roll")}
+    scored = np.zeros(len(steps), bool)
+    if recorded is not None and recorded.ref_quat is not None:
+        middle_s = time_s + period_s / 2.0
+        vertical = recording.vertical(recorded.ref_quat)
+        there = np.stack([np.interp(middle_s, recorded.time_s, column) for column in vertical.T])
+        truth["pitch_deg"], truth["roll_deg"] = phone.pitch_roll_deg(there)
+        nearest = np.searchsorted(recorded.time_s, middle_s).clip(0, len(recorded.time_s) - 1)
+        scored = recorded.movement[nearest] & np.isfinite(there).all(axis=0)
+    return trial.Flight(time_s, truth, counts(steps), np.zeros(len(steps), np.int32), scored)
+
+
+@dataclass
+class Outcome:
+    """What a live feed came to. divergence: the first step of any run whose digest was not the model's."""
+
+    steps: int = 0
+    mismatches: int = 0
+    divergence: Divergence | None = None
+    words: dict[str, int] = field(default_factory=dict)
+    """Of the last step."""
+    longest: list[Step] = field(default_factory=list)
+    """The steps of the longest run."""
+
+    @property
+    def verdict(self) -> str:
+        return "fail" if self.mismatches else "pass" if self.steps else "unverified"
+
+
+class Follower:
+    """A board that takes steps as they come, beside the model that says what its digests must be."""
+
+    def __init__(self, board: Board, params: ControlParams) -> None:
+        self.outcome, self.params = Outcome(), params
+        self._board = board
+        self._run: list[Step] = []
+        self._pair: tuple[Stepper, fixed.Controller] | None = None
+
+    def take(self, step: Step) -> dict[str, int]:
+        """One step on both; the model's words, which the board's digest confirms."""
+        if step.first or self._pair is None:
+            self._pair, self._run = (self._board.stepper(self.params), fixed.Controller(self.params)), []
+        stepper, model = self._pair
+        self._run.append(step)
+        raw = tuple(counts([step])[0].tolist())
+        digest, words = stepper.step(raw, 0).digest, model.step(raw, 0)
+        outcome = self.outcome
+        outcome.steps, outcome.words = outcome.steps + 1, words
+        if len(self._run) > len(outcome.longest):
+            outcome.longest = self._run
+        if digest != model.digest():
+            outcome.mismatches += 1
+            if outcome.divergence is None:
+                outcome.divergence = self._locate()
+                self._pair = None  # looking for it began another run on the board
+        return words
+
+    def _locate(self) -> Divergence:
+        raw = counts(self._run)
+        setpoint = np.zeros(len(raw), np.int32)
+        words = fixed.run_control(self.params, raw, setpoint)
+        flight = flight_of(self._run, self.params)
+        return trial.locate(self._board, flight, self.params, words, len(raw) - 1)
+
+
+def follow(
+    listener: Listener,
+    intake: Intake,
+    follower: Follower,
+    *,
+    seconds: float | None,
+    wait_s: float,
+    stop: list[int],
+    saw: Callable[[Step, dict[str, int]], None],
+) -> str:
+    """Feeds the board until so many seconds of the phone's time are done, the phone falls silent, or `stop` has
+    something in it. Gives what cut it short, empty when nothing did; raises LinkError when within wait_s nothing came
+    that makes a step.
+    """
+    most = None if seconds is None else max(1, round(seconds / follower.params.period_s))
+    outcome, last_s, heard = follower.outcome, time.monotonic(), dict(intake.resampler.counts.samples)
+    while not stop and time.monotonic() - last_s < (SILENCE_S if outcome.steps else wait_s):
+        arrived = listener.receive()
+        if arrived is None:
+            continue
+        for step in intake.take(*arrived):
+            saw(step, follower.take(step))
+            last_s, heard = time.monotonic(), dict(intake.resampler.counts.samples)
+            if most is not None and outcome.steps >= most:
+                return ""
+    if stop:
+        return ""
+    if not outcome.steps:
+        raise LinkError(f"no step in {wait_s:g} s on {listener.address}:{listener.port}: {intake.missing()}")
+    done_s = outcome.steps * follower.params.period_s
+    return f"no step for {SILENCE_S:g} s after {done_s:g} s of steps: {intake.silent_since(heard)}"

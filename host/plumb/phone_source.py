@@ -1,0 +1,166 @@
+"""Where a phone's samples come from: a UDP port, or a file; datagrams in, steps of a steady period out.
+
+Who listens beyond this machine takes datagrams from whoever sends: the first host with a good one is listened to, what
+others send is counted and left out.
+"""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from plumb import recording
+from plumb.errors import LinkError, UsageError
+from plumb.phone_apps import LARGEST_BYTES, MalformedError, Sample, Sensor, parse, read_file
+from plumb.resampler import SENSORS, Resampler, Step
+
+LOOPBACK, EVERYWHERE = "127.0.0.1", "0.0.0.0"
+SENSOR_NAMES: dict[Sensor, str] = {"gyro": "gyroscope", "accel": "accelerometer"}
+FEW = 20
+"""Samples that may still have been on their way when the other sensor stopped."""
+BUFFER_BYTES = 1 << 20
+"""Asked of the system, which may give less: what arrives while the board is busy waits here."""
+TURN_S = 0.1
+"""How long a look at the socket takes at most."""
+
+
+@dataclass
+class Received:
+    """What became of the datagrams. other: of a known app, without gyro or accelerometer. apps: name -> datagrams."""
+
+    datagrams: int = 0
+    malformed: int = 0
+    other: int = 0
+    strangers: int = 0
+    apps: dict[str, int] = field(default_factory=dict)
+
+
+class Intake:
+    """Datagrams in, steps out."""
+
+    def __init__(self, period_us: int) -> None:
+        self.received = Received()
+        self.resampler = Resampler(period_us)
+        self._sender: str | None = None
+
+    def take(self, data: bytes, sender: str = "") -> Iterator[Step]:
+        """The steps that a datagram completes; one that is none, or a stranger's, is counted."""
+        self.received.datagrams += 1
+        if self._sender is not None and sender != self._sender:
+            self.received.strangers += 1
+            return
+        try:
+            datagram = parse(data)
+        except MalformedError:
+            self.received.malformed += 1
+            return
+        self._sender = sender
+        self.received.apps[datagram.app] = self.received.apps.get(datagram.app, 0) + 1
+        self.received.other += not datagram.samples
+        for sample in datagram.samples:
+            yield from self.resampler.feed(sample)
+
+    def finish(self) -> Iterator[Step]:
+        """What is left when nothing more will come."""
+        yield from self.resampler.finish()
+
+    def to_json(self) -> dict[str, Any]:
+        return {**asdict(self.received), **asdict(self.resampler.counts)}
+
+    def missing(self) -> str:
+        """Why there is not one step, in a sentence."""
+        samples = self.resampler.counts.samples
+        if not self.received.datagrams:
+            return "nothing arrived"
+        if not self.received.apps:
+            return f"{self.received.malformed} datagrams arrived, none of a format that is known"
+        silent = [sensor for sensor, count in samples.items() if count < 2]
+        what = " and no ".join(SENSOR_NAMES[sensor] for sensor in silent)
+        apps = " and ".join(self.received.apps)
+        return f"{apps} sent no {what}; switch it on in the app" if silent else f"{apps} sent too little"
+
+    def silent_since(self, heard: dict[Sensor, int]) -> str:
+        """Which sensor stopped, in a sentence. heard: samples of each when the last step was made."""
+        samples = self.resampler.counts.samples
+        silent = [SENSOR_NAMES[sensor] for sensor in SENSORS if samples[sensor] - heard[sensor] < FEW]
+        return f"the phone's {silent[0]} stopped" if len(silent) == 1 else "the phone stopped sending"
+
+
+class Listener:
+    """A UDP port. Use as a context manager."""
+
+    def __init__(self, port: int, address: str = LOOPBACK, *, save: Path | None = None) -> None:
+        """save: where to write what arrives, a datagram a line. Raises LinkError when the port is taken or the address
+        is not of this machine, UsageError when the file cannot be written."""
+        try:
+            self._file = None if save is None else save.open("wb")
+        except OSError as error:
+            raise UsageError(f"cannot write {save}: {error.strerror}; choose another --save") from None
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+        try:
+            self._socket.bind((address, port))
+        except (OSError, OverflowError) as error:
+            self.close()
+            raise LinkError(f"cannot listen on {address}:{port}: {error}; choose another --udp or --listen") from None
+        self._socket.settimeout(TURN_S)
+        self.address, self.port = self._socket.getsockname()
+
+    def receive(self) -> tuple[bytes, str] | None:
+        """The next datagram and its sender's address; None when there is none for a while."""
+        try:
+            data, (host, _) = self._socket.recvfrom(LARGEST_BYTES + 1)
+        except TimeoutError:
+            return None
+        if self._file is not None:
+            self._file.write(data.replace(b"\n", b" ").replace(b"\r", b" ") + b"\n")
+        return data, host
+
+    def close(self) -> None:
+        self._socket.close()
+        if self._file is not None:
+            self._file.close()
+
+    def __enter__(self) -> Listener:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def samples_of(recorded: recording.Recording) -> Iterator[Sample]:
+    """A recording as the samples a phone would have sent, in order."""
+    for time_s, rate, force in zip(
+        recorded.time_s.tolist(), recorded.gyr_dps.tolist(), recorded.acc_g.tolist(), strict=True
+    ):
+        yield Sample("gyro", time_s, tuple(rate))
+        yield Sample("accel", time_s, tuple(force))
+
+
+def steps_of_file(path: Path, period_us: int) -> tuple[list[Step], Intake, recording.Recording | None]:
+    """A recording of plumb's own formats, or a file of an app's datagrams, as steps; all runs of it.
+
+    Raises UsageError for a file that is neither, or that makes no step.
+    """
+    intake, recorded = Intake(period_us), None
+    if path.suffix.lower() == ".npz" or _is_table(path):
+        recorded = recording.load(path)
+        steps = [step for sample in samples_of(recorded) for step in intake.resampler.feed(sample)]
+    else:
+        steps = [step for data in read_file(path) for step in intake.take(data)]
+    steps += intake.finish()
+    if not steps:
+        raise UsageError(f"{path.name} makes no step: {intake.missing()}")
+    return steps, intake, recorded
+
+
+def _is_table(path: Path) -> bool:
+    """CSV with plumb's header; a datagram has none."""
+    try:
+        with path.open("rb") as file:
+            return b"time_s" in file.readline(LARGEST_BYTES)
+    except OSError as error:
+        raise UsageError(f"cannot read {path}: {error.strerror}") from None

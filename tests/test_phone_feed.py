@@ -1,0 +1,383 @@
+"""A phone's datagrams over loopback to a board: what arrives late, twice, in another order, damaged or from elsewhere.
+
+The phone is the scenario `general`, sent as the apps send it; the truth is the scenario's.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from plumb import __main__ as front
+from plumb import phone_feed, phone_source
+from plumb.boards import Board, StepOutput, Stepper, open_board, qemu
+from plumb.errors import LinkError, UsageError
+from plumb.quantise import ControlParams
+from plumb.systems import phone
+
+IMAGE = Path(__file__).parents[1] / "build/stm32f103/plumb_qemu.elf"
+needs_qemu = pytest.mark.skipif(
+    shutil.which(qemu.PROGRAM) is None or not IMAGE.is_file(),
+    reason="qemu-system-arm or its image is missing: apt install qemu-system-arm, make image",
+)
+G = 9.80665
+SECONDS = 12.0
+
+
+def run_of(seed: int = 8) -> phone.Scenario:
+    return phone.scenario("general", seed, seconds=SECONDS)
+
+
+def sensagram(run: phone.Scenario, begin_s: float = 5000.0) -> list[bytes]:
+    """One event a datagram; the accelerometer 3 ms after the gyro."""
+    found = []
+    for k, time_s in enumerate(run.time_s.tolist()):
+        for sensor, delay_s, values in (
+            ("gyroscope", 0.0, np.radians(run.sensed_dps[:, k])),
+            ("accelerometer", 0.003, run.sensed_g[:, k] * G),
+        ):
+            event = {"type": f"android.sensor.{sensor}", "timestamp": round((begin_s + time_s + delay_s) * 1e9)}
+            found.append(json.dumps({**event, "values": [round(float(v), 7) for v in values]}).encode())
+    return found
+
+
+def sensorstream(run: phone.Scenario) -> list[bytes]:
+    """All sensors in one datagram, the magnetometer too."""
+    rows = zip(run.time_s, (run.sensed_g * G).T, np.radians(run.sensed_dps).T, strict=True)
+    return [
+        f"{1e5 + t:.5f}, 3, {a[0]:.5f},{a[1]:.5f},{a[2]:.5f}, 4, {w[0]:.6f},{w[1]:.6f},{w[2]:.6f}, 5, 21,-5,38".encode()
+        for t, a, w in rows
+    ]
+
+
+class Sender(threading.Thread):
+    """Sends on loopback, never far ahead of what was taken: a socket's buffer holds few datagrams."""
+
+    def __init__(self, port: int, datagrams: list[bytes], taken: Callable[[], int], host: str = "127.0.0.1") -> None:
+        super().__init__(daemon=True)
+        self._port, self._datagrams, self._taken, self._host = port, datagrams, taken, host
+        self.stopped = threading.Event()
+
+    def run(self) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+            out.bind((self._host, 0))
+            for sent, data in enumerate(self._datagrams):
+                while sent - self._taken() > 50 and not self.stopped.wait(0.001):
+                    pass
+                if self.stopped.is_set():
+                    return
+                out.sendto(data, ("127.0.0.1", self._port))
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def send_when_listening(monkeypatch: pytest.MonkeyPatch, port: int, datagrams: list[bytes]) -> Sender:
+    """For the command itself, which opens the port on its own."""
+    taken = [0]
+    sender = Sender(port, datagrams, lambda: taken[0])
+    listen, receive = phone_source.Listener.__init__, phone_source.Listener.receive
+
+    def then_send(self: Any, *given: Any, **named: Any) -> None:
+        listen(self, *given, **named)
+        sender.start()
+
+    def counting(self: Any) -> Any:
+        arrived = receive(self)
+        taken[0] += arrived is not None
+        return arrived
+
+    monkeypatch.setattr(phone_source.Listener, "__init__", then_send)
+    monkeypatch.setattr(phone_source.Listener, "receive", counting)
+    return sender
+
+
+@pytest.fixture
+def native() -> Iterator[Board]:
+    with open_board("native") as board:
+        yield board
+
+
+def fed(
+    board: Board, datagrams: list[bytes], seconds: float | None = SECONDS - 0.5
+) -> tuple[Any, phone_source.Intake, list[Any]]:
+    """The datagrams over a real socket to a board: outcome, counts, and what was seen of every step."""
+    intake, seen = phone_source.Intake(phone.PERIOD_US), []
+    with phone_source.Listener(0) as listener:
+        follower = phone_feed.Follower(board, phone_feed.params_of("euler", phone.PERIOD_US))
+        sender = Sender(listener.port, datagrams, lambda: intake.received.datagrams)
+        sender.start()
+        phone_feed.follow(
+            listener, intake, follower, seconds=seconds, wait_s=20.0, stop=[], saw=lambda *now: seen.append(now)
+        )
+        sender.stopped.set()
+        sender.join()
+    return follower.outcome, intake, seen
+
+
+def worst_deg(seen: list[Any], run: phone.Scenario, late_s: float) -> float:
+    """Largest angle between the estimated and the true vertical; a step's middle is so much after the run's sample."""
+    turn = 360.0 / 2**32
+    at_s = np.array([step.time_s for step, _ in seen]) + late_s
+    truth = np.stack([np.interp(at_s, run.time_s, axis) for axis in run.vertical])
+    pitch, roll = (np.array([words[f"{axis}_turn_q32"] for _, words in seen]) * turn for axis in ("pitch", "roll"))
+    return float(phone.inclination_deg(phone.up(pitch, roll), truth)[100:].max())
+
+
+@pytest.mark.parametrize(("app", "form"), [("SensaGram", sensagram), ("Sensorstream", sensorstream)])
+def test_a_phone_over_loopback_is_followed_and_every_step_agrees(
+    native: Board, app: str, form: Callable[[phone.Scenario], list[bytes]]
+) -> None:
+    run = run_of()
+    outcome, intake, seen = fed(native, form(run))
+    assert outcome.verdict == "pass" and outcome.steps == round((SECONDS - 0.5) * 100)
+    assert intake.received.apps.keys() == {app} and intake.received.malformed == 0
+    assert worst_deg(seen, run, late_s=0.008 if app == "SensaGram" else 0.005) < 2.0
+
+
+def test_trouble_on_the_way_is_counted_and_changes_little(native: Board) -> None:
+    """One in ten lost, one in ten doubled, neighbours exchanged, some a second late, garbage in between."""
+    run, rng = run_of(), np.random.default_rng(3)
+    ordered = sensagram(run)
+    rough: list[bytes] = []
+    held: list[tuple[int, bytes]] = []
+    lost = doubled = damaged = late = 0
+    for at, data in enumerate(ordered):
+        rough += [old for due, old in held if due == at]
+        chance = rng.random()
+        if chance < 0.1:
+            lost += 1
+        elif chance < 0.2:
+            rough += [data, data]
+            doubled += 1
+        elif chance < 0.21 and at + 250 < len(ordered):
+            held.append((at + 250, data))
+            late += 1
+        else:
+            rough.append(data)
+        if rng.random() < 0.05:
+            rough.append(bytes(rng.integers(0, 256, 30, np.uint8)) + b"{")
+            damaged += 1
+    for i in range(10, len(rough) - 2, 6):
+        rough[i], rough[i + 2] = rough[i + 2], rough[i]
+    outcome, intake, seen = fed(native, rough)
+    counts, received = intake.resampler.counts, intake.received
+    assert outcome.verdict == "pass" and counts.runs == 1 and outcome.steps == round((SECONDS - 0.5) * 100)
+    assert received.malformed == pytest.approx(damaged, abs=10) and received.malformed > 20
+    assert counts.late == pytest.approx(late, abs=3) and counts.late > 5
+    assert counts.duplicate > 0.8 * doubled and counts.reordered > 100 and lost > 150
+    assert worst_deg(seen, run, late_s=0.008) < 3.0
+
+
+def test_a_second_host_is_left_out(native: Board) -> None:
+    run = run_of()
+    intake = phone_source.Intake(phone.PERIOD_US)
+    good = sensorstream(run)
+    steps = [step for data in good[:300] for step in intake.take(data, "192.0.2.1")]
+    assert not list(intake.take(good[300], "192.0.2.2"))
+    steps += [step for data in good[300:600] for step in intake.take(data, "192.0.2.1")]
+    assert intake.received.strangers == 1 and len(steps) == 597
+    assert intake.received.datagrams == 601
+
+
+def test_an_app_started_again_begins_a_new_run_on_the_board(native: Board) -> None:
+    """Its clock goes on, after a pause; filters and step number begin anew, and the model with them."""
+    run = run_of()
+    both = sensagram(run, begin_s=100.0)[:800] + sensagram(run, begin_s=300.0)[:800]
+    outcome, intake, seen = fed(native, both, seconds=7.0)
+    assert outcome.verdict == "pass" and intake.resampler.counts.runs == 2
+    numbers = [words["step"] for _, words in seen]
+    assert numbers[0] == 1 and numbers.count(1) == 2
+
+
+class Wrong(Board):
+    """A board whose integers go wrong at its 200th step."""
+
+    name = "wrong"
+
+    def __init__(self, board: Board) -> None:
+        self._board = board
+
+    def run_injected(self, *_: Any) -> Any:
+        raise AssertionError
+
+    def words_of_step(self, params: ControlParams, raw: Any, setpoint: Any, step: int) -> dict[str, int]:
+        words = self._board.words_of_step(params, raw, setpoint, step)
+        return {**words, "roll_p11": words["roll_p11"] + 1}
+
+    def stepper(self, params: ControlParams) -> Stepper:
+        inner = self._board.stepper(params)
+
+        class Stepping:
+            steps = 0
+
+            def step(self, raw: tuple[int, ...], setpoint: int) -> StepOutput:
+                self.steps += 1
+                output = inner.step(raw, setpoint)
+                return StepOutput(output.digest ^ (self.steps == 200), output.outputs)
+
+        return Stepping()
+
+
+def test_a_board_that_goes_wrong_is_found_with_the_word(native: Board) -> None:
+    outcome, _, _ = fed(Wrong(native), sensagram(run_of())[:900], seconds=4.0)
+    assert outcome.verdict == "fail" and outcome.mismatches >= 1
+    assert outcome.divergence is not None
+    assert (outcome.divergence.step, outcome.divergence.signal) == (199, "roll_p11")
+
+
+@pytest.mark.parametrize(
+    ("datagrams", "sentence"),
+    [
+        ([], "nothing arrived"),
+        ([b"hello"] * 3, "none of a format that is known"),
+        ([b"A, 1, 1384532190123, 0.1, 0.2, 9.8"] * 3, "no gyroscope"),
+    ],
+)
+def test_without_a_step_the_reason_is_one_sentence(native: Board, datagrams: list[bytes], sentence: str) -> None:
+    intake = phone_source.Intake(phone.PERIOD_US)
+    with phone_source.Listener(0) as listener:
+        follower = phone_feed.Follower(native, phone_feed.params_of("euler", phone.PERIOD_US))
+        Sender(listener.port, datagrams, lambda: 0).start()
+        with pytest.raises(LinkError, match=sentence):
+            phone_feed.follow(listener, intake, follower, seconds=None, wait_s=0.4, stop=[], saw=lambda *_: None)
+
+
+@pytest.mark.parametrize(
+    ("stops", "sentence"),
+    [(lambda _: False, "the phone stopped sending"), (lambda data: b"accel" in data, "the phone's gyroscope stopped")],
+)
+def test_a_phone_that_falls_silent_ends_the_run_and_is_named(
+    native: Board, stops: Callable[[bytes], bool], sentence: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(phone_feed, "SILENCE_S", 0.5)
+    events = sensagram(run_of())
+    intake = phone_source.Intake(phone.PERIOD_US)
+    with phone_source.Listener(0) as listener:
+        follower = phone_feed.Follower(native, phone_feed.params_of("euler", phone.PERIOD_US))
+        sent = events[:600] + [data for data in events[600:800] if stops(data)]
+        sender = Sender(listener.port, sent, lambda: intake.received.datagrams)
+        sender.start()
+        said = phone_feed.follow(listener, intake, follower, seconds=None, wait_s=20.0, stop=[], saw=lambda *_: None)
+    assert sentence in said and follower.outcome.verdict == "pass"
+    assert follower.outcome.steps == pytest.approx(298, abs=4)
+
+
+@needs_qemu
+def test_qemu_is_given_the_run_when_it_is_over(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    port, events = free_port(), sensagram(run_of())[:500]
+    send_when_listening(monkeypatch, port, events)
+    assert front.main(["phone", "--board", "qemu", "--udp", str(port), "--seconds", "2", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["verdict"], answer["steps"], answer["board"]) == ("pass", 200, "qemu")
+
+
+@pytest.mark.parametrize("link", ["serial", "can"])
+def test_the_flash_image_follows_a_phone(
+    link: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    port, events = free_port(), sensorstream(run_of())[:200]
+    send_when_listening(monkeypatch, port, events)
+    arguments = ["--link", link, "--udp", str(port), "--seconds", "1.5", "--json"]
+    assert front.main(["phone", "--board", "virtual", *arguments]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["verdict"], answer["steps"], answer["link"]) == ("pass", 150, link)
+
+
+def test_a_phone_that_stops_before_its_time_is_link_trouble(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(phone_feed, "SILENCE_S", 0.3)
+    port, events = free_port(), sensagram(run_of())[:400]
+    send_when_listening(monkeypatch, port, events)
+    assert front.main(["phone", "--board", "native", "--udp", str(port), "--seconds", "60"]) == 3
+    said = capsys.readouterr()
+    assert "pass" in said.out and said.err.splitlines()[-1].endswith("the phone stopped sending")
+
+
+def test_a_taken_port_and_a_wrong_address_are_link_trouble(tmp_path: Path) -> None:
+    with phone_source.Listener(0) as first, pytest.raises(LinkError, match="--udp"):
+        phone_source.Listener(first.port)
+    with pytest.raises(LinkError, match="--listen"):
+        phone_source.Listener(0, "192.0.2.1")
+    with pytest.raises(UsageError, match="--save"):
+        phone_source.Listener(0, save=tmp_path / "no" / "file")
+
+
+def test_loopback_unless_asked() -> None:
+    with phone_source.Listener(0) as listener:
+        assert listener.address == "127.0.0.1"
+    with phone_source.Listener(0, phone_source.EVERYWHERE) as listener:
+        assert listener.address == "0.0.0.0"
+
+
+def test_the_command_feeds_saves_reports_and_the_file_runs_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port, saved = free_port(), tmp_path / "walk.txt"
+    sender = send_when_listening(monkeypatch, port, [b"x"] * 30 + sensagram(run_of()))
+    out = tmp_path / "report"
+    arguments = ["--udp", str(port), "--seconds", "6", "--save", str(saved), "--out", str(out), "--json"]
+    assert front.main(["phone", "--board", "native", *arguments]) == 0
+    sender.stopped.set()
+    live = json.loads(capsys.readouterr().out)
+    assert (live["verdict"], live["steps"], live["source"]) == ("pass", 600, f"udp:{port}")
+    assert live["received"]["malformed"] == 30 and live["received"]["apps"].keys() == {"SensaGram"}
+    assert {file.name for file in out.iterdir()} == {"report.html", "summary.json", "steps.csv"}
+
+    assert front.main(["replay", str(saved), "--system", "phone", "--board", "native", "--seconds", "6", "--json"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert (again["verdict"], again["steps"]) == ("pass", 600)
+    assert again["received"]["malformed"] == 30
+    rows = (out / "steps.csv").read_text().splitlines()
+    at = rows[0].split(",").index("pitch_turn_q32")
+    assert int(rows[600].split(",")[at]) * 360.0 / 2**32 == pytest.approx(live["pitch_deg"], abs=1e-3)
+
+
+def test_a_recording_with_a_reference_is_scored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The file's quaternion says where up is; the estimate is scored against it where the file says movement."""
+    run = run_of()
+    x, y, z = run.vertical
+    quat = np.stack([1.0 + z, y, -x, np.zeros_like(x)], 1)  # the shortest turn that takes z to the vertical's place
+    path = tmp_path / "walk.npz"
+    np.savez(path, gyr=np.radians(run.sensed_dps.T), acc=run.sensed_g.T * G, rate_hz=100.0, ref_quat=quat)
+    assert front.main(["replay", str(path), "--system", "phone", "--board", "native", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["verdict"] == "pass" and answer["scored_steps"] > 1000
+    assert answer["metrics"]["angle_rmse_deg"] < 1.0 < answer["metrics"]["accel_only_rmse_deg"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (["--board", "native", "--tuning", "best"], 2),
+        (["--board", "native", "--period-us", "100"], 2),
+        (["--board", "native", "--udp", "70000"], 3),
+        (["--board", "native", "--listen", "192.0.2.1"], 3),
+        (["--board", "native", "--udp", "0", "--wait", "0.2"], 3),
+    ],
+)
+def test_wrong_use_is_one_sentence(arguments: list[str], code: int, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["phone", *arguments]) == code
+    lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("listening")]
+    assert len(lines) == 1
+
+
+def test_a_file_that_makes_no_step_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "udp.txt"
+    path.write_text("A, 1, 1384532190123, 0.1, 0.2, 9.8\nA, 2, 1384532190133, 0.1, 0.2, 9.8\n")
+    assert front.main(["replay", str(path), "--system", "phone", "--board", "native"]) == 2
+    assert "no gyroscope" in capsys.readouterr().err
