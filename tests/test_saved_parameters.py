@@ -1,6 +1,6 @@
 """Parameters that survive: saved, loaded and reset over the link, and found again at the next start or said to be lost.
 
-The slots under every power cut: tests/c/test_store.c, and on the virtual board tests/f103/test_f103_flash.py.
+The slots under every power cut: tests/c/test_store.c, and on the virtual board tests/f103/test_f103_store.py.
 """
 
 from __future__ import annotations

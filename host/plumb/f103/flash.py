@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from random import Random
 from typing import TYPE_CHECKING
 
 from plumb.f103.bus import Peripheral, Register, SimulationError
@@ -37,9 +38,19 @@ class Operation:
     ends: int
 
 
+def torn(before: bytes, after: bytes, odds: float, chance: Random) -> bytes:
+    """What power leaves when it fails on the way: each bit that was to change has changed with these odds."""
+    mask = bytes(
+        sum(1 << bit for bit in range(8) if chance.random() < odds) if old != new else 0
+        for old, new in zip(before, after, strict=True)
+    )
+    return bytes(o & ~m | n & m for o, n, m in zip(before, after, mask, strict=True))
+
+
 class Flash(Peripheral):
     """operations: how many were begun since the machine was made. cut_power_in: power fails in the middle of an
-    operation, 0: of the next one, 1: of the one after it; None: of none. protected: page numbers."""
+    operation, 0: of the next one, 1: of the one after it; None: of none. protected: page numbers. journal: a list that
+    every operation is appended to from now on."""
 
     NARROW = "refuse"
     REGISTERS = (
@@ -64,6 +75,7 @@ class Flash(Peripheral):
         self.operations = 0
         self.cut_power_in: int | None = None
         self.protected: set[int] = set()
+        self.journal: list[Operation] | None = None
         self._stuck: dict[int, tuple[int, int]] = {}
         self._operation: Operation | None = None
 
@@ -166,6 +178,8 @@ class Flash(Peripheral):
         operation.ends = operation.begun + duration_us * TICKS_PER_US
         self._operation = operation
         self.operations += 1
+        if self.journal is not None:
+            self.journal.append(operation)
         self.sr |= BSY
         self.machine.timeline.at("flash", operation.ends, self._end)
         if self.cut_power_in is not None:
@@ -183,16 +197,10 @@ class Flash(Peripheral):
         self.sr = self.sr & ~BSY | EOP
 
     def _leave_half_done(self, operation: Operation) -> None:
-        """Each bit that was to change has changed with the odds of the time that went by."""
-        now, chance = self.machine.now, self.machine.chance
-        odds = (now - operation.begun) / (operation.ends - operation.begun)
-        before = self.machine.cpu.flash[operation.offset : operation.offset + len(operation.after)]
-        mask = bytes(
-            sum(1 << bit for bit in range(8) if chance.random() < odds) if old != new else 0
-            for old, new in zip(before, operation.after, strict=True)
-        )
-        half = bytes(o & ~m | n & m for o, n, m in zip(before, operation.after, mask, strict=True))
-        self.store(operation.offset, half)
+        """With the odds of the time that went by."""
+        odds = (self.machine.now - operation.begun) / (operation.ends - operation.begun)
+        before = bytes(self.machine.cpu.flash[operation.offset : operation.offset + len(operation.after)])
+        self.store(operation.offset, torn(before, operation.after, odds, self.machine.chance))
 
     def store(self, offset: int, data: bytes) -> None:
         """These bytes into the memory, as far as it still takes them."""
