@@ -40,7 +40,7 @@ static void transmit(void) {
     } while (count > 0u);
 
     can_frame_t frame;
-    while (board_can_room() && session_transmit_frame(&session, &frame)) {
+    while (session_frame_waits(&session) && board_can_room() && session_transmit_frame(&session, &frame)) {
         board_can_send(&frame);
     }
 }

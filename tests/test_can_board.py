@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import can
@@ -18,6 +18,7 @@ from plumb.boards.virtual import VirtualBoard
 from plumb.errors import LinkError, UsageError
 from plumb.f103 import open_machine
 from plumb.f103.canbus import MachineBus
+from plumb.f103.canwire import BIT_RECESSIVE, CRC, CanWire, WireFrame
 from plumb.f103.image import find_image
 from plumb.f103.machine import Machine
 from plumb.live import fly
@@ -238,3 +239,50 @@ def test_nobody_on_the_bus_is_one_sentence(capsys: pytest.CaptureFixture[str], t
     assert front.main(["run", "quad", "--board", "can:virtual:nobody", "--seconds", "1"]) == 3
     complaint = capsys.readouterr().err
     assert "does not answer" in complaint and "can_bitrate_kbit" in complaint and len(complaint.splitlines()) == 1
+
+
+def no_acknowledgement(wire: CanWire) -> None:
+    wire.acknowledged = False
+    wire.fail_receiving.extend([CRC] * 1000)  # nothing comes through either
+
+
+def bus_off(wire: CanWire) -> None:
+    wire.fail_sending.extend([BIT_RECESSIVE] * 1000)
+    wire.fail_receiving.extend([CRC] * 1000)
+
+
+def babbling(wire: CanWire) -> None:
+    wire.babble(WireFrame(0, bytes(8)))
+
+
+def shorted(wire: CanWire) -> None:
+    wire.short(True)
+
+
+def another_bit_rate(wire: CanWire) -> None:
+    wire.kbit = 250
+
+
+@pytest.mark.parametrize("fault", [no_acknowledgement, bus_off, babbling, shorted, another_bit_rate])
+def test_whatever_happens_to_the_bus_the_outputs_are_safe_in_50_ms(
+    board: VirtualBoard, fault: Callable[[CanWire], None]
+) -> None:
+    """The host goes on sending keep-alives and none arrives."""
+    session, machine = board.session, board.machine
+    move_the_sensors(machine)
+    session.upload(
+        parameters.control_part(session.read_parameters()), period_us=2500, esc_period_us=2500, arm_hold_ms=0
+    )
+    session.begin("REALTIME_LIVE")
+    session.arm()
+    listen(session, 0.3)
+    assert machine.pwm("PB6").pulse_us > 1000
+    fault(machine.can.wire)
+    started_us = machine.now_us
+    while machine.pwm("PB6").pulse_us > 1000 or machine.pwm("PB7").pulse_us > 1000:
+        session.pump()
+        machine.advance_us(500)
+        assert machine.now_us - started_us < 51_000
+    machine.advance_us(200_000)
+    assert machine.pwm("PB6").pulse_us == machine.pwm("PB7").pulse_us == 1000
+    assert machine.reset_count == 1

@@ -123,11 +123,11 @@ def test_a_rate_that_cannot_be_exact_is_refused(board: Board) -> None:
 
 def test_only_the_hosts_identifiers_pass_the_filters(board: Board) -> None:
     mine = {message.identifier for message in protocol().messages.values() if message.sender == "HOST"}
-    passing = {i for i in range(0x800) if board.machine.can._match(WireFrame(i, bytes(8))) is not None}
+    passing = {i for i in range(0x800) if board.machine.can.match(WireFrame(i, bytes(8))) is not None}
     assert passing == mine
     some = min(mine)
-    assert board.machine.can._match(WireFrame(some, bytes(8), remote=True)) is None
-    assert board.machine.can._match(WireFrame(some << 18, bytes(8), extended=True)) is None
+    assert board.machine.can.match(WireFrame(some, bytes(8), remote=True)) is None
+    assert board.machine.can.match(WireFrame(some << 18, bytes(8), extended=True)) is None
 
 
 def test_frames_go_out_in_the_order_they_were_queued(board: Board) -> None:

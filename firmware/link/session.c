@@ -432,6 +432,10 @@ size_t session_transmit(session_t *s, uint8_t *out, size_t room) {
     return outbox_take(&s->link[LINK_UART].outbox, out, room);
 }
 
+bool session_frame_waits(const session_t *s) {
+    return s->link[LINK_CAN].outbox.count > 0;
+}
+
 bool session_transmit_frame(session_t *s, can_frame_t *frame) {
     return outbox_take_frame(&s->link[LINK_CAN].outbox, frame);
 }

@@ -138,6 +138,8 @@ void session_take_frame(session_t *s, link_t link, const can_frame_t *frame, uin
  * calls. */
 size_t session_transmit(session_t *s, uint8_t *out, size_t room);
 
+bool session_frame_waits(const session_t *s);
+
 /* Take the next frame for CAN; false when none waits. */
 bool session_transmit_frame(session_t *s, can_frame_t *frame);
 

@@ -33,7 +33,8 @@ typedef enum {
 
 static can_state_t state;
 static uint32_t rate_kbit;
-static uint32_t since_ms; /* of the state */
+static uint32_t since_ms;  /* of the state */
+static uint32_t looked_ms; /* at the error counters */
 static uint32_t rest_ms;
 static volatile uint32_t sent_ms; /* a mailbox became empty, or the first was filled */
 static can_frame_t rx_ring[RX_FRAMES];
@@ -101,14 +102,13 @@ static void go_off(void) {
     enter(CAN_RESTING);
 }
 
-static void look_after(uint32_t errors) {
-    const uint32_t now_ms = time_ms();
+static void look_after(uint32_t errors, uint32_t now_ms) {
     if ((errors & CAN_ESR_BOFF) != 0u) {
         go_off();
     } else if (now_ms - since_ms >= REST_MAX_MS) {
         rest_ms = REST_MIN_MS; /* it holds */
     }
-    if ((CAN_TSR & ALL_EMPTY) != ALL_EMPTY && now_ms - sent_ms >= GIVE_UP_MS) {
+    if (now_ms - sent_ms >= GIVE_UP_MS && (CAN_TSR & ALL_EMPTY) != ALL_EMPTY) {
         CAN_TSR = ABORT_ALL;
     }
 }
@@ -122,6 +122,11 @@ void board_can_join(uint32_t kbit, const uint16_t *ids, size_t count) {
         CAN_MCR |= CAN_MCR_INRQ;
         enter(CAN_ASKING);
     }
+    const uint32_t now_ms = time_ms();
+    if (state == CAN_ON && now_ms == looked_ms) {
+        return; /* once a millisecond is plenty */
+    }
+    looked_ms = now_ms;
     const uint32_t errors = CAN_ESR;
     switch (state) {
     case CAN_ASKING:
@@ -135,10 +140,10 @@ void board_can_join(uint32_t kbit, const uint16_t *ids, size_t count) {
         }
         break;
     case CAN_ON:
-        look_after(errors);
+        look_after(errors, now_ms);
         break;
     default:
-        if (time_ms() - since_ms >= rest_ms) {
+        if (now_ms - since_ms >= rest_ms) {
             rest_ms = 2u * rest_ms < REST_MAX_MS ? 2u * rest_ms : REST_MAX_MS;
             CAN_MCR |= CAN_MCR_INRQ;
             enter(CAN_ASKING);

@@ -106,6 +106,7 @@ class Bxcan(Peripheral):
         self.asleep, self.initialising, self.joining = True, False, False
         self.error_interrupt = False
         self.requests = 0
+        self._matches: dict[tuple[int, bool, bool], tuple[int, int] | None] = {}
         self.machine.timeline.cancel("can join")
         for interrupt in (TX_IRQ, RX0_IRQ, RX1_IRQ, SCE_IRQ):
             self.machine.nvic.set_line(interrupt, False)
@@ -190,7 +191,7 @@ class Bxcan(Peripheral):
     def receive(self, frame: WireFrame) -> None:
         self.rec = 127 if self.rec > 127 else max(0, self.rec - 1)
         self.lec = 0
-        found = self._match(frame)
+        found = self.match(frame)
         if found is None:
             return
         number, index = found
@@ -216,10 +217,16 @@ class Bxcan(Peripheral):
 
     # Filters
 
-    def _match(self, frame: WireFrame) -> tuple[int, int] | None:
+    def match(self, frame: WireFrame) -> tuple[int, int] | None:
         """(FIFO, filter match index) of the best filter that lets the frame through, None when none does."""
         if self.fmr & 1:
             return None
+        key = (frame.identifier, frame.extended, frame.remote)
+        if key not in self._matches:
+            self._matches[key] = self._search(frame)
+        return self._matches[key]
+
+    def _search(self, frame: WireFrame) -> tuple[int, int] | None:
         head = frame.identifier << 3 | IDE if frame.extended else frame.identifier << 21
         head |= RTR if frame.remote else 0
         short = (head >> 21) << 5 | bool(head & RTR) << 4 | bool(head & IDE) << 3 | (head >> 18) & 7
@@ -386,9 +393,11 @@ class Bxcan(Peripheral):
             self.machine.warn(f"CAN_{name.upper()} is written outside filter initialisation; the write is ignored")
             return
         setattr(self, name, value if bank is not None else value & 0x3FFF)
+        self._matches.clear()
 
     def write_fa1r(self, value: int) -> None:
         self.fa1r = value & 0x3FFF
+        self._matches.clear()
 
     def plain_reader(self, register: Register) -> Callable[[], int]:
         kind = register.name[:-2]

@@ -1,0 +1,320 @@
+"""The register model of bxCAN and its bus, poked register by register (RM0008 chapter 24)."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+CAN = 0x40006400
+MCR, MSR, TSR, RF0R, RF1R, IER, ESR, BTR = range(CAN, CAN + 0x20, 4)
+FMR, FM1R, FS1R, FFA1R, FA1R = (CAN + offset for offset in (0x200, 0x204, 0x20C, 0x214, 0x21C))
+INRQ, TXFP, RFLM, NART, ABOM = 1, 4, 8, 16, 64
+BOFF, EPVF, EWGF = 4, 2, 1
+BIT_8MHZ_500K = 0 << 0 | 4 << 20 | 9 << 16
+"""At APB1 = 8 MHz: 16 quanta, prescaler 1."""
+
+
+class Controller:
+    def __init__(self, machine):
+        self.machine, self.wire = machine, machine.can.wire
+        machine.rcc.write_apb1enr(1 << 25)
+
+    def read(self, address):
+        return self.machine.bus.read(address, 4)
+
+    def write(self, address, value):
+        self.machine.bus.write(address, 4, value)
+
+    def start(self, mcr=0):
+        """On the bus at 500 kbit/s, everything into FIFO 0."""
+        self.write(MCR, INRQ | mcr)
+        self.write(BTR, BIT_8MHZ_500K)
+        self.write(FS1R, 1)
+        self.write(FA1R, 1)
+        self.write(FMR, 0)
+        self.write(MCR, mcr)
+        self.machine.advance_us(100)
+        assert self.machine.can.listening
+
+    def fill(self, box, identifier, data=b"\0" * 8):
+        base = CAN + 0x180 + 16 * box
+        self.write(base + 4, len(data))
+        words = data.ljust(8, b"\0")
+        self.write(base + 8, int.from_bytes(words[:4], "little"))
+        self.write(base + 12, int.from_bytes(words[4:], "little"))
+        self.write(base, identifier << 21 | 1)
+
+    def heard(self, us=1000):
+        self.machine.advance_us(us)
+        return [frame.identifier for frame in self.wire.take()]
+
+    def received(self, number=0):
+        """The first frame of a FIFO, released: identifier, filter match index, data."""
+        base = CAN + 0x1B0 + 16 * number
+        identifier, length = self.read(base) >> 21, self.read(base + 4)
+        data = self.read(base + 8).to_bytes(4, "little") + self.read(base + 12).to_bytes(4, "little")
+        self.write(RF0R + 4 * number, 32)
+        return identifier, length >> 8, data[: length & 15]
+
+
+@pytest.fixture
+def can(board):
+    machine = board("polled").machine
+    machine.advance_us(10)
+    return Controller(machine)
+
+
+def frame(identifier, data=b"\0" * 8, **kind):
+    from plumb.f103.canwire import WireFrame
+
+    return WireFrame(identifier, data, **kind)
+
+
+def test_it_sleeps_after_reset_and_joins_after_eleven_recessive_bits(can):
+    assert can.read(MCR) == 0x00010002 and can.read(MSR) & 3 == 2
+    can.write(MCR, INRQ)
+    assert can.read(MSR) & 3 == 1
+    can.write(BTR, BIT_8MHZ_500K)
+    assert can.machine.can.kbit == 500 and can.machine.can.sample_point == 11 / 16
+    can.write(MCR, 0)
+    can.machine.advance_us(20)
+    assert can.read(MSR) & 1
+    can.machine.advance_us(3)
+    assert not can.read(MSR) & 1
+
+
+def test_what_silicon_ignores_is_ignored_and_said(can):
+    can.start()
+    can.write(BTR, 0)
+    can.write(FM1R, 1)
+    can.fill(0, 0x100)
+    can.write(CAN + 0x184, 3)
+    assert can.machine.can.kbit == 500 and can.read(FM1R) == 0
+    said = "; ".join(can.machine.warnings)
+    for where in (
+        "BTR is written outside initialisation",
+        "FM1R is written outside filter",
+        "mailbox 0 is written while",
+    ):
+        assert where in said
+    assert can.heard() == [0x100]
+
+
+def bits_by_the_book(identifier, data):
+    """ISO 11898-1, bit after bit."""
+    bits = [0, *(identifier >> i & 1 for i in range(10, -1, -1)), 0, 0, 0, *(len(data) >> i & 1 for i in (3, 2, 1, 0))]
+    bits += [byte >> i & 1 for byte in data for i in range(7, -1, -1)]
+    crc = 0
+    for bit in bits:
+        crc = (crc << 1 ^ (0x4599 if bit ^ crc >> 14 & 1 else 0)) & 0x7FFF
+    bits += [crc >> i & 1 for i in range(14, -1, -1)]
+    sent = []
+    for bit in bits:
+        if len(sent) >= 5 and len(set(sent[-5:])) == 1:
+            sent.append(1 - sent[-1])
+        sent.append(bit)
+    if len(set(sent[-5:])) == 1:
+        sent.append(1 - sent[-1])
+    return len(sent) + 1 + 2 + 7 + 3
+
+
+def test_a_frame_takes_its_exact_bits():
+    from plumb.f103.canwire import frame_bits
+
+    chance = random.Random(1)
+    lengths = set()
+    for _ in range(3000):
+        identifier, size = chance.randrange(0x800), chance.randrange(9)
+        data = chance.choice([chance.randbytes(size), b"\0" * size, b"\xff" * size, b"\xf8" * size])
+        bits = frame_bits(frame(identifier, data))
+        assert bits == bits_by_the_book(identifier, data)
+        lengths |= {bits} if size == 8 else set()
+    assert min(lengths) >= 111 and max(lengths) <= 135
+
+
+def test_time_on_the_wire(can):
+    from plumb.f103.canwire import frame_bits
+
+    can.start()
+    can.fill(0, 0x123, b"\xaa" * 8)
+    bits = frame_bits(frame(0x123, b"\xaa" * 8))
+    assert can.heard(2 * bits - 1) == []
+    assert can.heard(2) == [0x123]
+
+
+@pytest.mark.parametrize(("mode", "order"), [(0, [0x100, 0x200, 0x300]), (TXFP, [0x300, 0x100, 0x200])])
+def test_order_of_the_mailboxes(can, mode, order):
+    can.start(mode)
+    can.wire.babble(frame(0))
+    can.machine.advance_us(50)
+    for box, identifier in enumerate((0x300, 0x100, 0x200)):
+        can.fill(box, identifier)
+    assert can.read(TSR) >> 26 & 7 == 0
+    can.wire.babble(None)
+    assert can.heard(2000) == order
+    assert can.read(TSR) >> 26 & 7 == 7
+    assert can.read(TSR) & 0x030303 == 0x030303  # RQCP and TXOK of all three
+    can.write(TSR, 0x010101)
+    assert can.read(TSR) & 0x0F0F0F == 0
+
+
+def test_the_lower_identifier_wins_the_bus(can):
+    can.start()
+    can.wire.babble(frame(0x200))
+    can.fill(0, 0x201)
+    assert can.heard(3000) == []
+    can.fill(1, 0x1FF)
+    assert can.heard(3000) == [0x1FF]
+
+
+def test_an_abort_empties_a_mailbox_that_waits(can):
+    can.start()
+    can.wire.babble(frame(0))
+    can.machine.advance_us(50)
+    can.fill(0, 0x300)
+    can.write(TSR, 1 << 7)
+    assert can.read(TSR) & 0x0F == 1  # RQCP without TXOK
+    can.wire.babble(None)
+    assert can.heard() == []
+
+
+def test_one_shot(can):
+    can.start(NART)
+    can.wire.fail_sending.append(4)
+    can.fill(0, 0x300)
+    assert can.heard() == []
+    assert can.read(TSR) & 0x0F == 9  # RQCP, TERR
+    assert can.read(ESR) >> 16 & 0xFF == 8
+
+
+@pytest.mark.parametrize("wide", [False, True])
+@pytest.mark.parametrize("listed", [False, True])
+def test_filters(can, wide, listed):
+    can.start()
+    can.write(FMR, 1)
+    can.write(FA1R, 0)
+    can.write(FS1R, 2 * wide)
+    can.write(FM1R, 2 * listed)
+    can.write(FFA1R, 2)
+    shift, ones = (21, 0xFFFFFFFF) if wide else (5, 0xFFFF)
+    first, second = 0x123 << shift, (0x456 << shift if listed else ones & ~(0xF << shift))
+    if wide:
+        can.write(CAN + 0x248, first)
+        can.write(CAN + 0x24C, second)
+    else:
+        can.write(CAN + 0x248, first | second << 16)
+        can.write(CAN + 0x24C, first | second << 16)
+    can.write(FA1R, 2)
+    can.write(FMR, 0)
+    for identifier in range(0x800):
+        expected = identifier in (0x123, 0x456) if listed else identifier >> 4 == 0x12
+        found = can.machine.can.match(frame(identifier))
+        assert (found is not None) == expected
+        assert not expected or found == (1, 1 if listed and identifier == 0x456 else 0)
+    assert can.machine.can.match(frame(0x123, remote=True)) is None
+    assert can.machine.can.match(frame(0x123 << 18, extended=True)) is None
+
+
+@pytest.mark.parametrize(("mode", "last"), [(0, 5), (RFLM, 3)])
+def test_a_full_fifo(can, mode, last):
+    can.start(mode)
+    can.write(IER, 2 | 8)
+    for number in range(1, 6):
+        can.wire.send(frame(0x100 + number, bytes([number] * number)))
+    can.machine.advance_us(2000)
+    assert can.read(RF0R) == 0x10 | 8 | 3
+    assert [can.received()[0] for _ in range(3)] == [0x101, 0x102, 0x100 + last]
+    assert can.read(RF0R) == 0x10
+    can.write(RF0R, 0x10)
+    assert can.read(RF0R) == 0
+    can.wire.send(frame(0x7FF, b"12345"))
+    can.machine.advance_us(500)
+    assert can.received() == (0x7FF, 0, b"12345")
+
+
+def test_error_states_and_bus_off(can):
+    can.start()
+    can.fill(0, 0x100)
+    states = []
+    can.wire.fail_sending.extend([5] * 32)
+    for _ in range(2000):
+        can.machine.advance_us(10)
+        value = can.read(ESR)
+        if not states or states[-1][1] != value & 7:
+            states.append((value >> 16 & 0xFF, value & 7))
+    assert states == [(0, 0), (96, EWGF), (128, EWGF | EPVF), (0, EWGF | EPVF | BOFF)]
+    can.machine.advance_us(100_000)
+    assert can.read(ESR) & BOFF  # for ever, without software
+    can.write(MCR, INRQ)
+    can.write(MCR, 0)
+    can.machine.advance_us(128 * 11 * 2 - 10)
+    assert can.read(ESR) & BOFF
+    assert can.heard(1000) == [0x100]
+    assert can.read(ESR) & ~(7 << 4) == 0
+
+
+def test_automatic_recovery_from_bus_off(can):
+    can.start(ABOM)
+    can.fill(0, 0x100)
+    can.wire.fail_sending.extend([5] * 32)
+    assert can.heard(30_000) == [0x100]
+    assert can.read(ESR) & BOFF == 0
+
+
+def test_alone_on_the_bus_it_never_goes_off(can):
+    can.start()
+    can.wire.acknowledged = False
+    can.fill(0, 0x100)
+    assert can.heard(200_000) == []
+    assert can.read(ESR) == 128 << 16 | 3 << 4 | EPVF | EWGF
+    can.wire.acknowledged = True
+    assert can.heard(1000) == [0x100]
+
+
+def test_receive_errors_count_up_and_down(can):
+    can.start()
+    can.wire.fail_receiving.extend([1] * 5)
+    for number in range(8):
+        can.wire.send(frame(number))
+    can.machine.advance_us(1600)
+    assert can.read(ESR) >> 24 == 5
+    can.machine.advance_us(5000)
+    assert can.read(ESR) >> 24 == 0
+
+
+def test_a_dominant_bus_lets_nobody_join(can):
+    can.wire.short(True)
+    can.write(MCR, INRQ)
+    can.write(BTR, BIT_8MHZ_500K)
+    can.write(MCR, 0)
+    can.machine.advance_us(10_000)
+    assert can.read(MSR) & 1
+    can.wire.short(False)
+    can.machine.advance_us(23)
+    assert not can.read(MSR) & 1
+
+
+def test_interrupts(can):
+    from plumb.f103.bxcan import RX0_IRQ, SCE_IRQ, TX_IRQ
+
+    can.start()
+    level = lambda irq: bool(can.machine.nvic.level >> 16 + irq & 1)  # noqa: E731
+    can.write(IER, 1 | 2 | 1 << 10 | 1 << 15)
+    can.fill(0, 0x100)
+    assert not level(TX_IRQ)
+    can.machine.advance_us(500)
+    assert level(TX_IRQ)
+    can.write(TSR, 1)
+    assert not level(TX_IRQ)
+    can.wire.send(frame(0x50))
+    can.machine.advance_us(500)
+    assert level(RX0_IRQ)
+    can.received()
+    assert not level(RX0_IRQ)
+    can.wire.fail_sending.extend([5] * 32)
+    can.fill(0, 0x100)
+    can.machine.advance_us(20_000)
+    assert level(SCE_IRQ) and can.read(MSR) & 4
+    can.write(MSR, 4)
+    assert not level(SCE_IRQ)
