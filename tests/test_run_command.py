@@ -168,3 +168,20 @@ def test_a_real_recording_agrees_in_every_bit(axis: str, capsys: pytest.CaptureF
     code, said = run(capsys, "replay", str(file), "--axis", axis, "--board", "native", "--seconds", "60")
     assert code == 0 and said["metrics"]["target_vs_fixed_mismatches"] == 0
     assert said["metrics"]["angle_rmse_deg"] is not None
+
+
+@pytest.mark.parametrize(("system", "loop", "seconds"), [("quad", (), "3"), ("balancer", ("--open-loop",), "4")])
+def test_a_live_run_is_armed_on_its_own_sensors_and_verified(
+    system: str, loop: tuple[str, ...], seconds: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("unicorn")
+    code, said = run(capsys, "run", system, "--board", "virtual", "--live", "--seconds", seconds, *loop)
+    assert code == 0 and said["live"] is True and said["metrics"]["target_vs_fixed_mismatches"] == 0
+    assert said["loop"] == ("open" if loop else "closed")
+
+
+@pytest.mark.parametrize(("system", "board"), [("quad", "native"), ("phone", "virtual")])
+def test_a_live_run_without_sensors_is_refused(system: str, board: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["run", system, "--board", board, "--live"]) == 2
+    said = capsys.readouterr().err
+    assert "sensors" in said and len(said.splitlines()) == 1

@@ -1,5 +1,5 @@
 """A live run on the virtual board: the plant drives the sensors' pins and follows the actuators', the board samples by
-its own timer, is armed over its link, and streams raw counts and digests.
+its own timer, is armed over its link, is told the setpoints as they change, and streams raw counts and digests.
 
 How a system's plant is joined to a machine its part `live` says:
 
@@ -63,9 +63,13 @@ def fly(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, open_
     session.listener = capture.feed
     if system.OUTPUT_FRAMES:
         session.arm()
+    wanted, asked = scenario.setpoint(), 0
     with tqdm(total=steps, desc="live on the virtual board", unit="step", leave=False, disable=None) as bar:
         heard, heard_us = 0, board.machine.now_us
         while capture.steps < steps:
+            if asked != wanted[capture.steps]:
+                asked = int(wanted[capture.steps])
+                capture.set_setpoint(asked)
             if not session.receive(REPLY_TIMEOUT_S):
                 raise LinkError(f"the board fell silent after step {capture.steps}")
             if capture.disarmed_step is not None:

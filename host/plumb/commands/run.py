@@ -1,9 +1,10 @@
 """Run a system's scenario on a board, and compare every step with the integer model.
 
 The plant and its sensors live on this machine, raw counts go to the board in lockstep, and the board answers each step
-with a digest of all its words. The board's pulses move the plant, which is asked to follow the scenario; with
---open-loop the motion is prescribed, as the estimator's figures want it. `qemu` runs whole vectors: its loop is closed
-with the native core, then its inputs run on QEMU.
+with a digest of all its words. The board's outputs move the plant, which is asked to follow the scenario; with
+--open-loop the motion is prescribed, as the estimator's figures want it. With --live the virtual board is armed and
+samples by its own timer, while the plant drives its sensors and follows its actuators. `qemu` runs whole vectors: its
+loop is closed with the native core, then its inputs run on QEMU.
 """
 
 from __future__ import annotations
@@ -12,6 +13,12 @@ import argparse
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from plumb.boards import Board
+    from plumb.quantise import ControlParams
+    from plumb.trial import Scenario, Trial
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="KIND[:WHAT]@START[-STOP]",
         help="railed, stuck, noisy, silent of a sensor, a push, ...; repeatable; `plumb systems --system S` lists them",
     )
-    parser.add_argument("--open-loop", action="store_true", help="prescribed motion: the pulses move nothing")
+    parser.add_argument("--open-loop", action="store_true", help="prescribed motion: the outputs move nothing")
+    parser.add_argument("--live", action="store_true", help="`virtual` only: its own sensors and pins, in real time")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html, summary.json and steps.csv")
     parser.add_argument("--json", action="store_true", help="print JSON")
 
@@ -61,8 +69,14 @@ def main(arguments: argparse.Namespace) -> int:
     conditions = conditions_of(arguments.system, system.CONDITIONS, arguments.condition)
     scenario = system.scenario(name, arguments.seed, seconds=arguments.seconds, faults=faults, **conditions)
     closes = bool(system.OUTPUTS) and not arguments.open_loop
+    if arguments.live and arguments.board != "virtual":
+        raise UsageError("--live is for --board virtual: its plant drives the sensors' pins and follows the actuators'")
+    if arguments.live:
+        systems.load(arguments.system, "live")
     with open_board(arguments.board, link=arguments.link, image=arguments.image) as board:
-        if not closes:
+        if arguments.live:
+            result = live_run(board, scenario, params, closes)
+        elif not closes:
             result = trial.open_loop(board, trial.prescribed(scenario), params)
         elif arguments.board == "qemu":
             with open_board("native") as native:
@@ -76,6 +90,7 @@ def main(arguments: argparse.Namespace) -> int:
         tuning=tuning,
         loop="closed" if closes else "open",
         board=arguments.board,
+        **({"live": True} if arguments.live else {}),
         link=arguments.link if arguments.board == "virtual" else None,
         seed=arguments.seed,
         **({"faults": arguments.fault} if arguments.fault else {}),
@@ -87,6 +102,15 @@ def main(arguments: argparse.Namespace) -> int:
         story.write_run(arguments.out, result, summary)
     print(json.dumps(summary) if arguments.json else describe(summary))
     return {"pass": 0, "fail": 1, "unverified": 3}[result.verdict]
+
+
+def live_run(board: Board, scenario: Scenario, params: ControlParams, closes: bool) -> Trial:
+    """The board paces the steps on its own sensors."""
+    from plumb import live
+    from plumb.boards.virtual import VirtualBoard
+
+    assert isinstance(board, VirtualBoard)
+    return live.fly(board, scenario, params, open_loop=not closes)
 
 
 def conditions_of(system: str, known: Mapping[str, str], texts: Sequence[str]) -> dict[str, float]:
@@ -112,7 +136,7 @@ def describe(summary: dict[str, object]) -> str:
     seed = "" if summary["seed"] is None else f"seed {summary['seed']}, "
     lines = [
         f"{summary['system']} {summary['scenario']}, tuning {summary['tuning']}, {summary['loop']} loop, "
-        f"{seed}{summary['steps']} steps on {summary['board']}",
+        f"{seed}{summary['steps']} steps on {summary['board']}{', live' if 'live' in summary else ''}",
         *(f"  {name:<28} {'nothing to score' if value is None else f'{value:.6g}'}" for name, value in metrics.items()),
     ]
     if "first_divergence" in summary:

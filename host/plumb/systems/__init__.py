@@ -21,12 +21,14 @@ A system X is, besides its step in C (firmware/core/X.[ch]) and the modules of i
             counts(time_s) six raw counts, truth(time_s) name -> number, setpoint(time_s) int
     systems/X_view.py       what a trial is measured by and looks like: metrics(trial), plots(trial, closed=...)
     systems/X_figures.py    what was asked, and what is reached: SECTIONS, ASSUMED (see plumb.systems.figures)
-    systems/X_live.py       on the pins of the virtual board: Coupling(machine, plant), FRAMES, ... (see plumb.live)
+    systems/X_live.py       on the pins of the virtual board: Coupling(machine, plant), FRAMES, ... (see plumb.live);
+                            none where samples only ever come as frames
 """
 
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from types import ModuleType
 
 from plumb.errors import UsageError
@@ -39,7 +41,10 @@ SYSTEMS = {
 
 
 def load(name: str, part: str = "") -> ModuleType:
-    """The module of a system, or its part `view`, `figures` or `live`; raises UsageError for a name that is none."""
+    """The module of a system, or its part `view`, `figures` or `live`; raises UsageError for what there is not."""
     if name not in SYSTEMS:
         raise UsageError(f"there is no system '{name}'; this version has {', '.join(SYSTEMS)}")
-    return importlib.import_module(f"plumb.systems.{name}{f'_{part}' if part else ''}")
+    module = f"plumb.systems.{name}{f'_{part}' if part else ''}"
+    if part == "live" and importlib.util.find_spec(module) is None:
+        raise UsageError(f"the board has no sensors of its own for {name}: its samples come as frames")
+    return importlib.import_module(module)
