@@ -5,6 +5,8 @@ flash_t flash;
 uint32_t flash_page_bytes = 1024U;
 uint16_t flash_stuck_low[FLASH_CELLS], flash_stuck_high[FLASH_CELLS];
 size_t flash_weak = FLASH_CELLS;
+uint64_t flash_marked;
+uint8_t flash_seed;
 void (*flash_half_done)(void);
 
 void flash_blank(void) {
@@ -24,14 +26,30 @@ static uint16_t worn(size_t at, uint32_t value) {
     return (uint16_t)((value & ~(uint32_t)flash_stuck_low[at]) | flash_stuck_high[at]);
 }
 
-/* xorshift32: which bits a half-done operation has done. */
-static uint32_t next_random(void) {
-    static uint32_t x = 1;
+static uint64_t scrambled(uint64_t x) {
+    x *= 0x9E3779B97F4A7C15U;
 
-    x ^= x << 13;
-    x ^= x >> 17;
-    x ^= x << 5;
-    return x;
+    x = (x ^ (x >> 29)) * 0xBF58476D1CE4E5B9U;
+    return x ^ (x >> 32);
+}
+
+static uint64_t mark_of(size_t at, uint16_t value) {
+    return scrambled((uint64_t)at << 16 | value);
+}
+
+uint64_t flash_mark(void) {
+    uint64_t mark = 0;
+
+    for (size_t at = 0; at < FLASH_CELLS; at++) {
+        mark += mark_of(at, flash.cell[at]);
+    }
+    return mark;
+}
+
+static void become(size_t at, uint32_t value) {
+    flash_marked -= mark_of(at, flash.cell[at]);
+    flash.cell[at] = worn(at, value);
+    flash_marked += mark_of(at, flash.cell[at]);
 }
 
 /* Cells from..to become `after`. On the way: half of the cells done, and random halves of the bits, few,
@@ -40,24 +58,26 @@ static void change(size_t from, size_t to, uint16_t after) {
     static flash_t before;
 
     if (flash_half_done != NULL) {
-        before = flash;
+        memcpy(before.cell + from, flash.cell + from, (to - from) * sizeof before.cell[0]);
         for (unsigned way = 0; way < 4U; way++) {
             for (size_t at = from; at < to; at++) {
-                const uint32_t random = next_random();
+                const uint32_t random = (uint32_t)scrambled((uint64_t)at << 16 | way << 8 | flash_seed);
                 const uint32_t few = random & (random >> 16), many = random | (random >> 16);
                 const uint32_t done = way == 0U   ? (at < (from + to) / 2U ? 0xFFFFU : 0U)
                                       : way == 1U ? few
                                       : way == 2U ? many
                                                   : random;
 
-                flash.cell[at] = worn(at, (before.cell[at] & ~done) | (after & done));
+                become(at, (before.cell[at] & ~done) | (after & done));
             }
             flash_half_done();
-            flash = before;
+            for (size_t at = from; at < to; at++) {
+                become(at, before.cell[at]);
+            }
         }
     }
     for (size_t at = from; at < to; at++) {
-        flash.cell[at] = worn(at, after);
+        become(at, after);
     }
 }
 

@@ -25,6 +25,15 @@ extern size_t flash_weak;
  * as power would leave it; NULL: not called. */
 extern void (*flash_half_done)(void);
 
+/* Which bits a half-done operation has done: the same for the same cell and seed, so that the same flash
+ * comes out of the same cut. */
+extern uint8_t flash_seed;
+
+/* A fingerprint of the cells, and the one that operations keep up to date: whoever changes cells otherwise
+ * sets it. */
+uint64_t flash_mark(void);
+extern uint64_t flash_marked;
+
 void flash_blank(void); /* all ones, nothing worn, 1 KiB pages, nobody looks */
 
 #endif

@@ -77,15 +77,7 @@ static void look(void) {
 static uint64_t seen[1U << 20];
 
 static bool seen_before(void) {
-    uint64_t mark = 0xCBF29CE484222325U + oldest;
-
-    for (size_t at = 0; at < FLASH_CELLS; at += 4U) {
-        uint64_t part;
-
-        memcpy(&part, &flash.cell[at], sizeof part);
-        mark = (mark ^ part) * 0x9E3779B97F4A7C15U;
-        mark ^= mark >> 29;
-    }
+    const uint64_t mark = (flash_marked + oldest) * 0x9E3779B97F4A7C15U | 1U;
     size_t place = (size_t)(mark >> 44);
     while (seen[place] != 0U && seen[place] != mark) {
         place = (place + 1U) % (sizeof seen / sizeof seen[0]);
@@ -122,15 +114,18 @@ static void check_cuts(uint32_t page_bytes, unsigned saved_before) {
     state_count = 0;
     oldest = 0;
     newest = 1;
+    flash_seed = (uint8_t)(2U * saved_before);
     flash_half_done = look_and_remember;
     CHECK(save(1));
     flash_half_done = NULL;
     CHECK(what_loads() == 1);
     CHECK(state_count > 4U * 3U * PARAMS_COUNT && state_count <= STATES_MAX);
 
+    flash_seed++; /* the second cut is another one */
     memset(seen, 0, sizeof seen);
     for (unsigned n = 0; n < state_count && n < STATES_MAX; n++) {
         flash = states[n];
+        flash_marked = flash_mark();
         oldest = found_in[n];
         newest = 2;
         flash_half_done = look_once;
@@ -197,21 +192,28 @@ static void check_a_weak_seal(void) {
     CHECK(what_loads() == 2);
 }
 
-/* Any one bit of either slot stuck at either level: what was saved is there, or saving said no and the old
- * set is. */
+/* One bit stuck at one level: what was saved is there, or saving said no and the old set is. */
+static void check_worn_bit(size_t at, unsigned level, unsigned bit) {
+    flash_blank();
+    (level == 0U ? flash_stuck_low : flash_stuck_high)[at] = (uint16_t)(1U << bit);
+    flash.cell[at] = level == 0U ? (uint16_t)~flash_stuck_low[at] : 0xFFFFU;
+    unsigned holds = save(0) ? 0U : 3U;
+    for (unsigned n = 1; n < 3U; n++) {
+        holds = save(n) ? n : holds;
+        CHECK(what_loads() == holds);
+    }
+    /* A good slot is always found for the first. */
+    CHECK(holds != 3U);
+}
+
+/* Any bit of what precedes the entries, and any one bit of every half-word after it. */
 static void check_wear(void) {
     for (size_t at = 0; at < FLASH_CELLS; at++) {
-        for (unsigned level = 0; level < 2U; level++) {
-            flash_blank();
-            (level == 0U ? flash_stuck_low : flash_stuck_high)[at] = (uint16_t)(1U << (check_random() % 16U));
-            flash.cell[at] = level == 0U ? (uint16_t)~flash_stuck_low[at] : 0xFFFFU;
-            unsigned holds = save(0) ? 0U : 3U;
-            for (unsigned n = 1; n < 3U; n++) {
-                holds = save(n) ? n : holds;
-                CHECK(what_loads() == holds);
-            }
-            /* A good slot is always found for the first. */
-            CHECK(holds != 3U);
+        const bool head = at % BOARD_STORE_HALFWORDS < 5U;
+
+        for (unsigned bit = 0; bit < (head ? 16U : 1U); bit++) {
+            check_worn_bit(at, 0, head ? bit : check_random() % 16U);
+            check_worn_bit(at, 1, head ? bit : check_random() % 16U);
         }
     }
 }

@@ -7,99 +7,13 @@ import numpy as np
 import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
-from plumb import systems
-from plumb.errors import LinkError, UsageError
-from plumb.f103 import Machine, find_image
-from plumb.f103.adxl345 import Adxl345
-from plumb.f103.itg3205 import Itg3205
-from plumb.f103.timeline import TICKS_PER_US
-from plumb.motor import FORWARD
-from plumb.quantise import quantise
-from plumb.session import Session
-from sensor_bench import world
+from balancer_bench import Balancer
+from plumb.errors import LinkError
 
-BOOT_US = 60_000
 FAULT_BRIDGE, FAULT_HALL, FAULT_SENSOR = 0x10, 0x20, 0x40
 CAUSE_FAULT, CAUSE_SILENCE, CAUSE_COMMAND, CAUSE_SWITCH = 1 << 3, 1 << 5, 1 << 6, 1 << 8
 TURN_US = 1500
 """The loop comes round once a millisecond at least."""
-
-
-class Balancer:
-    """A machine that saved what makes it a balancer, and was switched on with everything wired."""
-
-    def __init__(self) -> None:
-        try:
-            self.machine = machine = Machine(find_image())
-        except UsageError as error:
-            pytest.skip(str(error))
-        machine.advance_us(BOOT_US)
-        system = systems.load("balancer")
-        words = quantise(system.TUNINGS[system.DEFAULT_TUNING]).values
-        with Session.open(machine.uart) as session:
-            session.upload(list(words.values()), period_us=system.PERIOD_US, pins=1, arm_hold_ms=0)
-            session.execute("SAVE")
-        machine.power_cut()
-        machine.drive("PB12", True)
-        machine.set_hall(FORWARD[0])
-        leaning = world((0.3, 0.0, 0.95), 0.01, 1)
-        machine.i2c_bus.slaves += [Itg3205(machine, world((0.0, 0.0, 0.0), 0.5, 2)), Adxl345(machine, leaning)]
-        machine.tim1.trace = []
-        machine.power_on()
-        machine.advance_us(BOOT_US)
-        self.session: Session | None = None
-
-    def arm(self) -> None:
-        if self.session is not None:
-            self.session.close()
-        self.session = Session.open(self.machine.uart)
-        self.session.begin("REALTIME_LIVE")
-        self.keep_alive(0.2)
-        self.session.arm()
-        self.keep_alive(0.05)
-        assert self.driving
-
-    def keep_alive(self, seconds: float) -> None:
-        assert self.session is not None
-        end_s = self.session.clock() + seconds
-        while self.session.clock() < end_s:
-            self.session.receive(0.005)
-
-    def switched_off(self) -> float | None:
-        """When the last gate that was on went off, in us; None while one is on."""
-        machine = self.machine
-        machine.tim1.settle(machine.now)
-        on: set[tuple[int, str]] = set()
-        last = 0
-        for edge in machine.tim1.trace or []:
-            gate = edge.phase, edge.side
-            if edge.on:
-                on.add(gate)
-            elif gate in on:
-                on.remove(gate)
-                last = edge.time
-        return None if on else last / TICKS_PER_US
-
-    @property
-    def driving(self) -> bool:
-        return self.switched_off() is None
-
-    def off_after_us(self, limit_us: int) -> float:
-        """How long from now until every gate is off for good, within the limit."""
-        begin_us = self.machine.now_us
-        self.machine.advance_us(limit_us)
-        off_us = self.switched_off()
-        assert off_us is not None
-        return max(0.0, off_us - begin_us)
-
-    def why(self) -> tuple[int, int]:
-        """What ended the last armed time, and the faults, as the board tells them."""
-        assert self.session is not None
-        self.session.connect()
-        self.session.telemetry.clear()
-        while "EVENTS" not in self.session.telemetry or "STATUS" not in self.session.telemetry:
-            self.session.receive(0.05)
-        return self.session.telemetry["EVENTS"]["disarm_cause"], self.session.telemetry["STATUS"]["faults"] & 0xFF
 
 
 @pytest.fixture
