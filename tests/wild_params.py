@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from plumb import parameters
 from plumb.quantise import ControlParams
 
 
@@ -108,3 +109,20 @@ def wild_phone_params(rng: np.random.Generator) -> ControlParams:
     values |= {f"roll.{name}": second[f"tilt.{name}"] for name in ("r_base", "r_max")}
     values |= {f"roll.{name}": value for name, value in second.items() if name.startswith("start.")}
     return ControlParams.of("phone", values | {"phone.rates": int(rng.random() < 0.8)})
+
+
+def wild_turntable_params(rng: np.random.Generator) -> ControlParams:
+    """Parameters of turntable anywhere in their ranges, the two that are tied together within their tie."""
+    values: dict[str, int] = {}
+    for name in ("gyro", "angular"):
+        for key, value in zip(("raw_min", "raw_max", "gain", "offset"), channel(rng), strict=True):
+            values[f"{name}.{key}"] = value
+        values[f"{name}_filter.spike_counts"] = log_uniform(rng, 1, 1 << 17)
+        values[f"{name}_filter.smooth_q16"] = log_uniform(rng, 1, 1 << 16)
+    for row in parameters.table():
+        if row.name.startswith("fusion."):
+            values[row.name] = log_uniform(rng, row.min, row.max)
+    period = values["fusion.gyro_period_step_q24"]
+    values["fusion.gyro_age_step_q24"] = int(rng.integers(0, period))
+    values |= {"fusion.rest_steps": int(rng.integers(0, 150)), "fusion.layer": int(rng.integers(0, 3))}
+    return ControlParams.of("turntable", values)

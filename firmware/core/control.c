@@ -1,6 +1,6 @@
 #include "control.h"
 
-typedef char control_assert_words[sizeof(control_params_t) == 308 ? 1 : -1];
+typedef char control_assert_words[sizeof(control_params_t) == 416 ? 1 : -1];
 
 void control_init(control_t *c, const control_params_t *p) {
     switch (p->system) {
@@ -9,6 +9,9 @@ void control_init(control_t *c, const control_params_t *p) {
         break;
     case CONTROL_PHONE:
         phone_init(&c->phone, p);
+        break;
+    case CONTROL_TURNTABLE:
+        turntable_init(&c->turntable, p);
         break;
     default:
         quad_init(&c->quad, p);
@@ -28,6 +31,9 @@ void control_step(control_t *c, const control_params_t *p, const int16_t raw[CON
     case CONTROL_PHONE:
         phone_step(&c->phone, p, raw, setpoint);
         break;
+    case CONTROL_TURNTABLE:
+        turntable_step(&c->turntable, p, raw, setpoint);
+        break;
     default:
         break; /* control_params_valid() lets no other pass */
     }
@@ -41,6 +47,8 @@ bool control_params_valid(const control_params_t *p) {
         return balancer_params_valid(p);
     case CONTROL_PHONE:
         return phone_params_valid(p);
+    case CONTROL_TURNTABLE:
+        return turntable_params_valid(p);
     default:
         return false;
     }
@@ -56,6 +64,8 @@ size_t control_words_bytes(const control_params_t *p) {
         return sizeof(balancer_words_t);
     case CONTROL_PHONE:
         return sizeof(phone_words_t);
+    case CONTROL_TURNTABLE:
+        return sizeof(turntable_words_t);
     default:
         return sizeof(quad_words_t);
     }
@@ -67,6 +77,8 @@ bool control_saturated(const control_t *c, const control_params_t *p) {
         return (c->balancer.words.flags & BALANCER_FLAGS_SATURATED) != 0;
     case CONTROL_PHONE:
         return (c->phone.words.flags & PHONE_FLAGS_SATURATED) != 0;
+    case CONTROL_TURNTABLE:
+        return (c->turntable.words.flags & TURNTABLE_FLAGS_SATURATED) != 0;
     default:
         return (c->quad.words.flags & QUAD_FLAGS_SATURATED) != 0;
     }

@@ -12,6 +12,7 @@
 #include "control_params.h"
 #include "phone.h"
 #include "quad.h"
+#include "turntable.h"
 #include <stddef.h>
 
 /* The largest record of any system, in words. */
@@ -19,6 +20,7 @@ typedef union {
     quad_words_t quad;
     balancer_words_t balancer;
     phone_words_t phone;
+    turntable_words_t turntable;
 } control_words_t;
 
 #define CONTROL_RECORD_WORDS_MAX (sizeof(control_words_t) / 4U)
@@ -28,6 +30,7 @@ typedef union {
     quad_t quad;
     balancer_t balancer;
     phone_t phone;
+    turntable_t turntable;
 } control_t;
 
 /* State at the start of a run: the record is zero but for the start values of filters and controllers. */

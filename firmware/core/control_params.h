@@ -7,17 +7,20 @@
 #define PLUMB_CORE_CONTROL_PARAMS_H
 
 #include "calibration.h"
+#include "fusion.h"
 #include "kalman.h"
 #include "pid.h"
+#include "prefilter.h"
 #include "tilt.h"
 #include "wheel.h"
 
 #define CONTROL_RAW_MAX 6 /* raw counts of a step; a system uses the first few */
 
 /* control_params_t.system */
-#define CONTROL_QUAD     0U
-#define CONTROL_BALANCER 1U
-#define CONTROL_PHONE    3U
+#define CONTROL_QUAD      0U
+#define CONTROL_BALANCER  1U
+#define CONTROL_TURNTABLE 2U
+#define CONTROL_PHONE     3U
 
 /* Pulses in half-microseconds: mid +- span * command, within [min, max]. neutral is what the board sends
  * while disarmed; no step uses it. */
@@ -71,6 +74,10 @@ typedef struct {
     drive_params_t drive; /* balancer */
     phone_params_t phone;
     roll_params_t roll;
+    calibration_params_t angular;      /* turntable: angular acceleration, turn/s^2 Q28 */
+    prefilter_params_t gyro_filter;    /* turntable */
+    prefilter_params_t angular_filter; /* turntable */
+    fusion_params_t fusion;            /* turntable */
 } control_params_t;
 
 #endif

@@ -145,4 +145,20 @@ static inline int32_t sat_shl_hi(int64_t x, unsigned n) {
     return wrap_i32(shl_hi(make_u64((uint32_t)hi, lo_u64((uint64_t)x)), n));
 }
 
+/* The nearest value that fits. */
+static inline int32_t sat_i32(int64_t x) {
+    return x < INT32_MIN ? INT32_MIN : x > INT32_MAX ? INT32_MAX : (int32_t)x;
+}
+
+/* Called, not inlined (fixed.c): for code that is rather small than fast.
+ *
+ * floor(a * b / 2^n), 0 < n <= 32, where that fits 64 bits. */
+int64_t mul_shift(int64_t a, int32_t b, unsigned n);
+
+/* x + a * b / 2^n to the nearest, halves up, within int32; 0 < n < 63. */
+int32_t add_scaled(int32_t x, int32_t a, int32_t b, unsigned n);
+
+/* x within +-limit. */
+int64_t within_i64(int64_t x, int64_t limit);
+
 #endif

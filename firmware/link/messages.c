@@ -156,6 +156,22 @@ can_frame_t message_sensors_pack(const message_sensors_t *m) {
     return three(MESSAGE_SENSORS_ID, (uint16_t)m->analog, (uint16_t)m->digital, (uint16_t)m->bus_failures);
 }
 
+can_frame_t message_attitude_w_pack(const message_attitude_w_t *m) {
+    return pair(MESSAGE_ATTITUDE_W_ID, (uint16_t)m->flags, (uint32_t)m->w);
+}
+
+can_frame_t message_attitude_x_pack(const message_attitude_x_t *m) {
+    return pair(MESSAGE_ATTITUDE_X_ID, (uint16_t)m->rate_x, (uint32_t)m->x);
+}
+
+can_frame_t message_attitude_y_pack(const message_attitude_y_t *m) {
+    return pair(MESSAGE_ATTITUDE_Y_ID, (uint16_t)m->rate_y, (uint32_t)m->y);
+}
+
+can_frame_t message_attitude_z_pack(const message_attitude_z_t *m) {
+    return pair(MESSAGE_ATTITUDE_Z_ID, (uint16_t)m->rate_z, (uint32_t)m->z);
+}
+
 message_challenge_t message_challenge_unpack(const can_frame_t *frame) {
     message_challenge_t m;
 

@@ -6,7 +6,7 @@
 #include "e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 1U
-#define MESSAGES_DBC_HASH 0xE81E52C7U
+#define MESSAGES_DBC_HASH 0xD2761DAFU
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U
@@ -200,6 +200,34 @@ typedef struct {
     uint16_t bus_failures;
 } message_sensors_t;
 can_frame_t message_sensors_pack(const message_sensors_t *m);
+
+#define MESSAGE_ATTITUDE_W_ID 0x118U
+typedef struct {
+    uint16_t flags;
+    int32_t w;
+} message_attitude_w_t;
+can_frame_t message_attitude_w_pack(const message_attitude_w_t *m);
+
+#define MESSAGE_ATTITUDE_X_ID 0x119U
+typedef struct {
+    int16_t rate_x;
+    int32_t x;
+} message_attitude_x_t;
+can_frame_t message_attitude_x_pack(const message_attitude_x_t *m);
+
+#define MESSAGE_ATTITUDE_Y_ID 0x11AU
+typedef struct {
+    int16_t rate_y;
+    int32_t y;
+} message_attitude_y_t;
+can_frame_t message_attitude_y_pack(const message_attitude_y_t *m);
+
+#define MESSAGE_ATTITUDE_Z_ID 0x11BU
+typedef struct {
+    int16_t rate_z;
+    int32_t z;
+} message_attitude_z_t;
+can_frame_t message_attitude_z_pack(const message_attitude_z_t *m);
 
 #define MESSAGE_CHALLENGE_ID 0x200U
 #define MESSAGE_CHALLENGE_VERB_ARM 1U

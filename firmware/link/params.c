@@ -40,6 +40,16 @@ static const range_t ranges[] = {
     {0xFFFF8001U, 0x00007FFFU},
     {0x00000000U, 0x00007FFFU},
     {0x00000000U, 0x80000000U},
+    {0x00000001U, 0x00020000U},
+    {0x00000001U, 0x00010000U},
+    {0x00000000U, 0x00000002U},
+    {0x00000001U, 0x04000000U},
+    {0x00000001U, 0x7FFFFFFFU},
+    {0x01000000U, 0x10000000U},
+    {0x00000000U, 0x0FFFFFFFU},
+    {0x04000000U, 0x40000000U},
+    {0x00000000U, 0x10000000U},
+    {0x00001000U, 0xFFFFFFFFU},
     {0x000001F4U, 0x000186A0U},
     {0x000007F8U, 0x00004E20U},
     {0x00000000U, 0x00002710U},
@@ -49,7 +59,6 @@ static const range_t ranges[] = {
     {0x00000000U, 0x0000FFFFU},
     {0x00000006U, 0x0000000FU},
     {0x00000001U, 0x00000006U},
-    {0x00000000U, 0x00000002U},
 };
 
 static const uint8_t range_of[PARAMS_COUNT] = {
@@ -130,19 +139,46 @@ static const uint8_t range_of[PARAMS_COUNT] = {
     5U, /* roll.start.p01_lo */
     16U, /* roll.start.p11_hi */
     5U, /* roll.start.p11_lo */
-    28U, /* period_us */
-    29U, /* esc_period_us */
-    30U, /* arm_hold_ms */
+    1U, /* angular.raw_min */
+    1U, /* angular.raw_max */
+    2U, /* angular.gain */
+    2U, /* angular.offset */
+    28U, /* gyro_filter.spike_counts */
+    29U, /* gyro_filter.smooth_q16 */
+    28U, /* angular_filter.spike_counts */
+    29U, /* angular_filter.smooth_q16 */
+    30U, /* fusion.layer */
+    31U, /* fusion.dt_s_q32 */
+    32U, /* fusion.step_hz_q16 */
+    33U, /* fusion.gyro_period_step_q24 */
+    34U, /* fusion.gyro_age_step_q24 */
+    35U, /* fusion.gyro_samples_step_q30 */
+    5U, /* fusion.rest_steps */
+    36U, /* fusion.lag_step_q24 */
+    18U, /* fusion.lag_alpha_q31 */
+    24U, /* fusion.share_q30 */
+    37U, /* fusion.r_gyro_q44 */
+    5U, /* fusion.q_rate_q52 */
+    5U, /* fusion.q_rate_lost_q44 */
+    5U, /* fusion.q_gyro_bias_q60 */
+    5U, /* fusion.q_angular_bias_q64 */
+    5U, /* fusion.p_gyro_bias_q40 */
+    5U, /* fusion.p_angular_bias_q52 */
+    5U, /* fusion.v_scale_q40 */
+    24U, /* fusion.v_lag_q30 */
+    38U, /* period_us */
+    39U, /* esc_period_us */
+    40U, /* arm_hold_ms */
     3U, /* pins */
-    31U, /* dead_time_ns */
-    32U, /* can_bitrate_kbit */
-    33U, /* adc_oversample_log2 */
-    34U, /* rail_steps */
-    34U, /* stuck_steps */
+    41U, /* dead_time_ns */
+    42U, /* can_bitrate_kbit */
+    43U, /* adc_oversample_log2 */
+    44U, /* rail_steps */
+    44U, /* stuck_steps */
     3U, /* accel_bus */
-    35U, /* accel_rate */
-    36U, /* gyro_filter */
-    37U, /* imu_axis */
+    45U, /* accel_rate */
+    46U, /* gyro_filter */
+    30U, /* imu_axis */
 };
 
 static const uint32_t defaults[PARAMS_COUNT] = {
@@ -223,19 +259,46 @@ static const uint32_t defaults[PARAMS_COUNT] = {
     0x00000000U, /* 74: roll.start.p01_lo */
     0x0000000AU, /* 75: roll.start.p11_hi */
     0x5B36E1A0U, /* 76: roll.start.p11_lo */
-    0x00004E20U, /* 77: period_us */
-    0x00004E20U, /* 78: esc_period_us */
-    0x000003E8U, /* 79: arm_hold_ms */
-    0x00000000U, /* 80: pins */
-    0x000003E8U, /* 81: dead_time_ns */
-    0x000001F4U, /* 82: can_bitrate_kbit */
-    0x00000000U, /* 83: adc_oversample_log2 */
-    0x00000005U, /* 84: rail_steps */
-    0x00000064U, /* 85: stuck_steps */
-    0x00000000U, /* 86: accel_bus */
-    0x0000000BU, /* 87: accel_rate */
-    0x00000002U, /* 88: gyro_filter */
-    0x00000001U, /* 89: imu_axis */
+    0xFFFF8002U, /* 77: angular.raw_min */
+    0x00007FFEU, /* 78: angular.raw_max */
+    0x000091A3U, /* 79: angular.gain */
+    0x00000000U, /* 80: angular.offset */
+    0x0000020CU, /* 81: gyro_filter.spike_counts */
+    0x00010000U, /* 82: gyro_filter.smooth_q16 */
+    0x000004B0U, /* 83: angular_filter.spike_counts */
+    0x00010000U, /* 84: angular_filter.smooth_q16 */
+    0x00000000U, /* 85: fusion.layer */
+    0x010624DDU, /* 86: fusion.dt_s_q32 */
+    0x00FA0000U, /* 87: fusion.step_hz_q16 */
+    0x02800000U, /* 88: fusion.gyro_period_step_q24 */
+    0x01800000U, /* 89: fusion.gyro_age_step_q24 */
+    0x1999999AU, /* 90: fusion.gyro_samples_step_q30 */
+    0x000009C4U, /* 91: fusion.rest_steps */
+    0x02000000U, /* 92: fusion.lag_step_q24 */
+    0x325D340EU, /* 93: fusion.lag_alpha_q31 */
+    0x20000000U, /* 94: fusion.share_q30 */
+    0x00BA69DCU, /* 95: fusion.r_gyro_q44 */
+    0x00BEE32FU, /* 96: fusion.q_rate_q52 */
+    0x1D208A5BU, /* 97: fusion.q_rate_lost_q44 */
+    0x0004E300U, /* 98: fusion.q_gyro_bias_q60 */
+    0x00000520U, /* 99: fusion.q_angular_bias_q64 */
+    0x0081742EU, /* 100: fusion.p_gyro_bias_q40 */
+    0x021EF7FDU, /* 101: fusion.p_angular_bias_q52 */
+    0x0346DC5DU, /* 102: fusion.v_scale_q40 */
+    0x24000000U, /* 103: fusion.v_lag_q30 */
+    0x00004E20U, /* 104: period_us */
+    0x00004E20U, /* 105: esc_period_us */
+    0x000003E8U, /* 106: arm_hold_ms */
+    0x00000000U, /* 107: pins */
+    0x000003E8U, /* 108: dead_time_ns */
+    0x000001F4U, /* 109: can_bitrate_kbit */
+    0x00000000U, /* 110: adc_oversample_log2 */
+    0x00000005U, /* 111: rail_steps */
+    0x00000064U, /* 112: stuck_steps */
+    0x00000000U, /* 113: accel_bus */
+    0x0000000BU, /* 114: accel_rate */
+    0x00000002U, /* 115: gyro_filter */
+    0x00000001U, /* 116: imu_axis */
 };
 
 static const uint16_t ids[PARAMS_COUNT] = {
@@ -316,6 +379,33 @@ static const uint16_t ids[PARAMS_COUNT] = {
     0x7ED1U, /* roll.start.p01_lo */
     0x7882U, /* roll.start.p11_hi */
     0xD480U, /* roll.start.p11_lo */
+    0x4753U, /* angular.raw_min */
+    0xBC0DU, /* angular.raw_max */
+    0x0489U, /* angular.gain */
+    0xB9E3U, /* angular.offset */
+    0xE7D7U, /* gyro_filter.spike_counts */
+    0x97D3U, /* gyro_filter.smooth_q16 */
+    0xDEF2U, /* angular_filter.spike_counts */
+    0xCBC5U, /* angular_filter.smooth_q16 */
+    0x6B4DU, /* fusion.layer */
+    0x961DU, /* fusion.dt_s_q32 */
+    0x14F6U, /* fusion.step_hz_q16 */
+    0xA759U, /* fusion.gyro_period_step_q24 */
+    0xF411U, /* fusion.gyro_age_step_q24 */
+    0xF94BU, /* fusion.gyro_samples_step_q30 */
+    0xBB7FU, /* fusion.rest_steps */
+    0x32B8U, /* fusion.lag_step_q24 */
+    0xECB6U, /* fusion.lag_alpha_q31 */
+    0xB777U, /* fusion.share_q30 */
+    0xC3D5U, /* fusion.r_gyro_q44 */
+    0x3B7EU, /* fusion.q_rate_q52 */
+    0x386CU, /* fusion.q_rate_lost_q44 */
+    0xC819U, /* fusion.q_gyro_bias_q60 */
+    0xCA66U, /* fusion.q_angular_bias_q64 */
+    0x0087U, /* fusion.p_gyro_bias_q40 */
+    0x0FC2U, /* fusion.p_angular_bias_q52 */
+    0x30F2U, /* fusion.v_scale_q40 */
+    0x3B92U, /* fusion.v_lag_q30 */
     0xA176U, /* period_us */
     0x0139U, /* esc_period_us */
     0xAD57U, /* arm_hold_ms */
@@ -410,19 +500,46 @@ PLACE(control.roll.start.p01_hi, 73);
 PLACE(control.roll.start.p01_lo, 74);
 PLACE(control.roll.start.p11_hi, 75);
 PLACE(control.roll.start.p11_lo, 76);
-PLACE(period_us, 77);
-PLACE(esc_period_us, 78);
-PLACE(arm_hold_ms, 79);
-PLACE(pins, 80);
-PLACE(dead_time_ns, 81);
-PLACE(can_bitrate_kbit, 82);
-PLACE(adc_oversample_log2, 83);
-PLACE(rail_steps, 84);
-PLACE(stuck_steps, 85);
-PLACE(accel_bus, 86);
-PLACE(accel_rate, 87);
-PLACE(gyro_filter, 88);
-PLACE(imu_axis, 89);
+PLACE(control.angular.raw_min, 77);
+PLACE(control.angular.raw_max, 78);
+PLACE(control.angular.gain, 79);
+PLACE(control.angular.offset, 80);
+PLACE(control.gyro_filter.spike_counts, 81);
+PLACE(control.gyro_filter.smooth_q16, 82);
+PLACE(control.angular_filter.spike_counts, 83);
+PLACE(control.angular_filter.smooth_q16, 84);
+PLACE(control.fusion.layer, 85);
+PLACE(control.fusion.dt_s_q32, 86);
+PLACE(control.fusion.step_hz_q16, 87);
+PLACE(control.fusion.gyro_period_step_q24, 88);
+PLACE(control.fusion.gyro_age_step_q24, 89);
+PLACE(control.fusion.gyro_samples_step_q30, 90);
+PLACE(control.fusion.rest_steps, 91);
+PLACE(control.fusion.lag_step_q24, 92);
+PLACE(control.fusion.lag_alpha_q31, 93);
+PLACE(control.fusion.share_q30, 94);
+PLACE(control.fusion.r_gyro_q44, 95);
+PLACE(control.fusion.q_rate_q52, 96);
+PLACE(control.fusion.q_rate_lost_q44, 97);
+PLACE(control.fusion.q_gyro_bias_q60, 98);
+PLACE(control.fusion.q_angular_bias_q64, 99);
+PLACE(control.fusion.p_gyro_bias_q40, 100);
+PLACE(control.fusion.p_angular_bias_q52, 101);
+PLACE(control.fusion.v_scale_q40, 102);
+PLACE(control.fusion.v_lag_q30, 103);
+PLACE(period_us, 104);
+PLACE(esc_period_us, 105);
+PLACE(arm_hold_ms, 106);
+PLACE(pins, 107);
+PLACE(dead_time_ns, 108);
+PLACE(can_bitrate_kbit, 109);
+PLACE(adc_oversample_log2, 110);
+PLACE(rail_steps, 111);
+PLACE(stuck_steps, 112);
+PLACE(accel_bus, 113);
+PLACE(accel_rate, 114);
+PLACE(gyro_filter, 115);
+PLACE(imu_axis, 116);
 typedef char whole_table[sizeof(params_t) == 4U * PARAMS_COUNT ? 1 : -1];
 
 uint32_t params_word(const params_t *p, uint16_t index) {

@@ -9,20 +9,26 @@
 #define FLAG_STEP_HIGH 3U
 
 /* Bits of SELECT bank 0. */
-#define FRAME_RAW_A     0x01U
-#define FRAME_RAW_B     0x02U
-#define FRAME_ANGLE     0x04U
-#define FRAME_BIAS      0x08U
-#define FRAME_RATE      0x10U
-#define FRAME_MEASURED  0x20U
-#define FRAME_COMMAND   0x40U
-#define FRAME_DRIVE     0x80U
-#define FRAME_ROLL      0x100U
-#define FRAME_ROLL_BIAS 0x200U
-#define FRAMES_RAW      (FRAME_RAW_A | FRAME_RAW_B)
-#define FRAMES_QUAD     (FRAMES_RAW | FRAME_ANGLE | FRAME_BIAS | FRAME_RATE | FRAME_MEASURED | FRAME_COMMAND)
-#define FRAMES_BALANCER (FRAMES_QUAD | FRAME_DRIVE)
-#define FRAMES_PHONE    (FRAMES_RAW | FRAME_ANGLE | FRAME_BIAS | FRAME_ROLL | FRAME_ROLL_BIAS)
+#define FRAME_RAW_A      0x01U
+#define FRAME_RAW_B      0x02U
+#define FRAME_ANGLE      0x04U
+#define FRAME_BIAS       0x08U
+#define FRAME_RATE       0x10U
+#define FRAME_MEASURED   0x20U
+#define FRAME_COMMAND    0x40U
+#define FRAME_DRIVE      0x80U
+#define FRAME_ROLL       0x100U
+#define FRAME_ROLL_BIAS  0x200U
+#define FRAME_ATTITUDE_W 0x0400U
+#define FRAME_ATTITUDE_X 0x0800U
+#define FRAME_ATTITUDE_Y 0x1000U
+#define FRAME_ATTITUDE_Z 0x2000U
+#define FRAMES_RAW       (FRAME_RAW_A | FRAME_RAW_B)
+#define FRAMES_QUAD      (FRAMES_RAW | FRAME_ANGLE | FRAME_BIAS | FRAME_RATE | FRAME_MEASURED | FRAME_COMMAND)
+#define FRAMES_BALANCER  (FRAMES_QUAD | FRAME_DRIVE)
+#define FRAMES_TURNTABLE                                                                                     \
+    (FRAMES_RAW | FRAME_ATTITUDE_W | FRAME_ATTITUDE_X | FRAME_ATTITUDE_Y | FRAME_ATTITUDE_Z)
+#define FRAMES_PHONE (FRAMES_RAW | FRAME_ANGLE | FRAME_BIAS | FRAME_ROLL | FRAME_ROLL_BIAS)
 
 /* ---- selection ---- */
 
@@ -42,6 +48,8 @@ static uint32_t system_frames(const session_t *s) {
         return FRAMES_BALANCER;
     case CONTROL_PHONE:
         return FRAMES_PHONE;
+    case CONTROL_TURNTABLE:
+        return FRAMES_TURNTABLE;
     default:
         return FRAMES_QUAD;
     }
@@ -181,6 +189,33 @@ static void send_phone(session_t *s, const phone_words_t *w, uint8_t step_low) {
     }
 }
 
+/* A rate as the frames carry it: turn/s Q13, within 4 turn/s. */
+static int16_t rate_q13(int32_t rate_turnps_q28) {
+    return (int16_t)clamp_i32(asr32(rate_turnps_q28, 15), INT16_MIN, INT16_MAX);
+}
+
+static void send_turntable(session_t *s, const turntable_words_t *w, uint8_t step_low) {
+    const quaternion_t *const q = &w->attitude;
+    const int32_t *const rate = w->rate_corrected_turnps_q28;
+    const message_attitude_w_t scalar = {.flags = (uint16_t)w->flags, .w = q->w};
+    const message_attitude_x_t x = {.rate_x = rate_q13(rate[0]), .x = q->x};
+    const message_attitude_y_t y = {.rate_y = rate_q13(rate[1]), .y = q->y};
+    const message_attitude_z_t z = {.rate_z = rate_q13(rate[2]), .z = q->z};
+
+    if ((s->frames_mask & FRAME_ATTITUDE_W) != 0) {
+        links_telemetry(s, message_attitude_w_pack(&scalar), step_low);
+    }
+    if ((s->frames_mask & FRAME_ATTITUDE_X) != 0) {
+        links_telemetry(s, message_attitude_x_pack(&x), step_low);
+    }
+    if ((s->frames_mask & FRAME_ATTITUDE_Y) != 0) {
+        links_telemetry(s, message_attitude_y_pack(&y), step_low);
+    }
+    if ((s->frames_mask & FRAME_ATTITUDE_Z) != 0) {
+        links_telemetry(s, message_attitude_z_pack(&z), step_low);
+    }
+}
+
 /* The frames that the system's words have names in. */
 static void send_named(session_t *s, uint8_t step_low) {
     switch (s->params->control.system) {
@@ -189,6 +224,9 @@ static void send_named(session_t *s, uint8_t step_low) {
         break;
     case CONTROL_PHONE:
         send_phone(s, &s->control->phone.words, step_low);
+        break;
+    case CONTROL_TURNTABLE:
+        send_turntable(s, &s->control->turntable.words, step_low);
         break;
     default:
         send_quad(s, &s->control->quad.words, step_low);

@@ -74,6 +74,29 @@ EXPORT uint32_t plumb_crc32(const uint8_t *data, int32_t bytes);
     "roll_turn_q32,roll_bias_turnps_q28,roll_rate_corrected_turnps_q28,uncorrected_steps,"                   \
     "clamped_steps,flags,step"
 
+#define THREE(name) name "_0," name "_1," name "_2,"
+#define PREFILTER_NAMES(sensor)                                                                              \
+    THREE(sensor "_last") THREE(sensor "_before") sensor "_spikes," sensor "_gap_steps,"
+#define PARAMETER_NAMES(name, axis)                                                                          \
+    name "_variance_q60_" axis "," name "_rate_q28_" axis "," name "_gyro_bias_q28_" axis "," name           \
+         "_angular_bias_q28_" axis "," name "_angle_q28_" axis ","
+#define QUATERNION_NAMES(name) name "_w_q30," name "_x_q30," name "_y_q30," name "_z_q30,"
+#define TURNTABLE_NAMES                                                                                      \
+    "raw_0,raw_1,raw_2,raw_3,raw_4,raw_5,setpoint," PREFILTER_NAMES("gyro") PREFILTER_NAMES("angular")       \
+        THREE("rate_turnps_q28") THREE("acceleration_turnps2_q28") "gyro_age_step_q24," THREE(               \
+            "increment_turnps_q34") THREE("increment_lagged_turnps_q34") THREE("innovation_turnps_q28")      \
+            QUATERNION_NAMES("attitude") QUATERNION_NAMES("attitude_angular") THREE("rate_fused_turnps_q28") \
+                THREE("rate_corrected_turnps_q28") THREE("bias_gyro_turnps_q34")                             \
+                    THREE("bias_angular_turnps_q42") THREE("scale_q30")                                      \
+                        THREE("lag_step_q24") "clamped_steps,p00_q64,p10_q64,p11_q64,p20_q64,p21_q64,"       \
+                                              "p22_q64,p30_q64,p31_q64,p32_q64,p33_q64,p40_q64,p41_q64,p42_" \
+                                              "q64,p43_q64," PARAMETER_NAMES("scale", "0")                   \
+                                                  PARAMETER_NAMES("scale", "1")                              \
+                                                      PARAMETER_NAMES("scale", "2")                          \
+                                                          PARAMETER_NAMES("lag", "0")                        \
+                                                              PARAMETER_NAMES("lag", "1")                    \
+                                                                  PARAMETER_NAMES("lag", "2") "flags,step"
+
 /* The words of a system's step in the order of its record; arrays as name_index. NULL: there is no such
  * system. */
 const char *plumb_word_names(uint32_t system) {
@@ -84,6 +107,8 @@ const char *plumb_word_names(uint32_t system) {
         return BALANCER_NAMES;
     case CONTROL_PHONE:
         return PHONE_NAMES;
+    case CONTROL_TURNTABLE:
+        return TURNTABLE_NAMES;
     default:
         return NULL;
     }

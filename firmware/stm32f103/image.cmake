@@ -7,6 +7,10 @@ target_compile_options(plumb_core PRIVATE -O2
     -mslow-flash-data -fno-schedule-insns -fno-peephole2 -fno-tree-reassoc)
 # Statics of a file side by side: one address reaches them all (10 % of the port).
 target_compile_options(plumb_link PRIVATE -Os -fno-data-sections)
+# Systems without a budget of cycles: a turntable's step has 4 ms, a phone's 10.
+set_source_files_properties(firmware/core/fixed.c firmware/core/prefilter.c firmware/core/quaternion.c
+    firmware/core/fusion.c firmware/core/turntable.c firmware/core/phone.c PROPERTIES COMPILE_OPTIONS
+    "-Os;-mno-slow-flash-data")
 # The switch between systems needs one register beside the four arguments: r12, which nobody has to save.
 set_source_files_properties(firmware/core/control.c PROPERTIES COMPILE_OPTIONS
     "-ffixed-r4;-ffixed-r5;-ffixed-r6;-ffixed-r7")
@@ -24,6 +28,8 @@ add_dependencies(firmware build_id)
 set_target_properties(firmware PROPERTIES SUFFIX .elf LINK_DEPENDS ${LINKER_SCRIPT})
 target_include_directories(firmware PRIVATE ${CMAKE_BINARY_DIR}/generated)
 target_compile_options(firmware PRIVATE -Os -fno-data-sections)
+# A loop that copies must not become a call of memcpy where memcpy is written.
+set_source_files_properties(firmware/stm32f103/memory.c PROPERTIES COMPILE_OPTIONS -fno-tree-loop-distribute-patterns)
 target_link_libraries(firmware PRIVATE plumb_link plumb_core)
 target_link_options(firmware PRIVATE -nostartfiles --specs=nano.specs -T ${LINKER_SCRIPT}
     -Wl,--gc-sections -Wl,-Map,${CMAKE_BINARY_DIR}/firmware.map -Wl,--fatal-warnings -Wl,--build-id=none)

@@ -31,7 +31,7 @@ def wrap_i64(x: Integer) -> Integer:
 
 def clamp(x: Integer, low: Integer, high: Integer) -> Integer:
     """min(max(x, low), high)."""
-    if isinstance(x, int):
+    if isinstance(x, int) and isinstance(low, int):
         return min(max(x, low), high)
     return np.minimum(np.maximum(x, low), high)
 

@@ -130,6 +130,7 @@ class Entry:
                 self.scenario, self.seed, seconds=self.steps * tuning.period_us * 1e-6, period_us=tuning.period_us
             )
             raw, setpoint = run.counts(), run.setpoint()
+            tuning = systems.fitted(run, tuning)
         return quantise(tuning), raw.astype(np.int16), setpoint.astype(np.int32)
 
 

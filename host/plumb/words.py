@@ -139,7 +139,52 @@ PHONE = np.dtype(
 )
 
 
-RECORDS: dict[str, np.dtype[np.void]] = {"quad": QUAD, "balancer": BALANCER, "phone": PHONE}
+def _three(name: str, kind: str = "<i4") -> list[tuple[str, str]]:
+    return [(f"{name}_{axis}", kind) for axis in range(3)]
+
+
+def _parameter(name: str, axis: int) -> list[tuple[str, str]]:
+    touched = ("rate_q28", "gyro_bias_q28", "angular_bias_q28", "angle_q28")
+    return [(f"{name}_variance_q60_{axis}", "<i8"), *((f"{name}_{state}_{axis}", "<i4") for state in touched)]
+
+
+TURNTABLE = np.dtype(
+    [
+        *((f"raw_{i}", "<i4") for i in range(6)),
+        ("setpoint", "<i4"),
+        *(
+            field
+            for sensor in ("gyro", "angular")
+            for field in (
+                *_three(f"{sensor}_last"),
+                *_three(f"{sensor}_before"),
+                (f"{sensor}_spikes", "<u4"),
+                (f"{sensor}_gap_steps", "<u4"),
+            )
+        ),
+        *_three("rate_turnps_q28"),
+        *_three("acceleration_turnps2_q28"),
+        ("gyro_age_step_q24", "<u4"),
+        *_three("increment_turnps_q34"),
+        *_three("increment_lagged_turnps_q34"),
+        *_three("innovation_turnps_q28"),
+        *((f"{name}_{axis}_q30", "<i4") for name in ("attitude", "attitude_angular") for axis in "wxyz"),
+        *_three("rate_fused_turnps_q28"),
+        *_three("rate_corrected_turnps_q28"),
+        *_three("bias_gyro_turnps_q34"),
+        *_three("bias_angular_turnps_q42"),
+        *_three("scale_q30"),
+        *_three("lag_step_q24"),
+        ("clamped_steps", "<u4"),
+        *((f"p{i}{j}_q64", "<i8") for i in range(5) for j in range(min(i + 1, 4))),
+        *(field for name in ("scale", "lag") for axis in range(3) for field in _parameter(name, axis)),
+        ("flags", "<u4"),
+        ("step", "<u4"),
+    ]
+)
+
+
+RECORDS: dict[str, np.dtype[np.void]] = {"quad": QUAD, "balancer": BALANCER, "turntable": TURNTABLE, "phone": PHONE}
 """The record of each system; the order of the names is that of the parameter `system`."""
 
 

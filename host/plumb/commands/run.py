@@ -64,10 +64,10 @@ def main(arguments: argparse.Namespace) -> int:
             modes = ", ".join(system.STARTS) or "none"
             raise UsageError(f"{arguments.system} has no start-up mode '{arguments.start}'; it has {modes}")
         settings, tuning = replace(settings, start=system.STARTS[arguments.start]), f"{tuning}, {arguments.start}"
-    params = quantise.quantise(settings)
     faults = system.faults([disturbance.parse(text) for text in arguments.fault])
     conditions = conditions_of(arguments.system, system.CONDITIONS, arguments.condition)
     scenario = system.scenario(name, arguments.seed, seconds=arguments.seconds, faults=faults, **conditions)
+    params = quantise.quantise(systems.fitted(scenario, settings))
     closes = bool(system.OUTPUTS) and not arguments.open_loop
     if arguments.live and arguments.board != "virtual":
         raise UsageError("--live is for --board virtual: its plant drives the sensors' pins and follows the actuators'")

@@ -51,7 +51,7 @@ def whole(name: str, asked: float, exact: Fraction, low: int, high: int) -> int:
 def _numbers(settings: Any, path: str = "") -> Iterator[tuple[str, float]]:
     for entry in fields(settings):
         value = getattr(settings, entry.name)
-        if entry.name in ("tilt", "rate", "rates", "exact_period_s"):
+        if entry.name in ("tilt", "rate", "rates", "layer", "exact_period_s"):
             continue
         if is_dataclass(value):
             yield from _numbers(value, f"{path}{entry.name}.")

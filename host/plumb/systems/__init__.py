@@ -15,6 +15,7 @@ A system X is, besides its step in C (firmware/core/X.[ch]) and the modules of i
         OUTPUTS                 those words; none where nothing is driven, and every loop is open
         scenario(name, seed, *, seconds=None, period_us=..., faults=())    everything random of one run, drawn; it has
             period_us, steps, time_s (steps,), scored (steps,) bool: the samples that count
+            fit(tuning)             optional: the tuning of this very run, where it depends on what was drawn
             counts() (steps, 6) int16, setpoint() (steps,) int32, truth() name -> (steps,): of the prescribed motion
         plant(scenario, open_loop=False)    the physics, and sensors that ride on it; it has
             follow(time_s, outputs)         simulate up to time_s with the words of the last step ({}: none yet)
@@ -30,12 +31,14 @@ from __future__ import annotations
 import importlib
 import importlib.util
 from types import ModuleType
+from typing import Any
 
 from plumb.errors import UsageError
 
 SYSTEMS = {
     "quad": "one axis of a quadrotor: ENC-03, MMA7260, two motors behind an ESC (Feng et al. 2011)",
     "balancer": "a two-wheel self-balancing vehicle: ADXL345, ITG-3205, Hall sensors, brushless motor (Zhang, He 2013)",
+    "turntable": "attitude from a gyro and an angular-acceleration sensor (Beijing Institute of Technology, 2023)",
     "phone": "pitch and roll of a smartphone, its samples over UDP",
 }
 
@@ -48,3 +51,8 @@ def load(name: str, part: str = "") -> ModuleType:
     if part == "live" and importlib.util.find_spec(module) is None:
         raise UsageError(f"the board has no sensors of its own for {name}: its samples come as frames")
     return importlib.import_module(module)
+
+
+def fitted(scenario: Any, tuning: Any) -> Any:
+    """The tuning for a scenario's run."""
+    return scenario.fit(tuning) if hasattr(scenario, "fit") else tuning

@@ -1,0 +1,149 @@
+#include "fusion.h"
+
+#define CELL_MAX  ((int64_t)1 << 58) /* of a variance: (45 deg/s)^2 */
+#define ANGLE_MAX ((int64_t)1 << 61) /* of a cell in the row of the angle */
+#define GAIN_MAX  (1 << 30)          /* 4 */
+
+/* Row i, column j of the symmetric matrix, in any order. */
+static int64_t *cell(int64_t p[FUSION_CELLS], unsigned i, unsigned j) {
+    return &p[i >= j ? FUSION_CELL(i, j) : FUSION_CELL(j, i)];
+}
+
+/* State i of the matrix becomes independent of all others, with this variance. */
+static void isolate(int64_t p[FUSION_CELLS], unsigned i, int64_t variance) {
+    for (unsigned j = 0; j < FUSION_ROWS; j++)
+        *cell(p, i, j) = 0;
+    *cell(p, i, i) = variance;
+}
+
+/* No cell outside its limit: what the sums of the next step rely on, whatever the parameters. */
+static void bound(int64_t p[FUSION_CELLS]) {
+    for (unsigned i = 0; i < FUSION_STATES; i++) {
+        const int64_t variance = *cell(p, i, i);
+        if (variance > CELL_MAX || variance < 0)
+            isolate(p, i, variance < 0 ? 0 : CELL_MAX);
+        for (unsigned j = i + 1U; j < FUSION_ROWS; j++) {
+            const int64_t limit = j == FUSION_ANGLE ? ANGLE_MAX : CELL_MAX, both = *cell(p, j, i);
+            if (within_i64(both, limit) != both)
+                *cell(p, j, i) = 0;
+        }
+    }
+}
+
+/* Error i gains error k / 2^shift (negated: loses it): P = F P F^T for F = 1 + that one element. */
+static void couple(int64_t p[FUSION_CELLS], unsigned i, unsigned k, unsigned shift, bool negate) {
+    for (unsigned twice = 0; twice < 2U; twice++) { /* the variance of i is met twice, as it should be */
+        const int64_t part = asr64(*cell(p, k, i), shift);
+        *cell(p, i, i) += negate ? -part : part;
+        if (twice == 0U) {
+            for (unsigned j = 0; j < FUSION_ROWS; j++) {
+                const int64_t other = asr64(*cell(p, k, j), shift);
+                if (j != i)
+                    *cell(p, i, j) += negate ? -other : other;
+            }
+        }
+    }
+}
+
+void fusion_predict(int64_t p[FUSION_CELLS], const fusion_predict_t *step, int32_t dt_s_q32) {
+    /* the angle first: every other row as it was */
+    const unsigned source = step->gyro_angle ? FUSION_GYRO_BIAS : FUSION_RATE;
+    for (unsigned j = 0; j < FUSION_STATES; j++) {
+        const int64_t part = mul_shift(*cell(p, source, j), dt_s_q32, 32);
+        p[FUSION_CELL(FUSION_ANGLE, j)] += step->gyro_angle ? -part : part;
+    }
+    if (step->difference) {
+        couple(p, FUSION_DIFFERENCE, FUSION_RATE, 0, false);
+        couple(p, FUSION_DIFFERENCE, FUSION_GYRO_BIAS, 0, false);
+    }
+    if (step->angular)
+        couple(p, FUSION_RATE, FUSION_ANGULAR_BIAS, 2, true);
+    *cell(p, FUSION_RATE, FUSION_RATE) += (int64_t)step->rate_q64;
+    *cell(p, FUSION_GYRO_BIAS, FUSION_GYRO_BIAS) += (int64_t)step->gyro_bias_q64;
+    *cell(p, FUSION_ANGULAR_BIAS, FUSION_ANGULAR_BIAS) += (int64_t)step->angular_bias_q64;
+    bound(p);
+}
+
+int64_t fusion_project_rate(int64_t p[FUSION_CELLS], int32_t age_q24, int64_t u_q64[FUSION_ROWS]) {
+    for (unsigned i = 0; i < FUSION_ROWS; i++)
+        u_q64[i] = *cell(p, i, FUSION_RATE) + *cell(p, i, FUSION_GYRO_BIAS) +
+                   mul_shift(*cell(p, i, FUSION_ANGULAR_BIAS), age_q24, 26);
+    const int64_t all =
+        u_q64[FUSION_RATE] + u_q64[FUSION_GYRO_BIAS] + mul_shift(u_q64[FUSION_ANGULAR_BIAS], age_q24, 26);
+    return all < 0 ? 0 : all;
+}
+
+int64_t fusion_project_state(int64_t p[FUSION_CELLS], unsigned state, int64_t u_q64[FUSION_ROWS]) {
+    for (unsigned i = 0; i < FUSION_ROWS; i++)
+        u_q64[i] = *cell(p, i, state);
+    return u_q64[state];
+}
+
+/* 1 / s: reciprocal_q61 of its first 31 bits, and the exponent that is missing then. */
+static uint32_t reciprocal(int64_t s_q64, unsigned *exponent) {
+    const unsigned n = clz32(hi_u64((uint64_t)s_q64)) - 1U;
+    *exponent = 32U - n;
+    return reciprocal_q61(hi_u64((uint64_t)s_q64 << n));
+}
+
+/* u / s, with the shift that brings u to the gain's format. */
+static int32_t ratio(int64_t u, uint32_t y_q61, unsigned shift) {
+    return wrap_i32((uint32_t)asr64(mul_i64(sat_i32(asr64(u, shift)), wrap_i32(y_q61)), 31));
+}
+
+void fusion_gains(const int64_t u_q64[FUSION_ROWS], int64_t s_q64, int32_t gain_q28[FUSION_ROWS]) {
+    unsigned exponent;
+    const uint32_t y_q61 = reciprocal(s_q64, &exponent);
+    for (unsigned i = 0; i < FUSION_ROWS; i++)
+        gain_q28[i] = clamp_i32(ratio(u_q64[i], y_q61, exponent + 2U), -GAIN_MAX, GAIN_MAX);
+}
+
+void fusion_update(int64_t p[FUSION_CELLS], const int32_t gain_q28[FUSION_ROWS],
+                   const int64_t u_q64[FUSION_ROWS]) {
+    for (unsigned i = 0; i < FUSION_ROWS; i++)
+        for (unsigned j = 0; j <= i && j < FUSION_STATES; j++)
+            p[FUSION_CELL(i, j)] -= mul_shift(u_q64[j], gain_q28[i], 28);
+    bound(p);
+}
+
+/* Rate, gyro bias and angular bias come first in both numberings. */
+static unsigned touched(unsigned k) {
+    return k < 3U ? k : FUSION_ANGLE;
+}
+
+void fusion_parameter_predict(fusion_parameter_t *a, bool angular, int32_t drive_q28, int32_t dt_s_q32) {
+    int32_t *v = a->sensitivity_q28;
+    v[3] = add_scaled(v[3], v[FUSION_RATE], dt_s_q32, 32);
+    const int32_t lost = angular ? asr32(v[FUSION_ANGULAR_BIAS], 2) : 0;
+    v[FUSION_RATE] = sat_i32((int64_t)v[FUSION_RATE] + drive_q28 - lost);
+}
+
+int32_t fusion_parameter_project(const fusion_parameter_t *a, int32_t age_q24, int32_t direct_q28,
+                                 int32_t limit_q28) {
+    const int32_t *v = a->sensitivity_q28;
+    const int64_t sum = (int64_t)v[FUSION_RATE] + v[FUSION_GYRO_BIAS] + direct_q28;
+    return clamp_i32(add_scaled(sat_i32(sum), v[FUSION_ANGULAR_BIAS], age_q24, 26), -limit_q28, limit_q28);
+}
+
+void fusion_parameter_update(fusion_parameter_t *a, const int32_t gain_q28[FUSION_ROWS],
+                             int32_t projected_q28) {
+    for (unsigned k = 0; k < FUSION_TOUCHED; k++)
+        a->sensitivity_q28[k] = add_scaled(a->sensitivity_q28[k], gain_q28[touched(k)], -projected_q28, 28);
+}
+
+int64_t fusion_parameter_spread(const fusion_parameter_t *a, int32_t projected_q28) {
+    return 16 * mul_shift(mul_shift(a->variance_q60, projected_q28, 28), projected_q28, 28);
+}
+
+int32_t fusion_parameter_learn(fusion_parameter_t *a, int32_t projected_q28, int64_t s_q64,
+                               int32_t gain_q28[FUSION_ROWS]) {
+    unsigned exponent;
+    const uint32_t y_q61 = reciprocal(s_q64, &exponent);
+    const int64_t u_q60 = mul_shift(a->variance_q60, projected_q28, 28);
+    const int32_t learnt_q20 = ratio(u_q60, y_q61, exponent + 6U);
+    const int64_t left = a->variance_q60 - mul_shift(u_q60, learnt_q20, 20);
+    a->variance_q60 = left < 0 ? 0 : left;
+    for (unsigned k = 0; k < FUSION_TOUCHED; k++)
+        gain_q28[touched(k)] = add_scaled(gain_q28[touched(k)], a->sensitivity_q28[k], learnt_q20, 20);
+    return learnt_q20;
+}

@@ -1,0 +1,311 @@
+#include "turntable.h"
+
+#define RATE_MAX            1879048192      /* 7 turn/s Q28 */
+#define INCREMENT_MAX       ((1 << 30) - 1) /* Q34: 1/16 turn/s per step */
+#define INNOVATION_MAX      (1 << 30)       /* 4 turn/s Q28 */
+#define SHOCK_MAX           (1 << 25)       /* 1/8 turn/s Q28: its square is the largest variance */
+#define STILL_Q64           ((int64_t)1 << 32) /* of zero rate at rest, and of zero difference: (0.006 deg/s)^2 */
+#define SCALE_MAX           (1 << 28)          /* a quarter */
+#define LAG_MAX             (1 << 28)          /* 16 steps */
+#define BIAS_MAX            0x7FFFFF00         /* of both biases: 45 deg/s; at 250 Hz 45 deg/s^2 */
+#define STEP_Q24            (1UL << 24)
+#define SCALE_PROJECTED_MAX (1 << 29) /* 2 turn/s per unit */
+#define LAG_PROJECTED_MAX   (1 << 25) /* 1/8 turn/s per step of lag */
+#define ANGULAR_STALE       4U        /* steps; the gyro's history lasts four of its periods */
+
+typedef char turntable_assert_packed[sizeof(turntable_words_t) == 528 ? 1 : -1];
+
+/* What one step passes along. */
+typedef struct {
+    bool gyro, angular, gyro_lost, rest, shock;
+    int32_t age_q24;             /* of the gyro's sample */
+    int32_t lagged_q34[3];       /* lagged increment at the sample's instant */
+    int32_t expected_q28[3];     /* rate there, less what the lag takes off */
+    int64_t turn_q60[3];         /* rotation of `attitude` in this step */
+    int64_t turn_angular_q60[3]; /* of the angular accelerometer's attitude, or of both */
+} passage_t;
+
+void turntable_init(turntable_t *c, const control_params_t *p) {
+    const fusion_params_t *f = &p->fusion;
+    turntable_words_t *w = &c->words;
+    *c = (turntable_t){0};
+    prefilter_init(&w->gyro);
+    prefilter_init(&w->angular);
+    w->attitude.w = w->attitude_angular.w = QUATERNION_ONE;
+    w->gyro_age_step_q24 = f->gyro_age_step_q24;
+    w->covariance_q64[FUSION_CELL(FUSION_GYRO_BIAS, FUSION_GYRO_BIAS)] = (int64_t)f->p_gyro_bias_q40 << 24;
+    w->covariance_q64[FUSION_CELL(FUSION_ANGULAR_BIAS, FUSION_ANGULAR_BIAS)] = (int64_t)f->p_angular_bias_q52
+                                                                               << 12;
+    for (unsigned i = 0; i < 3U; i++) {
+        w->lag_step_q24[i] = f->lag_step_q24;
+        w->scale[i].variance_q60 = (int64_t)f->v_scale_q40 << 20;
+        w->lag[i].variance_q60 = (int64_t)f->v_lag_q30 << 30;
+    }
+}
+
+bool turntable_params_valid(const control_params_t *p) {
+    return calibration_valid(&p->gyro) && calibration_valid(&p->angular) &&
+           p->fusion.gyro_age_step_q24 < p->fusion.gyro_period_step_q24;
+}
+
+/* Counts -> rate and angular acceleration, and when the gyro's sample was taken. */
+static void sense(turntable_words_t *w, const control_params_t *p, passage_t *s) {
+    const uint32_t stale = p->fusion.gyro_period_step_q24 >> 22;
+    const uint32_t gyro =
+        prefilter_step(&w->gyro, &p->gyro_filter, &p->gyro, w->raw, stale, w->rate_turnps_q28);
+    const uint32_t angular = prefilter_step(&w->angular, &p->angular_filter, &p->angular, w->raw + 3,
+                                            ANGULAR_STALE, w->acceleration_turnps2_q28);
+    uint32_t age = w->gyro_age_step_q24 + STEP_Q24;
+    if (age >= p->fusion.gyro_period_step_q24)
+        age -= p->fusion.gyro_period_step_q24;
+    w->gyro_age_step_q24 = age;
+    s->gyro = (gyro & PREFILTER_SAMPLE) != 0U;
+    s->angular = (angular & PREFILTER_SAMPLE) != 0U;
+    s->gyro_lost = w->gyro.gap_steps > stale;
+    s->age_q24 = age < STEP_Q24 ? (int32_t)age : 0;
+    /* the flags of the two sensors stand side by side */
+    w->flags = gyro | angular << 1 | (s->rest ? TURNTABLE_FLAG_REST : 0U) |
+               (s->gyro_lost ? TURNTABLE_FLAG_GYRO_LOST : 0U);
+    w->clamped_steps += (w->flags & TURNTABLE_FLAGS_SATURATED) != 0U;
+}
+
+/* By how much the rate of one axis grows in this step, turn/s Q34: the mean of this sample and the one
+ * before (twice_q28 is their sum), less its bias, rid of its share of the difference in scale; without a
+ * sample the slope of the gyro. */
+static int32_t increment(const turntable_words_t *w, const control_params_t *p, const passage_t *s,
+                         unsigned i, int64_t twice_q28) {
+    const fusion_params_t *f = &p->fusion;
+    int64_t sum = 0;
+    if (s->angular) {
+        const int32_t excess_q30 = add_scaled(0, (1 << 30) - f->share_q30, w->scale_q30[i], 30);
+        sum = asr64(twice_q28 * f->dt_s_q32 + (1 << 26), 27) - asr32(w->bias_angular_turnps_q42[i] + 128, 8);
+        sum += mul_shift(sum, excess_q30, 30);
+    } else if (!s->gyro_lost) {
+        const int64_t rise_q28 = mul_i64(w->gyro.last[i] - w->gyro.before[i], p->gyro.gain);
+        sum = asr64(rise_q28 * f->gyro_samples_step_q30, 24);
+    }
+    return (int32_t)within_i64(sum, INCREMENT_MAX);
+}
+
+/* The rate of every axis through the step, and what the gyro should see of it at its sample's instant:
+ * between two steps everything is interpolated along a straight line. */
+static void advance(turntable_words_t *w, const control_params_t *p, passage_t *s,
+                    const int32_t before_q28[3], bool adjacent) {
+    for (unsigned i = 0; i < 3U; i++) {
+        const int32_t now_q28 = w->acceleration_turnps2_q28[i];
+        const int32_t grown = increment(w, p, s, i, (int64_t)now_q28 + (adjacent ? before_q28[i] : now_q28));
+        const int32_t lagged = w->increment_lagged_turnps_q34[i];
+        const int32_t follows = add_scaled(0, grown - lagged, p->fusion.lag_alpha_q31, 31);
+        s->lagged_q34[i] = add_scaled(lagged + follows, -follows, s->age_q24, 24);
+        s->turn_angular_q60[i] =
+            mul_i64(w->rate_fused_turnps_q28[i] + asr32(grown + 64, 7), p->fusion.dt_s_q32);
+        w->increment_turnps_q34[i] = grown;
+        w->increment_lagged_turnps_q34[i] = lagged + follows;
+        w->rate_fused_turnps_q28[i] =
+            clamp_i32(w->rate_fused_turnps_q28[i] + asr32(grown + 32, 6), -RATE_MAX, RATE_MAX);
+        s->expected_q28[i] = add_scaled(add_scaled(w->rate_fused_turnps_q28[i], -grown, s->age_q24, 30),
+                                        -s->lagged_q34[i], w->lag_step_q24[i], 30);
+        s->turn_q60[i] = s->turn_angular_q60[i];
+    }
+}
+
+static void predict(turntable_words_t *w, const control_params_t *p, const passage_t *s) {
+    const fusion_params_t *f = &p->fusion;
+    const bool two = f->layer == FUSION_ATTITUDE && !s->rest && !s->gyro_lost;
+    const fusion_predict_t step = {
+        .angular = s->angular,
+        .difference = two,
+        .gyro_angle = two,
+        .rate_q64 = s->angular ? (uint64_t)f->q_rate_q52 << 12 : (uint64_t)f->q_rate_lost_q44 << 20,
+        .gyro_bias_q64 = (uint64_t)f->q_gyro_bias_q60 << 4,
+        .angular_bias_q64 = f->q_angular_bias_q64,
+    };
+    fusion_predict(w->covariance_q64, &step, f->dt_s_q32);
+    if (s->rest || f->layer == FUSION_ATTITUDE)
+        return;
+    for (unsigned i = 0; i < 3U; i++) {
+        const int32_t drive = add_scaled(0, (1 << 30) - f->share_q30, w->increment_turnps_q34[i], 36);
+        fusion_parameter_predict(&w->scale[i], s->angular, s->angular ? drive : 0, f->dt_s_q32);
+        fusion_parameter_predict(&w->lag[i], s->angular, 0, f->dt_s_q32);
+    }
+}
+
+/* *x gains gain times innovation, and stays within +-limit. */
+static void correct_one(int32_t *x, int32_t gain_q28, int32_t innovation_q28, unsigned shift, int32_t limit) {
+    *x = clamp_i32(add_scaled(*x, gain_q28, innovation_q28, shift), -limit, limit);
+}
+
+/* Rate and biases of one axis after a measurement. */
+static void correct(turntable_words_t *w, unsigned i, const int32_t gain_q28[FUSION_ROWS],
+                    int32_t innovation_q28) {
+    correct_one(&w->rate_fused_turnps_q28[i], gain_q28[FUSION_RATE], innovation_q28, 28, RATE_MAX);
+    correct_one(&w->bias_gyro_turnps_q34[i], gain_q28[FUSION_GYRO_BIAS], innovation_q28, 22, BIAS_MAX);
+    correct_one(&w->bias_angular_turnps_q42[i], gain_q28[FUSION_ANGULAR_BIAS], innovation_q28, 16, BIAS_MAX);
+}
+
+/* A rotation of gain times innovation, turn Q60, within a quarter turn. */
+static int64_t correction_q60(int32_t gain_q28, int32_t innovation_q28) {
+    return 16 * within_i64(mul_i64(gain_q28, innovation_q28), (int64_t)1 << 54);
+}
+
+/* At rest the rate is zero, whatever the sensors say: what they say is bias. */
+static void stand_still(turntable_words_t *w) {
+    int64_t *p = w->covariance_q64, u[FUSION_ROWS];
+    int32_t gain[FUSION_ROWS];
+    fusion_gains(u, fusion_project_state(p, FUSION_RATE, u) + STILL_Q64, gain);
+    fusion_update(p, gain, u);
+    for (unsigned i = 0; i < 3U; i++)
+        correct(w, i, gain, -w->rate_fused_turnps_q28[i]);
+    for (unsigned j = 0; j < FUSION_STATES; j++)
+        p[FUSION_CELL(FUSION_DIFFERENCE, j)] = p[FUSION_CELL(FUSION_ANGLE, j)] = 0;
+}
+
+/* Second stage of one axis: scale and lag out of the innovation, and their part in the gains of the states.
+ */
+static void learn(turntable_words_t *w, const fusion_params_t *f, const passage_t *s, unsigned i,
+                  int64_t s_q64, int32_t gain[FUSION_ROWS]) {
+    const int32_t rate = s->expected_q28[i];
+    const int32_t scale = fusion_parameter_project(
+        &w->scale[i], s->age_q24, add_scaled(0, f->share_q30, rate, 30), SCALE_PROJECTED_MAX);
+    const int32_t lag =
+        fusion_parameter_project(&w->lag[i], s->age_q24, -asr32(s->lagged_q34[i], 6), LAG_PROJECTED_MAX);
+    fusion_parameter_update(&w->scale[i], gain, scale);
+    fusion_parameter_update(&w->lag[i], gain, lag);
+    if (!s->angular || s->shock)
+        return;
+    const int32_t innovation = w->innovation_turnps_q28[i];
+    const int64_t all_q64 =
+        s_q64 + fusion_parameter_spread(&w->scale[i], scale) + fusion_parameter_spread(&w->lag[i], lag);
+    const int32_t scale_gain = fusion_parameter_learn(&w->scale[i], scale, all_q64, gain);
+    const int32_t lag_gain = fusion_parameter_learn(&w->lag[i], lag, all_q64, gain);
+    correct_one(&w->scale_q30[i], scale_gain, innovation, 18, SCALE_MAX);
+    correct_one(&w->lag_step_q24[i], lag_gain, innovation, 24, LAG_MAX);
+    w->lag_step_q24[i] = max_i32(w->lag_step_q24[i], 0);
+}
+
+/* Data layer: the gyro's sample against the rate that is expected of it. */
+static void compare_rates(turntable_words_t *w, const fusion_params_t *f, passage_t *s) {
+    int64_t *p = w->covariance_q64, u[FUSION_ROWS], largest_q64 = 0;
+    for (unsigned i = 0; i < 3U; i++) {
+        const int32_t rate = s->expected_q28[i];
+        const int32_t scale_q30 = add_scaled(0, f->share_q30, w->scale_q30[i], 30);
+        const int64_t seen =
+            (int64_t)add_scaled(rate, rate, scale_q30, 30) + asr32(w->bias_gyro_turnps_q34[i] + 32, 6);
+        const int32_t innovation =
+            (w->gyro.spikes >> i & 1U) != 0U ? 0 : sat_i32(w->rate_turnps_q28[i] - seen);
+        w->innovation_turnps_q28[i] = clamp_i32(innovation, -INNOVATION_MAX, INNOVATION_MAX);
+        const int32_t size = clamp_i32(innovation, -SHOCK_MAX, SHOCK_MAX);
+        const int64_t square_q64 = 256 * mul_i64(size, size);
+        largest_q64 = square_q64 > largest_q64 ? square_q64 : largest_q64;
+    }
+    const int64_t r_q64 = (int64_t)f->r_gyro_q44 << 20;
+    int64_t s_q64 = fusion_project_rate(p, s->age_q24, u) + r_q64;
+    s->shock =
+        asr64(largest_q64, 5) > s_q64; /* 5.7 sigma: a rate that the angular accelerometer did not see */
+    if (s->shock) {
+        w->flags |= TURNTABLE_FLAG_SHOCK;
+        p[FUSION_CELL(FUSION_RATE, FUSION_RATE)] += largest_q64;
+        s_q64 = fusion_project_rate(p, s->age_q24, u) + r_q64;
+    }
+    int32_t first[FUSION_ROWS];
+    fusion_gains(u, s_q64, first);
+    fusion_update(p, first, u);
+    for (unsigned i = 0; i < 3U; i++) {
+        int32_t gain[FUSION_ROWS] = {first[0], first[1], first[2], first[3], first[4]};
+        if ((w->gyro.spikes >> i & 1U) != 0U)
+            continue;
+        if (!s->rest && f->layer != FUSION_ATTITUDE)
+            learn(w, f, s, i, s_q64, gain);
+        correct(w, i, gain, w->innovation_turnps_q28[i]);
+        if (f->layer == FUSION_DATA)
+            s->turn_q60[i] += correction_q60(gain[FUSION_ANGLE], w->innovation_turnps_q28[i]);
+    }
+}
+
+/* Attitude layer: the gyro's own rate, aligned to the steps along the angular acceleration; where a sample
+ * says otherwise, half of the surprise is made up for, as a trapezium would. */
+static void align_gyro(turntable_words_t *w, const fusion_params_t *f, passage_t *s) {
+    const int32_t period_s_q32 = add_scaled(0, f->dt_s_q32, (int32_t)f->gyro_period_step_q24, 24);
+    for (unsigned i = 0; i < 3U; i++) {
+        const int32_t grown = w->increment_turnps_q34[i], rate = w->rate_corrected_turnps_q28[i];
+        int32_t aligned = clamp_i32(rate + asr32(grown + 32, 6), -RATE_MAX, RATE_MAX);
+        s->turn_q60[i] = mul_i64(rate + asr32(grown + 64, 7), f->dt_s_q32);
+        if (s->gyro && (w->gyro.spikes >> i & 1U) == 0U) {
+            const int64_t ahead = (int64_t)w->rate_fused_turnps_q28[i] - s->expected_q28[i];
+            const int64_t sample = ahead + w->rate_turnps_q28[i] - asr32(w->bias_gyro_turnps_q34[i] + 32, 6);
+            const int32_t surprise = (int32_t)within_i64(sample - aligned, INNOVATION_MAX);
+            s->turn_q60[i] += asr64(mul_i64(surprise, period_s_q32), 1);
+            aligned = clamp_i32(aligned + surprise, -RATE_MAX, RATE_MAX);
+        }
+        w->rate_corrected_turnps_q28[i] = aligned;
+    }
+}
+
+/* Attitude layer: the difference of the two attitudes corrects both. */
+static void compare_attitudes(turntable_words_t *w, const fusion_params_t *f) {
+    int64_t *p = w->covariance_q64, u[FUSION_ROWS], turn_q60[3], turn_angular_q60[3];
+    int32_t gain[FUSION_ROWS], difference_turn_q32[3];
+    /* what the gyro's noise has added since its last sample: (noise of a sample * samples' distance)^2 */
+    const int32_t period_q24 = (int32_t)f->gyro_period_step_q24;
+    const int64_t walk_q64 =
+        mul_shift(mul_shift((int64_t)f->r_gyro_q44 << 20, period_q24, 24), period_q24, 24);
+    p[FUSION_CELL(FUSION_DIFFERENCE, FUSION_DIFFERENCE)] += walk_q64;
+    p[FUSION_CELL(FUSION_ANGLE, FUSION_DIFFERENCE)] -= mul_shift(walk_q64, f->dt_s_q32, 32);
+    fusion_gains(u, fusion_project_state(p, FUSION_DIFFERENCE, u) + STILL_Q64, gain);
+    fusion_update(p, gain, u);
+    quaternion_difference(&w->attitude_angular, &w->attitude, difference_turn_q32);
+    for (unsigned i = 0; i < 3U; i++) {
+        const int32_t difference = add_scaled(0, difference_turn_q32[i], f->step_hz_q16, 20);
+        const int32_t innovation = clamp_i32(difference, -INNOVATION_MAX, INNOVATION_MAX);
+        w->innovation_turnps_q28[i] = innovation;
+        correct(w, i, gain, innovation);
+        correct_one(&w->rate_corrected_turnps_q28[i], gain[FUSION_GYRO_BIAS], -innovation, 28, RATE_MAX);
+        turn_q60[i] = correction_q60(gain[FUSION_ANGLE], innovation);
+        turn_angular_q60[i] =
+            turn_q60[i] + mul_i64(add_scaled(0, gain[FUSION_DIFFERENCE], innovation, 28), f->dt_s_q32);
+    }
+    quaternion_rotate(&w->attitude, turn_q60);
+    quaternion_rotate(&w->attitude_angular, turn_angular_q60);
+}
+
+/* Both attitudes through the step. */
+static void turn(turntable_words_t *w, const fusion_params_t *f, passage_t *s) {
+    if (f->layer == FUSION_ATTITUDE && !s->rest) {
+        if (s->gyro_lost) {
+            for (unsigned i = 0; i < 3U; i++)
+                w->rate_corrected_turnps_q28[i] = w->rate_fused_turnps_q28[i];
+        } else {
+            align_gyro(w, f, s);
+        }
+        quaternion_rotate(&w->attitude_angular, s->turn_angular_q60);
+        quaternion_rotate(&w->attitude, s->turn_q60);
+        if (s->gyro)
+            compare_attitudes(w, f);
+        return;
+    }
+    for (unsigned i = 0; i < 3U; i++)
+        w->rate_corrected_turnps_q28[i] = w->rate_fused_turnps_q28[i];
+    if (!s->rest)
+        quaternion_rotate(&w->attitude, s->turn_q60);
+}
+
+void turntable_step(turntable_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
+                    int32_t setpoint) {
+    turntable_words_t *w = &c->words;
+    const int32_t before_q28[3] = {w->acceleration_turnps2_q28[0], w->acceleration_turnps2_q28[1],
+                                   w->acceleration_turnps2_q28[2]};
+    const bool adjacent = w->angular.gap_steps == 0U;
+    w->step++;
+    for (unsigned i = 0; i < CONTROL_RAW_MAX; i++)
+        w->raw[i] = raw[i];
+    w->setpoint = setpoint;
+    passage_t s = {.rest = w->step <= p->fusion.rest_steps};
+    sense(w, p, &s);
+    advance(w, p, &s, before_q28, adjacent);
+    predict(w, p, &s);
+    if (s.rest)
+        stand_still(w);
+    if (s.gyro && (s.rest || p->fusion.layer != FUSION_ATTITUDE))
+        compare_rates(w, &p->fusion, &s);
+    turn(w, &p->fusion, &s);
+}
