@@ -1,21 +1,24 @@
 """How far the integers are from float64 on the same integer inputs: the error budget's middle part, measured.
 
-`python -m plumb.accuracy` prints the table of DESIGN.md, "Error bounds". The inputs are the hard ones: the tilt sweeps
-through the whole turn, the gyro has 20 deg/s of bias, one measurement in fifty points anywhere, and R jumps over its
-whole range where the tuning lets it.
+`python -m plumb.accuracy [SYSTEM ...]` prints the table of DESIGN.md, "Error bounds", for every tuning. The filter's
+inputs are the hard ones: the tilt sweeps through the whole turn, the gyro has 20 deg/s of bias, one measurement in
+fifty points anywhere, and R jumps over its whole range where the tuning lets it. The chain's are the system's own
+scenario. Bounds are for an innovation of 180 deg; a chain of more than one filter and one angle has its bound in DESIGN.md.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from plumb import native, reference
-from plumb.quantise import ControlParams
+from plumb import native, reference, systems, trial
+from plumb.boards.native import NativeBoard
+from plumb.quantise import ControlParams, quantise
 from plumb.quantise.groups import filter_of
 
 TURN_DEG = 360.0 / 2**32
@@ -160,27 +163,39 @@ def chain_error_deg(params: ControlParams, raw: npt.ArrayLike, setpoint_turn_q32
     return float(np.abs(error).max())
 
 
-def _rows(steps: int) -> Iterator[str]:
-    from plumb.quantise import quantise
-    from plumb.systems import quad
+def scenario_error_deg(params: ControlParams) -> float:
+    """From counts to angle on the system's own scenario, seed 1000: the largest distance from float64 of any angle."""
+    system = systems.load(params.system)
+    run = system.scenario(system.DEFAULT_SCENARIO, 1000, period_us=round(params.period_s * 1e6))
+    found = trial.open_loop(NativeBoard(), trial.prescribed(run), params).metrics()["fixed_vs_reference_max_deg"]
+    assert found is not None
+    return float(found)
 
-    yield "tuning        filter on the hard input                              counts to angle, scenario motion"
-    for name, tuning in quad.TUNINGS.items():
-        params, run = quantise(tuning), quad.scenario("motion", 1000)
-        error = np.abs(filter_error_deg(params, hard_inputs(params, steps, seed=11))).max()
-        bounds = [filter_bound_deg(params, innovation) for innovation in (180.0, 1.0)]
-        bounds.append(chain_bound_deg(params, 180.0))
-        chain = chain_error_deg(params, run.counts(), run.setpoint())
-        yield (
-            f"{name:<14}{error:>11.1e} deg (bound at 180 deg {bounds[0]:.1e}, at 1 deg {bounds[1]:.1e})"
-            f"{chain:>11.1e} deg (bound at 180 deg {bounds[2]:.1e})"
-        )
+
+def _rows(names: Sequence[str], steps: int) -> Iterator[str]:
+    yield "system    tuning            filter on the hard input (bound)         counts to angle on its scenario (bound)"
+    for name in names:
+        system = systems.load(name)
+        for tuning, settings in system.TUNINGS.items():
+            params = quantise(settings)
+            has_filter, has_chain = "tilt.r_base" in params.own(), "tilt.mode" in params.own()
+            hard = bound = chain = ""
+            if has_filter:
+                error = np.abs(filter_error_deg(params, hard_inputs(params, steps, seed=11))).max()
+                hard, bound = f"{error:.1e} deg", f"({filter_bound_deg(params):.1e} deg)"
+            if has_chain:
+                chain = f"({chain_bound_deg(params):.1e} deg)"
+            yield (
+                f"{name:<10}{tuning:<18}{hard:<13}{bound:<28}"
+                f"{scenario_error_deg(params):.1e} deg {system.DEFAULT_SCENARIO:<9}{chain}"
+            ).rstrip()
     rng = np.random.default_rng(1)
     y, x = rng.integers(-(1 << 31), 1 << 31, (2, steps))
     yield f"atan2 {np.abs(atan2_error_deg(y, x)).max():.1e} deg"
     yield f"asin  {np.abs(asin_error_deg(x >> 1)).max():.1e} deg"
+    yield f"sincos {np.abs(sincos_error(x)).max():.1e}"
 
 
 if __name__ == "__main__":
-    for row in _rows(1_000_000):
+    for row in _rows(sys.argv[1:] or tuple(systems.SYSTEMS), 1_000_000):
         print(row)

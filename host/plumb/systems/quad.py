@@ -129,6 +129,9 @@ TUNINGS = {
     "quiet": replace(
         ADAPTIVE, trust=Trust(r_deg2=0.25, r_max_deg2=0.25), kalman=Kalman.per_step(3e-3, 1e-5, PERIOD_US)
     ),
+    "constant": replace(
+        ADAPTIVE, trust=Trust(r_deg2=4.0, r_max_deg2=4.0), kalman=Kalman.per_step(6e-6, 8e-6, PERIOD_US)
+    ),
     # The paper's Q; only R is the noise of 0.5 deg and P0 admits to know nothing: what its slow start was made of.
     "fast_start": replace(PAPER, trust=Trust(r_deg2=0.25, r_max_deg2=0.25), start=FAST_START),
     # A three-axis sensor in general motion: R wide enough for accelerations that are not gravity, and a Q of the angle
@@ -139,6 +142,7 @@ TUNING_NOTES = {
     "adaptive": "R follows | |a|^2 - 1 | over 1000:1; the shipped tuning",
     "paper": "the paper's table 2, angles from both axes",
     "paper_arcsine": "the paper's table 2, its tilt = arcsin(a / g) as printed",
+    "constant": "constant R, the best there is for `motion`: what the law of R is held against",
     "quiet": "constant R, for a frame that does not vibrate",
     "fast_start": "the paper's Q with the accelerometer's own R, start-up mode fast",
     "recording": "constant, wide R for recordings of general motion",
