@@ -3,7 +3,7 @@
 `python -m plumb.accuracy [SYSTEM ...]` prints the table of DESIGN.md, "Error bounds", for every tuning. The filter's
 inputs are the hard ones: the tilt sweeps through the whole turn, the gyro has 20 deg/s of bias, one measurement in
 fifty points anywhere, and R jumps over its whole range where the tuning lets it. The chain's are the system's own
-scenario. Bounds are for an innovation of 180 deg; a chain of more than one filter and one angle has its bound in DESIGN.md.
+scenario. Bounds are for an innovation of 180 deg; a chain of more than one filter has its bound in DESIGN.md.
 """
 
 from __future__ import annotations
