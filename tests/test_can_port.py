@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from pathlib import Path
 
 import pytest
@@ -315,3 +316,25 @@ def test_a_burst_beyond_the_ring_is_lost_counted_and_reported(board: Board) -> N
     assert faults & FAULT_CAN_OVERRUN
     board.say("PARAM_GET", 1, 0)
     assert "PARAM_VALUE" in names(board.heard())
+
+
+@pytest.mark.parametrize("how", ["reset pin", "power cut", "brown-out"])
+def test_the_board_is_lost_in_the_middle_of_a_frame(how: str) -> None:
+    """At any bit of its own or of another's: half a frame is nobody's, the others go on, and so does the board."""
+    board, chance = Board(), random.Random(how)
+    machine = board.machine
+    for _ in range(12):
+        board.hello()
+        board.heard(chance.uniform(2_000, 4_000))
+        if how == "reset pin":
+            machine.reset()
+        elif how == "brown-out":
+            machine.brown_out()
+        else:
+            machine.power_cut()
+            machine.advance_us(100)
+            machine.power_on()
+        board.heard(BOOT_US)
+    board.hello()
+    assert "STATUS" in {name for name, _ in board.heard(300_000)}
+    assert machine.warnings == []

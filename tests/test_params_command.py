@@ -13,6 +13,7 @@ from link_board import MemoryBoard
 from plumb import __main__ as front
 from plumb import parameters, systems
 from plumb.boards.link import LinkBoard
+from plumb.errors import UsageError
 from plumb.meaning import meaning
 from plumb.session import Session
 
@@ -220,3 +221,46 @@ def test_a_board_becomes_a_system_with_its_shipped_tuning(
 def test_a_tuning_that_is_none_is_wrong_use(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
     code, _, err = params(capsys, "tuning", "quad", "sharpest")
     assert code == 2 and "adaptive" in err
+
+
+@pytest.mark.parametrize("link", ["serial", "can"])
+def test_every_verb_over_either_link(
+    link: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On the flash image of a board that stays the same one, and is switched off in between."""
+    pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
+    from plumb.f103 import open_machine
+    from plumb.f103.canbus import MachineBus
+
+    try:
+        machine = open_machine()
+    except UsageError as error:
+        pytest.skip(str(error))
+
+    def opened(_spec: str, **_options: Any) -> LinkBoard:
+        return LinkBoard(link, Session.over(MachineBus(machine)) if link == "can" else Session.open(machine.uart))
+
+    monkeypatch.setattr("plumb.boards.link.open_link_board", opened)
+    file = tmp_path / "table.toml"
+
+    def value() -> int:
+        code, out, _ = params(capsys, "get", "arm_hold_ms", "--json")
+        assert code == 0
+        return int(json.loads(out)["parameters"][0]["value"])
+
+    for arguments, after in (
+        (["set", "arm_hold_ms=5"], 5),
+        (["save"], 5),
+        (["set", "arm_hold_ms=6"], 6),
+        (["dump", str(file)], 6),
+        (["load"], 5),
+        (["reset"], 1000),
+        (["load", str(file)], 6),
+    ):
+        code, _, err = params(capsys, *arguments)
+        assert (code, err, value()) == (0, "", after)
+    machine.power_cut()
+    machine.power_on()
+    machine.advance_us(30_000)
+    assert value() == 5
+    assert machine.warnings == []

@@ -6,6 +6,8 @@ The slots under every power cut: tests/c/test_store.c, and on the virtual board 
 from __future__ import annotations
 
 import json
+import struct
+import zlib
 from collections.abc import Iterator
 from typing import Any
 
@@ -148,6 +150,55 @@ def test_a_damaged_set_is_reported_and_blocks_arming_until_somebody_decides(boar
         session.begin("REALTIME_LIVE")
         session.arm()
         assert board.armed
+
+
+def entry_of_another_version(board: MemoryBoard) -> None:
+    """The saved set as a version left it that had no period_us, and something that is no more."""
+    cells = board.flash_cells()
+    place = 5 + 3 * [row.name for row in parameters.table()].index("period_us")
+    cells[place] ^= 0x5A5A
+    body = bytes(cells)[: 2 * (5 + 3 * cells[4])]
+    cells[len(body) // 2], cells[len(body) // 2 + 1] = struct.unpack("<HH", struct.pack("<I", zlib.crc32(body)))
+
+
+def test_what_another_version_saved_is_kept_as_far_as_it_is_known(board: MemoryBoard) -> None:
+    default = next(row.default for row in parameters.table() if row.name == "period_us")
+    with Session.open(board) as session:
+        session.upload(CONTROL, period_us=3000, esc_period_us=4000)
+        session.execute("SAVE")
+    entry_of_another_version(board)
+    kept = parameters.whole_table(CONTROL, period_us=default, esc_period_us=4000)
+    assert after_reset(board) == (
+        kept,
+        "saved in flash, number 1, 1 unknown to this image, 1 missing, at defaults",
+        0,
+    )
+    with Session.open(board) as session:
+        session.execute("DEFAULTS")
+        session.execute("LOAD")
+        assert session.read_parameters() == kept and "1 unknown" in session.connect().parameter_source
+        session.execute("SAVE")
+        assert session.connect().parameter_source == "saved in flash, number 2"
+    assert after_reset(board) == (kept, "saved in flash, number 2", 0)
+
+
+def test_a_set_that_this_version_does_not_take_is_named_and_blocks_arming(board: MemoryBoard) -> None:
+    with Session.open(board) as session:
+        session.upload(CONTROL, period_us=3000)
+        session.execute("SAVE")
+        session.upload(CONTROL, period_us=5000)
+        cells = board.flash_cells()
+        place = 5 + 3 * [row.name for row in parameters.table()].index("period_us")
+        cells[place + 1] = cells[place + 2] = 0  # no period at all
+        body = bytes(cells)[: 2 * (5 + 3 * cells[4])]
+        cells[len(body) // 2], cells[len(body) // 2 + 1] = struct.unpack("<HH", struct.pack("<I", zlib.crc32(body)))
+        with pytest.raises(LinkError, match="contradict"):
+            session.execute("LOAD")
+        assert session.read_parameters() == changed(5000)
+        session.request("PARAM_SET", 0, CONTROL[0], answer="PARAM_STAGED", first=0)
+        session._commit(len(DEFAULTS), parameters.crc32(changed(5000)))
+    values, source, faults = after_reset(board)
+    assert values == DEFAULTS and source.startswith("factory defaults: ") and faults == 0x80
 
 
 def test_the_way_into_the_bootloader_begins_when_the_answer_is_out(board: MemoryBoard, session: Session) -> None:

@@ -3,12 +3,15 @@ and how soon. Looked at on the gates, not in the firmware."""
 
 from __future__ import annotations
 
+import random
+
 import numpy as np
 import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
-from balancer_bench import Balancer
+from balancer_bench import BOOT_US, Balancer
 from plumb.errors import LinkError
+from plumb.f103.timeline import TICKS_PER_US
 
 FAULT_BRIDGE, FAULT_HALL, FAULT_SENSOR = 0x10, 0x20, 0x40
 CAUSE_FAULT, CAUSE_SILENCE, CAUSE_COMMAND, CAUSE_SWITCH = 1 << 3, 1 << 5, 1 << 6, 1 << 8
@@ -79,6 +82,29 @@ def test_every_kind_of_reset_switches_off_at_once_and_stays_off(rider: Balancer)
         machine.advance_us(200_000)
         assert not any(edge.on for edge in machine.tim1.trace or [] if edge.time > begin)
         rider.arm()
+
+
+@pytest.mark.parametrize("brown", [False, True], ids=["power cut", "brown-out"])
+def test_power_that_fails_at_any_cycle_switches_off_and_leaves_nothing_behind(brown: bool) -> None:
+    """With I2C, Hall sensors, bridge and CAN all at work; and the next start can be armed like the first."""
+    balancer, chance = Balancer("can"), random.Random(9)
+    machine = balancer.machine
+    for _ in range(3):
+        balancer.arm()
+        machine.run_to(machine.now + chance.randrange(20_000 * TICKS_PER_US))
+        if brown:
+            machine.brown_out()
+        else:
+            machine.power_cut()
+            machine.advance_us(1000)
+            machine.power_on()
+        machine.advance_us(1)
+        assert not balancer.driving
+        begin = machine.now
+        machine.advance_us(BOOT_US)
+        assert not any(edge.on for edge in machine.tim1.trace or [] if edge.time > begin)
+        balancer.session = None
+    assert machine.warnings == []
 
 
 def test_a_dying_crystal_switches_off_before_any_instruction(rider: Balancer) -> None:

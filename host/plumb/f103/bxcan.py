@@ -110,6 +110,7 @@ class Bxcan(Peripheral):
         self.machine.timeline.cancel("can join")
         for interrupt in (TX_IRQ, RX0_IRQ, RX1_IRQ, SCE_IRQ):
             self.machine.nvic.set_line(interrupt, False)
+        self.wire.board_lost()
 
     # What the wire asks
 

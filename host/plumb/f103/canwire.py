@@ -203,6 +203,16 @@ class CanWire:
         if sender == "host":
             self._from_host.popleft()
 
+    def board_lost(self) -> None:
+        """The board was reset: what it was sending is nobody's frame, and the bus is free for the others."""
+        if self.board_sends:
+            self._forget()
+        self.look()
+
     def power_off(self) -> None:
-        self._frame = None
+        self._forget()
         self._from_host.clear()
+
+    def _forget(self) -> None:
+        self._frame = None
+        self.machine.timeline.cancel("can")
