@@ -87,7 +87,7 @@ def test_a_chip_that_does_not_answer(digital: Bench, name: str) -> None:
 def test_another_chip_at_its_place(digital: Bench, name: str) -> None:
     chip = digital.gyro if name == "gyro" else digital.accel
     right, chip.identity = chip.identity, 0x33
-    capture = digital.begin()
+    capture = digital.begin(gyro_filter=1)  # other settings: both are started anew
     assert digital.run(capture, 0.2) == 0
     assert digital.told() == [f"{name}: another chip answers, or it did not take its settings"]
     with pytest.raises(LinkError, match="another chip"):
@@ -123,6 +123,45 @@ def test_a_chip_that_says_the_same_for_ever_stays_a_fault(digital: Bench) -> Non
         assert digital.told() == ["accelerometer: its data do not change"]
     digital.accel.source = honest
     digital.recovers(capture)
+
+
+@pytest.mark.parametrize("name", ["gyro", "accelerometer"])
+def test_a_chip_that_had_no_data_is_up_again_as_soon_as_it_has(digital: Bench, name: str) -> None:
+    """However often it was started in vain."""
+    capture = digital.armed(stuck_steps=20)
+    chip = digital.gyro if name == "gyro" else digital.accel
+    for silent_s in (0.5, 0.3, 0.8):
+        chip.frozen = True
+        digital.run(capture, 0.1 + silent_s)
+        assert not digital.driving()
+        chip.frozen = False
+        digital.recovers(capture)
+
+
+def test_the_slowest_rate_of_the_accelerometer_is_a_rate_too(digital: Bench) -> None:
+    """6.25 Hz: its first sample comes 160 ms after its start."""
+    capture = digital.begin(accel_rate=6)
+    digital.accel.brown_out()  # or a sample from before would do for its first
+    digital.run(capture, 0.5)
+    assert digital.told() == []
+    assert digital.run(capture, 0.1) >= 0.1e6 / PERIOD_US - 2
+
+
+@pytest.mark.parametrize("digital", ["spi"], indirect=True)
+def test_an_exchange_that_is_cut_short_leaves_nothing_for_the_next(digital: Bench) -> None:
+    """The sensors are chosen anew in the middle of one: a byte in the receiver would put all others one place late."""
+    machine, capture = digital.machine, digital.begin()
+    for rate in (12, 11, 12, 11):
+        digital.run(capture, 0.05)
+        assert machine.run_until(lambda: machine.spi1.shifting is not None, 2 * PERIOD_US)
+        machine.advance_us(4)
+        machine.spi1.rx_dma.ccr &= ~1  # what an abort does first; the byte under way comes all the same
+        machine.advance_us(4)
+        assert machine.spi1.sr & 1, "a byte that nobody fetched"
+        capture = digital.begin(accel_rate=rate)
+        digital.run(capture, RECOVERY_S)
+        assert digital.told() == []
+        assert digital.run(capture, 0.1) >= 0.1e6 / PERIOD_US - 2
 
 
 def test_a_chip_that_lost_its_settings_gets_them_again(digital: Bench) -> None:

@@ -40,7 +40,7 @@ void board_init(const board_setup_t *setup) {
     clock_init();
     time_init();
     pins_clocks();
-    pwm_init();
+    pwm_init(setup->pins);
     if (setup->pins == BOARD_PINS_BRIDGE) {
         bridge_init(setup->dead_time_ns);
     }

@@ -8,9 +8,10 @@
  * byte is being transferred", nor of "wrong data read into data register" (ES096, ES0340: I2C).
  *
  * Whoever starts an access bounds it in time and calls i2c_abort(). After that the bus is recovered: nine
- * clocks at most free a slave that holds SDA in the middle of a byte, then a STOP, then the peripheral's
- * reset. The same edges unlock the analog filters that may hold BUSY after power-up, and the reset (SWRST) is
- * the cure for "start cannot be generated after a misplaced stop" (same errata). */
+ * clocks at most free a slave that holds SDA in the middle of a byte, then a START, which every slave obeys
+ * at any time, and a STOP, then the peripheral's reset. The same edges unlock the analog filters that may
+ * hold BUSY after power-up, and the reset (SWRST) is the cure for "start cannot be generated after a
+ * misplaced stop" (same errata). */
 #include "port.h"
 
 #define SPEED_KHZ     400u
@@ -18,8 +19,8 @@
 #define STOP_POLLS    32u  /* a STOP takes a clock of the bus, 2.5 us: about 3 polls */
 #define SCL           8u
 #define SDA           9u
-#define RECOVER_STOP  19u /* half clocks of recovery: 1 to 18 free SDA, then the STOP */
-#define RECOVER_STEPS 21u
+#define RECOVER_START 19u /* half clocks of recovery: 1 to 18 free SDA, then START and STOP */
+#define RECOVER_STOP  20u
 
 typedef enum { IDLE, START, ADDRESS, REGISTER, VALUE, RESTART, READ_ADDRESS, DATA } state_t;
 
@@ -168,17 +169,16 @@ bool i2c_recover(void) {
         drive(SDA, true);
         pins_set_mode(&GPIOB_CRH, SCL, PIN_OPEN_DRAIN);
         pins_set_mode(&GPIOB_CRH, SDA, PIN_OPEN_DRAIN);
-    } else if (step < RECOVER_STOP) {
+    } else if (step < RECOVER_START) {
         drive(SCL, step % 2u == 0u);
-    } else {
-        drive(SDA, step == RECOVER_STEPS);
-        drive(SCL, step > RECOVER_STOP);
+    } else { /* with SCL high */
+        drive(SDA, step == RECOVER_STOP);
     }
     recover_step++;
-    if (step > 0u && step % 2u == 0u && step < RECOVER_STOP && (GPIOB_IDR & 1u << SDA) != 0u) {
-        recover_step = RECOVER_STOP;
+    if (step > 0u && step % 2u == 0u && step < RECOVER_START && (GPIOB_IDR & 1u << SDA) != 0u) {
+        recover_step = RECOVER_START;
     }
-    if (step < RECOVER_STEPS) {
+    if (step < RECOVER_STOP) {
         return false;
     }
     pins_set_mode(&GPIOB_CRH, SCL, PIN_ALTERNATE_DRAIN);

@@ -12,9 +12,9 @@
 #define ACCEL      1u
 #define SENSORS    2u
 #define TRIES      3u
-#define ACCESS_MS  2u  /* reading six bytes takes 0.21 ms at 400 kHz */
-#define RETRY_MS   20u /* from a loss to the next start */
-#define AWAIT_MS   100u
+#define ACCESS_MS  2u   /* reading six bytes takes 0.21 ms at 400 kHz */
+#define RETRY_MS   20u  /* from a loss to the next start */
+#define AWAIT_MS   200u /* its slowest rate is 6.25 Hz */
 #define DATA_BYTES 6u
 #define SPI_READ   0x80u
 #define SPI_MANY   0x40u
@@ -77,6 +77,7 @@ static void lose(uint8_t cause) {
     s->cause = cause;
     s->up = false;
     s->step = 0u;
+    s->awaited_ms = 0u;
     s->wait_ms = RETRY_MS;
     tries = 0u;
     phase = cause == BOARD_SENSOR_BUS && !on_spi(active) ? RECOVER : REST;
@@ -93,8 +94,7 @@ static void next_step(void) {
         } else if (++s->awaited_ms >= AWAIT_MS) {
             lose(BOARD_SENSOR_SILENT);
         } else {
-            s->wait_ms = 1u;
-            phase = REST;
+            phase = REST; /* looked at again in the next millisecond */
         }
         return;
     }

@@ -8,7 +8,7 @@ typedef enum {
     CHIP_CHECK, /* the register, masked, must hold the value */
     CHIP_WRITE,
     CHIP_OPTION, /* write the value with the sensor's option (output rate, filter) or-ed in */
-    CHIP_AWAIT   /* like CHECK, for up to 100 ms */
+    CHIP_AWAIT   /* like CHECK, for up to 200 ms */
 } chip_action_t;
 
 /* One register access of a chip's start, of which the identity is the first. */

@@ -8,14 +8,16 @@
 #define START_FRAME_HALFUS   5000u /* 400 Hz */
 #define START_NEUTRAL_HALFUS 2000u /* 1 ms: motor off */
 
-void pwm_init(void) {
+void pwm_init(uint32_t pins) {
     RCC_APB1ENR |= RCC_APB1ENR_TIM4EN;
     TIM4_PSC = clock_mhz() / 2u - 1u;
     TIM4_CCMR1 = TIM4_CCMR1_OC1M_PWM1 | TIM4_CCMR1_OC1PE | TIM4_CCMR1_OC2M_PWM1 | TIM4_CCMR1_OC2PE;
     board_configure_actuator(START_FRAME_HALFUS, START_NEUTRAL_HALFUS);
     board_actuator_neutral();
     TIM4_EGR = TIM4_EGR_UG;
-    TIM4_CCER = TIM4_CCER_CC1E | TIM4_CCER_CC2E;
+    if (pins == BOARD_PINS_STANDARD) { /* else channel 1's pin is the UART's */
+        TIM4_CCER = TIM4_CCER_CC1E | TIM4_CCER_CC2E;
+    }
     TIM4_CR1 = TIM4_CR1_ARPE | TIM4_CR1_CEN;
 }
 

@@ -8,9 +8,8 @@
 
 static board_sensors_t use;
 static uint32_t running_us; /* 0: stopped */
-/* Two samples: while one is being written the other can be read for a whole period. */
+/* Sample n lies in place n % 2: while one is being written, the one before can be read for a whole period. */
 static int16_t samples[2][BOARD_RAW_MAX];
-static volatile uint32_t newest; /* index of the last complete one */
 static volatile uint32_t samples_done, periods_missed;
 static uint32_t samples_taken, missed_taken;
 static uint32_t late;
@@ -20,11 +19,10 @@ static bool analog(void) {
 }
 
 int16_t *sampling_next(void) {
-    return samples[newest ^ 1u];
+    return samples[(samples_done + 1u) % 2u];
 }
 
 void sampling_publish(void) {
-    newest ^= 1u;
     samples_done++;
     port_wake = true;
 }
@@ -120,7 +118,7 @@ bool board_take_tick(void) {
 }
 
 void board_read_sensors(int16_t raw[BOARD_RAW_MAX]) {
-    memcpy(raw, samples[newest], sizeof samples[0]);
+    memcpy(raw, samples[samples_taken % 2u], sizeof samples[0]);
 }
 
 void board_sensor_health(board_health_t *health) {

@@ -386,6 +386,7 @@
 #define SPI1_CR2          REG32(SPI1_BASE, 0x04u)
 #define SPI1_CR2_RXDMAEN  (1u << 0)
 #define SPI1_CR2_TXDMAEN  (1u << 1)
+#define SPI1_SR           REG32(SPI1_BASE, 0x08u)
 #define SPI1_DR           REG32(SPI1_BASE, 0x0cu)
 
 /* Independent watchdog, RM0008 section 19.4 */

@@ -68,6 +68,7 @@ def test_bridge_speaks_on_other_pins_and_keeps_every_gate_low(bridged):
         identity = session.connect()
         assert identity["PINS"] == 1 and identity["FAULTS"] & 0xFF == 0
     assert bridged.port("PB6").is_alternate_output(6)
+    assert bridged.tim4.ccer == 0, "two outputs of the chip on one pin: neither works"
     assert not bridged.pwm("PB7").enabled and not bridged.port("PB7").is_output(7)
     assert bridged.bridge() == ((None, None, None), False)
     bridged.tim1.settle(bridged.now)

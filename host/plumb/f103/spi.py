@@ -48,7 +48,7 @@ class Spi(Peripheral):
         super().__init__(machine, "SPI1", 0x40013000)
         self.rx_dma, self.tx_dma = machine.dma.channels[1], machine.dma.channels[2]
         self.rx_dma.served = self.tx_dma.served = self.base + 0x0C
-        self.tx_dma.changed = self._go_on
+        self.tx_dma.changed, self.rx_dma.changed = self._go_on, self._hand_over
         self.devices: dict[int, Device] = {}
         """By the pin of port A that selects it, low."""
         self.selected: Device | None = None
@@ -60,6 +60,7 @@ class Spi(Peripheral):
         self.shifting: int | None = None
         self.waiting: int | None = None
         self.received = 0
+        self.dr_read = False
 
     def pins_changed(self) -> None:
         """Port A was written: who is selected?"""
@@ -98,10 +99,18 @@ class Spi(Peripheral):
             self.machine.warn(f"SPI1 has CPOL, CPHA = {self.cr1 >> 1 & 1}, {self.cr1 & 1}; the chips here want 1, 1")
         self.shifting = None
         self.sr &= ~BSY
-        if not (self.cr2 & RXDMAEN and self.rx_dma.put([answer])):
-            self.sr |= OVR if self.sr & RXNE else RXNE
+        if self.sr & (RXNE | OVR):
+            self.sr |= OVR  # lost, as is all that follows until it is cleared
+        else:
+            self.sr |= RXNE
             self.received = answer
+        self._hand_over()
         self._go_on()
+
+    def _hand_over(self) -> None:
+        """What waits in DR to the DMA, whenever its channel is on."""
+        if self.sr & RXNE and self.cr2 & RXDMAEN and self.rx_dma.put([self.received]):
+            self.sr &= ~RXNE
 
     def write_cr1(self, value: int) -> None:
         wanted = MSTR | SSM | SSI
@@ -114,13 +123,22 @@ class Spi(Peripheral):
         if value & ~(RXDMAEN | TXDMAEN):
             raise SimulationError(f"SPI1_CR2 = 0x{value:02X}: only its DMA requests are modelled")
         self.cr2 = value
+        self._hand_over()
         self._go_on()
+
+    def read_sr(self) -> int:
+        value = self.sr
+        if self.dr_read:
+            self.sr &= ~OVR
+        self.dr_read = False
+        return value
 
     def write_sr(self, value: int) -> None:
         """Read-only here: nothing clears by writing."""
 
     def read_dr(self) -> int:
-        self.sr &= ~(RXNE | OVR)
+        self.sr &= ~RXNE
+        self.dr_read = True
         return self.received
 
     def write_dr(self, value: int) -> None:

@@ -112,6 +112,9 @@ class Usart(Peripheral):
         if port == 1 and not self.machine.afio.mapr & 2:
             self.machine.warn("USART1 is remapped while I2C1 is not: it does not come out of PB6")
             return False
+        tim4 = self.machine.tim4
+        if port == 1 and tim4.clocked and tim4.ccer & 1:
+            self.machine.warn("USART1 and channel 1 of TIM4 are both switched to PB6")
         if not works:
             self.machine.warn(f"USART1 sends, but P{'AB'[port]}{pin} is not an alternate-function output")
         return works
