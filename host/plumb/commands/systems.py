@@ -1,7 +1,12 @@
-"""The systems this version has; with --system, everything a run of that one can be asked for by name; with --table,
-what their sources claim and what the integers reach.
+"""The systems this version has; with --system, everything a run of that one can be asked for by name.
 
-The table runs the C integers over seeds 1000 to 1039 of every scenario. Exit code 1 when a figure is missed.
+    plumb systems --system quad             its scenarios, tunings, start-up modes, conditions, faults, noise
+    plumb systems --table                   what the sources claim, what was to be reached, and what the integers reach
+    plumb systems --confirm virtual         the runs the table stands on, step for step the same on that board
+    plumb systems --plots docs/figures      the sources' figures, drawn again
+
+The table runs the C integers over seeds 1000 to 1039 of every scenario, some minutes for all systems; so does the
+confirmation of one seed. Exit code 1 when a figure is missed or a step differs.
 """
 
 from __future__ import annotations
@@ -9,7 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 
@@ -18,6 +23,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--system", action="append", metavar="S", help="only this system: its presets, or its figures; repeatable"
     )
+    parser.add_argument(
+        "--confirm", metavar="B", help="every scenario and tuning on a board, seed 1000, against native"
+    )
+    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
+    parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
+    parser.add_argument("--seconds", type=float, help="with --confirm: at most so much of each run")
     parser.add_argument("--plots", type=Path, metavar="DIR", help="write the sources' figures as DIR/SYSTEM_NAME.svg")
     parser.add_argument("--seeds", type=int, default=40, help="how many seeds from 1000 on (default 40)")
     parser.add_argument("--json", action="store_true", help="print JSON")
@@ -35,6 +46,8 @@ def main(arguments: argparse.Namespace) -> int:
         files = [str(path) for name in names for path in figures.write_plots(name, arguments.plots)]
         print(json.dumps({"written": files}) if arguments.json else "\n".join(files))
         return 0
+    if arguments.confirm:
+        return confirm(arguments, names)
     if not arguments.table:
         if arguments.json:
             print(json.dumps({"systems": systems.SYSTEMS}))
@@ -58,6 +71,23 @@ def main(arguments: argparse.Namespace) -> int:
     else:
         print(figures.render(rows, colour=sys.stdout.isatty()))
     return 0 if all(row.met for _, row in rows) else 1
+
+
+def confirm(arguments: argparse.Namespace, names: Sequence[str]) -> int:
+    """A line a run, as it is ready."""
+    from plumb.boards import open_board
+    from plumb.systems import confirmed
+
+    rows = []
+    for name in names:
+        with open_board(arguments.confirm, link=arguments.link, image=arguments.image) as board:
+            for row in confirmed.confirm(board, name, seconds=arguments.seconds):
+                rows.append(row)
+                if not arguments.json:
+                    print(row, flush=True)
+    if arguments.json:
+        print(json.dumps({"board": arguments.confirm, "seed": confirmed.SEED, "runs": [vars(row) for row in rows]}))
+    return int(any(row.differ for row in rows))
 
 
 def presets(name: str) -> Iterator[str]:

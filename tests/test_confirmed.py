@@ -1,0 +1,49 @@
+"""The figures are those of the flash image: whatever native computes for the table, the virtual board computes, too."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("unicorn")
+
+from plumb import __main__ as front
+from plumb import systems
+from plumb.boards import Answer
+from plumb.boards.native import NativeBoard
+from plumb.systems import confirmed
+
+
+@pytest.mark.parametrize("link", ["serial", "can"])
+@pytest.mark.parametrize("name", systems.SYSTEMS)
+def test_every_scenario_and_tuning_is_the_same_on_the_virtual_board(
+    name: str, link: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first seconds of seed 1000; `plumb systems --confirm virtual` runs them whole."""
+    seconds = "4" if name == "phone" else "1"
+    code = front.main(
+        ["systems", "--confirm", "virtual", "--link", link, "--system", name, "--seconds", seconds, "--json"]
+    )
+    said, system = json.loads(capsys.readouterr().out), systems.load(name)
+    assert code == 0 and said["seed"] == 1000
+    loops = 2 if system.OUTPUTS else 1
+    assert len(said["runs"]) == loops * len(system.SCENARIOS) + len(system.TUNINGS) - 1
+    assert all(run["differ"] == 0 and run["steps"] > 0 for run in said["runs"])
+
+
+class Wrong(NativeBoard):
+    """Native, but one digest of every run."""
+
+    def run_injected(self, *arguments: Any) -> Answer:
+        digests = super().run_injected(*arguments).digests.copy()
+        digests[17] ^= np.uint32(1)
+        return Answer(digests)
+
+
+def test_a_board_that_differs_is_not_confirmed() -> None:
+    rows = list(confirmed.confirm(Wrong(), "phone", seconds=4.0))
+    assert rows and {row.differ for row in rows} == {1}
+    assert "1 of 400 steps differ" in str(rows[0])
