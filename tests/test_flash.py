@@ -24,7 +24,8 @@ pytest.importorskip("stm32loader", reason="stm32loader is not installed: pip ins
 from bootloader import Bootloader
 from plumb.f103.rom import EXTENDED_ERASE, FLASH, GET, GET_ID, READ, WRITE, Faults
 
-BUILD = Path(__file__).parents[1] / "build/stm32f103/firmware.bin"
+ROOT = Path(__file__).parents[1]
+BUILD = ROOT / "build/stm32f103/firmware.bin"
 SLOTS = 0xF000
 ERASE = 0x43
 needs_image = pytest.mark.skipif(not BUILD.exists(), reason="the flash image is not built: run make image")
@@ -307,3 +308,21 @@ def test_the_simulated_bootloader_satisfies_stm32flash(tmp_path: Path) -> None:
     assert answer.returncode == 0, answer.stdout + answer.stderr
     assert chip.flash[: len(image)] == image
     assert chip.started_at == FLASH
+
+
+@pytest.mark.skipif(shutil.which("arm-none-eabi-gcc") is None, reason="arm-none-eabi-gcc is not installed")
+@pytest.mark.skipif(not (ROOT / ".venv/bin/plumb").exists(), reason="plumb is not installed in .venv: run make test")
+def test_the_target_flash_builds_and_writes(tmp_path: Path) -> None:
+    """From the sources to the chip in one command, which fails when the chip does not hold what was built."""
+    toolchain = ROOT / "firmware/stm32f103/toolchain.cmake"
+    configure = ["cmake", "-S", str(ROOT), "-B", str(tmp_path), "-G", "Ninja", f"-DCMAKE_TOOLCHAIN_FILE={toolchain}"]
+    flash_it = ["cmake", "--build", str(tmp_path), "--target", "flash"]
+    for faults in (Faults(), Faults(stores_nothing=True)):
+        with Bootloader(faults) as chip:
+            more = ["-DCMAKE_BUILD_TYPE=Image", f"-DPLUMB_PORT={chip.port}"]
+            subprocess.run([*configure, *more], check=True, capture_output=True, timeout=60)
+            done = subprocess.run(flash_it, capture_output=True, text=True, check=False, timeout=120)
+        assert (done.returncode != 0) == faults.stores_nothing, done.stdout + done.stderr
+        if not faults.stores_nothing:
+            image = (tmp_path / "firmware.bin").read_bytes()
+            assert chip.flash[: len(image)] == image and chip.started_at == FLASH

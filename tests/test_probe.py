@@ -6,7 +6,6 @@ Neither a probe nor a chip takes part; the real pyOCD, where it is installed, at
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -28,7 +27,12 @@ with open(folder + "/asked", "a") as asked:
 if state["fails"]:
     print("Error: open failed")
     sys.exit(1)
-print(state["idcode"])
+if "UNEXPECTED" not in state["idcode"]:
+    print(state["idcode"])
+elif "set CPUTAPID 0" not in said:
+    print(state["idcode"])
+    print("Error: expected 1 of 1: 0x1ba01477")
+    sys.exit(1)
 if "e0042000" in said.lower():
     print(state["device"])
     print(state["size"])
@@ -80,7 +84,7 @@ class Fake:
 
 @pytest.fixture
 def fake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}/usr/bin{os.pathsep}/bin")
+    monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("PLUMB_FAKE", str(tmp_path))
     return lambda tool, **changes: Fake(tmp_path, tool, **changes)
 
@@ -92,11 +96,11 @@ def test_openocd_is_asked_to_identify_write_read_back_and_run(fake, capsys: pyte
     assert report["verdict"] == "pass" and report["clone"] is False and report["pages_erased"] == 3
     assert report["part"]["flash_kib"] == 64 and report["part"]["page_bytes"] == 1024
     assert (f.folder / "flash.bin").read_bytes() == f.image.read_bytes()
-    begin = ["-f", "interface/stlink.cfg", "-c", "set CPUTAPID 0", "-f", "target/stm32f1x.cfg"]
+    begin = ["-f", "interface/stlink.cfg", "-f", "target/stm32f1x.cfg"]
     commands = []
     for asked in f.asked:
-        assert asked[:6] == begin and set(asked[6::2]) == {"-c"}
-        first, second, *middle, last = asked[7::2]
+        assert asked[:4] == begin and set(asked[4::2]) == {"-c"}
+        first, second, *middle, last = asked[5::2]
         assert (first, second, last) == ("init", "reset halt", "shutdown")
         commands.append(middle)
     assert commands[0] == ["mdw 0xe0042000", "mdh 0x1ffff7e0"]
@@ -127,7 +131,12 @@ def test_pyocd_is_asked_the_same(fake, capsys: pytest.CaptureFixture[str]) -> No
 
 
 @pytest.mark.parametrize(
-    ("tool", "idcode"), [("openocd", "Warn : UNEXPECTED idcode: 0x2ba01477"), ("pyocd", "I DP IDR = 0x2ba01477 (v1)")]
+    ("tool", "idcode"),
+    [
+        ("openocd", "Warn : UNEXPECTED idcode: 0x2ba01477"),  # an ST-Link, after which OpenOCD stops
+        ("openocd", "Info : SWD DPIDR 0x2ba01477"),  # any other probe
+        ("pyocd", "I DP IDR = 0x2ba01477 (v1)"),
+    ],
 )
 def test_a_clone_is_warned_of_and_written(fake, tool: str, idcode: str, capsys: pytest.CaptureFixture[str]) -> None:
     f = fake(tool, idcode=idcode)
@@ -186,3 +195,14 @@ def test_the_real_pyocd_understands_the_commands(fake) -> None:
         done = subprocess.run([program, *asked], capture_output=True, text=True, timeout=60, check=False)
         assert done.returncode in (1, 3) and "usage:" not in done.stderr
         assert "No connected debug probes" in done.stdout + done.stderr
+
+
+@pytest.mark.skipif(shutil.which("openocd", path="/usr/bin") is None, reason="openocd is not installed")
+@pytest.mark.parametrize("interface", ["stlink", "cmsis-dap"])
+def test_the_real_openocd_finds_its_files_and_no_probe(fake, interface: str) -> None:
+    f = fake("openocd", idcode="Warn : UNEXPECTED idcode: 0x2ba01477")
+    assert main(["flash", "--probe", f"openocd:{interface}", "--image", str(f.image)]) == 0
+    for asked in f.asked:
+        done = subprocess.run(["/usr/bin/openocd", *asked], capture_output=True, text=True, timeout=60, check=False)
+        assert done.returncode == 1
+        assert "open failed" in done.stderr or "unable to find a matching CMSIS-DAP device" in done.stderr

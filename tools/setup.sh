@@ -20,6 +20,9 @@ need qemu-system-arm qemu-system-arm
     missing="$missing libnewlib-arm-none-eabi"
 if [ "$purpose" = test ]; then
     need clang clang
+    # The flashing tools that plumb drives, or that should get on with its simulated bootloader.
+    need openocd openocd
+    need stm32flash stm32flash
     # 32-bit builds of the core need the 32-bit C library.
     printf 'int main(void){return 0;}' | gcc -m32 -x c - -o /dev/null 2>/dev/null || missing="$missing gcc-multilib"
 fi

@@ -38,6 +38,14 @@ class Chip:
         return self.idcode == CLONE_IDCODE
 
 
+class ToolError(LinkError):
+    """The tool failed. said: everything it printed."""
+
+    def __init__(self, text: str, said: str) -> None:
+        super().__init__(text)
+        self.said = said
+
+
 class Probe(ABC):
     """One of the tools. Raises UsageError when it is not installed, LinkError when it fails."""
 
@@ -62,7 +70,7 @@ class Probe(ABC):
         if done.returncode:
             lines = [line.strip() for line in said.splitlines() if line.strip()] or ["it does not say why"]
             why = next((line for line in lines if "error" in line.lower()), lines[-1])
-            raise LinkError(f"{self.name} failed ({why}): check the probe, its wires and the board's power")
+            raise ToolError(f"{self.name} failed ({why}): check the probe, its wires and the board's power", said)
         return said
 
     @abstractmethod
@@ -103,15 +111,24 @@ class OpenOcd(Probe):
 
     def __init__(self, interface: str = "stlink") -> None:
         super().__init__()
-        # Any id of the debug port will do: a clone is to be named, not to be a mystery.
-        self._begin = ["-f", f"interface/{interface}.cfg", "-c", "set CPUTAPID 0", "-f", "target/stm32f1x.cfg"]
+        self._interface = f"interface/{interface}.cfg"
+        self._any_id: list[str] = []
 
     def _commands(self, *commands: str) -> str:
         script = ["init", "reset halt", *commands, "shutdown"]
-        return self._run([*self._begin, *(part for command in script for part in ("-c", command))])
+        begin = ["-f", self._interface, *self._any_id, "-f", "target/stm32f1x.cfg"]
+        return self._run([*begin, *(part for command in script for part in ("-c", command))])
 
     def identify(self) -> Chip:
-        said = self._commands(f"mdw 0x{DEVICE_ID_ADDRESS:08x}", f"mdh 0x{FLASH_SIZE_ADDRESS:08x}")
+        reads = f"mdw 0x{DEVICE_ID_ADDRESS:08x}", f"mdh 0x{FLASH_SIZE_ADDRESS:08x}"
+        try:
+            said = self._commands(*reads)
+        except ToolError as error:
+            # Over an ST-Link it shows the debug port's id only when that is not ST's, and then stops.
+            if "UNEXPECTED idcode" not in error.said:
+                raise
+            self._any_id = ["-c", "set CPUTAPID 0"]
+            said = error.said + self._commands(*reads)
         return self._chip(
             _found(r"(?:DPIDR|idcode:?)\s+0x([0-9a-f]{8})", said),
             _found(rf"0x{DEVICE_ID_ADDRESS:08x}:\s*([0-9a-f]{{8}})", said),
