@@ -63,6 +63,14 @@ def test_connect_parameters_and_close(board: VirtualBoard) -> None:
     assert board.machine.can.wire.frames_sent == sent
 
 
+def test_the_way_into_the_bootloader_is_not_over_can(board: VirtualBoard) -> None:
+    """Nobody could follow there: this part's ROM listens on the UART alone."""
+    with pytest.raises(LinkError, match="cannot do that"):
+        board.session.execute("BOOTLOADER")
+    board.machine.advance_us(200_000)
+    assert board.machine.rom is None and board.machine.reset_count == 1
+
+
 def test_a_listening_host_keeps_the_link_open(board: VirtualBoard) -> None:
     while board.session.clock() < 5:
         board.session.receive(0.1)

@@ -146,6 +146,16 @@ def test_a_stack_that_reaches_its_guard(image: bytes, elf: Elf) -> None:
     assert _faults(machine, elf) == FAULT_HARD
 
 
+def test_a_stack_that_runs_out_of_ram_between_two_looks(image: bytes, elf: Elf) -> None:
+    """No fault handler can be entered any more, the core locks up: then it is the watchdog that ends it."""
+    push_for_ever = struct.pack("<HH", 0xB4FF, 0xE7FD)
+    machine = Machine(_patched(image, elf, "session_poll", push_for_ever))
+    assert machine.run_until(lambda: machine.reset_count == 2, 400_000)
+    assert [warning for warning in machine.warnings if "locked up" in warning]
+    machine.advance_us(10_000)
+    assert _at_neutral(machine)
+
+
 def test_a_pin_reset_forgets_the_crash(image: bytes, elf: Elf) -> None:
     machine = Machine(image)
     machine.advance_us(BOOT_US)

@@ -210,6 +210,17 @@ def test_the_way_into_the_bootloader_begins_when_the_answer_is_out(board: Memory
     assert board.leaves
 
 
+def test_who_arms_before_it_leaves_keeps_it(board: MemoryBoard, session: Session) -> None:
+    session.execute("BOOTLOADER")
+    session.begin("REALTIME_LIVE")
+    session.arm()
+    for _ in range(100):
+        session.receive(0.005)
+        assert board.armed and not board.leaves
+    session.disarm()
+    assert board.leaves
+
+
 def command(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
     code = front.main(["params", *arguments, "--board", "memory"])
     captured = capsys.readouterr()

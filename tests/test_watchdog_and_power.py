@@ -24,7 +24,7 @@ BUILD = Path(__file__).parents[1] / "build/stm32f103"
 BOOT_US = 30_000
 NEUTRAL_US = 1000.0
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
-IMAGE_FAULT, WATCHDOG_FAULT = 0x08, 0x400
+IMAGE_FAULT, FALLBACK_FAULT, WATCHDOG_FAULT, CRYSTAL_FAULT = 0x08, 0x100, 0x400, 0x1000
 RETURN = struct.pack("<H", 0x4770)
 
 pytestmark = pytest.mark.skipif(
@@ -165,6 +165,29 @@ def test_power_fails_in_flight(image: bytes, brown: bool) -> None:
         with Session.open(machine.uart) as after:
             after.receive(0.2)
             assert after.telemetry["STATUS"]["mode"] == 0 and after.telemetry["STATUS"]["blocked"] & 2
+
+
+def test_a_crystal_that_dies_in_flight_is_told_to_the_host(image: bytes) -> None:
+    """Armed and driving: neutral at once, and the host finds the board idle, disarmed, at 64 MHz, off the CAN bus."""
+    machine = started(image)
+    session = Session.open(machine.uart)
+    session.upload(CONTROL, period_us=1000, arm_hold_ms=0)
+    session.begin("REALTIME_LIVE")
+    session.arm()
+    for _turn in range(20):
+        session.receive(0.005)
+    assert not at_neutral(machine)
+    machine.rcc.kill_crystal()
+    assert machine.run_until(lambda: at_neutral(machine), 5_000)
+    machine.advance_us(BOOT_US)
+    told = identity(machine)
+    assert told.reset_cause == "software" and told["CRASH_EXCEPTION"] == 2
+    assert told["FAULTS"] & (CRYSTAL_FAULT | FALLBACK_FAULT) == CRYSTAL_FAULT | FALLBACK_FAULT
+    with Session.open(machine.uart) as after:
+        for _turn in range(100):
+            after.receive(0.01)
+        assert after.telemetry["STATUS"]["mode"] == 0 and after.telemetry["STATUS"]["armed"] == 0
+    assert not machine.can.listening and machine.warnings == []
 
 
 def test_every_reset_says_what_it_was(image: bytes, elf: Elf) -> None:
