@@ -124,6 +124,18 @@ def test_every_board_passes_every_vector_meant_for_it(board: Board) -> None:
     assert result.to_json()["first_divergence"] is None
 
 
+def test_over_can_every_system_answers_the_same() -> None:
+    """The beginning of every vector for a link; `plumb golden check --board virtual --link can` runs them whole."""
+    pytest.importorskip("unicorn")
+    short = 200
+    with open_board("virtual", link="can") as board:
+        vectors = [vector for vector in golden.load(FOLDER) if vector.on_link]
+        for vector in vectors:
+            answer = board.run_injected(vector.params, vector.raw[:short], vector.setpoint[:short])
+            assert (answer.digests == vector.digests[:short]).all() and answer.unverified_from is None, vector.name
+    assert {vector.system for vector in vectors} == {entry.system for entry in ENTRIES}
+
+
 @pytest.mark.parametrize("bit", [0, 30])
 @pytest.mark.parametrize("signal", ["raw_0", "tilt_turn_q32", "pulse_halfus_1"])
 def test_one_wrong_bit_of_a_board_is_named(board: Board, small: Path, signal: str, bit: int) -> None:

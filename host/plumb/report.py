@@ -43,6 +43,17 @@ class Plot:
     note: str = ""
 
 
+def error_budget(time_s: Series, apart_deg: Series) -> Plot:
+    """The panel that every report ends with; apart_deg: integers minus float64 on the same counts."""
+    return Plot(
+        "Error budget: fixed point against float64, same counts",
+        "deg",
+        time_s,
+        [Line("fixed - reference", apart_deg, ESTIMATE)],
+        "The board against fixed is the third part of the budget: it must be, bit for bit, nothing.",
+    )
+
+
 @dataclass(frozen=True)
 class Table:
     title: str

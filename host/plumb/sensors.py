@@ -203,6 +203,15 @@ class Fault:
         return np.where((time_s >= self.start_s) & (time_s < self.stop_s), instead, counts).astype(np.int16)
 
 
+@dataclass(frozen=True)
+class Push:
+    """Something that pushes the plant between two times; the system says the unit."""
+
+    size: float
+    start_s: float
+    stop_s: float
+
+
 def fault_of(asked: Request, channels: Sequence[str]) -> Fault:
     """The fault of a sensor that was asked for; channels: their names in the order of the raw counts."""
     for kind in FAULT_KINDS:
@@ -210,3 +219,14 @@ def fault_of(asked: Request, channels: Sequence[str]) -> Fault:
             return Fault(kind, list(channels).index(asked.what), asked.start_s, asked.stop_s)
     said = f"{asked.kind}:{asked.what}" if asked.what else asked.kind
     raise UsageError(f"there is no fault '{said}' here; there are {', '.join(FAULT_KINDS)} of {', '.join(channels)}")
+
+
+def faults_of(requests: Sequence[Request], channels: Sequence[str], push_unit: str) -> tuple[Fault | Push, ...]:
+    """The faults and pushes that were asked for; raises UsageError for a kind or a channel that there is not."""
+    found: list[Fault | Push] = []
+    for asked in requests:
+        if asked.kind == "push":
+            found.append(Push(asked.number(push_unit), asked.start_s, asked.stop_s))
+        else:
+            found.append(fault_of(asked, channels))
+    return tuple(found)

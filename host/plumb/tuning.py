@@ -100,12 +100,23 @@ class Esc:
     neutral_us: float = 1000.0
 
 
-@dataclass(frozen=True)
-class Tuning:
-    """Everything one run of `quad` needs, for one period; another period is another Tuning.
+class ForOnePeriod:
+    """A tuning is for one period; another period is another tuning.
 
-    exact_period_s: what the integers make of the period, in a dequantised Tuning (2^-35 s at most beside it).
+    exact_period_s: what the integers make of the period, in a dequantised tuning (2^-35 s at most beside it).
     """
+
+    period_us: int
+    exact_period_s: float | None
+
+    @property
+    def period_s(self) -> float:
+        return self.period_us * 1e-6 if self.exact_period_s is None else self.exact_period_s
+
+
+@dataclass(frozen=True)
+class Tuning(ForOnePeriod):
+    """Everything one run of `quad` needs."""
 
     system: ClassVar[str] = "quad"
 
@@ -118,10 +129,6 @@ class Tuning:
     pid: Pid = field(default_factory=Pid)
     esc: Esc = field(default_factory=Esc)
     exact_period_s: float | None = None
-
-    @property
-    def period_s(self) -> float:
-        return self.period_us * 1e-6 if self.exact_period_s is None else self.exact_period_s
 
 
 @dataclass(frozen=True)
@@ -165,8 +172,8 @@ class Drive:
 
 
 @dataclass(frozen=True)
-class BalancerTuning:
-    """Everything one run of `balancer` needs, for one period.
+class BalancerTuning(ForOnePeriod):
+    """Everything one run of `balancer` needs.
 
     calibration.accel_y is the forward axis, its sign such that it reads sin(tilt) at rest.
     """
@@ -185,10 +192,6 @@ class BalancerTuning:
     drive: Drive = field(default_factory=Drive)
     exact_period_s: float | None = None
 
-    @property
-    def period_s(self) -> float:
-        return self.period_us * 1e-6 if self.exact_period_s is None else self.exact_period_s
-
 
 @dataclass(frozen=True)
 class PhoneAxis:
@@ -201,8 +204,8 @@ class PhoneAxis:
 
 
 @dataclass(frozen=True)
-class PhoneTuning:
-    """Everything one run of `phone` needs, for one period.
+class PhoneTuning(ForOnePeriod):
+    """Everything one run of `phone` needs.
 
     gyro, accel: the channel of all three axes each. rates: what drives the filters, the body's rates as printed or
     those of the angles. r_left_out_deg2: stands in for R where an acceleration tells no angle.
@@ -220,10 +223,6 @@ class PhoneTuning:
     rate: RateChoice = "previous"
     bias_max_dps: float = 300.0
     exact_period_s: float | None = None
-
-    @property
-    def period_s(self) -> float:
-        return self.period_us * 1e-6 if self.exact_period_s is None else self.exact_period_s
 
     def kalman(self, axis: PhoneAxis) -> Kalman:
         """The settings of one axis' filter."""
@@ -270,7 +269,7 @@ class Fusion:
 
 
 @dataclass(frozen=True)
-class TurntableTuning:
+class TurntableTuning(ForOnePeriod):
     """Everything one run of `turntable` needs. A step is a sample of the angular accelerometer."""
 
     system: ClassVar[str] = "turntable"
@@ -282,10 +281,6 @@ class TurntableTuning:
     angular_filter: Prefilter
     fusion: Fusion
     exact_period_s: float | None = None
-
-    @property
-    def period_s(self) -> float:
-        return self.period_us * 1e-6 if self.exact_period_s is None else self.exact_period_s
 
 
 AnyTuning = Tuning | BalancerTuning | PhoneTuning | TurntableTuning

@@ -16,6 +16,41 @@ import numpy.typing as npt
 
 from plumb.errors import UsageError
 
+KALMAN = [
+    ("turn_q61", "<i8"),
+    ("bias_turn_q61", "<i8"),
+    ("p00", "<i8"),
+    ("p01", "<i8"),
+    ("p11", "<i8"),
+    ("p11_frac_q30", "<u4"),
+    ("innovation_turn_q32", "<i4"),
+    ("k0_q29", "<i4"),
+    ("k1_q29", "<i4"),
+]
+"""The words of one filter (kalman_t), behind the angle's name."""
+
+CONTROLLER = [
+    ("integral_q54", "<i8"),
+    ("command_q22", "<i4"),
+    ("rate_filtered_turnps_q27", "<i4"),
+    ("excess_q22", "<i4"),
+    ("error_turn_q32", "<i4"),
+]
+"""The words of the controller of an angle (pid_t)."""
+
+ONE_AXIS = [
+    ("tilt_measured_turn_q32", "<i4"),
+    ("variance", "<u4"),
+    ("tilt_turn_q61", "<i8"),
+    *KALMAN[1:],
+    ("tilt_turn_q32", "<i4"),
+    ("bias_turnps_q28", "<i4"),
+    ("rate_corrected_turnps_q28", "<i4"),
+    ("clamped_steps", "<u4"),
+]
+"""The estimate of one axis: measured, filtered, published."""
+
+
 QUAD = np.dtype(
     [
         *((f"raw_{i}", "<i4") for i in range(6)),
@@ -23,26 +58,8 @@ QUAD = np.dtype(
         ("rate_turnps_q28", "<i4"),
         ("accel_y_g_q26", "<i4"),
         ("accel_z_g_q26", "<i4"),
-        ("tilt_measured_turn_q32", "<i4"),
-        ("variance", "<u4"),
-        ("tilt_turn_q61", "<i8"),
-        ("bias_turn_q61", "<i8"),
-        ("p00", "<i8"),
-        ("p01", "<i8"),
-        ("p11", "<i8"),
-        ("p11_frac_q30", "<u4"),
-        ("innovation_turn_q32", "<i4"),
-        ("k0_q29", "<i4"),
-        ("k1_q29", "<i4"),
-        ("tilt_turn_q32", "<i4"),
-        ("bias_turnps_q28", "<i4"),
-        ("rate_corrected_turnps_q28", "<i4"),
-        ("clamped_steps", "<u4"),
-        ("integral_q54", "<i8"),
-        ("command_q22", "<i4"),
-        ("rate_filtered_turnps_q27", "<i4"),
-        ("excess_q22", "<i4"),
-        ("error_turn_q32", "<i4"),
+        *ONE_AXIS,
+        *CONTROLLER,
         ("pulse_halfus_0", "<u4"),
         ("pulse_halfus_1", "<u4"),
         ("flags", "<u4"),
@@ -62,50 +79,19 @@ BALANCER = np.dtype(
         ("velocity_mps_q26", "<i4"),
         ("wheel_accel_g_q26", "<i4"),
         ("gravity_x_g_q26", "<i4"),
-        ("tilt_measured_turn_q32", "<i4"),
-        ("variance", "<u4"),
-        ("tilt_turn_q61", "<i8"),
-        ("bias_turn_q61", "<i8"),
-        ("p00", "<i8"),
-        ("p01", "<i8"),
-        ("p11", "<i8"),
-        ("p11_frac_q30", "<u4"),
-        ("innovation_turn_q32", "<i4"),
-        ("k0_q29", "<i4"),
-        ("k1_q29", "<i4"),
-        ("tilt_turn_q32", "<i4"),
-        ("bias_turnps_q28", "<i4"),
-        ("rate_corrected_turnps_q28", "<i4"),
-        ("clamped_steps", "<u4"),
+        *ONE_AXIS,
         ("speed_integral_q54", "<i8"),
         ("speed_command_q22", "<i4"),
         ("accel_filtered_g_q25", "<i4"),
         ("speed_excess_q22", "<i4"),
         ("speed_error_mps_q26", "<i4"),
-        ("integral_q54", "<i8"),
-        ("command_q22", "<i4"),
-        ("rate_filtered_turnps_q27", "<i4"),
-        ("excess_q22", "<i4"),
-        ("error_turn_q32", "<i4"),
+        *CONTROLLER,
         ("lean_turn_q32", "<i4"),
         ("duty_q15", "<i4"),
         ("flags", "<u4"),
         ("step", "<u4"),
     ]
 )
-
-KALMAN = [
-    ("turn_q61", "<i8"),
-    ("bias_turn_q61", "<i8"),
-    ("p00", "<i8"),
-    ("p01", "<i8"),
-    ("p11", "<i8"),
-    ("p11_frac_q30", "<u4"),
-    ("innovation_turn_q32", "<i4"),
-    ("k0_q29", "<i4"),
-    ("k1_q29", "<i4"),
-]
-"""The words of one filter (kalman_t), as a record with two of them names them behind the axis."""
 
 PHONE = np.dtype(
     [

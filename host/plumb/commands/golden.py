@@ -1,10 +1,13 @@
 """Make the golden vectors from their recipe, or check boards against them.
 
-    plumb golden check --board native --board qemu --board virtual
-    plumb golden make
+    plumb golden check --board native --board qemu --board virtual      every system, without hardware
+    plumb golden check --board virtual --link can --system balancer     one system, over CAN
+    plumb golden check --board serial:/dev/ttyUSB0                      silicon
+    plumb golden make                                                   after a change of the specification
 
-The vectors are data made by the integer model; a board passes when every step's digest is the same. A difference is
-traced to the first step and signal. Exit code 1 on a mismatch, 3 when a link lost what would have proved it.
+The vectors are data made by the integer model; a board passes when every step's digest is the same. native and qemu
+take every vector, a link those that the recipe marks for it. A difference is traced to the first step and signal. Exit
+code 1 on a mismatch, 3 when a link lost what would have proved it.
 """
 
 from __future__ import annotations

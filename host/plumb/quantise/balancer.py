@@ -5,23 +5,10 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
-from plumb.errors import UsageError
 from plumb.quantise import ControlParams
-from plumb.quantise.groups import (
-    channel_of,
-    channel_words,
-    check_filter,
-    check_numbers,
-    filter_of,
-    filter_words,
-    not_negative,
-    pid_of,
-    pid_words,
-    refuse,
-    whole,
-)
+from plumb.quantise.groups import axis_of, axis_words, not_negative, refuse, whole
 from plumb.reference.balancer import GRAVITY_MPS2
-from plumb.tuning import BalancerTuning, Calibration, Drive, SpeedLoop, Wheel
+from plumb.tuning import BalancerTuning, Drive, SpeedLoop, Wheel
 
 GROUPS = ("gyro", "accel_y", "accel_z", "tilt", "kalman", "start", "pid", "wheel", "speed", "drive")
 
@@ -31,18 +18,9 @@ MOST = (1 << 31) - 1
 
 def quantise(tuning: BalancerTuning) -> ControlParams:
     """The integers; raises UsageError with the parameter, its value and the limit."""
-    check_numbers(tuning)
-    if tuning.tilt not in ("arcsine", "atan2"):
-        raise UsageError(f"tilt = '{tuning.tilt}': arcsine or atan2")
-    check_filter(tuning.kalman, tuning.start, tuning.trust, tuning.period_us)
-    filtered, lsb_deg2 = filter_words(tuning.kalman, tuning.start, tuning.trust, tuning.period_us)
+    shared, lsb_deg2 = axis_words(tuning)
     own = {
-        **channel_words("gyro", tuning.calibration.gyro, Fraction(1 << 28, 360)),
-        **channel_words("accel_y", tuning.calibration.accel_y, Fraction(1 << 26)),
-        **channel_words("accel_z", tuning.calibration.accel_z, Fraction(1 << 26)),
-        "tilt.mode": int(tuning.tilt == "atan2"),
-        **filtered,
-        **pid_words(tuning.pid, tuning.period_us),
+        **shared,
         **_wheel(tuning.wheel, Fraction(int(tuning.period_us), 10**6)),
         **_speed(tuning.speed, Fraction(int(tuning.period_us), 10**6)),
         **_drive(tuning.drive, tuning.speed),
@@ -119,22 +97,12 @@ def _drive(drive: Drive, speed: SpeedLoop) -> dict[str, int]:
 
 def dequantise(params: ControlParams) -> BalancerTuning:
     """What the integers mean."""
-    kalman, start, trust = filter_of(params)
     dt, p = params.period_s, params.values
     share = p["wheel.alpha_q31"] / 2**31
     lean_max_deg = p["drive.lean_max_turn_q34"] / 2**34 * 360
     damping = p["speed.d_alpha_q31"] / 2**31
     return BalancerTuning(
-        period_us=round(dt * 1e6),
-        calibration=Calibration(
-            channel_of(params, "gyro", 2**28 / 360),
-            channel_of(params, "accel_y", 2**26),
-            channel_of(params, "accel_z", 2**26),
-        ),
-        tilt="atan2" if params["tilt.mode"] else "arcsine",
-        trust=trust,
-        kalman=kalman,
-        start=start,
+        **axis_of(params),
         wheel=Wheel(
             edge_m=p["wheel.edge_mps_q26"] / 2**26 * dt,
             edges_max=p["wheel.edges_max"],
@@ -150,9 +118,7 @@ def dequantise(params: ControlParams) -> BalancerTuning:
             lean_slew_dps=p["speed.slew_q22"] / 2**22 / dt * lean_max_deg,
             speed_max_mps=p["drive.speed_max_mps_q26"] / 2**26,
         ),
-        pid=pid_of(params),
         drive=Drive(
             p["drive.span_q15"] / 2**15, p["drive.duty_max_q15"] / 2**15, p["drive.fall_turn_q32"] / 2**32 * 360
         ),
-        exact_period_s=dt,
     )

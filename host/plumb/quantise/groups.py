@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 
 from plumb.errors import UsageError
 from plumb.quantise import ControlParams
-from plumb.tuning import Channel, Esc, Kalman, Pid, Start, Trust
+from plumb.tuning import BalancerTuning, Calibration, Channel, Esc, Kalman, Pid, Start, Trust, Tuning
 
 CALIBRATION_LIMIT = 7 << 28
 VARIANCE_MAX = 1 << 56
@@ -280,6 +280,24 @@ def pid_words(pid: Pid, period_us: int) -> dict[str, int]:
     }
 
 
+def axis_words(tuning: Tuning | BalancerTuning) -> tuple[dict[str, int], Fraction]:
+    """What systems of one axis share: three channels, tilt, filter and controller; and the unit of variance, deg^2."""
+    check_numbers(tuning)
+    if tuning.tilt not in ("arcsine", "atan2"):
+        raise UsageError(f"tilt = '{tuning.tilt}': arcsine or atan2")
+    check_filter(tuning.kalman, tuning.start, tuning.trust, tuning.period_us)
+    filtered, lsb_deg2 = filter_words(tuning.kalman, tuning.start, tuning.trust, tuning.period_us)
+    words = {
+        **channel_words("gyro", tuning.calibration.gyro, Fraction(1 << 28, 360)),
+        **channel_words("accel_y", tuning.calibration.accel_y, Fraction(1 << 26)),
+        **channel_words("accel_z", tuning.calibration.accel_z, Fraction(1 << 26)),
+        "tilt.mode": int(tuning.tilt == "atan2"),
+        **filtered,
+        **pid_words(tuning.pid, tuning.period_us),
+    }
+    return words, lsb_deg2
+
+
 def esc_words(esc: Esc) -> dict[str, int]:
     """esc_params_t."""
     if esc.max_us < esc.min_us:
@@ -336,6 +354,25 @@ def pid_of(params: ControlParams) -> Pid:
         derivative_tau_s=tau,
         slew_per_s=p["pid.slew_q22"] / 2**22 / dt,
     )
+
+
+def axis_of(params: ControlParams) -> dict[str, Any]:
+    """What the words of `axis_words` mean, as fields of a tuning by name."""
+    kalman, start, trust = filter_of(params)
+    return {
+        "period_us": round(params.period_s * 1e6),
+        "exact_period_s": params.period_s,
+        "calibration": Calibration(
+            channel_of(params, "gyro", 2**28 / 360),
+            channel_of(params, "accel_y", 2**26),
+            channel_of(params, "accel_z", 2**26),
+        ),
+        "tilt": "atan2" if params["tilt.mode"] else "arcsine",
+        "trust": trust,
+        "kalman": kalman,
+        "start": start,
+        "pid": pid_of(params),
+    }
 
 
 def esc_of(params: ControlParams) -> Esc:

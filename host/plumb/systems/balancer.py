@@ -22,7 +22,7 @@ import numpy.typing as npt
 from plumb import metrics
 from plumb.disturbance import Request
 from plumb.errors import UsageError
-from plumb.sensors import FAULT_NOTES, Adxl345, Fault, Itg3205, fault_of
+from plumb.sensors import FAULT_NOTES, Adxl345, Fault, Itg3205, Push, faults_of
 from plumb.systems.balancer_plant import EDGE_M, GRID_S, BalancerPlant, Vehicle
 from plumb.tuning import BalancerTuning, Calibration, Drive, Kalman, Pid, SpeedLoop, Start, Trust, Wheel
 
@@ -94,24 +94,9 @@ STARTS: dict[str, Start] = {}
 START_NOTES: dict[str, str] = {}
 
 
-@dataclass(frozen=True)
-class Push:
-    """An acceleration of the axle for a while, beside the scenario's own pushes."""
-
-    push_mps2: float
-    start_s: float
-    stop_s: float
-
-
 def faults(requests: Sequence[Request]) -> tuple[Fault | Push, ...]:
-    """What `scenario` takes; raises UsageError for a kind or a channel that there is not."""
-    found: list[Fault | Push] = []
-    for asked in requests:
-        if asked.kind == "push":
-            found.append(Push(asked.number("m/s^2"), asked.start_s, asked.stop_s))
-        else:
-            found.append(fault_of(asked, FAULT_CHANNELS))
-    return tuple(found)
+    """What `scenario` takes; a push is in m/s^2."""
+    return faults_of(requests, FAULT_CHANNELS, "m/s^2")
 
 
 @dataclass(frozen=True)
@@ -293,7 +278,7 @@ def scenario(
         push += size * ((grid_s >= at_s) & (grid_s < at_s + PUSH_S))
     for more in faults:
         if isinstance(more, Push):
-            push += more.push_mps2 * ((grid_s >= more.start_s) & (grid_s < more.stop_s))
+            push += more.size * ((grid_s >= more.start_s) & (grid_s < more.stop_s))
     latest = np.searchsorted(command_s, grid_s, side="right")
     by_hand = name == "rocked"
     return Scenario(

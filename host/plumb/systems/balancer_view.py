@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb import metrics as measures
-from plumb.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
+from plumb.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_budget
 from plumb.trial import Trial
 
 FloatArray = npt.NDArray[np.float64]
@@ -102,11 +102,5 @@ def plots(trial: Trial, *, closed: bool) -> list[Plot]:
             ],
         ),
         Plot("Duty of the bridge", "1 = full", time_s, [Line("duty", words["duty_q15"] * DUTY, ESTIMATE)]),
-        Plot(
-            "Error budget: fixed point against float64, same counts",
-            "deg",
-            time_s,
-            [Line("fixed - reference", apart, ESTIMATE)],
-            "The board against fixed is the third part of the budget: it must be, bit for bit, nothing.",
-        ),
+        error_budget(time_s, apart),
     ]

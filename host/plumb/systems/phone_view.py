@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb import metrics as measures
-from plumb.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
+from plumb.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_budget
 from plumb.systems.phone import inclination_deg, up
 from plumb.trial import Trial
 
@@ -92,13 +92,5 @@ def plots(trial: Trial, *, closed: bool) -> list[Plot]:
             "Of the rates that drive the filters: with Euler rates it turns with the phone.",
         )
     )
-    found.append(
-        Plot(
-            "Error budget: fixed point against float64, same counts",
-            "deg",
-            time_s,
-            [Line("between the verticals", apart_deg(trial), ESTIMATE)],
-            "The board against fixed is the third part of the budget: it must be, bit for bit, nothing.",
-        )
-    )
+    found.append(error_budget(time_s, apart_deg(trial)))
     return found

@@ -31,8 +31,9 @@ from plumb.sensors import (
     Fault,
     Mma7260,
     OnePole,
+    Push,
     adc_counts,
-    fault_of,
+    faults_of,
 )
 from plumb.tuning import Calibration, Esc, Kalman, Pid, Start, Trust, Tuning
 
@@ -149,24 +150,9 @@ TUNING_NOTES = {
 }
 
 
-@dataclass(frozen=True)
-class Push:
-    """A torque on the axis for a while."""
-
-    torque_nm: float
-    start_s: float
-    stop_s: float
-
-
 def faults(requests: Sequence[Request]) -> tuple[Fault | Push, ...]:
-    """What `scenario` takes; raises UsageError for a kind or a channel that there is not."""
-    found: list[Fault | Push] = []
-    for asked in requests:
-        if asked.kind == "push":
-            found.append(Push(asked.number("Nm"), asked.start_s, asked.stop_s))
-        else:
-            found.append(fault_of(asked, FAULT_CHANNELS))
-    return tuple(found)
+    """What `scenario` takes; a push is in Nm."""
+    return faults_of(requests, FAULT_CHANNELS, "Nm")
 
 
 @dataclass(frozen=True)

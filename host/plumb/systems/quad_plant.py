@@ -135,7 +135,7 @@ class QuadPlant:
 
     def _pushed_nm(self) -> float:
         time_s = (self._step - 1) * GRID_S  # the beginning of the step that is being simulated
-        return sum(push.torque_nm for push in self.scenario.pushes if push.start_s <= time_s < push.stop_s)
+        return sum(push.size for push in self.scenario.pushes if push.start_s <= time_s < push.stop_s)
 
     def _specific_force(self, n: int) -> tuple[float, float]:
         tilt_rad = math.radians(self.tilt_deg)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb import metrics as measures
-from plumb.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, Series
+from plumb.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, Series, error_budget
 from plumb.trial import Trial
 
 FloatArray = npt.NDArray[np.float64]
@@ -85,13 +85,7 @@ def plots(trial: Trial, *, closed: bool) -> list[Plot]:
                 Line("motor 1", words["pulse_halfus_1"] / 2.0, SECOND),
             ],
         ),
-        Plot(
-            "Error budget: fixed point against float64, same counts",
-            "deg",
-            time_s,
-            [Line("fixed - reference", apart, ESTIMATE)],
-            "The board against fixed is the third part of the budget: it must be, bit for bit, nothing.",
-        ),
+        error_budget(time_s, apart),
     ]
     if np.isfinite(truth).any():
         lines = [Line("estimate - truth", error, SECOND)]

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.reference.turntable import rotation_deg
-from plumb.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
+from plumb.report import ESTIMATE, SECOND, SENSOR, Line, Plot, error_budget
 from plumb.systems.turntable import REST_S
 from plumb.systems.turntable_gyro import attitudes, interpolated
 from plumb.trial import Trial
@@ -114,11 +114,5 @@ def plots(trial: Trial, *, closed: bool) -> list[Plot]:
         ),
         Plot("Difference in scale", "%", time_s, lines("scale_q30", 100.0 / 2.0**30)),
         Plot("Lag of the gyro", "ms", time_s, lines("lag_step_q24", 1e3 * period_s / 2.0**24)),
-        Plot(
-            "Error budget: fixed point against float64, same counts",
-            "deg",
-            time_s,
-            [Line("fixed - reference", apart_deg(trial), TRUTH)],
-            "The board against fixed is the third part of the budget: it must be, bit for bit, nothing.",
-        ),
+        error_budget(time_s, apart_deg(trial)),
     ]
