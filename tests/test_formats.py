@@ -1,0 +1,26 @@
+"""The formats are wide enough and not wasteful: what the golden vectors make of every word, extremes included."""
+
+from __future__ import annotations
+
+import pytest
+
+from plumb import formats, golden, recipe
+from plumb.words import names_of
+
+FOLDER = golden.vectors_folder()
+
+
+@pytest.mark.parametrize("system", sorted({entry.system for entry in recipe.read(FOLDER / golden.RECIPE)}))
+def test_every_word_is_used(system: str) -> None:
+    rows = {row.name: row for row in formats.used(system)}
+    assert tuple(rows) == names_of(system)
+    assert all(row.worst > 0 for row in rows.values()), "a word that no vector ever moves proves nothing"
+
+
+def test_quads_words_stay_within_what_the_design_says() -> None:
+    worst = {row.name: row.worst for row in formats.used("quad")}
+    assert worst["rate_turnps_q28"] <= 7 and worst["rate_corrected_turnps_q28"] <= 8
+    assert worst["accel_y_g_q26"] <= 28 and worst["p00"] <= 2**56 and worst["p11"] <= 2**56
+    assert worst["k0_q29"] < 1 and worst["k1_q29"] < 1 and worst["variance"] <= 2**24
+    assert worst["integral_q54"] <= 2 and worst["excess_q22"] < 257
+    assert worst["bias_turn_q61"] <= 1 / 8 and worst["pulse_halfus_0"] <= 16383
