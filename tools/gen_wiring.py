@@ -62,14 +62,14 @@ class Drawing:
         return [wire for device in self.left + self.right for wire in device.wires if wire.role]
 
 
-SWITCH = Device("arm switch (may be left out)", (Wire("closed = armed", "PC14", INPUT), Wire("", "GND")), 17.5)
+SWITCH = Device("arm switch (optional)", (Wire("closed = armed", "PC14", INPUT), Wire("", "GND")), 17.5)
 ADAPTER = Device(
     "USB-serial adapter, 3.3 V",
     (Wire("RX", "PA9", OUTPUT), Wire("TX", "PA10", INPUT), Wire("GND", "GND")),
     4.5,
 )
 CAN = Device(
-    "CAN transceiver, 3.3 V (may be left out)",
+    "CAN transceiver, 3.3 V (optional)",
     (Wire("RXD", "PA11", INPUT), Wire("TXD", "PA12", OUTPUT), Wire("VCC, GND", "3V3 GND")),
     8.6,
 )
@@ -80,6 +80,57 @@ SPEED_CONTROLLERS = Device(
 )
 COMMON = "Power: 5 V from USB or from the adapter, never both. Every GND is the same wire."
 SWITCH_NOTE = "The arm switch is the dead man's handle: closed it arms without any host, open it lets go at once."
+
+BRIDGE = (
+    Device(
+        "three-phase bridge, with gate driver",
+        (
+            Wire("/FAULT (open drain)", "PB12", INPUT, "4.7 kΩ to 3V3"),
+            Wire("gate A low", "PB13", OUTPUT, "10 kΩ to GND"),
+            Wire("gate B low", "PB14", OUTPUT, "10 kΩ to GND"),
+            Wire("gate C low", "PB15", OUTPUT, "10 kΩ to GND"),
+            Wire("gate A high", "PA8", OUTPUT, "10 kΩ to GND"),
+            Wire("gate B high", "PA9", OUTPUT, "10 kΩ to GND"),
+            Wire("gate C high", "PA10", OUTPUT, "10 kΩ to GND"),
+            Wire("logic GND", "GND"),
+        ),
+        -1,
+    ),
+    Device(
+        "Hall sensors of the motor",
+        (
+            Wire("A", "PA15", INPUT, "4.7 kΩ to 3V3"),
+            Wire("B", "PB3", INPUT, "4.7 kΩ to 3V3"),
+            Wire("supply, GND", "5V GND"),
+        ),
+        8.6,
+    ),
+    Device(
+        "USB-serial adapter, 3.3 V",
+        (
+            Wire("RX", "PB6", OUTPUT),
+            Wire("TX", "PB7", INPUT, "1 kΩ in series"),
+            Wire("GND", "GND"),
+        ),
+        14.4,
+    ),
+)
+"""Left of the Blue Pill wherever its pins are the bridge's."""
+HALL_C = Device("Hall sensors of the motor", (Wire("C", "PB10", INPUT, "4.7 kΩ to 3V3"),), 5)
+BRIDGE_NOTES = (
+    "10 kΩ to GND at every gate input are a must: until the pins are set up, they alone keep the bridge off.",
+    "/FAULT low, or its wire off, switches off without any software. A driver without one: tie PB12 to 3V3.",
+    "First the pin set, before the bridge is wired: plumb params tuning balancer --save on PA9, PA10; power off.",
+    "The 1 kΩ keeps two outputs from fighting on PB7 should the board ever start with the standard set.",
+)
+
+
+def i2c(title: str, owner: str, supplies: tuple[Wire, Wire]) -> Device:
+    """What is on the two wires of I2C1."""
+    pulled = "2.2 kΩ to 3V3"
+    lines = (Wire(f"SCL{owner}", "PB8", DRAIN, pulled), Wire(f"SDA{owner}", "PB9", DRAIN, pulled))
+    return Device(title, lines + supplies, 19.2)
+
 
 DRAWINGS = (
     Drawing(
@@ -117,56 +168,40 @@ DRAWINGS = (
         "balancer: digital sensors, three-phase bridge, Hall sensors",
         "bridge",
         left=(
-            Device(
-                "three-phase bridge, with gate driver",
-                (
-                    Wire("/FAULT (open drain)", "PB12", INPUT, "4.7 kΩ to 3V3"),
-                    Wire("gate A low", "PB13", OUTPUT, "10 kΩ to GND"),
-                    Wire("gate B low", "PB14", OUTPUT, "10 kΩ to GND"),
-                    Wire("gate C low", "PB15", OUTPUT, "10 kΩ to GND"),
-                    Wire("gate A high", "PA8", OUTPUT, "10 kΩ to GND"),
-                    Wire("gate B high", "PA9", OUTPUT, "10 kΩ to GND"),
-                    Wire("gate C high", "PA10", OUTPUT, "10 kΩ to GND"),
-                    Wire("logic GND", "GND"),
-                ),
-                -1,
-            ),
-            Device(
-                "Hall sensors of the motor",
-                (
-                    Wire("A", "PA15", INPUT, "4.7 kΩ to 3V3"),
-                    Wire("B", "PB3", INPUT, "4.7 kΩ to 3V3"),
-                    Wire("supply, GND", "5V GND"),
-                ),
-                8.6,
-            ),
-            Device(
-                "USB-serial adapter, 3.3 V",
-                (
-                    Wire("RX", "PB6", OUTPUT),
-                    Wire("TX", "PB7", INPUT, "1 kΩ in series"),
-                    Wire("GND", "GND"),
-                ),
-                14.4,
-            ),
-            Device(
+            *BRIDGE,
+            i2c(
                 "ITG-3205 and ADXL345",
-                (
-                    Wire("SCL of both", "PB8", DRAIN, "2.2 kΩ to 3V3"),
-                    Wire("SDA of both", "PB9", DRAIN, "2.2 kΩ to 3V3"),
-                    Wire("VDD; ADXL345's /CS", "3V3"),
-                    Wire("GND; SDO, AD0, CLKIN", "GND"),
-                ),
-                19.2,
+                " of both",
+                (Wire("VDD, VLOGIC; ADXL345's /CS", "3V3"), Wire("GND; SDO, AD0, CLKIN", "GND")),
             ),
         ),
-        right=(Device("Hall sensors of the motor", (Wire("C", "PB10", INPUT, "4.7 kΩ to 3V3"),), 5), SWITCH),
+        right=(HALL_C, SWITCH),
+        notes=(*BRIDGE_NOTES, "CAN as in quad.svg.", SWITCH_NOTE),
+    ),
+    Drawing(
+        "balancer_spi",
+        "balancer, its accelerometer on SPI",
+        "bridge",
+        left=(*BRIDGE, i2c("ITG-3205", "", (Wire("VDD, VLOGIC", "3V3"), Wire("GND; AD0, CLKIN", "GND")))),
+        right=(
+            HALL_C,
+            Device(
+                "ADXL345",
+                (
+                    Wire("SDA (data in)", "PA7", OUTPUT),
+                    Wire("SDO (data out)", "PA6", INPUT),
+                    Wire("SCL (clock)", "PA5", OUTPUT),
+                    Wire("/CS", "PA4", OUTPUT),
+                    Wire("VDD, GND", "3V3 GND"),
+                ),
+                8,
+            ),
+            SWITCH,
+        ),
         notes=(
-            "10 kΩ to GND at every gate input are a must: until the pins are set up, they alone keep the bridge off.",
-            "/FAULT low, or its wire off, switches off without any software. A driver without one: tie PB12 to 3V3.",
-            "First the pin set, before the bridge is wired: plumb params set pins=1 --save on PA9, PA10; power off.",
-            "The 1 kΩ keeps two outputs from fighting on PB7 should the board ever start with the standard set.",
-            "ADXL345 by SPI instead (parameter accel_bus): /CS PA4, SCL PA5, SDO PA6, SDA PA7. CAN as in quad.svg.",
+            *BRIDGE_NOTES,
+            "The board has to be told where the accelerometer is: plumb params set accel_bus=1 --save.",
+            "CAN as in quad.svg.",
             SWITCH_NOTE,
         ),
     ),
@@ -177,7 +212,7 @@ DRAWINGS = (
         left=(ADAPTER, CAN),
         right=(
             Device(
-                "angular-acceleration sensors, 0 to 3.3 V",
+                "angular acceleration, 0 to 3.3 V",
                 (
                     Wire("Z", "PB1", ANALOG),
                     Wire("Y", "PB0", ANALOG),
@@ -320,18 +355,20 @@ def svg(drawing: Drawing) -> str:
     boxes += [(box, upper, "right") for box, upper in placed(drawing.right)]
     lowest = max(TOP + PITCH * len(LEFT) + 30, *(upper + box_height(box) for box, upper, _ in boxes))
     height = lowest + 40 + 18 * (len(drawing.notes) + 1)
+    width = WIDTH if drawing.right else BOARD_X + BOARD_WIDTH + BOX_X
+    used = {wire.role for wire in drawing.wires()}
     legend: list[str] = []
-    for place, (role, colour) in enumerate(COLOURS.items()):
+    for place, (role, colour) in enumerate((role, colour) for role, colour in COLOURS.items() if role in used):
         x = 24.0 + 165 * place
         legend.append(line([(x, 52), (x + 24, 52)], colour))
         legend.append(text(x + 30, 56, f"{role} of the STM32", FAINT, 11))
     notes = [text(24, lowest + 34 + 18 * row, note, INK, 12) for row, note in enumerate(drawing.notes)]
     parts = [
         "<!-- GENERATED by tools/gen_wiring.py: change that, then run it. -->",
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height:g}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height:g}" '
         'font-family="system-ui, sans-serif">',
         f"<title>{escape(drawing.title)}</title>",
-        f'<rect width="{WIDTH}" height="{height:g}" fill="{PAPER}"/>',
+        f'<rect width="{width}" height="{height:g}" fill="{PAPER}"/>',
         text(24, 30, drawing.title, INK, 18, ' font-weight="600"'),
         *legend,
         *[part for box, upper, side in boxes for part in device(box, upper, side)],

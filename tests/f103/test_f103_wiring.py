@@ -17,8 +17,8 @@ from plumb.session import Session
 
 ROOT = Path(__file__).parents[2]
 CONTROL_WORDS = sum(row.owner == "control" for row in table())
-MODES = {"analog": {0b0000}, "input": {0b1000}, "output": {0b1001, 0b1010}, "open drain": {0b1101}}
-"""RM0008 9.2.1: inputs have their pull, outputs belong to a peripheral."""
+MODES = {"analog": {0b0000}, "input": {0b1000}, "output": {0b0001, 0b1001, 0b1010}, "open drain": {0b1101}}
+"""RM0008 9.2.1: inputs have their pull, outputs belong to a peripheral, but for the select line."""
 
 
 def tool() -> ModuleType:
