@@ -35,7 +35,7 @@ def test_the_demo_closes_the_loop_and_agrees_in_every_bit(tmp_path: Path, capsys
     assert errors["adaptive, the board"] == errors["adaptive, fixed"]
     assert errors["adaptive, the board"]["rms"] < errors["the paper's constants, fixed"]["rms"]
     assert errors["the paper's constants, fixed"]["rms"] < errors["accelerometer only"]["rms"]
-    assert {"native", "virtual"} <= summary["golden"].keys()
+    assert {"native", "virtual", "virtual, CAN"} <= summary["golden"].keys()
     assert all(row["mismatches"] == 0 for row in summary["golden"].values())
     page = (tmp_path / "report.html").read_text()
     assert page.count("<svg") == 6

@@ -1,9 +1,9 @@
 """The main job, on no hardware: close the loop of `quad` on the virtual board, then check the golden vectors.
 
 The unmodified flash image runs on a simulated STM32F103. The plant drives volts into its ADC pins and follows its PWM;
-telemetry comes back over its serial port. Every step is compared with the integer model, then the golden vectors run on
-the native core, on QEMU where it is installed, and on the virtual board. Writes DIR/report.html, DIR/summary.json and
-DIR/steps.csv.
+telemetry comes back over its serial port. Every step is compared with the integer model, then the golden vectors of all
+systems run on the native core, on QEMU where it is installed, and on the virtual board over its serial port and over
+CAN. Writes DIR/report.html, DIR/summary.json and DIR/steps.csv.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb import fixed, golden, live, story
+    from plumb import fixed, golden, live, story, systems
     from plumb.boards import open_board
     from plumb.boards.virtual import VirtualBoard
     from plumb.quantise import quantise
@@ -34,12 +34,14 @@ def main(arguments: argparse.Namespace) -> int:
     folder = golden.vectors_folder(None)
     params = quantise(quad.TUNINGS["adaptive"])
     scenario = quad.scenario("hold", arguments.seed, seconds=arguments.seconds)
-    boards = ["native", *(["qemu"] if shutil.which("qemu-system-arm") else []), "virtual"]
+    here = ["native", *(["qemu"] if shutil.which("qemu-system-arm") else [])]
+    boards = [*((name, name, "serial") for name in here), ("virtual", "virtual", "serial")]
+    boards.append(("virtual, CAN", "virtual", "can"))
     with VirtualBoard(arguments.image) as board:
         trial = live.fly(board, scenario, params)
     checks = {}
-    for name in boards:
-        with open_board(name, image=arguments.image) as board_:
+    for name, spec, link in boards:
+        with open_board(spec, link=link, image=arguments.image) as board_:
             checks[name] = golden.check(board_, folder)
 
     flight = trial.flight
@@ -76,7 +78,7 @@ def main(arguments: argparse.Namespace) -> int:
             "All rows from the same raw counts, taken by the board's ADC in the closed loop.",
         ),
         Table(
-            "Golden vectors",
+            f"Golden vectors of {', '.join(systems.SYSTEMS)}",
             ["board", "vectors", "steps", "mismatches"],
             [
                 [name, *(str(check.to_json()[key]) for key in ("vectors", "steps", "mismatches"))]
