@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 
-from plumb import fixed, native
+from plumb import fixed, native, reference
 from plumb.compare import first_divergence
-from plumb.quantise import ControlParams, quantise
+from plumb.errors import UsageError
+from plumb.quantise import ControlParams, dequantise, quantise
+from plumb.reference.turntable import rotation_deg
 from plumb.systems import turntable
-from plumb.tuning import TurntableTuning
+from plumb.systems.turntable_view import RATE_DPS, attitude, reference_attitude
+from plumb.tuning import Prefilter, TurntableTuning
 from plumb.words import TURNTABLE, Words, names_of
 from wild_params import wild_turntable_params
 
@@ -43,9 +49,8 @@ def wild_runs() -> tuple[tuple[ControlParams, ...], npt.NDArray[np.int16]]:
 PROBABLE = (0.04, 0.24, 0.24, 0.24, 0.24)
 
 
-def run(tuning: TurntableTuning, raw: npt.ArrayLike) -> Words:
-    counts = np.asarray(raw, np.int16)
-    return native.run_control(quantise(tuning), counts, np.zeros((len(counts), *counts.shape[2:]), np.int32))
+def run(params: ControlParams, raw: npt.NDArray[np.int16]) -> Words:
+    return native.run_control(params, raw, np.zeros((len(raw), *raw.shape[2:]), np.int32))
 
 
 def test_wild_parameters_are_valid() -> None:
@@ -74,3 +79,233 @@ def test_one_run_and_many_runs_are_the_same_code() -> None:
     for column, i in enumerate(chosen):
         alone = fixed.run_control(params[i], raw[:, :, i], setpoint[:, column])
         assert first_divergence(Words(many.record[:, column]), alone) is None
+
+
+@pytest.mark.parametrize("name", turntable.TUNINGS)
+def test_ordinary_runs_agree_in_every_bit(name: str) -> None:
+    drawn = turntable.scenario("analog" if name == "analog" else "motion", 5, seconds=10.8)
+    params, raw = quantise(drawn.fit(turntable.TUNINGS[name])), drawn.counts()
+    assert first_divergence(fixed.run_control(params, raw, drawn.setpoint()), run(params, raw)) is None
+
+
+@pytest.mark.parametrize(
+    ("scenario", "tuning"),
+    [
+        ("motion", "data"),
+        ("motion", "attitude"),
+        ("motion", "printed"),
+        ("untrimmed", "untrimmed"),
+        ("no_lag", "no_lag"),
+    ],
+)
+def test_counts_to_attitude_stay_close_to_float64(scenario: str, tuning: str) -> None:
+    """DESIGN.md, "Error bounds": 5e-4 deg over the whole run."""
+    drawn = turntable.scenario(scenario, 1000, seconds=20.0)
+    params = quantise(drawn.fit(turntable.TUNINGS[tuning]))
+    ideal = reference.run_control(dequantise(params), drawn.counts())
+    apart = rotation_deg(reference_attitude(ideal), attitude(run(params, drawn.counts())))
+    assert np.abs(apart).max() <= 5e-4
+
+
+QUIET = turntable.with_fusion(turntable.KNOWN, rest_s=0.4, gyro_phase_s=0.0)
+"""Steps at rest: 100; the gyro samples in step 0, then every two and a half steps."""
+
+
+def counts(
+    rate_dps: Any, angular_dps2: Any, steps: int = 1000, *, phase_s: float = 0.0, tuning: TurntableTuning = QUIET
+) -> npt.NDArray[np.int16]:
+    """Samples of functions of time, (steps, 6), each sensor by its own clock: functions give three axes."""
+    raw = np.full((steps, 6), NONE, np.int16)
+    period_s = tuning.period_us * 1e-6
+    for k in range(steps):
+        raw[k, 3:] = np.rint(np.array(angular_dps2(k * period_s)) * turntable.ANGULAR_LSB_PER_DPS2)
+    for n in range(int((steps - 1) * period_s / 0.01 - phase_s / 0.01) + 1):
+        time_s = phase_s + 0.01 * n
+        raw[int(np.ceil(time_s / period_s - 1e-9)), :3] = np.rint(
+            np.array(rate_dps(time_s)) * turntable.GYRO_LSB_PER_DPS
+        )
+    return raw
+
+
+def nothing(_: float) -> tuple[float, float, float]:
+    return 0.0, 0.0, 0.0
+
+
+def ramp(time_s: float) -> tuple[float, float, float]:
+    """20 deg/s^2 about x from the end of the rest."""
+    return 20.0 * max(time_s - 0.4, 0.0), 0.0, 0.0
+
+
+def ramp_angular(time_s: float) -> tuple[float, float, float]:
+    return (20.0 if time_s > 0.4 else 10.0 if time_s > 0.398 else 0.0), 0.0, 0.0
+
+
+def test_at_rest_the_attitude_stays_and_both_biases_are_found() -> None:
+    biased = turntable.with_fusion(QUIET, rest_s=4.0)
+    words = run(quantise(biased), counts(lambda _: (0.5, -0.25, 0.0), lambda _: (1.0, 0.0, -2.0)))
+    assert np.all(words["flags"] & REST) and np.all(words["attitude_w_q30"] == 1 << 30)
+    for axis, (gyro, angular) in enumerate(((0.5, 1.0), (-0.25, 0.0), (0.0, -2.0))):
+        assert words[f"bias_gyro_turnps_q34_{axis}"][-1] * BIAS_DPS == pytest.approx(gyro, abs=0.01)
+        assert words[f"bias_angular_turnps_q42_{axis}"][-1] * BIAS_DPS2 == pytest.approx(angular, abs=0.05)
+        assert abs(words[f"rate_fused_turnps_q28_{axis}"][-1] * RATE_DPS) < 0.01
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("layer", ["data", "attitude", "printed"])
+def test_a_turn_has_the_sign_and_the_size_that_the_gyro_says(axis: int, layer: str) -> None:
+    """Half a second of acceleration, a second and a half of turning: 20 * (0.125 + 0.75) = 17.5 deg."""
+
+    def about(value: float) -> tuple[float, ...]:
+        return tuple(value if i == axis else 0.0 for i in range(3))
+
+    tuning = turntable.with_fusion(QUIET, layer=layer, lag_s=0.0)
+    raw = counts(
+        lambda t: about(20.0 * min(max(t - 0.4, 0.0), 0.5)), lambda t: about(20.0 if 0.4 < t <= 0.9 else 0.0), 601
+    )
+    words = run(quantise(tuning), raw)
+    turned = rotation_deg(attitude(words)[0], attitude(words)[-1])
+    assert turned == pytest.approx(about(17.5), abs=0.1)
+    assert words[f"rate_corrected_turnps_q28_{axis}"][-1] * RATE_DPS == pytest.approx(10.0, abs=0.1)
+
+
+@pytest.mark.parametrize("phase_s", [0.0, 0.0013, 0.0079])
+def test_streams_of_unrelated_phase_are_aligned(phase_s: float) -> None:
+    """On a ramp of the rate the gyro's sample is what is expected at its own instant, whenever that is; taken for a
+    sample of the step it would be off by the age times the acceleration."""
+    tuning = turntable.with_fusion(QUIET, gyro_phase_s=phase_s, lag_s=0.0)
+    raw = counts(ramp, ramp_angular, phase_s=phase_s)
+    words = run(quantise(tuning), raw)
+    sampled = (words["flags"] & GYRO) != 0
+    late = np.arange(1000) > 150
+    assert np.abs(words["innovation_turnps_q28_0"][sampled & late] * RATE_DPS).max() < 0.012
+    unaligned = run(quantise(turntable.with_fusion(tuning, gyro_phase_s=(phase_s + 0.002) % 0.01)), raw)
+    assert np.abs(unaligned["innovation_turnps_q28_0"][sampled & late] * RATE_DPS).max() > 0.016
+
+
+def test_the_gyros_lag_is_undone() -> None:
+    """Behind 8 ms of lag the gyro is 0.16 deg/s behind a ramp of 20 deg/s^2; the rate that is given out is not."""
+
+    def lagging(time_s: float) -> tuple[float, float, float]:
+        passed = max(time_s - 0.4, 0.0)
+        return 20.0 * (passed - 0.008 * (1.0 - np.exp(-passed / 0.008))), 0.0, 0.0
+
+    raw = counts(lagging, ramp_angular)
+    with_lag, without = (run(quantise(turntable.with_fusion(QUIET, lag_s=lag)), raw) for lag in (0.008, 0.0))
+    truth = ramp(999 * 0.004)[0]
+    assert with_lag["rate_corrected_turnps_q28_0"][-1] * RATE_DPS == pytest.approx(truth, abs=0.02)
+    assert without["rate_corrected_turnps_q28_0"][-1] * RATE_DPS < truth - 0.12
+
+
+@pytest.mark.parametrize(("column", "flag"), [(1, GYRO_SPIKE), (4, ANGULAR_SPIKE)])
+def test_a_spike_is_replaced_once_and_believed_the_second_time(column: int, flag: int) -> None:
+    raw = counts(nothing, nothing)
+    at = np.flatnonzero(raw[:, column] != NONE)[300]
+    spiked = raw.copy()
+    spiked[at, column] = 20_000
+    words, clean = run(quantise(QUIET), spiked), run(quantise(QUIET), raw)
+    assert np.flatnonzero(words["flags"] & flag).tolist() == [at]
+    assert np.all(words["attitude_y_q30"] == clean["attitude_y_q30"])
+    following = np.flatnonzero(raw[:, column] != NONE)[301]
+    spiked[following, column] = 20_000
+    twice = run(quantise(QUIET), spiked)
+    sensor = "gyro" if column < 3 else "angular"
+    assert np.flatnonzero(twice["flags"] & flag)[0] == at and not twice["flags"][following] & flag
+    assert twice[f"{sensor}_last_{column % 3}"][following] == 20_000
+
+
+@pytest.mark.parametrize(
+    ("column", "sample", "saturated"), [(0, GYRO, GYRO_SATURATED), (5, ANGULAR, ANGULAR_SATURATED)]
+)
+def test_a_missing_axis_or_a_rail_is_no_sample(column: int, sample: int, saturated: int) -> None:
+    raw = counts(nothing, nothing)
+    at = np.flatnonzero(raw[:, column] != NONE)[300]
+    for value, flag in ((NONE, 0), (32767, saturated), (-32767, saturated)):
+        raw[at, column] = value
+        flags = run(quantise(QUIET), raw)["flags"]
+        assert not flags[at] & sample and flags[at] & saturated == flag
+        assert run(quantise(QUIET), raw)["clamped_steps"][-1] == (1 if flag else 0)
+
+
+@pytest.mark.parametrize("layer", ["data", "attitude"])
+def test_it_goes_on_through_the_loss_of_either_sensor(layer: str) -> None:
+    """On a ramp of the rate: without the gyro the other sensor's integral, without that the gyro's samples."""
+    tuning = turntable.with_fusion(QUIET, layer=layer, lag_s=0.0)
+    for lost, flag in ((slice(0, 3), GYRO_LOST), (slice(3, 6), 0)):
+        raw = counts(ramp, ramp_angular)
+        raw[500:900, lost] = NONE
+        words = run(quantise(tuning), raw)
+        assert words["flags"][520] & GYRO_LOST == flag and not words["flags"][-1] & GYRO_LOST
+        truth = np.array([10.0 * max(0.004 * k - 0.4, 0.0) ** 2 for k in range(1000)])
+        found = np.unwrap(np.degrees(2.0 * np.arctan2(words["attitude_x_q30"], words["attitude_w_q30"])), period=360.0)
+        assert found[899] == pytest.approx(truth[899], abs=0.2) and found[-1] == pytest.approx(truth[-1], abs=0.3)
+
+
+def test_a_rate_that_only_the_gyro_saw_is_a_shock_and_is_followed() -> None:
+    raw = counts(lambda t: (30.0 if t > 1.0 else 0.0, 0.0, 0.0), nothing)
+    words = run(quantise(QUIET), raw)
+    assert words["flags"][250:256].max() & SHOCK
+    assert words["rate_corrected_turnps_q28_0"][300] * RATE_DPS == pytest.approx(30.0, abs=0.5)
+
+
+def test_the_attitude_layer_keeps_two_attitudes_that_correct_each_other() -> None:
+    """A bias that comes after the rest tears them apart; the difference takes it back."""
+    drawn = turntable.scenario("motion", 1003)
+    words = run(quantise(drawn.fit(turntable.TUNINGS["attitude"])), drawn.counts())
+    other = np.stack([words[f"attitude_angular_{axis}_q30"] / 2.0**30 for axis in "wxyz"], axis=-1)
+    apart = np.linalg.norm(rotation_deg(other, attitude(words)), axis=1)
+    assert 0.0 < apart[drawn.scored].max() < 0.5
+    assert np.any(words["innovation_turnps_q28_0"][drawn.scored] != 0)
+
+
+def test_quaternions_keep_their_length() -> None:
+    params, raw = wild_runs()
+    words = native.run_control(params, raw, np.zeros((STEPS, RUNS), np.int32))
+    for name in ("attitude", "attitude_angular"):
+        square = sum((words[f"{name}_{axis}_q30"] / 2.0**30) ** 2 for axis in "wxyz")
+        assert np.abs(square - 1.0).max() < 1e-5
+
+
+def test_dequantised_is_what_was_asked_within_a_thousandth() -> None:
+    asked = replace(
+        turntable.DATA,
+        gyro_filter=Prefilter(3.0, 0.5),
+        fusion=replace(turntable.DATA.fusion, layer="attitude", gyro_phase_s=0.0047, gyro_scale=0.02, lag_s=0.004),
+    )
+    got = dequantise(quantise(asked))
+    assert isinstance(got, TurntableTuning)
+    assert (got.fusion.layer, got.period_us) == ("attitude", turntable.PERIOD_US)
+    assert (got.gyro_filter.smooth, got.gyro_filter.spike) == pytest.approx((0.5, 3.0), rel=1e-3)
+    for field in fields(asked.fusion):
+        if field.name != "layer":
+            wanted = getattr(asked.fusion, field.name)
+            assert getattr(got.fusion, field.name) == pytest.approx(wanted, rel=1e-3), field.name
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"layer": "both"}, "data, attitude, printed"),
+        ({"gyro_period_s": 0.001}, "every 1 to 16 steps"),
+        ({"lag_s": 0.1}, "at most 16 steps"),
+        ({"gyro_dps": -1.0}, "gyro_dps"),
+        ({"start_gyro_dps": 1e6}, "start_gyro_dps"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_its_name(change: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(UsageError, match=sentence):
+        quantise(turntable.with_fusion(turntable.DATA, **change))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"gyro.gain": 1 << 30},
+        {"angular.gain": 1 << 30},
+        {"fusion.gyro_age_step_q24": 1 << 28, "fusion.gyro_period_step_q24": 1 << 27},
+    ],
+    ids=["gyro", "angular", "age"],
+)
+def test_what_would_overflow_is_refused_by_the_core(change: dict[str, int]) -> None:
+    params = quantise(turntable.DATA)
+    assert native.params_valid(params)
+    assert not native.params_valid(replace(params, values={**params.values, **change}))

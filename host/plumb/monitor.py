@@ -26,10 +26,11 @@ SILENCE_S = TRIES * REPLY_TIMEOUT_S
 """An open link says TIME every 50 ms."""
 LINE_FRAMES_PS = 921600 / 10 / 22
 """Frames a second that the UART carries."""
+ATTITUDE = ("ATTITUDE_W", "ATTITUDE_X", "ATTITUDE_Y", "ATTITUDE_Z")
 WANTED = {
     "quad": ("ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND", "RAW_A"),
     "balancer": ("ANGLE", "DRIVE", "BIAS", "RATE", "MEASURED", "COMMAND", "RAW_A", "RAW_B"),
-    "turntable": ("RAW_A", "RAW_B"),
+    "turntable": (*ATTITUDE, "RAW_A", "RAW_B"),
     "phone": ("ANGLE", "ROLL", "BIAS", "ROLL_BIAS", "RAW_A", "RAW_B"),
 }
 """The most wanted first."""
@@ -116,6 +117,12 @@ class Monitor:
         said = self._said(message)
         return None if said is None else said[signal] * _scales()[message, signal]
 
+    def _values(self, *signals: tuple[str, str]) -> list[float] | None:
+        """What belongs together; None where any of it is missing."""
+        values = [self._value(message, signal) for message, signal in signals]
+        known = [value for value in values if value is not None]
+        return known if len(known) == len(values) else None
+
     def _steps_per_s(self) -> float | None:
         if len(self._clock) < 2:
             return None
@@ -150,6 +157,8 @@ class Monitor:
             "roll_bias_dps": self._value("ROLL_BIAS", "bias"),
             "duty": self._value("DRIVE", "duty"),
             "velocity_mps": self._value("DRIVE", "velocity"),
+            "attitude": self._values(*((name, name[-1].lower()) for name in ATTITUDE)),
+            "rates_dps": self._values(*((name, f"rate_{name[-1].lower()}") for name in ATTITUDE[1:])),
             "raw": [raw[name] for name in (f"raw_{i}" for i in range(6)) if name in raw] or None,
             "saturated_steps": events.get("saturated"),
             "starved_steps": events.get("starved"),

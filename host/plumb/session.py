@@ -57,7 +57,10 @@ class Selection:
         return len(self.frames) + len(self.words)
 
 
-SELECTABLE = ("RAW_A", "RAW_B", "ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND", "DRIVE", "ROLL", "ROLL_BIAS")
+SELECTABLE = (
+    "RAW_A", "RAW_B", "ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND", "DRIVE", "ROLL", "ROLL_BIAS",
+    "ATTITUDE_W", "ATTITUDE_X", "ATTITUDE_Y", "ATTITUDE_Z",
+)  # fmt: skip
 """Frames of SELECT bank 0, bit by bit."""
 
 

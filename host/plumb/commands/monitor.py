@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import shutil
 import sys
 import time
@@ -132,6 +133,7 @@ def block(identity: Identity, s: Snapshot) -> list[str]:
         f"rate      {number(s['rate_dps'], 'deg/s')}    bias     {number(s['bias_dps'], 'deg/s')}",
         f"command   {number(s['command'], '')}         pulses   {pulses(s)}",
         *drive_and_roll(s),
+        *attitude(s),
         f"raw       {' '.join(map(str, s['raw'])) if s['raw'] else '-'}",
         f"armed     {armed}",
         f"faults    {'; '.join(s['faults']) or 'none'}",
@@ -151,6 +153,21 @@ def drive_and_roll(s: Snapshot) -> list[str]:
     if s["roll_deg"] is not None:
         lines.append(f"roll      {number(s['roll_deg'], 'deg')}      bias     {number(s['roll_bias_dps'], 'deg/s')}")
     return lines
+
+
+def attitude(s: Snapshot) -> list[str]:
+    """Of a system that has a quaternion: as yaw, pitch and roll, turned in that order, and the rates of the body."""
+    if s["attitude"] is None or s["rates_dps"] is None:
+        return []
+    w, x, y, z = s["attitude"]
+    yaw = math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+    pitch = math.degrees(math.asin(min(max(2 * (w * y - z * x), -1.0), 1.0)))
+    roll = math.degrees(math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)))
+    rates = " ".join(number(rate, "", 8, 2) for rate in s["rates_dps"])
+    return [
+        f"attitude  {number(yaw, 'deg yaw')}  {number(pitch, 'deg pitch')}  {number(roll, 'deg roll')}",
+        f"turning   {rates} deg/s about x, y, z",
+    ]
 
 
 def pulses(s: Snapshot) -> str:

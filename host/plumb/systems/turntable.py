@@ -10,7 +10,8 @@ Assumed, not from a data sheet or the patent: gyro 0.03 deg/s/sqrt(Hz), lag 8 ms
 0.3 deg/s^2/sqrt(Hz), bias +-2 deg/s^2; both with a bias walk of 0.003 per sqrt(s), a scale error of 0.5 % and spikes of
 20 sigma in 0.5 % of the samples. "Faded in over 3 s" is read as a raised cosine: a straight fade ends in a jump of the
 rate, which no turntable does. `untrimmed` has no lag, and a gyro as the data sheet of the MPU-6050 (131 LSB per deg/s)
-leaves it: sensitivity within 3 %, read as two standard deviations.
+leaves it: sensitivity within 3 %, read as two standard deviations. `analog` has both sensors on the board's own
+converter, which samples them in every step.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ import numpy.typing as npt
 
 from plumb.disturbance import Request
 from plumb.errors import UsageError
-from plumb.reference.turntable import multiply
+from plumb.sensors import ADC_COUNTS
+from plumb.systems.turntable_motion import REST_S, at, lagged, motion
 from plumb.tuning import Channel, Fusion, Prefilter, TurntableTuning
 
 FloatArray = npt.NDArray[np.float64]
@@ -31,9 +33,10 @@ FloatArray = npt.NDArray[np.float64]
 PERIOD_US = 4_000
 GYRO_PERIOD_S = 0.01
 SUBSTEPS = 20
-REST_S, FADE_S = 10.0, 3.0
 NO_SAMPLE, COUNT_MAX = -32768, 32767
 GYRO_LSB_PER_DPS, ANGULAR_LSB_PER_DPS2 = 131.0, 20.0
+ADC_LSB_PER_DPS, ADC_LSB_PER_DPS2 = 5.0, 1.0
+"""Of sensors with analog outputs about half the supply, on the board's own 12-bit converter."""
 SLOW_HZ, SLOW_DEG, QUICK_HZ, QUICK_DEG = (0.1, 0.3), (30.0, 60.0), (0.5, 1.2), (5.0, 12.0)
 GYRO_BIAS_DPS, ANGULAR_BIAS_DPS2 = 1.0, 2.0
 SPIKE_SIGMA = 20.0
@@ -63,6 +66,7 @@ ERRORS = {
     "no_lag": Errors(lag_s=0.0),
     "warm_up": Errors(warm_up_dps=WARM_UP_DPS),
     "untrimmed": Errors(gyro_scale=0.015, lag_s=0.0),
+    "analog": Errors(),
 }
 SCENARIOS = {
     "motion": "10 s at rest, 20 s of motion about three axes",
@@ -71,6 +75,7 @@ SCENARIOS = {
     "no_lag": "the gyro without its lag",
     "warm_up": "100 s of motion, the gyro's bias drifting by 0.3 deg/s (60 s) as it warms up",
     "untrimmed": "no lag; the gyro's sensitivity within 3 % (two sigma), as its data sheet has it",
+    "analog": "both sensors on the board's own analog inputs, 12 bits, sampled in every step",
 }
 SECONDS = {name: 110.0 if name == "warm_up" else 30.0 for name in SCENARIOS}
 DEFAULT_SCENARIO, DEFAULT_TUNING = "motion", "data"
@@ -93,6 +98,8 @@ FAULT_SENSORS = {"gyro": slice(0, 3), "angular": slice(3, 6)}
 
 GYRO = Channel(0.0, 1.0 / GYRO_LSB_PER_DPS, 1 - COUNT_MAX, COUNT_MAX - 1)
 ANGULAR = Channel(0.0, 1.0 / ANGULAR_LSB_PER_DPS2, 1 - COUNT_MAX, COUNT_MAX - 1)
+GYRO_ADC = Channel(ADC_COUNTS / 2.0, 1.0 / ADC_LSB_PER_DPS, 1, ADC_COUNTS - 2)
+ANGULAR_ADC = Channel(ADC_COUNTS / 2.0, 1.0 / ADC_LSB_PER_DPS2, 1, ADC_COUNTS - 2)
 
 DATA = TurntableTuning(
     period_us=PERIOD_US,
@@ -124,6 +131,7 @@ TUNINGS = {
     "warm_up": with_fusion(DATA, gyro_walk_dps=0.02),
     "untrimmed": with_fusion(DATA, lag_s=0.0, start_lag_s=0.0, gyro_scale=0.015),
     "smoothed": replace(DATA, gyro_filter=Prefilter(4.0, 0.75), angular_filter=Prefilter(60.0, 0.75)),
+    "analog": replace(with_fusion(DATA, gyro_period_s=PERIOD_US * 1e-6), gyro=GYRO_ADC, angular=ANGULAR_ADC),
 }
 TUNING_NOTES = {
     "data": "data layer, the angle a state; difference in scale and lag estimated",
@@ -138,6 +146,7 @@ TUNING_NOTES = {
     "warm_up": "data, for a gyro bias that walks by 0.02 deg/s/sqrt(s)",
     "untrimmed": "data, for a gyro without lag and with 1.5 % of scale error",
     "smoothed": "data, behind a one-pole low-pass for each sensor",
+    "analog": "data, for both sensors on the board's own converter, the gyro sampled in every step",
 }
 
 
@@ -201,6 +210,7 @@ class Scenario:
         raw = np.full((self.steps, 6), NO_SAMPLE, np.int16)
         raw[self.gyro_step, :3] = self.gyro
         raw[:, 3:] = self.angular
+        rail = ADC_COUNTS - 1 if self.name == "analog" else COUNT_MAX
         for outage in self.outages:
             during = np.flatnonzero((self.time_s >= outage.start_s) & (self.time_s < outage.stop_s))
             sensor = FAULT_SENSORS[outage.sensor]
@@ -208,7 +218,7 @@ class Scenario:
             if outage.kind == "stuck" and len(sampled):
                 raw[sampled, sensor] = raw[sampled[0], sensor]
             else:
-                raw[sampled, sensor] = NO_SAMPLE if outage.kind == "lost" else COUNT_MAX
+                raw[sampled, sensor] = NO_SAMPLE if outage.kind == "lost" else rail
         return raw
 
     def setpoint(self) -> npt.NDArray[np.int32]:
@@ -247,7 +257,11 @@ def scenario(
     rng, steps = np.random.default_rng(seed), round(seconds / dt)
     slow_hz, slow_deg = rng.uniform(*SLOW_HZ, 3), rng.uniform(*SLOW_DEG, 3)
     quick_hz, quick_deg = rng.uniform(*QUICK_HZ, 3), rng.uniform(*QUICK_DEG, 3)
-    gyro_s = np.arange(rng.uniform(0.0, GYRO_PERIOD_S), (steps - 1) * dt, GYRO_PERIOD_S)
+    phase_s, gyro_period_s = float(rng.uniform(0.0, GYRO_PERIOD_S)), GYRO_PERIOD_S
+    if name == "analog":
+        phase_s, gyro_period_s = 0.0, dt
+    samples = int(((steps - 1) * dt - phase_s) / gyro_period_s + 1e-9) + 1
+    gyro_s = np.asarray(phase_s + np.arange(samples) * gyro_period_s, np.float64)
     bias_dps = errors.bias * rng.uniform(-GYRO_BIAS_DPS, GYRO_BIAS_DPS, 3)
     bias_dps2 = errors.bias * rng.uniform(-ANGULAR_BIAS_DPS2, ANGULAR_BIAS_DPS2, 3)
     warm_up = errors.warm_up_dps * rng.choice([-1.0, 1.0], 3)
@@ -257,9 +271,9 @@ def scenario(
     def walk(density: float, period_s: float, count: int) -> FloatArray:
         return np.cumsum(density * np.sqrt(period_s) * rng.standard_normal((count, 3)), axis=0)
 
-    gyro_walk = walk(errors.walk_dps, GYRO_PERIOD_S, len(gyro_s))
+    gyro_walk = walk(errors.walk_dps, gyro_period_s, len(gyro_s))
     angular_walk = walk(errors.walk_dps2, dt, steps)
-    gyro_sigma, angular_sigma = errors.gyro_dps / np.sqrt(GYRO_PERIOD_S), errors.angular_dps2 / np.sqrt(dt)
+    gyro_sigma, angular_sigma = errors.gyro_dps / np.sqrt(gyro_period_s), errors.angular_dps2 / np.sqrt(dt)
     gyro_noise = gyro_sigma * rng.standard_normal((len(gyro_s), 3))
     angular_noise = angular_sigma * rng.standard_normal((steps, 3))
     spikes = []
@@ -275,6 +289,7 @@ def scenario(
     gyro_dps = gyro_dps + bias_dps + gyro_walk + drift + gyro_noise
     angular_dps2 = angular_scale * acceleration_dps2 + bias_dps2 + angular_walk + angular_noise
     at_gyro = at(gyro_s, grid_s, attitude)
+    gyro, angular = (GYRO_ADC, ANGULAR_ADC) if name == "analog" else (GYRO, ANGULAR)
     return Scenario(
         name,
         seed,
@@ -283,73 +298,24 @@ def scenario(
         rate_dps[::SUBSTEPS],
         gyro_s,
         at_gyro / np.linalg.norm(at_gyro, axis=1, keepdims=True),
-        counts_of(gyro_dps + spikes[0], GYRO_LSB_PER_DPS),
-        counts_of(gyro_dps, GYRO_LSB_PER_DPS),
-        counts_of(angular_dps2 + spikes[1], ANGULAR_LSB_PER_DPS2),
+        counts_of(gyro_dps + spikes[0], gyro),
+        counts_of(gyro_dps, gyro),
+        counts_of(angular_dps2 + spikes[1], angular),
         faults,
     )
 
 
-def counts_of(value: FloatArray, per_unit: float) -> npt.NDArray[np.int16]:
-    """16-bit counts; at the rails the sample is taken for none."""
-    return np.clip(np.rint(value * per_unit), -COUNT_MAX, COUNT_MAX).astype(np.int16)
-
-
-def at(time_s: FloatArray, grid_s: FloatArray, values: FloatArray) -> FloatArray:
-    """Columns of a grid at any times, straight between grid points."""
-    return np.stack([np.interp(time_s, grid_s, column) for column in values.T], axis=1)
-
-
-def motion(
-    grid_s: FloatArray, slow: tuple[FloatArray, FloatArray], quick: tuple[FloatArray, FloatArray]
-) -> tuple[FloatArray, FloatArray]:
-    """Attitude (n, 4) and body rate in deg/s (n, 3); slow, quick: frequencies in Hz and amplitudes in deg of roll,
-    pitch and yaw (z-y-x), faded in after the rest."""
-    t = np.maximum(grid_s - REST_S, 0.0)[:, None]
-    on = 0.5 - 0.5 * np.cos(np.pi * np.minimum(t / FADE_S, 1.0))
-    waves = [degrees * np.sin(2.0 * np.pi * hz * t) for hz, degrees in (slow, quick)]
-    euler = np.radians(on * (waves[0] + waves[1]))
-    roll, pitch, yaw = euler.T
-    roll_rate, pitch_rate, yaw_rate = np.asarray(np.gradient(euler, grid_s[1] - grid_s[0], axis=0)).T
-    rate = np.stack(
-        [
-            roll_rate - yaw_rate * np.sin(pitch),
-            pitch_rate * np.cos(roll) + yaw_rate * np.sin(roll) * np.cos(pitch),
-            yaw_rate * np.cos(roll) * np.cos(pitch) - pitch_rate * np.sin(roll),
-        ],
-        axis=1,
-    )
-    turns = [np.zeros((len(grid_s), 4)) for _ in range(3)]
-    for axis, (turn, angle) in enumerate(zip(turns, (roll, pitch, yaw), strict=True)):
-        turn[:, 0], turn[:, 1 + axis] = np.cos(angle / 2.0), np.sin(angle / 2.0)
-    return multiply(multiply(turns[2], turns[1]), turns[0]), np.asarray(np.degrees(rate), np.float64)
-
-
-def lagged(signal: FloatArray, tau_s: float, step_s: float) -> FloatArray:
-    """Behind a first-order lag, exact for input that is straight between grid points; at rest before. (n, 3)."""
-    if tau_s == 0.0:
-        return signal
-    ratio = tau_s / step_s
-    decay = float(np.exp(-1.0 / ratio))
-    drive = np.zeros_like(signal)
-    drive[1:] = (1.0 - ratio * (1.0 - decay)) * signal[1:] + (ratio * (1.0 - decay) - decay) * signal[:-1]
-    block = 256
-    i = np.arange(block)
-    response = np.where(i[:, None] >= i, decay ** np.maximum(i[:, None] - i, 0), 0.0)
-    fade = decay ** (i + 1.0)[:, None]
-    result, carry = np.empty_like(signal), np.zeros(signal.shape[1])
-    for start in range(0, len(signal), block):
-        part = drive[start : start + block]
-        n = len(part)
-        result[start : start + n] = response[:n, :n] @ part + fade[:n] * carry
-        carry = result[start + n - 1]
-    return result
+def counts_of(value: FloatArray, channel: Channel) -> npt.NDArray[np.int16]:
+    """What a sensor on this channel gives out; beyond the channel's range it stands at its rail, one count outside."""
+    counts = np.rint(value / channel.unit_per_count + channel.zero_counts)
+    return np.clip(counts, channel.min_counts - 1, channel.max_counts + 1).astype(np.int16)
 
 
 class TurntablePlant:
-    """The prescribed run as a sensor board gives it out; nothing moves it."""
+    """The prescribed run as a sensor board gives it out; nothing moves it. name: the scenario's."""
 
     def __init__(self, run: Scenario) -> None:
+        self.name = run.name
         self._period_s, self._counts, self._truth = run.period_us * 1e-6, run.counts(), run.truth()
 
     def _step(self, time_s: float) -> int:

@@ -19,6 +19,7 @@ from plumb.reference.turntable import rotation_deg
 from plumb.report import ESTIMATE, SECOND, SENSOR, Line, Plot
 from plumb.systems import turntable, turntable_gyro
 from plumb.systems.figures import SEEDS, Figure, Sense
+from plumb.systems.turntable_motion import REST_S
 from plumb.systems.turntable_view import RATE_DPS, attitude, reference_attitude
 from plumb.words import Words
 
@@ -196,7 +197,7 @@ def preset_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     patent = (PATENT_MEAN, PATENT_MAX)
     untrimmed = Batch.of("untrimmed", seeds)
     yield from below_gyro("no lag to undo", untrimmed, "untrimmed", "untrimmed", "at least", patent, source=True)
-    warm = Batch.of("warm_up", list(seeds)[::4])
+    warm = Batch.of("warm_up", seeds)
     yield from below_gyro("110 s with warm-up drift", warm, "warm_up", "warm_up", "shown", (0.0, 0.0))
     yield from rows("gyro, lag undone", warm.lag_undone(), warm, "warm_up", "-", "shown", (0.0, 0.0))
 
@@ -247,7 +248,7 @@ def residual_plots(name: str = "motion", tuning: str = "data", seed: int = 1000)
     """The patent's comparison: residuals of the gyro alone, of the gyro with its lag undone, and of fusion."""
     batch = Batch.of(name, [seed])
     run = batch.runs[0]
-    moving = run.gyro_s >= turntable.REST_S
+    moving = run.gyro_s >= REST_S
     fused = residuals(run, attitude(batch.words(tuning, run)))
     at = np.searchsorted(run.time_s[run.scored], run.gyro_s[moving]).clip(0, len(fused) - 1)
     alone, undone = (turntable_gyro.residuals_deg(run, lag_s=lag_s) for lag_s in (0.0, 0.008))

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.reference.turntable import multiply, rotation_deg, turned
-from plumb.systems.turntable import GYRO_LSB_PER_DPS, GYRO_PERIOD_S, REST_S, Scenario
+from plumb.systems.turntable import GYRO_LSB_PER_DPS, Scenario
+from plumb.systems.turntable_motion import REST_S
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -18,11 +19,21 @@ FloatArray = npt.NDArray[np.float64]
 def attitudes(time_s: FloatArray, rate_dps: FloatArray, lag_s: float = 0.0) -> FloatArray:
     """(samples, 4) from samples (samples, 3), the first at the start's attitude."""
     rate = rate_dps - rate_dps[time_s < REST_S].mean(axis=0)
-    turns = (rate[1:] + rate[:-1]) / 2.0 * GYRO_PERIOD_S + lag_s * (rate[1:] - rate[:-1])
-    attitude = np.tile([1.0, 0.0, 0.0, 0.0], (len(rate), 1))
-    for k in np.flatnonzero(time_s[1:] >= REST_S).tolist():
-        attitude[k + 1] = turned(attitude[k], turns[k])
-    return attitude
+    turns = (rate[1:] + rate[:-1]) / 2.0 * np.diff(time_s)[:, None] + lag_s * (rate[1:] - rate[:-1])
+    turns[time_s[1:] < REST_S] = 0.0
+    steps = turned(np.tile([1.0, 0.0, 0.0, 0.0], (len(turns), 1)), turns)
+    w, x, y, z = 1.0, 0.0, 0.0, 0.0
+    attitude = [(w, x, y, z)]
+    for a, b, c, d in steps.tolist():
+        w, x, y, z = (
+            w * a - x * b - y * c - z * d,
+            w * b + x * a + y * d - z * c,
+            w * c - x * d + y * a + z * b,
+            w * d + x * c - y * b + z * a,
+        )
+        attitude.append((w, x, y, z))
+    found = np.array(attitude)
+    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True), np.float64)
 
 
 def residuals_deg(run: Scenario, *, lag_s: float = 0.0, spikes: bool = False) -> FloatArray:

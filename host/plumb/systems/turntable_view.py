@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from plumb.reference.turntable import rotation_deg
 from plumb.report import ESTIMATE, SECOND, SENSOR, Line, Plot, error_budget
-from plumb.systems.turntable import REST_S
 from plumb.systems.turntable_gyro import attitudes, interpolated
+from plumb.systems.turntable_motion import REST_S
 from plumb.trial import Trial
 from plumb.words import Words
 

@@ -1,0 +1,46 @@
+"""`turntable` on the pins of the virtual board: both sensors have analog outputs, six inputs of the converter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from plumb.errors import UsageError
+from plumb.f103.machine import Machine
+from plumb.sensors import ADC_COUNTS, ADC_REFERENCE_V
+from plumb.systems.turntable import TurntablePlant
+
+SCENARIO = "analog"
+FRAMES = ("RAW_A", "RAW_B", "ATTITUDE_W", "ATTITUDE_X", "ATTITUDE_Y", "ATTITUDE_Z")
+ADC_PINS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")
+"""Gyro x, y, z, angular acceleration x, y, z."""
+
+
+class Coupling:
+    """Joins a plant to a machine's pins; the plant's time 0 is the first conversion of the gyro's x axis. The sensors'
+    outputs stand still from one of its steps to the next.
+
+    taken: one row a conversion of that channel: its count, and the truth at that moment.
+    """
+
+    def __init__(self, machine: Machine, plant: TurntablePlant) -> None:
+        if plant.name != SCENARIO:
+            raise UsageError(
+                f"'{plant.name}' is not on the board's own pins: take the scenario and the tuning {SCENARIO}"
+            )
+        self.plant = plant
+        self.taken: list[tuple[int, dict[str, float]]] = []
+        self._start_s: float | None = None
+        for index, pin in enumerate(ADC_PINS):
+            machine.adc[pin] = self._volts(index)
+
+    def _volts(self, index: int) -> Callable[[float], float]:
+        def volts(now_s: float) -> float:
+            if self._start_s is None:
+                self._start_s = now_s
+            time_s = now_s - self._start_s
+            count = self.plant.counts(time_s)[index]
+            if index == 0:
+                self.taken.append((count, self.plant.truth(time_s)))
+            return count * (ADC_REFERENCE_V / ADC_COUNTS)
+
+        return volts

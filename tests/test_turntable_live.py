@@ -1,0 +1,96 @@
+"""`turntable` on the whole flash image: both sensors on six analog inputs, and what comes of one that fails."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+pytest.importorskip("unicorn")
+
+from plumb import disturbance, live, quantise
+from plumb.boards.virtual import VirtualBoard
+from plumb.commands import monitor as view
+from plumb.errors import LinkError, UsageError
+from plumb.monitor import Monitor, begin_live
+from plumb.sensors import ADC_COUNTS, ADC_REFERENCE_V
+from plumb.systems import turntable, turntable_live
+from plumb.trial import Trial
+
+PARAMS = quantise.quantise(turntable.TUNINGS["analog"])
+AT_ONCE = turntable.with_fusion(turntable.TUNINGS["analog"], rest_s=0.1, lag_s=0.0)
+HALF_V, DPS_V = ADC_REFERENCE_V / 2.0, ADC_REFERENCE_V / ADC_COUNTS * turntable.ADC_LSB_PER_DPS
+ANGULAR = 8
+
+
+@pytest.fixture(scope="module")
+def flight() -> Iterator[tuple[VirtualBoard, Trial]]:
+    with VirtualBoard() as board:
+        yield board, live.fly(board, turntable.scenario("analog", 1000, seconds=11.0), PARAMS)
+
+
+def test_a_live_run_is_the_model_bit_for_bit_and_knows_the_attitude(flight: tuple[VirtualBoard, Trial]) -> None:
+    board, trial = flight
+    found = trial.metrics()
+    assert trial.verdict == "pass" and found["target_vs_fixed_mismatches"] == 0
+    assert found["angle_max_deg"] is not None and found["angle_max_deg"] < 0.5
+    assert not board.machine.warnings
+
+
+def test_the_converter_gives_what_the_sensors_give(flight: tuple[VirtualBoard, Trial]) -> None:
+    """Six channels in their places, every count of the scenario."""
+    _, trial = flight
+    sent, steps = turntable.scenario("analog", 1000, seconds=11.0).counts(), len(trial.flight.raw) - 10
+    agree = [np.mean(trial.flight.raw[:steps] == sent[first : first + steps]) for first in range(10)]
+    assert max(agree) == 1.0
+
+
+def test_a_sensor_that_hangs_is_lost_and_the_run_goes_on() -> None:
+    """The board marks the channels of the angular accelerometer 0.4 s after they stop to move, until they do again."""
+    asked = turntable.faults([disturbance.parse("stuck:angular@10.2-11")])
+    with VirtualBoard() as board:
+        trial = live.fly(board, turntable.scenario("analog", 1001, seconds=11.2, faults=asked), PARAMS)
+    lost = np.flatnonzero(trial.flight.raw[:, 3] == turntable.NO_SAMPLE)
+    assert 90 <= len(lost) <= 110 and np.all(np.diff(lost) == 1)
+    assert not (trial.words["flags"][lost] & ANGULAR).any() and trial.verdict == "pass"
+    assert trial.metrics()["angle_max_deg"] < 5.0
+
+
+def test_the_monitor_shows_attitude_and_rates() -> None:
+    """Turning at 30 deg/s about x since 0.2 s: about 15 deg of roll after 0.7 s."""
+    with VirtualBoard() as board:
+        session, machine = board.session, board.machine
+        session.upload(quantise.quantise(AT_ONCE).words(), period_us=turntable.PERIOD_US)
+        begin_s = machine.now_us * 1e-6
+        for index, pin in enumerate(turntable_live.ADC_PINS):
+            machine.adc[pin] = lambda t_s, x=index == 0: (
+                HALF_V + DPS_V * (30.0 * (x and t_s > begin_s + 0.2) + math.sin(1e4 * t_s))
+            )
+        begin_live(session)
+        monitor = Monitor(session)
+        while machine.now_us * 1e-6 < begin_s + 0.7:
+            monitor.feed(session.receive(0.05))
+        seen = monitor.snapshot()
+        text = "\n".join(view.attitude(seen))
+        session.end()
+    assert np.linalg.norm(seen["attitude"]) == pytest.approx(1.0, abs=1e-3)
+    assert seen["rates_dps"] == pytest.approx([30.0, 0.0, 0.0], abs=2.0)
+    roll = re.search(r"([+-][\d.]+) deg roll", text)
+    assert roll and float(roll[1]) == pytest.approx(15.0, abs=2.0)
+    assert "deg/s about x, y, z" in text
+
+
+def test_only_the_scenario_of_the_pins_is_put_on_them() -> None:
+    with VirtualBoard() as board, pytest.raises(UsageError, match="take the scenario and the tuning analog"):
+        live.fly(board, turntable.scenario("motion", 1000, seconds=2.0), PARAMS)
+
+
+def test_it_drives_nothing_and_is_never_armed() -> None:
+    with VirtualBoard() as board:
+        board.session.upload(PARAMS.words(), period_us=turntable.PERIOD_US)
+        board.session.begin("REALTIME_INJECTED")
+        with pytest.raises(LinkError, match="pins"):
+            board.session.arm()

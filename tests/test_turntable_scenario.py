@@ -1,0 +1,132 @@
+"""`turntable` as prescribed: motion and rates belong together, sensors and faults are as stated, figures reached."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from plumb import disturbance
+from plumb.errors import UsageError
+from plumb.reference.turntable import multiply, rotation_deg, turned
+from plumb.systems import figures, turntable, turntable_figures, turntable_gyro
+from plumb.systems.turntable_motion import FADE_S, REST_S, lagged, motion
+
+SEEDS = range(1000, 1006)
+
+
+def test_rates_carry_the_attitude_to_where_the_truth_has_it() -> None:
+    run = turntable.scenario("motion", 7, seconds=16.0, period_us=1000)
+    mean = (run.rate_dps[1:] + run.rate_dps[:-1]) / 2.0
+    attitude = run.attitude[0]
+    for rate in mean:
+        attitude = turned(attitude, rate * 1e-3)
+    assert np.abs(rotation_deg(run.attitude[-1], attitude)).max() < 2e-3
+
+
+def test_it_is_at_rest_then_fades_into_two_waves_about_each_axis() -> None:
+    slow, quick = (np.full(3, 0.2), np.full(3, 40.0)), (np.full(3, 0.8), np.full(3, 8.0))
+    time_s = np.arange(0.0, 30.0, 1e-3)
+    attitude, rate = motion(time_s, slow, quick)
+    rest = time_s < REST_S
+    assert not rate[rest].any() and np.all(attitude[rest] == [1.0, 0.0, 0.0, 0.0])
+    assert np.abs(np.diff(rate, axis=0)).max() < 1.0, "no step of the rate, at the start of the motion neither"
+    later = time_s[time_s > REST_S + FADE_S] - REST_S
+    wave = np.radians(40.0 * np.sin(2 * np.pi * 0.2 * later) + 8.0 * np.sin(2 * np.pi * 0.8 * later))
+    half = [np.array([np.cos(wave / 2), *(np.sin(wave / 2) * (i == axis) for i in range(3))]).T for axis in range(3)]
+    expected = multiply(multiply(half[2], half[1]), half[0])
+    assert np.abs(rotation_deg(attitude[time_s > REST_S + FADE_S], expected)).max() < 1e-6
+
+
+def test_the_sensors_are_as_stated() -> None:
+    """At rest: bias, white noise of the stated density, 20 sigma in 0.5 % of the samples; later the scale."""
+    excess, spikes, biases = [], [], []
+    for seed in range(8):
+        run = turntable.scenario("motion", seed)
+        rest = run.gyro_s < REST_S
+        gyro = run.gyro_clean[rest] / turntable.GYRO_LSB_PER_DPS
+        biases.append(gyro.mean(axis=0))
+        excess.append((gyro - gyro.mean(axis=0)).std())
+        spikes.append(np.mean(run.gyro != run.gyro_clean))
+    assert np.mean(excess) == pytest.approx(0.03 / np.sqrt(0.01), rel=0.02)
+    assert np.mean(spikes) == pytest.approx(0.005, rel=0.2)
+    assert 0.6 < np.abs(biases).max() <= 1.05
+    angular = turntable.scenario("clean", 3)
+    counts = angular.angular[angular.time_s < REST_S] / turntable.ANGULAR_LSB_PER_DPS2
+    assert np.mean(counts.std(axis=0)) == pytest.approx(0.3 / np.sqrt(0.004), rel=0.02)
+    assert np.all(np.diff(angular.gyro_s) == pytest.approx(0.01)) and 0.0 <= angular.gyro_s[0] < 0.01
+
+
+def test_the_gyro_lags_by_8_ms() -> None:
+    time_s = np.arange(0.0, 2.0, 2e-4)
+    ramp = np.stack([100.0 * time_s] * 3, axis=1)
+    assert lagged(ramp, 0.008, 2e-4)[-1] == pytest.approx(100.0 * (time_s[-1] - 0.008), rel=1e-6)
+    assert lagged(ramp, 0.0, 2e-4) is ramp
+
+
+def test_each_sample_of_the_gyro_is_in_the_first_step_after_it() -> None:
+    run = turntable.scenario("motion", 4, seconds=2.0)
+    raw = run.counts()
+    steps = np.flatnonzero(raw[:, 0] != turntable.NO_SAMPLE)
+    age_s = run.time_s[steps] - run.gyro_s
+    assert len(steps) == len(run.gyro_s) and np.all((age_s >= -1e-9) & (age_s < 0.004))
+    assert np.all(raw[:, 3:] != turntable.NO_SAMPLE)
+    assert run.fit(turntable.DATA).fusion.gyro_phase_s == run.gyro_s[0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "what", "columns"), [("lost", "gyro", slice(0, 3)), ("railed", "angular", slice(3, 6))]
+)
+def test_a_fault_touches_its_sensor_and_its_time(kind: str, what: str, columns: slice) -> None:
+    asked = turntable.faults([disturbance.parse(f"{kind}:{what}@2-3")])
+    clean, spoiled = (turntable.scenario("motion", 5, seconds=5.0, faults=f).counts() for f in ((), asked))
+    differs = np.flatnonzero((clean != spoiled).any(axis=1))
+    assert 500 <= differs.min() < 503 and 747 <= differs.max() < 750
+    assert not (np.delete(clean, columns, 1) != np.delete(spoiled, columns, 1)).any()
+    value = turntable.NO_SAMPLE if kind == "lost" else turntable.COUNT_MAX
+    assert np.all(spoiled[differs][:, columns] == value)
+
+
+def test_what_no_run_has_is_refused() -> None:
+    for text in ("lost:accel@1-2", "push:0.1@1-2"):
+        with pytest.raises(UsageError, match="turntable has no fault"):
+            turntable.faults([disturbance.parse(text)])
+    with pytest.raises(UsageError, match="has no scenario"):
+        turntable.scenario("still", 1)
+
+
+def test_the_gyro_alone_is_a_trapezium_of_its_own_samples() -> None:
+    """On a gyro without errors it is the truth, and what its lag takes off is what undoing it gives back."""
+    perfect = {"gyro_scale": 0.0, "spike_share": 0.0, "bias": 0.0, "walk_dps": 0.0, "gyro_dps": 0.0}
+    run = turntable.scenario("motion", 5, seconds=20.0, **perfect, lag_s=0.0)
+    assert np.abs(turntable_gyro.residuals_deg(run)).max() < 0.06
+    behind = turntable.scenario("motion", 5, seconds=20.0, **perfect)
+    assert np.abs(turntable_gyro.residuals_deg(behind)).max() > 0.5
+    assert np.abs(turntable_gyro.residuals_deg(behind, lag_s=0.008)).max() < 0.06
+
+
+@lru_cache(maxsize=1)
+def rows() -> dict[tuple[str, str, str], figures.Figure]:
+    """On six seeds."""
+    found = [*turntable_figures.motion_rows(SEEDS), *turntable_figures.white_rows(SEEDS)]
+    found += turntable_figures.preset_rows(SEEDS)
+    return {(row.scenario, row.tuning, row.claim): row for row in found}
+
+
+def test_the_figures_are_reached() -> None:
+    asked = [row for row in rows().values() if row.sense != "shown"]
+    assert len(asked) >= 9 and [row.claim for row in asked if not row.met] == []
+
+
+def test_the_honest_rows_are_there() -> None:
+    claims = " / ".join(claim for _, _, claim in rows())
+    for text in ("known lag undone", "exactly as printed", "seeds 0-39", "not estimated", "warm-up"):
+        assert text in claims
+
+
+def test_the_printed_data_layer_is_no_better_than_the_gyro_with_its_lag_undone() -> None:
+    """Integrating the corrected rate forgets what the correction says about the angle."""
+    printed = rows()["motion", "printed", "data layer exactly as printed, lag undone, mean"]
+    undone = rows()["motion", "-", "gyro alone, its known lag undone, mean"]
+    assert printed.reached < undone.reached + 1.0
