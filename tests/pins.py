@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 from plumb.f103.machine import Machine
 
-PINS = ("PA0", "PA1", "PA2")
+PINS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")
+"""In the order of a system's raw counts."""
 LSB_V = 3.3 / 4096
 
 
@@ -17,5 +18,5 @@ def at_rest(machine: Machine, volts: tuple[float, ...] = (1.35, 1.65, 2.45), noi
     def source(pin: str, level: float) -> Callable[[float], float]:
         return lambda t_s: level + noise_lsb * LSB_V * random.Random(f"{pin} {t_s!r}").gauss(0.0, 1.0)
 
-    for pin, level in zip(PINS, volts, strict=True):
+    for pin, level in zip(PINS, volts, strict=False):
         machine.adc[pin] = source(pin, level)

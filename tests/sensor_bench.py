@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import pytest
@@ -54,7 +54,9 @@ class Bench:
     accel: Adxl345 | None = None
 
     def begin(self, **words: int) -> Capture:
-        control = self.session.read_parameters()[:CONTROL_WORDS]
+        return self.begin_with(self.session.read_parameters()[:CONTROL_WORDS], **words)
+
+    def begin_with(self, control: Sequence[int], **words: int) -> Capture:
         self.words = {"period_us": PERIOD_US, "esc_period_us": 2500, "arm_hold_ms": 0} | words
         self.session.upload(control, **self.words)
         self.session.begin("REALTIME_LIVE", frames=["RAW_A", "RAW_B"])

@@ -10,13 +10,17 @@ import pytest
 
 pytest.importorskip("unicorn")
 
-from pins import LSB_V, at_rest
+from pins import LSB_V, PINS, at_rest
 from plumb.capture import Capture
 from plumb.errors import UsageError
 from plumb.monitor import watch
+from plumb.quantise import quantise
 from plumb.session import Session
+from plumb.systems import turntable
 from sensor_bench import BOOT_US, NO_CONVERSIONS, PERIOD_US, SENSOR, STEPS_MISSED, Bench, image
 
+SIX_VOLTS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
+NO_SAMPLE = -32768
 SCAN_DONE = 1 << (16 + 11)
 """Of DMA1 channel 1, in the interrupt controller."""
 
@@ -28,6 +32,19 @@ def analog() -> Iterator[Bench]:
     machine.advance_us(BOOT_US)
     with Session.open(machine.uart) as session:
         yield Bench(machine, session)
+
+
+@pytest.fixture
+def six() -> Iterator[Bench]:
+    """A turntable, each of its inputs at a level of its own."""
+    machine = image()
+    at_rest(machine, SIX_VOLTS)
+    machine.advance_us(BOOT_US)
+    with Session.open(machine.uart) as session:
+        bench = Bench(machine, session)
+        words = quantise(turntable.TUNINGS[turntable.DEFAULT_TUNING]).words()
+        bench.begin = lambda **link: bench.begin_with(words, **link)
+        yield bench
 
 
 def after_a_scan(bench: Bench) -> None:
@@ -56,6 +73,56 @@ def test_an_input_at_a_rail(analog: Bench) -> None:
         assert analog.run(capture, 0.1) > 15, "the steps go on: the host sees what the input does"
         analog.machine.adc[pin] = honest
         analog.recovers(capture)
+
+
+@pytest.mark.parametrize("log2", [0, 2, 4])
+def test_a_rail_is_where_every_conversion_of_a_step_is(analog: Bench, log2: int) -> None:
+    """One that is not says that the input still moves."""
+    capture = analog.begin(adc_oversample_log2=log2)
+    for volts in (3.3, 0.0):
+        turns = 0
+
+        def now_and_then(_t_s: float, at: float = volts) -> float:
+            nonlocal turns
+            turns += 1
+            return 1.6 if turns % (1 << log2) == 0 else at
+
+        analog.machine.adc["PA1"] = now_and_then
+        analog.run(capture, 12 * PERIOD_US * 1e-6)
+        assert analog.told() == []
+        analog.machine.adc["PA1"] = volts
+        analog.run(capture, 12 * PERIOD_US * 1e-6)
+        assert analog.told() == ["input PA1 is at a rail"]
+
+
+def test_six_inputs_in_their_order(six: Bench) -> None:
+    capture = six.begin()
+    assert six.run(capture, 0.2) >= 0.2e6 / PERIOD_US - 2
+    means = capture.raw_counts(30)[5:].mean(0)
+    assert means.tolist() == pytest.approx([volts / LSB_V for volts in SIX_VOLTS], abs=2.0)
+    assert six.machine.warnings == []
+
+
+@pytest.mark.parametrize("index", range(6))
+def test_of_six_inputs_the_bad_one_has_no_sample(six: Bench, index: int) -> None:
+    """At a rail, or without change: -32768 in its place; the others and the steps go on."""
+    pin = PINS[index]
+    capture = six.begin(stuck_steps=20)
+    honest = six.machine.adc[pin]
+    for volts, said in ((3.3, f"input {pin} is at a rail"), (SIX_VOLTS[index], f"input {pin} does not change")):
+        six.run(capture, 0.05)
+        assert six.told() == []
+        assert NO_SAMPLE not in last(capture)
+        six.machine.adc[pin] = volts
+        assert six.run(capture, 30 * PERIOD_US * 1e-6) >= 28
+        assert six.told()[0] == said
+        assert [place for place, count in enumerate(last(capture)) if count == NO_SAMPLE] == [index]
+        six.machine.adc[pin] = honest
+
+
+def last(capture: Capture) -> list[int]:
+    """Raw counts of a step a moment ago, all of them."""
+    return capture.raw_counts(capture.steps)[capture.steps - 4].tolist()
 
 
 def test_an_input_that_hangs(analog: Bench) -> None:
@@ -147,6 +214,9 @@ def test_a_scan_that_was_overwritten_is_counted(analog: Bench, late_periods: flo
     faults = analog.faults()
     assert faults & STEPS_MISSED
     assert faults >> 24 == 1
+    analog.session.begin("REALTIME_LIVE")
+    machine.advance_us(2 * PERIOD_US)
+    assert analog.faults() == 0, "what was missed belongs to the run before"
 
 
 def test_no_tick_of_the_run_before_comes_with_the_next(analog: Bench) -> None:
