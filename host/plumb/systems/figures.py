@@ -10,8 +10,10 @@ same tuning and the same counts. A system's part `figures` offers
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from multiprocessing import Pool
 from pathlib import Path
 from typing import Any, Literal
 
@@ -66,12 +68,17 @@ class Figure:
 def compute(
     names: Iterable[str] = tuple(systems.SYSTEMS), seeds: Iterable[int] = SEEDS
 ) -> Iterator[tuple[str, Figure]]:
-    """Every row of these systems, with the system's name, as it is ready."""
-    seeds = list(seeds)
-    for name in names:
-        for rows in systems.load(name, "figures").SECTIONS.values():
-            for row in rows(seeds):
-                yield name, row
+    """Every row of these systems, with the system's name, in order, as it is ready; the sections on all cores."""
+    chosen = tuple(seeds)
+    tasks = [(name, section, chosen) for name in names for section in systems.load(name, "figures").SECTIONS]
+    with Pool(initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)) as pool:
+        for (name, _, _), rows in zip(tasks, pool.imap(_section, tasks), strict=True):
+            yield from ((name, row) for row in rows)
+
+
+def _section(task: tuple[str, str, tuple[int, ...]]) -> list[Figure]:
+    name, section, seeds = task
+    return list(systems.load(name, "figures").SECTIONS[section](seeds))
 
 
 def write_plots(name: str, folder: Path) -> list[Path]:
