@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from plumb import formats, golden, recipe
+from plumb import formats, systems
 from plumb.words import names_of
 
-FOLDER = golden.vectors_folder()
 
-
-@pytest.mark.parametrize("system", sorted({entry.system for entry in recipe.read(FOLDER / golden.RECIPE)}))
+@pytest.mark.parametrize("system", systems.SYSTEMS)
 def test_every_word_is_used(system: str) -> None:
     rows = {row.name: row for row in formats.used(system)}
     assert tuple(rows) == names_of(system)

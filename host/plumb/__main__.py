@@ -54,7 +54,8 @@ def top_level_help() -> str:
         "commands:",
         *(f"  {name:<{width}}  {text}" for name, text in COMMANDS.items()),
         "",
-        "boards:   native | qemu | virtual | serial:PORT[@BAUD]",
+        "systems:  quad | balancer | turntable | phone",
+        "boards:   native | qemu | virtual | serial:PORT[@BAUD] | can:INTERFACE:CHANNEL[@KBIT]",
         "exit:     0 good, 1 bad verdict, 2 wrong use, bad file or missing tool, 3 link trouble, 130 interrupted",
     ]
     return "\n".join(lines)

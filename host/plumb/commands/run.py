@@ -1,10 +1,19 @@
 """Run a system's scenario on a board, and compare every step with the integer model.
 
+    plumb run quad --board native --open-loop --seed 7                the estimator on prescribed motion
+    plumb run quad --board virtual --scenario hold --out out/hold     the loop closed on the flash image, and a report
+    plumb run balancer --board virtual --live --seconds 20            armed, on its own sensors, Hall edges and bridge
+    plumb run turntable --board virtual --link can --tuning attitude  over CAN
+    plumb run quad --board native --start paper --fault stuck:gyro@60-70 --condition bandwidth_hz=20
+
+What a system has of scenarios, tunings, start-up modes, conditions and faults: `plumb systems --system SYSTEM`.
+
 The plant and its sensors live on this machine, raw counts go to the board in lockstep, and the board answers each step
 with a digest of all its words. The board's outputs move the plant, which is asked to follow the scenario; with
 --open-loop the motion is prescribed, as the estimator's figures want it. With --live the virtual board is armed and
 samples by its own timer, while the plant drives its sensors and follows its actuators. `qemu` runs whole vectors: its
-loop is closed with the native core, then its inputs run on QEMU.
+loop is closed with the native core, then its inputs run on QEMU. Exit code 1 when a step differs, 3 when answers were
+lost.
 """
 
 from __future__ import annotations
@@ -22,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("system", help="a name that `plumb systems` lists")
+    parser.add_argument("system", help="quad, balancer, turntable or phone")
     parser.add_argument("--board", required=True, metavar="B", help="native, qemu, virtual, serial:PORT or can:BUS")
     parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
     parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
