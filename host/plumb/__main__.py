@@ -23,7 +23,7 @@ COMMANDS = {
     "replay": "run a recording of real sensors through a board, one axis; or a phone's, both",
     "phone": "take a phone's sensors over UDP, feed them to a board, show pitch and roll",
     "systems": "the systems' published figures, and what the integers reach",
-    "virtual-board": "serve the simulated STM32F103 on a pty or TCP port",
+    "virtual-board": "serve the simulated STM32F103: its UART on a pty or TCP port, its CAN on any bus",
     "monitor": "watch a running board: tilt, bias, pulses, mode, counters, losses",
     "record": "record a running board, or a bus, into files",
     "params": "read, change, keep and restore a board's parameters",

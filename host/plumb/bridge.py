@@ -34,6 +34,8 @@ RETRY_S = 0.5
 """Between two attempts to open a side that is not there."""
 SILENCE_S = 1.0
 """Without a sample for so long the run ends; what is silent for longer is asked to begin again."""
+PATIENCE_S = 3.0
+"""Without a sample for so long after the board answered, somebody may have to start something."""
 TURN_S = 0.001
 STANDING_OVER = 25
 """Samples over which at least so and so many older ones were always waiting for their step: delay that never goes away
@@ -163,11 +165,15 @@ class End:
             self.ended = isinstance(bus, LogBus) and bus.ended
 
 
-def carry(one: End, other: End, stopped: Callable[[], bool]) -> None:
+def carry(one: End, other: End, stopped: Callable[[], bool], say: Say = lambda text: None) -> None:
     """Every frame of either side to the other, as it came, until stopped() holds."""
+    said = {one: "", other: ""}
     while not stopped() and not one.ended and not other.ended:
         moved = False
         for source, target in ((one, other), (other, one)):
+            if source.trouble != said[source]:
+                say(f"{source.spec}: {source.trouble or 'open again'}")
+                said[source] = source.trouble
             frames = [frame for _, frame in source.drain()]
             if frames:
                 target.send(frames)
@@ -182,6 +188,9 @@ class Bridge:
     params: uploaded when a run begins, with the link's words by name (period_us and the like); None leaves the board's
     own. frames: the actuator's, selected beside the raw counts. arm: once, when the first run has steps; what disarms
     after that stays disarmed. say: gets what a person should know.
+
+    runs, steps: of the board. skipped: samples left out of a run to keep the delay short. unused: samples that came
+    while no run was on.
     """
 
     def __init__(
@@ -200,12 +209,13 @@ class Bridge:
         self.sensor, self.board_spec, self.board = End(sensor, open_), board, Flow()
         self.params, self.frames, self.link = params, frames, link
         self.want_arm, self.want_shadow, self.say, self._open = arm, shadow, say, open_
-        self.runs = self.steps = self.skipped = 0
+        self.runs = self.steps = self.skipped = self.unused = 0
         self.latencies_s: list[float] = []
         self.shadow: Shadow | None = None
         self.telemetry: dict[str, dict[str, int]] = {}
         names = protocol()
         self._sample_a, self._raw_a = names["SAMPLE_A"], names["RAW_A"]
+        self._time_id = names["TIME"].identifier
         self._down = {names[name].identifier for name in ("SAMPLE_A", "SAMPLE_B", "SETPOINT")}
         self._told: set[str] = set()
 
@@ -213,7 +223,6 @@ class Bridge:
         """Until stopped() holds, or the shadow has seen a bit that differs, or a log that was played is at its end."""
         self.sensor.start()
         try:
-            self.sensor.drain()
             while not stopped() and not self._over():
                 try:
                     with Session(self._open(self.board_spec)) as session:
@@ -241,25 +250,39 @@ class Bridge:
     def _wait(self, seconds: float, stopped: Callable[[], bool]) -> None:
         end = time.monotonic() + seconds
         while time.monotonic() < end and not stopped():
-            self.sensor.drain()
+            self._idle_drain()
             time.sleep(0.02)
+
+    def _idle_drain(self) -> list[tuple[float, Frame]]:
+        """What came while no run was on; says so when it is a board's."""
+        arrived = self.sensor.drain()
+        heard = {frame[0] for _, frame in arrived}
+        if self._time_id in heard and self._sample_a.identifier not in heard:
+            self._once(
+                f"what speaks at {self.sensor.spec} is a board, no sensor board: the sensor board's BUS is the first"
+            )
+        self.unused += sum(frame[0] == self._sample_a.identifier for _, frame in arrived)
+        return arrived
 
     # ---- one conversation with the board ----
 
     def _serve(self, session: Session, stopped: Callable[[], bool]) -> None:
         while not stopped() and not self._over():
-            self.sensor.drain()  # what came while nobody could use it
+            self._idle_drain()
             frames = self._await_sample(session, stopped)
             if frames:
                 self._one_run(session, frames, stopped)
 
     def _await_sample(self, session: Session, stopped: Callable[[], bool]) -> list[tuple[float, Frame]]:
+        begin_s = time.monotonic()
         while not stopped() and not self._over():
-            frames = self.sensor.drain()
+            frames = self._idle_drain()
             if any(frame[0] == self._sample_a.identifier for _, frame in frames):
                 return frames
             if self.sensor.trouble:
                 self._once(f"the sensor board's side: {self.sensor.trouble}")
+            elif time.monotonic() - begin_s > PATIENCE_S:
+                self._once(f"no sample has come over {self.sensor.spec} yet: is a sensor board there?")
             session.receive(0.02)
         return []
 
@@ -276,6 +299,7 @@ class Bridge:
         generation, heard_s = self.sensor.generation, time.monotonic()
         self.say(f"run {self.runs}: samples come, the board steps")
         pending = first[-3:]  # the newest sample, whole
+        self.unused -= 1
         while not stopped() and not self._over():
             if pending:
                 heard_s = time.monotonic()

@@ -12,7 +12,6 @@ wait for whoever opens them.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,22 +19,27 @@ from typing import Any
 
 import can
 
+from plumb.canlink import DriverBus
 from plumb.errors import LinkError, UsageError
 from plumb.serialbus import DEFAULT_BAUDRATE, PlumbBus
+from plumb.socketcand import SocketcandClient
 
 DEFAULT_KBIT = 500
 KINDS = "serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT, can:INTERFACE:CHANNEL[@KBIT] or file:PATH"
 
 
-def open_bus(spec: str) -> can.BusABC:
-    """The host's end. Raises UsageError for a name that is none, LinkError when it cannot be opened."""
-    kind, address = _split(spec)
+def open_bus(spec: str, *, listen_only: bool = False) -> can.BusABC:
+    """The host's end; listen_only: over SLCAN the other end is told to take no frame from here.
+
+    Raises UsageError for a name that is none, LinkError when it cannot be opened.
+    """
+    kind, address = kind_and_address(spec)
     if kind == "serial":
-        return PlumbBus(address, DEFAULT_BAUDRATE)
+        return PlumbBus(address, DEFAULT_BAUDRATE, listen_only=listen_only)
     if kind == "tcp":
-        return PlumbBus(spec)
+        return PlumbBus(spec, listen_only=listen_only)
     if kind == "udp":
-        return PlumbBus(f"udp:{_port(spec, address)}")
+        return PlumbBus(f"udp:{_port(spec, address)}", listen_only=listen_only)
     if kind == "can":
         return open_can(address)
     return LogBus(Path(address))
@@ -49,7 +53,7 @@ def serve_bus(spec: str, link: Path | None = None) -> can.BusABC:
     from plumb.adapter import AdapterBus
     from plumb.line import UdpLine, open_line
 
-    kind, address = _split(spec)
+    kind, address = kind_and_address(spec)
     if spec == "serial:pty":
         return AdapterBus(open_line("pty", link))
     if kind == "tcp":
@@ -64,7 +68,8 @@ def serve_bus(spec: str, link: Path | None = None) -> can.BusABC:
     return open_bus(spec)
 
 
-def _split(spec: str) -> tuple[str, str]:
+def kind_and_address(spec: str) -> tuple[str, str]:
+    """The name taken apart; raises UsageError for one that is none."""
     kind, _, address = spec.partition(":")
     if kind not in ("serial", "tcp", "udp", "can", "file") or not address:
         raise UsageError(f"'{spec}' names no bus; use {KINDS}")
@@ -88,25 +93,19 @@ def open_can(address: str) -> can.BusABC:
     if interface == "socketcand":
         host, _, rest = channel.partition(":")
         port, _, name = rest.partition(":")
-        if not port.isdigit() or not name:
+        if not host or not port.isdigit() or not name:
             raise UsageError(f"'can:{address}': write can:socketcand:HOST:PORT:CHANNEL")
-        options = {
-            "interface": interface,
-            "host": host,
-            "port": int(port),
-            "channel": name,
-            "tcp_tune": os.name != "nt",
-        }
+        return SocketcandClient(host, int(port), name)
     if not interface or not channel:
         raise UsageError(f"'can:{address}' names no bus; use can:INTERFACE:CHANNEL[@KBIT]")
     if interface not in can.VALID_INTERFACES:
         raise UsageError(f"python-can has no interface '{interface}'; it has {', '.join(sorted(can.VALID_INTERFACES))}")
     try:
-        return can.Bus(**options)
+        return DriverBus(f"can:{address}", can.Bus(**options))
     except LinkError:
         raise
     except Exception as error:  # interfaces raise whatever their drivers do
-        reason = str(error).strip() or type(error).__name__
+        reason = str(error).strip().partition("\n")[0] or type(error).__name__
         raise LinkError(
             f"can:{address} cannot be opened ({reason}): check that the interface is up and its driver installed"
         ) from None

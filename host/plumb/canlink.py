@@ -1,7 +1,7 @@
-"""A board on any python-can bus, as a session wants it: whole frames, many at a time, trouble as one sentence.
+"""Any python-can bus held to our manners, and as a session wants it: whole frames, many at a time.
 
-The serial link has its own bus class (`plumb.serialbus`), the board simulated in this process another
-(`plumb.f103.canbus`); everything else that python-can can open comes through here.
+The serial link has its own bus class (`plumb.serialbus`), socketcand one (`plumb.socketcand`), the board simulated in
+this process another (`plumb.f103.canbus`); everything else that python-can can open comes through here.
 """
 
 from __future__ import annotations
@@ -9,14 +9,17 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import can
 
 from plumb.errors import LinkError
 from plumb.protocol import Frame, check, protocol
+from plumb.stream import ClosedError
 
 SEND_TIMEOUT_S = 1.0
+MALFORMED_IN_A_ROW = 8
+"""So many pieces of text without a frame between them are no noise on the line but another kind of line."""
 
 
 class FrameBus(Protocol):
@@ -33,19 +36,72 @@ class FrameBus(Protocol):
     def write_frames(self, frames: Sequence[Frame]) -> None: ...
 
 
+@contextlib.contextmanager
+def explained(name: str) -> Iterator[None]:
+    """Whatever a driver raises, as one sentence that is a LinkError and one of python-can's errors, too."""
+    try:
+        yield
+    except LinkError:
+        raise
+    except Exception as error:  # interfaces raise whatever their drivers do
+        reason = str(error).strip().partition("\n")[0] or type(error).__name__
+        raise ClosedError(f"{name} failed ({reason}): check the interface and reconnect") from None
+
+
+class DriverBus(can.BusABC):
+    """One of python-can's interfaces, opened under a name: its trouble is a ClosedError of one sentence, a malformed
+    line costs that line (`malformed` counts them), and closing it never fails."""
+
+    def __init__(self, name: str, driver: can.BusABC, can_filters: Any = None) -> None:
+        self._driver = driver
+        self.malformed = self._in_a_row = 0
+        self.channel_info = name
+        super().__init__(name, can_filters=can_filters)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        with explained(self.channel_info):
+            self._driver.send(msg, timeout)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        with explained(self.channel_info):
+            try:
+                message = self._driver.recv(timeout)
+            except (ValueError, IndexError):  # what python-can's slcan raises for a line that is no frame
+                self.malformed += 1
+                self._in_a_row += 1
+                if self._in_a_row >= MALFORMED_IN_A_ROW:
+                    raise
+                return None, False
+            if message is not None:
+                self._in_a_row = 0
+            return message, False
+
+    def shutdown(self) -> None:
+        """Close the driver; safe to call twice, and when the device is gone already."""
+        if not self._is_shutdown:
+            super().shutdown()
+            with contextlib.suppress(Exception):
+                self._driver.shutdown()
+
+
 class AnyBus:
     """A python-can bus as a FrameBus; the bus belongs to the caller."""
 
     def __init__(self, bus: can.BusABC) -> None:
         self.bus = bus
         self.clock: Callable[[], float] = getattr(bus, "clock", time.monotonic)
-        self.rejected = 0
+        self._rejected = 0
         self._known = protocol().by_identifier
+
+    @property
+    def rejected(self) -> int:
+        """Frames with a wrong CRC, and text that was no frame."""
+        return self._rejected + int(getattr(self.bus, "malformed", 0))
 
     def read_frames(self, timeout_s: float = 0.0) -> list[Frame]:
         """What has arrived with a right CRC, waiting up to timeout_s for the first frame. Others' traffic is let by."""
         frames: list[Frame] = []
-        with self._explained():
+        with explained(self.bus.channel_info):
             message = self.bus.recv(timeout_s)
             while message is not None:
                 self._take(message, frames)
@@ -59,20 +115,10 @@ class AnyBus:
             if check(*frame):
                 frames.append(frame)
             else:
-                self.rejected += 1
+                self._rejected += 1
 
     def write_frames(self, frames: Sequence[Frame]) -> None:
-        with self._explained():
+        with explained(self.bus.channel_info):
             for identifier, data in frames:
                 message = can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
                 self.bus.send(message, timeout=SEND_TIMEOUT_S)
-
-    @contextlib.contextmanager
-    def _explained(self) -> Iterator[None]:
-        try:
-            yield
-        except LinkError:
-            raise
-        except (can.CanError, OSError, ValueError) as error:
-            reason = str(error).strip() or type(error).__name__
-            raise LinkError(f"{self.bus.channel_info} failed ({reason}): check the interface and reconnect") from None

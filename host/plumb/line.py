@@ -1,6 +1,7 @@
 """The far end of a cable: a pseudo-terminal or a TCP port that a host opens, without a board behind it yet.
 
-One client at a time; clients come and go. What is written while nobody listens is lost, as on a cable.
+One client at a time: on TCP a second one is turned away at once. Clients come and go. What is written while nobody
+listens is lost, as on a cable.
 """
 
 from __future__ import annotations
@@ -89,7 +90,7 @@ class TcpLine:
         try:
             self._server = socket.create_server(("127.0.0.1", port), backlog=1)
         except OSError as error:
-            raise LinkError(f"port {port} on 127.0.0.1 cannot be opened: {error.strerror}; choose another") from error
+            raise LinkError(_no_port(port, error)) from None
         self._server.setblocking(False)
         self.address = f"socket://127.0.0.1:{self._server.getsockname()[1]}"
 
@@ -101,11 +102,9 @@ class TcpLine:
         return (self._client or self._server).fileno()
 
     def read(self) -> bytes:
+        with contextlib.suppress(OSError):  # nobody waits
+            self._welcome(self._server.accept()[0])
         if self._client is None:
-            with contextlib.suppress(OSError):
-                self._client, _ = self._server.accept()
-                self._client.setblocking(False)
-                self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             return b""
         try:
             data = self._client.recv(4096)
@@ -116,6 +115,15 @@ class TcpLine:
         if not data:
             self._hang_up()
         return data
+
+    def _welcome(self, client: socket.socket) -> None:
+        """The first is served; who comes while it is there would wait without end, and is told so by hanging up."""
+        if self._client is not None:
+            client.close()
+            return
+        client.setblocking(False)
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._client = client
 
     def write(self, data: bytes) -> None:
         if self._client is not None:
@@ -146,7 +154,7 @@ class UdpLine:
             self._socket.bind(("127.0.0.1", port))
         except OSError as error:
             self._socket.close()
-            raise LinkError(f"port {port} on 127.0.0.1 cannot be opened: {error.strerror}; choose another") from error
+            raise LinkError(_no_port(port, error)) from None
         self._socket.setblocking(False)
         self.address = f"udp:{self._socket.getsockname()[1]}"
 
@@ -167,6 +175,11 @@ class UdpLine:
 
     def close(self) -> None:
         self._socket.close()
+
+
+def _no_port(port: int, error: OSError) -> str:
+    reason = os.strerror(error.errno) if error.errno else str(error)
+    return f"port {port} on 127.0.0.1 cannot be opened ({reason}): another program serves there, or choose another port"
 
 
 def open_line(spec: str, link: Path | None = None) -> Line:

@@ -4,16 +4,19 @@
     steps.csv    a row a step: raw counts and the selected signals, in the units of the message definitions
     board.json   who it was and every parameter it ran with
 
-What a step did not say is an empty cell. Killing the recorder loses at most a second.
+What a step did not say is an empty cell. Killing the recorder loses at most a second (of a .blf log, which is
+compressed by the block, its last block).
 """
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 import time
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import can
 
@@ -29,15 +32,49 @@ NOTHING: tuple[Any, ...] = ("",) * 6
 _UNITS = {"deg": "_deg", "deg/s": "_dps", "us": "_us", "m/s": "_mps"}
 
 
-def open_log(path: Path) -> Any:
-    """A log of frames in the format of its suffix; raises UsageError when it cannot be written."""
-    if path.suffix not in SUFFIXES:
-        raise UsageError(f"{path}: a log of frames ends in {', '.join(SUFFIXES)}")
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """What goes wrong with a file, as one sentence: UsageError."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        return can.Logger(path)
+        yield
     except OSError as error:
-        raise UsageError(f"{path} cannot be written: {error.strerror}") from None
+        raise UsageError(f"{path} cannot be written: {error.strerror}; what was written before is kept") from None
+
+
+class FrameLog:
+    """A log of frames in the format of its suffix, on the disk to the last second. Raises UsageError when it cannot be
+    written."""
+
+    def __init__(self, path: Path) -> None:
+        if path.suffix not in SUFFIXES:
+            raise UsageError(f"{path}: a log of frames ends in {', '.join(SUFFIXES)}")
+        self._path = path
+        with writing(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._log: Any = can.Logger(path)
+        self._flushed_s = time.monotonic()
+
+    def add(self, message: can.Message) -> None:
+        with writing(self._path):
+            self._log(message)
+        self.flush()
+
+    def flush(self) -> None:
+        """When it is due."""
+        if time.monotonic() - self._flushed_s > FLUSH_EVERY_S:
+            with writing(self._path):
+                self._log.file.flush()
+            self._flushed_s = time.monotonic()
+
+    def close(self) -> None:
+        with writing(self._path):
+            self._log.stop()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 def message_of(frame: Frame, time_s: float) -> can.Message:
@@ -59,28 +96,34 @@ class Recorder:
         self._clock = time.time if session.clock is time.monotonic else session.clock
         self._flushed_s = time.monotonic()
         self._signals = signals(frames)
-        self._log = open_log(folder / "frames.asc")
-        self._file = (folder / "steps.csv").open("w", newline="", encoding="utf-8")
-        self._csv = csv.writer(self._file)
-        self._csv.writerow(
-            ["step", "digest", *(f"raw_{i}_counts" for i in range(6)), *(c for _, c, _ in self._signals)]
-        )
         about = {
             "plumb": __version__,
             "board": (session.identity or session.connect()).items,
             "parameters": dict(zip((row.name for row in parameters.table()), session.read_parameters(), strict=False)),
         }
-        (folder / "board.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+        self._path = folder / "steps.csv"
+        with writing(folder / "board.json"):
+            (folder / "board.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+        with contextlib.ExitStack() as opened:
+            self._log = opened.enter_context(FrameLog(folder / "frames.asc"))
+            with writing(self._path):
+                self._file = opened.enter_context(self._path.open("w", newline="", encoding="utf-8"))
+                self._csv = csv.writer(self._file)
+                self._csv.writerow(
+                    ["step", "digest", *(f"raw_{i}_counts" for i in range(6)), *(c for _, c, _ in self._signals)]
+                )
+            self._opened = opened.pop_all()
 
     def feed(self, frames: list[Frame]) -> None:
         now_s = self._clock()
         for frame in frames:
-            self._log(message_of(frame, now_s))
+            self._log.add(message_of(frame, now_s))
         self._capture.feed(frames)
-        self._write(self._capture.steps - 1)  # the last one heard of may not be complete
-        if time.monotonic() - self._flushed_s > FLUSH_EVERY_S:
-            self._file.flush()
-            self._flushed_s = time.monotonic()
+        with writing(self._path):
+            self._write(self._capture.steps - 1)  # the last one heard of may not be complete
+            if time.monotonic() - self._flushed_s > FLUSH_EVERY_S:
+                self._file.flush()
+                self._flushed_s = time.monotonic()
 
     def _write(self, end: int) -> None:
         capture = self._capture
@@ -98,9 +141,9 @@ class Recorder:
             self.rows += 1
 
     def close(self) -> None:
-        self._write(self._capture.steps)
-        self._file.close()
-        self._log.stop()
+        with self._opened, writing(self._path):
+            self._write(self._capture.steps)
+            self._file.close()
 
 
 def signals(frames: tuple[str, ...]) -> list[tuple[str, str, float]]:

@@ -11,7 +11,7 @@ import os
 import select
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
 from can import CanInitializationError, CanOperationError
@@ -60,21 +60,29 @@ class SocketStream:
         self._socket.settimeout(WRITE_TIMEOUT_S)
 
     def read(self, timeout_s: float) -> bytes:
-        try:
+        with self._explained("broke"):
             if not select.select([self._socket], [], [], timeout_s)[0]:
                 return b""
             data = self._socket.recv(_CHUNK)
-        except (OSError, ValueError) as error:
-            raise ClosedError(f"the connection to {self.name} broke: {error}") from None
-        if not data:
-            raise ClosedError(f"the board at {self.name} closed the connection: start it again and reconnect")
-        return data
+            if not data:
+                raise ConnectionResetError
+            return data
 
     def write(self, data: bytes) -> None:
-        try:
+        with self._explained("takes no data"):
             self._socket.sendall(data)
+
+    @contextlib.contextmanager
+    def _explained(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except (ConnectionResetError, BrokenPipeError):
+            raise ClosedError(
+                f"the board at {self.name} closed the connection: "
+                "start it again and reconnect, or close the other program that it serves"
+            ) from None
         except (OSError, ValueError) as error:
-            raise ClosedError(f"the board at {self.name} takes no data: {error}") from None
+            raise ClosedError(f"the connection to {self.name} {what} ({error}): start the board there again") from None
 
     def close(self) -> None:
         self._socket.close()

@@ -114,10 +114,14 @@ def text_of(words: Sequence[int]) -> str:
 
 def write(path: Path, text: str) -> None:
     """The whole file, or what was there before; raises UsageError when it cannot be written."""
-    beside = path.with_name(path.name + ".part")
     try:
+        target = path.resolve()
+        if target.exists() and not target.is_file():  # a device or a pipe is written to, never replaced
+            target.write_text(text, encoding="utf-8")
+            return
+        beside = target.with_name(target.name + ".part")
         beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
+        beside.replace(target)
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror}; choose another file") from None
 

@@ -9,7 +9,7 @@ injected samples when the first one comes, ends it (which disarms) when they sto
 side comes back. --arm arms the first run; whatever disarms it, it is not armed again. --shadow runs the integer model
 beside the board and stops at the first bit that differs.
 
-Exit codes: 1 a bit differed, 3 nothing was verified although --shadow was asked for, 130 ended with Ctrl-C.
+Exit codes: 1 a bit differed, 3 no run came about, a side never opened, or --shadow verified nothing, 130 Ctrl-C.
 """
 
 from __future__ import annotations
@@ -41,9 +41,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
+    from plumb.buses import kind_and_address
     from plumb.endings import endings
     from plumb.errors import UsageError
 
+    for spec in (arguments.sensor, arguments.board):
+        kind_and_address(spec)
     if arguments.seconds is not None and not arguments.seconds > 0:
         raise UsageError(f"--seconds {arguments.seconds:g}: ask for more than nothing")
     if arguments.carry and (arguments.shadow or arguments.arm):
@@ -60,7 +63,8 @@ def main(arguments: argparse.Namespace) -> int:
     print(json.dumps(summary) if arguments.json else describe(summary))
     if signal.SIGINT in caught:
         raise KeyboardInterrupt
-    return {"fail": 1, "unverified": 3}.get(str(summary.get("verdict")), 0)
+    idle = summary.get("runs") == 0 or 0 in (summary[side]["opened"] for side in ("first", "second") if side in summary)
+    return {"fail": 1, "unverified": 3}.get(str(summary.get("verdict")), 3 if idle else 0)
 
 
 def say(text: str) -> None:
@@ -75,7 +79,7 @@ def carried(arguments: argparse.Namespace, stopped: Any) -> dict[str, Any]:
     for one in ends:
         one.start()
     try:
-        carry(ends[0], ends[1], stopped)
+        carry(ends[0], ends[1], stopped, say)
     finally:
         for one in ends:
             one.stop()
@@ -150,6 +154,7 @@ def summary_of(bridge: Bridge) -> dict[str, Any]:
         "steps": bridge.steps,
         "starved": events.get("starved"),
         "skipped_samples": bridge.skipped,
+        "unused_samples": bridge.unused,
         "latency_ms": latency,
         "sensor": flow(bridge.sensor.flow, bridge.sensor),
         "board": board,
@@ -178,7 +183,8 @@ def describe(summary: dict[str, Any]) -> str:
     if "runs" in summary:
         lines.append(
             f"runs     {summary['runs']}, {summary['steps']} steps, {summary['starved'] or 0} of them without a new "
-            f"sample, {summary['skipped_samples']} samples left out to keep the delay short"
+            f"sample, {summary['skipped_samples']} samples left out to keep the delay short, "
+            f"{summary['unused_samples']} came while no run was on"
         )
     if summary.get("latency_ms"):
         p = summary["latency_ms"]

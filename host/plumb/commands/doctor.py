@@ -30,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--board", metavar="SPEC", help="look at this board, too: virtual, serial:PORT[@BAUD] or can:..."
     )
+    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
@@ -38,7 +39,7 @@ def main(arguments: argparse.Namespace) -> int:
     bad = [finding for finding in findings if finding.needed and not finding.good]
     ill = []
     if arguments.board:
-        findings += board(arguments.board)
+        findings += board(arguments.board, arguments.link)
         ill = [finding for finding in findings if finding.needed and not finding.good and finding not in bad]
     if arguments.json:
         print(json.dumps({"good": not bad and not ill, "findings": [asdict(finding) for finding in findings]}))
@@ -113,13 +114,13 @@ def serial_rights() -> Iterator[Finding]:
             yield Finding(port.device, False, False, remedy)
 
 
-def board(spec: str) -> list[Finding]:
+def board(spec: str, link: str = "serial") -> list[Finding]:
     """What a board says of itself. Raises LinkError when it does not answer, UsageError when there is no such board."""
     from plumb.boards.link import open_link_board
     from plumb.identity import BLOCKED, BLOCKING_FAULTS, FAULTS, HOST_BLOCKS, PINS
     from plumb.monitor import STATUS_EVERY_S
 
-    with open_link_board(spec) as opened:
+    with open_link_board(spec, link=link) as opened:
         session = opened.session
         identity = session.identity or session.connect()
         commit, mismatch = identity.git_hash or "of no known commit", identity.mismatch

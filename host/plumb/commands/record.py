@@ -5,8 +5,9 @@
     plumb record --bus can:socketcan:can0 --out bus.asc
 
 With --board DIR holds frames.asc (every frame), steps.csv (a row a step, in units) and board.json (identity and all
-parameters it ran with). Without --run it only listens to the run that is on. With --bus a log of frames is all: no word
-is sent; its suffix names the format (.asc .blf .csv .log .trc). Ends after --seconds, or with Ctrl-C.
+parameters it ran with). Without --run it only listens to the run that is on. With --bus a log of frames is all, and not
+one is sent; its suffix names the format (.asc .blf .csv .log .trc). Ends after --seconds, with Ctrl-C, or when the link
+breaks: then what was recorded is kept, and said before the trouble.
 """
 
 from __future__ import annotations
@@ -41,33 +42,49 @@ def main(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--seconds {arguments.seconds:g}: ask for more than nothing")
     if arguments.bus and arguments.run:
         raise UsageError("--bus only listens: --run needs --board")
-    with endings() as caught:
-        summary = of_bus(arguments, caught) if arguments.bus else of_board(arguments, caught)
-    if arguments.json:
-        print(json.dumps(summary))
-    else:
-        print(", ".join(f"{name} {value}" for name, value in summary.items()))
+    summary: dict[str, Any] = {}
+    try:
+        with endings() as caught:
+            if arguments.bus:
+                of_bus(arguments, caught, summary)
+            else:
+                of_board(arguments, caught, summary)
+    finally:
+        if summary and arguments.json:
+            print(json.dumps(summary))
+        elif summary:
+            print(", ".join(f"{name} {value}" for name, value in summary.items()))
     if caught:
         raise KeyboardInterrupt
     return 0
 
 
-def of_bus(arguments: argparse.Namespace, caught: list[int]) -> dict[str, Any]:
+def of_bus(arguments: argparse.Namespace, caught: list[int], summary: dict[str, Any]) -> None:
+    """Every frame of the bus into the log; fills in the summary, whatever ends it."""
+    from plumb.bridge import Flow
     from plumb.buses import open_bus
-    from plumb.recorder import open_log
+    from plumb.recorder import FrameLog
 
+    flow, count = Flow(), 0
     end = None if arguments.seconds is None else time.monotonic() + arguments.seconds
-    count = 0
-    with open_bus(arguments.bus) as bus, open_log(arguments.out) as log:
-        while not caught and (end is None or time.monotonic() < end) and not getattr(bus, "ended", False):
-            message = bus.recv(0.1)
-            if message is not None:
-                log(message)
+    with open_bus(arguments.bus, listen_only=True) as bus, FrameLog(arguments.out) as log:
+        try:
+            while not caught and (end is None or time.monotonic() < end) and not getattr(bus, "ended", False):
+                message = bus.recv(0.1)
+                if message is None:
+                    log.flush()
+                    continue
+                log.add(message)
                 count += 1
-    return {"frames": count, "log": str(arguments.out)}
+                if not message.is_extended_id and not message.is_error_frame and not message.is_remote_frame:
+                    flow.note(message.arbitration_id, bytes(message.data))
+        finally:
+            damaged = flow.rejected + int(getattr(bus, "rejected", 0)) + int(getattr(bus, "malformed", 0))
+            summary.update(frames=count, lost=flow.lost, rejected=damaged, foreign=flow.foreign, log=str(arguments.out))
 
 
-def of_board(arguments: argparse.Namespace, caught: list[int]) -> dict[str, Any]:
+def of_board(arguments: argparse.Namespace, caught: list[int], summary: dict[str, Any]) -> None:
+    """What a board says into the folder; fills in the summary, whatever ends it."""
     from plumb import monitor
     from plumb.boards.link import open_link_board
     from plumb.recorder import Recorder
@@ -88,8 +105,11 @@ def of_board(arguments: argparse.Namespace, caught: list[int]) -> dict[str, Any]
             if arguments.run:
                 session.end()
         finally:
-            recorder.close()
-    return {"steps": recorder.rows, "lost": recorder.lost, "folder": str(arguments.out)}
+            try:
+                recorder.close()
+            finally:
+                summary.update(steps=recorder.rows, lost=recorder.lost, other_lost=session.counters.lost)
+                summary.update(rejected=session.frames.rejected, folder=str(arguments.out))
 
 
 def make_folder(folder: Path) -> None:
@@ -111,4 +131,4 @@ def listen(session: Session, seconds: float | None, caught: list[int]) -> None:
         if session.receive(0.05):
             heard_s = session.clock()
         elif session.clock() - heard_s > SILENCE_S:
-            raise LinkError("the board fell silent: check cable and power; what was recorded is kept")
+            raise LinkError("the board fell silent: check cable and power")

@@ -1,0 +1,250 @@
+"""python-can's own interfaces, and peers that are none: trouble is one sentence, and nothing waits without end."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+import can
+import pytest
+
+from plumb.buses import open_bus, open_can
+from plumb.canlink import MALFORMED_IN_A_ROW, AnyBus, DriverBus
+from plumb.errors import LinkError, UsageError
+from plumb.line import TcpLine
+from plumb.protocol import protocol
+from plumb.session import Session
+from plumb.socketcand import SocketcandBus, SocketcandClient
+
+ANGLE = protocol()["ANGLE"]
+GOOD = can.Message(arbitration_id=ANGLE.identifier, data=ANGLE.pack(0, 0, 1, 2), is_extended_id=False)
+
+
+class Driver(can.BusABC):
+    """An interface that does what a test says: messages, or what it raises instead."""
+
+    def __init__(self, *script: can.Message | Exception | None) -> None:
+        self.script = deque(script)
+        self.closed = 0
+        super().__init__("driver")
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        said = self.script.popleft() if self.script else None
+        if isinstance(said, Exception):
+            raise said
+        return said, False
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        raise RuntimeError("the driver's own trouble,\nin two lines")
+
+    def shutdown(self) -> None:
+        super().shutdown()
+        self.closed += 1
+        raise can.CanOperationError("it is gone already")
+
+
+def test_a_malformed_line_costs_that_line_and_is_counted() -> None:
+    """What python-can's slcan raises for one."""
+    bus = DriverBus("can:x:0", Driver(ValueError("int()"), IndexError("string"), GOOD, ValueError("int()"), GOOD))
+    link = AnyBus(bus)
+    frames = []
+    for _ in range(6):
+        frames += link.read_frames(0.0)
+    assert frames == [(ANGLE.identifier, bytes(GOOD.data))] * 2
+    assert link.rejected == 3
+    bus.shutdown()
+
+
+def test_nothing_but_malformed_lines_is_another_kind_of_line() -> None:
+    bus = DriverBus("can:x:0", Driver(*[ValueError("int()")] * MALFORMED_IN_A_ROW))
+    with pytest.raises(LinkError, match="can:x:0 failed"):
+        for _ in range(MALFORMED_IN_A_ROW):
+            bus.recv(0.0)
+    bus.shutdown()
+
+
+@pytest.mark.parametrize("trouble", [RuntimeError("usb"), can.CanOperationError("off"), OSError(19, "no device")])
+def test_whatever_a_driver_raises_is_one_sentence(trouble: Exception) -> None:
+    driver = Driver(trouble)
+    bus = DriverBus("can:x:0", driver)
+    with pytest.raises(LinkError, match="check the interface") as caught:
+        bus.recv(0.0)
+    assert isinstance(caught.value, can.CanError) and "\n" not in str(caught.value)
+    with pytest.raises(LinkError, match="the driver's own trouble,") as caught:
+        bus.send(GOOD)
+    assert "\n" not in str(caught.value)
+    bus.shutdown()
+    bus.shutdown()
+    assert driver.closed == 1
+
+
+Handler = Callable[[socket.socket], None]
+
+
+@contextmanager
+def peer(handler: Handler) -> Iterator[str]:
+    """HOST:PORT of something that a client may take for a board."""
+    server = socket.create_server(("127.0.0.1", 0))
+    server.settimeout(10)
+    clients = []
+
+    def serve() -> None:
+        client, _ = server.accept()
+        clients.append(client)
+        with client, suppress(OSError):
+            handler(client)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        yield f"127.0.0.1:{server.getsockname()[1]}"
+    finally:
+        thread.join()
+        server.close()
+
+
+def until_closed(client: socket.socket) -> None:
+    while client.recv(4096):
+        pass
+
+
+def web_server(client: socket.socket) -> None:
+    client.recv(1)
+    client.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n<html>\r\n")
+
+
+def noise(client: socket.socket) -> None:
+    client.sendall(bytes(range(256)) * 16)
+    until_closed(client)
+
+
+def hangs_up(client: socket.socket) -> None:
+    client.close()
+
+
+@pytest.mark.parametrize("handler", [until_closed, web_server, noise, hangs_up])
+def test_a_peer_that_is_no_socketcand_is_link_trouble(handler: Handler, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("plumb.socketcand._GREETING_S", 0.2)
+    with peer(handler) as address, pytest.raises(LinkError) as caught:
+        open_bus(f"can:socketcand:{address}:can0")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("handler", [until_closed, noise])
+def test_a_peer_that_is_no_board_is_link_trouble(handler: Handler, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("plumb.session.REPLY_TIMEOUT_S", 0.02)
+    with peer(handler) as address, pytest.raises(LinkError, match="does not answer"):
+        Session.over(open_bus(f"tcp:{address}"))
+
+
+@contextmanager
+def served() -> Iterator[tuple[SocketcandBus, list[can.Message]]]:
+    """A socketcand server with somebody who reads it."""
+    bus = SocketcandBus(0)
+    heard: list[can.Message] = []
+    stop = threading.Event()
+
+    def serve() -> None:
+        while not stop.is_set():
+            message = bus.recv(0.005)
+            if message is not None:
+                heard.append(message)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        yield bus, heard
+    finally:
+        stop.set()
+        thread.join()
+        bus.shutdown()
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + 10
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.002)
+
+
+def stock(address: str) -> can.BusABC:
+    host, port = address.split(":")
+    return can.Bus(interface="socketcand", host=host, port=int(port), channel="can0")
+
+
+def ours(address: str) -> can.BusABC:
+    return open_can(f"socketcand:{address}:can0")
+
+
+@pytest.mark.parametrize("opened", [stock, ours])
+def test_frames_go_both_ways_over_socketcand(opened: Callable[[str], can.BusABC]) -> None:
+    """python-can's own client and the one that stands in for it."""
+    other = can.Message(arbitration_id=0x18FF50E5, data=b"\x01\x02", is_extended_id=True)
+    with served() as (bus, heard), opened(bus.address) as near:
+        for message in (GOOD, other):
+            near.send(message)
+        wait_for(lambda: len(heard) == 2)
+        for message in (GOOD, other):
+            bus.send(message)
+        back = [near.recv(5.0) for _ in range(2)]
+    for said in (heard, back):
+        assert [(m.arbitration_id, m.is_extended_id, bytes(m.data)) for m in said if m is not None] == [
+            (m.arbitration_id, m.is_extended_id, bytes(m.data)) for m in (GOOD, other)
+        ]
+
+
+def test_a_socketcand_that_goes_away_is_noticed() -> None:
+    """python-can's own client takes that for a quiet bus."""
+    with served() as (bus, _):
+        near = ours(bus.address)
+    with pytest.raises(LinkError, match="closed the connection"):
+        near.recv(5.0)
+    near.shutdown()
+
+
+def test_text_that_is_no_frame_is_let_by_and_counted() -> None:
+    def talk(client: socket.socket) -> None:
+        client.sendall(b"< hi >")
+        for answer in (b"< ok >", b"< ok >< frame"):
+            client.recv(100)
+            client.sendall(answer)
+        client.sendall(b" 7FF 1.5 0102 >< frame XYZ 0 00 >< frame 123 0.0  >< frame 123 0.0 GG >< error 1 2 ><>")
+        client.sendall(b"x" * 10_000 + b"< frame 124 0.0 AA >")
+        until_closed(client)
+
+    with peer(talk) as address, ours(address) as bus:
+        heard = [bus.recv(5.0) for _ in range(3)]
+        assert isinstance(bus, SocketcandClient) and bus.malformed >= 3
+    assert [(m.arbitration_id, bytes(m.data)) for m in heard if m] == [(0x7FF, b"\1\2"), (0x123, b""), (0x124, b"\xaa")]
+
+
+def test_a_second_client_is_turned_away_at_once_and_the_first_stays() -> None:
+    line = TcpLine(0)
+    address = line.address.removeprefix("socket://")
+    heard: list[bytes] = []
+
+    def served() -> bool:
+        heard.append(line.read())
+        return line.connected
+
+    with open_bus(f"tcp:{address}") as first:
+        wait_for(served)
+        with open_bus(f"tcp:{address}") as second, pytest.raises(LinkError, match="close the other program"):
+            for _ in range(1000):
+                served()
+                second.recv(0.005)
+        line.write(b"t1088" + bytes(GOOD.data).hex().upper().encode() + b"\r")
+        answer = first.recv(5.0)
+    assert answer is not None and bytes(answer.data) == bytes(GOOD.data)
+    assert b"".join(heard) == b"\rC\rO\r"  # nothing of what the second said
+    line.close()
+
+
+@pytest.mark.parametrize("spec", ["can:socketcand::4000:can0", "can:socketcand:host:port:can0", "can:socketcand:h:1"])
+def test_an_incomplete_socketcand_address_is_wrong_use(spec: str) -> None:
+    with pytest.raises(UsageError, match="HOST:PORT:CHANNEL"):
+        open_bus(spec)
