@@ -45,6 +45,23 @@ def test_every_period_has_the_newest_sample_of_both_chips(digital: Bench) -> Non
     assert digital.machine.warnings == []
 
 
+@pytest.mark.parametrize(("axis", "pair"), [(0, (1, 2)), (1, (0, 2)), (2, (0, 1))])
+def test_the_rate_is_about_the_axle_and_the_accelerations_across_it(
+    digital: Bench, axis: int, pair: tuple[int, int]
+) -> None:
+    capture = digital.begin(imu_axis=axis)
+    digital.run(capture, RECOVERY_S)
+    seen: dict[str, list[tuple[int, int, int]]] = {"gyro": [], "accel": []}
+    digital.gyro.on_read = lambda _time_s, counts: seen["gyro"].append(counts)
+    digital.accel.on_read = lambda _time_s, counts: seen["accel"].append(counts)
+    before = capture.steps
+    digital.run(capture, 0.1)
+    raw = capture.raw_counts(before + 10)[before:]
+    assert raw[:, 0].tolist() == [counts[axis] for counts in seen["gyro"][:10]]
+    for place in (0, 1):
+        assert raw[:, 1 + place].tolist() == [counts[pair[place]] for counts in seen["accel"][:10]]
+
+
 def test_a_sample_is_complete_soon_after_its_tick(digital: Bench) -> None:
     """Within 0.44 ms where both chips are on I2C, 0.24 ms with the accelerometer on SPI."""
     machine = digital.machine

@@ -161,6 +161,28 @@ def test_speed_controllers_get_their_pulses_at_any_rate(standard, hz):
         assert standard.pwm("PB6") == (NEUTRAL_US, period_us, True)
 
 
+@pytest.mark.parametrize("hz", [50, 490])
+def test_one_at_its_least_and_the_other_at_its_most(standard, hz):
+    """A tilt that asks for more than there is: 1000 and 2000 us, with both signs."""
+    period_us = round(1e6 / hz)
+    with Session.open(standard.uart) as session:
+        control = session.read_parameters()[:CONTROL_WORDS]
+        control[[row.name for row in table()].index("esc.span_halfus")] = 1100
+        session.upload(control, esc_period_us=period_us, period_us=20_000, arm_hold_ms=0)
+        ends = []
+        for y_volts in (1.0, 2.3):
+            at_rest(standard, (1.35, y_volts, 1.65))
+            session.begin("REALTIME_LIVE")
+            session.arm()
+            for _ in range(100):
+                session.receive(0.005)
+            waves = [standard.pwm(pin) for pin in ("PB6", "PB7")]
+            assert all(wave.period_us == period_us for wave in waves)
+            ends.append([wave.pulse_us for wave in waves])
+            session.disarm()
+        assert sorted(ends) == [[1000.0, 2000.0], [2000.0, 1000.0]]
+
+
 def test_a_restart_brings_the_saved_set_into_force(image):
     from plumb.boards.virtual import VirtualBoard
 

@@ -26,6 +26,7 @@ READ, MANY = 0x80, 0x40
 
 class Adxl345(Chip):
     NAME, SIZE, DATA = "adxl345", 0x3A, DATAX0
+    SPI_MHZ = 5.0
     POWER_ON: ClassVar[dict[int, int]] = {BW_RATE: 0x0A, INT_SOURCE: 0x02}
 
     def __init__(self, machine: Machine, source: Source, address: int = ADDRESS) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from plumb.f103.bus import Peripheral, Register, SimulationError
+from plumb.f103.timeline import TICKS_PER_US
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
@@ -21,6 +22,9 @@ RXNE, TXE, OVR, BSY = 1, 2, 64, 128
 
 class Device(Protocol):
     """A chip with a select line."""
+
+    SPI_MHZ: float
+    """It takes a clock of so much."""
 
     def select(self) -> None: ...
 
@@ -93,6 +97,9 @@ class Spi(Peripheral):
     def _shifted(self, time: int) -> None:
         assert self.shifting is not None
         answer = 0xFF
+        mhz = 8 * TICKS_PER_US / self._byte_ticks()
+        if self.selected is not None and mhz > self.selected.SPI_MHZ:
+            self.machine.warn(f"SPI1 runs at {mhz:g} MHz; the chip takes {self.selected.SPI_MHZ:g}")
         if self.selected is not None and self.cr1 & MODE == MODE:
             answer = self.selected.exchange(self.shifting, time)
         elif self.selected is not None:
