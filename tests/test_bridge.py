@@ -175,6 +175,63 @@ def test_a_bus_that_is_none_gets_one_sentence(start: Start) -> None:
     assert wrong.said().count("\n") == 1 and "names no bus" in wrong.said()
 
 
+def test_sides_that_are_swapped_are_named_and_link_trouble(start: Start, tmp_path: Path) -> None:
+    sensor, board = tmp_path / "sensor", tmp_path / "board"
+    start(*SENSOR, "--bus", "serial:pty", "--symlink", str(sensor)).wait_for("emits")
+    start("virtual-board", "--serial", "pty", "--symlink", str(board)).wait_for("serving")
+    bridge = start("bridge", f"serial:{board}", f"serial:{sensor}")
+    bridge.wait_for("is a board, no sensor board")
+    bridge.wait_for("does not answer")
+    assert bridge.end() == 3
+    assert "Traceback" not in bridge.said()
+
+
+def test_a_bridge_that_never_had_a_sample_says_so_and_is_link_trouble(start: Start, tmp_path: Path) -> None:
+    board = tmp_path / "board"
+    start("virtual-board", "--serial", "pty", "--symlink", str(board)).wait_for("serving")
+    bridge = start("bridge", "udp:9", f"serial:{board}", "--json")
+    bridge.wait_for("no sample has come over udp:9 yet")
+    assert bridge.end() == 3
+    assert summary_of(bridge)["runs"] == 0
+
+
+def test_a_bridge_that_is_killed_loses_the_armed_board_and_the_next_one_goes_on(start: Start, tmp_path: Path) -> None:
+    """On a CAN bus, where nobody else says that a host went away."""
+    sensor, board = tmp_path / "sensor", tmp_path / "board"
+    start(*SENSOR, "--bus", "serial:pty", "--symlink", str(sensor)).wait_for("emits")
+    served = start("virtual-board", "--symlink", str(board), "--can", "socketcand:0")
+    served.wait_for("serving", times=2)
+    bus = served.said().split("use it as ")[1].split(";")[0]
+    command = ("bridge", f"serial:{sensor}", bus, "--arm", "--shadow", "--json")
+    first = start(*command)
+    first.wait_for("armed")
+    first.end(signal.SIGKILL)
+    with Session.open(str(board)) as watcher:
+        end = time.monotonic() + WAIT_S
+        while watcher.telemetry.get("STATUS", {"armed": 1})["armed"]:
+            watcher.receive(0.05)
+            assert time.monotonic() < end
+        assert watcher.telemetry["EVENTS"]["disarm_cause"] == 0x20
+        second = start(*command)
+        second.wait_for("armed")
+        while not watcher.telemetry["STATUS"]["armed"]:
+            watcher.receive(0.05)
+            assert time.monotonic() < end
+    time.sleep(0.5)
+    assert second.end() == 0
+    assert summary_of(second)["verdict"] == "pass"
+
+
+@pytest.mark.parametrize("side", ["first", "second"])
+def test_carrying_to_a_side_that_never_opens_is_link_trouble(start: Start, side: str) -> None:
+    nowhere, somewhere = "tcp:127.0.0.1:9", "udp:9"
+    bridge = start("bridge", *((nowhere, somewhere) if side == "first" else (somewhere, nowhere)), "--carry", "--json")
+    bridge.wait_for("tcp:127.0.0.1:9: no connection")
+    assert bridge.end() == 3
+    found = summary_of(bridge)[side]
+    assert isinstance(found, dict) and found["opened"] == 0
+
+
 # ---- the shadow ----
 
 ADAPTIVE = quantise(quad.ADAPTIVE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
 from collections.abc import Callable, Iterator
@@ -39,6 +40,23 @@ def board() -> Iterator[VirtualBoard]:
     with VirtualBoard(link="can") as opened:
         yield opened
         assert opened.machine.warnings == []
+
+
+def parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    """The parser and those of its verbs."""
+    yield parser
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for verb in action.choices.values():
+                yield from parsers(verb)
+
+
+@pytest.mark.parametrize("name", front.COMMANDS)
+def test_whatever_speaks_to_a_board_does_so_over_either_link(name: str) -> None:
+    for parser in parsers(front.command_parser(name)):
+        options = parser._option_string_actions
+        if "--board" in options or "--confirm" in options:
+            assert options["--link"].choices == ("serial", "can") and options["--link"].default == "serial"
 
 
 def listen(session: Session, seconds: float) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import threading
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,7 @@ import pytest
 
 from link_board import MemoryBoard
 from plumb import __main__ as front
-from plumb import parameters, systems
+from plumb import parameters, systems, tablefile
 from plumb.boards.link import LinkBoard
 from plumb.errors import UsageError
 from plumb.meaning import meaning
@@ -264,3 +266,20 @@ def test_every_verb_over_either_link(
     machine.advance_us(30_000)
     assert value() == 5
     assert machine.warnings == []
+
+
+def test_a_table_goes_into_a_pipe_or_a_device_and_does_not_replace_it(tmp_path: Path) -> None:
+    """`plumb params dump /dev/null` as root leaves /dev/null what it is, and a link a link."""
+    text = tablefile.text_of([row.default for row in parameters.table()])
+    link, target = tmp_path / "link.toml", tmp_path / "target.toml"
+    target.write_text("old")
+    link.symlink_to(target)
+    tablefile.write(link, text)
+    assert link.is_symlink() and target.read_text() == text
+    pipe, heard = tmp_path / "pipe", []
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: heard.append(pipe.read_text()))
+    reader.start()
+    tablefile.write(pipe, text)
+    reader.join()
+    assert pipe.is_fifo() and heard == [text]

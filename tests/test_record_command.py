@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import csv
 import json
+import threading
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
 
 from link_board import MemoryBoard
+from plumb import __main__ as front
+from plumb.adapter import AdapterBus
+from plumb.boards.link import LinkBoard
+from plumb.buses import serve_bus
 from plumb.commands import link_test
+from plumb.errors import UsageError
 from plumb.parameters import table
-from plumb.recorder import Recorder
+from plumb.protocol import protocol
+from plumb.recorder import FrameLog, Recorder
 from plumb.serialbus import PlumbBus
 from plumb.session import SELECTABLE, Session
 
@@ -87,6 +95,125 @@ def test_a_lost_step_is_an_empty_row(board: MemoryBoard, session: Session, tmp_p
     recorder = recorded(board, session, tmp_path)
     assert recorder.lost == 1
     assert [row["step"] for row in rows_of(tmp_path) if not row["digest"]] != []
+
+
+FULL = Path("/dev/full")
+needs_full_disk = pytest.mark.skipif(not FULL.is_char_device(), reason="this system has no /dev/full")
+
+
+@pytest.fixture
+def recordable(board: MemoryBoard, monkeypatch: pytest.MonkeyPatch) -> MemoryBoard:
+    """The board behind `plumb record --board memory`."""
+    board.sensors((1700, 2100, 2900, 0, 0, 0))
+
+    def opened(_spec: str, **_options: Any) -> LinkBoard:
+        return LinkBoard("memory", Session.open(board))
+
+    monkeypatch.setattr("plumb.boards.link.open_link_board", opened)
+    return board
+
+
+def record(folder: Path, *arguments: str) -> int:
+    return front.main(["record", "--board", "memory", "--run", "live", "--out", str(folder), "--json", *arguments])
+
+
+def test_a_board_that_falls_silent_leaves_what_was_recorded_and_the_count(
+    recordable: MemoryBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    off_us = recordable.time_us + 1_000_000
+    recordable.spoil_up = lambda data: data if recordable.time_us < off_us else b""
+    assert record(tmp_path) == 3
+    said = capsys.readouterr()
+    assert said.err == "plumb: the board fell silent: check cable and power\n"
+    summary = json.loads(said.out)
+    assert summary["steps"] == len(rows_of(tmp_path)) > 20
+
+
+@needs_full_disk
+@pytest.mark.parametrize("name", ["steps.csv", "frames.asc", "board.json"])
+def test_a_full_disk_is_one_sentence_and_the_count(
+    recordable: MemoryBoard, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / name).symlink_to(FULL)
+    assert record(tmp_path, "--seconds", "30") == 2
+    said = capsys.readouterr()
+    assert (
+        said.err.startswith(f"plumb: {tmp_path / name} cannot be written: No space left") and said.err.count("\n") == 1
+    )
+
+
+def test_a_file_in_the_way_is_one_sentence(
+    recordable: MemoryBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "steps.csv").mkdir()
+    assert record(tmp_path) == 2
+    assert "steps.csv cannot be written: Is a directory" in capsys.readouterr().err
+
+
+def test_what_is_recorded_is_on_the_disk_within_a_second(
+    board: MemoryBoard, session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a recorder that is killed leaves it."""
+    monkeypatch.setattr("plumb.recorder.FLUSH_EVERY_S", 0.0)
+    recorder = Recorder(session, tmp_path, SELECTABLE)
+    session.listener = recorder.feed
+    session.begin("REALTIME_LIVE")
+    for _ in range(30):
+        session.receive(0.02)
+    assert len(rows_of(tmp_path)) == recorder.rows > 20
+    assert (tmp_path / "frames.asc").read_text().count("\n") > recorder.rows
+    session.listener = None
+    recorder.close()
+
+
+@pytest.mark.parametrize("suffix", [".asc", ".blf", ".csv", ".log", ".trc"])
+def test_every_format_of_a_log_is_read_back(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"bus{suffix}"
+    with FrameLog(path) as log:
+        for number in range(5):
+            log.add(
+                can.Message(timestamp=1e9 + number, arbitration_id=0x100, is_extended_id=False, data=bytes([number]))
+            )
+            log.flush()
+    assert [bytes(message.data) for message in can.LogReader(path)] == [bytes([number]) for number in range(5)]
+
+
+def test_a_log_of_no_known_format_is_wrong_use(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="a log of frames ends in"):
+        FrameLog(tmp_path / "bus.txt")
+
+
+def test_a_bus_is_recorded_without_a_word_and_what_is_missing_is_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    far = serve_bus("tcp:127.0.0.1:0")
+    assert isinstance(far, AdapterBus)
+    angle, heard, read_only, stop = protocol()["ANGLE"], [], set(), threading.Event()
+
+    def speak() -> None:
+        counter = 0
+        while not stop.is_set():
+            heard.append(far.recv(0.005))
+            if far.open and counter < 40:
+                read_only.add(far.read_only)
+                data = angle.pack(counter & 15, 0, 1, counter) if counter != 9 else bytes(8)
+                far.send(can.Message(arbitration_id=angle.identifier, data=data, is_extended_id=False))
+                counter += 2 if counter == 20 else 1
+
+    thread = threading.Thread(target=speak)
+    thread.start()
+    address = far.channel_info.split("//")[1]
+    log = tmp_path / "bus.asc"
+    try:
+        assert front.main(["record", "--bus", f"tcp:{address}", "--out", str(log), "--seconds", "1", "--json"]) == 0
+    finally:
+        stop.set()
+        thread.join()
+        far.shutdown()
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["frames"], summary["rejected"], summary["lost"]) == (38, 1, 2)
+    assert len(list(can.LogReader(log))) == 38
+    assert not any(heard) and read_only == {True}
 
 
 def test_a_good_link_passes_the_link_test(session: Session) -> None:
