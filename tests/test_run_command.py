@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 from plumb import __main__ as front
-from plumb import quantise, trial
+from plumb import quantise, systems, trial
 from plumb.boards import Answer, RawCounts, Setpoints
 from plumb.boards.native import NativeBoard
 from plumb.quantise import ControlParams
@@ -41,6 +42,25 @@ def test_a_run_prints_what_the_contract_names(scenario: str, capsys: pytest.Capt
     assert (said["system"], said["board"], said["seed"], said["steps"]) == ("quad", "native", 1000, 1250)
     assert set(said["metrics"]) >= METRICS
     assert said["metrics"]["target_vs_fixed_mismatches"] == 0
+
+
+@pytest.mark.parametrize("board", ["native", "qemu"])
+@pytest.mark.parametrize("name", systems.SYSTEMS)
+def test_every_system_runs_open_and_closed(name: str, board: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """tests/test_confirmed.py has the virtual board, over both links."""
+    if board == "qemu" and shutil.which("qemu-system-arm") is None:
+        pytest.skip("qemu-system-arm is missing")
+    seconds = "12" if name == "turntable" else "4"  # its first 10 s are at rest
+    loops = {"open", "closed"} if systems.load(name).OUTPUTS else {"open"}
+    for loop in loops:
+        extra = ("--open-loop",) if loop == "open" else ()
+        code, said = run(capsys, "run", name, "--board", board, "--seconds", seconds, *extra)
+        figures = said["metrics"]
+        assert code == 0 and (said["system"], said["board"], said["loop"]) == (name, board, loop)
+        assert set(figures) >= METRICS and figures["target_vs_fixed_mismatches"] == 0
+        assert (figures["accel_only_rmse_deg"] is None) == (name == "turntable")
+        assert figures["angle_rmse_deg"] <= figures["angle_max_deg"] < 2.0
+        assert 0.0 < figures["fixed_vs_reference_max_deg"] < 1e-3
 
 
 def test_the_same_seed_gives_the_same_words(capsys: pytest.CaptureFixture[str]) -> None:
