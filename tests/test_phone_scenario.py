@@ -89,7 +89,9 @@ def test_a_fault_touches_its_channel_and_its_time() -> None:
     assert not (np.delete(clean, 2, 1) != np.delete(spoiled, 2, 1)).any()
 
 
-@pytest.mark.parametrize(("name", "seed", "seconds"), [("fall", 0, 10.0), ("static", -1, 10.0), ("static", 0, 0.1)])
+@pytest.mark.parametrize(
+    ("name", "seed", "seconds"), [("fall", 0, 10.0), ("static", -1, 10.0), ("static", 0, 0.1), ("general", 0, 2.0)]
+)
 def test_what_there_is_not_is_refused(name: str, seed: int, seconds: float) -> None:
     with pytest.raises(UsageError):
         phone.scenario(name, seed, seconds=seconds)

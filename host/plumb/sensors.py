@@ -121,6 +121,17 @@ class Itg3205:
         return Channel(0.0, 1.0 / self.lsb_per_dps, -most, most)
 
 
+def band_noise(white: FloatArray, low_hz: float, high_hz: float, step_s: float) -> FloatArray:
+    """White noise with its spectrum cut to a band, scaled to unit rms; raises UsageError for a run too short for it."""
+    spectrum, f = np.fft.rfft(white), np.fft.rfftfreq(len(white), step_s)
+    inside = (f >= low_hz) & (f <= high_hz)
+    if not inside.any():
+        raise UsageError(f"motion of {low_hz:g} to {high_hz:g} Hz needs a run of at least {1.0 / high_hz:.2g} s")
+    spectrum[~inside] = 0.0
+    cut = np.fft.irfft(spectrum, len(white))
+    return np.asarray(cut / np.sqrt(np.mean(cut * cut)), np.float64)
+
+
 @dataclass(frozen=True)
 class OnePole:
     """First-order low-pass, exact for input that is straight between samples: y = decay y' + new x + old x'."""

@@ -24,7 +24,7 @@ import numpy.typing as npt
 from plumb import metrics
 from plumb.disturbance import Request
 from plumb.errors import UsageError
-from plumb.sensors import FAULT_NOTES, Fault, fault_of
+from plumb.sensors import FAULT_NOTES, Fault, band_noise, fault_of
 from plumb.tuning import Channel, PhoneAxis, PhoneTuning, Start
 
 FloatArray = npt.NDArray[np.float64]
@@ -235,8 +235,8 @@ def scenario(
     direction = rng.standard_normal(3)
     scale = 1.0 + SCALE_ERROR * rng.standard_normal(3)
     offset_g = OFFSET_MPS2 / G_MPS2 * rng.standard_normal(3)
-    wander = [_band(rng.standard_normal(points), *MOTION_HZ) for _ in range(3)]
-    shake = [_band(rng.standard_normal(points), *LINEAR_HZ) for _ in range(3)]
+    wander = [band_noise(rng.standard_normal(points), *MOTION_HZ, GRID_S) for _ in range(3)]
+    shake = [band_noise(rng.standard_normal(points), *LINEAR_HZ, GRID_S) for _ in range(3)]
     walk_dps = np.cumsum(WALK_DPS_PER_RTS * np.sqrt(period_s) * rng.standard_normal((3, steps)), axis=1)
     gyro_noise_dps = GYRO_NOISE_DPS_PER_RTHZ / np.sqrt(period_s) * rng.standard_normal((3, steps))
     accel_noise_g = ACCEL_NOISE_G_PER_RTHZ / np.sqrt(period_s) * rng.standard_normal((3, steps))
@@ -298,11 +298,3 @@ def _turn(t: FloatArray, begin_s: float, back_s: float) -> FloatArray:
     """90 degrees from begin to back, either turn in 4 s along half a cosine, deg."""
     there, back = (np.clip((t - start) / TURN_S, 0.0, 1.0) for start in (begin_s, back_s))
     return np.asarray(TURN_DEG / 2.0 * (np.cos(np.pi * back) - np.cos(np.pi * there)))
-
-
-def _band(white: FloatArray, low_hz: float, high_hz: float) -> FloatArray:
-    """White noise on the grid cut to a band, scaled to unit rms."""
-    spectrum, f = np.fft.rfft(white), np.fft.rfftfreq(len(white), GRID_S)
-    spectrum[(f < low_hz) | (f > high_hz)] = 0.0
-    cut = np.fft.irfft(spectrum, len(white))
-    return np.asarray(cut / np.sqrt(np.mean(cut * cut)), np.float64)

@@ -33,6 +33,7 @@ from plumb.sensors import (
     OnePole,
     Push,
     adc_counts,
+    band_noise,
     faults_of,
 )
 from plumb.tuning import Calibration, Esc, Kalman, Pid, Start, Trust, Tuning
@@ -293,7 +294,7 @@ def scenario(
     burst_s = rng.uniform(*BURST_BETWEEN_S, BURSTS)
     burst_g = BURST_G * rng.choice([-1.0, 1.0], BURSTS)
     walk_dps = np.cumsum(WALK_DPS_PER_RTS * np.sqrt(period_s) * rng.standard_normal(steps))
-    vibration = _band(rng.standard_normal(points), *VIBRATION_HZ)
+    vibration = band_noise(rng.standard_normal(points), *VIBRATION_HZ, GRID_S)
     gyro_noise_dps = GYRO_NOISE_DPS * rng.standard_normal(steps)
     accel_noise_g = accelerometer.noise_g * _correlated(rng.standard_normal((2, steps)), bandwidth_hz, period_s)
     adc_noise_v = ADC_NOISE_LSB * ADC_REFERENCE_V / ADC_COUNTS * rng.standard_normal((CHANNELS, steps))
@@ -374,14 +375,6 @@ def _smooth(motion: Callable[[FloatArray], FloatArray], points: int) -> FloatArr
     weight: FloatArray = np.exp(-0.5 * (np.arange(-reach, reach + 1, dtype=np.float64) / sigma) ** 2)
     rough = motion(np.arange(-reach, points + 1 + reach, dtype=np.float64) * GRID_S)
     return np.asarray(np.convolve(rough, weight / np.sum(weight), "valid"), np.float64)
-
-
-def _band(white: FloatArray, low_hz: float, high_hz: float) -> FloatArray:
-    """White noise on the grid cut to a band, scaled to unit rms."""
-    spectrum, f = np.fft.rfft(white), np.fft.rfftfreq(len(white), GRID_S)
-    spectrum[(f < low_hz) | (f > high_hz)] = 0.0
-    cut = np.fft.irfft(spectrum, len(white))
-    return np.asarray(cut / np.sqrt(np.mean(cut * cut)), np.float64)
 
 
 def _correlated(white: FloatArray, bandwidth_hz: float, period_s: float) -> FloatArray:
