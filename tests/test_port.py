@@ -146,14 +146,23 @@ def test_a_stack_that_reaches_its_guard(image: bytes, elf: Elf) -> None:
     assert _faults(machine, elf) == FAULT_HARD
 
 
-def test_a_stack_that_runs_out_of_ram_between_two_looks(image: bytes, elf: Elf) -> None:
-    """No fault handler can be entered any more, the core locks up: then it is the watchdog that ends it."""
-    push_for_ever = struct.pack("<HH", 0xB4FF, 0xE7FD)
-    machine = Machine(_patched(image, elf, "session_poll", push_for_ever))
-    assert machine.run_until(lambda: machine.reset_count == 2, 400_000)
-    assert [warning for warning in machine.warnings if "locked up" in warning]
-    machine.advance_us(10_000)
-    assert _at_neutral(machine)
+WITHOUT_A_STACK = {
+    "runs out of RAM": struct.pack("<HH", 0xB4FF, 0xE7FD),  # push {r0-r7}; again
+    "points nowhere, then a fault": struct.pack("<HHH", 0x2008, 0x4685, 0xDE00),  # movs r0, #8; mov sp, r0; udf
+    "points nowhere, then an interrupt": struct.pack("<HHH", 0x2008, 0x4685, 0xE7FE),  # ... b .
+    "points to no memory, then a fault": struct.pack("<HHHHH", 0x2020, 0xF2C3, 0x0000, 0x4685, 0xDE00),  # 0x30000020
+    "ends where RAM begins": struct.pack("<HHHHH", 0x2020, 0xF2C2, 0x0000, 0x4685, 0xDE00),  # room for one frame
+}
+
+
+@pytest.mark.parametrize("code", WITHOUT_A_STACK.values(), ids=WITHOUT_A_STACK.keys())
+def test_without_a_stack_it_is_reset_all_the_same_and_at_once(image: bytes, elf: Elf, code: bytes) -> None:
+    """The handler brings a stack of its own, and reads no frame where none can be."""
+    machine = Machine(_patched(image, elf, "session_poll", code))
+    assert machine.run_until(lambda: machine.reset_count == 2, BOOT_US), "no need of the watchdog's 160 ms"
+    assert machine.warnings == []
+    machine.advance_us(BOOT_US // 3)
+    assert _word(machine, elf, "identity", 11) == 3  # crash_exception: HardFault
 
 
 def test_a_pin_reset_forgets_the_crash(image: bytes, elf: Elf) -> None:
@@ -165,6 +174,18 @@ def test_a_pin_reset_forgets_the_crash(image: bytes, elf: Elf) -> None:
     machine.reset()
     machine.advance_us(BOOT_US)
     assert _faults(machine, elf) == 0
+
+
+def test_a_note_that_power_damaged_tells_nothing(image: bytes, elf: Elf) -> None:
+    """Memory after a dip of the supply may hold any part of it."""
+    machine = Machine(image)
+    machine.advance_us(BOOT_US)
+    machine.rcc.kill_crystal()
+    assert machine.run_until(lambda: machine.reset_count == 2, 1000)
+    machine.rcc.crystal_dead = False
+    machine.cpu.ram[elf.symbol("note").address - 0x20000000 + 8] ^= 1
+    machine.advance_us(BOOT_US)
+    assert _faults(machine, elf) == 0 and _word(machine, elf, "identity", 11) == 0
 
 
 def test_noise_on_the_line_is_counted_and_survived(image: bytes, elf: Elf) -> None:

@@ -137,11 +137,12 @@ def test_too_few_wait_states_stop_the_simulation(board):
         b.machine.advance_us(10_000)
 
 
-def test_a_fault_without_a_stack_locks_the_core_up(board):
+def test_a_handler_that_needs_the_stack_that_failed_locks_the_core_up(board):
     b = board("fault")
     b.ask(0, 8)
     b.machine.advance_us(1000)
-    assert "outside RAM" in b.machine.cpu.locked_up
+    assert "fault inside the fault handler" in b.machine.cpu.locked_up
+    assert b.machine.scb.cfsr & 1 << 12, "STKERR"
     b.ask(0, 0)
     b.machine.reset()
     b.machine.advance_us(1000)

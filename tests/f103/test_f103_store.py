@@ -14,7 +14,7 @@ from plumb import parameters
 from plumb.elf import Elf
 from plumb.errors import LinkError, UsageError
 from plumb.f103 import Machine, find_image
-from plumb.f103.flash import torn
+from plumb.f103.flash import LOCK, torn
 from plumb.session import Session
 
 SLOTS, SLOT = 0xF000, 0x800
@@ -59,7 +59,11 @@ def test_the_image_saves_on_every_part(image, part):
     code = bytes(machine.cpu.flash[:SLOTS])
     for number, period_us in enumerate((3000, 4000, 5000), 1):
         begun = machine.now_us
+        machine.flash.journal = []
         save(machine, period_us)
+        erased = [operation.offset for operation in machine.flash.journal if len(operation.after) > 2]
+        slot = SLOTS + (number + 1) % 2 * SLOT
+        assert erased == list(range(slot, slot + SLOT, machine.flash.page_bytes)), "each page once"
         assert machine.now_us - begun < 250_000
         assert found(machine) == (table(period_us), f"saved in flash, number {number}")
     assert bytes(machine.cpu.flash[:SLOTS]) == code
@@ -75,6 +79,16 @@ def test_no_watchdog_bites_while_it_saves(image, lsi_hz):
     save(machine, 3000)
     save(machine, 4000)
     assert machine.reset_count == 1
+
+
+def test_nor_while_it_finds_that_a_slot_is_worn_out(image):
+    """Both slots in one save, which takes longer than the fastest watchdog waits."""
+    machine = Machine(image)
+    machine.iwdg.lsi_hz = 60_000
+    machine.advance_us(BOOT_US)
+    machine.flash.wear(0x08000000 + SLOTS + 2 * (5 + 3 * len(parameters.table()) + 1), 0xFF, 0)  # its CRC
+    save(machine, 3000)
+    assert machine.reset_count == 1 and found(machine) == (table(3000), "saved in flash, number 1")
 
 
 class Slots:
@@ -208,6 +222,20 @@ def test_a_worn_half_word_is_reported_and_the_old_set_stays(image):
         save(machine, 4000)
     assert found(machine) == (table(3000), "saved in flash, number 1")
     assert machine.warnings == []
+
+
+def test_pages_that_were_protected_can_be_saved_to_again(image):
+    """What the controller refused stands in its flags until it is cleared; and it is locked between saves."""
+    machine = Machine(image)
+    machine.advance_us(BOOT_US)
+    save(machine, 3000)
+    machine.flash.protected = set(range(60, 64))
+    with pytest.raises(LinkError, match="its flash does not take it"):
+        save(machine, 4000)
+    machine.flash.protected = set()
+    save(machine, 4000)
+    assert machine.flash.cr == LOCK and machine.warnings == []
+    assert found(machine) == (table(4000), "saved in flash, number 2")
 
 
 def test_a_brown_out_while_it_saves(image):

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from plumb.errors import UsageError
 from plumb.f103 import scb as core
 from plumb.f103.bus import Bus, SimulationError
-from plumb.f103.nvic import BUS_FAULT, HARD_FAULT, SVCALL, USAGE_FAULT
+from plumb.f103.nvic import BUS_FAULT, HARD_FAULT, NMI, SVCALL, USAGE_FAULT
 
 try:
     from unicorn import (
@@ -285,11 +285,16 @@ class Cpu:
             raise SimulationError("CONTROL selects the process stack or unprivileged mode: not modelled")
         odd = stack & 4 if machine.scb.ccr & 1 << 9 else 0
         top = stack - odd - FRAME.size
-        if not self._in_ram(top):
-            self._lock_up(f"exception {number} with the stack pointer at 0x{stack:08X}, outside RAM")
-            return
-        FRAME.pack_into(self.ram, top - RAM_BASE, *frame[:6], self.pc, xpsr | odd << 7)
-        self._vector(number, top, 0xFFFFFFF1 if machine.nvic.active else 0xFFFFFFF9, ENTRY_CYCLES)
+        if self._in_ram(top):
+            FRAME.pack_into(self.ram, top - RAM_BASE, *frame[:6], self.pc, xpsr | odd << 7)
+        else:
+            # The handler of a fault runs though its pushes failed (Cortex-M3 TRM 5.12.1); before any other comes the
+            # hard fault that the failed push is.
+            machine.scb.cfsr |= core.CFSR_STKERR
+            if number not in (NMI, HARD_FAULT):
+                machine.scb.hfsr |= core.HFSR_FORCED
+                number = HARD_FAULT
+        self._vector(number, top & 0xFFFFFFFC, 0xFFFFFFF1 if machine.nvic.active else 0xFFFFFFF9, ENTRY_CYCLES)
 
     def _vector(self, number: int, stack: int, exc_return: int, cycles: int) -> None:
         machine = self.machine

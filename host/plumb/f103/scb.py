@@ -19,7 +19,7 @@ from plumb.f103.nvic import (
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
 
-CFSR_PRECISERR, CFSR_BFARVALID, CFSR_IBUSERR = 1 << 9, 1 << 15, 1 << 8
+CFSR_PRECISERR, CFSR_STKERR, CFSR_BFARVALID, CFSR_IBUSERR = 1 << 9, 1 << 12, 1 << 15, 1 << 8
 CFSR_UNDEFINSTR, HFSR_FORCED, HFSR_VECTTBL = 1 << 16, 1 << 30, 1 << 1
 
 
