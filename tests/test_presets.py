@@ -53,6 +53,9 @@ def test_its_presets_are_printed_in_one_place(name: str, capsys: pytest.CaptureF
     text, system = capsys.readouterr().out, systems.load(name)
     for names in (system.SCENARIOS, system.TUNINGS, system.STARTS, system.CONDITIONS, system.FAULTS):
         assert all(f"  {key}" in text for key in names)
+    listed = said(capsys, "systems", "--system", name)["presets"][name]
+    assert set(listed["tuning"]) == set(system.TUNINGS) and set(listed["fault"]) == set(system.FAULTS)
+    assert listed["scenario"].keys() == system.SCENARIOS.keys()
 
 
 def test_the_sources_figures_are_drawn_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -50,7 +50,7 @@ def main(arguments: argparse.Namespace) -> int:
         return confirm(arguments, names)
     if not arguments.table:
         if arguments.json:
-            print(json.dumps({"systems": systems.SYSTEMS}))
+            print(json.dumps({"systems": systems.SYSTEMS, "presets": {name: named(name) for name in names}}))
         elif arguments.system:
             print("\n\n".join("\n".join(presets(name)) for name in arguments.system))
         else:
@@ -90,25 +90,39 @@ def confirm(arguments: argparse.Namespace, names: Sequence[str]) -> int:
     return int(any(row.differ for row in rows))
 
 
+def named(name: str) -> dict[str, dict[str, str]]:
+    """Everything a run of the system can be asked for: option -> name -> what it is."""
+    from plumb import systems
+
+    system = systems.load(name)
+    return {
+        "scenario": {key: f"{system.SECONDS[key]:g} s; {text}" for key, text in system.SCENARIOS.items()},
+        "tuning": system.TUNING_NOTES,
+        "start": system.START_NOTES,
+        "condition": system.CONDITIONS,
+        "fault": system.FAULTS,
+    }
+
+
 def presets(name: str) -> Iterator[str]:
-    """Everything a run of the system can be asked for, by name."""
+    """The same for a reader, and what the figures rest on."""
     from plumb import systems
     from plumb.systems import figures
 
     system = systems.load(name)
-    yield f"{name}: {systems.SYSTEMS[name]}; every {system.PERIOD_US / 1000:g} ms"
-    listed = {
-        "scenarios (--scenario)": {key: f"{system.SECONDS[key]:g} s; {text}" for key, text in system.SCENARIOS.items()},
-        "tunings (--tuning)": system.TUNING_NOTES,
-        "start-up modes (--start)": system.START_NOTES,
-        "conditions (--condition NAME=NUMBER)": system.CONDITIONS,
-        "faults (--fault KIND[:WHAT]@START[-STOP])": system.FAULTS,
+    defaults = {"scenario": system.DEFAULT_SCENARIO, "tuning": system.DEFAULT_TUNING}
+    titles = {
+        "scenario": "scenarios (--scenario)",
+        "tuning": "tunings (--tuning)",
+        "start": "start-up modes (--start)",
+        "condition": "conditions (--condition NAME=NUMBER)",
+        "fault": "faults (--fault KIND[:WHAT]@START[-STOP])",
     }
-    defaults = (system.DEFAULT_SCENARIO, system.DEFAULT_TUNING)
-    for title, names in listed.items():
-        if names:
-            yield f"{title}:"
-        for key, text in names.items():
-            yield f"  {key + ('*' if key in defaults else ''):<18}{text}".rstrip()
+    yield f"{name}: {systems.SYSTEMS[name]}; every {system.PERIOD_US / 1000:g} ms (* unless told otherwise)"
+    for option, texts in named(name).items():
+        if texts:
+            yield f"{titles[option]}:"
+        for key, text in texts.items():
+            yield f"  {key + ('*' if key == defaults.get(option) else ''):<18}{text}".rstrip()
     yield "noise and how figures are measured (seeds 0-19 to fit, 1000-1039 to report):"
     yield from (f"  {sentence}" for sentence in figures.assumed(name))
