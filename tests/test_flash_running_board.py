@@ -94,6 +94,38 @@ def test_a_running_board_goes_there_itself_and_keeps_its_parameters(
     assert machine.warnings == [] and machine.reset_count == 2
 
 
+@pytest.fixture
+def renamed(image: bytes, tmp_path: Path) -> Path:
+    """An image whose table has another parameter in the place of period_us: the id of its name is another."""
+    packed = struct.pack(f"<{len(parameters.table())}H", *(row.id for row in parameters.table()))
+    assert image.count(packed) == 1
+    body = bytearray(image[:-4])
+    body[image.index(packed) + 2 * [row.name for row in parameters.table()].index("period_us")] ^= 1
+    path = tmp_path / "renamed.bin"
+    path.write_bytes(bytes(body) + struct.pack("<I", zlib.crc32(body)))
+    return path
+
+
+def test_an_image_with_another_table_takes_what_it_knows_and_the_old_one_finds_all_again(
+    image: bytes, renamed: Path, tmp_path: Path
+) -> None:
+    machine = open_machine()
+    save(machine, period_us=3000, arm_hold_ms=7)
+    before = tmp_path / "before.bin"
+    before.write_bytes(image)
+    default = next(row.default for row in parameters.table() if row.name == "period_us")
+    for file, period_us, source in (
+        (renamed, default, "saved in flash, number 1, 1 unknown to this image, 1 missing, at defaults"),
+        (before, 3000, "saved in flash, number 1"),
+    ):
+        with served(machine) as port:
+            assert main(["flash", "--port", port, "--image", str(file), "--json"]) == 0
+            with Session.open(port) as session:
+                assert session.connect().parameter_source == source
+                assert session.read_parameters() == parameters.whole_table(CONTROL, period_us=period_us, arm_hold_ms=7)
+    assert machine.warnings == []
+
+
 def test_a_board_in_a_run_is_left_alone(other: Path, capsys: pytest.CaptureFixture[str]) -> None:
     machine = open_machine()
     before = bytes(machine.cpu.flash)
