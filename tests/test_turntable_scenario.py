@@ -120,13 +120,17 @@ def test_the_figures_are_reached() -> None:
 
 
 def test_the_honest_rows_are_there() -> None:
-    claims = " / ".join(claim for _, _, claim in rows())
-    for text in ("known lag undone", "exactly as printed", "seeds 0-39", "not estimated", "warm-up"):
-        assert text in claims
+    for scenario in ("motion", "white", "untrimmed", "warm_up"):
+        claims = " / ".join(claim for name, _, claim in rows() if name == scenario)
+        assert "exactly as printed" in claims and "gyro alone, mean" in claims
+        assert "known lag undone" in claims or scenario == "untrimmed"
+    for row in rows().values():
+        assert row.sense == "shown" or row.reference is not None or row.unit == "points"
+        assert row.reference is None or row.reference == pytest.approx(row.reached, abs=0.05), row.claim
 
 
 def test_the_printed_data_layer_is_no_better_than_the_gyro_with_its_lag_undone() -> None:
     """Integrating the corrected rate forgets what the correction says about the angle."""
-    printed = rows()["motion", "printed", "data layer exactly as printed, lag undone, mean"]
+    printed = rows()["motion", "printed", "as printed, known lag undone, mean"]
     undone = rows()["motion", "-", "gyro alone, its known lag undone, mean"]
     assert printed.reached < undone.reached + 1.0

@@ -20,6 +20,7 @@ from plumb import native, reference, systems, trial
 from plumb.boards.native import NativeBoard
 from plumb.quantise import ControlParams, quantise
 from plumb.quantise.groups import filter_of
+from plumb.tuning import AnyTuning
 
 TURN_DEG = 360.0 / 2**32
 NEAR_HALF_TURN_DEG = 0.01
@@ -163,10 +164,11 @@ def chain_error_deg(params: ControlParams, raw: npt.ArrayLike, setpoint_turn_q32
     return float(np.abs(error).max())
 
 
-def scenario_error_deg(params: ControlParams) -> float:
-    """From counts to angle on the system's own scenario, seed 1000: the largest distance from float64 of any angle."""
-    system = systems.load(params.system)
-    run = system.scenario(system.DEFAULT_SCENARIO, 1000, period_us=round(params.period_s * 1e6))
+def scenario_error_deg(settings: AnyTuning, name: str) -> float:
+    """From counts to angle on one of the system's scenarios, seed 1000: the largest distance from float64 of any
+    angle."""
+    run = systems.load(settings.system).scenario(name, 1000, period_us=settings.period_us)
+    params = quantise(systems.fitted(run, settings))
     found = trial.open_loop(NativeBoard(), trial.prescribed(run), params).metrics()["fixed_vs_reference_max_deg"]
     assert found is not None
     return float(found)
@@ -178,6 +180,8 @@ def _rows(names: Sequence[str], steps: int) -> Iterator[str]:
         system = systems.load(name)
         for tuning, settings in system.TUNINGS.items():
             params = quantise(settings)
+            # a tuning that is named after a scenario is for that one
+            scenario = tuning if tuning in system.SCENARIOS else system.DEFAULT_SCENARIO
             has_filter, has_chain = "tilt.r_base" in params.own(), "tilt.mode" in params.own()
             hard = bound = chain = ""
             if has_filter:
@@ -187,7 +191,7 @@ def _rows(names: Sequence[str], steps: int) -> Iterator[str]:
                 chain = f"({chain_bound_deg(params):.1e} deg)"
             yield (
                 f"{name:<10}{tuning:<18}{hard:<13}{bound:<28}"
-                f"{scenario_error_deg(params):.1e} deg {system.DEFAULT_SCENARIO:<9}{chain}"
+                f"{scenario_error_deg(settings, scenario):.1e} deg {scenario:<10}{chain}"
             ).rstrip()
     rng = np.random.default_rng(1)
     y, x = rng.integers(-(1 << 31), 1 << 31, (2, steps))

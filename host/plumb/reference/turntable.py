@@ -108,11 +108,11 @@ class Sensor:
 
 @dataclass
 class State:
-    """(runs, 3) unless said. p: (runs, 5, 5); v: (runs, 3, 5, 2) and m: (runs, 3, 2), scale then lag."""
+    """(runs, 3) unless said. age_s: (runs, 1); p: (runs, 5, 5); v: (runs, 3, 5, 2) and m: (runs, 3, 2), scale, lag."""
 
     gyro: Sensor
     angular: Sensor
-    age_s: float
+    age_s: FloatArray
     attitude: FloatArray
     attitude_angular: FloatArray
     rate: FloatArray
@@ -130,8 +130,9 @@ class State:
     increment: FloatArray = field(default_factory=lambda: np.zeros((1, 3)))
 
 
-def start(t: TurntableTuning, runs: int) -> State:
-    """Before the first step."""
+def start(t: TurntableTuning, phase_s: FloatArray) -> State:
+    """Before the first step; phase_s: a sampling instant of every run's gyro, (runs,)."""
+    runs = len(phase_s)
     f, zero = t.fusion, np.zeros((runs, 3))
     one = np.tile([1.0, 0.0, 0.0, 0.0], (runs, 1))
     p, m = np.zeros((runs, 5, 5)), np.empty((runs, 3, 2))
@@ -139,7 +140,7 @@ def start(t: TurntableTuning, runs: int) -> State:
     m[..., 0], m[..., 1] = f.gyro_scale**2 + f.angular_scale**2, f.start_lag_s**2
     stale = int(4.0 * f.gyro_period_s / t.period_s * (1 + 1e-12))
     gyro, angular = Sensor.of(t.gyro, t.gyro_filter, stale, runs), Sensor.of(t.angular, t.angular_filter, 4, runs)
-    age_s = (-t.period_s - f.gyro_phase_s) % f.gyro_period_s
+    age_s = ((-t.period_s - phase_s) % f.gyro_period_s)[:, None]
     lag_s, v = np.full((runs, 3), f.lag_s), np.zeros((runs, 3, 5, 2))
     return State(
         gyro, angular, age_s, one, one, zero, zero, zero, zero, zero, lag_s, zero, p, v, m, zero
@@ -193,10 +194,9 @@ def step(x: State, t: TurntableTuning, counts: FloatArray) -> None:
     before, adjacent = x.angular.value, x.angular.gap_steps == 0
     gyro, angular = x.gyro.take(counts[:, :3]), x.angular.take(counts[:, 3:])
     lost = x.gyro.gap_steps > x.gyro.stale_steps
-    x.age_s = (x.age_s + dt) % f.gyro_period_s
-    if f.gyro_period_s - x.age_s < 1e-9 * dt:
-        x.age_s = 0.0
-    age_s = x.age_s if x.age_s < dt else 0.0
+    age_s = (x.age_s + dt) % f.gyro_period_s
+    x.age_s = np.where(f.gyro_period_s - age_s < 1e-9 * dt, 0.0, age_s)
+    age_s = np.where(x.age_s < dt, x.age_s, 0.0)
 
     # the rate's increment: the mean of two samples of angular acceleration; without them the gyro's slope
     share = gyro_share(t)
@@ -247,7 +247,7 @@ def step(x: State, t: TurntableTuning, counts: FloatArray) -> None:
 
 
 def compare_rates(
-    x: State, t: TurntableTuning, expected: FloatArray, lagged: FloatArray, age_s: float,
+    x: State, t: TurntableTuning, expected: FloatArray, lagged: FloatArray, age_s: FloatArray,
     gyro: BoolArray, angular: BoolArray, rest: bool,
 ) -> FloatArray:  # fmt: skip
     """Data layer: z = omega_gyro - omega_angular. Returns what the angle is corrected by, (runs, 3)."""
@@ -258,7 +258,7 @@ def compare_rates(
     x.innovation = np.where(gyro, z, x.innovation)
     r = f.gyro_dps**2 / f.gyro_period_s
     h = np.zeros((len(x.p), 5))
-    h[:, RATE], h[:, GYRO_BIAS], h[:, ANGULAR_BIAS] = 1.0, 1.0, age_s
+    h[:, RATE], h[:, GYRO_BIAS], h[:, ANGULAR_BIAS] = 1.0, 1.0, age_s[:, 0]
     largest = np.max(np.minimum(np.abs(z), SHOCK_DPS), axis=1, keepdims=True) ** 2
     shock = gyro & (largest / SHOCK > np.einsum("ri,rij,rj->r", h, x.p, h)[:, None] + r)
     x.p[:, RATE, RATE] += np.where(shock, largest, 0.0)[:, 0]
@@ -297,16 +297,22 @@ def compare_attitudes(x: State, t: TurntableTuning, gyro: BoolArray) -> None:
 
 
 def run_control(
-    tuning: TurntableTuning, raw: npt.ArrayLike, setpoint: npt.ArrayLike | None = None
+    tuning: TurntableTuning,
+    raw: npt.ArrayLike,
+    setpoint: npt.ArrayLike | None = None,
+    *,
+    gyro_phase_s: npt.ArrayLike | None = None,
 ) -> dict[str, FloatArray]:
-    """From counts to attitudes. raw: (steps, 6[, runs]); setpoint: unused.
+    """From counts to attitudes. raw: (steps, 6[, runs]); setpoint: unused; gyro_phase_s: (runs,), where every run has
+    its own instead of the tuning's.
 
     Gives float arrays (steps[, runs]) by name: attitude_w .. attitude_z, and for axis 0, 1, 2: rate_dps_0 ..,
     rate_fused_dps, gyro_bias_dps, angular_bias_dps2, scale, lag_s.
     """
     counts = np.asarray(raw, np.float64)
     many = counts.reshape(len(counts), 6, -1)
-    x = start(tuning, many.shape[2])
+    phase_s = tuning.fusion.gyro_phase_s if gyro_phase_s is None else np.asarray(gyro_phase_s, np.float64)
+    x = start(tuning, np.broadcast_to(phase_s, many.shape[2:]))
     rows = []
     for k in range(len(many)):
         step(x, tuning, many[k].T)

@@ -7,9 +7,10 @@ seeds with that of the gyro alone, whose spikes are taken out without a trace: t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +28,6 @@ FloatArray = npt.NDArray[np.float64]
 
 PATENT_MEAN, PATENT_MAX = 20.81, 35.04
 """What the source claims for the data layer against the pure gyro, %."""
-MOST_RUNS_AT_ONCE = 8
-
 ASSUMED = (
     "Residuals: components of the rotation vector from truth to estimate, 10 s at rest left out. Mean over time and"
     " axes; max per axis over time, then the mean of the axes; % of the mean over seeds. Tunings fitted on seeds 0-19.",
@@ -93,20 +92,33 @@ class Batch:
         return Residual.of(residuals(run, attitude(self.words(tuning, run))) for run in self.runs)
 
     def float64(self, tuning: str) -> Residual:
-        """`plumb.reference`, run by run: each has a gyro phase of its own."""
-        attitudes = (reference.run_control(run.fit(turntable.TUNINGS[tuning]), run.counts()) for run in self.runs)
-        return Residual.of(
-            residuals(run, reference_attitude(found)) for run, found in zip(self.runs, attitudes, strict=True)
-        )
+        """`plumb.reference` on the same counts."""
+        attitudes = np.moveaxis(reference_attitude(self._reference(tuning)), 1, 0)
+        return Residual.of(residuals(run, one) for run, one in zip(self.runs, attitudes, strict=True))
+
+    def _reference(self, tuning: str) -> dict[str, FloatArray]:
+        raw = np.stack([run.counts() for run in self.runs], axis=-1)
+        phase_s = [run.gyro_s[0] for run in self.runs]
+        return reference.turntable.run_control(turntable.TUNINGS[tuning], raw, gyro_phase_s=phase_s)
 
     def rate_noise_dps(self, tuning: str) -> FloatArray:
-        """Error of the corrected rate over the motion, rms, (runs,)."""
+        """Error of the integers' corrected rate over the motion, rms, (runs,)."""
         errors = []
         for run in self.runs:
             words = self.words(tuning, run)
-            rate = np.stack([words[f"rate_corrected_turnps_q28_{i}"] * RATE_DPS for i in range(3)], axis=-1)
-            errors.append(float(np.sqrt(np.mean((rate - run.rate_dps)[run.scored] ** 2))))
+            errors.append(rate_error_dps(run, [words[f"rate_corrected_turnps_q28_{i}"] * RATE_DPS for i in range(3)]))
         return np.array(errors)
+
+    def float64_rate_noise_dps(self, tuning: str) -> FloatArray:
+        """The same of `plumb.reference`."""
+        found = self._reference(tuning)
+        rates = [found[f"rate_dps_{i}"] for i in range(3)]
+        return np.array([rate_error_dps(run, [rate[:, k] for rate in rates]) for k, run in enumerate(self.runs)])
+
+
+def rate_error_dps(run: turntable.Scenario, rates_dps: Sequence[npt.NDArray[np.floating[Any]]]) -> float:
+    """Rms over the motion and the axes."""
+    return float(np.sqrt(np.mean((np.stack(rates_dps, axis=-1) - run.rate_dps)[run.scored] ** 2)))
 
 
 def residuals(run: turntable.Scenario, estimate: FloatArray) -> FloatArray:
@@ -118,15 +130,15 @@ def below_gyro(
     claim: str, batch: Batch, name: str, tuning: str, sense: Sense, reach: tuple[float, float], source: bool = False
 ) -> Iterator[Figure]:
     """Two rows: mean and maximum of the residual, % below the gyro alone."""
-    found = batch.integers(tuning)
-    yield from rows(claim, found, batch, name, tuning, sense, reach, source)
+    ideal = None if sense == "shown" else batch.float64(tuning).below(batch.gyro)
+    yield from rows(claim, batch.integers(tuning), batch, name, tuning, sense, reach, source, ideal)
 
 
 def rows(
     claim: str, found: Residual, batch: Batch, name: str, tuning: str, sense: Sense, reach: tuple[float, float],
-    source: bool = False,
+    source: bool = False, ideal: tuple[float, float] | None = None,
 ) -> Iterator[Figure]:  # fmt: skip
-    """Mean and maximum; worst: of any seed, against the gyro's of that seed."""
+    """Mean and maximum; worst: of any seed, against the gyro's of that seed; ideal: the same in float64."""
     worst = (
         100.0 * (1.0 - float(np.max(found.mean / batch.gyro.mean))),
         100.0 * (1.0 - float(np.max(found.maximum / batch.gyro.maximum))),
@@ -135,18 +147,28 @@ def rows(
     for i, kind in enumerate(("mean", "max")):
         yield Figure(
             f"{claim}, {kind}", name, tuning, "% below gyro", sense, reach[i], found.below(batch.gyro)[i], worst[i],
-            source=claims[i],
+            None if ideal is None else ideal[i], source=claims[i],
         )  # fmt: skip
+
+
+def honest_rows(batch: Batch, name: str, lags: bool = True) -> Iterator[Figure]:
+    """What every table has beside the fusion: the gyro alone, with its known lag undone, and the printed data layer.
+    Where the gyro has no lag, undoing it is the gyro alone."""
+    for kind, alone in (("mean", batch.gyro.mean), ("max", batch.gyro.maximum)):
+        claim = f"gyro alone, {kind}"
+        yield Figure(claim, name, "-", "deg", "shown", 0.0, float(np.mean(alone)), float(np.max(alone)))
+    if lags:
+        yield from rows("gyro alone, its known lag undone", batch.lag_undone(), batch, name, "-", "shown", (0.0, 0.0))
+        yield from below_gyro("as printed, known lag undone", batch, name, "printed", "shown", (0.0, 0.0))
+    yield from below_gyro("data layer exactly as printed", batch, name, "printed_lagging", "shown", (0.0, 0.0))
 
 
 def motion_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     """The 20 s run: what was asked, and the honest rows beside it."""
     batch, nothing = Batch.of("motion", seeds), (0.0, 0.0)
     yield from below_gyro("data layer", batch, "motion", "data", "at least", (25.0, 27.0), source=True)
-    yield from rows("gyro alone, its known lag undone", batch.lag_undone(), batch, "motion", "-", "shown", nothing)
+    yield from honest_rows(batch, "motion")
     for claim, tuning in (
-        ("data layer exactly as printed, lag undone", "printed"),
-        ("data layer exactly as printed", "printed_lagging"),
         ("data layer, scale and lag not estimated", "known"),
         ("behind a noise prefilter", "smoothed"),
     ):
@@ -169,6 +191,7 @@ def lag_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     yield from below_gyro("lag 30 % short, believed", batch, "motion", "short_lag_known", "shown", nothing)
     yield from rows("gyro, lag 30 % short undone", batch.lag_undone(short), batch, "motion", "-", "shown", nothing)
     none = Batch.of("no_lag", seeds)
+    yield from honest_rows(none, "no_lag", lags=False)
     yield from below_gyro("no lag: data layer", none, "no_lag", "no_lag", "shown", nothing)
     yield from below_gyro("no lag: attitude layer", none, "no_lag", "no_lag_attitude", "shown", nothing)
     yield from below_gyro("no lag, but 8 ms believed at first", none, "no_lag", "data", "shown", nothing)
@@ -184,8 +207,10 @@ def white_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     )
     for tuning, claim, sense, reach in marks:
         noise = batch.rate_noise_dps(tuning)
-        share, worst = (100.0 * (1.0 - float(value) / sampled) for value in (np.mean(noise), np.max(noise)))
-        yield Figure(claim, "white", tuning, "% below gyro", sense, reach, share, worst)
+        ideal = np.mean(batch.float64_rate_noise_dps(tuning))
+        shares = [100.0 * (1.0 - float(value) / sampled) for value in (np.mean(noise), np.max(noise), ideal)]
+        yield Figure(claim, "white", tuning, "% below gyro", sense, reach, *shares)
+    yield from honest_rows(batch, "white")
     mark = batch.lag_undone()
     for tuning in ("data", "known"):
         found = batch.integers(tuning).below(mark)
@@ -197,9 +222,10 @@ def preset_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     patent = (PATENT_MEAN, PATENT_MAX)
     untrimmed = Batch.of("untrimmed", seeds)
     yield from below_gyro("no lag to undo", untrimmed, "untrimmed", "untrimmed", "at least", patent, source=True)
+    yield from honest_rows(untrimmed, "untrimmed", lags=False)
     warm = Batch.of("warm_up", seeds)
     yield from below_gyro("110 s with warm-up drift", warm, "warm_up", "warm_up", "shown", (0.0, 0.0))
-    yield from rows("gyro, lag undone", warm.lag_undone(), warm, "warm_up", "-", "shown", (0.0, 0.0))
+    yield from honest_rows(warm, "warm_up")
 
 
 def loss_rows(seeds: Iterable[int]) -> Iterator[Figure]:
