@@ -61,6 +61,17 @@ def test_a_live_open_loop_takes_the_counts_of_the_scenario() -> None:
     assert np.array_equal(flown.flight.raw, scenario.counts())
 
 
+def test_a_live_run_is_told_the_setpoints_as_they_change() -> None:
+    """A step or two late, as over any link; which step was the first to use one the board says, so all is verified."""
+    scenario = quad.scenario("motion", 1005, seconds=7.0)
+    with VirtualBoard() as board:
+        flown = live.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]))
+    asked, used = scenario.setpoint().astype(np.int64), flown.flight.setpoint.astype(np.int64)
+    assert flown.verdict == "pass" and len(set(used.tolist())) > 50
+    late = [int(np.abs(used[steps:] - asked[: len(asked) - steps]).max()) for steps in range(4)]
+    assert min(late) < 2**32 / 360, "within a degree of what was asked a few steps before"
+
+
 def test_conversions_before_the_run_are_not_its_steps() -> None:
     rng = np.random.default_rng(5)
     taken = rng.integers(0, 4096, 60)
