@@ -102,6 +102,9 @@ def test_a_push_moves_the_axis() -> None:
         ("--start", "slow"),
         ("--condition", "bandwidth_hz"),
         ("--condition", "colour=3"),
+        ("--condition", "bandwidth_hz=nan"),
+        ("--condition", "bandwidth_hz=-5"),
+        ("--condition", "bandwidth_hz=0"),
     ],
 )
 def test_what_cannot_be_asked_for_is_refused_in_a_sentence(

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -135,6 +136,8 @@ def conditions_of(system: str, known: Mapping[str, str], texts: Sequence[str]) -
             found[name] = float(number)
         except ValueError:
             raise UsageError(f"'{text}' sets nothing; write {name}=NUMBER") from None
+        if not 0.0 <= found[name] < math.inf:
+            raise UsageError(f"'{text}': a number from 0 up")
     return found
 
 

@@ -281,6 +281,8 @@ def scenario(
         raise UsageError("a run takes 1 to 3600 s at a period of 500 to 100000 us")
     if seed < 0:
         raise UsageError(f"a seed is 0 or more, not {seed}")
+    if not 0.1 <= bandwidth_hz <= 1e4:
+        raise UsageError(f"bandwidth_hz={bandwidth_hz:g}: the low-pass has a corner of 0.1 to 10000 Hz")
     rng = np.random.default_rng(seed)
     accelerometer = Mma7260(bandwidth_hz)
     period_s = period_us * 1e-6

@@ -254,6 +254,8 @@ def scenario(
     if not 1.0 <= seconds <= 3600.0 or not 500 <= period_us <= 10_000 or seed < 0:
         raise UsageError("a run takes 1 to 3600 s at a period of 500 to 10000 us, and a seed is 0 or more")
     errors, dt = replace(ERRORS[name], **conditions), period_us * 1e-6
+    if errors.spike_share > 1.0 or errors.lag_s > 1.0 or errors.gyro_scale > 1.0:
+        raise UsageError("spike_share, gyro_scale and lag_s are 1 at most")
     rng, steps = np.random.default_rng(seed), round(seconds / dt)
     slow_hz, slow_deg = rng.uniform(*SLOW_HZ, 3), rng.uniform(*SLOW_DEG, 3)
     quick_hz, quick_deg = rng.uniform(*QUICK_HZ, 3), rng.uniform(*QUICK_DEG, 3)
