@@ -161,6 +161,21 @@ def test_speed_controllers_get_their_pulses_at_any_rate(standard, hz):
         assert standard.pwm("PB6") == (NEUTRAL_US, period_us, True)
 
 
+def test_a_frame_under_way_ends_as_it_began(standard):
+    """A shorter one that took effect at once would be run past, and no pulse would come for 33 ms."""
+    timer = standard.tim4
+    with Session.open(standard.uart) as session:
+        control = session.read_parameters()[:CONTROL_WORDS]
+        for period_us in (20_000, 2040, 20_000, 2500, 20_000, 2040):
+            session.upload(control, esc_period_us=period_us)
+            session.begin("LOCKSTEP")
+            for _ in range(300):
+                standard.advance_us(100)
+                timer.settle(standard.now)
+                assert timer.count(standard.now) <= timer.active_arr
+            assert standard.pwm("PB6").period_us == period_us
+
+
 @pytest.mark.parametrize("hz", [50, 490])
 def test_one_at_its_least_and_the_other_at_its_most(standard, hz):
     """A tilt that asks for more than there is: 1000 and 2000 us, with both signs."""
