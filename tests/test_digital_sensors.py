@@ -76,6 +76,27 @@ def test_a_sample_is_complete_soon_after_its_tick(digital: Bench) -> None:
         assert busy_us <= (240 if machine.spi1.devices else 440)
 
 
+@pytest.mark.parametrize("digital", ["i2c"], indirect=True)
+def test_a_period_that_begins_while_the_chips_are_read_is_missed_and_counted(digital: Bench) -> None:
+    """At 2 kHz, with an accelerometer that refuses twice of three times: what was begun is finished."""
+    capture = digital.begin(period_us=500)
+    digital.run(capture, RECOVERY_S)
+    assert digital.run(capture, 0.1) >= 0.1e6 / 500 - 2
+    assert digital.faults() & STEPS_MISSED == 0
+    honest, turns = digital.accel.begin, 0
+
+    def begin(reading: bool, now: int) -> bool:
+        nonlocal turns
+        turns += reading
+        return honest(reading, now) and not (reading and turns % 3)
+
+    digital.accel.begin = begin
+    digital.run(capture, 0.1)
+    assert digital.faults() & STEPS_MISSED
+    with pytest.raises(LinkError, match="fault"):
+        digital.session.arm()
+
+
 def test_a_chip_can_be_armed_on_as_soon_as_it_is_there(digital: Bench) -> None:
     """begin, then arm at once: the host waits until the sensors are up."""
     capture = digital.begin()

@@ -7,6 +7,7 @@ import os
 import re
 import signal
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -15,6 +16,7 @@ from link_board import MemoryBoard
 from plumb import __main__ as front
 from plumb import fixed, monitor, parameters
 from plumb.boards.link import LinkBoard
+from plumb.commands.monitor import show
 from plumb.quantise import ControlParams
 from plumb.session import Session
 
@@ -185,10 +187,12 @@ def test_a_terminal_is_written_over_and_no_line_wraps(
     monkeypatch.setenv("COLUMNS", "60")
     assert front.main(["monitor", "--board", "memory", "--run", "live", "--seconds", "0.5"]) == 0
     out = capsys.readouterr().out
-    rows = out.splitlines()
-    height = len(rows) // 5
-    assert len(rows) == 5 * height and out.count(f"\x1b[{height}A") == 4
-    assert all(len(row.replace(f"\x1b[{height}A", "").removesuffix("\x1b[K")) < 60 for row in rows)
+    blocks = out.removesuffix("\x1b[J").split("\x1b[J")
+    assert len(blocks) == 5
+    for block, over in pairwise([*blocks, ""]):
+        rows = block.splitlines()
+        assert all(len(re.sub(r"\x1b\[\d*[AK]", "", row)) < 60 for row in rows)
+        assert over == "" or over.startswith(f"\x1b[{len(rows)}A")
 
 
 def test_an_interrupt_ends_the_run_and_is_130(
@@ -226,3 +230,17 @@ def test_on_the_virtual_board_the_quad_s_axis_moves(capsys: pytest.CaptureFixtur
     assert len(tilts) == 75
     assert max(abs(tilt) for tilt in tilts[20:50]) < 3.0  # at rest for 5 s
     assert max(abs(tilt) for tilt in tilts[50:]) > 5.0
+
+
+def test_a_block_on_a_narrow_terminal_loses_no_word_and_writes_over_itself(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    reasons = "faults    a sensor is lost; input PA0 is at a rail; input PA1 is at a rail; input PA2 is at a rail"
+    rows = show(["time 1 s", reasons, "nothing"], over=0)
+    assert rows == 4
+    assert show(["time 2 s", "nothing"], over=rows) == 2
+    first, second = capsys.readouterr().out.split(f"\x1b[{rows}A")
+    assert all(len(row.removesuffix("\x1b[K")) < 60 for row in first.splitlines())
+    assert " ".join(first.replace("\x1b[K", "").replace("\x1b[J", "").split()).startswith("time 1 s faults a sensor")
+    assert first.count("at a rail") == 3 and second.endswith("nothing\x1b[K\n\x1b[J")

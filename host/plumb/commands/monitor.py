@@ -18,6 +18,7 @@ import json
 import math
 import shutil
 import sys
+import textwrap
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -62,13 +63,14 @@ def main(arguments: argparse.Namespace) -> int:
             monitor.read_only(session)
         begin_s, begin_wall_s = session.clock(), time.monotonic()
         with endings() as caught:
+            shown = 0
             for look, snapshot in enumerate(monitor.watch(session, arguments.seconds)):
                 if caught:
                     break
                 if arguments.json:
                     print(json.dumps(snapshot), flush=True)
                 elif on_terminal:
-                    show(block(identity, snapshot), first=look == 0)
+                    shown = show(block(identity, snapshot), over=shown)
                 elif look % LOOKS_PER_LINE == LOOKS_PER_LINE - 1:
                     print(line(snapshot), flush=True)
                 if paced:
@@ -174,11 +176,13 @@ def pulses(s: Snapshot) -> str:
     return " ".join("-" if s[f"pulse_{i}_us"] is None else f"{s[f'pulse_{i}_us']:.1f}" for i in (0, 1)) + " us"
 
 
-def show(lines: list[str], *, first: bool) -> None:
-    """Write the block over the last one, cut to the width of the terminal so that no line wraps."""
-    width = shutil.get_terminal_size().columns - 1
-    back = "" if first else f"\x1b[{len(lines)}A"
-    print(back + "".join(f"{text[:width]}\x1b[K\n" for text in lines), end="", flush=True)
+def show(lines: list[str], *, over: int) -> int:
+    """Write the block over the last one, which took so many rows of the terminal; returns how many this one takes."""
+    width = max(shutil.get_terminal_size().columns - 1, 40)
+    rows = [row for text in lines for row in textwrap.wrap(text, width, subsequent_indent=" " * 10)]
+    back = f"\x1b[{over}A" if over else ""
+    print(back + "".join(f"{row}\x1b[K\n" for row in rows) + "\x1b[J", end="", flush=True)
+    return len(rows)
 
 
 def line(s: Snapshot) -> str:
