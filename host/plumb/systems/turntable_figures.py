@@ -242,8 +242,24 @@ def loss_rows(seeds: Iterable[int]) -> Iterator[Figure]:
             )  # fmt: skip
 
 
+def axis_rows(seeds: Iterable[int]) -> Iterator[Figure]:
+    """The patent's table: mean and maximum residual about every axis, in degrees, beside the gyro's."""
+    batch = Batch.of("motion", seeds)
+    alone = [turntable_gyro.residuals_deg(run) for run in batch.runs]
+    for tuning in ("data", "attitude"):
+        found = [residuals(run, attitude(batch.words(tuning, run))) for run in batch.runs]
+        for i, axis in enumerate("xyz"):
+            for kind, of in (("mean", np.mean), ("max", np.max)):
+                ours, gyro = ([float(of(np.abs(run[:, i]))) for run in many] for many in (found, alone))
+                yield Figure(
+                    f"residual about {axis}, {kind}", "motion", tuning, "deg", "shown", 0.0, float(np.mean(ours)),
+                    max(ours), gyro_only=float(np.mean(gyro)),
+                )  # fmt: skip
+
+
 SECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Figure]]] = {
     "motion": motion_rows,
+    "axes": axis_rows,
     "lag": lag_rows,
     "white": white_rows,
     "presets": preset_rows,
@@ -251,49 +267,47 @@ SECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Figure]]] = {
 }
 
 
-def axes(name: str, tuning: str, seeds: Iterable[int] = SEEDS) -> list[tuple[str, FloatArray, FloatArray]]:
-    """The patent's table: per axis the mean and maximum residual, mean over seeds, deg; (3,) each."""
-    batch = Batch.of(name, seeds)
-    estimates = [residuals(run, attitude(batch.words(tuning, run))) for run in batch.runs]
-    kinds = (
-        ("gyro alone", [turntable_gyro.residuals_deg(run) for run in batch.runs]),
-        ("gyro alone, lag undone", [turntable_gyro.residuals_deg(run, lag_s=0.008) for run in batch.runs]),
-        (tuning, estimates),
-    )
-    return [
-        (
-            kind,
-            np.mean([np.mean(np.abs(one), axis=0) for one in many], axis=0),
-            np.mean([np.max(np.abs(one), axis=0) for one in many], axis=0),
-        )
-        for kind, many in kinds
-    ]
-
-
 def residual_plots(name: str = "motion", tuning: str = "data", seed: int = 1000) -> list[Plot]:
-    """The patent's comparison: residuals of the gyro alone, of the gyro with its lag undone, and of fusion."""
+    """The patent's comparison: residuals of the gyro alone, with its lag undone where it has one, and of fusion."""
     batch = Batch.of(name, [seed])
     run = batch.runs[0]
-    moving = run.gyro_s >= REST_S
+    shown = np.flatnonzero(run.gyro_s >= REST_S)[::3]
     fused = residuals(run, attitude(batch.words(tuning, run)))
-    at = np.searchsorted(run.time_s[run.scored], run.gyro_s[moving]).clip(0, len(fused) - 1)
-    alone, undone = (turntable_gyro.residuals_deg(run, lag_s=lag_s) for lag_s in (0.0, 0.008))
+    at = np.searchsorted(run.time_s[run.scored], run.gyro_s[shown]).clip(0, len(fused) - 1)
+    first = np.flatnonzero(run.gyro_s >= REST_S)[0]
+    lines = [("gyro alone", turntable_gyro.residuals_deg(run)[shown - first], SENSOR)]
+    if turntable.ERRORS[name].lag_s:
+        undone = turntable_gyro.residuals_deg(run, lag_s=turntable.ERRORS[name].lag_s)
+        lines.append(("gyro alone, lag undone", undone[shown - first], SECOND))
+    lines.append(("data layer", fused[at], ESTIMATE))
     return [
         Plot(
             f"Residual about {axis}",
             "deg",
-            run.gyro_s[moving],
-            [
-                Line("gyro alone", alone[:, i], SENSOR),
-                Line("gyro alone, lag undone", undone[:, i], SECOND),
-                Line("data layer", fused[at, i], ESTIMATE),
-            ],
+            run.gyro_s[shown],
+            [Line(label, values[:, i], colour) for label, values, colour in lines],
         )
         for i, axis in enumerate("xyz")
     ]
 
 
+def loss_plots(seed: int = 1000) -> list[Plot]:
+    """Five seconds without one of the sensors: length of the residual."""
+    panels = []
+    for sensor, title in (("angular", "Angular accelerometer lost"), ("gyro", "Gyro lost")):
+        outage = (turntable.Outage("lost", sensor, 15.0, 20.0),)
+        batch = Batch((turntable.scenario("motion", seed, faults=outage),))
+        run = batch.runs[0]
+        lines = []
+        for tuning, colour in (("data", ESTIMATE), ("attitude", SECOND)):
+            length = np.linalg.norm(residuals(run, attitude(batch.words(tuning, run))), axis=1)
+            lines.append(Line(f"{tuning} layer", np.asarray(length[::6], np.float64), colour))
+        panels.append(Plot(f"{title} from 15 to 20 s: residual", "deg", run.time_s[run.scored][::6], lines))
+    return panels
+
+
 PLOTS: dict[str, Callable[[], list[Plot]]] = {
     "residuals": residual_plots,
     "untrimmed": lambda: residual_plots("untrimmed", "untrimmed"),
+    "loss": loss_plots,
 }
