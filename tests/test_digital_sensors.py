@@ -134,6 +134,17 @@ def test_another_chip_at_its_place(digital: Bench, name: str) -> None:
     digital.recovers(capture)
 
 
+def test_an_accelerometer_that_does_not_hear(digital: Bench) -> None:
+    """It reads well, but its settings are those of power-up: counts of another range would be worse than none."""
+    honest, digital.accel.written = digital.accel.written, lambda _register, _value: None
+    digital.accel.brown_out()
+    capture = digital.begin(gyro_filter=1)
+    assert digital.run(capture, 0.2) == 0
+    assert digital.told() == ["accelerometer: another chip answers, or it did not take its settings"]
+    digital.accel.written = honest
+    digital.recovers(capture)
+
+
 @pytest.mark.parametrize("name", ["gyro", "accelerometer"])
 def test_a_chip_whose_data_hang(digital: Bench, name: str) -> None:
     capture = digital.armed(stuck_steps=20)

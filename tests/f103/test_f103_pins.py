@@ -63,6 +63,22 @@ def test_standard_is_the_factory_set(standard):
     assert standard.afio.debug_port and standard.afio.swj_cfg == 2
 
 
+def test_what_an_open_input_reads_as(standard):
+    """Lines idle, the chip not selected, the switch open."""
+    high = {"PA6": "data from the chip", "PA10": "UART", "PA11": "CAN", SWITCH: "switch", "PA4": "select"}
+    assert {pin: standard.pin(pin) for pin in high} == dict.fromkeys(high, True)
+
+
+def test_what_an_open_input_of_the_bridge_reads_as(bridged):
+    """Hall sensors that are off are all alike, and a break input that is off breaks."""
+    bridged.drive("PB12", None)
+    for pin in ("PA15", "PB3", "PB10"):
+        bridged.drive(pin, None)
+    high = ("PA6", "PB7", "PA11", SWITCH, "PA4", "PA15", "PB3", "PB10")
+    assert {pin: bridged.pin(pin) for pin in high} == dict.fromkeys(high, True)
+    assert bridged.pin("PB12") is False
+
+
 def test_bridge_speaks_on_other_pins_and_keeps_every_gate_low(bridged):
     with Session.open(bridged.uart) as session:
         identity = session.connect()
