@@ -182,12 +182,11 @@ def _rows(names: Sequence[str], steps: int) -> Iterator[str]:
             params = quantise(settings)
             # a tuning that is named after a scenario is for that one
             scenario = tuning if tuning in system.SCENARIOS else system.DEFAULT_SCENARIO
-            has_filter, has_chain = "tilt.r_base" in params.own(), "tilt.mode" in params.own()
-            hard = bound = chain = ""
-            if has_filter:
+            own, hard, bound, chain = params.own(), "", "", ""
+            if "tilt.r_base" in own:
                 error = np.abs(filter_error_deg(params, hard_inputs(params, steps, seed=11))).max()
                 hard, bound = f"{error:.1e} deg", f"({filter_bound_deg(params):.1e} deg)"
-            if has_chain:
+            if "pid.kp_q22" in own:  # one filter behind one angle
                 chain = f"({chain_bound_deg(params):.1e} deg)"
             yield (
                 f"{name:<10}{tuning:<18}{hard:<13}{bound:<28}"
