@@ -93,6 +93,17 @@ def test_the_loop_recovers_and_holds(hold: Rows) -> None:
         assert row.reached == pytest.approx(row.reference, rel=0.02), "float64 in the loop does no better"
 
 
+def test_less_bandwidth_is_less_noise_and_more_lag() -> None:
+    """5, 20, 50 and 350 Hz: the accelerometer alone gets worse with every wider low-pass, the filter hardly minds."""
+    rows = list(quad_figures.bandwidth_rows(range(1000, 1010)))
+    assert [row.claim.split()[1] for row in rows] == ["5", "20", "50", "350"]
+    alone = [row.accel_only for row in rows]
+    assert None not in alone and alone == sorted(alone)  # type: ignore[type-var]
+    assert all(0.44 < row.reached <= 0.60 for row in rows)
+    narrowest, *wider = (row.reached for row in rows)
+    assert narrowest > min(wider), "lag costs more than the noise that it keeps out"
+
+
 class LatePlant(QuadPlant):
     """The pulses of a step arrive 10 ms late."""
 
