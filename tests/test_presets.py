@@ -69,6 +69,14 @@ def test_the_sources_figures_are_drawn_again(tmp_path: Path, capsys: pytest.Capt
         assert text.startswith("<svg") and "time (s)" in text and (tmp_path / "again" / file.name).read_text() == text
 
 
+def test_every_figure_that_can_be_drawn_again_is_in_the_docs() -> None:
+    folder = Path(__file__).parents[1] / "docs/figures"
+    drawn = {
+        f"{name}_{plot}.svg" for name in systems.SYSTEMS for plot in getattr(systems.load(name, "figures"), "PLOTS", {})
+    }
+    assert drawn == {path.name for path in folder.glob("*.svg")}, "plumb systems --plots docs/figures"
+
+
 @pytest.mark.parametrize(("kind", "column"), [("railed", 0), ("stuck", 1), ("silent", 2), ("noisy", 1)])
 def test_a_fault_touches_its_channel_and_its_time(kind: str, column: int) -> None:
     channel = quad.FAULT_CHANNELS[column]
