@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from plumb import fixed, native, reference
+from plumb import disturbance, fixed, native, reference
 from plumb.compare import first_divergence
 from plumb.errors import UsageError
 from plumb.quantise import ControlParams, dequantise, quantise
@@ -309,3 +309,13 @@ def test_what_would_overflow_is_refused_by_the_core(change: dict[str, int]) -> N
     params = quantise(turntable.DATA)
     assert native.params_valid(params)
     assert not native.params_valid(replace(params, values={**params.values, **change}))
+
+
+@pytest.mark.parametrize(("layer", "times"), [("data", 1.1), ("attitude", 1.3)])
+def test_a_gyro_that_comes_back_does_not_throw_the_attitude(layer: str, times: float) -> None:
+    """Its first sample says what the rate is, not how far the attitude has gone."""
+    outage = turntable.faults([disturbance.parse("lost:gyro@15-20")])
+    drawn = turntable.scenario("motion", 1000, seconds=21.0, faults=outage)
+    words = run(quantise(drawn.fit(turntable.TUNINGS[layer])), drawn.counts())
+    residual = np.linalg.norm(rotation_deg(drawn.attitude, attitude(words)), axis=1)
+    assert 2.0 < residual[4999] and residual[5000:].max() < times * residual[4999]

@@ -18,6 +18,7 @@ typedef char turntable_assert_packed[sizeof(turntable_words_t) == 528 ? 1 : -1];
 /* What one step passes along. */
 typedef struct {
     bool gyro, angular, gyro_lost, rest, shock;
+    bool apart;                  /* attitude layer: the attitudes turn each by its own sensor */
     int32_t age_q24;             /* of the gyro's sample */
     int32_t lagged_q34[3];       /* lagged increment at the sample's instant */
     int32_t expected_q28[3];     /* rate there, less what the lag takes off */
@@ -51,6 +52,7 @@ bool turntable_params_valid(const control_params_t *p) {
 /* Counts -> rate and angular acceleration, and when the gyro's sample was taken. */
 static void sense(turntable_words_t *w, const control_params_t *p, passage_t *s) {
     const uint32_t stale = p->fusion.gyro_period_step_q24 >> 22;
+    const bool away = w->gyro.gap_steps > stale; /* so its next sample is the first of a new beginning */
     const uint32_t gyro =
         prefilter_step(&w->gyro, &p->gyro_filter, &p->gyro, w->raw, stale, w->rate_turnps_q28);
     const uint32_t angular = prefilter_step(&w->angular, &p->angular_filter, &p->angular, w->raw + 3,
@@ -62,6 +64,7 @@ static void sense(turntable_words_t *w, const control_params_t *p, passage_t *s)
     s->gyro = (gyro & PREFILTER_SAMPLE) != 0U;
     s->angular = (angular & PREFILTER_SAMPLE) != 0U;
     s->gyro_lost = w->gyro.gap_steps > stale;
+    s->apart = p->fusion.layer == FUSION_ATTITUDE && !s->rest && !s->gyro_lost && !away;
     s->age_q24 = age < STEP_Q24 ? (int32_t)age : 0;
     /* the flags of the two sensors stand side by side */
     w->flags = gyro | angular << 1 | (s->rest ? TURNTABLE_FLAG_REST : 0U) |
@@ -111,11 +114,10 @@ static void advance(turntable_words_t *w, const control_params_t *p, passage_t *
 
 static void predict(turntable_words_t *w, const control_params_t *p, const passage_t *s) {
     const fusion_params_t *f = &p->fusion;
-    const bool two = f->layer == FUSION_ATTITUDE && !s->rest && !s->gyro_lost;
     const fusion_predict_t step = {
         .angular = s->angular,
-        .difference = two,
-        .gyro_angle = two,
+        .difference = s->apart,
+        .gyro_angle = s->apart,
         .rate_q64 = s->angular ? (uint64_t)f->q_rate_q52 << 12 : (uint64_t)f->q_rate_lost_q44 << 20,
         .gyro_bias_q64 = (uint64_t)f->q_gyro_bias_q60 << 4,
         .angular_bias_q64 = f->q_angular_bias_q64,
@@ -222,6 +224,13 @@ static void compare_rates(turntable_words_t *w, const fusion_params_t *f, passag
     }
 }
 
+/* The rate of the step as the gyro's sample has it, which is a little older. */
+static int32_t sampled(const turntable_words_t *w, const passage_t *s, unsigned i) {
+    const int64_t ahead_q28 = (int64_t)w->rate_fused_turnps_q28[i] - s->expected_q28[i];
+    const int64_t sample_q28 = ahead_q28 + w->rate_turnps_q28[i] - asr32(w->bias_gyro_turnps_q34[i] + 32, 6);
+    return (int32_t)within_i64(sample_q28, RATE_MAX);
+}
+
 /* Attitude layer: the gyro's own rate, aligned to the steps along the angular acceleration; where a sample
  * says otherwise, half of the surprise is made up for, as a trapezium would. */
 static void align_gyro(turntable_words_t *w, const fusion_params_t *f, passage_t *s) {
@@ -231,9 +240,8 @@ static void align_gyro(turntable_words_t *w, const fusion_params_t *f, passage_t
         int32_t aligned = clamp_i32(rate + asr32(grown + 32, 6), -RATE_MAX, RATE_MAX);
         s->turn_q60[i] = mul_i64(rate + asr32(grown + 64, 7), f->dt_s_q32);
         if (s->gyro && (w->gyro.spikes >> i & 1U) == 0U) {
-            const int64_t ahead = (int64_t)w->rate_fused_turnps_q28[i] - s->expected_q28[i];
-            const int64_t sample = ahead + w->rate_turnps_q28[i] - asr32(w->bias_gyro_turnps_q34[i] + 32, 6);
-            const int32_t surprise = (int32_t)within_i64(sample - aligned, INNOVATION_MAX);
+            const int64_t beside = (int64_t)sampled(w, s, i) - aligned;
+            const int32_t surprise = (int32_t)within_i64(beside, INNOVATION_MAX);
             s->turn_q60[i] += asr64(mul_i64(surprise, period_s_q32), 1);
             aligned = clamp_i32(aligned + surprise, -RATE_MAX, RATE_MAX);
         }
@@ -271,15 +279,15 @@ static void compare_attitudes(turntable_words_t *w, const fusion_params_t *f) {
 /* Both attitudes through the step. */
 static void turn(turntable_words_t *w, const fusion_params_t *f, passage_t *s) {
     if (f->layer == FUSION_ATTITUDE && !s->rest) {
-        if (s->gyro_lost) {
-            for (unsigned i = 0; i < 3U; i++)
-                w->rate_corrected_turnps_q28[i] = w->rate_fused_turnps_q28[i];
-        } else {
+        if (s->apart) {
             align_gyro(w, f, s);
+        } else { /* lost, or just back: the rate begins anew with the sample */
+            for (unsigned i = 0; i < 3U; i++)
+                w->rate_corrected_turnps_q28[i] = s->gyro ? sampled(w, s, i) : w->rate_fused_turnps_q28[i];
         }
         quaternion_rotate(&w->attitude_angular, s->turn_angular_q60);
         quaternion_rotate(&w->attitude, s->turn_q60);
-        if (s->gyro)
+        if (s->apart && s->gyro)
             compare_attitudes(w, f);
         return;
     }

@@ -282,6 +282,7 @@ class Passage:
     gyro: Integer
     angular: Integer
     lost: Integer
+    apart: Integer
     rest: Integer
     age_q24: Integer
     lagged_q34: list[Integer]
@@ -402,20 +403,21 @@ def compare_rates(c: ControlState, p: Params, s: Passage, where: Integer) -> Non
 
 
 def align_gyro(c: ControlState, p: Params, s: Passage, where: Integer, dt: Integer) -> None:
-    """Attitude layer: the gyro's own rate through the step."""
+    """Attitude layer: the gyro's own rate through the step; anew where the gyro is just back."""
     period = add_scaled(0, dt, p["fusion.gyro_period_step_q24"], 24)
     for i in AXES:
         grown, rate = c.increment_q34[i], c.corrected[i]
         aligned = clamp(rate + ((grown + 32) >> 6), -RATE_MAX, RATE_MAX)
         turn = (rate + ((grown + 64) >> 7)) * dt
-        ahead = c.rate[i] - s.expected[i]
-        sample = ahead + c.gyro.value[i] - ((c.gyro_bias_q34[i] + 32) >> 6)
+        sample = c.rate[i] - s.expected[i] + c.gyro.value[i] - ((c.gyro_bias_q34[i] + 32) >> 6)
+        sample = clamp(sample, -RATE_MAX, RATE_MAX)
         used = s.gyro & (((c.gyro.spikes >> i) & 1) == 0)
         surprise = select(used, clamp(sample - aligned, -INNOVATION_MAX, INNOVATION_MAX), 0)
         turn = turn + ((surprise * period) >> 1)
         aligned = clamp(aligned + surprise, -RATE_MAX, RATE_MAX)
-        c.corrected[i] = select(where, select(s.lost, c.rate[i], aligned), c.corrected[i])
-        s.turn_q60[i] = select(where & (s.lost == 0), turn, s.turn_q60[i])
+        anew = select(s.gyro, sample, c.rate[i])
+        c.corrected[i] = select(where, select(s.apart, aligned, anew), c.corrected[i])
+        s.turn_q60[i] = select(where & s.apart, turn, s.turn_q60[i])
 
 
 def compare_attitudes(c: ControlState, p: Params, where: Integer, dt: Integer) -> None:
@@ -449,14 +451,18 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     c.step += 1
     dt, layer = p["fusion.dt_s_q32"], p["fusion.layer"]
     before, adjacent = list(c.angular.value), c.angular.gap == 0
+    away = c.gyro.gap > c.gyro.stale
     gyro_flags, angular_flags = c.gyro.take(raw[:3], p), c.angular.take(raw[3:], p)
     age = c.age_q24 + (1 << 24)
     c.age_q24 = age - select(age >= p["fusion.gyro_period_step_q24"], p["fusion.gyro_period_step_q24"], 0)
+    lost, rest = c.gyro.gap > c.gyro.stale, c.step <= p["fusion.rest_steps"]
+    two = (layer == ATTITUDE) & (rest == 0)
     s = Passage(
         gyro=(gyro_flags & FLAG_SAMPLE) != 0,
         angular=(angular_flags & FLAG_SAMPLE) != 0,
-        lost=c.gyro.gap > c.gyro.stale,
-        rest=c.step <= p["fusion.rest_steps"],
+        lost=lost,
+        apart=two & (lost == 0) & (away == 0),
+        rest=rest,
         age_q24=select(c.age_q24 < 1 << 24, c.age_q24, 0),
         lagged_q34=[0, 0, 0],
         expected=[0, 0, 0],
@@ -467,8 +473,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     c.clamped_steps = c.clamped_steps + select((flags & 3) != 0, 1, 0)
 
     advance(c, p, s, before, adjacent, dt)
-    two = (layer == ATTITUDE) & (s.rest == 0)
-    predict(c, p, s.angular, two & (s.lost == 0), dt)
+    predict(c, p, s.angular, s.apart, dt)
     by_rates = (layer != ATTITUDE) & (s.rest == 0)
     if by_rates is not False:
         predict_parameters(c, p, s, by_rates, dt)
@@ -483,8 +488,8 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
         c.attitude_angular = chosen(two, rotate(c.attitude_angular, s.turn_angular_q60), c.attitude_angular)
     if s.rest is not True:
         c.attitude = chosen(s.rest == 0, rotate(c.attitude, s.turn_q60), c.attitude)
-    if (two & s.gyro) is not False:
-        compare_attitudes(c, p, two & s.gyro, dt)
+    if (s.apart & s.gyro) is not False:
+        compare_attitudes(c, p, s.apart & s.gyro, dt)
     c.corrected = [select(two, c.corrected[i], c.rate[i]) for i in AXES]
     return (
         *raw, setpoint,

@@ -192,6 +192,7 @@ def step(x: State, t: TurntableTuning, counts: FloatArray) -> None:
     x.step += 1
     rest = x.step <= round(f.rest_s / dt)
     before, adjacent = x.angular.value, x.angular.gap_steps == 0
+    away = x.gyro.gap_steps > x.gyro.stale_steps
     gyro, angular = x.gyro.take(counts[:, :3]), x.angular.take(counts[:, 3:])
     lost = x.gyro.gap_steps > x.gyro.stale_steps
     age_s = (x.age_s + dt) % f.gyro_period_s
@@ -213,7 +214,7 @@ def step(x: State, t: TurntableTuning, counts: FloatArray) -> None:
     expected = x.rate - x.increment * age_s / dt - x.lag_s * lagged_at_sample
 
     attitude_layer = f.layer == "attitude"
-    two = ~lost & (attitude_layer and not rest)
+    two = ~lost & ~away & (attitude_layer and not rest)
     predict(x, t, angular, two)
     if rest or attitude_layer:
         x.v[:] = 0.0
@@ -235,15 +236,17 @@ def step(x: State, t: TurntableTuning, counts: FloatArray) -> None:
         x.attitude = turned(x.attitude, turn)
         return
 
-    # attitude layer: the gyro's own rate, aligned to the steps; half of a sample's surprise is made up for
+    # attitude layer: the gyro's own rate, aligned to the steps; half of a sample's surprise is made up for; where the
+    # gyro was away, its rate begins anew
     ahead = x.rate - expected
     aligned, turn = x.gyro_rate + x.increment, (x.gyro_rate + x.increment / 2.0) * dt
-    surprise = np.where(gyro & ~x.gyro.spike, x.gyro.value - x.gyro_bias + ahead - aligned, 0.0)
-    x.gyro_rate = np.where(lost, x.rate, aligned + surprise)
+    sample = x.gyro.value - x.gyro_bias + ahead
+    surprise = np.where(gyro & ~x.gyro.spike, sample - aligned, 0.0)
+    x.gyro_rate = np.where(two, aligned + surprise, np.where(gyro, sample, x.rate))
     x.attitude_angular = turned(x.attitude_angular, turn_angular)
-    x.attitude = turned(x.attitude, np.where(lost, turn_angular, turn + surprise * f.gyro_period_s / 2.0))
-    if gyro.any():
-        compare_attitudes(x, t, gyro)
+    x.attitude = turned(x.attitude, np.where(two, turn + surprise * f.gyro_period_s / 2.0, turn_angular))
+    if (gyro & two).any():
+        compare_attitudes(x, t, gyro & two)
 
 
 def compare_rates(
