@@ -201,6 +201,40 @@ def test_bus_off_and_back_after_a_pause_that_doubles(board: Board) -> None:
     assert board.machine.now_us - start_us < 10_000 + recovery_us + 4000
 
 
+def test_a_short_bus_off_costs_time_and_no_frame(board: Board) -> None:
+    """In a run: what waited in the controller and in the queue is said after it, in order."""
+    board.hello()
+    board.heard()
+    board.say("CHALLENGE", 18, 0)
+    board.say("RUN_BEGIN", 18, dict(board.heard())["NONCE"]["nonce"])
+    board.heard(205_000)
+    board.wire.fail_sending.extend([BIT_RECESSIVE] * 32)
+    assert board.machine.run_until(lambda: board.machine.can.bus_off, 500_000)
+    said = board.heard(300_000)
+    steps = [words["step"] for name, words in said if name == "STEP"]
+    assert steps == list(range(steps[0], steps[0] + len(steps))) and len(steps) >= 15
+    board.say("CLOSE", 0, 0)
+    board.hello()
+    counters = [words for name, words in board.heard(200_000) if name == "COUNTERS"]
+    assert counters[-1]["dropped"] == 0 and board.machine.can.tec < 96
+
+
+def test_an_answer_that_waited_out_a_long_pause_is_not_given_up(board: Board) -> None:
+    """A pause longer than the patience with one frame, and others who go first after it."""
+    board.hello()
+    board.heard()
+    for _ in range(7):  # 10, 20, ... 640 ms
+        board.wire.fail_sending.extend([BIT_RECESSIVE] * 32)
+        board.hello()
+        assert board.machine.run_until(lambda: board.machine.can.bus_off, 500_000)
+        board.wire.babble(WireFrame(0x000, bytes(8)))
+        assert board.machine.run_until(lambda: board.machine.can.listening, 2_000_000)
+        board.machine.advance_us(5_000)
+        board.wire.babble(None)
+        items = [words["item"] for name, words in board.heard(60_000) if name == "IDENTITY"]
+        assert items == [*range(len(items) - 1), 65535]
+
+
 def test_a_few_errors_cost_repetitions_and_nothing_else(board: Board) -> None:
     board.hello()
     board.wire.fail_sending.extend([STUFF] * 5)

@@ -136,7 +136,7 @@ def test_staged_parameters_have_no_effect_before_commit(opened: MemoryBoard) -> 
     new = parameters.crc32(words)
     assert said(opened.say(frame("PARAM_COMMIT", len(words) - 1, new)))[0][1]["reason"] == 4  # COUNT
     assert said(opened.say(frame("PARAM_COMMIT", len(words), new, counter=7))) == [
-        ("ACK", {"request_counter": 7, "request": 0x212, "detail": new})
+        ("ACK", {"request_counter": 7, "request": 0x052, "detail": new})
     ]
     assert said(opened.say(frame("PARAM_GET", index, 0)))[0][1]["value"] == 2222
 

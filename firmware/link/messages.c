@@ -80,6 +80,60 @@ message_setpoint_t message_setpoint_unpack(const can_frame_t *frame) {
     return m;
 }
 
+message_challenge_t message_challenge_unpack(const can_frame_t *frame) {
+    message_challenge_t m;
+
+    m.verb = (uint16_t)get_u16(frame, 2);
+    return m;
+}
+
+message_execute_t message_execute_unpack(const can_frame_t *frame) {
+    message_execute_t m;
+
+    m.verb = (uint16_t)get_u16(frame, 2);
+    m.nonce = (uint32_t)get_u32(frame, 4);
+    return m;
+}
+
+message_run_begin_t message_run_begin_unpack(const can_frame_t *frame) {
+    message_run_begin_t m;
+
+    m.run = (uint16_t)get_u16(frame, 2);
+    m.nonce = (uint32_t)get_u32(frame, 4);
+    return m;
+}
+
+message_select_t message_select_unpack(const can_frame_t *frame) {
+    message_select_t m;
+
+    m.bank = (uint16_t)get_u16(frame, 2);
+    m.mask = (uint32_t)get_u32(frame, 4);
+    return m;
+}
+
+message_param_get_t message_param_get_unpack(const can_frame_t *frame) {
+    message_param_get_t m;
+
+    m.index = (uint16_t)get_u16(frame, 2);
+    return m;
+}
+
+message_param_set_t message_param_set_unpack(const can_frame_t *frame) {
+    message_param_set_t m;
+
+    m.index = (uint16_t)get_u16(frame, 2);
+    m.value = (uint32_t)get_u32(frame, 4);
+    return m;
+}
+
+message_param_commit_t message_param_commit_unpack(const can_frame_t *frame) {
+    message_param_commit_t m;
+
+    m.count = (uint16_t)get_u16(frame, 2);
+    m.crc = (uint32_t)get_u32(frame, 4);
+    return m;
+}
+
 can_frame_t message_step_pack(const message_step_t *m) {
     return pair(MESSAGE_STEP_ID, (uint16_t)m->step, (uint32_t)m->digest);
 }
@@ -170,60 +224,6 @@ can_frame_t message_attitude_y_pack(const message_attitude_y_t *m) {
 
 can_frame_t message_attitude_z_pack(const message_attitude_z_t *m) {
     return pair(MESSAGE_ATTITUDE_Z_ID, (uint16_t)m->rate_z, (uint32_t)m->z);
-}
-
-message_challenge_t message_challenge_unpack(const can_frame_t *frame) {
-    message_challenge_t m;
-
-    m.verb = (uint16_t)get_u16(frame, 2);
-    return m;
-}
-
-message_execute_t message_execute_unpack(const can_frame_t *frame) {
-    message_execute_t m;
-
-    m.verb = (uint16_t)get_u16(frame, 2);
-    m.nonce = (uint32_t)get_u32(frame, 4);
-    return m;
-}
-
-message_run_begin_t message_run_begin_unpack(const can_frame_t *frame) {
-    message_run_begin_t m;
-
-    m.run = (uint16_t)get_u16(frame, 2);
-    m.nonce = (uint32_t)get_u32(frame, 4);
-    return m;
-}
-
-message_select_t message_select_unpack(const can_frame_t *frame) {
-    message_select_t m;
-
-    m.bank = (uint16_t)get_u16(frame, 2);
-    m.mask = (uint32_t)get_u32(frame, 4);
-    return m;
-}
-
-message_param_get_t message_param_get_unpack(const can_frame_t *frame) {
-    message_param_get_t m;
-
-    m.index = (uint16_t)get_u16(frame, 2);
-    return m;
-}
-
-message_param_set_t message_param_set_unpack(const can_frame_t *frame) {
-    message_param_set_t m;
-
-    m.index = (uint16_t)get_u16(frame, 2);
-    m.value = (uint32_t)get_u32(frame, 4);
-    return m;
-}
-
-message_param_commit_t message_param_commit_unpack(const can_frame_t *frame) {
-    message_param_commit_t m;
-
-    m.count = (uint16_t)get_u16(frame, 2);
-    m.crc = (uint32_t)get_u32(frame, 4);
-    return m;
 }
 
 can_frame_t message_nonce_pack(const message_nonce_t *m) {

@@ -6,7 +6,7 @@
 #include "e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 1U
-#define MESSAGES_DBC_HASH 0xD2761DAFU
+#define MESSAGES_DBC_HASH 0x7D3E4CADU
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U
@@ -44,6 +44,73 @@ typedef struct {
     int32_t setpoint;
 } message_setpoint_t;
 message_setpoint_t message_setpoint_unpack(const can_frame_t *frame);
+
+#define MESSAGE_CHALLENGE_ID 0x040U
+#define MESSAGE_CHALLENGE_VERB_ARM 1U
+#define MESSAGE_CHALLENGE_VERB_SAVE 2U
+#define MESSAGE_CHALLENGE_VERB_BOOTLOADER 3U
+#define MESSAGE_CHALLENGE_VERB_LOAD 4U
+#define MESSAGE_CHALLENGE_VERB_DEFAULTS 5U
+#define MESSAGE_CHALLENGE_VERB_LOCKSTEP 16U
+#define MESSAGE_CHALLENGE_VERB_REALTIME_INJECTED 17U
+#define MESSAGE_CHALLENGE_VERB_REALTIME_LIVE 18U
+typedef struct {
+    uint16_t verb;
+} message_challenge_t;
+message_challenge_t message_challenge_unpack(const can_frame_t *frame);
+
+#define MESSAGE_EXECUTE_ID 0x041U
+#define MESSAGE_EXECUTE_VERB_ARM 1U
+#define MESSAGE_EXECUTE_VERB_SAVE 2U
+#define MESSAGE_EXECUTE_VERB_BOOTLOADER 3U
+#define MESSAGE_EXECUTE_VERB_LOAD 4U
+#define MESSAGE_EXECUTE_VERB_DEFAULTS 5U
+typedef struct {
+    uint16_t verb;
+    uint32_t nonce;
+} message_execute_t;
+message_execute_t message_execute_unpack(const can_frame_t *frame);
+
+#define MESSAGE_RUN_BEGIN_ID 0x042U
+#define MESSAGE_RUN_BEGIN_RUN_LOCKSTEP 16U
+#define MESSAGE_RUN_BEGIN_RUN_REALTIME_INJECTED 17U
+#define MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE 18U
+typedef struct {
+    uint16_t run;
+    uint32_t nonce;
+} message_run_begin_t;
+message_run_begin_t message_run_begin_unpack(const can_frame_t *frame);
+
+#define MESSAGE_RUN_END_ID 0x043U
+
+#define MESSAGE_SELECT_ID 0x044U
+typedef struct {
+    uint16_t bank;
+    uint32_t mask;
+} message_select_t;
+message_select_t message_select_unpack(const can_frame_t *frame);
+
+#define MESSAGE_PARAM_GET_ID 0x050U
+typedef struct {
+    uint16_t index;
+} message_param_get_t;
+message_param_get_t message_param_get_unpack(const can_frame_t *frame);
+
+#define MESSAGE_PARAM_SET_ID 0x051U
+typedef struct {
+    uint16_t index;
+    uint32_t value;
+} message_param_set_t;
+message_param_set_t message_param_set_unpack(const can_frame_t *frame);
+
+#define MESSAGE_PARAM_COMMIT_ID 0x052U
+typedef struct {
+    uint16_t count;
+    uint32_t crc;
+} message_param_commit_t;
+message_param_commit_t message_param_commit_unpack(const can_frame_t *frame);
+
+#define MESSAGE_CLOSE_ID 0x07BU
 
 #define MESSAGE_STEP_ID 0x100U
 #define MESSAGE_STEP_ARMED 0x1U /* flag */
@@ -229,71 +296,6 @@ typedef struct {
 } message_attitude_z_t;
 can_frame_t message_attitude_z_pack(const message_attitude_z_t *m);
 
-#define MESSAGE_CHALLENGE_ID 0x200U
-#define MESSAGE_CHALLENGE_VERB_ARM 1U
-#define MESSAGE_CHALLENGE_VERB_SAVE 2U
-#define MESSAGE_CHALLENGE_VERB_BOOTLOADER 3U
-#define MESSAGE_CHALLENGE_VERB_LOAD 4U
-#define MESSAGE_CHALLENGE_VERB_DEFAULTS 5U
-#define MESSAGE_CHALLENGE_VERB_LOCKSTEP 16U
-#define MESSAGE_CHALLENGE_VERB_REALTIME_INJECTED 17U
-#define MESSAGE_CHALLENGE_VERB_REALTIME_LIVE 18U
-typedef struct {
-    uint16_t verb;
-} message_challenge_t;
-message_challenge_t message_challenge_unpack(const can_frame_t *frame);
-
-#define MESSAGE_EXECUTE_ID 0x201U
-#define MESSAGE_EXECUTE_VERB_ARM 1U
-#define MESSAGE_EXECUTE_VERB_SAVE 2U
-#define MESSAGE_EXECUTE_VERB_BOOTLOADER 3U
-#define MESSAGE_EXECUTE_VERB_LOAD 4U
-#define MESSAGE_EXECUTE_VERB_DEFAULTS 5U
-typedef struct {
-    uint16_t verb;
-    uint32_t nonce;
-} message_execute_t;
-message_execute_t message_execute_unpack(const can_frame_t *frame);
-
-#define MESSAGE_RUN_BEGIN_ID 0x202U
-#define MESSAGE_RUN_BEGIN_RUN_LOCKSTEP 16U
-#define MESSAGE_RUN_BEGIN_RUN_REALTIME_INJECTED 17U
-#define MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE 18U
-typedef struct {
-    uint16_t run;
-    uint32_t nonce;
-} message_run_begin_t;
-message_run_begin_t message_run_begin_unpack(const can_frame_t *frame);
-
-#define MESSAGE_RUN_END_ID 0x203U
-
-#define MESSAGE_SELECT_ID 0x204U
-typedef struct {
-    uint16_t bank;
-    uint32_t mask;
-} message_select_t;
-message_select_t message_select_unpack(const can_frame_t *frame);
-
-#define MESSAGE_PARAM_GET_ID 0x210U
-typedef struct {
-    uint16_t index;
-} message_param_get_t;
-message_param_get_t message_param_get_unpack(const can_frame_t *frame);
-
-#define MESSAGE_PARAM_SET_ID 0x211U
-typedef struct {
-    uint16_t index;
-    uint32_t value;
-} message_param_set_t;
-message_param_set_t message_param_set_unpack(const can_frame_t *frame);
-
-#define MESSAGE_PARAM_COMMIT_ID 0x212U
-typedef struct {
-    uint16_t count;
-    uint32_t crc;
-} message_param_commit_t;
-message_param_commit_t message_param_commit_unpack(const can_frame_t *frame);
-
 #define MESSAGE_NONCE_ID 0x2A0U
 #define MESSAGE_NONCE_VERB_ARM 1U
 #define MESSAGE_NONCE_VERB_SAVE 2U
@@ -351,8 +353,6 @@ typedef struct {
     uint32_t value;
 } message_param_staged_t;
 can_frame_t message_param_staged_pack(const message_param_staged_t *m);
-
-#define MESSAGE_CLOSE_ID 0x7FBU
 
 #define MESSAGE_HELLO_ID 0x7FCU
 typedef struct {

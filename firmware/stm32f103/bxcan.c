@@ -98,7 +98,6 @@ static void set_up(const uint16_t *ids, size_t count) {
 
 static void go_off(void) {
     health.bus_offs++;
-    CAN_TSR = ABORT_ALL; /* what was to be said is old by the time it could be */
     enter(CAN_RESTING);
 }
 
@@ -136,6 +135,7 @@ void board_can_join(uint32_t kbit, const uint16_t *ids, size_t count) {
         break;
     case CAN_JOINING:
         if ((CAN_MSR & CAN_MSR_INAK) == 0u && (errors & CAN_ESR_BOFF) == 0u) {
+            sent_ms = now_ms; /* for what waited in the mailboxes meanwhile */
             enter(CAN_ON);
         }
         break;
