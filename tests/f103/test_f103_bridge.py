@@ -107,7 +107,7 @@ def test_no_edge_of_a_wild_ride_shoots_through(driver: Callable[..., Driver], de
             board.say(ARM)
     edges = board.trace
     assert sum(edge.on is True for edge in edges) > 200
-    assert smallest_gap_ns(edges) >= dead_time_ns
+    assert dead_time_ns <= smallest_gap_ns(edges) < dead_time_ns + 60, "rounded up to two steps of the clock at most"
     assert board.faults == 0 and board.machine.warnings == []
 
 
@@ -290,6 +290,7 @@ def test_spikes_on_the_hall_lines_are_filtered(driver: Callable[..., Driver]) ->
     board = driver()
     for _ in range(50):
         board.hall(1, 14)
+        assert board.result(3) == 0, "forward and back again would cancel in the count"
         board.hall(5, 1)
     assert board.count == 0
     board.hall(1, 15)
