@@ -93,8 +93,9 @@ def test_one_late_turn_is_forgiven(image: bytes) -> None:
 
 
 def test_armed_and_missing_steps_without_disarming_is_reset(image: bytes, elf: Elf) -> None:
-    """An image that could not disarm: what should have is patched out, and a step takes three periods."""
-    slow = patched(image, elf, "control_step", delay(1500))
+    """An image that could not disarm: what should have is patched out, and a step with all about it takes longer than
+    its period. Every turn still comes round in time, with as many steps in it as one may have."""
+    slow = patched(image, elf, "control_step", delay(460))
     machine = started(patched(slow, elf, "arming_poll", RETURN))
     with Session.open(machine.uart) as session:
         session.upload(CONTROL, period_us=100_000, arm_hold_ms=0)
