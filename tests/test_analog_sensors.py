@@ -14,10 +14,11 @@ from pins import LSB_V, PINS, at_rest
 from plumb.capture import Capture
 from plumb.errors import UsageError
 from plumb.monitor import watch
+from plumb.parameters import table
 from plumb.quantise import quantise
 from plumb.session import Session
 from plumb.systems import turntable
-from sensor_bench import BOOT_US, NO_CONVERSIONS, PERIOD_US, SENSOR, STEPS_MISSED, Bench, image
+from sensor_bench import BOOT_US, CONTROL_WORDS, NO_CONVERSIONS, PERIOD_US, SENSOR, STEPS_MISSED, Bench, image
 
 SIX_VOLTS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 NO_SAMPLE = -32768
@@ -120,6 +121,15 @@ def test_of_six_inputs_the_bad_one_has_no_sample(six: Bench, index: int) -> None
         six.machine.adc[pin] = honest
 
 
+def test_inputs_that_a_system_does_not_have_read_0(six: Bench) -> None:
+    """Whatever was on them in the run of another one."""
+    six.run(six.begin(), 0.1)
+    defaults = [row.default for row in table()][:CONTROL_WORDS]
+    capture = six.begin_with(defaults)
+    six.run(capture, 0.1)
+    assert capture.raw_counts(15)[:, :3].all() and not capture.raw_counts(15)[:, 3:].any()
+
+
 def last(capture: Capture) -> list[int]:
     """Raw counts of a step a moment ago, all of them."""
     return capture.raw_counts(capture.steps)[capture.steps - 4].tolist()
@@ -164,6 +174,17 @@ def test_a_converter_that_falls_silent(analog: Bench) -> None:
     analog.machine.adc1.silent = False
     analog.recovers(capture)
     assert analog.faults() & NO_CONVERSIONS == 0
+
+
+def test_counts_of_a_converter_that_could_not_be_calibrated_are_no_samples(analog: Bench) -> None:
+    calibrate, analog.machine.adc1._calibrate = analog.machine.adc1._calibrate, lambda *_: None
+    capture = analog.begin()
+    scans = analog.machine.adc1.scans
+    assert analog.run(capture, 0.2) == 0
+    assert analog.machine.adc1.scans > scans
+    assert analog.faults() & NO_CONVERSIONS
+    analog.machine.adc1._calibrate = calibrate
+    analog.recovers(capture)
 
 
 @pytest.mark.parametrize("log2", [0, 1, 2, 3, 4])
