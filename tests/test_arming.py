@@ -108,6 +108,10 @@ def disarm_by_read_only(board: MemoryBoard, session: Session) -> None:
     board.say(b"L\r")
 
 
+def disarm_by_read_only_and_open(board: MemoryBoard, session: Session) -> None:
+    board.say(b"L\rO\r")
+
+
 def disarm_by_command(board: MemoryBoard, session: Session) -> None:
     session.disarm()
 
@@ -136,7 +140,8 @@ def disarm_by_other_version_and_back(board: MemoryBoard, session: Session) -> No
 @pytest.mark.parametrize(
     "cause",
     [
-        disarm_by_close, disarm_by_close_and_open, disarm_by_read_only, disarm_by_command, disarm_by_run_end,
+        disarm_by_close, disarm_by_close_and_open, disarm_by_read_only, disarm_by_read_only_and_open, disarm_by_command,
+        disarm_by_run_end,
         disarm_by_new_run, disarm_by_fault, disarm_by_other_version, disarm_by_other_version_and_back,
     ],
 )  # fmt: skip

@@ -71,7 +71,6 @@ static void set_filters(const uint16_t *ids, size_t count) {
     volatile uint32_t *const bank = &CAN_F0R1;
     uint32_t active = 0u;
     CAN_FMR |= CAN_FMR_FINIT;
-    CAN_FA1R = 0u;
     for (size_t from = 0u; from < count; from += BANK_IDS) {
         uint32_t filter[BANK_IDS];
         for (size_t i = 0u; i < BANK_IDS; i++) {

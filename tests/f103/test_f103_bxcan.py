@@ -233,6 +233,20 @@ def test_a_full_fifo(can, mode, last):
     assert can.received() == (0x7FF, 0, b"12345")
 
 
+def test_a_release_may_take_its_time(can):
+    can.start()
+    can.machine.can.release_ticks = 40320  # 1 us
+    for identifier in (0x101, 0x102):
+        can.wire.send(frame(identifier))
+    can.machine.advance_us(1000)
+    assert can.received()[0] == 0x101
+    assert can.read(RF0R) == 32 | 2  # under way, and still the same frame
+    can.write(RF0R, 32)  # once is enough
+    can.machine.advance_us(2)
+    assert can.read(RF0R) == 1
+    assert can.received()[0] == 0x102
+
+
 def test_error_states_and_bus_off(can):
     can.start()
     can.fill(0, 0x100)
@@ -248,7 +262,9 @@ def test_error_states_and_bus_off(can):
     assert can.read(ESR) & BOFF  # for ever, without software
     can.write(MCR, INRQ)
     can.write(MCR, 0)
-    can.machine.advance_us(128 * 11 * 2 - 10)
+    can.machine.advance_us(11 * 2 + 4)
+    assert not can.read(MSR) & INRQ  # out of initialisation, not yet on the bus
+    can.machine.advance_us(128 * 11 * 2 - 40)
     assert can.read(ESR) & BOFF
     assert can.heard(1000) == [0x100]
     assert can.read(ESR) & ~(7 << 4) == 0

@@ -75,7 +75,8 @@ def _registers() -> tuple[Register, ...]:
 
 
 class Bxcan(Peripheral):
-    """wire: the bus it hangs on."""
+    """wire: the bus it hangs on. release_ticks: how long the release of a received frame takes (RM0008 has no figure,
+    but a bit that shows it)."""
 
     REGISTERS = _registers()
     NARROW = "refuse"
@@ -91,6 +92,7 @@ class Bxcan(Peripheral):
     def __init__(self, machine: Machine) -> None:
         super().__init__(machine, "CAN", 0x40006400)
         self.wire = CanWire(machine, self)
+        self.release_ticks = 0
         self.reset()
 
     def reset(self) -> None:
@@ -101,13 +103,15 @@ class Bxcan(Peripheral):
         """RQCP, TXOK, ALST, TERR of the three mailboxes, as TSR has them."""
         self.fifo: list[list[tuple[WireFrame, int]]] = [[], []]
         self.overrun = [False, False]
+        self.releasing = [False, False]
         self.tec = self.rec = self.lec = 0
         self.bus_off = False
-        self.asleep, self.initialising, self.joining = True, False, False
+        self.asleep, self.initialising, self.joining, self.recovering = True, False, False, False
         self.error_interrupt = False
         self.requests = 0
         self._matches: dict[tuple[int, bool, bool], tuple[int, int] | None] = {}
-        self.machine.timeline.cancel("can join")
+        for event in ("can join", "can recover", "can release 0", "can release 1"):
+            self.machine.timeline.cancel(event)
         for interrupt in (TX_IRQ, RX0_IRQ, RX1_IRQ, SCE_IRQ):
             self.machine.nvic.set_line(interrupt, False)
         self.wire.board_lost()
@@ -215,6 +219,8 @@ class Bxcan(Peripheral):
         """The bus became recessive again, or dominant."""
         if self.joining:
             self._join()
+        elif self.recovering:
+            self._recover()
 
     # Filters
 
@@ -255,23 +261,35 @@ class Bxcan(Peripheral):
     # Modes
 
     def _enter_initialisation(self) -> None:
-        self.initialising, self.asleep, self.joining = True, False, False
+        self.initialising, self.asleep, self.joining, self.recovering = True, False, False, False
         self.machine.timeline.cancel("can join")
+        self.machine.timeline.cancel("can recover")
 
     def _join(self) -> None:
-        """Eleven recessive bits, or after bus-off 128 times as many, then on the bus."""
+        """Initialisation is left: INAK stays until eleven recessive bits."""
         self.joining = True
-        if self.wire.dominant:
-            self.machine.timeline.cancel("can join")
-            return
-        bits = RECOVERY_BITS if self.bus_off else IDLE_BITS
-        self.machine.timeline.at("can join", self.machine.now + bits * self.bit_ticks, self._joined)
+        self._when_recessive("can join", IDLE_BITS, self._joined)
 
     def _joined(self, _time: int) -> None:
         self.joining = False
         if self.bus_off:
-            self.bus_off, self.tec, self.rec = False, 0, 0
+            self._recover()
         self.wire.look()
+
+    def _recover(self) -> None:
+        """The way back from bus-off: BOFF stays until 128 times eleven recessive bits."""
+        self.recovering = True
+        self._when_recessive("can recover", RECOVERY_BITS - IDLE_BITS, self._recovered)
+
+    def _recovered(self, _time: int) -> None:
+        self.bus_off, self.recovering, self.tec, self.rec = False, False, 0, 0
+        self.wire.look()
+
+    def _when_recessive(self, event: str, bits: int, then: Callable[[int], None]) -> None:
+        """After so many recessive bits, counted anew when the bus was held."""
+        self.machine.timeline.cancel(event)
+        if not self.wire.dominant:
+            self.machine.timeline.at(event, self.machine.now + bits * self.bit_ticks, then)
 
     def _note_errors(self) -> None:
         enabled = self.ier & 0x0F00
@@ -279,8 +297,8 @@ class Bxcan(Peripheral):
         state |= self.bus_off << 10 | bool(self.lec) << 11
         if enabled & state:
             self.error_interrupt = True
-        if self.bus_off and self.mcr & ABOM and not self.joining:
-            self._join()
+        if self.bus_off and self.mcr & ABOM and not self.recovering:
+            self._recover()
         self._update_lines()
 
     def _update_lines(self) -> None:
@@ -351,11 +369,29 @@ class Bxcan(Peripheral):
 
     def _read_fifo_status(self, number: int) -> int:
         count = len(self.fifo[number])
-        return count | (FULL if count == DEPTH else 0) | (FOVR if self.overrun[number] else 0)
+        state = (FULL if count == DEPTH else 0) | (FOVR if self.overrun[number] else 0)
+        return count | state | (RFOM if self.releasing[number] else 0)
+
+    def _release(self, number: int) -> None:
+        """The software has read the first frame of a FIFO: gone at once, or after release_ticks."""
+        if self.releasing[number] or not self.fifo[number]:
+            return
+        self.releasing[number] = True
+        if self.release_ticks:
+            due = self.machine.now + self.release_ticks
+            self.machine.timeline.at(f"can release {number}", due, lambda _time: self._released(number))
+        else:
+            self._released(number)
+
+    def _released(self, number: int) -> None:
+        self.releasing[number] = False
+        if self.fifo[number]:
+            self.fifo[number].pop(0)
+        self._update_lines()
 
     def _write_fifo_status(self, number: int, value: int) -> None:
-        if value & RFOM and self.fifo[number]:
-            self.fifo[number].pop(0)
+        if value & RFOM:
+            self._release(number)
         if value & FOVR:
             self.overrun[number] = False
         self._update_lines()
