@@ -150,6 +150,14 @@ static int64_t correction_q60(int32_t gain_q28, int32_t innovation_q28) {
     return 16 * within_i64(mul_i64(gain_q28, innovation_q28), (int64_t)1 << 54);
 }
 
+/* The two attitudes are one. */
+static void join(turntable_words_t *w) {
+    w->attitude_angular = w->attitude;
+    for (unsigned j = 0; j < FUSION_STATES; j++)
+        w->covariance_q64[FUSION_CELL(FUSION_DIFFERENCE, j)] = 0;
+    w->covariance_q64[FUSION_CELL(FUSION_ANGLE, FUSION_DIFFERENCE)] = 0;
+}
+
 /* At rest the rate is zero, whatever the sensors say: what they say is bias. */
 static void stand_still(turntable_words_t *w) {
     int64_t *p = w->covariance_q64, u[FUSION_ROWS];
@@ -158,8 +166,9 @@ static void stand_still(turntable_words_t *w) {
     fusion_update(p, gain, u);
     for (unsigned i = 0; i < 3U; i++)
         correct(w, i, gain, -w->rate_fused_turnps_q28[i]);
+    join(w);
     for (unsigned j = 0; j < FUSION_STATES; j++)
-        p[FUSION_CELL(FUSION_DIFFERENCE, j)] = p[FUSION_CELL(FUSION_ANGLE, j)] = 0;
+        p[FUSION_CELL(FUSION_ANGLE, j)] = 0;
 }
 
 /* Second stage of one axis: scale and lag out of the innovation, and their part in the gains of the states.
@@ -278,23 +287,22 @@ static void compare_attitudes(turntable_words_t *w, const fusion_params_t *f) {
 
 /* Both attitudes through the step. */
 static void turn(turntable_words_t *w, const fusion_params_t *f, passage_t *s) {
-    if (f->layer == FUSION_ATTITUDE && !s->rest) {
-        if (s->apart) {
-            align_gyro(w, f, s);
-        } else { /* lost, or just back: the rate begins anew with the sample */
-            for (unsigned i = 0; i < 3U; i++)
-                w->rate_corrected_turnps_q28[i] = s->gyro ? sampled(w, s, i) : w->rate_fused_turnps_q28[i];
-        }
+    if (s->apart) {
+        align_gyro(w, f, s);
         quaternion_rotate(&w->attitude_angular, s->turn_angular_q60);
         quaternion_rotate(&w->attitude, s->turn_q60);
-        if (s->apart && s->gyro)
+        if (s->gyro)
             compare_attitudes(w, f);
         return;
     }
+    /* a gyro that is just back begins anew, with its own sample and with the other one's attitude */
+    const bool back = f->layer == FUSION_ATTITUDE && !s->rest && s->gyro;
     for (unsigned i = 0; i < 3U; i++)
-        w->rate_corrected_turnps_q28[i] = w->rate_fused_turnps_q28[i];
+        w->rate_corrected_turnps_q28[i] = back ? sampled(w, s, i) : w->rate_fused_turnps_q28[i];
     if (!s->rest)
         quaternion_rotate(&w->attitude, s->turn_q60);
+    if (f->layer == FUSION_ATTITUDE)
+        join(w);
 }
 
 void turntable_step(turntable_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],

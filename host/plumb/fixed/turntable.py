@@ -270,9 +270,17 @@ def stand_still(c: ControlState, rest: Integer) -> None:
     gain = measure(c, u, u[RATE] + STILL_Q64, rest)
     for i in AXES:
         correct(c, i, gain, -c.rate[i], rest)
+    join(c, rest)
     for j in range(4):
-        c.p[DIFFERENCE][j] = select(rest, 0, c.p[DIFFERENCE][j])
         c.p[ANGLE][j] = select(rest, 0, c.p[ANGLE][j])
+
+
+def join(c: ControlState, where: Integer) -> None:
+    """The two attitudes are one."""
+    c.attitude_angular = chosen(where, c.attitude, c.attitude_angular)
+    for j in range(4):
+        c.p[DIFFERENCE][j] = select(where, 0, c.p[DIFFERENCE][j])
+    c.p[ANGLE][DIFFERENCE] = select(where, 0, c.p[ANGLE][DIFFERENCE])
 
 
 @dataclass(slots=True)
@@ -485,9 +493,12 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     flags = flags | select(s.shock, FLAG_SHOCK, 0)
     if two is not False:
         align_gyro(c, p, s, two, dt)
-        c.attitude_angular = chosen(two, rotate(c.attitude_angular, s.turn_angular_q60), c.attitude_angular)
+        c.attitude_angular = chosen(s.apart, rotate(c.attitude_angular, s.turn_angular_q60), c.attitude_angular)
     if s.rest is not True:
         c.attitude = chosen(s.rest == 0, rotate(c.attitude, s.turn_q60), c.attitude)
+    alone = (layer == ATTITUDE) & (s.apart == 0)
+    if alone is not False:
+        join(c, alone)
     if (s.apart & s.gyro) is not False:
         compare_attitudes(c, p, s.apart & s.gyro, dt)
     c.corrected = [select(two, c.corrected[i], c.rate[i]) for i in AXES]

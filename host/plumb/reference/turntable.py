@@ -237,14 +237,16 @@ def step(x: State, t: TurntableTuning, counts: FloatArray) -> None:
         return
 
     # attitude layer: the gyro's own rate, aligned to the steps; half of a sample's surprise is made up for; where the
-    # gyro was away, its rate begins anew
+    # gyro was away, it begins anew: its rate with the sample, its attitude as the other one's
     ahead = x.rate - expected
     aligned, turn = x.gyro_rate + x.increment, (x.gyro_rate + x.increment / 2.0) * dt
     sample = x.gyro.value - x.gyro_bias + ahead
     surprise = np.where(gyro & ~x.gyro.spike, sample - aligned, 0.0)
     x.gyro_rate = np.where(two, aligned + surprise, np.where(gyro, sample, x.rate))
-    x.attitude_angular = turned(x.attitude_angular, turn_angular)
     x.attitude = turned(x.attitude, np.where(two, turn + surprise * f.gyro_period_s / 2.0, turn_angular))
+    x.attitude_angular = np.where(two, turned(x.attitude_angular, turn_angular), x.attitude)
+    alone = ~two[:, 0]
+    x.p[alone, DIFFERENCE, :] = x.p[alone, :, DIFFERENCE] = 0.0
     if (gyro & two).any():
         compare_attitudes(x, t, gyro & two)
 
