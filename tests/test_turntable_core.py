@@ -170,16 +170,24 @@ def test_a_turn_has_the_sign_and_the_size_that_the_gyro_says(axis: int, layer: s
 
 @pytest.mark.parametrize("phase_s", [0.0, 0.0013, 0.0079])
 def test_streams_of_unrelated_phase_are_aligned(phase_s: float) -> None:
-    """On a ramp of the rate the gyro's sample is what is expected at its own instant, whenever that is; taken for a
-    sample of the step it would be off by the age times the acceleration."""
+    """On a ramp of 60 deg/s^2 the gyro's sample is what is expected at its own instant, whenever that is; half a step
+    beside it would be 0.12 deg/s."""
     tuning = turntable.with_fusion(QUIET, gyro_phase_s=phase_s, lag_s=0.0)
-    raw = counts(ramp, ramp_angular, phase_s=phase_s)
+    raw = counts(
+        lambda t: (3.0 * ramp(t)[0], 0.0, 0.0), lambda t: (3.0 * ramp_angular(t)[0], 0.0, 0.0), phase_s=phase_s
+    )
     words = run(quantise(tuning), raw)
-    sampled = (words["flags"] & GYRO) != 0
-    late = np.arange(1000) > 150
-    assert np.abs(words["innovation_turnps_q28_0"][sampled & late] * RATE_DPS).max() < 0.012
-    unaligned = run(quantise(turntable.with_fusion(tuning, gyro_phase_s=(phase_s + 0.002) % 0.01)), raw)
-    assert np.abs(unaligned["innovation_turnps_q28_0"][sampled & late] * RATE_DPS).max() > 0.016
+    sampled = ((words["flags"] & GYRO) != 0) & (np.arange(1000) > 150)
+    assert np.abs(words["innovation_turnps_q28_0"][sampled] * RATE_DPS).max() < 0.015
+
+
+@pytest.mark.parametrize("phase_s", [0.0004, 0.0037, 0.0081])
+def test_a_phase_that_nobody_knows_is_found_from_the_steps_of_the_samples(phase_s: float) -> None:
+    """Within a quarter of a step: 1 ms of 20 deg/s^2."""
+    words = run(quantise(turntable.with_fusion(QUIET, lag_s=0.0)), counts(ramp, ramp_angular, phase_s=phase_s))
+    sampled = np.flatnonzero((words["flags"] & GYRO) != 0)[4:]
+    true_age = 1.0 - ((phase_s / 0.004 + 2.5 * np.arange(4, 4 + len(sampled)) - 1e-9) % 1.0)
+    assert np.abs(words["gyro_age_step_q24"][sampled] / 2.0**24 - true_age).max() <= 0.5
 
 
 def test_the_gyros_lag_is_undone() -> None:

@@ -57,9 +57,13 @@ static void sense(turntable_words_t *w, const control_params_t *p, passage_t *s)
         prefilter_step(&w->gyro, &p->gyro_filter, &p->gyro, w->raw, stale, w->rate_turnps_q28);
     const uint32_t angular = prefilter_step(&w->angular, &p->angular_filter, &p->angular, w->raw + 3,
                                             ANGULAR_STALE, w->acceleration_turnps2_q28);
+    const uint32_t period = p->fusion.gyro_period_step_q24;
     uint32_t age = w->gyro_age_step_q24 + STEP_Q24;
-    if (age >= p->fusion.gyro_period_step_q24)
-        age -= p->fusion.gyro_period_step_q24;
+    if (age >= period)
+        age -= period;
+    /* a sample came in the first step after it: so clocks may drift, and begin anywhere */
+    if ((gyro & PREFILTER_SAMPLE) != 0U && age >= STEP_Q24)
+        age = age < period / 2U ? STEP_Q24 - 1U : 0U;
     w->gyro_age_step_q24 = age;
     s->gyro = (gyro & PREFILTER_SAMPLE) != 0U;
     s->angular = (angular & PREFILTER_SAMPLE) != 0U;

@@ -462,7 +462,10 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     away = c.gyro.gap > c.gyro.stale
     gyro_flags, angular_flags = c.gyro.take(raw[:3], p), c.angular.take(raw[3:], p)
     age = c.age_q24 + (1 << 24)
-    c.age_q24 = age - select(age >= p["fusion.gyro_period_step_q24"], p["fusion.gyro_period_step_q24"], 0)
+    period = p["fusion.gyro_period_step_q24"]
+    age = age - select(age >= period, period, 0)
+    beside = ((gyro_flags & FLAG_SAMPLE) != 0) & (age >= 1 << 24)
+    c.age_q24 = select(beside, select(age < period // 2, (1 << 24) - 1, 0), age)
     lost, rest = c.gyro.gap > c.gyro.stale, c.step <= p["fusion.rest_steps"]
     two = (layer == ATTITUDE) & (rest == 0)
     s = Passage(

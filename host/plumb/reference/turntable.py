@@ -196,7 +196,10 @@ def step(x: State, t: TurntableTuning, counts: FloatArray) -> None:
     gyro, angular = x.gyro.take(counts[:, :3]), x.angular.take(counts[:, 3:])
     lost = x.gyro.gap_steps > x.gyro.stale_steps
     age_s = (x.age_s + dt) % f.gyro_period_s
-    x.age_s = np.where(f.gyro_period_s - age_s < 1e-9 * dt, 0.0, age_s)
+    age_s = np.where(f.gyro_period_s - age_s < 1e-9 * dt, 0.0, age_s)
+    # a sample came in the first step after it: so clocks may drift, and begin anywhere
+    first = np.where(age_s < f.gyro_period_s / 2.0, (1.0 - 2.0**-24) * dt, 0.0)
+    x.age_s = np.where(gyro & (age_s >= dt), first, age_s)
     age_s = np.where(x.age_s < dt, x.age_s, 0.0)
 
     # the rate's increment: the mean of two samples of angular acceleration; without them the gyro's slope
