@@ -14,8 +14,10 @@ from plumb.capture import Capture, unwrap
 from plumb.errors import LinkError, UsageError
 from plumb.lockstep import Lockstep, samples_text
 from plumb.protocol import protocol
+from plumb.quantise import quantise
 from plumb.session import Session
 from plumb.slcan import SlcanParser
+from plumb.systems import turntable
 from test_arming import CONTROL
 from test_protocol import begin, frame, said
 from test_session import BadLine
@@ -286,6 +288,24 @@ def test_injected_in_real_time_holds_the_last_sample_and_counts() -> None:
     session.begin("REALTIME_INJECTED", frames=("RAW_A",))
     again.collect(3)
     assert not again.raw_counts(3).any()  # what the last run held is not held for this one
+    session.close()
+
+
+def test_the_turntable_is_told_that_there_is_no_sample() -> None:
+    """A sample of the gyro that is held would be one more sample of the gyro."""
+    board = MemoryBoard()
+    session = Session.open(board)
+    params = quantise(turntable.DATA)
+    session.upload(params.words(), period_us=turntable.PERIOD_US)
+    capture = Capture(session)
+    session.begin("REALTIME_INJECTED", frames=("RAW_A", "RAW_B"))
+    session.listener = capture.feed
+    board.write(samples_text(protocol(), np.arange(1, 61, dtype=np.int16).reshape(10, 6), np.zeros(10)).part(0, 10))
+    capture.collect(30)
+    raw = capture.raw_counts(30)
+    start = int(np.argmax(raw[:, 1] > 0))
+    assert raw[start : start + 10].tolist() == np.arange(1, 61).reshape(10, 6).tolist()
+    assert np.all(raw[:start] == turntable.NO_SAMPLE) and np.all(raw[start + 10 :] == turntable.NO_SAMPLE)
     session.close()
 
 

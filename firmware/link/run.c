@@ -166,6 +166,11 @@ bool session_next_sample(session_t *s, int16_t raw[CONTROL_RAW_MAX], int32_t *se
     } else {
         s->starved++;
         s->stale = (uint16_t)(s->stale + (s->stale != UINT16_MAX ? 1U : 0U));
+        if (s->params->control.system == CONTROL_TURNTABLE) { /* which knows what it is to have none */
+            for (unsigned i = 0; i < CONTROL_RAW_MAX; i++) {
+                s->held.raw[i] = PREFILTER_NO_SAMPLE;
+            }
+        }
     }
     memcpy(raw, s->held.raw, sizeof s->held.raw);
     *setpoint_turn_q32 = s->mode == SESSION_LOCKSTEP ? s->held.setpoint_turn_q32 : s->setpoint_turn_q32;
