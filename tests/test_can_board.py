@@ -167,7 +167,8 @@ def test_the_bit_rate_of_the_board_survives_an_upload() -> None:
     machine.advance_us(1_100_000)
     with Session.over(MachineBus(machine)) as session:
         session.upload(parameters.control_part(values), can_bitrate_kbit=250)
-        assert machine.can.kbit == 1000  # not under the feet of who asked
+        listen(session, 0.1)
+        assert machine.can.kbit == 1000 and session.read_parameters()  # not under the feet of who asked
     machine.advance_us(10_000)
     assert machine.can.kbit == 250
 
@@ -215,6 +216,24 @@ def test_both_links_at_once() -> None:
     assert bus.telemetry["STATUS"]["armed"] == 0
     assert machine.warnings == []
     again.close()
+    bus.close()
+
+
+def test_what_a_run_used_is_told_on_both_links() -> None:
+    machine = open_machine()
+    uart, bus = Session.open(machine.uart), Session.over(MachineBus(machine))
+    used = uart.protocol["SETPOINT_USED"].identifier
+    heard: dict[str, list[int]] = {"uart": [], "can": []}
+    for name, session in (("uart", uart), ("can", bus)):
+        session.listener = lambda frames, kept=heard[name]: kept.extend(
+            int.from_bytes(data[4:8], "little") for identifier, data in frames if identifier == used
+        )
+    bus.begin("REALTIME_LIVE")
+    bus.set_setpoint(12345)
+    listen(bus, 0.1)
+    uart.receive(0.01)
+    assert heard == {"uart": [12345], "can": [12345]}
+    uart.close()
     bus.close()
 
 

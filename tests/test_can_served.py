@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 
 import can
@@ -18,6 +19,7 @@ pytest.importorskip("unicorn", reason="the virtual board needs the extra plumb[v
 from plumb import __main__ as front
 from plumb import parameters
 from plumb.buses import open_can
+from plumb.capture import Capture
 from plumb.errors import LinkError, UsageError
 from plumb.f103 import open_machine
 from plumb.f103.canbus import Joint
@@ -31,16 +33,16 @@ try:
 except UsageError as missing:
     pytest.skip(str(missing), allow_module_level=True)
 
-Served = Callable[[str], list[str]]
+Served = Callable[..., list[str]]
 
 
 @pytest.fixture
 def served() -> Iterator[Served]:
-    """--can SPEC -> the names under which the board's ends can be reached: CAN first, then the UART."""
+    """--can SPEC, other options -> the names under which the board's ends can be reached: CAN first, then the UART."""
     processes = []
 
-    def start(spec: str) -> list[str]:
-        command = [sys.executable, "-m", "plumb", "virtual-board", "--serial", "pty", "--can", spec]
+    def start(spec: str, *options: str) -> list[str]:
+        command = [sys.executable, "-m", "plumb", "virtual-board", "--serial", "pty", "--can", spec, *options]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         processes.append(process)
         assert process.stdout is not None
@@ -59,7 +61,7 @@ def table_crc(session: Session) -> int:
 
 @pytest.mark.parametrize("spec", ["slcan:pty", "slcan:tcp:0", "socketcand:0"])
 def test_a_run_from_another_process(spec: str, served: Served, capsys: pytest.CaptureFixture[str]) -> None:
-    """Over the stock slcan interface on a terminal and on TCP, and over the stock socketcand interface."""
+    """Over the stock slcan interface on a terminal and on TCP, and over socketcand."""
     bus, _ = served(spec)
     assert bus.startswith(f"can:{spec.split(':')[0]}:")
     assert front.main(["run", "quad", "--board", bus, "--seconds", "1", "--json"]) == 0
@@ -78,6 +80,45 @@ def test_both_ends_from_two_hosts_and_stock_slcan_on_the_uart(served: Served) ->
             assert over_can.end() == 0  # anybody may end it
     with Session.over(open_can(bus.removeprefix("can:"))) as again:
         assert again.identity is not None and again.identity.mismatch is None
+
+
+RUNNING_HOST = """
+import sys
+from plumb.buses import open_can
+from plumb.session import Session
+
+with Session.over(open_can(sys.argv[1].removeprefix("can:"))) as session:
+    session.begin("REALTIME_LIVE", frames=("RAW_A", "ANGLE"))
+    print("runs", flush=True)
+    while True:
+        session.receive(0.01)
+"""
+
+
+def test_one_of_two_hosts_is_killed_and_the_other_loses_nothing(served: Served) -> None:
+    """Both hear every step of a run that was begun over CAN; its host dies, the run goes on for the other one."""
+    bus, uart = served("slcan:tcp:0", "--system", "quad")
+    host = subprocess.Popen([sys.executable, "-c", RUNNING_HOST, bus], stdout=subprocess.PIPE, text=True)
+    try:
+        assert host.stdout is not None and host.stdout.readline() == "runs\n"
+        with Session.open(uart.removeprefix("serial:")) as watcher:
+            capture = Capture(watcher)
+            watcher.listener = capture.feed
+            for steps, then in ((40, host.kill), (160, watcher.end)):  # 3.2 s: the dead host's link is closed by then
+                end = time.monotonic() + 60
+                while len(capture.digest) < steps:
+                    assert time.monotonic() < end
+                    watcher.receive(0.02)
+                then()
+            first, last = min(capture.digest), max(capture.digest)
+            assert sorted(capture.digest) == list(range(first, last + 1))
+            assert set(range(first + 1, last)) <= set(capture.raw)
+            assert watcher.counters.lost == watcher.frames.rejected == 0
+        with Session.over(open_can(bus.removeprefix("can:"))) as again:  # the CAN link is free for the next one
+            assert again.read_parameters()
+    finally:
+        host.kill()
+        host.wait()
 
 
 def test_an_adapter_set_to_another_bit_rate_hears_nothing(served: Served) -> None:
