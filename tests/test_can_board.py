@@ -22,6 +22,7 @@ from plumb.f103.canbus import MachineBus
 from plumb.f103.canwire import BIT_RECESSIVE, CRC, CanWire, WireFrame
 from plumb.f103.image import find_image
 from plumb.f103.machine import Machine
+from plumb.identity import NackError
 from plumb.live import fly
 from plumb.lockstep import Lockstep
 from plumb.quantise import quantise
@@ -216,6 +217,34 @@ def test_both_links_at_once() -> None:
     assert bus.telemetry["STATUS"]["armed"] == 0
     assert machine.warnings == []
     again.close()
+    bus.close()
+
+
+def test_what_belongs_to_one_link_is_no_use_on_the_other() -> None:
+    """A nonce, and staged parameters: a greeting over the other link forgets none, its own staging replaces them."""
+    machine = open_machine()
+    uart, bus = Session.open(machine.uart), Session.over(MachineBus(machine))
+    lockstep = uart.protocol["RUN_BEGIN"].value("run", "LOCKSTEP")
+    nonce = uart.request("CHALLENGE", lockstep, 0, answer="NONCE", first=lockstep)["nonce"]
+    with pytest.raises(NackError, match="nonce"):
+        bus.request("RUN_BEGIN", lockstep, nonce)
+    rows = parameters.table()
+    words = [row.default for row in rows]
+    place = {row.name: index for index, row in enumerate(rows)}
+
+    def stage(session: Session, name: str, value: int) -> None:
+        session.request("PARAM_SET", place[name], value, answer="PARAM_STAGED", first=place[name])
+
+    stage(uart, "arm_hold_ms", 7)
+    bus.connect()
+    words[place["arm_hold_ms"]] = 7
+    uart.request("PARAM_COMMIT", len(words), parameters.crc32(words))
+    stage(uart, "arm_hold_ms", 8)
+    stage(bus, "period_us", 10_000)
+    words[place["period_us"]] = 10_000
+    bus.request("PARAM_COMMIT", len(words), parameters.crc32(words))
+    assert uart.read_parameters() == words
+    uart.close()
     bus.close()
 
 

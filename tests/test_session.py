@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from link_board import MemoryBoard
-from plumb import parameters
+from plumb import parameters, systems
 from plumb.capture import Capture
 from plumb.errors import LinkError, UsageError
 from plumb.lockstep import Lockstep
 from plumb.protocol import crc8, protocol
+from plumb.quantise import quantise
 from plumb.serialbus import PlumbBus
 from plumb.session import Session
 from plumb.slcan import text_of_frames
@@ -137,6 +138,21 @@ def test_upload_survives_a_bad_line(seed: int) -> None:
         session.upload(changed("pid.kp_q22", 1000 + seed))
         board.spoil_down = board.spoil_up = bytes
         assert session.read_parameters()[: len(CONTROL)] == changed("pid.kp_q22", 1000 + seed)
+
+
+def test_another_system_begins_with_nothing_selected() -> None:
+    """A mask of words that another record has would stream others by their names."""
+    heard = set()
+    with Session.open(MemoryBoard()) as session:
+        session.select(frames=("ANGLE",), words=(30,))
+        system = systems.load("balancer")
+        session.upload(quantise(system.TUNINGS[system.DEFAULT_TUNING]).words(), period_us=10_000)
+        session.listener = lambda frames: heard.update(identifier for identifier, _ in frames)
+        session._answer_nonce("RUN_BEGIN", session.protocol["RUN_BEGIN"].value("run", "REALTIME_LIVE"))
+        session.receive(0.05)
+        session.receive(0.05)
+        wanted = [session.protocol[name].identifier for name in ("STEP", "ANGLE", "WORD")]
+        assert [identifier in heard for identifier in wanted] == [True, False, False]
 
 
 def test_upload_ends_a_run() -> None:
