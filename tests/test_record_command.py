@@ -13,6 +13,7 @@ import pytest
 
 from link_board import MemoryBoard
 from plumb import __main__ as front
+from plumb import systems
 from plumb.adapter import AdapterBus
 from plumb.boards.link import LinkBoard
 from plumb.buses import serve_bus
@@ -20,6 +21,7 @@ from plumb.commands import link_test
 from plumb.errors import UsageError
 from plumb.parameters import table
 from plumb.protocol import protocol
+from plumb.quantise import quantise
 from plumb.recorder import FrameLog, Recorder
 from plumb.serialbus import PlumbBus
 from plumb.session import SELECTABLE, Session
@@ -68,6 +70,36 @@ def test_a_recording_has_a_row_for_every_step_and_every_frame(
     assert float(rows[-1]["tilt_deg"]) != 0 and rows[-1]["bias_dps"] == ""  # what was not selected is not there
     names = [m.arbitration_id for m in can.LogReader(tmp_path / "frames.asc")]
     assert names.count(session.protocol["STEP"].identifier) == len(rows)
+
+
+@pytest.mark.parametrize(
+    ("system", "frames", "columns"),
+    [
+        ("phone", ("ANGLE", "BIAS", "ROLL", "ROLL_BIAS"), ("tilt_deg", "bias_dps", "roll_deg", "roll_bias_dps")),
+        ("turntable", ("ATTITUDE_W", "ATTITUDE_Z"), ("w", "z", "rate_z_dps")),
+        ("balancer", ("ANGLE", "DRIVE"), ("tilt_deg", "duty", "velocity_mps")),
+    ],
+)
+def test_every_system_s_values_have_columns_of_their_own(
+    board: MemoryBoard, session: Session, tmp_path: Path, system: str, frames: tuple[str, ...], columns: tuple[str, ...]
+) -> None:
+    module = systems.load(system)
+    recorder = Recorder(session, tmp_path, SELECTABLE)
+    session.upload(quantise(module.TUNINGS[module.DEFAULT_TUNING]).words(), period_us=10_000)
+    board.sensors((1700, 2100, 2900, 100, 200, 300))
+    session.listener = recorder.feed
+    session.begin("REALTIME_LIVE", frames=frames)
+    for _ in range(30):
+        session.receive(0.02)
+    session.listener = None
+    session.end()
+    recorder.close()
+    rows = rows_of(tmp_path)
+    assert len(rows) > 20 and recorder.lost == 0
+    assert all(row[column] != "" for row in rows[1:-1] for column in columns)
+    with (tmp_path / "steps.csv").open() as file:
+        head = next(csv.reader(file))
+    assert len(set(head)) == len(head)
 
 
 def test_a_recording_tells_the_parameters_it_was_made_with(

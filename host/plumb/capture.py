@@ -7,14 +7,13 @@ makes everything from there on unverified: neither right nor wrong.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from plumb.errors import LinkError
 from plumb.protocol import Frame
-from plumb.session import REPLY_TIMEOUT_S, TRIES, Session
+from plumb.session import REPLY_TIMEOUT_S, SELECTABLE, TRIES, Session
 
 
 def unwrap(last: int, low: int, bits: int) -> int:
@@ -28,7 +27,7 @@ def unwrap(last: int, low: int, bits: int) -> int:
 class Capture:
     """Frames of one real-time run, put together by step. Feed it with the frames as they come.
 
-    digest, raw: by step number, unwrapped. values: signal -> step -> raw integer, of the other selected frames.
+    digest, raw: by step number, unwrapped. values: (frame, signal) -> step -> raw integer, of other selected frames.
     setpoint: (step, value) pairs, the first step that used each. steps: steps heard of so far. disarmed_step: the last
     step at which the board was found to have left armed.
     """
@@ -36,7 +35,7 @@ class Capture:
     session: Session
     digest: dict[int, int] = field(default_factory=dict)
     raw: dict[int, list[int]] = field(default_factory=dict)
-    values: dict[str, dict[int, int]] = field(default_factory=dict)
+    values: dict[tuple[str, str], dict[int, int]] = field(default_factory=dict)
     time_us: list[tuple[int, int]] = field(default_factory=list)
     setpoint: list[tuple[int, int]] = field(default_factory=lambda: [(0, 0)])
     setpoint_doubt: int | None = None
@@ -50,8 +49,8 @@ class Capture:
         self._raw = {messages["RAW_A"].identifier: 0, messages["RAW_B"].identifier: 3}
         self._raw_message = messages["RAW_A"]
         self._time = messages["TIME"]
-        names = ("ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND", "DRIVE")
-        self._named = {messages[name].identifier: messages[name] for name in names}
+        named = (messages[name] for name in SELECTABLE if not name.startswith("RAW"))
+        self._named = {message.identifier: message for message in named}
         self._last = 0
 
     def feed(self, frames: list[Frame]) -> None:
@@ -75,7 +74,7 @@ class Capture:
                 step = unwrap(self._last, data[1] >> 4, 4)
                 for name, value in zip(message.words, message.unpack(data)[2:], strict=True):
                     if not name.startswith("reserved"):
-                        self.values.setdefault(name, {})[step] = value
+                        self.values.setdefault((message.name, name), {})[step] = value
             elif identifier == self._used.identifier:
                 _, _, low, value = self._used.unpack(data)
                 self.setpoint.append((unwrap(self._last, low, 16), value))
@@ -131,8 +130,3 @@ class Capture:
         for step, value in self.setpoint:
             result[max(step, 0) :] = value
         return result
-
-    def series(self, name: str, steps: int) -> npt.NDArray[Any]:
-        """A signal of the other frames over the steps, shape (steps,), NaN where lost; raw integers as float64."""
-        seen = self.values.get(name, {})
-        return np.array([seen.get(step, np.nan) for step in range(steps)], np.float64)

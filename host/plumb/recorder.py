@@ -134,8 +134,8 @@ class Recorder:
             digest, raw = capture.digest.pop(step, None), capture.raw.pop(step, None)
             self.lost += digest is None
             cells: list[Any] = [step, "" if digest is None else f"{digest:08x}", *(raw if raw is not None else NOTHING)]
-            for name, _, scale in self._signals:
-                value = capture.values.get(name, {}).pop(step, None)
+            for signal, _, scale in self._signals:
+                value = capture.values.get(signal, {}).pop(step, None)
                 cells.append("" if value is None else f"{value * scale:.9g}")
             self._csv.writerow(cells)
             self.rows += 1
@@ -146,13 +146,20 @@ class Recorder:
             self._file.close()
 
 
-def signals(frames: tuple[str, ...]) -> list[tuple[str, str, float]]:
-    """(signal, its column, value of one) of the frames that a step may send, in their order."""
-    found = []
+def signals(frames: tuple[str, ...]) -> list[tuple[tuple[str, str], str, float]]:
+    """((frame, signal), its column, value of one) of the frames that a step may send, in their order.
+
+    A column has the signal's name; where another frame has one of that name, the frame's or both."""
+    found: list[tuple[tuple[str, str], str, float]] = []
+    taken: set[str] = set()
     for message in load_database().messages:
         if message.name in frames:
             for signal in sorted(message.signals, key=lambda signal: signal.start):
                 if signal.start >= 16 and not signal.name.startswith(("reserved", "raw_")):
-                    column = signal.name + _UNITS.get(signal.unit or "", "")
-                    found.append((signal.name, column, float(signal.scale)))
+                    frame = message.name.lower()
+                    other = frame if frame.endswith(signal.name) else f"{frame}_{signal.name}"
+                    name = other if signal.name in taken else signal.name
+                    taken.add(name)
+                    column = name + _UNITS.get(signal.unit or "", "")
+                    found.append(((message.name, signal.name), column, float(signal.scale)))
     return found
