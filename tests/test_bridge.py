@@ -208,15 +208,12 @@ def test_a_bridge_that_is_killed_loses_the_armed_board_and_the_next_one_goes_on(
     first.end(signal.SIGKILL)
     with Session.open(str(board)) as watcher:
         end = time.monotonic() + WAIT_S
-        while watcher.telemetry.get("STATUS", {"armed": 1})["armed"]:
+        while "EVENTS" not in watcher.telemetry or watcher.telemetry["STATUS"]["armed"]:
             watcher.receive(0.05)
             assert time.monotonic() < end
         assert watcher.telemetry["EVENTS"]["disarm_cause"] == 0x20
         second = start(*command)
         second.wait_for("armed")
-        while not watcher.telemetry["STATUS"]["armed"]:
-            watcher.receive(0.05)
-            assert time.monotonic() < end
     time.sleep(0.5)
     assert second.end() == 0
     assert summary_of(second)["verdict"] == "pass"
