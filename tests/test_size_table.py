@@ -117,3 +117,25 @@ def test_without_a_commit_before_there_is_nothing_to_compare(
     monkeypatch.setattr(sys, "argv", ["size_table", str(IMAGE), "--against", "previous"])
     assert tool.main() == 0
     assert "no commit before this one" in capsys.readouterr().out
+
+
+@needs_image
+def test_a_commit_before_that_does_not_build_is_told_and_does_not_fail_this_one(
+    tool: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    def commit(text: str) -> None:
+        (tmp_path / "CMakeLists.txt").write_text(text)
+        for words in (["add", "-A"], ["-c", "user.name=a", "-c", "user.email=a@example.org", "commit", "-qm", "a"]):
+            subprocess.run(["git", "-C", str(tmp_path), *words], check=True)
+
+    subprocess.run(["git", "init", "-q", str(tmp_path)], check=True)
+    (tmp_path / ".gitignore").write_text("build/\n")
+    commit("message(FATAL_ERROR broken)\n")
+    commit("# mended\n")
+    monkeypatch.setattr(tool, "ROOT", tmp_path)
+    monkeypatch.setattr(sys, "argv", ["size_table", str(IMAGE), "--against", "previous"])
+    assert tool.main() == 0
+    assert "nothing to compare sizes with: " in capsys.readouterr().out
+    monkeypatch.setattr(sys, "argv", ["size_table", str(IMAGE), "--against", "HEAD~1"])
+    assert tool.main() == 2
+    assert "does not build here" in capsys.readouterr().err

@@ -20,7 +20,7 @@ import json
 import re
 import subprocess
 import sys
-import tarfile
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -164,8 +164,8 @@ def image_of(revision: str) -> tuple[str, Path]:
     elf = folder / "image" / "firmware.elf"
     if not elf.exists():
         held = [name for name in FIRMWARE if git("ls-tree", "--name-only", commit, "--", name).strip()]
-        with tarfile.open(fileobj=io.BytesIO(git("archive", commit, *held))) as archive:
-            archive.extractall(folder / "source", filter="data")
+        with zipfile.ZipFile(io.BytesIO(git("archive", "--format=zip", commit, *held))) as archive:
+            archive.extractall(folder / "source")
         toolchain = folder / "source/firmware/stm32f103/toolchain.cmake"
         configure = ["cmake", "-S", str(folder / "source"), "-B", str(folder / "image"), "-G", "Ninja",
                      f"-DCMAKE_TOOLCHAIN_FILE={toolchain}", "-DCMAKE_BUILD_TYPE=Image"]  # fmt: skip
@@ -190,9 +190,15 @@ def main() -> int:
         if options.against and revision is None:
             print("there is no commit before this one to compare sizes with")
         elif revision is not None:
-            commit, elf = image_of(revision)
-            print(f"since {commit}:")
-            print("\n".join(differences(sizes_of(elf), sizes)))
+            try:
+                commit, elf = image_of(revision)
+            except PlumbError as error:
+                if options.against != "previous":
+                    raise
+                print(f"nothing to compare sizes with: {error}")  # what was wrong with that commit is not this one's
+            else:
+                print(f"since {commit}:")
+                print("\n".join(differences(sizes_of(elf), sizes)))
         else:
             print("\n".join(module_table(sizes, options.functions)))
             options.image.with_suffix(".size.json").write_text(json.dumps(sizes, indent=1, sort_keys=True) + "\n")
