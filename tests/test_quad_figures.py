@@ -12,7 +12,7 @@ import pytest
 
 from plumb import quantise
 from plumb.systems import figures, quad, quad_figures
-from plumb.systems.figures import Figure
+from plumb.systems.figures import Figure, Sense
 from plumb.systems.quad_plant import QuadPlant
 
 Rows = dict[tuple[str, str, str], Figure]
@@ -140,3 +140,11 @@ def test_a_missed_figure_is_printed_as_missed() -> None:
         True, True, True, False,
     ]  # fmt: skip
     assert [row.to_json()["met"] for row in rows] == [False, False, False, True, True]
+
+
+def test_a_short_table_keeps_what_was_asked_and_what_belongs_beside_it() -> None:
+    senses: tuple[Sense, ...] = ("at most", "at least", "near", "beside", "shown")
+    rows = [("quad", Figure(f"row {sense}", "motion", "paper", "deg rms", sense, 1.0, 1.0)) for sense in senses]
+    whole, short = (figures.render(rows, short=short).splitlines() for short in (False, True))
+    assert [line[:14] for line in whole if line not in short] == ["row shown     "]
+    assert "row beside" in short[4] and not short[4].endswith("met"), "no verdict where nothing was asked"

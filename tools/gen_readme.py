@@ -1,17 +1,24 @@
-"""Writes the measured tables and transcripts of README.md, between their marks, by running the commands named there.
+"""Writes the measured tables and transcripts of README.md and of the systems' pages, between their marks, by running
+the commands named there.
 
 usage: .venv/bin/python tools/gen_readme.py [--check] [demo|python|systems|bench ...]
 
-Needs the image, the native core and QEMU (`make image native`). --check writes nothing and exits 1 when a block
-differs. Rates depend on the machine and stay out.
+`systems` computes every figure once: README.md gets `plumb systems --table --short`, docs/SYSTEM.md the whole table of
+its system. Needs the image, the native core and QEMU (`make image native`). --check writes nothing and exits 1 when a
+block differs. Rates depend on the machine and stay out.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
+
+from plumb.systems import SYSTEMS, figures
+from plumb.systems.figures import Figure
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
@@ -29,23 +36,38 @@ print(f"{np.sqrt(np.mean(error_deg[500:] ** 2)):.3f} deg rms")
 COMMANDS = {
     "demo": ["-m", "plumb", "demo", "--out", "out/demo"],
     "python": ["-c", EXAMPLE],
-    "systems": ["-m", "plumb", "systems", "--table"],
+    "systems": ["-m", "plumb", "systems", "--table", "--json"],
     "bench": ["-m", "plumb", "bench"],
 }
 MACHINE_DEPENDENT = ("native Kalman steps:", "link frames parsed:")
 
 
-def block(name: str) -> str:
-    """What stands between the marks: the command's output, indented as Markdown wants verbatim text."""
-    answer = subprocess.run([sys.executable, *COMMANDS[name]], cwd=ROOT, capture_output=True, text=True, check=False)
-    if answer.returncode not in (0, 1):
-        raise SystemExit(f"{name}: {answer.stderr.strip()}")
-    shown = [line for line in answer.stdout.rstrip().splitlines() if not line.startswith(MACHINE_DEPENDENT)]
+@cache
+def answer(name: str) -> str:
+    """What the command prints."""
+    done = subprocess.run([sys.executable, *COMMANDS[name]], cwd=ROOT, capture_output=True, text=True, check=False)
+    if done.returncode not in (0, 1):
+        raise SystemExit(f"{name}: {done.stderr.strip()}")
+    return done.stdout
+
+
+def table(page: Path) -> str:
+    """The figures for a page: what was asked of all systems for the README, everything of one for its own page."""
+    rows = json.loads(answer("systems"))["figures"]
+    named = [(row.pop("system"), Figure(**{key: row[key] for key in row if key != "met"})) for row in rows]
+    if page != README:
+        named = [(system, row) for system, row in named if system == page.stem]
+    return figures.render(named, short=page == README)
+
+
+def block(page: Path, name: str) -> str:
+    """What stands between the marks, indented as Markdown wants verbatim text."""
+    if name == "systems":  # a "-" at the front of a diff is red
+        lines = (f"{'-' if line.endswith('MISSED') else ' '} {line}".rstrip() for line in table(page).splitlines())
+        return "\n```diff\n" + "\n".join(lines) + "\n```\n\n"
+    shown = [line for line in answer(name).rstrip().splitlines() if not line.startswith(MACHINE_DEPENDENT)]
     if name == "python":
         shown = [*EXAMPLE.rstrip().splitlines(), *(f"# {line}" for line in shown)]
-    if name == "systems":  # a "-" at the front of a diff is red
-        shown = [f"{'-' if line.endswith('MISSED') else ' '} {line}".rstrip() for line in shown]
-        return "\n```diff\n" + "\n".join(shown) + "\n```\n\n"
     return "\n" + "\n".join(f"    {line}".rstrip() for line in shown) + "\n\n"
 
 
@@ -54,19 +76,23 @@ def main() -> int:
     parser.add_argument("--check", action="store_true")
     parser.add_argument("name", nargs="*", choices=[*COMMANDS, []])
     arguments = parser.parse_args()
-    old = text = README.read_text(encoding="utf-8")
-    for name in arguments.name or COMMANDS:
-        begin, mark, rest = text.partition(f"<!-- {name} -->\n")
+    names = arguments.name or list(COMMANDS)
+    blocks = [(README, name) for name in names]
+    blocks += [(ROOT / "docs" / f"{system}.md", "systems") for system in SYSTEMS if "systems" in names]
+    stale = False
+    for page, name in blocks:
+        old = page.read_text(encoding="utf-8")
+        begin, mark, rest = old.partition(f"<!-- {name} -->\n")
         _, end, after = rest.partition("<!-- end -->")
         if not (mark and end):
-            raise SystemExit(f"README.md has no block '{name}'")
-        text = begin + mark + block(name) + end + after
-    if arguments.check:
-        if text != old:
-            print("README.md is not what the commands print; run tools/gen_readme.py")
-        return int(text != old)
-    README.write_text(text, encoding="utf-8")
-    return 0
+            raise SystemExit(f"{page.name} has no block '{name}'")
+        new = begin + mark + block(page, name) + end + after
+        if new != old and arguments.check:
+            print(f"{page.name}: '{name}' is not what the command prints; run tools/gen_readme.py")
+            stale = True
+        elif new != old:
+            page.write_text(new, encoding="utf-8")
+    return int(stale)
 
 
 if __name__ == "__main__":

@@ -21,6 +21,9 @@ from pathlib import Path
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--table", action="store_true", help="run the scenarios and print the figures")
     parser.add_argument(
+        "--short", action="store_true", help="with --table: only what was asked, and what stands beside"
+    )
+    parser.add_argument(
         "--system", action="append", metavar="S", help="only this system: its presets, or its figures; repeatable"
     )
     parser.add_argument(
@@ -69,7 +72,7 @@ def main(arguments: argparse.Namespace) -> int:
         table = [{"system": name, **row.to_json()} for name, row in rows]
         print(json.dumps({"figures": table, "assumed": {name: figures.assumed(name) for name in names}}))
     else:
-        print(figures.render(rows, colour=sys.stdout.isatty()))
+        print(figures.render(rows, short=arguments.short, colour=sys.stdout.isatty()))
     return 0 if all(row.met for _, row in rows) else 1
 
 

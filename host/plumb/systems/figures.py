@@ -20,8 +20,10 @@ from typing import Any, Literal
 from plumb import systems
 from plumb.report import plot_svg, write_whole
 
-Sense = Literal["at most", "at least", "near", "shown"]
-"""How a figure is to be reached; shown: nothing was asked, the row is there for comparison."""
+Sense = Literal["at most", "at least", "near", "beside", "shown"]
+"""How a figure is to be reached. beside, shown: nothing was asked; a row beside belongs to what was, even in a short
+table, so that nobody takes a figure for more than it is; a row shown is for who wants to know more."""
+UNASKED = ("beside", "shown")
 
 SEEDS = range(1000, 1040)
 NEAR = 0.05
@@ -33,7 +35,7 @@ class Figure:
     """One line of the table. reached: over all seeds, the mean (convergence: the median); worst: of any seed.
 
     reference: the same in float64; accel_only, gyro_only: the same without a filter; None where it means nothing.
-    reach: 0 where the row is shown only. source: what the source itself claims, "" where it gives no number for this.
+    reach: 0 where nothing was asked. source: what the source itself claims, "" where it gives no number for this.
     """
 
     claim: str
@@ -56,7 +58,7 @@ class Figure:
                 return self.reached <= self.reach
             case "at least":
                 return self.reached >= self.reach
-            case "shown":
+            case "beside" | "shown":
                 return True
             case _:
                 return abs(self.reached - self.reach) <= NEAR * self.reach
@@ -97,11 +99,13 @@ def assumed(name: str) -> tuple[str, ...]:
     return sentences
 
 
-def render(figures: Iterable[tuple[str, Figure]], *, colour: bool = False) -> str:
-    """The table as text, a block for each system with what was assumed; a missed figure says so, in red on request."""
+def render(figures: Iterable[tuple[str, Figure]], *, short: bool = False, colour: bool = False) -> str:
+    """The table as text, a block for each system with what was assumed; a missed figure says so, in red on request.
+    short: without the rows that are only shown."""
     blocks: dict[str, list[Figure]] = {}
     for name, row in figures:
-        blocks.setdefault(name, []).append(row)
+        if not (short and row.sense == "shown"):
+            blocks.setdefault(name, []).append(row)
     return "\n\n".join("\n".join(_block(name, rows, colour)) for name, rows in blocks.items())
 
 
@@ -114,9 +118,9 @@ def _block(name: str, rows: Sequence[Figure], colour: bool) -> Iterator[str]:
         sense = {"at most": "<= ", "at least": ">= ", "near": "~ "}
         numbers = (row.worst, row.reference, row.accel_only, row.gyro_only)
         cells = ("" if value is None else f"{value:.3f}" for value in numbers)
-        reach = "" if row.sense == "shown" else f"{sense[row.sense]}{row.reach:g}"
+        reach = "" if row.sense in UNASKED else f"{sense[row.sense]}{row.reach:g}"
         reached = f"{row.reached:.3f}"
-        verdict = "" if row.sense == "shown" else "met" if row.met else "MISSED"
+        verdict = "" if row.sense in UNASKED else "met" if row.met else "MISSED"
         lines.append((row.claim, row.scenario, row.tuning, row.unit, row.source, reach, reached, *cells, verdict))
     widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
     for line in lines:
