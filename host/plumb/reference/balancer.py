@@ -28,19 +28,32 @@ FloatArray = npt.NDArray[np.float64]
 GRAVITY_MPS2 = 9.80665
 
 
-def wheel(hall: FloatArray, settings: Wheel, period_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """From the wrapping count of Hall edges, (steps[, runs]): speed of each step and filtered velocity in m/s, and the
-    acceleration of the axle in g: accel_share of the slope of the filtered velocity."""
-    edges = np.diff(hall, axis=0, prepend=hall[:1])
-    edges = (edges + 32768.0) % 65536.0 - 32768.0
+@dataclass
+class WheelState:
+    """The count of the step before (None: there was none), and the filtered velocity."""
+
+    hall: Number = None
+    velocity_mps: Number = 0.0
+
+
+def wheel_step(c: WheelState, settings: Wheel, period_s: float, hall: Number) -> tuple[Number, Number, Number]:
+    """From the wrapping count of Hall edges: speed of this step and filtered velocity in m/s, and the acceleration of
+    the axle in g: accel_share of the slope of the filtered velocity."""
+    edges = 0.0 * hall if c.hall is None else (hall - c.hall + 32768.0) % 65536.0 - 32768.0
+    c.hall = hall
     speed = clip(edges, -settings.edges_max, settings.edges_max) * settings.edge_m / period_s
     share = 1.0 - math.exp(-period_s / settings.tau_s) if settings.tau_s else 1.0
-    velocity, slope, last = np.empty_like(speed), np.empty_like(speed), np.zeros(speed.shape[1:])
-    for step, now in enumerate(speed):
-        slope[step] = share * (now - last) / period_s
-        last = last + share * (now - last)
-        velocity[step] = last
-    return speed, velocity, clip(settings.accel_share * slope / GRAVITY_MPS2, -3.0, 3.0)
+    slope = share * (speed - c.velocity_mps) / period_s
+    c.velocity_mps = c.velocity_mps + share * (speed - c.velocity_mps)
+    return speed, c.velocity_mps, clip(settings.accel_share * slope / GRAVITY_MPS2, -3.0, 3.0)
+
+
+def wheel(hall: FloatArray, settings: Wheel, period_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Every step of it, (steps[, runs])."""
+    c = WheelState()
+    rows = np.array([wheel_step(c, settings, period_s, now) for now in hall], np.float64)
+    speed, velocity, accel_g = np.moveaxis(rows.reshape(len(hall), 3, *hall.shape[1:]), 1, 0)
+    return speed, velocity, accel_g
 
 
 def cruise(settings: SpeedLoop) -> Pid:

@@ -11,7 +11,6 @@ A system X is, besides its step in C (firmware/core/X.[ch]) and the modules of i
         CONDITIONS              what of a scenario can be set besides, name -> one sentence: a number, for scenario()
         FAULTS                  kind -> one sentence;  faults(requests)  what scenario(faults=...) takes
         OUTPUT_FRAMES           word of the record -> (frame, signal) that carries it over a link: what moves the plant
-        LINK                    words of the link's part of the parameters, by name, beside period_us
         OUTPUTS                 those words; none where nothing is driven, and every loop is open
         scenario(name, seed, *, seconds=None, period_us=..., faults=())    everything random of one run, drawn; it has
             period_us, steps, time_s (steps,), scored (steps,) bool: the samples that count

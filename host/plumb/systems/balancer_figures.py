@@ -1,6 +1,8 @@
 """What `balancer` was asked to reach, and what the integers reach (see plumb.systems.figures).
 
-Open loop: the ride of the ideal controller. Closed loop: the C integers in the loop, judged on the true tilt.
+Open loop: the ride of the ideal controller. Closed loop: the C integers in the loop, judged on the true tilt. The
+source's own filter, the arctangent of the two axes with nothing taken off, stands beside the shipped tuning for
+comparison: nothing was asked of it.
 """
 
 from __future__ import annotations
@@ -12,19 +14,45 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb import metrics, native, quantise, reference
+from plumb.reference import balancer as reference_balancer
+from plumb.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
 from plumb.systems import balancer, balancer_plant
 from plumb.systems.balancer_plant import BalancerPlant
-from plumb.systems.figures import Figure
+from plumb.systems.balancer_view import DUTY, RATE_DPS, TURN_DEG
+from plumb.systems.figures import Figure, Sense
+from plumb.trial import closed_loop
 from plumb.tuning import BalancerTuning
 
 FloatArray = npt.NDArray[np.float64]
 
-TURN_DEG, RATE_DPS = 360.0 / 2.0**32, 360.0 / 2.0**28
+PLOTTED_SEED, ROCKED_SEED = 1000, 1010
+"""The rocked one begins with 2.5 deg/s of bias, so that there is something to correct."""
+RAW_DPS = 1.7
+"""The raw rate's error that the scenario is said to have, deg/s rms."""
+
+
+def expected_raw_dps() -> tuple[float, float]:
+    """Error of the raw rate that bias, noise and rounding lead to: mean over runs of a run's rms over the scored
+    samples, and how far single runs scatter about it (standard deviation), deg/s.
+
+    The start bias is uniform, the warm-up's sign drawn, so that both signs are one; walk and noise add in squares.
+    """
+    time_s = np.arange(0.0, balancer.SECONDS["rough"], balancer.PERIOD_US * 1e-6)
+    time_s = time_s[metrics.scored(time_s)]
+    warm = balancer.DRIFT_DPS * (1.0 - np.exp(-time_s / balancer.DRIFT_TAU_S))
+    start = np.linspace(-balancer.BIAS_DPS, balancer.BIAS_DPS, 2001)
+    bias = start**2 + 2.0 * start * np.mean(warm) + np.mean(warm**2)
+    walk = balancer.WALK_DPS_PER_RTS**2 * np.mean(time_s)
+    rounding = 1.0 / (12.0 * balancer.GYRO.lsb_per_dps**2)
+    run = np.sqrt(bias + walk + balancer.GYRO_NOISE_DPS**2 + rounding)
+    return float(np.mean(run)), float(np.std(run))
+
+
 ASSUMED = (
     "Scores t >= 10 s; tunings fitted on seeds 0-19. Accelerometer only is atan2 of the two axes, nothing taken off.",
-    f"Vibration white, 0.1 g (rough) or 0.02 g (smooth); bias +-{balancer.BIAS_DPS:g}, warm-up {balancer.DRIFT_DPS:g}"
-    f" deg/s in {balancer.DRIFT_TAU_S:g} s, walk {balancer.WALK_DPS_PER_RTS} deg/s/sqrt(s), scale"
-    f" {100 * balancer.SCALE_ERROR:g} %, {balancer.DPS_PER_G} deg/s/g, offset {1e3 * balancer.OFFSET_G:g} mg.",
+    f"Vibration white, 0.1 g (rough, endure) or 0.02 g (smooth); bias +-{balancer.BIAS_DPS:g}, warm-up"
+    f" {balancer.DRIFT_DPS:g} deg/s in {balancer.DRIFT_TAU_S:g} s, walk {balancer.WALK_DPS_PER_RTS} deg/s/sqrt(s),"
+    f" scale {100 * balancer.SCALE_ERROR:g} %, {balancer.DPS_PER_G} deg/s/g, offset {1e3 * balancer.OFFSET_G:g} mg.",
     f"Per 120 s {balancer.COMMANDS} commands to +-{balancer.COMMAND_MPS} m/s and {balancer.PUSHES} pushes of"
     f" {balancer.PUSH_S} s to +-{balancer.PUSH_MPS2:g} m/s^2; disturbance"
     f" {balancer_plant.DISTURBANCE_RADPS2_PER_RTS} rad/s^2/sqrt(s) through {balancer_plant.DISTURBANCE_TAU_S} s.",
@@ -32,7 +60,11 @@ ASSUMED = (
     f" {balancer_plant.WHEEL_RADIUS_M} m, {balancer_plant.EDGES_PER_TURN} Hall edges per turn, stall torque"
     f" {balancer_plant.STALL_NM} Nm, no-load speed {balancer_plant.NO_LOAD_RADPS:g} rad/s, friction"
     f" {balancer_plant.FRICTION_NM} Nm.",
-    "'tuned' and 'paper_rule_wheel' take the axle's acceleration, from the Hall sensors, off the forward axis.",
+    "'tuned' and 'paper_rule_wheel' take the axle's acceleration, from the Hall sensors, off the forward axis; 'arctan'"
+    " and 'paper_rule' do not, as the source does not. Gyro only: bias taken from the first 3 s.",
+    f"Raw rate: the start bias decides, {expected_raw_dps()[0]:.2f} deg/s over all that can be drawn; the mean of 40"
+    f" runs scatters by {expected_raw_dps()[1] / np.sqrt(40.0):.2f} about it (one standard deviation).",
+    f"rocked: held by hand, {balancer.VIBRATION_G['rocked']:g} g of vibration, which makes the source's +-10 deg.",
 )
 
 
@@ -78,55 +110,138 @@ class Batch:
 
 
 def open_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """Prescribed rides: accelerometer alone, then every tuning on tilt and on the corrected rate."""
-    limits: tuple[tuple[str, float, float], ...] = (("rough", 5.84, 0.48), ("smooth", 1.54, 0.40))
-    for name, alone_deg, reach_deg in limits:
+    """Prescribed rides: accelerometer and gyro alone, the shipped tuning, and the source's filter for comparison."""
+    expected, _ = expected_raw_dps()
+    yield Figure("raw rate, over every bias there may be", "rough", "-", "deg/s rms", "near", RAW_DPS, expected)
+    limits: tuple[tuple[str, float, float, float], ...] = (("rough", 5.84, 0.48, 92.0), ("smooth", 1.54, 0.40, 74.0))
+    for name, alone_deg, reach_deg, below in limits:
         batch = Batch.of(name, seeds)
-        alone = batch.tilt_rms(batch.accel_only_deg())
+        alone, raw = batch.tilt_rms(batch.accel_only_deg()), batch.rate_rms(batch.gyro_dps())
         yield Figure(
             "accelerometer only (the scenario's own figure)", name, "-", "deg rms", "near", alone_deg,
             float(np.mean(alone)), float(np.max(alone)),
         )  # fmt: skip
-        yield from _estimate(batch, "tuned", "tilt error", reach_deg)
-        yield from _estimate(batch, "arctan", "tilt error, nothing taken off", reach_deg)
-        yield from _estimate(batch, "paper_rule", "tilt error, paper's rule Q_bias = Q_angle / 1000", reach_deg)
-        yield from _estimate(batch, "paper_rule_wheel", "tilt error, paper's rule, wheel", reach_deg)
+        yield Figure(
+            "raw rate of these seeds", name, "-", "deg/s rms", "shown", 0.0, float(np.mean(raw)), float(np.max(raw))
+        )
+        tilt, rate = _estimate(batch, "tuned", "tilt error", "at most", reach_deg)
+        yield tilt
+        gain = 100.0 * (1.0 - tilt.reached / float(np.mean(alone)))
+        yield Figure("below accelerometer only", name, "tuned", "%", "at least", below, gain)
+        yield rate
+        yield from _estimate(batch, "paper_rule_wheel", "tilt error, paper's rule, wheel", "at most", reach_deg)
+        yield from _estimate(batch, "arctan", "tilt error, nothing taken off", "shown", reach_deg)
+        yield from _estimate(batch, "paper_rule", "tilt error, nothing taken off, paper's rule", "shown", reach_deg)
 
 
-def _estimate(batch: Batch, tuning: str, claim: str, reach_deg: float) -> Iterator[Figure]:
+def _estimate(batch: Batch, tuning: str, claim: str, sense: Sense, reach_deg: float) -> tuple[Figure, Figure]:
+    """Tilt and corrected rate of a tuning; with nothing asked of it, sense is shown."""
     settings = balancer.TUNINGS[tuning]
     words = native.run_control(quantise.quantise(settings), batch.raw, batch.setpoint)
     ideal = reference.run_control(settings, batch.raw, batch.setpoint)
     tilt = batch.tilt_rms(np.asarray(words["tilt_turn_q32"] * TURN_DEG))
     rate = batch.rate_rms(np.asarray(words["rate_corrected_turnps_q28"] * RATE_DPS))
     accel, gyro = batch.tilt_rms(batch.accel_only_deg()), batch.tilt_rms(batch.gyro_only_deg())
-    yield Figure(
-        claim, batch.name, tuning, "deg rms", "at most", reach_deg, float(np.mean(tilt)), float(np.max(tilt)),
-        float(np.mean(batch.tilt_rms(ideal["tilt_deg"]))), float(np.mean(accel)), float(np.mean(gyro)),
+    asked_deg, asked_dps = (0.0, 0.0) if sense == "shown" else (reach_deg, 0.42)
+    return (
+        Figure(
+            claim, batch.name, tuning, "deg rms", sense, asked_deg, float(np.mean(tilt)), float(np.max(tilt)),
+            float(np.mean(batch.tilt_rms(ideal["tilt_deg"]))), float(np.mean(accel)), float(np.mean(gyro)),
+        ),
+        Figure(
+            "corrected rate", batch.name, tuning, "deg/s rms", sense, asked_dps, float(np.mean(rate)),
+            float(np.max(rate)), float(np.mean(batch.rate_rms(ideal["rate_corrected_dps"]))), None,
+            float(np.mean(batch.rate_rms(batch.gyro_dps()))),
+        ),
     )  # fmt: skip
+
+
+def rocked_rows(seeds: Iterable[int]) -> Iterator[Figure]:
+    """The paper's own claim, on a vehicle rocked by hand: the largest error of a run before and after the filter."""
+    batch = Batch.of("rocked", seeds)
+
+    def peaks(tilt_deg: FloatArray) -> FloatArray:
+        return np.asarray(np.max(np.abs(metrics.wrap_deg(tilt_deg - batch.tilt_deg)[batch.scored]), axis=0), np.float64)
+
+    before = peaks(batch.accel_only_deg())
     yield Figure(
-        "corrected rate", batch.name, tuning, "deg/s rms", "at most", 0.42, float(np.mean(rate)), float(np.max(rate)),
-        float(np.mean(batch.rate_rms(ideal["rate_corrected_dps"]))), None,
-        float(np.mean(batch.rate_rms(batch.gyro_dps()))),
+        "before the filter, largest error", "rocked", "-", "deg", "shown", 0.0, float(np.mean(before)),
+        float(np.max(before)), source="+-10 deg",
     )  # fmt: skip
+    for tuning in ("tuned", "paper_rule"):
+        settings = balancer.TUNINGS[tuning]
+        words = native.run_control(quantise.quantise(settings), batch.raw, batch.setpoint)
+        after = peaks(np.asarray(words["tilt_turn_q32"] * TURN_DEG))
+        ideal = peaks(reference.run_control(settings, batch.raw, batch.setpoint)["tilt_deg"])
+        yield Figure(
+            "after the filter, largest error", "rocked", tuning, "deg", "at most", 5.0, float(np.mean(after)),
+            float(np.max(after)), float(np.mean(ideal)), float(np.mean(before)), source="+-5 deg",
+        )  # fmt: skip
 
 
 def closed_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """The loop closed on the estimate: its error, and that the vehicle never falls; ten minutes of it as well."""
-    cases: tuple[tuple[str, str, float], ...] = (
-        ("closed loop, tilt error", "rough", 0.55),
-        ("closed loop, tilt error", "smooth", 0.48),
-        ("ten minutes, tilt error", "endure", 0.55),
-    )
-    for claim, name, reach_deg in cases:
-        runs = [balance(balancer.TUNED, name, seed) for seed in seeds]
-        error = [run.error_rms_deg for run in runs]
-        yield Figure(
-            claim, name, "tuned", "deg rms", "at most", reach_deg, float(np.mean(error)), max(error)
-        )  # fmt: skip
-        leaned = [run.tilt_max_deg for run in runs]
-        claim = "stays up: largest tilt of any run"
-        yield Figure(claim, name, "tuned", "deg", "at most", 20.0, max(leaned), max(leaned))
+    """The loop closed on the estimate, integers in the loop and then float64: its error, and that nothing falls."""
+    tuning, runs = balancer.TUNED, list(seeds)
+    for name, reach_deg in (("rough", 0.55), ("smooth", 0.48)):
+        ours = [balance(Integers(tuning), name, seed) for seed in runs]
+        ideal = [balance(Float64(tuning), name, seed) for seed in runs]
+        yield from _balanced("closed loop, tilt error", name, reach_deg, ours, ideal)
+
+
+def endured_rows(seeds: Iterable[int]) -> Iterator[Figure]:
+    """Ten minutes of every seed; the float64 column is left to the shorter runs."""
+    ours = [balance(Integers(balancer.TUNED), "endure", seed) for seed in seeds]
+    yield from _balanced("ten minutes, tilt error", "endure", 0.55, ours, [])
+
+
+def _balanced(claim: str, name: str, reach_deg: float, ours: list[Balanced], ideal: list[Balanced]) -> Iterator[Figure]:
+    def column(values: list[float], of: Callable[[list[float]], float]) -> float | None:
+        return of(values) if values else None
+
+    error, in_float = ([run.error_rms_deg for run in runs] for runs in (ours, ideal))
+    yield Figure(
+        claim, name, "tuned", "deg rms", "at most", reach_deg, float(np.mean(error)), max(error),
+        column(in_float, lambda values: float(np.mean(values))),
+    )  # fmt: skip
+    leaned, in_float = ([run.tilt_max_deg for run in runs] for runs in (ours, ideal))
+    claim = "stays up: largest tilt of any run"
+    yield Figure(claim, name, "tuned", "deg", "at most", 20.0, max(leaned), max(leaned), column(in_float, max))
+
+
+class Integers:
+    """The C integers, from counts to tilt in deg and duty in -1..1."""
+
+    def __init__(self, tuning: BalancerTuning) -> None:
+        self.controller = native.Controller(quantise.quantise(tuning))
+
+    def step(self, raw: tuple[int, ...], setpoint: int) -> tuple[float, float]:
+        words = self.controller.step(raw, setpoint)
+        return words["tilt_turn_q32"] * TURN_DEG, words["duty_q15"] * DUTY
+
+
+class Float64:
+    """`plumb.reference`, from counts to tilt in deg and duty in -1..1."""
+
+    def __init__(self, tuning: BalancerTuning) -> None:
+        self.tuning, self.wheel = tuning, reference_balancer.WheelState()
+        self.state = reference_balancer.ControlState(reference.kalman_init(tuning.start))
+
+    def step(self, raw: tuple[int, ...], setpoint: int) -> tuple[float, float]:
+        tuning, axis = self.tuning, self.tuning.calibration
+        rate_dps, x_g, z_g = (
+            reference.calibrate(float(count), channel)
+            for count, channel in zip(raw[:3], (axis.gyro, axis.accel_y, axis.accel_z), strict=True)
+        )
+        _, velocity_mps, accel_g = reference_balancer.wheel_step(
+            self.wheel, tuning.wheel, tuning.period_s, float(raw[3])
+        )
+        x_g += accel_g
+        z_deg, r_deg2 = reference.tilt(x_g, z_g, tuning.tilt), reference.trust(x_g, z_g, tuning.trust)
+        asked_mps = setpoint / balancer.VELOCITY_UNIT
+        step = reference_balancer.control_step(
+            self.state, tuning, rate_dps, float(z_deg), float(r_deg2), velocity_mps, accel_g, asked_mps
+        )
+        return float(step["tilt_deg"]), float(step["duty"])
 
 
 @dataclass(frozen=True)
@@ -138,18 +253,17 @@ class Balanced:
     velocity_rms_mps: float
 
 
-def balance(tuning: BalancerTuning, name: str, seed: int, seconds: float | None = None) -> Balanced:
-    """One closed loop on the native core: the plant's counts in, the duty of the same step out."""
-    scenario = balancer.scenario(name, seed, seconds=seconds, period_us=tuning.period_us)
-    plant, controller = BalancerPlant(scenario), native.Controller(quantise.quantise(tuning))
-    setpoint, outputs = scenario.setpoint().tolist(), dict[str, int]()
+def balance(controller: Integers | Float64, name: str, seed: int, seconds: float | None = None) -> Balanced:
+    """One closed loop on this machine: the plant's counts in, the duty of the same step out."""
+    scenario = balancer.scenario(name, seed, seconds=seconds)
+    plant = BalancerPlant(scenario)
+    setpoint, duty = scenario.setpoint().tolist(), None
     rows = np.empty((scenario.steps, 3))
     for k, time_s in enumerate(scenario.time_s.tolist()):
-        plant.follow(time_s, outputs)
-        words = controller.step(plant.counts(time_s), setpoint[k])
-        outputs = {"duty_q15": words["duty_q15"]}
+        plant.drive_to(time_s, duty)
+        tilt_deg, duty = controller.step(plant.counts(time_s), setpoint[k])
         true = plant.truth(time_s)
-        rows[k] = true["tilt_deg"], words["tilt_turn_q32"] * TURN_DEG, true["velocity_mps"]
+        rows[k] = true["tilt_deg"], tilt_deg, true["velocity_mps"]
     scored = scenario.scored
     apart = metrics.wrap_deg(rows[:, 1] - rows[:, 0])[scored]
     slip = (rows[:, 2] - np.array(setpoint) / balancer.VELOCITY_UNIT)[scored]
@@ -158,4 +272,125 @@ def balance(tuning: BalancerTuning, name: str, seed: int, seconds: float | None 
     )
 
 
-SECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Figure]]] = {"open loop": open_rows, "closed loop": closed_rows}
+SECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Figure]]] = {
+    "open loop": open_rows,
+    "rocked": rocked_rows,
+    "closed loop": closed_rows,
+    "ten minutes": endured_rows,
+}
+
+
+def figures_5_and_6(tuning: str = "paper_rule") -> list[Plot]:
+    """The paper's figures: tilt before and after the filter, raw and corrected rate, the vehicle rocked by hand."""
+    run = balancer.scenario("rocked", ROCKED_SEED)
+    words = native.run_control(quantise.quantise(balancer.TUNINGS[tuning]), run.counts(), run.setpoint())
+    truth, time_s = run.truth(), run.time_s
+    measured, fused = words["tilt_measured_turn_q32"] * TURN_DEG, words["tilt_turn_q32"] * TURN_DEG
+    raw, corrected = words["rate_turnps_q28"] * RATE_DPS, words["rate_corrected_turnps_q28"] * RATE_DPS
+    return [
+        Plot(
+            f"Figure 5: tilt before and after the filter ({balancer.TUNING_NOTES[tuning]})",
+            "deg",
+            time_s,
+            [
+                Line("accelerometer", measured, SENSOR, 0.7),
+                Line("true", truth["tilt_deg"], TRUTH, 1.6),
+                Line("fused", fused, ESTIMATE),
+            ],
+        ),
+        Plot(
+            "Figure 5: their errors",
+            "deg",
+            time_s,
+            [
+                Line("accelerometer", measured - truth["tilt_deg"], SENSOR, 0.7),
+                Line("fused", fused - truth["tilt_deg"], ESTIMATE),
+            ],
+        ),
+        Plot(
+            "Figure 6: rate before and after the correction",
+            "deg/s",
+            time_s,
+            [
+                Line("gyro", raw, SENSOR, 0.7),
+                Line("corrected", corrected, ESTIMATE, 0.7),
+                Line("true", truth["rate_dps"], TRUTH, 1.6),
+            ],
+        ),
+        Plot(
+            "Figure 6: their errors",
+            "deg/s",
+            time_s,
+            [
+                Line("gyro", raw - truth["rate_dps"], SENSOR, 0.7),
+                Line("corrected", corrected - truth["rate_dps"], ESTIMATE, 0.7),
+            ],
+        ),
+    ]
+
+
+def taken_off() -> list[Plot]:
+    """What taking the axle's acceleration off the forward axis is worth on a ride: errors without and with it. Hall
+    edges are coarse, so the arctangent gets the noisier and, over a second, the truer: its mean over 1 s is drawn."""
+    batch = Batch.of("smooth", [PLOTTED_SEED])
+    second = np.full(1_000_000 // balancer.PERIOD_US, balancer.PERIOD_US * 1e-6)
+    shown = slice(2000, 6000)
+    time_s = np.arange(len(batch.tilt_deg))[shown] * (balancer.PERIOD_US * 1e-6)
+    measured: list[Line] = []
+    fused: list[Line] = []
+    for tuning, label, colour in (
+        ("arctan", "nothing taken off", SECOND),
+        ("tuned", "the axle's acceleration taken off", ESTIMATE),
+    ):
+        words = native.run_control(quantise.quantise(balancer.TUNINGS[tuning]), batch.raw, batch.setpoint)
+        before, after = (
+            metrics.wrap_deg(words[word] * TURN_DEG - batch.tilt_deg)[:, 0]
+            for word in ("tilt_measured_turn_q32", "tilt_turn_q32")
+        )
+        measured.append(Line(label, np.convolve(before, second, mode="same")[shown], colour))
+        fused.append(Line(label, np.asarray(after[shown], np.float64), colour))
+    return [
+        Plot("Error of the arctangent, smooth, mean over 1 s", "deg", time_s, measured),
+        Plot("Error of the fused tilt, smooth", "deg", time_s, fused),
+    ]
+
+
+def closed_plots() -> list[Plot]:
+    """The loop closed on the estimate, from 10 s to 50 s of `rough`: lean, velocity, duty, and what pushes."""
+    from plumb.boards.native import NativeBoard
+
+    run = balancer.scenario("rough", PLOTTED_SEED)
+    trial = closed_loop(NativeBoard(), run, quantise.quantise(balancer.TUNED))
+    shown = (run.time_s >= 10.0) & (run.time_s < 50.0)
+    time_s, words, truth = run.time_s[shown], trial.words, trial.flight.truth
+    at = np.rint(time_s / balancer_plant.GRID_S).astype(np.int64)
+    return [
+        Plot(
+            "Tilt, the loop closed on the estimate",
+            "deg",
+            time_s,
+            [
+                Line("lean asked for", words["lean_turn_q32"][shown] * TURN_DEG, SECOND),
+                Line("true", truth["tilt_deg"][shown], TRUTH, 1.6),
+                Line("estimate", words["tilt_turn_q32"][shown] * TURN_DEG, ESTIMATE),
+            ],
+        ),
+        Plot(
+            "Velocity",
+            "m/s",
+            time_s,
+            [
+                Line("asked for", run.setpoint()[shown] / balancer.VELOCITY_UNIT, SECOND),
+                Line("true", truth["velocity_mps"][shown], TRUTH, 1.6),
+            ],
+        ),
+        Plot("Pushes, as an acceleration of the axle", "m/s^2", time_s, [Line("push", run.push_mps2[at], SECOND)]),
+        Plot("Duty of the bridge", "1 = full", time_s, [Line("duty", words["duty_q15"][shown] * DUTY, ESTIMATE)]),
+    ]
+
+
+PLOTS: dict[str, Callable[[], list[Plot]]] = {
+    "figures_5_and_6": figures_5_and_6,
+    "taken_off": taken_off,
+    "closed_loop": closed_plots,
+}
