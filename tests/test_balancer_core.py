@@ -47,27 +47,54 @@ def test_wild_runs_agree_in_every_bit() -> None:
 
 @pytest.mark.parametrize("tuning", balancer.TUNINGS)
 def test_rides_agree_in_every_bit_and_follow_float64(tuning: str) -> None:
-    """The angle stays within 5e-4 deg, as every shipped tuning has to, and the bound of the chain is finite (DESIGN.md,
-    "Error bounds"); speed and slope stay within what their filter rounds."""
+    """The angle stays within 5e-4 deg, as every shipped tuning has to, and every other quantity within what DESIGN.md,
+    "Error bounds", argues."""
     params = quantise(balancer.TUNINGS[tuning])
     run = balancer.scenario("rough", 3)
     raw, setpoint = run.counts(), run.setpoint()
     words = fixed.run_control(params, raw, setpoint)
     assert first_divergence(words, native.run_control(params, raw, setpoint)) is None
+    length_g = np.hypot(words["gravity_x_g_q26"], words["accel_z_g_q26"].astype(float)) / 2.0**26
+    assert length_g.min() > accuracy.LEAST_G
     ideal = reference.run_control(params, raw, setpoint)
-    bound_deg = accuracy.chain_bound_deg(params, float(np.max(np.abs(ideal["innovation_deg"]))))
-    apart = {
-        "tilt_deg": words["tilt_turn_q32"] * TURN_DEG,
+    values = {
+        "speed_mps": words["speed_mps_q26"] / 2.0**26,
         "velocity_mps": words["velocity_mps_q26"] / 2.0**26,
         "wheel_accel_g": words["wheel_accel_g_q26"] / 2.0**26,
+        "tilt_measured_deg": words["tilt_measured_turn_q32"] * TURN_DEG,
+        "tilt_deg": words["tilt_turn_q32"] * TURN_DEG,
+        "bias_dps": words["bias_turnps_q28"] * 360.0 / 2.0**28,
+        "rate_corrected_dps": words["rate_corrected_turnps_q28"] * 360.0 / 2.0**28,
+        "lean_deg": words["lean_turn_q32"] * TURN_DEG,
+        "command": words["command_q22"] / 2.0**22,
         "duty": words["duty_q15"] / 2.0**15,
     }
-    worst = {name: float(np.max(np.abs(values - ideal[name]))) for name, values in apart.items()}
-    assert worst["tilt_deg"] < 5e-4 < bound_deg < 0.1
-    # a filter of the speed rounds by 2^-25 per step and forgets with alpha: 2^-25 / alpha; the slope by 2^-24 g
-    alpha = params["wheel.alpha_q31"] / 2**31
-    assert worst["velocity_mps"] < 2.0**-25 / alpha + 1e-6 and worst["wheel_accel_g"] < 1e-6
-    assert worst["duty"] < 2e-3
+    off = {name: float(np.max(np.abs(value - ideal[name]))) for name, value in values.items()}
+
+    innovation_deg = float(np.max(np.abs(ideal["innovation_deg"])))
+    bound_deg = accuracy.chain_bound_deg(params, innovation_deg)
+    assert off["tilt_deg"] < 5e-4 < bound_deg < 0.1
+    velocity_mps, accel_g = accuracy.wheel_bounds(params)
+    assert off["speed_mps"] < 1e-12 and off["velocity_mps"] <= velocity_mps and off["wheel_accel_g"] <= accel_g
+    assert off["tilt_measured_deg"] <= np.degrees(accel_g / accuracy.LEAST_G) + 5e-6
+    settings = balancer.TUNINGS[tuning]
+    dt, kalman = settings.period_s, settings.kalman
+    k0, _ = accuracy.steady_gains(
+        kalman.q_angle_deg2_per_s * dt, kalman.q_bias_dps2_per_s * dt**3, settings.trust.r_deg2
+    )
+    assert off["bias_dps"] <= k0 / ((1.0 - k0) * dt) * bound_deg
+    assert off["rate_corrected_dps"] <= off["bias_dps"] + 360.0 / 2.0**28
+
+    seconds, speed, pid = run.time_s[-1] + dt, settings.speed, settings.pid
+    units = 4 * 2.0**-22
+    lean_deg = (speed.lean_deg_per_mps + speed.lean_deg_per_m * seconds) * velocity_mps
+    lean_deg += speed.lean_deg_per_g * accel_g + units * speed.lean_max_deg
+    assert not np.any(words["flags"] & fixed.balancer.FLAG_LEAN_LIMITED) and off["lean_deg"] <= lean_deg
+    error_deg = off["lean_deg"] + off["tilt_deg"]
+    command = (pid.kp_per_deg + pid.ki_per_deg_s * seconds) * error_deg + pid.kd_per_dps * off["rate_corrected_dps"]
+    if np.any(words["flags"] & fixed.balancer.FLAG_COMMAND_LIMITED):  # one step's growth, integrated on one side only
+        command += pid.ki_per_deg_s * dt * float(np.max(np.abs(ideal["error_deg"])))
+    assert off["command"] <= command + units and off["duty"] <= off["command"] + 2.0**-15 < 2.1e-3
 
 
 def test_one_run_and_many_runs_are_the_same_code() -> None:

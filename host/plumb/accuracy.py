@@ -26,6 +26,10 @@ TURN_DEG = 360.0 / 2**32
 NEAR_HALF_TURN_DEG = 0.01
 """Innovations this close to +-180 deg may go round either way: the reference goes the way the integers went."""
 
+LEAST_G = 0.5
+"""Length of the acceleration from which on the bounds of a chain with a wheel hold; the shorter, the further an error
+of a component turns it."""
+
 
 @dataclass(frozen=True)
 class FilterInputs:
@@ -127,13 +131,24 @@ def filter_bound_deg(params: ControlParams, innovation_deg: float = 180.0) -> fl
     return min(innovation_deg * (gains + covariance + fall) + 2.0 * TURN_DEG, 180.0)
 
 
+def wheel_bounds(params: ControlParams) -> tuple[float, float]:
+    """How far velocity (m/s) and acceleration of the axle (g) may be from float64: what their filter drops per step and
+    forgets with alpha, the floor of the slope, and the velocity's error times the slope's gain."""
+    velocity_mps = 2.0**-25 / (params["wheel.alpha_q31"] / 2.0**31)
+    gain = params["wheel.accel_gain_q30"] / 2.0**30
+    return velocity_mps, gain * velocity_mps + (2.0**-24 if gain else 0.0)
+
+
 def chain_bound_deg(params: ControlParams, innovation_deg: float = 180.0) -> float:
-    """The same from counts to angle: the filter's bound, the angle's error, and what R loses as an integer."""
+    """The same from counts to angle: the filter's bound, the angle's error, what R loses as an integer, and of a wheel
+    what the acceleration taken off loses, at a length of the acceleration of LEAST_G or more."""
     _, _, trust = filter_of(params)
     r_share = 0.0
     if trust.gain_deg2:
         r_share = 3.0 / params["tilt.r_base"] + 2.0**-20 * math.sqrt(trust.gain_deg2 / trust.r_deg2)
     angle_deg = 1e-5 if params["tilt.mode"] == 0 else 5e-6
+    if params.system == "balancer":
+        angle_deg += math.degrees(wheel_bounds(params)[1] / LEAST_G)
     return min(filter_bound_deg(params, innovation_deg) + angle_deg + innovation_deg * r_share, 180.0)
 
 

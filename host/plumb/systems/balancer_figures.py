@@ -19,7 +19,7 @@ from plumb.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
 from plumb.systems import balancer, balancer_plant
 from plumb.systems.balancer_plant import BalancerPlant
 from plumb.systems.balancer_view import DUTY, RATE_DPS, TURN_DEG
-from plumb.systems.figures import Figure, Sense
+from plumb.systems.figures import UNASKED, Figure, Sense
 from plumb.trial import closed_loop
 from plumb.tuning import BalancerTuning
 
@@ -122,7 +122,7 @@ def open_rows(seeds: Iterable[int]) -> Iterator[Figure]:
             float(np.mean(alone)), float(np.max(alone)),
         )  # fmt: skip
         yield Figure(
-            "raw rate of these seeds", name, "-", "deg/s rms", "shown", 0.0, float(np.mean(raw)), float(np.max(raw))
+            "raw rate of these seeds", name, "-", "deg/s rms", "beside", 0.0, float(np.mean(raw)), float(np.max(raw))
         )
         tilt, rate = _estimate(batch, "tuned", "tilt error", "at most", reach_deg)
         yield tilt
@@ -130,26 +130,27 @@ def open_rows(seeds: Iterable[int]) -> Iterator[Figure]:
         yield Figure("below accelerometer only", name, "tuned", "%", "at least", below, gain)
         yield rate
         yield from _estimate(batch, "paper_rule_wheel", "tilt error, paper's rule, wheel", "at most", reach_deg)
-        yield from _estimate(batch, "arctan", "tilt error, nothing taken off", "shown", reach_deg)
-        yield from _estimate(batch, "paper_rule", "tilt error, nothing taken off, paper's rule", "shown", reach_deg)
+        yield from _estimate(batch, "arctan", "tilt error, nothing taken off", "beside", reach_deg)
+        yield from _estimate(batch, "paper_rule", "tilt error, nothing taken off, paper's rule", "beside", reach_deg)
 
 
 def _estimate(batch: Batch, tuning: str, claim: str, sense: Sense, reach_deg: float) -> tuple[Figure, Figure]:
-    """Tilt and corrected rate of a tuning; with nothing asked of it, sense is shown."""
+    """Tilt and corrected rate of a tuning; sense: whether anything was asked of it."""
     settings = balancer.TUNINGS[tuning]
     words = native.run_control(quantise.quantise(settings), batch.raw, batch.setpoint)
     ideal = reference.run_control(settings, batch.raw, batch.setpoint)
     tilt = batch.tilt_rms(np.asarray(words["tilt_turn_q32"] * TURN_DEG))
     rate = batch.rate_rms(np.asarray(words["rate_corrected_turnps_q28"] * RATE_DPS))
     accel, gyro = batch.tilt_rms(batch.accel_only_deg()), batch.tilt_rms(batch.gyro_only_deg())
-    asked_deg, asked_dps = (0.0, 0.0) if sense == "shown" else (reach_deg, 0.42)
+    asked_deg, asked_dps = (0.0, 0.0) if sense in UNASKED else (reach_deg, 0.42)
+    rate_sense: Sense = "shown" if sense in UNASKED else sense
     return (
         Figure(
             claim, batch.name, tuning, "deg rms", sense, asked_deg, float(np.mean(tilt)), float(np.max(tilt)),
             float(np.mean(batch.tilt_rms(ideal["tilt_deg"]))), float(np.mean(accel)), float(np.mean(gyro)),
         ),
         Figure(
-            "corrected rate", batch.name, tuning, "deg/s rms", sense, asked_dps, float(np.mean(rate)),
+            "corrected rate", batch.name, tuning, "deg/s rms", rate_sense, asked_dps, float(np.mean(rate)),
             float(np.max(rate)), float(np.mean(batch.rate_rms(ideal["rate_corrected_dps"]))), None,
             float(np.mean(batch.rate_rms(batch.gyro_dps()))),
         ),
@@ -165,7 +166,7 @@ def rocked_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 
     before = peaks(batch.accel_only_deg())
     yield Figure(
-        "before the filter, largest error", "rocked", "-", "deg", "shown", 0.0, float(np.mean(before)),
+        "before the filter, largest error", "rocked", "-", "deg", "beside", 0.0, float(np.mean(before)),
         float(np.max(before)), source="+-10 deg",
     )  # fmt: skip
     for tuning in ("tuned", "paper_rule"):
