@@ -180,7 +180,7 @@ def chain_error_deg(params: ControlParams, raw: npt.ArrayLike, setpoint_turn_q32
     return float(np.abs(error).max())
 
 
-def scenario_error_deg(settings: AnyTuning, name: str, seed: int) -> float:
+def scenario_error_deg(settings: AnyTuning, name: str, seed: int = 1000) -> float:
     """From counts to angle on one of the system's scenarios: the largest distance from float64 of any angle."""
     run = systems.load(settings.system).scenario(name, seed, period_us=settings.period_us)
     params = quantise(systems.fitted(run, settings))
