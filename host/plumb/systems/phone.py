@@ -56,9 +56,9 @@ ROLL_TURN_S, PITCH_TURN_S = (20.0, 74.0), (108.0, 162.0)
 """`turns`: when the phone begins to turn by 90 degrees, and when to turn back; about x (roll), then about y (pitch)."""
 
 SCENARIOS = {
-    "static": "100 s at rest, flat",
-    "turns": "200 s: flat, 90 deg about x, held, back, 90 deg about y, held, back (the source's experiment)",
-    "general": "200 s of yaw, pitch and roll together, with linear acceleration",
+    "static": "at rest, flat (the source's first experiment)",
+    "turns": "flat, 90 deg about x, held, back, 90 deg about y, held, back (the source's second)",
+    "general": "yaw, pitch and roll together, with linear acceleration",
 }
 SECONDS = {"static": 100.0, "turns": 200.0, "general": 200.0}
 DEFAULT_SCENARIO = "general"
