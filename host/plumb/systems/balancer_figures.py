@@ -60,8 +60,8 @@ ASSUMED = (
     f" {balancer_plant.WHEEL_RADIUS_M} m, {balancer_plant.EDGES_PER_TURN} Hall edges per turn, stall torque"
     f" {balancer_plant.STALL_NM} Nm, no-load speed {balancer_plant.NO_LOAD_RADPS:g} rad/s, friction"
     f" {balancer_plant.FRICTION_NM} Nm.",
-    "'tuned' and 'paper_rule_wheel' take the axle's acceleration, from the Hall sensors, off the forward axis; 'arctan'"
-    " and 'paper_rule' do not, as the source does not. Gyro only: bias taken from the first 3 s.",
+    "'tuned' and 'paper_rule_wheel' take the axle's acceleration, from the Hall sensors, off the forward axis; the"
+    " others do not, as the source does not. Gyro only: bias taken from the first 3 s.",
     f"Raw rate: the start bias decides, {expected_raw_dps()[0]:.2f} deg/s over all that can be drawn; the mean of 40"
     f" runs scatters by {expected_raw_dps()[1] / np.sqrt(40.0):.2f} about it (one standard deviation).",
     f"rocked: held by hand, {balancer.VIBRATION_G['rocked']:g} g of vibration, which makes the source's +-10 deg.",
@@ -131,6 +131,7 @@ def open_rows(seeds: Iterable[int]) -> Iterator[Figure]:
         yield rate
         yield from _estimate(batch, "paper_rule_wheel", "tilt error, paper's rule, wheel", "at most", reach_deg)
         yield from _estimate(batch, "arctan", "tilt error, nothing taken off", "beside", reach_deg)
+        yield from _estimate(batch, "arctan_fitted", "tilt error, nothing taken off, its own fit", "beside", reach_deg)
         yield from _estimate(batch, "paper_rule", "tilt error, nothing taken off, paper's rule", "beside", reach_deg)
 
 
