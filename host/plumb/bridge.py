@@ -36,6 +36,10 @@ SILENCE_S = 1.0
 """Without a sample for so long the run ends; what is silent for longer is asked to begin again."""
 PATIENCE_S = 3.0
 """Without a sample for so long after the board answered, somebody may have to start something."""
+BOARD_SILENCE_S = 2.0
+"""An open link says TIME every 50 ms: a board that is silent for so long was reset, or its cable pulled."""
+MISTAKEN_S = 3 * RETRY_S
+"""For so long a port that turned out to be the board's is left to the board's side."""
 TURN_S = 0.001
 STANDING_OVER = 25
 """Samples over which at least so and so many older ones were always waiting for their step: delay that never goes away
@@ -82,6 +86,32 @@ class Flow:
         self._last.clear()
 
 
+@dataclass
+class BoardCounts:
+    """What the board counted while this bridge was its host: its counters go on from the hosts before.
+
+    lost: samples that are missing by their number, also those that the bridge left out or never got.
+    """
+
+    rejected: int = 0
+    lost: int = 0
+    dropped: int = 0
+    starved: int = 0
+    _last: dict[str, int] = field(default_factory=dict, repr=False)
+
+    def note(self, telemetry: dict[str, dict[str, int]]) -> None:
+        said = {**telemetry.get("COUNTERS", {}), **telemetry.get("EVENTS", {})}
+        for name in ("rejected", "lost", "dropped", "starved"):
+            if name in said:
+                grown = said[name] - self._last.get(name, said[name]) & 0xFFFF
+                setattr(self, name, getattr(self, name) + grown)
+                self._last[name] = said[name]
+
+    def forget(self) -> None:
+        """The board may have been started again since."""
+        self._last.clear()
+
+
 class End:
     """One bus, opened again and again by a thread of its own; what comes waits in `arrived` with its time.
 
@@ -98,6 +128,7 @@ class End:
         self.arrived: queue.SimpleQueue[tuple[float, Frame]] = queue.SimpleQueue()
         self._open, self._bus = open_, None
         self._done = threading.Event()
+        self._mistaken = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"bus {spec}", daemon=True)
 
     def start(self) -> None:
@@ -106,6 +137,10 @@ class End:
     def stop(self) -> None:
         self._done.set()
         self._thread.join()
+
+    def let_go(self) -> None:
+        """Close what is open, and look again after a while what has this name then."""
+        self._mistaken.set()
 
     def send(self, frames: list[Frame]) -> None:
         """Frames to the other end, or nowhere while nobody is there."""
@@ -142,11 +177,12 @@ class End:
             except (LinkError, can.CanError, OSError) as error:
                 self.trouble = str(error)
             self._bus = None
-            self._done.wait(RETRY_S)
+            self._done.wait(MISTAKEN_S if self._mistaken.is_set() else RETRY_S)
+            self._mistaken.clear()
 
     def _read(self, bus: can.BusABC) -> None:
         heard_s = time.monotonic()
-        while not self._done.is_set():
+        while not self._done.is_set() and not self._mistaken.is_set():
             message = bus.recv(0.1)
             now_s = time.monotonic()
             if message is not None and not message.is_extended_id and not message.is_error_frame:
@@ -190,7 +226,8 @@ class Bridge:
     after that stays disarmed. say: gets what a person should know.
 
     runs, steps: of the board. skipped: samples left out of a run to keep the delay short. unused: samples that came
-    while no run was on.
+    while no run was on. Where both names are of one CAN bus, samples reach the STM32 by themselves and nothing is
+    carried: the bridge is the host of the run, and its witness.
     """
 
     def __init__(
@@ -207,12 +244,14 @@ class Bridge:
         open_: Open = open_bus,
     ) -> None:
         self.sensor, self.board_spec, self.board = End(sensor, open_), board, Flow()
+        self.one_bus = sensor == board
+        self.counted = BoardCounts()
         self.params, self.frames, self.link = params, frames, link
         self.want_arm, self.want_shadow, self.say, self._open = arm, shadow, say, open_
         self.runs = self.steps = self.skipped = self.unused = 0
         self.latencies_s: list[float] = []
         self.shadow: Shadow | None = None
-        self.telemetry: dict[str, dict[str, int]] = {}
+        self._heard_s = time.monotonic()
         names = protocol()
         self._sample_a, self._raw_a = names["SAMPLE_A"], names["RAW_A"]
         self._time_id = names["TIME"].identifier
@@ -231,12 +270,15 @@ class Bridge:
                         self.board.opened += 1
                         self.say(f"the board at {self.board_spec} answers")
                         self._told.clear()
+                        self.counted.forget()
+                        self._heard_s = time.monotonic()
                         self._serve(session, stopped)
                 except LinkError as error:
                     self._once(f"the board's side: {error}")
                     self._wait(RETRY_S, stopped)
         finally:
             self.sensor.stop()
+        self.sensor.drain()  # a name that can never be opened is told, however short the time was
 
     def _over(self) -> bool:
         found = self.shadow is not None and self.shadow.divergence is not None
@@ -257,10 +299,13 @@ class Bridge:
         """What came while no run was on; says so when it is a board's."""
         arrived = self.sensor.drain()
         heard = {frame[0] for _, frame in arrived}
-        if self._time_id in heard and self._sample_a.identifier not in heard:
+        if self._time_id in heard and self._sample_a.identifier not in heard and not self.one_bus:
             self._once(
                 f"what speaks at {self.sensor.spec} is a board, no sensor board: the sensor board's BUS is the first"
             )
+            self.sensor.let_go()  # names of terminals are used again: this may be the port of the board's side
+        if self.sensor.trouble:
+            self._once(f"the sensor board's side: {self.sensor.trouble}")
         self.unused += sum(frame[0] == self._sample_a.identifier for _, frame in arrived)
         return arrived
 
@@ -279,12 +324,20 @@ class Bridge:
             frames = self._idle_drain()
             if any(frame[0] == self._sample_a.identifier for _, frame in frames):
                 return frames
-            if self.sensor.trouble:
-                self._once(f"the sensor board's side: {self.sensor.trouble}")
-            elif time.monotonic() - begin_s > PATIENCE_S:
+            if not self.sensor.trouble and time.monotonic() - begin_s > PATIENCE_S:
                 self._once(f"no sample has come over {self.sensor.spec} yet: is a sensor board there?")
-            session.receive(0.02)
+            self._listen(session, 0.02)
         return []
+
+    def _listen(self, session: Session, timeout_s: float) -> None:
+        """Take what the board says; raises LinkError when it has said nothing for too long. A reset shows as nothing
+        else where the cable stays: the board waits for a host to open the link again."""
+        now_s = time.monotonic()
+        if session.receive(timeout_s):
+            self._heard_s = now_s
+            self.counted.note(session.telemetry)
+        elif now_s - self._heard_s > BOARD_SILENCE_S:
+            raise LinkError("it fell silent")
 
     def _one_run(self, session: Session, first: list[tuple[float, Frame]], stopped: Callable[[], bool]) -> None:
         params = self.params
@@ -298,13 +351,14 @@ class Bridge:
         self.runs += 1
         generation, heard_s = self.sensor.generation, time.monotonic()
         self.say(f"run {self.runs}: samples come, the board steps")
+        self._heard_s = time.monotonic()
         pending = first[-3:]  # the newest sample, whole
         self.unused -= 1
         while not stopped() and not self._over():
             if pending:
                 heard_s = time.monotonic()
                 run.down(pending)
-            session.receive(TURN_S)
+            self._listen(session, TURN_S)
             run.look()
             if generation != self.sensor.generation or time.monotonic() - heard_s > SILENCE_S:
                 self.say("the sensor board fell silent: the run ends, the outputs are neutral")
@@ -322,7 +376,7 @@ class _Run:
         self._group: list[Frame] = []
         self._waiting: deque[tuple[float, tuple[int, ...]]] = deque()
         self._standing = self._surplus = self._looked = 0
-        self._armed = False
+        self._armed = self._disarmed = False
         self._used: tuple[int, ...] | None = None
         bridge.board.forget()
         if bridge.want_shadow:
@@ -342,19 +396,19 @@ class _Run:
             self._standing = min(self._standing, len(self._waiting))
             if self._looked >= STANDING_OVER:
                 self._surplus, self._looked, self._standing = self._standing, 0, len(self._waiting)
-            if self._surplus:
+            if self._surplus and not bridge.one_bus:
                 self._surplus -= 1
                 bridge.skipped += 1
                 group = [entry for entry in group if entry[0] == protocol()["SETPOINT"].identifier]
             else:
                 self._waiting.append((time_s, tuple(bridge._sample_a.unpack(frame[1])[2:])))
-            if group:
+            if group and not bridge.one_bus:
                 self.session.send(group)
 
     def up(self, frames: list[Frame]) -> None:
         """Answers, also those that came while a request waited for its own."""
         bridge = self.bridge
-        if frames:
+        if frames and not bridge.one_bus:
             bridge.sensor.send(frames)
         now_s = time.monotonic()
         for identifier, data in frames:
@@ -364,7 +418,6 @@ class _Run:
         before = self.capture.steps
         self.capture.feed(frames)
         bridge.steps += self.capture.steps - before
-        bridge.telemetry.update(self.session.telemetry)
         self.capture.values.clear()
         self.capture.time_us.clear()
         if bridge.shadow is None:
@@ -384,9 +437,13 @@ class _Run:
             except LinkError as error:
                 bridge.say(f"not armed: {error}")
         if self._armed and not self.capture.armed:
-            cause = session.telemetry.get("EVENTS", {}).get("disarm_cause", 0)
-            bridge.say(f"the board disarmed: {bits_text(cause, BLOCKED)}; it stays so until this is started again")
+            self._disarmed = True
+            session.telemetry.pop("EVENTS", None)  # the cause is in the next one
         self._armed = self.capture.armed
+        if self._disarmed and "EVENTS" in session.telemetry:
+            self._disarmed = False
+            cause = session.telemetry["EVENTS"]["disarm_cause"]
+            bridge.say(f"the board disarmed: {bits_text(cause, BLOCKED)}; it stays so until this is started again")
 
     def _match(self, counts: tuple[int, ...], now_s: float) -> None:
         """A step used these counts: the sample they came with has arrived, and what waited before it never will."""

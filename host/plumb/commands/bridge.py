@@ -2,6 +2,7 @@
 
     plumb bridge tcp:127.0.0.1:4100 serial:/dev/ttyUSB0 --system quad --shadow
     plumb bridge can:socketcan:can0 tcp:127.0.0.1:4000 --system quad --arm --seconds 60
+    plumb bridge can:socketcan:can0 can:socketcan:can0 --shadow   both on one bus: nothing to carry, all to watch
     plumb bridge serial:/dev/pts/3 tcp:127.0.0.1:4000 --carry     nothing but frames, both ways
 
 The first BUS is the sensor board's, the second the STM32's. The bridge uploads the system's parameters, begins a run on
@@ -51,15 +52,20 @@ def main(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--seconds {arguments.seconds:g}: ask for more than nothing")
     if arguments.carry and (arguments.shadow or arguments.arm):
         raise UsageError("--carry only carries frames: leave out --shadow and --arm, or --carry")
+    if arguments.sensor == arguments.board and (arguments.carry or kind_and_address(arguments.board)[0] != "can"):
+        raise UsageError(f"{arguments.board} is named twice: sensor board and STM32 meet on a CAN bus alone")
     with endings() as caught:
-        end = None if arguments.seconds is None else time.monotonic() + arguments.seconds
+        begin_s: float | None = None
 
         def stopped() -> bool:
-            return bool(caught) or (end is not None and time.monotonic() >= end)
+            nonlocal begin_s
+            if begin_s is None:
+                begin_s = time.monotonic()  # with the first question: loading and quantising took a while
+            over = arguments.seconds is not None and time.monotonic() - begin_s >= arguments.seconds
+            return bool(caught) or over
 
-        begin = time.monotonic()
         summary = carried(arguments, stopped) if arguments.carry else bridged(arguments, stopped)
-    summary["seconds"] = round(time.monotonic() - begin, 3)
+        summary["seconds"] = round(time.monotonic() - (begin_s or time.monotonic()), 3)
     print(json.dumps(summary) if arguments.json else describe(summary))
     if signal.SIGINT in caught:
         raise KeyboardInterrupt
@@ -145,14 +151,14 @@ def summary_of(bridge: Bridge) -> dict[str, Any]:
     """Everything that was counted."""
     import numpy as np
 
-    counters, events = bridge.telemetry.get("COUNTERS", {}), bridge.telemetry.get("EVENTS", {})
+    counted = bridge.counted
     took = np.array(bridge.latencies_s) * 1e3
     latency = {f"p{p}": round(float(np.percentile(took, p)), 3) for p in (50, 99, 100)} if len(took) else None
-    board = {**flow(bridge.board), **{f"board_{k}": counters.get(k) for k in ("rejected", "lost", "dropped")}}
+    board = {**flow(bridge.board), **{f"board_{k}": getattr(counted, k) for k in ("rejected", "lost", "dropped")}}
     summary: dict[str, Any] = {
         "runs": bridge.runs,
         "steps": bridge.steps,
-        "starved": events.get("starved"),
+        "starved": counted.starved,
         "skipped_samples": bridge.skipped,
         "unused_samples": bridge.unused,
         "latency_ms": latency,
@@ -182,9 +188,14 @@ def describe(summary: dict[str, Any]) -> str:
             )
     if "runs" in summary:
         lines.append(
-            f"runs     {summary['runs']}, {summary['steps']} steps, {summary['starved'] or 0} of them without a new "
+            f"runs     {summary['runs']}, {summary['steps']} steps, {summary['starved']} of them without a new "
             f"sample, {summary['skipped_samples']} samples left out to keep the delay short, "
             f"{summary['unused_samples']} came while no run was on"
+        )
+        b = summary["board"]
+        lines.append(
+            f"counted  by the board: rejected {b['board_rejected']}, dropped {b['board_dropped']}, lost "
+            f"{b['board_lost']}, samples left out here or lost before among them"
         )
     if summary.get("latency_ms"):
         p = summary["latency_ms"]

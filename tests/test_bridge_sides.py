@@ -1,0 +1,238 @@
+"""What the bridge makes of either side's ways: a board that is reset while its cable stays, counters that were not at
+zero, a disarming and its cause, a port that turns out to be the other one, and both sides on one bus."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import can
+import pytest
+
+from link_board import MemoryBoard
+from plumb.bridge import BoardCounts, Bridge
+from plumb.buses import open_bus, serve_bus
+from plumb.errors import LinkError, UsageError
+from plumb.line import TcpLine
+from plumb.lockstep import sample_frames
+from plumb.protocol import protocol
+from plumb.quantise import quantise
+from plumb.sensorboard import SensorBoard
+from plumb.session import Session
+from plumb.systems import quad
+
+WAIT_S = 30.0
+TURN_US = 1000
+GIVE_UP_US = 50_000
+
+
+class ServedBoard:
+    """The firmware's session on a TCP port at the pace of the wall clock. held: it stands still, and does not make up
+    for it afterwards."""
+
+    def __init__(self) -> None:
+        self.line, self.memory, self.held = TcpLine(0), MemoryBoard(), False
+        self.spec = self.line.address.replace("socket://", "tcp:")
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        begin_s = time.monotonic()
+        while not self._done.is_set():
+            behind_us = int((time.monotonic() - begin_s) * 1e6) - self.memory.time_us
+            if self.held or behind_us > GIVE_UP_US:
+                begin_s += behind_us * 1e-6
+            elif behind_us >= TURN_US:
+                self.memory.write(self.line.read())
+                self.memory.turn(TURN_US)
+                self.line.write(self.memory.heard())
+                continue
+            time.sleep(0.0005)
+
+    def close(self) -> None:
+        self._done.set()
+        self._thread.join()
+        self.line.close()
+
+
+class ServedSensors:
+    """A quad's sensor board on a bus, in a thread. held: no samples for now."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        scenario = quad.scenario("hold", 1000)
+        self.bus, self.held, self._done = bus, False, threading.Event()
+        self.board = SensorBoard(bus, quad.plant(scenario, open_loop=True), quad.PERIOD_US, quad.OUTPUT_FRAMES)
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._done.is_set():
+            self.board.run(lambda: self.held or self._done.is_set())
+            time.sleep(0.01)
+
+    def close(self) -> None:
+        self._done.set()
+        self._thread.join()
+        self.bus.shutdown()
+
+
+class Running:
+    """A bridge in a thread; said: what it told."""
+
+    def __init__(self, sensor: str, board: str, **options: Any) -> None:
+        self.said: list[str] = []
+        self._done = threading.Event()
+        params, link = quantise(quad.ADAPTIVE), {"period_us": quad.PERIOD_US, "arm_hold_ms": 0}
+        self.bridge = Bridge(sensor, board, params, ("ANGLE",), link, say=self.said.append, **options)
+        self._thread = threading.Thread(target=self.bridge.run, args=(self._done.is_set,))
+        self._thread.start()
+
+    def wait_for(self, what: str | Callable[[], bool]) -> None:
+        end_s = time.monotonic() + WAIT_S
+        while not (any(what in text for text in self.said) if isinstance(what, str) else what()):
+            assert self._thread.is_alive() and time.monotonic() < end_s, self.said
+            time.sleep(0.01)
+
+    def close(self) -> None:
+        self._done.set()
+        self._thread.join()
+
+
+@pytest.fixture
+def sides() -> Iterator[tuple[ServedBoard, ServedSensors, str]]:
+    """A board, a sensor board, and the name of the sensor board's bus."""
+    far = serve_bus("tcp:127.0.0.1:0")
+    board, sensors = ServedBoard(), ServedSensors(far)
+    yield board, sensors, far.channel_info.split("on ")[1].replace("socket://", "tcp:")
+    sensors.close()
+    board.close()
+
+
+def test_a_board_that_is_reset_while_its_cable_stays_is_taken_up_again(
+    sides: tuple[ServedBoard, ServedSensors, str],
+) -> None:
+    """A real adapter stays open over a RESET: that the board says nothing any more is all there is to see."""
+    board, _, sensor = sides
+    running = Running(sensor, board.spec, shadow=True)
+    try:
+        running.wait_for("run 1:")
+        running.wait_for(lambda: running.bridge.steps > 10)
+        board.memory.reset()
+        running.wait_for("fell silent")
+        running.wait_for("run 2:")
+        before = running.bridge.steps
+        running.wait_for(lambda: running.bridge.steps > before + 10)
+    finally:
+        running.close()
+    assert running.bridge.shadow is not None and running.bridge.shadow.verdict == "pass"
+
+
+def test_samples_that_the_bridge_leaves_out_are_what_the_board_misses_and_nothing_from_before_counts(
+    sides: tuple[ServedBoard, ServedSensors, str],
+) -> None:
+    board, _, sensor = sides
+    with Session(open_bus(board.spec)) as before:  # a host whose samples had gaps
+        before.connect()
+        before.begin("REALTIME_INJECTED")
+        for step in (0, 9):
+            before.send(sample_frames(protocol(), step, (2000,) * 6, 0, 0))
+        while before.telemetry.get("COUNTERS", {}).get("lost") != 8:
+            before.receive(0.1)
+    running = Running(sensor, board.spec)
+    try:
+        running.wait_for(lambda: running.bridge.steps > 10)
+        assert running.bridge.counted.lost == running.bridge.skipped
+        board.held = True  # samples pile up in front of it, and stay there until some are left out
+        time.sleep(0.3)
+        board.held = False
+        running.wait_for(lambda: running.bridge.skipped > 0)
+        running.wait_for(lambda: running.bridge.counted.lost == running.bridge.skipped)
+    finally:
+        running.close()
+
+
+def test_why_the_board_disarmed_is_told_from_what_it_says_afterwards(
+    sides: tuple[ServedBoard, ServedSensors, str],
+) -> None:
+    board, sensors, sensor = sides
+    running = Running(sensor, board.spec, arm=True)
+    try:
+        running.wait_for("armed")
+        running.wait_for(lambda: board.memory.armed)
+        sensors.held = True
+        running.wait_for("the board disarmed")
+    finally:
+        running.close()
+    assert [text for text in running.said if "disarmed" in text] == [
+        "the board disarmed: no injected samples come; it stays so until this is started again"
+    ]
+
+
+def test_a_port_that_turns_out_to_be_the_boards_is_left_to_the_boards_side(
+    sides: tuple[ServedBoard, ServedSensors, str],
+) -> None:
+    """As when a sensor board was killed, and its terminal's number given to the board that started next."""
+    board, _, sensor = sides
+    sensor_is = [board.spec, sensor]
+
+    def open_(name: str) -> can.BusABC:
+        if name == "sensor":
+            bus = open_bus(sensor_is[0])
+            del sensor_is[:-1]
+            return bus
+        if len(sensor_is) > 1:
+            raise LinkError("the other side comes first")
+        return open_bus(board.spec)
+
+    running = Running("sensor", "board", open_=open_)
+    try:
+        running.wait_for("is a board, no sensor board")
+        running.wait_for("run 1:")
+    finally:
+        running.close()
+
+
+def test_sensor_board_and_stm32_may_meet_on_one_can_bus() -> None:
+    """The board as a node of python-can's bus in this process, with the sensor board as another one."""
+    pytest.importorskip("unicorn")
+    from plumb.f103 import open_machine
+    from plumb.f103.canbus import Joint
+    from plumb.f103.serve import run_paced
+    from plumb.line import PtyLine
+
+    try:
+        machine = open_machine()
+    except UsageError as error:
+        pytest.skip(str(error))
+    spec, done = "can:virtual:one bus", threading.Event()
+    line, node = PtyLine(), open_bus(spec)
+    thread = threading.Thread(target=run_paced, args=(machine, line, done.is_set, Joint(machine, node, 500)))
+    thread.start()
+    sensors = ServedSensors(open_bus(spec))
+    running = Running(spec, spec, shadow=True)
+    try:
+        running.wait_for("run 1:")
+        running.wait_for(lambda: running.bridge.steps > 10)
+        assert running.bridge.counted.lost == running.bridge.skipped == 0
+    finally:
+        running.close()
+        sensors.close()
+        done.set()
+        thread.join()
+        line.close()
+        node.shutdown()
+    assert running.bridge.shadow is not None and running.bridge.shadow.verdict == "pass"
+    assert not any("is a board" in text for text in running.said)
+
+
+def test_the_boards_counters_are_counted_on_over_their_end() -> None:
+    counts = BoardCounts()
+    for lost, starved in ((65530, 7), (3, 9), (4, 9)):
+        counts.note({"COUNTERS": {"rejected": 1, "lost": lost, "dropped": 0}, "EVENTS": {"starved": starved}})
+    assert (counts.lost, counts.starved, counts.rejected) == (10, 2, 0)
+    counts.forget()  # the next board may have started a moment ago
+    counts.note({"COUNTERS": {"rejected": 0, "lost": 0, "dropped": 0}})
+    assert counts.lost == 10
