@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import json
 import shutil
+import signal
 import socket
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,7 +19,7 @@ import numpy as np
 import pytest
 
 from plumb import __main__ as front
-from plumb import phone_feed, phone_source
+from plumb import boards, phone_feed, phone_source
 from plumb.boards import Board, StepOutput, Stepper, open_board, qemu
 from plumb.errors import LinkError, UsageError
 from plumb.quantise import ControlParams
@@ -83,8 +85,10 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def send_when_listening(monkeypatch: pytest.MonkeyPatch, port: int, datagrams: list[bytes]) -> Sender:
-    """For the command itself, which opens the port on its own."""
+def send_when_listening(
+    monkeypatch: pytest.MonkeyPatch, port: int, datagrams: list[bytes], interrupt_after: int | None = None
+) -> Sender:
+    """For the command itself, which opens the port on its own; Ctrl-C after so many datagrams."""
     taken = [0]
     sender = Sender(port, datagrams, lambda: taken[0])
     listen, receive = phone_source.Listener.__init__, phone_source.Listener.receive
@@ -96,6 +100,8 @@ def send_when_listening(monkeypatch: pytest.MonkeyPatch, port: int, datagrams: l
     def counting(self: Any) -> Any:
         arrived = receive(self)
         taken[0] += arrived is not None
+        if taken[0] == interrupt_after:
+            signal.raise_signal(signal.SIGINT)
         return arrived
 
     monkeypatch.setattr(phone_source.Listener, "__init__", then_send)
@@ -180,15 +186,25 @@ def test_trouble_on_the_way_is_counted_and_changes_little(native: Board) -> None
     assert worst_deg(seen, run, late_s=0.008) < 3.0
 
 
-def test_a_second_host_is_left_out(native: Board) -> None:
-    run = run_of()
-    intake = phone_source.Intake(phone.PERIOD_US)
-    good = sensorstream(run)
-    steps = [step for data in good[:300] for step in intake.take(data, "192.0.2.1")]
-    assert not list(intake.take(good[300], "192.0.2.2"))
-    steps += [step for data in good[300:600] for step in intake.take(data, "192.0.2.1")]
+def test_a_second_host_is_left_out_of_the_run_and_of_the_file(tmp_path: Path) -> None:
+    run, path = run_of(), tmp_path / "walk.txt"
+    with phone_source.Saved(path) as saved:
+        intake = phone_source.Intake(phone.PERIOD_US, saved)
+        good = sensorstream(run)
+        assert not list(intake.take(b"nonsense\nof\r\nanybody", "192.0.2.9"))
+        steps = [step for data in good[:300] for step in intake.take(data, "192.0.2.1")]
+        assert not list(intake.take(good[300], "192.0.2.2"))
+        steps += [step for data in good[300:600] for step in intake.take(data, "192.0.2.1")]
+        assert path.read_bytes().count(b"\n") == 601, "written as they come"
     assert intake.received.strangers == 1 and len(steps) == 597
-    assert intake.received.datagrams == 601
+    assert intake.received.datagrams == 602
+    again, read, _ = phone_source.steps_of_file(path, phone.PERIOD_US)
+    assert again[:597] == steps and (read.received.datagrams, read.received.malformed) == (601, 1)
+
+
+def test_a_disk_that_is_full_is_said() -> None:
+    with phone_source.Saved(Path("/dev/full")) as saved, pytest.raises(UsageError, match="cannot write /dev/full"):
+        saved.write(b"1.0, 3, 1,2,3")
 
 
 def test_an_app_started_again_begins_a_new_run_on_the_board(native: Board) -> None:
@@ -202,12 +218,12 @@ def test_an_app_started_again_begins_a_new_run_on_the_board(native: Board) -> No
 
 
 class Wrong(Board):
-    """A board whose integers go wrong at its 200th step."""
+    """A board whose integers go wrong at its 200th step, or that goes away there."""
 
     name = "wrong"
 
-    def __init__(self, board: Board) -> None:
-        self._board = board
+    def __init__(self, board: Board, *, dies: bool = False) -> None:
+        self._board, self._dies = board, dies
 
     def run_injected(self, *_: Any) -> Any:
         raise AssertionError
@@ -217,13 +233,15 @@ class Wrong(Board):
         return {**words, "roll_p11": words["roll_p11"] + 1}
 
     def stepper(self, params: ControlParams) -> Stepper:
-        inner = self._board.stepper(params)
+        inner, dies = self._board.stepper(params), self._dies
 
         class Stepping:
             steps = 0
 
             def step(self, raw: tuple[int, ...], setpoint: int) -> StepOutput:
                 self.steps += 1
+                if dies and self.steps == 200:
+                    raise LinkError("the board went away")
                 output = inner.step(raw, setpoint)
                 return StepOutput(output.digest ^ (self.steps == 200), output.outputs)
 
@@ -235,6 +253,46 @@ def test_a_board_that_goes_wrong_is_found_with_the_word(native: Board) -> None:
     assert outcome.verdict == "fail" and outcome.mismatches >= 1
     assert outcome.divergence is not None
     assert (outcome.divergence.step, outcome.divergence.signal) == (199, "roll_p11")
+    whole = outcome.longest.trial(phone_feed.params_of("euler", phone.PERIOD_US))
+    assert (whole.verdict, whole.mismatches, whole.divergence) == ("fail", 1, outcome.divergence)
+    assert len(whole.flight.raw) == 200, "what is looked for ends the run on the board"
+
+
+@pytest.mark.parametrize("dies", [True, False])
+def test_what_was_done_before_a_board_failed_is_reported(
+    dies: bool, native: Board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On a terminal, where the line of angles must end before anything else is said."""
+    pytest.importorskip("matplotlib", reason="the report needs the extra plumb[report]")
+    port, out = free_port(), tmp_path / "report"
+    send_when_listening(monkeypatch, port, sensagram(run_of())[:900])
+    monkeypatch.setattr(boards, "open_board", lambda *_, **__: Wrong(native, dies=dies))
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    arguments = ["--udp", str(port), "--seconds", "3", "--out", str(out)]
+    assert front.main(["phone", "--board", "serial:gone", *arguments]) == (3 if dies else 1)
+    said = capsys.readouterr()
+    assert f"\x1b[K\nphone at udp:{port}: {199 if dies else 300} steps" in said.out
+    assert said.out.rstrip().endswith("pass" if dies else "fail")
+    assert ("the board went away" in said.err) is dies
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["steps"], summary["verdict"]) == ((199, "pass") if dies else (200, "fail"))
+
+
+@pytest.mark.parametrize("after", [300, 2])
+def test_ctrl_c_ends_with_a_report_of_what_was_done(
+    after: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    port = free_port()
+    sender = send_when_listening(monkeypatch, port, sensagram(run_of()), interrupt_after=after)
+    assert front.main(["phone", "--board", "native", "--udp", str(port), "--json"]) == 130
+    sender.stopped.set()
+    said = capsys.readouterr()
+    assert said.err.splitlines()[-1] == "plumb: interrupted."
+    if after == 2:
+        assert said.out == ""
+    else:
+        answer = json.loads(said.out)
+        assert answer["verdict"] == "pass" and answer["steps"] == pytest.approx(146, abs=3)
 
 
 @pytest.mark.parametrize(
@@ -242,7 +300,8 @@ def test_a_board_that_goes_wrong_is_found_with_the_word(native: Board) -> None:
     [
         ([], "nothing arrived"),
         ([b"hello"] * 3, "none of a format that is known"),
-        ([b"A, 1, 1384532190123, 0.1, 0.2, 9.8"] * 3, "no gyroscope"),
+        ([b"A, 1, 1384532190123, 0.1, 0.2, 9.8"] * 3, "SensorUDP sends no gyroscope; take an app that does"),
+        (sensagram(run_of())[::2][:50], "SensaGram sent no accelerometer; switch it on"),
     ],
 )
 def test_without_a_step_the_reason_is_one_sentence(native: Board, datagrams: list[bytes], sentence: str) -> None:
@@ -309,12 +368,15 @@ def test_a_phone_that_stops_before_its_time_is_link_trouble(
 
 
 def test_a_taken_port_and_a_wrong_address_are_link_trouble(tmp_path: Path) -> None:
-    with phone_source.Listener(0) as first, pytest.raises(LinkError, match="--udp"):
+    with (
+        phone_source.Listener(0) as first,
+        pytest.raises(LinkError, match="Address already in use; choose another --udp"),
+    ):
         phone_source.Listener(first.port)
     with pytest.raises(LinkError, match="--listen"):
         phone_source.Listener(0, "192.0.2.1")
     with pytest.raises(UsageError, match="--save"):
-        phone_source.Listener(0, save=tmp_path / "no" / "file")
+        phone_source.Saved(tmp_path / "no" / "file")
 
 
 def test_loopback_unless_asked() -> None:
@@ -365,15 +427,38 @@ def test_a_recording_with_a_reference_is_scored(tmp_path: Path, capsys: pytest.C
     [
         (["--board", "native", "--tuning", "best"], 2),
         (["--board", "native", "--period-us", "100"], 2),
-        (["--board", "native", "--udp", "70000"], 3),
+        (["--board", "native", "--period-us", "0"], 2),
+        (["--board", "native", "--udp", "70000"], 2),
+        (["--board", "native", "--udp", "-5"], 2),
+        (["--board", "native", "--seconds", "0"], 2),
+        (["--board", "native", "--seconds", "-3"], 2),
+        (["--board", "native", "--seconds", "nan"], 2),
+        (["--board", "native", "--seconds", "inf"], 2),
+        (["--board", "native", "--wait", "0"], 2),
+        (["--board", "native", "--wait", "nan"], 2),
+        (["--board", "native", "--listen", ""], 2),
+        (["--board", "native", "--listen", "nowhere"], 2),
+        (["--board", "native", "--listen", "300.1.2.3"], 2),
+        (["--board", "native", "--listen", "::1"], 2),
+        (["--board", "native", "--out", "/proc/here/not"], 2),
+        (["--board", "native", "--save", "/proc/here/not"], 2),
         (["--board", "native", "--listen", "192.0.2.1"], 3),
         (["--board", "native", "--udp", "0", "--wait", "0.2"], 3),
     ],
 )
 def test_wrong_use_is_one_sentence(arguments: list[str], code: int, capsys: pytest.CaptureFixture[str]) -> None:
     assert front.main(["phone", *arguments]) == code
-    lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("listening")]
-    assert len(lines) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == (2 if "--wait" in arguments and code == 3 else 1)
+    assert "Errno" not in lines[-1]
+
+
+def test_without_matplotlib_a_report_is_refused_before_anything_is_heard(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert front.main(["phone", "--board", "native", "--out", str(tmp_path)]) == 2
+    assert "plumb[report]" in capsys.readouterr().err
 
 
 def test_a_file_that_makes_no_step_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -381,3 +466,15 @@ def test_a_file_that_makes_no_step_is_refused(tmp_path: Path, capsys: pytest.Cap
     path.write_text("A, 1, 1384532190123, 0.1, 0.2, 9.8\nA, 2, 1384532190133, 0.1, 0.2, 9.8\n")
     assert front.main(["replay", str(path), "--system", "phone", "--board", "native"]) == 2
     assert "no gyroscope" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "option", [("--period-us", "0"), ("--seconds", "0"), ("--seconds", "nan"), ("--seconds", "-1")]
+)
+def test_a_file_is_replayed_only_at_a_period_and_for_a_time_that_can_be(
+    option: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "walk.txt"
+    path.write_bytes(b"\n".join(sensorstream(run_of())[:200]))
+    assert front.main(["replay", str(path), "--system", "phone", "--board", "native", *option]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1

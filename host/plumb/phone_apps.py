@@ -36,6 +36,8 @@ G_MPS2 = 9.80665
 LARGEST_BYTES = 4096
 """No app's datagram comes near it; a longer one is refused unread."""
 LATEST_S = 1e11
+LARGEST_VALUE = 1e6
+"""Of a reading, in the app's unit: no sensor comes near it, and the mean of what is larger may not be a number."""
 SENSAGRAM_TYPES: dict[str, Sensor] = {"android.sensor.gyroscope": "gyro", "android.sensor.accelerometer": "accel"}
 SENSORSTREAM_IDS: dict[int, Sensor] = {3: "accel", 4: "gyro"}
 SENSORSTREAM_VALUES = {1: 3, 3: 3, 4: 3, 5: 3, 6: 3, 7: 3, 8: 1, 81: 3, 82: 3, 83: 3, 84: 3, 85: 1, 86: 1}
@@ -139,6 +141,8 @@ def _float(value: object) -> float:
 def _sample(sensor: Sensor, time_s: float, values: list[float]) -> Sample:
     if not 0.0 <= time_s <= LATEST_S:
         raise MalformedError("no time")
+    if max(map(abs, values)) > LARGEST_VALUE:
+        raise MalformedError("no reading")
     unit = 180.0 / math.pi if sensor == "gyro" else 1.0 / G_MPS2
     return Sample(sensor, time_s, (unit * values[0], unit * values[1], unit * values[2]))
 

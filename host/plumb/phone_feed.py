@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from plumb import fixed, recording, trial
-from plumb.boards import Board, RawCounts, Stepper
+from plumb import fixed, recording, reference, trial
+from plumb.boards import Answer, Board, RawCounts, Stepper
 from plumb.compare import Divergence
 from plumb.errors import LinkError, UsageError
 from plumb.phone_source import Intake, Listener
@@ -66,6 +66,23 @@ def flight_of(steps: list[Step], params: ControlParams, recorded: recording.Reco
 
 
 @dataclass
+class Run:
+    """Steps from one beginning, and what the board said of each. divergence: where it was looked for and found."""
+
+    steps: list[Step] = field(default_factory=list)
+    digests: list[int] = field(default_factory=list)
+    divergence: Divergence | None = None
+
+    def trial(self, params: ControlParams) -> trial.Trial:
+        """The run as the board answered it; the board is not asked again."""
+        flight = flight_of(self.steps, params)
+        words = fixed.run_control(params, flight.raw, flight.setpoint)
+        ideal = reference.run_control(params, flight.raw, flight.setpoint)
+        answer = Answer(np.array(self.digests, np.uint32))
+        return trial.Trial(flight, params, words, ideal, answer, self.divergence)
+
+
+@dataclass
 class Outcome:
     """What a live feed came to. divergence: the first step of any run whose digest was not the model's."""
 
@@ -74,8 +91,7 @@ class Outcome:
     divergence: Divergence | None = None
     words: dict[str, int] = field(default_factory=dict)
     """Of the last step."""
-    longest: list[Step] = field(default_factory=list)
-    """The steps of the longest run."""
+    longest: Run = field(default_factory=Run)
 
     @property
     def verdict(self) -> str:
@@ -88,33 +104,34 @@ class Follower:
     def __init__(self, board: Board, params: ControlParams) -> None:
         self.outcome, self.params = Outcome(), params
         self._board = board
-        self._run: list[Step] = []
+        self._run = Run()
         self._pair: tuple[Stepper, fixed.Controller] | None = None
 
     def take(self, step: Step) -> dict[str, int]:
         """One step on both; the model's words, which the board's digest confirms."""
         if step.first or self._pair is None:
-            self._pair, self._run = (self._board.stepper(self.params), fixed.Controller(self.params)), []
+            self._pair, self._run = (self._board.stepper(self.params), fixed.Controller(self.params)), Run()
         stepper, model = self._pair
-        self._run.append(step)
         raw = tuple(counts([step])[0].tolist())
         digest, words = stepper.step(raw, 0).digest, model.step(raw, 0)
-        outcome = self.outcome
+        outcome, run = self.outcome, self._run
+        run.steps.append(step)
+        run.digests.append(digest)
         outcome.steps, outcome.words = outcome.steps + 1, words
-        if len(self._run) > len(outcome.longest):
-            outcome.longest = self._run
+        if len(run.steps) > len(outcome.longest.steps):
+            outcome.longest = run
         if digest != model.digest():
             outcome.mismatches += 1
             if outcome.divergence is None:
-                outcome.divergence = self._locate()
-                self._pair = None  # looking for it began another run on the board
+                self._pair = None  # looking for it begins another run on the board
+                outcome.divergence = run.divergence = self._locate()
         return words
 
     def _locate(self) -> Divergence:
-        raw = counts(self._run)
+        raw = counts(self._run.steps)
         setpoint = np.zeros(len(raw), np.int32)
         words = fixed.run_control(self.params, raw, setpoint)
-        flight = flight_of(self._run, self.params)
+        flight = flight_of(self._run.steps, self.params)
         return trial.locate(self._board, flight, self.params, words, len(raw) - 1)
 
 

@@ -6,6 +6,7 @@ others send is counted and left out.
 
 from __future__ import annotations
 
+import ipaddress
 import socket
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
@@ -18,6 +19,7 @@ from plumb.phone_apps import LARGEST_BYTES, MalformedError, Sample, Sensor, pars
 from plumb.resampler import SENSORS, Resampler, Step
 
 LOOPBACK, EVERYWHERE = "127.0.0.1", "0.0.0.0"
+PLACES = {"loopback": LOOPBACK, "all": EVERYWHERE}
 SENSOR_NAMES: dict[Sensor, str] = {"gyro": "gyroscope", "accel": "accelerometer"}
 FEW = 20
 """Samples that may still have been on their way when the other sensor stopped."""
@@ -38,12 +40,42 @@ class Received:
     apps: dict[str, int] = field(default_factory=dict)
 
 
-class Intake:
-    """Datagrams in, steps out."""
+class Saved:
+    """A file of datagrams, a line each, with nothing held back: whatever ends the run, the last one is in it.
 
-    def __init__(self, period_us: int) -> None:
+    Raises UsageError when it cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            self._file = path.open("wb", buffering=0)
+        except OSError as error:
+            raise UsageError(f"cannot write {path}: {error.strerror}; choose another --save") from None
+
+    def write(self, data: bytes) -> None:
+        try:
+            self._file.write(data.replace(b"\n", b" ").replace(b"\r", b" ") + b"\n")
+        except OSError as error:
+            raise UsageError(f"cannot write {self._path}: {error.strerror}; what came before is in it") from None
+
+    def close(self) -> None:
+        self._file.close()
+
+    def __enter__(self) -> Saved:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Intake:
+    """Datagrams in, steps out. saved: where to keep those that were listened to, malformed ones included."""
+
+    def __init__(self, period_us: int, saved: Saved | None = None) -> None:
         self.received = Received()
         self.resampler = Resampler(period_us)
+        self._saved = saved
         self._sender: str | None = None
 
     def take(self, data: bytes, sender: str = "") -> Iterator[Step]:
@@ -52,6 +84,8 @@ class Intake:
         if self._sender is not None and sender != self._sender:
             self.received.strangers += 1
             return
+        if self._saved is not None:
+            self._saved.write(data)
         try:
             datagram = parse(data)
         except MalformedError:
@@ -77,6 +111,8 @@ class Intake:
             return "nothing arrived"
         if not self.received.apps:
             return f"{self.received.malformed} datagrams arrived, none of a format that is known"
+        if self.received.apps.keys() == {"SensorUDP"}:
+            return "SensorUDP sends no gyroscope; take an app that does, as SensaGram or Sensorstream IMU+GPS"
         silent = [sensor for sensor, count in samples.items() if count < 2]
         what = " and no ".join(SENSOR_NAMES[sensor] for sensor in silent)
         apps = " and ".join(self.received.apps)
@@ -89,23 +125,31 @@ class Intake:
         return f"the phone's {silent[0]} stopped" if len(silent) == 1 else "the phone stopped sending"
 
 
+def address_of(where: str) -> str:
+    """What --listen means; raises UsageError."""
+    if where in PLACES:
+        return PLACES[where]
+    try:
+        return str(ipaddress.IPv4Address(where))
+    except ValueError:
+        raise UsageError(f"--listen '{where}': loopback, all, or an IPv4 address of this machine") from None
+
+
 class Listener:
     """A UDP port. Use as a context manager."""
 
-    def __init__(self, port: int, address: str = LOOPBACK, *, save: Path | None = None) -> None:
-        """save: where to write what arrives, a datagram a line. Raises LinkError when the port is taken or the address
-        is not of this machine, UsageError when the file cannot be written."""
-        try:
-            self._file = None if save is None else save.open("wb")
-        except OSError as error:
-            raise UsageError(f"cannot write {save}: {error.strerror}; choose another --save") from None
+    def __init__(self, port: int, address: str = LOOPBACK) -> None:
+        """port 0: any that is free. Raises LinkError when it is taken or the address is not of this machine."""
+        if not 0 <= port <= 65535:
+            raise UsageError(f"--udp {port}: a port is 0 (any) to 65535")
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
         try:
             self._socket.bind((address, port))
-        except (OSError, OverflowError) as error:
+        except OSError as error:
             self.close()
-            raise LinkError(f"cannot listen on {address}:{port}: {error}; choose another --udp or --listen") from None
+            reason = error.strerror
+            raise LinkError(f"cannot listen on {address}:{port}: {reason}; choose another --udp or --listen") from None
         self._socket.settimeout(TURN_S)
         self.address, self.port = self._socket.getsockname()
 
@@ -115,14 +159,10 @@ class Listener:
             data, (host, _) = self._socket.recvfrom(LARGEST_BYTES + 1)
         except TimeoutError:
             return None
-        if self._file is not None:
-            self._file.write(data.replace(b"\n", b" ").replace(b"\r", b" ") + b"\n")
         return data, host
 
     def close(self) -> None:
         self._socket.close()
-        if self._file is not None:
-            self._file.close()
 
     def __enter__(self) -> Listener:
         return self

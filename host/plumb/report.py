@@ -8,6 +8,7 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -78,13 +79,19 @@ def thin(time_s: Series, values: Series) -> tuple[Series, Series]:
     return time_s[keep], values[keep]
 
 
-def plot_svg(*plots: Plot, titles: bool = False) -> str:
-    """The panels, one above the other, as an SVG element; text stays text, so that it can be searched and scaled."""
+def drawing() -> ModuleType:
+    """matplotlib; raises UsageError where it is missing, which a run that cannot be repeated asks beforehand."""
     try:
         import matplotlib
     except ImportError:
         raise UsageError("the report page needs matplotlib; install it with: pip install 'plumb[report]'") from None
     matplotlib.use("svg")
+    return matplotlib
+
+
+def plot_svg(*plots: Plot, titles: bool = False) -> str:
+    """The panels, one above the other, as an SVG element; text stays text, so that it can be searched and scaled."""
+    matplotlib = drawing()
     from matplotlib.figure import Figure
 
     # A fixed salt makes the ids in the file, and so the whole page, the same from run to run.

@@ -8,19 +8,24 @@
 
 Apps: SensaGram (JSON), Sensorstream IMU+GPS and Wireless IMU (CSV). SensorUDP is understood, but sends no gyroscope.
 Switch on gyroscope and accelerometer at about 100 Hz, and give the app this machine's address and the port. Ends after
---seconds of the phone's time, when nothing comes for 5 s, or with Ctrl-C. What --save wrote runs again with: plumb
-replay FILE --system phone.
+--seconds of the phone's time, when nothing comes for 5 s, or with Ctrl-C; what was done is reported in any case. What
+--save wrote runs again with: plumb replay FILE --system phone.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from plumb.boards import Board
+    from plumb.phone_feed import Outcome
+    from plumb.quantise import ControlParams
     from plumb.resampler import Step
 
 DEFAULT_PORT = 50_000
@@ -44,28 +49,42 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb import phone_feed, phone_source, story, trial
+    from plumb import phone_feed, phone_source, report
     from plumb.boards import open_board
     from plumb.endings import endings
-    from plumb.errors import LinkError
+    from plumb.errors import LinkError, UsageError
 
+    if arguments.seconds is not None and not 0 < arguments.seconds < math.inf:
+        raise UsageError(f"--seconds {arguments.seconds:g}: ask for more than nothing, and for an end")
+    if not arguments.wait > 0:
+        raise UsageError(f"--wait {arguments.wait:g}: ask for more than nothing")
     params = phone_feed.params_of(arguments.tuning, arguments.period_us)
-    intake = phone_source.Intake(arguments.period_us)
-    where = {"loopback": phone_source.LOOPBACK, "all": phone_source.EVERYWHERE}.get(arguments.listen, arguments.listen)
+    where = phone_source.address_of(arguments.listen)
+    if arguments.out:  # what a phone did once cannot be asked for again
+        report.drawing()
+        report.write_whole(arguments.out, {})
     screen = Screen(show=not arguments.json)
     with (
-        phone_source.Listener(arguments.udp, where, save=arguments.save) as listener,
+        phone_source.Listener(arguments.udp, where) as listener,
+        contextlib.nullcontext() if arguments.save is None else phone_source.Saved(arguments.save) as saved,
         open_board(arguments.board, link=arguments.link, image=arguments.image) as board,
         open_board("native") as native,
         endings() as stop,
     ):
         print(f"listening on {listener.address}:{listener.port}", file=sys.stderr, flush=True)
+        intake = phone_source.Intake(arguments.period_us, saved)
         follower = phone_feed.Follower(native if arguments.board == "qemu" else board, params)
-        cut_short = phone_feed.follow(
-            listener, intake, follower, seconds=arguments.seconds, wait_s=arguments.wait, stop=stop, saw=screen.saw
-        )
-        screen.leave()
-        outcome = follower.outcome
+        outcome, lost = follower.outcome, False
+        try:
+            cut_short = phone_feed.follow(
+                listener, intake, follower, seconds=arguments.seconds, wait_s=arguments.wait, stop=stop, saw=screen.saw
+            )
+        except LinkError as error:
+            if not outcome.steps:
+                raise
+            cut_short, lost = str(error), True
+        finally:
+            screen.leave()
         if not outcome.steps:
             raise KeyboardInterrupt  # anything else would have been an error
         summary = {
@@ -83,21 +102,38 @@ def main(arguments: argparse.Namespace) -> int:
         }
         if outcome.divergence is not None:
             summary["first_divergence"] = outcome.divergence.as_dict()
-        if arguments.out or arguments.board == "qemu":
-            whole = trial.open_loop(board, phone_feed.flight_of(outcome.longest, params), params)
-            heading = {"system": "phone", "scenario": summary["source"], "tuning": arguments.tuning, "loop": "open"}
-            longest = whole.summary(**heading, board=arguments.board, seed=None)
-            if arguments.board == "qemu":
-                longest["mismatches"] = whole.mismatches
-                judged = ("steps", "verdict", "mismatches", "first_divergence")
-                summary |= {key: longest[key] for key in judged if key in longest}
-            if arguments.out:
-                story.write_run(arguments.out, whole, longest)
+        look_back(arguments, board, params, outcome, summary)
     print(json.dumps(summary) if arguments.json else describe(summary))
-    code = {"pass": 0, "fail": 1, "unverified": 3}[summary["verdict"]]
-    if cut_short and arguments.seconds is not None and code == 0:
+    if summary["verdict"] == "fail":
+        return 1
+    if lost or (cut_short and arguments.seconds is not None):
         raise LinkError(cut_short)
-    return code
+    if stop:
+        raise KeyboardInterrupt
+    return 0
+
+
+def look_back(
+    arguments: argparse.Namespace, board: Board, params: ControlParams, outcome: Outcome, summary: dict[str, Any]
+) -> None:
+    """What is done with the longest run when it is over: QEMU runs it, --out has its page. `qemu` judges here."""
+    from plumb import story, trial
+    from plumb.phone_feed import flight_of
+
+    if arguments.board == "qemu":
+        whole = trial.open_loop(board, flight_of(outcome.longest.steps, params), params)
+    elif arguments.out:
+        whole = outcome.longest.trial(params)
+    else:
+        return
+    heading = {"system": "phone", "scenario": summary["source"], "tuning": arguments.tuning, "loop": "open"}
+    longest = whole.summary(**heading, board=arguments.board, seed=None)
+    if arguments.board == "qemu":
+        longest["mismatches"] = whole.mismatches
+        judged = ("steps", "verdict", "mismatches", "first_divergence")
+        summary |= {key: longest[key] for key in judged if key in longest}
+    if arguments.out:
+        story.write_run(arguments.out, whole, longest)
 
 
 class Screen:

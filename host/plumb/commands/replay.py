@@ -60,18 +60,23 @@ def main(arguments: argparse.Namespace) -> int:
     return {"pass": 0, "fail": 1, "unverified": 3}[result.verdict]
 
 
+def steps_in(seconds: float, period_us: int, most: int) -> int:
+    """How many steps that is, of those that there are; raises UsageError when it is none."""
+    from plumb.errors import UsageError
+
+    if not seconds * 1e6 >= period_us:
+        raise UsageError(f"{seconds:g} s is less than one period of {period_us} us")
+    return int(min(seconds * 1e6 / period_us + 0.5, most))
+
+
 def of_axis(arguments: argparse.Namespace) -> tuple[Flight, ControlParams, dict[str, Any]]:
     """One axis of a recording, and the tuning made to fit it."""
     from plumb import recording, trial
-    from plumb.errors import UsageError
     from plumb.systems import quad
 
     axis = recording.pick_axis(recording.load(arguments.file), arguments.axis, arguments.period_us)
     if arguments.seconds is not None:
-        steps = arguments.seconds * 1e6 / axis.period_us
-        if not steps >= 1:
-            raise UsageError(f"{arguments.seconds:g} s is less than one period of {axis.period_us} us")
-        axis = axis.first(int(min(steps, len(axis.raw))))
+        axis = axis.first(steps_in(arguments.seconds, axis.period_us, len(axis.raw)))
     flight, params = trial.recorded(axis, quad.TUNINGS["recording"])
     return flight, params, {"scenario": f"{arguments.file.name} about {arguments.axis}", "tuning": "recording"}
 
@@ -81,11 +86,11 @@ def of_phone(arguments: argparse.Namespace) -> tuple[Flight, ControlParams, dict
     from plumb import phone_feed, phone_source
     from plumb.systems import phone
 
-    period_us = arguments.period_us or phone.PERIOD_US
+    period_us = phone.PERIOD_US if arguments.period_us is None else arguments.period_us
     params = phone_feed.params_of(phone.DEFAULT_TUNING, period_us)
     steps, intake, recorded = phone_source.steps_of_file(arguments.file, period_us)
     longest = phone_feed.longest_run(steps)
     if arguments.seconds is not None:
-        longest = longest[: max(1, round(arguments.seconds * 1e6 / period_us))]
+        longest = longest[: steps_in(arguments.seconds, period_us, len(longest))]
     heading = {"scenario": arguments.file.name, "tuning": phone.DEFAULT_TUNING, "received": intake.to_json()}
     return phone_feed.flight_of(longest, params, recorded), params, heading
