@@ -399,6 +399,9 @@ def test_the_command_feeds_saves_reports_and_the_file_runs_again(
     assert (live["verdict"], live["steps"], live["source"]) == ("pass", 600, f"udp:{port}")
     assert live["received"]["malformed"] == 30 and live["received"]["apps"].keys() == {"SensaGram"}
     assert {file.name for file in out.iterdir()} == {"report.html", "summary.json", "steps.csv"}
+    page = (out / "report.html").read_text()
+    assert "What arrived" in page and "<td>malformed</td><td>30</td>" in page
+    assert json.loads((out / "summary.json").read_text())["received"] == live["received"]
 
     assert front.main(["replay", str(saved), "--system", "phone", "--board", "native", "--seconds", "6", "--json"]) == 0
     again = json.loads(capsys.readouterr().out)

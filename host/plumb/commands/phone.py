@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from plumb.boards import Board
     from plumb.phone_feed import Outcome
     from plumb.quantise import ControlParams
+    from plumb.report import Table
     from plumb.resampler import Step
 
 DEFAULT_PORT = 50_000
@@ -133,7 +134,25 @@ def look_back(
         judged = ("steps", "verdict", "mismatches", "first_divergence")
         summary |= {key: longest[key] for key in judged if key in longest}
     if arguments.out:
-        story.write_run(arguments.out, whole, longest)
+        received = summary["received"]
+        story.write_run(arguments.out, whole, {**longest, "received": received}, [arrived(received)])
+
+
+def arrived(received: dict[str, Any]) -> Table:
+    """What came in and what became of it, for the page; this is of all runs, the page of the longest."""
+    from plumb.report import Table
+
+    rows = [[f"datagrams of {app}", str(count)] for app, count in received["apps"].items()]
+    rows += [
+        ["malformed", str(received["malformed"])],
+        ["from another host, left out", str(received["strangers"])],
+        ["of other sensors only", str(received["other"])],
+        ["samples of the gyroscope, of the accelerometer", "{gyro}, {accel}".format(**received["samples"])],
+        ["samples out of order, twice, too late", "{reordered}, {duplicate}, {late}".format(**received)],
+        ["longest gap, bridged", f"{received['longest_gap_s']:.3f} s"],
+        ["runs; the longest is shown", str(received["runs"])],
+    ]
+    return Table("What arrived", ["what", "how many"], rows)
 
 
 class Screen:
