@@ -216,7 +216,8 @@ def test_an_interrupt_ends_the_run_and_is_130(
     assert signal.getsignal(signal.SIGINT) is handler
 
 
-def test_on_the_virtual_board_the_quad_s_axis_moves(capsys: pytest.CaptureFixture[str]) -> None:
+def virtual(*arguments: str) -> None:
+    """On the flash image, where there is one."""
     pytest.importorskip("unicorn")
     from plumb.errors import UsageError
     from plumb.f103 import find_image
@@ -225,11 +226,43 @@ def test_on_the_virtual_board_the_quad_s_axis_moves(capsys: pytest.CaptureFixtur
         find_image()
     except UsageError as error:
         pytest.skip(str(error))
-    assert front.main(["monitor", "--board", "virtual", "--run", "live", "--seconds", "7.5", "--json"]) == 0
+    assert front.main(["monitor", "--board", "virtual", *arguments]) == 0
+
+
+def test_on_the_virtual_board_the_quad_s_axis_moves(capsys: pytest.CaptureFixture[str]) -> None:
+    virtual("--run", "live", "--seconds", "7.5", "--json")
     tilts = [json.loads(line)["tilt_deg"] for line in capsys.readouterr().out.splitlines()]
     assert len(tilts) == 75
     assert max(abs(tilt) for tilt in tilts[20:50]) < 3.0  # at rest for 5 s
     assert max(abs(tilt) for tilt in tilts[50:]) > 5.0
+
+
+@pytest.mark.parametrize(
+    ("system", "shown"),
+    [
+        ("balancer", ("tilt_deg", "duty", "velocity_mps")),
+        ("turntable", ("attitude", "rates_dps")),
+        ("quad", ("tilt_deg",)),
+    ],
+)
+def test_on_the_virtual_board_any_systems_plant_is_on_the_pins(
+    system: str, shown: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No sensor is missing, and the values are the system's."""
+    virtual("--run", "live", "--system", system, "--seconds", "1", "--json")
+    last = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert last["faults"] == [] and last["step"] > 40
+    assert all(last[name] is not None for name in shown)
+    virtual("--run", "live", "--system", system, "--seconds", "1")
+    words = {"balancer": "duty", "turntable": "yaw", "quad": "pulses"}
+    assert words[system] in (line := capsys.readouterr().out) and line.count("\n") == 1
+    assert not any(other in line for name, other in words.items() if name != system)
+
+
+def test_a_plant_is_for_the_virtual_board_alone(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["monitor", "--board", "memory", "--system", "balancer"]) == 2
+    assert "params tuning SYSTEM" in capsys.readouterr().err
+    assert front.main(["monitor", "--board", "memory", "--scenario", "hold"]) == 2
 
 
 def test_a_block_on_a_narrow_terminal_loses_no_word_and_writes_over_itself(

@@ -271,3 +271,19 @@ def test_a_link_that_loses_one_frame_fails_it_though_every_digest_is_right(
     result = link_test.tried(session, 200, seed=1)
     assert result["verdict"] == "fail" and result["wrong_digests"] == 0
     assert result["board_rejected"] == 1
+
+
+def test_on_the_virtual_board_a_systems_plant_is_on_the_pins(tmp_path: Path) -> None:
+    pytest.importorskip("unicorn")
+    from plumb.errors import UsageError
+    from plumb.f103 import find_image
+
+    try:
+        find_image()
+    except UsageError as error:
+        pytest.skip(str(error))
+    command = ["record", "--board", "virtual", "--run", "live", "--system", "turntable", "--seconds", "0.5"]
+    assert front.main([*command, "--out", str(tmp_path)]) == 0
+    rows = (tmp_path / "steps.csv").read_text().splitlines()
+    counts = [float(value) for value in rows[-1].split(",")[2:8]]
+    assert len(rows) > 100 and all(1800 < count < 2300 for count in counts)  # at rest: half of 3.3 V

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -44,3 +45,51 @@ def test_an_image_that_does_not_boot_is_named(tmp_path: Path, capsys: pytest.Cap
     assert front.main(["run", "quad", "--board", "virtual", "--image", str(stub), "--seconds", "2"]) in (2, 3)
     complaint = capsys.readouterr().err
     assert "half.bin" in complaint and "UartStream" not in complaint and len(complaint.splitlines()) == 1
+
+
+def test_a_damaged_image_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bad = bytearray(IMAGE.read_bytes())
+    bad[9000] ^= 1
+    (tmp_path / "bad.bin").write_bytes(bad)
+    assert front.main(["monitor", "--board", "virtual", "--seconds", "0.2", "--image", str(tmp_path / "bad.bin")]) == 2
+    assert "bad.bin is damaged" in capsys.readouterr().err
+
+
+def test_what_is_saved_outlives_the_process(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Killed the hard way after the save was answered and written down, as a board that loses its supply."""
+    kept, port = tmp_path / "board.flash", tmp_path / "port"
+    command = [sys.executable, "-m", "plumb", "virtual-board", "--symlink", str(port), "--keep", str(kept)]
+    board = ["--board", f"serial:{port}"]
+    for started, source in ((1, "factory defaults"), (2, "saved in flash")):
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None and "serving" in process.stdout.readline()
+            front.main(["doctor", *board])
+            assert f"parameters: {source}" in capsys.readouterr().out
+            if started == 1:
+                assert front.main(["params", "set", "period_us=12000", "pins=1", *board, "--save"]) == 0
+                end_s = time.monotonic() + 30
+                while not kept.exists():
+                    assert time.monotonic() < end_s
+                    time.sleep(0.01)
+            else:
+                capsys.readouterr()
+                assert front.main(["params", "get", "period_us", *board, "--json"]) == 0
+                assert "12000" in capsys.readouterr().out
+                front.main(["doctor", *board])
+                assert "pins: bridge" in capsys.readouterr().out
+            process.kill()
+
+
+@pytest.mark.parametrize("text", ["short", None])
+def test_another_file_is_not_taken_for_kept_parameters(
+    text: str | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other"
+    if text is None:
+        other.mkdir()
+    else:
+        other.write_text(text)
+    assert front.main(["virtual-board", "--keep", str(other)]) == 2
+    complaint = capsys.readouterr().err
+    assert "other" in complaint and len(complaint.splitlines()) == 1
+    assert text is None or other.read_text() == text

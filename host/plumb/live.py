@@ -7,7 +7,7 @@ How a system's plant is joined to a machine its part `live` says:
         taken                   one row a sample: the first raw count, and the truth at that moment
     FRAMES                      what a step sends: the raw counts that the system uses, and what a viewer wants
     SCENARIO                    what a served board's plant does unless told otherwise
-    LINK                        words of the link's part of the parameters, by name
+    SHOWN, TUNING               what a plant that is only looked at does; the tuning for the board's own sensors
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from plumb.boards.virtual import VirtualBoard
 from plumb.capture import Capture
 from plumb.errors import LinkError
 from plumb.f103.machine import Machine
-from plumb.quantise import ControlParams
-from plumb.session import REPLY_TIMEOUT_S
+from plumb.quantise import ControlParams, quantise
+from plumb.session import REPLY_TIMEOUT_S, Session
 from plumb.trial import Flight, Scenario, Trial, columns, judge
 
 FOUND_US = 50_000
@@ -42,6 +42,27 @@ def coupler(system: str, scenario: Scenario) -> Callable[[Machine], None]:
     return couple
 
 
+def become(board: VirtualBoard, params: ControlParams, **link: int) -> Session:
+    """Make the board this system; link: words of the link's part of the parameters. Pins are read at the start alone,
+    so that for others it is started again, with what it then has saved."""
+    session = board.session
+    session.upload(params.words(), **link)
+    if session.require_match()["PINS"] != link.get("pins", 0):
+        session.execute_idle("SAVE")
+        session = board.restart()
+    return session
+
+
+def show(board: VirtualBoard, name: str, scenario: str | None, seed: int) -> None:
+    """Make the board this system, and put a plant on its pins that moves as the scenario says, whatever comes back."""
+    system, live = systems.load(name), systems.load(name, "live")
+    chosen = system.scenario(scenario or live.SHOWN, seed)
+    plant = system.plant(chosen, open_loop=True)
+    become(board, quantise(system.TUNINGS[live.TUNING]), period_us=chosen.period_us, **system.LINK)
+    live.Coupling(board.machine, plant)
+    board.machine.advance_us(FOUND_US)
+
+
 def fly(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, open_loop: bool = False) -> Trial:
     """Arm, run the scenario in real time on live sensors, disarm, and judge what was streamed.
 
@@ -49,13 +70,10 @@ def fly(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, open_
     """
     from tqdm import tqdm
 
-    session, steps = board.session, scenario.steps
+    steps = scenario.steps
     system, live = systems.load(params.system), systems.load(params.system, "live")
     # The plant's actuators need no arming pulse, and its motion does not wait for one.
-    session.upload(params.words(), period_us=scenario.period_us, arm_hold_ms=0, **system.LINK)
-    if session.require_match()["PINS"] != system.LINK.get("pins", 0):
-        session.execute_idle("SAVE")
-        session = board.restart()
+    session = become(board, params, period_us=scenario.period_us, arm_hold_ms=0, **system.LINK)
     coupling = live.Coupling(board.machine, system.plant(scenario, open_loop=open_loop))
     board.machine.advance_us(FOUND_US)
     capture = Capture(session)

@@ -3,6 +3,7 @@
     plumb monitor --board serial:/dev/ttyUSB0                 whatever is running there, read-only
     plumb monitor --board serial:/dev/ttyUSB0 --run live      begin a run on its own sensors, unarmed
     plumb monitor --board virtual --run live --seconds 20     the quad's axis in motion, on the simulated board
+    plumb monitor --board virtual --run live --system balancer       or another system's plant, on its own sensors
 
 Ten looks a second: a block that renews itself on a terminal, a line each second elsewhere, with --json each look as one
 line of JSON. Ends after --seconds, or with Ctrl-C. Without --run the link is read-only and a run goes on as it is; what
@@ -37,9 +38,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=float, metavar="N", help="how long (default: until Ctrl-C)")
     parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
     parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
-    parser.add_argument("--scenario", default="motion", help="of the plant on `virtual` (default motion)")
-    parser.add_argument("--seed", type=int, default=1000, help="of the plant on `virtual` (default 1000)")
+    add_plant(parser)
     parser.add_argument("--json", action="store_true", help="print JSON, one object a line")
+
+
+def add_plant(parser: argparse.ArgumentParser) -> None:
+    """What is on the pins of a board simulated in this process."""
+    parser.add_argument("--system", help="whose plant is on the pins of `virtual` (default quad)")
+    parser.add_argument("--scenario", help="of the plant on `virtual`; a wrong name prints the system's list")
+    parser.add_argument("--seed", type=int, default=1000, help="of the plant on `virtual` (default 1000)")
 
 
 def main(arguments: argparse.Namespace) -> int:
@@ -52,8 +59,8 @@ def main(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--seconds {arguments.seconds:g}: ask for more than nothing")
     on_terminal = sys.stdout.isatty() and not arguments.json
     with open_link_board(arguments.board, link=arguments.link, image=arguments.image) as board:
+        paced = attach_plant(board, arguments.system, arguments.scenario, arguments.seed) and on_terminal
         session = board.session
-        paced = attach_plant(board, arguments.scenario, arguments.seed) and on_terminal
         identity = session.identity or session.connect()
         if identity.mismatch:
             print(f"plumb: warning: {identity.mismatch}", file=sys.stderr)
@@ -82,19 +89,20 @@ def main(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def attach_plant(board: LinkBoard, scenario: str, seed: int) -> bool:
-    """Put the quad's axis, moved by hand, on the pins of a board simulated in this process; False for another board."""
-    from plumb.systems import quad
+def attach_plant(board: LinkBoard, system: str | None, scenario: str | None, seed: int) -> bool:
+    """Put a system, moved by hand, on the pins of a board simulated in this process; False for another board."""
+    from plumb.errors import UsageError
 
-    chosen = quad.scenario(scenario, seed)
     if board.name != "virtual":
+        if system or scenario:
+            remedy = "`plumb params tuning SYSTEM` makes another board that system"
+            raise UsageError(f"--system and --scenario are for --board virtual, whose pins a plant drives; {remedy}")
         return False
+    from plumb import live
     from plumb.boards.virtual import VirtualBoard
-    from plumb.systems.quad_live import Coupling
-    from plumb.systems.quad_plant import QuadPlant
 
     assert isinstance(board, VirtualBoard)
-    Coupling(board.machine, QuadPlant(chosen, open_loop=True))
+    live.show(board, system or "quad", scenario, seed)
     return True
 
 
@@ -158,18 +166,24 @@ def drive_and_roll(s: Snapshot) -> list[str]:
 
 
 def attitude(s: Snapshot) -> list[str]:
-    """Of a system that has a quaternion: as yaw, pitch and roll, turned in that order, and the rates of the body."""
+    """Of a system that has a quaternion: its angles, and the rates of the body."""
     if s["attitude"] is None or s["rates_dps"] is None:
         return []
-    w, x, y, z = s["attitude"]
-    yaw = math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
-    pitch = math.degrees(math.asin(min(max(2 * (w * y - z * x), -1.0), 1.0)))
-    roll = math.degrees(math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)))
+    yaw, pitch, roll = angles_deg(s["attitude"])
     rates = " ".join(number(rate, "", 8, 2) for rate in s["rates_dps"])
     return [
         f"attitude  {number(yaw, 'deg yaw')}  {number(pitch, 'deg pitch')}  {number(roll, 'deg roll')}",
         f"turning   {rates} deg/s about x, y, z",
     ]
+
+
+def angles_deg(quaternion: list[float]) -> tuple[float, float, float]:
+    """Yaw, pitch and roll, turned in that order."""
+    w, x, y, z = quaternion
+    yaw = math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+    pitch = math.degrees(math.asin(min(max(2 * (w * y - z * x), -1.0), 1.0)))
+    roll = math.degrees(math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)))
+    return yaw, pitch, roll
 
 
 def pulses(s: Snapshot) -> str:
@@ -193,10 +207,20 @@ def line(s: Snapshot) -> str:
     trouble += [f"dropped {s['board_dropped']}"] if s["board_dropped"] else []
     trouble += [f"saturated {s['saturated_steps']}"] if s["saturated_steps"] else []
     trouble += s["faults"]
-    values = [("tilt", s["tilt_deg"], "deg"), ("rate", s["rate_dps"], "deg/s"), ("bias", s["bias_dps"], "deg/s")]
+    yaw, pitch, roll = angles_deg(s["attitude"]) if s["attitude"] else (None, None, s["roll_deg"])
+    values = [
+        ("tilt", s["tilt_deg"], "deg"),
+        ("yaw", yaw, "deg"),
+        ("pitch", pitch, "deg"),
+        ("roll", roll, "deg"),
+        ("rate", s["rate_dps"], "deg/s"),
+        ("bias", s["bias_dps"], "deg/s"),
+        ("duty", s["duty"], ""),
+        ("velocity", s["velocity_mps"], "m/s"),
+    ]
     words = [f"{s['time_s']:.2f} s", state(s)]
-    words += [f"{name} {number(value, unit, 0)}" for name, value, unit in values if value is not None]
-    if s["pulse_0_us"] is not None:
+    words += [f"{name} {number(value, unit, 0)}".rstrip() for name, value, unit in values if value is not None]
+    if s["pulse_0_us"] is not None and s["duty"] is None:
         words.append(f"pulses {pulses(s)}")
     if s["step"] is not None:
         words.append(f"step {s['step']}")

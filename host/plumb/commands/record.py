@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from plumb.commands.monitor import add_plant
+
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--board", metavar="B", help="virtual, serial:PORT or can:BUS")
     what.add_argument("--bus", metavar="BUS", help="serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT or can:...")
@@ -31,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=float, metavar="N", help="how long (default: until Ctrl-C)")
     parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
     parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
+    add_plant(parser)
     parser.add_argument("--json", action="store_true", help="print JSON at the end")
 
 
@@ -87,11 +90,13 @@ def of_board(arguments: argparse.Namespace, caught: list[int], summary: dict[str
     """What a board says into the folder; fills in the summary, whatever ends it."""
     from plumb import monitor
     from plumb.boards.link import open_link_board
+    from plumb.commands.monitor import attach_plant
     from plumb.recorder import Recorder
     from plumb.session import SELECTABLE
 
     make_folder(arguments.out)
     with open_link_board(arguments.board, link=arguments.link, image=arguments.image) as board:
+        attach_plant(board, arguments.system, arguments.scenario, arguments.seed)
         session = board.session
         recorder = Recorder(session, arguments.out, SELECTABLE)
         try:

@@ -8,7 +8,9 @@
     plumb virtual-board --can socketcand:4002      as a socketcand server: can:socketcand:127.0.0.1:4002:can0
     plumb virtual-board --can socketcan:vcan0      or a node on any bus that python-can opens, INTERFACE:CHANNEL[@KBIT]
 
-It runs the very image that is flashed, until Ctrl-C.
+    plumb virtual-board --symlink board --keep board.flash     what `plumb params save` saves is there the next time
+
+It runs the very image that is flashed, until Ctrl-C; starting it again is power off and on.
 """
 
 from __future__ import annotations
@@ -27,13 +29,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=1000, help="of the plant (default 1000)")
     parser.add_argument("--part", default="stm32f103c8", help="stm32f103c8 (default), -cb, -rct6, -ret6 or -zet6")
     parser.add_argument("--image", type=Path, help="flash image (default: the checkout's build)")
+    parser.add_argument("--keep", type=Path, metavar="FILE", help="keep its saved parameters here")
 
 
 def main(arguments: argparse.Namespace) -> int:
     from plumb import systems
     from plumb.f103 import open_machine
+    from plumb.f103.keep import KeptSlots, read_slots
 
-    machine = open_machine(arguments.image, arguments.part)
+    slots = read_slots(arguments.keep) if arguments.keep else b""
+    machine = open_machine(arguments.image, arguments.part, slots=slots)
+    kept = KeptSlots(machine, arguments.keep) if arguments.keep else None
     couple = None
     if arguments.system:
         from plumb import live
@@ -48,7 +54,15 @@ def main(arguments: argparse.Namespace) -> int:
         print(f"serving the virtual board at {address}; use it as {name}; Ctrl-C ends it", flush=True)
 
     where = arguments.serial
-    ended_by = serve(machine, where, link=arguments.symlink, can_spec=arguments.can, couple=couple, announce=announce)
+    ended_by = serve(
+        machine,
+        where,
+        link=arguments.symlink,
+        can_spec=arguments.can,
+        couple=couple,
+        kept=kept,
+        announce=announce,
+    )
     if ended_by == signal.SIGINT:
         raise KeyboardInterrupt
     return 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from plumb.f103.image import find_image, load_image
+from plumb.f103.image import FLASH_BASE, PARAMETER_SLOTS, claims_to_be_ours, find_image, load_image, own_header
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
@@ -17,14 +17,20 @@ START_US = 50_000
 """A host opens the port of a board that has been powered for a while: oscillator and ADC are running."""
 
 
-def open_machine(image: Path | None = None, part: str = "stm32f103c8", *, seed: int = 1) -> Machine:
+def open_machine(image: Path | None = None, part: str = "stm32f103c8", *, seed: int = 1, slots: bytes = b"") -> Machine:
     """A machine with the image asked for, or with this checkout's build, START_US after power-up.
 
-    Raises UsageError in one sentence: no image, no unicorn, no such part.
+    slots: what the parameter slots of its flash hold. Raises UsageError in one sentence: no image, or a damaged one, no
+    unicorn, no such part.
     """
     from plumb.f103.machine import Machine
 
-    machine = Machine(find_image(image), part, seed=seed)
+    path = find_image(image)
+    data = load_image(path)
+    if claims_to_be_ours(data):
+        own_header(data, str(path))
+    machine = Machine(data, part, seed=seed)
+    machine.flash.store(PARAMETER_SLOTS - FLASH_BASE, slots)
     machine.advance_us(START_US)
     return machine
 

@@ -69,9 +69,14 @@ def check_image(data: bytes, name: str) -> None:
     raise UsageError(f"{name} is not an image for the STM32F103: it does not begin with a vector table")
 
 
+def claims_to_be_ours(data: bytes) -> bool:
+    """There is an image header, whole or not."""
+    return len(data) >= HEADER_OFFSET + 32 and struct.unpack_from("<I", data, HEADER_OFFSET)[0] == HEADER_MAGIC
+
+
 def own_header(data: bytes, name: str) -> ImageHeader:
     """The header of a plumb image that is whole, for this family, and clear of the parameters; else UsageError."""
-    if len(data) < HEADER_OFFSET + 32 or struct.unpack_from("<I", data, HEADER_OFFSET)[0] != HEADER_MAGIC:
+    if not claims_to_be_ours(data):
         raise UsageError(f"{name} is not a plumb image: it has no image header; build one with 'make image'")
     _, family, size, hash_high, hash_low, dirty = HEADER.unpack_from(data, HEADER_OFFSET)
     if family != FAMILY:

@@ -15,6 +15,7 @@ import can
 from plumb.endings import endings
 from plumb.errors import LinkError
 from plumb.f103.canbus import Joint
+from plumb.f103.keep import KeptSlots
 from plumb.f103.machine import Machine
 from plumb.f103.timeline import TICKS_PER_S
 from plumb.line import Line, open_line
@@ -25,7 +26,13 @@ LAG_S = 0.05
 """When the machine cannot keep up by more than this, time is given up rather than chased."""
 
 
-def run_paced(machine: Machine, line: Line, stopped: Callable[[], bool], joint: Joint | None = None) -> None:
+def run_paced(
+    machine: Machine,
+    line: Line,
+    stopped: Callable[[], bool],
+    joint: Joint | None = None,
+    kept: KeptSlots | None = None,
+) -> None:
     """Run the machine at wall-clock pace, moving bytes between its UART and the line, and frames through the joint,
     until stopped() holds."""
     begin_wall, begin_ticks = time.monotonic(), machine.now
@@ -44,10 +51,14 @@ def run_paced(machine: Machine, line: Line, stopped: Callable[[], bool], joint: 
             line.write(machine.uart.read(waiting))
         if joint is not None:
             joint.move()
+        if kept is not None:
+            kept.look()
         if behind_s < SLICE_S:
             descriptor = line.watch()
             # Sleep for a slice, or less when the line has something. Not selectors: epoll counts in milliseconds.
             select.select([] if descriptor is None else [descriptor], [], [], SLICE_S)
+    if kept is not None:
+        kept.write()
 
 
 def open_can_end(spec: str) -> can.BusABC:
@@ -105,6 +116,7 @@ def serve(
     link: Path | None = None,
     can_spec: str | None = None,
     couple: Callable[[Machine], None] | None = None,
+    kept: KeptSlots | None = None,
     announce: Callable[[str], None] = print,
 ) -> int:
     """Serve the machine's UART on `spec`, and its CAN bus on `can_spec`, until SIGINT or SIGTERM; returns that signal's
@@ -120,7 +132,7 @@ def serve(
                 couple(machine)
             with endings() as caught:
                 announce(line.address)
-                run_paced(machine, line, lambda: bool(caught), joint)
+                run_paced(machine, line, lambda: bool(caught), joint, kept)
                 return caught[0]
     finally:
         line.close()

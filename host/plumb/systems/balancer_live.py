@@ -10,6 +10,7 @@ from plumb.motor import hall_state, share_of_supply
 from plumb.systems.balancer_plant import BalancerPlant
 
 SCENARIO = "rough"
+SHOWN, TUNING = SCENARIO, "tuned"
 FRAMES = ("RAW_A", "RAW_B", "ANGLE", "DRIVE")
 BREAK_PIN = "PB12"
 FOLLOW_US = 1000

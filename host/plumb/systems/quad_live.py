@@ -12,6 +12,7 @@ from plumb.sensors import adc_counts
 from plumb.systems.quad_plant import QuadPlant
 
 SCENARIO = "hold"
+SHOWN, TUNING = "motion", "adaptive"
 FRAMES = ("RAW_A", "ANGLE", "BIAS")
 ADC_PINS = ("PA0", "PA1", "PA2")
 """Gyro, y, z."""

@@ -10,6 +10,7 @@ from plumb.sensors import ADC_COUNTS, ADC_REFERENCE_V
 from plumb.systems.turntable import TurntablePlant
 
 SCENARIO = "analog"
+SHOWN, TUNING = SCENARIO, SCENARIO
 FRAMES = ("RAW_A", "RAW_B", "ATTITUDE_W", "ATTITUDE_X", "ATTITUDE_Y", "ATTITUDE_Z")
 ADC_PINS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")
 """Gyro x, y, z, angular acceleration x, y, z."""
