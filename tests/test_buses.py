@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import can
@@ -15,11 +16,13 @@ import serial
 from plumb.adapter import AdapterBus
 from plumb.buses import LogBus, open_bus, serve_bus
 from plumb.errors import LinkError, PlumbError, UsageError
-from plumb.line import open_line
+from plumb.line import BACKLOG_BYTES, Line, PtyLine, TcpLine, open_line
 from plumb.protocol import protocol
 from plumb.serialbus import PlumbBus
 
 ANGLE = protocol()["ANGLE"]
+WAIT_S = 60.0
+"""For what comes at once, on a machine that may have other things to do."""
 
 
 def frame(step: int) -> can.Message:
@@ -49,7 +52,7 @@ def answering(bus: can.BusABC) -> Iterator[list[can.Message]]:
         thread.join()
 
 
-def wait_for(condition: object, seconds: float = 5.0) -> None:
+def wait_for(condition: object, seconds: float = WAIT_S) -> None:
     end = time.monotonic() + seconds
     while not condition() and time.monotonic() < end:  # type: ignore[operator]
         time.sleep(0.005)
@@ -73,7 +76,7 @@ def test_frames_go_both_ways_between_the_two_ends(spec: str) -> None:
         assert [bytes(m.data) for m in heard] == [bytes(frame(step).data) for step in range(40)]
         for step in range(40):
             far.send(frame(step))
-        back = [near.recv(2.0) for _ in range(40)]
+        back = [near.recv(WAIT_S) for _ in range(40)]
         assert [bytes(m.data) for m in back if m] == [bytes(frame(step).data) for step in range(40)]
     far.shutdown()
 
@@ -109,7 +112,7 @@ def test_an_adapter_answers_the_commands_that_stock_tools_send() -> None:
         (b"t1002AB01\r\r", b"\a\r"),
         (b"C\r", b"\r"),
     ]
-    with answering(far) as heard, serial.Serial(address_of(far).removeprefix("serial:"), timeout=1) as port:
+    with answering(far) as heard, serial.Serial(address_of(far).removeprefix("serial:"), timeout=WAIT_S) as port:
         for question, answer in transcript:
             port.write(question)
             assert port.read(len(answer)) == answer
@@ -125,7 +128,7 @@ def test_python_cans_own_slcan_interface_talks_to_an_adapter() -> None:
         stock.send(frame(7))
         wait_for(lambda: len(heard) == 1)
         far.send(frame(9))
-        answer = stock.recv(2.0)
+        answer = stock.recv(WAIT_S)
     assert answer is not None and bytes(answer.data) == bytes(frame(9).data)
     far.shutdown()
 
@@ -133,7 +136,7 @@ def test_python_cans_own_slcan_interface_talks_to_an_adapter() -> None:
 def test_a_can_bus_is_any_interface_of_python_can() -> None:
     with open_bus("can:virtual:pair@250") as one, open_bus("can:virtual:pair@250") as other:
         one.send(frame(3))
-        heard = other.recv(1.0)
+        heard = other.recv(WAIT_S)
     assert heard is not None and heard.arbitration_id == ANGLE.identifier
 
 
@@ -182,8 +185,71 @@ def test_a_far_end_waits_on_this_machine_only() -> None:
 
 def test_an_endless_line_does_not_grow() -> None:
     far = AdapterBus(open_line("tcp:0"))
+    honest, kept, heard_bytes = far._line.read, [], [0]
+
+    def read() -> bytes:
+        kept.append(len(far._pending))
+        data = honest()
+        heard_bytes[0] += len(data)
+        return data
+
+    far._line.read = read  # type: ignore[method-assign]
     with answering(far), PlumbBus(address_of(far)) as near:
         near.write_text(b"x" * 200_000)
-        time.sleep(0.2)
-    assert len(far._pending) <= 64
+        wait_for(lambda: heard_bytes[0] >= 200_000)
+    assert max(kept) <= 64
     far.shutdown()
+
+
+@contextmanager
+def busy_client(line: Line) -> Iterator[Callable[[], bytes]]:
+    """A client that is there and reads only when asked to. The system keeps as little as it can for it."""
+    if isinstance(line, TcpLine):
+        with socket.socket() as client:
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            client.connect(("127.0.0.1", int(line.address.rpartition(":")[2])))
+            client.setblocking(False)
+            while not line.connected:
+                line.read()
+            assert line._client is not None
+            line._client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+
+            def read() -> bytes:
+                with suppress(BlockingIOError):
+                    return client.recv(65536)
+                return b""
+
+            yield read
+    else:
+        with serial.Serial(line.address, timeout=0) as port:
+            yield lambda: port.read(65536)
+
+
+@pytest.mark.parametrize("kind", ["pty", "tcp:0"])
+def test_a_client_that_is_busy_for_a_while_loses_nothing(kind: str) -> None:
+    """Numbered lines, more than the system keeps, before the client reads the first."""
+    line = open_line(kind)
+    with busy_client(line) as read:
+        said = b"".join(b"t1008%016X\r" % number for number in range(2800))
+        for at in range(0, len(said), 220):
+            line.write(said[at : at + 220])
+        heard = read()
+        end = time.monotonic() + WAIT_S
+        while len(heard) < len(said) and time.monotonic() < end:
+            line.read()
+            heard += read()
+        assert heard == said
+    line.close()
+
+
+def test_a_client_that_takes_nothing_loses_whole_pieces_and_who_comes_next_hears_none_of_it() -> None:
+    line = open_line("pty")
+    assert isinstance(line, PtyLine)
+    piece = b"t1008" + b"0" * 16 + b"\r"
+    with serial.Serial(line.address, timeout=1):
+        for _ in range(2 * BACKLOG_BYTES // len(piece)):
+            line.write(piece)
+        assert BACKLOG_BYTES - len(piece) < len(line._backlog) <= BACKLOG_BYTES
+    line.write(piece)  # nobody is there
+    assert len(line._backlog) == 0
+    line.close()

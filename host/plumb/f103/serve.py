@@ -1,6 +1,6 @@
 """The virtual board as a process of its own: its UART behind a pseudo-terminal or a TCP port, its CAN bus joined to any
 python-can bus, at the pace of the wall clock and never faster. One client at a time on the UART; clients come and go,
-the board runs on. What the board sends while nobody listens is lost, as on a cable."""
+the board runs on. What the board sends while nobody is there is lost, as on a cable."""
 
 from __future__ import annotations
 
