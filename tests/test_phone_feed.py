@@ -6,6 +6,7 @@ The phone is the scenario `general`, sent as the apps send it; the truth is the 
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import signal
 import socket
@@ -13,6 +14,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -79,34 +81,38 @@ class Sender(threading.Thread):
                 out.sendto(data, ("127.0.0.1", self._port))
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+Sending = Callable[..., None]
 
 
-def send_when_listening(
-    monkeypatch: pytest.MonkeyPatch, port: int, datagrams: list[bytes], interrupt_after: int | None = None
-) -> Sender:
-    """For the command itself, which opens the port on its own; Ctrl-C after so many datagrams."""
-    taken = [0]
-    sender = Sender(port, datagrams, lambda: taken[0])
-    listen, receive = phone_source.Listener.__init__, phone_source.Listener.receive
+@pytest.fixture
+def sending(monkeypatch: pytest.MonkeyPatch) -> Iterator[Sending]:
+    """For the command itself, which opens the port on its own (--udp 0: a free one). Once it listens, these datagrams
+    come; Ctrl-C after so many."""
+    started: list[Sender] = []
 
-    def then_send(self: Any, *given: Any, **named: Any) -> None:
-        listen(self, *given, **named)
-        sender.start()
+    def prepare(datagrams: list[bytes], interrupt_after: int | None = None) -> None:
+        listen, receive = phone_source.Listener.__init__, phone_source.Listener.receive
+        taken = [0]
 
-    def counting(self: Any) -> Any:
-        arrived = receive(self)
-        taken[0] += arrived is not None
-        if taken[0] == interrupt_after:
-            signal.raise_signal(signal.SIGINT)
-        return arrived
+        def then_send(self: Any, *given: Any, **named: Any) -> None:
+            listen(self, *given, **named)
+            started.append(Sender(self.port, datagrams, lambda: taken[0]))
+            started[-1].start()
 
-    monkeypatch.setattr(phone_source.Listener, "__init__", then_send)
-    monkeypatch.setattr(phone_source.Listener, "receive", counting)
-    return sender
+        def counting(self: Any) -> Any:
+            arrived = receive(self)
+            taken[0] += arrived is not None
+            if taken[0] == interrupt_after:
+                signal.raise_signal(signal.SIGINT)
+            return arrived
+
+        monkeypatch.setattr(phone_source.Listener, "__init__", then_send)
+        monkeypatch.setattr(phone_source.Listener, "receive", counting)
+
+    yield prepare
+    for sender in started:
+        sender.stopped.set()
+        sender.join()
 
 
 @pytest.fixture
@@ -260,18 +266,23 @@ def test_a_board_that_goes_wrong_is_found_with_the_word(native: Board) -> None:
 
 @pytest.mark.parametrize("dies", [True, False])
 def test_what_was_done_before_a_board_failed_is_reported(
-    dies: bool, native: Board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    dies: bool,
+    native: Board,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    sending: Sending,
 ) -> None:
     """On a terminal, where the line of angles must end before anything else is said."""
     pytest.importorskip("matplotlib", reason="the report needs the extra plumb[report]")
-    port, out = free_port(), tmp_path / "report"
-    send_when_listening(monkeypatch, port, sensagram(run_of())[:900])
+    out = tmp_path / "report"
+    sending(sensagram(run_of())[:900])
     monkeypatch.setattr(boards, "open_board", lambda *_, **__: Wrong(native, dies=dies))
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    arguments = ["--udp", str(port), "--seconds", "3", "--out", str(out)]
+    arguments = ["--udp", "0", "--seconds", "3", "--out", str(out)]
     assert front.main(["phone", "--board", "serial:gone", *arguments]) == (3 if dies else 1)
     said = capsys.readouterr()
-    assert f"\x1b[K\nphone at udp:{port}: {199 if dies else 300} steps" in said.out
+    assert re.search(rf"\x1b\[K\nphone at udp:[1-9]\d*: {199 if dies else 300} steps", said.out)
     assert said.out.rstrip().endswith("pass" if dies else "fail")
     assert ("the board went away" in said.err) is dies
     summary = json.loads((out / "summary.json").read_text())
@@ -280,12 +291,10 @@ def test_what_was_done_before_a_board_failed_is_reported(
 
 @pytest.mark.parametrize("after", [300, 2])
 def test_ctrl_c_ends_with_a_report_of_what_was_done(
-    after: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    after: int, sending: Sending, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    port = free_port()
-    sender = send_when_listening(monkeypatch, port, sensagram(run_of()), interrupt_after=after)
-    assert front.main(["phone", "--board", "native", "--udp", str(port), "--json"]) == 130
-    sender.stopped.set()
+    sending(sensagram(run_of()), interrupt_after=after)
+    assert front.main(["phone", "--board", "native", "--udp", "0", "--json"]) == 130
     said = capsys.readouterr()
     assert said.err.splitlines()[-1] == "plumb: interrupted."
     if after == 2:
@@ -308,7 +317,9 @@ def test_without_a_step_the_reason_is_one_sentence(native: Board, datagrams: lis
     intake = phone_source.Intake(phone.PERIOD_US)
     with phone_source.Listener(0) as listener:
         follower = phone_feed.Follower(native, phone_feed.params_of("euler", phone.PERIOD_US))
-        Sender(listener.port, datagrams, lambda: 0).start()
+        sender = Sender(listener.port, datagrams, lambda: 0)
+        sender.start()
+        sender.join()
         with pytest.raises(LinkError, match=sentence):
             phone_feed.follow(listener, intake, follower, seconds=None, wait_s=0.4, stop=[], saw=lambda *_: None)
 
@@ -333,36 +344,68 @@ def test_a_phone_that_falls_silent_ends_the_run_and_is_named(
     assert follower.outcome.steps == pytest.approx(298, abs=4)
 
 
-@needs_qemu
-def test_qemu_is_given_the_run_when_it_is_over(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+class BusyListener:
+    """A listener on a clock of its own: what it gives, after how long. Then nothing comes any more."""
+
+    address, port = "memory", 0
+
+    def __init__(self, script: list[tuple[float, bytes]]) -> None:
+        self.script, self.now_s = list(script), 0.0
+
+    def receive(self) -> tuple[bytes, str] | None:
+        took_s, data = self.script.pop(0) if self.script else (phone_source.TURN_S, b"")
+        self.now_s += took_s
+        return (data, "192.0.2.1") if data else None
+
+
+def test_a_host_that_was_busy_does_not_take_the_phone_for_silent(
+    native: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    port, events = free_port(), sensagram(run_of())[:500]
-    send_when_listening(monkeypatch, port, events)
-    assert front.main(["phone", "--board", "qemu", "--udp", str(port), "--seconds", "2", "--json"]) == 0
+    """Nine seconds before each of two datagrams, one of which completes no step: the host was away, not the phone."""
+    events = sensagram(run_of())[:600]
+    busy = [(9.0 if at % 100 > 97 else 0.0, data) for at, data in enumerate(events)]
+    for silent_s, steps in ((0.0, 298), (phone_feed.SILENCE_S + 1.0, 148)):
+        pause = [(phone_source.TURN_S, b"")] * round(silent_s / phone_source.TURN_S)
+        listener = BusyListener([*busy[:300], *pause, *busy[300:]])
+        monkeypatch.setattr(phone_feed, "time", SimpleNamespace(monotonic=lambda busy=listener: busy.now_s))
+        intake = phone_source.Intake(phone.PERIOD_US)
+        follower = phone_feed.Follower(native, phone_feed.params_of("euler", phone.PERIOD_US))
+        said = phone_feed.follow(
+            listener,
+            intake,
+            follower,
+            seconds=None,
+            wait_s=20.0,
+            stop=[],
+            saw=lambda *_: None,  # type: ignore[arg-type]
+        )
+        assert "the phone stopped sending" in said
+        assert follower.outcome.steps == pytest.approx(steps, abs=4)
+
+
+@needs_qemu
+def test_qemu_is_given_the_run_when_it_is_over(sending: Sending, capsys: pytest.CaptureFixture[str]) -> None:
+    sending(sensagram(run_of())[:500])
+    assert front.main(["phone", "--board", "qemu", "--udp", "0", "--seconds", "2", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert (answer["verdict"], answer["steps"], answer["board"]) == ("pass", 200, "qemu")
 
 
 @pytest.mark.parametrize("link", ["serial", "can"])
-def test_the_flash_image_follows_a_phone(
-    link: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    port, events = free_port(), sensorstream(run_of())[:200]
-    send_when_listening(monkeypatch, port, events)
-    arguments = ["--link", link, "--udp", str(port), "--seconds", "1.5", "--json"]
+def test_the_flash_image_follows_a_phone(link: str, sending: Sending, capsys: pytest.CaptureFixture[str]) -> None:
+    sending(sensorstream(run_of())[:200])
+    arguments = ["--link", link, "--udp", "0", "--seconds", "1.5", "--json"]
     assert front.main(["phone", "--board", "virtual", *arguments]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert (answer["verdict"], answer["steps"], answer["link"]) == ("pass", 150, link)
 
 
 def test_a_phone_that_stops_before_its_time_is_link_trouble(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], sending: Sending
 ) -> None:
-    monkeypatch.setattr(phone_feed, "SILENCE_S", 0.3)
-    port, events = free_port(), sensagram(run_of())[:400]
-    send_when_listening(monkeypatch, port, events)
-    assert front.main(["phone", "--board", "native", "--udp", str(port), "--seconds", "60"]) == 3
+    monkeypatch.setattr(phone_feed, "SILENCE_S", 0.5)
+    sending(sensagram(run_of())[:400])
+    assert front.main(["phone", "--board", "native", "--udp", "0", "--seconds", "60"]) == 3
     said = capsys.readouterr()
     assert "pass" in said.out and said.err.splitlines()[-1].endswith("the phone stopped sending")
 
@@ -387,16 +430,16 @@ def test_loopback_unless_asked() -> None:
 
 
 def test_the_command_feeds_saves_reports_and_the_file_runs_again(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], sending: Sending
 ) -> None:
-    port, saved = free_port(), tmp_path / "walk.txt"
-    sender = send_when_listening(monkeypatch, port, [b"x"] * 30 + sensagram(run_of()))
+    saved = tmp_path / "walk.txt"
+    sending([b"x"] * 30 + sensagram(run_of()))
     out = tmp_path / "report"
-    arguments = ["--udp", str(port), "--seconds", "6", "--save", str(saved), "--out", str(out), "--json"]
+    arguments = ["--udp", "0", "--seconds", "6", "--save", str(saved), "--out", str(out), "--json"]
     assert front.main(["phone", "--board", "native", *arguments]) == 0
-    sender.stopped.set()
     live = json.loads(capsys.readouterr().out)
-    assert (live["verdict"], live["steps"], live["source"]) == ("pass", 600, f"udp:{port}")
+    assert (live["verdict"], live["steps"]) == ("pass", 600)
+    assert re.fullmatch(r"udp:[1-9]\d*", live["source"])
     assert live["received"]["malformed"] == 30 and live["received"]["apps"].keys() == {"SensaGram"}
     assert {file.name for file in out.iterdir()} == {"report.html", "summary.json", "steps.csv"}
     page = (out / "report.html").read_text()

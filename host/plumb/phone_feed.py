@@ -16,13 +16,14 @@ from plumb import fixed, recording, reference, trial
 from plumb.boards import Answer, Board, RawCounts, Stepper
 from plumb.compare import Divergence
 from plumb.errors import LinkError, UsageError
-from plumb.phone_source import Intake, Listener
+from plumb.phone_source import TURN_S, Intake, Listener
 from plumb.quantise import ControlParams, quantise
 from plumb.resampler import Step
 from plumb.systems import phone
 
 SILENCE_S = 5.0
-"""Without a step for so long the phone has stopped."""
+"""Listened for so long without a step, the phone has stopped. Time in which this process did not listen, because the
+board or the machine was busy, is nobody's silence."""
 
 
 def params_of(tuning: str, period_us: int) -> ControlParams:
@@ -150,14 +151,16 @@ def follow(
     that makes a step.
     """
     most = None if seconds is None else max(1, round(seconds / follower.params.period_s))
-    outcome, last_s, heard = follower.outcome, time.monotonic(), dict(intake.resampler.counts.samples)
-    while not stop and time.monotonic() - last_s < (SILENCE_S if outcome.steps else wait_s):
+    outcome, listened_s, heard = follower.outcome, 0.0, dict(intake.resampler.counts.samples)
+    while not stop and listened_s < (SILENCE_S if outcome.steps else wait_s):
+        begin_s = time.monotonic()
         arrived = listener.receive()
+        listened_s += min(time.monotonic() - begin_s, TURN_S)
         if arrived is None:
             continue
         for step in intake.take(*arrived):
             saw(step, follower.take(step))
-            last_s, heard = time.monotonic(), dict(intake.resampler.counts.samples)
+            listened_s, heard = 0.0, dict(intake.resampler.counts.samples)
             if most is not None and outcome.steps >= most:
                 return ""
     if stop:
