@@ -20,7 +20,7 @@ pytest.importorskip("unicorn")
 
 from link_board import MemoryBoard
 from plumb import fixed
-from plumb.bridge import Flow
+from plumb.bridge import ARM_AFTER_STEPS, Flow
 from plumb.capture import Capture
 from plumb.errors import UsageError
 from plumb.f103 import find_image
@@ -31,7 +31,8 @@ from plumb.session import Session
 from plumb.shadow import Shadow
 from plumb.systems import quad
 
-WAIT_S = 30.0
+WAIT_S = 120.0
+"""For what comes within a second or two, on a machine that may have other things to do."""
 IntArray = np.ndarray[Any, np.dtype[Any]]
 
 
@@ -57,6 +58,13 @@ class Process:
         self.process.send_signal(number)
         return self.process.wait(WAIT_S)
 
+    def ended(self, code: int, number: int = signal.SIGTERM) -> dict[str, Any]:
+        """Asked to end, it does so with this code; what it says about itself in JSON."""
+        assert self.end(number) == code, self.said()
+        found = json.loads(self.out.read_text())
+        assert isinstance(found, dict)
+        return found
+
 
 Start = Callable[..., Process]
 
@@ -79,12 +87,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
         one.process.wait()
 
 
-def summary_of(bridge: Process) -> dict[str, object]:
-    result = json.loads(bridge.out.read_text())
-    assert isinstance(result, dict)
-    return result
-
-
+ARMED = "plumb: armed\n"
 SENSOR = ("sensor-board", "quad", "--scenario", "hold")
 
 
@@ -101,12 +104,11 @@ def test_the_three_processes_find_each_other_in_any_order(start: Start, tmp_path
     for name in order.split():
         running[name] = start(*commands[name])
         time.sleep(0.3)
-    running["bridge"].wait_for("armed")
+    running["bridge"].wait_for(ARMED)
     time.sleep(1.0)
-    assert running["bridge"].end() == 0
-    found = summary_of(running["bridge"])
+    found = running["bridge"].ended(0)
     assert found["verdict"] == "pass" and found["runs"] == 1
-    assert int(str(found["verified_steps"])) > 20
+    assert found["verified_steps"] >= ARM_AFTER_STEPS
 
 
 def test_either_side_may_be_killed_and_started_again(start: Start, tmp_path: Path) -> None:
@@ -116,7 +118,7 @@ def test_either_side_may_be_killed_and_started_again(start: Start, tmp_path: Pat
     board_command = ("virtual-board", "--serial", "pty", "--symlink", str(board))
     sensor_process, board_process = start(*sensor_command), start(*board_command)
     bridge = start("bridge", f"serial:{sensor}", f"serial:{board}", "--arm", "--shadow", "--json")
-    bridge.wait_for("armed")
+    bridge.wait_for(ARMED)
     board_process.end(signal.SIGKILL)
     bridge.wait_for("the board's side:")
     start(*board_command)
@@ -126,9 +128,8 @@ def test_either_side_may_be_killed_and_started_again(start: Start, tmp_path: Pat
     start(*sensor_command)
     bridge.wait_for("run 3:")
     time.sleep(0.5)
-    assert bridge.end(signal.SIGINT) == 130
-    assert summary_of(bridge)["verdict"] == "pass"
-    assert bridge.said().count("armed\n") == 1
+    assert bridge.ended(130, signal.SIGINT)["verdict"] == "pass"
+    assert bridge.said().count(ARMED) == 1
 
 
 def test_one_side_may_be_a_can_bus(start: Start, tmp_path: Path) -> None:
@@ -141,8 +142,7 @@ def test_one_side_may_be_a_can_bus(start: Start, tmp_path: Path) -> None:
     bridge = start("bridge", f"can:slcan:{sensor}@115200", f"tcp:127.0.0.1:{port}", "--shadow", "--json")
     bridge.wait_for("run 1:")
     time.sleep(1.0)
-    assert bridge.end() == 0
-    assert summary_of(bridge)["verdict"] == "pass"
+    assert bridge.ended(0)["verdict"] == "pass"
 
 
 def test_carrying_frames_only_another_host_sees_the_board_through_the_bridge(start: Start, tmp_path: Path) -> None:
@@ -158,15 +158,16 @@ def test_carrying_frames_only_another_host_sees_the_board_through_the_bridge(sta
     address = far.channel_info.split("//")[1]
     bridge = start("bridge", f"tcp:{address}", f"tcp:127.0.0.1:{port}", "--carry", "--json")
     end = time.monotonic() + WAIT_S
-    while not far.open and time.monotonic() < end:
-        far.recv(0.02)
+    heard = None
+    while heard is None:  # the first telemetry: both sides are open
+        assert time.monotonic() < end, bridge.said()
+        heard = far.recv(0.02)
     with Session(far) as session:
         assert session.connect().mismatch is None
         session.begin("LOCKSTEP")
         session.end()
-    assert bridge.end() == 0
-    first = summary_of(bridge)["first"]
-    assert isinstance(first, dict) and first["frames"] > 3 and first["lost"] == first["rejected"] == 0
+    first = bridge.ended(0)["first"]
+    assert first["frames"] > 3 and first["lost"] == first["rejected"] == 0
 
 
 def test_a_bus_that_is_none_gets_one_sentence(start: Start) -> None:
@@ -182,7 +183,7 @@ def test_sides_that_are_swapped_are_named_and_link_trouble(start: Start, tmp_pat
     bridge = start("bridge", f"serial:{board}", f"serial:{sensor}")
     bridge.wait_for("is a board, no sensor board")
     bridge.wait_for("does not answer")
-    assert bridge.end() == 3
+    assert bridge.end() == 3, bridge.said()
     assert "Traceback" not in bridge.said()
 
 
@@ -191,8 +192,7 @@ def test_a_bridge_that_never_had_a_sample_says_so_and_is_link_trouble(start: Sta
     start("virtual-board", "--serial", "pty", "--symlink", str(board)).wait_for("serving")
     bridge = start("bridge", "udp:9", f"serial:{board}", "--json")
     bridge.wait_for("no sample has come over udp:9 yet")
-    assert bridge.end() == 3
-    assert summary_of(bridge)["runs"] == 0
+    assert bridge.ended(3)["runs"] == 0
 
 
 def test_a_bridge_that_is_killed_loses_the_armed_board_and_the_next_one_goes_on(start: Start, tmp_path: Path) -> None:
@@ -204,7 +204,7 @@ def test_a_bridge_that_is_killed_loses_the_armed_board_and_the_next_one_goes_on(
     bus = served.said().split("use it as ")[1].split(";")[0]
     command = ("bridge", f"serial:{sensor}", bus, "--arm", "--shadow", "--json")
     first = start(*command)
-    first.wait_for("armed")
+    first.wait_for(ARMED)
     first.end(signal.SIGKILL)
     with Session.open(str(board)) as watcher:
         end = time.monotonic() + WAIT_S
@@ -217,10 +217,9 @@ def test_a_bridge_that_is_killed_loses_the_armed_board_and_the_next_one_goes_on(
             assert time.monotonic() < end
         assert watcher.telemetry["EVENTS"]["disarm_cause"] == 0x20
         second = start(*command)
-        second.wait_for("armed")
+        second.wait_for(ARMED)
     time.sleep(0.5)
-    assert second.end() == 0
-    assert summary_of(second)["verdict"] == "pass"
+    assert second.ended(0)["verdict"] == "pass"
 
 
 @pytest.mark.parametrize("side", ["first", "second"])
@@ -228,9 +227,7 @@ def test_carrying_to_a_side_that_never_opens_is_link_trouble(start: Start, side:
     nowhere, somewhere = "tcp:127.0.0.1:9", "udp:9"
     bridge = start("bridge", *((nowhere, somewhere) if side == "first" else (somewhere, nowhere)), "--carry", "--json")
     bridge.wait_for("tcp:127.0.0.1:9: no connection")
-    assert bridge.end() == 3
-    found = summary_of(bridge)[side]
-    assert isinstance(found, dict) and found["opened"] == 0
+    assert bridge.ended(3)[side]["opened"] == 0
 
 
 # ---- the shadow ----
@@ -316,8 +313,13 @@ def test_what_goes_by_is_counted_by_its_numbers() -> None:
         assert flow.note(sample.identifier, sample.pack(step & 15, step >> 4, 1, 2, 3))
     for counter in (15, 0, 0):  # the last: sixteen later, fifteen missing
         assert flow.note(angle.identifier, angle.pack(counter, 0, 1, 2))
+    assert (flow.frames, flow.lost) == (6, 2 + 15)
+    hello = messages["HELLO"]
+    for _ in range(2):  # a host that says it again, as nobody answered, begins to count again
+        assert flow.note(hello.identifier, hello.pack(0, 0, 1, 2))
+    assert flow.note(angle.identifier, angle.pack(7, 0, 1, 2))
     assert not flow.note(angle.identifier, bytes(8))
     assert not flow.note(0x7FF, bytes(8))
-    assert (flow.frames, flow.lost, flow.rejected, flow.foreign) == (6, 2 + 15, 1, 1)
+    assert (flow.frames, flow.lost, flow.rejected, flow.foreign) == (9, 2 + 15, 1, 1)
     flow.forget()
-    assert flow.note(angle.identifier, angle.pack(9, 0, 1, 2)) and flow.lost == 17
+    assert flow.note(angle.identifier, angle.pack(12, 0, 1, 2)) and flow.lost == 17

@@ -1,5 +1,5 @@
 """What the bridge makes of either side's ways: a board that is reset while its cable stays, counters that were not at
-zero, a disarming and its cause, a port that turns out to be the other one, and both sides on one bus."""
+zero, a port that turns out to be the other one, and both sides on one bus."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ from plumb.sensorboard import SensorBoard
 from plumb.session import Session
 from plumb.systems import quad
 
-WAIT_S = 30.0
+WAIT_S = 120.0
+"""For what comes within a second or two, on a machine that may have other things to do."""
 TURN_US = 1000
 GIVE_UP_US = 50_000
 
@@ -144,7 +145,7 @@ def test_samples_that_the_bridge_leaves_out_are_what_the_board_misses_and_nothin
     running = Running(sensor, board.spec)
     try:
         running.wait_for(lambda: running.bridge.steps > 10)
-        assert running.bridge.counted.lost == running.bridge.skipped
+        running.wait_for(lambda: running.bridge.counted.lost == running.bridge.skipped)
         board.held = True  # samples pile up in front of it, and stay there until some are left out
         time.sleep(0.3)
         board.held = False
@@ -152,23 +153,6 @@ def test_samples_that_the_bridge_leaves_out_are_what_the_board_misses_and_nothin
         running.wait_for(lambda: running.bridge.counted.lost == running.bridge.skipped)
     finally:
         running.close()
-
-
-def test_why_the_board_disarmed_is_told_from_what_it_says_afterwards(
-    sides: tuple[ServedBoard, ServedSensors, str],
-) -> None:
-    board, sensors, sensor = sides
-    running = Running(sensor, board.spec, arm=True)
-    try:
-        running.wait_for("armed")
-        running.wait_for(lambda: board.memory.armed)
-        sensors.held = True
-        running.wait_for("the board disarmed")
-    finally:
-        running.close()
-    assert [text for text in running.said if "disarmed" in text] == [
-        "the board disarmed: no injected samples come; it stays so until this is started again"
-    ]
 
 
 def test_a_port_that_turns_out_to_be_the_boards_is_left_to_the_boards_side(

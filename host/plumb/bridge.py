@@ -26,6 +26,7 @@ from plumb.identity import BLOCKED, bits_text
 from plumb.parameters import control_part
 from plumb.protocol import Frame, check, protocol
 from plumb.quantise import ControlParams
+from plumb.samples import Samples
 from plumb.serialbus import PlumbBus
 from plumb.session import Session
 from plumb.shadow import Shadow
@@ -33,7 +34,9 @@ from plumb.shadow import Shadow
 RETRY_S = 0.5
 """Between two attempts to open a side that is not there."""
 SILENCE_S = 1.0
-"""Without a sample for so long the run ends; what is silent for longer is asked to begin again."""
+"""Listened to for so long without a frame, a side is silent: the run ends, and the far end is asked to begin again."""
+LISTEN_S = 0.1
+"""One look at a bus at most. Time in which this process did not listen is nobody's silence."""
 PATIENCE_S = 3.0
 """Without a sample for so long after the board answered, somebody may have to start something."""
 BOARD_SILENCE_S = 2.0
@@ -48,6 +51,8 @@ ARM_AFTER_STEPS = 10
 
 Open = Callable[[str], can.BusABC]
 Say = Callable[[str], None]
+Sample = tuple[float, list[Frame]]
+"""When it was whole, and its frames."""
 
 
 @dataclass
@@ -71,6 +76,8 @@ class Flow:
             self.rejected += 1
             return False
         self.frames += 1
+        if message.name == "HELLO":
+            self.forget()  # a host counts anew from there
         # SAMPLE and RAW are numbered by their step in six bits; one of four repeats what its SAMPLE_A says.
         wide = message.name in ("SAMPLE_A", "SAMPLE_B", "RAW_A", "RAW_B")
         if message.name not in ("SAMPLE_B", "SETPOINT"):
@@ -115,13 +122,14 @@ class BoardCounts:
 class End:
     """One bus, opened again and again by a thread of its own; what comes waits in `arrived` with its time.
 
-    generation: how often the other end is known to have come anew. trouble: why it is not open, or ''. wrong: its name
-    can never be opened.
+    generation: how often the other end is known to have come anew. quiet_s: listened for so long without a frame.
+    trouble: why it is not open, or ''. wrong: its name can never be opened.
     """
 
     def __init__(self, spec: str, open_: Open = open_bus) -> None:
         self.spec, self.flow = spec, Flow()
         self.generation = 0
+        self.quiet_s = 0.0
         self.trouble = ""
         self.wrong: UsageError | None = None
         self.ended = False
@@ -177,25 +185,28 @@ class End:
             except (LinkError, can.CanError, OSError) as error:
                 self.trouble = str(error)
             self._bus = None
+            self.quiet_s += RETRY_S
             self._done.wait(MISTAKEN_S if self._mistaken.is_set() else RETRY_S)
             self._mistaken.clear()
 
     def _read(self, bus: can.BusABC) -> None:
-        heard_s = time.monotonic()
+        self.quiet_s = asked_at_s = 0.0
         while not self._done.is_set() and not self._mistaken.is_set():
-            message = bus.recv(0.1)
+            begin_s = time.monotonic()
+            message = bus.recv(LISTEN_S)
             now_s = time.monotonic()
+            self.quiet_s += min(now_s - begin_s, LISTEN_S)
             if message is not None and not message.is_extended_id and not message.is_error_frame:
-                if now_s - heard_s > SILENCE_S:
+                if self.quiet_s > SILENCE_S:
                     self.generation += 1
                     self.flow.forget()
-                heard_s = now_s
+                self.quiet_s = asked_at_s = 0.0
                 frame = message.arbitration_id, bytes(message.data)
                 if self.flow.note(*frame):
                     self.arrived.put((now_s, frame))
-            elif now_s - heard_s > SILENCE_S and isinstance(bus, PlumbBus):
+            elif self.quiet_s - asked_at_s > SILENCE_S and isinstance(bus, PlumbBus):
                 bus.write_text(b"O\r")  # a far end that started again, and was not told that somebody listens
-                heard_s = now_s
+                asked_at_s = self.quiet_s
             if isinstance(bus, PlumbBus):
                 self.flow.rejected = bus.parser.rejected + bus.parser.bad
             self.ended = isinstance(bus, LogBus) and bus.ended
@@ -251,11 +262,12 @@ class Bridge:
         self.runs = self.steps = self.skipped = self.unused = 0
         self.latencies_s: list[float] = []
         self.shadow: Shadow | None = None
-        self._heard_s = time.monotonic()
+        self._quiet_s = 0.0
         names = protocol()
         self._sample_a, self._raw_a = names["SAMPLE_A"], names["RAW_A"]
         self._time_id = names["TIME"].identifier
-        self._down = {names[name].identifier for name in ("SAMPLE_A", "SAMPLE_B", "SETPOINT")}
+        self._setpoint_id = names["SETPOINT"].identifier
+        self._samples, self._generation = Samples(), 0
         self._told: set[str] = set()
 
     def run(self, stopped: Callable[[], bool]) -> None:
@@ -271,7 +283,7 @@ class Bridge:
                         self.say(f"the board at {self.board_spec} answers")
                         self._told.clear()
                         self.counted.forget()
-                        self._heard_s = time.monotonic()
+                        self._quiet_s = 0.0
                         self._serve(session, stopped)
                 except LinkError as error:
                     self._once(f"the board's side: {error}")
@@ -295,8 +307,8 @@ class Bridge:
             self._idle_drain()
             time.sleep(0.02)
 
-    def _idle_drain(self) -> list[tuple[float, Frame]]:
-        """What came while no run was on; says so when it is a board's."""
+    def _idle_drain(self) -> list[Sample]:
+        """Whole samples that came while no run was on; says so when a board sent them."""
         arrived = self.sensor.drain()
         heard = {frame[0] for _, frame in arrived}
         if self._time_id in heard and self._sample_a.identifier not in heard and not self.one_bus:
@@ -306,40 +318,49 @@ class Bridge:
             self.sensor.let_go()  # names of terminals are used again: this may be the port of the board's side
         if self.sensor.trouble:
             self._once(f"the sensor board's side: {self.sensor.trouble}")
-        self.unused += sum(frame[0] == self._sample_a.identifier for _, frame in arrived)
-        return arrived
+        samples = self._whole(arrived)
+        self.unused += len(samples)
+        return samples
+
+    def _whole(self, arrived: list[tuple[float, Frame]]) -> list[Sample]:
+        if self._generation != self.sensor.generation:
+            self._generation = self.sensor.generation
+            self._samples.forget()
+        return self._samples.take(arrived)
 
     # ---- one conversation with the board ----
 
     def _serve(self, session: Session, stopped: Callable[[], bool]) -> None:
         while not stopped() and not self._over():
             self._idle_drain()
-            frames = self._await_sample(session, stopped)
-            if frames:
-                self._one_run(session, frames, stopped)
+            sample = self._await_sample(session, stopped)
+            if sample is not None:
+                self._one_run(session, sample, stopped)
 
-    def _await_sample(self, session: Session, stopped: Callable[[], bool]) -> list[tuple[float, Frame]]:
+    def _await_sample(self, session: Session, stopped: Callable[[], bool]) -> Sample | None:
         begin_s = time.monotonic()
         while not stopped() and not self._over():
-            frames = self._idle_drain()
-            if any(frame[0] == self._sample_a.identifier for _, frame in frames):
-                return frames
+            samples = self._idle_drain()
+            if samples:
+                return samples[-1]
             if not self.sensor.trouble and time.monotonic() - begin_s > PATIENCE_S:
                 self._once(f"no sample has come over {self.sensor.spec} yet: is a sensor board there?")
             self._listen(session, 0.02)
-        return []
+        return None
 
     def _listen(self, session: Session, timeout_s: float) -> None:
         """Take what the board says; raises LinkError when it has said nothing for too long. A reset shows as nothing
         else where the cable stays: the board waits for a host to open the link again."""
-        now_s = time.monotonic()
+        begin_s = time.monotonic()
         if session.receive(timeout_s):
-            self._heard_s = now_s
+            self._quiet_s = 0.0
             self.counted.note(session.telemetry)
-        elif now_s - self._heard_s > BOARD_SILENCE_S:
+            return
+        self._quiet_s += min(time.monotonic() - begin_s, LISTEN_S)
+        if self._quiet_s > BOARD_SILENCE_S:
             raise LinkError("it fell silent")
 
-    def _one_run(self, session: Session, first: list[tuple[float, Frame]], stopped: Callable[[], bool]) -> None:
+    def _one_run(self, session: Session, sample: Sample, stopped: Callable[[], bool]) -> None:
         params = self.params
         if params is None:
             params = ControlParams.from_words(control_part(session.read_parameters()))
@@ -349,21 +370,24 @@ class Bridge:
         session.listener = run.up
         session.begin("REALTIME_INJECTED", frames=("RAW_A", "RAW_B", *self.frames))
         self.runs += 1
-        generation, heard_s = self.sensor.generation, time.monotonic()
         self.say(f"run {self.runs}: samples come, the board steps")
-        self._heard_s = time.monotonic()
-        pending = first[-3:]  # the newest sample, whole
-        self.unused -= 1
+        self._quiet_s = 0.0
+        generation = self.sensor.generation
+        # The newest of those that came while parameters were uploaded: the others would wait before it for ever.
+        meanwhile = self._whole(self.sensor.drain())
+        self.unused += len(meanwhile) - 1
+        time_s, frames = (meanwhile or [sample])[-1]
+        if self._samples.setpoint is not None and self._samples.setpoint not in frames and not self.one_bus:
+            session.send([self._samples.setpoint])
+        pending = [(time_s, frames)]
         while not stopped() and not self._over():
-            if pending:
-                heard_s = time.monotonic()
-                run.down(pending)
+            run.down(pending)
             self._listen(session, TURN_S)
             run.look()
-            if generation != self.sensor.generation or time.monotonic() - heard_s > SILENCE_S:
+            if generation != self.sensor.generation or self.sensor.quiet_s > SILENCE_S:
                 self.say("the sensor board fell silent: the run ends, the outputs are neutral")
                 break
-            pending = self.sensor.drain()
+            pending = self._whole(self.sensor.drain())
         session.listener = None
         run.end()
 
@@ -373,7 +397,6 @@ class _Run:
 
     def __init__(self, bridge: Bridge, session: Session, params: ControlParams) -> None:
         self.bridge, self.session, self.capture = bridge, session, Capture(session)
-        self._group: list[Frame] = []
         self._waiting: deque[tuple[float, tuple[int, ...]]] = deque()
         self._standing = self._surplus = self._looked = 0
         self._armed = self._disarmed = False
@@ -382,16 +405,10 @@ class _Run:
         if bridge.want_shadow:
             bridge.shadow = Shadow(params, bridge.shadow)
 
-    def down(self, arrived: list[tuple[float, Frame]]) -> None:
+    def down(self, samples: list[Sample]) -> None:
         """Whole samples to the board, in one piece each."""
         bridge = self.bridge
-        for time_s, frame in arrived:
-            if frame[0] not in bridge._down:
-                continue
-            self._group.append(frame)
-            if frame[0] != bridge._sample_a.identifier:
-                continue
-            group, self._group = self._group, []
+        for time_s, frames in samples:
             self._looked += 1
             self._standing = min(self._standing, len(self._waiting))
             if self._looked >= STANDING_OVER:
@@ -399,11 +416,11 @@ class _Run:
             if self._surplus and not bridge.one_bus:
                 self._surplus -= 1
                 bridge.skipped += 1
-                group = [entry for entry in group if entry[0] == protocol()["SETPOINT"].identifier]
+                frames = [frame for frame in frames if frame[0] == bridge._setpoint_id]
             else:
-                self._waiting.append((time_s, tuple(bridge._sample_a.unpack(frame[1])[2:])))
-            if group and not bridge.one_bus:
-                self.session.send(group)
+                self._waiting.append((time_s, tuple(bridge._sample_a.unpack(frames[-1][1])[2:])))
+            if frames and not bridge.one_bus:
+                self.session.send(frames)
 
     def up(self, frames: list[Frame]) -> None:
         """Answers, also those that came while a request waited for its own."""
