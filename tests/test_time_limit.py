@@ -1,0 +1,53 @@
+"""A test that hangs fails by name, the next one runs; one that hangs where no Python runs ends the session."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CASES = """
+import signal, threading, time, pytest
+
+@pytest.fixture
+def hanging():
+    time.sleep(60)
+
+def a_thread_of_its_own(done):
+    done.wait(60)
+
+def test_in_a_lock():
+    done = threading.Event()
+    thread = threading.Thread(target=a_thread_of_its_own, args=(done,), daemon=True)
+    thread.start()
+    thread.join()
+
+def test_in_its_fixture(hanging): ...
+
+def test_that_is_quick(): ...
+
+def test_out_of_reach():
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGALRM})
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> subprocess.CompletedProcess[str]:
+    shutil.copy(Path(__file__).with_name("conftest.py"), tmp_path)
+    (tmp_path / "test_hangs.py").write_text(CASES)
+    command = [sys.executable, "-m", "pytest", "-v", "-p", "no:cacheprovider", "test_hangs.py"]
+    limited = {**os.environ, "PLUMB_TEST_LIMIT_S": "1"}
+    return subprocess.run(command, cwd=tmp_path, env=limited, capture_output=True, text=True, check=False, timeout=120)
+
+
+def test_who_hangs_is_named_and_shown_and_nobody_waits(run: subprocess.CompletedProcess[str]) -> None:
+    assert "test_in_a_lock FAILED" in run.stdout and "test_in_its_fixture ERROR" in run.stdout
+    assert "test_that_is_quick PASSED" in run.stdout
+    assert "in a_thread_of_its_own" in run.stderr  # every thread
+    assert "Timeout (0:00:02)!" in run.stderr and "in test_out_of_reach" in run.stderr
+    assert run.returncode == 1
