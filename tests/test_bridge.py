@@ -120,10 +120,12 @@ def test_either_side_may_be_killed_and_started_again(start: Start, tmp_path: Pat
     bridge = start("bridge", f"serial:{sensor}", f"serial:{board}", "--arm", "--shadow", "--json")
     bridge.wait_for(ARMED)
     board_process.end(signal.SIGKILL)
+    board.unlink()  # as the name of an adapter that is unplugged goes; the terminal may be somebody else's from here on
     bridge.wait_for("the board's side:")
     start(*board_command)
     bridge.wait_for("run 2:")
     sensor_process.end(signal.SIGKILL)
+    sensor.unlink()
     bridge.wait_for("fell silent")
     start(*sensor_command)
     bridge.wait_for("run 3:")
