@@ -59,25 +59,26 @@ def test_what_is_saved_outlives_the_process(tmp_path: Path, capsys: pytest.Captu
     """Killed the hard way after the save was answered and written down, as a board that loses its supply."""
     kept, port = tmp_path / "board.flash", tmp_path / "port"
     command = [sys.executable, "-m", "plumb", "virtual-board", "--symlink", str(port), "--keep", str(kept)]
-    board = ["--board", f"serial:{port}"]
-    for started, source in ((1, "factory defaults"), (2, "saved in flash")):
-        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+
+    def asked(*arguments: str) -> str:
+        front.main([*arguments, "--board", f"serial:{port}"])
+        return capsys.readouterr().out
+
+    for source in ("factory defaults", "saved in flash"):
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        try:
             assert process.stdout is not None and "serving" in process.stdout.readline()
-            front.main(["doctor", *board])
-            assert f"parameters: {source}" in capsys.readouterr().out
-            if started == 1:
-                assert front.main(["params", "set", "period_us=12000", "pins=1", *board, "--save"]) == 0
-                end_s = time.monotonic() + 30
-                while not kept.exists():
-                    assert time.monotonic() < end_s
-                    time.sleep(0.01)
-            else:
-                capsys.readouterr()
-                assert front.main(["params", "get", "period_us", *board, "--json"]) == 0
-                assert "12000" in capsys.readouterr().out
-                front.main(["doctor", *board])
-                assert "pins: bridge" in capsys.readouterr().out
+            assert f"parameters: {source}" in asked("doctor")
+            asked("params", "set", "period_us=12000", "pins=1", "--save")
+            end_s = time.monotonic() + 30
+            while not kept.exists():
+                assert time.monotonic() < end_s
+                time.sleep(0.01)
+            assert "12000" in asked("params", "get", "period_us")
+        finally:
             process.kill()
+            process.communicate()
+    assert kept.stat().st_size == 4096
 
 
 @pytest.mark.parametrize("text", ["short", None])
