@@ -6,8 +6,10 @@ allow at best, so that a scenario which became easier by accident fails as well.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 
+import numpy as np
 import pytest
 
 from plumb import quantise
@@ -140,6 +142,12 @@ def test_a_missed_figure_is_printed_as_missed() -> None:
         True, True, True, False,
     ]  # fmt: skip
     assert [row.to_json()["met"] for row in rows] == [False, False, False, True, True]
+
+
+@pytest.mark.parametrize("sense", ["at most", "at least", "near"])
+def test_a_figure_that_numpy_computed_goes_into_json(sense: Sense) -> None:
+    row = Figure("a", "motion", "paper", "deg", sense, 1.0, np.float64(1.0), np.float64(2.0))
+    assert json.loads(json.dumps(row.to_json()))["met"] is True
 
 
 def test_a_short_table_keeps_what_was_asked_and_what_belongs_beside_it() -> None:

@@ -46,7 +46,7 @@ MACHINE_DEPENDENT = ("native Kalman steps:", "link frames parsed:")
 def answer(name: str) -> str:
     """What the command prints."""
     done = subprocess.run([sys.executable, *COMMANDS[name]], cwd=ROOT, capture_output=True, text=True, check=False)
-    if done.returncode not in (0, 1):
+    if done.returncode not in (0, 1) or not done.stdout:
         raise SystemExit(f"{name}: {done.stderr.strip()}")
     return done.stdout
 

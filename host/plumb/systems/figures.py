@@ -55,13 +55,13 @@ class Figure:
     def met(self) -> bool:
         match self.sense:
             case "at most":
-                return self.reached <= self.reach
+                return bool(self.reached <= self.reach)
             case "at least":
-                return self.reached >= self.reach
+                return bool(self.reached >= self.reach)
             case "beside" | "shown":
                 return True
             case _:
-                return abs(self.reached - self.reach) <= NEAR * self.reach
+                return bool(abs(self.reached - self.reach) <= NEAR * self.reach)
 
     def to_json(self) -> dict[str, Any]:
         return {**asdict(self), "met": self.met}

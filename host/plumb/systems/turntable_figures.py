@@ -7,6 +7,7 @@ seeds with that of the gyro alone, whose spikes are taken out without a trace: t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -200,7 +201,7 @@ def lag_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 def white_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     """White noise alone: the rate gains, the angle cannot."""
     batch = Batch.of("white", seeds)
-    sampled = turntable.ERRORS["white"].gyro_dps / np.sqrt(turntable.GYRO_PERIOD_S)
+    sampled = turntable.ERRORS["white"].gyro_dps / math.sqrt(turntable.GYRO_PERIOD_S)
     marks: tuple[tuple[str, str, Sense, float], ...] = (
         ("known", "rate noise", "at least", 65.0),
         ("data", "rate noise, scale and lag estimated", "shown", 0.0),
