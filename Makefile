@@ -36,7 +36,7 @@ size: image
 
 C_FILES = $(shell git ls-files '*.c' '*.h')
 check-style:
-	$(VENV)/ruff check host tools tests
+	$(VENV)/ruff check --no-cache host tools tests
 	$(VENV)/ruff format --check host tools tests
 	$(VENV)/mypy
 	$(VENV)/clang-format --dry-run -Werror $(C_FILES)

@@ -10,7 +10,6 @@ import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
 from conftest import Board
-
 from plumb.f103.tim1 import HIGH_PINS, LOW_PINS, MOE, Edge
 from plumb.f103.timeline import TICKS_PER_US
 from plumb.motor import FORWARD, share_of_supply

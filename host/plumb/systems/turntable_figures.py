@@ -208,14 +208,14 @@ def white_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     )
     for tuning, claim, sense, reach in marks:
         noise = batch.rate_noise_dps(tuning)
-        ideal = np.mean(batch.float64_rate_noise_dps(tuning))
-        shares = [100.0 * (1.0 - float(value) / sampled) for value in (np.mean(noise), np.max(noise), ideal)]
-        yield Figure(claim, "white", tuning, "% below gyro", sense, reach, *shares)
+        found = (np.mean(noise), np.max(noise), np.mean(batch.float64_rate_noise_dps(tuning)))
+        mean, worst, ideal = (100.0 * (1.0 - float(value) / sampled) for value in found)
+        yield Figure(claim, "white", tuning, "% below gyro", sense, reach, mean, worst, ideal)
     yield from honest_rows(batch, "white")
     mark = batch.lag_undone()
     for tuning in ("data", "known"):
-        found = batch.integers(tuning).below(mark)
-        yield Figure("angle, mean, against lag undone", "white", tuning, "% below it", "shown", 0.0, found[0])
+        less = batch.integers(tuning).below(mark)
+        yield Figure("angle, mean, against lag undone", "white", tuning, "% below it", "shown", 0.0, less[0])
 
 
 def preset_rows(seeds: Iterable[int]) -> Iterator[Figure]:
