@@ -201,6 +201,8 @@ def test_sensor_board_and_stm32_may_meet_on_one_can_bus() -> None:
         running.wait_for("run 1:")
         running.wait_for(lambda: running.bridge.steps > 10)
         assert running.bridge.counted.lost == running.bridge.skipped == 0
+        assert running.bridge.sensor.flow.frames <= sensors.board.sent + 1  # each side's frames are its own
+        assert protocol()["SAMPLE_A"].identifier not in running.bridge.board._last
     finally:
         running.close()
         sensors.close()

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import re
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections import deque
@@ -80,6 +84,49 @@ def test_whatever_a_driver_raises_is_one_sentence(trouble: Exception) -> None:
     bus.shutdown()
     bus.shutdown()
     assert driver.closed == 1
+
+
+class FullDriver(Driver):
+    """A network interface whose queue has no room for so many attempts."""
+
+    def __init__(self, full_for: int) -> None:
+        super().__init__()
+        self.full_for, self.sent = full_for, 0
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if self.full_for:
+            self.full_for -= 1
+            raise can.CanOperationError("Failed to transmit: No buffer space available", errno.ENOBUFS)
+        self.sent += 1
+
+
+def test_a_full_queue_is_waited_for() -> None:
+    """What socketcan says of the eleventh frame of a burst, with the queue that Linux has by default."""
+    driver = FullDriver(full_for=5)
+    bus = DriverBus("can:x:0", driver)
+    AnyBus(bus).write_frames([(GOOD.arbitration_id, bytes(GOOD.data))] * 3)
+    assert (driver.full_for, driver.sent) == (0, 3)
+    driver.full_for = 1_000_000
+    with pytest.raises(LinkError, match="No buffer space"):
+        bus.send(GOOD, timeout=0.01)
+    assert driver.sent == 3
+    bus.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("spec", "remedy"),
+    [("socketcan:nothere@250", "ip link set nothere up type can bitrate 250000"), ("slcan:/nothere", "adapter's port")],
+)
+def test_an_interface_that_is_not_there_is_told_what_to_do_about(spec: str, remedy: str) -> None:
+    with pytest.raises(LinkError, match=re.escape(remedy)):
+        open_can(spec)
+
+
+def test_what_a_driver_logs_is_no_second_line() -> None:
+    """The one for Kvaser's adapters logs that their library is not there; pytest would take the log, so a process."""
+    command = [sys.executable, "-m", "plumb", "monitor", "--board", "can:kvaser:0", "--seconds", "1"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 3 and len(done.stderr.splitlines()) == 1, done.stderr
 
 
 Handler = Callable[[socket.socket], None]

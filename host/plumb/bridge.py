@@ -13,7 +13,7 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -122,12 +122,13 @@ class BoardCounts:
 class End:
     """One bus, opened again and again by a thread of its own; what comes waits in `arrived` with its time.
 
+    only: the identifiers that are this end's, where another end has the same bus.
     generation: how often the other end is known to have come anew. quiet_s: listened for so long without a frame.
     trouble: why it is not open, or ''. wrong: its name can never be opened.
     """
 
-    def __init__(self, spec: str, open_: Open = open_bus) -> None:
-        self.spec, self.flow = spec, Flow()
+    def __init__(self, spec: str, open_: Open = open_bus, only: Container[int] | None = None) -> None:
+        self.spec, self.flow, self._only = spec, Flow(), only
         self.generation = 0
         self.quiet_s = 0.0
         self.trouble = ""
@@ -196,7 +197,7 @@ class End:
             message = bus.recv(LISTEN_S)
             now_s = time.monotonic()
             self.quiet_s += min(now_s - begin_s, LISTEN_S)
-            if message is not None and not message.is_extended_id and not message.is_error_frame:
+            if message is not None and self._is_its_own(message):
                 if self.quiet_s > SILENCE_S:
                     self.generation += 1
                     self.flow.forget()
@@ -210,6 +211,10 @@ class End:
             if isinstance(bus, PlumbBus):
                 self.flow.rejected = bus.parser.rejected + bus.parser.bad
             self.ended = isinstance(bus, LogBus) and bus.ended
+
+    def _is_its_own(self, message: can.Message) -> bool:
+        data_frame = not message.is_extended_id and not message.is_error_frame
+        return data_frame and (self._only is None or message.arbitration_id in self._only)
 
 
 def carry(one: End, other: End, stopped: Callable[[], bool], say: Say = lambda text: None) -> None:
@@ -254,9 +259,10 @@ class Bridge:
         say: Say = lambda text: None,
         open_: Open = open_bus,
     ) -> None:
-        self.sensor, self.board_spec, self.board = End(sensor, open_), board, Flow()
         self.one_bus = sensor == board
-        self.counted = BoardCounts()
+        self._theirs = {protocol()[name].identifier for name in ("SAMPLE_A", "SAMPLE_B", "SETPOINT")}
+        self.sensor = End(sensor, open_, self._theirs if self.one_bus else None)
+        self.board_spec, self.board, self.counted = board, Flow(), BoardCounts()
         self.params, self.frames, self.link = params, frames, link
         self.want_arm, self.want_shadow, self.say, self._open = arm, shadow, say, open_
         self.runs = self.steps = self.skipped = self.unused = 0
@@ -311,7 +317,7 @@ class Bridge:
         """Whole samples that came while no run was on; says so when a board sent them."""
         arrived = self.sensor.drain()
         heard = {frame[0] for _, frame in arrived}
-        if self._time_id in heard and self._sample_a.identifier not in heard and not self.one_bus:
+        if self._time_id in heard and self._sample_a.identifier not in heard:
             self._once(
                 f"what speaks at {self.sensor.spec} is a board, no sensor board: the sensor board's BUS is the first"
             )
@@ -429,7 +435,8 @@ class _Run:
             bridge.sensor.send(frames)
         now_s = time.monotonic()
         for identifier, data in frames:
-            bridge.board.note(identifier, data)
+            if not bridge.one_bus or identifier not in bridge._theirs:
+                bridge.board.note(identifier, data)
             if identifier == bridge._raw_a.identifier:
                 self._match(tuple(bridge._raw_a.unpack(data)[2:]), now_s)
         before = self.capture.steps

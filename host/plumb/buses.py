@@ -12,6 +12,7 @@ wait for whoever opens them.
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -100,15 +101,23 @@ def open_can(address: str) -> can.BusABC:
         raise UsageError(f"'can:{address}' names no bus; use can:INTERFACE:CHANNEL[@KBIT]")
     if interface not in can.VALID_INTERFACES:
         raise UsageError(f"python-can has no interface '{interface}'; it has {', '.join(sorted(can.VALID_INTERFACES))}")
+    logging.getLogger("can").addHandler(logging.NullHandler())  # what drivers log is in the one sentence, too
     try:
         return DriverBus(f"can:{address}", can.Bus(**options))
     except LinkError:
         raise
     except Exception as error:  # interfaces raise whatever their drivers do
         reason = str(error).strip().partition("\n")[0] or type(error).__name__
-        raise LinkError(
-            f"can:{address} cannot be opened ({reason}): check that the interface is up and its driver installed"
-        ) from None
+        raise LinkError(f"can:{address} cannot be opened ({reason}): {_remedy(interface, channel, kbit)}") from None
+
+
+def _remedy(interface: str, channel: str, kbit: int) -> str:
+    """What to do about a CAN interface that does not open."""
+    if interface == "socketcan":
+        return f"bring it up with `sudo ip link set {channel} up type can bitrate {kbit * 1000}`"
+    if interface == "slcan":
+        return "check the adapter's port, which other program has it, and that the adapter is plugged in"
+    return "check that the interface is up and its driver installed"
 
 
 class LogBus(can.BusABC):

@@ -7,6 +7,7 @@ this process another (`plumb.f103.canbus`); everything else that python-can can 
 from __future__ import annotations
 
 import contextlib
+import errno
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
@@ -18,6 +19,8 @@ from plumb.protocol import Frame, check, protocol
 from plumb.stream import ClosedError
 
 SEND_TIMEOUT_S = 1.0
+FULL_WAIT_S = 0.0005
+"""About two frames at 500 kbit/s."""
 MALFORMED_IN_A_ROW = 8
 """So many pieces of text without a frame between them are no noise on the line but another kind of line."""
 
@@ -59,8 +62,18 @@ class DriverBus(can.BusABC):
         super().__init__(name, can_filters=can_filters)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Waits for room, SEND_TIMEOUT_S unless told otherwise: a network interface of Linux queues ten frames by
+        default, and says of the next that there is no buffer space, whatever time-out the driver was given."""
+        end = time.monotonic() + (SEND_TIMEOUT_S if timeout is None else timeout)
         with explained(self.channel_info):
-            self._driver.send(msg, timeout)
+            while True:
+                try:
+                    return self._driver.send(msg, timeout)
+                except (can.CanError, OSError) as error:
+                    number = getattr(error, "error_code", None) or getattr(error, "errno", None)
+                    if number != errno.ENOBUFS or time.monotonic() >= end:
+                        raise
+                time.sleep(FULL_WAIT_S)
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         with explained(self.channel_info):

@@ -22,6 +22,8 @@ from plumb.protocol import FRAME_DLC, Frame, check, protocol
 LOOK_AHEAD = 6
 """A read waits for frames that the board sends anyway, up to so many."""
 _LONGEST_WAIT_S = 0.5
+SEND_PATIENCE_S = 0.02
+"""A bus that takes no frame for so long has failed."""
 
 
 class MachineBus(can.BusABC):
@@ -115,4 +117,4 @@ class Joint:
             if not message.is_error_frame and not message.is_fd and message.dlc <= FRAME_DLC:
                 self.wire.send(frame_of(message))
         for frame in self.wire.take():
-            self.bus.send(message_of(frame, time.time()), timeout=0)
+            self.bus.send(message_of(frame, time.time()), timeout=SEND_PATIENCE_S)
