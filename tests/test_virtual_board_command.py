@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from plumb import __main__ as front
+from plumb import systems, tablefile
 from plumb.errors import UsageError
 from plumb.f103.image import find_image
+from plumb.quantise import quantise
+from plumb.session import Session
 
 pytest.importorskip("unicorn", reason="the virtual board needs the extra plumb[virtual]")
+from plumb import live
+from plumb.f103 import Machine, open_machine
+
 try:
     IMAGE = find_image()
 except UsageError as missing:
@@ -94,3 +102,56 @@ def test_another_file_is_not_taken_for_kept_parameters(
     complaint = capsys.readouterr().err
     assert "other" in complaint and len(complaint.splitlines()) == 1
     assert text is None or other.read_text() == text
+
+
+@pytest.mark.parametrize(
+    ("name", "tuning", "pins"), [("quad", "adaptive", 0), ("balancer", "tuned", 1), ("turntable", "analog", 0)]
+)
+def test_with_a_system_it_comes_up_as_that_one(name: str, tuning: str, pins: int) -> None:
+    """Saved and started again: a balancer that is armed later is armed on the pins of the bridge, or not at all."""
+    system = systems.load(name)
+    machine = open_machine()
+    live.comes_up_as(machine, name)
+    with Session.open(machine.uart) as session:
+        identity = session.connect()
+        found = tablefile.by_name(tablefile.read_table(session))
+    assert identity["PINS"] == pins and identity.parameter_source.startswith("saved")
+    wanted = {**quantise(system.TUNINGS[tuning]).values, "period_us": system.PERIOD_US, **system.LINK}
+    assert {key: found[key] for key in wanted} == wanted
+
+
+def test_the_served_one_is_that_system() -> None:
+    command = [sys.executable, "-m", "plumb", "virtual-board", "--serial", "tcp:0", "--system", "balancer"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        told = re.search(r"socket://[\d.:]+", process.stdout.readline())
+        assert told is not None
+        try:
+            with Session.open(told[0]) as session:
+                pins = session.connect()["PINS"]
+        finally:
+            process.terminate()
+    assert pins == 1
+
+
+def test_kept_parameters_are_nobodys_to_replace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A board whose file holds a set comes up with that one, whatever system its plant is of."""
+    kept = tmp_path / "board.flash"
+    pins = []
+
+    def look(machine: Machine, where: str, **ends: Any) -> int:
+        with Session.open(machine.uart) as session:
+            pins.append(session.connect()["PINS"])
+            if not kept.exists():
+                session.upload(quantise(systems.load("quad").TUNINGS["adaptive"]).words(), period_us=20_000)
+                session.execute_idle("SAVE")
+        ends["kept"].write()
+        return signal.SIGTERM
+
+    monkeypatch.setattr("plumb.f103.serve.serve", look)
+    command = ["virtual-board", "--keep", str(kept)]
+    assert front.main(command) == 0 and kept.exists()
+    assert front.main([*command, "--system", "balancer"]) == 0
+    kept.unlink()
+    assert front.main([*command, "--system", "balancer"]) == 0
+    assert pins == [0, 0, 1]

@@ -21,6 +21,7 @@ from plumb.boards import Answer
 from plumb.boards.virtual import VirtualBoard
 from plumb.capture import Capture
 from plumb.errors import LinkError
+from plumb.f103 import START_US
 from plumb.f103.machine import Machine
 from plumb.quantise import ControlParams, quantise
 from plumb.session import REPLY_TIMEOUT_S, Session
@@ -61,6 +62,17 @@ def show(board: VirtualBoard, name: str, scenario: str | None, seed: int) -> Non
     become(board, quantise(system.TUNINGS[live.TUNING]), period_us=chosen.period_us, **system.LINK)
     live.Coupling(board.machine, plant)
     board.machine.advance_us(FOUND_US)
+
+
+def comes_up_as(machine: Machine, name: str) -> None:
+    """Make a machine that was just started a system for its own sensors, as `plumb params tuning SYSTEM --save` and a
+    reset do: tuning, period and pin set come out of its flash from then on."""
+    system, live = systems.load(name), systems.load(name, "live")
+    with Session.open(machine.uart) as session:
+        session.upload(quantise(system.TUNINGS[live.TUNING]).words(), period_us=system.PERIOD_US, **system.LINK)
+        session.execute_idle("SAVE")
+    machine.reset()
+    machine.advance_us(START_US)
 
 
 def fly(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, open_loop: bool = False) -> Trial:

@@ -10,7 +10,9 @@
 
     plumb virtual-board --symlink board --keep board.flash     what `plumb params save` saves is there the next time
 
-It runs the very image that is flashed, until Ctrl-C; starting it again is power off and on.
+It runs the very image that is flashed, until Ctrl-C; starting it again is power off and on. With --system the board
+comes up as that system, its tuning and its pin set saved, as `plumb params tuning SYSTEM --save` and a reset leave
+them, unless --keep has parameters; without it, as a blank one.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--serial", default="pty", metavar="pty|tcp:PORT", help="where its UART appears (default pty)")
     parser.add_argument("--can", metavar="INTERFACE:CHANNEL", help="where its CAN bus appears (default: nowhere)")
     parser.add_argument("--symlink", type=Path, help="also make this name point to the terminal")
-    parser.add_argument("--system", help="couple this system's plant to the pins")
+    parser.add_argument("--system", help="begin as this system, its plant on the pins")
     parser.add_argument("--scenario", help="of the plant; a wrong name prints the system's list")
     parser.add_argument("--seed", type=int, default=1000, help="of the plant (default 1000)")
     parser.add_argument("--part", default="stm32f103c8", help="stm32f103c8 (default), -cb, -rct6, -ret6 or -zet6")
@@ -39,7 +41,6 @@ def main(arguments: argparse.Namespace) -> int:
 
     slots = read_slots(arguments.keep) if arguments.keep else b""
     machine = open_machine(arguments.image, arguments.part, slots=slots)
-    kept = KeptSlots(machine, arguments.keep) if arguments.keep else None
     couple = None
     if arguments.system:
         from plumb import live
@@ -47,6 +48,9 @@ def main(arguments: argparse.Namespace) -> int:
         system = systems.load(arguments.system)
         name = arguments.scenario or systems.load(arguments.system, "live").SCENARIO
         couple = live.coupler(arguments.system, system.scenario(name, arguments.seed))
+        if not slots:
+            live.comes_up_as(machine, arguments.system)
+    kept = KeptSlots(machine, arguments.keep) if arguments.keep else None
     from plumb.f103.serve import serve
 
     def announce(address: str) -> None:
