@@ -30,9 +30,11 @@ class SteadySensor:
 
     def drain(self) -> list[tuple[float, Frame]]:
         arrived: list[Frame] = []
-        while self.speaks and self.sent * PERIOD_US <= self.board.time_us:
+        while self.sent * PERIOD_US <= self.board.time_us:
             before = 0 if self.sent == 0 else self.setpoint
-            arrived += sample_frames(protocol(), self.sent, (1700, 2400, 3000, 0, 0, self.sent), self.setpoint, before)
+            if self.speaks:
+                raw = (1700, 2400, 3000, 0, 0, self.sent)
+                arrived += sample_frames(protocol(), self.sent, raw, self.setpoint, before)
             self.sent += 1
         return [(0.0, entry) for entry in arrived]
 
@@ -98,6 +100,18 @@ def test_why_the_board_disarmed_is_told_from_what_it_says_afterwards(monkeypatch
     assert [text for text in joined.said if "disarmed" in text] == [
         "the board disarmed: no injected samples come; it stays so until this is started again"
     ]
+
+
+def test_samples_that_falter_at_the_start_put_arming_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    joined = Joined(monkeypatch, arm=True)
+
+    def over() -> bool:
+        joined.sensor.speaks = not 5 < joined.bridge.steps < 30
+        return joined.bridge.steps > 80
+
+    joined.bridge.run(over)
+    told = [text for text in joined.said if "armed" in text]
+    assert told == ["not armed yet: the board refused EXECUTE: no injected samples come", "armed"]
 
 
 def test_a_sample_whose_frames_come_apart_is_whole_and_another_board_s_half_is_not_used() -> None:

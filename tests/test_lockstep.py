@@ -115,6 +115,45 @@ def test_lost_words_are_an_error_not_a_guess() -> None:
             run.exchange((1, 2, 3))
 
 
+def test_words_that_come_late_are_waited_for() -> None:
+    """Half a second after their step."""
+    board, held = MemoryBoard(), bytearray()
+    with Session.open(board) as session:
+        run = Lockstep(session, words=(3,))
+        word, late_us = f"t{protocol()['WORD'].identifier:03X}".encode(), board.time_us + 500_000
+
+        def hold(data: bytes) -> bytes:
+            lines = data.splitlines(keepends=True)
+            held.extend(b"".join(line for line in lines if line.startswith(word)))
+            rest = b"".join(line for line in lines if not line.startswith(word))
+            if board.time_us > late_us:
+                rest, held[:] = rest + held, b""
+            return rest
+
+        board.spoil_up = hold
+        assert set(run.exchange((1, 2, 3)).words) == {3}
+        assert board.time_us > late_us
+
+
+def test_a_host_that_was_busy_looks_at_what_arrived_before_it_misses_anything() -> None:
+    """Its clock is an hour on when it comes back."""
+    board = MemoryBoard()
+    with Session.open(board) as session:
+        run = Lockstep(session, words=(3,))
+        receive, away_s = session.receive, [0.0]
+        session.clock = lambda: board.clock_s() + away_s[0]
+
+        def one_by_one(timeout_s: float) -> list[tuple[int, bytes]]:
+            if not waiting:
+                waiting.extend(receive(timeout_s))
+            away_s[0] += 3600.0
+            return [waiting.pop(0)] if waiting else []
+
+        waiting: list[tuple[int, bytes]] = []
+        session.receive = one_by_one  # type: ignore[method-assign]
+        assert set(run.exchange((1, 2, 3)).words) == {3}
+
+
 def test_sixteen_in_flight_and_no_more() -> None:
     board = MemoryBoard()
     with Session.open(board) as session:

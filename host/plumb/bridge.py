@@ -22,7 +22,7 @@ import can
 from plumb.buses import LogBus, open_bus
 from plumb.capture import Capture
 from plumb.errors import LinkError, UsageError
-from plumb.identity import BLOCKED, bits_text
+from plumb.identity import BLOCKED, NackError, bits_text
 from plumb.parameters import control_part
 from plumb.protocol import Frame, check, protocol
 from plumb.quantise import ControlParams
@@ -48,6 +48,8 @@ STANDING_OVER = 25
 """Samples over which at least so and so many older ones were always waiting for their step: delay that never goes away
 by itself, because both sides have the same period. That many are left out then."""
 ARM_AFTER_STEPS = 10
+BLOCKED_BY_SILENCE = 1 << 7
+"""Refused because samples stopped for a moment: they came before, and will again."""
 
 Open = Callable[[str], can.BusABC]
 Say = Callable[[str], None]
@@ -406,6 +408,7 @@ class _Run:
         self._waiting: deque[tuple[float, tuple[int, ...]]] = deque()
         self._standing = self._surplus = self._looked = 0
         self._armed = self._disarmed = False
+        self._arm_after = ARM_AFTER_STEPS
         self._used: tuple[int, ...] | None = None
         bridge.board.forget()
         if bridge.want_shadow:
@@ -453,13 +456,17 @@ class _Run:
         bridge, session = self.bridge, self.session
         if bridge.shadow is not None:
             bridge.shadow.follow(self.capture, session.counters.lost + session.frames.rejected)
-        if bridge.want_arm and self.capture.steps > ARM_AFTER_STEPS:
+        if bridge.want_arm and self.capture.steps > self._arm_after:
             bridge.want_arm = False
             try:
                 session.arm()
                 bridge.say("armed")
             except LinkError as error:
-                bridge.say(f"not armed: {error}")
+                if isinstance(error, NackError) and error.reason == "BLOCKED" and error.detail == BLOCKED_BY_SILENCE:
+                    bridge.want_arm, self._arm_after = True, self.capture.steps + ARM_AFTER_STEPS
+                    bridge._once(f"not armed yet: {error}")
+                else:
+                    bridge.say(f"not armed: {error}")
         if self._armed and not self.capture.armed:
             self._disarmed = True
             session.telemetry.pop("EVENTS", None)  # the cause is in the next one

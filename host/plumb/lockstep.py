@@ -173,7 +173,8 @@ class Lockstep:
     def exchange(self, raw: tuple[int, ...], setpoint_turn_q32: int = 0) -> StepReply:
         """One sample, one step, with everything that was selected.
 
-        Raises LinkError when a selected word was lost on the way: the run has to be done again then.
+        Raises LinkError when a selected word was lost on the way: the run has to be done again then. Nobody says it
+        again, so it is waited for as long as for all repetitions of what is.
         """
         session, step = self.session, self.step
         text = text_of_frames(sample_frames(session.protocol, step, raw, setpoint_turn_q32, self._setpoint))
@@ -183,13 +184,17 @@ class Lockstep:
         flags = digest = -1
         for _ in range(TRIES):
             self._write(text)
-            end = session.clock() + REPLY_TIMEOUT_S
-            while pending and (remaining := end - session.clock()) > 0:
-                for identifier, data in session.receive(remaining):
+            end, in_time = session.clock() + REPLY_TIMEOUT_S, True
+            while pending and in_time:
+                remaining = end - session.clock()
+                in_time = remaining > 0  # else this process was busy: what has arrived since is looked at
+                for identifier, data in session.receive(max(0.0, remaining)):
                     if identifier == self._step_id:
                         _, second, number, said = self._pair.unpack(data)
                         if number == step & 0xFFFF:
-                            pending -= digest < 0
+                            if digest < 0:
+                                pending -= 1
+                                end = session.clock() + TRIES * REPLY_TIMEOUT_S
                             flags, digest = second >> 4, said
                     elif identifier == self._word_id:
                         _, second, index, value = self._pair.unpack(data)
@@ -198,7 +203,7 @@ class Lockstep:
                             words[index] = value
                     elif identifier == self._nack_id:
                         self._expected(data, step)
-                        end = 0.0
+                        in_time = False
                     elif known[identifier].name in session.selection.frames:
                         values.update(known[identifier].decode(data))
                         pending -= 1
