@@ -253,3 +253,38 @@ def test_a_client_that_takes_nothing_loses_whole_pieces_and_who_comes_next_hears
     line.write(piece)  # nobody is there
     assert len(line._backlog) == 0
     line.close()
+
+
+def client_of(line: TcpLine) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", int(line.address.rpartition(":")[2])))
+
+
+def heard_on(line: TcpLine, text: bytes) -> list[bool]:
+    """Reads until it has come; whether somebody was there after each read."""
+    heard, there = b"", []
+    end = time.monotonic() + WAIT_S
+    while heard != text:
+        assert time.monotonic() < end, heard
+        heard += line.read()
+        there.append(line.connected)
+    return there
+
+
+def test_who_comes_when_the_one_before_has_just_gone_is_served() -> None:
+    """However late the line looks: what both said is heard in order, and between the two nobody was there."""
+    line = open_line("tcp:0")
+    assert isinstance(line, TcpLine)
+    with client_of(line) as first:
+        first.sendall(b"a")
+        heard_on(line, b"a")
+        first.sendall(b"the last of the first")
+    with client_of(line) as second:
+        second.sendall(b", and the second")
+        there = heard_on(line, b"the last of the first, and the second")
+        assert False in there and there[-1]
+        with client_of(line) as third:
+            third.settimeout(WAIT_S)
+            line.read()
+            assert third.recv(1) == b""
+        assert line.connected
+    line.close()

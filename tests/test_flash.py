@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import shutil
 import struct
@@ -10,6 +11,7 @@ import sys
 import zlib
 from dataclasses import fields
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -126,6 +128,25 @@ def test_it_gets_over_trouble_once(faults: Faults, small: Path) -> None:
     assert chip.flash[:2100] == small.read_bytes()
     assert set(chip.erased) == {0, 1, 2}
     assert chip.started_at == FLASH
+
+
+def test_a_host_that_was_busy_looks_at_what_arrived(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its clock is an hour on at every look."""
+
+    class Port:
+        pieces = (b"", b"\x79", b"", b"")
+
+        def read(self, _count: int) -> bytes:
+            piece, *rest = self.pieces
+            self.pieces = tuple(rest)
+            return piece
+
+    line = object.__new__(romloader.Line)
+    line.timeout, line._port, hours = 0.5, Port(), itertools.count()
+    monkeypatch.setattr(romloader, "time", SimpleNamespace(monotonic=lambda: 3600.0 * next(hours)))
+    assert line.read() == b"\x79"
+    with pytest.raises(romloader.SilenceError, match="0 bytes of 1 came"):
+        line.read()
 
 
 def test_where_nobody_answers_the_steps_are_told(small: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -120,6 +120,8 @@ class TcpLine:
 
     def __init__(self, port: int) -> None:
         self._client: socket.socket | None = None
+        self._next: socket.socket | None = None
+        """Who came when the one before had just gone: served from the next read on, so that the change shows."""
         self._backlog = Backlog()
         try:
             self._server = socket.create_server(("127.0.0.1", port), backlog=1)
@@ -136,30 +138,42 @@ class TcpLine:
         return (self._client or self._server).fileno()
 
     def read(self) -> bytes:
-        with contextlib.suppress(OSError):  # nobody waits
-            self._welcome(self._server.accept()[0])
+        came, self._next = self._next or self._accepted(), None
+        if came is not None and self._client is not None:
+            data = self._taken()  # who left before this one came is let go first
+            if self._client is None:
+                self._next = came
+            else:
+                came.close()  # it would wait without end, and is told so
+            return data
+        if came is not None:
+            self._client = came
         if self._backlog:
             self.write(b"")
-        if self._client is None:
-            return b""
+        return self._taken()
+
+    def _accepted(self) -> socket.socket | None:
+        with contextlib.suppress(OSError):  # nobody waits
+            client, _ = self._server.accept()
+            client.setblocking(False)
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            return client
+        return None
+
+    def _taken(self) -> bytes:
+        """What the client has said. One that has gone is let go."""
+        data = b""
         try:
-            data = self._client.recv(4096)
+            while self._client is not None and len(data) < BACKLOG_BYTES:
+                piece = self._client.recv(4096)
+                data += piece
+                if not piece:
+                    self._hang_up()
         except BlockingIOError:
-            return b""
+            pass
         except OSError:
-            data = b""
-        if not data:
             self._hang_up()
         return data
-
-    def _welcome(self, client: socket.socket) -> None:
-        """The first is served; who comes while it is there would wait without end, and is told so by hanging up."""
-        if self._client is not None:
-            client.close()
-            return
-        client.setblocking(False)
-        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._client = client
 
     def write(self, data: bytes) -> None:
         if self._client is not None:
@@ -177,6 +191,8 @@ class TcpLine:
 
     def close(self) -> None:
         self._hang_up()
+        if self._next is not None:
+            self._next.close()
         self._server.close()
 
 

@@ -108,9 +108,10 @@ class Line:
         end = time.monotonic() + self.timeout
         data = bytes(self._port.read(count))
         while len(data) < count:
-            if time.monotonic() >= end:
-                raise SilenceError(f"{len(data)} bytes of {count} came")
+            last = time.monotonic() >= end  # one more look: this process may have been away since the one before
             data += self._port.read(count - len(data))
+            if last and len(data) < count:
+                raise SilenceError(f"{len(data)} bytes of {count} came")
         return data
 
     def write(self, data: bytes) -> None:
