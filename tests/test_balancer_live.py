@@ -9,19 +9,42 @@ import pytest
 
 pytest.importorskip("unicorn")
 
-from plumb import live, quantise, systems
+from plumb import disturbance, live, quantise, systems
 from plumb.boards.virtual import VirtualBoard
 from plumb.errors import LinkError
+from plumb.f103 import Machine
 from plumb.systems import balancer, balancer_live
+from plumb.systems.balancer_plant import BalancerPlant
 from plumb.trial import Trial
 
 PARAMS = quantise.quantise(balancer.TUNED)
 
 
-@pytest.fixture(scope="module")
-def flight() -> Iterator[tuple[VirtualBoard, Trial]]:
-    with VirtualBoard() as board:
+class Watched(balancer_live.Coupling):
+    """Writes down what the firmware reads out of the data registers of the accelerometer."""
+
+    made: list[Watched] = []  # noqa: RUF012
+
+    def __init__(self, machine: Machine, plant: BalancerPlant) -> None:
+        super().__init__(machine, plant)
+        self.read: list[tuple[int, int, int]] = []
+        self.accel.on_read = lambda _sampled_s, counts: self.read.append(counts)
+        self.made.append(self)
+
+
+@pytest.fixture(scope="module", params=["serial", "can"])
+def flight(request: pytest.FixtureRequest) -> Iterator[tuple[VirtualBoard, Trial]]:
+    with VirtualBoard(link=request.param) as board, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(balancer_live, "Coupling", Watched)
         yield board, live.fly(board, balancer.scenario("rough", 1000, seconds=6.0), PARAMS)
+
+
+def faulty(*texts: str, seconds: float, open_loop: bool = False) -> Trial:
+    """A live ride with faults, as `plumb run --fault` takes them."""
+    asked = balancer.faults([disturbance.parse(text) for text in texts])
+    run = balancer.scenario("smooth", 1000, seconds=seconds, faults=asked)
+    with VirtualBoard() as board:
+        return live.fly(board, run, PARAMS, open_loop=open_loop)
 
 
 def test_an_armed_live_ride_is_the_model_bit_for_bit_and_stays_up(flight: tuple[VirtualBoard, Trial]) -> None:
@@ -43,6 +66,39 @@ def test_the_chips_and_the_hall_sensors_give_what_the_plant_has(flight: tuple[Vi
     assert np.mean(raw[:, 2]) == pytest.approx(256.0, abs=6.0)
     way_m = np.sum(truth["velocity_mps"]) * balancer.PERIOD_US * 1e-6
     assert (int(raw[-1, 3]) - int(raw[0, 3])) * balancer.EDGE_M == pytest.approx(way_m, abs=0.02)
+
+
+def test_every_count_is_what_a_register_held(flight: tuple[VirtualBoard, Trial]) -> None:
+    """All three, in order, none left out: gyro about y big-endian, accelerometer x and z little-endian."""
+    raw, coupling = flight[1].flight.raw, Watched.made[-1]
+    gyro = np.array([count for count, _ in coupling.taken])
+    first = live.matching(gyro, raw[:, 0])
+    assert np.array_equal(gyro[first : first + len(raw)], raw[:, 0])
+    accel = np.array(coupling.read)
+    first = live.matching(accel[:, 2], raw[:, 2])
+    assert np.array_equal(accel[first : first + len(raw)][:, [0, 2]], raw[:, 1:3])
+    assert not flight[0].machine.warnings
+
+
+def test_faults_on_request_are_in_the_registers_and_at_the_hall_sensors() -> None:
+    """Prescribed motion, at rest until 3 s: 200 counts of noise, the end of the scale, nothing, an edge on."""
+    texts = [f"{fault}@1-2" for fault in ("noisy:gyro", "railed:accel_x", "silent:accel_z", "noisy:hall")]
+    trial = faulty(*texts, seconds=2.8, open_loop=True)
+    raw = trial.flight.raw.astype(int)
+    before, during, after = raw[20:95], raw[105:195], raw[205:275]
+    assert trial.verdict == "pass"
+    assert np.std(during[:, 0]) == pytest.approx(200.0, rel=0.25)
+    assert np.all(during[:, 1] == 4095) and np.all(during[:, 2] == 0)
+    assert np.count_nonzero(np.diff(during[:, 3])) > 20 and np.ptp(during[:, 3]) == 1
+    for good in (before, after):
+        assert np.std(good[:, 0]) < 12.0 and np.max(np.abs(good[:, 1])) < 40 and np.min(good[:, 2]) > 200
+        assert np.ptp(good[:, 3]) == 0, "the wheels stand"
+
+
+@pytest.mark.parametrize("kind", ["railed", "silent"])
+def test_a_hall_state_that_cannot_be_disarms(kind: str) -> None:
+    with pytest.raises(LinkError, match="disarmed itself"):
+        faulty(f"{kind}:hall@1", seconds=2.0)
 
 
 def test_a_chip_that_falls_silent_disarms_and_the_vehicle_falls() -> None:

@@ -13,6 +13,8 @@ SCENARIO = "rough"
 SHOWN, TUNING = SCENARIO, "tuned"
 FRAMES = ("RAW_A", "RAW_B", "ANGLE", "DRIVE")
 BREAK_PIN = "PB12"
+HALL = 3
+"""Its channel among the raw counts."""
 FOLLOW_US = 1000
 """How often the plant looks at the bridge, and the Hall sensors at the rotor."""
 
@@ -28,6 +30,7 @@ class Coupling:
         self.plant = plant
         self.taken: list[tuple[int, dict[str, float]]] = []
         self._start: float | None = None
+        self._hall_state = 0
         self.gyro, self.accel = Itg3205(machine, self._rate_dps), Adxl345(machine, self._force_g)
         self.gyro.on_read = self._read
         machine.i2c_bus.slaves += [self.gyro, self.accel]
@@ -52,6 +55,24 @@ class Coupling:
     def _follow(self, now: int) -> None:
         vehicle, bridge = self.plant.vehicle, self.machine.bridge()
         duty = share_of_supply(bridge.duty, vehicle.rolled_edges() / 6.0) if bridge.enabled else None
-        self.plant.drive_to(self._time_s(now / TICKS_PER_S), duty)
-        self.machine.set_hall(hall_state(vehicle.rolled_edges() / 6.0))
+        time_s = self._time_s(now / TICKS_PER_S)
+        self.plant.drive_to(time_s, duty)
+        self._hall_state = self._hall(time_s)
+        self.machine.set_hall(self._hall_state)
         self.machine.timeline.at("plant", now + FOLLOW_US * TICKS_PER_US, self._follow)
+
+    def _hall(self, time_s: float) -> int:
+        """State of the Hall sensors. A fault is of all three: high, low, as they were, or now and then an edge on."""
+        rolled = self.plant.vehicle.rolled_edges()
+        for fault in self.plant.scenario.faults:
+            if fault.channel == HALL and fault.start_s <= time_s < fault.stop_s:
+                match fault.kind:
+                    case "railed":
+                        return 7
+                    case "silent":
+                        return 0
+                    case "stuck":
+                        return self._hall_state
+                    case _:
+                        rolled += 1 if self.plant.fault_noise(time_s, HALL) > 0.0 else 0
+        return hall_state(rolled / 6.0)

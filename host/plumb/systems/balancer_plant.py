@@ -27,6 +27,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from plumb.sensors import Adxl345, Itg3205
+
 if TYPE_CHECKING:
     from plumb.systems.balancer import Scenario
 
@@ -50,6 +52,8 @@ PUSH_RADPS2_PER_MPS2 = 0.3 / PENDULUM_M
 DISTURBANCE_TAU_S, DISTURBANCE_RADPS2_PER_RTS = 0.3, 0.8
 LIE_RAD = math.radians(85.0)
 """Where the body lies on the ground."""
+UNIT_PER_COUNT = (1.0 / Itg3205().lsb_per_dps, Adxl345().g_per_lsb, Adxl345().g_per_lsb)
+"""Of the chips: deg/s and g."""
 
 
 class Vehicle:
@@ -175,11 +179,20 @@ class BalancerPlant:
         return tuple(int(count) for count in self.scenario.faulted(row, k, np.array([time_s]), self._frozen)[0])
 
     def felt(self, time_s: float) -> tuple[float, float, float]:
-        """What the chips convert now, noise included: rate about the axle in deg/s, forces forward and up in g."""
+        """What the chips convert now, noise and this run's faults included: rate about the axle in deg/s, forces
+        forward and up in g."""
         vehicle = self.vehicle
         rate_dps, force_g = np.array([math.degrees(vehicle.rate_radps)]), np.array(vehicle.force_g())[:, None]
         gyro_dps, accel_g = self.scenario.felt(np.array([self._sample(time_s)]), rate_dps, force_g)
-        return float(gyro_dps[0]), float(accel_g[0, 0]), float(accel_g[1, 0])
+        felt = [float(gyro_dps[0]), float(accel_g[0, 0]), float(accel_g[1, 0])]
+        for fault in self.scenario.faults:
+            if fault.channel < len(felt) and fault.start_s <= time_s < fault.stop_s:
+                felt[fault.channel] = self.counts(time_s)[fault.channel] * UNIT_PER_COUNT[fault.channel]
+        return felt[0], felt[1], felt[2]
+
+    def fault_noise(self, time_s: float, channel: int) -> float:
+        """Of the sample of time_s, unit variance."""
+        return float(self.scenario.fault_noise[channel, self._sample(time_s)])
 
     def truth(self, time_s: float) -> dict[str, float]:
         """Tilt, gyro bias of the sample of time_s, rate, velocity and the velocity asked for."""
