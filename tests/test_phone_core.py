@@ -106,61 +106,34 @@ def apart_deg(tuning: PhoneTuning, raw: npt.NDArray[np.int16]) -> npt.NDArray[np
     return phone.inclination_deg(ours, phone.up(ideal["pitch_deg"], ideal["roll_deg"]))
 
 
-THROUGH_THE_VERTICAL = (1010, 1013)
-"""Of seeds 1000-1039 the two in which x comes nearest to the vertical, within 0.05 deg."""
-
-
 @lru_cache(maxsize=1)
 def general() -> tuple[npt.NDArray[np.int16], npt.NDArray[np.float64]]:
-    """Counts (steps, 6, runs), and how far the acceleration at rest would be from x, g (steps, runs)."""
-    runs = [phone.scenario("general", seed) for seed in (1000, 1001, *THROUGH_THE_VERTICAL)]
+    """Counts (steps, 6, runs), and how far the acceleration at rest would be from x, g (steps, runs). On the last three
+    of these seeds x comes within 0.1 deg of the vertical."""
+    runs = [phone.scenario("general", seed) for seed in (1000, 1017, 1010, 1013, 1018)]
     lateral = np.stack([np.hypot(one.vertical[1], one.vertical[2]) for one in runs], axis=-1)
     return np.stack([one.counts() for one in runs], axis=-1), lateral
 
 
-@pytest.mark.parametrize(("name", "bound_deg"), [("euler", 2e-2), ("printed", 5e-5)])
+@pytest.mark.parametrize(("name", "bound_deg"), [("euler", 5e-4), ("printed", 5e-5)])
 def test_counts_to_angles_stay_close_to_float64(name: str, bound_deg: float) -> None:
-    """DESIGN.md, "Error bounds": what the filter rounds, and what the coupling makes of it beside the vertical."""
+    """DESIGN.md, "Error bounds": what the filter rounds, through the vertical too."""
     raw, lateral_g = general()
-    apart = apart_deg(phone.TUNINGS[name], raw)
-    assert apart.max() <= bound_deg
-    not_yet = np.cumsum(lateral_g < 0.15, axis=0) == 0
-    assert not_yet.sum() > 10_000 and apart[not_yet].max() <= 5e-4
-
-
-def test_beside_the_vertical_the_equations_themselves_magnify_a_difference() -> None:
-    """Two runs in float64 that start a thousandth of a degree apart: passing by the vertical magnifies what is left of
-    it as much as it magnifies the distance of the integers, so that this is no error of theirs."""
-    raw, lateral_g = (values[..., 2:] for values in general())
-    assert np.all(lateral_g.min(axis=0) < np.radians(0.05))
-    tuning = dequantise(quantise(phone.EULER))
-    assert isinstance(tuning, PhoneTuning)
-    moved = [replace(axis, start=replace(axis.start, tilt_deg=1e-3)) for axis in (tuning.pitch, tuning.roll)]
-    verticals = [
-        phone.up(angles["pitch_deg"], angles["roll_deg"])
-        for angles in (
-            reference.run_control(one, raw) for one in (tuning, replace(tuning, pitch=moved[0], roll=moved[1]))
-        )
-    ]
-    ideal, ours = phone.inclination_deg(*verticals), apart_deg(phone.EULER, raw)
-    for run_index in range(raw.shape[2]):
-        at = int(np.argmax(ours[:, run_index]))
-        gains = [
-            one[at - 100 : at + 100, run_index].max() / one[at - 700 : at - 150, run_index].max()
-            for one in (ideal, ours)
-        ]
-        assert 20.0 < gains[1] < 100.0 and gains[0] == pytest.approx(gains[1], rel=0.5)
+    assert np.all(lateral_g.min(axis=0)[2:] < np.radians(0.1))
+    assert apart_deg(phone.TUNINGS[name], raw).max() <= bound_deg
 
 
 def test_the_rates_of_the_angles_are_as_exact_as_the_formats() -> None:
     """All along `general`, through the vertical too: against the formulas on the integers' own angles and rates."""
     raw, lateral_g = general()
     words = run(quantise(phone.EULER), raw)
-    angles = [words[f"{axis}_turn_q32"][:-1] * TURN_DEG for axis in ("pitch", "roll")]
+    pitch_deg, roll_deg = (words[f"{axis}_turn_q32"][:-1] * TURN_DEG for axis in ("pitch", "roll"))
     body = np.stack([words[f"rate_{axis}_turnps_q28"][:-1] * RATE_DPS for axis in "xyz"])
     lost = (words["flags"][1:] & ROLL_UNCORRECTED) != 0
-    expected = rates_of(phone.EULER, *angles, body, lost)
-    assert lateral_g.min() < 1e-3 and lost.any()
+    over = (np.abs(pitch_deg) > 90.0) & ~lost
+    sided = np.where(over, 180.0 - pitch_deg, pitch_deg), np.where(over, roll_deg + 180.0, roll_deg)
+    expected = rates_of(phone.EULER, *sided, body, lost)
+    assert lateral_g.min() < 1e-3 and lost.any() and over.any()
     for axis, ideal, bound_dps in zip(("pitch", "roll"), expected, (4e-6, 5e-5), strict=True):
         assert np.abs(words[f"{axis}_rate_turnps_q28"][1:] * RATE_DPS - ideal).max() <= bound_dps
 
@@ -277,6 +250,67 @@ def test_turning_over_the_top_roll_follows_the_tangent_only_while_it_turns() -> 
     for rate_dps, tangent in ((4.0, 0.0), (6.0, 2**26 * 16 * np.sin(np.radians(88.0)))):
         words = run(params, samples((0, 0, rate_dps), phone.up(88.0, 0.0), 1))
         assert words["tangent_q26"][0] == pytest.approx(tangent, rel=1e-6)
+
+
+def turned_over(top_deg: float) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.float64]]:
+    """Counts of a phone that is turned about y in 4 s, held for 20 s, with 0.2 deg/s of bias; and its true vertical."""
+    time_s = np.arange(0.0, 29.0, 0.01)
+    euler_deg = np.zeros((3, len(time_s)))
+    euler_deg[1] = np.clip((time_s - 5.0) / 4.0, 0.0, 1.0) * top_deg
+    vertical = phone.up(euler_deg[1], euler_deg[2])
+    return phone.counts_of(phone.body_rates(euler_deg, 0.01) + 0.2, vertical), vertical
+
+
+@pytest.mark.parametrize("top_deg", [100.0, 120.0, -150.0])
+def test_over_the_top_the_angles_change_sides(top_deg: float) -> None:
+    """Beyond 90 degrees the acceleration shows 180 - pitch and roll + 180; angles that stayed would be pulled away."""
+    raw, vertical = turned_over(top_deg)
+    words = run(quantise(phone.EULER), raw)
+    pitch_deg, roll_deg = (words[f"{axis}_turn_q32"] * TURN_DEG for axis in ("pitch", "roll"))
+    error_deg = phone.inclination_deg(phone.up(pitch_deg, roll_deg), vertical)
+    assert pitch_deg[-1] == pytest.approx(np.copysign(180.0, top_deg) - top_deg, abs=0.5)
+    assert abs(metrics.wrap_deg(roll_deg[-1] - 180.0)) < 6.0, "of roll, 80 degrees up, the vertical shows a sixth"
+    assert np.all(np.abs(pitch_deg[1:][(words["flags"][1:] & ROLL_UNCORRECTED) == 0]) < 90.5)
+    assert error_deg.max() < 10.0 and error_deg[-1] < 1.0
+
+
+@pytest.mark.parametrize(
+    ("lateral_deg", "rates", "changes"), [(80.0, "euler", True), (85.0, "euler", False), (80.0, "body", False)]
+)
+def test_sides_change_with_the_bias_and_only_where_roll_can_be_told(
+    lateral_deg: float, rates: str, changes: bool
+) -> None:
+    """In the singular zone nothing tells the side, and the source's filter has none."""
+    tuning = replace(
+        phone.EULER,
+        rates=rates,
+        pitch=replace(phone.EULER.pitch, start=Start(100.0, 2.0, 1e-6, 0.0, 1e-6)),
+        roll=replace(phone.EULER.roll, start=Start(10.0, 0.5, 1e-6, 0.0, 1e-6)),
+    )
+    words = run(quantise(tuning), samples((0, 0, 0), phone.up(lateral_deg, 10.0), 1))
+    got = [
+        words[name][0] * unit
+        for name, unit in (
+            ("pitch_turn_q32", TURN_DEG),
+            ("pitch_bias_turnps_q28", RATE_DPS),
+            ("roll_turn_q32", TURN_DEG),
+            ("roll_bias_turnps_q28", RATE_DPS),
+        )
+    ]
+    assert got == pytest.approx([80.0, -2.0, -170.0, 0.5] if changes else [100.0, 2.0, 10.0, 0.5], abs=0.05)
+
+
+def test_a_rate_of_an_angle_at_its_limit_is_counted() -> None:
+    """16 times 200 deg/s across is more than 8 turn/s."""
+    tuning = replace(phone.EULER, pitch=replace(phone.EULER.pitch, start=Start(88.0, p00_deg2=1.0)))
+    for rate_dps, limit in ((175.0, 0), (200.0, CLAMPED_GYRO)):
+        raw = samples((0, 0, rate_dps), phone.up(80.0, 0.0), 1)
+        words = run(quantise(tuning), raw)
+        assert (words["flags"][0], words["clamped_steps"][0]) == (limit, limit)
+        assert abs(words["roll_rate_turnps_q28"][0] * RATE_DPS) <= 2880.0
+        assert reference.run_control(tuning, raw)["roll_rate_dps"][0] == pytest.approx(
+            min(16 * rate_dps, 2880.0), rel=1e-3
+        )
 
 
 def test_a_falling_phone_corrects_nothing() -> None:

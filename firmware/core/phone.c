@@ -7,6 +7,9 @@ typedef char phone_assert_packed[sizeof(phone_words_t) == 232 ? 1 : -1];
 #define STILL_TURNPS_Q28 3728270U  /* 5 deg/s */
 #define SINGULAR_G_Q25   5033165U  /* 0.15 g: below it an acceleration tells no direction */
 #define SINGULAR_G_Q26   10066330U
+#define RATE_LIMIT_Q28   0x7fffffc0U /* 8 turn/s; where a rate ended there its last six bits are anything */
+#define QUARTER_TURN_Q32 0x40000000U
+#define HALF_TURN_Q61    (INT64_C(1) << 60)
 
 void phone_init(phone_t *c, const control_params_t *p) {
     *c = (phone_t){0};
@@ -22,6 +25,17 @@ static inline kalman_params_t roll_filter(const control_params_t *p) {
     filter.qb = p->roll.qb;
     filter.qb_frac_q30 = p->roll.qb_frac_q30;
     return filter;
+}
+
+/* Over the top: beyond 90 degrees of pitch the acceleration shows the other two angles of the same attitude,
+ * and would pull these the wrong way. The rate of pitch changes its sign with the sides, and its bias, too.
+ */
+static inline void change_sides(phone_words_t *w) {
+    if ((uint32_t)kalman_tilt(&w->pitch) + QUARTER_TURN_Q32 > 2U * QUARTER_TURN_Q32) {
+        w->pitch.tilt_turn_q61 = sub64_wrap(HALF_TURN_Q61, w->pitch.tilt_turn_q61);
+        w->pitch.bias_turn_q61 = sub64_wrap(0, w->pitch.bias_turn_q61);
+        w->roll.tilt_turn_q61 = add64_wrap(w->roll.tilt_turn_q61, HALF_TURN_Q61);
+    }
 }
 
 /* pitch' = wy cos(roll) - wz sin(roll); roll' = wx + tan(pitch) (wy sin(roll) + wz cos(roll)); both within
@@ -67,7 +81,6 @@ void phone_step(phone_t *c, const control_params_t *p, const int16_t raw[CONTROL
     const int32_t accel_x = calibration_take(&p->accel_y, raw[3], &flags, PHONE_FLAG_ACCEL_CLAMPED);
     const int32_t accel_y = calibration_take(&p->accel_y, raw[4], &flags, PHONE_FLAG_ACCEL_CLAMPED);
     const int32_t accel_z = calibration_take(&p->accel_y, raw[5], &flags, PHONE_FLAG_ACCEL_CLAMPED);
-    w->clamped_steps += flags != 0U;
     w->accel_x_g_q26 = accel_x;
     w->accel_y_g_q26 = accel_y;
     w->accel_z_g_q26 = accel_z;
@@ -81,7 +94,6 @@ void phone_step(phone_t *c, const control_params_t *p, const int16_t raw[CONTROL
     w->uncorrected_steps += roll_lost;
     flags |=
         (roll_lost ? PHONE_FLAG_ROLL_UNCORRECTED : 0U) | (pitch_lost ? PHONE_FLAG_PITCH_UNCORRECTED : 0U);
-    w->flags = flags;
 
     /* the source drives the filters with the sample before; the first step has none */
     const uint32_t step = w->step + 1U;
@@ -94,11 +106,18 @@ void phone_step(phone_t *c, const control_params_t *p, const int16_t raw[CONTROL
     w->rate_y_turnps_q28 = rate_y;
     w->rate_z_turnps_q28 = rate_z;
     if (p->phone.rates == PHONE_EULER_RATES) {
+        if (!roll_lost)
+            change_sides(w);
         euler_rates(w, x, y, z, roll_lost);
     } else {
         w->pitch_rate_turnps_q28 = y;
         w->roll_rate_turnps_q28 = x;
     }
+    if (abs_u32(w->pitch_rate_turnps_q28) >= RATE_LIMIT_Q28 ||
+        abs_u32(w->roll_rate_turnps_q28) >= RATE_LIMIT_Q28)
+        flags |= PHONE_FLAG_GYRO_CLAMPED;
+    w->clamped_steps += (flags & PHONE_FLAGS_SATURATED) != 0U;
+    w->flags = flags;
 
     const kalman_params_t roll_kalman = roll_filter(p);
     correct(&w->pitch, &p->kalman, w->pitch_rate_turnps_q28, w->pitch_measured_turn_q32, pitch_lost,

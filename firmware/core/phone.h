@@ -14,7 +14,7 @@
 
 #include "control_params.h"
 
-#define PHONE_FLAG_GYRO_CLAMPED      (1U << 0)
+#define PHONE_FLAG_GYRO_CLAMPED      (1U << 0) /* a rate, of the phone or of an angle */
 #define PHONE_FLAG_ACCEL_CLAMPED     (1U << 1)
 #define PHONE_FLAG_ROLL_UNCORRECTED  (1U << 2) /* x is too near the vertical to tell roll */
 #define PHONE_FLAG_PITCH_UNCORRECTED (1U << 3) /* no acceleration to speak of: falling */
@@ -33,7 +33,7 @@ typedef struct {
     int32_t pitch_turn_q32, pitch_bias_turnps_q28, pitch_rate_corrected_turnps_q28;
     int32_t roll_turn_q32, roll_bias_turnps_q28, roll_rate_corrected_turnps_q28;
     uint32_t uncorrected_steps; /* so far, steps in which either axis was not corrected */
-    uint32_t clamped_steps;     /* so far, steps with any raw count outside its range */
+    uint32_t clamped_steps;     /* so far, steps with a count or a rate outside its range */
     uint32_t flags;             /* PHONE_FLAG_* of this step */
     uint32_t step;              /* number of this step in the run, from 1 */
 } phone_words_t;

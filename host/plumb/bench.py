@@ -68,7 +68,7 @@ BUDGETS = {
     "control_step": Budget(560, 420, 5e-4, "deg"),
     "control_step_balancer": Budget(None, 0, 5e-4, "deg"),
     "control_step_turntable": Budget(None, 0, 5e-4, "deg"),
-    "control_step_phone": Budget(None, 0, 2e-2, "deg"),
+    "control_step_phone": Budget(None, 0, 5e-4, "deg"),
 }
 STEP_OF = "control_step_"
 """What the row of another system's step begins with; the system's name follows."""

@@ -12,6 +12,8 @@ from plumb.integers import Integer, clamp, clz32, select, wrap_i32, wrap_i64, wr
 SINGULAR_G_Q25, SINGULAR_G_Q26 = 5033165, 10066330
 COSINE_MIN_Q30 = 1 << 26
 STILL_TURNPS_Q28 = 3728270
+RATE_LIMIT_Q28 = (1 << 31) - 64
+QUARTER_TURN_Q32, HALF_TURN_Q61 = 1 << 30, 1 << 60
 ROLL_NOISE = ("qa_hi", "qa_lo", "qb", "qb_frac_q30")
 START = ("bias_hi", "bias_lo", "tilt_turn_q32", "p00_hi", "p00_lo", "p01_hi", "p01_lo", "p11_hi", "p11_lo")
 
@@ -74,6 +76,10 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_tu
     pitch_lost = roll_lost & (abs(accel_x) < SINGULAR_G_Q26)
 
     euler = p["phone.rates"] == 1
+    over = euler & (lateral >= SINGULAR_G_Q25) & (abs(kalman_tilt(c.pitch)) > QUARTER_TURN_Q32)
+    c.pitch.tilt_turn_q61 = select(over, wrap_i64(HALF_TURN_Q61 - c.pitch.tilt_turn_q61), c.pitch.tilt_turn_q61)
+    c.pitch.bias_turn_q61 = select(over, -c.pitch.bias_turn_q61, c.pitch.bias_turn_q61)
+    c.roll.tilt_turn_q61 = select(over, wrap_i64(c.roll.tilt_turn_q61 + HALF_TURN_Q61), c.roll.tilt_turn_q61)
     still = (abs(wx) < STILL_TURNPS_Q28) & (abs(wy) < STILL_TURNPS_Q28) & (abs(wz) < STILL_TURNPS_Q28)
     tangent = select(roll_lost & still | (p["phone.rates"] == 0), 0 * wx, tangent_of(kalman_tilt(c.pitch)))
     sin_roll, cos_roll = sincos(kalman_tilt(c.roll))
@@ -87,7 +93,9 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_tu
     kalman_step(c.pitch, p, pitch_r, select(pitch_lost, predicted(c.pitch, p, pitch_rate), pitch_measured), pitch_rate)
     kalman_step(c.roll, other, roll_r, select(roll_lost, predicted(c.roll, other, roll_rate), roll_measured), roll_rate)
 
-    gyro_clamped, accel_clamped = clamped[0] | clamped[1] | clamped[2], clamped[3] | clamped[4] | clamped[5]
+    at_limit = [abs(rate) >= RATE_LIMIT_Q28 for rate in (pitch_rate, roll_rate)]
+    gyro_clamped = clamped[0] | clamped[1] | clamped[2] | select(at_limit[0] | at_limit[1], 1, 0)
+    accel_clamped = clamped[3] | clamped[4] | clamped[5]
     c.clamped_steps = c.clamped_steps + (gyro_clamped | accel_clamped)
     c.uncorrected_steps = c.uncorrected_steps + select(roll_lost, 1, 0)
     flags = gyro_clamped | accel_clamped << 1 | select(roll_lost, 4, 0) | select(pitch_lost, 8, 0)

@@ -10,10 +10,12 @@ slip for atan2(fy, fz). It drives the filters with the body's rates, u = (wy, wx
     pitch' = wy cos(roll) - wz sin(roll)
     roll'  = wx + tan(pitch) (wy sin(roll) + wz cos(roll))
 
-with the angles as last estimated, the cosine of pitch not below 1/16. While sqrt(fy^2 + fz^2) < 0.15 g there is no roll
-to be measured: the innovation is 0, the variances go on as if R were r_left_out, and where no rate reaches 5 deg/s
-roll' = wx, because the tangent would make a drift of the bias of wz. While |fx| is below 0.15 g as well the phone
-falls, and pitch is not corrected either.
+with the angles as last estimated, the cosine of pitch not below 1/16, either rate within +-8 turn/s. While
+sqrt(fy^2 + fz^2) < 0.15 g there is no roll to be measured: the innovation is 0, the variances go on as if R were
+r_left_out, and where no rate reaches 5 deg/s roll' = wx, because the tangent would make a drift of the bias of wz.
+While |fx| is below 0.15 g as well the phone falls, and pitch is not corrected either. Where roll can be measured and
+pitch is beyond +-90 deg, the phone went over the top: (180 - pitch, roll + 180) is the same attitude, and the one that
+the acceleration shows; with it the rate of pitch changes its sign, and so does its bias.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from plumb.reference.kernels import KalmanState, Number, calibrate, clip, kalman_init, kalman_step
+from plumb.reference.kernels import KalmanState, Number, calibrate, clip, kalman_init, kalman_step, wrap
 from plumb.tuning import PhoneAxis, PhoneTuning
 
 FloatArray = npt.NDArray[np.float64]
@@ -31,6 +33,8 @@ FloatArray = npt.NDArray[np.float64]
 SINGULAR_G = 0.15
 COSINE_MIN = 1.0 / 16.0
 STILL_DPS = 5.0
+RATE_MAX_DPS = 8 * 360.0
+"""Of an angle; only the tangent comes there."""
 
 
 def measured(force_g: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -51,7 +55,17 @@ def rates_of(
     pitch, roll = np.radians(pitch_deg), np.radians(roll_deg)
     still = np.max(np.abs(rate_dps), axis=0) < STILL_DPS
     tangent = np.where(roll_lost & still, 0.0, np.sin(pitch) / np.maximum(np.cos(pitch), COSINE_MIN))
-    return wy * np.cos(roll) - wz * np.sin(roll), wx + tangent * (wy * np.sin(roll) + wz * np.cos(roll))
+    across = wy * np.sin(roll) + wz * np.cos(roll)
+    pitch_rate, roll_rate = wy * np.cos(roll) - wz * np.sin(roll), wx + tangent * across
+    return clip(pitch_rate, -RATE_MAX_DPS, RATE_MAX_DPS), clip(roll_rate, -RATE_MAX_DPS, RATE_MAX_DPS)
+
+
+def change_sides(pitch: KalmanState, roll: KalmanState, roll_lost: Number) -> None:
+    """The angles that the acceleration shows, where they have gone over the top."""
+    over = (np.abs(pitch.tilt_deg) > 90.0) & ~np.asarray(roll_lost)
+    pitch.tilt_deg = np.where(over, wrap(180.0 - pitch.tilt_deg), pitch.tilt_deg)
+    pitch.bias_dps = np.where(over, -pitch.bias_dps, pitch.bias_dps)
+    roll.tilt_deg = np.where(over, wrap(roll.tilt_deg + 180.0), roll.tilt_deg)
 
 
 def correct(
@@ -82,6 +96,8 @@ def run_control(
     pitch, roll = kalman_init(tuning.pitch.start), kalman_init(tuning.roll.start)
     rows = []
     for k in range(counts.shape[1]):
+        if tuning.rates == "euler":
+            change_sides(pitch, roll, roll_lost[k])
         pitch_rate_dps, roll_rate_dps = rates_of(tuning, pitch.tilt_deg, roll.tilt_deg, before_dps[:, k], roll_lost[k])
         first = correct(pitch, tuning, tuning.pitch, pitch_measured_deg[k], pitch_rate_dps, pitch_lost[k])
         second = correct(roll, tuning, tuning.roll, roll_measured_deg[k], roll_rate_dps, roll_lost[k])
