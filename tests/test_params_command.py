@@ -220,6 +220,26 @@ def test_a_board_becomes_a_system_with_its_shipped_tuning(
     }
 
 
+@pytest.mark.parametrize("system", list(systems.SYSTEMS))
+def test_no_shipped_tuning_is_doubted(board: MemoryBoard, capsys: pytest.CaptureFixture[str], system: str) -> None:
+    """Each has its own filter, whose period is that of its runs; another period is doubted by name."""
+    code, _, err = params(capsys, "tuning", system)
+    assert code == 0 and "angles will be wrong" not in err
+    _, _, err = params(capsys, "set", "period_us=7000")
+    assert f"({'fusion.dt_s_q32' if system == 'turntable' else 'kalman.dt_s_q33'}): its angles will be wrong" in err
+
+
+@pytest.mark.parametrize(("system", "pins"), [("quad", 0), ("balancer", 1), ("turntable", 1), ("phone", 1)])
+def test_a_tuning_brings_the_pins_of_what_the_system_moves(
+    board: MemoryBoard, capsys: pytest.CaptureFixture[str], system: str, pins: int
+) -> None:
+    """After a balancer; what moves nothing leaves the wiring as it is."""
+    assert params(capsys, "set", "pins=1")[0] == 0
+    assert params(capsys, "tuning", system)[0] == 0
+    _, out, _ = params(capsys, "get", "pins", "--json")
+    assert json.loads(out)["parameters"][0]["value"] == pins
+
+
 def test_a_tuning_that_is_none_is_wrong_use(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
     code, _, err = params(capsys, "tuning", "quad", "sharpest")
     assert code == 2 and "adaptive" in err

@@ -89,6 +89,25 @@ def test_what_is_saved_outlives_the_process(tmp_path: Path, capsys: pytest.Captu
     assert kept.stat().st_size == 4096
 
 
+def test_the_plant_is_on_the_pins_before_the_power_comes_on() -> None:
+    """Or a board with the bridge's pins starts with a break and no Hall sensor."""
+    from plumb import live
+    from plumb.boards.virtual import VirtualBoard
+    from plumb.f103 import open_machine
+    from plumb.f103.image import FLASH_BASE, PARAMETER_SLOTS
+    from plumb.quantise import quantise
+    from plumb.session import Session
+    from plumb.systems import balancer
+
+    with VirtualBoard() as board:
+        live.become(board, quantise(balancer.TUNED), period_us=balancer.PERIOD_US, **balancer.LINK)
+        slots = bytes(board.machine.cpu.flash[PARAMETER_SLOTS - FLASH_BASE :])
+    machine = open_machine(slots=slots, couple=live.coupler("balancer", balancer.scenario("rough", 1)))
+    with Session.open(machine.uart) as session:
+        identity = session.connect()
+        assert (identity["PINS"], identity["FAULTS"]) == (1, 0)
+
+
 @pytest.mark.parametrize("text", ["short", None])
 def test_another_file_is_not_taken_for_kept_parameters(
     text: str | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -30,6 +30,8 @@ FLASH_SIZE_ADDRESS = 0x1FFFF7E0  # RM0008 30.1.1, in KiB
 BLOCK_BYTES = 256
 REPLY_S = 1.0  # a page erase takes up to 40 ms (datasheet, table 30); the rest is patience
 SYNC_S = 0.3
+BRIDGE_PINS = 1
+"""The pin set, as IDENTITY and the parameter `pins` have it, with the UART on PB6 and PB7."""
 LEAVES_S = 0.3  # a board that was asked leaves 0.1 s after its answer
 _TRIES = 3
 _ACK, _NACK, _SYNC = 0x79, 0x1F, b"\x7f"
@@ -303,6 +305,12 @@ def ask_running_board(port: str) -> bool:
         try:
             session.execute("BOOTLOADER", matching=False)
         except NackError as error:
+            if error.reason == "UNSUPPORTED" and (session.identity or session.connect())["PINS"] == BRIDGE_PINS:
+                raise LinkError(
+                    "the board that answers there has the bridge's pins, and its bootloader listens on two of the "
+                    "gates: use --probe, or switch the motor's supply off, move the adapter to PA9 and PA10, and set "
+                    "BOOT0 to 1"
+                ) from None
             if error.reason == "UNSUPPORTED":
                 return False
             raise LinkError(f"{error}: end the run, open the arm switch, and try again") from None

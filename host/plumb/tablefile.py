@@ -86,12 +86,14 @@ def commit(session: Session, values: Mapping[str, int]) -> int:
 
 def doubts(values: Mapping[str, int]) -> list[str]:
     """What the board takes and people seldom mean, one sentence each."""
-    filter_us, run_us = values["kalman.dt_s_q33"] / 2**33 * 1e6, values["period_us"]
+    fused = parameters.SYSTEMS[values["system"]] == "turntable"
+    name, bits = ("fusion.dt_s_q32", 32) if fused else ("kalman.dt_s_q33", 33)
+    filter_us, run_us = values[name] / 2**bits * 1e6, values["period_us"]
     if abs(filter_us - run_us) <= 0.001 * run_us:
         return []
     return [
         f"a run in real time steps every {run_us} us (period_us), and the filter counts on {filter_us:.6g} us "
-        "(kalman.dt_s_q33): its angles will be wrong"
+        f"({name}): its angles will be wrong"
     ]
 
 

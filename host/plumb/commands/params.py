@@ -117,7 +117,8 @@ def table_of(name: str, tuning: str | None) -> dict[str, int]:
     chosen = tuning or system.DEFAULT_TUNING
     if chosen not in system.TUNINGS:
         raise UsageError(f"{name} has no tuning '{chosen}'; use one of {', '.join(system.TUNINGS)}")
-    return {**quantise(system.TUNINGS[chosen]).values, "period_us": system.PERIOD_US, **system.LINK}
+    pins = {"pins": 0} if system.OUTPUTS else {}  # the speed controllers', unless the system says otherwise
+    return {**quantise(system.TUNINGS[chosen]).values, "period_us": system.PERIOD_US, **pins, **system.LINK}
 
 
 def change(session: Session, verb: str, words: list[int], wanted: dict[str, int]) -> list[int]:

@@ -40,7 +40,6 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.f103.keep import KeptSlots, read_slots
 
     slots = read_slots(arguments.keep) if arguments.keep else b""
-    machine = open_machine(arguments.image, arguments.part, slots=slots)
     couple = None
     if arguments.system:
         from plumb import live
@@ -48,13 +47,14 @@ def main(arguments: argparse.Namespace) -> int:
         system = systems.load(arguments.system)
         name = arguments.scenario or systems.load(arguments.system, "live").SCENARIO
         couple = live.coupler(arguments.system, system.scenario(name, arguments.seed))
-        if not slots:
-            live.comes_up_as(machine, arguments.system)
+    machine = open_machine(arguments.image, arguments.part, slots=slots, couple=couple)
+    if arguments.system and not slots:
+        live.comes_up_as(machine, arguments.system)
     kept = KeptSlots(machine, arguments.keep) if arguments.keep else None
     from plumb.f103.serve import serve
 
     def announce(address: str) -> None:
-        name = address if address.startswith("can:") else f"serial:{address}"
+        name = address if address.startswith("can:") else f"serial:{arguments.symlink or address}"
         print(f"serving the virtual board at {address}; use it as {name}; Ctrl-C ends it", flush=True)
 
     where = arguments.serial
@@ -63,7 +63,6 @@ def main(arguments: argparse.Namespace) -> int:
         where,
         link=arguments.symlink,
         can_spec=arguments.can,
-        couple=couple,
         kept=kept,
         announce=announce,
     )

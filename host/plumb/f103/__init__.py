@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,11 +18,20 @@ START_US = 50_000
 """A host opens the port of a board that has been powered for a while: oscillator and ADC are running."""
 
 
-def open_machine(image: Path | None = None, part: str = "stm32f103c8", *, seed: int = 1, slots: bytes = b"") -> Machine:
+def open_machine(
+    image: Path | None = None,
+    part: str = "stm32f103c8",
+    *,
+    seed: int = 1,
+    slots: bytes = b"",
+    couple: Callable[[Machine], None] | None = None,
+) -> Machine:
     """A machine with the image asked for, or with this checkout's build, START_US after power-up.
 
-    slots: what the parameter slots of its flash hold. Raises UsageError in one sentence: no image, or a damaged one, no
-    unicorn, no such part.
+    slots: what the parameter slots of its flash hold. couple(machine) attaches a plant before the power comes on: it
+    puts functions of simulated seconds into machine.adc, which read machine.pwm.
+
+    Raises UsageError in one sentence: no image, or a damaged one, no unicorn, no such part.
     """
     from plumb.f103.machine import Machine
 
@@ -31,6 +41,8 @@ def open_machine(image: Path | None = None, part: str = "stm32f103c8", *, seed: 
         own_header(data, str(path))
     machine = Machine(data, part, seed=seed)
     machine.flash.store(PARAMETER_SLOTS - FLASH_BASE, slots)
+    if couple is not None:
+        couple(machine)
     machine.advance_us(START_US)
     return machine
 

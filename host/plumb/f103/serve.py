@@ -115,24 +115,19 @@ def serve(
     *,
     link: Path | None = None,
     can_spec: str | None = None,
-    couple: Callable[[Machine], None] | None = None,
     kept: KeptSlots | None = None,
     announce: Callable[[str], None] = print,
 ) -> int:
     """Serve the machine's UART on `spec`, and its CAN bus on `can_spec`, until SIGINT or SIGTERM; returns that signal's
     number.
 
-    couple(machine) attaches a plant before time starts: it puts functions of simulated seconds into machine.adc,
-    which read machine.pwm. announce gets the address of each end, as a board's name without `serial:`.
+    announce gets the address of each end, as a board's name without `serial:`.
     """
     line = open_line(spec, link)
     try:
-        with joined(machine, can_spec, announce) as joint:
-            if couple is not None:
-                couple(machine)
-            with endings() as caught:
-                announce(line.address)
-                run_paced(machine, line, lambda: bool(caught), joint, kept)
-                return caught[0]
+        with joined(machine, can_spec, announce) as joint, endings() as caught:
+            announce(line.address)
+            run_paced(machine, line, lambda: bool(caught), joint, kept)
+            return caught[0]
     finally:
         line.close()
