@@ -13,7 +13,7 @@ SOURCE = ROOT / "firmware" / "core" / "angle.c"
 
 def check(root: Path) -> int:
     tool = root / "tools" / "fit_angle.py"
-    return subprocess.run([sys.executable, str(tool), "--check"], capture_output=True, timeout=120).returncode
+    return subprocess.run([sys.executable, str(tool), "--check"], capture_output=True, timeout=240).returncode
 
 
 def test_coefficients_are_the_fit() -> None:

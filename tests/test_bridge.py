@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -189,11 +190,23 @@ def test_sides_that_are_swapped_are_named_and_link_trouble(start: Start, tmp_pat
     assert "Traceback" not in bridge.said()
 
 
-def test_a_bridge_that_never_had_a_sample_says_so_and_is_link_trouble(start: Start, tmp_path: Path) -> None:
+@pytest.fixture
+def nobody() -> Iterator[int]:
+    """A number at which nobody listens on TCP nor answers on UDP, as long as the test lasts."""
+    with socket.socket() as tcp, socket.socket(type=socket.SOCK_DGRAM) as udp:
+        tcp.bind(("127.0.0.1", 0))
+        port = int(tcp.getsockname()[1])
+        udp.bind(("127.0.0.1", port))
+        yield port
+
+
+def test_a_bridge_that_never_had_a_sample_says_so_and_is_link_trouble(
+    start: Start, tmp_path: Path, nobody: int
+) -> None:
     board = tmp_path / "board"
     start("virtual-board", "--serial", "pty", "--symlink", str(board)).wait_for("serving")
-    bridge = start("bridge", "udp:9", f"serial:{board}", "--json")
-    bridge.wait_for("no sample has come over udp:9 yet")
+    bridge = start("bridge", f"udp:{nobody}", f"serial:{board}", "--json")
+    bridge.wait_for(f"no sample has come over udp:{nobody} yet")
     assert bridge.ended(3)["runs"] == 0
 
 
@@ -225,10 +238,10 @@ def test_a_bridge_that_is_killed_loses_the_armed_board_and_the_next_one_goes_on(
 
 
 @pytest.mark.parametrize("side", ["first", "second"])
-def test_carrying_to_a_side_that_never_opens_is_link_trouble(start: Start, side: str) -> None:
-    nowhere, somewhere = "tcp:127.0.0.1:9", "udp:9"
+def test_carrying_to_a_side_that_never_opens_is_link_trouble(start: Start, side: str, nobody: int) -> None:
+    nowhere, somewhere = f"tcp:127.0.0.1:{nobody}", f"udp:{nobody}"
     bridge = start("bridge", *((nowhere, somewhere) if side == "first" else (somewhere, nowhere)), "--carry", "--json")
-    bridge.wait_for("tcp:127.0.0.1:9: no connection")
+    bridge.wait_for(f"{nowhere}: no connection")
     assert bridge.ended(3)[side]["opened"] == 0
 
 

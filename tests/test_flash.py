@@ -325,7 +325,7 @@ def test_the_simulated_bootloader_satisfies_stm32flash(tmp_path: Path) -> None:
     image = BUILD.read_bytes()
     with Bootloader() as chip:
         arguments = ["stm32flash", "-m", "8n1", "-b", "115200", "-w", str(BUILD), "-v", "-g", "0x08000000", chip.port]
-        answer = subprocess.run(arguments, capture_output=True, text=True, check=False, timeout=60)
+        answer = subprocess.run(arguments, capture_output=True, text=True, check=False, timeout=240)
     assert answer.returncode == 0, answer.stdout + answer.stderr
     assert chip.flash[: len(image)] == image
     assert chip.started_at == FLASH
@@ -341,8 +341,8 @@ def test_the_target_flash_builds_and_writes(tmp_path: Path) -> None:
     for faults in (Faults(), Faults(stores_nothing=True)):
         with Bootloader(faults) as chip:
             more = ["-DCMAKE_BUILD_TYPE=Image", f"-DPLUMB_PORT={chip.port}"]
-            subprocess.run([*configure, *more], check=True, capture_output=True, timeout=60)
-            done = subprocess.run(flash_it, capture_output=True, text=True, check=False, timeout=120)
+            subprocess.run([*configure, *more], check=True, capture_output=True, timeout=240)
+            done = subprocess.run(flash_it, capture_output=True, text=True, check=False, timeout=240)
         assert (done.returncode != 0) == faults.stores_nothing, done.stdout + done.stderr
         if not faults.stores_nothing:
             image = (tmp_path / "firmware.bin").read_bytes()

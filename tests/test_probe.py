@@ -192,7 +192,7 @@ def test_the_real_pyocd_understands_the_commands(fake) -> None:
     assert f.flash() == 0
     program = str(Path(sys.executable).parent / "pyocd")
     for asked in f.asked:
-        done = subprocess.run([program, *asked], capture_output=True, text=True, timeout=60, check=False)
+        done = subprocess.run([program, *asked], capture_output=True, text=True, timeout=240, check=False)
         assert done.returncode in (1, 3) and "usage:" not in done.stderr
         assert "No connected debug probes" in done.stdout + done.stderr
 
@@ -203,7 +203,7 @@ def test_the_real_openocd_finds_its_files_and_no_probe(fake, interface: str) -> 
     f = fake("openocd", idcode="Warn : UNEXPECTED idcode: 0x2ba01477")
     assert main(["flash", "--probe", f"openocd:{interface}", "--image", str(f.image)]) == 0
     for asked in f.asked:
-        done = subprocess.run(["/usr/bin/openocd", *asked], capture_output=True, text=True, timeout=60, check=False)
+        done = subprocess.run(["/usr/bin/openocd", *asked], capture_output=True, text=True, timeout=240, check=False)
         assert done.returncode == 1
         wrongly_asked = (
             "invalid command",

@@ -36,7 +36,7 @@ def test_how_it_ends(number: signal.Signals, code: int, said: str) -> None:
         assert process.stdout is not None
         assert "socket://127.0.0.1:" in process.stdout.readline()
         process.send_signal(number)
-        _, complaint = process.communicate(timeout=60)
+        _, complaint = process.communicate(timeout=240)
     assert process.returncode == code
     assert said in complaint and len(complaint.splitlines()) <= 1
 
