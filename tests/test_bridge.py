@@ -191,22 +191,21 @@ def test_sides_that_are_swapped_are_named_and_link_trouble(start: Start, tmp_pat
 
 
 @pytest.fixture
-def nobody() -> Iterator[int]:
-    """A number at which nobody listens on TCP nor answers on UDP, as long as the test lasts."""
+def nobody() -> Iterator[tuple[str, str]]:
+    """Names of a TCP port at which nobody listens, and of a UDP port at which nobody answers, as long as this lasts."""
     with socket.socket() as tcp, socket.socket(type=socket.SOCK_DGRAM) as udp:
-        tcp.bind(("127.0.0.1", 0))
-        port = int(tcp.getsockname()[1])
-        udp.bind(("127.0.0.1", port))
-        yield port
+        for one in (tcp, udp):
+            one.bind(("127.0.0.1", 0))
+        yield f"tcp:127.0.0.1:{tcp.getsockname()[1]}", f"udp:{udp.getsockname()[1]}"
 
 
 def test_a_bridge_that_never_had_a_sample_says_so_and_is_link_trouble(
-    start: Start, tmp_path: Path, nobody: int
+    start: Start, tmp_path: Path, nobody: tuple[str, str]
 ) -> None:
     board = tmp_path / "board"
     start("virtual-board", "--serial", "pty", "--symlink", str(board)).wait_for("serving")
-    bridge = start("bridge", f"udp:{nobody}", f"serial:{board}", "--json")
-    bridge.wait_for(f"no sample has come over udp:{nobody} yet")
+    bridge = start("bridge", nobody[1], f"serial:{board}", "--json")
+    bridge.wait_for(f"no sample has come over {nobody[1]} yet")
     assert bridge.ended(3)["runs"] == 0
 
 
@@ -238,8 +237,8 @@ def test_a_bridge_that_is_killed_loses_the_armed_board_and_the_next_one_goes_on(
 
 
 @pytest.mark.parametrize("side", ["first", "second"])
-def test_carrying_to_a_side_that_never_opens_is_link_trouble(start: Start, side: str, nobody: int) -> None:
-    nowhere, somewhere = f"tcp:127.0.0.1:{nobody}", f"udp:{nobody}"
+def test_carrying_to_a_side_that_never_opens_is_link_trouble(start: Start, side: str, nobody: tuple[str, str]) -> None:
+    nowhere, somewhere = nobody
     bridge = start("bridge", *((nowhere, somewhere) if side == "first" else (somewhere, nowhere)), "--carry", "--json")
     bridge.wait_for(f"{nowhere}: no connection")
     assert bridge.ended(3)[side]["opened"] == 0
