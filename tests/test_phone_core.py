@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from plumb import accuracy, fixed, metrics, native, reference
+from plumb import accuracy, fixed, golden, metrics, native, reference
 from plumb.compare import first_divergence
 from plumb.errors import UsageError
 from plumb.quantise import ControlParams, dequantise, quantise
@@ -272,6 +272,15 @@ def test_over_the_top_the_angles_change_sides(top_deg: float) -> None:
     assert abs(metrics.wrap_deg(roll_deg[-1] - 180.0)) < 6.0, "of roll, 80 degrees up, the vertical shows a sixth"
     assert np.all(np.abs(pitch_deg[1:][(words["flags"][1:] & ROLL_UNCORRECTED) == 0]) < 90.5)
     assert error_deg.max() < 10.0 and error_deg[-1] < 1.0
+
+
+def test_a_golden_vector_goes_over_the_top_on_every_board() -> None:
+    (vector,) = (
+        one for one in golden.load(golden.vectors_folder(), ["phone"]) if one.name == "phone_over_the_top_link"
+    )
+    words = native.run_control(vector.params, vector.raw, vector.setpoint)
+    over = np.abs(words["pitch_turn_q32"][:-1].astype(np.int64)) > 1 << 30
+    assert vector.on_link and np.count_nonzero(over & (words["flags"][1:] & ROLL_UNCORRECTED == 0)) == 2
 
 
 @pytest.mark.parametrize(
