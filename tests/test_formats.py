@@ -34,3 +34,14 @@ def test_phones_words_stay_within_what_the_design_says() -> None:
         assert worst[f"{axis}_p00"] <= 2**56 and worst[f"{axis}_p11"] <= 2**56 and worst[f"{axis}_variance"] <= 2**24
         assert worst[f"{axis}_k0_q29"] < 1 and worst[f"{axis}_k1_q29"] < 1
         assert worst[f"{axis}_bias_turn_q61"] <= 1 / 8 and worst[f"{axis}_bias_turnps_q28"] <= 1
+
+
+def test_balancers_words_stay_within_what_the_design_says() -> None:
+    worst = {row.name: row.worst for row in formats.used("balancer")}
+    assert worst["setpoint_mps_q26"] == 32 and 14 < worst["speed_mps_q26"] <= 15
+    assert worst["velocity_mps_q26"] <= 15 + 2**-26 and worst["speed_error_mps_q26"] <= 23
+    assert worst["wheel_accel_g_q26"] == 3 and worst["accel_filtered_g_q25"] <= 3, "reached, and held"
+    assert worst["gravity_x_g_q26"] <= 31 and worst["rate_turnps_q28"] <= 7 and worst["rate_corrected_turnps_q28"] <= 8
+    assert worst["speed_command_q22"] == 1 and worst["speed_integral_q54"] <= 2 and worst["speed_excess_q22"] < 257
+    assert worst["lean_turn_q32"] <= 1 / 16 and 0.9999 < worst["duty_q15"] < 1
+    assert worst["p00"] <= 2**56 and worst["p11"] <= 2**56 and worst["k0_q29"] < 1 and worst["k1_q29"] < 1

@@ -82,7 +82,7 @@ TUNINGS = {
     "arctan": ARCTAN,
     # Fitted on seeds 0-19 for itself: what is not taken off acts as more noise, so R is larger and the bias slower.
     "arctan_fitted": replace(
-        ARCTAN, trust=Trust(r_deg2=40.0), kalman=Kalman(q_angle_deg2_per_s=1e-3, q_bias_dps2_per_s=5e-4)
+        ARCTAN, trust=Trust(r_deg2=36.0), kalman=Kalman(q_angle_deg2_per_s=1e-3, q_bias_dps2_per_s=5e-4)
     ),
     # The paper's rule: Q of the bias three orders of magnitude below Q of the angle, each added at every step.
     "paper_rule": replace(ARCTAN, kalman=Kalman.per_step(1e-3, 1e-6, PERIOD_US)),
