@@ -1,13 +1,13 @@
 """A phone's steps to a board, every one of them compared with the integer model.
 
 The board runs in lockstep: a step is sent when the phone's samples for it are complete, so the phone's clock paces the
-board.
+board. What has come while the board answered is sent together: a slow link gets longer turns instead of falling behind.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -108,25 +108,38 @@ class Follower:
         self._run = Run()
         self._pair: tuple[Stepper, fixed.Controller] | None = None
 
-    def take(self, step: Step) -> dict[str, int]:
-        """One step on both; the model's words, which the board's digest confirms."""
-        if step.first or self._pair is None:
-            self._pair, self._run = (self._board.stepper(self.params), fixed.Controller(self.params)), Run()
-        stepper, model = self._pair
-        raw = tuple(counts([step])[0].tolist())
-        digest, words = stepper.step(raw, 0).digest, model.step(raw, 0)
-        outcome, run = self.outcome, self._run
-        run.steps.append(step)
-        run.digests.append(digest)
-        outcome.steps, outcome.words = outcome.steps + 1, words
-        if len(run.steps) > len(outcome.longest.steps):
-            outcome.longest = run
-        if digest != model.digest():
-            outcome.mismatches += 1
-            if outcome.divergence is None:
-                self._pair = None  # looking for it begins another run on the board
-                outcome.divergence = run.divergence = self._locate()
-        return words
+    def take(self, steps: Sequence[Step]) -> Iterator[tuple[Step, dict[str, int]]]:
+        """Steps on both; each with the model's words, which the board's digest confirms."""
+        at = 0
+        while at < len(steps):
+            if steps[at].first or self._pair is None:
+                self._pair, self._run = (self._board.stepper(self.params), fixed.Controller(self.params)), Run()
+            end = next((i for i in range(at + 1, len(steps)) if steps[i].first), len(steps))
+            for step, words in self._advance(self._pair, steps[at:end]):
+                at += 1
+                yield step, words
+
+    def _advance(
+        self, pair: tuple[Stepper, fixed.Controller], steps: Sequence[Step]
+    ) -> Iterator[tuple[Step, dict[str, int]]]:
+        """Steps of one run, up to the first that differs where nobody has looked for the reason yet."""
+        (stepper, model), outcome, run = pair, self.outcome, self._run
+        raw = counts(steps)
+        for step, digest, row in zip(steps, stepper.digests(raw), raw.tolist(), strict=True):
+            words = model.step(tuple(row), 0)
+            run.steps.append(step)
+            run.digests.append(digest)
+            outcome.steps, outcome.words = outcome.steps + 1, words
+            if len(run.steps) > len(outcome.longest.steps):
+                outcome.longest = run
+            if digest != model.digest():
+                outcome.mismatches += 1
+                if outcome.divergence is None:
+                    self._pair = None  # looking for it begins another run on the board
+                    outcome.divergence = run.divergence = self._locate()
+            yield step, words
+            if self._pair is None:
+                return
 
     def _locate(self) -> Divergence:
         raw = counts(self._run.steps)
@@ -154,15 +167,17 @@ def follow(
     outcome, listened_s, heard = follower.outcome, 0.0, dict(intake.resampler.counts.samples)
     while not stop and listened_s < (SILENCE_S if outcome.steps else wait_s):
         begin_s = time.monotonic()
-        arrived = listener.receive()
+        came = listener.receive_all(stop)
         listened_s += min(time.monotonic() - begin_s, TURN_S)
-        if arrived is None:
-            continue
-        for step in intake.take(*arrived):
-            saw(step, follower.take(step))
+        steps = [step for datagram in came for step in intake.take(*datagram)]
+        if most is not None:
+            del steps[most - outcome.steps :]
+        for step, words in follower.take(steps):
+            saw(step, words)
+        if steps:
             listened_s, heard = 0.0, dict(intake.resampler.counts.samples)
-            if most is not None and outcome.steps >= most:
-                return ""
+        if most is not None and outcome.steps >= most:
+            return ""
     if stop:
         return ""
     if not outcome.steps:

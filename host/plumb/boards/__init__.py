@@ -55,6 +55,10 @@ class Stepper(Protocol):
 
     def step(self, raw: tuple[int, ...], setpoint: int) -> StepOutput: ...
 
+    def digests(self, raw: RawCounts) -> list[int]:
+        """Samples that are there already, without a setpoint: their digests, whatever else a step puts out."""
+        ...
+
 
 class Board(ABC):
     """Anything that runs the C integers. Use as a context manager: leaving it closes what is open."""

@@ -22,6 +22,9 @@ class NativeStepper:
         words = self._controller.step(raw, setpoint)
         return StepOutput(self._controller.digest(), {name: words[name] for name in self._outputs})
 
+    def digests(self, raw: RawCounts) -> list[int]:
+        return [self.step(tuple(row), 0).digest for row in raw.tolist()]
+
 
 class NativeBoard(Board):
     name = "native"
