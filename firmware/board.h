@@ -197,7 +197,7 @@ void board_feed_watchdog(void);
 const uint16_t *board_store_slot(uint32_t slot);
 
 /* Erase a slot: all its bits become 1. The processor stands still for up to 80 ms and feeds the watchdog:
- * only while nothing moves. False: bits are left. */
+ * only while nothing moves. False: refused. A worn bit shows when it is programmed. */
 bool board_store_erase(uint32_t slot);
 
 /* Program one erased half-word; 0 may be programmed over anything. 70 us. False: refused. */

@@ -166,6 +166,14 @@ def test_a_board_that_falls_silent_leaves_what_was_recorded_and_the_count(
     assert summary["steps"] == len(rows_of(tmp_path)) > 20
 
 
+def test_a_board_without_a_run_says_what_would_begin_one(
+    recordable: MemoryBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for more, says in (([], True), (["--run", "live"], False)):
+        assert front.main(["record", "--board", "memory", "--seconds", "0.3", "--out", str(tmp_path), *more]) == 0
+        assert ("--run live begins one" in capsys.readouterr().err) == says
+
+
 @needs_full_disk
 @pytest.mark.parametrize("name", ["steps.csv", "frames.asc", "board.json"])
 def test_a_full_disk_is_one_sentence_and_the_count(

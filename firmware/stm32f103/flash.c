@@ -60,9 +60,6 @@ bool board_store_erase(uint32_t slot) {
     for (uint32_t at = 0u; at < SLOT_BYTES && good; at += page_bytes) {
         good = erase_page(start + at);
     }
-    for (uint32_t i = 0u; i < BOARD_STORE_HALFWORDS && good; i++) {
-        good = slot_start(slot)[i] == 0xffffu;
-    }
     return good;
 }
 

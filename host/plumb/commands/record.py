@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -109,6 +110,8 @@ def of_board(arguments: argparse.Namespace, caught: list[int], summary: dict[str
             session.listener = None
             if arguments.run:
                 session.end()
+            elif not recorder.rows:
+                print("plumb: no run was on: --run live begins one on the board's own sensors", file=sys.stderr)
         finally:
             try:
                 recorder.close()
