@@ -1,0 +1,94 @@
+/* The balancer's step on parameters and counts from all over their ranges: under the sanitizers no sum of it
+ * may overflow, and whatever comes, what has a limit keeps it (DESIGN.md, "Why the sums of balancer fit"). */
+#include "check.h"
+#include "control.h"
+#include "params.h"
+
+#define SETS  400U
+#define STEPS 300U
+
+/* A value of the parameter's range, every size as likely as any other; the factory's where none is found. */
+static void anywhere(params_t *all, uint16_t index) {
+    for (unsigned tries = 0; tries < 100U; tries++) {
+        const uint32_t value = (uint32_t)check_random_wild();
+        if (params_in_range(index, value)) {
+            params_set_word(all, index, value);
+            return;
+        }
+    }
+}
+
+/* A set that the firmware accepts; in half of them as many edges as the speed has room for. */
+static control_params_t wild(void) {
+    params_t all;
+    do {
+        params_default(&all);
+        for (uint16_t i = 0; i < sizeof all.control / 4U; i++)
+            if (check_random() % 2U == 0U)
+                anywhere(&all, i);
+        all.control.system = CONTROL_BALANCER;
+        const int32_t edge = all.control.wheel.edge_mps_q26;
+        if (check_random() % 2U == 0U && edge > (1 << 15))
+            all.control.wheel.edges_max = (int32_t)(WHEEL_SPEED_LIMIT / edge);
+    } while (!control_params_valid(&all.control));
+    return all.control;
+}
+
+static bool within(int64_t value, int64_t most) {
+    return value >= -most && value <= most;
+}
+
+static void check_pid(const pid_t *pid) {
+    CHECK(pid->command_q22 >= -(1 << 22) && pid->command_q22 < 1 << 22);
+    CHECK(within(pid->integral_q54, (int64_t)1 << 55));
+}
+
+static void check_words(const balancer_words_t *w, const control_params_t *p) {
+    const drive_params_t *drive = &p->drive;
+    CHECK(within(w->wheel.speed_mps_q26, WHEEL_SPEED_LIMIT));
+    CHECK(within(w->wheel.velocity_mps_q26, WHEEL_SPEED_LIMIT + 1));
+    CHECK(within(w->wheel.accel_g_q26, WHEEL_ACCEL_LIMIT));
+    CHECK(within(w->gravity_x_g_q26, (int64_t)31 << 26));
+    CHECK(w->gravity_x_g_q26 == w->accel_x_g_q26 + w->wheel.accel_g_q26);
+    CHECK(within(w->speed.error_turn_q32, drive->speed_max_mps_q26 + WHEEL_SPEED_LIMIT + 1));
+    CHECK(within(w->lean_turn_q32, drive->lean_max_turn_q34 / 4 + 1));
+    CHECK(within(w->duty_q15, drive->duty_max_q15));
+    CHECK((w->flags & BALANCER_FLAG_FALLEN) == 0U || w->duty_q15 == 0);
+    CHECK(w->variance >= p->tilt.r_base && w->variance <= p->tilt.r_max);
+    CHECK(w->kalman.p00 >= 0 && w->kalman.p00 <= (int64_t)1 << 57 && w->kalman.p11 >= 0 &&
+          w->kalman.p11 < (int64_t)1 << 56);
+    CHECK(w->kalman.k0_q29 >= 0 && within(w->kalman.k1_q29, 1 << 29));
+    check_pid(&w->speed);
+    check_pid(&w->pid);
+}
+
+/* Counts that jump, rest, are small, or stand at an end; wheels that stand, roll or are all over the place.
+ */
+static void run_wild(uint32_t set) {
+    const control_params_t p = wild();
+    control_t c;
+    control_init(&c, &p);
+    int16_t raw[CONTROL_RAW_MAX] = {0};
+    uint32_t clamped = 0, fallen = 0;
+    for (unsigned step = 0; step < STEPS; step++) {
+        for (unsigned i = 0; i < CONTROL_RAW_MAX; i++) {
+            const uint32_t pick = check_random();
+            if (set % 3U != 0U || pick % 20U == 0U)
+                raw[i] = (int16_t)(uint16_t)(check_random() >> (set % 4U * 4U + 16U));
+            if (pick % 32U == 1U)
+                raw[i] = (pick & 0x8000U) != 0U ? INT16_MAX : INT16_MIN;
+        }
+        control_step(&c, &p, raw, check_random_wild());
+        check_words(&c.balancer.words, &p);
+        clamped += (c.balancer.words.flags & BALANCER_FLAGS_SATURATED) != 0U;
+        CHECK(fallen == 0U || (c.balancer.words.flags & BALANCER_FLAG_FALLEN) != 0U);
+        fallen = c.balancer.words.flags & BALANCER_FLAG_FALLEN;
+    }
+    CHECK(c.balancer.words.step == STEPS && c.balancer.words.clamped_steps == clamped);
+}
+
+int main(void) {
+    for (uint32_t set = 0; set < SETS; set++)
+        run_wild(set);
+    return check_failures == 0 ? 0 : 1;
+}
