@@ -24,7 +24,7 @@ BUILD = Path(__file__).parents[1] / "build/stm32f103"
 BOOT_US = 30_000
 NEUTRAL_US = 1000.0
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
-IMAGE_FAULT, FALLBACK_FAULT, WATCHDOG_FAULT, CRYSTAL_FAULT = 0x08, 0x100, 0x400, 0x1000
+IMAGE_FAULT, FALLBACK_FAULT, WATCHDOG_FAULT, CRYSTAL_FAULT, CRASH_FAULT = 0x08, 0x100, 0x400, 0x1000, 0x04
 RETURN = struct.pack("<H", 0x4770)
 
 pytestmark = pytest.mark.skipif(
@@ -189,6 +189,32 @@ def test_a_crystal_that_dies_in_flight_is_told_to_the_host(image: bytes) -> None
             after.receive(0.01)
         assert after.telemetry["STATUS"]["mode"] == 0 and after.telemetry["STATUS"]["armed"] == 0
     assert not machine.can.listening and machine.warnings == []
+
+
+def test_a_crash_whose_reset_fails_is_neutral_until_the_watchdog_ends_it(
+    image: bytes, elf: Elf, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Found in flight by the stack guard. The reset is all that usually switches off; here it does not come."""
+    machine = started(image)
+    session = Session.open(machine.uart)
+    session.upload(CONTROL, period_us=1000, arm_hold_ms=0)
+    session.begin("REALTIME_LIVE")
+    session.arm()
+    for _turn in range(20):
+        session.receive(0.005)
+    assert not at_neutral(machine)
+    reset, resets = machine.request_reset, machine.reset_count
+    monkeypatch.setattr(machine, "request_reset", lambda cause: None if cause == "software" else reset(cause))
+    machine.cpu.ram[elf.symbol("stack_guard").address - 0x20000000] ^= 0xFF
+    assert machine.run_until(lambda: at_neutral(machine), 25_000) and machine.reset_count == resets
+    for _look in range(100):
+        machine.advance_us(1000)
+        assert at_neutral(machine) and machine.reset_count == resets
+    assert machine.run_until(lambda: machine.reset_count > resets, 300_000)
+    machine.advance_us(BOOT_US)
+    told = identity(machine)
+    assert told.reset_cause == "watchdog"
+    assert told["FAULTS"] & (CRASH_FAULT | WATCHDOG_FAULT) == CRASH_FAULT | WATCHDOG_FAULT
 
 
 def test_every_reset_says_what_it_was(image: bytes, elf: Elf) -> None:
