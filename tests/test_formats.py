@@ -45,3 +45,23 @@ def test_balancers_words_stay_within_what_the_design_says() -> None:
     assert worst["speed_command_q22"] == 1 and worst["speed_integral_q54"] <= 2 and worst["speed_excess_q22"] < 257
     assert worst["lean_turn_q32"] <= 1 / 16 and 0.9999 < worst["duty_q15"] < 1
     assert worst["p00"] <= 2**56 and worst["p11"] <= 2**56 and worst["k0_q29"] < 1 and worst["k1_q29"] < 1
+
+
+def test_turntables_words_stay_within_what_the_design_says() -> None:
+    limits = {
+        "gyro_last": 32767, "angular_last": 32767, "gyro_before": 32767, "angular_before": 32767, "gyro_spikes": 7,
+        "angular_spikes": 7, "gyro_gap_steps": 65535, "angular_gap_steps": 65535, "rate_turnps": 7, "rate_fused": 7,
+        "rate_corrected": 7, "acceleration": 7, "increment": 1 / 16, "gyro_age": 16, "lag_step": 16, "bias_gyro": 1 / 8,
+        "bias_angular": 2**-11, "scale_q30": 1 / 4, "innovation": 4, "attitude": 1 + 2**-28, "scale_variance": 2**-8,
+        "lag_variance": 1, **{f"{of}_{state}": 8 for of in ("scale", "lag") for state in ("rate", "gyro", "ang")},
+        **{f"p{i}": 2**-6 for i in range(4)}, "p4": 2**-3,
+    }  # fmt: skip
+    reached = dict.fromkeys(limits, 0.0)
+    for row in formats.used("turntable"):
+        kind = max((name for name in limits if row.name.startswith(name)), key=len, default=None)
+        if kind is None:
+            assert row.name.startswith(("raw", "setpoint", "clamped_steps", "flags", "step")), row.name
+        else:
+            reached[kind] = max(reached[kind], row.worst)
+    assert {name: worst for name, worst in reached.items() if not 0 < worst <= limits[name]} == {}
+    assert reached["innovation"] == 4 and reached["gyro_gap_steps"] == 65535, "reached, and held"

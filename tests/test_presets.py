@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -53,9 +54,32 @@ def test_its_presets_are_printed_in_one_place(name: str, capsys: pytest.CaptureF
     text, system = capsys.readouterr().out, systems.load(name)
     for names in (system.SCENARIOS, system.TUNINGS, system.STARTS, system.CONDITIONS, system.FAULTS):
         assert all(f"  {key}" in text for key in names)
+    assert f"  WHAT              {', '.join(system.FAULT_CHANNELS)}\n" in text
+    for channel in system.FAULT_CHANNELS:
+        assert system.faults([disturbance.parse(f"stuck:{channel}@1")])
     listed = said(capsys, "systems", "--system", name)["presets"][name]
     assert set(listed["tuning"]) == set(system.TUNINGS) and set(listed["fault"]) == set(system.FAULTS)
     assert listed["scenario"].keys() == system.SCENARIOS.keys()
+
+
+def test_the_table_takes_other_seeds(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    taken: list[range] = []
+    monkeypatch.setattr("plumb.systems.figures.compute", lambda names, seeds: taken.append(seeds) or iter(()))
+    for options in ((), ("--seeds", "3"), ("--first-seed", "5000", "--seeds", "2")):
+        assert front.main(["systems", "--table", *options]) == 0
+    assert taken == [range(1000, 1040), range(1000, 1003), range(5000, 5002)]
+    for options in (("--first-seed", "-1"), ("--seeds", "0")):
+        assert front.main(["systems", "--table", *options]) == 2
+
+
+def test_the_help_of_run_says_what_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    """Its examples on the native core, two seconds each: nothing that they ask for together is refused."""
+    from plumb.commands import run
+
+    examples = re.findall(r"^    plumb (run \S+ --board native.*?)(?:   .*)?$", run.__doc__ or "", re.MULTILINE)
+    assert len(examples) >= 2
+    for example in examples:
+        assert front.main([*example.split(), "--seconds", "2", "--json"]) == 0, example
 
 
 def test_the_sources_figures_are_drawn_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

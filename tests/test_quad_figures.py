@@ -130,29 +130,32 @@ def test_a_missed_figure_is_printed_as_missed() -> None:
         Figure("too little", "motion", "adaptive", "%", "at least", 75.0, 74.0),
         Figure("elsewhere", "motion", "paper", "deg rms", "near", 1.87, 1.97),
         Figure("good", "motion", "paper", "deg rms", "near", 1.87, 1.95, 2.0, 1.95, 2.4, 71.0),
+        Figure("not about", "motion", "paper", "%", "about", 20.0, 15.9),
+        Figure("about", "motion", "paper", "%", "about", 20.0, 16.1),
         Figure("beside", "motion", "paper", "deg rms", "shown", 0.0, 7.5, source="+-5 deg"),
     ]
     named = [("quad", row) for row in rows]
     lines = figures.render(named).splitlines()
     verdicts = [line.split()[-1] for line in lines[1 : len(rows) + 1]]
-    assert verdicts == ["MISSED", "MISSED", "MISSED", "met", "7.500"], "what is only shown has no verdict"
-    assert "+-5 deg" in lines[5] and "source" in lines[0]
+    missed = ["MISSED", "MISSED", "MISSED", "met", "MISSED", "met"]
+    assert verdicts == [*missed, "7.500"], "what is only shown has no verdict"
+    assert "+-5 deg" in lines[7] and "source" in lines[0]
     assert "Assumed: gyro noise 0.5 deg/s" in lines[-3], "no figure without what it stands on"
-    assert [line.startswith(figures.RED) for line in figures.render(named, colour=True).splitlines()[1:5]] == [
-        True, True, True, False,
+    assert [line.startswith(figures.RED) for line in figures.render(named, colour=True).splitlines()[1:7]] == [
+        True, True, True, False, True, False,
     ]  # fmt: skip
-    assert [row.to_json()["met"] for row in rows] == [False, False, False, True, True]
+    assert [row.to_json()["met"] for row in rows] == [False, False, False, True, False, True, True]
 
 
-@pytest.mark.parametrize("sense", ["at most", "at least", "near"])
+@pytest.mark.parametrize("sense", ["at most", "at least", "near", "about"])
 def test_a_figure_that_numpy_computed_goes_into_json(sense: Sense) -> None:
     row = Figure("a", "motion", "paper", "deg", sense, 1.0, np.float64(1.0), np.float64(2.0))
     assert json.loads(json.dumps(row.to_json()))["met"] is True
 
 
 def test_a_short_table_keeps_what_was_asked_and_what_belongs_beside_it() -> None:
-    senses: tuple[Sense, ...] = ("at most", "at least", "near", "beside", "shown")
+    senses: tuple[Sense, ...] = ("at most", "at least", "near", "about", "beside", "shown")
     rows = [("quad", Figure(f"row {sense}", "motion", "paper", "deg rms", sense, 1.0, 1.0)) for sense in senses]
     whole, short = (figures.render(rows, short=short).splitlines() for short in (False, True))
     assert [line[:14] for line in whole if line not in short] == ["row shown     "]
-    assert "row beside" in short[4] and not short[4].endswith("met"), "no verdict where nothing was asked"
+    assert "row beside" in short[5] and not short[5].endswith("met"), "no verdict where nothing was asked"

@@ -4,7 +4,7 @@
     plumb run quad --board virtual --scenario hold --out out/hold     the loop closed on the flash image, and a report
     plumb run balancer --board virtual --live --seconds 20            armed, on its own sensors, Hall edges and bridge
     plumb run turntable --board virtual --link can --tuning attitude  over CAN
-    plumb run quad --board native --start paper --fault stuck:gyro@60-70 --condition bandwidth_hz=20
+    plumb run quad --board native --tuning paper --start fast --fault stuck:gyro@60-70 --condition bandwidth_hz=20
 
 What a system has of scenarios, tunings, start-up modes, conditions and faults: `plumb systems --system SYSTEM`.
 

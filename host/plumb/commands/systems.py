@@ -2,6 +2,7 @@
 
     plumb systems --system quad             its scenarios, tunings, start-up modes, conditions, faults, noise
     plumb systems --table                   what the sources claim, what was to be reached, and what the integers reach
+    plumb systems --table --first-seed 5000 the same on other seeds
     plumb systems --confirm virtual         the runs the table stands on, step for step the same on that board
     plumb systems --plots docs/figures      the sources' figures, drawn again
 
@@ -33,7 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
     parser.add_argument("--seconds", type=float, help="with --confirm: at most so much of each run")
     parser.add_argument("--plots", type=Path, metavar="DIR", help="write the sources' figures as DIR/SYSTEM_NAME.svg")
-    parser.add_argument("--seeds", type=int, default=40, help="how many seeds from 1000 on (default 40)")
+    parser.add_argument("--seeds", type=int, default=40, help="how many seeds (default 40)")
+    parser.add_argument("--first-seed", type=int, default=1000, metavar="N", help="from which on (default 1000)")
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
@@ -64,9 +66,9 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.errors import UsageError
     from plumb.systems import figures
 
-    if not 1 <= arguments.seeds <= 1000:
-        raise UsageError("the table takes 1 to 1000 seeds")
-    seeds = range(1000, 1000 + arguments.seeds)
+    if not 1 <= arguments.seeds <= 1000 or arguments.first_seed < 0:
+        raise UsageError("the table takes 1 to 1000 seeds, from 0 on")
+    seeds = range(arguments.first_seed, arguments.first_seed + arguments.seeds)
     rows = list(tqdm(figures.compute(names, seeds), leave=False, unit="figure", disable=None))
     if arguments.json:
         table = [{"system": name, **row.to_json()} for name, row in rows]
@@ -127,5 +129,7 @@ def presets(name: str) -> Iterator[str]:
             yield f"{titles[option]}:"
         for key, text in texts.items():
             yield f"  {key + ('*' if key == defaults.get(option) else ''):<18}{text}".rstrip()
+        if option == "fault":
+            yield f"  {'WHAT':<18}{', '.join(system.FAULT_CHANNELS)}"
     yield "noise and how figures are measured (seeds 0-19 to fit, 1000-1039 to report):"
     yield from (f"  {sentence}" for sentence in figures.assumed(name))

@@ -7,9 +7,10 @@ A system X is, besides its step in C (firmware/core/X.[ch]) and the modules of i
         SCENARIOS               name -> one sentence;  SECONDS  name -> how long
         TUNINGS                 name -> tuning;  TUNING_NOTES  name -> one sentence
         DEFAULT_SCENARIO, DEFAULT_TUNING, PERIOD_US, LINK (words of the link's part of the parameters, by name)
-        STARTS                  start-up mode -> Start, for any of the tunings;  START_NOTES
+        STARTS                  start-up mode -> Start, for the tunings that it suits;  START_NOTES
         CONDITIONS              what of a scenario can be set besides, name -> one sentence: a number, for scenario()
-        FAULTS                  kind -> one sentence;  faults(requests)  what scenario(faults=...) takes
+        FAULTS                  kind -> one sentence;  FAULT_CHANNELS  of what, by name
+        faults(requests)        what scenario(faults=...) takes
         OUTPUT_FRAMES           word of the record -> (frame, signal) that carries it over a link: what moves the plant
         OUTPUTS                 those words; none where nothing is driven, and every loop is open
         scenario(name, seed, *, seconds=None, period_us=..., faults=())    everything random of one run, drawn; it has

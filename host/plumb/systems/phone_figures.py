@@ -143,7 +143,7 @@ def general_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     yield _drift("raw drift in 200 s, body rates", "general", body)
     drift_deg = float(np.mean(drift))
     marks: dict[str, tuple[Sense, float, Sense, float]] = {
-        "printed": ("near", 20.0, "beside", 0.0),
+        "printed": ("about", 20.0, "beside", 0.0),
         "euler": ("at most", 4.5, "at least", 80.0),
     }
     for name, (sense, reach, quieter, by) in marks.items():

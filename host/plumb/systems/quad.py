@@ -100,7 +100,7 @@ STARTS = {
     "fast": FAST_START,
 }
 START_NOTES = {
-    "paper": "table 2: sure of a start at level without bias, so that a wrong one is given up slowly",
+    "paper": "table 2: sure of a level start without bias, slow to give up a wrong one; not with adaptive, constant",
     "fast": "nothing is known, the first samples decide; the gains fall by themselves to those at rest",
 }
 

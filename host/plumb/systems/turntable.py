@@ -94,7 +94,7 @@ FAULTS = {
     "railed": "a sensor at its rail",
     "stuck": "a sensor that repeats its last sample",
 }
-FAULT_SENSORS = {"gyro": slice(0, 3), "angular": slice(3, 6)}
+FAULT_CHANNELS = {"gyro": slice(0, 3), "angular": slice(3, 6)}
 
 GYRO = Channel(0.0, 1.0 / GYRO_LSB_PER_DPS, 1 - COUNT_MAX, COUNT_MAX - 1)
 ANGULAR = Channel(0.0, 1.0 / ANGULAR_LSB_PER_DPS2, 1 - COUNT_MAX, COUNT_MAX - 1)
@@ -163,8 +163,8 @@ class Outage:
 def faults(requests: Sequence[Request]) -> tuple[Outage, ...]:
     """What `scenario` takes; raises UsageError for a kind or a sensor that there is not."""
     for asked in requests:
-        if asked.kind not in FAULTS or asked.what not in FAULT_SENSORS:
-            kinds, sensors = ", ".join(FAULTS), " or ".join(FAULT_SENSORS)
+        if asked.kind not in FAULTS or asked.what not in FAULT_CHANNELS:
+            kinds, sensors = ", ".join(FAULTS), " or ".join(FAULT_CHANNELS)
             raise UsageError(f"turntable has no fault '{asked.kind}:{asked.what}'; it has {kinds} of {sensors}")
     return tuple(Outage(asked.kind, asked.what, asked.start_s, asked.stop_s) for asked in requests)
 
@@ -213,7 +213,7 @@ class Scenario:
         rail = ADC_COUNTS - 1 if self.name == "analog" else COUNT_MAX
         for outage in self.outages:
             during = np.flatnonzero((self.time_s >= outage.start_s) & (self.time_s < outage.stop_s))
-            sensor = FAULT_SENSORS[outage.sensor]
+            sensor = FAULT_CHANNELS[outage.sensor]
             sampled = during[raw[during, sensor.start] != NO_SAMPLE]
             if outage.kind == "stuck" and len(sampled):
                 raw[sampled, sensor] = raw[sampled[0], sensor]

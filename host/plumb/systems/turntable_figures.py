@@ -20,7 +20,7 @@ from plumb import native, quantise, reference
 from plumb.reference.turntable import rotation_deg
 from plumb.report import ESTIMATE, SECOND, SENSOR, Line, Plot
 from plumb.systems import turntable, turntable_gyro
-from plumb.systems.figures import SEEDS, UNASKED, Figure, Sense
+from plumb.systems.figures import UNASKED, Figure, Sense
 from plumb.systems.turntable_motion import REST_S
 from plumb.systems.turntable_view import RATE_DPS, attitude, reference_attitude
 from plumb.words import Words
@@ -175,9 +175,9 @@ def motion_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     ):
         yield from below_gyro(claim, batch, "motion", tuning, "shown", nothing)
     yield from below_gyro("attitude layer, no worse than the gyro", batch, "motion", "attitude", "at least", nothing)
-    others = Batch.of("motion", [seed - SEEDS[0] for seed in seeds])
-    yield from below_gyro("data layer on seeds 0-39", others, "motion", "data", "shown", nothing)
-    yield from rows("lag undone on seeds 0-39", others.lag_undone(), others, "motion", "-", "shown", nothing)
+    others, drawn = Batch.of("motion", range(len(batch.runs))), f"on seeds 0-{len(batch.runs) - 1}"
+    yield from below_gyro(f"data layer {drawn}", others, "motion", "data", "shown", nothing)
+    yield from rows(f"lag undone {drawn}", others.lag_undone(), others, "motion", "-", "shown", nothing)
     clean = Batch.of("clean", seeds)
     cost = np.subtract(clean.integers("data").below(batch.gyro), batch.integers("data").below(batch.gyro))
     yield Figure("spikes cost, mean", "motion", "data", "points", "at most", 5.0, float(cost[0]))
