@@ -22,8 +22,8 @@ from plumb.report import plot_svg, write_whole
 
 Sense = Literal["at most", "at least", "near", "about", "beside", "shown"]
 """How a figure is to be reached. near: within 5 %, what makes a scenario the one that was asked for; about: within 20 %
-of a number that was asked for in so many words. beside, shown: nothing was asked; a row beside belongs to what was, even
-in a short table, so that nobody takes a figure for more than it is; a row shown is for who wants to know more."""
+of a number that was asked for in so many words. beside, shown: nothing was asked; a row beside belongs to what was,
+even in a short table, so that nobody takes a figure for more than it is; a row shown is for who wants to know more."""
 UNASKED = ("beside", "shown")
 
 SEEDS = range(1000, 1040)
