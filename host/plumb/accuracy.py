@@ -208,6 +208,10 @@ def _rows(names: Sequence[str], steps: int, seeds: int) -> Iterator[str]:
             )
             of = f"{scenario}, seed {seed}" if seeds > 1 else scenario
             yield f"{name:<10}{tuning:<18}{hard:<13}{bound:<28}{worst:.1e} deg {of:<10}{chain}".rstrip()
+            if "wheel.alpha_q31" in own:
+                velocity_mps, accel_g = wheel_bounds(params)
+                turned_deg = math.degrees(accel_g / LEAST_G)
+                yield f"{'':<28}wheel: {velocity_mps:.1e} m/s, {accel_g:.1e} g, {turned_deg:.1e} deg at {LEAST_G:g} g"
     rng = np.random.default_rng(1)
     y, x = rng.integers(-(1 << 31), 1 << 31, (2, steps))
     yield f"atan2 {np.abs(atan2_error_deg(y, x)).max():.1e} deg"
