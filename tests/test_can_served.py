@@ -71,7 +71,8 @@ def test_a_run_from_another_process(spec: str, served: Served, capsys: pytest.Ca
 def test_both_ends_from_two_hosts_and_stock_slcan_on_the_uart(served: Served) -> None:
     bus, uart = served("slcan:tcp:0")
     with Session.over(open_can(bus.removeprefix("can:"))) as over_can:
-        stock = can.Bus(interface="slcan", channel=f"{uart.removeprefix('serial:')}@921600", bitrate=500000)
+        port = f"{uart.removeprefix('serial:')}@921600"
+        stock = can.Bus(interface="slcan", channel=port, bitrate=500000, sleep_after_open=0)
         with Session.over(stock) as over_uart:
             assert table_crc(over_can) == table_crc(over_uart)
             over_uart.begin("LOCKSTEP")

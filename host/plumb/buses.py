@@ -97,6 +97,10 @@ def open_can(address: str) -> can.BusABC:
         if not host or not port.isdigit() or not name:
             raise UsageError(f"'can:{address}': write can:socketcand:HOST:PORT:CHANNEL")
         return SocketcandClient(host, int(port), name)
+    if interface == "slcan" and "://" in channel:
+        options["sleep_after_open"] = (
+            0.0  # two seconds for an adapter that starts when its port is opened: not this one
+        )
     if not interface or not channel:
         raise UsageError(f"'can:{address}' names no bus; use can:INTERFACE:CHANNEL[@KBIT]")
     if interface not in can.VALID_INTERFACES:
