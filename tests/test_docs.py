@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from plumb import __main__ as front
-from plumb import parameters
+from plumb import parameters, systems
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -46,3 +46,16 @@ def test_parameters_that_the_guide_sets_exist_and_take_the_value() -> None:
         assert rows[name].min <= int(value) <= rows[name].max
     for name in re.findall(r"\b((?:esc\.\w+|arm_hold_ms|esc_period_us))\b", text):
         assert name in rows, name
+
+
+def figures(page: Path) -> set[tuple[str, ...]]:
+    """The rows of a page's tables of figures, cell by cell."""
+    rows = (re.split(r" {2,}", line.strip()) for line in page.read_text(encoding="utf-8").splitlines())
+    return {tuple(row) for row in rows if len(row) > 4 and re.search(r"\d\.\d{3}\b", " ".join(row))}
+
+
+def test_readme_and_the_systems_pages_tell_the_same_figures() -> None:
+    """README has the short table, each page its system's whole one: one command, one time it was run."""
+    short = figures(ROOT / "README.md")
+    pages = set().union(*(figures(ROOT / f"docs/{name}.md") for name in systems.SYSTEMS))
+    assert len(short) > 60 and sorted(short - pages) == []
