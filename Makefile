@@ -14,8 +14,8 @@ test:
 	@$(SIZE) --against previous
 	cmake --preset sanitize
 	cmake --build --preset sanitize
-	ctest --preset sanitize
-	ctest --preset native
+	ctest --preset sanitize --parallel 2
+	ctest --preset native --parallel 2
 	$(VENV)/python -m pytest
 
 # The flash image, the same core as a QEMU image, and their checks.
