@@ -13,6 +13,7 @@ from link_board import MemoryBoard
 from plumb import parameters, systems
 from plumb.capture import Capture
 from plumb.errors import LinkError, UsageError
+from plumb.identity import NackError
 from plumb.lockstep import Lockstep
 from plumb.protocol import crc8, protocol
 from plumb.quantise import quantise
@@ -153,6 +154,22 @@ def test_another_system_begins_with_nothing_selected() -> None:
         session.receive(0.05)
         wanted = [session.protocol[name].identifier for name in ("STEP", "ANGLE", "WORD")]
         assert [identifier in heard for identifier in wanted] == [True, False, False]
+
+
+def test_a_table_is_committed_by_its_own_crc_or_not_at_all() -> None:
+    """What was staged is not what the host meant: a value that differs, as one that CRC-8 let through would be."""
+    with Session.open(MemoryBoard()) as session:
+        session.connect()
+        before = session.read_parameters()
+        place = [row.name for row in parameters.table()].index("esc.mid_halfus")
+        meant = [*before[:place], 3100, *before[place + 1 :]]
+        session.request("PARAM_SET", place, 3101, answer="PARAM_STAGED", first=place)
+        with pytest.raises(NackError) as refused:
+            session.request("PARAM_COMMIT", len(meant), parameters.crc32(meant))
+        assert refused.value.reason == "CRC" and session.read_parameters() == before
+        session.request("PARAM_SET", place, 3100, answer="PARAM_STAGED", first=place)
+        session.request("PARAM_COMMIT", len(meant), parameters.crc32(meant))
+        assert session.read_parameters() == meant
 
 
 def test_upload_ends_a_run() -> None:
