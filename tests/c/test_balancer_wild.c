@@ -2,21 +2,10 @@
  * may overflow, and whatever comes, what has a limit keeps it (DESIGN.md, "Why the sums of balancer fit"). */
 #include "check.h"
 #include "control.h"
-#include "params.h"
+#include "wild_params.h"
 
 #define SETS  400U
 #define STEPS 300U
-
-/* A value of the parameter's range, every size as likely as any other; the factory's where none is found. */
-static void anywhere(params_t *all, uint16_t index) {
-    for (unsigned tries = 0; tries < 100U; tries++) {
-        const uint32_t value = (uint32_t)check_random_wild();
-        if (params_in_range(index, value)) {
-            params_set_word(all, index, value);
-            return;
-        }
-    }
-}
 
 /* A set that the firmware accepts; in half of them as many edges as the speed has room for. */
 static control_params_t wild(void) {
@@ -25,7 +14,7 @@ static control_params_t wild(void) {
         params_default(&all);
         for (uint16_t i = 0; i < sizeof all.control / 4U; i++)
             if (check_random() % 2U == 0U)
-                anywhere(&all, i);
+                wild_word(&all, i);
         all.control.system = CONTROL_BALANCER;
         const int32_t edge = all.control.wheel.edge_mps_q26;
         if (check_random() % 2U == 0U && edge > (1 << 15))

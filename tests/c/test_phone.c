@@ -2,21 +2,10 @@
  * overflow, and whatever comes, variances stay variances and what has a limit keeps it. */
 #include "check.h"
 #include "control.h"
-#include "params.h"
+#include "wild_params.h"
 
 #define SETS  400U
 #define STEPS 300U
-
-/* A value of the parameter's range, every size as likely as any other; the factory's where none is found. */
-static void anywhere(params_t *all, uint16_t index) {
-    for (unsigned tries = 0; tries < 100U; tries++) {
-        const uint32_t value = (uint32_t)check_random_wild();
-        if (params_in_range(index, value)) {
-            params_set_word(all, index, value);
-            return;
-        }
-    }
-}
 
 /* A set that the firmware accepts: Euler rates in three of four. */
 static control_params_t wild(void) {
@@ -25,7 +14,7 @@ static control_params_t wild(void) {
         params_default(&all);
         for (uint16_t i = 0; i < sizeof all.control / 4U; i++)
             if (check_random() % 2U == 0U)
-                anywhere(&all, i);
+                wild_word(&all, i);
         all.control.system = CONTROL_PHONE;
         all.control.phone.rates = check_random() % 4U != 0U ? PHONE_EULER_RATES : PHONE_BODY_RATES;
     } while (!control_params_valid(&all.control));

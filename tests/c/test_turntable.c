@@ -2,21 +2,10 @@
  * may overflow, and whatever comes, variances stay variances and attitudes rotations. */
 #include "check.h"
 #include "control.h"
-#include "params.h"
+#include "wild_params.h"
 
 #define SETS  400U
 #define STEPS 400U
-
-/* A value of the parameter's range, every size as likely as any other; the factory's where none is found. */
-static void anywhere(params_t *all, uint16_t index) {
-    for (unsigned tries = 0; tries < 100U; tries++) {
-        const uint32_t value = (uint32_t)check_random_wild();
-        if (params_in_range(index, value)) {
-            params_set_word(all, index, value);
-            return;
-        }
-    }
-}
 
 /* A set that the firmware accepts. */
 static control_params_t wild(void) {
@@ -24,7 +13,7 @@ static control_params_t wild(void) {
     params_default(&all);
     do {
         for (uint16_t i = 0; i < sizeof all.control / 4U; i++)
-            anywhere(&all, i);
+            wild_word(&all, i);
         all.control.system = CONTROL_TURNTABLE;
         all.control.fusion.rest_steps %= 60U;
         all.control.fusion.gyro_age_step_q24 %= all.control.fusion.gyro_period_step_q24;

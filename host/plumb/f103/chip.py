@@ -10,6 +10,7 @@ once for every sample the chip takes, in order of time, at the instant of that s
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 Source = Callable[[float], tuple[float, float, float]]
 
 
-class Chip:
+class Chip(ABC):
     """address: 7 bits, on I2C. Faults: answers, identity, frozen; brown_out().
 
     on_read(time_s, counts): called when the sample taken at time_s is read over the bus.
@@ -58,25 +59,25 @@ class Chip:
 
     # What a chip defines
 
+    @abstractmethod
     def period_s(self) -> float:
         """Between two samples; 0 while it takes none."""
-        raise NotImplementedError
 
+    @abstractmethod
     def convert(self, felt: tuple[float, float, float]) -> tuple[int, int, int]:
         """The world's values as counts."""
-        raise NotImplementedError
 
+    @abstractmethod
     def store(self) -> None:
         """Put `counts` into the data registers, and say that they are new."""
-        raise NotImplementedError
 
+    @abstractmethod
     def written(self, register: int, value: int) -> None:
         """A register is written over the bus."""
-        raise NotImplementedError
 
+    @abstractmethod
     def noticed(self, register: int) -> None:
         """A register was read over the bus: flags that reading clears."""
-        raise NotImplementedError
 
     # Time
 
@@ -131,5 +132,5 @@ class Chip:
     def read(self, _now: int) -> int:
         return self._read() if self.answers and self._pointer is not None else 0xFF
 
-    def end(self) -> None:
+    def end(self) -> None:  # noqa: B027  a chip that keeps nothing has nothing to do
         """Nothing is kept over a STOP but the register pointer."""
