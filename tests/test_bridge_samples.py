@@ -122,3 +122,10 @@ def test_a_sample_whose_frames_come_apart_is_whole_and_another_board_s_half_is_n
     assert samples.setpoint == setpoint
     samples.forget()
     assert samples.setpoint is None and samples.take([(0.5, first)]) == [(0.5, [first])]
+
+
+def test_parts_whose_sample_never_came_give_way_to_newer_ones() -> None:
+    samples = Samples()
+    _, old, _ = sample_frames(protocol(), 7, (1, 2, 3, 4, 5, 6), 99, 0)
+    _, new, first = sample_frames(protocol(), 8, (1, 2, 3, 7, 8, 9), 99, 0)
+    assert samples.take([(0.1, old), (0.2, new), (0.3, first)]) == [(0.3, [new, first])]

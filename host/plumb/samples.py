@@ -17,17 +17,18 @@ class Samples:
     def forget(self) -> None:
         """Another sensor board."""
         self.setpoint: Frame | None = None
-        self._begun: list[Frame] = []
+        self._begun: dict[int, Frame] = {}  # the newest of each kind: a SAMPLE_A that got lost leaves its parts behind
 
     def take(self, arrived: list[tuple[float, Frame]]) -> list[tuple[float, list[Frame]]]:
         """The samples that are whole now, each with the time of its SAMPLE_A, its last frame."""
         whole = []
         for time_s, frame in arrived:
             if frame[0] in self._parts:
-                self._begun.append(frame)
+                self._begun.pop(frame[0], None)
+                self._begun[frame[0]] = frame
             if frame[0] == self._setpoint:
                 self.setpoint = frame
             if frame[0] == self._last:
-                whole.append((time_s, self._begun))
-                self._begun = []
+                whole.append((time_s, list(self._begun.values())))
+                self._begun = {}
         return whole
