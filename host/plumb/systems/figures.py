@@ -21,13 +21,14 @@ from plumb import systems
 from plumb.report import plot_svg, write_whole
 
 Sense = Literal["at most", "at least", "near", "about", "beside", "shown"]
-"""How a figure is to be reached. near: within 5 %, what makes a scenario the one that was asked for; about: within 20 %
-of a number that was asked for in so many words. beside, shown: nothing was asked; a row beside belongs to what was,
+"""How a figure is to be reached. near: within 5 %, what makes a scenario the one that was asked for; about: within 13 %
+of a number that was asked for in so many words, two standard deviations of the one that stands so, a share of a drift
+whose mean over 40 seeds scatters by 6.3 %. beside, shown: nothing was asked; a row beside belongs to what was,
 even in a short table, so that nobody takes a figure for more than it is; a row shown is for who wants to know more."""
 UNASKED = ("beside", "shown")
 
 SEEDS = range(1000, 1040)
-NEAR, ABOUT = 0.05, 0.20
+NEAR, ABOUT = 0.05, 0.13
 RED, PLAIN = "\x1b[31m", "\x1b[0m"
 
 
