@@ -34,7 +34,7 @@ from plumb.quantise.groups import pid_of
 from plumb.recipe import WILD, random_bits
 from plumb.slcan import SlcanParser, text_of_frames
 from plumb.systems import quad
-from plumb.words import QUAD, Words
+from plumb.words import RECORDS, Words
 
 IMAGE = Path("build/stm32f103/firmware.elf")
 CONTROL_BYTES = 1024
@@ -179,36 +179,43 @@ def _pack(numbers: npt.ArrayLike, kind: str) -> bytes:
     return np.asarray(numbers).astype(kind).tobytes()
 
 
+class _Driver:
+    """control_init and control_step in a counter whose profiles fill up on the way."""
+
+    def __init__(self, counter: Counter) -> None:
+        self._counter = counter
+        self._control, self._room = counter.place(bytes(CONTROL_BYTES)), counter.place(bytes(16))
+        self._table = counter.place(bytes(4 * 256))
+
+    def run(self, params: ControlParams, raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
+        """One run from its beginning: the record of every step."""
+        counter, size = self._counter, RECORDS[params.system].itemsize
+        counter.write(self._table, _pack(np.array(params.words()) & 0xFFFF_FFFF, "<u4"))
+        counter.call("control_init", self._control, self._table)
+        record, rows = bytearray(), np.asarray(raw)
+        for counts, target in zip(rows, np.asarray(setpoint), strict=True):
+            counter.write(self._room, _pack(counts, "<i2"))
+            counter.call("control_step", self._control, self._table, self._room, int(target))
+            record += counter.read(self._control, size)
+        return Words.from_bytes(record, (len(rows),), params.system)
+
+
 def _run_control(counter: Counter, tunings: Sequence[str]) -> list[_Run]:
-    """Every input through control_init and control_step; the counter's profiles fill up on the way."""
-    control, room = counter.place(bytes(CONTROL_BYTES)), counter.place(bytes(16))
-    table = counter.place(bytes(4 * 256))
-    runs = []
+    """Every input of quad."""
+    driver, runs = _Driver(counter), []
     for tuning, ordinary, raw, setpoint in tqdm(list(_inputs(tunings)), disable=None, leave=False, unit="run"):
         params = quantise(quad.TUNINGS[tuning])
-        counter.write(table, _pack(np.array(params.words()) & 0xFFFF_FFFF, "<u4"))
-        counter.call("control_init", control, table)
-        record = bytearray()
-        for counts, target in zip(raw, setpoint, strict=True):
-            counter.write(room, _pack(counts, "<i2"))
-            counter.call("control_step", control, table, room, int(target))
-            record += counter.read(control, QUAD.itemsize)
-        runs.append(_Run(params, ordinary, raw, setpoint, Words.from_bytes(record, (len(raw),), "quad")))
+        runs.append(_Run(params, ordinary, raw, setpoint, driver.run(params, raw, setpoint)))
     return runs
 
 
 def _step_of(elf: Image, system: str) -> Row:
     """Another system's step, over the first steps of every vector of its recipe; its error is that of its scenario."""
     counter = Counter(elf, ["control_step"])
-    control, room = counter.place(bytes(CONTROL_BYTES)), counter.place(bytes(16))
-    table = counter.place(bytes(4 * 256))
+    driver = _Driver(counter)
     for entry in recipe.read(vectors_folder(None) / "recipe.toml", [system]):
         params, raw, setpoint = entry.inputs()
-        counter.write(table, _pack(np.array(params.words()) & 0xFFFF_FFFF, "<u4"))
-        counter.call("control_init", control, table)
-        for counts, target in zip(raw[:WILD_STEPS], setpoint[:WILD_STEPS], strict=True):
-            counter.write(room, _pack(counts, "<i2"))
-            counter.call("control_step", control, table, room, int(target))
+        driver.run(params, raw[:WILD_STEPS], setpoint[:WILD_STEPS])
     own = systems.load(system)
     return _row(counter, "control_step", scenario_error_deg(own.TUNINGS[own.DEFAULT_TUNING], own.DEFAULT_SCENARIO))
 
