@@ -72,7 +72,8 @@ static void actuate(void) {
     case CONTROL_BALANCER:
         board_set_bridge(control.balancer.words.duty_q15);
         break;
-    case CONTROL_TURNTABLE: /* moves nothing */
+    case CONTROL_TURNTABLE:
+    case CONTROL_PHONE: /* move nothing */
         break;
     default:
         board_set_actuator(control.quad.words.pulse_halfus);
