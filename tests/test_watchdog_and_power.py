@@ -63,6 +63,19 @@ def started(image: bytes) -> Machine:
     return machine
 
 
+def flying(image: bytes) -> tuple[Machine, Session]:
+    """Armed, its outputs away from neutral; and whoever armed it, keeping it alive."""
+    machine = started(image)
+    session = Session.open(machine.uart)
+    session.upload(CONTROL, period_us=1000, arm_hold_ms=0)
+    session.begin("REALTIME_LIVE")
+    session.arm()
+    for _turn in range(20):
+        session.receive(0.005)
+    assert not at_neutral(machine)
+    return machine, session
+
+
 def identity(machine: Machine) -> Identity:
     machine.uart.reset_input_buffer()
     with Session.open(machine.uart) as session:
@@ -144,14 +157,7 @@ def test_power_fails_in_flight(image: bytes, brown: bool) -> None:
     """Armed, driving, at any cycle: off at once, then neutral, disarmed and without a run."""
     chance = random.Random(8)
     for _ in range(5):
-        machine = started(image)
-        session = Session.open(machine.uart)
-        session.upload(CONTROL, period_us=1000, arm_hold_ms=0)
-        session.begin("REALTIME_LIVE")
-        session.arm()
-        for _turn in range(20):
-            session.receive(0.005)
-        assert not at_neutral(machine)
+        machine, session = flying(image)
         machine.run_to(machine.now + chance.randrange(5_000 * 40320))
         cut(machine, brown)
         seen = set()
@@ -170,14 +176,7 @@ def test_power_fails_in_flight(image: bytes, brown: bool) -> None:
 
 def test_a_crystal_that_dies_in_flight_is_told_to_the_host(image: bytes) -> None:
     """Armed and driving: neutral at once, and the host finds the board idle, disarmed, at 64 MHz, off the CAN bus."""
-    machine = started(image)
-    session = Session.open(machine.uart)
-    session.upload(CONTROL, period_us=1000, arm_hold_ms=0)
-    session.begin("REALTIME_LIVE")
-    session.arm()
-    for _turn in range(20):
-        session.receive(0.005)
-    assert not at_neutral(machine)
+    machine, _session = flying(image)
     machine.rcc.kill_crystal()
     assert machine.run_until(lambda: at_neutral(machine), 5_000)
     machine.advance_us(BOOT_US)
@@ -195,14 +194,7 @@ def test_a_crash_whose_reset_fails_is_neutral_until_the_watchdog_ends_it(
     image: bytes, elf: Elf, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Found in flight by the stack guard. The reset is all that usually switches off; here it does not come."""
-    machine = started(image)
-    session = Session.open(machine.uart)
-    session.upload(CONTROL, period_us=1000, arm_hold_ms=0)
-    session.begin("REALTIME_LIVE")
-    session.arm()
-    for _turn in range(20):
-        session.receive(0.005)
-    assert not at_neutral(machine)
+    machine, _session = flying(image)
     reset, resets = machine.request_reset, machine.reset_count
     monkeypatch.setattr(machine, "request_reset", lambda cause: None if cause == "software" else reset(cause))
     machine.cpu.ram[elf.symbol("stack_guard").address - 0x20000000] ^= 0xFF

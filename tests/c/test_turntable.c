@@ -1,8 +1,6 @@
 /* The turntable's step on parameters and counts from all over their ranges: under the sanitizers no sum of it
  * may overflow, and whatever comes, variances stay variances and attitudes rotations. */
-#include "check.h"
-#include "control.h"
-#include "wild_params.h"
+#include "wild.h"
 
 #define SETS  400U
 #define STEPS 400U
@@ -49,13 +47,7 @@ static void run_wild(uint32_t set) {
     control_init(&c, &p);
     int16_t raw[CONTROL_RAW_MAX] = {0};
     for (unsigned step = 0; step < STEPS; step++) {
-        for (unsigned i = 0; i < CONTROL_RAW_MAX; i++) {
-            const uint32_t pick = check_random();
-            if (set % 3U != 0U || pick % 20U == 0U)
-                raw[i] = (int16_t)(uint16_t)(check_random() >> (set % 4U * 4U + 16U));
-            if (pick % 32U == 1U)
-                raw[i] = (pick & 0x8000U) != 0U ? INT16_MAX : INT16_MIN + 1;
-        }
+        wild_counts(raw, set, INT16_MIN + 1);
         int16_t given[CONTROL_RAW_MAX];
         for (unsigned i = 0; i < CONTROL_RAW_MAX; i++)
             given[i] = raw[i];
