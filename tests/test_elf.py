@@ -15,7 +15,7 @@ from plumb.errors import UsageError
 ROOT = Path(__file__).parents[1]
 CHECK = ROOT / "tools/check_elf.py"
 IMAGE = ROOT / "build/stm32f103/firmware.elf"
-FLASH_BYTES, RAM_BYTES = 32 * 1024, 8 * 1024
+FLASH_BYTES, RAM_BYTES = 48 * 1024, 10 * 1024
 
 pytestmark = pytest.mark.skipif(shutil.which("arm-none-eabi-gcc") is None, reason="arm-none-eabi-gcc is not installed")
 
