@@ -17,6 +17,7 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[vi
 pytest.importorskip("pty", reason="the served board needs a pseudo-terminal")
 pytest.importorskip("stm32loader", reason="stm32loader is not installed: pip install 'plumb[flash]'")
 
+from pins import at_rest
 from plumb import parameters, romloader
 from plumb.__main__ import main
 from plumb.errors import LinkError, UsageError
@@ -182,6 +183,22 @@ def test_a_request_counts_once_and_only_with_its_reset(image: bytes) -> None:
     assert machine.rom is None
     with Session.open(machine.uart) as session:
         assert session.require_match().reset_cause == "power"
+
+
+def test_a_board_that_ran_since_the_request_does_not_reset_when_disarmed() -> None:
+    machine = open_machine()
+    at_rest(machine)
+    with Session.open(machine.uart) as session:
+        session.upload(CONTROL, arm_hold_ms=0)
+        session.execute("BOOTLOADER")
+        session.begin("REALTIME_LIVE")
+        session.arm()
+        for _turn in range(30):
+            session.receive(0.005)
+        session.disarm()
+        session.end()
+        session.receive(0.2)
+    assert machine.rom is None and machine.reset_count == 1
 
 
 def test_the_watchdog_does_not_follow_into_the_bootloader() -> None:

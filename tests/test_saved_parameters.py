@@ -210,15 +210,30 @@ def test_the_way_into_the_bootloader_begins_when_the_answer_is_out(board: Memory
     assert board.leaves
 
 
-def test_who_arms_before_it_leaves_keeps_it(board: MemoryBoard, session: Session) -> None:
+@pytest.mark.parametrize("arms", [False, True], ids=["run", "armed run"])
+def test_a_run_withdraws_the_request_for_the_bootloader(board: MemoryBoard, session: Session, arms: bool) -> None:
     session.execute("BOOTLOADER")
     session.begin("REALTIME_LIVE")
-    session.arm()
+    if arms:
+        session.arm()
     for _ in range(100):
         session.receive(0.005)
-        assert board.armed and not board.leaves
+        assert board.armed == arms and not board.leaves
     session.disarm()
-    assert board.leaves
+    session.end()
+    board.run_us(200_000)
+    assert not board.leaves
+
+
+def test_the_arm_switch_withdraws_the_request_for_the_bootloader(board: MemoryBoard, session: Session) -> None:
+    board.switch(False)
+    board.run_us(50_000)
+    session.execute("BOOTLOADER")
+    board.switch(True)
+    board.run_us(300_000)
+    board.switch(False)
+    board.run_us(200_000)
+    assert not board.leaves
 
 
 def command(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:

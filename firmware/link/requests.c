@@ -21,7 +21,11 @@ uint32_t requests_faults(const session_t *s) {
 }
 
 bool requests_bootloader_due(const session_t *s, uint32_t now_us) {
-    return s->bootloader_asked && !s->arming.armed && now_us - s->bootloader_us >= BOOTLOADER_AFTER_US;
+    return s->bootloader_asked && now_us - s->bootloader_us >= BOOTLOADER_AFTER_US;
+}
+
+void requests_withdraw_bootloader(session_t *s) {
+    s->bootloader_asked = false;
 }
 
 static uint16_t save(session_t *s) {

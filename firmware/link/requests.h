@@ -23,4 +23,7 @@ uint32_t requests_faults(const session_t *s);
 /* True when the ROM bootloader was asked for, and the answer is out: time to go. */
 bool requests_bootloader_due(const session_t *s, uint32_t now_us);
 
+/* A run or arming withdraws the request: a board that is disarmed later must not reset then. */
+void requests_withdraw_bootloader(session_t *s);
+
 #endif

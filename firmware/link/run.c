@@ -1,6 +1,7 @@
 #include "run.h"
 #include "links.h"
 #include "messages.h"
+#include "requests.h"
 #include "telemetry.h"
 #include <string.h>
 
@@ -16,6 +17,7 @@ void run_begin(session_t *s, uint16_t run) {
     s->mode = run == MESSAGE_RUN_BEGIN_RUN_LOCKSTEP ? SESSION_LOCKSTEP : SESSION_REALTIME;
     s->live = run == MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE;
     s->begun = true;
+    requests_withdraw_bootloader(s);
     s->step = 0;
     s->queue_in = 0;
     s->queue_out = 0;

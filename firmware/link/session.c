@@ -249,6 +249,7 @@ static void on_execute(session_t *s, const can_frame_t *f, uint32_t now_us) {
         reply_nack(s, f, MESSAGE_NACK_REASON_BLOCKED, arming_blocked(s, s->asked));
     } else {
         s->armed_by = s->asked;
+        requests_withdraw_bootloader(s);
         reply_ack(s, f, m.verb);
     }
 }
