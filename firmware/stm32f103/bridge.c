@@ -3,8 +3,9 @@
  *
  * Every commutation is one interrupt: a Hall edge raises it, a new duty pends it. It writes preloaded
  * registers, and one COM event changes all six switches at once. A phase that floats keeps its high side
- * enabled but forced low, so that with OSSR and OSSI the timer drives every gate low whatever happens; only
- * before the pins are set up is that the work of the gates' pull-down resistors.
+ * enabled but forced low, so that with OSSR and OSSI the timer drives every gate low whatever happens. All
+ * three phases float so from bridge_init() on, before the pins are the timer's outputs; until then the gates'
+ * pull-down resistors hold them low.
  *
  * The break input (PB12) and the clock security system clear MOE in hardware: no instruction takes part, none
  * can hold it back (LOCK), and nothing but arming sets MOE again (AOE stays off). */
@@ -18,6 +19,8 @@
 #define DTG_SINGLE_MAX   127u /* dead times up to here are counted in single steps, RM0008 14.4.18 */
 #define DTG_DOUBLE_MAX   254u
 #define OUTPUTS_OF_PHASE (TIM1_CCER_CC1E | TIM1_CCER_CC1NE)
+#define OUTPUTS_FLOATING TIM1_CCER_CC1E
+#define MODE_LOW         (TIM1_CCMR1_OC1PE | TIM1_CCMR1_OC1M_LOW)
 
 static bool wired;
 static uint32_t period; /* counts from valley to peak */
@@ -45,6 +48,13 @@ static void wait_dead_time(void) {
     changed_at = SYST_CVR;
 }
 
+/* Output modes and enables of the three phases, a byte and four bits each; taken over by the COM event. */
+static void preload(uint32_t modes, uint32_t outputs) {
+    TIM1_CCMR1 = modes & 0xffffu;
+    TIM1_CCMR2 = modes >> 16;
+    TIM1_CCER = outputs;
+}
+
 /* Hall edge, or a new duty. */
 void bridge_handler(void) {
     TIM2_SR = ~TIM2_SR_CC1IF;
@@ -64,14 +74,12 @@ void bridge_handler(void) {
     for (uint32_t phase = 0u; phase < COMMUTATION_PHASES; phase++) {
         const uint32_t mode = c.drive[phase] == COMMUTATION_PWM ? TIM1_CCMR1_OC1M_PWM1 : TIM1_CCMR1_OC1M_LOW;
         modes |= (TIM1_CCMR1_OC1PE | mode) << 8u * phase;
-        outputs |= (c.drive[phase] == COMMUTATION_FLOAT ? TIM1_CCER_CC1E : OUTPUTS_OF_PHASE) << 4u * phase;
+        outputs |= (c.drive[phase] == COMMUTATION_FLOAT ? OUTPUTS_FLOATING : OUTPUTS_OF_PHASE) << 4u * phase;
     }
     TIM1_CCR1 = c.on;
     TIM1_CCR2 = c.on;
     TIM1_CCR3 = c.on;
-    TIM1_CCMR1 = modes & 0xffffu;
-    TIM1_CCMR2 = modes >> 16;
-    TIM1_CCER = outputs;
+    preload(modes, outputs);
     wait_dead_time();
     TIM1_EGR = TIM1_EGR_COMG;
 }
@@ -95,7 +103,9 @@ void bridge_init(uint32_t dead_time_ns) {
         dead_cycles <= DTG_SINGLE_MAX ? dead_cycles : TIM1_BDTR_DTG_DOUBLE | ((dead_cycles + 1u) / 2u - 64u);
     /* Break input active low and pulled down: a wire that is off breaks. */
     TIM1_BDTR = coded | TIM1_BDTR_OSSI | TIM1_BDTR_OSSR | TIM1_BDTR_BKE | TIM1_BDTR_LOCK_LEVEL2;
-    TIM1_EGR = TIM1_EGR_UG;
+    preload(MODE_LOW << 16 | MODE_LOW << 8 | MODE_LOW,
+            OUTPUTS_FLOATING << 8 | OUTPUTS_FLOATING << 4 | OUTPUTS_FLOATING);
+    TIM1_EGR = TIM1_EGR_UG | TIM1_EGR_COMG;
     TIM1_CR1 = TIM1_CR1_ARPE | TIM1_CR1_CMS_MODE1 | TIM1_CR1_CEN;
 }
 

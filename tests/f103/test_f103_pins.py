@@ -94,6 +94,19 @@ def test_bridge_speaks_on_other_pins_and_keeps_every_gate_low(bridged):
     assert bridged.afio.debug_port and bridged.warnings == []
 
 
+def test_gates_are_driven_low_from_the_moment_their_pins_are_outputs(bridged):
+    """An output whose timer does not drive it floats, with a current through the gate driver's input at best."""
+    bridged.reset()
+    outputs = set()
+    for _ in range(BOOT_US // 4):
+        bridged.advance_us(4)
+        for pin in HIGH_PINS + LOW_PINS:
+            if bridged.port(pin).is_output(int(pin[2:])):
+                outputs.add(pin)
+                assert bridged.tim1.gate(pin, bridged.now) is False, f"{pin} at {bridged.now_us:.0f} us"
+    assert outputs == set(HIGH_PINS + LOW_PINS)
+
+
 def test_the_set_in_force_survives_every_kind_of_reset(bridged):
     bridged.reset()
     bridged.advance_us(BOOT_US)

@@ -309,5 +309,11 @@ class Tim1(Timer):
             duty.append(min(float(share), 1.0) if driven else None)
         return Bridge((duty[0], duty[1], duty[2]), bool(self.bdtr & MOE))
 
+    def gate(self, pin: str, now: int) -> bool | None:
+        """Level that the timer puts on a gate's pin; None while the pin is not its output or it does not drive it."""
+        self.settle(now)
+        phase = (HIGH_PINS if pin in HIGH_PINS else LOW_PINS).index(pin)
+        return self._output(phase, now)[pin in LOW_PINS] if self._wired(pin) else None
+
     def _wired(self, pin: str) -> bool:
         return self.machine.port(pin).is_alternate_output(int(pin[2:])) and not self.machine.afio.mapr >> 6 & 3
