@@ -30,7 +30,10 @@ class Register(NamedTuple):
 
 
 class Peripheral:
-    """One block of registers. `clocked` follows its enable bit in RCC: without a clock it reads 0 and keeps nothing."""
+    """One block of registers. `clocked` follows its enable bit in RCC: without a clock it reads 0 and keeps nothing.
+
+    Every attribute is state that a snapshot keeps (snapshot.py), unless the class names it in WIRING.
+    """
 
     REGISTERS: ClassVar[tuple[Register, ...]] = ()
     NARROW: ClassVar[str] = "replicate"
@@ -70,6 +73,8 @@ class Peripheral:
 
 class Bus:
     """Address -> register, for the two callbacks that the processor core calls."""
+
+    WIRING = frozenset({"readers", "writers"})
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import ctypes
 import struct
+from collections.abc import Callable
 from types import FrameType
 from typing import TYPE_CHECKING
 
@@ -111,6 +112,8 @@ class Registers:
 
 class Cpu:
     """Registers, memory, and one slice of execution at a time."""
+
+    WIRING = frozenset({"uc", "_counter", "_limit", "_state", "_before", "_handler", "_after", "_handle", "_callbacks"})
 
     def __init__(self, machine: Machine, flash_bytes: int, ram_bytes: int) -> None:
         self.machine = machine
@@ -223,6 +226,18 @@ class Cpu:
         uc.reg_write(UC_ARM_REG_SP, stack & ~3)
         self.pc, self.stack = entry & ~1, stack & ~3
         self._primask = self._faultmask = self._base_priority = 0
+
+    def keep(self) -> Callable[[], None]:
+        """For a snapshot, between two slices: the registers inside Unicorn. The function puts them back; it is called
+        before the memories are, and forgets the code that was translated if the flash has changed since."""
+        context, flash = self.uc.context_save(), bytes(self.flash)
+
+        def put_back() -> None:
+            self.uc.context_restore(context)
+            if self.flash != flash:
+                self.forget_code()
+
+        return put_back
 
     def run(self, instructions: int) -> None:
         """Run at most so many instructions; fewer when the core sleeps, an exception ends, or a limit was lowered."""

@@ -25,7 +25,7 @@ from plumb.errors import UsageError
 from plumb.f103.adc import PINS as ADC_PINS
 from plumb.f103.adc import Adc
 from plumb.f103.backup import Bkp, Pwr
-from plumb.f103.bus import Bus, Peripheral
+from plumb.f103.bus import Bus, Peripheral, SimulationError
 from plumb.f103.bxcan import Bxcan
 from plumb.f103.cpu import SYSTEM_BASE, Cpu
 from plumb.f103.debug import CoreDebug, DbgMcu, Dwt
@@ -39,6 +39,7 @@ from plumb.f103.nvic import Nvic
 from plumb.f103.rcc import PLLON, Rcc
 from plumb.f103.rom import RomBootloader
 from plumb.f103.scb import Scb, SysTick
+from plumb.f103.snapshot import Snapshot
 from plumb.f103.spi import Spi
 from plumb.f103.stream import UartStream
 from plumb.f103.tim import Pwm, Timer
@@ -244,6 +245,26 @@ class Machine:
             for device in self.spi1.devices.values():
                 device.brown_out()
             self._power_up()
+
+    # Snapshots
+
+    def snapshot(self, *others: object) -> Snapshot:
+        """Keep everything as it is now, between two calls that let time pass: memories, core, peripherals, planned
+        events, what is on the wires, and the plants and sensors that are joined to pins and buses. others: objects
+        outside that belong to the same moment, such as the session that talks to the board.
+
+        Raises SimulationError where something cannot be kept, as while the ROM bootloader runs.
+        """
+        if self.rom is not None:
+            raise SimulationError("no snapshot can be taken while the ROM bootloader runs: reset the board first")
+        return Snapshot(self, *others)
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Put everything back as it was when the snapshot was taken; from here on the same calls give the same
+        bytes."""
+        if self.cpu.running:
+            raise SimulationError("a snapshot cannot be restored while the core runs: end the call that lets time pass")
+        snapshot.restore()
 
     # Time
 
