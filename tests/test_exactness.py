@@ -161,6 +161,7 @@ def test_pid_step_on_unrelated_states() -> None:
         before["integral_q54"] = rng.integers(-(1 << 54), 1 << 54, n) >> rng.integers(0, 54, n)
         before["rate_filtered_turnps_q27"] = rng.integers(-(1 << 30), 1 << 30, n)
         before["command_q22"] = rng.integers(-(1 << 22), 1 << 22, n)
+        before["command_q22"][::2] ^= np.int32(1) << rng.integers(0, 31, n // 2).astype(np.int32)  # flipped bits
         error, rate = rng.choice(INT32, n), rng.choice(INT32, n)
         names = ("integral_q54", "command_q22", "rate_filtered_turnps_q27", "excess_q22")
         c = fixed.PidState(*(before[name].astype(np.int64) for name in names))

@@ -45,6 +45,11 @@ static inline int64_t asr64(int64_t x, unsigned n) {
     return x >> n;
 }
 
+/* The low n bits of x as a signed number; 1 <= n <= 32. */
+static inline int32_t sign_extend(int32_t x, unsigned n) {
+    return asr32(wrap_i32((uint32_t)x << (32U - n)), 32U - n);
+}
+
 static inline uint32_t hi_u64(uint64_t x) {
     return (uint32_t)(x >> 32);
 }

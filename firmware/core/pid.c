@@ -8,6 +8,8 @@ void pid_init(pid_t *c) {
 
 void pid_step(pid_t *restrict c, const pid_params_t *restrict p, int32_t error_turn_q32,
               int32_t rate_turnps_q28) {
+    /* -1..1 in any case: 23 bits hold every command, and a flipped bit above them is dropped (one cycle) */
+    const int32_t before = sign_extend(c->command_q22, 23);
     /* halves: the difference of two rates needs one bit more than a rate */
     const int32_t last = c->rate_filtered_turnps_q27;
     const int32_t step = sub_wrap(asr32(rate_turnps_q28, 1), last);
@@ -16,7 +18,6 @@ void pid_step(pid_t *restrict c, const pid_params_t *restrict p, int32_t error_t
 
     const int32_t demand =
         mulhi_i32(error_turn_q32, p->kp_q22) - mulhi_i32(rate, p->kd_q27) + hi_i64(c->integral_q54);
-    const int32_t before = c->command_q22;
     const int32_t wanted = clamp_i32(demand, -ONE_Q22, ONE_Q22 - 1);
     const int32_t command = before + clamp_i32(wanted - before, -p->slew_q22, p->slew_q22);
     c->command_q22 = command;

@@ -88,6 +88,21 @@ static void no_windup(void) {
     CHECK(c.excess_q22 > 0 && c.integral_q54 == before);
 }
 
+/* A last command out of range, by a flipped bit, would be full command for as long as slew takes to come
+ * back. */
+static void flipped_command(void) {
+    const pid_params_t p = {.kp_q22 = ONE, .d_alpha_q31 = INT32_MAX, .slew_q22 = 1000};
+    for (unsigned bit = 0; bit < 32U; bit++) {
+        pid_t c = started();
+        c.command_q22 = (int32_t)(1U << bit);
+        pid_step(&c, &p, 0, 0);
+        CHECK(c.command_q22 >= -ONE && c.command_q22 < ONE);
+        const int32_t first = c.command_q22;
+        pid_step(&c, &p, 0, 0);
+        CHECK(abs(c.command_q22) <= abs(first) && abs(c.command_q22 - first) <= 1000);
+    }
+}
+
 static void never(void) {
     for (int run = 0; run < 1000; run++) {
         const pid_params_t p = {.kp_q22 = check_random_wild() / 2,
@@ -130,6 +145,7 @@ int main(void) {
     output_limit();
     slew_limit();
     no_windup();
+    flipped_command();
     never();
     refuses();
     return check_failures != 0;

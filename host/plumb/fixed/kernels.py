@@ -126,7 +126,8 @@ def pid_step(c: PidState, p: Params, error: Integer, rate: Integer, group: str =
     demand = demand + (c.integral_q54 >> 32)
     wanted = clamp(demand, -(1 << 22), (1 << 22) - 1)
     slew = p[f"{group}.slew_q22"]
-    c.command_q22 = c.command_q22 + clamp(wanted - c.command_q22, -slew, slew)
+    before = ((c.command_q22 + (1 << 22)) & ((1 << 23) - 1)) - (1 << 22)
+    c.command_q22 = before + clamp(wanted - before, -slew, slew)
 
     c.excess_q22 = demand - c.command_q22
     further = (c.excess_q22 != 0) & ((c.excess_q22 < 0) == (error < 0))
