@@ -36,7 +36,7 @@ target_link_options(firmware PRIVATE -nostartfiles --specs=nano.specs -T ${LINKE
 # What does not keep its promises, or its budget, does not become an image.
 add_custom_command(TARGET firmware POST_BUILD VERBATIM
     COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/tools/check_elf.py $<TARGET_FILE:firmware>
-            --flash 32768 --ram 8192 --stack 1536
+            --flash 49152 --ram 10240 --stack 1536
     COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/tools/size_table.py $<TARGET_FILE:firmware>
     COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/tools/finish_image.py $<TARGET_FILE:firmware>)
 
