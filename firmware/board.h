@@ -122,11 +122,12 @@ bool board_take_tick(void);
 /* Raw counts of the last tick, 0 for places the sensors do not fill. */
 void board_read_sensors(int16_t raw[BOARD_RAW_MAX]);
 
-/* Frame of the pulses and the pulse that is safe, half-microseconds, below 65536. Takes effect with the next
- * frame. */
+/* Outputs at neutral; then the length of a frame of pulses and the neutral pulse, half-microseconds, bounded
+ * as core/esc.h says (another neutral pulse becomes 1 ms). Takes effect with the next frame. */
 void board_configure_actuator(uint32_t frame_halfus, uint32_t neutral_halfus);
 
-/* Pulse lengths in half-microseconds; both take effect at the start of the next frame. */
+/* Pulse lengths in half-microseconds, bounded as core/esc.h says; both take effect at the start of the next
+ * frame. */
 void board_set_actuator(const uint32_t pulse_halfus[BOARD_ACTUATORS]);
 
 /* Whether the arm switch is closed at this moment, bounces and all. */

@@ -21,7 +21,7 @@ static note_t note __attribute__((section(".noinit")));
 extern uint32_t ram_end[];
 
 __attribute__((noreturn)) static void crash(uint32_t exception, uint32_t pc) {
-    board_actuator_neutral();
+    pwm_crash();
     note = (note_t){NOTE_MAGIC, exception, pc, NOTE_MAGIC ^ exception ^ pc};
     __asm volatile("dsb" ::: "memory");
     SCB_AIRCR = SCB_AIRCR_RESET;

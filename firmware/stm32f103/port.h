@@ -29,6 +29,7 @@ uint32_t time_ms(void);
 void uart_init(void);
 uint32_t uart_errors(void); /* stops at 255 */
 void pwm_init(uint32_t pins);
+void pwm_crash(void); /* every output safe, by constants: for code that may not trust memory */
 void bridge_init(uint32_t dead_time_ns); /* after time_init(), before its pins: off, all gates driven low */
 void bridge_start(void);                 /* once its pins are set up, and had time to settle */
 void bridge_off(void);                   /* with any pins, at any time */

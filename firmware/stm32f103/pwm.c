@@ -1,19 +1,25 @@
 /* Pulses to two speed controllers: TIM4 channels 1 and 2 count half-microseconds (RM0008 15.3.9, 15.4).
  *
  * Every compare register and the frame length are preloaded, so that a change takes effect between two pulses
- * and both outputs change together. Channel 3 has no pin: its compare register holds the neutral pulse, where
- * the fault handler finds it when no memory can be trusted. */
+ * and both outputs change together. No other file writes these registers, and every value is bounded here: a
+ * controller gets a pulse that core/esc.h allows, whatever the caller's memory holds. */
+#include "../core/esc.h"
 #include "port.h"
 
-#define START_FRAME_HALFUS   5000u /* 400 Hz */
-#define START_NEUTRAL_HALFUS 2000u /* 1 ms: motor off */
+#define START_FRAME_HALFUS      5000u /* 400 Hz */
+#define CONSTANT_NEUTRAL_HALFUS 2000u /* 1 ms: motor off */
+
+static uint32_t neutral_halfus = CONSTANT_NEUTRAL_HALFUS;
+
+static uint32_t bounded(uint32_t value, uint32_t low, uint32_t high) {
+    return value < low ? low : value > high ? high : value;
+}
 
 void pwm_init(uint32_t pins) {
     RCC_APB1ENR |= RCC_APB1ENR_TIM4EN;
     TIM4_PSC = clock_mhz() / 2u - 1u;
     TIM4_CCMR1 = TIM4_CCMR1_OC1M_PWM1 | TIM4_CCMR1_OC1PE | TIM4_CCMR1_OC2M_PWM1 | TIM4_CCMR1_OC2PE;
-    board_configure_actuator(START_FRAME_HALFUS, START_NEUTRAL_HALFUS);
-    board_actuator_neutral();
+    board_configure_actuator(START_FRAME_HALFUS, CONSTANT_NEUTRAL_HALFUS);
     TIM4_EGR = TIM4_EGR_UG;
     if (pins == BOARD_PINS_STANDARD) { /* else channel 1's pin is the UART's */
         TIM4_CCER = TIM4_CCER_CC1E | TIM4_CCER_CC2E;
@@ -21,19 +27,33 @@ void pwm_init(uint32_t pins) {
     TIM4_CR1 = TIM4_CR1_ARPE | TIM4_CR1_CEN;
 }
 
-void board_configure_actuator(uint32_t frame_halfus, uint32_t neutral_halfus) {
-    TIM4_ARR = frame_halfus - 1u;
-    TIM4_CCR3 = neutral_halfus;
+void board_configure_actuator(uint32_t frame_halfus, uint32_t wanted_neutral_halfus) {
+    neutral_halfus = wanted_neutral_halfus;
+    board_actuator_neutral(); /* before the frame: a longer pulse might not fit into a shorter one */
+    TIM4_ARR = bounded(frame_halfus, ESC_FRAME_MIN_HALFUS, ESC_FRAME_MAX_HALFUS) - 1u;
 }
 
 void board_set_actuator(const uint32_t pulse_halfus[BOARD_ACTUATORS]) {
-    TIM4_CCR1 = pulse_halfus[0];
-    TIM4_CCR2 = pulse_halfus[1];
+    const uint32_t fits = TIM4_ARR + 1u - ESC_GAP_MIN_HALFUS;
+    const uint32_t high = fits < ESC_PULSE_MAX_HALFUS ? fits : ESC_PULSE_MAX_HALFUS;
+    const uint32_t first = bounded(pulse_halfus[0], ESC_PULSE_MIN_HALFUS, high);
+    const uint32_t second = bounded(pulse_halfus[1], ESC_PULSE_MIN_HALFUS, high);
+    TIM4_CCR1 = first;
+    TIM4_CCR2 = second;
 }
 
 void board_actuator_neutral(void) {
-    const uint32_t neutral_halfus = TIM4_CCR3;
-    TIM4_CCR1 = neutral_halfus;
-    TIM4_CCR2 = neutral_halfus;
+    /* A neutral pulse outside its bounds is no neutral pulse: the constant one, then. */
+    const uint32_t kept = neutral_halfus;
+    const bool good = kept >= ESC_PULSE_MIN_HALFUS && kept <= ESC_NEUTRAL_MAX_HALFUS;
+    const uint32_t pulse = good ? kept : CONSTANT_NEUTRAL_HALFUS;
+    TIM4_CCR1 = pulse;
+    TIM4_CCR2 = pulse;
+    bridge_off();
+}
+
+void pwm_crash(void) {
+    TIM4_CCR1 = CONSTANT_NEUTRAL_HALFUS;
+    TIM4_CCR2 = CONSTANT_NEUTRAL_HALFUS;
     bridge_off();
 }

@@ -1,0 +1,16 @@
+/* Speed controllers with one-way PWM: which pulses they may ever get.
+ *
+ * The bounds hold on the pin, whatever a table, memory or a frame says: the port clamps to them where it
+ * writes the timer's registers. Half-microseconds. Two-way (3D) controllers, OneShot125, OneShot42, Multishot
+ * and DShot need other pulses and are not supported. */
+#ifndef PLUMB_CORE_ESC_H
+#define PLUMB_CORE_ESC_H
+
+#define ESC_PULSE_MIN_HALFUS   1800  /* 900 us */
+#define ESC_PULSE_MAX_HALFUS   4200  /* 2100 us */
+#define ESC_NEUTRAL_MAX_HALFUS 2200  /* 1100 us: every one-way controller keeps its motor off */
+#define ESC_FRAME_MIN_HALFUS   4080  /* 490 Hz */
+#define ESC_FRAME_MAX_HALFUS   40000 /* 50 Hz */
+#define ESC_GAP_MIN_HALFUS     40    /* between two pulses: 20 us low */
+
+#endif
