@@ -80,7 +80,6 @@ def test_a_mismatch_is_explained_reading_works_and_arming_does_not(other: dict[s
             with pytest.raises(LinkError, match="arming does not"):
                 refused()
         # The board does not rely on the host's good manners.
-        begin(board, "REALTIME_LIVE")
         nonce = said(board.say(frame("CHALLENGE", 1, 0)))[0][1]["nonce"]
         answers = [entry for entry in said(board.say(frame("EXECUTE", 1, nonce))) if entry[0] == "NACK"]
         assert answers[0][1]["detail"] & 1
@@ -334,7 +333,7 @@ def test_no_frame_and_no_noise_upsets_the_board(run: str | None) -> None:
     """Well-sealed frames of every kind with any content, and noise; undefined behaviour would trap."""
     rng = random.Random(run)
     board = MemoryBoard()
-    board.say(b"O\r")
+    board.say(b"O\r" + frame("HELLO", protocol().version, protocol().dbc_hash), turns=20)
     messages = [message for message in protocol().messages.values() if message.sender == "HOST"]
     if run:
         begin(board, run)

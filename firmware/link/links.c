@@ -17,8 +17,13 @@ void links_forget_counters(session_link_t *l) {
 }
 
 void links_open(session_t *s, link_t link, bool open, bool read_only) {
-    s->link[link].open = open;
-    s->link[link].read_only = read_only;
+    session_link_t *const l = &s->link[link];
+
+    if (!open || (l->read_only && !read_only)) {
+        l->greeted = false; /* whoever speaks next may be of another version */
+    }
+    l->open = open;
+    l->read_only = read_only;
     if ((!open || read_only) && s->armed_by == link) {
         /* At once: it may be open again by the next poll. */
         arming_disarm_host(&s->arming, ARMING_BLOCK_CLOSED);

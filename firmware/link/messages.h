@@ -6,7 +6,7 @@
 #include "e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 1U
-#define MESSAGES_DBC_HASH 0x7D3E4CADU
+#define MESSAGES_DBC_HASH 0x1F15CBB5U
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U
@@ -333,6 +333,7 @@ can_frame_t message_ack_pack(const message_ack_t *m);
 #define MESSAGE_NACK_REASON_QUEUE_FULL 12U
 #define MESSAGE_NACK_REASON_FLASH 14U
 #define MESSAGE_NACK_REASON_NOTHING_SAVED 15U
+#define MESSAGE_NACK_REASON_GREETING 16U
 typedef struct {
     uint16_t request;
     uint16_t reason;

@@ -2,6 +2,7 @@
 #include "identity.h"
 #include "links.h"
 #include "messages.h"
+#include "permissions.h"
 #include "requests.h"
 #include "run.h"
 #include "telemetry.h"
@@ -309,6 +310,12 @@ static void on_close(session_t *s, const can_frame_t *f) {
 /* SAMPLE and SETPOINT are numbered by their step and looked at by run.c; the others count. */
 void session_take_frame(session_t *s, link_t link, const can_frame_t *f, uint32_t now_us) {
     s->asked = link;
+    if (permissions_greeting_missing(&s->link[link], f)) {
+        if (f->id != MESSAGE_SAMPLE_B_ID) { /* its SAMPLE_A is answered */
+            reply_nack(s, f, MESSAGE_NACK_REASON_GREETING, 0);
+        }
+        return;
+    }
     switch (f->id) {
     case MESSAGE_SAMPLE_A_ID:
         run_on_sample_a(s, f);

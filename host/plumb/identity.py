@@ -70,6 +70,7 @@ _REASONS = {
     "NO_RUN": "no run is on",
     "FLASH": "its flash does not take it, what was saved before is still there",
     "NOTHING_SAVED": "nothing is saved",
+    "GREETING": "no host of its version has connected over this link",
 }
 
 

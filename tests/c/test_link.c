@@ -127,6 +127,7 @@ static void check_session(void) {
     CHECK(control_params_valid(&params.control));
     session_init(&session, &board, &control, &params);
     session_receive(&session, (const uint8_t *)"O\r", 2, now_us);
+    session.link[LINK_UART].greeted = true;
     for (unsigned n = 0; n < 200000; n++) {
         uint8_t bytes[SLCAN_FRAME_CHARS];
         int16_t raw[CONTROL_RAW_MAX] = {0};
@@ -154,7 +155,7 @@ static void check_session(void) {
             CHECK(session_take_begin(&session));
         }
         session_poll(&session, now_us);
-        CHECK(!session_armed(&session)); /* nobody has greeted */
+        CHECK(!session_armed(&session)); /* no EXECUTE among them: its nonce would have to be guessed */
         if (session_mode(&session) != SESSION_IDLE &&
             (session_live(&session) || session_next_sample(&session, raw, &setpoint))) {
             control_step(&control, &params.control, raw, setpoint);

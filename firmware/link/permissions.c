@@ -1,0 +1,24 @@
+#include "permissions.h"
+#include "messages.h"
+
+static bool needs_greeting(const can_frame_t *f) {
+    switch (f->id) {
+    case MESSAGE_SAMPLE_A_ID:
+    case MESSAGE_SAMPLE_B_ID:
+    case MESSAGE_SETPOINT_ID:
+    case MESSAGE_RUN_BEGIN_ID:
+    case MESSAGE_PARAM_SET_ID:
+    case MESSAGE_PARAM_COMMIT_ID:
+        return true;
+    case MESSAGE_EXECUTE_ID:
+        /* ARM is refused with all that is in its way, this among it. */
+        return message_execute_unpack(f).verb != MESSAGE_EXECUTE_VERB_BOOTLOADER &&
+               message_execute_unpack(f).verb != MESSAGE_EXECUTE_VERB_ARM;
+    default:
+        return false;
+    }
+}
+
+bool permissions_greeting_missing(const session_link_t *l, const can_frame_t *frame) {
+    return !l->greeted && needs_greeting(frame);
+}
