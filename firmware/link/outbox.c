@@ -18,6 +18,10 @@ bool outbox_telemetry_fits(const outbox_t *box, size_t frames) {
     return outbox_room(box) >= OUTBOX_RESERVE + frames;
 }
 
+bool outbox_long_fits(const outbox_t *box) {
+    return outbox_telemetry_fits(box, 1U + OUTBOX_ROUND);
+}
+
 /* Place of entry n, counted from the oldest. */
 static outbox_entry_t *entry(outbox_t *box, unsigned n) {
     return &box->ring[(box->first + n) % OUTBOX_ENTRIES];

@@ -11,6 +11,7 @@
 #define OUTBOX_ENTRIES 80U
 #define OUTBOX_RESERVE 24U /* kept free of telemetry, so that replies always fit */
 #define OUTBOX_TEXT    8U  /* characters that one entry holds */
+#define OUTBOX_ROUND   16U /* kept free of long replies, so that periodic telemetry and steps fit */
 
 /* The low six bits of an identifier are its place in a table of counters: they differ between all messages of
  * one sender (the generator of messages.h refuses others). */
@@ -43,6 +44,9 @@ size_t outbox_room(const outbox_t *box);
 
 /* True when this many frames of telemetry fit now. */
 bool outbox_telemetry_fits(const outbox_t *box, size_t frames);
+
+/* True when one more frame of a long reply fits: OUTBOX_ROUND frames of telemetry still fit behind it. */
+bool outbox_long_fits(const outbox_t *box);
 
 /* Up to OUTBOX_TEXT characters that are no frame, or nothing when they do not fit (the caller has made sure
  * that they do). */

@@ -10,6 +10,7 @@
 
 #define TIME_EVERY_US   50000U
 #define STATUS_EVERY_US 100000U
+#define LONG_STARVED_US 2000U /* the longest table takes 0.2 s then, less than a host waits for a frame */
 #define ALL_PARAMETERS  0xFFFFU
 #define FRAME_REPLIES   2U /* what a frame is answered by, and a SETPOINT_USED that is still owed */
 
@@ -138,9 +139,18 @@ static void on_hello(session_t *s, const can_frame_t *f) {
     l->identity = (session_reply_t){0, IDENTITY_ITEMS + 1U};
 }
 
-/* Long replies go on while there is room that others do not need. */
+/* Whether a long reply may go on: there is room that telemetry does not need, or telemetry has left it none
+ * for LONG_STARVED_US, and it takes one entry as any reply does. */
+static bool long_reply_fits(session_link_t *l, uint32_t now_us) {
+    const bool fits = outbox_long_fits(&l->outbox) ||
+                      (now_us - l->long_us >= LONG_STARVED_US && outbox_telemetry_fits(&l->outbox, 1));
+
+    l->long_us = fits ? now_us : l->long_us;
+    return fits;
+}
+
 static void poll_long_replies(session_t *s, session_link_t *l, uint32_t now_us) {
-    while (l->identity.next < l->identity.end && outbox_telemetry_fits(&l->outbox, 1)) {
+    while (l->identity.next < l->identity.end && long_reply_fits(l, now_us)) {
         const uint16_t item = l->identity.next++;
         const bool end = item == IDENTITY_ITEMS;
         const message_identity_t m = {.item = end ? MESSAGE_IDENTITY_ITEM_END : item,
@@ -148,7 +158,7 @@ static void poll_long_replies(session_t *s, session_link_t *l, uint32_t now_us) 
 
         outbox_reply(&l->outbox, message_identity_pack(&m), 0);
     }
-    while (l->dump.next < l->dump.end && outbox_telemetry_fits(&l->outbox, 1)) {
+    while (l->dump.next < l->dump.end && long_reply_fits(l, now_us)) {
         const uint16_t index = l->dump.next++;
         const message_param_value_t m = {.index = index, .value = params_word(s->params, index)};
 

@@ -58,6 +58,7 @@ typedef struct {
     uint16_t lost;                    /* received frames missing by their counter, modulo 2^16 */
     uint16_t dropped_told;            /* outbox.dropped at the last STEP */
     uint32_t heard_us;                /* last good frame */
+    uint32_t long_us;                 /* last frame of a long reply */
     session_reply_t identity;
     session_reply_t dump;
 } session_link_t;

@@ -243,7 +243,7 @@ void telemetry_send_words(session_t *s) {
         if ((s->words_mask[m.index / 32U] >> (m.index % 32U) & 1U) == 0) {
             continue;
         }
-        if (s->mode == SESSION_LOCKSTEP && !outbox_telemetry_fits(&s->link[s->run_by].outbox, 1)) {
+        if (s->mode == SESSION_LOCKSTEP && !outbox_long_fits(&s->link[s->run_by].outbox)) {
             return;
         }
         memcpy(&m.value, words + 4U * m.index, sizeof m.value);
