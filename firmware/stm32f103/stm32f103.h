@@ -35,6 +35,7 @@
 #define RCC_APB2RSTR_ADC1RST (1u << 9)
 #define RCC_AHBENR           REG32(RCC_BASE, 0x14u)
 #define RCC_AHBENR_DMA1EN    (1u << 0)
+#define RCC_AHBENR_CRCEN     (1u << 6)
 #define RCC_APB2ENR          REG32(RCC_BASE, 0x18u)
 #define RCC_APB2ENR_AFIOEN   (1u << 0)
 #define RCC_APB2ENR_IOPAEN   (1u << 2)
@@ -57,6 +58,12 @@
 #define RCC_CSR_PORRSTF      (1u << 27)
 #define RCC_CSR_SFTRSTF      (1u << 28)
 #define RCC_CSR_IWDGRSTF     (1u << 29)
+
+/* CRC calculation unit, RM0008 section 4.4 */
+#define CRC_BASE     0x40023000u
+#define CRC_DR       REG32(CRC_BASE, 0x00u)
+#define CRC_CR       REG32(CRC_BASE, 0x08u)
+#define CRC_CR_RESET (1u << 0)
 
 /* Flash interface, RM0008 section 3.3.3 (and PM0075) */
 #define FLASH_BASE            0x40022000u

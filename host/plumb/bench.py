@@ -3,7 +3,8 @@
 The image's own machine code runs, called by symbol (plumb.counter). control_step runs whole, over ordinary and wild
 input with every shipped tuning of quad; the kernels inside it are measured where it calls them, so their rows are what
 a step really spends. The other systems' steps run over the inputs of their golden vectors: no budget was set for them,
-and the row says what they take of the shortest period that the board accepts. atan2 and asin run besides over their
+and the row says what they take of the shortest period that the board accepts. The digest of quad's record by the chip's
+CRC unit is compared with zlib's. atan2 and asin run besides over their
 whole range. Numbers are the worst of all inputs: an upper bound per path by plumb.cycles, exact in instructions. Errors
 are against float64 on the same inputs, in degrees, of pid_step as a fraction of full command: of the Arm code's own
 results, but for the filter and the whole chain, which take more steps than an emulator should and run on the native
@@ -13,6 +14,7 @@ twin (plumb.accuracy); golden vectors hold the two equal to the bit.
 from __future__ import annotations
 
 import time
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -44,6 +46,7 @@ MOTION_STEPS = 1500
 ANGLES = 2000
 KALMAN_STEPS = 20_000
 RATE_FRAMES = 20_000
+DIGESTS = 20
 ASIN_LIMIT_DEG = 80.0
 """Beyond it the arcsine is so steep that no budget is set for its error."""
 
@@ -69,6 +72,7 @@ BUDGETS = {
     "control_step_balancer": Budget(None, 0, 5e-4, "deg"),
     "control_step_turntable": Budget(None, 0, 5e-4, "deg"),
     "control_step_phone": Budget(None, 0, 5e-4, "deg"),
+    "digest_crc32": Budget(400, 360, 0.0, "wrong digests"),
 }
 STEP_OF = "control_step_"
 """What the row of another system's step begins with; the system's name follows."""
@@ -220,6 +224,18 @@ def _step_of(elf: Image, system: str) -> Row:
     return _row(counter, "control_step", scenario_error_deg(own.TUNINGS[own.DEFAULT_TUNING], own.DEFAULT_SCENARIO))
 
 
+def _digest(elf: Image) -> Row:
+    """The digest of a step of quad by the chip's CRC unit; its error is how many differ from zlib's."""
+    counter = Counter(elf, ["digest_crc32"])
+    size, wrong = RECORDS["quad"].itemsize, 0
+    place = counter.place(bytes(size))
+    for seed in range(DIGESTS):
+        record = random_bits(100 + seed, size // 8 + 1).tobytes()[:size]
+        counter.write(place, record)
+        wrong += counter.call("digest_crc32", place, size).result != zlib.crc32(record)
+    return _row(counter, "digest_crc32", wrong)
+
+
 def kalman_error_deg(tunings: Sequence[str]) -> float:
     """Largest tilt error of the filter against float64 on hard inputs, both given the same integers."""
     worst = 0.0
@@ -307,6 +323,7 @@ def measure(image: Path | None = None) -> BenchResult:
     for name in BUDGETS:
         if name.startswith(STEP_OF):
             rows[name] = _step_of(elf, name.removeprefix(STEP_OF))
+    rows["digest_crc32"] = _digest(elf)
     sizes = {"flash": elf.flash_bytes, "ram": elf.ram_bytes, "stack": graph.worst_stack_bytes()}
     return BenchResult(rows, sizes, rates())
 

@@ -15,7 +15,9 @@ from typing import Any
 from plumb.cycles import TABLE_READ_CYCLES_2WS, Cost, Decoder, Instruction, instruction_cycles, path_cost, require
 from plumb.elf import Elf, Symbol
 from plumb.errors import UsageError
+from plumb.f103 import crc
 
+RCC_PAGE = 0x4002_1000
 MAGIC_RETURN = 0x1F00_0000  # a page of the code region that holds nothing: reaching it ends a call
 ARGUMENT_BASE = 0x6000_0000  # a page of RAM of the bench's own for arguments
 ARGUMENT_BYTES = 0x10000
@@ -96,6 +98,10 @@ class Counter:
         self._uc.mem_map(ARGUMENT_BASE, ARGUMENT_BYTES)
         self._uc.mem_map(STACK_BASE, STACK_BYTES)
         self._uc.mem_map(MAGIC_RETURN, 0x1000)
+        self._uc.mem_map(RCC_PAGE, 0x1000)  # plain memory: clocks may be switched on
+        self._unit_writes: set[int] = set()  # addresses of instructions that give the CRC unit a word
+        self._unit_words: list[int] = []
+        self._uc.mmio_map(crc.BASE, 0x1000, self._on_unit_read, None, self._on_unit_write, None)
         self._next_argument = ARGUMENT_BASE
         self._trace: list[int] = []
         self._tables: list[Symbol] = []  # objects in flash that were read; ~index marks a read in the trace
@@ -115,6 +121,16 @@ class Counter:
         if len(self._trace) > LIMIT_BLOCKS:
             self._uc.emu_stop()
         self._sizes[address] = size
+
+    def _on_unit_read(self, _uc: Any, offset: int, _size: int, _data: object) -> int:
+        return crc.remainder(crc.START, self._unit_words) if offset == crc.DR_OFFSET else 0
+
+    def _on_unit_write(self, _uc: Any, offset: int, _size: int, value: int, _data: object) -> None:
+        if offset == crc.DR_OFFSET:
+            self._unit_words.append(value)
+            self._unit_writes.add(self._uc.reg_read(self._arm.UC_ARM_REG_PC))
+        else:
+            self._unit_words.clear()  # the only other register that the firmware writes resets it
 
     def _on_flash_read(self, _uc: Any, _kind: int, address: int, _size: int, _value: int, _data: object) -> None:
         symbol = self.image.symbol_at(address)
@@ -163,7 +179,7 @@ class Counter:
 
     def cost(self, blocks: tuple[int, ...]) -> Cost:
         if blocks not in self._costs:
-            cost = path_cost(self.path(blocks))
+            cost = path_cost(self.path(blocks), self._unit_writes)
             tables = sum(block < 0 for block in blocks)
             self._costs[blocks] = replace(cost, cycles_2ws=cost.cycles_2ws + tables * TABLE_READ_CYCLES_2WS)
         return self._costs[blocks]

@@ -25,11 +25,12 @@ With two flash wait states (72 MHz) the flash delivers one 64-bit line in 3 cycl
 after the one in use is fetched ahead as soon as the flash is idle; an instruction waits until the lines it lies in have
 arrived, of which one cycle is the ordinary fetch.  A literal-pool load takes the flash for 3 cycles, 2 of them lost;
 any other load from flash is charged 2 + 3 (its own wait, and the prefetch that it delays).  SRAM has no wait states.
+The CRC unit takes a word every 4 cycles of HCLK (RM0008 4.2); a store that comes earlier waits.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,6 +38,7 @@ from plumb.errors import UsageError
 
 FLASH_LINE_BYTES = 8
 FLASH_READ_CYCLES_2WS = 3
+CRC_UNIT_CYCLES = 4
 TABLE_READ_CYCLES_2WS = 2 + FLASH_READ_CYCLES_2WS  # a load from flash outside the literal pool
 
 _SINGLE_LOADS = {"ldr", "ldrb", "ldrh", "ldrsb", "ldrsh"}
@@ -190,16 +192,33 @@ class _Flash:
         self.time += cycles
 
 
-def path_cost(path: Sequence[Instruction]) -> Cost:
-    """Cost of a path that ends with the return to the caller."""
+class _CrcUnit:
+    """A word keeps the CRC unit busy for 4 cycles (RM0008 4.2); a store to it in that time waits."""
+
+    def __init__(self) -> None:
+        self._free = 0
+
+    def wait(self, time: int) -> int:
+        """Cycles that a store waits which begins at `time`."""
+        waits = max(0, self._free - time)
+        self._free = time + waits + CRC_UNIT_CYCLES
+        return waits
+
+
+def path_cost(path: Sequence[Instruction], unit_writes: Container[int] = ()) -> Cost:
+    """Cost of a path that ends with the return to the caller. unit_writes: addresses of the stores to the CRC unit."""
     flash, cycles, depth, deepest = _Flash(), 0, 0, 0
+    unit, unit_2ws = _CrcUnit(), _CrcUnit()
     for index, now in enumerate(path):
         before = path[index - 1] if index else None
         after = path[index + 1] if index + 1 < len(path) else None
         taken = after is None or after.address != now.address + now.size
         took = instruction_cycles(now, before, taken, after)
-        cycles += took
-        flash.execute(now, took)
+        waits, waits_2ws = 0, 0
+        if now.address in unit_writes:
+            waits, waits_2ws = unit.wait(cycles), unit_2ws.wait(flash.time)
+        cycles += took + waits
+        flash.execute(now, took + waits_2ws)
         depth += now.stack_change
         deepest = min(deepest, depth)
     return Cost(len(path), cycles, flash.time, -deepest)

@@ -28,6 +28,8 @@ from plumb.f103.backup import Bkp, Pwr
 from plumb.f103.bus import Bus, Peripheral, SimulationError
 from plumb.f103.bxcan import Bxcan
 from plumb.f103.cpu import SYSTEM_BASE, Cpu
+from plumb.f103.crc import BASE as CRC_BASE
+from plumb.f103.crc import Crc
 from plumb.f103.debug import CoreDebug, DbgMcu, Dwt
 from plumb.f103.dma import Dma
 from plumb.f103.flash import Flash
@@ -135,6 +137,7 @@ class Machine:
         self.i2c1, self.spi1 = I2c(self), Spi(self)
         self.iwdg = Iwdg(self)
         self.pwr, self.bkp = Pwr(self), Bkp(self)
+        self.crc = Crc(self)
         core: list[Peripheral] = [self.nvic, self.scb, self.systick, self.core_debug, self.dwt, self.dbgmcu]
         rest: list[Peripheral] = [self.flash, self.dma, self.afio, *self.ports, self.usart, self.adc1]
         self.can = Bxcan(self)
@@ -149,13 +152,15 @@ class Machine:
             self.pwr,
             self.bkp,
             self.can,
+            self.crc,
             self.rcc,
         ]
         for peripheral in core + rest:
             self.bus.attach(peripheral)
         self.by_name = {peripheral.name: peripheral for peripheral in self.bus.peripherals}
-        for base, size in ((0x40000000, 0x24000), (0xE0000000, 0x100000)):
+        for base, size in ((0x40000000, CRC_BASE - 0x40000000), (0xE0000000, 0x100000)):
             self.cpu.map_registers(base, size, self.bus)
+        self.cpu.map_registers(CRC_BASE, 0x1000, self.bus, self.crc)
 
     def _fill_memory(self, image: bytes) -> None:
         cpu = self.cpu

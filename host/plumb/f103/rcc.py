@@ -37,7 +37,7 @@ APB2_CLOCKS = {
     "USART1": 14,
 }
 APB1_CLOCKS = {"TIM2": 0, "TIM3": 1, "TIM4": 2, "I2C1": 21, "CAN": 25, "BKP": 27, "PWR": 28}
-AHB_CLOCKS = {"DMA1": 0}
+AHB_CLOCKS = {"DMA1": 0, "CRC": 6}
 
 
 class Rcc(Peripheral):
