@@ -308,7 +308,6 @@
 #define TIM4_ARR             REG32(TIM4_BASE, 0x2cu)
 #define TIM4_CCR1            REG32(TIM4_BASE, 0x34u)
 #define TIM4_CCR2            REG32(TIM4_BASE, 0x38u)
-#define TIM4_CCR3            REG32(TIM4_BASE, 0x3cu)
 
 /* bxCAN, RM0008 section 24.9. A mailbox is four registers: identifier, length, bytes 0 to 3, bytes 4 to 7;
  * mailboxes follow each other every 16 bytes, filter banks of two registers every 8. */
