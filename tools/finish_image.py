@@ -76,8 +76,8 @@ def memory_table(elf: Elf) -> int:
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("image", type=Path, help="firmware.elf, changed in place")
-    parser.add_argument("--flash", type=int, metavar="BYTES", default=32 * 1024, help="flash that the image may take")
-    parser.add_argument("--ram", type=int, metavar="BYTES", default=8 * 1024, help="RAM, stack included")
+    parser.add_argument("--flash", type=int, metavar="BYTES", default=48 * 1024, help="flash that the image may take")
+    parser.add_argument("--ram", type=int, metavar="BYTES", default=10 * 1024, help="RAM, stack included")
     options = parser.parse_args()
     path: Path = options.image
     try:
