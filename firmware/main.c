@@ -89,8 +89,8 @@ __attribute__((noinline)) static void choose_sensors(void) {
     const bool injected = session_mode(&session) != SESSION_IDLE && !session_live(&session);
     const board_sensors_t wanted = {.kind = injected ? BOARD_SENSORS_NONE : kinds[params.control.system],
                                     .oversample_log2 = params.adc_oversample_log2,
-                                    .rail_steps = params.rail_steps,
-                                    .stuck_steps = params.stuck_steps,
+                                    .rail_ms = params.rail_ms,
+                                    .stuck_ms = params.stuck_ms,
                                     .accel_on_spi = params.accel_bus,
                                     .accel_rate = params.accel_rate,
                                     .gyro_filter = params.gyro_filter,

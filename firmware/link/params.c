@@ -56,7 +56,6 @@ static const range_t ranges[] = {
     {0x000000C8U, 0x00000DACU},
     {0x0000007DU, 0x000003E8U},
     {0x00000000U, 0x00000004U},
-    {0x00000000U, 0x0000FFFFU},
     {0x00000006U, 0x0000000FU},
     {0x00000001U, 0x00000006U},
 };
@@ -173,11 +172,11 @@ static const uint8_t range_of[PARAMS_COUNT] = {
     41U, /* dead_time_ns */
     42U, /* can_bitrate_kbit */
     43U, /* adc_oversample_log2 */
-    44U, /* rail_steps */
-    44U, /* stuck_steps */
+    40U, /* rail_ms */
+    40U, /* stuck_ms */
     3U, /* accel_bus */
-    45U, /* accel_rate */
-    46U, /* gyro_filter */
+    44U, /* accel_rate */
+    45U, /* gyro_filter */
     30U, /* imu_axis */
 };
 
@@ -293,8 +292,8 @@ static const uint32_t defaults[PARAMS_COUNT] = {
     0x000003E8U, /* 108: dead_time_ns */
     0x000001F4U, /* 109: can_bitrate_kbit */
     0x00000000U, /* 110: adc_oversample_log2 */
-    0x00000005U, /* 111: rail_steps */
-    0x00000064U, /* 112: stuck_steps */
+    0x00000032U, /* 111: rail_ms */
+    0x00000064U, /* 112: stuck_ms */
     0x00000000U, /* 113: accel_bus */
     0x0000000BU, /* 114: accel_rate */
     0x00000002U, /* 115: gyro_filter */
@@ -413,8 +412,8 @@ static const uint16_t ids[PARAMS_COUNT] = {
     0x9410U, /* dead_time_ns */
     0x6AC3U, /* can_bitrate_kbit */
     0xEED9U, /* adc_oversample_log2 */
-    0x3E85U, /* rail_steps */
-    0xFC4DU, /* stuck_steps */
+    0xE9C9U, /* rail_ms */
+    0xFBC3U, /* stuck_ms */
     0x4649U, /* accel_bus */
     0x4092U, /* accel_rate */
     0x6B51U, /* gyro_filter */
@@ -534,8 +533,8 @@ PLACE(pins, 107);
 PLACE(dead_time_ns, 108);
 PLACE(can_bitrate_kbit, 109);
 PLACE(adc_oversample_log2, 110);
-PLACE(rail_steps, 111);
-PLACE(stuck_steps, 112);
+PLACE(rail_ms, 111);
+PLACE(stuck_ms, 112);
 PLACE(accel_bus, 113);
 PLACE(accel_rate, 114);
 PLACE(gyro_filter, 115);

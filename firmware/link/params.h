@@ -18,8 +18,8 @@ typedef struct {
     uint32_t dead_time_ns;
     uint32_t can_bitrate_kbit;
     uint32_t adc_oversample_log2;
-    uint32_t rail_steps;
-    uint32_t stuck_steps;
+    uint32_t rail_ms;
+    uint32_t stuck_ms;
     uint32_t accel_bus;
     uint32_t accel_rate;
     uint32_t gyro_filter;

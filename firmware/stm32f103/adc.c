@@ -1,25 +1,31 @@
 /* Analog sensors: a trigger of TIM3 starts a scan of three or six inputs, DMA1 channel 1 stores it
- * (RM0008 11.3, 11.12). For oversampling the end of a scan starts the next one, 1 to 16 in a row at the
- * beginning of a period; their mean, rounded, is the sample. */
+ * (RM0008 11.3, 11.12). The trigger that begins a sample may be followed by more scans in a row, 1 to 16 in
+ * all, each started by the end of the one before; their mean, rounded, is the sample. The triggers in between
+ * (sampling.c: one per millisecond or more) start one scan each. Whether an input is at a rail or stuck is
+ * judged on single conversions, the first after every trigger: what noise does to one conversion does not
+ * depend on the period or on oversampling. */
 #include "port.h"
 #include "watch.h"
 
 #define CALIBRATION_POLLS 64u /* 83 ADC cycles at 12 MHz are 500 processor cycles, 8 polls */
-#define SILENT_PERIODS    2u  /* without a complete sample: the converter does not work */
+#define SILENT_TRIGGERS   10u /* without a complete scan, 10 ms at most: the converter does not work */
 #define RESTART_MS        20u
 #define COUNT_MAX         4095u
+#define CONVERSION_US     7u /* the shortest: 84 ADC cycles at 12 MHz */
+#define LEAST_CONVERSIONS 3u /* that a rail or a stuck input takes, however slow the scans are */
 
 static volatile uint16_t scans[2u * BOARD_RAW_MAX]; /* two, of `channels` counts each */
 static uint32_t channels;
-static uint32_t oversample_log2, rail_steps, stuck_steps;
-static bool marks_bad; /* deliver INT16_MIN for a channel that is not to be trusted */
+static uint32_t oversample_log2;
+static uint32_t rail_limit, stuck_limit; /* conversions; 0: never */
+static bool marks_bad;                   /* deliver INT16_MIN for a channel that is not to be trusted */
 static uint32_t scans_summed;
 static uint16_t sums[BOARD_RAW_MAX]; /* 16 times 4095 still fits */
 static uint16_t railed_for[BOARD_RAW_MAX];
 static watch_t watches[BOARD_RAW_MAX];
 static volatile uint16_t railed, stuck; /* one bit a channel */
 static volatile bool waiting;           /* the period's sample is not complete */
-static volatile uint32_t silent_periods;
+static volatile uint32_t silent_triggers;
 static bool calibrated = true;
 static uint32_t started_ms;
 
@@ -29,7 +35,7 @@ void adc_stop(void) {
     irq_forget(IRQ_DMA1_Channel1);
     railed = 0u;
     stuck = 0u;
-    silent_periods = 0u;
+    silent_triggers = 0u;
     calibrated = true;
     waiting = false;
 }
@@ -69,12 +75,18 @@ static void restart(void) {
     ADC1_CR2 = ADC1_CR2_ADON | ADC1_CR2_DMA | ADC1_CR2_EXTSEL_TIM3 | ADC1_CR2_EXTTRIG;
 }
 
-void adc_start(const board_sensors_t *use) {
+/* How many conversions, one every interval_us, take limit_ms; 0 for never. */
+static uint32_t conversions(uint32_t limit_ms, uint32_t interval_us) {
+    const uint32_t count = (1000u * limit_ms + interval_us - 1u) / interval_us;
+    return limit_ms == 0u || count > LEAST_CONVERSIONS ? count : LEAST_CONVERSIONS;
+}
+
+void adc_start(const board_sensors_t *use, uint32_t interval_us) {
     marks_bad = use->kind == BOARD_SENSORS_ANALOG_6;
     channels = marks_bad ? 6u : 3u;
     oversample_log2 = use->oversample_log2;
-    rail_steps = use->rail_steps;
-    stuck_steps = use->stuck_steps;
+    rail_limit = conversions(use->rail_ms, interval_us);
+    stuck_limit = conversions(use->stuck_ms, interval_us);
     for (uint32_t i = 0u; i < BOARD_RAW_MAX; i++) {
         railed_for[i] = 0u;
         watches[i] = (watch_t){0};
@@ -83,7 +95,7 @@ void adc_start(const board_sensors_t *use) {
 }
 
 bool adc_failed(void) {
-    return !calibrated || silent_periods >= SILENT_PERIODS;
+    return !calibrated || silent_triggers >= SILENT_TRIGGERS;
 }
 
 void adc_poll(void) {
@@ -95,32 +107,30 @@ void adc_poll(void) {
     }
 }
 
-void adc_period(void) {
-    if (waiting && silent_periods < SILENT_PERIODS) {
-        silent_periods++;
+void adc_triggered(bool begins_sample) {
+    if (silent_triggers < SILENT_TRIGGERS) {
+        silent_triggers++;
     }
-    waiting = true;
+    waiting = waiting || begins_sample;
 }
 
-/* One channel's sum of the period: is it at a rail, does it hang? Judged before rounding, where noise shows.
- */
-static void judge(uint32_t i) {
-    const uint32_t sum = sums[i], bit = 1u << i;
-    if (sum != 0u && sum != COUNT_MAX << oversample_log2) {
+/* One conversion of a channel: is it at a rail, is it stuck? */
+static void judge(uint32_t i, uint16_t count) {
+    const uint32_t bit = 1u << i;
+    if (count != 0u && count != COUNT_MAX) {
         railed_for[i] = 0u;
     } else if (railed_for[i] < UINT16_MAX) {
         railed_for[i]++;
     }
-    const bool at_rail = rail_steps > 0u && railed_for[i] >= rail_steps;
+    const bool at_rail = rail_limit > 0u && railed_for[i] >= rail_limit;
     railed = (uint16_t)(at_rail ? railed | bit : railed & ~bit);
-    stuck = (uint16_t)(watch_stuck(&watches[i], (uint16_t)sum, stuck_steps) ? stuck | bit : stuck & ~bit);
+    stuck = (uint16_t)(watch_stuck(&watches[i], count, stuck_limit) ? stuck | bit : stuck & ~bit);
 }
 
 static void publish(void) {
     int16_t *const raw = sampling_next();
     const uint32_t half = (1u << oversample_log2) >> 1;
     for (uint32_t i = 0u; i < channels; i++) {
-        judge(i);
         const bool bad = ((uint32_t)(railed | stuck) >> i & 1u) != 0u;
         raw[i] = marks_bad && bad ? INT16_MIN : (int16_t)((sums[i] + half) >> oversample_log2);
     }
@@ -128,12 +138,26 @@ static void publish(void) {
 }
 
 void adc_dma_handler(void) {
-    if ((DMA1_ISR & (DMA1_ISR_HTIF1 | DMA1_ISR_TCIF1)) == (DMA1_ISR_HTIF1 | DMA1_ISR_TCIF1)) {
-        sampling_missed(); /* late by a whole period: two scans are there, and one is lost */
-    }
+    sampling_timer_handler(); /* both may wait, and the trigger came before its scan */
+    const uint32_t both = DMA1_ISR_HTIF1 | DMA1_ISR_TCIF1;
+    const bool overrun = (DMA1_ISR & both) == both;
     DMA1_IFCR = DMA1_IFCR_CGIF1;
+    silent_triggers = 0u;
     /* With the second half still to come, or under way, the first is the newest. */
     const volatile uint16_t *const scan = &scans[DMA1_CNDTR1 <= channels ? 0u : channels];
+    if (scans_summed == 0u) {
+        for (uint32_t i = 0u; i < channels; i++) {
+            judge(i, scan[i]);
+        }
+        if (waiting && overrun) { /* late by an interval: which scan is the sample's is not known any more */
+            waiting = false;
+            sampling_missed();
+            return;
+        }
+        if (!waiting || TIM3_CNT < CONVERSION_US * channels) {
+            return; /* a scan between two samples, or one that ended before the sample was triggered */
+        }
+    }
     for (uint32_t i = 0u; i < channels; i++) {
         sums[i] = (uint16_t)(scans_summed == 0u ? scan[i] : sums[i] + scan[i]);
     }
@@ -145,7 +169,6 @@ void adc_dma_handler(void) {
     }
     scans_summed = 0u;
     waiting = false;
-    silent_periods = 0u;
     if (calibrated) {
         publish();
     }

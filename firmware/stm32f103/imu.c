@@ -6,7 +6,6 @@
  * lost, the bus is cleared and the sensor is started anew every 20 ms. Without both sensors no sample is made
  * up: there is no tick. */
 #include "imu.h"
-#include "watch.h"
 
 #define GYRO       0u
 #define ACCEL      1u
@@ -28,7 +27,7 @@ typedef struct {
     uint8_t step; /* of its chip's start */
     uint8_t wait_ms;
     uint8_t awaited_ms;
-    watch_t watch;
+    uint16_t same; /* samples in a row that equal the one before on all axes, stops at 65535 */
 } sensor_t;
 
 static const chip_t *const chips[SENSORS] = {&itg3205, &adxl345};
@@ -41,6 +40,7 @@ static uint32_t age_ms, tries;
 static uint16_t failures;
 static uint8_t bytes[1u + DATA_BYTES]; /* SPI: the command first */
 static int16_t axes[SENSORS][3];
+static uint32_t period_us; /* between two samples */
 
 static bool on_spi(uint32_t sensor) {
     return sensor == ACCEL && use.accel_on_spi != 0u;
@@ -110,20 +110,32 @@ static void next_step(void) {
     }
 }
 
+/* Samples in a row that a stuck chip gives and noise does not; 0: never. */
+static uint32_t stuck_limit(uint32_t sensor) {
+    const chip_t *const chip = chips[sensor];
+    const uint32_t option = sensor == ACCEL ? use.accel_rate : use.gyro_filter;
+    const chip_stuck_t *const least = &chip->stuck[option - chip->option_first];
+    const uint32_t limit_us = 1000u * least->interval_ms * least->repeats;
+    const uint32_t samples = (limit_us + period_us - 1u) / period_us;
+    return use.stuck_ms == 0u ? 0u : samples > least->repeats ? samples : least->repeats;
+}
+
 static void take_sample(void) {
-    uint32_t mixed = 0u; /* one number that changes when any axis does, but for one chance in 65536 */
+    bool changed = false;
     for (uint32_t axis = 0u; axis <= AXIS_LAST; axis++) {
         const uint32_t first = bytes[1u + 2u * axis], second = bytes[2u + 2u * axis];
         const uint32_t value = chips[active]->low_byte_first ? first | second << 8 : first << 8 | second;
+        changed = changed || axes[active][axis] != (int16_t)value;
         axes[active][axis] = (int16_t)value;
-        mixed = 31u * mixed + value;
     }
     sensor_t *const s = &sensors[active];
-    if (watch_stuck(&s->watch, (uint16_t)mixed, use.stuck_steps)) {
+    s->same = (uint16_t)(changed ? 0u : s->same + (s->same < UINT16_MAX ? 1u : 0u));
+    const uint32_t limit = stuck_limit(active);
+    if (limit > 0u && s->same >= limit) {
         if (s->cause == BOARD_SENSOR_GOOD) {
             lose(BOARD_SENSOR_STUCK); /* a chip that lost its supply for a moment starts anew, asleep */
         }
-    } else if (s->watch.same == 0u) {
+    } else if (changed) {
         s->cause = BOARD_SENSOR_GOOD;
     }
 }
@@ -183,7 +195,8 @@ void imu_transferred(transfer_t result) {
     }
 }
 
-void imu_period(void) {
+void imu_period(uint32_t length_us) {
+    period_us = length_us;
     if (!sensors[GYRO].up || !sensors[ACCEL].up) {
         return;
     }

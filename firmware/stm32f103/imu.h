@@ -19,8 +19,17 @@ typedef struct {
     uint8_t value;
 } chip_step_t;
 
+/* Equal samples, all three axes, that noise at rest does not give: a chip that repeats itself `repeats` times
+ * at intervals of at least interval_ms is stuck. */
+typedef struct {
+    uint8_t interval_ms;
+    uint8_t repeats;
+} chip_stuck_t;
+
 typedef struct {
     const chip_step_t *steps;
+    const chip_stuck_t *stuck; /* by the sensor's option, from option_first on */
+    uint8_t option_first;
     uint8_t step_count;
     uint8_t address; /* on I2C */
     uint8_t data;    /* first of six registers: x, y, z, 16 bits each */

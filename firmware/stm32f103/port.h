@@ -46,9 +46,9 @@ void sampling_missed(void);   /* from an interrupt: a period has none */
 uint32_t sampling_late(void); /* periods missed since the start, stops at 255 */
 
 /* adc.c: analog sensors, started by TIM3. */
-void adc_start(const board_sensors_t *use);
+void adc_start(const board_sensors_t *use, uint32_t interval_us); /* between two triggers */
 void adc_stop(void);
-void adc_period(void); /* from the interrupt that begins a period */
+void adc_triggered(bool begins_sample); /* from the interrupt of the trigger */
 void adc_poll(void);   /* tries again when conversions do not come */
 bool adc_failed(void); /* they do not come, or calibration did not end */
 void adc_health(board_health_t *health);
@@ -70,7 +70,7 @@ void spi_abort(void);
 
 /* imu.c: gyro and accelerometer on those buses. */
 void imu_use(const board_sensors_t *wanted); /* with interrupts masked */
-void imu_period(void);                       /* from the interrupt that begins a period */
+void imu_period(uint32_t length_us);         /* from the interrupt that begins a period */
 void imu_poll_ms(void);                      /* from the interrupt of the millisecond */
 void imu_transferred(transfer_t result);     /* an access ended; from its interrupt */
 void imu_health(board_health_t *health);

@@ -1,10 +1,15 @@
 /* The control period: TIM3 counts it, starts what is to be sampled, and a complete sample is the tick (RM0008
  * 15.3, 15.4). Analog inputs are started by the timer's trigger itself, so that no instruction takes part in
- * the timing of a sample; the digital sensors by its interrupt. Without sensors the interrupt is the tick. */
+ * the timing of a sample; the digital sensors by its interrupt. Without sensors the interrupt is the tick.
+ *
+ * With analog inputs the timer triggers at least once per millisecond, whatever the period: the last trigger
+ * of a period starts the sample, the others start one scan each, which only the watch over the inputs sees.
+ * A period that cannot be divided evenly has intervals that differ by 1 us, loaded one update ahead (ARPE). */
 #include "port.h"
 #include <string.h>
 
-#define LATE_MAX 255u
+#define LATE_MAX        255u
+#define INTERVAL_MAX_US 1000u /* between two scans of the analog inputs */
 
 static board_sensors_t use;
 static uint32_t running_us; /* 0: stopped */
@@ -13,6 +18,10 @@ static int16_t samples[2][BOARD_RAW_MAX];
 static volatile uint32_t samples_done, periods_missed;
 static uint32_t samples_taken, missed_taken;
 static uint32_t late;
+static uint32_t triggers = 1u; /* updates of TIM3 per period */
+static uint32_t trigger;       /* updates since the last one that ended a period */
+static uint32_t interval_us;   /* between two updates; `longer` intervals of a period take 1 us more */
+static uint32_t longer, share;
 
 static bool analog(void) {
     return use.kind == BOARD_SENSORS_ANALOG_3 || use.kind == BOARD_SENSORS_ANALOG_6;
@@ -31,17 +40,50 @@ void sampling_missed(void) {
     periods_missed++;
 }
 
+/* The next interval in counts of TIM3, less 1. Over one period the intervals sum up to it exactly. */
+static uint32_t next_reload(void) {
+    share += longer;
+    if (share < triggers) {
+        return interval_us - 1u;
+    }
+    share -= triggers;
+    return interval_us;
+}
+
+/* Scans per period: one per millisecond at least, as long as a sample of 2^oversample_log2 scans ends before
+ * the next trigger. That limit only matters for 16 scans and periods of 1001 to 1599 us. */
+static void divide(uint32_t period_us) {
+    const uint32_t fit = period_us / (BOARD_SCAN_US << use.oversample_log2);
+    const uint32_t wanted = (period_us + INTERVAL_MAX_US - 1u) / INTERVAL_MAX_US;
+    triggers = wanted < fit ? wanted : fit > 0u ? fit : 1u;
+    interval_us = period_us / triggers;
+    longer = period_us - triggers * interval_us;
+    share = 0u;
+}
+
 void sampling_timer_handler(void) {
+    if ((TIM3_SR & TIM3_SR_UIF) == 0u) {
+        return; /* adc_dma_handler() was first */
+    }
     TIM3_SR = 0u;
+    if (longer > 0u) {
+        TIM3_ARR = next_reload();
+    }
+    trigger++;
+    if (trigger < triggers) {
+        adc_triggered(false);
+        return;
+    }
+    trigger = 0u;
     switch (use.kind) {
     case BOARD_SENSORS_NONE:
         sampling_publish(); /* the counts come from the host */
         break;
     case BOARD_SENSORS_BALANCE:
-        imu_period();
+        imu_period(running_us);
         break;
     default:
-        adc_period();
+        adc_triggered(true);
         break;
     }
 }
@@ -66,10 +108,22 @@ void board_set_period_us(uint32_t period_us) {
     /* 1 us a count, 2 us where 16 bits do not reach. The prescaler is taken over by an update event (UG),
      * which is also a trigger: the converter is set up after it, so that the first scan comes with the first
      * full period. */
-    const uint32_t step_us = period_us > 65536u ? 2u : 1u;
+    const uint32_t step_us = period_us > 65536u && !analog() ? 2u : 1u;
     TIM3_PSC = clock_mhz() * step_us - 1u;
-    TIM3_ARR = period_us / step_us - 1u;
+    triggers = 1u;
+    longer = 0u;
+    trigger = 0u;
+    if (analog()) {
+        divide(period_us);
+        TIM3_ARR = next_reload();
+    } else {
+        TIM3_ARR = period_us / step_us - 1u;
+    }
     TIM3_EGR = TIM3_EGR_UG;
+    if (longer > 0u) {
+        TIM3_CR1 = TIM3_CR1_ARPE;
+        TIM3_ARR = next_reload();
+    }
     TIM3_SR = 0u;
     irq_forget(IRQ_TIM3);
     irq_enable(IRQ_TIM3);
@@ -79,10 +133,10 @@ void board_set_period_us(uint32_t period_us) {
     late = 0u;
     port_faults &= ~BOARD_FAULT_LATE;
     if (analog()) {
-        adc_start(&use);
+        adc_start(&use, interval_us);
     }
     TIM3_DIER = TIM3_DIER_UIE;
-    TIM3_CR1 = TIM3_CR1_CEN;
+    TIM3_CR1 |= TIM3_CR1_CEN;
 }
 
 void board_use_sensors(const board_sensors_t *wanted) {

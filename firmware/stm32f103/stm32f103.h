@@ -281,13 +281,16 @@
 #define TIM3_BASE            0x40000400u
 #define TIM3_CR1             REG32(TIM3_BASE, 0x00u)
 #define TIM3_CR1_CEN         (1u << 0)
+#define TIM3_CR1_ARPE        (1u << 7)
 #define TIM3_CR2             REG32(TIM3_BASE, 0x04u)
 #define TIM3_CR2_MMS_UPDATE  (2u << 4)
 #define TIM3_DIER            REG32(TIM3_BASE, 0x0cu)
 #define TIM3_DIER_UIE        (1u << 0)
 #define TIM3_SR              REG32(TIM3_BASE, 0x10u)
+#define TIM3_SR_UIF          (1u << 0)
 #define TIM3_EGR             REG32(TIM3_BASE, 0x14u)
 #define TIM3_EGR_UG          (1u << 0)
+#define TIM3_CNT             REG32(TIM3_BASE, 0x24u)
 #define TIM3_PSC             REG32(TIM3_BASE, 0x28u)
 #define TIM3_ARR             REG32(TIM3_BASE, 0x2cu)
 #define TIM4_BASE            0x40000800u

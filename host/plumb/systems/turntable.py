@@ -317,7 +317,7 @@ class TurntablePlant:
     """The prescribed run as a sensor board gives it out; nothing moves it. name: the scenario's."""
 
     def __init__(self, run: Scenario) -> None:
-        self.name = run.name
+        self.name, self.period_us = run.name, run.period_us
         self._period_s, self._counts, self._truth = run.period_us * 1e-6, run.counts(), run.truth()
 
     def _step(self, time_s: float) -> int:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from plumb.errors import UsageError
 from plumb.f103.machine import Machine
 from plumb.sensors import ADC_COUNTS, ADC_REFERENCE_V
+from plumb.systems.analog_scans import AnalogScans
 from plumb.systems.turntable import TurntablePlant
 
 SCENARIO = "analog"
@@ -17,10 +18,10 @@ ADC_PINS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")
 
 
 class Coupling:
-    """Joins a plant to a machine's pins; the plant's time 0 is the first conversion of the gyro's x axis. The sensors'
-    outputs stand still from one of its steps to the next.
+    """Joins a plant to a machine's pins; the plant's time 0 is the first sample of the gyro's x axis. The sensors'
+    outputs stand still from one of its steps to the next,.
 
-    taken: one row a conversion of that channel: its count, and the truth at that moment.
+    taken: one row a sample of that channel: its count, and the truth at that moment.
     """
 
     def __init__(self, machine: Machine, plant: TurntablePlant) -> None:
@@ -31,16 +32,18 @@ class Coupling:
         self.plant = plant
         self.taken: list[tuple[int, dict[str, float]]] = []
         self._start_s: float | None = None
+        self._scans = AnalogScans(plant.period_us, 0)
         for index, pin in enumerate(ADC_PINS):
             machine.adc[pin] = self._volts(index)
 
     def _volts(self, index: int) -> Callable[[float], float]:
         def volts(now_s: float) -> float:
+            begins = index == 0 and self._scans.convert(now_s)
             if self._start_s is None:
-                self._start_s = now_s
-            time_s = now_s - self._start_s
+                self._start_s = now_s + self._scans.until_sample_s()
+            time_s = max(0.0, now_s - self._start_s)
             count = self.plant.counts(time_s)[index]
-            if index == 0:
+            if begins and self._scans.is_sample:
                 self.taken.append((count, self.plant.truth(time_s)))
             return count * (ADC_REFERENCE_V / ADC_COUNTS)
 
