@@ -1,7 +1,7 @@
 """Limits of digital sensors that repeat themselves: from noise at rest, the smallest that does not cry wolf.
 
-A stuck chip gives the same three counts again and again; so does noise, now and then. The least noise at rest is that of
-the data sheets as the project uses it: ADXL345 0.75 counts rms on x and y and 1.1 on z at 100 samples/s, ITG-3205
+A stuck chip gives the same three counts again and again; so does noise, now and then. The least noise at rest is that
+of the data sheets as the project uses it: ADXL345 0.75 counts rms on x and y and 1.1 on z at 100 samples/s, ITG-3205
 0.38 deg/s rms behind 98 Hz. Slower rates and narrower filters have less: by the square root of the bandwidth.
 """
 
