@@ -75,12 +75,12 @@ typedef struct {
     uint32_t kind;            /* board_sensor_kind_t */
     uint32_t oversample_log2; /* 0 to 4: scans of the analog inputs per period */
     uint32_t rail_ms;         /* time at a rail, at least 3 conversions, that makes a fault; 0: never */
-    uint32_t stuck_ms;        /* time without any change, at least 3 conversions; digital sensors have limits of
-                                 their own, as their noise allows; 0: never, for these too */
-    uint32_t accel_on_spi;    /* 0: the accelerometer is on I2C */
-    uint32_t accel_rate;      /* ADXL345 BW_RATE: 0 to 15 */
-    uint32_t gyro_filter;     /* ITG-3205 DLPF_CFG: 0 to 6 */
-    uint32_t imu_axis;        /* of the wheels: 0 x, 1 y, 2 z */
+    uint32_t stuck_ms;     /* time without any change, at least 3 conversions; digital sensors have limits of
+                              their own, as their noise allows; 0: never, for these too */
+    uint32_t accel_on_spi; /* 0: the accelerometer is on I2C */
+    uint32_t accel_rate;   /* ADXL345 BW_RATE: 0 to 15 */
+    uint32_t gyro_filter;  /* ITG-3205 DLPF_CFG: 0 to 6 */
+    uint32_t imu_axis;     /* of the wheels: 0 x, 1 y, 2 z */
 } board_sensors_t;
 
 /* Why a digital sensor is not to be trusted. */

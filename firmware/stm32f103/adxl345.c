@@ -16,7 +16,7 @@ static const chip_step_t steps[] = {
 /* Least noise at rest: 0.75, 0.75, 1.1 counts rms at 100 samples/s (data sheet, table 1), less by the square
  * root of the rate below that. False alarms come less often than every 10^4 h; tests compute the numbers. */
 static const chip_stuck_t stuck[] = {
-    {160u, 221u}, {80u, 57u}, {40u, 24u}, {20u, 13u}, /* 6.25 to 50 Hz */
+    {160u, 221u}, {80u, 57u}, {40u, 24u}, {20u, 13u},                       /* 6.25 to 50 Hz */
     {10u, 8u},    {10u, 8u},  {10u, 8u},  {10u, 8u},  {10u, 8u}, {10u, 8u}, /* 100 to 3200 Hz */
 };
 

@@ -12,8 +12,8 @@ static const chip_step_t steps[] = {
 };
 
 /* Least noise at rest: 0.38 deg/s rms, 5.5 counts, behind 98 Hz (data sheet, section 3.1), less by the square
- * root of the bandwidth; readings count as independent at half the inverse of the bandwidth. False alarms come
- * less often than every 10^4 h; tests compute the numbers. */
+ * root of the bandwidth; readings count as independent at half the inverse of the bandwidth. False alarms
+ * come less often than every 10^4 h; tests compute the numbers. */
 static const chip_stuck_t stuck[] = {
     {10u, 3u}, {10u, 3u}, {12u, 3u}, {25u, 4u}, {50u, 5u}, {100u, 5u}, /* 188 to 5 Hz */
 };

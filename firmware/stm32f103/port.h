@@ -49,8 +49,8 @@ uint32_t sampling_late(void); /* periods missed since the start, stops at 255 */
 void adc_start(const board_sensors_t *use, uint32_t interval_us); /* between two triggers */
 void adc_stop(void);
 void adc_triggered(bool begins_sample); /* from the interrupt of the trigger */
-void adc_poll(void);   /* tries again when conversions do not come */
-bool adc_failed(void); /* they do not come, or calibration did not end */
+void adc_poll(void);                    /* tries again when conversions do not come */
+bool adc_failed(void);                  /* they do not come, or calibration did not end */
 void adc_health(board_health_t *health);
 
 /* i2c.c, spi.c: one access at a time, bounded in time by the caller, who hears of its end in an interrupt. */

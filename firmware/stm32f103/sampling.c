@@ -4,7 +4,8 @@
  *
  * With analog inputs the timer triggers at least once per millisecond, whatever the period: the last trigger
  * of a period starts the sample, the others start one scan each, which only the watch over the inputs sees.
- * A period that cannot be divided evenly has intervals that differ by 1 us, loaded one update ahead (ARPE). */
+ * A period that cannot be divided evenly has intervals that differ by 1 us, loaded one update ahead (ARPE).
+ */
 #include "port.h"
 #include <string.h>
 
