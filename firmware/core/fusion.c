@@ -4,6 +4,19 @@
 #define ANGLE_MAX ((int64_t)1 << 61) /* of a cell in the row of the angle */
 #define GAIN_MAX  (1 << 30)          /* 4 */
 
+static bool in_range(int32_t x, int32_t low, int32_t high) {
+    return x >= low && x <= high;
+}
+
+bool fusion_valid(const fusion_params_t *f) {
+    return f->layer <= FUSION_PRINTED && in_range(f->dt_s_q32, 1, 1 << 26) && f->step_hz_q16 >= 1 &&
+           f->gyro_period_step_q24 >= 1UL << 24 && f->gyro_period_step_q24 <= 1UL << 28 &&
+           f->gyro_age_step_q24 < f->gyro_period_step_q24 &&
+           in_range(f->gyro_samples_step_q30, 1 << 26, 1 << 30) && in_range(f->lag_step_q24, 0, 1 << 28) &&
+           f->lag_alpha_q31 >= 0 && in_range(f->share_q30, 0, 1 << 30) && f->r_gyro_q44 >= 1UL << 12 &&
+           f->v_lag_q30 <= 1UL << 30;
+}
+
 /* Row i, column j of the symmetric matrix, in any order. */
 static int64_t *cell(int64_t p[FUSION_CELLS], unsigned i, unsigned j) {
     return &p[i >= j ? FUSION_CELL(i, j) : FUSION_CELL(j, i)];

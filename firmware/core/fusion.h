@@ -31,7 +31,7 @@ enum { FUSION_RATE, FUSION_GYRO_BIAS, FUSION_ANGULAR_BIAS, FUSION_DIFFERENCE, FU
 
 /* What the filter is tuned by. Variances are squares of turn/s unless said, those of a step per step. */
 typedef struct {
-    uint32_t layer;                /* FUSION_DATA.. */
+    uint32_t layer;                /* FUSION_DATA..FUSION_PRINTED */
     int32_t dt_s_q32;              /* period of a step: 1..2^26 */
     int32_t step_hz_q16;           /* its inverse: 1..2^31-1 */
     uint32_t gyro_period_step_q24; /* of the gyro's samples: 2^24..2^28, 1 to 16 steps */
@@ -39,7 +39,7 @@ typedef struct {
     int32_t gyro_samples_step_q30; /* gyro samples per step: 2^26..2^30 */
     uint32_t rest_steps;           /* the run begins with so many at rest */
     int32_t lag_step_q24;          /* the gyro's: 0..2^28, up to 16 steps */
-    int32_t lag_alpha_q31;         /* 1 - exp(-1 / lag); the largest value is no lag */
+    int32_t lag_alpha_q31;         /* 1 - exp(-1 / lag), at least 0; the largest value is no lag */
     int32_t share_q30;             /* of a difference in scale that is the gyro's: 0..2^30 */
     uint32_t r_gyro_q44;           /* of a gyro sample: at least 2^12 */
     uint32_t q_rate_q52;           /* of the rate, driven by the angular accelerometer */
@@ -72,6 +72,9 @@ typedef struct {
     uint64_t rate_q64; /* process noise of the step */
     uint64_t gyro_bias_q64, angular_bias_q64;
 } fusion_predict_t;
+
+/* False if a word is outside its range; each word has one above, those without are of any value. */
+bool fusion_valid(const fusion_params_t *f);
 
 void fusion_predict(int64_t p[FUSION_CELLS], const fusion_predict_t *step, int32_t dt_s_q32);
 

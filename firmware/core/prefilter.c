@@ -1,5 +1,10 @@
 #include "prefilter.h"
 
+bool prefilter_valid(const prefilter_params_t *p) {
+    return p->spike_counts >= 1 && p->spike_counts <= 1 << 17 && p->smooth_q16 >= 1 &&
+           p->smooth_q16 <= 1 << 16;
+}
+
 void prefilter_init(prefilter_t *f) {
     *f = (prefilter_t){.gap_steps = PREFILTER_GAP_MAX};
 }

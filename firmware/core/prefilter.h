@@ -31,6 +31,9 @@ typedef struct {
 #define PREFILTER_SAMPLE    0x04U
 #define PREFILTER_SPIKE     0x10U /* on some axis of it */
 
+/* False if a word is outside its range. */
+bool prefilter_valid(const prefilter_params_t *p);
+
 /* No sample so far. */
 void prefilter_init(prefilter_t *f);
 

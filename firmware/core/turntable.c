@@ -46,7 +46,8 @@ void turntable_init(turntable_t *c, const control_params_t *p) {
 
 bool turntable_params_valid(const control_params_t *p) {
     return calibration_valid(&p->gyro) && calibration_valid(&p->angular) &&
-           p->fusion.gyro_age_step_q24 < p->fusion.gyro_period_step_q24;
+           prefilter_valid(&p->gyro_filter) && prefilter_valid(&p->angular_filter) &&
+           fusion_valid(&p->fusion);
 }
 
 /* Counts -> rate and angular acceleration, and when the gyro's sample was taken. */

@@ -60,7 +60,7 @@ typedef struct {
 /* The words become zero but for attitudes, age, lag, gaps, and the variances of the start. */
 void turntable_init(turntable_t *c, const control_params_t *p);
 
-/* False if any sum of the step could overflow. */
+/* False if a word that the step reads is outside its range, or any sum of the step could overflow. */
 bool turntable_params_valid(const control_params_t *p);
 
 /* One step. raw: gyro x, y, z (turn/s Q28 by `gyro`), angular acceleration x, y, z (turn/s^2 Q28 by

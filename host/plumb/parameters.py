@@ -129,9 +129,14 @@ def whole_table(control_words: Sequence[int], **link_words: int) -> list[int]:
         raise UsageError(f"there is no parameter '{unknown[0]}'; the link's are {', '.join(row.name for row in link)}")
     words = [int(word) for word in control_words] + [link_words.get(row.name, row.default) for row in link]
     for row, word in zip(rows, words, strict=True):
-        if not row.min <= row.from_word(word & 0xFFFFFFFF) <= row.max:
-            raise UsageError(f"parameter {row.name} = {word} is outside {row.min} to {row.max}")
+        check_range(row, row.from_word(word & 0xFFFFFFFF))
     return words
+
+
+def check_range(row: Parameter, value: int) -> None:
+    """Raises UsageError for a value outside the range of the row."""
+    if not row.min <= value <= row.max:
+        raise UsageError(f"parameter {row.name} = {value} is outside {row.min} to {row.max}")
 
 
 def control_part(words: Sequence[int]) -> list[int]:

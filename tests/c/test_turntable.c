@@ -1,20 +1,34 @@
-/* The turntable's step on parameters and counts from all over their ranges: under the sanitizers no sum of it
- * may overflow, and whatever comes, variances stay variances and attitudes rotations. */
+/* The turntable's step on parameters from inside, at the ends and outside of their ranges, as far as
+ * control_params_valid() accepts them, and on counts of all kinds: under the sanitizers no sum of it may
+ * overflow, and whatever comes, variances stay variances and attitudes rotations. */
 #include "wild.h"
+#include <stddef.h>
 
-#define SETS  400U
+#define SETS  800U
 #define STEPS 400U
+#define FIRST (offsetof(control_params_t, gyro_filter) / 4U)
+#define WORDS (sizeof(control_params_t) / 4U - FIRST)
 
-/* A set that the firmware accepts. */
-static control_params_t wild(void) {
+/* A set that control_params_valid() accepts. One in four is offered with a word of any value, one in four
+ * with most words at an end of their range. */
+static control_params_t wild(uint32_t set) {
     params_t all;
-    params_default(&all);
     do {
-        for (uint16_t i = 0; i < sizeof all.control / 4U; i++)
-            wild_word(&all, i);
+        params_default(&all);
+        for (uint16_t i = 0; i < sizeof all.control / 4U; i++) {
+            if (set % 4U == 1U && check_random() % 4U != 0U)
+                wild_end(&all, i, check_random() % 2U != 0U);
+            else
+                wild_word(&all, i);
+        }
         all.control.system = CONTROL_TURNTABLE;
         all.control.fusion.rest_steps %= 60U;
-        all.control.fusion.gyro_age_step_q24 %= all.control.fusion.gyro_period_step_q24;
+        if (all.control.fusion.gyro_age_step_q24 >= all.control.fusion.gyro_period_step_q24)
+            all.control.fusion.gyro_age_step_q24 = all.control.fusion.gyro_period_step_q24 - 1U;
+        wild_calibration(&all.control.gyro);
+        wild_calibration(&all.control.angular);
+        if (set % 4U == 2U)
+            params_set_word(&all, (uint16_t)(FIRST + check_random() % WORDS), (uint32_t)check_random_wild());
     } while (!control_params_valid(&all.control));
     return all.control;
 }
@@ -42,7 +56,7 @@ static void check_words(const turntable_words_t *w) {
 
 /* Sensors each missing in some of the steps, their counts jumping, resting or small. */
 static void run_wild(uint32_t set) {
-    const control_params_t p = wild();
+    const control_params_t p = wild(set);
     control_t c;
     control_init(&c, &p);
     int16_t raw[CONTROL_RAW_MAX] = {0};

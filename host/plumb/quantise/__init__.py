@@ -38,7 +38,8 @@ class ControlParams:
 
     @classmethod
     def of(cls, system: str, own: Mapping[str, int], lsb_deg2: float = 1.0) -> ControlParams:
-        """From the words of the groups that the system reads; raises UsageError when one is missing or too many."""
+        """From the words of the groups that the system reads; raises UsageError when one is missing, too many or out of
+        its range."""
         rows = [row for row in parameters.table() if row.owner == "control"]
         groups = groups_of(system)
         wanted = {row.name for row in rows if row.group in groups}
@@ -46,6 +47,8 @@ class ControlParams:
             odd = ", ".join(sorted(wanted ^ set(own)))
             raise UsageError(f"{odd}: not, or not all, of the words that {system} reads")
         values = {row.name: own.get(row.name, row.default) for row in rows}
+        for row in rows:
+            parameters.check_range(row, values[row.name])
         return cls({**values, "system": parameters.SYSTEMS.index(system)}, lsb_deg2)
 
     @property

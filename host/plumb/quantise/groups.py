@@ -40,6 +40,8 @@ def whole(name: str, asked: float, exact: Fraction, low: int, high: int) -> int:
     nearest = min(max(round(exact), low), high)
     if abs(nearest - exact) <= abs(exact) * TOLERANCE:
         return nearest
+    if not exact:
+        refuse(name, asked, "give more than 0")
     step = abs(asked / float(exact))
     if exact > high:
         refuse(name, asked, f"too large for its integer, the most is {step * high:.6g}")

@@ -37,6 +37,8 @@ def quantise(tuning: TurntableTuning) -> ControlParams:
 def _prefilter(name: str, asked: Prefilter, channel: Channel) -> dict[str, int]:
     if asked.spike <= 0 or not 0 < asked.smooth <= 1:
         raise UsageError(f"{name}: spike = {asked.spike:g} above 0, smooth = {asked.smooth:g} above 0, up to 1")
+    if channel.unit_per_count == 0:
+        refuse(f"{name.removesuffix('_filter')}.unit_per_count", 0.0, "a count must stand for something")
     counts = min(max(round(asked.spike / abs(channel.unit_per_count)), 1), NO_SPIKE_COUNTS)
     smooth = whole(f"{name}.smooth", asked.smooth, Fraction(asked.smooth) * (1 << 16), 1, 1 << 16)
     return {f"{name}.spike_counts": counts, f"{name}.smooth_q16": smooth}
@@ -50,6 +52,9 @@ def _fusion(f: Fusion, dt: Fraction) -> dict[str, int]:
     period = Fraction(f.gyro_period_s).limit_denominator(10**7) / dt
     if not 1 <= period <= 16:
         refuse("fusion.gyro_period_s", f.gyro_period_s, "a gyro sample comes every 1 to 16 steps")
+    rest_steps = round(Fraction(f.rest_s) / dt)
+    if rest_steps > WORD:
+        refuse("fusion.rest_s", f.rest_s, f"too long for its integer, the most is {float(WORD * dt):.6g}")
     lag = Fraction(f.lag_s) / dt
     if lag > 16 or Fraction(f.start_lag_s) / dt > 1:
         refuse("fusion.lag_s", f.lag_s, "at most 16 steps, and uncertain by at most one")
@@ -73,7 +78,7 @@ def _fusion(f: Fusion, dt: Fraction) -> dict[str, int]:
         "fusion.gyro_period_step_q24": period_q24,
         "fusion.gyro_age_step_q24": min(round(age * (1 << 24)), period_q24 - 1),
         "fusion.gyro_samples_step_q30": round((1 << 30) / period),
-        "fusion.rest_steps": round(Fraction(f.rest_s) / dt),
+        "fusion.rest_steps": rest_steps,
         "fusion.lag_step_q24": whole("fusion.lag_s", f.lag_s, lag * (1 << 24), 0, 1 << 28),
         "fusion.lag_alpha_q31": min(round(alpha * (1 << 31)), MOST),
         "fusion.share_q30": round(share * (1 << 30)),
