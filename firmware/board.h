@@ -43,6 +43,7 @@ typedef struct {
     uint32_t crash_pc;        /* with BOARD_FAULT_HARD: the instruction */
     uint32_t crash_exception; /* with BOARD_FAULT_HARD: 3 HardFault, 0 stack at its guard; with CRYSTAL: 2 */
     uint32_t pins;            /* the pin set in force, BOARD_PINS_ */
+    uint32_t seed;            /* for random numbers: another one at every start */
 } board_identity_t;
 
 #define BOARD_PINS_STANDARD 0u /* two speed controllers; USART1 on PA9, PA10 */

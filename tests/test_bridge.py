@@ -236,6 +236,11 @@ def test_a_bridge_that_is_killed_loses_the_armed_board_and_the_next_one_goes_on(
     assert second.ended(0)["verdict"] == "pass"
 
 
+def test_direct_is_for_a_bus(start: Start) -> None:
+    bridge = start("bridge", "serial:/dev/null", "tcp:127.0.0.1:1", "--direct")
+    assert bridge.process.wait(WAIT_S) == 2 and "name that bus first" in bridge.said()
+
+
 @pytest.mark.parametrize("side", ["first", "second"])
 def test_carrying_to_a_side_that_never_opens_is_link_trouble(start: Start, side: str, nobody: tuple[str, str]) -> None:
     nowhere, somewhere = nobody

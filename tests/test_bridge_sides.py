@@ -62,10 +62,10 @@ class ServedBoard:
 class ServedSensors:
     """A quad's sensor board on a bus, in a thread. held: no samples for now."""
 
-    def __init__(self, bus: can.BusABC) -> None:
-        scenario = quad.scenario("hold", 1000)
+    def __init__(self, bus: can.BusABC, *, greet: bool = False) -> None:
+        plant = quad.plant(quad.scenario("hold", 1000), open_loop=True)
         self.bus, self.held, self._done = bus, False, threading.Event()
-        self.board = SensorBoard(bus, quad.plant(scenario, open_loop=True), quad.PERIOD_US, quad.OUTPUT_FRAMES)
+        self.board = SensorBoard(bus, plant, quad.PERIOD_US, quad.OUTPUT_FRAMES, greet=greet)
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
@@ -179,8 +179,10 @@ def test_a_port_that_turns_out_to_be_the_boards_is_left_to_the_boards_side(
         running.close()
 
 
-def test_sensor_board_and_stm32_may_meet_on_one_can_bus() -> None:
-    """The board as a node of python-can's bus in this process, with the sensor board as another one."""
+@pytest.mark.parametrize("direct", [False, True])
+def test_sensor_board_and_stm32_may_meet_on_one_can_bus(direct: bool) -> None:
+    """The board as a node of python-can's bus in this process, with the sensor board as another one. direct: the bridge
+    owns and arms the run over the UART, and names the bus as the source of samples."""
     pytest.importorskip("unicorn")
     from plumb.f103 import open_machine
     from plumb.f103.canbus import Joint
@@ -191,15 +193,16 @@ def test_sensor_board_and_stm32_may_meet_on_one_can_bus() -> None:
         machine = open_machine()
     except UsageError as error:
         pytest.skip(str(error))
-    spec, done = "can:virtual:one bus", threading.Event()
+    spec, done = f"can:virtual:one bus {direct}", threading.Event()
     line, node = PtyLine(), open_bus(spec)
     thread = threading.Thread(target=run_paced, args=(machine, line, done.is_set, Joint(machine, node, 500)))
     thread.start()
-    sensors = ServedSensors(open_bus(spec))
-    running = Running(spec, spec, shadow=True)
+    sensors = ServedSensors(open_bus(spec), greet=True)
+    running = Running(spec, f"serial:{line.address}" if direct else spec, shadow=True, direct=direct, arm=True)
     try:
         running.wait_for("run 1:")
-        running.wait_for(lambda: running.bridge.steps > 10)
+        running.wait_for(lambda: "armed" in running.said)
+        running.wait_for(lambda: running.bridge.steps > 50)
         assert running.bridge.counted.lost == running.bridge.skipped == 0
         assert running.bridge.sensor.flow.frames <= sensors.board.sent + 1  # each side's frames are its own
         assert protocol()["SAMPLE_A"].identifier not in running.bridge.board._last

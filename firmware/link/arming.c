@@ -1,34 +1,7 @@
 #include "arming.h"
 
-void arming_init(arming_t *a, uint32_t seed) {
+void arming_init(arming_t *a) {
     *a = (arming_t){.switch_closed = true}; /* until it was seen open */
-    a->random = seed | 1U;
-}
-
-uint32_t arming_challenge(arming_t *a, uint16_t verb, uint32_t now_us) {
-    /* xorshift32: never 0 from a start that is not 0. The time goes in so that a restart does not repeat. */
-    uint32_t x = a->random ^ now_us;
-
-    if (x == 0) {
-        x = 1;
-    }
-    x ^= x << 13;
-    x ^= x >> 17;
-    x ^= x << 5;
-    a->random = x;
-    a->nonce = x;
-    a->nonce_verb = verb;
-    a->nonce_us = now_us;
-    a->nonce_valid = true;
-    return x;
-}
-
-bool arming_answer(arming_t *a, uint16_t verb, uint32_t nonce, uint32_t now_us) {
-    const bool good = a->nonce_valid && verb == a->nonce_verb && nonce == a->nonce &&
-                      now_us - a->nonce_us <= ARMING_NONCE_US;
-
-    a->nonce_valid = false;
-    return good;
 }
 
 static void arm(arming_t *a, bool by_switch, arming_actuator_t actuator, uint32_t now_us) {

@@ -1,4 +1,4 @@
-/* Who may move the actuator: interlocks, nonce, keep-alive, latch; and the arm switch, which needs no host.
+/* Who may move the actuator: interlocks, keep-alive, latch; and the arm switch, which needs no host.
  *
  * Armed is left on the first reason that blocks it, or when the keep-alive stays away, and never entered
  * again without a new arm command with a new nonce (latched). The outputs are to be safe 50 ms after the last
@@ -14,9 +14,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define ARMING_SAFE_US  50000U   /* from the last keep-alive until the outputs are neutral, at most */
-#define ARMING_TURN_US  1000U    /* of it for the loop to come round */
-#define ARMING_NONCE_US 1000000U /* a nonce is good for this long, once */
+#define ARMING_SAFE_US 50000U /* from the last keep-alive until the outputs are neutral, at most */
+#define ARMING_TURN_US 1000U  /* of it for the loop to come round */
 
 #define ARMING_SWITCH_US     20000U  /* contacts bounce for some ms */
 #define ARMING_SWITCH_TRY_US 100000U /* how long after closing what is in the way may still go away */
@@ -33,8 +32,10 @@
 #define ARMING_BLOCK_SWITCH   0x0100U /* left because the arm switch was opened */
 #define ARMING_BLOCK_PINS     0x0200U /* what the system moves is not on the pins the board started with */
 #define ARMING_BLOCK_HANDLE   0x0400U /* the arm switch is closed, and has the say */
+#define ARMING_BLOCK_OWNER    0x2000U /* another link began the run, and alone may arm */
 /* What concerns a host alone; the switch arms and stays armed all the same. */
-#define ARMING_BLOCKS_HOST (ARMING_BLOCK_HELLO | ARMING_BLOCK_CLOSED | ARMING_BLOCK_HANDLE)
+#define ARMING_BLOCKS_HOST                                                                                   \
+    (ARMING_BLOCK_HELLO | ARMING_BLOCK_CLOSED | ARMING_BLOCK_HANDLE | ARMING_BLOCK_OWNER)
 
 /* What the actuator needs to be safe, in us. */
 typedef struct {
@@ -46,11 +47,7 @@ typedef struct {
     bool armed;
     bool driving;   /* armed, and the hold is over */
     bool by_switch; /* who armed: the switch, else a host */
-    bool nonce_valid;
-    uint16_t nonce_verb;
     uint16_t cause; /* ARMING_BLOCK_* that ended the last armed time; 0: none */
-    uint32_t nonce;
-    uint32_t nonce_us;
     uint32_t token; /* the nonce it was armed with: every keep-alive carries it */
     uint32_t keepalive_us;
     uint32_t silence_us; /* longest silence of the host that armed */
@@ -61,18 +58,9 @@ typedef struct {
     bool switch_trying; /* closed, and waiting for what is in the way */
     uint32_t switch_us; /* of its last change */
     uint32_t switch_try_us;
-    uint32_t random; /* xorshift state, never 0 */
 } arming_t;
 
-/* seed: anything that differs between boards. */
-void arming_init(arming_t *a, uint32_t seed);
-
-/* A fresh nonce for one command (verb); replaces the one before. Never 0. */
-uint32_t arming_challenge(arming_t *a, uint16_t verb, uint32_t now_us);
-
-/* True when this is the answer to the last challenge, in time. A nonce is used up by any answer, right or
- * wrong. */
-bool arming_answer(arming_t *a, uint16_t verb, uint32_t nonce, uint32_t now_us);
+void arming_init(arming_t *a);
 
 /* Arm for a host, unless blocked (ARMING_BLOCK_*) is not 0. token: what keep-alives will carry. */
 bool arming_arm(arming_t *a, uint16_t blocked, uint32_t token, arming_actuator_t actuator, uint32_t now_us);

@@ -24,7 +24,7 @@ void links_open(session_t *s, link_t link, bool open, bool read_only) {
     }
     l->open = open;
     l->read_only = read_only;
-    if ((!open || read_only) && s->armed_by == link) {
+    if ((!open || read_only) && s->run_owner == link) {
         /* At once: it may be open again by the next poll. */
         arming_disarm_host(&s->arming, ARMING_BLOCK_CLOSED);
     }
@@ -38,6 +38,7 @@ bool links_accept(session_t *s, link_t link, const can_frame_t *f, uint32_t now_
     l->rejected = (uint16_t)(l->rejected + !good);
     if (good) {
         l->heard_us = now_us;
+        random_stir(&s->random, now_us);
         l->open = l->open || opens;
     }
     return good;

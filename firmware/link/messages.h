@@ -6,7 +6,7 @@
 #include "e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 1U
-#define MESSAGES_DBC_HASH 0x1F15CBB5U
+#define MESSAGES_DBC_HASH 0x8FDD76CAU
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U
@@ -72,6 +72,8 @@ typedef struct {
 message_execute_t message_execute_unpack(const can_frame_t *frame);
 
 #define MESSAGE_RUN_BEGIN_ID 0x042U
+#define MESSAGE_RUN_BEGIN_SAMPLES_ELSEWHERE 0x1U /* flag */
+#define MESSAGE_RUN_BEGIN_SETPOINTS_ELSEWHERE 0x2U /* flag */
 #define MESSAGE_RUN_BEGIN_RUN_LOCKSTEP 16U
 #define MESSAGE_RUN_BEGIN_RUN_REALTIME_INJECTED 17U
 #define MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE 18U
@@ -334,6 +336,8 @@ can_frame_t message_ack_pack(const message_ack_t *m);
 #define MESSAGE_NACK_REASON_FLASH 14U
 #define MESSAGE_NACK_REASON_NOTHING_SAVED 15U
 #define MESSAGE_NACK_REASON_GREETING 16U
+#define MESSAGE_NACK_REASON_OWNER 17U
+#define MESSAGE_NACK_REASON_RUN_TAG 18U
 typedef struct {
     uint16_t request;
     uint16_t reason;

@@ -12,8 +12,9 @@
 #define NO_GAP         0xFFU
 #define SAMPLE_ANY     0xFFU
 #define RAW_B_NONE     0xFFU
+#define RUN_TAG_MAX    15U /* four flags; 0: no run */
 
-void run_begin(session_t *s, uint16_t run) {
+void run_begin(session_t *s, uint16_t run, run_links_t links) {
     s->mode = run == MESSAGE_RUN_BEGIN_RUN_LOCKSTEP ? SESSION_LOCKSTEP : SESSION_REALTIME;
     s->live = run == MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE;
     s->begun = true;
@@ -22,7 +23,10 @@ void run_begin(session_t *s, uint16_t run) {
     s->queue_in = 0;
     s->queue_out = 0;
     s->word_next = CONTROL_RECORD_WORDS_MAX;
-    s->run_by = s->asked;
+    s->run_owner = links.owner;
+    s->sample_source = links.samples;
+    s->setpoint_source = links.setpoints;
+    s->run_tag = (uint8_t)(s->run_tag < RUN_TAG_MAX ? s->run_tag + 1U : 1U);
     s->gap_ahead = NO_GAP;
     s->sample_expected = SAMPLE_ANY;
     s->raw_b_step6 = RAW_B_NONE;
@@ -122,8 +126,10 @@ static void sample_in_real_time(session_t *s, const can_frame_t *f, bool incompl
 void run_on_sample_a(session_t *s, const can_frame_t *f) {
     const bool incomplete = (e2e_flags(f) & MESSAGE_SAMPLE_A_WITH_B) != 0 && s->raw_b_step6 != step6_of(f);
 
-    if (s->mode == SESSION_IDLE || s->live || (s->mode == SESSION_LOCKSTEP && s->run_by != s->asked)) {
+    if (s->mode == SESSION_IDLE || s->live) {
         nack(s, f, MESSAGE_NACK_REASON_NO_RUN);
+    } else if (s->sample_source != s->asked) {
+        nack(s, f, MESSAGE_NACK_REASON_OWNER);
     } else if (s->mode == SESSION_LOCKSTEP) {
         sample_in_lockstep(s, f, incomplete);
     } else {
@@ -134,6 +140,9 @@ void run_on_sample_a(session_t *s, const can_frame_t *f) {
 void run_on_sample_b(session_t *s, const can_frame_t *f) {
     const message_sample_b_t m = message_sample_b_unpack(f);
 
+    if (s->sample_source != s->asked) { /* its SAMPLE_A is answered */
+        return;
+    }
     s->raw_b_step6 = (uint8_t)step6_of(f);
     s->raw_b[0] = m.raw_3;
     s->raw_b[1] = m.raw_4;
@@ -147,9 +156,12 @@ void run_on_setpoint(session_t *s, const can_frame_t *f) {
 
     if (s->mode == SESSION_IDLE) {
         nack(s, f, MESSAGE_NACK_REASON_NO_RUN);
+    } else if (s->setpoint_source != s->asked) {
+        nack(s, f, MESSAGE_NACK_REASON_OWNER);
+    } else if (e2e_flags(f) != s->run_tag) {
+        nack(s, f, MESSAGE_NACK_REASON_RUN_TAG);
     } else if (s->mode == SESSION_REALTIME || due) {
         s->setpoint_turn_q32 = m.setpoint;
-        s->setpoint_by = s->asked;
         s->setpoint_waiting = true;
     }
 }
@@ -158,7 +170,7 @@ bool session_next_sample(session_t *s, int16_t raw[CONTROL_RAW_MAX], int32_t *se
     const bool waiting = s->queue_in != s->queue_out;
 
     if (s->mode == SESSION_LOCKSTEP && !(waiting && s->word_next == CONTROL_RECORD_WORDS_MAX &&
-                                         outbox_telemetry_fits(&s->link[s->run_by].outbox, s->selected))) {
+                                         outbox_telemetry_fits(&s->link[s->run_owner].outbox, s->selected))) {
         return false;
     }
     if (waiting) {

@@ -4,8 +4,15 @@
 
 #include "session.h"
 
-/* Start anew: state, step number and digest. run: one of MESSAGE_RUN_BEGIN_RUN_*. */
-void run_begin(session_t *s, uint16_t run);
+/* Which links a run belongs to. */
+typedef struct {
+    link_t owner;
+    link_t samples;
+    link_t setpoints;
+} run_links_t;
+
+/* Start anew: state, step number and digest, with the next run tag. run: one of MESSAGE_RUN_BEGIN_RUN_*. */
+void run_begin(session_t *s, uint16_t run, run_links_t links);
 
 void run_on_sample_a(session_t *s, const can_frame_t *f);
 void run_on_sample_b(session_t *s, const can_frame_t *f);

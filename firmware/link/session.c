@@ -12,7 +12,8 @@
 #define STATUS_EVERY_US 100000U
 #define LONG_STARVED_US 2000U /* the longest table takes 0.2 s then, less than a host waits for a frame */
 #define ALL_PARAMETERS  0xFFFFU
-#define FRAME_REPLIES   2U /* what a frame is answered by, and a SETPOINT_USED that is still owed */
+#define RUN_TAG_SHIFT   16U /* in the ACK of RUN_BEGIN, above its run */
+#define FRAME_REPLIES   2U  /* what a frame is answered by, and a SETPOINT_USED that is still owed */
 
 /* ---- what is, and whether it may be armed ---- */
 
@@ -54,16 +55,17 @@ static bool moves_something(const session_t *s) {
     }
 }
 
-/* As seen from one link. */
+/* As seen from one link; LINK_NONE: without a host. */
 static uint16_t arming_blocked(const session_t *s, link_t link) {
-    const session_link_t *const l = &s->link[link];
+    const session_link_t *const l = link != LINK_NONE ? &s->link[link] : NULL;
     unsigned blocked = 0;
 
-    blocked |= l->greeted ? 0U : ARMING_BLOCK_HELLO;
+    blocked |= l != NULL && l->greeted ? 0U : ARMING_BLOCK_HELLO;
     blocked |= s->mode == SESSION_IDLE ? ARMING_BLOCK_IDLE : 0U;
     blocked |= s->mode == SESSION_LOCKSTEP ? ARMING_BLOCK_LOCKSTEP : 0U;
     blocked |= (s->faults & SESSION_FAULTS_BLOCKING) != 0 ? ARMING_BLOCK_FAULT : 0U;
-    blocked |= l->open && !l->read_only ? 0U : ARMING_BLOCK_CLOSED;
+    blocked |= l != NULL && l->open && !l->read_only ? 0U : ARMING_BLOCK_CLOSED;
+    blocked |= s->mode != SESSION_IDLE && s->run_owner != link ? ARMING_BLOCK_OWNER : 0U;
     blocked |= s->mode == SESSION_REALTIME && !s->live && samples_stale(s) ? ARMING_BLOCK_SAMPLES : 0U;
     blocked |= moves_something(s) ? 0U : ARMING_BLOCK_PINS;
     blocked |= arming_handle(&s->arming);
@@ -95,10 +97,10 @@ static arming_actuator_t actuator(const session_t *s) {
  * when it is disarmed, so that the next closing begins with a fresh state. */
 void session_report_switch(session_t *s, bool closed, uint32_t now_us) {
     if (arming_switch(&s->arming, closed, now_us) && s->mode == SESSION_IDLE) {
-        run_begin(s, MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE);
+        run_begin(s, MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE, (run_links_t){LINK_NONE, LINK_NONE, LINK_NONE});
         s->stand_alone = true;
     }
-    arming_try_switch(&s->arming, arming_blocked(s, s->armed_by), actuator(s), now_us);
+    arming_try_switch(&s->arming, arming_blocked(s, s->run_owner), actuator(s), now_us);
     if (s->stand_alone && !s->arming.armed && !s->arming.switch_trying) {
         s->stand_alone = false;
         s->mode = SESSION_IDLE;
@@ -128,7 +130,7 @@ static void on_hello(session_t *s, const can_frame_t *f) {
 
     links_forget_counters(l);
     l->greeted = m.protocol_version == MESSAGES_PROTOCOL_VERSION && m.dbc_hash == MESSAGES_DBC_HASH;
-    if (!l->greeted && s->armed_by == s->asked) {
+    if (!l->greeted && s->run_owner == s->asked) {
         /* At once: a right one may follow by the next poll. */
         arming_disarm_host(&s->arming, ARMING_BLOCK_HELLO);
     }
@@ -232,15 +234,15 @@ static void on_param_commit(session_t *s, const can_frame_t *f) {
 
 static void on_challenge(session_t *s, const can_frame_t *f, uint32_t now_us) {
     const message_challenge_t m = message_challenge_unpack(f);
-    const message_nonce_t nonce = {.verb = m.verb, .nonce = arming_challenge(&s->arming, m.verb, now_us)};
+    nonce_t *const here = &s->link[s->asked].nonce;
+    const message_nonce_t nonce = {.verb = m.verb, .nonce = nonce_issue(here, &s->random, m.verb, now_us)};
 
-    s->challenge = s->asked;
     links_reply(s, message_nonce_pack(&nonce), 0);
 }
 
 /* A nonce answers where it was asked for. */
 static bool nonce_good(session_t *s, uint16_t verb, uint32_t nonce, uint32_t now_us) {
-    return arming_answer(&s->arming, verb, nonce, now_us) && s->challenge == s->asked;
+    return nonce_answer(&s->link[s->asked].nonce, verb, nonce, now_us);
 }
 
 static void on_execute(session_t *s, const can_frame_t *f, uint32_t now_us) {
@@ -259,24 +261,36 @@ static void on_execute(session_t *s, const can_frame_t *f, uint32_t now_us) {
     } else if (!arming_arm(&s->arming, arming_blocked(s, s->asked), m.nonce, actuator(s), now_us)) {
         reply_nack(s, f, MESSAGE_NACK_REASON_BLOCKED, arming_blocked(s, s->asked));
     } else {
-        s->armed_by = s->asked;
         requests_withdraw_bootloader(s);
-        reply_ack(s, f, m.verb);
+        reply_ack(s, f, m.nonce);
     }
+}
+
+/* The owner's link is the source of all that its flags do not leave to the other one. */
+static run_links_t links_of_run(const session_t *s, unsigned flags) {
+    const link_t other = s->asked == LINK_UART ? LINK_CAN : LINK_UART;
+
+    return (run_links_t){
+        .owner = s->asked,
+        .samples = (flags & MESSAGE_RUN_BEGIN_SAMPLES_ELSEWHERE) != 0U ? other : s->asked,
+        .setpoints = (flags & MESSAGE_RUN_BEGIN_SETPOINTS_ELSEWHERE) != 0U ? other : s->asked,
+    };
 }
 
 static void on_run_begin(session_t *s, const can_frame_t *f, uint32_t now_us) {
     const message_run_begin_t m = message_run_begin_unpack(f);
+    const unsigned flags = e2e_flags(f);
 
     if (!nonce_good(s, m.run, m.nonce, now_us)) {
         reply_nack(s, f, MESSAGE_NACK_REASON_NONCE, 0);
-    } else if (m.run < MESSAGE_RUN_BEGIN_RUN_LOCKSTEP || m.run > MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE) {
+    } else if (m.run < MESSAGE_RUN_BEGIN_RUN_LOCKSTEP || m.run > MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE ||
+               (m.run == MESSAGE_RUN_BEGIN_RUN_LOCKSTEP && flags != 0U)) { /* which one link paces */
         reply_nack(s, f, MESSAGE_NACK_REASON_UNSUPPORTED, m.run);
     } else {
         arming_disarm(&s->arming, ARMING_BLOCK_COMMAND);
         s->stand_alone = false;
-        run_begin(s, m.run);
-        reply_ack(s, f, m.run);
+        run_begin(s, m.run, links_of_run(s, flags));
+        reply_ack(s, f, m.run | (uint32_t)s->run_tag << RUN_TAG_SHIFT);
     }
 }
 
@@ -307,7 +321,7 @@ static void on_disarm(session_t *s, const can_frame_t *f) {
 /* ---- receive ---- */
 
 static void on_keepalive(session_t *s, const can_frame_t *f, uint32_t now_us) {
-    if (s->armed_by == s->asked) { /* the link that armed is the one that must live */
+    if (s->run_owner == s->asked) { /* the link that armed is the one that must live */
         (void)arming_keepalive(&s->arming, message_keepalive_unpack(f).token, now_us);
     }
 }
@@ -442,7 +456,7 @@ static void send_status(session_t *s, link_t link) {
 
 void session_poll(session_t *s, uint32_t now_us) {
     links_poll(s, now_us);
-    arming_poll(&s->arming, arming_blocked(s, s->armed_by), now_us);
+    arming_poll(&s->arming, arming_blocked(s, s->run_owner), now_us);
     telemetry_send_words(s);
     for (unsigned i = 0; i < LINKS; i++) {
         poll_long_replies(s, &s->link[i], now_us);
@@ -451,7 +465,7 @@ void session_poll(session_t *s, uint32_t now_us) {
         const message_time_t m = {.step = s->step, .time = now_us};
 
         s->time_us = now_us;
-        links_telemetry(s, message_time_pack(&m), 0);
+        links_telemetry(s, message_time_pack(&m), s->mode != SESSION_IDLE ? s->run_tag : 0U);
     }
     if (now_us - s->status_us >= STATUS_EVERY_US) {
         s->status_us = now_us;
@@ -471,7 +485,11 @@ void session_init(session_t *s, const board_identity_t *board, control_t *contro
     s->staged = *params;
     slcan_rx_init(&s->rx);
     links_init(s);
-    arming_init(&s->arming, board->unique_id[0] ^ board->unique_id[1] ^ board->unique_id[2]);
+    arming_init(&s->arming);
+    random_init(&s->random, board->unique_id[0] ^ board->unique_id[1] ^ board->unique_id[2] ^ board->seed);
+    s->run_tag =
+        (uint8_t)(random_next(&s->random) >> 28); /* anywhere: not the same run again after a reset */
+    s->run_owner = LINK_NONE;
     s->can_kbit = params->can_bitrate_kbit;
     telemetry_select_nothing(s);
     control_init(control, &params->control);

@@ -21,6 +21,7 @@
 #include "../board.h"
 #include "../core/control.h"
 #include "arming.h"
+#include "nonce.h"
 #include "outbox.h"
 #include "params.h"
 #include "slcan.h"
@@ -45,7 +46,7 @@ typedef struct {
     uint16_t end;
 } session_reply_t;
 
-typedef enum { LINK_UART = 0, LINK_CAN = 1, LINKS = 2 } link_t;
+typedef enum { LINK_UART = 0, LINK_CAN = 1, LINKS = 2, LINK_NONE = LINKS } link_t;
 
 /* One way to a host. */
 typedef struct {
@@ -59,6 +60,7 @@ typedef struct {
     uint16_t dropped_told;            /* outbox.dropped at the last STEP */
     uint32_t heard_us;                /* last good frame */
     uint32_t long_us;                 /* last frame of a long reply */
+    nonce_t nonce;                    /* the one that was asked for here: answered here or nowhere */
     session_reply_t identity;
     session_reply_t dump;
 } session_link_t;
@@ -71,13 +73,15 @@ typedef struct {
     slcan_rx_t rx;
     session_link_t link[LINKS];
     arming_t arming;
+    random_t random;
 
-    link_t asked;       /* over which the request at hand came */
-    link_t challenge;   /* over which the nonce was asked for: answered there or nowhere */
-    link_t armed_by;    /* while armed: whose keep-alive holds it */
-    link_t run_by;      /* who began the run: lockstep goes at its pace */
-    link_t setpoint_by; /* who is owed a SETPOINT_USED */
-    link_t staged_by;   /* while parameters are staged */
+    link_t asked;           /* over which the request at hand came */
+    link_t run_owner;       /* which began the run: it alone may arm, its keep-alive holds it armed, and
+                               lockstep goes at its pace. LINK_NONE: the arm switch began it */
+    link_t sample_source;   /* which alone may send this run's samples */
+    link_t setpoint_source; /* which alone may send this run's setpoints */
+    uint8_t run_tag;        /* 1 to 15, of the run that is on or was last: its setpoints carry it */
+    link_t staged_by;       /* while parameters are staged */
     bool parameters_staged;
     store_report_t saved;     /* what flash holds */
     uint16_t parameters_from; /* store_found_t or REQUESTS_FROM_HOST */

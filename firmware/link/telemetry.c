@@ -243,7 +243,7 @@ void telemetry_send_words(session_t *s) {
         if ((s->words_mask[m.index / 32U] >> (m.index % 32U) & 1U) == 0) {
             continue;
         }
-        if (s->mode == SESSION_LOCKSTEP && !outbox_long_fits(&s->link[s->run_by].outbox)) {
+        if (s->mode == SESSION_LOCKSTEP && !outbox_long_fits(&s->link[s->run_owner].outbox)) {
             return;
         }
         memcpy(&m.value, words + 4U * m.index, sizeof m.value);
@@ -275,7 +275,7 @@ void session_stepped(session_t *s) {
         const message_setpoint_used_t used = {.step = s->step, .setpoint = s->setpoint_turn_q32};
 
         s->setpoint_waiting = false;
-        links_answer(s, s->setpoint_by, message_setpoint_used_pack(&used), 0);
+        links_answer(s, s->setpoint_source, message_setpoint_used_pack(&used), 0);
     }
     send_step(s, &step, saturated);
     send_raw(s, words);

@@ -46,6 +46,7 @@ void board_init(const board_setup_t *setup) {
     }
     pins_init(setup->pins); /* after the timers run at neutral: the outputs show nothing else */
     watchdog_init();
+    identity.seed = entropy_at_start();
     check_image();
     uart_init();
     can_init();

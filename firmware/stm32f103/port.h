@@ -77,6 +77,7 @@ void imu_health(board_health_t *health);
 
 /* faults.c */
 void faults_init(board_identity_t *identity); /* takes over what the last crash left behind */
+uint32_t entropy_at_start(void);              /* a seed, another one at every start */
 void faults_check_stack(void);                /* resets when the stack reached its guard */
 void fault_entry(void);                       /* every exception that must not happen */
 

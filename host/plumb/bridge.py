@@ -245,7 +245,8 @@ class Bridge:
 
     runs, steps: of the board. skipped: samples left out of a run to keep the delay short. unused: samples that came
     while no run was on. Where both names are of one CAN bus, samples reach the STM32 by themselves and nothing is
-    carried: the bridge is the host of the run, and its witness.
+    carried: the bridge is the host of the run, and its witness. So it is with direct, where the sensor board is on the
+    CAN bus of an STM32 whose UART is the bridge's: the run then names the other link as the source of its samples.
     """
 
     def __init__(
@@ -258,12 +259,14 @@ class Bridge:
         *,
         arm: bool = False,
         shadow: bool = False,
+        direct: bool = False,
         say: Say = lambda text: None,
         open_: Open = open_bus,
     ) -> None:
-        self.one_bus = sensor == board
+        self.one_bus, self.direct = sensor == board, direct and sensor != board
+        self.carries = not self.one_bus and not self.direct
         self._theirs = {protocol()[name].identifier for name in ("SAMPLE_A", "SAMPLE_B", "SETPOINT")}
-        self.sensor = End(sensor, open_, self._theirs if self.one_bus else None)
+        self.sensor = End(sensor, open_, None if self.carries else self._theirs)
         self.board_spec, self.board, self.counted = board, Flow(), BoardCounts()
         self.params, self.frames, self.link = params, frames, link
         self.want_arm, self.want_shadow, self.say, self._open = arm, shadow, say, open_
@@ -376,7 +379,8 @@ class Bridge:
             session.upload(params.words(), **self.link)
         run = _Run(self, session, params)
         session.listener = run.up
-        session.begin("REALTIME_INJECTED", frames=("RAW_A", "RAW_B", *self.frames))
+        elsewhere = ("samples", "setpoints") if self.direct else ()
+        session.begin("REALTIME_INJECTED", frames=("RAW_A", "RAW_B", *self.frames), elsewhere=elsewhere)
         self.runs += 1
         self.say(f"run {self.runs}: samples come, the board steps")
         self._quiet_s = 0.0
@@ -385,8 +389,8 @@ class Bridge:
         meanwhile = self._whole(self.sensor.drain())
         self.unused += len(meanwhile) - 1
         time_s, frames = (meanwhile or [sample])[-1]
-        if self._samples.setpoint is not None and self._samples.setpoint not in frames and not self.one_bus:
-            session.send([self._samples.setpoint])
+        if self._samples.setpoint is not None and self._samples.setpoint not in frames and self.carries:
+            session.send(run.tagged([self._samples.setpoint]))
         pending = [(time_s, frames)]
         while not stopped() and not self._over():
             run.down(pending)
@@ -422,19 +426,29 @@ class _Run:
             self._standing = min(self._standing, len(self._waiting))
             if self._looked >= STANDING_OVER:
                 self._surplus, self._looked, self._standing = self._standing, 0, len(self._waiting)
-            if self._surplus and not bridge.one_bus:
+            if self._surplus and bridge.carries:
                 self._surplus -= 1
                 bridge.skipped += 1
                 frames = [frame for frame in frames if frame[0] == bridge._setpoint_id]
             else:
                 self._waiting.append((time_s, tuple(bridge._sample_a.unpack(frames[-1][1])[2:])))
-            if frames and not bridge.one_bus:
-                self.session.send(frames)
+            if frames and bridge.carries:
+                self.session.send(self.tagged(frames))
+
+    def tagged(self, frames: list[Frame]) -> list[Frame]:
+        """The same with this run's tag in every SETPOINT: the sensor board knows of no run."""
+        message, tag = self.session.protocol["SETPOINT"], self.session.run_tag
+        return [
+            (identifier, message.pack(data[1], tag, *message.unpack(data)[2:]))
+            if identifier == message.identifier
+            else (identifier, data)
+            for identifier, data in frames
+        ]
 
     def up(self, frames: list[Frame]) -> None:
         """Answers, also those that came while a request waited for its own."""
         bridge = self.bridge
-        if frames and not bridge.one_bus:
+        if frames and bridge.carries:
             bridge.sensor.send(frames)
         now_s = time.monotonic()
         for identifier, data in frames:

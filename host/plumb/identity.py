@@ -20,8 +20,9 @@ BLOCKED = {
     8: "the arm switch was opened",
     9: "this system has nothing to move on these pins: set the parameter pins, save and reset",
     10: "the arm switch is closed: it holds the board armed, or has to be opened first",
+    13: "another link began the run, and alone may arm",
 }
-HOST_BLOCKS = (0, 1, 3)
+HOST_BLOCKS = (0, 1, 3, 13)
 """Of these a host is rid by what it does anyway, and of faults it hears one by one."""
 BLOCKING_FAULTS = range(8)
 FAULTS = {
@@ -70,6 +71,8 @@ _REASONS = {
     "NO_RUN": "no run is on",
     "FLASH": "its flash does not take it, what was saved before is still there",
     "NOTHING_SAVED": "nothing is saved",
+    "OWNER": "this run takes them from another link",
+    "RUN_TAG": "it is for another run",
     "GREETING": "no host of its version has connected over this link",
 }
 

@@ -50,12 +50,17 @@ class SampleText:
 
 
 def samples_text(
-    protocol: Protocol, raw: npt.NDArray[Any], setpoint: npt.NDArray[Any], step: int = 0, before: int = 0
+    protocol: Protocol,
+    raw: npt.NDArray[Any],
+    setpoint: npt.NDArray[Any],
+    step: int = 0,
+    before: int = 0,
+    run_tag: int = 0,
 ) -> SampleText:
     """Samples from number `step` on. raw: (n, 3) or (n, 6) counts in int16; setpoint: (n,) turn_q32.
 
     Channels 3 to 5 are sent where they are not zero, a setpoint where it differs from the one before (`before` the
-    first).
+    first). run_tag: of the run, in every SETPOINT.
     """
     raw = np.asarray(raw)
     setpoint = np.asarray(setpoint, np.int64)
@@ -75,7 +80,7 @@ def samples_text(
     flagged = second | (has_b * _WITH_B).astype(np.uint8) | (has_setpoint * _WITH_SETPOINT).astype(np.uint8)
     rows = np.stack(
         [
-            _lines(protocol["SETPOINT"].identifier, (numbers & 15).astype(np.uint8), body),
+            _lines(protocol["SETPOINT"].identifier, (numbers & 15 | run_tag << 4).astype(np.uint8), body),
             _lines(protocol["SAMPLE_B"].identifier, second, np.ascontiguousarray(counts[:, 3:]).view(np.uint8)),
             _lines(protocol["SAMPLE_A"].identifier, flagged, np.ascontiguousarray(counts[:, :3]).view(np.uint8)),
         ],
@@ -86,14 +91,16 @@ def samples_text(
     return SampleText(rows[sent].tobytes(), ends)
 
 
-def sample_frames(protocol: Protocol, step: int, raw: Sequence[int], setpoint: int, before: int) -> list[Frame]:
+def sample_frames(
+    protocol: Protocol, step: int, raw: Sequence[int], setpoint: int, before: int, run_tag: int = 0
+) -> list[Frame]:
     """One sample, as samples_text has it, without arrays: up to six counts, and a setpoint where it differs from
     `before`."""
     counter, high = step & 15, step >> 4 & 3
     rest = tuple(raw[3:]) if any(raw[3:]) else ()
     frames = []
     if setpoint != before:
-        frames.append(("SETPOINT", protocol["SETPOINT"].pack(counter, 0, step & 0xFFFF, setpoint)))
+        frames.append(("SETPOINT", protocol["SETPOINT"].pack(counter, run_tag, step & 0xFFFF, setpoint)))
     if rest:
         frames.append(("SAMPLE_B", protocol["SAMPLE_B"].pack(counter, high, *rest)))
     flags = high | bool(rest) << 2 | (setpoint != before) << 3
@@ -131,7 +138,8 @@ class Lockstep:
 
         Raises LinkError when the board stops answering.
         """
-        samples = samples_text(self.session.protocol, raw, setpoint, self.step, self._setpoint)
+        tag = self.session.run_tag
+        samples = samples_text(self.session.protocol, raw, setpoint, self.step, self._setpoint, tag)
         count, base = len(samples.ends) - 1, self.step
         digests = np.zeros(count, np.uint32)
         done = sent = stalled = 0
@@ -177,7 +185,9 @@ class Lockstep:
         again, so it is waited for as long as for all repetitions of what is.
         """
         session, step = self.session, self.step
-        text = text_of_frames(sample_frames(session.protocol, step, raw, setpoint_turn_q32, self._setpoint))
+        text = text_of_frames(
+            sample_frames(session.protocol, step, raw, setpoint_turn_q32, self._setpoint, session.run_tag)
+        )
         pending, known = session.selection.count() + 1, session.protocol.by_identifier
         values: dict[str, int] = {}
         words: dict[int, int] = {}

@@ -31,6 +31,10 @@ KEEPALIVE_EVERY_S = 0.015
 SENSORS_START_S = 0.3
 """Sensors in use are found, set up and heard within this, or they are not there."""
 BLOCKED_BY_FAULT = 1 << 3
+SETPOINT_EVERY_S = 0.05
+"""A setpoint is said again so often: a source that is silent for 200 ms counts as lost."""
+RUN_TAG_SHIFT = 16
+"""Where the ACK of RUN_BEGIN has the tag of the run."""
 PERIODIC = ("TIME", "STATUS", "COUNTERS", "EVENTS", "SENSORS", "CAN_HEALTH")
 """What an open link always says."""
 PRESENCE_EVERY_S, SILENCE_S = 0.5, 1.5
@@ -68,7 +72,8 @@ SELECTABLE = (
 class Session:
     """One board on one bus. Use as a context manager: leaving it closes the bus, which disarms.
 
-    telemetry: the last of each PERIODIC message, as raw integers by name. listener: gets all frames as they come, those
+    telemetry: the last of each PERIODIC message, as raw integers by name. run_tag: of the run that was begun here last,
+    1 to 15; setpoints carry it. listener: gets all frames as they come, those
     too that arrive while a request waits for its answer.
     """
 
@@ -95,6 +100,7 @@ class Session:
         self._said_s = 0.0
         self._wiring: dict[str, int] | None = None
         self._uploaded: str | None = None
+        self.run_tag = 0
 
     @classmethod
     def open(cls, channel: Any, baudrate: int = DEFAULT_BAUDRATE) -> Self:
@@ -176,7 +182,9 @@ class Session:
 
     # ---- requests ----
 
-    def request(self, name: str, *words: int, answer: str = "ACK", first: int | None = None) -> dict[str, int]:
+    def request(
+        self, name: str, *words: int, answer: str = "ACK", first: int | None = None, flags: int = 0
+    ) -> dict[str, int]:
         """Send, wait for the answer, repeat when there is none.
 
         answer: name of the message that answers. first: value its first word must have (ACK: always the request).
@@ -186,7 +194,7 @@ class Session:
         asked = self.protocol[name].identifier
         for attempt in range(TRIES):
             self.counters.repeated_requests += attempt > 0
-            frame = self.frame(name, *words)
+            frame = self.frame(name, *words, flags=flags)
             counter = frame[1][1] & 15
             self.send([frame])
             end = self.clock() + REPLY_TIMEOUT_S
@@ -342,28 +350,27 @@ class Session:
 
     # ---- runs and arming ----
 
-    def _answer_nonce(self, request: str, verb: int) -> int:
-        """Ask for a nonce and carry the command out with it; returns the nonce. A lost answer asks anew."""
+    def _answer_nonce(self, request: str, verb: int, flags: int = 0) -> int:
+        """Ask for a nonce and carry the command out with it; returns the detail of its ACK. A lost answer asks anew."""
         for attempt in range(TRIES):
             nonce = self.request("CHALLENGE", verb, 0, answer="NONCE", first=verb)["nonce"]
             try:
-                self.request(request, verb, nonce)
+                return self.request(request, verb, nonce, flags=flags)["detail"]
             except NackError as error:
                 if error.reason != "NONCE" or attempt == TRIES - 1:
                     raise
-                continue
-            return nonce
         raise LinkError("the board accepts no nonce")
 
     def execute(self, verb: str, *, matching: bool = True) -> int:
-        """Carry out a verb of EXECUTE with a fresh nonce; returns the nonce. Raises NackError for a no, and LinkError
-        when the board has other definitions, unless they need not match."""
+        """Carry out a verb of EXECUTE with a fresh nonce; returns the detail of its ACK.
+
+        Raises NackError for a no, and LinkError when the board has other definitions, unless they need not match."""
         if matching:
             self.require_match()
-        nonce = self._answer_nonce("EXECUTE", self.protocol["EXECUTE"].value("verb", verb))
+        detail = self._answer_nonce("EXECUTE", self.protocol["EXECUTE"].value("verb", verb))
         if verb in ("LOAD", "DEFAULTS"):  # may be another system: who asks for its record asks the board
             self.identity = self._uploaded = self._wiring = None
-        return nonce
+        return detail
 
     def execute_idle(self, verb: str) -> None:
         """As execute, for what no run may be on for: ends the one that is."""
@@ -400,10 +407,17 @@ class Session:
             self.request("SELECT", bank, mask)
         self.selection = chosen
 
-    def begin(self, run: str = "LOCKSTEP", frames: Iterable[str] = (), words: Iterable[int] = ()) -> None:
+    def begin(
+        self,
+        run: str = "LOCKSTEP",
+        frames: Iterable[str] = (),
+        words: Iterable[int] = (),
+        elsewhere: Collection[str] = (),
+    ) -> None:
         """Begin a run: LOCKSTEP, REALTIME_INJECTED or REALTIME_LIVE. State, step number and digest start anew.
 
-        A run that is on is ended first, and its last frames are not shown to the listener.
+        elsewhere: "samples" and "setpoints" where those come over the board's other link, in real time. A run that is
+        on is ended first, and its last frames are not shown to the listener.
         """
         self.require_match()
         listener, self.listener = self.listener, None
@@ -412,7 +426,9 @@ class Session:
             self.select(frames, words)
         finally:
             self.listener = listener
-        self._answer_nonce("RUN_BEGIN", self.protocol["RUN_BEGIN"].value("run", run))
+        message = self.protocol["RUN_BEGIN"]
+        flags = sum(1 << message.flags[f"{what}_elsewhere"][0] for what in elsewhere)
+        self.run_tag = self._answer_nonce("RUN_BEGIN", message.value("run", run), flags) >> RUN_TAG_SHIFT
 
     def end(self) -> int:
         """End the run and disarm; returns its number of steps, modulo 2^16."""
@@ -454,4 +470,4 @@ class Session:
 
     def set_setpoint(self, setpoint_turn_q32: int) -> None:
         """Real time: the setpoint from the next step on; the board tells the step with SETPOINT_USED."""
-        self.send([self.frame("SETPOINT", 0, setpoint_turn_q32)])
+        self.send([self.frame("SETPOINT", 0, setpoint_turn_q32, flags=self.run_tag)])

@@ -1,41 +1,15 @@
-/* Who may move the actuator: challenges, keep-alives and the hold, with the clock about to wrap. */
+/* Who may move the actuator: keep-alives and the hold, with the clock about to wrap. */
 #include "arming.h"
 #include "check.h"
 
-#define VERB 3U
 #define NOW  0xFFFFF000U /* 4 ms before the clock wraps */
 #define GONE 0x0008U     /* something that blocks */
 
 static const arming_actuator_t actuator = {.frame_us = 2500U, .hold_us = 40000U};
 
-static void challenges(void) {
-    arming_t a;
-    arming_init(&a, 1U);
-    CHECK(!arming_answer(&a, VERB, 0U, NOW)); /* none was asked for */
-
-    uint32_t nonce = arming_challenge(&a, VERB, NOW);
-    CHECK(nonce != 0U);
-    CHECK(arming_answer(&a, VERB, nonce, NOW + ARMING_NONCE_US));
-    CHECK(!arming_answer(&a, VERB, nonce, NOW + ARMING_NONCE_US)); /* once */
-
-    nonce = arming_challenge(&a, VERB, NOW);
-    CHECK(!arming_answer(&a, VERB, nonce ^ 1U, NOW));
-    CHECK(!arming_answer(&a, VERB, nonce, NOW)); /* used up by a wrong one, too */
-
-    nonce = arming_challenge(&a, VERB, NOW);
-    CHECK(!arming_answer(&a, VERB + 1U, nonce, NOW)); /* another command's */
-
-    nonce = arming_challenge(&a, VERB, NOW);
-    CHECK(!arming_answer(&a, VERB, nonce, NOW + ARMING_NONCE_US + 1U)); /* too late */
-
-    nonce = arming_challenge(&a, VERB, NOW);
-    CHECK(nonce != arming_challenge(&a, VERB, NOW));
-    CHECK(!arming_answer(&a, VERB, nonce, NOW)); /* the newest alone counts */
-}
-
 static void keep_alives(void) {
     arming_t a;
-    arming_init(&a, 1U);
+    arming_init(&a);
     CHECK(!arming_arm(&a, GONE, 7U, actuator, NOW));
     CHECK(!arming_keepalive(&a, 7U, NOW));
     CHECK(arming_arm(&a, 0U, 7U, actuator, NOW));
@@ -59,7 +33,7 @@ static void keep_alives(void) {
 
 static void hold(void) {
     arming_t a;
-    arming_init(&a, 1U);
+    arming_init(&a);
     CHECK(arming_arm(&a, 0U, 7U, actuator, NOW));
     arming_poll(&a, 0U, NOW + actuator.hold_us - 1U);
     CHECK(!a.driving);
@@ -93,7 +67,7 @@ static uint32_t close_switch(arming_t *a) {
 
 static void handle(void) {
     arming_t a;
-    arming_init(&a, 1U);
+    arming_init(&a);
     uint32_t now_us = close_switch(&a);
     arming_try_switch(&a, GONE, actuator, now_us);
     CHECK(!a.armed);
@@ -102,13 +76,13 @@ static void handle(void) {
     CHECK(!arming_switch(&a, false, now_us + ARMING_SWITCH_TRY_US + 1U));
     CHECK(!a.armed && a.cause == ARMING_BLOCK_SWITCH); /* the first look that finds it open */
 
-    arming_init(&a, 1U);
+    arming_init(&a);
     now_us = close_switch(&a);
     arming_try_switch(&a, GONE, actuator, now_us + ARMING_SWITCH_TRY_US);
     arming_try_switch(&a, 0U, actuator, now_us + ARMING_SWITCH_TRY_US + 1U);
     CHECK(!a.armed); /* what was in the way went too late */
 
-    arming_init(&a, 1U);
+    arming_init(&a);
     now_us = close_switch(&a);
     arming_try_switch(&a, GONE, actuator, now_us);
     CHECK(!arming_switch(&a, false, now_us + 1000U));
@@ -117,7 +91,6 @@ static void handle(void) {
 }
 
 int main(void) {
-    challenges();
     keep_alives();
     hold();
     handle();

@@ -147,7 +147,9 @@ static void check_session(void) {
         session_receive(&session, bytes, count, now_us);
         if (n % 1000U == 0) { /* as if a host had begun a run */
             const uint16_t run = runs[n / 1000U % 3U];
-            const message_nonce_t m = {.verb = run, .nonce = arming_challenge(&session.arming, run, now_us)};
+            const message_nonce_t m = {
+                .verb = run,
+                .nonce = nonce_issue(&session.link[LINK_UART].nonce, &session.random, run, now_us)};
             can_frame_t begin = message_nonce_pack(&m);
 
             begin.id = MESSAGE_RUN_BEGIN_ID;

@@ -3,12 +3,16 @@
     plumb bridge tcp:127.0.0.1:4100 serial:/dev/ttyUSB0 --system quad --shadow
     plumb bridge can:socketcan:can0 tcp:127.0.0.1:4000 --system quad --arm --seconds 60
     plumb bridge can:socketcan:can0 can:socketcan:can0 --shadow   both on one bus: nothing to carry, all to watch
+    plumb bridge can:socketcan:can0 serial:/dev/ttyUSB0 --direct  the sensor board is on the STM32's own CAN bus
     plumb bridge serial:/dev/pts/3 tcp:127.0.0.1:4000 --carry     nothing but frames, both ways
 
 The first BUS is the sensor board's, the second the STM32's. The bridge uploads the system's parameters, begins a run on
 injected samples when the first one comes, ends it (which disarms) when they stop, and takes it up again when either
 side comes back. --arm arms the first run; whatever disarms it, it is not armed again. --shadow runs the integer model
 beside the board and stops at the first bit that differs.
+
+With --direct samples and setpoints reach the STM32 over its own CAN bus, and the bridge owns the run over another link:
+the run names CAN as their source, and the STM32 takes them from nowhere else.
 
 Exit codes: 1 a bit differed, 3 no run came about, a side never opened, or --shadow verified nothing, 130 Ctrl-C.
 """
@@ -36,6 +40,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--keep-parameters", action="store_true", help="run with those the board has")
     parser.add_argument("--arm", action="store_true", help="arm the first run: the outputs move")
     parser.add_argument("--shadow", action="store_true", help="compare every step with the model, stop at a difference")
+    parser.add_argument(
+        "--direct", action="store_true", help="the sensor board is on the STM32's own CAN bus: samples are not carried"
+    )
     parser.add_argument("--carry", action="store_true", help="carry frames only: another host does the rest")
     parser.add_argument("--seconds", type=float, metavar="N", help="how long (default: until Ctrl-C)")
     parser.add_argument("--json", action="store_true", help="print JSON at the end")
@@ -52,6 +59,8 @@ def main(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--seconds {arguments.seconds:g}: ask for more than nothing")
     if arguments.carry and (arguments.shadow or arguments.arm):
         raise UsageError("--carry only carries frames: leave out --shadow and --arm, or --carry")
+    if arguments.direct and (arguments.carry or kind_and_address(arguments.sensor)[0] != "can"):
+        raise UsageError("--direct is for a sensor board on the STM32's CAN bus: name that bus first, without --carry")
     if arguments.sensor == arguments.board and (arguments.carry or kind_and_address(arguments.board)[0] != "can"):
         raise UsageError(f"{arguments.board} is named twice: sensor board and STM32 meet on a CAN bus alone")
     with endings() as caught:
@@ -110,6 +119,7 @@ def bridged(arguments: argparse.Namespace, stopped: Any) -> dict[str, Any]:
         {"period_us": system.PERIOD_US, **system.LINK},
         arm=arguments.arm,
         shadow=arguments.shadow,
+        direct=arguments.direct,
         say=say,
     )
     bridge.run(watched(bridge, stopped) if sys.stderr.isatty() else stopped)

@@ -43,7 +43,8 @@ def main(arguments: argparse.Namespace) -> int:
     plant = system.plant(scenario, open_loop=arguments.open_loop)
     with endings() as caught, serve_bus(arguments.bus, arguments.symlink) as bus:
         print(f"{arguments.system} emits samples on {bus.channel_info}; Ctrl-C ends it", flush=True)
-        board = SensorBoard(bus, plant, scenario.period_us, system.OUTPUT_FRAMES)
+        greet = arguments.bus.startswith("can:")
+        board = SensorBoard(bus, plant, scenario.period_us, system.OUTPUT_FRAMES, greet=greet)
         board.run(lambda: bool(caught), arguments.seconds)
     summary = {"system": arguments.system, "samples": board.sent, "late": board.late}
     if arguments.json:

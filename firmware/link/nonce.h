@@ -1,0 +1,25 @@
+/* A nonce: one link's permission for one command that changes state. Good once, for the verb it was asked
+ * for, for NONCE_LIFE_US. Time is an argument, in us of the board's clock; differences are taken modulo 2^32.
+ */
+#ifndef PLUMB_LINK_NONCE_H
+#define PLUMB_LINK_NONCE_H
+
+#include "random.h"
+#include <stdbool.h>
+
+#define NONCE_LIFE_US 1000000U
+
+typedef struct {
+    uint32_t value;
+    uint32_t asked_us;
+    uint16_t verb;
+    bool valid;
+} nonce_t;
+
+/* A fresh value for this verb; replaces the one before. Never 0. */
+uint32_t nonce_issue(nonce_t *n, random_t *random, uint16_t verb, uint32_t now_us);
+
+/* True when this answers the last one issued, in time. Any answer uses it up, right or wrong. */
+bool nonce_answer(nonce_t *n, uint16_t verb, uint32_t value, uint32_t now_us);
+
+#endif
