@@ -203,6 +203,26 @@ def test_pwm_changes_only_between_two_pulses(board):
     assert not machine.pwm("PB6").enabled
 
 
+def test_update_disable_keeps_every_preloaded_register_back(board):
+    """RM0008 15.4.1: with UDIS set there is no update event, neither at the end of a frame nor by UG; no flag either."""
+    machine = board("pwm").machine
+    machine.advance_us(20_000)
+    tim4, cr1, sr, egr, ccr2 = machine.tim4, 0x40000800, 0x40000810, 0x40000814, 0x40000838
+    before = machine.pwm("PB7")
+    machine.bus.write(cr1, 4, 0x83)
+    machine.bus.write(ccr2, 4, 3600)
+    machine.bus.write(sr, 4, 0)
+    machine.advance_us(10_000)
+    machine.bus.write(egr, 4, 1)
+    assert machine.pwm("PB7") == before and not machine.bus.read(sr, 4)
+    assert tim4.count(machine.now) == 0  # UG restarts the count all the same
+    machine.bus.write(cr1, 4, 0x81)
+    machine.advance_us(2_400)
+    assert machine.pwm("PB7") == before
+    machine.advance_us(200)
+    assert machine.pwm("PB7").pulse_us == 1800.0 and machine.bus.read(sr, 4) == 1
+
+
 def test_pins_are_checked_by_name(board):
     from plumb.errors import UsageError
 

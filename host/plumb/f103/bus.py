@@ -52,6 +52,10 @@ class Peripheral:
         for register in self.REGISTERS:
             setattr(self, register.name, register.reset)
 
+    def switch_clock(self, on: bool) -> None:
+        """RCC gives this peripheral its clock, or takes it."""
+        self.clocked = on
+
     def clock_changing(self, now: int) -> None:
         """The bus clock is about to change at `now`: settle what was counted with the old one."""
 

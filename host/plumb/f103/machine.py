@@ -49,6 +49,7 @@ from plumb.f103.tim1 import Bridge, Tim1
 from plumb.f103.tim2 import REMAPPED_PINS, Tim2
 from plumb.f103.timeline import NEVER, TICKS_PER_S, TICKS_PER_US, Timeline
 from plumb.f103.usart import Usart
+from plumb.f103.wwdg import Wwdg
 
 VoltSource = float | Callable[[float], float]
 """Volts, or a function of simulated seconds that gives them."""
@@ -135,7 +136,7 @@ class Machine:
         self.tim1, self.tim2 = Tim1(self), Tim2(self)
         self.i2c_bus = I2cBus(self)
         self.i2c1, self.spi1 = I2c(self), Spi(self)
-        self.iwdg = Iwdg(self)
+        self.iwdg, self.wwdg = Iwdg(self), Wwdg(self)
         self.pwr, self.bkp = Pwr(self), Bkp(self)
         self.crc = Crc(self)
         core: list[Peripheral] = [self.nvic, self.scb, self.systick, self.core_debug, self.dwt, self.dbgmcu]
@@ -149,6 +150,7 @@ class Machine:
             self.i2c1,
             self.spi1,
             self.iwdg,
+            self.wwdg,
             self.pwr,
             self.bkp,
             self.can,
@@ -230,7 +232,7 @@ class Machine:
             self._restart("pin")
 
     def request_reset(self, cause: str) -> None:
-        """A reset from inside (software, iwdg): takes effect after the current instruction."""
+        """A reset from inside (software, iwdg, wwdg): takes effect after the current instruction."""
         self._reset_cause = cause
         self.cpu.end_slice()
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 HSION, HSIRDY, HSEON, HSERDY, CSSON, PLLON, PLLRDY = 1, 2, 1 << 16, 1 << 17, 1 << 19, 1 << 24, 1 << 25
 CSSF, CSSC = 1 << 7, 1 << 23
 SW_HSI, SW_HSE, SW_PLL = 0, 1, 2
-RESET_FLAGS = {"power": 1 << 27, "pin": 0, "software": 1 << 28, "iwdg": 1 << 29}
+RESET_FLAGS = {"power": 1 << 27, "pin": 0, "software": 1 << 28, "iwdg": 1 << 29, "wwdg": 1 << 30}
 PINRSTF, RMVF, LSION, LSIRDY = 1 << 26, 1 << 24, 1, 2
 HSE_START_US, PLL_START_US = 2000, 200
 HSI_MHZ = HSE_MHZ = 8
@@ -36,7 +36,7 @@ APB2_CLOCKS = {
     "SPI1": 12,
     "USART1": 14,
 }
-APB1_CLOCKS = {"TIM2": 0, "TIM3": 1, "TIM4": 2, "I2C1": 21, "CAN": 25, "BKP": 27, "PWR": 28}
+APB1_CLOCKS = {"TIM2": 0, "TIM3": 1, "TIM4": 2, "WWDG": 11, "I2C1": 21, "CAN": 25, "BKP": 27, "PWR": 28}
 AHB_CLOCKS = {"DMA1": 0, "CRC": 6}
 
 
@@ -205,7 +205,7 @@ class Rcc(Peripheral):
         """Give every peripheral its clock, or take it."""
         for register, clocks in ((self.apb2enr, APB2_CLOCKS), (self.apb1enr, APB1_CLOCKS), (self.ahbenr, AHB_CLOCKS)):
             for name, bit in clocks.items():
-                self.machine.by_name[name].clocked = bool(register >> bit & 1)
+                self.machine.by_name[name].switch_clock(bool(register >> bit & 1))
 
     def write_apb2enr(self, value: int) -> None:
         self.apb2enr = value & 0x0038FFFD

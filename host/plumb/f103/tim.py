@@ -83,9 +83,9 @@ class Timer(Peripheral):
         """Pass the update events up to now."""
         while self.cr1 & CEN and self.active_arr and now >= self.zero_at + self.period_ticks:
             self.zero_at += self.period_ticks
-            self.sr |= UIF
             before = self.period_ticks
-            if not self.cr1 & UDIS:
+            if not self.cr1 & UDIS:  # else the count begins anew without an update event (15.4.1)
+                self.sr |= UIF
                 self._preload()
             if self.cr1 & OPM:
                 self.cr1 &= ~CEN
@@ -167,11 +167,12 @@ class Timer(Peripheral):
         if value & UG:
             now = self.machine.now
             self.settle(now)
-            self._preload()
             self.cnt, self.zero_at = 0, now
-            if not self.cr1 & URS:
-                self.sr |= UIF
-            self._trigger_out(TRGO_UPDATE, now)
+            if not self.cr1 & UDIS:
+                self._preload()
+                if not self.cr1 & URS:
+                    self.sr |= UIF
+                self._trigger_out(TRGO_UPDATE, now)
             self._plan()
 
     def read_egr(self) -> int:
