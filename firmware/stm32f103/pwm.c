@@ -1,18 +1,28 @@
 /* Pulses to two speed controllers: TIM4 channels 1 and 2 count half-microseconds (RM0008 15.3.9, 15.4).
  *
- * Every compare register and the frame length are preloaded, so that a change takes effect between two pulses
- * and both outputs change together. No other file writes these registers, and every value is bounded here: a
+ * Every compare register and the frame length are preloaded, so that a change takes effect between two pulses.
+ * Update disable (UDIS) is set around the writes of the two compare registers: both pulses change in the same
+ * frame, and a frame that ends in between repeats the pulses before. No other file writes these registers, and every value is bounded here: a
  * controller gets a pulse that core/esc.h allows, whatever the caller's memory holds. */
 #include "../core/esc.h"
 #include "port.h"
 
 #define START_FRAME_HALFUS      5000u /* 400 Hz */
 #define CONSTANT_NEUTRAL_HALFUS 2000u /* 1 ms: motor off */
+#define RUNNING                 (TIM4_CR1_ARPE | TIM4_CR1_CEN)
 
 static uint32_t neutral_halfus = CONSTANT_NEUTRAL_HALFUS;
 
 static uint32_t bounded(uint32_t value, uint32_t low, uint32_t high) {
     return value < low ? low : value > high ? high : value;
+}
+
+/* Leaves UDIS clear whatever code it interrupted. */
+static void write_pair(uint32_t first, uint32_t second) {
+    TIM4_CR1 = RUNNING | TIM4_CR1_UDIS;
+    TIM4_CCR1 = first;
+    TIM4_CCR2 = second;
+    TIM4_CR1 = RUNNING;
 }
 
 void pwm_init(uint32_t pins) {
@@ -24,7 +34,6 @@ void pwm_init(uint32_t pins) {
     if (pins == BOARD_PINS_STANDARD) { /* else channel 1's pin is the UART's */
         TIM4_CCER = TIM4_CCER_CC1E | TIM4_CCER_CC2E;
     }
-    TIM4_CR1 = TIM4_CR1_ARPE | TIM4_CR1_CEN;
 }
 
 void board_configure_actuator(uint32_t frame_halfus, uint32_t wanted_neutral_halfus) {
@@ -38,8 +47,7 @@ void board_set_actuator(const uint32_t pulse_halfus[BOARD_ACTUATORS]) {
     const uint32_t high = fits < ESC_PULSE_MAX_HALFUS ? fits : ESC_PULSE_MAX_HALFUS;
     const uint32_t first = bounded(pulse_halfus[0], ESC_PULSE_MIN_HALFUS, high);
     const uint32_t second = bounded(pulse_halfus[1], ESC_PULSE_MIN_HALFUS, high);
-    TIM4_CCR1 = first;
-    TIM4_CCR2 = second;
+    write_pair(first, second);
 }
 
 void board_actuator_neutral(void) {
@@ -47,13 +55,11 @@ void board_actuator_neutral(void) {
     const uint32_t kept = neutral_halfus;
     const bool good = kept >= ESC_PULSE_MIN_HALFUS && kept <= ESC_NEUTRAL_MAX_HALFUS;
     const uint32_t pulse = good ? kept : CONSTANT_NEUTRAL_HALFUS;
-    TIM4_CCR1 = pulse;
-    TIM4_CCR2 = pulse;
+    write_pair(pulse, pulse);
     bridge_off();
 }
 
 void pwm_crash(void) {
-    TIM4_CCR1 = CONSTANT_NEUTRAL_HALFUS;
-    TIM4_CCR2 = CONSTANT_NEUTRAL_HALFUS;
+    write_pair(CONSTANT_NEUTRAL_HALFUS, CONSTANT_NEUTRAL_HALFUS);
     bridge_off();
 }

@@ -296,6 +296,7 @@
 #define TIM4_BASE            0x40000800u
 #define TIM4_CR1             REG32(TIM4_BASE, 0x00u)
 #define TIM4_CR1_CEN         (1u << 0)
+#define TIM4_CR1_UDIS        (1u << 1)
 #define TIM4_CR1_ARPE        (1u << 7)
 #define TIM4_EGR             REG32(TIM4_BASE, 0x14u)
 #define TIM4_EGR_UG          (1u << 0)
