@@ -1,9 +1,10 @@
 /* Pulses to two speed controllers: TIM4 channels 1 and 2 count half-microseconds (RM0008 15.3.9, 15.4).
  *
- * Every compare register and the frame length are preloaded, so that a change takes effect between two pulses.
- * Update disable (UDIS) is set around the writes of the two compare registers: both pulses change in the same
- * frame, and a frame that ends in between repeats the pulses before. No other file writes these registers, and every value is bounded here: a
- * controller gets a pulse that core/esc.h allows, whatever the caller's memory holds. */
+ * Every compare register and the frame length are preloaded, so that a change takes effect between two
+ * pulses. Update disable (UDIS) is set around the writes of the two compare registers: both pulses change in
+ * the same frame, and a frame that ends in between repeats the pulses before. No other file writes these
+ * registers, and every value is bounded here: a controller gets a pulse that core/esc.h allows, whatever the
+ * caller's memory holds. */
 #include "../core/esc.h"
 #include "port.h"
 

@@ -204,7 +204,7 @@ def test_pwm_changes_only_between_two_pulses(board):
 
 
 def test_update_disable_keeps_every_preloaded_register_back(board):
-    """RM0008 15.4.1: with UDIS set there is no update event, neither at the end of a frame nor by UG; no flag either."""
+    """RM0008 15.4.1: with UDIS set there is no update event, neither at the end of a frame nor by UG, and no flag."""
     machine = board("pwm").machine
     machine.advance_us(20_000)
     tim4, cr1, sr, egr, ccr2 = machine.tim4, 0x40000800, 0x40000810, 0x40000814, 0x40000838

@@ -1,5 +1,5 @@
-/* Gives the window watchdog its clock; the test writes its registers. Counts boots, keeps the reset flags of the last,
- * and notes in SysTick counts when the early warning came. */
+/* Gives the window watchdog its clock; the test writes its registers. Counts boots, keeps the reset flags of
+ * the last, and notes in SysTick counts when the early warning came. */
 #include "part.h"
 RESULTS;
 

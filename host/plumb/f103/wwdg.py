@@ -1,7 +1,7 @@
 """Window watchdog (RM0008 chapter 20): a 7-bit counter of PCLK1 / 4096 / 2^WDGTB that resets the part.
 
 The counter runs down freely, enabled or not. Once WDGA is set, only a reset clears it, and the part resets when the
-counter leaves 0x40 (bit T6 falls), when it is written with T6 clear, or when it is written while it is above the window.
+counter leaves 0x40 (bit T6 falls), when it is written with T6 clear, or when it is written above the window.
 Reaching 0x40 sets EWIF, whether or not EWI lets it interrupt. The divider runs on through a reload, so the first step
 after one comes up to a whole step early.
 """
