@@ -1,20 +1,23 @@
 """The `plumb` command: find the verb, import only its module, run it, turn errors into exit codes.
 
 Exit codes: 0 good, 1 the verdict is bad, 2 wrong use or a bad input file or a missing tool, 3 device or link trouble
-(or a verdict that could not be verified), 130 interrupted.
+(or a verdict that could not be verified), 4 a defect in plumb, 130 interrupted, 141 nobody read the output up to the
+verdict, 143 terminated.
+
+Only modules that Python has loaded anyway are imported here: until `entry` has set its handlers, Ctrl-C is a traceback.
 """
 
 from __future__ import annotations
 
-import argparse
-import importlib
 import os
+import signal
 import sys
-from collections.abc import Sequence
-from types import ModuleType
 
-from plumb import __version__
-from plumb.errors import PlumbError
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Sequence
+    from types import ModuleType
 
 COMMANDS = {
     "demo": "closed loop on the virtual board, then the golden comparison; writes a report",
@@ -40,6 +43,8 @@ COMMANDS = {
 
 
 def command_module(name: str) -> ModuleType:
+    import importlib
+
     return importlib.import_module(f"plumb.commands.{name.replace('-', '_')}")
 
 
@@ -56,12 +61,15 @@ def top_level_help() -> str:
         "",
         "systems:  quad | balancer | turntable | phone",
         "boards:   native | qemu | virtual | serial:PORT[@BAUD] | can:INTERFACE:CHANNEL[@KBIT]",
-        "exit:     0 good, 1 bad verdict, 2 wrong use, bad file or missing tool, 3 link trouble, 130 interrupted",
+        "exit:     0 good, 1 bad verdict, 2 wrong use, bad file or missing tool, 3 link trouble, 4 defect in plumb,",
+        "          130 interrupted, 141 output not read, 143 terminated; --debug shows the traceback of an error",
     ]
     return "\n".join(lines)
 
 
 def command_parser(name: str) -> argparse.ArgumentParser:
+    import argparse
+
     module = command_module(name)
     parser = argparse.ArgumentParser(
         prog=f"plumb {name}",
@@ -73,34 +81,102 @@ def command_parser(name: str) -> argparse.ArgumentParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
+    """Runs one command; returns its exit code. Every error comes out as one sentence on stderr."""
+    from plumb import endings
+    from plumb.errors import sentence_and_code
+
     arguments = list(sys.argv[1:] if argv is None else argv)
+    endings.raised.clear()
+    try:
+        return _run([argument for argument in arguments if argument != "--debug"])
+    except (Exception, KeyboardInterrupt) as error:
+        if isinstance(error, BrokenPipeError) and not _told_everything():
+            return 141  # the reader of our output left (`plumb monitor | head`): there is no verdict to tell
+        if "--debug" in arguments:
+            import traceback
+
+            _say("".join(traceback.format_exception(error)).rstrip())
+        sentence, code = sentence_and_code(endings.raised[0] if endings.raised else error)
+        _say(f"plumb: {sentence}")
+        return code
+
+
+def _run(arguments: list[str]) -> int:
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         print(top_level_help())
         return 0 if arguments else 2
     name, rest = arguments[0], arguments[1:]
     if name in ("-V", "--version"):
+        from plumb import __version__
+
         print(f"plumb {__version__}")
         return 0
     if name not in COMMANDS:
-        print(f"plumb: there is no command '{name}'; `plumb --help` lists them.", file=sys.stderr)
+        _say(f"plumb: there is no command '{name}'; `plumb --help` lists them.")
         return 2
+    parsed = command_parser(name).parse_args(rest)
+    return int(command_module(name).main(parsed))
+
+
+def _say(text: str) -> None:
+    """To stderr, as far as it takes it: the exit code matters more."""
     try:
-        parsed = command_parser(name).parse_args(rest)
-        return int(command_module(name).main(parsed))
-    except PlumbError as error:
-        print(f"plumb: {error}", file=sys.stderr)
-        return error.exit_code
-    except KeyboardInterrupt:
-        print("plumb: interrupted.", file=sys.stderr)
-        return 130
+        print(text, file=sys.stderr, flush=True)
+    except OSError:
+        _to_nowhere(2)
+
+
+def _told_everything() -> bool:
+    """Whether stdout takes what is left. If not, the rest goes nowhere, or Python would trip over it at exit."""
+    try:
+        sys.stdout.flush()
     except BrokenPipeError:
-        # The reader of our output left (`plumb run | head`): nothing more to say, and no traceback at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        _to_nowhere(1)
+        return False
+    return True
+
+
+def _to_nowhere(descriptor: int) -> None:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
+
+
+def _quit_at_once(_number: int, _frame: object) -> None:
+    """Ctrl-C before the command begins: nothing is open yet, and an exception would come out as a traceback."""
+    os.write(2, b"plumb: interrupted.\n")
+    os._exit(130)
 
 
 def entry() -> None:
-    sys.exit(main())
+    """The program: signals, `main`, and what the output's reader has not taken yet."""
+    takes_interrupts = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # not in the background of a shell
+    if takes_interrupts:
+        signal.signal(signal.SIGINT, _quit_at_once)
+    import contextlib
+
+    from plumb.endings import raise_at_once
+
+    with contextlib.suppress(AttributeError):  # a file's name need not be text
+        sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    code = 130
+    try:
+        if takes_interrupts:
+            signal.signal(signal.SIGINT, raise_at_once)
+        signal.signal(signal.SIGTERM, raise_at_once)
+        code = main()
+    except KeyboardInterrupt:  # between two lines of ours
+        _say("plumb: interrupted.")
+    except SystemExit as end:  # argparse: help, or wrong use
+        code = end.code if isinstance(end.code, int) else 2
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if takes_interrupts:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        _told_everything()
+    except OSError as error:
+        _say(f"plumb: the output cannot be written: {error.strerror}; choose another place for it")
+        _to_nowhere(1)
+        code = code or 2
+    sys.exit(code)
 
 
 if __name__ == "__main__":

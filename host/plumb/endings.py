@@ -4,8 +4,33 @@ from __future__ import annotations
 
 import contextlib
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from types import FrameType
+from typing import NoReturn
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM: ends a command as Ctrl-C does, in good order, with an exit code of its own."""
+
+
+raised: list[KeyboardInterrupt] = []
+"""What signals have raised so far. A library may make another exception of it: numpy, an ImportError."""
+
+
+def ending_of(number: int) -> KeyboardInterrupt:
+    """The exception that SIGINT or SIGTERM is raised as, noted in `raised`."""
+    raised.append(Terminated() if number == signal.SIGTERM else KeyboardInterrupt())
+    return raised[-1]
+
+
+def raise_at_once(number: int, _frame: FrameType | None) -> None:
+    """The handler of SIGINT and SIGTERM while a command runs."""
+    raise ending_of(number)
+
+
+def raise_ending(caught: Sequence[int]) -> NoReturn:
+    """The first of the signals that were noted, raised now that everything is closed."""
+    raise ending_of(caught[0] if caught else signal.SIGINT)
 
 
 @contextlib.contextmanager

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from plumb.endings import Terminated, raise_at_once, raised
+
 FAULT_HARD, FAULT_BUS, FAULT_USAGE = 3, 5, 6
 RESET_POWER, RESET_SOFTWARE, RESET_WATCHDOG, RESET_PIN = 1 << 27, 1 << 28, 1 << 29, 1 << 26
 
@@ -253,28 +255,32 @@ def test_what_is_no_image_is_refused_in_a_sentence(tmp_path, build):
 
 @pytest.fixture
 def ctrl_c():
-    """A terminal's Ctrl-C, also where the tests run in the background of a shell, which ignores it."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    """A terminal's Ctrl-C and a SIGTERM, also where the tests run in the background of a shell, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler), signal.signal(signal.SIGTERM, raise_at_once)
     yield
-    signal.signal(signal.SIGINT, before)
+    signal.signal(signal.SIGINT, before[0])
+    signal.signal(signal.SIGTERM, before[1])
+    raised.clear()
 
 
 @pytest.mark.usefixtures("ctrl_c")
-def test_ctrl_c_inside_a_register_access_ends_the_run_and_not_the_access(board, monkeypatch):
+@pytest.mark.parametrize(("number", "ending"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, Terminated)])
+def test_a_signal_inside_a_register_access_ends_the_run_and_not_the_access(board, monkeypatch, number, ending):
     b = board("systick")
     read, whole = b.machine.bus.read, []
 
     def interrupted(address, width):
         if not whole:
-            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), number)
         whole.append(read(address, width))
         return whole[-1]
 
     monkeypatch.setattr(b.machine.bus, "read", interrupted)
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(ending):
         b.machine.advance_us(10_000)
     assert len(whole) == 1 and b.machine.now_us < 10_000
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGTERM) is raise_at_once
     b.machine.advance_us(1000)
     assert len(whole) > 1
 

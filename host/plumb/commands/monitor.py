@@ -52,7 +52,7 @@ def add_plant(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     from plumb import monitor
     from plumb.boards.link import open_link_board
-    from plumb.endings import endings
+    from plumb.endings import endings, raise_ending
     from plumb.errors import UsageError
 
     if arguments.seconds is not None and not arguments.seconds > 0:
@@ -85,7 +85,7 @@ def main(arguments: argparse.Namespace) -> int:
         if arguments.run:
             session.end()
     if caught:
-        raise KeyboardInterrupt
+        raise_ending(caught)
     return 0
 
 

@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     from plumb import phone_feed, phone_source, report
     from plumb.boards import open_board
-    from plumb.endings import endings
+    from plumb.endings import endings, raise_ending
     from plumb.errors import LinkError, UsageError
 
     if arguments.seconds is not None and not 0 < arguments.seconds < math.inf:
@@ -87,7 +87,7 @@ def main(arguments: argparse.Namespace) -> int:
         finally:
             screen.leave()
         if not outcome.steps:
-            raise KeyboardInterrupt  # anything else would have been an error
+            raise_ending(stop)  # anything else would have been an error
         summary = {
             "system": "phone",
             "source": f"udp:{listener.port}",
@@ -110,7 +110,7 @@ def main(arguments: argparse.Namespace) -> int:
     if lost or (cut_short and arguments.seconds is not None):
         raise LinkError(cut_short)
     if stop:
-        raise KeyboardInterrupt
+        raise_ending(stop)
     return 0
 
 

@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb.endings import endings
+    from plumb.endings import endings, raise_ending
     from plumb.errors import UsageError
 
     if arguments.seconds is not None and not arguments.seconds > 0:
@@ -59,7 +59,7 @@ def main(arguments: argparse.Namespace) -> int:
         elif summary:
             print(", ".join(f"{name} {value}" for name, value in summary.items()))
     if caught:
-        raise KeyboardInterrupt
+        raise_ending(caught)
     return 0
 
 

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from plumb.endings import ending_of
 from plumb.errors import UsageError
 from plumb.f103 import scb as core
 from plumb.f103.bus import Bus, SimulationError
@@ -189,12 +190,13 @@ class Cpu:
         self.end_slice()
         return 0
 
-    def on_interrupt(self, _number: int, _frame: FrameType | None) -> None:
-        """Ctrl-C. What is raised on the way into or out of a register access would be lost, and the access with it."""
-        if self.running:
-            self._raise_later(KeyboardInterrupt())
-        else:
-            raise KeyboardInterrupt
+    def on_interrupt(self, number: int, _frame: FrameType | None) -> None:
+        """Ctrl-C or SIGTERM. An exception raised on the way into or out of a register access would be lost, and the
+        access with it."""
+        ending = ending_of(number)
+        if not self.running:
+            raise ending
+        self._raise_later(ending)
 
     def now(self) -> int:
         """Ticks. Inside a register access: the start of the instruction after the one that makes it."""

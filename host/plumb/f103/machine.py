@@ -20,7 +20,9 @@ import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from plumb.endings import raise_at_once
 from plumb.errors import UsageError
 from plumb.f103.adc import PINS as ADC_PINS
 from plumb.f103.adc import Adc
@@ -321,16 +323,17 @@ class Machine:
 
     @contextlib.contextmanager
     def _interruptible(self) -> Iterator[None]:
-        """Let the core end its slice before Ctrl-C is raised, where that is how this process takes it."""
+        """Let the core end its slice before Ctrl-C or SIGTERM is raised, where that is how this process takes them."""
+        handlers: dict[int, Any] = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
         main = threading.current_thread() is threading.main_thread()
-        if not main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-            yield
-            return
-        signal.signal(signal.SIGINT, self.cpu.on_interrupt)
+        raising = [n for n, old in handlers.items() if main and old in (signal.default_int_handler, raise_at_once)]
+        for number in raising:
+            signal.signal(number, self.cpu.on_interrupt)
         try:
             yield
         finally:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+            for number in raising:
+                signal.signal(number, handlers[number])
 
     def host_waits_no_more(self) -> None:
         """The UART has begun to send."""
