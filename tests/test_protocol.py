@@ -59,7 +59,7 @@ def begin(board: MemoryBoard, run: str) -> None:
         (b"L\r", b"\r"),
         (b"S6\r", b"\r"),
         (b"s001C\r", b"\r"),
-        (b"V\r", b"V0101\r"),
+        (b"V\r", b"V0102\r"),
         (b"N\r", b"N0001\r"),
         (b"C\rS8\rO\r", b"\r\r\r"),
         (b"X1\r", b"\a"),
@@ -111,7 +111,7 @@ def test_hello_is_answered_by_identity(board: MemoryBoard) -> None:
     names = protocol()["IDENTITY"].choices["item"]
     assert [names[item] for item, _ in items] == list(names.values())
     values = {names[item]: value for item, value in items}
-    assert values["PROTOCOL_VERSION"] == 1
+    assert values["PROTOCOL_VERSION"] == 2
     assert values["DBC_HASH"] == protocol().dbc_hash
     assert values["PARAMETER_COUNT"] == len(parameters.table())
     assert values["PARAMETER_CRC"] == parameters.crc32([row.default for row in parameters.table()])

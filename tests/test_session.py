@@ -62,8 +62,8 @@ def test_connect_tells_who_is_there() -> None:
 @pytest.mark.parametrize(
     ("other", "sentence"),
     [
-        ({"version": 2}, "update the board's image"),
-        ({"version": 0}, "update this plumb"),
+        ({"version": protocol().version + 1}, "update the board's image"),
+        ({"version": protocol().version - 1}, "update this plumb"),
         ({"dbc_hash": 1}, "built from other message definitions"),
     ],
 )
@@ -248,7 +248,7 @@ def test_a_host_that_does_not_read_is_not_answered_beyond_the_queue() -> None:
     board.run_us(1_000_000)
     text = board.heard()
     assert sum(name == "NONCE" for name, _ in said(text)) == requests
-    assert text.count(b"V0101\r") == 300
+    assert text.count(b"V0102\r") == 300
     bare = [line for line in text.split(b"\r")[:-1] if not line]
     assert len(bare) == requests + 300
 

@@ -1,5 +1,5 @@
-"""Fill PROTOCOL.md: the table of messages from the DBC, what the links carry, and transcripts by talking to the real C
-session.
+"""Fill PROTOCOL.md: the table of messages from the DBC, what the links carry, the errors that pass, and transcripts by
+talking to the real C session.
 
 What stands between `<!-- begin NAME -->` and `<!-- end -->` is written by this tool; the rest is prose.
 """
@@ -12,9 +12,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tests"), str(ROOT / "tools")]
 
 from link_board import MemoryBoard  # type: ignore[import-not-found]  # noqa: E402
+from measure_residuals import residual_table  # type: ignore[import-not-found]  # noqa: E402
 from plumb import busload, parameters  # noqa: E402
 from plumb.protocol import Message, load_database, protocol  # noqa: E402
 from plumb.session import PERIODIC  # noqa: E402
@@ -215,7 +216,7 @@ def transcript(name: str) -> str:
 def generate(text: str) -> str:
     """The document with every generated part fresh."""
     parts = {"messages": message_table, "values": value_table, "record": record_table}
-    parts |= {"rates": busload.rate_table, "load": busload.step_table}
+    parts |= {"rates": busload.rate_table, "load": busload.step_table, "residuals": residual_table}
 
     def part(match: re.Match[str]) -> str:
         name = match[1]

@@ -1,13 +1,13 @@
 #include "e2e.h"
 
-/* CRC-8 0x2F of each high nibble: two look-ups a byte, 16 bytes of flash. */
-static const uint8_t nibble_crc8[16] = {0x00, 0x2F, 0x5E, 0x71, 0xBC, 0x93, 0xE2, 0xCD,
-                                        0x57, 0x78, 0x09, 0x26, 0xEB, 0xC4, 0xB5, 0x9A};
+/* Mirrored CRC-8 0x2F of each low nibble: two look-ups a byte, 16 bytes of flash. */
+static const uint8_t nibble_crc8[16] = {0x00, 0xEA, 0x3D, 0xD7, 0x7A, 0x90, 0x47, 0xAD,
+                                        0xF4, 0x1E, 0xC9, 0x23, 0x8E, 0x64, 0xB3, 0x59};
 
 static uint8_t crc8_byte(uint8_t crc, uint8_t byte) {
     crc ^= byte;
-    crc = (uint8_t)((unsigned)crc << 4) ^ nibble_crc8[crc >> 4];
-    return (uint8_t)((unsigned)crc << 4) ^ nibble_crc8[crc >> 4];
+    crc = (uint8_t)(crc >> 4) ^ nibble_crc8[crc & 15U];
+    return (uint8_t)(crc >> 4) ^ nibble_crc8[crc & 15U];
 }
 
 uint8_t e2e_crc8(const can_frame_t *frame) {
@@ -16,7 +16,7 @@ uint8_t e2e_crc8(const can_frame_t *frame) {
     crc = crc8_byte(crc, (uint8_t)(frame->id >> 8));
     crc = crc8_byte(crc, (uint8_t)(frame->id & 0xFFU));
     crc = crc8_byte(crc, frame->dlc);
-    for (unsigned i = 1; i < CAN_FRAME_DLC; i++) {
+    for (unsigned i = CAN_FRAME_DLC - 1U; i > 0; i--) {
         crc = crc8_byte(crc, frame->data[i]);
     }
     return crc ^ 0xFFU;

@@ -5,8 +5,8 @@
 
 #include "e2e.h"
 
-#define MESSAGES_PROTOCOL_VERSION 1U
-#define MESSAGES_DBC_HASH 0x8FDD76CAU
+#define MESSAGES_PROTOCOL_VERSION 2U
+#define MESSAGES_DBC_HASH 0x3C0CDB57U
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U

@@ -25,8 +25,13 @@ _WITH_B, _WITH_SETPOINT = 0x40, 0x80
 _LINE = 22
 
 
-def _lines(identifier: int, second: npt.NDArray[np.uint8], body: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
-    """SLCAN lines, shape (n, 22), of frames with byte 1 `second` (n,) and bytes 2 to 7 `body` (n, 6)."""
+def frame_lines(
+    identifier: int | npt.NDArray[np.int64], second: npt.NDArray[np.uint8], body: npt.NDArray[np.uint8]
+) -> npt.NDArray[np.uint8]:
+    """SLCAN lines, shape (n, 22), of sealed frames.
+
+    identifier: one for all or (n,); second: byte 1, (n,); body: bytes 2 to 7, (n, 6).
+    """
     count = len(second)
     entry = np.zeros((count, 10), np.uint8)
     entry[:, 0], entry[:, 1] = identifier >> 4, (identifier << 4 | 8) & 0xFF
@@ -80,9 +85,9 @@ def samples_text(
     flagged = second | (has_b * _WITH_B).astype(np.uint8) | (has_setpoint * _WITH_SETPOINT).astype(np.uint8)
     rows = np.stack(
         [
-            _lines(protocol["SETPOINT"].identifier, (numbers & 15 | run_tag << 4).astype(np.uint8), body),
-            _lines(protocol["SAMPLE_B"].identifier, second, np.ascontiguousarray(counts[:, 3:]).view(np.uint8)),
-            _lines(protocol["SAMPLE_A"].identifier, flagged, np.ascontiguousarray(counts[:, :3]).view(np.uint8)),
+            frame_lines(protocol["SETPOINT"].identifier, (numbers & 15 | run_tag << 4).astype(np.uint8), body),
+            frame_lines(protocol["SAMPLE_B"].identifier, second, np.ascontiguousarray(counts[:, 3:]).view(np.uint8)),
+            frame_lines(protocol["SAMPLE_A"].identifier, flagged, np.ascontiguousarray(counts[:, :3]).view(np.uint8)),
         ],
         axis=1,
     )

@@ -26,12 +26,13 @@ Frame = tuple[int, bytes]
 
 def _crc8_of(byte: int) -> int:
     for _ in range(8):
-        byte = ((byte << 1) ^ CRC8_POLYNOMIAL) & 0xFF if byte & 0x80 else byte << 1
+        byte = byte >> 1 ^ _CRC8_MIRRORED if byte & 1 else byte >> 1
     return byte
 
 
+_CRC8_MIRRORED = int(f"{CRC8_POLYNOMIAL:08b}"[::-1], 2)
 CRC8_TABLE = bytes(_crc8_of(byte) for byte in range(256))
-"""table[crc ^ byte] is the next crc."""
+"""table[crc ^ byte] is the next CRC, least significant bits first."""
 
 
 @lru_cache(maxsize=2048)
@@ -43,10 +44,14 @@ def crc8_start(identifier: int, dlc: int = FRAME_DLC) -> int:
 
 
 def crc8(identifier: int, data: bytes) -> int:
-    """CRC-8 of a frame: what its byte 0 has to be. data: all its bytes; byte 0 does not enter."""
+    """Byte 0 that a frame must have. data: all bytes of the frame; byte 0 does not enter.
+
+    Bytes go in from the last one back to byte 1, so that the payload is one code word in the order of CAN's bits and
+    every burst of up to 8 bits is detected (PROTOCOL.md, "A frame").
+    """
     crc = crc8_start(identifier, len(data))
     table = CRC8_TABLE
-    for byte in data[1:]:
+    for byte in data[:0:-1]:
         crc = table[crc ^ byte]
     return crc ^ 0xFF
 

@@ -38,7 +38,7 @@ def crc8_columns(raw: bytes) -> bytes:
         return (int.from_bytes(a, "little") ^ int.from_bytes(b, "little")).to_bytes(count, "little")
 
     crc = xor(raw[0::10].translate(_AFTER_HIGH), raw[1::10].translate(_AFTER_LOW))
-    for column in range(3, 10):
+    for column in range(9, 2, -1):  # bytes 7 to 1
         crc = xor(crc, raw[column::10]).translate(CRC8_TABLE)
     return xor(crc, b"\xff" * count)
 

@@ -40,16 +40,17 @@ static void check_framing(void) {
     }
 }
 
-/* Against the definition, bit by bit, over what the CRC covers: identifier, length, bytes 1 to 7. */
+/* Against the definition, bit by bit, over what the CRC covers: identifier, length, bytes 7 to 1; least
+ * significant bits first, the polynomial mirrored. */
 static void check_crc(void) {
     can_frame_t f = {.id = 0x0131U, .dlc = 8, .data = {0, '3', '4', '5', '6', '7', '8', '9'}};
     uint8_t crc = 0xFFU;
-    const uint8_t covered[] = {0x01, 0x31, 8, '3', '4', '5', '6', '7', '8', '9'};
+    const uint8_t covered[] = {0x01, 0x31, 8, '9', '8', '7', '6', '5', '4', '3'};
 
     for (unsigned i = 0; i < sizeof covered; i++) {
         crc ^= covered[i];
         for (unsigned bit = 0; bit < 8; bit++) {
-            crc = (uint8_t)((crc & 0x80U) != 0 ? ((unsigned)crc << 1) ^ 0x2FU : (unsigned)crc << 1);
+            crc = (uint8_t)((crc & 1U) != 0 ? ((unsigned)crc >> 1) ^ 0xF4U : (unsigned)crc >> 1);
         }
     }
     crc ^= 0xFFU;
