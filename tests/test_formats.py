@@ -21,7 +21,7 @@ def test_quads_words_stay_within_what_the_design_says() -> None:
     assert worst["accel_y_g_q26"] <= 28 and worst["p00"] <= 2**56 and worst["p11"] <= 2**56
     assert worst["k0_q29"] < 1 and worst["k1_q29"] < 1 and worst["variance"] <= 2**24
     assert worst["integral_q54"] <= 2 and worst["excess_q22"] < 257
-    assert worst["bias_turn_q61"] <= 1 / 8 and worst["pulse_halfus_0"] <= 16383
+    assert worst["bias_turn_q61"] <= 1 / 8 and worst["pulse_halfus_0"] <= 4200
 
 
 def test_phones_words_stay_within_what_the_design_says() -> None:

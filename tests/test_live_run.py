@@ -117,11 +117,11 @@ def test_disarmed_nothing_but_neutral_is_ever_written(bench: Bench) -> None:
 
 def test_a_run_begins_with_the_neutral_pulse_it_was_given(bench: Bench) -> None:
     words = bench.session.read_parameters()
-    words[[row.name for row in table()].index("esc.neutral_halfus")] = 2222
+    words[[row.name for row in table()].index("esc.neutral_halfus")] = 1888
     bench.session.upload(words[:CONTROL_WORDS], period_us=1000, esc_period_us=2500)
     bench.session.begin("LOCKSTEP")
     bench.machine.advance_us(20_000)
-    assert bench.pulses_us() == (1111.0, 1111.0)
+    assert bench.pulses_us() == (944.0, 944.0)
 
 
 def test_a_missed_period_blocks_arming_until_the_next_run(bench: Bench) -> None:

@@ -109,13 +109,16 @@ def test_a_change_is_committed_and_marked(board: MemoryBoard, capsys: pytest.Cap
         (["pid.kp=1"], "no parameter 'pid.kp'; did you mean pid.kp_q22?"),
         (["esc.middle_halfus=1"], "did you mean esc.mid_halfus"),
         (["qwxyz=1"], "`plumb params list` names them all"),
-        (["esc.mid_halfus=99999"], "esc.mid_halfus = 99999 is outside 0 to 16383"),
-        (["esc.mid_halfus=4294970296"], "is outside 0 to 16383"),  # 3000 modulo 2^32
+        (["esc.mid_halfus=99999"], "esc.mid_halfus = 99999 is outside 1800 to 4200"),
+        (["esc.mid_halfus=4294970296"], "is outside 1800 to 4200"),  # 3000 modulo 2^32
         (["kalman.qb=-1"], "is outside 0 to 4294967295"),
+        (["esc.neutral_halfus=3000"], "that of a two-way (3D) controller; plumb drives one-way PWM controllers alone"),
+        (["esc.min_halfus=250", "esc.max_halfus=500"], "125 us is a pulse of OneShot125"),
+        (["esc_period_us=500"], "frames of 500 us are for OneShot125, OneShot42, Multishot or DShot controllers"),
         (["esc.mid_halfus=1.5"], "'1.5' is no integer"),
         (["esc.mid_halfus"], "write NAME=VALUE"),
         (["esc.mid_halfus=3001", "esc.mid_halfus=3002"], "set twice"),
-        (["esc.mid_halfus=3001", "esc.max_halfus=100"], "contradict each other"),
+        (["esc.mid_halfus=3001", "esc.max_halfus=2900"], "contradict each other"),
     ],
 )
 def test_a_refusal_is_one_sentence_and_changes_nothing(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import random
 import struct
+import zlib
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,7 @@ from plumb.elf import Elf
 from plumb.errors import LinkError
 from plumb.f103.bus import SimulationError
 from plumb.f103.machine import Machine
+from plumb.identity import NackError
 from plumb.protocol import protocol
 from plumb.session import Session
 from plumb.slcan import text_of_frames
@@ -30,7 +32,8 @@ pytestmark = pytest.mark.skipif(
     not (BUILD / "firmware.elf").exists(), reason="the flash image is not built: run make image"
 )
 BOOT_US = 30_000
-RAM = 0x20000000
+RAM, SLOTS = 0x20000000, 0xF000
+FAULT_PARAMETERS = 0x80
 ROWS = parameters.table()
 CONTROL = [row.default for row in ROWS if row.owner == "control"]
 UNDEFINED = b"\x00\xde"
@@ -52,8 +55,9 @@ class Watched:
     """The image on the virtual board, and every distinct frame of pulses that its pins began: (first, second, frame)
     in us."""
 
-    def __init__(self, image: bytes) -> None:
+    def __init__(self, image: bytes, slot: bytes = b"") -> None:
         self.machine = Machine(image)
+        self.machine.flash.store(SLOTS, slot)
         at_rest(self.machine)
         self.frames: set[tuple[float, float, float]] = set()
         timer = self.machine.tim4
@@ -200,3 +204,104 @@ def test_pulses_stay_in_bounds_whatever_is_poked_and_said(image: bytes, elf: Elf
                 poke_some(board, elf, chance, ("params", "control", "session"))
                 say_anything(board, chance)
                 board.check(PULSE_US)
+
+
+# ---- tables that a host commits, and tables that were saved ----
+
+
+def slot_of(words: dict[str, int]) -> bytes:
+    """A sealed slot of the store (firmware/link/store.c) that holds these words, written by whoever."""
+    rows = {row.name: row for row in ROWS}
+    entries = b"".join(struct.pack("<HI", rows[name].id, word & 0xFFFFFFFF) for name, word in words.items())
+    body = struct.pack("<HHIH", 0x6C70, 0x6170, 1, len(words)) + entries
+    return body + struct.pack("<IH", zlib.crc32(body), 0)
+
+
+def one_way(words: dict[str, int]) -> bool:
+    """Whether these words, defaults elsewhere, are a table for one-way speed controllers, as the issue has it."""
+    whole = {row.name: row.default for row in ROWS} | words
+    neutral, low, mid, high = (whole[f"esc.{name}_halfus"] for name in ("neutral", "min", "mid", "max"))
+    return (
+        1800 <= neutral <= low <= mid <= high <= 4200
+        and neutral <= 2200
+        and abs(whole["esc.span_halfus"]) <= 2400
+        and 2040 <= whole["esc_period_us"] <= 20_000
+        and high + 40 <= 2 * whole["esc_period_us"]
+    )
+
+
+def any_pulses(chance: random.Random) -> dict[str, int]:
+    """Some rows of the speed controllers, near their bounds or anywhere."""
+    words = {}
+    for name in ("mid", "min", "max", "neutral"):
+        if chance.random() < 0.5:
+            near = chance.choice((1800, 2000, 2200, 3000, 4000, 4200)) + chance.choice((-1, 0, 0, 1))
+            words[f"esc.{name}_halfus"] = near if chance.random() < 0.8 else chance.getrandbits(31)
+    if chance.random() < 0.3:
+        words["esc_period_us"] = chance.choice((0, 1, 2039, 2040, 2500, 20_000, 20_001, 65_535))
+    return words
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_a_saved_table_for_other_controllers_is_not_loaded(image: bytes, seed: int) -> None:
+    """Defaults, a named fault, no arming; with every other table, pulses in bounds."""
+    chance = random.Random(2000 + seed)
+    words = any_pulses(chance) | ({"system": chance.randrange(4)} if seed % 3 == 0 else {})
+    board = Watched(image, slot_of(words))
+    with Session.open(board.machine.uart) as session:
+        identity = session.connect()
+        assert bool(identity["FAULTS"] & FAULT_PARAMETERS) == (not one_way(words)), words
+        if not one_way(words):
+            assert session.read_parameters() == [row.default for row in ROWS]
+            session.begin("REALTIME_LIVE")
+            with pytest.raises(LinkError, match="the board has a fault"):
+                session.arm()
+        board.check(NEUTRAL_US)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_a_committed_table_for_other_controllers_is_refused(image: bytes, seed: int) -> None:
+    """By the board itself: these frames come from a host that checks nothing."""
+    chance = random.Random(3000 + seed)
+    words = {"esc.mid_halfus": 4000, "esc.neutral_halfus": 4000} if seed == 0 else any_pulses(chance)
+    board = Watched(image)
+    with Session.open(board.machine.uart) as session:
+        whole = [words.get(row.name, row.default) for row in ROWS]
+        refused = False
+        for index, row in enumerate(ROWS):
+            if row.name in words:
+                try:
+                    session.request("PARAM_SET", index, words[row.name], answer="PARAM_STAGED", first=index)
+                except NackError as error:
+                    assert error.reason == "RANGE"
+                    refused = True
+        try:
+            session.request("PARAM_COMMIT", len(whole), parameters.crc32(whole))
+        except NackError as error:
+            assert error.reason in ("CRC", "PARAMETERS")
+            refused = True
+        assert refused == (not one_way(words)), words
+        session.begin("REALTIME_LIVE")
+        board.check(NEUTRAL_US)
+
+
+def test_a_new_neutral_pulse_is_on_the_pins_for_the_whole_hold(image: bytes) -> None:
+    """A change of the pulses disarms: the next arming holds the new neutral pulse for arm_hold_ms."""
+    board = Watched(image)
+    with Session.open(board.machine.uart) as session:
+        words = {row.name: row.default for row in ROWS} | {"esc.neutral_halfus": 1900}
+        for control in (CONTROL, [words[row.name] for row in ROWS if row.owner == "control"]):
+            session.upload(control, period_us=1000, esc_period_us=2500, arm_hold_ms=200)
+            session.begin("REALTIME_LIVE")
+            session.arm()
+            held_from = board.machine.now_us
+            board.frames.clear()
+            while board.machine.now_us < held_from + 190_000:
+                session.receive(0.005)
+                board.machine.tim4.settle(board.machine.now)
+            neutral_us = control[[row.name for row in ROWS].index("esc.neutral_halfus")] / 2
+            assert {frame[:2] for frame in board.frames} == {(neutral_us, neutral_us)}
+            while board.machine.now_us < held_from + 300_000:
+                session.receive(0.005)
+                board.machine.tim4.settle(board.machine.now)
+            assert len({frame[:2] for frame in board.frames}) > 1

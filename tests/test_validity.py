@@ -69,17 +69,17 @@ def test_the_factory_values_are_valid() -> None:
         ("pid.d_alpha_q31", 0, -1, {}),
         ("pid.slew_q22", 1, 0, {}),
         ("pid.slew_q22", 1 << 23, (1 << 23) + 1, {}),
-        ("esc.mid_halfus", 2000, 1999, {}),  # neutral
-        ("esc.mid_halfus", 0, -1, {"esc.neutral_halfus": 0}),
-        ("esc.mid_halfus", 16383, 16384, {}),
-        ("esc.span_halfus", 16383, 16384, {}),
-        ("esc.span_halfus", -16383, -16384, {}),
-        ("esc.min_halfus", 0, -1, {}),
-        ("esc.min_halfus", 4000, 4001, {}),  # max
-        ("esc.max_halfus", 16383, 16384, {}),
-        ("esc.neutral_halfus", 0, -1, {}),
-        ("esc.neutral_halfus", 3000, 3001, {}),  # mid
-        ("esc.neutral_halfus", 16383, 16384, {"esc.mid_halfus": 16383}),
+        ("esc.mid_halfus", 2000, 1999, {}),  # min
+        ("esc.mid_halfus", 4000, 4001, {}),  # max
+        ("esc.span_halfus", 2400, 2401, {}),
+        ("esc.span_halfus", -2400, -2401, {}),
+        ("esc.min_halfus", 2000, 1999, {}),  # neutral
+        ("esc.min_halfus", 3000, 3001, {}),  # mid
+        ("esc.max_halfus", 4200, 4201, {}),
+        ("esc.max_halfus", 3000, 2999, {}),  # mid
+        ("esc.neutral_halfus", 1800, 1799, {}),
+        ("esc.neutral_halfus", 2000, 2001, {}),  # min
+        ("esc.neutral_halfus", 2200, 2201, {"esc.min_halfus": 2300}),
     ],
 )  # fmt: skip
 def test_last_good_and_first_bad(name: str, good: int, bad: int, others: dict[str, int]) -> None:

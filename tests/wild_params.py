@@ -78,10 +78,10 @@ def _shared(rng: np.random.Generator) -> dict[str, int]:
 def wild_params(rng: np.random.Generator) -> ControlParams:
     """Parameters of quad that control_params_valid accepts."""
     values = _shared(rng)
-    low, high = sorted(int(pulse) for pulse in rng.integers(0, 16384, 2))
-    mid = int(rng.integers(0, 16384))
-    values |= {"esc.mid_halfus": mid, "esc.span_halfus": signed(rng, 16383)}
-    values |= {"esc.min_halfus": low, "esc.max_halfus": high, "esc.neutral_halfus": int(rng.integers(0, mid + 1))}
+    low, mid, high = sorted(int(pulse) for pulse in rng.integers(1800, 4201, 3))
+    neutral = int(rng.integers(1800, min(low, 2200) + 1))
+    values |= {"esc.mid_halfus": mid, "esc.span_halfus": signed(rng, 2400)}
+    values |= {"esc.min_halfus": low, "esc.max_halfus": high, "esc.neutral_halfus": neutral}
     return ControlParams.of("quad", values)
 
 

@@ -22,14 +22,14 @@
 #define CONTROL_TURNTABLE 2U
 #define CONTROL_PHONE     3U
 
-/* Pulses in half-microseconds: mid +- span * command, within [min, max]. neutral is what the board sends
- * while disarmed; no step uses it. */
+/* Pulses of one-way speed controllers in half-microseconds: mid +- span * command, within [min, max]. neutral
+ * is what the board sends while disarmed; no step uses it. esc.h has the bounds. */
 typedef struct {
-    int32_t mid_halfus;     /* 0..16383 */
-    int32_t span_halfus;    /* -16383..16383; the sign turns the direction */
-    int32_t min_halfus;     /* 0..16383 */
-    int32_t max_halfus;     /* min..16383 */
-    int32_t neutral_halfus; /* 0..mid: no more thrust than at rest in flight */
+    int32_t mid_halfus;     /* min..max */
+    int32_t span_halfus;    /* -2400..2400; the sign turns the direction */
+    int32_t min_halfus;     /* neutral..mid */
+    int32_t max_halfus;     /* mid..4200 */
+    int32_t neutral_halfus; /* 1800..2200: motor off */
 } esc_params_t;
 
 /* Duty of the bridge: span * command, within +-duty_max. No tilt beyond fall: the vehicle lies. */

@@ -1,6 +1,5 @@
 #include "quad.h"
-
-#define PULSE_MAX 16383 /* half-microseconds */
+#include "esc.h"
 
 /* The words are hashed as bytes: no padding anywhere. */
 typedef char quad_assert_packed[sizeof(quad_words_t) == 160 ? 1 : -1];
@@ -65,12 +64,6 @@ void quad_step(quad_t *c, const control_params_t *p, const int16_t raw[CONTROL_R
     pid_step(&w->pid, &p->pid, error, corrected);
     pulses(w->pulse_halfus, &p->esc, w->pid.command_q22);
     w->flags = flags | (w->pid.excess_q22 != 0 ? QUAD_FLAG_COMMAND_LIMITED : 0U);
-}
-
-static bool esc_valid(const esc_params_t *p) {
-    return p->mid_halfus >= 0 && p->mid_halfus <= PULSE_MAX && p->span_halfus >= -PULSE_MAX &&
-           p->span_halfus <= PULSE_MAX && p->min_halfus >= 0 && p->min_halfus <= p->max_halfus &&
-           p->max_halfus <= PULSE_MAX && p->neutral_halfus >= 0 && p->neutral_halfus <= p->mid_halfus;
 }
 
 bool quad_params_valid(const control_params_t *p) {

@@ -32,8 +32,9 @@ static const range_t ranges[] = {
     {0xC0000000U, 0x40000000U},
     {0x00000000U, 0x7FFFFFFFU},
     {0x00000001U, 0x00800000U},
-    {0x00000000U, 0x00003FFFU},
-    {0xFFFFC001U, 0x00003FFFU},
+    {0x00000708U, 0x00001068U},
+    {0xFFFFF6A0U, 0x00000960U},
+    {0x00000708U, 0x00000898U},
     {0x00000001U, 0x00007FFFU},
     {0x00000000U, 0x20000000U},
     {0x00000000U, 0x40000000U},
@@ -107,8 +108,8 @@ static const uint8_t range_of[PARAMS_COUNT] = {
     21U, /* esc.span_halfus */
     20U, /* esc.min_halfus */
     20U, /* esc.max_halfus */
-    20U, /* esc.neutral_halfus */
-    22U, /* wheel.edges_max */
+    22U, /* esc.neutral_halfus */
+    23U, /* wheel.edges_max */
     17U, /* wheel.edge_mps_q26 */
     18U, /* wheel.alpha_q31 */
     18U, /* wheel.accel_gain_q30 */
@@ -117,11 +118,11 @@ static const uint8_t range_of[PARAMS_COUNT] = {
     17U, /* speed.kd_q27 */
     18U, /* speed.d_alpha_q31 */
     19U, /* speed.slew_q22 */
-    23U, /* drive.speed_max_mps_q26 */
-    24U, /* drive.lean_max_turn_q34 */
-    25U, /* drive.span_q15 */
-    26U, /* drive.duty_max_q15 */
-    27U, /* drive.fall_turn_q32 */
+    24U, /* drive.speed_max_mps_q26 */
+    25U, /* drive.lean_max_turn_q34 */
+    26U, /* drive.span_q15 */
+    27U, /* drive.duty_max_q15 */
+    28U, /* drive.fall_turn_q32 */
     3U, /* phone.rates */
     4U, /* roll.r_base */
     4U, /* roll.r_max */
@@ -142,21 +143,21 @@ static const uint8_t range_of[PARAMS_COUNT] = {
     1U, /* angular.raw_max */
     2U, /* angular.gain */
     2U, /* angular.offset */
-    28U, /* gyro_filter.spike_counts */
-    29U, /* gyro_filter.smooth_q16 */
-    28U, /* angular_filter.spike_counts */
-    29U, /* angular_filter.smooth_q16 */
-    30U, /* fusion.layer */
-    31U, /* fusion.dt_s_q32 */
-    32U, /* fusion.step_hz_q16 */
-    33U, /* fusion.gyro_period_step_q24 */
-    34U, /* fusion.gyro_age_step_q24 */
-    35U, /* fusion.gyro_samples_step_q30 */
+    29U, /* gyro_filter.spike_counts */
+    30U, /* gyro_filter.smooth_q16 */
+    29U, /* angular_filter.spike_counts */
+    30U, /* angular_filter.smooth_q16 */
+    31U, /* fusion.layer */
+    32U, /* fusion.dt_s_q32 */
+    33U, /* fusion.step_hz_q16 */
+    34U, /* fusion.gyro_period_step_q24 */
+    35U, /* fusion.gyro_age_step_q24 */
+    36U, /* fusion.gyro_samples_step_q30 */
     5U, /* fusion.rest_steps */
-    36U, /* fusion.lag_step_q24 */
+    37U, /* fusion.lag_step_q24 */
     18U, /* fusion.lag_alpha_q31 */
-    24U, /* fusion.share_q30 */
-    37U, /* fusion.r_gyro_q44 */
+    25U, /* fusion.share_q30 */
+    38U, /* fusion.r_gyro_q44 */
     5U, /* fusion.q_rate_q52 */
     5U, /* fusion.q_rate_lost_q44 */
     5U, /* fusion.q_gyro_bias_q60 */
@@ -164,20 +165,20 @@ static const uint8_t range_of[PARAMS_COUNT] = {
     5U, /* fusion.p_gyro_bias_q40 */
     5U, /* fusion.p_angular_bias_q52 */
     5U, /* fusion.v_scale_q40 */
-    24U, /* fusion.v_lag_q30 */
-    38U, /* period_us */
-    39U, /* esc_period_us */
-    40U, /* arm_hold_ms */
+    25U, /* fusion.v_lag_q30 */
+    39U, /* period_us */
+    40U, /* esc_period_us */
+    41U, /* arm_hold_ms */
     3U, /* pins */
-    41U, /* dead_time_ns */
-    42U, /* can_bitrate_kbit */
-    43U, /* adc_oversample_log2 */
-    40U, /* rail_ms */
-    40U, /* stuck_ms */
+    42U, /* dead_time_ns */
+    43U, /* can_bitrate_kbit */
+    44U, /* adc_oversample_log2 */
+    41U, /* rail_ms */
+    41U, /* stuck_ms */
     3U, /* accel_bus */
-    44U, /* accel_rate */
-    45U, /* gyro_filter */
-    30U, /* imu_axis */
+    45U, /* accel_rate */
+    46U, /* gyro_filter */
+    31U, /* imu_axis */
 };
 
 static const uint32_t defaults[PARAMS_COUNT] = {

@@ -1,6 +1,7 @@
 #include "store.h"
 #include "../board.h"
 #include "../core/digest.h"
+#include "../core/esc.h"
 
 #define MAGIC_LOW  0x6C70U /* "plpa" */
 #define MAGIC_HIGH 0x6170U
@@ -54,13 +55,15 @@ static uint32_t newest_slot(void) {
 }
 
 bool store_accepts(const params_t *params) {
-    /* What ties the core's words to the board's: between two pulses there is a gap. */
+    /* What ties the core's words to the board's: between two pulses there is a gap. The pulses are checked
+     * for every system: their pins carry neutral whatever is controlled. */
     const int32_t frame_halfus = (int32_t)(2U * params->esc_period_us);
 
     /* ... all scans of a period end before it, and every bit of CAN has 18 quanta of 36 MHz
      * (firmware/stm32f103/bxcan.c). */
-    return control_params_valid(&params->control) && params->control.esc.max_halfus < frame_halfus &&
-           params->control.esc.neutral_halfus < frame_halfus && 2000U % params->can_bitrate_kbit == 0 &&
+    return control_params_valid(&params->control) && esc_valid(&params->control.esc) &&
+           params->control.esc.max_halfus + ESC_GAP_MIN_HALFUS <= frame_halfus &&
+           2000U % params->can_bitrate_kbit == 0 &&
            BOARD_SCAN_US << params->adc_oversample_log2 <= params->period_us;
 }
 

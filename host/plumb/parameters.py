@@ -16,6 +16,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from plumb.errors import UsageError
+from plumb.speed_controllers import GAP_HALFUS, foreign_parameter
 
 TABLE_PATH = Path(__file__).with_name("parameters.toml")
 SYSTEMS = ("quad", "balancer", "turntable", "phone")
@@ -48,6 +49,11 @@ class Parameter:
     def group(self) -> str:
         """The member of control_params_t it is part of: `kalman` of kalman.qb; "" where it stands alone."""
         return self.name.rpartition(".")[0]
+
+    def out_of_range(self, value: int) -> str:
+        """What is wrong with a value outside the range, without a full stop."""
+        foreign = foreign_parameter(self.name, value)
+        return f"{self.name} = {value} is outside {self.min} to {self.max}" + (f": {foreign}" if foreign else "")
 
     def from_word(self, word: int) -> int:
         """The integer of 32 bits as they came."""
@@ -92,8 +98,9 @@ _AT_MOST = (
     ("accel_y.raw_min", "accel_y.raw_max"),
     ("accel_z.raw_min", "accel_z.raw_max"),
     ("tilt.r_base", "tilt.r_max"),
-    ("esc.min_halfus", "esc.max_halfus"),
-    ("esc.neutral_halfus", "esc.mid_halfus"),
+    ("esc.neutral_halfus", "esc.min_halfus"),
+    ("esc.min_halfus", "esc.mid_halfus"),
+    ("esc.mid_halfus", "esc.max_halfus"),
 )
 """Pairs of which the first may not be more than the second."""
 
@@ -108,6 +115,11 @@ def contradiction(words: Sequence[int]) -> str | None:
     for low, high in _AT_MOST:
         if values[low] > values[high]:
             return f"{low} = {values[low]} is more than {high} = {values[high]}"
+    frame_halfus, longest = 2 * values["esc_period_us"], values["esc.max_halfus"]
+    if longest + GAP_HALFUS > frame_halfus:
+        return (
+            f"esc.max_halfus = {longest} leaves less than {GAP_HALFUS // 2} us of esc_period_us = {frame_halfus // 2}"
+        )
     scans_us = SCAN_US << values["adc_oversample_log2"]
     if scans_us > values["period_us"]:
         return f"adc_oversample_log2 = {values['adc_oversample_log2']} takes {scans_us} us of every period_us"
@@ -136,7 +148,7 @@ def whole_table(control_words: Sequence[int], **link_words: int) -> list[int]:
 def check_range(row: Parameter, value: int) -> None:
     """Raises UsageError for a value outside the range of the row."""
     if not row.min <= value <= row.max:
-        raise UsageError(f"parameter {row.name} = {value} is outside {row.min} to {row.max}")
+        raise UsageError(f"parameter {row.out_of_range(value)}")
 
 
 def control_part(words: Sequence[int]) -> list[int]:

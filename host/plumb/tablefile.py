@@ -40,7 +40,7 @@ def _in_range(row: Parameter, value: int) -> int:
     if row.min <= value <= row.max:
         return value
     kind = f"{row.format} {row.unit}".rstrip()
-    raise UsageError(f"{row.name} = {value} is outside {row.min} to {row.max} ({kind}); nothing was changed")
+    raise UsageError(f"{row.out_of_range(value)} ({kind}); nothing was changed")
 
 
 def assignments(texts: Iterable[str]) -> dict[str, int]:

@@ -24,7 +24,11 @@ static control_params_t params(void) {
                    .rate_shift = 6},
         .start = {.p00_hi = 1000},
         .pid = {.kp_q22 = 1 << 23, .slew_q22 = 1 << 23},
-        .esc = {.mid_halfus = 3000, .span_halfus = 800, .min_halfus = 2000, .max_halfus = 4000},
+        .esc = {.mid_halfus = 3000,
+                .span_halfus = 800,
+                .min_halfus = 2000,
+                .max_halfus = 4000,
+                .neutral_halfus = 2000},
     };
 }
 
@@ -132,7 +136,7 @@ static void limits_are_told(void) {
     control_step(&c, &strong, raw, 1 << 30);
     CHECK((c.quad.words.flags & QUAD_FLAG_COMMAND_LIMITED) != 0U);
     CHECK(c.quad.words.pulse_halfus[0] + c.quad.words.pulse_halfus[1] == 6000U);
-    strong.esc.span_halfus = 16383;
+    strong.esc.span_halfus = 2400;
     control_step(&c, &strong, raw, 1 << 30);
     CHECK(c.quad.words.pulse_halfus[0] == 4000U && c.quad.words.pulse_halfus[1] == 2000U);
 }

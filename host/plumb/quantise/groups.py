@@ -13,8 +13,10 @@ from dataclasses import fields, is_dataclass
 from fractions import Fraction
 from typing import Any, NoReturn
 
+from plumb import parameters
 from plumb.errors import UsageError
 from plumb.quantise import ControlParams
+from plumb.speed_controllers import ONE_WAY, foreign_parameter
 from plumb.tuning import BalancerTuning, Calibration, Channel, Esc, Kalman, Pid, Start, Trust, Tuning
 
 CALIBRATION_LIMIT = 7 << 28
@@ -302,16 +304,18 @@ def axis_words(tuning: Tuning | BalancerTuning) -> tuple[dict[str, int], Fractio
 
 def esc_words(esc: Esc) -> dict[str, int]:
     """esc_params_t."""
-    if esc.max_us < esc.min_us:
-        refuse("esc.max_us", esc.max_us, f"less than min_us = {esc.min_us:g}")
-    if esc.neutral_us > esc.mid_us:
-        refuse("esc.neutral_us", esc.neutral_us, f"more than mid_us = {esc.mid_us:g}: disarmed motors would pull")
+    rows = {row.name: row for row in parameters.table()}
     words = {}
     for entry in fields(Esc):
         asked = float(getattr(esc, entry.name))
-        low = -16383 if entry.name == "span_us" else 0
-        name = f"esc.{entry.name.removesuffix('_us')}_halfus"
-        words[name] = whole(f"esc.{entry.name}", asked, Fraction(asked) * 2, low, 16383)
+        row = rows[f"esc.{entry.name.removesuffix('_us')}_halfus"]
+        if not row.min <= 2 * asked <= row.max:
+            foreign = foreign_parameter(row.name, round(2 * asked)) or ONE_WAY
+            refuse(f"esc.{entry.name}", asked, f"outside {row.min / 2:g} to {row.max / 2:g} us; {foreign}")
+        words[row.name] = whole(f"esc.{entry.name}", asked, Fraction(asked) * 2, row.min, row.max)
+    for low, high in (("neutral_us", "min_us"), ("min_us", "mid_us"), ("mid_us", "max_us")):
+        if getattr(esc, low) > getattr(esc, high):
+            refuse(f"esc.{low}", getattr(esc, low), f"more than {high} = {getattr(esc, high):g}")
     return words
 
 

@@ -1,0 +1,53 @@
+"""Which speed controllers plumb drives, and a sentence that names a kind it does not drive.
+
+plumb drives one-way PWM controllers alone: pulses of 900 to 2100 us, neutral (motor off) at the lower end, frames of
+2040 to 20000 us. firmware/core/esc.h has the same bounds, and the board clamps every pulse to them.
+"""
+
+from __future__ import annotations
+
+PULSE_US = (900.0, 2100.0)
+NEUTRAL_MAX_US = 1100.0
+FRAME_MIN_US = 2040.0
+GAP_HALFUS = 40
+"""ESC_GAP_MIN_HALFUS: low between two pulses."""
+ONE_WAY = "plumb drives one-way PWM controllers alone (pulses of 900 to 2100 us, neutral 900 to 1100 us)"
+_SHORT_PULSES = (
+    (30.0, "Multishot (5 to 25 us)"),
+    (100.0, "OneShot42 (42 to 84 us)"),
+    (300.0, "OneShot125 (125 to 250 us)"),
+)
+"""Longest pulse, and the kind of controller that takes pulses up to it."""
+
+
+def foreign_pulse(pulse_us: float) -> str:
+    """The kind of controller that a pulse too short for plumb belongs to, as a sentence; '' where it is not known."""
+    for most_us, kind in _SHORT_PULSES:
+        if 0 < pulse_us <= most_us:
+            return f"{pulse_us:g} us is a pulse of {kind}; {ONE_WAY}"
+    return ""
+
+
+def foreign_neutral(neutral_us: float) -> str:
+    """Two-way controllers, whose motor is off in the middle, as a sentence; '' for a neutral pulse of another kind."""
+    if NEUTRAL_MAX_US < neutral_us <= PULSE_US[1]:
+        return f"a neutral pulse of {neutral_us:g} us is that of a two-way (3D) controller; {ONE_WAY}"
+    return foreign_pulse(neutral_us)
+
+
+def foreign_frame(frame_us: float) -> str:
+    """Controllers that take shorter frames, as a sentence; '' where the frame is long enough."""
+    if frame_us >= FRAME_MIN_US:
+        return ""
+    return f"frames of {frame_us:g} us are for OneShot125, OneShot42, Multishot or DShot controllers; {ONE_WAY}"
+
+
+def foreign_parameter(name: str, value: int) -> str:
+    """What a parameter that is out of its range was probably meant for, as a sentence; '' for every other one."""
+    if name == "esc.neutral_halfus":
+        return foreign_neutral(value / 2)
+    if name == "esc_period_us":
+        return foreign_frame(value)
+    if name in ("esc.min_halfus", "esc.mid_halfus", "esc.max_halfus"):
+        return foreign_pulse(value / 2)
+    return ""
