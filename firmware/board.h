@@ -27,6 +27,7 @@
 #define BOARD_FAULT_SENSOR         0x0040u /* a sensor is lost or not to be trusted: board_sensor_health() */
 #define BOARD_FAULT_CAN_OVERRUN                                                                              \
     0x0800u                         /* received CAN frames were lost: the loop did not fetch them in time */
+#define BOARD_FAULT_UPSET   0x4000u /* memory that decides a pulse was damaged: until the next start */
 #define BOARD_FAULT_CRYSTAL 0x1000u /* the crystal failed in the run before: internal oscillator since */
 /* Two counters that stop at 255: bits 16 to 23 UART errors, bits 24 to 31 late periods. */
 #define BOARD_FAULT_UART_COUNT_SHIFT 16u
@@ -188,6 +189,25 @@ bool board_can_room(void);
 void board_can_send(const can_frame_t *frame);
 
 const board_can_health_t *board_can_health(void);
+
+/* Objects with one of these attributes decide whether and how something moves. A check word is kept over each
+ * of the two areas, over every object that is placed there. Only the main loop may write them, and nothing
+ * may while it is in board_idle(). Their first value is 0. */
+#define BOARD_GUARDED            __attribute__((section(".bss.guarded")))
+#define BOARD_GUARDED_PARAMETERS __attribute__((section(".bss.guarded_parameters")))
+
+/* To be called when the loop goes idle: what BOARD_GUARDED holds is right. */
+void board_memory_seal(void);
+
+/* Instead: it is not to be checked until the next seal. */
+void board_memory_release(void);
+
+/* To be called at once after a change: what BOARD_GUARDED_PARAMETERS holds is right. */
+void board_parameters_seal(void);
+
+/* Before guarded memory is used again: true when both areas are as they were sealed, or released. False
+ * latches BOARD_FAULT_UPSET until the next start. */
+bool board_memory_intact(void);
 
 /* To be called in every turn of the loop that met its deadline; the board resets when that does not happen
  * for 160 ms. */

@@ -12,9 +12,14 @@ int main(void);
 #define DEADLINE_US  10000u /* of a turn; the longest sleep is 1 ms, and outputs must be safe within 50 */
 #define CAN_PER_TURN 16u    /* a flood must not keep the loop from its steps */
 
-static control_t control;
-static params_t params;
-static session_t session;
+BOARD_GUARDED static control_t control;
+BOARD_GUARDED static session_t session;
+BOARD_GUARDED_PARAMETERS static params_t params;
+static session_buffers_t buffers;
+
+/* Whether the outputs are known to be at neutral; with any other value they may be away from it. */
+#define OUTPUTS_RESTING 0x3ac9651eu
+BOARD_GUARDED static uint32_t outputs;
 
 /* What both links brought into the session, as much as it can answer. */
 static void receive(uint32_t now_us) {
@@ -107,19 +112,57 @@ __attribute__((noinline)) static void report_sensors(void) {
 /* Whether the loop does what it is there for: it came round in time, and no step that moves something was
  * missed. That disarms; an image in which it does not is to be reset. */
 static bool met_deadline(uint32_t now_us, uint32_t faults) {
-    static uint32_t last_us;
+    BOARD_GUARDED static uint32_t last_us;
     const uint32_t turn_us = now_us - last_us;
     last_us = now_us;
     return turn_us <= DEADLINE_US && !(session_armed(&session) && (faults & BOARD_FAULT_LATE) != 0u);
 }
 
-int main(void) {
-    bool driving = false; /* the actuators may be away from neutral */
+/* Frame and neutral of the parameters in use; the outputs are at neutral. */
+static void configure_actuator(void) {
+    board_configure_actuator(2u * params.esc_period_us, (uint32_t)params.control.esc.neutral_halfus);
+    board_actuator_neutral();
+}
+
+/* Saved parameters, and no others. */
+static store_report_t load_parameters(void) {
     const store_report_t saved = store_load(&params);
-    board_init(&(board_setup_t){.pins = params.pins, .dead_time_ns = params.dead_time_ns});
-    session_init(&session, board_identity(), &control, &params);
+    board_parameters_seal();
+    return saved;
+}
+
+/* Memory that decides a pulse is damaged: nothing in it counts any more. The run is over, and the board stays
+ * disarmed until its next start (BOARD_FAULT_UPSET). */
+__attribute__((noinline)) static void recover(void) {
+    board_actuator_neutral();
+    outputs = OUTPUTS_RESTING;
+    const store_report_t saved = load_parameters();
+    configure_actuator(); /* its neutral pulse may have been what was damaged */
+    session_recover(&session, &buffers, board_identity(), &control, &params);
     requests_loaded(&session, &saved);
+}
+
+/* In lockstep nothing can be armed, and the host compares every step: there the loop goes without a check of
+ * what changes with every turn. The check word of the parameters stays, and is compared when the run ends. */
+static void seal_memory(void) {
+    if (session_mode(&session) == SESSION_LOCKSTEP) {
+        board_memory_release();
+    } else {
+        board_memory_seal();
+    }
+}
+
+int main(void) {
+    const store_report_t saved = load_parameters();
+    board_init(&(board_setup_t){.pins = params.pins, .dead_time_ns = params.dead_time_ns});
+    session_init(&session, &buffers, board_identity(), &control, &params);
+    requests_loaded(&session, &saved);
+    outputs = OUTPUTS_RESTING;
+    seal_memory();
     for (;;) {
+        if (!board_memory_intact()) {
+            recover();
+        }
         const uint32_t now_us = board_now_us();
         board_can_join(session_can_kbit(&session), messages_from_host, MESSAGES_FROM_HOST);
         receive(now_us);
@@ -135,14 +178,13 @@ int main(void) {
 
         if (session_take_begin(&session)) {
             board_set_period_us(0u);
-            board_configure_actuator(2u * params.esc_period_us, (uint32_t)params.control.esc.neutral_halfus);
-            board_actuator_neutral();
+            configure_actuator();
             board_clear_bridge_faults();
-            driving = false;
+            outputs = OUTPUTS_RESTING;
         }
-        if (session_driving(&session) && !driving) {
+        if (session_driving(&session) && outputs == OUTPUTS_RESTING) {
             board_arm_actuator();
-            driving = true;
+            outputs = 0u;
         }
         choose_sensors();
         board_set_period_us(session_mode(&session) == SESSION_REALTIME ? session_period_us(&session) : 0u);
@@ -158,14 +200,15 @@ int main(void) {
             }
             session_stepped(&session);
         }
-        if (driving && !session_driving(&session)) {
+        if (outputs != OUTPUTS_RESTING && !session_driving(&session)) {
             board_actuator_neutral();
-            driving = false;
+            outputs = OUTPUTS_RESTING;
         }
         transmit();
         if (requests_bootloader_due(&session, now_us)) {
             board_enter_bootloader();
         }
+        seal_memory();
         board_idle();
     }
 }

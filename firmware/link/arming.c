@@ -4,9 +4,17 @@ void arming_init(arming_t *a) {
     *a = (arming_t){.switch_closed = true}; /* until it was seen open */
 }
 
+bool arming_armed(const arming_t *a) {
+    return a->armed.word == ARMING_ARMED;
+}
+
+bool arming_driving(const arming_t *a) {
+    return arming_armed(a) && a->driving.word == ARMING_DRIVING;
+}
+
 static void arm(arming_t *a, bool by_switch, arming_actuator_t actuator, uint32_t now_us) {
-    a->armed = true;
-    a->driving = false;
+    a->armed.word = ARMING_ARMED;
+    a->driving.word = 0;
     a->by_switch = by_switch;
     a->cause = 0;
     a->keepalive_us = now_us;
@@ -45,14 +53,14 @@ bool arming_switch(arming_t *a, bool closed, uint32_t now_us) {
 uint16_t arming_handle(const arming_t *a) {
     const bool used_up = a->switch_closed && !a->switch_ready && !a->switch_trying;
 
-    return used_up && (a->by_switch || !a->armed) ? ARMING_BLOCK_HANDLE : 0U;
+    return used_up && (a->by_switch || !arming_armed(a)) ? ARMING_BLOCK_HANDLE : 0U;
 }
 
 void arming_try_switch(arming_t *a, uint16_t blocked, arming_actuator_t actuator, uint32_t now_us) {
     if (!a->switch_trying) {
         return;
     }
-    if (a->armed || now_us - a->switch_try_us > ARMING_SWITCH_TRY_US) {
+    if (arming_armed(a) || now_us - a->switch_try_us > ARMING_SWITCH_TRY_US) {
         a->switch_trying = false;
     } else if ((blocked & ~ARMING_BLOCKS_HOST) == 0) {
         a->switch_trying = false;
@@ -61,19 +69,19 @@ void arming_try_switch(arming_t *a, uint16_t blocked, arming_actuator_t actuator
 }
 
 bool arming_keepalive(arming_t *a, uint32_t token, uint32_t now_us) {
-    if (!a->armed || a->by_switch || token != a->token) {
+    if (!arming_armed(a) || a->by_switch || token != a->token) {
         return false;
     }
     /* A keep-alive that comes too late must not revive: the poll may not have run yet. */
     arming_poll(a, 0, now_us);
     a->keepalive_us = now_us;
-    return a->armed;
+    return arming_armed(a);
 }
 
 void arming_disarm(arming_t *a, uint16_t cause) {
-    if (a->armed) {
-        a->armed = false;
-        a->driving = false;
+    if (arming_armed(a)) {
+        a->armed.word = 0;
+        a->driving.word = 0;
         a->cause = cause;
     }
 }
@@ -94,5 +102,7 @@ void arming_poll(arming_t *a, uint16_t blocked, uint32_t now_us) {
         arming_disarm(a, ARMING_BLOCK_SILENCE);
     }
     /* Once over it stays over: the clock wraps. */
-    a->driving = a->armed && (a->driving || now_us - a->armed_us >= a->hold_us);
+    const bool held = arming_driving(a) || now_us - a->armed_us >= a->hold_us;
+
+    a->driving.word = arming_armed(a) && held ? ARMING_DRIVING : 0U;
 }

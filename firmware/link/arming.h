@@ -43,12 +43,20 @@ typedef struct {
     uint32_t hold_us;  /* neutral after arming, for this long */
 } arming_actuator_t;
 
+/* A word that means yes with one value, and no with every other: no flipped bit makes a yes. */
 typedef struct {
-    bool armed;
-    bool driving;   /* armed, and the hold is over */
-    bool by_switch; /* who armed: the switch, else a host */
-    uint16_t cause; /* ARMING_BLOCK_* that ended the last armed time; 0: none */
-    uint32_t token; /* the nonce it was armed with: every keep-alive carries it */
+    uint32_t word;
+} arming_word_t;
+
+#define ARMING_ARMED   0x6b95d2a7U
+#define ARMING_DRIVING 0xd14e783bU
+
+typedef struct {
+    arming_word_t armed;   /* ARMING_ARMED */
+    arming_word_t driving; /* ARMING_DRIVING: armed, and the hold is over */
+    bool by_switch;        /* who armed: the switch, else a host */
+    uint16_t cause;        /* ARMING_BLOCK_* that ended the last armed time; 0: none */
+    uint32_t token;        /* the nonce it was armed with: every keep-alive carries it */
     uint32_t keepalive_us;
     uint32_t silence_us; /* longest silence of the host that armed */
     uint32_t armed_us;
@@ -61,6 +69,9 @@ typedef struct {
 } arming_t;
 
 void arming_init(arming_t *a);
+
+bool arming_armed(const arming_t *a);
+bool arming_driving(const arming_t *a); /* and armed */
 
 /* Arm for a host, unless blocked (ARMING_BLOCK_*) is not 0. token: what keep-alives will carry. */
 bool arming_arm(arming_t *a, uint16_t blocked, uint32_t token, arming_actuator_t actuator, uint32_t now_us);

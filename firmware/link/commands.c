@@ -11,7 +11,7 @@
 #define ENTRIES_AT_ONCE 4U
 
 static void put_text(session_t *s, const uint8_t *text, size_t count) {
-    outbox_put(&s->link[LINK_UART].outbox, text, count);
+    outbox_put(s->link[LINK_UART].outbox, text, count);
 }
 
 static void put_char(session_t *s, uint8_t character) {
@@ -44,9 +44,10 @@ static void on_command(session_t *s) {
                                       '0' + MESSAGES_PROTOCOL_VERSION / 10U,
                                       '0' + MESSAGES_PROTOCOL_VERSION % 10U,
                                       SLCAN_CR};
-    const bool alone = s->rx.length == 1;
+    const bool alone = s->buffers->rx.length == 1;
 
-    switch (alone || s->rx.line[0] == 'S' || s->rx.line[0] == 's' ? s->rx.line[0] : 0) {
+    switch (alone || s->buffers->rx.line[0] == 'S' || s->buffers->rx.line[0] == 's' ? s->buffers->rx.line[0]
+                                                                                    : 0) {
     case 'O':
         open_link(s, true, false);
         break;
@@ -72,7 +73,7 @@ static void on_command(session_t *s) {
 }
 
 size_t session_receive_room(const session_t *s) {
-    const size_t room = outbox_room(&s->link[LINK_UART].outbox);
+    const size_t room = outbox_room(s->link[LINK_UART].outbox);
 
     return room > ENTRIES_AT_ONCE ? (room - ENTRIES_AT_ONCE) * BYTES_PER_ENTRY : 0;
 }
@@ -81,7 +82,7 @@ void session_receive(session_t *s, const uint8_t *bytes, size_t count, uint32_t 
     for (size_t i = 0; i < count; i++) {
         can_frame_t frame;
 
-        switch (slcan_rx_take(&s->rx, bytes[i], &frame)) {
+        switch (slcan_rx_take(&s->buffers->rx, bytes[i], &frame)) {
         case SLCAN_NOTHING:
             break;
         case SLCAN_EMPTY:

@@ -7,13 +7,14 @@
 
 void links_init(session_t *s) {
     for (unsigned i = 0; i < LINKS; i++) {
-        outbox_init(&s->link[i].outbox);
+        s->link[i].outbox = &s->buffers->outbox[i];
+        s->link[i].counter = s->buffers->counter[i];
         links_forget_counters(&s->link[i]);
     }
 }
 
 void links_forget_counters(session_link_t *l) {
-    memset(l->counter, COUNTER_UNKNOWN, sizeof l->counter);
+    memset(l->counter, COUNTER_UNKNOWN, OUTBOX_COUNTERS);
 }
 
 void links_open(session_t *s, link_t link, bool open, bool read_only) {
@@ -58,7 +59,7 @@ void links_poll(session_t *s, uint32_t now_us) {
 
     if (l->open && now_us - l->heard_us > LINKS_SILENCE_US) {
         links_open(s, LINK_CAN, false, false);
-        outbox_clear(&l->outbox); /* nobody is there: not to be said to who comes next */
+        outbox_clear(l->outbox); /* nobody is there: not to be said to who comes next */
     }
     if (!l->open) {
         s->can_kbit = s->params->can_bitrate_kbit;
@@ -66,15 +67,15 @@ void links_poll(session_t *s, uint32_t now_us) {
 }
 
 void links_reply(session_t *s, can_frame_t frame, uint8_t flags) {
-    outbox_reply(&s->link[s->asked].outbox, frame, flags);
+    outbox_reply(s->link[s->asked].outbox, frame, flags);
 }
 
 void links_answer(session_t *s, link_t asked, can_frame_t frame, uint8_t flags) {
     for (unsigned i = 0; i < LINKS; i++) {
         if (i == (unsigned)asked) {
-            outbox_reply(&s->link[i].outbox, frame, flags);
+            outbox_reply(s->link[i].outbox, frame, flags);
         } else if (s->link[i].open) {
-            outbox_telemetry(&s->link[i].outbox, frame, flags);
+            outbox_telemetry(s->link[i].outbox, frame, flags);
         }
     }
 }
@@ -82,7 +83,7 @@ void links_answer(session_t *s, link_t asked, can_frame_t frame, uint8_t flags) 
 void links_telemetry(session_t *s, can_frame_t frame, uint8_t flags) {
     for (unsigned i = 0; i < LINKS; i++) {
         if (s->link[i].open) {
-            outbox_telemetry(&s->link[i].outbox, frame, flags);
+            outbox_telemetry(s->link[i].outbox, frame, flags);
         }
     }
 }
@@ -90,7 +91,7 @@ void links_telemetry(session_t *s, can_frame_t frame, uint8_t flags) {
 void links_numbered(session_t *s, can_frame_t frame, uint8_t counter, uint8_t flags) {
     for (unsigned i = 0; i < LINKS; i++) {
         if (s->link[i].open) {
-            outbox_numbered(&s->link[i].outbox, frame, counter, flags);
+            outbox_numbered(s->link[i].outbox, frame, counter, flags);
         }
     }
 }

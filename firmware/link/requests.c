@@ -39,10 +39,10 @@ static uint16_t save(session_t *s) {
 }
 
 static uint16_t load(session_t *s) {
-    const store_report_t report = store_load(&s->staged);
+    const store_report_t report = store_load(&s->buffers->staged);
 
     if (report.found != STORE_LOADED) {
-        s->staged = *s->params;
+        s->buffers->staged = *s->params;
         return report.found == STORE_NOTHING ? MESSAGE_NACK_REASON_NOTHING_SAVED
                                              : MESSAGE_NACK_REASON_PARAMETERS;
     }
@@ -53,7 +53,7 @@ static uint16_t load(session_t *s) {
 uint16_t requests_execute(session_t *s, uint16_t verb, uint32_t now_us) {
     uint16_t reason = 0;
 
-    if (s->mode != SESSION_IDLE || s->arming.armed) {
+    if (s->mode != SESSION_IDLE || arming_armed(&s->arming)) {
         return MESSAGE_NACK_REASON_BUSY;
     }
     switch (verb) {
@@ -63,7 +63,7 @@ uint16_t requests_execute(session_t *s, uint16_t verb, uint32_t now_us) {
         reason = load(s);
         break;
     case MESSAGE_EXECUTE_VERB_DEFAULTS:
-        params_default(&s->staged);
+        params_default(&s->buffers->staged);
         s->parameters_from = STORE_NOTHING;
         break;
     case MESSAGE_EXECUTE_VERB_BOOTLOADER:

@@ -69,7 +69,7 @@ static void tell_gap(session_t *s, const can_frame_t *f, unsigned ahead) {
 /* A sample that was run before: its STEP got lost on the way to the host, say it again. One that still waits
  * in the queue will be answered anyway. */
 static void answer_again(session_t *s, uint16_t step) {
-    const message_step_t m = {.step = step, .digest = s->digest[SESSION_SLOT(step)]};
+    const message_step_t m = {.step = step, .digest = s->buffers->digest[SESSION_SLOT(step)]};
 
     if ((uint16_t)(s->step - step - 1U) < SESSION_QUEUE_LENGTH) {
         links_reply(s, message_step_pack(&m), telemetry_step_flags(s, &s->link[s->asked], false));
@@ -78,7 +78,7 @@ static void answer_again(session_t *s, uint16_t step) {
 
 static void enqueue(session_t *s, const can_frame_t *f) {
     const message_sample_a_t m = message_sample_a_unpack(f);
-    session_sample_t *const sample = &s->queue[SESSION_SLOT(s->queue_in)];
+    session_sample_t *const sample = &s->buffers->queue[SESSION_SLOT(s->queue_in)];
 
     if ((uint16_t)(s->queue_in - s->queue_out) >= SESSION_QUEUE_LENGTH) {
         nack(s, f, MESSAGE_NACK_REASON_QUEUE_FULL);
@@ -170,11 +170,11 @@ bool session_next_sample(session_t *s, int16_t raw[CONTROL_RAW_MAX], int32_t *se
     const bool waiting = s->queue_in != s->queue_out;
 
     if (s->mode == SESSION_LOCKSTEP && !(waiting && s->word_next == CONTROL_RECORD_WORDS_MAX &&
-                                         outbox_telemetry_fits(&s->link[s->run_owner].outbox, s->selected))) {
+                                         outbox_telemetry_fits(s->link[s->run_owner].outbox, s->selected))) {
         return false;
     }
     if (waiting) {
-        s->held = s->queue[SESSION_SLOT(s->queue_out)];
+        s->held = s->buffers->queue[SESSION_SLOT(s->queue_out)];
         s->queue_out++;
         s->stale = 0;
     } else {

@@ -18,11 +18,11 @@
 /* ---- what is, and whether it may be armed ---- */
 
 bool session_armed(const session_t *s) {
-    return s->arming.armed;
+    return arming_armed(&s->arming);
 }
 
 bool session_driving(const session_t *s) {
-    return s->arming.driving;
+    return arming_driving(&s->arming);
 }
 
 bool session_live(const session_t *s) {
@@ -101,7 +101,7 @@ void session_report_switch(session_t *s, bool closed, uint32_t now_us) {
         s->stand_alone = true;
     }
     arming_try_switch(&s->arming, arming_blocked(s, s->run_owner), actuator(s), now_us);
-    if (s->stand_alone && !s->arming.armed && !s->arming.switch_trying) {
+    if (s->stand_alone && !arming_armed(&s->arming) && !s->arming.switch_trying) {
         s->stand_alone = false;
         s->mode = SESSION_IDLE;
         s->live = false;
@@ -135,7 +135,7 @@ static void on_hello(session_t *s, const can_frame_t *f) {
         arming_disarm_host(&s->arming, ARMING_BLOCK_HELLO);
     }
     if (s->staged_by == s->asked) {
-        s->staged = *s->params;
+        s->buffers->staged = *s->params;
         s->parameters_staged = false;
     }
     l->identity = (session_reply_t){0, IDENTITY_ITEMS + 1U};
@@ -144,8 +144,8 @@ static void on_hello(session_t *s, const can_frame_t *f) {
 /* Whether a long reply may go on: there is room that telemetry does not need, or telemetry has left it none
  * for LONG_STARVED_US, and it takes one entry as any reply does. */
 static bool long_reply_fits(session_link_t *l, uint32_t now_us) {
-    const bool fits = outbox_long_fits(&l->outbox) ||
-                      (now_us - l->long_us >= LONG_STARVED_US && outbox_telemetry_fits(&l->outbox, 1));
+    const bool fits = outbox_long_fits(l->outbox) ||
+                      (now_us - l->long_us >= LONG_STARVED_US && outbox_telemetry_fits(l->outbox, 1));
 
     l->long_us = fits ? now_us : l->long_us;
     return fits;
@@ -158,13 +158,13 @@ static void poll_long_replies(session_t *s, session_link_t *l, uint32_t now_us) 
         const message_identity_t m = {.item = end ? MESSAGE_IDENTITY_ITEM_END : item,
                                       .value = end ? IDENTITY_ITEMS : identity_value(s, item, now_us)};
 
-        outbox_reply(&l->outbox, message_identity_pack(&m), 0);
+        outbox_reply(l->outbox, message_identity_pack(&m), 0);
     }
     while (l->dump.next < l->dump.end && long_reply_fits(l, now_us)) {
         const uint16_t index = l->dump.next++;
         const message_param_value_t m = {.index = index, .value = params_word(s->params, index)};
 
-        outbox_reply(&l->outbox, message_param_value_pack(&m), 0);
+        outbox_reply(l->outbox, message_param_value_pack(&m), 0);
     }
 }
 
@@ -195,20 +195,21 @@ static void on_param_set(session_t *s, const can_frame_t *f) {
         const message_param_staged_t staged = {.index = m.index, .value = m.value};
 
         if (!s->parameters_staged || s->staged_by != s->asked) { /* one host's table, or the other's */
-            s->staged = *s->params;
+            s->buffers->staged = *s->params;
             s->staged_by = s->asked;
         }
-        params_set_word(&s->staged, m.index, m.value);
+        params_set_word(&s->buffers->staged, m.index, m.value);
         s->parameters_staged = true;
         links_reply(s, message_param_staged_pack(&staged), 0);
     }
 }
 
 void session_use_staged(session_t *s) {
-    if (s->staged.control.system != s->params->control.system) {
+    if (s->buffers->staged.control.system != s->params->control.system) {
         telemetry_select_nothing(s); /* another record */
     }
-    *s->params = s->staged;
+    *s->params = s->buffers->staged;
+    board_parameters_seal();
     s->parameters_staged = false;
 }
 
@@ -219,9 +220,9 @@ static void on_param_commit(session_t *s, const can_frame_t *f) {
         reply_nack(s, f, MESSAGE_NACK_REASON_BUSY, 0);
     } else if (m.count != PARAMS_COUNT) {
         reply_nack(s, f, MESSAGE_NACK_REASON_COUNT, PARAMS_COUNT);
-    } else if (m.crc != params_crc32(&s->staged)) {
+    } else if (m.crc != params_crc32(&s->buffers->staged)) {
         reply_nack(s, f, MESSAGE_NACK_REASON_CRC, 0);
-    } else if (!store_accepts(&s->staged)) {
+    } else if (!store_accepts(&s->buffers->staged)) {
         reply_nack(s, f, MESSAGE_NACK_REASON_PARAMETERS, 0);
     } else {
         session_use_staged(s);
@@ -393,7 +394,7 @@ void session_take_frame(session_t *s, link_t link, const can_frame_t *f, uint32_
 }
 
 bool session_frame_room(const session_t *s) {
-    return outbox_room(&s->link[LINK_CAN].outbox) >= FRAME_REPLIES;
+    return outbox_room(s->link[LINK_CAN].outbox) >= FRAME_REPLIES;
 }
 
 void session_receive_frame(session_t *s, const can_frame_t *f, uint32_t now_us) {
@@ -405,21 +406,21 @@ void session_receive_frame(session_t *s, const can_frame_t *f, uint32_t now_us) 
 /* ---- transmit ---- */
 
 size_t session_transmit(session_t *s, uint8_t *out, size_t room) {
-    return outbox_take(&s->link[LINK_UART].outbox, out, room);
+    return outbox_take(s->link[LINK_UART].outbox, out, room);
 }
 
 bool session_frame_waits(const session_t *s) {
-    return s->link[LINK_CAN].outbox.count > 0;
+    return s->link[LINK_CAN].outbox->count > 0;
 }
 
 bool session_transmit_frame(session_t *s, can_frame_t *frame) {
-    return outbox_take_frame(&s->link[LINK_CAN].outbox, frame);
+    return outbox_take_frame(s->link[LINK_CAN].outbox, frame);
 }
 
 static uint8_t status_flags(const session_t *s, const session_link_t *l) {
     unsigned flags = 0;
 
-    flags |= s->arming.armed ? MESSAGE_STATUS_ARMED : 0U;
+    flags |= arming_armed(&s->arming) ? MESSAGE_STATUS_ARMED : 0U;
     flags |= s->live ? MESSAGE_STATUS_LIVE : 0U;
     flags |= s->parameters_staged ? MESSAGE_STATUS_STAGED : 0U;
     flags |= l->read_only ? MESSAGE_STATUS_READ_ONLY : 0U;
@@ -432,7 +433,7 @@ static void send_status(session_t *s, link_t link) {
                                      .blocked = arming_blocked(s, link),
                                      .faults = (uint16_t)(s->faults & 0xFFFFU)};
     const message_counters_t counters = {
-        .rejected = l->rejected, .lost = l->lost, .dropped = l->outbox.dropped};
+        .rejected = l->rejected, .lost = l->lost, .dropped = l->outbox->dropped};
     const message_events_t events = {
         .saturated = s->saturated, .starved = s->starved, .disarm_cause = s->arming.cause};
     const message_sensors_t sensors = {.analog =
@@ -440,18 +441,18 @@ static void send_status(session_t *s, link_t link) {
                                        .digital = (uint16_t)(s->health.gyro | (unsigned)s->health.accel << 8),
                                        .bus_failures = s->health.bus_failures};
 
-    outbox_telemetry(&l->outbox, message_status_pack(&status), status_flags(s, l));
-    outbox_telemetry(&l->outbox, message_counters_pack(&counters), 0);
-    outbox_telemetry(&l->outbox, message_events_pack(&events), 0);
+    outbox_telemetry(l->outbox, message_status_pack(&status), status_flags(s, l));
+    outbox_telemetry(l->outbox, message_counters_pack(&counters), 0);
+    outbox_telemetry(l->outbox, message_events_pack(&events), 0);
     if (s->can != NULL) {
         const message_can_health_t health = {.transmit_errors = s->can->transmit_errors,
                                              .receive_errors = s->can->receive_errors,
                                              .bus_offs = s->can->bus_offs};
         const unsigned off = s->can->bus_off ? MESSAGE_CAN_HEALTH_BUS_OFF : 0U;
 
-        outbox_telemetry(&l->outbox, message_can_health_pack(&health), (uint8_t)(s->can->last_error | off));
+        outbox_telemetry(l->outbox, message_can_health_pack(&health), (uint8_t)(s->can->last_error | off));
     }
-    outbox_telemetry(&l->outbox, message_sensors_pack(&sensors), 0);
+    outbox_telemetry(l->outbox, message_sensors_pack(&sensors), 0);
 }
 
 void session_poll(session_t *s, uint32_t now_us) {
@@ -477,13 +478,15 @@ void session_poll(session_t *s, uint32_t now_us) {
     }
 }
 
-void session_init(session_t *s, const board_identity_t *board, control_t *control, params_t *params) {
+/* Everything but the buffers. */
+static void begin(session_t *s, session_buffers_t *buffers, const board_identity_t *board, control_t *control,
+                  params_t *params) {
     memset(s, 0, sizeof *s);
     s->board = board;
     s->control = control;
     s->params = params;
-    s->staged = *params;
-    slcan_rx_init(&s->rx);
+    s->buffers = buffers;
+    buffers->staged = *params;
     links_init(s);
     arming_init(&s->arming);
     random_init(&s->random, board->unique_id[0] ^ board->unique_id[1] ^ board->unique_id[2] ^ board->seed);
@@ -493,4 +496,32 @@ void session_init(session_t *s, const board_identity_t *board, control_t *contro
     s->can_kbit = params->can_bitrate_kbit;
     telemetry_select_nothing(s);
     control_init(control, &params->control);
+}
+
+void session_init(session_t *s, session_buffers_t *buffers, const board_identity_t *board, control_t *control,
+                  params_t *params) {
+    memset(buffers, 0, sizeof *buffers);
+    for (unsigned i = 0; i < LINKS; i++) {
+        outbox_init(&buffers->outbox[i]);
+    }
+    slcan_rx_init(&buffers->rx);
+    begin(s, buffers, board, control, params);
+}
+
+void session_recover(session_t *s, session_buffers_t *buffers, const board_identity_t *board,
+                     control_t *control, params_t *params) {
+    bool open[LINKS];
+    bool read_only[LINKS];
+
+    for (unsigned i = 0; i < LINKS; i++) {
+        open[i] = s->link[i].open;
+        read_only[i] = s->link[i].read_only;
+    }
+    begin(s, buffers, board, control, params);
+    for (unsigned i = 0; i < LINKS; i++) {
+        s->link[i].open = open[i];
+        s->link[i].read_only = read_only[i];
+    }
+    s->link[LINK_UART].open = true; /* whose flag may be what was damaged: it is said there in any case */
+    s->arming.cause = ARMING_BLOCK_FAULT;
 }

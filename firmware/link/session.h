@@ -30,7 +30,7 @@
 #define SESSION_QUEUE_LENGTH    16U /* samples in flight; a power of two */
 #define SESSION_SLOT(step)      ((step) & (SESSION_QUEUE_LENGTH - 1U))
 #define SESSION_WORD_BANKS      ((CONTROL_RECORD_WORDS_MAX + 31U) / 32U)
-#define SESSION_FAULTS_BLOCKING 0x00FFU /* of BOARD_FAULT_*: these disarm */
+#define SESSION_FAULTS_BLOCKING 0xE0FFU /* of BOARD_FAULT_*: these disarm */
 
 typedef enum { SESSION_IDLE = 0, SESSION_LOCKSTEP = 1, SESSION_REALTIME = 2 } session_mode_t;
 
@@ -50,27 +50,39 @@ typedef enum { LINK_UART = 0, LINK_CAN = 1, LINKS = 2, LINK_NONE = LINKS } link_
 
 /* One way to a host. */
 typedef struct {
-    outbox_t outbox;
-    bool open;                        /* UART: between O or L and C; CAN: from HELLO to CLOSE or silence */
-    bool read_only;                   /* opened with L */
-    bool greeted;                     /* by a host of the same version and definitions */
-    uint8_t counter[OUTBOX_COUNTERS]; /* last received, 0xFF: none */
-    uint16_t rejected;                /* received frames thrown away, modulo 2^16 */
-    uint16_t lost;                    /* received frames missing by their counter, modulo 2^16 */
-    uint16_t dropped_told;            /* outbox.dropped at the last STEP */
-    uint32_t heard_us;                /* last good frame */
-    uint32_t long_us;                 /* last frame of a long reply */
-    nonce_t nonce;                    /* the one that was asked for here: answered here or nowhere */
+    outbox_t *outbox;
+    bool open;             /* UART: between O or L and C; CAN: from HELLO to CLOSE or silence */
+    bool read_only;        /* opened with L */
+    bool greeted;          /* by a host of the same version and definitions */
+    uint8_t *counter;      /* OUTBOX_COUNTERS of them: last received, 0xFF: none */
+    uint16_t rejected;     /* received frames thrown away, modulo 2^16 */
+    uint16_t lost;         /* received frames missing by their counter, modulo 2^16 */
+    uint16_t dropped_told; /* outbox.dropped at the last STEP */
+    uint32_t heard_us;     /* last good frame */
+    uint32_t long_us;      /* last frame of a long reply */
+    nonce_t nonce;         /* the one that was asked for here: answered here or nowhere */
     session_reply_t identity;
     session_reply_t dump;
 } session_link_t;
 
+/* What passes through: frames, samples and digests that wait, parameters that are not in use yet. It decides
+ * no pulse: frames carry their CRC, a table is committed by its own. */
+typedef struct {
+    outbox_t outbox[LINKS];
+    uint8_t counter[LINKS][OUTBOX_COUNTERS];
+    slcan_rx_t rx;
+    params_t staged; /* what a commit will make of those in use */
+    session_sample_t queue[SESSION_QUEUE_LENGTH];
+    uint32_t digest[SESSION_QUEUE_LENGTH]; /* of the last steps, to be sent again when a sample comes again */
+} session_buffers_t;
+
+/* All of it decides whether and how something moves: the board keeps a check word over it
+ * (board_memory_seal()). What is large and decides nothing belongs into the buffers. */
 typedef struct {
     const board_identity_t *board;
     control_t *control;
     params_t *params; /* in use */
-    params_t staged;  /* what a commit will make of them */
-    slcan_rx_t rx;
+    session_buffers_t *buffers;
     session_link_t link[LINKS];
     arming_t arming;
     random_t random;
@@ -116,12 +128,16 @@ typedef struct {
     int16_t raw_b[3];
     int32_t setpoint_turn_q32;
     session_sample_t held; /* the sample of the last step */
-    session_sample_t queue[SESSION_QUEUE_LENGTH];
-    uint32_t digest[SESSION_QUEUE_LENGTH]; /* of the last steps, to be sent again when a sample comes again */
 } session_t;
 
 /* Start from *params (valid; see params_default()) with both links closed, idle and disarmed. */
-void session_init(session_t *s, const board_identity_t *board, control_t *control, params_t *params);
+void session_init(session_t *s, session_buffers_t *buffers, const board_identity_t *board, control_t *control,
+                  params_t *params);
+
+/* The memory of *s was damaged: no value in it counts, but for which links are open, so that their hosts are
+ * told; the UART's counts as open. As session_init(), disarmed by a fault; what waits to be sent is sent. */
+void session_recover(session_t *s, session_buffers_t *buffers, const board_identity_t *board,
+                     control_t *control, params_t *params);
 
 /* How many bytes session_receive() may be given now, so that every reply has room. 0 while the host does not
  * read. */

@@ -89,10 +89,10 @@ void telemetry_select_nothing(session_t *s) {
 uint8_t telemetry_step_flags(const session_t *s, const session_link_t *l, bool saturated) {
     unsigned flags = 0;
 
-    flags |= s->arming.armed ? MESSAGE_STEP_ARMED : 0U;
+    flags |= arming_armed(&s->arming) ? MESSAGE_STEP_ARMED : 0U;
     flags |= s->live ? MESSAGE_STEP_LIVE : 0U;
     flags |= saturated ? MESSAGE_STEP_SATURATED : 0U;
-    flags |= l->dropped_told != l->outbox.dropped ? MESSAGE_STEP_DROPPED : 0U;
+    flags |= l->dropped_told != l->outbox->dropped ? MESSAGE_STEP_DROPPED : 0U;
     return (uint8_t)flags;
 }
 
@@ -243,7 +243,7 @@ void telemetry_send_words(session_t *s) {
         if ((s->words_mask[m.index / 32U] >> (m.index % 32U) & 1U) == 0) {
             continue;
         }
-        if (s->mode == SESSION_LOCKSTEP && !outbox_long_fits(&s->link[s->run_owner].outbox)) {
+        if (s->mode == SESSION_LOCKSTEP && !outbox_long_fits(s->link[s->run_owner].outbox)) {
             return;
         }
         memcpy(&m.value, words + 4U * m.index, sizeof m.value);
@@ -254,10 +254,10 @@ void telemetry_send_words(session_t *s) {
 static void send_step(session_t *s, const message_step_t *m, bool saturated) {
     for (unsigned i = 0; i < LINKS; i++) {
         session_link_t *const l = &s->link[i];
-        const uint16_t dropped = l->outbox.dropped; /* before this STEP, which may be dropped itself */
+        const uint16_t dropped = l->outbox->dropped; /* before this STEP, which may be dropped itself */
 
         if (l->open) {
-            outbox_telemetry(&l->outbox, message_step_pack(m), telemetry_step_flags(s, l, saturated));
+            outbox_telemetry(l->outbox, message_step_pack(m), telemetry_step_flags(s, l, saturated));
             l->dropped_told = dropped;
         }
     }
@@ -269,7 +269,7 @@ void session_stepped(session_t *s) {
     const message_step_t step = {.step = s->step, .digest = digest_crc32(words, control_words_bytes(params))};
     const bool saturated = control_saturated(s->control, params);
 
-    s->digest[SESSION_SLOT(s->step)] = step.digest;
+    s->buffers->digest[SESSION_SLOT(s->step)] = step.digest;
     s->saturated = (uint16_t)(s->saturated + saturated);
     if (s->mode == SESSION_REALTIME && s->setpoint_waiting) {
         const message_setpoint_used_t used = {.step = s->step, .setpoint = s->setpoint_turn_q32};

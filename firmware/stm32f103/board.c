@@ -6,8 +6,8 @@
 extern const uint8_t image_start[], image_crc_address[];
 
 volatile bool port_wake;
-uint32_t port_faults;
-static board_identity_t identity;
+BOARD_GUARDED uint32_t port_faults;
+BOARD_GUARDED static board_identity_t identity;
 
 /* The device signature, RM0008 30. To be read at 8 MHz: at 72 MHz some chips return all ones. The device id
  * register (DBGMCU_IDCODE) reads 0 without a debugger (erratum), so that the density comes from the size of
@@ -66,7 +66,7 @@ uint32_t board_faults(void) {
     board_health_t health;
     board_sensor_health(&health);
     const bool sensor_bad = (health.railed | health.stuck | health.gyro | health.accel) != BOARD_SENSOR_GOOD;
-    return port_faults | bridge_faults() | (errors > 0u ? BOARD_FAULT_UART_OVERRUN : 0u) |
+    return port_faults | guard_faults() | bridge_faults() | (errors > 0u ? BOARD_FAULT_UART_OVERRUN : 0u) |
            (adc_failed() ? BOARD_FAULT_ADC : 0u) | (sensor_bad ? BOARD_FAULT_SENSOR : 0u) |
            (can_overrun() ? BOARD_FAULT_CAN_OVERRUN : 0u) | (errors << BOARD_FAULT_UART_COUNT_SHIFT) |
            (sampling_late() << BOARD_FAULT_LATE_COUNT_SHIFT);

@@ -22,11 +22,11 @@
 #define OUTPUTS_FLOATING TIM1_CCER_CC1E
 #define MODE_LOW         (TIM1_CCMR1_OC1PE | TIM1_CCMR1_OC1M_LOW)
 
-static bool wired;
-static uint32_t period; /* counts from valley to peak */
-static uint32_t on_max;
-static uint32_t dead_cycles;
-static volatile int32_t wanted_q15;
+BOARD_GUARDED static bool wired;
+BOARD_GUARDED static uint32_t period; /* counts from valley to peak */
+BOARD_GUARDED static uint32_t on_max;
+BOARD_GUARDED static uint32_t dead_cycles;
+BOARD_GUARDED static volatile int32_t wanted_q15; /* written by the loop */
 static volatile bool hall_failed;
 static uint32_t hall_last;
 static volatile uint32_t hall_edges;

@@ -11,7 +11,7 @@
 #define PLL_POLLS        POLLS(1000u, 8u)   /* locks within 200 us */
 #define SWITCH_POLLS     POLLS(100u, 72u)   /* a few cycles of either clock */
 
-static uint32_t mhz;
+BOARD_GUARDED static uint32_t mhz;
 
 bool clock_wait(volatile const uint32_t *address, uint32_t mask, uint32_t value, uint32_t polls) {
     for (; polls > 0u; polls--) {

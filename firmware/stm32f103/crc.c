@@ -12,6 +12,24 @@ static void begin(void) {
     CRC_CR = CRC_CR_RESET;
 }
 
+uint32_t crc_of_words(const uint32_t *from, const uint32_t *end) {
+    begin();
+    if (from != end) { /* 22 cycles for four words, in three lines of flash: the unit takes one word in 4 */
+        __asm volatile(".p2align 3 \n"
+                       "1: ldmia %0!, {r4, r5, r6, r8} \n"
+                       "str r4, [%1] \n"
+                       "str r5, [%1] \n"
+                       "str r6, [%1] \n"
+                       "str r8, [%1] \n"
+                       "cmp %0, %2 \n"
+                       "bne 1b"
+                       : "+r"(from)
+                       : "r"(&CRC_DR), "r"(end)
+                       : "r4", "r5", "r6", "r8", "cc", "memory");
+    }
+    return CRC_DR;
+}
+
 uint32_t digest_crc32(const void *data, size_t bytes) {
     begin();
     const uint8_t *at = data; /* any address: this processor reads words at all of them */

@@ -75,6 +75,12 @@ void imu_poll_ms(void);                      /* from the interrupt of the millis
 void imu_transferred(transfer_t result);     /* an access ended; from its interrupt */
 void imu_health(board_health_t *health);
 
+/* crc.c: the chip's CRC unit over whole words, in fours; for the main loop only. */
+uint32_t crc_of_words(const uint32_t *from, const uint32_t *end);
+
+/* guard.c */
+uint32_t guard_faults(void);
+
 /* faults.c */
 void faults_init(board_identity_t *identity); /* takes over what the last crash left behind */
 uint32_t entropy_at_start(void);              /* a seed, another one at every start */

@@ -12,7 +12,7 @@
 #define CONSTANT_NEUTRAL_HALFUS 2000u /* 1 ms: motor off */
 #define RUNNING                 (TIM4_CR1_ARPE | TIM4_CR1_CEN)
 
-static uint32_t neutral_halfus = CONSTANT_NEUTRAL_HALFUS;
+BOARD_GUARDED static uint32_t neutral_halfus;
 
 static uint32_t bounded(uint32_t value, uint32_t low, uint32_t high) {
     return value < low ? low : value > high ? high : value;

@@ -12,17 +12,18 @@
 #define LATE_MAX        255u
 #define INTERVAL_MAX_US 1000u /* between two scans of the analog inputs */
 
-static board_sensors_t use;
-static uint32_t running_us; /* 0: stopped */
+BOARD_GUARDED static board_sensors_t use;
+BOARD_GUARDED static uint32_t running_us; /* 0: stopped */
 /* Sample n lies in place n % 2: while one is being written, the one before can be read for a whole period. */
 static int16_t samples[2][BOARD_RAW_MAX];
 static volatile uint32_t samples_done, periods_missed;
-static uint32_t samples_taken, missed_taken;
-static uint32_t late;
-static uint32_t triggers = 1u; /* updates of TIM3 per period */
-static uint32_t trigger;       /* updates since the last one that ended a period */
-static uint32_t interval_us;   /* between two updates; `longer` intervals of a period take 1 us more */
-static uint32_t longer, share;
+BOARD_GUARDED static uint32_t samples_taken, missed_taken;
+BOARD_GUARDED static uint32_t late;
+BOARD_GUARDED static uint32_t triggers;    /* updates of TIM3 per period */
+static uint32_t trigger;                   /* updates since the last one that ended a period */
+BOARD_GUARDED static uint32_t interval_us; /* between two updates; `longer` of a period take 1 us more */
+BOARD_GUARDED static uint32_t longer;
+static uint32_t share;
 
 static bool analog(void) {
     return use.kind == BOARD_SENSORS_ANALOG_3 || use.kind == BOARD_SENSORS_ANALOG_6;

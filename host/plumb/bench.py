@@ -4,7 +4,8 @@ The image's own machine code runs, called by symbol (plumb.counter). control_ste
 input with every shipped tuning of quad; the kernels inside it are measured where it calls them, so their rows are what
 a step really spends. The other systems' steps run over the inputs of their golden vectors: no budget was set for them,
 and the row says what they take of the shortest period that the board accepts. The digest of quad's record by the chip's
-CRC unit is compared with zlib's. atan2 and asin run besides over their
+CRC unit is compared with zlib's. The check of the memory that decides a pulse is no part of a step: it runs in every
+turn of the loop outside lockstep, as does the sealing, which takes as long. atan2 and asin run besides over their
 whole range. Numbers are the worst of all inputs: an upper bound per path by plumb.cycles, exact in instructions. Errors
 are against float64 on the same inputs, in degrees, of pid_step as a fraction of full command: of the Arm code's own
 results, but for the filter and the whole chain, which take more steps than an emulator should and run on the native
@@ -46,7 +47,7 @@ MOTION_STEPS = 1500
 ANGLES = 2000
 KALMAN_STEPS = 20_000
 RATE_FRAMES = 20_000
-DIGESTS = 20
+DIGESTS, FLIPS = 20, 10
 ASIN_LIMIT_DEG = 80.0
 """Beyond it the arcsine is so steep that no budget is set for its error."""
 
@@ -73,6 +74,7 @@ BUDGETS = {
     "control_step_turntable": Budget(None, 0, 5e-4, "deg"),
     "control_step_phone": Budget(None, 0, 5e-4, "deg"),
     "digest_crc32": Budget(400, 360, 0.0, "wrong digests"),
+    "board_memory_intact": Budget(2600, 2400, 0.0, "wrong answers"),
 }
 STEP_OF = "control_step_"
 """What the row of another system's step begins with; the system's name follows."""
@@ -236,6 +238,22 @@ def _digest(elf: Image) -> Row:
     return _row(counter, "digest_crc32", wrong)
 
 
+def _memory_check(elf: Image) -> Row:
+    """The check of all memory that decides a pulse; its error is how many answers were wrong: after sealing it is
+    intact, with one bit flipped it is not."""
+    counter, wrong = Counter(elf, ["board_memory_intact"]), 0
+    for area in ("guarded", "guarded_parameters"):
+        start, end = (elf.symbol(f"{area}_{place}").address for place in ("start", "end"))
+        for address in range(start, end, (end - start) // FLIPS):
+            counter.call("board_memory_seal")
+            counter.call("board_parameters_seal")
+            wrong += counter.call("board_memory_intact").result & 0xFF != 1
+            byte = counter.read(address, 1)[0]
+            counter.write(address, bytes((byte ^ 0x10,)))
+            wrong += counter.call("board_memory_intact").result & 0xFF != 0
+    return _row(counter, "board_memory_intact", wrong)
+
+
 def kalman_error_deg(tunings: Sequence[str]) -> float:
     """Largest tilt error of the filter against float64 on hard inputs, both given the same integers."""
     worst = 0.0
@@ -324,6 +342,7 @@ def measure(image: Path | None = None) -> BenchResult:
         if name.startswith(STEP_OF):
             rows[name] = _step_of(elf, name.removeprefix(STEP_OF))
     rows["digest_crc32"] = _digest(elf)
+    rows["board_memory_intact"] = _memory_check(elf)
     sizes = {"flash": elf.flash_bytes, "ram": elf.ram_bytes, "stack": graph.worst_stack_bytes()}
     return BenchResult(rows, sizes, rates())
 

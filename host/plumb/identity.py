@@ -24,7 +24,7 @@ BLOCKED = {
 }
 HOST_BLOCKS = (0, 1, 3, 13)
 """Of these a host is rid by what it does anyway, and of faults it hears one by one."""
-BLOCKING_FAULTS = range(8)
+BLOCKING_FAULTS = (*range(8), 14)
 FAULTS = {
     0: "no conversions",
     1: "control steps were missed",
@@ -39,6 +39,7 @@ FAULTS = {
     10: "the watchdog ended the run before",
     11: "received CAN frames were lost",
     12: "the crystal failed in the run before",
+    14: "memory that decides a pulse was damaged, by radiation or by a fault of the program: reset the board",
 }
 PINS = {0: "standard", 1: "bridge"}
 """Pin set in force: item PINS, parameter pins."""

@@ -9,6 +9,7 @@ typedef struct {
     control_t control;
     params_t params;
     session_t session;
+    session_buffers_t buffers;
     int16_t sensors[CONTROL_RAW_MAX];
     uint32_t faults;
     board_health_t health;
@@ -34,6 +35,9 @@ void link_board_pulses(const link_board_t *b, uint32_t pulse_halfus[2]);
 size_t link_board_parse(const uint8_t *bytes, size_t count, uint8_t *frames, uint32_t *bad);
 uint8_t link_board_crc8(uint16_t id, uint8_t dlc, const uint8_t data[8]);
 
+/* Memory is not checked here. */
+void board_parameters_seal(void) {}
+
 size_t link_board_bytes(void) {
     return sizeof(link_board_t);
 }
@@ -47,7 +51,7 @@ void link_board_init(link_board_t *b, uint32_t seed) {
                                      .ram_kib = 20,
                                      .reset_cause = 0x0CU};
     const store_report_t saved = store_load(&b->params);
-    session_init(&b->session, &b->identity, &b->control, &b->params);
+    session_init(&b->session, &b->buffers, &b->identity, &b->control, &b->params);
     requests_loaded(&b->session, &saved);
 }
 

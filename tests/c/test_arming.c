@@ -19,16 +19,16 @@ static void keep_alives(void) {
     CHECK(arming_keepalive(&a, 7U, NOW + silence_us));
     CHECK(!arming_keepalive(&a, 8U, NOW + silence_us + 1000U)); /* a stranger's */
     arming_poll(&a, 0U, NOW + 2U * silence_us);
-    CHECK(a.armed);
+    CHECK(arming_armed(&a));
     CHECK(!arming_keepalive(&a, 7U, NOW + 2U * silence_us + 1U)); /* comes before the poll, and late */
-    CHECK(!a.armed && a.cause == ARMING_BLOCK_SILENCE);
+    CHECK(!arming_armed(&a) && a.cause == ARMING_BLOCK_SILENCE);
 
     CHECK(arming_arm(&a, 0U, 7U, actuator, NOW));
     arming_poll(&a, GONE, NOW);
     arming_disarm(&a, ARMING_BLOCK_COMMAND);
-    CHECK(!a.armed && a.cause == GONE); /* the first cause stays */
+    CHECK(!arming_armed(&a) && a.cause == GONE); /* the first cause stays */
     arming_poll(&a, 0U, NOW);
-    CHECK(!a.armed); /* latched */
+    CHECK(!arming_armed(&a)); /* latched */
 }
 
 static void hold(void) {
@@ -36,9 +36,9 @@ static void hold(void) {
     arming_init(&a);
     CHECK(arming_arm(&a, 0U, 7U, actuator, NOW));
     arming_poll(&a, 0U, NOW + actuator.hold_us - 1U);
-    CHECK(!a.driving);
+    CHECK(!arming_driving(&a));
     arming_poll(&a, 0U, NOW + actuator.hold_us);
-    CHECK(a.driving);
+    CHECK(arming_driving(&a));
 
     /* 71.6 minutes after arming the difference is small again: no second hold in the middle of a flight. */
     uint32_t now_us = NOW;
@@ -46,10 +46,10 @@ static void hold(void) {
         now_us += 40000U;
         CHECK(arming_keepalive(&a, 7U, now_us));
         arming_poll(&a, 0U, now_us);
-        CHECK(a.driving);
+        CHECK(arming_driving(&a));
     }
     arming_disarm(&a, ARMING_BLOCK_COMMAND);
-    CHECK(!a.driving);
+    CHECK(!arming_driving(&a));
 }
 
 /* Seen open, then closed, each for long enough; returns when. */
@@ -70,27 +70,53 @@ static void handle(void) {
     arming_init(&a);
     uint32_t now_us = close_switch(&a);
     arming_try_switch(&a, GONE, actuator, now_us);
-    CHECK(!a.armed);
+    CHECK(!arming_armed(&a));
     arming_try_switch(&a, ARMING_BLOCKS_HOST, actuator, now_us + ARMING_SWITCH_TRY_US);
-    CHECK(a.armed && a.by_switch); /* what concerns a host alone is not in its way */
+    CHECK(arming_armed(&a) && a.by_switch); /* what concerns a host alone is not in its way */
     CHECK(!arming_switch(&a, false, now_us + ARMING_SWITCH_TRY_US + 1U));
-    CHECK(!a.armed && a.cause == ARMING_BLOCK_SWITCH); /* the first look that finds it open */
+    CHECK(!arming_armed(&a) && a.cause == ARMING_BLOCK_SWITCH); /* the first look that finds it open */
 
     arming_init(&a);
     now_us = close_switch(&a);
     arming_try_switch(&a, GONE, actuator, now_us + ARMING_SWITCH_TRY_US);
     arming_try_switch(&a, 0U, actuator, now_us + ARMING_SWITCH_TRY_US + 1U);
-    CHECK(!a.armed); /* what was in the way went too late */
+    CHECK(!arming_armed(&a)); /* what was in the way went too late */
 
     arming_init(&a);
     now_us = close_switch(&a);
     arming_try_switch(&a, GONE, actuator, now_us);
     CHECK(!arming_switch(&a, false, now_us + 1000U));
     arming_try_switch(&a, 0U, actuator, now_us + 1000U);
-    CHECK(!a.armed); /* let go before it went */
+    CHECK(!arming_armed(&a)); /* let go before it went */
+}
+
+/* No flipped bit arms, and every one disarms. */
+static void flipped_words(void) {
+    for (unsigned bit = 0; bit < 32U; bit++) {
+        arming_t a;
+        arming_init(&a);
+        CHECK(!arming_armed(&a) && !arming_driving(&a));
+        a.armed.word ^= 1U << bit;
+        a.driving.word ^= 1U << bit;
+        CHECK(!arming_armed(&a) && !arming_driving(&a));
+
+        arming_init(&a);
+        CHECK(arming_arm(&a, 0U, 7U, (arming_actuator_t){20000U, 0U}, NOW));
+        arming_poll(&a, 0U, NOW);
+        CHECK(arming_armed(&a) && arming_driving(&a));
+        a.driving.word ^= 1U << bit;
+        CHECK(arming_armed(&a) && !arming_driving(&a));
+        a.driving.word ^= 1U << bit;
+        a.armed.word ^= 1U << bit;
+        CHECK(!arming_armed(&a) && !arming_driving(&a));
+        arming_poll(&a, 0U, NOW);
+        a.armed.word ^= 1U << bit; /* flipped back: the poll in between has ended it */
+        CHECK(!arming_driving(&a));
+    }
 }
 
 int main(void) {
+    flipped_words();
     keep_alives();
     hold();
     handle();

@@ -1,0 +1,41 @@
+/* Check words over the memory that decides a pulse (board.h: BOARD_GUARDED, BOARD_GUARDED_PARAMETERS).
+ *
+ * The remainder that the CRC unit gives finds every flipped bit, every burst of up to 32 bits, and all but
+ * one in 2^32 of the rest. What interrupts write must not lie there: they change it while the loop sleeps. */
+#include "port.h"
+
+extern const uint32_t guarded_start[], guarded_end[];
+extern const uint32_t guarded_parameters_start[], guarded_parameters_end[];
+
+#define RELEASED 0xc3a5961eu /* nothing else switches the check off */
+#define UPSET    0x5be11d37u
+
+static uint32_t state, state_word, parameters_word;
+static uint32_t found; /* 0: no upset since the start */
+
+bool board_memory_intact(void) {
+    const bool intact = state == RELEASED ||
+                        (crc_of_words(guarded_start, guarded_end) == state_word &&
+                         crc_of_words(guarded_parameters_start, guarded_parameters_end) == parameters_word);
+    if (!intact) {
+        found = UPSET;
+    }
+    return intact;
+}
+
+void board_memory_seal(void) {
+    state_word = crc_of_words(guarded_start, guarded_end);
+    state = 0u;
+}
+
+void board_memory_release(void) {
+    state = RELEASED;
+}
+
+void board_parameters_seal(void) {
+    parameters_word = crc_of_words(guarded_parameters_start, guarded_parameters_end);
+}
+
+uint32_t guard_faults(void) {
+    return found != 0u ? BOARD_FAULT_UPSET : 0u;
+}
