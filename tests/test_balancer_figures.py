@@ -185,7 +185,7 @@ def test_every_section_is_in_the_table() -> None:
 @pytest.mark.parametrize("link", ["serial", "can"])
 def test_the_flash_image_stays_up(link: str, capsys: pytest.CaptureFixture[str]) -> None:
     """The ten minutes of docs/balancer.md, the first 25 s of them: commands and pushes, the plant on the host."""
-    pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
+    pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
     command = ["run", "balancer", "--board", "virtual", "--link", link, "--scenario", "endure", "--seconds", "25"]
     assert front.main([*command, "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)

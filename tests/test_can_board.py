@@ -11,7 +11,7 @@ from pathlib import Path
 import can
 import pytest
 
-pytest.importorskip("unicorn", reason="the virtual board needs the extra plumb[virtual]")
+pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual")
 
 from plumb import __main__ as front
 from plumb import parameters

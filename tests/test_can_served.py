@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 import can
 import pytest
 
-pytest.importorskip("unicorn", reason="the virtual board needs the extra plumb[virtual]")
+pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual")
 
 from plumb import __main__ as front
 from plumb import parameters

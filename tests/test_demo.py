@@ -16,8 +16,8 @@ from plumb.f103.image import find_image
 from plumb.session import Session
 from plumb.systems import quad
 
-pytest.importorskip("unicorn", reason="the virtual board needs the extra plumb[virtual]")
-pytest.importorskip("matplotlib", reason="the report needs the extra plumb[report]")
+pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual")
+pytest.importorskip("matplotlib", reason="the report needs the extra report")
 try:
     find_image()
 except UsageError as missing:

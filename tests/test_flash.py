@@ -21,7 +21,7 @@ from plumb.errors import UsageError
 from plumb.f103.image import own_header
 
 pytest.importorskip("pty", reason="the simulated bootloader needs a pseudo-terminal")
-pytest.importorskip("stm32loader", reason="stm32loader is not installed: pip install 'plumb[flash]'")
+pytest.importorskip("stm32loader", reason="stm32loader is not installed: the extra flash")
 
 from bootloader import Bootloader
 from plumb.f103.rom import EXTENDED_ERASE, FLASH, GET, GET_ID, READ, WRITE, Faults
@@ -308,7 +308,7 @@ def test_a_missing_stm32loader_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "stm32loader", None)
     assert main(["flash", "--port", "/dev/no-such-port", "--image", str(small)]) == 2
-    assert "pip install 'plumb[flash]'" in sentence(capsys)
+    assert "pip install -e '.[flash]'" in sentence(capsys)
 
 
 def test_wrong_baud_and_missing_port(small: Path, capsys: pytest.CaptureFixture[str]) -> None:

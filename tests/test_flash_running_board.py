@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
+pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 pytest.importorskip("pty", reason="the served board needs a pseudo-terminal")
-pytest.importorskip("stm32loader", reason="stm32loader is not installed: pip install 'plumb[flash]'")
+pytest.importorskip("stm32loader", reason="stm32loader is not installed: the extra flash")
 
 from pins import at_rest
 from plumb import parameters, romloader

@@ -8,7 +8,7 @@ from itertools import count
 
 import pytest
 
-pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
+pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 
 from balancer_bench import Balancer
 from pins import at_rest

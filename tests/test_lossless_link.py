@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-pytest.importorskip("unicorn", reason="the virtual board needs the extra plumb[virtual]")
+pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual")
 
 from pins import at_rest
 from plumb.boards.virtual import VirtualBoard

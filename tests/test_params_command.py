@@ -253,7 +253,7 @@ def test_every_verb_over_either_link(
     link: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """On the flash image of a board that stays the same one, and is switched off in between."""
-    pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
+    pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
     from plumb.f103 import open_machine
     from plumb.f103.canbus import MachineBus
 

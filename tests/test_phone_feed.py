@@ -277,7 +277,7 @@ def test_what_was_done_before_a_board_failed_is_reported(
     sending: Sending,
 ) -> None:
     """On a terminal, where the line of angles must end before anything else is said."""
-    pytest.importorskip("matplotlib", reason="the report needs the extra plumb[report]")
+    pytest.importorskip("matplotlib", reason="the report needs the extra report")
     out = tmp_path / "report"
     sending(sensagram(run_of())[:900])
     monkeypatch.setattr(boards, "open_board", lambda *_, **__: Wrong(native, dies=dies))
@@ -546,7 +546,7 @@ def test_without_matplotlib_a_report_is_refused_before_anything_is_heard(
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert front.main(["phone", "--board", "native", "--out", str(tmp_path)]) == 2
-    assert "plumb[report]" in capsys.readouterr().err
+    assert "'.[report]'" in capsys.readouterr().err
 
 
 def test_a_file_that_makes_no_step_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

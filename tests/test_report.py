@@ -41,7 +41,7 @@ def test_a_stretch_without_values_is_a_gap_not_an_error() -> None:
 
 @pytest.fixture(scope="module")
 def page() -> str:
-    pytest.importorskip("matplotlib", reason="the report needs the extra plumb[report]")
+    pytest.importorskip("matplotlib", reason="the report needs the extra report")
     plot = report.Plot("true <tilt>", "deg", TIME_S, [report.Line("tilt", np.sin(TIME_S), "#000000")])
     table = report.Table("Errors", ["who", "rms"], [["a & b", "1"], ["c", "2"]], bad_rows=frozenset({1}))
     return report.page("A run", "pass", "All is well.", [plot, table])

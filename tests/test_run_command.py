@@ -77,7 +77,7 @@ def test_the_loop_is_open_only_on_request(capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_a_run_writes_page_summary_and_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("matplotlib", reason="the report needs the extra plumb[report]")
+    pytest.importorskip("matplotlib", reason="the report needs the extra report")
     _, said = run(capsys, "run", "quad", "--board", "native", "--seconds", "20", "--out", str(tmp_path / "out"))
     assert json.loads((tmp_path / "out/summary.json").read_text()) == said
     assert "<svg" in (tmp_path / "out/report.html").read_text()

@@ -19,7 +19,7 @@ from plumb.f103.image import find_image
 from plumb.quantise import quantise
 from plumb.session import Session
 
-pytest.importorskip("unicorn", reason="the virtual board needs the extra plumb[virtual]")
+pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual")
 from plumb import live
 from plumb.f103 import Machine, open_machine
 

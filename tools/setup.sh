@@ -70,6 +70,8 @@ if ! wanted | cmp -s - "$stamp"; then
     [ -x .venv/bin/python ] || "$python" -m venv .venv
     echo "plumb: installing Python packages into .venv"
     .venv/bin/python -m pip install -q --disable-pip-version-check --upgrade pip
+    # The distribution was called plumb before it was plumb-imu; both at once would register everything twice.
+    .venv/bin/python -m pip uninstall -q -y plumb 2>/dev/null || true
     .venv/bin/python -m pip install -q --disable-pip-version-check -e ".[$extras]"
     wanted >"$stamp"
 fi

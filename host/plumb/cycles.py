@@ -35,6 +35,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from plumb.errors import UsageError
+from plumb.extras import install_hint
 
 FLASH_LINE_BYTES = 8
 FLASH_READ_CYCLES_2WS = 3
@@ -87,8 +88,7 @@ def require(module: str) -> Any:
         return __import__(module, fromlist=["_"])
     except ImportError:
         package = module.split(".")[0]
-        raise UsageError(f"counting cycles needs the Python package {package}: install it with pip install "
-                         "'plumb[bench]'.") from None  # fmt: skip
+        raise UsageError(f"counting cycles needs the package {package}; install it {install_hint('bench')}") from None
 
 
 class Decoder:

@@ -43,7 +43,7 @@ def core_path() -> Path:
     for path in (package / LIBRARY, package.parents[1] / "build" / "native" / LIBRARY):
         if path.is_file():
             return path
-    raise UsageError(f"the native core is not built: run '{BUILD}' in the checkout, or pip install the package")
+    raise UsageError(f"the native core is not built: run '{BUILD}' in the checkout, or 'pip install .' there")
 
 
 @lru_cache(maxsize=1)

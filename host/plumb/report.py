@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.errors import UsageError
+from plumb.extras import install_hint
 
 POINTS_MAX = 2000
 """A plotted line keeps at most this many points: the extremes of each stretch, so that no spike is lost."""
@@ -84,7 +85,7 @@ def drawing() -> ModuleType:
     try:
         import matplotlib
     except ImportError:
-        raise UsageError("the report page needs matplotlib; install it with: pip install 'plumb[report]'") from None
+        raise UsageError(f"the report page needs matplotlib; install it {install_hint('report')}") from None
     matplotlib.use("svg")
     return matplotlib
 

@@ -21,6 +21,7 @@ from types import ModuleType
 from typing import Any, TypeVar
 
 from plumb.errors import LinkError, UsageError
+from plumb.extras import install_hint
 from plumb.f103.image import FLASH_BASE
 from plumb.f103.rom import RomBootloader
 from plumb.identity import NackError
@@ -67,7 +68,7 @@ def import_stm32loader() -> ModuleType:
     try:
         from stm32loader import bootloader
     except ImportError:
-        raise UsageError("stm32loader is not installed; install it with pip install 'plumb[flash]'") from None
+        raise UsageError(f"stm32loader is not installed; install it {install_hint('flash')}") from None
     module: ModuleType = bootloader
     return module
 

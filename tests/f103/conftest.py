@@ -22,7 +22,7 @@ RESULTS_OFFSET = 0
 @pytest.fixture(scope="session")
 def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     """Name of a program here -> its ELF file, with .bin and .hex beside it; compiled once."""
-    pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
+    pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
     if shutil.which(COMPILER) is None:
         pytest.skip(f"{COMPILER} is not installed")
     folder = tmp_path_factory.mktemp("f103")

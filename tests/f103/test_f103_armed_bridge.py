@@ -8,7 +8,7 @@ import random
 import numpy as np
 import pytest
 
-pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
+pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 from balancer_bench import BOOT_US, Balancer
 from plumb.errors import LinkError
 from plumb.f103.timeline import TICKS_PER_US

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import pytest
 
-pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
+pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 from conftest import Board
 from plumb.f103.tim1 import HIGH_PINS, LOW_PINS, MOE, Edge
 from plumb.f103.timeline import TICKS_PER_US

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from plumb.endings import Terminated, raise_at_once, raised
+from plumb.extras import install_hint
 
 FAULT_HARD, FAULT_BUS, FAULT_USAGE = 3, 5, 6
 RESET_POWER, RESET_SOFTWARE, RESET_WATCHDOG, RESET_PIN = 1 << 27, 1 << 28, 1 << 29, 1 << 26
@@ -295,4 +296,4 @@ def test_without_unicorn_the_extra_is_named():
     )
     host = str(Path(__file__).parents[2] / "host")
     said = subprocess.run([sys.executable, "-c", program, host], capture_output=True, text=True, check=True)
-    assert said.stdout == "the virtual board needs unicorn; install the extra plumb[virtual]\n"
+    assert said.stdout == f"the virtual board needs unicorn; install it {install_hint('virtual')}\n"

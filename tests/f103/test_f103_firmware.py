@@ -7,7 +7,7 @@ import hashlib
 import numpy as np
 import pytest
 
-pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
+pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 from plumb.errors import UsageError
 from plumb.f103 import Machine, find_image
 from plumb.lockstep import Lockstep

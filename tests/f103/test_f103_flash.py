@@ -6,7 +6,7 @@ import struct
 
 import pytest
 
-pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
+pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 SLOTS = 0xF000
 KEYR, SR, CR, AR = 0x04, 0x0C, 0x10, 0x14
 HALF_WORD, WORD = 0x200, 0x300

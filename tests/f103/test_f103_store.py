@@ -9,7 +9,7 @@ import struct
 
 import pytest
 
-pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
+pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 from plumb import parameters
 from plumb.elf import Elf
 from plumb.errors import LinkError, UsageError

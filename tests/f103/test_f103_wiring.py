@@ -9,7 +9,7 @@ from types import ModuleType
 
 import pytest
 
-pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
+pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 from plumb.errors import UsageError
 from plumb.f103 import Machine, find_image
 from plumb.parameters import table

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-pytest.importorskip("unicorn", reason="the virtual board needs unicorn (plumb[virtual])")
+pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 from conftest import Board
 
 CR, CFR, SR = 0x40002C00, 0x40002C04, 0x40002C08

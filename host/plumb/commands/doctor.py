@@ -17,6 +17,8 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from plumb.extras import install_hint
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -58,10 +60,10 @@ def libraries() -> Iterator[Finding]:
         ("python-can", True, "pip install python-can"),
         ("pyserial", True, "pip install pyserial"),
         ("cantools", True, "pip install cantools"),
-        ("unicorn", True, "pip install 'plumb[virtual]' for the virtual board"),
-        ("matplotlib", True, "pip install 'plumb[report]' for the report page"),
-        ("capstone", False, "pip install 'plumb[bench]' for plumb bench"),
-        ("stm32loader", False, "pip install 'plumb[flash]' for plumb flash"),
+        ("unicorn", True, f"for the virtual board, {install_hint('virtual')}"),
+        ("matplotlib", True, f"for the report page, {install_hint('report')}"),
+        ("capstone", False, f"for plumb bench, {install_hint('bench')}"),
+        ("stm32loader", False, f"for plumb flash, {install_hint('flash')}"),
     ):
         try:
             yield Finding(name, True, needed, metadata.version(name))

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from plumb.endings import ending_of
 from plumb.errors import UsageError
+from plumb.extras import install_hint
 from plumb.f103 import scb as core
 from plumb.f103.bus import Bus, SimulationError
 from plumb.f103.crc import DR_OFFSET, Crc
@@ -61,7 +62,7 @@ try:
     )
     from unicorn.unicorn_py3.unicorn import uclib
 except ImportError as error:
-    raise UsageError("the virtual board needs unicorn; install the extra plumb[virtual]") from error
+    raise UsageError(f"the virtual board needs unicorn; install it {install_hint('virtual')}") from error
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
@@ -434,6 +435,6 @@ def _find_counter(uc: Uc) -> tuple[ctypes.c_size_t, ctypes.c_size_t]:
         candidates = found if candidates is None else candidates & found
     uc.mem_unmap(0x60000000, 0x1000)
     if not candidates or len(candidates) != 1:
-        raise UsageError("this version of unicorn is not one the virtual board knows; install plumb[virtual] again")
+        raise UsageError(f"plumb does not know this version of unicorn; install another {install_hint('virtual')}")
     offset = handle + 8 * candidates.pop()
     return ctypes.c_size_t.from_address(offset), ctypes.c_size_t.from_address(offset + 8)
