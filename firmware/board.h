@@ -29,6 +29,8 @@
     0x0800u                         /* received CAN frames were lost: the loop did not fetch them in time */
 #define BOARD_FAULT_UPSET   0x4000u /* memory that decides a pulse was damaged: until the next start */
 #define BOARD_FAULT_CRYSTAL 0x1000u /* the crystal failed in the run before: internal oscillator since */
+#define BOARD_FAULT_STRAP                                                                                    \
+    0x8000u /* blocks: the strap and the saved pin set disagree, no actuator is driven */
 /* Two counters that stop at 255: bits 16 to 23 UART errors, bits 24 to 31 late periods. */
 #define BOARD_FAULT_UART_COUNT_SHIFT 16u
 #define BOARD_FAULT_LATE_COUNT_SHIFT 24u
@@ -43,16 +45,20 @@ typedef struct {
     uint32_t reset_cause;     /* RCC_CSR 31..24: low power, window watchdog, watchdog, software, power, pin */
     uint32_t crash_pc;        /* with BOARD_FAULT_HARD: the instruction */
     uint32_t crash_exception; /* with BOARD_FAULT_HARD: 3 HardFault, 0 stack at its guard; with CRYSTAL: 2 */
-    uint32_t pins;            /* the pin set in force, BOARD_PINS_ */
+    uint32_t pins;            /* the pin set that the strap chose, BOARD_PINS_ */
     uint32_t seed;            /* for random numbers: another one at every start */
 } board_identity_t;
 
-#define BOARD_PINS_STANDARD 0u /* two speed controllers; USART1 on PA9, PA10 */
-#define BOARD_PINS_BRIDGE   1u /* three-phase bridge and Hall sensors; USART1 on PB6, PB7 */
+/* Pin sets. The strap chooses one: PB4 and PB5 open or at ground. Actuators are driven when the saved
+ * parameter agrees with it. */
+#define BOARD_PINS_STANDARD  0u /* both open: two speed controllers; USART1 on PA9, PA10 */
+#define BOARD_PINS_BRIDGE    1u /* PB5 at ground: three-phase bridge, Hall sensors; USART1 on PB6, PB7 */
+#define BOARD_PINS_QUADROTOR 2u /* PB4 at ground: not supported, drives nothing; USART1 on PA9, PA10 */
+#define BOARD_PINS_UNKNOWN   3u /* both at ground, or not steady: drives nothing, no USART1 */
 
 /* What is decided once, at start. */
 typedef struct {
-    uint32_t pins;         /* BOARD_PINS_ */
+    uint32_t pins;         /* BOARD_PINS_ that the parameters are for */
     uint32_t dead_time_ns; /* of the bridge, 200 to 3500: rounded up */
 } board_setup_t;
 

@@ -12,6 +12,7 @@ from plumb.f103 import Machine, find_image
 from plumb.f103.adxl345 import Adxl345
 from plumb.f103.canbus import MachineBus
 from plumb.f103.itg3205 import Itg3205
+from plumb.f103.strap import set_strap
 from plumb.f103.timeline import TICKS_PER_US
 from plumb.motor import FORWARD
 from plumb.quantise import quantise
@@ -37,6 +38,7 @@ class Balancer:
             session.upload(list(words.values()), period_us=system.PERIOD_US, pins=1, arm_hold_ms=0)
             session.execute("SAVE")
         machine.power_cut()
+        set_strap(machine, "bridge")
         machine.drive("PB12", True)
         machine.set_hall(FORWARD[0])
         leaning = world((0.3, 0.0, 0.95), 0.01, 1)

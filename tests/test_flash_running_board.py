@@ -24,6 +24,7 @@ from plumb.errors import LinkError, UsageError
 from plumb.f103 import find_image, open_machine
 from plumb.f103.machine import Machine
 from plumb.f103.serve import run_paced
+from plumb.f103.strap import set_strap
 from plumb.line import PtyLine
 from plumb.session import Session
 
@@ -144,6 +145,7 @@ def test_pins_that_are_no_uart_need_the_jumper(other: Path, capsys: pytest.Captu
     """With the bridge's pins the UART is elsewhere, and the bootloader would drive the bridge: the board says no."""
     machine = open_machine()
     save(machine, pins=1)
+    set_strap(machine, "bridge")
     machine.reset()
     machine.advance_us(30_000)
     with Session.open(machine.uart) as session, pytest.raises(LinkError, match="cannot do that"):

@@ -16,6 +16,7 @@ from plumb import __main__ as front
 from plumb import systems, tablefile
 from plumb.errors import UsageError
 from plumb.f103.image import find_image
+from plumb.identity import FAULT_STRAP
 from plumb.quantise import quantise
 from plumb.session import Session
 
@@ -67,6 +68,7 @@ def test_what_is_saved_outlives_the_process(tmp_path: Path, capsys: pytest.Captu
     """Killed the hard way after the save was answered and written down, as a board that loses its supply."""
     kept, port = tmp_path / "board.flash", tmp_path / "port"
     command = [sys.executable, "-m", "plumb", "virtual-board", "--symlink", str(port), "--keep", str(kept)]
+    command += ["--strap", "bridge"]
 
     def asked(*arguments: str) -> str:
         front.main([*arguments, "--board", f"serial:{port}"])
@@ -102,7 +104,7 @@ def test_the_plant_is_on_the_pins_before_the_power_comes_on() -> None:
     with VirtualBoard() as board:
         live.become(board, quantise(balancer.TUNED), period_us=balancer.PERIOD_US, **balancer.LINK)
         slots = bytes(board.machine.cpu.flash[PARAMETER_SLOTS - FLASH_BASE :])
-    machine = open_machine(slots=slots, couple=live.coupler("balancer", balancer.scenario("rough", 1)))
+    machine = open_machine(slots=slots, strap="bridge", couple=live.coupler("balancer", balancer.scenario("rough", 1)))
     with Session.open(machine.uart) as session:
         identity = session.connect()
         assert (identity["PINS"], identity["FAULTS"]) == (1, 0)
@@ -156,11 +158,12 @@ def test_the_served_one_is_that_system() -> None:
 def test_kept_parameters_are_nobodys_to_replace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A board whose file holds a set comes up with that one, whatever system its plant is of."""
     kept = tmp_path / "board.flash"
-    pins = []
+    told = []
 
     def look(machine: Machine, where: str, **ends: Any) -> int:
         with Session.open(machine.uart) as session:
-            pins.append(session.connect()["PINS"])
+            identity = session.connect()
+            told.append((session.read_parameters()[0], identity["PINS"], identity["FAULTS"] >> FAULT_STRAP & 1))
             if not kept.exists():
                 session.upload(quantise(systems.load("quad").TUNINGS["adaptive"]).words(), period_us=20_000)
                 session.execute_idle("SAVE")
@@ -173,4 +176,7 @@ def test_kept_parameters_are_nobodys_to_replace(tmp_path: Path, monkeypatch: pyt
     assert front.main([*command, "--system", "balancer"]) == 0
     kept.unlink()
     assert front.main([*command, "--system", "balancer"]) == 0
-    assert pins == [0, 0, 1]
+    assert front.main([*command, "--strap", "bridge"]) == 0
+    quad, balancer = 0, 1
+    assert told == [(quad, 0, 0), (quad, 1, 1), (balancer, 1, 0), (quad, 1, 0)]
+    assert front.main([*command, "--strap", "PB5"]) == 2

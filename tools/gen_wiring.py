@@ -75,10 +75,22 @@ CAN = Device(
 )
 SPEED_CONTROLLERS = Device(
     "two speed controllers",
-    (Wire("signal 0", "PB6", OUTPUT), Wire("signal 1", "PB7", OUTPUT), Wire("GND of both", "GND")),
+    (
+        Wire("signal 0", "PB6", OUTPUT, "10 kΩ to GND"),
+        Wire("signal 1", "PB7", OUTPUT, "10 kΩ to GND"),
+        Wire("GND of both", "GND"),
+    ),
     13.4,
 )
+STRAP_TIES = {"standard": {"PB4": "open", "PB5": "open"}, "bridge": {"PB4": "open", "PB5": "to GND"}}
+"""The strap by pin set: read once at the start, it alone decides where UART and actuators are."""
+STRAP_NOTE = "The strap chooses the pin set at the start. Nothing on PB4 and PB5: standard."
 COMMON = "Power: 5 V from USB or from the adapter, never both. Every GND is the same wire."
+CAN_POWER = (
+    "With CAN: power by the pin 5V, or by a USB cable without data wires. PA11 and PA12 are the data lines of the USB",
+    "socket, and a charger shorts the two.",
+)
+PULL_DOWNS = "10 kΩ to GND at every signal: from power-on until the pins are set up nothing else keeps it low."
 SWITCH_NOTE = "The arm switch is the dead man's handle: closed it arms without any host, open it lets go at once."
 
 BRIDGE = (
@@ -105,6 +117,7 @@ BRIDGE = (
         ),
         8.6,
     ),
+    Device("strap: pin set bridge", (Wire("jumper", "PB5", INPUT), Wire("", "GND")), 12),
     Device(
         "USB-serial adapter, 3.3 V",
         (
@@ -120,9 +133,10 @@ HALL_C = Device("Hall sensors of the motor", (Wire("C", "PB10", INPUT, "4.7 kΩ 
 BRIDGE_NOTES = (
     "10 kΩ to GND at every gate input are a must: until the pins are set up, they alone keep the bridge off.",
     "/FAULT low, or its wire off, switches off without any software. A driver without one: tie PB12 to 3V3.",
-    "First the pin set, before the bridge is wired: plumb params tuning balancer --save on PA9, PA10; power off.",
-    "The 1 kΩ keeps two outputs from fighting on PB7 should the board ever start with the standard set.",
+    "The strap comes first: with PB5 at GND the UART is on PB6, PB7, and no gate is driven before the parameter pins",
+    "agrees (plumb params tuning balancer --save, reset). Without the strap PB7 is an output: the 1 kΩ protects it.",
 )
+BRIDGE_CAN = ("CAN as in quad.svg.", *CAN_POWER)
 
 
 def i2c(title: str, owner: str, supplies: tuple[Wire, Wire]) -> Device:
@@ -158,7 +172,10 @@ DRAWINGS = (
         ),
         notes=(
             COMMON,
-            "Speed controllers have a battery of their own: leave the red wire of their plug open.",
+            *CAN_POWER,
+            STRAP_NOTE,
+            PULL_DOWNS,
+            "Speed controllers, one-way PWM, have a battery of their own: leave the red wire of their plug open.",
             "Propellers off until the rest works.",
             SWITCH_NOTE,
         ),
@@ -176,7 +193,7 @@ DRAWINGS = (
             ),
         ),
         right=(HALL_C, SWITCH),
-        notes=(*BRIDGE_NOTES, "CAN as in quad.svg.", SWITCH_NOTE),
+        notes=(*BRIDGE_NOTES, *BRIDGE_CAN, SWITCH_NOTE),
     ),
     Drawing(
         "balancer_spi",
@@ -201,7 +218,7 @@ DRAWINGS = (
         notes=(
             *BRIDGE_NOTES,
             "The board has to be told where the accelerometer is: plumb params set accel_bus=1 --save.",
-            "CAN as in quad.svg.",
+            *BRIDGE_CAN,
             SWITCH_NOTE,
         ),
     ),
@@ -234,6 +251,8 @@ DRAWINGS = (
         ),
         notes=(
             COMMON,
+            *CAN_POWER,
+            STRAP_NOTE,
             "Outputs above 3.3 V need a divider; sources of up to 50 kΩ are fine. This system moves nothing.",
         ),
     ),
@@ -242,7 +261,12 @@ DRAWINGS = (
         "phone: samples come over the link, nothing is wired but that",
         "standard",
         left=(ADAPTER, CAN),
-        notes=(COMMON, "The phone talks to the host by UDP, the host to the board. This system moves nothing."),
+        notes=(
+            COMMON,
+            *CAN_POWER,
+            STRAP_NOTE,
+            "The phone talks to the host by UDP, the host to the board. This system moves nothing.",
+        ),
     ),
 )
 
@@ -264,6 +288,7 @@ def line(points: list[tuple[float, float]], colour: str) -> str:
 
 def blue_pill(drawing: Drawing) -> list[str]:
     used = {wire.pin: wire.role for wire in drawing.wires()}
+    ties = STRAP_TIES[drawing.pins]
     height = PITCH * len(LEFT)
     middle, centred = BOARD_X + BOARD_WIDTH / 2, ' text-anchor="middle"'
     parts = [
@@ -285,6 +310,8 @@ def blue_pill(drawing: Drawing) -> list[str]:
             y = TOP + PITCH * (row + 0.5)
             parts.append(f'<circle cx="{edge}" cy="{y:g}" r="4" fill="{colour if role else PAPER}" stroke="{colour}"/>')
             parts.append(text(x, y + 4, pin, colour, 12, f' text-anchor="{anchor}"{weight}'))
+            if pin in ties and anchor == "start":
+                parts.append(text(x + 32, y + 4, f"strap: {ties[pin]}", COLOURS[INPUT], 11))
     return parts
 
 

@@ -45,6 +45,9 @@ static bool samples_stale(const session_t *s) {
 
 /* Whether what the system drives is on the pins that the board started with. */
 static bool moves_something(const session_t *s) {
+    if ((s->faults & BOARD_FAULT_STRAP) != 0) {
+        return false;
+    }
     switch (s->params->control.system) {
     case CONTROL_QUAD:
         return s->board->pins == BOARD_PINS_STANDARD;

@@ -34,23 +34,28 @@ static void check_image(void) {
 }
 
 void board_init(const board_setup_t *setup) {
-    identity.pins = setup->pins;
     identify();
     faults_init(&identity);
     clock_init();
     time_init();
     pins_clocks();
-    pwm_init(setup->pins);
-    if (setup->pins == BOARD_PINS_BRIDGE) {
+    identity.pins = strap_read();
+    const bool agreed = setup->pins == identity.pins && identity.pins <= BOARD_PINS_BRIDGE;
+    const uint32_t driven = agreed ? identity.pins : BOARD_PINS_UNKNOWN;
+    if (!agreed) {
+        port_faults |= BOARD_FAULT_STRAP;
+    }
+    pwm_init(driven);
+    if (driven == BOARD_PINS_BRIDGE) {
         bridge_init(setup->dead_time_ns);
     }
-    pins_init(setup->pins); /* after the timers run at neutral: the outputs show nothing else */
+    pins_init(identity.pins, agreed); /* after the timers run at neutral: the outputs show nothing else */
     watchdog_init();
     identity.seed = entropy_at_start();
     check_image();
     uart_init();
     can_init();
-    if (setup->pins == BOARD_PINS_BRIDGE) {
+    if (driven == BOARD_PINS_BRIDGE) {
         bridge_start();
     }
     i2c_init();

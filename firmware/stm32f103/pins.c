@@ -27,31 +27,35 @@ void pins_clocks(void) {
 #define PULSE  PIN_ALTERNATE_2MHZ
 #define DRAIN  PIN_ALTERNATE_DRAIN
 
-void pins_init(uint32_t pins) {
+void pins_init(uint32_t pins, bool actuators) {
     const bool bridge = pins == BOARD_PINS_BRIDGE;
-    /* The one write of MAPR, whole. I2C1 stays away from PB6 and PB7 even while it is not used: a remapped
-     * USART1 does not come out of them otherwise. */
+    const bool uart =
+        pins != BOARD_PINS_UNKNOWN; /* else its pins may be somebody's gates, or a controller's */
+    const uint32_t tx = uart ? SIGNAL : FREE, rx = uart ? INPUT : FREE;
+    const uint32_t gate = actuators ? SIGNAL : FREE, pulse = actuators ? PULSE : FREE;
+    /* MAPR whole: reading it gives garbage in SWJ_CFG. I2C1 stays away from PB6 and PB7 even while it is not
+     * used: a remapped USART1 does not come out of them otherwise. */
     AFIO_MAPR = AFIO_MAPR_SWJ_CFG_SWD | AFIO_MAPR_I2C1_REMAP |
                 (bridge ? AFIO_MAPR_USART1_REMAP | AFIO_MAPR_TIM2_REMAP_FULL : 0u);
-    /* Levels and pulls first. PA4: the chip is not selected. PA10, PB7, PA11: an open line is idle. The Hall
-     * sensors have open collectors, and a break input whose wire is off breaks. */
+    /* Levels and pulls first. PA4: the chip is not selected. PA10, PB7, PA11: an open line is idle. PB4, PB5:
+     * the strap. The Hall sensors have open collectors, and a break input whose wire is off breaks. */
     GPIOA_BSRR = UP(4) | UP(6) | UP(10) | UP(11) | UP(15);
-    GPIOB_BSRR = UP(3) | UP(7) | UP(10) | DOWN(12);
+    GPIOB_BSRR = UP(3) | UP(4) | UP(5) | UP(7) | UP(10) | DOWN(12);
     GPIOC_BSRR = UP(ARM_SWITCH);
     /* SPI1 MOSI, MISO, SCK, select; ADC1 inputs 3 to 0. */
     GPIOA_CRL = MODES(SIGNAL, INPUT, SIGNAL, OUTPUT, ANALOG, ANALOG, ANALOG, ANALOG);
     if (bridge) {
         /* Hall A; SWD; CAN TX, RX; TIM1 high sides C, B, A. */
-        GPIOA_CRH = MODES(INPUT, FREE, FREE, SIGNAL, INPUT, SIGNAL, SIGNAL, SIGNAL);
-        /* USART1 RX, TX; Hall B; ADC1 inputs 9, 8. */
-        GPIOB_CRL = MODES(INPUT, SIGNAL, FREE, FREE, INPUT, FREE, ANALOG, ANALOG);
+        GPIOA_CRH = MODES(INPUT, FREE, FREE, SIGNAL, INPUT, gate, gate, gate);
+        /* USART1 RX, TX; strap; Hall B; ADC1 inputs 9, 8. */
+        GPIOB_CRL = MODES(rx, tx, INPUT, INPUT, INPUT, FREE, ANALOG, ANALOG);
         /* TIM1 low sides C, B, A, break; Hall C; I2C1 SDA, SCL. */
-        GPIOB_CRH = MODES(SIGNAL, SIGNAL, SIGNAL, INPUT, FREE, INPUT, DRAIN, DRAIN);
+        GPIOB_CRH = MODES(gate, gate, gate, INPUT, FREE, INPUT, DRAIN, DRAIN);
     } else {
         /* SWD; CAN TX, RX; USART1 RX, TX. */
-        GPIOA_CRH = MODES(FREE, FREE, FREE, SIGNAL, INPUT, INPUT, SIGNAL, FREE);
-        /* TIM4 channels 2 and 1, the speed controllers; ADC1 inputs 9, 8. */
-        GPIOB_CRL = MODES(PULSE, PULSE, FREE, FREE, FREE, FREE, ANALOG, ANALOG);
+        GPIOA_CRH = MODES(FREE, FREE, FREE, SIGNAL, INPUT, rx, tx, FREE);
+        /* TIM4 channels 2 and 1, the speed controllers; strap; ADC1 inputs 9, 8. */
+        GPIOB_CRL = MODES(pulse, pulse, INPUT, INPUT, FREE, FREE, ANALOG, ANALOG);
         /* I2C1 SDA, SCL. */
         GPIOB_CRH = MODES(FREE, FREE, FREE, FREE, FREE, FREE, DRAIN, DRAIN);
     }

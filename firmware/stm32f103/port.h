@@ -21,7 +21,9 @@ uint32_t clock_mhz(void);
 bool clock_wait(volatile const uint32_t *address, uint32_t mask, uint32_t value, uint32_t polls);
 
 void pins_clocks(void);
-void pins_init(uint32_t pins);
+uint32_t strap_read(void); /* BOARD_PINS_; after clock_init() and pins_clocks(), before pins_init() */
+/* The pins of a set. actuators: whether those of the speed controllers, or of the bridge, are driven. */
+void pins_init(uint32_t pins, bool actuators);
 /* control: the CRL or CRH that holds the pin's four mode bits. */
 void pins_set_mode(volatile uint32_t *control, uint32_t pin, uint32_t mode);
 void time_init(void);

@@ -18,13 +18,14 @@ BLOCKED = {
     6: "the host disarmed",
     7: "no injected samples come",
     8: "the arm switch was opened",
-    9: "this system has nothing to move on these pins: set the parameter pins, save and reset",
+    9: "this system has nothing to move on these pins: wire the strap for it, set the parameter pins, save and reset",
     10: "the arm switch is closed: it holds the board armed, or has to be opened first",
     13: "another link began the run, and alone may arm",
 }
 HOST_BLOCKS = (0, 1, 3, 13)
 """Of these a host is rid by what it does anyway, and of faults it hears one by one."""
-BLOCKING_FAULTS = (*range(8), 14)
+FAULT_STRAP = 15
+BLOCKING_FAULTS = (*range(8), 14, FAULT_STRAP)
 FAULTS = {
     0: "no conversions",
     1: "control steps were missed",
@@ -40,9 +41,16 @@ FAULTS = {
     11: "received CAN frames were lost",
     12: "the crystal failed in the run before",
     14: "memory that decides a pulse was damaged, by radiation or by a fault of the program: reset the board",
+    15: "the strap and the saved parameter pins disagree: no actuator pin is driven; rewire the strap, or set pins and "
+    "save, then reset",
 }
-PINS = {0: "standard", 1: "bridge"}
-"""Pin set in force: item PINS, parameter pins."""
+PINS = {
+    0: "standard",
+    1: "bridge",
+    2: "quadrotor (PB4 at ground), which this image does not support: no actuator pin is driven",
+    3: "none: PB4 and PB5 are both at ground, or not steady; no actuator pin is driven",
+}
+"""Pin set that the strap chose at the start: item PINS. The parameter pins has the first two."""
 SOURCES = {
     0: "factory defaults",
     1: "saved in flash",

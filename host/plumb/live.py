@@ -23,6 +23,8 @@ from plumb.capture import Capture
 from plumb.errors import LinkError
 from plumb.f103 import START_US
 from plumb.f103.machine import Machine
+from plumb.f103.strap import BY_PIN_SET, set_strap
+from plumb.identity import FAULT_STRAP
 from plumb.quantise import ControlParams, quantise
 from plumb.session import REPLY_TIMEOUT_S, Session
 from plumb.trial import Flight, Scenario, Trial, columns, judge
@@ -44,11 +46,13 @@ def coupler(system: str, scenario: Scenario) -> Callable[[Machine], None]:
 
 
 def become(board: VirtualBoard, params: ControlParams, **link: int) -> Session:
-    """Make the board this system; link: words of the link's part of the parameters. Pins are read at the start alone,
-    so that for others it is started again, with what it then has saved."""
+    """Make the board this system; link: words of the link's part of the parameters. Strap and pins are read at the
+    start alone, so that for others it is rewired and started again, with what it then has saved."""
     session = board.session
-    session.upload(params.words(), **link)
-    if session.require_match()["PINS"] != link.get("pins", 0):
+    pins = link.get("pins", 0)
+    session.upload(params.words(), **{**link, "pins": pins})
+    if session.require_match()["PINS"] != pins or session.require_match()["FAULTS"] >> FAULT_STRAP & 1:
+        set_strap(board.machine, BY_PIN_SET[pins])
         session.execute_idle("SAVE")
         session = board.restart()
     return session
@@ -64,13 +68,14 @@ def show(board: VirtualBoard, name: str, scenario: str | None, seed: int) -> Non
     board.machine.advance_us(FOUND_US)
 
 
-def comes_up_as(machine: Machine, name: str) -> None:
+def comes_up_as(machine: Machine, name: str, strap: str | None = None) -> None:
     """Make a machine that was just started a system for its own sensors, as `plumb params tuning SYSTEM --save` and a
-    reset do: tuning, period and pin set come out of its flash from then on."""
+    reset do, with its strap wired for the system: tuning, period and pin set come out of its flash from then on."""
     system, live = systems.load(name), systems.load(name, "live")
     with Session.open(machine.uart) as session:
         session.upload(quantise(system.TUNINGS[live.TUNING]).words(), period_us=system.PERIOD_US, **system.LINK)
         session.execute_idle("SAVE")
+    set_strap(machine, strap or BY_PIN_SET[system.LINK.get("pins", 0)])
     machine.reset()
     machine.advance_us(START_US)
 

@@ -8,6 +8,7 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extr
 from pins import at_rest
 from plumb.errors import LinkError, UsageError
 from plumb.f103 import Machine, find_image
+from plumb.f103.strap import set_strap
 from plumb.f103.tim1 import HIGH_PINS, LOW_PINS
 from plumb.parameters import table
 from plumb.session import Session
@@ -44,6 +45,7 @@ def bridged(standard):
         session.execute("SAVE")
         assert session.connect()["PINS"] == 0  # not before the next start
     standard.power_cut()
+    set_strap(standard, "bridge")
     standard.drive("PB12", True)
     standard.set_hall(5)
     standard.tim1.trace = []
@@ -117,7 +119,7 @@ def test_the_set_in_force_survives_every_kind_of_reset(bridged):
 def test_a_quad_is_not_armed_on_the_pins_of_the_bridge(bridged):
     with Session.open(bridged.uart) as session:
         session.begin("REALTIME_LIVE")
-        with pytest.raises(LinkError, match="nothing to move on these pins: set the parameter pins, save and reset"):
+        with pytest.raises(LinkError, match="nothing to move on these pins: wire the strap"):
             session.arm()
         for _ in range(50):
             session.receive(0.005)
@@ -235,5 +237,6 @@ def test_a_restart_brings_the_saved_set_into_force(image):
         session.upload(session.read_parameters()[:CONTROL_WORDS], pins=1)
         session.execute_idle("SAVE")
         assert session.connect()["PINS"] == 0
+        set_strap(board.machine, "bridge")
         assert board.restart().require_match()["PINS"] == 1
         assert board.machine.warnings == []

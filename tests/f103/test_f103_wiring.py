@@ -12,6 +12,7 @@ import pytest
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 from plumb.errors import UsageError
 from plumb.f103 import Machine, find_image
+from plumb.f103.strap import set_strap
 from plumb.parameters import table
 from plumb.session import Session
 
@@ -43,6 +44,7 @@ def booted(pins: str) -> Machine:
         with Session.open(machine.uart) as session:
             session.upload(session.read_parameters()[:CONTROL_WORDS], pins=1)
             session.execute("SAVE")
+        set_strap(machine, "bridge")
         machine.reset()
         machine.advance_us(60_000)
     return machine

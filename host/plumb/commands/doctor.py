@@ -16,6 +16,11 @@ import shutil
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from plumb.identity import Identity
+    from plumb.session import Session
 
 from plumb.extras import install_hint
 
@@ -116,10 +121,25 @@ def serial_rights() -> Iterator[Finding]:
             yield Finding(port.device, False, False, remedy)
 
 
+def pins(session: Session, identity: Identity) -> Finding:
+    """The pin set that the strap chose, and the one that the parameters are for where they disagree."""
+    from plumb import parameters
+    from plumb.identity import FAULT_STRAP, PINS
+
+    chosen = PINS.get(identity["PINS"], "unknown")
+    if not identity["FAULTS"] >> FAULT_STRAP & 1:
+        return Finding("pins", True, False, chosen)
+    place = next(index for index, row in enumerate(parameters.table()) if row.name == "pins")
+    asked = session.read_parameters()[place]
+    now = f"the parameters are for {PINS.get(asked, 'unknown')}"
+    later = ", from the next start on" if asked == identity["PINS"] else ""
+    return Finding("pins", False, True, f"the strap says {chosen}; {now}{later}")
+
+
 def board(spec: str, link: str = "serial") -> list[Finding]:
     """What a board says of itself. Raises LinkError when it does not answer, UsageError when there is no such board."""
     from plumb.boards.link import open_link_board
-    from plumb.identity import BLOCKED, BLOCKING_FAULTS, FAULTS, HOST_BLOCKS, PINS
+    from plumb.identity import BLOCKED, BLOCKING_FAULTS, FAULTS, HOST_BLOCKS
     from plumb.monitor import STATUS_EVERY_S
 
     with open_link_board(spec, link=link) as opened:
@@ -131,7 +151,7 @@ def board(spec: str, link: str = "serial") -> list[Finding]:
             Finding("chip", True, False, f"flash {identity['FLASH_KIB']} KiB, RAM {identity['RAM_KIB']} KiB"),
             Finding("last reset", "watchdog" not in identity.reset_cause, False, identity.reset_cause),
             Finding("parameters", True, False, identity.parameter_source),
-            Finding("pins", True, False, PINS.get(identity["PINS"], "unknown")),
+            pins(session, identity),
         ]
         if identity["CRASH_PC"] or identity["CRASH_EXCEPTION"]:
             crash = f"exception {identity['CRASH_EXCEPTION']} at 0x{identity['CRASH_PC']:08x} ended the run before"

@@ -162,12 +162,18 @@ def at_next_start(identity: Identity, values: dict[str, int], changed: list[str]
     """What the table says and the board does not yet do."""
     from plumb.identity import PINS
 
-    waiting = ["pins"] if identity["PINS"] != values["pins"] else []
+    sentences = []
+    if identity["PINS"] != values["pins"]:
+        chosen, asked = PINS.get(identity["PINS"], "?"), PINS.get(values["pins"], "?")
+        sentences.append(
+            f"the board's strap says pins: {chosen}; the parameters say {asked}: save, power off, wire the strap for "
+            f"{asked}; until both agree no actuator pin is driven"
+        )
+    waiting = ["pins"] if "pins" in changed and not sentences else []
     waiting += ["dead_time_ns"] if "dead_time_ns" in changed else []
-    if not waiting:
-        return []
-    now = PINS.get(identity["PINS"], "?")
-    return [f"{' and '.join(waiting)} is read at the start alone: save and reset the board (its pins are now {now})"]
+    if waiting:
+        sentences.append(f"{' and '.join(waiting)} is read at the start alone: save and reset the board")
+    return sentences
 
 
 def warn(sentences: list[str]) -> None:

@@ -24,12 +24,14 @@ def open_machine(
     *,
     seed: int = 1,
     slots: bytes = b"",
+    strap: str = "standard",
     couple: Callable[[Machine], None] | None = None,
 ) -> Machine:
     """A machine with the image asked for, or with this checkout's build, START_US after power-up.
 
-    slots: what the parameter slots of its flash hold. couple(machine) attaches a plant before the power comes on: it
-    puts functions of simulated seconds into machine.adc, which read machine.pwm.
+    slots: what the parameter slots of its flash hold. strap: how the pin-set strap is wired (strap.py).
+    couple(machine) attaches a plant before the power comes on: it puts functions of simulated seconds into
+    machine.adc, which read machine.pwm.
 
     Raises UsageError in one sentence: no image, or a damaged one, no unicorn, no such part.
     """
@@ -39,7 +41,7 @@ def open_machine(
     data = load_image(path)
     if claims_to_be_ours(data):
         own_header(data, str(path))
-    machine = Machine(data, part, seed=seed)
+    machine = Machine(data, part, seed=seed, strap=strap)
     machine.flash.store(PARAMETER_SLOTS - FLASH_BASE, slots)
     if couple is not None:
         couple(machine)

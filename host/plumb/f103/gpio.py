@@ -6,6 +6,7 @@ import random
 from typing import TYPE_CHECKING
 
 from plumb.f103.bus import Peripheral, Register
+from plumb.f103.timeline import TICKS_PER_US
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
@@ -34,6 +35,9 @@ class Gpio(Peripheral):
     def __init__(self, machine: Machine, letter: str, base: int) -> None:
         super().__init__(machine, "GPIO" + letter, base)
         self.outside: list[bool | None] = [None] * 16
+        self.rise_us: dict[int, float] = {}
+        """Pins that their internal pull-up lifts only after this time."""
+        self._pulled_at: dict[int, int] = {}
 
     def mode(self, pin: int) -> int:
         """The four bits CNF:MODE."""
@@ -60,12 +64,19 @@ class Gpio(Peripheral):
             return self.outside[pin] if open_drain and high else high
         if self.outside[pin] is not None or mode != 8:
             return self.outside[pin]
-        return bool(self.odr >> pin & 1)
+        high = bool(self.odr >> pin & 1)
+        if high and pin in self.rise_us:
+            risen_at = self._pulled_at.get(pin, 0) + round(self.rise_us[pin] * TICKS_PER_US)
+            return True if self.machine.now >= risen_at else None
+        return high
 
     def _changed(self) -> None:
         self.machine.pins_changed()
 
     def write_crl(self, value: int) -> None:
+        for pin in range(8):
+            if value >> 4 * pin & 15 == 8 and self.mode(pin) != 8:
+                self._pulled_at[pin] = self.machine.now
         self.crl = value
         self._changed()
 

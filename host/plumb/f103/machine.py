@@ -45,6 +45,8 @@ from plumb.f103.rom import RomBootloader
 from plumb.f103.scb import Scb, SysTick
 from plumb.f103.snapshot import Snapshot
 from plumb.f103.spi import Spi
+from plumb.f103.strap import PINS as STRAP_PINS
+from plumb.f103.strap import RISE_US, set_strap
 from plumb.f103.stream import UartStream
 from plumb.f103.tim import Pwm, Timer
 from plumb.f103.tim1 import Bridge, Tim1
@@ -97,10 +99,19 @@ class AdcPins(dict[str, VoltSource]):
 class Machine:
     """One simulated part with an image in its flash. Raises UsageError for a bad image or part.
 
-    seed: what uninitialised RAM holds and the unique id. crystal: False for a board whose crystal is dead.
+    seed: what uninitialised RAM holds and the unique id. crystal: False for a board whose crystal is dead. strap: how
+    the pin-set strap is wired, strap.py.
     """
 
-    def __init__(self, image: bytes | Path, part: str = "stm32f103c8", *, seed: int = 1, crystal: bool = True) -> None:
+    def __init__(
+        self,
+        image: bytes | Path,
+        part: str = "stm32f103c8",
+        *,
+        seed: int = 1,
+        crystal: bool = True,
+        strap: str = "standard",
+    ) -> None:
         if part not in PARTS:
             raise UsageError(f"'{part}' is not a simulated part; use one of {', '.join(PARTS)}")
         self.part = PARTS[part]
@@ -123,6 +134,9 @@ class Machine:
         self._fill_memory(data)
         self.uart = UartStream(self)
         self.adc = AdcPins()
+        for pin in STRAP_PINS:
+            self.port(pin).rise_us[int(pin[2:])] = RISE_US
+        set_strap(self, strap)
         self._power_up()
 
     def _build(self) -> None:

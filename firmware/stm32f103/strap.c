@@ -1,0 +1,35 @@
+/* The pin-set strap: PB4 and PB5, pulled up inside the chip, each left open or tied to ground by the wiring.
+ * It alone says what is wired to the board, and is read once, before any pin is an output.
+ *
+ * After reset PB4 is the debug port's NJTRST: SWJ_CFG frees it first (RM0008 9.3.5, table 38). */
+#include "port.h"
+
+#define PULL_POLLS   (clock_mhz() * 500u / 64u) /* 0.5 ms: ten time constants of 50 kOhm and 1 nF */
+#define READS        8u
+#define READ_POLLS   (clock_mhz() * 20u / 64u) /* 20 us between two */
+#define PB4_GROUNDED 1u
+#define PB5_GROUNDED 2u
+
+/* At least polls * 64 cycles. */
+static void wait(uint32_t polls) {
+    (void)clock_wait(&GPIOB_IDR, 0u, 1u, polls);
+}
+
+uint32_t strap_read(void) {
+    static const uint8_t sets[] = {BOARD_PINS_STANDARD, BOARD_PINS_QUADROTOR, BOARD_PINS_BRIDGE,
+                                   BOARD_PINS_UNKNOWN};
+
+    AFIO_MAPR = AFIO_MAPR_SWJ_CFG_SWD; /* pins_init() writes it whole */
+    GPIOB_BSRR = 1u << 4 | 1u << 5;
+    pins_set_mode(&GPIOB_CRL, 4u, PIN_INPUT_PULLED);
+    pins_set_mode(&GPIOB_CRL, 5u, PIN_INPUT_PULLED);
+    wait(PULL_POLLS);
+    uint32_t always = PB4_GROUNDED | PB5_GROUNDED, ever = 0u;
+    for (uint32_t i = 0u; i < READS; i++) {
+        const uint32_t grounded = ~(GPIOB_IDR >> 4) & (PB4_GROUNDED | PB5_GROUNDED);
+        always &= grounded;
+        ever |= grounded;
+        wait(READ_POLLS);
+    }
+    return always == ever ? sets[always] : BOARD_PINS_UNKNOWN;
+}

@@ -1,0 +1,32 @@
+"""The pin-set strap of the board around the chip: PB4 and PB5, each left open or tied to ground by the wiring.
+
+standard    both open: the chip's own pull-ups lift them
+bridge      PB5 at ground
+quadrotor   PB4 at ground
+both        both at ground: a wiring mistake
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from plumb.errors import UsageError
+
+if TYPE_CHECKING:
+    from plumb.f103.machine import Machine
+
+PINS = ("PB4", "PB5")
+GROUNDED: dict[str, tuple[str, ...]] = {"standard": (), "bridge": ("PB5",), "quadrotor": ("PB4",), "both": PINS}
+BY_PIN_SET = tuple(GROUNDED)
+"""By the number of the pin set that the strap chooses (IDENTITY.PINS, parameter pins)."""
+RISE_US = 100.0
+"""How long the internal pull-up (30 to 50 kOhm, data sheet) needs to lift the jumper's wires: two time constants of
+1 nF against 50 kOhm."""
+
+
+def set_strap(machine: Machine, strap: str) -> None:
+    """Wire the strap; the firmware reads it at the next reset. Raises UsageError for a name that there is not."""
+    if strap not in GROUNDED:
+        raise UsageError(f"'{strap}' is no strap; use one of {', '.join(GROUNDED)}")
+    for pin in PINS:
+        machine.drive(pin, False if pin in GROUNDED[strap] else None)
