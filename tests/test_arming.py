@@ -11,7 +11,8 @@ from plumb.errors import LinkError
 from plumb.lockstep import samples_text
 from plumb.protocol import protocol
 from plumb.session import Session
-from test_protocol import frame
+from plumb.slcan import SlcanParser, text_of_frames
+from test_protocol import frame, said
 
 FRAME_US = 20_000
 """Of the pulses, the table's default: what the actuator may lag behind."""
@@ -39,7 +40,7 @@ def test_keep_alive_holds_and_its_loss_disarms_after_50_ms_latched() -> None:
     board.run_us(17_000)
     assert not board.armed
     assert set(board.pulses) == {NEUTRAL}
-    session.receive(0.02)  # a keep-alive goes out, too late
+    session.receive(0.02)  # keep-alives go out, too late
     board.run_us(1000)
     assert not board.armed
     session.receive(0.1)
@@ -54,22 +55,54 @@ def test_keep_alive_holds_and_its_loss_disarms_after_50_ms_latched() -> None:
     session.close()
 
 
+def without_telemetry(data: bytes) -> bytes:
+    """What the board says, less all but the values for the keep-alive."""
+    value = protocol()["KEEPALIVE_VALUE"].identifier
+    return text_of_frames([frame for frame in SlcanParser().feed(data) if frame[0] == value])
+
+
 def test_waiting_in_vain_keeps_it_alive() -> None:
-    """At 10 Hz a board says something every 50 ms or less; who waits for it owes keep-alives all the same."""
+    """Who waits for an answer that does not come answers the board's values all the same."""
     board = MemoryBoard()
     session = armed_session(board, period_us=100_000)
-    board.spoil_up = lambda data: b""
-    assert session.receive(0.25) == []
+    board.spoil_up = without_telemetry
+    session.receive(0.25)
+    for _ in range(30):
+        session.receive(0.25)
     assert board.armed
     session.close()
+
+
+def test_pumping_keeps_it_alive_and_loses_nothing() -> None:
+    board = MemoryBoard()
+    session = armed_session(board)
+    session.receive(0.0)
+    for _ in range(100):
+        session.pump()
+        board.run_us(2000)
+    assert board.armed
+    identifiers = [identifier for identifier, _ in session.receive(0.0)]
+    assert identifiers.count(protocol()["STEP"].identifier) >= 190
+    session.close()
+
+
+def next_value(board: MemoryBoard) -> int:
+    """The next value that it issues; 0: none came."""
+    board.heard()
+    for _ in range(110):
+        board.turn()
+        values = [words["value"] for name, words in said(board.heard()) if name == "KEEPALIVE_VALUE"]
+        if values:
+            return values[-1]
+    return 0
 
 
 def test_disarming_time_to_the_turn() -> None:
     board = MemoryBoard()
     session = armed_session(board)
-    board.heard()
+    value = next_value(board)
     last = board.time_us
-    board.say(frame("KEEPALIVE", 0, session._token or 0), turns=1)
+    board.say(frame("KEEPALIVE", 0, value), turns=1)
     while board.armed:
         board.turn()
     assert 49_000 - FRAME_US <= board.time_us - last <= 49_300 - FRAME_US
@@ -80,8 +113,8 @@ def test_a_keep_alive_that_is_too_late_does_not_revive() -> None:
     """Even when it is the first thing that is seen after a long turn of the loop."""
     board = MemoryBoard()
     session = armed_session(board)
-    board.write(frame("KEEPALIVE", 0, session._token or 0))
-    board.turn(step_us=60_000)
+    board.write(frame("KEEPALIVE", 0, next_value(board)))
+    board.turn(step_us=35_000)
     assert not board.armed
     session.close()
 
@@ -89,10 +122,41 @@ def test_a_keep_alive_that_is_too_late_does_not_revive() -> None:
 def test_a_stranger_cannot_keep_it_alive() -> None:
     board = MemoryBoard()
     session = armed_session(board)
-    token = session._token or 0
-    for wrong in (token ^ 1, token + 1, token - 1, 0, token ^ 1 << 31, 0xFFFFFFFF):
-        board.say(frame("KEEPALIVE", 0, wrong), turns=100)
+    for _ in range(4):
+        value = next_value(board)
+        for wrong in (value ^ 1, value + 1 & 0xFFFFFFFF, value - 1 & 0xFFFFFFFF, 0, value ^ 1 << 31, 0xFFFFFFFF):
+            board.say(frame("KEEPALIVE", 0, wrong), turns=1)
     assert not board.armed
+    session.close()
+
+
+def test_values_come_every_10_ms_however_full_the_queue_is_and_only_while_armed() -> None:
+    """Before all telemetry that waits, and none is dropped."""
+    board = MemoryBoard()
+    session = Session.open(board)
+    session.upload(CONTROL, period_us=500, esc_period_us=2500)
+    session.begin("REALTIME_LIVE", frames=("RAW_A", "ANGLE"), words=range(40))
+    board.run_us(100_000)
+    board.up_per_turn = 9  # 921600 baud: a tenth of what is asked for
+    session.arm()
+    heard = []
+    message = protocol()["KEEPALIVE_VALUE"]
+
+    def note(frames: list[tuple[int, bytes]]) -> None:
+        heard.extend((board.time_us, data[1] & 15) for identifier, data in frames if identifier == message.identifier)
+
+    session.listener = note
+    while board.time_us < 3_000_000:
+        session.receive(0.001)
+    times_us = [time_us for time_us, _ in heard]
+    assert board.armed and len(heard) > 200
+    assert [counter for _, counter in heard] == [(heard[0][1] + i) & 15 for i in range(len(heard))]
+    assert max(np.diff(times_us)) <= 12_000 and abs(np.mean(np.diff(times_us)) - 10_000) < 50
+    session.disarm()
+    heard.clear()
+    for _ in range(100):
+        session.receive(0.001)
+    assert heard == []
     session.close()
 
 

@@ -3,8 +3,8 @@ come, over either link. Looked at on the pins of the virtual board."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from itertools import count
+from collections.abc import Callable, Iterator, Sequence
+from itertools import count, cycle, repeat
 
 import pytest
 
@@ -18,6 +18,7 @@ from plumb.f103 import find_image
 from plumb.f103.canbus import MachineBus
 from plumb.f103.machine import Machine
 from plumb.lockstep import sample_frames
+from plumb.protocol import Frame
 from plumb.quantise import quantise
 from plumb.session import Session
 
@@ -123,3 +124,105 @@ def test_what_moves_nothing_cannot_be_armed(link: str, name: str) -> None:
     session.begin("REALTIME_INJECTED")
     with pytest.raises(LinkError):
         session.arm()
+
+
+# ---- frames that no living host sent ----
+
+Frames = list[tuple[int, bytes]]
+
+
+def recorded(session: Session, one_period: Callable[[bool], None], count: int) -> Frames:
+    """The keep-alives of a living host, so many."""
+    frames: Frames = []
+    honest, identifier = session.frames.write_frames, session.protocol["KEEPALIVE"].identifier
+
+    def note(sent: Sequence[Frame]) -> None:
+        frames.extend(frame for frame in sent if frame[0] == identifier)
+        honest(sent)
+
+    session.frames.write_frames = note  # type: ignore[method-assign]
+    while len(frames) < count:
+        one_period(True)
+    session.frames.write_frames = honest  # type: ignore[method-assign]
+    return frames[:count]
+
+
+def last_one(session: Session, frames: Frames) -> Iterator[Frame]:
+    """Byte for byte the same."""
+    return repeat(frames[-1])
+
+
+def in_turn(session: Session, frames: Frames) -> Iterator[Frame]:
+    return cycle(frames)
+
+
+def backwards(session: Session, frames: Frames) -> Iterator[Frame]:
+    """The last first, with counters that go down."""
+    message = session.protocol["KEEPALIVE"]
+    for number, (identifier, data) in enumerate(cycle(reversed(frames))):
+        yield identifier, message.pack(-number & 15, 0, *message.unpack(data)[2:])
+
+
+def next_counters(session: Session, frames: Frames) -> Iterator[Frame]:
+    """A sender that goes on with the counter and the value it had last, as a cyclic sender of an adapter does."""
+    message = session.protocol["KEEPALIVE"]
+    for number in count(1):
+        yield frames[-1][0], message.pack(frames[-1][1][1] + number & 15, 0, *message.unpack(frames[-1][1])[2:])
+
+
+@pytest.mark.parametrize("link", LINKS)
+@pytest.mark.parametrize(
+    ("replay", "frames"), [(last_one, 1), (in_turn, 16), (in_turn, 256), (backwards, 16), (next_counters, 1)]
+)
+@pytest.mark.parametrize("every_us", [1000, 15_000])
+def test_a_sender_that_goes_on_while_the_host_hangs_keeps_nothing_alive(
+    link: str, replay: Callable[[Session, Frames], Iterator[Frame]], frames: int, every_us: int
+) -> None:
+    """The host freezes; what it sent before is sent again and again, as a driver, an adapter or a recorder would."""
+    machine = Machine(find_image())
+    at_rest(machine)
+    machine.advance_us(30_000)
+    session = opened(machine, link)
+    session.upload(CONTROL, period_us=QUAD_PERIOD_US, arm_hold_ms=0)
+    one_period = drive(session, "REALTIME_LIVE", QUAD_PERIOD_US, ())
+    again = replay(session, recorded(session, one_period, frames))
+    begin_us, armed = machine.now_us, True
+    while armed:
+        session.frames.write_frames([next(again)])
+        end = session.clock() + every_us * 1e-6
+        while session.clock() < end:
+            session.frames.read_frames(min(end - session.clock(), 0.001))
+            neutral = all(machine.pwm(pin).pulse_us == NEUTRAL_US for pin in ("PB6", "PB7"))
+            armed = armed and not neutral
+        assert machine.now_us - begin_us < SAFE_US + every_us
+    for _ in range(60):
+        session.frames.write_frames([next(again)])
+        session.frames.read_frames(every_us * 1e-6)
+        assert all(machine.pwm(pin).pulse_us == NEUTRAL_US for pin in ("PB6", "PB7"))
+
+
+@pytest.mark.parametrize("link", LINKS)
+def test_what_is_stuck_in_a_buffer_holds_it_for_90_ms_at_most(link: str) -> None:
+    """The worst that a driver can do with a host that hangs: each answer is let out when it is about to be too old."""
+    machine = Machine(find_image())
+    at_rest(machine)
+    machine.advance_us(30_000)
+    session = opened(machine, link)
+    session.upload(CONTROL, period_us=QUAD_PERIOD_US, esc_period_us=2500, arm_hold_ms=0)
+    drive(session, "REALTIME_LIVE", QUAD_PERIOD_US, ())
+    value = session.protocol["KEEPALIVE_VALUE"].identifier
+    stuck: Frames = []
+    issued_us = machine.now_us
+    while not stuck:
+        for identifier, data in session.frames.read_frames(0.001):
+            if identifier == value:
+                issued_us = machine.now_us
+                stuck = [session.frame("KEEPALIVE", 0, int.from_bytes(data[4:8], "little"))]
+    hung_us = machine.now_us  # here the host hangs; its last answer is in the driver
+    while machine.now_us - issued_us < 25_000:
+        session.frames.read_frames(0.0005)
+    session.frames.write_frames(stuck)
+    while any(machine.pwm(pin).pulse_us != NEUTRAL_US for pin in ("PB6", "PB7")):
+        session.frames.read_frames(0.0005)
+        assert machine.now_us - hung_us < 90_000
+    assert machine.now_us - hung_us > 55_000  # the frame did count

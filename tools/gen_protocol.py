@@ -66,9 +66,11 @@ def record_table() -> str:
 
 def shown_value(message: Message, signal: str, value: int) -> str:
     """Names where there are some, hexadecimal digits for what is no quantity."""
+    if message.name.startswith("KEEPALIVE"):
+        return f"{value:08x}"
     if signal == "request":
         return protocol().by_identifier[value].name
-    if signal in ("dbc_hash", "digest", "nonce", "token", "crc"):
+    if signal in ("dbc_hash", "digest", "nonce", "crc"):
         return f"{value & 0xFFFFFFFF:08x}"
     return message.choice(signal, value)
 
@@ -188,13 +190,13 @@ def arm(scene: Scene) -> None:
     scene.remark("blocked: no run, bit 1")
     scene.begin("REALTIME_LIVE")
     nonce = scene.say("CHALLENGE", verb, 0)["nonce"]
-    scene.say("EXECUTE", verb, nonce)
-    scene.say("KEEPALIVE", 0, nonce, turns=160)
-    scene.say("KEEPALIVE", 0, nonce, turns=160)
-    scene.remark("silence: 49 ms less a frame of pulses after the last keep-alive the board is disarmed")
+    first = scene.say("EXECUTE", verb, nonce)["detail"]
+    value = scene.say("KEEPALIVE", 0, first, turns=100)["value"]
+    value = scene.say("KEEPALIVE", 0, value, turns=100)["value"]
+    scene.remark("silence: 49 ms less a frame of pulses after the last keep-alive that counted the board is disarmed")
     scene.board.run_us(30_000)
     scene._hear(scene.board.heard())
-    scene.say("KEEPALIVE", 0, nonce, turns=160)
+    scene.say("KEEPALIVE", 0, value, turns=100)
     scene.remark("too late, latched: only a new EXECUTE with a new nonce arms again")
 
 

@@ -23,13 +23,17 @@ static void arm(arming_t *a, bool by_switch, arming_actuator_t actuator, uint32_
     a->hold_us = actuator.hold_us;
 }
 
-bool arming_arm(arming_t *a, uint16_t blocked, uint32_t token, arming_actuator_t actuator, uint32_t now_us) {
+uint32_t arming_arm(arming_t *a, uint16_t blocked, arming_actuator_t actuator, random_t *random,
+                    uint32_t now_us) {
     if (blocked != 0) {
-        return false;
+        return 0U;
     }
     arm(a, false, actuator, now_us);
-    a->token = token;
-    return true;
+    return keepalive_begin(&a->keepalive, random, now_us);
+}
+
+uint32_t arming_issue(arming_t *a, random_t *random, uint32_t now_us) {
+    return arming_armed(a) && !a->by_switch ? keepalive_issue(&a->keepalive, random, now_us) : 0U;
 }
 
 bool arming_switch(arming_t *a, bool closed, uint32_t now_us) {
@@ -68,8 +72,8 @@ void arming_try_switch(arming_t *a, uint16_t blocked, arming_actuator_t actuator
     }
 }
 
-bool arming_keepalive(arming_t *a, uint32_t token, uint32_t now_us) {
-    if (!arming_armed(a) || a->by_switch || token != a->token) {
+bool arming_keepalive(arming_t *a, uint32_t value, uint32_t now_us) {
+    if (!arming_armed(a) || a->by_switch || !keepalive_counts(&a->keepalive, value, now_us)) {
         return false;
     }
     /* A keep-alive that comes too late must not revive: the poll may not have run yet. */

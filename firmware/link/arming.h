@@ -2,8 +2,9 @@
  *
  * Armed is left on the first reason that blocks it, or when the keep-alive stays away, and never entered
  * again without a new arm command with a new nonce (latched). The outputs are to be safe 50 ms after the last
- * keep-alive: a neutral pulse begins with the next frame of pulses, so the limit is a frame and a turn of the
- * loop shorter. Time is an argument, in us of the board's clock; differences are taken modulo 2^32.
+ * keep-alive that counted (keepalive.h): a neutral pulse begins with the next frame of pulses, so the limit
+ * is a frame and a turn of the loop shorter. Time is an argument, in us of the board's clock; differences are
+ * taken modulo 2^32.
  *
  * The switch arms by being closed after it was seen open, and is the dead man's handle: no keep-alive is
  * asked for, and opening it disarms with the first look that finds it open. Whoever armed, the actuator stays
@@ -11,6 +12,7 @@
 #ifndef PLUMB_LINK_ARMING_H
 #define PLUMB_LINK_ARMING_H
 
+#include "keepalive.h"
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -56,9 +58,9 @@ typedef struct {
     arming_word_t driving; /* ARMING_DRIVING: armed, and the hold is over */
     bool by_switch;        /* who armed: the switch, else a host */
     uint16_t cause;        /* ARMING_BLOCK_* that ended the last armed time; 0: none */
-    uint32_t token;        /* the nonce it was armed with: every keep-alive carries it */
-    uint32_t keepalive_us;
-    uint32_t silence_us; /* longest silence of the host that armed */
+    keepalive_t keepalive;
+    uint32_t keepalive_us; /* the last one that counted */
+    uint32_t silence_us;   /* longest silence of the host that armed */
     uint32_t armed_us;
     uint32_t hold_us;
     bool switch_closed; /* at the last look */
@@ -73,8 +75,12 @@ void arming_init(arming_t *a);
 bool arming_armed(const arming_t *a);
 bool arming_driving(const arming_t *a); /* and armed */
 
-/* Arm for a host, unless blocked (ARMING_BLOCK_*) is not 0. token: what keep-alives will carry. */
-bool arming_arm(arming_t *a, uint16_t blocked, uint32_t token, arming_actuator_t actuator, uint32_t now_us);
+/* Arm for a host; returns the first value for its keep-alive, or 0 when blocked (ARMING_BLOCK_*) is not 0. */
+uint32_t arming_arm(arming_t *a, uint16_t blocked, arming_actuator_t actuator, random_t *random,
+                    uint32_t now_us);
+
+/* While a host has it armed: the next value for its keep-alive when one is due, else 0. */
+uint32_t arming_issue(arming_t *a, random_t *random, uint32_t now_us);
 
 /* The switch as it is now, closed or open; to be called often. True once for each closing that counts: held
  * for ARMING_SWITCH_US after being open as long, so one that was closed at the start has to be opened first.
@@ -88,8 +94,8 @@ uint16_t arming_handle(const arming_t *a);
  * the switch has to be opened first. */
 void arming_try_switch(arming_t *a, uint16_t blocked, arming_actuator_t actuator, uint32_t now_us);
 
-/* A keep-alive; one with a wrong token, or while disarmed, does nothing and returns false. */
-bool arming_keepalive(arming_t *a, uint32_t token, uint32_t now_us);
+/* A keep-alive; one that does not count, or comes while disarmed, does nothing and returns false. */
+bool arming_keepalive(arming_t *a, uint32_t value, uint32_t now_us);
 
 /* Leave armed, for this cause; the first cause stays. */
 void arming_disarm(arming_t *a, uint16_t cause);

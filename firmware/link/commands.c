@@ -6,9 +6,9 @@
 
 /* The most that received bytes may cause: two of them, "V\r", an entry of the outbox. And what may come on
  * top at once: the end of a line begun before, answered by CR and one frame; a CR behind that; and a
- * SETPOINT_USED that is still owed. */
+ * SETPOINT_USED that is still owed; and urgent frames. */
 #define BYTES_PER_ENTRY 2U
-#define ENTRIES_AT_ONCE 4U
+#define ENTRIES_AT_ONCE (4U + OUTBOX_URGENT)
 
 static void put_text(session_t *s, const uint8_t *text, size_t count) {
     outbox_put(s->link[LINK_UART].outbox, text, count);

@@ -50,8 +50,12 @@ const uint16_t messages_from_host[MESSAGES_FROM_HOST] = {
 message_keepalive_t message_keepalive_unpack(const can_frame_t *frame) {
     message_keepalive_t m;
 
-    m.token = (uint32_t)get_u32(frame, 4);
+    m.value = (uint32_t)get_u32(frame, 4);
     return m;
+}
+
+can_frame_t message_keepalive_value_pack(const message_keepalive_value_t *m) {
+    return pair(MESSAGE_KEEPALIVE_VALUE_ID, 0U, (uint32_t)m->value);
 }
 
 message_sample_a_t message_sample_a_unpack(const can_frame_t *frame) {

@@ -6,7 +6,7 @@
 #include "e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 2U
-#define MESSAGES_DBC_HASH 0x3C0CDB57U
+#define MESSAGES_DBC_HASH 0xC506F85CU
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U
@@ -14,11 +14,17 @@ extern const uint16_t messages_from_host[MESSAGES_FROM_HOST];
 
 #define MESSAGE_KEEPALIVE_ID 0x008U
 typedef struct {
-    uint32_t token;
+    uint32_t value;
 } message_keepalive_t;
 message_keepalive_t message_keepalive_unpack(const can_frame_t *frame);
 
 #define MESSAGE_DISARM_ID 0x009U
+
+#define MESSAGE_KEEPALIVE_VALUE_ID 0x01CU
+typedef struct {
+    uint32_t value;
+} message_keepalive_value_t;
+can_frame_t message_keepalive_value_pack(const message_keepalive_value_t *m);
 
 #define MESSAGE_SAMPLE_A_ID 0x020U
 #define MESSAGE_SAMPLE_A_WITH_B 0x4U /* flag */

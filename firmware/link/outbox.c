@@ -85,6 +85,25 @@ void outbox_reply(outbox_t *box, can_frame_t frame, uint8_t flags) {
     put_sealed(box, &frame, next_counter(box, frame.id), flags);
 }
 
+void outbox_urgent(outbox_t *box, can_frame_t frame, uint8_t flags) {
+    unsigned place = box->gone > 0 ? 1U : 0U;
+
+    if (box->count >= OUTBOX_ENTRIES) {
+        return;
+    }
+    while (place < box->count && entry(box, place)->id == frame.id) {
+        place++;
+    }
+    e2e_seal(&frame, next_counter(box, frame.id), flags);
+    box->first = (uint8_t)((box->first + OUTBOX_ENTRIES - 1U) % OUTBOX_ENTRIES);
+    box->count++;
+    for (unsigned i = 0; i < place; i++) {
+        *entry(box, i) = *entry(box, i + 1U);
+    }
+    entry(box, place)->id = frame.id;
+    memcpy(entry(box, place)->data, frame.data, sizeof frame.data);
+}
+
 void outbox_numbered(outbox_t *box, can_frame_t frame, uint8_t counter, uint8_t flags) {
     if (!outbox_telemetry_fits(box, 1)) {
         box->dropped++;

@@ -8,8 +8,9 @@
 
 #include "slcan.h"
 
-#define OUTBOX_ENTRIES 80U
-#define OUTBOX_RESERVE 24U /* kept free of telemetry, so that replies always fit */
+#define OUTBOX_ENTRIES 86U
+#define OUTBOX_URGENT  6U  /* of the reserve, for frames that go first */
+#define OUTBOX_RESERVE 30U /* kept free of telemetry, so that replies always fit */
 #define OUTBOX_TEXT    8U  /* characters that one entry holds */
 #define OUTBOX_ROUND   16U /* kept free of long replies, so that periodic telemetry and steps fit */
 
@@ -56,6 +57,10 @@ void outbox_put(outbox_t *box, const uint8_t *text, size_t count);
  * so that the receiver sees the gap. */
 void outbox_reply(outbox_t *box, can_frame_t frame, uint8_t flags);
 void outbox_telemetry(outbox_t *box, can_frame_t frame, uint8_t flags);
+
+/* As a reply, but before all that waits and has not begun to go out; in order among its like. Of no more than
+ * OUTBOX_URGENT at once none is lost, as long as others leave them room. */
+void outbox_urgent(outbox_t *box, can_frame_t frame, uint8_t flags);
 
 /* As telemetry, with a counter (0..15) that the caller knows: frames that are numbered by their step. */
 void outbox_numbered(outbox_t *box, can_frame_t frame, uint8_t counter, uint8_t flags);

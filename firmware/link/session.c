@@ -262,11 +262,16 @@ static void on_execute(session_t *s, const can_frame_t *f, uint32_t now_us) {
         } else {
             reply_nack(s, f, reason, m.verb);
         }
-    } else if (!arming_arm(&s->arming, arming_blocked(s, s->asked), m.nonce, actuator(s), now_us)) {
-        reply_nack(s, f, MESSAGE_NACK_REASON_BLOCKED, arming_blocked(s, s->asked));
     } else {
-        requests_withdraw_bootloader(s);
-        reply_ack(s, f, m.nonce);
+        const uint16_t blocked = arming_blocked(s, s->asked);
+        const uint32_t first = arming_arm(&s->arming, blocked, actuator(s), &s->random, now_us);
+
+        if (first == 0U) {
+            reply_nack(s, f, MESSAGE_NACK_REASON_BLOCKED, blocked);
+        } else {
+            requests_withdraw_bootloader(s);
+            reply_ack(s, f, first);
+        }
     }
 }
 
@@ -326,7 +331,7 @@ static void on_disarm(session_t *s, const can_frame_t *f) {
 
 static void on_keepalive(session_t *s, const can_frame_t *f, uint32_t now_us) {
     if (s->run_owner == s->asked) { /* the link that armed is the one that must live */
-        (void)arming_keepalive(&s->arming, message_keepalive_unpack(f).token, now_us);
+        (void)arming_keepalive(&s->arming, message_keepalive_unpack(f).value, now_us);
     }
 }
 
@@ -458,9 +463,19 @@ static void send_status(session_t *s, link_t link) {
     outbox_telemetry(l->outbox, message_sensors_pack(&sensors), 0);
 }
 
+/* The next value for the keep-alive of the host that armed, before all that waits for its link. */
+static void issue_keepalive(session_t *s, uint32_t now_us) {
+    const message_keepalive_value_t m = {.value = arming_issue(&s->arming, &s->random, now_us)};
+
+    if (m.value != 0U) {
+        outbox_urgent(s->link[s->run_owner].outbox, message_keepalive_value_pack(&m), 0);
+    }
+}
+
 void session_poll(session_t *s, uint32_t now_us) {
     links_poll(s, now_us);
     arming_poll(&s->arming, arming_blocked(s, s->run_owner), now_us);
+    issue_keepalive(s, now_us);
     telemetry_send_words(s);
     for (unsigned i = 0; i < LINKS; i++) {
         poll_long_replies(s, &s->link[i], now_us);

@@ -35,9 +35,9 @@ def frames_ps(kbit: int, bits: int = WORST_BITS) -> float:
 
 
 def housekeeping_ps() -> float:
-    """Frames a second that an open link carries without any step: what the board always says, and an armed host's
-    keep-alive."""
-    return TIME_PS + STATUS_PS * (len(PERIODIC) - 1) + 1 / KEEPALIVE_EVERY_S
+    """Frames a second that an open link carries without any step: what the board always says, and while it is armed
+    the values for the keep-alive and their answers."""
+    return TIME_PS + STATUS_PS * (len(PERIODIC) - 1) + 2 / KEEPALIVE_EVERY_S
 
 
 def clock_tolerance() -> float:

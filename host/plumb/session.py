@@ -27,7 +27,10 @@ from plumb.words import RECORDS
 REPLY_TIMEOUT_S = 0.25
 TRIES = 4
 IN_FLIGHT = 16
-KEEPALIVE_EVERY_S = 0.015
+KEEPALIVE_EVERY_S = 0.01
+"""The board issues a value for the keep-alive so often, and each is answered."""
+KEEPALIVE_NEWEST = 4
+"""Of values that came together, so many are answered: older ones do not count any more."""
 SENSORS_START_S = 0.3
 """Sensors in use are found, set up and heard within this, or they are not there."""
 BLOCKED_BY_FAULT = 1 << 3
@@ -95,8 +98,9 @@ class Session:
         numbered = ("RAW_A", "RAW_B", "STEP")
         self._numbered = {self.protocol[name].identifier for name in numbered}
         self._kept = {self.protocol[name].identifier: name for name in PERIODIC}
-        self._token: int | None = None
-        self._keepalive_s = 0.0
+        self._value_id = self.protocol["KEEPALIVE_VALUE"].identifier
+        self._pumped: list[Frame] = []
+        self._alive = False
         self._said_s = 0.0
         self._wiring: dict[str, int] | None = None
         self._uploaded: str | None = None
@@ -119,7 +123,7 @@ class Session:
         return session
 
     def close(self) -> None:
-        self._token = None
+        self._alive = False
         if self.fast is None:  # which says C
             with contextlib.suppress(LinkError):
                 self.send([self.frame("CLOSE", 0, 0)])
@@ -152,21 +156,34 @@ class Session:
     def receive(self, timeout_s: float) -> list[Frame]:
         """Frames that came, each looked at for what went missing and for telemetry; keeps an armed board alive."""
         end = self.clock() + timeout_s
-        while True:
-            self.pump()
+        frames, self._pumped = self._pumped, []
+        while not frames:
+            self._show_presence()
             wait_s = max(0.0, end - self.clock())
-            if self._token is not None:
-                wait_s = min(wait_s, KEEPALIVE_EVERY_S)
-            elif self.fast is None:
+            if self.fast is None:
                 wait_s = min(wait_s, PRESENCE_EVERY_S)
             frames = self.frames.read_frames(wait_s)
-            if frames or self.clock() >= end:
+            self._answer_values(frames)
+            if self.clock() >= end:
                 break
         for frame in frames:
             self._note(frame)
         if self.listener is not None:
             self.listener(frames)
         return frames
+
+    def _answer_values(self, frames: list[Frame]) -> None:
+        """Keep the board alive that was armed here: send the values back that it issued."""
+        if self._alive:
+            unpack = self.protocol["KEEPALIVE_VALUE"].unpack
+            values = [unpack(data)[3] for identifier, data in frames if identifier == self._value_id]
+            if values:
+                self.send([self.frame("KEEPALIVE", 0, value) for value in values[-KEEPALIVE_NEWEST:]])
+
+    def _show_presence(self) -> None:
+        """On CAN say now and then that somebody listens."""
+        if self.fast is None and self.identity is not None and self.clock() - self._said_s >= PRESENCE_EVERY_S:
+            self.send([self.frame("KEEPALIVE", 0, 0)])
 
     def _note(self, frame: Frame) -> None:
         identifier, data = frame
@@ -432,18 +449,19 @@ class Session:
 
     def end(self) -> int:
         """End the run and disarm; returns its number of steps, modulo 2^16."""
-        self._token = None
+        self._alive = False
         return self.request("RUN_END", 0, 0)["detail"]
 
     def arm(self) -> None:
-        """Arm; from here on `receive` or `pump` has to be called at least every 50 ms.
+        """Arm; from here on `receive` or `pump` has to be called every few milliseconds: a value that the board issues
+        counts for 40 ms, the way to the host and back included.
 
         A board with a fault gets SENSORS_START_S for its sensors to come up. Raises LinkError with what is in the way.
         """
         end_s = self.clock() + SENSORS_START_S
         while True:
             try:
-                self._token = self.execute("ARM")
+                first = self.execute("ARM")
                 break
             except NackError as error:
                 sensors = sensors_text(self.telemetry.get("SENSORS", {}))
@@ -452,21 +470,20 @@ class Session:
                 if self.clock() > end_s:
                     raise LinkError("; ".join([str(error), *sensors])) from error
                 self.receive(REPLY_TIMEOUT_S / 5)
-        self._keepalive_s = self.clock()
+        self.send([self.frame("KEEPALIVE", 0, first)])
+        self._alive = True
 
     def disarm(self) -> None:
-        self._token = None
+        self._alive = False
         self.request("DISARM", 0, 0)
 
     def pump(self) -> None:
-        """Send the keep-alive when it is due, and on CAN say now and then that somebody is here. There is no thread for
-        it on purpose: who hangs must lose the board."""
-        now_s = self.clock()
-        if self._token is not None and now_s - self._keepalive_s >= KEEPALIVE_EVERY_S:
-            self._keepalive_s = now_s
-            self.send([self.frame("KEEPALIVE", 0, self._token)])
-        elif self.fast is None and self.identity is not None and now_s - self._said_s >= PRESENCE_EVERY_S:
-            self.send([self.frame("KEEPALIVE", 0, 0)])
+        """Answer the values for the keep-alive that have come, and on CAN say now and then that somebody is here; what
+        else has come is kept for `receive`. There is no thread for it on purpose: who hangs must lose the board."""
+        frames = self.frames.read_frames(0.0)
+        self._answer_values(frames)
+        self._pumped += frames
+        self._show_presence()
 
     def set_setpoint(self, setpoint_turn_q32: int) -> None:
         """Real time: the setpoint from the next step on; the board tells the step with SETPOINT_USED."""

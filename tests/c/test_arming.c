@@ -7,23 +7,52 @@
 
 static const arming_actuator_t actuator = {.frame_us = 2500U, .hold_us = 40000U};
 
+static random_t chance = {1U};
+
+/* A value counts once and for KEEPALIVE_LIFE_US; values are issued in step with the clock. */
+static void values(void) {
+    keepalive_t k;
+    uint32_t first = keepalive_begin(&k, &chance, NOW);
+    CHECK(first != 0U && !keepalive_counts(&k, 0U, NOW));
+    CHECK(keepalive_issue(&k, &chance, NOW + KEEPALIVE_PERIOD_US - 1U) == 0U);
+    const uint32_t second = keepalive_issue(&k, &chance, NOW + KEEPALIVE_PERIOD_US + 900U);
+    CHECK(second != 0U && second != first);
+    CHECK(keepalive_issue(&k, &chance, NOW + KEEPALIVE_PERIOD_US + 900U) == 0U);
+    const uint32_t third = keepalive_issue(&k, &chance, NOW + 2U * KEEPALIVE_PERIOD_US);
+    CHECK(third != 0U);
+    CHECK(!keepalive_counts(&k, third ^ 1U, NOW + KEEPALIVE_LIFE_US)); /* a stranger's */
+    CHECK(keepalive_counts(&k, third, NOW + KEEPALIVE_LIFE_US));
+    CHECK(!keepalive_counts(&k, third, NOW + KEEPALIVE_LIFE_US)); /* once */
+    CHECK(keepalive_counts(&k, first, NOW + KEEPALIVE_LIFE_US));  /* in any order, as late as that */
+    CHECK(!keepalive_counts(&k, second, NOW + KEEPALIVE_PERIOD_US + 900U + KEEPALIVE_LIFE_US + 1U));
+    CHECK(keepalive_issue(&k, &chance, NOW + 1000000U) != 0U); /* after a gap: one, and no more */
+    CHECK(keepalive_issue(&k, &chance, NOW + 1000000U) == 0U);
+
+    const uint32_t old = keepalive_begin(&k, &chance, NOW);
+    (void)keepalive_begin(&k, &chance, NOW);
+    CHECK(!keepalive_counts(&k, old, NOW)); /* of the armed time before */
+}
+
 static void keep_alives(void) {
     arming_t a;
     arming_init(&a);
-    CHECK(!arming_arm(&a, GONE, 7U, actuator, NOW));
-    CHECK(!arming_keepalive(&a, 7U, NOW));
-    CHECK(arming_arm(&a, 0U, 7U, actuator, NOW));
+    CHECK(arming_arm(&a, GONE, actuator, &chance, NOW) == 0U);
+    CHECK(!arming_keepalive(&a, 0U, NOW) && arming_issue(&a, &chance, NOW) == 0U);
+    uint32_t value = arming_arm(&a, 0U, actuator, &chance, NOW);
+    CHECK(value != 0U);
 
     /* A frame of pulses and a turn of the loop are left of the 50 ms. */
     const uint32_t silence_us = ARMING_SAFE_US - ARMING_TURN_US - actuator.frame_us;
-    CHECK(arming_keepalive(&a, 7U, NOW + silence_us));
-    CHECK(!arming_keepalive(&a, 8U, NOW + silence_us + 1000U)); /* a stranger's */
-    arming_poll(&a, 0U, NOW + 2U * silence_us);
+    CHECK(arming_keepalive(&a, value, NOW + KEEPALIVE_LIFE_US));
+    value = arming_issue(&a, &chance, NOW + KEEPALIVE_LIFE_US + 9000U);
+    CHECK(value != 0U && !arming_keepalive(&a, value + 1U, NOW + KEEPALIVE_LIFE_US + 9000U));
+    arming_poll(&a, 0U, NOW + KEEPALIVE_LIFE_US + silence_us);
     CHECK(arming_armed(&a));
-    CHECK(!arming_keepalive(&a, 7U, NOW + 2U * silence_us + 1U)); /* comes before the poll, and late */
+    CHECK(
+        !arming_keepalive(&a, value, NOW + KEEPALIVE_LIFE_US + silence_us + 1U)); /* before the poll, late */
     CHECK(!arming_armed(&a) && a.cause == ARMING_BLOCK_SILENCE);
 
-    CHECK(arming_arm(&a, 0U, 7U, actuator, NOW));
+    CHECK(arming_arm(&a, 0U, actuator, &chance, NOW) != 0U);
     arming_poll(&a, GONE, NOW);
     arming_disarm(&a, ARMING_BLOCK_COMMAND);
     CHECK(!arming_armed(&a) && a.cause == GONE); /* the first cause stays */
@@ -34,17 +63,18 @@ static void keep_alives(void) {
 static void hold(void) {
     arming_t a;
     arming_init(&a);
-    CHECK(arming_arm(&a, 0U, 7U, actuator, NOW));
+    CHECK(arming_arm(&a, 0U, actuator, &chance, NOW) != 0U);
     arming_poll(&a, 0U, NOW + actuator.hold_us - 1U);
     CHECK(!arming_driving(&a));
     arming_poll(&a, 0U, NOW + actuator.hold_us);
     CHECK(arming_driving(&a));
 
     /* 71.6 minutes after arming the difference is small again: no second hold in the middle of a flight. */
-    uint32_t now_us = NOW;
-    for (uint32_t i = 0U; i < UINT32_MAX / 40000U + 100U; i++) {
-        now_us += 40000U;
-        CHECK(arming_keepalive(&a, 7U, now_us));
+    uint32_t now_us = NOW + actuator.hold_us;
+    (void)arming_keepalive(&a, arming_issue(&a, &chance, now_us), now_us);
+    for (uint32_t i = 0U; i < UINT32_MAX / 10000U + 100U; i++) {
+        now_us += 10000U;
+        CHECK(arming_keepalive(&a, arming_issue(&a, &chance, now_us), now_us));
         arming_poll(&a, 0U, now_us);
         CHECK(arming_driving(&a));
     }
@@ -101,7 +131,7 @@ static void flipped_words(void) {
         CHECK(!arming_armed(&a) && !arming_driving(&a));
 
         arming_init(&a);
-        CHECK(arming_arm(&a, 0U, 7U, (arming_actuator_t){20000U, 0U}, NOW));
+        CHECK(arming_arm(&a, 0U, (arming_actuator_t){20000U, 0U}, &chance, NOW) != 0U);
         arming_poll(&a, 0U, NOW);
         CHECK(arming_armed(&a) && arming_driving(&a));
         a.driving.word ^= 1U << bit;
@@ -117,6 +147,7 @@ static void flipped_words(void) {
 
 int main(void) {
     flipped_words();
+    values();
     keep_alives();
     hold();
     handle();

@@ -1,0 +1,32 @@
+/* The keep-alive of the host that armed: the board issues values, the host sends each back once.
+ *
+ * A value counts once, and for KEEPALIVE_LIFE_US after it was issued. So nothing that was recorded, repeated
+ * or stuck in a buffer can stand for a host that lives. Time is an argument, in us of the board's clock;
+ * differences are taken modulo 2^32. */
+#ifndef PLUMB_LINK_KEEPALIVE_H
+#define PLUMB_LINK_KEEPALIVE_H
+
+#include "random.h"
+#include <stdbool.h>
+
+#define KEEPALIVE_PERIOD_US 10000U
+#define KEEPALIVE_LIFE_US   40000U
+#define KEEPALIVE_KEPT      (KEEPALIVE_LIFE_US / KEEPALIVE_PERIOD_US + 1U) /* that may still count */
+
+typedef struct {
+    uint32_t value[KEEPALIVE_KEPT]; /* 0: none, or used */
+    uint32_t issued_us[KEEPALIVE_KEPT];
+    uint32_t last_us; /* when the last one was due */
+    uint8_t next;     /* place of the next one */
+} keepalive_t;
+
+/* Forget all values and issue the first; never 0. */
+uint32_t keepalive_begin(keepalive_t *k, random_t *random, uint32_t now_us);
+
+/* The next value, once every KEEPALIVE_PERIOD_US; 0 while it is not due. */
+uint32_t keepalive_issue(keepalive_t *k, random_t *random, uint32_t now_us);
+
+/* True when this value was issued, was not used and is young enough; it is used then. */
+bool keepalive_counts(keepalive_t *k, uint32_t value, uint32_t now_us);
+
+#endif
