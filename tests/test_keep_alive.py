@@ -48,10 +48,12 @@ def drive(session: Session, run: str, period_us: int, raw: tuple[int, ...]) -> C
     def one_period(alive: bool) -> None:
         if run == "REALTIME_INJECTED":
             session.frames.write_frames(sample_frames(session.protocol, next(numbers), raw, 0, 0))
-        if alive:
-            session.receive(period_us * 1e-6)
-        else:
-            session.frames.read_frames(period_us * 1e-6)
+        end = session.clock() + period_us * 1e-6
+        while (remaining := end - session.clock()) > 0:
+            if alive:
+                session.receive(remaining)
+            else:
+                session.frames.read_frames(remaining)
 
     for _ in range(20):
         one_period(True)
