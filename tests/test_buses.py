@@ -167,7 +167,7 @@ def test_a_log_gives_its_frames_in_order_and_then_ends(tmp_path: Path) -> None:
         ("can:virtual", UsageError, "names no bus"),
         ("can:socketcand:host", UsageError, "can:socketcand:HOST:PORT:CHANNEL"),
         ("can:socketcan:nothere", LinkError, "cannot be opened"),
-        ("file:/no/such.asc", UsageError, "cannot be read as a log"),
+        ("file:/no/such.asc", UsageError, "cannot read /no/such.asc"),
     ],
 )
 def test_what_is_no_bus_gets_one_sentence(spec: str, kind: type[PlumbError], says: str) -> None:

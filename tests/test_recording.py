@@ -218,7 +218,7 @@ def test_a_bad_recording_is_one_sentence(tmp_path: Path, change: str, sentence: 
 @pytest.mark.parametrize(
     ("name", "content", "sentence"),
     [
-        ("none.npz", None, "no recording"), ("noise.npz", b"\x00\x01 nothing", "damaged"),
+        ("none.npz", None, "No such file"), ("noise.npz", b"\x00\x01 nothing", "damaged"),
         ("empty.npz", b"", "damaged"),
         ("photo.jpg", b"\xff\xd8", "neither"), ("empty.csv", b"", "empty"), ("binary.csv", b"\xff\xfe\x00", "CSV"),
         ("words.csv", b"time_s,a\n1,2\n", "needs columns"), ("text.csv", b"time_s,a\nsoon,2\n", "line 2: 'soon'"),

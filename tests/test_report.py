@@ -74,14 +74,14 @@ def test_files_appear_together_or_not_at_all(
     trouble: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     report.write_whole(tmp_path, {"a": "old", "b": "old"})
-    write = Path.write_text
+    write = Path.write_bytes
 
-    def failing(path: Path, text: str, encoding: str) -> int:
+    def failing(path: Path, data: bytes) -> int:
         if path.name.startswith("b"):
             raise trouble
-        return write(path, text, encoding=encoding)
+        return write(path, data)
 
-    monkeypatch.setattr(Path, "write_text", failing)
+    monkeypatch.setattr(Path, "write_bytes", failing)
     with pytest.raises((UsageError, KeyboardInterrupt)):
         report.write_whole(tmp_path, {"a": "new", "b": "new"})
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a": "old", "b": "old"}

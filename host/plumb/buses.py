@@ -20,12 +20,16 @@ from typing import Any
 
 import can
 
+from plumb import input_files
 from plumb.canlink import DriverBus
 from plumb.errors import LinkError, UsageError
+from plumb.serial_ports import check_port
 from plumb.serialbus import DEFAULT_BAUDRATE, PlumbBus
 from plumb.socketcand import SocketcandClient
 
 DEFAULT_KBIT = 500
+MOST_LOG_BYTES = 64 << 20
+"""Of a log of frames, which is read as a whole: a million frames."""
 KINDS = "serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT, can:INTERFACE:CHANNEL[@KBIT] or file:PATH"
 
 
@@ -105,6 +109,7 @@ def open_can(address: str) -> can.BusABC:
         raise UsageError(f"'can:{address}' names no bus; use can:INTERFACE:CHANNEL[@KBIT]")
     if interface not in can.VALID_INTERFACES:
         raise UsageError(f"python-can has no interface '{interface}'; it has {', '.join(sorted(can.VALID_INTERFACES))}")
+    check_port(channel)
     logging.getLogger("can").addHandler(logging.NullHandler())  # what drivers log is in the one sentence, too
     try:
         return DriverBus(f"can:{address}", can.Bus(**options))
@@ -132,6 +137,7 @@ class LogBus(can.BusABC):
 
     def __init__(self, path: Path) -> None:
         self.ended = False
+        input_files.check(path, MOST_LOG_BYTES, "give a log of frames (.asc .blf .csv .log .trc)")
         try:
             self._messages: Iterator[can.Message] = iter(list(can.LogReader(path)))
         except (OSError, ValueError, KeyError, IndexError, TypeError, NotImplementedError) as error:

@@ -27,12 +27,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from plumb.errors import UsageError
+from plumb.input_files import read_bytes
 
 Sensor = Literal["gyro", "accel"]
 Vector = tuple[float, float, float]
 
 G_MPS2 = 9.80665
+MOST_FILE_BYTES = 64 << 20
+"""Of a file of datagrams: some hours of a phone."""
 LARGEST_BYTES = 4096
 """No app's datagram comes near it; a longer one is refused unread."""
 LATEST_S = 1e11
@@ -152,8 +154,5 @@ def read_file(path: Path) -> Iterable[bytes]:
 
     Raises UsageError for a file that cannot be read.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise UsageError(f"cannot read {path}: {error.strerror}") from None
+    content = read_bytes(path, MOST_FILE_BYTES, "cut the recording, or give a file of a phone's app")
     return [line for line in content.replace(b"}{", b"}\n{").splitlines() if line.strip()]

@@ -13,9 +13,17 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from plumb import recording
+from plumb import input_files, recording
 from plumb.errors import LinkError, UsageError
-from plumb.phone_apps import LARGEST_BYTES, MalformedError, Sample, Sensor, parse, read_file
+from plumb.phone_apps import (
+    LARGEST_BYTES,
+    MOST_FILE_BYTES,
+    MalformedError,
+    Sample,
+    Sensor,
+    parse,
+    read_file,
+)
 from plumb.resampler import SENSORS, Resampler, Step
 
 LOOPBACK, EVERYWHERE = "127.0.0.1", "0.0.0.0"
@@ -215,6 +223,7 @@ def steps_of_file(path: Path, period_us: int) -> tuple[list[Step], Intake, recor
 
 def _is_table(path: Path) -> bool:
     """CSV with plumb's header; a datagram has none."""
+    input_files.check(path, MOST_FILE_BYTES, "give a recording, or a file of a phone's app")
     try:
         with path.open("rb") as file:
             return b"time_s" in file.readline(LARGEST_BYTES)

@@ -41,6 +41,12 @@ def writing(path: Path) -> Iterator[None]:
         raise UsageError(f"{path} cannot be written: {error.strerror}; what was written before is kept") from None
 
 
+def check_kept(path: Path) -> None:
+    """Raises UsageError when the file that is being written has been deleted: what goes into it is lost."""
+    if not path.exists():
+        raise UsageError(f"{path} was deleted while it was written: nothing is kept, record again")
+
+
 class FrameLog:
     """A log of frames in the format of its suffix, on the disk to the last second. Raises UsageError when it cannot be
     written."""
@@ -64,11 +70,13 @@ class FrameLog:
         if time.monotonic() - self._flushed_s > FLUSH_EVERY_S:
             with writing(self._path):
                 self._log.file.flush()
+            check_kept(self._path)
             self._flushed_s = time.monotonic()
 
     def close(self) -> None:
         with writing(self._path):
             self._log.stop()
+        check_kept(self._path)
 
     def __enter__(self) -> Self:
         return self
@@ -144,6 +152,7 @@ class Recorder:
         with self._opened, writing(self._path):
             self._write(self._capture.steps)
             self._file.close()
+        check_kept(self._path)
 
 
 def signals(frames: tuple[str, ...]) -> list[tuple[tuple[str, str], str, float]]:

@@ -28,7 +28,7 @@ from __future__ import annotations
 import csv
 import math
 import zipfile
-import zlib
+from array import array
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -36,6 +36,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from plumb import input_files
 from plumb.errors import UsageError
 from plumb.tuning import Calibration, Channel
 
@@ -47,6 +48,13 @@ G_MPS2 = 9.80665
 SHORTEST_S = 2.0
 LONGEST_GAP_S = 1.0
 SINGULAR = 0.15
+MOST_SAMPLES = 1 << 21
+"""Two hours at 285 Hz; at half a kilobyte of working memory a sample, one gigabyte."""
+MOST_STEPS = 1 << 23
+"""Of a recording resampled to the period: stamps may be far apart, and steps are not."""
+MOST_BYTES = 256 << 20
+ROW_BYTES = 64
+"""The widest array that is read, four float128 a sample."""
 RATE_LIMIT_DPS, ACCEL_LIMIT_G = 2500.0, 27.5
 """What the firmware's calibrated values can carry is 7 turn/s and 28 g."""
 LEAST_SCALE_DPS, LEAST_SCALE_G = 25.0, 0.25
@@ -110,23 +118,39 @@ class AxisInput:
 def load(path: Path | str) -> Recording:
     """Read and check a file; raises UsageError with one sentence that says what is wrong with it."""
     path = Path(path)
-    if not path.is_file():
-        raise UsageError(f"there is no recording at {path}; give an .npz or .csv file")
-    if path.suffix.lower() == ".npz":
-        columns = _read_npz(path)
-    elif path.suffix.lower() == ".csv":
-        columns = _read_csv(path)
-    else:
+    suffix = path.suffix.lower()
+    if suffix not in (".npz", ".csv"):
         raise UsageError(f"{path.name} is neither .npz nor .csv; see `plumb replay --help` for both formats")
-    return _checked(path, columns)
+    input_files.check(path, MOST_BYTES, "give a recording, .npz or .csv")
+    return _checked(path, _read_npz(path) if suffix == ".npz" else _read_csv(path))
+
+
+def _too_long(path: Path) -> UsageError:
+    return UsageError(f"{path.name} holds more than {MOST_SAMPLES} samples: cut it into shorter recordings")
+
+
+def _check_sizes(path: Path) -> None:
+    """Raises UsageError for an array that would take too much memory, from the headers of the arrays alone: a few
+    kilobytes of a compressed file may stand for gigabytes."""
+    with zipfile.ZipFile(path) as archive:
+        for name in set(archive.namelist()) & {f"{name}.npy" for name in NPZ_NAMES}:
+            with archive.open(name) as member:
+                version = np.lib.format.read_magic(member)
+                read = np.lib.format.read_array_header_1_0 if version[0] == 1 else np.lib.format.read_array_header_2_0
+                shape, _, dtype = read(member)
+            if math.prod(shape[:1]) > MOST_SAMPLES or math.prod(shape) * dtype.itemsize > MOST_SAMPLES * ROW_BYTES:
+                raise _too_long(path)
 
 
 def _read_npz(path: Path) -> dict[str, npt.NDArray[np.float64]]:
     try:
+        _check_sizes(path)
         with np.load(path, allow_pickle=False) as file:
             columns = {name: file[name].astype(np.float64, casting="same_kind") for name in NPZ_NAMES if name in file}
             names = sorted(file.files)
-    except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+    except UsageError:
+        raise
+    except Exception as error:  # zipfile, zlib and numpy raise whatever a damaged file leads them to
         raise UsageError(f"{path.name} is damaged or no numpy .npz file of plain numbers") from error
     missing = [name for name in ("gyr", "acc") if name not in columns]
     if missing or not ("time_s" in columns or "rate_hz" in columns):
@@ -142,21 +166,25 @@ def _read_npz(path: Path) -> dict[str, npt.NDArray[np.float64]]:
 
 
 def _read_csv(path: Path) -> dict[str, npt.NDArray[np.float64]]:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise UsageError(f"{path.name} is no readable CSV text ({error})") from error
-    if not rows:
-        raise UsageError(f"{path.name} is empty")
-    header = [name.strip() for name in rows[0]]
     wanted = ["time_s", "movement", *(f"ref_{c}" for c in "wxyz")]
     wanted += [f"gyr_{c}_{u}" for c in "xyz" for u in ("radps", "dps")]
     wanted += [f"acc_{c}_{u}" for c in "xyz" for u in ("mps2", "g")]
-    column: dict[str, FloatArray] = {}
-    for at, name in enumerate(header):
-        if name in wanted:
-            column[name] = np.array([_number(path, line, name, row, at) for line, row in enumerate(rows[1:], 2)])
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = (row for row in csv.reader(file) if row)
+            header = next(rows, None)
+            if header is None:
+                raise UsageError(f"{path.name} is empty")
+            places = {name.strip(): at for at, name in enumerate(header) if name.strip() in wanted}
+            numbers = {name: array("d") for name in places}
+            for line, row in enumerate(rows, 2):
+                if line > MOST_SAMPLES + 1:
+                    raise _too_long(path)
+                for name, at in places.items():
+                    numbers[name].append(_number(path, line, name, row, at))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise UsageError(f"{path.name} is no readable CSV text ({error})") from error
+    column: dict[str, FloatArray] = {name: np.array(values) for name, values in numbers.items()}
     gyr = _axes(column, "gyr", (("radps", 180.0 / math.pi), ("dps", 1.0)))
     acc = _axes(column, "acc", (("mps2", 1.0 / G_MPS2), ("g", 1.0)))
     if gyr is None or acc is None or "time_s" not in column:
@@ -257,6 +285,9 @@ def pick_axis(recording: Recording, axis: str, period_us: int | None = None) -> 
         period_us = round(recording.step_s * 1e6)
     if not 500 <= period_us <= 100_000:
         raise UsageError(f"a period of {period_us} us is outside 500 to 100000 us; resample with --period-us")
+    if recording.time_s[-1] > MOST_STEPS * period_us * 1e-6:
+        most = f"more than {MOST_STEPS} steps of {period_us} us"
+        raise UsageError(f"{recording.path.name} lasts {most}: cut it, or take a longer --period-us")
     (first, sign), (second, _) = _ACROSS[axis]
     signals = np.column_stack(
         [recording.gyr_dps[:, "xyz".index(axis)], sign * recording.acc_g[:, first], recording.acc_g[:, second]]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import html
 import io
 from collections.abc import Mapping, Sequence
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from plumb import whole_files
 from plumb.errors import UsageError
 from plumb.extras import install_hint
 
@@ -164,17 +164,8 @@ def page(title: str, verdict: str, lead: str, parts: Sequence[Plot | Table]) -> 
 
 def write_whole(folder: Path, texts: Mapping[str, str]) -> None:
     """Write the files, or leave what was there: all are written beside their places before the first one moves in."""
-    parts = {folder / name: folder / (name + ".part") for name in texts}
-    path = folder
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for path, part in parts.items():
-            part.write_text(texts[path.name], encoding="utf-8")
-        for path, part in parts.items():
-            part.replace(path)
     except OSError as error:
-        raise UsageError(f"cannot write {path}: {error.strerror}; choose another folder with --out") from error
-    finally:
-        with contextlib.suppress(OSError):
-            for part in parts.values():
-                part.unlink(missing_ok=True)
+        raise UsageError(f"cannot write {folder}: {error.strerror}; choose another folder with --out") from None
+    whole_files.write_whole({folder / name: text for name, text in texts.items()}, "choose another folder with --out")

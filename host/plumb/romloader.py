@@ -25,6 +25,7 @@ from plumb.extras import install_hint
 from plumb.f103.image import FLASH_BASE
 from plumb.f103.rom import RomBootloader
 from plumb.identity import NackError
+from plumb.serial_ports import check_port
 from plumb.stream import WRITE_TIMEOUT_S, OpenError, open_advice
 
 FLASH_SIZE_ADDRESS = 0x1FFFF7E0  # RM0008 30.1.1, in KiB
@@ -90,6 +91,7 @@ class Line:
     def __init__(self, port: str, baud: int) -> None:
         import serial
 
+        check_port(port)
         self.timeout = REPLY_S
         exclusive = True if os.name == "posix" else None
         opened = partial(

@@ -17,6 +17,7 @@ from typing import Any, Protocol
 from can import CanInitializationError, CanOperationError
 
 from plumb.errors import LinkError
+from plumb.serial_ports import check_port
 
 WRITE_TIMEOUT_S = 2.0
 CONNECT_TIMEOUT_S = 5.0
@@ -130,6 +131,7 @@ class SerialStream:
     def __init__(self, port: str, baudrate: int) -> None:
         import serial
 
+        check_port(port)
         self.name = port
         self.clock = time.monotonic
         try:
@@ -205,7 +207,7 @@ class ObjectStream:
 
 
 def open_stream(channel: Any, baudrate: int) -> Stream:
-    """PORT, PORT@BAUD, socket://HOST:PORT, tcp:HOST:PORT, udp:PORT, any other pyserial URL, or an object."""
+    """PORT, PORT@BAUD, socket://HOST:PORT, rfc2217://HOST:PORT, tcp:HOST:PORT, udp:PORT, or an object."""
     if not isinstance(channel, str):
         return ObjectStream(channel)
     for prefix in ("socket://", "tcp:"):

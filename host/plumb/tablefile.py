@@ -17,11 +17,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from plumb import parameters
+from plumb import input_files, parameters, whole_files
 from plumb.errors import LinkError, UsageError
 from plumb.meaning import meaning
 from plumb.parameters import Parameter
 from plumb.session import Session
+
+MOST_BYTES = 1 << 20
+"""Of a file of parameters, which takes 10 KiB."""
 
 
 def row_named(name: str) -> Parameter:
@@ -121,11 +124,11 @@ def write(path: Path, text: str) -> None:
         if target.exists() and not target.is_file():  # a device or a pipe is written to, never replaced
             target.write_text(text, encoding="utf-8")
             return
-        beside = target.with_name(target.name + ".part")
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(target)
+        if not target.parent.is_dir():
+            raise UsageError(f"cannot write {path}: there is no folder {target.parent}; choose another file")
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror}; choose another file") from None
+    whole_files.write_whole({target: text}, "choose another file")
 
 
 @dataclass(frozen=True)
@@ -141,11 +144,10 @@ class TableFile:
 
 def read(path: Path) -> TableFile:
     """Raises UsageError in one sentence for a file that cannot be read, or a value that cannot be."""
+    text = input_files.read_text(path, MOST_BYTES, "give a file of `plumb params dump`")
     try:
-        said = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UsageError(f"cannot read {path}: {error.strerror}; give a file of `plumb params dump`") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        said = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise UsageError(f"{path} is no TOML file ({error}); give a file of `plumb params dump`") from None
     given = said.get("values")
     if not isinstance(given, dict) or not given:

@@ -8,8 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from plumb.errors import UsageError
+from plumb.input_files import read_bytes
 
 FLASH_BASE = 0x08000000
+MOST_BYTES = 64 << 20
+"""Of an image's file: an ELF file holds what debuggers want, too."""
 BUILD_IMAGE = Path("build") / "stm32f103" / "firmware.bin"
 PARAMETER_SLOTS = 0x0800F000
 """From here on the flash of the smallest part belongs to the parameters."""
@@ -46,10 +49,7 @@ def find_image(image: Path | None = None) -> Path:
 
 def load_image(path: Path) -> bytes:
     """The bytes from 0x08000000 on; gaps read as erased flash. Raises UsageError for a file that is no image."""
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise UsageError(f"{path} cannot be read: {error.strerror}") from error
+    raw = read_bytes(path, MOST_BYTES, "build an image with 'make image'")
     if raw[:4] == b"\x7fELF":
         data = _from_elf(raw, path)
     elif path.suffix.lower() in (".hex", ".ihx") or raw[:1] == b":":

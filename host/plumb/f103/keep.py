@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 from plumb.errors import UsageError
 from plumb.f103.image import FLASH_BASE, PARAMETER_SLOTS
+from plumb.input_files import read_bytes
+from plumb.whole_files import write_whole
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
@@ -20,12 +22,9 @@ SLOTS_BYTES = 4096
 
 def read_slots(path: Path) -> bytes:
     """What was kept, or nothing yet; raises UsageError for another file."""
-    try:
-        slots = path.read_bytes()
-    except FileNotFoundError:
+    if not path.exists():
         return b""
-    except OSError as error:
-        raise UsageError(f"{path} cannot be read: {error.strerror}") from None
+    slots = read_bytes(path, SLOTS_BYTES, "choose another file")
     if len(slots) != SLOTS_BYTES:
         raise UsageError(f"{path} holds no parameters of a served board; choose another file")
     return slots
@@ -52,9 +51,5 @@ class KeptSlots:
             return
         self._written = self._machine.flash.operations
         start = PARAMETER_SLOTS - FLASH_BASE
-        beside = self._path.with_name(self._path.name + ".part")
-        try:
-            beside.write_bytes(self._machine.cpu.flash[start : start + SLOTS_BYTES])
-            beside.replace(self._path)
-        except OSError as error:
-            raise UsageError(f"{self._path} cannot be written: {error.strerror}; choose another file") from None
+        slots = bytes(self._machine.cpu.flash[start : start + SLOTS_BYTES])
+        write_whole({self._path: slots}, "choose another file")
