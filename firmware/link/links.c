@@ -34,7 +34,9 @@ void links_open(session_t *s, link_t link, bool open, bool read_only) {
 bool links_accept(session_t *s, link_t link, const can_frame_t *f, uint32_t now_us) {
     session_link_t *const l = &s->link[link];
     const bool opens = link == LINK_CAN && f->id == MESSAGE_HELLO_ID; /* no line of text says O there */
-    const bool good = e2e_check(f) && (opens || (l->open && !l->read_only));
+    const bool stops =
+        f->id == MESSAGE_DISARM_ID; /* anybody may, always: a closed link is no reason to go on */
+    const bool good = e2e_check(f) && (opens || stops || (l->open && !l->read_only));
 
     l->rejected = (uint16_t)(l->rejected + !good);
     if (good) {

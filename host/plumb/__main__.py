@@ -35,6 +35,7 @@ COMMANDS = {
     "link-test": "try a link: losses, damage, rates and delays",
     "bandwidth": "the low-pass of an accelerometer for a motion, and its noise",
     "flash": "write the flash image to a board over its ROM bootloader, and read it back",
+    "faults": "the fault table: injections on the armed flash image, against limits",
     "bench": "instructions, cycles, bytes, stack and error of the kernels, against budget",
     "ports": "list serial ports, and which one answers as a plumb board",
     "doctor": "check this machine: tools, libraries, image, permissions",

@@ -34,5 +34,10 @@ class VirtualBoard(LinkBoard):
         self.session.close()
         self.machine.reset()
         self.machine.advance_us(START_US)
+        return self.reconnect()
+
+    def reconnect(self) -> Session:
+        """Connect anew, as after a reset that came from elsewhere."""
+        self.machine.uart.reset_input_buffer()
         self.session = self._connect()
         return self.session

@@ -96,6 +96,12 @@ class Flash(Peripheral):
         self._stuck[address - FLASH_BASE] = (zeros | bits, ones) if not level else (zeros, ones | bits)
         self.store(address - FLASH_BASE, bytes(self.machine.cpu.flash[address - FLASH_BASE :][:1]))
 
+    def stall(self, seconds: float) -> None:
+        """The core stands still for so long, as while a page is erased; the memory does not change."""
+        now = self.machine.now
+        nothing = Operation(0, bytes(self.machine.cpu.flash[:2]), now, 0)
+        self._begin(nothing, round(seconds * 1e6))
+
     # Registers
 
     def write_acr(self, value: int) -> None:

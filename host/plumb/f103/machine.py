@@ -379,7 +379,7 @@ class Machine:
             cpu.slept_ticks += 0 if self.flash.busy else end - cpu.base
             cpu.base = end
         elif masked:
-            cpu.run_masked()
+            cpu.run_masked(end)
         else:
             cpu.run(max(1, -(-(end - cpu.base) // cpu.instruction_ticks)))
 

@@ -295,6 +295,11 @@ class Tim1(Timer):
                 self._look(instant)
         self._scanned = now
 
+    def levels(self, phase: int, now: int) -> tuple[bool | None, bool | None]:
+        """Level of a phase's high and low gate at `now`; None where the timer does not drive."""
+        self.settle(now)
+        return self._output(phase, now)
+
     def bridge(self, now: int) -> Bridge:
         """Mean of each phase, dead time aside."""
         self.settle(now)

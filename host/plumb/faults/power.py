@@ -1,0 +1,49 @@
+"""Faults of the supply, and resets from outside."""
+
+from __future__ import annotations
+
+from plumb.faults.fault import Action, Fault
+from plumb.faults.reports import Told
+from plumb.faults.scene import Scene
+
+POWER, PIN, FALLBACK = 1 << 3, 1 << 2, 1 << 8
+AWAY_US = 5_000.0
+BY_POWER = Told("IDENTITY", "RESET_CAUSE", POWER)
+
+
+def cut(*on_us: float) -> Action:
+    """The supply goes away and comes back; again after each of these times."""
+
+    def inject(scene: Scene) -> None:
+        for wait_us in (0.0, *on_us):
+            scene.machine.advance_us(wait_us)
+            scene.machine.power_cut()
+            scene.machine.advance_us(AWAY_US)
+            scene.machine.power_on()
+
+    return inject
+
+
+def brown_out(scene: Scene) -> None:
+    scene.machine.brown_out()
+
+
+def reset_pin(scene: Scene) -> None:
+    scene.machine.reset()
+
+
+def cut_and_no_crystal(scene: Scene) -> None:
+    scene.machine.rcc.crystal_dead = True
+    cut()(scene)
+
+
+FAULTS = (
+    Fault("power-cut", "power", "the supply is away for 5 ms", cut(), "power", (BY_POWER,)),
+    Fault("power-cut-again", "power", "the supply is away for 5 ms, and again 1, 3 and 20 ms into the start",
+          cut(1_000.0, 3_000.0, 20_000.0), "power", (BY_POWER,)),
+    Fault("brown-out", "power", "the supply dips below the reset threshold: half of the RAM's bits are lost", brown_out,
+          "power", (BY_POWER,)),
+    Fault("power-back-without-crystal", "power", "the supply is away, and the crystal does not start again",
+          cut_and_no_crystal, "power", (BY_POWER, Told("IDENTITY", "FAULTS", FALLBACK))),
+    Fault("reset-pin", "power", "the reset pin is pulled", reset_pin, "power", (Told("IDENTITY", "RESET_CAUSE", PIN),)),
+)  # fmt: skip
