@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from plumb import __main__ as front
-from plumb import quantise, recipe
+from plumb import golden, quantise
 from plumb.errors import LinkError, UsageError
 from plumb.f103.image import find_image
 from plumb.session import Session
@@ -27,22 +27,22 @@ from plumb import live  # after the skips: it needs unicorn
 from plumb.boards.virtual import VirtualBoard
 
 
-def one_of_each_system(path: Path, systems: Sequence[str] | None = None) -> list[recipe.Entry]:
-    """Of the recipe, the first vector that every board runs. All of them on all boards: test_golden.py."""
-    found: dict[str, recipe.Entry] = {}
-    for entry in whole_recipe(path, systems):
-        if entry.on_link:
-            found.setdefault(entry.system, entry)
+def one_of_each_system(folder: Path, systems: Sequence[str] | None = None) -> list[golden.Case]:
+    """The first vector of each system that every board runs. All of them on all boards: test_golden.py."""
+    found: dict[str, golden.Case] = {}
+    for case in all_cases(folder, systems):
+        if case.entry.on_link:
+            found.setdefault(case.entry.system, case)
     return list(found.values())
 
 
-whole_recipe = recipe.read
+all_cases = golden.cases
 
 
 def test_the_demo_closes_the_loop_and_agrees_in_every_bit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(recipe, "read", one_of_each_system)
+    monkeypatch.setattr(golden, "cases", one_of_each_system)
     assert front.main(["demo", "--seconds", "20", "--out", str(tmp_path)]) == 0
     said = capsys.readouterr().out
     summary = json.loads((tmp_path / "summary.json").read_text())

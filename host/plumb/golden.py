@@ -1,102 +1,33 @@
-"""Golden vectors: inputs and the digests they must give, as data files made by the integer model from a written recipe.
+"""Golden vectors: inputs and the digests they must give, as files that the integer model makes from a written recipe.
 
-A vector file, NAME.golden, is one line of JSON and then binary, little endian, without compression:
-
-    {"format", "name", "system", "on_link", "steps", "columns", "setpoint", "params", "final"} and a newline
-    int16  raw      (steps, columns)   the columns of the raw counts that are not all zero
-    int32  setpoint (steps,)           left out when the header's "setpoint" is a number: constant
-    uint32 digest   (steps,)           CRC-32 of every step's words
-
-"params" are the parameter words that the system reads, "final" the words of the last step, by name. "on_link" marks the
-vectors that are also run over a link, where a step costs a frame.
+plumb.recipe has what a vector is made of, plumb.golden_file the container, plumb.golden_manifest the list of what a
+full check must run. A check starts only when recipe, manifest and files agree and the C library finds the parameters
+valid.
 """
 
 from __future__ import annotations
 
-import json
+import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from tqdm import tqdm
 
-from plumb import fixed, recipe
-from plumb.boards import Answer, Board, RawCounts, Setpoints
+from plumb import fixed, golden_manifest, native, recipe
+from plumb.boards import Answer, Board
 from plumb.compare import first_digest_divergence
 from plumb.errors import UsageError
-from plumb.quantise import ControlParams
+from plumb.golden_file import FORMAT, MAX_FILE_BYTES, SUFFIX, Vector, read_bounded
 from plumb.words import Words, names_of
 
-FORMAT = "plumb golden 2"
-SUFFIX = ".golden"
+__all__ = ["FORMAT", "SUFFIX", "Case", "Divergence", "Result", "Vector", "build", "cases", "check", "load", "make"]
+
 RECIPE = "recipe.toml"
-WHOLE_BOARDS = ("native", "qemu")
+WHOLE_BOARDS = ("fixed", "native", "qemu")
 """Boards that take every vector; the others take those marked for a link."""
-
-
-@dataclass(frozen=True)
-class Vector:
-    """One golden vector. raw: (steps, 6) int16; setpoint: (steps,) int32; digests: (steps,) uint32."""
-
-    name: str
-    system: str
-    on_link: bool
-    params: ControlParams
-    raw: RawCounts
-    setpoint: Setpoints
-    digests: npt.NDArray[np.uint32]
-    final: dict[str, int]
-
-    def encode(self) -> bytes:
-        columns = [i for i in range(self.raw.shape[1]) if self.raw[:, i].any()]
-        constant = bool((self.setpoint == self.setpoint[0]).all())
-        header = {
-            "format": FORMAT,
-            "name": self.name,
-            "system": self.system,
-            "on_link": self.on_link,
-            "steps": len(self.raw),
-            "columns": columns,
-            "setpoint": int(self.setpoint[0]) if constant else None,
-            "params": self.params.own(),
-            "final": self.final,
-        }
-        binary = self.raw[:, columns].astype("<i2").tobytes()
-        binary += b"" if constant else self.setpoint.astype("<i4").tobytes()
-        return json.dumps(header).encode() + b"\n" + binary + self.digests.astype("<u4").tobytes()
-
-    @classmethod
-    def read(cls, path: Path) -> Vector:
-        """Raises UsageError for a file that is none, or that ends early."""
-        try:
-            line, _, binary = path.read_bytes().partition(b"\n")
-            header = json.loads(line)
-            if header["format"] != FORMAT:
-                raise ValueError(header["format"])
-            return cls._decode(header, binary)
-        except (OSError, ValueError, KeyError, TypeError, IndexError, UsageError):
-            raise UsageError(f"{path} is not a whole golden vector; make it again with: plumb golden make") from None
-
-    @classmethod
-    def _decode(cls, header: dict[str, Any], binary: bytes) -> Vector:
-        steps, columns = int(header["steps"]), list(header["columns"])
-        raw = np.zeros((steps, 6), np.int16)
-        counts, at = steps * len(columns), 2 * steps * len(columns)
-        raw[:, columns] = np.frombuffer(binary, "<i2", counts).reshape(steps, len(columns))
-        if header["setpoint"] is None:
-            setpoint = np.frombuffer(binary, "<i4", steps, at).astype(np.int32)
-            at += 4 * steps
-        else:
-            setpoint = np.full(steps, header["setpoint"], np.int32)
-        digests = np.frombuffer(binary, "<u4", steps, at).astype(np.uint32)
-        if len(binary) != at + 4 * steps:
-            raise ValueError("length")
-        params = ControlParams.of(header["system"], header["params"])
-        final = {str(name): int(value) for name, value in header["final"].items()}
-        return cls(header["name"], header["system"], bool(header["on_link"]), params, raw, setpoint, digests, final)
 
 
 def vectors_folder(folder: Path | None = None) -> Path:
@@ -117,29 +48,77 @@ def build(entry: recipe.Entry) -> Vector:
 
 
 def make(folder: Path, systems: Sequence[str] | None = None) -> list[str]:
-    """Writes every vector of the recipe; a second time gives the same bytes. Returns a line for each."""
-    lines = []
-    entries = recipe.read(folder / RECIPE, systems)
-    for entry in tqdm(entries, disable=None, leave=False, unit="vector"):
+    """Write every vector of the recipe, and the manifest; the same bytes every time. Returns a line for each vector."""
+    lines, rows = [], {}
+    for entry in tqdm(recipe.read(folder / RECIPE, systems), disable=None, leave=False, unit="vector"):
         vector = build(entry)
         path = folder / (vector.name + SUFFIX)
         data = vector.encode()
         unfinished = path.with_suffix(".part")
         unfinished.write_bytes(data)
         unfinished.replace(path)
+        rows[entry.name] = _row(entry, data)
         lines.append(f"{path.name}: {len(vector.raw)} steps, {len(data)} bytes")
+    if systems and (folder / golden_manifest.MANIFEST).exists():
+        rows = {row.name: row for row in golden_manifest.read(folder)} | rows
+    names = [entry.name for entry in recipe.read(folder / RECIPE)]
+    golden_manifest.write(folder, [rows[name] for name in names if name in rows])
     return lines
+
+
+def _row(entry: recipe.Entry, data: bytes) -> golden_manifest.Row:
+    digest = hashlib.sha256(data).hexdigest()
+    return golden_manifest.Row(entry.name, entry.system, entry.steps, entry.on_link, digest)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A vector that a check runs, and the recipe entry that it agrees with."""
+
+    entry: recipe.Entry
+    vector: Vector
+
+
+def cases(folder: Path, systems: Sequence[str] | None = None) -> list[Case]:
+    """What a check runs, in the recipe's order; raises UsageError unless recipe, manifest and files agree."""
+    entries = recipe.read(folder / RECIPE, systems)
+    rows = golden_manifest.require(folder, entries, systems)
+    return [_case(folder, entry, rows[entry.name]) for entry in entries]
+
+
+def _case(folder: Path, entry: recipe.Entry, row: golden_manifest.Row) -> Case:
+    path = folder / (entry.name + SUFFIX)
+    data = read_bounded(path, MAX_FILE_BYTES)
+    vector = Vector.decode(data, path)
+    again = "make it again with: plumb golden make"
+    for what, found, wanted in (
+        ("name", vector.name, entry.name),
+        ("system", vector.system, entry.system),
+        ("steps", len(vector.raw), entry.steps),
+        ("on_link", vector.on_link, entry.on_link),
+    ):
+        if found != wanted:
+            raise UsageError(f"{path} says {what} {found}, its recipe {wanted}; {again}")
+    expected = entry.params().own()
+    for name, value in vector.params.own().items():
+        if value != expected[name]:
+            raise UsageError(f"{path} says {name} {value}, its recipe's tuning gives {expected[name]}; {again}")
+    if not native.params_valid(vector.params):
+        raise UsageError(f"{path} holds parameters that the core refuses; correct the recipe, then: plumb golden make")
+    if hashlib.sha256(data).hexdigest() != row.sha256:
+        raise UsageError(f"{path} is not the file that {golden_manifest.MANIFEST} lists; {again}")
+    return Case(entry, vector)
 
 
 def load(folder: Path, systems: Sequence[str] | None = None) -> list[Vector]:
     """The vectors of the recipe, in its order."""
-    return [Vector.read(folder / (entry.name + SUFFIX)) for entry in recipe.read(folder / RECIPE, systems)]
+    return [case.vector for case in cases(folder, systems)]
 
 
 @dataclass(frozen=True)
 class Divergence:
     """Where a board, or the vector file itself (in_file), first leaves the model. signal is a word of the step, or
-    `params[NAME]`, or `digest`; actual is None where the board gave nothing."""
+    `digest`; actual is None where the board gave nothing."""
 
     vector: str
     step: int
@@ -193,12 +172,18 @@ def verdict_of(results: Iterable[Result]) -> str:
     return next((v for v in ("fail", "unverified") if v in verdicts), "pass")
 
 
-def check(board: Board, folder: Path, systems: Sequence[str] | None = None) -> Result:
-    """Runs the vectors on a board and compares every step's digest with the one in the file."""
-    entries = recipe.read(folder / RECIPE, systems)
+def check(
+    board: Board, folder: Path, systems: Sequence[str] | None = None, chosen: Sequence[Case] | None = None
+) -> Result:
+    """Runs the vectors on a board and compares every step's digest with the one in the file.
+
+    chosen: the cases, when they were loaded before; else those of the folder and the systems.
+    """
     result = Result()
-    chosen = [(e, Vector.read(folder / (e.name + SUFFIX))) for e in entries if e.on_link or board.name in WHOLE_BOARDS]
-    for entry, vector in tqdm(chosen, disable=None, leave=False, unit="vector", desc=board.name):
+    every = cases(folder, systems) if chosen is None else chosen
+    meant = [case for case in every if case.entry.on_link or board.name in WHOLE_BOARDS]
+    for case in tqdm(meant, disable=None, leave=False, unit="vector", desc=board.name):
+        vector = case.vector
         answer = board.run_injected(vector.params, vector.raw, vector.setpoint)
         result.vectors += 1
         result.steps += len(vector.raw)
@@ -208,7 +193,7 @@ def check(board: Board, folder: Path, systems: Sequence[str] | None = None) -> R
         wrong = int(np.count_nonzero(answer.digests[compared] != vector.digests[compared]))
         result.mismatches += wrong
         if result.first_divergence is None:
-            result.first_divergence = _trace(board, entry, vector, answer)
+            result.first_divergence = _trace(board, case.entry, vector, answer)
             if result.first_divergence and not wrong:
                 result.mismatches += 1  # the words differ although their digest does not
     return result
@@ -255,9 +240,6 @@ def _first_in_words(vector: Vector, answer: Answer) -> Divergence | None:
 def _first_in_file(entry: recipe.Entry, vector: Vector, step: int) -> Divergence:
     """The file disagrees with the model on its own inputs: what its recipe gives shows which number was changed."""
     fresh = build(entry)
-    for name, expected in fresh.params.own().items():
-        if expected != vector.params[name]:
-            return Divergence(vector.name, 0, f"params[{name}]", expected, vector.params[name], in_file=True)
     steps = min(len(fresh.raw), len(vector.raw))
     for at in range(steps):
         if (fresh.raw[at] != vector.raw[at]).any():

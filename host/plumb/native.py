@@ -95,6 +95,12 @@ def params_valid(params: ControlParams) -> bool:
     return bool(c_core().plumb_params_valid(_pointer(_u32(params.words()))))
 
 
+def require_valid(params: ControlParams) -> None:
+    """Raises UsageError for parameters that the core refuses: with them its arithmetic may divide by zero."""
+    if not params_valid(params):
+        raise UsageError(f"the core refuses these parameters of {params.system}; take those of a tuning")
+
+
 def crc32(data: bytes) -> int:
     return int(c_core().plumb_crc32(data, len(data)))
 
@@ -143,6 +149,7 @@ def tilt_and_trust(
     params: ControlParams, accel_y_g_q26: npt.ArrayLike, accel_z_g_q26: npt.ArrayLike
 ) -> tuple[Int32s, npt.NDArray[np.uint32]]:
     """Measured tilt, turn Q32, and R in 2^32 lsb."""
+    require_valid(params)
     y, z = _i32(accel_y_g_q26), _i32(accel_z_g_q26)
     turn, variance = np.empty_like(y), np.empty(y.shape, np.uint32)
     words = _u32(params.words())
@@ -159,6 +166,7 @@ def kalman_run(
     """
     r, z, u = _u32(variance), _i32(tilt_turn_q32), _i32(rate_turnps_q28)
     runs = z.shape[1] if z.ndim == 2 else 1
+    require_valid(params)
     fused, states = np.empty_like(z), np.zeros(runs, KALMAN_DTYPE)
     c_core().plumb_kalman_run(
         _pointer(_u32(params.words())), _pointer(r), _pointer(z), _pointer(u), len(z), runs, _pointer(states),
@@ -189,6 +197,7 @@ class Controller:
     """One run, a step at a time, in memory that this object owns."""
 
     def __init__(self, params: ControlParams) -> None:
+        require_valid(params)
         self._core, self._params = c_core(), _u32(params.words())
         self._memory = np.zeros(self._core.plumb_sizeof_control() // 8 + 1, np.int64)
         self._record = np.zeros(1, RECORDS[params.system])
@@ -220,6 +229,7 @@ def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayL
     targets = np.ascontiguousarray(setpoints.reshape(steps, runs).T, np.int32)
     core = c_core()
     for run, one in enumerate(sets):
+        require_valid(one)
         core.plumb_control_run(
             _pointer(_u32(one.words())),
             _pointer(by_run[run]),

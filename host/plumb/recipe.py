@@ -10,11 +10,16 @@ tests/vectors/recipe.toml, a [[vector]] table each:
     wild        a kind of input that no sensor gives, with `seed`: see WILD
     steps       how many
     on_link     optional: also run over a link
+
+A name is lower-case letters, digits and underscores, so that it cannot lead out of the folder. Everything a recipe says
+is checked before it is used: a wrong recipe is a UsageError.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
+import re
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -29,6 +34,12 @@ from plumb.boards import RawCounts, Setpoints
 from plumb.errors import UsageError
 from plumb.quantise import ControlParams, quantise
 
+MAX_STEPS = 1_000_000
+"""Of one vector."""
+MAX_BYTES = 1 << 20
+"""Of the recipe file."""
+MAX_SEED = (1 << 32) - 1
+_NAME = re.compile(r"[a-z0-9][a-z0-9_]{0,63}")
 UInt64Array = npt.NDArray[np.uint64]
 EXTREME_COUNTS = np.array([-32768, -32767, -4096, -1, 0, 1, 1675, 2047, 2048, 4094, 4095, 4096, 32766, 32767])
 EXTREME_ANGLES = np.array([0, 1, -1, 2**29, -(2**29), 2**30, -(2**30), 2**31 - 1, -(2**31), -(2**31) + 1])
@@ -115,14 +126,26 @@ class Entry:
     on_link: bool = False
     set: dict[str, Any] = field(default_factory=dict)
 
+    def params(self) -> ControlParams:
+        """The parameters of the vector."""
+        return self.inputs()[0]
+
     def inputs(self) -> tuple[ControlParams, RawCounts, Setpoints]:
-        """Parameters, raw counts (steps, 6) and setpoints (steps,)."""
+        """Parameters, raw counts (steps, 6) and setpoints (steps,); raises UsageError for a recipe that cannot be."""
+        try:
+            return self._inputs()
+        except (TypeError, ValueError, AttributeError, ArithmeticError, LookupError) as error:
+            what = f"{type(error).__name__}: {error}".partition("\n")[0]
+            raise UsageError(f"the recipe's {self.name} cannot be made ({what}); correct its entry") from None
+
+    def _inputs(self) -> tuple[ControlParams, RawCounts, Setpoints]:
         system = systems.load(self.system)
         if self.tuning not in system.TUNINGS:
             raise UsageError(f"the recipe's {self.name} asks for the tuning '{self.tuning}', which is not shipped")
         tuning = system.TUNINGS[self.tuning]
         for path, value in self.set.items():
             tuning = _changed(tuning, path.split("."), value)
+        quantise(tuning)  # refuses what cannot be before a scenario of it is drawn
         if self.wild:
             raw, setpoint = WILD[self.wild](self.seed, self.steps)
         else:
@@ -140,16 +163,64 @@ def _changed(part: Any, path: list[str], value: Any) -> Any:
     return dataclasses.replace(part, **{path[0]: inner})
 
 
+def is_name(text: object) -> bool:
+    """Whether this may name a vector and its file: lower-case letters, digits and underscores, 64 at most."""
+    return isinstance(text, str) and _NAME.fullmatch(text) is not None
+
+
 def read(path: Path, only: Sequence[str] | None = None) -> list[Entry]:
     """The entries, only those of the systems `only` when given; raises UsageError for a recipe that is wrong."""
     try:
-        entries = [Entry(**table) for table in tomllib.loads(path.read_text())["vector"]]
-    except (OSError, KeyError, TypeError, tomllib.TOMLDecodeError) as error:
-        raise UsageError(f"{path} is not a recipe: {error}") from None
-    for entry in entries:
-        if (entry.wild is None) == (entry.scenario is None) or (entry.wild and entry.wild not in WILD):
-            raise UsageError(f"the recipe's {entry.name} needs either a scenario or one of wild = {', '.join(WILD)}")
+        if path.stat().st_size > MAX_BYTES:
+            raise ValueError(f"it is larger than {MAX_BYTES} bytes")
+        tables = tomllib.loads(path.read_text(encoding="utf-8")).get("vector")
+        if not isinstance(tables, list) or not tables:
+            raise ValueError("it has no [[vector]]")
+        entries = [_entry(table) for table in tables]
+    except RecursionError:
+        raise UsageError(f"{path} is not a recipe: it is nested too deeply") from None
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path} is not a recipe: {error}".partition("\n")[0]) from None
+    names = [entry.name for entry in entries]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise UsageError(f"{path} names {', '.join(twice)} twice; give every vector a name of its own")
     chosen = [entry for entry in entries if not only or entry.system in only]
     if not chosen:
         raise UsageError(f"the recipe has no vectors of {', '.join(only or ())}")
     return chosen
+
+
+def _entry(table: Any) -> Entry:
+    """One [[vector]]; raises ValueError that says which field is wrong."""
+    if not isinstance(table, dict):
+        raise ValueError("a vector is no table")
+    name = table.get("name")
+    if not is_name(name):
+        raise ValueError(f"{str(name)[:80]!r} is no name: write lower-case letters, digits and underscores, 64 at most")
+    fields = {one.name: one for one in dataclasses.fields(Entry)}
+    for unknown in sorted(set(table) - set(fields)):
+        raise ValueError(f"{name} has a field '{unknown}', which no vector has")
+    for needed in ("system", "tuning", "steps", "seed"):
+        if needed not in table:
+            raise ValueError(f"{name} lacks the field '{needed}'")
+    for kind, of in ((str, ("system", "tuning", "scenario", "wild")), (int, ("steps", "seed")), (bool, ("on_link",))):
+        for key in of:
+            if key in table and type(table[key]) is not kind:
+                raise ValueError(f"{name}: {key} is no {kind.__name__}")
+    if table["system"] not in systems.SYSTEMS:
+        raise ValueError(f"{name}: there is no system '{table['system'][:80]}'")
+    if not 1 <= table["steps"] <= MAX_STEPS or not 0 <= table["seed"] <= MAX_SEED:
+        raise ValueError(f"{name}: steps are 1 to {MAX_STEPS}, a seed is 0 to {MAX_SEED}")
+    if ("scenario" in table) == ("wild" in table) or table.get("wild", "walk") not in WILD:
+        raise ValueError(f"{name} needs either a scenario or one of wild = {', '.join(WILD)}")
+    changes = table.get("set", {})
+    if not isinstance(changes, dict) or not all(map(_is_scalar, changes.values())):
+        raise ValueError(f"{name}: set is a table of dotted fields and finite numbers")
+    return Entry(**table)
+
+
+def _is_scalar(value: object) -> bool:
+    if isinstance(value, float):
+        return math.isfinite(value)
+    return isinstance(value, (bool, str)) or (isinstance(value, int) and abs(value) < 1 << 63)

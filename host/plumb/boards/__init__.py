@@ -95,6 +95,10 @@ def open_board(spec: str, *, link: str = "serial", image: Path | None = None) ->
     Raises UsageError for a name that is none, LinkError when it does not answer.
     """
     kind, _, address = spec.partition(":")
+    if spec == "fixed":
+        from plumb.boards.fixed import FixedBoard
+
+        return FixedBoard()
     if spec == "native":
         from plumb.boards.native import NativeBoard
 

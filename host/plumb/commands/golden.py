@@ -5,9 +5,11 @@
     plumb golden check --board serial:/dev/ttyUSB0                      silicon
     plumb golden make                                                   after a change of the specification
 
-The vectors are data made by the integer model; a board passes when every step's digest is the same. native and qemu
-take every vector, a link those that the recipe marks for it. A difference is traced to the first step and signal. Exit
-code 1 on a mismatch, 3 when a link lost what would have proved it.
+The vectors are data made by the integer model; a board passes when every step's digest is the same. The model itself,
+`fixed`, is always checked beside the boards asked for. fixed, native and qemu take every vector, a link those that the
+recipe marks for it. A file that is damaged, or is not what recipe and manifest say, is refused before anything runs. A
+difference is traced to the first step and signal. Exit code 1 on a mismatch, 3 when
+a link lost what would have proved it.
 """
 
 from __future__ import annotations
@@ -20,7 +22,10 @@ from pathlib import Path
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("action", choices=("make", "check"))
     parser.add_argument(
-        "--board", action="append", metavar="B", help="native, qemu, virtual, serial:PORT or can:BUS; repeatable"
+        "--board",
+        action="append",
+        metavar="B",
+        help="native, qemu, virtual, serial:PORT or can:BUS; repeatable (default: native)",
     )
     parser.add_argument("--system", action="append", metavar="S", help="only this system's vectors; repeatable")
     parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
@@ -38,10 +43,11 @@ def main(arguments: argparse.Namespace) -> int:
         made = golden.make(folder, arguments.system)
         print(json.dumps({"made": made}) if arguments.json else "\n".join(made))
         return 0
+    cases = golden.cases(folder, arguments.system)
     results = {}
-    for spec in arguments.board or ["native"]:
+    for spec in dict.fromkeys(["fixed", *(arguments.board or ["native"])]):
         with open_board(spec, link=arguments.link, image=arguments.image) as board:
-            results[spec] = golden.check(board, folder, arguments.system)
+            results[spec] = golden.check(board, folder, chosen=cases)
     verdict = golden.verdict_of(results.values())
     if arguments.json:
         print(json.dumps({"verdict": verdict, "boards": {spec: result.to_json() for spec, result in results.items()}}))

@@ -1,0 +1,39 @@
+"""The integer model as a board: golden files are checked by the code that made them, too."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from plumb import fixed, systems
+from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper
+
+if TYPE_CHECKING:
+    from plumb.quantise import ControlParams
+
+
+class FixedStepper:
+    def __init__(self, params: ControlParams) -> None:
+        self._controller = fixed.Controller(params)
+        self._outputs = systems.load(params.system).OUTPUTS
+
+    def step(self, raw: tuple[int, ...], setpoint: int) -> StepOutput:
+        words = self._controller.step(raw, setpoint)
+        return StepOutput(self._controller.digest(), {name: words[name] for name in self._outputs})
+
+    def digests(self, raw: RawCounts) -> list[int]:
+        return [self.step(tuple(row), 0).digest for row in raw.tolist()]
+
+
+class FixedBoard(Board):
+    name = "fixed"
+
+    def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
+        words = fixed.run_control(params, raw, setpoint)
+        return Answer(words.digests(), words)
+
+    def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:
+        words = fixed.run_control(params, raw[: step + 1], setpoint[: step + 1])
+        return {name: int(values[step]) for name, values in words.items()}
+
+    def stepper(self, params: ControlParams) -> Stepper:
+        return FixedStepper(params)
