@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -24,6 +26,7 @@ from plumb.faults.scene import Scene
 LEAST = {
     "sensors": 10, "buses": 6, "clock": 3, "power": 3, "memory": 5, "host": 6, "frames": 6, "hangs": 5,
 }  # fmt: skip
+ROOT = Path(__file__).parents[1]
 DRIVEN = table.driven_systems()
 
 try:
@@ -56,6 +59,21 @@ def test_every_fault_has_its_own_name_a_group_and_a_limit_and_no_limit_is_left_o
 
 def test_what_is_driven_is_what_moves_something() -> None:
     assert DRIVEN and all(systems.load(name).OUTPUT_FRAMES for name in DRIVEN)
+
+
+def test_every_promise_of_security_md_is_held_by_faults_or_tests_that_exist() -> None:
+    """Numbered promises, each with `Held by` and names."""
+    text = (ROOT / "docs/security.md").read_text("utf-8")
+    promises = re.findall(r"(?m)^\d+\. \*\*.*(?:\n(?!\d+\. |\n).*)*", text)
+    assert len(promises) >= 8
+    tests = {
+        name for path in ROOT.glob("tests/**/test_*.py") for name in re.findall(r"def (test_\w+)", path.read_text())
+    }
+    known = {fault.name for fault in table.FAULTS} | tests
+    for promise in promises:
+        names = re.findall(r"`([^`]+)`", promise.partition("eld by")[2])
+        assert names, promise
+        assert set(names) <= known, set(names) - known
 
 
 def nothing(scene: Scene) -> None:

@@ -8,12 +8,14 @@
 #include "telemetry.h"
 #include <string.h>
 
-#define TIME_EVERY_US   50000U
-#define STATUS_EVERY_US 100000U
-#define LONG_STARVED_US 2000U /* the longest table takes 0.2 s then, less than a host waits for a frame */
-#define ALL_PARAMETERS  0xFFFFU
-#define RUN_TAG_SHIFT   16U /* in the ACK of RUN_BEGIN, above its run */
-#define FRAME_REPLIES   2U  /* what a frame is answered by, and a SETPOINT_USED that is still owed */
+#define TIME_EVERY_US    50000U
+#define STATUS_EVERY_US  100000U
+#define LONG_STARVED_US  2000U /* the longest table takes 0.2 s then, less than a host waits for a frame */
+#define ALL_PARAMETERS   0xFFFFU
+#define RUN_TAG_SHIFT    16U    /* in the ACK of RUN_BEGIN, above its run */
+#define STEPS_MISSING    3U     /* armed, a step is overdue after so many periods, */
+#define STEPS_MISSING_US 20000U /* and so much */
+#define FRAME_REPLIES    2U     /* what a frame is answered by, and a SETPOINT_USED that is still owed */
 
 /* ---- what is, and whether it may be armed ---- */
 
@@ -472,8 +474,23 @@ static void issue_keepalive(session_t *s, uint32_t now_us) {
     }
 }
 
+/* While armed in real time a step has to come: without one the last pulses would stay, whatever the sensors
+ * say. */
+static bool steps_overdue(session_t *s, uint32_t now_us) {
+    const uint32_t limit_us = STEPS_MISSING * s->params->period_us;
+
+    if (!arming_armed(&s->arming) || s->step != s->step_seen) {
+        s->step_seen = s->step;
+        s->step_seen_us = now_us;
+    }
+    return now_us - s->step_seen_us > (limit_us > STEPS_MISSING_US ? limit_us : STEPS_MISSING_US);
+}
+
 void session_poll(session_t *s, uint32_t now_us) {
     links_poll(s, now_us);
+    if (steps_overdue(s, now_us)) {
+        s->faults |= BOARD_FAULT_LATE;
+    }
     arming_poll(&s->arming, arming_blocked(s, s->run_owner), now_us);
     issue_keepalive(s, now_us);
     telemetry_send_words(s);

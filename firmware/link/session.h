@@ -112,12 +112,14 @@ typedef struct {
     bool stand_alone;                        /* this run was begun by the arm switch */
     uint32_t frames_mask;                    /* bank 0 of SELECT */
     uint32_t words_mask[SESSION_WORD_BANKS]; /* banks 1.. of SELECT */
-    uint16_t selected;  /* frames a step sends at once, STEP included; the words follow */
-    uint16_t step;      /* number of the next step to run */
-    uint16_t queue_in;  /* samples ever taken in; in lockstep the number of the next one */
-    uint16_t queue_out; /* samples ever taken out */
-    uint16_t saturated; /* steps with a clamped value, modulo 2^16 */
-    uint16_t starved;   /* real-time steps without a new sample, modulo 2^16 */
+    uint16_t selected;     /* frames a step sends at once, STEP included; the words follow */
+    uint16_t step;         /* number of the next step to run */
+    uint16_t step_seen;    /* at the last look of an armed board, */
+    uint32_t step_seen_us; /* and when it was new */
+    uint16_t queue_in;     /* samples ever taken in; in lockstep the number of the next one */
+    uint16_t queue_out;    /* samples ever taken out */
+    uint16_t saturated;    /* steps with a clamped value, modulo 2^16 */
+    uint16_t starved;      /* real-time steps without a new sample, modulo 2^16 */
     uint16_t
         word_next;  /* of the last step's record, the next to be sent; CONTROL_RECORD_WORDS_MAX: all were */
     uint16_t stale; /* real-time steps since the last injected sample; all ones: none came in this run */
