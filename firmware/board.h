@@ -40,7 +40,7 @@ typedef struct {
     uint32_t unique_id[3];    /* 96 bits */
     uint32_t git_hash[2];     /* commit, first 16 hexadecimal digits, most significant first; 0: not known */
     uint32_t git_dirty;       /* 1: built from a tree that differs from that commit */
-    uint32_t flash_kib;       /* as the part says */
+    uint32_t flash_kib;       /* as the part says; 0: it does not say, and counts as the smallest */
     uint32_t ram_kib;         /* of the smallest part with that much flash */
     uint32_t reset_cause;     /* RCC_CSR 31..24: low power, window watchdog, watchdog, software, power, pin */
     uint32_t crash_pc;        /* with BOARD_FAULT_HARD: the instruction */

@@ -9,11 +9,14 @@ volatile bool port_wake;
 BOARD_GUARDED uint32_t port_faults;
 BOARD_GUARDED static board_identity_t identity;
 
-/* The device signature, RM0008 30. To be read at 8 MHz: at 72 MHz some chips return all ones. The device id
- * register (DBGMCU_IDCODE) reads 0 without a debugger (erratum), so that the density comes from the size of
- * the flash. */
+#define SIZE_UNREADABLE 0xffffu
+
+/* The device signature, RM0008 30. To be read at 8 MHz: at 72 MHz some chips return all ones, and a few
+ * always do. The device id register (DBGMCU_IDCODE) reads 0 without a debugger (erratum), so that the density
+ * comes from the size of the flash. */
 static void identify(void) {
-    identity.flash_kib = DEVICE_FLASH_KIB;
+    const uint32_t flash_kib = DEVICE_FLASH_KIB;
+    identity.flash_kib = flash_kib == SIZE_UNREADABLE ? 0u : flash_kib;
     for (uint32_t word = 0u; word < 3u; word++) {
         identity.unique_id[word] = DEVICE_UID(word);
     }

@@ -50,11 +50,13 @@ static bool erase_page(uint32_t address) {
     FLASH_CR = FLASH_CR_PER;
     FLASH_AR = address;
     FLASH_CR = FLASH_CR_PER | FLASH_CR_STRT;
+    (void)FLASH_CR; /* BSY may be looked at one cycle after STRT at the earliest (PM0075 2.3.2) */
     return finish(ERASE_POLLS);
 }
 
 bool board_store_erase(uint32_t slot) {
     const uint32_t start = (uint32_t)(uintptr_t)slot_start(slot);
+    /* Of a part that does not tell its size: 1 KiB, which erases a page of 2 KiB twice. */
     const uint32_t page_bytes = board_identity()->flash_kib > MEDIUM_DENSITY_KIB ? 2048u : 1024u;
     bool good = true;
     for (uint32_t at = 0u; at < SLOT_BYTES && good; at += page_bytes) {

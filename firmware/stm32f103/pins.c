@@ -13,6 +13,16 @@ void pins_clocks(void) {
     RCC_APB2ENR |= RCC_APB2ENR_AFIOEN | RCC_APB2ENR_IOPAEN | RCC_APB2ENR_IOPBEN | RCC_APB2ENR_IOPCEN;
 }
 
+/* An image before this one may have left the 32 kHz oscillator on, which survives every reset on a battery
+ * and keeps PC14 from being an input (RM0008 9.3.1). */
+static void stop_low_speed_oscillator(void) {
+    RCC_APB1ENR |= RCC_APB1ENR_PWREN;
+    PWR_CR |= PWR_CR_DBP;
+    RCC_BDCR &= ~RCC_BDCR_LSEON;
+    PWR_CR &= ~PWR_CR_DBP;
+    RCC_APB1ENR &= ~RCC_APB1ENR_PWREN;
+}
+
 /* Eight pins at a time, from pin 7 or 15 down. */
 #define MODES(p7, p6, p5, p4, p3, p2, p1, p0)                                                                \
     ((p7) << 28 | (p6) << 24 | (p5) << 20 | (p4) << 16 | (p3) << 12 | (p2) << 8 | (p1) << 4 | (p0))
@@ -28,6 +38,7 @@ void pins_clocks(void) {
 #define DRAIN  PIN_ALTERNATE_DRAIN
 
 void pins_init(uint32_t pins, bool actuators) {
+    stop_low_speed_oscillator();
     const bool bridge = pins == BOARD_PINS_BRIDGE;
     const bool uart =
         pins != BOARD_PINS_UNKNOWN; /* else its pins may be somebody's gates, or a controller's */

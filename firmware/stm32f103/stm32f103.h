@@ -53,6 +53,8 @@
 #define RCC_APB1ENR_CANEN    (1u << 25)
 #define RCC_APB1ENR_BKPEN    (1u << 27)
 #define RCC_APB1ENR_PWREN    (1u << 28)
+#define RCC_BDCR             REG32(RCC_BASE, 0x20u)
+#define RCC_BDCR_LSEON       (1u << 0)
 #define RCC_CSR              REG32(RCC_BASE, 0x24u)
 #define RCC_CSR_RMVF         (1u << 24)
 #define RCC_CSR_PORRSTF      (1u << 27)

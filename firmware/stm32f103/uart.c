@@ -78,6 +78,7 @@ void uart_rx_dma_handler(void) {
 
 size_t board_uart_read(uint8_t *bytes, size_t room) {
     const uint32_t end = (RX_BYTES - DMA1_CNDTR5) % RX_BYTES;
+    memory_fence(); /* the bytes are read behind the count that says they are there */
     uint32_t from = rx_taken;
     size_t count = 0u;
     while (count < room && from != end) {
@@ -85,6 +86,7 @@ size_t board_uart_read(uint8_t *bytes, size_t room) {
         count++;
         from = (from + 1u) % RX_BYTES;
     }
+    memory_fence();
     rx_taken = from;
     if (count > 0u && from != end) {
         port_wake = true; /* the rest, in the next turn */

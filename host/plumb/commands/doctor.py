@@ -146,9 +146,10 @@ def board(spec: str, link: str = "serial") -> list[Finding]:
         session = opened.session
         identity = session.identity or session.connect()
         commit, mismatch = identity.git_hash or "of no known commit", identity.mismatch
+        flash_kib = identity["FLASH_KIB"] or "64 or more (size not readable)"
         found = [
             Finding("board", not mismatch, True, mismatch or f"{identity.unique_id}, image {commit}"),
-            Finding("chip", True, False, f"flash {identity['FLASH_KIB']} KiB, RAM {identity['RAM_KIB']} KiB"),
+            Finding("chip", True, False, f"flash {flash_kib} KiB, RAM {identity['RAM_KIB']} KiB"),
             Finding("last reset", "watchdog" not in identity.reset_cause, False, identity.reset_cause),
             Finding("parameters", True, False, identity.parameter_source),
             pins(session, identity),

@@ -16,6 +16,10 @@ JTAG_PINS = (("GPIOA", 15), ("GPIOB", 3), ("GPIOB", 4))
 """JTDI, JTDO and NJTRST until AFIO_MAPR.SWJ_CFG frees them."""
 
 
+LSE_PINS = (14, 15)
+"""Of port C: the 32 kHz crystal's while RCC_BDCR.LSEON is set."""
+
+
 class Gpio(Peripheral):
     """One port. `outside[n]` is what the world drives pin n with: True, False, or None for nothing."""
 
@@ -56,6 +60,8 @@ class Gpio(Peripheral):
         """What a meter would show: the driven level, the pull, or None where the pin floats. A pin that the debug port
         still has shows nothing to the program."""
         if (self.name, pin) in JTAG_PINS and self.machine.afio.swj_cfg < 2:
+            return None
+        if self.name == "GPIOC" and pin in LSE_PINS and self.machine.rcc.bdcr & 1:
             return None
         mode = self.mode(pin)
         if mode & 3 and not mode & 8:

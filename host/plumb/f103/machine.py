@@ -100,7 +100,8 @@ class Machine:
     """One simulated part with an image in its flash. Raises UsageError for a bad image or part.
 
     seed: what uninitialised RAM holds and the unique id. crystal: False for a board whose crystal is dead. strap: how
-    the pin-set strap is wired, strap.py.
+    the pin-set strap is wired, strap.py. flash_size: what the size register reads, 0xFFFF on some chips; None: the
+    part's size. lse_left_on: an image before this one left the 32 kHz oscillator on PC14 and PC15 running.
     """
 
     def __init__(
@@ -111,6 +112,8 @@ class Machine:
         seed: int = 1,
         crystal: bool = True,
         strap: str = "standard",
+        flash_size: int | None = None,
+        lse_left_on: bool = False,
     ) -> None:
         if part not in PARTS:
             raise UsageError(f"'{part}' is not a simulated part; use one of {', '.join(PARTS)}")
@@ -131,7 +134,10 @@ class Machine:
         self._host_waits = self._stop = False
         self._build()
         self.rcc.crystal_dead = not crystal
+        self.rcc.bdcr = int(lse_left_on)
         self._fill_memory(data)
+        if flash_size is not None:
+            struct.pack_into("<H", self.cpu.system, SYSTEM_FLASH_SIZE, flash_size)
         self.uart = UartStream(self)
         self.adc = AdcPins()
         for pin in STRAP_PINS:

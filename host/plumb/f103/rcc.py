@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from plumb.f103.backup import DBP
 from plumb.f103.bus import Peripheral, Register, SimulationError
 from plumb.f103.nvic import NMI
 from plumb.f103.timeline import TICKS_PER_US
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from plumb.f103.machine import Machine
 
 HSION, HSIRDY, HSEON, HSERDY, CSSON, PLLON, PLLRDY = 1, 2, 1 << 16, 1 << 17, 1 << 19, 1 << 24, 1 << 25
+LSEON = 1
 CSSF, CSSC = 1 << 7, 1 << 23
 SW_HSI, SW_HSE, SW_PLL = 0, 1, 2
 RESET_FLAGS = {"power": 1 << 27, "pin": 0, "software": 1 << 28, "iwdg": 1 << 29, "wwdg": 1 << 30}
@@ -51,7 +53,7 @@ class Rcc(Peripheral):
         Register("ahbenr", 0x14, 0x00000014),
         Register("apb2enr", 0x18),
         Register("apb1enr", 0x1C),
-        Register("bdcr", 0x20, 0, 0),
+        Register("bdcr", 0x20),
         Register("csr", 0x24),
     )
     cr: int
@@ -60,6 +62,7 @@ class Rcc(Peripheral):
     ahbenr: int
     apb2enr: int
     apb1enr: int
+    bdcr: int
     csr: int
 
     def __init__(self, machine: Machine) -> None:
@@ -71,12 +74,20 @@ class Rcc(Peripheral):
         self.core_clock_lost = False
 
     def reset(self) -> None:
-        flags = self.csr & ~(LSION | LSIRDY)
+        flags, backup = self.csr & ~(LSION | LSIRDY), self.bdcr
         super().reset()
-        self.csr = flags
+        self.csr, self.bdcr = flags, backup
         self.core_clock_lost = False
         self._gate()
         self._set_clock()
+
+    def write_bdcr(self, value: int) -> None:
+        """Of the backup domain only LSEON: it outlives every reset, and on a battery the loss of power, too."""
+        if self.machine.pwr.cr & DBP:
+            self.bdcr = value & LSEON
+            self.machine.pins_changed()
+        else:
+            self.machine.warn("RCC_BDCR is written while PWR_CR.DBP protects it")
 
     def note_reset(self, cause: str) -> None:
         """Reset flags add up until RMVF; every reset also pulls the pin low."""
