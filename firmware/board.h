@@ -23,10 +23,12 @@
 #define BOARD_FAULT_PARAMETERS     0x0080u /* the session's: what was saved cannot be used */
 #define BOARD_FAULT_CLOCK_FALLBACK 0x0100u /* no crystal: internal oscillator, CAN must stay off */
 #define BOARD_FAULT_UART_OVERRUN   0x0200u /* received bytes were lost or damaged */
-#define BOARD_FAULT_WATCHDOG       0x0400u /* the watchdog caused the last reset */
+#define BOARD_FAULT_WATCHDOG       0x0400u /* a watchdog caused the last reset */
 #define BOARD_FAULT_SENSOR         0x0040u /* a sensor is lost or not to be trusted: board_sensor_health() */
 #define BOARD_FAULT_CAN_OVERRUN                                                                              \
-    0x0800u                         /* received CAN frames were lost: the loop did not fetch them in time */
+    0x0800u /* received CAN frames were lost: the loop did not fetch them in time */
+#define BOARD_FAULT_STALLED                                                                                  \
+    0x2000u /* while driving the loop did not come round for 20 ms: until the next run */
 #define BOARD_FAULT_UPSET   0x4000u /* memory that decides a pulse was damaged: until the next start */
 #define BOARD_FAULT_CRYSTAL 0x1000u /* the crystal failed in the run before: internal oscillator since */
 #define BOARD_FAULT_STRAP                                                                                    \
@@ -215,8 +217,14 @@ void board_parameters_seal(void);
  * latches BOARD_FAULT_UPSET until the next start. */
 bool board_memory_intact(void);
 
+/* To be called at the beginning of every turn of the loop. While the actuators may move
+ * (board_arm_actuator()), 20 ms without a turn switch the outputs to neutral, from an interrupt. They stay
+ * so, whatever is asked of them, and BOARD_FAULT_STALLED is told until board_clear_stall(). */
+void board_turn(void);
+void board_clear_stall(void);
+
 /* To be called in every turn of the loop that met its deadline; the board resets when that does not happen
- * for 160 ms. */
+ * for 40 ms. */
 void board_feed_watchdog(void);
 
 /* Two slots of flash that keep what is saved, of BOARD_STORE_HALFWORDS each. Readable at any time, before

@@ -163,6 +163,7 @@ int main(void) {
         if (!board_memory_intact()) {
             recover();
         }
+        board_turn();
         const uint32_t now_us = board_now_us();
         board_can_join(session_can_kbit(&session), messages_from_host, MESSAGES_FROM_HOST);
         receive(now_us);
@@ -180,6 +181,7 @@ int main(void) {
             board_set_period_us(0u);
             configure_actuator();
             board_clear_bridge_faults();
+            board_clear_stall();
             outputs = OUTPUTS_RESTING;
         }
         if (session_driving(&session) && outputs == OUTPUTS_RESTING) {

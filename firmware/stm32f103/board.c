@@ -74,10 +74,10 @@ uint32_t board_faults(void) {
     board_health_t health;
     board_sensor_health(&health);
     const bool sensor_bad = (health.railed | health.stuck | health.gyro | health.accel) != BOARD_SENSOR_GOOD;
-    return port_faults | guard_faults() | bridge_faults() | (errors > 0u ? BOARD_FAULT_UART_OVERRUN : 0u) |
-           (adc_failed() ? BOARD_FAULT_ADC : 0u) | (sensor_bad ? BOARD_FAULT_SENSOR : 0u) |
-           (can_overrun() ? BOARD_FAULT_CAN_OVERRUN : 0u) | (errors << BOARD_FAULT_UART_COUNT_SHIFT) |
-           (sampling_late() << BOARD_FAULT_LATE_COUNT_SHIFT);
+    return port_faults | guard_faults() | bridge_faults() | (stall_latched() ? BOARD_FAULT_STALLED : 0u) |
+           (errors > 0u ? BOARD_FAULT_UART_OVERRUN : 0u) | (adc_failed() ? BOARD_FAULT_ADC : 0u) |
+           (sensor_bad ? BOARD_FAULT_SENSOR : 0u) | (can_overrun() ? BOARD_FAULT_CAN_OVERRUN : 0u) |
+           (errors << BOARD_FAULT_UART_COUNT_SHIFT) | (sampling_late() << BOARD_FAULT_LATE_COUNT_SHIFT);
 }
 
 void board_idle(void) {

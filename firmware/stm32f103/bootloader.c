@@ -1,13 +1,13 @@
 /* Into the ROM bootloader without touching BOOT0 (AN2606): a word in a backup register, a system reset, and
  * the reset handler jumps before any clock or pin has left its state after reset.
  *
- * The reset also stops the watchdog, which the bootloader would not feed. A word that power failed behind
- * counts for nothing: only the software reset that belongs to it does. */
+ * The reset also stops both watchdogs, which the bootloader would not feed. A word that power failed behind,
+ * or that a watchdog overtook, counts for nothing: only the software reset that belongs to it does. */
 #include "port.h"
 
 #define ASKED         0xb007u /* of 16 bits */
 #define BACKUP_CLOCKS (RCC_APB1ENR_PWREN | RCC_APB1ENR_BKPEN)
-#define RESET_CAUSES  (RCC_CSR_SFTRSTF | RCC_CSR_PORRSTF)
+#define RESET_CAUSES  (RCC_CSR_SFTRSTF | RCC_CSR_PORRSTF | RCC_CSR_IWDGRSTF | RCC_CSR_WWDGRSTF)
 
 void board_enter_bootloader(void) {
     board_actuator_neutral();
@@ -21,17 +21,15 @@ void board_enter_bootloader(void) {
 }
 
 void bootloader_if_asked(void) {
-    if ((RCC_CSR & RESET_CAUSES) != RCC_CSR_SFTRSTF) {
-        return;
-    }
+    const bool by_software = (RCC_CSR & RESET_CAUSES) == RCC_CSR_SFTRSTF;
     RCC_APB1ENR |= BACKUP_CLOCKS;
     const bool asked = BKP_DR1 == ASKED;
     PWR_CR |= PWR_CR_DBP;
-    BKP_DR1 = 0u; /* once */
+    BKP_DR1 = 0u; /* whatever the reset was: the word never outlives the start behind it */
     const bool forgotten = BKP_DR1 == 0u;
     PWR_CR &= ~PWR_CR_DBP;
     RCC_APB1ENR &= ~BACKUP_CLOCKS;
-    if (asked && forgotten) {
+    if (by_software && asked && forgotten) {
         SCB_VTOR = DEVICE_SYSTEM_MEMORY;
         __asm volatile("ldr r0, [%0] \n"
                        "ldr lr, [%0, #4] \n"

@@ -124,13 +124,15 @@ void bridge_start(void) {
     board_clear_bridge_faults(); /* whatever the inputs seemed to say before they had their pulls */
 }
 
-void board_arm_actuator(void) {
+void bridge_arm(void) {
     if (wired) {
         wanted_q15 = 0;
         commutate();
-        if (!hall_failed) {
+        __asm volatile("cpsid i" ::: "memory"); /* or SysTick could clear MOE between load and store */
+        if (!hall_failed && !stall_latched()) {
             TIM1_BDTR |= TIM1_BDTR_MOE;
         }
+        __asm volatile("cpsie i" ::: "memory");
     }
 }
 

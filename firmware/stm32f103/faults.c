@@ -66,7 +66,7 @@ void faults_init(board_identity_t *identity) {
     note.magic = 0u;
     const uint32_t cause = RCC_CSR;
     identity->reset_cause = cause >> 24;
-    if ((cause & RCC_CSR_IWDGRSTF) != 0u) {
+    if ((cause & (RCC_CSR_IWDGRSTF | RCC_CSR_WWDGRSTF)) != 0u) {
         port_faults |= BOARD_FAULT_WATCHDOG;
     }
     RCC_CSR = cause | RCC_CSR_RMVF; /* or the flags add up over resets (RM0008 7.3.10) */

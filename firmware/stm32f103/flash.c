@@ -43,7 +43,7 @@ static bool finish(uint32_t polls) {
 }
 
 static bool erase_page(uint32_t address) {
-    watchdog_feed();
+    watchdog_feed_longest();
     if (!unlock()) {
         return false;
     }
@@ -66,6 +66,7 @@ bool board_store_erase(uint32_t slot) {
 }
 
 bool board_store_program(uint32_t slot, uint32_t halfword, uint16_t value) {
+    watchdog_feed(); /* a whole slot takes longer than the loop may */
     if (!unlock()) {
         return false;
     }

@@ -34,12 +34,19 @@ void pwm_init(uint32_t pins);
 void pwm_crash(void); /* every output safe, by constants: for code that may not trust memory */
 void bridge_init(uint32_t dead_time_ns); /* after time_init(), before its pins: off, all gates driven low */
 void bridge_start(void);                 /* once its pins are set up, and had time to settle */
+void bridge_arm(void);                   /* switches the bridge on, at duty 0 */
 void bridge_off(void);                   /* with any pins, at any time */
 uint32_t bridge_faults(void);
 void can_init(void); /* stays off the bus when the clock is not the crystal's */
 bool can_overrun(void);
 void watchdog_init(void);
 void watchdog_feed(void);
+void watchdog_feed_longest(void); /* right before the processor stands still for up to 40 ms */
+
+/* stall.c */
+void stall_tick(void);          /* from the interrupt of the millisecond */
+void stall_watch(bool driving); /* the actuators may move, or are at neutral */
+bool stall_latched(void);       /* the loop did not come round: nothing may move until the next run */
 
 /* sampling.c */
 int16_t *sampling_next(void); /* where an interrupt puts the period's raw counts, BOARD_RAW_MAX places */
@@ -73,7 +80,7 @@ void spi_abort(void);
 /* imu.c: gyro and accelerometer on those buses. */
 void imu_use(const board_sensors_t *wanted); /* with interrupts masked */
 void imu_period(uint32_t length_us);         /* from the interrupt that begins a period */
-void imu_poll_ms(void);                      /* from the interrupt of the millisecond */
+void imu_poll_ms(void);                      /* every millisecond, from an interrupt of IRQ_PRIORITY */
 void imu_transferred(transfer_t result);     /* an access ended; from its interrupt */
 void imu_health(board_health_t *health);
 
@@ -96,8 +103,10 @@ void bootloader_if_asked(void);
 extern uint32_t stack_guard[], stack_top[];
 void reset_handler(void);
 
-/* Interrupts. All have one priority: none interrupts another. */
+/* Interrupts. All but SysTick have one priority: none interrupts another. SysTick interrupts all of them. */
+#define IRQ_PRIORITY 0x80u /* of 0, the highest, to 0xf0 */
 void systick_handler(void);
+void pendsv_handler(void);
 void adc_dma_handler(void);
 void uart_tx_dma_handler(void);
 void uart_rx_dma_handler(void);
@@ -112,6 +121,7 @@ void i2c_dma_handler(void);
 void spi_dma_handler(void);
 
 static inline void irq_enable(uint32_t irq) {
+    NVIC_IPR(irq / 4u) |= IRQ_PRIORITY << 8u * (irq % 4u);
     NVIC_ISER(irq / 32u) = 1u << (irq % 32u);
 }
 

@@ -48,7 +48,17 @@ void board_set_actuator(const uint32_t pulse_halfus[BOARD_ACTUATORS]) {
     const uint32_t high = fits < ESC_PULSE_MAX_HALFUS ? fits : ESC_PULSE_MAX_HALFUS;
     const uint32_t first = bounded(pulse_halfus[0], ESC_PULSE_MIN_HALFUS, high);
     const uint32_t second = bounded(pulse_halfus[1], ESC_PULSE_MIN_HALFUS, high);
-    write_pair(first, second);
+    __asm volatile("cpsid i" ::
+                       : "memory"); /* or SysTick's neutral could come before the write, and be lost */
+    if (!stall_latched()) {
+        write_pair(first, second);
+    }
+    __asm volatile("cpsie i" ::: "memory");
+}
+
+void board_arm_actuator(void) {
+    stall_watch(true);
+    bridge_arm();
 }
 
 void board_actuator_neutral(void) {
@@ -58,6 +68,7 @@ void board_actuator_neutral(void) {
     const uint32_t pulse = good ? kept : CONSTANT_NEUTRAL_HALFUS;
     write_pair(pulse, pulse);
     bridge_off();
+    stall_watch(false);
 }
 
 void pwm_crash(void) {

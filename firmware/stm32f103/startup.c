@@ -13,7 +13,7 @@ typedef void (*vector_t)(void);
 // clang-format off
 /* RM0008 10.1.2, table 63, with the high-density parts' 60 interrupts. NMI, a failed crystal, is a fault. */
 __attribute__((section(".vectors"), used)) static const vector_t vectors[16 + 60] = {
-    (vector_t)(uintptr_t)stack_top, reset_handler, F, F, F, F, F, F, F, F, F, F, F, F, F, systick_handler,
+    (vector_t)(uintptr_t)stack_top, reset_handler, F, F, F, F, F, F, F, F, F, F, F, F, pendsv_handler, systick_handler,
     /*  0 */ F, F, F, F, F, F, F, F, F, F,
     /* 10 */ F, adc_dma_handler, spi_dma_handler, F, uart_tx_dma_handler, uart_rx_dma_handler, F, i2c_dma_handler, F, can_tx_handler,
     /* 20 */ can_rx_handler, F, F, F, F, F, F, F, bridge_handler, sampling_timer_handler,

@@ -49,6 +49,7 @@
 #define RCC_APB1ENR_TIM2EN   (1u << 0)
 #define RCC_APB1ENR_TIM3EN   (1u << 1)
 #define RCC_APB1ENR_TIM4EN   (1u << 2)
+#define RCC_APB1ENR_WWDGEN   (1u << 11)
 #define RCC_APB1ENR_I2C1EN   (1u << 21)
 #define RCC_APB1ENR_CANEN    (1u << 25)
 #define RCC_APB1ENR_BKPEN    (1u << 27)
@@ -60,6 +61,7 @@
 #define RCC_CSR_PORRSTF      (1u << 27)
 #define RCC_CSR_SFTRSTF      (1u << 28)
 #define RCC_CSR_IWDGRSTF     (1u << 29)
+#define RCC_CSR_WWDGRSTF     (1u << 30)
 
 /* CRC calculation unit, RM0008 section 4.4 */
 #define CRC_BASE     0x40023000u
@@ -402,6 +404,13 @@
 #define SPI1_DR           REG32(SPI1_BASE, 0x0cu)
 
 /* Independent watchdog, RM0008 section 19.4 */
+#define WWDG_BASE    0x40002c00u
+#define WWDG_CR      REG32(WWDG_BASE, 0x00u)
+#define WWDG_CR_WDGA (1u << 7)
+#define WWDG_CR_T    (127u << 0)
+#define WWDG_CFR     REG32(WWDG_BASE, 0x04u)
+#define WWDG_CFR_W   (127u << 0)
+
 #define IWDG_BASE          0x40003000u
 #define IWDG_KR            REG32(IWDG_BASE, 0x00u)
 #define IWDG_KR_KEY_UNLOCK 0x5555u
@@ -429,6 +438,10 @@
 #define NVIC_ISER(word)    REG32(0xe000e100u, 4u * (word))
 #define NVIC_ISPR(word)    REG32(0xe000e200u, 4u * (word))
 #define NVIC_ICPR(word)    REG32(0xe000e280u, 4u * (word))
+#define NVIC_IPR(word)     REG32(0xe000e400u, 4u * (word))
+#define SCB_ICSR           REG32(0xe000ed00u, 0x04u)
+#define SCB_ICSR_PENDSVSET (1u << 28)
+#define SCB_SHPR3          REG32(0xe000ed00u, 0x20u)
 #define SCB_VTOR           REG32(0xe000ed00u, 0x08u)
 #define SCB_AIRCR          REG32(0xe000ed00u, 0x0cu)
 #define SCB_AIRCR_RESET    ((0x5fau << 16) | (1u << 2)) /* key and SYSRESETREQ */

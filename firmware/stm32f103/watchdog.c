@@ -1,29 +1,58 @@
-/* Independent watchdog (RM0008 19): the main loop must come round, or the board resets.
+/* Two watchdogs that only a turn of the main loop feeds.
  *
- * 625 counts of LSI / 16: 250 ms at its nominal 40 kHz, 167 to 333 ms over its range of 60 to 30 kHz. */
+ * WWDG (RM0008 20) counts PCLK1 / 4096 / 2^WDGTB, from its 7 bits down to 0x40: crystal-exact. A loop that
+ * hangs is reset after at most 40 ms, whatever is masked; the pins float from that moment, and outputs are to
+ * be safe within 50. A page erase, in which the processor stands still for up to 40 ms, gets the longest
+ * count, 58 ms at 36 MHz. Its window stays open: a turn that comes early is no fault.
+ *
+ * IWDG (RM0008 19) is the last resort, with an oscillator of its own: 625 counts of LSI / 16, 250 ms at its
+ * nominal 40 kHz, 167 to 333 ms over its range of 60 to 30 kHz. */
 #include "port.h"
 
-#define RELOAD       625u
+#define IWDG_RELOAD  625u
 #define UPDATE_POLLS 1000u /* five LSI cycles, 170 us, for each of the two registers */
+#define WWDG_DIVIDER 4096u
+#define WWDG_RESET   0x3fu /* the count that resets */
+#define WWDG_STEPS   64u   /* to there from the highest count; the first may be short */
+#define WDGTB_SHIFT  7u    /* in WWDG_CFR */
+#define HANG_US      40000u
+#define ERASE_US     50000u /* the longest count must take longer */
 
 static uint32_t fed_ms;
+BOARD_GUARDED static uint32_t loop_count;
 
 void watchdog_init(void) {
+    const uint32_t mhz = clock_mhz();
+    const uint32_t pclk1_mhz = mhz > 36u ? mhz / 2u : mhz; /* see clock.c */
+    uint32_t prescaler = 0u;
+    while (((WWDG_STEPS - 1u) * WWDG_DIVIDER << prescaler) < ERASE_US * pclk1_mhz) {
+        prescaler++;
+    }
+    loop_count = WWDG_RESET + HANG_US * pclk1_mhz / (WWDG_DIVIDER << prescaler);
+    RCC_APB1ENR |= RCC_APB1ENR_WWDGEN;
+    WWDG_CFR = prescaler << WDGTB_SHIFT | WWDG_CFR_W;
+
     IWDG_KR = IWDG_KR_KEY_START; /* starts LSI too, without which the registers do not update */
     IWDG_KR = IWDG_KR_KEY_UNLOCK;
     IWDG_PR = IWDG_PR_PR_DIV16;
-    IWDG_RLR = RELOAD;
+    IWDG_RLR = IWDG_RELOAD;
     (void)clock_wait(&IWDG_SR, IWDG_SR_PVU | IWDG_SR_RVU, 0u, UPDATE_POLLS);
-    watchdog_feed();
+    watchdog_feed_longest();
 }
 
 void watchdog_feed(void) {
     IWDG_KR = IWDG_KR_KEY_FEED;
+    WWDG_CR = WWDG_CR_WDGA | (loop_count & WWDG_CR_T);
+}
+
+void watchdog_feed_longest(void) {
+    IWDG_KR = IWDG_KR_KEY_FEED;
+    WWDG_CR = WWDG_CR_WDGA | WWDG_CR_T;
 }
 
 void board_feed_watchdog(void) {
     const uint32_t now_ms = time_ms();
-    if (now_ms != fed_ms) { /* once a millisecond is plenty */
+    if (now_ms != fed_ms) { /* once a millisecond is plenty, and not at all when time stands still */
         fed_ms = now_ms;
         watchdog_feed();
     }

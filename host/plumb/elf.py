@@ -19,6 +19,8 @@ from plumb.errors import UsageError
 OBJDUMP = "arm-none-eabi-objdump"
 EXCEPTION_FRAME_BYTES = 36
 """Eight registers, and one word where the stack was not 8-byte aligned (ARMv7-M manual, exception entry)."""
+SYSTICK = 15
+"""Its exception number."""
 
 
 @dataclass(frozen=True)
@@ -147,6 +149,14 @@ class Elf:
         if not handlers:
             raise UsageError(f"{self.path.name} does not begin with a vector table")
         return handlers
+
+    def vector(self, exception: int) -> int | None:
+        """Address of one exception's handler; None where the table ends before it."""
+        table = min(self.segments, key=lambda s: s.load).data
+        if len(table) < 4 * (exception + 1):
+            return None
+        address = struct.unpack_from("<I", table, 4 * exception)[0] & ~1
+        return address if address in self.vectors() else None
 
 
 @dataclass
@@ -339,9 +349,11 @@ class CallGraph:
         return found
 
     def worst_stack_bytes(self) -> int:
-        """The reset handler's chain, on it the deepest interrupt handler, and on that the frame of a fault, whose
-        handler begins a stack of its own. All interrupts have the priority they have after a reset, so none interrupts
-        another: tests/test_registers.py holds the firmware to it."""
+        """The reset handler's chain, on it the deepest interrupt handler, on that SysTick's, and on that the frame of a
+        fault, whose handler begins a stack of its own. SysTick alone has a higher priority than the others, which have
+        one: tests/test_registers.py and test_hangs.py hold the firmware to it."""
         reset, *handlers = self.elf.vectors()
-        deepest = max((self.stack_bytes(handler) for handler in handlers), default=0)
-        return self.stack_bytes(reset) + EXCEPTION_FRAME_BYTES + deepest + EXCEPTION_FRAME_BYTES
+        systick = self.elf.vector(SYSTICK)
+        deepest = max((self.stack_bytes(handler) for handler in handlers if handler != systick), default=0)
+        preempting = EXCEPTION_FRAME_BYTES + self.stack_bytes(systick) if systick is not None else 0
+        return self.stack_bytes(reset) + EXCEPTION_FRAME_BYTES + deepest + preempting + EXCEPTION_FRAME_BYTES

@@ -25,7 +25,7 @@ BLOCKED = {
 HOST_BLOCKS = (0, 1, 3, 13)
 """Of these a host is rid by what it does anyway, and of faults it hears one by one."""
 FAULT_STRAP = 15
-BLOCKING_FAULTS = (*range(8), 14, FAULT_STRAP)
+BLOCKING_FAULTS = (*range(8), 13, 14, FAULT_STRAP)
 FAULTS = {
     0: "no conversions",
     1: "control steps were missed",
@@ -37,9 +37,10 @@ FAULTS = {
     7: "the saved parameters cannot be used: load, reset or set them, then save",
     8: "running on the internal oscillator",
     9: "received bytes were lost",
-    10: "the watchdog ended the run before",
+    10: "a watchdog ended the run before",
     11: "received CAN frames were lost",
     12: "the crystal failed in the run before",
+    13: "while it drove, the board's main loop hung for 20 ms: begin a new run",
     14: "memory that decides a pulse was damaged, by radiation or by a fault of the program: reset the board",
     15: "the strap and the saved parameter pins disagree: no actuator pin is driven; rewire the strap, or set pins and "
     "save, then reset",

@@ -12,6 +12,10 @@ volatile bool port_wake;
 uint32_t port_faults;
 void faults_check_stack(void) {}
 void imu_poll_ms(void) {}
+void stall_tick(void) {}
+bool stall_latched(void) {
+    return false;
+}
 
 void tim2_handler(void);
 void tim2_handler(void) {
@@ -30,7 +34,7 @@ int main(void) {
     for (;;) {
         const uint32_t command = results[0];
         if (command == ARM) {
-            board_arm_actuator();
+            bridge_arm();
         } else if (command == DUTY) {
             board_set_bridge((int32_t)results[2]);
         } else if (command == RAPID) { /* as fast as it goes */

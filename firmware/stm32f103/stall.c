@@ -1,0 +1,46 @@
+/* Watch over the main loop while the actuators may move: SysTick, which interrupts every other handler,
+ * counts the ticks since the loop last came round. After 20 of them the outputs are neutral, and stay so
+ * until the next run begins. A neutral pulse begins with the next frame, 20 ms later at most: 40 ms, of the
+ * 50 that outputs may take to be safe. What masks SysTick is left to the window watchdog. */
+#include "port.h"
+
+#define STALL_TICKS 20u
+/* Neither value is a few flipped bits away from the other; any third one counts as driving, and as stalled.
+ */
+#define AT_REST 0x3c5aa5c3u
+#define DRIVING 0xc3a55a3cu
+#define TURNING 0x5ac33ca5u
+#define STALLED 0xa53cc35au
+
+static volatile uint32_t ticks; /* since the loop's last turn */
+static volatile uint32_t watched = AT_REST;
+static volatile uint32_t state = TURNING;
+
+void stall_tick(void) {
+    if (ticks < STALL_TICKS) {
+        ticks++;
+    } else if (watched != AT_REST) {
+        state = STALLED;
+    }
+    if (state != TURNING) {
+        board_actuator_neutral();
+    }
+}
+
+void stall_watch(bool driving) {
+    watched = driving ? DRIVING : AT_REST;
+}
+
+bool stall_latched(void) {
+    return state != TURNING;
+}
+
+void board_turn(void) {
+    ticks = 0u;
+}
+
+void board_clear_stall(void) {
+    watched = AT_REST;
+    ticks = 0u;
+    state = TURNING;
+}
