@@ -83,21 +83,26 @@ TERMINATED_IN_FLIGHT = """
 import os, signal
 from plumb.boards.virtual import VirtualBoard
 from plumb.session import Session
-pump, close, pumps = Session.pump, VirtualBoard.close, 0
-def pulses(machine):
+connect, receive, close, machine, driving = VirtualBoard._connect, Session.receive, VirtualBoard.close, None, 0
+def pulses():
     return machine.pwm("PB6").pulse_us, machine.pwm("PB7").pulse_us
-def pumped(session):
-    global pumps
-    pump(session)
-    pumps += session._token is not None
-    if pumps == 150:
-        print("driving", *pulses(session.frames._stream._channel.machine))
+def connected(board):
+    global machine
+    machine = board.machine
+    return connect(board)
+def received(session, timeout_s):
+    global driving
+    frames = receive(session, timeout_s)
+    driving += 1000.0 not in pulses()
+    if driving == 50:
+        print("driving", *pulses())
         os.kill(os.getpid(), signal.SIGTERM)
+    return frames
 def closed(board):
     close(board)
-    board.machine.advance_us(50_000)
-    print("after", *pulses(board.machine))
-Session.pump, VirtualBoard.close = pumped, closed
+    machine.advance_us(50_000)
+    print("after", *pulses())
+VirtualBoard._connect, Session.receive, VirtualBoard.close = connected, received, closed
 from plumb.__main__ import entry
 entry()
 """

@@ -84,6 +84,7 @@ def command_parser(name: str) -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs one command; returns its exit code. Every error comes out as one sentence on stderr."""
     from plumb import endings
+    from plumb.command_line import shown
     from plumb.errors import sentence_and_code
 
     arguments = list(sys.argv[1:] if argv is None else argv)
@@ -98,7 +99,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
             _say("".join(traceback.format_exception(error)).rstrip())
         sentence, code = sentence_and_code(endings.raised[0] if endings.raised else error)
-        _say(f"plumb: {sentence}")
+        _say(f"plumb: {shown(sentence)}")
         return code
 
 
@@ -113,9 +114,14 @@ def _run(arguments: list[str]) -> int:
         print(f"plumb {__version__}")
         return 0
     if name not in COMMANDS:
-        _say(f"plumb: there is no command '{name}'; `plumb --help` lists them.")
-        return 2
+        from plumb.errors import UsageError
+
+        raise UsageError(f"there is no command '{name}'; `plumb --help` lists them.")
+    from plumb.command_line import check_arguments, check_numbers
+
+    check_arguments(rest)
     parsed = command_parser(name).parse_args(rest)
+    check_numbers(vars(parsed))
     return int(command_module(name).main(parsed))
 
 

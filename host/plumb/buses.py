@@ -98,7 +98,7 @@ def open_can(address: str) -> can.BusABC:
     if interface == "socketcand":
         host, _, rest = channel.partition(":")
         port, _, name = rest.partition(":")
-        if not host or not port.isdigit() or not name:
+        if not host or not port.isdigit() or int(port) > 65535 or not name:
             raise UsageError(f"'can:{address}': write can:socketcand:HOST:PORT:CHANNEL")
         return SocketcandClient(host, int(port), name)
     if interface == "slcan" and "://" in channel:
@@ -109,7 +109,7 @@ def open_can(address: str) -> can.BusABC:
         raise UsageError(f"'can:{address}' names no bus; use can:INTERFACE:CHANNEL[@KBIT]")
     if interface not in can.VALID_INTERFACES:
         raise UsageError(f"python-can has no interface '{interface}'; it has {', '.join(sorted(can.VALID_INTERFACES))}")
-    check_port(channel)
+    check_port(channel.rpartition("@")[0] or channel if interface == "slcan" else channel)
     logging.getLogger("can").addHandler(logging.NullHandler())  # what drivers log is in the one sentence, too
     try:
         return DriverBus(f"can:{address}", can.Bus(**options))
@@ -140,8 +140,8 @@ class LogBus(can.BusABC):
         input_files.check(path, MOST_LOG_BYTES, "give a log of frames (.asc .blf .csv .log .trc)")
         try:
             self._messages: Iterator[can.Message] = iter(list(can.LogReader(path)))
-        except (OSError, ValueError, KeyError, IndexError, TypeError, NotImplementedError) as error:
-            reason = getattr(error, "strerror", None) or str(error)
+        except Exception as error:  # readers raise whatever a damaged log leads them to
+            reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
             raise UsageError(f"{path} cannot be read as a log of frames: {reason}") from None
         self._next = next(self._messages, None)
         self._offset = time.monotonic() - (self._next.timestamp if self._next else 0.0)

@@ -120,7 +120,7 @@ def load(path: Path | str) -> Recording:
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in (".npz", ".csv"):
-        raise UsageError(f"{path.name} is neither .npz nor .csv; see `plumb replay --help` for both formats")
+        raise UsageError(f"{path} is neither .npz nor .csv; see `plumb replay --help` for both formats")
     input_files.check(path, MOST_BYTES, "give a recording, .npz or .csv")
     return _checked(path, _read_npz(path) if suffix == ".npz" else _read_csv(path))
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import stat
+from pathlib import Path
+
 from plumb.errors import UsageError
 
 URLS = ("socket", "rfc2217")
@@ -9,10 +12,22 @@ URLS = ("socket", "rfc2217")
 
 
 def check_port(port: str) -> None:
-    """Raises UsageError for a URL that is neither socket:// nor rfc2217://. Names of devices pass."""
+    """Raises UsageError for a URL that is neither socket:// nor rfc2217://, and for a file or a folder.
+
+    Names of devices pass, also of those that are not there.
+    """
     scheme, mark, _ = port.partition("://")
     if mark and scheme not in URLS:
         raise UsageError(
             f"'{port}' is not opened: a serial port is a device (/dev/ttyUSB0, COM3), socket://HOST:PORT or "
             "rfc2217://HOST:PORT"
         )
+    if mark:
+        return
+    try:
+        mode = Path(port).stat().st_mode
+    except (OSError, ValueError):  # not there, or no path: COM3
+        return
+    if stat.S_ISREG(mode) or stat.S_ISDIR(mode):
+        what = "a folder" if stat.S_ISDIR(mode) else "a file"
+        raise UsageError(f"'{port}' is {what}, no serial port: `plumb ports` lists those of this machine")

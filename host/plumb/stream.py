@@ -116,6 +116,11 @@ def open_advice(port: str, error: Exception) -> str:
     """What to do about a port that does not open."""
     text = str(error).lower()
     number = getattr(error, "errno", None)
+    if "://" in port:
+        reason = str(error).removeprefix(f"Could not open port {port}: ")
+        return f"no connection to {port} ({reason}): check the address, and that somebody serves there"
+    if "inappropriate ioctl" in text:
+        return f"{port} is no serial port: `plumb ports` lists those of this machine"
     if number == 13 or "permission" in text or "access is denied" in text:
         return f"no permission to open {port}: add yourself to the group that owns it (often dialout) and log in again"
     if number == 16 or "busy" in text or "exclusively lock" in text:
@@ -213,7 +218,7 @@ def open_stream(channel: Any, baudrate: int) -> Stream:
     for prefix in ("socket://", "tcp:"):
         if channel.startswith(prefix):
             host, _, port = channel.removeprefix(prefix).rpartition(":")
-            if not host or not port.isdigit():
+            if not host or not port.isdigit() or int(port) > 65535:
                 raise OpenError(f"'{channel}' is no address: write {prefix}HOST:PORT")
             return SocketStream(host, int(port))
     if channel.startswith("udp:") and channel[4:].isdigit():

@@ -36,6 +36,8 @@ def main(arguments: argparse.Namespace) -> int:
 
     if not 1 <= arguments.steps <= 1_000_000:
         raise UsageError(f"--steps {arguments.steps}: from 1 to 1000000")
+    if arguments.seed < 0:
+        raise UsageError(f"a seed is 0 or more, not {arguments.seed}")
     with open_link_board(arguments.board, link=arguments.link, image=arguments.image) as board:
         result = tried(board.session, arguments.steps, arguments.seed)
     print(json.dumps(result) if arguments.json else describe(result))

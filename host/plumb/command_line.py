@@ -1,0 +1,34 @@
+"""What every command line is held to, whatever the command: no empty values, finite numbers, text that can be shown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from plumb.errors import UsageError
+
+MOST = 10**18 - 1
+"""Of a whole number: what is calculated from it fits 64 bits and floating point."""
+
+
+def check_arguments(arguments: Sequence[str]) -> None:
+    """Raises UsageError for an argument without a value. argparse would take some of them as not given at all."""
+    for argument in arguments:
+        name, _, value = argument.partition("=")
+        if not argument or (name.startswith("--") and argument != name and value in ("", "--")):
+            raise UsageError(f"'{argument}' gives no value: write one, or leave it out")
+
+
+def check_numbers(values: Mapping[str, Any]) -> None:
+    """Raises UsageError for the first option that is no number to calculate with; values: parsed, by destination."""
+    for name, value in values.items():
+        if isinstance(value, float) and not math.isfinite(value):
+            raise UsageError(f"--{name.replace('_', '-')} {value}: give a finite number")
+        if isinstance(value, int) and abs(value) > MOST:
+            raise UsageError(f"--{name.replace('_', '-')}: give a number of at most 18 digits")
+
+
+def shown(text: str) -> str:
+    """The text on one line: line ends, terminal sequences and bytes that are no text, as escapes."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text)
