@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from plumb.f103.canwire import BIT_RECESSIVE, STUFF, WireFrame
 from plumb.f103.machine import Machine
-from plumb.f103.usart import ORE
+from plumb.f103.usart import FE, NE, ORE
 from plumb.faults.fault import Action, Fault
 from plumb.faults.reports import Told
 from plumb.faults.scene import Scene
@@ -40,25 +40,25 @@ def garbage(machine: Machine, data: bytes) -> None:
     machine.uart.write(data)
 
 
-def framing_errors(machine: Machine, data: bytes) -> None:
-    machine.uart.write_with_framing_error(data)
-
-
-def noise_flags(machine: Machine, data: bytes) -> None:
-    machine.uart.write_with_noise(data)
-
-
 def endless_line(machine: Machine, data: bytes) -> None:
     machine.uart.write(b"t" * len(data))
 
 
-def uart_overruns(scene: Scene) -> None:
-    """The receiver loses every byte of the host for a while."""
-    usart = scene.machine.usart
-    receive = usart.receive
-    vars(usart)["receive"] = lambda data, errors=0: receive(data, errors | ORE)
-    scene.run(TROUBLE_S)
-    del vars(usart)["receive"]
+def uart_damaged(flag: int) -> Action:
+    """Every byte of the host arrives with this error flag and one bit wrong, or with ORE not at all, for a while."""
+
+    def inject(scene: Scene) -> None:
+        usart = scene.machine.usart
+        receive = usart.receive
+
+        def receive_damaged(data: bytes, errors: int = 0) -> None:
+            receive(bytes(byte ^ 0x10 for byte in data), errors | flag)
+
+        vars(usart)["receive"] = receive_damaged
+        scene.run(TROUBLE_S)
+        del vars(usart)["receive"]
+
+    return inject
 
 
 def can_shorted(scene: Scene) -> None:
@@ -123,11 +123,11 @@ _LOST = (Told("EVENTS", "disarm_cause", 1 << 3), (Told("SENSORS", "digital", 0xF
 FAULTS = (
     Fault("uart-garbage", "buses", "random bytes on the UART for 100 ms", uart(garbage), "silence",
           (SILENCE, REJECTED)),
-    Fault("uart-framing-errors", "buses", "bytes with framing errors for 100 ms", uart(framing_errors), "silence",
-          (SILENCE, UART_FAULT)),
-    Fault("uart-noise", "buses", "bytes with the noise flag for 100 ms", uart(noise_flags), "silence",
-          (SILENCE, UART_FAULT)),
-    Fault("uart-overruns", "buses", "the receiver loses every byte for 100 ms", uart_overruns, "silence",
+    Fault("uart-framing-errors", "buses", "the host's bytes arrive wrong, with framing errors, for 100 ms",
+          uart_damaged(FE), "silence", (SILENCE, UART_FAULT)),
+    Fault("uart-noise", "buses", "the host's bytes arrive wrong, with the noise flag, for 100 ms",
+          uart_damaged(NE), "silence", (SILENCE, UART_FAULT)),
+    Fault("uart-overruns", "buses", "the receiver loses every byte for 100 ms", uart_damaged(ORE), "silence",
           (SILENCE, UART_FAULT)),
     Fault("uart-endless-line", "buses", "a line without end for 100 ms", uart(endless_line), "silence", (SILENCE,)),
     Fault("uart-garbage-beside-can", "buses", "random bytes on the UART for 100 ms, armed over CAN", uart(garbage),

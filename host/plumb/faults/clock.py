@@ -26,9 +26,9 @@ def steps_stop(scene: Scene) -> None:
 
 
 def steps_too_fast(scene: Scene) -> None:
-    """TIM3 ticks every 0.2 ms: its prescaler and period are wrong."""
+    """TIM3 ticks every 50 us, faster than any step is: its prescaler and period are wrong."""
     timer = scene.machine.tim3
-    timer.psc, timer.arr = 71, 199
+    timer.psc, timer.arr = 71, 49
     timer.write_egr(UG)
 
 
@@ -42,7 +42,7 @@ FAULTS = (
           (Told("IDENTITY", "FAULTS", CRYSTAL), Told("IDENTITY", "FAULTS", FALLBACK))),
     Fault("steps-stop", "clock", "the timer that paces the steps stands still", steps_stop, "sensor",
           ((BY_FAULT, BY_WATCHDOG),)),
-    Fault("steps-too-fast", "clock", "the timer that paces the steps ticks every 0.2 ms", steps_too_fast, "late",
+    Fault("steps-too-fast", "clock", "the timer that paces the steps ticks every 50 us", steps_too_fast, "late",
           ((Told("STATUS", "faults", LATE), BY_WATCHDOG),)),
     Fault("core-held-up", "clock", "the core stands still for 100 ms", core_stands_still, "hang", (BY_WATCHDOG,)),
 )  # fmt: skip

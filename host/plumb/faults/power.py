@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from plumb.f103.strap import BY_PIN_SET, set_strap
 from plumb.faults.fault import Action, Fault
 from plumb.faults.reports import Told
 from plumb.faults.scene import Scene
 
-POWER, PIN, FALLBACK = 1 << 3, 1 << 2, 1 << 8
+POWER, PIN, FALLBACK, STRAP = 1 << 3, 1 << 2, 1 << 8, 1 << 15
 AWAY_US = 5_000.0
 BY_POWER = Told("IDENTITY", "RESET_CAUSE", POWER)
 
@@ -37,7 +38,22 @@ def cut_and_no_crystal(scene: Scene) -> None:
     cut()(scene)
 
 
+def strap_moved(scene: Scene) -> None:
+    """The wiring of another pin set, and a power cycle."""
+    pins = (scene.session.identity or scene.session.connect())["PINS"]
+    other = next(name for number, name in enumerate(BY_PIN_SET) if number != pins)
+    set_strap(scene.machine, other)
+    cut()(scene)
+
+
+def saved(scene: Scene) -> None:
+    """The run is over, and the parameters in use are saved."""
+    scene.session.execute_idle("SAVE")
+
+
 FAULTS = (
+    Fault("strap-moved", "power", "the strap says another pin set than the saved parameters after a power cycle",
+          strap_moved, "power", (BY_POWER, Told("STATUS", "faults", STRAP)), prepare=saved),
     Fault("power-cut", "power", "the supply is away for 5 ms", cut(), "power", (BY_POWER,)),
     Fault("power-cut-again", "power", "the supply is away for 5 ms, and again 1, 3 and 20 ms into the start",
           cut(1_000.0, 3_000.0, 20_000.0), "power", (BY_POWER,)),
