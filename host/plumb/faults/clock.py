@@ -10,6 +10,7 @@ from plumb.faults.scene import Scene
 CRYSTAL, FALLBACK, LATE = 1 << 12, 1 << 8, 1 << 1
 BY_FAULT = Told("EVENTS", "disarm_cause", 1 << 3)
 BY_WATCHDOG = Told("IDENTITY", "RESET_CAUSE", 1 << 5 | 1 << 6)
+CHIPS = frozenset({"chips"})
 STALL_S = 0.1
 
 
@@ -43,6 +44,6 @@ FAULTS = (
     Fault("steps-stop", "clock", "the timer that paces the steps stands still", steps_stop, "sensor",
           ((BY_FAULT, BY_WATCHDOG),)),
     Fault("steps-too-fast", "clock", "the timer that paces the steps ticks every 50 us", steps_too_fast, "late",
-          ((Told("STATUS", "faults", LATE), BY_WATCHDOG),)),
+          ((Told("STATUS", "faults", LATE), BY_WATCHDOG),), CHIPS),
     Fault("core-held-up", "clock", "the core stands still for 100 ms", core_stands_still, "hang", (BY_WATCHDOG,)),
 )  # fmt: skip
