@@ -20,7 +20,8 @@ def library() -> ctypes.CDLL:
     """Compiled once a run, undefined behaviour trapped."""
     compiler = shutil.which(os.environ.get("CC", "cc"))
     assert compiler, "a C compiler is needed"
-    sources = [ROOT / "tests/c/link_board.c", ROOT / "tests/c/flash.c", *sorted((ROOT / "firmware/link").glob("*.c"))]
+    own = ("link_board", "keepalive_study", "flash")
+    sources = [*(ROOT / f"tests/c/{name}.c" for name in own), *sorted((ROOT / "firmware/link").glob("*.c"))]
     sources += sorted((ROOT / "firmware/core").glob("*.c"))
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "liblink_board.so"
@@ -32,6 +33,7 @@ def library() -> ctypes.CDLL:
         getattr(loaded, f"link_board_{name}").restype = ctypes.c_size_t
     loaded.link_board_armed.restype = loaded.link_board_leaves.restype = ctypes.c_bool
     loaded.link_board_crc8.restype = ctypes.c_uint8
+    loaded.keepalive_study.restype = ctypes.c_uint32
     return loaded
 
 
@@ -142,6 +144,12 @@ class MemoryBoard:
             self.turn()
         data, self._up = self._up[:count], self._up[count:]
         return data
+
+
+def disarms(seconds: int, round_trip_ms: float, loss: float, frame_us: int, seed: int) -> int:
+    """How often a host that answers at once loses the board over such a link: tests/c/keepalive_study.c."""
+    arguments = (seconds, round(1000 * round_trip_ms), round(1e6 * loss), frame_us, seed)
+    return int(library().keepalive_study(*map(ctypes.c_uint32, arguments)))
 
 
 def parse(data: bytes) -> tuple[list[tuple[int, bytes]], int]:

@@ -14,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tests"), str(ROOT / "tools")]
 
-from link_board import MemoryBoard  # type: ignore[import-not-found]  # noqa: E402
+from link_board import MemoryBoard, disarms  # type: ignore[import-not-found]  # noqa: E402
 from measure_residuals import residual_table  # type: ignore[import-not-found]  # noqa: E402
 from plumb import busload, parameters  # noqa: E402
 from plumb.protocol import Message, load_database, protocol  # noqa: E402
@@ -62,6 +62,24 @@ def value_table() -> str:
 def record_table() -> str:
     names = protocol()["WORD"].choices["index"]
     return "".join(f"{index} `{name}`{', ' if index < len(names) - 1 else '.'}" for index, name in names.items()) + "\n"
+
+
+def keepalive_table() -> str:
+    """How often a living host loses the board, by tests/c/keepalive_study.c."""
+    head = "| way there and back | frames lost | pulses | silence allowed | disarmed in 10 minutes, three times |"
+    lines = [head, "|---|---|---|---|---|"]
+    for round_trip_ms, loss, frame_us in (
+        (2, 0.01, 20_000),
+        (25, 0.0, 20_000),
+        (25, 0.001, 20_000),
+        (25, 0.01, 20_000),
+        (25, 0.01, 10_000),
+        (25, 0.01, 2500),
+    ):
+        counted = ", ".join(str(disarms(600, round_trip_ms, loss, frame_us, seed)) for seed in (1, 2, 3))
+        pulses = f"{1e6 / frame_us:.0f} Hz | {49 - frame_us / 1000:g} ms"
+        lines.append(f"| {round_trip_ms} ms | {100 * loss:g} % | {pulses} | {counted} |")
+    return "\n".join(lines) + "\n"
 
 
 def shown_value(message: Message, signal: str, value: int) -> str:
@@ -218,6 +236,7 @@ def transcript(name: str) -> str:
 def generate(text: str) -> str:
     """The document with every generated part fresh."""
     parts = {"messages": message_table, "values": value_table, "record": record_table}
+    parts["keepalive"] = keepalive_table
     parts |= {"rates": busload.rate_table, "load": busload.step_table, "residuals": residual_table}
 
     def part(match: re.Match[str]) -> str:

@@ -6,7 +6,7 @@
 #include "e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 2U
-#define MESSAGES_DBC_HASH 0xC506F85CU
+#define MESSAGES_DBC_HASH 0x9AFB0F39U
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U
@@ -245,6 +245,8 @@ typedef struct {
 can_frame_t message_events_pack(const message_events_t *m);
 
 #define MESSAGE_SETPOINT_USED_ID 0x114U
+#define MESSAGE_SETPOINT_USED_TIMED_OUT 0x1U /* flag */
+#define MESSAGE_SETPOINT_USED_REPEATED 0x2U /* flag */
 typedef struct {
     uint16_t step;
     int32_t setpoint;

@@ -31,7 +31,9 @@ void run_begin(session_t *s, uint16_t run, run_links_t links) {
     s->sample_expected = SAMPLE_ANY;
     s->raw_b_step6 = RAW_B_NONE;
     s->setpoint_waiting = false;
+    s->setpoint_timed_out = false;
     s->setpoint_turn_q32 = 0;
+    s->setpoint_told_turn_q32 = 0;
     s->held = (session_sample_t){0};
     s->stale = UINT16_MAX;
     control_init(s->control, &s->params->control);
@@ -162,6 +164,8 @@ void run_on_setpoint(session_t *s, const can_frame_t *f) {
         nack(s, f, MESSAGE_NACK_REASON_RUN_TAG);
     } else if (s->mode == SESSION_REALTIME || due) {
         s->setpoint_turn_q32 = m.setpoint;
+        s->setpoint_heard = true;
+        s->setpoint_timed_out = false;
         s->setpoint_waiting = true;
     }
 }

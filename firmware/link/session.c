@@ -5,6 +5,7 @@
 #include "permissions.h"
 #include "requests.h"
 #include "run.h"
+#include "setpoint.h"
 #include "telemetry.h"
 #include <string.h>
 
@@ -15,7 +16,8 @@
 #define RUN_TAG_SHIFT    16U    /* in the ACK of RUN_BEGIN, above its run */
 #define STEPS_MISSING    3U     /* armed, a step is overdue after so many periods, */
 #define STEPS_MISSING_US 20000U /* and so much */
-#define FRAME_REPLIES    2U     /* what a frame is answered by, and a SETPOINT_USED that is still owed */
+/* What a frame is answered by, a SETPOINT_USED that is still owed, and urgent frames. */
+#define FRAME_REPLIES (2U + OUTBOX_URGENT)
 
 /* ---- what is, and whether it may be armed ---- */
 
@@ -493,6 +495,7 @@ void session_poll(session_t *s, uint32_t now_us) {
     }
     arming_poll(&s->arming, arming_blocked(s, s->run_owner), now_us);
     issue_keepalive(s, now_us);
+    setpoint_poll(s, now_us);
     telemetry_send_words(s);
     for (unsigned i = 0; i < LINKS; i++) {
         poll_long_replies(s, &s->link[i], now_us);

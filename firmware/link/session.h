@@ -128,8 +128,12 @@ typedef struct {
     uint8_t raw_b_step6;     /* low six bits of the number raw_b belongs to, above 63: none */
     bool setpoint_waiting;   /* lockstep: given for the sample to come; real time: not yet used */
     int16_t raw_b[3];
+    bool setpoint_heard;     /* since the last poll */
+    bool setpoint_timed_out; /* set to 0 because its source fell silent, and not yet told */
+    uint32_t setpoint_us;    /* when the source was heard last, or nothing moved */
     int32_t setpoint_turn_q32;
-    session_sample_t held; /* the sample of the last step */
+    int32_t setpoint_told_turn_q32; /* by the last SETPOINT_USED */
+    session_sample_t held;          /* the sample of the last step */
 } session_t;
 
 /* Start from *params (valid; see params_default()) with both links closed, idle and disarmed. */

@@ -2,6 +2,7 @@
 #include "../core/digest.h"
 #include "links.h"
 #include "messages.h"
+#include "setpoint.h"
 #include <string.h>
 
 /* RAW carries the low six bits of its step number: four as the counter, two as flags. */
@@ -271,12 +272,7 @@ void session_stepped(session_t *s) {
 
     s->buffers->digest[SESSION_SLOT(s->step)] = step.digest;
     s->saturated = (uint16_t)(s->saturated + saturated);
-    if (s->mode == SESSION_REALTIME && s->setpoint_waiting) {
-        const message_setpoint_used_t used = {.step = s->step, .setpoint = s->setpoint_turn_q32};
-
-        s->setpoint_waiting = false;
-        links_answer(s, s->setpoint_source, message_setpoint_used_pack(&used), 0);
-    }
+    setpoint_report(s);
     send_step(s, &step, saturated);
     send_raw(s, words);
     send_named(s, (uint8_t)(s->step & E2E_COUNTER_MASK));

@@ -39,6 +39,7 @@ class Capture:
     time_us: list[tuple[int, int]] = field(default_factory=list)
     setpoint: list[tuple[int, int]] = field(default_factory=lambda: [(0, 0)])
     setpoint_doubt: int | None = None
+    setpoint_reports: int = 0
     steps: int = 0
     armed: bool = False
     disarmed_step: int | None = None
@@ -76,22 +77,30 @@ class Capture:
                     if not name.startswith("reserved"):
                         self.values.setdefault((message.name, name), {})[step] = value
             elif identifier == self._used.identifier:
-                _, _, low, value = self._used.unpack(data)
-                self.setpoint.append((unwrap(self._last, low, 16), value))
+                self._note_setpoint(self._used.decode(data))
             elif identifier == self._time.identifier:
                 _, _, low, time_us = self._time.unpack(data)
                 self.time_us.append((unwrap(self._last, low, 16), time_us))
 
+    def _note_setpoint(self, said: dict[str, int]) -> None:
+        """A report that does not fit the one before tells of another in between that was lost."""
+        (since, value), self.setpoint_reports = self.setpoint[-1], self.setpoint_reports + 1
+        same = said["setpoint"] == value
+        if same != bool(said["repeated"]) and self.setpoint_doubt is None:
+            self.setpoint_doubt = max(since, 0)
+        if not same:
+            self.setpoint.append((unwrap(self._last, said["step"], 16), said["setpoint"]))
+
     def set_setpoint(self, setpoint_turn_q32: int) -> None:
         """Change the setpoint, and hear at which step. Without that, what follows is in doubt."""
-        known = len(self.setpoint)
+        known = self.setpoint_reports
         start = self.steps
         for _ in range(TRIES):
             self.session.set_setpoint(setpoint_turn_q32)
             end = self.session.clock() + REPLY_TIMEOUT_S
             while (remaining := end - self.session.clock()) > 0:
                 self.session.receive(remaining)
-                if len(self.setpoint) > known:
+                if self.setpoint_reports > known and self.setpoint[-1][1] == setpoint_turn_q32:
                     return
             self.setpoint_doubt = start if self.setpoint_doubt is None else self.setpoint_doubt
         raise LinkError("the board does not take the setpoint: check the cable")

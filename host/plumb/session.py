@@ -100,6 +100,7 @@ class Session:
         self._kept = {self.protocol[name].identifier: name for name in PERIODIC}
         self._value_id = self.protocol["KEEPALIVE_VALUE"].identifier
         self._pumped: list[Frame] = []
+        self._setpoint, self._setpoint_s = 0, 0.0
         self._alive = False
         self._said_s = 0.0
         self._wiring: dict[str, int] | None = None
@@ -159,9 +160,12 @@ class Session:
         frames, self._pumped = self._pumped, []
         while not frames:
             self._show_presence()
+            self._repeat_setpoint()
             wait_s = max(0.0, end - self.clock())
             if self.fast is None:
                 wait_s = min(wait_s, PRESENCE_EVERY_S)
+            if self._alive and self._setpoint:
+                wait_s = min(wait_s, SETPOINT_EVERY_S)
             frames = self.frames.read_frames(wait_s)
             self._answer_values(frames)
             if self.clock() >= end:
@@ -179,6 +183,11 @@ class Session:
             values = [unpack(data)[3] for identifier, data in frames if identifier == self._value_id]
             if values:
                 self.send([self.frame("KEEPALIVE", 0, value) for value in values[-KEEPALIVE_NEWEST:]])
+
+    def _repeat_setpoint(self) -> None:
+        """Say again what was asked of an armed board: it takes a silent source for a lost one."""
+        if self._alive and self._setpoint and self.clock() - self._setpoint_s >= SETPOINT_EVERY_S:
+            self.set_setpoint(self._setpoint)
 
     def _show_presence(self) -> None:
         """On CAN say now and then that somebody listens."""
@@ -443,6 +452,7 @@ class Session:
             self.select(frames, words)
         finally:
             self.listener = listener
+        self._setpoint = 0
         message = self.protocol["RUN_BEGIN"]
         flags = sum(1 << message.flags[f"{what}_elsewhere"][0] for what in elsewhere)
         self.run_tag = self._answer_nonce("RUN_BEGIN", message.value("run", run), flags) >> RUN_TAG_SHIFT
@@ -483,8 +493,11 @@ class Session:
         frames = self.frames.read_frames(0.0)
         self._answer_values(frames)
         self._pumped += frames
+        self._repeat_setpoint()
         self._show_presence()
 
     def set_setpoint(self, setpoint_turn_q32: int) -> None:
-        """Real time: the setpoint from the next step on; the board tells the step with SETPOINT_USED."""
+        """Real time: the setpoint from the next step on; the board tells the step with SETPOINT_USED. `receive` and
+        `pump` repeat it while the board is armed from here."""
+        self._setpoint, self._setpoint_s = setpoint_turn_q32, self.clock()
         self.send([self.frame("SETPOINT", 0, setpoint_turn_q32, flags=self.run_tag)])
