@@ -29,7 +29,7 @@ int main(void) {
     time_init();
     pins_clocks();
     bridge_init(dead_time_ns);
-    pins_init(BOARD_PINS_BRIDGE);
+    pins_init(BOARD_PINS_BRIDGE, true);
     bridge_start();
     for (;;) {
         const uint32_t command = results[0];
