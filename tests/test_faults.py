@@ -87,6 +87,8 @@ def nothing(scene: Scene) -> None:
          "never safe; not noticed; not told: EVENTS.disarm_cause: the keep-alive was lost"),
         (Fault("untold", "host", "DISARM", host.disarms, "command", (Told("STATUS", "faults", 1),)), "not told"),
         (Fault("slow", "host", "silence judged as a command", host.silent, "power"), "too late"),
+        (Fault("unreported", "host", "nothing", nothing, "setpoint", (Told("SETPOINT_USED", "timed_out", 1),),
+               moves_on=True), "never safe"),
         (Fault("acts", "host", "DISARM", host.disarms, "held", holds=True), "it disarms; it acts"),
     ],
     ids=lambda value: value.name if isinstance(value, Fault) else "",

@@ -24,6 +24,7 @@ class Fault:
     needs: features that the scene must have (Scene.features). link: what the host that armed speaks over.
     prepare: brings the scene to where the fault is injected; time counts from its end.
     holds: True, and the fault must not act: all steps are as without it, and the board stays as armed as it was.
+    moves_on: True, and the board goes on driving, but as it should: the report says from when on.
     after: what happens at the end (the host is back, the supply is back); outputs must stay safe from there on.
     phases: injected at many phases of steps, pulses and keep-alives; the worst one counts. variants: injected in so
     many ways (Scene.variant), the worst one counts. interrupt: number of the exception that must be in use; 0: none.
@@ -39,6 +40,7 @@ class Fault:
     link: str = "serial"
     prepare: Action | None = None
     holds: bool = False
+    moves_on: bool = False
     after: Action | None = None
     phases: bool = False
     variants: int = 1

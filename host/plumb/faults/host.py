@@ -14,6 +14,8 @@ GONE_S = 0.1
 """The host is away for so long."""
 REPLAY_EVERY_S = 0.015
 REPLAYED_S = 0.35
+SETPOINT = 1 << 24
+"""1.4 degrees, as a binary angle."""
 
 
 def silent(scene: Scene) -> None:
@@ -80,6 +82,17 @@ def replay(count: int, *, backwards: bool = False) -> Action:
     return inject
 
 
+def steered(scene: Scene) -> None:
+    """The host asks for a setpoint other than 0."""
+    scene.session.set_setpoint(SETPOINT)
+    scene.run(0.1)
+
+
+def setpoints_cease(scene: Scene) -> None:
+    """The host's source of setpoints hangs; its keep-alives go on."""
+    vars(scene.session)["set_setpoint"] = lambda _setpoint: None
+
+
 def recorded(seconds: float) -> Action:
     """Flies on while everything the host sends is recorded."""
 
@@ -104,6 +117,8 @@ FAULTS = (
     Fault("host-ends-run", "host", "RUN_END", ends_run, "command", (Told(*CAUSE, COMMAND | IDLE),)),
     Fault("host-of-another-version", "host", "HELLO of another protocol version over the link that armed",
           other_version, "command", (Told(*CAUSE, 1),)),
+    Fault("setpoints-cease", "host", "no SETPOINT comes any more, keep-alives do: the setpoint becomes 0",
+          setpoints_cease, "setpoint", (Told("SETPOINT_USED", "timed_out", 1),), prepare=steered, moves_on=True),
     Fault("keepalive-repeated", "host", "the host hangs, its last KEEPALIVE is sent every 15 ms", replay(1), "silence",
           (Told(*CAUSE, SILENCE),), prepare=recorded(0.3)),
     Fault("keepalive-repeated-on-can", "host", "the host hangs, its last KEEPALIVE is sent every 15 ms", replay(1),

@@ -168,6 +168,10 @@ class Runner:
         watch.end()
         if watch.resets or not scene.heard:
             self._ask(scene, reports, why)
+        if fault.moves_on:
+            said = [first[0] for told in fault.told if isinstance(told, Told) and (first := reports.first(told))]
+            safe_ms = round((max(said) - begun_s) * 1e3, 1) if said else None
+            why += ["it disarms"] if reports.disarmed_s() is not None else []
         measured = self._told(fault, reports, watch, safe_ms, why)
         if brief:
             measured.missing.clear()
