@@ -40,6 +40,7 @@ NEUTRAL_BOUNDS = set(range(1800, 2201))
 """core/esc.h: what a damaged neutral pulse may be, until the parameters are loaded again."""
 SLEEP_US = 1100
 """Longest sleep of the loop, and what it takes to come to the check."""
+SILENCE_US = 50_000
 BITS_PER_WORD = 6
 """Of the sample: with 360 words some 2,200 bits."""
 PARTS = 8
@@ -161,6 +162,31 @@ def test_every_flip_disarms_before_the_next_pulse_and_is_named(flown: tuple[Boar
         assert told["STATUS"]["mode"] == 0 and told["EVENTS"]["disarm_cause"] == FAULT_CAUSE, place
         assert board.pulses() == (NEUTRAL_HALFUS, NEUTRAL_HALFUS), place
         assert machine.reset_count == 1, place
+
+
+@pytest.mark.parametrize("clock", ["ticks_ms", "last_us"])
+def test_no_flip_in_the_clock_keeps_a_silent_host_armed(flown: tuple[Board, Snapshot], clock: str) -> None:
+    """The clock is written by an interrupt, and lies outside the checked area: set back, it must not stand still until
+    it has caught up."""
+    board, snapshot = flown
+    for bit in range(32):
+        board.machine.restore(snapshot)
+        board.flip(board.elf.symbol(clock).address, bit)
+
+        def neutral() -> bool:
+            return board.pulses() == (NEUTRAL_HALFUS, NEUTRAL_HALFUS)
+
+        assert board.machine.run_until(neutral, SILENCE_US), f"bit {bit} of {clock}"
+
+
+def test_a_clock_that_is_set_back_is_named(flown: tuple[Board, Snapshot]) -> None:
+    board, snapshot = flown
+    board.machine.restore(snapshot)
+    ticks = board.word("ticks_ms")
+    board.flip(board.elf.symbol("ticks_ms").address, ticks.bit_length() - 1)
+    told = board.hear()
+    assert told["STATUS"]["faults"] & UPSET_FAULT and told["STATUS"]["armed"] == 0
+    assert told["EVENTS"]["disarm_cause"] == FAULT_CAUSE
 
 
 def test_without_the_check_flips_move_the_outputs_and_nobody_hears(image: bytes, elf: Elf) -> None:

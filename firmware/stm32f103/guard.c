@@ -11,12 +11,19 @@ extern const uint32_t guarded_parameters_start[], guarded_parameters_end[];
 #define UPSET    0x5be11d37u
 
 static uint32_t state, state_word, parameters_word;
-static uint32_t found; /* 0: no upset since the start */
+static uint32_t found;   /* 0: no upset since the start */
+static bool clock_upset; /* not yet told to the main loop */
+
+void guard_clock_upset(void) {
+    clock_upset = true;
+}
 
 bool board_memory_intact(void) {
-    const bool intact = state == RELEASED ||
-                        (crc_of_words(guarded_start, guarded_end) == state_word &&
-                         crc_of_words(guarded_parameters_start, guarded_parameters_end) == parameters_word);
+    const bool intact =
+        !clock_upset && (state == RELEASED ||
+                         (crc_of_words(guarded_start, guarded_end) == state_word &&
+                          crc_of_words(guarded_parameters_start, guarded_parameters_end) == parameters_word));
+    clock_upset = false;
     if (!intact) {
         found = UPSET;
     }

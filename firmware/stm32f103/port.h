@@ -89,6 +89,7 @@ uint32_t crc_of_words(const uint32_t *from, const uint32_t *end);
 
 /* guard.c */
 uint32_t guard_faults(void);
+void guard_clock_upset(void); /* time went backwards: the next turn finds memory damaged */
 
 /* faults.c */
 void faults_init(board_identity_t *identity); /* takes over what the last crash left behind */

@@ -25,6 +25,13 @@ def flipped(symbol: str) -> Action:
     return inject
 
 
+def clock_set_back(scene: Scene) -> None:
+    """The highest bit that is set in the count of milliseconds, which no check word covers."""
+    ticks = scene.symbol("ticks_ms").address
+    count = int.from_bytes(scene.machine.cpu.read(ticks, 4), "little")
+    core.flip(scene, ticks, count.bit_length() - 1)
+
+
 def guard_overwritten(scene: Scene) -> None:
     core.flip(scene, scene.symbol("stack_guard").address, 0)
 
@@ -56,6 +63,8 @@ FAULTS = (
           "memory", (BY_UPSET,), variants=FLIPS),
     Fault("flip-in-parameters", "memory", f"one bit of the parameters in use, {FLIPS} of them", flipped("params"),
           "memory", (BY_UPSET,), variants=FLIPS),
+    Fault("clock-set-back", "memory", "one bit of the clock, which is then behind", clock_set_back, "memory",
+          (BY_UPSET,)),
     Fault("stack-overflow", "memory", "the guard below the stack is overwritten", guard_overwritten, "memory",
           (BY_CRASH,)),
     Fault("undefined-instruction", "memory", "the main loop meets an undefined instruction", undefined_instruction,
