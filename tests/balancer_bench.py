@@ -41,7 +41,7 @@ class Balancer:
         set_strap(machine, "bridge")
         machine.drive("PB12", True)
         machine.set_hall(FORWARD[0])
-        leaning = world((0.3, 0.0, 0.95), 0.01, 1)
+        leaning = world((0.1, 0.0, 0.99), 0.01, 1)
         machine.i2c_bus.slaves += [Itg3205(machine, world((0.0, 0.0, 0.0), 0.5, 2)), Adxl345(machine, leaning)]
         machine.tim1.trace = []
         machine.power_on()
@@ -56,7 +56,7 @@ class Balancer:
             self.session.close()
         self.session = self.open()
         self.session.begin("REALTIME_LIVE")
-        self.keep_alive(0.2)
+        self.keep_alive(0.7)
         self.session.arm()
         self.keep_alive(0.05)
         assert self.driving

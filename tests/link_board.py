@@ -13,6 +13,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 TURN_US = 100
+AT_REST = (1676, 2048, 3041, 0, 0, 0)
+"""Counts of an axis that is level and still, by the calibration of the default table."""
 
 
 @lru_cache(maxsize=1)
@@ -59,6 +61,7 @@ class MemoryBoard:
     def reset(self, seed: int = 1) -> None:
         """Power off and on: what was saved is found again."""
         self.lib.link_board_init(self._memory, seed)
+        self.sensors()
 
     # ---- the UART, by hand ----
 
@@ -89,7 +92,7 @@ class MemoryBoard:
         for _ in range(time_us // step_us):
             self.turn(step_us)
 
-    def sensors(self, raw: tuple[int, ...] = (0,) * 6, faults: int = 0) -> None:
+    def sensors(self, raw: tuple[int, ...] = AT_REST, faults: int = 0) -> None:
         self.lib.link_board_sensors(self._memory, (ctypes.c_int16 * 6)(*raw), ctypes.c_uint32(faults))
 
     def switch(self, closed: bool) -> None:

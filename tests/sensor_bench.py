@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import pytest
 
@@ -19,7 +19,9 @@ from plumb.f103.itg3205 import Itg3205
 from plumb.f103.machine import Machine
 from plumb.identity import sensors_text
 from plumb.parameters import table
+from plumb.quantise import quantise
 from plumb.session import Session
+from plumb.systems import balancer, quad
 
 PERIOD_US = 5000
 NEUTRAL_US = 1000.0
@@ -29,6 +31,8 @@ DIGITAL = 3
 NO_CONVERSIONS, STEPS_MISSED, SENSOR = 1, 2, 0x40
 SELECT_PIN = 4
 BOOT_US = 30_000
+READY_S = 0.7
+"""A run at rest from its first step on may be armed by then."""
 RECOVERY_S = 0.15
 """Clearing the bus, setting up both chips, and their first samples."""
 
@@ -51,10 +55,12 @@ class Bench:
     session: Session
     words: dict[str, int] = field(default_factory=dict)
     gyro: Itg3205 | None = None
+    control: Sequence[int] | None = None
+    """Control part of the parameters; None: the board's own."""
     accel: Adxl345 | None = None
 
     def begin(self, **words: int) -> Capture:
-        return self.begin_with(self.session.read_parameters()[:CONTROL_WORDS], **words)
+        return self.begin_with(self.control or self.session.read_parameters()[:CONTROL_WORDS], **words)
 
     def begin_with(self, control: Sequence[int], **words: int) -> Capture:
         self.words = {"period_us": PERIOD_US, "esc_period_us": 2500, "arm_hold_ms": 0} | words
@@ -71,7 +77,7 @@ class Bench:
 
     def armed(self, **words: int) -> Capture:
         capture = self.begin(**words)
-        self.run(capture, 0.05)
+        self.run(capture, READY_S)
         self.session.arm()
         self.run(capture, 0.1)
         assert self.driving()
@@ -116,7 +122,7 @@ def image(**options: bool) -> Machine:
 
 
 def fit(machine: Machine, *, spi: bool = False) -> tuple[Itg3205, Adxl345]:
-    gyro = Itg3205(machine, world((1.0, 20.0, -3.0), 0.4, 1))
+    gyro = Itg3205(machine, world((1.0, 2.0, -3.0), 0.4, 1))
     accel = Adxl345(machine, world((0.1, 0.2, 0.95), 0.004, 2))
     machine.i2c_bus.slaves.append(gyro)
     if spi:
@@ -124,6 +130,10 @@ def fit(machine: Machine, *, spi: bool = False) -> tuple[Itg3205, Adxl345]:
     else:
         machine.i2c_bus.slaves.append(accel)
     return gyro, accel
+
+
+DIGITAL_CONTROL = quantise(replace(quad.ADAPTIVE, calibration=balancer.CALIBRATION)).words()
+"""For the system with two speed controllers on digital sensors."""
 
 
 def boot_digital(machine: Machine) -> None:

@@ -14,6 +14,10 @@ from test_protocol import frame
 
 DEBOUNCE_US = 20_000
 TRY_US = 100_000
+READY_US = 700_000
+"""From the begin of a run at rest until it may be armed, at most."""
+READY_LIMIT_US = 5_000_000
+"""How long a closed switch waits for that."""
 HOLD_US = 1000 * next(row.default for row in parameters.table() if row.name == "arm_hold_ms")
 NEUTRAL = {next(row.default for row in parameters.table() if row.name == "esc.neutral_halfus")}
 FAULT = 1
@@ -31,7 +35,7 @@ def ready_board() -> MemoryBoard:
 def armed_board() -> MemoryBoard:
     board = ready_board()
     board.switch(True)
-    board.run_us(DEBOUNCE_US + 200)
+    board.run_us(DEBOUNCE_US + READY_US)
     assert board.armed
     return board
 
@@ -41,8 +45,10 @@ def test_closing_runs_the_system_live_and_arms_without_a_host() -> None:
     assert board.steps == 0
     board.switch(True)
     board.run_us(DEBOUNCE_US - 200)
-    assert not board.armed
+    assert not board.armed and board.steps == 0
     board.run_us(400)
+    assert not board.armed, "the run begins; that it is at rest has to show first"
+    board.run_us(READY_US)
     assert board.armed
     board.run_us(1_000_000)  # no keep-alive is asked for
     assert board.armed and board.steps > 40
@@ -88,8 +94,22 @@ def test_a_switch_that_is_closed_at_the_start_has_to_be_opened_first() -> None:
     board.switch(False)
     board.run_us(DEBOUNCE_US + 200)
     board.switch(True)
-    board.run_us(DEBOUNCE_US + 200)
+    board.run_us(DEBOUNCE_US + READY_US)
     assert board.armed
+
+
+def test_a_switch_waits_for_rest_and_not_for_ever() -> None:
+    """Closed while it moves: armed when it rests within 5 s, else not before the switch is closed again."""
+    lifted = (1676, 2048, 3300, 0, 0, 0)  # 1.25 g
+    for waits_us, arms in ((READY_LIMIT_US // 2, True), (READY_LIMIT_US + 100_000, False)):
+        board = ready_board()
+        board.sensors(lifted)
+        board.switch(True)
+        board.run_us(DEBOUNCE_US + waits_us, 1000)
+        assert not board.armed
+        board.sensors()
+        board.run_us(1_500_000, 1000)
+        assert board.armed == arms
 
 
 def test_a_fault_keeps_it_from_arming_and_does_not_arm_when_it_goes_long_after() -> None:
@@ -113,6 +133,8 @@ def test_a_fault_that_goes_at_once_does_not_matter() -> None:
     assert not board.armed
     board.sensors()
     board.turn()
+    assert not board.armed
+    board.run_us(READY_US)
     assert board.armed
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from link_board import MemoryBoard
+from link_board import AT_REST, MemoryBoard
 from plumb import parameters
 from plumb.errors import LinkError
 from plumb.lockstep import samples_text
@@ -246,12 +246,15 @@ def test_an_injected_run_is_armed_by_fresh_samples_only() -> None:
     with pytest.raises(LinkError, match="no injected samples come"):
         session.arm()
 
-    samples = samples_text(protocol(), np.ones((40, 3), np.int16), np.zeros(40))
-    for step in range(20):
+    samples = samples_text(protocol(), np.tile(np.int16(AT_REST[:3]), (150, 1)), np.zeros(150))
+    for step in range(100):
         board.write(samples.part(step, step + 1))
         board.run_us(10_000)
         session.receive(0.001)
         if step == 2:
+            with pytest.raises(LinkError, match="it is not ready to be armed; the filter has not converged"):
+                session.arm(ready_wait_s=0.0)
+        if step == 80:
             session.arm()
     assert board.armed
     for _ in range(4):  # a few samples may fail

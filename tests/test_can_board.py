@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual")
 
+from pins import at_rest
 from plumb import __main__ as front
 from plumb import parameters
 from plumb.boards.virtual import VirtualBoard
@@ -21,7 +21,6 @@ from plumb.f103 import open_machine
 from plumb.f103.canbus import MachineBus
 from plumb.f103.canwire import BIT_RECESSIVE, CRC, CanWire, WireFrame
 from plumb.f103.image import find_image
-from plumb.f103.machine import Machine
 from plumb.identity import NackError
 from plumb.live import fly
 from plumb.lockstep import Lockstep
@@ -131,17 +130,11 @@ def test_a_live_run_is_armed_and_kept_alive_over_can(board: VirtualBoard) -> Non
     assert trial.verdict == "pass" and trial.mismatches == 0
 
 
-def move_the_sensors(machine: Machine) -> None:
-    """Inputs that rest or touch a rail are a fault."""
-    for pin in ("PA0", "PA1", "PA2"):
-        machine.adc[pin] = lambda t_s: 1.5 + 0.1 * math.sin(50 * t_s)
-
-
 def test_a_host_that_hangs_loses_the_board(board: VirtualBoard) -> None:
     session = board.session
     rows = parameters.table()
     session.upload(parameters.control_part([row.default for row in rows]), period_us=5000, arm_hold_ms=0)
-    move_the_sensors(board.machine)
+    at_rest(board.machine)
     session.begin("REALTIME_LIVE")
     session.arm()
     listen(session, 0.3)
@@ -179,7 +172,7 @@ def test_both_links_at_once() -> None:
     machine = open_machine()
     uart, bus = Session.open(machine.uart), Session.over(MachineBus(machine))
     control = parameters.control_part(uart.read_parameters())
-    move_the_sensors(machine)
+    at_rest(machine)
     uart.upload(control, period_us=5000, arm_hold_ms=0)
     assert bus.read_parameters() == uart.read_parameters()
     heard: dict[str, list[int]] = {"uart": [], "can": []}
@@ -348,7 +341,7 @@ def test_whatever_happens_to_the_bus_the_outputs_are_safe_in_50_ms(
 ) -> None:
     """The host goes on sending keep-alives and none arrives."""
     session, machine = board.session, board.machine
-    move_the_sensors(machine)
+    at_rest(machine)
     session.upload(
         parameters.control_part(session.read_parameters()), period_us=2500, esc_period_us=2500, arm_hold_ms=0
     )

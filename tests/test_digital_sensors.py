@@ -3,16 +3,17 @@ bus fails the right one is named, the outputs go to neutral, nothing hangs, and 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import pytest
 
 pytest.importorskip("unicorn")
 
+from plumb.capture import Capture
 from plumb.errors import LinkError
 from plumb.session import Session
-from sensor_bench import PERIOD_US, RECOVERY_S, SENSOR, STEPS_MISSED, Bench, boot_digital, fit, image
+from sensor_bench import DIGITAL_CONTROL, PERIOD_US, RECOVERY_S, SENSOR, STEPS_MISSED, Bench, boot_digital, fit, image
 
 
 @pytest.fixture(params=["i2c", "spi"])
@@ -21,10 +22,26 @@ def digital(request: pytest.FixtureRequest) -> Iterator[Bench]:
     gyro, accel = fit(machine, spi=request.param == "spi")
     boot_digital(machine)
     with Session.open(machine.uart) as session:
-        bench = Bench(machine, session, gyro=gyro, accel=accel)
+        bench = Bench(machine, session, gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
         begin = bench.begin
         bench.begin = lambda **words: begin(accel_bus=int(request.param == "spi"), **words)
         yield bench
+
+
+def begin_apart(digital: Bench, again: Callable[[], None], **words: int) -> Capture:
+    """A run whose reads do not meet the gyro's samples, which come every 1 ms: its data sheet does not promise that six
+    registers belong to one sample. again: called before every further try."""
+    machine, gyro = digital.machine, digital.gyro
+    for attempt in range(20):
+        machine.advance_us(130 * attempt)
+        capture = digital.begin(**words)
+        digital.run(capture, 0.05)
+        tick_s = machine.now_s - machine.tim3.count(machine.now) * 1e-6
+        if (gyro.sampled_s - tick_s) % 1e-3 > 0.45e-3:
+            return capture
+        digital.session.end()
+        again()
+    raise AssertionError("no such phase was found")
 
 
 def test_every_period_has_the_newest_sample_of_both_chips(digital: Bench) -> None:
@@ -32,7 +49,7 @@ def test_every_period_has_the_newest_sample_of_both_chips(digital: Bench) -> Non
     seen: list[tuple[float, str, float, tuple[int, int, int]]] = []
     gyro.on_read = lambda time_s, counts: seen.append((digital.machine.now_s, "gyro", time_s, counts))
     accel.on_read = lambda time_s, counts: seen.append((digital.machine.now_s, "accel", time_s, counts))
-    capture = digital.begin()
+    capture = begin_apart(digital, seen.clear)
     digital.run(capture, 0.3)
     rates, tilts = ([row for row in seen if row[1] == name] for name in ("gyro", "accel"))
     raw = capture.raw_counts(50)
@@ -49,7 +66,7 @@ def test_every_period_has_the_newest_sample_of_both_chips(digital: Bench) -> Non
 def test_the_rate_is_about_the_axle_and_the_accelerations_across_it(
     digital: Bench, axis: int, pair: tuple[int, int]
 ) -> None:
-    capture = digital.begin(imu_axis=axis)
+    capture = begin_apart(digital, lambda: None, imu_axis=axis)
     digital.run(capture, RECOVERY_S)
     seen: dict[str, list[tuple[int, int, int]]] = {"gyro": [], "accel": []}
     digital.gyro.on_read = lambda _time_s, counts: seen["gyro"].append(counts)
@@ -249,7 +266,7 @@ def i2c() -> Iterator[Bench]:
     gyro, accel = fit(machine)
     boot_digital(machine)
     with Session.open(machine.uart) as session:
-        yield Bench(machine, session, gyro=gyro, accel=accel)
+        yield Bench(machine, session, gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
 
 
 @pytest.mark.parametrize("clocks", [1, 5, 9])
@@ -271,7 +288,7 @@ def test_a_data_line_that_is_held_at_power_up(clocks: int) -> None:
     machine.i2c_bus.stick(clocks)
     boot_digital(machine)
     with Session.open(machine.uart) as session:
-        bench = Bench(machine, session, gyro=gyro, accel=accel)
+        bench = Bench(machine, session, gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
         bench.recovers(bench.begin())
 
 
@@ -319,6 +336,6 @@ def test_without_a_crystal_the_bus_runs_from_the_other_clock() -> None:
     machine.advance_us(170_000)
     boot_digital(machine)
     with Session.open(machine.uart) as session:
-        bench = Bench(machine, session, gyro=gyro, accel=accel)
+        bench = Bench(machine, session, gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
         bench.recovers(bench.begin())
         assert 380.0 < 1e3 * 40320 / machine.i2c1.clock_ticks <= 400.0

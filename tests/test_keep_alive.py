@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 
 from balancer_bench import Balancer
+from link_board import AT_REST
 from pins import at_rest
 from plumb import parameters, systems
 from plumb.errors import LinkError, UsageError
@@ -27,6 +28,8 @@ NEUTRAL_US = 1000.0
 SILENCE = 1 << 5
 LINKS = ["serial", "can"]
 RUNS = ["REALTIME_LIVE", "REALTIME_INJECTED"]
+READY_US = 1_000_000
+"""At rest from the first step on, a run may be armed by then."""
 QUAD_PERIOD_US, BALANCER_PERIOD_US = 5000, 10_000
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 
@@ -55,10 +58,11 @@ def drive(session: Session, run: str, period_us: int, raw: tuple[int, ...]) -> C
             else:
                 session.frames.read_frames(remaining)
 
-    for _ in range(20):
+    end_s = session.clock() + READY_US * 1e-6
+    while session.clock() < end_s:
         one_period(True)
     session.arm()
-    for _ in range(20):
+    for _ in range(40):
         one_period(True)
     return one_period
 
@@ -94,7 +98,7 @@ def test_the_pulses_of_quad(link: str, run: str) -> None:
     machine.advance_us(30_000)
     session = opened(machine, link)
     session.upload(CONTROL, period_us=QUAD_PERIOD_US, arm_hold_ms=0)
-    one_period = drive(session, run, QUAD_PERIOD_US, (1700, 2400, 3000))
+    one_period = drive(session, run, QUAD_PERIOD_US, AT_REST)
 
     def safe() -> bool:
         return all(machine.pwm(pin).pulse_us == NEUTRAL_US for pin in ("PB6", "PB7"))
@@ -109,7 +113,7 @@ def test_the_pulses_of_quad(link: str, run: str) -> None:
 def test_the_bridge_of_balancer(link: str, run: str) -> None:
     balancer = Balancer(link)
     session = balancer.open()
-    one_period = drive(session, run, BALANCER_PERIOD_US, (0, 80, 240, 0, 0, 0))
+    one_period = drive(session, run, BALANCER_PERIOD_US, (0, 20, 255, 0, 0, 0))
     assert fall_silent(balancer.machine, one_period, lambda: not balancer.driving) < SAFE_US
     assert_latched(session, one_period, lambda: not balancer.driving)
     assert balancer.machine.warnings == []

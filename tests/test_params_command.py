@@ -215,7 +215,8 @@ def test_a_board_becomes_a_system_with_its_shipped_tuning(
     code, out, _ = params(capsys, "tuning", system, "--json")
     changed = json.loads(out)["changed"]
     module = systems.load(system)
-    values = {**quantise(module.TUNINGS[module.DEFAULT_TUNING]).values, "period_us": module.PERIOD_US, **module.LINK}
+    tuned = quantise(module.TUNINGS[module.DEFAULT_TUNING])
+    values = {**tuned.values, **tuned.link_words(), "period_us": module.PERIOD_US, **module.LINK}
     rows = {row.name: row.default for row in parameters.table()}
     assert code == 0
     assert {name: row["to"] for name, row in changed.items()} == {

@@ -156,6 +156,12 @@ class Scene:
         data = hello.pack(0, 0, protocol().version, protocol().dbc_hash)
         self.board.say(b"O\r" + text_of_frames([(hello.identifier, data)]), 20)
 
+    def rest(self, time_us: int) -> None:
+        """Let time go by; what the board says in it is left out of the transcript."""
+        self.board.run_us(time_us)
+        self.board.heard()
+        self.lines.append("< ...")
+
     def begin(self, run: str) -> None:
         number = protocol()["RUN_BEGIN"].value("run", run)
         nonce = self.say("CHALLENGE", number, 0)["nonce"]
@@ -207,6 +213,10 @@ def arm(scene: Scene) -> None:
     scene.say("EXECUTE", verb, nonce)
     scene.remark("blocked: no run, bit 1")
     scene.begin("REALTIME_LIVE")
+    nonce = scene.say("CHALLENGE", verb, 0)["nonce"]
+    scene.say("EXECUTE", verb, nonce)
+    scene.remark("blocked: not ready, bit 12; PLAUSIBILITY says what is missing. After 0.6 s at rest it is:")
+    scene.rest(700_000)
     nonce = scene.say("CHALLENGE", verb, 0)["nonce"]
     first = scene.say("EXECUTE", verb, nonce)["detail"]
     value = scene.say("KEEPALIVE", 0, first, turns=100)["value"]

@@ -12,6 +12,7 @@
 #define PLUMB_CORE_BALANCER_H
 
 #include "control_params.h"
+#include "plausibility.h"
 
 #define BALANCER_FLAG_GYRO_CLAMPED     (1U << 0)
 #define BALANCER_FLAG_ACCEL_X_CLAMPED  (1U << 1)
@@ -64,5 +65,8 @@ bool balancer_params_valid(const control_params_t *p);
  * velocity, m/s Q26. The result is c->words. */
 void balancer_step(balancer_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
                    int32_t setpoint_mps_q26);
+
+/* What its sensors can say, and when it may be armed. */
+extern const plausibility_bounds_t balancer_plausibility;
 
 #endif

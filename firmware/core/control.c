@@ -71,6 +71,17 @@ size_t control_words_bytes(const control_params_t *p) {
     }
 }
 
+const plausibility_bounds_t *control_plausibility(const control_params_t *p) {
+    switch (p->system) {
+    case CONTROL_QUAD:
+        return &quad_plausibility;
+    case CONTROL_BALANCER:
+        return &balancer_plausibility;
+    default:
+        return NULL;
+    }
+}
+
 bool control_saturated(const control_t *c, const control_params_t *p) {
     switch (p->system) {
     case CONTROL_BALANCER:

@@ -48,6 +48,9 @@ void control_step(control_t *c, const control_params_t *p, const int16_t raw[CON
 const void *control_words(const control_t *c);
 size_t control_words_bytes(const control_params_t *p);
 
+/* What is plausible for the system; NULL for one that moves nothing, of which nothing is checked. */
+const plausibility_bounds_t *control_plausibility(const control_params_t *p);
+
 /* True when a raw count of the last step was outside its range. */
 bool control_saturated(const control_t *c, const control_params_t *p);
 

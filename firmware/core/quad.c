@@ -1,5 +1,6 @@
 #include "quad.h"
 #include "esc.h"
+#include <stddef.h>
 
 /* The words are hashed as bytes: no padding anywhere. */
 typedef char quad_assert_packed[sizeof(quad_words_t) == 160 ? 1 : -1];
@@ -71,3 +72,23 @@ bool quad_params_valid(const control_params_t *p) {
            tilt_valid(&p->tilt) && kalman_valid(&p->kalman, &p->start) && pid_valid(&p->pid) &&
            esc_valid(&p->esc);
 }
+
+/* An axis on a pivot: vibration and bursts of 0.3 g, no free fall. Armed near level. */
+#define AT(word) (uint8_t)(offsetof(quad_words_t, word) / 4U)
+const plausibility_bounds_t quad_plausibility = {
+    .setpoint = AT(setpoint_turn_q32),
+    .rate = AT(rate_turnps_q28),
+    .rate_corrected = AT(rate_corrected_turnps_q28),
+    .accel = {AT(accel_y_g_q26), AT(accel_z_g_q26)},
+    .tilt_measured = AT(tilt_measured_turn_q32),
+    .tilt = AT(tilt_turn_q32),
+    .variance = AT(variance),
+    .innovation = AT(kalman.innovation_turn_q32),
+    .k0 = AT(kalman.k0_q29),
+    .accel_min_g2_q20 = 377487U,  /* 0.6 g */
+    .accel_max_g2_q20 = 2055209U, /* 1.4 g */
+    .rest_min_g2_q20 = 849347U,   /* 0.9 g */
+    .rest_max_g2_q20 = 1268777U,  /* 1.1 g */
+    .rest_turnps_q28 = 3728270U,  /* 5 deg/s */
+    .ready_turn_q32 = 178956971U, /* 15 deg */
+};

@@ -6,6 +6,7 @@
 #define PLUMB_CORE_QUAD_H
 
 #include "control_params.h"
+#include "plausibility.h"
 
 #define QUAD_FLAG_GYRO_CLAMPED    (1U << 0)
 #define QUAD_FLAG_ACCEL_Y_CLAMPED (1U << 1)
@@ -48,5 +49,8 @@ bool quad_params_valid(const control_params_t *p);
  * setpoint: turn Q32. The result is c->words. */
 void quad_step(quad_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
                int32_t setpoint_turn_q32);
+
+/* What its sensors can say, and when it may be armed. */
+extern const plausibility_bounds_t quad_plausibility;
 
 #endif

@@ -64,9 +64,13 @@ void arming_try_switch(arming_t *a, uint16_t blocked, arming_actuator_t actuator
     if (!a->switch_trying) {
         return;
     }
-    if (arming_armed(a) || now_us - a->switch_try_us > ARMING_SWITCH_TRY_US) {
+    const unsigned matters = blocked & ~ARMING_BLOCKS_HOST;
+    const uint32_t limit_us =
+        matters == ARMING_BLOCK_NOT_READY ? ARMING_SWITCH_READY_US : ARMING_SWITCH_TRY_US;
+
+    if (arming_armed(a) || (matters != 0 && now_us - a->switch_try_us > limit_us)) {
         a->switch_trying = false;
-    } else if ((blocked & ~ARMING_BLOCKS_HOST) == 0) {
+    } else if (matters == 0) {
         a->switch_trying = false;
         arm(a, true, actuator, now_us);
     }

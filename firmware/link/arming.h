@@ -21,6 +21,8 @@
 
 #define ARMING_SWITCH_US     20000U  /* contacts bounce for some ms */
 #define ARMING_SWITCH_TRY_US 100000U /* how long after closing what is in the way may still go away */
+#define ARMING_SWITCH_READY_US                                                                               \
+    5000000U /* and how long when all that is missing is NOT_READY: a run that has just begun is not */
 
 /* Why arming is refused, or was left. Bits, as in STATUS. */
 #define ARMING_BLOCK_HELLO    0x0001U /* no host with the same protocol version and message definitions */
@@ -34,7 +36,11 @@
 #define ARMING_BLOCK_SWITCH   0x0100U /* left because the arm switch was opened */
 #define ARMING_BLOCK_PINS     0x0200U /* what the system moves is not on the pins the board started with */
 #define ARMING_BLOCK_HANDLE   0x0400U /* the arm switch is closed, and has the say */
-#define ARMING_BLOCK_OWNER    0x2000U /* another link began the run, and alone may arm */
+#define ARMING_BLOCK_IMPLAUSIBLE                                                                             \
+    0x0800U /* the sensors contradict each other or the system: PLAUSIBILITY says how */
+#define ARMING_BLOCK_NOT_READY                                                                               \
+    0x1000U /* not at rest, converged, level and without a setpoint: PLAUSIBILITY says what is missing */
+#define ARMING_BLOCK_OWNER 0x2000U /* another link began the run, and alone may arm */
 /* What concerns a host alone; the switch arms and stays armed all the same. */
 #define ARMING_BLOCKS_HOST                                                                                   \
     (ARMING_BLOCK_HELLO | ARMING_BLOCK_CLOSED | ARMING_BLOCK_HANDLE | ARMING_BLOCK_OWNER)
@@ -90,8 +96,9 @@ bool arming_switch(arming_t *a, bool closed, uint32_t now_us);
 /* ARMING_BLOCK_HANDLE while a closed switch keeps hosts from arming, else 0. */
 uint16_t arming_handle(const arming_t *a);
 
-/* After a closing that counts: arms as soon as nothing but a host is missing, for ARMING_SWITCH_TRY_US; then
- * the switch has to be opened first. */
+/* After a closing that counts: arms as soon as nothing but a host is missing, for ARMING_SWITCH_TRY_US, or
+ * for ARMING_SWITCH_READY_US while nothing but ARMING_BLOCK_NOT_READY is in the way; then the switch has to
+ * be opened first. */
 void arming_try_switch(arming_t *a, uint16_t blocked, arming_actuator_t actuator, uint32_t now_us);
 
 /* A keep-alive; one that does not count, or comes while disarmed, does nothing and returns false. */

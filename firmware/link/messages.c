@@ -214,6 +214,10 @@ can_frame_t message_sensors_pack(const message_sensors_t *m) {
     return three(MESSAGE_SENSORS_ID, (uint16_t)m->analog, (uint16_t)m->digital, (uint16_t)m->bus_failures);
 }
 
+can_frame_t message_plausibility_pack(const message_plausibility_t *m) {
+    return three(MESSAGE_PLAUSIBILITY_ID, (uint16_t)m->failed, (uint16_t)m->missing, (uint16_t)m->disarmed_by);
+}
+
 can_frame_t message_attitude_w_pack(const message_attitude_w_t *m) {
     return pair(MESSAGE_ATTITUDE_W_ID, (uint16_t)m->flags, (uint32_t)m->w);
 }

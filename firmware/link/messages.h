@@ -6,7 +6,7 @@
 #include "e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 2U
-#define MESSAGES_DBC_HASH 0x9AFB0F39U
+#define MESSAGES_DBC_HASH 0xD1BCBFF6U
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U
@@ -277,6 +277,14 @@ typedef struct {
     uint16_t bus_failures;
 } message_sensors_t;
 can_frame_t message_sensors_pack(const message_sensors_t *m);
+
+#define MESSAGE_PLAUSIBILITY_ID 0x117U
+typedef struct {
+    uint16_t failed;
+    uint16_t missing;
+    uint16_t disarmed_by;
+} message_plausibility_t;
+can_frame_t message_plausibility_pack(const message_plausibility_t *m);
 
 #define MESSAGE_ATTITUDE_W_ID 0x118U
 typedef struct {

@@ -179,6 +179,7 @@ static const uint8_t range_of[PARAMS_COUNT] = {
     45U, /* accel_rate */
     46U, /* gyro_filter */
     31U, /* imu_axis */
+    5U, /* variance_turn2_q56 */
 };
 
 static const uint32_t defaults[PARAMS_COUNT] = {
@@ -299,6 +300,7 @@ static const uint32_t defaults[PARAMS_COUNT] = {
     0x0000000BU, /* 114: accel_rate */
     0x00000002U, /* 115: gyro_filter */
     0x00000001U, /* 116: imu_axis */
+    0x00E38E39U, /* 117: variance_turn2_q56 */
 };
 
 static const uint16_t ids[PARAMS_COUNT] = {
@@ -419,6 +421,7 @@ static const uint16_t ids[PARAMS_COUNT] = {
     0x4092U, /* accel_rate */
     0x6B51U, /* gyro_filter */
     0x6B40U, /* imu_axis */
+    0x7B5EU, /* variance_turn2_q56 */
 };
 
 #define PLACE(member, index) \
@@ -540,6 +543,7 @@ PLACE(accel_bus, 113);
 PLACE(accel_rate, 114);
 PLACE(gyro_filter, 115);
 PLACE(imu_axis, 116);
+PLACE(variance_turn2_q56, 117);
 typedef char whole_table[sizeof(params_t) == 4U * PARAMS_COUNT ? 1 : -1];
 
 uint32_t params_word(const params_t *p, uint16_t index) {

@@ -5,7 +5,7 @@
 
 #include "../core/control.h"
 
-#define PARAMS_COUNT 117U
+#define PARAMS_COUNT 118U
 
 /* Parameters of a run: the control core's, then the link's and the board's. Words of 32 bits, in the order of their
  * numbers on the wire. */
@@ -24,6 +24,7 @@ typedef struct {
     uint32_t accel_rate;
     uint32_t gyro_filter;
     uint32_t imu_axis;
+    uint32_t variance_turn2_q56;
 } params_t;
 
 /* Factory values. */

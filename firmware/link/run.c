@@ -1,6 +1,7 @@
 #include "run.h"
 #include "links.h"
 #include "messages.h"
+#include "readiness.h"
 #include "requests.h"
 #include "telemetry.h"
 #include <string.h>
@@ -37,6 +38,7 @@ void run_begin(session_t *s, uint16_t run, run_links_t links) {
     s->held = (session_sample_t){0};
     s->stale = UINT16_MAX;
     control_init(s->control, &s->params->control);
+    readiness_begin(s);
 }
 
 bool session_take_begin(session_t *s) {

@@ -3,6 +3,7 @@
 #include "links.h"
 #include "messages.h"
 #include "permissions.h"
+#include "readiness.h"
 #include "requests.h"
 #include "run.h"
 #include "setpoint.h"
@@ -76,6 +77,7 @@ static uint16_t arming_blocked(const session_t *s, link_t link) {
     blocked |= s->mode == SESSION_REALTIME && !s->live && samples_stale(s) ? ARMING_BLOCK_SAMPLES : 0U;
     blocked |= moves_something(s) ? 0U : ARMING_BLOCK_PINS;
     blocked |= arming_handle(&s->arming);
+    blocked |= readiness_blocked(s);
     return (uint16_t)blocked;
 }
 
@@ -271,6 +273,7 @@ static void on_execute(session_t *s, const can_frame_t *f, uint32_t now_us) {
         const uint32_t first = arming_arm(&s->arming, blocked, actuator(s), &s->random, now_us);
 
         if (first == 0U) {
+            readiness_send(s, s->asked); /* first, so that the host can say what is missing */
             reply_nack(s, f, MESSAGE_NACK_REASON_BLOCKED, blocked);
         } else {
             requests_withdraw_bootloader(s);
@@ -465,6 +468,7 @@ static void send_status(session_t *s, link_t link) {
         outbox_telemetry(l->outbox, message_can_health_pack(&health), (uint8_t)(s->can->last_error | off));
     }
     outbox_telemetry(l->outbox, message_sensors_pack(&sensors), 0);
+    readiness_send(s, link);
 }
 
 /* The next value for the keep-alive of the host that armed, before all that waits for its link. */

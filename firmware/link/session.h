@@ -103,8 +103,10 @@ typedef struct {
     const board_can_health_t *can;
     uint32_t can_kbit;
     board_health_t health;
-    uint32_t time_us;   /* last TIME */
-    uint32_t status_us; /* last STATUS */
+    plausibility_t plausibility;
+    uint16_t disarmed_by_checks; /* PLAUSIBILITY_ACCEL and so on: what failed when it was armed last */
+    uint32_t time_us;            /* last TIME */
+    uint32_t status_us;          /* last STATUS */
 
     session_mode_t mode;
     bool live;

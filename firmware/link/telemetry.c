@@ -2,6 +2,7 @@
 #include "../core/digest.h"
 #include "links.h"
 #include "messages.h"
+#include "readiness.h"
 #include "setpoint.h"
 #include <string.h>
 
@@ -273,6 +274,7 @@ void session_stepped(session_t *s) {
     s->buffers->digest[SESSION_SLOT(s->step)] = step.digest;
     s->saturated = (uint16_t)(s->saturated + saturated);
     setpoint_report(s);
+    readiness_stepped(s);
     send_step(s, &step, saturated);
     send_raw(s, words);
     send_named(s, (uint8_t)(s->step & E2E_COUNTER_MASK));

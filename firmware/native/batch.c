@@ -46,6 +46,8 @@ EXPORT void plumb_length_run(const int32_t *y, const int32_t *x, int32_t n, uint
 EXPORT void plumb_tilt_run(const uint32_t *params, const int32_t *accel_y_g_q26, const int32_t *accel_z_g_q26,
                            int32_t n, int32_t *turn_q32, uint32_t *variance);
 EXPORT void plumb_reciprocal_run(const uint32_t *d, int32_t n, uint32_t *y_q61);
+EXPORT int32_t plumb_plausibility_run(const uint32_t *params, const uint8_t *words, int32_t steps,
+                                      uint32_t variance_turn2_q56, uint16_t *failed, uint16_t *missing);
 EXPORT uint32_t plumb_crc32(const uint8_t *data, int32_t bytes);
 
 #define BALANCER_NAMES                                                                                       \
@@ -267,4 +269,25 @@ void plumb_reciprocal_run(const uint32_t *d, int32_t n, uint32_t *y_q61) {
 
 uint32_t plumb_crc32(const uint8_t *data, int32_t bytes) {
     return digest_crc32(data, (size_t)bytes);
+}
+
+/* The plausibility of a run, from the records of its steps. 0: this system has none to check. */
+int32_t plumb_plausibility_run(const uint32_t *params, const uint8_t *words, int32_t steps,
+                               uint32_t variance_turn2_q56, uint16_t *failed, uint16_t *missing) {
+    control_params_t p;
+    control_words_t record;
+    plausibility_t state;
+
+    memcpy(&p, params, sizeof p);
+    const plausibility_bounds_t *const bounds = control_plausibility(&p);
+    if (bounds == NULL)
+        return 0;
+    plausibility_init(&state);
+    for (int32_t k = 0; k < steps; k++) {
+        memcpy(&record, words + (size_t)k * control_words_bytes(&p), control_words_bytes(&p));
+        plausibility_step(&state, bounds, &record, p.kalman.dt_s_q33, variance_turn2_q56);
+        failed[k] = state.failed;
+        missing[k] = state.missing;
+    }
+    return 1;
 }

@@ -73,9 +73,12 @@ BUDGETS = {
     "control_step_balancer": Budget(None, 0, 5e-4, "deg"),
     "control_step_turntable": Budget(None, 0, 5e-4, "deg"),
     "control_step_phone": Budget(None, 0, 5e-4, "deg"),
+    "plausibility_step": Budget(None, 0, 0.0, "wrong answers"),
     "digest_crc32": Budget(400, 360, 0.0, "wrong digests"),
     "board_memory_intact": Budget(2600, 2400, 0.0, "wrong answers"),
 }
+PLAUSIBILITY_BYTES, PLAUSIBILITY_ANSWER = 52, slice(23, 25)
+"""Of plausibility_t: its size, and where `failed` and `missing` are, in half-words."""
 STEP_OF = "control_step_"
 """What the row of another system's step begins with; the system's name follows."""
 SHORTEST_PERIOD_CYCLES = 500 * 72
@@ -238,6 +241,25 @@ def _digest(elf: Image) -> Row:
     return _row(counter, "digest_crc32", wrong)
 
 
+def _plausibility(elf: Image) -> Row:
+    """The plausibility of quad's steps, over `motion` and over wild counts; its error is how many answers differ from
+    those of the native core."""
+    counter, wrong = Counter(elf, ["plausibility_step"]), 0
+    state, record = counter.place(bytes(PLAUSIBILITY_BYTES)), counter.place(bytes(RECORDS["quad"].itemsize))
+    bounds, params = elf.symbol("quad_plausibility").address, quantise(quad.ADAPTIVE)
+    dt_s_q33, unit = params["kalman.dt_s_q33"], params.variance_turn2_q56
+    for _, _, raw, setpoint in _inputs(["adaptive"]):
+        words = native.run_control(params, raw[:WILD_STEPS], setpoint[:WILD_STEPS])
+        failed, missing = native.plausibility(params, words)
+        counter.call("plausibility_init", state)
+        for step, row in enumerate(words.record):
+            counter.write(record, row.tobytes())
+            counter.call("plausibility_step", state, bounds, record, dt_s_q33, unit)
+            answer = np.frombuffer(counter.read(state, PLAUSIBILITY_BYTES), "<u2")[PLAUSIBILITY_ANSWER]
+            wrong += tuple(answer.tolist()) != (int(failed[step]), int(missing[step]))
+    return _row(counter, "plausibility_step", wrong)
+
+
 def _memory_check(elf: Image) -> Row:
     """The check of all memory that decides a pulse; its error is how many answers were wrong: after sealing it is
     intact, with one bit flipped it is not."""
@@ -341,6 +363,7 @@ def measure(image: Path | None = None) -> BenchResult:
     for name in BUDGETS:
         if name.startswith(STEP_OF):
             rows[name] = _step_of(elf, name.removeprefix(STEP_OF))
+    rows["plausibility_step"] = _plausibility(elf)
     rows["digest_crc32"] = _digest(elf)
     rows["board_memory_intact"] = _memory_check(elf)
     sizes = {"flash": elf.flash_bytes, "ram": elf.ram_bytes, "stack": graph.worst_stack_bytes()}

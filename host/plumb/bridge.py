@@ -22,13 +22,13 @@ import can
 from plumb.buses import LogBus, open_bus
 from plumb.capture import Capture
 from plumb.errors import LinkError, UsageError
-from plumb.identity import BLOCKED, NackError, bits_text
+from plumb.identity import NackError, disarmed_text
 from plumb.parameters import control_part
 from plumb.protocol import Frame, check, protocol
 from plumb.quantise import ControlParams
 from plumb.samples import Samples
 from plumb.serialbus import PlumbBus
-from plumb.session import Session
+from plumb.session import BLOCKED_NOT_READY, Session
 from plumb.shadow import Shadow
 
 RETRY_S = 0.5
@@ -49,6 +49,8 @@ STANDING_OVER = 25
 by itself, because both sides have the same period. That many are left out then."""
 ARM_AFTER_STEPS = 10
 BLOCKED_BY_SILENCE = 1 << 7
+WAITED_FOR = BLOCKED_BY_SILENCE | BLOCKED_NOT_READY
+"""Blocks that pass by themselves once samples come and the plant is at rest."""
 """Refused because samples stopped for a moment: they came before, and will again."""
 
 Open = Callable[[str], can.BusABC]
@@ -376,7 +378,7 @@ class Bridge:
         if params is None:
             params = ControlParams.from_words(control_part(session.read_parameters()))
         else:
-            session.upload(params.words(), **self.link)
+            session.upload(params.words(), **{**params.link_words(), **self.link})
         run = _Run(self, session, params)
         session.listener = run.up
         elsewhere = ("samples", "setpoints") if self.direct else ()
@@ -473,10 +475,10 @@ class _Run:
         if bridge.want_arm and self.capture.steps > self._arm_after:
             bridge.want_arm = False
             try:
-                session.arm()
+                session.arm(ready_wait_s=0.0)  # samples have to go on meanwhile
                 bridge.say("armed")
             except LinkError as error:
-                if isinstance(error, NackError) and error.reason == "BLOCKED" and error.detail == BLOCKED_BY_SILENCE:
+                if isinstance(error, NackError) and error.reason == "BLOCKED" and not error.detail & ~WAITED_FOR:
                     bridge.want_arm, self._arm_after = True, self.capture.steps + ARM_AFTER_STEPS
                     bridge._once(f"not armed yet: {error}")
                 else:
@@ -488,7 +490,8 @@ class _Run:
         if self._disarmed and "EVENTS" in session.telemetry:
             self._disarmed = False
             cause = session.telemetry["EVENTS"]["disarm_cause"]
-            bridge.say(f"the board disarmed: {bits_text(cause, BLOCKED)}; it stays so until this is started again")
+            why = disarmed_text(cause, session.telemetry.get("PLAUSIBILITY", {}))
+            bridge.say(f"the board disarmed: {why}; it stays so until this is started again")
 
     def _match(self, counts: tuple[int, ...], now_s: float) -> None:
         """A step used these counts: the sample they came with has arrived, and what waited before it never will."""

@@ -20,6 +20,8 @@ BLOCKED = {
     8: "the arm switch was opened",
     9: "this system has nothing to move on these pins: wire the strap for it, set the parameter pins, save and reset",
     10: "the arm switch is closed: it holds the board armed, or has to be opened first",
+    11: "the sensors are implausible",
+    12: "it is not ready to be armed",
     13: "another link began the run, and alone may arm",
 }
 HOST_BLOCKS = (0, 1, 3, 13)
@@ -100,6 +102,38 @@ def sensors_text(said: dict[str, int]) -> list[str]:
     for name, cause in (("gyro", digital & 0xFF), ("accelerometer", digital >> 8)):
         found += [f"{name}: {SENSOR_CAUSES.get(cause, f'cause {cause}')}"] if cause else []
     return found
+
+
+IMPLAUSIBLE = {
+    0: "the accelerometer reads an acceleration that the system cannot have: check its wiring and supply",
+    1: "the accelerometer's tilt is far from what the filter expects: check the axes of gyro and accelerometer",
+    2: "gyro and accelerometer do not turn together: check the gyro's wiring, supply, axis and sign",
+}
+"""PLAUSIBILITY.failed and disarmed_by: core/plausibility.h."""
+NOT_READY = {
+    0: "it has not been ready for 0.3 s yet",
+    1: "it moves: hold it still",
+    2: "the filter has not converged: hold it still",
+    3: "the setpoint is not 0",
+    4: "it is tilted too far: bring it level or upright",
+}
+"""PLAUSIBILITY.missing."""
+
+
+def plausibility_text(said: dict[str, int]) -> list[str]:
+    """A sentence for every check that fails and every condition for arming that is missing, from PLAUSIBILITY."""
+    failed, missing = said.get("failed", 0), said.get("missing", 0)
+    # That time is missing is worth saying only when nothing else is.
+    missing &= ~1 if missing & ~1 else ~0
+    found = [text for bit, text in IMPLAUSIBLE.items() if failed >> bit & 1]
+    return found + [text for bit, text in NOT_READY.items() if missing >> bit & 1]
+
+
+def disarmed_text(cause: int, said: dict[str, int]) -> str:
+    """Why the board disarmed, from EVENTS.disarm_cause and the last PLAUSIBILITY."""
+    checks = bits_text(said.get("disarmed_by", 0), IMPLAUSIBLE)
+    text = bits_text(cause, BLOCKED)
+    return f"{text}: {checks}" if cause >> 11 & 1 and checks != "none" else text
 
 
 @dataclass(frozen=True)

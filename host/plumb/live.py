@@ -24,7 +24,7 @@ from plumb.errors import LinkError
 from plumb.f103 import START_US
 from plumb.f103.machine import Machine
 from plumb.f103.strap import BY_PIN_SET, set_strap
-from plumb.identity import FAULT_STRAP
+from plumb.identity import FAULT_STRAP, disarmed_text
 from plumb.quantise import ControlParams, quantise
 from plumb.session import REPLY_TIMEOUT_S, Session
 from plumb.trial import Flight, Scenario, Trial, columns, judge
@@ -50,7 +50,7 @@ def become(board: VirtualBoard, params: ControlParams, **link: int) -> Session:
     start alone, so that for others it is rewired and started again, with what it then has saved."""
     session = board.session
     pins = link.get("pins", 0)
-    session.upload(params.words(), **{**link, "pins": pins})
+    session.upload(params.words(), **{**params.link_words(), **link, "pins": pins})
     if session.require_match()["PINS"] != pins or session.require_match()["FAULTS"] >> FAULT_STRAP & 1:
         set_strap(board.machine, BY_PIN_SET[pins])
         session.execute_idle("SAVE")
@@ -73,7 +73,8 @@ def comes_up_as(machine: Machine, name: str, strap: str | None = None) -> None:
     reset do, with its strap wired for the system: tuning, period and pin set come out of its flash from then on."""
     system, live = systems.load(name), systems.load(name, "live")
     with Session.open(machine.uart) as session:
-        session.upload(quantise(system.TUNINGS[live.TUNING]).words(), period_us=system.PERIOD_US, **system.LINK)
+        params = quantise(system.TUNINGS[live.TUNING])
+        session.upload(params.words(), **params.link_words(), period_us=system.PERIOD_US, **system.LINK)
         session.execute_idle("SAVE")
     set_strap(machine, strap or BY_PIN_SET[system.LINK.get("pins", 0)])
     machine.reset()
@@ -108,7 +109,7 @@ def fly(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, open_
             if not session.receive(REPLY_TIMEOUT_S):
                 raise LinkError(f"the board fell silent after step {capture.steps}")
             if capture.disarmed_step is not None:
-                raise LinkError(f"the board disarmed itself before step {capture.disarmed_step}: run again")
+                raise LinkError(f"the board disarmed itself before step {capture.disarmed_step}: {_why(session)}")
             if capture.steps > heard:
                 bar.update(capture.steps - heard)
                 heard, heard_us = capture.steps, board.machine.now_us
@@ -122,6 +123,17 @@ def fly(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, open_
     flight = Flight(scenario.time_s, truth, raw, capture.setpoints(steps), scenario.scored)
     answer = Answer(capture.digests(steps), unverified_from=capture.unverified_from(steps))
     return judge(board, flight, params, answer)
+
+
+def _why(session: Session) -> str:
+    """What ended the armed time, as soon as the board says it."""
+    session.telemetry.pop("EVENTS", None)
+    session.telemetry.pop("PLAUSIBILITY", None)
+    end_s = session.clock() + REPLY_TIMEOUT_S
+    while not {"EVENTS", "PLAUSIBILITY"} <= set(session.telemetry) and session.clock() < end_s:
+        session.receive(REPLY_TIMEOUT_S / 5)
+    said = session.telemetry
+    return disarmed_text(said.get("EVENTS", {}).get("disarm_cause", 0), said.get("PLAUSIBILITY", {}))
 
 
 def matching(

@@ -13,7 +13,7 @@ from functools import lru_cache
 from typing import Any
 
 from plumb.errors import LinkError
-from plumb.identity import BLOCKED, FAULTS, bits_text, sensors_text
+from plumb.identity import BLOCKED, FAULTS, IMPLAUSIBLE, bits_text, plausibility_text, sensors_text
 from plumb.protocol import Frame, load_database
 from plumb.session import PERIODIC, REPLY_TIMEOUT_S, SELECTABLE, TRIES, Session
 
@@ -131,7 +131,7 @@ class Monitor:
 
     def snapshot(self) -> Snapshot:
         """Everything by name, with the unit in the name; None where the board does not say it now."""
-        status, counters, events, sensors, can = (self._said(name) or {} for name in PERIODIC[1:])
+        status, counters, events, sensors, plausibility, can = (self._said(name) or {} for name in PERIODIC[1:])
         step, raw = self._said("STEP"), {**(self._said("RAW_A") or {}), **(self._said("RAW_B") or {})}
         counted = self.session.counters
         mode = status.get("mode")
@@ -140,7 +140,7 @@ class Monitor:
             "mode": None if mode is None else self.session.protocol["STATUS"].choice("mode", mode),
             "live": _flag(status, "live"),
             "armed": _flag(status, "armed"),
-            "blocked": _sentences(status.get("blocked", 0), BLOCKED),
+            "blocked": _sentences(status.get("blocked", 0), BLOCKED) + plausibility_text(plausibility),
             "faults": _sentences(status.get("faults", 0), FAULTS) + sensors_text(sensors),
             "staged": _flag(status, "staged"),
             "read_only": _flag(status, "read_only"),
@@ -162,7 +162,8 @@ class Monitor:
             "raw": [raw[name] for name in (f"raw_{i}" for i in range(6)) if name in raw] or None,
             "saturated_steps": events.get("saturated"),
             "starved_steps": events.get("starved"),
-            "disarm_cause": _sentences(events.get("disarm_cause", 0), BLOCKED),
+            "disarm_cause": _sentences(events.get("disarm_cause", 0), BLOCKED)
+            + _sentences(plausibility.get("disarmed_by", 0), IMPLAUSIBLE),
             "bus_failures": sensors.get("bus_failures"),
             "can_off_bus": _flag(can, "bus_off"),
             "can_transmit_errors": can.get("transmit_errors"),

@@ -241,6 +241,19 @@ def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayL
     return Words(record.T if counts.ndim == 3 else record[0])
 
 
+def plausibility(params: ControlParams, words: Words) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.uint16]]:
+    """What core/plausibility.c makes of the records of one run: after each step the bits of the checks that fail, and
+    of the conditions for arming that are missing. UsageError for a system of which nothing is checked."""
+    steps = len(words.record)
+    failed, missing = np.zeros(steps, np.uint16), np.zeros(steps, np.uint16)
+    record = np.ascontiguousarray(words.record)
+    unit = ctypes.c_uint32(params.variance_turn2_q56)
+    table = _pointer(_u32(params.words()))
+    if not c_core().plumb_plausibility_run(table, _pointer(record), steps, unit, _pointer(failed), _pointer(missing)):
+        raise UsageError(f"{params.system} moves nothing: there is no plausibility to check")
+    return failed, missing
+
+
 def kalman_steps_per_s(params: ControlParams, runs: int = 64, steps: int = 4000, repeats: int = 5) -> float:
     """Batched filter steps per second on one core, the best of some repeats."""
     rng = np.random.default_rng(1)

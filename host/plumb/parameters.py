@@ -126,8 +126,13 @@ def contradiction(words: Sequence[int]) -> str | None:
     return None
 
 
+UNIT = "variance_turn2_q56"
+"""The unit of variance of a control part: the one word of the link's part that goes with it."""
+
+
 def whole_table(control_words: Sequence[int], **link_words: int) -> list[int]:
-    """Every word of the table in order: the control part, then the link's, from link_words or their defaults.
+    """Every word of the table in order: the control part, then the link's, from link_words or their defaults;
+    variance_turn2_q56 is 0, not known, where it is not given with a control part of its own.
 
     Raises UsageError when the number of words is wrong, a name is unknown, or a value is out of its range.
     """
@@ -139,6 +144,9 @@ def whole_table(control_words: Sequence[int], **link_words: int) -> list[int]:
     unknown = sorted(set(link_words) - {row.name for row in link})
     if unknown:
         raise UsageError(f"there is no parameter '{unknown[0]}'; the link's are {', '.join(row.name for row in link)}")
+    ours = [row.default & 0xFFFFFFFF for row in control] == [int(word) & 0xFFFFFFFF for word in control_words]
+    if not ours and UNIT not in link_words:  # the default is that of the default control part
+        link_words = {**link_words, UNIT: 0}
     words = [int(word) for word in control_words] + [link_words.get(row.name, row.default) for row in link]
     for row, word in zip(rows, words, strict=True):
         check_range(row, row.from_word(word & 0xFFFFFFFF))

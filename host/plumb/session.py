@@ -19,7 +19,7 @@ import can
 from plumb import parameters
 from plumb.canlink import AnyBus, FrameBus
 from plumb.errors import LinkError, UsageError
-from plumb.identity import Identity, NackError, identity_of, nack_error, sensors_text
+from plumb.identity import Identity, NackError, identity_of, nack_error, plausibility_text, sensors_text
 from plumb.protocol import Frame, Message, protocol
 from plumb.serialbus import DEFAULT_BAUDRATE, PlumbBus
 from plumb.words import RECORDS
@@ -38,7 +38,10 @@ SETPOINT_EVERY_S = 0.05
 """A setpoint is said again so often: a source that is silent for 200 ms counts as lost."""
 RUN_TAG_SHIFT = 16
 """Where the ACK of RUN_BEGIN has the tag of the run."""
-PERIODIC = ("TIME", "STATUS", "COUNTERS", "EVENTS", "SENSORS", "CAN_HEALTH")
+BLOCKED_IMPLAUSIBLE, BLOCKED_NOT_READY = 1 << 11, 1 << 12
+READY_WAIT_S = 3.0
+"""How long arming waits for a system that is not ready: a run that has just begun takes 0.6 s at rest."""
+PERIODIC = ("TIME", "STATUS", "COUNTERS", "EVENTS", "SENSORS", "PLAUSIBILITY", "CAN_HEALTH")
 """What an open link always says."""
 PRESENCE_EVERY_S, SILENCE_S = 0.5, 1.5
 """A CAN link closes after two seconds without a frame from the host: who waits speaks now and then, and who was busy
@@ -462,23 +465,29 @@ class Session:
         self._alive = False
         return self.request("RUN_END", 0, 0)["detail"]
 
-    def arm(self) -> None:
+    def arm(self, ready_wait_s: float = READY_WAIT_S) -> None:
         """Arm; from here on `receive` or `pump` has to be called every few milliseconds: a value that the board issues
         counts for 40 ms, the way to the host and back included.
 
-        A board with a fault gets SENSORS_START_S for its sensors to come up. Raises LinkError with what is in the way.
+        A board with a fault gets SENSORS_START_S for its sensors to come up; one that is not ready (at rest, converged,
+        level, setpoint 0) gets ready_wait_s. Raises LinkError with what is in the way.
         """
-        end_s = self.clock() + SENSORS_START_S
+        begin_s = self.clock()
         while True:
             try:
                 first = self.execute("ARM")
                 break
             except NackError as error:
-                sensors = sensors_text(self.telemetry.get("SENSORS", {}))
-                if error.reason != "BLOCKED" or error.detail != BLOCKED_BY_FAULT:
+                if error.reason != "BLOCKED":
                     raise
-                if self.clock() > end_s:
-                    raise LinkError("; ".join([str(error), *sensors])) from error
+                faulty = error.detail & BLOCKED_BY_FAULT
+                waiting = not error.detail & ~(BLOCKED_BY_FAULT | BLOCKED_NOT_READY)
+                if not waiting or self.clock() - begin_s >= (SENSORS_START_S if faulty else ready_wait_s):
+                    why = sensors_text(self.telemetry.get("SENSORS", {})) if faulty else []
+                    if error.detail & (BLOCKED_IMPLAUSIBLE | BLOCKED_NOT_READY):
+                        why += plausibility_text(self.telemetry.get("PLAUSIBILITY", {}))
+                    error.args = ("; ".join([str(error), *why]),)
+                    raise
                 self.receive(REPLY_TIMEOUT_S / 5)
         self.send([self.frame("KEEPALIVE", 0, first)])
         self._alive = True

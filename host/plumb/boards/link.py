@@ -51,7 +51,7 @@ class LinkBoard(Board):
         self.session = session
 
     def _upload(self, params: ControlParams) -> None:
-        self.session.upload(params.words(), period_us=round(params.period_s * 1e6))
+        self.session.upload(params.words(), **params.link_words(), period_us=round(params.period_s * 1e6))
 
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
         import numpy as np

@@ -118,7 +118,8 @@ def table_of(name: str, tuning: str | None) -> dict[str, int]:
     if chosen not in system.TUNINGS:
         raise UsageError(f"{name} has no tuning '{chosen}'; use one of {', '.join(system.TUNINGS)}")
     pins = {"pins": 0} if system.OUTPUTS else {}  # the speed controllers', unless the system says otherwise
-    return {**quantise(system.TUNINGS[chosen]).values, "period_us": system.PERIOD_US, **pins, **system.LINK}
+    params = quantise(system.TUNINGS[chosen])
+    return {**params.values, **params.link_words(), "period_us": system.PERIOD_US, **pins, **system.LINK}
 
 
 def change(session: Session, verb: str, words: list[int], wanted: dict[str, int]) -> list[int]:

@@ -19,13 +19,15 @@ from plumb.f103.timeline import TICKS_PER_S
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
 
+DATA_BYTES = 6
 Source = Callable[[float], tuple[float, float, float]]
 
 
 class Chip(ABC):
     """address: 7 bits, on I2C. Faults: answers, identity, frozen; brown_out().
 
-    on_read(time_s, counts): called when the sample taken at time_s is read over the bus.
+    on_read(time_s, counts): called when the sample taken at time_s is read over the bus. The six data registers do not
+    change while one access reads them: the ADXL345 says so of reads of several bytes; of the ITG-3205 it is assumed.
     """
 
     NAME: ClassVar[str]
@@ -46,6 +48,7 @@ class Chip(ABC):
         self.counts = (0, 0, 0)
         self.sampled_s = 0.0
         self._pointer: int | None = None
+        self._latched = b""
         self._epoch: int | None = None
         self.registers = bytearray(self.SIZE)
         self.brown_out()
@@ -107,7 +110,11 @@ class Chip(ABC):
         self._pointer = register + 1
         if register == self.DATA:
             self.on_read(self.sampled_s, self.counts)
-        value = self.identity if register == 0 else self.registers[register]
+            self._latched = bytes(self.registers[self.DATA : self.DATA + DATA_BYTES])
+        if self.DATA <= register < self.DATA + DATA_BYTES and self._latched:
+            value = self._latched[register - self.DATA]
+        else:
+            value = self.identity if register == 0 else self.registers[register]
         self.noticed(register)
         return value
 
@@ -120,6 +127,7 @@ class Chip(ABC):
     def begin(self, reading: bool, _now: int) -> bool:
         if not reading:
             self._pointer = None
+            self._latched = b""
         return self.answers
 
     def write(self, byte: int, _now: int) -> bool:

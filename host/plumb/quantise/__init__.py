@@ -77,6 +77,16 @@ class ControlParams:
         return self.values[high] * (1 << 32) + self.values[low]
 
     @property
+    def variance_turn2_q56(self) -> int:
+        """2^32 lsb of variance in turn^2, Q56, for the parameter of that name; 0 where lsb_deg2 is not known."""
+        unit = round(self.lsb_deg2 * 2.0**32 / 360.0**2 * 2.0**56)
+        return unit if unit < 1 << 32 else 0
+
+    def link_words(self) -> dict[str, int]:
+        """What of the link's part goes with these words: Session.upload takes it as keywords."""
+        return {parameters.UNIT: self.variance_turn2_q56}
+
+    @property
     def period_s(self) -> float:
         if self.system == "turntable":
             return self.values["fusion.dt_s_q32"] / 2**32
