@@ -23,6 +23,9 @@ DEFAULTS = {row.name: row.default for row in parameters.table()}
 ROWS = {row.name: row for row in parameters.table()}
 
 
+MANY_0, MANY_F = "0" * 5000, "f" * 5000
+
+
 @pytest.fixture
 def board(monkeypatch: pytest.MonkeyPatch) -> MemoryBoard:
     """A board that outlives each command, as one on a cable does."""
@@ -178,6 +181,11 @@ def test_unknown_missing_and_edited_are_warned_of_by_name(
         ("[value]\n", "has no [values]"),
         ('[values]\n"tilt.mode" = true\n', "tilt.mode = True is no integer"),
         ('[values]\n"tilt.mode" = 2\n', "tilt.mode = 2 is outside 0 to 1"),
+        (f"period_us = 1{MANY_0}\n", "is no TOML file"),
+        (f'[values]\n"tilt.mode" = 0x{MANY_F}\n', "tilt.mode = 0xffffffff.. is outside 0 to 1"),
+        (f'[values]\n"esc.min_halfus" = 0x{MANY_F}\n', "esc.min_halfus = 0xffffffff.. is outside"),
+        (f'[values]\n"tilt.mode" = [0x{MANY_F}]\n', "tilt.mode = a list is no integer"),
+        (f'[values]\n"tilt.mode" = "{MANY_F}"\n', "fff..' is no integer; write a whole number"),
         (None, "cannot read"),
     ],
 )
@@ -190,6 +198,25 @@ def test_a_bad_file_is_refused_in_a_sentence(
     code, out, err = params(capsys, "load", str(file))
     assert code == 2 and out == "" and sentence in err and len(err.splitlines()) == 1
     assert in_use(board) == DEFAULTS
+
+
+def test_a_foreign_name_in_a_file_says_nothing_to_the_terminal(
+    board: MemoryBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "table.toml"
+    file.write_text(f'[values]\n"tilt.mode" = 0\n"\\u001b[2J\\n{MANY_F}" = 1\n')
+    code, _, err = params(capsys, "load", str(file))
+    assert code == 0 and "\x1b" not in err
+    foreign = [line for line in err.splitlines() if "no parameter" in line]
+    assert len(foreign) == 1 and r"\x1b[2J\n" in foreign[0] and len(foreign[0]) < len(str(file)) + 150
+
+
+@pytest.mark.parametrize("name", ["tilt.mode", "esc.neutral_halfus"])
+def test_a_number_of_any_length_is_out_of_range(
+    board: MemoryBoard, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    code, out, err = params(capsys, "set", f"{name}=0x{MANY_F}")
+    assert code == 2 and out == "" and f"{name} = 0xffffffff.. is outside" in err and len(err.splitlines()) == 1
 
 
 def test_a_table_that_came_back_wrong_is_link_trouble(

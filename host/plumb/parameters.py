@@ -52,6 +52,8 @@ class Parameter:
 
     def out_of_range(self, value: int) -> str:
         """What is wrong with a value outside the range, without a full stop."""
+        if value.bit_length() > 64:
+            return f"{self.name} = {hex(value)[:10]}.. is outside {self.min} to {self.max}"
         foreign = foreign_parameter(self.name, value)
         return f"{self.name} = {value} is outside {self.min} to {self.max}" + (f": {foreign}" if foreign else "")
 

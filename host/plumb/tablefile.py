@@ -26,6 +26,9 @@ from plumb.session import Session
 MOST_BYTES = 1 << 20
 """Of a file of parameters, which takes 10 KiB."""
 
+EXCERPT = 60
+"""Characters of a name or a value that is not understood."""
+
 
 def row_named(name: str) -> Parameter:
     """The row of that name; raises UsageError with the names nearest to it."""
@@ -142,12 +145,20 @@ class TableFile:
     edited: bool
 
 
+def _excerpt(value: object) -> str:
+    """What a file says, short enough for a sentence, and without what moves a terminal's cursor."""
+    if isinstance(value, list | dict):
+        return "a list" if isinstance(value, list) else "a table"
+    text = ascii(value)
+    return text if len(text) <= EXCERPT else f"{text[:EXCERPT]}..{text[-1]}"
+
+
 def read(path: Path) -> TableFile:
     """Raises UsageError in one sentence for a file that cannot be read, or a value that cannot be."""
     text = input_files.read_text(path, MOST_BYTES, "give a file of `plumb params dump`")
     try:
         said = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # of a number with too many digits, ValueError itself
         raise UsageError(f"{path} is no TOML file ({error}); give a file of `plumb params dump`") from None
     given = said.get("values")
     if not isinstance(given, dict) or not given:
@@ -159,9 +170,9 @@ def read(path: Path) -> TableFile:
         if row.name in given:
             value = given[row.name]
             if type(value) is not int:
-                raise UsageError(f"{path}: {row.name} = {value!r} is no integer; write a whole number")
+                raise UsageError(f"{path}: {row.name} = {_excerpt(value)} is no integer; write a whole number")
             values[row.name] = _in_range(row, value)
-    unknown = [name for name in given if name not in names]
+    unknown = [_excerpt(name)[1:-1] for name in given if name not in names]
     missing = [row.name for row in rows if row.name not in given]
     crc = said.get("crc32")
     whole = not unknown and not missing
