@@ -13,7 +13,7 @@
 #define BOARD_RAW_MAX   6u /* raw counts of one sample; a system uses the first few */
 #define BOARD_ACTUATORS 2u /* pulse outputs */
 
-/* board_faults(): the low byte must keep the actuators safe, the next byte only informs. */
+/* board_faults(). Bits 0 to 7 and 13 to 15 disarm and block arming; bits 8 to 12 only inform. */
 #define BOARD_FAULT_ADC            0x0001u /* calibration did not end: counts are not to be trusted */
 #define BOARD_FAULT_LATE           0x0002u /* since board_set_period_us: a period began before the last was taken */
 #define BOARD_FAULT_HARD           0x0004u /* a processor fault caused the last reset: board_identity()->crash_ */
@@ -32,7 +32,7 @@
 #define BOARD_FAULT_UPSET   0x4000u /* memory that decides a pulse was damaged: until the next start */
 #define BOARD_FAULT_CRYSTAL 0x1000u /* the crystal failed in the run before: internal oscillator since */
 #define BOARD_FAULT_STRAP                                                                                    \
-    0x8000u /* blocks: the strap and the saved pin set disagree, no actuator is driven */
+    0x8000u /* the strap and the saved pin set disagree: no actuator is driven until the next start */
 /* Two counters that stop at 255: bits 16 to 23 UART errors, bits 24 to 31 late periods. */
 #define BOARD_FAULT_UART_COUNT_SHIFT 16u
 #define BOARD_FAULT_LATE_COUNT_SHIFT 24u

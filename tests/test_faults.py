@@ -153,9 +153,9 @@ def test_the_table_for_people_and_the_exit_code(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--system", "turntable"], "moves nothing"),
+        (["--system", "turntable"], "is no system that drives an actuator"),
         (["--phases", "0"], "from 1 to"),
-        (["no-such-fault"], "no fault is called"),
+        (["no-such-fault"], "no fault or group is called"),
     ],
 )
 def test_wrong_use_is_exit_2(capsys: pytest.CaptureFixture[str], arguments: list[str], said: str) -> None:

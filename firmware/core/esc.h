@@ -1,8 +1,8 @@
-/* Speed controllers with one-way PWM: which pulses they may ever get.
+/* Bounds of the pulses for speed controllers with one-way PWM, in half-microseconds.
  *
- * The bounds hold on the pin, whatever a table, memory or a frame says: the port clamps to them where it
- * writes the timer's registers. Half-microseconds. Two-way (3D) controllers, OneShot125, OneShot42, Multishot
- * and DShot need other pulses and are not supported. */
+ * The port clamps every pulse to these bounds where it writes the timer's registers, so they hold at the pin
+ * even when a parameter, memory or a frame is wrong. Two-way (3D) controllers, OneShot125, OneShot42,
+ * Multishot and DShot need other pulses and are not supported. */
 #ifndef PLUMB_CORE_ESC_H
 #define PLUMB_CORE_ESC_H
 

@@ -1,14 +1,14 @@
-/* Who may move the actuator: interlocks, keep-alive, latch; and the arm switch, which needs no host.
+/* Arming: decides whether the actuator may be driven.
  *
- * Armed is left on the first reason that blocks it, or when the keep-alive stays away, and never entered
- * again without a new arm command with a new nonce (latched). The outputs are to be safe 50 ms after the last
- * keep-alive that counted (keepalive.h): a neutral pulse begins with the next frame of pulses, so the limit
- * is a frame and a turn of the loop shorter. Time is an argument, in us of the board's clock; differences are
- * taken modulo 2^32.
+ * The board disarms when an interlock blocks (ARMING_BLOCK_*) or the keep-alive times out. It stays disarmed
+ * (latched) until a host sends a new arm command with a fresh nonce, or the arm switch is opened and closed
+ * again. The outputs must be safe 50 ms after the last keep-alive that counted (keepalive.h). A neutral pulse
+ * begins with the next frame of pulses, so the time-out is shorter by one frame and one turn of the loop.
+ * Time is an argument, in us of the board's clock; differences are taken modulo 2^32.
  *
- * The switch arms by being closed after it was seen open, and is the dead man's handle: no keep-alive is
- * asked for, and opening it disarms with the first look that finds it open. Whoever armed, the actuator stays
- * at neutral for hold_us more (driving), so that speed controllers see their arming pulse. */
+ * The arm switch needs no host. Closing it arms, once it was seen open. It is also the dead man's handle: no
+ * keep-alive is needed, and the first look that finds it open disarms. After any arming the actuator stays at
+ * neutral for hold_us, so that speed controllers see their arming pulse; after that it is driving. */
 #ifndef PLUMB_LINK_ARMING_H
 #define PLUMB_LINK_ARMING_H
 
@@ -24,16 +24,16 @@
 #define ARMING_SWITCH_READY_US                                                                               \
     5000000U /* and how long when all that is missing is NOT_READY: a run that has just begun is not */
 
-/* Why arming is refused, or was left. Bits, as in STATUS. */
+/* Why the board refuses to arm, or why it disarmed. Bits, as in STATUS. */
 #define ARMING_BLOCK_HELLO    0x0001U /* no host with the same protocol version and message definitions */
 #define ARMING_BLOCK_IDLE     0x0002U /* no run */
 #define ARMING_BLOCK_LOCKSTEP 0x0004U /* the host paces the steps: not in real time */
 #define ARMING_BLOCK_FAULT    0x0008U /* a board fault that blocks */
 #define ARMING_BLOCK_CLOSED   0x0010U /* link closed or read-only */
-#define ARMING_BLOCK_SILENCE  0x0020U /* left because the keep-alive was lost */
-#define ARMING_BLOCK_COMMAND  0x0040U /* left because the host said so */
+#define ARMING_BLOCK_SILENCE  0x0020U /* disarmed: the keep-alive timed out */
+#define ARMING_BLOCK_COMMAND  0x0040U /* disarmed: a host sent DISARM or ended the run */
 #define ARMING_BLOCK_SAMPLES  0x0080U /* injected in real time, and no sample came for a while */
-#define ARMING_BLOCK_SWITCH   0x0100U /* left because the arm switch was opened */
+#define ARMING_BLOCK_SWITCH   0x0100U /* disarmed: the arm switch was opened */
 #define ARMING_BLOCK_PINS     0x0200U /* what the system moves is not on the pins the board started with */
 #define ARMING_BLOCK_HANDLE   0x0400U /* the arm switch is closed, and has the say */
 #define ARMING_BLOCK_IMPLAUSIBLE                                                                             \
@@ -51,7 +51,8 @@ typedef struct {
     uint32_t hold_us;  /* neutral after arming, for this long */
 } arming_actuator_t;
 
-/* A word that means yes with one value, and no with every other: no flipped bit makes a yes. */
+/* A flag of 32 bits. One value means yes and every other one no, so a flipped bit cannot turn a no into a
+ * yes. */
 typedef struct {
     uint32_t word;
 } arming_word_t;
@@ -66,7 +67,7 @@ typedef struct {
     uint16_t cause;        /* ARMING_BLOCK_* that ended the last armed time; 0: none */
     keepalive_t keepalive;
     uint32_t keepalive_us; /* the last one that counted */
-    uint32_t silence_us;   /* longest silence of the host that armed */
+    uint32_t silence_us;   /* keep-alive time-out */
     uint32_t armed_us;
     uint32_t hold_us;
     bool switch_closed; /* at the last look */
@@ -104,10 +105,10 @@ void arming_try_switch(arming_t *a, uint16_t blocked, arming_actuator_t actuator
 /* A keep-alive; one that does not count, or comes while disarmed, does nothing and returns false. */
 bool arming_keepalive(arming_t *a, uint32_t value, uint32_t now_us);
 
-/* Leave armed, for this cause; the first cause stays. */
+/* Disarm, for this cause; the first cause stays. */
 void arming_disarm(arming_t *a, uint16_t cause);
 
-/* As arming_disarm, when a host armed: what is wrong with the link does not concern the switch. */
+/* As arming_disarm, but only when a host armed: a lost link does not disarm what the switch armed. */
 void arming_disarm_host(arming_t *a, uint16_t cause);
 
 /* To be called often: disarms when blocked is not 0 or the keep-alive is late; ends the hold. */

@@ -1,6 +1,6 @@
 #include "keepalive.h"
 
-/* Place of a value that may still be used, or KEEPALIVE_KEPT. */
+/* Index of this value among the kept ones; KEEPALIVE_KEPT when it is not there. */
 static unsigned find(const keepalive_t *k, uint32_t value) {
     unsigned at = 0;
 
@@ -33,7 +33,7 @@ uint32_t keepalive_issue(keepalive_t *k, random_t *random, uint32_t now_us) {
     if (since_us < KEEPALIVE_PERIOD_US) {
         return 0U;
     }
-    /* In step with the clock; after a gap from here on. */
+    /* Keep to multiples of the period; after a gap, count the period from now. */
     k->last_us = since_us < 2U * KEEPALIVE_PERIOD_US ? k->last_us + KEEPALIVE_PERIOD_US : now_us;
     return issue(k, random, now_us);
 }

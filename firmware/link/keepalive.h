@@ -1,8 +1,8 @@
-/* The keep-alive of the host that armed: the board issues values, the host sends each back once.
+/* Keep-alive of the host that armed: the board issues values, the host sends each back once.
  *
- * A value counts once, and for KEEPALIVE_LIFE_US after it was issued. So nothing that was recorded, repeated
- * or stuck in a buffer can stand for a host that lives. Time is an argument, in us of the board's clock;
- * differences are taken modulo 2^32. */
+ * A value counts once, and for KEEPALIVE_LIFE_US after it was issued. So a frame that was recorded or
+ * repeated does not count, and a frame that was stuck in a buffer counts for no longer than that. Time is an
+ * argument, in us of the board's clock; differences are taken modulo 2^32. */
 #ifndef PLUMB_LINK_KEEPALIVE_H
 #define PLUMB_LINK_KEEPALIVE_H
 
@@ -11,13 +11,13 @@
 
 #define KEEPALIVE_PERIOD_US 10000U
 #define KEEPALIVE_LIFE_US   40000U
-#define KEEPALIVE_KEPT      (KEEPALIVE_LIFE_US / KEEPALIVE_PERIOD_US + 1U) /* that may still count */
+#define KEEPALIVE_KEPT      (KEEPALIVE_LIFE_US / KEEPALIVE_PERIOD_US + 1U) /* values that may still count */
 
 typedef struct {
     uint32_t value[KEEPALIVE_KEPT]; /* 0: none, or used */
     uint32_t issued_us[KEEPALIVE_KEPT];
-    uint32_t last_us; /* when the last one was due */
-    uint8_t next;     /* place of the next one */
+    uint32_t last_us; /* when the last value was due */
+    uint8_t next;     /* index of the next value */
 } keepalive_t;
 
 /* Forget all values and issue the first; never 0. */

@@ -19,7 +19,8 @@ typedef struct {
 /* A fresh value for this verb; replaces the one before. Never 0. */
 uint32_t nonce_issue(nonce_t *n, random_t *random, uint16_t verb, uint32_t now_us);
 
-/* True when this answers the last one issued, in time. Any answer uses it up, right or wrong. */
+/* True when this answers the last nonce within NONCE_LIFE_US. Any answer, right or wrong, uses the nonce up.
+ */
 bool nonce_answer(nonce_t *n, uint16_t verb, uint32_t value, uint32_t now_us);
 
 #endif

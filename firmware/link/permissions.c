@@ -11,7 +11,7 @@ static bool needs_greeting(const can_frame_t *f) {
     case MESSAGE_PARAM_COMMIT_ID:
         return true;
     case MESSAGE_EXECUTE_ID:
-        /* ARM is refused with all that is in its way, this among it. */
+        /* ARM is refused later, with all blocking reasons; a missing greeting is one of them. */
         return message_execute_unpack(f).verb != MESSAGE_EXECUTE_VERB_BOOTLOADER &&
                message_execute_unpack(f).verb != MESSAGE_EXECUTE_VERB_ARM;
     default:

@@ -1,6 +1,6 @@
 #include "random.h"
 
-#define SPREAD 0x9E3779B1U /* 2^32 divided by the golden ratio, odd: neighbours end up far apart */
+#define SPREAD 0x9E3779B1U /* 2^32 divided by the golden ratio, odd: neighbouring seeds end up far apart */
 
 void random_init(random_t *r, uint32_t seed) {
     r->state = seed * SPREAD | 1U;

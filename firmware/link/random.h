@@ -1,6 +1,7 @@
-/* Random words for nonces, keep-alive values and run tags: xorshift32, stirred by when frames arrive.
+/* Random words for nonces, keep-alive values and run tags: xorshift32, stirred by the arrival times of
+ * frames.
  *
- * They keep old and foreign frames from counting. They prevent accidents, not attackers: whoever hears one
+ * They make old and foreign frames invalid. They prevent accidents, not attackers: whoever hears one
  * can narrow down the next. */
 #ifndef PLUMB_LINK_RANDOM_H
 #define PLUMB_LINK_RANDOM_H
@@ -14,7 +15,7 @@ typedef struct {
 /* seed: should differ between boards and between starts. */
 void random_init(random_t *r, uint32_t seed);
 
-/* Mix in something that the board does not decide: the time of a frame, in us. */
+/* Mix in a value that the board does not choose: the arrival time of a frame, in us. */
 void random_stir(random_t *r, uint32_t value);
 
 /* The next word; never 0. */

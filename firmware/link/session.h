@@ -190,7 +190,7 @@ int32_t session_setpoint(const session_t *s);
 /* After control_step(): sends the digest, and the words that were asked for. */
 void session_stepped(session_t *s);
 
-/* Board faults at this moment (BOARD_FAULT_*). With one of the low byte the next poll disarms. */
+/* Board faults at this moment (BOARD_FAULT_*). With one of SESSION_FAULTS_BLOCKING the next poll disarms. */
 void session_report_faults(session_t *s, uint32_t faults);
 
 /* How the CAN controller fares: sent with the status. Kept by the caller. */

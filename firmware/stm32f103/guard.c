@@ -1,18 +1,19 @@
 /* Check words over the memory that decides a pulse (board.h: BOARD_GUARDED, BOARD_GUARDED_PARAMETERS).
  *
- * The remainder that the CRC unit gives finds every flipped bit, every burst of up to 32 bits, and all but
- * one in 2^32 of the rest. What interrupts write must not lie there: they change it while the loop sleeps. */
+ * A check word is the CRC unit's remainder. It detects every flipped bit, every burst of up to 32 bits, and
+ * all but one in 2^32 of the other errors. Variables that interrupts write must not lie in this memory:
+ * interrupts change them while the loop sleeps. */
 #include "port.h"
 
 extern const uint32_t guarded_start[], guarded_end[];
 extern const uint32_t guarded_parameters_start[], guarded_parameters_end[];
 
-#define RELEASED 0xc3a5961eu /* nothing else switches the check off */
+#define RELEASED 0xc3a5961eu /* the only value of `state` that switches the check off */
 #define UPSET    0x5be11d37u
 
 static uint32_t state, state_word, parameters_word;
 static uint32_t found;   /* 0: no upset since the start */
-static bool clock_upset; /* not yet told to the main loop */
+static bool clock_upset; /* the tick found the clock set back; the main loop has not looked yet */
 
 void guard_clock_upset(void) {
     clock_upset = true;

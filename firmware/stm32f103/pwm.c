@@ -3,8 +3,8 @@
  * Every compare register and the frame length are preloaded, so that a change takes effect between two
  * pulses. Update disable (UDIS) is set around the writes of the two compare registers: both pulses change in
  * the same frame, and a frame that ends in between repeats the pulses before. No other file writes these
- * registers, and every value is bounded here: a controller gets a pulse that core/esc.h allows, whatever the
- * caller's memory holds. */
+ * registers, and every value is bounded here to the range of core/esc.h, even when the caller's memory is
+ * damaged. */
 #include "../core/esc.h"
 #include "port.h"
 
@@ -18,7 +18,7 @@ static uint32_t bounded(uint32_t value, uint32_t low, uint32_t high) {
     return value < low ? low : value > high ? high : value;
 }
 
-/* Leaves UDIS clear whatever code it interrupted. */
+/* Always leaves UDIS clear, even when it interrupted another write_pair(). */
 static void write_pair(uint32_t first, uint32_t second) {
     TIM4_CR1 = RUNNING | TIM4_CR1_UDIS;
     TIM4_CCR1 = first;
@@ -62,7 +62,7 @@ void board_arm_actuator(void) {
 }
 
 void board_actuator_neutral(void) {
-    /* A neutral pulse outside its bounds is no neutral pulse: the constant one, then. */
+    /* A neutral pulse outside its bounds comes from damaged memory: use the constant. */
     const uint32_t kept = neutral_halfus;
     const bool good = kept >= ESC_PULSE_MIN_HALFUS && kept <= ESC_NEUTRAL_MAX_HALFUS;
     const uint32_t pulse = good ? kept : CONSTANT_NEUTRAL_HALFUS;

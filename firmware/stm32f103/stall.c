@@ -1,18 +1,19 @@
 /* Watch over the main loop while the actuators may move: SysTick, which interrupts every other handler,
- * counts the ticks since the loop last came round. After 20 of them the outputs are neutral, and stay so
- * until the next run begins. A neutral pulse begins with the next frame, 20 ms later at most: 40 ms, of the
- * 50 that outputs may take to be safe. What masks SysTick is left to the window watchdog. */
+ * counts the ticks since the loop last came round. After 20 ticks the outputs become neutral and stay so
+ * until the next run begins. A neutral pulse begins with the next frame, at most 20 ms later: 40 ms in all,
+ * of the 50 ms limit. A hang with masked interrupts stops SysTick, too: the window watchdog resets the board.
+ */
 #include "port.h"
 
 #define STALL_TICKS 20u
-/* Neither value is a few flipped bits away from the other; any third one counts as driving, and as stalled.
- */
+/* The two values of a pair differ in many bits. Any other value of `watched` counts as driving, any other
+ * value of `state` as stalled. */
 #define AT_REST 0x3c5aa5c3u
 #define DRIVING 0xc3a55a3cu
 #define TURNING 0x5ac33ca5u
 #define STALLED 0xa53cc35au
 
-static volatile uint32_t ticks; /* since the loop's last turn */
+static volatile uint32_t ticks; /* since the loop last came round */
 static volatile uint32_t watched = AT_REST;
 static volatile uint32_t state = TURNING;
 

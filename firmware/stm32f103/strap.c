@@ -1,12 +1,12 @@
 /* The pin-set strap: PB4 and PB5, pulled up inside the chip, each left open or tied to ground by the wiring.
- * It alone says what is wired to the board, and is read once, before any pin is an output.
+ * The strap alone chooses the pin set. It is read once, before any pin is an output.
  *
  * After reset PB4 is the debug port's NJTRST: SWJ_CFG frees it first (RM0008 9.3.5, table 38). */
 #include "port.h"
 
 #define PULL_POLLS   (clock_mhz() * 500u / 64u) /* 0.5 ms: ten time constants of 50 kOhm and 1 nF */
 #define READS        8u
-#define READ_POLLS   (clock_mhz() * 20u / 64u) /* 20 us between two */
+#define READ_POLLS   (clock_mhz() * 20u / 64u) /* 20 us between two reads */
 #define PB4_GROUNDED 1u
 #define PB5_GROUNDED 2u
 

@@ -9,6 +9,7 @@
 #define IN_CHANNEL 64U /* frames on their way, in one direction */
 #define PPM        1000000U
 #define SETTLE_US  100000U
+#define READY_US   1000000U /* at rest from the first step on, a run may be armed by then */
 
 uint32_t keepalive_study(uint32_t seconds, uint32_t round_trip_us, uint32_t loss_ppm, uint32_t frame_us,
                          uint32_t seed);
@@ -110,7 +111,8 @@ static void turn(study_t *s) {
     }
     session_poll(&s->session, s->now_us);
     if (s->now_us - s->tick_us >= s->params.period_us) {
-        static const int16_t raw[CONTROL_RAW_MAX];
+        /* Level and still, by the calibration of the default table. */
+        static const int16_t raw[CONTROL_RAW_MAX] = {1676, 2048, 3041};
 
         s->tick_us = s->now_us;
         control_step(&s->control, &s->params.control, raw, session_setpoint(&s->session));
@@ -129,6 +131,10 @@ uint32_t keepalive_study(uint32_t seconds, uint32_t round_trip_us, uint32_t loss
     uint32_t disarmed = 0, idle_us = 0;
 
     begin(&s, frame_us, seed);
+    while (s.now_us < READY_US) {
+        s.now_us += TURN_US;
+        turn(&s);
+    }
     s.one_way_us = round_trip_us / 2U;
     s.loss_ppm = loss_ppm;
     arm(&s);

@@ -1,13 +1,14 @@
-"""The fault table: named injections on the flash image, armed and driving on the virtual board, each against a limit.
+"""Inject named faults into the virtual board while it is armed and drives; compare each reaction with its limit.
 
-    plumb faults                            every system that moves something
-    plumb faults --system quad --json
-    plumb faults host-silent --phases 1000  one fault, at a thousand phases of steps, pulses and keep-alives
-    plumb faults 'hangs' 'can-*'            groups and names, with * and ?
-    plumb faults --list                     what is injected, and the limit
+    plumb faults                              all faults, on every system that drives an actuator
+    plumb faults gyro-frozen --system quad    one fault, on one system
+    plumb faults hangs 'can-*' --json         groups and names, with * and ?
+    plumb faults host-silent --phases 1000    injected at a thousand different moments within 60 ms
+    plumb faults --list                       all faults with their limits; runs nothing
 
-A row passes when every output pin is safe within the limit and stays so, and the fault was reported where it has to
-be. A fault that must not act passes when every step is as without it. Exit code 1 when a row fails.
+The virtual board runs the flash image. A fault passes when every output pin is safe within its limit and stays safe,
+and the board reports the fault in the expected frame. A fault that must have no effect (limit 0) passes when every
+step is the same as without it. Exit code 1 when a fault fails.
 """
 
 from __future__ import annotations
@@ -22,9 +23,13 @@ MOST_PHASES = 10_000
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("fault", nargs="*", metavar="FAULT", help="names or groups (default: all)")
-    parser.add_argument("--system", action="append", metavar="S", help="a system that moves something (default: all)")
-    parser.add_argument("--phases", type=int, default=50, help="of faults that depend on the moment (default 50)")
-    parser.add_argument("--image", type=Path, help="flash image, its ELF beside it (default: the checkout's build)")
+    parser.add_argument("--system", action="append", metavar="S", help="a system with an actuator (default: all)")
+    parser.add_argument(
+        "--phases", type=int, default=50, help="moments to inject a fault that depends on timing (default 50)"
+    )
+    parser.add_argument(
+        "--image", type=Path, help="flash image, its ELF file in the same folder (default: the checkout's)"
+    )
     parser.add_argument("--list", action="store_true", help="list the faults instead of running them")
     parser.add_argument("--json", action="store_true", help="print JSON")
 
@@ -34,11 +39,11 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.faults import table
 
     if not 1 <= arguments.phases <= MOST_PHASES:
-        raise UsageError(f"--phases {arguments.phases}: from 1 to {MOST_PHASES}")
+        raise UsageError(f"--phases {arguments.phases}: give a number from 1 to {MOST_PHASES}")
     driven = table.driven_systems()
     for name in arguments.system or ():
         if name not in driven:
-            raise UsageError(f"'{name}' moves nothing that could be armed; use one of {', '.join(driven)}")
+            raise UsageError(f"'{name}' is no system that drives an actuator; use one of {', '.join(driven)}")
     faults = table.chosen(arguments.fault)
     if arguments.list:
         return list_faults(arguments.json)
@@ -65,7 +70,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def list_faults(as_json: bool) -> int:
-    """Every fault with what is injected and its limit; nothing is run."""
+    """Print every fault with its description and limit; run nothing."""
     from plumb.faults.limits import limits
     from plumb.faults.table import FAULTS
 
@@ -78,7 +83,7 @@ def list_faults(as_json: bool) -> int:
         print(json.dumps(rows))
         return 0
     for row in rows:
-        print(f"{row['group']:<8} {row['name']:<28} {row['limit_ms']:>5.0f} ms  {row['what']}")
+        print(f"{row['group']:<8} {row['name']:<28} {row['limit_ms']:>5g} ms  {row['what']}")
     print()
     for name, limit in limits().items():
         print(f"{name:<8} safe within {limit.safe_ms:g} ms, noticed within {limit.detected_ms:g} ms: {limit.why}")

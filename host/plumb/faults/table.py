@@ -18,7 +18,7 @@ FAULTS: tuple[Fault, ...] = (
 
 
 def driven_systems() -> list[str]:
-    """The systems that move something: nothing else can be armed."""
+    """The systems that drive an actuator; no other system can be armed."""
     return [name for name in systems.SYSTEMS if systems.load(name).OUTPUT_FRAMES]
 
 
@@ -26,7 +26,10 @@ def chosen(patterns: Sequence[str]) -> list[Fault]:
     """Faults by name or group, with * and ?; all without a pattern. Raises UsageError for a pattern that fits none."""
     for pattern in patterns:
         if not any(fnmatch(fault.name, pattern) or fnmatch(fault.group, pattern) for fault in FAULTS):
-            raise UsageError(f"no fault is called '{pattern}'; groups are {', '.join(GROUPS)}, names come with --list")
+            raise UsageError(
+                f"no fault or group is called '{pattern}'; groups are {', '.join(GROUPS)}; "
+                "for the names: plumb faults --list"
+            )
     if not patterns:
         return list(FAULTS)
     return [

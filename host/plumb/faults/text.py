@@ -34,7 +34,7 @@ def _block(system: str, rows: Sequence[Row], colour: bool) -> list[str]:
             lines.append(f"  {group}")
         verdict = row.verdict if not colour else f"{GREEN if row.verdict == 'pass' else RED}{row.verdict}{PLAIN}"
         lines.append(
-            f"  {verdict} {row.name:<{width}}  {row.link:<6} {milliseconds(row.safe_ms):>8} {row.limit_ms:>6.0f} "
+            f"  {verdict} {row.name:<{width}}  {row.link:<6} {milliseconds(row.safe_ms):>8} {row.limit_ms:>6g} "
             f"{milliseconds(row.detected_ms) if row.detected_ms is not None else '-':>10}  {row.reported}".rstrip()
         )
         if row.why:
