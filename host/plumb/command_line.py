@@ -1,4 +1,4 @@
-"""What every command line is held to, whatever the command: no empty values, finite numbers, text that can be shown."""
+"""Checks of every command line: no empty values, finite numbers; and text made safe to print."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from plumb.errors import UsageError
 
 MOST = 10**18 - 1
-"""Of a whole number: what is calculated from it fits 64 bits and floating point."""
+"""Largest whole number accepted: results calculated from it fit 64 bits and floating point."""
 
 
 def check_arguments(arguments: Sequence[str]) -> None:
@@ -30,5 +30,5 @@ def check_numbers(values: Mapping[str, Any]) -> None:
 
 
 def shown(text: str) -> str:
-    """The text on one line: line ends, terminal sequences and bytes that are no text, as escapes."""
+    """The text on one line, with line ends, terminal sequences and invalid bytes as escapes."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text)

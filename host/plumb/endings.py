@@ -1,4 +1,4 @@
-"""Being asked to stop, noted instead of raised: links and runs are to be ended in good order."""
+"""Handle SIGINT and SIGTERM: raise them at once, or defer them until links and runs are closed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Terminated(KeyboardInterrupt):
 
 
 raised: list[KeyboardInterrupt] = []
-"""What signals have raised so far. A library may make another exception of it: numpy, an ImportError."""
+"""Exceptions that signals have raised so far. A library may replace one: numpy raises ImportError instead."""
 
 
 def ending_of(number: int) -> KeyboardInterrupt:
@@ -29,13 +29,13 @@ def raise_at_once(number: int, _frame: FrameType | None) -> None:
 
 
 def raise_ending(caught: Sequence[int]) -> NoReturn:
-    """The first of the signals that were noted, raised now that everything is closed."""
+    """Raise the first deferred signal, after everything is closed."""
     raise ending_of(caught[0] if caught else signal.SIGINT)
 
 
 @contextlib.contextmanager
 def endings() -> Iterator[list[int]]:
-    """The signals that came (SIGINT, SIGTERM), in order, while this lasts."""
+    """Defer SIGINT and SIGTERM inside the `with` block; gives the list of those received, in order."""
     caught: list[int] = []
 
     def note(number: int, _frame: FrameType | None) -> None:

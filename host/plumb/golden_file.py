@@ -1,4 +1,4 @@
-"""The container of a golden vector: encode and decode NAME.golden, and trust nothing that a file says.
+"""The container of a golden vector: encode and decode NAME.golden. Decoding checks every field of a file.
 
 One line of JSON (at most 64 KiB), then binary, little endian, without compression:
 
@@ -35,7 +35,7 @@ FORMAT = "plumb golden 3"
 SUFFIX = ".golden"
 MAX_HEADER_BYTES = 1 << 16
 MAX_FILE_BYTES = MAX_HEADER_BYTES + 20 * MAX_STEPS + 4
-"""Six counts, a setpoint and a digest a step, and the check."""
+"""Header; for every step six counts, a setpoint and a digest; the check value."""
 _CHANNELS = 6
 _FIELDS = {"format", "name", "system", "on_link", "steps", "columns", "setpoint", "params", "final"}
 
@@ -99,10 +99,10 @@ class Vector:
         if zlib.crc32(data[:-4]) != int.from_bytes(data[-4:], "little"):
             raise ValueError("its check value is wrong, so it is damaged")
         if set(header) != _FIELDS:
-            raise ValueError(f"its header has not exactly the fields {', '.join(sorted(_FIELDS))}")
+            raise ValueError(f"its header must have exactly the fields {', '.join(sorted(_FIELDS))}")
         name, system, on_link = header["name"], header["system"], header["on_link"]
         if not is_name(name):
-            raise ValueError("its name is none")
+            raise ValueError("its name is not valid")
         if system not in parameters.SYSTEMS:
             raise ValueError("its system does not exist")
         if not isinstance(on_link, bool):
@@ -120,7 +120,7 @@ class Vector:
         payload = memoryview(data)[end + 1 : -4]
         counts_bytes, setpoint_bytes = 2 * steps * len(columns), 0 if constant is not None else 4 * steps
         if len(payload) != counts_bytes + setpoint_bytes + 4 * steps:
-            raise ValueError(f"it has {len(payload)} bytes behind the header, which {steps} steps do not have")
+            raise ValueError(f"it has {len(payload)} bytes after the header, which does not fit {steps} steps")
         params = ControlParams.of(system, integers(header["params"], "params"))
         final = integers(header["final"], "final")
         if set(final) != set(names_of(system)):
@@ -156,7 +156,7 @@ def read_bounded(path: Path, limit: int) -> bytes:
 
 
 def json_object(data: bytes) -> dict[str, Any]:
-    """A JSON object without floats, NaN, or a key that is there twice; raises ValueError or RecursionError."""
+    """A JSON object without floats, NaN or repeated keys; raises ValueError or RecursionError."""
     try:
         value = json.loads(data.decode(), object_pairs_hook=_unique, parse_float=_no_float, parse_constant=_no_float)
     except (UnicodeDecodeError, json.JSONDecodeError):
@@ -169,7 +169,7 @@ def json_object(data: bytes) -> dict[str, Any]:
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) != len(pairs):
-        raise ValueError("a key is there twice")
+        raise ValueError("a key appears twice")
     return found
 
 
@@ -178,7 +178,7 @@ def _no_float(text: str) -> NoReturn:
 
 
 def integer(value: Any, low: int, high: int, what: str) -> int:
-    """The value when it is an integer in its range; raises ValueError otherwise. True and false are none."""
+    """The value when it is an integer in its range; raises ValueError otherwise. True and False are refused."""
     if type(value) is not int or not low <= value <= high:
         raise ValueError(f"{what} is no integer from {low} to {high}")
     return value

@@ -62,7 +62,7 @@ def read(folder: Path) -> list[Row]:
             raise ValueError("vectors is no list")
         rows = [_row(table) for table in whole["vectors"]]
         if len({row.name for row in rows}) != len(rows):
-            raise ValueError("a name is there twice")
+            raise ValueError("a name appears twice")
         if len({row.sha256 for row in rows}) != len(rows):
             raise ValueError("two names have the same file")
     except (ValueError, RecursionError) as error:
@@ -73,13 +73,13 @@ def read(folder: Path) -> list[Row]:
 
 def _row(table: Any) -> Row:
     if not isinstance(table, dict) or set(table) != set(Row.__dataclass_fields__):
-        raise ValueError("a vector has not exactly name, system, steps, on_link and sha256")
+        raise ValueError("a vector must have exactly name, system, steps, on_link and sha256")
     if not is_name(table["name"]) or table["system"] not in parameters.SYSTEMS:
-        raise ValueError("a vector has no name or no system")
+        raise ValueError("a vector has no valid name or system")
     if not isinstance(table["on_link"], bool):
         raise ValueError("on_link is neither true nor false")
     if not isinstance(table["sha256"], str) or not _SHA256.fullmatch(table["sha256"]):
-        raise ValueError("a sha256 is none")
+        raise ValueError("a sha256 is not 64 lower-case hexadecimal digits")
     steps = integer(table["steps"], 1, MAX_STEPS, "steps")
     return Row(table["name"], table["system"], steps, table["on_link"], table["sha256"])
 

@@ -1,4 +1,4 @@
-"""Which speed controllers plumb drives, and a sentence that names a kind it does not drive.
+"""Speed controllers that plumb drives, and a sentence that names an unsupported kind.
 
 plumb drives one-way PWM controllers alone: pulses of 900 to 2100 us, neutral (motor off) at the lower end, frames of
 2040 to 20000 us. firmware/core/esc.h has the same bounds, and the board clamps every pulse to them.
@@ -10,7 +10,7 @@ PULSE_US = (900.0, 2100.0)
 NEUTRAL_MAX_US = 1100.0
 FRAME_MIN_US = 2040.0
 GAP_HALFUS = 40
-"""ESC_GAP_MIN_HALFUS: low between two pulses."""
+"""ESC_GAP_MIN_HALFUS: shortest low time between two pulses."""
 ONE_WAY = "plumb drives one-way PWM controllers alone (pulses of 900 to 2100 us, neutral 900 to 1100 us)"
 _SHORT_PULSES = (
     (30.0, "Multishot (5 to 25 us)"),

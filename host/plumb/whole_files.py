@@ -1,4 +1,4 @@
-"""Write files whole, or leave what was there."""
+"""Write a set of files completely, or leave the old files unchanged."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from plumb.errors import UsageError
 
 
 def write_whole(contents: Mapping[Path, str | bytes], advice: str) -> None:
-    """All files are written beside their places before the first one moves in; a folder that is missing is made.
+    """Write each file to PATH.part, then rename all of them; create missing folders.
 
-    Raises UsageError, with the advice, when one cannot be written; what was there is left then, and nothing beside it.
+    Raises UsageError, with the advice, when a file cannot be written. The .part files are removed in any case.
     """
     parts = {path: path.with_name(path.name + ".part") for path in contents}
     path = Path()

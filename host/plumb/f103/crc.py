@@ -36,7 +36,7 @@ def remainder(start: int, words: list[int]) -> int:
 
 
 class Crc(Peripheral):
-    """waiting: words written since DR was last read; they are divided when somebody wants the remainder."""
+    """waiting: words written since DR was last read; the remainder is computed when DR is read."""
 
     NARROW = "refuse"
     REGISTERS = (Register("dr", DR_OFFSET, START), Register("idr", 0x04, 0, 0xFF), Register("cr", 0x08))

@@ -1,4 +1,4 @@
-"""Snapshots of a machine and of everything that is joined to it: taken once, restored as often as wanted.
+"""Snapshots of a machine and of all objects it refers to; a snapshot can be restored any number of times.
 
 A snapshot follows references from its roots: attributes, containers, bound methods, closures. Every attribute of every
 object it reaches is state and is put back in place, so that identities stay and a new peripheral cannot be forgotten.
@@ -40,7 +40,7 @@ def wiring(kind: type) -> frozenset[str]:
 
 
 class Snapshot:
-    """What the objects reached from `roots` hold now. restore() puts it back; objects made since are forgotten."""
+    """The present state of all objects reached from `roots`. restore() puts it back; later objects are dropped."""
 
     def __init__(self, *roots: object) -> None:
         self._kept: list[Callable[[], None]] = []

@@ -61,7 +61,7 @@ class Wwdg(Peripheral):
 
     @property
     def step_ticks(self) -> int:
-        """Between two counts."""
+        """Time between two counts."""
         return self.machine.rcc.pclk1_ticks * (DIVIDER << (self.cfr >> WDGTB_SHIFT & 3))
 
     def _steps(self, time: int) -> int:
@@ -86,7 +86,7 @@ class Wwdg(Peripheral):
         self.machine.nvic.set_line(INTERRUPT, bool(self.sr & EWIF and self.cfr & EWI))
 
     def _plan(self) -> None:
-        """The next count that matters: 0x40, or the one after it."""
+        """Schedule the next event: the count 0x40, or the reset one step later."""
         timeline, counter = self.machine.timeline, self.cr & COUNTER
         if not self.clocked or not (self.cr & WDGA or self.cfr & EWI):
             timeline.cancel("wwdg")

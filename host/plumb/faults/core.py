@@ -1,4 +1,4 @@
-"""Injections at the core: where it is, what it executes next, and what memory it finds."""
+"""Injections at the core: patch instructions and handlers, flip bits of RAM."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ def reach_the_loop(scene: Scene) -> None:
 
 
 def patch_the_loop(scene: Scene, code: bytes) -> None:
-    """The main loop executes this next."""
+    """Make the main loop execute this code next."""
     reach_the_loop(scene)
     patch(scene, scene.machine.cpu.pc, code)
 
 
 def patch_handler(scene: Scene, number: int, code: bytes) -> None:
-    """The handler of exception `number` begins with this."""
+    """Put this code at the entry of the handler of exception `number`."""
     entry = int.from_bytes(scene.machine.cpu.read(FLASH_BASE + 4 * number, 4), "little") & ~1
     patch(scene, entry, code)
 

@@ -1,4 +1,4 @@
-"""What a fault is: declared data with a name, an injection, and what has to follow."""
+"""Fault: the declaration of one fault, its injection, and the reaction that must follow."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ class Fault:
     """One row of the fault table.
 
     name: unique; lower case with hyphens. group: sensors, buses, clock, power, memory, host, frames or hangs.
-    what: what is injected and where, as one phrase. inject: does it, at pins, buses, memory or frames; it may let time
-    pass. limit: a row of limits.toml. told: where it must be reported, all of them; an alternative is a tuple within.
-    needs: features that the scene must have (Scene.features). link: what the host that armed speaks over.
-    prepare: brings the scene to where the fault is injected; time counts from its end.
-    holds: True, and the fault must not act: all steps are as without it, and the board stays as armed as it was.
-    moves_on: True, and the board goes on driving, but as it should: the report says from when on.
-    after: what happens at the end (the host is back, the supply is back); outputs must stay safe from there on.
-    phases: injected at many phases of steps, pulses and keep-alives; the worst one counts. variants: injected in so
-    many ways (Scene.variant), the worst one counts. interrupt: number of the exception that must be in use; 0: none.
+    what: the injection and its place, as one phrase. inject: injects at pins, buses, memory or frames; time may
+    pass meanwhile. limit: a row of limits.toml. told: all reports that the board must make; a tuple inside lists
+    alternatives. needs: features that the scene must have (Scene.features). link: link of the host that armed.
+    prepare: runs before the injection; time counts from its end.
+    holds: the fault must have no effect: all steps equal those without it, and the board stays armed or disarmed.
+    moves_on: the board must go on driving; its report tells the time from which its behaviour is the required one.
+    after: runs at the end (the host or the supply is back); outputs must stay safe afterwards.
+    phases: inject at many phases of steps, pulses and keep-alives; the worst result counts. variants: number of ways
+    to inject (Scene.variant); the worst result counts. interrupt: exception that must be enabled; 0: none.
     """
 
     name: str

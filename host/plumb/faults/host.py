@@ -1,4 +1,4 @@
-"""Faults of the host that armed: silent, frozen, gone, or letting go."""
+"""Faults of the host that armed: it is silent, hangs, loses its cable, disarms or closes the link."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from plumb.faults.scene import Scene
 SILENCE, COMMAND, CLOSED, IDLE = 1 << 5, 1 << 6, 1 << 4, 1 << 1
 CAUSE = "EVENTS", "disarm_cause"
 GONE_S = 0.1
-"""The host is away for so long."""
+"""How long the host is away."""
 REPLAY_EVERY_S = 0.015
 REPLAYED_S = 0.35
 SETPOINT = 1 << 24
@@ -24,7 +24,7 @@ def silent(scene: Scene) -> None:
 
 
 def back(scene: Scene) -> None:
-    """The host goes on as if nothing had been."""
+    """The host goes on sending as before."""
     scene.host_alive = True
 
 
@@ -47,7 +47,7 @@ def cable_off(scene: Scene) -> None:
 
 
 def closes_and_opens(scene: Scene) -> None:
-    """Both before the loop comes round once."""
+    """Both lines arrive before the main loop reads the first."""
     scene.machine.uart.write(b"C\rO\r")
 
 
@@ -94,7 +94,7 @@ def setpoints_cease(scene: Scene) -> None:
 
 
 def recorded(seconds: float) -> Action:
-    """Flies on while everything the host sends is recorded."""
+    """Let the run go on for this time, and record all frames of the host."""
 
     def prepare(scene: Scene) -> None:
         scene.record()

@@ -12,8 +12,8 @@ LIMITS_PATH = Path(__file__).with_name("limits.toml")
 
 @dataclass(frozen=True)
 class Limit:
-    """safe_ms: until every output is safe. detected_ms: until the board has noticed and said so. Both in ms from the
-    injection. why: where the numbers come from."""
+    """safe_ms: longest time until every output is safe. detected_ms: longest time until the board reports. Both in ms
+    from the injection. why: where the numbers come from."""
 
     safe_ms: float
     detected_ms: float

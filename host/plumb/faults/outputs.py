@@ -1,4 +1,4 @@
-"""When the outputs were unsafe, seen at the pins: pulses of speed controllers and gates of the bridge."""
+"""Measure at the pins when the outputs are unsafe: pulses of speed controllers and gates of the bridge."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PHASES = 3
 
 
 def unsafe(machine: Machine) -> bool:
-    """Whether something may turn now: a pulse outside SAFE_PULSE_US on any pin that carries pulses, or a gate of the
+    """Whether a motor may turn now: a pulse outside SAFE_PULSE_US on any pin that carries pulses, or a gate of the
     bridge that is driven on."""
     shortest, longest = SAFE_PULSE_US
     for pin in PWM_PINS:
@@ -39,7 +39,7 @@ def gate_on(machine: Machine) -> bool:
 
 @dataclass
 class Watch:
-    """Looks at the outputs every LOOK_US from `begin` on, whatever else lets time pass."""
+    """Checks the outputs every LOOK_US from `begin` on, while simulated time passes."""
 
     machine: Machine
     begun: int = 0
@@ -70,7 +70,7 @@ class Watch:
 
     @property
     def safe_ms(self) -> float | None:
-        """From `begin` to the first look from which on every one found the outputs safe; None when the last did not."""
+        """From `begin` until the outputs are safe for good; None when the last look found them unsafe."""
         if self.last_unsafe is None:
             return 0.0
         safe = self.last_unsafe + LOOK_US * TICKS_PER_US

@@ -1,4 +1,4 @@
-"""What the board said: which frame and signal reported a fault, and when the host first heard of it."""
+"""Reports of the board: which frame and signal reported a fault, and when the host first received it."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ COUNTED = frozenset(
         ("CAN_HEALTH", "bus_offs"), ("SENSORS", "bus_failures"),
     }
 )  # fmt: skip
-"""Signals that count: a report is a number other than the one before the fault."""
+"""Signals that are counters: a value other than the one before the fault is a report."""
 
 
 @dataclass(frozen=True)
 class Told:
     """A report that must come: a signal of a frame, or an item of IDENTITY.
 
-    mask: bits of which at least one is set; 0: a counter has counted, or any value but 0 was sent. choice: instead, the
-    name the DBC has for the value.
+    mask: at least one of these bits must be set; with 0, a counter must have changed, or another signal must not be 0.
+    choice: instead of a mask, the DBC's name of the value.
     """
 
     frame: str
@@ -55,7 +55,7 @@ class Told:
 
 
 def report_text(frame: str, signal: str, value: int, choice: str = "") -> str:
-    """A report for people: where it was, and what it means."""
+    """The report as text: frame, signal and meaning."""
     if choice:
         meaning = choice
     elif frame == "SENSORS" and signal != "bus_failures":
@@ -69,7 +69,7 @@ def report_text(frame: str, signal: str, value: int, choice: str = "") -> str:
 
 @dataclass
 class Reports:
-    """Everything that was said since the injection. before: the counters then, by (frame, signal)."""
+    """All signals received since the injection. before: the counters at the injection, by (frame, signal)."""
 
     begun_s: float
     before: dict[tuple[str, str], int]

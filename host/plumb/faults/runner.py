@@ -1,4 +1,4 @@
-"""Runs faults: restores the armed scene, injects, watches pins and reports, and judges against the limits."""
+"""Run faults: restore the armed scene, inject, watch pins and reports, compare with the limits."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from plumb.faults.reports import COUNTED, Reports, Told, report_text
 from plumb.faults.scene import Scene, armed
 
 LISTEN_ON_S = 0.1
-"""Behind the limits the board is watched for so long."""
+"""Time to watch the board after the limits have passed."""
 BRIEF_S = 0.02
-"""The same at every phase but the first."""
+"""The same, at every phase but the first."""
 REPORT_S = 0.15
-"""After a restart the board is listened to for so long: it sends STATUS, EVENTS and COUNTERS every 100 ms."""
+"""Time to listen after a restart: the board sends STATUS, EVENTS and COUNTERS every 100 ms."""
 AFTER_S = 0.15
-"""After everything is well again outputs are watched for so long: what is latched stays so."""
+"""Time to watch the outputs after Fault.after: a latched output must stay neutral."""
 RESTART_S = 0.1
 PHASE_SPAN_S = 0.06
 """Phases lie within this: whole periods of steps, pulses (20 ms) and keep-alives."""
@@ -33,9 +33,9 @@ PHASES = 50
 
 @dataclass(frozen=True)
 class Row:
-    """One result. safe_ms: from the injection until the outputs are safe for good; of a fault that must not act, 0 when
-    it did not; None: never. detected_ms: until the board had disarmed, been reset, or told; None: not at all.
-    reported: where and what. why: what is wrong, empty when nothing is."""
+    """One result. safe_ms: from the injection until the outputs are safe for good, None: never; of a fault that must
+    have no effect, 0 when it had none. detected_ms: until the board disarmed, was reset or reported; None: not at all.
+    reported: the reports. why: reasons to fail; empty when it passes."""
 
     system: str
     group: str
@@ -93,7 +93,7 @@ class Runner:
         return fault.needs <= scene.features and (not fault.interrupt or core.handles(scene, fault.interrupt))
 
     def run(self, fault: Fault) -> Row:
-        """Inject it, at every phase if it has some, and judge the worst."""
+        """Inject the fault, at every phase and variant that it asks for, and judge the worst result."""
         limit = limits()[fault.limit]
         count = self.phases if fault.phases else 1
         found = [

@@ -48,8 +48,8 @@ class Heard:
 class Scene:
     """Build it with `armed`. heard: the frames that came since `listen_anew`.
 
-    host_alive: False, and the host sends nothing of its own any more, but still listens. deaf: it hears nothing.
-    variant: which of its ways a fault is injected in.
+    host_alive: when False, the host sends nothing but still listens. deaf: the host receives nothing.
+    variant: number of the variant to inject, from 0 on.
     """
 
     name: str
@@ -140,7 +140,7 @@ class Scene:
         return [frame for frame in self.sent if frame[0] == identifier]
 
     def run(self, seconds: float) -> None:
-        """Let time pass: the host keeps the board alive and listens, or only listens."""
+        """Let time pass: the host answers keep-alives and listens; when it is not alive it only listens."""
         end = self.machine.now + round(seconds * TICKS_PER_S)
         while self.machine.now < end:
             wait_s = min(LISTEN_S, (end - self.machine.now) / TICKS_PER_S)
@@ -190,7 +190,7 @@ def armed(name: str, link: str = "serial", image: Path | None = None) -> Scene:
 
 
 def arm(scene: Scene) -> None:
-    """Arm as soon as the board lets us; raises LinkError with its reason after ARMING_S."""
+    """Arm as soon as the board allows it; raises LinkError with its reason after ARMING_S."""
     end_s = scene.now_s + ARMING_S
     while True:
         try:

@@ -1,4 +1,4 @@
-"""The fault table for people."""
+"""Print the results of `plumb faults` as a table."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def milliseconds(value: float | None) -> str:
 
 
 def render(rows: Sequence[Row], *, colour: bool = False) -> str:
-    """One block a system, one line a fault, with a second line for what is wrong with it."""
+    """A block for each system, a line for each fault, and a second line with the reasons of a fault that fails."""
     lines: list[str] = []
     for system in dict.fromkeys(row.system for row in rows):
         lines += [*([""] if lines else []), *_block(system, [row for row in rows if row.system == system], colour)]
