@@ -122,7 +122,7 @@ def test_a_damaged_image_is_noticed(image: bytes, elf: Elf) -> None:
 def test_a_hanging_loop_is_reset(image: bytes, elf: Elf) -> None:
     machine = Machine(_patched(image, elf, "session_poll", HANG))
     assert machine.run_until(lambda: machine.reset_count == 2, 500_000)
-    assert 160_000 < machine.now_us < 360_000
+    assert machine.now_us < BOOT_US + 45_000  # the window watchdog; the independent one takes 167 ms and more
     machine.advance_us(BOOT_US)
     assert _faults(machine, elf) == FAULT_WATCHDOG | FAULT_IMAGE
 

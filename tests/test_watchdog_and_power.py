@@ -17,6 +17,7 @@ from image_patches import patched
 from pins import at_rest
 from plumb import parameters
 from plumb.elf import Elf
+from plumb.f103.image import FLASH_BASE
 from plumb.f103.machine import Machine
 from plumb.identity import Identity
 from plumb.session import Session
@@ -24,6 +25,8 @@ from plumb.session import Session
 BUILD = Path(__file__).parents[1] / "build/stm32f103"
 BOOT_US = 30_000
 NEUTRAL_US = 1000.0
+READY_S = 1.0
+"""Within this a board at rest is ready to be armed."""
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 FALLBACK_FAULT, WATCHDOG_FAULT, CRYSTAL_FAULT, CRASH_FAULT = 0x100, 0x400, 0x1000, 0x04
 RETURN = struct.pack("<H", 0x4770)
@@ -104,14 +107,15 @@ def test_one_late_turn_is_forgiven(image: bytes) -> None:
 def test_armed_and_missing_steps_without_disarming_is_reset(image: bytes, elf: Elf) -> None:
     """An image that could not disarm: what should have is patched out, and a step with all about it takes longer than
     its period. Every turn still comes round in time, with as many steps in it as one may have."""
-    slow = patched(image, elf, "control_step", delay(500))
-    machine = started(patched(slow, elf, "arming_poll", RETURN))
+    machine = started(patched(image, elf, "arming_poll", RETURN))
     with Session.open(machine.uart) as session:
         session.upload(CONTROL, period_us=1000, arm_hold_ms=0)
         session.begin("REALTIME_LIVE")
-        session.connect()
+        session.receive(READY_S)
         session.arm()
         session.pump()
+        machine.flash.store(elf.symbol("control_step").address - FLASH_BASE, delay(500))
+        machine.cpu.forget_code()
         machine.tim3.psc, machine.tim3.arr = 71, 499  # from here on the timer ticks every 500 us
         machine.tim3._restart_count(machine.now)
         assert machine.run_until(lambda: machine.reset_count == 2, 400_000)

@@ -50,6 +50,7 @@ bool arming_switch(arming_t *a, bool closed, uint32_t now_us) {
     }
     a->switch_ready = !closed;
     a->switch_trying = closed;
+    a->switch_settling = false;
     a->switch_try_us = now_us;
     return closed;
 }
@@ -65,10 +66,11 @@ void arming_try_switch(arming_t *a, uint16_t blocked, arming_actuator_t actuator
         return;
     }
     const unsigned matters = blocked & ~ARMING_BLOCKS_HOST;
-    const uint32_t limit_us =
-        matters == ARMING_BLOCK_NOT_READY ? ARMING_SWITCH_READY_US : ARMING_SWITCH_TRY_US;
+    const bool settling = matters == ARMING_BLOCK_NOT_READY || (matters == 0 && a->switch_settling);
+    const uint32_t limit_us = settling ? ARMING_SWITCH_READY_US : ARMING_SWITCH_TRY_US;
 
-    if (arming_armed(a) || (matters != 0 && now_us - a->switch_try_us > limit_us)) {
+    a->switch_settling = matters == ARMING_BLOCK_NOT_READY;
+    if (arming_armed(a) || now_us - a->switch_try_us > limit_us) {
         a->switch_trying = false;
     } else if (matters == 0) {
         a->switch_trying = false;

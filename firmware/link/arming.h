@@ -70,10 +70,11 @@ typedef struct {
     uint32_t silence_us;   /* keep-alive time-out */
     uint32_t armed_us;
     uint32_t hold_us;
-    bool switch_closed; /* at the last look */
-    bool switch_ready;  /* was open long enough: the next closing counts */
-    bool switch_trying; /* closed, and waiting for what is in the way */
-    uint32_t switch_us; /* of its last change */
+    bool switch_closed;   /* at the last look */
+    bool switch_ready;    /* was open long enough: the next closing counts */
+    bool switch_trying;   /* closed, and waiting for what is in the way */
+    bool switch_settling; /* at the last look nothing but ARMING_BLOCK_NOT_READY was in the way */
+    uint32_t switch_us;   /* of its last change */
     uint32_t switch_try_us;
 } arming_t;
 

@@ -470,7 +470,7 @@ class Session:
         counts for 40 ms, the way to the host and back included.
 
         A board with a fault gets SENSORS_START_S for its sensors to come up; one that is not ready (at rest, converged,
-        level, setpoint 0) gets ready_wait_s. Raises LinkError with what is in the way.
+        level, setpoint 0, sensors that agree) gets ready_wait_s. Raises LinkError with what is in the way.
         """
         begin_s = self.clock()
         while True:
@@ -481,7 +481,7 @@ class Session:
                 if error.reason != "BLOCKED":
                     raise
                 faulty = error.detail & BLOCKED_BY_FAULT
-                waiting = not error.detail & ~(BLOCKED_BY_FAULT | BLOCKED_NOT_READY)
+                waiting = not error.detail & ~(BLOCKED_BY_FAULT | BLOCKED_NOT_READY | BLOCKED_IMPLAUSIBLE)
                 if not waiting or self.clock() - begin_s >= (SENSORS_START_S if faulty else ready_wait_s):
                     why = sensors_text(self.telemetry.get("SENSORS", {})) if faulty else []
                     if error.detail & (BLOCKED_IMPLAUSIBLE | BLOCKED_NOT_READY):

@@ -16,6 +16,7 @@ void stall_tick(void) {}
 bool stall_latched(void) {
     return false;
 }
+void guard_clock_upset(void) {}
 
 void tim2_handler(void);
 void tim2_handler(void) {

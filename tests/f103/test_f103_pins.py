@@ -16,6 +16,8 @@ from plumb.session import Session
 CONTROL_WORDS = sum(row.owner == "control" for row in table())
 BOOT_US = 60_000
 NEUTRAL_US = 1000.0
+READY_US = 1_000_000
+"""Within this a board at rest is ready to be armed."""
 FAULT_BRIDGE, FAULT_HALL = 0x10, 0x20
 BLOCKED_PINS = 1 << 9
 SWITCH = "PC14"
@@ -117,8 +119,11 @@ def test_the_set_in_force_survives_every_kind_of_reset(bridged):
 
 
 def test_a_quad_is_not_armed_on_the_pins_of_the_bridge(bridged):
+    at_rest(bridged)
     with Session.open(bridged.uart) as session:
         session.begin("REALTIME_LIVE")
+        for _ in range(200):
+            session.receive(0.005)
         with pytest.raises(LinkError, match="nothing to move on these pins: wire the strap"):
             session.arm()
         for _ in range(50):
@@ -170,8 +175,7 @@ def test_the_arm_switch_flies_the_saved_quad_and_lets_it_go(standard):
     standard.drive(SWITCH, False)
     standard.advance_us(20_000 + 290_000)
     assert [standard.pwm(pin).pulse_us for pin in ("PB6", "PB7")] == [NEUTRAL_US] * 2  # the arming pulse
-    standard.advance_us(100_000)
-    assert [standard.pwm(pin).pulse_us for pin in ("PB6", "PB7")] != [NEUTRAL_US] * 2
+    assert standard.run_until(lambda: standard.pwm("PB6").pulse_us != NEUTRAL_US, READY_US + 320_000)
     standard.advance_us(1_000_000)
     assert standard.pwm("PB6").pulse_us != NEUTRAL_US  # no host, no keep-alive
     standard.drive(SWITCH, None)
@@ -209,17 +213,17 @@ def test_a_frame_under_way_ends_as_it_began(standard):
 
 @pytest.mark.parametrize("hz", [50, 490])
 def test_one_at_its_least_and_the_other_at_its_most(standard, hz):
-    """A tilt that asks for more than there is: 1000 and 2000 us, with both signs."""
+    """A setpoint that asks for more than there is: 1000 and 2000 us, with both signs."""
     period_us = round(1e6 / hz)
     with Session.open(standard.uart) as session:
         control = session.read_parameters()[:CONTROL_WORDS]
         control[[row.name for row in table()].index("esc.span_halfus")] = 1100
         session.upload(control, esc_period_us=period_us, period_us=20_000, arm_hold_ms=0)
         ends = []
-        for y_volts in (1.0, 2.3):
-            at_rest(standard, (1.35, y_volts, 1.65))
+        for setpoint_turn_q32 in (1 << 29, -1 << 29):
             session.begin("REALTIME_LIVE")
             session.arm()
+            session.set_setpoint(setpoint_turn_q32)
             for _ in range(100):
                 session.receive(0.005)
             waves = [standard.pwm(pin) for pin in ("PB6", "PB7")]
