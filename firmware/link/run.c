@@ -95,6 +95,7 @@ static void enqueue(session_t *s, const can_frame_t *f) {
     }
     s->raw_b_step6 = RAW_B_NONE;
     s->gap_ahead = NO_GAP;
+    s->sample_us = s->link[s->asked].heard_us;
     s->queue_in++;
 }
 
@@ -169,6 +170,13 @@ void run_on_setpoint(session_t *s, const can_frame_t *f) {
         s->setpoint_heard = true;
         s->setpoint_timed_out = false;
         s->setpoint_waiting = true;
+    }
+}
+
+/* Samples that wait outlive their source: 16 of them are 1.6 s at the longest period. */
+void run_poll(session_t *s, uint32_t now_us) {
+    if (now_us - s->sample_us > ARMING_SAFE_US + s->params->period_us) {
+        s->stale = UINT16_MAX;
     }
 }
 

@@ -497,6 +497,7 @@ void session_poll(session_t *s, uint32_t now_us) {
     if (steps_overdue(s, now_us)) {
         s->faults |= BOARD_FAULT_LATE;
     }
+    run_poll(s, now_us);
     arming_poll(&s->arming, arming_blocked(s, s->run_owner), now_us);
     issue_keepalive(s, now_us);
     setpoint_poll(s, now_us);

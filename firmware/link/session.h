@@ -123,8 +123,10 @@ typedef struct {
     uint16_t saturated;    /* steps with a clamped value, modulo 2^16 */
     uint16_t starved;      /* real-time steps without a new sample, modulo 2^16 */
     uint16_t
-        word_next;  /* of the last step's record, the next to be sent; CONTROL_RECORD_WORDS_MAX: all were */
-    uint16_t stale; /* real-time steps since the last injected sample; all ones: none came in this run */
+        word_next; /* of the last step's record, the next to be sent; CONTROL_RECORD_WORDS_MAX: all were */
+    uint32_t sample_us; /* arrival of the last injected sample */
+    uint16_t stale; /* real-time steps since the last injected sample; all ones: none came in this run, or its
+                       source has ceased */
     uint8_t gap_ahead;       /* how far ahead of the missing sample the last one was, 0xFF: none is missing */
     uint8_t sample_expected; /* real time: low six bits of the next sample's number, above 63: any */
     uint8_t raw_b_step6;     /* low six bits of the number raw_b belongs to, above 63: none */
