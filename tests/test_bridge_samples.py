@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from link_board import MemoryBoard
+from link_board import AT_REST, MemoryBoard
 from plumb.bridge import Bridge
 from plumb.lockstep import sample_frames
 from plumb.protocol import Frame, protocol
@@ -33,7 +33,7 @@ class SteadySensor:
         while self.sent * PERIOD_US <= self.board.time_us:
             before = 0 if self.sent == 0 else self.setpoint
             if self.speaks:
-                raw = (1700, 2400, 3000, 0, 0, self.sent)
+                raw = (*AT_REST[:5], self.sent)
                 arrived += sample_frames(protocol(), self.sent, raw, self.setpoint, before)
             self.sent += 1
         return [(0.0, entry) for entry in arrived]
@@ -107,11 +107,12 @@ def test_samples_that_falter_at_the_start_put_arming_off(monkeypatch: pytest.Mon
 
     def over() -> bool:
         joined.sensor.speaks = not 5 < joined.bridge.steps < 30
-        return joined.bridge.steps > 80
+        return joined.bridge.steps > 150
 
     joined.bridge.run(over)
     told = [text for text in joined.said if "armed" in text]
-    assert told == ["not armed yet: the board refused EXECUTE: no injected samples come", "armed"]
+    assert told[-1] == "armed" and told.count("armed") == 1
+    assert any(text.startswith("not armed yet: the board refused EXECUTE: no injected samples come") for text in told)
 
 
 def test_a_sample_whose_frames_come_apart_is_whole_and_another_board_s_half_is_not_used() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import can
@@ -22,6 +22,7 @@ from plumb.quantise import quantise
 from plumb.sensorboard import SensorBoard
 from plumb.session import Session
 from plumb.systems import quad
+from plumb.systems.quad_plant import QuadPlant
 
 WAIT_S = 120.0
 """For what comes within a second or two, on a machine that may have other things to do."""
@@ -225,3 +226,24 @@ def test_the_boards_counters_are_counted_on_over_their_end() -> None:
     counts.forget()  # the next board may have started a moment ago
     counts.note({"COUNTERS": {"rejected": 0, "lost": 0, "dropped": 0}})
     assert counts.lost == 10
+
+
+def test_the_plant_rests_until_the_board_is_armed_and_then_goes_on() -> None:
+    """`hold` is let go after 3 s: with nobody there to hold it, it would be gone before it could be armed."""
+    times: list[float] = []
+
+    class Noted(QuadPlant):
+        def follow(self, time_s: float, outputs: Mapping[str, int]) -> None:
+            times.append(time_s)
+            super().follow(time_s, outputs)
+
+    bus = can.Bus(interface="virtual", channel="rests", receive_own_messages=False)
+    board = SensorBoard(bus, Noted(quad.scenario("hold", 1)), quad.PERIOD_US, quad.OUTPUT_FRAMES, rest_s=2.0)
+    for _ in range(350):
+        board.emit()
+    assert max(times) < 2.0 and times[:100] == times[100:200]
+    board.armed = True
+    for _ in range(150):
+        board.emit()
+    assert times[350:] == pytest.approx([1.0 + 0.02 * step for step in range(150)])
+    bus.shutdown()

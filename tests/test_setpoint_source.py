@@ -9,7 +9,7 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn")
 
 from pins import at_rest
 from plumb.capture import Capture
-from plumb.errors import UsageError
+from plumb.errors import LinkError, UsageError
 from plumb.f103 import find_image
 from plumb.f103.canbus import MachineBus
 from plumb.f103.machine import Machine
@@ -96,12 +96,19 @@ def test_silence_counts_only_while_the_actuator_may_move(machine: Machine) -> No
     reports = flying(session, hold_ms=500)
     session.disarm()
     session.set_setpoint(STEER)
+    session._setpoint = 0  # from here on it is not repeated
+    listen(session, 0.5)
+    with pytest.raises(LinkError, match="the setpoint is not 0"):
+        session.arm(ready_wait_s=0.0)
+    session.set_setpoint(0)
     listen(session, 0.5)
     session.arm()
-    armed_s, session._setpoint = session.clock(), 0
+    armed_s = session.clock()
+    session.set_setpoint(STEER)
+    session._setpoint = 0
     listen(session, 1.0)
-    assert [words["timed_out"] for _, words in reports.heard] == [0, 1]
-    assert reports.heard[1][0] - armed_s == pytest.approx(0.5 + LIMIT_S, abs=0.03)
+    assert [words["timed_out"] for _, words in reports.heard] == [0, 0, 0, 1]
+    assert reports.heard[3][0] - armed_s == pytest.approx(0.5 + LIMIT_S, abs=0.03)
 
 
 def test_the_source_is_the_link_that_was_named(machine: Machine) -> None:

@@ -28,7 +28,7 @@ from plumb.protocol import Frame, check, protocol
 from plumb.quantise import ControlParams
 from plumb.samples import Samples
 from plumb.serialbus import PlumbBus
-from plumb.session import BLOCKED_NOT_READY, Session
+from plumb.session import BLOCKED_IMPLAUSIBLE, BLOCKED_NOT_READY, Session
 from plumb.shadow import Shadow
 
 RETRY_S = 0.5
@@ -49,7 +49,7 @@ STANDING_OVER = 25
 by itself, because both sides have the same period. That many are left out then."""
 ARM_AFTER_STEPS = 10
 BLOCKED_BY_SILENCE = 1 << 7
-WAITED_FOR = BLOCKED_BY_SILENCE | BLOCKED_NOT_READY
+WAITED_FOR = BLOCKED_BY_SILENCE | BLOCKED_NOT_READY | BLOCKED_IMPLAUSIBLE
 """Blocks that pass by themselves once samples come and the plant is at rest."""
 """Refused because samples stopped for a moment: they came before, and will again."""
 

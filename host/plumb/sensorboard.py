@@ -5,6 +5,9 @@ Sample k goes out k periods after the first; when this process is late by more t
 counted. The actuator's words come back in the frames of the step; they move the plant only while the last STEP says
 that the board is armed, because only then would the pins.
 
+A board can only be armed at rest, and every scenario that moves something begins with a few seconds of it. With rest_s
+the plant stays in them, however long it takes until the board is armed for the first time; then the scenario goes on.
+
 A setpoint that is not 0 is repeated, because the STM32 takes a silent source for a lost one. It carries the tag of the
 run that TIME names; a bridge puts its own in.
 """
@@ -39,9 +42,11 @@ class SensorBoard:
         clock: Callable[[], float] = time.monotonic,
         *,
         greet: bool = False,
+        rest_s: float = 0.0,
     ) -> None:
         """outputs: word of the record -> frame and signal that carry it. greet: say HELLO while no board is heard, as a
-        node on the board's own CAN bus has to."""
+        node on the board's own CAN bus has to. rest_s: the first seconds of the scenario are at rest, and are repeated
+        until the board is armed; 0: the scenario runs from the start."""
         self.bus, self.plant, self.period_s = bus, plant, period_us * 1e-6
         self.sent = self.late = 0
         self.armed = False
@@ -51,6 +56,7 @@ class SensorBoard:
         self._setpoint = self._run_tag = 0
         self._setpoint_s = self._armed_s = self._heard_s = self._greeted_s = float("-inf")
         self._greet = greet
+        self._rest_steps, self._waited_steps = round(rest_s / self.period_s), 0
         self._from_board = {m.identifier for m in self._protocol.messages.values() if m.sender == "BOARD"}
 
     def run(self, stopped: Callable[[], bool], seconds: float | None = None) -> None:
@@ -67,7 +73,10 @@ class SensorBoard:
 
     def emit(self) -> None:
         """The next sample."""
-        time_s = self.sent * self.period_s
+        self._rest_steps = 0 if self.armed else self._rest_steps
+        if self._rest_steps and self.sent - self._waited_steps >= self._rest_steps:
+            self._waited_steps += self._rest_steps
+        time_s = (self.sent - self._waited_steps) * self.period_s
         driven = self.armed and self._clock() - self._armed_s < HEARD_FOR_S
         self.plant.follow(time_s, self._values if driven else {})
         counts, setpoint, now_s = self.plant.counts(time_s), self.plant.setpoint(time_s), self._clock()

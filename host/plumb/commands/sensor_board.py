@@ -4,8 +4,8 @@
     plumb sensor-board quad --bus tcp:127.0.0.1:4100     waits for a bridge there
     plumb sensor-board quad --bus can:socketcan:can0     as a second board on a CAN bus
 
-What the STM32 answers moves the plant while it is armed; with --open-loop the motion is prescribed. Runs until Ctrl-C,
-or for --seconds.
+What the STM32 answers moves the plant while it is armed; until then the plant is held at rest, as a board is armed at
+rest only. With --open-loop the motion is prescribed and begins at once. Runs until Ctrl-C, or for --seconds.
 """
 
 from __future__ import annotations
@@ -14,6 +14,9 @@ import argparse
 import json
 import signal
 from pathlib import Path
+
+REST_S = 2.0
+"""Every scenario of a system that drives something begins with more rest than this."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,8 +46,9 @@ def main(arguments: argparse.Namespace) -> int:
     plant = system.plant(scenario, open_loop=arguments.open_loop)
     with endings() as caught, serve_bus(arguments.bus, arguments.symlink) as bus:
         print(f"{arguments.system} emits samples on {bus.channel_info}; Ctrl-C ends it", flush=True)
+        rest_s = REST_S if system.OUTPUT_FRAMES and not arguments.open_loop else 0.0
         greet = arguments.bus.startswith("can:")
-        board = SensorBoard(bus, plant, scenario.period_us, system.OUTPUT_FRAMES, greet=greet)
+        board = SensorBoard(bus, plant, scenario.period_us, system.OUTPUT_FRAMES, greet=greet, rest_s=rest_s)
         board.run(lambda: bool(caught), arguments.seconds)
     summary = {"system": arguments.system, "samples": board.sent, "late": board.late}
     if arguments.json:
