@@ -115,6 +115,22 @@ static void handle(void) {
     arming_init(&a);
     now_us = close_switch(&a);
     arming_try_switch(&a, GONE, actuator, now_us);
+    arming_try_switch(&a, ARMING_BLOCK_NOT_READY, actuator, now_us + ARMING_SWITCH_TRY_US);
+    arming_try_switch(&a, ARMING_BLOCK_NOT_READY, actuator, now_us + ARMING_SWITCH_READY_US - 1U);
+    CHECK(!arming_armed(&a) && a.switch_trying); /* a run that has just begun is not ready for a while */
+    arming_try_switch(&a, 0U, actuator, now_us + ARMING_SWITCH_READY_US);
+    CHECK(arming_armed(&a));
+
+    arming_init(&a);
+    now_us = close_switch(&a);
+    arming_try_switch(&a, ARMING_BLOCK_NOT_READY, actuator, now_us + ARMING_SWITCH_TRY_US + 1U);
+    arming_try_switch(&a, GONE | ARMING_BLOCK_NOT_READY, actuator, now_us + ARMING_SWITCH_TRY_US + 2U);
+    arming_try_switch(&a, 0U, actuator, now_us + ARMING_SWITCH_TRY_US + 3U);
+    CHECK(!arming_armed(&a)); /* a fault meanwhile ends the waiting */
+
+    arming_init(&a);
+    now_us = close_switch(&a);
+    arming_try_switch(&a, GONE, actuator, now_us);
     CHECK(!arming_switch(&a, false, now_us + 1000U));
     arming_try_switch(&a, 0U, actuator, now_us + 1000U);
     CHECK(!arming_armed(&a)); /* let go before it went */
