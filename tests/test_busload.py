@@ -88,7 +88,7 @@ def test_every_system_has_its_rows() -> None:
 
 
 def test_the_bit_timing_is_that_of_the_driver() -> None:
-    driver = (ROOT / "firmware/stm32f103/bxcan.c").read_text()
+    driver = (ROOT / "firmware/ports/stm32f103/bxcan.c").read_text()
     quanta_khz = int(re.search(r"QUANTA_KHZ +(\d+)u", driver)[1])  # type: ignore[index]
     assert quanta_khz * busload.QUANTA == 36_000
     assert f"CAN_BTR_SJW_{busload.SJW} | CAN_BTR_TS2_{busload.PHASE_2} " in driver

@@ -335,7 +335,7 @@ def test_the_simulated_bootloader_satisfies_stm32flash(tmp_path: Path) -> None:
 @pytest.mark.skipif(not (ROOT / ".venv/bin/plumb").exists(), reason="plumb is not installed in .venv: run make test")
 def test_the_target_flash_builds_and_writes(tmp_path: Path) -> None:
     """From the sources to the chip in one command, which fails when the chip does not hold what was built."""
-    toolchain = ROOT / "firmware/stm32f103/toolchain.cmake"
+    toolchain = ROOT / "firmware/ports/stm32f103/toolchain.cmake"
     configure = ["cmake", "-S", str(ROOT), "-B", str(tmp_path), "-G", "Ninja", f"-DCMAKE_TOOLCHAIN_FILE={toolchain}"]
     flash_it = ["cmake", "--build", str(tmp_path), "--target", "flash"]
     for faults in (Faults(), Faults(stores_nothing=True)):

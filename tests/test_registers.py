@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-HEADER = Path(__file__).parents[1] / "firmware/stm32f103/stm32f103.h"
+HEADER = Path(__file__).parents[1] / "firmware/ports/stm32f103/stm32f103.h"
 
 STARTUP = HEADER.with_name("startup.c")
 

@@ -16,7 +16,7 @@ import pytest
 
 from plumb.sensors import Adxl345, Itg3205
 
-CHIPS = Path(__file__).resolve().parent.parent / "firmware/stm32f103"
+CHIPS = Path(__file__).resolve().parent.parent / "firmware/ports/stm32f103"
 HOURS = 1e4
 FASTEST_S = 0.010
 """Samples are counted at least so far apart, whatever the period."""

@@ -344,7 +344,7 @@ def test_no_state_of_the_loop_lies_outside(elf: Elf) -> None:
     guarded = areas(elf)
     firmware = BUILD.parents[1] / "firmware"
     found = []
-    for path in [firmware / "main.c", *firmware.glob("core/*.c"), *firmware.glob("link/*.c")]:
+    for path in [path for folder in ("app", "core", "systems", "link") for path in firmware.glob(f"{folder}/*.c")]:
         text = path.read_text(encoding="utf-8")
         found += re.findall(
             r"^\s*(?:BOARD_\w+ )?static (?!const|inline)[\w ]+?(\w+)(?:\[[^\]]*\])?(?: =[^;]*)?;", text, re.M

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Turns the linked firmware.elf into what gets flashed: checksum in its last word, firmware.bin, firmware.hex.
 
-The image header (firmware/stm32f103/startup.c) says how long the image is; its last word becomes the CRC-32 of all
-bytes before it, in the ELF file as well, so that a debugger loads the very same bytes. Prints the memory table.
+The image header (firmware/ports/stm32f103/startup.c) says how long the image is; its last word becomes the CRC-32
+of all bytes before it, in the ELF file as well, so that a debugger loads the very same bytes. Prints the memory table.
 Same ELF, same output, to the byte.
 
 Exit code 0: done. 1: not such an image, or over its budget. 2: it cannot be read, or objcopy is missing.

@@ -20,7 +20,7 @@ HEADER = """/* clang-format off */
 #ifndef PLUMB_LINK_PARAMS_H
 #define PLUMB_LINK_PARAMS_H
 
-#include "../core/control.h"
+#include "systems/control.h"
 
 #define PARAMS_COUNT {count}U
 
@@ -53,7 +53,7 @@ uint16_t params_find(uint16_t id);
 
 SOURCE = """/* clang-format off */
 #include "params.h"
-#include "../core/digest.h"
+#include "core/digest.h"
 #include <stddef.h>
 #include <string.h>
 

@@ -166,7 +166,7 @@ def image_of(revision: str) -> tuple[str, Path]:
         held = [name for name in FIRMWARE if git("ls-tree", "--name-only", commit, "--", name).strip()]
         with zipfile.ZipFile(io.BytesIO(git("archive", "--format=zip", commit, *held))) as archive:
             archive.extractall(folder / "source")
-        toolchain = folder / "source/firmware/stm32f103/toolchain.cmake"
+        toolchain = next((folder / "source/firmware").rglob("toolchain.cmake"))
         configure = ["cmake", "-S", str(folder / "source"), "-B", str(folder / "image"), "-G", "Ninja",
                      f"-DCMAKE_TOOLCHAIN_FILE={toolchain}", "-DCMAKE_BUILD_TYPE=Image"]  # fmt: skip
         for command in (configure, ["cmake", "--build", str(folder / "image"), "--target", "firmware"]):

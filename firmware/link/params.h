@@ -3,7 +3,7 @@
 #ifndef PLUMB_LINK_PARAMS_H
 #define PLUMB_LINK_PARAMS_H
 
-#include "../core/control.h"
+#include "systems/control.h"
 
 #define PARAMS_COUNT 118U
 

@@ -3,7 +3,7 @@
  *
  * Two links, which may both be open: bytes of the UART and frames of CAN go in and come out; time is an
  * argument (us of the board's clock, wraps). No hardware, no heap; the caller owns all memory. A turn of the
- * main loop (firmware/main.c):
+ * main loop (firmware/app/main.c):
  *
  *     session_receive()      what the UART brought, at most session_receive_room()
  *     session_receive_frame()  what CAN brought, while session_frame_room()
@@ -18,14 +18,14 @@
 #ifndef PLUMB_LINK_SESSION_H
 #define PLUMB_LINK_SESSION_H
 
-#include "../board.h"
-#include "../core/control.h"
+#include "app/board.h"
 #include "arming.h"
 #include "nonce.h"
 #include "outbox.h"
 #include "params.h"
 #include "slcan.h"
 #include "store.h"
+#include "systems/control.h"
 
 #define SESSION_QUEUE_LENGTH    16U /* samples in flight; a power of two */
 #define SESSION_SLOT(step)      ((step) & (SESSION_QUEUE_LENGTH - 1U))

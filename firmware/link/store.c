@@ -1,7 +1,7 @@
 #include "store.h"
-#include "../board.h"
-#include "../core/digest.h"
-#include "../core/esc.h"
+#include "app/board.h"
+#include "core/digest.h"
+#include "core/esc.h"
 
 #define MAGIC_LOW  0x6C70U /* "plpa" */
 #define MAGIC_HIGH 0x6170U
@@ -60,7 +60,7 @@ bool store_accepts(const params_t *params) {
     const int32_t frame_halfus = (int32_t)(2U * params->esc_period_us);
 
     /* ... all scans of a period end before it, and every bit of CAN has 18 quanta of 36 MHz
-     * (firmware/stm32f103/bxcan.c). */
+     * (firmware/ports/stm32f103/bxcan.c). */
     return control_params_valid(&params->control) && esc_valid(&params->control.esc) &&
            params->control.esc.max_halfus + ESC_GAP_MIN_HALFUS <= frame_halfus &&
            2000U % params->can_bitrate_kbit == 0 &&

@@ -1,5 +1,5 @@
 #include "telemetry.h"
-#include "../core/digest.h"
+#include "core/digest.h"
 #include "links.h"
 #include "messages.h"
 #include "readiness.h"

@@ -3,7 +3,7 @@
 #ifndef PLUMB_TESTS_FLASH_H
 #define PLUMB_TESTS_FLASH_H
 
-#include "../../firmware/board.h"
+#include "app/board.h"
 
 #define FLASH_CELLS (BOARD_STORE_SLOTS * BOARD_STORE_HALFWORDS)
 

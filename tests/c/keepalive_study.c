@@ -1,8 +1,8 @@
 /* How often a keep-alive over a slow and lossy link lets a board go: the session of the firmware, a channel
  * that delays every frame and loses some, and a host that answers each value when it comes. Simulated time;
  * seeded. */
-#include "../../firmware/link/messages.h"
-#include "../../firmware/link/session.h"
+#include "link/messages.h"
+#include "link/session.h"
 #include <string.h>
 
 #define TURN_US    500U

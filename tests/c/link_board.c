@@ -1,7 +1,7 @@
 /* A board of memory alone: the session and the core as the main loop runs them, one turn per call. Python
  * loads it as a shared library and is its UART, its clock, its timer and its sensors. */
-#include "../../firmware/link/requests.h"
 #include "flash.h"
+#include "link/requests.h"
 #include <string.h>
 
 typedef struct {

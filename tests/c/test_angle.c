@@ -1,6 +1,6 @@
 /* Binary angles: a table of exact and of worked values, its mirror images, and the corners of the range. */
-#include "angle.h"
 #include "check.h"
+#include "core/angle.h"
 
 #define DEG(x) ((int64_t)((x)*4294967296.0 / 360.0 + ((x) < 0 ? -0.5 : 0.5)))
 #define HALF   (-2147483647 - 1)

@@ -1,6 +1,6 @@
 /* Who may move the actuator: keep-alives and the hold, with the clock about to wrap. */
-#include "arming.h"
 #include "check.h"
+#include "link/arming.h"
 
 #define NOW  0xFFFFF000U /* 4 ms before the clock wraps */
 #define GONE 0x0008U     /* something that blocks */

@@ -1,7 +1,7 @@
 /* The balancer's step on numbers worked by hand: Hall edges, the axle's acceleration, the cascade, the fall.
  */
 #include "check.h"
-#include "control.h"
+#include "systems/control.h"
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,6 +1,6 @@
 /* Six steps: against the back-EMF of an ideal motor, which knows no table; and every limit. */
 #include "check.h"
-#include "commutation.h"
+#include "core/commutation.h"
 #include <math.h>
 
 #define PERIOD 1800U

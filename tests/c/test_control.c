@@ -1,7 +1,7 @@
 /* The whole step on numbers worked by hand: calibration, trust, order of the parts, pulses, flags, start of a
  * run. */
 #include "check.h"
-#include "control.h"
+#include "systems/control.h"
 #include <stdlib.h>
 #include <string.h>
 

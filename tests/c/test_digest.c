@@ -1,6 +1,6 @@
 /* The digest is CRC-32 as zlib computes it: published check value, bit-by-bit definition, every byte
  * position. */
-#include "digest.h"
+#include "core/digest.h"
 #include <stdio.h>
 #include <string.h>
 

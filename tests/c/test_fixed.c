@@ -1,6 +1,6 @@
 /* Arithmetic: wrapping, shifting, saturating, and the reciprocal against its stated error. */
 #include "check.h"
-#include "fixed.h"
+#include "core/fixed.h"
 
 static void wraps(void) {
     CHECK(add_wrap(INT32_MAX, 1) == INT32_MIN);

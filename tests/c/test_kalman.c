@@ -1,7 +1,7 @@
 /* The filter: one step worked by hand, the printed equations in double, wrapping, and what no input may
  * break. */
 #include "check.h"
-#include "kalman.h"
+#include "core/kalman.h"
 #include <math.h>
 #include <stdlib.h>
 

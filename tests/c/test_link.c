@@ -1,8 +1,8 @@
 /* Framing, protection and queue: known answers, round trips, and anything at all into the parser and the
  * session. The sanitizers watch; what the session says is tested from Python. */
 #include "check.h"
-#include "messages.h"
-#include "session.h"
+#include "link/messages.h"
+#include "link/session.h"
 #include <string.h>
 
 static can_frame_t random_frame(void) {

@@ -1,6 +1,6 @@
 /* Nonces, with the clock about to wrap, and the random words behind them. */
 #include "check.h"
-#include "nonce.h"
+#include "link/nonce.h"
 
 #define VERB 3U
 #define NOW  0xFFFFF000U /* 4 ms before the clock wraps */

@@ -1,6 +1,6 @@
 /* The controller: each term by hand, every limit, and an integral that cannot wind up. */
 #include "check.h"
-#include "pid.h"
+#include "core/pid.h"
 #include <stdlib.h>
 
 #define ONE      (1 << 22)

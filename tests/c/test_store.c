@@ -1,10 +1,10 @@
 /* The two slots under power cuts: at every half-word and every page, and any two in a row, what is loaded is
  * a set that was saved, the old one or the new one. Then wear, other versions' tables, and what makes no
  * sense. */
-#include "../../firmware/core/digest.h"
-#include "../../firmware/link/store.h"
 #include "check.h"
+#include "core/digest.h"
 #include "flash.h"
+#include "link/store.h"
 #include <stddef.h>
 #include <string.h>
 

@@ -3,8 +3,8 @@
 #define PLUMB_TESTS_WILD_H
 
 #include "check.h"
-#include "control.h"
-#include "params.h"
+#include "link/params.h"
+#include "systems/control.h"
 
 /* Word `index` of the table: a value of its range, every size as likely as any other; left alone where none
  * is found. */

@@ -1,9 +1,9 @@
 /* The port's own bridge driver, moved by the test: results[0] is a command, done when it reads 0 again. */
-#include "../../firmware/stm32f103/bridge.c"
+#include "bridge.c"
 #include "../../firmware/core/commutation.c"
-#include "../../firmware/stm32f103/clock.c"
-#include "../../firmware/stm32f103/pins.c"
-#include "../../firmware/stm32f103/time.c"
+#include "../../firmware/ports/stm32f103/pins.c"
+#include "../../firmware/ports/stm32f103/time.c"
+#include "clock.c"
 
 __attribute__((section(".results"), used)) volatile uint32_t results[64];
 enum { IDLE, ARM, DUTY, OFF, CLEAR, RAPID };

@@ -1,7 +1,7 @@
 """The core as Cortex-M3 code under QEMU: inputs by file, every step's words and digest back by file.
 
-The file formats are written at the top of firmware/qemu/main.c. QEMU is a process per run; it never outlives the call,
-nor this process.
+The file formats are written at the top of firmware/ports/qemu/main.c. QEMU is a process per run; it
+never outlives the call, nor this process.
 """
 
 from __future__ import annotations

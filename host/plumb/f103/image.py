@@ -21,7 +21,7 @@ HEADER_OFFSET = 0x130
 HEADER_MAGIC = 0x626D6C70
 HEADER = struct.Struct("<6I")
 """Behind the vector table: magic, family, bytes of the image, commit (two words), whether the tree differed from it.
-firmware/stm32f103/startup.c places it; the image's last word is the CRC-32 of all bytes before it."""
+firmware/ports/stm32f103/startup.c places it; the image's last word is the CRC-32 of all bytes before it."""
 _ELF_ARM, _PT_LOAD = 40, 1
 
 

@@ -2,10 +2,10 @@
  * the host. Everything here runs in one loop; interrupts only move bytes and say that there is something to
  * do. */
 #include "board.h"
-#include "core/control.h"
 #include "link/messages.h"
 #include "link/requests.h"
 #include "link/session.h"
+#include "systems/control.h"
 
 int main(void);
 

@@ -3,7 +3,7 @@
  * The unit divides by 0x04C11DB7, a word at a time, highest bit first. CRC-32 takes lowest bits first: words
  * go in mirrored, the remainder comes out mirrored. The unit holds a single remainder, so only the main loop
  * may use it. */
-#include "../core/digest.h"
+#include "core/digest.h"
 #include "port.h"
 
 #define REFLECTED 0xedb88320u

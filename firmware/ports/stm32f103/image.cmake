@@ -9,27 +9,27 @@ target_compile_options(plumb_core PRIVATE -O2
 target_compile_options(plumb_link PRIVATE -Os -fno-data-sections)
 # Systems without a budget of cycles: a turntable's step has 4 ms, a phone's 10.
 set_source_files_properties(firmware/core/fixed.c firmware/core/prefilter.c firmware/core/quaternion.c
-    firmware/core/fusion.c firmware/core/turntable.c firmware/core/phone.c PROPERTIES COMPILE_OPTIONS
+    firmware/core/fusion.c firmware/systems/turntable.c firmware/systems/phone.c PROPERTIES COMPILE_OPTIONS
     "-Os;-mno-slow-flash-data")
 # The switch between systems needs one register beside the four arguments: r12, which nobody has to save.
-set_source_files_properties(firmware/core/control.c PROPERTIES COMPILE_OPTIONS
+set_source_files_properties(firmware/systems/control.c PROPERTIES COMPILE_OPTIONS
     "-ffixed-r4;-ffixed-r5;-ffixed-r6;-ffixed-r7")
 
 # Which commit this is: looked up in every build, so that the image never carries yesterday's name.
 set(BUILD_ID ${CMAKE_BINARY_DIR}/generated/build_id.h)
 add_custom_target(build_id BYPRODUCTS ${BUILD_ID}
     COMMAND ${CMAKE_COMMAND} -DSOURCE=${CMAKE_SOURCE_DIR} -DOUTPUT=${BUILD_ID}
-            -P ${CMAKE_SOURCE_DIR}/firmware/stm32f103/build_id.cmake)
+            -P ${CMAKE_SOURCE_DIR}/firmware/ports/stm32f103/build_id.cmake)
 
-file(GLOB PORT_SOURCES CONFIGURE_DEPENDS firmware/stm32f103/*.c)
-set(LINKER_SCRIPT ${CMAKE_SOURCE_DIR}/firmware/stm32f103/stm32f103.ld)
-add_executable(firmware firmware/main.c ${PORT_SOURCES})
+file(GLOB PORT_SOURCES CONFIGURE_DEPENDS firmware/ports/stm32f103/*.c)
+set(LINKER_SCRIPT ${CMAKE_SOURCE_DIR}/firmware/ports/stm32f103/stm32f103.ld)
+add_executable(firmware firmware/app/main.c ${PORT_SOURCES})
 add_dependencies(firmware build_id)
 set_target_properties(firmware PROPERTIES SUFFIX .elf LINK_DEPENDS ${LINKER_SCRIPT})
 target_include_directories(firmware PRIVATE ${CMAKE_BINARY_DIR}/generated)
 target_compile_options(firmware PRIVATE -Os -fno-data-sections)
 # A loop that copies must not become a call of memcpy where memcpy is written.
-set_source_files_properties(firmware/stm32f103/memory.c PROPERTIES COMPILE_OPTIONS -fno-tree-loop-distribute-patterns)
+set_source_files_properties(firmware/ports/stm32f103/memory.c PROPERTIES COMPILE_OPTIONS -fno-tree-loop-distribute-patterns)
 target_link_libraries(firmware PRIVATE plumb_link plumb_core)
 target_link_options(firmware PRIVATE -nostartfiles --specs=nano.specs -T ${LINKER_SCRIPT}
     -Wl,--gc-sections -Wl,-Map,${CMAKE_BINARY_DIR}/firmware.map -Wl,--fatal-warnings -Wl,--build-id=none)
@@ -48,8 +48,8 @@ if(PLUMB_COMMAND)
         COMMAND ${PLUMB_COMMAND} flash --port ${PLUMB_PORT} --image $<TARGET_FILE_DIR:firmware>/firmware.bin)
 endif()
 
-file(GLOB QEMU_SOURCES CONFIGURE_DEPENDS firmware/qemu/*.c)
-set(QEMU_SCRIPT ${CMAKE_SOURCE_DIR}/firmware/qemu/qemu.ld)
+file(GLOB QEMU_SOURCES CONFIGURE_DEPENDS firmware/ports/qemu/*.c)
+set(QEMU_SCRIPT ${CMAKE_SOURCE_DIR}/firmware/ports/qemu/qemu.ld)
 add_executable(plumb_qemu ${QEMU_SOURCES})
 set_target_properties(plumb_qemu PROPERTIES SUFFIX .elf LINK_DEPENDS ${QEMU_SCRIPT})
 target_compile_options(plumb_qemu PRIVATE -O2)

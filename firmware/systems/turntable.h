@@ -14,7 +14,7 @@
 #define PLUMB_CORE_TURNTABLE_H
 
 #include "control_params.h"
-#include "quaternion.h"
+#include "core/quaternion.h"
 
 #define TURNTABLE_FLAG_GYRO_SATURATED    (1U << 0)
 #define TURNTABLE_FLAG_ANGULAR_SATURATED (1U << 1)

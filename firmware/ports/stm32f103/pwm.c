@@ -5,7 +5,7 @@
  * the same frame, and a frame that ends in between repeats the pulses before. No other file writes these
  * registers, and every value is bounded here to the range of core/esc.h, even when the caller's memory is
  * damaged. */
-#include "../core/esc.h"
+#include "core/esc.h"
 #include "port.h"
 
 #define START_FRAME_HALFUS      5000u /* 400 Hz */

@@ -9,7 +9,7 @@
  *
  * The break input (PB12) and the clock security system clear MOE in hardware: no instruction takes part, none
  * can hold it back (LOCK), and nothing but arming sets MOE again (AOE stays off). */
-#include "../core/commutation.h"
+#include "core/commutation.h"
 #include "port.h"
 
 #define PWM_HZ 20000u

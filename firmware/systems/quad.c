@@ -1,5 +1,5 @@
 #include "quad.h"
-#include "esc.h"
+#include "core/esc.h"
 #include <stddef.h>
 
 /* The words are hashed as bytes: no padding anywhere. */

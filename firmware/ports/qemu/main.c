@@ -7,9 +7,9 @@
  *                  then per step the words (control_words()), uint32 digest
  *
  * The exit code of QEMU says how it went: run_result_t. */
-#include "control.h"
-#include "digest.h"
+#include "core/digest.h"
 #include "semihosting.h"
+#include "systems/control.h"
 #include <stddef.h>
 #include <string.h>
 

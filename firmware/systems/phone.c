@@ -1,5 +1,5 @@
 #include "phone.h"
-#include "angle.h"
+#include "core/angle.h"
 
 typedef char phone_assert_packed[sizeof(phone_words_t) == 232 ? 1 : -1];
 

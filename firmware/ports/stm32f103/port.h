@@ -2,7 +2,7 @@
 #ifndef PLUMB_STM32F103_PORT_H
 #define PLUMB_STM32F103_PORT_H
 
-#include "../board.h"
+#include "app/board.h"
 #include "stm32f103.h"
 
 /* Something happened that the main loop has to look at. Set by interrupts, cleared when the loop goes to

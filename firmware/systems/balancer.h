@@ -12,7 +12,7 @@
 #define PLUMB_CORE_BALANCER_H
 
 #include "control_params.h"
-#include "plausibility.h"
+#include "core/plausibility.h"
 
 #define BALANCER_FLAG_GYRO_CLAMPED     (1U << 0)
 #define BALANCER_FLAG_ACCEL_X_CLAMPED  (1U << 1)

@@ -6,7 +6,7 @@
 #define PLUMB_CORE_QUAD_H
 
 #include "control_params.h"
-#include "plausibility.h"
+#include "core/plausibility.h"
 
 #define QUAD_FLAG_GYRO_CLAMPED    (1U << 0)
 #define QUAD_FLAG_ACCEL_Y_CLAMPED (1U << 1)

@@ -6,13 +6,13 @@
 #ifndef PLUMB_CORE_CONTROL_PARAMS_H
 #define PLUMB_CORE_CONTROL_PARAMS_H
 
-#include "calibration.h"
-#include "fusion.h"
-#include "kalman.h"
-#include "pid.h"
-#include "prefilter.h"
-#include "tilt.h"
-#include "wheel.h"
+#include "core/calibration.h"
+#include "core/fusion.h"
+#include "core/kalman.h"
+#include "core/pid.h"
+#include "core/prefilter.h"
+#include "core/tilt.h"
+#include "core/wheel.h"
 
 #define CONTROL_RAW_MAX 6 /* raw counts of a step; a system uses the first few */
 

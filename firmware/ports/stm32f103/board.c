@@ -1,6 +1,6 @@
 /* The board as a whole: start-up order, identity, faults, sleep. */
-#include "../core/digest.h"
 #include "build_id.h"
+#include "core/digest.h"
 #include "port.h"
 
 extern const uint8_t image_start[], image_crc_address[];

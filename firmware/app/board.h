@@ -1,7 +1,7 @@
 /* The whole hardware contract: what the application needs from a board, and nothing about how.
  *
- * Chosen at link time; firmware/stm32f103 is one implementation. Everything is called from the main loop
- * only, nothing here waits (board_idle sleeps), and the caller owns every buffer. */
+ * Chosen at link time; firmware/ports/stm32f103 is one implementation. Everything is called from the main
+ * loop only, nothing here waits (board_idle sleeps), and the caller owns every buffer. */
 #ifndef PLUMB_BOARD_H
 #define PLUMB_BOARD_H
 

@@ -5,9 +5,9 @@
  * *_run functions keep one state over n steps; the *_each functions take n unrelated states, for inputs that
  * no run would reach. Arrays of steps and runs are [steps][runs].
  */
-#include "angle.h"
-#include "control.h"
-#include "digest.h"
+#include "core/angle.h"
+#include "core/digest.h"
+#include "systems/control.h"
 #include <string.h>
 
 #if defined(_WIN32)
