@@ -36,6 +36,7 @@ def measured() -> BenchResult:
 def test_every_kernel_is_within_its_budget(measured: BenchResult, kernel: str) -> None:
     row, budget = measured.kernels[kernel], bench.BUDGETS[kernel]
     assert row.max_err <= budget.max_err
+    assert row.instructions_max <= (budget.instructions or math.inf)
     if kernel in MISSED:
         assert budget.cycles is not None and budget.cycles < row.cycles_max <= MISSED[kernel], measured.render()
     elif budget.cycles is None:
@@ -106,6 +107,16 @@ def test_a_step_without_a_budget_is_told_as_a_share_of_the_shortest_period() -> 
     assert "25 % of 500 us" in BenchResult(own, SIZES, {}).render()
     wrong = {"control_step_phone": dataclasses.replace(GOOD, max_err=1.0)}
     assert not BenchResult(wrong, SIZES, {}).within_budget and "error over" in BenchResult(wrong, SIZES, {}).render()
+
+
+def test_a_budget_of_instructions_that_is_exceeded_is_seen() -> None:
+    budget = bench.BUDGETS["lockstep_step"].instructions
+    assert budget is not None
+    for instructions, within in ((budget, True), (budget + 1, False)):
+        row = dataclasses.replace(GOOD, instructions_max=instructions, max_err=0.0)
+        shown = BenchResult({"lockstep_step": row}, SIZES, {})
+        assert shown.within_budget is within
+        assert ("1 instructions over" in shown.render()) is not within
 
 
 def test_without_an_image_one_sentence_names_the_command(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ static void receive(uint32_t now_us) {
 
 /* What the session has to say, as much as the UART and CAN take. */
 static void transmit(void) {
-    uint8_t bytes[64];
+    uint8_t bytes[4u * SLCAN_FRAME_CHARS];
     size_t count;
     do {
         const size_t room = board_uart_room();

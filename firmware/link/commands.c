@@ -79,10 +79,13 @@ size_t session_receive_room(const session_t *s) {
 }
 
 void session_receive(session_t *s, const uint8_t *bytes, size_t count, uint32_t now_us) {
-    for (size_t i = 0; i < count; i++) {
+    slcan_rx_t *const rx = &s->buffers->rx;
+
+    for (size_t i = slcan_rx_text(rx, bytes, count); i < count;
+         i += slcan_rx_text(rx, bytes + i, count - i)) {
         can_frame_t frame;
 
-        switch (slcan_rx_take(&s->buffers->rx, bytes[i], &frame)) {
+        switch (slcan_rx_take(rx, bytes[i++], &frame)) {
         case SLCAN_NOTHING:
             break;
         case SLCAN_EMPTY:

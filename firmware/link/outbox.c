@@ -123,25 +123,31 @@ static can_frame_t frame_of(const outbox_entry_t *e) {
     return frame;
 }
 
+/* The characters of an entry, at most SLCAN_FRAME_CHARS; returns how many. */
+static size_t text_of(const outbox_entry_t *e, uint8_t *text) {
+    if (is_text(e)) {
+        memcpy(text, e->data, characters(e));
+        return characters(e);
+    }
+    const can_frame_t frame = frame_of(e);
+    return slcan_encode(&frame, text);
+}
+
 size_t outbox_take(outbox_t *box, uint8_t *out, size_t room) {
     size_t count = 0;
 
     while (count < room && box->count > 0) {
-        const outbox_entry_t *const e = entry(box, 0);
-        uint8_t text[SLCAN_FRAME_CHARS];
-        size_t length = characters(e);
+        uint8_t rest[SLCAN_FRAME_CHARS];
+        const bool whole = box->gone == 0 && room - count >= SLCAN_FRAME_CHARS;
+        const size_t length = text_of(entry(box, 0), whole ? out + count : rest);
+        const size_t left = length - box->gone;
+        const size_t taken = left < room - count ? left : room - count;
 
-        if (is_text(e)) {
-            memcpy(text, e->data, length);
-        } else {
-            const can_frame_t frame = frame_of(e);
-            length = slcan_encode(&frame, text);
+        if (!whole) {
+            memcpy(out + count, rest + box->gone, taken);
         }
-        while (count < room && box->gone < length) {
-            out[count] = text[box->gone];
-            box->gone++;
-            count++;
-        }
+        box->gone = (uint8_t)(box->gone + taken);
+        count += taken;
         if (box->gone >= length) {
             remove_first(box);
         }

@@ -109,7 +109,9 @@ void session_report_switch(session_t *s, bool closed, uint32_t now_us) {
         run_begin(s, MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE, (run_links_t){LINK_NONE, LINK_NONE, LINK_NONE});
         s->stand_alone = true;
     }
-    arming_try_switch(&s->arming, arming_blocked(s, s->run_owner), actuator(s), now_us);
+    if (s->arming.switch_trying) {
+        arming_try_switch(&s->arming, arming_blocked(s, s->run_owner), actuator(s), now_us);
+    }
     if (s->stand_alone && !arming_armed(&s->arming) && !s->arming.switch_trying) {
         s->stand_alone = false;
         s->mode = SESSION_IDLE;

@@ -6,38 +6,37 @@ void slcan_rx_init(slcan_rx_t *rx) {
     *rx = (slcan_rx_t){0};
 }
 
-/* Value of a hexadecimal digit of either case; 16 for anything else. */
-static uint8_t digit_value(uint8_t c) {
-    if (c >= '0' && c <= '9') {
-        return (uint8_t)(c - '0');
+/* Value of a hexadecimal digit of either case; above 15 for anything else. */
+static inline unsigned digit_value(uint8_t c) {
+    const unsigned decimal = (unsigned)c - '0';
+    const unsigned letter = ((unsigned)c | 0x20U) - 'a';
+
+    if (decimal <= 9U) {
+        return decimal;
     }
-    if (c >= 'A' && c <= 'F') {
-        return (uint8_t)(c - 'A' + 10);
-    }
-    if (c >= 'a' && c <= 'f') {
-        return (uint8_t)(c - 'a' + 10);
-    }
-    return 16;
+    return letter <= 5U ? letter + 10U : 16U;
 }
 
 /* 't', three digits of identifier, one of length, two for each byte; nothing more and nothing less. */
 static bool line_to_frame(const slcan_rx_t *rx, can_frame_t *frame) {
+    const uint8_t *at = &rx->line[5];
+    const unsigned high = digit_value(rx->line[1]), middle = digit_value(rx->line[2]);
+    const unsigned low = digit_value(rx->line[3]), dlc = digit_value(rx->line[4]);
+    unsigned seen = middle | low; /* of all digits */
     can_frame_t f = {0};
-    uint8_t digit[SLCAN_LINE_MAX];
 
-    for (unsigned i = 1; i < rx->length; i++) {
-        digit[i] = digit_value(rx->line[i]);
-        if (digit[i] > 15) {
-            return false;
-        }
-    }
-    if (rx->length < 5 || digit[1] > (CAN_ID_MAX >> 8) || digit[4] > 8 || rx->length != 5U + 2U * digit[4]) {
+    if (rx->length < 5 || high > (CAN_ID_MAX >> 8) || dlc > 8 || rx->length != 5U + 2U * dlc) {
         return false;
     }
-    f.id = (uint16_t)(((unsigned)digit[1] << 8) | ((unsigned)digit[2] << 4) | digit[3]);
-    f.dlc = digit[4];
-    for (unsigned i = 0; i < f.dlc; i++) {
-        f.data[i] = (uint8_t)(((unsigned)digit[5 + 2 * i] << 4) | digit[6 + 2 * i]);
+    f.id = (uint16_t)(high << 8 | middle << 4 | low);
+    f.dlc = (uint8_t)dlc;
+    for (unsigned i = 0; i < dlc; i++) {
+        const unsigned upper = digit_value(*at++), lower = digit_value(*at++);
+        seen |= upper | lower;
+        f.data[i] = (uint8_t)(upper << 4 | lower);
+    }
+    if (seen > 15U) {
+        return false;
     }
     *frame = f;
     return true;
@@ -59,44 +58,73 @@ static slcan_event_t line_event(slcan_rx_t *rx, can_frame_t *frame) {
     return SLCAN_BAD;
 }
 
+static bool is_text(uint8_t byte) {
+    return byte >= ' ' && byte <= '~';
+}
+
+size_t slcan_rx_text(slcan_rx_t *rx, const uint8_t *bytes, size_t count) {
+    if (rx->complete || rx->length >= SLCAN_LINE_MAX) {
+        return 0;
+    }
+    const size_t room = SLCAN_LINE_MAX - (size_t)rx->length;
+    uint8_t *const line = &rx->line[rx->length];
+    size_t taken = 0;
+
+    while (taken < count && taken < room && is_text(bytes[taken])) {
+        line[taken] = bytes[taken];
+        taken++;
+    }
+    rx->length = (uint8_t)(rx->length + taken);
+    return taken;
+}
+
 slcan_event_t slcan_rx_take(slcan_rx_t *rx, uint8_t byte, can_frame_t *frame) {
     if (rx->complete) {
         rx->length = 0;
         rx->complete = 0;
     }
-    if (byte == SLCAN_CR) {
+    if (is_text(byte) && rx->length < SLCAN_LINE_MAX) {
+        rx->line[rx->length] = byte;
+        rx->length++;
+    } else if (byte == SLCAN_CR) {
         rx->complete = 1;
         return line_event(rx, frame);
-    }
-    if (byte == SLCAN_BEL) {
+    } else if (byte == SLCAN_BEL) {
         /* What an adapter says for no: it ends a line as CR does, and whatever stood before it was none. */
         rx->bad += rx->length != 0;
         rx->length = 0;
-        return SLCAN_NOTHING;
-    }
-    /* One byte that is no text, or one too many, breaks the line up to its CR. */
-    if (byte < ' ' || byte > '~' || rx->length >= SLCAN_LINE_MAX) {
+    } else { /* one byte that is no text, or one too many, breaks the line up to its CR */
         rx->length = LINE_BROKEN;
-    } else {
-        rx->line[rx->length] = byte;
-        rx->length++;
     }
     return SLCAN_NOTHING;
 }
 
-size_t slcan_encode(const can_frame_t *frame, uint8_t text[SLCAN_FRAME_CHARS]) {
-    static const char hex[] = "0123456789ABCDEF";
-    size_t n = 0;
+/* Upper-case digits of the nibbles in the four bytes of a word, the lowest byte first. All four at once: 6
+ * more carries 10 to 15, and no other nibble, into bit 4. */
+static inline void put_digits(uint8_t *text, uint32_t nibbles) {
+    const uint32_t letters = ((nibbles + 0x06060606U) >> 4) & 0x01010101U;
+    const uint32_t digits = nibbles + 0x30303030U + letters * ('A' - '0' - 10U);
 
-    text[n++] = 't';
-    text[n++] = (uint8_t)hex[(frame->id >> 8) & 7U];
-    text[n++] = (uint8_t)hex[(frame->id >> 4) & 15U];
-    text[n++] = (uint8_t)hex[frame->id & 15U];
-    text[n++] = (uint8_t)hex[frame->dlc & 15U];
-    for (unsigned i = 0; i < frame->dlc && i < 8U; i++) {
-        text[n++] = (uint8_t)hex[frame->data[i] >> 4];
-        text[n++] = (uint8_t)hex[frame->data[i] & 15U];
+    text[0] = (uint8_t)digits;
+    text[1] = (uint8_t)(digits >> 8);
+    text[2] = (uint8_t)(digits >> 16);
+    text[3] = (uint8_t)(digits >> 24);
+}
+
+size_t slcan_encode(const can_frame_t *frame, uint8_t text[SLCAN_FRAME_CHARS]) {
+    const uint32_t id = frame->id;
+    size_t n = 5;
+
+    text[0] = 't';
+    put_digits(&text[1],
+               (id >> 8 & 7U) | (id >> 4 & 15U) << 8 | (id & 15U) << 16 | (frame->dlc & 15UL) << 24);
+    for (unsigned i = 0; i < frame->dlc && i < 8U; i += 2U) {
+        const uint32_t first = frame->data[i], second = frame->data[i + 1U];
+
+        put_digits(&text[n], first >> 4 | (first & 15U) << 8 | second >> 4 << 16 | (second & 15U) << 24);
+        n += 4U;
     }
+    n -= frame->dlc < 8U && frame->dlc % 2U != 0 ? 2U : 0U; /* an odd number of bytes */
     text[n++] = SLCAN_CR;
     return n;
 }

@@ -1,15 +1,18 @@
 """Instructions, estimated cycles, bytes, stack and error of the kernels in the shipped image, against their budgets.
 
 The image's own machine code runs, called by symbol (plumb.counter). control_step runs whole, over ordinary and wild
-input with every shipped tuning of quad; the kernels inside it are measured where it calls them, so their rows are what
-a step really spends. The other systems' steps run over the inputs of their golden vectors: no budget was set for them,
-and the row says what they take of the shortest period that the board accepts. The digest of quad's record by the chip's
-CRC unit is compared with zlib's. The check of the memory that decides a pulse is no part of a step: it runs in every
-turn of the loop outside lockstep, as does the sealing, which takes as long. atan2 and asin run besides over their
-whole range. Numbers are the worst of all inputs: an upper bound per path by plumb.cycles, exact in instructions. Errors
-are against float64 on the same inputs, in degrees, of pid_step as a fraction of full command: of the Arm code's own
-results, but for the filter and the whole chain, which take more steps than an emulator should and run on the native
-twin (plumb.accuracy); golden vectors hold the two equal to the bit.
+input with every shipped tuning of quad; the kernels inside it are measured where it calls them, so their rows are
+what a step really spends. The other systems' steps run over the inputs of their golden vectors: no budget was set for
+them, and the row says what they take of the shortest period that the board accepts. The digest of quad's record by
+the chip's CRC unit is compared with zlib's. The check of the memory that decides a pulse is no part of a step: it
+runs in every turn of the loop outside lockstep, as does the sealing, which takes as long. A whole step in lockstep
+runs on the virtual board, from the first character of its sample on the UART to the last of its reply, with every
+turn of the loop and every interrupt between; that row is a mean, because a step now and then has the board's report
+of itself to send. atan2 and asin run besides over their whole range. Numbers are the worst of all inputs: an upper
+bound per path by plumb.cycles, exact in instructions. Errors are against float64 on the same inputs, in degrees, of
+pid_step as a fraction of full command: of the Arm code's own results, but for the filter and the whole chain, which
+take more steps than an emulator should and run on the native twin (plumb.accuracy); golden vectors hold the two equal
+to the bit.
 """
 
 from __future__ import annotations
@@ -27,7 +30,9 @@ from tqdm import tqdm
 
 from plumb import native, recipe, reference, systems
 from plumb.accuracy import TURN_DEG, chain_error_deg, filter_error_deg, hard_inputs, scenario_error_deg
-from plumb.counter import Counter, Image
+from plumb.boards.virtual import VirtualBoard
+from plumb.counter import Counter, Image, InstructionTrace
+from plumb.cycles import path_cost
 from plumb.elf import CallGraph
 from plumb.errors import UsageError
 from plumb.golden import vectors_folder
@@ -48,18 +53,22 @@ ANGLES = 2000
 KALMAN_STEPS = 20_000
 RATE_FRAMES = 20_000
 DIGESTS, FLIPS = 20, 10
+EXCHANGES = 60
+"""Steps in lockstep that are counted; the board reports its state in three of them."""
 ASIN_LIMIT_DEG = 80.0
 """Beyond it the arcsine is so steep that no budget is set for its error."""
 
 
 @dataclass(frozen=True)
 class Budget:
-    """What a kernel may take at zero wait states (None: never set), where we would like to be; its error and unit."""
+    """What a kernel may take: cycles at zero wait states (None: never set) and where we would like to be; its error and
+    unit; instructions, where the budget is one of instructions."""
 
     cycles: int | None
     stretch: int
     max_err: float
     unit: str
+    instructions: int | None = None
 
 
 # The error of control_step is that of the whole chain, counts to angle, over the system's own motion.
@@ -76,6 +85,7 @@ BUDGETS = {
     "plausibility_step": Budget(None, 0, 0.0, "wrong answers"),
     "digest_crc32": Budget(400, 360, 0.0, "wrong digests"),
     "board_memory_intact": Budget(2600, 2400, 0.0, "wrong answers"),
+    "lockstep_step": Budget(None, 0, 0.0, "wrong digests", instructions=6000),
 }
 PLAUSIBILITY_BYTES, PLAUSIBILITY_ANSWER = 52, slice(23, 25)
 """Of plausibility_t: its size, and where `failed` and `missing` are, in half-words."""
@@ -103,6 +113,8 @@ class Row:
         over = []
         if budget.cycles is not None and self.cycles_max > budget.cycles:
             over.append(f"{self.cycles_max - budget.cycles} cycles over")
+        if budget.instructions is not None and self.instructions_max > budget.instructions:
+            over.append(f"{self.instructions_max - budget.instructions} instructions over")
         if not self.max_err <= budget.max_err:
             over.append("error over")
         if budget.cycles is None and not over:
@@ -138,7 +150,8 @@ class BenchResult:
         lines = [f"{'kernel':<24}{'instr':>6}{'cycles':>8}{'2 ws':>7}{'budget':>8}{'bytes':>7}{'stack':>7}  error"]
         for name, row in self.kernels.items():
             budget = BUDGETS[name]
-            allowed = "-" if budget.cycles is None else str(budget.cycles)
+            limits = [f"{budget.instructions} i" if budget.instructions else None, budget.cycles, "-"]
+            allowed = next(str(limit) for limit in limits if limit is not None)
             lines.append(
                 f"{name:<24}{row.instructions_max:>6}{row.cycles_max:>8}{row.cycles_2ws_max:>7}{allowed:>8}"
                 f"{row.bytes:>7}{row.stack:>7}  {row.max_err:.1e} {budget.unit} (limit {budget.max_err:.0e}): "
@@ -276,6 +289,26 @@ def _memory_check(elf: Image) -> Row:
     return _row(counter, "board_memory_intact", wrong)
 
 
+def _lockstep(elf: Image) -> Row:
+    """Steps of quad in lockstep over the UART of the virtual board, one at a time; the error is how many digests differ
+    from those of the native core. Exceptions are charged as branches, without the 12 cycles of their entry."""
+    params, motion = quantise(quad.ADAPTIVE), quad.scenario("motion", 3000, seconds=EXCHANGES * quad.PERIOD_US * 1e-6)
+    raw, setpoint = motion.counts(), motion.setpoint()
+    with VirtualBoard(elf.path) as board:
+        stepper = board.stepper(params)
+        trace = InstructionTrace(board.machine)
+        answers = [stepper.step(tuple(row), int(sp)) for row, sp in zip(raw.tolist(), setpoint, strict=True)]
+    expected = native.run_control(params, raw, setpoint).digests()
+    wrong = sum(answer.digest != digest for answer, digest in zip(answers, expected.tolist(), strict=True))
+    cost = path_cost([elf.instruction(address) for address in trace.addresses])
+    code = {elf.symbol_at(address) for address in set(trace.addresses)}
+    instructions, cycles, cycles_2ws = (
+        -(-total // EXCHANGES) for total in (cost.instructions, cost.cycles, cost.cycles_2ws)
+    )
+    size = sum(symbol.size for symbol in code if symbol is not None)
+    return Row(instructions, instructions, cycles, cycles_2ws, size, cost.stack, wrong)
+
+
 def kalman_error_deg(tunings: Sequence[str]) -> float:
     """Largest tilt error of the filter against float64 on hard inputs, both given the same integers."""
     worst = 0.0
@@ -366,6 +399,7 @@ def measure(image: Path | None = None) -> BenchResult:
     rows["plausibility_step"] = _plausibility(elf)
     rows["digest_crc32"] = _digest(elf)
     rows["board_memory_intact"] = _memory_check(elf)
+    rows["lockstep_step"] = _lockstep(elf)
     sizes = {"flash": elf.flash_bytes, "ram": elf.ram_bytes, "stack": graph.worst_stack_bytes()}
     return BenchResult(rows, sizes, rates())
 

@@ -16,6 +16,7 @@ from plumb.cycles import TABLE_READ_CYCLES_2WS, Cost, Decoder, Instruction, inst
 from plumb.elf import Elf, Symbol
 from plumb.errors import UsageError
 from plumb.f103 import crc
+from plumb.f103.machine import Machine
 
 RCC_PAGE = 0x4002_1000
 MAGIC_RETURN = 0x1F00_0000  # a page of the code region that holds nothing: reaching it ends a call
@@ -242,6 +243,19 @@ class Counter:
             symbol = self.image.symbol_at(now.address)
             took = instruction_cycles(now, before, taken, after)
             emit(f"{now.address:08x} {took:3d}  {symbol.name if symbol else '?':24s} {now.text}")
+
+
+class InstructionTrace:
+    """The address of every instruction that a simulated part executes from now on, in order."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.addresses: list[int] = []
+        cpu = machine.cpu
+        cpu.uc.hook_add(require("unicorn.unicorn_const").UC_HOOK_CODE, self._on_instruction)
+        cpu.forget_code()  # what was translated before the hook would not call it
+
+    def _on_instruction(self, _uc: Any, address: int, _size: int, _data: object) -> None:
+        self.addresses.append(address)
 
 
 def _argument(counter: Counter, text: str) -> int:

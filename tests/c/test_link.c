@@ -3,6 +3,7 @@
 #include "check.h"
 #include "link/messages.h"
 #include "link/session.h"
+#include <stdio.h>
 #include <string.h>
 
 static can_frame_t random_frame(void) {
@@ -37,6 +38,53 @@ static void check_framing(void) {
             (void)slcan_rx_take(&rx, (uint8_t)(check_random() & 0xFFU), &heard);
         }
         (void)slcan_rx_take(&rx, SLCAN_CR, &heard);
+    }
+}
+
+/* Every length and every byte value as printf writes them. */
+static void check_text(void) {
+    for (unsigned n = 0; n < 256U * 9U; n++) {
+        can_frame_t f = {.id = (uint16_t)(check_random() & CAN_ID_MAX), .dlc = (uint8_t)(n % 9U)};
+        char expected[SLCAN_FRAME_CHARS + 1U];
+        uint8_t text[SLCAN_FRAME_CHARS];
+        int length = snprintf(expected, sizeof expected, "t%03X%u", f.id, f.dlc);
+
+        for (unsigned i = 0; i < f.dlc; i++) {
+            f.data[i] = (uint8_t)(n / 9U + 37U * i);
+            length += snprintf(expected + length, sizeof expected - (size_t)length, "%02X", f.data[i]);
+        }
+        expected[length++] = SLCAN_CR;
+        CHECK(slcan_encode(&f, text) == (size_t)length && memcmp(text, expected, (size_t)length) == 0);
+    }
+}
+
+/* Characters taken many at once, as far as that goes, leave the parser as characters taken one by one do. */
+static void check_text_at_once(void) {
+    static const char pieces[][12] = {"t", "123", "8", "0011aaFF", "\r", "\a", "V\r", " ~", "\x7f", "\x1f"};
+    slcan_rx_t singly, at_once;
+
+    slcan_rx_init(&singly);
+    slcan_rx_init(&at_once);
+    for (unsigned n = 0; n < 20000; n++) {
+        uint8_t bytes[64];
+        size_t count = 0;
+        while (count + sizeof pieces[0] < sizeof bytes) {
+            const char *const piece = pieces[check_random() % (sizeof pieces / sizeof pieces[0])];
+            memcpy(&bytes[count], piece, strlen(piece));
+            count += strlen(piece);
+        }
+        for (size_t i = 0; i < count; i++) {
+            const size_t taken = slcan_rx_text(&at_once, &bytes[i], count - i);
+            can_frame_t a = {0}, b = {0};
+            for (const size_t end = i + taken; i < end; i++) {
+                CHECK(slcan_rx_take(&singly, bytes[i], &a) == SLCAN_NOTHING);
+            }
+            CHECK(memcmp(&singly, &at_once, sizeof singly) == 0);
+            if (i < count) {
+                CHECK(slcan_rx_take(&singly, bytes[i], &a) == slcan_rx_take(&at_once, bytes[i], &b));
+                CHECK(memcmp(&a, &b, sizeof a) == 0 && memcmp(&singly, &at_once, sizeof singly) == 0);
+            }
+        }
     }
 }
 
@@ -179,6 +227,8 @@ static void check_session(void) {
 
 int main(void) {
     check_framing();
+    check_text();
+    check_text_at_once();
     check_crc();
     check_queue();
     check_session();

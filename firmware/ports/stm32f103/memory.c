@@ -1,5 +1,5 @@
-/* memcpy and memset, which the compiler calls for copies it does not write out: a word at a time, then a byte
- * at a time, in a fifth of the C library's size. */
+/* memcpy, memset and memcmp, which the compiler calls for what it does not write out: a word at a time, then
+ * a byte at a time, in a fifth of the C library's size. */
 #include <stdint.h>
 #include <string.h>
 
@@ -24,4 +24,13 @@ void *memset(void *to, int value, size_t count) {
     for (; count > 0U; count--)
         *target++ = (uint8_t)value;
     return to;
+}
+
+int memcmp(const void *left, const void *right, size_t count) {
+    const uint8_t *a = left, *b = right;
+    for (; count >= 4U && *(const word_t *)a == *(const word_t *)b; count -= 4U, a += 4, b += 4)
+        ;
+    for (; count > 0U && *a == *b; count--, a++, b++)
+        ;
+    return count > 0U ? *a - *b : 0;
 }

@@ -5,6 +5,7 @@
  * piece of a ring at a time and interrupts at its end. An error is counted and otherwise left to the
  * framing's CRC. */
 #include "port.h"
+#include <string.h>
 
 #define BAUD        921600u
 #define RX_BYTES    1024u /* 11 ms at full rate; a power of two */
@@ -80,12 +81,13 @@ size_t board_uart_read(uint8_t *bytes, size_t room) {
     const uint32_t end = (RX_BYTES - DMA1_CNDTR5) % RX_BYTES;
     memory_fence(); /* the bytes are read behind the count that says they are there */
     uint32_t from = rx_taken;
-    size_t count = 0u;
-    while (count < room && from != end) {
-        bytes[count] = rx_ring[from];
-        count++;
-        from = (from + 1u) % RX_BYTES;
-    }
+    const size_t waiting = (end - from) % RX_BYTES;
+    const size_t count = waiting < room ? waiting : room;
+    const size_t to_end = RX_BYTES - from;
+    const size_t first = count < to_end ? count : to_end;
+    memcpy(bytes, &rx_ring[from], first);
+    memcpy(bytes + first, rx_ring, count - first);
+    from = (from + count) % RX_BYTES;
     memory_fence();
     rx_taken = from;
     if (count > 0u && from != end) {
@@ -132,12 +134,12 @@ size_t board_uart_room(void) {
 size_t board_uart_write(const uint8_t *bytes, size_t count) {
     const size_t room = TX_BYTES - (tx_written - tx_sent);
     const size_t accepted = count < room ? count : room;
-    uint32_t to = tx_written;
-    for (size_t i = 0u; i < accepted; i++) {
-        tx_ring[(to + i) % TX_BYTES] = bytes[i];
-    }
+    const size_t to = tx_written % TX_BYTES, to_end = TX_BYTES - to;
+    const size_t first = accepted < to_end ? accepted : to_end;
+    memcpy(&tx_ring[to], bytes, first);
+    memcpy(tx_ring, bytes + first, accepted - first);
     memory_fence();
-    tx_written = to + (uint32_t)accepted;
+    tx_written += (uint32_t)accepted;
     /* With a piece flying, its interrupt takes the new bytes along; with none, no interrupt can come in
      * between. */
     if (tx_flying == 0u) {
