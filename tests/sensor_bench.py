@@ -138,7 +138,7 @@ DIGITAL_CONTROL = quantise(replace(quad.ADAPTIVE, calibration=balancer.CALIBRATI
 
 
 def boot_digital(machine: Machine) -> None:
-    """From here on the system with two speed controllers samples the digital sensors: in the table of main.c, system 0
+    """From here on the system with two speed controllers samples the digital sensors: in the table of loop.c, system 0
     gets what system 1 has. Sensors and outputs are under test here, not what is computed in between."""
     machine.advance_us(BOOT_US)
     symbols = Elf(find_image().with_suffix(".elf")).symbols

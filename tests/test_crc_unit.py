@@ -54,7 +54,7 @@ def test_no_interrupt_uses_the_unit(image: Image) -> None:
     """It keeps one remainder."""
     graph, digest = CallGraph(image.path), image.symbol(DIGEST).address & ~1
     vectors = [address & ~1 for address in image.vectors()[2:]]
-    assert digest in graph.reachable(image.symbol("main").address & ~1)
+    assert digest in graph.reachable(image.symbol("loop_turn").address & ~1)
     assert not [graph.name(start) for start in set(vectors) if start and digest in graph.reachable(start)]
     port = (BUILD.parents[1] / "firmware/ports/stm32f103").glob("*.c")
     users = [path.name for path in port if re.search(r"\bCRC_DR\b", path.read_text(encoding="utf-8"))]

@@ -53,10 +53,10 @@ def test_functions_and_variables_stand_with_the_file_they_are_from(tool: ModuleT
     modules = tool.sizes_of(IMAGE)["modules"]
     step = modules["core/control.c"]["items"]["control_step"]
     assert step["flash"] > 20 and step["deepest"] >= step["stack"]
-    assert modules["stm32f103/uart.c"]["items"]["rx_ring"] == {"flash": 0, "ram": 1024}
-    assert modules["main.c"]["items"]["main"]["deepest"] > modules["main.c"]["items"]["main"]["stack"]
-    assert modules["stm32f103/startup.c"]["items"][".vectors"]["flash"] == 4 * 76
-    assert {name.split("/")[0] for name in modules} >= {"core", "link", "stm32f103", "main.c"}
+    assert modules["ports/stm32f103/uart.c"]["items"]["rx_ring"] == {"flash": 0, "ram": 1024}
+    assert modules["app/loop.c"]["items"]["loop_turn"]["deepest"] > modules["app/loop.c"]["items"]["loop_turn"]["stack"]
+    assert modules["ports/stm32f103/startup.c"]["items"][".vectors"]["flash"] == 4 * 76
+    assert {name.split("/")[0] for name in modules} >= {"app", "core", "link", "ports"}
 
 
 @needs_image

@@ -340,7 +340,7 @@ def test_a_bridge_is_off_at_the_first_check_after_a_flip(elf: Elf) -> None:
 
 
 def test_no_state_of_the_loop_lies_outside(elf: Elf) -> None:
-    """Core and link keep no variables of their own; those of main.c are guarded, but for what passes through."""
+    """Core and link keep no variables of their own; those of loop.c are guarded, but for what passes through."""
     guarded = areas(elf)
     firmware = BUILD.parents[1] / "firmware"
     found = []

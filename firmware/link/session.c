@@ -1,4 +1,5 @@
 #include "session.h"
+#include "app/board_guard.h"
 #include "identity.h"
 #include "links.h"
 #include "messages.h"

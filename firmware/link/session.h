@@ -3,7 +3,7 @@
  *
  * Two links, which may both be open: bytes of the UART and frames of CAN go in and come out; time is an
  * argument (us of the board's clock, wraps). No hardware, no heap; the caller owns all memory. A turn of the
- * main loop (firmware/app/main.c):
+ * main loop (firmware/app/loop.c):
  *
  *     session_receive()      what the UART brought, at most session_receive_room()
  *     session_receive_frame()  what CAN brought, while session_frame_room()
@@ -19,6 +19,8 @@
 #define PLUMB_LINK_SESSION_H
 
 #include "app/board.h"
+#include "app/board_links.h"
+#include "app/board_sensors.h"
 #include "arming.h"
 #include "nonce.h"
 #include "outbox.h"

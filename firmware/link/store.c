@@ -1,5 +1,6 @@
 #include "store.h"
-#include "app/board.h"
+#include "app/board_sensors.h"
+#include "app/board_store.h"
 #include "core/digest.h"
 #include "core/esc.h"
 

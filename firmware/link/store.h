@@ -12,7 +12,7 @@
  * erase may look finished, so no slot is written without being erased first. Sequence numbers are compared
  * modulo 2^32.
  *
- * Only board.h is used: reading needs no board_init(). */
+ * Only app/board_store.h is used: reading needs no board_init(). */
 #ifndef PLUMB_LINK_STORE_H
 #define PLUMB_LINK_STORE_H
 

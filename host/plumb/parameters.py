@@ -108,7 +108,7 @@ _AT_MOST = (
 
 
 SCAN_US = 50
-"""BOARD_SCAN_US of firmware/app/board.h."""
+"""BOARD_SCAN_US of firmware/app/board_sensors.h."""
 
 
 def contradiction(words: Sequence[int]) -> str | None:

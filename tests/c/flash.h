@@ -3,7 +3,8 @@
 #ifndef PLUMB_TESTS_FLASH_H
 #define PLUMB_TESTS_FLASH_H
 
-#include "app/board.h"
+#include "app/board_store.h"
+#include <stddef.h>
 
 #define FLASH_CELLS (BOARD_STORE_SLOTS * BOARD_STORE_HALFWORDS)
 

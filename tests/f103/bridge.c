@@ -1,9 +1,9 @@
 /* The port's own bridge driver, moved by the test: results[0] is a command, done when it reads 0 again. */
-#include "bridge.c"
+#include "../../firmware/ports/stm32f103/bridge.c"
 #include "../../firmware/core/commutation.c"
+#include "../../firmware/ports/stm32f103/clock.c"
 #include "../../firmware/ports/stm32f103/pins.c"
 #include "../../firmware/ports/stm32f103/time.c"
-#include "clock.c"
 
 __attribute__((section(".results"), used)) volatile uint32_t results[64];
 enum { IDLE, ARM, DUTY, OFF, CLEAR, RAPID };
@@ -45,12 +45,12 @@ int main(void) {
         } else if (command == OFF) {
             bridge_off();
         } else if (command == CLEAR) {
-            board_clear_bridge_faults();
+            bridge_clear_faults();
         }
         if (command != IDLE) {
             results[0] = IDLE;
         }
-        results[3] = (uint32_t)(int32_t)board_hall_count();
+        results[3] = (uint32_t)(int32_t)bridge_hall_count();
         results[4] = bridge_faults();
         results[5]++;
     }

@@ -14,7 +14,7 @@ HERE = Path(__file__).parent
 COMPILER = "arm-none-eabi-gcc"
 FLAGS = [
     *("-mcpu=cortex-m3", "-mthumb", "-std=c99", "-O2", "-Wall", "-Wextra", "-Werror"),
-    *("-ffreestanding", "-nostdlib", "-nostartfiles"),
+    *("-ffreestanding", "-nostdlib", "-nostartfiles", f"-I{HERE.parents[1] / 'firmware'}"),
 ]
 RESULTS_OFFSET = 0
 

@@ -121,7 +121,7 @@ void bridge_start(void) {
     hall_last = hall_now();
     irq_enable(IRQ_TIM2);
     wired = true;
-    board_clear_bridge_faults(); /* whatever the inputs seemed to say before they had their pulls */
+    bridge_clear_faults(); /* whatever the inputs seemed to say before they had their pulls */
 }
 
 void bridge_arm(void) {
@@ -143,7 +143,7 @@ void board_set_bridge(int32_t duty_q15) {
     }
 }
 
-int16_t board_hall_count(void) {
+int16_t bridge_hall_count(void) {
     return (int16_t)(uint16_t)hall_edges;
 }
 
@@ -154,7 +154,7 @@ void bridge_off(void) {
     }
 }
 
-void board_clear_bridge_faults(void) {
+void bridge_clear_faults(void) {
     if (wired) {
         TIM1_SR = ~TIM1_SR_BIF; /* stays while the input is active */
         hall_failed = false;

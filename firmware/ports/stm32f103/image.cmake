@@ -25,7 +25,7 @@ add_custom_target(build_id BYPRODUCTS ${BUILD_ID}
 
 file(GLOB PORT_SOURCES CONFIGURE_DEPENDS firmware/ports/stm32f103/*.c)
 set(LINKER_SCRIPT ${CMAKE_SOURCE_DIR}/firmware/ports/stm32f103/stm32f103.ld)
-add_executable(firmware firmware/app/main.c ${PORT_SOURCES})
+add_executable(firmware firmware/app/loop.c ${PORT_SOURCES})
 add_dependencies(firmware build_id)
 set_target_properties(firmware PROPERTIES SUFFIX .elf LINK_DEPENDS ${LINKER_SCRIPT})
 target_include_directories(firmware PRIVATE ${CMAKE_BINARY_DIR}/generated)

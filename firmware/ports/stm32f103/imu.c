@@ -147,7 +147,7 @@ static void publish(void) {
     raw[0] = axes[GYRO][axis];
     raw[1] = axes[ACCEL][axis == 0u ? 1u : 0u];
     raw[2] = axes[ACCEL][axis == AXIS_LAST ? 1u : 2u];
-    raw[3] = board_hall_count();
+    raw[3] = bridge_hall_count();
     sampling_publish();
 }
 

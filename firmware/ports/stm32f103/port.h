@@ -3,6 +3,11 @@
 #define PLUMB_STM32F103_PORT_H
 
 #include "app/board.h"
+#include "app/board_actuators.h"
+#include "app/board_guard.h"
+#include "app/board_links.h"
+#include "app/board_sensors.h"
+#include "app/board_store.h"
 #include "stm32f103.h"
 
 /* Something happened that the main loop has to look at. Set by interrupts, cleared when the loop goes to
@@ -37,7 +42,9 @@ void bridge_start(void);                 /* once its pins are set up, and had ti
 void bridge_arm(void);                   /* switches the bridge on, at duty 0 */
 void bridge_off(void);                   /* with any pins, at any time */
 uint32_t bridge_faults(void);
-void can_init(void); /* stays off the bus when the clock is not the crystal's */
+void bridge_clear_faults(void);  /* where they are no longer so */
+int16_t bridge_hall_count(void); /* edges of the Hall sensors, forward less backward, modulo 2^16 */
+void can_init(void);             /* stays off the bus when the clock is not the crystal's */
 bool can_overrun(void);
 void watchdog_init(void);
 void watchdog_feed(void);
@@ -47,6 +54,7 @@ void watchdog_feed_longest(void); /* right before the processor stands still for
 void stall_tick(void);          /* from the interrupt of the millisecond */
 void stall_watch(bool driving); /* the actuators may move, or are at neutral */
 bool stall_latched(void);       /* the loop did not come round: nothing may move until the next run */
+void stall_clear(void);
 
 /* sampling.c */
 int16_t *sampling_next(void); /* where an interrupt puts the period's raw counts, BOARD_RAW_MAX places */

@@ -71,6 +71,11 @@ void board_actuator_neutral(void) {
     stall_watch(false);
 }
 
+void board_clear_actuator_faults(void) {
+    bridge_clear_faults();
+    stall_clear();
+}
+
 void pwm_crash(void) {
     write_pair(CONSTANT_NEUTRAL_HALFUS, CONSTANT_NEUTRAL_HALFUS);
     bridge_off();

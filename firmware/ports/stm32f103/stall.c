@@ -40,7 +40,7 @@ void board_turn(void) {
     ticks = 0u;
 }
 
-void board_clear_stall(void) {
+void stall_clear(void) {
     watched = AT_REST;
     ticks = 0u;
     state = TURNING;

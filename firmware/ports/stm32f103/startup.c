@@ -1,8 +1,7 @@
-/* From reset to main(): vector table, image header, initial memory. */
+/* From reset to the loop: vector table, image header, initial memory. */
+#include "app/loop.h"
 #include "build_id.h"
 #include "port.h"
-
-int main(void);
 
 extern uint32_t data_load[], data_start[], data_end[], bss_start[], bss_end[];
 extern uint32_t image_start[], image_bytes[]; /* from the linker script; the second one is a number */
@@ -54,5 +53,8 @@ void reset_handler(void) {
     for (uint32_t *to = bss_start; to < bss_end; to++) {
         *to = 0u;
     }
-    (void)main(); /* does not return */
+    loop_start();
+    for (;;) {
+        loop_turn();
+    }
 }

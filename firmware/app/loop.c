@@ -1,13 +1,16 @@
 /* One sample after the other: from the wire or the sensors, through control_step, to the actuator and back to
  * the host. Everything here runs in one loop; interrupts only move bytes and say that there is something to
  * do. */
+#include "loop.h"
 #include "board.h"
+#include "board_actuators.h"
+#include "board_guard.h"
+#include "board_links.h"
+#include "board_sensors.h"
 #include "link/messages.h"
 #include "link/requests.h"
 #include "link/session.h"
 #include "systems/control.h"
-
-int main(void);
 
 #define DEADLINE_US  10000u /* of a turn; the longest sleep is 1 ms, and outputs must be safe within 50 */
 #define CAN_PER_TURN 16u    /* a flood must not keep the loop from its steps */
@@ -152,65 +155,65 @@ static void seal_memory(void) {
     }
 }
 
-int main(void) {
+void loop_start(void) {
     const store_report_t saved = load_parameters();
     board_init(&(board_setup_t){.pins = params.pins, .dead_time_ns = params.dead_time_ns});
     session_init(&session, &buffers, board_identity(), &control, &params);
     requests_loaded(&session, &saved);
     outputs = OUTPUTS_RESTING;
     seal_memory();
-    for (;;) {
-        if (!board_memory_intact()) {
-            recover();
-        }
-        board_turn();
-        const uint32_t now_us = board_now_us();
-        board_can_join(session_can_kbit(&session), messages_from_host, MESSAGES_FROM_HOST);
-        receive(now_us);
-        const uint32_t faults = board_faults();
-        session_report_faults(&session, faults);
-        session_report_can(&session, board_can_health());
-        report_sensors();
-        session_report_switch(&session, board_arm_switch(), now_us);
-        session_poll(&session, now_us);
-        if (met_deadline(now_us, faults)) {
-            board_feed_watchdog();
-        }
+}
 
-        if (session_take_begin(&session)) {
-            board_set_period_us(0u);
-            configure_actuator();
-            board_clear_bridge_faults();
-            board_clear_stall();
-            outputs = OUTPUTS_RESTING;
-        }
-        if (session_driving(&session) && outputs == OUTPUTS_RESTING) {
-            board_arm_actuator();
-            outputs = 0u;
-        }
-        choose_sensors();
-        board_set_period_us(session_mode(&session) == SESSION_REALTIME ? session_period_us(&session) : 0u);
-
-        int16_t raw[CONTROL_RAW_MAX];
-        int32_t setpoint_turn_q32;
-        /* As many as can wait in lockstep, and no more: ticks that outrun the steps must not keep the loop
-         * from its watch over them. */
-        for (unsigned i = 0u; i < SESSION_QUEUE_LENGTH && take_sample(raw, &setpoint_turn_q32); i++) {
-            control_step(&control, &params.control, raw, setpoint_turn_q32);
-            if (session_driving(&session)) {
-                actuate();
-            }
-            session_stepped(&session);
-        }
-        if (outputs != OUTPUTS_RESTING && !session_driving(&session)) {
-            board_actuator_neutral();
-            outputs = OUTPUTS_RESTING;
-        }
-        transmit();
-        if (requests_bootloader_due(&session, now_us)) {
-            board_enter_bootloader();
-        }
-        seal_memory();
-        board_idle();
+void loop_turn(void) {
+    if (!board_memory_intact()) {
+        recover();
     }
+    board_turn();
+    const uint32_t now_us = board_now_us();
+    board_can_join(session_can_kbit(&session), messages_from_host, MESSAGES_FROM_HOST);
+    receive(now_us);
+    const uint32_t faults = board_faults();
+    session_report_faults(&session, faults);
+    session_report_can(&session, board_can_health());
+    report_sensors();
+    session_report_switch(&session, board_arm_switch(), now_us);
+    session_poll(&session, now_us);
+    if (met_deadline(now_us, faults)) {
+        board_feed_watchdog();
+    }
+
+    if (session_take_begin(&session)) {
+        board_set_period_us(0u);
+        configure_actuator();
+        board_clear_actuator_faults();
+        outputs = OUTPUTS_RESTING;
+    }
+    if (session_driving(&session) && outputs == OUTPUTS_RESTING) {
+        board_arm_actuator();
+        outputs = 0u;
+    }
+    choose_sensors();
+    board_set_period_us(session_mode(&session) == SESSION_REALTIME ? session_period_us(&session) : 0u);
+
+    int16_t raw[CONTROL_RAW_MAX];
+    int32_t setpoint_turn_q32;
+    /* As many as can wait in lockstep, and no more: ticks that outrun the steps must not keep the loop
+     * from its watch over them. */
+    for (unsigned i = 0u; i < SESSION_QUEUE_LENGTH && take_sample(raw, &setpoint_turn_q32); i++) {
+        control_step(&control, &params.control, raw, setpoint_turn_q32);
+        if (session_driving(&session)) {
+            actuate();
+        }
+        session_stepped(&session);
+    }
+    if (outputs != OUTPUTS_RESTING && !session_driving(&session)) {
+        board_actuator_neutral();
+        outputs = OUTPUTS_RESTING;
+    }
+    transmit();
+    if (requests_bootloader_due(&session, now_us)) {
+        board_enter_bootloader();
+    }
+    seal_memory();
+    board_idle();
 }

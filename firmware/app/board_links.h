@@ -1,0 +1,47 @@
+/* The ways to a host: bytes of the UART, frames of CAN. */
+#ifndef PLUMB_BOARD_LINKS_H
+#define PLUMB_BOARD_LINKS_H
+
+#include "link/e2e.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* Bytes received so far, up to room. */
+size_t board_uart_read(uint8_t *bytes, size_t room);
+
+/* How many bytes board_uart_write() would accept now. */
+size_t board_uart_room(void);
+
+/* Queue bytes for sending; returns how many were accepted. */
+size_t board_uart_write(const uint8_t *bytes, size_t count);
+
+/* How the CAN controller fares (ISO 11898-1). */
+typedef struct {
+    uint8_t transmit_errors; /* counter of the standard; its ninth bit is bus_off */
+    uint8_t receive_errors;
+    uint8_t last_error; /* 0 none since, 1 stuff, 2 form, 3 acknowledgement, 4 bit recessive, 5 bit dominant,
+                           6 CRC */
+    bool bus_off;       /* off the bus: for ever without a crystal, else until the pause is over */
+    uint16_t bus_offs;  /* times it went off, modulo 2^16 */
+} board_can_health_t;
+
+/* Be on the CAN bus at this rate, for these identifiers and no others: to be called in every turn of the
+ * loop, which also brings the board back after it went off the bus, after a pause that doubles up to a
+ * second. kbit: a divisor of 2000 from 125 to 1000; the same values again change nothing. ids: up to 56, kept
+ * by the caller. */
+void board_can_join(uint32_t kbit, const uint16_t *ids, size_t count);
+
+/* The oldest received frame; false when there is none. */
+bool board_can_read(can_frame_t *frame);
+
+/* True when board_can_send() would take a frame. */
+bool board_can_room(void);
+
+/* Send a frame; frames go out in the order they were given. One that finds no way for half a second is given
+ * up. */
+void board_can_send(const can_frame_t *frame);
+
+const board_can_health_t *board_can_health(void);
+
+#endif
