@@ -27,13 +27,13 @@ BOARD_GUARDED static uint32_t outputs;
 /* What both links brought into the session, as much as it can answer. */
 static void receive(uint32_t now_us) {
     uint8_t bytes[64];
-    const size_t room = session_receive_room(&session);
+    const size_t room = requests_room(&session);
     const size_t count = board_uart_read(bytes, room < sizeof bytes ? room : sizeof bytes);
-    session_receive(&session, bytes, count, now_us);
+    requests_receive(&session, bytes, count, now_us);
 
     can_frame_t frame;
-    for (unsigned i = 0u; i < CAN_PER_TURN && session_frame_room(&session) && board_can_read(&frame); i++) {
-        session_receive_frame(&session, &frame, now_us);
+    for (unsigned i = 0u; i < CAN_PER_TURN && requests_frame_room(&session) && board_can_read(&frame); i++) {
+        requests_receive_frame(&session, &frame, now_us);
     }
 }
 
@@ -57,9 +57,9 @@ static void transmit(void) {
  * ticks. */
 static bool take_sample(int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32) {
     switch (session_mode(&session)) {
-    case SESSION_LOCKSTEP:
+    case RUN_LOCKSTEP:
         return session_next_sample(&session, raw, setpoint_turn_q32);
-    case SESSION_REALTIME:
+    case RUN_REALTIME:
         if (!board_take_tick()) {
             return false;
         }
@@ -94,7 +94,7 @@ __attribute__((noinline)) static void choose_sensors(void) {
     /* By control_params_t.system; the phone has none of its own. */
     static const uint8_t kinds[] = {BOARD_SENSORS_ANALOG_3, BOARD_SENSORS_BALANCE, BOARD_SENSORS_ANALOG_6,
                                     BOARD_SENSORS_NONE};
-    const bool injected = session_mode(&session) != SESSION_IDLE && !session_live(&session);
+    const bool injected = session_mode(&session) != RUN_IDLE && !session_live(&session);
     const board_sensors_t wanted = {.kind = injected ? BOARD_SENSORS_NONE : kinds[params.control.system],
                                     .oversample_log2 = params.adc_oversample_log2,
                                     .rail_ms = params.rail_ms,
@@ -142,13 +142,13 @@ __attribute__((noinline)) static void recover(void) {
     const store_report_t saved = load_parameters();
     configure_actuator(); /* its neutral pulse may have been what was damaged */
     session_recover(&session, &buffers, board_identity(), &control, &params);
-    requests_loaded(&session, &saved);
+    session_parameters_loaded(&session, &saved);
 }
 
 /* In lockstep nothing can be armed, and the host compares every step: there the loop goes without a check of
  * what changes with every turn. The check word of the parameters stays, and is compared when the run ends. */
 static void seal_memory(void) {
-    if (session_mode(&session) == SESSION_LOCKSTEP) {
+    if (session_mode(&session) == RUN_LOCKSTEP) {
         board_memory_release();
     } else {
         board_memory_seal();
@@ -159,7 +159,7 @@ void loop_start(void) {
     const store_report_t saved = load_parameters();
     board_init(&(board_setup_t){.pins = params.pins, .dead_time_ns = params.dead_time_ns});
     session_init(&session, &buffers, board_identity(), &control, &params);
-    requests_loaded(&session, &saved);
+    session_parameters_loaded(&session, &saved);
     outputs = OUTPUTS_RESTING;
     seal_memory();
 }
@@ -182,7 +182,7 @@ void loop_turn(void) {
         board_feed_watchdog();
     }
 
-    if (session_take_begin(&session)) {
+    if (session_pop_begin(&session)) {
         board_set_period_us(0u);
         configure_actuator();
         board_clear_actuator_faults();
@@ -193,13 +193,13 @@ void loop_turn(void) {
         outputs = 0u;
     }
     choose_sensors();
-    board_set_period_us(session_mode(&session) == SESSION_REALTIME ? session_period_us(&session) : 0u);
+    board_set_period_us(session_mode(&session) == RUN_REALTIME ? session_period_us(&session) : 0u);
 
     int16_t raw[CONTROL_RAW_MAX];
     int32_t setpoint_turn_q32;
     /* As many as can wait in lockstep, and no more: ticks that outrun the steps must not keep the loop
      * from its watch over them. */
-    for (unsigned i = 0u; i < SESSION_QUEUE_LENGTH && take_sample(raw, &setpoint_turn_q32); i++) {
+    for (unsigned i = 0u; i < RUN_QUEUE_LENGTH && take_sample(raw, &setpoint_turn_q32); i++) {
         control_step(&control, &params.control, raw, setpoint_turn_q32);
         if (session_driving(&session)) {
             actuate();
@@ -211,7 +211,7 @@ void loop_turn(void) {
         outputs = OUTPUTS_RESTING;
     }
     transmit();
-    if (requests_bootloader_due(&session, now_us)) {
+    if (session_bootloader_due(&session, now_us)) {
         board_enter_bootloader();
     }
     seal_memory();

@@ -55,10 +55,10 @@ bool arming_switch(arming_t *a, bool closed, uint32_t now_us) {
     return closed;
 }
 
-uint16_t arming_handle(const arming_t *a) {
+uint16_t arming_switch_owns(const arming_t *a) {
     const bool used_up = a->switch_closed && !a->switch_ready && !a->switch_trying;
 
-    return used_up && (a->by_switch || !arming_armed(a)) ? ARMING_BLOCK_HANDLE : 0U;
+    return used_up && (a->by_switch || !arming_armed(a)) ? ARMING_BLOCK_SWITCH_OWNS : 0U;
 }
 
 void arming_try_switch(arming_t *a, uint16_t blocked, arming_actuator_t actuator, uint32_t now_us) {

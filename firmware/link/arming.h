@@ -25,17 +25,17 @@
     5000000U /* and how long when all that is missing is NOT_READY: a run that has just begun is not */
 
 /* Why the board refuses to arm, or why it disarmed. Bits, as in STATUS. */
-#define ARMING_BLOCK_HELLO    0x0001U /* no host with the same protocol version and message definitions */
-#define ARMING_BLOCK_IDLE     0x0002U /* no run */
-#define ARMING_BLOCK_LOCKSTEP 0x0004U /* the host paces the steps: not in real time */
-#define ARMING_BLOCK_FAULT    0x0008U /* a board fault that blocks */
-#define ARMING_BLOCK_CLOSED   0x0010U /* link closed or read-only */
-#define ARMING_BLOCK_SILENCE  0x0020U /* disarmed: the keep-alive timed out */
-#define ARMING_BLOCK_COMMAND  0x0040U /* disarmed: a host sent DISARM or ended the run */
-#define ARMING_BLOCK_SAMPLES  0x0080U /* injected in real time, and no sample came for a while */
-#define ARMING_BLOCK_SWITCH   0x0100U /* disarmed: the arm switch was opened */
-#define ARMING_BLOCK_PINS     0x0200U /* what the system moves is not on the pins the board started with */
-#define ARMING_BLOCK_HANDLE   0x0400U /* the arm switch is closed, and has the say */
+#define ARMING_BLOCK_HELLO       0x0001U /* no host with the same protocol version and message definitions */
+#define ARMING_BLOCK_IDLE        0x0002U /* no run */
+#define ARMING_BLOCK_LOCKSTEP    0x0004U /* the host paces the steps: not in real time */
+#define ARMING_BLOCK_FAULT       0x0008U /* a board fault that blocks */
+#define ARMING_BLOCK_CLOSED      0x0010U /* link closed or read-only */
+#define ARMING_BLOCK_SILENCE     0x0020U /* disarmed: the keep-alive timed out */
+#define ARMING_BLOCK_COMMAND     0x0040U /* disarmed: a host sent DISARM or ended the run */
+#define ARMING_BLOCK_SAMPLES     0x0080U /* injected in real time, and no sample came for a while */
+#define ARMING_BLOCK_SWITCH      0x0100U /* disarmed: the arm switch was opened */
+#define ARMING_BLOCK_PINS        0x0200U /* what the system moves is not on the pins the board started with */
+#define ARMING_BLOCK_SWITCH_OWNS 0x0400U /* the arm switch is closed and owns arming */
 #define ARMING_BLOCK_IMPLAUSIBLE                                                                             \
     0x0800U /* the sensors contradict each other or the system: PLAUSIBILITY says how */
 #define ARMING_BLOCK_NOT_READY                                                                               \
@@ -43,7 +43,7 @@
 #define ARMING_BLOCK_OWNER 0x2000U /* another link began the run, and alone may arm */
 /* What concerns a host alone; the switch arms and stays armed all the same. */
 #define ARMING_BLOCKS_HOST                                                                                   \
-    (ARMING_BLOCK_HELLO | ARMING_BLOCK_CLOSED | ARMING_BLOCK_HANDLE | ARMING_BLOCK_OWNER)
+    (ARMING_BLOCK_HELLO | ARMING_BLOCK_CLOSED | ARMING_BLOCK_SWITCH_OWNS | ARMING_BLOCK_OWNER)
 
 /* What the actuator needs to be safe, in us. */
 typedef struct {
@@ -95,8 +95,8 @@ uint32_t arming_issue(arming_t *a, random_t *random, uint32_t now_us);
  */
 bool arming_switch(arming_t *a, bool closed, uint32_t now_us);
 
-/* ARMING_BLOCK_HANDLE while a closed switch keeps hosts from arming, else 0. */
-uint16_t arming_handle(const arming_t *a);
+/* ARMING_BLOCK_SWITCH_OWNS while a closed switch keeps hosts from arming, else 0. */
+uint16_t arming_switch_owns(const arming_t *a);
 
 /* After a closing that counts: arms as soon as nothing but a host is missing, for ARMING_SWITCH_TRY_US, or
  * for ARMING_SWITCH_READY_US while nothing but ARMING_BLOCK_NOT_READY is in the way; then the switch has to

@@ -1,5 +1,4 @@
-/* The UART's side of a session: SLCAN commands around the frames, each answered by CR or a bell. */
-#include "links.h"
+#include "commands.h"
 #include "messages.h"
 
 #define HARDWARE_VERSION "01"
@@ -10,102 +9,101 @@
 #define BYTES_PER_ENTRY 2U
 #define ENTRIES_AT_ONCE (4U + OUTBOX_URGENT)
 
-static void put_text(session_t *s, const uint8_t *text, size_t count) {
-    outbox_put(s->link[LINK_UART].outbox, text, count);
+static void put_text(routing_t *routing, const uint8_t *text, size_t count) {
+    outbox_put(routing->link[LINK_UART].outbox, text, count);
 }
 
-static void put_char(session_t *s, uint8_t character) {
-    put_text(s, &character, 1);
+static void put_char(routing_t *routing, uint8_t character) {
+    put_text(routing, &character, 1);
 }
 
-static void open_link(session_t *s, bool open, bool read_only) {
-    links_open(s, LINK_UART, open, read_only);
-    put_char(s, SLCAN_CR);
-}
-
-/* "N" and four digits: the unique id folded, enough to tell boards apart. */
-static void reply_serial_number(session_t *s) {
+/* "N" and four digits. */
+static void put_serial_number(routing_t *routing, unsigned number) {
     static const char hex[] = "0123456789ABCDEF";
-    const uint32_t *id = s->board->unique_id;
-    const uint32_t mixed = id[0] ^ id[1] ^ id[2];
-    const uint32_t folded = (mixed >> 16) ^ mixed;
     uint8_t text[6] = {'N', 0, 0, 0, 0, SLCAN_CR};
 
     for (unsigned i = 0; i < 4; i++) {
-        text[1 + i] = (uint8_t)hex[(folded >> (12U - 4U * i)) & 15U];
+        text[1 + i] = (uint8_t)hex[(number >> (12U - 4U * i)) & 15U];
     }
-    put_text(s, text, sizeof text);
+    put_text(routing, text, sizeof text);
 }
 
-static void on_command(session_t *s) {
+static commands_event_t on_command(const commands_t *c, routing_t *routing) {
     static const uint8_t version[] = {'V',
                                       HARDWARE_VERSION[0],
                                       HARDWARE_VERSION[1],
                                       '0' + MESSAGES_PROTOCOL_VERSION / 10U,
                                       '0' + MESSAGES_PROTOCOL_VERSION % 10U,
                                       SLCAN_CR};
-    const bool alone = s->buffers->rx.length == 1;
+    const uint8_t first = c->rx.line[0];
+    const bool alone = c->rx.length == 1;
 
-    switch (alone || s->buffers->rx.line[0] == 'S' || s->buffers->rx.line[0] == 's' ? s->buffers->rx.line[0]
-                                                                                    : 0) {
+    switch (alone || first == 'S' || first == 's' ? first : 0) {
     case 'O':
-        open_link(s, true, false);
-        break;
     case 'L':
-        open_link(s, true, true);
-        break;
     case 'C':
-        open_link(s, false, false);
-        break;
+        routing_open(routing, LINK_UART, first != 'C', first == 'L');
+        put_char(routing, SLCAN_CR);
+        return first == 'O' ? COMMANDS_NOTHING : COMMANDS_CLOSED;
     case 'S': /* bit rates: there is no bus behind this link */
     case 's':
-        put_char(s, SLCAN_CR);
+        put_char(routing, SLCAN_CR);
         break;
     case 'V':
-        put_text(s, version, sizeof version);
+        put_text(routing, version, sizeof version);
         break;
     case 'N':
-        reply_serial_number(s);
+        put_serial_number(routing, c->serial_number);
         break;
     default:
-        put_char(s, SLCAN_BEL);
+        put_char(routing, SLCAN_BEL);
     }
+    return COMMANDS_NOTHING;
 }
 
-size_t session_receive_room(const session_t *s) {
-    const size_t room = outbox_room(s->link[LINK_UART].outbox);
+void commands_init(commands_t *c, const uint32_t unique_id[3]) {
+    const uint32_t mixed = unique_id[0] ^ unique_id[1] ^ unique_id[2];
+
+    slcan_rx_init(&c->rx);
+    c->serial_number = (uint16_t)(((mixed >> 16) ^ mixed) & 0xFFFFU);
+}
+
+size_t commands_room(const routing_t *routing) {
+    const size_t room = outbox_room(routing->link[LINK_UART].outbox);
 
     return room > ENTRIES_AT_ONCE ? (room - ENTRIES_AT_ONCE) * BYTES_PER_ENTRY : 0;
 }
 
-void session_receive(session_t *s, const uint8_t *bytes, size_t count, uint32_t now_us) {
-    slcan_rx_t *const rx = &s->buffers->rx;
+commands_event_t commands_push(commands_t *c, routing_t *routing, const uint8_t **at, const uint8_t *end,
+                               can_frame_t *frame) {
+    commands_event_t event = COMMANDS_NOTHING;
 
-    for (size_t i = slcan_rx_text(rx, bytes, count); i < count;
-         i += slcan_rx_text(rx, bytes + i, count - i)) {
-        can_frame_t frame;
-
-        switch (slcan_rx_take(rx, bytes[i++], &frame)) {
-        case SLCAN_NOTHING:
+    while (event == COMMANDS_NOTHING) {
+        *at += slcan_rx_push_text(&c->rx, *at, (size_t)(end - *at));
+        if (*at == end) {
             break;
-        case SLCAN_EMPTY:
-            put_char(s, SLCAN_CR);
+        }
+        switch (slcan_rx_push_byte(&c->rx, *(*at)++, frame)) {
+        case SLCAN_FRAME:
+            event = COMMANDS_FRAME;
             break;
         case SLCAN_COMMAND:
-            on_command(s);
+            event = on_command(c, routing);
             break;
-        case SLCAN_FRAME:
-            if (links_accept(s, LINK_UART, &frame, now_us)) {
-                put_char(s, SLCAN_CR); /* before whatever the frame is answered by */
-                session_take_frame(s, LINK_UART, &frame, now_us);
-            } else {
-                put_char(s, SLCAN_BEL);
-            }
+        case SLCAN_EMPTY:
+            put_char(routing, SLCAN_CR);
             break;
         case SLCAN_BAD:
-            s->link[LINK_UART].rejected++;
-            put_char(s, SLCAN_BEL);
+            routing->link[LINK_UART].rejected++;
+            put_char(routing, SLCAN_BEL);
+            break;
+        case SLCAN_NOTHING:
             break;
         }
     }
+    return event;
+}
+
+void commands_answer_frame(routing_t *routing, bool accepted) {
+    put_char(routing, accepted ? SLCAN_CR : SLCAN_BEL);
 }

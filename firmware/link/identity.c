@@ -1,8 +1,8 @@
 #include "identity.h"
-#include "messages.h"
 
-uint32_t identity_value(const session_t *s, uint16_t item, uint32_t now_us) {
-    const board_identity_t *b = s->board;
+uint32_t identity_value(const identity_t *id, uint16_t item) {
+    const board_identity_t *b = id->board;
+    const store_report_t *const saved = &id->staging->saved;
 
     switch (item) {
     case MESSAGE_IDENTITY_ITEM_PROTOCOL_VERSION:
@@ -30,28 +30,28 @@ uint32_t identity_value(const session_t *s, uint16_t item, uint32_t now_us) {
     case MESSAGE_IDENTITY_ITEM_PARAMETER_COUNT:
         return PARAMS_COUNT;
     case MESSAGE_IDENTITY_ITEM_PARAMETER_CRC:
-        return params_crc32(s->params);
+        return params_crc32(id->params);
     case MESSAGE_IDENTITY_ITEM_RECORD_WORDS:
-        return (uint32_t)control_words_bytes(&s->params->control) / 4U;
+        return (uint32_t)control_words_bytes(&id->params->control) / 4U;
     case MESSAGE_IDENTITY_ITEM_RESET_CAUSE:
         return b->reset_cause;
     case MESSAGE_IDENTITY_ITEM_FAULTS:
-        return s->faults;
+        return id->faults;
     case MESSAGE_IDENTITY_ITEM_CRASH_PC:
         return b->crash_pc;
     case MESSAGE_IDENTITY_ITEM_CRASH_EXCEPTION:
         return b->crash_exception;
     case MESSAGE_IDENTITY_ITEM_UPTIME_US:
-        return now_us;
+        return id->now_us;
     case MESSAGE_IDENTITY_ITEM_PINS:
         return b->pins;
     case MESSAGE_IDENTITY_ITEM_PARAMETER_SOURCE:
-        return s->parameters_from;
+        return id->staging->source;
     case MESSAGE_IDENTITY_ITEM_SAVED_SEQUENCE:
-        return s->saved.sequence;
+        return saved->sequence;
     case MESSAGE_IDENTITY_ITEM_SAVED_UNKNOWN:
-        return s->saved.unknown;
+        return saved->unknown;
     default:
-        return s->saved.missing; /* SAVED_MISSING, the last */
+        return saved->missing; /* SAVED_MISSING, the last */
     }
 }

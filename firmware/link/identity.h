@@ -1,11 +1,23 @@
-/* What a board says of itself when a host connects: the items of IDENTITY, 0 to IDENTITY_ITEMS - 1. */
+/* Identity: what a board says of itself when a host connects, the items of IDENTITY. */
 #ifndef PLUMB_LINK_IDENTITY_H
 #define PLUMB_LINK_IDENTITY_H
 
-#include "session.h"
+#include "app/board.h"
+#include "messages.h"
+#include "staging.h"
 
 #define IDENTITY_ITEMS (MESSAGE_IDENTITY_ITEM_SAVED_MISSING + 1U)
 
-uint32_t identity_value(const session_t *s, uint16_t item, uint32_t now_us);
+/* What the items are read from. */
+typedef struct {
+    const board_identity_t *board;
+    const params_t *params; /* in use */
+    const staging_t *staging;
+    uint32_t faults;
+    uint32_t now_us;
+} identity_t;
+
+/* item: 0 to IDENTITY_ITEMS - 1. */
+uint32_t identity_value(const identity_t *id, uint16_t item);
 
 #endif

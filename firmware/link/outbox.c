@@ -133,7 +133,7 @@ static size_t text_of(const outbox_entry_t *e, uint8_t *text) {
     return slcan_encode(&frame, text);
 }
 
-size_t outbox_take(outbox_t *box, uint8_t *out, size_t room) {
+size_t outbox_pop_text(outbox_t *box, uint8_t *out, size_t room) {
     size_t count = 0;
 
     while (count < room && box->count > 0) {
@@ -155,7 +155,7 @@ size_t outbox_take(outbox_t *box, uint8_t *out, size_t room) {
     return count;
 }
 
-bool outbox_take_frame(outbox_t *box, can_frame_t *frame) {
+bool outbox_pop_frame(outbox_t *box, can_frame_t *frame) {
     if (box->count == 0) {
         return false;
     }

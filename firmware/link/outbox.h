@@ -65,10 +65,10 @@ void outbox_urgent(outbox_t *box, can_frame_t frame, uint8_t flags);
 /* As telemetry, with a counter (0..15) that the caller knows: frames that are numbered by their step. */
 void outbox_numbered(outbox_t *box, can_frame_t frame, uint8_t counter, uint8_t flags);
 
-/* Take up to room characters, in order; returns how many. */
-size_t outbox_take(outbox_t *box, uint8_t *out, size_t room);
+/* Remove up to room characters, in order; returns how many. */
+size_t outbox_pop_text(outbox_t *box, uint8_t *out, size_t room);
 
-/* Take one frame; false when none waits. For a link that carries frames alone. */
-bool outbox_take_frame(outbox_t *box, can_frame_t *frame);
+/* Remove one frame; false when none waits. For a link that carries frames alone. */
+bool outbox_pop_frame(outbox_t *box, can_frame_t *frame);
 
 #endif

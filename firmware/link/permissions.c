@@ -1,7 +1,7 @@
 #include "permissions.h"
 #include "messages.h"
 
-static bool needs_greeting(const can_frame_t *f) {
+bool permissions_need_greeting(const can_frame_t *f) {
     switch (f->id) {
     case MESSAGE_SAMPLE_A_ID:
     case MESSAGE_SAMPLE_B_ID:
@@ -17,8 +17,4 @@ static bool needs_greeting(const can_frame_t *f) {
     default:
         return false;
     }
-}
-
-bool permissions_greeting_missing(const session_link_t *l, const can_frame_t *frame) {
-    return !l->greeted && needs_greeting(frame);
 }

@@ -7,9 +7,9 @@
 #ifndef PLUMB_LINK_PERMISSIONS_H
 #define PLUMB_LINK_PERMISSIONS_H
 
-#include "session.h"
+#include "e2e.h"
 
-/* True when this frame needs a greeting and nobody has greeted on its link. */
-bool permissions_greeting_missing(const session_link_t *l, const can_frame_t *frame);
+/* True when this frame needs a greeting on its link before it is carried out. */
+bool permissions_need_greeting(const can_frame_t *frame);
 
 #endif

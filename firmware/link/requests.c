@@ -1,82 +1,295 @@
 #include "requests.h"
-#include "messages.h"
-#include "run.h"
+#include "permissions.h"
 
-/* The ACK leaves within 3 ms of UART time behind at most 93 ms of queue; the host hears it before silence
- * falls. */
-#define BOOTLOADER_AFTER_US 100000U
+#define ALL_PARAMETERS 0xFFFFU
+#define RUN_TAG_SHIFT  16U /* in the ACK of RUN_BEGIN, above its run */
+/* A frame's replies, a SETPOINT_USED that is still owed, and urgent frames. */
+#define FRAME_REPLIES (2U + OUTBOX_URGENT)
 
-void requests_loaded(session_t *s, const store_report_t *report) {
-    s->saved = *report;
-    s->parameters_from = (uint16_t)report->found;
-}
+/* ---- link ---- */
 
-void requests_committed(session_t *s) {
-    s->parameters_from = REQUESTS_FROM_HOST;
-}
+static void on_hello(session_t *s, const request_t *q) {
+    const message_hello_t m = message_hello_unpack(q->frame);
+    const bool good = m.protocol_version == MESSAGES_PROTOCOL_VERSION && m.dbc_hash == MESSAGES_DBC_HASH;
 
-uint32_t requests_faults(const session_t *s) {
-    return s->parameters_from == STORE_DAMAGED || s->parameters_from == STORE_REFUSED ? BOARD_FAULT_PARAMETERS
-                                                                                      : 0U;
-}
-
-bool requests_bootloader_due(const session_t *s, uint32_t now_us) {
-    return s->bootloader_asked && now_us - s->bootloader_us >= BOOTLOADER_AFTER_US;
-}
-
-void requests_withdraw_bootloader(session_t *s) {
-    s->bootloader_asked = false;
-}
-
-static uint16_t save(session_t *s) {
-    if (!store_save(s->params, &s->saved.sequence)) {
-        return MESSAGE_NACK_REASON_FLASH;
+    routing_greet(&s->routing, q->link, good);
+    if (!good) {
+        session_link_lost(s, q->link,
+                          ARMING_BLOCK_HELLO); /* at once: a right one may follow by the next poll */
     }
-    s->parameters_from = STORE_LOADED;
-    s->saved.unknown = 0;
-    s->saved.missing = 0;
-    return 0;
+    staging_discard(&s->staging, q->link, s->params);
+    long_replies_ask_identity(&s->long_replies[q->link]);
 }
 
-static uint16_t load(session_t *s) {
-    const store_report_t report = store_load(&s->buffers->staged);
+static void on_close(session_t *s, const request_t *q) {
+    routing_ack(&s->routing, q, 0);
+    routing_open(&s->routing, q->link, false, false);
+    session_link_lost(s, q->link, ARMING_BLOCK_CLOSED);
+}
 
-    if (report.found != STORE_LOADED) {
-        s->buffers->staged = *s->params;
-        return report.found == STORE_NOTHING ? MESSAGE_NACK_REASON_NOTHING_SAVED
-                                             : MESSAGE_NACK_REASON_PARAMETERS;
+static void on_select(session_t *s, const request_t *q) {
+    const message_select_t m = message_select_unpack(q->frame);
+
+    if (m.bank > TELEMETRY_WORD_BANKS) {
+        routing_nack(&s->routing, q, MESSAGE_NACK_REASON_INDEX, m.bank);
+    } else {
+        telemetry_select(&s->telemetry, &s->params->control, m.bank, m.mask);
+        routing_ack(&s->routing, q, m.mask);
     }
-    requests_loaded(s, &report);
-    return 0;
 }
 
-uint16_t requests_execute(session_t *s, uint16_t verb, uint32_t now_us) {
+/* ---- parameters ---- */
+
+static void on_param_get(session_t *s, const request_t *q) {
+    if (message_param_get_unpack(q->frame).index == ALL_PARAMETERS) {
+        long_replies_ask_table(&s->long_replies[q->link]);
+    } else {
+        staging_on_get(&s->routing, q, s->params);
+    }
+}
+
+static void on_param_commit(session_t *s, const request_t *q) {
+    uint16_t detail = 0;
+    const uint16_t reason = s->run.mode != RUN_IDLE ? MESSAGE_NACK_REASON_BUSY
+                                                    : staging_check_commit(&s->staging, q->frame, &detail);
+
+    if (reason != 0) {
+        routing_nack(&s->routing, q, reason, detail);
+    } else {
+        session_apply_staged(s);
+        staging_committed(&s->staging);
+        routing_ack(&s->routing, q, message_param_commit_unpack(q->frame).crc);
+    }
+}
+
+/* ---- commands that answer a nonce ---- */
+
+static void on_challenge(session_t *s, const request_t *q) {
+    const message_challenge_t m = message_challenge_unpack(q->frame);
+    const message_nonce_t nonce = {.verb = m.verb,
+                                   .nonce = nonce_issue(&s->nonce[q->link], &s->random, m.verb, q->now_us)};
+
+    routing_reply(&s->routing, q, message_nonce_pack(&nonce), 0);
+}
+
+/* Carry out a verb other than ARM: 0, or the reason of the NACK. */
+static uint16_t execute(session_t *s, const request_t *q, uint16_t verb) {
     uint16_t reason = 0;
 
-    if (s->mode != SESSION_IDLE || arming_armed(&s->arming)) {
+    if (s->run.mode != RUN_IDLE || session_armed(s)) {
         return MESSAGE_NACK_REASON_BUSY;
     }
     switch (verb) {
     case MESSAGE_EXECUTE_VERB_SAVE:
-        return save(s);
+        return staging_save(&s->staging, s->params);
     case MESSAGE_EXECUTE_VERB_LOAD:
-        reason = load(s);
+        reason = staging_load(&s->staging, s->params);
         break;
     case MESSAGE_EXECUTE_VERB_DEFAULTS:
-        params_default(&s->buffers->staged);
-        s->parameters_from = STORE_NOTHING;
+        staging_defaults(&s->staging);
         break;
     case MESSAGE_EXECUTE_VERB_BOOTLOADER:
         /* The ROM of this part listens on PA9 and PA10, and nowhere else. */
-        if (s->asked != LINK_UART || s->board->pins != BOARD_PINS_STANDARD) {
+        if (q->link != LINK_UART || s->board->pins != BOARD_PINS_STANDARD) {
             return MESSAGE_NACK_REASON_UNSUPPORTED;
         }
-        s->bootloader_asked = true;
-        s->bootloader_us = now_us;
+        session_ask_bootloader(s, q->now_us);
         return 0;
     default:
         return MESSAGE_NACK_REASON_UNSUPPORTED;
     }
-    session_use_staged(s);
+    session_apply_staged(s);
     return reason;
+}
+
+static void arm(session_t *s, const request_t *q) {
+    uint16_t blocked;
+    const uint32_t first = session_arm(s, q, &blocked);
+
+    if (first == 0U) {
+        session_send_readiness(s, q->link); /* first, so that the host can say what is missing */
+        routing_nack(&s->routing, q, MESSAGE_NACK_REASON_BLOCKED, blocked);
+    } else {
+        routing_ack(&s->routing, q, first);
+    }
+}
+
+static void on_execute(session_t *s, const request_t *q) {
+    const message_execute_t m = message_execute_unpack(q->frame);
+
+    if (!nonce_answer(&s->nonce[q->link], m.verb, m.nonce, q->now_us)) {
+        routing_nack(&s->routing, q, MESSAGE_NACK_REASON_NONCE, 0);
+    } else if (m.verb == MESSAGE_EXECUTE_VERB_ARM) {
+        arm(s, q);
+    } else {
+        const uint16_t reason = execute(s, q, m.verb);
+
+        if (reason == 0) {
+            routing_ack(&s->routing, q, m.verb);
+        } else {
+            routing_nack(&s->routing, q, reason, m.verb);
+        }
+    }
+}
+
+/* The owner's link is the source of all that its flags do not leave to the other one. */
+static run_links_t links_of_run(link_t owner, unsigned flags) {
+    const link_t other = owner == LINK_UART ? LINK_CAN : LINK_UART;
+
+    return (run_links_t){
+        .owner = owner,
+        .samples = (flags & MESSAGE_RUN_BEGIN_SAMPLES_ELSEWHERE) != 0U ? other : owner,
+        .setpoints = (flags & MESSAGE_RUN_BEGIN_SETPOINTS_ELSEWHERE) != 0U ? other : owner,
+    };
+}
+
+static void on_run_begin(session_t *s, const request_t *q) {
+    const message_run_begin_t m = message_run_begin_unpack(q->frame);
+    const unsigned flags = e2e_flags(q->frame);
+
+    if (!nonce_answer(&s->nonce[q->link], m.run, m.nonce, q->now_us)) {
+        routing_nack(&s->routing, q, MESSAGE_NACK_REASON_NONCE, 0);
+    } else if (m.run < MESSAGE_RUN_BEGIN_RUN_LOCKSTEP || m.run > MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE ||
+               (m.run == MESSAGE_RUN_BEGIN_RUN_LOCKSTEP && flags != 0U)) { /* one link paces lockstep */
+        routing_nack(&s->routing, q, MESSAGE_NACK_REASON_UNSUPPORTED, m.run);
+    } else {
+        arming_disarm(&s->arming, ARMING_BLOCK_COMMAND);
+        session_begin_run(s, m.run, links_of_run(q->link, flags));
+        routing_ack(&s->routing, q, m.run | (uint32_t)s->run.tag << RUN_TAG_SHIFT);
+    }
+}
+
+/* ---- run, arming ---- */
+
+static void on_run_end(session_t *s, const request_t *q) {
+    arming_disarm(&s->arming, ARMING_BLOCK_COMMAND);
+    run_end(&s->run);
+    routing_ack(&s->routing, q, s->run.step);
+}
+
+static void on_disarm(session_t *s, const request_t *q) {
+    arming_disarm(&s->arming, ARMING_BLOCK_COMMAND);
+    routing_ack(&s->routing, q, 0);
+}
+
+static void on_keepalive(session_t *s, const request_t *q) {
+    if (s->run.links.owner == q->link) { /* the link that armed is the one that must live */
+        (void)arming_keepalive(&s->arming, message_keepalive_unpack(q->frame).value, q->now_us);
+    }
+}
+
+static void on_sample_a(session_t *s, const request_t *q) {
+    uint16_t step;
+
+    if (run_on_sample_a(&s->run, &s->routing, q, &step)) {
+        session_repeat_step(s, q, step);
+    }
+}
+
+/* ---- receive ---- */
+
+/* SAMPLE and SETPOINT are numbered by their step, which run.c looks at; the other frames count. */
+void requests_handle(session_t *s, const request_t *q) {
+    random_stir(&s->random, q->now_us);
+    if (!s->routing.link[q->link].greeted && permissions_need_greeting(q->frame)) {
+        if (q->frame->id != MESSAGE_SAMPLE_B_ID) { /* its SAMPLE_A is answered */
+            routing_nack(&s->routing, q, MESSAGE_NACK_REASON_GREETING, 0);
+        }
+        return;
+    }
+    switch (q->frame->id) {
+    case MESSAGE_SAMPLE_A_ID:
+        on_sample_a(s, q);
+        return;
+    case MESSAGE_SAMPLE_B_ID:
+        run_on_sample_b(&s->run, q);
+        return;
+    case MESSAGE_SETPOINT_ID:
+        run_on_setpoint(&s->run, &s->routing, q);
+        return;
+    case MESSAGE_HELLO_ID:
+        on_hello(s, q);
+        break;
+    case MESSAGE_KEEPALIVE_ID:
+        on_keepalive(s, q);
+        break;
+    case MESSAGE_CLOSE_ID:
+        on_close(s, q);
+        break;
+    case MESSAGE_DISARM_ID:
+        on_disarm(s, q);
+        break;
+    case MESSAGE_CHALLENGE_ID:
+        on_challenge(s, q);
+        break;
+    case MESSAGE_EXECUTE_ID:
+        on_execute(s, q);
+        break;
+    case MESSAGE_RUN_BEGIN_ID:
+        on_run_begin(s, q);
+        break;
+    case MESSAGE_RUN_END_ID:
+        on_run_end(s, q);
+        break;
+    case MESSAGE_SELECT_ID:
+        on_select(s, q);
+        break;
+    case MESSAGE_PARAM_GET_ID:
+        on_param_get(s, q);
+        break;
+    case MESSAGE_PARAM_SET_ID:
+        staging_on_set(&s->staging, &s->routing, q, s->params);
+        break;
+    case MESSAGE_PARAM_COMMIT_ID:
+        on_param_commit(s, q);
+        break;
+    default:
+        return; /* other nodes' frames */
+    }
+    routing_note_counter(&s->routing, q);
+}
+
+size_t requests_room(const session_t *s) {
+    return commands_room(&s->routing);
+}
+
+static void receive_text_frame(session_t *s, const can_frame_t *f, uint32_t now_us) {
+    const request_t q = {.frame = f, .link = LINK_UART, .now_us = now_us};
+    const bool accepted = routing_accept(&s->routing, &q);
+
+    commands_answer_frame(&s->routing, accepted);
+    if (accepted) {
+        requests_handle(s, &q);
+    }
+}
+
+void requests_receive(session_t *s, const uint8_t *bytes, size_t count, uint32_t now_us) {
+    const uint8_t *at = bytes;
+
+    for (;;) {
+        can_frame_t frame;
+
+        switch (commands_push(&s->buffers->commands, &s->routing, &at, bytes + count, &frame)) {
+        case COMMANDS_FRAME:
+            receive_text_frame(s, &frame, now_us);
+            break;
+        case COMMANDS_CLOSED:
+            session_link_lost(s, LINK_UART, ARMING_BLOCK_CLOSED);
+            break;
+        case COMMANDS_NOTHING:
+            return;
+        }
+    }
+}
+
+bool requests_frame_room(const session_t *s) {
+    return outbox_room(s->routing.link[LINK_CAN].outbox) >= FRAME_REPLIES;
+}
+
+void requests_receive_frame(session_t *s, const can_frame_t *f, uint32_t now_us) {
+    const request_t q = {.frame = f, .link = LINK_CAN, .now_us = now_us};
+
+    if (routing_accept(&s->routing, &q)) {
+        requests_handle(s, &q);
+    }
 }

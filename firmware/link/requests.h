@@ -1,29 +1,27 @@
-/* What EXECUTE asks for besides arming: saved parameters, and the way into the ROM bootloader. The session's
- * third part; called by session.c and the main loop. */
+/* Requests: what hosts send, carried out and answered.
+ *
+ * The upper end of the session: bytes of the UART and frames of CAN come in here, and everything that a frame
+ * asks for is looked up, checked and answered to the link it came from. PROTOCOL.md says what every frame
+ * is. Time is an argument, in us of the board's clock, modulo 2^32. */
 #ifndef PLUMB_LINK_REQUESTS_H
 #define PLUMB_LINK_REQUESTS_H
 
 #include "session.h"
 
-/* Where the parameters in use come from, as IDENTITY says it. */
-#define REQUESTS_FROM_HOST 4U /* committed and not saved; below: store_found_t */
+/* How many bytes requests_receive() may be given now, so that every reply has room. 0 while the host does not
+ * read. */
+size_t requests_room(const session_t *s);
 
-/* What the start found in flash. */
-void requests_loaded(session_t *s, const store_report_t *report);
+/* Received bytes of the UART, at most requests_room(). */
+void requests_receive(session_t *s, const uint8_t *bytes, size_t count, uint32_t now_us);
 
-/* The parameters in use are the host's now. */
-void requests_committed(session_t *s);
+/* True when requests_receive_frame() may be called: the reply has room. */
+bool requests_frame_room(const session_t *s);
 
-/* Carry out a verb whose nonce was right: 0, or the reason of the NACK. */
-uint16_t requests_execute(session_t *s, uint16_t verb, uint32_t now_us);
+/* A received frame of CAN. */
+void requests_receive_frame(session_t *s, const can_frame_t *frame, uint32_t now_us);
 
-/* BOARD_FAULT_PARAMETERS, or 0. */
-uint32_t requests_faults(const session_t *s);
-
-/* True when the ROM bootloader was asked for, and the answer is out: time to go. */
-bool requests_bootloader_due(const session_t *s, uint32_t now_us);
-
-/* A run or arming withdraws the request: a board that is disarmed later must not reset then. */
-void requests_withdraw_bootloader(session_t *s);
+/* Carry out what an accepted frame asks for, and answer it. */
+void requests_handle(session_t *s, const request_t *request);
 
 #endif

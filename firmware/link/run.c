@@ -1,59 +1,83 @@
 #include "run.h"
-#include "links.h"
+#include "arming.h"
+#include "core/prefilter.h"
 #include "messages.h"
-#include "readiness.h"
-#include "requests.h"
-#include "telemetry.h"
 #include <string.h>
 
-/* SAMPLE and RAW carry the low six bits of their step number: four as the counter, two as flags. */
-#define STEP6_MASK     63U
-#define STEP6_SHIFT    4U
-#define FLAG_STEP_HIGH 3U
-#define NO_GAP         0xFFU
-#define SAMPLE_ANY     0xFFU
-#define RAW_B_NONE     0xFFU
-#define RUN_TAG_MAX    15U /* four flags; 0: no run */
+/* SAMPLE carries the low six bits of its step number: four as the counter, two as flags. */
+#define STEP6_MASK       63U
+#define STEP6_SHIFT      4U
+#define FLAG_STEP_HIGH   3U
+#define NO_GAP           0xFFU
+#define SAMPLE_ANY       0xFFU
+#define RAW_B_NONE       0xFFU
+#define TAG_MAX          15U    /* four flags; 0: no run */
+#define STEPS_MISSING    3U     /* armed, a step is overdue after so many periods, */
+#define STEPS_MISSING_US 20000U /* and so much */
 
-void run_begin(session_t *s, uint16_t run, run_links_t links) {
-    s->mode = run == MESSAGE_RUN_BEGIN_RUN_LOCKSTEP ? SESSION_LOCKSTEP : SESSION_REALTIME;
-    s->live = run == MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE;
-    s->begun = true;
-    requests_withdraw_bootloader(s);
-    s->step = 0;
-    s->queue_in = 0;
-    s->queue_out = 0;
-    s->word_next = CONTROL_RECORD_WORDS_MAX;
-    s->run_owner = links.owner;
-    s->sample_source = links.samples;
-    s->setpoint_source = links.setpoints;
-    s->run_tag = (uint8_t)(s->run_tag < RUN_TAG_MAX ? s->run_tag + 1U : 1U);
-    s->gap_ahead = NO_GAP;
-    s->sample_expected = SAMPLE_ANY;
-    s->raw_b_step6 = RAW_B_NONE;
-    s->setpoint_waiting = false;
-    s->setpoint_timed_out = false;
-    s->setpoint_turn_q32 = 0;
-    s->setpoint_told_turn_q32 = 0;
-    s->held = (session_sample_t){0};
-    s->stale = UINT16_MAX;
-    control_init(s->control, &s->params->control);
-    readiness_begin(s);
+void run_init(run_t *r, run_sample_t *queue, uint32_t random) {
+    *r = (run_t){.queue = queue, .links = {LINK_NONE, LINK_UART, LINK_UART}, .tag = (uint8_t)(random >> 28)};
 }
 
-bool session_take_begin(session_t *s) {
-    const bool begun = s->begun;
+void run_begin(run_t *r, uint16_t run, run_links_t links) {
+    r->mode = run == MESSAGE_RUN_BEGIN_RUN_LOCKSTEP ? RUN_LOCKSTEP : RUN_REALTIME;
+    r->live = run == MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE;
+    r->begun = true;
+    r->stand_alone = links.owner == LINK_NONE;
+    r->tag = (uint8_t)(r->tag < TAG_MAX ? r->tag + 1U : 1U);
+    r->links = links;
+    setpoint_begin(&r->setpoint);
+    r->held = (run_sample_t){0};
+    r->step = 0;
+    r->queue_in = 0;
+    r->queue_out = 0;
+    r->stale = UINT16_MAX;
+    r->gap_ahead = NO_GAP;
+    r->sample_expected = SAMPLE_ANY;
+    r->raw_b_step6 = RAW_B_NONE;
+}
 
-    s->begun = false;
+void run_end(run_t *r) {
+    r->stand_alone = false;
+    r->mode = RUN_IDLE;
+    r->live = false;
+}
+
+bool run_pop_begin(run_t *r) {
+    const bool begun = r->begun;
+
+    r->begun = false;
     return begun;
+}
+
+/* Samples that wait outlive their source: 16 of them are 1.6 s at the longest period. */
+void run_poll(run_t *r, uint32_t period_us, uint32_t now_us) {
+    if (now_us - r->sample_us > ARMING_SAFE_US + period_us) {
+        r->stale = UINT16_MAX;
+    }
+}
+
+/* Without a step the last pulses would stay, whatever the sensors say. */
+bool run_step_overdue(run_t *r, bool armed, uint32_t period_us, uint32_t now_us) {
+    const uint32_t limit_us = STEPS_MISSING * period_us;
+
+    if (!armed || r->step != r->step_seen) {
+        r->step_seen = r->step;
+        r->step_seen_us = now_us;
+    }
+    return now_us - r->step_seen_us > (limit_us > STEPS_MISSING_US ? limit_us : STEPS_MISSING_US);
+}
+
+/* A held sample controls nothing: a few steps may be bridged, not more than ARMING_SAFE_US. */
+bool run_samples_stale(const run_t *r, uint32_t period_us) {
+    return r->mode == RUN_REALTIME && !r->live &&
+           (r->stale == UINT16_MAX || r->stale > ARMING_SAFE_US / period_us);
 }
 
 /* ---- samples in ---- */
 
-static void nack(session_t *s, const can_frame_t *f, uint16_t reason) {
-    const message_nack_t m = {.request = f->id, .reason = reason, .detail = s->queue_in};
-
-    links_reply(s, message_nack_pack(&m), e2e_counter(f));
+static void nack(const run_t *r, routing_t *routing, const request_t *q, uint16_t reason) {
+    routing_nack(routing, q, reason, r->queue_in);
 }
 
 static unsigned step6_of(const can_frame_t *f) {
@@ -62,149 +86,128 @@ static unsigned step6_of(const can_frame_t *f) {
 
 /* One report for one gap: the samples behind it are ever further ahead. Nearer again means that the host went
  * back to the step that was asked for, and that it is missing once more. */
-static void tell_gap(session_t *s, const can_frame_t *f, unsigned ahead) {
-    if (ahead <= s->gap_ahead) {
-        s->link[s->asked].lost++;
-        nack(s, f, MESSAGE_NACK_REASON_SEQUENCE);
+static void report_gap(run_t *r, routing_t *routing, const request_t *q, unsigned ahead) {
+    if (ahead <= r->gap_ahead) {
+        routing->link[q->link].lost++;
+        nack(r, routing, q, MESSAGE_NACK_REASON_SEQUENCE);
     }
-    s->gap_ahead = (uint8_t)ahead;
+    r->gap_ahead = (uint8_t)ahead;
 }
 
-/* A sample that was run before: its STEP got lost on the way to the host, say it again. One that still waits
- * in the queue will be answered anyway. */
-static void answer_again(session_t *s, uint16_t step) {
-    const message_step_t m = {.step = step, .digest = s->buffers->digest[SESSION_SLOT(step)]};
+static void enqueue(run_t *r, routing_t *routing, const request_t *q) {
+    const message_sample_a_t m = message_sample_a_unpack(q->frame);
+    run_sample_t *const sample = &r->queue[RUN_SLOT(r->queue_in)];
 
-    if ((uint16_t)(s->step - step - 1U) < SESSION_QUEUE_LENGTH) {
-        links_reply(s, message_step_pack(&m), telemetry_step_flags(s, &s->link[s->asked], false));
-    }
-}
-
-static void enqueue(session_t *s, const can_frame_t *f) {
-    const message_sample_a_t m = message_sample_a_unpack(f);
-    session_sample_t *const sample = &s->buffers->queue[SESSION_SLOT(s->queue_in)];
-
-    if ((uint16_t)(s->queue_in - s->queue_out) >= SESSION_QUEUE_LENGTH) {
-        nack(s, f, MESSAGE_NACK_REASON_QUEUE_FULL);
+    if ((uint16_t)(r->queue_in - r->queue_out) >= RUN_QUEUE_LENGTH) {
+        nack(r, routing, q, MESSAGE_NACK_REASON_QUEUE_FULL);
         return;
     }
-    *sample =
-        (session_sample_t){.raw = {m.raw_0, m.raw_1, m.raw_2}, .setpoint_turn_q32 = s->setpoint_turn_q32};
-    if ((e2e_flags(f) & MESSAGE_SAMPLE_A_WITH_B) != 0) {
-        memcpy(&sample->raw[3], s->raw_b, sizeof s->raw_b);
+    *sample = (run_sample_t){.raw = {m.raw_0, m.raw_1, m.raw_2}, .setpoint_turn_q32 = r->setpoint.turn_q32};
+    if ((e2e_flags(q->frame) & MESSAGE_SAMPLE_A_WITH_B) != 0) {
+        memcpy(&sample->raw[3], r->raw_b, sizeof r->raw_b);
     }
-    s->raw_b_step6 = RAW_B_NONE;
-    s->gap_ahead = NO_GAP;
-    s->sample_us = s->link[s->asked].heard_us;
-    s->queue_in++;
+    r->raw_b_step6 = RAW_B_NONE;
+    r->gap_ahead = NO_GAP;
+    r->sample_us = routing->link[q->link].heard_us;
+    r->queue_in++;
 }
 
-static void sample_in_lockstep(session_t *s, const can_frame_t *f, bool incomplete) {
-    const unsigned ahead = (step6_of(f) - s->queue_in) & STEP6_MASK;
+/* True when *step was run before. One that still waits in the queue will be answered anyway. */
+static bool sample_in_lockstep(run_t *r, routing_t *routing, const request_t *q, bool incomplete,
+                               uint16_t *step) {
+    const unsigned ahead = (step6_of(q->frame) - r->queue_in) & STEP6_MASK;
     const bool without_setpoint =
-        (e2e_flags(f) & MESSAGE_SAMPLE_A_WITH_SETPOINT) != 0 && !s->setpoint_waiting;
+        (e2e_flags(q->frame) & MESSAGE_SAMPLE_A_WITH_SETPOINT) != 0 && !r->setpoint.waiting;
 
-    if (ahead > STEP6_MASK - SESSION_QUEUE_LENGTH) {
-        answer_again(s, (uint16_t)(s->queue_in + ahead - (STEP6_MASK + 1U)));
-    } else if (ahead != 0 || incomplete || without_setpoint) {
-        tell_gap(s, f, ahead);
-    } else {
-        s->setpoint_waiting = false;
-        enqueue(s, f);
+    if (ahead > STEP6_MASK - RUN_QUEUE_LENGTH) {
+        *step = (uint16_t)(r->queue_in + ahead - (STEP6_MASK + 1U));
+        return (uint16_t)(r->step - *step - 1U) < RUN_QUEUE_LENGTH;
     }
+    if (ahead != 0 || incomplete || without_setpoint) {
+        report_gap(r, routing, q, ahead);
+    } else {
+        r->setpoint.waiting = false;
+        enqueue(r, routing, q);
+    }
+    return false;
 }
 
 /* A sensor board numbers its samples without knowing of the run: the first says where they are. */
-static void sample_in_real_time(session_t *s, const can_frame_t *f, bool incomplete) {
-    session_link_t *const l = &s->link[s->asked];
-    const bool first = s->sample_expected > STEP6_MASK;
+static void sample_in_real_time(run_t *r, routing_t *routing, const request_t *q, bool incomplete) {
+    routing_link_t *const l = &routing->link[q->link];
+    const bool first = r->sample_expected > STEP6_MASK;
 
-    l->lost = (uint16_t)(l->lost + (first ? 0U : (step6_of(f) - s->sample_expected) & STEP6_MASK));
-    s->sample_expected = (uint8_t)((step6_of(f) + 1U) & STEP6_MASK);
+    l->lost = (uint16_t)(l->lost + (first ? 0U : (step6_of(q->frame) - r->sample_expected) & STEP6_MASK));
+    r->sample_expected = (uint8_t)((step6_of(q->frame) + 1U) & STEP6_MASK);
     if (incomplete) {
         l->lost++;
     } else {
-        enqueue(s, f);
+        enqueue(r, routing, q);
     }
 }
 
-void run_on_sample_a(session_t *s, const can_frame_t *f) {
-    const bool incomplete = (e2e_flags(f) & MESSAGE_SAMPLE_A_WITH_B) != 0 && s->raw_b_step6 != step6_of(f);
+bool run_on_sample_a(run_t *r, routing_t *routing, const request_t *q, uint16_t *step) {
+    const bool incomplete =
+        (e2e_flags(q->frame) & MESSAGE_SAMPLE_A_WITH_B) != 0 && r->raw_b_step6 != step6_of(q->frame);
 
-    if (s->mode == SESSION_IDLE || s->live) {
-        nack(s, f, MESSAGE_NACK_REASON_NO_RUN);
-    } else if (s->sample_source != s->asked) {
-        nack(s, f, MESSAGE_NACK_REASON_OWNER);
-    } else if (s->mode == SESSION_LOCKSTEP) {
-        sample_in_lockstep(s, f, incomplete);
+    if (r->mode == RUN_IDLE || r->live) {
+        nack(r, routing, q, MESSAGE_NACK_REASON_NO_RUN);
+    } else if (r->links.samples != q->link) {
+        nack(r, routing, q, MESSAGE_NACK_REASON_OWNER);
+    } else if (r->mode == RUN_LOCKSTEP) {
+        return sample_in_lockstep(r, routing, q, incomplete, step);
     } else {
-        sample_in_real_time(s, f, incomplete);
+        sample_in_real_time(r, routing, q, incomplete);
     }
+    return false;
 }
 
-void run_on_sample_b(session_t *s, const can_frame_t *f) {
-    const message_sample_b_t m = message_sample_b_unpack(f);
+void run_on_sample_b(run_t *r, const request_t *q) {
+    const message_sample_b_t m = message_sample_b_unpack(q->frame);
 
-    if (s->sample_source != s->asked) { /* its SAMPLE_A is answered */
+    if (r->links.samples != q->link) { /* its SAMPLE_A is answered */
         return;
     }
-    s->raw_b_step6 = (uint8_t)step6_of(f);
-    s->raw_b[0] = m.raw_3;
-    s->raw_b[1] = m.raw_4;
-    s->raw_b[2] = m.raw_5;
+    r->raw_b_step6 = (uint8_t)step6_of(q->frame);
+    r->raw_b[0] = m.raw_3;
+    r->raw_b[1] = m.raw_4;
+    r->raw_b[2] = m.raw_5;
 }
 
-/* Lockstep: one for a step that was taken in before comes from a repetition and must change nothing. */
-void run_on_setpoint(session_t *s, const can_frame_t *f) {
-    const message_setpoint_t m = message_setpoint_unpack(f);
-    const bool due = m.step == s->queue_in;
+/* Lockstep: a setpoint for a step whose sample is queued already is a repetition and must change nothing. */
+void run_on_setpoint(run_t *r, routing_t *routing, const request_t *q) {
+    const message_setpoint_t m = message_setpoint_unpack(q->frame);
 
-    if (s->mode == SESSION_IDLE) {
-        nack(s, f, MESSAGE_NACK_REASON_NO_RUN);
-    } else if (s->setpoint_source != s->asked) {
-        nack(s, f, MESSAGE_NACK_REASON_OWNER);
-    } else if (e2e_flags(f) != s->run_tag) {
-        nack(s, f, MESSAGE_NACK_REASON_RUN_TAG);
-    } else if (s->mode == SESSION_REALTIME || due) {
-        s->setpoint_turn_q32 = m.setpoint;
-        s->setpoint_heard = true;
-        s->setpoint_timed_out = false;
-        s->setpoint_waiting = true;
+    if (r->mode == RUN_IDLE) {
+        nack(r, routing, q, MESSAGE_NACK_REASON_NO_RUN);
+    } else if (r->links.setpoints != q->link) {
+        nack(r, routing, q, MESSAGE_NACK_REASON_OWNER);
+    } else if (e2e_flags(q->frame) != r->tag) {
+        nack(r, routing, q, MESSAGE_NACK_REASON_RUN_TAG);
+    } else if (r->mode == RUN_REALTIME || m.step == r->queue_in) {
+        setpoint_receive(&r->setpoint, m.setpoint);
     }
 }
 
-/* Samples that wait outlive their source: 16 of them are 1.6 s at the longest period. */
-void run_poll(session_t *s, uint32_t now_us) {
-    if (now_us - s->sample_us > ARMING_SAFE_US + s->params->period_us) {
-        s->stale = UINT16_MAX;
-    }
-}
+/* ---- samples out ---- */
 
-bool session_next_sample(session_t *s, int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32) {
-    const bool waiting = s->queue_in != s->queue_out;
-
-    if (s->mode == SESSION_LOCKSTEP && !(waiting && s->word_next == CONTROL_RECORD_WORDS_MAX &&
-                                         outbox_telemetry_fits(s->link[s->run_owner].outbox, s->selected))) {
-        return false;
-    }
-    if (waiting) {
-        s->held = s->buffers->queue[SESSION_SLOT(s->queue_out)];
-        s->queue_out++;
-        s->stale = 0;
+void run_next_sample(run_t *r, bool mark_missing, int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32) {
+    if (run_sample_waits(r)) {
+        r->held = r->queue[RUN_SLOT(r->queue_out)];
+        r->queue_out++;
+        r->stale = 0;
     } else {
-        s->starved++;
-        s->stale = (uint16_t)(s->stale + (s->stale != UINT16_MAX ? 1U : 0U));
-        if (s->params->control.system == CONTROL_TURNTABLE) { /* which knows what it is to have none */
-            for (unsigned i = 0; i < CONTROL_RAW_MAX; i++) {
-                s->held.raw[i] = PREFILTER_NO_SAMPLE;
-            }
+        r->starved++;
+        r->stale = (uint16_t)(r->stale + (r->stale != UINT16_MAX ? 1U : 0U));
+        for (unsigned i = 0; mark_missing && i < CONTROL_RAW_MAX; i++) {
+            r->held.raw[i] = PREFILTER_NO_SAMPLE;
         }
     }
-    memcpy(raw, s->held.raw, sizeof s->held.raw);
-    *setpoint_turn_q32 = s->mode == SESSION_LOCKSTEP ? s->held.setpoint_turn_q32 : s->setpoint_turn_q32;
-    return true;
+    memcpy(raw, r->held.raw, sizeof r->held.raw);
+    *setpoint_turn_q32 = r->mode == RUN_LOCKSTEP ? r->held.setpoint_turn_q32 : r->setpoint.turn_q32;
 }
 
-int32_t session_setpoint(const session_t *s) {
-    return s->setpoint_turn_q32;
+void run_stepped(run_t *r, bool saturated) {
+    r->saturated = (uint16_t)(r->saturated + saturated);
+    r->step++;
 }

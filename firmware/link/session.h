@@ -1,145 +1,74 @@
-/* The conversation with the host: connect, parameters, run, telemetry, arming. PROTOCOL.md says what every
- * byte is.
+/* Session: a run over up to two links, put together from its owners.
  *
- * Two links, which may both be open: bytes of the UART and frames of CAN go in and come out; time is an
- * argument (us of the board's clock, wraps). No hardware, no heap; the caller owns all memory. A turn of the
- * main loop (firmware/app/loop.c):
+ * Each part of the state has one owner, a struct and a file of the same name; only that file writes it, and
+ * calls go down only: requests.c (what a host asks for) calls the session, the session calls its owners, an
+ * owner knows nothing of the session.
  *
- *     session_receive()      what the UART brought, at most session_receive_room()
- *     session_receive_frame()  what CAN brought, while session_frame_room()
- *     session_poll()         may disarm
- *     session_take_begin()   a run began: set the timer to session_period_us(), the outputs to its neutral
- *     per sample             from session_next_sample(), or live with session_setpoint(): control_step(),
- *                            actuate if session_driving(), session_stepped()
- *     session_transmit()     what there is to say on the UART, session_transmit_frame() on CAN
+ *     routing     links: open, greeted, what was received; outboxes
+ *     run         samples and setpoints in, number of the step
+ *     telemetry   what a step sends
+ *     staging     parameters on their way into use
+ *     arming      whether the actuator may be driven; readiness: whether the sensors allow it
+ *     status      what the board reported, told periodically
  *
- * Whenever session_driving() is false the outputs are at neutral.
- */
+ * No hardware, no heap; the caller owns all memory. Time is an argument: us of the board's clock, modulo
+ * 2^32. A turn of the main loop (firmware/app/loop.c):
+ *
+ *     requests_receive()        bytes of the UART, at most requests_room()
+ *     requests_receive_frame()  frames of CAN, while requests_frame_room()
+ *     session_report_...()      faults, health, the arm switch
+ *     session_poll()            may disarm
+ *     session_pop_begin()       a run began: set the timer to session_period_us(), the outputs to neutral
+ *     per sample                from session_next_sample(), or live with session_setpoint(): control_step(),
+ *                               actuate if session_driving(), session_stepped()
+ *     session_transmit()        text for the UART; session_transmit_frame() for CAN
+ *
+ * Whenever session_driving() is false the outputs are at neutral. */
 #ifndef PLUMB_LINK_SESSION_H
 #define PLUMB_LINK_SESSION_H
 
-#include "app/board.h"
-#include "app/board_links.h"
-#include "app/board_sensors.h"
 #include "arming.h"
+#include "commands.h"
+#include "long_replies.h"
 #include "nonce.h"
-#include "outbox.h"
-#include "params.h"
-#include "slcan.h"
-#include "store.h"
+#include "readiness.h"
+#include "run.h"
+#include "staging.h"
+#include "status.h"
 #include "systems/control.h"
+#include "telemetry.h"
 
-#define SESSION_QUEUE_LENGTH    16U /* samples in flight; a power of two */
-#define SESSION_SLOT(step)      ((step) & (SESSION_QUEUE_LENGTH - 1U))
-#define SESSION_WORD_BANKS      ((CONTROL_RECORD_WORDS_MAX + 31U) / 32U)
 #define SESSION_FAULTS_BLOCKING 0xE0FFU /* of BOARD_FAULT_*: these disarm */
-
-typedef enum { SESSION_IDLE = 0, SESSION_LOCKSTEP = 1, SESSION_REALTIME = 2 } session_mode_t;
-
-/* One sample as injected, with the setpoint that goes with it. */
-typedef struct {
-    int16_t raw[CONTROL_RAW_MAX];
-    int32_t setpoint_turn_q32;
-} session_sample_t;
-
-/* A reply of many frames, sent as the outbox has room: next of end. */
-typedef struct {
-    uint16_t next;
-    uint16_t end;
-} session_reply_t;
-
-typedef enum { LINK_UART = 0, LINK_CAN = 1, LINKS = 2, LINK_NONE = LINKS } link_t;
-
-/* One way to a host. */
-typedef struct {
-    outbox_t *outbox;
-    bool open;             /* UART: between O or L and C; CAN: from HELLO to CLOSE or silence */
-    bool read_only;        /* opened with L */
-    bool greeted;          /* by a host of the same version and definitions */
-    uint8_t *counter;      /* OUTBOX_COUNTERS of them: last received, 0xFF: none */
-    uint16_t rejected;     /* received frames thrown away, modulo 2^16 */
-    uint16_t lost;         /* received frames missing by their counter, modulo 2^16 */
-    uint16_t dropped_told; /* outbox.dropped at the last STEP */
-    uint32_t heard_us;     /* last good frame */
-    uint32_t long_us;      /* last frame of a long reply */
-    nonce_t nonce;         /* the one that was asked for here: answered here or nowhere */
-    session_reply_t identity;
-    session_reply_t dump;
-} session_link_t;
 
 /* What passes through: frames, samples and digests that wait, parameters that are not in use yet. It decides
  * no pulse: frames carry their CRC, a table is committed by its own. */
 typedef struct {
-    outbox_t outbox[LINKS];
-    uint8_t counter[LINKS][OUTBOX_COUNTERS];
-    slcan_rx_t rx;
-    params_t staged; /* what a commit will make of those in use */
-    session_sample_t queue[SESSION_QUEUE_LENGTH];
-    uint32_t digest[SESSION_QUEUE_LENGTH]; /* of the last steps, to be sent again when a sample comes again */
+    routing_buffers_t routing;
+    commands_t commands;
+    params_t staged;
+    run_sample_t queue[RUN_QUEUE_LENGTH];
+    uint32_t digest[RUN_QUEUE_LENGTH];
 } session_buffers_t;
 
 /* All of it decides whether and how something moves: the board keeps a check word over it
  * (board_memory_seal()). What is large and decides nothing belongs into the buffers. */
 typedef struct {
+    routing_t routing;
     const board_identity_t *board;
     control_t *control;
     params_t *params; /* in use */
     session_buffers_t *buffers;
-    session_link_t link[LINKS];
+    run_t run;
+    telemetry_t telemetry;
+    staging_t staging;
     arming_t arming;
+    readiness_t readiness;
+    status_t status;
     random_t random;
-
-    link_t asked;           /* over which the request at hand came */
-    link_t run_owner;       /* which began the run: it alone may arm, its keep-alive holds it armed, and
-                               lockstep goes at its pace. LINK_NONE: the arm switch began it */
-    link_t sample_source;   /* which alone may send this run's samples */
-    link_t setpoint_source; /* which alone may send this run's setpoints */
-    uint8_t run_tag;        /* 1 to 15, of the run that is on or was last: its setpoints carry it */
-    link_t staged_by;       /* while parameters are staged */
-    bool parameters_staged;
-    store_report_t saved;     /* what flash holds */
-    uint16_t parameters_from; /* store_found_t or REQUESTS_FROM_HOST */
+    nonce_t nonce[LINKS]; /* asked for over a link: answered there or nowhere */
+    long_replies_t long_replies[LINKS];
     bool bootloader_asked;
     uint32_t bootloader_us; /* when */
-    uint32_t faults;
-    const board_can_health_t *can;
-    uint32_t can_kbit;
-    board_health_t health;
-    plausibility_t plausibility;
-    uint16_t disarmed_by_checks; /* PLAUSIBILITY_ACCEL and so on: what failed when it was armed last */
-    uint32_t time_us;            /* last TIME */
-    uint32_t status_us;          /* last STATUS */
-
-    session_mode_t mode;
-    bool live;
-    bool begun;                              /* not yet told to the main loop */
-    bool stand_alone;                        /* this run was begun by the arm switch */
-    uint32_t frames_mask;                    /* bank 0 of SELECT */
-    uint32_t words_mask[SESSION_WORD_BANKS]; /* banks 1.. of SELECT */
-    uint16_t selected;     /* frames a step sends at once, STEP included; the words follow */
-    uint16_t step;         /* number of the next step to run */
-    uint16_t step_seen;    /* at the last look of an armed board, */
-    uint32_t step_seen_us; /* and when it was new */
-    uint16_t queue_in;     /* samples ever taken in; in lockstep the number of the next one */
-    uint16_t queue_out;    /* samples ever taken out */
-    uint16_t saturated;    /* steps with a clamped value, modulo 2^16 */
-    uint16_t starved;      /* real-time steps without a new sample, modulo 2^16 */
-    uint16_t
-        word_next; /* of the last step's record, the next to be sent; CONTROL_RECORD_WORDS_MAX: all were */
-    uint32_t sample_us; /* arrival of the last injected sample */
-    uint16_t stale; /* real-time steps since the last injected sample; all ones: none came in this run, or its
-                       source has ceased */
-    uint8_t gap_ahead;       /* how far ahead of the missing sample the last one was, 0xFF: none is missing */
-    uint8_t sample_expected; /* real time: low six bits of the next sample's number, above 63: any */
-    uint8_t raw_b_step6;     /* low six bits of the number raw_b belongs to, above 63: none */
-    bool setpoint_waiting;   /* lockstep: given for the sample to come; real time: not yet used */
-    int16_t raw_b[3];
-    bool setpoint_heard;     /* since the last poll */
-    bool setpoint_timed_out; /* set to 0 because its source fell silent, and not yet told */
-    uint32_t setpoint_us;    /* when the source was heard last, or nothing moved */
-    int32_t setpoint_turn_q32;
-    int32_t setpoint_told_turn_q32; /* by the last SETPOINT_USED */
-    session_sample_t held;          /* the sample of the last step */
 } session_t;
 
 /* Start from *params (valid; see params_default()) with both links closed, idle and disarmed. */
@@ -147,34 +76,27 @@ void session_init(session_t *s, session_buffers_t *buffers, const board_identity
                   params_t *params);
 
 /* The memory of *s was damaged: no value in it counts, but for which links are open, so that their hosts are
- * told; the UART's counts as open. As session_init(), disarmed by a fault; what waits to be sent is sent. */
+ * told; the UART counts as open. As session_init(), disarmed by a fault; what waits to be sent is sent. */
 void session_recover(session_t *s, session_buffers_t *buffers, const board_identity_t *board,
                      control_t *control, params_t *params);
 
-/* How many bytes session_receive() may be given now, so that every reply has room. 0 while the host does not
- * read. */
-size_t session_receive_room(const session_t *s);
+/* ---- for the main loop ---- */
 
-/* Take received bytes of the UART, at most session_receive_room(). */
-void session_receive(session_t *s, const uint8_t *bytes, size_t count, uint32_t now_us);
+/* Where *params came from, after session_init() and session_recover(). */
+void session_parameters_loaded(session_t *s, const store_report_t *report);
 
-/* True when a frame of CAN may be taken: its reply has room. */
-bool session_frame_room(const session_t *s);
+/* Board faults at this moment (BOARD_FAULT_*). With one of SESSION_FAULTS_BLOCKING the next poll disarms. */
+void session_report_faults(session_t *s, uint32_t faults);
 
-/* Take a frame of CAN. */
-void session_receive_frame(session_t *s, const can_frame_t *frame, uint32_t now_us);
+/* State of the CAN controller, sent with the status. Kept by the caller. */
+void session_report_can(session_t *s, const board_can_health_t *health);
 
-/* Do what a frame asks for that was accepted from this link. */
-void session_take_frame(session_t *s, link_t link, const can_frame_t *frame, uint32_t now_us);
+/* What stands behind BOARD_FAULT_SENSOR at this moment, for SENSORS. */
+void session_report_sensors(session_t *s, const board_health_t *health);
 
-/* Take up to room bytes for the UART; returns how many. Order is kept, a frame may be split between two
- * calls. */
-size_t session_transmit(session_t *s, uint8_t *out, size_t room);
-
-bool session_frame_waits(const session_t *s);
-
-/* Take the next frame for CAN; false when none waits. */
-bool session_transmit_frame(session_t *s, can_frame_t *frame);
+/* The arm switch at this moment: closing it arms, opening it disarms (arming.h). Call on every turn of the
+ * loop, after session_report_faults(). */
+void session_report_switch(session_t *s, bool closed, uint32_t now_us);
 
 /* Keep-alive, periodic telemetry, long replies. Call on every turn of the loop, at least once per
  * millisecond. */
@@ -182,7 +104,7 @@ void session_poll(session_t *s, uint32_t now_us);
 
 /* True once after a run began (state, step number and digest are reset): set the timer to
  * session_period_us(). */
-bool session_take_begin(session_t *s);
+bool session_pop_begin(session_t *s);
 
 /* The next injected sample. Lockstep: false until one is waiting and its replies have room. Real time,
  * injected: true on every tick; without a new sample the last one is held and counted. */
@@ -194,29 +116,48 @@ int32_t session_setpoint(const session_t *s);
 /* After control_step(): sends the digest, and the words that were asked for. */
 void session_stepped(session_t *s);
 
-/* Board faults at this moment (BOARD_FAULT_*). With one of SESSION_FAULTS_BLOCKING the next poll disarms. */
-void session_report_faults(session_t *s, uint32_t faults);
+/* Remove up to room bytes for the UART; returns how many. Order is kept, a frame may be split between two
+ * calls. */
+size_t session_transmit(session_t *s, uint8_t *out, size_t room);
 
-/* How the CAN controller fares: sent with the status. Kept by the caller. */
-void session_report_can(session_t *s, const board_can_health_t *health);
+bool session_frame_waits(const session_t *s);
 
-/* Bit rate for CAN: the parameter, but never another one while a host is there. */
-uint32_t session_can_kbit(const session_t *s);
-
-/* The arm switch at this moment: closing it arms, opening it disarms (arming.h). Call on every turn of the
- * loop, after session_report_faults(). */
-void session_report_switch(session_t *s, bool closed, uint32_t now_us);
-
-/* Staged parameters become those in use. No run is on. */
-void session_use_staged(session_t *s);
-
-/* What stands behind BOARD_FAULT_SENSOR at this moment, for SENSORS. */
-void session_report_sensors(session_t *s, const board_health_t *health);
+/* Remove the next frame for CAN; false when none waits. */
+bool session_transmit_frame(session_t *s, can_frame_t *frame);
 
 bool session_armed(const session_t *s);
 bool session_driving(const session_t *s); /* armed, and neutral was held long enough: the actuator may move */
 bool session_live(const session_t *s);    /* real time with the board's own sensors */
-session_mode_t session_mode(const session_t *s);
+run_mode_t session_mode(const session_t *s);
 uint32_t session_period_us(const session_t *s);
+
+/* Bit rate for CAN: the parameter, but never another one while a host is there. */
+uint32_t session_can_kbit(const session_t *s);
+
+/* True when the ROM bootloader was asked for, and the answer is out: time to go. */
+bool session_bootloader_due(const session_t *s, uint32_t now_us);
+
+/* ---- for requests.c: what a host may bring about; the caller has checked nonce and permission ---- */
+
+void session_begin_run(session_t *s, uint16_t run, run_links_t links); /* run: MESSAGE_RUN_BEGIN_RUN_* */
+
+/* For the host of this request: the first value of its keep-alive; 0 when *blocked (ARMING_BLOCK_*) is not 0.
+ */
+uint32_t session_arm(session_t *s, const request_t *q, uint16_t *blocked);
+
+/* A link can no longer control: what its host armed is disarmed at once, for this cause. */
+void session_link_lost(session_t *s, link_t link, uint16_t cause);
+
+/* STEP of one of the last RUN_QUEUE_LENGTH steps once more. */
+void session_repeat_step(session_t *s, const request_t *q, uint16_t step);
+
+/* The staged parameters become those in use. No run is on. */
+void session_apply_staged(session_t *s);
+
+/* Leave for the ROM bootloader when the reply is out, unless a run begins or the board is armed before. */
+void session_ask_bootloader(session_t *s, uint32_t now_us);
+
+/* PLAUSIBILITY to one link. */
+void session_send_readiness(session_t *s, link_t link);
 
 #endif

@@ -62,7 +62,7 @@ static bool is_text(uint8_t byte) {
     return byte >= ' ' && byte <= '~';
 }
 
-size_t slcan_rx_text(slcan_rx_t *rx, const uint8_t *bytes, size_t count) {
+size_t slcan_rx_push_text(slcan_rx_t *rx, const uint8_t *bytes, size_t count) {
     if (rx->complete || rx->length >= SLCAN_LINE_MAX) {
         return 0;
     }
@@ -78,7 +78,7 @@ size_t slcan_rx_text(slcan_rx_t *rx, const uint8_t *bytes, size_t count) {
     return taken;
 }
 
-slcan_event_t slcan_rx_take(slcan_rx_t *rx, uint8_t byte, can_frame_t *frame) {
+slcan_event_t slcan_rx_push_byte(slcan_rx_t *rx, uint8_t byte, can_frame_t *frame) {
     if (rx->complete) {
         rx->length = 0;
         rx->complete = 0;

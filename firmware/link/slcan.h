@@ -32,12 +32,13 @@ typedef struct {
 
 void slcan_rx_init(slcan_rx_t *rx);
 
-/* Take the characters at the front of `bytes` that only lengthen the line that has begun, and return how
- * many: 10 instructions each, where slcan_rx_take needs 30. None when the next byte begins or ends a line. */
-size_t slcan_rx_text(slcan_rx_t *rx, const uint8_t *bytes, size_t count);
+/* Handle the characters at the front of `bytes` that only lengthen the line that has begun, and return how
+ * many: 10 instructions each, where slcan_rx_push_byte needs 30. None when the next byte begins or ends a
+ * line. */
+size_t slcan_rx_push_text(slcan_rx_t *rx, const uint8_t *bytes, size_t count);
 
-/* Take one byte. For SLCAN_FRAME the frame is in *frame; otherwise *frame is untouched. */
-slcan_event_t slcan_rx_take(slcan_rx_t *rx, uint8_t byte, can_frame_t *frame);
+/* Handle one byte. For SLCAN_FRAME the frame is in *frame; otherwise *frame is untouched. */
+slcan_event_t slcan_rx_push_byte(slcan_rx_t *rx, uint8_t byte, can_frame_t *frame);
 
 /* Write the text of a frame (upper-case hexadecimal, CR at the end) and return its length, at most
  * SLCAN_FRAME_CHARS. */

@@ -1,9 +1,6 @@
 #include "telemetry.h"
 #include "core/digest.h"
-#include "links.h"
 #include "messages.h"
-#include "readiness.h"
-#include "setpoint.h"
 #include <string.h>
 
 /* RAW carries the low six bits of its step number: four as the counter, two as flags. */
@@ -44,8 +41,8 @@ static uint16_t bits_set(uint32_t mask) {
 }
 
 /* Frames that the selected system has. */
-static uint32_t system_frames(const session_t *s) {
-    switch (s->params->control.system) {
+static uint32_t system_frames(const control_params_t *params) {
+    switch (params->system) {
     case CONTROL_BALANCER:
         return FRAMES_BALANCER;
     case CONTROL_PHONE:
@@ -57,13 +54,9 @@ static uint32_t system_frames(const session_t *s) {
     }
 }
 
-static uint32_t record_words(const session_t *s) {
-    return (uint32_t)control_words_bytes(&s->params->control) / 4U;
-}
-
 /* The bits of a bank of words that lie inside the record. */
-static uint32_t words_inside(const session_t *s, uint32_t first) {
-    const uint32_t record = record_words(s);
+static uint32_t words_inside(const control_params_t *params, uint32_t first) {
+    const uint32_t record = (uint32_t)control_words_bytes(params) / 4U;
 
     if (record <= first) {
         return 0;
@@ -71,45 +64,50 @@ static uint32_t words_inside(const session_t *s, uint32_t first) {
     return record - first >= 32U ? 0xFFFFFFFFU : (1U << (record - first)) - 1U;
 }
 
-void telemetry_select(session_t *s, uint16_t bank, uint32_t mask) {
+void telemetry_select(telemetry_t *t, const control_params_t *params, uint16_t bank, uint32_t mask) {
     if (bank == 0) {
-        s->frames_mask = mask & system_frames(s);
-        s->selected = (uint16_t)(1U + bits_set(s->frames_mask)); /* and STEP */
+        t->frames_mask = mask & system_frames(params);
+        t->selected = (uint16_t)(1U + bits_set(t->frames_mask)); /* and STEP */
     } else {
-        s->words_mask[bank - 1U] = mask & words_inside(s, 32U * (bank - 1U));
+        t->words_mask[bank - 1U] = mask & words_inside(params, 32U * (bank - 1U));
     }
 }
 
-void telemetry_select_nothing(session_t *s) {
-    s->frames_mask = 0;
-    s->selected = 1; /* STEP */
-    memset(s->words_mask, 0, sizeof s->words_mask);
+void telemetry_select_nothing(telemetry_t *t) {
+    t->frames_mask = 0;
+    t->selected = 1; /* STEP */
+    memset(t->words_mask, 0, sizeof t->words_mask);
 }
 
-/* ---- words out ---- */
+void telemetry_init(telemetry_t *t, uint32_t *digest) {
+    *t = (telemetry_t){.digest = digest};
+    telemetry_select_nothing(t);
+}
 
-uint8_t telemetry_step_flags(const session_t *s, const session_link_t *l, bool saturated) {
-    unsigned flags = 0;
+void telemetry_begin(telemetry_t *t) {
+    t->word_next = CONTROL_RECORD_WORDS_MAX;
+}
 
-    flags |= arming_armed(&s->arming) ? MESSAGE_STEP_ARMED : 0U;
-    flags |= s->live ? MESSAGE_STEP_LIVE : 0U;
-    flags |= saturated ? MESSAGE_STEP_SATURATED : 0U;
-    flags |= l->dropped_told != l->outbox->dropped ? MESSAGE_STEP_DROPPED : 0U;
-    return (uint8_t)flags;
+/* ---- frames out ---- */
+
+static uint8_t flags_on(const telemetry_t *t, const routing_t *r, unsigned link, uint8_t flags) {
+    const bool dropped = t->dropped_told[link] != r->link[link].outbox->dropped;
+
+    return (uint8_t)(flags | (dropped ? MESSAGE_STEP_DROPPED : 0U));
 }
 
 /* Every record begins with the raw counts. */
-static void send_raw(session_t *s, const int32_t raw[CONTROL_RAW_MAX]) {
+static void send_raw(const telemetry_t *t, routing_t *r, uint16_t step, const int32_t raw[CONTROL_RAW_MAX]) {
     const message_raw_a_t a = {(int16_t)raw[0], (int16_t)raw[1], (int16_t)raw[2]};
     const message_raw_b_t b = {(int16_t)raw[3], (int16_t)raw[4], (int16_t)raw[5]};
-    const uint8_t low = (uint8_t)(s->step & E2E_COUNTER_MASK);
-    const uint8_t high = (uint8_t)((s->step >> STEP6_SHIFT) & FLAG_STEP_HIGH);
+    const uint8_t low = (uint8_t)(step & E2E_COUNTER_MASK);
+    const uint8_t high = (uint8_t)((step >> STEP6_SHIFT) & FLAG_STEP_HIGH);
 
-    if ((s->frames_mask & FRAME_RAW_A) != 0) {
-        links_numbered(s, message_raw_a_pack(&a), low, high);
+    if ((t->frames_mask & FRAME_RAW_A) != 0) {
+        routing_numbered(r, message_raw_a_pack(&a), low, high);
     }
-    if ((s->frames_mask & FRAME_RAW_B) != 0) {
-        links_numbered(s, message_raw_b_pack(&b), low, high);
+    if ((t->frames_mask & FRAME_RAW_B) != 0) {
+        routing_numbered(r, message_raw_b_pack(&b), low, high);
     }
 }
 
@@ -122,27 +120,25 @@ typedef struct {
     message_command_t command;
 } axis_t;
 
-static void send_axis(session_t *s, const axis_t *m, uint8_t step_low) {
-    const uint32_t mask = s->frames_mask;
-
+static void send_axis(routing_t *r, uint32_t mask, const axis_t *m, uint8_t step_low) {
     if ((mask & FRAME_ANGLE) != 0) {
-        links_telemetry(s, message_angle_pack(&m->angle), step_low);
+        routing_telemetry(r, message_angle_pack(&m->angle), step_low);
     }
     if ((mask & FRAME_BIAS) != 0) {
-        links_telemetry(s, message_bias_pack(&m->bias), step_low);
+        routing_telemetry(r, message_bias_pack(&m->bias), step_low);
     }
     if ((mask & FRAME_RATE) != 0) {
-        links_telemetry(s, message_rate_pack(&m->rate), step_low);
+        routing_telemetry(r, message_rate_pack(&m->rate), step_low);
     }
     if ((mask & FRAME_MEASURED) != 0) {
-        links_telemetry(s, message_measured_pack(&m->measured), step_low);
+        routing_telemetry(r, message_measured_pack(&m->measured), step_low);
     }
     if ((mask & FRAME_COMMAND) != 0) {
-        links_telemetry(s, message_command_pack(&m->command), step_low);
+        routing_telemetry(r, message_command_pack(&m->command), step_low);
     }
 }
 
-static void send_quad(session_t *s, const quad_words_t *w, uint8_t step_low) {
+static void send_quad(routing_t *r, uint32_t mask, const quad_words_t *w, uint8_t step_low) {
     const axis_t m = {
         .angle = {.pulse_0 = (uint16_t)w->pulse_halfus[0], .tilt = w->tilt_turn_q32},
         .bias = {.pulse_1 = (uint16_t)w->pulse_halfus[1], .bias = w->bias_turnps_q28},
@@ -151,10 +147,10 @@ static void send_quad(session_t *s, const quad_words_t *w, uint8_t step_low) {
         .command = {.command = w->pid.command_q22},
     };
 
-    send_axis(s, &m, step_low);
+    send_axis(r, mask, &m, step_low);
 }
 
-static void send_balancer(session_t *s, const balancer_words_t *w, uint8_t step_low) {
+static void send_balancer(routing_t *r, uint32_t mask, const balancer_words_t *w, uint8_t step_low) {
     const message_drive_t drive = {.duty = (int16_t)w->duty_q15, .velocity = w->wheel.velocity_mps_q26};
     const axis_t m = {
         .angle = {.tilt = w->tilt_turn_q32},
@@ -164,30 +160,28 @@ static void send_balancer(session_t *s, const balancer_words_t *w, uint8_t step_
         .command = {.command = w->pid.command_q22},
     };
 
-    send_axis(s, &m, step_low);
-    if ((s->frames_mask & FRAME_DRIVE) != 0) {
-        links_telemetry(s, message_drive_pack(&drive), step_low);
+    send_axis(r, mask, &m, step_low);
+    if ((mask & FRAME_DRIVE) != 0) {
+        routing_telemetry(r, message_drive_pack(&drive), step_low);
     }
 }
 
-static void send_phone(session_t *s, const phone_words_t *w, uint8_t step_low) {
-    const uint32_t mask = s->frames_mask;
-
+static void send_phone(routing_t *r, uint32_t mask, const phone_words_t *w, uint8_t step_low) {
     if ((mask & FRAME_ANGLE) != 0) {
         const message_angle_t m = {.tilt = w->pitch_turn_q32};
-        links_telemetry(s, message_angle_pack(&m), step_low);
+        routing_telemetry(r, message_angle_pack(&m), step_low);
     }
     if ((mask & FRAME_BIAS) != 0) {
         const message_bias_t m = {.bias = w->pitch_bias_turnps_q28};
-        links_telemetry(s, message_bias_pack(&m), step_low);
+        routing_telemetry(r, message_bias_pack(&m), step_low);
     }
     if ((mask & FRAME_ROLL) != 0) {
         const message_roll_t m = {.flags = (uint16_t)w->flags, .roll = w->roll_turn_q32};
-        links_telemetry(s, message_roll_pack(&m), step_low);
+        routing_telemetry(r, message_roll_pack(&m), step_low);
     }
     if ((mask & FRAME_ROLL_BIAS) != 0) {
         const message_roll_bias_t m = {.bias = w->roll_bias_turnps_q28};
-        links_telemetry(s, message_roll_bias_pack(&m), step_low);
+        routing_telemetry(r, message_roll_bias_pack(&m), step_low);
     }
 }
 
@@ -196,7 +190,7 @@ static int16_t rate_q13(int32_t rate_turnps_q28) {
     return (int16_t)clamp_i32(asr32(rate_turnps_q28, 15), INT16_MIN, INT16_MAX);
 }
 
-static void send_turntable(session_t *s, const turntable_words_t *w, uint8_t step_low) {
+static void send_turntable(routing_t *r, uint32_t mask, const turntable_words_t *w, uint8_t step_low) {
     const quaternion_t *const q = &w->attitude;
     const int32_t *const rate = w->rate_corrected_turnps_q28;
     const message_attitude_w_t scalar = {.flags = (uint16_t)w->flags, .w = q->w};
@@ -204,42 +198,43 @@ static void send_turntable(session_t *s, const turntable_words_t *w, uint8_t ste
     const message_attitude_y_t y = {.rate_y = rate_q13(rate[1]), .y = q->y};
     const message_attitude_z_t z = {.rate_z = rate_q13(rate[2]), .z = q->z};
 
-    if ((s->frames_mask & FRAME_ATTITUDE_W) != 0) {
-        links_telemetry(s, message_attitude_w_pack(&scalar), step_low);
+    if ((mask & FRAME_ATTITUDE_W) != 0) {
+        routing_telemetry(r, message_attitude_w_pack(&scalar), step_low);
     }
-    if ((s->frames_mask & FRAME_ATTITUDE_X) != 0) {
-        links_telemetry(s, message_attitude_x_pack(&x), step_low);
+    if ((mask & FRAME_ATTITUDE_X) != 0) {
+        routing_telemetry(r, message_attitude_x_pack(&x), step_low);
     }
-    if ((s->frames_mask & FRAME_ATTITUDE_Y) != 0) {
-        links_telemetry(s, message_attitude_y_pack(&y), step_low);
+    if ((mask & FRAME_ATTITUDE_Y) != 0) {
+        routing_telemetry(r, message_attitude_y_pack(&y), step_low);
     }
-    if ((s->frames_mask & FRAME_ATTITUDE_Z) != 0) {
-        links_telemetry(s, message_attitude_z_pack(&z), step_low);
+    if ((mask & FRAME_ATTITUDE_Z) != 0) {
+        routing_telemetry(r, message_attitude_z_pack(&z), step_low);
     }
 }
 
 /* The frames that the system's words have names in. */
-static void send_named(session_t *s, uint8_t step_low) {
-    switch (s->params->control.system) {
+static void send_named(routing_t *r, uint32_t mask, const control_t *c, const control_params_t *params,
+                       uint8_t step_low) {
+    switch (params->system) {
     case CONTROL_BALANCER:
-        send_balancer(s, &s->control->balancer.words, step_low);
+        send_balancer(r, mask, &c->balancer.words, step_low);
         break;
     case CONTROL_PHONE:
-        send_phone(s, &s->control->phone.words, step_low);
+        send_phone(r, mask, &c->phone.words, step_low);
         break;
     case CONTROL_TURNTABLE:
-        send_turntable(s, &s->control->turntable.words, step_low);
+        send_turntable(r, mask, &c->turntable.words, step_low);
         break;
     default:
-        send_quad(s, &s->control->quad.words, step_low);
+        send_quad(r, mask, &c->quad.words, step_low);
     }
 }
 
 /* The first selected word at or after a place in the record; CONTROL_RECORD_WORDS_MAX where there is none. A
  * bank of 32 words in which none is selected costs one look. */
-static uint8_t next_selected(const session_t *s, unsigned index) {
+static uint8_t next_selected(const telemetry_t *t, unsigned index) {
     while (index < CONTROL_RECORD_WORDS_MAX) {
-        const uint32_t rest = s->words_mask[index / 32U] >> (index % 32U);
+        const uint32_t rest = t->words_mask[index / 32U] >> (index % 32U);
 
         if (rest != 0) {
             return (uint8_t)(index + 31U - clz32(rest & (0U - rest)));
@@ -249,48 +244,54 @@ static uint8_t next_selected(const session_t *s, unsigned index) {
     return CONTROL_RECORD_WORDS_MAX;
 }
 
-void telemetry_send_words(session_t *s) {
-    const uint8_t *const words = control_words(s->control);
-    const uint8_t step_low = (uint8_t)((s->step - 1U) & E2E_COUNTER_MASK);
+void telemetry_send_words(telemetry_t *t, routing_t *r, const void *record, link_t pacer) {
+    const uint8_t *const words = record;
 
-    for (;; s->word_next++) {
-        s->word_next = next_selected(s, s->word_next);
-        if (s->word_next == CONTROL_RECORD_WORDS_MAX ||
-            (s->mode == SESSION_LOCKSTEP && !outbox_long_fits(s->link[s->run_owner].outbox))) {
+    for (;; t->word_next++) {
+        t->word_next = next_selected(t, t->word_next);
+        if (t->word_next == CONTROL_RECORD_WORDS_MAX ||
+            (pacer != LINK_NONE && !outbox_long_fits(r->link[pacer].outbox))) {
             return;
         }
-        message_word_t m = {.index = s->word_next};
+        message_word_t m = {.index = t->word_next};
         memcpy(&m.value, words + 4U * m.index, sizeof m.value);
-        links_telemetry(s, message_word_pack(&m), step_low);
+        routing_telemetry(r, message_word_pack(&m), t->step_low);
     }
 }
 
-static void send_step(session_t *s, const message_step_t *m, bool saturated) {
-    for (unsigned i = 0; i < LINKS; i++) {
-        session_link_t *const l = &s->link[i];
-        const uint16_t dropped = l->outbox->dropped; /* before this STEP, which may be dropped itself */
+bool telemetry_has_room(const telemetry_t *t, const routing_t *r, link_t link) {
+    return t->word_next == CONTROL_RECORD_WORDS_MAX &&
+           outbox_telemetry_fits(r->link[link].outbox, t->selected);
+}
 
-        if (l->open) {
-            outbox_telemetry(l->outbox, message_step_pack(m), telemetry_step_flags(s, l, saturated));
-            l->dropped_told = dropped;
+static void send_step(telemetry_t *t, routing_t *r, const message_step_t *m, uint8_t flags) {
+    for (unsigned i = 0; i < LINKS; i++) {
+        outbox_t *const outbox = r->link[i].outbox;
+        const uint16_t dropped = outbox->dropped; /* before this STEP, which may be dropped itself */
+
+        if (r->link[i].open) {
+            outbox_telemetry(outbox, message_step_pack(m), flags_on(t, r, i, flags));
+            t->dropped_told[i] = dropped;
         }
     }
 }
 
-void session_stepped(session_t *s) {
-    const control_params_t *const params = &s->params->control;
-    const void *const words = control_words(s->control);
-    const message_step_t step = {.step = s->step, .digest = digest_crc32(words, control_words_bytes(params))};
-    const bool saturated = control_saturated(s->control, params);
+void telemetry_step(telemetry_t *t, routing_t *r, const control_t *c, const control_params_t *params,
+                    uint16_t step, uint8_t flags) {
+    const void *const words = control_words(c);
+    const message_step_t m = {.step = step, .digest = digest_crc32(words, control_words_bytes(params))};
 
-    s->buffers->digest[SESSION_SLOT(s->step)] = step.digest;
-    s->saturated = (uint16_t)(s->saturated + saturated);
-    setpoint_report(s);
-    readiness_stepped(s);
-    send_step(s, &step, saturated);
-    send_raw(s, words);
-    send_named(s, (uint8_t)(s->step & E2E_COUNTER_MASK));
-    s->step++;
-    s->word_next = 0;
-    telemetry_send_words(s);
+    t->digest[RUN_SLOT(step)] = m.digest;
+    t->step_low = (uint8_t)(step & E2E_COUNTER_MASK);
+    t->word_next = 0;
+    send_step(t, r, &m, flags);
+    send_raw(t, r, step, words);
+    send_named(r, t->frames_mask, c, params, t->step_low);
+}
+
+void telemetry_repeat_step(const telemetry_t *t, routing_t *r, const request_t *q, uint16_t step,
+                           uint8_t flags) {
+    const message_step_t m = {.step = step, .digest = t->digest[RUN_SLOT(step)]};
+
+    routing_reply(r, q, message_step_pack(&m), flags_on(t, r, q->link, flags));
 }

@@ -2,7 +2,7 @@
  * that delays every frame and loses some, and a host that answers each value when it comes. Simulated time;
  * seeded. */
 #include "link/messages.h"
-#include "link/session.h"
+#include "link/requests.h"
 #include <string.h>
 
 #define TURN_US    500U
@@ -64,7 +64,7 @@ static can_frame_t from_host(study_t *s, uint16_t id, uint16_t half, uint32_t wo
 static void say(study_t *s, uint16_t id, uint16_t half, uint32_t word) {
     const can_frame_t f = from_host(s, id, half, word);
 
-    session_receive_frame(&s->session, &f, s->now_us);
+    requests_receive_frame(&s->session, &f, s->now_us);
 }
 
 static uint32_t word_of(const can_frame_t *f) {
@@ -73,7 +73,7 @@ static uint32_t word_of(const can_frame_t *f) {
 
 /* Arm, without loss on the way; the reply goes through the channel. */
 static void arm(study_t *s) {
-    nonce_t *const nonce = &s->session.link[LINK_CAN].nonce;
+    nonce_t *const nonce = &s->session.nonce[LINK_CAN];
     const uint16_t verb = MESSAGE_EXECUTE_VERB_ARM;
 
     say(s, MESSAGE_EXECUTE_ID, verb, nonce_issue(nonce, &s->session.random, verb, s->now_us));
@@ -91,7 +91,7 @@ static void begin(study_t *s, uint32_t frame_us, uint32_t seed) {
     session_report_switch(&s->session, false, s->now_us); /* the arm switch is open */
     say(s, MESSAGE_HELLO_ID, MESSAGES_PROTOCOL_VERSION, MESSAGES_DBC_HASH);
     say(s, MESSAGE_RUN_BEGIN_ID, run,
-        nonce_issue(&s->session.link[LINK_CAN].nonce, &s->session.random, run, s->now_us));
+        nonce_issue(&s->session.nonce[LINK_CAN], &s->session.random, run, s->now_us));
 }
 
 /* One turn of the board's loop, and what the host says to what comes. */
@@ -107,7 +107,7 @@ static void turn(study_t *s) {
         }
     }
     while (arrived(s, &s->down, &f)) {
-        session_receive_frame(&s->session, &f, s->now_us);
+        requests_receive_frame(&s->session, &f, s->now_us);
     }
     session_poll(&s->session, s->now_us);
     if (s->now_us - s->tick_us >= s->params.period_us) {

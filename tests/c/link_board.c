@@ -52,7 +52,7 @@ void link_board_init(link_board_t *b, uint32_t seed) {
                                      .reset_cause = 0x0CU};
     const store_report_t saved = store_load(&b->params);
     session_init(&b->session, &b->buffers, &b->identity, &b->control, &b->params);
-    requests_loaded(&b->session, &saved);
+    session_parameters_loaded(&b->session, &saved);
 }
 
 void link_board_sensors(link_board_t *b, const int16_t raw[CONTROL_RAW_MAX], uint32_t faults) {
@@ -70,10 +70,10 @@ void link_board_switch(link_board_t *b, bool closed) {
 
 /* Bytes of the UART, as many as can be answered; returns how many were taken. */
 size_t link_board_take(link_board_t *b, const uint8_t *bytes, size_t count, uint32_t now_us) {
-    const size_t room = session_receive_room(&b->session);
+    const size_t room = requests_room(&b->session);
 
     count = count < room ? count : room;
-    session_receive(&b->session, bytes, count, now_us);
+    requests_receive(&b->session, bytes, count, now_us);
     return count;
 }
 
@@ -86,10 +86,10 @@ static bool take_tick(link_board_t *b, uint32_t now_us) {
 }
 
 static bool take_sample(link_board_t *b, uint32_t now_us, int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint) {
-    if (session_mode(&b->session) == SESSION_IDLE) {
+    if (session_mode(&b->session) == RUN_IDLE) {
         return false;
     }
-    if (session_mode(&b->session) == SESSION_REALTIME && !take_tick(b, now_us)) {
+    if (session_mode(&b->session) == RUN_REALTIME && !take_tick(b, now_us)) {
         return false;
     }
     if (!session_live(&b->session)) {
@@ -112,7 +112,7 @@ void link_board_turn(link_board_t *b, uint32_t now_us) {
     session_report_sensors(&b->session, &b->health);
     session_report_switch(&b->session, b->switch_closed, now_us);
     session_poll(&b->session, now_us);
-    if (session_take_begin(&b->session)) {
+    if (session_pop_begin(&b->session)) {
         b->tick_us = now_us;
     }
     if (take_sample(b, now_us, raw, &setpoint)) {
@@ -133,11 +133,11 @@ size_t link_board_give(link_board_t *b, uint8_t *out, size_t room) {
 }
 
 size_t link_board_room(const link_board_t *b) {
-    return session_receive_room(&b->session);
+    return requests_room(&b->session);
 }
 
 bool link_board_leaves(const link_board_t *b, uint32_t now_us) {
-    return requests_bootloader_due(&b->session, now_us);
+    return session_bootloader_due(&b->session, now_us);
 }
 
 bool link_board_armed(const link_board_t *b) {
@@ -162,7 +162,7 @@ size_t link_board_parse(const uint8_t *bytes, size_t count, uint8_t *frames, uin
     for (size_t i = 0; i < count; i++) {
         can_frame_t frame;
 
-        if (slcan_rx_take(&rx, bytes[i], &frame) == SLCAN_FRAME && e2e_check(&frame)) {
+        if (slcan_rx_push_byte(&rx, bytes[i], &frame) == SLCAN_FRAME && e2e_check(&frame)) {
             frames[10 * found] = (uint8_t)(frame.id >> 8);
             frames[10 * found + 1] = (uint8_t)(frame.id & 0xFFU);
             memcpy(&frames[10 * found + 2], frame.data, 8);

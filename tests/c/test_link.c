@@ -2,7 +2,7 @@
  * session. The sanitizers watch; what the session says is tested from Python. */
 #include "check.h"
 #include "link/messages.h"
-#include "link/session.h"
+#include "link/requests.h"
 #include <stdio.h>
 #include <string.h>
 
@@ -30,14 +30,14 @@ static void check_framing(void) {
         CHECK(slcan_encode(&sent, text) == SLCAN_FRAME_CHARS);
         for (unsigned i = 0; i < sizeof text; i++) {
             CHECK(event == SLCAN_NOTHING);
-            event = slcan_rx_take(&rx, text[i], &heard);
+            event = slcan_rx_push_byte(&rx, text[i], &heard);
         }
         CHECK(event == SLCAN_FRAME && memcmp(&heard, &sent, sizeof sent) == 0);
         /* Noise up to a CR, and the next frame is heard again. */
         for (unsigned i = check_random() % 64U; i > 0; i--) {
-            (void)slcan_rx_take(&rx, (uint8_t)(check_random() & 0xFFU), &heard);
+            (void)slcan_rx_push_byte(&rx, (uint8_t)(check_random() & 0xFFU), &heard);
         }
-        (void)slcan_rx_take(&rx, SLCAN_CR, &heard);
+        (void)slcan_rx_push_byte(&rx, SLCAN_CR, &heard);
     }
 }
 
@@ -74,14 +74,15 @@ static void check_text_at_once(void) {
             count += strlen(piece);
         }
         for (size_t i = 0; i < count; i++) {
-            const size_t taken = slcan_rx_text(&at_once, &bytes[i], count - i);
+            const size_t taken = slcan_rx_push_text(&at_once, &bytes[i], count - i);
             can_frame_t a = {0}, b = {0};
             for (const size_t end = i + taken; i < end; i++) {
-                CHECK(slcan_rx_take(&singly, bytes[i], &a) == SLCAN_NOTHING);
+                CHECK(slcan_rx_push_byte(&singly, bytes[i], &a) == SLCAN_NOTHING);
             }
             CHECK(memcmp(&singly, &at_once, sizeof singly) == 0);
             if (i < count) {
-                CHECK(slcan_rx_take(&singly, bytes[i], &a) == slcan_rx_take(&at_once, bytes[i], &b));
+                CHECK(slcan_rx_push_byte(&singly, bytes[i], &a) ==
+                      slcan_rx_push_byte(&at_once, bytes[i], &b));
                 CHECK(memcmp(&a, &b, sizeof a) == 0 && memcmp(&singly, &at_once, sizeof singly) == 0);
             }
         }
@@ -121,7 +122,7 @@ static void check_queue(void) {
     while (in < sizeof expected - 64U) {
         uint8_t text[64];
         const size_t count = check_random() % (OUTBOX_TEXT + 1U);
-        const size_t taken = outbox_take(&box, text, check_random() % sizeof text);
+        const size_t taken = outbox_pop_text(&box, text, check_random() % sizeof text);
 
         memcpy(&heard[out], text, taken);
         out += (uint32_t)taken;
@@ -140,7 +141,7 @@ static void check_queue(void) {
             in += (uint32_t)count;
         }
     }
-    out += (uint32_t)outbox_take(&box, &heard[out], sizeof heard - out);
+    out += (uint32_t)outbox_pop_text(&box, &heard[out], sizeof heard - out);
     CHECK(out == in && memcmp(expected, heard, in) == 0);
     CHECK(outbox_room(&box) == OUTBOX_ENTRIES);
 
@@ -155,10 +156,10 @@ static void check_queue(void) {
     }
     CHECK(outbox_room(&box) == 0);
     for (unsigned n = 0; n < OUTBOX_ENTRIES - OUTBOX_RESERVE; n++) {
-        CHECK(outbox_take_frame(&box, &frame) && e2e_check(&frame));
+        CHECK(outbox_pop_frame(&box, &frame) && e2e_check(&frame));
     }
     outbox_clear(&box);
-    CHECK(outbox_room(&box) == OUTBOX_ENTRIES && !outbox_take_frame(&box, &frame));
+    CHECK(outbox_room(&box) == OUTBOX_ENTRIES && !outbox_pop_frame(&box, &frame));
 }
 
 /* Memory is not checked here. */
@@ -179,8 +180,8 @@ static void check_session(void) {
     params_default(&params);
     CHECK(control_params_valid(&params.control));
     session_init(&session, &buffers, &board, &control, &params);
-    session_receive(&session, (const uint8_t *)"O\r", 2, now_us);
-    session.link[LINK_UART].greeted = true;
+    requests_receive(&session, (const uint8_t *)"O\r", 2, now_us);
+    session.routing.link[LINK_UART].greeted = true;
     for (unsigned n = 0; n < 200000; n++) {
         uint8_t bytes[SLCAN_FRAME_CHARS];
         int16_t raw[CONTROL_RAW_MAX] = {0};
@@ -194,24 +195,23 @@ static void check_session(void) {
         if (check_random() % 8U == 0) {
             bytes[check_random() % sizeof bytes] = (uint8_t)(check_random() & 0xFFU);
         }
-        if (session_receive_room(&session) < count) {
-            count = session_receive_room(&session);
+        if (requests_room(&session) < count) {
+            count = requests_room(&session);
         }
-        session_receive(&session, bytes, count, now_us);
+        requests_receive(&session, bytes, count, now_us);
         if (n % 1000U == 0) { /* as if a host had begun a run */
             const uint16_t run = runs[n / 1000U % 3U];
             const message_nonce_t m = {
-                .verb = run,
-                .nonce = nonce_issue(&session.link[LINK_UART].nonce, &session.random, run, now_us)};
+                .verb = run, .nonce = nonce_issue(&session.nonce[LINK_UART], &session.random, run, now_us)};
             can_frame_t begin = message_nonce_pack(&m);
 
             begin.id = MESSAGE_RUN_BEGIN_ID;
-            session_take_frame(&session, LINK_UART, &begin, now_us);
-            CHECK(session_take_begin(&session));
+            requests_handle(&session, &(request_t){.frame = &begin, .link = LINK_UART, .now_us = now_us});
+            CHECK(session_pop_begin(&session));
         }
         session_poll(&session, now_us);
         CHECK(!session_armed(&session)); /* no EXECUTE among them: its nonce would have to be guessed */
-        if (session_mode(&session) != SESSION_IDLE &&
+        if (session_mode(&session) != RUN_IDLE &&
             (session_live(&session) || session_next_sample(&session, raw, &setpoint))) {
             control_step(&control, &params.control, raw, setpoint);
             session_stepped(&session);
@@ -221,8 +221,8 @@ static void check_session(void) {
         now_us += 100U;
     }
     CHECK(steps > 10000);
-    CHECK(session.link[LINK_UART].outbox->dropped > 0);
-    CHECK(session.link[LINK_UART].rejected > 10000);
+    CHECK(session.routing.link[LINK_UART].outbox->dropped > 0);
+    CHECK(session.routing.link[LINK_UART].rejected > 10000);
 }
 
 int main(void) {
