@@ -33,7 +33,7 @@ def test_every_reason_of_the_firmware_has_a_name_here_and_in_the_definitions() -
 
 
 def test_every_fault_of_the_firmware_has_a_name_here_and_in_the_definitions() -> None:
-    faults = bits_of("board.h", "BOARD_FAULT")
+    faults = bits_of("app/board.h", "BOARD_FAULT")
     assert len(faults) > 10
     assert set(faults.values()) <= {1 << bit for bit in FAULTS}
     said = {signal.name: signal.comment for message in load_database().messages for signal in message.signals}
