@@ -44,7 +44,7 @@ def _word(machine: Machine, elf: Elf, symbol: str, index: int = 0) -> int:
 
 
 def _faults(machine: Machine, elf: Elf) -> int:
-    return _word(machine, elf, "port_faults")
+    return _word(machine, elf, "start_faults")
 
 
 def _patched(image: bytes, elf: Elf, function: str, code: bytes) -> bytes:

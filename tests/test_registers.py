@@ -221,6 +221,6 @@ def test_systick_alone_can_interrupt_another_handler() -> None:
             assert not re.search(r"basepri|AIRCR_PRIGROUP", text, re.IGNORECASE), path.name
             assert not re.search(r"0x[eE]000[eE]4|0x[eE]000[eE][dD][12]", text), path.name
     assert given == [
-        ("port.h", "NVIC_IPR(irq / 4u) |= IRQ_PRIORITY << 8u * (irq % 4u);"),
-        ("time.c", "SCB_SHPR3 = IRQ_PRIORITY << 16; /* PendSV; SysTick, the byte above, stays at 0: the highest */"),
+        ("nvic.h", "NVIC_IPR(irq / 4u) |= NVIC_PRIORITY << 8u * (irq % 4u);"),
+        ("systick.c", "SCB_SHPR3 = NVIC_PRIORITY << 16; /* PendSV; SysTick, the byte above, stays 0: the highest */"),
     ]

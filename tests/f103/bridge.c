@@ -3,20 +3,21 @@
 #include "../../firmware/core/commutation.c"
 #include "../../firmware/ports/stm32f103/clock.c"
 #include "../../firmware/ports/stm32f103/pins.c"
-#include "../../firmware/ports/stm32f103/time.c"
+#include "../../firmware/ports/stm32f103/systick.c"
 
 __attribute__((section(".results"), used)) volatile uint32_t results[64];
 enum { IDLE, ARM, DUTY, OFF, CLEAR, RAPID };
 
-volatile bool port_wake;
-uint32_t port_faults;
-void faults_check_stack(void) {}
-void imu_poll_ms(void) {}
-void stall_tick(void) {}
+volatile bool idle_over;
 bool stall_latched(void) {
     return false;
 }
 void guard_clock_upset(void) {}
+
+void systick_handler(void);
+void systick_handler(void) {
+    systick_count();
+}
 
 void tim2_handler(void);
 void tim2_handler(void) {
@@ -26,8 +27,8 @@ void tim2_handler(void) {
 int main(void) {
     const uint32_t dead_time_ns = results[1]; /* put there before the start */
     results[0] = IDLE;
-    clock_init();
-    time_init();
+    (void)clock_init(true);
+    systick_init();
     pins_clocks();
     bridge_init(dead_time_ns);
     pins_init(BOARD_PINS_BRIDGE, true);

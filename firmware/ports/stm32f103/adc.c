@@ -4,7 +4,13 @@
  * (sampling.c: one per millisecond or more) start one scan each. Whether an input is at a rail or stuck is
  * judged on single conversions, the first after every trigger: what noise does to one conversion does not
  * depend on the period or on oversampling. */
-#include "port.h"
+#include "adc.h"
+#include "app/board_sensors.h"
+#include "clock.h"
+#include "nvic.h"
+#include "samples.h"
+#include "stm32f103.h"
+#include "systick.h"
 #include "watch.h"
 
 #define CALIBRATION_POLLS 64u /* 83 ADC cycles at 12 MHz are 500 processor cycles, 8 polls */
@@ -32,7 +38,7 @@ static uint32_t started_ms;
 void adc_stop(void) {
     DMA1_CCR1 = 0u;
     DMA1_IFCR = DMA1_IFCR_CGIF1;
-    irq_forget(IRQ_DMA1_Channel1);
+    nvic_forget(IRQ_DMA1_Channel1);
     railed = 0u;
     stuck = 0u;
     silent_triggers = 0u;
@@ -45,7 +51,7 @@ static void restart(void) {
     RCC_APB2ENR |= RCC_APB2ENR_ADC1EN;
     RCC_APB2RSTR |= RCC_APB2RSTR_ADC1RST;
     RCC_APB2RSTR &= ~RCC_APB2RSTR_ADC1RST;
-    started_ms = time_ms();
+    started_ms = systick_ms();
     scans_summed = 0u;
 
     /* Powered up, two ADC cycles later calibrated (RM0008 11.4); the wait before its first poll is long
@@ -71,7 +77,7 @@ static void restart(void) {
     DMA1_CNDTR1 = 2u * channels;
     DMA1_CCR1 = DMA1_CCR1_EN | DMA1_CCR1_CIRC | DMA1_CCR1_MINC | DMA1_CCR1_PSIZE_16BIT |
                 DMA1_CCR1_MSIZE_16BIT | DMA1_CCR1_HTIE | DMA1_CCR1_TCIE;
-    irq_enable(IRQ_DMA1_Channel1);
+    nvic_enable(IRQ_DMA1_Channel1);
     ADC1_CR2 = ADC1_CR2_ADON | ADC1_CR2_DMA | ADC1_CR2_EXTSEL_TIM3 | ADC1_CR2_EXTTRIG;
 }
 
@@ -99,10 +105,10 @@ bool adc_failed(void) {
 }
 
 void adc_poll(void) {
-    if (adc_failed() && time_ms() - started_ms >= RESTART_MS) {
+    if (adc_failed() && systick_ms() - started_ms >= RESTART_MS) {
         DMA1_CCR1 = 0u;
         DMA1_IFCR = DMA1_IFCR_CGIF1;
-        irq_forget(IRQ_DMA1_Channel1);
+        nvic_forget(IRQ_DMA1_Channel1);
         restart();
     }
 }
@@ -128,17 +134,16 @@ static void judge(uint32_t i, uint16_t count) {
 }
 
 static void publish(void) {
-    int16_t *const raw = sampling_next();
+    int16_t *const raw = samples_next();
     const uint32_t half = (1u << oversample_log2) >> 1;
     for (uint32_t i = 0u; i < channels; i++) {
         const bool bad = ((uint32_t)(railed | stuck) >> i & 1u) != 0u;
         raw[i] = marks_bad && bad ? INT16_MIN : (int16_t)((sums[i] + half) >> oversample_log2);
     }
-    sampling_publish();
+    samples_publish();
 }
 
-void adc_dma_handler(void) {
-    sampling_timer_handler(); /* both may wait, and the trigger came before its scan */
+void adc_on_scan(void) {
     const uint32_t both = DMA1_ISR_HTIF1 | DMA1_ISR_TCIF1;
     const bool overrun = (DMA1_ISR & both) == both;
     DMA1_IFCR = DMA1_IFCR_CGIF1;
@@ -151,7 +156,7 @@ void adc_dma_handler(void) {
         }
         if (waiting && overrun) { /* late by an interval: which scan is the sample's is not known any more */
             waiting = false;
-            sampling_missed();
+            samples_miss();
             return;
         }
         if (!waiting || TIM3_CNT < CONVERSION_US * channels) {

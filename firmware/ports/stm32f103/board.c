@@ -1,12 +1,30 @@
-/* The board as a whole: start-up order, identity, faults, sleep. */
+/* The board as a whole: start-up order, identity, faults. */
+#include "app/board.h"
+#include "adc.h"
+#include "app/board_guard.h"
+#include "app/board_sensors.h"
+#include "bridge.h"
 #include "build_id.h"
+#include "bxcan.h"
+#include "clock.h"
 #include "core/digest.h"
-#include "port.h"
+#include "entropy.h"
+#include "faults.h"
+#include "guard.h"
+#include "i2c.h"
+#include "linker.h"
+#include "pins.h"
+#include "pwm.h"
+#include "samples.h"
+#include "spi.h"
+#include "stall.h"
+#include "stm32f103.h"
+#include "strap.h"
+#include "systick.h"
+#include "uart.h"
+#include "watchdog.h"
 
-extern const uint8_t image_start[], image_crc_address[];
-
-volatile bool port_wake;
-BOARD_GUARDED uint32_t port_faults;
+BOARD_GUARDED static uint32_t start_faults; /* BOARD_FAULT_*, decided once */
 BOARD_GUARDED static board_identity_t identity;
 
 #define SIZE_UNREADABLE 0xffffu
@@ -30,23 +48,27 @@ static void identify(void) {
 
 /* A chip that flashed badly and said nothing is found here, before it flies. */
 static void check_image(void) {
+    const uint8_t *const image = (const uint8_t *)image_start;
     const uint32_t stored = *(const volatile uint32_t *)(const void *)image_crc_address;
-    if (digest_crc32(image_start, (size_t)(image_crc_address - image_start)) != stored) {
-        port_faults |= BOARD_FAULT_IMAGE;
+    if (digest_crc32(image, (size_t)(image_crc_address - image)) != stored) {
+        start_faults |= BOARD_FAULT_IMAGE;
     }
 }
 
 void board_init(const board_setup_t *setup) {
     identify();
-    faults_init(&identity);
-    clock_init();
-    time_init();
+    start_faults = faults_init(&identity);
+    /* A crystal that failed in the run before is not waited for: neutral pulses come at once. */
+    if (!clock_init((start_faults & BOARD_FAULT_CRYSTAL) == 0u)) {
+        start_faults |= BOARD_FAULT_CLOCK_FALLBACK;
+    }
+    systick_init();
     pins_clocks();
     identity.pins = strap_read();
     const bool agreed = setup->pins == identity.pins && identity.pins <= BOARD_PINS_BRIDGE;
     const uint32_t driven = agreed ? identity.pins : BOARD_PINS_UNKNOWN;
     if (!agreed) {
-        port_faults |= BOARD_FAULT_STRAP;
+        start_faults |= BOARD_FAULT_STRAP;
     }
     pwm_init(driven);
     if (driven == BOARD_PINS_BRIDGE) {
@@ -70,26 +92,13 @@ const board_identity_t *board_identity(void) {
 }
 
 uint32_t board_faults(void) {
-    const uint32_t errors = uart_errors();
+    const uint32_t errors = uart_errors(), late = samples_late();
     board_health_t health;
     board_sensor_health(&health);
     const bool sensor_bad = (health.railed | health.stuck | health.gyro | health.accel) != BOARD_SENSOR_GOOD;
-    return port_faults | guard_faults() | bridge_faults() | (stall_latched() ? BOARD_FAULT_STALLED : 0u) |
+    return start_faults | guard_faults() | bridge_faults() | (stall_latched() ? BOARD_FAULT_STALLED : 0u) |
            (errors > 0u ? BOARD_FAULT_UART_OVERRUN : 0u) | (adc_failed() ? BOARD_FAULT_ADC : 0u) |
            (sensor_bad ? BOARD_FAULT_SENSOR : 0u) | (can_overrun() ? BOARD_FAULT_CAN_OVERRUN : 0u) |
-           (errors << BOARD_FAULT_UART_COUNT_SHIFT) | (sampling_late() << BOARD_FAULT_LATE_COUNT_SHIFT);
-}
-
-void board_idle(void) {
-    for (;;) {
-        /* With interrupts masked, WFI still ends when one is pending: nothing can slip in between look and
-         * sleep. */
-        __asm volatile("cpsid i" ::: "memory");
-        if (port_wake) {
-            port_wake = false;
-            __asm volatile("cpsie i" ::: "memory");
-            return;
-        }
-        __asm volatile("wfi \n cpsie i \n isb" ::: "memory");
-    }
+           (late > 0u ? BOARD_FAULT_LATE : 0u) | (errors << BOARD_FAULT_UART_COUNT_SHIFT) |
+           (late << BOARD_FAULT_LATE_COUNT_SHIFT);
 }

@@ -3,7 +3,10 @@
  *
  * The reset also stops both watchdogs, which the bootloader would not feed. A word that power failed behind,
  * or that a watchdog overtook, counts for nothing: only the software reset that belongs to it does. */
-#include "port.h"
+#include "bootloader.h"
+#include "app/board.h"
+#include "app/board_actuators.h"
+#include "stm32f103.h"
 
 #define ASKED         0xb007u /* of 16 bits */
 #define BACKUP_CLOCKS (RCC_APB1ENR_PWREN | RCC_APB1ENR_BKPEN)

@@ -9,8 +9,15 @@
  *
  * The break input (PB12) and the clock security system clear MOE in hardware: no instruction takes part, none
  * can hold it back (LOCK), and nothing but arming sets MOE again (AOE stays off). */
+#include "bridge.h"
+#include "app/board.h"
+#include "app/board_actuators.h"
+#include "app/board_guard.h"
+#include "clock.h"
 #include "core/commutation.h"
-#include "port.h"
+#include "nvic.h"
+#include "stall.h"
+#include "stm32f103.h"
 
 #define PWM_HZ 20000u
 #define LOW_MIN_NS                                                                                           \
@@ -119,7 +126,7 @@ void bridge_start(void) {
     TIM2_DIER = TIM2_DIER_CC1IE;
     TIM2_CR1 = TIM2_CR1_CKD_DIV4 | TIM2_CR1_CEN;
     hall_last = hall_now();
-    irq_enable(IRQ_TIM2);
+    nvic_enable(IRQ_TIM2);
     wired = true;
     bridge_clear_faults(); /* whatever the inputs seemed to say before they had their pulls */
 }

@@ -7,7 +7,13 @@
  *
  * Alone on the bus, a controller repeats its frame for ever without going bus-off (RM0008 24.7.6: an
  * acknowledgement error in error passive does not count), so a frame without a way is given up here. */
-#include "port.h"
+#include "bxcan.h"
+#include "app/board_links.h"
+#include "clock.h"
+#include "idle.h"
+#include "nvic.h"
+#include "stm32f103.h"
+#include "systick.h"
 
 #define CRYSTAL_MHZ  72u
 #define QUANTA_KHZ   2000u /* prescaler times kbit/s: 36 MHz over the 18 quanta of a bit, sampled at 16 */
@@ -45,7 +51,7 @@ static board_can_health_t health;
 
 static void enter(can_state_t next) {
     state = next;
-    since_ms = time_ms();
+    since_ms = systick_ms();
 }
 
 void can_init(void) {
@@ -55,8 +61,8 @@ void can_init(void) {
     }
     RCC_APB1ENR |= RCC_APB1ENR_CANEN;
     rest_ms = REST_MIN_MS;
-    irq_enable(IRQ_CAN1_TX);
-    irq_enable(IRQ_CAN1_RX0);
+    nvic_enable(IRQ_CAN1_TX);
+    nvic_enable(IRQ_CAN1_RX0);
     CAN_MCR = CAN_MCR_INRQ | CAN_MCR_TXFP; /* and out of sleep, in which it is after reset */
     enter(CAN_ASKING);
 }
@@ -120,7 +126,7 @@ void board_can_join(uint32_t kbit, const uint16_t *ids, size_t count) {
         CAN_MCR |= CAN_MCR_INRQ;
         enter(CAN_ASKING);
     }
-    const uint32_t now_ms = time_ms();
+    const uint32_t now_ms = systick_ms();
     if (state == CAN_ON && now_ms == looked_ms) {
         return; /* once a millisecond is plenty */
     }
@@ -187,7 +193,7 @@ void can_rx_handler(void) {
         memory_fence();
         rx_in = rx_in + 1u;
     }
-    port_wake = true;
+    idle_end();
 }
 
 bool board_can_read(can_frame_t *frame) {
@@ -212,7 +218,7 @@ void board_can_send(const can_frame_t *frame) {
     const uint32_t status = CAN_TSR;
     volatile uint32_t *const mailbox = &CAN_TI0R + MAILBOX_STEP * ((status & CAN_TSR_CODE) >> 24);
     if ((status & ALL_EMPTY) == ALL_EMPTY) {
-        sent_ms = time_ms();
+        sent_ms = systick_ms();
     }
     uint32_t word[2] = {0u, 0u};
     for (uint32_t i = 0u; i < 8u; i++) {
@@ -226,6 +232,6 @@ void board_can_send(const can_frame_t *frame) {
 
 void can_tx_handler(void) {
     CAN_TSR = CAN_TSR_RQCP0 | CAN_TSR_RQCP1 | CAN_TSR_RQCP2;
-    sent_ms = time_ms();
-    port_wake = true;
+    sent_ms = systick_ms();
+    idle_end();
 }

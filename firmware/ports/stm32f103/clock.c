@@ -1,6 +1,8 @@
 /* 72 MHz from an 8 MHz crystal, or 64 MHz from the internal oscillator when there is no crystal
  * (RM0008 7.2, 7.3). */
-#include "port.h"
+#include "clock.h"
+#include "app/board_guard.h"
+#include "stm32f103.h"
 
 /* Each bound is the datasheet's worst case, generously rounded up, at the frequency the processor has then.
  */
@@ -37,7 +39,7 @@ static bool run_from_pll(uint32_t source) {
     return clock_wait(&RCC_CFGR, RCC_CFGR_SWS, RCC_CFGR_SWS_PLL, SWITCH_POLLS);
 }
 
-void clock_init(void) {
+bool clock_init(bool try_crystal) {
     /* A ROM bootloader that jumped here has left its own PLL running: back to the state after reset first. */
     RCC_CR |= RCC_CR_HSION;
     (void)clock_wait(&RCC_CR, RCC_CR_HSIRDY, RCC_CR_HSIRDY, OSCILLATOR_POLLS);
@@ -48,8 +50,6 @@ void clock_init(void) {
     /* Two wait states above 48 MHz, prefetch on, before the clock rises (RM0008 3.3.3). */
     FLASH_ACR = FLASH_ACR_PRFTBE | FLASH_ACR_LATENCY_WS2;
 
-    /* A crystal that failed in the run before is not waited for: neutral pulses come at once. */
-    const bool try_crystal = (port_faults & BOARD_FAULT_CRYSTAL) == 0u;
     if (try_crystal) {
         RCC_CR |= RCC_CR_HSEON;
     }
@@ -58,9 +58,8 @@ void clock_init(void) {
         /* A crystal that dies from here on raises NMI at 8 MHz internal clock (RM0008 7.2.7). */
         RCC_CR |= RCC_CR_CSSON;
         mhz = 72u;
-        return;
+        return true;
     }
-    port_faults |= BOARD_FAULT_CLOCK_FALLBACK;
     RCC_CFGR = 0u;
     RCC_CR &= ~(RCC_CR_PLLON | RCC_CR_HSEON);
     (void)clock_wait(&RCC_CR, RCC_CR_PLLRDY, 0u, PLL_POLLS); /* PLLMUL is locked while the PLL runs */
@@ -68,8 +67,13 @@ void clock_init(void) {
     if (mhz == 8u) {
         RCC_CFGR = 0u;
     }
+    return false;
 }
 
 uint32_t clock_mhz(void) {
     return mhz;
+}
+
+uint32_t clock_pclk1_mhz(void) {
+    return mhz > 36u ? mhz / 2u : mhz;
 }

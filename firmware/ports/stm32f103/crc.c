@@ -3,8 +3,9 @@
  * The unit divides by 0x04C11DB7, a word at a time, highest bit first. CRC-32 takes lowest bits first: words
  * go in mirrored, the remainder comes out mirrored. The unit holds a single remainder, so only the main loop
  * may use it. */
+#include "crc.h"
 #include "core/digest.h"
-#include "port.h"
+#include "stm32f103.h"
 
 #define REFLECTED 0xedb88320u
 

@@ -3,9 +3,8 @@
  * After a reset: a word that survives it goes on along a sequence of 2^32 words. After power-up: that word,
  * and the memory that nothing uses, hold what the cells fell into, some of it by chance. Neither is a secret.
  */
-#include "port.h"
-
-extern uint32_t ram_end[];
+#include "entropy.h"
+#include "linker.h"
 
 #define RAM_END  ((const uint32_t *)0x20005000u) /* of the smallest part, 20 KiB */
 #define FNV      16777619u                       /* FNV-1a, word by word */

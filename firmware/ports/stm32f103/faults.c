@@ -1,7 +1,11 @@
 /* What must not happen: processor faults, unexpected interrupts, a failing crystal, a full stack.
  *
  * One way out: actuator to neutral, a note for the next start, system reset. Nothing in it trusts memory. */
-#include "port.h"
+#include "faults.h"
+#include "app/board.h"
+#include "linker.h"
+#include "pwm.h"
+#include "stm32f103.h"
 
 #define NOTE_MAGIC      0x4e4f5445u
 #define GUARD_WORDS     8u
@@ -17,8 +21,6 @@ typedef struct {
     uint32_t check; /* xor of the others: memory after power-up holds anything */
 } note_t;
 static note_t note __attribute__((section(".noinit")));
-
-extern uint32_t ram_end[];
 
 __attribute__((noreturn)) static void crash(uint32_t exception, uint32_t pc) {
     pwm_crash();
@@ -54,12 +56,13 @@ void faults_check_stack(void) {
     }
 }
 
-void faults_init(board_identity_t *identity) {
+uint32_t faults_init(board_identity_t *identity) {
+    uint32_t found = 0u;
     for (uint32_t i = 0u; i < GUARD_WORDS; i++) {
         stack_guard[i] = GUARD_PATTERN;
     }
     if (note.magic == NOTE_MAGIC && note.check == (note.magic ^ note.exception ^ note.pc)) {
-        port_faults |= note.exception == EXCEPTION_NMI ? BOARD_FAULT_CRYSTAL : BOARD_FAULT_HARD;
+        found |= note.exception == EXCEPTION_NMI ? BOARD_FAULT_CRYSTAL : BOARD_FAULT_HARD;
         identity->crash_exception = note.exception;
         identity->crash_pc = note.pc;
     }
@@ -67,7 +70,8 @@ void faults_init(board_identity_t *identity) {
     const uint32_t cause = RCC_CSR;
     identity->reset_cause = cause >> 24;
     if ((cause & (RCC_CSR_IWDGRSTF | RCC_CSR_WWDGRSTF)) != 0u) {
-        port_faults |= BOARD_FAULT_WATCHDOG;
+        found |= BOARD_FAULT_WATCHDOG;
     }
     RCC_CSR = cause | RCC_CSR_RMVF; /* or the flags add up over resets (RM0008 7.3.10) */
+    return found;
 }

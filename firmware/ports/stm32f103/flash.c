@@ -4,7 +4,12 @@
  * still: up to 40 ms for a page, 70 us for a half-word (datasheet, table of flash characteristics).
  * Interrupts wait and the clock of this board loses that time. HSI drives the operations and is never
  * switched off. */
-#include "port.h"
+#include "app/board.h"
+#include "app/board_store.h"
+#include "clock.h"
+#include "linker.h"
+#include "stm32f103.h"
+#include "watchdog.h"
 
 #define MEDIUM_DENSITY_KIB 128u
 #define SLOT_BYTES         (2u * BOARD_STORE_HALFWORDS)
@@ -13,8 +18,6 @@
 #define ERASE_POLLS   90000u
 #define PROGRAM_POLLS 160u
 #define ERRORS        (FLASH_SR_PGERR | FLASH_SR_WRPRTERR)
-
-extern volatile uint16_t store_start[];
 
 static volatile uint16_t *slot_start(uint32_t slot) {
     return store_start + slot * BOARD_STORE_HALFWORDS;

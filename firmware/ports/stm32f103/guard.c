@@ -3,10 +3,11 @@
  * A check word is the CRC unit's remainder. It detects every flipped bit, every burst of up to 32 bits, and
  * all but one in 2^32 of the other errors. Variables that interrupts write must not lie in this memory:
  * interrupts change them while the loop sleeps. */
-#include "port.h"
-
-extern const uint32_t guarded_start[], guarded_end[];
-extern const uint32_t guarded_parameters_start[], guarded_parameters_end[];
+#include "guard.h"
+#include "app/board.h"
+#include "app/board_guard.h"
+#include "crc.h"
+#include "linker.h"
 
 #define RELEASED 0xc3a5961eu /* the only value of `state` that switches the check off */
 #define UPSET    0x5be11d37u

@@ -12,7 +12,11 @@
  * at any time, and a STOP, then the peripheral's reset. The same edges unlock the analog filters that may
  * hold BUSY after power-up, and the reset (SWRST) is the cure for "start cannot be generated after a
  * misplaced stop" (same errata). */
-#include "port.h"
+#include "i2c.h"
+#include "clock.h"
+#include "nvic.h"
+#include "pins.h"
+#include "stm32f103.h"
 
 #define SPEED_KHZ     400u
 #define RISE_NS       300u /* of fast mode, at most */
@@ -46,11 +50,11 @@ static void reset(void) {
 
 void i2c_init(void) {
     RCC_APB1ENR |= RCC_APB1ENR_I2C1EN;
-    pclk1_mhz = clock_mhz() > 36u ? clock_mhz() / 2u : clock_mhz(); /* see clock.c */
+    pclk1_mhz = clock_pclk1_mhz();
     DMA1_CPAR7 = (uint32_t)(uintptr_t)&I2C1_DR;
-    irq_enable(IRQ_I2C1_EV);
-    irq_enable(IRQ_I2C1_ER);
-    irq_enable(IRQ_DMA1_Channel7);
+    nvic_enable(IRQ_I2C1_EV);
+    nvic_enable(IRQ_I2C1_ER);
+    nvic_enable(IRQ_DMA1_Channel7);
     reset();
 }
 
@@ -65,7 +69,7 @@ void i2c_access(uint8_t slave, uint8_t at, uint8_t *data, uint32_t to_read) {
 }
 
 /* STOP, and no register touched until it is out (RM0008 26.6.1). */
-static void finish(transfer_t result) {
+static transfer_t finish(transfer_t result) {
     I2C1_CR2 = pclk1_mhz;
     I2C1_CR1 = I2C1_CR1_PE | I2C1_CR1_STOP;
     if (!clock_wait(&I2C1_CR1, I2C1_CR1_STOP, 0u, STOP_POLLS)) {
@@ -73,7 +77,7 @@ static void finish(transfer_t result) {
         result = TRANSFER_FAILED;
     }
     state = IDLE;
-    imu_transferred(result);
+    return result;
 }
 
 static void receive(void) {
@@ -85,7 +89,7 @@ static void receive(void) {
 }
 
 /* An event that belongs to another state is one that is still on its way out: the interrupt comes again. */
-void i2c_event_handler(void) {
+transfer_t i2c_on_event(void) {
     const uint32_t event = I2C1_SR1;
     switch (state) {
     case START:
@@ -115,7 +119,7 @@ void i2c_event_handler(void) {
         break;
     case VALUE:
         if ((event & I2C1_SR1_BTF) != 0u) {
-            finish(TRANSFER_DONE);
+            return finish(TRANSFER_DONE);
         }
         break;
     case READ_ADDRESS:
@@ -128,28 +132,26 @@ void i2c_event_handler(void) {
     default:
         break;
     }
+    return TRANSFER_UNDER_WAY;
 }
 
-void i2c_dma_handler(void) {
+transfer_t i2c_on_dma(void) {
     DMA1_IFCR = DMA1_IFCR_CGIF7;
     DMA1_CCR7 = 0u;
-    if (state == DATA) {
-        finish(TRANSFER_DONE);
-    }
+    return state == DATA ? finish(TRANSFER_DONE) : TRANSFER_UNDER_WAY;
 }
 
-void i2c_error_handler(void) {
+transfer_t i2c_on_error(void) {
     const uint32_t error = I2C1_SR1;
     I2C1_SR1 = 0u; /* clears the error flags alone (RM0008 26.6.6) */
     if (state == IDLE) {
-        return;
+        return TRANSFER_UNDER_WAY;
     }
     if ((error & I2C1_SR1_AF) != 0u) {
-        finish(TRANSFER_REFUSED);
-    } else {
-        i2c_abort();
-        imu_transferred(TRANSFER_FAILED);
+        return finish(TRANSFER_REFUSED);
     }
+    i2c_abort();
+    return TRANSFER_FAILED;
 }
 
 void i2c_abort(void) {

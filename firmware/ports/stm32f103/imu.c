@@ -6,6 +6,9 @@
  * lost, the bus is cleared and the sensor is started anew every 20 ms. Without both sensors no sample is made
  * up: there is no tick. */
 #include "imu.h"
+#include "bridge.h"
+#include "samples.h"
+#include "spi.h"
 
 #define GYRO       0u
 #define ACCEL      1u
@@ -120,7 +123,7 @@ static uint32_t stuck_limit(uint32_t sensor) {
     return use.stuck_ms == 0u ? 0u : samples > least->repeats ? samples : least->repeats;
 }
 
-static void take_sample(void) {
+static void store_sample(void) {
     bool changed = false;
     for (uint32_t axis = 0u; axis <= AXIS_LAST; axis++) {
         const uint32_t first = bytes[1u + 2u * axis], second = bytes[2u + 2u * axis];
@@ -143,12 +146,12 @@ static void take_sample(void) {
 static void publish(void) {
     /* About the wheels' axis: x or z instead of y turns the pair of accelerations with it. */
     const uint32_t axis = use.imu_axis;
-    int16_t *const raw = sampling_next();
+    int16_t *const raw = samples_next();
     raw[0] = axes[GYRO][axis];
     raw[1] = axes[ACCEL][axis == 0u ? 1u : 0u];
     raw[2] = axes[ACCEL][axis == AXIS_LAST ? 1u : 2u];
     raw[3] = bridge_hall_count();
-    sampling_publish();
+    samples_publish();
 }
 
 /* SPI knows no acknowledge: a chip that is not there leaves the line to its pull-up. */
@@ -182,7 +185,7 @@ void imu_transferred(transfer_t result) {
         next_step();
         return;
     }
-    take_sample();
+    store_sample();
     if (phase != SAMPLE) {
         return; /* lost just now */
     }
@@ -201,7 +204,7 @@ void imu_period(uint32_t length_us) {
         return;
     }
     if (phase != REST) {
-        sampling_missed();
+        samples_miss();
         return;
     }
     phase = SAMPLE;
@@ -240,7 +243,7 @@ void imu_poll_ms(void) {
         age_ms++;
         if (age_ms > ACCESS_MS) {
             failures++;
-            spi_abort();
+            spi_end();
             i2c_abort();
             lose(BOARD_SENSOR_BUS);
         }
@@ -252,7 +255,7 @@ void imu_poll_ms(void) {
 
 void imu_use(const board_sensors_t *wanted) {
     phase = OFF;
-    spi_abort();
+    spi_end();
     i2c_abort();
     use = *wanted;
     for (uint32_t i = 0u; i < SENSORS; i++) {

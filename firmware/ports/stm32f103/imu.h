@@ -1,8 +1,10 @@
-/* The two digital sensors: what their chips' files say about them, and what the port asks of imu.c. */
+/* The two digital sensors on I2C and SPI: what their chips' files say about them, and what the port asks of
+ * imu.c. */
 #ifndef PLUMB_STM32F103_IMU_H
 #define PLUMB_STM32F103_IMU_H
 
-#include "port.h"
+#include "app/board_sensors.h"
+#include "i2c.h"
 
 typedef enum {
     CHIP_CHECK, /* the register, masked, must hold the value */
@@ -37,5 +39,17 @@ typedef struct {
 } chip_t;
 
 extern const chip_t adxl345, itg3205;
+
+/* Choose the sensors; with interrupts masked. */
+void imu_use(const board_sensors_t *wanted);
+
+/* Fills gyro, accel and bus_failures. */
+void imu_health(board_health_t *health);
+
+/* From interrupts of one priority: a period of this length begins; a millisecond has gone by; an access
+ * ended. */
+void imu_period(uint32_t length_us);
+void imu_poll_ms(void);
+void imu_transferred(transfer_t result);
 
 #endif

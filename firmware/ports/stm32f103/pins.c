@@ -1,5 +1,8 @@
 /* Which pin does what on this board, in both pin sets (RM0008 9.1.11, 9.2, 9.3; table in DESIGN.md). */
-#include "port.h"
+#include "pins.h"
+#include "app/board.h"
+#include "app/board_actuators.h"
+#include "stm32f103.h"
 
 #define ARM_SWITCH 14u /* PC14, to ground */
 

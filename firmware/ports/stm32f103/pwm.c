@@ -5,8 +5,15 @@
  * the same frame, and a frame that ends in between repeats the pulses before. No other file writes these
  * registers, and every value is bounded here to the range of core/esc.h, even when the caller's memory is
  * damaged. */
+#include "pwm.h"
+#include "app/board.h"
+#include "app/board_actuators.h"
+#include "app/board_guard.h"
+#include "bridge.h"
+#include "clock.h"
 #include "core/esc.h"
-#include "port.h"
+#include "stall.h"
+#include "stm32f103.h"
 
 #define START_FRAME_HALFUS      5000u /* 400 Hz */
 #define CONSTANT_NEUTRAL_HALFUS 2000u /* 1 ms: motor off */

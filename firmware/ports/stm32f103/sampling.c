@@ -6,19 +6,21 @@
  * of a period starts the sample, the others start one scan each, which only the watch over the inputs sees.
  * A period that cannot be divided evenly has intervals that differ by 1 us, loaded one update ahead (ARPE).
  */
-#include "port.h"
+#include "sampling.h"
+#include "adc.h"
+#include "app/board_guard.h"
+#include "app/board_sensors.h"
+#include "clock.h"
+#include "imu.h"
+#include "nvic.h"
+#include "samples.h"
+#include "stm32f103.h"
 #include <string.h>
 
-#define LATE_MAX        255u
 #define INTERVAL_MAX_US 1000u /* between two scans of the analog inputs */
 
 BOARD_GUARDED static board_sensors_t use;
-BOARD_GUARDED static uint32_t running_us; /* 0: stopped */
-/* Sample n lies in place n % 2: while one is being written, the one before can be read for a whole period. */
-static int16_t samples[2][BOARD_RAW_MAX];
-static volatile uint32_t samples_done, periods_missed;
-BOARD_GUARDED static uint32_t samples_taken, missed_taken;
-BOARD_GUARDED static uint32_t late;
+BOARD_GUARDED static uint32_t running_us;  /* 0: stopped */
 BOARD_GUARDED static uint32_t triggers;    /* updates of TIM3 per period */
 static uint32_t trigger;                   /* updates since the last one that ended a period */
 BOARD_GUARDED static uint32_t interval_us; /* between two updates; `longer` of a period take 1 us more */
@@ -27,19 +29,6 @@ static uint32_t share;
 
 static bool analog(void) {
     return use.kind == BOARD_SENSORS_ANALOG_3 || use.kind == BOARD_SENSORS_ANALOG_6;
-}
-
-int16_t *sampling_next(void) {
-    return samples[(samples_done + 1u) % 2u];
-}
-
-void sampling_publish(void) {
-    samples_done++;
-    port_wake = true;
-}
-
-void sampling_missed(void) {
-    periods_missed++;
 }
 
 /* The next interval in counts of TIM3, less 1. Over one period the intervals sum up to it exactly. */
@@ -65,7 +54,7 @@ static void divide(uint32_t period_us) {
 
 void sampling_timer_handler(void) {
     if ((TIM3_SR & TIM3_SR_UIF) == 0u) {
-        return; /* adc_dma_handler() was first */
+        return; /* the scan that it triggered was first */
     }
     TIM3_SR = 0u;
     if (longer > 0u) {
@@ -79,7 +68,7 @@ void sampling_timer_handler(void) {
     trigger = 0u;
     switch (use.kind) {
     case BOARD_SENSORS_NONE:
-        sampling_publish(); /* the counts come from the host */
+        samples_publish(); /* the counts come from the host */
         break;
     case BOARD_SENSORS_BALANCE:
         imu_period(running_us);
@@ -88,10 +77,6 @@ void sampling_timer_handler(void) {
         adc_triggered(true);
         break;
     }
-}
-
-uint32_t sampling_late(void) {
-    return late;
 }
 
 void board_set_period_us(uint32_t period_us) {
@@ -127,13 +112,9 @@ void board_set_period_us(uint32_t period_us) {
         TIM3_ARR = next_reload();
     }
     TIM3_SR = 0u;
-    irq_forget(IRQ_TIM3);
-    irq_enable(IRQ_TIM3);
-    memset(samples, 0, sizeof samples); /* places that these sensors do not fill */
-    samples_taken = samples_done;
-    missed_taken = periods_missed;
-    late = 0u;
-    port_faults &= ~BOARD_FAULT_LATE;
+    nvic_forget(IRQ_TIM3);
+    nvic_enable(IRQ_TIM3);
+    samples_clear();
     if (analog()) {
         adc_start(&use, interval_us);
     }
@@ -161,20 +142,11 @@ bool board_take_tick(void) {
     if (analog()) {
         adc_poll();
     }
-    const uint32_t done = samples_done;
-    const bool ticked = done != samples_taken;
-    uint32_t missed = periods_missed - missed_taken + (ticked ? done - samples_taken - 1u : 0u);
-    missed_taken = periods_missed;
-    samples_taken = done;
-    for (; missed > 0u && late < LATE_MAX; missed--) {
-        late++;
-        port_faults |= BOARD_FAULT_LATE;
-    }
-    return ticked;
+    return samples_poll();
 }
 
 void board_read_sensors(int16_t raw[BOARD_RAW_MAX]) {
-    memcpy(raw, samples[samples_taken % 2u], sizeof samples[0]);
+    samples_read(raw);
 }
 
 void board_sensor_health(board_health_t *health) {

@@ -1,6 +1,8 @@
 /* SPI1 as master in mode 3 on PA5 to PA7, chip select on PA4, one access at a time, by DMA both ways (RM0008
  * 25.3.5, 25.3.9). Bytes are exchanged in place: what was received replaces what was sent. */
-#include "port.h"
+#include "spi.h"
+#include "nvic.h"
+#include "stm32f103.h"
 
 #define SELECT 4u
 
@@ -8,7 +10,7 @@ void spi_init(void) {
     RCC_APB2ENR |= RCC_APB2ENR_SPI1EN;
     DMA1_CPAR2 = (uint32_t)(uintptr_t)&SPI1_DR;
     DMA1_CPAR3 = (uint32_t)(uintptr_t)&SPI1_DR;
-    irq_enable(IRQ_DMA1_Channel2);
+    nvic_enable(IRQ_DMA1_Channel2);
     SPI1_CR2 = SPI1_CR2_RXDMAEN | SPI1_CR2_TXDMAEN;
     /* APB2 / 16 is 4.5 MHz: the accelerometer takes 5. */
     SPI1_CR1 = SPI1_CR1_SSM | SPI1_CR1_SSI | SPI1_CR1_MSTR | SPI1_CR1_CPOL | SPI1_CR1_CPHA |
@@ -29,14 +31,9 @@ void spi_exchange(uint8_t *bytes, uint32_t count) {
     DMA1_CCR3 = DMA1_CCR1_EN | DMA1_CCR1_MINC | DMA1_CCR1_DIR;
 }
 
-void spi_abort(void) {
+void spi_end(void) {
     GPIOA_BSRR = 1u << SELECT;
     DMA1_CCR2 = 0u;
     DMA1_CCR3 = 0u;
     DMA1_IFCR = DMA1_IFCR_CGIF2 | DMA1_IFCR_CGIF3;
-}
-
-void spi_dma_handler(void) {
-    spi_abort(); /* the last byte is in: nothing is under way any more */
-    imu_transferred(TRANSFER_DONE);
 }

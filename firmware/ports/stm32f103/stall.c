@@ -3,7 +3,8 @@
  * until the next run begins. A neutral pulse begins with the next frame, at most 20 ms later: 40 ms in all,
  * of the 50 ms limit. A hang with masked interrupts stops SysTick, too: the window watchdog resets the board.
  */
-#include "port.h"
+#include "stall.h"
+#include "app/board.h"
 
 #define STALL_TICKS 20u
 /* The two values of a pair differ in many bits. Any other value of `watched` counts as driving, any other
@@ -17,15 +18,13 @@ static volatile uint32_t ticks; /* since the loop last came round */
 static volatile uint32_t watched = AT_REST;
 static volatile uint32_t state = TURNING;
 
-void stall_tick(void) {
+bool stall_tick(void) {
     if (ticks < STALL_TICKS) {
         ticks++;
     } else if (watched != AT_REST) {
         state = STALLED;
     }
-    if (state != TURNING) {
-        board_actuator_neutral();
-    }
+    return state != TURNING;
 }
 
 void stall_watch(bool driving) {

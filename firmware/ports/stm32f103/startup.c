@@ -1,10 +1,73 @@
-/* From reset to the loop: vector table, image header, initial memory. */
+/* From reset to the loop: interrupts and their vector table, image header, initial memory. */
+#include "adc.h"
+#include "app/board_actuators.h"
 #include "app/loop.h"
+#include "bootloader.h"
+#include "bridge.h"
 #include "build_id.h"
-#include "port.h"
+#include "bxcan.h"
+#include "faults.h"
+#include "i2c.h"
+#include "imu.h"
+#include "linker.h"
+#include "sampling.h"
+#include "spi.h"
+#include "stall.h"
+#include "stm32f103.h"
+#include "systick.h"
+#include "uart.h"
 
-extern uint32_t data_load[], data_start[], data_end[], bss_start[], bss_end[];
-extern uint32_t image_start[], image_bytes[]; /* from the linker script; the second one is a number */
+void reset_handler(void);
+
+/* ---- interrupts that concern more than one peripheral ---- */
+
+/* Every millisecond. SysTick alone interrupts the other handlers: it counts, watches the loop and the stack,
+ * and writes nothing that another handler writes, the outputs' neutral excepted. What else is to be done
+ * every millisecond runs in PendSV, at the priority of the other handlers. */
+static void systick_handler(void) {
+    systick_count();
+    if (stall_tick()) {
+        board_actuator_neutral();
+    }
+    faults_check_stack();
+    SCB_ICSR = SCB_ICSR_PENDSVSET;
+}
+
+static void pendsv_handler(void) {
+    imu_poll_ms();
+}
+
+/* A scan is stored. Its trigger's interrupt may wait behind this one and comes first. */
+static void adc_dma_handler(void) {
+    sampling_timer_handler();
+    adc_on_scan();
+}
+
+/* The last byte is in. */
+static void spi_dma_handler(void) {
+    spi_end();
+    imu_transferred(TRANSFER_DONE);
+}
+
+static void i2c_advanced(transfer_t result) {
+    if (result != TRANSFER_UNDER_WAY) {
+        imu_transferred(result);
+    }
+}
+
+static void i2c_event_handler(void) {
+    i2c_advanced(i2c_on_event());
+}
+
+static void i2c_error_handler(void) {
+    i2c_advanced(i2c_on_error());
+}
+
+static void i2c_dma_handler(void) {
+    i2c_advanced(i2c_on_dma());
+}
+
+/* ---- vector table ---- */
 
 typedef void (*vector_t)(void);
 #define F fault_entry
@@ -42,6 +105,8 @@ __attribute__((section(".image_header"), used)) static const image_header_t imag
 };
 
 __attribute__((section(".image_crc"), used)) static const uint32_t image_crc = 0xffffffffu;
+
+/* ---- reset ---- */
 
 void reset_handler(void) {
     bootloader_if_asked();

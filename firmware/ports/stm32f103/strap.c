@@ -2,7 +2,11 @@
  * The strap alone chooses the pin set. It is read once, before any pin is an output.
  *
  * After reset PB4 is the debug port's NJTRST: SWJ_CFG frees it first (RM0008 9.3.5, table 38). */
-#include "port.h"
+#include "strap.h"
+#include "app/board.h"
+#include "clock.h"
+#include "pins.h"
+#include "stm32f103.h"
 
 #define PULL_POLLS   (clock_mhz() * 500u / 64u) /* 0.5 ms: ten time constants of 50 kOhm and 1 nF */
 #define READS        8u

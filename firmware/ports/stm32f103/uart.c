@@ -4,7 +4,12 @@
  * line interrupts, so a burst of bytes costs one interrupt. Transmit: DMA1 channel 4 sends one contiguous
  * piece of a ring at a time and interrupts at its end. An error is counted and otherwise left to the
  * framing's CRC. */
-#include "port.h"
+#include "uart.h"
+#include "app/board_links.h"
+#include "clock.h"
+#include "idle.h"
+#include "nvic.h"
+#include "stm32f103.h"
 #include <string.h>
 
 #define BAUD        921600u
@@ -31,9 +36,9 @@ void uart_init(void) {
     DMA1_CCR5 =
         DMA1_CCR1_EN | DMA1_CCR1_CIRC | DMA1_CCR1_MINC | DMA1_CCR1_HTIE | DMA1_CCR1_TCIE | DMA1_CCR1_PL_HIGH;
     DMA1_CPAR4 = (uint32_t)(uintptr_t)&USART1_DR;
-    irq_enable(IRQ_DMA1_Channel4);
-    irq_enable(IRQ_DMA1_Channel5);
-    irq_enable(IRQ_USART1);
+    nvic_enable(IRQ_DMA1_Channel4);
+    nvic_enable(IRQ_DMA1_Channel5);
+    nvic_enable(IRQ_USART1);
     /* Divider in 1/16 of 16 samples, that is, clock cycles per bit, rounded: 78 at 72 MHz is 0.16 % fast. */
     const uint32_t divider = (clock_mhz() * 1000000u + BAUD / 2u) / BAUD;
     USART1_BRR = divider < DIVIDER_MIN ? DIVIDER_MIN : divider;
@@ -60,7 +65,7 @@ void uart_handler(void) {
     if ((status & (USART1_SR_FE | USART1_SR_NE | USART1_SR_ORE)) != 0u) {
         count_error();
     }
-    port_wake = true;
+    idle_end();
 }
 
 void uart_rx_dma_handler(void) {
@@ -74,7 +79,7 @@ void uart_rx_dma_handler(void) {
         ((status & DMA1_ISR_TCIF5) != 0u && taken > 0u && taken < half)) {
         count_error();
     }
-    port_wake = true;
+    idle_end();
 }
 
 size_t board_uart_read(uint8_t *bytes, size_t room) {
@@ -91,7 +96,7 @@ size_t board_uart_read(uint8_t *bytes, size_t room) {
     memory_fence();
     rx_taken = from;
     if (count > 0u && from != end) {
-        port_wake = true; /* the rest, in the next turn */
+        idle_end(); /* the rest, in the next turn */
     }
     return count;
 }
@@ -120,7 +125,7 @@ void uart_tx_dma_handler(void) {
     send_next();
     if (tx_refused) {
         tx_refused = false;
-        port_wake = true;
+        idle_end();
     }
 }
 

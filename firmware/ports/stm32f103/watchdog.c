@@ -7,7 +7,12 @@
  *
  * IWDG (RM0008 19) is the last resort, with an oscillator of its own: 625 counts of LSI / 16, 250 ms at its
  * nominal 40 kHz, 167 to 333 ms over its range of 60 to 30 kHz. */
-#include "port.h"
+#include "watchdog.h"
+#include "app/board.h"
+#include "app/board_guard.h"
+#include "clock.h"
+#include "stm32f103.h"
+#include "systick.h"
 
 #define IWDG_RELOAD  625u
 #define UPDATE_POLLS 1000u /* five LSI cycles, 170 us, for each of the two registers */
@@ -22,8 +27,7 @@ static uint32_t fed_ms;
 BOARD_GUARDED static uint32_t loop_count;
 
 void watchdog_init(void) {
-    const uint32_t mhz = clock_mhz();
-    const uint32_t pclk1_mhz = mhz > 36u ? mhz / 2u : mhz; /* see clock.c */
+    const uint32_t pclk1_mhz = clock_pclk1_mhz();
     uint32_t prescaler = 0u;
     while (((WWDG_STEPS - 1u) * WWDG_DIVIDER << prescaler) < ERASE_US * pclk1_mhz) {
         prescaler++;
@@ -51,7 +55,7 @@ void watchdog_feed_longest(void) {
 }
 
 void board_feed_watchdog(void) {
-    const uint32_t now_ms = time_ms();
+    const uint32_t now_ms = systick_ms();
     if (now_ms != fed_ms) { /* at most once a millisecond; never when the tick has stopped, which is a hang */
         fed_ms = now_ms;
         watchdog_feed();

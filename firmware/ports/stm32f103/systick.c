@@ -1,38 +1,33 @@
 /* Time from SysTick: it interrupts every millisecond and counts on while the processor sleeps.
  *
- * SysTick alone interrupts the other handlers. It counts, watches the loop and the stack, and writes nothing
- * that another handler writes, the outputs' neutral excepted. What else is to be done every millisecond runs
- * in PendSV, at the priority of the other handlers.
- *
  * The cycle counter (DWT_CYCCNT) stands still in WFI sleep unless a debugger keeps the clock running, so it
  * cannot tell the time of a loop that sleeps. */
-#include "port.h"
+#include "systick.h"
+#include "app/board.h"
+#include "clock.h"
+#include "guard.h"
+#include "idle.h"
+#include "nvic.h"
+#include "stm32f103.h"
 
 #define BACK_MAX_US 2000u /* behind the last look, by less than a tick: see board_now_us() */
 
 static volatile uint32_t ticks_ms;
 static uint32_t last_us;
 
-void time_init(void) {
-    SCB_SHPR3 = IRQ_PRIORITY << 16; /* PendSV; SysTick, the byte above, stays at 0: the highest */
+void systick_init(void) {
+    SCB_SHPR3 = NVIC_PRIORITY << 16; /* PendSV; SysTick, the byte above, stays 0: the highest */
     SYST_RVR = clock_mhz() * 1000u - 1u;
     SYST_CVR = 0u;
     SYST_CSR = SYST_CSR_ENABLE | SYST_CSR_TICKINT | SYST_CSR_CLKSOURCE;
 }
 
-void systick_handler(void) {
+void systick_count(void) {
     ticks_ms++;
-    port_wake = true;
-    stall_tick();
-    faults_check_stack();
-    SCB_ICSR = SCB_ICSR_PENDSVSET;
+    idle_end();
 }
 
-void pendsv_handler(void) {
-    imu_poll_ms();
-}
-
-uint32_t time_ms(void) {
+uint32_t systick_ms(void) {
     return ticks_ms;
 }
 

@@ -1,0 +1,10 @@
+/* Seed for random numbers. */
+#ifndef PLUMB_STM32F103_ENTROPY_H
+#define PLUMB_STM32F103_ENTROPY_H
+
+#include <stdint.h>
+
+/* Another word at every start. */
+uint32_t entropy_at_start(void);
+
+#endif

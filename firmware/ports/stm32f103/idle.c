@@ -1,0 +1,18 @@
+#include "idle.h"
+#include "app/board.h"
+
+volatile bool idle_over;
+
+void board_idle(void) {
+    for (;;) {
+        /* With interrupts masked, WFI still ends when one is pending: nothing can slip in between look and
+         * sleep. */
+        __asm volatile("cpsid i" ::: "memory");
+        if (idle_over) {
+            idle_over = false;
+            __asm volatile("cpsie i" ::: "memory");
+            return;
+        }
+        __asm volatile("wfi \n cpsie i \n isb" ::: "memory");
+    }
+}

@@ -1,0 +1,25 @@
+/* Interrupt controller, and what code shared with interrupts needs. All handlers but SysTick's have one
+ * priority, so none interrupts another; SysTick interrupts all of them. */
+#ifndef PLUMB_STM32F103_NVIC_H
+#define PLUMB_STM32F103_NVIC_H
+
+#include "stm32f103.h"
+
+#define NVIC_PRIORITY 0x80u /* of 0, the highest, to 0xf0; SysTick's is 0 */
+
+static inline void nvic_enable(uint32_t irq) {
+    NVIC_IPR(irq / 4u) |= NVIC_PRIORITY << 8u * (irq % 4u);
+    NVIC_ISER(irq / 32u) = 1u << (irq % 32u);
+}
+
+/* Drop what is pending: its cause has been stopped. */
+static inline void nvic_forget(uint32_t irq) {
+    NVIC_ICPR(irq / 32u) = 1u << (irq % 32u);
+}
+
+/* The compiler may not move memory accesses across this; the processor keeps their order anyway. */
+static inline void memory_fence(void) {
+    __asm volatile("" ::: "memory");
+}
+
+#endif

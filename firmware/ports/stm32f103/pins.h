@@ -1,0 +1,17 @@
+/* GPIO: which pin does what (table in DESIGN.md). */
+#ifndef PLUMB_STM32F103_PINS_H
+#define PLUMB_STM32F103_PINS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+void pins_clocks(void);
+
+/* pins: a set, BOARD_PINS_*. actuators: whether the pins of the speed controllers, or of the bridge, are
+ * driven. */
+void pins_init(uint32_t pins, bool actuators);
+
+/* control: the CRL or CRH that holds the pin's four mode bits; mode: PIN_*. */
+void pins_set_mode(volatile uint32_t *control, uint32_t pin, uint32_t mode);
+
+#endif

@@ -1,0 +1,50 @@
+#include "samples.h"
+#include "app/board_guard.h"
+#include "app/board_sensors.h"
+#include "idle.h"
+#include <string.h>
+
+#define LATE_MAX 255u
+
+static int16_t samples[2][BOARD_RAW_MAX];
+static volatile uint32_t done, missed;
+BOARD_GUARDED static uint32_t done_seen, missed_seen;
+BOARD_GUARDED static uint32_t late;
+
+int16_t *samples_next(void) {
+    return samples[(done + 1u) % 2u];
+}
+
+void samples_publish(void) {
+    done++;
+    idle_end();
+}
+
+void samples_miss(void) {
+    missed++;
+}
+
+void samples_clear(void) {
+    memset(samples, 0, sizeof samples); /* places that the sensors do not fill */
+    done_seen = done;
+    missed_seen = missed;
+    late = 0u;
+}
+
+bool samples_poll(void) {
+    const uint32_t now = done;
+    const bool ticked = now != done_seen;
+    const uint32_t more = missed - missed_seen + (ticked ? now - done_seen - 1u : 0u);
+    missed_seen = missed;
+    done_seen = now;
+    late = more < LATE_MAX - late ? late + more : LATE_MAX;
+    return ticked;
+}
+
+void samples_read(int16_t *raw) {
+    memcpy(raw, samples[done_seen % 2u], sizeof samples[0]);
+}
+
+uint32_t samples_late(void) {
+    return late;
+}

@@ -1,0 +1,17 @@
+/* USART1: board_uart_...() of app/board_links.h. */
+#ifndef PLUMB_STM32F103_UART_H
+#define PLUMB_STM32F103_UART_H
+
+#include <stdint.h>
+
+/* After clock_init(). */
+void uart_init(void);
+
+/* Received characters that were lost or damaged; stops at 255. */
+uint32_t uart_errors(void);
+
+void uart_handler(void);
+void uart_rx_dma_handler(void);
+void uart_tx_dma_handler(void);
+
+#endif
