@@ -24,9 +24,10 @@ def library() -> ctypes.CDLL:
     assert compiler, "a C compiler is needed"
     own = ("link_board", "keepalive_study", "flash")
     sources = [*(ROOT / f"tests/c/{name}.c" for name in own), *sorted((ROOT / "firmware/link").glob("*.c"))]
-    sources += sorted([*(ROOT / "firmware/core").glob("*.c"), *(ROOT / "firmware/systems").glob("*.c")])
-    with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / "liblink_board.so"
+    for folder in ("core", "systems", "generated"):
+        sources += sorted((ROOT / "firmware" / folder).glob("*.c"))
+    with tempfile.TemporaryDirectory() as temporary:
+        target = Path(temporary) / "liblink_board.so"
         flags = ["-std=c99", "-O1", "-g", "-fPIC", "-shared", "-Wall", "-Wextra", "-Werror", f"-I{ROOT}/firmware"]
         flags += ["-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"]
         subprocess.run([compiler, *flags, "-o", str(target), *map(str, sources)], check=True)

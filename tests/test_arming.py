@@ -135,7 +135,7 @@ def test_values_come_every_10_ms_however_full_the_queue_is_and_only_while_armed(
     board = MemoryBoard()
     session = Session.open(board)
     session.upload(CONTROL, period_us=500, esc_period_us=2500)
-    session.begin("REALTIME_LIVE", frames=("RAW_A", "ANGLE"), words=range(40))
+    session.begin("REALTIME_LIVE", frames=("RAW_A", "QUAD_ANGLE"), words=range(40))
     board.run_us(100_000)
     board.up_per_turn = 9  # 921600 baud: a tenth of what is asked for
     session.arm()

@@ -11,7 +11,7 @@ from plumb.errors import UsageError
 from plumb.quantise import ControlParams, dequantise, quantise
 from plumb.systems import balancer
 from plumb.tuning import BalancerTuning, Drive, Kalman, Pid, SpeedLoop, Start, Trust, Wheel
-from plumb.words import BALANCER, Words, names_of
+from plumb.words import RECORDS, Words, names_of
 from wild_params import wild_balancer_params
 
 RUNS, STEPS = 600, 400
@@ -41,7 +41,7 @@ def test_wild_runs_agree_in_every_bit() -> None:
     # wild enough: every flag, and both signs of every word that can have both
     assert np.bitwise_or.reduce(model["flags"], axis=None) == 255
     for name in names_of("balancer"):
-        if BALANCER[name].kind == "i" and name not in ("p00", "p11", "k0_q29"):
+        if RECORDS["balancer"][name].kind == "i" and name not in ("p00", "p11", "k0_q29"):
             assert model[name].min() < 0 < model[name].max(), name
 
 

@@ -116,7 +116,7 @@ def test_a_chip_that_falls_silent_disarms_and_the_vehicle_falls() -> None:
 
 
 def test_it_is_armed_on_the_pins_of_the_bridge_only() -> None:
-    assert balancer.LINK["pins"] == 1 and systems.load("balancer", "live").FRAMES[-1] == "DRIVE"
+    assert balancer.LINK["pins"] == 1 and systems.load("balancer", "live").FRAMES[-1] == "BALANCER_DRIVE"
     with VirtualBoard() as board:
         board.session.upload(PARAMS.words(), period_us=balancer.PERIOD_US)
         board.session.begin("REALTIME_INJECTED")

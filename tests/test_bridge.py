@@ -327,7 +327,7 @@ def test_what_was_lost_on_the_link_is_unverified_and_no_fault_of_the_board(sessi
 
 def test_what_goes_by_is_counted_by_its_numbers() -> None:
     flow, messages = Flow(), protocol()
-    sample, angle = messages["SAMPLE_A"], messages["ANGLE"]
+    sample, angle = messages["SAMPLE_A"], messages["QUAD_ANGLE"]
     for step in (5, 6, 9):
         assert flow.note(sample.identifier, sample.pack(step & 15, step >> 4, 1, 2, 3))
     for counter in (15, 0, 0):  # the last: sixteen later, fifteen missing

@@ -88,7 +88,7 @@ class Running:
         self.said: list[str] = []
         self._done = threading.Event()
         params, link = quantise(quad.ADAPTIVE), {"period_us": quad.PERIOD_US, "arm_hold_ms": 0}
-        self.bridge = Bridge(sensor, board, params, ("ANGLE",), link, say=self.said.append, **options)
+        self.bridge = Bridge(sensor, board, params, ("QUAD_ANGLE",), link, say=self.said.append, **options)
         self._thread = threading.Thread(target=self.bridge.run, args=(self._done.is_set,))
         self._thread.start()
 

@@ -20,7 +20,7 @@ from plumb.line import BACKLOG_BYTES, Line, PtyLine, TcpLine, open_line
 from plumb.protocol import protocol
 from plumb.serialbus import PlumbBus
 
-ANGLE = protocol()["ANGLE"]
+ANGLE = protocol()["QUAD_ANGLE"]
 WAIT_S = 60.0
 """For what comes at once, on a machine that may have other things to do."""
 

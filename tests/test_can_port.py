@@ -145,8 +145,8 @@ def test_frames_go_out_in_the_order_they_were_queued(board: Board) -> None:
         message = protocol()["SAMPLE_A"]
         data = message.pack(step & 15, step >> 4 & 3, 1, 2, step)
         board.wire.send(WireFrame(message.identifier, data))
-    steps = [entry for entry in board.heard(80_000) if entry[0] in ("STEP", "ANGLE", "WORD")]
-    assert names(steps) == (["STEP", "ANGLE", *["WORD"] * 8]) * 20
+    steps = [entry for entry in board.heard(80_000) if entry[0] in ("STEP", "QUAD_ANGLE", "WORD")]
+    assert names(steps) == (["STEP", "QUAD_ANGLE", *["WORD"] * 8]) * 20
     assert [words["step"] for name, words in steps if name == "STEP"] == list(range(20))
 
 

@@ -89,7 +89,7 @@ from plumb.buses import open_can
 from plumb.session import Session
 
 with Session.over(open_can(sys.argv[1].removeprefix("can:"))) as session:
-    session.begin("REALTIME_LIVE", frames=("RAW_A", "ANGLE"))
+    session.begin("REALTIME_LIVE", frames=("RAW_A", "QUAD_ANGLE"))
     print("runs", flush=True)
     while True:
         session.receive(0.01)

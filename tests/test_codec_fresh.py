@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 
-from plumb import parameters
+from plumb import declarations, parameters
 from plumb.protocol import canonical_text, load_database, message_of, protocol, protocol_of
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -25,12 +25,10 @@ def tool(name: str) -> ModuleType:
     return module
 
 
-@pytest.mark.parametrize("name", ["gen_messages", "gen_params"])
-def test_generated_files_are_fresh(name: str) -> None:
-    for file, text in tool(name).generate().items():
-        committed = (ROOT / "firmware" / "link" / file).read_text()
-        assert committed == text, f"{file} is stale: run tools/{name}.py"
-        assert committed.startswith("/* GENERATED")
+def test_generated_files_are_fresh() -> None:
+    for path, text in tool("generate").committed().items():
+        assert path.read_text() == text, f"{path.relative_to(ROOT)} is stale: run tools/generate.py"
+        assert path.suffix == ".dbc" or "GENERATED" in text.splitlines()[0]
 
 
 def test_hash_does_not_hear_comments_but_hears_every_position(tmp_path: Path) -> None:
@@ -60,7 +58,7 @@ def test_hash_is_the_crc32_of_the_canonical_text() -> None:
         "signal counter 8 4 little_endian unsigned 1.0 0.0 -",
     ]
     assert protocol().dbc_hash == zlib.crc32(("\n".join(lines) + "\n").encode())
-    header = (ROOT / "firmware" / "link" / "messages.h").read_text()
+    header = (ROOT / "firmware" / "generated" / "messages.h").read_text()
     assert f"#define MESSAGES_DBC_HASH 0x{protocol().dbc_hash:08X}U" in header
 
 
@@ -103,14 +101,17 @@ def test_protocol_document_is_fresh() -> None:
     assert text.count("<!-- begin") == 12
 
 
-def test_words_on_the_wire_are_the_words_of_the_record() -> None:
-    from plumb.words import QUAD
-
-    names: list[str] = []
-    for name in QUAD.names or ():
-        wide = QUAD[name].itemsize == 8
-        names += [f"{name}_lo", f"{name}_hi"] if wide else [name]
-    assert list(protocol()["WORD"].choices["index"].values()) == names
+def test_signals_on_the_wire_are_the_words_of_each_record() -> None:
+    names = {
+        number: f"{system.name}.{name}"
+        for system in declarations.systems().values()
+        for number, name in system.signals().items()
+    }
+    assert protocol()["WORD"].choices["index"] == names
+    for system in declarations.systems().values():
+        last = system.number << 8 | system.record_bytes // 4 - 1
+        assert names[system.number << 8] == f"{system.name}.raw_0" and names[last] == f"{system.name}.step"
+        assert sum(number >> 8 == system.number for number in names) == system.record_bytes // 4
 
 
 def test_factory_values_are_a_shipped_tuning() -> None:
@@ -125,12 +126,12 @@ def test_factory_values_are_a_shipped_tuning() -> None:
 def test_other_tools_see_degrees_and_names() -> None:
     """What cantools monitor or SavvyCAN show with the DBC."""
     database = load_database()
-    angle = database.decode_message("ANGLE", protocol()["ANGLE"].pack(0, 0, 3001, -(1 << 29)))
+    angle = database.decode_message("QUAD_ANGLE", protocol()["QUAD_ANGLE"].pack(0, 0, 3001, -(1 << 29)))
     assert angle["tilt"] == pytest.approx(-45.0)
     assert angle["pulse_0"] == 1500.5
-    bias = database.decode_message("BIAS", protocol()["BIAS"].pack(0, 0, 0, (1 << 28) // 360))
+    bias = database.decode_message("QUAD_BIAS", protocol()["QUAD_BIAS"].pack(0, 0, 0, (1 << 28) // 360))
     assert bias["bias"] == pytest.approx(1.0, abs=1e-5)
-    command = database.decode_message("COMMAND", protocol()["COMMAND"].pack(0, 0, 0, 1 << 21))
+    command = database.decode_message("QUAD_COMMAND", protocol()["QUAD_COMMAND"].pack(0, 0, 0, 1 << 21))
     assert command["command"] == 0.5
     status = database.decode_message("STATUS", protocol()["STATUS"].pack(0, 1, 2, 0, 0))
     assert (str(status["mode"]), status["armed"]) == ("REALTIME", 1)

@@ -13,7 +13,7 @@ from plumb import angle, fixed, native
 from plumb.compare import count_mismatches, first_digest_divergence, first_divergence
 from plumb.quantise import ControlParams, quantise
 from plumb.systems import quad
-from plumb.words import QUAD, RECORDS, Words, names_of
+from plumb.words import RECORDS, Words, names_of
 from wild_params import wild_params
 
 EDGES = np.array([sign * ((1 << n) + d) for n in range(32) for d in (-2, -1, 0, 1, 2) for sign in (-1, 1)], np.int64)
@@ -57,7 +57,7 @@ def test_wild_runs_agree_in_every_bit() -> None:
     # wild enough: every flag, and both signs of every word that can have both
     assert np.bitwise_or.reduce(model["flags"], axis=None) == 15
     for name in names_of("quad"):
-        if QUAD[name].kind == "i" and name not in ("p00", "p11", "k0_q29"):
+        if RECORDS["quad"][name].kind == "i" and name not in ("p00", "p11", "k0_q29"):
             assert model[name].min() < 0 < model[name].max(), name
 
 

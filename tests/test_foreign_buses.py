@@ -24,7 +24,7 @@ from plumb.protocol import protocol
 from plumb.session import Session
 from plumb.socketcand import SocketcandBus, SocketcandClient
 
-ANGLE = protocol()["ANGLE"]
+ANGLE = protocol()["QUAD_ANGLE"]
 GOOD = can.Message(arbitration_id=ANGLE.identifier, data=ANGLE.pack(0, 0, 1, 2), is_extended_id=False)
 
 
@@ -284,7 +284,7 @@ def test_a_second_client_is_turned_away_at_once_and_the_first_stays() -> None:
             for _ in range(1000):
                 served()
                 second.recv(0.005)
-        line.write(b"t1088" + bytes(GOOD.data).hex().upper().encode() + b"\r")
+        line.write(b"t3048" + bytes(GOOD.data).hex().upper().encode() + b"\r")
         answer = first.recv(5.0)
     assert answer is not None and bytes(answer.data) == bytes(GOOD.data)
     assert b"".join(heard) == b"\rC\rO\r"  # nothing of what the second said

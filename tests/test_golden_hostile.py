@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 import plumb.__main__ as front
-from plumb import golden, golden_manifest, native, parameters, quantise, recipe
+from plumb import declarations, golden, golden_manifest, native, quantise, recipe
 from plumb.errors import UsageError
 from plumb.golden_file import FORMAT, MAX_FILE_BYTES, SUFFIX, Vector, sealed
 from plumb.systems import quad
@@ -396,7 +396,7 @@ def test_a_recipe_that_is_no_text_is_refused(folder: Path, capsys: pytest.Captur
 
 def zero_parameters() -> quantise.ControlParams:
     params = quantise.quantise(quad.TUNINGS["adaptive"])
-    return replace(params, values={name: 0 for name in params.values} | {"system": parameters.SYSTEMS.index("quad")})
+    return replace(params, values={name: 0 for name in params.values} | {"system": declarations.system("quad").number})
 
 
 def test_the_core_is_not_called_with_parameters_that_it_refuses() -> None:

@@ -40,13 +40,17 @@ def test_batches_single_steps_and_words_tell_the_same() -> None:
     raw, setpoint = input_of(300, 1, channels=6)
     whole = digests_of(raw, setpoint)
     with Session.open(MemoryBoard()) as session:
-        run = Lockstep(session, frames=("ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND"), words=tuple(range(40)))
+        run = Lockstep(
+            session,
+            frames=("QUAD_ANGLE", "QUAD_BIAS", "QUAD_RATE", "QUAD_MEASURED", "QUAD_COMMAND"),
+            words=tuple(range(40)),
+        )
         for step in range(40):
             reply = run.exchange(tuple(int(v) for v in raw[step]), int(setpoint[step]))
             record = struct.pack("<40I", *(reply.words[i] for i in range(40)))
             assert zlib.crc32(record) == reply.digest == whole[step]
             names = protocol()["WORD"].choices["index"]
-            words = {names[i]: word for i, word in reply.words.items()}
+            words = {names[i].removeprefix("quad."): word for i, word in reply.words.items()}
             assert reply.values["tilt"] & 0xFFFFFFFF == words["tilt_turn_q32"]
             assert reply.values["rate"] & 0xFFFFFFFF == words["rate_corrected_turnps_q28"]
             assert reply.values["tilt_measured"] & 0xFFFFFFFF == words["tilt_measured_turn_q32"]
@@ -108,9 +112,9 @@ def test_every_digest_arrives_over_a_bad_line(seed: int, way: str) -> None:
 def test_lost_words_are_an_error_not_a_guess() -> None:
     board = MemoryBoard()
     with Session.open(board) as session:
-        run = Lockstep(session, frames=("ANGLE",))
+        run = Lockstep(session, frames=("QUAD_ANGLE",))
         run.exchange((1, 2, 3))
-        board.spoil_up = lambda data: data.replace(b"t108", b"t109")
+        board.spoil_up = lambda data: data.replace(b"t304", b"t305")
         with pytest.raises(LinkError, match="words of step 1 were lost"):
             run.exchange((1, 2, 3))
 
@@ -226,7 +230,7 @@ def live(board: MemoryBoard, run: str = "REALTIME_LIVE") -> tuple[Session, Captu
     session.upload(CONTROL, period_us=1000)
     capture = Capture(session)
     session.listener = capture.feed
-    session.begin(run, frames=("RAW_A", "ANGLE", "BIAS"))
+    session.begin(run, frames=("RAW_A", "QUAD_ANGLE", "QUAD_BIAS"))
     return session, capture
 
 

@@ -57,7 +57,7 @@ def test_reading_parameters_drops_no_telemetry(session: Session) -> None:
 
 def test_reading_parameters_in_a_live_run_drops_no_step(session: Session) -> None:
     session.upload(control_part(session.read_parameters()), period_us=2000)
-    session.begin("REALTIME_LIVE", frames=("RAW_A", "ANGLE"))
+    session.begin("REALTIME_LIVE", frames=("RAW_A", "QUAD_ANGLE"))
     for pause_s in PAUSES_S[::2]:
         session.read_parameters()
         listen(session, pause_s)
@@ -67,7 +67,7 @@ def test_reading_parameters_in_a_live_run_drops_no_step(session: Session) -> Non
 
 def test_all_words_of_a_step_in_lockstep_drop_no_telemetry(session: Session) -> None:
     session.upload(quantise(turntable.TUNINGS[turntable.DEFAULT_TUNING]).words())
-    run = Lockstep(session, frames=("RAW_A", "ATTITUDE_W"), words=tuple(range(session.record_words)))
+    run = Lockstep(session, frames=("RAW_A", "TURNTABLE_ATTITUDE_W"), words=tuple(range(session.record_words)))
     for pause_s in PAUSES_S:
         run.exchange((1, 2, 3, 4, 5, 6), 0)
         listen(session, pause_s)

@@ -14,7 +14,7 @@ import pytest
 
 from link_board import MemoryBoard
 from plumb import __main__ as front
-from plumb import fixed, monitor, parameters
+from plumb import declarations, fixed, monitor, parameters
 from plumb.boards.link import LinkBoard
 from plumb.commands.monitor import show
 from plumb.quantise import ControlParams
@@ -75,7 +75,7 @@ def test_a_run_of_its_own_is_shown_in_units(board: MemoryBoard, capsys: pytest.C
 def test_who_only_watches_says_nothing_and_the_run_goes_on(
     board: MemoryBoard, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    left_running(board, "ANGLE")
+    left_running(board, "QUAD_ANGLE")
     sent = b""
 
     def note(data: bytes) -> bytes:
@@ -123,7 +123,7 @@ def test_what_does_not_come_any_more_is_not_shown(board: MemoryBoard) -> None:
 
 
 def test_what_was_lost_is_counted(board: MemoryBoard) -> None:
-    dropped = {b"t100": (7, 9), b"t108": (4,), b"t111": (4,)}
+    dropped = {b"t100": (7, 9), b"t304": (4,), b"t111": (4,)}
     heard = dict.fromkeys(dropped, 0)
 
     def spoil(data: bytes) -> bytes:
@@ -154,11 +154,11 @@ def test_the_board_s_faults_are_named(board: MemoryBoard) -> None:
     assert "the board has a fault" in last["blocked"]
 
 
-@pytest.mark.parametrize("system", monitor.WANTED)
+@pytest.mark.parametrize("system", declarations.names())
 @pytest.mark.parametrize(("period_us", "frames"), [(20_000, 8), (2_000, 4), (1_000, 1), (500, 1)])
 def test_a_run_asks_for_no_more_than_the_line_carries(period_us: int, frames: int, system: str) -> None:
     chosen = monitor.selection(period_us, system)
-    assert chosen == monitor.WANTED[system][:frames]
+    assert chosen == monitor.selection(100_000, system)[:frames]
     assert (1 + len(chosen)) * 22 * 1e6 / period_us < 92_160
 
 

@@ -17,7 +17,7 @@ from plumb.quantise import ControlParams, dequantise, quantise
 from plumb.reference.phone import rates_of
 from plumb.systems import phone
 from plumb.tuning import PhoneTuning, Start
-from plumb.words import PHONE, Words, names_of
+from plumb.words import RECORDS, Words, names_of
 from wild_params import wild_phone_params
 
 RUNS, STEPS = 400, 300
@@ -61,7 +61,7 @@ def test_wild_runs_agree_in_every_bit() -> None:
     assert np.bitwise_or.reduce(model["flags"], axis=None) == 15
     never_negative = ("pitch_p00", "pitch_p11", "pitch_k0_q29", "roll_p00", "roll_p11", "roll_k0_q29")
     for name in names_of("phone"):
-        if PHONE[name].kind == "i" and name not in never_negative:
+        if RECORDS["phone"][name].kind == "i" and name not in never_negative:
             assert model[name].min() < 0 < model[name].max(), name
     limits = np.iinfo(np.int32)
     assert model["roll_rate_turnps_q28"].min() == limits.min and model["roll_rate_turnps_q28"].max() == limits.max

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from plumb import __main__ as front
-from plumb import bandwidth, disturbance, parameters, systems
+from plumb import bandwidth, declarations, disturbance, parameters, systems
 from plumb.errors import UsageError
 from plumb.quantise import dequantise, quantise
 from plumb.systems import quad
@@ -26,9 +26,9 @@ def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
 
 
 def test_systems_records_and_numbers_belong_together() -> None:
-    assert set(systems.SYSTEMS) == set(RECORDS) <= set(parameters.SYSTEMS)
+    assert set(systems.SYSTEMS) == set(RECORDS)
     highest = next(row.max for row in parameters.table() if row.name == "system")
-    assert {parameters.SYSTEMS.index(name) for name in RECORDS} <= set(range(highest + 1))
+    assert {declarations.system(name).number for name in RECORDS} <= set(range(highest + 1))
 
 
 @pytest.mark.parametrize("name", systems.SYSTEMS)

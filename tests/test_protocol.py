@@ -221,7 +221,7 @@ def test_a_step_of_any_size_follows_as_there_is_room(opened: MemoryBoard) -> Non
     opened.write(frame("SAMPLE_A", 1, 2, 3, counter=0) + frame("SAMPLE_A", 4, 5, 6, counter=1))
     opened.run_us(100_000)
     heard = [entry for entry in said(opened.heard()) if entry[0] in ("STEP", "WORD")]
-    words = list(protocol()["WORD"].choices["index"])
+    words = [number for number in protocol()["WORD"].choices["index"] if number >> 8 == 0]  # of the system in use
     once = ["STEP", *["WORD"] * len(words)]
     assert [name for name, _ in heard] == once + once
     assert [values["index"] for name, values in heard if name == "WORD"] == words + words

@@ -26,7 +26,7 @@ from plumb.protocol import protocol
 from plumb.quantise import quantise
 from plumb.recorder import FrameLog, Recorder
 from plumb.serialbus import PlumbBus
-from plumb.session import SELECTABLE, Session
+from plumb.session import Session
 
 WAIT_S = 60.0
 """For what comes within a second, on a machine that may have other things to do."""
@@ -50,10 +50,10 @@ def rows_of(folder: Path) -> list[dict[str, str]]:
 
 
 def recorded(board: MemoryBoard, session: Session, folder: Path, seconds: float = 0.5) -> Recorder:
-    recorder = Recorder(session, folder, SELECTABLE)
+    recorder = Recorder(session, folder)
     board.sensors((1700, 2100, 2900, 0, 0, 0))
     session.listener = recorder.feed
-    session.begin("REALTIME_LIVE", frames=("RAW_A", "ANGLE"))
+    session.begin("REALTIME_LIVE", frames=("RAW_A", "QUAD_ANGLE"))
     end = session.clock() + seconds
     while session.clock() < end:
         session.receive(0.01)
@@ -80,17 +80,21 @@ def test_a_recording_has_a_row_for_every_step_and_every_frame(
 @pytest.mark.parametrize(
     ("system", "frames", "columns"),
     [
-        ("phone", ("ANGLE", "BIAS", "ROLL", "ROLL_BIAS"), ("tilt_deg", "bias_dps", "roll_deg", "roll_bias_dps")),
-        ("turntable", ("ATTITUDE_W", "ATTITUDE_Z"), ("w", "z", "rate_z_dps")),
-        ("balancer", ("ANGLE", "DRIVE"), ("tilt_deg", "duty", "velocity_mps")),
+        (
+            "phone",
+            ("PHONE_ANGLE", "PHONE_BIAS", "PHONE_ROLL", "PHONE_ROLL_BIAS"),
+            ("tilt_deg", "bias_dps", "roll_deg", "roll_bias_dps"),
+        ),
+        ("turntable", ("TURNTABLE_ATTITUDE_W", "TURNTABLE_ATTITUDE_Z"), ("w", "z", "rate_z_dps")),
+        ("balancer", ("BALANCER_ANGLE", "BALANCER_DRIVE"), ("tilt_deg", "duty", "velocity_mps")),
     ],
 )
 def test_every_system_s_values_have_columns_of_their_own(
     board: MemoryBoard, session: Session, tmp_path: Path, system: str, frames: tuple[str, ...], columns: tuple[str, ...]
 ) -> None:
     module = systems.load(system)
-    recorder = Recorder(session, tmp_path, SELECTABLE)
     session.upload(quantise(module.TUNINGS[module.DEFAULT_TUNING]).words(), period_us=10_000)
+    recorder = Recorder(session, tmp_path)
     board.sensors((1700, 2100, 2900, 100, 200, 300))
     session.listener = recorder.feed
     session.begin("REALTIME_LIVE", frames=frames)
@@ -200,7 +204,7 @@ def test_what_is_recorded_is_on_the_disk_within_a_second(
 ) -> None:
     """As a recorder that is killed leaves it."""
     monkeypatch.setattr("plumb.recorder.FLUSH_EVERY_S", 0.0)
-    recorder = Recorder(session, tmp_path, SELECTABLE)
+    recorder = Recorder(session, tmp_path)
     session.listener = recorder.feed
     session.begin("REALTIME_LIVE")
     for _ in range(30):
@@ -234,7 +238,7 @@ def test_a_bus_is_recorded_without_a_word_and_what_is_missing_is_counted(
     """The second that it is to last is over when the last frame is in the log."""
     far = serve_bus("tcp:127.0.0.1:0")
     assert isinstance(far, AdapterBus)
-    angle, heard, read_only, stop = protocol()["ANGLE"], [], set(), threading.Event()
+    angle, heard, read_only, stop = protocol()["QUAD_ANGLE"], [], set(), threading.Event()
 
     def speak() -> None:
         counter = 0

@@ -144,14 +144,14 @@ def test_another_system_begins_with_nothing_selected() -> None:
     """A mask of words that another record has would stream others by their names."""
     heard = set()
     with Session.open(MemoryBoard()) as session:
-        session.select(frames=("ANGLE",), words=(30,))
+        session.select(frames=("QUAD_ANGLE",), words=(30,))
         system = systems.load("balancer")
         session.upload(quantise(system.TUNINGS[system.DEFAULT_TUNING]).words(), period_us=10_000)
         session.listener = lambda frames: heard.update(identifier for identifier, _ in frames)
         session._answer_nonce("RUN_BEGIN", session.protocol["RUN_BEGIN"].value("run", "REALTIME_LIVE"))
         session.receive(0.05)
         session.receive(0.05)
-        wanted = [session.protocol[name].identifier for name in ("STEP", "ANGLE", "WORD")]
+        wanted = [session.protocol[name].identifier for name in ("STEP", "QUAD_ANGLE", "WORD")]
         assert [identifier in heard for identifier in wanted] == [True, False, False]
 
 
@@ -214,7 +214,7 @@ def test_a_full_queue_drops_whole_telemetry_and_never_replies() -> None:
         session.upload(CONTROL, period_us=500)
         capture = Capture(session)
         session.listener = capture.feed
-        session.begin("REALTIME_LIVE", frames=("RAW_A", "ANGLE"), words=range(40))
+        session.begin("REALTIME_LIVE", frames=("RAW_A", "QUAD_ANGLE"), words=range(40))
         board.up_per_turn = 9  # 921600 baud: a tenth of what is asked for
         for _ in range(2000):
             board.turn()

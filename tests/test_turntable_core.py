@@ -18,7 +18,7 @@ from plumb.reference.turntable import rotation_deg
 from plumb.systems import turntable
 from plumb.systems.turntable_view import RATE_DPS, attitude, reference_attitude
 from plumb.tuning import Prefilter, TurntableTuning
-from plumb.words import TURNTABLE, Words, names_of
+from plumb.words import RECORDS, Words, names_of
 from wild_params import wild_turntable_params
 
 RUNS, STEPS = 200, 400
@@ -66,7 +66,7 @@ def test_wild_runs_agree_in_every_bit() -> None:
     one_sided = ["p00_q64", "p11_q64", "p22_q64", "p33_q64", "p30_q64"] + [f"lag_step_q24_{i}" for i in range(3)]
     one_sided += [f"{name}_variance_q60_{i}" for name in ("scale", "lag") for i in range(3)]
     for name in names_of("turntable"):
-        if TURNTABLE[name].kind == "i" and name not in one_sided:
+        if RECORDS["turntable"][name].kind == "i" and name not in one_sided:
             assert model[name].min() < 0 < model[name].max(), name
 
 

@@ -7,7 +7,7 @@
 #include "board_guard.h"
 #include "board_links.h"
 #include "board_sensors.h"
-#include "link/messages.h"
+#include "generated/messages.h"
 #include "link/requests.h"
 #include "link/session.h"
 #include "systems/control.h"
@@ -76,26 +76,35 @@ static bool take_sample(int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32
 
 /* The outputs of the last step to what the system drives. */
 static void actuate(void) {
-    switch (params.control.system) {
-    case CONTROL_BALANCER:
-        board_set_bridge(control.balancer.words.duty_q15);
+    const control_system_t *const system = control_system(&params.control);
+    const int32_t *const out = control_words(&control) + system->output_word;
+
+    switch (system->output) {
+    case CONTROL_OUTPUT_PULSES:
+        board_set_actuator((const uint32_t *)out);
         break;
-    case CONTROL_TURNTABLE:
-    case CONTROL_PHONE: /* move nothing */
+    case CONTROL_OUTPUT_BRIDGE:
+        board_set_bridge(out[0]);
         break;
     default:
-        board_set_actuator(control.quad.words.pulse_halfus);
+        break;
     }
 }
+
+/* What a system declares is what a board offers. */
+typedef char control_assert_sensors[(int)CONTROL_SENSORS_NONE == (int)BOARD_SENSORS_NONE &&
+                                            (int)CONTROL_SENSORS_ANALOG_3 == (int)BOARD_SENSORS_ANALOG_3 &&
+                                            (int)CONTROL_SENSORS_ANALOG_6 == (int)BOARD_SENSORS_ANALOG_6 &&
+                                            (int)CONTROL_SENSORS_BALANCE == (int)BOARD_SENSORS_BALANCE
+                                        ? 1
+                                        : -1];
 
 /* The sensors that this system samples itself; none when samples come from the host. Not inlined, like the
  * next one: what they keep on the stack does not lie below the rest of the loop. */
 __attribute__((noinline)) static void choose_sensors(void) {
-    /* By control_params_t.system; the phone has none of its own. */
-    static const uint8_t kinds[] = {BOARD_SENSORS_ANALOG_3, BOARD_SENSORS_BALANCE, BOARD_SENSORS_ANALOG_6,
-                                    BOARD_SENSORS_NONE};
     const bool injected = session_mode(&session) != RUN_IDLE && !session_live(&session);
-    const board_sensors_t wanted = {.kind = injected ? BOARD_SENSORS_NONE : kinds[params.control.system],
+    const board_sensors_t wanted = {.kind = injected ? BOARD_SENSORS_NONE
+                                                     : control_system(&params.control)->sensors,
                                     .oversample_log2 = params.adc_oversample_log2,
                                     .rail_ms = params.rail_ms,
                                     .stuck_ms = params.stuck_ms,

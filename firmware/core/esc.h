@@ -6,7 +6,7 @@
 #ifndef PLUMB_CORE_ESC_H
 #define PLUMB_CORE_ESC_H
 
-#include "systems/control_params.h"
+#include "generated/control_params.h"
 #include <stdbool.h>
 
 #define ESC_PULSE_MIN_HALFUS   1800 /* 900 us */

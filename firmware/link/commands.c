@@ -1,5 +1,5 @@
 #include "commands.h"
-#include "messages.h"
+#include "generated/messages.h"
 
 #define HARDWARE_VERSION "01"
 

@@ -51,7 +51,9 @@ uint32_t identity_value(const identity_t *id, uint16_t item) {
         return saved->sequence;
     case MESSAGE_IDENTITY_ITEM_SAVED_UNKNOWN:
         return saved->unknown;
+    case MESSAGE_IDENTITY_ITEM_SAVED_MISSING:
+        return saved->missing;
     default:
-        return saved->missing; /* SAVED_MISSING, the last */
+        return CONTROL_SYSTEMS; /* SYSTEMS, the last */
     }
 }

@@ -3,10 +3,10 @@
 #define PLUMB_LINK_IDENTITY_H
 
 #include "app/board.h"
-#include "messages.h"
+#include "generated/messages.h"
 #include "staging.h"
 
-#define IDENTITY_ITEMS (MESSAGE_IDENTITY_ITEM_SAVED_MISSING + 1U)
+#define IDENTITY_ITEMS (MESSAGE_IDENTITY_ITEM_SYSTEMS + 1U)
 
 /* What the items are read from. */
 typedef struct {

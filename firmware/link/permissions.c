@@ -1,5 +1,5 @@
 #include "permissions.h"
-#include "messages.h"
+#include "generated/messages.h"
 
 bool permissions_need_greeting(const can_frame_t *f) {
     switch (f->id) {

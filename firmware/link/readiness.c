@@ -1,6 +1,6 @@
 #include "readiness.h"
 #include "arming.h"
-#include "messages.h"
+#include "generated/messages.h"
 
 #define US_Q33 8590U /* 1 us in s Q33, 8 ppm too long; periods are 0.1 s at most */
 

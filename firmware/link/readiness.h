@@ -1,13 +1,13 @@
 /* Readiness: what the plausibility of the sensors means for arming, and how a host hears of it.
  *
- * Checked are real-time runs of a system that has bounds (control_plausibility()); elsewhere bounds is NULL
- * and nothing blocks. In lockstep nothing is checked, because nothing can be armed. */
+ * Checked are real-time runs of a system that has bounds (control_system()->plausibility); elsewhere bounds
+ * is NULL and nothing blocks. In lockstep nothing is checked, because nothing can be armed. */
 #ifndef PLUMB_LINK_READINESS_H
 #define PLUMB_LINK_READINESS_H
 
 #include "core/plausibility.h"
+#include "generated/params.h"
 #include "outbox.h"
-#include "params.h"
 
 typedef struct {
     plausibility_t plausibility;

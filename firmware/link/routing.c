@@ -1,5 +1,5 @@
 #include "routing.h"
-#include "messages.h"
+#include "generated/messages.h"
 #include <string.h>
 
 #define COUNTER_UNKNOWN 0xFFU

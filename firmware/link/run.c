@@ -1,7 +1,7 @@
 #include "run.h"
 #include "arming.h"
 #include "core/prefilter.h"
-#include "messages.h"
+#include "generated/messages.h"
 #include <string.h>
 
 /* SAMPLE carries the low six bits of its step number: four as the counter, two as flags. */
@@ -200,7 +200,7 @@ void run_next_sample(run_t *r, bool mark_missing, int16_t raw[CONTROL_RAW_MAX], 
         r->starved++;
         r->stale = (uint16_t)(r->stale + (r->stale != UINT16_MAX ? 1U : 0U));
         for (unsigned i = 0; mark_missing && i < CONTROL_RAW_MAX; i++) {
-            r->held.raw[i] = PREFILTER_NO_SAMPLE;
+            r->held.raw[i] = INT16_MIN;
         }
     }
     memcpy(raw, r->held.raw, sizeof r->held.raw);

@@ -7,8 +7,8 @@
 #ifndef PLUMB_LINK_RUN_H
 #define PLUMB_LINK_RUN_H
 
+#include "generated/control_params.h"
 #include "setpoint.h"
-#include "systems/control_params.h"
 
 #define RUN_QUEUE_LENGTH 16U /* samples in flight; a power of two */
 #define RUN_SLOT(step)   ((step) & (RUN_QUEUE_LENGTH - 1U))
@@ -94,7 +94,7 @@ static inline bool run_sample_waits(const run_t *r) {
 }
 
 /* The sample of the next step: the oldest that waits, else the last one again. mark_missing: a step without a
- * new sample gets PREFILTER_NO_SAMPLE in all places instead. */
+ * new sample gets INT16_MIN in all places instead. */
 void run_next_sample(run_t *r, bool mark_missing, int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32);
 
 /* After a step. */

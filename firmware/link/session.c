@@ -43,7 +43,7 @@ bool session_bootloader_due(const session_t *s, uint32_t now_us) {
 
 /* What is checked of the system in use; NULL: nothing. */
 static const plausibility_bounds_t *checked(const session_t *s) {
-    return s->run.mode == RUN_REALTIME ? control_plausibility(&s->params->control) : NULL;
+    return s->run.mode == RUN_REALTIME ? control_system(&s->params->control)->plausibility : NULL;
 }
 
 /* Whether what the system drives is on the pins that the board started with. */
@@ -51,10 +51,10 @@ static bool moves_something(const session_t *s) {
     if ((s->status.faults & BOARD_FAULT_STRAP) != 0) {
         return false;
     }
-    switch (s->params->control.system) {
-    case CONTROL_QUAD:
+    switch (control_system(&s->params->control)->output) {
+    case CONTROL_OUTPUT_PULSES:
         return s->board->pins == BOARD_PINS_STANDARD;
-    case CONTROL_BALANCER:
+    case CONTROL_OUTPUT_BRIDGE:
         return s->board->pins == BOARD_PINS_BRIDGE;
     default:
         return false;
@@ -154,7 +154,7 @@ bool session_next_sample(session_t *s, int16_t raw[CONTROL_RAW_MAX], int32_t *se
         return false;
     }
     /* The turntable knows what to do without a sample. */
-    run_next_sample(&s->run, s->params->control.system == CONTROL_TURNTABLE, raw, setpoint_turn_q32);
+    run_next_sample(&s->run, control_system(&s->params->control)->marks_missing, raw, setpoint_turn_q32);
     return true;
 }
 

@@ -1,5 +1,5 @@
 #include "setpoint.h"
-#include "messages.h"
+#include "generated/messages.h"
 
 void setpoint_begin(setpoint_t *s) {
     s->waiting = false;

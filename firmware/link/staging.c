@@ -1,7 +1,7 @@
 #include "staging.h"
 #include "app/board.h"
 #include "app/board_guard.h"
-#include "messages.h"
+#include "generated/messages.h"
 
 void staging_init(staging_t *s, params_t *table, const params_t *in_use) {
     *s = (staging_t){.table = table};

@@ -7,7 +7,7 @@
 #include "app/board.h"
 #include "app/board_links.h"
 #include "app/board_sensors.h"
-#include "messages.h"
+#include "generated/messages.h"
 #include "routing.h"
 
 #define STATUS_TIME_US   50000U

@@ -16,7 +16,7 @@
 #ifndef PLUMB_LINK_STORE_H
 #define PLUMB_LINK_STORE_H
 
-#include "params.h"
+#include "generated/params.h"
 
 typedef enum {
     STORE_NOTHING = 0, /* no set is saved */

@@ -1,33 +1,18 @@
 #include "telemetry.h"
 #include "core/digest.h"
-#include "messages.h"
+#include "generated/messages.h"
 #include <string.h>
 
 /* RAW carries the low six bits of its step number: four as the counter, two as flags. */
 #define STEP6_SHIFT    4U
 #define FLAG_STEP_HIGH 3U
+#define SYSTEM_SHIFT   8U /* in the number of a signal, above the place of the word */
 
 /* Bits of SELECT bank 0. */
-#define FRAME_RAW_A      0x01U
-#define FRAME_RAW_B      0x02U
-#define FRAME_ANGLE      0x04U
-#define FRAME_BIAS       0x08U
-#define FRAME_RATE       0x10U
-#define FRAME_MEASURED   0x20U
-#define FRAME_COMMAND    0x40U
-#define FRAME_DRIVE      0x80U
-#define FRAME_ROLL       0x100U
-#define FRAME_ROLL_BIAS  0x200U
-#define FRAME_ATTITUDE_W 0x0400U
-#define FRAME_ATTITUDE_X 0x0800U
-#define FRAME_ATTITUDE_Y 0x1000U
-#define FRAME_ATTITUDE_Z 0x2000U
-#define FRAMES_RAW       (FRAME_RAW_A | FRAME_RAW_B)
-#define FRAMES_QUAD      (FRAMES_RAW | FRAME_ANGLE | FRAME_BIAS | FRAME_RATE | FRAME_MEASURED | FRAME_COMMAND)
-#define FRAMES_BALANCER  (FRAMES_QUAD | FRAME_DRIVE)
-#define FRAMES_TURNTABLE                                                                                     \
-    (FRAMES_RAW | FRAME_ATTITUDE_W | FRAME_ATTITUDE_X | FRAME_ATTITUDE_Y | FRAME_ATTITUDE_Z)
-#define FRAMES_PHONE (FRAMES_RAW | FRAME_ANGLE | FRAME_BIAS | FRAME_ROLL | FRAME_ROLL_BIAS)
+#define FRAME_RAW_A    0x01U
+#define FRAME_RAW_B    0x02U
+#define FRAMES_RAW     (FRAME_RAW_A | FRAME_RAW_B)
+#define FRAMES_DECLARE 2U /* the first bit of the frames that the system declares */
 
 /* ---- selection ---- */
 
@@ -42,21 +27,12 @@ static uint16_t bits_set(uint32_t mask) {
 
 /* Frames that the selected system has. */
 static uint32_t system_frames(const control_params_t *params) {
-    switch (params->system) {
-    case CONTROL_BALANCER:
-        return FRAMES_BALANCER;
-    case CONTROL_PHONE:
-        return FRAMES_PHONE;
-    case CONTROL_TURNTABLE:
-        return FRAMES_TURNTABLE;
-    default:
-        return FRAMES_QUAD;
-    }
+    return FRAMES_RAW | ((1U << control_system(params)->frame_count) - 1U) << FRAMES_DECLARE;
 }
 
 /* The bits of a bank of words that lie inside the record. */
 static uint32_t words_inside(const control_params_t *params, uint32_t first) {
-    const uint32_t record = (uint32_t)control_words_bytes(params) / 4U;
+    const uint32_t record = control_system(params)->record_words;
 
     if (record <= first) {
         return 0;
@@ -111,122 +87,26 @@ static void send_raw(const telemetry_t *t, routing_t *r, uint16_t step, const in
     }
 }
 
-/* What every system of one axis has names for. */
-typedef struct {
-    message_angle_t angle;
-    message_bias_t bias;
-    message_rate_t rate;
-    message_measured_t measured;
-    message_command_t command;
-} axis_t;
-
-static void send_axis(routing_t *r, uint32_t mask, const axis_t *m, uint8_t step_low) {
-    if ((mask & FRAME_ANGLE) != 0) {
-        routing_telemetry(r, message_angle_pack(&m->angle), step_low);
+/* The 16 bits of a frame. */
+static uint16_t half_of(const control_frame_t *f, const int32_t *words) {
+    if (f->half == CONTROL_NO_WORD) {
+        return 0;
     }
-    if ((mask & FRAME_BIAS) != 0) {
-        routing_telemetry(r, message_bias_pack(&m->bias), step_low);
+    if (f->shift == 0) {
+        return (uint16_t)((uint32_t)words[f->half] & 0xFFFFU);
     }
-    if ((mask & FRAME_RATE) != 0) {
-        routing_telemetry(r, message_rate_pack(&m->rate), step_low);
-    }
-    if ((mask & FRAME_MEASURED) != 0) {
-        routing_telemetry(r, message_measured_pack(&m->measured), step_low);
-    }
-    if ((mask & FRAME_COMMAND) != 0) {
-        routing_telemetry(r, message_command_pack(&m->command), step_low);
-    }
+    return (uint16_t)clamp_i32(asr32(words[f->half], f->shift), INT16_MIN, INT16_MAX);
 }
 
-static void send_quad(routing_t *r, uint32_t mask, const quad_words_t *w, uint8_t step_low) {
-    const axis_t m = {
-        .angle = {.pulse_0 = (uint16_t)w->pulse_halfus[0], .tilt = w->tilt_turn_q32},
-        .bias = {.pulse_1 = (uint16_t)w->pulse_halfus[1], .bias = w->bias_turnps_q28},
-        .rate = {.rate = w->rate_corrected_turnps_q28},
-        .measured = {.tilt_measured = w->tilt_measured_turn_q32},
-        .command = {.command = w->pid.command_q22},
-    };
+/* The frames that the system declares. */
+static void send_declared(routing_t *r, uint32_t mask, const control_system_t *system, const int32_t *words,
+                          uint8_t step_low) {
+    for (unsigned i = 0; i < system->frame_count; i++) {
+        if ((mask >> (FRAMES_DECLARE + i) & 1U) != 0) {
+            const control_frame_t *const f = &system->frames[i];
 
-    send_axis(r, mask, &m, step_low);
-}
-
-static void send_balancer(routing_t *r, uint32_t mask, const balancer_words_t *w, uint8_t step_low) {
-    const message_drive_t drive = {.duty = (int16_t)w->duty_q15, .velocity = w->wheel.velocity_mps_q26};
-    const axis_t m = {
-        .angle = {.tilt = w->tilt_turn_q32},
-        .bias = {.bias = w->bias_turnps_q28},
-        .rate = {.rate = w->rate_corrected_turnps_q28},
-        .measured = {.tilt_measured = w->tilt_measured_turn_q32},
-        .command = {.command = w->pid.command_q22},
-    };
-
-    send_axis(r, mask, &m, step_low);
-    if ((mask & FRAME_DRIVE) != 0) {
-        routing_telemetry(r, message_drive_pack(&drive), step_low);
-    }
-}
-
-static void send_phone(routing_t *r, uint32_t mask, const phone_words_t *w, uint8_t step_low) {
-    if ((mask & FRAME_ANGLE) != 0) {
-        const message_angle_t m = {.tilt = w->pitch_turn_q32};
-        routing_telemetry(r, message_angle_pack(&m), step_low);
-    }
-    if ((mask & FRAME_BIAS) != 0) {
-        const message_bias_t m = {.bias = w->pitch_bias_turnps_q28};
-        routing_telemetry(r, message_bias_pack(&m), step_low);
-    }
-    if ((mask & FRAME_ROLL) != 0) {
-        const message_roll_t m = {.flags = (uint16_t)w->flags, .roll = w->roll_turn_q32};
-        routing_telemetry(r, message_roll_pack(&m), step_low);
-    }
-    if ((mask & FRAME_ROLL_BIAS) != 0) {
-        const message_roll_bias_t m = {.bias = w->roll_bias_turnps_q28};
-        routing_telemetry(r, message_roll_bias_pack(&m), step_low);
-    }
-}
-
-/* A rate as the frames carry it: turn/s Q13, within 4 turn/s. */
-static int16_t rate_q13(int32_t rate_turnps_q28) {
-    return (int16_t)clamp_i32(asr32(rate_turnps_q28, 15), INT16_MIN, INT16_MAX);
-}
-
-static void send_turntable(routing_t *r, uint32_t mask, const turntable_words_t *w, uint8_t step_low) {
-    const quaternion_t *const q = &w->attitude;
-    const int32_t *const rate = w->rate_corrected_turnps_q28;
-    const message_attitude_w_t scalar = {.flags = (uint16_t)w->flags, .w = q->w};
-    const message_attitude_x_t x = {.rate_x = rate_q13(rate[0]), .x = q->x};
-    const message_attitude_y_t y = {.rate_y = rate_q13(rate[1]), .y = q->y};
-    const message_attitude_z_t z = {.rate_z = rate_q13(rate[2]), .z = q->z};
-
-    if ((mask & FRAME_ATTITUDE_W) != 0) {
-        routing_telemetry(r, message_attitude_w_pack(&scalar), step_low);
-    }
-    if ((mask & FRAME_ATTITUDE_X) != 0) {
-        routing_telemetry(r, message_attitude_x_pack(&x), step_low);
-    }
-    if ((mask & FRAME_ATTITUDE_Y) != 0) {
-        routing_telemetry(r, message_attitude_y_pack(&y), step_low);
-    }
-    if ((mask & FRAME_ATTITUDE_Z) != 0) {
-        routing_telemetry(r, message_attitude_z_pack(&z), step_low);
-    }
-}
-
-/* The frames that the system's words have names in. */
-static void send_named(routing_t *r, uint32_t mask, const control_t *c, const control_params_t *params,
-                       uint8_t step_low) {
-    switch (params->system) {
-    case CONTROL_BALANCER:
-        send_balancer(r, mask, &c->balancer.words, step_low);
-        break;
-    case CONTROL_PHONE:
-        send_phone(r, mask, &c->phone.words, step_low);
-        break;
-    case CONTROL_TURNTABLE:
-        send_turntable(r, mask, &c->turntable.words, step_low);
-        break;
-    default:
-        send_quad(r, mask, &c->quad.words, step_low);
+            routing_telemetry(r, messages_pair(f->id, half_of(f, words), (uint32_t)words[f->word]), step_low);
+        }
     }
 }
 
@@ -253,8 +133,8 @@ void telemetry_send_words(telemetry_t *t, routing_t *r, const void *record, link
             (pacer != LINK_NONE && !outbox_long_fits(r->link[pacer].outbox))) {
             return;
         }
-        message_word_t m = {.index = t->word_next};
-        memcpy(&m.value, words + 4U * m.index, sizeof m.value);
+        message_word_t m = {.index = (uint16_t)(t->signals | t->word_next)};
+        memcpy(&m.value, words + 4U * t->word_next, sizeof m.value);
         routing_telemetry(r, message_word_pack(&m), t->step_low);
     }
 }
@@ -278,15 +158,16 @@ static void send_step(telemetry_t *t, routing_t *r, const message_step_t *m, uin
 
 void telemetry_step(telemetry_t *t, routing_t *r, const control_t *c, const control_params_t *params,
                     uint16_t step, uint8_t flags) {
-    const void *const words = control_words(c);
+    const int32_t *const words = control_words(c);
     const message_step_t m = {.step = step, .digest = digest_crc32(words, control_words_bytes(params))};
 
     t->digest[RUN_SLOT(step)] = m.digest;
     t->step_low = (uint8_t)(step & E2E_COUNTER_MASK);
+    t->signals = (uint16_t)(params->system << SYSTEM_SHIFT);
     t->word_next = 0;
     send_step(t, r, &m, flags);
     send_raw(t, r, step, words);
-    send_named(r, t->frames_mask, c, params, t->step_low);
+    send_declared(r, t->frames_mask, control_system(params), words, t->step_low);
 }
 
 void telemetry_repeat_step(const telemetry_t *t, routing_t *r, const request_t *q, uint16_t step,

@@ -17,6 +17,7 @@ typedef struct {
     uint16_t selected;                         /* frames a step sends at once, STEP included */
     uint16_t word_next; /* of the last step's record, the next to be sent; CONTROL_RECORD_WORDS_MAX: none */
     uint8_t step_low;   /* counter of the last step's words: its number modulo 16 */
+    uint16_t signals;   /* number of the first signal of its system */
     uint16_t dropped_told[LINKS]; /* the outbox's count of dropped frames at the last STEP */
 } telemetry_t;
 

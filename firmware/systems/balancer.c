@@ -6,9 +6,6 @@
 #define DUTY_MAX   32767       /* Q15 */
 #define FALL_NEVER (1UL << 31) /* turn Q32: half a turn, no tilt is more */
 
-/* The words are hashed as bytes: no padding anywhere. */
-typedef char balancer_assert_packed[sizeof(balancer_words_t) == 200 ? 1 : -1];
-
 void balancer_init(balancer_t *c, const control_params_t *p) {
     *c = (balancer_t){0};
     kalman_init(&c->words.kalman, &p->start);

@@ -4,54 +4,89 @@
  * record: the digest is the CRC-32 of their bytes, little-endian, as the system's X_words_t has them; that
  * order is the written order. Every record begins with the raw counts and the setpoint as given (7 words) and
  * ends with the flags and the number of the step (2 words). No output depends on arming or on time.
+ *
+ * Which systems there are, and everything that depends on it, is declared
+ * (host/plumb/systems/NAME/system.toml) and generated: generated/systems.c implements this header.
  */
-#ifndef PLUMB_CORE_CONTROL_H
-#define PLUMB_CORE_CONTROL_H
+#ifndef PLUMB_SYSTEMS_CONTROL_H
+#define PLUMB_SYSTEMS_CONTROL_H
 
-#include "balancer.h"
-#include "control_params.h"
-#include "phone.h"
-#include "quad.h"
-#include "turntable.h"
+#include "core/plausibility.h"
+#include "generated/systems.h"
 #include <stddef.h>
-
-/* The largest record of any system, in words. */
-typedef union {
-    quad_words_t quad;
-    balancer_words_t balancer;
-    phone_words_t phone;
-    turntable_words_t turntable;
-} control_words_t;
 
 #define CONTROL_RECORD_WORDS_MAX (sizeof(control_words_t) / 4U)
 
-/* A whole controller of any system. Its words come first in each. */
-typedef union {
-    quad_t quad;
-    balancer_t balancer;
-    phone_t phone;
-    turntable_t turntable;
-} control_t;
+/* What the output words of a system drive. */
+typedef enum {
+    CONTROL_OUTPUT_NONE = 0, /* nothing: never armed */
+    CONTROL_OUTPUT_PULSES,   /* two words, half-microseconds: speed controllers */
+    CONTROL_OUTPUT_BRIDGE    /* one word, duty Q15: three-phase bridge */
+} control_output_t;
+
+/* Which sensors of the board a live run samples: BOARD_SENSORS_ of app/board_sensors.h. */
+typedef enum {
+    CONTROL_SENSORS_NONE = 0, /* none: samples come from the host */
+    CONTROL_SENSORS_ANALOG_3, /* three analog inputs */
+    CONTROL_SENSORS_ANALOG_6, /* six analog inputs; INT16_MIN where an input is at a rail or hangs */
+    CONTROL_SENSORS_BALANCE   /* angular rate and two accelerations of the digital sensors, Hall edges */
+} control_sensors_t;
+
+#define CONTROL_NO_WORD 255U /* in a frame: its 16 bits are 0 */
+
+/* One frame of telemetry, its words by their place in the record. */
+typedef struct {
+    uint16_t id;
+    uint8_t half;  /* the 16 bits; or CONTROL_NO_WORD */
+    uint8_t shift; /* 0: its low 16 bits; else so many are dropped below, and the rest is saturated */
+    uint8_t word;  /* the 32 bits */
+} control_frame_t;
+
+/* What a system is, apart from its code. */
+typedef struct {
+    const control_frame_t *frames;
+    const plausibility_bounds_t *plausibility; /* NULL for one that moves nothing: nothing is checked */
+    uint32_t saturated;                        /* flags that say that a raw count was outside its range */
+    uint16_t record_words;
+    uint8_t frame_count;
+    uint8_t output;      /* control_output_t */
+    uint8_t output_word; /* place in the record of the first word that drives it */
+    uint8_t sensors;     /* control_sensors_t */
+    bool marks_missing;  /* a step without a sample gets counts of INT16_MIN; else the last sample again */
+} control_system_t;
+
+/* Of the system in use; of one that this image does not have: a record of two zeros, no
+ * frames, no output. */
+const control_system_t *control_system(const control_params_t *p);
 
 /* State at the start of a run: the record is zero but for the start values of filters and controllers. */
 void control_init(control_t *c, const control_params_t *p);
 
-/* What ranges of single parameters cannot express: false if there is no such system, or if any sum of its
- * step could overflow. For the moment of commit, not for every step. */
+/* What ranges of single parameters cannot express: false if the image has no such system, or if any sum of
+ * its step could overflow. For the moment of commit, not for every step. */
 bool control_params_valid(const control_params_t *p);
 
-/* One step. raw: counts; setpoint: in the system's unit (quad: turn Q32). The result is in the words. */
+/* One step. raw: counts; setpoint: in the system's unit (its declaration says which). The result is in the
+ * words. */
 void control_step(control_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
                   int32_t setpoint);
 
-/* The record of the last step, and its size in bytes, a multiple of 4. */
-const void *control_words(const control_t *c);
-size_t control_words_bytes(const control_params_t *p);
+/* The record of the last step: control_words_bytes() bytes, read by word of 32 bits. */
+static inline const int32_t *control_words(const control_t *c) {
+    return (const int32_t *)(const void *)c;
+}
 
-/* What is plausible for the system; NULL for one that moves nothing, of which nothing is checked. */
-const plausibility_bounds_t *control_plausibility(const control_params_t *p);
+/* A multiple of 4. */
+static inline size_t control_words_bytes(const control_params_t *p) {
+    return 4U * (size_t)control_system(p)->record_words;
+}
 
 /* True when a raw count of the last step was outside its range. */
-bool control_saturated(const control_t *c, const control_params_t *p);
+static inline bool control_saturated(const control_t *c, const control_params_t *p) {
+    const control_system_t *const system = control_system(p);
+    const uint32_t flags = (uint32_t)control_words(c)[system->record_words - 2];
+
+    return (flags & system->saturated) != 0U;
+}
 
 #endif

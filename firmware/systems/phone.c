@@ -1,8 +1,6 @@
 #include "phone.h"
 #include "core/angle.h"
 
-typedef char phone_assert_packed[sizeof(phone_words_t) == 232 ? 1 : -1];
-
 #define COSINE_MIN_Q30   (1 << 26) /* 1/16: the tangent of pitch stays within +-16 */
 #define STILL_TURNPS_Q28 3728270U  /* 5 deg/s */
 #define SINGULAR_G_Q25   5033165U  /* 0.15 g: below it an acceleration tells no direction */

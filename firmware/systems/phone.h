@@ -9,34 +9,13 @@
  * kalman and start, roll its own; tilt.r_base and roll.r_base are constant, r_max stands in for a measurement
  * that is left out. Nothing is controlled and no pin moves.
  */
-#ifndef PLUMB_CORE_PHONE_H
-#define PLUMB_CORE_PHONE_H
+#ifndef PLUMB_SYSTEMS_PHONE_H
+#define PLUMB_SYSTEMS_PHONE_H
 
-#include "control_params.h"
+#include "generated/records.h"
 
-#define PHONE_FLAG_GYRO_CLAMPED      (1U << 0) /* a rate, of the phone or of an angle */
-#define PHONE_FLAG_ACCEL_CLAMPED     (1U << 1)
-#define PHONE_FLAG_ROLL_UNCORRECTED  (1U << 2) /* x is too near the vertical to tell roll */
-#define PHONE_FLAG_PITCH_UNCORRECTED (1U << 3) /* no acceleration to speak of: falling */
-#define PHONE_FLAGS_SATURATED        (PHONE_FLAG_GYRO_CLAMPED | PHONE_FLAG_ACCEL_CLAMPED)
-
-typedef struct {
-    int32_t raw[CONTROL_RAW_MAX]; /* counts, as given */
-    int32_t setpoint_turn_q32;    /* as given; not used */
-    int32_t rate_x_turnps_q28, rate_y_turnps_q28, rate_z_turnps_q28;
-    int32_t accel_x_g_q26, accel_y_g_q26, accel_z_g_q26;
-    int32_t tangent_q26; /* of the pitch before this step, within +-16; 0 with body rates */
-    int32_t pitch_rate_turnps_q28, roll_rate_turnps_q28; /* what drives the filters */
-    int32_t pitch_measured_turn_q32, roll_measured_turn_q32;
-    uint32_t pitch_variance, roll_variance; /* R of this step, each in 2^32 lsb of its filter */
-    kalman_t pitch, roll;
-    int32_t pitch_turn_q32, pitch_bias_turnps_q28, pitch_rate_corrected_turnps_q28;
-    int32_t roll_turn_q32, roll_bias_turnps_q28, roll_rate_corrected_turnps_q28;
-    uint32_t uncorrected_steps; /* so far, steps in which either axis was not corrected */
-    uint32_t clamped_steps;     /* so far, steps with a count or a rate outside its range */
-    uint32_t flags;             /* PHONE_FLAG_* of this step */
-    uint32_t step;              /* number of this step in the run, from 1 */
-} phone_words_t;
+#define PHONE_BODY_RATES  0U /* phone.rates: pitch' = wy, roll' = wx: the source */
+#define PHONE_EULER_RATES 1U
 
 typedef struct {
     phone_words_t words;

@@ -2,9 +2,6 @@
 #include "core/esc.h"
 #include <stddef.h>
 
-/* The words are hashed as bytes: no padding anywhere. */
-typedef char quad_assert_packed[sizeof(quad_words_t) == 160 ? 1 : -1];
-
 void quad_init(quad_t *c, const control_params_t *p) {
     *c = (quad_t){0};
     kalman_init(&c->words.kalman, &p->start);

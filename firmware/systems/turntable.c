@@ -13,8 +13,6 @@
 #define LAG_PROJECTED_MAX   (1 << 25) /* 1/8 turn/s per step of lag */
 #define ANGULAR_STALE       4U        /* steps; the gyro's history lasts four of its periods */
 
-typedef char turntable_assert_packed[sizeof(turntable_words_t) == 528 ? 1 : -1];
-
 /* What one step passes along. */
 typedef struct {
     bool gyro, angular, gyro_lost, rest, shock;

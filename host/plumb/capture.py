@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from plumb import dbc
 from plumb.errors import LinkError
 from plumb.protocol import Frame
-from plumb.session import REPLY_TIMEOUT_S, SELECTABLE, TRIES, Session
+from plumb.session import REPLY_TIMEOUT_S, TRIES, Session
 
 
 def unwrap(last: int, low: int, bits: int) -> int:
@@ -50,8 +51,7 @@ class Capture:
         self._raw = {messages["RAW_A"].identifier: 0, messages["RAW_B"].identifier: 3}
         self._raw_message = messages["RAW_A"]
         self._time = messages["TIME"]
-        named = (messages[name] for name in SELECTABLE if not name.startswith("RAW"))
-        self._named = {message.identifier: message for message in named}
+        self._named = {i: message for i, message in messages.by_identifier.items() if dbc.of_system(i)}
         self._last = 0
 
     def feed(self, frames: list[Frame]) -> None:

@@ -24,7 +24,7 @@ from typing import Any, NoReturn
 import numpy as np
 import numpy.typing as npt
 
-from plumb import parameters
+from plumb import declarations
 from plumb.boards import RawCounts, Setpoints
 from plumb.errors import UsageError
 from plumb.quantise import ControlParams
@@ -103,7 +103,7 @@ class Vector:
         name, system, on_link = header["name"], header["system"], header["on_link"]
         if not is_name(name):
             raise ValueError("its name is not valid")
-        if system not in parameters.SYSTEMS:
+        if system not in declarations.names():
             raise ValueError("its system does not exist")
         if not isinstance(on_link, bool):
             raise ValueError("on_link is neither true nor false")

@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from plumb import parameters
+from plumb import declarations
 from plumb.errors import UsageError
 from plumb.golden_file import integer, json_object, read_bounded
 from plumb.recipe import MAX_STEPS, Entry, is_name
@@ -74,7 +74,7 @@ def read(folder: Path) -> list[Row]:
 def _row(table: Any) -> Row:
     if not isinstance(table, dict) or set(table) != set(Row.__dataclass_fields__):
         raise ValueError("a vector must have exactly name, system, steps, on_link and sha256")
-    if not is_name(table["name"]) or table["system"] not in parameters.SYSTEMS:
+    if not is_name(table["name"]) or table["system"] not in declarations.names():
         raise ValueError("a vector has no valid name or system")
     if not isinstance(table["on_link"], bool):
         raise ValueError("on_link is neither true nor false")

@@ -214,8 +214,9 @@ class Lockstep:
                     elif identifier == self._word_id:
                         _, second, index, value = self._pair.unpack(data)
                         if second >> 4 == step & 15:
-                            pending -= index not in words
-                            words[index] = value
+                            place = index & 0xFF  # the system is in the high byte
+                            pending -= place not in words
+                            words[place] = value
                     elif identifier == self._nack_id:
                         self._expected(data, step)
                         in_time = False

@@ -7,15 +7,17 @@ None, so that nothing old looks like now.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
+from plumb import dbc, declarations
 from plumb.errors import LinkError
 from plumb.identity import BLOCKED, FAULTS, IMPLAUSIBLE, bits_text, plausibility_text, sensors_text
-from plumb.protocol import Frame, load_database
-from plumb.session import PERIODIC, REPLY_TIMEOUT_S, SELECTABLE, TRIES, Session
+from plumb.protocol import Frame
+from plumb.session import PERIODIC, RAW_FRAMES, REPLY_TIMEOUT_S, TRIES, Session, selectable
+from plumb.signals import signals
 
 EVERY_S = 0.1
 STATUS_EVERY_S = 0.1
@@ -26,30 +28,26 @@ SILENCE_S = TRIES * REPLY_TIMEOUT_S
 """An open link says TIME every 50 ms."""
 LINE_FRAMES_PS = 921600 / 10 / 22
 """Frames a second that the UART carries."""
-ATTITUDE = ("ATTITUDE_W", "ATTITUDE_X", "ATTITUDE_Y", "ATTITUDE_Z")
-WANTED = {
-    "quad": ("ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND", "RAW_A"),
-    "balancer": ("ANGLE", "DRIVE", "BIAS", "RATE", "MEASURED", "COMMAND", "RAW_A", "RAW_B"),
-    "turntable": (*ATTITUDE, "RAW_A", "RAW_B"),
-    "phone": ("ANGLE", "ROLL", "BIAS", "ROLL_BIAS", "RAW_A", "RAW_B"),
-}
-"""The most wanted first."""
+QUATERNION = ("w", "x", "y", "z")
+"""Columns of a system whose frames carry an attitude; rates of the body may go with the last three."""
 
 Snapshot = dict[str, Any]
 """One look at the board; the keys are those of Monitor.snapshot."""
 
 
-def selection(period_us: int, system: str = "quad") -> tuple[str, ...]:
-    """As much of what is wanted of a system as two thirds of the line carry beside STEP, one step every period_us."""
+def selection(period_us: int, system: str) -> tuple[str, ...]:
+    """As much of what a system declares, its first frames first and the raw counts last, as two thirds of the line
+    carry beside STEP, one step every period_us."""
+    channels = len(declarations.system(system).channels)
+    wanted = (*dbc.frame_names(system), *RAW_FRAMES[: 1 + (channels > 3)])
     frames_per_step = LINE_FRAMES_PS * period_us * 1e-6 * 2 / 3
-    return WANTED[system][: max(1, int(frames_per_step) - 1)]
+    return wanted[: max(1, int(frames_per_step) - 1)]
 
 
 @lru_cache(maxsize=1)
-def _scales() -> dict[tuple[str, str], float]:
-    """(message, signal) -> value of one, in the unit of the DBC."""
-    messages = load_database().messages
-    return {(message.name, signal.name): float(signal.scale) for message in messages for signal in message.signals}
+def columns() -> tuple[str, ...]:
+    """The columns of all systems: the keys of a snapshot that come from their frames."""
+    return tuple(dict.fromkeys(column for system in declarations.names() for _, column, _ in signals(system)))
 
 
 @dataclass
@@ -113,15 +111,15 @@ class Monitor:
             return None
         return self.session.protocol[name].decode(entry[1])
 
-    def _value(self, message: str, signal: str) -> float | None:
-        said = self._said(message)
-        return None if said is None else said[signal] * _scales()[message, signal]
-
-    def _values(self, *signals: tuple[str, str]) -> list[float] | None:
-        """What belongs together; None where any of it is missing."""
-        values = [self._value(message, signal) for message, signal in signals]
-        known = [value for value in values if value is not None]
-        return known if len(known) == len(values) else None
+    def _values(self) -> dict[str, float | None]:
+        """Every column; None where no system says it now."""
+        values: dict[str, float | None] = dict.fromkeys(columns())
+        for system in declarations.names():
+            for (message, signal), column, scale in signals(system):
+                said = self._said(message)
+                if said is not None:
+                    values[column] = said[signal] * scale
+        return values
 
     def _steps_per_s(self) -> float | None:
         if len(self._clock) < 2:
@@ -135,6 +133,7 @@ class Monitor:
         step, raw = self._said("STEP"), {**(self._said("RAW_A") or {}), **(self._said("RAW_B") or {})}
         counted = self.session.counters
         mode = status.get("mode")
+        values = self._values()
         return {
             "time_s": self._time_us * 1e-6,
             "mode": None if mode is None else self.session.protocol["STATUS"].choice("mode", mode),
@@ -146,19 +145,9 @@ class Monitor:
             "read_only": _flag(status, "read_only"),
             "step": None if step is None else step["step"],
             "steps_per_s": self._steps_per_s(),
-            "tilt_deg": self._value("ANGLE", "tilt"),
-            "tilt_measured_deg": self._value("MEASURED", "tilt_measured"),
-            "bias_dps": self._value("BIAS", "bias"),
-            "rate_dps": self._value("RATE", "rate"),
-            "command": self._value("COMMAND", "command"),
-            "pulse_0_us": self._value("ANGLE", "pulse_0"),
-            "pulse_1_us": self._value("BIAS", "pulse_1"),
-            "roll_deg": self._value("ROLL", "roll"),
-            "roll_bias_dps": self._value("ROLL_BIAS", "bias"),
-            "duty": self._value("DRIVE", "duty"),
-            "velocity_mps": self._value("DRIVE", "velocity"),
-            "attitude": self._values(*((name, name[-1].lower()) for name in ATTITUDE)),
-            "rates_dps": self._values(*((name, f"rate_{name[-1].lower()}") for name in ATTITUDE[1:])),
+            **values,
+            "attitude": together(values, *QUATERNION),
+            "rates_dps": together(values, *(f"rate_{axis}_dps" for axis in QUATERNION[1:])),
             "raw": [raw[name] for name in (f"raw_{i}" for i in range(6)) if name in raw] or None,
             "saturated_steps": events.get("saturated"),
             "starved_steps": events.get("starved"),
@@ -178,6 +167,12 @@ class Monitor:
         }
 
 
+def together(values: Mapping[str, float | None], *names: str) -> list[float] | None:
+    """What belongs together; None where any of it is missing."""
+    known = [value for value in map(values.get, names) if value is not None]
+    return known if len(known) == len(names) else None
+
+
 def _flag(said: dict[str, int], name: str) -> bool | None:
     return bool(said[name]) if name in said else None
 
@@ -194,12 +189,11 @@ def read_only(session: Session) -> None:
 
 def begin_live(session: Session) -> None:
     """Begin a run in real time on the board's own sensors, unarmed, with as much to see as the line carries."""
-    from plumb.parameters import SYSTEMS
     from plumb.tablefile import by_name
 
-    words = by_name(session.read_parameters())
-    wanted = selection(words["period_us"], SYSTEMS[words["system"]])
-    session.begin("REALTIME_LIVE", frames=[name for name in SELECTABLE if name in wanted])
+    period_us = by_name(session.read_parameters())["period_us"]
+    wanted = selection(period_us, session.system)
+    session.begin("REALTIME_LIVE", frames=[name for name in selectable(session.system) if name in wanted])
 
 
 def watch(session: Session, seconds: float | None = None) -> Iterator[Snapshot]:

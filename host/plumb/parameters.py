@@ -1,7 +1,8 @@
 """The table of parameters: every 32-bit word a run depends on, by number, with limits in integers.
 
-`parameters.toml` is the one source: the firmware's table is generated from it, and the host checks against it. Units
-and formats are for people; what a tuning in engineering units comes to is worked out by `plumb.quantise`.
+`parameters.toml` has the parameters that systems share and those of the link, each system's declaration has its own
+(`plumb.declarations`): the firmware's table is generated from them, and the host checks against them. Units and formats
+are for people; what a tuning in engineering units comes to is worked out by `plumb.quantise`.
 """
 
 from __future__ import annotations
@@ -14,13 +15,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
+from plumb import declarations
 from plumb.errors import UsageError
 from plumb.speed_controllers import GAP_HALFUS, foreign_parameter
 
 TABLE_PATH = Path(__file__).with_name("parameters.toml")
-SYSTEMS = ("quad", "balancer", "turntable", "phone")
-"""By the number that the parameter `system` holds."""
 ERASED = 0xFFFF
 """No row's id: what erased flash reads as."""
 
@@ -62,22 +63,41 @@ class Parameter:
         return word - (1 << 32) if self.type == "int32" and word & 0x80000000 else word
 
 
-def load(path: Path) -> tuple[Parameter, ...]:
-    """The rows in order; raises UsageError with a sentence for a row that cannot be."""
-    rows = tuple(Parameter(**row) for row in tomllib.loads(path.read_text(encoding="utf-8"))["parameter"])
+def _system_row() -> Parameter:
+    """The first word of the table: the number of the system in use."""
+    numbers = {system.number: system.name for system in declarations.systems().values()}
+    doc = "which system the step is of: " + ", ".join(f"{number} {name}" for number, name in numbers.items())
+    return Parameter("system", "control", "uint32", "", "choice", 0, max(numbers), min(numbers), doc)
+
+
+def shared() -> dict[str, Any]:
+    """`parameters.toml`: `structs` of the shared groups, with the headers they need in `includes`, and the rows."""
+    return tomllib.loads(TABLE_PATH.read_text(encoding="utf-8"))
+
+
+def load() -> tuple[Parameter, ...]:
+    """The rows in order: system, shared groups, groups of the systems in the order of their names, link; raises
+    UsageError with a sentence for a row that cannot be."""
+    given = [Parameter(**row) for row in shared()["parameter"]]
+    own = [Parameter(**row) for _, system in sorted(declarations.systems().items()) for row in system.parameters]
+    control = [_system_row(), *(row for row in given if row.owner == "control"), *own]
+    rows = (*control, *(row for row in given if row.owner == "link"))
+    check(rows)
+    return rows
+
+
+def check(rows: Sequence[Parameter]) -> None:
+    """Raises UsageError with a sentence for rows that cannot be, or not together."""
     for row in rows:
         low, high = (-(1 << 31), (1 << 31) - 1) if row.type == "int32" else (0, (1 << 32) - 1)
         if row.type not in ("int32", "uint32") or not low <= row.min <= row.default <= row.max <= high:
-            raise UsageError(f"{path.name}: {row.name}: not {low} <= min <= default <= max <= {high}")
+            raise UsageError(f"parameter {row.name}: not {low} <= min <= default <= max <= {high}")
         if row.owner not in ("control", "link"):
-            raise UsageError(f"{path.name}: {row.name}: the owner is control or link")
+            raise UsageError(f"parameter {row.name}: the owner is control or link")
     if len({row.name for row in rows}) != len(rows):
-        raise UsageError(f"{path.name}: two rows have the same name")
+        raise UsageError("two parameters have the same name")
     if len({row.id for row in rows} | {ERASED}) != len(rows) + 1:
-        raise UsageError(f"{path.name}: two names have the same CRC-16, or it is that of erased flash; rename one")
-    if [row.owner for row in rows] != sorted(row.owner for row in rows):
-        raise UsageError(f"{path.name}: the words of control come first")
-    return rows
+        raise UsageError("the names of two parameters have the same CRC-16, or it is that of erased flash; rename one")
 
 
 WIRING = ("pins", "dead_time_ns", "can_bitrate_kbit")
@@ -87,7 +107,7 @@ WIRING = ("pins", "dead_time_ns", "can_bitrate_kbit")
 @lru_cache(maxsize=1)
 def table() -> tuple[Parameter, ...]:
     """The table of this version."""
-    return load(TABLE_PATH)
+    return load()
 
 
 def crc32(words: Sequence[int]) -> int:

@@ -1,6 +1,7 @@
 """Messages: the DBC, the checksum and the counter, as raw integers.
 
-`messages.dbc` is the only definition: every position, width and sign used here is read from it through cantools once.
+The DBC is the only definition: every position, width and sign used here is read from it through cantools once. Its text
+is that of the link's messages and of the frames that the systems declare (`plumb.dbc`).
 A frame is `(identifier, data)` with eight bytes of data. Scales and units are for people and other tools; plumb itself
 works with the raw integers, so that nothing is rounded.
 """
@@ -14,10 +15,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from plumb import dbc
+
 if TYPE_CHECKING:
     from cantools.database.can import Database
 
 DBC_PATH = Path(__file__).with_name("messages.dbc")
+"""The DBC of the systems of this package, for other tools."""
 FRAME_DLC = 8
 CRC8_POLYNOMIAL = 0x2F
 
@@ -101,11 +105,12 @@ class Message:
         raise KeyError(choice)
 
 
-def load_database(path: Path = DBC_PATH) -> Database:
-    """The DBC as cantools reads it."""
+def load_database(path: Path | None = None) -> Database:
+    """A DBC as cantools reads it: that of all systems there are, or of a file."""
     import cantools
 
-    database = cantools.database.load_file(path, strict=True)
+    text = dbc.text() if path is None else path.read_text(encoding="utf-8")
+    database = cantools.database.load_string(text, "dbc", strict=True)
     assert isinstance(database, cantools.database.can.Database)
     return database
 

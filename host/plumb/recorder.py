@@ -23,13 +23,13 @@ import can
 from plumb import __version__, parameters
 from plumb.capture import Capture
 from plumb.errors import UsageError
-from plumb.protocol import Frame, load_database
+from plumb.protocol import Frame
 from plumb.session import Session
+from plumb.signals import signals
 
 FLUSH_EVERY_S = 1.0
 SUFFIXES = (".asc", ".blf", ".csv", ".log", ".trc")
 NOTHING: tuple[Any, ...] = ("",) * 6
-_UNITS = {"deg": "_deg", "deg/s": "_dps", "us": "_us", "m/s": "_mps"}
 
 
 @contextlib.contextmanager
@@ -96,14 +96,14 @@ def message_of(frame: Frame, time_s: float) -> can.Message:
 class Recorder:
     """Feed it the frames as they come. rows: steps written; lost: steps among them without counts or digest."""
 
-    def __init__(self, session: Session, folder: Path, frames: tuple[str, ...]) -> None:
+    def __init__(self, session: Session, folder: Path) -> None:
         self.rows = self.lost = 0
         self._capture = Capture(session)
         self._next: int | None = None
         # Log formats want a date; a simulated board has seconds since its start.
         self._clock = time.time if session.clock is time.monotonic else session.clock
         self._flushed_s = time.monotonic()
-        self._signals = signals(frames)
+        self._signals = signals(session.system)
         about = {
             "plumb": __version__,
             "board": (session.identity or session.connect()).items,
@@ -153,22 +153,3 @@ class Recorder:
             self._write(self._capture.steps)
             self._file.close()
         check_kept(self._path)
-
-
-def signals(frames: tuple[str, ...]) -> list[tuple[tuple[str, str], str, float]]:
-    """((frame, signal), its column, value of one) of the frames that a step may send, in their order.
-
-    A column has the signal's name; where another frame has one of that name, the frame's or both."""
-    found: list[tuple[tuple[str, str], str, float]] = []
-    taken: set[str] = set()
-    for message in load_database().messages:
-        if message.name in frames:
-            for signal in sorted(message.signals, key=lambda signal: signal.start):
-                if signal.start >= 16 and not signal.name.startswith(("reserved", "raw_")):
-                    frame = message.name.lower()
-                    other = frame if frame.endswith(signal.name) else f"{frame}_{signal.name}"
-                    name = other if signal.name in taken else signal.name
-                    taken.add(name)
-                    column = name + _UNITS.get(signal.unit or "", "")
-                    found.append(((message.name, signal.name), column, float(signal.scale)))
-    return found

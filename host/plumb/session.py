@@ -16,7 +16,7 @@ from typing import Any, Self, cast
 
 import can
 
-from plumb import parameters
+from plumb import dbc, declarations, parameters
 from plumb.canlink import AnyBus, FrameBus
 from plumb.errors import LinkError, UsageError
 from plumb.identity import Identity, NackError, identity_of, nack_error, plausibility_text, sensors_text
@@ -67,11 +67,13 @@ class Selection:
         return len(self.frames) + len(self.words)
 
 
-SELECTABLE = (
-    "RAW_A", "RAW_B", "ANGLE", "BIAS", "RATE", "MEASURED", "COMMAND", "DRIVE", "ROLL", "ROLL_BIAS",
-    "ATTITUDE_W", "ATTITUDE_X", "ATTITUDE_Y", "ATTITUDE_Z",
-)  # fmt: skip
-"""Frames of SELECT bank 0, bit by bit."""
+RAW_FRAMES = ("RAW_A", "RAW_B")
+"""The raw counts of a step, for every system."""
+
+
+def selectable(system: str) -> tuple[str, ...]:
+    """Frames of SELECT bank 0 for a system, bit by bit."""
+    return (*RAW_FRAMES, *dbc.frame_names(system))
 
 
 @dataclass
@@ -200,11 +202,11 @@ class Session:
     def _note(self, frame: Frame) -> None:
         identifier, data = frame
         if identifier not in self._numbered:
-            counter = data[1] & 15
-            last = self._received.get(identifier)
+            counter, slot = data[1] & 15, dbc.counter_slot(identifier)
+            last = self._received.get(slot)
             if last is not None:
                 self.counters.lost += counter - last - 1 & 15
-            self._received[identifier] = counter
+            self._received[slot] = counter
             kept = self._kept.get(identifier)
             if kept is not None:
                 self.telemetry[kept] = self.protocol[kept].decode(data)
@@ -336,7 +338,7 @@ class Session:
                 if error.reason != "CRC":
                     raise
                 continue
-            self._uploaded = parameters.SYSTEMS[words[0]]
+            self._uploaded = declarations.name_of(words[0])
             self._wiring = None if self._wiring is None else {name: words[i] for i, name in self._wiring_places()}
             return crc
         raise LinkError("the parameters did not arrive as they were sent: check the cable")
@@ -412,6 +414,13 @@ class Session:
             self.execute(verb)
 
     @property
+    def system(self) -> str:
+        """The system that was uploaded last, else the one that the board has; asked for once."""
+        if self._uploaded is None:
+            self._uploaded = declarations.name_of(self.read_parameters()[0])
+        return self._uploaded
+
+    @property
     def record_words(self) -> int:
         """Words in the record of the system that was uploaded last, else of the one the board said it has."""
         if self._uploaded is not None:
@@ -419,14 +428,15 @@ class Session:
         return (self.identity or self.connect())["RECORD_WORDS"]
 
     def select(self, frames: Iterable[str] = (), words: Iterable[int] = ()) -> None:
-        """Choose what steps send: frames of SELECTABLE, words by their place in the record. May change in a run."""
+        """Choose what steps send: frames of selectable(), words by their place in the record. May change in a run."""
         chosen = Selection(tuple(frames), tuple(sorted(set(words))))
+        known = RAW_FRAMES if set(chosen.frames) <= set(RAW_FRAMES) else selectable(self.system)
         for frame in chosen.frames:
-            if frame not in SELECTABLE:
-                raise UsageError(f"no frame '{frame}' can be selected; there are {', '.join(SELECTABLE)}")
+            if frame not in known:
+                raise UsageError(f"no frame '{frame}' can be selected; {self.system} has {', '.join(known)}")
         record_words = self.record_words
         banks = [0] * (1 + (record_words + 31) // 32)
-        banks[0] = sum(1 << SELECTABLE.index(frame) for frame in set(chosen.frames))
+        banks[0] = sum(1 << known.index(frame) for frame in set(chosen.frames))
         for word in chosen.words:
             if not 0 <= word < record_words:
                 raise UsageError(f"the board's record has no word {word}")

@@ -17,7 +17,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from plumb import input_files, parameters, whole_files
+from plumb import declarations, input_files, parameters, whole_files
 from plumb.errors import LinkError, UsageError
 from plumb.meaning import meaning
 from plumb.parameters import Parameter
@@ -92,7 +92,7 @@ def commit(session: Session, values: Mapping[str, int]) -> int:
 
 def doubts(values: Mapping[str, int]) -> list[str]:
     """What the board takes and people seldom mean, one sentence each."""
-    fused = parameters.SYSTEMS[values["system"]] == "turntable"
+    fused = declarations.name_of(values["system"]) == "turntable"
     name, bits = ("fusion.dt_s_q32", 32) if fused else ("kalman.dt_s_q33", 33)
     filter_us, run_us = values[name] / 2**bits * 1e6, values["period_us"]
     if abs(filter_us - run_us) <= 0.001 * run_us:

@@ -1,7 +1,7 @@
 /* How often a keep-alive over a slow and lossy link lets a board go: the session of the firmware, a channel
  * that delays every frame and loses some, and a host that answers each value when it comes. Simulated time;
  * seeded. */
-#include "link/messages.h"
+#include "generated/messages.h"
 #include "link/requests.h"
 #include <string.h>
 

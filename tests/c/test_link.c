@@ -1,7 +1,7 @@
 /* Framing, protection and queue: known answers, round trips, and anything at all into the parser and the
  * session. The sanitizers watch; what the session says is tested from Python. */
 #include "check.h"
-#include "link/messages.h"
+#include "generated/messages.h"
 #include "link/requests.h"
 #include <stdio.h>
 #include <string.h>

@@ -3,7 +3,7 @@
 #define PLUMB_TESTS_WILD_H
 
 #include "check.h"
-#include "link/params.h"
+#include "generated/params.h"
 #include "systems/control.h"
 
 /* Word `index` of the table: a value of its range, every size as likely as any other; left alone where none

@@ -7,6 +7,7 @@
  */
 #include "core/angle.h"
 #include "core/digest.h"
+#include "generated/record_names.h"
 #include "systems/control.h"
 #include <string.h>
 
@@ -50,75 +51,15 @@ EXPORT int32_t plumb_plausibility_run(const uint32_t *params, const uint8_t *wor
                                       uint32_t variance_turn2_q56, uint16_t *failed, uint16_t *missing);
 EXPORT uint32_t plumb_crc32(const uint8_t *data, int32_t bytes);
 
-#define BALANCER_NAMES                                                                                       \
-    "raw_0,raw_1,raw_2,raw_3,raw_4,raw_5,setpoint_mps_q26,rate_turnps_q28,accel_x_g_q26,accel_z_g_q26,"      \
-    "speed_mps_q26,velocity_mps_q26,wheel_accel_g_q26,gravity_x_g_q26,tilt_measured_turn_q32,variance,"      \
-    "tilt_turn_q61,bias_turn_q61,p00,p01,p11,p11_frac_q30,innovation_turn_q32,k0_q29,k1_q29,tilt_turn_q32,"  \
-    "bias_turnps_q28,rate_corrected_turnps_q28,clamped_steps,speed_integral_q54,speed_command_q22,"          \
-    "accel_filtered_g_q25,speed_excess_q22,speed_error_mps_q26,integral_q54,command_q22,"                    \
-    "rate_filtered_turnps_q27,excess_q22,error_turn_q32,lean_turn_q32,duty_q15,flags,step"
-
-#define QUAD_NAMES                                                                                           \
-    "raw_0,raw_1,raw_2,raw_3,raw_4,raw_5,setpoint_turn_q32,rate_turnps_q28,accel_y_g_q26,accel_z_g_q26,"     \
-    "tilt_measured_turn_q32,variance,tilt_turn_q61,bias_turn_q61,p00,p01,p11,p11_frac_q30,"                  \
-    "innovation_turn_q32,k0_q29,k1_q29,tilt_turn_q32,bias_turnps_q28,rate_corrected_turnps_q28,"             \
-    "clamped_steps,integral_q54,command_q22,rate_filtered_turnps_q27,excess_q22,error_turn_q32,"             \
-    "pulse_halfus_0,pulse_halfus_1,flags,step"
-
-#define PHONE_NAMES                                                                                          \
-    "raw_0,raw_1,raw_2,raw_3,raw_4,raw_5,setpoint_turn_q32,rate_x_turnps_q28,rate_y_turnps_q28,"             \
-    "rate_z_turnps_q28,accel_x_g_q26,accel_y_g_q26,accel_z_g_q26,tangent_q26,pitch_rate_turnps_q28,"         \
-    "roll_rate_turnps_q28,pitch_measured_turn_q32,roll_measured_turn_q32,pitch_variance,"                    \
-    "roll_variance,pitch_turn_q61,pitch_bias_turn_q61,pitch_p00,pitch_p01,pitch_p11,"                        \
-    "pitch_p11_frac_q30,pitch_innovation_turn_q32,pitch_k0_q29,pitch_k1_q29,roll_turn_q61,"                  \
-    "roll_bias_turn_q61,roll_p00,roll_p01,roll_p11,roll_p11_frac_q30,roll_innovation_turn_q32,"              \
-    "roll_k0_q29,roll_k1_q29,pitch_turn_q32,pitch_bias_turnps_q28,pitch_rate_corrected_turnps_q28,"          \
-    "roll_turn_q32,roll_bias_turnps_q28,roll_rate_corrected_turnps_q28,uncorrected_steps,"                   \
-    "clamped_steps,flags,step"
-
-#define THREE(name) name "_0," name "_1," name "_2,"
-#define PREFILTER_NAMES(sensor)                                                                              \
-    THREE(sensor "_last") THREE(sensor "_before") sensor "_spikes," sensor "_gap_steps,"
-#define PARAMETER_NAMES(name, axis)                                                                          \
-    name "_variance_q60_" axis "," name "_rate_q28_" axis "," name "_gyro_bias_q28_" axis "," name           \
-         "_angular_bias_q28_" axis "," name "_angle_q28_" axis ","
-#define QUATERNION_NAMES(name) name "_w_q30," name "_x_q30," name "_y_q30," name "_z_q30,"
-#define TURNTABLE_NAMES                                                                                      \
-    "raw_0,raw_1,raw_2,raw_3,raw_4,raw_5,setpoint," PREFILTER_NAMES("gyro") PREFILTER_NAMES("angular")       \
-        THREE("rate_turnps_q28") THREE("acceleration_turnps2_q28") "gyro_age_step_q24," THREE(               \
-            "increment_turnps_q34") THREE("increment_lagged_turnps_q34") THREE("innovation_turnps_q28")      \
-            QUATERNION_NAMES("attitude") QUATERNION_NAMES("attitude_angular") THREE("rate_fused_turnps_q28") \
-                THREE("rate_corrected_turnps_q28") THREE("bias_gyro_turnps_q34")                             \
-                    THREE("bias_angular_turnps_q42") THREE("scale_q30")                                      \
-                        THREE("lag_step_q24") "clamped_steps,p00_q64,p10_q64,p11_q64,p20_q64,p21_q64,"       \
-                                              "p22_q64,p30_q64,p31_q64,p32_q64,p33_q64,p40_q64,p41_q64,p42_" \
-                                              "q64,p43_q64," PARAMETER_NAMES("scale", "0")                   \
-                                                  PARAMETER_NAMES("scale", "1")                              \
-                                                      PARAMETER_NAMES("scale", "2")                          \
-                                                          PARAMETER_NAMES("lag", "0")                        \
-                                                              PARAMETER_NAMES("lag", "1")                    \
-                                                                  PARAMETER_NAMES("lag", "2") "flags,step"
-
-/* The words of a system's step in the order of its record; arrays as name_index. NULL: there is no such
+/* The words of a system's step in the order of its record; arrays as name_index. NULL: this core has no such
  * system. */
 const char *plumb_word_names(uint32_t system) {
-    switch (system) {
-    case CONTROL_QUAD:
-        return QUAD_NAMES;
-    case CONTROL_BALANCER:
-        return BALANCER_NAMES;
-    case CONTROL_PHONE:
-        return PHONE_NAMES;
-    case CONTROL_TURNTABLE:
-        return TURNTABLE_NAMES;
-    default:
-        return NULL;
-    }
+    return record_names(system);
 }
 
 int32_t plumb_sizeof_words(uint32_t system) {
     const control_params_t p = {.system = system};
-    return (int32_t)control_words_bytes(&p);
+    return record_names(system) == NULL ? 0 : (int32_t)control_words_bytes(&p);
 }
 
 int32_t plumb_sizeof_control(void) {
@@ -279,7 +220,7 @@ int32_t plumb_plausibility_run(const uint32_t *params, const uint8_t *words, int
     plausibility_t state;
 
     memcpy(&p, params, sizeof p);
-    const plausibility_bounds_t *const bounds = control_plausibility(&p);
+    const plausibility_bounds_t *const bounds = control_system(&p)->plausibility;
     if (bounds == NULL)
         return 0;
     plausibility_init(&state);

@@ -9,12 +9,11 @@ target_compile_options(plumb_core PRIVATE -O2
 target_compile_options(plumb_link PRIVATE -Os -fno-data-sections)
 # What touches every byte of every frame is built for speed: a quarter of a step's instructions are in it.
 set_source_files_properties(firmware/link/slcan.c firmware/link/e2e.c PROPERTIES COMPILE_OPTIONS -O2)
-# Systems without a budget of cycles: a turntable's step has 4 ms, a phone's 10.
+# What no system with a budget of cycles uses, and the systems that ask for it (optimise = "size").
 set_source_files_properties(firmware/core/fixed.c firmware/core/prefilter.c firmware/core/quaternion.c
-    firmware/core/fusion.c firmware/systems/turntable.c firmware/systems/phone.c PROPERTIES COMPILE_OPTIONS
-    "-Os;-mno-slow-flash-data")
+    firmware/core/fusion.c ${SYSTEM_SOURCES_FOR_SIZE} PROPERTIES COMPILE_OPTIONS "-Os;-mno-slow-flash-data")
 # The switch between systems needs one register beside the four arguments: r12, which nobody has to save.
-set_source_files_properties(firmware/systems/control.c PROPERTIES COMPILE_OPTIONS
+set_source_files_properties(${GENERATED_INCLUDE}/generated/systems.c PROPERTIES COMPILE_OPTIONS
     "-ffixed-r4;-ffixed-r5;-ffixed-r6;-ffixed-r7")
 
 # Which commit this is: looked up in every build, so that the image never carries yesterday's name.

@@ -93,13 +93,12 @@ def of_board(arguments: argparse.Namespace, caught: list[int], summary: dict[str
     from plumb.boards.link import open_link_board
     from plumb.commands.monitor import attach_plant
     from plumb.recorder import Recorder
-    from plumb.session import SELECTABLE
 
     make_folder(arguments.out)
     with open_link_board(arguments.board, link=arguments.link, image=arguments.image) as board:
         attach_plant(board, arguments.system, arguments.scenario, arguments.seed)
         session = board.session
-        recorder = Recorder(session, arguments.out, SELECTABLE)
+        recorder = Recorder(session, arguments.out)
         try:
             session.listener = recorder.feed
             if arguments.run:

@@ -11,7 +11,7 @@ import importlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from plumb import parameters
+from plumb import declarations, parameters
 from plumb.errors import UsageError
 from plumb.tuning import AnyTuning
 
@@ -49,12 +49,12 @@ class ControlParams:
         values = {row.name: own.get(row.name, row.default) for row in rows}
         for row in rows:
             parameters.check_range(row, values[row.name])
-        return cls({**values, "system": parameters.SYSTEMS.index(system)}, lsb_deg2)
+        return cls({**values, "system": declarations.system(system).number}, lsb_deg2)
 
     @property
     def system(self) -> str:
         """Which system the step is of."""
-        return parameters.SYSTEMS[self.values["system"]]
+        return declarations.name_of(self.values["system"])
 
     def own(self) -> dict[str, int]:
         """The words of the groups that the system reads."""

@@ -33,20 +33,17 @@ import importlib.util
 from types import ModuleType
 from typing import Any
 
+from plumb import declarations
 from plumb.errors import UsageError
 
-SYSTEMS = {
-    "quad": "one axis of a quadrotor: ENC-03, MMA7260, two motors behind an ESC (Feng et al. 2011)",
-    "balancer": "a two-wheel self-balancing vehicle: ADXL345, ITG-3205, Hall sensors, brushless motor (Zhang, He 2013)",
-    "turntable": "attitude from a gyro and an angular-acceleration sensor (Beijing Institute of Technology, 2023)",
-    "phone": "pitch and roll of a smartphone, its samples over UDP",
-}
+SYSTEMS = {name: declared.title for name, declared in declarations.systems().items()}
+"""Name -> title of each system that is declared, in the order of their numbers."""
 
 
 def load(name: str, part: str = "") -> ModuleType:
     """The module of a system, or its part `view`, `figures` or `live`; raises UsageError for what there is not."""
     if name not in SYSTEMS:
-        raise UsageError(f"there is no system '{name}'; this version has {', '.join(SYSTEMS)}")
+        declarations.system(name)
     module = f"plumb.systems.{name}{f'_{part}' if part else ''}"
     if part == "live" and importlib.util.find_spec(module) is None:
         raise UsageError(f"the board has no sensors of its own for {name}: its samples come as frames")

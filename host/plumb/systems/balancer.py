@@ -19,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from plumb import metrics
+from plumb import dbc, metrics
 from plumb.disturbance import Request
 from plumb.errors import UsageError
 from plumb.sensors import FAULT_NOTES, Adxl345, Fault, Itg3205, Push, faults_of
@@ -50,7 +50,7 @@ SCENARIOS = {
     "rocked": "held and rocked by hand (the paper's figures 5 and 6)",
 }
 DEFAULT_SCENARIO, DEFAULT_TUNING = "rough", "tuned"
-OUTPUT_FRAMES = {"duty_q15": ("DRIVE", "duty")}
+OUTPUT_FRAMES = dbc.output_frames("balancer")
 OUTPUTS = tuple(OUTPUT_FRAMES)
 CONDITIONS: dict[str, str] = {}
 FAULT_CHANNELS = ("gyro", "accel_x", "accel_z", "hall")

@@ -11,7 +11,7 @@ from plumb.systems.balancer_plant import BalancerPlant
 
 SCENARIO = "rough"
 SHOWN, TUNING = SCENARIO, "tuned"
-FRAMES = ("RAW_A", "RAW_B", "ANGLE", "DRIVE")
+FRAMES = ("RAW_A", "RAW_B", "BALANCER_ANGLE", "BALANCER_DRIVE")
 BREAK_PIN = "PB12"
 HALL = 3
 """Its channel among the raw counts."""

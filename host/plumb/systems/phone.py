@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from plumb import metrics
+from plumb import dbc, metrics
 from plumb.disturbance import Request
 from plumb.errors import UsageError
 from plumb.sensors import FAULT_NOTES, Fault, band_noise, fault_of
@@ -88,8 +88,8 @@ START_NOTES: dict[str, str] = {}
 CONDITIONS: dict[str, str] = {}
 FAULT_CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 FAULTS = FAULT_NOTES
-OUTPUT_FRAMES: dict[str, tuple[str, str]] = {}
-OUTPUTS: tuple[str, ...] = ()
+OUTPUT_FRAMES = dbc.output_frames("phone")
+OUTPUTS = tuple(OUTPUT_FRAMES)
 LINK: dict[str, int] = {}
 
 

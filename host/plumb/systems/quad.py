@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from plumb import metrics
+from plumb import dbc, metrics
 from plumb.disturbance import Request
 from plumb.errors import UsageError
 from plumb.sensors import (
@@ -78,7 +78,7 @@ DEFAULT_SCENARIO, DEFAULT_TUNING = "motion", "adaptive"
 CONDITIONS = {"bandwidth_hz": "corner of the accelerometer's one-pole low-pass, lag included (default 350)"}
 FAULT_CHANNELS = ("gyro", "accel_y", "accel_z")
 FAULTS = {**FAULT_NOTES, "push": "a torque in Nm on the axis of a closed loop, for example push:0.1@15-15.2"}
-OUTPUT_FRAMES = {"pulse_halfus_0": ("ANGLE", "pulse_0"), "pulse_halfus_1": ("BIAS", "pulse_1")}
+OUTPUT_FRAMES = dbc.output_frames("quad")
 OUTPUTS = tuple(OUTPUT_FRAMES)
 SECONDS = {"motion": 120.0, "quiet": 120.0, "disturb": 30.0, "hold": 30.0, "converge": 10.0}
 

@@ -14,7 +14,7 @@ from plumb.systems.quad_plant import QuadPlant
 
 SCENARIO = "hold"
 SHOWN, TUNING = "motion", "adaptive"
-FRAMES = ("RAW_A", "ANGLE", "BIAS")
+FRAMES = ("RAW_A", "QUAD_ANGLE", "QUAD_BIAS")
 ADC_PINS = ("PA0", "PA1", "PA2")
 """Gyro, y, z."""
 ESC_PINS = ("PB6", "PB7")

@@ -22,6 +22,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from plumb import dbc
 from plumb.disturbance import Request
 from plumb.errors import UsageError
 from plumb.sensors import ADC_COUNTS
@@ -79,8 +80,8 @@ SCENARIOS = {
 }
 SECONDS = {name: 110.0 if name == "warm_up" else 30.0 for name in SCENARIOS}
 DEFAULT_SCENARIO, DEFAULT_TUNING = "motion", "data"
-OUTPUT_FRAMES: dict[str, tuple[str, str]] = {}
-OUTPUTS: tuple[str, ...] = ()
+OUTPUT_FRAMES = dbc.output_frames("turntable")
+OUTPUTS = tuple(OUTPUT_FRAMES)
 LINK: dict[str, int] = {}
 STARTS: dict[str, object] = {}
 START_NOTES: dict[str, str] = {}

@@ -12,7 +12,7 @@ from plumb.systems.turntable import TurntablePlant
 
 SCENARIO = "analog"
 SHOWN, TUNING = SCENARIO, SCENARIO
-FRAMES = ("RAW_A", "RAW_B", "ATTITUDE_W", "ATTITUDE_X", "ATTITUDE_Y", "ATTITUDE_Z")
+FRAMES = ("RAW_A", "RAW_B", *(f"TURNTABLE_ATTITUDE_{axis}" for axis in "WXYZ"))
 ADC_PINS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")
 """Gyro x, y, z, angular acceleration x, y, z."""
 

@@ -1,0 +1,365 @@
+"""What each system declares of itself: number, record, channels, parameters, frames, flags, output.
+
+A system is a folder NAME with a `system.toml` in it: those of this package, and those in the folders that the
+environment variable PLUMB_SYSTEM_PATH lists. Everything that depends on which systems there are is derived from here,
+in Python at run time and in C by `tools/generate.py`.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from plumb.errors import UsageError
+
+PACKAGE = Path(__file__).resolve().parent
+SHIPPED = PACKAGE / "systems"
+BLOCKS_PATH = PACKAGE / "blocks.toml"
+SEARCH_PATH = "PLUMB_SYSTEM_PATH"
+"""Environment variable: further folders that hold folders of systems, as PATH lists them."""
+
+RAW_CHANNELS = 6
+"""Raw counts of a step; a system uses the first few."""
+NUMBERS = range(18)
+"""A system's number: the high byte of its signals, and its block of CAN identifiers."""
+WORDS_MAX = 255
+"""Words of 32 bits in a record: the low byte of a signal's number."""
+FRAMES_MAX = 12
+"""Frames of one system: each has a place in the table of counters of a link."""
+TYPES = {"int32": "<i4", "uint32": "<u4", "int64": "<i8"}
+"""Type of a declared word -> numpy's."""
+SENSORS = ("NONE", "ANALOG_3", "ANALOG_6", "BALANCE")
+"""Sets of sensors that a board samples (CONTROL_SENSORS_ of firmware/systems/control.h)."""
+OUTPUTS = {"PULSES": 2, "BRIDGE": 1}
+"""Kinds of actuator (CONTROL_OUTPUT_) -> words of the record that drive it."""
+
+
+@dataclass(frozen=True)
+class Word:
+    """One word of a record. member: how C reaches it in the record's struct; format: what the integer stands for."""
+
+    name: str
+    type: str
+    unit: str
+    format: str
+    doc: str
+    member: str
+
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        return 8 if self.type == "int64" else 4
+
+
+@dataclass(frozen=True)
+class Member:
+    """One member of the record's C struct. count: 0 for a single value, else the length of the array."""
+
+    struct: str
+    name: str
+    count: int
+    doc: str
+
+
+@dataclass(frozen=True)
+class Flag:
+    """One bit of the word `flags`. saturated: a raw count was outside its range."""
+
+    name: str
+    saturated: bool
+    doc: str
+
+
+@dataclass(frozen=True)
+class Part:
+    """What a frame carries of one word. shift: bits that are dropped below; the rest saturates at 16 bits."""
+
+    name: str
+    word: Word
+    shift: int
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame of telemetry: a 16-bit part, if it has one, and a 32-bit part."""
+
+    name: str
+    half: Part | None
+    word: Part
+    doc: str
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One raw count of a sample, in the order of the sample."""
+
+    name: str
+    unit: str
+    doc: str
+
+
+@dataclass(frozen=True)
+class System:
+    """One system as declared. words: all of its record; members: what lies between setpoint and flags, for C.
+
+    cycles: the budget of a step, None where it has none. missing_samples: `held` (the last sample is used again) or
+    `marked` (every count is -32768). output: "" where nothing moves, else a key of OUTPUTS; output_words drive it.
+    groups: shared groups of parameters that the step reads; parameters: rows of its own groups, structs: the C struct
+    of a group that is one of a kernel, with the headers it needs in includes.
+    """
+
+    name: str
+    number: int
+    title: str
+    folder: Path
+    cycles: int | None
+    optimise: str
+    channels: tuple[Channel, ...]
+    sensors: str
+    missing_samples: str
+    words: tuple[Word, ...]
+    members: tuple[Member, ...]
+    flags: tuple[Flag, ...]
+    frames: tuple[Frame, ...]
+    output: str
+    output_words: tuple[Word, ...]
+    groups: tuple[str, ...]
+    parameters: tuple[Mapping[str, Any], ...]
+    structs: Mapping[str, str]
+    includes: tuple[str, ...]
+
+    @property
+    def shipped(self) -> bool:
+        """Part of this package; else found by the search path."""
+        return self.folder.parent == SHIPPED
+
+    @property
+    def record_bytes(self) -> int:
+        return sum(word.size for word in self.words)
+
+    def word(self, name: str) -> Word:
+        """Raises UsageError for a word that the record does not have."""
+        for word in self.words:
+            if word.name == name:
+                return word
+        raise UsageError(f"{self.name}: the record has no word '{name}'")
+
+    def place(self, name: str) -> int:
+        """Place of a word in the record, in units of four bytes."""
+        at = 0
+        for word in self.words:
+            if word.name == name:
+                return at // 4
+            at += word.size
+        raise UsageError(f"{self.name}: the record has no word '{name}'")
+
+    def signals(self) -> dict[int, str]:
+        """Number of a signal (system << 8 | place in the record) -> its name; 64-bit words have two, low half first."""
+        names: dict[int, str] = {}
+        for word in self.words:
+            for half in ("_lo", "_hi") if word.size == 8 else ("",):
+                names[self.number << 8 | len(names)] = word.name + half
+        return names
+
+
+def folders() -> list[Path]:
+    """The folders of all systems: those of the package, then those on the search path."""
+    places = [SHIPPED, *(Path(place).resolve() for place in os.environ.get(SEARCH_PATH, "").split(os.pathsep) if place)]
+    for place in places:
+        if not place.is_dir():
+            raise UsageError(f"{SEARCH_PATH}: there is no folder {place}")
+    return [path.parent for place in places for path in sorted(place.glob("*/system.toml"))]
+
+
+@lru_cache(maxsize=4)
+def _loaded(search_path: str) -> dict[str, System]:
+    found: dict[str, System] = {}
+    for system in sorted((load_system(folder) for folder in folders()), key=lambda system: system.number):
+        if system.name in found:
+            raise UsageError(f"two systems are named {system.name}: {found[system.name].folder} and {system.folder}")
+        taken = [other.name for other in found.values() if other.number == system.number]
+        if taken:
+            raise UsageError(f"{system.folder / 'system.toml'}: number {system.number} is that of {taken[0]}")
+        found[system.name] = system
+    if not found:
+        raise UsageError(f"there is no system in {SHIPPED} nor on {SEARCH_PATH}")
+    return found
+
+
+def systems() -> dict[str, System]:
+    """Name -> declaration, in the order of their numbers."""
+    return _loaded(os.environ.get(SEARCH_PATH, ""))
+
+
+def names() -> tuple[str, ...]:
+    """Of all systems, in the order of their numbers."""
+    return tuple(systems())
+
+
+def system(name: str) -> System:
+    """Raises UsageError, with a sentence, for a system that there is not."""
+    declared = systems().get(name)
+    if declared is None:
+        raise UsageError(f"there is no system '{name}'; this version has {', '.join(systems())}")
+    return declared
+
+
+def name_of(number: int) -> str:
+    """The name of the system with that number; raises UsageError for a number that none has."""
+    for declared in systems().values():
+        if declared.number == number:
+            return declared.name
+    known = ", ".join(f"{declared.number} {declared.name}" for declared in systems().values())
+    raise UsageError(f"there is no system {number}; this version has {known}")
+
+
+@lru_cache(maxsize=1)
+def blocks() -> dict[str, Mapping[str, Any]]:
+    """Name -> state struct of a kernel: `struct`, `header`, `words`."""
+    return tomllib.loads(BLOCKS_PATH.read_text(encoding="utf-8"))
+
+
+def load_system(folder: Path) -> System:
+    """Read and check one declaration; raises UsageError with a sentence that names the file."""
+    path = folder / "system.toml"
+    try:
+        return _system(folder, tomllib.loads(path.read_text(encoding="utf-8")))
+    except KeyError as error:
+        raise UsageError(f"{path}: {error.args[0]} is missing") from None
+    except (tomllib.TOMLDecodeError, TypeError, ValueError) as error:
+        raise UsageError(f"{path}: {error}") from None
+    except UsageError as error:
+        raise UsageError(f"{path}: {error}") from None
+
+
+def _system(folder: Path, table: Mapping[str, Any]) -> System:
+    if not re.fullmatch(r"[a-z][a-z0-9]*", folder.name):
+        raise UsageError("the folder's name is that of the system: small letters and digits")
+    setpoint = Word(type="int32", member=table["setpoint"]["name"], **table["setpoint"])
+    middle, members = _record(table["record"])
+    raw = (Word(f"raw_{i}", "int32", "count", "integer", "count as given", f"raw[{i}]") for i in range(RAW_CHANNELS))
+    flags = Word("flags", "uint32", "", "bits", "of this step", "flags")
+    step = Word("step", "uint32", "step", "integer", "number of this step in the run, from 1", "step")
+    words = (*raw, setpoint, *middle, flags, step)
+    by_name = {word.name: word for word in words}
+    output = table.get("output", {"kind": ""})
+    structs = dict(table.get("structs", {}))
+    declared = System(
+        name=folder.name,
+        number=table["number"],
+        title=table["title"],
+        folder=folder,
+        cycles=table.get("cycles"),
+        optimise=table.get("optimise", "speed"),
+        channels=tuple(Channel(**channel) for channel in table["channels"]),
+        sensors=table["sensors"],
+        missing_samples=table.get("missing_samples", "held"),
+        words=words,
+        members=tuple(members),
+        flags=tuple(Flag(flag["name"], flag.get("saturated", False), flag["doc"]) for flag in table["flags"]),
+        frames=tuple(_frame(frame, by_name) for frame in table["frames"]),
+        output=output["kind"],
+        output_words=_output_words(output, words),
+        groups=tuple(table["groups"]),
+        parameters=tuple({"owner": "control", **row} for row in table.get("parameter", ())),
+        includes=tuple(structs.pop("includes", ())),
+        structs=structs,
+    )
+    _check(declared)
+    return declared
+
+
+def _record(entries: Iterable[Mapping[str, Any]]) -> tuple[list[Word], list[Member]]:
+    """The words between setpoint and flags, and the members of the C struct that they are."""
+    words: list[Word] = []
+    members: list[Member] = []
+    for entry in entries:
+        count, name = entry.get("count", 0), entry["name"]
+        block = blocks()[entry["block"]] if "block" in entry else None
+        members.append(Member(block["struct"] if block else entry["type"] + "_t", name, count, entry.get("doc", "")))
+        for index in range(count) if count else (None,):
+            at = name if index is None else f"{name}[{index}]"
+            if block is None:
+                given = entry["names"][index] if "names" in entry else _indexed(name, index)
+                words.append(Word(given, entry["type"], entry["unit"], entry["format"], entry["doc"], at))
+                continue
+            rename = entry.get("rename", {})
+            for word in block["words"]:
+                stem = rename.get(word["name"]) or entry.get("prefix", "") + word["name"]
+                member = f"{at}.{word.get('member', word['name'])}"
+                for i in range(word["count"]) if "count" in word else (None,):
+                    place = member if i is None else f"{member}[{i}]"
+                    given = _indexed(_indexed(stem, i), index)
+                    words.append(Word(given, word["type"], word["unit"], word["format"], word["doc"], place))
+    return words, members
+
+
+def _indexed(name: str, index: int | None) -> str:
+    return name if index is None else f"{name}_{index}"
+
+
+def _frame(frame: Mapping[str, Any], words: Mapping[str, Word]) -> Frame:
+    def part(given: Mapping[str, Any]) -> Part:
+        if given["of"] not in words:
+            raise UsageError(f"frame {frame['name']}: the record has no word '{given['of']}'")
+        return Part(given["name"], words[given["of"]], given.get("shift", 0))
+
+    return Frame(frame["name"], part(frame["half"]) if "half" in frame else None, part(frame["word"]), frame["doc"])
+
+
+def _output_words(output: Mapping[str, Any], words: tuple[Word, ...]) -> tuple[Word, ...]:
+    if not output["kind"]:
+        return ()
+    if output["kind"] not in OUTPUTS:
+        raise UsageError(f"output.kind is one of {', '.join(OUTPUTS)}, not {output['kind']}")
+    names = [word.name for word in words]
+    if output["word"] not in names:
+        raise UsageError(f"output: the record has no word '{output['word']}'")
+    first = names.index(output["word"])
+    return words[first : first + OUTPUTS[output["kind"]]]
+
+
+def _check(system: System) -> None:
+    if system.number not in NUMBERS:
+        raise UsageError(f"number = {system.number} is outside 0 to {NUMBERS[-1]}")
+    if system.sensors not in SENSORS:
+        raise UsageError(f"sensors is one of {', '.join(SENSORS)}, not {system.sensors}")
+    if system.missing_samples not in ("held", "marked"):
+        raise UsageError(f"missing_samples is held or marked, not {system.missing_samples}")
+    if system.optimise not in ("speed", "size"):
+        raise UsageError(f"optimise is speed or size, not {system.optimise}")
+    if len(system.channels) > RAW_CHANNELS:
+        raise UsageError(f"a sample has {RAW_CHANNELS} channels, not {len(system.channels)}")
+    if len(system.frames) > FRAMES_MAX:
+        raise UsageError(f"a system has at most {FRAMES_MAX} frames, not {len(system.frames)}")
+    if len(system.flags) > 32:
+        raise UsageError(f"a step has at most 32 flags, not {len(system.flags)}")
+    if system.record_bytes > 4 * WORDS_MAX:
+        raise UsageError(f"the record has {system.record_bytes // 4} words; {WORDS_MAX} are the most")
+    at = 0
+    for word in system.words:
+        if word.type not in TYPES:
+            raise UsageError(f"{word.name}: the type is one of {', '.join(TYPES)}, not {word.type}")
+        if at % word.size:
+            raise UsageError(f"{word.name} of 8 bytes would lie at byte {at}: put a word of 4 bytes before it")
+        at += word.size
+    if at % 8 and any(word.size == 8 for word in system.words):
+        raise UsageError(f"the record has {at} bytes; with 64-bit words it is a multiple of 8")
+    for names in (
+        [word.name for word in system.words],
+        [flag.name for flag in system.flags],
+        [frame.name for frame in system.frames],
+    ):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise UsageError(f"{twice[0]} is there twice")
+    for frame in system.frames:
+        for part in (frame.half, frame.word):
+            if part is not None and part.word.size != 4:
+                raise UsageError(f"frame {frame.name}: {part.word.name} has 64 bits; a part has at most 32")

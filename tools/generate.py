@@ -1,0 +1,71 @@
+"""Write everything that follows from the declarations of the systems, the parameters and the DBC.
+
+tools/generate.py                          firmware/generated/ and host/plumb/messages.dbc, as committed
+tools/generate.py --check                  say which of them are stale; exit code 1
+tools/generate.py --out DIR [--systems A;B]    for a build: only the C files, into DIR/generated, for these systems
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tools")]
+
+import gen_messages  # type: ignore[import-not-found]  # noqa: E402
+import gen_params  # type: ignore[import-not-found]  # noqa: E402
+import gen_systems  # type: ignore[import-not-found]  # noqa: E402
+from plumb import dbc, declarations  # noqa: E402
+from plumb.errors import UsageError  # noqa: E402
+
+
+def c_files(built: tuple[str, ...] = ()) -> dict[str, str]:
+    """Name -> text of the C files. built: the systems of the image, all by default."""
+    first = min(declarations.system(name).number for name in built or declarations.names())
+    return {**gen_systems.generate(built), **gen_params.generate(first), **gen_messages.generate()}
+
+
+def committed() -> dict[Path, str]:
+    """File -> text of what is committed: of the systems that are part of this package."""
+    files = {ROOT / "firmware" / "generated" / name: text for name, text in c_files().items()}
+    return {**files, ROOT / "host" / "plumb" / "messages.dbc": dbc.text()}
+
+
+def write(files: dict[Path, str]) -> None:
+    """Only what differs: a build then compiles only that."""
+    for path, text in files.items():
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--check", action="store_true")
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--systems", default="", help="names, separated by ;")
+    arguments = parser.parse_args()
+    built = tuple(name for name in arguments.systems.split(";") if name)
+    try:
+        if arguments.out:
+            write({arguments.out / "generated" / name: text for name, text in c_files(built).items()})
+            return 0
+        if any(not system.shipped for system in declarations.systems().values()):
+            raise UsageError(f"{declarations.SEARCH_PATH} is set: what is committed is of the systems of this package")
+        files = committed()
+    except UsageError as error:
+        print(f"generate.py: {error}", file=sys.stderr)
+        return 2
+    if not arguments.check:
+        write(files)
+        return 0
+    stale = [path for path, text in files.items() if not path.is_file() or path.read_text(encoding="utf-8") != text]
+    for path in stale:
+        print(f"{path.relative_to(ROOT)} is stale: run tools/generate.py")
+    return 1 if stale else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
