@@ -1,4 +1,5 @@
-"""The simulated ROM bootloader of host/plumb/f103/rom.py behind a pseudo-terminal: a chip at the end of an adapter."""
+"""The simulated ROM bootloader of host/plumb/flash/rom_model.py behind a pseudo-terminal: a chip at the end of an
+adapter."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ import threading
 import tty
 from types import TracebackType
 
-from plumb.f103.rom import Faults, RomBootloader
+from plumb.flash.rom_model import Faults, RomBootloader
 
 
 class Bootloader(RomBootloader):

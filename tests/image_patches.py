@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 import zlib
 
-from plumb.elf import Elf
+from plumb.flash.elf import Elf
 
 FLASH = 0x08000000
 RETURN_TRUE = struct.pack("<2H", 0x2001, 0x4770)

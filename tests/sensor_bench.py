@@ -10,18 +10,19 @@ import pytest
 
 pytest.importorskip("unicorn")
 
-from plumb.capture import Capture
-from plumb.elf import Elf
 from plumb.errors import UsageError
 from plumb.f103 import find_image
-from plumb.f103.adxl345 import Adxl345
-from plumb.f103.itg3205 import Itg3205
+from plumb.f103.attached.adxl345 import Adxl345
+from plumb.f103.attached.itg3205 import Itg3205
 from plumb.f103.machine import Machine
-from plumb.identity import sensors_text
-from plumb.parameters import table
-from plumb.quantise import quantise
-from plumb.session import Session
-from plumb.systems import balancer, quad
+from plumb.flash.elf import Elf
+from plumb.link.identity import sensors_text
+from plumb.link.realtime import Capture
+from plumb.link.session import Session
+from plumb.spec.parameters import table
+from plumb.systems.balancer import scenarios as balancer
+from plumb.systems.quad import scenarios as quad
+from plumb.tuning.quantise import quantise
 
 PERIOD_US = 5000
 NEUTRAL_US = 1000.0

@@ -11,13 +11,13 @@ import pytest
 pytest.importorskip("unicorn")
 
 from pins import LSB_V, PINS, at_rest
-from plumb.capture import Capture
 from plumb.errors import UsageError
-from plumb.monitor import watch
-from plumb.parameters import table
-from plumb.quantise import quantise
-from plumb.session import Session
-from plumb.systems import turntable
+from plumb.link.monitor import watch
+from plumb.link.realtime import Capture
+from plumb.link.session import Session
+from plumb.spec.parameters import table
+from plumb.systems.turntable import scenarios as turntable
+from plumb.tuning.quantise import quantise
 from sensor_bench import BOOT_US, CONTROL_WORDS, NO_CONVERSIONS, PERIOD_US, SENSOR, STEPS_MISSED, Bench, image
 
 SIX_VOLTS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)

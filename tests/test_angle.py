@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from plumb import accuracy, angle, native
+from plumb.boards import native_core
+from plumb.kernels.fixed import trig
+from plumb.proof import accuracy
 
 QUARTER, HALF = 1 << 30, 1 << 31
 INT32_MIN, INT32_MAX = -(1 << 31), (1 << 31) - 1
@@ -36,14 +38,14 @@ def test_atan2_is_symmetric() -> None:
     y, x = vectors(np.random.default_rng(3), 200_000)
     keep = (np.abs(y) < INT32_MAX) & (np.abs(x) < INT32_MAX) & (y != 0) & (x != 0) & (np.abs(y) != np.abs(x))
     y, x = y[keep], x[keep]
-    turn = native.atan2(y, x).astype(np.int64)
-    assert np.array_equal(native.atan2(-y, x), -turn)
-    assert np.array_equal((native.atan2(y, -x) + turn - HALF) % (2 * HALF), np.zeros_like(turn))
+    turn = native_core.atan2(y, x).astype(np.int64)
+    assert np.array_equal(native_core.atan2(-y, x), -turn)
+    assert np.array_equal((native_core.atan2(y, -x) + turn - HALF) % (2 * HALF), np.zeros_like(turn))
     first = (y > 0) & (x > 0)
-    assert np.array_equal(native.atan2(x[first], y[first]), QUARTER - turn[first])
+    assert np.array_equal(native_core.atan2(x[first], y[first]), QUARTER - turn[first])
 
 
-@pytest.mark.parametrize("atan2", [angle.atan2, native.atan2])
+@pytest.mark.parametrize("atan2", [trig.atan2, native_core.atan2])
 @pytest.mark.parametrize(
     ("y", "x", "turn"),
     [
@@ -64,7 +66,7 @@ def test_atan2_on_the_axes(atan2: object, y: int, x: int, turn: int) -> None:
 
 @pytest.mark.parametrize(("y", "x", "deg"), [(INT32_MIN, INT32_MIN, -135), (INT32_MIN, INT32_MAX, -45)])
 def test_atan2_of_the_most_negative(y: int, x: int, deg: float) -> None:
-    assert native.atan2([y], [x])[0] * accuracy.TURN_DEG == pytest.approx(deg, abs=5e-6)
+    assert native_core.atan2([y], [x])[0] * accuracy.TURN_DEG == pytest.approx(deg, abs=5e-6)
 
 
 def test_asin_is_within_1e_5_deg_up_to_the_ends() -> None:
@@ -77,21 +79,21 @@ def test_asin_is_within_1e_5_deg_up_to_the_ends() -> None:
 
 def test_asin_is_odd_and_saturates() -> None:
     x = np.random.default_rng(5).integers(0, QUARTER, 200_000)
-    assert np.array_equal(native.asin(-x), -native.asin(x))
+    assert np.array_equal(native_core.asin(-x), -native_core.asin(x))
     beyond = np.array([QUARTER, QUARTER + 1, INT32_MAX, -QUARTER, -QUARTER - 1, INT32_MIN, 0])
-    assert native.asin(beyond).tolist() == [QUARTER] * 3 + [-QUARTER] * 3 + [native.asin([0])[0]]
-    assert abs(int(native.asin([0])[0])) <= 5
+    assert native_core.asin(beyond).tolist() == [QUARTER] * 3 + [-QUARTER] * 3 + [native_core.asin([0])[0]]
+    assert abs(int(native_core.asin([0])[0])) <= 5
 
 
 def test_asin_never_turns_back() -> None:
     """Monotonic on a grid of 1e-6 of its range: a controller never sees the wrong direction."""
     x = np.arange(-QUARTER, QUARTER, 997)
-    assert np.diff(native.asin(x).astype(np.int64)).min() >= 0
+    assert np.diff(native_core.asin(x).astype(np.int64)).min() >= 0
 
 
 def test_reciprocal_is_within_its_stated_error() -> None:
     d = np.random.default_rng(6).integers(1 << 30, 1 << 31, 1_000_000)
-    y = native.reciprocal(d).astype(np.float64)
+    y = native_core.reciprocal(d).astype(np.float64)
     relative = y / (2.0**61 / d) - 1.0
     assert relative.min() > -(2.0**-28.3) and (y - 2.0**61 / d).max() <= 3.0 and y.max() < 2**31
 
@@ -108,17 +110,17 @@ def test_sine_and_cosine_are_within_8e_9() -> None:
 
 
 def test_sine_and_cosine_never_leave_one_and_meet_it_at_the_quarters() -> None:
-    sine, cosine = native.sincos(all_round(8, 500_000))
+    sine, cosine = native_core.sincos(all_round(8, 500_000))
     assert max(np.abs(sine).max(), np.abs(cosine).max()) == QUARTER
     quarters = [(0, 0, QUARTER), (QUARTER, QUARTER, 0), (-HALF, 0, -QUARTER), (-QUARTER, -QUARTER, 0)]
     for turn, sine_q30, cosine_q30 in quarters:
-        assert [int(value[0]) for value in native.sincos([turn])] == [sine_q30, cosine_q30]
+        assert [int(value[0]) for value in native_core.sincos([turn])] == [sine_q30, cosine_q30]
 
 
 def test_a_quarter_turn_makes_a_sine_of_a_cosine() -> None:
     turn = all_round(9, 200_000)
-    sine, cosine = native.sincos(turn)
-    later_sine, later_cosine = native.sincos((turn + QUARTER + HALF) % (2 * HALF) - HALF)
+    sine, cosine = native_core.sincos(turn)
+    later_sine, later_cosine = native_core.sincos((turn + QUARTER + HALF) % (2 * HALF) - HALF)
     assert np.array_equal(later_sine, cosine) and np.array_equal(later_cosine, -sine)
 
 
@@ -127,20 +129,20 @@ def test_length_is_within_6e_9_of_itself_and_a_unit() -> None:
     size = 2.0 ** rng.uniform(0, np.log2(7.0 * 2**28), (2, 1_000_000))
     y, x = np.rint(size * rng.choice([-1.0, 1.0], size.shape)).astype(np.int64)
     half = np.hypot(y.astype(np.float64), x.astype(np.float64)) / 2.0
-    assert np.all(np.abs(native.length(y, x) - half) <= 6e-9 * half + 1.0)
+    assert np.all(np.abs(native_core.length(y, x) - half) <= 6e-9 * half + 1.0)
 
 
 def test_length_of_nothing_and_of_the_longest() -> None:
     most = 7 << 28
-    assert native.length([0, 1, 0, 2], [0, 0, -2, 0]).tolist() == [0, 0, 1, 1]
-    assert int(native.length([most], [-most])[0]) == pytest.approx(most / np.sqrt(2.0), rel=6e-9)
+    assert native_core.length([0, 1, 0, 2], [0, 0, -2, 0]).tolist() == [0, 0, 1, 1]
+    assert int(native_core.length([most], [-most])[0]) == pytest.approx(most / np.sqrt(2.0), rel=6e-9)
 
 
 def test_both_hands_agree_on_sine_cosine_and_length() -> None:
     turn = all_round(11, 20_000)
-    assert all(np.array_equal(a, b) for a, b in zip(native.sincos(turn), angle.sincos(turn), strict=True))
-    one_by_one = [angle.sincos(int(t)) for t in turn[-50:]]
-    assert one_by_one == list(zip(*(part.tolist() for part in native.sincos(turn[-50:])), strict=True))
+    assert all(np.array_equal(a, b) for a, b in zip(native_core.sincos(turn), trig.sincos(turn), strict=True))
+    one_by_one = [trig.sincos(int(t)) for t in turn[-50:]]
+    assert one_by_one == list(zip(*(part.tolist() for part in native_core.sincos(turn[-50:])), strict=True))
     y, x = np.random.default_rng(12).integers(-(7 << 28), 7 << 28, (2, 20_000)) >> np.arange(20_000) % 31
-    assert np.array_equal(native.length(y, x), angle.length(y, x))
-    assert [angle.length(int(b), int(a)) for b, a in zip(y, x, strict=True)] == native.length(y, x).tolist()
+    assert np.array_equal(native_core.length(y, x), trig.length(y, x))
+    assert [trig.length(int(b), int(a)) for b, a in zip(y, x, strict=True)] == native_core.length(y, x).tolist()

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from link_board import MemoryBoard
-from plumb import parameters
 from plumb.errors import LinkError
-from plumb.identity import BLOCKED
-from plumb.session import Session
+from plumb.link.identity import BLOCKED
+from plumb.link.session import Session
+from plumb.spec import parameters
 from test_arming import CONTROL, armed_session
 from test_protocol import frame
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from link_board import AT_REST, MemoryBoard
-from plumb import parameters
 from plumb.errors import LinkError
-from plumb.lockstep import samples_text
-from plumb.protocol import protocol
-from plumb.session import Session
-from plumb.slcan import SlcanParser, text_of_frames
+from plumb.link.lockstep import samples_text
+from plumb.link.session import Session
+from plumb.link.transports.slcan import SlcanParser, text_of_frames
+from plumb.spec import parameters
+from plumb.spec.protocol import protocol
 from test_protocol import frame, said
 
 FRAME_US = 20_000

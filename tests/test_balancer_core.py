@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from plumb import accuracy, fixed, native, parameters, reference
-from plumb.compare import first_divergence
+from plumb.boards import native_core
 from plumb.errors import UsageError
-from plumb.quantise import ControlParams, dequantise, quantise
-from plumb.systems import balancer
-from plumb.tuning import BalancerTuning, Drive, Kalman, Pid, SpeedLoop, Start, Trust, Wheel
-from plumb.words import RECORDS, Words, names_of
+from plumb.proof import accuracy
+from plumb.proof.compare import first_divergence
+from plumb.spec import parameters
+from plumb.spec.records import RECORDS, Words, names_of
+from plumb.spec.tuning import BalancerTuning, Drive, Kalman, Pid, SpeedLoop, Start, Trust, Wheel
+from plumb.systems import run_fixed, run_reference
+from plumb.systems.balancer import scenarios as balancer
+from plumb.tuning.quantise import ControlParams, dequantise, quantise
 from wild_params import wild_balancer_params
 
 RUNS, STEPS = 600, 400
@@ -34,10 +37,10 @@ def wild_inputs(seed: int) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.int1
 def test_wild_runs_agree_in_every_bit() -> None:
     rng = np.random.default_rng(40)
     params = [wild_balancer_params(rng) for _ in range(RUNS)]
-    assert all(native.params_valid(one) for one in params)
+    assert all(native_core.params_valid(one) for one in params)
     raw, setpoint = wild_inputs(41)
-    model = fixed.run_control(params, raw, setpoint)
-    assert first_divergence(model, native.run_control(params, raw, setpoint)) is None
+    model = run_fixed.run_control(params, raw, setpoint)
+    assert first_divergence(model, native_core.run_control(params, raw, setpoint)) is None
     # wild enough: every flag, and both signs of every word that can have both
     assert np.bitwise_or.reduce(model["flags"], axis=None) == 255
     for name in names_of("balancer"):
@@ -52,11 +55,11 @@ def test_rides_agree_in_every_bit_and_follow_float64(tuning: str) -> None:
     params = quantise(balancer.TUNINGS[tuning])
     run = balancer.scenario("rough", 3)
     raw, setpoint = run.counts(), run.setpoint()
-    words = fixed.run_control(params, raw, setpoint)
-    assert first_divergence(words, native.run_control(params, raw, setpoint)) is None
+    words = run_fixed.run_control(params, raw, setpoint)
+    assert first_divergence(words, native_core.run_control(params, raw, setpoint)) is None
     length_g = np.hypot(words["gravity_x_g_q26"], words["accel_z_g_q26"].astype(float)) / 2.0**26
     assert length_g.min() > accuracy.LEAST_G
-    ideal = reference.run_control(params, raw, setpoint)
+    ideal = run_reference.run_control(params, raw, setpoint)
     values = {
         "speed_mps": words["speed_mps_q26"] / 2.0**26,
         "velocity_mps": words["velocity_mps_q26"] / 2.0**26,
@@ -89,10 +92,12 @@ def test_rides_agree_in_every_bit_and_follow_float64(tuning: str) -> None:
     units = 4 * 2.0**-22
     lean_deg = (speed.lean_deg_per_mps + speed.lean_deg_per_m * seconds) * velocity_mps
     lean_deg += speed.lean_deg_per_g * accel_g + units * speed.lean_max_deg
-    assert not np.any(words["flags"] & fixed.balancer.FLAG_LEAN_LIMITED) and off["lean_deg"] <= lean_deg
+    assert not np.any(words["flags"] & run_fixed.balancer.FLAG_LEAN_LIMITED) and off["lean_deg"] <= lean_deg
     error_deg = off["lean_deg"] + off["tilt_deg"]
     command = (pid.kp_per_deg + pid.ki_per_deg_s * seconds) * error_deg + pid.kd_per_dps * off["rate_corrected_dps"]
-    if np.any(words["flags"] & fixed.balancer.FLAG_COMMAND_LIMITED):  # one step's growth, integrated on one side only
+    if np.any(
+        words["flags"] & run_fixed.balancer.FLAG_COMMAND_LIMITED
+    ):  # one step's growth, integrated on one side only
         command += pid.ki_per_deg_s * dt * float(np.max(np.abs(ideal["error_deg"])))
     assert off["command"] <= command + units and off["duty"] <= off["command"] + 2.0**-15 < 2.1e-3
 
@@ -109,9 +114,9 @@ def test_one_run_and_many_runs_are_the_same_code() -> None:
     rng = np.random.default_rng(42)
     params = [wild_balancer_params(rng) for _ in range(20)]
     raw, setpoint = (values[:60, ..., :20] for values in wild_inputs(43))
-    many = fixed.run_control(params, raw, setpoint)
+    many = run_fixed.run_control(params, raw, setpoint)
     for run, one in enumerate(params):
-        alone = fixed.run_control(one, raw[..., run], setpoint[:, run])
+        alone = run_fixed.run_control(one, raw[..., run], setpoint[:, run])
         assert first_divergence(Words(many.record[:, run]), alone) is None
 
 
@@ -147,8 +152,8 @@ def test_the_factory_values_are_the_tuned_set() -> None:
     ],
 )
 def test_last_good_and_first_bad(name: str, good: int, bad: int, others: dict[str, int]) -> None:
-    assert native.params_valid(ControlParams(DEFAULT | others | {name: good}))
-    assert not native.params_valid(ControlParams(DEFAULT | others | {name: bad}))
+    assert native_core.params_valid(ControlParams(DEFAULT | others | {name: good}))
+    assert not native_core.params_valid(ControlParams(DEFAULT | others | {name: bad}))
 
 
 def changed(**parts: object) -> BalancerTuning:

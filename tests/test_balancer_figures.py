@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 
 from plumb import __main__ as front
-from plumb.systems import balancer, balancer_figures, figures
-from plumb.systems.balancer_figures import Float64, Integers, balance
-from plumb.systems.figures import Figure
+from plumb.proof.figures import balancer_figures, figures
+from plumb.proof.figures.balancer_figures import Float64, Integers, balance
+from plumb.proof.figures.figures import Figure
+from plumb.systems.balancer import scenarios as balancer
 
 Rows = dict[tuple[str, str, str], Figure]
 PAGE = Path(__file__).parents[1] / "docs/balancer.md"
@@ -82,7 +83,8 @@ def test_the_comparison_is_a_fair_one() -> None:
     """On seeds 0-19 neither more nor less R or Q of the bias is better for the arctangent alone."""
     from dataclasses import replace
 
-    from plumb import native, quantise
+    from plumb.boards import native_core
+    from plumb.tuning import quantise
 
     batches = [balancer_figures.Batch.of(name, range(0, 20, 2)) for name in ("rough", "smooth")]
 
@@ -95,7 +97,7 @@ def test_the_comparison_is_a_fair_one() -> None:
         )
         params, sums = quantise.quantise(tuning), 0.0
         for batch, asked_deg in zip(batches, (0.48, 0.40), strict=True):
-            words = native.run_control(params, batch.raw, batch.setpoint)
+            words = native_core.run_control(params, batch.raw, batch.setpoint)
             tilt_deg = np.asarray(words["tilt_turn_q32"] * balancer_figures.TURN_DEG)
             sums += float(np.mean(batch.tilt_rms(tilt_deg))) / asked_deg
         return sums
@@ -163,14 +165,15 @@ def test_a_vehicle_that_falls_is_noticed() -> None:
 
 def test_a_push_tips_it_and_it_comes_back() -> None:
     """The largest of the prescribed pushes: 6 m/s^2 for 0.15 s, before there is any command."""
-    from plumb import quantise, trial
     from plumb.boards.native import NativeBoard
-    from plumb.sensors import Push
+    from plumb.physics.sensors import Push
+    from plumb.proof import runs
+    from plumb.tuning import quantise
 
     tilt = {}
     for size in (0.0, 6.0, -6.0):
         run = balancer.scenario("smooth", 1000, seconds=8.0, faults=(Push(size, 5.0, 5.15),))
-        flight = trial.closed_loop(NativeBoard(), run, quantise.quantise(balancer.TUNED)).flight
+        flight = runs.closed_loop(NativeBoard(), run, quantise.quantise(balancer.TUNED)).flight
         tilt[size] = flight.truth["tilt_deg"]
     pushed = slice(500, 540)
     assert 1.0 < np.max(tilt[6.0][pushed] - tilt[0.0][pushed]) < 5.0

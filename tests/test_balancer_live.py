@@ -9,13 +9,17 @@ import pytest
 
 pytest.importorskip("unicorn")
 
-from plumb import disturbance, live, quantise, systems
+from plumb import systems
+from plumb.boards import plant_on_pins
 from plumb.boards.virtual import VirtualBoard
 from plumb.errors import LinkError
 from plumb.f103 import Machine
-from plumb.systems import balancer, balancer_live
-from plumb.systems.balancer_plant import BalancerPlant
-from plumb.trial import Trial
+from plumb.physics import disturbance
+from plumb.proof.runs import Trial
+from plumb.systems.balancer import pins as balancer_live
+from plumb.systems.balancer import scenarios as balancer
+from plumb.systems.balancer.plant import BalancerPlant
+from plumb.tuning import quantise
 
 PARAMS = quantise.quantise(balancer.TUNED)
 
@@ -36,7 +40,7 @@ class Watched(balancer_live.Coupling):
 def flight(request: pytest.FixtureRequest) -> Iterator[tuple[VirtualBoard, Trial]]:
     with VirtualBoard(link=request.param) as board, pytest.MonkeyPatch.context() as patch:
         patch.setattr(balancer_live, "Coupling", Watched)
-        yield board, live.fly(board, balancer.scenario("rough", 1000, seconds=6.0), PARAMS)
+        yield board, plant_on_pins.fly(board, balancer.scenario("rough", 1000, seconds=6.0), PARAMS)
 
 
 def faulty(*texts: str, seconds: float, open_loop: bool = False) -> Trial:
@@ -44,7 +48,7 @@ def faulty(*texts: str, seconds: float, open_loop: bool = False) -> Trial:
     asked = balancer.faults([disturbance.parse(text) for text in texts])
     run = balancer.scenario("smooth", 1000, seconds=seconds, faults=asked)
     with VirtualBoard() as board:
-        return live.fly(board, run, PARAMS, open_loop=open_loop)
+        return plant_on_pins.fly(board, run, PARAMS, open_loop=open_loop)
 
 
 def test_an_armed_live_ride_is_the_model_bit_for_bit_and_stays_up(flight: tuple[VirtualBoard, Trial]) -> None:
@@ -72,10 +76,10 @@ def test_every_count_is_what_a_register_held(flight: tuple[VirtualBoard, Trial])
     """All three, in order, none left out: gyro about y big-endian, accelerometer x and z little-endian."""
     raw, coupling = flight[1].flight.raw, Watched.made[-1]
     gyro = np.array([count for count, _ in coupling.taken])
-    first = live.matching(gyro, raw[:, 0])
+    first = plant_on_pins.matching(gyro, raw[:, 0])
     assert np.array_equal(gyro[first : first + len(raw)], raw[:, 0])
     accel = np.array(coupling.read)
-    first = live.matching(accel[:, 2], raw[:, 2])
+    first = plant_on_pins.matching(accel[:, 2], raw[:, 2])
     assert np.array_equal(accel[first : first + len(raw)][:, [0, 2]], raw[:, 1:3])
     assert not flight[0].machine.warnings
 
@@ -111,7 +115,7 @@ def test_a_chip_that_falls_silent_disarms_and_the_vehicle_falls() -> None:
     with VirtualBoard() as board, pytest.MonkeyPatch.context() as patch:
         patch.setattr(balancer_live, "Coupling", Dying)
         with pytest.raises(LinkError, match=r"takes no samples|disarmed itself"):
-            live.fly(board, balancer.scenario("rough", 1000, seconds=8.0), PARAMS)
+            plant_on_pins.fly(board, balancer.scenario("rough", 1000, seconds=8.0), PARAMS)
         assert not board.machine.bridge().enabled, "no duty on stale samples"
 
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from plumb.errors import UsageError
-from plumb.sensors import Adxl345, Fault, Itg3205
-from plumb.systems import balancer, balancer_plant
-from plumb.systems.balancer_plant import (
+from plumb.physics.sensors import Adxl345, Fault, Itg3205
+from plumb.systems.balancer import plant as balancer_plant
+from plumb.systems.balancer import scenarios as balancer
+from plumb.systems.balancer.plant import (
     BODY_CENTRE_M,
     BODY_KG,
     EDGE_M,

@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("capstone")
 
-from plumb import bench
-from plumb.bench import BenchResult, Row
+from plumb.bench import bench
+from plumb.bench.bench import BenchResult, Row
 from plumb.errors import UsageError
 
 MISSED = {"kalman_step_constant_r": 192, "control_step": 665}

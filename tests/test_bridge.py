@@ -20,17 +20,17 @@ import pytest
 pytest.importorskip("unicorn")
 
 from link_board import MemoryBoard
-from plumb import fixed
-from plumb.bridge import ARM_AFTER_STEPS, Flow
-from plumb.capture import Capture
 from plumb.errors import UsageError
 from plumb.f103 import find_image
-from plumb.protocol import protocol
-from plumb.quantise import quantise
-from plumb.serialbus import PlumbBus
-from plumb.session import Session
-from plumb.shadow import Shadow
-from plumb.systems import quad
+from plumb.inputs.bridge import ARM_AFTER_STEPS, Flow
+from plumb.link.realtime import Capture
+from plumb.link.session import Session
+from plumb.link.transports.slcan_bus import PlumbBus
+from plumb.proof.shadow import Shadow
+from plumb.spec.protocol import protocol
+from plumb.systems import run_fixed
+from plumb.systems.quad import scenarios as quad
+from plumb.tuning.quantise import quantise
 
 WAIT_S = 120.0
 """For what comes within a second or two, on a machine that may have other things to do."""
@@ -150,8 +150,8 @@ def test_one_side_may_be_a_can_bus(start: Start, tmp_path: Path) -> None:
 
 def test_carrying_frames_only_another_host_sees_the_board_through_the_bridge(start: Start, tmp_path: Path) -> None:
     """`plumb monitor` would do: here a session over datagrams, the bridge, and the board's TCP port."""
-    from plumb.adapter import AdapterBus
-    from plumb.buses import serve_bus
+    from plumb.link.transports.open_bus import serve_bus
+    from plumb.link.transports.slcan_server import AdapterBus
 
     board = start("virtual-board", "--serial", "tcp:0")
     board.wait_for("serving")
@@ -265,7 +265,7 @@ def session() -> Iterator[Session]:
 def a_run() -> tuple[IntArray, IntArray]:
     """Counts and digests of a board that is right."""
     raw = quad.scenario("motion", 3, seconds=10.0).counts()[:STEPS]
-    return raw, fixed.run_control(ADAPTIVE, raw, np.zeros(STEPS, np.int32)).digests()
+    return raw, run_fixed.run_control(ADAPTIVE, raw, np.zeros(STEPS, np.int32)).digests()
 
 
 def follow(shadow: Shadow, session: Session, raw: IntArray, digests: IntArray, lost: int = 0) -> None:
@@ -297,13 +297,13 @@ def test_a_single_wrong_digest_stops_the_shadow_at_its_step(session: Session) ->
 def test_the_first_word_that_differs_is_named(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     """A model with another gain stands for a board with another gain."""
     other = quantise(replace(quad.ADAPTIVE, pid=replace(quad.PID, kp_per_deg=0.05)))
-    honest = fixed.run_control
+    honest = run_fixed.run_control
     raw, digests = a_run()
     shadow = Shadow(ADAPTIVE)
-    shadow._model = fixed.Controller(other)
+    shadow._model = run_fixed.Controller(other)
     follow(shadow, session, raw, digests)
     assert shadow.divergence is not None
-    monkeypatch.setattr(fixed, "run_control", lambda _, *inputs: honest(other, *inputs))
+    monkeypatch.setattr(run_fixed, "run_control", lambda _, *inputs: honest(other, *inputs))
     shadow.locate(session)
     assert shadow.divergence.signal == "command_q22"
     assert shadow.divergence.expected != shadow.divergence.actual

@@ -6,13 +6,13 @@ from __future__ import annotations
 import pytest
 
 from link_board import AT_REST, MemoryBoard
-from plumb.bridge import Bridge
-from plumb.lockstep import sample_frames
-from plumb.protocol import Frame, protocol
-from plumb.quantise import quantise
-from plumb.samples import Samples
-from plumb.serialbus import PlumbBus
-from plumb.systems import quad
+from plumb.inputs.bridge import Bridge
+from plumb.inputs.sample_assembler import Samples
+from plumb.link.lockstep import sample_frames
+from plumb.link.transports.slcan_bus import PlumbBus
+from plumb.spec.protocol import Frame, protocol
+from plumb.systems.quad import scenarios as quad
+from plumb.tuning.quantise import quantise
 
 PERIOD_US = 20_000
 PARAMS = quantise(quad.ADAPTIVE)

@@ -12,17 +12,17 @@ import can
 import pytest
 
 from link_board import MemoryBoard
-from plumb.bridge import BoardCounts, Bridge
-from plumb.buses import open_bus, serve_bus
 from plumb.errors import LinkError, UsageError
-from plumb.line import TcpLine
-from plumb.lockstep import sample_frames
-from plumb.protocol import protocol
-from plumb.quantise import quantise
-from plumb.sensorboard import SensorBoard
-from plumb.session import Session
-from plumb.systems import quad
-from plumb.systems.quad_plant import QuadPlant
+from plumb.inputs.bridge import BoardCounts, Bridge
+from plumb.inputs.sensor_board import SensorBoard
+from plumb.link.lockstep import sample_frames
+from plumb.link.session import Session
+from plumb.link.transports.open_bus import open_bus, serve_bus
+from plumb.link.transports.server_endpoint import TcpLine
+from plumb.spec.protocol import protocol
+from plumb.systems.quad import scenarios as quad
+from plumb.systems.quad.plant import QuadPlant
+from plumb.tuning.quantise import quantise
 
 WAIT_S = 120.0
 """For what comes within a second or two, on a machine that may have other things to do."""
@@ -185,10 +185,10 @@ def test_sensor_board_and_stm32_may_meet_on_one_can_bus(direct: bool) -> None:
     """The board as a node of python-can's bus in this process, with the sensor board as another one. direct: the bridge
     owns and arms the run over the UART, and names the bus as the source of samples."""
     pytest.importorskip("unicorn")
+    from plumb.boards.serve import run_paced
+    from plumb.boards.virtual_can import Joint
     from plumb.f103 import open_machine
-    from plumb.f103.canbus import Joint
-    from plumb.f103.serve import run_paced
-    from plumb.line import PtyLine
+    from plumb.link.transports.server_endpoint import PtyLine
 
     try:
         machine = open_machine()

@@ -13,12 +13,12 @@ import can
 import pytest
 import serial
 
-from plumb.adapter import AdapterBus
-from plumb.buses import LogBus, open_bus, serve_bus
 from plumb.errors import LinkError, PlumbError, UsageError
-from plumb.line import BACKLOG_BYTES, Line, PtyLine, TcpLine, open_line
-from plumb.protocol import protocol
-from plumb.serialbus import PlumbBus
+from plumb.link.transports.open_bus import LogBus, open_bus, serve_bus
+from plumb.link.transports.server_endpoint import BACKLOG_BYTES, Line, PtyLine, TcpLine, open_line
+from plumb.link.transports.slcan_bus import PlumbBus
+from plumb.link.transports.slcan_server import AdapterBus
+from plumb.spec.protocol import protocol
 
 ANGLE = protocol()["QUAD_ANGLE"]
 WAIT_S = 60.0

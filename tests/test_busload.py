@@ -9,22 +9,24 @@ from pathlib import Path
 import pytest
 
 from link_board import MemoryBoard
-from plumb import busload, parameters, systems
-from plumb.serialbus import PlumbBus
-from plumb.session import PERIODIC, Session
+from plumb import systems
+from plumb.bench import bus_load
+from plumb.link.session import PERIODIC, Session
+from plumb.link.transports.slcan_bus import PlumbBus
+from plumb.spec import parameters
 
 ROOT = Path(__file__).resolve().parent.parent
 
 
 def test_no_frame_is_longer_than_the_worst() -> None:
     pytest.importorskip("unicorn")
-    from plumb.f103.canwire import WireFrame, frame_bits
+    from plumb.f103.attached.canwire import WireFrame, frame_bits
 
     rng = random.Random(1)
     drawn = [frame_bits(WireFrame(rng.randrange(0x800), rng.randbytes(8))) for _ in range(5000)]
     bad = frame_bits(WireFrame(0x02F, b"\x3c" * 8))  # found by search
-    assert min(drawn) >= busload.PLAIN_BITS and max(drawn) <= bad == 131
-    assert busload.WORST_BITS == 135  # what no pattern of bits can exceed
+    assert min(drawn) >= bus_load.PLAIN_BITS and max(drawn) <= bad == 131
+    assert bus_load.WORST_BITS == 135  # what no pattern of bits can exceed
 
 
 def test_an_idle_link_says_as_much_as_is_reckoned() -> None:
@@ -38,19 +40,19 @@ def test_an_idle_link_says_as_much_as_is_reckoned() -> None:
         while board.time_us - begin_us < 2_000_000:
             session.receive(0.01)
     counted = {name: heard.count(session.protocol[name].identifier) for name in PERIODIC}
-    expected = {name: 2 * (busload.TIME_PS if name == "TIME" else busload.STATUS_PS) for name in PERIODIC}
+    expected = {name: 2 * (bus_load.TIME_PS if name == "TIME" else bus_load.STATUS_PS) for name in PERIODIC}
     for name, count in expected.items():
         if name != "CAN_HEALTH":  # a board of memory has no controller
             assert abs(counted[name] - count) <= 1
 
 
-@pytest.mark.parametrize("kbit", busload.BITRATES_KBIT)
+@pytest.mark.parametrize("kbit", bus_load.BITRATES_KBIT)
 def test_a_bus_carries_the_steps_that_the_table_promises(kbit: int) -> None:
     """And at twice the rate the board drops telemetry, counts it, and can still be told to stop."""
     pytest.importorskip("unicorn")
+    from plumb.boards.virtual_can import MachineBus
     from plumb.errors import UsageError
     from plumb.f103 import find_image, open_machine
-    from plumb.f103.canbus import MachineBus
 
     try:
         find_image()
@@ -58,7 +60,7 @@ def test_a_bus_carries_the_steps_that_the_table_promises(kbit: int) -> None:
         pytest.skip(str(error))
     machine = open_machine()
     control = parameters.control_part([row.default for row in parameters.table()])
-    [kind] = [kind for kind in busload.traffic("quad") if kind.kind.startswith("real time, own")]
+    [kind] = [kind for kind in bus_load.traffic("quad") if kind.kind.startswith("real time, own")]
     promised_us = 1e6 / kind.bus_steps_ps(kbit)
     with Session.open(machine.uart) as uart:
         uart.upload(control, can_bitrate_kbit=kbit, period_us=max(500, round(promised_us + 0.5)))
@@ -82,7 +84,7 @@ def test_a_bus_carries_the_steps_that_the_table_promises(kbit: int) -> None:
 
 
 def test_every_system_has_its_rows() -> None:
-    rows = busload.step_table().splitlines()[2:]
+    rows = bus_load.step_table().splitlines()[2:]
     for name in systems.SYSTEMS:
         assert sum(row.startswith(f"| {name} |") for row in rows) in (3, 4)
 
@@ -90,6 +92,6 @@ def test_every_system_has_its_rows() -> None:
 def test_the_bit_timing_is_that_of_the_driver() -> None:
     driver = (ROOT / "firmware/ports/stm32f103/bxcan.c").read_text()
     quanta_khz = int(re.search(r"QUANTA_KHZ +(\d+)u", driver)[1])  # type: ignore[index]
-    assert quanta_khz * busload.QUANTA == 36_000
-    assert f"CAN_BTR_SJW_{busload.SJW} | CAN_BTR_TS2_{busload.PHASE_2} " in driver
-    assert busload.clock_tolerance() == pytest.approx(0.0043, abs=5e-5)
+    assert quanta_khz * bus_load.QUANTA == 36_000
+    assert f"CAN_BTR_SJW_{bus_load.SJW} | CAN_BTR_TS2_{bus_load.PHASE_2} " in driver
+    assert bus_load.clock_tolerance() == pytest.approx(0.0043, abs=5e-5)

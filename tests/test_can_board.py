@@ -14,20 +14,20 @@ pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual
 
 from pins import at_rest
 from plumb import __main__ as front
-from plumb import parameters
+from plumb.boards.plant_on_pins import fly
 from plumb.boards.virtual import VirtualBoard
+from plumb.boards.virtual_can import MachineBus
 from plumb.errors import LinkError, UsageError
 from plumb.f103 import open_machine
-from plumb.f103.canbus import MachineBus
-from plumb.f103.canwire import BIT_RECESSIVE, CRC, CanWire, WireFrame
-from plumb.f103.image import find_image
-from plumb.identity import NackError
-from plumb.live import fly
-from plumb.lockstep import Lockstep
-from plumb.quantise import quantise
-from plumb.serialbus import PlumbBus
-from plumb.session import Session
-from plumb.systems import quad
+from plumb.f103.attached.canwire import BIT_RECESSIVE, CRC, CanWire, WireFrame
+from plumb.flash.image import find_image
+from plumb.link.identity import NackError
+from plumb.link.lockstep import Lockstep
+from plumb.link.session import Session
+from plumb.link.transports.slcan_bus import PlumbBus
+from plumb.spec import parameters
+from plumb.systems.quad import scenarios as quad
+from plumb.tuning.quantise import quantise
 
 try:
     find_image()

@@ -9,11 +9,11 @@ import pytest
 
 pytest.importorskip("unicorn")
 
-from plumb import parameters
-from plumb.f103.canwire import ACK, BIT_RECESSIVE, STUFF, WireFrame
+from plumb.f103.attached.canwire import ACK, BIT_RECESSIVE, STUFF, WireFrame
 from plumb.f103.machine import Machine
-from plumb.protocol import Frame, protocol
-from plumb.slcan import SlcanParser, text_of_frames
+from plumb.link.transports.slcan import SlcanParser, text_of_frames
+from plumb.spec import parameters
+from plumb.spec.protocol import Frame, protocol
 
 IMAGE = Path(__file__).parents[1] / "build/stm32f103/firmware.bin"
 pytestmark = pytest.mark.skipif(not IMAGE.exists(), reason="the flash image is not built: run make image")

@@ -17,16 +17,16 @@ import pytest
 pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual")
 
 from plumb import __main__ as front
-from plumb import parameters
-from plumb.buses import open_can
-from plumb.capture import Capture
+from plumb.boards.serve import run_paced
+from plumb.boards.virtual_can import Joint
 from plumb.errors import LinkError, UsageError
 from plumb.f103 import open_machine
-from plumb.f103.canbus import Joint
-from plumb.f103.image import find_image
-from plumb.f103.serve import run_paced
-from plumb.line import open_line
-from plumb.session import Session
+from plumb.flash.image import find_image
+from plumb.link.realtime import Capture
+from plumb.link.session import Session
+from plumb.link.transports.open_bus import open_can
+from plumb.link.transports.server_endpoint import open_line
+from plumb.spec import parameters
 
 try:
     find_image()

@@ -10,8 +10,8 @@ from types import ModuleType
 
 import pytest
 
-from plumb import declarations, parameters
-from plumb.protocol import canonical_text, load_database, message_of, protocol, protocol_of
+from plumb.spec import declarations, parameters
+from plumb.spec.protocol import canonical_text, load_database, message_of, protocol, protocol_of
 
 ROOT = Path(__file__).resolve().parent.parent
 DBC = ROOT / "host" / "plumb" / "messages.dbc"
@@ -115,8 +115,8 @@ def test_signals_on_the_wire_are_the_words_of_each_record() -> None:
 
 
 def test_factory_values_are_a_shipped_tuning() -> None:
-    from plumb.quantise import quantise
-    from plumb.systems.quad import TUNINGS
+    from plumb.systems.quad.scenarios import TUNINGS
+    from plumb.tuning.quantise import quantise
 
     rows = parameters.table()
     assert [row.default for row in rows if row.owner == "control"] == quantise(TUNINGS["adaptive"]).words()

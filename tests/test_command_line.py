@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from plumb import __main__ as front
-from plumb.command_line import shown
+from plumb.cli.command_line import shown
 
 NOT_TEXT = os.fsdecode(b"n\xff\xfe")
 

@@ -12,8 +12,8 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("capstone")
 
-from plumb.counter import Counter, Image
-from plumb.elf import CallGraph
+from plumb.bench.instruction_counter import Counter, Image
+from plumb.flash.elf import CallGraph
 
 BUILD = Path(__file__).parents[1] / "build/stm32f103"
 DIGEST = "digest_crc32"

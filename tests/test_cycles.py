@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("capstone")
 
-from plumb.cycles import Decoder, Instruction, path_cost
+from plumb.bench.m3_timing import Decoder, Instruction, path_cost
 
 RETURN = "7047"  # bx lr: 1 + refill of 2
 ADD, NOP = "0844", "00bf"
@@ -138,7 +138,7 @@ def test_the_counter_runs_code_and_books_nested_calls(tmp_path: Path) -> None:
     pytest.importorskip("unicorn")
     if shutil.which("arm-none-eabi-gcc") is None:
         pytest.skip("arm-none-eabi-gcc is not installed")
-    from plumb.counter import Counter, Image
+    from plumb.bench.instruction_counter import Counter, Image
 
     (tmp_path / "two.s").write_text(ASSEMBLY)
     link = ["-nostdlib", "-Wl,-e,outer", "-Wl,-Ttext=0x08000000"]

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from plumb import __main__ as front
-from plumb import golden, quantise
 from plumb.errors import LinkError, UsageError
-from plumb.f103.image import find_image
-from plumb.session import Session
-from plumb.systems import quad
+from plumb.flash.image import find_image
+from plumb.link.session import Session
+from plumb.proof import golden
+from plumb.systems.quad import scenarios as quad
+from plumb.tuning import quantise
 
 pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual")
 pytest.importorskip("matplotlib", reason="the report needs the extra report")
@@ -23,7 +24,7 @@ try:
 except UsageError as missing:
     pytest.skip(str(missing), allow_module_level=True)
 
-from plumb import live  # after the skips: it needs unicorn
+from plumb.boards import plant_on_pins  # after the skips: it needs unicorn
 from plumb.boards.virtual import VirtualBoard
 
 
@@ -61,7 +62,7 @@ def test_the_demo_closes_the_loop_and_agrees_in_every_bit(
 def test_a_live_run_holds_the_axis_level() -> None:
     scenario = quad.scenario("hold", 1001, seconds=15.0)
     with VirtualBoard() as board:
-        flown = live.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]))
+        flown = plant_on_pins.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]))
         assert board.machine.warnings == []
     assert flown.verdict == "pass"
     late = np.abs(flown.flight.truth["tilt_deg"][flown.flight.time_s > 13.0])
@@ -73,7 +74,7 @@ def test_a_live_run_holds_the_axis_level() -> None:
 def test_a_live_open_loop_takes_the_counts_of_the_scenario() -> None:
     scenario = quad.scenario("motion", 1002, seconds=8.0)
     with VirtualBoard() as board:
-        flown = live.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]), open_loop=True)
+        flown = plant_on_pins.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]), open_loop=True)
     assert np.array_equal(flown.flight.raw, scenario.counts())
 
 
@@ -81,7 +82,7 @@ def test_a_live_run_is_told_the_setpoints_as_they_change() -> None:
     """A step or two late, as over any link; which step was the first to use one the board says, so all is verified."""
     scenario = quad.scenario("motion", 1005, seconds=7.0)
     with VirtualBoard() as board:
-        flown = live.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]))
+        flown = plant_on_pins.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]))
     asked, used = scenario.setpoint().astype(np.int64), flown.flight.setpoint.astype(np.int64)
     assert flown.verdict == "pass" and len(set(used.tolist())) > 50
     late = [int(np.abs(used[steps:] - asked[: len(asked) - steps]).max()) for steps in range(4)]
@@ -93,15 +94,15 @@ def test_conversions_before_the_run_are_not_its_steps() -> None:
     taken = rng.integers(0, 4096, 60)
     streamed = taken[3:53].astype(np.int16)
     streamed[10] = 0  # lost on the link
-    assert live.matching(taken, streamed) == 3
+    assert plant_on_pins.matching(taken, streamed) == 3
     with pytest.raises(LinkError, match="60 steps of 50"):
-        live.matching(taken[:50], taken.astype(np.int16))
+        plant_on_pins.matching(taken[:50], taken.astype(np.int16))
 
 
 def test_a_live_run_knows_its_truth_to_the_last_step() -> None:
     scenario = quad.scenario("motion", 1003, seconds=4.0)
     with VirtualBoard() as board:
-        flown = live.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]), open_loop=True)
+        flown = plant_on_pins.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]), open_loop=True)
     assert np.array_equal(flown.flight.truth["bias_dps"], scenario.bias_dps)
 
 
@@ -110,4 +111,4 @@ def test_a_board_that_disarms_itself_ends_the_run(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(Session, "_answer_values", lambda session, frames: None)
     scenario = quad.scenario("hold", 1004, seconds=4.0)
     with VirtualBoard() as board, pytest.raises(LinkError, match="disarmed itself before step"):
-        live.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]))
+        plant_on_pins.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]))

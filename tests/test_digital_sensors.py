@@ -10,9 +10,9 @@ import pytest
 
 pytest.importorskip("unicorn")
 
-from plumb.capture import Capture
 from plumb.errors import LinkError
-from plumb.session import Session
+from plumb.link.realtime import Capture
+from plumb.link.session import Session
 from sensor_bench import DIGITAL_CONTROL, PERIOD_US, RECOVERY_S, SENSOR, STEPS_MISSED, Bench, boot_digital, fit, image
 
 

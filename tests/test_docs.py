@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from plumb import __main__ as front
-from plumb import parameters, systems
+from plumb import systems
+from plumb.spec import parameters
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

@@ -9,8 +9,8 @@ from itertools import combinations
 import pytest
 
 from link_board import library, parse
-from plumb.protocol import check, crc8, protocol
-from plumb.slcan import SlcanParser, text_of_frames
+from plumb.link.transports.slcan import SlcanParser, text_of_frames
+from plumb.spec.protocol import check, crc8, protocol
 
 
 def frames(count: int, seed: int) -> list[tuple[int, bytes]]:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from plumb.elf import CallGraph, Elf
 from plumb.errors import UsageError
+from plumb.flash.elf import CallGraph, Elf
 
 ROOT = Path(__file__).parents[1]
 CHECK = ROOT / "tools/check_elf.py"

@@ -12,7 +12,7 @@ import pytest
 
 from plumb import __main__ as front
 from plumb.errors import UsageError, VerdictError
-from plumb.f103.image import find_image
+from plumb.flash.image import find_image
 
 FULL = Path("/dev/full")
 ENTRY = "from plumb.__main__ import entry\n"
@@ -31,7 +31,7 @@ def program(text: str, *arguments: str, stdout: int = subprocess.PIPE) -> tuple[
 def in_the_way(command: str, body: str) -> str:
     """The program, with this body as the command's main."""
     return (
-        f"import os, signal, sys, plumb.commands.{command} as module\n{ENTRY}"
+        f"import os, signal, sys, plumb.cli.{command} as module\n{ENTRY}"
         f"def instead(arguments):\n    {body}\nmodule.main = instead\nentry()"
     )
 
@@ -45,7 +45,7 @@ left = int(sys.argv.pop(1))
 def hook(event, details):
     global left, begun
     if event == "import":
-        begun = begun or details[0] == "plumb.endings"
+        begun = begun or details[0] == "plumb.process_signals"
         left -= begun
         if left == 0:
             left = -1
@@ -221,7 +221,7 @@ def test_the_help_names_the_exit_codes() -> None:
 
 
 def test_sigterm_is_an_interrupt_to_whoever_cleans_up() -> None:
-    from plumb.endings import Terminated, raise_ending
+    from plumb.process_signals import Terminated, raise_ending
 
     assert issubclass(Terminated, KeyboardInterrupt)
     with pytest.raises(Terminated):

@@ -16,12 +16,12 @@ from plumb import systems
 from plumb.__main__ import main
 from plumb.errors import UsageError
 from plumb.f103 import find_image
-from plumb.faults import host, table
-from plumb.faults.fault import Fault
-from plumb.faults.limits import limits
-from plumb.faults.reports import Told
-from plumb.faults.runner import Runner
-from plumb.faults.scene import Scene
+from plumb.proof.faults import host, table
+from plumb.proof.faults.fault import Fault
+from plumb.proof.faults.limits import limits
+from plumb.proof.faults.reports import Told
+from plumb.proof.faults.runner import Runner
+from plumb.proof.faults.scene import Scene
 
 LEAST = {
     "sensors": 10, "buses": 6, "clock": 3, "power": 3, "memory": 5, "host": 6, "frames": 6, "hangs": 5,

@@ -16,10 +16,12 @@ import numpy as np
 import pytest
 
 from plumb import __main__ as front
-from plumb import input_files, recording, serial_ports, whole_files
+from plumb.boards.flash_file import SLOTS_BYTES, read_slots
 from plumb.errors import UsageError
-from plumb.f103.keep import SLOTS_BYTES, read_slots
-from plumb.recorder import FrameLog
+from plumb.files import input_files, whole_files
+from plumb.inputs import recording
+from plumb.inputs.recorder import FrameLog
+from plumb.link.transports import serial_ports
 
 FULL = Path("/dev/full")
 ENDLESS = Path("/dev/zero")

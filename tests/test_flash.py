@@ -15,16 +15,16 @@ from types import SimpleNamespace
 
 import pytest
 
-from plumb import romloader
 from plumb.__main__ import main
 from plumb.errors import UsageError
-from plumb.f103.image import own_header
+from plumb.flash import rom_loader
+from plumb.flash.image import own_header
 
 pytest.importorskip("pty", reason="the simulated bootloader needs a pseudo-terminal")
 pytest.importorskip("stm32loader", reason="stm32loader is not installed: the extra flash")
 
 from bootloader import Bootloader
-from plumb.f103.rom import EXTENDED_ERASE, FLASH, GET, GET_ID, READ, WRITE, Faults
+from plumb.flash.rom_model import EXTENDED_ERASE, FLASH, GET, GET_ID, READ, WRITE, Faults
 
 ROOT = Path(__file__).parents[1]
 BUILD = ROOT / "build/stm32f103/firmware.bin"
@@ -52,8 +52,8 @@ def small(tmp_path: Path) -> Path:
 @pytest.fixture(autouse=True)
 def less_patience(monkeypatch: pytest.MonkeyPatch) -> None:
     """The simulated chip answers at once; what it does not answer at once it never does."""
-    monkeypatch.setattr(romloader, "REPLY_S", 0.5)
-    monkeypatch.setattr(romloader, "SYNC_S", 0.15)
+    monkeypatch.setattr(rom_loader, "REPLY_S", 0.5)
+    monkeypatch.setattr(rom_loader, "SYNC_S", 0.15)
 
 
 def described(value: object) -> str | None:
@@ -141,11 +141,11 @@ def test_a_host_that_was_busy_looks_at_what_arrived(monkeypatch: pytest.MonkeyPa
             self.pieces = tuple(rest)
             return piece
 
-    line = object.__new__(romloader.Line)
+    line = object.__new__(rom_loader.Line)
     line.timeout, line._port, hours = 0.5, Port(), itertools.count()
-    monkeypatch.setattr(romloader, "time", SimpleNamespace(monotonic=lambda: 3600.0 * next(hours)))
+    monkeypatch.setattr(rom_loader, "time", SimpleNamespace(monotonic=lambda: 3600.0 * next(hours)))
     assert line.read() == b"\x79"
-    with pytest.raises(romloader.SilenceError, match="0 bytes of 1 came"):
+    with pytest.raises(rom_loader.SilenceError, match="0 bytes of 1 came"):
         line.read()
 
 
@@ -170,11 +170,11 @@ def test_no_block_becomes_a_command_when_its_length_is_lost() -> None:
     """The first byte of data is then the length, and what follows a command: here one that erases page 60."""
     erases = bytes([1, 2, 3, 2]) + bytes([ERASE, ERASE ^ 0xFF, 0, 60, 60]) + bytes(247)
     assert harmful(erases)
-    count = romloader.block_bytes(erases)
+    count = rom_loader.block_bytes(erases)
     assert 0 < count < len(erases) and count % 4 == 0 and not harmful(erases[:count])
     writes = bytes([3, 1, 2, 3, 4, 3 ^ 1 ^ 2 ^ 3 ^ 4]) + bytes(250)
-    assert harmful(writes) and not harmful(writes[: romloader.block_bytes(writes)])
-    assert romloader.block_bytes(bytes(range(256))) == 256
+    assert harmful(writes) and not harmful(writes[: rom_loader.block_bytes(writes)])
+    assert rom_loader.block_bytes(bytes(range(256))) == 256
 
 
 def test_a_block_that_could_be_a_command_is_written_in_parts(tmp_path: Path) -> None:

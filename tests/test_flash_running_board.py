@@ -18,15 +18,16 @@ pytest.importorskip("pty", reason="the served board needs a pseudo-terminal")
 pytest.importorskip("stm32loader", reason="stm32loader is not installed: the extra flash")
 
 from pins import at_rest
-from plumb import parameters, romloader
 from plumb.__main__ import main
+from plumb.boards.serve import run_paced
 from plumb.errors import LinkError, UsageError
 from plumb.f103 import find_image, open_machine
+from plumb.f103.attached.strap import set_strap
 from plumb.f103.machine import Machine
-from plumb.f103.serve import run_paced
-from plumb.f103.strap import set_strap
-from plumb.line import PtyLine
-from plumb.session import Session
+from plumb.flash import rom_loader
+from plumb.link.session import Session
+from plumb.link.transports.server_endpoint import PtyLine
+from plumb.spec import parameters
 
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 HEADER_HASH = 0x130 + 12
@@ -217,7 +218,7 @@ def test_a_silent_port_is_no_board() -> None:
 
     master, slave = pty.openpty()
     try:
-        assert romloader.ask_running_board(os.ttyname(slave)) is False
+        assert rom_loader.ask_running_board(os.ttyname(slave)) is False
     finally:
         os.close(master)
         os.close(slave)

@@ -16,13 +16,13 @@ from contextlib import contextmanager, suppress
 import can
 import pytest
 
-from plumb.buses import open_bus, open_can
-from plumb.canlink import MALFORMED_IN_A_ROW, AnyBus, DriverBus
 from plumb.errors import LinkError, UsageError
-from plumb.line import TcpLine
-from plumb.protocol import protocol
-from plumb.session import Session
-from plumb.socketcand import SocketcandBus, SocketcandClient
+from plumb.link.session import Session
+from plumb.link.transports.can_bus import MALFORMED_IN_A_ROW, AnyBus, DriverBus
+from plumb.link.transports.open_bus import open_bus, open_can
+from plumb.link.transports.server_endpoint import TcpLine
+from plumb.link.transports.socketcand import SocketcandBus, SocketcandClient
+from plumb.spec.protocol import protocol
 
 ANGLE = protocol()["QUAD_ANGLE"]
 GOOD = can.Message(arbitration_id=ANGLE.identifier, data=ANGLE.pack(0, 0, 1, 2), is_extended_id=False)
@@ -175,7 +175,7 @@ def hangs_up(client: socket.socket) -> None:
 
 @pytest.mark.parametrize("handler", [until_closed, web_server, noise, hangs_up])
 def test_a_peer_that_is_no_socketcand_is_link_trouble(handler: Handler, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("plumb.socketcand._GREETING_S", 0.2)
+    monkeypatch.setattr("plumb.link.transports.socketcand._GREETING_S", 0.2)
     with peer(handler) as address, pytest.raises(LinkError) as caught:
         open_bus(f"can:socketcand:{address}:can0")
     assert "\n" not in str(caught.value)
@@ -183,7 +183,7 @@ def test_a_peer_that_is_no_socketcand_is_link_trouble(handler: Handler, monkeypa
 
 @pytest.mark.parametrize("handler", [until_closed, noise])
 def test_a_peer_that_is_no_board_is_link_trouble(handler: Handler, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("plumb.session.REPLY_TIMEOUT_S", 0.02)
+    monkeypatch.setattr("plumb.link.session.REPLY_TIMEOUT_S", 0.02)
     with peer(handler) as address, pytest.raises(LinkError, match="does not answer"):
         Session.over(open_bus(f"tcp:{address}"))
 

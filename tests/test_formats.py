@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import pytest
 
-from plumb import formats, systems
-from plumb.words import names_of
+from plumb import systems
+from plumb.proof import ranges
+from plumb.spec.records import names_of
 
 
 @pytest.mark.parametrize("system", systems.SYSTEMS)
 def test_every_word_is_used(system: str) -> None:
-    rows = {row.name: row for row in formats.used(system)}
+    rows = {row.name: row for row in ranges.used(system)}
     assert tuple(rows) == names_of(system)
     assert all(row.worst > 0 for row in rows.values()), "a word that no vector ever moves proves nothing"
 
 
 def test_quads_words_stay_within_what_the_design_says() -> None:
-    worst = {row.name: row.worst for row in formats.used("quad")}
+    worst = {row.name: row.worst for row in ranges.used("quad")}
     assert worst["rate_turnps_q28"] <= 7 and worst["rate_corrected_turnps_q28"] <= 8
     assert worst["accel_y_g_q26"] <= 28 and worst["p00"] <= 2**56 and worst["p11"] <= 2**56
     assert worst["k0_q29"] < 1 and worst["k1_q29"] < 1 and worst["variance"] <= 2**24
@@ -25,7 +26,7 @@ def test_quads_words_stay_within_what_the_design_says() -> None:
 
 
 def test_phones_words_stay_within_what_the_design_says() -> None:
-    worst = {row.name: row.worst for row in formats.used("phone")}
+    worst = {row.name: row.worst for row in ranges.used("phone")}
     assert 15.99 < worst["tangent_q26"] <= 16 and 7.99 < worst["roll_rate_turnps_q28"] <= 8, "reached, and held"
     for axis in "xyz":
         assert worst[f"rate_{axis}_turnps_q28"] <= 7 and worst[f"accel_{axis}_g_q26"] <= 28
@@ -37,7 +38,7 @@ def test_phones_words_stay_within_what_the_design_says() -> None:
 
 
 def test_balancers_words_stay_within_what_the_design_says() -> None:
-    worst = {row.name: row.worst for row in formats.used("balancer")}
+    worst = {row.name: row.worst for row in ranges.used("balancer")}
     assert worst["setpoint_mps_q26"] == 32 and 14 < worst["speed_mps_q26"] <= 15
     assert worst["velocity_mps_q26"] <= 15 + 2**-26 and worst["speed_error_mps_q26"] <= 23
     assert worst["wheel_accel_g_q26"] == 3 and worst["accel_filtered_g_q25"] <= 3, "reached, and held"
@@ -57,7 +58,7 @@ def test_turntables_words_stay_within_what_the_design_says() -> None:
         **{f"p{i}": 2**-6 for i in range(4)}, "p4": 2**-3,
     }  # fmt: skip
     reached = dict.fromkeys(limits, 0.0)
-    for row in formats.used("turntable"):
+    for row in ranges.used("turntable"):
         kind = max((name for name in limits if row.name.startswith(name)), key=len, default=None)
         if kind is None:
             assert row.name.startswith(("raw", "setpoint", "clamped_steps", "flags", "step")), row.name

@@ -12,14 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plumb import golden, golden_manifest, recipe, systems
+from plumb import systems
 from plumb.boards import Answer, Board, open_board
 from plumb.errors import PlumbError, UsageError
-from plumb.golden import Vector
-from plumb.words import Words
+from plumb.proof import golden, golden_manifest, golden_recipe
+from plumb.proof.golden import Vector
+from plumb.spec.records import Words
 
 FOLDER = Path(__file__).parent / "vectors"
-ENTRIES = recipe.read(FOLDER / golden.RECIPE)
+ENTRIES = golden_recipe.read(FOLDER / golden.RECIPE)
 SMALL = """
 [[vector]]
 name = "small"
@@ -101,7 +102,7 @@ def test_the_recipe_is_large_enough_and_the_files_small_enough() -> None:
 
 
 @pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
-def test_recipe_and_model_still_give_the_file(entry: recipe.Entry) -> None:
+def test_recipe_and_model_still_give_the_file(entry: golden_recipe.Entry) -> None:
     stored = (FOLDER / (entry.name + golden.SUFFIX)).read_bytes()
     assert golden.build(entry).encode() == stored, "make the vectors again: plumb golden make"
 

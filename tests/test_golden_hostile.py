@@ -19,10 +19,13 @@ from typing import Any
 import pytest
 
 import plumb.__main__ as front
-from plumb import declarations, golden, golden_manifest, native, quantise, recipe
+from plumb.boards import native_core
 from plumb.errors import UsageError
-from plumb.golden_file import FORMAT, MAX_FILE_BYTES, SUFFIX, Vector, sealed
-from plumb.systems import quad
+from plumb.proof import golden, golden_manifest, golden_recipe
+from plumb.proof.golden_file import FORMAT, MAX_FILE_BYTES, SUFFIX, Vector, sealed
+from plumb.spec import declarations
+from plumb.systems.quad import scenarios as quad
+from plumb.tuning import quantise
 
 FOLDER = Path(__file__).parent / "vectors"
 RECIPE = """
@@ -279,7 +282,7 @@ def test_a_recipe_that_asks_for_less_is_refused(folder: Path, capsys: pytest.Cap
 
 def test_other_inputs_with_right_digests_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A whole vector of the same name, parameters and length, but of another seed: only the manifest knows."""
-    entry = recipe.read(folder / golden.RECIPE)[0]
+    entry = golden_recipe.read(folder / golden.RECIPE)[0]
     (folder / "one.golden").write_bytes(golden.build(replace(entry, seed=99)).encode())
     assert "is not the file that manifest.json lists" in sentence(capsys, folder)
 
@@ -387,7 +390,7 @@ def test_a_wrong_recipe_is_refused(folder: Path, kind: str, action: str, capsys:
 def test_a_recipe_that_is_no_text_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / golden.RECIPE).write_bytes(b"\xff\xfe" + RECIPE.encode())
     assert "is not a recipe" in sentence(capsys, folder)
-    (folder / golden.RECIPE).write_text("#" * (recipe.MAX_BYTES + 1))
+    (folder / golden.RECIPE).write_text("#" * (golden_recipe.MAX_BYTES + 1))
     assert "is not a recipe" in sentence(capsys, folder)
 
 
@@ -402,12 +405,12 @@ def zero_parameters() -> quantise.ControlParams:
 def test_the_core_is_not_called_with_parameters_that_it_refuses() -> None:
     """Zeros made it divide by zero, which killed the process."""
     zeros = zero_parameters()
-    assert not native.params_valid(zeros)
+    assert not native_core.params_valid(zeros)
     for call in (
-        lambda: native.run_control(zeros, [[0] * 6], [0]),
-        lambda: native.Controller(zeros),
-        lambda: native.kalman_run(zeros, [1], [1], [1]),
-        lambda: native.tilt_and_trust(zeros, [1], [1]),
+        lambda: native_core.run_control(zeros, [[0] * 6], [0]),
+        lambda: native_core.Controller(zeros),
+        lambda: native_core.kalman_run(zeros, [1], [1], [1]),
+        lambda: native_core.tilt_and_trust(zeros, [1], [1]),
     ):
         with pytest.raises(UsageError, match="refuses"):
             call()
@@ -417,7 +420,7 @@ def test_the_core_is_not_called_with_parameters_that_it_refuses() -> None:
 
 
 def test_the_manifest_lists_every_vector_of_the_recipe() -> None:
-    entries = recipe.read(FOLDER / golden.RECIPE)
+    entries = golden_recipe.read(FOLDER / golden.RECIPE)
     rows = golden_manifest.read(FOLDER)
     assert [row.name for row in rows] == [entry.name for entry in entries]
     assert all(row.describes(entry) for row, entry in zip(rows, entries, strict=True))

@@ -18,13 +18,13 @@ pytest.importorskip("unicorn")
 
 from balancer_bench import Balancer
 from pins import at_rest
-from plumb import parameters
-from plumb.elf import Elf, _disassemble
 from plumb.errors import LinkError
+from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.f103.machine import Machine
 from plumb.f103.snapshot import Snapshot
-from plumb.f103.timeline import TICKS_PER_US
-from plumb.session import Session
+from plumb.flash.elf import Elf, _disassemble
+from plumb.link.session import Session
+from plumb.spec import parameters
 
 BUILD = Path(__file__).parents[1] / "build/stm32f103"
 pytestmark = pytest.mark.skipif(

@@ -10,10 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumb import accuracy, fixed, native, reference
-from plumb.quantise import ControlParams, quantise
-from plumb.systems import quad
-from plumb.tuning import Kalman, Pid, Start, Trust
+from plumb.boards import native_core
+from plumb.proof import accuracy
+from plumb.spec.tuning import Kalman, Pid, Start, Trust
+from plumb.systems import run_fixed, run_reference
+from plumb.systems.quad import scenarios as quad
+from plumb.tuning.quantise import ControlParams, quantise
 from test_quantise import CORNERS, corner
 
 STEPS = 1_000_000
@@ -43,11 +45,11 @@ def test_fixed_is_what_was_measured(name: str) -> None:
     """The bound above is measured on the C, a million steps in a blink; fixed is the same to the bit on that input."""
     params = quantise(quad.TUNINGS[name])
     inputs = accuracy.hard_inputs(params, 20_000, seed=11)
-    fused, _ = native.kalman_run(params, inputs.variance, inputs.tilt_turn_q32, inputs.rate_turnps_q28)
-    k = fixed.kalman_init(params.values)
+    fused, _ = native_core.kalman_run(params, inputs.variance, inputs.tilt_turn_q32, inputs.rate_turnps_q28)
+    k = run_fixed.kalman_init(params.values)
     rows = zip(inputs.variance.tolist(), inputs.tilt_turn_q32.tolist(), inputs.rate_turnps_q28.tolist(), strict=True)
     for expected, (r, z, u) in zip(fused.tolist(), rows, strict=True):
-        fixed.kalman_step(k, params.values, r, z, u)
+        run_fixed.kalman_step(k, params.values, r, z, u)
         assert ((k.tilt_turn_q61 >> 29) + 2**31) % 2**32 - 2**31 == expected
 
 
@@ -89,10 +91,10 @@ def test_the_whole_chain_from_counts(name: str) -> None:
     params = quantise(quad.TUNINGS[name])
     for scenario in ("motion", "disturb", "converge"):
         run = quad.scenario(scenario, 1003)
-        words = native.run_control(params, run.counts(), run.setpoint())
-        truth = reference.run_control(params, run.counts(), run.setpoint())
+        words = native_core.run_control(params, run.counts(), run.setpoint())
+        truth = run_reference.run_control(params, run.counts(), run.setpoint())
         tilt_deg = words["tilt_turn_q32"] * accuracy.TURN_DEG
-        error_deg = float(np.abs(reference.wrap(tilt_deg - truth["tilt_deg"])).max())
+        error_deg = float(np.abs(run_reference.wrap(tilt_deg - truth["tilt_deg"])).max())
         assert error_deg <= min(5e-4, accuracy.chain_bound_deg(params, float(np.abs(truth["innovation_deg"]).max())))
         assert np.abs(words["bias_turnps_q28"] * 360 / 2**28 - truth["bias_dps"]).max() <= 2e-3
         assert np.abs(words["pulse_halfus_0"] / 2 - truth["pulse_0_us"]).max() <= 0.5

@@ -13,15 +13,16 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extr
 from balancer_bench import Balancer
 from link_board import AT_REST
 from pins import at_rest
-from plumb import parameters, systems
+from plumb import systems
+from plumb.boards.virtual_can import MachineBus
 from plumb.errors import LinkError, UsageError
 from plumb.f103 import find_image
-from plumb.f103.canbus import MachineBus
 from plumb.f103.machine import Machine
-from plumb.lockstep import sample_frames
-from plumb.protocol import Frame
-from plumb.quantise import quantise
-from plumb.session import Session
+from plumb.link.lockstep import sample_frames
+from plumb.link.session import Session
+from plumb.spec import parameters
+from plumb.spec.protocol import Frame
+from plumb.tuning.quantise import quantise
 
 SAFE_US = 50_000
 NEUTRAL_US = 1000.0

@@ -8,9 +8,9 @@ import pytest
 
 pytest.importorskip("unicorn")
 
-from plumb import parameters
 from plumb.f103.machine import Machine
-from plumb.session import Session
+from plumb.link.session import Session
+from plumb.spec import parameters
 
 IMAGE = Path(__file__).parents[1] / "build/stm32f103/firmware.bin"
 pytestmark = pytest.mark.skipif(not IMAGE.exists(), reason="the flash image is not built: run make image")

@@ -14,8 +14,8 @@ from pins import at_rest
 from plumb.errors import UsageError
 from plumb.f103 import find_image
 from plumb.f103.machine import Machine
-from plumb.parameters import control_part
-from plumb.session import Session
+from plumb.link.session import Session
+from plumb.spec.parameters import control_part
 
 NEUTRAL_US = 1000.0
 PERIOD_US = 2000

@@ -12,12 +12,12 @@ import pytest
 pytest.importorskip("unicorn")
 
 from pins import at_rest
-from plumb.capture import Capture
 from plumb.errors import LinkError, UsageError
 from plumb.f103 import find_image
 from plumb.f103.machine import Machine
-from plumb.parameters import table
-from plumb.session import Session
+from plumb.link.realtime import Capture
+from plumb.link.session import Session
+from plumb.spec.parameters import table
 
 SUPPLY_V = 3.3
 NEUTRAL_US = 1000.0

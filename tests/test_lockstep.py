@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from link_board import MemoryBoard
-from plumb.capture import Capture, unwrap
 from plumb.errors import LinkError, UsageError
-from plumb.lockstep import Lockstep, samples_text
-from plumb.protocol import protocol
-from plumb.quantise import quantise
-from plumb.session import Session
-from plumb.slcan import SlcanParser
-from plumb.systems import turntable
+from plumb.link.lockstep import Lockstep, samples_text
+from plumb.link.realtime import Capture, unwrap
+from plumb.link.session import Session
+from plumb.link.transports.slcan import SlcanParser
+from plumb.spec.protocol import protocol
+from plumb.systems.turntable import scenarios as turntable
+from plumb.tuning.quantise import quantise
 from test_arming import CONTROL
 from test_protocol import begin, frame, said
 from test_session import BadLine

@@ -11,12 +11,12 @@ pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual
 from pins import at_rest
 from plumb.boards.virtual import VirtualBoard
 from plumb.errors import UsageError
-from plumb.f103.image import find_image
-from plumb.lockstep import Lockstep
-from plumb.parameters import control_part
-from plumb.quantise import quantise
-from plumb.session import Session
-from plumb.systems import turntable
+from plumb.flash.image import find_image
+from plumb.link.lockstep import Lockstep
+from plumb.link.session import Session
+from plumb.spec.parameters import control_part
+from plumb.systems.turntable import scenarios as turntable
+from plumb.tuning.quantise import quantise
 
 try:
     find_image()

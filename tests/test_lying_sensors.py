@@ -13,9 +13,9 @@ pytest.importorskip("unicorn")
 
 from pins import LSB_V, at_rest
 from plumb.errors import LinkError
-from plumb.identity import BLOCKED, plausibility_text
-from plumb.monitor import watch
-from plumb.session import Session
+from plumb.link.identity import BLOCKED, plausibility_text
+from plumb.link.monitor import watch
+from plumb.link.session import Session
 from sensor_bench import BOOT_US, DIGITAL_CONTROL, Bench, boot_digital, fit, image
 
 WITHIN_S = 0.5

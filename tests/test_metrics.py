@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from plumb import metrics
+from plumb.proof import metrics
 
 PERIOD_S = 0.02
 

@@ -14,11 +14,13 @@ import pytest
 
 from link_board import MemoryBoard
 from plumb import __main__ as front
-from plumb import declarations, fixed, monitor, parameters
 from plumb.boards.link import LinkBoard
-from plumb.commands.monitor import show
-from plumb.quantise import ControlParams
-from plumb.session import Session
+from plumb.cli.monitor import show
+from plumb.link import monitor
+from plumb.link.session import Session
+from plumb.spec import declarations, parameters
+from plumb.systems import run_fixed
+from plumb.tuning.quantise import ControlParams
 
 RAW = (1690, 2300, 3000, 0, 0, 0)
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
@@ -55,7 +57,7 @@ def test_a_run_of_its_own_is_shown_in_units(board: MemoryBoard, capsys: pytest.C
     assert len(shown) == 15
     last = shown[-1]
     steps = last["step"] + 1
-    words = fixed.run_control(ControlParams.from_words(CONTROL), [RAW] * steps, [0] * steps)
+    words = run_fixed.run_control(ControlParams.from_words(CONTROL), [RAW] * steps, [0] * steps)
     assert last["tilt_deg"] == pytest.approx(words["tilt_turn_q32"][-1] * 360 / 2**32, abs=1e-6)
     assert last["tilt_measured_deg"] == pytest.approx(words["tilt_measured_turn_q32"][-1] * 360 / 2**32, abs=1e-6)
     assert last["bias_dps"] == pytest.approx(words["bias_turnps_q28"][-1] * 360 / 2**28, abs=1e-6)

@@ -11,9 +11,9 @@ import pytest
 from link_board import MemoryBoard
 from plumb import __main__ as front
 from plumb.boards.link import LinkBoard
-from plumb.identity import BLOCKED, BLOCKING_FAULTS, FAULTS, bits_text
-from plumb.protocol import load_database
-from plumb.session import Session
+from plumb.link.identity import BLOCKED, BLOCKING_FAULTS, FAULTS, bits_text
+from plumb.link.session import Session
+from plumb.spec.protocol import load_database
 
 FIRMWARE = Path(__file__).parents[1] / "firmware"
 BIT = r"^#define {}_(\w+)[\s\\]+0x([0-9a-fA-F]+)U\b"

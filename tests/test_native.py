@@ -8,44 +8,45 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from plumb import fixed, native
+from plumb.boards import native_core
 from plumb.errors import UsageError
-from plumb.quantise import quantise
-from plumb.systems import quad
+from plumb.systems import run_fixed
+from plumb.systems.quad import scenarios as quad
+from plumb.tuning.quantise import quantise
 
 PARAMS = quantise(quad.TUNINGS["paper"])
 
 
 def test_a_missing_library_is_one_sentence_that_says_what_to_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(native, "LIBRARY", "libplumb_nowhere.so")
+    monkeypatch.setattr(native_core, "LIBRARY", "libplumb_nowhere.so")
     with pytest.raises(UsageError, match="cmake --preset native"):
-        native.core_path()
+        native_core.core_path()
 
 
 @pytest.mark.parametrize("content", [b"", b"not a library"])
 def test_a_library_that_is_none_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, content: bytes) -> None:
-    other = tmp_path / native.LIBRARY
+    other = tmp_path / native_core.LIBRARY
     other.write_bytes(content)
-    monkeypatch.setattr(native, "core_path", lambda: other)
-    native.c_core.cache_clear()
+    monkeypatch.setattr(native_core, "core_path", lambda: other)
+    native_core.c_core.cache_clear()
     try:
         with pytest.raises(UsageError, match="is not this core"):
-            native.c_core()
+            native_core.c_core()
     finally:
-        native.c_core.cache_clear()
+        native_core.c_core.cache_clear()
 
 
 def test_a_library_of_other_words_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(native, "word_names", lambda core, system: ("raw_0",))
-    native.c_core.cache_clear()
+    monkeypatch.setattr(native_core, "word_names", lambda core, system: ("raw_0",))
+    native_core.c_core.cache_clear()
     try:
         with pytest.raises(UsageError, match="another version"):
-            native.c_core()
+            native_core.c_core()
     finally:
-        native.c_core.cache_clear()
+        native_core.c_core.cache_clear()
 
 
-@pytest.mark.parametrize("implementation", [fixed, native])
+@pytest.mark.parametrize("implementation", [run_fixed, native_core])
 @pytest.mark.parametrize(
     ("raw", "setpoint", "reason"),
     [
@@ -66,14 +67,14 @@ def test_inputs_that_do_not_fit_are_refused(
         implementation.run_control(PARAMS, raw, setpoint)
 
 
-@pytest.mark.parametrize("implementation", [fixed, native])
+@pytest.mark.parametrize("implementation", [run_fixed, native_core])
 def test_as_many_parameter_sets_as_runs(implementation: ModuleType) -> None:
     raw, setpoint = np.zeros((5, 6, 3), int), np.zeros((5, 3), int)
     with pytest.raises(UsageError, match="2 parameter sets were given for 3 runs"):
         implementation.run_control([PARAMS, PARAMS], raw, setpoint)
 
 
-@pytest.mark.parametrize("implementation", [fixed, native])
+@pytest.mark.parametrize("implementation", [run_fixed, native_core])
 def test_no_steps_are_no_words(implementation: ModuleType) -> None:
     words = implementation.run_control(PARAMS, np.zeros((0, 6), int), np.zeros(0, int))
     assert words.record.shape == (0,) and words.digests().size == 0

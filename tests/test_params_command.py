@@ -13,11 +13,12 @@ import pytest
 
 from link_board import MemoryBoard
 from plumb import __main__ as front
-from plumb import parameters, systems, tablefile
+from plumb import systems
 from plumb.boards.link import LinkBoard
 from plumb.errors import UsageError
-from plumb.meaning import meaning
-from plumb.session import Session
+from plumb.link.session import Session
+from plumb.spec import parameter_file, parameters
+from plumb.spec.units import meaning
 
 DEFAULTS = {row.name: row.default for row in parameters.table()}
 ROWS = {row.name: row for row in parameters.table()}
@@ -237,7 +238,7 @@ def test_only_a_board_with_a_link_has_parameters(spec: str, capsys: pytest.Captu
 def test_a_board_becomes_a_system_with_its_shipped_tuning(
     board: MemoryBoard, capsys: pytest.CaptureFixture[str], system: str
 ) -> None:
-    from plumb.quantise import quantise
+    from plumb.tuning.quantise import quantise
 
     code, out, _ = params(capsys, "tuning", system, "--json")
     changed = json.loads(out)["changed"]
@@ -282,8 +283,8 @@ def test_every_verb_over_either_link(
 ) -> None:
     """On the flash image of a board that stays the same one, and is switched off in between."""
     pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
+    from plumb.boards.virtual_can import MachineBus
     from plumb.f103 import open_machine
-    from plumb.f103.canbus import MachineBus
 
     try:
         machine = open_machine()
@@ -321,16 +322,16 @@ def test_every_verb_over_either_link(
 
 def test_a_table_goes_into_a_pipe_or_a_device_and_does_not_replace_it(tmp_path: Path) -> None:
     """`plumb params dump /dev/null` as root leaves /dev/null what it is, and a link a link."""
-    text = tablefile.text_of([row.default for row in parameters.table()])
+    text = parameter_file.text_of([row.default for row in parameters.table()])
     link, target = tmp_path / "link.toml", tmp_path / "target.toml"
     target.write_text("old")
     link.symlink_to(target)
-    tablefile.write(link, text)
+    parameter_file.write(link, text)
     assert link.is_symlink() and target.read_text() == text
     pipe, heard = tmp_path / "pipe", []
     os.mkfifo(pipe)
     reader = threading.Thread(target=lambda: heard.append(pipe.read_text()))
     reader.start()
-    tablefile.write(pipe, text)
+    parameter_file.write(pipe, text)
     reader.join()
     assert pipe.is_fifo() and heard == [text]

@@ -11,15 +11,15 @@ import pytest
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn")
 
 from pins import at_rest
-from plumb import parameters
+from plumb.boards.virtual_can import MachineBus
 from plumb.errors import UsageError
 from plumb.f103 import find_image
-from plumb.f103.canbus import MachineBus
 from plumb.f103.machine import Machine
-from plumb.identity import NackError
-from plumb.protocol import protocol
-from plumb.serialbus import PlumbBus
-from plumb.session import Session
+from plumb.link.identity import NackError
+from plumb.link.session import Session
+from plumb.link.transports.slcan_bus import PlumbBus
+from plumb.spec import parameters
+from plumb.spec.protocol import protocol
 
 try:
     find_image()

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plumb import phone_apps
 from plumb.errors import UsageError
-from plumb.phone_apps import MalformedError, Sample, Sensor, parse
-from plumb.resampler import BACKWARD, GAP_S, WAIT_S, Resampler, Step
+from plumb.inputs import phone_apps
+from plumb.inputs.phone_apps import MalformedError, Sample, Sensor, parse
+from plumb.inputs.resampler import BACKWARD, GAP_S, WAIT_S, Resampler, Step
 
 G = 9.80665
 PERIOD_US = 10_000

@@ -10,14 +10,16 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from plumb import accuracy, fixed, golden, metrics, native, reference
-from plumb.compare import first_divergence
+from plumb.boards import native_core
 from plumb.errors import UsageError
-from plumb.quantise import ControlParams, dequantise, quantise
-from plumb.reference.phone import rates_of
-from plumb.systems import phone
-from plumb.tuning import PhoneTuning, Start
-from plumb.words import RECORDS, Words, names_of
+from plumb.proof import accuracy, golden, metrics
+from plumb.proof.compare import first_divergence
+from plumb.spec.records import RECORDS, Words, names_of
+from plumb.spec.tuning import PhoneTuning, Start
+from plumb.systems import run_fixed, run_reference
+from plumb.systems.phone import scenarios as phone
+from plumb.systems.phone.reference import rates_of
+from plumb.tuning.quantise import ControlParams, dequantise, quantise
 from wild_params import wild_phone_params
 
 RUNS, STEPS = 400, 300
@@ -40,7 +42,7 @@ def wild_runs() -> tuple[tuple[ControlParams, ...], npt.NDArray[np.int16]]:
 
 def run(params: ControlParams, raw: npt.ArrayLike) -> Words:
     counts = np.asarray(raw, np.int16)
-    return native.run_control(params, counts, np.zeros((len(counts), *counts.shape[2:]), np.int32))
+    return native_core.run_control(params, counts, np.zeros((len(counts), *counts.shape[2:]), np.int32))
 
 
 def samples(rate_dps: Any, force_g: Any, steps: int) -> npt.NDArray[np.int16]:
@@ -50,14 +52,14 @@ def samples(rate_dps: Any, force_g: Any, steps: int) -> npt.NDArray[np.int16]:
 
 
 def test_wild_parameters_are_valid() -> None:
-    assert all(native.params_valid(params) for params in wild_runs()[0])
+    assert all(native_core.params_valid(params) for params in wild_runs()[0])
 
 
 def test_wild_runs_agree_in_every_bit() -> None:
     params, raw = wild_runs()
     setpoint = np.random.default_rng(41).integers(-(1 << 31), 1 << 31, (STEPS, RUNS)).astype(np.int32)
-    model = fixed.run_control(params, raw, setpoint)
-    assert first_divergence(model, native.run_control(params, raw, setpoint)) is None
+    model = run_fixed.run_control(params, raw, setpoint)
+    assert first_divergence(model, native_core.run_control(params, raw, setpoint)) is None
     assert np.bitwise_or.reduce(model["flags"], axis=None) == 15
     never_negative = ("pitch_p00", "pitch_p11", "pitch_k0_q29", "roll_p00", "roll_p11", "roll_k0_q29")
     for name in names_of("phone"):
@@ -71,9 +73,9 @@ def test_one_run_and_many_runs_are_the_same_code() -> None:
     params, raw = wild_runs()
     setpoint = np.zeros((60, 30), np.int32)
     chosen = [*range(0, RUNS, 13)][:30]
-    many = fixed.run_control([params[i] for i in chosen], raw[:60][:, :, chosen], setpoint)
+    many = run_fixed.run_control([params[i] for i in chosen], raw[:60][:, :, chosen], setpoint)
     for column, i in enumerate(chosen):
-        alone = fixed.run_control(params[i], raw[:60, :, i], setpoint[:, column])
+        alone = run_fixed.run_control(params[i], raw[:60, :, i], setpoint[:, column])
         assert first_divergence(Words(many.record[:, column]), alone) is None
 
 
@@ -82,7 +84,7 @@ def test_one_run_and_many_runs_are_the_same_code() -> None:
 def test_ordinary_runs_agree_in_every_bit(name: str, scenario: str) -> None:
     params, drawn = quantise(phone.TUNINGS[name]), phone.scenario(scenario, 5, period_us=50_000)
     assert (
-        first_divergence(fixed.run_control(params, drawn.counts(), drawn.setpoint()), run(params, drawn.counts()))
+        first_divergence(run_fixed.run_control(params, drawn.counts(), drawn.setpoint()), run(params, drawn.counts()))
         is None
     )
 
@@ -101,7 +103,7 @@ def test_both_filters_keep_the_budget_of_shipped_tunings(name: str) -> None:
 def apart_deg(tuning: PhoneTuning, raw: npt.NDArray[np.int16]) -> npt.NDArray[np.float64]:
     """Between the verticals of the integers and of float64 on the dequantised parameters, (steps, runs)."""
     params = quantise(tuning)
-    words, ideal = run(params, raw), reference.run_control(params, raw)
+    words, ideal = run(params, raw), run_reference.run_control(params, raw)
     ours = phone.up(words["pitch_turn_q32"] * TURN_DEG, words["roll_turn_q32"] * TURN_DEG)
     return phone.inclination_deg(ours, phone.up(ideal["pitch_deg"], ideal["roll_deg"]))
 
@@ -189,8 +191,8 @@ BAD = [
 @pytest.mark.parametrize("change", BAD, ids=[" ".join(change) for change in BAD])
 def test_what_would_overflow_is_refused_by_the_core(change: dict[str, int]) -> None:
     params = quantise(phone.EULER)
-    assert native.params_valid(params)
-    assert not native.params_valid(replace(params, values={**params.values, **change}))
+    assert native_core.params_valid(params)
+    assert not native_core.params_valid(replace(params, values={**params.values, **change}))
 
 
 def test_level_and_each_axis_have_the_signs_of_the_design() -> None:
@@ -278,7 +280,7 @@ def test_a_golden_vector_goes_over_the_top_on_every_board() -> None:
     (vector,) = (
         one for one in golden.load(golden.vectors_folder(), ["phone"]) if one.name == "phone_over_the_top_link"
     )
-    words = native.run_control(vector.params, vector.raw, vector.setpoint)
+    words = native_core.run_control(vector.params, vector.raw, vector.setpoint)
     over = np.abs(words["pitch_turn_q32"][:-1].astype(np.int64)) > 1 << 30
     assert vector.on_link and np.count_nonzero(over & (words["flags"][1:] & ROLL_UNCORRECTED == 0)) == 2
 
@@ -317,7 +319,7 @@ def test_a_rate_of_an_angle_at_its_limit_is_counted() -> None:
         words = run(quantise(tuning), raw)
         assert (words["flags"][0], words["clamped_steps"][0]) == (limit, limit)
         assert abs(words["roll_rate_turnps_q28"][0] * RATE_DPS) <= 2880.0
-        assert reference.run_control(tuning, raw)["roll_rate_dps"][0] == pytest.approx(
+        assert run_reference.run_control(tuning, raw)["roll_rate_dps"][0] == pytest.approx(
             min(16 * rate_dps, 2880.0), rel=1e-3
         )
 

@@ -7,10 +7,13 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from plumb import disturbance, native, quantise
+from plumb.boards import native_core
 from plumb.errors import UsageError
-from plumb.systems import phone, phone_figures
-from plumb.systems.figures import UNASKED, Figure
+from plumb.physics import disturbance
+from plumb.proof.figures import phone_figures
+from plumb.proof.figures.figures import UNASKED, Figure
+from plumb.systems.phone import scenarios as phone
+from plumb.tuning import quantise
 
 SEEDS = (1000, 1001, 1002, 1003)
 
@@ -203,7 +206,7 @@ def test_a_stuck_gyro_axis_shows() -> None:
     errors = []
     for faults in ((), asked):
         run = phone.scenario("general", 1001, faults=faults)
-        words = native.run_control(quantise.quantise(phone.EULER), run.counts(), run.setpoint())
+        words = native_core.run_control(quantise.quantise(phone.EULER), run.counts(), run.setpoint())
         angles = [words[f"{axis}_turn_q32"] * (360.0 / 2**32) for axis in ("pitch", "roll")]
         errors.append(np.sqrt(np.mean(phone.inclination_deg(phone.up(*angles), run.vertical)[run.scored] ** 2)))
     assert errors[1] > 10.0 * errors[0]

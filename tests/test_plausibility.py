@@ -12,10 +12,11 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from plumb import native, systems
+from plumb import systems
+from plumb.boards import native_core
 from plumb.errors import UsageError
-from plumb.quantise import quantise
-from plumb.words import RECORDS, Words
+from plumb.spec.records import RECORDS, Words
+from plumb.tuning.quantise import quantise
 
 ACCEL, INNOVATION, RATE = 1, 2, 4
 SETTLING, MOVING, CONVERGING, SETPOINT, TILTED = 1, 2, 4, 8, 16
@@ -36,7 +37,7 @@ def records(steps: int) -> np.ndarray[tuple[int], np.dtype[np.void]]:
 
 
 def checked(rows: np.ndarray[tuple[int], np.dtype[np.void]]) -> tuple[list[int], list[int]]:
-    failed, missing = native.plausibility(QUAD, Words(rows))
+    failed, missing = native_core.plausibility(QUAD, Words(rows))
     return failed.tolist(), missing.tolist()
 
 
@@ -167,4 +168,4 @@ def test_of_what_moves_nothing_nothing_is_checked(system: str) -> None:
     own = systems.load(system)
     params = quantise(own.TUNINGS[own.DEFAULT_TUNING])
     with pytest.raises(UsageError, match="moves nothing"):
-        native.plausibility(params, Words(np.zeros(3, RECORDS[system])))
+        native_core.plausibility(params, Words(np.zeros(3, RECORDS[system])))

@@ -12,8 +12,8 @@ import pytest
 
 pytest.importorskip("unicorn")
 
-from plumb.elf import Elf
 from plumb.f103.machine import Machine
+from plumb.flash.elf import Elf
 
 BUILD = Path(__file__).parents[1] / "build/stm32f103"
 FAULT_ADC, FAULT_LATE, FAULT_HARD, FAULT_IMAGE = 1, 2, 4, 8

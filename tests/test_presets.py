@@ -11,12 +11,15 @@ import numpy as np
 import pytest
 
 from plumb import __main__ as front
-from plumb import bandwidth, declarations, disturbance, parameters, systems
+from plumb import systems
 from plumb.errors import UsageError
-from plumb.quantise import dequantise, quantise
-from plumb.systems import quad
-from plumb.systems.quad_plant import QuadPlant
-from plumb.words import RECORDS
+from plumb.physics import disturbance
+from plumb.spec import declarations, parameters
+from plumb.spec.records import RECORDS
+from plumb.systems.quad import scenarios as quad
+from plumb.systems.quad.plant import QuadPlant
+from plumb.tuning import bandwidth
+from plumb.tuning.quantise import dequantise, quantise
 
 
 def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
@@ -64,7 +67,7 @@ def test_its_presets_are_printed_in_one_place(name: str, capsys: pytest.CaptureF
 
 def test_the_table_takes_other_seeds(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     taken: list[range] = []
-    monkeypatch.setattr("plumb.systems.figures.compute", lambda names, seeds: taken.append(seeds) or iter(()))
+    monkeypatch.setattr("plumb.proof.figures.figures.compute", lambda names, seeds: taken.append(seeds) or iter(()))
     for options in ((), ("--seeds", "3"), ("--first-seed", "5000", "--seeds", "2")):
         assert front.main(["systems", "--table", *options]) == 0
     assert taken == [range(1000, 1040), range(1000, 1003), range(5000, 5002)]
@@ -74,7 +77,7 @@ def test_the_table_takes_other_seeds(monkeypatch: pytest.MonkeyPatch, capsys: py
 
 def test_the_help_of_run_says_what_runs(capsys: pytest.CaptureFixture[str]) -> None:
     """Its examples on the native core, two seconds each: nothing that they ask for together is refused."""
-    from plumb.commands import run
+    from plumb.cli import run
 
     examples = re.findall(r"^    plumb (run \S+ --board native.*?)(?:   .*)?$", run.__doc__ or "", re.MULTILINE)
     assert len(examples) >= 2

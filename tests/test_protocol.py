@@ -7,10 +7,10 @@ from itertools import pairwise
 import pytest
 
 from link_board import MemoryBoard
-from plumb import parameters
-from plumb.protocol import Frame, protocol
-from plumb.session import PERIODIC
-from plumb.slcan import SlcanParser, text_of_frames
+from plumb.link.session import PERIODIC
+from plumb.link.transports.slcan import SlcanParser, text_of_frames
+from plumb.spec import parameters
+from plumb.spec.protocol import Frame, protocol
 
 
 def frame(name: str, *words: int, counter: int = 0, flags: int = 0) -> bytes:
@@ -96,7 +96,7 @@ def test_a_frame_is_answered_by_one_cr_or_bell(opened: MemoryBoard) -> None:
 
 
 def test_unknown_identifiers_are_let_by(opened: MemoryBoard) -> None:
-    from plumb.protocol import crc8
+    from plumb.spec.protocol import crc8
 
     data = bytes([crc8(0x3FF, bytes(8))]) + bytes(7)
     assert opened.say(text_of_frames([(0x3FF, data)])) == b"\r"

@@ -18,15 +18,15 @@ pytest.importorskip("unicorn")
 
 from image_patches import without_memory_check
 from pins import at_rest
-from plumb import parameters
-from plumb.elf import Elf
 from plumb.errors import LinkError
-from plumb.f103.bus import SimulationError
+from plumb.f103.core.bus import SimulationError
 from plumb.f103.machine import Machine
-from plumb.identity import NackError
-from plumb.protocol import protocol
-from plumb.session import Session
-from plumb.slcan import text_of_frames
+from plumb.flash.elf import Elf
+from plumb.link.identity import NackError
+from plumb.link.session import Session
+from plumb.link.transports.slcan import text_of_frames
+from plumb.spec import parameters
+from plumb.spec.protocol import protocol
 
 BUILD = Path(__file__).parents[1] / "build/stm32f103"
 pytestmark = pytest.mark.skipif(

@@ -7,11 +7,11 @@ import pytest
 pytest.importorskip("unicorn")
 
 from pins import at_rest
-from plumb import parameters
 from plumb.errors import UsageError
 from plumb.f103 import find_image
 from plumb.f103.machine import Machine
-from plumb.session import Session
+from plumb.link.session import Session
+from plumb.spec import parameters
 
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 BOOT_US = 30_000

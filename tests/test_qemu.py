@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plumb import fixed
 from plumb.boards import qemu
 from plumb.errors import LinkError, UsageError
-from plumb.quantise import ControlParams, quantise
-from plumb.recipe import WILD
-from plumb.systems import quad
+from plumb.proof.golden_recipe import WILD
+from plumb.systems import run_fixed
+from plumb.systems.quad import scenarios as quad
+from plumb.tuning.quantise import ControlParams, quantise
 
 IMAGE = Path(__file__).parents[1] / "build/stm32f103/plumb_qemu.elf"
 needs_qemu = pytest.mark.skipif(
@@ -40,7 +40,7 @@ def test_every_word_and_digest_is_the_models(kind: str) -> None:
     with qemu.QemuBoard(IMAGE) as board:
         answer = board.run_injected(params, raw, setpoint)
         of_step = board.words_of_step(params, raw, setpoint, 123)
-    expected = fixed.run_control(params, raw, setpoint)
+    expected = run_fixed.run_control(params, raw, setpoint)
     assert answer.words is not None
     for name, values in expected.items():
         assert np.array_equal(values, answer.words[name]), name

@@ -12,10 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from plumb import quantise
-from plumb.systems import figures, quad, quad_figures
-from plumb.systems.figures import Figure, Sense
-from plumb.systems.quad_plant import QuadPlant
+from plumb.proof.figures import figures, quad_figures
+from plumb.proof.figures.figures import Figure, Sense
+from plumb.systems.quad import scenarios as quad
+from plumb.systems.quad.plant import QuadPlant
+from plumb.tuning import quantise
 
 Rows = dict[tuple[str, str, str], Figure]
 

@@ -10,11 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumb import metrics, reference
 from plumb.errors import UsageError
-from plumb.systems import load, quad
-from plumb.systems.quad_plant import QuadPlant
-from plumb.tuning import Tuning
+from plumb.proof import metrics
+from plumb.spec.tuning import Tuning
+from plumb.systems import load, run_reference
+from plumb.systems.quad import scenarios as quad
+from plumb.systems.quad.plant import QuadPlant
 
 SEEDS = range(1000, 1040)
 
@@ -36,10 +37,10 @@ def rmse_deg(runs: list[quad.Scenario], engineering: np.ndarray, tuning: Tuning)
     """Mean over runs of the float64 filter's error, a constant R."""
     rate_dps, y_g, z_g = engineering
     z_deg = np.degrees(np.arctan2(y_g, z_g) if tuning.tilt == "atan2" else np.arcsin(np.clip(y_g, -1, 1)))
-    state = reference.kalman_init(tuning.start)
+    state = run_reference.kalman_init(tuning.start)
     estimate = np.empty_like(z_deg)
     for k in range(len(z_deg)):
-        reference.kalman_step(state, tuning.kalman, tuning.period_s, z_deg[k], rate_dps[k], tuning.trust.r_deg2)
+        run_reference.kalman_step(state, tuning.kalman, tuning.period_s, z_deg[k], rate_dps[k], tuning.trust.r_deg2)
         estimate[k] = state.tilt_deg
     truth = np.stack([run.tilt_deg() for run in runs], axis=-1)
     return float(np.mean(metrics.angle_rmse_deg(estimate, truth, metrics.scored(runs[0].time_s))))

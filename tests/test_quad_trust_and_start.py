@@ -7,15 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumb import native, quantise
-from plumb.systems import quad
-from plumb.tuning import Tuning
-from plumb.words import Words
+from plumb.boards import native_core
+from plumb.spec.records import Words
+from plumb.spec.tuning import Tuning
+from plumb.systems.quad import scenarios as quad
+from plumb.tuning import quantise
 
 
 def run(tuning: Tuning, name: str, seed: int = 1000) -> tuple[quad.Scenario, Words]:
     drawn = quad.scenario(name, seed)
-    return drawn, native.run_control(quantise.quantise(tuning), drawn.counts(), drawn.setpoint())
+    return drawn, native_core.run_control(quantise.quantise(tuning), drawn.counts(), drawn.setpoint())
 
 
 def r_deg2(tuning: Tuning, words: Words) -> np.ndarray:
@@ -39,7 +40,7 @@ def test_r_spans_1000_to_1() -> None:
     raw[:, 0] = round(quad.CALIBRATION.gyro.zero_counts)
     for column, g, channel in ((1, y_g, quad.CALIBRATION.accel_y), (2, np.ones(200), quad.CALIBRATION.accel_z)):
         raw[:, column] = np.rint(channel.zero_counts + g / channel.unit_per_count)
-    r = r_deg2(tuning, native.run_control(quantise.quantise(tuning), raw, np.zeros(200, np.int32)))
+    r = r_deg2(tuning, native_core.run_control(quantise.quantise(tuning), raw, np.zeros(200, np.int32)))
     assert r[0] == pytest.approx(0.25, rel=0.01) and r[-1] == pytest.approx(250.0, rel=0.01)
     assert (np.diff(r) >= 0.0).all() and (r[y_g > 0.7] == r[-1]).all(), "and no further"
 

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plumb import native, parameters
+from plumb.boards import native_core
 from plumb.errors import UsageError
-from plumb.quantise import ControlParams, dequantise, quantise
-from plumb.systems import quad
-from plumb.tuning import Kalman, Pid, Start, Trust, Tuning
+from plumb.spec import parameters
+from plumb.spec.tuning import Kalman, Pid, Start, Trust, Tuning
+from plumb.systems.quad import scenarios as quad
+from plumb.tuning.quantise import ControlParams, dequantise, quantise
 
 PAPER = quad.TUNINGS["paper"]
 CORNERS = list(
@@ -58,7 +59,7 @@ def test_shipped_tunings_are_within_a_thousandth(name: str) -> None:
     asked = quad.TUNINGS[name]
     got = dequantise(quantise(asked))
     worst = {k: v for k, v in deviations(asked, got).items() if v > 1e-3}
-    assert worst == {} and native.params_valid(quantise(asked))
+    assert worst == {} and native_core.params_valid(quantise(asked))
     if asked.trust.gain_deg2:
         assert got.trust.r_max_deg2 == pytest.approx(asked.trust.r_max_deg2, rel=1e-3)
 
@@ -68,7 +69,7 @@ def test_corners_of_the_box_are_within_a_thousandth(box: tuple[float, ...]) -> N
     asked = corner(int(box[0]), *box[1:])
     params = quantise(asked)
     worst = {k: v for k, v in deviations(asked, dequantise(params)).items() if v > 1e-3}
-    assert worst == {} and native.params_valid(params)
+    assert worst == {} and native_core.params_valid(params)
 
 
 def test_the_inside_of_the_box_is_within_a_thousandth() -> None:
@@ -79,7 +80,7 @@ def test_the_inside_of_the_box_is_within_a_thousandth() -> None:
         asked = corner(int(period), *box)
         params = quantise(asked)
         worst = {k: v for k, v in deviations(asked, dequantise(params)).items() if v > 1e-3}
-        assert worst == {} and native.params_valid(params), asked
+        assert worst == {} and native_core.params_valid(params), asked
 
 
 def test_the_papers_constants_as_they_are() -> None:

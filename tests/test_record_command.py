@@ -16,17 +16,17 @@ import pytest
 from link_board import MemoryBoard
 from plumb import __main__ as front
 from plumb import systems
-from plumb.adapter import AdapterBus
 from plumb.boards.link import LinkBoard
-from plumb.buses import serve_bus
-from plumb.commands import link_test
+from plumb.cli import link_test
 from plumb.errors import UsageError
-from plumb.parameters import table
-from plumb.protocol import protocol
-from plumb.quantise import quantise
-from plumb.recorder import FrameLog, Recorder
-from plumb.serialbus import PlumbBus
-from plumb.session import Session
+from plumb.inputs.recorder import FrameLog, Recorder
+from plumb.link.session import Session
+from plumb.link.transports.open_bus import serve_bus
+from plumb.link.transports.slcan_bus import PlumbBus
+from plumb.link.transports.slcan_server import AdapterBus
+from plumb.spec.parameters import table
+from plumb.spec.protocol import protocol
+from plumb.tuning.quantise import quantise
 
 WAIT_S = 60.0
 """For what comes within a second, on a machine that may have other things to do."""
@@ -203,7 +203,7 @@ def test_what_is_recorded_is_on_the_disk_within_a_second(
     board: MemoryBoard, session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As a recorder that is killed leaves it."""
-    monkeypatch.setattr("plumb.recorder.FLUSH_EVERY_S", 0.0)
+    monkeypatch.setattr("plumb.inputs.recorder.FLUSH_EVERY_S", 0.0)
     recorder = Recorder(session, tmp_path)
     session.listener = recorder.feed
     session.begin("REALTIME_LIVE")
@@ -260,7 +260,7 @@ def test_a_bus_is_recorded_without_a_word_and_what_is_missing_is_counted(
         return 2.0 if len(logged) == 38 else (time.monotonic() - start_s) / WAIT_S
 
     monkeypatch.setattr(FrameLog, "add", adding)
-    monkeypatch.setattr("plumb.commands.record.time", SimpleNamespace(monotonic=passed_s))
+    monkeypatch.setattr("plumb.cli.record.time", SimpleNamespace(monotonic=passed_s))
     thread = threading.Thread(target=speak)
     thread.start()
     address = far.channel_info.split("//")[1]

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plumb import recording
 from plumb.errors import UsageError
-from plumb.quantise import quantise
-from plumb.recording import G_MPS2
-from plumb.systems.quad import TUNINGS
+from plumb.inputs import recording
+from plumb.inputs.recording import G_MPS2
+from plumb.systems.quad.scenarios import TUNINGS
+from plumb.tuning.quantise import quantise
 
 AXES = ("x", "y", "z")
 LEVEL = {"x": (0.0, 0.0, 1.0), "y": (0.0, 0.0, 1.0), "z": (0.0, 1.0, 0.0)}

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plumb import report, trial
 from plumb.boards.native import NativeBoard
 from plumb.errors import UsageError
-from plumb.quantise import quantise
-from plumb.systems import quad_view
-from plumb.systems.quad import TUNINGS
-from plumb.systems.quad import scenario as quad_scenario
+from plumb.proof import report, runs
+from plumb.proof.figures import quad_plots
+from plumb.systems.quad.scenarios import TUNINGS
+from plumb.systems.quad.scenarios import scenario as quad_scenario
+from plumb.tuning.quantise import quantise
 
 TIME_S = np.arange(50_000) / 1000.0
 
@@ -93,6 +93,6 @@ def test_a_plot_can_be_read_on_a_narrow_screen(page: str) -> None:
 
 def test_a_closed_loop_shows_what_was_asked_for() -> None:
     params, scenario = quantise(TUNINGS["adaptive"]), quad_scenario("hold", 1000, seconds=2.0)
-    flown = trial.closed_loop(NativeBoard(), scenario, params)
-    labels = {line.label for line in quad_view.plots(flown, closed=True)[0].lines}
-    assert labels - {line.label for line in quad_view.plots(flown, closed=False)[0].lines} == {"setpoint"}
+    flown = runs.closed_loop(NativeBoard(), scenario, params)
+    labels = {line.label for line in quad_plots.plots(flown, closed=True)[0].lines}
+    assert labels - {line.label for line in quad_plots.plots(flown, closed=False)[0].lines} == {"setpoint"}

@@ -11,14 +11,14 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn")
 
 from link_board import AT_REST
 from pins import at_rest
-from plumb import parameters
+from plumb.boards.virtual_can import MachineBus
 from plumb.errors import UsageError
 from plumb.f103 import find_image
-from plumb.f103.canbus import MachineBus
 from plumb.f103.machine import Machine
-from plumb.identity import NackError
-from plumb.lockstep import sample_frames
-from plumb.session import Session
+from plumb.link.identity import NackError
+from plumb.link.lockstep import sample_frames
+from plumb.link.session import Session
+from plumb.spec import parameters
 from test_permissions import BOOT_US, CONTROL, STEER, listen, refusal, used_setpoints
 
 try:

@@ -15,10 +15,10 @@ import pytest
 
 from link_board import MemoryBoard
 from plumb import __main__ as front
-from plumb import parameters
 from plumb.boards.link import LinkBoard
 from plumb.errors import LinkError
-from plumb.session import Session
+from plumb.link.session import Session
+from plumb.spec import parameters
 
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 DEFAULTS = [row.default for row in parameters.table()]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from plumb.errors import UsageError
-from plumb.sensors import ADC_REFERENCE_V, Enc03, Fault, Mma7260, OnePole, adc_counts
-from plumb.systems import quad
-from plumb.systems.quad_plant import QuadPlant
+from plumb.physics.sensors import ADC_REFERENCE_V, Enc03, Fault, Mma7260, OnePole, adc_counts
+from plumb.systems.quad import scenarios as quad
+from plumb.systems.quad.plant import QuadPlant
 
 
 @pytest.mark.parametrize(

@@ -20,12 +20,12 @@ import can
 import pytest
 
 from link_board import MemoryBoard
-from plumb import parameters
 from plumb.errors import LinkError
-from plumb.protocol import Frame, check, protocol
-from plumb.serialbus import PlumbBus
-from plumb.session import PERIODIC, Session
-from plumb.slcan import text_of_frames
+from plumb.link.session import PERIODIC, Session
+from plumb.link.transports.slcan import text_of_frames
+from plumb.link.transports.slcan_bus import PlumbBus
+from plumb.spec import parameters
+from plumb.spec.protocol import Frame, check, protocol
 
 WAIT_S = 60.0
 """For what comes at once, on a machine that may have other things to do."""
@@ -231,7 +231,7 @@ def test_any_python_can_tool_can_use_the_interface(port: str) -> None:
         text = (Path(__file__).resolve().parent.parent / "pyproject.toml").read_text()
         registered = re.search(r'entry-points\."can\.interface"\]\nplumb = "(.*)"', text)
         assert registered
-        assert registered[1] == "plumb.serialbus:PlumbBus"
+        assert registered[1] == "plumb.link.transports.slcan_bus:PlumbBus"
         return
     assert found.load() is PlumbBus
     with can.Bus(interface="plumb", channel=port) as bus:

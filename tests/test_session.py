@@ -10,16 +10,17 @@ import numpy as np
 import pytest
 
 from link_board import MemoryBoard
-from plumb import parameters, systems
-from plumb.capture import Capture
+from plumb import systems
 from plumb.errors import LinkError, UsageError
-from plumb.identity import NackError
-from plumb.lockstep import Lockstep
-from plumb.protocol import crc8, protocol
-from plumb.quantise import quantise
-from plumb.serialbus import PlumbBus
-from plumb.session import Session
-from plumb.slcan import text_of_frames
+from plumb.link.identity import NackError
+from plumb.link.lockstep import Lockstep
+from plumb.link.realtime import Capture
+from plumb.link.session import Session
+from plumb.link.transports.slcan import text_of_frames
+from plumb.link.transports.slcan_bus import PlumbBus
+from plumb.spec import parameters
+from plumb.spec.protocol import crc8, protocol
+from plumb.tuning.quantise import quantise
 from test_arming import CONTROL, armed_session
 from test_protocol import begin, frame, said
 
@@ -113,7 +114,7 @@ def test_a_board_whose_time_stands_still_does_not_hang(monkeypatch: pytest.Monke
         def read(self, count: int) -> bytes:
             return b""
 
-    monkeypatch.setattr("plumb.stream._STANDSTILL_S", 0.05)
+    monkeypatch.setattr("plumb.link.transports.byte_stream._STANDSTILL_S", 0.05)
     with pytest.raises(LinkError, match="stands still"):
         Session.open(Frozen())
 

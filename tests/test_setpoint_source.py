@@ -8,12 +8,12 @@ import pytest
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn")
 
 from pins import at_rest
-from plumb.capture import Capture
+from plumb.boards.virtual_can import MachineBus
 from plumb.errors import LinkError, UsageError
 from plumb.f103 import find_image
-from plumb.f103.canbus import MachineBus
 from plumb.f103.machine import Machine
-from plumb.session import Session
+from plumb.link.realtime import Capture
+from plumb.link.session import Session
 from test_permissions import BOOT_US, CONTROL, STEER, listen, opened
 
 try:

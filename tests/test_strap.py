@@ -10,14 +10,14 @@ pytest.importorskip("unicorn")
 
 from pins import at_rest
 from plumb import __main__ as front
-from plumb import parameters
 from plumb.boards.link import LinkBoard
+from plumb.boards.virtual_can import MachineBus
 from plumb.errors import LinkError
-from plumb.f103.canbus import MachineBus
+from plumb.f103.attached.strap import GROUNDED, set_strap
 from plumb.f103.machine import Machine
-from plumb.f103.strap import GROUNDED, set_strap
-from plumb.f103.tim1 import HIGH_PINS, LOW_PINS
-from plumb.session import Session
+from plumb.f103.peripherals.tim1 import HIGH_PINS, LOW_PINS
+from plumb.link.session import Session
+from plumb.spec import parameters
 
 IMAGE = Path(__file__).parents[1] / "build/stm32f103/firmware.bin"
 pytestmark = pytest.mark.skipif(not IMAGE.exists(), reason="the flash image is not built: run make image")

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plumb.sensors import Adxl345, Itg3205
+from plumb.physics.sensors import Adxl345, Itg3205
 
 CHIPS = Path(__file__).resolve().parent.parent / "firmware/ports/stm32f103"
 HOURS = 1e4
@@ -78,7 +78,7 @@ def test_limits_are_the_smallest_with_a_false_alarm_in_10000_hours(chip: str, op
 
 
 def test_the_shipped_settings_find_a_stuck_chip_in_80_and_30_ms() -> None:
-    from plumb.systems import balancer
+    from plumb.systems.balancer import scenarios as balancer
 
     for chip, option, least_s in (
         ("adxl345", balancer.LINK["accel_rate"] - 6, 0.080),

@@ -10,15 +10,17 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from plumb import disturbance, fixed, native, reference
-from plumb.compare import first_divergence
+from plumb.boards import native_core
 from plumb.errors import UsageError
-from plumb.quantise import ControlParams, dequantise, quantise
-from plumb.reference.turntable import rotation_deg
-from plumb.systems import turntable
-from plumb.systems.turntable_view import RATE_DPS, attitude, reference_attitude
-from plumb.tuning import Prefilter, TurntableTuning
-from plumb.words import RECORDS, Words, names_of
+from plumb.physics import disturbance
+from plumb.proof.compare import first_divergence
+from plumb.proof.figures.turntable_plots import RATE_DPS, attitude, reference_attitude
+from plumb.spec.records import RECORDS, Words, names_of
+from plumb.spec.tuning import Prefilter, TurntableTuning
+from plumb.systems import run_fixed, run_reference
+from plumb.systems.turntable import scenarios as turntable
+from plumb.systems.turntable.reference import rotation_deg
+from plumb.tuning.quantise import ControlParams, dequantise, quantise
 from wild_params import wild_turntable_params
 
 RUNS, STEPS = 200, 400
@@ -50,18 +52,18 @@ PROBABLE = (0.04, 0.24, 0.24, 0.24, 0.24)
 
 
 def run(params: ControlParams, raw: npt.NDArray[np.int16]) -> Words:
-    return native.run_control(params, raw, np.zeros((len(raw), *raw.shape[2:]), np.int32))
+    return native_core.run_control(params, raw, np.zeros((len(raw), *raw.shape[2:]), np.int32))
 
 
 def test_wild_parameters_are_valid() -> None:
-    assert all(native.params_valid(params) for params in wild_runs()[0])
+    assert all(native_core.params_valid(params) for params in wild_runs()[0])
 
 
 def test_wild_runs_agree_in_every_bit() -> None:
     params, raw = wild_runs()
     setpoint = np.random.default_rng(51).integers(-(1 << 31), 1 << 31, (STEPS, RUNS)).astype(np.int32)
-    model = fixed.run_control(params, raw, setpoint)
-    assert first_divergence(model, native.run_control(params, raw, setpoint)) is None
+    model = run_fixed.run_control(params, raw, setpoint)
+    assert first_divergence(model, native_core.run_control(params, raw, setpoint)) is None
     assert np.bitwise_or.reduce(model["flags"], axis=None) == 511
     one_sided = ["p00_q64", "p11_q64", "p22_q64", "p33_q64", "p30_q64"] + [f"lag_step_q24_{i}" for i in range(3)]
     one_sided += [f"{name}_variance_q60_{i}" for name in ("scale", "lag") for i in range(3)]
@@ -75,9 +77,9 @@ def test_one_run_and_many_runs_are_the_same_code() -> None:
     params, raw = wild_runs()
     setpoint = np.zeros((STEPS, 40), np.int32)
     chosen = [*range(0, RUNS, 5)]
-    many = fixed.run_control([params[i] for i in chosen], raw[:, :, chosen], setpoint)
+    many = run_fixed.run_control([params[i] for i in chosen], raw[:, :, chosen], setpoint)
     for column, i in enumerate(chosen):
-        alone = fixed.run_control(params[i], raw[:, :, i], setpoint[:, column])
+        alone = run_fixed.run_control(params[i], raw[:, :, i], setpoint[:, column])
         assert first_divergence(Words(many.record[:, column]), alone) is None
 
 
@@ -85,7 +87,7 @@ def test_one_run_and_many_runs_are_the_same_code() -> None:
 def test_ordinary_runs_agree_in_every_bit(name: str) -> None:
     drawn = turntable.scenario("analog" if name == "analog" else "motion", 5, seconds=10.8)
     params, raw = quantise(drawn.fit(turntable.TUNINGS[name])), drawn.counts()
-    assert first_divergence(fixed.run_control(params, raw, drawn.setpoint()), run(params, raw)) is None
+    assert first_divergence(run_fixed.run_control(params, raw, drawn.setpoint()), run(params, raw)) is None
 
 
 @pytest.mark.parametrize(
@@ -102,7 +104,7 @@ def test_counts_to_attitude_stay_close_to_float64(scenario: str, tuning: str) ->
     """DESIGN.md, "Error bounds": 5e-4 deg over the whole run."""
     drawn = turntable.scenario(scenario, 1000, seconds=20.0)
     params = quantise(drawn.fit(turntable.TUNINGS[tuning]))
-    ideal = reference.run_control(dequantise(params), drawn.counts())
+    ideal = run_reference.run_control(dequantise(params), drawn.counts())
     apart = rotation_deg(reference_attitude(ideal), attitude(run(params, drawn.counts())))
     assert np.abs(apart).max() <= 5e-4
 
@@ -267,7 +269,7 @@ def test_the_attitude_layer_keeps_two_attitudes_that_correct_each_other() -> Non
 
 def test_quaternions_keep_their_length() -> None:
     params, raw = wild_runs()
-    words = native.run_control(params, raw, np.zeros((STEPS, RUNS), np.int32))
+    words = native_core.run_control(params, raw, np.zeros((STEPS, RUNS), np.int32))
     for name in ("attitude", "attitude_angular"):
         square = sum((words[f"{name}_{axis}_q30"] / 2.0**30) ** 2 for axis in "wxyz")
         assert np.abs(square - 1.0).max() < 1e-5
@@ -315,8 +317,8 @@ def test_what_cannot_be_is_refused_with_its_name(change: dict[str, Any], sentenc
 )
 def test_what_would_overflow_is_refused_by_the_core(change: dict[str, int]) -> None:
     params = quantise(turntable.DATA)
-    assert native.params_valid(params)
-    assert not native.params_valid(replace(params, values={**params.values, **change}))
+    assert native_core.params_valid(params)
+    assert not native_core.params_valid(replace(params, values={**params.values, **change}))
 
 
 @pytest.mark.parametrize(("layer", "times"), [("data", 1.1), ("attitude", 1.3)])

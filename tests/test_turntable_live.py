@@ -11,14 +11,17 @@ import pytest
 
 pytest.importorskip("unicorn")
 
-from plumb import disturbance, live, quantise
+from plumb.boards import plant_on_pins
 from plumb.boards.virtual import VirtualBoard
-from plumb.commands import monitor as view
+from plumb.cli import monitor as view
 from plumb.errors import LinkError, UsageError
-from plumb.monitor import Monitor, begin_live
-from plumb.sensors import ADC_COUNTS, ADC_REFERENCE_V
-from plumb.systems import turntable, turntable_live
-from plumb.trial import Trial
+from plumb.link.monitor import Monitor, begin_live
+from plumb.physics import disturbance
+from plumb.physics.sensors import ADC_COUNTS, ADC_REFERENCE_V
+from plumb.proof.runs import Trial
+from plumb.systems.turntable import pins as turntable_live
+from plumb.systems.turntable import scenarios as turntable
+from plumb.tuning import quantise
 
 PARAMS = quantise.quantise(turntable.TUNINGS["analog"])
 AT_ONCE = turntable.with_fusion(turntable.TUNINGS["analog"], rest_s=0.1, lag_s=0.0)
@@ -29,7 +32,7 @@ ANGULAR = 8
 @pytest.fixture(scope="module")
 def flight() -> Iterator[tuple[VirtualBoard, Trial]]:
     with VirtualBoard() as board:
-        yield board, live.fly(board, turntable.scenario("analog", 1000, seconds=11.0), PARAMS)
+        yield board, plant_on_pins.fly(board, turntable.scenario("analog", 1000, seconds=11.0), PARAMS)
 
 
 def test_a_live_run_is_the_model_bit_for_bit_and_knows_the_attitude(flight: tuple[VirtualBoard, Trial]) -> None:
@@ -52,7 +55,7 @@ def test_a_sensor_that_hangs_is_lost_and_the_run_goes_on() -> None:
     """The board marks the channels of the angular accelerometer 0.1 s after they stop to move, until they do again."""
     asked = turntable.faults([disturbance.parse("stuck:angular@10.2-11")])
     with VirtualBoard() as board:
-        trial = live.fly(board, turntable.scenario("analog", 1001, seconds=11.2, faults=asked), PARAMS)
+        trial = plant_on_pins.fly(board, turntable.scenario("analog", 1001, seconds=11.2, faults=asked), PARAMS)
     lost = np.flatnonzero(trial.flight.raw[:, 3] == turntable.NO_SAMPLE)
     assert 165 <= len(lost) <= 185 and np.all(np.diff(lost) == 1)
     assert not (trial.words["flags"][lost] & ANGULAR).any() and trial.verdict == "pass"
@@ -85,7 +88,7 @@ def test_the_monitor_shows_attitude_and_rates() -> None:
 
 def test_only_the_scenario_of_the_pins_is_put_on_them() -> None:
     with VirtualBoard() as board, pytest.raises(UsageError, match="take the scenario and the tuning analog"):
-        live.fly(board, turntable.scenario("motion", 1000, seconds=2.0), PARAMS)
+        plant_on_pins.fly(board, turntable.scenario("motion", 1000, seconds=2.0), PARAMS)
 
 
 def test_it_drives_nothing_and_is_never_armed() -> None:

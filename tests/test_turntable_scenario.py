@@ -7,11 +7,13 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from plumb import disturbance
 from plumb.errors import UsageError
-from plumb.reference.turntable import multiply, rotation_deg, turned
-from plumb.systems import figures, turntable, turntable_figures, turntable_gyro
-from plumb.systems.turntable_motion import FADE_S, REST_S, lagged, motion
+from plumb.physics import disturbance
+from plumb.proof.figures import figures, turntable_figures
+from plumb.systems.turntable import gyro as turntable_gyro
+from plumb.systems.turntable import scenarios as turntable
+from plumb.systems.turntable.motion import FADE_S, REST_S, lagged, motion
+from plumb.systems.turntable.reference import multiply, rotation_deg, turned
 
 SEEDS = range(1000, 1006)
 

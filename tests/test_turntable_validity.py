@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plumb import native, parameters
+from plumb.boards import native_core
 from plumb.errors import UsageError
-from plumb.quantise import ControlParams, quantise
-from plumb.systems import turntable
+from plumb.spec import parameters
+from plumb.systems.turntable import scenarios as turntable
+from plumb.tuning.quantise import ControlParams, quantise
 
 GROUPS = ("gyro_filter", "angular_filter", "fusion")
 ROWS = [row for row in parameters.table() if row.group in GROUPS]
@@ -35,8 +36,8 @@ def test_the_core_accepts_the_range_of_the_table_and_no_more(name: str, good: in
     others = {} if name.startswith("fusion.gyro_period") else LONGEST
     if name == "fusion.gyro_period_step_q24":
         others = {"fusion.gyro_age_step_q24": 0}
-    assert native.params_valid(with_words(**others, **{name: good}))
-    assert not native.params_valid(with_words(**others, **{name: bad}))
+    assert native_core.params_valid(with_words(**others, **{name: good}))
+    assert not native_core.params_valid(with_words(**others, **{name: bad}))
 
 
 def test_every_word_with_a_limit_was_tried() -> None:
@@ -90,6 +91,6 @@ def test_what_the_quantiser_makes_is_valid_or_refused_in_a_sentence() -> None:
             params = quantise(disturbed(turntable.DATA, rng))
         except UsageError:
             continue
-        assert native.params_valid(params), params.own()
+        assert native_core.params_valid(params), params.own()
         made += 1
     assert made > 150

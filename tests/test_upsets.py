@@ -22,15 +22,15 @@ from unicorn import UC_HOOK_MEM_WRITE
 from balancer_bench import Balancer
 from image_patches import without_memory_check
 from pins import at_rest
-from plumb import parameters
-from plumb.elf import Elf
 from plumb.errors import LinkError
 from plumb.f103.machine import Machine
 from plumb.f103.snapshot import Snapshot
-from plumb.lockstep import samples_text
-from plumb.protocol import protocol
-from plumb.session import Session
-from plumb.words import RECORDS
+from plumb.flash.elf import Elf
+from plumb.link.lockstep import samples_text
+from plumb.link.session import Session
+from plumb.spec import parameters
+from plumb.spec.protocol import protocol
+from plumb.spec.records import RECORDS
 
 BUILD = Path(__file__).parents[1] / "build/stm32f103"
 RAM = 0x20000000

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from plumb import native, parameters
-from plumb.quantise import ControlParams
+from plumb.boards import native_core
+from plumb.spec import parameters
+from plumb.tuning.quantise import ControlParams
 
 DEFAULT = {row.name: row.default for row in parameters.table() if row.owner == "control"}
 LIMIT = 7 << 28
@@ -17,7 +18,7 @@ SLOW = {"kalman.rate_shift": 1, "kalman.rate_gain": 1 << 30, "kalman.bias_max_tu
 
 
 def valid(**words: int) -> bool:
-    return native.params_valid(ControlParams(DEFAULT | words))
+    return native_core.params_valid(ControlParams(DEFAULT | words))
 
 
 def test_the_factory_values_are_valid() -> None:

@@ -13,15 +13,16 @@ from typing import Any
 import pytest
 
 from plumb import __main__ as front
-from plumb import systems, tablefile
+from plumb import systems
 from plumb.errors import UsageError
-from plumb.f103.image import find_image
-from plumb.identity import FAULT_STRAP
-from plumb.quantise import quantise
-from plumb.session import Session
+from plumb.flash.image import find_image
+from plumb.link.identity import FAULT_STRAP
+from plumb.link.session import Session
+from plumb.spec import parameter_file
+from plumb.tuning.quantise import quantise
 
 pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual")
-from plumb import live
+from plumb.boards import plant_on_pins
 from plumb.f103 import Machine, open_machine
 
 try:
@@ -93,18 +94,20 @@ def test_what_is_saved_outlives_the_process(tmp_path: Path, capsys: pytest.Captu
 
 def test_the_plant_is_on_the_pins_before_the_power_comes_on() -> None:
     """Or a board with the bridge's pins starts with a break and no Hall sensor."""
-    from plumb import live
+    from plumb.boards import plant_on_pins
     from plumb.boards.virtual import VirtualBoard
     from plumb.f103 import open_machine
-    from plumb.f103.image import FLASH_BASE, PARAMETER_SLOTS
-    from plumb.quantise import quantise
-    from plumb.session import Session
-    from plumb.systems import balancer
+    from plumb.flash.image import FLASH_BASE, PARAMETER_SLOTS
+    from plumb.link.session import Session
+    from plumb.systems.balancer import scenarios as balancer
+    from plumb.tuning.quantise import quantise
 
     with VirtualBoard() as board:
-        live.become(board, quantise(balancer.TUNED), period_us=balancer.PERIOD_US, **balancer.LINK)
+        plant_on_pins.become(board, quantise(balancer.TUNED), period_us=balancer.PERIOD_US, **balancer.LINK)
         slots = bytes(board.machine.cpu.flash[PARAMETER_SLOTS - FLASH_BASE :])
-    machine = open_machine(slots=slots, strap="bridge", couple=live.coupler("balancer", balancer.scenario("rough", 1)))
+    machine = open_machine(
+        slots=slots, strap="bridge", couple=plant_on_pins.coupler("balancer", balancer.scenario("rough", 1))
+    )
     with Session.open(machine.uart) as session:
         identity = session.connect()
         assert (identity["PINS"], identity["FAULTS"]) == (1, 0)
@@ -132,10 +135,10 @@ def test_with_a_system_it_comes_up_as_that_one(name: str, tuning: str, pins: int
     """Saved and started again: a balancer that is armed later is armed on the pins of the bridge, or not at all."""
     system = systems.load(name)
     machine = open_machine()
-    live.comes_up_as(machine, name)
+    plant_on_pins.comes_up_as(machine, name)
     with Session.open(machine.uart) as session:
         identity = session.connect()
-        found = tablefile.by_name(tablefile.read_table(session))
+        found = parameter_file.by_name(parameter_file.read_table(session))
     assert identity["PINS"] == pins and identity.parameter_source.startswith("saved")
     wanted = {**quantise(system.TUNINGS[tuning]).values, "period_us": system.PERIOD_US, **system.LINK}
     assert {key: found[key] for key in wanted} == wanted
@@ -170,7 +173,7 @@ def test_kept_parameters_are_nobodys_to_replace(tmp_path: Path, monkeypatch: pyt
         ends["kept"].write()
         return signal.SIGTERM
 
-    monkeypatch.setattr("plumb.f103.serve.serve", look)
+    monkeypatch.setattr("plumb.boards.serve.serve", look)
     command = ["virtual-board", "--keep", str(kept)]
     assert front.main(command) == 0 and kept.exists()
     assert front.main([*command, "--system", "balancer"]) == 0

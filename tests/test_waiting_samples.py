@@ -9,12 +9,12 @@ import pytest
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 
 from pins import at_rest
-from plumb import parameters
 from plumb.errors import UsageError
 from plumb.f103 import find_image
 from plumb.f103.machine import Machine
-from plumb.lockstep import sample_frames
-from plumb.session import Session
+from plumb.link.lockstep import sample_frames
+from plumb.link.session import Session
+from plumb.spec import parameters
 
 QUEUE = 16
 SAFE_US, FRAME_US = 50_000, 2500

@@ -15,12 +15,12 @@ pytest.importorskip("unicorn")
 
 from image_patches import patched
 from pins import at_rest
-from plumb import parameters
-from plumb.elf import Elf
-from plumb.f103.image import FLASH_BASE
 from plumb.f103.machine import Machine
-from plumb.identity import Identity
-from plumb.session import Session
+from plumb.flash.elf import Elf
+from plumb.flash.image import FLASH_BASE
+from plumb.link.identity import Identity
+from plumb.link.session import Session
+from plumb.spec import parameters
 
 BUILD = Path(__file__).parents[1] / "build/stm32f103"
 BOOT_US = 30_000

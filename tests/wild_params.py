@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from plumb import parameters
-from plumb.quantise import ControlParams
+from plumb.spec import parameters
+from plumb.tuning.quantise import ControlParams
 
 
 def log_uniform(rng: np.random.Generator, low: int, high: int) -> int:

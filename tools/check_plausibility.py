@@ -15,10 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plumb import disturbance, native, systems
+from plumb import systems
+from plumb.boards import native_core
 from plumb.boards.native import NativeBoard
-from plumb.quantise import ControlParams, quantise
-from plumb.words import Words
+from plumb.physics import disturbance
+from plumb.spec.records import Words
+from plumb.tuning.quantise import ControlParams, quantise
 
 SYSTEMS = ("quad", "balancer")
 """Those that drive something."""
@@ -37,7 +39,7 @@ class Outcome:
 
 
 def outcome(params: ControlParams, words: Words) -> Outcome:
-    failed, missing = native.plausibility(params, words)
+    failed, missing = native_core.plausibility(params, words)
     bad, ready = np.flatnonzero(failed), np.flatnonzero(missing == 0)
     return Outcome(
         len(failed),
@@ -56,7 +58,7 @@ def words_of(
     scenario = own.scenario(name, seed, seconds=seconds, faults=faults)
     setpoint = scenario.setpoint()
     if loop == "open":
-        return native.run_control(params, scenario.counts(), setpoint)
+        return native_core.run_control(params, scenario.counts(), setpoint)
     plant, stepper = own.plant(scenario), NativeBoard().stepper(params)
     raw = np.zeros((scenario.steps, 6), np.int16)
     outputs: dict[str, int] = {}
@@ -65,7 +67,7 @@ def words_of(
         plant.follow(time_s, outputs)
         raw[step] = plant.counts(time_s)
         outputs = stepper.step(tuple(raw[step].tolist()), int(setpoint[step])).outputs
-    return native.run_control(params, raw, setpoint)
+    return native_core.run_control(params, raw, setpoint)
 
 
 def cases(chosen: str | None, only: str | None) -> Iterator[tuple[str, str, str, str]]:

@@ -21,9 +21,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "host"))
 
-from plumb.elf import Elf
 from plumb.errors import PlumbError, UsageError
-from plumb.f103.image import FLASH_BASE, HEADER, HEADER_MAGIC, HEADER_OFFSET
+from plumb.flash.elf import Elf
+from plumb.flash.image import FLASH_BASE, HEADER, HEADER_MAGIC, HEADER_OFFSET
 
 RAM_START = 0x20000000
 OBJCOPY = "arm-none-eabi-objcopy"

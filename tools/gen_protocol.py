@@ -16,10 +16,11 @@ sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tests"), str(ROOT / "tools")]
 
 from link_board import MemoryBoard, disarms  # type: ignore[import-not-found]  # noqa: E402
 from measure_residuals import residual_table  # type: ignore[import-not-found]  # noqa: E402
-from plumb import busload, parameters  # noqa: E402
-from plumb.protocol import Message, load_database, protocol  # noqa: E402
-from plumb.session import PERIODIC  # noqa: E402
-from plumb.slcan import frame_of_line, text_of_frames  # noqa: E402
+from plumb.bench import bus_load
+from plumb.link.session import PERIODIC  # noqa: E402
+from plumb.link.transports.slcan import frame_of_line, text_of_frames  # noqa: E402
+from plumb.spec import parameters  # noqa: E402
+from plumb.spec.protocol import Message, load_database, protocol  # noqa: E402
 
 
 def message_table() -> str:
@@ -247,7 +248,7 @@ def generate(text: str) -> str:
     """The document with every generated part fresh."""
     parts = {"messages": message_table, "values": value_table, "record": record_table}
     parts["keepalive"] = keepalive_table
-    parts |= {"rates": busload.rate_table, "load": busload.step_table, "residuals": residual_table}
+    parts |= {"rates": bus_load.rate_table, "load": bus_load.step_table, "residuals": residual_table}
 
     def part(match: re.Match[str]) -> str:
         name = match[1]

@@ -17,8 +17,9 @@ import sys
 from functools import cache
 from pathlib import Path
 
-from plumb.systems import SYSTEMS, figures
-from plumb.systems.figures import Figure
+from plumb.proof.figures import figures
+from plumb.proof.figures.figures import Figure
+from plumb.systems import SYSTEMS
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"

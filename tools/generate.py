@@ -1,6 +1,6 @@
 """Write everything that follows from the declarations of the systems, the parameters and the DBC.
 
-tools/generate.py                          firmware/generated/ and host/plumb/messages.dbc, as committed
+tools/generate.py                          firmware/generated/ and host/plumb/spec/messages.dbc, as committed
 tools/generate.py --check                  say which of them are stale; exit code 1
 tools/generate.py --out DIR [--systems A;B]    for a build: only the C files, into DIR/generated, for these systems
 """
@@ -17,8 +17,8 @@ sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tools")]
 import gen_messages  # type: ignore[import-not-found]  # noqa: E402
 import gen_params  # type: ignore[import-not-found]  # noqa: E402
 import gen_systems  # type: ignore[import-not-found]  # noqa: E402
-from plumb import dbc, declarations  # noqa: E402
 from plumb.errors import UsageError  # noqa: E402
+from plumb.spec import dbc, declarations  # noqa: E402
 
 
 def c_files(built: tuple[str, ...] = ()) -> dict[str, str]:

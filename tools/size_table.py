@@ -27,8 +27,8 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "host"))
 
-from plumb.elf import CallGraph, Elf  # noqa: E402
 from plumb.errors import PlumbError, UsageError  # noqa: E402
+from plumb.flash.elf import CallGraph, Elf  # noqa: E402
 
 RAM_START = 0x20000000
 LIMITS = {"flash": 48 * 1024, "ram": 10 * 1024, "stack": 1536}

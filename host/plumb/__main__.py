@@ -46,7 +46,7 @@ COMMANDS = {
 def command_module(name: str) -> ModuleType:
     import importlib
 
-    return importlib.import_module(f"plumb.commands.{name.replace('-', '_')}")
+    return importlib.import_module(f"plumb.cli.{name.replace('-', '_')}")
 
 
 def top_level_help() -> str:
@@ -83,12 +83,12 @@ def command_parser(name: str) -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs one command; returns its exit code. Every error comes out as one sentence on stderr."""
-    from plumb import endings
-    from plumb.command_line import shown
+    from plumb import process_signals
+    from plumb.cli.command_line import shown
     from plumb.errors import sentence_and_code
 
     arguments = list(sys.argv[1:] if argv is None else argv)
-    endings.raised.clear()
+    process_signals.raised.clear()
     try:
         return _run([argument for argument in arguments if argument != "--debug"])
     except (Exception, KeyboardInterrupt) as error:
@@ -98,7 +98,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             import traceback
 
             _say("".join(traceback.format_exception(error)).rstrip())
-        sentence, code = sentence_and_code(endings.raised[0] if endings.raised else error)
+        sentence, code = sentence_and_code(process_signals.raised[0] if process_signals.raised else error)
         _say(f"plumb: {shown(sentence)}")
         return code
 
@@ -117,7 +117,7 @@ def _run(arguments: list[str]) -> int:
         from plumb.errors import UsageError
 
         raise UsageError(f"there is no command '{name}'; `plumb --help` lists them.")
-    from plumb.command_line import check_arguments, check_numbers
+    from plumb.cli.command_line import check_arguments, check_numbers
 
     check_arguments(rest)
     parsed = command_parser(name).parse_args(rest)
@@ -160,7 +160,7 @@ def entry() -> None:
         signal.signal(signal.SIGINT, _quit_at_once)
     import contextlib
 
-    from plumb.endings import raise_at_once
+    from plumb.process_signals import raise_at_once
 
     with contextlib.suppress(AttributeError):  # a file's name need not be text
         sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 
-from plumb.endings import Terminated
+from plumb.process_signals import Terminated
 
 
 class PlumbError(Exception):

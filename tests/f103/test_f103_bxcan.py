@@ -66,7 +66,7 @@ def can(board):
 
 
 def frame(identifier, data=b"\0" * 8, **kind):
-    from plumb.f103.canwire import WireFrame
+    from plumb.f103.attached.canwire import WireFrame
 
     return WireFrame(identifier, data, **kind)
 
@@ -120,7 +120,7 @@ def bits_by_the_book(identifier, data):
 
 
 def test_a_frame_takes_its_exact_bits():
-    from plumb.f103.canwire import frame_bits
+    from plumb.f103.attached.canwire import frame_bits
 
     chance = random.Random(1)
     lengths = set()
@@ -134,7 +134,7 @@ def test_a_frame_takes_its_exact_bits():
 
 
 def test_time_on_the_wire(can):
-    from plumb.f103.canwire import frame_bits
+    from plumb.f103.attached.canwire import frame_bits
 
     can.start()
     can.fill(0, 0x123, b"\xaa" * 8)
@@ -312,7 +312,7 @@ def test_a_dominant_bus_lets_nobody_join(can):
 
 
 def test_interrupts(can):
-    from plumb.f103.bxcan import RX0_IRQ, SCE_IRQ, TX_IRQ
+    from plumb.f103.peripherals.bxcan import RX0_IRQ, SCE_IRQ, TX_IRQ
 
     can.start()
     level = lambda irq: bool(can.machine.nvic.level >> 16 + irq & 1)  # noqa: E731

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from plumb.endings import Terminated, raise_at_once, raised
 from plumb.extras import install_hint
+from plumb.process_signals import Terminated, raise_at_once, raised
 
 FAULT_HARD, FAULT_BUS, FAULT_USAGE = 3, 5, 6
 RESET_POWER, RESET_SOFTWARE, RESET_WATCHDOG, RESET_PIN = 1 << 27, 1 << 28, 1 << 29, 1 << 26

@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from plumb.f103.bus import SimulationError
+from plumb.f103.core.bus import SimulationError
 
 DR, IDR, CR, AHBENR = 0x40023000, 0x40023004, 0x40023008, 0x40021014
 CRCEN = 1 << 6

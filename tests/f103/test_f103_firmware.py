@@ -10,9 +10,9 @@ import pytest
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 from plumb.errors import UsageError
 from plumb.f103 import Machine, find_image
-from plumb.lockstep import Lockstep
-from plumb.parameters import table
-from plumb.session import Session
+from plumb.link.lockstep import Lockstep
+from plumb.link.session import Session
+from plumb.spec.parameters import table
 
 STEPS = 200
 START_US = 200_000

@@ -16,8 +16,8 @@ class Master:
     """A part that runs i2c.c, with both chips on I2C and another accelerometer on SPI."""
 
     def __init__(self, board):
-        from plumb.f103.adxl345 import Adxl345
-        from plumb.f103.itg3205 import Itg3205
+        from plumb.f103.attached.adxl345 import Adxl345
+        from plumb.f103.attached.itg3205 import Itg3205
 
         self.board = board("i2c")
         self.machine = self.board.machine

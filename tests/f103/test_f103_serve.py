@@ -105,7 +105,7 @@ def test_a_tcp_port_serves_one_client_after_the_other_and_ends_on_interrupt(serv
 
 def test_bad_addresses_are_refused_in_a_sentence(build, tmp_path):
     from plumb.errors import LinkError, UsageError
-    from plumb.line import open_line
+    from plumb.link.transports.server_endpoint import open_line
 
     for wrong in ("usb", "tcp:", "tcp:abc", "pty:1", "tcp:99999"):
         with pytest.raises(UsageError, match="pty or tcp:PORT"):
@@ -120,7 +120,7 @@ def test_bad_addresses_are_refused_in_a_sentence(build, tmp_path):
 
 
 def test_paced_time_never_overtakes_the_wall_clock(board):
-    from plumb.f103.serve import run_paced
+    from plumb.boards.serve import run_paced
 
     machine = board("systick").machine
 

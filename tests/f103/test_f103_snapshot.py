@@ -13,16 +13,18 @@ import pytest
 
 pytest.importorskip("unicorn")
 
-from plumb import live, quantise, systems
+from plumb import systems
+from plumb.boards import plant_on_pins
 from plumb.boards.virtual import VirtualBoard
 from plumb.errors import UsageError
 from plumb.f103 import find_image
-from plumb.f103.bus import Peripheral, Register, SimulationError
-from plumb.f103.canwire import BIT_RECESSIVE
+from plumb.f103.attached.canwire import BIT_RECESSIVE
+from plumb.f103.core.bus import Peripheral, Register, SimulationError
+from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.f103.machine import Machine
 from plumb.f103.snapshot import Snapshot, wiring
-from plumb.f103.timeline import TICKS_PER_US
-from plumb.session import Session
+from plumb.link.session import Session
+from plumb.tuning import quantise
 
 TRAFFIC_S = 0.05
 LOOK_US = 100
@@ -44,10 +46,10 @@ def board(request: pytest.FixtureRequest, image: bytes) -> Iterator[VirtualBoard
     run = system.scenario(joined.SCENARIO, 1, seconds=5.0)
     with VirtualBoard(link=link) as board:
         params = quantise.quantise(system.TUNINGS[joined.TUNING])
-        session = live.become(board, params, period_us=run.period_us, arm_hold_ms=0, **system.LINK)
+        session = plant_on_pins.become(board, params, period_us=run.period_us, arm_hold_ms=0, **system.LINK)
         joined.Coupling(board.machine, system.plant(run))
         board.machine.tim1.trace = []
-        board.machine.advance_us(live.FOUND_US)
+        board.machine.advance_us(plant_on_pins.FOUND_US)
         session.begin("REALTIME_LIVE", frames=joined.FRAMES)
         session.arm()
         traffic(board, 0.1)

@@ -10,12 +10,12 @@ import struct
 import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
-from plumb import parameters
-from plumb.elf import Elf
 from plumb.errors import LinkError, UsageError
 from plumb.f103 import Machine, find_image
-from plumb.f103.flash import LOCK, torn
-from plumb.session import Session
+from plumb.f103.peripherals.flash import LOCK, torn
+from plumb.flash.elf import Elf
+from plumb.link.session import Session
+from plumb.spec import parameters
 
 SLOTS, SLOT = 0xF000, 0x800
 

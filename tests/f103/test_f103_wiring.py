@@ -12,9 +12,9 @@ import pytest
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 from plumb.errors import UsageError
 from plumb.f103 import Machine, find_image
-from plumb.f103.strap import set_strap
-from plumb.parameters import table
-from plumb.session import Session
+from plumb.f103.attached.strap import set_strap
+from plumb.link.session import Session
+from plumb.spec.parameters import table
 
 ROOT = Path(__file__).parents[2]
 CONTROL_WORDS = sum(row.owner == "control" for row in table())

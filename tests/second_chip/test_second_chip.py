@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plumb import golden
 from plumb.boards.link import LinkBoard
-from plumb.protocol import protocol
-from plumb.session import Session
+from plumb.link.session import Session
+from plumb.proof import golden
+from plumb.spec.protocol import protocol
 from second_chip import CanEnd, Chip, UartEnd
 
 HERE = Path(__file__).parent

@@ -19,8 +19,8 @@ import numpy.typing as npt
 from plumb.errors import UsageError
 
 if TYPE_CHECKING:
-    from plumb.quantise import ControlParams
-    from plumb.words import Words
+    from plumb.spec.records import Words
+    from plumb.tuning.quantise import ControlParams
 
 RawCounts = npt.NDArray[np.int16]
 """Shape (steps, 6): the raw counts of every step; a system uses the first few columns."""

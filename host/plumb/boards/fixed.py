@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from plumb import fixed, systems
+from plumb import systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper
+from plumb.systems import run_fixed
 
 if TYPE_CHECKING:
-    from plumb.quantise import ControlParams
+    from plumb.tuning.quantise import ControlParams
 
 
 class FixedStepper:
     def __init__(self, params: ControlParams) -> None:
-        self._controller = fixed.Controller(params)
+        self._controller = run_fixed.Controller(params)
         self._outputs = systems.load(params.system).OUTPUTS
 
     def step(self, raw: tuple[int, ...], setpoint: int) -> StepOutput:
@@ -28,11 +29,11 @@ class FixedBoard(Board):
     name = "fixed"
 
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
-        words = fixed.run_control(params, raw, setpoint)
+        words = run_fixed.run_control(params, raw, setpoint)
         return Answer(words.digests(), words)
 
     def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:
-        words = fixed.run_control(params, raw[: step + 1], setpoint[: step + 1])
+        words = run_fixed.run_control(params, raw[: step + 1], setpoint[: step + 1])
         return {name: int(values[step]) for name, values in words.items()}
 
     def stepper(self, params: ControlParams) -> Stepper:

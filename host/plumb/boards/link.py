@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 from plumb import systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper, open_board
-from plumb.buses import open_can
 from plumb.errors import UsageError
-from plumb.lockstep import Lockstep
-from plumb.session import Session
-from plumb.words import Words
+from plumb.link.lockstep import Lockstep
+from plumb.link.session import Session
+from plumb.link.transports.open_bus import open_can
+from plumb.spec.records import Words
 
 if TYPE_CHECKING:
-    from plumb.quantise import ControlParams
+    from plumb.tuning.quantise import ControlParams
 
 REMOTE = "serial:PORT[@BAUD] or can:INTERFACE:CHANNEL[@KBIT]"
 CHUNK_STEPS = 500

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from plumb import native, systems
-from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper
+from plumb import systems
+from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper, native_core
 
 if TYPE_CHECKING:
-    from plumb.quantise import ControlParams
+    from plumb.tuning.quantise import ControlParams
 
 
 class NativeStepper:
     """One control loop in C memory that this object owns."""
 
     def __init__(self, params: ControlParams) -> None:
-        self._controller = native.Controller(params)
+        self._controller = native_core.Controller(params)
         self._outputs = systems.load(params.system).OUTPUTS
 
     def step(self, raw: tuple[int, ...], setpoint: int) -> StepOutput:
@@ -30,11 +30,11 @@ class NativeBoard(Board):
     name = "native"
 
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
-        words = native.run_control(params, raw, setpoint)
+        words = native_core.run_control(params, raw, setpoint)
         return Answer(words.digests(), words)
 
     def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:
-        words = native.run_control(params, raw[: step + 1], setpoint[: step + 1])
+        words = native_core.run_control(params, raw[: step + 1], setpoint[: step + 1])
         return {name: int(values[step]) for name, values in words.items()}
 
     def stepper(self, params: ControlParams) -> Stepper:

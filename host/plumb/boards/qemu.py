@@ -20,10 +20,10 @@ import numpy as np
 
 from plumb.boards import Answer, Board, RawCounts, Setpoints, Stepper
 from plumb.errors import LinkError, UsageError
-from plumb.words import RECORDS, Words
+from plumb.spec.records import RECORDS, Words
 
 if TYPE_CHECKING:
-    from plumb.quantise import ControlParams
+    from plumb.tuning.quantise import ControlParams
 
 PROGRAM = "qemu-system-arm"
 IMAGE = Path("build/stm32f103/plumb_qemu.elf")

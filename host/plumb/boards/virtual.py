@@ -9,7 +9,7 @@ from pathlib import Path
 
 from plumb.boards.link import LinkBoard
 from plumb.f103 import START_US, open_machine
-from plumb.session import Session
+from plumb.link.session import Session
 
 
 class VirtualBoard(LinkBoard):
@@ -25,7 +25,7 @@ class VirtualBoard(LinkBoard):
     def _connect(self) -> Session:
         if self._link != "can":
             return Session.open(self.machine.uart)
-        from plumb.f103.canbus import MachineBus
+        from plumb.boards.virtual_can import MachineBus
 
         return Session.over(MachineBus(self.machine, self.machine.uart.name))
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from plumb.f103.image import FLASH_BASE, PARAMETER_SLOTS, claims_to_be_ours, find_image, load_image, own_header
+from plumb.flash.image import FLASH_BASE, PARAMETER_SLOTS, claims_to_be_ours, find_image, load_image, own_header
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
@@ -52,7 +52,8 @@ def open_machine(
 def __getattr__(name: str) -> object:
     """`from plumb.f103 import Machine` without making every import of this package need unicorn."""
     if name in ("Machine", "SimulationError"):
-        from plumb.f103 import bus, machine
+        from plumb.f103 import machine
+        from plumb.f103.core import bus
 
         return machine.Machine if name == "Machine" else bus.SimulationError
     raise AttributeError(name)

@@ -22,38 +22,38 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from plumb.endings import raise_at_once
 from plumb.errors import UsageError
-from plumb.f103.adc import PINS as ADC_PINS
-from plumb.f103.adc import Adc
-from plumb.f103.backup import Bkp, Pwr
-from plumb.f103.bus import Bus, Peripheral, SimulationError
-from plumb.f103.bxcan import Bxcan
-from plumb.f103.cpu import SYSTEM_BASE, Cpu
-from plumb.f103.crc import BASE as CRC_BASE
-from plumb.f103.crc import Crc
-from plumb.f103.debug import CoreDebug, DbgMcu, Dwt
-from plumb.f103.dma import Dma
-from plumb.f103.flash import Flash
-from plumb.f103.gpio import Afio, Gpio
-from plumb.f103.i2c import I2c, I2cBus
-from plumb.f103.image import check_image, load_image
-from plumb.f103.iwdg import Iwdg
-from plumb.f103.nvic import Nvic
-from plumb.f103.rcc import PLLON, Rcc
-from plumb.f103.rom import RomBootloader
-from plumb.f103.scb import Scb, SysTick
+from plumb.f103.attached.strap import PINS as STRAP_PINS
+from plumb.f103.attached.strap import RISE_US, set_strap
+from plumb.f103.core.bus import Bus, Peripheral, SimulationError
+from plumb.f103.core.cpu import SYSTEM_BASE, Cpu
+from plumb.f103.core.debug import CoreDebug, DbgMcu, Dwt
+from plumb.f103.core.nvic import Nvic
+from plumb.f103.core.scb import Scb, SysTick
+from plumb.f103.core.timeline import NEVER, TICKS_PER_S, TICKS_PER_US, Timeline
+from plumb.f103.peripherals.adc import PINS as ADC_PINS
+from plumb.f103.peripherals.adc import Adc
+from plumb.f103.peripherals.backup import Bkp, Pwr
+from plumb.f103.peripherals.bxcan import Bxcan
+from plumb.f103.peripherals.crc import BASE as CRC_BASE
+from plumb.f103.peripherals.crc import Crc
+from plumb.f103.peripherals.dma import Dma
+from plumb.f103.peripherals.flash import Flash
+from plumb.f103.peripherals.gpio import Afio, Gpio
+from plumb.f103.peripherals.i2c import I2c, I2cBus
+from plumb.f103.peripherals.iwdg import Iwdg
+from plumb.f103.peripherals.rcc import PLLON, Rcc
+from plumb.f103.peripherals.spi import Spi
+from plumb.f103.peripherals.tim import Pwm, Timer
+from plumb.f103.peripherals.tim1 import Bridge, Tim1
+from plumb.f103.peripherals.tim2 import REMAPPED_PINS, Tim2
+from plumb.f103.peripherals.usart import Usart
+from plumb.f103.peripherals.wwdg import Wwdg
 from plumb.f103.snapshot import Snapshot
-from plumb.f103.spi import Spi
-from plumb.f103.strap import PINS as STRAP_PINS
-from plumb.f103.strap import RISE_US, set_strap
-from plumb.f103.stream import UartStream
-from plumb.f103.tim import Pwm, Timer
-from plumb.f103.tim1 import Bridge, Tim1
-from plumb.f103.tim2 import REMAPPED_PINS, Tim2
-from plumb.f103.timeline import NEVER, TICKS_PER_S, TICKS_PER_US, Timeline
-from plumb.f103.usart import Usart
-from plumb.f103.wwdg import Wwdg
+from plumb.f103.uart_stream import UartStream
+from plumb.flash.image import check_image, load_image
+from plumb.flash.rom_model import RomBootloader
+from plumb.process_signals import raise_at_once
 
 VoltSource = float | Callable[[float], float]
 """Volts, or a function of simulated seconds that gives them."""

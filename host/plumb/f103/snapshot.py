@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from plumb.f103.bus import SimulationError
+from plumb.f103.core.bus import SimulationError
 
 _CONSTANT = (
     bool, int, float, complex, str, bytes, NoneType, type, ModuleType, Enum, PurePath, re.Pattern, range, slice,

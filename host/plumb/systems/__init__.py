@@ -1,7 +1,7 @@
 """The systems: a published design each, with its plant, its sensors, its scenarios and its tunings.
 
-A system X is, besides its step in C (firmware/core/X.[ch]) and the modules of its name in `plumb.fixed`,
-`plumb.reference` and `plumb.quantise`, and its record in `plumb.words`:
+A system X is, besides its step in C (firmware/core/X.[ch]) and the modules of its name in `plumb.systems.run_fixed`,
+`plumb.systems.run_reference` and `plumb.tuning.quantise`, and its record in `plumb.spec.records`:
 
     systems/X.py            scenarios and tunings
         SCENARIOS               name -> one sentence;  SECONDS  name -> how long
@@ -21,8 +21,9 @@ A system X is, besides its step in C (firmware/core/X.[ch]) and the modules of i
             follow(time_s, outputs)         simulate up to time_s with the words of the last step ({}: none yet)
             counts(time_s) six raw counts, truth(time_s) name -> number, setpoint(time_s) int
     systems/X_view.py       what a trial is measured by and looks like: metrics(trial), plots(trial, closed=...)
-    systems/X_figures.py    what was asked, and what is reached: SECTIONS, ASSUMED (see plumb.systems.figures)
-    systems/X_live.py       on the pins of the virtual board: Coupling(machine, plant), FRAMES, ... (see plumb.live);
+    systems/X_figures.py    what was asked, and what is reached: SECTIONS, ASSUMED (see plumb.proof.figures.figures)
+    systems/X_live.py       on the pins of the virtual board: Coupling(machine, plant), FRAMES, ... (see
+    plumb.boards.plant_on_pins);
                             none where samples only ever come as frames
 """
 
@@ -33,8 +34,8 @@ import importlib.util
 from types import ModuleType
 from typing import Any
 
-from plumb import declarations
 from plumb.errors import UsageError
+from plumb.spec import declarations
 
 SYSTEMS = {name: declared.title for name, declared in declarations.systems().items()}
 """Name -> title of each system that is declared, in the order of their numbers."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import random
 
-from plumb.sensors import ADC_COUNTS, ADC_NOISE_LSB, ADC_REFERENCE_V
+from plumb.physics.sensors import ADC_COUNTS, ADC_NOISE_LSB, ADC_REFERENCE_V
 
 SCAN_INTERVAL_US = 1000
 """Longest time between two scans."""

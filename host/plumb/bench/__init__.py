@@ -1,0 +1,1 @@
+"""What the code costs: instructions, cycles, bytes, and the load of a bus."""

@@ -1,0 +1,423 @@
+"""Instructions, estimated cycles, bytes, stack and error of the kernels in the shipped image, against their budgets.
+
+The image's own machine code runs, called by symbol (plumb.bench.instruction_counter). control_step runs whole, over
+ordinary and wild input with every shipped tuning of quad; the kernels inside it are measured where it calls them, so
+their rows are what a step really spends. The other systems' steps run over the inputs of their golden vectors: no
+budget was set for them, and the row says what they take of the shortest period that the board accepts. The digest of
+quad's record by the chip's CRC unit is compared with zlib's. The check of the memory that decides a pulse is no part of
+a step: it runs in every turn of the loop outside lockstep, as does the sealing, which takes as long. A whole step in
+lockstep runs on the virtual board, from the first character of its sample on the UART to the last of its reply, with
+every turn of the loop and every interrupt between; that row is a mean, because a step now and then has the board's
+report of itself to send. atan2 and asin run besides over their whole range. Numbers are the worst of all inputs: an
+upper bound per path by plumb.bench.m3_timing, exact in instructions. Errors are against float64 on the same inputs, in
+degrees, of pid_step as a fraction of full command: of the Arm code's own results, but for the filter and the whole
+chain, which take more steps than an emulator should and run on the native twin (plumb.proof.accuracy); golden vectors
+hold the two equal to the bit.
+"""
+
+from __future__ import annotations
+
+import time
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from tqdm import tqdm
+
+from plumb import systems
+from plumb.bench.instruction_counter import Counter, Image, InstructionTrace
+from plumb.bench.m3_timing import path_cost
+from plumb.boards import native_core
+from plumb.boards.virtual import VirtualBoard
+from plumb.errors import UsageError
+from plumb.flash.elf import CallGraph
+from plumb.link.transports.slcan import SlcanParser, text_of_frames
+from plumb.proof import golden_recipe
+from plumb.proof.accuracy import TURN_DEG, chain_error_deg, filter_error_deg, hard_inputs, scenario_error_deg
+from plumb.proof.golden import vectors_folder
+from plumb.proof.golden_recipe import WILD, random_bits
+from plumb.spec.protocol import protocol
+from plumb.spec.records import RECORDS, Words
+from plumb.systems import run_reference
+from plumb.systems.quad import scenarios as quad
+from plumb.tuning.groups import pid_of
+from plumb.tuning.quantise import ControlParams, quantise
+
+IMAGE = Path("build/stm32f103/firmware.elf")
+CONTROL_BYTES = 1024
+"""Room for control_t; its first member is the record of the step."""
+WILD_STEPS = 200
+MOTION_STEPS = 1500
+ANGLES = 2000
+KALMAN_STEPS = 20_000
+RATE_FRAMES = 20_000
+DIGESTS, FLIPS = 20, 10
+EXCHANGES = 60
+"""Steps in lockstep that are counted; the board reports its state in three of them."""
+ASIN_LIMIT_DEG = 80.0
+"""Beyond it the arcsine is so steep that no budget is set for its error."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What a kernel may take: cycles at zero wait states (None: never set) and where we would like to be; its error and
+    unit; instructions, where the budget is one of instructions."""
+
+    cycles: int | None
+    stretch: int
+    max_err: float
+    unit: str
+    instructions: int | None = None
+
+
+# The error of control_step is that of the whole chain, counts to angle, over the system's own motion.
+BUDGETS = {
+    "kalman_step": Budget(200, 145, 5e-4, "deg"),
+    "kalman_step_constant_r": Budget(130, 105, 2e-5, "deg"),
+    "atan2": Budget(180, 90, 5e-6, "deg"),
+    "asin": Budget(200, 180, 2e-5, "deg"),
+    "pid_step": Budget(75, 60, 1e-6, "command"),
+    "control_step": Budget(560, 420, 5e-4, "deg"),
+    "control_step_balancer": Budget(None, 0, 5e-4, "deg"),
+    "control_step_turntable": Budget(None, 0, 5e-4, "deg"),
+    "control_step_phone": Budget(None, 0, 5e-4, "deg"),
+    "plausibility_step": Budget(None, 0, 0.0, "wrong answers"),
+    "digest_crc32": Budget(400, 360, 0.0, "wrong digests"),
+    "board_memory_intact": Budget(2600, 2400, 0.0, "wrong answers"),
+    "lockstep_step": Budget(None, 0, 0.0, "wrong digests", instructions=6000),
+}
+PLAUSIBILITY_BYTES, PLAUSIBILITY_ANSWER = 52, slice(23, 25)
+"""Of plausibility_t: its size, and where `failed` and `missing` are, in half-words."""
+STEP_OF = "control_step_"
+"""What the row of another system's step begins with; the system's name follows."""
+SHORTEST_PERIOD_CYCLES = 500 * 72
+"""Of `period_us` (500) at 72 MHz."""
+IMAGE_BUDGETS = {"flash": 48 * 1024, "ram + stack": 10 * 1024}
+IMAGE_STRETCH = {"flash": 24 * 1024, "ram + stack": 6 * 1024}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One kernel, measured over all inputs."""
+
+    instructions_min: int
+    instructions_max: int
+    cycles_max: int
+    cycles_2ws_max: int
+    bytes: int
+    stack: int
+    max_err: float
+
+    def verdict(self, budget: Budget) -> str:
+        over = []
+        if budget.cycles is not None and self.cycles_max > budget.cycles:
+            over.append(f"{self.cycles_max - budget.cycles} cycles over")
+        if budget.instructions is not None and self.instructions_max > budget.instructions:
+            over.append(f"{self.instructions_max - budget.instructions} instructions over")
+        if not self.max_err <= budget.max_err:
+            over.append("error over")
+        if budget.cycles is None and not over:
+            return f"{100 * self.cycles_2ws_max / SHORTEST_PERIOD_CYCLES:.0f} % of 500 us"
+        return ", ".join(over) or ("stretch" if self.cycles_max <= budget.stretch else "ok")
+
+
+@dataclass(frozen=True)
+class BenchResult:
+    """Every row, the image's sizes in bytes, and rates of this machine, which no budget gates."""
+
+    kernels: dict[str, Row]
+    image: dict[str, int]
+    rates: dict[str, float]
+
+    def to_json(self) -> dict[str, Any]:
+        kernels = {name: asdict(row) for name, row in self.kernels.items()}
+        for row in kernels.values():
+            del row["instructions_min"]
+        return {"kernels": kernels, "image": self.image}
+
+    def _image_sizes(self) -> dict[str, int]:
+        return {"flash": self.image["flash"], "ram + stack": self.image["ram"] + self.image["stack"]}
+
+    @property
+    def within_budget(self) -> bool:
+        sizes = self._image_sizes()
+        kernels = all("over" not in row.verdict(BUDGETS[name]) for name, row in self.kernels.items())
+        return kernels and all(sizes[name] <= budget for name, budget in IMAGE_BUDGETS.items())
+
+    def render(self) -> str:
+        """The table for people."""
+        lines = [f"{'kernel':<24}{'instr':>6}{'cycles':>8}{'2 ws':>7}{'budget':>8}{'bytes':>7}{'stack':>7}  error"]
+        for name, row in self.kernels.items():
+            budget = BUDGETS[name]
+            limits = [f"{budget.instructions} i" if budget.instructions else None, budget.cycles, "-"]
+            allowed = next(str(limit) for limit in limits if limit is not None)
+            lines.append(
+                f"{name:<24}{row.instructions_max:>6}{row.cycles_max:>8}{row.cycles_2ws_max:>7}{allowed:>8}"
+                f"{row.bytes:>7}{row.stack:>7}  {row.max_err:.1e} {budget.unit} (limit {budget.max_err:.0e}): "
+                f"{row.verdict(budget)}"
+            )
+        lines.append("")
+        for name, size in self._image_sizes().items():
+            word = "over" if size > IMAGE_BUDGETS[name] else "stretch" if size <= IMAGE_STRETCH[name] else "ok"
+            lines.append(f"image {name:<12}{size:>7} of {IMAGE_BUDGETS[name]} bytes: {word}")
+        lines.append(f"image ram {self.image['ram']} (.data + .bss), worst-case stack {self.image['stack']} bytes")
+        lines += [f"{name}: {rate:,.0f} per second on this machine" for name, rate in self.rates.items()]
+        lines.append("cycles: estimated by the processor manual's table, worst case; 2 ws: two flash wait states")
+        return "\n".join(lines)
+
+
+def find_image(image: Path | None = None) -> Path:
+    """The image asked for, else the checkout's build."""
+    candidates = [image] if image else [Path.cwd() / IMAGE, Path(__file__).parents[2] / IMAGE]
+    for candidate in candidates:
+        if candidate.is_file():
+            return candidate
+    raise UsageError(f"there is no {candidates[0]}; build it with make image in a checkout of plumb")
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One run of control_step on the Arm code: its parameters, whether its input was ordinary, what came out."""
+
+    params: ControlParams
+    ordinary: bool
+    raw: npt.NDArray[np.int64]
+    setpoint_turn_q32: npt.NDArray[np.int64]
+    words: Words
+
+
+def _inputs(tunings: Sequence[str]) -> Iterator[tuple[str, bool, npt.NDArray[np.int64], npt.NDArray[np.int64]]]:
+    """(tuning, whether a sensor could give this, raw (steps, 6), setpoint (steps,))."""
+    for index, name in enumerate(tunings):
+        seconds = MOTION_STEPS * quad.PERIOD_US * 1e-6
+        motion = quad.scenario("motion", 3000 + index, seconds=seconds)
+        yield name, True, motion.counts().astype(np.int64), motion.setpoint().astype(np.int64)
+        for make in WILD.values():
+            yield name, False, *make(4000 + index, WILD_STEPS)
+
+
+def _pack(numbers: npt.ArrayLike, kind: str) -> bytes:
+    return np.asarray(numbers).astype(kind).tobytes()
+
+
+class _Driver:
+    """control_init and control_step in a counter whose profiles fill up on the way."""
+
+    def __init__(self, counter: Counter) -> None:
+        self._counter = counter
+        self._control, self._room = counter.place(bytes(CONTROL_BYTES)), counter.place(bytes(16))
+        self._table = counter.place(bytes(4 * 256))
+
+    def run(self, params: ControlParams, raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
+        """One run from its beginning: the record of every step."""
+        counter, size = self._counter, RECORDS[params.system].itemsize
+        counter.write(self._table, _pack(np.array(params.words()) & 0xFFFF_FFFF, "<u4"))
+        counter.call("control_init", self._control, self._table)
+        record, rows = bytearray(), np.asarray(raw)
+        for counts, target in zip(rows, np.asarray(setpoint), strict=True):
+            counter.write(self._room, _pack(counts, "<i2"))
+            counter.call("control_step", self._control, self._table, self._room, int(target))
+            record += counter.read(self._control, size)
+        return Words.from_bytes(record, (len(rows),), params.system)
+
+
+def _run_control(counter: Counter, tunings: Sequence[str]) -> list[_Run]:
+    """Every input of quad."""
+    driver, runs = _Driver(counter), []
+    for tuning, ordinary, raw, setpoint in tqdm(list(_inputs(tunings)), disable=None, leave=False, unit="run"):
+        params = quantise(quad.TUNINGS[tuning])
+        runs.append(_Run(params, ordinary, raw, setpoint, driver.run(params, raw, setpoint)))
+    return runs
+
+
+def _step_of(elf: Image, system: str) -> Row:
+    """Another system's step, over the first steps of every vector of its recipe; its error is that of its scenario."""
+    counter = Counter(elf, ["control_step"])
+    driver = _Driver(counter)
+    for entry in golden_recipe.read(vectors_folder(None) / "recipe.toml", [system]):
+        params, raw, setpoint = entry.inputs()
+        driver.run(params, raw[:WILD_STEPS], setpoint[:WILD_STEPS])
+    own = systems.load(system)
+    return _row(counter, "control_step", scenario_error_deg(own.TUNINGS[own.DEFAULT_TUNING], own.DEFAULT_SCENARIO))
+
+
+def _digest(elf: Image) -> Row:
+    """The digest of a step of quad by the chip's CRC unit; its error is how many differ from zlib's."""
+    counter = Counter(elf, ["digest_crc32"])
+    size, wrong = RECORDS["quad"].itemsize, 0
+    place = counter.place(bytes(size))
+    for seed in range(DIGESTS):
+        record = random_bits(100 + seed, size // 8 + 1).tobytes()[:size]
+        counter.write(place, record)
+        wrong += counter.call("digest_crc32", place, size).result != zlib.crc32(record)
+    return _row(counter, "digest_crc32", wrong)
+
+
+def _plausibility(elf: Image) -> Row:
+    """The plausibility of quad's steps, over `motion` and over wild counts; its error is how many answers differ from
+    those of the native core."""
+    counter, wrong = Counter(elf, ["plausibility_step"]), 0
+    state, record = counter.place(bytes(PLAUSIBILITY_BYTES)), counter.place(bytes(RECORDS["quad"].itemsize))
+    bounds, params = elf.symbol("quad_plausibility").address, quantise(quad.ADAPTIVE)
+    dt_s_q33, unit = params["kalman.dt_s_q33"], params.variance_turn2_q56
+    for _, _, raw, setpoint in _inputs(["adaptive"]):
+        words = native_core.run_control(params, raw[:WILD_STEPS], setpoint[:WILD_STEPS])
+        failed, missing = native_core.plausibility(params, words)
+        counter.call("plausibility_init", state)
+        for step, row in enumerate(words.record):
+            counter.write(record, row.tobytes())
+            counter.call("plausibility_step", state, bounds, record, dt_s_q33, unit)
+            answer = np.frombuffer(counter.read(state, PLAUSIBILITY_BYTES), "<u2")[PLAUSIBILITY_ANSWER]
+            wrong += tuple(answer.tolist()) != (int(failed[step]), int(missing[step]))
+    return _row(counter, "plausibility_step", wrong)
+
+
+def _memory_check(elf: Image) -> Row:
+    """The check of all memory that decides a pulse; its error is how many answers were wrong: after sealing it is
+    intact, with one bit flipped it is not."""
+    counter, wrong = Counter(elf, ["board_memory_intact"]), 0
+    for area in ("guarded", "guarded_parameters"):
+        start, end = (elf.symbol(f"{area}_{place}").address for place in ("start", "end"))
+        for address in range(start, end, (end - start) // FLIPS):
+            counter.call("board_memory_seal")
+            counter.call("board_parameters_seal")
+            wrong += counter.call("board_memory_intact").result & 0xFF != 1
+            byte = counter.read(address, 1)[0]
+            counter.write(address, bytes((byte ^ 0x10,)))
+            wrong += counter.call("board_memory_intact").result & 0xFF != 0
+    return _row(counter, "board_memory_intact", wrong)
+
+
+def _lockstep(elf: Image) -> Row:
+    """Steps of quad in lockstep over the UART of the virtual board, one at a time; the error is how many digests differ
+    from those of the native core. Exceptions are charged as branches, without the 12 cycles of their entry."""
+    params, motion = quantise(quad.ADAPTIVE), quad.scenario("motion", 3000, seconds=EXCHANGES * quad.PERIOD_US * 1e-6)
+    raw, setpoint = motion.counts(), motion.setpoint()
+    with VirtualBoard(elf.path) as board:
+        stepper = board.stepper(params)
+        trace = InstructionTrace(board.machine)
+        answers = [stepper.step(tuple(row), int(sp)) for row, sp in zip(raw.tolist(), setpoint, strict=True)]
+    expected = native_core.run_control(params, raw, setpoint).digests()
+    wrong = sum(answer.digest != digest for answer, digest in zip(answers, expected.tolist(), strict=True))
+    cost = path_cost([elf.instruction(address) for address in trace.addresses])
+    code = {elf.symbol_at(address) for address in set(trace.addresses)}
+    instructions, cycles, cycles_2ws = (
+        -(-total // EXCHANGES) for total in (cost.instructions, cost.cycles, cost.cycles_2ws)
+    )
+    size = sum(symbol.size for symbol in code if symbol is not None)
+    return Row(instructions, instructions, cycles, cycles_2ws, size, cost.stack, wrong)
+
+
+def kalman_error_deg(tunings: Sequence[str]) -> float:
+    """Largest tilt error of the filter against float64 on hard inputs, both given the same integers."""
+    worst = 0.0
+    for name in tunings:
+        params = quantise(quad.TUNINGS[name])
+        error_deg = filter_error_deg(params, hard_inputs(params, KALMAN_STEPS, 5))
+        worst = max(worst, float(np.abs(error_deg).max()))
+    return worst
+
+
+def pid_error(words: Words, params: ControlParams) -> float:
+    """Largest error of the command, a fraction of full command, given the same integer error and rate."""
+    settings, state = pid_of(params), run_reference.PidState()
+    errors_deg = (words["error_turn_q32"] * TURN_DEG).tolist()
+    rates_dps = (words["rate_corrected_turnps_q28"] * (360.0 / 2**28)).tolist()
+    command = np.empty(len(errors_deg))
+    for k, (error_deg, rate_dps) in enumerate(zip(errors_deg, rates_dps, strict=True)):
+        run_reference.pid_step(state, settings, params.period_s, error_deg, rate_dps)
+        command[k] = state.command
+    return float(np.abs(words["command_q22"] / 2**22 - command).max())
+
+
+def _signed(value: int) -> int:
+    return value - (1 << 32) if value >> 31 else value
+
+
+def _run_angles(counter: Counter) -> dict[str, float]:
+    """angle_atan2 and angle_asin over their range; the largest error of each in degrees."""
+    bits = (random_bits(17, 3 * ANGLES) >> np.uint64(32)).astype(np.int64) - 2**31
+    atan2_inputs = [(int(y) >> int(s % 30), int(x) >> int(s % 30)) for y, x, s in bits.reshape(-1, 3)]
+    edges = [0, 1, -1, 2**26, -(2**26), 2**31 - 1, -(2**31) + 1]
+    atan2_inputs += [(y, x) for y in edges for x in edges if (y, x) != (0, 0)]
+    asin_inputs = [int(b) >> 1 for b in bits[:ANGLES]] + [0, 1, -1, 2**30, -(2**30), 2**30 - 1, -(2**30) + 1]
+    worst = {"atan2": 0.0, "asin": 0.0}
+    for y, x in atan2_inputs:
+        angle_deg = _signed(counter.call("angle_atan2", y, x).result) * TURN_DEG
+        error = float(abs(run_reference.wrap(angle_deg - run_reference.atan2(y, x))))
+        worst["atan2"] = max(worst["atan2"], error)
+    for sine in asin_inputs:
+        angle_deg = _signed(counter.call("angle_asin", sine).result) * TURN_DEG
+        if abs(angle_deg) <= ASIN_LIMIT_DEG:
+            worst["asin"] = max(worst["asin"], float(abs(angle_deg - run_reference.asin(sine / 2**30))))
+    return worst
+
+
+def _row(counter: Counter, symbol: str, max_err: float) -> Row:
+    profile = counter.profiles[symbol]
+    if not profile.calls:
+        raise UsageError(f"{counter.image.path.name} never called {symbol}: nothing was measured")
+    size = sum(part.size for part in counter.symbols_of(symbol))
+    return Row(
+        profile.instructions_min,
+        profile.instructions_max,
+        profile.cycles_max,
+        profile.cycles_2ws_max,
+        size,
+        profile.stack,
+        max_err,
+    )
+
+
+def measure(image: Path | None = None) -> BenchResult:
+    """Runs everything, about ten seconds; raises UsageError where there is no image, or no emulator for it."""
+    elf = Image(find_image(image))
+    graph = CallGraph(elf.path)
+    varying = [name for name, tuning in quad.TUNINGS.items() if tuning.trust.gain_deg2]
+    constant = [name for name in quad.TUNINGS if name not in varying]
+    step = Counter(elf, ["control_step", "kalman_step", "pid_step"])
+    step_constant_r = Counter(elf, ["control_step", "kalman_step", "pid_step"])
+    angles = Counter(elf, ["angle_atan2", "angle_asin"])
+    runs, runs_constant_r = _run_control(step, varying), _run_control(step_constant_r, constant)
+    angle_errors = _run_angles(angles)
+
+    ordinary = [run for run in runs + runs_constant_r if run.ordinary]
+    pid_worst = max(pid_error(run.words, run.params) for run in ordinary)
+    chain_worst_deg = max(chain_error_deg(run.params, run.raw, run.setpoint_turn_q32) for run in ordinary)
+    rows = {
+        "kalman_step": _row(step, "kalman_step", kalman_error_deg(list(quad.TUNINGS))),
+        "kalman_step_constant_r": _row(step_constant_r, "kalman_step", kalman_error_deg(["paper"])),
+        "atan2": _row(angles, "angle_atan2", angle_errors["atan2"]),
+        "asin": _row(angles, "angle_asin", angle_errors["asin"]),
+        "pid_step": _row(step, "pid_step", pid_worst),
+        "control_step": _row(step, "control_step", chain_worst_deg),
+    }
+    for name in BUDGETS:
+        if name.startswith(STEP_OF):
+            rows[name] = _step_of(elf, name.removeprefix(STEP_OF))
+    rows["plausibility_step"] = _plausibility(elf)
+    rows["digest_crc32"] = _digest(elf)
+    rows["board_memory_intact"] = _memory_check(elf)
+    rows["lockstep_step"] = _lockstep(elf)
+    sizes = {"flash": elf.flash_bytes, "ram": elf.ram_bytes, "stack": graph.worst_stack_bytes()}
+    return BenchResult(rows, sizes, rates())
+
+
+def rates() -> dict[str, float]:
+    """What this machine does in a second, best of three; reported, never gated."""
+    message = protocol()["STEP"]
+    frames = [(message.identifier, message.pack(k, 0, k, k * 2654435761 % 2**32)) for k in range(RATE_FRAMES)]
+    text = text_of_frames(frames)
+    took = min(_seconds(lambda: SlcanParser().feed(text)) for _ in range(3))
+    steps_per_s = native_core.kalman_steps_per_s(quantise(quad.TUNINGS["adaptive"]))
+    return {"native Kalman steps": steps_per_s, "link frames parsed": RATE_FRAMES / took}
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    begin = time.perf_counter()
+    work()
+    return time.perf_counter() - begin

@@ -1,0 +1,298 @@
+"""Calls C functions inside a linked Arm image and counts what they execute; plumb.bench.m3_timing turns that into
+cycles.
+
+The function runs in an emulator (Unicorn); what it executed is a list of basic blocks, and the cost is read off that
+list.  Nothing is sampled: one input gives one number, the same on every machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from plumb.bench.m3_timing import (
+    TABLE_READ_CYCLES_2WS,
+    Cost,
+    Decoder,
+    Instruction,
+    instruction_cycles,
+    path_cost,
+    require,
+)
+from plumb.errors import UsageError
+from plumb.f103.machine import Machine
+from plumb.f103.peripherals import crc
+from plumb.flash.elf import Elf, Symbol
+
+RCC_PAGE = 0x4002_1000
+MAGIC_RETURN = 0x1F00_0000  # a page of the code region that holds nothing: reaching it ends a call
+ARGUMENT_BASE = 0x6000_0000  # a page of RAM of the bench's own for arguments
+ARGUMENT_BYTES = 0x10000
+STACK_BASE = 0x7000_0000  # and a stack of the bench's own, so that the image's RAM stays as it is
+STACK_BYTES = 0x10000
+LIMIT_BLOCKS = 200_000  # a call that takes more is taken for lost
+
+
+@dataclass
+class Call:
+    """One finished call of a symbol: its result register, its path and the cost of the path."""
+
+    result: int
+    blocks: tuple[int, ...]
+    cost: Cost
+
+
+class Image(Elf):
+    """A linked Arm ELF whose instructions can be looked at one by one."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        if not self.symbols:
+            raise UsageError(f"{path} has no symbols; the bench needs the .elf, not a stripped image")
+        self._decoder = Decoder()
+        self._decoded: dict[int, Instruction] = {}
+
+    def instruction(self, address: int) -> Instruction:
+        if address not in self._decoded:
+            self._decoded[address] = self._decoder.decode(self.bytes_at(address, 4), address)
+        return self._decoded[address]
+
+
+@dataclass
+class Profile:
+    """The worst of many calls of one function."""
+
+    name: str
+    calls: int = 0
+    instructions_max: int = 0
+    cycles_max: int = 0
+    cycles_2ws_max: int = 0
+    stack: int = 0
+    instructions_min: int = 1 << 31
+    worst: tuple[int, ...] = ()
+
+    def add(self, blocks: tuple[int, ...], cost: Cost) -> None:
+        self.calls += 1
+        if cost.cycles > self.cycles_max:
+            self.worst = blocks
+        self.instructions_max = max(self.instructions_max, cost.instructions)
+        self.instructions_min = min(self.instructions_min, cost.instructions)
+        self.cycles_max = max(self.cycles_max, cost.cycles)
+        self.cycles_2ws_max = max(self.cycles_2ws_max, cost.cycles_2ws)
+        self.stack = max(self.stack, cost.stack)
+
+
+class Counter:
+    """Calls functions of an image by symbol and counts what they take, nested calls of watched functions included.
+
+    Arguments are 32-bit integers; memory for pointers comes from place() and is read back with read().
+    """
+
+    def __init__(self, image: Image, watch: Sequence[str] = ()) -> None:
+        uc, arm, const = require("unicorn"), require("unicorn.arm_const"), require("unicorn.unicorn_const")
+        self.image = image
+        self._arm, self._error = arm, uc.UcError
+        self._uc = uc.Uc(const.UC_ARCH_ARM, const.UC_MODE_THUMB | const.UC_MODE_MCLASS)
+        self._uc.ctl_set_cpu_model(arm.UC_CPU_ARM_CORTEX_M3)
+        mapped: set[int] = set()
+        for segment in image.segments:
+            for base, size in ((segment.address, segment.memory_bytes), (segment.load, len(segment.data))):
+                for page in range(base & ~0xFFF, base + size, 0x1000):
+                    if page not in mapped:
+                        self._uc.mem_map(page, 0x1000)
+                        mapped.add(page)
+                self._uc.mem_write(base, segment.data)
+        self._uc.mem_map(ARGUMENT_BASE, ARGUMENT_BYTES)
+        self._uc.mem_map(STACK_BASE, STACK_BYTES)
+        self._uc.mem_map(MAGIC_RETURN, 0x1000)
+        self._uc.mem_map(RCC_PAGE, 0x1000)  # plain memory: clocks may be switched on
+        self._unit_blocks: set[int] = set()  # basic blocks that give the CRC unit words
+        self._unit_words: list[int] = []
+        self._uc.mmio_map(crc.BASE, 0x1000, self._on_unit_read, None, self._on_unit_write, None)
+        self._next_argument = ARGUMENT_BASE
+        self._trace: list[int] = []
+        self._tables: list[Symbol] = []  # objects in flash that were read; ~index marks a read in the trace
+        self._sizes: dict[int, int] = {}
+        self._costs: dict[tuple[int, ...], Cost] = {}
+        self._nested: dict[tuple[int, ...], list[tuple[str, tuple[int, ...]]]] = {}
+        self.profiles = {name: Profile(name) for name in watch}
+        self._watched = {image.symbol(name).address: name for name in watch}
+        self._uc.hook_add(const.UC_HOOK_BLOCK, self._on_block)
+        code = min(image.segments, key=lambda segment: segment.address)
+        self._uc.hook_add(
+            const.UC_HOOK_MEM_READ, self._on_flash_read, begin=code.address, end=code.address + len(code.data)
+        )
+
+    def _on_block(self, _uc: Any, address: int, size: int, _data: object) -> None:
+        self._trace.append(address)
+        if len(self._trace) > LIMIT_BLOCKS:
+            self._uc.emu_stop()
+        self._sizes[address] = size
+
+    def _on_unit_read(self, _uc: Any, offset: int, _size: int, _data: object) -> int:
+        return crc.remainder(crc.START, self._unit_words) if offset == crc.DR_OFFSET else 0
+
+    def _on_unit_write(self, _uc: Any, offset: int, _size: int, value: int, _data: object) -> None:
+        if offset == crc.DR_OFFSET:
+            self._unit_words.append(value)
+            self._unit_blocks.add(next(block for block in reversed(self._trace) if block >= 0))
+        else:
+            self._unit_words.clear()  # the only other register that the firmware writes resets it
+
+    def _on_flash_read(self, _uc: Any, _kind: int, address: int, _size: int, _value: int, _data: object) -> None:
+        symbol = self.image.symbol_at(address)
+        if symbol is not None and not symbol.is_function:  # a literal lies in its function, a table does not
+            if symbol not in self._tables:
+                self._tables.append(symbol)
+            self._trace.append(~self._tables.index(symbol))
+
+    def place(self, data: bytes) -> int:
+        """Puts bytes into the bench's own RAM, 8-byte aligned, and returns their address."""
+        address = self._next_argument
+        self._next_argument += (len(data) + 7) & ~7
+        if self._next_argument > ARGUMENT_BASE + ARGUMENT_BYTES:
+            raise UsageError("The bench's argument memory is full: place less.")
+        self._uc.mem_write(address, data)
+        return address
+
+    def write(self, address: int, data: bytes) -> None:
+        self._uc.mem_write(address, data)
+
+    def read(self, address: int, size: int) -> bytes:
+        return bytes(self._uc.mem_read(address, size))
+
+    def call(self, name: str, *arguments: int) -> Call:
+        """Runs one function to its return; raises UsageError when it does not come back."""
+        symbol = self.image.symbol(name)
+        uc, arm = self._uc, self._arm
+        stack = STACK_BASE + STACK_BYTES - 64
+        for register, value in zip((arm.UC_ARM_REG_R0, arm.UC_ARM_REG_R1, arm.UC_ARM_REG_R2, arm.UC_ARM_REG_R3),
+                                   arguments, strict=False):  # fmt: skip
+            uc.reg_write(register, value & 0xFFFF_FFFF)
+        for index, value in enumerate(arguments[4:]):
+            uc.mem_write(stack + 4 * index, (value & 0xFFFF_FFFF).to_bytes(4, "little"))
+        uc.reg_write(arm.UC_ARM_REG_SP, stack)
+        uc.reg_write(arm.UC_ARM_REG_LR, MAGIC_RETURN | 1)
+        self._trace.clear()
+        try:
+            uc.emu_start(symbol.address | 1, MAGIC_RETURN)
+        except self._error as error:
+            raise UsageError(f"{name} stopped at 0x{uc.reg_read(arm.UC_ARM_REG_PC):08x}: {error}") from None
+        if len(self._trace) > LIMIT_BLOCKS:
+            raise UsageError(f"{name} did not return within {LIMIT_BLOCKS} basic blocks.")
+        blocks = tuple(self._trace)
+        self._profile(blocks)
+        return Call(uc.reg_read(arm.UC_ARM_REG_R0), blocks, self.cost(blocks))
+
+    def cost(self, blocks: tuple[int, ...]) -> Cost:
+        if blocks not in self._costs:
+            cost = path_cost(self.path(blocks), self._unit_stores())
+            tables = sum(block < 0 for block in blocks)
+            self._costs[blocks] = replace(cost, cycles_2ws=cost.cycles_2ws + tables * TABLE_READ_CYCLES_2WS)
+        return self._costs[blocks]
+
+    def _unit_stores(self) -> set[int]:
+        """Addresses of all stores in blocks that write to the CRC unit: a few more than go there, so a bound. (Inside a
+        block the emulator does not say which instruction is running.)"""
+        return {one.address for one in self.path(tuple(self._unit_blocks)) if one.name == "str"}
+
+    def path(self, blocks: tuple[int, ...]) -> list[Instruction]:
+        """The instructions of a path, in the order executed."""
+        path = []
+        for start in (block for block in blocks if block >= 0):
+            address = start
+            while address < start + self._sizes[start]:
+                path.append(self.image.instruction(address))
+                address += path[-1].size
+        return path
+
+    def _profile(self, blocks: tuple[int, ...]) -> None:
+        """Books every call of a watched function inside a path."""
+        if blocks not in self._nested:
+            self._nested[blocks] = [(name, blocks[a:b]) for name, a, b in self._nested_calls(blocks)]
+        for name, part in self._nested[blocks]:
+            self.profiles[name].add(part, self.cost(part))
+
+    def _nested_calls(self, blocks: tuple[int, ...]) -> list[tuple[str, int, int]]:
+        """Watched functions that a path enters: name, first block, block after the last."""
+        returns: list[int] = []
+        open_calls: list[tuple[str, int, int]] = []  # name, first block, depth of the return stack
+        found: list[tuple[str, int, int]] = []
+        for index, start in enumerate(blocks):
+            if start < 0:
+                continue
+            if returns and start == returns[-1]:
+                returns.pop()
+                while open_calls and open_calls[-1][2] > len(returns):
+                    name, first, _ = open_calls.pop()
+                    found.append((name, first, index))
+            if start in self._watched:
+                open_calls.append((self._watched[start], index, len(returns)))
+            last = self.path((start,))[-1]
+            if last.is_call:
+                returns.append(last.address + last.size)
+        return found + [(name, first, len(blocks)) for name, first, _ in open_calls]
+
+    def symbols_of(self, name: str) -> set[Symbol]:
+        """Every function that the watched one was seen to execute, itself included, and every table it read."""
+        seen = {block for path in self._nested.values() for n, part in path if n == name for block in part}
+        code = {symbol for symbol in (self.image.symbol_at(b) for b in seen if b >= 0) if symbol is not None}
+        return code | {self._tables[~block] for block in seen if block < 0}
+
+    def listing(self, blocks: tuple[int, ...], emit: Callable[[str], None] = print) -> None:
+        """Prints a path: address, cycles of each instruction, text; for hunting cycles."""
+        path = self.path(blocks)
+        for index, now in enumerate(path):
+            before = path[index - 1] if index else None
+            after = path[index + 1] if index + 1 < len(path) else None
+            taken = after is None or after.address != now.address + now.size
+            symbol = self.image.symbol_at(now.address)
+            took = instruction_cycles(now, before, taken, after)
+            emit(f"{now.address:08x} {took:3d}  {symbol.name if symbol else '?':24s} {now.text}")
+
+
+class InstructionTrace:
+    """The address of every instruction that a simulated part executes from now on, in order."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.addresses: list[int] = []
+        cpu = machine.cpu
+        cpu.uc.hook_add(require("unicorn.unicorn_const").UC_HOOK_CODE, self._on_instruction)
+        cpu.forget_code()  # what was translated before the hook would not call it
+
+    def _on_instruction(self, _uc: Any, address: int, _size: int, _data: object) -> None:
+        self.addresses.append(address)
+
+
+def _argument(counter: Counter, text: str) -> int:
+    """A number, `@N` for a pointer to N zero bytes, or `@a,b,c` for a pointer to 32-bit words."""
+    if not text.startswith("@"):
+        return int(text, 0)
+    words = text[1:].split(",")
+    if len(words) == 1:
+        return counter.place(bytes(int(words[0], 0)))
+    return counter.place(b"".join((int(word, 0) & 0xFFFF_FFFF).to_bytes(4, "little") for word in words))
+
+
+def main() -> None:
+    """`python -m plumb.bench.instruction_counter IMAGE.elf SYMBOL ARGUMENT...`: one call, instruction by instruction,
+    and its cost."""
+    parser = argparse.ArgumentParser(prog="python -m plumb.bench.instruction_counter", description=main.__doc__)
+    parser.add_argument("image", type=Path)
+    parser.add_argument("symbol")
+    parser.add_argument("arguments", nargs="*", help="number | @N (N zero bytes) | @a,b,c (32-bit words)")
+    options = parser.parse_args()
+    try:
+        counter = Counter(Image(options.image), [options.symbol])
+        call = counter.call(options.symbol, *(_argument(counter, text) for text in options.arguments))
+    except UsageError as error:
+        parser.error(str(error))
+    counter.listing(call.blocks)
+    print(f"result {call.result:#010x}  {call.cost}")
+
+
+if __name__ == "__main__":
+    main()

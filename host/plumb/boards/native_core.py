@@ -1,0 +1,266 @@
+"""The C core in this process, by ctypes: the same functions as `plumb.systems.run_fixed`, at full speed.
+
+The library is the one that the package was installed with, or in a checkout the one of the `native` preset.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import time
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.errors import UsageError
+from plumb.spec import declarations, parameters
+from plumb.spec.records import RECORDS, Words, block_dtype, names_of
+from plumb.systems.run_fixed import check_inputs, system_name
+from plumb.tuning.quantise import ControlParams
+
+LIBRARY = "libplumb_native.so"
+BUILD = "cmake --preset native && cmake --build --preset native"
+
+KALMAN_DTYPE = block_dtype("kalman")
+"""kalman_t: the state of one filter after a step."""
+
+PID_DTYPE = block_dtype("pid")
+"""pid_t."""
+
+Int32s = npt.NDArray[np.int32]
+Records = npt.NDArray[np.void]
+
+
+def core_path() -> Path:
+    """Where the library is; UsageError that says how to make it when there is none."""
+    package = Path(__file__).resolve().parent
+    for path in (package / LIBRARY, package.parents[1] / "build" / "native" / LIBRARY):
+        if path.is_file():
+            return path
+    raise UsageError(f"the native core is not built: run '{BUILD}' in the checkout, or 'pip install .' there")
+
+
+@lru_cache(maxsize=1)
+def c_core() -> ctypes.CDLL:
+    """The loaded library; UsageError when it is of another version than this package."""
+    path = core_path()
+    try:
+        core = ctypes.CDLL(str(path))
+        core.plumb_word_names.restype = ctypes.c_char_p
+        core.plumb_crc32.restype = ctypes.c_uint32
+        fits = (
+            all(word_names(core, system) in (names_of(system), ()) for system in RECORDS)
+            and any(word_names(core, system) for system in RECORDS)
+            and core.plumb_params_count() == sum(row.owner == "control" for row in parameters.table())
+            and core.plumb_sizeof_kalman() == KALMAN_DTYPE.itemsize
+            and core.plumb_sizeof_pid() == PID_DTYPE.itemsize
+        )
+    except (OSError, AttributeError) as error:
+        raise UsageError(f"{path} is not this core ({error}): run '{BUILD}' in the checkout") from error
+    if not fits:
+        raise UsageError(f"{path} is of another version than this package: run '{BUILD}' in the checkout")
+    return core
+
+
+def _number(system: str) -> int:
+    return declarations.system(system).number
+
+
+def word_names(core: ctypes.CDLL, system: str) -> tuple[str, ...]:
+    """The words of a system's step as the C lists them; none for a system it does not have."""
+    names: bytes | None = core.plumb_word_names(_number(system))
+    return tuple(names.decode().split(",")) if names else ()
+
+
+def _pointer(array: npt.NDArray[np.generic]) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def _i32(values: npt.ArrayLike) -> Int32s:
+    return np.ascontiguousarray(values, np.int32)
+
+
+def _u32(values: npt.ArrayLike) -> npt.NDArray[np.uint32]:
+    return np.ascontiguousarray(np.asarray(values, np.int64) & 0xFFFFFFFF, np.uint32)
+
+
+def params_valid(params: ControlParams) -> bool:
+    """What the firmware says of a whole set at commit."""
+    return bool(c_core().plumb_params_valid(_pointer(_u32(params.words()))))
+
+
+def require_valid(params: ControlParams) -> None:
+    """Raises UsageError for parameters that the core refuses: with them its arithmetic may divide by zero."""
+    if not word_names(c_core(), params.system):
+        raise UsageError(f"the native core was built without {params.system}: build it with PLUMB_SYSTEMS that has it")
+    if not params_valid(params):
+        raise UsageError(f"the core refuses these parameters of {params.system}; take those of a tuning")
+
+
+def crc32(data: bytes) -> int:
+    return int(c_core().plumb_crc32(data, len(data)))
+
+
+def atan2(y: npt.ArrayLike, x: npt.ArrayLike) -> Int32s:
+    """Binary angles of the points (x, y), any int32."""
+    rows, columns = _i32(y), _i32(x)
+    out = np.empty_like(rows)
+    c_core().plumb_atan2_run(_pointer(rows), _pointer(columns), rows.size, _pointer(out))
+    return out
+
+
+def asin(x_q30: npt.ArrayLike) -> Int32s:
+    """Binary angles whose sines are x / 2^30."""
+    sines = _i32(x_q30)
+    out = np.empty_like(sines)
+    c_core().plumb_asin_run(_pointer(sines), sines.size, _pointer(out))
+    return out
+
+
+def sincos(turn_q32: npt.ArrayLike) -> tuple[Int32s, Int32s]:
+    """Sine and cosine of binary angles, Q30."""
+    turns = _i32(turn_q32)
+    sine, cosine = np.empty_like(turns), np.empty_like(turns)
+    c_core().plumb_sincos_run(_pointer(turns), turns.size, _pointer(sine), _pointer(cosine))
+    return sine, cosine
+
+
+def length(y: npt.ArrayLike, x: npt.ArrayLike) -> npt.NDArray[np.uint32]:
+    """Half the lengths of the vectors (x, y), components of at most 7 * 2^28."""
+    ys, xs = _i32(y), _i32(x)
+    out = np.empty(ys.shape, np.uint32)
+    c_core().plumb_length_run(_pointer(ys), _pointer(xs), ys.size, _pointer(out))
+    return out
+
+
+def reciprocal(d: npt.ArrayLike) -> npt.NDArray[np.uint32]:
+    """2^61 / d, 2^30 <= d < 2^31."""
+    divisors = _u32(d)
+    out = np.empty_like(divisors)
+    c_core().plumb_reciprocal_run(_pointer(divisors), divisors.size, _pointer(out))
+    return out
+
+
+def tilt_and_trust(
+    params: ControlParams, accel_y_g_q26: npt.ArrayLike, accel_z_g_q26: npt.ArrayLike
+) -> tuple[Int32s, npt.NDArray[np.uint32]]:
+    """Measured tilt, turn Q32, and R in 2^32 lsb."""
+    require_valid(params)
+    y, z = _i32(accel_y_g_q26), _i32(accel_z_g_q26)
+    turn, variance = np.empty_like(y), np.empty(y.shape, np.uint32)
+    words = _u32(params.words())
+    c_core().plumb_tilt_run(_pointer(words), _pointer(y), _pointer(z), y.size, _pointer(turn), _pointer(variance))
+    return turn, variance
+
+
+def kalman_run(
+    params: ControlParams, variance: npt.ArrayLike, tilt_turn_q32: npt.ArrayLike, rate_turnps_q28: npt.ArrayLike
+) -> tuple[Int32s, Records]:
+    """The filter alone, from its start: fused tilt (steps[, runs]), and the last state of each run.
+
+    The rate is U(k) as it is given: which sample that is, control_step decides.
+    """
+    r, z, u = _u32(variance), _i32(tilt_turn_q32), _i32(rate_turnps_q28)
+    runs = z.shape[1] if z.ndim == 2 else 1
+    require_valid(params)
+    fused, states = np.empty_like(z), np.zeros(runs, KALMAN_DTYPE)
+    c_core().plumb_kalman_run(
+        _pointer(_u32(params.words())), _pointer(r), _pointer(z), _pointer(u), len(z), runs, _pointer(states),
+        _pointer(fused),
+    )  # fmt: skip
+    return fused, states
+
+
+def kalman_step(
+    params: ControlParams, states: Records, variance: npt.ArrayLike, tilt_turn_q32: npt.ArrayLike, rate: npt.ArrayLike
+) -> Records:
+    """One step of each of n unrelated states of KALMAN_DTYPE."""
+    r, z, u, after = _u32(variance), _i32(tilt_turn_q32), _i32(rate), states.copy()
+    words = _u32(params.words())
+    c_core().plumb_kalman_each(_pointer(words), _pointer(after), _pointer(r), _pointer(z), _pointer(u), len(after))
+    return after
+
+
+def pid_step(params: ControlParams, states: Records, error_turn_q32: npt.ArrayLike, rate: npt.ArrayLike) -> Records:
+    """One step of each of n unrelated states of PID_DTYPE."""
+    error, measured, after = _i32(error_turn_q32), _i32(rate), states.copy()
+    words = _u32(params.words())
+    c_core().plumb_pid_each(_pointer(words), _pointer(after), _pointer(error), _pointer(measured), len(after))
+    return after
+
+
+class Controller:
+    """One run, a step at a time, in memory that this object owns."""
+
+    def __init__(self, params: ControlParams) -> None:
+        require_valid(params)
+        self._core, self._params = c_core(), _u32(params.words())
+        self._memory = np.zeros(self._core.plumb_sizeof_control() // 8 + 1, np.int64)
+        self._record = np.zeros(1, RECORDS[params.system])
+        self._core.plumb_control_init(_pointer(self._memory), _pointer(self._params))
+
+    def step(self, raw: Sequence[int], setpoint: int) -> dict[str, int]:
+        """The words of this step by name; raw: up to 6 counts, the rest are 0."""
+        counts = np.zeros(6, np.int16)
+        counts[: len(raw)] = raw
+        target = ctypes.c_int32(int(setpoint))
+        self._core.plumb_control_step(_pointer(self._memory), _pointer(self._params), _pointer(counts), target)
+        self._core.plumb_control_words(_pointer(self._memory), _pointer(self._params), _pointer(self._record))
+        return dict(zip(self._record.dtype.names or (), self._record[0].item(), strict=True))
+
+    def digest(self) -> int:
+        """CRC-32 of the last step's words, by the core's own function."""
+        return crc32(self._record.tobytes())
+
+
+def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
+    """raw: (steps, up to 6 counts[, runs]); setpoint: (steps[, runs]); one set of parameters, or one per run."""
+    counts, setpoints = check_inputs(raw, setpoint)
+    steps, runs = len(counts), counts.shape[2] if counts.ndim == 3 else 1
+    sets = [params] * runs if isinstance(params, ControlParams) else list(params)
+    if len(sets) != runs:
+        raise UsageError(f"{len(sets)} parameter sets were given for {runs} runs: give one, or one per run")
+    record = np.zeros((runs, steps), RECORDS[system_name(sets)])
+    by_run = np.ascontiguousarray(np.moveaxis(counts.reshape(steps, 6, runs), 2, 0), np.int16)
+    targets = np.ascontiguousarray(setpoints.reshape(steps, runs).T, np.int32)
+    core = c_core()
+    for run, one in enumerate(sets):
+        require_valid(one)
+        core.plumb_control_run(
+            _pointer(_u32(one.words())),
+            _pointer(by_run[run]),
+            _pointer(targets[run]),
+            steps,
+            _pointer(record[run]),
+            None,
+        )
+    return Words(record.T if counts.ndim == 3 else record[0])
+
+
+def plausibility(params: ControlParams, words: Words) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.uint16]]:
+    """What core/plausibility.c makes of the records of one run: after each step the bits of the checks that fail, and
+    of the conditions for arming that are missing. UsageError for a system of which nothing is checked."""
+    steps = len(words.record)
+    failed, missing = np.zeros(steps, np.uint16), np.zeros(steps, np.uint16)
+    record = np.ascontiguousarray(words.record)
+    unit = ctypes.c_uint32(params.variance_turn2_q56)
+    table = _pointer(_u32(params.words()))
+    if not c_core().plumb_plausibility_run(table, _pointer(record), steps, unit, _pointer(failed), _pointer(missing)):
+        raise UsageError(f"{params.system} moves nothing: there is no plausibility to check")
+    return failed, missing
+
+
+def kalman_steps_per_s(params: ControlParams, runs: int = 64, steps: int = 4000, repeats: int = 5) -> float:
+    """Batched filter steps per second on one core, the best of some repeats."""
+    rng = np.random.default_rng(1)
+    z = rng.integers(-(1 << 28), 1 << 28, (steps, runs)).astype(np.int32)
+    u = rng.integers(-(1 << 26), 1 << 26, (steps, runs)).astype(np.int32)
+    r = np.full((steps, runs), params["tilt.r_base"], np.uint32)
+    best = float("inf")
+    for _ in range(repeats):
+        start = time.perf_counter()
+        kalman_run(params, r, z, u)
+        best = min(best, time.perf_counter() - start)
+    return runs * steps / best

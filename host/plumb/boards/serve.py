@@ -1,0 +1,133 @@
+"""The virtual board as a process of its own: its UART behind a pseudo-terminal or a TCP port, its CAN bus joined to any
+python-can bus, at the pace of the wall clock and never faster. One client at a time on the UART; clients come and go,
+the board runs on. What the board sends while nobody is there is lost, as on a cable."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import can
+
+from plumb.boards.flash_file import KeptSlots
+from plumb.boards.virtual_can import Joint
+from plumb.errors import LinkError
+from plumb.f103.core.timeline import TICKS_PER_S
+from plumb.f103.machine import Machine
+from plumb.link.transports.server_endpoint import Line, open_line
+from plumb.process_signals import endings
+
+SLICE_S = 0.0003
+"""Rest between two turns of the loop, and so the grain of the pace."""
+LAG_S = 0.05
+"""When the machine cannot keep up by more than this, time is given up rather than chased."""
+
+
+def run_paced(
+    machine: Machine,
+    line: Line,
+    stopped: Callable[[], bool],
+    joint: Joint | None = None,
+    kept: KeptSlots | None = None,
+) -> None:
+    """Run the machine at wall-clock pace, moving bytes between its UART and the line, and frames through the joint,
+    until stopped() holds."""
+    begin_wall, begin_ticks = time.monotonic(), machine.now
+    while not stopped():
+        elapsed = time.monotonic() - begin_wall
+        due = begin_ticks + int(elapsed * TICKS_PER_S)
+        machine.run_to(min(due, machine.now + int(4 * SLICE_S * TICKS_PER_S)))
+        behind_s = (due - machine.now) / TICKS_PER_S
+        if behind_s > LAG_S:
+            begin_wall += behind_s
+        data = line.read()
+        if data:
+            machine.uart.write(data)
+        waiting = machine.uart.in_waiting
+        if waiting:
+            line.write(machine.uart.read(waiting))
+        if joint is not None:
+            joint.move()
+        if kept is not None:
+            kept.look()
+        if behind_s < SLICE_S:
+            descriptor = line.watch()
+            # Sleep for a slice, or less when the line has something. Not selectors: epoll counts in milliseconds.
+            select.select([] if descriptor is None else [descriptor], [], [], SLICE_S)
+    if kept is not None:
+        kept.write()
+
+
+def open_can_end(spec: str) -> can.BusABC:
+    """What the board's CAN bus is joined to: slcan:pty and slcan:tcp:PORT (a CAN adapter, served), socketcand:PORT (a
+    socketcand server), else any python-can bus by INTERFACE:CHANNEL[@KBIT]. Raises UsageError, LinkError."""
+    from plumb.link.transports.open_bus import open_can
+    from plumb.link.transports.slcan_server import AdapterBus
+    from plumb.link.transports.socketcand import SocketcandBus
+
+    kind, _, where = spec.partition(":")
+    if kind == "slcan" and (where == "pty" or where.startswith("tcp:")):
+        return AdapterBus(open_line(where))
+    if kind == "socketcand" and where.isdigit() and int(where) <= 65535:
+        return SocketcandBus(int(where))
+    return open_can(spec)
+
+
+def address_of(bus: can.BusABC, spec: str) -> str:
+    """The board's name for a host that wants to reach it over this end."""
+    from plumb.link.transports.slcan_server import AdapterBus
+    from plumb.link.transports.socketcand import SocketcandBus
+
+    if isinstance(bus, AdapterBus):
+        return f"can:slcan:{bus.address}"
+    if isinstance(bus, SocketcandBus):
+        return f"can:socketcand:{bus.address}:can0"
+    return f"can:{spec}"
+
+
+@contextlib.contextmanager
+def joined(machine: Machine, spec: str | None, announce: Callable[[str], None]) -> Iterator[Joint | None]:
+    """The machine's CAN bus joined to what `open_can_end` makes of spec, and let go of at the end."""
+    if spec is None:
+        yield None
+        return
+    with open_can_end(spec) as bus:
+        try:
+            announce(address_of(bus, spec))
+            yield Joint(machine, bus, kbit_of(spec))
+        except (can.CanError, OSError) as error:
+            raise LinkError(f"the CAN bus {spec} failed ({error}): check the interface, then start again") from None
+
+
+def kbit_of(spec: str) -> int:
+    from plumb.link.transports.open_bus import DEFAULT_KBIT
+
+    head, _, rate = spec.rpartition("@")
+    return int(rate) if head and rate.isdigit() else DEFAULT_KBIT
+
+
+def serve(
+    machine: Machine,
+    spec: str,
+    *,
+    link: Path | None = None,
+    can_spec: str | None = None,
+    kept: KeptSlots | None = None,
+    announce: Callable[[str], None] = print,
+) -> int:
+    """Serve the machine's UART on `spec`, and its CAN bus on `can_spec`, until SIGINT or SIGTERM; returns that signal's
+    number.
+
+    announce gets the address of each end, as a board's name without `serial:`.
+    """
+    line = open_line(spec, link)
+    try:
+        with joined(machine, can_spec, announce) as joint, endings() as caught:
+            announce(line.address)
+            run_paced(machine, line, lambda: bool(caught), joint, kept)
+            return caught[0]
+    finally:
+        line.close()

@@ -1,0 +1,22 @@
+"""Instructions, estimated Cortex-M3 cycles, bytes, stack and error of the kernels, against the budgets.
+
+The instruction counts are exact: the Arm code of the shipped image runs in an emulator. Cycles follow the timing model
+written at the top of plumb/cycles.py, at zero and at two flash wait states. Exit code 1 when a budget is exceeded.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from plumb.bench import bench
+
+    result = bench.measure()
+    print(json.dumps(result.to_json()) if arguments.json else result.render())
+    return 0 if result.within_budget else 1

@@ -1,0 +1,221 @@
+"""Join a sensor board on one bus with the STM32 on another, frame for frame, and watch what goes by.
+
+    plumb bridge tcp:127.0.0.1:4100 serial:/dev/ttyUSB0 --system quad --shadow
+    plumb bridge can:socketcan:can0 tcp:127.0.0.1:4000 --system quad --arm --seconds 60
+    plumb bridge can:socketcan:can0 can:socketcan:can0 --shadow   both on one bus: nothing to carry, all to watch
+    plumb bridge can:socketcan:can0 serial:/dev/ttyUSB0 --direct  the sensor board is on the STM32's own CAN bus
+    plumb bridge serial:/dev/pts/3 tcp:127.0.0.1:4000 --carry     nothing but frames, both ways
+
+The first BUS is the sensor board's, the second the STM32's. The bridge uploads the system's parameters, begins a run on
+injected samples when the first one comes, ends it (which disarms) when they stop, and takes it up again when either
+side comes back. --arm arms the first run; whatever disarms it, it is not armed again. --shadow runs the integer model
+beside the board and stops at the first bit that differs.
+
+With --direct samples and setpoints reach the STM32 over its own CAN bus, and the bridge owns the run over another link:
+the run names CAN as their source, and the STM32 takes them from nowhere else.
+
+Exit codes: 1 a bit differed, 3 no run came about, a side never opened, or --shadow verified nothing, 130 Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from plumb.inputs.bridge import Bridge, End, Flow
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    buses = "serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT, can:INTERFACE:CHANNEL[@KBIT] or file:PATH"
+    parser.add_argument("sensor", metavar="BUS", help=f"the sensor board's: {buses}")
+    parser.add_argument("board", metavar="BUS", help="the STM32's: the same")
+    parser.add_argument("--system", default="quad", help="whose parameters (default quad)")
+    parser.add_argument("--tuning", help="a name from the system's list (default: the system's own)")
+    parser.add_argument("--keep-parameters", action="store_true", help="run with those the board has")
+    parser.add_argument("--arm", action="store_true", help="arm the first run: the outputs move")
+    parser.add_argument("--shadow", action="store_true", help="compare every step with the model, stop at a difference")
+    parser.add_argument(
+        "--direct", action="store_true", help="the sensor board is on the STM32's own CAN bus: samples are not carried"
+    )
+    parser.add_argument("--carry", action="store_true", help="carry frames only: another host does the rest")
+    parser.add_argument("--seconds", type=float, metavar="N", help="how long (default: until Ctrl-C)")
+    parser.add_argument("--json", action="store_true", help="print JSON at the end")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from plumb.errors import UsageError
+    from plumb.link.transports.open_bus import kind_and_address
+    from plumb.process_signals import endings
+
+    for spec in (arguments.sensor, arguments.board):
+        kind_and_address(spec)
+    if arguments.seconds is not None and not arguments.seconds > 0:
+        raise UsageError(f"--seconds {arguments.seconds:g}: ask for more than nothing")
+    if arguments.carry and (arguments.shadow or arguments.arm):
+        raise UsageError("--carry only carries frames: leave out --shadow and --arm, or --carry")
+    if arguments.direct and (arguments.carry or kind_and_address(arguments.sensor)[0] != "can"):
+        raise UsageError("--direct is for a sensor board on the STM32's CAN bus: name that bus first, without --carry")
+    if arguments.sensor == arguments.board and (arguments.carry or kind_and_address(arguments.board)[0] != "can"):
+        raise UsageError(f"{arguments.board} is named twice: sensor board and STM32 meet on a CAN bus alone")
+    with endings() as caught:
+        begin_s: float | None = None
+
+        def stopped() -> bool:
+            nonlocal begin_s
+            if begin_s is None:
+                begin_s = time.monotonic()  # with the first question: loading and quantising took a while
+            over = arguments.seconds is not None and time.monotonic() - begin_s >= arguments.seconds
+            return bool(caught) or over
+
+        summary = carried(arguments, stopped) if arguments.carry else bridged(arguments, stopped)
+        summary["seconds"] = round(time.monotonic() - (begin_s or time.monotonic()), 3)
+    print(json.dumps(summary) if arguments.json else describe(summary))
+    if signal.SIGINT in caught:
+        raise KeyboardInterrupt
+    idle = summary.get("runs") == 0 or 0 in (summary[side]["opened"] for side in ("first", "second") if side in summary)
+    return {"fail": 1, "unverified": 3}.get(str(summary.get("verdict")), 3 if idle else 0)
+
+
+def say(text: str) -> None:
+    over = "\r\x1b[K" if sys.stderr.isatty() else ""
+    print(f"{over}plumb: {text}", file=sys.stderr, flush=True)
+
+
+def carried(arguments: argparse.Namespace, stopped: Any) -> dict[str, Any]:
+    from plumb.inputs.bridge import End, carry
+
+    ends = [End(arguments.sensor), End(arguments.board)]
+    for one in ends:
+        one.start()
+    try:
+        carry(ends[0], ends[1], stopped, say)
+    finally:
+        for one in ends:
+            one.stop()
+    return {"first": flow(ends[0].flow, ends[0]), "second": flow(ends[1].flow, ends[1])}
+
+
+def bridged(arguments: argparse.Namespace, stopped: Any) -> dict[str, Any]:
+    from plumb import systems
+    from plumb.errors import UsageError
+    from plumb.inputs.bridge import Bridge
+    from plumb.tuning import quantise
+
+    system = systems.load(arguments.system)
+    name = arguments.tuning or system.DEFAULT_TUNING
+    if name not in system.TUNINGS:
+        raise UsageError(f"{arguments.system} has no tuning '{name}'; it has {', '.join(system.TUNINGS)}")
+    params = None if arguments.keep_parameters else quantise.quantise(system.TUNINGS[name])
+    bridge = Bridge(
+        arguments.sensor,
+        arguments.board,
+        params,
+        tuple(dict.fromkeys(frame for frame, _ in system.OUTPUT_FRAMES.values())),
+        {"period_us": system.PERIOD_US, **system.LINK},
+        arm=arguments.arm,
+        shadow=arguments.shadow,
+        direct=arguments.direct,
+        say=say,
+    )
+    bridge.run(watched(bridge, stopped) if sys.stderr.isatty() else stopped)
+    return summary_of(bridge)
+
+
+def watched(bridge: Bridge, stopped: Callable[[], bool]) -> Callable[[], bool]:
+    """The same question, which also writes what has been counted, once a second, over the line before."""
+    shown_s = time.monotonic()
+    before = (0, 0, 0)
+
+    def asked() -> bool:
+        nonlocal shown_s, before
+        now_s = time.monotonic()
+        if now_s - shown_s >= 1.0:
+            count = (bridge.sensor.flow.frames, bridge.board.frames, bridge.steps)
+            rates = [(new - old) / (now_s - shown_s) for new, old in zip(count, before, strict=True)]
+            lost = bridge.sensor.flow.lost + bridge.board.lost
+            rejected = bridge.sensor.flow.rejected + bridge.board.rejected
+            took = f"{1e3 * bridge.latencies_s[-1]:.1f} ms" if bridge.latencies_s else "-"
+            verified = f", {bridge.shadow.steps} verified" if bridge.shadow else ""
+            text = (
+                f"{rates[0]:.0f} frames/s down, {rates[1]:.0f} up, {rates[2]:.0f} steps/s{verified}, "
+                f"delay {took}, lost {lost}, rejected {rejected}"
+            )
+            print(f"\r{text}\x1b[K", end="", file=sys.stderr, flush=True)
+            shown_s, before = now_s, count
+        return stopped()
+
+    return asked
+
+
+def flow(flow: Flow, end: End | None = None) -> dict[str, Any]:
+    said = {key: getattr(flow, key) for key in ("frames", "lost", "rejected", "foreign", "opened")}
+    return said if end is None else {**said, "trouble": end.trouble}
+
+
+def summary_of(bridge: Bridge) -> dict[str, Any]:
+    """Everything that was counted."""
+    import numpy as np
+
+    counted = bridge.counted
+    took = np.array(bridge.latencies_s) * 1e3
+    latency = {f"p{p}": round(float(np.percentile(took, p)), 3) for p in (50, 99, 100)} if len(took) else None
+    board = {**flow(bridge.board), **{f"board_{k}": getattr(counted, k) for k in ("rejected", "lost", "dropped")}}
+    summary: dict[str, Any] = {
+        "runs": bridge.runs,
+        "steps": bridge.steps,
+        "starved": counted.starved,
+        "skipped_samples": bridge.skipped,
+        "unused_samples": bridge.unused,
+        "latency_ms": latency,
+        "sensor": flow(bridge.sensor.flow, bridge.sensor),
+        "board": board,
+    }
+    shadow = bridge.shadow
+    if bridge.want_shadow:
+        summary["verdict"] = shadow.verdict if shadow else "unverified"
+        summary["verified_steps"] = shadow.steps if shadow else 0
+        summary["unverified_runs"] = shadow.unverified_runs if shadow else 0
+        if shadow is not None and shadow.divergence is not None:
+            summary["first_divergence"] = shadow.divergence.as_dict()
+    return summary
+
+
+def describe(summary: dict[str, Any]) -> str:
+    """The same for a reader."""
+    seconds = summary["seconds"]
+    lines = []
+    for side in ("sensor", "board", "first", "second"):
+        if side in summary:
+            s = summary[side]
+            lines.append(
+                f"{side:<8} {s['frames']} frames ({s['frames'] / seconds:.0f}/s), lost {s['lost']}, "
+                f"rejected {s['rejected']}, foreign {s['foreign']}, opened {s['opened']} times"
+            )
+    if "runs" in summary:
+        lines.append(
+            f"runs     {summary['runs']}, {summary['steps']} steps, {summary['starved']} of them without a new "
+            f"sample, {summary['skipped_samples']} samples left out to keep the delay short, "
+            f"{summary['unused_samples']} came while no run was on"
+        )
+        b = summary["board"]
+        lines.append(
+            f"counted  by the board: rejected {b['board_rejected']}, dropped {b['board_dropped']}, lost "
+            f"{b['board_lost']}, samples left out here or lost before among them"
+        )
+    if summary.get("latency_ms"):
+        p = summary["latency_ms"]
+        lines.append(
+            f"latency  sample to step {p['p50']} ms in the middle, 99 % within {p['p99']}, all within {p['p100']}"
+        )
+    if "verdict" in summary:
+        lines.append(f"shadow   {summary['verified_steps']} steps agree with the model in every bit")
+        if "first_divergence" in summary:
+            lines.append(f"         first divergence: {summary['first_divergence']}")
+        lines.append(str(summary["verdict"]))
+    return "\n".join(lines)

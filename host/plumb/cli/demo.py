@@ -1,0 +1,112 @@
+"""The main job, on no hardware: close the loop of `quad` on the virtual board, then check the golden vectors.
+
+The unmodified flash image runs on a simulated STM32F103. The plant drives volts into its ADC pins and follows its PWM;
+telemetry comes back over its serial port. Every step is compared with the integer model, then the golden vectors of all
+systems run on the native core, on QEMU where it is installed, and on the virtual board over its serial port and over
+CAN. Writes DIR/report.html, DIR/summary.json and DIR/steps.csv.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="default: out/demo")
+    parser.add_argument("--image", type=Path, help="flash image (default: the checkout's build)")
+    parser.add_argument("--seed", type=int, default=1000, help="of every random number (default 1000)")
+    parser.add_argument("--seconds", type=float, default=60.0, help="simulated length (default 60)")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from plumb import systems
+    from plumb.boards import open_board, plant_on_pins
+    from plumb.boards.virtual import VirtualBoard
+    from plumb.proof import golden, run_report
+    from plumb.proof.figures import quad_plots
+    from plumb.proof.figures.quad_plots import TURN_DEG
+    from plumb.proof.report import Table
+    from plumb.systems import run_fixed
+    from plumb.systems.quad import scenarios as quad
+    from plumb.tuning.quantise import quantise
+
+    folder = golden.vectors_folder(None)
+    params = quantise(quad.TUNINGS["adaptive"])
+    scenario = quad.scenario("hold", arguments.seed, seconds=arguments.seconds)
+    here = ["native", *(["qemu"] if shutil.which("qemu-system-arm") else [])]
+    boards = [*((name, name, "serial") for name in here), ("virtual", "virtual", "serial")]
+    boards.append(("virtual, CAN", "virtual", "can"))
+    with VirtualBoard(arguments.image) as board:
+        trial = plant_on_pins.fly(board, scenario, params)
+    checks = {}
+    for name, spec, link in boards:
+        with open_board(spec, link=link, image=arguments.image) as board_:
+            checks[name] = golden.check(board_, folder)
+
+    flight = trial.flight
+    paper = run_fixed.run_control(quantise(quad.TUNINGS["paper"]), flight.raw, flight.setpoint)
+    estimates = {
+        "accelerometer only": quad_plots.accel_only_deg(trial),
+        "the paper's constants, fixed": paper["tilt_turn_q32"] * TURN_DEG,
+        "adaptive, float64 reference": trial.reference["tilt_deg"],
+        "adaptive, fixed": trial.words["tilt_turn_q32"] * TURN_DEG,
+        "adaptive, the board": quad_plots.estimate_deg(trial),
+    }
+    errors = {name: quad_plots.rms_and_max(trial, tilt_deg) for name, tilt_deg in estimates.items()}
+    verdict = golden.verdict_of(checks.values())
+    if trial.verdict != "pass":
+        verdict = trial.verdict if verdict != "fail" else verdict
+
+    summary = trial.summary(
+        system="quad",
+        scenario="hold",
+        tuning="adaptive",
+        loop="closed",
+        board="virtual, live ADC",
+        link="serial",
+        seed=arguments.seed,
+    )
+    summary["verdict"] = verdict
+    summary["tilt_error_deg"] = {name: {"rms": rms, "max": worst} for name, (rms, worst) in errors.items()}
+    summary["golden"] = {name: check.to_json() for name, check in checks.items()}
+    tables = [
+        Table(
+            f"Tilt error against the truth, t >= {flight.time_s[flight.scored][0]:g} s",
+            ["estimate", "rms", "largest"],
+            [[name, f"{rms:.3f} deg", f"{worst:.3f} deg"] for name, (rms, worst) in errors.items()],
+            "All rows from the same raw counts, taken by the board's ADC in the closed loop.",
+        ),
+        Table(
+            f"Golden vectors of {', '.join(systems.SYSTEMS)}",
+            ["board", "vectors", "steps", "mismatches"],
+            [
+                [name, *(str(check.to_json()[key]) for key in ("vectors", "steps", "mismatches"))]
+                for name, check in checks.items()
+            ],
+            bad_rows=frozenset(i for i, check in enumerate(checks.values()) if check.to_json()["mismatches"]),
+        ),
+    ]
+    run_report.write_run(arguments.out, trial, summary, tables)
+    if arguments.json:
+        print(json.dumps(summary))
+    else:
+        for table in tables:
+            print(render(table))
+        print(f"live run: {trial.mismatches} of {len(flight.raw)} steps differ from fixed")
+        print(f"{verdict}; the report is {arguments.out / 'report.html'}")
+    return {"pass": 0, "fail": 1, "unverified": 3}[verdict]
+
+
+def render(table: object) -> str:
+    """A report table as text."""
+    from plumb.proof.report import Table
+
+    assert isinstance(table, Table)
+    lines = [list(table.head), *(list(row) for row in table.rows)]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(table.head))]
+    body = ["  " + "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)) for line in lines]
+    return "\n".join([table.title, *(line.rstrip() for line in body), ""])

@@ -1,0 +1,171 @@
+"""Check this machine: libraries, tools, the flash image, serial ports and the right to open them; and a board.
+
+    plumb doctor
+    plumb doctor --board serial:/dev/ttyUSB0       what the board is, its faults, and what keeps it from arming
+
+Every line that is not good says what to do about it. Exit code 0 when the main job can run, else 2; 1 with a board that
+has a fault or is not this plumb's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from plumb.link.identity import Identity
+    from plumb.link.session import Session
+
+from plumb.extras import install_hint
+
+
+@dataclass(frozen=True)
+class Finding:
+    what: str
+    good: bool
+    needed: bool
+    detail: str
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--board", metavar="SPEC", help="look at this board, too: virtual, serial:PORT[@BAUD] or can:..."
+    )
+    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    findings = [*libraries(), *tools(), native_core(), image(), *serial_rights()]
+    bad = [finding for finding in findings if finding.needed and not finding.good]
+    ill = []
+    if arguments.board:
+        findings += board(arguments.board, arguments.link)
+        ill = [finding for finding in findings if finding.needed and not finding.good and finding not in bad]
+    if arguments.json:
+        print(json.dumps({"good": not bad and not ill, "findings": [asdict(finding) for finding in findings]}))
+    else:
+        for finding in findings:
+            mark = "ok  " if finding.good else ("MISS" if finding.needed else "-   ")
+            print(f"{mark} {finding.what}: {finding.detail}")
+    return 2 if bad else 1 if ill else 0
+
+
+def libraries() -> Iterator[Finding]:
+    from importlib import metadata
+
+    for name, needed, remedy in (
+        ("numpy", True, "pip install numpy"),
+        ("python-can", True, "pip install python-can"),
+        ("pyserial", True, "pip install pyserial"),
+        ("cantools", True, "pip install cantools"),
+        ("unicorn", True, f"for the virtual board, {install_hint('virtual')}"),
+        ("matplotlib", True, f"for the report page, {install_hint('report')}"),
+        ("capstone", False, f"for plumb bench, {install_hint('bench')}"),
+        ("stm32loader", False, f"for plumb flash, {install_hint('flash')}"),
+    ):
+        try:
+            yield Finding(name, True, needed, metadata.version(name))
+        except metadata.PackageNotFoundError:
+            yield Finding(name, False, needed, remedy)
+
+
+def tools() -> Iterator[Finding]:
+    for command, purpose, package in (
+        ("arm-none-eabi-gcc", "builds the flash image", "gcc-arm-none-eabi and libnewlib-arm-none-eabi"),
+        ("qemu-system-arm", "runs the core on a second CPU", "qemu-system-arm"),
+        ("cmake", "builds everything", "cmake"),
+        ("openocd", "plumb flash --probe openocd", "openocd"),
+    ):
+        path = shutil.which(command)
+        yield Finding(command, path is not None, False, path or f"{purpose}: apt install {package}")
+
+
+def native_core() -> Finding:
+    from plumb.boards import native_core as native
+    from plumb.errors import UsageError
+
+    try:
+        return Finding("native core", True, True, str(native.core_path()))
+    except UsageError as error:
+        return Finding("native core", False, True, str(error))
+
+
+def image() -> Finding:
+    from plumb.errors import UsageError
+    from plumb.flash.image import find_image
+
+    try:
+        return Finding("flash image", True, True, str(find_image(None)))
+    except UsageError as error:
+        return Finding("flash image", False, True, str(error))
+
+
+def serial_rights() -> Iterator[Finding]:
+    from serial.tools import list_ports
+
+    for port in list_ports.comports():
+        path = Path(port.device)
+        if not path.exists():
+            continue
+        if os.access(path, os.R_OK | os.W_OK):
+            yield Finding(port.device, True, False, port.description)
+        else:
+            remedy = f"no permission: sudo usermod -aG {path.group()} $USER, then log in again"
+            yield Finding(port.device, False, False, remedy)
+
+
+def pins(session: Session, identity: Identity) -> Finding:
+    """The pin set that the strap chose, and the one that the parameters are for where they disagree."""
+    from plumb.link.identity import FAULT_STRAP, PINS
+    from plumb.spec import parameters
+
+    chosen = PINS.get(identity["PINS"], "unknown")
+    if not identity["FAULTS"] >> FAULT_STRAP & 1:
+        return Finding("pins", True, False, chosen)
+    place = next(index for index, row in enumerate(parameters.table()) if row.name == "pins")
+    asked = session.read_parameters()[place]
+    now = f"the parameters are for {PINS.get(asked, 'unknown')}"
+    later = ", from the next start on" if asked == identity["PINS"] else ""
+    return Finding("pins", False, True, f"the strap says {chosen}; {now}{later}")
+
+
+def board(spec: str, link: str = "serial") -> list[Finding]:
+    """What a board says of itself. Raises LinkError when it does not answer, UsageError when there is no such board."""
+    from plumb.boards.link import open_link_board
+    from plumb.link.identity import BLOCKED, BLOCKING_FAULTS, FAULTS, HOST_BLOCKS
+    from plumb.link.monitor import STATUS_EVERY_S
+
+    with open_link_board(spec, link=link) as opened:
+        session = opened.session
+        identity = session.identity or session.connect()
+        commit, mismatch = identity.git_hash or "of no known commit", identity.mismatch
+        flash_kib = identity["FLASH_KIB"] or "64 or more (size not readable)"
+        found = [
+            Finding("board", not mismatch, True, mismatch or f"{identity.unique_id}, image {commit}"),
+            Finding("chip", True, False, f"flash {flash_kib} KiB, RAM {identity['RAM_KIB']} KiB"),
+            Finding("last reset", "watchdog" not in identity.reset_cause, False, identity.reset_cause),
+            Finding("parameters", True, False, identity.parameter_source),
+            pins(session, identity),
+        ]
+        if identity["CRASH_PC"] or identity["CRASH_EXCEPTION"]:
+            crash = f"exception {identity['CRASH_EXCEPTION']} at 0x{identity['CRASH_PC']:08x} ended the run before"
+            found.append(Finding("crash", False, False, f"{crash}: addr2line -e firmware.elf names the line"))
+        faults = [(bit, text) for bit, text in FAULTS.items() if identity["FAULTS"] >> bit & 1]
+        found += [Finding("fault", False, bit in BLOCKING_FAULTS, text) for bit, text in faults]
+        end_s = session.clock() + 2 * STATUS_EVERY_S
+        while "STATUS" not in session.telemetry and session.clock() < end_s:
+            session.receive(STATUS_EVERY_S / 10)
+        blocked = session.telemetry.get("STATUS", {}).get("blocked", 0)
+        found += [
+            Finding("arming", False, False, text)
+            for bit, text in BLOCKED.items()
+            if blocked >> bit & 1 and bit not in HOST_BLOCKS
+        ]
+    return found

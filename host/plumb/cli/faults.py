@@ -1,0 +1,90 @@
+"""Inject named faults into the virtual board while it is armed and drives; compare each reaction with its limit.
+
+    plumb faults                              all faults, on every system that drives an actuator
+    plumb faults gyro-frozen --system quad    one fault, on one system
+    plumb faults hangs 'can-*' --json         groups and names, with * and ?
+    plumb faults host-silent --phases 1000    injected at a thousand different moments within 60 ms
+    plumb faults --list                       all faults with their limits; runs nothing
+
+The virtual board runs the flash image. A fault passes when every output pin is safe within its limit and stays safe,
+and the board reports the fault in the expected frame. A fault that must have no effect (limit 0) passes when every
+step is the same as without it. Exit code 1 when a fault fails.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+MOST_PHASES = 10_000
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("fault", nargs="*", metavar="FAULT", help="names or groups (default: all)")
+    parser.add_argument("--system", action="append", metavar="S", help="a system with an actuator (default: all)")
+    parser.add_argument(
+        "--phases", type=int, default=50, help="moments to inject a fault that depends on timing (default 50)"
+    )
+    parser.add_argument(
+        "--image", type=Path, help="flash image, its ELF file in the same folder (default: the checkout's)"
+    )
+    parser.add_argument("--list", action="store_true", help="list the faults instead of running them")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from plumb.errors import UsageError
+    from plumb.proof.faults import table
+
+    if not 1 <= arguments.phases <= MOST_PHASES:
+        raise UsageError(f"--phases {arguments.phases}: give a number from 1 to {MOST_PHASES}")
+    driven = table.driven_systems()
+    for name in arguments.system or ():
+        if name not in driven:
+            raise UsageError(f"'{name}' is no system that drives an actuator; use one of {', '.join(driven)}")
+    faults = table.chosen(arguments.fault)
+    if arguments.list:
+        return list_faults(arguments.json)
+    from tqdm import tqdm
+
+    from plumb.f103 import find_image
+    from plumb.proof.faults.runner import run_all
+    from plumb.proof.faults.text import render
+
+    image = find_image(arguments.image)
+    systems = list(dict.fromkeys(arguments.system or driven))
+    rows = []
+    with tqdm(total=len(systems) * len(faults), desc="faults", unit="fault", leave=False, disable=None) as bar:
+        for system in systems:
+            rows += run_all(system, faults, image, arguments.phases, bar.update)
+    if not rows:
+        raise UsageError(f"none of these faults applies to {', '.join(systems)}")
+    verdict = "pass" if all(row.verdict == "pass" for row in rows) else "fail"
+    if arguments.json:
+        print(json.dumps({"verdict": verdict, "faults": [row.to_json() for row in rows]}))
+    else:
+        print(render(rows, colour=sys.stdout.isatty()))
+    return 0 if verdict == "pass" else 1
+
+
+def list_faults(as_json: bool) -> int:
+    """Print every fault with its description and limit; run nothing."""
+    from plumb.proof.faults.limits import limits
+    from plumb.proof.faults.table import FAULTS
+
+    rows = [
+        {"group": fault.group, "name": fault.name, "what": fault.what, "limit": fault.limit,
+         "limit_ms": limits()[fault.limit].safe_ms, "needs": sorted(fault.needs)}
+        for fault in FAULTS
+    ]  # fmt: skip
+    if as_json:
+        print(json.dumps(rows))
+        return 0
+    for row in rows:
+        print(f"{row['group']:<8} {row['name']:<28} {row['limit_ms']:>5g} ms  {row['what']}")
+    print()
+    for name, limit in limits().items():
+        print(f"{name:<8} safe within {limit.safe_ms:g} ms, noticed within {limit.detected_ms:g} ms: {limit.why}")
+    return 0

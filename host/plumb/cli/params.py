@@ -1,0 +1,224 @@
+"""The parameters of a board: read them, change them, keep them in a file.
+
+    plumb params list --board serial:/dev/ttyUSB0
+    plumb params get pid.kp_q22 period_us --board serial:/dev/ttyUSB0
+    plumb params set period_us=10000 pid.slew_q22=0x100000 --board serial:/dev/ttyUSB0
+    plumb params tuning balancer --board serial:/dev/ttyUSB0 --save
+    plumb params save --board serial:/dev/ttyUSB0
+    plumb params load --board serial:/dev/ttyUSB0
+    plumb params reset --save --board serial:/dev/ttyUSB0
+    plumb params dump quad.toml --board serial:/dev/ttyUSB0
+    plumb params load quad.toml --board serial:/dev/ttyUSB0
+
+Values are the integers of the board's table; what they mean in engineering units is shown beside them. A change is
+staged, then committed by the CRC-32 of the whole resulting table, and acknowledged, or refused as a whole with the
+reason; it disarms the board and ends a run that is on. `tuning` makes the board a system, with one of the tunings that
+`plumb run SYSTEM` knows, its period and what its actuator needs. `set`, `tuning`, `load` and `reset` change what is in
+use until the board is reset; `save`, or --save behind any of them, keeps what is in use in the board's flash, from
+where it comes back at every start. `load` takes a file of `dump`, or without one what the flash holds; `reset` brings
+the factory's values back. `virtual` is a new board every time: there, a change tells whether the board would take it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from plumb.link.identity import Identity
+    from plumb.link.session import Session
+    from plumb.spec.parameters import Parameter
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    each = argparse.ArgumentParser(add_help=False)
+    each.add_argument("--board", required=True, metavar="B", help="virtual, serial:PORT or can:BUS")
+    each.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
+    each.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
+    each.add_argument("--json", action="store_true", help="print JSON")
+    keep = argparse.ArgumentParser(add_help=False)
+    keep.add_argument("--save", action="store_true", help="and keep them in the board's flash")
+    verbs = parser.add_subparsers(dest="action", required=True, metavar="list|get|set|tuning|save|load|reset|dump")
+    verbs.add_parser("list", parents=[each], help="every parameter: value, meaning, range, default")
+    one = verbs.add_parser("get", parents=[each], help="some parameters, with what they are for")
+    one.add_argument("names", nargs="+", metavar="NAME")
+    change = verbs.add_parser("set", parents=[each, keep], help="change some")
+    change.add_argument("assignments", nargs="+", metavar="NAME=VALUE", help="integers of the table")
+    tune = verbs.add_parser("tuning", parents=[each, keep], help="make the board a system, with a shipped tuning")
+    tune.add_argument("system", metavar="SYSTEM", help="quad, balancer, turntable or phone")
+    tune.add_argument("tuning", nargs="?", metavar="TUNING", help="default: the one that `plumb run` takes")
+    verbs.add_parser("save", parents=[each], help="keep what is in use in the board's flash")
+    give = verbs.add_parser("load", parents=[each, keep], help="commit a file, or go back to what the flash holds")
+    give.add_argument("file", type=Path, nargs="?", metavar="FILE")
+    verbs.add_parser("reset", parents=[each, keep], help="factory values")
+    write = verbs.add_parser("dump", parents=[each], help="write the whole table and its CRC-32 to a TOML file")
+    write.add_argument("file", type=Path, metavar="FILE")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from plumb.boards.link import open_link_board
+    from plumb.spec import parameter_file, parameters
+
+    rows = parameters.table()
+    wanted: dict[str, int] = {}
+    warnings: list[str] = []
+    if arguments.action == "get":
+        rows = tuple(parameter_file.row_named(name) for name in arguments.names)
+    elif arguments.action == "set":
+        wanted = parameter_file.assignments(arguments.assignments)
+    elif arguments.action == "tuning":
+        wanted = table_of(arguments.system, arguments.tuning)
+    elif arguments.action == "load" and arguments.file is not None:
+        said = parameter_file.read(arguments.file)
+        wanted = said.values
+        warnings += [f"{arguments.file}: there is no parameter '{name}'; it is left out" for name in said.unknown]
+        warnings += [f"{arguments.file}: {name} is missing; the board's value stays" for name in said.missing]
+        if said.edited:
+            warnings.append(f"{arguments.file}: the values are not those its CRC-32 was taken of: it was edited since")
+    with open_link_board(arguments.board, link=arguments.link, image=arguments.image) as board:
+        identity = board.session.identity
+        if identity is not None and identity.mismatch:
+            warnings.append(identity.mismatch)
+        warn(warnings)
+        words = parameter_file.read_table(board.session)
+        if arguments.action in ("set", "tuning", "load", "reset", "save"):
+            verb = "DEFAULTS" if arguments.action == "reset" else ""
+            verb = "LOAD" if arguments.action == "load" and arguments.file is None else verb
+            after = change(board.session, verb, words, wanted)
+            if arguments.action == "save" or arguments.save:
+                board.session.execute_idle("SAVE")
+            identity = board.session.connect()
+            return report_change(words, after, identity, warnings, arguments.json)
+    values = parameter_file.by_name(words)
+    if arguments.action == "dump":
+        parameter_file.write(arguments.file, parameter_file.text_of(words))
+        crc = f"0x{parameters.crc32(words):08x}"
+        summary = {"file": str(arguments.file), "parameters": len(words), "crc32": crc}
+        print(json.dumps(summary) if arguments.json else f"{len(words)} parameters, CRC-32 {crc}: {arguments.file}")
+        return 0
+    described = [describe(row, values) for row in rows if row.name in values]
+    if arguments.json:
+        print(json.dumps({"crc32": f"0x{parameters.crc32(words):08x}", "parameters": described}))
+    else:
+        print(as_table(described) if arguments.action == "list" else "\n\n".join(map(in_full, described)))
+    return 0
+
+
+def table_of(name: str, tuning: str | None) -> dict[str, int]:
+    """Words by name of a system as it is shipped; raises UsageError for a system or a tuning that there is not."""
+    from plumb import systems
+    from plumb.errors import UsageError
+    from plumb.tuning.quantise import quantise
+
+    system = systems.load(name)
+    chosen = tuning or system.DEFAULT_TUNING
+    if chosen not in system.TUNINGS:
+        raise UsageError(f"{name} has no tuning '{chosen}'; use one of {', '.join(system.TUNINGS)}")
+    pins = {"pins": 0} if system.OUTPUTS else {}  # the speed controllers', unless the system says otherwise
+    params = quantise(system.TUNINGS[chosen])
+    return {**params.values, **params.link_words(), "period_us": system.PERIOD_US, **pins, **system.LINK}
+
+
+def change(session: Session, verb: str, words: list[int], wanted: dict[str, int]) -> list[int]:
+    """Carry out a verb, or else commit what is wanted, if anything; returns the table that is in use then."""
+    from plumb.spec import parameter_file
+
+    session.require_match()
+    if verb:
+        session.execute_idle(verb)
+    elif wanted:
+        parameter_file.commit(session, {**parameter_file.by_name(words), **wanted})
+    return parameter_file.read_table(session)
+
+
+def report_change(
+    words: list[int], after_words: list[int], identity: Identity, warnings: list[str], as_json: bool
+) -> int:
+    """Say what is different, and where what is in use comes from."""
+    from plumb.spec import parameter_file, parameters
+    from plumb.spec.units import meaning
+
+    before, after = parameter_file.by_name(words), parameter_file.by_name(after_words)
+    crc = f"0x{parameters.crc32(after_words):08x}"
+    changed = [row for row in parameters.table() if after[row.name] != before[row.name]]
+    doubts = parameter_file.doubts(after) + at_next_start(identity, after, [row.name for row in changed])
+    source = identity.parameter_source
+    warn(doubts)
+    if as_json:
+        rows = {row.name: {"from": before[row.name], "to": after[row.name]} for row in changed}
+        print(json.dumps({"crc32": crc, "changed": rows, "source": source, "warnings": warnings + doubts}))
+        return 0
+    for row in changed:
+        means = str(meaning(row, after))
+        print(f"{row.name}: {before[row.name]} -> {after[row.name]}" + (f" ({means})" if means else ""))
+    what = f"{len(changed)} changed" if changed else "nothing changed"
+    print(f"in use, CRC-32 {crc}: {what}; they are {source}")
+    return 0
+
+
+def at_next_start(identity: Identity, values: dict[str, int], changed: list[str]) -> list[str]:
+    """What the table says and the board does not yet do."""
+    from plumb.link.identity import PINS
+
+    sentences = []
+    if identity["PINS"] != values["pins"]:
+        chosen, asked = PINS.get(identity["PINS"], "?"), PINS.get(values["pins"], "?")
+        sentences.append(
+            f"the board's strap says pins: {chosen}; the parameters say {asked}: save, power off, wire the strap for "
+            f"{asked}; until both agree no actuator pin is driven"
+        )
+    waiting = ["pins"] if "pins" in changed and not sentences else []
+    waiting += ["dead_time_ns"] if "dead_time_ns" in changed else []
+    if waiting:
+        sentences.append(f"{' and '.join(waiting)} is read at the start alone: save and reset the board")
+    return sentences
+
+
+def warn(sentences: list[str]) -> None:
+    for sentence in sentences:
+        print(f"plumb: warning: {sentence}", file=sys.stderr)
+
+
+def describe(row: Parameter, values: dict[str, int]) -> dict[str, Any]:
+    """Everything about one parameter, as it goes into JSON."""
+    from dataclasses import asdict
+
+    from plumb.spec.units import meaning
+
+    means = meaning(row, values)
+    return {
+        **asdict(row),
+        "value": values[row.name],
+        "meaning": means.choice or means.value,
+        "meaning_unit": means.unit,
+        "meaning_text": str(means),
+    }
+
+
+def as_table(described: list[dict[str, Any]]) -> str:
+    """One line a parameter; a star where it is not the default."""
+    head = ["  name", "value", "meaning", "unit, format", "range", "default"]
+    lines = [head]
+    for entry in described:
+        star = "  " if entry["value"] == entry["default"] else "* "
+        kind = ", ".join(filter(None, (entry["unit"], entry["format"])))
+        bounds = f"{entry['min']} .. {entry['max']}"
+        lines.append(
+            [star + entry["name"], str(entry["value"]), entry["meaning_text"], kind, bounds, str(entry["default"])]
+        )
+    widths = [max(len(line[column]) for line in lines) for column in range(len(head))]
+    return "\n".join("  ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)).rstrip() for line in lines)
+
+
+def in_full(entry: dict[str, Any]) -> str:
+    """One parameter with what it is for."""
+    kind = ", ".join(filter(None, (entry["type"], entry["unit"], entry["format"])))
+    means = f"  = {entry['meaning_text']}" if entry["meaning_text"] else ""
+    return (
+        f"{entry['name']} = {entry['value']}{means}\n"
+        f"  {entry['doc']}\n"
+        f"  {kind}; {entry['min']} .. {entry['max']}, default {entry['default']}"
+    )

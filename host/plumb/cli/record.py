@@ -1,0 +1,141 @@
+"""Record a running board, or whatever goes by on a bus.
+
+    plumb record --board serial:/dev/ttyUSB0 --run live --out today --seconds 60
+    plumb record --board virtual --run live --out today --seconds 10
+    plumb record --bus can:socketcan:can0 --out bus.asc
+
+With --board DIR holds frames.asc (every frame), steps.csv (a row a step, in units) and board.json (identity and all
+parameters it ran with). Without --run it only listens to the run that is on. With --bus a log of frames is all, and not
+one is sent; its suffix names the format (.asc .blf .csv .log .trc). Ends after --seconds, with Ctrl-C, or when the link
+breaks: then what was recorded is kept, and said before the trouble.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from plumb.link.session import Session
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from plumb.cli.monitor import add_plant
+
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("--board", metavar="B", help="virtual, serial:PORT or can:BUS")
+    what.add_argument("--bus", metavar="BUS", help="serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT or can:...")
+    parser.add_argument("--out", type=Path, required=True, metavar="PATH", help="folder, or with --bus the log")
+    parser.add_argument("--run", choices=("live",), help="begin a run on the board's own sensors, unarmed")
+    parser.add_argument("--seconds", type=float, metavar="N", help="how long (default: until Ctrl-C)")
+    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
+    parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
+    add_plant(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON at the end")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from plumb.errors import UsageError
+    from plumb.process_signals import endings, raise_ending
+
+    if arguments.seconds is not None and not arguments.seconds > 0:
+        raise UsageError(f"--seconds {arguments.seconds:g}: ask for more than nothing")
+    if arguments.bus and arguments.run:
+        raise UsageError("--bus only listens: --run needs --board")
+    summary: dict[str, Any] = {}
+    try:
+        with endings() as caught:
+            if arguments.bus:
+                of_bus(arguments, caught, summary)
+            else:
+                of_board(arguments, caught, summary)
+    finally:
+        if summary and arguments.json:
+            print(json.dumps(summary))
+        elif summary:
+            print(", ".join(f"{name} {value}" for name, value in summary.items()))
+    if caught:
+        raise_ending(caught)
+    return 0
+
+
+def of_bus(arguments: argparse.Namespace, caught: list[int], summary: dict[str, Any]) -> None:
+    """Every frame of the bus into the log; fills in the summary, whatever ends it."""
+    from plumb.inputs.bridge import Flow
+    from plumb.inputs.recorder import FrameLog
+    from plumb.link.transports.open_bus import open_bus
+
+    flow, count = Flow(), 0
+    end = None if arguments.seconds is None else time.monotonic() + arguments.seconds
+    with open_bus(arguments.bus, listen_only=True) as bus, FrameLog(arguments.out) as log:
+        try:
+            while not caught and (end is None or time.monotonic() < end) and not getattr(bus, "ended", False):
+                message = bus.recv(0.1)
+                if message is None:
+                    log.flush()
+                    continue
+                log.add(message)
+                count += 1
+                if not message.is_extended_id and not message.is_error_frame and not message.is_remote_frame:
+                    flow.note(message.arbitration_id, bytes(message.data))
+        finally:
+            damaged = flow.rejected + int(getattr(bus, "rejected", 0)) + int(getattr(bus, "malformed", 0))
+            summary.update(frames=count, lost=flow.lost, rejected=damaged, foreign=flow.foreign, log=str(arguments.out))
+
+
+def of_board(arguments: argparse.Namespace, caught: list[int], summary: dict[str, Any]) -> None:
+    """What a board says into the folder; fills in the summary, whatever ends it."""
+    from plumb.boards.link import open_link_board
+    from plumb.cli.monitor import attach_plant
+    from plumb.inputs.recorder import Recorder
+    from plumb.link import monitor
+
+    make_folder(arguments.out)
+    with open_link_board(arguments.board, link=arguments.link, image=arguments.image) as board:
+        attach_plant(board, arguments.system, arguments.scenario, arguments.seed)
+        session = board.session
+        recorder = Recorder(session, arguments.out)
+        try:
+            session.listener = recorder.feed
+            if arguments.run:
+                monitor.begin_live(session)
+            else:
+                monitor.read_only(session)
+            listen(session, arguments.seconds, caught)
+            session.listener = None
+            if arguments.run:
+                session.end()
+            elif not recorder.rows:
+                print("plumb: no run was on: --run live begins one on the board's own sensors", file=sys.stderr)
+        finally:
+            try:
+                recorder.close()
+            finally:
+                summary.update(steps=recorder.rows, lost=recorder.lost, other_lost=session.counters.lost)
+                summary.update(rejected=session.frames.rejected, folder=str(arguments.out))
+
+
+def make_folder(folder: Path) -> None:
+    from plumb.errors import UsageError
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{folder} cannot be made: {error.strerror}") from None
+
+
+def listen(session: Session, seconds: float | None, caught: list[int]) -> None:
+    """Receive for so long of the board's time; raises LinkError when it falls silent."""
+    from plumb.errors import LinkError
+    from plumb.link.monitor import SILENCE_S
+
+    begin_s = heard_s = session.clock()
+    while not caught and (seconds is None or session.clock() - begin_s < seconds):
+        if session.receive(0.05):
+            heard_s = session.clock()
+        elif session.clock() - heard_s > SILENCE_S:
+            raise LinkError("the board fell silent: check cable and power")

@@ -1,0 +1,48 @@
+"""Power control and backup registers (RM0008 chapters 5 and 6): what a reset leaves, and only the loss of power takes.
+
+VBAT is taken to hang on the supply, as on boards without a battery.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from plumb.f103.core.bus import Peripheral, Register
+
+if TYPE_CHECKING:
+    from plumb.f103.machine import Machine
+
+DBP = 1 << 8
+
+
+class Pwr(Peripheral):
+    REGISTERS = (Register("cr", 0x00, 0, 0x1FF), Register("csr", 0x04, 0, 0x100))
+    cr: int
+
+    def __init__(self, machine: Machine) -> None:
+        super().__init__(machine, "PWR", 0x40007000)
+
+
+class Bkp(Peripheral):
+    """Ten registers of 16 bits; DBP opens them for writing."""
+
+    REGISTERS = tuple(Register(f"dr{i}", 4 * i) for i in range(1, 11))
+
+    def __init__(self, machine: Machine) -> None:
+        super().__init__(machine, "BKP", 0x40006C00)
+
+    def reset(self) -> None:
+        """Nothing: they survive."""
+
+    def power_lost(self) -> None:
+        super().reset()
+
+    def plain_writer(self, register: Register) -> Callable[[int], None]:
+        def write(value: int) -> None:
+            if self.machine.pwr.cr & DBP:
+                setattr(self, register.name, value & 0xFFFF)
+            else:
+                self.machine.warn(f"BKP_{register.name.upper()} is written while PWR_CR.DBP protects it")
+
+        return write

@@ -1,0 +1,69 @@
+"""CRC calculation unit (RM0008 chapter 4): remainder of a stream of words, polynomial 0x04C11DB7, highest bit first.
+
+Writing DR takes one word in, reading it gives the remainder so far. CR.RESET puts the remainder to all ones; IDR is a
+byte of storage that it leaves alone. Without RCC_AHBENR.CRCEN the unit takes nothing and reads 0. It takes words only.
+A word keeps the unit busy for four cycles of HCLK, in which a further write waits (4.2): the core's flat estimate of
+time (cpu.py) leaves those waits out, `plumb bench` counts them.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from typing import TYPE_CHECKING
+
+from plumb.f103.core.bus import Peripheral, Register
+
+if TYPE_CHECKING:
+    from plumb.f103.machine import Machine
+
+BASE = 0x40023000
+DR_OFFSET = 0x00
+START = 0xFFFFFFFF
+RESET = 1
+_MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
+
+
+def _mirror(word: int) -> int:
+    return int.from_bytes(word.to_bytes(4, "big").translate(_MIRRORED), "little")
+
+
+def remainder(start: int, words: list[int]) -> int:
+    """The unit's remainder after these words; start: before them."""
+    # zlib divides by the same polynomial, with every bit order mirrored and the remainder complemented.
+    mirrored = struct.pack(f">{len(words)}I", *words).translate(_MIRRORED)
+    return _mirror(zlib.crc32(mirrored, _mirror(start) ^ 0xFFFFFFFF) ^ 0xFFFFFFFF)
+
+
+class Crc(Peripheral):
+    """waiting: words written since DR was last read; the remainder is computed when DR is read."""
+
+    NARROW = "refuse"
+    REGISTERS = (Register("dr", DR_OFFSET, START), Register("idr", 0x04, 0, 0xFF), Register("cr", 0x08))
+    dr: int
+
+    def __init__(self, machine: Machine) -> None:
+        self.waiting: list[int] = []
+        super().__init__(machine, "CRC", BASE)
+
+    def reset(self) -> None:
+        super().reset()
+        self.waiting.clear()
+
+    def write_dr(self, value: int) -> None:
+        self.waiting.append(value)
+
+    def read_dr(self) -> int:
+        if self.waiting:
+            self.dr = remainder(self.dr, self.waiting)
+            self.waiting.clear()
+        return self.dr
+
+    def read_cr(self) -> int:
+        """Hardware clears RESET at once."""
+        return 0
+
+    def write_cr(self, value: int) -> None:
+        if value & RESET:
+            self.dr = START
+            self.waiting.clear()

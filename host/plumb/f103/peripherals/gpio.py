@@ -1,0 +1,149 @@
+"""Ports and alternate functions (RM0008 chapters 8 and 9)."""
+
+from __future__ import annotations
+
+import random
+from typing import TYPE_CHECKING
+
+from plumb.f103.core.bus import Peripheral, Register
+from plumb.f103.core.timeline import TICKS_PER_US
+
+if TYPE_CHECKING:
+    from plumb.f103.machine import Machine
+
+
+JTAG_PINS = (("GPIOA", 15), ("GPIOB", 3), ("GPIOB", 4))
+"""JTDI, JTDO and NJTRST until AFIO_MAPR.SWJ_CFG frees them."""
+
+
+LSE_PINS = (14, 15)
+"""Of port C: the 32 kHz crystal's while RCC_BDCR.LSEON is set."""
+
+
+class Gpio(Peripheral):
+    """One port. `outside[n]` is what the world drives pin n with: True, False, or None for nothing."""
+
+    REGISTERS = (
+        Register("crl", 0x00, 0x44444444),
+        Register("crh", 0x04, 0x44444444),
+        Register("idr", 0x08, 0, 0),
+        Register("odr", 0x0C, 0, 0xFFFF),
+        Register("bsrr", 0x10),
+        Register("brr", 0x14),
+        Register("lckr", 0x18, 0, 0x1FFFF),
+    )
+    crl: int
+    crh: int
+    odr: int
+
+    def __init__(self, machine: Machine, letter: str, base: int) -> None:
+        super().__init__(machine, "GPIO" + letter, base)
+        self.outside: list[bool | None] = [None] * 16
+        self.rise_us: dict[int, float] = {}
+        """Pins that their internal pull-up lifts only after this time."""
+        self._pulled_at: dict[int, int] = {}
+
+    def mode(self, pin: int) -> int:
+        """The four bits CNF:MODE."""
+        return ((self.crh if pin > 7 else self.crl) >> (4 * (pin & 7))) & 15
+
+    def is_output(self, pin: int) -> bool:
+        return bool(self.mode(pin) & 3)
+
+    def is_alternate_output(self, pin: int) -> bool:
+        return bool(self.mode(pin) & 3) and bool(self.mode(pin) & 8)
+
+    def is_analog(self, pin: int) -> bool:
+        return self.mode(pin) == 0
+
+    def level(self, pin: int) -> bool | None:
+        """What a meter would show: the driven level, the pull, or None where the pin floats. A pin that the debug port
+        still has shows nothing to the program."""
+        if (self.name, pin) in JTAG_PINS and self.machine.afio.swj_cfg < 2:
+            return None
+        if self.name == "GPIOC" and pin in LSE_PINS and self.machine.rcc.bdcr & 1:
+            return None
+        mode = self.mode(pin)
+        if mode & 3 and not mode & 8:
+            high = bool(self.odr >> pin & 1)
+            open_drain = mode & 4
+            return self.outside[pin] if open_drain and high else high
+        if self.outside[pin] is not None or mode != 8:
+            return self.outside[pin]
+        high = bool(self.odr >> pin & 1)
+        if high and pin in self.rise_us:
+            risen_at = self._pulled_at.get(pin, 0) + round(self.rise_us[pin] * TICKS_PER_US)
+            return True if self.machine.now >= risen_at else None
+        return high
+
+    def _changed(self) -> None:
+        self.machine.pins_changed()
+
+    def write_crl(self, value: int) -> None:
+        for pin in range(8):
+            if value >> 4 * pin & 15 == 8 and self.mode(pin) != 8:
+                self._pulled_at[pin] = self.machine.now
+        self.crl = value
+        self._changed()
+
+    def write_crh(self, value: int) -> None:
+        self.crh = value
+        self._changed()
+
+    def write_odr(self, value: int) -> None:
+        self.odr = value & 0xFFFF
+        self._changed()
+
+    def read_idr(self) -> int:
+        return sum(1 << pin for pin in range(16) if not self.is_analog(pin) and self.level(pin))
+
+    def write_bsrr(self, value: int) -> None:
+        self.odr = (self.odr & ~(value >> 16) | value) & 0xFFFF
+        self._changed()
+
+    def write_brr(self, value: int) -> None:
+        self.odr &= ~value & 0xFFFF
+        self._changed()
+
+    def read_bsrr(self) -> int:
+        return 0
+
+    def read_brr(self) -> int:
+        return 0
+
+
+class Afio(Peripheral):
+    """Remapping. SWJ_CFG is write-only: reading gives garbage, here from a fixed seed, and whoever writes MAPR by
+    read-modify-write loses the debug port, as on silicon; `debug_port` tells."""
+
+    REGISTERS = (
+        Register("evcr", 0x00, 0, 0xFF),
+        Register("mapr", 0x04),
+        *(Register(f"exticr{i}", 0x04 + 4 * i, 0, 0xFFFF) for i in range(1, 5)),
+    )
+    mapr: int
+
+    def __init__(self, machine: Machine) -> None:
+        super().__init__(machine, "AFIO", 0x40010000)
+        self.swj_cfg = 0
+        self._garbage = random.Random(0x5357)
+
+    def reset(self) -> None:
+        super().reset()
+        self.swj_cfg = 0
+        self._garbage = random.Random(0x5357)
+
+    def read_mapr(self) -> int:
+        return self.mapr | self._garbage.randrange(8) << 24
+
+    def write_mapr(self, value: int) -> None:
+        self.mapr = value & 0x001FFFFF
+        self.swj_cfg = (value >> 24) & 7
+        self.machine.pins_changed()
+        if self.swj_cfg not in (0, 1, 2, 4):
+            self.machine.warn(f"AFIO_MAPR.SWJ_CFG is written with {self.swj_cfg}, which is undefined")
+
+    @property
+    def debug_port(self) -> bool:
+        """Whether a probe could still attach by SWD."""
+        return self.swj_cfg in (0, 1, 2)

@@ -1,0 +1,245 @@
+"""General-purpose timers TIM3 and TIM4 (RM0008 chapter 15): up-counting, update event to interrupt or TRGO, and PWM
+with preload. The count is worked out when it is read. Not modelled: capture, compare flags, slave modes, DMA."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from plumb.f103.core.bus import Peripheral, Register, SimulationError
+from plumb.f103.core.timeline import TICKS_PER_US
+
+if TYPE_CHECKING:
+    from plumb.f103.machine import Machine
+
+CEN, UDIS, URS, OPM, ARPE = 1, 2, 4, 8, 128
+UIE, UIF, UG = 1, 1, 1
+TRGO_ENABLE, TRGO_UPDATE = 1, 2
+FORCED_LOW, FORCED_HIGH, PWM1, PWM2 = 4, 5, 6, 7
+
+
+class Pwm(NamedTuple):
+    """What an output pin carries. enabled: the timer really drives the pin, with pulses of this length."""
+
+    pulse_us: float
+    period_us: float
+    enabled: bool
+
+
+class Timer(Peripheral):
+    REGISTERS = (
+        Register("cr1", 0x00),
+        Register("cr2", 0x04, 0, 0xF8),
+        Register("smcr", 0x08),
+        Register("dier", 0x0C),
+        Register("sr", 0x10),
+        Register("egr", 0x14),
+        Register("ccmr1", 0x18, 0, 0xFFFF),
+        Register("ccmr2", 0x1C, 0, 0xFFFF),
+        Register("ccer", 0x20, 0, 0x3333),
+        Register("cnt", 0x24),
+        Register("psc", 0x28, 0, 0xFFFF),
+        Register("arr", 0x2C, 0xFFFF, 0xFFFF),
+        *(Register(f"ccr{i + 1}", 0x34 + 4 * i, 0, 0xFFFF) for i in range(4)),
+    )
+    cr1: int
+    cr2: int
+    dier: int
+    sr: int
+    ccmr1: int
+    ccmr2: int
+    ccer: int
+    cnt: int
+    psc: int
+    arr: int
+
+    def __init__(self, machine: Machine, name: str, base: int, interrupt: int) -> None:
+        super().__init__(machine, name, base)
+        self.interrupt = interrupt
+        self.reset()
+
+    def reset(self) -> None:
+        super().reset()
+        self.active_psc, self.active_arr = 0, 0xFFFF
+        self.active_ccr = [0, 0, 0, 0]
+        self.zero_at = 0
+        """When the count was, or will be, 0 (running); counts are modulo 65536."""
+        self.machine.timeline.cancel(self.name)
+        self.machine.nvic.set_line(self.interrupt, False)
+
+    @property
+    def step_ticks(self) -> int:
+        return (self.active_psc + 1) * self.machine.rcc.timer1_ticks
+
+    @property
+    def period_ticks(self) -> int:
+        return (self.active_arr + 1) * self.step_ticks
+
+    def _preload(self) -> None:
+        """An update event: buffered registers take effect."""
+        self.active_psc, self.active_arr = self.psc, self.arr
+        self.active_ccr = [getattr(self, f"ccr{i + 1}") for i in range(4)]
+
+    def settle(self, now: int) -> None:
+        """Pass the update events up to now."""
+        while self.cr1 & CEN and self.active_arr and now >= self.zero_at + self.period_ticks:
+            self.zero_at += self.period_ticks
+            before = self.period_ticks
+            if not self.cr1 & UDIS:  # else the count begins anew without an update event (15.4.1)
+                self.sr |= UIF
+                self._preload()
+            if self.cr1 & OPM:
+                self.cr1 &= ~CEN
+                self.cnt = 0
+            elif before == self.period_ticks:
+                self.zero_at += (now - self.zero_at) // before * before
+
+    def count(self, now: int) -> int:
+        return ((now - self.zero_at) // self.step_ticks) & 0xFFFF if self.cr1 & CEN else self.cnt
+
+    def _plan(self) -> None:
+        self.machine.nvic.set_line(self.interrupt, bool(self.sr & UIF and self.dier & UIE))
+        wanted = self.dier & UIE or (self.cr2 >> 4) & 7 == TRGO_UPDATE
+        if self.cr1 & CEN and wanted and not self.cr1 & UDIS and self.active_arr:
+            self.machine.timeline.at(self.name, self.zero_at + self.period_ticks, self._update)
+        else:
+            self.machine.timeline.cancel(self.name)
+
+    def _update(self, time: int) -> None:
+        self.settle(time)
+        self._trigger_out(TRGO_UPDATE, time)
+        self._plan()
+
+    def _trigger_out(self, source: int, time: int) -> None:
+        if (self.cr2 >> 4) & 7 == source and self.name == "TIM3" and self.machine.adc1.armed_for_timer():
+            self.machine.adc1.trigger(time)
+
+    def clock_changing(self, now: int) -> None:
+        self.settle(now)
+        self.cnt = self.count(now)
+
+    def clock_changed(self, now: int) -> None:
+        self.zero_at = now - self.cnt * self.step_ticks
+        self._plan()
+
+    # Registers
+
+    def write_cr1(self, value: int) -> None:
+        if value & 0x70:
+            raise SimulationError(f"{self.name}_CR1 = 0x{value:04X}: only edge-aligned up-counting is modelled")
+        now = self.machine.now
+        self.settle(now)
+        self.cnt = self.count(now)
+        starts = value & ~self.cr1 & CEN
+        self.cr1 = value & 0x3FF
+        self.zero_at = now - self.cnt * self.step_ticks
+        if starts:
+            self._trigger_out(TRGO_ENABLE, now)
+        self._plan()
+
+    def write_cr2(self, value: int) -> None:
+        self.settle(self.machine.now)
+        self.cr2 = value & 0xF8
+        self._plan()
+
+    def write_smcr(self, value: int) -> None:
+        if value:
+            raise SimulationError(f"{self.name}_SMCR = 0x{value:04X}: slave modes are not modelled")
+
+    def write_dier(self, value: int) -> None:
+        if value & ~UIE:
+            raise SimulationError(f"{self.name}_DIER = 0x{value:04X}: only the update interrupt is modelled")
+        self.settle(self.machine.now)
+        self.dier = value
+        self._plan()
+
+    def read_sr(self) -> int:
+        self.settle(self.machine.now)
+        return self.sr
+
+    def write_sr(self, value: int) -> None:
+        self.settle(self.machine.now)
+        self.sr &= value
+        self._plan()
+
+    def write_egr(self, value: int) -> None:
+        if value & ~UG:
+            raise SimulationError(f"{self.name}_EGR = 0x{value:02X}: only UG is modelled")
+        if value & UG:
+            now = self.machine.now
+            self.settle(now)
+            self.cnt, self.zero_at = 0, now
+            if not self.cr1 & UDIS:
+                self._preload()
+                if not self.cr1 & URS:
+                    self.sr |= UIF
+                self._trigger_out(TRGO_UPDATE, now)
+            self._plan()
+
+    def read_egr(self) -> int:
+        return 0
+
+    def read_cnt(self) -> int:
+        now = self.machine.now
+        self.settle(now)
+        return self.count(now)
+
+    def write_cnt(self, value: int) -> None:
+        now = self.machine.now
+        self.settle(now)
+        self.cnt = value & 0xFFFF
+        self._restart_count(now)
+
+    def _restart_count(self, now: int) -> None:
+        """Count from `cnt`; beyond ARR it has to pass 65535 first."""
+        start = self.cnt - (65536 if self.cnt > self.active_arr else 0)
+        self.zero_at = now - start * self.step_ticks
+        self._plan()
+
+    def write_psc(self, value: int) -> None:
+        self.settle(self.machine.now)
+        self.psc = value & 0xFFFF
+
+    def write_arr(self, value: int) -> None:
+        now = self.machine.now
+        self.settle(now)
+        self.cnt = self.count(now)
+        self.arr = value & 0xFFFF
+        if not self.cr1 & ARPE:
+            self.active_arr = self.arr
+            self._restart_count(now)
+
+    def _write_ccr(self, index: int, value: int) -> None:
+        self.settle(self.machine.now)
+        setattr(self, f"ccr{index + 1}", value & 0xFFFF)
+        if not self._output_mode(index) & 8:  # OCxPE
+            self.active_ccr[index] = value & 0xFFFF
+
+    def write_ccr1(self, value: int) -> None:
+        self._write_ccr(0, value)
+
+    def write_ccr2(self, value: int) -> None:
+        self._write_ccr(1, value)
+
+    def write_ccr3(self, value: int) -> None:
+        self._write_ccr(2, value)
+
+    def write_ccr4(self, value: int) -> None:
+        self._write_ccr(3, value)
+
+    def _output_mode(self, index: int) -> int:
+        """The byte of CCMR that belongs to a channel: OCxM in bits 6:4, OCxPE 3, CCxS 1:0."""
+        return ((self.ccmr1, self.ccmr2)[index >> 1] >> (8 * (index & 1))) & 0xFF
+
+    def output(self, index: int, now: int) -> Pwm:
+        """The waveform of channel `index` (0 to 3), the pin aside."""
+        self.settle(now)
+        mode = self._output_mode(index)
+        enable = (self.ccer >> (4 * index)) & 3
+        period, duty = self.active_arr + 1, min(self.active_ccr[index], self.active_arr + 1)
+        kind = (mode >> 4) & 7
+        high = {PWM1: duty, PWM2: period - duty, FORCED_HIGH: period}.get(kind, 0)
+        if enable & 2:
+            high = period - high
+        running = bool(self.cr1 & CEN and enable & 1 and not mode & 3 and kind in (PWM1, PWM2))
+        scale = self.step_ticks / TICKS_PER_US
+        return Pwm(high * scale, period * scale, running)

@@ -1,0 +1,101 @@
+"""The host's end of the simulated UART, in process: what a serial port object looks like to a bus class.
+
+Reading lets simulated time pass, as far as it is needed and no further than `timeout`; writing takes none.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from plumb.f103.core.timeline import TICKS_PER_S
+from plumb.f103.peripherals.usart import FE, NE, ORE
+
+if TYPE_CHECKING:
+    from plumb.f103.machine import Machine
+
+LOOK_AHEAD = 128
+"""A read waits for what is being sent anyway, up to so many bytes in all: frames come whole, in few calls, and a board
+that never pauses is still heard."""
+
+
+class UartStream:
+    """read/write/in_waiting of a serial port. timeout: simulated seconds that a read waits for a first byte."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.machine = machine
+        self.timeout = 0.02
+        self.name = "the virtual board"
+        self._arrived = bytearray()
+
+    @property
+    def baudrate(self) -> int:
+        return self.machine.usart.host_baud
+
+    @baudrate.setter
+    def baudrate(self, baud: int) -> None:
+        self.machine.usart.host_baud = baud
+
+    def clock_s(self) -> float:
+        """Simulated seconds: the clock for time-outs, so that a run does not depend on how fast this machine is."""
+        return self.machine.now / TICKS_PER_S
+
+    def write(self, data: bytes) -> int:
+        """Queue bytes on the line to the board; they arrive at the baud rate as simulated time passes."""
+        if self.machine.rom is not None:
+            self._arrived += self.machine.rom_receives(bytes(data))
+        else:
+            self.machine.usart.receive(bytes(data))
+        return len(data)
+
+    @property
+    def in_waiting(self) -> int:
+        """Bytes that have arrived by now; takes no time."""
+        self._collect()
+        return len(self._arrived)
+
+    def read(self, size: int = 1) -> bytes:
+        """Up to `size` bytes: fewer when the board pauses after at least one or when LOOK_AHEAD are there, none when
+        `timeout` passes first."""
+        machine = self.machine
+        deadline = machine.now + int(self.timeout * TICKS_PER_S)
+        self._collect()
+        while len(self._arrived) < min(size, LOOK_AHEAD) and machine.now < deadline:
+            under_way = machine.usart.time_of_byte(LOOK_AHEAD - len(self._arrived))
+            if under_way is not None:
+                machine.run_to(min(under_way, deadline))
+            elif self._arrived:
+                break
+            else:
+                machine.run_until_sending(deadline)
+            self._collect()
+        out = bytes(self._arrived[:size])
+        del self._arrived[:size]
+        return out
+
+    def _collect(self) -> None:
+        self._arrived += self.machine.usart.bytes_out(self.machine.now)
+
+    def reset_input_buffer(self) -> None:
+        self._collect()
+        self._arrived.clear()
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+    # Misbehaviour on request
+
+    def write_with_framing_error(self, data: bytes) -> None:
+        for byte in data:
+            self.machine.usart.receive(bytes([byte]), FE)
+
+    def write_with_noise(self, data: bytes) -> None:
+        for byte in data:
+            self.machine.usart.receive(bytes([byte]), NE)
+
+    def write_overrun(self, data: bytes) -> None:
+        """These bytes take their time on the line, and the receiver loses them with the overrun flag."""
+        for byte in data:
+            self.machine.usart.receive(bytes([byte]), ORE)

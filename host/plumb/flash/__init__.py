@@ -1,0 +1,1 @@
+"""The flash image: its format, the ROM bootloader, the debug probe."""

@@ -1,0 +1,142 @@
+"""The flash image: where it is, and its bytes, from .bin, .hex or .elf. All three of one build give the same bytes."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from plumb.errors import UsageError
+from plumb.files.input_files import read_bytes
+
+FLASH_BASE = 0x08000000
+MOST_BYTES = 64 << 20
+"""Of an image's file: an ELF file holds what debuggers want, too."""
+BUILD_IMAGE = Path("build") / "stm32f103" / "firmware.bin"
+PARAMETER_SLOTS = 0x0800F000
+"""From here on the flash of the smallest part belongs to the parameters."""
+FAMILY = 0x103
+HEADER_OFFSET = 0x130
+HEADER_MAGIC = 0x626D6C70
+HEADER = struct.Struct("<6I")
+"""Behind the vector table: magic, family, bytes of the image, commit (two words), whether the tree differed from it.
+firmware/ports/stm32f103/startup.c places it; the image's last word is the CRC-32 of all bytes before it."""
+_ELF_ARM, _PT_LOAD = 40, 1
+
+
+@dataclass(frozen=True)
+class ImageHeader:
+    """What an image says of itself. git_hash: first 16 digits of its commit, '' when not known."""
+
+    family: int
+    size: int
+    git_hash: str
+    git_dirty: bool
+
+
+def find_image(image: Path | None = None) -> Path:
+    """The file that was asked for, else the build of this checkout; raises UsageError when there is none."""
+    if image is not None:
+        if not image.is_file():
+            raise UsageError(f"there is no file {image}; build an image with 'make image' or name another with --image")
+        return image
+    for root in (Path(__file__).resolve().parents[3], Path.cwd()):
+        if (root / BUILD_IMAGE).is_file():
+            return root / BUILD_IMAGE
+    raise UsageError("there is no flash image; build one with 'make image' or name one with --image")
+
+
+def load_image(path: Path) -> bytes:
+    """The bytes from 0x08000000 on; gaps read as erased flash. Raises UsageError for a file that is no image."""
+    raw = read_bytes(path, MOST_BYTES, "build an image with 'make image'")
+    if raw[:4] == b"\x7fELF":
+        data = _from_elf(raw, path)
+    elif path.suffix.lower() in (".hex", ".ihx") or raw[:1] == b":":
+        data = _from_hex(raw, path)
+    else:
+        data = raw
+    check_image(data, str(path))
+    return data
+
+
+def check_image(data: bytes, name: str) -> None:
+    """A vector table with its stack in RAM and its entry in flash, or UsageError."""
+    if len(data) >= 8:
+        stack, entry = struct.unpack_from("<II", data)
+        if 0x20000000 < stack <= 0x20018000 and entry & 1 and FLASH_BASE <= entry < FLASH_BASE + len(data):
+            return
+    raise UsageError(f"{name} is not an image for the STM32F103: it does not begin with a vector table")
+
+
+def claims_to_be_ours(data: bytes) -> bool:
+    """There is an image header, whole or not."""
+    return len(data) >= HEADER_OFFSET + 32 and struct.unpack_from("<I", data, HEADER_OFFSET)[0] == HEADER_MAGIC
+
+
+def own_header(data: bytes, name: str) -> ImageHeader:
+    """The header of a plumb image that is whole, for this family, and clear of the parameters; else UsageError."""
+    if not claims_to_be_ours(data):
+        raise UsageError(f"{name} is not a plumb image: it has no image header; build one with 'make image'")
+    _, family, size, hash_high, hash_low, dirty = HEADER.unpack_from(data, HEADER_OFFSET)
+    if family != FAMILY:
+        raise UsageError(f"{name} is for another part (family {family:x}, not {FAMILY:x}); build one with 'make image'")
+    if size != len(data) or struct.unpack("<I", data[-4:])[0] != zlib.crc32(data[:-4]):
+        raise UsageError(f"{name} is damaged: its length or checksum is wrong; build it again with 'make image'")
+    if FLASH_BASE + size > PARAMETER_SLOTS:
+        raise UsageError(
+            f"{name} is too long: its {size} bytes reach into the parameters at 0x{PARAMETER_SLOTS:08x}; "
+            "build a smaller one"
+        )
+    git_hash = f"{hash_high:08x}{hash_low:08x}" if hash_high or hash_low else ""
+    return ImageHeader(family, size, git_hash, bool(dirty))
+
+
+def _place(pieces: list[tuple[int, bytes]], path: Path) -> bytes:
+    if not pieces:
+        raise UsageError(f"{path} holds nothing to flash")
+    end = max(address + len(data) for address, data in pieces)
+    if min(address for address, _ in pieces) < FLASH_BASE or end > FLASH_BASE + 0x80000:
+        raise UsageError(f"{path} has data outside the flash of an STM32F103")
+    image = bytearray(b"\xff" * (end - FLASH_BASE))
+    for address, data in pieces:
+        image[address - FLASH_BASE : address - FLASH_BASE + len(data)] = data
+    return bytes(image)
+
+
+def _from_elf(raw: bytes, path: Path) -> bytes:
+    """The loadable segments at their physical addresses."""
+    try:
+        machine = struct.unpack_from("<H", raw, 18)[0]
+        if raw[4:6] != b"\x01\x01" or machine != _ELF_ARM:
+            raise UsageError(f"{path} is not a 32-bit Arm program")
+        table, size, count = struct.unpack_from("<I", raw, 28)[0], *struct.unpack_from("<HH", raw, 42)
+        pieces = []
+        for i in range(count):
+            kind, offset, _virtual, physical, length = struct.unpack_from("<5I", raw, table + i * size)
+            if kind == _PT_LOAD and length:
+                pieces.append((physical, raw[offset : offset + length]))
+    except struct.error as error:
+        raise UsageError(f"{path} is a damaged ELF file") from error
+    return _place(pieces, path)
+
+
+def _from_hex(raw: bytes, path: Path) -> bytes:
+    """Intel HEX: data, end, and both kinds of extended address."""
+    pieces: list[tuple[int, bytes]] = []
+    upper = 0
+    for number, line in enumerate(raw.split(), 1):
+        try:
+            record = bytes.fromhex(line[1:].decode("ascii"))
+        except ValueError:
+            record = b""
+        if line[:1] != b":" or len(record) < 5 or len(record) != record[0] + 5 or sum(record) & 0xFF:
+            raise UsageError(f"{path} line {number} is not a valid Intel HEX record")
+        address, kind, data = int.from_bytes(record[1:3], "big"), record[3], record[4:-1]
+        if kind == 0:
+            pieces.append((upper + address, data))
+        elif kind == 1:
+            break
+        elif kind in (2, 4):
+            upper = int.from_bytes(data, "big") << (16 if kind == 4 else 4)
+    return _place(pieces, path)

@@ -1,0 +1,1 @@
+"""Where samples come from: recordings, phones, the sensor board, the bridge between two buses."""

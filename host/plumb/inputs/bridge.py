@@ -1,0 +1,510 @@
+"""A sensor board on one bus, an STM32 on another, and this process between them: frame for frame, counted.
+
+Samples go to the STM32 as they came, everything the STM32 says goes to the sensor board. The bridge is the STM32's
+host: it connects, uploads the system's parameters, begins a run in real time on injected samples when the first
+sample comes, ends it (which disarms) when they stop, and keeps an armed board alive. Either side may come and go.
+
+With a shadow the integer model runs beside the board on the counts that the board says it used (`plumb.proof.shadow`).
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Container
+from dataclasses import dataclass, field
+from typing import Any
+
+import can
+
+from plumb.errors import LinkError, UsageError
+from plumb.inputs.sample_assembler import Samples
+from plumb.link.identity import NackError, disarmed_text
+from plumb.link.realtime import Capture
+from plumb.link.session import BLOCKED_IMPLAUSIBLE, BLOCKED_NOT_READY, Session
+from plumb.link.transports.open_bus import LogBus, open_bus
+from plumb.link.transports.slcan_bus import PlumbBus
+from plumb.proof.shadow import Shadow
+from plumb.spec.parameters import control_part
+from plumb.spec.protocol import Frame, check, protocol
+from plumb.tuning.quantise import ControlParams
+
+RETRY_S = 0.5
+"""Between two attempts to open a side that is not there."""
+SILENCE_S = 1.0
+"""Listened to for so long without a frame, a side is silent: the run ends, and the far end is asked to begin again."""
+LISTEN_S = 0.1
+"""One look at a bus at most. Time in which this process did not listen is nobody's silence."""
+PATIENCE_S = 3.0
+"""Without a sample for so long after the board answered, somebody may have to start something."""
+BOARD_SILENCE_S = 2.0
+"""An open link says TIME every 50 ms: a board that is silent for so long was reset, or its cable pulled."""
+MISTAKEN_S = 3 * RETRY_S
+"""For so long a port that turned out to be the board's is left to the board's side."""
+TURN_S = 0.001
+STANDING_OVER = 25
+"""Samples over which at least so and so many older ones were always waiting for their step: delay that never goes away
+by itself, because both sides have the same period. That many are left out then."""
+ARM_AFTER_STEPS = 10
+BLOCKED_BY_SILENCE = 1 << 7
+WAITED_FOR = BLOCKED_BY_SILENCE | BLOCKED_NOT_READY | BLOCKED_IMPLAUSIBLE
+"""Blocks that pass by themselves once samples come and the plant is at rest."""
+"""Refused because samples stopped for a moment: they came before, and will again."""
+
+Open = Callable[[str], can.BusABC]
+Say = Callable[[str], None]
+Sample = tuple[float, list[Frame]]
+"""When it was whole, and its frames."""
+
+
+@dataclass
+class Flow:
+    """Frames heard on one side. lost: missing by their number; rejected: damaged; foreign: not of this protocol."""
+
+    frames: int = 0
+    lost: int = 0
+    rejected: int = 0
+    foreign: int = 0
+    opened: int = 0
+    _last: dict[int, int] = field(default_factory=dict, repr=False)
+
+    def note(self, identifier: int, data: bytes) -> bool:
+        """Count a frame; False when it is not to be passed on."""
+        message = protocol().by_identifier.get(identifier)
+        if message is None:
+            self.foreign += 1
+            return False
+        if not check(identifier, data):
+            self.rejected += 1
+            return False
+        self.frames += 1
+        if message.name == "HELLO":
+            self.forget()  # a host counts anew from there
+        # SAMPLE and RAW are numbered by their step in six bits; one of four repeats what its SAMPLE_A says.
+        wide = message.name in ("SAMPLE_A", "SAMPLE_B", "RAW_A", "RAW_B")
+        if message.name not in ("SAMPLE_B", "SETPOINT"):
+            mask = 63 if wide else 15
+            number = data[1] & mask
+            last = self._last.get(identifier)
+            self.lost += 0 if last is None else number - last - 1 & mask
+            self._last[identifier] = number
+        return True
+
+    def forget(self) -> None:
+        """Another conversation begins: numbers start anew."""
+        self._last.clear()
+
+
+@dataclass
+class BoardCounts:
+    """What the board counted while this bridge was its host: its counters go on from the hosts before.
+
+    lost: samples that are missing by their number, also those that the bridge left out or never got.
+    """
+
+    rejected: int = 0
+    lost: int = 0
+    dropped: int = 0
+    starved: int = 0
+    _last: dict[str, int] = field(default_factory=dict, repr=False)
+
+    def note(self, telemetry: dict[str, dict[str, int]]) -> None:
+        said = {**telemetry.get("COUNTERS", {}), **telemetry.get("EVENTS", {})}
+        for name in ("rejected", "lost", "dropped", "starved"):
+            if name in said:
+                grown = said[name] - self._last.get(name, said[name]) & 0xFFFF
+                setattr(self, name, getattr(self, name) + grown)
+                self._last[name] = said[name]
+
+    def forget(self) -> None:
+        """The board may have been started again since."""
+        self._last.clear()
+
+
+class End:
+    """One bus, opened again and again by a thread of its own; what comes waits in `arrived` with its time.
+
+    only: the identifiers that are this end's, where another end has the same bus.
+    generation: how often the other end is known to have come anew. quiet_s: listened for so long without a frame.
+    trouble: why it is not open, or ''. wrong: its name can never be opened.
+    """
+
+    def __init__(self, spec: str, open_: Open = open_bus, only: Container[int] | None = None) -> None:
+        self.spec, self.flow, self._only = spec, Flow(), only
+        self.generation = 0
+        self.quiet_s = 0.0
+        self.trouble = ""
+        self.wrong: UsageError | None = None
+        self.ended = False
+        self.arrived: queue.SimpleQueue[tuple[float, Frame]] = queue.SimpleQueue()
+        self._open, self._bus = open_, None
+        self._done = threading.Event()
+        self._mistaken = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"bus {spec}", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        self._done.set()
+        self._thread.join()
+
+    def let_go(self) -> None:
+        """Close what is open, and look again after a while what has this name then."""
+        self._mistaken.set()
+
+    def send(self, frames: list[Frame]) -> None:
+        """Frames to the other end, or nowhere while nobody is there."""
+        bus: Any = self._bus
+        if bus is None:
+            return
+        try:
+            if isinstance(bus, PlumbBus):
+                bus.write_frames(frames)
+            else:
+                for identifier, data in frames:
+                    bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False), timeout=0.1)
+        except (LinkError, can.CanError, OSError):
+            pass  # the reading thread will see it too, and open anew
+
+    def drain(self) -> list[tuple[float, Frame]]:
+        """What has arrived since the last call; raises UsageError when nothing ever can."""
+        if self.wrong is not None:
+            raise self.wrong
+        return [self.arrived.get() for _ in range(self.arrived.qsize())]
+
+    def _run(self) -> None:
+        while not self._done.is_set():
+            try:
+                with self._open(self.spec) as bus:
+                    self._bus, self.trouble = bus, ""  # type: ignore[assignment]
+                    self.generation += 1
+                    self.flow.opened += 1
+                    self.flow.forget()
+                    self._read(bus)
+            except UsageError as error:
+                self.wrong = error
+                return
+            except (LinkError, can.CanError, OSError) as error:
+                self.trouble = str(error)
+            self._bus = None
+            self.quiet_s += RETRY_S
+            self._done.wait(MISTAKEN_S if self._mistaken.is_set() else RETRY_S)
+            self._mistaken.clear()
+
+    def _read(self, bus: can.BusABC) -> None:
+        self.quiet_s = asked_at_s = 0.0
+        while not self._done.is_set() and not self._mistaken.is_set():
+            begin_s = time.monotonic()
+            message = bus.recv(LISTEN_S)
+            now_s = time.monotonic()
+            self.quiet_s += min(now_s - begin_s, LISTEN_S)
+            if message is not None and self._is_its_own(message):
+                if self.quiet_s > SILENCE_S:
+                    self.generation += 1
+                    self.flow.forget()
+                self.quiet_s = asked_at_s = 0.0
+                frame = message.arbitration_id, bytes(message.data)
+                if self.flow.note(*frame):
+                    self.arrived.put((now_s, frame))
+            elif self.quiet_s - asked_at_s > SILENCE_S and isinstance(bus, PlumbBus):
+                bus.write_text(b"O\r")  # a far end that started again, and was not told that somebody listens
+                asked_at_s = self.quiet_s
+            if isinstance(bus, PlumbBus):
+                self.flow.rejected = bus.parser.rejected + bus.parser.bad
+            self.ended = isinstance(bus, LogBus) and bus.ended
+
+    def _is_its_own(self, message: can.Message) -> bool:
+        data_frame = not message.is_extended_id and not message.is_error_frame
+        return data_frame and (self._only is None or message.arbitration_id in self._only)
+
+
+def carry(one: End, other: End, stopped: Callable[[], bool], say: Say = lambda text: None) -> None:
+    """Every frame of either side to the other, as it came, until stopped() holds."""
+    said = {one: "", other: ""}
+    while not stopped() and not one.ended and not other.ended:
+        moved = False
+        for source, target in ((one, other), (other, one)):
+            if source.trouble != said[source]:
+                say(f"{source.spec}: {source.trouble or 'open again'}")
+                said[source] = source.trouble
+            frames = [frame for _, frame in source.drain()]
+            if frames:
+                target.send(frames)
+                moved = True
+        if not moved:
+            time.sleep(TURN_S)
+
+
+class Bridge:
+    """Joins the sensor board at `sensor` to the STM32 at `board`.
+
+    params: uploaded when a run begins, with the link's words by name (period_us and the like); None leaves the board's
+    own. frames: the actuator's, selected beside the raw counts. arm: once, when the first run has steps; what disarms
+    after that stays disarmed. say: gets what a person should know.
+
+    runs, steps: of the board. skipped: samples left out of a run to keep the delay short. unused: samples that came
+    while no run was on. Where both names are of one CAN bus, samples reach the STM32 by themselves and nothing is
+    carried: the bridge is the host of the run, and its witness. So it is with direct, where the sensor board is on the
+    CAN bus of an STM32 whose UART is the bridge's: the run then names the other link as the source of its samples.
+    """
+
+    def __init__(
+        self,
+        sensor: str,
+        board: str,
+        params: ControlParams | None,
+        frames: tuple[str, ...],
+        link: dict[str, int],
+        *,
+        arm: bool = False,
+        shadow: bool = False,
+        direct: bool = False,
+        say: Say = lambda text: None,
+        open_: Open = open_bus,
+    ) -> None:
+        self.one_bus, self.direct = sensor == board, direct and sensor != board
+        self.carries = not self.one_bus and not self.direct
+        self._theirs = {protocol()[name].identifier for name in ("SAMPLE_A", "SAMPLE_B", "SETPOINT")}
+        self.sensor = End(sensor, open_, None if self.carries else self._theirs)
+        self.board_spec, self.board, self.counted = board, Flow(), BoardCounts()
+        self.params, self.frames, self.link = params, frames, link
+        self.want_arm, self.want_shadow, self.say, self._open = arm, shadow, say, open_
+        self.runs = self.steps = self.skipped = self.unused = 0
+        self.latencies_s: list[float] = []
+        self.shadow: Shadow | None = None
+        self._quiet_s = 0.0
+        names = protocol()
+        self._sample_a, self._raw_a = names["SAMPLE_A"], names["RAW_A"]
+        self._time_id = names["TIME"].identifier
+        self._setpoint_id = names["SETPOINT"].identifier
+        self._samples, self._generation = Samples(), 0
+        self._told: set[str] = set()
+
+    def run(self, stopped: Callable[[], bool]) -> None:
+        """Until stopped() holds, or the shadow has seen a bit that differs, or a log that was played is at its end."""
+        self.sensor.start()
+        try:
+            while not stopped() and not self._over():
+                try:
+                    with Session(self._open(self.board_spec)) as session:
+                        session.connect()
+                        session.require_match()
+                        self.board.opened += 1
+                        self.say(f"the board at {self.board_spec} answers")
+                        self._told.clear()
+                        self.counted.forget()
+                        self._quiet_s = 0.0
+                        self._serve(session, stopped)
+                except LinkError as error:
+                    self._once(f"the board's side: {error}")
+                    self._wait(RETRY_S, stopped)
+        finally:
+            self.sensor.stop()
+        self.sensor.drain()  # a name that can never be opened is told, however short the time was
+
+    def _over(self) -> bool:
+        found = self.shadow is not None and self.shadow.divergence is not None
+        return found or (self.sensor.ended and self.sensor.arrived.empty())
+
+    def _once(self, text: str) -> None:
+        if text not in self._told:
+            self._told.add(text)
+            self.say(text)
+
+    def _wait(self, seconds: float, stopped: Callable[[], bool]) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and not stopped():
+            self._idle_drain()
+            time.sleep(0.02)
+
+    def _idle_drain(self) -> list[Sample]:
+        """Whole samples that came while no run was on; says so when a board sent them."""
+        arrived = self.sensor.drain()
+        heard = {frame[0] for _, frame in arrived}
+        if self._time_id in heard and self._sample_a.identifier not in heard:
+            self._once(
+                f"what speaks at {self.sensor.spec} is a board, no sensor board: the sensor board's BUS is the first"
+            )
+            self.sensor.let_go()  # names of terminals are used again: this may be the port of the board's side
+        if self.sensor.trouble:
+            self._once(f"the sensor board's side: {self.sensor.trouble}")
+        samples = self._whole(arrived)
+        self.unused += len(samples)
+        return samples
+
+    def _whole(self, arrived: list[tuple[float, Frame]]) -> list[Sample]:
+        if self._generation != self.sensor.generation:
+            self._generation = self.sensor.generation
+            self._samples.forget()
+        return self._samples.take(arrived)
+
+    # ---- one conversation with the board ----
+
+    def _serve(self, session: Session, stopped: Callable[[], bool]) -> None:
+        while not stopped() and not self._over():
+            self._idle_drain()
+            sample = self._await_sample(session, stopped)
+            if sample is not None:
+                self._one_run(session, sample, stopped)
+
+    def _await_sample(self, session: Session, stopped: Callable[[], bool]) -> Sample | None:
+        begin_s = time.monotonic()
+        while not stopped() and not self._over():
+            samples = self._idle_drain()
+            if samples:
+                return samples[-1]
+            if not self.sensor.trouble and time.monotonic() - begin_s > PATIENCE_S:
+                self._once(f"no sample has come over {self.sensor.spec} yet: is a sensor board there?")
+            self._listen(session, 0.02)
+        return None
+
+    def _listen(self, session: Session, timeout_s: float) -> None:
+        """Take what the board says; raises LinkError when it has said nothing for too long. A reset shows as nothing
+        else where the cable stays: the board waits for a host to open the link again."""
+        begin_s = time.monotonic()
+        if session.receive(timeout_s):
+            self._quiet_s = 0.0
+            self.counted.note(session.telemetry)
+            return
+        self._quiet_s += min(time.monotonic() - begin_s, LISTEN_S)
+        if self._quiet_s > BOARD_SILENCE_S:
+            raise LinkError("it fell silent")
+
+    def _one_run(self, session: Session, sample: Sample, stopped: Callable[[], bool]) -> None:
+        params = self.params
+        if params is None:
+            params = ControlParams.from_words(control_part(session.read_parameters()))
+        else:
+            session.upload(params.words(), **{**params.link_words(), **self.link})
+        run = _Run(self, session, params)
+        session.listener = run.up
+        elsewhere = ("samples", "setpoints") if self.direct else ()
+        session.begin("REALTIME_INJECTED", frames=("RAW_A", "RAW_B", *self.frames), elsewhere=elsewhere)
+        self.runs += 1
+        self.say(f"run {self.runs}: samples come, the board steps")
+        self._quiet_s = 0.0
+        generation = self.sensor.generation
+        # The newest of those that came while parameters were uploaded: the others would wait before it for ever.
+        meanwhile = self._whole(self.sensor.drain())
+        self.unused += len(meanwhile) - 1
+        time_s, frames = (meanwhile or [sample])[-1]
+        if self._samples.setpoint is not None and self._samples.setpoint not in frames and self.carries:
+            session.send(run.tagged([self._samples.setpoint]))
+        pending = [(time_s, frames)]
+        while not stopped() and not self._over():
+            run.down(pending)
+            self._listen(session, TURN_S)
+            run.look()
+            if generation != self.sensor.generation or self.sensor.quiet_s > SILENCE_S:
+                self.say("the sensor board fell silent: the run ends, the outputs are neutral")
+                break
+            pending = self._whole(self.sensor.drain())
+        session.listener = None
+        run.end()
+
+
+class _Run:
+    """One run of the board: samples down, answers up, the shadow beside."""
+
+    def __init__(self, bridge: Bridge, session: Session, params: ControlParams) -> None:
+        self.bridge, self.session, self.capture = bridge, session, Capture(session)
+        self._waiting: deque[tuple[float, tuple[int, ...]]] = deque()
+        self._standing = self._surplus = self._looked = 0
+        self._armed = self._disarmed = False
+        self._arm_after = ARM_AFTER_STEPS
+        self._used: tuple[int, ...] | None = None
+        bridge.board.forget()
+        if bridge.want_shadow:
+            bridge.shadow = Shadow(params, bridge.shadow)
+
+    def down(self, samples: list[Sample]) -> None:
+        """Whole samples to the board, in one piece each."""
+        bridge = self.bridge
+        for time_s, frames in samples:
+            self._looked += 1
+            self._standing = min(self._standing, len(self._waiting))
+            if self._looked >= STANDING_OVER:
+                self._surplus, self._looked, self._standing = self._standing, 0, len(self._waiting)
+            if self._surplus and bridge.carries:
+                self._surplus -= 1
+                bridge.skipped += 1
+                frames = [frame for frame in frames if frame[0] == bridge._setpoint_id]
+            else:
+                self._waiting.append((time_s, tuple(bridge._sample_a.unpack(frames[-1][1])[2:])))
+            if frames and bridge.carries:
+                self.session.send(self.tagged(frames))
+
+    def tagged(self, frames: list[Frame]) -> list[Frame]:
+        """The same with this run's tag in every SETPOINT: the sensor board knows of no run."""
+        message, tag = self.session.protocol["SETPOINT"], self.session.run_tag
+        return [
+            (identifier, message.pack(data[1], tag, *message.unpack(data)[2:]))
+            if identifier == message.identifier
+            else (identifier, data)
+            for identifier, data in frames
+        ]
+
+    def up(self, frames: list[Frame]) -> None:
+        """Answers, also those that came while a request waited for its own."""
+        bridge = self.bridge
+        if frames and bridge.carries:
+            bridge.sensor.send(frames)
+        now_s = time.monotonic()
+        for identifier, data in frames:
+            if not bridge.one_bus or identifier not in bridge._theirs:
+                bridge.board.note(identifier, data)
+            if identifier == bridge._raw_a.identifier:
+                self._match(tuple(bridge._raw_a.unpack(data)[2:]), now_s)
+        before = self.capture.steps
+        self.capture.feed(frames)
+        bridge.steps += self.capture.steps - before
+        self.capture.values.clear()
+        self.capture.time_us.clear()
+        if bridge.shadow is None:
+            self.capture.raw.clear()
+            self.capture.digest.clear()
+
+    def look(self) -> None:
+        """Between two turns: compare, arm once, and say what happened."""
+        bridge, session = self.bridge, self.session
+        if bridge.shadow is not None:
+            bridge.shadow.follow(self.capture, session.counters.lost + session.frames.rejected)
+        if bridge.want_arm and self.capture.steps > self._arm_after:
+            bridge.want_arm = False
+            try:
+                session.arm(ready_wait_s=0.0)  # samples have to go on meanwhile
+                bridge.say("armed")
+            except LinkError as error:
+                if isinstance(error, NackError) and error.reason == "BLOCKED" and not error.detail & ~WAITED_FOR:
+                    bridge.want_arm, self._arm_after = True, self.capture.steps + ARM_AFTER_STEPS
+                    bridge._once(f"not armed yet: {error}")
+                else:
+                    bridge.say(f"not armed: {error}")
+        if self._armed and not self.capture.armed:
+            self._disarmed = True
+            session.telemetry.pop("EVENTS", None)  # the cause is in the next one
+        self._armed = self.capture.armed
+        if self._disarmed and "EVENTS" in session.telemetry:
+            self._disarmed = False
+            cause = session.telemetry["EVENTS"]["disarm_cause"]
+            why = disarmed_text(cause, session.telemetry.get("PLAUSIBILITY", {}))
+            bridge.say(f"the board disarmed: {why}; it stays so until this is started again")
+
+    def _match(self, counts: tuple[int, ...], now_s: float) -> None:
+        """A step used these counts: the sample they came with has arrived, and what waited before it never will."""
+        if counts == self._used and not (self._waiting and self._waiting[0][1] == counts):
+            return  # held: no new sample was there
+        self._used = counts
+        while self._waiting:
+            sent_s, sample = self._waiting.popleft()
+            if sample == counts:
+                self.bridge.latencies_s.append(now_s - sent_s)
+                return
+
+    def end(self) -> None:
+        if self.bridge.shadow is not None and self.bridge.shadow.divergence is not None:
+            self.bridge.shadow.locate(self.session)
+        self.session.end()

@@ -1,0 +1,315 @@
+"""A recording of a real three-axis sensor, turned into raw counts of one axis for the estimator.
+
+Files
+    .npz  gyr (N, 3) rad/s, acc (N, 3) m/s^2 of specific force, rate_hz or time_s; ref_quat (N, 4) w, x, y, z from
+          sensor frame to earth frame with z up, NaN where it is lost; movement (N,) bool, the samples to score;
+          further arrays are ignored
+    .csv  one header line; time_s, gyr_{x,y,z}_radps (or _dps), acc_{x,y,z}_mps2 (or _g), and perhaps ref_{w,x,y,z}
+          (empty or nan where lost) and movement (0 or 1); further columns are ignored
+
+One axis. With u the vertical in sensor coordinates (what a resting accelerometer reads, in g), the tilt about an axis
+is the angle of u in the plane across it, and grows with a positive rotation about it:
+
+    x: atan2(u_y, u_z)      y: atan2(-u_x, u_z)      z: atan2(u_x, u_y)
+
+From u' = u x w follows, for x (the others by exchange of letters),
+
+    tilt' = w_x - u_x (u_y w_y + u_z w_z) / (u_y^2 + u_z^2)
+
+The one-axis filter knows the first term only. The second vanishes while the axis is level, so turning about a level
+axis is what it is made for; in general motion the accelerometer must pull back what the coupling adds, and near a
+vertical axis there is no tilt about it at all: samples with sqrt(u_y^2 + u_z^2) < 0.15 are called singular and are not
+scored. The estimator sees only the axis' own rate and the two accelerations across it; a trust that grows with
+| |a|^2 - 1 | takes an inclined axis for a disturbance, so a constant R suits general motion better.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import zipfile
+from array import array
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.errors import UsageError
+from plumb.files import input_files
+from plumb.spec.tuning import Calibration, Channel
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+Axis = Literal["x", "y", "z"]
+
+G_MPS2 = 9.80665
+SHORTEST_S = 2.0
+LONGEST_GAP_S = 1.0
+SINGULAR = 0.15
+MOST_SAMPLES = 1 << 21
+"""Two hours at 285 Hz; at half a kilobyte of working memory a sample, one gigabyte."""
+MOST_STEPS = 1 << 23
+"""Of a recording resampled to the period: stamps may be far apart, and steps are not."""
+MOST_BYTES = 256 << 20
+ROW_BYTES = 64
+"""The widest array that is read, four float128 a sample."""
+RATE_LIMIT_DPS, ACCEL_LIMIT_G = 2500.0, 27.5
+"""What the firmware's calibrated values can carry is 7 turn/s and 28 g."""
+LEAST_SCALE_DPS, LEAST_SCALE_G = 25.0, 0.25
+"""The sensor is made no finer than this full scale: below it a count is too few units of the firmware's gains to keep
+the 0.1 % of every parameter, and it is far under the noise of any sensor already."""
+FULL_SCALE_COUNTS = 32_000
+"""The largest sample of a channel lands here, of 32767: the ideal sensor is scaled to the recording."""
+
+NPZ_NAMES = ("gyr", "acc", "rate_hz", "time_s", "ref_quat", "movement")
+
+# Columns (and signs) that make tilt = atan2(first, second) about an axis.
+_ACROSS: dict[str, tuple[tuple[int, float], tuple[int, float]]] = {
+    "x": ((1, 1.0), (2, 1.0)),
+    "y": ((0, -1.0), (2, 1.0)),
+    "z": ((0, 1.0), (1, 1.0)),
+}
+
+
+@dataclass(frozen=True)
+class Recording:
+    """time_s (N,) from 0, rising; gyr_dps (N, 3); acc_g (N, 3); ref_quat (N, 4) or None; movement (N,), all of it if
+    the file does not say."""
+
+    path: Path
+    time_s: FloatArray
+    gyr_dps: FloatArray
+    acc_g: FloatArray
+    ref_quat: FloatArray | None
+    movement: BoolArray
+
+    @property
+    def step_s(self) -> float:
+        """Median time between samples."""
+        return float(np.median(np.diff(self.time_s)))
+
+
+@dataclass(frozen=True)
+class AxisInput:
+    """One axis of a recording at a steady period. raw (steps, 6) int16: gyro, y, z as the firmware names them; truth
+    (steps,) deg, NaN without reference; scored (steps,): movement, with a reference, not singular."""
+
+    axis: str
+    period_us: int
+    raw: npt.NDArray[np.int16]
+    calibration: Calibration
+    truth_deg: FloatArray
+    scored: BoolArray
+    singular: BoolArray
+
+    @property
+    def time_s(self) -> FloatArray:
+        return np.arange(len(self.raw), dtype=np.float64) * (self.period_us * 1e-6)
+
+    def first(self, steps: int) -> AxisInput:
+        """Only the first steps."""
+        cut = (self.raw[:steps], self.truth_deg[:steps], self.scored[:steps], self.singular[:steps])
+        raw, truth_deg, scored, singular = cut
+        return replace(self, raw=raw, truth_deg=truth_deg, scored=scored, singular=singular)
+
+
+def load(path: Path | str) -> Recording:
+    """Read and check a file; raises UsageError with one sentence that says what is wrong with it."""
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in (".npz", ".csv"):
+        raise UsageError(f"{path} is neither .npz nor .csv; see `plumb replay --help` for both formats")
+    input_files.check(path, MOST_BYTES, "give a recording, .npz or .csv")
+    return _checked(path, _read_npz(path) if suffix == ".npz" else _read_csv(path))
+
+
+def _too_long(path: Path) -> UsageError:
+    return UsageError(f"{path.name} holds more than {MOST_SAMPLES} samples: cut it into shorter recordings")
+
+
+def _check_sizes(path: Path) -> None:
+    """Raises UsageError for an array that would take too much memory, from the headers of the arrays alone: a few
+    kilobytes of a compressed file may stand for gigabytes."""
+    with zipfile.ZipFile(path) as archive:
+        for name in set(archive.namelist()) & {f"{name}.npy" for name in NPZ_NAMES}:
+            with archive.open(name) as member:
+                version = np.lib.format.read_magic(member)
+                read = np.lib.format.read_array_header_1_0 if version[0] == 1 else np.lib.format.read_array_header_2_0
+                shape, _, dtype = read(member)
+            if math.prod(shape[:1]) > MOST_SAMPLES or math.prod(shape) * dtype.itemsize > MOST_SAMPLES * ROW_BYTES:
+                raise _too_long(path)
+
+
+def _read_npz(path: Path) -> dict[str, npt.NDArray[np.float64]]:
+    try:
+        _check_sizes(path)
+        with np.load(path, allow_pickle=False) as file:
+            columns = {name: file[name].astype(np.float64, casting="same_kind") for name in NPZ_NAMES if name in file}
+            names = sorted(file.files)
+    except UsageError:
+        raise
+    except Exception as error:  # zipfile, zlib and numpy raise whatever a damaged file leads them to
+        raise UsageError(f"{path.name} is damaged or no numpy .npz file of plain numbers") from error
+    missing = [name for name in ("gyr", "acc") if name not in columns]
+    if missing or not ("time_s" in columns or "rate_hz" in columns):
+        raise UsageError(f"{path.name} lacks {' and '.join(missing) or 'time_s or rate_hz'}; it has {names}")
+    if "time_s" not in columns:
+        rate_hz = float(columns["rate_hz"].reshape(-1)[0]) if columns["rate_hz"].size else 0.0
+        if not 1.0 <= rate_hz <= 1e5:
+            raise UsageError(f"{path.name} says rate_hz {rate_hz:g}; a rate is between 1 and 100000 Hz")
+        columns["time_s"] = np.arange(len(np.atleast_1d(columns["gyr"]))) / rate_hz
+    columns["gyr"] = np.degrees(columns["gyr"])
+    columns["acc"] = columns["acc"] / G_MPS2
+    return columns
+
+
+def _read_csv(path: Path) -> dict[str, npt.NDArray[np.float64]]:
+    wanted = ["time_s", "movement", *(f"ref_{c}" for c in "wxyz")]
+    wanted += [f"gyr_{c}_{u}" for c in "xyz" for u in ("radps", "dps")]
+    wanted += [f"acc_{c}_{u}" for c in "xyz" for u in ("mps2", "g")]
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = (row for row in csv.reader(file) if row)
+            header = next(rows, None)
+            if header is None:
+                raise UsageError(f"{path.name} is empty")
+            places = {name.strip(): at for at, name in enumerate(header) if name.strip() in wanted}
+            numbers = {name: array("d") for name in places}
+            for line, row in enumerate(rows, 2):
+                if line > MOST_SAMPLES + 1:
+                    raise _too_long(path)
+                for name, at in places.items():
+                    numbers[name].append(_number(path, line, name, row, at))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise UsageError(f"{path.name} is no readable CSV text ({error})") from error
+    column: dict[str, FloatArray] = {name: np.array(values) for name, values in numbers.items()}
+    gyr = _axes(column, "gyr", (("radps", 180.0 / math.pi), ("dps", 1.0)))
+    acc = _axes(column, "acc", (("mps2", 1.0 / G_MPS2), ("g", 1.0)))
+    if gyr is None or acc is None or "time_s" not in column:
+        raise UsageError(f"{path.name} needs columns time_s, gyr_x_radps.. (or _dps) and acc_x_mps2.. (or _g)")
+    columns = {"time_s": column["time_s"], "gyr": gyr, "acc": acc}
+    if all(f"ref_{c}" in column for c in "wxyz"):
+        columns["ref_quat"] = np.stack([column[f"ref_{c}"] for c in "wxyz"], 1)
+    if "movement" in column:
+        columns["movement"] = column["movement"]
+    return columns
+
+
+def _number(path: Path, line: int, name: str, row: list[str], at: int) -> float:
+    text = row[at].strip() if at < len(row) else ""
+    if not text:
+        return math.nan
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"{path.name} line {line}: '{text[:20]}' in column {name} is no number") from None
+
+
+def _axes(column: dict[str, FloatArray], stem: str, units: tuple[tuple[str, float], ...]) -> FloatArray | None:
+    for unit, factor in units:
+        names = [f"{stem}_{c}_{unit}" for c in "xyz"]
+        if all(name in column for name in names):
+            return factor * np.stack([column[name] for name in names], 1)
+    return None
+
+
+def _checked(path: Path, columns: dict[str, FloatArray]) -> Recording:
+    time_s, gyr, acc = columns["time_s"], columns["gyr"], columns["acc"]
+    n = len(time_s) if time_s.ndim == 1 else -1
+    if n < 1 or gyr.shape != (n, 3) or acc.shape != (n, 3):
+        raise UsageError(f"{path.name}: gyr {gyr.shape} and acc {acc.shape} are not (N, 3) beside {n} time stamps")
+    for name, values in (("time_s", time_s), ("gyr", gyr), ("acc", acc)):
+        bad = np.flatnonzero(~np.isfinite(values.reshape(len(values), -1)).all(1))
+        if len(bad):
+            raise UsageError(f"{path.name}: {name} of sample {bad[0]} is not a number; cut or repair the recording")
+    if n < 2 or time_s[-1] - time_s[0] < SHORTEST_S:
+        raise UsageError(f"{path.name} is too short: {n} samples; {SHORTEST_S:g} s are needed")
+    steps_s = np.diff(time_s)
+    if np.min(steps_s) <= 0.0:
+        raise UsageError(f"{path.name}: time stands still or runs back at sample {int(np.argmin(steps_s)) + 1}")
+    if np.max(steps_s) > LONGEST_GAP_S:
+        raise UsageError(f"{path.name} has a gap of {np.max(steps_s):.1f} s at sample {int(np.argmax(steps_s)) + 1}")
+    if np.max(np.abs(gyr)) > RATE_LIMIT_DPS or np.max(np.abs(acc)) > ACCEL_LIMIT_G:
+        limits = f"{RATE_LIMIT_DPS:g} deg/s or {ACCEL_LIMIT_G:g} g"
+        raise UsageError(f"{path.name} exceeds {limits}; are its units those of the format?")
+    quat, movement = columns.get("ref_quat"), columns.get("movement", np.ones(n))
+    if (quat is not None and quat.shape != (n, 4)) or movement.shape != (n,):
+        raise UsageError(f"{path.name}: ref_quat is not (N, 4), or movement not (N,), beside {n} samples")
+    return Recording(path, time_s - time_s[0], gyr, acc, quat, np.nan_to_num(movement) != 0.0)
+
+
+def steady(time_s: FloatArray, values: FloatArray, period_us: int) -> FloatArray:
+    """Samples at a steady period from 0 s, (N, c) -> (steps, c), from stamps that need not be regular.
+
+    A period longer than the recording's: the mean, over one period around each instant, of the straight lines between
+    samples, so that fast motion does not alias. Otherwise the straight lines themselves.
+    """
+    period_s = period_us * 1e-6
+    at_s = np.arange(math.floor(time_s[-1] / period_s + 1e-9) + 1) * period_s
+    half_s = 0.5 * period_s
+    if period_s <= float(np.median(np.diff(time_s))) * 1.0001:
+        return np.stack([np.interp(at_s, time_s, column) for column in values.T], 1)
+    area = np.zeros_like(values)
+    area[1:] = np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time_s)[:, None], axis=0)
+    early, late = np.maximum(at_s - half_s, 0.0), np.minimum(at_s + half_s, time_s[-1])
+    return np.stack(
+        [
+            (_area_at(late, time_s, column, a) - _area_at(early, time_s, column, a)) / (late - early)
+            for column, a in zip(values.T, area.T, strict=True)
+        ],
+        1,
+    )
+
+
+def _area_at(at_s: FloatArray, time_s: FloatArray, value: FloatArray, area: FloatArray) -> FloatArray:
+    i = np.clip(np.searchsorted(time_s, at_s, "right") - 1, 0, len(time_s) - 2)
+    into_s = at_s - time_s[i]
+    slope = (value[i + 1] - value[i]) / (time_s[i + 1] - time_s[i])
+    return np.asarray(area[i] + into_s * (value[i] + 0.5 * slope * into_s), np.float64)
+
+
+def vertical(ref_quat: FloatArray) -> FloatArray:
+    """The vertical in sensor coordinates, u = R(q)^T [0 0 1], (N, 4) -> (N, 3); NaN where it is lost."""
+    length = np.linalg.norm(ref_quat, axis=1, keepdims=True)
+    w, x, y, z = (ref_quat / np.where((length > 0.0) & np.isfinite(length), length, np.nan)).T
+    return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z], 1)
+
+
+def pick_axis(recording: Recording, axis: str, period_us: int | None = None) -> AxisInput:
+    """Counts of an ideal sensor along one axis, and what it should say; period_us None: the recording's own."""
+    if axis not in _ACROSS:
+        raise UsageError(f"'{axis}' is no axis; use x, y or z")
+    if period_us is None:
+        period_us = round(recording.step_s * 1e6)
+    if not 500 <= period_us <= 100_000:
+        raise UsageError(f"a period of {period_us} us is outside 500 to 100000 us; resample with --period-us")
+    if recording.time_s[-1] > MOST_STEPS * period_us * 1e-6:
+        most = f"more than {MOST_STEPS} steps of {period_us} us"
+        raise UsageError(f"{recording.path.name} lasts {most}: cut it, or take a longer --period-us")
+    (first, sign), (second, _) = _ACROSS[axis]
+    signals = np.column_stack(
+        [recording.gyr_dps[:, "xyz".index(axis)], sign * recording.acc_g[:, first], recording.acc_g[:, second]]
+    )
+    signals = steady(recording.time_s, signals, period_us)
+    raw = np.zeros((len(signals), 6), np.int16)
+    channels = []
+    for c, least in enumerate((LEAST_SCALE_DPS, LEAST_SCALE_G, LEAST_SCALE_G)):
+        unit = max(float(np.max(np.abs(signals[:, c]))), least) / FULL_SCALE_COUNTS
+        raw[:, c] = np.rint(signals[:, c] / unit).astype(np.int16)
+        channels.append(
+            Channel(zero_counts=0.0, unit_per_count=unit, min_counts=-FULL_SCALE_COUNTS, max_counts=FULL_SCALE_COUNTS)
+        )
+    at_s = np.arange(len(raw)) * (period_us * 1e-6)
+    near = np.clip(np.rint(np.interp(at_s, recording.time_s, np.arange(len(recording.time_s)))), 0, None).astype(int)
+    truth_deg, singular = np.full(len(raw), np.nan), np.zeros(len(raw), np.bool_)
+    if recording.ref_quat is not None:
+        # Straight between the two neighbours; lost where either of them is.
+        u = vertical(recording.ref_quat)
+        up = np.stack([np.interp(at_s, recording.time_s, column) for column in u.T], 1)
+        across = np.hypot(up[:, first], up[:, second])
+        truth_deg = np.degrees(np.arctan2(sign * up[:, first], up[:, second]))
+        singular = across < SINGULAR
+    scored = recording.movement[near] & np.isfinite(truth_deg) & ~singular
+    return AxisInput(axis, period_us, raw, Calibration(*channels), truth_deg, scored, singular)

@@ -1,0 +1,34 @@
+"""Frames of a sensor board put together to whole samples: SETPOINT and SAMPLE_B come before their SAMPLE_A."""
+
+from __future__ import annotations
+
+from plumb.spec.protocol import Frame, protocol
+
+
+class Samples:
+    """One sensor board's. setpoint: the last one heard, which is said once and holds for a run that begins later."""
+
+    def __init__(self) -> None:
+        names = protocol()
+        self._last, self._setpoint = names["SAMPLE_A"].identifier, names["SETPOINT"].identifier
+        self._parts = {self._last, self._setpoint, names["SAMPLE_B"].identifier}
+        self.forget()
+
+    def forget(self) -> None:
+        """Another sensor board."""
+        self.setpoint: Frame | None = None
+        self._begun: dict[int, Frame] = {}  # the newest of each kind: a SAMPLE_A that got lost leaves its parts behind
+
+    def take(self, arrived: list[tuple[float, Frame]]) -> list[tuple[float, list[Frame]]]:
+        """The samples that are whole now, each with the time of its SAMPLE_A, its last frame."""
+        whole = []
+        for time_s, frame in arrived:
+            if frame[0] in self._parts:
+                self._begun.pop(frame[0], None)
+                self._begun[frame[0]] = frame
+            if frame[0] == self._setpoint:
+                self.setpoint = frame
+            if frame[0] == self._last:
+                whole.append((time_s, list(self._begun.values())))
+                self._begun = {}
+        return whole

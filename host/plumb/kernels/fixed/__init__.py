@@ -1,0 +1,1 @@
+"""Kernels in integers, bit for bit as the firmware computes them."""

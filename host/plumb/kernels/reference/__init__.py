@@ -1,0 +1,1 @@
+"""Kernels in float64, as the papers print them."""

@@ -1,0 +1,1 @@
+"""The link to a board: transports, session, lockstep, real time, identity."""

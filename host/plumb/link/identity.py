@@ -1,0 +1,224 @@
+"""Who a board says it is, and what it means when it says no: numbers of the wire in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from plumb.errors import LinkError
+from plumb.spec import parameters
+from plumb.spec.protocol import Protocol
+
+BLOCKED = {
+    0: "no host of its version has connected",
+    1: "no run is on",
+    2: "in lockstep nothing can be armed: begin a run in real time",
+    3: "the board has a fault",
+    4: "the link is closed or read-only",
+    5: "the keep-alive was lost",
+    6: "the host disarmed",
+    7: "no injected samples come",
+    8: "the arm switch was opened",
+    9: "this system has nothing to move on these pins: wire the strap for it, set the parameter pins, save and reset",
+    10: "the arm switch is closed: it holds the board armed, or has to be opened first",
+    11: "the sensors are implausible",
+    12: "it is not ready to be armed",
+    13: "another link began the run, and alone may arm",
+}
+HOST_BLOCKS = (0, 1, 3, 13)
+"""Of these a host is rid by what it does anyway, and of faults it hears one by one."""
+FAULT_STRAP = 15
+BLOCKING_FAULTS = (*range(8), 13, 14, FAULT_STRAP)
+FAULTS = {
+    0: "no conversions",
+    1: "control steps were missed",
+    2: "a processor fault ended the run before",
+    3: "the flash does not hold what was built",
+    4: "the break input switched the bridge off: look at the gate driver, and whether PB12 is wired",
+    5: "all three Hall sensors say the same: a wire is off",
+    6: "a sensor is lost or not to be trusted",
+    7: "the saved parameters cannot be used: load, reset or set them, then save",
+    8: "running on the internal oscillator",
+    9: "received bytes were lost",
+    10: "a watchdog ended the run before",
+    11: "received CAN frames were lost",
+    12: "the crystal failed in the run before",
+    13: "while it drove, the board's main loop hung for 20 ms: begin a new run",
+    14: "memory that decides a pulse was damaged, by radiation or by a fault of the program: reset the board",
+    15: "the strap and the saved parameter pins disagree: no actuator pin is driven; rewire the strap, or set pins and "
+    "save, then reset",
+}
+PINS = {
+    0: "standard",
+    1: "bridge",
+    2: "quadrotor (PB4 at ground), which this image does not support: no actuator pin is driven",
+    3: "none: PB4 and PB5 are both at ground, or not steady; no actuator pin is driven",
+}
+"""Pin set that the strap chose at the start: item PINS. The parameter pins has the first two."""
+SOURCES = {
+    0: "factory defaults",
+    1: "saved in flash",
+    2: "factory defaults: what was saved is damaged",
+    3: "factory defaults: what was saved contradicts itself or this image's limits",
+    4: "set by a host and not saved",
+}
+"""PARAMETER_SOURCE: where the parameters in use come from."""
+RESET_CAUSES = {2: "reset pin", 3: "power", 4: "software", 5: "watchdog", 6: "window watchdog", 7: "low power"}
+"""RESET_CAUSE: RCC_CSR 31..24 (RM0008 7.3.10). Every reset also pulls the pin."""
+ANALOG_INPUTS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")
+SENSOR_CAUSES = {
+    1: "not found yet",
+    2: "does not answer",
+    3: "its bus hangs",
+    4: "another chip answers, or it did not take its settings",
+    5: "has no data",
+    6: "its data do not change",
+}
+_REASONS = {
+    "UNSUPPORTED": "this image cannot do that",
+    "COUNT": "it has another number of parameters",
+    "CRC": "the staged table is not the one that was meant",
+    "PARAMETERS": "the parameters contradict each other",
+    "BUSY": "a run is on",
+    "NONCE": "the nonce was not fresh",
+    "NO_RUN": "no run is on",
+    "FLASH": "its flash does not take it, what was saved before is still there",
+    "NOTHING_SAVED": "nothing is saved",
+    "OWNER": "this run takes them from another link",
+    "RUN_TAG": "it is for another run",
+    "GREETING": "no host of its version has connected over this link",
+}
+
+
+def bits_text(bits: int, names: dict[int, str]) -> str:
+    """The meaning of the bits that are set, joined; 'none' for 0."""
+    return "; ".join(names.get(bit, f"bit {bit}") for bit in range(32) if bits >> bit & 1) or "none"
+
+
+def sensors_text(said: dict[str, int]) -> list[str]:
+    """A sentence for every sensor that is not to be trusted, from the words of SENSORS by name."""
+    analog, digital = said.get("analog", 0), said.get("digital", 0)
+    found = [f"input {pin} is at a rail" for i, pin in enumerate(ANALOG_INPUTS) if analog >> i & 1]
+    found += [f"input {pin} does not change" for i, pin in enumerate(ANALOG_INPUTS) if analog >> (8 + i) & 1]
+    for name, cause in (("gyro", digital & 0xFF), ("accelerometer", digital >> 8)):
+        found += [f"{name}: {SENSOR_CAUSES.get(cause, f'cause {cause}')}"] if cause else []
+    return found
+
+
+IMPLAUSIBLE = {
+    0: "the accelerometer reads an acceleration that the system cannot have: check its wiring and supply",
+    1: "the accelerometer's tilt is far from what the filter expects: check the axes of gyro and accelerometer",
+    2: "gyro and accelerometer do not turn together: check the gyro's wiring, supply, axis and sign",
+}
+"""PLAUSIBILITY.failed and disarmed_by: core/plausibility.h."""
+NOT_READY = {
+    0: "it has not been ready for 0.3 s yet",
+    1: "it moves: hold it still",
+    2: "the filter has not converged: hold it still",
+    3: "the setpoint is not 0",
+    4: "it is tilted too far: bring it level or upright",
+}
+"""PLAUSIBILITY.missing."""
+
+
+def plausibility_text(said: dict[str, int]) -> list[str]:
+    """A sentence for every check that fails and every condition for arming that is missing, from PLAUSIBILITY."""
+    failed, missing = said.get("failed", 0), said.get("missing", 0)
+    # That time is missing is worth saying only when nothing else is.
+    missing &= ~1 if missing & ~1 else ~0
+    found = [text for bit, text in IMPLAUSIBLE.items() if failed >> bit & 1]
+    return found + [text for bit, text in NOT_READY.items() if missing >> bit & 1]
+
+
+def disarmed_text(cause: int, said: dict[str, int]) -> str:
+    """Why the board disarmed, from EVENTS.disarm_cause and the last PLAUSIBILITY."""
+    checks = bits_text(said.get("disarmed_by", 0), IMPLAUSIBLE)
+    text = bits_text(cause, BLOCKED)
+    return f"{text}: {checks}" if cause >> 11 & 1 and checks != "none" else text
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What the board said of itself. items: every item by the name the DBC has for it."""
+
+    items: dict[str, int]
+    mismatch: str | None
+
+    def __getitem__(self, item: str) -> int:
+        return self.items.get(item, 0)
+
+    @property
+    def git_hash(self) -> str:
+        """First 16 digits of the commit the image was built from, '+' when the tree differed; '' when not known."""
+        if not self["GIT_HASH_0"] and not self["GIT_HASH_1"]:
+            return ""
+        return f"{self['GIT_HASH_0']:08x}{self['GIT_HASH_1']:08x}" + ("+" if self["GIT_DIRTY"] else "")
+
+    @property
+    def parameter_source(self) -> str:
+        """Where the parameters in use come from, in words."""
+        source = self["PARAMETER_SOURCE"]
+        text = SOURCES.get(source, f"source {source}")
+        if source != 1:
+            return text
+        counts = ((self["SAVED_UNKNOWN"], "unknown to this image"), (self["SAVED_MISSING"], "missing, at defaults"))
+        return ", ".join([f"{text}, number {self['SAVED_SEQUENCE']}", *(f"{n} {what}" for n, what in counts if n)])
+
+    @property
+    def reset_cause(self) -> str:
+        """What started the board, in words: the pin only where nothing else did."""
+        cause = self["RESET_CAUSE"]
+        return bits_text(cause & ~4 if cause & ~4 else cause, RESET_CAUSES)
+
+    @property
+    def unique_id(self) -> str:
+        return "".join(f"{self[f'UNIQUE_ID_{i}']:08x}" for i in range(3))
+
+
+def identity_of(items: dict[int, int], mine: Protocol, parameter_count: int) -> Identity:
+    """From the items of IDENTITY by number, with what differs from this plumb spelled out."""
+    message = mine["IDENTITY"]
+    named = {message.choice("item", item): value for item, value in items.items()}
+    version, dbc_hash = named.get("PROTOCOL_VERSION", 0), named.get("DBC_HASH", 0)
+    mismatch = None
+    if version != mine.version:
+        older = "the board's image" if version < mine.version else "this plumb"
+        mismatch = (
+            f"the board speaks protocol version {version}, this plumb version {mine.version}: update {older}; "
+            "reading works, arming does not"
+        )
+    elif dbc_hash != mine.dbc_hash:
+        mismatch = (
+            f"the board was built from other message definitions ({dbc_hash:08x}) than this plumb "
+            f"({mine.dbc_hash:08x}): flash the image that belongs to it; reading works, arming does not"
+        )
+    elif named.get("PARAMETER_COUNT") != parameter_count:
+        mismatch = (
+            f"the board has {named.get('PARAMETER_COUNT')} parameters, this plumb {parameter_count}: "
+            "flash the image that belongs to it; reading works, arming does not"
+        )
+    return Identity(named, mismatch)
+
+
+class NackError(LinkError):
+    """The board answered no. reason: as the DBC names it."""
+
+    def __init__(self, reason: str, detail: int, text: str) -> None:
+        super().__init__(text)
+        self.reason = reason
+        self.detail = detail
+
+
+def nack_error(mine: Protocol, said: dict[str, int]) -> NackError:
+    """The error for a NACK, from its words by name."""
+    request = mine.by_identifier.get(said["request"])
+    reason = mine["NACK"].choice("reason", said["reason"])
+    detail = said["detail"]
+    name = request.name if request else hex(said["request"])
+    if reason == "BLOCKED":
+        why = bits_text(detail, BLOCKED)
+    elif reason in ("RANGE", "INDEX") and detail < len(parameters.table()):
+        row = parameters.table()[detail]
+        why = f"parameter {row.name} is outside {row.min} to {row.max}"
+    else:
+        why = _REASONS.get(reason, reason.lower().replace("_", " "))
+    return NackError(reason, detail, f"the board refused {name}: {why}")

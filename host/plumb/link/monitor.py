@@ -1,0 +1,218 @@
+"""What a running board shows of itself, put together ten times a second from the frames that come.
+
+Only listening: whatever steps send is what was selected when their run began. A value that has not come for STALE_S is
+None, so that nothing old looks like now.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+from plumb.errors import LinkError
+from plumb.link.identity import BLOCKED, FAULTS, IMPLAUSIBLE, bits_text, plausibility_text, sensors_text
+from plumb.link.session import PERIODIC, RAW_FRAMES, REPLY_TIMEOUT_S, TRIES, Session, selectable
+from plumb.spec import dbc, declarations
+from plumb.spec.protocol import Frame
+from plumb.spec.signals import signals
+
+EVERY_S = 0.1
+STATUS_EVERY_S = 0.1
+STALE_S = 0.5
+"""The slowest run steps every 0.1 s."""
+RATE_OVER_S = 1.0
+SILENCE_S = TRIES * REPLY_TIMEOUT_S
+"""An open link says TIME every 50 ms."""
+LINE_FRAMES_PS = 921600 / 10 / 22
+"""Frames a second that the UART carries."""
+QUATERNION = ("w", "x", "y", "z")
+"""Columns of a system whose frames carry an attitude; rates of the body may go with the last three."""
+
+Snapshot = dict[str, Any]
+"""One look at the board; the keys are those of Monitor.snapshot."""
+
+
+def selection(period_us: int, system: str) -> tuple[str, ...]:
+    """As much of what a system declares, its first frames first and the raw counts last, as two thirds of the line
+    carry beside STEP, one step every period_us."""
+    channels = len(declarations.system(system).channels)
+    wanted = (*dbc.frame_names(system), *RAW_FRAMES[: 1 + (channels > 3)])
+    frames_per_step = LINE_FRAMES_PS * period_us * 1e-6 * 2 / 3
+    return wanted[: max(1, int(frames_per_step) - 1)]
+
+
+@lru_cache(maxsize=1)
+def columns() -> tuple[str, ...]:
+    """The columns of all systems: the keys of a snapshot that come from their frames."""
+    return tuple(dict.fromkeys(column for system in declarations.names() for _, column, _ in signals(system)))
+
+
+@dataclass
+class Monitor:
+    """Feed it the frames as they come; `snapshot` is what they say together.
+
+    heard_s: when something came last, by the session's clock. lost_steps: steps whose STEP did not arrive.
+    """
+
+    session: Session
+    heard_s: float = 0.0
+    lost_steps: int = 0
+    _last: dict[str, tuple[float, bytes]] = field(default_factory=dict)
+    _step: int | None = None
+    _time_us: int = 0
+    _clock: deque[tuple[int, int]] = field(default_factory=deque)
+
+    def __post_init__(self) -> None:
+        self.heard_s = self.session.clock()
+
+    def feed(self, frames: list[Frame]) -> None:
+        messages, now_s = self.session.protocol, self.session.clock()
+        for identifier, data in frames:
+            message = messages.by_identifier.get(identifier)
+            if message is None:
+                continue
+            name = message.name
+            self._last[name] = now_s, data
+            if name == "STEP":
+                self._count(messages["STEP"].unpack(data)[2])
+            elif name == "TIME":
+                _, _, step, time_us = messages["TIME"].unpack(data)
+                self._pass_time(step, time_us)
+        if frames:
+            self.heard_s = now_s
+
+    def _count(self, step: int) -> None:
+        gap = 0 if self._step is None else step - self._step - 1 & 0xFFFF
+        if gap < 0x8000:  # else the number went back: another run
+            self.lost_steps += gap
+        self._step = step
+
+    def _pass_time(self, step: int, time_us: int) -> None:
+        """Unwrap the board's clock; a step number that goes back begins the rate anew."""
+        self._time_us += time_us - self._time_us & 0xFFFFFFFF
+        if self._clock and step - self._clock[-1][1] & 0xFFFF >= 0x8000:
+            self._clock.clear()
+        self._clock.append((self._time_us, step))
+        while self._time_us - self._clock[0][0] > RATE_OVER_S * 1e6:
+            self._clock.popleft()
+
+    @property
+    def complete(self) -> bool:
+        """Everything that an open link always says has been heard."""
+        return all(name in self._last for name in PERIODIC)
+
+    def _said(self, name: str) -> dict[str, int] | None:
+        """The last such frame as raw integers; None where it is not from now."""
+        entry = self._last.get(name)
+        if entry is None or self.session.clock() - entry[0] > STALE_S:
+            return None
+        return self.session.protocol[name].decode(entry[1])
+
+    def _values(self) -> dict[str, float | None]:
+        """Every column; None where no system says it now."""
+        values: dict[str, float | None] = dict.fromkeys(columns())
+        for system in declarations.names():
+            for (message, signal), column, scale in signals(system):
+                said = self._said(message)
+                if said is not None:
+                    values[column] = said[signal] * scale
+        return values
+
+    def _steps_per_s(self) -> float | None:
+        if len(self._clock) < 2:
+            return None
+        (first_us, first), (last_us, last) = self._clock[0], self._clock[-1]
+        return (last - first & 0xFFFF) * 1e6 / (last_us - first_us)
+
+    def snapshot(self) -> Snapshot:
+        """Everything by name, with the unit in the name; None where the board does not say it now."""
+        status, counters, events, sensors, plausibility, can = (self._said(name) or {} for name in PERIODIC[1:])
+        step, raw = self._said("STEP"), {**(self._said("RAW_A") or {}), **(self._said("RAW_B") or {})}
+        counted = self.session.counters
+        mode = status.get("mode")
+        values = self._values()
+        return {
+            "time_s": self._time_us * 1e-6,
+            "mode": None if mode is None else self.session.protocol["STATUS"].choice("mode", mode),
+            "live": _flag(status, "live"),
+            "armed": _flag(status, "armed"),
+            "blocked": _sentences(status.get("blocked", 0), BLOCKED) + plausibility_text(plausibility),
+            "faults": _sentences(status.get("faults", 0), FAULTS) + sensors_text(sensors),
+            "staged": _flag(status, "staged"),
+            "read_only": _flag(status, "read_only"),
+            "step": None if step is None else step["step"],
+            "steps_per_s": self._steps_per_s(),
+            **values,
+            "attitude": together(values, *QUATERNION),
+            "rates_dps": together(values, *(f"rate_{axis}_dps" for axis in QUATERNION[1:])),
+            "raw": [raw[name] for name in (f"raw_{i}" for i in range(6)) if name in raw] or None,
+            "saturated_steps": events.get("saturated"),
+            "starved_steps": events.get("starved"),
+            "disarm_cause": _sentences(events.get("disarm_cause", 0), BLOCKED)
+            + _sentences(plausibility.get("disarmed_by", 0), IMPLAUSIBLE),
+            "bus_failures": sensors.get("bus_failures"),
+            "can_off_bus": _flag(can, "bus_off"),
+            "can_transmit_errors": can.get("transmit_errors"),
+            "can_receive_errors": can.get("receive_errors"),
+            "can_bus_offs": can.get("bus_offs"),
+            "board_rejected": counters.get("rejected"),
+            "board_lost": counters.get("lost"),
+            "board_dropped": counters.get("dropped"),
+            "host_rejected": self.session.frames.rejected,
+            "host_lost": counted.lost,
+            "host_lost_steps": self.lost_steps,
+        }
+
+
+def together(values: Mapping[str, float | None], *names: str) -> list[float] | None:
+    """What belongs together; None where any of it is missing."""
+    known = [value for value in map(values.get, names) if value is not None]
+    return known if len(known) == len(names) else None
+
+
+def _flag(said: dict[str, int], name: str) -> bool | None:
+    return bool(said[name]) if name in said else None
+
+
+def _sentences(bits: int, names: dict[int, str]) -> list[str]:
+    return bits_text(bits, names).split("; ") if bits else []
+
+
+def read_only(session: Session) -> None:
+    """From here on the board takes no frame from this UART, and this end sends none. CAN has no such state."""
+    if session.fast is not None:
+        session.fast.write_text(b"L\r")
+
+
+def begin_live(session: Session) -> None:
+    """Begin a run in real time on the board's own sensors, unarmed, with as much to see as the line carries."""
+    from plumb.spec.parameter_file import by_name
+
+    period_us = by_name(session.read_parameters())["period_us"]
+    wanted = selection(period_us, session.system)
+    session.begin("REALTIME_LIVE", frames=[name for name in selectable(session.system) if name in wanted])
+
+
+def watch(session: Session, seconds: float | None = None) -> Iterator[Snapshot]:
+    """A snapshot every EVERY_S of the session's clock, for so many seconds or without end.
+
+    Raises LinkError when the board falls silent.
+    """
+    monitor = Monitor(session)
+    session.listener = monitor.feed
+    begin_s = session.clock()
+    shown = 0
+    try:
+        while seconds is None or shown * EVERY_S < seconds - 1e-9:
+            due_s = begin_s + (shown + 1) * EVERY_S
+            while (remaining := due_s - session.clock()) > 0 or not monitor.complete:
+                session.receive(max(remaining, EVERY_S / 10))
+                if session.clock() - monitor.heard_s > SILENCE_S:
+                    raise LinkError("the board fell silent: check cable and power, then start again")
+            shown += 1
+            yield monitor.snapshot()
+    finally:
+        session.listener = None

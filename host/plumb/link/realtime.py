@@ -1,0 +1,141 @@
+"""What a run in real time said: raw counts and digest of every step, and from which step on something is missing.
+
+The steps of a live run are judged by running the same raw counts through the model. A count that was lost on the way
+makes everything from there on unverified: neither right nor wrong.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.errors import LinkError
+from plumb.link.session import REPLY_TIMEOUT_S, TRIES, Session
+from plumb.spec import dbc
+from plumb.spec.protocol import Frame
+
+
+def unwrap(last: int, low: int, bits: int) -> int:
+    """The number nearest to `last` whose low bits are `low`."""
+    size = 1 << bits
+    ahead = (low - last) % size
+    return last + (ahead if ahead < size // 2 else ahead - size)
+
+
+@dataclass
+class Capture:
+    """Frames of one real-time run, put together by step. Feed it with the frames as they come.
+
+    digest, raw: by step number, unwrapped. values: (frame, signal) -> step -> raw integer, of other selected frames.
+    setpoint: (step, value) pairs, the first step that used each. steps: steps heard of so far. disarmed_step: the last
+    step at which the board was found to have left armed.
+    """
+
+    session: Session
+    digest: dict[int, int] = field(default_factory=dict)
+    raw: dict[int, list[int]] = field(default_factory=dict)
+    values: dict[tuple[str, str], dict[int, int]] = field(default_factory=dict)
+    time_us: list[tuple[int, int]] = field(default_factory=list)
+    setpoint: list[tuple[int, int]] = field(default_factory=lambda: [(0, 0)])
+    setpoint_doubt: int | None = None
+    setpoint_reports: int = 0
+    steps: int = 0
+    armed: bool = False
+    disarmed_step: int | None = None
+
+    def __post_init__(self) -> None:
+        messages = self.session.protocol
+        self._step, self._used = messages["STEP"], messages["SETPOINT_USED"]
+        self._raw = {messages["RAW_A"].identifier: 0, messages["RAW_B"].identifier: 3}
+        self._raw_message = messages["RAW_A"]
+        self._time = messages["TIME"]
+        self._named = {i: message for i, message in messages.by_identifier.items() if dbc.of_system(i)}
+        self._last = 0
+
+    def feed(self, frames: list[Frame]) -> None:
+        for identifier, data in frames:
+            if identifier == self._step.identifier:
+                _, second, low, digest = self._step.unpack(data)
+                self._last = unwrap(self._last, low, 16)
+                self.digest[self._last] = digest
+                before, self.armed = self.armed, bool(second >> 4 & 1)
+                if before and not self.armed:
+                    self.disarmed_step = self._last
+                self.steps = max(self.steps, self._last + 1)
+            elif identifier in self._raw:
+                _, second, *counts = self._raw_message.unpack(data)
+                step = unwrap(self._last, second & 63, 6)
+                at = self._raw[identifier]
+                self.raw.setdefault(step, [0] * 6)[at : at + 3] = counts
+                self.steps = max(self.steps, step + 1)
+            elif identifier in self._named:
+                message = self._named[identifier]
+                step = unwrap(self._last, data[1] >> 4, 4)
+                for name, value in zip(message.words, message.unpack(data)[2:], strict=True):
+                    if not name.startswith("reserved"):
+                        self.values.setdefault((message.name, name), {})[step] = value
+            elif identifier == self._used.identifier:
+                self._note_setpoint(self._used.decode(data))
+            elif identifier == self._time.identifier:
+                _, _, low, time_us = self._time.unpack(data)
+                self.time_us.append((unwrap(self._last, low, 16), time_us))
+
+    def _note_setpoint(self, said: dict[str, int]) -> None:
+        """A report that does not fit the one before tells of another in between that was lost."""
+        (since, value), self.setpoint_reports = self.setpoint[-1], self.setpoint_reports + 1
+        same = said["setpoint"] == value
+        if same != bool(said["repeated"]) and self.setpoint_doubt is None:
+            self.setpoint_doubt = max(since, 0)
+        if not same:
+            self.setpoint.append((unwrap(self._last, said["step"], 16), said["setpoint"]))
+
+    def set_setpoint(self, setpoint_turn_q32: int) -> None:
+        """Change the setpoint, and hear at which step. Without that, what follows is in doubt."""
+        known = self.setpoint_reports
+        start = self.steps
+        for _ in range(TRIES):
+            self.session.set_setpoint(setpoint_turn_q32)
+            end = self.session.clock() + REPLY_TIMEOUT_S
+            while (remaining := end - self.session.clock()) > 0:
+                self.session.receive(remaining)
+                if self.setpoint_reports > known and self.setpoint[-1][1] == setpoint_turn_q32:
+                    return
+            self.setpoint_doubt = start if self.setpoint_doubt is None else self.setpoint_doubt
+        raise LinkError("the board does not take the setpoint: check the cable")
+
+    def collect(self, steps: int) -> None:
+        """Receive until that many steps are over (the next one was heard of), so that all their frames have come.
+
+        Raises LinkError when no step comes any more.
+        """
+        clock = self.session.clock
+        heard, heard_s = self.steps, clock()
+        while self.steps <= steps:
+            self.session.receive(REPLY_TIMEOUT_S)
+            if self.steps > heard:
+                heard, heard_s = self.steps, clock()
+            elif clock() - heard_s >= TRIES * REPLY_TIMEOUT_S:
+                raise LinkError(f"the board fell silent after step {self.steps}: check cable and power")
+
+    def unverified_from(self, steps: int) -> int | None:
+        """The first step below `steps` whose digest, raw counts or setpoint did not arrive, else None."""
+        missing = [step for step in range(steps) if step not in self.digest or step not in self.raw]
+        doubts = missing[:1] + ([self.setpoint_doubt] if self.setpoint_doubt is not None else [])
+        return min(doubts, default=None)
+
+    def raw_counts(self, steps: int) -> npt.NDArray[np.int16]:
+        """Shape (steps, 6); zero where lost."""
+        return np.array([self.raw.get(step, [0] * 6) for step in range(steps)], np.int16).reshape(steps, 6)
+
+    def digests(self, steps: int) -> npt.NDArray[np.uint32]:
+        """Shape (steps,); zero where lost."""
+        return np.array([self.digest.get(step, 0) for step in range(steps)], np.uint32)
+
+    def setpoints(self, steps: int) -> npt.NDArray[np.int32]:
+        """Shape (steps,): the setpoint each step used, turn_q32."""
+        result = np.zeros(steps, np.int32)
+        for step, value in self.setpoint:
+            result[max(step, 0) :] = value
+        return result

@@ -1,0 +1,1 @@
+"""Ways to carry frames: serial ports, CAN adapters, TCP, socketcand, and servers of them."""

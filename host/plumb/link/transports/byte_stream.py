@@ -1,0 +1,229 @@
+"""Byte streams under the serial link: a serial port, a TCP socket, or an object in this process.
+
+Each has `read(timeout_s)`, which gives what has arrived, waiting at most that long for the first byte; `write(data)`,
+which gives up after two seconds; and `close()`. Trouble is a LinkError whose one sentence says what to do.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import socket
+import time
+from collections.abc import Callable, Iterator
+from typing import Any, Protocol
+
+from can import CanInitializationError, CanOperationError
+
+from plumb.errors import LinkError
+from plumb.link.transports.serial_ports import check_port
+
+WRITE_TIMEOUT_S = 2.0
+CONNECT_TIMEOUT_S = 5.0
+_CHUNK = 65536
+_STANDSTILL_S = 2.0
+
+
+class OpenError(LinkError, CanInitializationError):
+    """The port could not be opened."""
+
+
+class ClosedError(LinkError, CanOperationError):
+    """The port went away, or does not take data."""
+
+
+class Stream(Protocol):
+    """clock: seconds that pass for what is at the other end; simulated where the board is."""
+
+    name: str
+    clock: Callable[[], float]
+
+    def read(self, timeout_s: float) -> bytes: ...
+    def write(self, data: bytes) -> None: ...
+    def close(self) -> None: ...
+
+
+class SocketStream:
+    """A TCP connection to a virtual board served by another process."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self.name = f"{host}:{port}"
+        self.clock = time.monotonic
+        try:
+            self._socket = socket.create_connection((host, port), CONNECT_TIMEOUT_S)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise OpenError(
+                f"no connection to {self.name} ({reason}): start the board there, or check the address"
+            ) from None
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket.settimeout(WRITE_TIMEOUT_S)
+
+    def read(self, timeout_s: float) -> bytes:
+        with self._explained("broke"):
+            if not select.select([self._socket], [], [], timeout_s)[0]:
+                return b""
+            data = self._socket.recv(_CHUNK)
+            if not data:
+                raise ConnectionResetError
+            return data
+
+    def write(self, data: bytes) -> None:
+        with self._explained("takes no data"):
+            self._socket.sendall(data)
+
+    @contextlib.contextmanager
+    def _explained(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except (ConnectionResetError, BrokenPipeError):
+            raise ClosedError(
+                f"the board at {self.name} closed the connection: "
+                "start it again and reconnect, or close the other program that it serves"
+            ) from None
+        except (OSError, ValueError) as error:
+            raise ClosedError(f"the connection to {self.name} {what} ({error}): start the board there again") from None
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class DatagramStream:
+    """Text in datagrams to a port of this machine. Nobody there is silence, as on a cable."""
+
+    def __init__(self, port: int) -> None:
+        self.name = f"udp:{port}"
+        self.clock = time.monotonic
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.connect(("127.0.0.1", port))
+
+    def read(self, timeout_s: float) -> bytes:
+        with contextlib.suppress(OSError):  # refused: nobody is there yet
+            if select.select([self._socket], [], [], timeout_s)[0]:
+                return self._socket.recv(_CHUNK)
+        return b""
+
+    def write(self, data: bytes) -> None:
+        with contextlib.suppress(OSError):
+            self._socket.send(data)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+def open_advice(port: str, error: Exception) -> str:
+    """What to do about a port that does not open."""
+    text = str(error).lower()
+    number = getattr(error, "errno", None)
+    if "://" in port:
+        reason = str(error).removeprefix(f"Could not open port {port}: ")
+        return f"no connection to {port} ({reason}): check the address, and that somebody serves there"
+    if "inappropriate ioctl" in text:
+        return f"{port} is no serial port: `plumb ports` lists those of this machine"
+    if number == 13 or "permission" in text or "access is denied" in text:
+        return f"no permission to open {port}: add yourself to the group that owns it (often dialout) and log in again"
+    if number == 16 or "busy" in text or "exclusively lock" in text:
+        return f"{port} is in use: close the other program (ModemManager holds new ports for some seconds)"
+    if number == 2 or "no such file" in text or "could not open port" in text or "filenotfound" in text:
+        return f"there is no port {port}: plug the board in, and see which ports there are with `plumb ports`"
+    return f"{port} cannot be opened: {error}"
+
+
+class SerialStream:
+    """A serial port through pyserial; on POSIX it is read through select, without reconfiguring it for time-outs."""
+
+    def __init__(self, port: str, baudrate: int) -> None:
+        import serial
+
+        check_port(port)
+        self.name = port
+        self.clock = time.monotonic
+        try:
+            self._port: Any = serial.serial_for_url(
+                port, baudrate, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True if os.name == "posix" else None
+            )
+        except (serial.SerialException, OSError, ValueError) as error:
+            raise OpenError(open_advice(port, error)) from None
+        self._fd: int | None = None
+        if os.name == "posix":
+            with contextlib.suppress(Exception):
+                self._fd = self._port.fileno()
+
+    def read(self, timeout_s: float) -> bytes:
+        try:
+            if self._fd is not None:
+                if not select.select([self._fd], [], [], timeout_s)[0]:
+                    return b""
+                data = os.read(self._fd, _CHUNK)
+                if not data:
+                    raise OSError("it was unplugged")
+                return data
+            end = time.monotonic() + timeout_s
+            while True:
+                waiting: bytes = self._port.read(max(1, self._port.in_waiting))
+                if waiting or time.monotonic() >= end:
+                    return waiting
+                time.sleep(0.0005)
+        except (OSError, ValueError, TypeError) as error:
+            raise ClosedError(f"{self.name} closed in the middle of things ({error}): reconnect the board") from None
+
+    def write(self, data: bytes) -> None:
+        try:
+            self._port.write(data)
+        except (OSError, ValueError, TypeError) as error:
+            raise ClosedError(f"{self.name} takes no data ({error}): reconnect the board") from None
+
+    def close(self) -> None:
+        with contextlib.suppress(Exception):
+            self._port.close()
+
+
+class ObjectStream:
+    """Anything in this process with read(n) and write(data): a virtual board's UART.
+
+    read(n) gives what there is, at most n bytes, and may let simulated time pass for it. The object's clock_s(), where
+    it has one, is the clock that time-outs go by, so that a run does not depend on this machine's speed.
+    """
+
+    def __init__(self, channel: Any) -> None:
+        self.name = str(getattr(channel, "name", type(channel).__name__))
+        self.clock: Callable[[], float] = getattr(channel, "clock_s", time.monotonic)
+        self._channel = channel
+
+    def read(self, timeout_s: float) -> bytes:
+        data = bytes(self._channel.read(_CHUNK))
+        simulated = self.clock is not time.monotonic
+        end, wall_end = self.clock() + timeout_s, time.monotonic() + max(timeout_s, _STANDSTILL_S)
+        while not data and (before := self.clock()) < end:
+            data = bytes(self._channel.read(_CHUNK))
+            if data or (self.clock() != before and simulated):
+                continue
+            if simulated and time.monotonic() >= wall_end:
+                raise ClosedError("the simulated board stands still: no bytes come and its time does not pass")
+            time.sleep(0.0002)
+        return data
+
+    def write(self, data: bytes) -> None:
+        self._channel.write(data)
+
+    def close(self) -> None:
+        """The object belongs to who made it."""
+
+
+def open_stream(channel: Any, baudrate: int) -> Stream:
+    """PORT, PORT@BAUD, socket://HOST:PORT, rfc2217://HOST:PORT, tcp:HOST:PORT, udp:PORT, or an object."""
+    if not isinstance(channel, str):
+        return ObjectStream(channel)
+    for prefix in ("socket://", "tcp:"):
+        if channel.startswith(prefix):
+            host, _, port = channel.removeprefix(prefix).rpartition(":")
+            if not host or not port.isdigit() or int(port) > 65535:
+                raise OpenError(f"'{channel}' is no address: write {prefix}HOST:PORT")
+            return SocketStream(host, int(port))
+    if channel.startswith("udp:") and channel[4:].isdigit():
+        return DatagramStream(int(channel[4:]))
+    port, _, baud = channel.rpartition("@")
+    if port and baud.isdigit():
+        return SerialStream(port, int(baud))
+    return SerialStream(channel, baudrate)

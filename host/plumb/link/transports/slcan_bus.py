@@ -1,0 +1,131 @@
+"""The serial link as a python-can bus: `can.Bus(interface="plumb", channel=...)`.
+
+SLCAN text as stock tools speak it, without their fragility: no input raises, no call blocks for ever, whole chunks are
+parsed at once, and only frames whose CRC is right come out (SLCAN itself has no checksum).
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+import can
+
+from plumb.errors import LinkError
+from plumb.link.transports.byte_stream import ClosedError, open_stream
+from plumb.link.transports.slcan import SlcanParser, text_of_frames
+from plumb.spec.protocol import FRAME_DLC, Frame
+
+DEFAULT_BAUDRATE = 921600
+_LONGEST_WAIT_S = 0.5
+
+
+class PlumbBus(can.BusABC):
+    """A board behind a serial port, a TCP socket or an in-process stream.
+
+    channel: see `plumb.link.transports.byte_stream.open_stream`. tty_baudrate: of a serial port that does not name one.
+    listen_only: telemetry only, the board refuses frames. Opening starts telemetry; closing stops it and disarms.
+    bitrate is accepted, as python-can passes it, and means nothing: there is no CAN bus behind this link.
+
+    There is no fileno() on purpose: frames wait in here after the port has been read, and who selects on the port
+    would miss them.
+    """
+
+    def __init__(
+        self,
+        channel: Any,
+        tty_baudrate: int = DEFAULT_BAUDRATE,
+        bitrate: int | None = None,
+        listen_only: bool = False,
+        can_filters: Any = None,
+        **kwargs: Any,
+    ) -> None:
+        self._stream = open_stream(channel, tty_baudrate)
+        self.parser = SlcanParser()
+        self.clock = self._stream.clock
+        self._frames: deque[Frame] = deque()
+        self.channel_info = f"plumb on {self._stream.name}"
+        try:
+            # The first CR ends whatever line was left half-written, C whatever was on before.
+            self._stream.write(b"\rC\r" + (b"L\r" if listen_only else b"O\r"))
+        except LinkError:
+            self._stream.close()
+            raise
+        super().__init__(channel, can_filters=can_filters, **kwargs)
+
+    # ---- frames, for who wants speed ----
+
+    def read_frames(self, timeout_s: float = 0.0) -> list[Frame]:
+        """What has arrived, waiting up to timeout_s (of `clock`) for the first frame. Raises LinkError when closed."""
+        if self._frames:
+            frames = list(self._frames)
+            self._frames.clear()
+            return frames
+        end = self.clock() + timeout_s
+        remaining = timeout_s
+        while True:
+            data = self._stream.read(remaining)
+            if data:
+                frames = self.parser.feed(data)
+                if frames:
+                    return frames
+            remaining = end - self.clock()
+            if remaining <= 0 or not data:
+                return []
+
+    def write_frames(self, frames: Sequence[Frame]) -> None:
+        """Send frames as they are, in one piece."""
+        self._stream.write(text_of_frames(frames))
+
+    def write_text(self, text: bytes) -> None:
+        """Send SLCAN text that was prepared."""
+        self._stream.write(text)
+
+    @property
+    def rejected(self) -> int:
+        """Lines that were no frame, and frames with a wrong CRC."""
+        return self.parser.bad + self.parser.rejected
+
+    # ---- python-can ----
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        if not self._frames:
+            wait = _LONGEST_WAIT_S if timeout is None else max(0.0, min(timeout, _LONGEST_WAIT_S))
+            self._frames.extend(self.read_frames(wait))
+            if not self._frames:
+                return None, False
+        identifier, data = self._frames.popleft()
+        return (
+            can.Message(
+                timestamp=time.time(),
+                arbitration_id=identifier,
+                is_extended_id=False,
+                dlc=len(data),
+                data=data,
+                is_rx=True,
+            ),
+            False,
+        )
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send one classic frame with a standard identifier, as it is. Raises ClosedError for any other kind."""
+        if msg.is_extended_id or msg.is_remote_frame or msg.is_fd or msg.is_error_frame or msg.dlc > FRAME_DLC:
+            raise ClosedError("only classic data frames with an 11-bit identifier go over this link")
+        self.write_frames([(msg.arbitration_id, bytes(msg.data))])
+
+    def flush_tx_buffer(self) -> None:
+        """Everything is handed to the operating system at once; there is nothing to flush."""
+
+    def shutdown(self) -> None:
+        """Stop telemetry (which disarms) and close; safe to call twice, and when the port is gone already."""
+        if self._is_shutdown:
+            return
+        super().shutdown()
+        try:
+            self._stream.write(b"C\r")
+        except LinkError:
+            pass
+        finally:
+            self._stream.close()

@@ -1,0 +1,95 @@
+"""The far end of an SLCAN cable as a python-can bus: what a CAN adapter, or a board, is to the host that opens it.
+
+A `Line` (pty or TCP port) under it, the commands of an adapter answered as PROTOCOL.md says, frames handed on in both
+directions. A frame is sent only while a host has the link open; before that, and when nobody listens, it is gone.
+"""
+
+from __future__ import annotations
+
+import select
+import time
+from collections import deque
+from typing import Any
+
+import can
+
+from plumb.link.transports.server_endpoint import Line
+from plumb.link.transports.slcan import LINE_MAX, frame_of_line, text_of_frames
+from plumb.spec.protocol import Frame
+
+_CR, _BEL = b"\r", b"\a"
+_RATES = {b"S4": 125, b"S5": 250, b"S6": 500, b"S8": 1000}
+_LOOK_S = 0.01
+"""How often a pty is asked whether a client has come: that makes no descriptor readable."""
+
+
+class AdapterBus(can.BusABC):
+    """open: a host said O or L and not yet C. read_only: it said L, and what it sends is refused. kbit: the bit rate it
+    asked for (S4, S5, S6, S8), None as long as it asked for none."""
+
+    def __init__(self, line: Line, can_filters: Any = None, **kwargs: Any) -> None:
+        self._line = line
+        self._pending = b""
+        self._frames: deque[Frame] = deque()
+        self.open = self.read_only = False
+        self.refused = 0
+        self.kbit: int | None = None
+        self.address = line.address
+        self.channel_info = f"SLCAN on {line.address}"
+        super().__init__(line.address, can_filters=can_filters, **kwargs)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self._serve()
+        if self.open:
+            self._line.write(text_of_frames([(msg.arbitration_id, bytes(msg.data))]))
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        end = None if timeout is None else time.monotonic() + timeout
+        while True:
+            self._serve()
+            if self._frames:
+                identifier, data = self._frames.popleft()
+                message = can.Message(
+                    timestamp=time.time(), arbitration_id=identifier, is_extended_id=False, dlc=len(data), data=data
+                )
+                return message, False
+            remaining = _LOOK_S if end is None else end - time.monotonic()
+            if remaining <= 0:
+                return None, False
+            descriptor = self._line.watch()
+            select.select([] if descriptor is None else [descriptor], [], [], min(remaining, _LOOK_S))
+
+    def _serve(self) -> None:
+        """Take what came and answer it."""
+        if self._line.watch() is None:
+            self.open, self._pending = False, b""  # who opened it went away
+        data = self._line.read()
+        *lines, self._pending = (self._pending + data.replace(_BEL, _CR)).split(_CR)
+        self._pending = self._pending[: LINE_MAX + 1]
+        answer = b"".join(map(self._answer, lines))
+        if answer:
+            self._line.write(answer)
+
+    def _answer(self, text: bytes) -> bytes:
+        frame = frame_of_line(text) if self.open and not self.read_only else None
+        if frame is not None:
+            self._frames.append(frame)
+            return _CR
+        if text in (b"O", b"L", b"C"):
+            self.open, self.read_only = text != b"C", text == b"L"
+        elif text == b"V":
+            return b"V0101\r"
+        elif text == b"N":
+            return b"N0000\r"
+        elif text in _RATES:
+            self.kbit = _RATES[text]
+        elif text[:1] not in (b"S", b"s", b""):
+            self.refused += 1
+            return _BEL
+        return _CR
+
+    def shutdown(self) -> None:
+        """Close the line; safe to call twice."""
+        if not self._is_shutdown:
+            super().shutdown()
+            self._line.close()

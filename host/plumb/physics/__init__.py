@@ -1,0 +1,1 @@
+"""Sensors, motors and disturbances as physics: no link, no board."""

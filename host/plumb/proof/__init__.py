@@ -1,0 +1,1 @@
+"""Comparing boards with the model: runs, golden vectors, accuracy, figures, faults, reports."""

@@ -1,0 +1,49 @@
+"""Faults of clocks: the crystal, the timer that paces the steps, and a core that is held up."""
+
+from __future__ import annotations
+
+from plumb.f103.peripherals.tim import CEN, UG
+from plumb.proof.faults.fault import Fault
+from plumb.proof.faults.reports import Told
+from plumb.proof.faults.scene import Scene
+
+CRYSTAL, FALLBACK, LATE = 1 << 12, 1 << 8, 1 << 1
+BY_FAULT = Told("EVENTS", "disarm_cause", 1 << 3)
+BY_WATCHDOG = Told("IDENTITY", "RESET_CAUSE", 1 << 5 | 1 << 6)
+CHIPS = frozenset({"chips"})
+STALL_S = 0.1
+
+
+def crystal_fails(scene: Scene) -> None:
+    scene.machine.rcc.kill_crystal()
+
+
+def steps_stop(scene: Scene) -> None:
+    """TIM3, which triggers conversions and steps, stands still."""
+    timer = scene.machine.tim3
+    timer.settle(scene.machine.now)
+    timer.cr1 &= ~CEN
+    scene.machine.timeline.cancel("TIM3")
+
+
+def steps_too_fast(scene: Scene) -> None:
+    """TIM3 ticks every 50 us, faster than any step is: its prescaler and period are wrong."""
+    timer = scene.machine.tim3
+    timer.psc, timer.arr = 71, 49
+    timer.write_egr(UG)
+
+
+def core_stands_still(scene: Scene) -> None:
+    """The core is held for 100 ms, as by a debugger or an erase that nobody planned."""
+    scene.machine.flash.stall(STALL_S)
+
+
+FAULTS = (
+    Fault("crystal-fails", "clock", "the crystal stops", crystal_fails, "clock",
+          (Told("IDENTITY", "FAULTS", CRYSTAL), Told("IDENTITY", "FAULTS", FALLBACK))),
+    Fault("steps-stop", "clock", "the timer that paces the steps stands still", steps_stop, "sensor",
+          ((BY_FAULT, BY_WATCHDOG),)),
+    Fault("steps-too-fast", "clock", "the timer that paces the steps ticks every 50 us", steps_too_fast, "late",
+          ((Told("STATUS", "faults", LATE), BY_WATCHDOG),), CHIPS),
+    Fault("core-held-up", "clock", "the core stands still for 100 ms", core_stands_still, "hang", (BY_WATCHDOG,)),
+)  # fmt: skip

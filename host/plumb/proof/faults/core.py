@@ -1,0 +1,59 @@
+"""Injections at the core: patch instructions and handlers, flip bits of RAM."""
+
+from __future__ import annotations
+
+from plumb.errors import LinkError
+from plumb.f103.core.cpu import BRANCH_TO_ITSELF, FLASH_BASE, RAM_BASE
+from plumb.proof.faults.scene import Scene
+
+FOREVER = BRANCH_TO_ITSELF
+MASK_INTERRUPTS = b"\x72\xb6"
+"""CPSID I."""
+UNDEFINED = b"\x00\xde"
+THREAD_S = 0.05
+
+
+def patch(scene: Scene, address: int, code: bytes) -> None:
+    """Other instructions in flash, as the core sees them from now on; the next reset finds the old ones."""
+    cpu, flash = scene.machine.cpu, scene.machine.flash
+    offset = address - FLASH_BASE
+    before, restart = bytes(cpu.flash[offset : offset + len(code)]), cpu.restart
+
+    def restart_without(*vectors: int) -> None:
+        flash.store(offset, before)
+        cpu.forget_code()
+        restart(*vectors)
+
+    vars(cpu)["restart"] = restart_without
+    flash.store(offset, code)
+    cpu.forget_code()
+
+
+def reach_the_loop(scene: Scene) -> None:
+    """Let time pass until the core runs the main loop: awake, and in no handler."""
+    machine = scene.machine
+    in_loop = machine.run_until(lambda: not machine.nvic.active and not machine.cpu.sleeping, THREAD_S * 1e6)
+    if not in_loop:
+        raise LinkError("the main loop never runs: the fault cannot be injected")
+
+
+def patch_the_loop(scene: Scene, code: bytes) -> None:
+    """Make the main loop execute this code next."""
+    reach_the_loop(scene)
+    patch(scene, scene.machine.cpu.pc, code)
+
+
+def patch_handler(scene: Scene, number: int, code: bytes) -> None:
+    """Put this code at the entry of the handler of exception `number`."""
+    entry = int.from_bytes(scene.machine.cpu.read(FLASH_BASE + 4 * number, 4), "little") & ~1
+    patch(scene, entry, code)
+
+
+def handles(scene: Scene, number: int) -> bool:
+    """Whether this exception is enabled, so that its handler runs."""
+    return bool(scene.machine.nvic.enabled >> number & 1)
+
+
+def flip(scene: Scene, address: int, bit: int) -> None:
+    """One bit of RAM, `bit` counted from `address`."""
+    scene.machine.cpu.ram[address - RAM_BASE + bit // 8] ^= 1 << bit % 8

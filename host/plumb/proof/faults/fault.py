@@ -1,0 +1,47 @@
+"""Fault: the declaration of one fault, its injection, and the reaction that must follow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from plumb.proof.faults.reports import Told
+
+if TYPE_CHECKING:
+    from plumb.proof.faults.scene import Scene
+
+Action = Callable[["Scene"], None]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One row of the fault table.
+
+    name: unique; lower case with hyphens. group: sensors, buses, clock, power, memory, host, frames or hangs.
+    what: the injection and its place, as one phrase. inject: injects at pins, buses, memory or frames; time may
+    pass meanwhile. limit: a row of limits.toml. told: all reports that the board must make; a tuple inside lists
+    alternatives. needs: features that the scene must have (Scene.features). link: link of the host that armed.
+    prepare: runs before the injection; time counts from its end.
+    holds: the fault must have no effect: all steps equal those without it, and the board stays armed or disarmed.
+    moves_on: the board must go on driving; its report tells the time from which its behaviour is the required one.
+    after: runs at the end (the host or the supply is back); outputs must stay safe afterwards.
+    phases: inject at many phases of steps, pulses and keep-alives; the worst result counts. variants: number of ways
+    to inject (Scene.variant); the worst result counts. interrupt: exception that must be enabled; 0: none.
+    """
+
+    name: str
+    group: str
+    what: str
+    inject: Action
+    limit: str
+    told: tuple[Told | tuple[Told, ...], ...] = ()
+    needs: frozenset[str] = frozenset()
+    link: str = "serial"
+    prepare: Action | None = None
+    holds: bool = False
+    moves_on: bool = False
+    after: Action | None = None
+    phases: bool = False
+    variants: int = 1
+    interrupt: int = 0

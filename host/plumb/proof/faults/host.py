@@ -1,0 +1,132 @@
+"""Faults of the host that armed: it is silent, hangs, loses its cable, disarms or closes the link."""
+
+from __future__ import annotations
+
+import itertools
+
+from plumb.proof.faults.fault import Action, Fault
+from plumb.proof.faults.reports import Told
+from plumb.proof.faults.scene import Scene
+
+SILENCE, COMMAND, CLOSED, IDLE = 1 << 5, 1 << 6, 1 << 4, 1 << 1
+CAUSE = "EVENTS", "disarm_cause"
+GONE_S = 0.1
+"""How long the host is away."""
+REPLAY_EVERY_S = 0.015
+REPLAYED_S = 0.35
+SETPOINT = 1 << 24
+"""1.4 degrees, as a binary angle."""
+
+
+def silent(scene: Scene) -> None:
+    """The host stops sending, and listens."""
+    scene.host_alive = False
+
+
+def back(scene: Scene) -> None:
+    """The host goes on sending as before."""
+    scene.host_alive = True
+
+
+def closes(scene: Scene) -> None:
+    """`C` on the UART, CLOSE on CAN; a new connection learns the cause."""
+    scene.host_alive = False
+    if scene.link == "serial":
+        scene.machine.uart.write(b"C\r")
+    else:
+        scene.session.send([scene.session.frame("CLOSE", 0, 0)])
+    scene.run(GONE_S)
+    scene.reconnect()
+
+
+def cable_off(scene: Scene) -> None:
+    """Neither side hears the other, until the cable is back and a new connection learns the cause."""
+    scene.host_alive, scene.deaf = False, True
+    scene.run(GONE_S)
+    scene.reconnect()
+
+
+def closes_and_opens(scene: Scene) -> None:
+    """Both lines arrive before the main loop reads the first."""
+    scene.machine.uart.write(b"C\rO\r")
+
+
+def disarms(scene: Scene) -> None:
+    scene.session.send([scene.session.frame("DISARM", 0, 0)])
+
+
+def ends_run(scene: Scene) -> None:
+    scene.session.send([scene.session.frame("RUN_END", 0, 0)])
+
+
+def other_version(scene: Scene) -> None:
+    """A HELLO of another protocol version, over the link that armed."""
+    scene.session.send([scene.session.frame("HELLO", 99, 0)])
+
+
+def replay(count: int, *, backwards: bool = False) -> Action:
+    """The host hangs, and something else sends its last keep-alives over and over, byte for byte."""
+
+    def inject(scene: Scene) -> None:
+        recorded = scene.recorded("KEEPALIVE")[-count:]
+        if backwards:
+            recorded.reverse()
+        scene.host_alive = False
+        end_s = scene.now_s + REPLAYED_S
+        for frame in itertools.cycle(recorded):
+            if scene.now_s >= end_s:
+                break
+            scene.session.frames.write_frames([frame])
+            scene.run(REPLAY_EVERY_S)
+
+    return inject
+
+
+def steered(scene: Scene) -> None:
+    """The host asks for a setpoint other than 0."""
+    scene.session.set_setpoint(SETPOINT)
+    scene.run(0.1)
+
+
+def setpoints_cease(scene: Scene) -> None:
+    """The host's source of setpoints hangs; its keep-alives go on."""
+    vars(scene.session)["set_setpoint"] = lambda _setpoint: None
+
+
+def recorded(seconds: float) -> Action:
+    """Let the run go on for this time, and record all frames of the host."""
+
+    def prepare(scene: Scene) -> None:
+        scene.record()
+        scene.run(seconds)
+
+    return prepare
+
+
+FAULTS = (
+    Fault("host-silent", "host", "the host stops sending", silent, "silence", (Told(*CAUSE, SILENCE),), after=back,
+          phases=True),
+    Fault("host-silent-on-can", "host", "the host stops sending", silent, "silence", (Told(*CAUSE, SILENCE),),
+          link="can", after=back, phases=True),
+    Fault("cable-off", "host", "the cable is off for 100 ms", cable_off, "closed", (Told(*CAUSE, SILENCE),)),
+    Fault("link-closed", "host", "the host says C", closes, "closed", (Told(*CAUSE, CLOSED),)),
+    Fault("link-closed-on-can", "host", "the host sends CLOSE", closes, "closed", (Told(*CAUSE, CLOSED),), link="can"),
+    Fault("link-closed-and-opened", "host", "the host says C and O in one burst", closes_and_opens, "command",
+          (Told(*CAUSE, CLOSED),)),
+    Fault("host-disarms", "host", "DISARM", disarms, "command", (Told(*CAUSE, COMMAND),)),
+    Fault("host-ends-run", "host", "RUN_END", ends_run, "command", (Told(*CAUSE, COMMAND | IDLE),)),
+    Fault("host-of-another-version", "host", "HELLO of another protocol version over the link that armed",
+          other_version, "command", (Told(*CAUSE, 1),)),
+    Fault("setpoints-cease", "host", "no SETPOINT comes any more, keep-alives do: the setpoint becomes 0",
+          setpoints_cease, "setpoint", (Told("SETPOINT_USED", "timed_out", 1),), prepare=steered, moves_on=True),
+    Fault("keepalive-repeated", "host", "the host hangs, its last KEEPALIVE is sent every 15 ms", replay(1), "silence",
+          (Told(*CAUSE, SILENCE),), prepare=recorded(0.3)),
+    Fault("keepalive-repeated-on-can", "host", "the host hangs, its last KEEPALIVE is sent every 15 ms", replay(1),
+          "silence", (Told(*CAUSE, SILENCE),), link="can", prepare=recorded(0.3)),
+    Fault("keepalives-of-16-replayed", "host", "the host hangs, its last 16 KEEPALIVE are sent in a circle", replay(16),
+          "silence", (Told(*CAUSE, SILENCE),), prepare=recorded(0.3)),
+    Fault("keepalives-of-256-replayed", "host", "the host hangs, its last 256 KEEPALIVE are sent in a circle",
+          replay(256), "silence", (Told(*CAUSE, SILENCE),), prepare=recorded(4.0)),
+    Fault("keepalives-backwards", "host", "the host hangs, its last 16 KEEPALIVE are sent in reverse",
+          replay(16, backwards=True), "silence", (Told(*CAUSE, SILENCE),), prepare=recorded(0.3)),
+)  # fmt: skip

@@ -1,0 +1,75 @@
+"""Faults of memory: flipped bits in RAM, wild pointers, a stack that overflows, flash that was damaged."""
+
+from __future__ import annotations
+
+from plumb.flash.image import FLASH_BASE, PARAMETER_SLOTS
+from plumb.proof.faults import core
+from plumb.proof.faults.fault import Action, Fault
+from plumb.proof.faults.reports import Told
+from plumb.proof.faults.scene import Scene
+
+UPSET, CRASH, PARAMETERS = 1 << 14, 1 << 2, 1 << 7
+BY_UPSET = (Told("STATUS", "faults", UPSET), Told("IDENTITY", "FAULTS", UPSET | CRASH))
+BY_CRASH = Told("IDENTITY", "FAULTS", CRASH)
+FLIPS = 16
+SLOTS, SLOT_BYTES, DAMAGED_AT = 2, 2048, 40
+
+
+def flipped(symbol: str) -> Action:
+    """One bit of a variable, another one in every variant, evenly spread."""
+
+    def inject(scene: Scene) -> None:
+        found = scene.symbol(symbol)
+        core.flip(scene, found.address, (2 * scene.variant + 1) * 8 * found.size // (2 * FLIPS))
+
+    return inject
+
+
+def clock_set_back(scene: Scene) -> None:
+    """The highest bit that is set in the count of milliseconds, which no check word covers."""
+    ticks = scene.symbol("ticks_ms").address
+    count = int.from_bytes(scene.machine.cpu.read(ticks, 4), "little")
+    core.flip(scene, ticks, count.bit_length() - 1)
+
+
+def guard_overwritten(scene: Scene) -> None:
+    core.flip(scene, scene.symbol("stack_guard").address, 0)
+
+
+def undefined_instruction(scene: Scene) -> None:
+    core.patch_the_loop(scene, core.UNDEFINED)
+
+
+def wild_jump(scene: Scene) -> None:
+    """The core goes on where nothing is."""
+    core.reach_the_loop(scene)
+    scene.machine.cpu.pc = 0x60000000
+
+
+def saved(scene: Scene) -> None:
+    """The run is over, and the parameters in use are saved."""
+    scene.session.execute_idle("SAVE")
+
+
+def slots_damaged(scene: Scene) -> None:
+    """One byte of every saved table is 0, and a reset."""
+    for slot in range(SLOTS):
+        scene.machine.flash.store(PARAMETER_SLOTS - FLASH_BASE + slot * SLOT_BYTES + DAMAGED_AT, b"\0")
+    scene.machine.reset()
+
+
+FAULTS = (
+    Fault("flip-in-control-state", "memory", f"one bit of the control state, {FLIPS} of them", flipped("control"),
+          "memory", (BY_UPSET,), variants=FLIPS),
+    Fault("flip-in-parameters", "memory", f"one bit of the parameters in use, {FLIPS} of them", flipped("params"),
+          "memory", (BY_UPSET,), variants=FLIPS),
+    Fault("clock-set-back", "memory", "one bit of the clock, which is then behind", clock_set_back, "memory",
+          (BY_UPSET,)),
+    Fault("stack-overflow", "memory", "the guard below the stack is overwritten", guard_overwritten, "memory",
+          (BY_CRASH,)),
+    Fault("undefined-instruction", "memory", "the main loop meets an undefined instruction", undefined_instruction,
+          "memory", (BY_CRASH,)),
+    Fault("wild-jump", "memory", "the main loop jumps to where nothing is", wild_jump, "memory", (BY_CRASH,)),
+    Fault("saved-table-damaged", "memory", "a byte of both slots of saved parameters is 0, and a reset",
+          slots_damaged, "power", (Told("STATUS", "faults", PARAMETERS),), prepare=saved),
+)  # fmt: skip

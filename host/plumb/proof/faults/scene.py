@@ -1,0 +1,208 @@
+"""The scene of every fault: the flash image on the virtual board, its plant on the pins, armed and driving."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import can
+
+from plumb import systems
+from plumb.boards import plant_on_pins
+from plumb.boards.virtual import VirtualBoard
+from plumb.errors import LinkError, UsageError
+from plumb.f103 import find_image
+from plumb.f103.core.timeline import TICKS_PER_S
+from plumb.f103.snapshot import Snapshot
+from plumb.flash.elf import Elf, Symbol
+from plumb.link.identity import Identity
+from plumb.link.session import Session
+from plumb.spec.protocol import Frame, protocol
+from plumb.tuning.quantise import quantise
+
+if TYPE_CHECKING:
+    from plumb.f103.machine import Machine
+
+SEED = 1
+DRIVING_S = 0.5
+"""Armed for so long before the fault: outputs are away from neutral, the estimate has converged."""
+ARMING_S = 3.0
+"""The board may refuse to arm for so long: its sensors come up, and its estimate converges."""
+LISTEN_S = 0.001
+"""The host looks at its link this often; frames get the time of the look."""
+
+
+@dataclass(frozen=True)
+class Heard:
+    """A frame from the board and when the host had it, in simulated seconds."""
+
+    time_s: float
+    identifier: int
+    data: bytes
+
+
+@dataclass
+class Scene:
+    """Build it with `armed`. heard: the frames that came since `listen_anew`.
+
+    host_alive: when False, the host sends nothing but still listens. deaf: the host receives nothing.
+    variant: number of the variant to inject, from 0 on.
+    """
+
+    name: str
+    link: str
+    board: VirtualBoard
+    coupling: Any
+    image: Path | None = None
+    heard: list[Heard] = field(default_factory=list)
+    sent: list[Frame] = field(default_factory=list)
+    host_alive: bool = True
+    deaf: bool = False
+    variant: int = 0
+
+    @property
+    def machine(self) -> Machine:
+        return self.board.machine
+
+    @property
+    def session(self) -> Session:
+        return self.board.session
+
+    @property
+    def live(self) -> ModuleType:
+        return systems.load(self.name, "live")
+
+    def symbol(self, name: str) -> Symbol:
+        """A variable or function of the image, from the ELF file beside it. Raises UsageError without that file."""
+        elf = Elf(find_image(self.image).with_suffix(".elf"))
+        found = elf.symbols.get(name)
+        if found is None:
+            raise UsageError(f"{elf.path} has no symbol '{name}': this table belongs to another image")
+        return found
+
+    @property
+    def features(self) -> frozenset[str]:
+        """What there is to be broken: analog (sensors on ADC pins), chips (on I2C), bridge, esc (speed controllers)."""
+        outputs = "esc" if hasattr(self.live, "ESC_PINS") else "bridge"
+        inputs = "analog" if hasattr(self.live, "ADC_PINS") else "chips"
+        return frozenset({inputs, outputs})
+
+    @property
+    def says_armed(self) -> bool:
+        """Whether the last STATUS said so."""
+        return bool(self.session.telemetry.get("STATUS", {}).get("armed", 0))
+
+    @property
+    def now_s(self) -> float:
+        return self.session.clock()
+
+    def snapshot(self) -> Snapshot:
+        """The board, its plant, the host and this scene, to be restored as often as wanted."""
+        return self.machine.snapshot(self)
+
+    def listen_anew(self) -> None:
+        """Forget what was heard; note every frame from here on."""
+        self.heard.clear()
+        self.session.listener = self._note
+
+    def abandon(self) -> None:
+        """Forget the connection without a word to the board."""
+        can.BusABC.shutdown(self.session.bus)
+
+    def reconnect(self) -> None:
+        """A new connection of the same host, which goes on listening."""
+        self.abandon()
+        self.board.reconnect().listener = self._note
+        self.host_alive, self.deaf = True, False
+
+    def _note(self, frames: list[Frame]) -> None:
+        if self.deaf:
+            return
+        now_s = self.now_s
+        self.heard += [Heard(now_s, identifier, data) for identifier, data in frames]
+
+    def record(self) -> None:
+        """Note every frame that the host sends from here on, as it is on the wire."""
+        write = self.session.frames.write_frames
+
+        def write_and_note(frames: Sequence[Frame]) -> None:
+            self.sent.extend(frames)
+            write(frames)
+
+        vars(self.session.frames)["write_frames"] = write_and_note
+
+    def recorded(self, name: str) -> list[Frame]:
+        """The frames of a message that the host has sent since `record`."""
+        identifier = protocol()[name].identifier
+        return [frame for frame in self.sent if frame[0] == identifier]
+
+    def run(self, seconds: float) -> None:
+        """Let time pass: the host answers keep-alives and listens; when it is not alive it only listens."""
+        end = self.machine.now + round(seconds * TICKS_PER_S)
+        while self.machine.now < end:
+            wait_s = min(LISTEN_S, (end - self.machine.now) / TICKS_PER_S)
+            if self.host_alive:
+                self.session.receive(wait_s)
+            else:
+                self._note(self.session.frames.read_frames(wait_s))
+
+    def run_until(self, holds: Callable[[], bool], limit_s: float) -> bool:
+        """Until holds() does, looked at every LISTEN_S; False when the limit came first."""
+        end = self.machine.now + round(limit_s * TICKS_PER_S)
+        while not holds():
+            if self.machine.now >= end:
+                return False
+            self.run(LISTEN_S)
+        return True
+
+    def identify(self) -> Identity:
+        """Connect anew and ask who is there, as after a reset. Raises LinkError when nobody answers."""
+        self.reconnect()
+        return self.session.connect()
+
+
+def armed(name: str, link: str = "serial", image: Path | None = None) -> Scene:
+    """A system with its plant on the pins of the virtual board, armed over `link` and driving for DRIVING_S.
+
+    The plant runs the scenario that a served board shows, in closed loop. Raises LinkError with the board's reason when
+    it does not arm within ARMING_S.
+    """
+    system, parts = systems.load(name), systems.load(name, "live")
+    scenario = system.scenario(parts.SCENARIO, SEED)
+    board = VirtualBoard(image, link=link)
+    try:
+        params = quantise(system.TUNINGS[parts.TUNING])
+        session = plant_on_pins.become(board, params, period_us=scenario.period_us, arm_hold_ms=0, **system.LINK)
+        coupling = parts.Coupling(board.machine, system.plant(scenario))
+        scene = Scene(name, link, board, coupling, image)
+        board.machine.uart.timeout = LISTEN_S
+        board.machine.advance_us(plant_on_pins.FOUND_US)
+        session.begin("REALTIME_LIVE", frames=parts.FRAMES)
+        arm(scene)
+        scene.run(DRIVING_S)
+    except BaseException:
+        board.close()
+        raise
+    return scene
+
+
+def arm(scene: Scene) -> None:
+    """Arm as soon as the board allows it; raises LinkError with its reason after ARMING_S."""
+    end_s = scene.now_s + ARMING_S
+    while True:
+        try:
+            scene.session.arm()
+            return
+        except LinkError:
+            if scene.now_s > end_s:
+                raise
+        scene.run(0.05)
+
+
+def noise(seed: str, sigma: float) -> Callable[[float], float]:
+    """Gaussian noise as a function of time: seeded, and the same value for the same instant."""
+    return lambda time_s: sigma * random.Random(f"{seed} {time_s!r}").gauss(0.0, 1.0)

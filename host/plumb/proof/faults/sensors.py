@@ -1,0 +1,181 @@
+"""Faults of sensors: at the analog pins with the noise of the ADC, in the chips on I2C, and at the Hall inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from plumb.link.identity import SENSOR_CAUSES
+from plumb.proof.faults.fault import Action, Fault
+from plumb.proof.faults.reports import Told
+from plumb.proof.faults.scene import Scene, noise
+
+LSB_V = 3.3 / 4096
+GYRO, ACCEL_Y, ACCEL_Z = 0, 1, 2
+"""Order of ADC_PINS of a system on analog sensors."""
+ANALOG, CHIPS, BRIDGE = frozenset({"analog"}), frozenset({"chips"}), frozenset({"bridge"})
+SENSOR_FAULT, HALL_FAULT, BREAK_FAULT, ADC_FAULT, LATE_FAULT = 1 << 6, 1 << 5, 1 << 4, 1, 2
+BLOCK_FAULT, BLOCK_IMPLAUSIBLE = 1 << 3, 1 << 11
+DISARMED_BY_FAULT = Told("EVENTS", "disarm_cause", BLOCK_FAULT)
+DISARMED_BY_DOUBT = Told("EVENTS", "disarm_cause", BLOCK_FAULT | BLOCK_IMPLAUSIBLE)
+AT_A_RAIL, UNCHANGED = Told("SENSORS", "analog", 0x3F), Told("SENSORS", "analog", 0x3F00)
+LOST_OR_IMPLAUSIBLE = (Told("EVENTS", "disarm_cause", BLOCK_IMPLAUSIBLE), Told("STATUS", "faults", SENSOR_FAULT))
+
+
+def volts_now(scene: Scene, channel: int) -> float:
+    """What drives an analog pin at this moment."""
+    source = scene.machine.adc[scene.live.ADC_PINS[channel]]
+    return source(scene.machine.now_s) if callable(source) else source
+
+
+def held(channel: int, volts: float | None = None, noise_lsb: float = 0.0) -> Action:
+    """An analog pin at a voltage (None: as it is now), with noise at the pin."""
+
+    def inject(scene: Scene) -> None:
+        level = volts_now(scene, channel) if volts is None else volts
+        added = noise(f"channel {channel}", noise_lsb * LSB_V)
+        scene.machine.adc[scene.live.ADC_PINS[channel]] = lambda time_s: level + added(time_s)
+
+    return inject
+
+
+def wild(channel: int, sigma_v: float) -> Action:
+    """Noise on top of what an analog pin carries."""
+
+    def inject(scene: Scene) -> None:
+        pin = scene.live.ADC_PINS[channel]
+        source, added = scene.machine.adc[pin], noise(f"wild {channel}", sigma_v)
+        scene.machine.adc[pin] = lambda time_s: (source(time_s) if callable(source) else source) + added(time_s)
+
+    return inject
+
+
+def unplugged(scene: Scene) -> None:
+    """No sensor drives its pin any more; a pull-down is on the sensor board."""
+    for pin in scene.live.ADC_PINS:
+        scene.machine.adc[pin] = 0.0
+
+
+def converter_stops(scene: Scene) -> None:
+    scene.machine.adc1.silent = True
+
+
+def chip(which: str, **attributes: object) -> Action:
+    """Set attributes of a chip's model: gyro or accel of the coupling."""
+
+    def inject(scene: Scene) -> None:
+        for name, value in attributes.items():
+            setattr(getattr(scene.coupling, which), name, value)
+
+    return inject
+
+
+def browned_out(which: str) -> Action:
+    """A chip's supply dips: its registers are as after power-up, and it sleeps."""
+
+    def inject(scene: Scene) -> None:
+        getattr(scene.coupling, which).brown_out()
+
+    return inject
+
+
+def felt(which: str, world: Callable[[tuple[float, float, float]], tuple[float, float, float]], sigma: float) -> Action:
+    """A chip measures something else: world(what it feels now), with noise."""
+
+    def inject(scene: Scene) -> None:
+        target = getattr(scene.coupling, which)
+        level = world(target.source(scene.machine.now_s))
+        added = [noise(f"{which} {axis}", sigma) for axis in range(3)]
+
+        def source(time_s: float) -> tuple[float, float, float]:
+            x, y, z = (value + one(time_s) for value, one in zip(level, added, strict=True))
+            return x, y, z
+
+        target.source = source
+
+    return inject
+
+
+def hall(state: int) -> Action:
+    """All three Hall inputs alike, whatever the rotor does."""
+
+    def inject(scene: Scene) -> None:
+        scene.machine.set_hall(state)
+        vars(scene.machine)["set_hall"] = lambda _state: None
+
+    return inject
+
+
+def broken(scene: Scene) -> None:
+    """The gate driver pulls the break input."""
+    scene.machine.drive(scene.live.BREAK_PIN, False)
+
+
+def digital(cause: str, shift: int) -> Told:
+    """SENSORS names this cause for the gyro (shift 0) or the accelerometer (8)."""
+    number = next(key for key, text in SENSOR_CAUSES.items() if text == cause)
+    return Told("SENSORS", "digital", number << shift)
+
+
+_STUCK = (DISARMED_BY_FAULT, UNCHANGED)
+_RAILED = (DISARMED_BY_FAULT, AT_A_RAIL)
+
+_ANALOG = tuple(
+    Fault(name, "sensors", what, inject, "sensor", told, ANALOG)
+    for name, what, inject, told in (
+        ("gyro-frozen", "pin of the gyro held at its last voltage, no noise", held(GYRO), _STUCK),
+        ("accel-y-frozen", "pin of accelerometer y held at its last voltage, no noise", held(ACCEL_Y), _STUCK),
+        ("accel-z-frozen", "pin of accelerometer z held at its last voltage, no noise", held(ACCEL_Z), _STUCK),
+        ("gyro-at-ground", "pin of the gyro at 0 V", held(GYRO, 0.0), _RAILED),
+        ("gyro-at-supply", "pin of the gyro at 3.3 V", held(GYRO, 3.3), _RAILED),
+        ("accel-y-at-ground", "pin of accelerometer y at 0 V", held(ACCEL_Y, 0.0), _RAILED),
+        ("accel-z-at-supply", "pin of accelerometer z at 3.3 V", held(ACCEL_Z, 3.3), _RAILED),
+        ("gyro-held-off", "pin of the gyro at 2.2 V, 1 LSB rms of noise", held(GYRO, 2.2, 1.0), (LOST_OR_IMPLAUSIBLE,)),
+        ("accel-y-at-3v", "pin of accelerometer y at 3.0 V, 1 LSB rms of noise", held(ACCEL_Y, 3.0, 1.0),
+         (LOST_OR_IMPLAUSIBLE,)),
+        ("accel-z-at-3v", "pin of accelerometer z at 3.0 V, 1 LSB rms of noise", held(ACCEL_Z, 3.0, 1.0),
+         (LOST_OR_IMPLAUSIBLE,)),
+        ("accel-y-wild", "0.5 V rms of noise on the pin of accelerometer y", wild(ACCEL_Y, 0.5),
+         (LOST_OR_IMPLAUSIBLE,)),
+        ("sensors-unplugged", "every sensor pin at 0 V", unplugged, _RAILED),
+        ("converter-stops", "the ADC makes no conversions any more", converter_stops,
+         ((Told("STATUS", "faults", ADC_FAULT | LATE_FAULT), DISARMED_BY_FAULT),)),
+    )
+)  # fmt: skip
+
+_CHIPS = tuple(
+    Fault(name, "sensors", what, inject, "sensor", told, CHIPS)
+    for name, what, inject, told in (
+        ("gyro-silent", "the gyro does not acknowledge", chip("gyro", answers=False),
+         (DISARMED_BY_FAULT, digital("does not answer", 0))),
+        ("accel-silent", "the accelerometer does not acknowledge", chip("accel", answers=False),
+         (DISARMED_BY_FAULT, digital("does not answer", 8))),
+        ("gyro-frozen", "the data registers of the gyro keep their values", chip("gyro", frozen=True),
+         (DISARMED_BY_FAULT, Told("SENSORS", "digital", 0x00FF))),
+        ("accel-frozen", "the data registers of the accelerometer keep their values", chip("accel", frozen=True),
+         (DISARMED_BY_FAULT, Told("SENSORS", "digital", 0xFF00))),
+        ("gyro-browned-out", "the supply of the gyro dips: settings lost", browned_out("gyro"),
+         (DISARMED_BY_FAULT,)),
+        ("accel-browned-out", "the supply of the accelerometer dips: settings lost", browned_out("accel"),
+         (DISARMED_BY_FAULT,)),
+        ("gyro-held-off", "the gyro measures 150 deg/s too much, with its noise",
+         felt("gyro", lambda at: (at[0], at[1] + 150.0, at[2]), 0.5), (LOST_OR_IMPLAUSIBLE,)),
+        ("accel-at-2g", "accelerometer x measures 2 g, with its noise",
+         felt("accel", lambda at: (2.0, at[1], at[2]), 0.005), (LOST_OR_IMPLAUSIBLE,)),
+        ("accel-without-gravity", "the accelerometer measures 0 g, with its noise",
+         felt("accel", lambda _at: (0.0, 0.0, 0.0), 0.005), (LOST_OR_IMPLAUSIBLE,)),
+        ("accel-wild", "1 g rms of noise on the accelerometer",
+         felt("accel", lambda at: at, 1.0), (LOST_OR_IMPLAUSIBLE,)),
+    )
+)  # fmt: skip
+
+_HALL = tuple(
+    Fault(name, "sensors", what, inject, "sensor", told, BRIDGE)
+    for name, what, inject, told in (
+        ("hall-high", "all three Hall inputs high", hall(7), (Told("STATUS", "faults", HALL_FAULT), DISARMED_BY_FAULT)),
+        ("hall-low", "all three Hall inputs low", hall(0), (Told("STATUS", "faults", HALL_FAULT), DISARMED_BY_FAULT)),
+        ("break-input", "the gate driver pulls the break input low", broken,
+         (Told("STATUS", "faults", BREAK_FAULT), DISARMED_BY_FAULT)),
+    )
+)  # fmt: skip
+
+FAULTS = _ANALOG + _CHIPS + _HALL

@@ -1,0 +1,1 @@
+"""Published figures of every system, and its plots."""

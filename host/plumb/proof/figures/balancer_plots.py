@@ -1,0 +1,106 @@
+"""What a trial of `balancer` is measured by, and what it looks like."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.proof import metrics as measures
+from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_budget
+from plumb.proof.runs import Trial
+
+FloatArray = npt.NDArray[np.float64]
+Series = npt.NDArray[np.floating[Any]]
+
+TURN_DEG = 360.0 / 2.0**32
+RATE_DPS = 360.0 / 2.0**28
+VELOCITY_MPS = 2.0**-26
+DUTY = 2.0**-15
+FLAG_FALLEN = 1 << 7
+
+
+def estimate_deg(trial: Trial) -> FloatArray:
+    """The board's tilt, (steps,)."""
+    return np.asarray(trial.board_words["tilt_turn_q32"] * TURN_DEG)
+
+
+def accel_only_deg(trial: Trial) -> FloatArray:
+    """What the accelerometer alone says of the sampled values, (steps,)."""
+    x, z = (trial.words[name].astype(np.float64) for name in ("accel_x_g_q26", "accel_z_g_q26"))
+    return measures.accel_only_deg(x, z)
+
+
+def metrics(trial: Trial) -> dict[str, float | None]:
+    """Errors of tilt and rate over the samples that count, the largest tilt there was, and how long it lay."""
+    truth, words, scored = trial.flight.truth, trial.board_words, trial.flight.scored
+
+    def rms(values: Series, true: Series) -> float | None:
+        return float(np.sqrt(np.mean((values - true)[scored] ** 2))) if scored.any() else None
+
+    def angle_rms(values: FloatArray) -> float | None:
+        return float(measures.angle_rmse_deg(values, truth["tilt_deg"], scored)) if scored.any() else None
+
+    tilt = estimate_deg(trial)
+    apart = measures.wrap_deg(trial.words["tilt_turn_q32"] * TURN_DEG - trial.reference["tilt_deg"])
+    return {
+        "angle_rmse_deg": angle_rms(tilt),
+        "angle_max_deg": float(measures.angle_max_deg(tilt, truth["tilt_deg"], scored)) if scored.any() else None,
+        "accel_only_rmse_deg": angle_rms(accel_only_deg(trial)),
+        "fixed_vs_reference_max_deg": float(np.max(np.abs(apart))),
+        "rate_rmse_dps": rms(words["rate_corrected_turnps_q28"] * RATE_DPS, truth["rate_dps"]),
+        "rate_raw_rmse_dps": rms(words["rate_turnps_q28"] * RATE_DPS, truth["rate_dps"]),
+        "velocity_rmse_mps": rms(trial.flight.setpoint * VELOCITY_MPS, truth["velocity_mps"]),
+        "tilt_max_deg": float(np.max(np.abs(truth["tilt_deg"]))),
+        "fallen_steps": float(np.count_nonzero(words["flags"] & FLAG_FALLEN)),
+    }
+
+
+def plots(trial: Trial, *, closed: bool) -> list[Plot]:
+    """Tilt, its error, rate, bias, velocity, duty, and fixed point against float64."""
+    time_s, words, truth = trial.flight.time_s, trial.board_words, trial.flight.truth
+    apart = measures.wrap_deg(trial.words["tilt_turn_q32"] * TURN_DEG - trial.reference["tilt_deg"])
+    tilt = [
+        Line("accelerometer only", accel_only_deg(trial), SENSOR, 0.7),
+        Line("true", truth["tilt_deg"], TRUTH, 1.6),
+        Line("estimate", estimate_deg(trial), ESTIMATE),
+    ]
+    if closed:
+        tilt.insert(1, Line("lean asked for", words["lean_turn_q32"] * TURN_DEG, SECOND))
+    error = measures.wrap_deg(estimate_deg(trial) - truth["tilt_deg"])
+    return [
+        Plot("Tilt", "deg", time_s, tilt),
+        Plot("Error of the estimate", "deg", time_s, [Line("estimate - truth", error, SECOND)]),
+        Plot(
+            "Rate",
+            "deg/s",
+            time_s,
+            [
+                Line("gyro", words["rate_turnps_q28"] * RATE_DPS, SENSOR, 0.7),
+                Line("true", truth["rate_dps"], TRUTH, 1.6),
+                Line("corrected", words["rate_corrected_turnps_q28"] * RATE_DPS, ESTIMATE),
+            ],
+        ),
+        Plot(
+            "Gyro bias",
+            "deg/s",
+            time_s,
+            [
+                Line("true", truth["bias_dps"], TRUTH),
+                Line("estimated", words["bias_turnps_q28"] * RATE_DPS, ESTIMATE),
+            ],
+        ),
+        Plot(
+            "Velocity",
+            "m/s",
+            time_s,
+            [
+                Line("asked for", trial.flight.setpoint * VELOCITY_MPS, SECOND),
+                Line("true", truth["velocity_mps"], TRUTH, 1.6),
+                Line("from the Hall sensors, filtered", words["velocity_mps_q26"] * VELOCITY_MPS, ESTIMATE),
+            ],
+        ),
+        Plot("Duty of the bridge", "1 = full", time_s, [Line("duty", words["duty_q15"] * DUTY, ESTIMATE)]),
+        error_budget(time_s, apart),
+    ]

@@ -1,0 +1,59 @@
+"""Are the figures those of a board? They are computed with the native core; here every scenario and every tuning that
+they stand on runs on a board as well, for one seed, and each step's digest is compared with native's.
+
+Every scenario runs with the system's own tuning, every tuning on the system's own scenario; where a system drives
+something, its scenarios run with the loop closed, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from plumb import systems
+from plumb.boards import Board
+from plumb.boards.native import NativeBoard
+from plumb.proof import runs
+from plumb.tuning import quantise
+
+SEED = 1000
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """One run: how many of its steps differ between the board and native."""
+
+    system: str
+    scenario: str
+    tuning: str
+    loop: str
+    steps: int
+    differ: int
+
+    def __str__(self) -> str:
+        run = f"{self.system} {self.scenario}, {self.tuning}, {self.loop} loop"
+        return f"{run:<44} {self.differ} of {self.steps} steps differ"
+
+
+def confirm(board: Board, name: str, seed: int = SEED, seconds: float | None = None) -> Iterator[Confirmation]:
+    """Every run of a system, as it is ready; seconds: at most so long each."""
+    system, native = systems.load(name), NativeBoard()
+    own = system.DEFAULT_TUNING
+    pairs = [(scenario, own, False) for scenario in system.SCENARIOS]
+    pairs += [(system.DEFAULT_SCENARIO, tuning, False) for tuning in system.TUNINGS if tuning != own]
+    pairs += [(scenario, own, True) for scenario in system.SCENARIOS if system.OUTPUTS]
+    for scenario, tuning, closed in pairs:
+        length = system.SECONDS[scenario] if seconds is None else min(seconds, system.SECONDS[scenario])
+        run = system.scenario(scenario, seed, seconds=length)
+        params = quantise.quantise(systems.fitted(run, system.TUNINGS[tuning]))
+        if closed:
+            digests, expected = (runs.closed_loop(one, run, params).answer.digests for one in (board, native))
+        else:
+            flight = runs.prescribed(run)
+            digests, expected = (
+                one.run_injected(params, flight.raw, flight.setpoint).digests for one in (board, native)
+            )
+        differ = int(np.count_nonzero(digests != expected))
+        yield Confirmation(name, scenario, tuning, "closed" if closed else "open", run.steps, differ)

@@ -1,0 +1,132 @@
+"""What the systems were asked to reach, and what the integers reach: one table, from the scenarios as they stand.
+
+Every figure is over seeds 1000-1039; tunings were fitted on seeds 0-19. The float64 column is
+`plumb.systems.run_reference` on the same tuning and the same counts. A system's part `figures` offers
+
+    SECTIONS    name -> function of seeds that gives figures
+    ASSUMED     sentences: what was assumed, and how it was measured
+    PLOTS       name -> function that gives the panels of a figure of the source, reproduced
+"""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from multiprocessing import Pool
+from pathlib import Path
+from typing import Any, Literal
+
+from plumb import systems
+from plumb.proof.report import plot_svg, write_whole
+
+Sense = Literal["at most", "at least", "near", "about", "beside", "shown"]
+"""How a figure is to be reached. near: within 5 %, what makes a scenario the one that was asked for; about: within 13 %
+of a number that was asked for in so many words, two standard deviations of the one that stands so, a share of a drift
+whose mean over 40 seeds scatters by 6.3 %. beside, shown: nothing was asked; a row beside belongs to what was,
+even in a short table, so that nobody takes a figure for more than it is; a row shown is for who wants to know more."""
+UNASKED = ("beside", "shown")
+
+SEEDS = range(1000, 1040)
+NEAR, ABOUT = 0.05, 0.13
+RED, PLAIN = "\x1b[31m", "\x1b[0m"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One line of the table. reached: over all seeds, the mean (convergence: the median); worst: of any seed.
+
+    reference: the same in float64; accel_only, gyro_only: the same without a filter; None where it means nothing.
+    reach: 0 where nothing was asked. source: what the source itself claims, "" where it gives no number for this.
+    """
+
+    claim: str
+    scenario: str
+    tuning: str
+    unit: str
+    sense: Sense
+    reach: float
+    reached: float
+    worst: float | None = None
+    reference: float | None = None
+    accel_only: float | None = None
+    gyro_only: float | None = None
+    source: str = ""
+
+    @property
+    def met(self) -> bool:
+        match self.sense:
+            case "at most":
+                return bool(self.reached <= self.reach)
+            case "at least":
+                return bool(self.reached >= self.reach)
+            case "beside" | "shown":
+                return True
+            case _:
+                return bool(abs(self.reached - self.reach) <= (ABOUT if self.sense == "about" else NEAR) * self.reach)
+
+    def to_json(self) -> dict[str, Any]:
+        return {**asdict(self), "met": self.met}
+
+
+def compute(
+    names: Iterable[str] = tuple(systems.SYSTEMS), seeds: Iterable[int] = SEEDS
+) -> Iterator[tuple[str, Figure]]:
+    """Every row of these systems, with the system's name, in order, as it is ready; the sections on all cores."""
+    chosen = tuple(seeds)
+    tasks = [(name, section, chosen) for name in names for section in systems.load(name, "figures").SECTIONS]
+    with Pool(initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)) as pool:
+        for (name, _, _), rows in zip(tasks, pool.imap(_section, tasks), strict=True):
+            yield from ((name, row) for row in rows)
+
+
+def _section(task: tuple[str, str, tuple[int, ...]]) -> list[Figure]:
+    name, section, seeds = task
+    return list(systems.load(name, "figures").SECTIONS[section](seeds))
+
+
+def write_plots(name: str, folder: Path) -> list[Path]:
+    """The source's figures, reproduced, as folder/SYSTEM_NAME.svg; the same bytes every time."""
+    written = []
+    for plot, panels in systems.load(name, "figures").PLOTS.items():
+        svg = plot_svg(*panels(), titles=True)
+        written.append(folder / f"{name}_{plot}.svg")
+        write_whole(folder, {written[-1].name: svg.replace("<svg ", '<svg style="background:#fff" ', 1) + "\n"})
+    return written
+
+
+def assumed(name: str) -> tuple[str, ...]:
+    """What the figures of a system rest on."""
+    sentences: tuple[str, ...] = systems.load(name, "figures").ASSUMED
+    return sentences
+
+
+def render(figures: Iterable[tuple[str, Figure]], *, short: bool = False, colour: bool = False) -> str:
+    """The table as text, a block for each system with what was assumed; a missed figure says so, in red on request.
+    short: without the rows that are only shown."""
+    blocks: dict[str, list[Figure]] = {}
+    for name, row in figures:
+        if not (short and row.sense == "shown"):
+            blocks.setdefault(name, []).append(row)
+    return "\n\n".join("\n".join(_block(name, rows, colour)) for name, rows in blocks.items())
+
+
+def _block(name: str, rows: Sequence[Figure], colour: bool) -> Iterator[str]:
+    header = (
+        "figure", "scenario", "tuning", "unit", "source", "to reach", "reached", "worst", "float64", "accel", "gyro", ""
+    )  # fmt: skip
+    lines: list[tuple[str, ...]] = [(name + ": " + header[0], *header[1:])]
+    for row in rows:
+        sense = {"at most": "<= ", "at least": ">= ", "near": "~ ", "about": "about "}
+        numbers = (row.worst, row.reference, row.accel_only, row.gyro_only)
+        cells = ("" if value is None else f"{value:.3f}" for value in numbers)
+        reach = "" if row.sense in UNASKED else f"{sense[row.sense]}{row.reach:g}"
+        reached = f"{row.reached:.3f}"
+        verdict = "" if row.sense in UNASKED else "met" if row.met else "MISSED"
+        lines.append((row.claim, row.scenario, row.tuning, row.unit, row.source, reach, reached, *cells, verdict))
+    widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
+    for line in lines:
+        text = "  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip()
+        yield f"{RED}{text}{PLAIN}" if colour and line[-1] == "MISSED" else text
+    yield ""
+    yield from assumed(name)

@@ -1,0 +1,96 @@
+"""What a trial of `phone` is measured by, and what it looks like.
+
+The error of pitch and roll together is the angle between the estimated and the true vertical: it is sound at every
+attitude, where the error of roll alone is not. `angle_...` means that angle.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.proof import metrics as measures
+from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_budget
+from plumb.proof.runs import Trial
+from plumb.systems.phone.scenarios import inclination_deg, up
+
+FloatArray = npt.NDArray[np.float64]
+
+TURN_DEG = 360.0 / 2.0**32
+"""Degrees per unit of a binary angle."""
+RATE_DPS = 360.0 / 2.0**28
+"""Degrees per second in a unit of a rate word."""
+AXES = ("pitch", "roll")
+
+
+def estimate_deg(trial: Trial, axis: str) -> FloatArray:
+    """The board's pitch or roll, (steps,)."""
+    return np.asarray(trial.board_words[f"{axis}_turn_q32"] * TURN_DEG)
+
+
+def error_deg(trial: Trial) -> FloatArray:
+    """Angle between the estimated and the true vertical, (steps,)."""
+    truth = up(*(trial.flight.truth[f"{axis}_deg"] for axis in AXES))
+    return inclination_deg(up(*(estimate_deg(trial, axis) for axis in AXES)), truth)
+
+
+def accel_error_deg(trial: Trial) -> FloatArray:
+    """The same of the accelerometer alone."""
+    force = np.stack([trial.words[f"accel_{axis}_g_q26"].astype(np.float64) for axis in "xyz"])
+    return inclination_deg(force, up(*(trial.flight.truth[f"{axis}_deg"] for axis in AXES)))
+
+
+def apart_deg(trial: Trial) -> FloatArray:
+    """The same between the integers and float64, on the same counts."""
+    fixed = up(*(trial.words[f"{axis}_turn_q32"] * TURN_DEG for axis in AXES))
+    return inclination_deg(fixed, up(*(trial.reference[f"{axis}_deg"] for axis in AXES)))
+
+
+def metrics(trial: Trial) -> dict[str, float | None]:
+    """Errors of the vertical, then of the angles; None where nothing is to be scored."""
+    scored = trial.flight.scored
+
+    def rms(error: FloatArray) -> float | None:
+        return float(np.sqrt(np.mean(error[scored] ** 2))) if scored.any() else None
+
+    error = error_deg(trial)
+    figures = {
+        "angle_rmse_deg": rms(error),
+        "angle_max_deg": float(np.max(error[scored])) if scored.any() else None,
+        "accel_only_rmse_deg": rms(accel_error_deg(trial)),
+        "fixed_vs_reference_max_deg": float(np.max(apart_deg(trial))),
+    }
+    for axis in AXES:
+        truth = trial.flight.truth[f"{axis}_deg"]
+        figures[f"{axis}_rmse_deg"] = rms(measures.wrap_deg(estimate_deg(trial, axis) - truth))
+    return figures
+
+
+def plots(trial: Trial, *, closed: bool) -> list[Plot]:
+    """Pitch and roll, the error of the vertical, biases, fixed point against float64."""
+    time_s, known = trial.flight.time_s, bool(np.isfinite(trial.flight.truth["pitch_deg"]).any())
+    found = []
+    for axis in AXES:
+        lines = [Line("accelerometer only", trial.words[f"{axis}_measured_turn_q32"] * TURN_DEG, SENSOR, 0.7)]
+        lines += [Line("true", trial.flight.truth[f"{axis}_deg"], TRUTH, 1.6)] if known else []
+        found.append(
+            Plot(axis.capitalize(), "deg", time_s, [*lines, Line("estimate", estimate_deg(trial, axis), ESTIMATE)])
+        )
+    if known:
+        lines = [
+            Line("accelerometer only", accel_error_deg(trial), SENSOR, 0.7),
+            Line("estimate", error_deg(trial), SECOND),
+        ]
+        found.append(Plot("Error of the vertical", "deg", time_s, lines))
+    biases = [(axis, trial.words[f"{axis}_bias_turnps_q28"] * RATE_DPS) for axis in AXES]
+    found.append(
+        Plot(
+            "Gyro bias",
+            "deg/s",
+            time_s,
+            [Line(axis, values, colour) for (axis, values), colour in zip(biases, (ESTIMATE, SECOND), strict=True)],
+            "Of the rates that drive the filters: with Euler rates it turns with the phone.",
+        )
+    )
+    found.append(error_budget(time_s, apart_deg(trial)))
+    return found

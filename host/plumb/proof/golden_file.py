@@ -1,0 +1,191 @@
+"""The container of a golden vector: encode and decode NAME.golden. Decoding checks every field of a file.
+
+One line of JSON (at most 64 KiB), then binary, little endian, without compression:
+
+    {"format", "name", "system", "on_link", "steps", "columns", "setpoint", "params", "final"} and a newline
+    int16  raw      (steps, columns)   the columns of the raw counts that are not all zero
+    int32  setpoint (steps,)           left out when the header's "setpoint" is a number: constant
+    uint32 digest   (steps,)           CRC-32 of every step's words
+    uint32 check                       CRC-32 of every byte before it, the header included
+
+"params" are the parameter words that the system reads, "final" the words of the last step, by name. "on_link" marks the
+vectors that are also run over a link, where a step costs a frame.
+"""
+
+from __future__ import annotations
+
+import json
+import stat
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.boards import RawCounts, Setpoints
+from plumb.errors import UsageError
+from plumb.proof.golden_recipe import MAX_STEPS, is_name
+from plumb.spec import declarations
+from plumb.spec.records import names_of
+from plumb.tuning.quantise import ControlParams
+
+FORMAT = "plumb golden 3"
+SUFFIX = ".golden"
+MAX_HEADER_BYTES = 1 << 16
+MAX_FILE_BYTES = MAX_HEADER_BYTES + 20 * MAX_STEPS + 4
+"""Header; for every step six counts, a setpoint and a digest; the check value."""
+_CHANNELS = 6
+_FIELDS = {"format", "name", "system", "on_link", "steps", "columns", "setpoint", "params", "final"}
+
+
+@dataclass(frozen=True)
+class Vector:
+    """One golden vector. raw: (steps, 6) int16; setpoint: (steps,) int32; digests: (steps,) uint32."""
+
+    name: str
+    system: str
+    on_link: bool
+    params: ControlParams
+    raw: RawCounts
+    setpoint: Setpoints
+    digests: npt.NDArray[np.uint32]
+    final: dict[str, int]
+
+    def encode(self) -> bytes:
+        columns = [i for i in range(self.raw.shape[1]) if self.raw[:, i].any()]
+        constant = bool((self.setpoint == self.setpoint[0]).all())
+        header = {
+            "format": FORMAT,
+            "name": self.name,
+            "system": self.system,
+            "on_link": self.on_link,
+            "steps": len(self.raw),
+            "columns": columns,
+            "setpoint": int(self.setpoint[0]) if constant else None,
+            "params": self.params.own(),
+            "final": self.final,
+        }
+        payload = self.raw[:, columns].astype("<i2").tobytes()
+        payload += b"" if constant else self.setpoint.astype("<i4").tobytes()
+        payload += self.digests.astype("<u4").tobytes()
+        return sealed(json.dumps(header).encode() + b"\n" + payload)
+
+    @classmethod
+    def read(cls, path: Path) -> Vector:
+        """Raises UsageError for a file that is no whole golden vector."""
+        return cls.decode(read_bounded(path, MAX_FILE_BYTES), path)
+
+    @classmethod
+    def decode(cls, data: bytes, path: Path) -> Vector:
+        """From the bytes of a file; raises UsageError, with the path, when they are no whole golden vector."""
+        try:
+            return cls._decode(data)
+        except (ValueError, RecursionError, UsageError) as error:
+            reason = "its header is nested too deeply" if isinstance(error, RecursionError) else str(error)
+            raise UsageError(
+                f"{path} is not a whole golden vector ({reason}); make it again with: plumb golden make"
+            ) from None
+
+    @classmethod
+    def _decode(cls, data: bytes) -> Vector:
+        end = data.find(b"\n", 0, MAX_HEADER_BYTES)
+        if end < 0:
+            raise ValueError("it has no header")
+        header = json_object(data[:end])
+        if header.get("format") != FORMAT:
+            raise ValueError(f"its format is not '{FORMAT}'")
+        if zlib.crc32(data[:-4]) != int.from_bytes(data[-4:], "little"):
+            raise ValueError("its check value is wrong, so it is damaged")
+        if set(header) != _FIELDS:
+            raise ValueError(f"its header must have exactly the fields {', '.join(sorted(_FIELDS))}")
+        name, system, on_link = header["name"], header["system"], header["on_link"]
+        if not is_name(name):
+            raise ValueError("its name is not valid")
+        if system not in declarations.names():
+            raise ValueError("its system does not exist")
+        if not isinstance(on_link, bool):
+            raise ValueError("on_link is neither true nor false")
+        steps = integer(header["steps"], 1, MAX_STEPS, "steps")
+        columns = header["columns"]
+        if not isinstance(columns, list):
+            raise ValueError("columns is no list")
+        columns = [integer(column, 0, _CHANNELS - 1, "a column") for column in columns]
+        if columns != sorted(set(columns)):
+            raise ValueError("the columns are not in ascending order")
+        constant = header["setpoint"]
+        if constant is not None:
+            constant = integer(constant, -(1 << 31), (1 << 31) - 1, "setpoint")
+        payload = memoryview(data)[end + 1 : -4]
+        counts_bytes, setpoint_bytes = 2 * steps * len(columns), 0 if constant is not None else 4 * steps
+        if len(payload) != counts_bytes + setpoint_bytes + 4 * steps:
+            raise ValueError(f"it has {len(payload)} bytes after the header, which does not fit {steps} steps")
+        params = ControlParams.of(system, integers(header["params"], "params"))
+        final = integers(header["final"], "final")
+        if set(final) != set(names_of(system)):
+            raise ValueError(f"final does not hold the words of a step of {system}")
+        raw = np.zeros((steps, _CHANNELS), np.int16)
+        raw[:, columns] = np.frombuffer(payload[:counts_bytes], "<i2").reshape(steps, len(columns))
+        if constant is None:
+            varying = np.frombuffer(payload[counts_bytes : counts_bytes + setpoint_bytes], "<i4")
+            setpoint = varying.astype(np.int32)
+        else:
+            setpoint = np.full(steps, constant, np.int32)
+        digests = np.frombuffer(payload[counts_bytes + setpoint_bytes :], "<u4").astype(np.uint32)
+        return cls(name, system, on_link, params, raw, setpoint, digests, final)
+
+
+def sealed(data: bytes) -> bytes:
+    """The bytes of a container with its check value behind them."""
+    return data + zlib.crc32(data).to_bytes(4, "little")
+
+
+def read_bounded(path: Path, limit: int) -> bytes:
+    """The bytes of a regular file of at most `limit` bytes; raises UsageError for anything else."""
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            raise UsageError(f"{path} is not a file")
+        if status.st_size > limit:
+            raise UsageError(f"{path} is larger than {limit} bytes, which no file of its kind is")
+        with path.open("rb") as file:
+            return file.read(limit + 1)
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read ({error.strerror}); make it again with: plumb golden make") from None
+
+
+def json_object(data: bytes) -> dict[str, Any]:
+    """A JSON object without floats, NaN or repeated keys; raises ValueError or RecursionError."""
+    try:
+        value = json.loads(data.decode(), object_pairs_hook=_unique, parse_float=_no_float, parse_constant=_no_float)
+    except (UnicodeDecodeError, json.JSONDecodeError):
+        raise ValueError("it is no JSON") from None
+    if not isinstance(value, dict):
+        raise ValueError("it is no JSON object")
+    return value
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        raise ValueError("a key appears twice")
+    return found
+
+
+def _no_float(text: str) -> NoReturn:
+    raise ValueError("a number is no integer")
+
+
+def integer(value: Any, low: int, high: int, what: str) -> int:
+    """The value when it is an integer in its range; raises ValueError otherwise. True and False are refused."""
+    if type(value) is not int or not low <= value <= high:
+        raise ValueError(f"{what} is no integer from {low} to {high}")
+    return value
+
+
+def integers(value: Any, what: str) -> dict[str, int]:
+    """An object of integers that fit into 64 bits; raises ValueError otherwise."""
+    if not isinstance(value, dict):
+        raise ValueError(f"{what} is no object")
+    return {name: integer(number, -(1 << 63), (1 << 64) - 1, f"a number of {what}") for name, number in value.items()}

@@ -1,0 +1,226 @@
+"""The recipe of the golden vectors: which inputs, which parameters, how many steps.
+
+tests/vectors/recipe.toml, a [[vector]] table each:
+
+    name        also the file's name
+    system      a system's name
+    tuning      a shipped tuning of that system, by name
+    set         optional: dotted fields of the tuning to change, for example {"kalman.q_angle_deg2_per_s" = 10.0}
+    scenario    a scenario of that system, with `seed`; or
+    wild        a kind of input that no sensor gives, with `seed`: see WILD
+    steps       how many
+    on_link     optional: also run over a link
+
+A name is lower-case letters, digits and underscores, so that it cannot lead out of the folder. Everything a recipe says
+is checked before it is used: a wrong recipe is a UsageError.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+import tomllib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb import systems
+from plumb.boards import RawCounts, Setpoints
+from plumb.errors import UsageError
+from plumb.tuning.quantise import ControlParams, quantise
+
+MAX_STEPS = 1_000_000
+"""Of one vector."""
+MAX_BYTES = 1 << 20
+"""Of the recipe file."""
+MAX_SEED = (1 << 32) - 1
+_NAME = re.compile(r"[a-z0-9][a-z0-9_]{0,63}")
+UInt64Array = npt.NDArray[np.uint64]
+EXTREME_COUNTS = np.array([-32768, -32767, -4096, -1, 0, 1, 1675, 2047, 2048, 4094, 4095, 4096, 32766, 32767])
+EXTREME_ANGLES = np.array([0, 1, -1, 2**29, -(2**29), 2**30, -(2**30), 2**31 - 1, -(2**31), -(2**31) + 1])
+
+
+def random_bits(seed: int, count: int, stream: int = 0) -> UInt64Array:
+    """SplitMix64 (Steele, Lea, Flood 2014): the same numbers with every version of every library."""
+    mix = np.arange(1, count + 1, dtype=np.uint64)
+    with np.errstate(over="ignore"):
+        mix = mix * np.uint64(0x9E3779B97F4A7C15) + np.uint64((seed * 1_000_003 + stream * 7919) % 2**64)
+        mix = (mix ^ (mix >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        mix = (mix ^ (mix >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return mix ^ (mix >> np.uint64(31))
+
+
+def _counts(seed: int, steps: int) -> npt.NDArray[np.int64]:
+    return (random_bits(seed, steps * 6) >> np.uint64(48)).astype(np.int64).reshape(steps, 6) - 32768
+
+
+def _angles(seed: int, steps: int) -> npt.NDArray[np.int64]:
+    return (random_bits(seed, steps, 1) >> np.uint64(32)).astype(np.int64) - 2**31
+
+
+def _held(values: npt.NDArray[np.int64], seed: int, longest: int) -> npt.NDArray[np.int64]:
+    """Every row held for 1 to `longest` steps."""
+    lengths = (random_bits(seed, len(values), 2) % np.uint64(longest)).astype(np.int64) + 1
+    return np.repeat(values, lengths, axis=0)[: len(values)]
+
+
+def _uniform(seed: int, steps: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Every 16-bit count, every 32-bit setpoint, no step like the last."""
+    return _counts(seed, steps), _angles(seed, steps)
+
+
+def _extremes(seed: int, steps: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Limits of the formats and of the converter, and their neighbours, held for up to 20 steps."""
+    counts = EXTREME_COUNTS[_counts(seed, steps) % len(EXTREME_COUNTS)]
+    angles = EXTREME_ANGLES[_angles(seed, steps) % len(EXTREME_ANGLES)]
+    return _held(counts, seed, 20), _held(angles, seed + 1, 50)
+
+
+def _steps(seed: int, steps: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """12-bit counts that jump, then rest for up to 200 steps."""
+    return _held(_counts(seed, steps) & 4095, seed, 200), _held(_angles(seed, steps), seed + 1, 300)
+
+
+def _walk(seed: int, steps: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """12-bit counts that wander from rail to rail, and a setpoint that turns round and round."""
+    wander = np.cumsum(_counts(seed, steps) % 129 - 64, axis=0) + 2048
+    folded = np.abs((wander + 4095) % 8190 - 4095)
+    return folded, ((np.cumsum(_angles(seed, steps) // 64) + 2**31) % 2**32) - 2**31
+
+
+def _spin(seed: int, steps: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Whole turns: gravity circles while the gyro says so, so that tilt and innovation pass +-180 degrees."""
+    angle = np.cumsum(np.full(steps, 0.02 + seed * 0.001))
+    raw = np.zeros((steps, 6))
+    raw[:, 0] = 1675.0 + 60.0 * np.sin(angle / 50.0)
+    raw[:, 1], raw[:, 2] = 2048.0 + 992.0 * np.sin(angle), 2048.0 + 992.0 * np.cos(angle)
+    noise = _counts(seed, steps) % 7 - 3
+    return np.rint(raw).astype(np.int64) + noise * (raw != 0), _held(_angles(seed, steps), seed, 100)
+
+
+WILD: dict[str, Callable[[int, int], tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]]] = {
+    "uniform": _uniform,
+    "extremes": _extremes,
+    "steps": _steps,
+    "walk": _walk,
+    "spin": _spin,
+}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One [[vector]] of the recipe."""
+
+    name: str
+    system: str
+    tuning: str
+    steps: int
+    seed: int
+    scenario: str | None = None
+    wild: str | None = None
+    on_link: bool = False
+    set: dict[str, Any] = field(default_factory=dict)
+
+    def params(self) -> ControlParams:
+        """The parameters of the vector."""
+        return self.inputs()[0]
+
+    def inputs(self) -> tuple[ControlParams, RawCounts, Setpoints]:
+        """Parameters, raw counts (steps, 6) and setpoints (steps,); raises UsageError for a recipe that cannot be."""
+        try:
+            return self._inputs()
+        except (TypeError, ValueError, AttributeError, ArithmeticError, LookupError) as error:
+            what = f"{type(error).__name__}: {error}".partition("\n")[0]
+            raise UsageError(f"the recipe's {self.name} cannot be made ({what}); correct its entry") from None
+
+    def _inputs(self) -> tuple[ControlParams, RawCounts, Setpoints]:
+        system = systems.load(self.system)
+        if self.tuning not in system.TUNINGS:
+            raise UsageError(f"the recipe's {self.name} asks for the tuning '{self.tuning}', which is not shipped")
+        tuning = system.TUNINGS[self.tuning]
+        for path, value in self.set.items():
+            tuning = _changed(tuning, path.split("."), value)
+        quantise(tuning)  # refuses what cannot be before a scenario of it is drawn
+        if self.wild:
+            raw, setpoint = WILD[self.wild](self.seed, self.steps)
+        else:
+            run = system.scenario(
+                self.scenario, self.seed, seconds=self.steps * tuning.period_us * 1e-6, period_us=tuning.period_us
+            )
+            raw, setpoint = run.counts(), run.setpoint()
+            tuning = systems.fitted(run, tuning)
+        return quantise(tuning), raw.astype(np.int16), setpoint.astype(np.int32)
+
+
+def _changed(part: Any, path: list[str], value: Any) -> Any:
+    """The dataclass with one dotted field changed."""
+    inner = _changed(getattr(part, path[0]), path[1:], value) if len(path) > 1 else value
+    return dataclasses.replace(part, **{path[0]: inner})
+
+
+def is_name(text: object) -> bool:
+    """Whether this may name a vector and its file: lower-case letters, digits and underscores, 64 at most."""
+    return isinstance(text, str) and _NAME.fullmatch(text) is not None
+
+
+def read(path: Path, only: Sequence[str] | None = None) -> list[Entry]:
+    """The entries, only those of the systems `only` when given; raises UsageError for a recipe that is wrong."""
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise ValueError(f"it is larger than {MAX_BYTES} bytes")
+        tables = tomllib.loads(path.read_text(encoding="utf-8")).get("vector")
+        if not isinstance(tables, list) or not tables:
+            raise ValueError("it has no [[vector]]")
+        entries = [_entry(table) for table in tables]
+    except RecursionError:
+        raise UsageError(f"{path} is not a recipe: it is nested too deeply") from None
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path} is not a recipe: {error}".partition("\n")[0]) from None
+    names = [entry.name for entry in entries]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise UsageError(f"{path} names {', '.join(twice)} twice; give every vector a name of its own")
+    chosen = [entry for entry in entries if not only or entry.system in only]
+    if not chosen:
+        raise UsageError(f"the recipe has no vectors of {', '.join(only or ())}")
+    return chosen
+
+
+def _entry(table: Any) -> Entry:
+    """One [[vector]]; raises ValueError that says which field is wrong."""
+    if not isinstance(table, dict):
+        raise ValueError("a vector is no table")
+    name = table.get("name")
+    if not is_name(name):
+        raise ValueError(f"{str(name)[:80]!r} is no name: write lower-case letters, digits and underscores, 64 at most")
+    fields = {one.name: one for one in dataclasses.fields(Entry)}
+    for unknown in sorted(set(table) - set(fields)):
+        raise ValueError(f"{name} has a field '{unknown}', which no vector has")
+    for needed in ("system", "tuning", "steps", "seed"):
+        if needed not in table:
+            raise ValueError(f"{name} lacks the field '{needed}'")
+    for kind, of in ((str, ("system", "tuning", "scenario", "wild")), (int, ("steps", "seed")), (bool, ("on_link",))):
+        for key in of:
+            if key in table and type(table[key]) is not kind:
+                raise ValueError(f"{name}: {key} is no {kind.__name__}")
+    if table["system"] not in systems.SYSTEMS:
+        raise ValueError(f"{name}: there is no system '{table['system'][:80]}'")
+    if not 1 <= table["steps"] <= MAX_STEPS or not 0 <= table["seed"] <= MAX_SEED:
+        raise ValueError(f"{name}: steps are 1 to {MAX_STEPS}, a seed is 0 to {MAX_SEED}")
+    if ("scenario" in table) == ("wild" in table) or table.get("wild", "walk") not in WILD:
+        raise ValueError(f"{name} needs either a scenario or one of wild = {', '.join(WILD)}")
+    changes = table.get("set", {})
+    if not isinstance(changes, dict) or not all(map(_is_scalar, changes.values())):
+        raise ValueError(f"{name}: set is a table of dotted fields and finite numbers")
+    return Entry(**table)
+
+
+def _is_scalar(value: object) -> bool:
+    if isinstance(value, float):
+        return math.isfinite(value)
+    return isinstance(value, (bool, str)) or (isinstance(value, int) and abs(value) < 1 << 63)

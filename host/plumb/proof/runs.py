@@ -1,0 +1,153 @@
+"""One trial: counts through a board, the same counts through the model and the reference, and what came of it.
+
+The three-way error budget: how far the sensors are off (accelerometer alone against truth), how far the integers are
+from the equations (fixed against reference), and how far the board is from the integers (must be nothing).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb import systems
+from plumb.boards import Answer, Board, RawCounts, Setpoints
+from plumb.inputs.recording import AxisInput
+from plumb.proof.compare import Divergence, first_digest_divergence
+from plumb.spec.records import Words
+from plumb.spec.tuning import Tuning
+from plumb.systems import run_fixed, run_reference
+from plumb.tuning.quantise import ControlParams, quantise
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+Scenario = Any
+"""Of any system: what plumb.systems says a scenario has."""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What went into a board, and the truth behind it; all arrays (steps,), raw (steps, 6).
+
+    truth: by name, NaN where it is not known. scored: the samples that count.
+    """
+
+    time_s: FloatArray
+    truth: dict[str, FloatArray]
+    raw: RawCounts
+    setpoint: Setpoints
+    scored: BoolArray
+
+
+def prescribed(scenario: Scenario) -> Flight:
+    """A scenario's own motion: the controller runs, and does not move the plant."""
+    return Flight(scenario.time_s, scenario.truth(), scenario.counts(), scenario.setpoint(), scenario.scored)
+
+
+def recorded(axis: AxisInput, tuning: Tuning) -> tuple[Flight, ControlParams]:
+    """One axis of a recording, and the tuning made to fit its sensor and its period."""
+    steps = len(axis.raw)
+    truth = {"tilt_deg": axis.truth_deg, "bias_dps": np.full(steps, np.nan)}
+    flight = Flight(axis.time_s, truth, axis.raw, np.zeros(steps, np.int32), axis.scored)
+    return flight, quantise(replace(tuning, calibration=axis.calibration, period_us=axis.period_us))
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a board answered to a flight, beside what it should have answered."""
+
+    flight: Flight
+    params: ControlParams
+    words: Words
+    """The integer model's words for the same counts."""
+    reference: dict[str, FloatArray]
+    """What float64 makes of the same counts, by name."""
+    answer: Answer
+    divergence: Divergence | None
+
+    @property
+    def system(self) -> str:
+        return self.params.system
+
+    @property
+    def board_words(self) -> Words:
+        """The board's own words where it gave them, else the model's, which its digests confirm."""
+        return self.words if self.answer.words is None else self.answer.words
+
+    @property
+    def mismatches(self) -> int:
+        """Steps whose digest is not the model's."""
+        return int(np.count_nonzero(self.words.digests() != self.answer.digests))
+
+    @property
+    def verdict(self) -> str:
+        if self.mismatches:
+            return "fail"
+        return "pass" if self.answer.unverified_from is None else "unverified"
+
+    def metrics(self) -> dict[str, float | int | None]:
+        """The figures a trial of this system reports, those that all systems report first."""
+        own: dict[str, float | None] = systems.load(self.system, "view").metrics(self)
+        return {**own, "target_vs_fixed_mismatches": self.mismatches}
+
+    def summary(self, **heading: Any) -> dict[str, Any]:
+        """What `run --json` prints, after its heading."""
+        tail = {"steps": len(self.flight.raw), "verdict": self.verdict, "metrics": self.metrics()}
+        if self.divergence is not None:
+            tail["first_divergence"] = self.divergence.as_dict()
+        if self.answer.unverified_from is not None:
+            tail["unverified_from_step"] = self.answer.unverified_from
+        return {**heading, **tail}
+
+
+def open_loop(board: Board, flight: Flight, params: ControlParams) -> Trial:
+    """A flight as it is, in lockstep."""
+    return judge(board, flight, params, board.run_injected(params, flight.raw, flight.setpoint))
+
+
+def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Trial:
+    """The plant on the host, the loop on the board: what a step puts out moves the plant until the next sample."""
+    from tqdm import tqdm
+
+    plant, stepper = systems.load(params.system).plant(scenario), board.stepper(params)
+    raw, setpoint = np.zeros((scenario.steps, 6), np.int16), scenario.setpoint()
+    truth: list[dict[str, float]] = []
+    digests = np.zeros(scenario.steps, np.uint32)
+    outputs: dict[str, int] = {}
+    for step in tqdm(range(scenario.steps), desc=f"closed loop on {board.name}", unit="step", disable=None):
+        time_s = step * scenario.period_us * 1e-6
+        plant.follow(time_s, outputs)
+        counts = plant.counts(time_s)
+        raw[step] = counts
+        truth.append(plant.truth(time_s))
+        output = stepper.step(counts, int(setpoint[step]))
+        digests[step], outputs = output.digest, output.outputs
+    flight = Flight(scenario.time_s, columns(truth), raw, setpoint, scenario.scored)
+    return judge(board, flight, params, Answer(digests))
+
+
+def columns(rows: Sequence[dict[str, float]]) -> dict[str, FloatArray]:
+    """Rows of the truth as arrays."""
+    return {name: np.array([row[name] for row in rows], np.float64) for name in (rows[0] if rows else ())}
+
+
+def judge(board: Board, flight: Flight, params: ControlParams, answer: Answer) -> Trial:
+    """Compare an answer with the model, and where they differ find the first step and signal."""
+    words = run_fixed.run_control(params, flight.raw, flight.setpoint)
+    ideal = run_reference.run_control(params, flight.raw, flight.setpoint)
+    step = first_digest_divergence(words.digests(), answer.digests)
+    divergence = None if step is None else locate(board, flight, params, words, step)
+    return Trial(flight, params, words, ideal, answer, divergence)
+
+
+def locate(board: Board, flight: Flight, params: ControlParams, words: Words, step: int) -> Divergence:
+    """Run again up to the step whose digest differed, and name the first word that does."""
+    actual = board.words_of_step(params, flight.raw, flight.setpoint, step)
+    for name in words.names:
+        expected = int(words[name][step])
+        if actual[name] != expected:
+            return Divergence(step, 0, name, expected, actual[name])
+    return Divergence(step, 0, "digest", int(words.digests()[step]), None)

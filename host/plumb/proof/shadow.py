@@ -1,0 +1,84 @@
+"""The integer model beside a running board, step by step, on the counts that the board says it used.
+
+A digest that differs while nothing was lost on the link is a difference of the board: the run ends, is repeated in
+lockstep with every word of that step, and the first word that differs is named. With something lost the verdict is
+"unverified" from there on: neither right nor wrong.
+"""
+
+from __future__ import annotations
+
+from array import array
+
+import numpy as np
+
+from plumb.link.realtime import Capture
+from plumb.link.session import Session
+from plumb.proof.compare import Divergence
+from plumb.systems import run_fixed
+from plumb.tuning.quantise import ControlParams
+
+
+class Shadow:
+    """One run's model. steps: compared so far, those of `before` (the shadow of the run before) included."""
+
+    def __init__(self, params: ControlParams, before: Shadow | None = None) -> None:
+        self.params = params
+        self.steps: int = before.steps if before else 0
+        self.unverified_runs: int = before.unverified_runs if before else 0
+        self.unverified_from: int | None = None
+        self.divergence: Divergence | None = None
+        self._model = run_fixed.Controller(params)
+        self._next = 0
+        self._raw, self._setpoints = array("h"), array("i")
+        self._setpoint = 0
+        self._lost_before: int | None = None
+
+    @property
+    def verdict(self) -> str:
+        if self.divergence is not None:
+            return "fail"
+        return "pass" if self.steps and not self.unverified_runs else "unverified"
+
+    def follow(self, capture: Capture, lost: int) -> None:
+        """Compare every step that is complete: the next one has been heard of. lost: frames missing so far."""
+        if self._lost_before is None:
+            self._lost_before = lost
+        while self.divergence is None and self.unverified_from is None and self._next + 1 < capture.steps:
+            step = self._next
+            raw, digest = capture.raw.pop(step, None), capture.digest.pop(step, None)
+            if raw is None or digest is None:
+                self._give_up(step)
+                return
+            for first, value in capture.setpoint:
+                if first == step:
+                    self._setpoint = value
+            self._model.step(raw, self._setpoint)
+            self._raw.extend(raw)
+            self._setpoints.append(self._setpoint)
+            if self._model.digest() != digest:
+                if lost != self._lost_before:  # a setpoint may be among what is missing
+                    self._give_up(step)
+                    return
+                self.divergence = Divergence(step, 0, "digest", self._model.digest(), digest)
+                return
+            self._next += 1
+            self.steps += 1
+
+    def _give_up(self, step: int) -> None:
+        self.unverified_from = step
+        self.unverified_runs += 1
+
+    def locate(self, session: Session) -> None:
+        """Run again in lockstep up to the step that differed, and name the first word that does."""
+        from plumb.boards.link import LinkBoard
+
+        assert self.divergence is not None
+        step = self.divergence.step
+        raw = np.array(self._raw, np.int16).reshape(-1, 6)
+        setpoints = np.array(self._setpoints, np.int32)
+        expected = run_fixed.run_control(self.params, raw, setpoints)
+        actual = LinkBoard("board", session).words_of_step(self.params, raw, setpoints, step)
+        for name in expected.names:
+            if actual[name] != int(expected[name][step]):
+                self.divergence = Divergence(step, 0, name, int(expected[name][step]), actual[name])
+                return

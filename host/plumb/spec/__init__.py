@@ -1,0 +1,1 @@
+"""What both hands obey: messages, parameters, records, units, protocol numbers."""

@@ -1,0 +1,117 @@
+"""The text of the DBC: the messages of the link (`link_messages.dbc`), and the frames and signals of every system.
+
+`messages.dbc` is this text for the systems of the package, for other tools to open; plumb itself puts it together from
+the declarations at run time, so that a system on PLUMB_SYSTEM_PATH has its names, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from plumb.spec.declarations import FRAMES_MAX, NUMBERS, Frame, Part, System, systems
+
+LINK_PATH = Path(__file__).with_name("link_messages.dbc")
+FIRST_BLOCK, BLOCK = 0x300, 0x40
+"""Identifiers of system n begin at FIRST_BLOCK + n * BLOCK."""
+FIRST_SLOT = 4
+"""Low six bits of a system's first frame: a link counts frames by them, and only one system runs."""
+SLOTS = range(FIRST_SLOT, FIRST_SLOT + FRAMES_MAX)
+ANGLES = {"turn": "deg", "turn/s": "deg/s", "turn/s^2": "deg/s^2"}
+"""Units that people read in degrees."""
+
+
+def frame_id(system: System, index: int) -> int:
+    """CAN identifier of a system's frame by its place in the declaration."""
+    return FIRST_BLOCK + BLOCK * system.number + FIRST_SLOT + index
+
+
+def of_system(identifier: int) -> bool:
+    """True for an identifier in the blocks of the systems."""
+    return FIRST_BLOCK <= identifier < FIRST_BLOCK + BLOCK * len(NUMBERS)
+
+
+def counter_slot(identifier: int) -> int:
+    """What a board counts frames by: the identifier, but one counter for frames of systems that share a place."""
+    return FIRST_SLOT + (identifier - FIRST_BLOCK - FIRST_SLOT) % BLOCK if of_system(identifier) else identifier
+
+
+def frame_name(system: System, frame: Frame) -> str:
+    """Name of a system's frame in the DBC: QUAD_ANGLE."""
+    return f"{system.name.upper()}_{frame.name}"
+
+
+def frame_names(system: str) -> tuple[str, ...]:
+    """Names in the DBC of a system's frames, in the order of their identifiers."""
+    declared = systems()[system]
+    return tuple(frame_name(declared, frame) for frame in declared.frames)
+
+
+def output_frames(system: str) -> dict[str, tuple[str, str]]:
+    """Word that drives the actuator -> (frame, signal) that carries it; none where nothing is driven."""
+    declared = systems()[system]
+    parts = [(frame, part) for frame in declared.frames for part in (frame.half, frame.word) if part is not None]
+    return {
+        word.name: (frame_name(declared, frame), part.name)
+        for word in declared.output_words
+        for frame, part in parts
+        if part.word == word
+    }
+
+
+def _number(value: float) -> str:
+    return repr(int(value)) if value == int(value) else repr(value)
+
+
+def _signal(part: Part, bits: int) -> str:
+    word = part.word
+    scale = 2.0 ** -int(word.format[1:]) if word.format.startswith("Q") else 1.0
+    scale *= 2**part.shift * (360.0 if word.unit in ANGLES else 1.0)
+    signed = word.type == "int32"
+    low, high = (-(2.0 ** (bits - 1)), 2.0 ** (bits - 1)) if signed else (0.0, 2.0**bits - 1)
+    return (
+        f" SG_ {part.name} : {16 if bits == 16 else 32}|{bits}@1{'-' if signed else '+'} ({_number(scale)},0) "
+        f'[{_number(low * scale)}|{_number(high * scale)}] "{ANGLES.get(word.unit, word.unit)}" HOST'
+    )
+
+
+def _frame(system: System, index: int) -> str:
+    frame = system.frames[index]
+    half = ' SG_ reserved : 16|16@1+ (1,0) [0|65535] "" HOST' if frame.half is None else _signal(frame.half, 16)
+    return "\n".join(
+        (
+            f"BO_ {frame_id(system, index)} {frame_name(system, frame)}: 8 BOARD",
+            ' SG_ crc8 : 0|8@1+ (1,0) [0|255] "" HOST',
+            ' SG_ counter : 8|4@1+ (1,0) [0|15] "" HOST',
+            ' SG_ step_low : 12|4@1+ (1,0) [0|15] "" HOST',
+            half,
+            _signal(frame.word, 32),
+        )
+    )
+
+
+def _comments(system: System, index: int) -> Iterable[str]:
+    frame, identifier = system.frames[index], frame_id(system, index)
+    yield f'CM_ BO_ {identifier} "{system.name.capitalize()}: {frame.doc}";'
+    for part in (frame.half, frame.word):
+        if part is not None and part.word.name == "flags":
+            bits = "; ".join(f"{bit} {flag.name}: {flag.doc}" for bit, flag in enumerate(system.flags))
+            yield f'CM_ SG_ {identifier} {part.name} "Of the step. Bits: {bits}.";'
+
+
+def text() -> str:
+    """The whole DBC of all systems there are."""
+    link = LINK_PATH.read_text(encoding="utf-8")
+    comments, values = link.index("CM_ "), link.index("VAL_ ")
+    everything = [(system, index) for system in systems().values() for index in range(len(system.frames))]
+    frames = "".join(_frame(system, index) + "\n\n" for system, index in everything)
+    described = "".join(line + "\n" for system, index in everything for line in _comments(system, index))
+    signals = "".join(
+        f' {number} "{system.name}.{name}"'
+        for system in systems().values()
+        for number, name in system.signals().items()
+    )
+    return (
+        link[:comments] + frames + link[comments:values].rstrip("\n") + "\n" + described + "\n"
+        f"VAL_ 259 index{signals} ;\n" + link[values:]
+    )

@@ -1,0 +1,181 @@
+"""The table of parameters as people write it: NAME=VALUE on a command line, and a TOML file with every value.
+
+    crc32 = "0xdd6be592"              # of the whole table the values were taken from
+
+    [values]
+    "gyro.raw_min" = 1401
+    ...
+
+Values are the integers of parameters.toml.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from plumb.errors import LinkError, UsageError
+from plumb.files import input_files, whole_files
+from plumb.link.session import Session
+from plumb.spec import declarations, parameters
+from plumb.spec.parameters import Parameter
+from plumb.spec.units import meaning
+
+MOST_BYTES = 1 << 20
+"""Of a file of parameters, which takes 10 KiB."""
+
+EXCERPT = 60
+"""Characters of a name or a value that is not understood."""
+
+
+def row_named(name: str) -> Parameter:
+    """The row of that name; raises UsageError with the names nearest to it."""
+    names = [row.name for row in parameters.table()]
+    if name in names:
+        return parameters.table()[names.index(name)]
+    near = [other for other in names if name and name in other]
+    near = (near or difflib.get_close_matches(name, names, 3, 0.5))[:3]
+    hint = f"did you mean {' or '.join(near)}?" if near else "`plumb params list` names them all"
+    raise UsageError(f"there is no parameter '{name}'; {hint}")
+
+
+def _in_range(row: Parameter, value: int) -> int:
+    """The value; raises UsageError with the range."""
+    if row.min <= value <= row.max:
+        return value
+    kind = f"{row.format} {row.unit}".rstrip()
+    raise UsageError(f"{row.out_of_range(value)} ({kind}); nothing was changed")
+
+
+def assignments(texts: Iterable[str]) -> dict[str, int]:
+    """NAME=VALUE each, the value an integer in decimal or 0x..; raises UsageError for what is none or out of range."""
+    result: dict[str, int] = {}
+    for text in texts:
+        name, equals, number = text.partition("=")
+        if not equals:
+            raise UsageError(f"'{text}' sets nothing; write NAME=VALUE, for example period_us=10000")
+        row = row_named(name.strip())
+        try:
+            value = int(number, 0)
+        except ValueError:
+            raise UsageError(
+                f"'{number}' is no integer: {row.name} is the integer of the table, {row.format} {row.unit}".rstrip()
+            ) from None
+        if row.name in result:
+            raise UsageError(f"{row.name} is set twice; say it once")
+        result[row.name] = _in_range(row, value)
+    return result
+
+
+def read_table(session: Session) -> list[int]:
+    """Every word the board uses, proved whole by the CRC-32 it gave when it said who it is."""
+    identity = session.connect()
+    words = session.read_parameters()
+    if parameters.crc32(words) != identity["PARAMETER_CRC"]:
+        raise LinkError("the parameters that came back are not those of the board's CRC-32: check the cable, try again")
+    return words
+
+
+def by_name(words: Sequence[int]) -> dict[str, int]:
+    """A table's words by name, in order; those this version has no row for are left out."""
+    return {row.name: word for row, word in zip(parameters.table(), words, strict=False)}
+
+
+def commit(session: Session, values: Mapping[str, int]) -> int:
+    """Stage and commit the whole table, ending a run that is on; returns its CRC-32. Raises as Session.upload."""
+    rows = parameters.table()
+    control = [values[row.name] for row in rows if row.owner == "control"]
+    return session.upload(control, **{row.name: values[row.name] for row in rows if row.owner == "link"})
+
+
+def doubts(values: Mapping[str, int]) -> list[str]:
+    """What the board takes and people seldom mean, one sentence each."""
+    fused = declarations.name_of(values["system"]) == "turntable"
+    name, bits = ("fusion.dt_s_q32", 32) if fused else ("kalman.dt_s_q33", 33)
+    filter_us, run_us = values[name] / 2**bits * 1e6, values["period_us"]
+    if abs(filter_us - run_us) <= 0.001 * run_us:
+        return []
+    return [
+        f"a run in real time steps every {run_us} us (period_us), and the filter counts on {filter_us:.6g} us "
+        f"({name}): its angles will be wrong"
+    ]
+
+
+def text_of(words: Sequence[int]) -> str:
+    """The file of a whole table."""
+    values = by_name(words)
+    lines = [
+        "# Parameters of a plumb board. The values are the integers of its table; what they mean stands beside them.",
+        "# `plumb params load` stages and commits this file.",
+        "",
+        f'crc32 = "0x{parameters.crc32(words):08x}"',
+        "",
+        "[values]",
+    ]
+    for row in parameters.table()[: len(values)]:
+        means = str(meaning(row, values)) or f"{row.format}, {row.unit}"
+        lines.append(f'"{row.name}" = {values[row.name]}  # {means}')
+    return "\n".join(lines) + "\n"
+
+
+def write(path: Path, text: str) -> None:
+    """The whole file, or what was there before; raises UsageError when it cannot be written."""
+    try:
+        target = path.resolve()
+        if target.exists() and not target.is_file():  # a device or a pipe is written to, never replaced
+            target.write_text(text, encoding="utf-8")
+            return
+        if not target.parent.is_dir():
+            raise UsageError(f"cannot write {path}: there is no folder {target.parent}; choose another file")
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror}; choose another file") from None
+    whole_files.write_whole({target: text}, "choose another file")
+
+
+@dataclass(frozen=True)
+class TableFile:
+    """What a file says. values: those with a row in this version's table, in range. unknown: names without one.
+    missing: rows that the file does not name. edited: it holds a whole table, and its CRC is of another one."""
+
+    values: dict[str, int]
+    unknown: list[str]
+    missing: list[str]
+    edited: bool
+
+
+def _excerpt(value: object) -> str:
+    """What a file says, short enough for a sentence, and without what moves a terminal's cursor."""
+    if isinstance(value, list | dict):
+        return "a list" if isinstance(value, list) else "a table"
+    text = ascii(value)
+    return text if len(text) <= EXCERPT else f"{text[:EXCERPT]}..{text[-1]}"
+
+
+def read(path: Path) -> TableFile:
+    """Raises UsageError in one sentence for a file that cannot be read, or a value that cannot be."""
+    text = input_files.read_text(path, MOST_BYTES, "give a file of `plumb params dump`")
+    try:
+        said = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # of a number with too many digits, ValueError itself
+        raise UsageError(f"{path} is no TOML file ({error}); give a file of `plumb params dump`") from None
+    given = said.get("values")
+    if not isinstance(given, dict) or not given:
+        raise UsageError(f"{path} has no [values]; give a file of `plumb params dump`")
+    rows = parameters.table()
+    names = {row.name for row in rows}
+    values: dict[str, int] = {}
+    for row in rows:
+        if row.name in given:
+            value = given[row.name]
+            if type(value) is not int:
+                raise UsageError(f"{path}: {row.name} = {_excerpt(value)} is no integer; write a whole number")
+            values[row.name] = _in_range(row, value)
+    unknown = [_excerpt(name)[1:-1] for name in given if name not in names]
+    missing = [row.name for row in rows if row.name not in given]
+    crc = said.get("crc32")
+    whole = not unknown and not missing
+    edited = whole and crc is not None and crc != f"0x{parameters.crc32(list(values.values())):08x}"
+    return TableFile(values, unknown, missing, edited)

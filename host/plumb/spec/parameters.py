@@ -1,0 +1,186 @@
+"""The table of parameters: every 32-bit word a run depends on, by number, with limits in integers.
+
+`parameters.toml` has the parameters that systems share and those of the link, each system's declaration has its own
+(`plumb.spec.declarations`): the firmware's table is generated from them, and the host checks against them. Units and
+formats are for people; what a tuning in engineering units comes to is worked out by `plumb.tuning.quantise`.
+"""
+
+from __future__ import annotations
+
+import binascii
+import struct
+import tomllib
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from plumb.errors import UsageError
+from plumb.spec import declarations
+from plumb.spec.speed_controllers import GAP_HALFUS, foreign_parameter
+
+TABLE_PATH = Path(__file__).with_name("parameters.toml")
+ERASED = 0xFFFF
+"""No row's id: what erased flash reads as."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One word. name: the member of control_params_t, or of the link's part. owner: control or link. type: int32 or
+    uint32. format: what the integer stands for. min, max, default: integers as the firmware holds them."""
+
+    name: str
+    owner: str
+    type: str
+    unit: str
+    format: str
+    min: int
+    max: int
+    default: int
+    doc: str
+
+    @property
+    def id(self) -> int:
+        """What stays when numbers change: CRC-16 (polynomial 0x1021, from 0xFFFF) of the name."""
+        return binascii.crc_hqx(self.name.encode(), 0xFFFF)
+
+    @property
+    def group(self) -> str:
+        """The member of control_params_t it is part of: `kalman` of kalman.qb; "" where it stands alone."""
+        return self.name.rpartition(".")[0]
+
+    def out_of_range(self, value: int) -> str:
+        """What is wrong with a value outside the range, without a full stop."""
+        if value.bit_length() > 64:
+            return f"{self.name} = {hex(value)[:10]}.. is outside {self.min} to {self.max}"
+        foreign = foreign_parameter(self.name, value)
+        return f"{self.name} = {value} is outside {self.min} to {self.max}" + (f": {foreign}" if foreign else "")
+
+    def from_word(self, word: int) -> int:
+        """The integer of 32 bits as they came."""
+        return word - (1 << 32) if self.type == "int32" and word & 0x80000000 else word
+
+
+def _system_row() -> Parameter:
+    """The first word of the table: the number of the system in use."""
+    numbers = {system.number: system.name for system in declarations.systems().values()}
+    doc = "which system the step is of: " + ", ".join(f"{number} {name}" for number, name in numbers.items())
+    return Parameter("system", "control", "uint32", "", "choice", 0, max(numbers), min(numbers), doc)
+
+
+def shared() -> dict[str, Any]:
+    """`parameters.toml`: `structs` of the shared groups, with the headers they need in `includes`, and the rows."""
+    return tomllib.loads(TABLE_PATH.read_text(encoding="utf-8"))
+
+
+def load() -> tuple[Parameter, ...]:
+    """The rows in order: system, shared groups, groups of the systems in the order of their names, link; raises
+    UsageError with a sentence for a row that cannot be."""
+    given = [Parameter(**row) for row in shared()["parameter"]]
+    own = [Parameter(**row) for _, system in sorted(declarations.systems().items()) for row in system.parameters]
+    control = [_system_row(), *(row for row in given if row.owner == "control"), *own]
+    rows = (*control, *(row for row in given if row.owner == "link"))
+    check(rows)
+    return rows
+
+
+def check(rows: Sequence[Parameter]) -> None:
+    """Raises UsageError with a sentence for rows that cannot be, or not together."""
+    for row in rows:
+        low, high = (-(1 << 31), (1 << 31) - 1) if row.type == "int32" else (0, (1 << 32) - 1)
+        if row.type not in ("int32", "uint32") or not low <= row.min <= row.default <= row.max <= high:
+            raise UsageError(f"parameter {row.name}: not {low} <= min <= default <= max <= {high}")
+        if row.owner not in ("control", "link"):
+            raise UsageError(f"parameter {row.name}: the owner is control or link")
+    if len({row.name for row in rows}) != len(rows):
+        raise UsageError("two parameters have the same name")
+    if len({row.id for row in rows} | {ERASED}) != len(rows) + 1:
+        raise UsageError("the names of two parameters have the same CRC-16, or it is that of erased flash; rename one")
+
+
+WIRING = ("pins", "dead_time_ns", "can_bitrate_kbit")
+"""Parameters that belong to how a board is wired, not to what it runs."""
+
+
+@lru_cache(maxsize=1)
+def table() -> tuple[Parameter, ...]:
+    """The table of this version."""
+    return load()
+
+
+def crc32(words: Sequence[int]) -> int:
+    """CRC-32 of the whole table, as a commit carries it; words signed or unsigned, each taken modulo 2^32."""
+    return zlib.crc32(struct.pack(f"<{len(words)}I", *(word & 0xFFFFFFFF for word in words)))
+
+
+_AT_MOST = (
+    ("gyro.raw_min", "gyro.raw_max"),
+    ("accel_y.raw_min", "accel_y.raw_max"),
+    ("accel_z.raw_min", "accel_z.raw_max"),
+    ("tilt.r_base", "tilt.r_max"),
+    ("esc.neutral_halfus", "esc.min_halfus"),
+    ("esc.min_halfus", "esc.mid_halfus"),
+    ("esc.mid_halfus", "esc.max_halfus"),
+)
+"""Pairs of which the first may not be more than the second."""
+
+
+SCAN_US = 50
+"""BOARD_SCAN_US of firmware/app/board_sensors.h."""
+
+
+def contradiction(words: Sequence[int]) -> str | None:
+    """The first pair of a whole table that the board refuses together, as a sentence; None where there is no such."""
+    values = {row.name: row.from_word(word & 0xFFFFFFFF) for row, word in zip(table(), words, strict=True)}
+    for low, high in _AT_MOST:
+        if values[low] > values[high]:
+            return f"{low} = {values[low]} is more than {high} = {values[high]}"
+    frame_halfus, longest = 2 * values["esc_period_us"], values["esc.max_halfus"]
+    if longest + GAP_HALFUS > frame_halfus:
+        return (
+            f"esc.max_halfus = {longest} leaves less than {GAP_HALFUS // 2} us of esc_period_us = {frame_halfus // 2}"
+        )
+    scans_us = SCAN_US << values["adc_oversample_log2"]
+    if scans_us > values["period_us"]:
+        return f"adc_oversample_log2 = {values['adc_oversample_log2']} takes {scans_us} us of every period_us"
+    return None
+
+
+UNIT = "variance_turn2_q56"
+"""The unit of variance of a control part: the one word of the link's part that goes with it."""
+
+
+def whole_table(control_words: Sequence[int], **link_words: int) -> list[int]:
+    """Every word of the table in order: the control part, then the link's, from link_words or their defaults;
+    variance_turn2_q56 is 0, not known, where it is not given with a control part of its own.
+
+    Raises UsageError when the number of words is wrong, a name is unknown, or a value is out of its range.
+    """
+    rows = table()
+    control = [row for row in rows if row.owner == "control"]
+    link = [row for row in rows if row.owner == "link"]
+    if len(control_words) != len(control):
+        raise UsageError(f"the control part has {len(control)} words, not {len(control_words)}")
+    unknown = sorted(set(link_words) - {row.name for row in link})
+    if unknown:
+        raise UsageError(f"there is no parameter '{unknown[0]}'; the link's are {', '.join(row.name for row in link)}")
+    ours = [row.default & 0xFFFFFFFF for row in control] == [int(word) & 0xFFFFFFFF for word in control_words]
+    if not ours and UNIT not in link_words:  # the default is that of the default control part
+        link_words = {**link_words, UNIT: 0}
+    words = [int(word) for word in control_words] + [link_words.get(row.name, row.default) for row in link]
+    for row, word in zip(rows, words, strict=True):
+        check_range(row, row.from_word(word & 0xFFFFFFFF))
+    return words
+
+
+def check_range(row: Parameter, value: int) -> None:
+    """Raises UsageError for a value outside the range of the row."""
+    if not row.min <= value <= row.max:
+        raise UsageError(f"parameter {row.out_of_range(value)}")
+
+
+def control_part(words: Sequence[int]) -> list[int]:
+    """The control part of a whole table."""
+    return [word for row, word in zip(table(), words, strict=True) if row.owner == "control"]

@@ -1,0 +1,34 @@
+"""The signals of a system's frames as columns: the name, the unit in the name, the value of one."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from plumb.spec import dbc
+from plumb.spec.protocol import load_database
+
+UNITS = {"deg": "_deg", "deg/s": "_dps", "us": "_us", "m/s": "_mps"}
+"""Unit of the DBC -> end of a column's name."""
+
+Signal = tuple[str, str]
+"""(message, signal) as the DBC names them."""
+
+
+@lru_cache(maxsize=32)
+def signals(system: str) -> list[tuple[Signal, str, float]]:
+    """(signal, its column, value of one) of all frames that a system may send, in their order.
+
+    A column has the signal's name; where an earlier frame has one of that name, the frame's or both."""
+    found: list[tuple[Signal, str, float]] = []
+    taken: set[str] = set()
+    database = load_database()
+    for name in dbc.frame_names(system):
+        message = database.get_message_by_name(name)
+        for signal in sorted(message.signals, key=lambda signal: signal.start):
+            if signal.start >= 16 and not signal.name.startswith("reserved"):
+                frame = name.split("_", 1)[1].lower()
+                other = frame if frame.endswith(signal.name) else f"{frame}_{signal.name}"
+                column = other if signal.name in taken else signal.name
+                taken.add(column)
+                found.append(((name, signal.name), column + UNITS.get(signal.unit or "", ""), float(signal.scale)))
+    return found

@@ -1,0 +1,1 @@
+"""A two-wheel self-balancing vehicle (Zhang, He 2013)."""

@@ -1,0 +1,100 @@
+"""`balancer` in integers: raw counts to the duty of the motor's bridge (DESIGN.md, "Numbers")."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from plumb.kernels.fixed.kernels import (
+    KalmanState,
+    Params,
+    PidState,
+    calibrate,
+    kalman_bias,
+    kalman_init,
+    kalman_step,
+    kalman_tilt,
+    pid_step,
+    tilt,
+    trust,
+)
+from plumb.kernels.integers import Integer, clamp, select, wrap_i32
+
+FLAG_COMMAND_LIMITED, FLAG_WHEEL_CLAMPED, FLAG_LEAN_LIMITED = 1 << 3, 1 << 4, 1 << 5
+FLAG_SETPOINT_CLAMPED, FLAG_FALLEN = 1 << 6, 1 << 7
+WHEEL_ACCEL_LIMIT_G_Q24 = 3 << 24
+
+
+@dataclass(slots=True)
+class ControlState:
+    kalman: KalmanState
+    speed: PidState = field(default_factory=PidState)
+    pid: PidState = field(default_factory=PidState)
+    hall: Integer = 0
+    velocity_mps_q26: Integer = 0
+    rate_turnps_q28: Integer = 0
+    clamped_steps: Integer = 0
+    fallen: Integer = 0
+    step: int = 0
+
+
+def wheel(edges: Integer, velocity: Integer, p: Params) -> tuple[Integer, Integer, Integer, Integer]:
+    """Speed of this step and filtered velocity, m/s Q26; acceleration, g Q26; and 1 where something was clamped."""
+    used = clamp(edges, -p["wheel.edges_max"], p["wheel.edges_max"])
+    speed = used * p["wheel.edge_mps_q26"]
+    change = speed - velocity
+    accel_q24 = (change * p["wheel.accel_gain_q30"]) >> 32
+    limited_q24 = clamp(accel_q24, -WHEEL_ACCEL_LIMIT_G_Q24, WHEEL_ACCEL_LIMIT_G_Q24)
+    clamped = select((used != edges) | (limited_q24 != accel_q24), 1, 0)
+    return speed, velocity + 2 * ((change * p["wheel.alpha_q31"]) >> 32), limited_q24 * 4, clamped
+
+
+def control_init(p: Params) -> ControlState:
+    return ControlState(kalman_init(p))
+
+
+def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_mps_q26: Integer) -> tuple[Integer, ...]:
+    """One step: the values of its words, in the written order."""
+    c.step += 1
+    edges = raw[3] * 0 if c.step == 1 else ((raw[3] - c.hall + 0x8000) & 0xFFFF) - 0x8000
+    previous, c.hall = c.rate_turnps_q28, raw[3]
+    rate, gyro_clamped = calibrate(raw[0], p, "gyro")
+    accel_x, x_clamped = calibrate(raw[1], p, "accel_y")
+    accel_z, z_clamped = calibrate(raw[2], p, "accel_z")
+    speed, velocity, wheel_accel, wheel_clamped = wheel(edges, c.velocity_mps_q26, p)
+    c.rate_turnps_q28, c.velocity_mps_q26 = rate, velocity
+    u = rate if c.step == 1 else select(p["kalman.rate_now"] == 1, rate, previous)
+    gravity_x = accel_x + wheel_accel
+    measured = tilt(gravity_x, accel_z, p)
+    variance = trust(gravity_x, accel_z, p)
+    k, lean_pid, pid = c.kalman, c.speed, c.pid
+    kalman_step(k, p, variance, measured, u)
+    tilt_turn_q32, bias = kalman_tilt(k), kalman_bias(k, p)
+    rate_corrected = rate - bias
+
+    wanted = clamp(setpoint_mps_q26, -p["drive.speed_max_mps_q26"], p["drive.speed_max_mps_q26"])
+    speed_error = wanted - velocity
+    pid_step(lean_pid, p, speed_error, wheel_accel, "speed")
+    lean = (lean_pid.command_q22 * 256 * p["drive.lean_max_turn_q34"]) >> 32
+    error = wrap_i32(lean - tilt_turn_q32)
+    pid_step(pid, p, error, rate_corrected)
+
+    c.fallen = select((c.fallen == 1) | (abs(tilt_turn_q32) > p["drive.fall_turn_q32"]), 1, 0)
+    duty = ((pid.command_q22 >> 6) * p["drive.span_q15"] + (1 << 15)) >> 16
+    duty = select(c.fallen == 1, 0, clamp(duty, -p["drive.duty_max_q15"], p["drive.duty_max_q15"]))
+
+    flags = gyro_clamped | x_clamped << 1 | z_clamped << 2 | wheel_clamped * FLAG_WHEEL_CLAMPED
+    c.clamped_steps = c.clamped_steps + select(flags != 0, 1, 0)
+    flags = flags | select(wanted != setpoint_mps_q26, FLAG_SETPOINT_CLAMPED, 0)
+    flags = flags | select(lean_pid.excess_q22 != 0, FLAG_LEAN_LIMITED, 0)
+    flags = flags | select(pid.excess_q22 != 0, FLAG_COMMAND_LIMITED, 0) | c.fallen * FLAG_FALLEN
+    return (
+        *raw, setpoint_mps_q26, rate, accel_x, accel_z, speed, velocity, wheel_accel, gravity_x, measured, variance,
+        k.tilt_turn_q61, k.bias_turn_q61, k.p00, k.p01, k.p11, k.p11_frac_q30,
+        k.innovation_turn_q32, k.k0_q29, k.k1_q29,
+        tilt_turn_q32, bias, rate_corrected, c.clamped_steps,
+        lean_pid.integral_q54, lean_pid.command_q22, lean_pid.rate_filtered_turnps_q27, lean_pid.excess_q22,
+        speed_error,
+        pid.integral_q54, pid.command_q22, pid.rate_filtered_turnps_q27, pid.excess_q22, error,
+        lean, duty, flags, c.step,
+    )  # fmt: skip

@@ -1,0 +1,78 @@
+"""`balancer` on the pins of the virtual board: both chips on I2C1, Hall sensors on TIM2, the bridge of TIM1."""
+
+from __future__ import annotations
+
+from plumb.f103.attached.adxl345 import Adxl345
+from plumb.f103.attached.itg3205 import Itg3205
+from plumb.f103.core.timeline import TICKS_PER_S, TICKS_PER_US
+from plumb.f103.machine import Machine
+from plumb.physics.motor import hall_state, share_of_supply
+from plumb.systems.balancer.plant import BalancerPlant
+
+SCENARIO = "rough"
+SHOWN, TUNING = SCENARIO, "tuned"
+FRAMES = ("RAW_A", "RAW_B", "BALANCER_ANGLE", "BALANCER_DRIVE")
+BREAK_PIN = "PB12"
+HALL = 3
+"""Its channel among the raw counts."""
+FOLLOW_US = 1000
+"""How often the plant looks at the bridge, and the Hall sensors at the rotor."""
+
+
+class Coupling:
+    """Joins a plant to a machine's pins; the plant's time 0 is the first sample of the gyro that the board reads.
+
+    taken: one row a sample of the gyro that the board read: its count, and the truth at that moment.
+    """
+
+    def __init__(self, machine: Machine, plant: BalancerPlant) -> None:
+        self.machine = machine
+        self.plant = plant
+        self.taken: list[tuple[int, dict[str, float]]] = []
+        self._start: float | None = None
+        self._hall_state = 0
+        self.gyro, self.accel = Itg3205(machine, self._rate_dps), Adxl345(machine, self._force_g)
+        self.gyro.on_read = self._read
+        machine.i2c_bus.slaves += [self.gyro, self.accel]
+        machine.drive(BREAK_PIN, True)
+        self._follow(machine.now)
+
+    def _time_s(self, now_s: float) -> float:
+        return 0.0 if self._start is None else now_s - self._start
+
+    def _rate_dps(self, now_s: float) -> tuple[float, float, float]:
+        return 0.0, self.plant.felt(self._time_s(now_s))[0], 0.0
+
+    def _force_g(self, now_s: float) -> tuple[float, float, float]:
+        _, forward_g, up_g = self.plant.felt(self._time_s(now_s))
+        return forward_g, 0.0, up_g
+
+    def _read(self, sampled_s: float, counts: tuple[int, int, int]) -> None:
+        if self._start is None:
+            self._start = sampled_s
+        self.taken.append((counts[1], self.plant.truth(self._time_s(sampled_s))))
+
+    def _follow(self, now: int) -> None:
+        vehicle, bridge = self.plant.vehicle, self.machine.bridge()
+        duty = share_of_supply(bridge.duty, vehicle.rolled_edges() / 6.0) if bridge.enabled else None
+        time_s = self._time_s(now / TICKS_PER_S)
+        self.plant.drive_to(time_s, duty)
+        self._hall_state = self._hall(time_s)
+        self.machine.set_hall(self._hall_state)
+        self.machine.timeline.at("plant", now + FOLLOW_US * TICKS_PER_US, self._follow)
+
+    def _hall(self, time_s: float) -> int:
+        """State of the Hall sensors. A fault is of all three: high, low, as they were, or now and then an edge on."""
+        rolled = self.plant.vehicle.rolled_edges()
+        for fault in self.plant.scenario.faults:
+            if fault.channel == HALL and fault.start_s <= time_s < fault.stop_s:
+                match fault.kind:
+                    case "railed":
+                        return 7
+                    case "silent":
+                        return 0
+                    case "stuck":
+                        return self._hall_state
+                    case _:
+                        rolled += 1 if self.plant.fault_noise(time_s, HALL) > 0.0 else 0
+        return hall_state(rolled / 6.0)

@@ -1,0 +1,1 @@
+"""Pitch and roll of a smartphone, its samples over UDP."""

@@ -1,0 +1,1 @@
+"""One axis of a quadrotor (Feng et al. 2011)."""

@@ -1,0 +1,75 @@
+"""`quad` in integers: raw counts to the pulses of two opposing motors (DESIGN.md, "Numbers")."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from plumb.kernels.fixed.kernels import (
+    KalmanState,
+    Params,
+    PidState,
+    calibrate,
+    kalman_bias,
+    kalman_init,
+    kalman_step,
+    kalman_tilt,
+    pid_step,
+    tilt,
+    trust,
+)
+from plumb.kernels.integers import Integer, clamp, select, wrap_i32
+
+FLAG_COMMAND_LIMITED = 1 << 3
+
+
+@dataclass(slots=True)
+class ControlState:
+    kalman: KalmanState
+    pid: PidState
+    rate_turnps_q28: Integer = 0
+    clamped_steps: Integer = 0
+    step: int = 0
+
+
+def esc(command_q22: Integer, p: Params) -> tuple[Integer, Integer]:
+    """Pulses of the two opposing motors in half-microseconds."""
+    d = ((command_q22 >> 6) * p["esc.span_halfus"] + (1 << 15)) >> 16
+    mid, low, high = p["esc.mid_halfus"], p["esc.min_halfus"], p["esc.max_halfus"]
+    return clamp(mid + d, low, high), clamp(mid - d, low, high)
+
+
+def control_init(p: Params) -> ControlState:
+    return ControlState(kalman_init(p), PidState())
+
+
+def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_turn_q32: Integer) -> tuple[Integer, ...]:
+    """One step: the values of its words, in the written order."""
+    c.step += 1
+    previous = c.rate_turnps_q28
+    rate, gyro_clamped = calibrate(raw[0], p, "gyro")
+    accel_y, y_clamped = calibrate(raw[1], p, "accel_y")
+    accel_z, z_clamped = calibrate(raw[2], p, "accel_z")
+    c.rate_turnps_q28 = rate
+    u = rate if c.step == 1 else select(p["kalman.rate_now"] == 1, rate, previous)
+    measured = tilt(accel_y, accel_z, p)
+    variance = trust(accel_y, accel_z, p)
+    k, pid = c.kalman, c.pid
+    kalman_step(k, p, variance, measured, u)
+
+    tilt_turn_q32, bias = kalman_tilt(k), kalman_bias(k, p)
+    rate_corrected = rate - bias
+    error = wrap_i32(setpoint_turn_q32 - tilt_turn_q32)
+    pid_step(pid, p, error, rate_corrected)
+    pulse = esc(pid.command_q22, p)
+    clamped = gyro_clamped | y_clamped << 1 | z_clamped << 2
+    c.clamped_steps = c.clamped_steps + select(clamped != 0, 1, 0)
+    flags = clamped | select(pid.excess_q22 != 0, FLAG_COMMAND_LIMITED, 0)
+    return (
+        *raw, setpoint_turn_q32, rate, accel_y, accel_z, measured, variance,
+        k.tilt_turn_q61, k.bias_turn_q61, k.p00, k.p01, k.p11, k.p11_frac_q30,
+        k.innovation_turn_q32, k.k0_q29, k.k1_q29,
+        tilt_turn_q32, bias, rate_corrected, c.clamped_steps,
+        pid.integral_q54, pid.command_q22, pid.rate_filtered_turnps_q27, pid.excess_q22, error,
+        *pulse, flags, c.step,
+    )  # fmt: skip

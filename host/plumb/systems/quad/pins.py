@@ -1,0 +1,72 @@
+"""`quad` on the pins of the virtual board: volts into the ADC, pulses out of TIM4."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from plumb.f103.core.timeline import TICKS_PER_S, TICKS_PER_US
+from plumb.f103.machine import Machine
+from plumb.physics.sensors import adc_counts
+from plumb.systems.analog_scans import AnalogScans
+from plumb.systems.quad.plant import QuadPlant
+
+SCENARIO = "hold"
+SHOWN, TUNING = "motion", "adaptive"
+FRAMES = ("RAW_A", "QUAD_ANGLE", "QUAD_BIAS")
+ADC_PINS = ("PA0", "PA1", "PA2")
+"""Gyro, y, z."""
+ESC_PINS = ("PB6", "PB7")
+FOLLOW_US = 1000
+"""How often the plant looks at the PWM pins."""
+
+
+class Coupling:
+    """Joins a plant to a machine's pins; the plant's time 0 is the first sample of the gyro channel.
+
+    taken: one row a sample of the gyro channel: its count, and the truth at that moment.
+    """
+
+    def __init__(self, machine: Machine, plant: QuadPlant) -> None:
+        self.machine = machine
+        self.plant = plant
+        self.taken: list[tuple[int, dict[str, float]]] = []
+        self._start: int | None = None
+        self._scans = AnalogScans(plant.scenario.period_us, plant.scenario.seed)
+        self._volts = (0.0, 0.0, 0.0)
+        machine.adc[ADC_PINS[0]] = self._gyro_volts
+        for index in (1, 2):
+            machine.adc[ADC_PINS[index]] = self._accel_volts(index)
+        self._follow(machine.now)
+
+    def _time_s(self, now_s: float) -> float:
+        return 0.0 if self._start is None else max(0.0, now_s - self._start / TICKS_PER_S)
+
+    def _gyro_volts(self, now_s: float) -> float:
+        scans, plant = self._scans, self.plant
+        if scans.convert(now_s):
+            if self._start is None:
+                self._start = round((now_s + scans.until_sample_s()) * TICKS_PER_S)
+            time_s = self._time_s(now_s)
+            self._advance(time_s)
+            held = [fault.channel for fault in plant.scenario.faults if fault.start_s <= time_s < fault.stop_s]
+            gyro, y, z = (
+                volts if channel in held else volts + scans.noise_v()
+                for channel, volts in enumerate(plant.volts(time_s))
+            )
+            self._volts = gyro, y, z
+            if scans.is_sample:
+                self.taken.append((int(adc_counts(np.array(gyro))), plant.truth(time_s)))
+        return self._volts[0]
+
+    def _accel_volts(self, index: int) -> Callable[[float], float]:
+        return lambda _now_s: self._volts[index]
+
+    def _advance(self, time_s: float) -> None:
+        pulses = [self.machine.pwm(pin) for pin in ESC_PINS]
+        self.plant.advance_to(time_s, [pulse.pulse_us if pulse.enabled else 0.0 for pulse in pulses])
+
+    def _follow(self, now: int) -> None:
+        self._advance(self._time_s(now / TICKS_PER_S))
+        self.machine.timeline.at("plant", now + FOLLOW_US * TICKS_PER_US, self._follow)

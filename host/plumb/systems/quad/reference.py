@@ -1,0 +1,93 @@
+"""`quad` in float64: from counts to pulses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.kernels.reference.kernels import (
+    KalmanState,
+    Number,
+    PidState,
+    calibrate,
+    clip,
+    kalman_init,
+    kalman_step,
+    pid_step,
+    tilt,
+    trust,
+    wrap,
+)
+from plumb.spec.tuning import Esc, Tuning
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def esc(command: Number, settings: Esc) -> tuple[Number, Number]:
+    """Pulses of the two opposing motors in us."""
+    swing = settings.span_us * command
+    return (
+        clip(settings.mid_us + swing, settings.min_us, settings.max_us),
+        clip(settings.mid_us - swing, settings.min_us, settings.max_us),
+    )
+
+
+@dataclass
+class ControlState:
+    kalman: KalmanState
+    pid: PidState = field(default_factory=PidState)
+
+
+def control_step(
+    c: ControlState, tuning: Tuning, rate_dps: Number, z_deg: Number, r_deg2: Number, setpoint_deg: Number
+) -> dict[str, Number]:
+    """Everything of a step that has a memory: the filter on the measured tilt z, then the controller."""
+    kalman_step(c.kalman, tuning.kalman, tuning.period_s, z_deg, rate_dps, r_deg2)
+    error_deg = wrap(setpoint_deg - c.kalman.tilt_deg)
+    bias_dps = clip(c.kalman.bias_dps, -tuning.kalman.bias_max_dps, tuning.kalman.bias_max_dps)
+    corrected_dps = rate_dps - bias_dps
+    pid_step(c.pid, tuning.pid, tuning.period_s, error_deg, corrected_dps)
+    pulse_us = esc(c.pid.command, tuning.esc)
+    return {
+        "tilt_deg": c.kalman.tilt_deg,
+        "bias_dps": bias_dps,
+        "innovation_deg": c.kalman.innovation_deg,
+        "rate_corrected_dps": corrected_dps,
+        "error_deg": error_deg,
+        "command": c.pid.command,
+        "pulse_0_us": pulse_us[0],
+        "pulse_1_us": pulse_us[1],
+    }
+
+
+def run_control(
+    tuning: Tuning, raw: npt.ArrayLike, setpoint_turn_q32: npt.ArrayLike | None = None
+) -> dict[str, FloatArray]:
+    """From counts to pulses. raw: (steps, 3 or more[, runs]); setpoint: (steps[, runs]), level when left out.
+
+    Gives float arrays (steps[, runs]) by name: rate_dps, accel_y_g, accel_z_g, tilt_measured_deg, r_deg2, and those of
+    `control_step`.
+    """
+    counts = np.asarray(raw, np.float64)
+    shape = (counts.shape[0], *counts.shape[2:])
+    turns = np.zeros(shape) if setpoint_turn_q32 is None else np.asarray(setpoint_turn_q32, np.float64) / 2**32
+    rate_dps = calibrate(counts[:, 0], tuning.calibration.gyro)
+    accel_y_g = calibrate(counts[:, 1], tuning.calibration.accel_y)
+    accel_z_g = calibrate(counts[:, 2], tuning.calibration.accel_z)
+    z_deg = tilt(accel_y_g, accel_z_g, tuning.tilt)
+    r_deg2 = trust(accel_y_g, accel_z_g, tuning.trust)
+
+    c = ControlState(kalman_init(tuning.start))
+    inputs = [values.tolist() if values.ndim == 1 else values for values in (rate_dps, z_deg, r_deg2, 360.0 * turns)]
+    steps = [control_step(c, tuning, *now) for now in zip(*inputs, strict=True)]
+    outputs = {name: np.array([step[name] for step in steps]) for name in (steps[0] if steps else ())}
+    return {
+        "rate_dps": rate_dps,
+        "accel_y_g": accel_y_g,
+        "accel_z_g": accel_z_g,
+        "tilt_measured_deg": z_deg,
+        "r_deg2": r_deg2,
+        **outputs,
+    }

@@ -1,0 +1,388 @@
+"""`quad`: one axis of a quadrotor (Feng et al. 2011, "Angle measurement based on gyroscope and accelerometer signal
+fusion"): analog ENC-03 gyro and MMA7260 accelerometer into the 12-bit ADC, every 20 ms.
+
+Channels, in the order of the raw counts: gyro, acceleration along y (the tilt axis), acceleration along z. Level is
+tilt 0; y then reads 0 g and z 1 g; positive tilt makes y positive, and a positive rate increases it.
+
+Assumed, not from a data sheet or the paper: gyro noise 0.5 deg/s rms, bias +-2 deg/s at power-up with a warm-up drift
+of 3 deg/s (time constant 100 s) and a walk of 0.005 deg/s/sqrt(s), scale error 1 %, accelerometer offset 3 mg,
+vibration 0.03 g rms at 2 to 12 Hz, six lateral bursts of 0.3 g and 0.15 s, ADC noise 0.7 LSB.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.errors import UsageError
+from plumb.physics.disturbance import Request
+from plumb.physics.sensors import (
+    ADC_COUNTS,
+    ADC_NOISE_LSB,
+    ADC_REFERENCE_V,
+    FAULT_NOTES,
+    Enc03,
+    Fault,
+    Mma7260,
+    OnePole,
+    Push,
+    adc_counts,
+    band_noise,
+    faults_of,
+)
+from plumb.proof import metrics
+from plumb.spec import dbc
+from plumb.spec.tuning import Calibration, Esc, Kalman, Pid, Start, Trust, Tuning
+
+if TYPE_CHECKING:
+    from plumb.systems.quad.plant import QuadPlant
+
+FloatArray = npt.NDArray[np.float64]
+
+PERIOD_US = 20_000
+ESC_PERIOD_US = 2_500
+"""The speed controllers' pulses repeat at 400 Hz: at 50 Hz a pulse could be 20 ms late, more than the loop stands."""
+LINK = {"esc_period_us": ESC_PERIOD_US}
+CHANNELS = 3
+GRID_S = 0.001
+"""Step of the simulated physics and of everything that is filtered before it is sampled."""
+
+GYRO = Enc03()
+BANDWIDTHS_HZ = (5.0, 20.0, 50.0, 350.0)
+GYRO_NOISE_DPS = 0.5
+BIAS_DPS, DRIFT_DPS, DRIFT_TAU_S, WALK_DPS_PER_RTS = 2.0, 3.0, 100.0, 0.005
+SCALE_ERROR = 0.01
+OFFSET_G = 0.003
+VIBRATION_G, VIBRATION_HZ = 0.03, (2.0, 12.0)
+BURSTS, BURST_G, BURST_S, BURST_BETWEEN_S = 6, 0.3, 0.15, (15.0, 115.0)
+
+# `converge`: at rest, the filter's start 30 deg and 5 deg/s wrong, 0.5 deg of accelerometer noise and nothing else.
+CONVERGE_TILT_DPS = (-30.0, -5.0)
+CONVERGE_NOISE_G = float(np.radians(0.5))
+
+# `hold`: the hand moves the axis to 20 deg within 0.4 s, rests 0.2 s and lets go.
+HOLD_REST_S, HOLD_MOVE_S, HOLD_RELEASE_S, HOLD_TILT_DEG = 3.0, 10.0, 10.6, 20.0
+
+SCENARIOS = {
+    "motion": "prescribed rolling with vibration and six lateral bursts",
+    "quiet": "the same motion without vibration and bursts",
+    "disturb": "the start angle moved by hand (the paper's figures 2 and 3)",
+    "hold": "attitude hold at level, pulled to 20 deg by hand and released",
+    "converge": "at rest from a start 30 deg and 5 deg/s wrong",
+}
+DEFAULT_SCENARIO, DEFAULT_TUNING = "motion", "adaptive"
+CONDITIONS = {"bandwidth_hz": "corner of the accelerometer's one-pole low-pass, lag included (default 350)"}
+FAULT_CHANNELS = ("gyro", "accel_y", "accel_z")
+FAULTS = {**FAULT_NOTES, "push": "a torque in Nm on the axis of a closed loop, for example push:0.1@15-15.2"}
+OUTPUT_FRAMES = dbc.output_frames("quad")
+OUTPUTS = tuple(OUTPUT_FRAMES)
+SECONDS = {"motion": 120.0, "quiet": 120.0, "disturb": 30.0, "hold": 30.0, "converge": 10.0}
+
+CALIBRATION = Calibration(gyro=GYRO.channel(), accel_y=Mma7260().channel(), accel_z=Mma7260().channel())
+
+# Attitude hold of plumb.systems.quad.plant; chosen on that plant (seeds 0-19), the paper prints no gains. Stable with
+# 10 ms of delay between sample and thrust beyond the motors' own lag; an ESC at 50 Hz may take more.
+PID = Pid(
+    kp_per_deg=0.045,
+    ki_per_deg_s=0.12,
+    kd_per_dps=0.0085,
+    derivative_tau_s=0.005,
+    slew_per_s=20.0,
+)
+
+FAST_START = Start(p00_deg2=30.0**2, p11_dps2=10.0**2)
+STARTS = {
+    "paper": Start(p00_deg2=0.005, p01_deg2_per_s=0.005, p11_dps2=0.005),
+    "fast": FAST_START,
+}
+START_NOTES = {
+    "paper": "table 2: sure of a level start without bias, slow to give up a wrong one; not with adaptive, constant",
+    "fast": "nothing is known, the first samples decide; the gains fall by themselves to those at rest",
+}
+
+ADAPTIVE = Tuning(
+    period_us=PERIOD_US,
+    calibration=CALIBRATION,
+    tilt="atan2",
+    trust=Trust(r_deg2=0.25, gain_deg2=1100.0, r_max_deg2=250.0),
+    kalman=Kalman.per_step(6e-5, 8e-6, PERIOD_US),
+    start=FAST_START,
+    pid=PID,
+    esc=Esc(),
+)
+"""R over 1000:1 by | |a|^2 - 1 |; fitted on seeds 0-19 of `motion`, held to 0.375 deg on `quiet`."""
+
+# Table 2 prints no units; read in degrees, its Q added at every step and its P0 all four 0.005.
+PAPER = replace(
+    ADAPTIVE,
+    trust=Trust(r_deg2=0.056, r_max_deg2=0.056),
+    kalman=Kalman.per_step(0.01, 0.005, PERIOD_US),
+    start=STARTS["paper"],
+)
+
+TUNINGS = {
+    "adaptive": ADAPTIVE,
+    "paper": PAPER,
+    "paper_arcsine": replace(PAPER, tilt="arcsine"),
+    "quiet": replace(
+        ADAPTIVE, trust=Trust(r_deg2=0.25, r_max_deg2=0.25), kalman=Kalman.per_step(3e-3, 1e-5, PERIOD_US)
+    ),
+    "constant": replace(
+        ADAPTIVE, trust=Trust(r_deg2=4.0, r_max_deg2=4.0), kalman=Kalman.per_step(6e-6, 8e-6, PERIOD_US)
+    ),
+    # The paper's Q; only R is the noise of 0.5 deg and P0 admits to know nothing: what its slow start was made of.
+    "fast_start": replace(PAPER, trust=Trust(r_deg2=0.25, r_max_deg2=0.25), start=FAST_START),
+    # A three-axis sensor in general motion: R wide enough for accelerations that are not gravity, and a Q of the angle
+    # for turning about the other axes, which a one-axis filter does not know; together half a second of memory.
+    "recording": replace(ADAPTIVE, trust=Trust(r_deg2=25.0, r_max_deg2=25.0), kalman=Kalman(0.35, 1e-4)),
+}
+TUNING_NOTES = {
+    "adaptive": "R follows | |a|^2 - 1 | over 1000:1; the shipped tuning",
+    "paper": "the paper's table 2, angles from both axes",
+    "paper_arcsine": "the paper's table 2, its tilt = arcsin(a / g) as printed",
+    "constant": "constant R, the best there is for `motion`: what the law of R is held against",
+    "quiet": "constant R, for a frame that does not vibrate",
+    "fast_start": "the paper's Q with the accelerometer's own R, start-up mode fast",
+    "recording": "constant, wide R for recordings of general motion",
+}
+
+
+def faults(requests: Sequence[Request]) -> tuple[Fault | Push, ...]:
+    """What `scenario` takes; a push is in Nm."""
+    return faults_of(requests, FAULT_CHANNELS, "Nm")
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One run's motion and every random number of it. Grid arrays: one value per GRID_S; sample arrays: per period.
+
+    prescribed_deg, setpoint_deg, lateral_g, hand: grid. The axis follows prescribed_deg while `hand` is true: in open
+    loop always. A closed loop is asked to follow setpoint_deg, which in `motion` and `quiet` is the prescribed motion.
+    bias_dps: (steps,); gyro_noise_dps: (steps,); accel_noise_g: (2, steps); adc_noise_v, fault_noise: (3, steps).
+    """
+
+    name: str
+    seed: int
+    period_us: int
+    accelerometer: Mma7260
+    prescribed_deg: FloatArray
+    setpoint_deg: FloatArray
+    lateral_g: FloatArray
+    hand: npt.NDArray[np.bool_]
+    scale: float
+    offset_g: FloatArray
+    bias_dps: FloatArray
+    gyro_noise_dps: FloatArray
+    accel_noise_g: FloatArray
+    adc_noise_v: FloatArray
+    fault_noise: FloatArray
+    torque_noise: FloatArray
+    faults: tuple[Fault, ...] = ()
+    pushes: tuple[Push, ...] = ()
+
+    @property
+    def steps(self) -> int:
+        return len(self.bias_dps)
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Sampling instants, (steps,)."""
+        return np.arange(self.steps, dtype=np.float64) * (self.period_us * 1e-6)
+
+    def on_grid(self, grid: FloatArray, time_s: npt.ArrayLike) -> FloatArray:
+        """A grid array at any times, straight between grid points and constant beyond the ends."""
+        points = np.interp(np.asarray(time_s, np.float64) / GRID_S, np.arange(len(grid)), grid)
+        return np.asarray(points, np.float64)
+
+    def tilt_deg(self) -> FloatArray:
+        """True tilt of the prescribed motion at the sampling instants, (steps,)."""
+        return self.on_grid(self.prescribed_deg, self.time_s)
+
+    def truth(self) -> dict[str, FloatArray]:
+        """What is to be estimated of the prescribed motion, (steps,) each."""
+        return {"tilt_deg": self.tilt_deg(), "bias_dps": self.bias_dps}
+
+    @property
+    def scored(self) -> npt.NDArray[np.bool_]:
+        """The samples that count, (steps,)."""
+        return metrics.scored(self.time_s)
+
+    def rate_dps(self) -> FloatArray:
+        """True rate of the prescribed motion at the sampling instants, (steps,)."""
+        return self.on_grid(np.asarray(np.gradient(self.prescribed_deg, GRID_S), np.float64), self.time_s)
+
+    def setpoint(self) -> npt.NDArray[np.int32]:
+        """Setpoints as binary angles, (steps,): what a closed loop is asked to follow."""
+        nearest = np.minimum(np.rint(self.time_s / GRID_S).astype(np.int64), len(self.setpoint_deg) - 1)
+        return np.rint(self.setpoint_deg[nearest] / 360.0 * 2.0**32).astype(np.int64).astype(np.int32)
+
+    def volts(self) -> FloatArray:
+        """Pin volts of the prescribed motion at the sampling instants, (steps, 3)."""
+        tilt_rad = np.radians(self.prescribed_deg)
+        low_pass = OnePole.of(self.accelerometer.bandwidth_hz, GRID_S)
+        accel_y_g = low_pass.run(np.sin(tilt_rad) + self.lateral_g)
+        accel_z_g = low_pass.run(np.cos(tilt_rad))
+        t, k = self.time_s, np.arange(self.steps)
+        clean = self.sensed(k, self.rate_dps(), self.on_grid(accel_y_g, t), self.on_grid(accel_z_g, t))
+        return self.faulted(clean, k, t, {})
+
+    def counts(self) -> npt.NDArray[np.int16]:
+        """Raw counts of the prescribed motion as the firmware takes them, (steps, 6): three channels, then zeros."""
+        raw = np.zeros((self.steps, 6), np.int16)
+        raw[:, :CHANNELS] = adc_counts(self.volts())
+        return raw
+
+    def sensed(
+        self, k: npt.NDArray[np.int_], rate_dps: FloatArray, accel_y_g: FloatArray, accel_z_g: FloatArray
+    ) -> FloatArray:
+        """Sensor errors and the noise of sample k on top of true rate and filtered force; (n,) each -> (n, 3) volts."""
+        force_g = np.stack([accel_y_g, accel_z_g]) + self.accel_noise_g[:, k] + self.offset_g[:, None]
+        gyro_v = GYRO.volts(self.scale * rate_dps + self.bias_dps[k] + self.gyro_noise_dps[k])
+        return (np.vstack([gyro_v, self.accelerometer.volts(force_g)]) + self.adc_noise_v[:, k]).T
+
+    def faulted(
+        self, volts: FloatArray, k: npt.NDArray[np.int_], time_s: FloatArray, frozen: dict[Fault, float]
+    ) -> FloatArray:
+        """The same volts (n, 3) with this run's faults; frozen remembers where a stuck channel stopped."""
+        for fault in self.faults:
+            begun = np.flatnonzero(time_s >= fault.start_s)
+            if len(begun) and fault not in frozen:
+                frozen[fault] = float(volts[begun[0], fault.channel])
+            channel = volts[:, fault.channel]
+            noise = self.fault_noise[fault.channel, k]
+            volts[:, fault.channel] = fault.volts(channel, time_s, frozen.get(fault, 0.0), noise)
+        return volts
+
+
+def scenario(
+    name: str,
+    seed: int,
+    *,
+    seconds: float | None = None,
+    period_us: int = PERIOD_US,
+    bandwidth_hz: float = 350.0,
+    faults: tuple[Fault | Push, ...] = (),
+) -> Scenario:
+    """Draw a run. One generator per seed, in this order:
+
+    start bias, drift sign, scale, two offsets, burst times, burst signs, bias walk (steps), vibration (grid),
+    gyro noise (steps), accelerometer noise (2, steps), ADC noise (3, steps), torque noise (1 + grid), fault noise
+    (3, steps). A scenario that has no use for one draws it all the same.
+    """
+    if name not in SCENARIOS:
+        raise UsageError(f"quad has no scenario '{name}'; it has {', '.join(SCENARIOS)}")
+    if seconds is None:
+        seconds = SECONDS[name]
+    if not 1.0 <= seconds <= 3600.0 or not 500 <= period_us <= 100_000:
+        raise UsageError("a run takes 1 to 3600 s at a period of 500 to 100000 us")
+    if seed < 0:
+        raise UsageError(f"a seed is 0 or more, not {seed}")
+    if not 0.1 <= bandwidth_hz <= 1e4:
+        raise UsageError(f"bandwidth_hz={bandwidth_hz:g}: the low-pass has a corner of 0.1 to 10000 Hz")
+    rng = np.random.default_rng(seed)
+    accelerometer = Mma7260(bandwidth_hz)
+    period_s = period_us * 1e-6
+    steps, points = round(seconds / period_s), round(seconds / GRID_S)
+    t, grid_s = np.arange(steps) * period_s, np.arange(points + 1) * GRID_S
+
+    start_bias_dps = rng.uniform(-BIAS_DPS, BIAS_DPS)
+    drift_dps = rng.choice([-DRIFT_DPS, DRIFT_DPS])
+    scale = 1.0 + SCALE_ERROR * rng.standard_normal()
+    offset_g = OFFSET_G * rng.standard_normal(2)
+    burst_s = rng.uniform(*BURST_BETWEEN_S, BURSTS)
+    burst_g = BURST_G * rng.choice([-1.0, 1.0], BURSTS)
+    walk_dps = np.cumsum(WALK_DPS_PER_RTS * np.sqrt(period_s) * rng.standard_normal(steps))
+    vibration = band_noise(rng.standard_normal(points), *VIBRATION_HZ, GRID_S)
+    gyro_noise_dps = GYRO_NOISE_DPS * rng.standard_normal(steps)
+    accel_noise_g = accelerometer.noise_g * _correlated(rng.standard_normal((2, steps)), bandwidth_hz, period_s)
+    adc_noise_v = ADC_NOISE_LSB * ADC_REFERENCE_V / ADC_COUNTS * rng.standard_normal((CHANNELS, steps))
+    torque_noise = rng.standard_normal(1 + points)
+    fault_noise = rng.standard_normal((CHANNELS, steps))
+
+    prescribed_deg, setpoint_deg, hand = _profile(name, points)
+    on = np.clip((grid_s - 5.0) / 2.0, 0.0, 1.0)
+    lateral_g = VIBRATION_G * np.append(vibration, vibration[0]) * on
+    if name == "motion":
+        for at_s, peak_g in zip(burst_s, burst_g, strict=True):
+            lateral_g += peak_g * np.exp(-(((grid_s - at_s) / BURST_S) ** 2))
+    if name in ("quiet", "converge"):
+        lateral_g = np.zeros_like(lateral_g)
+    bias_dps = start_bias_dps + drift_dps * (1.0 - np.exp(-t / DRIFT_TAU_S)) + walk_dps
+    if name == "converge":
+        scale, offset_g = 1.0, np.zeros(2)
+        bias_dps, gyro_noise_dps = np.full(steps, CONVERGE_TILT_DPS[1]), np.zeros(steps)
+        accel_noise_g = accel_noise_g * (CONVERGE_NOISE_G / accelerometer.noise_g)
+    return Scenario(
+        name,
+        seed,
+        period_us,
+        accelerometer,
+        prescribed_deg,
+        setpoint_deg,
+        lateral_g,
+        hand,
+        scale,
+        offset_g,
+        bias_dps,
+        gyro_noise_dps,
+        accel_noise_g,
+        adc_noise_v,
+        fault_noise,
+        torque_noise,
+        tuple(fault for fault in faults if isinstance(fault, Fault)),
+        tuple(push for push in faults if isinstance(push, Push)),
+    )
+
+
+def plant(scenario: Scenario, *, open_loop: bool = False) -> QuadPlant:
+    """The axis in motion."""
+    from plumb.systems.quad.plant import QuadPlant
+
+    return QuadPlant(scenario, open_loop=open_loop)
+
+
+@lru_cache(maxsize=16)
+def _profile(name: str, points: int) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    """Prescribed tilt and setpoint in deg, and when the hand holds the axis in a closed loop; (points + 1,) each."""
+    t = np.arange(points + 1) * GRID_S
+    level, rest = np.zeros(points + 1), t < HOLD_REST_S
+    if name in ("motion", "quiet"):
+        tilt = _smooth(_rolling, points)
+        return tilt, tilt, rest
+    if name == "disturb":
+        # Found 12 deg off, moved by hand twice, put back level (our reading of the figures: no times are printed).
+        tilt = _smooth(lambda s: np.interp(s, [0, 5, 6, 9, 10.5, 14, 15], [12, 12, 35, 35, -25, -25, 0]), points)
+        return tilt, level, t < 16.0
+    if name == "hold":
+        pulled = HOLD_TILT_DEG * np.clip((t - HOLD_MOVE_S) / 0.4, 0.0, 1.0)
+        tilt = np.where(t < HOLD_RELEASE_S, pulled, pulled * np.exp(-(t - HOLD_RELEASE_S) / 0.4))
+        return tilt, level, rest | ((t >= HOLD_MOVE_S) & (t < HOLD_RELEASE_S))
+    return level + CONVERGE_TILT_DPS[0], level, t >= 0.0
+
+
+def _rolling(t: FloatArray) -> FloatArray:
+    """`motion` before it is smoothed, deg."""
+    on = np.clip((t - 5.0) / 2.0, 0.0, 1.0)
+    slow, fast = 15.0 * np.sin(2 * np.pi * 0.25 * t), 8.0 * np.sin(2 * np.pi * 0.7 * t + 1.0)
+    return on * (slow + fast + 10.0 * np.sign(np.sin(2 * np.pi * t / 37.0)))
+
+
+def _smooth(motion: Callable[[FloatArray], FloatArray], points: int) -> FloatArray:
+    """A motion smoothed by a Gaussian of sigma 0.12 s, (points + 1,)."""
+    sigma, reach = round(0.12 / GRID_S), round(0.8 / GRID_S)
+    weight: FloatArray = np.exp(-0.5 * (np.arange(-reach, reach + 1, dtype=np.float64) / sigma) ** 2)
+    rough = motion(np.arange(-reach, points + 1 + reach, dtype=np.float64) * GRID_S)
+    return np.asarray(np.convolve(rough, weight / np.sum(weight), "valid"), np.float64)
+
+
+def _correlated(white: FloatArray, bandwidth_hz: float, period_s: float) -> FloatArray:
+    """Samples of one-pole noise of unit rms: neighbours correlate by exp(-2 pi bandwidth period); (2, steps)."""
+    decay = float(np.exp(-2.0 * np.pi * bandwidth_hz * period_s))
+    memory = min(white.shape[1], 2 if decay < 1e-12 else 2 + int(np.ceil(-40.0 / np.log(decay))))
+    kernel = decay ** np.arange(memory) * np.sqrt(1.0 - decay**2)
+    return np.stack([np.convolve(row, kernel)[: white.shape[1]] for row in white])

@@ -1,0 +1,116 @@
+"""The integer algorithm, written from DESIGN.md "Numbers" alone: every bit of every word of a step.
+
+A system is a module of its own here, with `control_init(p)` and `control_step(c, p, raw, setpoint)`, which gives the
+values of the step's words in the written order; what systems share is in `kernels`. All of it works on ints (one run)
+and on int64 arrays (one value per run) with the same code. Golden vectors come from here.
+"""
+
+from __future__ import annotations
+
+import importlib
+import zlib
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.errors import UsageError
+from plumb.kernels.fixed.kernels import (
+    KalmanState,
+    PidState,
+    calibrate,
+    kalman_bias,
+    kalman_init,
+    kalman_step,
+    kalman_tilt,
+    pid_step,
+    tilt,
+    trust,
+)
+from plumb.kernels.fixed.trig import asin, atan2
+from plumb.spec.records import RECORDS, Words, names_of, packer
+from plumb.tuning.quantise import ControlParams
+
+__all__ = [
+    "Controller", "KalmanState", "PidState", "asin", "atan2", "calibrate", "check_inputs", "kalman_bias", "kalman_init",
+    "kalman_step", "kalman_tilt", "pid_step", "run_control", "stack", "system_name", "tilt", "trust",
+]  # fmt: skip
+
+
+class Controller:
+    """One run, a step at a time."""
+
+    def __init__(self, params: ControlParams) -> None:
+        self._system, self._p = importlib.import_module(f"plumb.systems.run_fixed.{params.system}"), params.values
+        self._c = self._system.control_init(params.values)
+        self._names, self._packer = names_of(params.system), packer(params.system)
+        self._row: tuple[int, ...] = ()
+
+    def step(self, raw: Sequence[int], setpoint: int) -> dict[str, int]:
+        """The words of this step by name; raw: up to 6 counts, the rest are 0."""
+        counts = [int(count) for count in raw]
+        self._row = self._system.control_step(self._c, self._p, counts + [0] * (6 - len(counts)), int(setpoint))
+        return dict(zip(self._names, self._row, strict=True))
+
+    def record(self) -> bytes:
+        """The last step's bytes, as the digest is taken over them."""
+        return self._packer.pack(*self._row)
+
+    def digest(self) -> int:
+        """CRC-32 of the last step's words."""
+        return zlib.crc32(self.record())
+
+
+def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
+    """raw: (steps, up to 6 counts[, runs]); setpoint: (steps[, runs]); one set of parameters, or one per run."""
+    counts, setpoints = check_inputs(raw, setpoint)
+    steps = len(counts)
+    name = system_name(params)
+    system = importlib.import_module(f"plumb.systems.run_fixed.{name}")
+    if counts.ndim == 2 and isinstance(params, ControlParams):
+        p, c, pack = params.values, system.control_init(params.values), packer(name).pack
+        rows = zip(counts.tolist(), setpoints.tolist(), strict=True)
+        data = b"".join(pack(*system.control_step(c, p, row, target)) for row, target in rows)
+        return Words.from_bytes(data, (steps,), name)
+    runs = counts.shape[2] if counts.ndim == 3 else 1
+    columns = stack(params, runs)
+    c = system.control_init(columns)
+    record = np.zeros((steps, runs), RECORDS[name])
+    for step in range(steps):
+        row = system.control_step(c, columns, counts[step].reshape(6, runs), setpoints[step].reshape(runs))
+        for word, value in zip(names_of(name), row, strict=True):
+            record[word][step] = value
+    return Words(record if counts.ndim == 3 else record[:, 0])
+
+
+def system_name(params: ControlParams | Sequence[ControlParams]) -> str:
+    """The one system that all sets are of; UsageError otherwise."""
+    names = {one.system for one in ([params] if isinstance(params, ControlParams) else params)}
+    if len(names) != 1:
+        raise UsageError(f"runs of {' and '.join(sorted(names)) or 'no system'} cannot be batched: give one system's")
+    return names.pop()
+
+
+def stack(params: ControlParams | Sequence[ControlParams], runs: int) -> dict[str, npt.NDArray[np.int64]]:
+    """Parameters as columns, one value per run."""
+    sets = [params] * runs if isinstance(params, ControlParams) else list(params)
+    if len(sets) != runs:
+        raise UsageError(f"{len(sets)} parameter sets were given for {runs} runs: give one, or one per run")
+    return {name: np.array([one[name] for one in sets], np.int64) for name in sets[0].values}
+
+
+def check_inputs(raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Counts as (steps, 6[, runs]) and setpoints as (steps[, runs]), of int16 and int32 range; UsageError otherwise."""
+    counts, setpoints = np.asarray(raw), np.asarray(setpoint)
+    for name, values, bits in (("raw counts", counts, 16), ("setpoints", setpoints, 32)):
+        if values.dtype.kind not in "iu":
+            raise UsageError(f"{name} are {values.dtype}: round them to integers first")
+        if values.size and (values.min() < -(1 << bits - 1) or values.max() >= 1 << bits - 1):
+            raise UsageError(f"{name} reach {values.min()} to {values.max()}: they have {bits} bits")
+    if counts.ndim not in (2, 3) or not 3 <= counts.shape[1] <= 6:
+        raise UsageError(f"raw counts of shape {counts.shape}: give (steps, 3 to 6) or (steps, 3 to 6, runs)")
+    if setpoints.shape != (len(counts), *counts.shape[2:]):
+        raise UsageError(f"setpoints of shape {setpoints.shape} do not match raw counts of shape {counts.shape}")
+    whole = np.zeros((len(counts), 6, *counts.shape[2:]), np.int64)
+    whole[:, : counts.shape[1]] = counts
+    return whole, setpoints.astype(np.int64)

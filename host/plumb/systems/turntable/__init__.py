@@ -1,0 +1,1 @@
+"""Attitude from a gyro and an angular-acceleration sensor."""

@@ -1,0 +1,50 @@
+"""`turntable` on the pins of the virtual board: both sensors have analog outputs, six inputs of the converter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from plumb.errors import UsageError
+from plumb.f103.machine import Machine
+from plumb.physics.sensors import ADC_COUNTS, ADC_REFERENCE_V
+from plumb.systems.analog_scans import AnalogScans
+from plumb.systems.turntable.scenarios import TurntablePlant
+
+SCENARIO = "analog"
+SHOWN, TUNING = SCENARIO, SCENARIO
+FRAMES = ("RAW_A", "RAW_B", *(f"TURNTABLE_ATTITUDE_{axis}" for axis in "WXYZ"))
+ADC_PINS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")
+"""Gyro x, y, z, angular acceleration x, y, z."""
+
+
+class Coupling:
+    """Joins a plant to a machine's pins; the plant's time 0 is the first sample of the gyro's x axis. The sensors'
+    outputs stand still from one of its steps to the next,.
+
+    taken: one row a sample of that channel: its count, and the truth at that moment.
+    """
+
+    def __init__(self, machine: Machine, plant: TurntablePlant) -> None:
+        if plant.name != SCENARIO:
+            raise UsageError(
+                f"'{plant.name}' is not on the board's own pins: take the scenario and the tuning {SCENARIO}"
+            )
+        self.plant = plant
+        self.taken: list[tuple[int, dict[str, float]]] = []
+        self._start_s: float | None = None
+        self._scans = AnalogScans(plant.period_us, 0)
+        for index, pin in enumerate(ADC_PINS):
+            machine.adc[pin] = self._volts(index)
+
+    def _volts(self, index: int) -> Callable[[float], float]:
+        def volts(now_s: float) -> float:
+            begins = index == 0 and self._scans.convert(now_s)
+            if self._start_s is None:
+                self._start_s = now_s + self._scans.until_sample_s()
+            time_s = max(0.0, now_s - self._start_s)
+            count = self.plant.counts(time_s)[index]
+            if begins and self._scans.is_sample:
+                self.taken.append((count, self.plant.truth(time_s)))
+            return count * (ADC_REFERENCE_V / ADC_COUNTS)
+
+        return volts

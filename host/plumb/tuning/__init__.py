@@ -1,0 +1,1 @@
+"""Engineering units, and the integers they are quantised to."""

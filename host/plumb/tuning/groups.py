@@ -1,0 +1,386 @@
+"""The groups of parameters that systems share: what each asks in units, as integers, and back.
+
+Everything is worked out in exact fractions, within 0.1 % of what was asked, or refused with a reason. The one choice
+made here is the unit of variance, the "lsb" of the filter: as fine as the largest variance of the set allows, and such
+that R is a whole number of 2^32 lsb where it is small.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from fractions import Fraction
+from typing import Any, NoReturn
+
+from plumb.errors import UsageError
+from plumb.spec import parameters
+from plumb.spec.speed_controllers import ONE_WAY, foreign_parameter
+from plumb.spec.tuning import BalancerTuning, Calibration, Channel, Esc, Kalman, Pid, Start, Trust, Tuning
+from plumb.tuning.quantise import ControlParams
+
+CALIBRATION_LIMIT = 7 << 28
+VARIANCE_MAX = 1 << 56
+"""Of qa, p11 and |p01| in lsb; p00 may start at twice as much."""
+R_MAX = 1 << 24
+"""Of R, in 2^32 lsb."""
+BIAS_MAX = ((1 << 26) - 1) << 32
+"""Of the start's bias per step, turn Q61."""
+QB_MAX = (1 << 62) - 1
+"""Of the bias's process noise, in 2^-30 lsb."""
+TOLERANCE = Fraction(1, 1000)
+DEG2 = Fraction(1, 360**2)
+"""Square degrees in turn^2."""
+
+
+def refuse(name: str, asked: float, reason: str) -> NoReturn:
+    raise UsageError(f"{name} = {asked:g}: {reason}")
+
+
+def whole(name: str, asked: float, exact: Fraction, low: int, high: int) -> int:
+    """The integer nearest to `exact`, which is `asked` in the integer's unit."""
+    nearest = min(max(round(exact), low), high)
+    if abs(nearest - exact) <= abs(exact) * TOLERANCE:
+        return nearest
+    if not exact:
+        refuse(name, asked, "give more than 0")
+    step = abs(asked / float(exact))
+    if exact > high:
+        refuse(name, asked, f"too large for its integer, the most is {step * high:.6g}")
+    if exact < low and low != 1:
+        refuse(name, asked, f"too small for its integer, the least is {step * low:.6g}")
+    refuse(name, asked, f"too fine for its integer, whose step is {step:.3g}: ask for at least {step * 500:.3g}")
+
+
+def _numbers(settings: Any, path: str = "") -> Iterator[tuple[str, float]]:
+    for entry in fields(settings):
+        value = getattr(settings, entry.name)
+        if entry.name in ("tilt", "rate", "rates", "layer", "exact_period_s"):
+            continue
+        if is_dataclass(value):
+            yield from _numbers(value, f"{path}{entry.name}.")
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            yield path + entry.name, value
+        else:
+            raise UsageError(f"{path}{entry.name} is {value!r}: give a number")
+
+
+def check_numbers(tuning: Any) -> None:
+    """Every field a finite number, and the period one that the filter takes."""
+    for name, value in _numbers(tuning):
+        if not math.isfinite(value):
+            raise UsageError(f"{name} is {value}: give a finite number")
+    if not 500 <= tuning.period_us <= 100_000 or tuning.period_us != int(tuning.period_us):
+        refuse("period_us", tuning.period_us, "periods are whole, from 500 (2 kHz) to 100000 (10 Hz)")
+
+
+def not_negative(values: dict[str, float]) -> None:
+    """Refuses the first value below 0."""
+    for name, value in values.items():
+        if value < 0:
+            refuse(name, value, "it cannot be negative")
+
+
+def channel_words(name: str, channel: Channel, unit: Fraction) -> dict[str, int]:
+    """calibration_params_t. unit: integer units (turn/s Q28 or g Q26) per engineering unit."""
+    low, high = channel.min_counts, channel.max_counts
+    if not -32768 <= low <= high <= 32767 or low != int(low) or high != int(high):
+        raise UsageError(f"{name}.min_counts = {low}, max_counts = {high}: whole counts of 16 bits, in order")
+    per_count, zero = Fraction(channel.unit_per_count) * unit, Fraction(channel.zero_counts)
+    limit = (1 << 31) - 1
+    gain = whole(f"{name}.unit_per_count", channel.unit_per_count, per_count, -limit, limit)
+    offset = round(-zero * gain)
+    worst = max(abs(low * gain + offset), abs(high * gain + offset))
+    if worst > CALIBRATION_LIMIT:
+        most, asked = float(CALIBRATION_LIMIT / unit), float(worst / unit)
+        refuse(f"{name}.unit_per_count", channel.unit_per_count, f"reaches {asked:.6g} at its counts, most {most:.6g}")
+    offset = whole(f"{name}.zero_counts", channel.zero_counts, -zero * gain, -(1 << 31), limit)
+    return {f"{name}.raw_min": int(low), f"{name}.raw_max": int(high), f"{name}.gain": gain, f"{name}.offset": offset}
+
+
+def _variances(
+    kalman: Kalman, start: Start, trust: Trust, r_max_deg2: float, dt: Fraction
+) -> dict[str, tuple[float, Fraction]]:
+    """Name -> what was asked, and the same in turn^2 with the bias counted per step."""
+    q, p = kalman, start
+    asked = {
+        "trust.r_deg2": (trust.r_deg2, Fraction(1)),
+        "trust.r_max_deg2": (r_max_deg2, Fraction(1)),
+        "kalman.q_angle_deg2_per_s": (q.q_angle_deg2_per_s, dt),
+        "kalman.q_bias_dps2_per_s": (q.q_bias_dps2_per_s, dt**3),
+        "start.p00_deg2": (p.p00_deg2, Fraction(1)),
+        "start.p01_deg2_per_s": (p.p01_deg2_per_s, dt),
+        "start.p11_dps2": (p.p11_dps2, dt**2),
+    }
+    return {name: (value, Fraction(value) * per * DEG2) for name, (value, per) in asked.items()}
+
+
+LIMITS = {
+    "trust.r_max_deg2": R_MAX << 32,
+    "kalman.q_angle_deg2_per_s": VARIANCE_MAX,
+    "kalman.q_bias_dps2_per_s": 1 << 32,
+    "start.p00_deg2": 2 * VARIANCE_MAX,
+    "start.p01_deg2_per_s": VARIANCE_MAX,
+    "start.p11_dps2": VARIANCE_MAX,
+}
+"""Largest value in lsb of each variance."""
+
+
+def _units(variances: dict[str, tuple[float, Fraction]]) -> Iterator[Fraction]:
+    """Units of variance to try, turn^2 per lsb, the finest first. R is whole in each where it is small."""
+    finest, name = max((abs(variances[name][1]) / limit, name) for name, limit in LIMITS.items())
+    asked, r = variances["trust.r_deg2"]
+    r_most = r / finest / (1 << 32)
+    if r_most * (1 + TOLERANCE / 2) < 1:
+        least = asked / float(r_most)
+        refuse("trust.r_deg2", asked, f"too small beside {name} = {variances[name][0]:g}, the least is {least:.3g}")
+    if r_most > 2 / TOLERANCE:
+        yield finest
+    for whole in range(min(math.floor(r_most * (1 + TOLERANCE / 2)), 4000), 0, -1):
+        yield r / Fraction(whole << 32)
+
+
+def check_filter(kalman: Kalman, start: Start, trust: Trust, period_us: int) -> None:
+    """What contradicts itself before anything is an integer."""
+    if kalman.rate not in ("previous", "current"):
+        raise UsageError(f"kalman.rate = '{kalman.rate}': previous or current")
+    not_negative(
+        {
+            "kalman.q_angle_deg2_per_s": kalman.q_angle_deg2_per_s,
+            "kalman.q_bias_dps2_per_s": kalman.q_bias_dps2_per_s,
+            "kalman.bias_max_dps": kalman.bias_max_dps,
+            "start.p00_deg2": start.p00_deg2,
+            "start.p11_dps2": start.p11_dps2,
+            "trust.gain_deg2": trust.gain_deg2,
+        }
+    )
+    if trust.r_deg2 <= 0:
+        refuse("trust.r_deg2", trust.r_deg2, "a measurement has some variance, give more than 0")
+    if trust.gain_deg2 and trust.r_max_deg2 < trust.r_deg2:
+        refuse("trust.r_max_deg2", trust.r_max_deg2, f"less than r_deg2 = {trust.r_deg2:g}")
+    if Fraction(start.p01_deg2_per_s) ** 2 > Fraction(start.p00_deg2) * Fraction(start.p11_dps2):
+        refuse("start.p01_deg2_per_s", start.p01_deg2_per_s, "its square is more than p00 times p11, no covariance")
+    period_s = period_us * 1e-6
+    most = min(kalman.q_angle_deg2_per_s / 4, start.p00_deg2 / period_s)
+    if not -start.p00_deg2 / period_s <= start.p01_deg2_per_s <= most:
+        refuse("start.p01_deg2_per_s", start.p01_deg2_per_s, f"outside -p00 / period to {most:g} (Q_angle / 4)")
+    if kalman.bias_max_dps >= 360:
+        refuse("kalman.bias_max_dps", kalman.bias_max_dps, "the published bias stays below 360 deg/s")
+    if abs(start.bias_dps) > kalman.bias_max_dps:
+        refuse("start.bias_dps", start.bias_dps, f"more than kalman.bias_max_dps = {kalman.bias_max_dps:g}")
+
+
+def filter_words(
+    kalman: Kalman,
+    start: Start,
+    trust: Trust,
+    period_us: int,
+    *,
+    r_left_out_deg2: float | None = None,
+    unit_deg2: Fraction | None = None,
+) -> tuple[dict[str, int], Fraction]:
+    """The groups kalman and start, and the variances of tilt; and the unit of variance, deg^2 per lsb.
+
+    r_left_out_deg2: r_max where R is constant and r_max stands in for a measurement that is left out. The unit is
+    unit_deg2, or where that is left open, of the units that may be the first that takes all variances.
+    """
+    dt = Fraction(int(period_us), 10**6)
+    r_max_deg2 = trust.r_max_deg2 if trust.gain_deg2 else r_left_out_deg2 or trust.r_deg2
+    variances = _variances(kalman, start, trust, r_max_deg2, dt)
+    reason: UsageError | None = None
+    for unit in _units(variances) if unit_deg2 is None else [unit_deg2 * DEG2]:
+        try:
+            words = _in_unit(trust, variances, unit)
+            break
+        except UsageError as error:
+            reason = reason or error
+    else:
+        largest = max(LIMITS, key=lambda name: abs(variances[name][1]) / LIMITS[name])
+        raise UsageError(f"{reason}, or for less of {largest} = {variances[largest][0]:g}, which sets the unit")
+    half_turn = 1 << 31
+    rate_shift = math.floor(1 / dt).bit_length()
+
+    def bias(name: str, asked: float, bits: int, low: int, high: int) -> int:
+        return whole(name, asked, Fraction(asked) / 360 * dt * (1 << bits), low, high)
+
+    tilt = whole("start.tilt_deg", start.tilt_deg, Fraction(start.tilt_deg) / 360 * (1 << 32), -half_turn, half_turn)
+    words |= {
+        "kalman.dt_s_q33": round(dt * (1 << 33)),
+        "kalman.rate_now": int(kalman.rate == "current"),
+        "kalman.bias_max_turn_q29": bias("kalman.bias_max_dps", kalman.bias_max_dps, 29, 0, half_turn - 1),
+        "kalman.rate_gain": min(round(Fraction(2) ** (31 - rate_shift) / dt), half_turn - 1),
+        "kalman.rate_shift": rate_shift,
+        **_split("start.bias", bias("start.bias_dps", start.bias_dps, 61, -BIAS_MAX, BIAS_MAX)),
+        "start.tilt_turn_q32": (tilt + half_turn) % (1 << 32) - half_turn,
+    }
+    return words, unit / DEG2
+
+
+def _in_unit(trust: Trust, variances: dict[str, tuple[float, Fraction]], unit: Fraction) -> dict[str, int]:
+    def lsb(name: str, low: int, high: int, fraction_bits: int = 0) -> int:
+        asked, exact = variances[name]
+        return whole(name, asked, exact / unit * Fraction(2) ** fraction_bits, low, high)
+
+    r_base, r_max = lsb("trust.r_deg2", 1, R_MAX, -32), lsb("trust.r_max_deg2", 1, R_MAX, -32)
+    qa, qb = lsb("kalman.q_angle_deg2_per_s", 0, VARIANCE_MAX), lsb("kalman.q_bias_dps2_per_s", 0, QB_MAX, 30)
+    p00, p11 = lsb("start.p00_deg2", 0, 2 * VARIANCE_MAX), lsb("start.p11_dps2", 0, VARIANCE_MAX - 1)
+    p01 = lsb("start.p01_deg2_per_s", -VARIANCE_MAX, VARIANCE_MAX)
+    return {
+        "tilt.r_base": r_base,
+        **_gain(trust, unit, r_base, r_max),
+        **_split("kalman.qa", qa),
+        "kalman.qb": qb >> 30,
+        "kalman.qb_frac_q30": qb & ((1 << 30) - 1),
+        **_split("start.p00", p00),
+        **_split("start.p01", p01),
+        **_split("start.p11", p11),
+    }
+
+
+def _split(name: str, value: int) -> dict[str, int]:
+    return {f"{name}_hi": value >> 32, f"{name}_lo": value & 0xFFFFFFFF}
+
+
+def _gain(trust: Trust, unit: Fraction, r_base: int, r_max: int) -> dict[str, int]:
+    """R of the deviation d = | |a|^2 - 1 |, g^2 Q20, clamped just above where R reaches its limit, shifted up as far as
+    32 bits and the resolution of r_gain allow."""
+    none = {"tilt.r_gain": 0, "tilt.r_max": r_max, "tilt.deviation_max": 0, "tilt.deviation_shift": 0}
+    if not trust.gain_deg2:
+        return none
+    gain = Fraction(trust.gain_deg2) * DEG2 / (unit * (1 << 32))
+    d_max = min(math.isqrt(math.ceil((r_max - r_base) / gain * (1 << 40))) + 2, (1 << 31) - 1)
+    for shift in range(min(31, 32 - d_max.bit_length()), -1, -1):
+        exact = gain * Fraction(2) ** (24 - 2 * shift)
+        if exact > 2 / TOLERANCE or shift == 0:
+            r_gain = whole("trust.gain_deg2", trust.gain_deg2, exact, 0, (1 << 32) - 1)
+            return {**none, "tilt.r_gain": r_gain, "tilt.deviation_max": d_max, "tilt.deviation_shift": shift}
+    raise AssertionError("a shift of zero always returns")
+
+
+def pid_words(pid: Pid, period_us: int) -> dict[str, int]:
+    """pid_params_t."""
+    dt = Fraction(int(period_us), 10**6)
+    not_negative({"pid.derivative_tau_s": pid.derivative_tau_s})
+
+    def word(name: str, scale: Fraction | int, low: int, high: int) -> int:
+        asked = float(getattr(pid, name))
+        return whole(f"pid.{name}", asked, Fraction(asked) * scale, low, high)
+
+    alpha = Fraction(1)
+    if pid.derivative_tau_s:
+        alpha = Fraction(-math.expm1(-float(dt) / pid.derivative_tau_s))
+    if alpha * (1 << 31) < 500:
+        refuse("pid.derivative_tau_s", pid.derivative_tau_s, f"too slow, the most is {float(dt) * 2**31 / 500:.3g}")
+    slew = Fraction(pid.slew_per_s) * dt
+    most = (1 << 31) - 1
+    if slew <= 0:
+        refuse("pid.slew_per_s", pid.slew_per_s, "the command could never move")
+    return {
+        "pid.kp_q22": word("kp_per_deg", 360 << 22, -(1 << 30), 1 << 30),
+        "pid.ki_dt_q22": word("ki_per_deg_s", (360 << 22) * dt, 0, most),
+        "pid.kd_q27": word("kd_per_dps", 360 << 27, -(1 << 30), 1 << 30),
+        "pid.d_alpha_q31": whole("pid.derivative_tau_s", pid.derivative_tau_s, alpha * (1 << 31), 0, most),
+        "pid.slew_q22": whole("pid.slew_per_s", pid.slew_per_s, min(slew, Fraction(2)) * (1 << 22), 1, 1 << 23),
+    }
+
+
+def axis_words(tuning: Tuning | BalancerTuning) -> tuple[dict[str, int], Fraction]:
+    """What systems of one axis share: three channels, tilt, filter and controller; and the unit of variance, deg^2."""
+    check_numbers(tuning)
+    if tuning.tilt not in ("arcsine", "atan2"):
+        raise UsageError(f"tilt = '{tuning.tilt}': arcsine or atan2")
+    check_filter(tuning.kalman, tuning.start, tuning.trust, tuning.period_us)
+    filtered, lsb_deg2 = filter_words(tuning.kalman, tuning.start, tuning.trust, tuning.period_us)
+    words = {
+        **channel_words("gyro", tuning.calibration.gyro, Fraction(1 << 28, 360)),
+        **channel_words("accel_y", tuning.calibration.accel_y, Fraction(1 << 26)),
+        **channel_words("accel_z", tuning.calibration.accel_z, Fraction(1 << 26)),
+        "tilt.mode": int(tuning.tilt == "atan2"),
+        **filtered,
+        **pid_words(tuning.pid, tuning.period_us),
+    }
+    return words, lsb_deg2
+
+
+def esc_words(esc: Esc) -> dict[str, int]:
+    """esc_params_t."""
+    rows = {row.name: row for row in parameters.table()}
+    words = {}
+    for entry in fields(Esc):
+        asked = float(getattr(esc, entry.name))
+        row = rows[f"esc.{entry.name.removesuffix('_us')}_halfus"]
+        if not row.min <= 2 * asked <= row.max:
+            foreign = foreign_parameter(row.name, round(2 * asked)) or ONE_WAY
+            refuse(f"esc.{entry.name}", asked, f"outside {row.min / 2:g} to {row.max / 2:g} us; {foreign}")
+        words[row.name] = whole(f"esc.{entry.name}", asked, Fraction(asked) * 2, row.min, row.max)
+    for low, high in (("neutral_us", "min_us"), ("min_us", "mid_us"), ("mid_us", "max_us")):
+        if getattr(esc, low) > getattr(esc, high):
+            refuse(f"esc.{low}", getattr(esc, low), f"more than {high} = {getattr(esc, high):g}")
+    return words
+
+
+def channel_of(params: ControlParams, name: str, per_unit: float) -> Channel:
+    """What a calibration means. per_unit: integer units per engineering unit."""
+    gain, offset = params[f"{name}.gain"], params[f"{name}.offset"]
+    zero = -offset / gain if gain else 0.0
+    return Channel(zero, gain / per_unit, params[f"{name}.raw_min"], params[f"{name}.raw_max"])
+
+
+def filter_of(params: ControlParams) -> tuple[Kalman, Start, Trust]:
+    """What the filter's words mean, given the unit of variance of the set."""
+    p, dt, lsb = params.values, params.period_s, params.lsb_deg2
+    r_lsb, shift = lsb * 2**32, p["tilt.deviation_shift"]
+    gain = p["tilt.r_gain"] * r_lsb * 2.0 ** (2 * shift - 24)
+    reached = p["tilt.r_base"] * r_lsb + gain * (p["tilt.deviation_max"] / 2**20) ** 2
+    kalman = Kalman(
+        q_angle_deg2_per_s=params.wide("kalman.qa_hi", "kalman.qa_lo") * lsb / dt,
+        q_bias_dps2_per_s=(p["kalman.qb"] + p["kalman.qb_frac_q30"] / 2**30) * lsb / dt**3,
+        rate="current" if p["kalman.rate_now"] else "previous",
+        bias_max_dps=p["kalman.bias_max_turn_q29"] / 2**29 * 360 / dt,
+    )
+    start = Start(
+        tilt_deg=p["start.tilt_turn_q32"] / 2**32 * 360,
+        bias_dps=params.wide("start.bias_hi", "start.bias_lo") / 2**61 * 360 / dt,
+        p00_deg2=params.wide("start.p00_hi", "start.p00_lo") * lsb,
+        p01_deg2_per_s=params.wide("start.p01_hi", "start.p01_lo") * lsb / dt,
+        p11_dps2=params.wide("start.p11_hi", "start.p11_lo") * lsb / dt**2,
+    )
+    return kalman, start, Trust(p["tilt.r_base"] * r_lsb, gain, min(p["tilt.r_max"] * r_lsb, reached))
+
+
+def pid_of(params: ControlParams) -> Pid:
+    """What the controller's words mean."""
+    p, dt = params.values, params.period_s
+    alpha = p["pid.d_alpha_q31"] / 2**31
+    tau = 0.0 if p["pid.d_alpha_q31"] == 2**31 - 1 else (-dt / math.log1p(-alpha) if alpha else math.inf)
+    return Pid(
+        kp_per_deg=p["pid.kp_q22"] / 2**22 / 360,
+        ki_per_deg_s=p["pid.ki_dt_q22"] / 2**22 / 360 / dt,
+        kd_per_dps=p["pid.kd_q27"] / 2**27 / 360,
+        derivative_tau_s=tau,
+        slew_per_s=p["pid.slew_q22"] / 2**22 / dt,
+    )
+
+
+def axis_of(params: ControlParams) -> dict[str, Any]:
+    """What the words of `axis_words` mean, as fields of a tuning by name."""
+    kalman, start, trust = filter_of(params)
+    return {
+        "period_us": round(params.period_s * 1e6),
+        "exact_period_s": params.period_s,
+        "calibration": Calibration(
+            channel_of(params, "gyro", 2**28 / 360),
+            channel_of(params, "accel_y", 2**26),
+            channel_of(params, "accel_z", 2**26),
+        ),
+        "tilt": "atan2" if params["tilt.mode"] else "arcsine",
+        "trust": trust,
+        "kalman": kalman,
+        "start": start,
+        "pid": pid_of(params),
+    }
+
+
+def esc_of(params: ControlParams) -> Esc:
+    """What the pulses' words mean."""
+    return Esc(*(params[f"esc.{name}_halfus"] / 2 for name in ("mid", "span", "min", "max", "neutral")))

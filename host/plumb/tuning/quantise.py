@@ -1,0 +1,111 @@
+"""Units to integers: a tuning becomes the words of control_params_t, each within 0.1 % of what was asked, or is refused
+with a reason; and back.
+
+A system is a module of its own here, with `GROUPS`, the parameter groups that it reads, `quantise(tuning)` and
+`dequantise(params)`; what systems share is in `groups`.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from plumb.errors import UsageError
+from plumb.spec import declarations, parameters
+from plumb.spec.tuning import AnyTuning
+
+__all__ = ["ControlParams", "dequantise", "groups_of", "quantise"]
+
+
+@dataclass(frozen=True)
+class ControlParams:
+    """control_params_t as integers by name, in the order of parameters.toml; of groups that the system does not read,
+    the defaults.
+
+    lsb_deg2: the unit of variance, for people; the filter itself does not need it.
+    """
+
+    values: dict[str, int]
+    lsb_deg2: float = field(default=1.0, compare=False)
+
+    @classmethod
+    def from_words(cls, words: Sequence[int], lsb_deg2: float = 1.0) -> ControlParams:
+        """From the words of the table, signed or not; raises UsageError when the number or a range is wrong."""
+        whole = parameters.whole_table([int(word) & 0xFFFFFFFF for word in words])
+        rows = [row for row in parameters.table() if row.owner == "control"]
+        return cls({row.name: row.from_word(word) for row, word in zip(rows, whole, strict=False)}, lsb_deg2)
+
+    @classmethod
+    def of(cls, system: str, own: Mapping[str, int], lsb_deg2: float = 1.0) -> ControlParams:
+        """From the words of the groups that the system reads; raises UsageError when one is missing, too many or out of
+        its range."""
+        rows = [row for row in parameters.table() if row.owner == "control"]
+        groups = groups_of(system)
+        wanted = {row.name for row in rows if row.group in groups}
+        if wanted != set(own):
+            odd = ", ".join(sorted(wanted ^ set(own)))
+            raise UsageError(f"{odd}: not, or not all, of the words that {system} reads")
+        values = {row.name: own.get(row.name, row.default) for row in rows}
+        for row in rows:
+            parameters.check_range(row, values[row.name])
+        return cls({**values, "system": declarations.system(system).number}, lsb_deg2)
+
+    @property
+    def system(self) -> str:
+        """Which system the step is of."""
+        return declarations.name_of(self.values["system"])
+
+    def own(self) -> dict[str, int]:
+        """The words of the groups that the system reads."""
+        groups = groups_of(self.system)
+        return {name: value for name, value in self.values.items() if name.rpartition(".")[0] in groups}
+
+    def __getitem__(self, name: str) -> int:
+        return self.values[name]
+
+    def words(self) -> list[int]:
+        """The integers in order, signed where the firmware's are."""
+        return list(self.values.values())
+
+    def crc32(self) -> int:
+        """CRC-32 of the control part of the table."""
+        return parameters.crc32(self.words())
+
+    def wide(self, high: str, low: str) -> int:
+        """The 64-bit integer of two words."""
+        return self.values[high] * (1 << 32) + self.values[low]
+
+    @property
+    def variance_turn2_q56(self) -> int:
+        """2^32 lsb of variance in turn^2, Q56, for the parameter of that name; 0 where lsb_deg2 is not known."""
+        unit = round(self.lsb_deg2 * 2.0**32 / 360.0**2 * 2.0**56)
+        return unit if unit < 1 << 32 else 0
+
+    def link_words(self) -> dict[str, int]:
+        """What of the link's part goes with these words: Session.upload takes it as keywords."""
+        return {parameters.UNIT: self.variance_turn2_q56}
+
+    @property
+    def period_s(self) -> float:
+        if self.system == "turntable":
+            return self.values["fusion.dt_s_q32"] / 2**32
+        return self.values["kalman.dt_s_q33"] / 2**33
+
+
+def groups_of(system: str) -> tuple[str, ...]:
+    """The parameter groups that a system reads."""
+    groups: tuple[str, ...] = importlib.import_module(f"plumb.tuning.quantise.{system}").GROUPS
+    return groups
+
+
+def quantise(tuning: AnyTuning) -> ControlParams:
+    """The integers of a tuning; raises UsageError with the parameter, its value and the limit."""
+    params: ControlParams = importlib.import_module(f"plumb.tuning.quantise.{tuning.system}").quantise(tuning)
+    return params
+
+
+def dequantise(params: ControlParams) -> AnyTuning:
+    """What the integers mean, in engineering units: the tuning that the reference runs on beside them."""
+    tuning: AnyTuning = importlib.import_module(f"plumb.tuning.quantise.{params.system}").dequantise(params)
+    return tuning
