@@ -13,6 +13,7 @@ from plumb.spec import parameters
 from plumb.spec.records import RECORDS, Words, names_of
 from plumb.spec.tuning import BalancerTuning, Drive, Kalman, Pid, SpeedLoop, Start, Trust, Wheel
 from plumb.systems import run_fixed, run_reference
+from plumb.systems.balancer import fixed
 from plumb.systems.balancer import scenarios as balancer
 from plumb.tuning.quantise import ControlParams, dequantise, quantise
 from wild_params import wild_balancer_params
@@ -92,12 +93,10 @@ def test_rides_agree_in_every_bit_and_follow_float64(tuning: str) -> None:
     units = 4 * 2.0**-22
     lean_deg = (speed.lean_deg_per_mps + speed.lean_deg_per_m * seconds) * velocity_mps
     lean_deg += speed.lean_deg_per_g * accel_g + units * speed.lean_max_deg
-    assert not np.any(words["flags"] & run_fixed.balancer.FLAG_LEAN_LIMITED) and off["lean_deg"] <= lean_deg
+    assert not np.any(words["flags"] & fixed.FLAG_LEAN_LIMITED) and off["lean_deg"] <= lean_deg
     error_deg = off["lean_deg"] + off["tilt_deg"]
     command = (pid.kp_per_deg + pid.ki_per_deg_s * seconds) * error_deg + pid.kd_per_dps * off["rate_corrected_dps"]
-    if np.any(
-        words["flags"] & run_fixed.balancer.FLAG_COMMAND_LIMITED
-    ):  # one step's growth, integrated on one side only
+    if np.any(words["flags"] & fixed.FLAG_COMMAND_LIMITED):  # one step's growth, integrated on one side only
         command += pid.ki_per_deg_s * dt * float(np.max(np.abs(ideal["error_deg"])))
     assert off["command"] <= command + units and off["duty"] <= off["command"] + 2.0**-15 < 2.1e-3
 

@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 
 from plumb import __main__ as front
-from plumb.proof.figures import balancer_figures, figures
-from plumb.proof.figures.balancer_figures import Float64, Integers, balance
-from plumb.proof.figures.figures import Figure
+from plumb.proof import figures
+from plumb.proof.figures import Figure
+from plumb.systems.balancer import figures as balancer_figures
 from plumb.systems.balancer import scenarios as balancer
+from plumb.systems.balancer.figures import Float64, Integers, balance
 
 Rows = dict[tuple[str, str, str], Figure]
 PAGE = Path(__file__).parents[1] / "docs/balancer.md"
@@ -173,8 +174,8 @@ def test_a_push_tips_it_and_it_comes_back() -> None:
     tilt = {}
     for size in (0.0, 6.0, -6.0):
         run = balancer.scenario("smooth", 1000, seconds=8.0, faults=(Push(size, 5.0, 5.15),))
-        flight = runs.closed_loop(NativeBoard(), run, quantise.quantise(balancer.TUNED)).flight
-        tilt[size] = flight.truth["tilt_deg"]
+        inputs = runs.closed_loop(NativeBoard(), run, quantise.quantise(balancer.TUNED)).inputs
+        tilt[size] = inputs.truth["tilt_deg"]
     pushed = slice(500, 540)
     assert 1.0 < np.max(tilt[6.0][pushed] - tilt[0.0][pushed]) < 5.0
     assert 1.0 < np.max(tilt[0.0][pushed] - tilt[-6.0][pushed]) < 5.0

@@ -10,12 +10,12 @@ import pytest
 pytest.importorskip("unicorn")
 
 from plumb import systems
-from plumb.boards import plant_on_pins
 from plumb.boards.virtual import VirtualBoard
 from plumb.errors import LinkError
 from plumb.f103 import Machine
 from plumb.physics import disturbance
-from plumb.proof.runs import Trial
+from plumb.proof import live_run
+from plumb.proof.runs import Run
 from plumb.systems.balancer import pins as balancer_live
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.balancer.plant import BalancerPlant
@@ -37,22 +37,22 @@ class Watched(balancer_live.Coupling):
 
 
 @pytest.fixture(scope="module", params=["serial", "can"])
-def flight(request: pytest.FixtureRequest) -> Iterator[tuple[VirtualBoard, Trial]]:
+def inputs(request: pytest.FixtureRequest) -> Iterator[tuple[VirtualBoard, Run]]:
     with VirtualBoard(link=request.param) as board, pytest.MonkeyPatch.context() as patch:
         patch.setattr(balancer_live, "Coupling", Watched)
-        yield board, plant_on_pins.fly(board, balancer.scenario("rough", 1000, seconds=6.0), PARAMS)
+        yield board, live_run.run_live(board, balancer.scenario("rough", 1000, seconds=6.0), PARAMS)
 
 
-def faulty(*texts: str, seconds: float, open_loop: bool = False) -> Trial:
+def faulty(*texts: str, seconds: float, open_loop: bool = False) -> Run:
     """A live ride with faults, as `plumb run --fault` takes them."""
     asked = balancer.faults([disturbance.parse(text) for text in texts])
     run = balancer.scenario("smooth", 1000, seconds=seconds, faults=asked)
     with VirtualBoard() as board:
-        return plant_on_pins.fly(board, run, PARAMS, open_loop=open_loop)
+        return live_run.run_live(board, run, PARAMS, open_loop=open_loop)
 
 
-def test_an_armed_live_ride_is_the_model_bit_for_bit_and_stays_up(flight: tuple[VirtualBoard, Trial]) -> None:
-    board, trial = flight
+def test_an_armed_live_ride_is_the_model_bit_for_bit_and_stays_up(inputs: tuple[VirtualBoard, Run]) -> None:
+    board, trial = inputs
     figures = trial.metrics()
     assert trial.verdict == "pass" and figures["target_vs_fixed_mismatches"] == 0
     assert figures["fallen_steps"] == 0
@@ -61,10 +61,10 @@ def test_an_armed_live_ride_is_the_model_bit_for_bit_and_stays_up(flight: tuple[
     assert not board.machine.warnings
 
 
-def test_the_chips_and_the_hall_sensors_give_what_the_plant_has(flight: tuple[VirtualBoard, Trial]) -> None:
+def test_the_chips_and_the_hall_sensors_give_what_the_plant_has(inputs: tuple[VirtualBoard, Run]) -> None:
     """Counts of the registers follow the truth: rate within noise, up about 1 g, edges the way that was rolled."""
-    _, trial = flight
-    raw, truth = trial.flight.raw, trial.flight.truth
+    _, trial = inputs
+    raw, truth = trial.inputs.raw, trial.inputs.truth
     rate_dps = raw[:, 0] / balancer.GYRO.lsb_per_dps - truth["bias_dps"]
     assert np.std(rate_dps - truth["rate_dps"]) < 3 * balancer.GYRO_NOISE_DPS
     assert np.mean(raw[:, 2]) == pytest.approx(256.0, abs=6.0)
@@ -72,16 +72,16 @@ def test_the_chips_and_the_hall_sensors_give_what_the_plant_has(flight: tuple[Vi
     assert (int(raw[-1, 3]) - int(raw[0, 3])) * balancer.EDGE_M == pytest.approx(way_m, abs=0.02)
 
 
-def test_every_count_is_what_a_register_held(flight: tuple[VirtualBoard, Trial]) -> None:
+def test_every_count_is_what_a_register_held(inputs: tuple[VirtualBoard, Run]) -> None:
     """All three, in order, none left out: gyro about y big-endian, accelerometer x and z little-endian."""
-    raw, coupling = flight[1].flight.raw, Watched.made[-1]
+    raw, coupling = inputs[1].inputs.raw, Watched.made[-1]
     gyro = np.array([count for count, _ in coupling.taken])
-    first = plant_on_pins.matching(gyro, raw[:, 0])
+    first = live_run.align_to_conversions(gyro, raw[:, 0])
     assert np.array_equal(gyro[first : first + len(raw)], raw[:, 0])
     accel = np.array(coupling.read)
-    first = plant_on_pins.matching(accel[:, 2], raw[:, 2])
+    first = live_run.align_to_conversions(accel[:, 2], raw[:, 2])
     assert np.array_equal(accel[first : first + len(raw)][:, [0, 2]], raw[:, 1:3])
-    assert not flight[0].machine.warnings
+    assert not inputs[0].machine.warnings
 
 
 def test_faults_on_request_are_in_the_registers_and_at_the_hall_sensors() -> None:
@@ -89,7 +89,7 @@ def test_faults_on_request_are_in_the_registers_and_at_the_hall_sensors() -> Non
     accelerometer's faults are shorter than what disarms."""
     texts = ["noisy:gyro@1-2", "railed:accel_x@1-1.06", "silent:accel_z@1-1.06", "noisy:hall@1-2"]
     trial = faulty(*texts, seconds=2.8, open_loop=True)
-    raw = trial.flight.raw.astype(int)
+    raw = trial.inputs.raw.astype(int)
     before, during, after = raw[20:95], raw[105:195], raw[205:275]
     assert trial.verdict == "pass"
     assert np.std(during[:, 0]) == pytest.approx(200.0, rel=0.25)
@@ -115,12 +115,12 @@ def test_a_chip_that_falls_silent_disarms_and_the_vehicle_falls() -> None:
     with VirtualBoard() as board, pytest.MonkeyPatch.context() as patch:
         patch.setattr(balancer_live, "Coupling", Dying)
         with pytest.raises(LinkError, match=r"takes no samples|disarmed itself"):
-            plant_on_pins.fly(board, balancer.scenario("rough", 1000, seconds=8.0), PARAMS)
+            live_run.run_live(board, balancer.scenario("rough", 1000, seconds=8.0), PARAMS)
         assert not board.machine.bridge().enabled, "no duty on stale samples"
 
 
 def test_it_is_armed_on_the_pins_of_the_bridge_only() -> None:
-    assert balancer.LINK["pins"] == 1 and systems.load("balancer", "live").FRAMES[-1] == "BALANCER_DRIVE"
+    assert balancer.LINK["pins"] == 1 and systems.load("balancer", "pins").FRAMES[-1] == "BALANCER_DRIVE"
     with VirtualBoard() as board:
         board.session.upload(PARAMS.words(), period_us=balancer.PERIOD_US)
         board.session.begin("REALTIME_INJECTED")

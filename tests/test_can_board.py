@@ -14,9 +14,9 @@ pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual
 
 from pins import at_rest
 from plumb import __main__ as front
-from plumb.boards.plant_on_pins import fly
 from plumb.boards.virtual import VirtualBoard
 from plumb.boards.virtual_can import MachineBus
+from plumb.cli import verbs
 from plumb.errors import LinkError, UsageError
 from plumb.f103 import open_machine
 from plumb.f103.attached.canwire import BIT_RECESSIVE, CRC, CanWire, WireFrame
@@ -25,6 +25,7 @@ from plumb.link.identity import NackError
 from plumb.link.lockstep import Lockstep
 from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
+from plumb.proof.live_run import run_live
 from plumb.spec import parameters
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning.quantise import quantise
@@ -51,9 +52,9 @@ def parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser
                 yield from parsers(verb)
 
 
-@pytest.mark.parametrize("name", front.COMMANDS)
+@pytest.mark.parametrize("name", verbs.COMMANDS)
 def test_whatever_speaks_to_a_board_does_so_over_either_link(name: str) -> None:
-    for parser in parsers(front.command_parser(name)):
+    for parser in parsers(verbs.command_parser(name)):
         options = parser._option_string_actions
         if "--board" in options or "--confirm" in options:
             assert options["--link"].choices == ("serial", "can") and options["--link"].default == "serial"
@@ -126,7 +127,7 @@ def test_run_over_can(loop: list[str], capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_a_live_run_is_armed_and_kept_alive_over_can(board: VirtualBoard) -> None:
-    trial = fly(board, quad.scenario("hold", 1000, seconds=2), quantise(quad.TUNINGS["adaptive"]))
+    trial = run_live(board, quad.scenario("hold", 1000, seconds=2), quantise(quad.TUNINGS["adaptive"]))
     assert trial.verdict == "pass" and trial.mismatches == 0
 
 

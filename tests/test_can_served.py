@@ -85,8 +85,8 @@ def test_both_ends_from_two_hosts_and_stock_slcan_on_the_uart(served: Served) ->
 
 RUNNING_HOST = """
 import sys
-from plumb.buses import open_can
-from plumb.session import Session
+from plumb.link.transports.open_bus import open_can
+from plumb.link.session import Session
 
 with Session.over(open_can(sys.argv[1].removeprefix("can:"))) as session:
     session.begin("REALTIME_LIVE", frames=("RAW_A", "QUAD_ANGLE"))

@@ -9,12 +9,13 @@ from pathlib import Path
 import pytest
 
 from plumb import __main__ as front
+from plumb.cli import verbs
 from plumb.errors import LinkError, PlumbError, UsageError, VerdictError
 
 HEAVY = {"numpy", "can", "cantools", "serial", "unicorn", "matplotlib"}
 
 
-@pytest.mark.parametrize("arguments", [["--help"], *([name, "--help"] for name in front.COMMANDS)])
+@pytest.mark.parametrize("arguments", [["--help"], *([name, "--help"] for name in verbs.COMMANDS)])
 def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
     program = (
         "import sys\nfrom plumb.__main__ import main\n"
@@ -29,7 +30,7 @@ def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
 
 def test_top_level_help_names_every_verb() -> None:
     text = front.top_level_help()
-    assert all(f"  {name} " in text for name in front.COMMANDS)
+    assert all(f"  {name} " in text for name in verbs.COMMANDS)
 
 
 @pytest.mark.parametrize(
@@ -71,6 +72,6 @@ def test_an_interrupt_is_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     def interrupted(_name: str) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(front, "command_parser", interrupted)
+    monkeypatch.setattr(verbs, "command_parser", interrupted)
     assert front.main(["ports"]) == 130
     assert capsys.readouterr().err == "plumb: interrupted.\n"

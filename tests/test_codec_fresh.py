@@ -14,7 +14,7 @@ from plumb.spec import declarations, parameters
 from plumb.spec.protocol import canonical_text, load_database, message_of, protocol, protocol_of
 
 ROOT = Path(__file__).resolve().parent.parent
-DBC = ROOT / "host" / "plumb" / "messages.dbc"
+DBC = ROOT / "host" / "plumb" / "spec" / "messages.dbc"
 
 
 def tool(name: str) -> ModuleType:

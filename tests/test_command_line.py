@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from plumb import __main__ as front
+from plumb.cli import verbs
 from plumb.cli.command_line import shown
 
 NOT_TEXT = os.fsdecode(b"n\xff\xfe")
@@ -121,7 +122,7 @@ def options(parser: argparse.ArgumentParser, verb: tuple[str, ...] = ()) -> Iter
             yield verb, action.option_strings[-1]
 
 
-EVERY_OPTION = [(name, *found) for name in front.COMMANDS for found in options(front.command_parser(name))]
+EVERY_OPTION = [(name, *found) for name in verbs.COMMANDS for found in options(verbs.command_parser(name))]
 
 
 @pytest.mark.parametrize("value", ["=", "=--"])

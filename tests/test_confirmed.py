@@ -14,7 +14,7 @@ from plumb import __main__ as front
 from plumb import systems
 from plumb.boards import Answer
 from plumb.boards.native import NativeBoard
-from plumb.proof.figures import confirmed
+from plumb.proof import confirmed
 
 
 @pytest.mark.parametrize(("name", "link"), [*((name, "serial") for name in systems.SYSTEMS), ("balancer", "can")])

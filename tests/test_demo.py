@@ -24,8 +24,8 @@ try:
 except UsageError as missing:
     pytest.skip(str(missing), allow_module_level=True)
 
-from plumb.boards import plant_on_pins  # after the skips: it needs unicorn
 from plumb.boards.virtual import VirtualBoard
+from plumb.proof import live_run
 
 
 def one_of_each_system(folder: Path, systems: Sequence[str] | None = None) -> list[golden.Case]:
@@ -62,28 +62,28 @@ def test_the_demo_closes_the_loop_and_agrees_in_every_bit(
 def test_a_live_run_holds_the_axis_level() -> None:
     scenario = quad.scenario("hold", 1001, seconds=15.0)
     with VirtualBoard() as board:
-        flown = plant_on_pins.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]))
+        flown = live_run.run_live(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]))
         assert board.machine.warnings == []
     assert flown.verdict == "pass"
-    late = np.abs(flown.flight.truth["tilt_deg"][flown.flight.time_s > 13.0])
+    late = np.abs(flown.inputs.truth["tilt_deg"][flown.inputs.time_s > 13.0])
     assert 0.0 < late.max() < 2.0
-    pulled = flown.flight.truth["tilt_deg"][(flown.flight.time_s > 10.4) & (flown.flight.time_s < 10.6)]
+    pulled = flown.inputs.truth["tilt_deg"][(flown.inputs.time_s > 10.4) & (flown.inputs.time_s < 10.6)]
     assert pulled.max() > 19.0
 
 
 def test_a_live_open_loop_takes_the_counts_of_the_scenario() -> None:
     scenario = quad.scenario("motion", 1002, seconds=8.0)
     with VirtualBoard() as board:
-        flown = plant_on_pins.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]), open_loop=True)
-    assert np.array_equal(flown.flight.raw, scenario.counts())
+        flown = live_run.run_live(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]), open_loop=True)
+    assert np.array_equal(flown.inputs.raw, scenario.counts())
 
 
 def test_a_live_run_is_told_the_setpoints_as_they_change() -> None:
     """A step or two late, as over any link; which step was the first to use one the board says, so all is verified."""
     scenario = quad.scenario("motion", 1005, seconds=7.0)
     with VirtualBoard() as board:
-        flown = plant_on_pins.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]))
-    asked, used = scenario.setpoint().astype(np.int64), flown.flight.setpoint.astype(np.int64)
+        flown = live_run.run_live(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]))
+    asked, used = scenario.setpoint().astype(np.int64), flown.inputs.setpoint.astype(np.int64)
     assert flown.verdict == "pass" and len(set(used.tolist())) > 50
     late = [int(np.abs(used[steps:] - asked[: len(asked) - steps]).max()) for steps in range(4)]
     assert min(late) < 2**32 / 360, "within a degree of what was asked a few steps before"
@@ -94,16 +94,16 @@ def test_conversions_before_the_run_are_not_its_steps() -> None:
     taken = rng.integers(0, 4096, 60)
     streamed = taken[3:53].astype(np.int16)
     streamed[10] = 0  # lost on the link
-    assert plant_on_pins.matching(taken, streamed) == 3
+    assert live_run.align_to_conversions(taken, streamed) == 3
     with pytest.raises(LinkError, match="60 steps of 50"):
-        plant_on_pins.matching(taken[:50], taken.astype(np.int16))
+        live_run.align_to_conversions(taken[:50], taken.astype(np.int16))
 
 
 def test_a_live_run_knows_its_truth_to_the_last_step() -> None:
     scenario = quad.scenario("motion", 1003, seconds=4.0)
     with VirtualBoard() as board:
-        flown = plant_on_pins.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]), open_loop=True)
-    assert np.array_equal(flown.flight.truth["bias_dps"], scenario.bias_dps)
+        flown = live_run.run_live(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]), open_loop=True)
+    assert np.array_equal(flown.inputs.truth["bias_dps"], scenario.bias_dps)
 
 
 def test_a_board_that_disarms_itself_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,4 +111,4 @@ def test_a_board_that_disarms_itself_ends_the_run(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(Session, "_answer_values", lambda session, frames: None)
     scenario = quad.scenario("hold", 1004, seconds=4.0)
     with VirtualBoard() as board, pytest.raises(LinkError, match="disarmed itself before step"):
-        plant_on_pins.fly(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]))
+        live_run.run_live(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]))

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from plumb import __main__ as front
 from plumb import systems
+from plumb.cli import verbs
 from plumb.spec import parameters
 
 ROOT = Path(__file__).parents[1]
@@ -26,7 +26,7 @@ def commands(page: Path) -> list[str]:
 def test_every_command_that_is_told_can_be_typed(page: Path) -> None:
     for line in commands(page):
         name, *rest = shlex.split(line)
-        front.command_parser(name).parse_args(rest)
+        verbs.command_parser(name).parse_args(rest)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

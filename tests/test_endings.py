@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from plumb import __main__ as front
+from plumb.cli import verbs
 from plumb.errors import UsageError, VerdictError
 from plumb.flash.image import find_image
 
@@ -82,7 +83,7 @@ def test_a_signal_ends_a_command_in_good_order(number: str, code: int, said: str
 TERMINATED_IN_FLIGHT = """
 import os, signal
 from plumb.boards.virtual import VirtualBoard
-from plumb.session import Session
+from plumb.link.session import Session
 connect, receive, close, machine, driving = VirtualBoard._connect, Session.receive, VirtualBoard.close, None, 0
 def pulses():
     return machine.pwm("PB6").pulse_us, machine.pwm("PB7").pulse_us
@@ -193,7 +194,7 @@ def test_an_exception_that_nobody_foresaw_is_a_sentence(
     def defective(_name: str) -> None:
         raise error
 
-    monkeypatch.setattr(front, "command_parser", defective)
+    monkeypatch.setattr(verbs, "command_parser", defective)
     assert front.main(["ports"]) == code
     err = capsys.readouterr().err
     assert said in err and err.startswith("plumb: ") and err.count("\n") == 1
@@ -208,7 +209,7 @@ def test_debug_shows_where_an_error_comes_from(
     def defective(_name: str) -> None:
         raise error
 
-    monkeypatch.setattr(front, "command_parser", defective)
+    monkeypatch.setattr(verbs, "command_parser", defective)
     assert front.main(arguments) in (1, 4)
     err = capsys.readouterr().err
     assert "Traceback" in err and "in defective" in err

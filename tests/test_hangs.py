@@ -148,7 +148,7 @@ def test_every_handler_of_the_vector_table_is_tried(image: Image) -> None:
     assert set(vectors(image).values()) == set(HANDLERS)
 
 
-class Flight:
+class RunInputs:
     """A quad that flies on its own sensors; begun once, put back for every hang."""
 
     def __init__(self, data: bytes, period_us: int = 3000, frame_us: int = FRAME_US) -> None:
@@ -185,15 +185,15 @@ class Flight:
 
 
 @pytest.fixture(scope="module")
-def flight(image: Image) -> Flight:
-    return Flight(image.data)
+def inputs(image: Image) -> RunInputs:
+    return RunInputs(image.data)
 
 
 @pytest.mark.parametrize("name", ESC_HANGS)
-def test_the_pulses_are_safe_within_50_ms_of_a_hang(flight: Flight, image: Image, name: str) -> None:
-    machine = flight.again()
+def test_the_pulses_are_safe_within_50_ms_of_a_hang(inputs: RunInputs, image: Image, name: str) -> None:
+    machine = inputs.again()
     ESC_HANGS[name](machine, image)
-    after_us = flight.safe_after_us()
+    after_us = inputs.safe_after_us()
     assert 0 < after_us <= SAFE_US
     assert machine.reset_count > 1, "the window watchdog ends it"
 
@@ -219,9 +219,9 @@ def test_the_bridge_is_off_within_50_ms_of_a_hang(ride: tuple[Balancer, Snapshot
 
 
 @pytest.fixture(scope="module")
-def slow_flight(image: Image) -> Flight:
+def slow_flight(image: Image) -> RunInputs:
     """A pause of 15 ms misses no step of it, and neither silences its host for too long."""
-    return Flight(image.data, period_us=20_000, frame_us=2500)
+    return RunInputs(image.data, period_us=20_000, frame_us=2500)
 
 
 def pause(machine: Machine, image: Image, duration_us: int) -> None:
@@ -241,15 +241,15 @@ def told(session: Session) -> dict[str, int]:
 
 @pytest.mark.parametrize(("pause_us", "stalls"), [(15_000, False), (30_000, True)])
 def test_a_loop_that_comes_round_again_is_told_and_does_not_drive_before_the_next_run(
-    slow_flight: Flight, image: Image, pause_us: int, stalls: bool
+    slow_flight: RunInputs, image: Image, pause_us: int, stalls: bool
 ) -> None:
     """20 ms without a turn are neutral and latched; a new run and arming drive again."""
-    flight = slow_flight
-    machine, session = flight.again(), flight.session
+    inputs = slow_flight
+    machine, session = inputs.again(), inputs.session
     pause(machine, image, pause_us)
     for _ in range(5):
         session.receive(0.005)
-    assert flight.safe == stalls and machine.reset_count == 1
+    assert inputs.safe == stalls and machine.reset_count == 1
     status = told(session)
     assert bool(status["faults"] & STALLED) == stalls
     if not stalls:
@@ -257,14 +257,14 @@ def test_a_loop_that_comes_round_again_is_told_and_does_not_drive_before_the_nex
     assert status["armed"] == 0 and status["blocked"] & 8
     for _ in range(20):
         session.receive(0.005)
-        assert flight.safe
+        assert inputs.safe
     with pytest.raises(LinkError, match="the board has a fault"):
         session.arm()
     session.begin("REALTIME_LIVE")
     session.arm()
     for _ in range(20):
         session.receive(0.005)
-    assert not flight.safe and told(session)["faults"] & STALLED == 0
+    assert not inputs.safe and told(session)["faults"] & STALLED == 0
 
 
 def test_a_bridge_that_a_stall_switched_off_stays_off_until_the_next_run(
@@ -320,9 +320,9 @@ def test_a_word_for_the_bootloader_that_a_watchdog_overtook_counts_for_nothing(i
     assert machine.rom is None and machine.reset_count == 3
 
 
-def test_systick_alone_interrupts_the_other_handlers(flight: Flight, image: Image) -> None:
+def test_systick_alone_interrupts_the_other_handlers(inputs: RunInputs, image: Image) -> None:
     """Priorities as the processor has them: what the bound of the stack counts on."""
-    nvic = flight.again().nvic
+    nvic = inputs.again().nvic
     enabled = [number for number in range(SVC_TO_SYSTICK_ENTRY, 76) if nvic.enabled >> number & 1]
     assert len(enabled) > 8
     assert {number: nvic.priority[number] for number in enabled} == {

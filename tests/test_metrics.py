@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from plumb.proof import metrics
+from plumb.systems import scoring
 
 PERIOD_S = 0.02
 
@@ -17,8 +18,8 @@ PERIOD_S = 0.02
 )
 def test_the_window_is_from_10_s_or_the_second_half(seconds: float, from_s: float) -> None:
     time_s = np.arange(round(seconds / PERIOD_S)) * PERIOD_S
-    assert time_s[metrics.scored(time_s)][0] == pytest.approx(from_s, abs=PERIOD_S)
-    assert metrics.scored(time_s)[-1]
+    assert time_s[scoring.scored(time_s)][0] == pytest.approx(from_s, abs=PERIOD_S)
+    assert scoring.scored(time_s)[-1]
 
 
 def test_errors_wrap_and_are_scored_in_the_window_alone() -> None:

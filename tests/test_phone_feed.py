@@ -265,7 +265,7 @@ def test_a_board_that_goes_wrong_is_found_with_the_word(native: Board) -> None:
     assert (outcome.divergence.step, outcome.divergence.signal) == (199, "roll_p11")
     whole = outcome.longest.trial(phone_run.params_of("euler", phone.PERIOD_US))
     assert (whole.verdict, whole.mismatches, whole.divergence) == ("fail", 1, outcome.divergence)
-    assert len(whole.flight.raw) == 200, "what is looked for ends the run on the board"
+    assert len(whole.inputs.raw) == 200, "what is looked for ends the run on the board"
 
 
 @pytest.mark.parametrize("dies", [True, False])

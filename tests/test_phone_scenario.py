@@ -10,8 +10,8 @@ import pytest
 from plumb.boards import native_core
 from plumb.errors import UsageError
 from plumb.physics import disturbance
-from plumb.proof.figures import phone_figures
-from plumb.proof.figures.figures import UNASKED, Figure
+from plumb.proof.figures import UNASKED, Figure
+from plumb.systems.phone import figures as phone_figures
 from plumb.systems.phone import scenarios as phone
 from plumb.tuning import quantise
 

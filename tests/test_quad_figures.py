@@ -12,8 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from plumb.proof.figures import figures, quad_figures
-from plumb.proof.figures.figures import Figure, Sense
+from plumb.proof import figures
+from plumb.proof.figures import Figure, Sense
+from plumb.systems.quad import figures as quad_figures
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.plant import QuadPlant
 from plumb.tuning import quantise

@@ -13,7 +13,7 @@ import pytest
 from plumb.errors import UsageError
 from plumb.proof import metrics
 from plumb.spec.tuning import Tuning
-from plumb.systems import load, run_reference
+from plumb.systems import load, run_reference, scoring
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.plant import QuadPlant
 
@@ -43,12 +43,12 @@ def rmse_deg(runs: list[quad.Scenario], engineering: np.ndarray, tuning: Tuning)
         run_reference.kalman_step(state, tuning.kalman, tuning.period_s, z_deg[k], rate_dps[k], tuning.trust.r_deg2)
         estimate[k] = state.tilt_deg
     truth = np.stack([run.tilt_deg() for run in runs], axis=-1)
-    return float(np.mean(metrics.angle_rmse_deg(estimate, truth, metrics.scored(runs[0].time_s))))
+    return float(np.mean(metrics.angle_rmse_deg(estimate, truth, scoring.scored(runs[0].time_s))))
 
 
 def test_accelerometer_only_is_within_5_percent_of_2_40_deg(runs: list[quad.Scenario], engineering: np.ndarray) -> None:
     truth = np.stack([run.tilt_deg() for run in runs], axis=-1)
-    figures = metrics.accel_only_rmse_deg(engineering[1], engineering[2], truth, metrics.scored(runs[0].time_s))
+    figures = metrics.accel_only_rmse_deg(engineering[1], engineering[2], truth, scoring.scored(runs[0].time_s))
     assert float(np.mean(figures)) == pytest.approx(2.40, rel=0.05)
 
 

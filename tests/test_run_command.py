@@ -114,19 +114,19 @@ class LyingBoard(NativeBoard):
 
 @pytest.mark.parametrize("signal", ["innovation_turn_q32", "p11", "pulse_halfus_1"])
 def test_one_wrong_bit_is_a_failed_verdict_with_step_and_signal(signal: str) -> None:
-    flight = runs.prescribed(quad.scenario("motion", 3, seconds=4.0))
+    inputs = runs.prescribed(quad.scenario("motion", 3, seconds=4.0))
     params = quantise.quantise(quad.TUNINGS["adaptive"])
-    judged = runs.open_loop(LyingBoard(77, signal), flight, params)
+    judged = runs.open_loop(LyingBoard(77, signal), inputs, params)
     assert judged.verdict == "fail" and judged.mismatches == 1
     assert judged.divergence is not None
     assert (judged.divergence.step, judged.divergence.signal) == (77, signal)
 
 
 def test_a_lost_digest_is_unverified_not_passed() -> None:
-    flight = runs.prescribed(quad.scenario("motion", 3, seconds=4.0))
+    inputs = runs.prescribed(quad.scenario("motion", 3, seconds=4.0))
     params = quantise.quantise(quad.TUNINGS["adaptive"])
-    answer = NativeBoard().run_injected(params, flight.raw, flight.setpoint)
-    judged = runs.judge(NativeBoard(), flight, params, replace(answer, unverified_from=120))
+    answer = NativeBoard().run_injected(params, inputs.raw, inputs.setpoint)
+    judged = runs.judge(NativeBoard(), inputs, params, replace(answer, unverified_from=120))
     assert judged.verdict == "unverified"
     assert judged.summary()["unverified_from_step"] == 120
 

@@ -11,14 +11,14 @@ import pytest
 
 pytest.importorskip("unicorn")
 
-from plumb.boards import plant_on_pins
 from plumb.boards.virtual import VirtualBoard
 from plumb.cli import monitor as view
 from plumb.errors import LinkError, UsageError
 from plumb.link.monitor import Monitor, begin_live
 from plumb.physics import disturbance
 from plumb.physics.sensors import ADC_COUNTS, ADC_REFERENCE_V
-from plumb.proof.runs import Trial
+from plumb.proof import live_run
+from plumb.proof.runs import Run
 from plumb.systems.turntable import pins as turntable_live
 from plumb.systems.turntable import scenarios as turntable
 from plumb.tuning import quantise
@@ -30,24 +30,24 @@ ANGULAR = 8
 
 
 @pytest.fixture(scope="module")
-def flight() -> Iterator[tuple[VirtualBoard, Trial]]:
+def inputs() -> Iterator[tuple[VirtualBoard, Run]]:
     with VirtualBoard() as board:
-        yield board, plant_on_pins.fly(board, turntable.scenario("analog", 1000, seconds=11.0), PARAMS)
+        yield board, live_run.run_live(board, turntable.scenario("analog", 1000, seconds=11.0), PARAMS)
 
 
-def test_a_live_run_is_the_model_bit_for_bit_and_knows_the_attitude(flight: tuple[VirtualBoard, Trial]) -> None:
-    board, trial = flight
+def test_a_live_run_is_the_model_bit_for_bit_and_knows_the_attitude(inputs: tuple[VirtualBoard, Run]) -> None:
+    board, trial = inputs
     found = trial.metrics()
     assert trial.verdict == "pass" and found["target_vs_fixed_mismatches"] == 0
     assert found["angle_max_deg"] is not None and found["angle_max_deg"] < 0.5
     assert not board.machine.warnings
 
 
-def test_the_converter_gives_what_the_sensors_give(flight: tuple[VirtualBoard, Trial]) -> None:
+def test_the_converter_gives_what_the_sensors_give(inputs: tuple[VirtualBoard, Run]) -> None:
     """Six channels in their places, every count of the scenario."""
-    _, trial = flight
-    sent, steps = turntable.scenario("analog", 1000, seconds=11.0).counts(), len(trial.flight.raw) - 10
-    agree = [np.mean(trial.flight.raw[:steps] == sent[first : first + steps]) for first in range(10)]
+    _, trial = inputs
+    sent, steps = turntable.scenario("analog", 1000, seconds=11.0).counts(), len(trial.inputs.raw) - 10
+    agree = [np.mean(trial.inputs.raw[:steps] == sent[first : first + steps]) for first in range(10)]
     assert max(agree) == 1.0
 
 
@@ -55,8 +55,8 @@ def test_a_sensor_that_hangs_is_lost_and_the_run_goes_on() -> None:
     """The board marks the channels of the angular accelerometer 0.1 s after they stop to move, until they do again."""
     asked = turntable.faults([disturbance.parse("stuck:angular@10.2-11")])
     with VirtualBoard() as board:
-        trial = plant_on_pins.fly(board, turntable.scenario("analog", 1001, seconds=11.2, faults=asked), PARAMS)
-    lost = np.flatnonzero(trial.flight.raw[:, 3] == turntable.NO_SAMPLE)
+        trial = live_run.run_live(board, turntable.scenario("analog", 1001, seconds=11.2, faults=asked), PARAMS)
+    lost = np.flatnonzero(trial.inputs.raw[:, 3] == turntable.NO_SAMPLE)
     assert 165 <= len(lost) <= 185 and np.all(np.diff(lost) == 1)
     assert not (trial.words["flags"][lost] & ANGULAR).any() and trial.verdict == "pass"
     assert trial.metrics()["angle_max_deg"] < 5.0
@@ -88,7 +88,7 @@ def test_the_monitor_shows_attitude_and_rates() -> None:
 
 def test_only_the_scenario_of_the_pins_is_put_on_them() -> None:
     with VirtualBoard() as board, pytest.raises(UsageError, match="take the scenario and the tuning analog"):
-        plant_on_pins.fly(board, turntable.scenario("motion", 1000, seconds=2.0), PARAMS)
+        live_run.run_live(board, turntable.scenario("motion", 1000, seconds=2.0), PARAMS)
 
 
 def test_it_drives_nothing_and_is_never_armed() -> None:

@@ -9,7 +9,8 @@ import pytest
 
 from plumb.errors import UsageError
 from plumb.physics import disturbance
-from plumb.proof.figures import figures, turntable_figures
+from plumb.proof import figures
+from plumb.systems.turntable import figures as turntable_figures
 from plumb.systems.turntable import gyro as turntable_gyro
 from plumb.systems.turntable import scenarios as turntable
 from plumb.systems.turntable.motion import FADE_S, REST_S, lagged, motion

@@ -16,6 +16,7 @@ from plumb import __main__ as front
 from plumb import systems
 from plumb.errors import UsageError
 from plumb.flash.image import find_image
+from plumb.link import parameter_table
 from plumb.link.identity import FAULT_STRAP
 from plumb.link.session import Session
 from plumb.spec import parameter_file
@@ -103,7 +104,7 @@ def test_the_plant_is_on_the_pins_before_the_power_comes_on() -> None:
     from plumb.tuning.quantise import quantise
 
     with VirtualBoard() as board:
-        plant_on_pins.become(board, quantise(balancer.TUNED), period_us=balancer.PERIOD_US, **balancer.LINK)
+        plant_on_pins.configure_as(board, quantise(balancer.TUNED), period_us=balancer.PERIOD_US, **balancer.LINK)
         slots = bytes(board.machine.cpu.flash[PARAMETER_SLOTS - FLASH_BASE :])
     machine = open_machine(
         slots=slots, strap="bridge", couple=plant_on_pins.coupler("balancer", balancer.scenario("rough", 1))
@@ -135,10 +136,10 @@ def test_with_a_system_it_comes_up_as_that_one(name: str, tuning: str, pins: int
     """Saved and started again: a balancer that is armed later is armed on the pins of the bridge, or not at all."""
     system = systems.load(name)
     machine = open_machine()
-    plant_on_pins.comes_up_as(machine, name)
+    plant_on_pins.boot_configured_as(machine, name)
     with Session.open(machine.uart) as session:
         identity = session.connect()
-        found = parameter_file.by_name(parameter_file.read_table(session))
+        found = parameter_file.by_name(parameter_table.read_table(session))
     assert identity["PINS"] == pins and identity.parameter_source.startswith("saved")
     wanted = {**quantise(system.TUNINGS[tuning]).values, "period_us": system.PERIOD_US, **system.LINK}
     assert {key: found[key] for key in wanted} == wanted
@@ -163,7 +164,7 @@ def test_kept_parameters_are_nobodys_to_replace(tmp_path: Path, monkeypatch: pyt
     kept = tmp_path / "board.flash"
     told = []
 
-    def look(machine: Machine, where: str, **ends: Any) -> int:
+    def look(machine: Machine, where: str, stopped: object, **ends: Any) -> None:
         with Session.open(machine.uart) as session:
             identity = session.connect()
             told.append((session.read_parameters()[0], identity["PINS"], identity["FAULTS"] >> FAULT_STRAP & 1))
@@ -171,7 +172,6 @@ def test_kept_parameters_are_nobodys_to_replace(tmp_path: Path, monkeypatch: pyt
                 session.upload(quantise(systems.load("quad").TUNINGS["adaptive"]).words(), period_us=20_000)
                 session.execute_idle("SAVE")
         ends["kept"].write()
-        return signal.SIGTERM
 
     monkeypatch.setattr("plumb.boards.serve.serve", look)
     command = ["virtual-board", "--keep", str(kept)]

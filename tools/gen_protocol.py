@@ -16,7 +16,7 @@ sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tests"), str(ROOT / "tools")]
 
 from link_board import MemoryBoard, disarms  # type: ignore[import-not-found]  # noqa: E402
 from measure_residuals import residual_table  # type: ignore[import-not-found]  # noqa: E402
-from plumb.bench import bus_load
+from plumb.bench import bus_load  # noqa: E402
 from plumb.link.session import PERIODIC  # noqa: E402
 from plumb.link.transports.slcan import frame_of_line, text_of_frames  # noqa: E402
 from plumb.spec import parameters  # noqa: E402

@@ -17,8 +17,8 @@ import sys
 from functools import cache
 from pathlib import Path
 
-from plumb.proof.figures import figures
-from plumb.proof.figures.figures import Figure
+from plumb.proof import figures
+from plumb.proof.figures import Figure
 from plumb.systems import SYSTEMS
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -30,7 +30,7 @@ def c_files(built: tuple[str, ...] = ()) -> dict[str, str]:
 def committed() -> dict[Path, str]:
     """File -> text of what is committed: of the systems that are part of this package."""
     files = {ROOT / "firmware" / "generated" / name: text for name, text in c_files().items()}
-    return {**files, ROOT / "host" / "plumb" / "messages.dbc": dbc.text()}
+    return {**files, ROOT / "host" / "plumb" / "spec" / "messages.dbc": dbc.text()}
 
 
 def write(files: dict[Path, str]) -> None:

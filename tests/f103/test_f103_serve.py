@@ -21,10 +21,13 @@ SERVER = """
 import sys
 from pathlib import Path
 from plumb.f103 import Machine
-from plumb.f103.serve import serve
+from plumb.boards.serve import serve
+from plumb.process_signals import endings
 link = Path(sys.argv[3]) if len(sys.argv) > 3 else None
-number = serve(Machine(Path(sys.argv[1])), sys.argv[2], link=link, announce=lambda text: print(text, flush=True))
-print("ended by", number, flush=True)
+with endings() as caught:
+    machine = Machine(Path(sys.argv[1]))
+    serve(machine, sys.argv[2], lambda: bool(caught), link=link, announce=lambda text: print(text, flush=True))
+print("ended by", caught[0], flush=True)
 """
 
 

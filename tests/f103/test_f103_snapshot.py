@@ -42,11 +42,11 @@ def image() -> bytes:
 def board(request: pytest.FixtureRequest, image: bytes) -> Iterator[VirtualBoard]:
     """Armed and driving its plant, over either link."""
     name, link = request.param
-    system, joined = systems.load(name), systems.load(name, "live")
+    system, joined = systems.load(name), systems.load(name, "pins")
     run = system.scenario(joined.SCENARIO, 1, seconds=5.0)
     with VirtualBoard(link=link) as board:
         params = quantise.quantise(system.TUNINGS[joined.TUNING])
-        session = plant_on_pins.become(board, params, period_us=run.period_us, arm_hold_ms=0, **system.LINK)
+        session = plant_on_pins.configure_as(board, params, period_us=run.period_us, arm_hold_ms=0, **system.LINK)
         joined.Coupling(board.machine, system.plant(run))
         board.machine.tim1.trace = []
         board.machine.advance_us(plant_on_pins.FOUND_US)

@@ -33,6 +33,7 @@ from plumb.bench.instruction_counter import Counter, Image, InstructionTrace
 from plumb.bench.m3_timing import path_cost
 from plumb.boards import native_core
 from plumb.boards.virtual import VirtualBoard
+from plumb.checkout import CHECKOUT
 from plumb.errors import UsageError
 from plumb.flash.elf import CallGraph
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
@@ -172,7 +173,7 @@ class BenchResult:
 
 def find_image(image: Path | None = None) -> Path:
     """The image asked for, else the checkout's build."""
-    candidates = [image] if image else [Path.cwd() / IMAGE, Path(__file__).parents[2] / IMAGE]
+    candidates = [image] if image else [Path.cwd() / IMAGE, CHECKOUT / IMAGE]
     for candidate in candidates:
         if candidate.is_file():
             return candidate

@@ -76,7 +76,7 @@ def traffic(system: str) -> Iterator[Traffic]:
     words = RECORDS[system].itemsize // 4
     yield Traffic("lockstep, digests", samples, 1)
     yield Traffic("lockstep, every word", samples, 1 + words)
-    if importlib.util.find_spec(f"plumb.systems.{system}_live"):
+    if importlib.util.find_spec(f"plumb.systems.{system}.pins"):
         yield Traffic("real time, own sensors, verified", 0, 1 + samples)
     yield Traffic("real time, through a bridge, verified", samples, 1 + 2 + outputs)
 

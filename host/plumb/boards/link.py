@@ -37,7 +37,7 @@ class LinkStepper:
         return StepOutput(reply.digest, outputs)
 
     def digests(self, raw: RawCounts) -> list[int]:
-        """Several in flight: an adapter that answers late does not hold up every step."""
+        """Several in inputs: an adapter that answers late does not hold up every step."""
         import numpy as np
 
         return [int(digest) for digest in self._run.run(raw, np.zeros(len(raw), np.int32))]

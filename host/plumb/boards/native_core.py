@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from plumb.checkout import CHECKOUT, PACKAGE
 from plumb.errors import UsageError
 from plumb.spec import declarations, parameters
 from plumb.spec.records import RECORDS, Words, block_dtype, names_of
@@ -35,8 +36,7 @@ Records = npt.NDArray[np.void]
 
 def core_path() -> Path:
     """Where the library is; UsageError that says how to make it when there is none."""
-    package = Path(__file__).resolve().parent
-    for path in (package / LIBRARY, package.parents[1] / "build" / "native" / LIBRARY):
+    for path in (PACKAGE / LIBRARY, CHECKOUT / "build" / "native" / LIBRARY):
         if path.is_file():
             return path
     raise UsageError(f"the native core is not built: run '{BUILD}' in the checkout, or 'pip install .' there")

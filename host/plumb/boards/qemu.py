@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plumb.boards import Answer, Board, RawCounts, Setpoints, Stepper
+from plumb.checkout import CHECKOUT
 from plumb.errors import LinkError, UsageError
 from plumb.spec.records import RECORDS, Words
 
@@ -42,8 +43,7 @@ _EXIT_REASONS = {
 
 
 def _find_image() -> Path:
-    checkout = Path(__file__).parents[3]
-    for folder in (Path.cwd(), checkout):
+    for folder in (Path.cwd(), CHECKOUT):
         if (folder / IMAGE).is_file():
             return (folder / IMAGE).resolve()
     raise UsageError(f"there is no {IMAGE}; build it with make image in a checkout of plumb, and run plumb from there")

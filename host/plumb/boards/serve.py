@@ -18,7 +18,6 @@ from plumb.errors import LinkError
 from plumb.f103.core.timeline import TICKS_PER_S
 from plumb.f103.machine import Machine
 from plumb.link.transports.server_endpoint import Line, open_line
-from plumb.process_signals import endings
 
 SLICE_S = 0.0003
 """Rest between two turns of the loop, and so the grain of the pace."""
@@ -112,22 +111,21 @@ def kbit_of(spec: str) -> int:
 def serve(
     machine: Machine,
     spec: str,
+    stopped: Callable[[], bool],
     *,
     link: Path | None = None,
     can_spec: str | None = None,
     kept: KeptSlots | None = None,
     announce: Callable[[str], None] = print,
-) -> int:
-    """Serve the machine's UART on `spec`, and its CAN bus on `can_spec`, until SIGINT or SIGTERM; returns that signal's
-    number.
+) -> None:
+    """Serve the machine's UART on `spec`, and its CAN bus on `can_spec`, until stopped() holds.
 
     announce gets the address of each end, as a board's name without `serial:`.
     """
     line = open_line(spec, link)
     try:
-        with joined(machine, can_spec, announce) as joint, endings() as caught:
+        with joined(machine, can_spec, announce) as joint:
             announce(line.address)
-            run_paced(machine, line, lambda: bool(caught), joint, kept)
-            return caught[0]
+            run_paced(machine, line, stopped, joint, kept)
     finally:
         line.close()

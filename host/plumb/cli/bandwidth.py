@@ -47,7 +47,7 @@ def main(arguments: argparse.Namespace) -> int:
 def table(count: int) -> list[dict[str, float]]:
     """`motion` behind each low-pass, the C integers: rms errors in deg, mean of the seeds and worst seed."""
     from plumb.errors import UsageError
-    from plumb.proof.figures import quad_figures
+    from plumb.systems.quad import figures as quad_figures
     from plumb.systems.quad import scenarios as quad
     from plumb.tuning import bandwidth
 

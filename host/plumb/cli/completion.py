@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     import shtab
 
-    from plumb.__main__ import COMMANDS, command_module
+    from plumb.cli.verbs import COMMANDS, command_module
 
     whole = argparse.ArgumentParser(prog="plumb")
     verbs = whole.add_subparsers()

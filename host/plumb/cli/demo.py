@@ -24,14 +24,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     from plumb import systems
-    from plumb.boards import open_board, plant_on_pins
+    from plumb.boards import open_board
     from plumb.boards.virtual import VirtualBoard
-    from plumb.proof import golden, run_report
-    from plumb.proof.figures import quad_plots
-    from plumb.proof.figures.quad_plots import TURN_DEG
+    from plumb.proof import golden, live_run, run_report
     from plumb.proof.report import Table
     from plumb.systems import run_fixed
+    from plumb.systems.quad import plots as quad_plots
     from plumb.systems.quad import scenarios as quad
+    from plumb.systems.quad.plots import TURN_DEG
     from plumb.tuning.quantise import quantise
 
     folder = golden.vectors_folder(None)
@@ -41,14 +41,14 @@ def main(arguments: argparse.Namespace) -> int:
     boards = [*((name, name, "serial") for name in here), ("virtual", "virtual", "serial")]
     boards.append(("virtual, CAN", "virtual", "can"))
     with VirtualBoard(arguments.image) as board:
-        trial = plant_on_pins.fly(board, scenario, params)
+        trial = live_run.run_live(board, scenario, params)
     checks = {}
     for name, spec, link in boards:
         with open_board(spec, link=link, image=arguments.image) as board_:
             checks[name] = golden.check(board_, folder)
 
-    flight = trial.flight
-    paper = run_fixed.run_control(quantise(quad.TUNINGS["paper"]), flight.raw, flight.setpoint)
+    inputs = trial.inputs
+    paper = run_fixed.run_control(quantise(quad.TUNINGS["paper"]), inputs.raw, inputs.setpoint)
     estimates = {
         "accelerometer only": quad_plots.accel_only_deg(trial),
         "the paper's constants, fixed": paper["tilt_turn_q32"] * TURN_DEG,
@@ -75,7 +75,7 @@ def main(arguments: argparse.Namespace) -> int:
     summary["golden"] = {name: check.to_json() for name, check in checks.items()}
     tables = [
         Table(
-            f"Tilt error against the truth, t >= {flight.time_s[flight.scored][0]:g} s",
+            f"Tilt error against the truth, t >= {inputs.time_s[inputs.scored][0]:g} s",
             ["estimate", "rms", "largest"],
             [[name, f"{rms:.3f} deg", f"{worst:.3f} deg"] for name, (rms, worst) in errors.items()],
             "All rows from the same raw counts, taken by the board's ADC in the closed loop.",
@@ -96,7 +96,7 @@ def main(arguments: argparse.Namespace) -> int:
     else:
         for table in tables:
             print(render(table))
-        print(f"live run: {trial.mismatches} of {len(flight.raw)} steps differ from fixed")
+        print(f"live run: {trial.mismatches} of {len(inputs.raw)} steps differ from fixed")
         print(f"{verdict}; the report is {arguments.out / 'report.html'}")
     return {"pass": 0, "fail": 1, "unverified": 3}[verdict]
 

@@ -1,4 +1,4 @@
-"""Try a link: samples in lockstep, one at a time and sixteen in flight, every digest compared, everything lost counted.
+"""Try a link: samples in lockstep, one at a time and sixteen in inputs, every digest compared, everything lost counted.
 
     plumb link-test --board serial:/dev/ttyUSB0
     plumb link-test --board can:socketcan:can0 --steps 20000
@@ -23,7 +23,7 @@ ONE_AT_A_TIME = 500
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--board", required=True, metavar="B", help="virtual, serial:PORT or can:BUS")
-    parser.add_argument("--steps", type=int, default=5000, help="sixteen in flight (default 5000)")
+    parser.add_argument("--steps", type=int, default=5000, help="sixteen in inputs (default 5000)")
     parser.add_argument("--seed", type=int, default=1000, help="of the counts (default 1000)")
     parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
     parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
@@ -104,7 +104,7 @@ def describe(r: dict[str, Any]) -> str:
     lost = {name: value for name, value in r.items() if isinstance(value, int) and name != "steps" and value}
     return "\n".join(
         [
-            f"{r['steps']} steps: {r['exchanges_per_s']}/s one at a time, {r['steps_per_s']}/s sixteen in flight",
+            f"{r['steps']} steps: {r['exchanges_per_s']}/s one at a time, {r['steps_per_s']}/s sixteen in inputs",
             f"an exchange takes {p['p50']} ms in the middle, 99 % within {p['p99']}, all within {p['p100']}",
             "nothing lost, damaged or repeated" if not lost else "; ".join(f"{n} {v}" for n, v in lost.items()),
             r["verdict"],

@@ -60,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     from plumb.boards.link import open_link_board
+    from plumb.link import parameter_table
     from plumb.spec import parameter_file, parameters
 
     rows = parameters.table()
@@ -83,7 +84,7 @@ def main(arguments: argparse.Namespace) -> int:
         if identity is not None and identity.mismatch:
             warnings.append(identity.mismatch)
         warn(warnings)
-        words = parameter_file.read_table(board.session)
+        words = parameter_table.read_table(board.session)
         if arguments.action in ("set", "tuning", "load", "reset", "save"):
             verb = "DEFAULTS" if arguments.action == "reset" else ""
             verb = "LOAD" if arguments.action == "load" and arguments.file is None else verb
@@ -124,14 +125,15 @@ def table_of(name: str, tuning: str | None) -> dict[str, int]:
 
 def change(session: Session, verb: str, words: list[int], wanted: dict[str, int]) -> list[int]:
     """Carry out a verb, or else commit what is wanted, if anything; returns the table that is in use then."""
+    from plumb.link import parameter_table
     from plumb.spec import parameter_file
 
     session.require_match()
     if verb:
         session.execute_idle(verb)
     elif wanted:
-        parameter_file.commit(session, {**parameter_file.by_name(words), **wanted})
-    return parameter_file.read_table(session)
+        parameter_table.commit(session, {**parameter_file.by_name(words), **wanted})
+    return parameter_table.read_table(session)
 
 
 def report_change(
@@ -144,7 +146,7 @@ def report_change(
     before, after = parameter_file.by_name(words), parameter_file.by_name(after_words)
     crc = f"0x{parameters.crc32(after_words):08x}"
     changed = [row for row in parameters.table() if after[row.name] != before[row.name]]
-    doubts = parameter_file.doubts(after) + at_next_start(identity, after, [row.name for row in changed])
+    doubts = parameter_file.warnings(after) + at_next_start(identity, after, [row.name for row in changed])
     source = identity.parameter_source
     warn(doubts)
     if as_json:

@@ -119,11 +119,11 @@ def look_back(
     arguments: argparse.Namespace, board: Board, params: ControlParams, outcome: Outcome, summary: dict[str, Any]
 ) -> None:
     """What is done with the longest run when it is over: QEMU runs it, --out has its page. `qemu` judges here."""
-    from plumb.inputs.phone_run import flight_of
+    from plumb.inputs.phone_run import inputs_of
     from plumb.proof import run_report, runs
 
     if arguments.board == "qemu":
-        whole = runs.open_loop(board, flight_of(outcome.longest.steps, params), params)
+        whole = runs.open_loop(board, inputs_of(outcome.longest.steps, params), params)
     elif arguments.out:
         whole = outcome.longest.trial(params)
     else:

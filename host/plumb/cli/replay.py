@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from plumb.proof.runs import Flight
+    from plumb.proof.runs import RunInputs
     from plumb.tuning.quantise import ControlParams
 
 
@@ -40,9 +40,9 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.cli.run import describe
     from plumb.proof import runs
 
-    flight, params, heading = (of_phone if arguments.system == "phone" else of_axis)(arguments)
+    inputs, params, heading = (of_phone if arguments.system == "phone" else of_axis)(arguments)
     with open_board(arguments.board, link=arguments.link, image=arguments.image) as board:
-        result = runs.open_loop(board, flight, params)
+        result = runs.open_loop(board, inputs, params)
     summary = result.summary(
         system=arguments.system,
         **heading,
@@ -50,7 +50,7 @@ def main(arguments: argparse.Namespace) -> int:
         board=arguments.board,
         link=arguments.link if arguments.board == "virtual" else None,
         seed=None,
-        scored_steps=int(flight.scored.sum()),
+        scored_steps=int(inputs.scored.sum()),
     )
     if arguments.out:
         from plumb.proof import run_report
@@ -69,20 +69,19 @@ def steps_in(seconds: float, period_us: int, most: int) -> int:
     return int(min(seconds * 1e6 / period_us + 0.5, most))
 
 
-def of_axis(arguments: argparse.Namespace) -> tuple[Flight, ControlParams, dict[str, Any]]:
+def of_axis(arguments: argparse.Namespace) -> tuple[RunInputs, ControlParams, dict[str, Any]]:
     """One axis of a recording, and the tuning made to fit it."""
     from plumb.inputs import recording
-    from plumb.proof import runs
     from plumb.systems.quad import scenarios as quad
 
     axis = recording.pick_axis(recording.load(arguments.file), arguments.axis, arguments.period_us)
     if arguments.seconds is not None:
         axis = axis.first(steps_in(arguments.seconds, axis.period_us, len(axis.raw)))
-    flight, params = runs.recorded(axis, quad.TUNINGS["recording"])
-    return flight, params, {"scenario": f"{arguments.file.name} about {arguments.axis}", "tuning": "recording"}
+    inputs, params = recording.run_inputs(axis, quad.TUNINGS["recording"])
+    return inputs, params, {"scenario": f"{arguments.file.name} about {arguments.axis}", "tuning": "recording"}
 
 
-def of_phone(arguments: argparse.Namespace) -> tuple[Flight, ControlParams, dict[str, Any]]:
+def of_phone(arguments: argparse.Namespace) -> tuple[RunInputs, ControlParams, dict[str, Any]]:
     """Pitch and roll of a recording, or of a file of datagrams."""
     from plumb.inputs import phone_run, phone_udp
     from plumb.systems.phone import scenarios as phone
@@ -94,4 +93,4 @@ def of_phone(arguments: argparse.Namespace) -> tuple[Flight, ControlParams, dict
     if arguments.seconds is not None:
         longest = longest[: steps_in(arguments.seconds, period_us, len(longest))]
     heading = {"scenario": arguments.file.name, "tuning": phone.DEFAULT_TUNING, "received": intake.to_json()}
-    return phone_run.flight_of(longest, params, recorded), params, heading
+    return phone_run.inputs_of(longest, params, recorded), params, heading

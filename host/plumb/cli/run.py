@@ -27,7 +27,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from plumb.boards import Board
-    from plumb.proof.runs import Scenario, Trial
+    from plumb.proof.runs import Run
+    from plumb.systems.contracts import Scenario
     from plumb.tuning.quantise import ControlParams
 
 
@@ -85,7 +86,7 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.live and arguments.board != "virtual":
         raise UsageError("--live is for --board virtual: its plant drives the sensors' pins and follows the actuators'")
     if arguments.live:
-        systems.load(arguments.system, "live")
+        systems.load(arguments.system, "pins")
     with open_board(arguments.board, link=arguments.link, image=arguments.image) as board:
         if arguments.live:
             result = live_run(board, scenario, params, closes)
@@ -93,8 +94,8 @@ def main(arguments: argparse.Namespace) -> int:
             result = runs.open_loop(board, runs.prescribed(scenario), params)
         elif arguments.board == "qemu":
             with open_board("native") as native:
-                flight = runs.closed_loop(native, scenario, params).flight
-            result = runs.open_loop(board, flight, params)
+                inputs = runs.closed_loop(native, scenario, params).inputs
+            result = runs.open_loop(board, inputs, params)
         else:
             result = runs.closed_loop(board, scenario, params)
     summary = result.summary(
@@ -117,13 +118,13 @@ def main(arguments: argparse.Namespace) -> int:
     return {"pass": 0, "fail": 1, "unverified": 3}[result.verdict]
 
 
-def live_run(board: Board, scenario: Scenario, params: ControlParams, closes: bool) -> Trial:
+def live_run(board: Board, scenario: Scenario, params: ControlParams, closes: bool) -> Run:
     """The board paces the steps on its own sensors."""
-    from plumb.boards import plant_on_pins
     from plumb.boards.virtual import VirtualBoard
+    from plumb.proof import live_run
 
     assert isinstance(board, VirtualBoard)
-    return plant_on_pins.fly(board, scenario, params, open_loop=not closes)
+    return live_run.run_live(board, scenario, params, open_loop=not closes)
 
 
 def conditions_of(system: str, known: Mapping[str, str], texts: Sequence[str]) -> dict[str, float]:

@@ -46,7 +46,7 @@ def main(arguments: argparse.Namespace) -> int:
     for name in names:
         systems.load(name)
     if arguments.plots:
-        from plumb.proof.figures import figures
+        from plumb.proof import figures
 
         files = [str(path) for name in names for path in figures.write_plots(name, arguments.plots)]
         print(json.dumps({"written": files}) if arguments.json else "\n".join(files))
@@ -64,7 +64,7 @@ def main(arguments: argparse.Namespace) -> int:
     from tqdm import tqdm
 
     from plumb.errors import UsageError
-    from plumb.proof.figures import figures
+    from plumb.proof import figures
 
     if not 1 <= arguments.seeds <= 1000 or arguments.first_seed < 0:
         raise UsageError("the table takes 1 to 1000 seeds, from 0 on")
@@ -81,7 +81,7 @@ def main(arguments: argparse.Namespace) -> int:
 def confirm(arguments: argparse.Namespace, names: Sequence[str]) -> int:
     """A line a run, as it is ready."""
     from plumb.boards import open_board
-    from plumb.proof.figures import confirmed
+    from plumb.proof import confirmed
 
     rows = []
     for name in names:
@@ -112,7 +112,7 @@ def named(name: str) -> dict[str, dict[str, str]]:
 def presets(name: str) -> Iterator[str]:
     """The same for a reader, and what the figures rest on."""
     from plumb import systems
-    from plumb.proof.figures import figures
+    from plumb.proof import figures
 
     system = systems.load(name)
     defaults = {"scenario": system.DEFAULT_SCENARIO, "tuning": system.DEFAULT_TUNING}

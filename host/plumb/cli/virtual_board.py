@@ -49,29 +49,31 @@ def main(arguments: argparse.Namespace) -> int:
         from plumb.boards import plant_on_pins
 
         system = systems.load(arguments.system)
-        name = arguments.scenario or systems.load(arguments.system, "live").SCENARIO
+        name = arguments.scenario or systems.load(arguments.system, "pins").SCENARIO
         couple = plant_on_pins.coupler(arguments.system, system.scenario(name, arguments.seed))
     wanted = BY_PIN_SET[system.LINK.get("pins", 0)] if arguments.system else "standard"
     strap = arguments.strap or wanted
     machine = open_machine(arguments.image, arguments.part, slots=slots, strap=strap, couple=couple)
     if arguments.system and not slots:
-        plant_on_pins.comes_up_as(machine, arguments.system, strap)
+        plant_on_pins.boot_configured_as(machine, arguments.system, strap)
     kept = KeptSlots(machine, arguments.keep) if arguments.keep else None
     from plumb.boards.serve import serve
+    from plumb.process_signals import endings
 
     def announce(address: str) -> None:
         name = address if address.startswith("can:") else f"serial:{arguments.symlink or address}"
         print(f"serving the virtual board at {address}; use it as {name}; Ctrl-C ends it", flush=True)
 
-    where = arguments.serial
-    ended_by = serve(
-        machine,
-        where,
-        link=arguments.symlink,
-        can_spec=arguments.can,
-        kept=kept,
-        announce=announce,
-    )
-    if ended_by == signal.SIGINT:
+    with endings() as caught:
+        serve(
+            machine,
+            arguments.serial,
+            lambda: bool(caught),
+            link=arguments.symlink,
+            can_spec=arguments.can,
+            kept=kept,
+            announce=announce,
+        )
+    if caught[:1] == [signal.SIGINT]:
         raise KeyboardInterrupt
     return 0

@@ -7,6 +7,7 @@ import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
+from plumb.checkout import CHECKOUT
 from plumb.errors import UsageError
 from plumb.files.input_files import read_bytes
 
@@ -41,7 +42,7 @@ def find_image(image: Path | None = None) -> Path:
         if not image.is_file():
             raise UsageError(f"there is no file {image}; build an image with 'make image' or name another with --image")
         return image
-    for root in (Path(__file__).resolve().parents[3], Path.cwd()):
+    for root in (CHECKOUT, Path.cwd()):
         if (root / BUILD_IMAGE).is_file():
             return root / BUILD_IMAGE
     raise UsageError("there is no flash image; build one with 'make image' or name one with --image")

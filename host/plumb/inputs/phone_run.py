@@ -52,7 +52,7 @@ def longest_run(steps: Iterable[Step]) -> list[Step]:
     return max(found, key=len, default=[])
 
 
-def flight_of(steps: list[Step], params: ControlParams, recorded: recording.Recording | None = None) -> runs.Flight:
+def inputs_of(steps: list[Step], params: ControlParams, recorded: recording.Recording | None = None) -> runs.RunInputs:
     """One run as a trial takes it; the truth is the recording's optical reference, where it has one."""
     period_s = params.period_s
     time_s = np.array([step.time_s for step in steps], np.float64)
@@ -65,7 +65,7 @@ def flight_of(steps: list[Step], params: ControlParams, recorded: recording.Reco
         truth["pitch_deg"], truth["roll_deg"] = phone.pitch_roll_deg(there)
         nearest = np.searchsorted(recorded.time_s, middle_s).clip(0, len(recorded.time_s) - 1)
         scored = recorded.movement[nearest] & np.isfinite(there).all(axis=0)
-    return runs.Flight(time_s, truth, counts(steps), np.zeros(len(steps), np.int32), scored)
+    return runs.RunInputs(time_s, truth, counts(steps), np.zeros(len(steps), np.int32), scored)
 
 
 @dataclass
@@ -76,13 +76,13 @@ class Run:
     digests: list[int] = field(default_factory=list)
     divergence: Divergence | None = None
 
-    def trial(self, params: ControlParams) -> runs.Trial:
+    def trial(self, params: ControlParams) -> runs.Run:
         """The run as the board answered it; the board is not asked again."""
-        flight = flight_of(self.steps, params)
-        words = run_fixed.run_control(params, flight.raw, flight.setpoint)
-        ideal = run_reference.run_control(params, flight.raw, flight.setpoint)
+        inputs = inputs_of(self.steps, params)
+        words = run_fixed.run_control(params, inputs.raw, inputs.setpoint)
+        ideal = run_reference.run_control(params, inputs.raw, inputs.setpoint)
         answer = Answer(np.array(self.digests, np.uint32))
-        return runs.Trial(flight, params, words, ideal, answer, self.divergence)
+        return runs.Run(inputs, params, words, ideal, answer, self.divergence)
 
 
 @dataclass
@@ -147,8 +147,8 @@ class Follower:
         raw = counts(self._run.steps)
         setpoint = np.zeros(len(raw), np.int32)
         words = run_fixed.run_control(self.params, raw, setpoint)
-        flight = flight_of(self._run.steps, self.params)
-        return runs.locate(self._board, flight, self.params, words, len(raw) - 1)
+        inputs = inputs_of(self._run.steps, self.params)
+        return runs.locate(self._board, inputs, self.params, words, len(raw) - 1)
 
 
 def follow(

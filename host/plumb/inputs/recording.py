@@ -38,7 +38,9 @@ import numpy.typing as npt
 
 from plumb.errors import UsageError
 from plumb.files import input_files
-from plumb.spec.tuning import Calibration, Channel
+from plumb.proof.runs import RunInputs
+from plumb.spec.tuning import Calibration, Channel, Tuning
+from plumb.tuning.quantise import ControlParams, quantise
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -313,3 +315,11 @@ def pick_axis(recording: Recording, axis: str, period_us: int | None = None) -> 
         singular = across < SINGULAR
     scored = recording.movement[near] & np.isfinite(truth_deg) & ~singular
     return AxisInput(axis, period_us, raw, Calibration(*channels), truth_deg, scored, singular)
+
+
+def run_inputs(axis: AxisInput, tuning: Tuning) -> tuple[RunInputs, ControlParams]:
+    """One axis of a recording, and the tuning made to fit its sensor and its period."""
+    steps = len(axis.raw)
+    truth = {"tilt_deg": axis.truth_deg, "bias_dps": np.full(steps, np.nan)}
+    inputs = RunInputs(axis.time_s, truth, axis.raw, np.zeros(steps, np.int32), axis.scored)
+    return inputs, quantise(replace(tuning, calibration=axis.calibration, period_us=axis.period_us))

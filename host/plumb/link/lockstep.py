@@ -1,4 +1,4 @@
-"""Lockstep: the host's sample paces the step, up to 16 in flight, and every step's digest comes back.
+"""Lockstep: the host's sample paces the step, up to 16 in inputs, and every step's digest comes back.
 
 Loss in either direction is made good: a missing sample is asked for by number, and a sample the board has run before
 is answered with the digest it had. What comes out is complete or a LinkError.

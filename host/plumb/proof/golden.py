@@ -17,6 +17,7 @@ import numpy as np
 from tqdm import tqdm
 
 from plumb.boards import Answer, Board, native_core
+from plumb.checkout import CHECKOUT
 from plumb.errors import UsageError
 from plumb.proof import golden_manifest, golden_recipe
 from plumb.proof.compare import first_digest_divergence
@@ -33,7 +34,7 @@ WHOLE_BOARDS = ("fixed", "native", "qemu")
 
 def vectors_folder(folder: Path | None = None) -> Path:
     """The folder asked for, else the checkout's tests/vectors; raises UsageError where there is no recipe."""
-    candidates = [folder] if folder else [Path.cwd() / "tests/vectors", Path(__file__).parents[2] / "tests/vectors"]
+    candidates = [folder] if folder else [Path.cwd() / "tests/vectors", CHECKOUT / "tests/vectors"]
     for candidate in candidates:
         if (candidate / RECIPE).is_file():
             return candidate

@@ -14,7 +14,6 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
-SCORE_FROM_S = 10.0
 BIAS_CONVERGED_DPS = 1.0
 HOLD_WITHIN_DEG, HOLD_SETTLE_S, HOLD_DWELL_S = 2.0, 2.0, 1.0
 
@@ -22,12 +21,6 @@ HOLD_WITHIN_DEG, HOLD_SETTLE_S, HOLD_DWELL_S = 2.0, 2.0, 1.0
 def wrap_deg(angle_deg: npt.ArrayLike) -> FloatArray:
     """The same angles in -180 <= angle < 180, any shape."""
     return np.asarray((np.asarray(angle_deg, np.float64) + 180.0) % 360.0 - 180.0)
-
-
-def scored(time_s: FloatArray) -> BoolArray:
-    """Which samples count, (steps,): t >= 10 s, or the second half of a run under 20 s."""
-    end_s = time_s[-1] + (time_s[1] - time_s[0] if len(time_s) > 1 else 0.0)
-    return np.asarray(time_s >= (SCORE_FROM_S if end_s >= 2.0 * SCORE_FROM_S - 1e-9 else end_s / 2.0) - 1e-9)
 
 
 def angle_rmse_deg(estimate_deg: FloatArray, truth_deg: FloatArray, window: BoolArray) -> FloatArray:

@@ -11,10 +11,10 @@ from typing import Any
 
 from plumb import systems
 from plumb.proof.report import Table, page, write_whole
-from plumb.proof.runs import Trial
+from plumb.proof.runs import Run
 
 
-def budget(trial: Trial) -> Table:
+def budget(trial: Run) -> Table:
     """The three-way error budget."""
     figures = trial.metrics()
 
@@ -27,28 +27,28 @@ def budget(trial: Trial) -> Table:
         ["estimate against truth, rms", degrees("angle_rmse_deg")],
         ["estimate against truth, largest", degrees("angle_max_deg")],
         ["fixed against float64 reference, largest", degrees("fixed_vs_reference_max_deg")],
-        ["board against fixed, steps that differ", f"{trial.mismatches} of {len(trial.flight.raw)}"],
+        ["board against fixed, steps that differ", f"{trial.mismatches} of {len(trial.inputs.raw)}"],
     ]
     bad = frozenset({4}) if trial.mismatches else frozenset()
     return Table("Error budget", ["from what to what", "error"], rows, bad_rows=bad)
 
 
-def steps_csv(trial: Trial) -> str:
+def steps_csv(trial: Run) -> str:
     """One row a step: time, truth, then every word of the record, units in the column names."""
     sink = io.StringIO()
     table = csv.writer(sink, lineterminator="\n")
-    words, truth = trial.board_words, trial.flight.truth
+    words, truth = trial.board_words, trial.inputs.truth
     table.writerow(["time_s", *(f"true_{name}" for name in truth), *words.names, "digest_crc32"])
-    exact = zip(trial.flight.time_s.tolist(), *(values.tolist() for values in truth.values()), strict=True)
+    exact = zip(trial.inputs.time_s.tolist(), *(values.tolist() for values in truth.values()), strict=True)
     columns: list[Sequence[Any]] = [words[name].tolist() for name in words.names]
     for floats, *integers in zip(exact, *columns, trial.answer.digests.tolist(), strict=True):
         table.writerow([*(f"{value:.6f}" for value in floats), *integers])
     return sink.getvalue()
 
 
-def write_run(folder: Path, trial: Trial, summary: dict[str, Any], more: Sequence[Table] = ()) -> None:
+def write_run(folder: Path, trial: Run, summary: dict[str, Any], more: Sequence[Table] = ()) -> None:
     """report.html, summary.json and steps.csv in `folder`, which is made when it is not there."""
-    view = systems.load(trial.system, "view")
+    view = systems.load(trial.system, "plots")
     title = f"{summary['system']}, {summary['scenario']} on {summary['board']}"
     lead = (
         f"{summary['steps']} steps, {summary['loop']} loop, tuning {summary['tuning']}; every step's digest was "

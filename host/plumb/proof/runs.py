@@ -7,7 +7,7 @@ from the equations (fixed against reference), and how far the board is from the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,21 +15,18 @@ import numpy.typing as npt
 
 from plumb import systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints
-from plumb.inputs.recording import AxisInput
 from plumb.proof.compare import Divergence, first_digest_divergence
 from plumb.spec.records import Words
-from plumb.spec.tuning import Tuning
 from plumb.systems import run_fixed, run_reference
-from plumb.tuning.quantise import ControlParams, quantise
+from plumb.systems.contracts import Scenario
+from plumb.tuning.quantise import ControlParams
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
-Scenario = Any
-"""Of any system: what plumb.systems says a scenario has."""
 
 
 @dataclass(frozen=True)
-class Flight:
+class RunInputs:
     """What went into a board, and the truth behind it; all arrays (steps,), raw (steps, 6).
 
     truth: by name, NaN where it is not known. scored: the samples that count.
@@ -42,24 +39,16 @@ class Flight:
     scored: BoolArray
 
 
-def prescribed(scenario: Scenario) -> Flight:
+def prescribed(scenario: Scenario) -> RunInputs:
     """A scenario's own motion: the controller runs, and does not move the plant."""
-    return Flight(scenario.time_s, scenario.truth(), scenario.counts(), scenario.setpoint(), scenario.scored)
-
-
-def recorded(axis: AxisInput, tuning: Tuning) -> tuple[Flight, ControlParams]:
-    """One axis of a recording, and the tuning made to fit its sensor and its period."""
-    steps = len(axis.raw)
-    truth = {"tilt_deg": axis.truth_deg, "bias_dps": np.full(steps, np.nan)}
-    flight = Flight(axis.time_s, truth, axis.raw, np.zeros(steps, np.int32), axis.scored)
-    return flight, quantise(replace(tuning, calibration=axis.calibration, period_us=axis.period_us))
+    return RunInputs(scenario.time_s, scenario.truth(), scenario.counts(), scenario.setpoint(), scenario.scored)
 
 
 @dataclass(frozen=True)
-class Trial:
-    """What a board answered to a flight, beside what it should have answered."""
+class Run:
+    """What a board answered to a inputs, beside what it should have answered."""
 
-    flight: Flight
+    inputs: RunInputs
     params: ControlParams
     words: Words
     """The integer model's words for the same counts."""
@@ -90,12 +79,12 @@ class Trial:
 
     def metrics(self) -> dict[str, float | int | None]:
         """The figures a trial of this system reports, those that all systems report first."""
-        own: dict[str, float | None] = systems.load(self.system, "view").metrics(self)
+        own: dict[str, float | None] = systems.load(self.system, "plots").metrics(self)
         return {**own, "target_vs_fixed_mismatches": self.mismatches}
 
     def summary(self, **heading: Any) -> dict[str, Any]:
         """What `run --json` prints, after its heading."""
-        tail = {"steps": len(self.flight.raw), "verdict": self.verdict, "metrics": self.metrics()}
+        tail = {"steps": len(self.inputs.raw), "verdict": self.verdict, "metrics": self.metrics()}
         if self.divergence is not None:
             tail["first_divergence"] = self.divergence.as_dict()
         if self.answer.unverified_from is not None:
@@ -103,12 +92,12 @@ class Trial:
         return {**heading, **tail}
 
 
-def open_loop(board: Board, flight: Flight, params: ControlParams) -> Trial:
-    """A flight as it is, in lockstep."""
-    return judge(board, flight, params, board.run_injected(params, flight.raw, flight.setpoint))
+def open_loop(board: Board, inputs: RunInputs, params: ControlParams) -> Run:
+    """A inputs as it is, in lockstep."""
+    return judge(board, inputs, params, board.run_injected(params, inputs.raw, inputs.setpoint))
 
 
-def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Trial:
+def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Run:
     """The plant on the host, the loop on the board: what a step puts out moves the plant until the next sample."""
     from tqdm import tqdm
 
@@ -125,8 +114,8 @@ def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Tria
         truth.append(plant.truth(time_s))
         output = stepper.step(counts, int(setpoint[step]))
         digests[step], outputs = output.digest, output.outputs
-    flight = Flight(scenario.time_s, columns(truth), raw, setpoint, scenario.scored)
-    return judge(board, flight, params, Answer(digests))
+    inputs = RunInputs(scenario.time_s, columns(truth), raw, setpoint, scenario.scored)
+    return judge(board, inputs, params, Answer(digests))
 
 
 def columns(rows: Sequence[dict[str, float]]) -> dict[str, FloatArray]:
@@ -134,18 +123,18 @@ def columns(rows: Sequence[dict[str, float]]) -> dict[str, FloatArray]:
     return {name: np.array([row[name] for row in rows], np.float64) for name in (rows[0] if rows else ())}
 
 
-def judge(board: Board, flight: Flight, params: ControlParams, answer: Answer) -> Trial:
+def judge(board: Board, inputs: RunInputs, params: ControlParams, answer: Answer) -> Run:
     """Compare an answer with the model, and where they differ find the first step and signal."""
-    words = run_fixed.run_control(params, flight.raw, flight.setpoint)
-    ideal = run_reference.run_control(params, flight.raw, flight.setpoint)
+    words = run_fixed.run_control(params, inputs.raw, inputs.setpoint)
+    ideal = run_reference.run_control(params, inputs.raw, inputs.setpoint)
     step = first_digest_divergence(words.digests(), answer.digests)
-    divergence = None if step is None else locate(board, flight, params, words, step)
-    return Trial(flight, params, words, ideal, answer, divergence)
+    divergence = None if step is None else locate(board, inputs, params, words, step)
+    return Run(inputs, params, words, ideal, answer, divergence)
 
 
-def locate(board: Board, flight: Flight, params: ControlParams, words: Words, step: int) -> Divergence:
+def locate(board: Board, inputs: RunInputs, params: ControlParams, words: Words, step: int) -> Divergence:
     """Run again up to the step whose digest differed, and name the first word that does."""
-    actual = board.words_of_step(params, flight.raw, flight.setpoint, step)
+    actual = board.words_of_step(params, inputs.raw, inputs.setpoint, step)
     for name in words.names:
         expected = int(words[name][step])
         if actual[name] != expected:

@@ -16,11 +16,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from plumb.checkout import PACKAGE
 from plumb.errors import UsageError
 
-PACKAGE = Path(__file__).resolve().parent
 SHIPPED = PACKAGE / "systems"
-BLOCKS_PATH = PACKAGE / "blocks.toml"
+BLOCKS_PATH = Path(__file__).with_name("blocks.toml")
 SEARCH_PATH = "PLUMB_SYSTEM_PATH"
 """Environment variable: further folders that hold folders of systems, as PATH lists them."""
 

@@ -17,9 +17,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from plumb.errors import LinkError, UsageError
+from plumb.errors import UsageError
 from plumb.files import input_files, whole_files
-from plumb.link.session import Session
 from plumb.spec import declarations, parameters
 from plumb.spec.parameters import Parameter
 from plumb.spec.units import meaning
@@ -70,28 +69,12 @@ def assignments(texts: Iterable[str]) -> dict[str, int]:
     return result
 
 
-def read_table(session: Session) -> list[int]:
-    """Every word the board uses, proved whole by the CRC-32 it gave when it said who it is."""
-    identity = session.connect()
-    words = session.read_parameters()
-    if parameters.crc32(words) != identity["PARAMETER_CRC"]:
-        raise LinkError("the parameters that came back are not those of the board's CRC-32: check the cable, try again")
-    return words
-
-
 def by_name(words: Sequence[int]) -> dict[str, int]:
     """A table's words by name, in order; those this version has no row for are left out."""
     return {row.name: word for row, word in zip(parameters.table(), words, strict=False)}
 
 
-def commit(session: Session, values: Mapping[str, int]) -> int:
-    """Stage and commit the whole table, ending a run that is on; returns its CRC-32. Raises as Session.upload."""
-    rows = parameters.table()
-    control = [values[row.name] for row in rows if row.owner == "control"]
-    return session.upload(control, **{row.name: values[row.name] for row in rows if row.owner == "link"})
-
-
-def doubts(values: Mapping[str, int]) -> list[str]:
+def warnings(values: Mapping[str, int]) -> list[str]:
     """What the board takes and people seldom mean, one sentence each."""
     fused = declarations.name_of(values["system"]) == "turntable"
     name, bits = ("fusion.dt_s_q32", 32) if fused else ("kalman.dt_s_q33", 33)

@@ -1,9 +1,12 @@
 """The systems: a published design each, with its plant, its sensors, its scenarios and its tunings.
 
-A system X is, besides its step in C (firmware/core/X.[ch]) and the modules of its name in `plumb.systems.run_fixed`,
-`plumb.systems.run_reference` and `plumb.tuning.quantise`, and its record in `plumb.spec.records`:
+A system X is the folder systems/X, besides its step in C (firmware/systems/X.[ch]):
 
-    systems/X.py            scenarios and tunings
+    systems/X/system.toml   its declaration: record, parameters, raw channels, frames (see plumb.spec.declarations)
+    systems/X/fixed.py      the step in integers, for bit-exact comparison with the C
+    systems/X/reference.py  the published equations in float64
+    systems/X/quantise.py   engineering units to parameters, and back
+    systems/X/scenarios.py  scenarios and tunings
         SCENARIOS               name -> one sentence;  SECONDS  name -> how long
         TUNINGS                 name -> tuning;  TUNING_NOTES  name -> one sentence
         DEFAULT_SCENARIO, DEFAULT_TUNING, PERIOD_US, LINK (words of the link's part of the parameters, by name)
@@ -20,11 +23,10 @@ A system X is, besides its step in C (firmware/core/X.[ch]) and the modules of i
         plant(scenario, open_loop=False)    the physics, and sensors that ride on it; it has
             follow(time_s, outputs)         simulate up to time_s with the words of the last step ({}: none yet)
             counts(time_s) six raw counts, truth(time_s) name -> number, setpoint(time_s) int
-    systems/X_view.py       what a trial is measured by and looks like: metrics(trial), plots(trial, closed=...)
-    systems/X_figures.py    what was asked, and what is reached: SECTIONS, ASSUMED (see plumb.proof.figures.figures)
-    systems/X_live.py       on the pins of the virtual board: Coupling(machine, plant), FRAMES, ... (see
-    plumb.boards.plant_on_pins);
-                            none where samples only ever come as frames
+    systems/X/plots.py      how a run is measured and drawn: metrics(run), plots(run, closed=...)
+    systems/X/figures.py    what was asked, and what is reached: SECTIONS, ASSUMED (see plumb.proof.figures)
+    systems/X/pins.py       on the pins of the virtual board: Coupling(machine, plant), FRAMES, ... (see
+                            plumb.boards.plant_on_pins); none where samples only ever come as frames
 """
 
 from __future__ import annotations
@@ -41,12 +43,13 @@ SYSTEMS = {name: declared.title for name, declared in declarations.systems().ite
 """Name -> title of each system that is declared, in the order of their numbers."""
 
 
-def load(name: str, part: str = "") -> ModuleType:
-    """The module of a system, or its part `view`, `figures` or `live`; raises UsageError for what there is not."""
+def load(name: str, part: str = "scenarios") -> ModuleType:
+    """A module of a system's folder: `scenarios`, `plant`, `pins`, `fixed`, `reference` or `quantise`; raises
+    UsageError for a system that there is not, and for `pins` of one whose samples only ever come as frames."""
     if name not in SYSTEMS:
         declarations.system(name)
-    module = f"plumb.systems.{name}{f'_{part}' if part else ''}"
-    if part == "live" and importlib.util.find_spec(module) is None:
+    module = f"plumb.systems.{name}.{part}"
+    if part == "pins" and importlib.util.find_spec(module) is None:
         raise UsageError(f"the board has no sensors of its own for {name}: its samples come as frames")
     return importlib.import_module(module)
 

@@ -7,7 +7,6 @@ and on int64 arrays (one value per run) with the same code. Golden vectors come 
 
 from __future__ import annotations
 
-import importlib
 import zlib
 from collections.abc import Sequence
 
@@ -29,6 +28,7 @@ from plumb.kernels.fixed.kernels import (
 )
 from plumb.kernels.fixed.trig import asin, atan2
 from plumb.spec.records import RECORDS, Words, names_of, packer
+from plumb.systems import load
 from plumb.tuning.quantise import ControlParams
 
 __all__ = [
@@ -41,7 +41,7 @@ class Controller:
     """One run, a step at a time."""
 
     def __init__(self, params: ControlParams) -> None:
-        self._system, self._p = importlib.import_module(f"plumb.systems.run_fixed.{params.system}"), params.values
+        self._system, self._p = load(params.system, "fixed"), params.values
         self._c = self._system.control_init(params.values)
         self._names, self._packer = names_of(params.system), packer(params.system)
         self._row: tuple[int, ...] = ()
@@ -66,7 +66,7 @@ def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayL
     counts, setpoints = check_inputs(raw, setpoint)
     steps = len(counts)
     name = system_name(params)
-    system = importlib.import_module(f"plumb.systems.run_fixed.{name}")
+    system = load(name, "fixed")
     if counts.ndim == 2 and isinstance(params, ControlParams):
         p, c, pack = params.values, system.control_init(params.values), packer(name).pack
         rows = zip(counts.tolist(), setpoints.tolist(), strict=True)

@@ -6,8 +6,6 @@ dequantised one of the integers, so that only the arithmetic differs from `plumb
 
 from __future__ import annotations
 
-import importlib
-
 import numpy as np
 import numpy.typing as npt
 
@@ -27,6 +25,7 @@ from plumb.kernels.reference.kernels import (
     wrap,
 )
 from plumb.spec.tuning import AnyTuning
+from plumb.systems import load
 from plumb.tuning.quantise import ControlParams, dequantise
 
 __all__ = [
@@ -42,6 +41,6 @@ def run_control(
     runs]) in the integers of the system, 0 when left out. Float arrays (steps[, runs]) by name; which, the system says.
     """
     tuning = dequantise(settings) if isinstance(settings, ControlParams) else settings
-    system = importlib.import_module(f"plumb.systems.run_reference.{tuning.system}")
+    system = load(tuning.system, "reference")
     result: dict[str, npt.NDArray[np.float64]] = system.run_control(tuning, raw, setpoint)
     return result

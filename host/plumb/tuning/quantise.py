@@ -95,17 +95,17 @@ class ControlParams:
 
 def groups_of(system: str) -> tuple[str, ...]:
     """The parameter groups that a system reads."""
-    groups: tuple[str, ...] = importlib.import_module(f"plumb.tuning.quantise.{system}").GROUPS
+    groups: tuple[str, ...] = importlib.import_module(f"plumb.systems.{system}.quantise").GROUPS
     return groups
 
 
 def quantise(tuning: AnyTuning) -> ControlParams:
     """The integers of a tuning; raises UsageError with the parameter, its value and the limit."""
-    params: ControlParams = importlib.import_module(f"plumb.tuning.quantise.{tuning.system}").quantise(tuning)
+    params: ControlParams = importlib.import_module(f"plumb.systems.{tuning.system}.quantise").quantise(tuning)
     return params
 
 
 def dequantise(params: ControlParams) -> AnyTuning:
     """What the integers mean, in engineering units: the tuning that the reference runs on beside them."""
-    tuning: AnyTuning = importlib.import_module(f"plumb.tuning.quantise.{params.system}").dequantise(params)
+    tuning: AnyTuning = importlib.import_module(f"plumb.systems.{params.system}.quantise").dequantise(params)
     return tuning

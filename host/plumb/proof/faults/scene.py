@@ -74,7 +74,7 @@ class Scene:
 
     @property
     def live(self) -> ModuleType:
-        return systems.load(self.name, "live")
+        return systems.load(self.name, "pins")
 
     def symbol(self, name: str) -> Symbol:
         """A variable or function of the image, from the ELF file beside it. Raises UsageError without that file."""
@@ -171,12 +171,12 @@ def armed(name: str, link: str = "serial", image: Path | None = None) -> Scene:
     The plant runs the scenario that a served board shows, in closed loop. Raises LinkError with the board's reason when
     it does not arm within ARMING_S.
     """
-    system, parts = systems.load(name), systems.load(name, "live")
+    system, parts = systems.load(name), systems.load(name, "pins")
     scenario = system.scenario(parts.SCENARIO, SEED)
     board = VirtualBoard(image, link=link)
     try:
         params = quantise(system.TUNINGS[parts.TUNING])
-        session = plant_on_pins.become(board, params, period_us=scenario.period_us, arm_hold_ms=0, **system.LINK)
+        session = plant_on_pins.configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **system.LINK)
         coupling = parts.Coupling(board.machine, system.plant(scenario))
         scene = Scene(name, link, board, coupling, image)
         board.machine.uart.timeout = LISTEN_S

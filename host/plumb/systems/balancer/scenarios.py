@@ -22,9 +22,9 @@ import numpy.typing as npt
 from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
 from plumb.physics.sensors import FAULT_NOTES, Adxl345, Fault, Itg3205, Push, faults_of
-from plumb.proof import metrics
 from plumb.spec import dbc
 from plumb.spec.tuning import BalancerTuning, Calibration, Drive, Kalman, Pid, SpeedLoop, Start, Trust, Wheel
+from plumb.systems import scoring
 from plumb.systems.balancer.plant import EDGE_M, GRID_S, BalancerPlant, Vehicle
 
 FloatArray = npt.NDArray[np.float64]
@@ -155,7 +155,7 @@ class Scenario:
     @property
     def scored(self) -> npt.NDArray[np.bool_]:
         """The samples that count, (steps,)."""
-        return metrics.scored(self.time_s)
+        return scoring.scored(self.time_s)
 
     @property
     def ride(self) -> Ride:

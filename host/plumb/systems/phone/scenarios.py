@@ -24,9 +24,9 @@ import numpy.typing as npt
 from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
 from plumb.physics.sensors import FAULT_NOTES, Fault, band_noise, fault_of
-from plumb.proof import metrics
 from plumb.spec import dbc
 from plumb.spec.tuning import Channel, PhoneAxis, PhoneTuning, Start
+from plumb.systems import scoring
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -152,7 +152,7 @@ class Scenario:
 
     @property
     def scored(self) -> npt.NDArray[np.bool_]:
-        return metrics.scored(self.time_s)
+        return scoring.scored(self.time_s)
 
     def counts(self) -> npt.NDArray[np.int16]:
         """Raw counts, (steps, 6)."""

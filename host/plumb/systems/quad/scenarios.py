@@ -35,9 +35,9 @@ from plumb.physics.sensors import (
     band_noise,
     faults_of,
 )
-from plumb.proof import metrics
 from plumb.spec import dbc
 from plumb.spec.tuning import Calibration, Esc, Kalman, Pid, Start, Trust, Tuning
+from plumb.systems import scoring
 
 if TYPE_CHECKING:
     from plumb.systems.quad.plant import QuadPlant
@@ -210,7 +210,7 @@ class Scenario:
     @property
     def scored(self) -> npt.NDArray[np.bool_]:
         """The samples that count, (steps,)."""
-        return metrics.scored(self.time_s)
+        return scoring.scored(self.time_s)
 
     def rate_dps(self) -> FloatArray:
         """True rate of the prescribed motion at the sampling instants, (steps,)."""

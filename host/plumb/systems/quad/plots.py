@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from plumb.proof import metrics as measures
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, Series, error_budget
-from plumb.proof.runs import Trial
+from plumb.proof.runs import Run
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -21,20 +21,20 @@ RATE_DPS = 360.0 / 2.0**28
 COMMAND = 2.0**-22
 
 
-def estimate_deg(trial: Trial) -> FloatArray:
+def estimate_deg(trial: Run) -> FloatArray:
     """The board's tilt, (steps,)."""
     return np.asarray(trial.board_words["tilt_turn_q32"] * TURN_DEG)
 
 
-def accel_only_deg(trial: Trial) -> FloatArray:
+def accel_only_deg(trial: Run) -> FloatArray:
     """What the accelerometer alone says of the sampled values, (steps,)."""
     y, z = (trial.words[name].astype(np.float64) for name in ("accel_y_g_q26", "accel_z_g_q26"))
     return measures.accel_only_deg(y, z)
 
 
-def metrics(trial: Trial) -> dict[str, float | None]:
+def metrics(trial: Run) -> dict[str, float | None]:
     """Errors of the tilt; windows and definitions are in plumb.proof.metrics. None where nothing is to be scored."""
-    truth_deg, scored = trial.flight.truth["tilt_deg"], trial.flight.scored
+    truth_deg, scored = trial.inputs.truth["tilt_deg"], trial.inputs.scored
 
     def figure(measure: Callable[[FloatArray, FloatArray, BoolArray], FloatArray], deg: FloatArray) -> float | None:
         return float(measure(deg, truth_deg, scored)) if scored.any() else None
@@ -49,26 +49,26 @@ def metrics(trial: Trial) -> dict[str, float | None]:
     }
 
 
-def bias_settled_s(trial: Trial) -> float | None:
+def bias_settled_s(trial: Run) -> float | None:
     """From the start until the bias stays within 1 deg/s of the true one; None where that is not known, or never."""
-    error_dps = trial.board_words["bias_turnps_q28"] * RATE_DPS - trial.flight.truth["bias_dps"]
+    error_dps = trial.board_words["bias_turnps_q28"] * RATE_DPS - trial.inputs.truth["bias_dps"]
     if not np.isfinite(error_dps).all():
         return None
     settled = measures.convergence(error_dps, np.zeros_like(error_dps), trial.params.period_s)
     return settled.time_s if np.isfinite(settled.time_s) else None
 
 
-def plots(trial: Trial, *, closed: bool) -> list[Plot]:
+def plots(trial: Run, *, closed: bool) -> list[Plot]:
     """Tilt (and setpoint, in a closed loop), estimation error, bias, control and PWM, fixed point against float64."""
-    time_s, words, truth = trial.flight.time_s, trial.words, trial.flight.truth["tilt_deg"]
+    time_s, words, truth = trial.inputs.time_s, trial.words, trial.inputs.truth["tilt_deg"]
     error = measures.wrap_deg(estimate_deg(trial) - truth)
     apart = measures.wrap_deg(words["tilt_turn_q32"] * TURN_DEG - trial.reference["tilt_deg"])
     bias = [Line("estimated", words["bias_turnps_q28"] * RATE_DPS, ESTIMATE)]
-    if np.isfinite(trial.flight.truth["bias_dps"]).any():
-        bias.insert(0, Line("true", trial.flight.truth["bias_dps"], TRUTH))
+    if np.isfinite(trial.inputs.truth["bias_dps"]).any():
+        bias.insert(0, Line("true", trial.inputs.truth["bias_dps"], TRUTH))
     tilt = [Line("accelerometer only", accel_only_deg(trial), SENSOR, 0.7)]
     if closed:
-        tilt.append(Line("setpoint", trial.flight.setpoint * TURN_DEG, SECOND))
+        tilt.append(Line("setpoint", trial.inputs.setpoint * TURN_DEG, SECOND))
     if np.isfinite(truth).any():
         tilt.append(Line("true", truth, TRUTH, 1.6))
     tilt.append(Line("estimate", estimate_deg(trial), ESTIMATE))
@@ -93,9 +93,9 @@ def plots(trial: Trial, *, closed: bool) -> list[Plot]:
     return found
 
 
-def rms_and_max(trial: Trial, tilt_deg: Series) -> tuple[float, float]:
+def rms_and_max(trial: Run, tilt_deg: Series) -> tuple[float, float]:
     """Error of any estimate against the trial's truth over the samples that count, deg."""
-    truth, scored = trial.flight.truth["tilt_deg"], trial.flight.scored
+    truth, scored = trial.inputs.truth["tilt_deg"], trial.inputs.scored
     return (
         float(measures.angle_rmse_deg(np.asarray(tilt_deg, np.float64), truth, scored)),
         float(measures.angle_max_deg(np.asarray(tilt_deg, np.float64), truth, scored)),

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from plumb.boards import native_core
 from plumb.proof import metrics
-from plumb.proof.figures.figures import Figure, Sense
+from plumb.proof.figures import Figure, Sense
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
 from plumb.spec.tuning import PhoneTuning
 from plumb.systems import run_reference

@@ -51,9 +51,9 @@ def confirm(board: Board, name: str, seed: int = SEED, seconds: float | None = N
         if closed:
             digests, expected = (runs.closed_loop(one, run, params).answer.digests for one in (board, native))
         else:
-            flight = runs.prescribed(run)
+            inputs = runs.prescribed(run)
             digests, expected = (
-                one.run_injected(params, flight.raw, flight.setpoint).digests for one in (board, native)
+                one.run_injected(params, inputs.raw, inputs.setpoint).digests for one in (board, native)
             )
         differ = int(np.count_nonzero(digests != expected))
         yield Confirmation(name, scenario, tuning, "closed" if closed else "open", run.steps, differ)

@@ -17,14 +17,14 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.boards import native_core
-from plumb.proof.figures.figures import UNASKED, Figure, Sense
-from plumb.proof.figures.turntable_plots import RATE_DPS, attitude, reference_attitude
+from plumb.proof.figures import UNASKED, Figure, Sense
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, Line, Plot
 from plumb.spec.records import Words
-from plumb.systems import run_reference
 from plumb.systems.turntable import gyro as turntable_gyro
+from plumb.systems.turntable import reference as reference_turntable
 from plumb.systems.turntable import scenarios as turntable
 from plumb.systems.turntable.motion import REST_S
+from plumb.systems.turntable.plots import RATE_DPS, attitude, reference_attitude
 from plumb.systems.turntable.reference import rotation_deg
 from plumb.tuning import quantise
 
@@ -105,7 +105,7 @@ class Batch:
     def _reference(self, tuning: str) -> dict[str, FloatArray]:
         raw = np.stack([run.counts() for run in self.runs], axis=-1)
         phase_s = [run.gyro_s[0] for run in self.runs]
-        return run_reference.turntable.run_control(turntable.TUNINGS[tuning], raw, gyro_phase_s=phase_s)
+        return reference_turntable.run_control(turntable.TUNINGS[tuning], raw, gyro_phase_s=phase_s)
 
     def rate_noise_dps(self, tuning: str) -> FloatArray:
         """Error of the integers' corrected rate over the motion, rms, (runs,)."""

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from plumb.proof import metrics as measures
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_budget
-from plumb.proof.runs import Trial
+from plumb.proof.runs import Run
 
 FloatArray = npt.NDArray[np.float64]
 Series = npt.NDArray[np.floating[Any]]
@@ -21,20 +21,20 @@ DUTY = 2.0**-15
 FLAG_FALLEN = 1 << 7
 
 
-def estimate_deg(trial: Trial) -> FloatArray:
+def estimate_deg(trial: Run) -> FloatArray:
     """The board's tilt, (steps,)."""
     return np.asarray(trial.board_words["tilt_turn_q32"] * TURN_DEG)
 
 
-def accel_only_deg(trial: Trial) -> FloatArray:
+def accel_only_deg(trial: Run) -> FloatArray:
     """What the accelerometer alone says of the sampled values, (steps,)."""
     x, z = (trial.words[name].astype(np.float64) for name in ("accel_x_g_q26", "accel_z_g_q26"))
     return measures.accel_only_deg(x, z)
 
 
-def metrics(trial: Trial) -> dict[str, float | None]:
+def metrics(trial: Run) -> dict[str, float | None]:
     """Errors of tilt and rate over the samples that count, the largest tilt there was, and how long it lay."""
-    truth, words, scored = trial.flight.truth, trial.board_words, trial.flight.scored
+    truth, words, scored = trial.inputs.truth, trial.board_words, trial.inputs.scored
 
     def rms(values: Series, true: Series) -> float | None:
         return float(np.sqrt(np.mean((values - true)[scored] ** 2))) if scored.any() else None
@@ -51,15 +51,15 @@ def metrics(trial: Trial) -> dict[str, float | None]:
         "fixed_vs_reference_max_deg": float(np.max(np.abs(apart))),
         "rate_rmse_dps": rms(words["rate_corrected_turnps_q28"] * RATE_DPS, truth["rate_dps"]),
         "rate_raw_rmse_dps": rms(words["rate_turnps_q28"] * RATE_DPS, truth["rate_dps"]),
-        "velocity_rmse_mps": rms(trial.flight.setpoint * VELOCITY_MPS, truth["velocity_mps"]),
+        "velocity_rmse_mps": rms(trial.inputs.setpoint * VELOCITY_MPS, truth["velocity_mps"]),
         "tilt_max_deg": float(np.max(np.abs(truth["tilt_deg"]))),
         "fallen_steps": float(np.count_nonzero(words["flags"] & FLAG_FALLEN)),
     }
 
 
-def plots(trial: Trial, *, closed: bool) -> list[Plot]:
+def plots(trial: Run, *, closed: bool) -> list[Plot]:
     """Tilt, its error, rate, bias, velocity, duty, and fixed point against float64."""
-    time_s, words, truth = trial.flight.time_s, trial.board_words, trial.flight.truth
+    time_s, words, truth = trial.inputs.time_s, trial.board_words, trial.inputs.truth
     apart = measures.wrap_deg(trial.words["tilt_turn_q32"] * TURN_DEG - trial.reference["tilt_deg"])
     tilt = [
         Line("accelerometer only", accel_only_deg(trial), SENSOR, 0.7),
@@ -96,7 +96,7 @@ def plots(trial: Trial, *, closed: bool) -> list[Plot]:
             "m/s",
             time_s,
             [
-                Line("asked for", trial.flight.setpoint * VELOCITY_MPS, SECOND),
+                Line("asked for", trial.inputs.setpoint * VELOCITY_MPS, SECOND),
                 Line("true", truth["velocity_mps"], TRUTH, 1.6),
                 Line("from the Hall sensors, filtered", words["velocity_mps_q26"] * VELOCITY_MPS, ESTIMATE),
             ],

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, Line, Plot, error_budget
-from plumb.proof.runs import Trial
+from plumb.proof.runs import Run
 from plumb.spec.records import Words
 from plumb.systems.turntable.gyro import attitudes, interpolated
 from plumb.systems.turntable.motion import REST_S
@@ -35,38 +35,38 @@ def reference_attitude(values: dict[str, FloatArray]) -> FloatArray:
     return np.stack([values[f"attitude_{axis}"] for axis in "wxyz"], axis=-1)
 
 
-def residuals_deg(trial: Trial) -> FloatArray:
+def residuals_deg(trial: Run) -> FloatArray:
     """(steps, 3)."""
-    return rotation_deg(reference_attitude(trial.flight.truth), attitude(trial.board_words))
+    return rotation_deg(reference_attitude(trial.inputs.truth), attitude(trial.board_words))
 
 
-def apart_deg(trial: Trial) -> FloatArray:
+def apart_deg(trial: Run) -> FloatArray:
     """Angle between the integers' and float64's attitude on the same counts, (steps,)."""
     both = rotation_deg(reference_attitude(trial.reference), attitude(trial.words))
     return np.asarray(np.linalg.norm(both, axis=1), np.float64)
 
 
-def gyro_residuals_deg(trial: Trial) -> FloatArray | None:
+def gyro_residuals_deg(trial: Run) -> FloatArray | None:
     """Of the gyro alone over the motion, (samples, 3): calibrated, its spikes replaced by the prefilter. None where it
     has no samples to begin with."""
-    words, time_s = trial.words, trial.flight.time_s
+    words, time_s = trial.words, trial.inputs.time_s
     at = np.flatnonzero(words["flags"] & FLAG_GYRO)
     if len(at) < 2 or not (time_s[at] < REST_S).any():
         return None
     age_step = words["gyro_age_step_q24"][at] / 2.0**24
     rate = np.stack([words[f"rate_turnps_q28_{i}"][at] * RATE_DPS for i in range(3)], axis=-1)
     sampled_s = time_s[at] - age_step * trial.params.period_s
-    truth = reference_attitude(trial.flight.truth)
+    truth = reference_attitude(trial.inputs.truth)
     share = np.zeros(len(time_s))
     share[at] = age_step
     there, moving = interpolated(truth, share)[at], sampled_s >= REST_S
     return rotation_deg(there[moving], attitudes(sampled_s, rate)[moving])
 
 
-def metrics(trial: Trial) -> dict[str, float | None]:
+def metrics(trial: Run) -> dict[str, float | None]:
     """Errors of the attitude, then per axis as the patent reports them; the gyro alone beside them. None where nothing
     is to be scored."""
-    scored = trial.flight.scored
+    scored = trial.inputs.scored
     found: dict[str, float | None] = dict.fromkeys(("angle_rmse_deg", "angle_max_deg", "accel_only_rmse_deg"))
     found["fixed_vs_reference_max_deg"] = float(np.max(apart_deg(trial)))
     if not scored.any():
@@ -88,9 +88,9 @@ def metrics(trial: Trial) -> dict[str, float | None]:
     return found
 
 
-def plots(trial: Trial, *, closed: bool) -> list[Plot]:
+def plots(trial: Run, *, closed: bool) -> list[Plot]:
     """Rates, residuals, biases, what was learnt of scale and lag, fixed point against float64."""
-    time_s, words, truth = trial.flight.time_s, trial.words, trial.flight.truth
+    time_s, words, truth = trial.inputs.time_s, trial.words, trial.inputs.truth
     residual = residuals_deg(trial)
 
     def lines(word: str, unit: float) -> list[Line]:

@@ -1,4 +1,4 @@
-"""What `balancer` was asked to reach, and what the integers reach (see plumb.proof.figures.figures).
+"""What `balancer` was asked to reach, and what the integers reach (see plumb.proof.figures).
 
 Open loop: the ride of the ideal controller. Closed loop: the C integers in the loop, judged on the true tilt. The
 source's own filter, the arctangent of the two axes with nothing taken off, stands beside the shipped tuning for
@@ -15,16 +15,16 @@ import numpy.typing as npt
 
 from plumb.boards import native_core
 from plumb.proof import metrics
-from plumb.proof.figures.balancer_plots import DUTY, RATE_DPS, TURN_DEG
-from plumb.proof.figures.figures import UNASKED, Figure, Sense
+from plumb.proof.figures import UNASKED, Figure, Sense
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
 from plumb.proof.runs import closed_loop
 from plumb.spec.tuning import BalancerTuning
-from plumb.systems import run_reference
+from plumb.systems import run_reference, scoring
 from plumb.systems.balancer import plant as balancer_plant
 from plumb.systems.balancer import reference as reference_balancer
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.balancer.plant import BalancerPlant
+from plumb.systems.balancer.plots import DUTY, RATE_DPS, TURN_DEG
 from plumb.tuning import quantise
 
 FloatArray = npt.NDArray[np.float64]
@@ -42,7 +42,7 @@ def expected_raw_dps() -> tuple[float, float]:
     The start bias is uniform, the warm-up's sign drawn, so that both signs are one; walk and noise add in squares.
     """
     time_s = np.arange(0.0, balancer.SECONDS["rough"], balancer.PERIOD_US * 1e-6)
-    time_s = time_s[metrics.scored(time_s)]
+    time_s = time_s[scoring.scored(time_s)]
     warm = balancer.DRIFT_DPS * (1.0 - np.exp(-time_s / balancer.DRIFT_TAU_S))
     start = np.linspace(-balancer.BIAS_DPS, balancer.BIAS_DPS, 2001)
     bias = start**2 + 2.0 * start * np.mean(warm) + np.mean(warm**2)
@@ -368,7 +368,7 @@ def closed_plots() -> list[Plot]:
     run = balancer.scenario("rough", PLOTTED_SEED)
     trial = closed_loop(NativeBoard(), run, quantise.quantise(balancer.TUNED))
     shown = (run.time_s >= 10.0) & (run.time_s < 50.0)
-    time_s, words, truth = run.time_s[shown], trial.words, trial.flight.truth
+    time_s, words, truth = run.time_s[shown], trial.words, trial.inputs.truth
     at = np.rint(time_s / balancer_plant.GRID_S).astype(np.int64)
     return [
         Plot(

@@ -16,13 +16,13 @@ import numpy.typing as npt
 from plumb.boards import native_core
 from plumb.physics.sensors import ADC_NOISE_LSB, Mma7260
 from plumb.proof import metrics
-from plumb.proof.figures import quad_plots
-from plumb.proof.figures.figures import Figure, Sense
+from plumb.proof.figures import Figure, Sense
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
-from plumb.proof.runs import Trial, open_loop, prescribed
+from plumb.proof.runs import Run, open_loop, prescribed
 from plumb.spec.tuning import Tuning
-from plumb.systems import run_reference
+from plumb.systems import run_reference, scoring
 from plumb.systems.quad import plant as quad_plant
+from plumb.systems.quad import plots as quad_plots
 from plumb.systems.quad import reference as reference_quad
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.plant import QuadPlant
@@ -74,7 +74,7 @@ class Batch:
 
     def rmse_deg(self, tilt_deg: FloatArray) -> FloatArray:
         """Of every run, (runs,)."""
-        return metrics.angle_rmse_deg(tilt_deg, self.tilt_deg, metrics.scored(self.time_s))
+        return metrics.angle_rmse_deg(tilt_deg, self.tilt_deg, scoring.scored(self.time_s))
 
     def engineering(self) -> FloatArray:
         """Rate in deg/s, acceleration along y and z in g: (3, steps, runs)."""
@@ -238,13 +238,13 @@ def bandwidth_rows(seeds: Iterable[int]) -> Iterator[Figure]:
         yield _tilt_error(f"low-pass {bandwidth_hz:.0f} Hz, {noise_mg:.1f} mg", batch, "adaptive", "at most", 0.60)
 
 
-def disturbed(tuning: str) -> tuple[Trial, Plot, Plot]:
+def disturbed(tuning: str) -> tuple[Run, Plot, Plot]:
     """`disturb` on the native core: what came of it, the tilt (measured, true, fused) and the bias."""
     from plumb.boards.native import NativeBoard
 
     run = quad.scenario("disturb", PLOTTED_SEED)
     trial = open_loop(NativeBoard(), prescribed(run), quantise.quantise(quad.TUNINGS[tuning]))
-    time_s, words, truth = run.time_s, trial.words, trial.flight.truth
+    time_s, words, truth = run.time_s, trial.words, trial.inputs.truth
     tilt = Plot(
         f"Tilt, {quad.TUNING_NOTES[tuning]}",
         "deg",
@@ -271,7 +271,7 @@ def figures_2_and_3() -> list[Plot]:
     """The paper's figures: gyro and tilt as measured, bias and fused tilt, the start angle moved by hand."""
     trial, tilt, bias = disturbed("paper")
     rate = trial.words["rate_turnps_q28"] * quad_plots.RATE_DPS
-    raw = Plot("Angular rate as measured", "deg/s", trial.flight.time_s, [Line("gyro", rate, SENSOR, 0.9)])
+    raw = Plot("Angular rate as measured", "deg/s", trial.inputs.time_s, [Line("gyro", rate, SENSOR, 0.9)])
     return [raw, tilt, bias]
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from plumb.proof import metrics as measures
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_budget
-from plumb.proof.runs import Trial
+from plumb.proof.runs import Run
 from plumb.systems.phone.scenarios import inclination_deg, up
 
 FloatArray = npt.NDArray[np.float64]
@@ -23,32 +23,32 @@ RATE_DPS = 360.0 / 2.0**28
 AXES = ("pitch", "roll")
 
 
-def estimate_deg(trial: Trial, axis: str) -> FloatArray:
+def estimate_deg(trial: Run, axis: str) -> FloatArray:
     """The board's pitch or roll, (steps,)."""
     return np.asarray(trial.board_words[f"{axis}_turn_q32"] * TURN_DEG)
 
 
-def error_deg(trial: Trial) -> FloatArray:
+def error_deg(trial: Run) -> FloatArray:
     """Angle between the estimated and the true vertical, (steps,)."""
-    truth = up(*(trial.flight.truth[f"{axis}_deg"] for axis in AXES))
+    truth = up(*(trial.inputs.truth[f"{axis}_deg"] for axis in AXES))
     return inclination_deg(up(*(estimate_deg(trial, axis) for axis in AXES)), truth)
 
 
-def accel_error_deg(trial: Trial) -> FloatArray:
+def accel_error_deg(trial: Run) -> FloatArray:
     """The same of the accelerometer alone."""
     force = np.stack([trial.words[f"accel_{axis}_g_q26"].astype(np.float64) for axis in "xyz"])
-    return inclination_deg(force, up(*(trial.flight.truth[f"{axis}_deg"] for axis in AXES)))
+    return inclination_deg(force, up(*(trial.inputs.truth[f"{axis}_deg"] for axis in AXES)))
 
 
-def apart_deg(trial: Trial) -> FloatArray:
+def apart_deg(trial: Run) -> FloatArray:
     """The same between the integers and float64, on the same counts."""
     fixed = up(*(trial.words[f"{axis}_turn_q32"] * TURN_DEG for axis in AXES))
     return inclination_deg(fixed, up(*(trial.reference[f"{axis}_deg"] for axis in AXES)))
 
 
-def metrics(trial: Trial) -> dict[str, float | None]:
+def metrics(trial: Run) -> dict[str, float | None]:
     """Errors of the vertical, then of the angles; None where nothing is to be scored."""
-    scored = trial.flight.scored
+    scored = trial.inputs.scored
 
     def rms(error: FloatArray) -> float | None:
         return float(np.sqrt(np.mean(error[scored] ** 2))) if scored.any() else None
@@ -61,18 +61,18 @@ def metrics(trial: Trial) -> dict[str, float | None]:
         "fixed_vs_reference_max_deg": float(np.max(apart_deg(trial))),
     }
     for axis in AXES:
-        truth = trial.flight.truth[f"{axis}_deg"]
+        truth = trial.inputs.truth[f"{axis}_deg"]
         figures[f"{axis}_rmse_deg"] = rms(measures.wrap_deg(estimate_deg(trial, axis) - truth))
     return figures
 
 
-def plots(trial: Trial, *, closed: bool) -> list[Plot]:
+def plots(trial: Run, *, closed: bool) -> list[Plot]:
     """Pitch and roll, the error of the vertical, biases, fixed point against float64."""
-    time_s, known = trial.flight.time_s, bool(np.isfinite(trial.flight.truth["pitch_deg"]).any())
+    time_s, known = trial.inputs.time_s, bool(np.isfinite(trial.inputs.truth["pitch_deg"]).any())
     found = []
     for axis in AXES:
         lines = [Line("accelerometer only", trial.words[f"{axis}_measured_turn_q32"] * TURN_DEG, SENSOR, 0.7)]
-        lines += [Line("true", trial.flight.truth[f"{axis}_deg"], TRUTH, 1.6)] if known else []
+        lines += [Line("true", trial.inputs.truth[f"{axis}_deg"], TRUTH, 1.6)] if known else []
         found.append(
             Plot(axis.capitalize(), "deg", time_s, [*lines, Line("estimate", estimate_deg(trial, axis), ESTIMATE)])
         )

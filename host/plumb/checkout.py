@@ -1,0 +1,10 @@
+"""Where this package lies, and the checkout around it where there is one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parent
+CHECKOUT = PACKAGE.parents[1]
+"""Root of the checkout that the package was imported from; of an installed package, a folder without build/ or
+tests/."""

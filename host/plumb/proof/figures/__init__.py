@@ -1,1 +1,0 @@
-"""Published figures of every system, and its plots."""

@@ -1,0 +1,90 @@
+"""A live run on the virtual board: the board samples its own sensors by its own timer, is armed over its link, is told
+the setpoints as they change, and streams raw counts and digests, which are compared with the model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plumb import systems
+from plumb.boards import Answer
+from plumb.boards.plant_on_pins import FOUND_US, configure_as
+from plumb.boards.virtual import VirtualBoard
+from plumb.errors import LinkError
+from plumb.link.identity import disarmed_text
+from plumb.link.realtime import Capture
+from plumb.link.session import REPLY_TIMEOUT_S, Session
+from plumb.proof.runs import Run, RunInputs, columns, judge
+from plumb.systems.contracts import Scenario
+from plumb.tuning.quantise import ControlParams
+
+STANDSTILL_US = 500_000
+"""Without a step for so long, the run is over: a sensor gives no samples any more."""
+
+
+def run_live(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, open_loop: bool = False) -> Run:
+    """Arm, run the scenario in real time on live sensors, disarm, and judge what was streamed.
+
+    Raises LinkError when the board disarms itself or falls silent on the way.
+    """
+    from tqdm import tqdm
+
+    steps = scenario.steps
+    system, live = systems.load(params.system), systems.load(params.system, "pins")
+    # The plant's actuators need no arming pulse, and its motion does not wait for one.
+    session = configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **system.LINK)
+    coupling = live.Coupling(board.machine, system.plant(scenario, open_loop=open_loop))
+    board.machine.advance_us(FOUND_US)
+    capture = Capture(session)
+    session.begin("REALTIME_LIVE", frames=live.FRAMES)
+    session.listener = capture.feed
+    if system.OUTPUT_FRAMES:
+        session.arm()
+    wanted, asked = scenario.setpoint(), 0
+    with tqdm(total=steps, desc="live on the virtual board", unit="step", leave=False, disable=None) as bar:
+        heard, heard_us = 0, board.machine.now_us
+        while capture.steps < steps:
+            if asked != wanted[capture.steps]:
+                asked = int(wanted[capture.steps])
+                capture.set_setpoint(asked)
+            if not session.receive(REPLY_TIMEOUT_S):
+                raise LinkError(f"the board fell silent after step {capture.steps}")
+            if capture.disarmed_step is not None:
+                raise LinkError(f"the board disarmed itself before step {capture.disarmed_step}: {_why(session)}")
+            if capture.steps > heard:
+                bar.update(capture.steps - heard)
+                heard, heard_us = capture.steps, board.machine.now_us
+            elif board.machine.now_us - heard_us > STANDSTILL_US:
+                raise LinkError(f"the board takes no samples after step {capture.steps}: a sensor or the link failed")
+    session.end()
+    session.listener = None
+    raw = capture.raw_counts(steps)
+    first = align_to_conversions(np.array([count for count, _ in coupling.taken]), raw[:, 0])
+    truth = columns([row for _, row in coupling.taken[first : first + steps]])
+    inputs = RunInputs(scenario.time_s, truth, raw, capture.setpoints(steps), scenario.scored)
+    answer = Answer(capture.digests(steps), unverified_from=capture.unverified_from(steps))
+    return judge(board, inputs, params, answer)
+
+
+def _why(session: Session) -> str:
+    """What ended the armed time, as soon as the board says it."""
+    session.telemetry.pop("EVENTS", None)
+    session.telemetry.pop("PLAUSIBILITY", None)
+    end_s = session.clock() + REPLY_TIMEOUT_S
+    while not {"EVENTS", "PLAUSIBILITY"} <= set(session.telemetry) and session.clock() < end_s:
+        session.receive(REPLY_TIMEOUT_S / 5)
+    said = session.telemetry
+    return disarmed_text(said.get("EVENTS", {}).get("disarm_cause", 0), said.get("PLAUSIBILITY", {}))
+
+
+def align_to_conversions(
+    taken: np.ndarray[tuple[int], np.dtype[np.int64]], streamed: np.ndarray[tuple[int], np.dtype[np.int16]]
+) -> int:
+    """Index of the conversion that became the first step: some may have gone before the run began.
+
+    The one from which on the most counts agree, so that a count lost on the link does not matter.
+    """
+    spare = len(taken) - len(streamed)
+    if spare < 0:
+        raise LinkError(f"the board streamed {len(streamed)} steps of {len(taken)} conversions")
+    agree = [int(np.count_nonzero(taken[at : at + len(streamed)] == streamed)) for at in range(spare + 1)]
+    return int(np.argmax(agree))

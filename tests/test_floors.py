@@ -1,0 +1,66 @@
+"""The floors of host/plumb: a module imports its own floor and those below it, and floors have no circles.
+
+The order is that of the data: what is given, the kernels, the link, the chip, the systems, the boards, the proof, what
+feeds them, and what people call. An import inside a function counts like one at the top of the file; one for types
+alone counts too. Plots and figures of a system lie in its folder, so that a system is one folder, and stand on the
+floor of the proof, which loads them by name.
+"""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[1] / "host" / "plumb"
+FLOORS = [
+    "__init__", "process_signals", "errors", "extras", "checkout", "files", "spec", "physics", "kernels", "tuning",
+    "link", "flash", "f103", "systems", "boards", "proof", "inputs", "bench", "cli", "__main__",
+]  # fmt: skip
+"""From the ground up."""
+CHIP = {"errors", "process_signals", "extras", "files", "flash"}
+"""What the simulated chip may import: nothing of plumb's protocol, parameters or systems."""
+
+
+def modules() -> list[str]:
+    return sorted(path.relative_to(PACKAGE).with_suffix("").as_posix() for path in PACKAGE.rglob("*.py"))
+
+
+def floor_of(dotted: str) -> str:
+    """`plumb.link.session` -> `link`; a name of the package itself, like `plumb.__version__`, -> `__init__`."""
+    parts = dotted.removesuffix(".__version__").split(".")
+    if parts[1:2] == ["systems"] and parts[3:] in (["plots"], ["figures"]):
+        return "proof"
+    return parts[1] if len(parts) > 1 else "__init__"
+
+
+def imported_by(module: str) -> set[str]:
+    """Dotted names of plumb that a module imports: modules and packages, not the names inside them."""
+    found = set()
+    for node in ast.walk(ast.parse((PACKAGE / f"{module}.py").read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            assert not node.level, f"{module} imports relatively: write the whole name"
+            found |= (
+                {f"{node.module}.{alias.name}" for alias in node.names} if node.module == "plumb" else {node.module}
+            )
+    return {name for name in found if name == "plumb" or name.startswith("plumb.")}
+
+
+def test_every_module_stands_on_a_floor() -> None:
+    assert {module.split("/")[0] for module in modules()} == set(FLOORS)
+
+
+@pytest.mark.parametrize("module", modules())
+def test_no_module_imports_a_floor_above_its_own(module: str) -> None:
+    own = FLOORS.index(floor_of("plumb." + module.replace("/", ".")))
+    above = {name for name in imported_by(module) if FLOORS.index(floor_of(name)) > own}
+    assert not above, f"{module} imports {', '.join(sorted(above))}"
+
+
+@pytest.mark.parametrize("module", [module for module in modules() if module.startswith("f103/")])
+def test_the_chip_knows_nothing_of_the_product(module: str) -> None:
+    foreign = {floor_of(name) for name in imported_by(module)} - CHIP - {"f103"}
+    assert not foreign, f"{module} imports {', '.join(sorted(foreign))}"
