@@ -41,7 +41,7 @@ def test_a_system_offers_its_presets(name: str) -> None:
     assert system.STARTS.keys() == system.START_NOTES.keys()
     assert system.DEFAULT_SCENARIO in system.SCENARIOS and system.DEFAULT_TUNING in system.TUNINGS
     assert set(system.OUTPUTS) <= set(RECORDS[name].names or ())
-    for part in ("view", "figures"):
+    for part in ("plots", "figures"):
         systems.load(name, part)
     for tuning in system.TUNINGS.values():
         assert quantise(tuning).system == name and dequantise(quantise(tuning)).system == name

@@ -51,7 +51,7 @@ def test_modules_add_up_to_the_image(tool: ModuleType) -> None:
 @needs_image
 def test_functions_and_variables_stand_with_the_file_they_are_from(tool: ModuleType) -> None:
     modules = tool.sizes_of(IMAGE)["modules"]
-    step = modules["core/control.c"]["items"]["control_step"]
+    step = modules["core/systems.c"]["items"]["control_step"]
     assert step["flash"] > 20 and step["deepest"] >= step["stack"]
     assert modules["ports/stm32f103/uart.c"]["items"]["rx_ring"] == {"flash": 0, "ram": 1024}
     assert modules["app/loop.c"]["items"]["loop_turn"]["deepest"] > modules["app/loop.c"]["items"]["loop_turn"]["stack"]

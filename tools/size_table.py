@@ -166,7 +166,9 @@ def image_of(revision: str) -> tuple[str, Path]:
         held = [name for name in FIRMWARE if git("ls-tree", "--name-only", commit, "--", name).strip()]
         with zipfile.ZipFile(io.BytesIO(git("archive", "--format=zip", commit, *held))) as archive:
             archive.extractall(folder / "source")
-        toolchain = next((folder / "source/firmware").rglob("toolchain.cmake"))
+        toolchain = next(
+            (folder / "source").rglob("toolchain.cmake"), Path("toolchain.cmake")
+        )  # wherever that commit has it
         configure = ["cmake", "-S", str(folder / "source"), "-B", str(folder / "image"), "-G", "Ninja",
                      f"-DCMAKE_TOOLCHAIN_FILE={toolchain}", "-DCMAKE_BUILD_TYPE=Image"]  # fmt: skip
         for command in (configure, ["cmake", "--build", str(folder / "image"), "--target", "firmware"]):
