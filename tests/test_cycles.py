@@ -158,3 +158,48 @@ def test_the_counter_runs_code_and_books_nested_calls(tmp_path: Path) -> None:
     look = counter.profiles["look"]
     assert look.cycles_max == 3 + 2 + 3
     assert look.cycles_2ws_max >= look.cycles_max + 5  # a table in flash waits, and so does the prefetch
+
+
+SOURCE = """
+    static const int squares[4] = {0, 1, 4, 9};
+    static inline __attribute__((always_inline)) int kernel(volatile int *at) {
+        return *at + squares[*at & 3];
+    }
+    int twice(volatile int *at) {
+        *at = 7;
+        int first = kernel(at);
+        *at = 2;
+        return first + kernel(at);
+    }
+"""
+
+
+def test_the_counter_finds_a_kernel_that_was_inlined(tmp_path: Path) -> None:
+    """Each place is a call of its own: what it costs there, of the instructions that came from it alone."""
+    pytest.importorskip("unicorn")
+    pytest.importorskip("elftools")
+    if shutil.which("arm-none-eabi-gcc") is None:
+        pytest.skip("arm-none-eabi-gcc is not installed")
+    from plumb.bench.instruction_counter import Counter, Image
+    from plumb.errors import UsageError
+
+    (tmp_path / "two.c").write_text(SOURCE)
+    link = ["-nostdlib", "-Wl,-e,twice", "-Wl,-Ttext=0x08000000"]
+    compiler = ["arm-none-eabi-gcc", "-mcpu=cortex-m3", "-mthumb", "-O2", "-fno-schedule-insns2"]
+    subprocess.run([*compiler, "-g", *link, "two.c", "-o", "two.elf"], cwd=tmp_path, check=True)
+    image = Image(tmp_path / "two.elf")
+    counter = Counter(image, ["twice", "kernel"])
+    call = counter.call("twice", counter.place(bytes(4)))
+    assert call.result == (7 + 9) + (2 + 4)
+    kernel, whole = counter.profiles["kernel"], counter.profiles["twice"]
+    assert (kernel.calls, whole.calls) == (2, 1)
+    assert 4 <= kernel.instructions_min <= kernel.instructions_max < whole.instructions_max / 2
+    assert kernel.cycles_max < whole.cycles_max / 2
+    assert counter.bytes_of("kernel") < image.symbol("twice").size + image.symbol("squares").size
+    assert counter.bytes_of("kernel") > image.symbol("squares").size
+
+    with pytest.raises(UsageError, match="neither as a function nor inlined"):
+        Counter(image, ["nowhere"])
+    subprocess.run(["arm-none-eabi-strip", "--strip-debug", "two.elf"], cwd=tmp_path, check=True)
+    with pytest.raises(UsageError, match="no debug information"):
+        Counter(Image(tmp_path / "two.elf"), ["kernel"])

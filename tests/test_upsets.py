@@ -206,7 +206,7 @@ def test_without_the_check_flips_move_the_outputs_and_nobody_hears(image: bytes,
 
 
 def test_a_flipped_last_command_is_gone_with_the_next_step(image: bytes, elf: Elf) -> None:
-    """Without the check, too: 23 bits hold every command (core/pid.c). Its bit 31 was 25 s of full command."""
+    """Without the check, too: 23 bits hold every command (core/pid.h). Its bit 31 was 25 s of full command."""
     board = driving(without_memory_check(image, elf), elf)
     snapshot, before = board.machine.snapshot(board.session), board.pulses()
     command = elf.symbol("control").address + RECORDS["quad"].fields["command_q22"][1]

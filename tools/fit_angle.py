@@ -1,7 +1,7 @@
-"""Fit the polynomials and the square-root table of firmware/core/angle.c; print them, or check that the file has them.
+"""Fit the polynomials and the square-root table of firmware/core/angle.[ch]; print them, or check that they have them.
 
     python tools/fit_angle.py            print the C tables
-    python tools/fit_angle.py --check    exit 1 unless firmware/core/angle.c holds exactly these numbers
+    python tools/fit_angle.py --check    exit 1 unless these two files hold exactly these numbers
 
 Minimax by the exchange algorithm of Remez in float64; angles are in turns, so that the integers are binary angles.
 """
@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-ANGLE_C = Path(__file__).resolve().parent.parent / "firmware" / "core" / "angle.c"
+SOURCES = [Path(__file__).resolve().parent.parent / "firmware" / "core" / name for name in ("angle.h", "angle.c")]
 ATAN_TERMS, ATAN_Q = 8, 33  # atan(t) = t * P(t^2), 0 <= t <= 1
 ASIN_TERMS, ASIN_Q = 7, 32  # asin(x) = 1/4 - sqrt(1 - x) * P(x), 0 <= x <= 1, with P(0) = 1/4
 SIN_TERMS, SIN_Q = 4, 31  # sin(pi/4 x) = x * P(x^2), 0 <= x <= 1
@@ -115,16 +115,16 @@ def numbers_in(name: str, source: str) -> list[int]:
 
 
 def main() -> int:
-    tables = {"ATAN_Q33": atan_table(), "ASIN_Q32": asin_table(), "ROOT": root_table()}
+    tables = {"ANGLE_ATAN_Q33": atan_table(), "ANGLE_ASIN_Q32": asin_table(), "angle_root": root_table()}
     tables |= {"SIN_Q31": sin_table(), "COS_Q32": cos_table()}
     if "--check" not in sys.argv[1:]:
         for name, numbers in tables.items():
-            print(rows(name, "uint32_t" if name == "ROOT" else "int32_t", numbers, 6))
+            print(rows(name, "uint32_t" if name == "angle_root" else "int32_t", numbers, 6))
         return 0
-    source = ANGLE_C.read_text()
+    source = "".join(path.read_text() for path in SOURCES)
     stale = [name for name, numbers in tables.items() if numbers_in(name, source) != numbers]
     if stale:
-        print(f"{ANGLE_C.name}: {', '.join(stale)} differ from the fit; paste what tools/fit_angle.py prints")
+        print(f"angle.[ch]: {', '.join(stale)} differ from the fit; paste what tools/fit_angle.py prints")
     return 1 if stale else 0
 
 

@@ -4,15 +4,7 @@
 /* Minimax fits in turns; made and checked by tools/fit_angle.py. */
 
 /* clang-format off */
-static const int32_t ATAN_Q33[8] = {
-    1367129643, -455662709, 272695593, -190149124, 131821425, -76439450,
-    29889517, -5543123};
-
-static const int32_t ASIN_Q32[7] = {
-    1073741824, -146689165, 60745628, -33710821, 19130782, -8341557,
-    1831557};
-
-static const uint32_t ROOT[96] = {
+const uint32_t angle_root[96] = {
     0xfffd03e9U, 0xfc1503bcU, 0xf8590393U, 0xf4c6036cU, 0xf15a0349U, 0xee110327U,
     0xeaea0308U, 0xe7e202ebU, 0xe4f802cfU, 0xe22802b5U, 0xdf73029dU, 0xdcd60286U,
     0xda500270U, 0xd7e0025cU, 0xd5840249U, 0xd33b0236U, 0xd1050225U, 0xcee00214U,
@@ -38,92 +30,29 @@ static const int32_t COS_Q32[4] = {
 
 /* clang-format on */
 
-#define QUARTER_TURN 0x40000000U
-#define HALF_TURN    0x80000000U
-
-/* One step of Horner's rule: c + p v, v in Q30 and at most 1. The product is floored to 4 units of c. */
-static inline int32_t horner(int32_t c, int32_t p, int32_t v_q30) {
-    return c + 4 * mulhi_i32(p, v_q30);
-}
-
-int32_t angle_atan2(int32_t y, int32_t x) {
-    const uint32_t ax = abs_u32(x);
-    const uint32_t ay = abs_u32(y);
-    const uint32_t longer = max_u32(max_u32(ax, ay), 1U);
-    const unsigned n = clz32(longer);
-    const uint32_t denominator = longer << n >> 1;
-    const uint32_t numerator = min_u32(ax, ay) << n >> 1;
-
-    const uint32_t t_q30 = (uint32_t)(mul_u64(numerator, reciprocal_q61(denominator)) >> 31);
-    const uint32_t square_q30 = (uint32_t)(mul_u64(t_q30, t_q30) >> 30);
-    const int32_t square = (int32_t)square_q30;
-    int32_t p = ATAN_Q33[7];
-    p = horner(ATAN_Q33[6], p, square);
-    p = horner(ATAN_Q33[5], p, square);
-    p = horner(ATAN_Q33[4], p, square);
-    p = horner(ATAN_Q33[3], p, square);
-    p = horner(ATAN_Q33[2], p, square);
-    p = horner(ATAN_Q33[1], p, square);
-    p = horner(ATAN_Q33[0], p, square);
-    uint32_t turn = (uint32_t)(mul_u64(t_q30, (uint32_t)p) >> 31);
-
-    turn = ay > ax ? QUARTER_TURN - turn : turn;
-    turn = x < 0 ? HALF_TURN - turn : turn;
-    return wrap_i32(y < 0 ? 0U - turn : turn);
-}
-
-/* sqrt(w / 2^30), Q29, for 2^30 <= w < 2^32: 1 / sqrt from a table by linear interpolation, then one Newton
- * step. */
-static inline uint32_t root_q29(uint32_t w) {
-    const uint32_t entry = ROOT[(w >> 25) - 32U];
-    const uint32_t r_q16 = (entry >> 16) - ((entry & 0xFFFFU) * (w >> 9 & 0xFFFFU) >> 16);
-    const uint32_t s_q29 = (uint32_t)(mul_u64(w, r_q16) >> 17);
-    const int32_t e_q30 = wrap_i32(mulhi_u32(w, r_q16 * r_q16) - (1U << 30));
-    return s_q29 - (uint32_t)asr64(mul_i64((int32_t)s_q29, e_q30), 31);
-}
-
-int32_t angle_asin(int32_t x_q30) {
-    const uint32_t x = min_u32(abs_u32(x_q30), 1U << 30);
-    const uint32_t rest = (1U << 30) - x; /* 1 - |x| */
-    const unsigned m = clz32(max_u32(rest, 1U)) & ~1U;
-    const uint32_t root = root_q29(max_u32(rest, 1U) << m);
-
-    const int32_t sine = (int32_t)x;
-    int32_t p = ASIN_Q32[6];
-    p = horner(ASIN_Q32[5], p, sine);
-    p = horner(ASIN_Q32[4], p, sine);
-    p = horner(ASIN_Q32[3], p, sine);
-    p = horner(ASIN_Q32[2], p, sine);
-    p = horner(ASIN_Q32[1], p, sine);
-    p = horner(ASIN_Q32[0], p, sine);
-    const uint32_t acos_turn = (uint32_t)(mul_u64(root, (uint32_t)p) >> 29) >> (m >> 1);
-    const uint32_t turn = QUARTER_TURN - (rest == 0U ? 0U : acos_turn);
-    return wrap_i32(x_q30 < 0 ? 0U - turn : turn);
-}
-
 uint32_t angle_length(int32_t y, int32_t x) {
     const uint64_t square = (uint64_t)mul_i64(y, y) + (uint64_t)mul_i64(x, x);
     const uint32_t hi = hi_u64(square), lo = lo_u64(square) | 1U;
     const unsigned n = (hi != 0U ? clz32(hi) : 32U + clz32(lo)) & ~1U;
     const uint32_t w = n < 32U ? hi << n | lo >> 1 >> (31U - n) : lo << (n - 32U);
-    return root_q29(w) << 1 >> (n >> 1);
+    return angle_root_q29(w) << 1 >> (n >> 1);
 }
 
 void angle_sincos(int32_t turn_q32, int32_t *sin_q30, int32_t *cos_q30) {
     /* x: the rest to the nearest quarter turn, in eighths of a turn, -1 <= x < 1 */
-    const uint32_t quadrant = ((uint32_t)turn_q32 + (QUARTER_TURN >> 1)) >> 30;
+    const uint32_t quadrant = ((uint32_t)turn_q32 + (ANGLE_QUARTER_TURN >> 1)) >> 30;
     const int32_t x_q29 = wrap_i32((uint32_t)turn_q32 - (quadrant << 30));
     const int32_t square_q30 = (int32_t)(mul_i64(x_q29, x_q29) >> 28);
 
     int32_t p = SIN_Q31[3];
-    p = horner(SIN_Q31[2], p, square_q30);
-    p = horner(SIN_Q31[1], p, square_q30);
-    p = horner(SIN_Q31[0], p, square_q30);
+    p = angle_horner(SIN_Q31[2], p, square_q30);
+    p = angle_horner(SIN_Q31[1], p, square_q30);
+    p = angle_horner(SIN_Q31[0], p, square_q30);
     const int32_t sine = (int32_t)asr64(mul_i64(x_q29, p), 30);
     p = COS_Q32[3];
-    p = horner(COS_Q32[2], p, square_q30);
-    p = horner(COS_Q32[1], p, square_q30);
-    p = horner(COS_Q32[0], p, square_q30);
+    p = angle_horner(COS_Q32[2], p, square_q30);
+    p = angle_horner(COS_Q32[1], p, square_q30);
+    p = angle_horner(COS_Q32[0], p, square_q30);
     const int32_t cosine = (1 << 30) - mulhi_i32(square_q30, p);
 
     const int32_t s = quadrant & 1U ? cosine : sine, c = quadrant & 1U ? sine : cosine;

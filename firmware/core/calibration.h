@@ -30,11 +30,22 @@ static inline int32_t calibration_scale(const calibration_params_t *p, int32_t r
 }
 
 /* Both; sets `flag` in *flags when the count was outside its range. */
-static inline int32_t calibration_take(const calibration_params_t *p, int32_t raw, uint32_t *flags,
-                                       uint32_t flag) {
-    const int32_t used = calibration_clamp(p, raw);
+KERNEL int32_t calibration_apply(const calibration_params_t *p, int32_t raw, uint32_t *flags, uint32_t flag) {
+    int32_t low = p->raw_min, high = p->raw_max;
+    uint32_t gain = (uint32_t)p->gain, offset = (uint32_t)p->offset;
+    LOADED4(low, high, gain, offset);
+#if defined(__GNUC__) && defined(__thumb2__) /* as below, clamp and flag under one condition */
+    __asm__("cmp %0, %2 \n itt lt \n movlt %0, %2 \n orrlt %1, %1, %4 \n"
+            "cmp %0, %3 \n itt gt \n movgt %0, %3 \n orrgt %1, %1, %4"
+            : "+r"(raw), "+r"(*flags)
+            : "r"(low), "r"(high), "rI"(flag)
+            : "cc");
+#else
+    const int32_t used = clamp_i32(raw, low, high);
     *flags |= used != raw ? flag : 0U;
-    return calibration_scale(p, used);
+    raw = used;
+#endif
+    return wrap_i32((uint32_t)raw * gain + offset);
 }
 
 /* False if the range is empty or leaves int16, or if a value could leave +-CALIBRATION_LIMIT. */

@@ -26,7 +26,7 @@ typedef struct {
 #define TILT_ONE_G2_Q20 (1L << 20)
 
 /* Measured tilt, turn Q32, from accelerations of any size. */
-static inline int32_t tilt_angle(const tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
+KERNEL int32_t tilt_angle(const tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
     if (p->mode == TILT_ARCSINE)
         return angle_asin(clamp_i32(accel_y_g_q26, -TILT_ONE_G_Q26, TILT_ONE_G_Q26) * 16);
     return angle_atan2(accel_y_g_q26, accel_z_g_q26);
@@ -36,12 +36,16 @@ static inline int32_t tilt_angle(const tilt_params_t *p, int32_t accel_y_g_q26, 
  *     d = min(| ((ay^2 + az^2) >> 32) - 2^20 |, deviation_max) << deviation_shift
  *     r = min(r_base + ((((d^2) >> 32) * r_gain) >> 32), r_max)
  * No memory, no dead band. */
-static inline uint32_t tilt_variance(const tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
+KERNEL uint32_t tilt_variance(const tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
     const int64_t square =
         add64_wrap(mul_i64(accel_y_g_q26, accel_y_g_q26), mul_i64(accel_z_g_q26, accel_z_g_q26));
     const uint32_t deviation_q20 = abs_u32(sub_wrap(hi_i64(square), TILT_ONE_G2_Q20));
-    const uint32_t d = min_u32(deviation_q20, p->deviation_max) << p->deviation_shift;
-    return min_u32(p->r_base + mulhi_u32(mulhi_u32(d, d), p->r_gain), p->r_max);
+    uint32_t limit = p->deviation_max, shift = p->deviation_shift, gain = p->r_gain;
+    LOADED3(limit, shift, gain);
+    const uint32_t d = min_u32(deviation_q20, limit) << shift;
+    uint32_t base = p->r_base, most = p->r_max;
+    LOADED2(base, most);
+    return min_u32(base + mulhi_u32(mulhi_u32(d, d), gain), most);
 }
 
 /* Mode and ranges, and that r_base + r_gain * (largest deviation)^2 does not overflow. */

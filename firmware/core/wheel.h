@@ -30,13 +30,17 @@ typedef struct {
 #define WHEEL_ACCEL_LIMIT (3L << 26)  /* g */
 
 /* edges: signed, of this step. True when anything had to be clamped. About 30 cycles. */
-static inline bool wheel_step(wheel_t *c, const wheel_params_t *p, int32_t edges) {
-    const int32_t used = clamp_i32(edges, -p->edges_max, p->edges_max);
-    const int32_t speed = used * p->edge_mps_q26;
-    const int32_t change = speed - c->velocity_mps_q26;
+KERNEL bool wheel_step(wheel_t *restrict c, const wheel_params_t *restrict p, int32_t edges) {
+    int32_t most = p->edges_max, edge = p->edge_mps_q26;
+    LOADED2(most, edge);
+    const int32_t used = clamp_i32(edges, -most, most);
+    const int32_t speed = used * edge;
+    int32_t velocity = c->velocity_mps_q26, alpha = p->alpha_q31, gain = p->accel_gain_q30;
+    LOADED3(velocity, alpha, gain);
+    const int32_t change = speed - velocity;
     c->speed_mps_q26 = speed;
-    c->velocity_mps_q26 = c->velocity_mps_q26 + 2 * mulhi_i32(change, p->alpha_q31);
-    const int32_t accel_q24 = mulhi_i32(change, p->accel_gain_q30);
+    c->velocity_mps_q26 = velocity + 2 * mulhi_i32(change, alpha);
+    const int32_t accel_q24 = mulhi_i32(change, gain);
     const int32_t limited_q24 = clamp_i32(accel_q24, -(WHEEL_ACCEL_LIMIT >> 2), WHEEL_ACCEL_LIMIT >> 2);
     c->accel_g_q26 = limited_q24 * 4;
     return used != edges || limited_q24 != accel_q24;

@@ -372,19 +372,21 @@ void control_init(control_t *c, const control_params_t *p) {
 
 void control_step(control_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
                   int32_t setpoint) {
-    if (__builtin_expect(p->system == CONTROL_QUAD, 1)) { /* 560 cycles */
+    if (__builtin_expect(p->system == CONTROL_QUAD, 1)) { /* 600 cycles */
         quad_step(&c->quad, p, raw, setpoint);
         return;
     }
-    switch (p->system) {
-    case CONTROL_BALANCER:
+    if (__builtin_expect(p->system == CONTROL_BALANCER, 1)) { /* 850 cycles */
         balancer_step(&c->balancer, p, raw, setpoint);
-        break;
+        return;
+    }
+    if (__builtin_expect(p->system == CONTROL_PHONE, 1)) { /* 1600 cycles */
+        phone_step(&c->phone, p, raw, setpoint);
+        return;
+    }
+    switch (p->system) {
     case CONTROL_TURNTABLE:
         turntable_step(&c->turntable, p, raw, setpoint);
-        break;
-    case CONTROL_PHONE:
-        phone_step(&c->phone, p, raw, setpoint);
         break;
     default:
         break;

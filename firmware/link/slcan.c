@@ -1,4 +1,5 @@
 #include "slcan.h"
+#include <string.h>
 
 #define LINE_BROKEN (SLCAN_LINE_MAX + 1U)
 
@@ -67,10 +68,11 @@ size_t slcan_rx_push_text(slcan_rx_t *rx, const uint8_t *bytes, size_t count) {
         return 0;
     }
     const size_t room = SLCAN_LINE_MAX - (size_t)rx->length;
+    const size_t most = count < room ? count : room;
     uint8_t *const line = &rx->line[rx->length];
     size_t taken = 0;
 
-    while (taken < count && taken < room && is_text(bytes[taken])) {
+    while (taken < most && is_text(bytes[taken])) {
         line[taken] = bytes[taken];
         taken++;
     }
@@ -105,26 +107,26 @@ static inline void put_digits(uint8_t *text, uint32_t nibbles) {
     const uint32_t letters = ((nibbles + 0x06060606U) >> 4) & 0x01010101U;
     const uint32_t digits = nibbles + 0x30303030U + letters * ('A' - '0' - 10U);
 
-    text[0] = (uint8_t)digits;
-    text[1] = (uint8_t)(digits >> 8);
-    text[2] = (uint8_t)(digits >> 16);
-    text[3] = (uint8_t)(digits >> 24);
+    memcpy(text, &digits, sizeof digits); /* little-endian, as everywhere */
+}
+
+/* The four nibbles of two bytes, the high one of `first` lowest, one to a byte. */
+static inline uint32_t nibbles_of(uint32_t first, uint32_t second) {
+    const uint32_t apart = first | second << 16;
+
+    return (apart >> 4 & 0x000F000FU) | (apart & 0x000F000FU) << 8;
 }
 
 size_t slcan_encode(const can_frame_t *frame, uint8_t text[SLCAN_FRAME_CHARS]) {
-    const uint32_t id = frame->id;
-    size_t n = 5;
+    const uint8_t *const data = frame->data;
+    const size_t bytes = frame->dlc < CAN_FRAME_DLC ? frame->dlc : CAN_FRAME_DLC;
 
     text[0] = 't';
-    put_digits(&text[1],
-               (id >> 8 & 7U) | (id >> 4 & 15U) << 8 | (id & 15U) << 16 | (frame->dlc & 15UL) << 24);
-    for (unsigned i = 0; i < frame->dlc && i < 8U; i += 2U) {
-        const uint32_t first = frame->data[i], second = frame->data[i + 1U];
-
-        put_digits(&text[n], first >> 4 | (first & 15U) << 8 | second >> 4 << 16 | (second & 15U) << 24);
-        n += 4U;
-    }
-    n -= frame->dlc < 8U && frame->dlc % 2U != 0 ? 2U : 0U; /* an odd number of bytes */
-    text[n++] = SLCAN_CR;
-    return n;
+    put_digits(&text[1], nibbles_of(frame->id >> 4 & 0x7FU, (frame->id & 15U) << 4 | (frame->dlc & 15U)));
+    put_digits(&text[5], nibbles_of(data[0], data[1]));
+    put_digits(&text[9], nibbles_of(data[2], data[3]));
+    put_digits(&text[13], nibbles_of(data[4], data[5]));
+    put_digits(&text[17], nibbles_of(data[6], data[7]));
+    text[5U + 2U * bytes] = SLCAN_CR;
+    return 6U + 2U * bytes;
 }

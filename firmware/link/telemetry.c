@@ -127,7 +127,7 @@ static uint8_t next_selected(const telemetry_t *t, unsigned index) {
 void telemetry_send_words(telemetry_t *t, routing_t *r, const void *record, link_t pacer) {
     const uint8_t *const words = record;
 
-    for (;; t->word_next++) {
+    for (; t->word_next != CONTROL_RECORD_WORDS_MAX; t->word_next++) {
         t->word_next = next_selected(t, t->word_next);
         if (t->word_next == CONTROL_RECORD_WORDS_MAX ||
             (pacer != LINK_NONE && !outbox_long_fits(r->link[pacer].outbox))) {

@@ -1,4 +1,5 @@
 #include "balancer.h"
+#include "core/axis.h"
 #include <stddef.h>
 
 #define SPEED_MAX  (8L << 26)  /* m/s: setpoint - velocity fits 32 bits */
@@ -20,17 +21,15 @@ void balancer_step(balancer_t *c, const control_params_t *p, const int16_t raw[C
     const uint32_t step = w->step + 1U;
     /* the count wraps; the first step has no count before it */
     const int32_t edges = step == 1U ? 0 : (int16_t)sub_wrap(raw[3], w->raw[3]);
-    for (unsigned i = 0; i < CONTROL_RAW_MAX; i++)
-        w->raw[i] = raw[i];
+    axis_record_raw(w->raw, raw);
     w->setpoint_mps_q26 = setpoint_mps_q26;
 
     uint32_t flags = 0;
-    const int32_t rate = calibration_take(&p->gyro, raw[0], &flags, BALANCER_FLAG_GYRO_CLAMPED);
-    const int32_t accel_x = calibration_take(&p->accel_y, raw[1], &flags, BALANCER_FLAG_ACCEL_X_CLAMPED);
-    const int32_t accel_z = calibration_take(&p->accel_z, raw[2], &flags, BALANCER_FLAG_ACCEL_Z_CLAMPED);
+    const int32_t rate = calibration_apply(&p->gyro, raw[0], &flags, BALANCER_FLAG_GYRO_CLAMPED);
+    const int32_t accel_x = calibration_apply(&p->accel_y, raw[1], &flags, BALANCER_FLAG_ACCEL_X_CLAMPED);
+    const int32_t accel_z = calibration_apply(&p->accel_z, raw[2], &flags, BALANCER_FLAG_ACCEL_Z_CLAMPED);
     flags |= wheel_step(&w->wheel, &p->wheel, edges) ? BALANCER_FLAG_WHEEL_CLAMPED : 0U;
-    /* the source drives the filter with the sample before; the first step has none */
-    const int32_t u = p->kalman.rate_now || step == 1U ? rate : w->rate_turnps_q28;
+    const int32_t driving = axis_driving_rate(&p->kalman, step == 1U, rate, w->rate_turnps_q28);
     const int32_t gravity_x = accel_x + w->wheel.accel_g_q26;
     w->step = step;
     w->rate_turnps_q28 = rate;
@@ -39,27 +38,25 @@ void balancer_step(balancer_t *c, const control_params_t *p, const int16_t raw[C
     w->gravity_x_g_q26 = gravity_x;
     w->clamped_steps += flags != 0U;
 
-    const uint32_t variance = tilt_variance(&p->tilt, gravity_x, accel_z);
-    const int32_t measured = tilt_angle(&p->tilt, gravity_x, accel_z);
-    w->variance = variance;
-    w->tilt_measured_turn_q32 = measured;
+    const axis_measurement_t measured = axis_measure(&p->tilt, gravity_x, accel_z);
+    w->variance = measured.variance;
+    w->tilt_measured_turn_q32 = measured.tilt_turn_q32;
 
-    kalman_step(&w->kalman, &p->kalman, variance, measured, u);
-    const int32_t tilt = kalman_tilt(&w->kalman), bias = kalman_bias(&w->kalman, &p->kalman);
-    const int32_t corrected = sub_wrap(rate, bias);
-    w->tilt_turn_q32 = tilt;
-    w->bias_turnps_q28 = bias;
-    w->rate_corrected_turnps_q28 = corrected;
+    const axis_estimate_t now = axis_filter(&w->kalman, &p->kalman, measured, driving, rate);
+    w->tilt_turn_q32 = now.tilt_turn_q32;
+    w->bias_turnps_q28 = now.bias_turnps_q28;
+    w->rate_corrected_turnps_q28 = now.rate_corrected_turnps_q28;
 
     const int32_t wanted = clamp_i32(setpoint_mps_q26, -drive->speed_max_mps_q26, drive->speed_max_mps_q26);
     w->speed.error_turn_q32 = wanted - w->wheel.velocity_mps_q26;
     pid_step(&w->speed, &p->speed, w->speed.error_turn_q32, w->wheel.accel_g_q26);
     w->lean_turn_q32 = mulhi_i32(w->speed.command_q22 * 256, drive->lean_max_turn_q34);
 
-    w->pid.error_turn_q32 = sub_wrap(w->lean_turn_q32, tilt);
-    pid_step(&w->pid, &p->pid, w->pid.error_turn_q32, corrected);
+    w->pid.error_turn_q32 = sub_wrap(w->lean_turn_q32, now.tilt_turn_q32);
+    pid_step(&w->pid, &p->pid, w->pid.error_turn_q32, now.rate_corrected_turnps_q28);
 
-    const bool fallen = (w->flags & BALANCER_FLAG_FALLEN) != 0U || abs_u32(tilt) > drive->fall_turn_q32;
+    const bool fallen =
+        (w->flags & BALANCER_FLAG_FALLEN) != 0U || abs_u32(now.tilt_turn_q32) > drive->fall_turn_q32;
     const int32_t duty = asr32(asr32(w->pid.command_q22, 6) * drive->span_q15 + (1 << 15), 16);
     w->duty_q15 = fallen ? 0 : clamp_i32(duty, -drive->duty_max_q15, drive->duty_max_q15);
     flags |= wanted != setpoint_mps_q26 ? BALANCER_FLAG_SETPOINT_CLAMPED : 0U;

@@ -1,5 +1,6 @@
 #include "phone.h"
 #include "core/angle.h"
+#include "core/axis.h"
 
 #define COSINE_MIN_Q30   (1 << 26) /* 1/16: the tangent of pitch stays within +-16 */
 #define STILL_TURNPS_Q28 3728270U  /* 5 deg/s */
@@ -57,48 +58,51 @@ static inline void euler_rates(phone_words_t *w, int32_t x, int32_t y, int32_t z
     w->roll_rate_turnps_q28 = sat_shl_hi(add64_wrap(mul_i64(tangent_q26, across), mul_i64(x, 1 << 26)), 6);
 }
 
-/* One step of one filter. A measurement that is lost is replaced by what the filter expects, of variance
+/* One axis. A measurement that is lost is replaced by what the filter expects, of variance
  * r_max: it corrects nothing, and the covariance goes on. */
-static inline void correct(kalman_t *k, const kalman_params_t *filter, int32_t rate, int32_t measured,
-                           bool lost, uint32_t *variance, uint32_t r_base, uint32_t r_max) {
-    *variance = lost ? r_max : r_base;
-    kalman_step(k, filter, *variance, lost ? kalman_predicted(k, filter, rate) : measured, rate);
+KERNEL axis_estimate_t estimate(kalman_t *k, const kalman_params_t *p, axis_measurement_t measured, bool lost,
+                                int32_t rate) {
+    if (lost)
+        measured.tilt_turn_q32 = kalman_predicted(k, p, rate);
+    return axis_filter(k, p, measured, rate, rate);
+}
+
+/* Called, not inlined: both angles take it. */
+__attribute__((noinline)) static int32_t direction(int32_t y, int32_t x) {
+    return angle_atan2(y, x);
 }
 
 void phone_step(phone_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
                 int32_t setpoint_turn_q32) {
     phone_words_t *w = &c->words;
-    for (unsigned i = 0; i < CONTROL_RAW_MAX; i++)
-        w->raw[i] = raw[i];
+    axis_record_raw(w->raw, raw);
     w->setpoint_turn_q32 = setpoint_turn_q32;
 
     uint32_t flags = 0;
-    const int32_t rate_x = calibration_take(&p->gyro, raw[0], &flags, PHONE_FLAG_GYRO_CLAMPED);
-    const int32_t rate_y = calibration_take(&p->gyro, raw[1], &flags, PHONE_FLAG_GYRO_CLAMPED);
-    const int32_t rate_z = calibration_take(&p->gyro, raw[2], &flags, PHONE_FLAG_GYRO_CLAMPED);
-    const int32_t accel_x = calibration_take(&p->accel_y, raw[3], &flags, PHONE_FLAG_ACCEL_CLAMPED);
-    const int32_t accel_y = calibration_take(&p->accel_y, raw[4], &flags, PHONE_FLAG_ACCEL_CLAMPED);
-    const int32_t accel_z = calibration_take(&p->accel_y, raw[5], &flags, PHONE_FLAG_ACCEL_CLAMPED);
+    const int32_t rate_x = calibration_apply(&p->gyro, raw[0], &flags, PHONE_FLAG_GYRO_CLAMPED);
+    const int32_t rate_y = calibration_apply(&p->gyro, raw[1], &flags, PHONE_FLAG_GYRO_CLAMPED);
+    const int32_t rate_z = calibration_apply(&p->gyro, raw[2], &flags, PHONE_FLAG_GYRO_CLAMPED);
+    const int32_t accel_x = calibration_apply(&p->accel_y, raw[3], &flags, PHONE_FLAG_ACCEL_CLAMPED);
+    const int32_t accel_y = calibration_apply(&p->accel_y, raw[4], &flags, PHONE_FLAG_ACCEL_CLAMPED);
+    const int32_t accel_z = calibration_apply(&p->accel_y, raw[5], &flags, PHONE_FLAG_ACCEL_CLAMPED);
     w->accel_x_g_q26 = accel_x;
     w->accel_y_g_q26 = accel_y;
     w->accel_z_g_q26 = accel_z;
 
     /* asin(x / |a|) is the direction of (length of y and z, x), which is as fine beside the vertical */
     const uint32_t lateral_q25 = angle_length(accel_y, accel_z);
-    w->pitch_measured_turn_q32 = angle_atan2(-asr32(accel_x, 1), (int32_t)lateral_q25);
-    w->roll_measured_turn_q32 = angle_atan2(accel_y, accel_z);
+    w->pitch_measured_turn_q32 = direction(-asr32(accel_x, 1), (int32_t)lateral_q25);
+    w->roll_measured_turn_q32 = direction(accel_y, accel_z);
     const bool roll_lost = lateral_q25 < SINGULAR_G_Q25;
     const bool pitch_lost = roll_lost && abs_u32(accel_x) < SINGULAR_G_Q26;
     w->uncorrected_steps += roll_lost;
     flags |=
         (roll_lost ? PHONE_FLAG_ROLL_UNCORRECTED : 0U) | (pitch_lost ? PHONE_FLAG_PITCH_UNCORRECTED : 0U);
 
-    /* the source drives the filters with the sample before; the first step has none */
     const uint32_t step = w->step + 1U;
-    const bool now = p->kalman.rate_now || step == 1U;
-    const int32_t x = now ? rate_x : w->rate_x_turnps_q28;
-    const int32_t y = now ? rate_y : w->rate_y_turnps_q28;
-    const int32_t z = now ? rate_z : w->rate_z_turnps_q28;
+    const int32_t x = axis_driving_rate(&p->kalman, step == 1U, rate_x, w->rate_x_turnps_q28);
+    const int32_t y = axis_driving_rate(&p->kalman, step == 1U, rate_y, w->rate_y_turnps_q28);
+    const int32_t z = axis_driving_rate(&p->kalman, step == 1U, rate_z, w->rate_z_turnps_q28);
     w->step = step;
     w->rate_x_turnps_q28 = rate_x;
     w->rate_y_turnps_q28 = rate_y;
@@ -117,18 +121,21 @@ void phone_step(phone_t *c, const control_params_t *p, const int16_t raw[CONTROL
     w->clamped_steps += (flags & PHONE_FLAGS_SATURATED) != 0U;
     w->flags = flags;
 
+    w->pitch_variance = pitch_lost ? p->tilt.r_max : p->tilt.r_base;
+    w->roll_variance = roll_lost ? p->roll.r_max : p->roll.r_base;
     const kalman_params_t roll_kalman = roll_filter(p);
-    correct(&w->pitch, &p->kalman, w->pitch_rate_turnps_q28, w->pitch_measured_turn_q32, pitch_lost,
-            &w->pitch_variance, p->tilt.r_base, p->tilt.r_max);
-    correct(&w->roll, &roll_kalman, w->roll_rate_turnps_q28, w->roll_measured_turn_q32, roll_lost,
-            &w->roll_variance, p->roll.r_base, p->roll.r_max);
-
-    w->pitch_turn_q32 = kalman_tilt(&w->pitch);
-    w->pitch_bias_turnps_q28 = kalman_bias(&w->pitch, &p->kalman);
-    w->pitch_rate_corrected_turnps_q28 = sub_wrap(w->pitch_rate_turnps_q28, w->pitch_bias_turnps_q28);
-    w->roll_turn_q32 = kalman_tilt(&w->roll);
-    w->roll_bias_turnps_q28 = kalman_bias(&w->roll, &p->kalman);
-    w->roll_rate_corrected_turnps_q28 = sub_wrap(w->roll_rate_turnps_q28, w->roll_bias_turnps_q28);
+    const axis_measurement_t pitch_measured = {w->pitch_measured_turn_q32, w->pitch_variance};
+    const axis_measurement_t roll_measured = {w->roll_measured_turn_q32, w->roll_variance};
+    const axis_estimate_t pitch =
+        estimate(&w->pitch, &p->kalman, pitch_measured, pitch_lost, w->pitch_rate_turnps_q28);
+    w->pitch_turn_q32 = pitch.tilt_turn_q32;
+    w->pitch_bias_turnps_q28 = pitch.bias_turnps_q28;
+    w->pitch_rate_corrected_turnps_q28 = pitch.rate_corrected_turnps_q28;
+    const axis_estimate_t roll =
+        estimate(&w->roll, &roll_kalman, roll_measured, roll_lost, w->roll_rate_turnps_q28);
+    w->roll_turn_q32 = roll.tilt_turn_q32;
+    w->roll_bias_turnps_q28 = roll.bias_turnps_q28;
+    w->roll_rate_corrected_turnps_q28 = roll.rate_corrected_turnps_q28;
 }
 
 bool phone_params_valid(const control_params_t *p) {

@@ -1,4 +1,5 @@
 #include "quad.h"
+#include "core/axis.h"
 #include "core/esc.h"
 #include <stddef.h>
 
@@ -9,8 +10,9 @@ void quad_init(quad_t *c, const control_params_t *p) {
 }
 
 static inline void pulses(uint32_t pulse_halfus[2], const esc_params_t *p, int32_t command_q22) {
-    const int32_t mid = p->mid_halfus, low = p->min_halfus, high = p->max_halfus;
-    const int32_t thrust = asr32(asr32(command_q22, 6) * p->span_halfus + (1 << 15), 16);
+    int32_t mid = p->mid_halfus, low = p->min_halfus, high = p->max_halfus, span = p->span_halfus;
+    LOADED4(mid, low, high, span);
+    const int32_t thrust = asr32(asr32(command_q22, 6) * span + (1 << 15), 16);
     const int32_t first = clamp_i32(mid + thrust, low, high);
     const int32_t second = clamp_i32(mid - thrust, low, high);
     pulse_halfus[0] = (uint32_t)first;
@@ -20,46 +22,32 @@ static inline void pulses(uint32_t pulse_halfus[2], const esc_params_t *p, int32
 void quad_step(quad_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
                int32_t setpoint_turn_q32) {
     quad_words_t *w = &c->words;
-    const int32_t raw0 = raw[0], raw1 = raw[1], raw2 = raw[2], raw3 = raw[3], raw4 = raw[4], raw5 = raw[5];
-    w->raw[0] = raw0;
-    w->raw[1] = raw1;
-    w->raw[2] = raw2;
-    w->raw[3] = raw3;
-    w->raw[4] = raw4;
-    w->raw[5] = raw5;
+    axis_record_raw(w->raw, raw);
     w->setpoint_turn_q32 = setpoint_turn_q32;
 
     uint32_t flags = 0;
-    const int32_t rate = calibration_take(&p->gyro, raw0, &flags, QUAD_FLAG_GYRO_CLAMPED);
-    const int32_t accel_y = calibration_take(&p->accel_y, raw1, &flags, QUAD_FLAG_ACCEL_Y_CLAMPED);
-    const int32_t accel_z = calibration_take(&p->accel_z, raw2, &flags, QUAD_FLAG_ACCEL_Z_CLAMPED);
-    /* the sources drive the filter with the sample before; the first step has none */
-    const uint32_t now = p->kalman.rate_now | (w->step == 0U);
-    const int32_t last = w->rate_turnps_q28;
-    const int32_t u = now != 0U ? rate : last;
+    const int32_t rate = calibration_apply(&p->gyro, raw[0], &flags, QUAD_FLAG_GYRO_CLAMPED);
+    const int32_t accel_y = calibration_apply(&p->accel_y, raw[1], &flags, QUAD_FLAG_ACCEL_Y_CLAMPED);
+    const int32_t accel_z = calibration_apply(&p->accel_z, raw[2], &flags, QUAD_FLAG_ACCEL_Z_CLAMPED);
+    const int32_t driving = axis_driving_rate(&p->kalman, w->step == 0U, rate, w->rate_turnps_q28);
     w->step++;
     w->rate_turnps_q28 = rate;
     w->accel_y_g_q26 = accel_y;
     w->accel_z_g_q26 = accel_z;
-    uint32_t clamped_steps = w->clamped_steps;
-    if (flags != 0U)
-        clamped_steps++;
-    w->clamped_steps = clamped_steps;
+    w->clamped_steps += flags != 0U;
 
-    const uint32_t variance = tilt_variance(&p->tilt, accel_y, accel_z);
-    w->variance = variance;
-    const int32_t measured = tilt_angle(&p->tilt, accel_y, accel_z);
-    w->tilt_measured_turn_q32 = measured;
+    const axis_measurement_t measured = axis_measure(&p->tilt, accel_y, accel_z);
+    w->variance = measured.variance;
+    w->tilt_measured_turn_q32 = measured.tilt_turn_q32;
 
-    kalman_step(&w->kalman, &p->kalman, variance, measured, u);
-    const int32_t tilt = kalman_tilt(&w->kalman), bias = kalman_bias(&w->kalman, &p->kalman);
-    const int32_t corrected = sub_wrap(w->rate_turnps_q28, bias), error = sub_wrap(setpoint_turn_q32, tilt);
-    w->tilt_turn_q32 = tilt;
-    w->bias_turnps_q28 = bias;
-    w->rate_corrected_turnps_q28 = corrected;
+    const axis_estimate_t now = axis_filter(&w->kalman, &p->kalman, measured, driving, rate);
+    const int32_t error = sub_wrap(setpoint_turn_q32, now.tilt_turn_q32);
+    w->tilt_turn_q32 = now.tilt_turn_q32;
+    w->bias_turnps_q28 = now.bias_turnps_q28;
+    w->rate_corrected_turnps_q28 = now.rate_corrected_turnps_q28;
     w->pid.error_turn_q32 = error;
 
-    pid_step(&w->pid, &p->pid, error, corrected);
+    pid_step(&w->pid, &p->pid, error, now.rate_corrected_turnps_q28);
     pulses(w->pulse_halfus, &p->esc, w->pid.command_q22);
     w->flags = flags | (w->pid.excess_q22 != 0 ? QUAD_FLAG_COMMAND_LIMITED : 0U);
 }

@@ -36,7 +36,21 @@ uint32_t crc_of_words(const uint32_t *from, const uint32_t *end) {
 uint32_t digest_crc32(const void *data, size_t bytes) {
     begin();
     const uint8_t *at = data; /* any address: this processor reads words at all of them */
+    const uint8_t *const fours = at + (bytes & ~(size_t)15u);
     const uint8_t *const tail = at + (bytes & ~(size_t)3u);
+    if (at != fours) { /* four words in 20 cycles; the unit needs 16 */
+        __asm volatile(".p2align 3 \n"
+                       "1: ldr r5, [%0, #4] \n ldr r6, [%0, #8] \n ldr r8, [%0, #12] \n ldr r4, [%0], #16 \n"
+                       "rbit r4, r4 \n str r4, [%1] \n"
+                       "rbit r5, r5 \n str r5, [%1] \n"
+                       "rbit r6, r6 \n str r6, [%1] \n"
+                       "rbit r8, r8 \n str r8, [%1] \n"
+                       "cmp %0, %2 \n"
+                       "bne 1b"
+                       : "+r"(at)
+                       : "r"(&CRC_DR), "r"(fours)
+                       : "r4", "r5", "r6", "r8", "cc", "memory");
+    }
     uint32_t word;
     if (at != tail) { /* 8 cycles a word, in two lines of flash; the unit needs 4 */
         __asm volatile(".p2align 3 \n 1: ldr %0, [%1], #4 \n"

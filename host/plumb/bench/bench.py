@@ -1,18 +1,18 @@
 """Instructions, estimated cycles, bytes, stack and error of the kernels in the shipped image, against their budgets.
 
 The image's own machine code runs, called by symbol (plumb.bench.instruction_counter). control_step runs whole, over
-ordinary and wild input with every shipped tuning of quad; the kernels inside it are measured where it calls them, so
-their rows are what a step really spends. The other systems' steps run over the inputs of their golden vectors: no
-budget was set for them, and the row says what they take of the shortest period that the board accepts. The digest of
-quad's record by the chip's CRC unit is compared with zlib's. The check of the memory that decides a pulse is no part of
-a step: it runs in every turn of the loop outside lockstep, as does the sealing, which takes as long. A whole step in
-lockstep runs on the virtual board, from the first character of its sample on the UART to the last of its reply, with
-every turn of the loop and every interrupt between; that row is a mean, because a step now and then has the board's
-report of itself to send. atan2 and asin run besides over their whole range. Numbers are the worst of all inputs: an
-upper bound per path by plumb.bench.m3_timing, exact in instructions. Errors are against float64 on the same inputs, in
-degrees, of pid_step as a fraction of full command: of the Arm code's own results, but for the filter and the whole
-chain, which take more steps than an emulator should and run on the native twin (plumb.proof.accuracy); golden vectors
-hold the two equal to the bit.
+ordinary and wild input with every shipped tuning of quad. The kernels are inlined into it and found by the debug
+information: their rows are what a step really spends on the instructions that came from them; their stack is the
+step's. The other systems' steps run over the inputs of their golden vectors; where a system declares no budget, the
+row says what its step takes of the shortest period that the board accepts. The digest of quad's record by the chip's
+CRC unit is compared with zlib's. The check of the memory that decides a pulse is no part of a step: it runs in every
+turn of the loop outside lockstep, as does the sealing, which takes as long. A whole step in lockstep runs on the
+virtual board, from the first character of its sample on the UART to the last of its reply, with every turn of the
+loop and every interrupt between; that row is a mean, because a step now and then has the board's report of itself to
+send. Numbers are the worst of all inputs: an upper bound per path by plumb.bench.m3_timing, exact in instructions.
+Errors are against float64 on the same inputs, in degrees, of pid_step as a fraction of full command: of the Arm
+code's own results, but for the filter, the whole chain, atan2 and asin, which take more steps than an emulator should
+and run on the native twin (plumb.proof.accuracy); golden vectors hold the two equal to the bit.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ from plumb.proof import golden_recipe
 from plumb.proof.accuracy import TURN_DEG, chain_error_deg, filter_error_deg, hard_inputs, scenario_error_deg
 from plumb.proof.golden import vectors_folder
 from plumb.proof.golden_recipe import WILD, random_bits
+from plumb.spec import declarations
 from plumb.spec.protocol import protocol
 from plumb.spec.records import RECORDS, Words
 from plumb.systems import run_reference
@@ -53,7 +54,7 @@ CONTROL_BYTES = 1024
 """Room for control_t; its first member is the record of the step."""
 WILD_STEPS = 200
 MOTION_STEPS = 1500
-ANGLES = 2000
+ANGLES = 200_000
 KALMAN_STEPS = 20_000
 RATE_FRAMES = 20_000
 DIGESTS, FLIPS = 20, 10
@@ -75,17 +76,21 @@ class Budget:
     instructions: int | None = None
 
 
+STEP_OF = "control_step_"
+"""What the row of another system's step begins with; the system's name follows."""
+
+
+def _step_row(system: str) -> str:
+    return "control_step" if system == "quad" else f"{STEP_OF}{system}"
+
+
 # The error of control_step is that of the whole chain, counts to angle, over the system's own motion.
 BUDGETS = {
     "kalman_step": Budget(200, 145, 5e-4, "deg"),
-    "kalman_step_constant_r": Budget(130, 105, 2e-5, "deg"),
     "atan2": Budget(180, 90, 5e-6, "deg"),
     "asin": Budget(200, 180, 2e-5, "deg"),
     "pid_step": Budget(75, 60, 1e-6, "command"),
-    "control_step": Budget(560, 420, 5e-4, "deg"),
-    "control_step_balancer": Budget(None, 0, 5e-4, "deg"),
-    "control_step_turntable": Budget(None, 0, 5e-4, "deg"),
-    "control_step_phone": Budget(None, 0, 5e-4, "deg"),
+    **{_step_row(name): Budget(declared.cycles, 0, 5e-4, "deg") for name, declared in declarations.systems().items()},
     "plausibility_step": Budget(None, 0, 0.0, "wrong answers"),
     "digest_crc32": Budget(400, 360, 0.0, "wrong digests"),
     "board_memory_intact": Budget(2600, 2400, 0.0, "wrong answers"),
@@ -93,8 +98,6 @@ BUDGETS = {
 }
 PLAUSIBILITY_BYTES, PLAUSIBILITY_ANSWER = 52, slice(23, 25)
 """Of plausibility_t: its size, and where `failed` and `missing` are, in half-words."""
-STEP_OF = "control_step_"
-"""What the row of another system's step begins with; the system's name follows."""
 SHORTEST_PERIOD_CYCLES = 500 * 72
 """Of `period_us` (500) at 72 MHz."""
 IMAGE_BUDGETS = {"flash": 48 * 1024, "ram + stack": 10 * 1024}
@@ -335,40 +338,31 @@ def pid_error(words: Words, params: ControlParams) -> float:
     return float(np.abs(words["command_q22"] / 2**22 - command).max())
 
 
-def _signed(value: int) -> int:
-    return value - (1 << 32) if value >> 31 else value
-
-
-def _run_angles(counter: Counter) -> dict[str, float]:
-    """angle_atan2 and angle_asin over their range; the largest error of each in degrees."""
+def angle_errors_deg() -> dict[str, float]:
+    """The largest error of atan2, and of asin up to ASIN_LIMIT_DEG, over their range."""
     bits = (random_bits(17, 3 * ANGLES) >> np.uint64(32)).astype(np.int64) - 2**31
-    atan2_inputs = [(int(y) >> int(s % 30), int(x) >> int(s % 30)) for y, x, s in bits.reshape(-1, 3)]
-    edges = [0, 1, -1, 2**26, -(2**26), 2**31 - 1, -(2**31) + 1]
-    atan2_inputs += [(y, x) for y in edges for x in edges if (y, x) != (0, 0)]
-    asin_inputs = [int(b) >> 1 for b in bits[:ANGLES]] + [0, 1, -1, 2**30, -(2**30), 2**30 - 1, -(2**30) + 1]
-    worst = {"atan2": 0.0, "asin": 0.0}
-    for y, x in atan2_inputs:
-        angle_deg = _signed(counter.call("angle_atan2", y, x).result) * TURN_DEG
-        error = float(abs(run_reference.wrap(angle_deg - run_reference.atan2(y, x))))
-        worst["atan2"] = max(worst["atan2"], error)
-    for sine in asin_inputs:
-        angle_deg = _signed(counter.call("angle_asin", sine).result) * TURN_DEG
-        if abs(angle_deg) <= ASIN_LIMIT_DEG:
-            worst["asin"] = max(worst["asin"], float(abs(angle_deg - run_reference.asin(sine / 2**30))))
-    return worst
+    edges = np.array([0, 1, -1, 2**26, -(2**26), 2**31 - 1, -(2**31) + 1])
+    shift = bits[2::3] % 30
+    y = np.concatenate([bits[0::3] >> shift, np.repeat(edges, len(edges))])
+    x = np.concatenate([bits[1::3] >> shift, np.tile(edges, len(edges))])
+    pole = (y == 0) & (x == 0)
+    direction = np.abs(run_reference.wrap(native_core.atan2(y, x) * TURN_DEG - run_reference.atan2(y, x)))[~pole]
+    sines = np.concatenate([bits >> 1, [0, 1, -1, 2**30, -(2**30), 2**30 - 1, -(2**30) + 1]])
+    angle_deg = native_core.asin(sines) * TURN_DEG
+    arcsine = np.abs(angle_deg - run_reference.asin(sines / 2**30))[np.abs(angle_deg) <= ASIN_LIMIT_DEG]
+    return {"atan2": float(direction.max()), "asin": float(arcsine.max())}
 
 
 def _row(counter: Counter, symbol: str, max_err: float) -> Row:
     profile = counter.profiles[symbol]
     if not profile.calls:
         raise UsageError(f"{counter.image.path.name} never called {symbol}: nothing was measured")
-    size = sum(part.size for part in counter.symbols_of(symbol))
     return Row(
         profile.instructions_min,
         profile.instructions_max,
         profile.cycles_max,
         profile.cycles_2ws_max,
-        size,
+        counter.bytes_of(symbol),
         profile.stack,
         max_err,
     )
@@ -378,22 +372,17 @@ def measure(image: Path | None = None) -> BenchResult:
     """Runs everything, about ten seconds; raises UsageError where there is no image, or no emulator for it."""
     elf = Image(find_image(image))
     graph = CallGraph(elf.path)
-    varying = [name for name, tuning in quad.TUNINGS.items() if tuning.trust.gain_deg2]
-    constant = [name for name in quad.TUNINGS if name not in varying]
-    step = Counter(elf, ["control_step", "kalman_step", "pid_step"])
-    step_constant_r = Counter(elf, ["control_step", "kalman_step", "pid_step"])
-    angles = Counter(elf, ["angle_atan2", "angle_asin"])
-    runs, runs_constant_r = _run_control(step, varying), _run_control(step_constant_r, constant)
-    angle_errors = _run_angles(angles)
+    step = Counter(elf, ["control_step", "kalman_step", "pid_step", "angle_atan2", "angle_asin"])
+    runs = _run_control(step, list(quad.TUNINGS))
+    angle_errors = angle_errors_deg()
 
-    ordinary = [run for run in runs + runs_constant_r if run.ordinary]
+    ordinary = [run for run in runs if run.ordinary]
     pid_worst = max(pid_error(run.words, run.params) for run in ordinary)
     chain_worst_deg = max(chain_error_deg(run.params, run.raw, run.setpoint_turn_q32) for run in ordinary)
     rows = {
         "kalman_step": _row(step, "kalman_step", kalman_error_deg(list(quad.TUNINGS))),
-        "kalman_step_constant_r": _row(step_constant_r, "kalman_step", kalman_error_deg(["paper"])),
-        "atan2": _row(angles, "angle_atan2", angle_errors["atan2"]),
-        "asin": _row(angles, "angle_asin", angle_errors["asin"]),
+        "atan2": _row(step, "angle_atan2", angle_errors["atan2"]),
+        "asin": _row(step, "angle_asin", angle_errors["asin"]),
         "pid_step": _row(step, "pid_step", pid_worst),
         "control_step": _row(step, "control_step", chain_worst_deg),
     }

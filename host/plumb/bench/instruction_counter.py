@@ -1,6 +1,9 @@
 """Calls C functions inside a linked Arm image and counts what they execute; plumb.bench.m3_timing turns that into
 cycles.
 
+A watched function that the compiler made part of others is found by the debug information (plumb.bench.dwarf): the
+instructions that came from it count as one call of it, with what they take where they stand.
+
 The function runs in an emulator (Unicorn); what it executed is a list of basic blocks, and the cost is read off that
 list.  Nothing is sampled: one input gives one number, the same on every machine.
 """
@@ -8,11 +11,12 @@ list.  Nothing is sampled: one input gives one number, the same on every machine
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from plumb.bench.dwarf import Inlined, inlined
 from plumb.bench.m3_timing import (
     TABLE_READ_CYCLES_2WS,
     Cost,
@@ -20,7 +24,9 @@ from plumb.bench.m3_timing import (
     Instruction,
     instruction_cycles,
     path_cost,
+    path_steps,
     require,
+    steps_cost,
 )
 from plumb.errors import UsageError
 from plumb.f103.machine import Machine
@@ -63,7 +69,7 @@ class Image(Elf):
 
 @dataclass
 class Profile:
-    """The worst of many calls of one function."""
+    """The worst of many calls of one function. stack: of an inlined one the whole step's, down to where it stands."""
 
     name: str
     calls: int = 0
@@ -119,7 +125,12 @@ class Counter:
         self._costs: dict[tuple[int, ...], Cost] = {}
         self._nested: dict[tuple[int, ...], list[tuple[str, tuple[int, ...]]]] = {}
         self.profiles = {name: Profile(name) for name in watch}
-        self._watched = {image.symbol(name).address: name for name in watch}
+        self._watched = {image.symbols[name].address: name for name in watch if name in image.symbols}
+        self._inlined = inlined(image.path, [name for name in watch if name not in image.symbols])
+        for name in watch:
+            if name not in image.symbols and all(place.name != name for place in self._inlined):
+                raise UsageError(f"{image.path.name} has no {name}: neither as a function nor inlined")
+        self._parts: dict[tuple[int, ...], list[tuple[Inlined, Cost, set[int]]]] = {}
         self._uc.hook_add(const.UC_HOOK_BLOCK, self._on_block)
         code = min(image.segments, key=lambda segment: segment.address)
         self._uc.hook_add(
@@ -215,6 +226,36 @@ class Counter:
             self._nested[blocks] = [(name, blocks[a:b]) for name, a, b in self._nested_calls(blocks)]
         for name, part in self._nested[blocks]:
             self.profiles[name].add(part, self.cost(part))
+        if self._inlined and blocks not in self._parts:
+            self._parts[blocks] = list(self._inlined_parts(blocks))
+        for place, cost, _ in self._parts.get(blocks, ()):
+            self.profiles[place.name].add(blocks, cost)
+
+    def _inlined_parts(self, blocks: tuple[int, ...]) -> Iterator[tuple[Inlined, Cost, set[int]]]:
+        """The watched inlined functions that a path runs through: where, at what cost, and which tables they read. A
+        read is known by its block alone, and counts for every one of them in it."""
+        steps = list(path_steps(self.path(blocks), self._unit_stores()))
+        for place in self._inlined:
+            own = [step for step in steps if step.instruction.address in place]
+            if own:
+                inside, tables = False, []
+                for block in blocks:
+                    if block >= 0:
+                        inside = any(one.address in place for one in self.path((block,)))
+                    elif inside:
+                        tables.append(block)
+                cost = steps_cost(own)
+                waits = len(tables) * TABLE_READ_CYCLES_2WS
+                yield place, replace(cost, cycles_2ws=cost.cycles_2ws + waits), set(tables)
+
+    def bytes_of(self, name: str) -> int:
+        """Size of a watched function: the code that it was seen to execute, callees included, and every table it read;
+        of an inlined one that of its largest place."""
+        places = [(place, tables) for parts in self._parts.values() for place, _, tables in parts if place.name == name]
+        if places:
+            tables = {self._tables[~table] for _, read in places for table in read}
+            return max(place.size for place, _ in places) + sum(table.size for table in tables)
+        return sum(part.size for part in self.symbols_of(name))
 
     def _nested_calls(self, blocks: tuple[int, ...]) -> list[tuple[str, int, int]]:
         """Watched functions that a path enters: name, first block, block after the last."""

@@ -30,7 +30,7 @@ The CRC unit takes a word every 4 cycles of HCLK (RM0008 4.2); a store that come
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -87,7 +87,7 @@ def require(module: str) -> Any:
     try:
         return __import__(module, fromlist=["_"])
     except ImportError:
-        package = module.split(".")[0]
+        package = {"elftools": "pyelftools"}.get(module.split(".")[0], module.split(".")[0])
         raise UsageError(f"counting cycles needs the package {package}; install it {install_hint('bench')}") from None
 
 
@@ -205,20 +205,44 @@ class _CrcUnit:
         return waits
 
 
-def path_cost(path: Sequence[Instruction], unit_writes: Container[int] = ()) -> Cost:
-    """Cost of a path that ends with the return to the caller. unit_writes: addresses of the stores to the CRC unit."""
-    flash, cycles, depth, deepest = _Flash(), 0, 0, 0
+@dataclass(frozen=True)
+class Step:
+    """One executed instruction: what it took, and by how much the stack had grown behind it, in bytes."""
+
+    instruction: Instruction
+    cycles: int
+    cycles_2ws: int
+    stack: int
+
+
+def path_steps(path: Sequence[Instruction], unit_writes: Container[int] = ()) -> Iterator[Step]:
+    """A path that ends with the return to the caller. unit_writes: addresses of the stores to the CRC unit."""
+    flash, cycles, depth = _Flash(), 0, 0
     unit, unit_2ws = _CrcUnit(), _CrcUnit()
     for index, now in enumerate(path):
         before = path[index - 1] if index else None
         after = path[index + 1] if index + 1 < len(path) else None
         taken = after is None or after.address != now.address + now.size
-        took = instruction_cycles(now, before, taken, after)
+        took, begun_2ws = instruction_cycles(now, before, taken, after), flash.time
         waits, waits_2ws = 0, 0
         if now.address in unit_writes:
             waits, waits_2ws = unit.wait(cycles), unit_2ws.wait(flash.time)
         cycles += took + waits
         flash.execute(now, took + waits_2ws)
         depth += now.stack_change
-        deepest = min(deepest, depth)
-    return Cost(len(path), cycles, flash.time, -deepest)
+        yield Step(now, took + waits, flash.time - begun_2ws, -depth)
+
+
+def steps_cost(steps: Sequence[Step]) -> Cost:
+    """What they took together."""
+    return Cost(
+        len(steps),
+        sum(step.cycles for step in steps),
+        sum(step.cycles_2ws for step in steps),
+        max((step.stack for step in steps), default=0),
+    )
+
+
+def path_cost(path: Sequence[Instruction], unit_writes: Container[int] = ()) -> Cost:
+    """Cost of a path that ends with the return to the caller. unit_writes: addresses of the stores to the CRC unit."""
+    return steps_cost(list(path_steps(path, unit_writes)))

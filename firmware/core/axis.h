@@ -1,0 +1,66 @@
+/* One axis: the pipeline that every system of tilt goes through, once for each of its axes.
+ *
+ *     counts -> calibration_apply -> axis_driving_rate \
+ *                                 -> axis_measure       -> axis_filter -> tilt, bias, corrected rate
+ *
+ * Each function becomes part of the step that calls it (KERNEL). The step keeps the words of its record: it
+ * hands values in, and writes what comes out where its record has it.
+ */
+#ifndef PLUMB_CORE_AXIS_H
+#define PLUMB_CORE_AXIS_H
+
+#include "calibration.h"
+#include "kalman.h"
+#include "tilt.h"
+
+/* What the accelerometer says of the tilt in one step. */
+typedef struct {
+    int32_t tilt_turn_q32;
+    uint32_t variance; /* R, in 2^32 lsb of the filter; 1..KALMAN_R_MAX */
+} axis_measurement_t;
+
+/* What is known of the axis after a step. */
+typedef struct {
+    int32_t tilt_turn_q32;
+    int32_t bias_turnps_q28;           /* of the gyro, within the limit bias_max */
+    int32_t rate_corrected_turnps_q28; /* rate - bias */
+} axis_estimate_t;
+
+/* The six raw counts into the first words of a record: all loads, then all stores. */
+KERNEL void axis_record_raw(int32_t words[6], const int16_t raw[6]) {
+    const int32_t raw0 = raw[0], raw1 = raw[1], raw2 = raw[2], raw3 = raw[3], raw4 = raw[4], raw5 = raw[5];
+    words[0] = raw0;
+    words[1] = raw1;
+    words[2] = raw2;
+    words[3] = raw3;
+    words[4] = raw4;
+    words[5] = raw5;
+}
+
+/* The rate that drives the filter: that of the sample before, as the sources print it, or the present one, as
+ * the parameters choose. The first step has none before it. */
+KERNEL int32_t axis_driving_rate(const kalman_params_t *p, bool first, int32_t present, int32_t before) {
+    return (p->rate_now | (uint32_t)first) != 0U ? present : before;
+}
+
+/* Measured tilt and its variance, from accelerations (g Q26) within +-CALIBRATION_LIMIT. */
+KERNEL axis_measurement_t axis_measure(const tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
+    axis_measurement_t m;
+    m.variance = tilt_variance(p, accel_y_g_q26, accel_z_g_q26);
+    m.tilt_turn_q32 = tilt_angle(p, accel_y_g_q26, accel_z_g_q26);
+    return m;
+}
+
+/* One step of the filter. driving: the rate that moves its tilt; rate: the one that is published without
+ * bias. */
+KERNEL axis_estimate_t axis_filter(kalman_t *k, const kalman_params_t *p, axis_measurement_t m,
+                                   int32_t driving_turnps_q28, int32_t rate_turnps_q28) {
+    axis_estimate_t e;
+    kalman_step(k, p, m.variance, m.tilt_turn_q32, driving_turnps_q28);
+    e.tilt_turn_q32 = kalman_tilt(k);
+    e.bias_turnps_q28 = kalman_bias(k, p);
+    e.rate_corrected_turnps_q28 = sub_wrap(rate_turnps_q28, e.bias_turnps_q28);
+    return e;
+}
+
+#endif
