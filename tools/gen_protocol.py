@@ -14,13 +14,13 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tests"), str(ROOT / "tools")]
 
-from link_board import MemoryBoard, disarms  # type: ignore[import-not-found]  # noqa: E402
 from measure_residuals import residual_table  # type: ignore[import-not-found]  # noqa: E402
 from plumb.bench import bus_load  # noqa: E402
 from plumb.link.session import PERIODIC  # noqa: E402
 from plumb.link.transports.slcan import frame_of_line, text_of_frames  # noqa: E402
 from plumb.spec import parameters  # noqa: E402
 from plumb.spec.protocol import Message, load_database, protocol  # noqa: E402
+from support.link_board import MemoryBoard, disarms  # type: ignore[import-not-found]  # noqa: E402
 
 
 def message_table() -> str:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import shutil
-import struct
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
+from support.f103_program import Board
 
 HERE = Path(__file__).parent
 COMPILER = "arm-none-eabi-gcc"
@@ -16,7 +17,6 @@ FLAGS = [
     *("-mcpu=cortex-m3", "-mthumb", "-std=c99", "-O2", "-Wall", "-Wextra", "-Werror"),
     *("-ffreestanding", "-nostdlib", "-nostartfiles", f"-I{HERE.parents[1] / 'firmware'}"),
 ]
-RESULTS_OFFSET = 0
 
 
 @pytest.fixture(scope="session")
@@ -40,21 +40,6 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
         return done[name]
 
     return build_one
-
-
-class Board:
-    """A machine with one of the small programs, and its results in RAM."""
-
-    def __init__(self, elf: Path, **options: object) -> None:
-        from plumb.f103 import Machine
-
-        self.machine = Machine(elf.with_suffix(".bin"), **options)
-
-    def result(self, index: int) -> int:
-        return struct.unpack_from("<I", self.machine.cpu.ram, RESULTS_OFFSET + 4 * index)[0]
-
-    def ask(self, index: int, value: int) -> None:
-        struct.pack_into("<I", self.machine.cpu.ram, RESULTS_OFFSET + 4 * index, value)
 
 
 @pytest.fixture

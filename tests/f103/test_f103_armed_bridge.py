@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
-from balancer_bench import BOOT_US, Balancer
 from plumb.errors import LinkError
 from plumb.f103.core.timeline import TICKS_PER_US
+from support.balancer_bench import BOOT_US, Balancer
 
 FAULT_BRIDGE, FAULT_HALL, FAULT_SENSOR = 0x10, 0x20, 0x40
 CAUSE_FAULT, CAUSE_SILENCE, CAUSE_COMMAND, CAUSE_SWITCH = 1 << 3, 1 << 5, 1 << 6, 1 << 8

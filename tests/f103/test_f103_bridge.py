@@ -9,10 +9,10 @@ from itertools import pairwise
 import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
-from conftest import Board
 from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.f103.peripherals.tim1 import HIGH_PINS, LOW_PINS, MOE, Edge
 from plumb.physics.motor import FORWARD, share_of_supply
+from support.f103_program import Board
 
 ARM, DUTY, OFF, CLEAR, RAPID = 1, 2, 3, 4, 5
 FAULT_BRIDGE, FAULT_HALL = 0x10, 0x20

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
-from conftest import Board
+from support.f103_program import Board
 
 CR, CFR, SR = 0x40002C00, 0x40002C04, 0x40002C08
 WDGA, EWI, EWIF = 0x80, 0x200, 1

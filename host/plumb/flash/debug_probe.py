@@ -3,7 +3,7 @@
 Both are asked the same three things: which chip is there, write these bytes erasing only the pages they cover, and give
 back what the flash holds. What was written is compared here, whatever the tool says of itself.
 
-Tried against programs that stand in for OpenOCD and pyOCD (tests/test_probe.py), not against silicon.
+Tried against programs that stand in for OpenOCD and pyOCD (tests/flash/test_probe.py), not against silicon.
 """
 
 from __future__ import annotations

@@ -351,7 +351,7 @@ class CallGraph:
     def worst_stack_bytes(self) -> int:
         """The reset handler's chain, on it the deepest interrupt handler, on that SysTick's, and on that the frame of a
         fault, whose handler begins a stack of its own. SysTick alone has a higher priority than the others, which have
-        one: tests/test_registers.py and test_hangs.py hold the firmware to it."""
+        one: tests/boards/test_registers.py and test_hangs.py hold the firmware to it."""
         reset, *handlers = self.elf.vectors()
         systick = self.elf.vector(SYSTICK)
         deepest = max((self.stack_bytes(handler) for handler in handlers if handler != systick), default=0)

@@ -1,0 +1,167 @@
+"""The strap alone decides where UART and timers go; with a saved pin set that disagrees, no actuator pin is driven."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("unicorn")
+
+from plumb import __main__ as front
+from plumb.boards.link import LinkBoard
+from plumb.boards.virtual_can import MachineBus
+from plumb.errors import LinkError
+from plumb.f103.attached.strap import GROUNDED, set_strap
+from plumb.f103.machine import Machine
+from plumb.f103.peripherals.tim1 import HIGH_PINS, LOW_PINS
+from plumb.link.session import Session
+from plumb.spec import parameters
+from support.pins import at_rest
+
+IMAGE = Path(__file__).parents[2] / "build/stm32f103/firmware.bin"
+pytestmark = pytest.mark.skipif(not IMAGE.exists(), reason="the flash image is not built: run make image")
+CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
+BOOT_US = 60_000
+ESC_PINS, GATE_PINS = ("PB6", "PB7"), HIGH_PINS + LOW_PINS
+UART_PINS = {"standard": ("PA9", "PA10"), "bridge": ("PB6", "PB7"), "quadrotor": ("PA9", "PA10"), "both": ()}
+SETS = {"standard": 0, "bridge": 1, "quadrotor": 2, "both": 3}
+FAULT_STRAP, BLOCKED_PINS, BLOCKED_FAULT = 0x8000, 1 << 9, 1 << 3
+
+
+def outputs(machine: Machine) -> set[str]:
+    """Every pin that the board drives, but those of CAN, I2C and SPI, which every pin set has at the same place."""
+    shared = {"PA4", "PA5", "PA7", "PA12", "PB8", "PB9"}
+    pins = {f"P{'ABC'[i]}{n}" for i in range(3) for n in range(16) if machine.ports[i].is_output(n)}
+    return pins - shared
+
+
+class Outputs:
+    """Every pin that was ever an output, from power-on."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.ever: set[str] = set()
+        for port in machine.ports[:3]:
+            changed = port._changed
+
+            def look(changed: object = changed) -> None:
+                assert callable(changed)
+                changed()
+                self.ever |= outputs(machine)
+
+            port._changed = look  # type: ignore[method-assign]
+
+
+def saved(pins: str) -> bytes:
+    """What the slots of a board hold that was told this pin set."""
+    machine = Machine(IMAGE)
+    machine.advance_us(BOOT_US)
+    with Session.open(machine.uart) as session:
+        session.upload(CONTROL, pins=SETS[pins])
+        session.execute("SAVE")
+    return bytes(machine.cpu.flash[0xF000:0x10000])
+
+
+@pytest.fixture(scope="module")
+def slots() -> dict[str, bytes]:
+    return {"standard": b"", "bridge": saved("bridge")}
+
+
+def started(strap: str, slots: bytes) -> tuple[Machine, Outputs]:
+    machine = Machine(IMAGE, strap=strap)
+    at_rest(machine)
+    machine.flash.store(0xF000, slots)
+    watched = Outputs(machine)
+    machine.advance_us(BOOT_US)
+    return machine, watched
+
+
+@pytest.mark.parametrize("strap", GROUNDED)
+@pytest.mark.parametrize("table", ["standard", "bridge"])
+def test_no_pin_is_driven_that_the_strap_does_not_allow(slots: dict[str, bytes], strap: str, table: str) -> None:
+    """Not for a moment, since power-on: no UART on a speed controller or a gate."""
+    machine, watched = started(strap, slots[table])
+    uart = set(UART_PINS[strap][:1])
+    actuators = set({"standard": ESC_PINS, "bridge": GATE_PINS}[strap]) if strap == table else set()
+    assert watched.ever == uart | actuators
+    assert machine.warnings == []
+    assert all(machine.pwm(pin).enabled == (strap == table == "standard") for pin in ESC_PINS)
+
+
+@pytest.mark.parametrize("strap", GROUNDED)
+@pytest.mark.parametrize("table", ["standard", "bridge"])
+def test_a_disagreement_is_told_and_blocks_arming(slots: dict[str, bytes], strap: str, table: str) -> None:
+    machine, _ = started(strap, slots[table])
+    machine.drive("PB12", True)
+    machine.set_hall(5)
+    machine.advance_us(1000)
+    with Session.over(MachineBus(machine, "the virtual board")) as session:  # CAN is at the same place in every set
+        assert session.identity is not None and session.identity["PINS"] == SETS[strap]
+        agreed = strap == table
+        assert bool(session.identity["FAULTS"] & FAULT_STRAP) == (not agreed)
+        if not agreed:
+            session.begin("REALTIME_LIVE")
+            with pytest.raises(LinkError, match="the board has a fault; this system has nothing to move on these pins"):
+                session.arm()
+            assert outputs(machine) == set(UART_PINS[strap][:1])
+
+
+def test_the_board_answers_where_the_strap_says_and_is_told_the_pin_set_there(slots: dict[str, bytes]) -> None:
+    """A blank board with the strap of the bridge: gates off, the UART on PB6 and PB7; then the parameter agrees."""
+    machine, _ = started("bridge", b"")
+    machine.drive("PB12", True)
+    machine.set_hall(5)
+    with Session.open(machine.uart) as session:
+        assert session.connect()["FAULTS"] & FAULT_STRAP
+        session.upload(CONTROL, pins=1)
+        session.execute("SAVE")
+        assert session.connect()["FAULTS"] & FAULT_STRAP  # until the next start
+    machine.reset()
+    machine.advance_us(BOOT_US)
+    with Session.open(machine.uart) as session:
+        assert session.connect()["FAULTS"] & (FAULT_STRAP | 0xFF) == 0
+    assert outputs(machine) == {"PB6", *GATE_PINS}
+
+
+def test_the_strap_is_read_once(slots: dict[str, bytes]) -> None:
+    machine, watched = started("standard", b"")
+    set_strap(machine, "bridge")
+    machine.advance_us(100_000)
+    assert watched.ever == {"PA9", *ESC_PINS}
+    machine.reset()
+    machine.advance_us(BOOT_US)
+    assert outputs(machine) == {"PB6"}
+
+
+def test_a_slow_pull_up_and_a_noisy_wire_are_not_taken_for_a_strap(slots: dict[str, bytes]) -> None:
+    slow = Machine(IMAGE)
+    for pin in (4, 5):
+        slow.port("PB4").rise_us[pin] = 450.0
+    slow.advance_us(BOOT_US)
+    assert outputs(slow) == {"PA9", *ESC_PINS}
+
+    noisy = Machine(IMAGE)
+    port = noisy.port("PB5")
+    level, looks = port.level, [0]
+
+    def flicker(pin: int) -> bool | None:
+        looks[0] += pin == 5
+        return not level(pin) if pin == 5 and looks[0] % 3 == 0 else level(pin)
+
+    port.level = flicker  # type: ignore[method-assign]
+    noisy.advance_us(BOOT_US)
+    assert outputs(noisy) == set()
+
+
+def test_doctor_names_both_sides_of_a_disagreement(
+    slots: dict[str, bytes], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def opened(spec: str, link: str) -> LinkBoard:
+        machine, _ = started("standard", slots["bridge"])
+        return LinkBoard(spec, Session.open(machine.uart))
+
+    monkeypatch.setattr("plumb.boards.link.open_link_board", opened)
+    assert front.main(["doctor", "--board", "virtual"]) == 1
+    said = capsys.readouterr().out
+    assert "MISS pins: the strap says standard; the parameters are for bridge" in said
+    assert "the strap and the saved parameter pins disagree: no actuator pin is driven" in said

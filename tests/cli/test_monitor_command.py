@@ -1,0 +1,281 @@
+"""`plumb monitor`: it shows what a board streams, says nothing to a board that is only watched, and ends when asked."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from plumb import __main__ as front
+from plumb.boards.link import LinkBoard
+from plumb.cli.monitor import show
+from plumb.link import monitor
+from plumb.link.session import Session
+from plumb.spec import declarations, parameters
+from plumb.systems import run_fixed
+from plumb.tuning.quantise import ControlParams
+from support.link_board import MemoryBoard
+
+RAW = (1690, 2300, 3000, 0, 0, 0)
+CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
+
+
+@pytest.fixture
+def board(monkeypatch: pytest.MonkeyPatch) -> MemoryBoard:
+    memory = MemoryBoard()
+    memory.sensors(RAW)
+
+    def opened(_spec: str, **_options: Any) -> LinkBoard:
+        return LinkBoard("memory", Session.open(memory))
+
+    monkeypatch.setattr("plumb.boards.link.open_link_board", opened)
+    return memory
+
+
+def looks(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[dict[str, Any]]:
+    assert front.main(["monitor", "--board", "memory", "--json", *arguments]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    return [json.loads(line) for line in captured.out.splitlines()]
+
+
+def left_running(board: MemoryBoard, *frames: str, period_us: int = 20_000) -> None:
+    """A run that another host began and left behind."""
+    with Session.open(board) as session:
+        session.upload(CONTROL, period_us=period_us)
+        session.begin("REALTIME_LIVE", frames=frames)
+
+
+def test_a_run_of_its_own_is_shown_in_units(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+    shown = looks(capsys, "--run", "live", "--seconds", "1.5")
+    assert len(shown) == 15
+    last = shown[-1]
+    steps = last["step"] + 1
+    words = run_fixed.run_control(ControlParams.from_words(CONTROL), [RAW] * steps, [0] * steps)
+    assert last["tilt_deg"] == pytest.approx(words["tilt_turn_q32"][-1] * 360 / 2**32, abs=1e-6)
+    assert last["tilt_measured_deg"] == pytest.approx(words["tilt_measured_turn_q32"][-1] * 360 / 2**32, abs=1e-6)
+    assert last["bias_dps"] == pytest.approx(words["bias_turnps_q28"][-1] * 360 / 2**28, abs=1e-6)
+    assert last["rate_dps"] == pytest.approx(words["rate_corrected_turnps_q28"][-1] * 360 / 2**28, abs=1e-6)
+    assert last["command"] == pytest.approx(words["command_q22"][-1] / 2**22, abs=1e-9)
+    assert last["pulse_0_us"] == words["pulse_halfus_0"][-1] / 2
+    assert last["pulse_1_us"] == words["pulse_halfus_1"][-1] / 2
+    assert last["raw"] == list(RAW[:3])
+    assert (last["mode"], last["live"], last["armed"], last["read_only"]) == ("REALTIME", True, False, False)
+    assert last["blocked"] == [] and last["faults"] == []
+    assert last["steps_per_s"] == pytest.approx(50, rel=0.05)
+    assert last["time_s"] - shown[0]["time_s"] == pytest.approx(1.4, abs=0.06)
+    assert not board.armed
+    assert looks(capsys, "--seconds", "0.3")[-1]["mode"] == "IDLE"  # its run was ended
+
+
+def test_who_only_watches_says_nothing_and_the_run_goes_on(
+    board: MemoryBoard, capsys: pytest.CaptureFixture[str]
+) -> None:
+    left_running(board, "QUAD_ANGLE")
+    sent = b""
+
+    def note(data: bytes) -> bytes:
+        nonlocal sent
+        sent += data
+        return data
+
+    board.spoil_down = note
+    before = board.steps
+    shown = looks(capsys, "--seconds", "1")
+    assert sent.count(b"t") == 1 and b"t7FC8" in sent  # HELLO, and nothing else
+    assert sent.endswith(b"\rL\rC\r")
+    last = shown[-1]
+    assert (last["mode"], last["live"], last["read_only"]) == ("REALTIME", True, True)
+    assert last["blocked"] == ["the link is closed or read-only"]
+    assert last["tilt_deg"] is not None and last["bias_dps"] is None  # BIAS was not selected
+    assert last["host_lost_steps"] == last["host_lost"] == last["host_rejected"] == 0
+    assert board.steps - before >= 49
+    board.run_us(200_000)
+    assert board.steps - before >= 59
+
+
+def test_an_idle_board_shows_no_angle(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+    last = looks(capsys, "--seconds", "0.5")[-1]
+    assert (last["mode"], last["step"], last["tilt_deg"], last["armed"]) == ("IDLE", None, None, False)
+    assert "no run is on" in last["blocked"]
+
+
+def test_the_first_look_waits_for_everything_an_open_link_says(board: MemoryBoard) -> None:
+    with Session.open(board) as session:
+        late_us = board.time_us + 250_000
+        board.spoil_up = lambda data: data if board.time_us > late_us or b"t111" not in data else b""
+        first = next(iter(monitor.watch(session)))
+    assert first["mode"] == "IDLE" and first["board_lost"] is not None and first["saturated_steps"] is not None
+
+
+def test_what_does_not_come_any_more_is_not_shown(board: MemoryBoard) -> None:
+    with Session.open(board) as session:
+        monitor.begin_live(session)
+        for number, shown in enumerate(monitor.watch(session, 2.0)):
+            if number == 5:
+                assert shown["tilt_deg"] is not None
+                session.end()
+        assert shown["tilt_deg"] is None and shown["step"] is None and shown["mode"] == "IDLE"
+
+
+def test_what_was_lost_is_counted(board: MemoryBoard) -> None:
+    dropped = {b"t100": (7, 9), b"t304": (4,), b"t111": (4,)}
+    heard = dict.fromkeys(dropped, 0)
+
+    def spoil(data: bytes) -> bytes:
+        """Two STEP, one ANGLE and one STATUS less, and one line of noise."""
+        out = b""
+        for line in data.splitlines(keepends=True):
+            kind = line[:4]
+            if kind in heard:
+                heard[kind] += 1
+                if heard[kind] in dropped[kind]:
+                    out += b"t1\r" if kind == b"t111" else b""
+                    continue
+            out += line
+        return out
+
+    with Session.open(board) as session:
+        monitor.begin_live(session)
+        board.spoil_up = spoil
+        last = list(monitor.watch(session, 1.0))[-1]
+    assert (last["host_lost_steps"], last["host_lost"], last["host_rejected"]) == (2, 2, 1)
+
+
+def test_the_board_s_faults_are_named(board: MemoryBoard) -> None:
+    board.sensors(RAW, faults=0x101)
+    with Session.open(board) as session:
+        last = list(monitor.watch(session, 0.3))[-1]
+    assert last["faults"] == ["no conversions", "running on the internal oscillator"]
+    assert "the board has a fault" in last["blocked"]
+
+
+@pytest.mark.parametrize("system", declarations.names())
+@pytest.mark.parametrize(("period_us", "frames"), [(20_000, 8), (2_000, 4), (1_000, 1), (500, 1)])
+def test_a_run_asks_for_no_more_than_the_line_carries(period_us: int, frames: int, system: str) -> None:
+    chosen = monitor.selection(period_us, system)
+    assert chosen == monitor.selection(100_000, system)[:frames]
+    assert (1 + len(chosen)) * 22 * 1e6 / period_us < 92_160
+
+
+def test_silence_is_link_trouble(board: MemoryBoard) -> None:
+    with Session.open(board) as session, pytest.raises(Exception, match="fell silent") as caught:
+        board.spoil_up = lambda _data: b""
+        list(monitor.watch(session))
+    assert getattr(caught.value, "exit_code", None) == 3
+
+
+def test_one_line_a_second_where_there_is_no_terminal(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["monitor", "--board", "memory", "--run", "live", "--seconds", "2.5"]) == 0
+    rows = capsys.readouterr().out.splitlines()
+    assert len(rows) == 2
+    assert all("REALTIME live disarmed  tilt +" in row and "\x1b" not in row for row in rows)
+    board.sensors((0,) * 6, faults=0x100)
+    assert front.main(["monitor", "--board", "memory", "--run", "live", "--seconds", "1"]) == 0
+    said = re.search(r"  saturated (\d+)  running on the internal oscillator\n$", capsys.readouterr().out)
+    assert said and 45 <= int(said[1]) <= 50  # of 50 steps; the board counts them out every 0.1 s
+
+
+def test_a_terminal_is_written_over_and_no_line_wraps(
+    board: MemoryBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "60")
+    assert front.main(["monitor", "--board", "memory", "--run", "live", "--seconds", "0.5"]) == 0
+    out = capsys.readouterr().out
+    blocks = out.removesuffix("\x1b[J").split("\x1b[J")
+    assert len(blocks) == 5
+    for block, over in pairwise([*blocks, ""]):
+        rows = block.splitlines()
+        assert all(len(re.sub(r"\x1b\[\d*[AK]", "", row)) < 60 for row in rows)
+        assert over == "" or over.startswith(f"\x1b[{len(rows)}A")
+
+
+def test_an_interrupt_ends_the_run_and_is_130(
+    board: MemoryBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    handler = signal.getsignal(signal.SIGINT)
+    look: Callable[[monitor.Monitor], monitor.Snapshot] = monitor.Monitor.snapshot
+
+    def interrupted(self: monitor.Monitor) -> monitor.Snapshot:
+        if board.steps == 20:
+            os.kill(os.getpid(), signal.SIGINT)
+        return look(self)
+
+    monkeypatch.setattr(monitor.Monitor, "snapshot", interrupted)
+    assert front.main(["monitor", "--board", "memory", "--run", "live"]) == 130
+    captured = capsys.readouterr()
+    assert captured.err == "plumb: interrupted.\n"
+    steps = board.steps
+    board.run_us(100_000)
+    assert board.steps == steps  # the run was ended
+    assert signal.getsignal(signal.SIGINT) is handler
+
+
+def virtual(*arguments: str) -> None:
+    """On the flash image, where there is one."""
+    pytest.importorskip("unicorn")
+    from plumb.errors import UsageError
+    from plumb.f103 import find_image
+
+    try:
+        find_image()
+    except UsageError as error:
+        pytest.skip(str(error))
+    assert front.main(["monitor", "--board", "virtual", *arguments]) == 0
+
+
+def test_on_the_virtual_board_the_quad_s_axis_moves(capsys: pytest.CaptureFixture[str]) -> None:
+    virtual("--run", "live", "--seconds", "7.5", "--json")
+    tilts = [json.loads(line)["tilt_deg"] for line in capsys.readouterr().out.splitlines()]
+    assert len(tilts) == 75
+    assert max(abs(tilt) for tilt in tilts[20:50]) < 3.0  # at rest for 5 s
+    assert max(abs(tilt) for tilt in tilts[50:]) > 5.0
+
+
+@pytest.mark.parametrize(
+    ("system", "shown"),
+    [
+        ("balancer", ("tilt_deg", "duty", "velocity_mps")),
+        ("turntable", ("attitude", "rates_dps")),
+        ("quad", ("tilt_deg",)),
+    ],
+)
+def test_on_the_virtual_board_any_systems_plant_is_on_the_pins(
+    system: str, shown: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No sensor is missing, and the values are the system's."""
+    virtual("--run", "live", "--system", system, "--seconds", "1", "--json")
+    last = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert last["faults"] == [] and last["step"] > 40
+    assert all(last[name] is not None for name in shown)
+    virtual("--run", "live", "--system", system, "--seconds", "1")
+    words = {"balancer": "duty", "turntable": "yaw", "quad": "pulses"}
+    assert words[system] in (line := capsys.readouterr().out) and line.count("\n") == 1
+    assert not any(other in line for name, other in words.items() if name != system)
+
+
+def test_a_plant_is_for_the_virtual_board_alone(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["monitor", "--board", "memory", "--system", "balancer"]) == 2
+    assert "params tuning SYSTEM" in capsys.readouterr().err
+    assert front.main(["monitor", "--board", "memory", "--scenario", "hold"]) == 2
+
+
+def test_a_block_on_a_narrow_terminal_loses_no_word_and_writes_over_itself(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    reasons = "faults    a sensor is lost; input PA0 is at a rail; input PA1 is at a rail; input PA2 is at a rail"
+    rows = show(["time 1 s", reasons, "nothing"], over=0)
+    assert rows == 4
+    assert show(["time 2 s", "nothing"], over=rows) == 2
+    first, second = capsys.readouterr().out.split(f"\x1b[{rows}A")
+    assert all(len(row.removesuffix("\x1b[K")) < 60 for row in first.splitlines())
+    assert " ".join(first.replace("\x1b[K", "").replace("\x1b[J", "").split()).startswith("time 1 s faults a sensor")
+    assert first.count("at a rail") == 3 and second.endswith("nothing\x1b[K\n\x1b[J")

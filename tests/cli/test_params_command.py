@@ -1,0 +1,337 @@
+"""`plumb params`: what the integers mean, a change that is whole or refused, and a file that brings a table back."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from plumb import __main__ as front
+from plumb import systems
+from plumb.boards.link import LinkBoard
+from plumb.errors import UsageError
+from plumb.link.session import Session
+from plumb.spec import parameter_file, parameters
+from plumb.spec.units import meaning
+from support.link_board import MemoryBoard
+
+DEFAULTS = {row.name: row.default for row in parameters.table()}
+ROWS = {row.name: row for row in parameters.table()}
+
+
+MANY_0, MANY_F = "0" * 5000, "f" * 5000
+
+
+@pytest.fixture
+def board(monkeypatch: pytest.MonkeyPatch) -> MemoryBoard:
+    """A board that outlives each command, as one on a cable does."""
+    memory = MemoryBoard()
+
+    def opened(_spec: str, **_options: Any) -> LinkBoard:
+        return LinkBoard("memory", Session.open(memory))
+
+    monkeypatch.setattr("plumb.boards.link.open_link_board", opened)
+    return memory
+
+
+def params(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    code = front.main(["params", *arguments, "--board", "memory"])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def in_use(board: MemoryBoard) -> dict[str, int]:
+    with Session.open(board) as session:
+        return dict(zip(DEFAULTS, session.read_parameters(), strict=True))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "means"),
+    [
+        ("gyro.gain", 1 << 28, "360 deg/s per count"),
+        ("gyro.offset", -(1 << 27), "-180 deg/s"),
+        ("accel_y.gain", 1 << 20, "0.015625 g per count"),
+        ("tilt.mode", 0, "arcsine of accel_y / 1 g"),
+        ("tilt.mode", 1, "atan2(accel_y, accel_z)"),
+        ("kalman.rate_now", 1, "the current one"),
+        ("tilt.r_base", 9321, ""),  # in a unit that the board does not know
+        ("tilt.r_gain", 5, ""),
+        ("kalman.qb_frac_q30", 1 << 29, ""),
+        ("kalman.dt_s_q33", 1 << 31, "0.25 s"),
+        ("kalman.rate_gain", 1 << 30, "32 step/s"),  # Q(31 - 6)
+        ("start.tilt_turn_q32", -(1 << 30), "-90 deg"),
+        ("pid.kp_q22", 360 << 22, "1 1/deg"),
+        ("pid.kd_q27", 180 << 27, "0.5 s/deg"),
+        ("esc.mid_halfus", 3001, "1500.5 us"),
+        ("period_us", 500, "500 us"),
+    ],
+)
+def test_what_an_integer_means(name: str, value: int, means: str) -> None:
+    assert str(meaning(ROWS[name], {**DEFAULTS, name: value})) == means
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "means"),
+    [("kalman.bias_max_turn_q29", 1 << 29, "1440 deg/s"), ("pid.slew_q22", 1 << 20, "1 1/s")],
+)
+def test_what_is_counted_per_step_means_something_by_the_period(name: str, value: int, means: str) -> None:
+    assert str(meaning(ROWS[name], {**DEFAULTS, "kalman.dt_s_q33": 1 << 31, name: value})) == means
+
+
+def test_the_list_has_every_parameter_and_the_crc(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = params(capsys, "list", "--json")
+    said = json.loads(out)
+    assert code == 0
+    assert {entry["name"]: entry["value"] for entry in said["parameters"]} == DEFAULTS
+    assert said["crc32"] == f"0x{parameters.crc32(list(DEFAULTS.values())):08x}"
+    _, out, _ = params(capsys, "list")
+    assert len(out.splitlines()) == 1 + len(DEFAULTS)
+
+
+def test_a_change_is_committed_and_marked(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = params(capsys, "set", "esc.mid_halfus=0xbb9", "pid.kp_q22=-5")
+    assert code == 0 and err == ""
+    assert "esc.mid_halfus: 3000 -> 3001 (1500.5 us)" in out and "set by a host and not saved" in out
+    wanted = {**DEFAULTS, "esc.mid_halfus": 3001, "pid.kp_q22": -5}
+    assert in_use(board) == wanted
+    _, out, _ = params(capsys, "get", "pid.kp_q22", "esc.mid_halfus", "--json")
+    assert [entry["value"] for entry in json.loads(out)["parameters"]] == [-5, 3001]
+    _, out, _ = params(capsys, "list")
+    assert [row.split()[1] for row in out.splitlines() if row.startswith("*")] == ["pid.kp_q22", "esc.mid_halfus"]
+    board.reset()
+    assert in_use(board) == DEFAULTS
+
+
+@pytest.mark.parametrize(
+    ("assignments", "sentence"),
+    [
+        (["pid.kp=1"], "no parameter 'pid.kp'; did you mean pid.kp_q22?"),
+        (["esc.middle_halfus=1"], "did you mean esc.mid_halfus"),
+        (["qwxyz=1"], "`plumb params list` names them all"),
+        (["esc.mid_halfus=99999"], "esc.mid_halfus = 99999 is outside 1800 to 4200"),
+        (["esc.mid_halfus=4294970296"], "is outside 1800 to 4200"),  # 3000 modulo 2^32
+        (["kalman.qb=-1"], "is outside 0 to 4294967295"),
+        (["esc.neutral_halfus=3000"], "that of a two-way (3D) controller; plumb drives one-way PWM controllers alone"),
+        (["esc.min_halfus=250", "esc.max_halfus=500"], "125 us is a pulse of OneShot125"),
+        (["esc_period_us=500"], "frames of 500 us are for OneShot125, OneShot42, Multishot or DShot controllers"),
+        (["esc.mid_halfus=1.5"], "'1.5' is no integer"),
+        (["esc.mid_halfus"], "write NAME=VALUE"),
+        (["esc.mid_halfus=3001", "esc.mid_halfus=3002"], "set twice"),
+        (["esc.mid_halfus=3001", "esc.max_halfus=2900"], "contradict each other"),
+    ],
+)
+def test_a_refusal_is_one_sentence_and_changes_nothing(
+    board: MemoryBoard, capsys: pytest.CaptureFixture[str], assignments: list[str], sentence: str
+) -> None:
+    code, out, err = params(capsys, "set", *assignments)
+    assert code == 2 and out == ""
+    assert sentence in err and len(err.splitlines()) == 1
+    assert in_use(board) == DEFAULTS
+
+
+def test_two_periods_that_differ_are_warned_of(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = params(capsys, "set", "period_us=10000", "--json")
+    assert code == 0 and "kalman.dt_s_q33" in err
+    assert json.loads(out)["warnings"] == [err.strip().removeprefix("plumb: warning: ")]
+    code, _, err = params(capsys, "set", "kalman.dt_s_q33=85899346")
+    assert code == 0 and err == ""
+
+
+def test_a_file_brings_a_table_back(board: MemoryBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "table.toml"
+    params(capsys, "set", "pid.kp_q22=7", "accel_z.offset=-9", "kalman.qb=4294967295")
+    before = in_use(board)
+    assert params(capsys, "dump", str(file))[0] == 0
+    said = tomllib.loads(file.read_text())
+    assert said["values"] == before
+    assert said["crc32"] == f"0x{parameters.crc32(list(before.values())):08x}"
+    board.reset()
+    code, out, err = params(capsys, "load", str(file))
+    assert code == 0 and err == "" and f"CRC-32 {said['crc32']}: 3 changed" in out
+    assert in_use(board) == before
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_unknown_missing_and_edited_are_warned_of_by_name(
+    board: MemoryBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "table.toml"
+    params(capsys, "dump", str(file))
+    whole = file.read_text()
+    file.write_text(whole.replace('"pid.kp_q22" = 67947725', '"pid.kp_q22" = 8'))
+    code, _, err = params(capsys, "load", str(file))
+    assert code == 0 and "it was edited since" in err and len(err.splitlines()) == 1
+    params(capsys, "set", "tilt.mode=0")
+    file.write_text(whole.replace('"tilt.mode"', '"tilt.modus"'))
+    code, out, err = params(capsys, "load", str(file), "--json")
+    assert code == 0 and len(err.splitlines()) == 2
+    assert "no parameter 'tilt.modus'" in err and "tilt.mode is missing; the board's value stays" in err
+    assert json.loads(out)["changed"] == {"pid.kp_q22": {"from": 8, "to": 67947725}}
+    assert in_use(board)["tilt.mode"] == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("values", "is no TOML file"),
+        ("[value]\n", "has no [values]"),
+        ('[values]\n"tilt.mode" = true\n', "tilt.mode = True is no integer"),
+        ('[values]\n"tilt.mode" = 2\n', "tilt.mode = 2 is outside 0 to 1"),
+        (f"period_us = 1{MANY_0}\n", "is no TOML file"),
+        (f'[values]\n"tilt.mode" = 0x{MANY_F}\n', "tilt.mode = 0xffffffff.. is outside 0 to 1"),
+        (f'[values]\n"esc.min_halfus" = 0x{MANY_F}\n', "esc.min_halfus = 0xffffffff.. is outside"),
+        (f'[values]\n"tilt.mode" = [0x{MANY_F}]\n', "tilt.mode = a list is no integer"),
+        (f'[values]\n"tilt.mode" = "{MANY_F}"\n', "fff..' is no integer; write a whole number"),
+        (None, "cannot read"),
+    ],
+)
+def test_a_bad_file_is_refused_in_a_sentence(
+    board: MemoryBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str | None, sentence: str
+) -> None:
+    file = tmp_path / "table.toml"
+    if text is not None:
+        file.write_text(text)
+    code, out, err = params(capsys, "load", str(file))
+    assert code == 2 and out == "" and sentence in err and len(err.splitlines()) == 1
+    assert in_use(board) == DEFAULTS
+
+
+def test_a_foreign_name_in_a_file_says_nothing_to_the_terminal(
+    board: MemoryBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "table.toml"
+    file.write_text(f'[values]\n"tilt.mode" = 0\n"\\u001b[2J\\n{MANY_F}" = 1\n')
+    code, _, err = params(capsys, "load", str(file))
+    assert code == 0 and "\x1b" not in err
+    foreign = [line for line in err.splitlines() if "no parameter" in line]
+    assert len(foreign) == 1 and r"\x1b[2J\n" in foreign[0] and len(foreign[0]) < len(str(file)) + 150
+
+
+@pytest.mark.parametrize("name", ["tilt.mode", "esc.neutral_halfus"])
+def test_a_number_of_any_length_is_out_of_range(
+    board: MemoryBoard, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    code, out, err = params(capsys, "set", f"{name}=0x{MANY_F}")
+    assert code == 2 and out == "" and f"{name} = 0xffffffff.. is outside" in err and len(err.splitlines()) == 1
+
+
+def test_a_table_that_came_back_wrong_is_link_trouble(
+    board: MemoryBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Session, "read_parameters", lambda _self: list(range(len(DEFAULTS))))
+    code, out, err = params(capsys, "list")
+    assert code == 3 and out == "" and "CRC-32" in err
+
+
+@pytest.mark.parametrize("spec", ["native", "qemu"])
+def test_only_a_board_with_a_link_has_parameters(spec: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["params", "list", "--board", spec]) == 2
+    assert "no board with a link" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("system", list(systems.SYSTEMS))
+def test_a_board_becomes_a_system_with_its_shipped_tuning(
+    board: MemoryBoard, capsys: pytest.CaptureFixture[str], system: str
+) -> None:
+    from plumb.tuning.quantise import quantise
+
+    code, out, _ = params(capsys, "tuning", system, "--json")
+    changed = json.loads(out)["changed"]
+    module = systems.load(system)
+    tuned = quantise(module.TUNINGS[module.DEFAULT_TUNING])
+    values = {**tuned.values, **tuned.link_words(), "period_us": module.PERIOD_US, **module.LINK}
+    rows = {row.name: row.default for row in parameters.table()}
+    assert code == 0
+    assert {name: row["to"] for name, row in changed.items()} == {
+        name: value for name, value in values.items() if value != rows[name]
+    }
+
+
+@pytest.mark.parametrize("system", list(systems.SYSTEMS))
+def test_no_shipped_tuning_is_doubted(board: MemoryBoard, capsys: pytest.CaptureFixture[str], system: str) -> None:
+    """Each has its own filter, whose period is that of its runs; another period is doubted by name."""
+    code, _, err = params(capsys, "tuning", system)
+    assert code == 0 and "angles will be wrong" not in err
+    _, _, err = params(capsys, "set", "period_us=7000")
+    assert f"({'fusion.dt_s_q32' if system == 'turntable' else 'kalman.dt_s_q33'}): its angles will be wrong" in err
+
+
+@pytest.mark.parametrize(("system", "pins"), [("quad", 0), ("balancer", 1), ("turntable", 1), ("phone", 1)])
+def test_a_tuning_brings_the_pins_of_what_the_system_moves(
+    board: MemoryBoard, capsys: pytest.CaptureFixture[str], system: str, pins: int
+) -> None:
+    """After a balancer; what moves nothing leaves the wiring as it is."""
+    assert params(capsys, "set", "pins=1")[0] == 0
+    assert params(capsys, "tuning", system)[0] == 0
+    _, out, _ = params(capsys, "get", "pins", "--json")
+    assert json.loads(out)["parameters"][0]["value"] == pins
+
+
+def test_a_tuning_that_is_none_is_wrong_use(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = params(capsys, "tuning", "quad", "sharpest")
+    assert code == 2 and "adaptive" in err
+
+
+@pytest.mark.parametrize("link", ["serial", "can"])
+def test_every_verb_over_either_link(
+    link: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On the flash image of a board that stays the same one, and is switched off in between."""
+    pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
+    from plumb.boards.virtual_can import MachineBus
+    from plumb.f103 import open_machine
+
+    try:
+        machine = open_machine()
+    except UsageError as error:
+        pytest.skip(str(error))
+
+    def opened(_spec: str, **_options: Any) -> LinkBoard:
+        return LinkBoard(link, Session.over(MachineBus(machine)) if link == "can" else Session.open(machine.uart))
+
+    monkeypatch.setattr("plumb.boards.link.open_link_board", opened)
+    file = tmp_path / "table.toml"
+
+    def value() -> int:
+        code, out, _ = params(capsys, "get", "arm_hold_ms", "--json")
+        assert code == 0
+        return int(json.loads(out)["parameters"][0]["value"])
+
+    for arguments, after in (
+        (["set", "arm_hold_ms=5"], 5),
+        (["save"], 5),
+        (["set", "arm_hold_ms=6"], 6),
+        (["dump", str(file)], 6),
+        (["load"], 5),
+        (["reset"], 1000),
+        (["load", str(file)], 6),
+    ):
+        code, _, err = params(capsys, *arguments)
+        assert (code, err, value()) == (0, "", after)
+    machine.power_cut()
+    machine.power_on()
+    machine.advance_us(30_000)
+    assert value() == 5
+    assert machine.warnings == []
+
+
+def test_a_table_goes_into_a_pipe_or_a_device_and_does_not_replace_it(tmp_path: Path) -> None:
+    """`plumb params dump /dev/null` as root leaves /dev/null what it is, and a link a link."""
+    text = parameter_file.text_of([row.default for row in parameters.table()])
+    link, target = tmp_path / "link.toml", tmp_path / "target.toml"
+    target.write_text("old")
+    link.symlink_to(target)
+    parameter_file.write(link, text)
+    assert link.is_symlink() and target.read_text() == text
+    pipe, heard = tmp_path / "pipe", []
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: heard.append(pipe.read_text()))
+    reader.start()
+    parameter_file.write(pipe, text)
+    reader.join()
+    assert pipe.is_fifo() and heard == [text]

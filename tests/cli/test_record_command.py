@@ -1,0 +1,318 @@
+"""`plumb record` and `plumb link-test`: what a board said is in the files, and what a link lost is counted."""
+
+from __future__ import annotations
+
+import csv
+import json
+import threading
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import can
+import pytest
+
+from plumb import __main__ as front
+from plumb import systems
+from plumb.boards.link import LinkBoard
+from plumb.cli import link_test
+from plumb.errors import UsageError
+from plumb.inputs.recorder import FrameLog, Recorder
+from plumb.link.session import Session
+from plumb.link.transports.open_bus import serve_bus
+from plumb.link.transports.slcan_bus import PlumbBus
+from plumb.link.transports.slcan_server import AdapterBus
+from plumb.spec.parameters import table
+from plumb.spec.protocol import protocol
+from plumb.tuning.quantise import quantise
+from support.link_board import MemoryBoard
+
+WAIT_S = 60.0
+"""For what comes within a second, on a machine that may have other things to do."""
+
+
+@pytest.fixture
+def board() -> MemoryBoard:
+    return MemoryBoard()
+
+
+@pytest.fixture
+def session(board: MemoryBoard) -> Session:
+    opened = Session(PlumbBus(board))
+    opened.connect()
+    return opened
+
+
+def rows_of(folder: Path) -> list[dict[str, str]]:
+    with (folder / "steps.csv").open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def recorded(board: MemoryBoard, session: Session, folder: Path, seconds: float = 0.5) -> Recorder:
+    recorder = Recorder(session, folder)
+    board.sensors((1700, 2100, 2900, 0, 0, 0))
+    session.listener = recorder.feed
+    session.begin("REALTIME_LIVE", frames=("RAW_A", "QUAD_ANGLE"))
+    end = session.clock() + seconds
+    while session.clock() < end:
+        session.receive(0.01)
+    session.listener = None
+    session.end()
+    recorder.close()
+    return recorder
+
+
+def test_a_recording_has_a_row_for_every_step_and_every_frame(
+    board: MemoryBoard, session: Session, tmp_path: Path
+) -> None:
+    recorder = recorded(board, session, tmp_path)
+    rows = rows_of(tmp_path)
+    assert [int(row["step"]) for row in rows] == list(range(len(rows)))
+    assert recorder.rows == len(rows) > 20 and recorder.lost == 0
+    assert {row["raw_0_counts"] for row in rows} == {"1700"}
+    assert all(len(row["digest"]) == 8 for row in rows)
+    assert float(rows[-1]["tilt_deg"]) != 0 and rows[-1]["bias_dps"] == ""  # what was not selected is not there
+    names = [m.arbitration_id for m in can.LogReader(tmp_path / "frames.asc")]
+    assert names.count(session.protocol["STEP"].identifier) == len(rows)
+
+
+@pytest.mark.parametrize(
+    ("system", "frames", "columns"),
+    [
+        (
+            "phone",
+            ("PHONE_ANGLE", "PHONE_BIAS", "PHONE_ROLL", "PHONE_ROLL_BIAS"),
+            ("tilt_deg", "bias_dps", "roll_deg", "roll_bias_dps"),
+        ),
+        ("turntable", ("TURNTABLE_ATTITUDE_W", "TURNTABLE_ATTITUDE_Z"), ("w", "z", "rate_z_dps")),
+        ("balancer", ("BALANCER_ANGLE", "BALANCER_DRIVE"), ("tilt_deg", "duty", "velocity_mps")),
+    ],
+)
+def test_every_system_s_values_have_columns_of_their_own(
+    board: MemoryBoard, session: Session, tmp_path: Path, system: str, frames: tuple[str, ...], columns: tuple[str, ...]
+) -> None:
+    module = systems.load(system)
+    session.upload(quantise(module.TUNINGS[module.DEFAULT_TUNING]).words(), period_us=10_000)
+    recorder = Recorder(session, tmp_path)
+    board.sensors((1700, 2100, 2900, 100, 200, 300))
+    session.listener = recorder.feed
+    session.begin("REALTIME_LIVE", frames=frames)
+    for _ in range(30):
+        session.receive(0.02)
+    session.listener = None
+    session.end()
+    recorder.close()
+    rows = rows_of(tmp_path)
+    assert len(rows) > 20 and recorder.lost == 0
+    assert all(row[column] != "" for row in rows[1:-1] for column in columns)
+    with (tmp_path / "steps.csv").open() as file:
+        head = next(csv.reader(file))
+    assert len(set(head)) == len(head)
+
+
+def test_a_recording_tells_the_parameters_it_was_made_with(
+    board: MemoryBoard, session: Session, tmp_path: Path
+) -> None:
+    recorded(board, session, tmp_path)
+    about = json.loads((tmp_path / "board.json").read_text())
+    assert about["parameters"] == {row.name: row.default for row in table()}
+    assert about["board"]["PARAMETER_COUNT"] == len(table())
+
+
+def test_a_lost_step_is_an_empty_row(board: MemoryBoard, session: Session, tmp_path: Path) -> None:
+    step = f"t{session.protocol['STEP'].identifier:03X}".encode()
+    seen = []
+
+    def lose_one(data: bytes) -> bytes:
+        at = data.find(step)
+        if at >= 0:
+            seen.append(at)
+            if len(seen) == 5:
+                return data[:at] + data[at + 22 :]
+        return data
+
+    board.spoil_up = lose_one
+    recorder = recorded(board, session, tmp_path)
+    assert recorder.lost == 1
+    assert [row["step"] for row in rows_of(tmp_path) if not row["digest"]] != []
+
+
+FULL = Path("/dev/full")
+needs_full_disk = pytest.mark.skipif(not FULL.is_char_device(), reason="this system has no /dev/full")
+
+
+@pytest.fixture
+def recordable(board: MemoryBoard, monkeypatch: pytest.MonkeyPatch) -> MemoryBoard:
+    """The board behind `plumb record --board memory`."""
+    board.sensors((1700, 2100, 2900, 0, 0, 0))
+
+    def opened(_spec: str, **_options: Any) -> LinkBoard:
+        return LinkBoard("memory", Session.open(board))
+
+    monkeypatch.setattr("plumb.boards.link.open_link_board", opened)
+    return board
+
+
+def record(folder: Path, *arguments: str) -> int:
+    return front.main(["record", "--board", "memory", "--run", "live", "--out", str(folder), "--json", *arguments])
+
+
+def test_a_board_that_falls_silent_leaves_what_was_recorded_and_the_count(
+    recordable: MemoryBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    off_us = recordable.time_us + 1_000_000
+    recordable.spoil_up = lambda data: data if recordable.time_us < off_us else b""
+    assert record(tmp_path) == 3
+    said = capsys.readouterr()
+    assert said.err == "plumb: the board fell silent: check cable and power\n"
+    summary = json.loads(said.out)
+    assert summary["steps"] == len(rows_of(tmp_path)) > 20
+
+
+def test_a_board_without_a_run_says_what_would_begin_one(
+    recordable: MemoryBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for more, says in (([], True), (["--run", "live"], False)):
+        assert front.main(["record", "--board", "memory", "--seconds", "0.3", "--out", str(tmp_path), *more]) == 0
+        assert ("--run live begins one" in capsys.readouterr().err) == says
+
+
+@needs_full_disk
+@pytest.mark.parametrize("name", ["steps.csv", "frames.asc", "board.json"])
+def test_a_full_disk_is_one_sentence_and_the_count(
+    recordable: MemoryBoard, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / name).symlink_to(FULL)
+    assert record(tmp_path, "--seconds", "30") == 2
+    said = capsys.readouterr()
+    assert (
+        said.err.startswith(f"plumb: {tmp_path / name} cannot be written: No space left") and said.err.count("\n") == 1
+    )
+
+
+def test_a_file_in_the_way_is_one_sentence(
+    recordable: MemoryBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "steps.csv").mkdir()
+    assert record(tmp_path) == 2
+    assert "steps.csv cannot be written: Is a directory" in capsys.readouterr().err
+
+
+def test_what_is_recorded_is_on_the_disk_within_a_second(
+    board: MemoryBoard, session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a recorder that is killed leaves it."""
+    monkeypatch.setattr("plumb.inputs.recorder.FLUSH_EVERY_S", 0.0)
+    recorder = Recorder(session, tmp_path)
+    session.listener = recorder.feed
+    session.begin("REALTIME_LIVE")
+    for _ in range(30):
+        session.receive(0.02)
+    assert len(rows_of(tmp_path)) == recorder.rows > 20
+    assert (tmp_path / "frames.asc").read_text().count("\n") > recorder.rows
+    session.listener = None
+    recorder.close()
+
+
+@pytest.mark.parametrize("suffix", [".asc", ".blf", ".csv", ".log", ".trc"])
+def test_every_format_of_a_log_is_read_back(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"bus{suffix}"
+    with FrameLog(path) as log:
+        for number in range(5):
+            log.add(
+                can.Message(timestamp=1e9 + number, arbitration_id=0x100, is_extended_id=False, data=bytes([number]))
+            )
+            log.flush()
+    assert [bytes(message.data) for message in can.LogReader(path)] == [bytes([number]) for number in range(5)]
+
+
+def test_a_log_of_no_known_format_is_wrong_use(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="a log of frames ends in"):
+        FrameLog(tmp_path / "bus.txt")
+
+
+def test_a_bus_is_recorded_without_a_word_and_what_is_missing_is_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second that it is to last is over when the last frame is in the log."""
+    far = serve_bus("tcp:127.0.0.1:0")
+    assert isinstance(far, AdapterBus)
+    angle, heard, read_only, stop = protocol()["QUAD_ANGLE"], [], set(), threading.Event()
+
+    def speak() -> None:
+        counter = 0
+        while not stop.is_set():
+            heard.append(far.recv(0.005))
+            if far.open and counter < 40:
+                read_only.add(far.read_only)
+                data = angle.pack(counter & 15, 0, 1, counter) if counter != 9 else bytes(8)
+                far.send(can.Message(arbitration_id=angle.identifier, data=data, is_extended_id=False))
+                counter += 2 if counter == 20 else 1
+
+    add, logged, start_s = FrameLog.add, [], time.monotonic()
+
+    def adding(log: FrameLog, message: can.Message) -> None:
+        add(log, message)
+        logged.append(message)
+
+    def passed_s() -> float:
+        return 2.0 if len(logged) == 38 else (time.monotonic() - start_s) / WAIT_S
+
+    monkeypatch.setattr(FrameLog, "add", adding)
+    monkeypatch.setattr("plumb.cli.record.time", SimpleNamespace(monotonic=passed_s))
+    thread = threading.Thread(target=speak)
+    thread.start()
+    address = far.channel_info.split("//")[1]
+    log = tmp_path / "bus.asc"
+    try:
+        assert front.main(["record", "--bus", f"tcp:{address}", "--out", str(log), "--seconds", "1", "--json"]) == 0
+    finally:
+        stop.set()
+        thread.join()
+        far.shutdown()
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["frames"], summary["rejected"], summary["lost"]) == (38, 1, 2)
+    assert len(list(can.LogReader(log))) == 38
+    assert not any(heard) and read_only == {True}
+
+
+def test_a_good_link_passes_the_link_test(session: Session) -> None:
+    result = link_test.tried(session, 400, seed=1)
+    assert result["verdict"] == "pass" and result["steps"] == 400 + link_test.ONE_AT_A_TIME
+    assert result["wrong_digests"] == result["host_lost"] == result["board_lost"] == 0
+
+
+def test_a_link_that_loses_one_frame_fails_it_though_every_digest_is_right(
+    board: MemoryBoard, session: Session
+) -> None:
+    sample = f"t{session.protocol['SAMPLE_A'].identifier:03X}".encode()
+    spoilt = []
+
+    def spoil_one(data: bytes) -> bytes:
+        at = data.find(sample)
+        if at < 0 or len(spoilt) > 2:
+            return data
+        spoilt.append(at)
+        return data if len(spoilt) != 2 else data[: at + 9] + b"!" + data[at + 10 :]
+
+    board.spoil_down = spoil_one
+    result = link_test.tried(session, 200, seed=1)
+    assert result["verdict"] == "fail" and result["wrong_digests"] == 0
+    assert result["board_rejected"] == 1
+
+
+def test_on_the_virtual_board_a_systems_plant_is_on_the_pins(tmp_path: Path) -> None:
+    pytest.importorskip("unicorn")
+    from plumb.errors import UsageError
+    from plumb.f103 import find_image
+
+    try:
+        find_image()
+    except UsageError as error:
+        pytest.skip(str(error))
+    command = ["record", "--board", "virtual", "--run", "live", "--system", "turntable", "--seconds", "0.5"]
+    assert front.main([*command, "--out", str(tmp_path)]) == 0
+    rows = (tmp_path / "steps.csv").read_text().splitlines()
+    counts = [float(value) for value in rows[-1].split(",")[2:8]]
+    assert len(rows) > 100 and all(1800 < count < 2300 for count in counts)  # at rest: half of 3.3 V

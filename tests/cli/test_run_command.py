@@ -1,0 +1,209 @@
+"""`plumb run` and `plumb replay`: the contract's JSON, the right exit code, and a board that lies is found out."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from plumb import __main__ as front
+from plumb import systems
+from plumb.boards import Answer, RawCounts, Setpoints
+from plumb.boards.native import NativeBoard
+from plumb.proof import runs
+from plumb.systems.quad import scenarios as quad
+from plumb.tuning import quantise
+from plumb.tuning.quantise import ControlParams
+
+METRICS = {
+    "angle_rmse_deg",
+    "angle_max_deg",
+    "accel_only_rmse_deg",
+    "fixed_vs_reference_max_deg",
+    "target_vs_fixed_mismatches",
+}
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict[str, Any]]:
+    code = front.main([*arguments, "--json"])
+    captured = capsys.readouterr()
+    assert captured.out, captured.err
+    return code, json.loads(captured.out)
+
+
+@pytest.mark.parametrize("scenario", ["motion", "hold"])
+def test_a_run_prints_what_the_contract_names(scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+    code, said = run(capsys, "run", "quad", "--board", "native", "--scenario", scenario, "--seconds", "25")
+    assert code == 0 and said["verdict"] == "pass"
+    assert (said["system"], said["board"], said["seed"], said["steps"]) == ("quad", "native", 1000, 1250)
+    assert set(said["metrics"]) >= METRICS
+    assert said["metrics"]["target_vs_fixed_mismatches"] == 0
+
+
+@pytest.mark.parametrize("board", ["native", "qemu"])
+@pytest.mark.parametrize("name", systems.SYSTEMS)
+def test_every_system_runs_open_and_closed(name: str, board: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """tests/proof/test_confirmed.py has the virtual board, over both links."""
+    if board == "qemu" and shutil.which("qemu-system-arm") is None:
+        pytest.skip("qemu-system-arm is missing")
+    seconds = "12" if name == "turntable" else "4"  # its first 10 s are at rest
+    loops = {"open", "closed"} if systems.load(name).OUTPUTS else {"open"}
+    for loop in loops:
+        extra = ("--open-loop",) if loop == "open" else ()
+        code, said = run(capsys, "run", name, "--board", board, "--seconds", seconds, *extra)
+        figures = said["metrics"]
+        assert code == 0 and (said["system"], said["board"], said["loop"]) == (name, board, loop)
+        assert set(figures) >= METRICS and figures["target_vs_fixed_mismatches"] == 0
+        assert (figures["accel_only_rmse_deg"] is None) == (name == "turntable")
+        assert figures["angle_rmse_deg"] <= figures["angle_max_deg"] < 2.0
+        assert 0.0 < figures["fixed_vs_reference_max_deg"] < 1e-3
+
+
+def test_the_same_seed_gives_the_same_words(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ("run", "quad", "--board", "native", "--seconds", "20", "--seed")
+    first, again, other = (run(capsys, *arguments, seed)[1]["metrics"] for seed in ("7", "7", "8"))
+    assert first == again != other
+
+
+def test_the_loop_is_open_only_on_request(capsys: pytest.CaptureFixture[str]) -> None:
+    _, said = run(capsys, "run", "quad", "--board", "native", "--scenario", "hold", "--open-loop", "--seconds", "20")
+    assert said["loop"] == "open"
+    _, said = run(capsys, "run", "quad", "--board", "native", "--scenario", "hold", "--seconds", "20")
+    assert said["loop"] == "closed"
+
+
+def test_a_run_writes_page_summary_and_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("matplotlib", reason="the report needs the extra report")
+    _, said = run(capsys, "run", "quad", "--board", "native", "--seconds", "20", "--out", str(tmp_path / "out"))
+    assert json.loads((tmp_path / "out/summary.json").read_text()) == said
+    assert "<svg" in (tmp_path / "out/report.html").read_text()
+    rows = (tmp_path / "out/steps.csv").read_text().splitlines()
+    assert len(rows) == 1 + said["steps"]
+    assert rows[0].startswith("time_s,true_tilt_deg,true_bias_dps,raw_0,")
+    assert not list((tmp_path / "out").glob("*.part"))
+
+
+class LyingBoard(NativeBoard):
+    """Native, but one bit of one word of one step is wrong."""
+
+    name = "liar"
+
+    def __init__(self, step: int, signal: str) -> None:
+        self.step, self.signal = step, signal
+
+    def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
+        answer = super().run_injected(params, raw, setpoint)
+        assert answer.words is not None
+        record = answer.words.record.copy()
+        if self.step < len(record):
+            record[self.signal][self.step] ^= 1
+        words = type(answer.words)(record)
+        return replace(answer, words=words, digests=words.digests())
+
+    def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:
+        words = self.run_injected(params, raw[: step + 1], setpoint[: step + 1]).words
+        assert words is not None
+        return {name: int(values[step]) for name, values in words.items()}
+
+
+@pytest.mark.parametrize("signal", ["innovation_turn_q32", "p11", "pulse_halfus_1"])
+def test_one_wrong_bit_is_a_failed_verdict_with_step_and_signal(signal: str) -> None:
+    inputs = runs.prescribed(quad.scenario("motion", 3, seconds=4.0))
+    params = quantise.quantise(quad.TUNINGS["adaptive"])
+    judged = runs.open_loop(LyingBoard(77, signal), inputs, params)
+    assert judged.verdict == "fail" and judged.mismatches == 1
+    assert judged.divergence is not None
+    assert (judged.divergence.step, judged.divergence.signal) == (77, signal)
+
+
+def test_a_lost_digest_is_unverified_not_passed() -> None:
+    inputs = runs.prescribed(quad.scenario("motion", 3, seconds=4.0))
+    params = quantise.quantise(quad.TUNINGS["adaptive"])
+    answer = NativeBoard().run_injected(params, inputs.raw, inputs.setpoint)
+    judged = runs.judge(NativeBoard(), inputs, params, replace(answer, unverified_from=120))
+    assert judged.verdict == "unverified"
+    assert judged.summary()["unverified_from_step"] == 120
+
+
+def recording_file(folder: Path, **changed: Any) -> Path:
+    """A made-up recording: turning about x, with its reference."""
+    time_s = np.arange(2000) / 200.0
+    tilt = np.radians(20.0) * np.sin(2.0 * np.pi * 0.3 * time_s)
+    rate = np.gradient(tilt, time_s)
+    zero = np.zeros_like(tilt)
+    columns: dict[str, Any] = {
+        "gyr": np.column_stack([rate, zero, zero]).astype(np.float32),
+        "acc": 9.80665 * np.column_stack([zero, np.sin(tilt), np.cos(tilt)]).astype(np.float32),
+        "ref_quat": np.column_stack([np.cos(tilt / 2), np.sin(tilt / 2), zero, zero]).astype(np.float32),
+        "movement": np.ones(2000, bool),
+        "rate_hz": np.float64(200.0),
+    }
+    path = folder / "recording.npz"
+    np.savez(path, **{**columns, **changed})
+    return path
+
+
+def test_a_replay_reports_the_error_against_the_reference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, said = run(capsys, "replay", str(recording_file(tmp_path)), "--axis", "x", "--board", "native")
+    assert code == 0 and said["verdict"] == "pass"
+    assert said["metrics"]["angle_rmse_deg"] < 0.3
+    assert said["scored_steps"] > 1900
+
+
+def test_a_recording_at_rest_has_nothing_to_score(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = recording_file(tmp_path, movement=np.zeros(2000, bool))
+    code, said = run(capsys, "replay", str(file), "--board", "native")
+    assert code == 0 and said["metrics"]["angle_rmse_deg"] is None and said["scored_steps"] == 0
+    assert front.main(["replay", str(file), "--board", "native"]) == 0
+    assert "nothing to score" in capsys.readouterr().out
+
+
+def test_a_recording_with_nan_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    broken = np.zeros((2000, 3), np.float32)
+    broken[500, 1] = np.nan
+    assert front.main(["replay", str(recording_file(tmp_path, gyr=broken)), "--board", "native"]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == "" and "gyr" in captured.err and len(captured.err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(("seconds", "code"), [("nan", 2), ("0", 2), ("-1", 2), ("inf", 2)])
+def test_any_length_of_a_replay_is_taken_or_refused(
+    seconds: str, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = str(recording_file(tmp_path))
+    assert front.main(["replay", file, "--board", "native", "--seconds", seconds]) == code
+    assert len(capsys.readouterr().err.splitlines()) == (1 if code else 0)
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_a_real_recording_agrees_in_every_bit(axis: str, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = os.environ.get("PLUMB_DATA")
+    if not folder:
+        pytest.skip("PLUMB_DATA does not name a folder with recordings")
+    file = Path(folder) / "broad_02_undisturbed_slow_rotation_B.npz"
+    code, said = run(capsys, "replay", str(file), "--axis", axis, "--board", "native", "--seconds", "60")
+    assert code == 0 and said["metrics"]["target_vs_fixed_mismatches"] == 0
+    assert said["metrics"]["angle_rmse_deg"] is not None
+
+
+@pytest.mark.parametrize(("system", "loop", "seconds"), [("quad", (), "3"), ("balancer", ("--open-loop",), "4")])
+def test_a_live_run_is_armed_on_its_own_sensors_and_verified(
+    system: str, loop: tuple[str, ...], seconds: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("unicorn")
+    code, said = run(capsys, "run", system, "--board", "virtual", "--live", "--seconds", seconds, *loop)
+    assert code == 0 and said["live"] is True and said["metrics"]["target_vs_fixed_mismatches"] == 0
+    assert said["loop"] == ("open" if loop else "closed")
+
+
+@pytest.mark.parametrize(("system", "board"), [("quad", "native"), ("phone", "virtual")])
+def test_a_live_run_without_sensors_is_refused(system: str, board: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["run", system, "--board", board, "--live"]) == 2
+    said = capsys.readouterr().err
+    assert "sensors" in said and len(said.splitlines()) == 1

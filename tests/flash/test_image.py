@@ -1,0 +1,120 @@
+"""The flash image: what the three files hold, that the build repeats to the byte, and that a bad image is refused."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import struct
+import subprocess
+import sys
+import zlib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+BUILD = ROOT / "build/stm32f103"
+FINISH = ROOT / "tools/finish_image.py"
+HEADER_OFFSET = 0x130
+PARAMETER_SLOTS = 0x0800F000
+
+pytestmark = pytest.mark.skipif(
+    not (BUILD / "firmware.bin").exists(), reason="the flash image is not built: run make image"
+)
+
+
+@pytest.fixture(scope="module")
+def image() -> bytes:
+    return (BUILD / "firmware.bin").read_bytes()
+
+
+def _header(image: bytes) -> tuple[int, ...]:
+    return struct.unpack_from("<6I", image, HEADER_OFFSET)
+
+
+def test_vectors_lead_into_the_image(image: bytes) -> None:
+    stack, *vectors = struct.unpack_from("<76I", image)
+    assert 0x20000000 < stack <= 0x20000000 + 20 * 1024 and stack % 8 == 0
+    for vector in vectors:
+        assert vector & 1 and 0x08000000 + HEADER_OFFSET < vector < 0x08000000 + len(image)
+
+
+def test_header_and_checksum(image: bytes) -> None:
+    magic, family, size, _, _, dirty = _header(image)
+    assert image[HEADER_OFFSET : HEADER_OFFSET + 4] == b"plmb" and magic == 0x626D6C70
+    assert family == 0x103
+    assert size == len(image)
+    assert dirty in (0, 1)
+    assert struct.unpack("<I", image[-4:])[0] == zlib.crc32(image[:-4])
+
+
+def test_the_image_ends_before_the_parameters(image: bytes) -> None:
+    assert 0x08000000 + len(image) <= PARAMETER_SLOTS
+
+
+def test_hex_holds_the_same_bytes(image: bytes) -> None:
+    flat = bytearray()
+    upper = 0
+    for line in (BUILD / "firmware.hex").read_text(encoding="ascii").splitlines():
+        record = bytes.fromhex(line[1:])
+        assert sum(record) & 0xFF == 0
+        count, address, kind = struct.unpack_from(">BHB", record)
+        data = record[4 : 4 + count]
+        if kind == 4:
+            upper = int.from_bytes(data, "big") << 16
+        elif kind == 0:
+            assert upper + address == 0x08000000 + len(flat)
+            flat += data
+    assert bytes(flat) == image
+
+
+def test_elf_holds_the_same_bytes(image: bytes, tmp_path: Path) -> None:
+    """It is finished already: what comes of finishing it again is the same three files."""
+    elf = tmp_path / "firmware.elf"
+    shutil.copy(BUILD / "firmware.elf", elf)
+    assert _run_finish(elf).returncode == 0
+    for kind in ("elf", "bin", "hex"):
+        assert elf.with_suffix(f".{kind}").read_bytes() == (BUILD / f"firmware.{kind}").read_bytes()
+
+
+def test_same_sources_same_bytes_wherever_they_are_built(tmp_path: Path) -> None:
+    """Two clones of the same tree, in folders of different names, give the same three files."""
+    if shutil.which("arm-none-eabi-gcc") is None:
+        pytest.skip("arm-none-eabi-gcc is not installed")
+    results = []
+    for name in ("one", "a/much/longer/name"):
+        tree = tmp_path / name
+        for part in ("firmware", "tools", "host/plumb"):
+            shutil.copytree(ROOT / part, tree / part, ignore=shutil.ignore_patterns("__pycache__", "*.so"))
+        for part in ("CMakeLists.txt", "CMakePresets.json"):
+            shutil.copy(ROOT / part, tree / part)
+        clean = {key: value for key, value in os.environ.items() if not key.startswith("CMAKE")}
+        for command in (["cmake", "--preset", "stm32f103"], ["cmake", "--build", "--preset", "stm32f103"]):
+            subprocess.run(command, cwd=tree, env=clean, check=True, capture_output=True)
+        results.append([(tree / f"build/stm32f103/firmware.{kind}").read_bytes() for kind in ("bin", "hex", "elf")])
+    assert results[0] == results[1]
+    assert str(tmp_path).encode() not in results[0][2]
+
+
+def _run_finish(elf: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, str(FINISH), str(elf), *options], capture_output=True, text=True)
+
+
+def test_over_budget_and_foreign_files_are_refused(tmp_path: Path) -> None:
+    elf = tmp_path / "firmware.elf"
+    shutil.copy(BUILD / "firmware.elf", elf)
+    assert _run_finish(elf).returncode == 0
+    small = _run_finish(elf, "--flash", "1000")
+    assert small.returncode == 1 and "over its budget" in small.stderr
+    broken = bytearray(elf.read_bytes())
+    broken[18:20] = b"\x3e\x00"  # x86-64
+    elf.write_bytes(broken)
+    refused = _run_finish(elf)
+    assert refused.returncode == 2 and "ELF file for Arm" in refused.stderr
+    broken[18:20] = b"\x28\x00"
+    elf.write_bytes(broken[:1000])
+    cut = _run_finish(elf)
+    assert cut.returncode in (1, 2) and "Traceback" not in cut.stderr
+    elf.write_bytes(broken.replace(struct.pack("<I", 0x626D6C70), b"\0\0\0\0"))
+    headless = _run_finish(elf)
+    assert headless.returncode == 1 and "header" in headless.stderr

@@ -1,0 +1,249 @@
+"""What the bridge makes of either side's ways: a board that is reset while its cable stays, counters that were not at
+zero, a port that turns out to be the other one, and both sides on one bus."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import can
+import pytest
+
+from plumb.errors import LinkError, UsageError
+from plumb.inputs.bridge import BoardCounts, Bridge
+from plumb.inputs.sensor_board import SensorBoard
+from plumb.link.lockstep import sample_frames
+from plumb.link.session import Session
+from plumb.link.transports.open_bus import open_bus, serve_bus
+from plumb.link.transports.server_endpoint import TcpLine
+from plumb.spec.protocol import protocol
+from plumb.systems.quad import scenarios as quad
+from plumb.systems.quad.plant import QuadPlant
+from plumb.tuning.quantise import quantise
+from support.link_board import MemoryBoard
+
+WAIT_S = 120.0
+"""For what comes within a second or two, on a machine that may have other things to do."""
+TURN_US = 1000
+GIVE_UP_US = 50_000
+
+
+class ServedBoard:
+    """The firmware's session on a TCP port at the pace of the wall clock. held: it stands still, and does not make up
+    for it afterwards."""
+
+    def __init__(self) -> None:
+        self.line, self.memory, self.held = TcpLine(0), MemoryBoard(), False
+        self.spec = self.line.address.replace("socket://", "tcp:")
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        begin_s = time.monotonic()
+        while not self._done.is_set():
+            behind_us = int((time.monotonic() - begin_s) * 1e6) - self.memory.time_us
+            if self.held or behind_us > GIVE_UP_US:
+                begin_s += behind_us * 1e-6
+            elif behind_us >= TURN_US:
+                self.memory.write(self.line.read())
+                self.memory.turn(TURN_US)
+                self.line.write(self.memory.heard())
+                continue
+            time.sleep(0.0005)
+
+    def close(self) -> None:
+        self._done.set()
+        self._thread.join()
+        self.line.close()
+
+
+class ServedSensors:
+    """A quad's sensor board on a bus, in a thread. held: no samples for now."""
+
+    def __init__(self, bus: can.BusABC, *, greet: bool = False) -> None:
+        plant = quad.plant(quad.scenario("hold", 1000), open_loop=True)
+        self.bus, self.held, self._done = bus, False, threading.Event()
+        self.board = SensorBoard(bus, plant, quad.PERIOD_US, quad.OUTPUT_FRAMES, greet=greet)
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._done.is_set():
+            self.board.run(lambda: self.held or self._done.is_set())
+            time.sleep(0.01)
+
+    def close(self) -> None:
+        self._done.set()
+        self._thread.join()
+        self.bus.shutdown()
+
+
+class Running:
+    """A bridge in a thread; said: what it told."""
+
+    def __init__(self, sensor: str, board: str, **options: Any) -> None:
+        self.said: list[str] = []
+        self._done = threading.Event()
+        params, link = quantise(quad.ADAPTIVE), {"period_us": quad.PERIOD_US, "arm_hold_ms": 0}
+        self.bridge = Bridge(sensor, board, params, ("QUAD_ANGLE",), link, say=self.said.append, **options)
+        self._thread = threading.Thread(target=self.bridge.run, args=(self._done.is_set,))
+        self._thread.start()
+
+    def wait_for(self, what: str | Callable[[], bool]) -> None:
+        end_s = time.monotonic() + WAIT_S
+        while not (any(what in text for text in self.said) if isinstance(what, str) else what()):
+            assert self._thread.is_alive() and time.monotonic() < end_s, self.said
+            time.sleep(0.01)
+
+    def close(self) -> None:
+        self._done.set()
+        self._thread.join()
+
+
+@pytest.fixture
+def sides() -> Iterator[tuple[ServedBoard, ServedSensors, str]]:
+    """A board, a sensor board, and the name of the sensor board's bus."""
+    far = serve_bus("tcp:127.0.0.1:0")
+    board, sensors = ServedBoard(), ServedSensors(far)
+    yield board, sensors, far.channel_info.split("on ")[1].replace("socket://", "tcp:")
+    sensors.close()
+    board.close()
+
+
+def test_a_board_that_is_reset_while_its_cable_stays_is_taken_up_again(
+    sides: tuple[ServedBoard, ServedSensors, str],
+) -> None:
+    """A real adapter stays open over a RESET: that the board says nothing any more is all there is to see."""
+    board, _, sensor = sides
+    running = Running(sensor, board.spec, shadow=True)
+    try:
+        running.wait_for("run 1:")
+        running.wait_for(lambda: running.bridge.steps > 10)
+        board.memory.reset()
+        running.wait_for("fell silent")
+        running.wait_for("run 2:")
+        before = running.bridge.steps
+        running.wait_for(lambda: running.bridge.steps > before + 10)
+    finally:
+        running.close()
+    assert running.bridge.shadow is not None and running.bridge.shadow.verdict == "pass"
+
+
+def test_samples_that_the_bridge_leaves_out_are_what_the_board_misses_and_nothing_from_before_counts(
+    sides: tuple[ServedBoard, ServedSensors, str],
+) -> None:
+    board, _, sensor = sides
+    with Session(open_bus(board.spec)) as before:  # a host whose samples had gaps
+        before.connect()
+        before.begin("REALTIME_INJECTED")
+        for step in (0, 9):
+            before.send(sample_frames(protocol(), step, (2000,) * 6, 0, 0))
+        while before.telemetry.get("COUNTERS", {}).get("lost") != 8:
+            before.receive(0.1)
+    running = Running(sensor, board.spec)
+    try:
+        running.wait_for(lambda: running.bridge.steps > 10)
+        running.wait_for(lambda: running.bridge.counted.lost == running.bridge.skipped)
+        board.held = True  # samples pile up in front of it, and stay there until some are left out
+        time.sleep(0.3)
+        board.held = False
+        running.wait_for(lambda: running.bridge.skipped > 0)
+        running.wait_for(lambda: running.bridge.counted.lost == running.bridge.skipped)
+    finally:
+        running.close()
+
+
+def test_a_port_that_turns_out_to_be_the_boards_is_left_to_the_boards_side(
+    sides: tuple[ServedBoard, ServedSensors, str],
+) -> None:
+    """As when a sensor board was killed, and its terminal's number given to the board that started next."""
+    board, _, sensor = sides
+    sensor_is = [board.spec, sensor]
+
+    def open_(name: str) -> can.BusABC:
+        if name == "sensor":
+            bus = open_bus(sensor_is[0])
+            del sensor_is[:-1]
+            return bus
+        if len(sensor_is) > 1:
+            raise LinkError("the other side comes first")
+        return open_bus(board.spec)
+
+    running = Running("sensor", "board", open_=open_)
+    try:
+        running.wait_for("is a board, no sensor board")
+        running.wait_for("run 1:")
+    finally:
+        running.close()
+
+
+@pytest.mark.parametrize("direct", [False, True])
+def test_sensor_board_and_stm32_may_meet_on_one_can_bus(direct: bool) -> None:
+    """The board as a node of python-can's bus in this process, with the sensor board as another one. direct: the bridge
+    owns and arms the run over the UART, and names the bus as the source of samples."""
+    pytest.importorskip("unicorn")
+    from plumb.boards.serve import run_paced
+    from plumb.boards.virtual_can import Joint
+    from plumb.f103 import open_machine
+    from plumb.link.transports.server_endpoint import PtyLine
+
+    try:
+        machine = open_machine()
+    except UsageError as error:
+        pytest.skip(str(error))
+    spec, done = f"can:virtual:one bus {direct}", threading.Event()
+    line, node = PtyLine(), open_bus(spec)
+    thread = threading.Thread(target=run_paced, args=(machine, line, done.is_set, Joint(machine, node, 500)))
+    thread.start()
+    sensors = ServedSensors(open_bus(spec), greet=True)
+    running = Running(spec, f"serial:{line.address}" if direct else spec, shadow=True, direct=direct, arm=True)
+    try:
+        running.wait_for("run 1:")
+        running.wait_for(lambda: "armed" in running.said)
+        running.wait_for(lambda: running.bridge.steps > 50)
+        assert running.bridge.counted.lost == running.bridge.skipped == 0
+        assert running.bridge.sensor.flow.frames <= sensors.board.sent + 1  # each side's frames are its own
+        assert protocol()["SAMPLE_A"].identifier not in running.bridge.board._last
+    finally:
+        running.close()
+        sensors.close()
+        done.set()
+        thread.join()
+        line.close()
+        node.shutdown()
+    assert running.bridge.shadow is not None and running.bridge.shadow.verdict == "pass"
+    assert not any("is a board" in text for text in running.said)
+
+
+def test_the_boards_counters_are_counted_on_over_their_end() -> None:
+    counts = BoardCounts()
+    for lost, starved in ((65530, 7), (3, 9), (4, 9)):
+        counts.note({"COUNTERS": {"rejected": 1, "lost": lost, "dropped": 0}, "EVENTS": {"starved": starved}})
+    assert (counts.lost, counts.starved, counts.rejected) == (10, 2, 0)
+    counts.forget()  # the next board may have started a moment ago
+    counts.note({"COUNTERS": {"rejected": 0, "lost": 0, "dropped": 0}})
+    assert counts.lost == 10
+
+
+def test_the_plant_rests_until_the_board_is_armed_and_then_goes_on() -> None:
+    """`hold` is let go after 3 s: with nobody there to hold it, it would be gone before it could be armed."""
+    times: list[float] = []
+
+    class Noted(QuadPlant):
+        def follow(self, time_s: float, outputs: Mapping[str, int]) -> None:
+            times.append(time_s)
+            super().follow(time_s, outputs)
+
+    bus = can.Bus(interface="virtual", channel="rests", receive_own_messages=False)
+    board = SensorBoard(bus, Noted(quad.scenario("hold", 1)), quad.PERIOD_US, quad.OUTPUT_FRAMES, rest_s=2.0)
+    for _ in range(350):
+        board.emit()
+    assert max(times) < 2.0 and times[:100] == times[100:200]
+    board.armed = True
+    for _ in range(150):
+        board.emit()
+    assert times[350:] == pytest.approx([1.0 + 0.02 * step for step in range(150)])
+    bus.shutdown()

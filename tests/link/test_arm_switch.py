@@ -1,0 +1,207 @@
+"""The arm switch: arms without any host, is the dead man's handle, and keeps neutral first. A board of memory."""
+
+from __future__ import annotations
+
+import pytest
+
+from plumb.errors import LinkError
+from plumb.link.identity import BLOCKED
+from plumb.link.session import Session
+from plumb.spec import parameters
+from support.link_board import MemoryBoard
+from support.sessions import CONTROL, armed_session
+from support.transcripts import frame
+
+DEBOUNCE_US = 20_000
+TRY_US = 100_000
+READY_US = 700_000
+"""From the begin of a run at rest until it may be armed, at most."""
+READY_LIMIT_US = 5_000_000
+"""How long a closed switch waits for that."""
+HOLD_US = 1000 * next(row.default for row in parameters.table() if row.name == "arm_hold_ms")
+NEUTRAL = {next(row.default for row in parameters.table() if row.name == "esc.neutral_halfus")}
+FAULT = 1
+"""A board fault that blocks."""
+
+
+def ready_board() -> MemoryBoard:
+    """Powered for a while with its switch open; nobody on the link."""
+    board = MemoryBoard()
+    board.switch(False)
+    board.run_us(DEBOUNCE_US + 200)
+    return board
+
+
+def armed_board() -> MemoryBoard:
+    board = ready_board()
+    board.switch(True)
+    board.run_us(DEBOUNCE_US + READY_US)
+    assert board.armed
+    return board
+
+
+def test_closing_runs_the_system_live_and_arms_without_a_host() -> None:
+    board = ready_board()
+    assert board.steps == 0
+    board.switch(True)
+    board.run_us(DEBOUNCE_US - 200)
+    assert not board.armed and board.steps == 0
+    board.run_us(400)
+    assert not board.armed, "the run begins; that it is at rest has to show first"
+    board.run_us(READY_US)
+    assert board.armed
+    board.run_us(1_000_000)  # no keep-alive is asked for
+    assert board.armed and board.steps > 40
+
+
+def test_opening_disarms_with_the_next_turn_and_ends_the_run() -> None:
+    board = armed_board()
+    board.run_us(HOLD_US)
+    assert set(board.pulses) != NEUTRAL
+    board.switch(False)
+    board.turn()
+    assert not board.armed and set(board.pulses) == NEUTRAL
+    steps = board.steps
+    board.run_us(200_000)
+    assert board.steps == steps
+
+
+def test_a_bouncing_contact_neither_arms_nor_arms_again() -> None:
+    board = ready_board()
+    for _ in range(20):
+        board.switch(True)
+        board.run_us(DEBOUNCE_US // 2)
+        board.switch(False)
+        board.run_us(500)
+    assert not board.armed and board.steps == 0
+    board = armed_board()
+    board.switch(False)
+    board.run_us(300)
+    board.switch(True)  # before it was open for long enough
+    board.run_us(500_000)
+    assert not board.armed
+
+
+def test_a_switch_that_is_closed_at_the_start_has_to_be_opened_first() -> None:
+    board = MemoryBoard()
+    board.switch(True)
+    board.run_us(1_000_000)
+    assert not board.armed and board.steps == 0
+    with Session.open(board) as session:
+        session.begin("REALTIME_LIVE")
+        with pytest.raises(LinkError, match="the arm switch is closed"):
+            session.arm()
+    board.switch(False)
+    board.run_us(DEBOUNCE_US + 200)
+    board.switch(True)
+    board.run_us(DEBOUNCE_US + READY_US)
+    assert board.armed
+
+
+def test_a_switch_waits_for_rest_and_not_for_ever() -> None:
+    """Closed while it moves: armed when it rests within 5 s, else not before the switch is closed again."""
+    lifted = (1676, 2048, 3300, 0, 0, 0)  # 1.25 g
+    for waits_us, arms in ((READY_LIMIT_US // 2, True), (READY_LIMIT_US + 100_000, False)):
+        board = ready_board()
+        board.sensors(lifted)
+        board.switch(True)
+        board.run_us(DEBOUNCE_US + waits_us, 1000)
+        assert not board.armed
+        board.sensors()
+        board.run_us(1_500_000, 1000)
+        assert board.armed == arms
+
+
+def test_a_fault_keeps_it_from_arming_and_does_not_arm_when_it_goes_long_after() -> None:
+    board = ready_board()
+    board.sensors(faults=FAULT)
+    board.switch(True)
+    board.run_us(DEBOUNCE_US + TRY_US + 1000)
+    board.sensors()
+    board.run_us(1_000_000)
+    assert not board.armed
+    steps = board.steps
+    board.run_us(100_000)
+    assert board.steps == steps  # and the run is over
+
+
+def test_a_fault_that_goes_at_once_does_not_matter() -> None:
+    board = ready_board()
+    board.sensors(faults=FAULT)
+    board.switch(True)
+    board.run_us(DEBOUNCE_US + TRY_US // 2)
+    assert not board.armed
+    board.sensors()
+    board.turn()
+    assert not board.armed
+    board.run_us(READY_US)
+    assert board.armed
+
+
+def test_a_fault_disarms_it_latched() -> None:
+    board = armed_board()
+    board.sensors(faults=FAULT)
+    board.turn()
+    assert not board.armed
+    board.sensors()
+    board.run_us(500_000)
+    assert not board.armed
+
+
+def test_a_host_may_look_on_and_may_stop_it() -> None:
+    board = armed_board()
+    board.say(b"L\r")
+    board.run_us(100_000)
+    assert board.armed
+    board.say(b"O\r" + frame("HELLO", 99, 0))  # of another version: it did not arm
+    board.run_us(100_000)
+    assert board.armed
+    with Session.open(board) as session:
+        assert board.armed
+        with pytest.raises(LinkError, match="the arm switch is closed: it holds the board armed"):
+            session.arm()
+        assert board.armed
+        session.disarm()
+        assert not board.armed
+        board.run_us(500_000)
+        assert not board.armed
+
+
+def test_the_host_hears_why_it_was_left() -> None:
+    board = armed_board()
+    with Session.open(board) as session:
+        board.switch(False)
+        board.run_us(250_000)
+        session.receive(0.1)
+        assert session.telemetry["EVENTS"]["disarm_cause"] == 1 << 8
+        assert BLOCKED[8] == "the arm switch was opened"
+
+
+def test_closing_it_leaves_a_host_that_armed_alone() -> None:
+    board = MemoryBoard()
+    session = armed_session(board)
+    board.run_us(25_000)
+    board.switch(True)
+    for _ in range(40):
+        session.receive(0.005)
+    assert board.armed
+    board.switch(False)
+    for _ in range(40):
+        session.receive(0.005)
+    assert board.armed
+    session.close()
+
+
+@pytest.mark.parametrize("hold_ms", [0, 1, 250, 10_000])
+def test_neutral_is_held_after_arming_for_the_time_of_the_parameter(hold_ms: int) -> None:
+    board = MemoryBoard()
+    session = Session.open(board)
+    session.upload(CONTROL, period_us=1000, arm_hold_ms=hold_ms)
+    session.begin("REALTIME_LIVE")
+    session.arm()
+    armed_us = board.time_us
+    while set(board.pulses) == NEUTRAL:
+        assert board.armed
+        session.receive(0.001)
+    assert hold_ms * 1000 - 2000 <= board.time_us - armed_us <= hold_ms * 1000 + 8000
+    session.close()

@@ -1,0 +1,237 @@
+"""Transcripts: send this, hear that. Text as it stands on the wire, against the C session."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from plumb.link.session import PERIODIC
+from plumb.link.transports.slcan import SlcanParser, text_of_frames
+from plumb.spec import parameters
+from plumb.spec.protocol import protocol
+from support.link_board import MemoryBoard
+from support.transcripts import begin, frame, said
+
+
+@pytest.fixture
+def board() -> MemoryBoard:
+    return MemoryBoard()
+
+
+@pytest.fixture
+def opened() -> MemoryBoard:
+    board = MemoryBoard()
+    assert board.say(b"O\r") == b"\r"
+    board.say(frame("HELLO", protocol().version, protocol().dbc_hash), turns=20)
+    return board
+
+
+# ---- commands of SLCAN ----
+
+
+@pytest.mark.parametrize(
+    ("command", "answer"),
+    [
+        (b"\r", b"\r"),
+        (b"\r\r\r", b"\r\r\r"),
+        (b"C\r", b"\r"),
+        (b"O\rO\r", b"\r\r"),
+        (b"O\rC\rC\r", b"\r\r\r"),
+        (b"L\r", b"\r"),
+        (b"S6\r", b"\r"),
+        (b"s001C\r", b"\r"),
+        (b"V\r", b"V0102\r"),
+        (b"N\r", b"N0001\r"),
+        (b"C\rS8\rO\r", b"\r\r\r"),
+        (b"X1\r", b"\a"),
+        (b"Z0\r", b"\a"),
+        (b"T123456788001122334455667\r", b"\a"),
+        (b"r1230\r", b"\a"),
+        (b"O1\r", b"\a"),
+        (b"t12\r", b"\a"),
+        (b"\xff\xfe\r", b"\a"),
+        (b"W" * 100 + b"\rC\r", b"\a\r"),
+        (b"\aC\r", b"\r"),
+    ],
+)
+def test_slcan_commands(board: MemoryBoard, command: bytes, answer: bytes) -> None:
+    assert board.say(command) == answer
+
+
+def test_frames_are_refused_while_closed_and_read_only(board: MemoryBoard) -> None:
+    hello = frame("HELLO", 1, 0)
+    assert board.say(hello) == b"\a"
+    assert board.say(b"L\r" + hello) == b"\r\a"
+    assert board.say(b"O\r" + hello).startswith(b"\r\r" + b"t7FD8")
+
+
+def test_a_frame_is_answered_by_one_cr_or_bell(opened: MemoryBoard) -> None:
+    good = frame("KEEPALIVE", 0, 1)
+    assert opened.say(good) == b"\r"
+    assert opened.say(good.lower()) == b"\r"
+    assert opened.say(good[:-2] + bytes([good[-2] ^ 1]) + b"\r") == b"\a"
+    assert opened.say(b"t1238" + b"0" * 16 + b"\r") == b"\a"  # wrong CRC
+    other = b"t1238" + b"%02X" % 0x00 + b"0" * 14 + b"\r"
+    assert opened.say(other) == b"\a"
+    assert opened.say(b"t12320000\r") == b"\a"  # right text, wrong length
+
+
+def test_unknown_identifiers_are_let_by(opened: MemoryBoard) -> None:
+    from plumb.spec.protocol import crc8
+
+    data = bytes([crc8(0x3FF, bytes(8))]) + bytes(7)
+    assert opened.say(text_of_frames([(0x3FF, data)])) == b"\r"
+
+
+# ---- connect ----
+
+
+def test_hello_is_answered_by_identity(board: MemoryBoard) -> None:
+    answer = board.say(b"O\r" + frame("HELLO", protocol().version, protocol().dbc_hash), turns=20)
+    items = [(words["item"], words["value"]) for name, words in said(answer) if name == "IDENTITY"]
+    names = protocol()["IDENTITY"].choices["item"]
+    assert [names[item] for item, _ in items] == list(names.values())
+    values = {names[item]: value for item, value in items}
+    assert values["PROTOCOL_VERSION"] == 2
+    assert values["DBC_HASH"] == protocol().dbc_hash
+    assert values["PARAMETER_COUNT"] == len(parameters.table())
+    assert values["PARAMETER_CRC"] == parameters.crc32([row.default for row in parameters.table()])
+    assert (values["GIT_HASH_0"], values["GIT_HASH_1"]) == (0x01234567, 0x89ABCDEF)
+    assert (values["FLASH_KIB"], values["RAM_KIB"], values["PART_ID"]) == (64, 20, 0x410)
+
+
+# ---- parameters ----
+
+
+def test_staged_parameters_have_no_effect_before_commit(opened: MemoryBoard) -> None:
+    rows = parameters.table()
+    index = next(i for i, row in enumerate(rows) if row.name == "esc.mid_halfus")
+    words = [row.default for row in rows]
+    assert said(opened.say(frame("PARAM_SET", index, 2222))) == [("PARAM_STAGED", {"index": index, "value": 2222})]
+    assert said(opened.say(frame("PARAM_GET", index, 0))) == [
+        ("PARAM_VALUE", {"index": index, "value": rows[index].default})
+    ]
+    old = parameters.crc32(words)
+    assert said(opened.say(frame("PARAM_COMMIT", len(words), old)))[0][1]["reason"] == 5  # CRC
+    words[index] = 2222
+    new = parameters.crc32(words)
+    assert said(opened.say(frame("PARAM_COMMIT", len(words) - 1, new)))[0][1]["reason"] == 4  # COUNT
+    assert said(opened.say(frame("PARAM_COMMIT", len(words), new, counter=7))) == [
+        ("ACK", {"request_counter": 7, "request": 0x052, "detail": new})
+    ]
+    assert said(opened.say(frame("PARAM_GET", index, 0)))[0][1]["value"] == 2222
+
+
+def test_hello_forgets_what_was_staged(opened: MemoryBoard) -> None:
+    words = [row.default for row in parameters.table()]
+    opened.say(frame("PARAM_SET", 40, 5))
+    opened.say(frame("HELLO", protocol().version, protocol().dbc_hash), turns=20)
+    assert said(opened.say(frame("PARAM_COMMIT", len(words), parameters.crc32(words))))[0][0] == "ACK"
+
+
+@pytest.mark.parametrize("index", range(len(parameters.table())))
+def test_limits_of_every_parameter(opened: MemoryBoard, index: int) -> None:
+    row = parameters.table()[index]
+    for value, fits in [(row.min, True), (row.max, True), (row.min - 1, False), (row.max + 1, False)]:
+        if not -(1 << 31) <= value < 1 << 32 or (row.type == "int32") != (-(1 << 31) <= value < 1 << 31):
+            continue
+        ((name, words),) = said(opened.say(frame("PARAM_SET", index, value & 0xFFFFFFFF)))
+        assert (name == "PARAM_STAGED") == fits
+        assert words.get("reason", 3) == 3
+
+
+def test_dump_and_wrong_index(opened: MemoryBoard) -> None:
+    values = said(opened.say(frame("PARAM_GET", 0xFFFF, 0), turns=20))
+    assert [words["index"] for _, words in values] == list(range(len(parameters.table())))
+    count = len(parameters.table())
+    for request in ("PARAM_GET", "PARAM_SET"):
+        ((name, words),) = said(opened.say(frame(request, count, 0)))
+        assert (name, words["reason"], words["detail"]) == ("NACK", 2, count)
+
+
+def test_no_commit_during_a_run(opened: MemoryBoard) -> None:
+    begin(opened, "LOCKSTEP")
+    words = [row.default for row in parameters.table()]
+    commit = frame("PARAM_COMMIT", len(words), parameters.crc32(words))
+    assert said(opened.say(commit))[0][1]["reason"] == 7  # BUSY
+    assert said(opened.say(frame("RUN_END", 0, 0)))[0][0] == "ACK"
+    assert said(opened.say(commit))[0][0] == "ACK"
+
+
+# ---- nonces ----
+
+
+def test_a_nonce_is_good_once_for_its_verb_and_for_a_second(opened: MemoryBoard) -> None:
+    def ask(verb: int) -> int:
+        return said(opened.say(frame("CHALLENGE", verb, 0)))[0][1]["nonce"]
+
+    def answer(verb: int, nonce: int) -> str:
+        name, words = said(opened.say(frame("RUN_BEGIN", verb, nonce)))[0]
+        return protocol()["NACK"].choice("reason", words["reason"]) if name == "NACK" else name
+
+    nonce = ask(16)
+    assert answer(16, nonce ^ 1) == "NONCE"
+    assert answer(16, nonce) == "NONCE"  # used up by the wrong answer
+    nonce = ask(16)
+    assert answer(17, nonce) == "NONCE"  # asked for another verb
+    nonce = ask(16)
+    assert answer(16, nonce) == "ACK"
+    assert answer(16, nonce) == "NONCE"  # used up
+    nonce = ask(16)
+    opened.run_us(1_100_000, 1000)
+    opened.heard()
+    assert answer(16, nonce) == "NONCE"
+    assert len({ask(16) for _ in range(100)}) == 100
+
+
+def test_a_verb_that_is_none(opened: MemoryBoard) -> None:
+    nonce = said(opened.say(frame("CHALLENGE", 9, 0)))[0][1]["nonce"]
+    assert said(opened.say(frame("EXECUTE", 9, nonce)))[0][1]["reason"] == 1  # UNSUPPORTED
+
+
+# ---- telemetry ----
+
+
+def test_a_step_of_any_size_follows_as_there_is_room(opened: MemoryBoard) -> None:
+    """More than the queue holds: the words follow, and the next step waits for them."""
+    for bank in (0, 1, 2):
+        assert said(opened.say(frame("SELECT", bank, 0xFFFFFFFF)))[0][0] == "ACK"
+    assert said(opened.say(frame("SELECT", 99, 0)))[0][1]["reason"] == 2  # INDEX
+    begin(opened, "LOCKSTEP")
+    opened.up_per_turn = 9
+    opened.write(frame("SAMPLE_A", 1, 2, 3, counter=0) + frame("SAMPLE_A", 4, 5, 6, counter=1))
+    opened.run_us(100_000)
+    heard = [entry for entry in said(opened.heard()) if entry[0] in ("STEP", "WORD")]
+    words = [number for number in protocol()["WORD"].choices["index"] if number >> 8 == 0]  # of the system in use
+    once = ["STEP", *["WORD"] * len(words)]
+    assert [name for name, _ in heard] == once + once
+    assert [values["index"] for name, values in heard if name == "WORD"] == words + words
+
+
+def test_periodic_telemetry_only_while_open(board: MemoryBoard) -> None:
+    names = [message.name for message in protocol().by_identifier.values()]
+    assert {"TIME", "STATUS"} <= set(names)
+    board.run_us(1_000_000)
+    assert board.heard() == b""
+    board.say(b"O\r")
+    board.run_us(1_000_000)
+    identifiers = [identifier for identifier, _ in SlcanParser().feed(board.heard())]
+    count = {name: identifiers.count(protocol()[name].identifier) for name in PERIODIC}
+    assert 18 <= count["TIME"] <= 21
+    assert all(9 <= count[name] <= 11 for name in PERIODIC[1:])
+    board.say(b"C\r")
+    board.run_us(1_000_000)
+    assert board.heard() == b""
+
+
+def test_the_clock_wraps() -> None:
+    board = MemoryBoard(time_us=(1 << 32) - 300_000)
+    board.say(b"O\r")
+    board.run_us(600_000)
+    time = protocol()["TIME"]
+    frames = SlcanParser().feed(board.heard())
+    times = [time.unpack(data)[3] for identifier, data in frames if identifier == time.identifier]
+    gaps = {(b - a) & 0xFFFFFFFF for a, b in pairwise(times)}
+    assert gaps == {50_000}
+    assert times[0] > times[-1]

@@ -1,0 +1,163 @@
+"""The fault table: what it declares, that a row can fail, and that what is run is safe within its limits."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
+
+from plumb import systems
+from plumb.__main__ import main
+from plumb.errors import UsageError
+from plumb.f103 import find_image
+from plumb.proof.faults import host, table
+from plumb.proof.faults.fault import Fault
+from plumb.proof.faults.limits import limits
+from plumb.proof.faults.reports import Told
+from plumb.proof.faults.runner import Runner
+from plumb.proof.faults.scene import Scene
+
+LEAST = {
+    "sensors": 10, "buses": 6, "clock": 3, "power": 3, "memory": 5, "host": 6, "frames": 6, "hangs": 5,
+}  # fmt: skip
+ROOT = Path(__file__).parents[2]
+DRIVEN = table.driven_systems()
+
+try:
+    find_image()
+except UsageError as missing:
+    pytest.skip(str(missing), allow_module_level=True)
+
+
+@pytest.fixture(scope="module", params=DRIVEN)
+def runner(request: pytest.FixtureRequest) -> Iterator[Runner]:
+    with Runner(request.param, phases=3) as runner:
+        yield runner
+
+
+def test_every_driven_system_has_enough_faults_of_every_group(runner: Runner) -> None:
+    count = Counter(fault.group for fault in table.FAULTS if runner.applies(fault))
+    assert {group: count[group] for group, least in LEAST.items() if count[group] < least} == {}
+
+
+def test_every_fault_has_its_own_name_a_group_and_a_limit_and_no_limit_is_left_over() -> None:
+    names = [fault.name for fault in table.FAULTS]
+    assert all(names.count(fault.name) == 1 for fault in table.FAULTS if not fault.needs)
+    keys = [(fault.name, fault.needs) for fault in table.FAULTS]
+    assert len(set(keys)) == len(keys)
+    assert {fault.group for fault in table.FAULTS} <= set(table.GROUPS)
+    assert {fault.limit for fault in table.FAULTS} == set(limits())
+    assert all(fault.what and (fault.told or fault.holds) for fault in table.FAULTS)
+    assert all(limit.why and 0 <= limit.safe_ms <= limit.detected_ms for limit in limits().values())
+
+
+def test_what_is_driven_is_what_moves_something() -> None:
+    assert DRIVEN and all(systems.load(name).OUTPUT_FRAMES for name in DRIVEN)
+
+
+def test_every_promise_of_security_md_is_held_by_faults_or_tests_that_exist() -> None:
+    """Numbered promises, each with `Held by` and names."""
+    text = (ROOT / "docs/security.md").read_text("utf-8")
+    promises = re.findall(r"(?m)^\d+\. \*\*.*(?:\n(?!\d+\. |\n).*)*", text)
+    assert len(promises) >= 8
+    tests = {
+        name for path in ROOT.glob("tests/**/test_*.py") for name in re.findall(r"def (test_\w+)", path.read_text())
+    }
+    known = {fault.name for fault in table.FAULTS} | tests
+    for promise in promises:
+        names = re.findall(r"`([^`]+)`", promise.partition("eld by")[2])
+        assert names, promise
+        assert set(names) <= known, set(names) - known
+
+
+def nothing(scene: Scene) -> None:
+    """No fault at all."""
+
+
+@pytest.mark.parametrize(
+    ("fault", "why"),
+    [
+        (Fault("none", "host", "nothing", nothing, "silence", (Told("EVENTS", "disarm_cause", 1 << 5),)),
+         "never safe; not noticed; not told: EVENTS.disarm_cause: the keep-alive was lost"),
+        (Fault("untold", "host", "DISARM", host.disarms, "command", (Told("STATUS", "faults", 1),)), "not told"),
+        (Fault("slow", "host", "silence judged as a command", host.silent, "power"), "too late"),
+        (Fault("unreported", "host", "nothing", nothing, "setpoint", (Told("SETPOINT_USED", "timed_out", 1),),
+               moves_on=True), "never safe"),
+        (Fault("acts", "host", "DISARM", host.disarms, "held", holds=True), "it disarms; it acts"),
+    ],
+    ids=lambda value: value.name if isinstance(value, Fault) else "",
+)  # fmt: skip
+def test_a_row_can_fail(runner: Runner, fault: Fault, why: str) -> None:
+    """A fault that is not one never ends safe; a report that does not come, a limit that is exceeded, and a command
+    that acts where nothing may, are seen."""
+    row = runner.run(fault)
+    assert row.verdict == "fail" and why in row.why
+
+
+def test_no_fault_that_must_not_act_passes(runner: Runner) -> None:
+    """Nothing injected: every step is as without it."""
+    row = runner.run(Fault("none", "host", "nothing", nothing, "held", holds=True))
+    assert row.verdict == "pass" and row.safe_ms == 0.0
+
+
+def test_every_row_starts_from_the_same_moment(runner: Runner) -> None:
+    """Through resets, power cuts and new connections in between."""
+    chosen = [fault for fault in table.chosen(["power", "host-disarms", "link-closed*"]) if runner.applies(fault)]
+    first = [runner.run(fault) for fault in chosen]
+    assert [runner.run(fault) for fault in reversed(chosen)] == first[::-1]
+    assert all(row.verdict == "pass" for row in first)
+
+
+@pytest.mark.parametrize("name", DRIVEN)
+def test_host_silent_over_50_phases(name: str) -> None:
+    """Whatever the phase of steps, pulses and keep-alives, over either link."""
+    with Runner(name, phases=50) as runner:
+        for fault in table.chosen(["host-silent*"]):
+            row = runner.run(fault)
+            assert row.verdict == "pass", row.why
+            assert row.safe_ms is not None and 10.0 < row.safe_ms <= 50.0
+
+
+def test_json_is_the_same_bytes_every_time(capsys: pytest.CaptureFixture[str]) -> None:
+    said = []
+    for _ in range(2):
+        assert main(["faults", "--system", DRIVEN[0], "host-silent", "brown-out", "--phases", "2", "--json"]) == 0
+        said.append(capsys.readouterr().out)
+    assert said[0] == said[1]
+    rows = json.loads(said[0])
+    assert rows["verdict"] == "pass"
+    wanted = {"name", "safe_ms", "detected_ms", "reported", "limit_ms", "verdict"}
+    assert all(wanted <= row.keys() for row in rows["faults"])
+    assert [row["name"] for row in rows["faults"]] == ["brown-out", "host-silent"]
+
+
+def test_the_table_for_people_and_the_exit_code(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = Fault("no-fault", "host", "nothing is injected", nothing, "silence", (Told("STATUS", "faults", 1),))
+    monkeypatch.setattr(table, "FAULTS", (table.chosen(["brown-out"])[0], broken))
+    assert main(["faults", "--system", DRIVEN[0]]) == 1
+    said = capsys.readouterr().out
+    assert "pass brown-out" in said and "fail no-fault" in said and "2 faults, 1 failed: fail" in said
+    assert "\x1b" not in said
+    assert main(["faults", "--list"]) == 0
+    assert "nothing is injected" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--system", "turntable"], "is no system that drives an actuator"),
+        (["--phases", "0"], "from 1 to"),
+        (["no-such-fault"], "no fault or group is called"),
+    ],
+)
+def test_wrong_use_is_exit_2(capsys: pytest.CaptureFixture[str], arguments: list[str], said: str) -> None:
+    assert main(["faults", *arguments]) == 2
+    assert said in capsys.readouterr().err

@@ -1,0 +1,139 @@
+"""What is generated is what the sources say: messages.[ch] from the DBC, params.[ch] from the table."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import zlib
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from plumb.spec import declarations, parameters
+from plumb.spec.protocol import canonical_text, load_database, message_of, protocol, protocol_of
+
+ROOT = Path(__file__).resolve().parents[2]
+DBC = ROOT / "host" / "plumb" / "spec" / "messages.dbc"
+
+
+def tool(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, ROOT / "tools" / f"{name}.py")
+    assert spec and spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_generated_files_are_fresh() -> None:
+    for path, text in tool("generate").committed().items():
+        assert path.read_text() == text, f"{path.relative_to(ROOT)} is stale: run tools/generate.py"
+        assert path.suffix == ".dbc" or "GENERATED" in text.splitlines()[0]
+
+
+def test_hash_does_not_hear_comments_but_hears_every_position(tmp_path: Path) -> None:
+    text = DBC.read_text()
+    known = protocol().dbc_hash
+
+    def hash_of(changed: str) -> int:
+        assert changed != text
+        path = tmp_path / "messages.dbc"
+        path.write_text(changed)
+        return protocol_of(load_database(path)).dbc_hash
+
+    assert hash_of(re.sub(r'CM_ BO_ 256 "[^"]*"', 'CM_ BO_ 256 "other words"', text)) == known
+    assert hash_of(text.replace("SG_ digest", "SG_ checksum")) != known
+    assert hash_of(text.replace("(0.5,0)", "(0.25,0)")) != known
+    assert hash_of(text.replace('2 "INDEX"', '2 "PLACE"')) != known
+    assert hash_of(text.replace('VERSION "2"', 'VERSION "3"')) != known
+
+
+def test_hash_is_the_crc32_of_the_canonical_text() -> None:
+    lines = canonical_text(load_database()).splitlines()
+    assert lines[0] == "version 2"
+    assert lines[1] == "message 8 KEEPALIVE 8 HOST"
+    at = lines.index("message 256 STEP 8 BOARD")
+    assert lines[at + 1 : at + 3] == [
+        "signal crc8 0 8 little_endian unsigned 1.0 0.0 -",
+        "signal counter 8 4 little_endian unsigned 1.0 0.0 -",
+    ]
+    assert protocol().dbc_hash == zlib.crc32(("\n".join(lines) + "\n").encode())
+    header = (ROOT / "firmware" / "generated" / "messages.h").read_text()
+    assert f"#define MESSAGES_DBC_HASH 0x{protocol().dbc_hash:08X}U" in header
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "complaint"),
+    [
+        ("BO_ 256 STEP: 8", "BO_ 256 STEP: 7", "does not fit"),
+        ("SG_ step : 16|16@1+", "SG_ step : 16|12@1+", "one 16-bit and one 32-bit"),
+        ("SG_ digest : 32|32@1+", "SG_ digest : 39|32@0+", "Intel"),
+    ],
+)
+def test_a_definition_that_breaks_the_frame_rules_is_refused(
+    tmp_path: Path, before: str, after: str, complaint: str
+) -> None:
+    path = tmp_path / "messages.dbc"
+    path.write_text(DBC.read_text().replace(before, after, 1))
+    import cantools
+
+    with pytest.raises((ValueError, cantools.Error), match=complaint):
+        for definition in load_database(path).messages:
+            message_of(definition)
+
+
+def test_every_message_is_described() -> None:
+    for definition in load_database().messages:
+        assert definition.comment, definition.name
+
+
+def test_table_order_is_the_order_of_the_struct() -> None:
+    rows = parameters.table()
+    assert rows[0].name == "system" and [row.owner for row in rows] == sorted(row.owner for row in rows)
+    assert parameters.crc32([row.default for row in rows]) == zlib.crc32(
+        b"".join((row.default & 0xFFFFFFFF).to_bytes(4, "little") for row in rows)
+    )
+
+
+def test_protocol_document_is_fresh() -> None:
+    text = (ROOT / "PROTOCOL.md").read_text()
+    assert tool("gen_protocol").generate(text) == text, "PROTOCOL.md is stale: run tools/gen_protocol.py"
+    assert text.count("<!-- begin") == 12
+
+
+def test_signals_on_the_wire_are_the_words_of_each_record() -> None:
+    names = {
+        number: f"{system.name}.{name}"
+        for system in declarations.systems().values()
+        for number, name in system.signals().items()
+    }
+    assert protocol()["WORD"].choices["index"] == names
+    for system in declarations.systems().values():
+        last = system.number << 8 | system.record_bytes // 4 - 1
+        assert names[system.number << 8] == f"{system.name}.raw_0" and names[last] == f"{system.name}.step"
+        assert sum(number >> 8 == system.number for number in names) == system.record_bytes // 4
+
+
+def test_factory_values_are_a_shipped_tuning() -> None:
+    from plumb.systems.quad.scenarios import TUNINGS
+    from plumb.tuning.quantise import quantise
+
+    rows = parameters.table()
+    assert [row.default for row in rows if row.owner == "control"] == quantise(TUNINGS["adaptive"]).words()
+    assert {row.name: row.default for row in rows}["period_us"] == TUNINGS["adaptive"].period_us
+
+
+def test_other_tools_see_degrees_and_names() -> None:
+    """What cantools monitor or SavvyCAN show with the DBC."""
+    database = load_database()
+    angle = database.decode_message("QUAD_ANGLE", protocol()["QUAD_ANGLE"].pack(0, 0, 3001, -(1 << 29)))
+    assert angle["tilt"] == pytest.approx(-45.0)
+    assert angle["pulse_0"] == 1500.5
+    bias = database.decode_message("QUAD_BIAS", protocol()["QUAD_BIAS"].pack(0, 0, 0, (1 << 28) // 360))
+    assert bias["bias"] == pytest.approx(1.0, abs=1e-5)
+    command = database.decode_message("QUAD_COMMAND", protocol()["QUAD_COMMAND"].pack(0, 0, 0, 1 << 21))
+    assert command["command"] == 0.5
+    status = database.decode_message("STATUS", protocol()["STATUS"].pack(0, 1, 2, 0, 0))
+    assert (str(status["mode"]), status["armed"]) == ("REALTIME", 1)
+    word = database.decode_message("WORD", protocol()["WORD"].pack(0, 0, 21, 0))
+    assert str(word["index"]) == protocol()["WORD"].choice("index", 21)

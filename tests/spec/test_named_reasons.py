@@ -1,0 +1,86 @@
+"""Whatever keeps a board from arming, or ended its being armed, has a name on the host: bit by bit, and in `doctor`."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from plumb import __main__ as front
+from plumb.boards.link import LinkBoard
+from plumb.link.identity import BLOCKED, BLOCKING_FAULTS, FAULTS, bits_text
+from plumb.link.session import Session
+from plumb.spec.protocol import load_database
+from support.link_board import MemoryBoard
+
+FIRMWARE = Path(__file__).parents[2] / "firmware"
+BIT = r"^#define {}_(\w+)[\s\\]+0x([0-9a-fA-F]+)U\b"
+
+
+def bits_of(header: str, prefix: str) -> dict[str, int]:
+    text = (FIRMWARE / header).read_text(encoding="utf-8")
+    return {name: int(value, 16) for name, value in re.findall(BIT.format(prefix), text, re.MULTILINE | re.IGNORECASE)}
+
+
+def test_every_reason_of_the_firmware_has_a_name_here_and_in_the_definitions() -> None:
+    reasons = bits_of("link/arming.h", "ARMING_BLOCK")
+    assert sorted(reasons.values()) == [1 << bit for bit in sorted(BLOCKED)]
+    said = {signal.name: signal.comment for message in load_database().messages for signal in message.signals}
+    for bit in BLOCKED:
+        assert re.search(rf"\b{bit} ", f"{said['blocked']} {said['disarm_cause']}"), bit
+
+
+def test_every_fault_of_the_firmware_has_a_name_here_and_in_the_definitions() -> None:
+    faults = bits_of("app/board.h", "BOARD_FAULT")
+    assert len(faults) > 10
+    assert set(faults.values()) <= {1 << bit for bit in FAULTS}
+    said = {signal.name: signal.comment for message in load_database().messages for signal in message.signals}
+    for bit in (value.bit_length() - 1 for value in faults.values()):
+        assert re.search(rf"\b{bit} ", said["faults"] or ""), bit
+
+
+def test_names_are_sentences_of_their_own() -> None:
+    for names in (BLOCKED, FAULTS):
+        assert len(set(names.values())) == len(names)
+    assert bits_text(1 << 4 | 1 << 5, FAULTS).count(";") == 1
+
+
+@pytest.fixture
+def board(monkeypatch: pytest.MonkeyPatch) -> MemoryBoard:
+    memory = MemoryBoard()
+    memory.switch(False)
+    memory.run_us(50_000)
+    monkeypatch.setattr("plumb.boards.link.open_link_board", lambda spec, link: LinkBoard(spec, Session.open(memory)))
+    return memory
+
+
+def doctor(capsys: pytest.CaptureFixture[str]) -> tuple[int, dict[str, list[str]]]:
+    code = front.main(["doctor", "--board", "memory", "--json"])
+    findings = json.loads(capsys.readouterr().out)["findings"]
+    told: dict[str, list[str]] = {}
+    for finding in findings:
+        told.setdefault(finding["what"], []).append(finding["detail"])
+    return code, told
+
+
+def test_doctor_on_a_board_that_is_well(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+    code, told = doctor(capsys)
+    assert code == 0
+    assert told["last reset"] == ["power"] and told["parameters"] == ["factory defaults"]
+    assert told["pins"] == ["standard"] and "crash" not in told and "fault" not in told and "arming" not in told
+
+
+@pytest.mark.parametrize("bit", BLOCKING_FAULTS)
+def test_doctor_names_each_fault_that_blocks(board: MemoryBoard, capsys: pytest.CaptureFixture[str], bit: int) -> None:
+    board.sensors(faults=1 << bit)
+    code, told = doctor(capsys)
+    assert code == 1 and told["fault"] == [FAULTS[bit]]
+
+
+def test_doctor_names_a_switch_that_is_closed(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+    board.reset()
+    board.switch(True)
+    code, told = doctor(capsys)
+    assert code == 0 and told["arming"] == [BLOCKED[10]]

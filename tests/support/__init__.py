@@ -1,0 +1,1 @@
+"""What several tests share: boards in memory, scenes, patched images, wild parameters."""

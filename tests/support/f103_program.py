@@ -1,0 +1,23 @@
+"""A small program for the simulated chip, and its results in RAM."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+RESULTS_OFFSET = 0
+
+
+class Board:
+    """A machine with one of the small programs, and its results in RAM."""
+
+    def __init__(self, elf: Path, **options: object) -> None:
+        from plumb.f103 import Machine
+
+        self.machine = Machine(elf.with_suffix(".bin"), **options)
+
+    def result(self, index: int) -> int:
+        return struct.unpack_from("<I", self.machine.cpu.ram, RESULTS_OFFSET + 4 * index)[0]
+
+    def ask(self, index: int, value: int) -> None:
+        struct.pack_into("<I", self.machine.cpu.ram, RESULTS_OFFSET + 4 * index, value)

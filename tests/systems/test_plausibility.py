@@ -1,0 +1,171 @@
+"""Plausibility of the sensors and readiness for arming: the C of firmware/core on records, and over every shipped
+scenario of the systems that drive something."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from plumb import systems
+from plumb.boards import native_core
+from plumb.errors import UsageError
+from plumb.spec.records import RECORDS, Words
+from plumb.tuning.quantise import quantise
+
+ACCEL, INNOVATION, RATE = 1, 2, 4
+SETTLING, MOVING, CONVERGING, SETPOINT, TILTED = 1, 2, 4, 8, 16
+QUAD = quantise(systems.load("quad").ADAPTIVE)
+STEP_S = QUAD.period_s
+DEG, DPS, G = 2**32 / 360, 2**28 / 360, 2**26
+R_DEG2, K0 = 0.25, 0.03
+
+
+def records(steps: int) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+    """Steps of an axis at rest, level and converged."""
+    rows = np.zeros(steps, RECORDS["quad"])
+    rows["accel_z_g_q26"] = G
+    rows["variance"] = round(R_DEG2 / QUAD.lsb_deg2 / 2**32)
+    rows["k0_q29"] = round(K0 * 2**29)
+    rows["step"] = np.arange(1, steps + 1)
+    return rows
+
+
+def checked(rows: np.ndarray[tuple[int], np.dtype[np.void]]) -> tuple[list[int], list[int]]:
+    failed, missing = native_core.plausibility(QUAD, Words(rows))
+    return failed.tolist(), missing.tolist()
+
+
+def fails_after_s(rows: np.ndarray[tuple[int], np.dtype[np.void]], start: int, bit: int) -> float | None:
+    """From step `start` until this check fails, and no other one does before; None: never."""
+    failed, _ = checked(rows)
+    assert not any(failed[:start])
+    bad = [k for k, bits in enumerate(failed) if bits]
+    if not bad:
+        return None
+    assert failed[bad[0]] == bit
+    return (bad[0] - start + 1) * STEP_S
+
+
+@pytest.mark.parametrize(("g", "fails"), [(0.59, True), (0.61, False), (1.39, False), (1.41, True), (0.0, True)])
+def test_an_acceleration_that_the_system_cannot_have(g: float, fails: bool) -> None:
+    rows = records(100)
+    rows["accel_z_g_q26"][50:] = round(g * G)
+    found = fails_after_s(rows, 50, ACCEL)
+    assert found == pytest.approx(0.2) if fails else found is None
+
+
+def test_a_knock_is_not_enough() -> None:
+    """0.18 s of it; and a sample between does not begin the count anew."""
+    rows = records(120)
+    rows["accel_z_g_q26"][50:59] = 2 * G
+    assert fails_after_s(rows, 50, ACCEL) is None
+    rows["accel_z_g_q26"][50:64] = 2 * G
+    rows["accel_z_g_q26"][55] = G
+    assert fails_after_s(rows, 50, ACCEL) == pytest.approx(0.24)
+
+
+@pytest.mark.parametrize("r_deg2", [0.25, 4.0, 9.0, 100.0])
+@pytest.mark.parametrize("k0", [0.001, 0.03, 0.5])
+def test_the_innovation_is_held_to_15_deg_and_6_sigma(r_deg2: float, k0: float) -> None:
+    """sigma^2 = R / (1 - k0), from the words of the step and the unit of variance alone."""
+    limit_deg = max(15.0, 6.0 * math.sqrt(r_deg2 / (1.0 - k0)))
+    for innovation_deg, fails in ((0.995 * limit_deg, False), (1.005 * limit_deg, True)):
+        rows = records(100)
+        rows["variance"][50:] = round(r_deg2 / QUAD.lsb_deg2 / 2**32)
+        rows["k0_q29"][50:] = round(k0 * 2**29)
+        rows["innovation_turn_q32"][50:] = np.int64(innovation_deg * DEG) * np.resize([1, -1], 50)
+        found = fails_after_s(rows, 50, INNOVATION)
+        assert found == pytest.approx(0.3) if fails else found is None
+
+
+def test_before_it_converged_the_innovation_says_nothing() -> None:
+    rows = records(100)
+    rows["innovation_turn_q32"] = round(20 * DEG)
+    failed, missing = checked(rows)
+    assert not any(failed)
+    assert missing[-1] & CONVERGING
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_gyro_and_tilt_turn_together(sign: int) -> None:
+    """A gyro that reads 55 deg/s at rest passes, as a bias may be; 120 and 300 deg/s do not."""
+    for rate_dps, longest_s in ((55.0, None), (120.0, 0.42), (300.0, 0.3)):
+        rows = records(150)
+        rows["rate_turnps_q28"][50:] = round(sign * rate_dps * DPS)
+        found = fails_after_s(rows, 50, RATE)
+        assert found is None if longest_s is None else found is not None and 0.2 <= found <= longest_s
+    rows = records(150)
+    turned = np.cumsum(np.r_[np.zeros(50), np.full(100, 200.0 * STEP_S)])
+    rows["rate_turnps_q28"][50:] = round(sign * 200.0 * DPS)
+    rows["tilt_measured_turn_q32"] = (np.int64(sign * turned * DEG) + 2**31) % 2**32 - 2**31
+    assert fails_after_s(rows, 50, RATE) is None, "both turn at 200 deg/s, through half a turn"
+
+
+def test_what_is_missing_before_arming() -> None:
+    rows = records(100)
+    failed, missing = checked(rows)
+    assert not any(failed)
+    assert missing[0] & (SETTLING | CONVERGING) and missing[-1] == 0
+    assert missing.index(0) * STEP_S <= 0.7
+    for name, value, bit in (
+        ("setpoint_turn_q32", 1, SETPOINT),
+        ("tilt_turn_q32", round(-15.1 * DEG), TILTED),
+        ("rate_corrected_turnps_q28", round(-8 * DPS), MOVING),
+        ("innovation_turn_q32", round(5 * DEG), CONVERGING),
+        ("accel_z_g_q26", round(1.2 * G), MOVING),
+    ):
+        rows = records(160)
+        rows[name][60:90] = value
+        _, missing = checked(rows)
+        assert missing[59] == 0
+        assert missing[89] == bit | SETTLING, name
+        assert missing[-1] == 0, name
+
+
+@pytest.fixture(scope="module")
+def tool() -> ModuleType:
+    path = Path(__file__).resolve().parents[2] / "tools/check_plausibility.py"
+    spec = importlib.util.spec_from_file_location("check_plausibility", path)
+    assert spec and spec.loader
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["check_plausibility"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+CASES = [
+    (name, scenario, loop)
+    for name in ("quad", "balancer")
+    for scenario in systems.load(name).SCENARIOS
+    for loop in ("open", "closed")
+] + [("quad", "hold", "pushed"), ("balancer", "rough", "pushed")]
+
+
+@pytest.mark.parametrize(("system", "scenario", "loop"), CASES)
+def test_no_shipped_scenario_disarms(tool: ModuleType, system: str, scenario: str, loop: str) -> None:
+    """20 seeds of 15 to 50 s; tools/check_plausibility.py does 200 of the whole length."""
+    own = systems.load(system)
+    params = quantise(own.TUNINGS[own.DEFAULT_TUNING])
+    seconds = {"pushed": 22.0 if system == "quad" else 42.0}.get(loop, 15.0)
+    seeds = range(2000, 2020 if loop == "open" else 2005 if loop == "pushed" else 2010)
+    for seed in seeds:
+        found = tool.outcome(params, tool.words_of(system, scenario, seed, params, loop, seconds))
+        assert found.failed_step is None, (seed, found)
+        if scenario == "converge":  # held 30 deg off
+            assert found.ready_step is None
+        else:
+            assert found.ready_step is not None and found.ready_step * params.period_s < 1.0, (seed, found)
+
+
+@pytest.mark.parametrize("system", ["turntable", "phone"])
+def test_of_what_moves_nothing_nothing_is_checked(system: str) -> None:
+    own = systems.load(system)
+    params = quantise(own.TUNINGS[own.DEFAULT_TUNING])
+    with pytest.raises(UsageError, match="moves nothing"):
+        native_core.plausibility(params, Words(np.zeros(3, RECORDS[system])))
