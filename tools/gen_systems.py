@@ -115,13 +115,13 @@ def header_of(system: System) -> str:
     return f"systems/{system.name}.h" if system.shipped else f"{system.name}.h"
 
 
-def systems_h(built: Iterable[System]) -> str:
+def system_headers_h(built: Iterable[System]) -> str:
     """Controller and record of any system that the image has."""
     built = tuple(built)
     mask = " | ".join(f"1UL << CONTROL_{system.name.upper()}" for system in built)
     lines = [
-        "#ifndef PLUMB_GENERATED_SYSTEMS_H",
-        "#define PLUMB_GENERATED_SYSTEMS_H",
+        "#ifndef PLUMB_GENERATED_SYSTEM_HEADERS_H",
+        "#define PLUMB_GENERATED_SYSTEM_HEADERS_H",
         "",
         *(f'#include "{header_of(system)}"' for system in built),
         "",
@@ -284,7 +284,7 @@ def generate(built: Sequence[str] = ()) -> dict[str, str]:
     return {
         "control_params.h": control_params_h(systems.values(), parameters.table()),
         "records.h": records_h(systems.values()),
-        "systems.h": systems_h(chosen),
+        "system_headers.h": system_headers_h(chosen),
         "systems.c": systems_c(chosen),
         "record_names.h": record_names_h(chosen),
         "systems.cmake": systems_cmake(systems.values(), chosen),

@@ -12,7 +12,7 @@
 #define PLUMB_SYSTEMS_CONTROL_H
 
 #include "core/plausibility.h"
-#include "generated/systems.h"
+#include "generated/system_headers.h"
 #include <stddef.h>
 
 #define CONTROL_RECORD_WORDS_MAX (sizeof(control_words_t) / 4U)

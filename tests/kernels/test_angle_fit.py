@@ -6,13 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-<<<<<<< HEAD:tests/test_angle_fit.py
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
-=======
 ROOT = Path(__file__).resolve().parents[2]
->>>>>>> b8955fc (tests: by floor; what tests share is a support package, and none imports another):tests/kernels/test_angle_fit.py
 TOOL = ROOT / "tools" / "fit_angle.py"
 SOURCES = [ROOT / "firmware" / "core" / name for name in ("angle.h", "angle.c")]
 
