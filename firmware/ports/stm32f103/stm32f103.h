@@ -1,8 +1,8 @@
 /* Registers of the STM32F103 that this firmware touches, and no others.
  *
  * Addresses, offsets and bits are from RM0008 (reference manual, the section of each block is named) and, for
- * the processor's own blocks, the ARMv7-M architecture manual. tests/boards/test_registers.py compares every line
- * with the vendor's register description: PERIPHERAL_REGISTER, and PERIPHERAL_REGISTER_FIELD[_VALUE] for
+ * the processor's own blocks, the ARMv7-M architecture manual. tests/boards/test_registers.py compares every
+ * line with the vendor's register description: PERIPHERAL_REGISTER, and PERIPHERAL_REGISTER_FIELD[_VALUE] for
  * bits. */
 #ifndef PLUMB_STM32F103_H
 #define PLUMB_STM32F103_H
