@@ -13,7 +13,7 @@ from plumb.bench import bus_load
 from plumb.link.session import PERIODIC, Session
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters
-from support.link_board import MemoryBoard
+from support.native_board import NativeBoard
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -30,7 +30,7 @@ def test_no_frame_is_longer_than_the_worst() -> None:
 
 
 def test_an_idle_link_says_as_much_as_is_reckoned() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session(PlumbBus(board)) as session:
         session.connect()
         heard = []
@@ -42,8 +42,7 @@ def test_an_idle_link_says_as_much_as_is_reckoned() -> None:
     counted = {name: heard.count(session.protocol[name].identifier) for name in PERIODIC}
     expected = {name: 2 * (bus_load.TIME_PS if name == "TIME" else bus_load.STATUS_PS) for name in PERIODIC}
     for name, count in expected.items():
-        if name != "CAN_HEALTH":  # a board of memory has no controller
-            assert abs(counted[name] - count) <= 1
+        assert abs(counted[name] - count) <= 1
 
 
 @pytest.mark.parametrize("kbit", bus_load.BITRATES_KBIT)

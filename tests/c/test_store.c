@@ -3,8 +3,8 @@
  * sense. */
 #include "check.h"
 #include "core/digest.h"
-#include "flash.h"
 #include "link/store.h"
+#include "ports/native/flash.h"
 #include <stddef.h>
 #include <string.h>
 

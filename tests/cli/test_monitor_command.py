@@ -20,15 +20,15 @@ from plumb.link.session import Session
 from plumb.spec import declarations, parameters
 from plumb.systems import run_fixed
 from plumb.tuning.quantise import ControlParams
-from support.link_board import MemoryBoard
+from support.native_board import NativeBoard
 
 RAW = (1690, 2300, 3000, 0, 0, 0)
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 
 
 @pytest.fixture
-def board(monkeypatch: pytest.MonkeyPatch) -> MemoryBoard:
-    memory = MemoryBoard()
+def board(monkeypatch: pytest.MonkeyPatch) -> NativeBoard:
+    memory = NativeBoard()
     memory.sensors(RAW)
 
     def opened(_spec: str, **_options: Any) -> LinkBoard:
@@ -45,14 +45,14 @@ def looks(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[dict[str,
     return [json.loads(line) for line in captured.out.splitlines()]
 
 
-def left_running(board: MemoryBoard, *frames: str, period_us: int = 20_000) -> None:
+def left_running(board: NativeBoard, *frames: str, period_us: int = 20_000) -> None:
     """A run that another host began and left behind."""
     with Session.open(board) as session:
         session.upload(CONTROL, period_us=period_us)
         session.begin("REALTIME_LIVE", frames=frames)
 
 
-def test_a_run_of_its_own_is_shown_in_units(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_of_its_own_is_shown_in_units(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
     shown = looks(capsys, "--run", "live", "--seconds", "1.5")
     assert len(shown) == 15
     last = shown[-1]
@@ -75,7 +75,7 @@ def test_a_run_of_its_own_is_shown_in_units(board: MemoryBoard, capsys: pytest.C
 
 
 def test_who_only_watches_says_nothing_and_the_run_goes_on(
-    board: MemoryBoard, capsys: pytest.CaptureFixture[str]
+    board: NativeBoard, capsys: pytest.CaptureFixture[str]
 ) -> None:
     left_running(board, "QUAD_ANGLE")
     sent = b""
@@ -100,13 +100,13 @@ def test_who_only_watches_says_nothing_and_the_run_goes_on(
     assert board.steps - before >= 59
 
 
-def test_an_idle_board_shows_no_angle(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_idle_board_shows_no_angle(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
     last = looks(capsys, "--seconds", "0.5")[-1]
     assert (last["mode"], last["step"], last["tilt_deg"], last["armed"]) == ("IDLE", None, None, False)
     assert "no run is on" in last["blocked"]
 
 
-def test_the_first_look_waits_for_everything_an_open_link_says(board: MemoryBoard) -> None:
+def test_the_first_look_waits_for_everything_an_open_link_says(board: NativeBoard) -> None:
     with Session.open(board) as session:
         late_us = board.time_us + 250_000
         board.spoil_up = lambda data: data if board.time_us > late_us or b"t111" not in data else b""
@@ -114,7 +114,7 @@ def test_the_first_look_waits_for_everything_an_open_link_says(board: MemoryBoar
     assert first["mode"] == "IDLE" and first["board_lost"] is not None and first["saturated_steps"] is not None
 
 
-def test_what_does_not_come_any_more_is_not_shown(board: MemoryBoard) -> None:
+def test_what_does_not_come_any_more_is_not_shown(board: NativeBoard) -> None:
     with Session.open(board) as session:
         monitor.begin_live(session)
         for number, shown in enumerate(monitor.watch(session, 2.0)):
@@ -124,7 +124,7 @@ def test_what_does_not_come_any_more_is_not_shown(board: MemoryBoard) -> None:
         assert shown["tilt_deg"] is None and shown["step"] is None and shown["mode"] == "IDLE"
 
 
-def test_what_was_lost_is_counted(board: MemoryBoard) -> None:
+def test_what_was_lost_is_counted(board: NativeBoard) -> None:
     dropped = {b"t100": (7, 9), b"t304": (4,), b"t111": (4,)}
     heard = dict.fromkeys(dropped, 0)
 
@@ -148,7 +148,7 @@ def test_what_was_lost_is_counted(board: MemoryBoard) -> None:
     assert (last["host_lost_steps"], last["host_lost"], last["host_rejected"]) == (2, 2, 1)
 
 
-def test_the_board_s_faults_are_named(board: MemoryBoard) -> None:
+def test_the_board_s_faults_are_named(board: NativeBoard) -> None:
     board.sensors(RAW, faults=0x101)
     with Session.open(board) as session:
         last = list(monitor.watch(session, 0.3))[-1]
@@ -164,14 +164,14 @@ def test_a_run_asks_for_no_more_than_the_line_carries(period_us: int, frames: in
     assert (1 + len(chosen)) * 22 * 1e6 / period_us < 92_160
 
 
-def test_silence_is_link_trouble(board: MemoryBoard) -> None:
+def test_silence_is_link_trouble(board: NativeBoard) -> None:
     with Session.open(board) as session, pytest.raises(Exception, match="fell silent") as caught:
         board.spoil_up = lambda _data: b""
         list(monitor.watch(session))
     assert getattr(caught.value, "exit_code", None) == 3
 
 
-def test_one_line_a_second_where_there_is_no_terminal(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_line_a_second_where_there_is_no_terminal(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
     assert front.main(["monitor", "--board", "memory", "--run", "live", "--seconds", "2.5"]) == 0
     rows = capsys.readouterr().out.splitlines()
     assert len(rows) == 2
@@ -183,7 +183,7 @@ def test_one_line_a_second_where_there_is_no_terminal(board: MemoryBoard, capsys
 
 
 def test_a_terminal_is_written_over_and_no_line_wraps(
-    board: MemoryBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    board: NativeBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     monkeypatch.setenv("COLUMNS", "60")
@@ -198,7 +198,7 @@ def test_a_terminal_is_written_over_and_no_line_wraps(
 
 
 def test_an_interrupt_ends_the_run_and_is_130(
-    board: MemoryBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    board: NativeBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     handler = signal.getsignal(signal.SIGINT)
     look: Callable[[monitor.Monitor], monitor.Snapshot] = monitor.Monitor.snapshot
@@ -261,7 +261,7 @@ def test_on_the_virtual_board_any_systems_plant_is_on_the_pins(
     assert not any(other in line for name, other in words.items() if name != system)
 
 
-def test_a_plant_is_for_the_virtual_board_alone(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_plant_is_for_the_virtual_board_alone(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
     assert front.main(["monitor", "--board", "memory", "--system", "balancer"]) == 2
     assert "params tuning SYSTEM" in capsys.readouterr().err
     assert front.main(["monitor", "--board", "memory", "--scenario", "hold"]) == 2

@@ -18,7 +18,7 @@ from plumb.errors import UsageError
 from plumb.link.session import Session
 from plumb.spec import parameter_file, parameters
 from plumb.spec.units import meaning
-from support.link_board import MemoryBoard
+from support.native_board import NativeBoard
 
 DEFAULTS = {row.name: row.default for row in parameters.table()}
 ROWS = {row.name: row for row in parameters.table()}
@@ -28,9 +28,9 @@ MANY_0, MANY_F = "0" * 5000, "f" * 5000
 
 
 @pytest.fixture
-def board(monkeypatch: pytest.MonkeyPatch) -> MemoryBoard:
+def board(monkeypatch: pytest.MonkeyPatch) -> NativeBoard:
     """A board that outlives each command, as one on a cable does."""
-    memory = MemoryBoard()
+    memory = NativeBoard()
 
     def opened(_spec: str, **_options: Any) -> LinkBoard:
         return LinkBoard("memory", Session.open(memory))
@@ -45,7 +45,7 @@ def params(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, st
     return code, captured.out, captured.err
 
 
-def in_use(board: MemoryBoard) -> dict[str, int]:
+def in_use(board: NativeBoard) -> dict[str, int]:
     with Session.open(board) as session:
         return dict(zip(DEFAULTS, session.read_parameters(), strict=True))
 
@@ -83,7 +83,7 @@ def test_what_is_counted_per_step_means_something_by_the_period(name: str, value
     assert str(meaning(ROWS[name], {**DEFAULTS, "kalman.dt_s_q33": 1 << 31, name: value})) == means
 
 
-def test_the_list_has_every_parameter_and_the_crc(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_list_has_every_parameter_and_the_crc(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = params(capsys, "list", "--json")
     said = json.loads(out)
     assert code == 0
@@ -93,7 +93,7 @@ def test_the_list_has_every_parameter_and_the_crc(board: MemoryBoard, capsys: py
     assert len(out.splitlines()) == 1 + len(DEFAULTS)
 
 
-def test_a_change_is_committed_and_marked(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_change_is_committed_and_marked(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = params(capsys, "set", "esc.mid_halfus=0xbb9", "pid.kp_q22=-5")
     assert code == 0 and err == ""
     assert "esc.mid_halfus: 3000 -> 3001 (1500.5 us)" in out and "set by a host and not saved" in out
@@ -126,7 +126,7 @@ def test_a_change_is_committed_and_marked(board: MemoryBoard, capsys: pytest.Cap
     ],
 )
 def test_a_refusal_is_one_sentence_and_changes_nothing(
-    board: MemoryBoard, capsys: pytest.CaptureFixture[str], assignments: list[str], sentence: str
+    board: NativeBoard, capsys: pytest.CaptureFixture[str], assignments: list[str], sentence: str
 ) -> None:
     code, out, err = params(capsys, "set", *assignments)
     assert code == 2 and out == ""
@@ -134,7 +134,7 @@ def test_a_refusal_is_one_sentence_and_changes_nothing(
     assert in_use(board) == DEFAULTS
 
 
-def test_two_periods_that_differ_are_warned_of(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_two_periods_that_differ_are_warned_of(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = params(capsys, "set", "period_us=10000", "--json")
     assert code == 0 and "kalman.dt_s_q33" in err
     assert json.loads(out)["warnings"] == [err.strip().removeprefix("plumb: warning: ")]
@@ -142,7 +142,7 @@ def test_two_periods_that_differ_are_warned_of(board: MemoryBoard, capsys: pytes
     assert code == 0 and err == ""
 
 
-def test_a_file_brings_a_table_back(board: MemoryBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_file_brings_a_table_back(board: NativeBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "table.toml"
     params(capsys, "set", "pid.kp_q22=7", "accel_z.offset=-9", "kalman.qb=4294967295")
     before = in_use(board)
@@ -158,7 +158,7 @@ def test_a_file_brings_a_table_back(board: MemoryBoard, capsys: pytest.CaptureFi
 
 
 def test_unknown_missing_and_edited_are_warned_of_by_name(
-    board: MemoryBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    board: NativeBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     file = tmp_path / "table.toml"
     params(capsys, "dump", str(file))
@@ -191,7 +191,7 @@ def test_unknown_missing_and_edited_are_warned_of_by_name(
     ],
 )
 def test_a_bad_file_is_refused_in_a_sentence(
-    board: MemoryBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str | None, sentence: str
+    board: NativeBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str | None, sentence: str
 ) -> None:
     file = tmp_path / "table.toml"
     if text is not None:
@@ -202,7 +202,7 @@ def test_a_bad_file_is_refused_in_a_sentence(
 
 
 def test_a_foreign_name_in_a_file_says_nothing_to_the_terminal(
-    board: MemoryBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    board: NativeBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     file = tmp_path / "table.toml"
     file.write_text(f'[values]\n"tilt.mode" = 0\n"\\u001b[2J\\n{MANY_F}" = 1\n')
@@ -214,14 +214,14 @@ def test_a_foreign_name_in_a_file_says_nothing_to_the_terminal(
 
 @pytest.mark.parametrize("name", ["tilt.mode", "esc.neutral_halfus"])
 def test_a_number_of_any_length_is_out_of_range(
-    board: MemoryBoard, capsys: pytest.CaptureFixture[str], name: str
+    board: NativeBoard, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
     code, out, err = params(capsys, "set", f"{name}=0x{MANY_F}")
     assert code == 2 and out == "" and f"{name} = 0xffffffff.. is outside" in err and len(err.splitlines()) == 1
 
 
 def test_a_table_that_came_back_wrong_is_link_trouble(
-    board: MemoryBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    board: NativeBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Session, "read_parameters", lambda _self: list(range(len(DEFAULTS))))
     code, out, err = params(capsys, "list")
@@ -236,7 +236,7 @@ def test_only_a_board_with_a_link_has_parameters(spec: str, capsys: pytest.Captu
 
 @pytest.mark.parametrize("system", list(systems.SYSTEMS))
 def test_a_board_becomes_a_system_with_its_shipped_tuning(
-    board: MemoryBoard, capsys: pytest.CaptureFixture[str], system: str
+    board: NativeBoard, capsys: pytest.CaptureFixture[str], system: str
 ) -> None:
     from plumb.tuning.quantise import quantise
 
@@ -253,7 +253,7 @@ def test_a_board_becomes_a_system_with_its_shipped_tuning(
 
 
 @pytest.mark.parametrize("system", list(systems.SYSTEMS))
-def test_no_shipped_tuning_is_doubted(board: MemoryBoard, capsys: pytest.CaptureFixture[str], system: str) -> None:
+def test_no_shipped_tuning_is_doubted(board: NativeBoard, capsys: pytest.CaptureFixture[str], system: str) -> None:
     """Each has its own filter, whose period is that of its runs; another period is doubted by name."""
     code, _, err = params(capsys, "tuning", system)
     assert code == 0 and "angles will be wrong" not in err
@@ -263,7 +263,7 @@ def test_no_shipped_tuning_is_doubted(board: MemoryBoard, capsys: pytest.Capture
 
 @pytest.mark.parametrize(("system", "pins"), [("quad", 0), ("balancer", 1), ("turntable", 1), ("phone", 1)])
 def test_a_tuning_brings_the_pins_of_what_the_system_moves(
-    board: MemoryBoard, capsys: pytest.CaptureFixture[str], system: str, pins: int
+    board: NativeBoard, capsys: pytest.CaptureFixture[str], system: str, pins: int
 ) -> None:
     """After a balancer; what moves nothing leaves the wiring as it is."""
     assert params(capsys, "set", "pins=1")[0] == 0
@@ -272,7 +272,7 @@ def test_a_tuning_brings_the_pins_of_what_the_system_moves(
     assert json.loads(out)["parameters"][0]["value"] == pins
 
 
-def test_a_tuning_that_is_none_is_wrong_use(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_tuning_that_is_none_is_wrong_use(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
     code, _, err = params(capsys, "tuning", "quad", "sharpest")
     assert code == 2 and "adaptive" in err
 

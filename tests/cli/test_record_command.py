@@ -26,19 +26,19 @@ from plumb.link.transports.slcan_server import AdapterBus
 from plumb.spec.parameters import table
 from plumb.spec.protocol import protocol
 from plumb.tuning.quantise import quantise
-from support.link_board import MemoryBoard
+from support.native_board import NativeBoard
 
 WAIT_S = 60.0
 """For what comes within a second, on a machine that may have other things to do."""
 
 
 @pytest.fixture
-def board() -> MemoryBoard:
-    return MemoryBoard()
+def board() -> NativeBoard:
+    return NativeBoard()
 
 
 @pytest.fixture
-def session(board: MemoryBoard) -> Session:
+def session(board: NativeBoard) -> Session:
     opened = Session(PlumbBus(board))
     opened.connect()
     return opened
@@ -49,7 +49,7 @@ def rows_of(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def recorded(board: MemoryBoard, session: Session, folder: Path, seconds: float = 0.5) -> Recorder:
+def recorded(board: NativeBoard, session: Session, folder: Path, seconds: float = 0.5) -> Recorder:
     recorder = Recorder(session, folder)
     board.sensors((1700, 2100, 2900, 0, 0, 0))
     session.listener = recorder.feed
@@ -64,7 +64,7 @@ def recorded(board: MemoryBoard, session: Session, folder: Path, seconds: float 
 
 
 def test_a_recording_has_a_row_for_every_step_and_every_frame(
-    board: MemoryBoard, session: Session, tmp_path: Path
+    board: NativeBoard, session: Session, tmp_path: Path
 ) -> None:
     recorder = recorded(board, session, tmp_path)
     rows = rows_of(tmp_path)
@@ -90,7 +90,7 @@ def test_a_recording_has_a_row_for_every_step_and_every_frame(
     ],
 )
 def test_every_system_s_values_have_columns_of_their_own(
-    board: MemoryBoard, session: Session, tmp_path: Path, system: str, frames: tuple[str, ...], columns: tuple[str, ...]
+    board: NativeBoard, session: Session, tmp_path: Path, system: str, frames: tuple[str, ...], columns: tuple[str, ...]
 ) -> None:
     module = systems.load(system)
     session.upload(quantise(module.TUNINGS[module.DEFAULT_TUNING]).words(), period_us=10_000)
@@ -112,7 +112,7 @@ def test_every_system_s_values_have_columns_of_their_own(
 
 
 def test_a_recording_tells_the_parameters_it_was_made_with(
-    board: MemoryBoard, session: Session, tmp_path: Path
+    board: NativeBoard, session: Session, tmp_path: Path
 ) -> None:
     recorded(board, session, tmp_path)
     about = json.loads((tmp_path / "board.json").read_text())
@@ -120,7 +120,7 @@ def test_a_recording_tells_the_parameters_it_was_made_with(
     assert about["board"]["PARAMETER_COUNT"] == len(table())
 
 
-def test_a_lost_step_is_an_empty_row(board: MemoryBoard, session: Session, tmp_path: Path) -> None:
+def test_a_lost_step_is_an_empty_row(board: NativeBoard, session: Session, tmp_path: Path) -> None:
     step = f"t{session.protocol['STEP'].identifier:03X}".encode()
     seen = []
 
@@ -143,7 +143,7 @@ needs_full_disk = pytest.mark.skipif(not FULL.is_char_device(), reason="this sys
 
 
 @pytest.fixture
-def recordable(board: MemoryBoard, monkeypatch: pytest.MonkeyPatch) -> MemoryBoard:
+def recordable(board: NativeBoard, monkeypatch: pytest.MonkeyPatch) -> NativeBoard:
     """The board behind `plumb record --board memory`."""
     board.sensors((1700, 2100, 2900, 0, 0, 0))
 
@@ -159,7 +159,7 @@ def record(folder: Path, *arguments: str) -> int:
 
 
 def test_a_board_that_falls_silent_leaves_what_was_recorded_and_the_count(
-    recordable: MemoryBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    recordable: NativeBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     off_us = recordable.time_us + 1_000_000
     recordable.spoil_up = lambda data: data if recordable.time_us < off_us else b""
@@ -171,7 +171,7 @@ def test_a_board_that_falls_silent_leaves_what_was_recorded_and_the_count(
 
 
 def test_a_board_without_a_run_says_what_would_begin_one(
-    recordable: MemoryBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    recordable: NativeBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for more, says in (([], True), (["--run", "live"], False)):
         assert front.main(["record", "--board", "memory", "--seconds", "0.3", "--out", str(tmp_path), *more]) == 0
@@ -181,7 +181,7 @@ def test_a_board_without_a_run_says_what_would_begin_one(
 @needs_full_disk
 @pytest.mark.parametrize("name", ["steps.csv", "frames.asc", "board.json"])
 def test_a_full_disk_is_one_sentence_and_the_count(
-    recordable: MemoryBoard, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+    recordable: NativeBoard, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / name).symlink_to(FULL)
     assert record(tmp_path, "--seconds", "30") == 2
@@ -192,7 +192,7 @@ def test_a_full_disk_is_one_sentence_and_the_count(
 
 
 def test_a_file_in_the_way_is_one_sentence(
-    recordable: MemoryBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    recordable: NativeBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "steps.csv").mkdir()
     assert record(tmp_path) == 2
@@ -200,7 +200,7 @@ def test_a_file_in_the_way_is_one_sentence(
 
 
 def test_what_is_recorded_is_on_the_disk_within_a_second(
-    board: MemoryBoard, session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    board: NativeBoard, session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As a recorder that is killed leaves it."""
     monkeypatch.setattr("plumb.inputs.recorder.FLUSH_EVERY_S", 0.0)
@@ -284,7 +284,7 @@ def test_a_good_link_passes_the_link_test(session: Session) -> None:
 
 
 def test_a_link_that_loses_one_frame_fails_it_though_every_digest_is_right(
-    board: MemoryBoard, session: Session
+    board: NativeBoard, session: Session
 ) -> None:
     sample = f"t{session.protocol['SAMPLE_A'].identifier:03X}".encode()
     spoilt = []

@@ -30,7 +30,7 @@ from plumb.spec.protocol import protocol
 from plumb.systems import run_fixed
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning.quantise import quantise
-from support.link_board import MemoryBoard
+from support.native_board import NativeBoard
 
 WAIT_S = 120.0
 """For what comes within a second or two, on a machine that may have other things to do."""
@@ -257,7 +257,7 @@ STEPS = 60
 
 @pytest.fixture
 def session() -> Iterator[Session]:
-    with Session(PlumbBus(MemoryBoard())) as opened:
+    with Session(PlumbBus(NativeBoard())) as opened:
         opened.connect()
         yield opened
 

@@ -12,7 +12,7 @@ from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec.protocol import Frame, protocol
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning.quantise import quantise
-from support.link_board import AT_REST, MemoryBoard
+from support.native_board import AT_REST, NativeBoard
 
 PERIOD_US = 20_000
 PARAMS = quantise(quad.ADAPTIVE)
@@ -24,7 +24,7 @@ class SteadySensor:
 
     trouble, ended, generation, quiet_s, spec = "", False, 0, 0.0, "memory"
 
-    def __init__(self, board: MemoryBoard, setpoint: int) -> None:
+    def __init__(self, board: NativeBoard, setpoint: int) -> None:
         self.board, self.setpoint, self.sent = board, setpoint, 0
         self.speaks = True
 
@@ -48,8 +48,8 @@ class Joined:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, setpoint: int = 0, arm: bool = False) -> None:
         self.said: list[str] = []
-        board = MemoryBoard()
-        board.down_per_turn = board.up_per_turn = 3
+        board = NativeBoard()
+        board.baud(down_ns=33_333, up_ns=33_333)
         self.sensor = SteadySensor(board, setpoint)
         link = {"period_us": PERIOD_US, "arm_hold_ms": 0}
         self.bridge = Bridge(

@@ -22,7 +22,7 @@ from plumb.spec.protocol import protocol
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.plant import QuadPlant
 from plumb.tuning.quantise import quantise
-from support.link_board import MemoryBoard
+from support.native_board import NativeBoard
 
 WAIT_S = 120.0
 """For what comes within a second or two, on a machine that may have other things to do."""
@@ -35,7 +35,7 @@ class ServedBoard:
     for it afterwards."""
 
     def __init__(self) -> None:
-        self.line, self.memory, self.held = TcpLine(0), MemoryBoard(), False
+        self.line, self.memory, self.held = TcpLine(0), NativeBoard(), False
         self.spec = self.line.address.replace("socket://", "tcp:")
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._run)

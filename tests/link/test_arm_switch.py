@@ -1,4 +1,4 @@
-"""The arm switch: arms without any host, is the dead man's handle, and keeps neutral first. A board of memory."""
+"""The arm switch: arms without any host, is the dead man's handle, and keeps neutral first."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from plumb.errors import LinkError
 from plumb.link.identity import BLOCKED
 from plumb.link.session import Session
 from plumb.spec import parameters
-from support.link_board import MemoryBoard
+from support.native_board import NativeBoard
 from support.sessions import CONTROL, armed_session
 from support.transcripts import frame
 
 DEBOUNCE_US = 20_000
+LOOK_US = 1000
+"""Longest time between two turns of the loop: what is shorter may pass unseen."""
 TRY_US = 100_000
 READY_US = 700_000
 """From the begin of a run at rest until it may be armed, at most."""
@@ -24,18 +26,18 @@ FAULT = 1
 """A board fault that blocks."""
 
 
-def ready_board() -> MemoryBoard:
+def ready_board() -> NativeBoard:
     """Powered for a while with its switch open; nobody on the link."""
-    board = MemoryBoard()
+    board = NativeBoard()
     board.switch(False)
-    board.run_us(DEBOUNCE_US + 200)
+    board.run_us(DEBOUNCE_US + 2 * LOOK_US)
     return board
 
 
-def armed_board() -> MemoryBoard:
+def armed_board() -> NativeBoard:
     board = ready_board()
     board.switch(True)
-    board.run_us(DEBOUNCE_US + READY_US)
+    board.run_us(DEBOUNCE_US + 2 * LOOK_US + READY_US)
     assert board.armed
     return board
 
@@ -44,9 +46,9 @@ def test_closing_runs_the_system_live_and_arms_without_a_host() -> None:
     board = ready_board()
     assert board.steps == 0
     board.switch(True)
-    board.run_us(DEBOUNCE_US - 200)
+    board.run_us(DEBOUNCE_US - LOOK_US)
     assert not board.armed and board.steps == 0
-    board.run_us(400)
+    board.run_us(3 * LOOK_US)
     assert not board.armed, "the run begins; that it is at rest has to show first"
     board.run_us(READY_US)
     assert board.armed
@@ -72,18 +74,18 @@ def test_a_bouncing_contact_neither_arms_nor_arms_again() -> None:
         board.switch(True)
         board.run_us(DEBOUNCE_US // 2)
         board.switch(False)
-        board.run_us(500)
+        board.run_us(LOOK_US)
     assert not board.armed and board.steps == 0
     board = armed_board()
     board.switch(False)
-    board.run_us(300)
+    board.run_us(LOOK_US)
     board.switch(True)  # before it was open for long enough
     board.run_us(500_000)
     assert not board.armed
 
 
 def test_a_switch_that_is_closed_at_the_start_has_to_be_opened_first() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     board.switch(True)
     board.run_us(1_000_000)
     assert not board.armed and board.steps == 0
@@ -92,9 +94,9 @@ def test_a_switch_that_is_closed_at_the_start_has_to_be_opened_first() -> None:
         with pytest.raises(LinkError, match="the arm switch is closed"):
             session.arm()
     board.switch(False)
-    board.run_us(DEBOUNCE_US + 200)
+    board.run_us(DEBOUNCE_US + 2 * LOOK_US)
     board.switch(True)
-    board.run_us(DEBOUNCE_US + READY_US)
+    board.run_us(DEBOUNCE_US + 2 * LOOK_US + READY_US)
     assert board.armed
 
 
@@ -116,7 +118,7 @@ def test_a_fault_keeps_it_from_arming_and_does_not_arm_when_it_goes_long_after()
     board = ready_board()
     board.sensors(faults=FAULT)
     board.switch(True)
-    board.run_us(DEBOUNCE_US + TRY_US + 1000)
+    board.run_us(DEBOUNCE_US + TRY_US + 3 * LOOK_US)
     board.sensors()
     board.run_us(1_000_000)
     assert not board.armed
@@ -178,7 +180,7 @@ def test_the_host_hears_why_it_was_left() -> None:
 
 
 def test_closing_it_leaves_a_host_that_armed_alone() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     session = armed_session(board)
     board.run_us(25_000)
     board.switch(True)
@@ -194,7 +196,7 @@ def test_closing_it_leaves_a_host_that_armed_alone() -> None:
 
 @pytest.mark.parametrize("hold_ms", [0, 1, 250, 10_000])
 def test_neutral_is_held_after_arming_for_the_time_of_the_parameter(hold_ms: int) -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     session = Session.open(board)
     session.upload(CONTROL, period_us=1000, arm_hold_ms=hold_ms)
     session.begin("REALTIME_LIVE")

@@ -11,7 +11,7 @@ from plumb.link.session import Session
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.spec import parameters
 from plumb.spec.protocol import protocol
-from support.link_board import AT_REST, MemoryBoard
+from support.native_board import AT_REST, BAUD_921600_NS, NativeBoard
 from support.sessions import CONTROL, armed_session
 from support.transcripts import frame, said
 
@@ -21,7 +21,7 @@ NEUTRAL = next(row.default for row in parameters.table() if row.name == "esc.neu
 
 
 def test_keep_alive_holds_and_its_loss_disarms_after_50_ms_latched() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     session = armed_session(board)
     for _ in range(100):
         session.receive(0.005)
@@ -54,7 +54,7 @@ def without_telemetry(data: bytes) -> bytes:
 
 def test_waiting_in_vain_keeps_it_alive() -> None:
     """Who waits for an answer that does not come answers the board's values all the same."""
-    board = MemoryBoard()
+    board = NativeBoard()
     session = armed_session(board, period_us=100_000)
     board.spoil_up = without_telemetry
     session.receive(0.25)
@@ -65,7 +65,7 @@ def test_waiting_in_vain_keeps_it_alive() -> None:
 
 
 def test_pumping_keeps_it_alive_and_loses_nothing() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     session = armed_session(board)
     session.receive(0.0)
     for _ in range(100):
@@ -77,7 +77,7 @@ def test_pumping_keeps_it_alive_and_loses_nothing() -> None:
     session.close()
 
 
-def next_value(board: MemoryBoard) -> int:
+def next_value(board: NativeBoard) -> int:
     """The next value that it issues; 0: none came."""
     board.heard()
     for _ in range(110):
@@ -89,7 +89,7 @@ def next_value(board: MemoryBoard) -> int:
 
 
 def test_disarming_time_to_the_turn() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     session = armed_session(board)
     value = next_value(board)
     last = board.time_us
@@ -102,7 +102,7 @@ def test_disarming_time_to_the_turn() -> None:
 
 def test_a_keep_alive_that_is_too_late_does_not_revive() -> None:
     """Even when it is the first thing that is seen after a long turn of the loop."""
-    board = MemoryBoard()
+    board = NativeBoard()
     session = armed_session(board)
     board.write(frame("KEEPALIVE", 0, next_value(board)))
     board.turn(step_us=35_000)
@@ -111,7 +111,7 @@ def test_a_keep_alive_that_is_too_late_does_not_revive() -> None:
 
 
 def test_a_stranger_cannot_keep_it_alive() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     session = armed_session(board)
     for _ in range(4):
         value = next_value(board)
@@ -123,12 +123,12 @@ def test_a_stranger_cannot_keep_it_alive() -> None:
 
 def test_values_come_every_10_ms_however_full_the_queue_is_and_only_while_armed() -> None:
     """Before all telemetry that waits, and none is dropped."""
-    board = MemoryBoard()
+    board = NativeBoard()
     session = Session.open(board)
     session.upload(CONTROL, period_us=500, esc_period_us=2500)
     session.begin("REALTIME_LIVE", frames=("RAW_A", "QUAD_ANGLE"), words=range(40))
     board.run_us(100_000)
-    board.up_per_turn = 9  # 921600 baud: a tenth of what is asked for
+    board.baud(up_ns=BAUD_921600_NS)  # a tenth of what is asked for
     session.arm()
     heard = []
     message = protocol()["KEEPALIVE_VALUE"]
@@ -151,44 +151,44 @@ def test_values_come_every_10_ms_however_full_the_queue_is_and_only_while_armed(
     session.close()
 
 
-def disarm_by_close(board: MemoryBoard, session: Session) -> None:
+def disarm_by_close(board: NativeBoard, session: Session) -> None:
     board.say(b"C\r")
 
 
-def disarm_by_close_and_open(board: MemoryBoard, session: Session) -> None:
+def disarm_by_close_and_open(board: NativeBoard, session: Session) -> None:
     board.say(b"C\rO\r")  # both before the loop comes round
 
 
-def disarm_by_read_only(board: MemoryBoard, session: Session) -> None:
+def disarm_by_read_only(board: NativeBoard, session: Session) -> None:
     board.say(b"L\r")
 
 
-def disarm_by_read_only_and_open(board: MemoryBoard, session: Session) -> None:
+def disarm_by_read_only_and_open(board: NativeBoard, session: Session) -> None:
     board.say(b"L\rO\r")
 
 
-def disarm_by_command(board: MemoryBoard, session: Session) -> None:
+def disarm_by_command(board: NativeBoard, session: Session) -> None:
     session.disarm()
 
 
-def disarm_by_run_end(board: MemoryBoard, session: Session) -> None:
+def disarm_by_run_end(board: NativeBoard, session: Session) -> None:
     session.end()
 
 
-def disarm_by_new_run(board: MemoryBoard, session: Session) -> None:
+def disarm_by_new_run(board: NativeBoard, session: Session) -> None:
     session.begin("REALTIME_LIVE")
 
 
-def disarm_by_fault(board: MemoryBoard, session: Session) -> None:
+def disarm_by_fault(board: NativeBoard, session: Session) -> None:
     board.sensors(faults=1)
     board.turn()
 
 
-def disarm_by_other_version(board: MemoryBoard, session: Session) -> None:
+def disarm_by_other_version(board: NativeBoard, session: Session) -> None:
     board.say(frame("HELLO", 99, 0))
 
 
-def disarm_by_other_version_and_back(board: MemoryBoard, session: Session) -> None:
+def disarm_by_other_version_and_back(board: NativeBoard, session: Session) -> None:
     board.say(frame("HELLO", 99, 0) + frame("HELLO", session.protocol.version, session.protocol.dbc_hash))
 
 
@@ -201,7 +201,7 @@ def disarm_by_other_version_and_back(board: MemoryBoard, session: Session) -> No
     ],
 )  # fmt: skip
 def test_what_disarms(cause: object) -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     session = armed_session(board)
     assert callable(cause)
     cause(board, session)
@@ -213,7 +213,7 @@ def test_what_disarms(cause: object) -> None:
 
 @pytest.mark.parametrize("run", ["LOCKSTEP", None])
 def test_arming_is_refused_with_the_reason(run: str | None) -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session.open(board) as session:
         if run:
             session.begin(run)
@@ -230,7 +230,7 @@ def test_arming_is_refused_with_the_reason(run: str | None) -> None:
 
 
 def test_an_injected_run_is_armed_by_fresh_samples_only() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     session = Session.open(board)
     session.upload(CONTROL, period_us=10_000)
     session.begin("REALTIME_INJECTED")

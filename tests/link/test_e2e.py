@@ -10,7 +10,7 @@ import pytest
 
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.spec.protocol import check, crc8, protocol
-from support.link_board import library, parse
+from support.link_functions import library, parse
 
 
 def frames(count: int, seed: int) -> list[tuple[int, bytes]]:
@@ -40,7 +40,7 @@ def test_crc_matches_its_definition() -> None:
     # CRC-8/AUTOSAR (0x2F) of "123456789" is 0xDF; ours is the same with the bits of every byte in reverse order.
     assert _mirrored(_crc_by_bits(bytes(map(_mirrored, b"123456789")))) == 0xDF
     data = (ctypes.c_uint8 * 8)(0, *b"9876543")
-    assert library().link_board_crc8(0x3132, 0x33, data) == _crc_by_bits(b"1233456789")
+    assert library().frames_crc8(0x3132, 0x33, data) == _crc_by_bits(b"1233456789")
     for identifier, data in frames(50, 8):
         covered = identifier.to_bytes(2, "big") + b"\x08" + data[:0:-1]
         assert crc8(identifier, data) == _crc_by_bits(covered)
@@ -48,14 +48,14 @@ def test_crc_matches_its_definition() -> None:
 
 def test_c_and_python_agree() -> None:
     for identifier, data in frames(500, 1):
-        assert library().link_board_crc8(identifier, 8, (ctypes.c_uint8 * 8)(*data)) == data[0]
+        assert library().frames_crc8(identifier, 8, (ctypes.c_uint8 * 8)(*data)) == data[0]
 
 
 @pytest.mark.parametrize("length", range(8))
 def test_a_shorter_frame_is_none_even_with_its_crc(length: int) -> None:
     body = bytes(range(1, 8))[: max(length - 1, 0)]
     data = (b"\0" + body).ljust(8, b"\0")
-    crc = library().link_board_crc8(0x123, length, (ctypes.c_uint8 * 8)(*data))
+    crc = library().frames_crc8(0x123, length, (ctypes.c_uint8 * 8)(*data))
     text = text_of_frames([(0x123, (bytes([crc]) + body)[:length])])
     assert parse(text) == ([], 0)
     assert SlcanParser().feed(text) == []
@@ -120,7 +120,7 @@ def bursts(longest: int) -> list[int]:
 def passing_errors(masks: list[int], seed: int) -> list[int]:
     """The errors that a frame with a right CRC survives, in C and in Python."""
     identifier, data = frames(1, seed)[0]
-    value, c_crc8 = int.from_bytes(data, "little"), library().link_board_crc8
+    value, c_crc8 = int.from_bytes(data, "little"), library().frames_crc8
     passed = []
     for mask in masks:
         damaged = (value ^ mask).to_bytes(8, "little")

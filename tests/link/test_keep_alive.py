@@ -21,7 +21,7 @@ from plumb.spec import parameters
 from plumb.spec.protocol import Frame
 from plumb.tuning.quantise import quantise
 from support.balancer_bench import Balancer
-from support.link_board import AT_REST
+from support.native_board import AT_REST
 from support.pins import at_rest
 
 SAFE_US = 50_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from support.link_board import disarms
+from support.link_functions import disarms
 
 TEN_MINUTES_S = 600
 MS_50_HZ, MS_400_HZ = 20_000, 2500

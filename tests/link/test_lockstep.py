@@ -17,7 +17,7 @@ from plumb.link.transports.slcan import SlcanParser
 from plumb.spec.protocol import protocol
 from plumb.systems.turntable import scenarios as turntable
 from plumb.tuning.quantise import quantise
-from support.link_board import MemoryBoard
+from support.native_board import BAUD_921600_NS, NativeBoard
 from support.sessions import CONTROL, BadLine
 from support.transcripts import begin, frame, said
 
@@ -31,14 +31,14 @@ def input_of(steps: int, seed: int, channels: int = 3) -> tuple[np.ndarray, np.n
 
 
 def digests_of(raw: np.ndarray, setpoint: np.ndarray) -> np.ndarray:
-    with Session.open(MemoryBoard()) as session:
+    with Session.open(NativeBoard()) as session:
         return Lockstep(session).run(raw, setpoint)
 
 
 def test_batches_single_steps_and_words_tell_the_same() -> None:
     raw, setpoint = input_of(300, 1, channels=6)
     whole = digests_of(raw, setpoint)
-    with Session.open(MemoryBoard()) as session:
+    with Session.open(NativeBoard()) as session:
         run = Lockstep(
             session,
             frames=("QUAD_ANGLE", "QUAD_BIAS", "QUAD_RATE", "QUAD_MEASURED", "QUAD_COMMAND"),
@@ -66,7 +66,7 @@ def test_batches_single_steps_and_words_tell_the_same() -> None:
 
 def test_a_run_resets_state_step_and_digest() -> None:
     raw, setpoint = input_of(100, 2)
-    with Session.open(MemoryBoard()) as session:
+    with Session.open(NativeBoard()) as session:
         first = Lockstep(session).run(raw, setpoint)
         assert np.array_equal(Lockstep(session).run(raw, setpoint), first)
         assert session.end() == 100
@@ -82,7 +82,7 @@ def test_a_run_resets_state_step_and_digest() -> None:
 def test_step_numbers_go_round() -> None:
     raw, setpoint = input_of(66_000, 3)
     whole = digests_of(raw, setpoint)
-    with Session.open(MemoryBoard()) as session:
+    with Session.open(NativeBoard()) as session:
         run = Lockstep(session)
         halves = [run.run(raw[part], setpoint[part]) for part in (slice(0, 65_530), slice(65_530, None))]
         assert np.array_equal(np.concatenate(halves), whole)
@@ -93,7 +93,7 @@ def test_step_numbers_go_round() -> None:
 @pytest.mark.parametrize("way", ["down", "up", "both"])
 def test_every_digest_arrives_over_a_bad_line(seed: int, way: str) -> None:
     raw, setpoint = input_of(200, seed, channels=6)
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session.open(board) as session:
         run = Lockstep(session)
         if way != "up":
@@ -109,7 +109,7 @@ def test_every_digest_arrives_over_a_bad_line(seed: int, way: str) -> None:
 
 
 def test_lost_words_are_an_error_not_a_guess() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session.open(board) as session:
         run = Lockstep(session, frames=("QUAD_ANGLE",))
         run.exchange((1, 2, 3))
@@ -120,7 +120,7 @@ def test_lost_words_are_an_error_not_a_guess() -> None:
 
 def test_words_that_come_late_are_waited_for() -> None:
     """Half a second after their step."""
-    board, held = MemoryBoard(), bytearray()
+    board, held = NativeBoard(), bytearray()
     with Session.open(board) as session:
         run = Lockstep(session, words=(3,))
         word, late_us = f"t{protocol()['WORD'].identifier:03X}".encode(), board.time_us + 500_000
@@ -140,7 +140,7 @@ def test_words_that_come_late_are_waited_for() -> None:
 
 def test_a_host_that_was_busy_looks_at_what_arrived_before_it_misses_anything() -> None:
     """Its clock is an hour on when it comes back."""
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session.open(board) as session:
         run = Lockstep(session, words=(3,))
         receive, away_s = session.receive, [0.0]
@@ -158,18 +158,19 @@ def test_a_host_that_was_busy_looks_at_what_arrived_before_it_misses_anything() 
 
 
 def test_sixteen_in_flight_and_no_more() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session.open(board) as session:
-        session.begin("LOCKSTEP")
+        session.begin("LOCKSTEP", words=range(40))
         samples = samples_text(protocol(), np.zeros((25, 3), np.int16), np.zeros(25))
-        answers = said(board.say(samples.text, turns=40))  # the board of memory runs one step in a turn
+        board.baud(up_ns=BAUD_921600_NS)  # a step waits until the words of the last one are out
+        answers = said(board.say(samples.text, turns=4000))
         nack = next(words for name, words in answers if name == "NACK")
         assert protocol()["NACK"].choice("reason", nack["reason"]) == "QUEUE_FULL"
         assert [words["step"] for name, words in answers if name == "STEP"] == list(range(nack["detail"]))
 
 
 def test_a_gap_is_told_once_with_the_step_that_is_missing() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session.open(board) as session:
         session.begin("LOCKSTEP")
         samples = samples_text(protocol(), np.zeros((8, 3), np.int16), np.zeros(8))
@@ -182,7 +183,7 @@ def test_a_gap_is_told_once_with_the_step_that_is_missing() -> None:
 
 def test_a_second_half_from_64_steps_ago_is_not_taken() -> None:
     """SAMPLE_B carries six bits of its step: one that was used must not serve the step where they come round."""
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session.open(board) as session:
         session.begin("LOCKSTEP")
         raw = np.zeros((65, 6), np.int16)
@@ -197,7 +198,7 @@ def test_a_second_half_from_64_steps_ago_is_not_taken() -> None:
 
 
 def test_samples_without_a_run_are_refused() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session.open(board):
         sample = samples_text(protocol(), np.zeros((1, 3), np.int16), np.ones(1))
         reasons = [words["reason"] for name, words in said(board.say(sample.text)) if name == "NACK"]
@@ -214,7 +215,7 @@ def test_samples_of_the_wrong_shape_are_refused(raw: np.ndarray, setpoint: np.nd
 
 
 def test_selection_is_checked() -> None:
-    with Session.open(MemoryBoard()) as session:
+    with Session.open(NativeBoard()) as session:
         with pytest.raises(UsageError, match="no frame 'ANGEL'"):
             session.select(frames=("ANGEL",))
         with pytest.raises(UsageError, match="no word 40"):
@@ -224,7 +225,7 @@ def test_selection_is_checked() -> None:
 # ---- real time ----
 
 
-def live(board: MemoryBoard, run: str = "REALTIME_LIVE") -> tuple[Session, Capture]:
+def live(board: NativeBoard, run: str = "REALTIME_LIVE") -> tuple[Session, Capture]:
     session = Session.open(board)
     session.upload(CONTROL, period_us=1000)
     capture = Capture(session)
@@ -234,8 +235,8 @@ def live(board: MemoryBoard, run: str = "REALTIME_LIVE") -> tuple[Session, Captu
 
 
 def test_a_live_run_can_be_run_again() -> None:
-    board = MemoryBoard()
-    board.down_per_turn = board.up_per_turn = 10
+    board = NativeBoard()
+    board.baud(down_ns=10_000, up_ns=10_000)
     session, capture = live(board)
     rng = np.random.default_rng(4)
     for setpoint in (5, -(1 << 31), 77):
@@ -254,7 +255,7 @@ def test_a_live_run_can_be_run_again() -> None:
 
 
 def test_steps_of_the_run_before_are_not_taken_for_this_one() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     session, first = live(board)
     first.collect(37)
     board.run_us(50_000)
@@ -271,7 +272,7 @@ def test_steps_of_the_run_before_are_not_taken_for_this_one() -> None:
 
 @pytest.mark.parametrize("lost", ["RAW_A", "STEP"])
 def test_a_lost_count_or_digest_is_noticed(lost: str) -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     session, capture = live(board)
     capture.collect(20)
     name = b"t%03X" % protocol()[lost].identifier
@@ -297,7 +298,7 @@ def test_a_short_number_is_the_nearest_step(last: int, low: int, bits: int, step
 
 
 def test_a_setpoint_without_confirmation_is_in_doubt() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     session, capture = live(board)
     capture.collect(20)
     once = iter([True])
@@ -311,7 +312,7 @@ def test_a_setpoint_without_confirmation_is_in_doubt() -> None:
 
 
 def test_injected_in_real_time_holds_the_last_sample_and_counts() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     session, capture = live(board, "REALTIME_INJECTED")
     samples = samples_text(protocol(), np.arange(30, dtype=np.int16).reshape(10, 3), np.zeros(10))
     board.write(samples.part(0, 5) + samples.part(6, 10))
@@ -335,7 +336,7 @@ def test_injected_in_real_time_holds_the_last_sample_and_counts() -> None:
 
 def test_the_turntable_is_told_that_there_is_no_sample() -> None:
     """A sample of the gyro that is held would be one more sample of the gyro."""
-    board = MemoryBoard()
+    board = NativeBoard()
     session = Session.open(board)
     params = quantise(turntable.DATA)
     session.upload(params.words(), period_us=turntable.PERIOD_US)
@@ -353,7 +354,7 @@ def test_the_turntable_is_told_that_there_is_no_sample() -> None:
 
 def test_in_real_time_the_first_sample_says_where_the_numbers_are() -> None:
     """A sensor board was running before: nothing is missing because it is at number 37."""
-    board = MemoryBoard()
+    board = NativeBoard()
     session, capture = live(board, "REALTIME_INJECTED")
     board.write(samples_text(protocol(), np.ones((5, 3), np.int16), np.zeros(5), step=37).text)
     capture.collect(10)
@@ -365,7 +366,7 @@ def test_in_real_time_the_first_sample_says_where_the_numbers_are() -> None:
 
 
 def test_replies_tell_their_request() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session.open(board) as session:
         session.protocol = replace(session.protocol)
         begin(board, "LOCKSTEP")
@@ -374,7 +375,7 @@ def test_replies_tell_their_request() -> None:
 
 
 def test_parser_of_the_answers_counts_every_cr() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session.open(board) as session:
         session.begin("LOCKSTEP")
         samples = samples_text(protocol(), np.zeros((5, 3), np.int16), np.zeros(5))

@@ -10,18 +10,18 @@ from plumb.link.session import PERIODIC
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.spec import parameters
 from plumb.spec.protocol import protocol
-from support.link_board import MemoryBoard
+from support.native_board import BAUD_921600_NS, NativeBoard
 from support.transcripts import begin, frame, said
 
 
 @pytest.fixture
-def board() -> MemoryBoard:
-    return MemoryBoard()
+def board() -> NativeBoard:
+    return NativeBoard()
 
 
 @pytest.fixture
-def opened() -> MemoryBoard:
-    board = MemoryBoard()
+def opened() -> NativeBoard:
+    board = NativeBoard()
     assert board.say(b"O\r") == b"\r"
     board.say(frame("HELLO", protocol().version, protocol().dbc_hash), turns=20)
     return board
@@ -55,18 +55,18 @@ def opened() -> MemoryBoard:
         (b"\aC\r", b"\r"),
     ],
 )
-def test_slcan_commands(board: MemoryBoard, command: bytes, answer: bytes) -> None:
+def test_slcan_commands(board: NativeBoard, command: bytes, answer: bytes) -> None:
     assert board.say(command) == answer
 
 
-def test_frames_are_refused_while_closed_and_read_only(board: MemoryBoard) -> None:
+def test_frames_are_refused_while_closed_and_read_only(board: NativeBoard) -> None:
     hello = frame("HELLO", 1, 0)
     assert board.say(hello) == b"\a"
     assert board.say(b"L\r" + hello) == b"\r\a"
     assert board.say(b"O\r" + hello).startswith(b"\r\r" + b"t7FD8")
 
 
-def test_a_frame_is_answered_by_one_cr_or_bell(opened: MemoryBoard) -> None:
+def test_a_frame_is_answered_by_one_cr_or_bell(opened: NativeBoard) -> None:
     good = frame("KEEPALIVE", 0, 1)
     assert opened.say(good) == b"\r"
     assert opened.say(good.lower()) == b"\r"
@@ -77,7 +77,7 @@ def test_a_frame_is_answered_by_one_cr_or_bell(opened: MemoryBoard) -> None:
     assert opened.say(b"t12320000\r") == b"\a"  # right text, wrong length
 
 
-def test_unknown_identifiers_are_let_by(opened: MemoryBoard) -> None:
+def test_unknown_identifiers_are_let_by(opened: NativeBoard) -> None:
     from plumb.spec.protocol import crc8
 
     data = bytes([crc8(0x3FF, bytes(8))]) + bytes(7)
@@ -87,7 +87,7 @@ def test_unknown_identifiers_are_let_by(opened: MemoryBoard) -> None:
 # ---- connect ----
 
 
-def test_hello_is_answered_by_identity(board: MemoryBoard) -> None:
+def test_hello_is_answered_by_identity(board: NativeBoard) -> None:
     answer = board.say(b"O\r" + frame("HELLO", protocol().version, protocol().dbc_hash), turns=20)
     items = [(words["item"], words["value"]) for name, words in said(answer) if name == "IDENTITY"]
     names = protocol()["IDENTITY"].choices["item"]
@@ -104,7 +104,7 @@ def test_hello_is_answered_by_identity(board: MemoryBoard) -> None:
 # ---- parameters ----
 
 
-def test_staged_parameters_have_no_effect_before_commit(opened: MemoryBoard) -> None:
+def test_staged_parameters_have_no_effect_before_commit(opened: NativeBoard) -> None:
     rows = parameters.table()
     index = next(i for i, row in enumerate(rows) if row.name == "esc.mid_halfus")
     words = [row.default for row in rows]
@@ -123,7 +123,7 @@ def test_staged_parameters_have_no_effect_before_commit(opened: MemoryBoard) -> 
     assert said(opened.say(frame("PARAM_GET", index, 0)))[0][1]["value"] == 2222
 
 
-def test_hello_forgets_what_was_staged(opened: MemoryBoard) -> None:
+def test_hello_forgets_what_was_staged(opened: NativeBoard) -> None:
     words = [row.default for row in parameters.table()]
     opened.say(frame("PARAM_SET", 40, 5))
     opened.say(frame("HELLO", protocol().version, protocol().dbc_hash), turns=20)
@@ -131,7 +131,7 @@ def test_hello_forgets_what_was_staged(opened: MemoryBoard) -> None:
 
 
 @pytest.mark.parametrize("index", range(len(parameters.table())))
-def test_limits_of_every_parameter(opened: MemoryBoard, index: int) -> None:
+def test_limits_of_every_parameter(opened: NativeBoard, index: int) -> None:
     row = parameters.table()[index]
     for value, fits in [(row.min, True), (row.max, True), (row.min - 1, False), (row.max + 1, False)]:
         if not -(1 << 31) <= value < 1 << 32 or (row.type == "int32") != (-(1 << 31) <= value < 1 << 31):
@@ -141,7 +141,7 @@ def test_limits_of_every_parameter(opened: MemoryBoard, index: int) -> None:
         assert words.get("reason", 3) == 3
 
 
-def test_dump_and_wrong_index(opened: MemoryBoard) -> None:
+def test_dump_and_wrong_index(opened: NativeBoard) -> None:
     values = said(opened.say(frame("PARAM_GET", 0xFFFF, 0), turns=20))
     assert [words["index"] for _, words in values] == list(range(len(parameters.table())))
     count = len(parameters.table())
@@ -150,7 +150,7 @@ def test_dump_and_wrong_index(opened: MemoryBoard) -> None:
         assert (name, words["reason"], words["detail"]) == ("NACK", 2, count)
 
 
-def test_no_commit_during_a_run(opened: MemoryBoard) -> None:
+def test_no_commit_during_a_run(opened: NativeBoard) -> None:
     begin(opened, "LOCKSTEP")
     words = [row.default for row in parameters.table()]
     commit = frame("PARAM_COMMIT", len(words), parameters.crc32(words))
@@ -162,7 +162,7 @@ def test_no_commit_during_a_run(opened: MemoryBoard) -> None:
 # ---- nonces ----
 
 
-def test_a_nonce_is_good_once_for_its_verb_and_for_a_second(opened: MemoryBoard) -> None:
+def test_a_nonce_is_good_once_for_its_verb_and_for_a_second(opened: NativeBoard) -> None:
     def ask(verb: int) -> int:
         return said(opened.say(frame("CHALLENGE", verb, 0)))[0][1]["nonce"]
 
@@ -185,7 +185,7 @@ def test_a_nonce_is_good_once_for_its_verb_and_for_a_second(opened: MemoryBoard)
     assert len({ask(16) for _ in range(100)}) == 100
 
 
-def test_a_verb_that_is_none(opened: MemoryBoard) -> None:
+def test_a_verb_that_is_none(opened: NativeBoard) -> None:
     nonce = said(opened.say(frame("CHALLENGE", 9, 0)))[0][1]["nonce"]
     assert said(opened.say(frame("EXECUTE", 9, nonce)))[0][1]["reason"] == 1  # UNSUPPORTED
 
@@ -193,13 +193,13 @@ def test_a_verb_that_is_none(opened: MemoryBoard) -> None:
 # ---- telemetry ----
 
 
-def test_a_step_of_any_size_follows_as_there_is_room(opened: MemoryBoard) -> None:
+def test_a_step_of_any_size_follows_as_there_is_room(opened: NativeBoard) -> None:
     """More than the queue holds: the words follow, and the next step waits for them."""
     for bank in (0, 1, 2):
         assert said(opened.say(frame("SELECT", bank, 0xFFFFFFFF)))[0][0] == "ACK"
     assert said(opened.say(frame("SELECT", 99, 0)))[0][1]["reason"] == 2  # INDEX
     begin(opened, "LOCKSTEP")
-    opened.up_per_turn = 9
+    opened.baud(up_ns=BAUD_921600_NS)
     opened.write(frame("SAMPLE_A", 1, 2, 3, counter=0) + frame("SAMPLE_A", 4, 5, 6, counter=1))
     opened.run_us(100_000)
     heard = [entry for entry in said(opened.heard()) if entry[0] in ("STEP", "WORD")]
@@ -209,7 +209,7 @@ def test_a_step_of_any_size_follows_as_there_is_room(opened: MemoryBoard) -> Non
     assert [values["index"] for name, values in heard if name == "WORD"] == words + words
 
 
-def test_periodic_telemetry_only_while_open(board: MemoryBoard) -> None:
+def test_periodic_telemetry_only_while_open(board: NativeBoard) -> None:
     names = [message.name for message in protocol().by_identifier.values()]
     assert {"TIME", "STATUS"} <= set(names)
     board.run_us(1_000_000)
@@ -226,7 +226,7 @@ def test_periodic_telemetry_only_while_open(board: MemoryBoard) -> None:
 
 
 def test_the_clock_wraps() -> None:
-    board = MemoryBoard(time_us=(1 << 32) - 300_000)
+    board = NativeBoard(time_us=(1 << 32) - 300_000)
     board.say(b"O\r")
     board.run_us(600_000)
     time = protocol()["TIME"]

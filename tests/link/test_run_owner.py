@@ -17,7 +17,7 @@ from plumb.link.identity import NackError
 from plumb.link.lockstep import sample_frames
 from plumb.link.session import Session
 from plumb.spec import parameters
-from support.link_board import AT_REST
+from support.native_board import AT_REST
 from support.pins import at_rest
 from support.sessions import BOOT_US, CONTROL, STEER, listen, refusal, used_setpoints
 

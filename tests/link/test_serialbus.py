@@ -25,7 +25,7 @@ from plumb.link.transports.slcan import text_of_frames
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters
 from plumb.spec.protocol import Frame, check, protocol
-from support.link_board import MemoryBoard
+from support.native_board import NativeBoard
 
 WAIT_S = 60.0
 """For what comes at once, on a machine that may have other things to do."""
@@ -143,7 +143,7 @@ def test_filters_and_what_is_sent() -> None:
 
 
 def test_listen_only_opens_read_only() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     with PlumbBus(board, listen_only=True) as bus:
         bus.write_frames(frames_of(1))
         board.run_us(300_000)
@@ -158,7 +158,7 @@ def test_listen_only_opens_read_only() -> None:
 class Served:
     """A board behind a file descriptor, in real time."""
 
-    def __init__(self, board: MemoryBoard, fd: int) -> None:
+    def __init__(self, board: NativeBoard, fd: int) -> None:
         self.board, self._fd, self._stop = board, fd, threading.Event()
         self.thread = threading.Thread(target=self._serve, daemon=True)
         self.thread.start()
@@ -193,7 +193,7 @@ def port() -> Iterator[str]:
     master, slave = os.openpty()
     tty.setraw(master)
     tty.setraw(slave)
-    served = Served(MemoryBoard(), master)
+    served = Served(NativeBoard(), master)
     yield os.ttyname(slave)
     served.stop()
     os.close(master)
@@ -258,7 +258,7 @@ def test_a_bus_over_tcp_and_a_board_that_goes_away() -> None:
     def serve() -> None:
         connection, _ = server.accept()
         opened.append(connection)
-        opened_board.append(Served(MemoryBoard(), connection.fileno()))
+        opened_board.append(Served(NativeBoard(), connection.fileno()))
 
     opened_board: list[Served] = []
     threading.Thread(target=serve, daemon=True).start()

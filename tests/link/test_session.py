@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from plumb import systems
+from plumb.boards.native_mcu import NEVER
 from plumb.errors import LinkError, UsageError
 from plumb.link.identity import NackError
 from plumb.link.lockstep import Lockstep
@@ -20,7 +21,7 @@ from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters
 from plumb.spec.protocol import crc8, protocol
 from plumb.tuning.quantise import quantise
-from support.link_board import MemoryBoard
+from support.native_board import BAUD_921600_NS, NativeBoard
 from support.sessions import CONTROL, BadLine, armed_session
 from support.transcripts import begin, frame, said
 
@@ -35,7 +36,7 @@ def changed(name: str, value: int) -> list[int]:
 
 
 def test_connect_tells_who_is_there() -> None:
-    with Session.open(MemoryBoard(seed=7)) as session:
+    with Session.open(NativeBoard(seed=7)) as session:
         identity = session.identity
         assert identity is not None
         assert identity.mismatch is None
@@ -52,7 +53,7 @@ def test_connect_tells_who_is_there() -> None:
     ],
 )
 def test_a_mismatch_is_explained_reading_works_and_arming_does_not(other: dict[str, int], sentence: str) -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session(PlumbBus(board)) as session:
         session.protocol = replace(protocol(), **other)
         identity = session.connect()
@@ -72,7 +73,7 @@ def test_a_mismatch_is_explained_reading_works_and_arming_does_not(other: dict[s
 
 def test_a_new_greeting_counts_anew() -> None:
     """After a reset of the board its counters begin at 0: that is no loss."""
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session.open(board) as session:
         for _ in range(5):
             session.end()
@@ -83,7 +84,7 @@ def test_a_new_greeting_counts_anew() -> None:
 
 
 def test_silence_is_one_sentence() -> None:
-    class Dead(MemoryBoard):
+    class Dead(NativeBoard):
         def write(self, data: bytes) -> int:
             return len(data)
 
@@ -93,7 +94,7 @@ def test_silence_is_one_sentence() -> None:
 
 
 def test_a_board_whose_time_stands_still_does_not_hang(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Frozen(MemoryBoard):
+    class Frozen(NativeBoard):
         def read(self, count: int) -> bytes:
             return b""
 
@@ -106,7 +107,7 @@ def test_a_board_whose_time_stands_still_does_not_hang(monkeypatch: pytest.Monke
 
 
 def test_upload_stages_and_commits() -> None:
-    with Session.open(MemoryBoard()) as session:
+    with Session.open(NativeBoard()) as session:
         crc = session.upload(changed("esc.mid_halfus", 3100), period_us=1000)
         values = session.read_parameters()
         assert parameters.crc32(values) == crc
@@ -116,7 +117,7 @@ def test_upload_stages_and_commits() -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_upload_survives_a_bad_line(seed: int) -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session.open(board) as session:
         board.spoil_down, board.spoil_up = BadLine(seed, 0.003), BadLine(seed + 50, 0.003)
         session.upload(changed("pid.kp_q22", 1000 + seed))
@@ -127,7 +128,7 @@ def test_upload_survives_a_bad_line(seed: int) -> None:
 def test_another_system_begins_with_nothing_selected() -> None:
     """A mask of words that another record has would stream others by their names."""
     heard = set()
-    with Session.open(MemoryBoard()) as session:
+    with Session.open(NativeBoard()) as session:
         session.select(frames=("QUAD_ANGLE",), words=(30,))
         system = systems.load("balancer")
         session.upload(quantise(system.TUNINGS[system.DEFAULT_TUNING]).words(), period_us=10_000)
@@ -141,7 +142,7 @@ def test_another_system_begins_with_nothing_selected() -> None:
 
 def test_a_table_is_committed_by_its_own_crc_or_not_at_all() -> None:
     """What was staged is not what the host meant: a value that differs, as one that CRC-8 let through would be."""
-    with Session.open(MemoryBoard()) as session:
+    with Session.open(NativeBoard()) as session:
         session.connect()
         before = session.read_parameters()
         place = [row.name for row in parameters.table()].index("esc.mid_halfus")
@@ -156,7 +157,7 @@ def test_a_table_is_committed_by_its_own_crc_or_not_at_all() -> None:
 
 
 def test_upload_ends_a_run() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session.open(board) as session:
         session.begin("LOCKSTEP")
         session.upload(CONTROL)
@@ -164,7 +165,7 @@ def test_upload_ends_a_run() -> None:
 
 
 def test_upload_refuses_with_the_reason() -> None:
-    with Session.open(MemoryBoard()) as session:
+    with Session.open(NativeBoard()) as session:
         with pytest.raises(UsageError, match=r"esc.mid_halfus = 99999 is outside 1800 to 4200"):
             session.upload(changed("esc.mid_halfus", 99999))
         for name, value, why in (
@@ -183,7 +184,7 @@ def test_upload_refuses_with_the_reason() -> None:
 
 def test_pulses_that_leave_no_gap_are_refused() -> None:
     """They would be an output that is high for ever."""
-    with Session.open(MemoryBoard()) as session:
+    with Session.open(NativeBoard()) as session:
         with pytest.raises(UsageError, match=r"contradict each other: esc.max_halfus = 4041 leaves less than 20 us"):
             session.upload(changed("esc.max_halfus", 4041), esc_period_us=2040)
         session.upload(changed("esc.max_halfus", 4040), esc_period_us=2040)
@@ -193,13 +194,13 @@ def test_pulses_that_leave_no_gap_are_refused() -> None:
 
 
 def test_a_full_queue_drops_whole_telemetry_and_never_replies() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session.open(board) as session:
         session.upload(CONTROL, period_us=500)
         capture = Capture(session)
         session.listener = capture.feed
         session.begin("REALTIME_LIVE", frames=("RAW_A", "QUAD_ANGLE"), words=range(40))
-        board.up_per_turn = 9  # 921600 baud: a tenth of what is asked for
+        board.baud(up_ns=BAUD_921600_NS)  # a tenth of what is asked for
         for _ in range(2000):
             board.turn()
             assert board.receive_room >= 40  # telemetry does not crowd out what the host may want to say
@@ -207,7 +208,7 @@ def test_a_full_queue_drops_whole_telemetry_and_never_replies() -> None:
             session.disarm()
             assert session.read_parameters()[: len(CONTROL)] == CONTROL
         session.end()
-        board.up_per_turn = 4096
+        board.baud(up_ns=0)
         board.run_us(300_000)
         session.receive(0.1)
         assert session.telemetry["COUNTERS"]["dropped"] > 1000
@@ -220,13 +221,13 @@ def test_a_full_queue_drops_whole_telemetry_and_never_replies() -> None:
 
 
 def test_a_host_that_does_not_read_is_not_answered_beyond_the_queue() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     board.say(b"O\r")
-    board.up_per_turn = 0
+    board.baud(up_ns=NEVER)
     requests = 400
     board.write(frame("CHALLENGE", 1, 0) * requests + b"V\r" * 300 + b"\r" * 300)
     board.run_us(100_000)
-    board.up_per_turn = 64
+    board.baud(up_ns=1600)
     board.run_us(1_000_000)
     text = board.heard()
     assert sum(name == "NONCE" for name, _ in said(text)) == requests
@@ -236,12 +237,12 @@ def test_a_host_that_does_not_read_is_not_answered_beyond_the_queue() -> None:
 
 
 def test_the_next_step_tells_that_frames_were_dropped() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     session = armed_session(board)
     session.pump()
-    board.up_per_turn = 0
+    board.baud(up_ns=NEVER)
     board.run_us(200_000)
-    board.up_per_turn = 4096
+    board.baud(up_ns=0)
     board.run_us(10_000)
     steps = [words for name, words in said(board.heard()) if name == "STEP"]
     jumps = [k for k in range(1, len(steps)) if steps[k]["step"] != steps[k - 1]["step"] + 1]
@@ -251,7 +252,7 @@ def test_the_next_step_tells_that_frames_were_dropped() -> None:
 
 
 def test_a_stale_answer_is_not_taken_for_the_new_one() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session.open(board) as session:
         ack, asked = protocol()["ACK"], protocol()["RUN_END"].identifier
         stale = text_of_frames([(ack.identifier, ack.pack(0, 9, asked, 999))])
@@ -260,7 +261,7 @@ def test_a_stale_answer_is_not_taken_for_the_new_one() -> None:
 
 
 def test_nothing_is_kept_alive_after_the_end() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     session = armed_session(board)
     session.end()
     sent: list[bytes] = []
@@ -272,7 +273,7 @@ def test_nothing_is_kept_alive_after_the_end() -> None:
 
 
 def test_what_goes_wrong_is_counted() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session.open(board) as session:
         board.say(b"t12\r" + b"\xff\r" + frame("KEEPALIVE", 0, 1)[:-2] + b"F\r" + b"t1230\r")
         for counter in (3, 4, 9, 10, 2):  # none known before; 4 missing, then 7
@@ -288,7 +289,7 @@ def test_what_goes_wrong_is_counted() -> None:
 
 
 def test_status_shows_the_run() -> None:
-    board = MemoryBoard()
+    board = NativeBoard()
     with Session.open(board) as session:
 
         def status() -> dict[str, int]:
@@ -314,13 +315,13 @@ def test_status_shows_the_run() -> None:
 def test_no_frame_and_no_noise_upsets_the_board(run: str | None) -> None:
     """Well-sealed frames of every kind with any content, and noise; undefined behaviour would trap."""
     rng = random.Random(run)
-    board = MemoryBoard()
+    board = NativeBoard()
     board.say(b"O\r" + frame("HELLO", protocol().version, protocol().dbc_hash), turns=20)
     messages = [message for message in protocol().messages.values() if message.sender == "HOST"]
     if run:
         begin(board, run)
         messages = [message for message in messages if message.name != "RUN_END"]
-    board.down_per_turn = 64
+    board.baud(down_ns=1600)
     for _ in range(3000):
         message = rng.choice(messages)
         body = rng.choice([rng.randbytes(6), bytes(6), b"\xff" * 6, bytes([rng.randrange(64), 0]) + rng.randbytes(4)])
@@ -356,10 +357,10 @@ def test_any_python_can_bus_carries_a_session() -> None:
             self._inner.shutdown()
 
     raw = np.arange(300).reshape(100, 3)
-    with Session(Plain(PlumbBus(MemoryBoard()))) as session:
+    with Session(Plain(PlumbBus(NativeBoard()))) as session:
         assert session.connect().mismatch is None
         session.upload(CONTROL)
         digests = Lockstep(session).run(raw, np.zeros(100))
-    with Session.open(MemoryBoard()) as session:
+    with Session.open(NativeBoard()) as session:
         session.upload(CONTROL)
         assert np.array_equal(Lockstep(session).run(raw, np.zeros(100)), digests)

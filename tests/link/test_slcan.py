@@ -8,7 +8,7 @@ import pytest
 
 from plumb.link.transports.slcan import SlcanParser, frame_of_line, text_of_frames
 from plumb.spec.protocol import crc8
-from support.link_board import parse
+from support.link_functions import parse
 
 ALPHABETS = [bytes(range(256)), b"t0123456789ABCDEFabcdef\r", b"t8\r\a\xff 0"]
 

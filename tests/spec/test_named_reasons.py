@@ -13,7 +13,7 @@ from plumb.boards.link import LinkBoard
 from plumb.link.identity import BLOCKED, BLOCKING_FAULTS, FAULTS, bits_text
 from plumb.link.session import Session
 from plumb.spec.protocol import load_database
-from support.link_board import MemoryBoard
+from support.native_board import NativeBoard
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 BIT = r"^#define {}_(\w+)[\s\\]+0x([0-9a-fA-F]+)U\b"
@@ -48,8 +48,8 @@ def test_names_are_sentences_of_their_own() -> None:
 
 
 @pytest.fixture
-def board(monkeypatch: pytest.MonkeyPatch) -> MemoryBoard:
-    memory = MemoryBoard()
+def board(monkeypatch: pytest.MonkeyPatch) -> NativeBoard:
+    memory = NativeBoard()
     memory.switch(False)
     memory.run_us(50_000)
     monkeypatch.setattr("plumb.boards.link.open_link_board", lambda spec, link: LinkBoard(spec, Session.open(memory)))
@@ -65,7 +65,7 @@ def doctor(capsys: pytest.CaptureFixture[str]) -> tuple[int, dict[str, list[str]
     return code, told
 
 
-def test_doctor_on_a_board_that_is_well(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_doctor_on_a_board_that_is_well(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
     code, told = doctor(capsys)
     assert code == 0
     assert told["last reset"] == ["power"] and told["parameters"] == ["factory defaults"]
@@ -73,13 +73,13 @@ def test_doctor_on_a_board_that_is_well(board: MemoryBoard, capsys: pytest.Captu
 
 
 @pytest.mark.parametrize("bit", BLOCKING_FAULTS)
-def test_doctor_names_each_fault_that_blocks(board: MemoryBoard, capsys: pytest.CaptureFixture[str], bit: int) -> None:
+def test_doctor_names_each_fault_that_blocks(board: NativeBoard, capsys: pytest.CaptureFixture[str], bit: int) -> None:
     board.sensors(faults=1 << bit)
     code, told = doctor(capsys)
     assert code == 1 and told["fault"] == [FAULTS[bit]]
 
 
-def test_doctor_names_a_switch_that_is_closed(board: MemoryBoard, capsys: pytest.CaptureFixture[str]) -> None:
+def test_doctor_names_a_switch_that_is_closed(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
     board.reset()
     board.switch(True)
     code, told = doctor(capsys)

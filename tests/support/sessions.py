@@ -12,7 +12,7 @@ from plumb.f103.machine import Machine
 from plumb.link.identity import NackError
 from plumb.link.session import Session
 from plumb.spec import parameters
-from support.link_board import MemoryBoard
+from support.native_board import NativeBoard
 
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 """The control words of the default table."""
@@ -22,7 +22,7 @@ STEER = 1 << 28
 """A setpoint of 22.5 degrees."""
 
 
-def armed_session(board: MemoryBoard, period_us: int = 1000) -> Session:
+def armed_session(board: NativeBoard, period_us: int = 1000) -> Session:
     session = Session.open(board)
     session.upload(CONTROL, period_us=period_us)
     session.begin("REALTIME_LIVE")

@@ -7,6 +7,8 @@ uint16_t flash_stuck_low[FLASH_CELLS], flash_stuck_high[FLASH_CELLS];
 size_t flash_weak = FLASH_CELLS;
 uint64_t flash_marked;
 uint8_t flash_seed;
+bool flash_refuses;
+uint32_t flash_operations;
 void (*flash_half_done)(void);
 
 void flash_blank(void) {
@@ -16,6 +18,8 @@ void flash_blank(void) {
     flash_page_bytes = 1024U;
     flash_weak = FLASH_CELLS;
     flash_half_done = NULL;
+    flash_refuses = false;
+    flash_operations = 0;
 }
 
 const uint16_t *board_store_slot(uint32_t slot) {
@@ -57,9 +61,10 @@ static void become(size_t at, uint32_t value) {
 static void change(size_t from, size_t to, uint16_t after) {
     static flash_t before;
 
+    flash_operations++;
     if (flash_half_done != NULL) {
         memcpy(before.cell + from, flash.cell + from, (to - from) * sizeof before.cell[0]);
-        for (unsigned way = 0; way < 4U; way++) {
+        for (unsigned way = 0; way < FLASH_WAYS; way++) {
             for (size_t at = from; at < to; at++) {
                 const uint32_t random = (uint32_t)scrambled((uint64_t)at << 16 | way << 8 | flash_seed);
                 const uint32_t few = random & (random >> 16), many = random | (random >> 16);
@@ -83,9 +88,9 @@ static void change(size_t from, size_t to, uint16_t after) {
 
 bool board_store_erase(uint32_t slot) {
     const size_t page = flash_page_bytes / 2U, start = slot * (size_t)BOARD_STORE_HALFWORDS;
-    bool good = true;
+    bool good = !flash_refuses;
 
-    for (size_t at = start; at < start + BOARD_STORE_HALFWORDS; at += page) {
+    for (size_t at = start; good && at < start + BOARD_STORE_HALFWORDS; at += page) {
         change(at, at + page, 0xFFFFU);
     }
     for (size_t at = start; at < start + BOARD_STORE_HALFWORDS; at++) {
@@ -97,7 +102,7 @@ bool board_store_erase(uint32_t slot) {
 bool board_store_program(uint32_t slot, uint32_t halfword, uint16_t value) {
     const size_t at = slot * (size_t)BOARD_STORE_HALFWORDS + halfword;
 
-    if (flash.cell[at] != 0xFFFFU && value != 0U) {
+    if (flash_refuses || (flash.cell[at] != 0xFFFFU && value != 0U)) {
         return false;
     }
     change(at, at + 1U, value);

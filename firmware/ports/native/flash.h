@@ -1,7 +1,7 @@
-/* The two slots of board.h as an array whose power fails, whose bits wear out, and whose every moment can be
- * looked at. */
-#ifndef PLUMB_TESTS_FLASH_H
-#define PLUMB_TESTS_FLASH_H
+/* The two slots of board_store.h as an array whose power fails, whose bits wear out, and whose every moment
+ * can be looked at. */
+#ifndef PLUMB_NATIVE_FLASH_H
+#define PLUMB_NATIVE_FLASH_H
 
 #include "app/board_store.h"
 #include <stddef.h>
@@ -21,6 +21,15 @@ extern uint16_t flash_stuck_low[FLASH_CELLS], flash_stuck_high[FLASH_CELLS];
 /* A cell that power failed in while it was programmed: it may read either way until that is done again.
  * FLASH_CELLS: none. */
 extern size_t flash_weak;
+
+/* Nothing is erased or programmed. */
+extern bool flash_refuses;
+
+/* Pages erased and half-words programmed. */
+extern uint32_t flash_operations;
+
+/* In how many ways an operation may be left half done. */
+#define FLASH_WAYS 4U
 
 /* Called inside every operation, once for each of the ways in which it may be left half done, with the flash
  * as power would leave it; NULL: not called. */

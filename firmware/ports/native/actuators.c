@@ -1,0 +1,92 @@
+/* Pulse outputs, the bridge and the arm switch, with the bounds that ports/stm32f103/pwm.c keeps. */
+#include "core/esc.h"
+#include "port.h"
+
+#define START_FRAME_HALFUS      5000u
+#define CONSTANT_NEUTRAL_HALFUS 2000u
+
+static uint32_t neutral_halfus;
+static bool broken, hall_failed; /* latched until board_clear_actuator_faults() */
+
+static uint32_t bounded(uint32_t value, uint32_t low, uint32_t high) {
+    return value < low ? low : value > high ? high : value;
+}
+
+static void set_pulses(uint32_t first, uint32_t second) {
+    const bool driven = port_drives() && board_identity()->pins == BOARD_PINS_STANDARD;
+    native.pulse_halfus[0] = driven ? first : 0u;
+    native.pulse_halfus[1] = driven ? second : 0u;
+}
+
+static void bridge_off(void) {
+    native.bridge_on = 0u;
+    native.duty_q15 = 0;
+}
+
+void actuators_reset(void) {
+    broken = hall_failed = false;
+    board_configure_actuator(START_FRAME_HALFUS, CONSTANT_NEUTRAL_HALFUS);
+}
+
+/* The break input and lost Hall sensors switch the bridge off, with no instruction of the loop. */
+void actuators_advance(void) {
+    if (!port_bridge()) {
+        return;
+    }
+    broken = broken || native.bridge_break != 0u;
+    hall_failed = hall_failed || native.hall_lost != 0u;
+    if (native.bridge_break != 0u || hall_failed) {
+        bridge_off();
+    }
+}
+
+uint32_t actuators_faults(void) {
+    return (broken ? BOARD_FAULT_BRIDGE : 0u) | (hall_failed ? BOARD_FAULT_HALL : 0u);
+}
+
+void board_configure_actuator(uint32_t frame_halfus, uint32_t wanted_neutral_halfus) {
+    neutral_halfus = wanted_neutral_halfus;
+    board_actuator_neutral();
+    native.frame_halfus = bounded(frame_halfus, ESC_FRAME_MIN_HALFUS, ESC_FRAME_MAX_HALFUS);
+}
+
+void board_set_actuator(const uint32_t pulse_halfus[BOARD_ACTUATORS]) {
+    const uint32_t fits = native.frame_halfus - ESC_GAP_MIN_HALFUS;
+    const uint32_t high = fits < ESC_PULSE_MAX_HALFUS ? fits : ESC_PULSE_MAX_HALFUS;
+    if (!port_stalled()) {
+        set_pulses(bounded(pulse_halfus[0], ESC_PULSE_MIN_HALFUS, high),
+                   bounded(pulse_halfus[1], ESC_PULSE_MIN_HALFUS, high));
+    }
+}
+
+bool board_arm_switch(void) {
+    return native.arm_switch != 0u;
+}
+
+void board_arm_actuator(void) {
+    port_watch(true);
+    if (port_bridge() && native.bridge_break == 0u && !hall_failed && !port_stalled()) {
+        native.bridge_on = 1u;
+        native.duty_q15 = 0;
+    }
+}
+
+void board_set_bridge(int32_t duty_q15) {
+    if (native.bridge_on != 0u) {
+        native.duty_q15 = duty_q15;
+    }
+}
+
+void board_actuator_neutral(void) {
+    const bool good = neutral_halfus >= ESC_PULSE_MIN_HALFUS && neutral_halfus <= ESC_NEUTRAL_MAX_HALFUS;
+    const uint32_t pulse = good ? neutral_halfus : CONSTANT_NEUTRAL_HALFUS;
+    set_pulses(pulse, pulse);
+    bridge_off();
+    port_watch(false);
+}
+
+void board_clear_actuator_faults(void) {
+    broken = hall_failed = false;
+    actuators_advance(); /* set again where it is still so */
+    port_clear_stall();
+}

@@ -1,0 +1,337 @@
+/* The board as a whole: power, time, sleep, the stall watch and the watchdog. Times are those of the chip's
+ * port. */
+#include "app/loop.h"
+#include "flash.h"
+#include "port.h"
+#include <setjmp.h>
+#include <string.h>
+
+#define NS_PER_US      1000u
+#define SLEEP_US       1000u  /* longest sleep of the loop */
+#define STALL_US       20000u /* ports/stm32f103/stall.c */
+#define WATCHDOG_US    40000u /* ports/stm32f103/watchdog.c */
+#define RESET_POWER    0x0Cu  /* RCC_CSR 31..24: power and pin */
+#define RESET_WATCHDOG 0x44u  /* window watchdog and pin */
+#define AT_ONCE_MAX    64u /* turns at one instant: with lines that take no time, bytes wait for the loop */
+
+/* Level and still, by the calibration of the default table. */
+#define REST_GYRO    1676
+#define REST_ACCEL_Y 2048
+#define REST_ACCEL_Z 3041
+
+typedef enum { LEFT_NOT = 0, LEFT_POWER, LEFT_BOOTLOADER } left_t;
+
+native_wires_t native;
+static uint64_t now_us;
+static uint32_t clock_offset_us; /* of the board's clock to now_us */
+static jmp_buf out_of_the_loop;
+
+/* Lost with power. */
+static struct {
+    board_identity_t identity;
+    board_setup_t setup;
+    uint32_t faults;
+    uint32_t last_clock_us;
+    uint64_t slept_us; /* the loop went to sleep */
+    uint64_t turned_us;
+    uint64_t fed_us;
+    bool wake, driving, stalled, watchdog;
+} board;
+
+/* ---- what the files of the port share ---- */
+
+uint64_t port_now_ns(void) {
+    return now_us * NS_PER_US;
+}
+
+uint32_t port_now_ms(void) {
+    return (uint32_t)(now_us / 1000u);
+}
+
+void port_wake(void) {
+    board.wake = true;
+}
+
+void port_power_fails(void) {
+    longjmp(out_of_the_loop, LEFT_POWER);
+}
+
+bool port_drives(void) {
+    return (board.faults & BOARD_FAULT_STRAP) == 0u;
+}
+
+bool port_bridge(void) {
+    return port_drives() && board.identity.pins == BOARD_PINS_BRIDGE;
+}
+
+bool port_stalled(void) {
+    return board.stalled;
+}
+
+void port_watch(bool driving) {
+    board.driving = driving;
+}
+
+void port_clear_stall(void) {
+    board.driving = false;
+    board.stalled = false;
+}
+
+/* ---- board.h ---- */
+
+void board_init(const board_setup_t *setup) {
+    board.setup = *setup;
+    board.identity = native.identity;
+    board.identity.pins = native.strap;
+    if (setup->pins != native.strap || native.strap > BOARD_PINS_BRIDGE) {
+        board.faults |= BOARD_FAULT_STRAP;
+    }
+    if (native.no_crystal != 0u) {
+        board.faults |= BOARD_FAULT_CLOCK_FALLBACK;
+    }
+    if (native.image_damaged != 0u) {
+        board.faults |= BOARD_FAULT_IMAGE;
+    }
+    actuators_reset();
+}
+
+const board_identity_t *board_identity(void) {
+    return &board.identity;
+}
+
+uint32_t board_faults(void) {
+    return native.faults | board.faults | guard_faults() | links_faults() | sensors_faults() |
+           actuators_faults() | (board.stalled ? BOARD_FAULT_STALLED : 0u);
+}
+
+uint32_t board_now_us(void) {
+    const uint32_t clock_us = (uint32_t)now_us + clock_offset_us;
+    if ((int32_t)(clock_us - board.last_clock_us) < 0) {
+        guard_clock_upset(); /* as ports/stm32f103/time.c tells it */
+    }
+    board.last_clock_us = clock_us;
+    return clock_us;
+}
+
+void board_turn(void) {
+    board.turned_us = now_us;
+}
+
+void board_feed_watchdog(void) {
+    board.fed_us = now_us;
+}
+
+void board_enter_bootloader(void) {
+    board_actuator_neutral();
+    longjmp(out_of_the_loop, LEFT_BOOTLOADER);
+}
+
+/* The host lets time pass, in native_run(). */
+void board_idle(void) {
+    board.slept_us = now_us;
+}
+
+/* ---- time ---- */
+
+/* Whether the loop comes round; everything else of the board goes on without it. */
+static bool loop_lives(void) {
+    return native.state == NATIVE_RUNNING && native.hangs == 0u;
+}
+
+/* In every operation of the flash, once for each way of leaving it half done. */
+static void flash_at_work(void) {
+    static uint32_t way;
+    if (native.flash_cut == 1u && way == native.flash_cut_way) {
+        native.flash_cut = 0u;
+        way = 0u;
+        port_power_fails();
+    }
+    way = (way + 1u) % FLASH_WAYS;
+    if (way == 0u && native.flash_cut > 1u) {
+        native.flash_cut--;
+    }
+}
+
+/* Runs what belongs to the loop; it may end in the middle. */
+static void run_loop(void (*part)(void)) {
+    flash_refuses = native.flash_refuses != 0u;
+    switch (setjmp(out_of_the_loop)) {
+    case LEFT_NOT:
+        part();
+        inside_look();
+        break;
+    case LEFT_BOOTLOADER:
+        native.state = NATIVE_BOOTLOADER;
+        break;
+    default:
+        native_power_off();
+    }
+}
+
+static void start(uint32_t cause) {
+    memset(&board, 0, sizeof board);
+    guard_reset();
+    links_reset();
+    sensors_reset();
+    board.fed_us = board.turned_us = board.slept_us = now_us;
+    board.last_clock_us = (uint32_t)now_us + clock_offset_us;
+    native.identity.reset_cause = cause;
+    board.faults = cause == RESET_WATCHDOG ? BOARD_FAULT_WATCHDOG : 0u;
+    native.state = NATIVE_RUNNING;
+    board.wake = true;
+    run_loop(loop_start);
+}
+
+/* To this instant, at which something may happen. */
+static void advance_to(uint64_t us) {
+    now_us = us;
+    if (native.state != NATIVE_RUNNING) {
+        return;
+    }
+    links_advance();
+    sensors_advance();
+    actuators_advance();
+    if (board.driving && now_us - board.turned_us >= STALL_US) {
+        board.stalled = true;
+        board_actuator_neutral();
+    }
+    if (now_us - board.fed_us >= WATCHDOG_US) {
+        native.resets++;
+        native.hangs = 0u; /* the reset ends it */
+        start(RESET_WATCHDOG);
+    }
+}
+
+/* The first microsecond at which it has happened. */
+static uint64_t whole_us(uint64_t ns) {
+    return ns / NS_PER_US + (ns % NS_PER_US != 0u ? 1u : 0u);
+}
+
+/* Pass over every instant up to this one at which something happens without the loop. */
+static void pass_until(uint64_t until_us) {
+    while (now_us < until_us) {
+        uint64_t next_us = until_us;
+        const uint64_t events[] = {whole_us(links_next_ns()), whole_us(sensors_next_ns()),
+                                   board.driving ? board.turned_us + STALL_US : UINT64_MAX,
+                                   board.fed_us + WATCHDOG_US};
+        for (size_t i = 0u; i < sizeof events / sizeof events[0] && native.state == NATIVE_RUNNING; i++) {
+            if (events[i] > now_us && events[i] < next_us) {
+                next_us = events[i];
+            }
+        }
+        advance_to(next_us);
+        if (board.wake && loop_lives()) {
+            return;
+        }
+    }
+}
+
+static void turn(void) {
+    board.wake = false;
+    native.turns++;
+    run_loop(loop_turn);
+    const uint64_t end_us = now_us + native.turn_us;
+    while (native.state == NATIVE_RUNNING && now_us < end_us) {
+        const bool wake = board.wake;
+        board.wake = false;
+        pass_until(end_us); /* what happens in between wakes the loop when it sleeps */
+        board.wake = board.wake || wake;
+    }
+    links_advance();
+}
+
+static uint64_t wakes_us(void) {
+    return board.wake ? now_us : board.slept_us + SLEEP_US;
+}
+
+void native_run(uint32_t us) {
+    const uint64_t end_us = now_us + us;
+    unsigned at_once = 0u; /* turns at this instant */
+    while (now_us <= end_us) {
+        const uint64_t due_us = !loop_lives()            ? UINT64_MAX
+                                : at_once == AT_ONCE_MAX ? now_us + 1u
+                                                         : wakes_us();
+        if (due_us <= now_us) {
+            turn();
+            at_once++;
+            continue;
+        }
+        if (now_us == end_us) {
+            break;
+        }
+        at_once = 0u;
+        pass_until(due_us < end_us ? due_us : end_us);
+    }
+}
+
+void native_turn(uint32_t us) {
+    const uint64_t end_us = now_us + us;
+    while (now_us < end_us) {
+        board.wake = false;
+        pass_until(end_us);
+    }
+    links_advance();
+    if (loop_lives()) {
+        turn();
+    }
+}
+
+uint64_t native_now_us(void) {
+    return now_us;
+}
+
+void native_set_clock_us(uint32_t us) {
+    clock_offset_us = us - (uint32_t)now_us;
+    if (native.state != NATIVE_RUNNING) {
+        board.last_clock_us = us;
+    }
+}
+
+/* ---- power ---- */
+
+size_t native_wires_bytes(void) {
+    return sizeof native;
+}
+
+void native_defaults(void) {
+    memset(&native, 0, sizeof native);
+    native.identity = (board_identity_t){.part_id = 0x410u, .flash_kib = 64u, .ram_kib = 20u, .seed = 1u};
+    native.raw[0] = REST_GYRO;
+    native.raw[1] = REST_ACCEL_Y;
+    native.raw[2] = REST_ACCEL_Z;
+    native.can_kbit = 500u; /* of the default table */
+    now_us = 0u;
+    clock_offset_us = 0u;
+    flash_blank();
+    flash_half_done = flash_at_work;
+    links_unplug();
+}
+
+uint16_t *native_flash(void) {
+    return flash.cell;
+}
+
+uint16_t *native_flash_stuck_high(void) {
+    return flash_stuck_high;
+}
+
+uint32_t native_flash_operations(void) {
+    return flash_operations;
+}
+
+void native_power_on(void) {
+    native.resets = 0u;
+    native.turns = 0u;
+    start(RESET_POWER);
+}
+
+void native_power_off(void) {
+    native.state = NATIVE_OFF;
+    native.armed = 0u;
+    for (unsigned i = 0u; i < BOARD_ACTUATORS; i++) {
+        native.pulse_halfus[i] = 0u;
+    }
+    native.bridge_on = 0u;
+    native.duty_q15 = 0;
+    links_unplug();
+}

@@ -1,0 +1,9 @@
+/* The shipped loop, compiled into this port as it is, so that the host can look into its state. */
+#include "app/loop.c"
+#include "port.h"
+
+void inside_look(void) {
+    native.armed = session_armed(&session);
+    native.steps = session.run.step;
+    native.receive_room = (uint32_t)requests_room(&session);
+}

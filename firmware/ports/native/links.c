@@ -1,0 +1,362 @@
+/* The ends of the UART and of CAN: what is on a line, and what the board's buffers hold. Sizes and limits are
+ * those of ports/stm32f103/uart.c and bxcan.c. A line whose bytes take no time waits while the board's buffer
+ * is full; one with a rate does not, and the board loses what it has no room for. */
+#include "port.h"
+#include <string.h>
+
+#define LINE_BYTES    65536u /* under way, or not yet fetched by the host */
+#define RX_BYTES      1024u
+#define TX_BYTES      256u
+#define ERRORS_MAX    255u
+#define LINE_FRAMES   1024u
+#define RX_FRAMES     16u
+#define MAILBOXES     3u
+#define REST_MIN_MS   10u
+#define REST_MAX_MS   1000u
+#define GIVE_UP_MS    500u
+#define NO_ACK        3u /* ISO 11898-1, as board_can_health_t has it */
+#define BIT_ERROR     4u
+#define ERROR_PASSIVE 128u
+
+/* ---- queues; free-running counts ---- */
+
+typedef struct {
+    uint32_t in, out;
+} queue_t;
+
+static uint32_t used(const queue_t *q) {
+    return q->in - q->out;
+}
+
+static uint8_t line_in_bytes[LINE_BYTES], line_out_bytes[LINE_BYTES], rx_bytes[RX_BYTES], tx_bytes[TX_BYTES];
+static queue_t line_in, line_out, rx, tx;
+static can_frame_t bus_in_frames[LINE_FRAMES], bus_out_frames[LINE_FRAMES], rx_frames[RX_FRAMES],
+    mailbox[MAILBOXES];
+static queue_t bus_in, bus_out, can_rx, can_tx;
+
+typedef enum { CAN_OFF, CAN_JOINING, CAN_ON, CAN_RESTING } can_state_t;
+
+static struct {
+    uint64_t in_ns, out_ns; /* when the byte under way has passed */
+    uint64_t bus_in_ns, bus_out_ns;
+    uint32_t errors;
+    bool tx_refused, overrun;
+    can_state_t can;
+    uint32_t kbit, since_ms, sent_ms, rest_ms;
+    const uint16_t *ids;
+    size_t id_count;
+    board_can_health_t health;
+} links;
+
+void links_unplug(void) {
+    line_in = line_out = bus_in = bus_out = (queue_t){0};
+}
+
+void links_reset(void) {
+    memset(&links, 0, sizeof links);
+    rx = tx = can_rx = can_tx = (queue_t){0};
+    links.health.bus_off = true;
+    links.rest_ms = REST_MIN_MS;
+    links.can = native.no_crystal != 0u ? CAN_OFF : CAN_JOINING;
+    links.since_ms = port_now_ms();
+}
+
+uint32_t links_faults(void) {
+    return (links.errors > 0u ? BOARD_FAULT_UART_OVERRUN : 0u) |
+           links.errors << BOARD_FAULT_UART_COUNT_SHIFT | (links.overrun ? BOARD_FAULT_CAN_OVERRUN : 0u);
+}
+
+/* ---- UART ---- */
+
+static bool listens(void) {
+    return native.state == NATIVE_RUNNING && native.strap != BOARD_PINS_UNKNOWN;
+}
+
+static void lose_byte(void) {
+    links.errors += links.errors < ERRORS_MAX ? 1u : 0u;
+    port_wake();
+}
+
+static void receive_byte(uint8_t byte) {
+    if (native.uart_damaged > 0u) {
+        native.uart_damaged--;
+        lose_byte();
+    } else if (used(&rx) == RX_BYTES) {
+        lose_byte();
+    } else {
+        rx_bytes[rx.in++ % RX_BYTES] = byte;
+    }
+}
+
+static void advance_uart_in(void) {
+    while (used(&line_in) > 0u && links.in_ns <= port_now_ns()) {
+        if (native.uart_in_byte_ns == 0u && used(&rx) == RX_BYTES) {
+            return;
+        }
+        receive_byte(line_in_bytes[line_in.out++ % LINE_BYTES]);
+        links.in_ns += native.uart_in_byte_ns;
+        if (used(&line_in) == 0u || used(&rx) >= RX_BYTES / 2u) {
+            port_wake(); /* an idle line, or half a ring */
+        }
+    }
+}
+
+static void advance_uart_out(void) {
+    if (native.uart_out_byte_ns == NATIVE_NEVER) {
+        links.out_ns = port_now_ns();
+        return;
+    }
+    while (used(&tx) > 0u && links.out_ns <= port_now_ns()) {
+        if (used(&line_out) < LINE_BYTES) { /* else nobody fetches it */
+            line_out_bytes[line_out.in++ % LINE_BYTES] = tx_bytes[tx.out % TX_BYTES];
+        }
+        tx.out++;
+        links.out_ns += native.uart_out_byte_ns;
+    }
+    if (links.tx_refused && used(&tx) == 0u) {
+        links.tx_refused = false;
+        port_wake();
+    }
+}
+
+size_t native_uart_send(const uint8_t *bytes, size_t count) {
+    size_t taken = 0u;
+    if (used(&line_in) == 0u) {
+        links.in_ns = port_now_ns() + native.uart_in_byte_ns;
+    }
+    while (taken < count && used(&line_in) < LINE_BYTES && listens()) {
+        line_in_bytes[line_in.in++ % LINE_BYTES] = bytes[taken++];
+    }
+    links_advance();
+    return listens() ? taken : count;
+}
+
+size_t native_uart_receive(uint8_t *bytes, size_t room) {
+    size_t count = 0u;
+    while (count < room && used(&line_out) > 0u) {
+        bytes[count++] = line_out_bytes[line_out.out++ % LINE_BYTES];
+    }
+    return count;
+}
+
+size_t board_uart_read(uint8_t *bytes, size_t room) {
+    size_t count = 0u;
+    while (count < room && used(&rx) > 0u) {
+        bytes[count++] = rx_bytes[rx.out++ % RX_BYTES];
+    }
+    if (count > 0u && used(&rx) + used(&line_in) > 0u) {
+        port_wake();
+    }
+    return count;
+}
+
+size_t board_uart_room(void) {
+    advance_uart_out();
+    const size_t room = TX_BYTES - used(&tx);
+    links.tx_refused = room == 0u;
+    return room;
+}
+
+size_t board_uart_write(const uint8_t *bytes, size_t count) {
+    size_t accepted = 0u;
+    if (used(&tx) == 0u) {
+        links.out_ns = port_now_ns() + native.uart_out_byte_ns;
+    }
+    while (accepted < count && used(&tx) < TX_BYTES) {
+        tx_bytes[tx.in++ % TX_BYTES] = bytes[accepted++];
+    }
+    return accepted;
+}
+
+/* ---- CAN ---- */
+
+static bool accepted(uint16_t id) {
+    for (size_t i = 0u; i < links.id_count; i++) {
+        if (links.ids[i] == id) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Frames pass: both ends are there, at one rate. */
+static bool bus_works(void) {
+    return links.can == CAN_ON && native.can_kbit == links.kbit && native.can_dead == 0u;
+}
+
+static void advance_can_in(void) {
+    while (used(&bus_in) > 0u && links.bus_in_ns <= port_now_ns()) {
+        if (native.can_frame_ns == 0u && used(&can_rx) == RX_FRAMES) {
+            return;
+        }
+        const can_frame_t frame = bus_in_frames[bus_in.out++ % LINE_FRAMES];
+        links.bus_in_ns += native.can_frame_ns;
+        if (!bus_works() || !accepted(frame.id)) {
+            continue;
+        }
+        if (used(&can_rx) == RX_FRAMES) {
+            links.overrun = true;
+        } else {
+            rx_frames[can_rx.in++ % RX_FRAMES] = frame;
+        }
+        port_wake();
+    }
+}
+
+static void advance_can_out(void) {
+    while (used(&can_tx) > 0u && bus_works() && links.bus_out_ns <= port_now_ns()) {
+        if (used(&bus_out) < LINE_FRAMES) {
+            bus_out_frames[bus_out.in++ % LINE_FRAMES] = mailbox[can_tx.out % MAILBOXES];
+        }
+        can_tx.out++;
+        links.bus_out_ns += native.can_frame_ns;
+        links.sent_ms = port_now_ms();
+        links.health.transmit_errors = 0u;
+        port_wake();
+    }
+}
+
+bool native_can_send(const native_frame_t *frame) {
+    if (used(&bus_in) == LINE_FRAMES) {
+        return false;
+    }
+    if (used(&bus_in) == 0u) {
+        links.bus_in_ns = port_now_ns() + native.can_frame_ns;
+    }
+    can_frame_t *const to = &bus_in_frames[bus_in.in++ % LINE_FRAMES];
+    *to = (can_frame_t){.id = (uint16_t)frame->id, .dlc = (uint8_t)frame->dlc};
+    memcpy(to->data, frame->data, sizeof to->data);
+    if (native.state == NATIVE_RUNNING) {
+        links_advance();
+    }
+    return true;
+}
+
+bool native_can_receive(native_frame_t *frame) {
+    if (used(&bus_out) == 0u) {
+        return false;
+    }
+    const can_frame_t *const from = &bus_out_frames[bus_out.out++ % LINE_FRAMES];
+    *frame = (native_frame_t){.id = from->id, .dlc = from->dlc};
+    memcpy(frame->data, from->data, sizeof frame->data);
+    return true;
+}
+
+static void enter(can_state_t state) {
+    links.can = state;
+    links.since_ms = port_now_ms();
+}
+
+static void look_after(uint32_t now_ms) {
+    if (native.can_dead != 0u) {
+        links.health.last_error = BIT_ERROR;
+        links.health.bus_offs++;
+        native.bus_offs++;
+        enter(CAN_RESTING);
+        return;
+    }
+    if (now_ms - links.since_ms >= REST_MAX_MS) {
+        links.rest_ms = REST_MIN_MS; /* it holds */
+    }
+    if (used(&can_tx) > 0u && !bus_works()) {
+        links.health.transmit_errors = ERROR_PASSIVE; /* alone on the bus it goes no further */
+        links.health.last_error = NO_ACK;
+        if (now_ms - links.sent_ms >= GIVE_UP_MS) {
+            can_tx = (queue_t){0};
+        }
+    }
+}
+
+void board_can_join(uint32_t kbit, const uint16_t *ids, size_t count) {
+    links.ids = ids;
+    links.id_count = count;
+    if (links.can == CAN_OFF) {
+        return;
+    }
+    const uint32_t now_ms = port_now_ms();
+    if (kbit != links.kbit) {
+        links.kbit = kbit;
+        enter(CAN_JOINING);
+    }
+    switch (links.can) {
+    case CAN_JOINING:
+        links.sent_ms = now_ms;
+        enter(CAN_ON);
+        port_wake();
+        break;
+    case CAN_ON:
+        look_after(now_ms);
+        break;
+    default:
+        if (now_ms - links.since_ms >= links.rest_ms) {
+            links.rest_ms = 2u * links.rest_ms < REST_MAX_MS ? 2u * links.rest_ms : REST_MAX_MS;
+            enter(CAN_JOINING);
+        }
+    }
+    links.health.bus_off = links.can != CAN_ON;
+}
+
+bool board_can_read(can_frame_t *frame) {
+    advance_can_in();
+    if (used(&can_rx) == 0u) {
+        return false;
+    }
+    *frame = rx_frames[can_rx.out++ % RX_FRAMES];
+    if (used(&can_rx) + used(&bus_in) > 0u) {
+        port_wake();
+    }
+    return true;
+}
+
+bool board_can_room(void) {
+    advance_can_out();
+    return links.can == CAN_ON && used(&can_tx) < MAILBOXES;
+}
+
+void board_can_send(const can_frame_t *frame) {
+    if (used(&can_tx) == 0u) {
+        links.sent_ms = port_now_ms();
+        links.bus_out_ns = port_now_ns() + native.can_frame_ns;
+    }
+    mailbox[can_tx.in++ % MAILBOXES] = *frame;
+}
+
+const board_can_health_t *board_can_health(void) {
+    return &links.health;
+}
+
+/* ---- time ---- */
+
+void links_advance(void) {
+    if (listens()) {
+        advance_uart_in();
+        advance_uart_out();
+    }
+    advance_can_in();
+    advance_can_out();
+}
+
+/* When `count` bytes or frames have passed, the first at `first_ns`. */
+static uint64_t passed_ns(uint64_t first_ns, uint32_t count, uint32_t each_ns) {
+    return first_ns + (uint64_t)(count - 1u) * each_ns;
+}
+
+uint64_t links_next_ns(void) {
+    uint64_t next_ns = UINT64_MAX;
+    if (used(&line_in) > 0u && listens()) {
+        const uint32_t room = RX_BYTES / 2u;
+        const uint32_t count = used(&line_in) < room ? used(&line_in) : room;
+        next_ns = passed_ns(links.in_ns, count, native.uart_in_byte_ns);
+    }
+    if (links.tx_refused && native.uart_out_byte_ns != NATIVE_NEVER && used(&tx) > 0u) {
+        const uint64_t sent_ns = passed_ns(links.out_ns, used(&tx), native.uart_out_byte_ns);
+        next_ns = sent_ns < next_ns ? sent_ns : next_ns;
+    }
+    if (used(&bus_in) > 0u && links.bus_in_ns < next_ns) {
+        next_ns = links.bus_in_ns;
+    }
+    if (used(&can_tx) > 0u && bus_works() && links.bus_out_ns < next_ns) {
+        next_ns = links.bus_out_ns;
+    }
+    return next_ns;
+}

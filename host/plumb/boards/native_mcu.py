@@ -1,0 +1,322 @@
+"""The shipped main loop on a board in this process's memory (firmware/ports/native): no chip, no Unicorn.
+
+    mcu = NativeMcu()
+    session = Session.open(mcu.uart)       # or Session.over(NativeCanBus(mcu))
+    mcu.wires.arm_switch = 1
+    mcu.run_us(1000)
+    mcu.wires.pulse_halfus[0]
+
+Time is simulated and passes only when it is asked to; the same calls give the same bytes.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import shutil
+import tempfile
+from collections import deque
+from collections.abc import Sequence
+from enum import IntEnum
+from pathlib import Path
+from typing import Any
+
+import can
+
+from plumb.boards.native_core import BUILD
+from plumb.errors import UsageError
+from plumb.spec.protocol import Frame, check, protocol
+
+LIBRARY = "libplumb_board.so"
+SLICE_US = 100
+"""Grain of a wait for what the board says."""
+_CHUNK = 4096
+_FLASH_CELLS = 2048
+
+
+class Identity(ctypes.Structure):
+    """board_identity_t of firmware/app/board.h."""
+
+    _fields_ = [
+        ("part_id", ctypes.c_uint32),
+        ("unique_id", ctypes.c_uint32 * 3),
+        ("git_hash", ctypes.c_uint32 * 2),
+        ("git_dirty", ctypes.c_uint32),
+        ("flash_kib", ctypes.c_uint32),
+        ("ram_kib", ctypes.c_uint32),
+        ("reset_cause", ctypes.c_uint32),
+        ("crash_pc", ctypes.c_uint32),
+        ("crash_exception", ctypes.c_uint32),
+        ("pins", ctypes.c_uint32),
+        ("seed", ctypes.c_uint32),
+    ]
+
+
+class Wires(ctypes.Structure):
+    """native_wires_t of firmware/ports/native/native.h, which says what each field means."""
+
+    _fields_ = [
+        ("identity", Identity),
+        ("raw", ctypes.c_int32 * 6),
+        *((name, ctypes.c_uint32) for name in (
+            "arm_switch", "strap", "bridge_break", "hall_lost", "uart_in_byte_ns", "uart_out_byte_ns", "can_kbit",
+            "can_frame_ns", "faults", "railed", "stuck", "gyro", "accel", "adc_dead", "uart_damaged", "can_dead",
+            "no_crystal", "image_damaged", "hangs", "turn_us", "flash_refuses", "flash_cut", "flash_cut_way",
+            "state", "resets",
+        )),
+        ("pulse_halfus", ctypes.c_uint32 * 2),
+        ("frame_halfus", ctypes.c_uint32),
+        ("bridge_on", ctypes.c_uint32),
+        ("duty_q15", ctypes.c_int32),
+        *((name, ctypes.c_uint32) for name in ("bus_offs", "turns", "armed", "steps", "receive_room")),
+    ]  # fmt: skip
+
+
+class _CanFrame(ctypes.Structure):
+    _fields_ = [("id", ctypes.c_uint32), ("dlc", ctypes.c_uint32), ("data", ctypes.c_uint8 * 8)]
+
+
+class State(IntEnum):
+    OFF = 0
+    RUNNING = 1
+    BOOTLOADER = 2
+
+
+NEVER = 0xFFFFFFFF
+"""Of a time in Wires: it stands still."""
+
+
+def library_path() -> Path:
+    """Where the library is; UsageError that says how to make it when there is none."""
+    package = Path(__file__).resolve().parents[1]
+    for path in (package / LIBRARY, package.parents[1] / "build" / "native" / LIBRARY):
+        if path.is_file():
+            return path
+    raise UsageError(f"the native board is not built: run '{BUILD}' in the checkout, or 'pip install .' there")
+
+
+def _load(path: Path) -> ctypes.CDLL:
+    """A copy of the library of its own, as its loop keeps its state in static memory. It stays loaded."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / path.name
+        shutil.copy(path, copy)
+        try:
+            library = ctypes.CDLL(str(copy))
+        except OSError as error:
+            raise UsageError(f"{path} does not load ({error}): run '{BUILD}' in the checkout") from error
+    for name in ("wires_bytes", "uart_send", "uart_receive", "guarded_bytes"):
+        getattr(library, f"native_{name}").restype = ctypes.c_size_t
+    for name in ("can_send", "can_receive"):
+        getattr(library, f"native_{name}").restype = ctypes.c_bool
+    library.native_now_us.restype = ctypes.c_uint64
+    library.native_flash_operations.restype = ctypes.c_uint32
+    for name in ("flash", "flash_stuck_high"):
+        getattr(library, f"native_{name}").restype = ctypes.POINTER(ctypes.c_uint16 * _FLASH_CELLS)
+    if library.native_wires_bytes() != ctypes.sizeof(Wires):
+        raise UsageError(f"{path} is of another version than this package: run '{BUILD}' in the checkout")
+    return library
+
+
+class NativeMcu:
+    """A board in memory, switched on. library: another build of it. time_us: of its clock at the start."""
+
+    def __init__(self, library: Path | None = None, *, time_us: int = 0, power: bool = True) -> None:
+        self._library = _load(library or library_path())
+        self.wires = Wires.in_dll(self._library, "native")
+        self.uart = NativeUart(self)
+        self._library.native_defaults()
+        if time_us:
+            self._library.native_set_clock_us(ctypes.c_uint32(time_us & NEVER))
+        if power:
+            self.power_on()
+
+    # ---- power and time ----
+
+    def power_on(self) -> None:
+        """From reset to the first turn of the loop; the flash holds what it held."""
+        self._library.native_power_on()
+
+    def power_off(self) -> None:
+        self._library.native_power_off()
+
+    @property
+    def state(self) -> State:
+        return State(self.wires.state)
+
+    @property
+    def now_us(self) -> int:
+        """Simulated microseconds since the object was made."""
+        return int(self._library.native_now_us())
+
+    def run_us(self, time_us: int) -> None:
+        """Let time pass; the loop sleeps and wakes as on the chip."""
+        self._library.native_run(ctypes.c_uint32(time_us))
+
+    def turn(self, time_us: int = SLICE_US) -> None:
+        """Let time pass without the loop, then run one turn of it."""
+        self._library.native_turn(ctypes.c_uint32(time_us))
+
+    def set_clock_us(self, time_us: int) -> None:
+        """Let the board's clock jump to another count."""
+        self._library.native_set_clock_us(ctypes.c_uint32(time_us & NEVER))
+
+    # ---- links ----
+
+    def uart_send(self, data: bytes) -> int:
+        """Bytes to the board; returns how many the line took."""
+        return int(self._library.native_uart_send(data, ctypes.c_size_t(len(data))))
+
+    def uart_receive(self) -> bytes:
+        out = ctypes.create_string_buffer(_CHUNK)
+        data = b""
+        while count := self._library.native_uart_receive(out, ctypes.c_size_t(_CHUNK)):
+            data += out.raw[:count]
+        return data
+
+    def can_send(self, identifier: int, data: bytes) -> bool:
+        """A frame to the board; False when the bus has no room."""
+        frame = _CanFrame(identifier, len(data), (ctypes.c_uint8 * 8)(*data))
+        return bool(self._library.native_can_send(ctypes.byref(frame)))
+
+    def can_receive(self) -> list[Frame]:
+        """The frames that the board has sent since the last call."""
+        frame, frames = _CanFrame(), []
+        while self._library.native_can_receive(ctypes.byref(frame)):
+            frames.append((int(frame.id), bytes(frame.data)[: frame.dlc]))
+        return frames
+
+    # ---- memory ----
+
+    @property
+    def flash(self) -> ctypes.Array[ctypes.c_uint16]:
+        """The half-words of both slots of saved parameters."""
+        cells: ctypes.Array[ctypes.c_uint16] = self._library.native_flash().contents
+        return cells
+
+    @property
+    def flash_stuck_high(self) -> ctypes.Array[ctypes.c_uint16]:
+        """Worn bits of these half-words: always 1."""
+        cells: ctypes.Array[ctypes.c_uint16] = self._library.native_flash_stuck_high().contents
+        return cells
+
+    @property
+    def flash_operations(self) -> int:
+        """Pages erased and half-words programmed since the object was made."""
+        return int(self._library.native_flash_operations())
+
+    @property
+    def guarded_bytes(self) -> int:
+        """Size of the memory that decides a pulse."""
+        return int(self._library.native_guarded_bytes())
+
+    def flip(self, at: int, bit: int) -> None:
+        """Flip a bit of that memory."""
+        self._library.native_flip(ctypes.c_size_t(at), ctypes.c_uint32(bit))
+
+
+class NativeUart:
+    """The host's end of the UART: read, write and in_waiting of a serial port. timeout: simulated seconds that a read
+    waits for a first byte."""
+
+    def __init__(self, mcu: NativeMcu) -> None:
+        self._mcu = mcu
+        self.name = "the native board"
+        self.timeout = 0.005
+        self._down = b""
+        self._up = b""
+
+    def clock_s(self) -> float:
+        """Simulated seconds: the clock for time-outs."""
+        return float(self._mcu.now_us) * 1e-6
+
+    def pass_us(self, time_us: int) -> None:
+        """Let time pass, in which waiting bytes go both ways."""
+        if self._down:
+            self._down = self._down[self._mcu.uart_send(self._down) :]
+        self._mcu.run_us(time_us)
+        self._collect()
+
+    def _collect(self) -> None:
+        self._up += self._mcu.uart_receive()
+
+    @property
+    def in_waiting(self) -> int:
+        self._collect()
+        return len(self._up)
+
+    def write(self, data: bytes) -> int:
+        """Bytes on their way to the board; takes no time."""
+        self._down += bytes(data)
+        self._down = self._down[self._mcu.uart_send(self._down) :]
+        return len(data)
+
+    def read(self, size: int = 1) -> bytes:
+        """Up to `size` bytes; lets up to `timeout` pass for the first."""
+        end_us = self._mcu.now_us + round(self.timeout * 1e6)
+        while not self.in_waiting and self._mcu.now_us < end_us:
+            self.pass_us(SLICE_US)
+        out, self._up = self._up[:size], self._up[size:]
+        return out
+
+    def reset_input_buffer(self) -> None:
+        self._up = b""
+        self._mcu.uart_receive()
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+class NativeCanBus(can.BusABC):
+    """The other nodes on the board's CAN bus, as a python-can bus. clock: simulated seconds."""
+
+    def __init__(self, mcu: NativeMcu, can_filters: Any = None) -> None:
+        self.mcu = mcu
+        self.rejected = 0
+        self.channel_info = "CAN of the native board"
+        self._frames: deque[Frame] = deque()
+        self._known = protocol().by_identifier
+        super().__init__("the native board", can_filters=can_filters)
+
+    def clock(self) -> float:
+        return self.mcu.now_us * 1e-6
+
+    def _wait(self, timeout_s: float) -> None:
+        end_us = self.mcu.now_us + math.ceil(timeout_s * 1e6)
+        self._frames.extend(self.mcu.can_receive())
+        while not self._frames and self.mcu.now_us < end_us:
+            self.mcu.run_us(min(SLICE_US, end_us - self.mcu.now_us))
+            self._frames.extend(self.mcu.can_receive())
+
+    def read_frames(self, timeout_s: float = 0.0) -> list[Frame]:
+        """What has arrived with a right CRC, letting up to timeout_s pass for the first frame."""
+        self._wait(timeout_s)
+        frames = [(identifier, data) for identifier, data in self._frames if identifier in self._known]
+        self._frames.clear()
+        good = [frame for frame in frames if check(*frame)]
+        self.rejected += len(frames) - len(good)
+        return good
+
+    def write_frames(self, frames: Sequence[Frame]) -> None:
+        for identifier, data in frames:
+            self._send(identifier, data)
+
+    def _send(self, identifier: int, data: bytes) -> None:
+        while not self.mcu.can_send(identifier, data):
+            self.mcu.run_us(SLICE_US)
+
+    # ---- python-can ----
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        self._wait(0.5 if timeout is None else timeout)
+        if not self._frames:
+            return None, False
+        identifier, data = self._frames.popleft()
+        message = can.Message(timestamp=self.clock(), arbitration_id=identifier, is_extended_id=False, data=data)
+        return message, False
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if not msg.is_extended_id and not msg.is_remote_frame:
+            self._send(msg.arbitration_id, bytes(msg.data))

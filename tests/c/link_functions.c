@@ -1,0 +1,38 @@
+/* Single functions of the link for Python: tests/link_functions.py. */
+#include "app/board_guard.h"
+#include "link/slcan.h"
+#include <string.h>
+
+size_t frames_parse(const uint8_t *bytes, size_t count, uint8_t *frames, uint32_t *bad);
+uint8_t frames_crc8(uint16_t id, uint8_t dlc, const uint8_t data[8]);
+
+/* Memory is not checked here. */
+void board_parameters_seal(void) {}
+
+/* All frames with a right CRC out of a stream, ten bytes each (id big-endian, data); *bad: lines thrown away.
+ */
+size_t frames_parse(const uint8_t *bytes, size_t count, uint8_t *frames, uint32_t *bad) {
+    slcan_rx_t rx;
+    size_t found = 0;
+
+    slcan_rx_init(&rx);
+    for (size_t i = 0; i < count; i++) {
+        can_frame_t frame;
+
+        if (slcan_rx_push_byte(&rx, bytes[i], &frame) == SLCAN_FRAME && e2e_check(&frame)) {
+            frames[10 * found] = (uint8_t)(frame.id >> 8);
+            frames[10 * found + 1] = (uint8_t)(frame.id & 0xFFU);
+            memcpy(&frames[10 * found + 2], frame.data, 8);
+            found++;
+        }
+    }
+    *bad = rx.bad;
+    return found;
+}
+
+uint8_t frames_crc8(uint16_t id, uint8_t dlc, const uint8_t data[8]) {
+    can_frame_t frame = {.id = id, .dlc = dlc};
+
+    memcpy(frame.data, data, sizeof frame.data);
+    return e2e_crc8(&frame);
+}

@@ -1,0 +1,453 @@
+/* The shipped main loop on the native port, over UART and over CAN, with every system: it runs, it moves what
+ * it should, and whatever misbehaves around it leaves the outputs safe. Under the sanitizers, this is the
+ * test that no input and no fault makes the loop touch what is not its own. */
+#include "app/board_links.h"
+#include "check.h"
+#include "core/digest.h"
+#include "generated/messages.h"
+#include "generated/params.h"
+#include "link/slcan.h"
+#include "ports/native/flash.h"
+#include "ports/native/native.h"
+#include "systems/control.h"
+#include <stddef.h>
+#include <string.h>
+
+#define ROW(field)     ((uint16_t)(offsetof(params_t, field) / 4U))
+#define SYSTEM_ROW     ROW(control.system)
+#define FRAMES_MAX     4096U
+#define SAFE_US        50000U /* arming.h: outputs are neutral so long after whatever happened, at the latest */
+#define READY_US       1500000U
+#define SETTLE_US      60000U
+#define NEUTRAL_HALFUS 2000U
+#define SAMPLES        40U
+
+typedef enum { OVER_UART, OVER_CAN, WAYS } way_t;
+
+static way_t way;
+static uint8_t counter;
+static slcan_rx_t parser;
+static can_frame_t heard[FRAMES_MAX];
+static size_t heard_count;
+static bool keeps_alive;
+
+/* ---- a host ---- */
+
+static void put(const can_frame_t *f) {
+    if (way == OVER_CAN) {
+        native_frame_t frame = {.id = f->id, .dlc = f->dlc};
+        memcpy(frame.data, f->data, sizeof frame.data);
+        (void)native_can_send(&frame);
+    } else {
+        uint8_t text[SLCAN_FRAME_CHARS];
+        (void)native_uart_send(text, slcan_encode(f, text));
+    }
+}
+
+static void say(uint16_t id, uint16_t half, uint32_t word) {
+    can_frame_t f = {.id = id, .dlc = CAN_FRAME_DLC};
+    f.data[2] = (uint8_t)(half & 0xFFU);
+    f.data[3] = (uint8_t)(half >> 8);
+    for (unsigned i = 0; i < 4U; i++) {
+        f.data[4U + i] = (uint8_t)(word >> (8U * i) & 0xFFU);
+    }
+    e2e_seal(&f, counter++ & E2E_COUNTER_MASK, 0);
+    put(&f);
+}
+
+static uint16_t half_of(const can_frame_t *f) {
+    return (uint16_t)(f->data[2] | f->data[3] << 8);
+}
+
+static uint32_t word_of(const can_frame_t *f) {
+    return f->data[4] | (uint32_t)f->data[5] << 8 | (uint32_t)f->data[6] << 16 | (uint32_t)f->data[7] << 24;
+}
+
+static void note(const can_frame_t *f) {
+    if (!e2e_check(f)) {
+        CHECK(!"a frame of the board is damaged");
+        return;
+    }
+    if (heard_count < FRAMES_MAX) {
+        heard[heard_count++] = *f;
+    }
+    const bool first = f->id == MESSAGE_ACK_ID && half_of(f) == MESSAGE_EXECUTE_ID;
+    if (keeps_alive && (f->id == MESSAGE_KEEPALIVE_VALUE_ID || first)) {
+        say(MESSAGE_KEEPALIVE_ID, 0, word_of(f));
+    }
+}
+
+static void listen(void) {
+    uint8_t bytes[256];
+    size_t count;
+    while ((count = native_uart_receive(bytes, sizeof bytes)) > 0U) {
+        for (size_t i = 0; i < count; i++) {
+            can_frame_t f;
+            if (slcan_rx_push_byte(&parser, bytes[i], &f) == SLCAN_FRAME && way == OVER_UART) {
+                note(&f);
+            }
+        }
+    }
+    native_frame_t frame;
+    while (native_can_receive(&frame)) {
+        can_frame_t f = {.id = (uint16_t)frame.id, .dlc = (uint8_t)frame.dlc};
+        memcpy(f.data, frame.data, sizeof f.data);
+        if (way == OVER_CAN) {
+            note(&f);
+        }
+    }
+}
+
+static void pass(uint32_t us) {
+    for (uint32_t passed = 0; passed < us; passed += 1000U) {
+        native_run(us - passed < 1000U ? us - passed : 1000U);
+        listen();
+    }
+}
+
+/* The last frame with this identifier since `say`; NULL: none. */
+static const can_frame_t *last(uint16_t id) {
+    for (size_t i = heard_count; i > 0; i--) {
+        if (heard[i - 1U].id == id) {
+            return &heard[i - 1U];
+        }
+    }
+    return NULL;
+}
+
+static size_t count_of(uint16_t id) {
+    size_t count = 0;
+    for (size_t i = 0; i < heard_count; i++) {
+        count += heard[i].id == id;
+    }
+    return count;
+}
+
+static uint32_t ask(uint16_t id, uint16_t half, uint32_t word, uint16_t answer) {
+    heard_count = 0;
+    say(id, half, word);
+    pass(5000);
+    const can_frame_t *const f = last(answer);
+    CHECK(f != NULL);
+    return f != NULL ? word_of(f) : 0U;
+}
+
+static void open_link(void) {
+    counter = 0;
+    slcan_rx_init(&parser);
+    pass(2000); /* CAN joins its bus */
+    if (way == OVER_UART) {
+        (void)native_uart_send((const uint8_t *)"\rC\rO\r", 5);
+        pass(2000);
+    }
+    (void)ask(MESSAGE_HELLO_ID, MESSAGES_PROTOCOL_VERSION, MESSAGES_DBC_HASH, MESSAGE_IDENTITY_ID);
+    pass(50000);
+}
+
+static bool execute(uint16_t verb) {
+    const uint32_t nonce = ask(MESSAGE_CHALLENGE_ID, verb, 0, MESSAGE_NONCE_ID);
+    heard_count = 0;
+    say(MESSAGE_EXECUTE_ID, verb, nonce);
+    pass(5000);
+    return last(MESSAGE_ACK_ID) != NULL && last(MESSAGE_NACK_ID) == NULL;
+}
+
+static void begin(uint16_t run) {
+    const uint32_t nonce = ask(MESSAGE_CHALLENGE_ID, run, 0, MESSAGE_NONCE_ID);
+    (void)ask(MESSAGE_RUN_BEGIN_ID, run, nonce, MESSAGE_ACK_ID);
+}
+
+/* The default table as this system, on the pins that drive it. */
+static params_t table(uint32_t system) {
+    params_t p;
+    params_default(&p);
+    p.control.system = system;
+    p.pins =
+        control_system(&p.control)->output == CONTROL_OUTPUT_BRIDGE ? BOARD_PINS_BRIDGE : BOARD_PINS_STANDARD;
+    p.arm_hold_ms = 0;
+    p.period_us = 4000;
+    return p;
+}
+
+static void upload(const params_t *p) {
+    params_t defaults;
+    params_default(&defaults);
+    for (uint16_t i = 0; i < PARAMS_COUNT; i++) {
+        if (params_word(p, i) != params_word(&defaults, i)) {
+            (void)ask(MESSAGE_PARAM_SET_ID, i, params_word(p, i), MESSAGE_PARAM_STAGED_ID);
+        }
+    }
+    CHECK(ask(MESSAGE_PARAM_COMMIT_ID, PARAMS_COUNT, params_crc32(p), MESSAGE_ACK_ID) == params_crc32(p));
+}
+
+/* A board that has saved its parameters as this system and was switched on with its strap. */
+static void system_board(uint32_t system) {
+    const params_t p = table(system);
+    keeps_alive = false;
+    native_defaults();
+    native.strap = BOARD_PINS_STANDARD;
+    native_power_on();
+    open_link();
+    upload(&p);
+    CHECK(execute(MESSAGE_EXECUTE_VERB_SAVE));
+    native_power_off();
+    native.strap = p.pins;
+    native_power_on();
+    open_link();
+    CHECK(ask(MESSAGE_PARAM_GET_ID, SYSTEM_ROW, 0, MESSAGE_PARAM_VALUE_ID) == system);
+}
+
+static const control_system_t *declared(uint32_t system) {
+    const params_t p = table(system);
+    return control_system(&p.control);
+}
+
+static bool safe(void) {
+    const bool resting = native.pulse_halfus[0] == NEUTRAL_HALFUS && native.pulse_halfus[1] == NEUTRAL_HALFUS;
+    const bool undriven = native.pulse_halfus[0] == 0U && native.pulse_halfus[1] == 0U;
+    return (resting || undriven) && native.bridge_on == 0U;
+}
+
+/* Armed over this link, kept alive, the outputs away from neutral. */
+static void drive(void) {
+    keeps_alive = true;
+    begin(MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE);
+    pass(READY_US);
+    CHECK(execute(MESSAGE_EXECUTE_VERB_ARM));
+    pass(SETTLE_US);
+    CHECK(native.armed == 1U && !safe());
+}
+
+/* ---- what must hold ---- */
+
+static void lockstep_digests_are_the_core_s(uint32_t system) {
+    const params_t p = table(system);
+    control_t core;
+    control_init(&core, &p.control);
+    begin(MESSAGE_RUN_BEGIN_RUN_LOCKSTEP);
+    heard_count = 0;
+    for (uint16_t step = 0; step < SAMPLES; step++) {
+        const int16_t raw[CONTROL_RAW_MAX] = {(int16_t)(1600 + step), 2048, 3000};
+        can_frame_t f = {.id = MESSAGE_SAMPLE_A_ID, .dlc = CAN_FRAME_DLC};
+        for (unsigned i = 0; i < 3U; i++) {
+            f.data[2U + 2U * i] = (uint8_t)((uint16_t)raw[i] & 0xFFU);
+            f.data[3U + 2U * i] = (uint8_t)((uint16_t)raw[i] >> 8);
+        }
+        e2e_seal(&f, (uint8_t)(step & E2E_COUNTER_MASK), (uint8_t)(step >> 4 & 3U));
+        put(&f);
+        pass(1000);
+        control_step(&core, &p.control, raw, 0);
+        const can_frame_t *const told = last(MESSAGE_STEP_ID);
+        CHECK(told != NULL && half_of(told) == step);
+        CHECK(told != NULL && word_of(told) == digest_crc32((const uint8_t *)control_words(&core),
+                                                            control_words_bytes(&p.control)));
+    }
+    CHECK(count_of(MESSAGE_STEP_ID) == SAMPLES);
+    (void)ask(MESSAGE_RUN_END_ID, 0, 0, MESSAGE_ACK_ID);
+}
+
+static void live_steps_come_with_every_period(void) {
+    begin(MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE);
+    pass(100000);
+    heard_count = 0;
+    pass(400000);
+    CHECK(count_of(MESSAGE_STEP_ID) >= 99U && count_of(MESSAGE_STEP_ID) <= 101U);
+    (void)ask(MESSAGE_RUN_END_ID, 0, 0, MESSAGE_ACK_ID);
+}
+
+static void silence_disarms(void) {
+    drive();
+    pass(500000);
+    CHECK(native.armed == 1U);
+    keeps_alive = false;
+    pass(SAFE_US);
+    CHECK(native.armed == 0U && safe());
+}
+
+/* ---- what misbehaves ---- */
+
+static void analog_dies(void) {
+    native.adc_dead = 1U;
+}
+static void input_rails(void) {
+    native.railed = 2U;
+}
+static void input_sticks(void) {
+    native.stuck = 1U;
+}
+static void gyro_is_gone(void) {
+    native.gyro = BOARD_SENSOR_NO_ANSWER;
+}
+static void accel_sticks(void) {
+    native.accel = BOARD_SENSOR_STUCK;
+}
+static void bridge_breaks(void) {
+    native.bridge_break = 1U;
+}
+static void hall_is_lost(void) {
+    native.hall_lost = 1U;
+}
+static void can_dies(void) {
+    native.can_dead = 1U;
+}
+static void can_is_cut(void) {
+    native.can_kbit = 0U;
+}
+static void uart_is_damaged(void) {
+    native.uart_damaged = 100000U;
+}
+static void loop_hangs(void) {
+    native.hangs = 1U;
+}
+static void turns_are_long(void) {
+    native.turn_us = 45000U;
+}
+static void clock_goes_back(void) {
+    native_set_clock_us(1000U);
+}
+static void clock_goes_on(void) {
+    native_set_clock_us((uint32_t)native_now_us() + 3600000000U);
+}
+static void power_is_cut(void) {
+    native_power_off();
+}
+static void host_is_silent(void) {
+    keeps_alive = false;
+}
+static void bit_flips(void) {
+    native_flip(check_random() % native_guarded_bytes(), check_random() % 8U);
+}
+static void fault_is_told(void) {
+    native.faults = BOARD_FAULT_IMAGE;
+}
+
+typedef struct {
+    const char *name;
+    void (*begin)(void);
+    bool analog, digital, uart, can; /* what it stops: systems with such sensors, over such a link */
+} trouble_t;
+
+static const trouble_t troubles[] = {
+    {"analog dies", analog_dies, true, false, true, true},
+    {"input rails", input_rails, true, false, true, true},
+    {"input sticks", input_sticks, true, false, true, true},
+    {"gyro is gone", gyro_is_gone, false, true, true, true},
+    {"accel sticks", accel_sticks, false, true, true, true},
+    {"bridge breaks", bridge_breaks, false, true, true, true}, /* here the bridge goes with digital sensors */
+    {"hall is lost", hall_is_lost, false, true, true, true},
+    {"can dies", can_dies, true, true, false, true},
+    {"can is cut", can_is_cut, true, true, false, true},
+    {"uart is damaged", uart_is_damaged, true, true, true, false},
+    {"loop hangs", loop_hangs, true, true, true, true},
+    {"turns are long", turns_are_long, true, true, true, true},
+    {"clock goes back", clock_goes_back, true, true, true, true},
+    {"clock goes on", clock_goes_on, true, true, true, true},
+    {"power is cut", power_is_cut, true, true, true, true},
+    {"host is silent", host_is_silent, true, true, true, true},
+    {"bit flips", bit_flips, true, true, true, true},
+    {"fault is told", fault_is_told, true, true, true, true},
+};
+
+static void trouble_leaves_the_outputs_safe(uint32_t system, const trouble_t *trouble) {
+    system_board(system);
+    drive();
+    trouble->begin();
+    pass(SAFE_US + 10000U); /* a frame of telemetry and its answer may be under way */
+    const bool digital = declared(system)->sensors == BOARD_SENSORS_BALANCE;
+    const bool stops =
+        (digital ? trouble->digital : trouble->analog) && (way == OVER_UART ? trouble->uart : trouble->can);
+    if (safe() != stops) {
+        printf("%s, system %u, way %u\n", trouble->name, (unsigned)system, (unsigned)way);
+    }
+    CHECK(safe() == stops);
+    pass(300000);
+    CHECK(safe() == stops);
+}
+
+/* Power fails in every operation of a SAVE, in every way: the next start finds the old set or the new one. */
+static void a_cut_while_saving_loses_neither_set(uint32_t system) {
+    system_board(system);
+    params_t p = table(system);
+    const uint32_t first = native_flash_operations();
+    CHECK(execute(MESSAGE_EXECUTE_VERB_SAVE));
+    CHECK(native_flash_operations() == first); /* the same set is not written again */
+    p.period_us = 5000;
+    for (uint32_t cut = 1; cut < 400U; cut += 13U) {
+        const flash_t before = flash;
+        (void)ask(MESSAGE_PARAM_SET_ID, ROW(period_us), p.period_us, MESSAGE_PARAM_STAGED_ID);
+        (void)ask(MESSAGE_PARAM_COMMIT_ID, PARAMS_COUNT, params_crc32(&p), MESSAGE_ACK_ID);
+        native.flash_cut = cut;
+        native.flash_cut_way = cut % FLASH_WAYS;
+        (void)execute(MESSAGE_EXECUTE_VERB_SAVE);
+        const bool failed = native.state == NATIVE_OFF;
+        CHECK(failed == (native.flash_cut == 0U));
+        native.flash_cut = 0;
+        native_power_off();
+        native_power_on();
+        open_link();
+        const uint32_t period_us = ask(MESSAGE_PARAM_GET_ID, ROW(period_us), 0, MESSAGE_PARAM_VALUE_ID);
+        CHECK(failed ? period_us == 4000U || period_us == 5000U : period_us == 5000U);
+        flash = before;
+        native_power_off();
+        native_power_on();
+        open_link();
+    }
+}
+
+/* Frames of any kind with any content, and noise, while everything misbehaves now and then. */
+static void nothing_upsets_the_loop(uint32_t system) {
+    system_board(system);
+    for (unsigned i = 0; i < 4000U; i++) {
+        const uint32_t pick = check_random();
+        can_frame_t f = {.id = messages_from_host[pick % MESSAGES_FROM_HOST], .dlc = CAN_FRAME_DLC};
+        for (unsigned k = 2; k < 8U; k++) {
+            f.data[k] = (uint8_t)((pick >> 8 & 3U) == 0U ? 0U : check_random() & 0xFFU);
+        }
+        e2e_seal(&f, (uint8_t)(check_random() & 15U), (uint8_t)(check_random() & 15U));
+        put(&f);
+        if (pick >> 10 % 16U == 0U) {
+            const uint32_t noise = check_random();
+            (void)native_uart_send((const uint8_t *)&noise, sizeof noise);
+        }
+        for (unsigned k = 0; k < BOARD_RAW_MAX; k++) {
+            native.raw[k] = (int16_t)check_random_wild();
+        }
+        native.faults = (check_random() & 63U) == 0U ? check_random() : 0U;
+        native.arm_switch = check_random() >> 31;
+        pass(check_random() % 3000U);
+        if (native.state != NATIVE_RUNNING) {
+            native_power_on();
+        }
+        heard_count = 0;
+    }
+    native.faults = 0;
+    native.arm_switch = 0;
+    native_power_off();
+    native_power_on();
+    open_link();
+    begin(MESSAGE_RUN_BEGIN_RUN_LOCKSTEP);
+}
+
+int main(void) {
+    for (way = OVER_UART; way < WAYS; way++) {
+        for (uint32_t system = 0; system < 32U; system++) {
+            if ((CONTROL_SYSTEMS >> system & 1U) == 0U) {
+                continue;
+            }
+            const params_t p = table(system);
+            CHECK(control_params_valid(&p.control));
+            system_board(system);
+            lockstep_digests_are_the_core_s(system);
+            live_steps_come_with_every_period();
+            if (declared(system)->output != CONTROL_OUTPUT_NONE) {
+                silence_disarms();
+                for (size_t i = 0; i < sizeof troubles / sizeof troubles[0]; i++) {
+                    trouble_leaves_the_outputs_safe(system, &troubles[i]);
+                }
+            }
+            nothing_upsets_the_loop(system);
+            a_cut_while_saving_loses_neither_set(system);
+        }
+    }
+    return check_failures != 0;
+}

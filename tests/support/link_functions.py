@@ -1,0 +1,38 @@
+"""Single C functions of the link: the parser, the CRC-8, and the session under a slow and lossy link."""
+
+from __future__ import annotations
+
+import ctypes
+from functools import lru_cache
+from pathlib import Path
+
+LIBRARY = Path(__file__).resolve().parents[2] / "build" / "native" / "tests" / "c" / "liblink_functions.so"
+
+
+@lru_cache(maxsize=1)
+def library() -> ctypes.CDLL:
+    loaded = ctypes.CDLL(str(LIBRARY))
+    loaded.frames_parse.restype = ctypes.c_size_t
+    loaded.frames_crc8.restype = ctypes.c_uint8
+    loaded.keepalive_study.restype = ctypes.c_uint32
+    return loaded
+
+
+def crc8(identifier: int, length: int, data: bytes) -> int:
+    """Byte 0 that a frame should have."""
+    return int(library().frames_crc8(identifier, length, (ctypes.c_uint8 * 8)(*data)))
+
+
+def disarms(seconds: int, round_trip_ms: float, loss: float, frame_us: int, seed: int) -> int:
+    """How often a host that answers at once loses the board over such a link: tests/c/keepalive_study.c."""
+    arguments = (seconds, round(1000 * round_trip_ms), round(1e6 * loss), frame_us, seed)
+    return int(library().keepalive_study(*map(ctypes.c_uint32, arguments)))
+
+
+def parse(data: bytes) -> tuple[list[tuple[int, bytes]], int]:
+    """The C parser on a whole stream: checked frames, and lines thrown away."""
+    frames = ctypes.create_string_buffer(10 * (len(data) // 5 + 1))
+    bad = ctypes.c_uint32()
+    count = library().frames_parse(data, ctypes.c_size_t(len(data)), frames, ctypes.byref(bad))
+    entries = [frames.raw[10 * i : 10 * i + 10] for i in range(count)]
+    return [(int.from_bytes(entry[:2], "big"), entry[2:]) for entry in entries], bad.value
