@@ -6,6 +6,7 @@ alone for a turn, as a whole or not at all: killed in between, the process leave
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,26 +31,53 @@ def read_slots(path: Path) -> bytes:
     return slots
 
 
-class KeptSlots:
-    """Call look() between two turns of the machine, and write() after the last."""
+class KeptSlots(ABC):
+    """Call look() between two turns of the board, and write() after the last."""
 
-    def __init__(self, machine: Machine, path: Path) -> None:
-        self._machine, self._path = machine, path
-        self._seen = self._written = machine.flash.operations
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._seen = self._written = self.operations()
+
+    @abstractmethod
+    def operations(self) -> int:
+        """Pages erased and half-words programmed so far."""
+
+    @abstractmethod
+    def slots(self) -> bytes:
+        """Both slots as they are."""
+
+    def busy(self) -> bool:
+        """Whether an operation is under way."""
+        return False
 
     def look(self) -> None:
         """Write the file when the flash was written; raises UsageError where that cannot be."""
-        flash = self._machine.flash
-        if flash.operations != self._seen or flash.busy:
-            self._seen = flash.operations
+        if self.operations() != self._seen or self.busy():
+            self._seen = self.operations()
         else:
             self.write()
 
     def write(self) -> None:
         """The same at once."""
-        if self._written == self._machine.flash.operations:
+        if self._written == self.operations():
             return
-        self._written = self._machine.flash.operations
+        self._written = self.operations()
+        write_whole({self._path: self.slots()}, "choose another file")
+
+
+class MachineSlots(KeptSlots):
+    """Those of a simulated chip."""
+
+    def __init__(self, machine: Machine, path: Path) -> None:
+        self._machine = machine
+        super().__init__(path)
+
+    def operations(self) -> int:
+        return self._machine.flash.operations
+
+    def busy(self) -> bool:
+        return bool(self._machine.flash.busy)
+
+    def slots(self) -> bytes:
         start = PARAMETER_SLOTS - FLASH_BASE
-        slots = bytes(self._machine.cpu.flash[start : start + SLOTS_BYTES])
-        write_whole({self._path: slots}, "choose another file")
+        return bytes(self._machine.cpu.flash[start : start + SLOTS_BYTES])

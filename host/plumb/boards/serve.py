@@ -1,4 +1,4 @@
-"""The virtual board as a process of its own: its UART behind a pseudo-terminal or a TCP port, its CAN bus joined to any
+"""A simulated board as a process of its own: its UART behind a pseudo-terminal or a TCP port, its CAN bus joined to any
 python-can bus, at the pace of the wall clock and never faster. One client at a time on the UART; clients come and go,
 the board runs on. What the board sends while nobody is there is lost, as on a cable."""
 
@@ -9,14 +9,13 @@ import select
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Protocol
 
 import can
 
 from plumb.boards.flash_file import KeptSlots
-from plumb.boards.virtual_can import Joint
 from plumb.errors import LinkError
 from plumb.f103.core.timeline import TICKS_PER_S
-from plumb.f103.machine import Machine
 from plumb.link.transports.server_endpoint import Line, open_line
 
 SLICE_S = 0.0003
@@ -25,14 +24,43 @@ LAG_S = 0.05
 """When the machine cannot keep up by more than this, time is given up rather than chased."""
 
 
+class UartEnd(Protocol):
+    """The host's end of a board's UART."""
+
+    @property
+    def in_waiting(self) -> int: ...
+    def read(self, size: int, /) -> bytes: ...
+    def write(self, data: bytes, /) -> int: ...
+
+
+class Served(Protocol):
+    """A board whose time passes when it is told to, in ticks."""
+
+    @property
+    def uart(self) -> UartEnd: ...
+    @property
+    def now(self) -> int: ...
+    def run_to(self, ticks: int, /) -> None: ...
+
+
+class Joined(Protocol):
+    """A board's CAN bus, joined to another one."""
+
+    def move(self) -> None: ...
+
+
+Join = Callable[[can.BusABC, int], Joined]
+"""Joins a board's CAN bus to another one, at kbit/s."""
+
+
 def run_paced(
-    machine: Machine,
+    machine: Served,
     line: Line,
     stopped: Callable[[], bool],
-    joint: Joint | None = None,
+    joint: Joined | None = None,
     kept: KeptSlots | None = None,
 ) -> None:
-    """Run the machine at wall-clock pace, moving bytes between its UART and the line, and frames through the joint,
+    """Run the board at wall-clock pace, moving bytes between its UART and the line, and frames through the joint,
     until stopped() holds."""
     begin_wall, begin_ticks = time.monotonic(), machine.now
     while not stopped():
@@ -88,15 +116,15 @@ def address_of(bus: can.BusABC, spec: str) -> str:
 
 
 @contextlib.contextmanager
-def joined(machine: Machine, spec: str | None, announce: Callable[[str], None]) -> Iterator[Joint | None]:
-    """The machine's CAN bus joined to what `open_can_end` makes of spec, and let go of at the end."""
-    if spec is None:
+def joined(join: Join | None, spec: str | None, announce: Callable[[str], None]) -> Iterator[Joined | None]:
+    """The board's CAN bus joined to what `open_can_end` makes of spec, and let go of at the end."""
+    if spec is None or join is None:
         yield None
         return
     with open_can_end(spec) as bus:
         try:
             announce(address_of(bus, spec))
-            yield Joint(machine, bus, kbit_of(spec))
+            yield join(bus, kbit_of(spec))
         except (can.CanError, OSError) as error:
             raise LinkError(f"the CAN bus {spec} failed ({error}): check the interface, then start again") from None
 
@@ -109,22 +137,23 @@ def kbit_of(spec: str) -> int:
 
 
 def serve(
-    machine: Machine,
+    machine: Served,
     spec: str,
     stopped: Callable[[], bool],
     *,
+    join: Join | None = None,
     link: Path | None = None,
     can_spec: str | None = None,
     kept: KeptSlots | None = None,
     announce: Callable[[str], None] = print,
 ) -> None:
-    """Serve the machine's UART on `spec`, and its CAN bus on `can_spec`, until stopped() holds.
+    """Serve the board's UART on `spec`, and its CAN bus, which join() joins, on `can_spec`, until stopped() holds.
 
     announce gets the address of each end, as a board's name without `serial:`.
     """
     line = open_line(spec, link)
     try:
-        with joined(machine, can_spec, announce) as joint:
+        with joined(join, can_spec, announce) as joint:
             announce(line.address)
             run_paced(machine, line, stopped, joint, kept)
     finally:

@@ -9,9 +9,11 @@
     plumb virtual-board --can socketcan:vcan0      or a node on any bus that python-can opens, INTERFACE:CHANNEL[@KBIT]
 
     plumb virtual-board --strap bridge             the strap (PB4, PB5) wired for these pins; default: as --system wants
+    plumb virtual-board --port native              the same main loop on a board in memory: no image, no Unicorn
     plumb virtual-board --symlink board --keep board.flash     what `plumb params save` saves is there the next time
 
-It runs the very image that is flashed, until Ctrl-C; starting it again is power off and on. With --system the board
+It runs the very image that is flashed, or with --port native the same main loop built for this machine, until Ctrl-C;
+starting it again is power off and on. With --system the board
 comes up as that system, its tuning and its pin set saved, as `plumb params tuning SYSTEM --save` and a reset leave
 them, unless --keep has parameters; without it, as a blank one. The strap decides where UART and actuators are: while
 the saved parameter pins disagrees with it, no actuator pin is driven.
@@ -20,8 +22,14 @@ the saved parameter pins disagrees with it, no actuator pin is driven.
 from __future__ import annotations
 
 import argparse
+import functools
 import signal
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from plumb.boards.flash_file import KeptSlots
+    from plumb.boards.serve import Join, Served
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,33 +40,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scenario", help="of the plant; a wrong name prints the system's list")
     parser.add_argument("--seed", type=int, default=1000, help="of the plant (default 1000)")
     parser.add_argument("--strap", help="standard, bridge, quadrotor or both (default: as --system wants it)")
-    parser.add_argument("--part", default="stm32f103c8", help="stm32f103c8 (default), -cb, -rct6, -ret6 or -zet6")
+    parser.add_argument("--port", choices=("f103", "native"), default="f103", help="the chip, or a board in memory")
+    parser.add_argument("--part", help="stm32f103c8 (default), -cb, -rct6, -ret6 or -zet6")
     parser.add_argument("--image", type=Path, help="flash image (default: the checkout's build)")
     parser.add_argument("--keep", type=Path, metavar="FILE", help="keep its saved parameters here")
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb import systems
-    from plumb.boards.flash_file import KeptSlots, read_slots
-    from plumb.f103 import open_machine
-    from plumb.f103.attached.strap import BY_PIN_SET
-
-    slots = read_slots(arguments.keep) if arguments.keep else b""
-    couple = None
-    if arguments.system:
-        from plumb.boards import plant_on_pins
-
-        system = systems.load(arguments.system)
-        name = arguments.scenario or systems.load(arguments.system, "pins").SCENARIO
-        couple = plant_on_pins.coupler(arguments.system, system.scenario(name, arguments.seed))
-    wanted = BY_PIN_SET[system.LINK.get("pins", 0)] if arguments.system else "standard"
-    strap = arguments.strap or wanted
-    machine = open_machine(arguments.image, arguments.part, slots=slots, strap=strap, couple=couple)
-    if arguments.system and not slots:
-        plant_on_pins.boot_configured_as(machine, arguments.system, strap)
-    kept = KeptSlots(machine, arguments.keep) if arguments.keep else None
     from plumb.boards.serve import serve
     from plumb.process_signals import endings
+
+    board, join, kept = (_native if arguments.port == "native" else _f103)(arguments)
 
     def announce(address: str) -> None:
         name = address if address.startswith("can:") else f"serial:{arguments.symlink or address}"
@@ -66,9 +58,10 @@ def main(arguments: argparse.Namespace) -> int:
 
     with endings() as caught:
         serve(
-            machine,
+            board,
             arguments.serial,
             lambda: bool(caught),
+            join=join,
             link=arguments.symlink,
             can_spec=arguments.can,
             kept=kept,
@@ -77,3 +70,59 @@ def main(arguments: argparse.Namespace) -> int:
     if caught[:1] == [signal.SIGINT]:
         raise KeyboardInterrupt
     return 0
+
+
+def _strap(arguments: argparse.Namespace) -> str:
+    """The wiring that was asked for, else the system's."""
+    from plumb import systems
+    from plumb.f103.attached.strap import BY_PIN_SET
+
+    pins = systems.load(arguments.system).LINK.get("pins", 0) if arguments.system else 0
+    return arguments.strap or BY_PIN_SET[pins]
+
+
+def _f103(arguments: argparse.Namespace) -> tuple[Served, Join, KeptSlots | None]:
+    """The simulated chip with the flash image."""
+    from plumb import systems
+    from plumb.boards import plant_on_pins
+    from plumb.boards.flash_file import MachineSlots, read_slots
+    from plumb.boards.virtual_can import Joint
+    from plumb.f103 import open_machine
+
+    slots = read_slots(arguments.keep) if arguments.keep else b""
+    couple = None
+    if arguments.system:
+        system = systems.load(arguments.system)
+        name = arguments.scenario or systems.load(arguments.system, "pins").SCENARIO
+        couple = plant_on_pins.coupler(arguments.system, system.scenario(name, arguments.seed))
+    strap = _strap(arguments)
+    part = arguments.part or "stm32f103c8"
+    machine = open_machine(arguments.image, part, slots=slots, strap=strap, couple=couple)
+    if arguments.system and not slots:
+        plant_on_pins.boot_configured_as(machine, arguments.system, strap)
+    kept = MachineSlots(machine, arguments.keep) if arguments.keep else None
+    return machine, functools.partial(Joint, machine), kept
+
+
+def _native(arguments: argparse.Namespace) -> tuple[Served, Join, KeptSlots | None]:
+    """The main loop on a board in memory."""
+    from plumb import systems
+    from plumb.boards.flash_file import read_slots
+    from plumb.boards.native_served import NativeJoint, NativeSlots, open_native
+    from plumb.errors import UsageError
+    from plumb.f103.attached.strap import BY_PIN_SET
+
+    if arguments.image or arguments.part:
+        raise UsageError("the native board runs no image on no part: leave out --image and --part, or --port native")
+    slots = read_slots(arguments.keep) if arguments.keep else b""
+    strap = _strap(arguments)
+    if strap not in BY_PIN_SET:
+        raise UsageError(f"there is no strap setting '{strap}'; use one of {', '.join(BY_PIN_SET)}")
+    plant = None
+    if arguments.system:
+        system = systems.load(arguments.system)
+        name = arguments.scenario or systems.load(arguments.system, "pins").SCENARIO
+        plant = system.plant(system.scenario(name, arguments.seed))
+    board = open_native(BY_PIN_SET.index(strap), slots, arguments.system, plant)
+    kept = NativeSlots(board.mcu, arguments.keep) if arguments.keep else None
+    return board, functools.partial(NativeJoint, board.mcu), kept

@@ -1,0 +1,137 @@
+"""The native board as a process of its own: what `plumb.boards.serve` asks of a board, for a NativeMcu.
+
+It needs no Unicorn and no image. With a plant the board's own sensors give the plant's counts of the last FOLLOW_US,
+and the plant follows the outputs; the simulated chip of `virtual` converts at the very instant instead.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import time
+from pathlib import Path
+
+import can
+
+from plumb import systems
+from plumb.boards.flash_file import SLOTS_BYTES, KeptSlots
+from plumb.boards.native_mcu import NativeMcu, State
+from plumb.f103.core.timeline import TICKS_PER_US
+from plumb.link.session import Session
+from plumb.spec import declarations
+from plumb.spec.protocol import FRAME_DLC
+from plumb.systems.contracts import Plant
+from plumb.tuning.quantise import quantise
+
+FOLLOW_US = 1000
+"""How often the plant looks at the outputs, and the sensors at the plant."""
+START_US = 50_000
+"""A host opens the port of a board that has been powered for a while."""
+UART_BYTE_NS = 10_851
+"""At 921600 baud."""
+BITS_PER_FRAME = 130
+"""Of a CAN frame of 8 bytes, some stuff bits included."""
+SEND_PATIENCE_S = 0.02
+"""A bus that takes no frame for so long has failed."""
+
+
+def open_native(strap: int, slots: bytes = b"", system: str | None = None, plant: Plant | None = None) -> ServedNative:
+    """A board that has been powered for START_US. strap: the pin set that it is wired for. slots: what its flash
+    holds; without them it comes up as the system, tuned for its own sensors and saved. plant: on its sensors and
+    outputs."""
+    mcu = NativeMcu(power=False)
+    if slots:
+        ctypes.memmove(mcu.flash, slots, SLOTS_BYTES)
+    mcu.wires.strap = strap
+    mcu.power_on()
+    mcu.run_us(START_US)
+    if system is not None and not slots:
+        _save_as(mcu, system)
+        mcu.power_off()
+        mcu.power_on()
+        mcu.run_us(START_US)
+    mcu.wires.uart_in_byte_ns = mcu.wires.uart_out_byte_ns = UART_BYTE_NS
+    return ServedNative(mcu, system, plant)
+
+
+def _save_as(mcu: NativeMcu, name: str) -> None:
+    """As `plumb params tuning SYSTEM --save` does."""
+    system = systems.load(name)
+    tuning = systems.load(name, "pins").TUNING
+    with Session.open(mcu.uart) as session:
+        params = quantise(system.TUNINGS[tuning])
+        session.upload(params.words(), **params.link_words(), period_us=system.PERIOD_US, **system.LINK)
+        session.execute_idle("SAVE")
+
+
+class ServedNative:
+    """Time in the ticks of the served board, its UART, and a plant on its wires, whose time 0 is the beginning."""
+
+    def __init__(self, mcu: NativeMcu, system: str | None = None, plant: Plant | None = None) -> None:
+        self.mcu, self.uart, self.plant = mcu, mcu.uart, plant
+        declared = declarations.system(system) if system else None
+        self._output = declared.output if declared else ""
+        self._names = [word.name for word in declared.output_words] if declared else []
+        self._begin_us = mcu.now_us
+        self._follow_us = mcu.now_us
+
+    @property
+    def now(self) -> int:
+        return self.mcu.now_us * TICKS_PER_US
+
+    def run_to(self, ticks: int) -> None:
+        """Let time pass up to an instant; a board that left for the ROM bootloader, which there is not, starts anew."""
+        end_us = ticks // TICKS_PER_US
+        while self.mcu.now_us < end_us:
+            if self.plant is not None and self.mcu.now_us >= self._follow_us:
+                self._follow(self.plant)
+            self.uart.pass_us(min(end_us, self._follow_us if self.plant else end_us) - self.mcu.now_us)
+        if self.mcu.state is State.BOOTLOADER:
+            self.mcu.power_off()
+            self.mcu.power_on()
+
+    def _follow(self, plant: Plant) -> None:
+        self._follow_us += FOLLOW_US
+        time_s = (self.mcu.now_us - self._begin_us) * 1e-6
+        plant.follow(time_s, dict(zip(self._names, self._outputs(), strict=True)))
+        self.mcu.wires.raw[:] = plant.counts(time_s)
+
+    def _outputs(self) -> list[int]:
+        wires = self.mcu.wires
+        return [wires.duty_q15] if self._output == "bridge" else list(wires.pulse_halfus)[: len(self._names)]
+
+
+class NativeJoint:
+    """Joins a board's CAN to any python-can bus, as plumb.boards.virtual_can.Joint does a machine's."""
+
+    def __init__(self, mcu: NativeMcu, bus: can.BusABC, kbit: int) -> None:
+        self._mcu, self._bus = mcu, bus
+        self._set_rate(kbit)
+
+    def _set_rate(self, kbit: int) -> None:
+        self._mcu.wires.can_kbit = kbit
+        self._mcu.wires.can_frame_ns = BITS_PER_FRAME * 1_000_000 // kbit
+
+    def move(self) -> None:
+        """Frames that have arrived, in both directions."""
+        while (message := self._bus.recv(0)) is not None:
+            self._set_rate(getattr(self._bus, "kbit", None) or self._mcu.wires.can_kbit)
+            plain = not (message.is_error_frame or message.is_fd or message.is_extended_id or message.is_remote_frame)
+            if plain and message.dlc <= FRAME_DLC:
+                self._mcu.can_send(message.arbitration_id, bytes(message.data))
+        for identifier, data in self._mcu.can_receive():
+            frame = can.Message(timestamp=time.time(), arbitration_id=identifier, is_extended_id=False, data=data)
+            self._bus.send(frame, timeout=SEND_PATIENCE_S)
+
+
+class NativeSlots(KeptSlots):
+    """The parameters of a served native board in a file."""
+
+    def __init__(self, mcu: NativeMcu, path: Path) -> None:
+        self._mcu = mcu
+        super().__init__(path)
+
+    def operations(self) -> int:
+        return self._mcu.flash_operations
+
+    def slots(self) -> bytes:
+        return bytes(self._mcu.flash)[:SLOTS_BYTES]
