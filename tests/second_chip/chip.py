@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import heapq
 import itertools
+import math
 import random
 import struct
 from collections.abc import Callable
@@ -34,7 +35,8 @@ from second_chip.watchdogs import Iwdg, Wwdg
 FLASH, RAM, RAM_BYTES = 0x08000000, 0x20000000, 20 * 1024
 SYSTEM_MEMORY = 0x1FFFF000
 """ROM bootloader, and from 0x1FFFF7E0 on the size of the flash and the unique id (RM0008 30)."""
-PERIPHERALS, PERIPHERAL_BYTES = 0x40000000, 0x24000
+PERIPHERALS, CRC_UNIT = 0x40000000, 0x40023000
+"""The CRC unit is the last of the peripherals."""
 SYSTEM_SPACE = 0xE000E000
 EXCEPTION_RETURN = 0xFFFFFFF0
 """From here on an address in LR means: return from an exception (Armv7-M B1.5.8)."""
@@ -107,7 +109,7 @@ class Chip:
             0x40020000: self.dma,
             0x40021000: self.rcc,
             0x40022000: self.flash_controller,
-            0x40023000: self.crc,
+            CRC_UNIT: self.crc,
         }
 
         self._cpu = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
@@ -116,8 +118,9 @@ class Chip:
         self._cpu.mem_map_ptr(FLASH, len(self.flash), read_run, ctypes.addressof(self.flash))
         self._cpu.mem_map_ptr(SYSTEM_MEMORY, 4096, read_run, ctypes.addressof(self._system))
         self._cpu.mem_map_ptr(RAM, RAM_BYTES, unicorn.UC_PROT_ALL, ctypes.addressof(self.ram))
-        for base, size in ((PERIPHERALS, PERIPHERAL_BYTES), (SYSTEM_SPACE, 0x1000)):
-            self._cpu.mmio_map(base, size, self._cpu_read, base, self._cpu_write, base)
+        for base, size in ((PERIPHERALS, CRC_UNIT - PERIPHERALS), (CRC_UNIT, 0x1000), (SYSTEM_SPACE, 0x1000)):
+            write = self._crc_write if base == CRC_UNIT else self._cpu_write
+            self._cpu.mmio_map(base, size, self._cpu_read, base, write, base)
         self._cpu.hook_add(unicorn.UC_HOOK_INTR, lambda cpu, number, _: cpu.emu_stop())
         self._cpu.hook_add(unicorn.UC_HOOK_MEM_WRITE_PROT, self._flash_store)
         self._start()
@@ -153,7 +156,7 @@ class Chip:
 
     def run_until(self, done: Callable[[], bool], seconds: float) -> bool:
         """Runs until done() holds, for `seconds` at most; looked at after every slice."""
-        end = self.now + round(seconds * UNITS_HZ)
+        end = self.now + math.ceil(seconds * UNITS_HZ)  # who waits for any time at all gets some
         while not (reached := done()) and self.now < end:
             self._turn(end)
         return reached
@@ -161,12 +164,13 @@ class Chip:
     # ---- processor ----
 
     def ask_reset(self, *, software: bool = False, flags: int = 0) -> None:
-        self._reset_flags |= flags | (SOFTWARE_RESET if software else 0)
+        """Without arguments, by the reset pin; every other reset pulls it, too (RM0008 7.1.1)."""
+        self._reset_flags |= flags | PIN_RESET | (SOFTWARE_RESET if software else 0)
         self._cpu.emu_stop()
 
     def _reset(self) -> None:
-        """System reset: it pulls the reset pin, too (RM0008 7.1.1). Backup registers and memory keep what they hold."""
-        flags, self._reset_flags = self._reset_flags | PIN_RESET, 0
+        """System reset: backup registers and memory keep what they hold."""
+        flags, self._reset_flags = self._reset_flags, 0
         self.events.clear()
         self.nvic.reset()
         for block in self.blocks.values():
@@ -296,6 +300,13 @@ class Chip:
                 self.blocks[base + offset & ~0x3FF].write(offset & 0x3FF, value)
         except Exception as error:
             self._fail(error, f"writing {value:#x} to {base + offset:#010x}")
+
+    def _crc_write(self, cpu: Any, offset: int, size: int, value: int, base: int) -> None:
+        """As _cpu_write, without time: nine of ten accesses are the firmware's checks of its memory."""
+        if offset == 0 and size == 4 and self.crc.clocked():
+            self.crc.write_DR(value)
+        else:
+            self._cpu_write(cpu, offset, size, value, base)
 
     def _flash_store(self, cpu: Any, access: int, address: int, size: int, value: int, _: Any) -> bool:
         try:

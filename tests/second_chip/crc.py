@@ -9,14 +9,14 @@ from second_chip.block import Block, Layout
 POLYNOMIAL = 0x04C11DB7
 
 
-def _byte(value: int) -> int:
-    value <<= 24
-    for _ in range(8):
-        value = value << 1 ^ (POLYNOMIAL if value >> 31 & 1 else 0)
-    return value & 0xFFFFFFFF
+def _divided(word: int) -> int:
+    for _ in range(32):
+        word = (word << 1 ^ (POLYNOMIAL if word >> 31 else 0)) & 0xFFFFFFFF
+    return word
 
 
-TABLE = [_byte(value) for value in range(256)]
+_TOP, _HIGH, _LOW, _BOTTOM = ([_divided(byte << shift) for byte in range(256)] for shift in (24, 16, 8, 0))
+"""What each byte of a word leaves; the sum, modulo 2, is what the word leaves."""
 
 
 class CrcUnit(Block):
@@ -24,10 +24,8 @@ class CrcUnit(Block):
     CLOCK = ("AHBENR", 6)
 
     def write_DR(self, value: int) -> None:
-        crc = self.value["DR"] ^ value
-        for _ in range(4):
-            crc = crc << 8 & 0xFFFFFFFF ^ TABLE[crc >> 24]
-        self.value["DR"] = crc
+        word = self.value["DR"] ^ value
+        self.value["DR"] = _TOP[word >> 24] ^ _HIGH[word >> 16 & 255] ^ _LOW[word >> 8 & 255] ^ _BOTTOM[word & 255]
 
     def write_CR(self, value: int) -> None:
         if value & 1:

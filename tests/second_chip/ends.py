@@ -43,11 +43,12 @@ class CanEnd(can.BusABC):
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         self.chip.can.put((msg.arbitration_id, bytes(msg.data)))
 
-    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """In the chip's time alone: python-can's own goes by this machine's clock, too."""
         sent = self.chip.can.sent
+        if not sent and timeout:
+            self.chip.run_until(lambda: bool(sent), timeout)
         if not sent:
-            self.chip.run_until(lambda: bool(sent), timeout or 0.0)
-        if not sent:
-            return None, False
+            return None
         identifier, data = sent.pop(0)
-        return can.Message(arbitration_id=identifier, data=data, is_extended_id=False), False
+        return can.Message(arbitration_id=identifier, data=data, is_extended_id=False)

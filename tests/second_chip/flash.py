@@ -14,6 +14,9 @@ PGERR, EOP = 1 << 2, 1 << 5
 
 
 class FlashController(Block):
+    """worn: half-words that keep a value whatever erases their page, by offset. erase_us: how long a page takes.
+    erased, refused: offsets of pages, and of half-words that were not erased, in order."""
+
     LAYOUT: ClassVar[Layout] = {
         0x00: ("ACR", 0x30, 0x1F),
         0x04: ("KEYR", 0, 0),
@@ -25,12 +28,15 @@ class FlashController(Block):
     }
 
     def reset(self) -> None:
+        if not self.value:
+            self.worn: dict[int, int] = {}
+            self.erase_us = ERASE_US
+            self.erased: list[int] = []
+            self.refused: list[int] = []
         super().reset()
         self.keys_given = 0
         self.locked_for_good = False
-        self.erase_us = ERASE_US
         self._owed: tuple[int, bytes] | None = None
-        self.erased: list[int] = []
 
     def write_KEYR(self, value: int) -> None:
         if not self.value["CR"] & LOCK or self.locked_for_good:
@@ -61,6 +67,9 @@ class FlashController(Block):
             first = (self.value["AR"] & 0xFFFFFF) // page * page
             self.chip.stall_us(self.erase_us)
             self.chip.flash[first : first + page] = [0xFF] * page
+            for at, value in self.worn.items():
+                if first <= at < first + page:
+                    self.chip.flash[at : at + 2] = [value & 0xFF, value >> 8]
             self.erased.append(first)
             self.value["SR"] |= EOP
 
@@ -72,6 +81,7 @@ class FlashController(Block):
             raise ValueError("only an unlocked controller in programming mode takes a store, of a half-word")
         if before != b"\xff\xff" and value & 0xFFFF != 0:
             self.value["SR"] |= PGERR
+            self.refused.append(at)
             return
         self._owed = (at, (value & 0xFFFF).to_bytes(2, "little"))
         self.chip.stall_us(PROGRAM_US)

@@ -1,0 +1,170 @@
+"""Sensors, arming and safe outputs of the flash image on the second chip model, in real time."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import pytest
+
+from plumb import systems
+from plumb.link.identity import NackError, sensors_text
+from plumb.link.realtime import Capture
+from plumb.link.session import Session
+from plumb.systems.run_fixed import run_control
+from plumb.tuning.quantise import ControlParams, quantise
+from second_chip import Chip
+from second_chip.adc import VDDA
+from second_chip.i2c import Adxl345, Itg3205, RegisterSlave
+
+LIVE_STEPS = 12
+SAFE_S = 0.050
+NEUTRAL_US = 1000.0
+READY_S = 0.7
+"""At rest from its first step on, a run may be armed by then."""
+LEVEL = (1676, 2048, 3041)
+"""Counts of the quad's three inputs at rest and level."""
+
+
+def begin(session: Session, system: str) -> tuple[Capture, ControlParams]:
+    module = systems.load(system)
+    params = quantise(module.TUNINGS[module.DEFAULT_TUNING])
+    period_us = round(params.period_s * 1e6)
+    session.upload(params.words(), period_us=period_us, arm_hold_ms=0, esc_period_us=2500, adc_oversample_log2=0)
+    session.begin("REALTIME_LIVE", frames=["RAW_A", "RAW_B"])
+    capture = Capture(session)
+    session.listener = capture.feed
+    return capture, params
+
+
+def assert_digests_are_those_of(params: ControlParams, capture: Capture) -> None:
+    raw = capture.raw_counts(LIVE_STEPS)
+    assert capture.unverified_from(LIVE_STEPS) is None
+    expected = run_control(params, raw, np.zeros(LIVE_STEPS, np.int32)).digests()
+    assert np.array_equal(capture.digests(LIVE_STEPS), expected)
+
+
+@pytest.mark.parametrize(("system", "channels"), [("quad", (0, 1, 2)), ("turntable", (0, 1, 2, 3, 8, 9))])
+def test_the_counts_of_a_live_run_are_the_volts_on_the_pins(
+    chip: Chip, session: Session, system: str, channels: tuple[int, ...]
+) -> None:
+    put: dict[int, list[int]] = {channel: [] for channel in channels}
+
+    def another(channel: int) -> Callable[[], float]:
+        def volts() -> float:
+            put[channel].append(random.Random(f"{channel} {len(put[channel])}").randrange(1200, 2800))
+            return (put[channel][-1] + 0.3) / 4096 * VDDA
+
+        return volts
+
+    for channel in channels:
+        chip.adc.volts[channel] = another(channel)
+    capture, params = begin(session, system)
+    capture.collect(LIVE_STEPS)
+    scans_per_step = round(params.period_s * 1000)
+    sampled = [put[channel][scans_per_step - 1 :: scans_per_step][:LIVE_STEPS] for channel in channels]
+    assert np.array_equal(capture.raw_counts(LIVE_STEPS)[:, : len(channels)], np.transpose(sampled))
+    assert_digests_are_those_of(params, capture)
+
+
+class Moving:
+    """Gives another sample at every read of the first data register, and remembers it."""
+
+    def __init__(self, sensor: Adxl345 | Itg3205, first_register: int) -> None:
+        self.read_counts: list[tuple[int, int, int]] = []
+        plain = sensor.read
+        number = itertools.count(1)
+
+        def read(register: int) -> int:
+            if register == first_register:
+                step = next(number)
+                sensor.counts = (step, -2 * step, 256 - step)
+                self.read_counts.append(sensor.counts)
+            return plain(register)
+
+        sensor.read = read  # type: ignore[method-assign]
+
+
+def test_digital_sensors_are_set_up_and_read_over_i2c(chip: Chip, session: Session) -> None:
+    gyro, accel = Itg3205(), Adxl345()
+    chip.i2c.slaves = {gyro.ADDRESS: gyro, accel.ADDRESS: accel}
+    rates, tilts = Moving(gyro, 0x1D), Moving(accel, 0x32)
+    capture, params = begin(session, "balancer")
+    capture.collect(LIVE_STEPS)
+    raw = capture.raw_counts(LIVE_STEPS)
+    assert raw[:, 0].tolist() == [y for _, y, _ in rates.read_counts[:LIVE_STEPS]]
+    assert raw[:, 1:3].tolist() == [[x, z] for x, _, z in tilts.read_counts[:LIVE_STEPS]]
+    assert_digests_are_those_of(params, capture)
+    assert [register for register, _ in gyro.log] == [0x3E, 0x15, 0x16, 0x17], "awake, rate, range, ready flag"
+    assert gyro.registers[0x16] & 0x18 == 0x18, "+-2000 deg/s"
+    assert [register for register, _ in accel.log] == [0x2D, 0x2C, 0x31, 0x38, 0x2D], "asleep while it is set up"
+    assert accel.registers[0x31] == 0x0B, "full resolution, +-16 g"
+
+
+def test_a_foreign_chip_at_a_sensor_s_address_is_named(chip: Chip, session: Session) -> None:
+    chip.i2c.slaves = {Itg3205.ADDRESS: Itg3205(), Adxl345.ADDRESS: RegisterSlave({0x00: 0x00})}
+    begin(session, "balancer")
+    listen(session, 0.15)
+    (said,) = sensors_text(session.telemetry["SENSORS"])
+    assert said.startswith("accelerometer: another chip answers")
+
+
+# ---- arming ----
+
+
+def rest(chip: Chip) -> None:
+    """A quad that stands still: each conversion within a count or two of level."""
+    noise = random.Random(7)
+
+    def about(count: int) -> float:
+        return (count + noise.gauss(0.5, 1.0)) / 4096 * VDDA
+
+    for channel, count in enumerate(LEVEL):
+        chip.adc.volts[channel] = partial(about, count)
+
+
+def pulses(chip: Chip) -> tuple[float | None, ...]:
+    """High time of the two speed controllers on PB6 and PB7, None where the pin is not the timer's."""
+    port = chip.ports["B"]
+    return tuple(chip.tim4.pulse_us(n) if port.alternate(5 + n) else None for n in (1, 2))
+
+
+def neutral(chip: Chip) -> bool:
+    return pulses(chip) == (NEUTRAL_US, NEUTRAL_US)
+
+
+def listen(session: Session, seconds: float) -> None:
+    end_s = session.clock() + seconds
+    while session.clock() < end_s:
+        session.receive(0.002)
+
+
+def test_a_fresh_nonce_arms_and_silence_makes_the_outputs_safe_for_good(chip: Chip, session: Session) -> None:
+    rest(chip)
+    begin(session, "quad")
+    listen(session, READY_S)
+    arm = session.protocol["EXECUTE"].value("verb", "ARM")
+    nonce = session.request("CHALLENGE", arm, 0, answer="NONCE", first=arm)["nonce"]
+    for not_good in (nonce ^ 1, nonce):  # a wrong answer voids the challenge
+        with pytest.raises(NackError) as refused:
+            session.request("EXECUTE", arm, not_good)
+        assert refused.value.reason == "NONCE"
+    listen(session, 0.02)
+    assert neutral(chip)
+    session.arm()
+    listen(session, 0.1)
+    assert not neutral(chip) and session.telemetry["STATUS"]["armed"]
+
+    since_s = chip.seconds()
+    assert chip.run_until(lambda: neutral(chip), 2 * SAFE_S)
+    assert chip.seconds() - since_s < SAFE_S
+    for _ in range(10):
+        listen(session, 0.01)
+        assert neutral(chip), "the keep-alive that comes back arms nothing"
+    assert not session.telemetry["STATUS"]["armed"]
+    session.arm()
+    listen(session, 0.05)
+    assert not neutral(chip)
