@@ -24,7 +24,7 @@ class Adc(Block):
     LAYOUT: ClassVar[Layout] = {
         0x00: ("SR", 0, 0),
         0x04: ("CR1", 0, 0xCFFFFF),
-        0x08: ("CR2", 0, 0xFEF80F),
+        0x08: ("CR2", 0, 0xFEF90F),
         0x0C: ("SMPR1", 0, 0xFFFFFF),
         0x10: ("SMPR2", 0, 0x3FFFFFFF),
         0x2C: ("SQR1", 0, 0xFFFFFF),
@@ -46,7 +46,7 @@ class Adc(Block):
 
     def write_CR2(self, value: int) -> None:
         before = self.value["CR2"]
-        self.value["CR2"] = value & 0x3EF90F | before & 0xC  # CAL and RSTCAL are cleared by hardware
+        self.value["CR2"] = value & 0xBEF90F | before & 0xC  # CAL and RSTCAL are cleared by hardware
         run = self._run
         for bit, cycles in ((2, CALIBRATION_CYCLES), (3, 2)):
             if value >> bit & 1 and value & 1:

@@ -206,6 +206,12 @@ class BxCan(Block):
             self.value["RDL0R"], self.value["RDH0R"] = whole & 0xFFFFFFFF, whole >> 32
         self._raise()
 
+    def write(self, offset: int, value: int) -> None:
+        """A mailbox that waits to be sent is write-protected (24.9.3)."""
+        box = (offset - 0x180) // 16
+        if not (0 <= box < 3 and box in self._order):
+            super().write(offset, value)
+
     def write_MCR(self, value: int) -> None:
         before = self.value["MCR"]
         if value >> 15 & 1:

@@ -76,6 +76,7 @@ class Chip:
         self.rcc = Rcc(self)
         self.pwr, self.backup = Pwr(self), Backup(self)
         self.ports = {name: Port(self, name, bit) for name, bit in (("A", 2), ("B", 3), ("C", 4))}
+        self.ports["B"].outside = {8: 1, 9: 1}  # the pull-ups of I2C
         self.afio = Afio(self)
         self.crc = CrcUnit(self)
         self.flash_controller = FlashController(self)

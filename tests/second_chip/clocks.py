@@ -34,6 +34,7 @@ class Rcc(Block):
         kept = {name: value for name, value in self.value.items() if name in ("BDCR", "CSR")}
         super().reset()
         self.value.update(kept)
+        self.value["CSR"] &= ~3  # the oscillator is off after any reset, the flags stay
         self.cycle = self._hclk()
 
     def write_CR(self, value: int) -> None:
@@ -82,10 +83,11 @@ class Rcc(Block):
         self._lsi()
 
     def start_lsi(self) -> None:
-        """The independent watchdog forces the oscillator on (RM0008 7.2.5)."""
-        self.value["CSR"] |= 3
+        """The independent watchdog forces the oscillator on, whatever LSION says (RM0008 7.2.5)."""
+        self._lsi()
 
     def _lsi(self) -> None:
+        """LSIRDY: the oscillator runs."""
         on = self.value["CSR"] & 1 or self.chip.iwdg.started
         self.value["CSR"] = self.value["CSR"] & ~2 | (2 if on else 0)
 

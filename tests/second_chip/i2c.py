@@ -90,7 +90,7 @@ class I2c(Block):
     LAYOUT: ClassVar[Layout] = {
         0x00: ("CR1", 0, 0),
         0x04: ("CR2", 0, 0x1F3F),
-        0x08: ("OAR1", 0, 0xFFFF),
+        0x08: ("OAR1", 0, 0x83FF),
         0x0C: ("OAR2", 0, 0xFF),
         0x10: ("DR", 0, 0),
         0x14: ("SR1", 0, 0),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from second_chip.chip import Chip
 
-NMI, HARD_FAULT, PENDSV, SYSTICK, FIRST_IRQ = 2, 3, 14, 15, 16
+NMI, HARD_FAULT, DEBUG_MONITOR, PENDSV, SYSTICK, FIRST_IRQ = 2, 3, 12, 14, 15, 16
 LINES = 60
 AIRCR_KEY = 0x05FA
 
@@ -113,7 +113,8 @@ class Nvic:
         if offset == 0xD04:
             bits = (self.pending >> NMI & 1) << 31 | (self.pending >> PENDSV & 1) << 28
             bits |= (self.pending >> SYSTICK & 1) << 26 | (self.pending >> FIRST_IRQ > 0) << 22
-            return bits | (self.active[-1] if self.active else 0)
+            to_base = len(self.active) < 2  # RETTOBASE: nothing is interrupted but the program
+            return bits | to_base << 11 | (self.active[-1] if self.active else 0)
         return {
             0x14: self.reload,
             0x18: self._current(),
@@ -121,7 +122,7 @@ class Nvic:
             0xD08: self.vtor,
             0xD0C: 0xFA050000,
             0xD14: 0,  # CCR: r1p1 leaves STKALIGN at 0
-            0xD20: self.priority[PENDSV] << 16 | self.priority[SYSTICK] << 24,
+            0xD20: int.from_bytes(bytes(self.priority[DEBUG_MONITOR:FIRST_IRQ]), "little"),
         }[offset]
 
     def _active_bits(self) -> int:
@@ -163,6 +164,7 @@ class Nvic:
             if value >> 16 == AIRCR_KEY and value & 4:
                 self.chip.ask_reset(software=True)
         elif offset == 0xD20:
-            self.priority[PENDSV], self.priority[SYSTICK] = value >> 16 & 0xF0, value >> 24 & 0xF0
+            for number in (DEBUG_MONITOR, PENDSV, SYSTICK):
+                self.priority[number] = value >> 8 * (number - DEBUG_MONITOR) & 0xF0
         else:
             raise KeyError(offset)

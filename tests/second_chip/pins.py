@@ -9,12 +9,19 @@ from second_chip.block import Block, Layout
 if TYPE_CHECKING:
     from second_chip.chip import Chip
 
-DEBUG_PINS = {("A", 15): (2, 4), ("B", 3): (2, 4), ("B", 4): (1, 2, 4)}
-"""JTAG's, until AFIO_MAPR.SWJ_CFG has one of these values (table 38)."""
+DEBUG_PINS = {
+    ("A", 13): ((4,), 1),
+    ("A", 14): ((4,), 0),
+    ("A", 15): ((2, 4), 1),
+    ("B", 3): ((2, 4), 0),
+    ("B", 4): ((1, 2, 4), 1),
+}
+"""The debug port's, until AFIO_MAPR.SWJ_CFG has one of these values (table 38), and the level of its own pull (31.4.4);
+JTDO, PB3, has none and floats."""
 
 
 class Port(Block):
-    """outside: level by pin number, 0 or 1; a pin that is not in it is open. held: volts on analog inputs."""
+    """outside: level by pin number, 0 or 1; a pin that is not in it is open."""
 
     LAYOUT: ClassVar[Layout] = {
         0x00: ("CRL", 0x44444444, 0xFFFFFFFF),
@@ -46,9 +53,9 @@ class Port(Block):
         mode = self.mode(pin)
         out = self.value["ODR"] >> pin & 1
         given = self.outside.get(pin)
-        freed = DEBUG_PINS.get((self.name, pin))
-        if freed is not None and self.chip.afio.debug_port not in freed:
-            return 1 if given is None else given
+        freed, pull = DEBUG_PINS.get((self.name, pin), ((), 0))
+        if freed and self.chip.afio.debug_port not in freed:
+            return pull if given is None else given
         if mode & 3:
             if mode & 8:
                 return 1 if given is None else given

@@ -196,14 +196,16 @@ class AdvancedTimer(Timer):
         super().write_EGR(value)
 
     def break_now(self) -> None:
-        if self.clocked() and self.value["BDTR"] >> 12 & 1:
+        """Main output enable off, if the break is enabled."""
+        if self.clocked() and self.bit("BDTR", 12):
             self.value["BDTR"] &= ~(1 << 15)
             self.value["SR"] |= BIF
 
     def _break_input(self) -> bool:
-        """PB12, active low unless BKP; only a pin that is an input counts."""
+        """PB12, active low unless BKP; an open pin without a pull breaks."""
         port = self.chip.ports["B"]
-        return port.input(12) and port.level(12) == self.value["BDTR"] >> 13 & 1
+        floats = port.mode(12) == 4 and 12 not in port.outside
+        return floats or (port.input(12) and port.level(12) == self.bit("BDTR", 13))
 
     def read_SR(self) -> int:
         if self._break_input():
@@ -219,10 +221,9 @@ class AdvancedTimer(Timer):
         """LOCK level 2 protects dead time, break and OSSR, OSSI from then on (14.4.18)."""
         lock = self.bit("BDTR", 8, 2)
         kept = (0, 0x70FF | 0x300, 0x7FFF, 0x7FFF)[lock]
-        if self._break_input() and value >> 12 & 1:
-            value &= ~(1 << 15)
-            self.value["SR"] |= BIF
         self.value["BDTR"] = self.value["BDTR"] & kept | value & 0xFFFF & ~kept
+        if self._break_input():
+            self.break_now()
 
     def driving(self) -> bool:
         return bool(self.value["BDTR"] >> 15 & 1)

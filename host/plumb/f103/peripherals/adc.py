@@ -167,7 +167,7 @@ class Adc(Peripheral):
             raise SimulationError(f"ADC1_CR2 = 0x{value:08X}: the injected group is not modelled")
         now = self.machine.now
         old = self.cr2
-        self.cr2 = value & 0x009E_0903 | (old & (CAL | RSTCAL)) | value & (CAL | RSTCAL)
+        self.cr2 = value & 0x009E_7903 | (old & (CAL | RSTCAL)) | value & (CAL | RSTCAL)
         if value & ADON and not old & ADON:
             self.ready_at = now + START_US * TICKS_PER_US
             self.calibrated = False

@@ -17,7 +17,7 @@ DBP = 1 << 8
 
 
 class Pwr(Peripheral):
-    REGISTERS = (Register("cr", 0x00, 0, 0x1FF), Register("csr", 0x04, 0, 0x100))
+    REGISTERS = (Register("cr", 0x00, 0, 0x1F3), Register("csr", 0x04, 0, 0x100))  # CWUF, CSBF of CR always read 0
     cr: int
 
     def __init__(self, machine: Machine) -> None:

@@ -417,6 +417,10 @@ class Bxcan(Peripheral):
         value = (EWGF if self.tec > 95 or self.rec > 95 else 0) | (EPVF if self.tec > 127 or self.rec > 127 else 0)
         return self.rec << 24 | tec << 16 | self.lec << 4 | (BOFF if self.bus_off else 0) | value
 
+    def write_esr(self, value: int) -> None:
+        """The last error code can be written, to see the next one come (RM0008 24.9.2)."""
+        self.lec = value >> 4 & 7
+
     def write_btr(self, value: int) -> None:
         if not self.initialising:
             self.machine.warn("CAN_BTR is written outside initialisation mode; the write is ignored")

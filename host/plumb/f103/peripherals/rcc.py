@@ -207,6 +207,10 @@ class Rcc(Peripheral):
             self.cir &= ~CSSF
             self.machine.nvic.pending &= ~(1 << NMI)
 
+    def read_csr(self) -> int:
+        """The independent watchdog keeps its oscillator running, whatever LSION says (RM0008 7.2.5)."""
+        return self.csr | (LSIRDY if self.machine.iwdg.running else 0)
+
     def write_csr(self, value: int) -> None:
         self.csr = self.csr & ~(LSION | LSIRDY) | (LSION | LSIRDY if value & LSION else 0)
         if value & RMVF:
