@@ -25,7 +25,7 @@ from plumb.flash.image import find_image
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
 from plumb.link.transports.open_bus import open_can
-from plumb.link.transports.server_endpoint import open_line
+from plumb.link.transports.server_endpoint import open_endpoint
 from plumb.spec import parameters
 
 try:
@@ -141,7 +141,7 @@ def test_an_adapter_set_to_another_bit_rate_hears_nothing(served: Served) -> Non
 
 def test_any_python_can_bus_can_be_the_boards() -> None:
     """python-can's own virtual bus, with other traffic on it: the machine is one node of it."""
-    machine, line = open_machine(), open_line("pty")
+    machine, line = open_machine(), open_endpoint("pty")
     node, host, stranger = (can.Bus(interface="virtual", channel="joint", receive_own_messages=False) for _ in range(3))
     stop = threading.Event()
     runner = threading.Thread(target=run_paced, args=(machine, line, stop.is_set, Joint(machine, node, 500)))

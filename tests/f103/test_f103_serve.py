@@ -108,17 +108,17 @@ def test_a_tcp_port_serves_one_client_after_the_other_and_ends_on_interrupt(serv
 
 def test_bad_addresses_are_refused_in_a_sentence(build, tmp_path):
     from plumb.errors import LinkError, UsageError
-    from plumb.link.transports.server_endpoint import open_line
+    from plumb.link.transports.server_endpoint import open_endpoint
 
     for wrong in ("usb", "tcp:", "tcp:abc", "pty:1", "tcp:99999"):
         with pytest.raises(UsageError, match="pty or tcp:PORT"):
-            open_line(wrong)
+            open_endpoint(wrong)
     with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(LinkError, match="choose another"):
-        open_line(f"tcp:{taken.getsockname()[1]}")
+        open_endpoint(f"tcp:{taken.getsockname()[1]}")
     plain = tmp_path / "file"
     plain.write_text("precious")
     with pytest.raises(UsageError, match="choose another name"):
-        open_line("pty", plain)
+        open_endpoint("pty", plain)
     assert plain.read_text() == "precious"
 
 

@@ -25,7 +25,7 @@ from plumb.f103.attached.strap import set_strap
 from plumb.f103.machine import Machine
 from plumb.flash import rom_loader
 from plumb.link.session import Session
-from plumb.link.transports.server_endpoint import PtyLine
+from plumb.link.transports.server_endpoint import PtyEndpoint
 from plumb.spec import parameters
 from support.pins import at_rest
 
@@ -55,7 +55,7 @@ def other(image: bytes, tmp_path: Path) -> Path:
 @contextmanager
 def served(machine: Machine) -> Iterator[str]:
     """The terminal behind which it runs."""
-    line, done = PtyLine(), threading.Event()
+    line, done = PtyEndpoint(), threading.Event()
     thread = threading.Thread(target=run_paced, args=(machine, line, done.is_set))
     thread.start()
     try:

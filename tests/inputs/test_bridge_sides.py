@@ -17,7 +17,7 @@ from plumb.inputs.sensor_board import SensorBoard
 from plumb.link.lockstep import sample_frames
 from plumb.link.session import Session
 from plumb.link.transports.open_bus import open_bus, serve_bus
-from plumb.link.transports.server_endpoint import TcpLine
+from plumb.link.transports.server_endpoint import TcpEndpoint
 from plumb.spec.protocol import protocol
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.plant import QuadPlant
@@ -35,7 +35,7 @@ class ServedBoard:
     for it afterwards."""
 
     def __init__(self) -> None:
-        self.line, self.memory, self.held = TcpLine(0), NativeBoard(), False
+        self.line, self.memory, self.held = TcpEndpoint(0), NativeBoard(), False
         self.spec = self.line.address.replace("socket://", "tcp:")
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._run)
@@ -188,14 +188,14 @@ def test_sensor_board_and_stm32_may_meet_on_one_can_bus(direct: bool) -> None:
     from plumb.boards.serve import run_paced
     from plumb.boards.virtual_can import Joint
     from plumb.f103 import open_machine
-    from plumb.link.transports.server_endpoint import PtyLine
+    from plumb.link.transports.server_endpoint import PtyEndpoint
 
     try:
         machine = open_machine()
     except UsageError as error:
         pytest.skip(str(error))
     spec, done = f"can:virtual:one bus {direct}", threading.Event()
-    line, node = PtyLine(), open_bus(spec)
+    line, node = PtyEndpoint(), open_bus(spec)
     thread = threading.Thread(target=run_paced, args=(machine, line, done.is_set, Joint(machine, node, 500)))
     thread.start()
     sensors = ServedSensors(open_bus(spec), greet=True)

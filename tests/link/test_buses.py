@@ -15,7 +15,7 @@ import serial
 
 from plumb.errors import LinkError, PlumbError, UsageError
 from plumb.link.transports.open_bus import LogBus, open_bus, serve_bus
-from plumb.link.transports.server_endpoint import BACKLOG_BYTES, Line, PtyLine, TcpLine, open_line
+from plumb.link.transports.server_endpoint import BACKLOG_BYTES, PtyEndpoint, ServerEndpoint, TcpEndpoint, open_endpoint
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.link.transports.slcan_server import AdapterBus
 from plumb.spec.protocol import protocol
@@ -97,7 +97,7 @@ def test_nothing_is_sent_before_a_host_opens_the_link_nor_after_it_left() -> Non
 
 
 def test_an_adapter_answers_the_commands_that_stock_tools_send() -> None:
-    far = AdapterBus(open_line("pty"))
+    far = AdapterBus(open_endpoint("pty"))
     transcript = [
         (b"\r", b"\r"),
         (b"S6\r", b"\r"),
@@ -121,7 +121,7 @@ def test_an_adapter_answers_the_commands_that_stock_tools_send() -> None:
 
 
 def test_python_cans_own_slcan_interface_talks_to_an_adapter() -> None:
-    far = AdapterBus(open_line("pty"))
+    far = AdapterBus(open_endpoint("pty"))
     name = address_of(far).removeprefix("serial:")
     with answering(far) as heard, open_bus(f"can:slcan:{name}@115200") as stock:
         wait_for(lambda: far.open)
@@ -184,7 +184,7 @@ def test_a_far_end_waits_on_this_machine_only() -> None:
 
 
 def test_an_endless_line_does_not_grow() -> None:
-    far = AdapterBus(open_line("tcp:0"))
+    far = AdapterBus(open_endpoint("tcp:0"))
     honest, kept, heard_bytes = far._line.read, [], [0]
 
     def read() -> bytes:
@@ -202,9 +202,9 @@ def test_an_endless_line_does_not_grow() -> None:
 
 
 @contextmanager
-def busy_client(line: Line) -> Iterator[Callable[[], bytes]]:
+def busy_client(line: ServerEndpoint) -> Iterator[Callable[[], bytes]]:
     """A client that is there and reads only when asked to. The system keeps as little as it can for it."""
-    if isinstance(line, TcpLine):
+    if isinstance(line, TcpEndpoint):
         with socket.socket() as client:
             client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
             client.connect(("127.0.0.1", int(line.address.rpartition(":")[2])))
@@ -228,7 +228,7 @@ def busy_client(line: Line) -> Iterator[Callable[[], bytes]]:
 @pytest.mark.parametrize("kind", ["pty", "tcp:0"])
 def test_a_client_that_is_busy_for_a_while_loses_nothing(kind: str) -> None:
     """Numbered lines, more than the system keeps, before the client reads the first."""
-    line = open_line(kind)
+    line = open_endpoint(kind)
     with busy_client(line) as read:
         said = b"".join(b"t1008%016X\r" % number for number in range(2800))
         for at in range(0, len(said), 220):
@@ -243,8 +243,8 @@ def test_a_client_that_is_busy_for_a_while_loses_nothing(kind: str) -> None:
 
 
 def test_a_client_that_takes_nothing_loses_whole_pieces_and_who_comes_next_hears_none_of_it() -> None:
-    line = open_line("pty")
-    assert isinstance(line, PtyLine)
+    line = open_endpoint("pty")
+    assert isinstance(line, PtyEndpoint)
     piece = b"t1008" + b"0" * 16 + b"\r"
     with serial.Serial(line.address, timeout=1):
         for _ in range(2 * BACKLOG_BYTES // len(piece)):
@@ -255,11 +255,11 @@ def test_a_client_that_takes_nothing_loses_whole_pieces_and_who_comes_next_hears
     line.close()
 
 
-def client_of(line: TcpLine) -> socket.socket:
+def client_of(line: TcpEndpoint) -> socket.socket:
     return socket.create_connection(("127.0.0.1", int(line.address.rpartition(":")[2])))
 
 
-def heard_on(line: TcpLine, text: bytes) -> list[bool]:
+def heard_on(line: TcpEndpoint, text: bytes) -> list[bool]:
     """Reads until it has come; whether somebody was there after each read."""
     heard, there = b"", []
     end = time.monotonic() + WAIT_S
@@ -272,8 +272,8 @@ def heard_on(line: TcpLine, text: bytes) -> list[bool]:
 
 def test_who_comes_when_the_one_before_has_just_gone_is_served() -> None:
     """However late the line looks: what both said is heard in order, and between the two nobody was there."""
-    line = open_line("tcp:0")
-    assert isinstance(line, TcpLine)
+    line = open_endpoint("tcp:0")
+    assert isinstance(line, TcpEndpoint)
     with client_of(line) as first:
         first.sendall(b"a")
         heard_on(line, b"a")

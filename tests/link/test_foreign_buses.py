@@ -20,7 +20,7 @@ from plumb.errors import LinkError, UsageError
 from plumb.link.session import Session
 from plumb.link.transports.can_bus import MALFORMED_IN_A_ROW, AnyBus, DriverBus
 from plumb.link.transports.open_bus import open_bus, open_can
-from plumb.link.transports.server_endpoint import TcpLine
+from plumb.link.transports.server_endpoint import TcpEndpoint
 from plumb.link.transports.socketcand import SocketcandBus, SocketcandClient
 from plumb.spec.protocol import protocol
 
@@ -270,7 +270,7 @@ def test_text_that_is_no_frame_is_let_by_and_counted() -> None:
 
 
 def test_a_second_client_is_turned_away_at_once_and_the_first_stays() -> None:
-    line = TcpLine(0)
+    line = TcpEndpoint(0)
     address = line.address.removeprefix("socket://")
     heard: list[bytes] = []
 

@@ -16,7 +16,7 @@ import can
 from plumb.boards.flash_file import KeptSlots
 from plumb.errors import LinkError
 from plumb.f103.core.timeline import TICKS_PER_S
-from plumb.link.transports.server_endpoint import Line, open_line
+from plumb.link.transports.server_endpoint import ServerEndpoint, open_endpoint
 
 SLICE_S = 0.0003
 """Rest between two turns of the loop, and so the grain of the pace."""
@@ -55,7 +55,7 @@ Join = Callable[[can.BusABC, int], Joined]
 
 def run_paced(
     machine: Served,
-    line: Line,
+    line: ServerEndpoint,
     stopped: Callable[[], bool],
     joint: Joined | None = None,
     kept: KeptSlots | None = None,
@@ -97,7 +97,7 @@ def open_can_end(spec: str) -> can.BusABC:
 
     kind, _, where = spec.partition(":")
     if kind == "slcan" and (where == "pty" or where.startswith("tcp:")):
-        return AdapterBus(open_line(where))
+        return AdapterBus(open_endpoint(where))
     if kind == "socketcand" and where.isdigit() and int(where) <= 65535:
         return SocketcandBus(int(where))
     return open_can(spec)
@@ -151,7 +151,7 @@ def serve(
 
     announce gets the address of each end, as a board's name without `serial:`.
     """
-    line = open_line(spec, link)
+    line = open_endpoint(spec, link)
     try:
         with joined(join, can_spec, announce) as joint:
             announce(line.address)

@@ -1,10 +1,11 @@
-"""A sensor board on one bus, an STM32 on another, and this process between them: frame for frame, counted.
+"""Bridge between a sensor board and an STM32 on two buses: forwards every frame unchanged and counts it.
 
-Samples go to the STM32 as they came, everything the STM32 says goes to the sensor board. The bridge is the STM32's
-host: it connects, uploads the system's parameters, begins a run in real time on injected samples when the first
-sample comes, ends it (which disarms) when they stop, and keeps an armed board alive. Either side may come and go.
+Samples go to the STM32, all frames of the STM32 go to the sensor board. The bridge is the host of the STM32: it
+connects, uploads the parameters of the system, begins a real-time run on injected samples with the first sample, ends
+the run (which disarms) when the samples stop, and sends the keep-alive while the board is armed. Either side may
+disconnect and return.
 
-With a shadow the integer model runs beside the board on the counts that the board says it used (`plumb.proof.shadow`).
+With a shadow, the integer model runs beside the board on the counts that the board reports (`plumb.proof.shadow`).
 """
 
 from __future__ import annotations
@@ -31,27 +32,26 @@ from plumb.spec.parameters import control_part
 from plumb.spec.protocol import Frame, check, protocol
 from plumb.tuning.quantise import ControlParams
 
-RETRY_S = 0.5
-"""Between two attempts to open a side that is not there."""
-SILENCE_S = 1.0
-"""Listened to for so long without a frame, a side is silent: the run ends, and the far end is asked to begin again."""
-LISTEN_S = 0.1
-"""One look at a bus at most. Time in which this process did not listen is nobody's silence."""
-PATIENCE_S = 3.0
-"""Without a sample for so long after the board answered, somebody may have to start something."""
-BOARD_SILENCE_S = 2.0
-"""An open link says TIME every 50 ms: a board that is silent for so long was reset, or its cable pulled."""
-MISTAKEN_S = 3 * RETRY_S
-"""For so long a port that turned out to be the board's is left to the board's side."""
-TURN_S = 0.001
-STANDING_OVER = 25
-"""Samples over which at least so and so many older ones were always waiting for their step: delay that never goes away
-by itself, because both sides have the same period. That many are left out then."""
+RECONNECT_INTERVAL_S = 0.5
+"""Pause between attempts to open an endpoint."""
+PEER_TIMEOUT_S = 1.0
+"""A peer that sends no frame for this long counts as lost: the bridge ends the run and asks the peer to restart."""
+POLL_INTERVAL_S = 0.1
+"""Longest wait for a frame. Time the bridge spends elsewhere does not count towards PEER_TIMEOUT_S."""
+FIRST_SAMPLE_HINT_S = 3.0
+"""After this long without a first sample the bridge asks whether a sensor board is running."""
+BOARD_TIMEOUT_S = 2.0
+"""An open link sends TIME every 50 ms: a board that is silent for this long was reset or disconnected."""
+SWAPPED_PORT_HOLDOFF_S = 3 * RECONNECT_INTERVAL_S
+"""How long the sensor side leaves a port alone after a board answered on it."""
+LOOP_INTERVAL_S = 0.001
+BACKLOG_WINDOW = 25
+"""Window, in samples, over which the smallest backlog is measured. Both sides have the same period, so a backlog that
+never empties stays for ever: the bridge then skips that many samples."""
 ARM_AFTER_STEPS = 10
 BLOCKED_BY_SILENCE = 1 << 7
 WAITED_FOR = BLOCKED_BY_SILENCE | BLOCKED_NOT_READY | BLOCKED_IMPLAUSIBLE
-"""Blocks that pass by themselves once samples come and the plant is at rest."""
-"""Refused because samples stopped for a moment: they came before, and will again."""
+"""Arming blocks that clear by themselves once samples arrive and the plant is at rest: the bridge retries."""
 
 Open = Callable[[str], can.BusABC]
 Say = Callable[[str], None]
@@ -61,7 +61,8 @@ Sample = tuple[float, list[Frame]]
 
 @dataclass
 class Flow:
-    """Frames heard on one side. lost: missing by their number; rejected: damaged; foreign: not of this protocol."""
+    """Frame counts of one side. lost: gaps in the frame counter; rejected: CRC errors; foreign: unknown identifiers;
+    opened: how often the endpoint was opened."""
 
     frames: int = 0
     lost: int = 0
@@ -71,7 +72,7 @@ class Flow:
     _last: dict[int, int] = field(default_factory=dict, repr=False)
 
     def note(self, identifier: int, data: bytes) -> bool:
-        """Count a frame; False when it is not to be passed on."""
+        """Count a frame; False when it must not be forwarded."""
         message = protocol().by_identifier.get(identifier)
         if message is None:
             self.foreign += 1
@@ -93,15 +94,15 @@ class Flow:
         return True
 
     def forget(self) -> None:
-        """Another conversation begins: numbers start anew."""
+        """A new connection begins: frame counters restart."""
         self._last.clear()
 
 
 @dataclass
 class BoardCounts:
-    """What the board counted while this bridge was its host: its counters go on from the hosts before.
+    """Increments of the board's own counters while this bridge is its host.
 
-    lost: samples that are missing by their number, also those that the bridge left out or never got.
+    lost: gaps in the sample numbers, including samples that the bridge skipped or never received.
     """
 
     rejected: int = 0
@@ -119,16 +120,17 @@ class BoardCounts:
                 self._last[name] = said[name]
 
     def forget(self) -> None:
-        """The board may have been started again since."""
+        """The board may have restarted: the next counters are the new baseline."""
         self._last.clear()
 
 
 class End:
-    """One bus, opened again and again by a thread of its own; what comes waits in `arrived` with its time.
+    """One bus, read by its own thread, which reopens it when it fails. Received frames wait in `arrived` with their
+    receive time.
 
-    only: the identifiers that are this end's, where another end has the same bus.
-    generation: how often the other end is known to have come anew. quiet_s: listened for so long without a frame.
-    trouble: why it is not open, or ''. wrong: its name can never be opened.
+    only: identifiers of this end, where both ends share one bus.
+    generation: how often the peer (re)appeared. quiet_s: listening time since the last frame.
+    trouble: why the bus is not open, or ''. wrong: the error of a name that can never be opened.
     """
 
     def __init__(self, spec: str, open_: Open = open_bus, only: Container[int] | None = None) -> None:
@@ -152,11 +154,11 @@ class End:
         self._thread.join()
 
     def let_go(self) -> None:
-        """Close what is open, and look again after a while what has this name then."""
+        """Close the bus and reopen its name after SWAPPED_PORT_HOLDOFF_S."""
         self._mistaken.set()
 
     def send(self, frames: list[Frame]) -> None:
-        """Frames to the other end, or nowhere while nobody is there."""
+        """Send frames; they are dropped while the bus is not open."""
         bus: Any = self._bus
         if bus is None:
             return
@@ -167,10 +169,11 @@ class End:
                 for identifier, data in frames:
                     bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False), timeout=0.1)
         except (LinkError, can.CanError, OSError):
-            pass  # the reading thread will see it too, and open anew
+            pass  # the reading thread sees the error too, and reopens the bus
 
     def drain(self) -> list[tuple[float, Frame]]:
-        """What has arrived since the last call; raises UsageError when nothing ever can."""
+        """Frames received since the last call, with their time; raises UsageError for a name that can never be
+        opened."""
         if self.wrong is not None:
             raise self.wrong
         return [self.arrived.get() for _ in range(self.arrived.qsize())]
@@ -190,27 +193,27 @@ class End:
             except (LinkError, can.CanError, OSError) as error:
                 self.trouble = str(error)
             self._bus = None
-            self.quiet_s += RETRY_S
-            self._done.wait(MISTAKEN_S if self._mistaken.is_set() else RETRY_S)
+            self.quiet_s += RECONNECT_INTERVAL_S
+            self._done.wait(SWAPPED_PORT_HOLDOFF_S if self._mistaken.is_set() else RECONNECT_INTERVAL_S)
             self._mistaken.clear()
 
     def _read(self, bus: can.BusABC) -> None:
         self.quiet_s = asked_at_s = 0.0
         while not self._done.is_set() and not self._mistaken.is_set():
             begin_s = time.monotonic()
-            message = bus.recv(LISTEN_S)
+            message = bus.recv(POLL_INTERVAL_S)
             now_s = time.monotonic()
-            self.quiet_s += min(now_s - begin_s, LISTEN_S)
+            self.quiet_s += min(now_s - begin_s, POLL_INTERVAL_S)
             if message is not None and self._is_its_own(message):
-                if self.quiet_s > SILENCE_S:
+                if self.quiet_s > PEER_TIMEOUT_S:
                     self.generation += 1
                     self.flow.forget()
                 self.quiet_s = asked_at_s = 0.0
                 frame = message.arbitration_id, bytes(message.data)
                 if self.flow.note(*frame):
                     self.arrived.put((now_s, frame))
-            elif self.quiet_s - asked_at_s > SILENCE_S and isinstance(bus, PlumbBus):
-                bus.write_text(b"O\r")  # a far end that started again, and was not told that somebody listens
+            elif self.quiet_s - asked_at_s > PEER_TIMEOUT_S and isinstance(bus, PlumbBus):
+                bus.write_text(b"O\r")  # a peer that restarted waits for a host to open the link
                 asked_at_s = self.quiet_s
             if isinstance(bus, PlumbBus):
                 self.flow.rejected = bus.parser.rejected + bus.parser.bad
@@ -222,7 +225,7 @@ class End:
 
 
 def carry(one: End, other: End, stopped: Callable[[], bool], say: Say = lambda text: None) -> None:
-    """Every frame of either side to the other, as it came, until stopped() holds."""
+    """Forward every frame of either side to the other unchanged, until stopped() holds."""
     said = {one: "", other: ""}
     while not stopped() and not one.ended and not other.ended:
         moved = False
@@ -235,7 +238,7 @@ def carry(one: End, other: End, stopped: Callable[[], bool], say: Say = lambda t
                 target.send(frames)
                 moved = True
         if not moved:
-            time.sleep(TURN_S)
+            time.sleep(LOOP_INTERVAL_S)
 
 
 class Bridge:
@@ -300,7 +303,7 @@ class Bridge:
                         self._serve(session, stopped)
                 except LinkError as error:
                     self._once(f"the board's side: {error}")
-                    self._wait(RETRY_S, stopped)
+                    self._wait(RECONNECT_INTERVAL_S, stopped)
         finally:
             self.sensor.stop()
         self.sensor.drain()  # a name that can never be opened is told, however short the time was
@@ -356,7 +359,7 @@ class Bridge:
             samples = self._idle_drain()
             if samples:
                 return samples[-1]
-            if not self.sensor.trouble and time.monotonic() - begin_s > PATIENCE_S:
+            if not self.sensor.trouble and time.monotonic() - begin_s > FIRST_SAMPLE_HINT_S:
                 self._once(f"no sample has come over {self.sensor.spec} yet: is a sensor board there?")
             self._listen(session, 0.02)
         return None
@@ -369,8 +372,8 @@ class Bridge:
             self._quiet_s = 0.0
             self.counted.note(session.telemetry)
             return
-        self._quiet_s += min(time.monotonic() - begin_s, LISTEN_S)
-        if self._quiet_s > BOARD_SILENCE_S:
+        self._quiet_s += min(time.monotonic() - begin_s, POLL_INTERVAL_S)
+        if self._quiet_s > BOARD_TIMEOUT_S:
             raise LinkError("it fell silent")
 
     def _one_run(self, session: Session, sample: Sample, stopped: Callable[[], bool]) -> None:
@@ -396,9 +399,9 @@ class Bridge:
         pending = [(time_s, frames)]
         while not stopped() and not self._over():
             run.down(pending)
-            self._listen(session, TURN_S)
+            self._listen(session, LOOP_INTERVAL_S)
             run.look()
-            if generation != self.sensor.generation or self.sensor.quiet_s > SILENCE_S:
+            if generation != self.sensor.generation or self.sensor.quiet_s > PEER_TIMEOUT_S:
                 self.say("the sensor board fell silent: the run ends, the outputs are neutral")
                 break
             pending = self._whole(self.sensor.drain())
@@ -426,7 +429,7 @@ class _Run:
         for time_s, frames in samples:
             self._looked += 1
             self._standing = min(self._standing, len(self._waiting))
-            if self._looked >= STANDING_OVER:
+            if self._looked >= BACKLOG_WINDOW:
                 self._surplus, self._looked, self._standing = self._standing, 0, len(self._waiting)
             if self._surplus and bridge.carries:
                 self._surplus -= 1

@@ -55,19 +55,19 @@ def serve_bus(spec: str, link: Path | None = None) -> can.BusABC:
 
     Raises UsageError, LinkError as `open_bus`.
     """
-    from plumb.link.transports.server_endpoint import UdpLine, open_line
+    from plumb.link.transports.server_endpoint import UdpEndpoint, open_endpoint
     from plumb.link.transports.slcan_server import AdapterBus
 
     kind, address = kind_and_address(spec)
     if spec == "serial:pty":
-        return AdapterBus(open_line("pty", link))
+        return AdapterBus(open_endpoint("pty", link))
     if kind == "tcp":
         host, _, port = address.rpartition(":")
         if host not in ("127.0.0.1", "localhost"):
             raise UsageError(f"'{spec}': this end waits on this machine only; write tcp:127.0.0.1:PORT")
-        return AdapterBus(open_line(f"tcp:{port}"))
+        return AdapterBus(open_endpoint(f"tcp:{port}"))
     if kind == "udp":
-        return AdapterBus(UdpLine(_port(spec, address)))
+        return AdapterBus(UdpEndpoint(_port(spec, address)))
     if kind == "file":
         raise UsageError("a file is no end of a conversation; plumb record BUS --out PATH writes one")
     return open_bus(spec)

@@ -1,7 +1,8 @@
-"""The far end of a cable: a pseudo-terminal or a TCP port that a host opens, without a board behind it yet.
+"""Listening side of a pty, TCP or UDP port: a host opens it as it would open the port of a board.
 
-One client at a time: on TCP a second one is turned away at once. Clients come and go. What is written while nobody
-listens is lost, as on a cable; a client that is there and busy finds it later, as in the buffer of a serial driver.
+An endpoint has one client at a time; on TCP a second client is refused at once. Bytes written while no client is
+connected are lost, as on a cable. A client that is connected but busy finds them later, as in the buffer of a serial
+driver, up to BACKLOG_BYTES.
 """
 
 from __future__ import annotations
@@ -17,16 +18,20 @@ from typing import Protocol
 from plumb.errors import LinkError, UsageError
 
 BACKLOG_BYTES = 1 << 16
-"""Kept for a client that does not read: 0.7 s of a full line of 921600 baud. A pseudo-terminal alone keeps 4 KiB."""
+"""Bytes kept for a client that does not read: 0.7 s at 921600 baud. A pseudo-terminal itself keeps 4 KiB."""
 
 
-class Line(Protocol):
-    """The host's cable. Bytes are taken when there are some; nothing here waits."""
+class ServerEndpoint(Protocol):
+    """Listening side of a port. No call blocks.
+
+    address: what the host opens, as pyserial names it.
+    """
 
     address: str
 
     def watch(self) -> int | None:
-        """File descriptor that becomes readable when something happens."""
+        """File descriptor that becomes readable when there is something to read; None while there is none to wait
+        for."""
         ...
 
     def read(self) -> bytes: ...
@@ -37,7 +42,7 @@ class Line(Protocol):
 
 
 class Backlog:
-    """What the client has yet to take. Beyond BACKLOG_BYTES whole pieces are lost."""
+    """Bytes that the client has not read yet. A write that would exceed BACKLOG_BYTES is dropped whole."""
 
     def __init__(self) -> None:
         self._bytes = bytearray()
@@ -52,15 +57,16 @@ class Backlog:
     def __len__(self) -> int:
         return len(self._bytes)
 
-    def give(self, write: Callable[[bytes], int]) -> None:
-        """As much as write takes now; it says how much that was. Raises what write raises, but for a full buffer."""
+    def flush(self, write: Callable[[bytes], int]) -> None:
+        """Call `write` until it accepts no more; it returns the number of bytes accepted. Raises what `write` raises,
+        except BlockingIOError."""
         with contextlib.suppress(BlockingIOError):
             while self._bytes and (taken := write(bytes(self._bytes))):
                 del self._bytes[:taken]
 
 
-class PtyLine:
-    """A pseudo-terminal. `link` is a stable name for it, replaced when it exists as a symbolic link."""
+class PtyEndpoint:
+    """A pseudo-terminal. link: symbolic link to create to it, replacing an older link of that name."""
 
     def __init__(self, link: Path | None = None) -> None:
         try:
@@ -71,7 +77,7 @@ class PtyLine:
         self._master, slave = pty.openpty()
         self.address = os.ttyname(slave)
         tty.setraw(slave)
-        os.close(slave)  # from here on the client's opening and closing shows
+        os.close(slave)  # the poll below then sees clients open and close it
         os.set_blocking(self._master, False)
         self._backlog = Backlog()
         self._link = link
@@ -98,7 +104,7 @@ class PtyLine:
             self.write(b"")
         try:
             return os.read(self._master, 4096)
-        except OSError:  # nothing there, or nobody
+        except OSError:  # no bytes, or no client
             return b""
 
     def write(self, data: bytes) -> None:
@@ -107,7 +113,7 @@ class PtyLine:
             return
         self._backlog.add(data)
         with contextlib.suppress(OSError):
-            self._backlog.give(lambda waiting: os.write(self._master, waiting))
+            self._backlog.flush(lambda waiting: os.write(self._master, waiting))
 
     def close(self) -> None:
         os.close(self._master)
@@ -115,13 +121,14 @@ class PtyLine:
             self._link.unlink()
 
 
-class TcpLine:
-    """A TCP port on this machine; 0 takes a free one."""
+class TcpEndpoint:
+    """A TCP port on the loopback address; port 0 selects a free one."""
 
     def __init__(self, port: int) -> None:
         self._client: socket.socket | None = None
         self._next: socket.socket | None = None
-        """Who came when the one before had just gone: served from the next read on, so that the change shows."""
+        """A client accepted while the previous one disconnects becomes active on the next read, so the caller sees one
+        empty read."""
         self._backlog = Backlog()
         try:
             self._server = socket.create_server(("127.0.0.1", port), backlog=1)
@@ -138,66 +145,66 @@ class TcpLine:
         return (self._client or self._server).fileno()
 
     def read(self) -> bytes:
-        came, self._next = self._next or self._accepted(), None
-        if came is not None and self._client is not None:
-            data = self._taken()  # who left before this one came is let go first
+        new, self._next = self._next or self._accept(), None
+        if new is not None and self._client is not None:
+            data = self._receive()  # notices a client that left before the new one connected
             if self._client is None:
-                self._next = came
+                self._next = new
             else:
-                came.close()  # it would wait without end, and is told so
+                new.close()
             return data
-        if came is not None:
-            self._client = came
+        if new is not None:
+            self._client = new
         if self._backlog:
             self.write(b"")
-        return self._taken()
+        return self._receive()
 
-    def _accepted(self) -> socket.socket | None:
-        with contextlib.suppress(OSError):  # nobody waits
+    def _accept(self) -> socket.socket | None:
+        with contextlib.suppress(OSError):  # no client is waiting
             client, _ = self._server.accept()
             client.setblocking(False)
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             return client
         return None
 
-    def _taken(self) -> bytes:
-        """What the client has said. One that has gone is let go."""
+    def _receive(self) -> bytes:
+        """Bytes from the client; disconnects a client that has gone."""
         data = b""
         try:
             while self._client is not None and len(data) < BACKLOG_BYTES:
                 piece = self._client.recv(4096)
                 data += piece
                 if not piece:
-                    self._hang_up()
+                    self._disconnect()
         except BlockingIOError:
             pass
         except OSError:
-            self._hang_up()
+            self._disconnect()
         return data
 
     def write(self, data: bytes) -> None:
         if self._client is not None:
             self._backlog.add(data)
             try:
-                self._backlog.give(self._client.send)
+                self._backlog.flush(self._client.send)
             except OSError:
-                self._hang_up()
+                self._disconnect()
 
-    def _hang_up(self) -> None:
+    def _disconnect(self) -> None:
         self._backlog.clear()
         if self._client is not None:
             self._client.close()
             self._client = None
 
     def close(self) -> None:
-        self._hang_up()
+        self._disconnect()
         if self._next is not None:
             self._next.close()
         self._server.close()
 
 
-class UdpLine:
-    """A UDP port on this machine: answers go to whoever spoke last. What a datagram holds is text, as on a cable."""
+class UdpEndpoint:
+    """A UDP port on the loopback address. Answers go to the sender of the latest datagram; datagrams carry text."""
 
     def __init__(self, port: int) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -216,7 +223,7 @@ class UdpLine:
     def read(self) -> bytes:
         try:
             data, self._peer = self._socket.recvfrom(65535)
-        except OSError:  # nothing there, or the peer went away
+        except OSError:  # no datagram, or the peer is gone
             return b""
         return data
 
@@ -234,11 +241,11 @@ def _no_port(port: int, error: OSError) -> str:
     return f"port {port} on 127.0.0.1 cannot be opened ({reason}): another program serves there, or choose another port"
 
 
-def open_line(spec: str, link: Path | None = None) -> Line:
+def open_endpoint(spec: str, link: Path | None = None) -> ServerEndpoint:
     """'pty' or 'tcp:PORT'; raises UsageError for anything else."""
     kind, _, port = spec.partition(":")
     if spec == "pty":
-        return PtyLine(link)
+        return PtyEndpoint(link)
     if kind == "tcp" and port.isdigit() and int(port) <= 65535:
-        return TcpLine(int(port))
-    raise UsageError(f"'{spec}' is no line to serve on; write pty or tcp:PORT, up to 65535")
+        return TcpEndpoint(int(port))
+    raise UsageError(f"'{spec}' is not an endpoint to serve on; write pty or tcp:PORT, up to 65535")

@@ -1,7 +1,8 @@
 """The far end of an SLCAN cable as a python-can bus: what a CAN adapter, or a board, is to the host that opens it.
 
-A `Line` (pty or TCP port) under it, the commands of an adapter answered as PROTOCOL.md says, frames handed on in both
-directions. A frame is sent only while a host has the link open; before that, and when nobody listens, it is gone.
+A `ServerEndpoint` (pty or TCP port) under it, the commands of an adapter answered as PROTOCOL.md says, frames handed on
+in both directions. A frame is sent only while a host has the link open; before that, and when nobody listens, it is
+gone.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any
 
 import can
 
-from plumb.link.transports.server_endpoint import Line
+from plumb.link.transports.server_endpoint import ServerEndpoint
 from plumb.link.transports.slcan import LINE_MAX, frame_of_line, text_of_frames
 from plumb.spec.protocol import Frame
 
@@ -27,7 +28,7 @@ class AdapterBus(can.BusABC):
     """open: a host said O or L and not yet C. read_only: it said L, and what it sends is refused. kbit: the bit rate it
     asked for (S4, S5, S6, S8), None as long as it asked for none."""
 
-    def __init__(self, line: Line, can_filters: Any = None, **kwargs: Any) -> None:
+    def __init__(self, line: ServerEndpoint, can_filters: Any = None, **kwargs: Any) -> None:
         self._line = line
         self._pending = b""
         self._frames: deque[Frame] = deque()

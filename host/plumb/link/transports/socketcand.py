@@ -15,7 +15,7 @@ from collections import deque
 import can
 
 from plumb.link.transports.byte_stream import ClosedError, OpenError, SocketStream
-from plumb.link.transports.server_endpoint import TcpLine
+from plumb.link.transports.server_endpoint import TcpEndpoint
 
 _COMMAND = re.compile(rb"<\s*([^<>]*?)\s*>")
 _LONGEST = 4096
@@ -27,7 +27,7 @@ class SocketcandBus(can.BusABC):
     """What a client of `can.Bus(interface="socketcand", host="127.0.0.1", port=..., channel=...)` talks to."""
 
     def __init__(self, port: int) -> None:
-        self._line = TcpLine(port)
+        self._line = TcpEndpoint(port)
         self._text = b""
         self._greeted = self._raw = False
         self._received: deque[can.Message] = deque()
