@@ -8,7 +8,7 @@ from plumb.errors import LinkError
 from plumb.link.identity import BLOCKED
 from plumb.link.session import Session
 from plumb.spec import parameters
-from support.native_board import NativeBoard
+from support.native_board import NativeBoard, NewBoard
 from support.sessions import CONTROL, armed_session
 from support.transcripts import frame
 
@@ -26,24 +26,24 @@ FAULT = 1
 """A board fault that blocks."""
 
 
-def ready_board() -> NativeBoard:
+def ready_board(new_board: NewBoard) -> NativeBoard:
     """Powered for a while with its switch open; nobody on the link."""
-    board = NativeBoard()
+    board = new_board()
     board.switch(False)
     board.run_us(DEBOUNCE_US + 2 * LOOK_US)
     return board
 
 
-def armed_board() -> NativeBoard:
-    board = ready_board()
+def armed_board(new_board: NewBoard) -> NativeBoard:
+    board = ready_board(new_board)
     board.switch(True)
     board.run_us(DEBOUNCE_US + 2 * LOOK_US + READY_US)
     assert board.armed
     return board
 
 
-def test_closing_runs_the_system_live_and_arms_without_a_host() -> None:
-    board = ready_board()
+def test_closing_runs_the_system_live_and_arms_without_a_host(new_board: NewBoard) -> None:
+    board = ready_board(new_board)
     assert board.steps == 0
     board.switch(True)
     board.run_us(DEBOUNCE_US - LOOK_US)
@@ -56,8 +56,8 @@ def test_closing_runs_the_system_live_and_arms_without_a_host() -> None:
     assert board.armed and board.steps > 40
 
 
-def test_opening_disarms_with_the_next_turn_and_ends_the_run() -> None:
-    board = armed_board()
+def test_opening_disarms_with_the_next_turn_and_ends_the_run(new_board: NewBoard) -> None:
+    board = armed_board(new_board)
     board.run_us(HOLD_US)
     assert set(board.pulses) != NEUTRAL
     board.switch(False)
@@ -68,15 +68,15 @@ def test_opening_disarms_with_the_next_turn_and_ends_the_run() -> None:
     assert board.steps == steps
 
 
-def test_a_bouncing_contact_neither_arms_nor_arms_again() -> None:
-    board = ready_board()
+def test_a_bouncing_contact_neither_arms_nor_arms_again(new_board: NewBoard) -> None:
+    board = ready_board(new_board)
     for _ in range(20):
         board.switch(True)
         board.run_us(DEBOUNCE_US // 2)
         board.switch(False)
         board.run_us(LOOK_US)
     assert not board.armed and board.steps == 0
-    board = armed_board()
+    board = armed_board(new_board)
     board.switch(False)
     board.run_us(LOOK_US)
     board.switch(True)  # before it was open for long enough
@@ -84,9 +84,10 @@ def test_a_bouncing_contact_neither_arms_nor_arms_again() -> None:
     assert not board.armed
 
 
-def test_a_switch_that_is_closed_at_the_start_has_to_be_opened_first() -> None:
-    board = NativeBoard()
+def test_a_switch_that_is_closed_at_the_start_has_to_be_opened_first(new_board: NewBoard) -> None:
+    board = new_board()
     board.switch(True)
+    board.reset()
     board.run_us(1_000_000)
     assert not board.armed and board.steps == 0
     with Session.open(board) as session:
@@ -100,11 +101,11 @@ def test_a_switch_that_is_closed_at_the_start_has_to_be_opened_first() -> None:
     assert board.armed
 
 
-def test_a_switch_waits_for_rest_and_not_for_ever() -> None:
+def test_a_switch_waits_for_rest_and_not_for_ever(new_board: NewBoard) -> None:
     """Closed while it moves: armed when it rests within 5 s, else not before the switch is closed again."""
     lifted = (1676, 2048, 3300, 0, 0, 0)  # 1.25 g
     for waits_us, arms in ((READY_LIMIT_US // 2, True), (READY_LIMIT_US + 100_000, False)):
-        board = ready_board()
+        board = ready_board(new_board)
         board.sensors(lifted)
         board.switch(True)
         board.run_us(DEBOUNCE_US + waits_us, 1000)
@@ -114,8 +115,8 @@ def test_a_switch_waits_for_rest_and_not_for_ever() -> None:
         assert board.armed == arms
 
 
-def test_a_fault_keeps_it_from_arming_and_does_not_arm_when_it_goes_long_after() -> None:
-    board = ready_board()
+def test_a_fault_keeps_it_from_arming_and_does_not_arm_when_it_goes_long_after(new_board: NewBoard) -> None:
+    board = ready_board(new_board)
     board.sensors(faults=FAULT)
     board.switch(True)
     board.run_us(DEBOUNCE_US + TRY_US + 3 * LOOK_US)
@@ -127,8 +128,8 @@ def test_a_fault_keeps_it_from_arming_and_does_not_arm_when_it_goes_long_after()
     assert board.steps == steps  # and the run is over
 
 
-def test_a_fault_that_goes_at_once_does_not_matter() -> None:
-    board = ready_board()
+def test_a_fault_that_goes_at_once_does_not_matter(new_board: NewBoard) -> None:
+    board = ready_board(new_board)
     board.sensors(faults=FAULT)
     board.switch(True)
     board.run_us(DEBOUNCE_US + TRY_US // 2)
@@ -140,8 +141,8 @@ def test_a_fault_that_goes_at_once_does_not_matter() -> None:
     assert board.armed
 
 
-def test_a_fault_disarms_it_latched() -> None:
-    board = armed_board()
+def test_a_fault_disarms_it_latched(new_board: NewBoard) -> None:
+    board = armed_board(new_board)
     board.sensors(faults=FAULT)
     board.turn()
     assert not board.armed
@@ -150,8 +151,8 @@ def test_a_fault_disarms_it_latched() -> None:
     assert not board.armed
 
 
-def test_a_host_may_look_on_and_may_stop_it() -> None:
-    board = armed_board()
+def test_a_host_may_look_on_and_may_stop_it(new_board: NewBoard) -> None:
+    board = armed_board(new_board)
     board.say(b"L\r")
     board.run_us(100_000)
     assert board.armed
@@ -169,8 +170,8 @@ def test_a_host_may_look_on_and_may_stop_it() -> None:
         assert not board.armed
 
 
-def test_the_host_hears_why_it_was_left() -> None:
-    board = armed_board()
+def test_the_host_hears_why_it_was_left(new_board: NewBoard) -> None:
+    board = armed_board(new_board)
     with Session.open(board) as session:
         board.switch(False)
         board.run_us(250_000)
@@ -179,8 +180,8 @@ def test_the_host_hears_why_it_was_left() -> None:
         assert BLOCKED[8] == "the arm switch was opened"
 
 
-def test_closing_it_leaves_a_host_that_armed_alone() -> None:
-    board = NativeBoard()
+def test_closing_it_leaves_a_host_that_armed_alone(new_board: NewBoard) -> None:
+    board = new_board()
     session = armed_session(board)
     board.run_us(25_000)
     board.switch(True)
@@ -195,8 +196,8 @@ def test_closing_it_leaves_a_host_that_armed_alone() -> None:
 
 
 @pytest.mark.parametrize("hold_ms", [0, 1, 250, 10_000])
-def test_neutral_is_held_after_arming_for_the_time_of_the_parameter(hold_ms: int) -> None:
-    board = NativeBoard()
+def test_neutral_is_held_after_arming_for_the_time_of_the_parameter(new_board: NewBoard, hold_ms: int) -> None:
+    board = new_board()
     session = Session.open(board)
     session.upload(CONTROL, period_us=1000, arm_hold_ms=hold_ms)
     session.begin("REALTIME_LIVE")

@@ -11,7 +11,7 @@ from plumb.link.session import Session
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.spec import parameters
 from plumb.spec.protocol import protocol
-from support.native_board import AT_REST, BAUD_921600_NS, NativeBoard
+from support.native_board import AT_REST, BAUD_921600_NS, NativeBoard, NewBoard
 from support.sessions import CONTROL, armed_session
 from support.transcripts import frame, said
 
@@ -20,8 +20,8 @@ FRAME_US = 20_000
 NEUTRAL = next(row.default for row in parameters.table() if row.name == "esc.neutral_halfus")
 
 
-def test_keep_alive_holds_and_its_loss_disarms_after_50_ms_latched() -> None:
-    board = NativeBoard()
+def test_keep_alive_holds_and_its_loss_disarms_after_50_ms_latched(new_board: NewBoard) -> None:
+    board = new_board()
     session = armed_session(board)
     for _ in range(100):
         session.receive(0.005)
@@ -52,9 +52,9 @@ def without_telemetry(data: bytes) -> bytes:
     return text_of_frames([frame for frame in SlcanParser().feed(data) if frame[0] == value])
 
 
-def test_waiting_in_vain_keeps_it_alive() -> None:
+def test_waiting_in_vain_keeps_it_alive(new_board: NewBoard) -> None:
     """Who waits for an answer that does not come answers the board's values all the same."""
-    board = NativeBoard()
+    board = new_board()
     session = armed_session(board, period_us=100_000)
     board.spoil_up = without_telemetry
     session.receive(0.25)
@@ -64,8 +64,8 @@ def test_waiting_in_vain_keeps_it_alive() -> None:
     session.close()
 
 
-def test_pumping_keeps_it_alive_and_loses_nothing() -> None:
-    board = NativeBoard()
+def test_pumping_keeps_it_alive_and_loses_nothing(new_board: NewBoard) -> None:
+    board = new_board()
     session = armed_session(board)
     session.receive(0.0)
     for _ in range(100):
@@ -88,8 +88,8 @@ def next_value(board: NativeBoard) -> int:
     return 0
 
 
-def test_disarming_time_to_the_turn() -> None:
-    board = NativeBoard()
+def test_disarming_time_to_the_turn(new_board: NewBoard) -> None:
+    board = new_board()
     session = armed_session(board)
     value = next_value(board)
     last = board.time_us
@@ -100,9 +100,9 @@ def test_disarming_time_to_the_turn() -> None:
     session.close()
 
 
-def test_a_keep_alive_that_is_too_late_does_not_revive() -> None:
+def test_a_keep_alive_that_is_too_late_does_not_revive(new_board: NewBoard) -> None:
     """Even when it is the first thing that is seen after a long turn of the loop."""
-    board = NativeBoard()
+    board = new_board()
     session = armed_session(board)
     board.write(frame("KEEPALIVE", 0, next_value(board)))
     board.turn(step_us=35_000)
@@ -110,8 +110,8 @@ def test_a_keep_alive_that_is_too_late_does_not_revive() -> None:
     session.close()
 
 
-def test_a_stranger_cannot_keep_it_alive() -> None:
-    board = NativeBoard()
+def test_a_stranger_cannot_keep_it_alive(new_board: NewBoard) -> None:
+    board = new_board()
     session = armed_session(board)
     for _ in range(4):
         value = next_value(board)
@@ -121,9 +121,9 @@ def test_a_stranger_cannot_keep_it_alive() -> None:
     session.close()
 
 
-def test_values_come_every_10_ms_however_full_the_queue_is_and_only_while_armed() -> None:
+def test_values_come_every_10_ms_however_full_the_queue_is_and_only_while_armed(new_board: NewBoard) -> None:
     """Before all telemetry that waits, and none is dropped."""
-    board = NativeBoard()
+    board = new_board()
     session = Session.open(board)
     session.upload(CONTROL, period_us=500, esc_period_us=2500)
     session.begin("REALTIME_LIVE", frames=("RAW_A", "QUAD_ANGLE"), words=range(40))
@@ -200,8 +200,8 @@ def disarm_by_other_version_and_back(board: NativeBoard, session: Session) -> No
         disarm_by_new_run, disarm_by_fault, disarm_by_other_version, disarm_by_other_version_and_back,
     ],
 )  # fmt: skip
-def test_what_disarms(cause: object) -> None:
-    board = NativeBoard()
+def test_what_disarms(new_board: NewBoard, cause: object) -> None:
+    board = new_board()
     session = armed_session(board)
     assert callable(cause)
     cause(board, session)
@@ -212,8 +212,8 @@ def test_what_disarms(cause: object) -> None:
 
 
 @pytest.mark.parametrize("run", ["LOCKSTEP", None])
-def test_arming_is_refused_with_the_reason(run: str | None) -> None:
-    board = NativeBoard()
+def test_arming_is_refused_with_the_reason(new_board: NewBoard, run: str | None) -> None:
+    board = new_board()
     with Session.open(board) as session:
         if run:
             session.begin(run)
@@ -229,8 +229,8 @@ def test_arming_is_refused_with_the_reason(run: str | None) -> None:
         assert board.armed
 
 
-def test_an_injected_run_is_armed_by_fresh_samples_only() -> None:
-    board = NativeBoard()
+def test_an_injected_run_is_armed_by_fresh_samples_only(new_board: NewBoard) -> None:
+    board = new_board()
     session = Session.open(board)
     session.upload(CONTROL, period_us=10_000)
     session.begin("REALTIME_INJECTED")

@@ -10,18 +10,18 @@ from plumb.link.session import PERIODIC
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.spec import parameters
 from plumb.spec.protocol import protocol
-from support.native_board import BAUD_921600_NS, NativeBoard
+from support.native_board import BAUD_921600_NS, NativeBoard, NewBoard
 from support.transcripts import begin, frame, said
 
 
 @pytest.fixture
-def board() -> NativeBoard:
-    return NativeBoard()
+def board(new_board: NewBoard) -> NativeBoard:
+    return new_board()
 
 
 @pytest.fixture
-def opened() -> NativeBoard:
-    board = NativeBoard()
+def opened(new_board: NewBoard) -> NativeBoard:
+    board = new_board()
     assert board.say(b"O\r") == b"\r"
     board.say(frame("HELLO", protocol().version, protocol().dbc_hash), turns=20)
     return board
@@ -142,7 +142,7 @@ def test_limits_of_every_parameter(opened: NativeBoard, index: int) -> None:
 
 
 def test_dump_and_wrong_index(opened: NativeBoard) -> None:
-    values = said(opened.say(frame("PARAM_GET", 0xFFFF, 0), turns=20))
+    values = said(opened.say(frame("PARAM_GET", 0xFFFF, 0), turns=40))
     assert [words["index"] for _, words in values] == list(range(len(parameters.table())))
     count = len(parameters.table())
     for request in ("PARAM_GET", "PARAM_SET"):

@@ -18,15 +18,15 @@ from plumb.boards.link import LinkBoard
 from plumb.errors import LinkError
 from plumb.link.session import Session
 from plumb.spec import parameters
-from support.native_board import NativeBoard
+from support.native_board import NativeBoard, NewBoard
 
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 DEFAULTS = [row.default for row in parameters.table()]
 
 
 @pytest.fixture
-def board() -> NativeBoard:
-    return NativeBoard()
+def board(new_board: NewBoard) -> NativeBoard:
+    return new_board()
 
 
 @pytest.fixture

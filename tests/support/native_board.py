@@ -117,3 +117,7 @@ class NativeBoard(NativeUart):
     @property
     def pulses(self) -> tuple[int, int]:
         return self.wires.pulse_halfus[0], self.wires.pulse_halfus[1]
+
+
+NewBoard = Callable[[], NativeBoard]
+"""Makes a board that is switched on: in a test that takes `new_board`, on the native port or of the flash image."""
