@@ -1,20 +1,33 @@
-"""No test waits for ever: one that takes longer than LIMIT_S fails, and shows what every thread was doing.
+"""What holds for every test: a limit of time, and that a skip which nobody wrote down is a failure.
 
-Where no Python runs any more to fail the test, the whole session ends after twice that, with the same account.
+A test that takes longer than LIMIT_S fails, and shows what every thread was doing. Where no Python runs any more to
+fail the test, its process ends after twice that, with the same account: the whole session, or one of its workers.
 """
 
 from __future__ import annotations
 
 import faulthandler
 import os
+import re
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator
+from fnmatch import fnmatch
+from typing import Any
 
 import pytest
 
 LIMIT_S = float(os.environ.get("PLUMB_TEST_LIMIT_S", "300"))
 """For set-up, test and tear-down each. The longest takes some ten seconds on an idle machine."""
+
+NO_SKIPS = os.environ.get("PLUMB_NO_SKIPS") == "1"
+"""Set by the Makefile, which has built and installed all that a test may ask for."""
+
+MAY_SKIP = [
+    ("tests/*", r"PLUMB_DATA"),  # recordings with an optical reference, which are not part of the repository
+    ("tests/*", r"\bno (/dev/full|/dev/zero|/proc)\b|only Linux|no limit of file size"),  # other operating systems
+]
+"""Files, as a pattern, and reasons, as a regular expression: what may be skipped all the same."""
 
 _terminal = pytest.StashKey[int]()
 
@@ -27,7 +40,7 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     os.close(config.stash[_terminal])
 
 
-def _limited(item: pytest.Item) -> Iterator[None]:
+def _limited(item: pytest.Item) -> Generator[None, Any, Any]:
     def too_long(*_: object) -> None:
         faulthandler.dump_traceback(item.config.stash[_terminal])
         pytest.fail(f"{item.nodeid} is not done after {LIMIT_S:g} s")
@@ -44,15 +57,39 @@ def _limited(item: pytest.Item) -> Iterator[None]:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_setup(item: pytest.Item) -> Iterator[None]:
+def pytest_runtest_setup(item: pytest.Item) -> Generator[None, Any, Any]:
     return (yield from _limited(item))
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
     return (yield from _limited(item))
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_teardown(item: pytest.Item) -> Iterator[None]:
+def pytest_runtest_teardown(item: pytest.Item) -> Generator[None, Any, Any]:
     return (yield from _limited(item))
+
+
+def _forbid_skip(report: pytest.TestReport | pytest.CollectReport) -> None:
+    """Turn a skip into a failure, unless MAY_SKIP has it. An expected failure is reported as skipped and is none."""
+    if not NO_SKIPS or not report.skipped or hasattr(report, "wasxfail"):
+        return
+    why = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+    if not any(fnmatch(report.nodeid, files) and re.search(reason, why) for files, reason in MAY_SKIP):
+        report.outcome = "failed"
+        report.longrepr = f"{report.nodeid}: {why}. MAY_SKIP in tests/conftest.py does not have it."
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    report = yield
+    _forbid_skip(report)
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    report = yield
+    _forbid_skip(report)
+    return report

@@ -8,8 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 CASES = """
 import signal, threading, time, pytest
 
@@ -36,18 +34,28 @@ def test_out_of_reach():
 """
 
 
-@pytest.fixture
-def run(tmp_path: Path) -> subprocess.CompletedProcess[str]:
+def run(tmp_path: Path, *options: str) -> subprocess.CompletedProcess[str]:
     shutil.copy(Path(__file__).with_name("conftest.py"), tmp_path)
     (tmp_path / "test_hangs.py").write_text(CASES)
-    command = [sys.executable, "-m", "pytest", "-v", "-p", "no:cacheprovider", "test_hangs.py"]
+    command = [sys.executable, "-m", "pytest", "-v", "-rA", "-p", "no:cacheprovider", *options, "test_hangs.py"]
     limited = {**os.environ, "PLUMB_TEST_LIMIT_S": "1"}
     return subprocess.run(command, cwd=tmp_path, env=limited, capture_output=True, text=True, check=False, timeout=120)
 
 
-def test_who_hangs_is_named_and_shown_and_nobody_waits(run: subprocess.CompletedProcess[str]) -> None:
-    assert "test_in_a_lock FAILED" in run.stdout and "test_in_its_fixture ERROR" in run.stdout
-    assert "test_that_is_quick PASSED" in run.stdout
-    assert "in a_thread_of_its_own" in run.stderr  # every thread
-    assert "Timeout (0:00:02)!" in run.stderr and "in test_out_of_reach" in run.stderr
-    assert run.returncode == 1
+def test_who_hangs_is_named_and_shown_and_nobody_waits(tmp_path: Path) -> None:
+    done = run(tmp_path)
+    assert "test_in_a_lock FAILED" in done.stdout and "test_in_its_fixture ERROR" in done.stdout
+    assert "test_that_is_quick PASSED" in done.stdout
+    assert "in a_thread_of_its_own" in done.stderr  # every thread
+    assert "Timeout (0:00:02)!" in done.stderr and "in test_out_of_reach" in done.stderr
+    assert done.returncode == 1
+
+
+def test_a_worker_that_hangs_is_shown_and_replaced(tmp_path: Path) -> None:
+    done = run(tmp_path, "-n", "1")
+    for name in ("test_in_a_lock", "test_out_of_reach"):
+        assert f"FAILED test_hangs.py::{name}" in done.stdout
+    assert "ERROR test_hangs.py::test_in_its_fixture" in done.stdout
+    assert "PASSED test_hangs.py::test_that_is_quick" in done.stdout
+    assert "in a_thread_of_its_own" in done.stderr and "in test_out_of_reach" in done.stderr
+    assert "3 failed" not in done.stdout and done.returncode == 1

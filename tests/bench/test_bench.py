@@ -29,6 +29,7 @@ def measured() -> BenchResult:
         raise
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernel", bench.BUDGETS)
 def test_every_kernel_is_within_its_budget(measured: BenchResult, kernel: str) -> None:
     row, budget = measured.kernels[kernel], bench.BUDGETS[kernel]
@@ -63,6 +64,7 @@ def test_figures_are_plausible_from_below(measured: BenchResult) -> None:
     assert step.bytes > parts["kalman_step"].bytes
 
 
+@pytest.mark.slow
 def test_measuring_twice_gives_the_same_figures(measured: BenchResult) -> None:
     assert bench.measure().to_json() == measured.to_json()
 

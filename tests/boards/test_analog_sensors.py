@@ -55,6 +55,7 @@ def after_a_scan(bench: Bench) -> None:
     bench.machine.advance_us(1000 - bench.machine.tim3.count(bench.machine.now) + 200)
 
 
+@pytest.mark.slow
 def test_an_input_at_a_rail(analog: Bench) -> None:
     """49 ms of a knock are no fault, 50 are."""
     capture = analog.armed()
@@ -79,6 +80,7 @@ def test_an_input_at_a_rail(analog: Bench) -> None:
         analog.recovers(capture)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("log2", [0, 2, 4])
 def test_a_rail_is_where_every_conversion_is(analog: Bench, log2: int) -> None:
     """One away from it in 25 ms says that the input still moves."""
@@ -92,6 +94,7 @@ def test_a_rail_is_where_every_conversion_is(analog: Bench, log2: int) -> None:
         assert "input PA1 is at a rail" in analog.told()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("period_us", [1000, 5000, 20_000, 100_000])
 def test_a_rail_and_a_stuck_input_are_found_in_time_whatever_the_period(analog: Bench, period_us: int) -> None:
     """Within 50 and 100 ms and what asking takes, where limits of 5 and 100 steps took up to 10 s."""
@@ -120,6 +123,7 @@ def test_six_inputs_in_their_order(six: Bench) -> None:
     assert six.machine.warnings == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("index", range(6))
 def test_of_six_inputs_the_bad_one_has_no_sample(six: Bench, index: int) -> None:
     """At a rail, or without change: -32768 in its place; the others and the steps go on."""
@@ -151,6 +155,7 @@ def last(capture: Capture) -> list[int]:
     return capture.raw_counts(capture.steps)[capture.steps - 4].tolist()
 
 
+@pytest.mark.slow
 def test_an_input_that_hangs(analog: Bench) -> None:
     capture = analog.armed()
     honest = analog.machine.adc["PA2"]
@@ -164,6 +169,7 @@ def test_an_input_that_hangs(analog: Bench) -> None:
     analog.recovers(capture)
 
 
+@pytest.mark.slow
 def test_detection_can_be_switched_off(analog: Bench) -> None:
     capture = analog.armed(rail_ms=0, stuck_ms=0)
     analog.machine.adc["PA0"], analog.machine.adc["PA1"] = 1.35, 1.65  # at rest, without any noise
@@ -183,6 +189,7 @@ def test_a_noisy_input_is_no_reason_to_stop(analog: Bench) -> None:
     assert analog.session.telemetry["EVENTS"]["saturated"] > 0
 
 
+@pytest.mark.slow
 def test_a_converter_that_falls_silent(analog: Bench) -> None:
     capture = analog.armed()
     analog.machine.adc1.silent = True
@@ -195,6 +202,7 @@ def test_a_converter_that_falls_silent(analog: Bench) -> None:
     assert analog.faults() & NO_CONVERSIONS == 0
 
 
+@pytest.mark.slow
 def test_counts_of_a_converter_that_could_not_be_calibrated_are_no_samples(analog: Bench) -> None:
     calibrate, analog.machine.adc1._calibrate = analog.machine.adc1._calibrate, lambda *_: None
     capture = analog.begin()

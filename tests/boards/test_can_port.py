@@ -160,6 +160,7 @@ def test_a_frame_whose_release_takes_time_is_taken_once(board: Board) -> None:
     assert values == list(range(12))
 
 
+@pytest.mark.slow
 def test_an_answer_after_a_long_silence_may_wait_for_others(board: Board) -> None:
     """Patience with a frame begins when it was given to the controller."""
     board.machine.advance_us(3_000_000)
@@ -213,6 +214,7 @@ def test_nobody_acknowledges(board: Board) -> None:
     assert board.machine.reset_count == 1
 
 
+@pytest.mark.slow
 def test_bus_off_and_back_after_a_pause_that_doubles(board: Board) -> None:
     board.open_uart()
     board.hello()
@@ -309,6 +311,7 @@ def test_a_babbling_node_starves_can_and_nothing_else(board: Board) -> None:
     assert "IDENTITY" in names(board.heard())
 
 
+@pytest.mark.slow
 def test_a_babbling_host_identifier_is_rejected_and_the_loop_keeps_its_steps(board: Board) -> None:
     """DISARM frames without a right checksum at full rate: counted, no step is missed."""
     board.open_uart()
@@ -397,6 +400,7 @@ def test_a_burst_beyond_the_ring_is_lost_counted_and_reported(board: Board) -> N
     assert "PARAM_VALUE" in names(board.heard())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["reset pin", "power cut", "brown-out"])
 def test_the_board_is_lost_in_the_middle_of_a_frame(how: str) -> None:
     """At any bit of its own or of another's: half a frame is nobody's, the others go on, and so does the board."""

@@ -59,6 +59,7 @@ def table_crc(session: Session) -> int:
     return parameters.crc32(session.read_parameters())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spec", ["slcan:pty", "slcan:tcp:0", "socketcand:0"])
 def test_a_run_from_another_process(spec: str, served: Served, capsys: pytest.CaptureFixture[str]) -> None:
     """Over the stock slcan interface on a terminal and on TCP, and over socketcand."""
@@ -96,6 +97,7 @@ with Session.over(open_can(sys.argv[1].removeprefix("can:"))) as session:
 """
 
 
+@pytest.mark.slow
 def test_one_of_two_hosts_is_killed_and_the_other_loses_nothing(served: Served) -> None:
     """Both hear every step of a run that was begun over CAN; its host dies, the run goes on for the other one."""
     bus, uart = served("slcan:tcp:0", "--system", "quad")
@@ -122,6 +124,7 @@ def test_one_of_two_hosts_is_killed_and_the_other_loses_nothing(served: Served) 
         host.wait()
 
 
+@pytest.mark.slow
 def test_an_adapter_set_to_another_bit_rate_hears_nothing(served: Served) -> None:
     bus, _ = served("slcan:tcp:0")
     channel = bus.removeprefix("can:slcan:")

@@ -54,6 +54,7 @@ def begin_apart(digital: Bench, again: Callable[[], None], **words: int) -> Capt
     raise AssertionError("no such phase was found")
 
 
+@pytest.mark.slow
 def test_every_period_has_the_newest_sample_of_both_chips(digital: Bench) -> None:
     gyro, accel = digital.gyro, digital.accel
     seen: list[tuple[float, str, float, tuple[int, int, int]]] = []
@@ -72,6 +73,7 @@ def test_every_period_has_the_newest_sample_of_both_chips(digital: Bench) -> Non
     assert digital.machine.warnings == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("axis", "pair"), [(0, (1, 2)), (1, (0, 2)), (2, (0, 1))])
 def test_the_rate_is_about_the_axle_and_the_accelerations_across_it(
     digital: Bench, axis: int, pair: tuple[int, int]
@@ -103,6 +105,7 @@ def test_a_sample_is_complete_soon_after_its_tick(digital: Bench) -> None:
         assert busy_us <= (240 if machine.spi1.devices else 440)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("digital", ["i2c"], indirect=True)
 def test_a_period_that_begins_while_the_chips_are_read_is_missed_and_counted(digital: Bench) -> None:
     """At 2 kHz, with an accelerometer that refuses twice of three times: what was begun is finished."""
@@ -124,6 +127,7 @@ def test_a_period_that_begins_while_the_chips_are_read_is_missed_and_counted(dig
         digital.session.arm()
 
 
+@pytest.mark.slow
 def test_a_chip_can_be_armed_on_as_soon_as_it_is_there(digital: Bench) -> None:
     """begin, then arm at once: the host waits until the sensors are up."""
     capture = digital.begin()
@@ -132,6 +136,7 @@ def test_a_chip_can_be_armed_on_as_soon_as_it_is_there(digital: Bench) -> None:
     assert digital.driving()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["gyro", "accelerometer"])
 def test_a_chip_that_does_not_answer(digital: Bench, name: str) -> None:
     capture = digital.armed()
@@ -148,6 +153,7 @@ def test_a_chip_that_does_not_answer(digital: Bench, name: str) -> None:
     digital.recovers(capture)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["gyro", "accelerometer"])
 def test_another_chip_at_its_place(digital: Bench, name: str) -> None:
     chip = digital.gyro if name == "gyro" else digital.accel
@@ -161,6 +167,7 @@ def test_another_chip_at_its_place(digital: Bench, name: str) -> None:
     digital.recovers(capture)
 
 
+@pytest.mark.slow
 def test_an_accelerometer_that_does_not_hear(digital: Bench) -> None:
     """It reads well, but its settings are those of power-up: counts of another range would be worse than none."""
     honest, digital.accel.written = digital.accel.written, lambda _register, _value: None
@@ -172,6 +179,7 @@ def test_an_accelerometer_that_does_not_hear(digital: Bench) -> None:
     digital.recovers(capture)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["gyro", "accelerometer"])
 def test_a_chip_whose_data_hang(digital: Bench, name: str) -> None:
     """At 200 Hz 16 equal samples of the ADXL345 are beyond noise, 6 of the ITG-3205: 80 and 30 ms."""
@@ -190,6 +198,7 @@ def test_a_chip_whose_data_hang(digital: Bench, name: str) -> None:
     digital.recovers(capture)
 
 
+@pytest.mark.slow
 def test_a_chip_that_says_the_same_for_ever_stays_a_fault(digital: Bench) -> None:
     """Its data are new each time, and the same: setting it up anew does not clear that, only a change does."""
     capture = digital.armed()
@@ -202,6 +211,7 @@ def test_a_chip_that_says_the_same_for_ever_stays_a_fault(digital: Bench) -> Non
     digital.recovers(capture)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["gyro", "accelerometer"])
 def test_a_chip_that_had_no_data_is_up_again_as_soon_as_it_has(digital: Bench, name: str) -> None:
     """However often it was started in vain."""
@@ -241,6 +251,7 @@ def test_an_exchange_that_is_cut_short_leaves_nothing_for_the_next(digital: Benc
         assert digital.run(capture, 0.1) >= 0.1e6 / PERIOD_US - 2
 
 
+@pytest.mark.slow
 def test_a_chip_that_lost_its_settings_gets_them_again(digital: Bench) -> None:
     """A dip of the supply: the accelerometer is back at +-2 g and in standby, its data stand still."""
     capture = digital.armed()
@@ -251,6 +262,7 @@ def test_a_chip_that_lost_its_settings_gets_them_again(digital: Bench) -> None:
     assert digital.accel.registers[0x31] == 0x0B
 
 
+@pytest.mark.slow
 def test_one_access_that_fails_is_tried_again_and_costs_no_step(digital: Bench) -> None:
     capture = digital.armed()
     failures = digital.bus_failures()
@@ -279,6 +291,7 @@ def i2c() -> Iterator[Bench]:
         yield Bench(machine, session, gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clocks", [1, 5, 9])
 def test_a_slave_that_holds_the_data_line_is_clocked_free(i2c: Bench, clocks: int) -> None:
     capture = i2c.armed()
@@ -290,6 +303,7 @@ def test_a_slave_that_holds_the_data_line_is_clocked_free(i2c: Bench, clocks: in
     i2c.recovers(capture)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clocks", [1, 9])
 def test_a_data_line_that_is_held_at_power_up(clocks: int) -> None:
     """The processor was reset in the middle of a byte: the slave was not."""
@@ -302,6 +316,7 @@ def test_a_data_line_that_is_held_at_power_up(clocks: int) -> None:
         bench.recovers(bench.begin())
 
 
+@pytest.mark.slow
 def test_analog_filters_that_lock_at_power_up(i2c: Bench) -> None:
     """The erratum that makes the bus look busy for ever: only edges on the pins and a reset of I2C1 help."""
     capture = i2c.armed()
@@ -311,6 +326,7 @@ def test_analog_filters_that_lock_at_power_up(i2c: Bench) -> None:
     i2c.recovers(capture)
 
 
+@pytest.mark.slow
 def test_a_shorted_data_line_is_a_fault_for_as_long_as_it_lasts(i2c: Bench) -> None:
     capture = i2c.armed()
     i2c.machine.i2c_bus.short(True)
@@ -339,6 +355,7 @@ def test_a_misplaced_stop_costs_no_step(i2c: Bench) -> None:
     assert i2c.faults() & STEPS_MISSED == 0
 
 
+@pytest.mark.slow
 def test_without_a_crystal_the_bus_runs_from_the_other_clock() -> None:
     """64 MHz: FREQ, CCR and TRISE are others, or the model stops; both chips are read all the same."""
     machine = image(crystal=False)

@@ -189,6 +189,7 @@ def inputs(image: Image) -> RunInputs:
     return RunInputs(image.data)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ESC_HANGS)
 def test_the_pulses_are_safe_within_50_ms_of_a_hang(inputs: RunInputs, image: Image, name: str) -> None:
     machine = inputs.again()
@@ -205,6 +206,7 @@ def ride() -> tuple[Balancer, Snapshot]:
     return balancer, balancer.machine.snapshot(balancer.session)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HANGS)
 def test_the_bridge_is_off_within_50_ms_of_a_hang(ride: tuple[Balancer, Snapshot], image: Image, name: str) -> None:
     balancer, taken = ride

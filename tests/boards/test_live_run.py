@@ -57,6 +57,7 @@ def bench() -> Iterator[Bench]:
         yield Bench(machine, session)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("period_us", [500, 1000, 3331, 20_000, 100_000])
 def test_samples_are_a_period_apart_and_arrive_as_converted(bench: Bench, period_us: int) -> None:
     """The timer samples, no instruction does: the instants repeat to within a tick of the simulation. In between the
@@ -124,6 +125,7 @@ def test_a_run_begins_with_the_neutral_pulse_it_was_given(bench: Bench) -> None:
     assert bench.pulses_us() == (944.0, 944.0)
 
 
+@pytest.mark.slow
 def test_a_missed_period_blocks_arming_until_the_next_run(bench: Bench) -> None:
     bench.run(bench.begin(1000), 0.02)
     assert bench.session.connect()["FAULTS"] == 0
@@ -152,6 +154,7 @@ def test_counts_of_an_uncalibrated_converter_are_not_used(bench: Bench) -> None:
     assert capture.steps > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("esc_period_us", [2500, 20_000])
 def test_silence_makes_it_safe_within_50_ms_for_good(bench: Bench, esc_period_us: int) -> None:
     capture = bench.begin(1000, esc_period_us)

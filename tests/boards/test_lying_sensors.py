@@ -60,6 +60,7 @@ def disarms(bench: Bench, capture: object, check: int) -> None:
     assert BLOCKED[11] in shown["disarm_cause"] and len(shown["disarm_cause"]) >= 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("pin", "volts", "check"),
     [
@@ -118,6 +119,7 @@ def given_a_setpoint(bench: Bench) -> None:
     bench.session.set_setpoint(TURN_Q32 // 72)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("how", "sentence"),
     [
@@ -147,6 +149,7 @@ def test_ready_a_moment_later_is_armed_by_the_same_command(analog: Bench) -> Non
     assert plausibility_text(analog.session.telemetry["PLAUSIBILITY"]) == []
 
 
+@pytest.mark.slow
 def test_the_arm_switch_waits_for_rest_too(analog: Bench) -> None:
     lifted(analog)
     machine = analog.machine

@@ -121,6 +121,7 @@ def test_the_frame_is_in_bounds_whatever_ram_holds(image: bytes, elf: Elf, value
         board.check(NEUTRAL_US)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", WILD)
 def test_a_driven_pulse_is_in_bounds_whatever_ram_holds(image: bytes, elf: Elf, value: int) -> None:
     board = Watched(image)
@@ -180,6 +181,7 @@ def say_anything(board: Watched, chance: random.Random) -> None:
     board.machine.uart.write(text_of_frames(frames) + chance.randbytes(chance.randrange(20)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(POKED))
 def test_disarmed_pins_stay_neutral_whatever_is_poked_and_said(image: bytes, elf: Elf, seed: int) -> None:
     chance, board = random.Random(seed), Watched(image)
@@ -192,6 +194,7 @@ def test_disarmed_pins_stay_neutral_whatever_is_poked_and_said(image: bytes, elf
             board.check(NEUTRAL_US)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(ARMED_POKED))
 def test_pulses_stay_in_bounds_whatever_is_poked_and_said(image: bytes, elf: Elf, seed: int) -> None:
     """The session's memory, too, which says whether the board is armed."""
@@ -244,6 +247,7 @@ def any_pulses(chance: random.Random) -> dict[str, int]:
     return words
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(30))
 def test_a_saved_table_for_other_controllers_is_not_loaded(image: bytes, seed: int) -> None:
     """Defaults, a named fault, no arming; with every other table, pulses in bounds."""
@@ -261,6 +265,7 @@ def test_a_saved_table_for_other_controllers_is_not_loaded(image: bytes, seed: i
         board.check(NEUTRAL_US)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(30))
 def test_a_committed_table_for_other_controllers_is_refused(image: bytes, seed: int) -> None:
     """By the board itself: these frames come from a host that checks nothing."""
@@ -287,6 +292,7 @@ def test_a_committed_table_for_other_controllers_is_refused(image: bytes, seed: 
         board.check(NEUTRAL_US)
 
 
+@pytest.mark.slow
 def test_a_new_neutral_pulse_is_on_the_pins_for_the_whole_hold(image: bytes) -> None:
     """A change of the pulses disarms: the next arming holds the new neutral pulse for arm_hold_ms."""
     board = Watched(image)

@@ -137,6 +137,7 @@ def test_the_sample_of_flips_touches_every_word(elf: Elf) -> None:
     assert len({address for address, _bit in where}) == words and len(set(where)) >= 2000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", range(PARTS))
 def test_every_flip_disarms_before_the_next_pulse_and_is_named(flown: tuple[Board, Snapshot], part: int) -> None:
     board, snapshot = flown
@@ -218,6 +219,7 @@ def test_a_flipped_last_command_is_gone_with_the_next_step(image: bytes, elf: El
     board.session.close()
 
 
+@pytest.mark.slow
 def test_arming_needs_a_new_start_after_an_upset(image: bytes, elf: Elf) -> None:
     """Whatever the host does: commit, begin, greet again. Lockstep goes on, since it moves nothing."""
     board = driving(image, elf)
@@ -317,6 +319,7 @@ def test_interrupts_write_no_guarded_memory(image: bytes, elf: Elf) -> None:
     board.session.close()
 
 
+@pytest.mark.slow
 def test_interrupts_of_bridge_and_digital_sensors_write_none_either() -> None:
     balancer = Balancer()
     writes = interrupt_writes(balancer.machine, areas(Elf(BUILD / "firmware.elf")))
@@ -325,6 +328,7 @@ def test_interrupts_of_bridge_and_digital_sensors_write_none_either() -> None:
     assert balancer.driving and writes == []
 
 
+@pytest.mark.slow
 def test_a_bridge_is_off_at_the_first_check_after_a_flip(elf: Elf) -> None:
     balancer = Balancer()
     balancer.arm()

@@ -133,6 +133,7 @@ def cut(machine: Machine, brown: bool) -> None:
         machine.power_on()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("brown", [False, True], ids=["power cut", "brown-out"])
 def test_power_fails_at_any_cycle_of_the_start(image: bytes, brown: bool) -> None:
     """Whatever was half set up, the next start is as good as the first, and tells why it was."""
@@ -149,6 +150,7 @@ def test_power_fails_at_any_cycle_of_the_start(image: bytes, brown: bool) -> Non
     assert machine.warnings == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("brown", [False, True], ids=["power cut", "brown-out"])
 def test_power_fails_in_flight(image: bytes, brown: bool) -> None:
     """Armed, driving, at any cycle: off at once, then neutral, disarmed and without a run."""
@@ -171,6 +173,7 @@ def test_power_fails_in_flight(image: bytes, brown: bool) -> None:
             assert after.telemetry["STATUS"]["mode"] == 0 and after.telemetry["STATUS"]["blocked"] & 2
 
 
+@pytest.mark.slow
 def test_a_crystal_that_dies_in_flight_is_told_to_the_host(image: bytes) -> None:
     """Armed and driving: neutral at once, and the host finds the board idle, disarmed, at 64 MHz, off the CAN bus."""
     machine, _session = flying(image)

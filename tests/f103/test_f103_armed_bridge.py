@@ -48,6 +48,7 @@ def test_silence_switches_off_within_50_ms(rider: Balancer) -> None:
     assert rider.why() == (CAUSE_SILENCE, 0)
 
 
+@pytest.mark.slow
 def test_a_break_switches_off_at_once_is_told_and_needs_a_new_run(rider: Balancer) -> None:
     rider.machine.drive("PB12", False)
     assert not rider.machine.bridge().enabled
@@ -72,6 +73,7 @@ def test_a_sensor_that_is_lost_switches_off(rider: Balancer) -> None:
     assert rider.why()[0] == CAUSE_FAULT and rider.why()[1] & FAULT_SENSOR
 
 
+@pytest.mark.slow
 def test_every_kind_of_reset_switches_off_at_once_and_stays_off(rider: Balancer) -> None:
     machine = rider.machine
     for reset in (machine.reset, lambda: machine.request_reset("iwdg"), lambda: machine.request_reset("software")):
@@ -84,6 +86,7 @@ def test_every_kind_of_reset_switches_off_at_once_and_stays_off(rider: Balancer)
         rider.arm()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("brown", [False, True], ids=["power cut", "brown-out"])
 def test_power_that_fails_at_any_cycle_switches_off_and_leaves_nothing_behind(brown: bool) -> None:
     """With I2C, Hall sensors, bridge and CAN all at work; and the next start can be armed like the first."""
@@ -114,6 +117,7 @@ def test_a_dying_crystal_switches_off_before_any_instruction(rider: Balancer) ->
     assert rider.off_after_us(300_000) == 0
 
 
+@pytest.mark.slow
 def test_the_handle_alone_is_enough_and_letting_go_is_at_once() -> None:
     balancer = Balancer()
     balancer.machine.drive("PC14", False)

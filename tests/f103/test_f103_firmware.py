@@ -91,6 +91,7 @@ def test_a_dead_crystal_changes_the_clock_and_not_the_answers(image):
     assert identity["FAULTS"] & 0x0100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["stm32f103c8", *OTHER_PARTS])
 def test_every_part_keeps_its_parameters_in_pages_of_its_own_size(image, part):
     """Two slots of 2 KiB, erased in pages of 1 KiB or 2 KiB: one save after the other, and each is found again."""

@@ -118,6 +118,7 @@ def test_the_set_in_force_survives_every_kind_of_reset(bridged):
         assert session.connect()["PINS"] == 1
 
 
+@pytest.mark.slow
 def test_a_quad_is_not_armed_on_the_pins_of_the_bridge(bridged):
     at_rest(bridged)
     with Session.open(bridged.uart) as session:
@@ -211,6 +212,7 @@ def test_a_frame_under_way_ends_as_it_began(standard):
             assert standard.pwm("PB6").period_us == period_us
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hz", [50, 490])
 def test_one_at_its_least_and_the_other_at_its_most(standard, hz):
     """A setpoint that asks for more than there is: 1000 and 2000 us, with both signs."""

@@ -110,6 +110,7 @@ def wired(entry: object) -> frozenset[str]:
     return wiring(type(entry))
 
 
+@pytest.mark.slow
 def test_what_is_restored_goes_on_byte_for_byte(board: VirtualBoard) -> None:
     """Frames with their times, pins, edges of the bridge, memories, and the state of every peripheral."""
     snapshot = board.machine.snapshot(board.session)

@@ -149,6 +149,7 @@ def slots(image):
     return s
 
 
+@pytest.mark.slow
 def test_power_fails_at_any_operation_and_at_any_two_in_a_row(slots):
     """The image says what it writes, every cut of it is made, and every result is started.
 

@@ -102,6 +102,7 @@ def test_without_json_one_line(small: Path, capsys: pytest.CaptureFixture[str]) 
 
 # Bytes after the sync: GET 0-1, GET ID 2-3, READ of the size 4-12, ERASE of three pages 13-27, then WRITE: command
 # 28-29, address 30-34, length 35, data 36-291, checksum 292.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "faults",
     [
@@ -142,6 +143,7 @@ def test_a_host_that_was_busy_looks_at_what_arrived(monkeypatch: pytest.MonkeyPa
         line.read()
 
 
+@pytest.mark.slow
 def test_where_nobody_answers_the_steps_are_told(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A user may take its time with jumper and button."""
     with Bootloader(Faults(deaf_syncs=5)) as chip:
@@ -227,6 +229,7 @@ def test_what_reads_back_wrong_is_exit_1_and_not_started(
     assert chip.started_at is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("faults", "words"),
     [
@@ -324,6 +327,7 @@ def test_the_simulated_bootloader_satisfies_stm32flash(tmp_path: Path) -> None:
     assert chip.started_at == FLASH
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("arm-none-eabi-gcc") is None, reason="arm-none-eabi-gcc is not installed")
 @pytest.mark.skipif(not (ROOT / ".venv/bin/plumb").exists(), reason="plumb is not installed in .venv: run make test")
 def test_the_target_flash_builds_and_writes(tmp_path: Path) -> None:

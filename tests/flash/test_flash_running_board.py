@@ -111,6 +111,7 @@ def renamed(image: bytes, tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_an_image_with_another_table_takes_what_it_knows_and_the_old_one_finds_all_again(
     image: bytes, renamed: Path, tmp_path: Path
 ) -> None:

@@ -77,6 +77,7 @@ def test_elf_holds_the_same_bytes(image: bytes, tmp_path: Path) -> None:
         assert elf.with_suffix(f".{kind}").read_bytes() == (BUILD / f"firmware.{kind}").read_bytes()
 
 
+@pytest.mark.slow
 def test_same_sources_same_bytes_wherever_they_are_built(tmp_path: Path) -> None:
     """Two clones of the same tree, in folders of different names, give the same three files."""
     if shutil.which("arm-none-eabi-gcc") is None:

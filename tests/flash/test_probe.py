@@ -185,6 +185,7 @@ def test_a_missing_tool_and_a_wrong_name(fake, capsys: pytest.CaptureFixture[str
     assert "openocd, openocd:cmsis-dap or pyocd" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("pyocd", path=str(Path(sys.executable).parent)) is None, reason="no pyocd")
 def test_the_real_pyocd_understands_the_commands(fake) -> None:
     """It finds no probe, and says that rather than that it was asked wrongly."""

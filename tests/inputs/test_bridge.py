@@ -92,6 +92,7 @@ ARMED = "plumb: armed\n"
 SENSOR = ("sensor-board", "quad", "--scenario", "hold")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["sensor board bridge", "bridge board sensor", "board bridge sensor"])
 def test_the_three_processes_find_each_other_in_any_order(start: Start, tmp_path: Path, order: str) -> None:
     """Over pseudo-terminals with names that stay."""
@@ -112,6 +113,7 @@ def test_the_three_processes_find_each_other_in_any_order(start: Start, tmp_path
     assert found["verified_steps"] >= ARM_AFTER_STEPS
 
 
+@pytest.mark.slow
 def test_either_side_may_be_killed_and_started_again(start: Start, tmp_path: Path) -> None:
     """And an armed run that was cut off is not armed again by itself."""
     sensor, board = tmp_path / "sensor", tmp_path / "board"
@@ -135,6 +137,7 @@ def test_either_side_may_be_killed_and_started_again(start: Start, tmp_path: Pat
     assert bridge.said().count(ARMED) == 1
 
 
+@pytest.mark.slow
 def test_one_side_may_be_a_can_bus(start: Start, tmp_path: Path) -> None:
     """Stock python-can slcan on the sensor board's side, TCP on the board's."""
     sensor = tmp_path / "sensor"
@@ -179,6 +182,7 @@ def test_a_bus_that_is_none_gets_one_sentence(start: Start) -> None:
     assert wrong.said().count("\n") == 1 and "names no bus" in wrong.said()
 
 
+@pytest.mark.slow
 def test_sides_that_are_swapped_are_named_and_link_trouble(start: Start, tmp_path: Path) -> None:
     sensor, board = tmp_path / "sensor", tmp_path / "board"
     start(*SENSOR, "--bus", "serial:pty", "--symlink", str(sensor)).wait_for("emits")
@@ -199,6 +203,7 @@ def nobody() -> Iterator[tuple[str, str]]:
         yield f"tcp:127.0.0.1:{tcp.getsockname()[1]}", f"udp:{udp.getsockname()[1]}"
 
 
+@pytest.mark.slow
 def test_a_bridge_that_never_had_a_sample_says_so_and_is_link_trouble(
     start: Start, tmp_path: Path, nobody: tuple[str, str]
 ) -> None:
@@ -209,6 +214,7 @@ def test_a_bridge_that_never_had_a_sample_says_so_and_is_link_trouble(
     assert bridge.ended(3)["runs"] == 0
 
 
+@pytest.mark.slow
 def test_a_bridge_that_is_killed_loses_the_armed_board_and_the_next_one_goes_on(start: Start, tmp_path: Path) -> None:
     """On a CAN bus, where nobody else says that a host went away."""
     sensor, board = tmp_path / "sensor", tmp_path / "board"

@@ -113,6 +113,7 @@ def sides() -> Iterator[tuple[ServedBoard, ServedSensors, str]]:
     board.close()
 
 
+@pytest.mark.slow
 def test_a_board_that_is_reset_while_its_cable_stays_is_taken_up_again(
     sides: tuple[ServedBoard, ServedSensors, str],
 ) -> None:
@@ -180,6 +181,7 @@ def test_a_port_that_turns_out_to_be_the_boards_is_left_to_the_boards_side(
         running.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direct", [False, True])
 def test_sensor_board_and_stm32_may_meet_on_one_can_bus(direct: bool) -> None:
     """The board as a node of python-can's bus in this process, with the sensor board as another one. direct: the bridge

@@ -52,6 +52,7 @@ def test_wild_parameters_are_valid() -> None:
     assert all(native_core.params_valid(params) for params in wild_params_of_all_runs())
 
 
+@pytest.mark.slow
 def test_wild_runs_agree_in_every_bit() -> None:
     params, (raw, setpoint) = wild_params_of_all_runs(), wild_inputs(np.random.default_rng(21), STEPS, RUNS)
     model = run_fixed.run_control(params, raw, setpoint)
@@ -63,6 +64,7 @@ def test_wild_runs_agree_in_every_bit() -> None:
             assert model[name].min() < 0 < model[name].max(), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", quad.TUNINGS)
 def test_ordinary_runs_agree_in_every_bit(name: str) -> None:
     params = quantise(quad.TUNINGS[name])

@@ -27,6 +27,7 @@ def budget_deg(name: str) -> float:
     return 2e-5 if name.startswith("paper") else 5e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILTERS.values())
 def test_shipped_tunings_keep_their_budget_over_a_million_steps(name: str) -> None:
     params = quantise(quad.TUNINGS[name])
@@ -60,6 +61,7 @@ def worst_share_of_bound(params: ControlParams, steps: int) -> float:
     return float(np.abs(accuracy.filter_error_deg(params, inputs, near_deg)).max()) / bound_deg
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("r", [1e-3, 1e3])
 @pytest.mark.parametrize("period_us", [500, 100_000])
 def test_corners_of_the_box_keep_the_stated_bound(period_us: int, r: float) -> None:

@@ -42,6 +42,7 @@ def armed_board(new_board: NewBoard) -> NativeBoard:
     return board
 
 
+@pytest.mark.slow
 def test_closing_runs_the_system_live_and_arms_without_a_host(new_board: NewBoard) -> None:
     board = ready_board(new_board)
     assert board.steps == 0

@@ -90,6 +90,7 @@ def test_the_way_into_the_bootloader_is_not_over_can(board: VirtualBoard) -> Non
     assert board.machine.rom is None and board.machine.reset_count == 1
 
 
+@pytest.mark.slow
 def test_a_listening_host_keeps_the_link_open(board: VirtualBoard) -> None:
     while board.session.clock() < 5:
         board.session.receive(0.1)
@@ -126,6 +127,7 @@ def test_run_over_can(loop: list[str], capsys: pytest.CaptureFixture[str]) -> No
     assert summary["metrics"]["target_vs_fixed_mismatches"] == 0
 
 
+@pytest.mark.slow
 def test_a_live_run_is_armed_and_kept_alive_over_can(board: VirtualBoard) -> None:
     trial = run_live(board, quad.scenario("hold", 1000, seconds=2), quantise(quad.TUNINGS["adaptive"]))
     assert trial.verdict == "pass" and trial.mismatches == 0
@@ -146,6 +148,7 @@ def test_a_host_that_hangs_loses_the_board(board: VirtualBoard) -> None:
     assert session.telemetry["EVENTS"]["disarm_cause"] == 0x20
 
 
+@pytest.mark.slow
 def test_the_bit_rate_of_the_board_survives_an_upload() -> None:
     """The new rate comes into force when the host has gone; runs of other hosts do not bring the default back."""
     machine = open_machine()
@@ -168,6 +171,7 @@ def test_the_bit_rate_of_the_board_survives_an_upload() -> None:
     assert machine.can.kbit == 250
 
 
+@pytest.mark.slow
 def test_both_links_at_once() -> None:
     """Replies go where the question came from, telemetry to both, and the link that armed is the one that must live."""
     machine = open_machine()
@@ -336,6 +340,7 @@ def another_bit_rate(wire: CanWire) -> None:
     wire.kbit = 250
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", [no_acknowledgement, bus_off, babbling, shorted, another_bit_rate])
 def test_whatever_happens_to_the_bus_the_outputs_are_safe_in_50_ms(
     board: VirtualBoard, fault: Callable[[CanWire], None]

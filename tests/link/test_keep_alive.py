@@ -91,6 +91,7 @@ def assert_latched(session: Session, one_period: Callable[[bool], None], safe: C
     assert session.telemetry["EVENTS"]["disarm_cause"] == SILENCE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", LINKS)
 @pytest.mark.parametrize("run", RUNS)
 def test_the_pulses_of_quad(link: str, run: str) -> None:
@@ -109,6 +110,7 @@ def test_the_pulses_of_quad(link: str, run: str) -> None:
     assert machine.warnings == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", LINKS)
 @pytest.mark.parametrize("run", RUNS)
 def test_the_bridge_of_balancer(link: str, run: str) -> None:
@@ -177,6 +179,7 @@ def next_counters(session: Session, frames: Frames) -> Iterator[Frame]:
         yield frames[-1][0], message.pack(frames[-1][1][1] + number & 15, 0, *message.unpack(frames[-1][1])[2:])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", LINKS)
 @pytest.mark.parametrize(
     ("replay", "frames"), [(last_one, 1), (in_turn, 16), (in_turn, 256), (backwards, 16), (next_counters, 1)]
@@ -208,6 +211,7 @@ def test_a_sender_that_goes_on_while_the_host_hangs_keeps_nothing_alive(
         assert all(machine.pwm(pin).pulse_us == NEUTRAL_US for pin in ("PB6", "PB7"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", LINKS)
 def test_what_is_stuck_in_a_buffer_holds_it_for_90_ms_at_most(link: str) -> None:
     """The worst that a driver can do with a host that hangs: each answer is let out when it is about to be too old."""

@@ -11,6 +11,7 @@ MS_50_HZ, MS_400_HZ = 20_000, 2500
 """Frame of the pulses, in us."""
 
 
+@pytest.mark.slow
 def test_25_ms_and_1_percent_of_loss() -> None:
     """With pulses of 50 Hz two lost values in a row are 30 ms, where 29 are allowed:
     (1 - 0.99^2)^2, 60,000 times, is 24. With 400 Hz it takes four."""

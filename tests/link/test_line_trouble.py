@@ -57,6 +57,7 @@ def armed_run(machine: Machine) -> Session:
     return session
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trouble", TROUBLES)
 def test_a_bad_line_ends_in_neutral_outputs_and_the_link_comes_back(machine: Machine, trouble: str) -> None:
     session = armed_run(machine)

@@ -48,6 +48,7 @@ def assert_nothing_lost(session: Session) -> None:
     assert session.counters.repeated_requests == 0
 
 
+@pytest.mark.slow
 def test_reading_parameters_drops_no_telemetry(session: Session) -> None:
     for pause_s in PAUSES_S:
         session.read_parameters()
@@ -55,6 +56,7 @@ def test_reading_parameters_drops_no_telemetry(session: Session) -> None:
     assert_nothing_lost(session)
 
 
+@pytest.mark.slow
 def test_reading_parameters_in_a_live_run_drops_no_step(session: Session) -> None:
     session.upload(control_part(session.read_parameters()), period_us=2000)
     session.begin("REALTIME_LIVE", frames=("RAW_A", "QUAD_ANGLE"))

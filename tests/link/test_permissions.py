@@ -84,6 +84,7 @@ def test_a_host_of_another_version_changes_nothing(machine: Machine, link: str) 
     session.request("CLOSE", 0, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", LINKS)
 def test_a_host_of_another_version_does_not_steer_what_another_armed(machine: Machine, link: str) -> None:
     session = flying(machine, link)

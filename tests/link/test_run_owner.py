@@ -56,6 +56,7 @@ def periods(owner: Session, other: Session, each: Callable[[int], None], count: 
         other.receive(0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("role", ROLES)
 def test_a_greeted_link_does_not_steer_the_run_of_another(machine: Machine, role: str) -> None:
     owner, other = both(machine, role)
@@ -72,6 +73,7 @@ def test_a_greeted_link_does_not_steer_the_run_of_another(machine: Machine, role
     assert owner.telemetry["STATUS"]["armed"] == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("role", ROLES)
 def test_the_owner_alone_may_arm_and_anybody_may_stop(machine: Machine, role: str) -> None:
     owner, other = both(machine, role)
@@ -106,6 +108,7 @@ def test_samples_of_another_link_do_not_count(machine: Machine, role: str) -> No
     assert refused.value.detail & 1 << 7  # no samples
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("role", ROLES)
 def test_the_owner_names_the_other_link_as_the_source(machine: Machine, role: str) -> None:
     owner, other = both(machine, role)
@@ -160,6 +163,7 @@ def test_a_setpoint_of_another_run_is_refused(machine: Machine) -> None:
     assert owner.telemetry["TIME"]["run_tag"] == 0
 
 
+@pytest.mark.slow
 def test_what_the_arm_switch_began_takes_no_setpoint(machine: Machine) -> None:
     owner, _ = both(machine, "serial owns")
     listen(owner, 0.1)  # open

@@ -57,6 +57,7 @@ def flying(session: Session, hold_ms: int = 0) -> Reports:
     return reports
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", ["serial", "can"])
 def test_a_silent_source_sets_the_setpoint_to_0_and_is_told(machine: Machine, link: str) -> None:
     session = opened(machine, link)
@@ -78,6 +79,7 @@ def test_a_silent_source_sets_the_setpoint_to_0_and_is_told(machine: Machine, li
     assert reports.heard[-1][1]["setpoint"] == STEER
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", ["serial", "can"])
 def test_a_living_host_repeats_its_setpoint(machine: Machine, link: str) -> None:
     session = opened(machine, link)
@@ -90,6 +92,7 @@ def test_a_living_host_repeats_its_setpoint(machine: Machine, link: str) -> None
     assert reports.capture.setpoint_doubt is None
 
 
+@pytest.mark.slow
 def test_silence_counts_only_while_the_actuator_may_move(machine: Machine) -> None:
     """Disarmed, and in the hold after arming, a setpoint stays; then it has 200 ms."""
     session = Session.open(machine.uart)
@@ -111,6 +114,7 @@ def test_silence_counts_only_while_the_actuator_may_move(machine: Machine) -> No
     assert reports.heard[3][0] - armed_s == pytest.approx(0.5 + LIMIT_S, abs=0.03)
 
 
+@pytest.mark.slow
 def test_the_source_is_the_link_that_was_named(machine: Machine) -> None:
     """The owner lives and says setpoints; the source it named does not."""
     session, other = Session.open(machine.uart), Session.over(MachineBus(machine))

@@ -30,6 +30,7 @@ except UsageError as missing:
     pytest.skip(str(missing), allow_module_level=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("period_us", [20_000, 100_000])
 def test_a_full_queue_does_not_outlive_its_source(period_us: int) -> None:
     machine = Machine(find_image())

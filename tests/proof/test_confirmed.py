@@ -17,6 +17,7 @@ from plumb.boards.native import NativeBoard
 from plumb.proof import confirmed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "link"), [*((name, "serial") for name in systems.SYSTEMS), ("balancer", "can")])
 def test_every_scenario_and_tuning_is_the_same_on_the_virtual_board(
     name: str, link: str, capsys: pytest.CaptureFixture[str]

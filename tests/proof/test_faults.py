@@ -41,6 +41,7 @@ def runner(request: pytest.FixtureRequest) -> Iterator[Runner]:
         yield runner
 
 
+@pytest.mark.slow
 def test_every_driven_system_has_enough_faults_of_every_group(runner: Runner) -> None:
     count = Counter(fault.group for fault in table.FAULTS if runner.applies(fault))
     assert {group: count[group] for group, least in LEAST.items() if count[group] < least} == {}
@@ -80,6 +81,7 @@ def nothing(scene: Scene) -> None:
     """No fault at all."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "why"),
     [
@@ -100,12 +102,14 @@ def test_a_row_can_fail(runner: Runner, fault: Fault, why: str) -> None:
     assert row.verdict == "fail" and why in row.why
 
 
+@pytest.mark.slow
 def test_no_fault_that_must_not_act_passes(runner: Runner) -> None:
     """Nothing injected: every step is as without it."""
     row = runner.run(Fault("none", "host", "nothing", nothing, "held", holds=True))
     assert row.verdict == "pass" and row.safe_ms == 0.0
 
 
+@pytest.mark.slow
 def test_every_row_starts_from_the_same_moment(runner: Runner) -> None:
     """Through resets, power cuts and new connections in between."""
     chosen = [fault for fault in table.chosen(["power", "host-disarms", "link-closed*"]) if runner.applies(fault)]
@@ -114,6 +118,7 @@ def test_every_row_starts_from_the_same_moment(runner: Runner) -> None:
     assert all(row.verdict == "pass" for row in first)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DRIVEN)
 def test_host_silent_over_50_phases(name: str) -> None:
     """Whatever the phase of steps, pulses and keep-alives, over either link."""
@@ -124,6 +129,7 @@ def test_host_silent_over_50_phases(name: str) -> None:
             assert row.safe_ms is not None and 10.0 < row.safe_ms <= 50.0
 
 
+@pytest.mark.slow
 def test_json_is_the_same_bytes_every_time(capsys: pytest.CaptureFixture[str]) -> None:
     said = []
     for _ in range(2):

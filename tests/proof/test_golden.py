@@ -101,6 +101,7 @@ def test_the_recipe_is_large_enough_and_the_files_small_enough() -> None:
     assert sum(sizes) < 3 * 2**20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
 def test_recipe_and_model_still_give_the_file(entry: golden_recipe.Entry) -> None:
     stored = (FOLDER / (entry.name + golden.SUFFIX)).read_bytes()
@@ -118,6 +119,7 @@ def test_making_twice_gives_the_same_bytes(small: Path) -> None:
     assert not list(small.glob("*.part"))
 
 
+@pytest.mark.slow
 def test_every_board_passes_every_vector_meant_for_it(board: Board) -> None:
     result = golden.check(board, FOLDER)
     meant = [entry for entry in ENTRIES if entry.on_link or board.name in golden.WHOLE_BOARDS]
@@ -126,6 +128,7 @@ def test_every_board_passes_every_vector_meant_for_it(board: Board) -> None:
     assert result.to_json()["first_divergence"] is None
 
 
+@pytest.mark.slow
 def test_over_can_every_system_answers_the_same() -> None:
     """The beginning of every vector for a link; `plumb golden check --board virtual --link can` runs them whole."""
     pytest.importorskip("unicorn")
@@ -138,6 +141,7 @@ def test_over_can_every_system_answers_the_same() -> None:
     assert {vector.system for vector in vectors} == set(systems.SYSTEMS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bit", [0, 30])
 @pytest.mark.parametrize("signal", ["raw_0", "tilt_turn_q32", "pulse_halfus_1"])
 def test_one_wrong_bit_of_a_board_is_named(board: Board, small: Path, signal: str, bit: int) -> None:

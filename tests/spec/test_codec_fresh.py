@@ -95,6 +95,7 @@ def test_table_order_is_the_order_of_the_struct() -> None:
     )
 
 
+@pytest.mark.slow
 def test_protocol_document_is_fresh() -> None:
     text = (ROOT / "PROTOCOL.md").read_text()
     assert tool("gen_protocol").generate(text) == text, "PROTOCOL.md is stale: run tools/gen_protocol.py"

@@ -49,6 +49,7 @@ def test_wild_runs_agree_in_every_bit() -> None:
             assert model[name].min() < 0 < model[name].max(), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tuning", balancer.TUNINGS)
 def test_rides_agree_in_every_bit_and_follow_float64(tuning: str) -> None:
     """The angle stays within 5e-4 deg, as every shipped tuning has to, and every other quantity within what DESIGN.md,
@@ -101,6 +102,7 @@ def test_rides_agree_in_every_bit_and_follow_float64(tuning: str) -> None:
     assert off["command"] <= command + units and off["duty"] <= off["command"] + 2.0**-15 < 2.1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tuning", ["tuned", "arctan_fitted", "paper_rule"])
 def test_its_filters_keep_their_budget_over_a_million_steps(tuning: str) -> None:
     """The whole turn, 20 deg/s of bias, outliers: 5e-4 deg, as every shipped tuning. The others have these filters."""

@@ -40,6 +40,7 @@ def rocked() -> Rows:
     return keyed(balancer_figures.rocked_rows(figures.SEEDS))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("claim", "scenario", "tuning", "lowest", "highest", "worst_seed"),
     [
@@ -80,6 +81,7 @@ def test_the_sources_filter_stands_beside_and_falls_short(ridden: Rows, scenario
     assert ridden["corrected rate", scenario, "arctan"].sense == "shown"
 
 
+@pytest.mark.slow
 def test_the_comparison_is_a_fair_one() -> None:
     """On seeds 0-19 neither more nor less R or Q of the bias is better for the arctangent alone."""
     from dataclasses import replace
@@ -107,6 +109,7 @@ def test_the_comparison_is_a_fair_one() -> None:
     assert all(best < cost(*factors) for factors in ((2.0, 1.0), (0.5, 1.0), (1.0, 2.0), (1.0, 0.5)))
 
 
+@pytest.mark.slow
 def test_what_the_raw_rate_is_expected_to_be(ridden: Rows) -> None:
     """The closed form is the scenario's: 400 drawn biases agree; these 40 seeds drew small ones, within 2.5 sigma."""
     mean, scatter = balancer_figures.expected_raw_dps()
@@ -133,6 +136,7 @@ def test_noise_of_10_deg_before_the_filter_is_below_1_5_after_it(rocked: Rows, t
     assert after.worst is not None and 0.5 < after.reached < after.worst < 1.5
 
 
+@pytest.mark.slow
 def test_the_loop_closed_on_the_estimate_stays_up_and_float64_does_no_better() -> None:
     rows = keyed(balancer_figures.closed_rows(range(1000, 1004)))
     for scenario, lowest in (("rough", 0.25), ("smooth", 0.12)):
@@ -145,6 +149,7 @@ def test_the_loop_closed_on_the_estimate_stays_up_and_float64_does_no_better() -
     assert {row.reach for row in rows.values()} == {0.55, 0.48, 20.0}
 
 
+@pytest.mark.slow
 def test_ten_minutes_under_pushes() -> None:
     rows = keyed(balancer_figures.endured_rows([1000]))
     error, leaned = rows["ten minutes", "endure", "tuned"], rows["stays up: largest tilt of any run", "endure", "tuned"]
@@ -186,6 +191,7 @@ def test_every_section_is_in_the_table() -> None:
     assert list(balancer_figures.SECTIONS) == ["open loop", "rocked", "closed loop", "ten minutes"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", ["serial", "can"])
 def test_the_flash_image_stays_up(link: str, capsys: pytest.CaptureFixture[str]) -> None:
     """The ten minutes of docs/balancer.md, the first 25 s of them: commands and pushes, the plant on the host."""

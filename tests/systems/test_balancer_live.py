@@ -51,6 +51,7 @@ def faulty(*texts: str, seconds: float, open_loop: bool = False) -> Run:
         return live_run.run_live(board, run, PARAMS, open_loop=open_loop)
 
 
+@pytest.mark.slow
 def test_an_armed_live_ride_is_the_model_bit_for_bit_and_stays_up(inputs: tuple[VirtualBoard, Run]) -> None:
     board, trial = inputs
     figures = trial.metrics()
@@ -84,6 +85,7 @@ def test_every_count_is_what_a_register_held(inputs: tuple[VirtualBoard, Run]) -
     assert not inputs[0].machine.warnings
 
 
+@pytest.mark.slow
 def test_faults_on_request_are_in_the_registers_and_at_the_hall_sensors() -> None:
     """Prescribed motion, at rest until 3 s: 200 counts of noise, the end of the scale, nothing, an edge on. The
     accelerometer's faults are shorter than what disarms."""
@@ -100,12 +102,14 @@ def test_faults_on_request_are_in_the_registers_and_at_the_hall_sensors() -> Non
         assert np.ptp(good[:, 3]) == 0, "the wheels stand"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["railed", "silent"])
 def test_a_hall_state_that_cannot_be_disarms(kind: str) -> None:
     with pytest.raises(LinkError, match="disarmed itself"):
         faulty(f"{kind}:hall@1", seconds=2.0)
 
 
+@pytest.mark.slow
 def test_a_chip_that_falls_silent_disarms_and_the_vehicle_falls() -> None:
     class Dying(balancer_live.Coupling):
         def _follow(self, now: int) -> None:

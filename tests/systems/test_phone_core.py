@@ -117,6 +117,7 @@ def general() -> tuple[npt.NDArray[np.int16], npt.NDArray[np.float64]]:
     return np.stack([one.counts() for one in runs], axis=-1), lateral
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "bound_deg"), [("euler", 5e-4), ("printed", 5e-5)])
 def test_counts_to_angles_stay_close_to_float64(name: str, bound_deg: float) -> None:
     """DESIGN.md, "Error bounds": what the filter rounds, through the vertical too."""

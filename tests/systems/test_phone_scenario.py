@@ -115,6 +115,7 @@ def figures() -> list[Figure]:
     return [row for section in phone_figures.SECTIONS.values() for row in section(SEEDS)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("part", "low", "high"),
     [

@@ -147,6 +147,7 @@ CASES = [
 ] + [("quad", "hold", "pushed"), ("balancer", "rough", "pushed")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("system", "scenario", "loop"), CASES)
 def test_no_shipped_scenario_disarms(tool: ModuleType, system: str, scenario: str, loop: str) -> None:
     """20 seeds of 15 to 50 s; tools/check_plausibility.py does 200 of the whole length."""

@@ -41,6 +41,7 @@ def keyed(rows: object) -> Rows:
     return {(row.scenario, row.tuning, row.unit): row for row in rows}  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("key", "lowest", "highest", "worst_seed"),
     [
@@ -89,6 +90,7 @@ def test_the_bias_converges_within_half_a_second(convergence: Rows) -> None:
     assert after.met and 0.1 < after.reached <= 2.0
 
 
+@pytest.mark.slow
 def test_the_loop_recovers_and_holds(hold: Rows) -> None:
     recovery, rms = hold[("hold", "adaptive", "s")], hold[("hold", "adaptive", "deg rms")]
     assert recovery.met and recovery.reached > 0.3 and recovery.worst is not None and recovery.worst <= 2.0
@@ -97,6 +99,7 @@ def test_the_loop_recovers_and_holds(hold: Rows) -> None:
         assert row.reached == pytest.approx(row.reference, rel=0.02), "float64 in the loop does no better"
 
 
+@pytest.mark.slow
 def test_less_bandwidth_is_less_noise_and_more_lag() -> None:
     """5, 20, 50 and 350 Hz: the accelerometer alone gets worse with every wider low-pass, the filter hardly minds."""
     rows = list(quad_figures.bandwidth_rows(range(1000, 1010)))

@@ -46,6 +46,7 @@ def rmse_deg(runs: list[quad.Scenario], engineering: np.ndarray, tuning: Tuning)
     return float(np.mean(metrics.angle_rmse_deg(estimate, truth, scoring.scored(runs[0].time_s))))
 
 
+@pytest.mark.slow
 def test_accelerometer_only_is_within_5_percent_of_2_40_deg(runs: list[quad.Scenario], engineering: np.ndarray) -> None:
     truth = np.stack([run.tilt_deg() for run in runs], axis=-1)
     figures = metrics.accel_only_rmse_deg(engineering[1], engineering[2], truth, scoring.scored(runs[0].time_s))

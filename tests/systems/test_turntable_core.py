@@ -72,6 +72,7 @@ def test_wild_runs_agree_in_every_bit() -> None:
             assert model[name].min() < 0 < model[name].max(), name
 
 
+@pytest.mark.slow
 def test_one_run_and_many_runs_are_the_same_code() -> None:
     """Ints without a limit against int64: nothing in the step overflows."""
     params, raw = wild_runs()
@@ -83,6 +84,7 @@ def test_one_run_and_many_runs_are_the_same_code() -> None:
         assert first_divergence(Words(many.record[:, column]), alone) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", turntable.TUNINGS)
 def test_ordinary_runs_agree_in_every_bit(name: str) -> None:
     drawn = turntable.scenario("analog" if name == "analog" else "motion", 5, seconds=10.8)
@@ -90,6 +92,7 @@ def test_ordinary_runs_agree_in_every_bit(name: str) -> None:
     assert first_divergence(run_fixed.run_control(params, raw, drawn.setpoint()), run(params, raw)) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scenario", "tuning"),
     [

@@ -35,6 +35,7 @@ def inputs() -> Iterator[tuple[VirtualBoard, Run]]:
         yield board, live_run.run_live(board, turntable.scenario("analog", 1000, seconds=11.0), PARAMS)
 
 
+@pytest.mark.slow
 def test_a_live_run_is_the_model_bit_for_bit_and_knows_the_attitude(inputs: tuple[VirtualBoard, Run]) -> None:
     board, trial = inputs
     found = trial.metrics()
@@ -51,6 +52,7 @@ def test_the_converter_gives_what_the_sensors_give(inputs: tuple[VirtualBoard, R
     assert max(agree) == 1.0
 
 
+@pytest.mark.slow
 def test_a_sensor_that_hangs_is_lost_and_the_run_goes_on() -> None:
     """The board marks the channels of the angular accelerometer 0.1 s after they stop to move, until they do again."""
     asked = turntable.faults([disturbance.parse("stuck:angular@10.2-11")])

@@ -117,6 +117,7 @@ def rows() -> dict[tuple[str, str, str], figures.Figure]:
     return {(row.scenario, row.tuning, row.claim): row for row in found}
 
 
+@pytest.mark.slow
 def test_the_figures_are_reached() -> None:
     asked = [row for row in rows().values() if row.sense not in figures.UNASKED]
     assert len(asked) >= 9 and [row.claim for row in asked if not row.met] == []
