@@ -19,6 +19,9 @@ DEBUG_PINS = {
 """The debug port's, until AFIO_MAPR.SWJ_CFG has one of these values (table 38), and the level of its own pull (31.4.4);
 JTDO, PB3, has none and floats."""
 
+HALL_PINS = (("A", 15), ("B", 3), ("B", 10))
+"""TIM2's channels 1 to 3, fully remapped."""
+
 
 class Port(Block):
     """outside: level by pin number, 0 or 1; a pin that is not in it is open."""
@@ -63,6 +66,13 @@ class Port(Block):
         if mode == 8:
             return out if given is None else given
         return 0 if mode == 0 or given is None else given
+
+    def drive(self, pin: int, level: int) -> None:
+        """The outside changes a level: Hall inputs and the break see it at once."""
+        self.outside[pin] = level
+        if (self.name, pin) in HALL_PINS:
+            self.chip.tim2.hall_edge()
+        self.chip.tim1.look_at_break()
 
     def read_IDR(self) -> int:
         return sum(self.level(pin) << pin for pin in range(16))

@@ -14,11 +14,14 @@ from plumb import systems
 from plumb.link.identity import NackError, sensors_text
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
+from plumb.physics.motor import FORWARD
 from plumb.systems.run_fixed import run_control
 from plumb.tuning.quantise import ControlParams, quantise
 from second_chip import Chip
 from second_chip.adc import VDDA
 from second_chip.i2c import Adxl345, Itg3205, RegisterSlave
+
+from .conftest import START_S, Connect
 
 LIVE_STEPS = 12
 SAFE_S = 0.050
@@ -168,3 +171,82 @@ def test_a_fresh_nonce_arms_and_silence_makes_the_outputs_safe_for_good(chip: Ch
     session.arm()
     listen(session, 0.05)
     assert not neutral(chip)
+
+
+# ---- bridge ----
+
+HALL_PINS = (("A", 15), ("B", 3), ("B", 10))
+
+
+def turn(chip: Chip, hall: int) -> None:
+    for place, (port, pin) in enumerate(HALL_PINS):
+        if chip.ports[port].outside.get(pin) != hall >> place & 1:
+            chip.ports[port].drive(pin, hall >> place & 1)
+
+
+def upright(chip: Chip) -> None:
+    """A balancer that leans a little, with the noise of its two sensors."""
+    noise = random.Random(3)
+    gyro, accel = Itg3205(), Adxl345()
+    plain = gyro.read, accel.read
+
+    def read_gyro(register: int) -> int:
+        if register == 0x1D:
+            gyro.counts = (0, round(noise.gauss(0, 7)), 0)
+        return plain[0](register)
+
+    def read_accel(register: int) -> int:
+        if register == 0x32:
+            accel.counts = (round(noise.gauss(26, 2)), 0, round(noise.gauss(253, 2)))
+        return plain[1](register)
+
+    gyro.read, accel.read = read_gyro, read_accel  # type: ignore[method-assign]
+    chip.i2c.slaves = {gyro.ADDRESS: gyro, accel.ADDRESS: accel}
+
+
+def test_a_balancer_drives_its_bridge_by_the_hall_sensors_until_break_or_silence(
+    chip: Chip, connect_uart: Connect
+) -> None:
+    balancer = systems.load("balancer")
+    words = quantise(balancer.TUNINGS[balancer.DEFAULT_TUNING]).words()
+    session = connect_uart(chip)
+    session.upload(words, period_us=balancer.PERIOD_US, pins=1, arm_hold_ms=0)
+    session.execute("SAVE")
+
+    wired = Chip(bytes(chip.flash))
+    wired.ports["B"].outside |= {5: 0, 12: 1}  # strap to ground, break not pulled
+    turn(wired, FORWARD[0])
+    upright(wired)
+    wired.run(START_S)
+    session = connect_uart(wired)  # now on PB6 and PB7
+    session.begin("REALTIME_LIVE", frames=["RAW_A", "RAW_B"])
+    capture = Capture(session)
+    session.listener = capture.feed
+    listen(session, READY_S)
+    assert wired.tim1.driven() == {}
+
+    session.arm()
+    listen(session, 0.02)
+    floating = []
+    for hall in FORWARD:  # in less than a tenth of a period: by interrupts of the edges, not by new duties
+        turn(wired, hall)
+        wired.run(0.00015)
+        shares = wired.tim1.driven()
+        floating += [phase for phase, share in shares.items() if share is None]
+        assert max(share for share in shares.values() if share is not None) > 0
+        assert sorted(share for share in shares.values() if share is not None)[0] == 0
+    assert sorted(floating) == [0, 0, 1, 1, 2, 2], "each phase rests in two of six positions"
+    listen(session, 0.03)
+    assert capture.raw[capture.steps - 2][3] == len(FORWARD) - 1, "edges that the record counts"
+
+    wired.ports["B"].drive(12, 0)
+    assert wired.tim1.driven() == {}, "without an instruction"
+    wired.ports["B"].drive(12, 1)
+    listen(session, 0.1)
+    assert wired.tim1.driven() == {}, "and it stays so"
+    session.begin("REALTIME_LIVE")
+    listen(session, READY_S)
+    session.arm()
+    listen(session, 0.02)
+    assert wired.tim1.driven() != {}
+    assert wired.run_until(lambda: wired.tim1.driven() == {}, SAFE_S)

@@ -207,23 +207,29 @@ class AdvancedTimer(Timer):
         floats = port.mode(12) == 4 and 12 not in port.outside
         return floats or (port.input(12) and port.level(12) == self.bit("BDTR", 13))
 
-    def read_SR(self) -> int:
+    def look_at_break(self) -> None:
         if self._break_input():
             self.break_now()
-        return self.value["SR"]
 
     def write_SR(self, value: int) -> None:
         super().write_SR(value)
-        if self._break_input():
-            self.break_now()
+        self.look_at_break()
 
     def write_BDTR(self, value: int) -> None:
         """LOCK level 2 protects dead time, break and OSSR, OSSI from then on (14.4.18)."""
         lock = self.bit("BDTR", 8, 2)
         kept = (0, 0x70FF | 0x300, 0x7FFF, 0x7FFF)[lock]
         self.value["BDTR"] = self.value["BDTR"] & kept | value & 0xFFFF & ~kept
-        if self._break_input():
-            self.break_now()
+        self.look_at_break()
 
-    def driving(self) -> bool:
-        return bool(self.value["BDTR"] >> 15 & 1)
+    def driven(self) -> dict[int, float | None]:
+        """Share of the time that a phase's high side is on, by phase; None where both its sides are off. Empty while
+        the main output is off."""
+        if not self.bit("BDTR", 15):
+            return {}
+        shares: dict[int, float | None] = {}
+        for phase in range(3):
+            mode = self.modes >> 8 * phase + 4 & 7
+            on = self.active[f"CCR{phase + 1}"] / (self.active["ARR"] or 1) if mode == 6 else 0.0
+            shares[phase] = on if self.enables >> 4 * phase & 5 == 5 else None
+        return shares
