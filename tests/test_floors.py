@@ -3,7 +3,7 @@
 The order is that of the data: what is given, the kernels, the link, the chip, the systems, the boards, the proof, what
 feeds them, and what people call. An import inside a function counts like one at the top of the file; one for types
 alone counts too. Plots and figures of a system lie in its folder, so that a system is one folder, and stand on the
-floor of the proof, which loads them by name.
+floor of the proof, which loads them by name; so do what it has for single commands, on the floor of those.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ FLOORS = [
     "link", "flash", "f103", "systems", "boards", "proof", "inputs", "bench", "cli", "__main__",
 ]  # fmt: skip
 """From the ground up."""
+PARTS = {"plots": "proof", "figures": "proof", "replay": "cli", "demo": "cli"}
+"""Parts of a system that stand on another floor than its folder."""
 CHIP = {"errors", "process_signals", "extras", "files", "flash"}
 """What the simulated chip may import: nothing of plumb's protocol, parameters or systems."""
 
@@ -30,8 +32,8 @@ def modules() -> list[str]:
 def floor_of(dotted: str) -> str:
     """`plumb.link.session` -> `link`; a name of the package itself, like `plumb.__version__`, -> `__init__`."""
     parts = dotted.removesuffix(".__version__").split(".")
-    if parts[1:2] == ["systems"] and parts[3:] in (["plots"], ["figures"]):
-        return "proof"
+    if parts[1:2] == ["systems"] and parts[3:]:
+        return PARTS.get(parts[3], "systems")
     return parts[1] if len(parts) > 1 else "__init__"
 
 

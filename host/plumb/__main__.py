@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 def top_level_help() -> str:
     from plumb.cli.verbs import COMMANDS
+    from plumb.spec import declarations
 
     width = max(map(len, COMMANDS))
     lines = [
@@ -31,7 +32,7 @@ def top_level_help() -> str:
         "commands:",
         *(f"  {name:<{width}}  {text}" for name, text in COMMANDS.items()),
         "",
-        "systems:  quad | balancer | turntable | phone",
+        "systems:  " + " | ".join(declarations.names()),
         "boards:   native | qemu | virtual | serial:PORT[@BAUD] | can:INTERFACE:CHANNEL[@KBIT]",
         "exit:     0 good, 1 bad verdict, 2 wrong use, bad file or missing tool, 3 link trouble, 4 defect in plumb,",
         "          130 interrupted, 141 output not read, 143 terminated; --debug shows the traceback of an error",

@@ -1,7 +1,7 @@
 """Instructions, estimated cycles, bytes, stack and error of the kernels in the shipped image, against their budgets.
 
 The image's own machine code runs, called by symbol (plumb.bench.instruction_counter). control_step runs whole, over
-ordinary and wild input with every shipped tuning of quad. The kernels are inlined into it and found by the debug
+ordinary and wild input with every shipped tuning of hurried. The kernels are inlined into it and found by the debug
 information: their rows are what a step really spends on the instructions that came from them; their stack is the
 step's. The other systems' steps run over the inputs of their golden vectors; where a system declares no budget, the
 row says what its step takes of the shortest period that the board accepts. The digest of quad's record by the chip's
@@ -45,7 +45,6 @@ from plumb.spec import declarations
 from plumb.spec.protocol import protocol
 from plumb.spec.records import RECORDS, Words
 from plumb.systems import run_reference
-from plumb.systems.quad import scenarios as quad
 from plumb.tuning.groups import pid_of
 from plumb.tuning.quantise import ControlParams, quantise
 
@@ -80,8 +79,13 @@ STEP_OF = "control_step_"
 """What the row of another system's step begins with; the system's name follows."""
 
 
+HURRIED = min((s.cycles, s.name) for s in declarations.systems().values() if s.cycles is not None)[1]
+"""The system with the tightest budget of cycles: the one that the rows of the kernels are measured in."""
+hurried = systems.load(HURRIED)
+
+
 def _step_row(system: str) -> str:
-    return "control_step" if system == "quad" else f"{STEP_OF}{system}"
+    return "control_step" if system == HURRIED else f"{STEP_OF}{system}"
 
 
 # The error of control_step is that of the whole chain, counts to angle, over the system's own motion.
@@ -197,8 +201,8 @@ class _Run:
 def _inputs(tunings: Sequence[str]) -> Iterator[tuple[str, bool, npt.NDArray[np.int64], npt.NDArray[np.int64]]]:
     """(tuning, whether a sensor could give this, raw (steps, 6), setpoint (steps,))."""
     for index, name in enumerate(tunings):
-        seconds = MOTION_STEPS * quad.PERIOD_US * 1e-6
-        motion = quad.scenario("motion", 3000 + index, seconds=seconds)
+        seconds = MOTION_STEPS * hurried.PERIOD_US * 1e-6
+        motion = hurried.scenario("motion", 3000 + index, seconds=seconds)
         yield name, True, motion.counts().astype(np.int64), motion.setpoint().astype(np.int64)
         for make in WILD.values():
             yield name, False, *make(4000 + index, WILD_STEPS)
@@ -230,10 +234,10 @@ class _Driver:
 
 
 def _run_control(counter: Counter, tunings: Sequence[str]) -> list[_Run]:
-    """Every input of quad."""
+    """Every input of hurried."""
     driver, runs = _Driver(counter), []
     for tuning, ordinary, raw, setpoint in tqdm(list(_inputs(tunings)), disable=None, leave=False, unit="run"):
-        params = quantise(quad.TUNINGS[tuning])
+        params = quantise(hurried.TUNINGS[tuning])
         runs.append(_Run(params, ordinary, raw, setpoint, driver.run(params, raw, setpoint)))
     return runs
 
@@ -252,7 +256,7 @@ def _step_of(elf: Image, system: str) -> Row:
 def _digest(elf: Image) -> Row:
     """The digest of a step of quad by the chip's CRC unit; its error is how many differ from zlib's."""
     counter = Counter(elf, ["digest_crc32"])
-    size, wrong = RECORDS["quad"].itemsize, 0
+    size, wrong = RECORDS[HURRIED].itemsize, 0
     place = counter.place(bytes(size))
     for seed in range(DIGESTS):
         record = random_bits(100 + seed, size // 8 + 1).tobytes()[:size]
@@ -265,8 +269,8 @@ def _plausibility(elf: Image) -> Row:
     """The plausibility of quad's steps, over `motion` and over wild counts; its error is how many answers differ from
     those of the native core."""
     counter, wrong = Counter(elf, ["plausibility_step"]), 0
-    state, record = counter.place(bytes(PLAUSIBILITY_BYTES)), counter.place(bytes(RECORDS["quad"].itemsize))
-    bounds, params = elf.symbol("quad_plausibility").address, quantise(quad.ADAPTIVE)
+    state, record = counter.place(bytes(PLAUSIBILITY_BYTES)), counter.place(bytes(RECORDS[HURRIED].itemsize))
+    bounds, params = elf.symbol(f"{HURRIED}_plausibility").address, quantise(hurried.ADAPTIVE)
     dt_s_q33, unit = params["kalman.dt_s_q33"], params.variance_turn2_q56
     for _, _, raw, setpoint in _inputs(["adaptive"]):
         words = native_core.run_control(params, raw[:WILD_STEPS], setpoint[:WILD_STEPS])
@@ -299,7 +303,7 @@ def _memory_check(elf: Image) -> Row:
 def _lockstep(elf: Image) -> Row:
     """Steps of quad in lockstep over the UART of the virtual board, one at a time; the error is how many digests differ
     from those of the native core. Exceptions are charged as branches, without the 12 cycles of their entry."""
-    params, motion = quantise(quad.ADAPTIVE), quad.scenario("motion", 3000, seconds=EXCHANGES * quad.PERIOD_US * 1e-6)
+    params, motion = quantise(hurried.ADAPTIVE), hurried.scenario("motion", 3000, seconds=EXCHANGES * hurried.PERIOD_US * 1e-6)
     raw, setpoint = motion.counts(), motion.setpoint()
     with VirtualBoard(elf.path) as board:
         stepper = board.stepper(params)
@@ -320,7 +324,7 @@ def kalman_error_deg(tunings: Sequence[str]) -> float:
     """Largest tilt error of the filter against float64 on hard inputs, both given the same integers."""
     worst = 0.0
     for name in tunings:
-        params = quantise(quad.TUNINGS[name])
+        params = quantise(hurried.TUNINGS[name])
         error_deg = filter_error_deg(params, hard_inputs(params, KALMAN_STEPS, 5))
         worst = max(worst, float(np.abs(error_deg).max()))
     return worst
@@ -373,14 +377,14 @@ def measure(image: Path | None = None) -> BenchResult:
     elf = Image(find_image(image))
     graph = CallGraph(elf.path)
     step = Counter(elf, ["control_step", "kalman_step", "pid_step", "angle_atan2", "angle_asin"])
-    runs = _run_control(step, list(quad.TUNINGS))
+    runs = _run_control(step, list(hurried.TUNINGS))
     angle_errors = angle_errors_deg()
 
     ordinary = [run for run in runs if run.ordinary]
     pid_worst = max(pid_error(run.words, run.params) for run in ordinary)
     chain_worst_deg = max(chain_error_deg(run.params, run.raw, run.setpoint_turn_q32) for run in ordinary)
     rows = {
-        "kalman_step": _row(step, "kalman_step", kalman_error_deg(list(quad.TUNINGS))),
+        "kalman_step": _row(step, "kalman_step", kalman_error_deg(list(hurried.TUNINGS))),
         "atan2": _row(step, "angle_atan2", angle_errors["atan2"]),
         "asin": _row(step, "angle_asin", angle_errors["asin"]),
         "pid_step": _row(step, "pid_step", pid_worst),
@@ -403,7 +407,7 @@ def rates() -> dict[str, float]:
     frames = [(message.identifier, message.pack(k, 0, k, k * 2654435761 % 2**32)) for k in range(RATE_FRAMES)]
     text = text_of_frames(frames)
     took = min(_seconds(lambda: SlcanParser().feed(text)) for _ in range(3))
-    steps_per_s = native_core.kalman_steps_per_s(quantise(quad.TUNINGS["adaptive"]))
+    steps_per_s = native_core.kalman_steps_per_s(quantise(hurried.TUNINGS["adaptive"]))
     return {"native Kalman steps": steps_per_s, "link frames parsed": RATE_FRAMES / took}
 
 

@@ -6,7 +6,6 @@ each frame with as many stuff bits as can be, no step without all its frames.
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -76,7 +75,7 @@ def traffic(system: str) -> Iterator[Traffic]:
     words = RECORDS[system].itemsize // 4
     yield Traffic("lockstep, digests", samples, 1)
     yield Traffic("lockstep, every word", samples, 1 + words)
-    if importlib.util.find_spec(f"plumb.systems.{system}.pins"):
+    if system in systems.with_part("pins"):
         yield Traffic("real time, own sensors, verified", 0, 1 + samples)
     yield Traffic("real time, through a bridge, verified", samples, 1 + 2 + outputs)
 

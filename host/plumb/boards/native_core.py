@@ -6,6 +6,7 @@ The library is the one that the package was installed with, or in a checkout the
 from __future__ import annotations
 
 import ctypes
+import os
 import time
 from collections.abc import Sequence
 from functools import lru_cache
@@ -22,6 +23,8 @@ from plumb.systems.run_fixed import check_inputs, system_name
 from plumb.tuning.quantise import ControlParams
 
 LIBRARY = "libplumb_native.so"
+CORE_VARIABLE = "PLUMB_NATIVE_CORE"
+"""Environment variable: a library to load instead, for example one with systems of PLUMB_SYSTEM_PATH."""
 BUILD = "cmake --preset native && cmake --build --preset native"
 
 KALMAN_DTYPE = block_dtype("kalman")
@@ -35,7 +38,10 @@ Records = npt.NDArray[np.void]
 
 
 def core_path() -> Path:
-    """Where the library is; UsageError that says how to make it when there is none."""
+    """Where the library is: at PLUMB_NATIVE_CORE, in the package, or in the checkout's build; UsageError that says how
+    to make it when there is none."""
+    if chosen := os.environ.get(CORE_VARIABLE):
+        return Path(chosen)
     for path in (PACKAGE / LIBRARY, CHECKOUT / "build" / "native" / LIBRARY):
         if path.is_file():
             return path

@@ -29,13 +29,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from plumb.inputs.bridge import Bridge, End, Flow
+    from plumb.tuning.quantise import ControlParams
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     buses = "serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT, can:INTERFACE:CHANNEL[@KBIT] or file:PATH"
     parser.add_argument("sensor", metavar="BUS", help=f"the sensor board's: {buses}")
     parser.add_argument("board", metavar="BUS", help="the STM32's: the same")
-    parser.add_argument("--system", default="quad", help="whose parameters (default quad)")
+    parser.add_argument("--system", help="whose parameters (default: of the system that the board has)")
     parser.add_argument("--tuning", help="a name from the system's list (default: the system's own)")
     parser.add_argument("--keep-parameters", action="store_true", help="run with those the board has")
     parser.add_argument("--arm", action="store_true", help="arm the first run: the outputs move")
@@ -107,20 +108,24 @@ def bridged(arguments: argparse.Namespace, stopped: Any) -> dict[str, Any]:
     from plumb.inputs.bridge import Bridge
     from plumb.tuning import quantise
 
-    system = systems.load(arguments.system)
-    name = arguments.tuning or system.DEFAULT_TUNING
-    if name not in system.TUNINGS:
-        raise UsageError(f"{arguments.system} has no tuning '{name}'; it has {', '.join(system.TUNINGS)}")
-    params = None if arguments.keep_parameters else quantise.quantise(system.TUNINGS[name])
+    def params_of(name: str) -> tuple[ControlParams, dict[str, int]]:
+        system = systems.load(name)
+        tuning = arguments.tuning or system.DEFAULT_TUNING
+        if tuning not in system.TUNINGS:
+            raise UsageError(f"{name} has no tuning '{tuning}'; it has {', '.join(system.TUNINGS)}")
+        return quantise.quantise(system.TUNINGS[tuning]), {"period_us": system.PERIOD_US, **system.LINK}
+
+    params, link = params_of(arguments.system) if arguments.system else (None, {})
     bridge = Bridge(
         arguments.sensor,
         arguments.board,
-        params,
-        tuple(dict.fromkeys(frame for frame, _ in system.OUTPUT_FRAMES.values())),
-        {"period_us": system.PERIOD_US, **system.LINK},
+        None if arguments.keep_parameters else params,
+        (),
+        link,
         arm=arguments.arm,
         shadow=arguments.shadow,
         direct=arguments.direct,
+        params_of=None if arguments.keep_parameters else params_of,
         say=say,
     )
     bridge.run(watched(bridge, stopped) if sys.stderr.isatty() else stopped)

@@ -1,4 +1,4 @@
-"""The main job, on no hardware: close the loop of `quad` on the virtual board, then check the golden vectors.
+"""The main job, on no hardware: close the loop of a system on the virtual board, then check the golden vectors.
 
 The unmodified flash image runs on a simulated STM32F103. The plant drives volts into its ADC pins and follows its PWM;
 telemetry comes back over its serial port. Every step is compared with the integer model, then the golden vectors of all
@@ -26,45 +26,38 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb import systems
     from plumb.boards import open_board
     from plumb.boards.virtual import VirtualBoard
+    from plumb.errors import UsageError
     from plumb.proof import golden, live_run, run_report
     from plumb.proof.report import Table
-    from plumb.systems import run_fixed
-    from plumb.systems.quad import plots as quad_plots
-    from plumb.systems.quad import scenarios as quad
-    from plumb.systems.quad.plots import TURN_DEG
     from plumb.tuning.quantise import quantise
 
     folder = golden.vectors_folder(None)
-    params = quantise(quad.TUNINGS["adaptive"])
-    scenario = quad.scenario("hold", arguments.seed, seconds=arguments.seconds)
+    name = next(iter(systems.with_part("demo")), None)
+    if name is None:
+        raise UsageError("no system here has a demo; plumb run SYSTEM runs one")
+    system, part = systems.load(name), systems.load(name, "demo")
+    params = quantise(system.TUNINGS[part.TUNING])
+    scenario = system.scenario(part.SCENARIO, arguments.seed, seconds=arguments.seconds)
     here = ["native", *(["qemu"] if shutil.which("qemu-system-arm") else [])]
-    boards = [*((name, name, "serial") for name in here), ("virtual", "virtual", "serial")]
+    boards = [*((one, one, "serial") for one in here), ("virtual", "virtual", "serial")]
     boards.append(("virtual, CAN", "virtual", "can"))
     with VirtualBoard(arguments.image) as board:
         trial = live_run.run_live(board, scenario, params)
     checks = {}
-    for name, spec, link in boards:
+    for label, spec, link in boards:
         with open_board(spec, link=link, image=arguments.image) as board_:
-            checks[name] = golden.check(board_, folder)
+            checks[label] = golden.check(board_, folder)
 
     inputs = trial.inputs
-    paper = run_fixed.run_control(quantise(quad.TUNINGS["paper"]), inputs.raw, inputs.setpoint)
-    estimates = {
-        "accelerometer only": quad_plots.accel_only_deg(trial),
-        "the paper's constants, fixed": paper["tilt_turn_q32"] * TURN_DEG,
-        "adaptive, float64 reference": trial.reference["tilt_deg"],
-        "adaptive, fixed": trial.words["tilt_turn_q32"] * TURN_DEG,
-        "adaptive, the board": quad_plots.estimate_deg(trial),
-    }
-    errors = {name: quad_plots.rms_and_max(trial, tilt_deg) for name, tilt_deg in estimates.items()}
+    errors = part.errors(trial)
     verdict = golden.verdict_of(checks.values())
     if trial.verdict != "pass":
         verdict = trial.verdict if verdict != "fail" else verdict
 
     summary = trial.summary(
-        system="quad",
-        scenario="hold",
-        tuning="adaptive",
+        system=name,
+        scenario=part.SCENARIO,
+        tuning=part.TUNING,
         loop="closed",
         board="virtual, live ADC",
         link="serial",

@@ -30,6 +30,11 @@ if TYPE_CHECKING:
     from plumb.link.monitor import Snapshot
 
 LOOKS_PER_LINE = 10
+SHOWN = {
+    "tilt_deg", "tilt_measured_deg", "rate_dps", "bias_dps", "command", "pulse_0_us", "pulse_1_us", "duty", "flags",
+    "velocity_mps", "roll_deg", "roll_bias_dps", "w", "x", "y", "z", "rate_x_dps", "rate_y_dps", "rate_z_dps",
+}  # fmt: skip
+"""Columns that have a place of their own in the view; what else a system sends is listed by name."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_plant(parser: argparse.ArgumentParser) -> None:
     """What is on the pins of a board simulated in this process."""
-    parser.add_argument("--system", help="whose plant is on the pins of `virtual` (default quad)")
+    parser.add_argument("--system", help="whose plant is on the pins of `virtual` (default: the board's)")
     parser.add_argument("--scenario", help="of the plant on `virtual`; a wrong name prints the system's list")
     parser.add_argument("--seed", type=int, default=1000, help="of the plant on `virtual` (default 1000)")
 
@@ -102,7 +107,7 @@ def attach_plant(board: LinkBoard, system: str | None, scenario: str | None, see
     from plumb.boards.virtual import VirtualBoard
 
     assert isinstance(board, VirtualBoard)
-    plant_on_pins.show(board, system or "quad", scenario, seed)
+    plant_on_pins.show(board, system or board.session.system, scenario, seed)
     return True
 
 
@@ -144,6 +149,7 @@ def block(identity: Identity, s: Snapshot) -> list[str]:
         f"command   {number(s['command'], '')}         pulses   {pulses(s)}",
         *drive_and_roll(s),
         *attitude(s),
+        *others(s),
         f"raw       {' '.join(map(str, s['raw'])) if s['raw'] else '-'}",
         f"armed     {armed}",
         f"faults    {'; '.join(s['faults']) or 'none'}",
@@ -163,6 +169,18 @@ def drive_and_roll(s: Snapshot) -> list[str]:
     if s["roll_deg"] is not None:
         lines.append(f"roll      {number(s['roll_deg'], 'deg')}      bias     {number(s['roll_bias_dps'], 'deg/s')}")
     return lines
+
+
+def others(s: Snapshot) -> list[str]:
+    """A line for each column that no other line shows."""
+    return [f"{name:<9} {number(s[name], '')}" for name in other_columns() if s[name] is not None]
+
+
+def other_columns() -> list[str]:
+    """The columns of systems that no line of the view has a place for."""
+    from plumb.link.monitor import columns
+
+    return [name for name in columns() if name not in SHOWN]
 
 
 def attitude(s: Snapshot) -> list[str]:
@@ -217,6 +235,7 @@ def line(s: Snapshot) -> str:
         ("bias", s["bias_dps"], "deg/s"),
         ("duty", s["duty"], ""),
         ("velocity", s["velocity_mps"], "m/s"),
+        *((name, s[name], "") for name in other_columns()),
     ]
     words = [f"{s['time_s']:.2f} s", state(s)]
     words += [f"{name} {number(value, unit, 0)}".rstrip() for name, value, unit in values if value is not None]

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from plumb.spec import declarations
+
     each = argparse.ArgumentParser(add_help=False)
     each.add_argument("--board", required=True, metavar="B", help="virtual, serial:PORT or can:BUS")
     each.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
@@ -48,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     change = verbs.add_parser("set", parents=[each, keep], help="change some")
     change.add_argument("assignments", nargs="+", metavar="NAME=VALUE", help="integers of the table")
     tune = verbs.add_parser("tuning", parents=[each, keep], help="make the board a system, with a shipped tuning")
-    tune.add_argument("system", metavar="SYSTEM", help="quad, balancer, turntable or phone")
+    tune.add_argument("system", metavar="SYSTEM", help=", ".join(declarations.names()))
     tune.add_argument("tuning", nargs="?", metavar="TUNING", help="default: the one that `plumb run` takes")
     verbs.add_parser("save", parents=[each], help="keep what is in use in the board's flash")
     give = verbs.add_parser("load", parents=[each, keep], help="commit a file, or go back to what the flash holds")

@@ -33,7 +33,9 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("system", help="quad, balancer, turntable or phone")
+    from plumb.spec import declarations
+
+    parser.add_argument("system", help=", ".join(declarations.names()))
     parser.add_argument("--board", required=True, metavar="B", help="native, qemu, virtual, serial:PORT or can:BUS")
     parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
     parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")

@@ -28,6 +28,7 @@ from plumb.link.session import BLOCKED_IMPLAUSIBLE, BLOCKED_NOT_READY, Session
 from plumb.link.transports.open_bus import LogBus, open_bus
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.proof.shadow import Shadow
+from plumb.spec import dbc
 from plumb.spec.parameters import control_part
 from plumb.spec.protocol import Frame, check, protocol
 from plumb.tuning.quantise import ControlParams
@@ -245,7 +246,8 @@ class Bridge:
     """Joins the sensor board at `sensor` to the STM32 at `board`.
 
     params: uploaded when a run begins, with the link's words by name (period_us and the like); None leaves the board's
-    own. frames: the actuator's, selected beside the raw counts. arm: once, when the first run has steps; what disarms
+    own, unless params_of gives those of the system that the board has. frames: the actuator's, selected beside the raw
+    counts; () are all of the system. arm: once, when the first run has steps; what disarms
     after that stays disarmed. say: gets what a person should know.
 
     runs, steps: of the board. skipped: samples left out of a run to keep the delay short. unused: samples that came
@@ -265,6 +267,7 @@ class Bridge:
         arm: bool = False,
         shadow: bool = False,
         direct: bool = False,
+        params_of: Callable[[str], tuple[ControlParams, dict[str, int]]] | None = None,
         say: Say = lambda text: None,
         open_: Open = open_bus,
     ) -> None:
@@ -273,7 +276,7 @@ class Bridge:
         self._theirs = {protocol()[name].identifier for name in ("SAMPLE_A", "SAMPLE_B", "SETPOINT")}
         self.sensor = End(sensor, open_, None if self.carries else self._theirs)
         self.board_spec, self.board, self.counted = board, Flow(), BoardCounts()
-        self.params, self.frames, self.link = params, frames, link
+        self.params, self.frames, self.link, self.params_of = params, frames, link, params_of
         self.want_arm, self.want_shadow, self.say, self._open = arm, shadow, say, open_
         self.runs = self.steps = self.skipped = self.unused = 0
         self.latencies_s: list[float] = []
@@ -377,15 +380,18 @@ class Bridge:
             raise LinkError("it fell silent")
 
     def _one_run(self, session: Session, sample: Sample, stopped: Callable[[], bool]) -> None:
-        params = self.params
+        params, link = self.params, self.link
+        if params is None and self.params_of is not None:
+            params, link = self.params_of(session.system)
         if params is None:
             params = ControlParams.from_words(control_part(session.read_parameters()))
         else:
-            session.upload(params.words(), **{**params.link_words(), **self.link})
+            session.upload(params.words(), **{**params.link_words(), **link})
+        named = self.frames or tuple(dict.fromkeys(name for name, _ in dbc.output_frames(params.system).values()))
         run = _Run(self, session, params)
         session.listener = run.up
         elsewhere = ("samples", "setpoints") if self.direct else ()
-        session.begin("REALTIME_INJECTED", frames=("RAW_A", "RAW_B", *self.frames), elsewhere=elsewhere)
+        session.begin("REALTIME_INJECTED", frames=("RAW_A", "RAW_B", *named), elsewhere=elsewhere)
         self.runs += 1
         self.say(f"run {self.runs}: samples come, the board steps")
         self._quiet_s = 0.0

@@ -323,3 +323,10 @@ def run_inputs(axis: AxisInput, tuning: Tuning) -> tuple[RunInputs, ControlParam
     truth = {"tilt_deg": axis.truth_deg, "bias_dps": np.full(steps, np.nan)}
     inputs = RunInputs(axis.time_s, truth, axis.raw, np.zeros(steps, np.int32), axis.scored)
     return inputs, quantise(replace(tuning, calibration=axis.calibration, period_us=axis.period_us))
+
+
+def steps_in(seconds: float, period_us: int, most: int) -> int:
+    """How many steps that is, of those that there are; raises UsageError when it is none."""
+    if not seconds * 1e6 >= period_us:
+        raise UsageError(f"{seconds:g} s is less than one period of {period_us} us")
+    return int(min(seconds * 1e6 / period_us + 0.5, most))

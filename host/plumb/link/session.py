@@ -323,8 +323,14 @@ class Session:
         belongs to the board's wiring (parameters.WIRING) stays as the board has it. Raises UsageError for a value out
         of range (or one the board finds contradictory), LinkError for silence.
         """
-        self.require_match()
+        identity = self.require_match()
         words = parameters.whole_table(control_words, **{**self._read_wiring(), **link_words})
+        if not identity["SYSTEMS"] >> words[0] & 1:
+            there = [
+                system.name for system in declarations.systems().values() if identity["SYSTEMS"] >> system.number & 1
+            ]
+            missing = declarations.name_of(words[0])
+            raise UsageError(f"the board's image has no {missing}, only {', '.join(there)}: flash one that has it")
         staged = {index: word & 0xFFFFFFFF for index, word in enumerate(words)}
         crc = parameters.crc32(words)
         for _ in range(TRIES):

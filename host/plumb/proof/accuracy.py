@@ -24,7 +24,7 @@ from plumb.proof import runs
 from plumb.spec.tuning import AnyTuning
 from plumb.systems import run_reference
 from plumb.tuning.groups import filter_of
-from plumb.tuning.quantise import ControlParams, quantise
+from plumb.tuning.quantise import ControlParams, groups_of, quantise
 
 TURN_DEG = 360.0 / 2**32
 NEAR_HALF_TURN_DEG = 0.01
@@ -151,7 +151,7 @@ def chain_bound_deg(params: ControlParams, innovation_deg: float = 180.0) -> flo
     if trust.gain_deg2:
         r_share = 3.0 / params["tilt.r_base"] + 2.0**-20 * math.sqrt(trust.gain_deg2 / trust.r_deg2)
     angle_deg = 1e-5 if params["tilt.mode"] == 0 else 5e-6
-    if params.system == "balancer":
+    if "wheel" in groups_of(params.system):
         angle_deg += math.degrees(wheel_bounds(params)[1] / LEAST_G)
     return min(filter_bound_deg(params, innovation_deg) + angle_deg + innovation_deg * r_share, 180.0)
 

@@ -110,8 +110,9 @@ class System:
 
     cycles: the budget of a step, None where it has none. missing_samples: `held` (the last sample is used again) or
     `marked` (every count is -32768). output: "" where nothing moves, else a key of OUTPUTS; output_words drive it.
-    groups: shared groups of parameters that the step reads; parameters: rows of its own groups, structs: the C struct
-    of a group that is one of a kernel, with the headers it needs in includes.
+    period: the parameter that holds the period of a step in s. groups: shared groups of parameters that the step reads;
+    parameters: rows of its own groups; structs: the C struct of a group that is one of a kernel, with the headers it
+    needs in includes.
     """
 
     name: str
@@ -129,6 +130,7 @@ class System:
     frames: tuple[Frame, ...]
     output: str
     output_words: tuple[Word, ...]
+    period: str
     groups: tuple[str, ...]
     parameters: tuple[Mapping[str, Any], ...]
     structs: Mapping[str, str]
@@ -168,13 +170,18 @@ class System:
         return names
 
 
-def folders() -> list[Path]:
-    """The folders of all systems: those of the package, then those on the search path."""
-    places = [SHIPPED, *(Path(place).resolve() for place in os.environ.get(SEARCH_PATH, "").split(os.pathsep) if place)]
+def search_path() -> list[Path]:
+    """The folders that hold folders of systems besides the package's; raises UsageError for one that there is not."""
+    places = [Path(place).resolve() for place in os.environ.get(SEARCH_PATH, "").split(os.pathsep) if place]
     for place in places:
         if not place.is_dir():
             raise UsageError(f"{SEARCH_PATH}: there is no folder {place}")
-    return [path.parent for place in places for path in sorted(place.glob("*/system.toml"))]
+    return places
+
+
+def folders() -> list[Path]:
+    """The folders of all systems: those of the package, then those on the search path."""
+    return [path.parent for place in (SHIPPED, *search_path()) for path in sorted(place.glob("*/system.toml"))]
 
 
 @lru_cache(maxsize=4)
@@ -266,6 +273,7 @@ def _system(folder: Path, table: Mapping[str, Any]) -> System:
         frames=tuple(_frame(frame, by_name) for frame in table["frames"]),
         output=output["kind"],
         output_words=_output_words(output, words),
+        period=table["period"],
         groups=tuple(table["groups"]),
         parameters=tuple({"owner": "control", **row} for row in table.get("parameter", ())),
         includes=tuple(structs.pop("includes", ())),

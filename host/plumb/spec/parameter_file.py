@@ -76,9 +76,9 @@ def by_name(words: Sequence[int]) -> dict[str, int]:
 
 def warnings(values: Mapping[str, int]) -> list[str]:
     """What the board takes and people seldom mean, one sentence each."""
-    fused = declarations.name_of(values["system"]) == "turntable"
-    name, bits = ("fusion.dt_s_q32", 32) if fused else ("kalman.dt_s_q33", 33)
-    filter_us, run_us = values[name] / 2**bits * 1e6, values["period_us"]
+    system = declarations.name_of(values["system"])
+    name, run_us = declarations.system(system).period, values["period_us"]
+    filter_us = parameters.period_s(system, values) * 1e6
     if abs(filter_us - run_us) <= 0.001 * run_us:
         return []
     return [

@@ -11,7 +11,7 @@ import binascii
 import struct
 import tomllib
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -146,6 +146,13 @@ def contradiction(words: Sequence[int]) -> str | None:
     if scans_us > values["period_us"]:
         return f"adc_oversample_log2 = {values['adc_oversample_log2']} takes {scans_us} us of every period_us"
     return None
+
+
+def period_s(system: str, values: Mapping[str, int]) -> float:
+    """The period of a step that the parameters are for. values: the table, or its control part, by name."""
+    name = declarations.system(system).period
+    row = next(row for row in table() if row.name == name)
+    return values[name] / 2.0 ** int(row.format[1:])
 
 
 UNIT = "variance_turn2_q56"

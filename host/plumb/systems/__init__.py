@@ -27,18 +27,22 @@ A system X is the folder systems/X, besides its step in C (firmware/systems/X.[c
     systems/X/figures.py    what was asked, and what is reached: SECTIONS, ASSUMED (see plumb.proof.figures)
     systems/X/pins.py       on the pins of the virtual board: Coupling(machine, plant), FRAMES, ... (see
                             plumb.boards.plant_on_pins); none where samples only ever come as frames
+    systems/X/replay.py     optional: recordings of real sensors as inputs of a run (see plumb.cli.replay)
+    systems/X/demo.py       optional: the run that `plumb demo` shows (see plumb.cli.demo)
+
+Folders of systems on PLUMB_SYSTEM_PATH are modules of this package, too.
 """
 
 from __future__ import annotations
 
 import importlib
-import importlib.util
 from types import ModuleType
 from typing import Any
 
 from plumb.errors import UsageError
 from plumb.spec import declarations
 
+__path__ += [str(place) for place in declarations.search_path()]
 SYSTEMS = {name: declared.title for name, declared in declarations.systems().items()}
 """Name -> title of each system that is declared, in the order of their numbers."""
 
@@ -46,12 +50,18 @@ SYSTEMS = {name: declared.title for name, declared in declarations.systems().ite
 def load(name: str, part: str = "scenarios") -> ModuleType:
     """A module of a system's folder: `scenarios`, `plant`, `pins`, `fixed`, `reference` or `quantise`; raises
     UsageError for a system that there is not, and for `pins` of one whose samples only ever come as frames."""
-    if name not in SYSTEMS:
-        declarations.system(name)
+    declared = declarations.system(name)
     module = f"plumb.systems.{name}.{part}"
-    if part == "pins" and importlib.util.find_spec(module) is None:
+    if part == "pins" and not (declared.folder / "pins.py").is_file():
         raise UsageError(f"the board has no sensors of its own for {name}: its samples come as frames")
     return importlib.import_module(module)
+
+
+def with_part(part: str) -> tuple[str, ...]:
+    """The systems whose folders have that module, in the order of their numbers."""
+    return tuple(
+        name for name, declared in declarations.systems().items() if (declared.folder / f"{part}.py").is_file()
+    )
 
 
 def fitted(scenario: Any, tuning: Any) -> Any:

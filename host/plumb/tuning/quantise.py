@@ -88,9 +88,7 @@ class ControlParams:
 
     @property
     def period_s(self) -> float:
-        if self.system == "turntable":
-            return self.values["fusion.dt_s_q32"] / 2**32
-        return self.values["kalman.dt_s_q33"] / 2**33
+        return parameters.period_s(self.system, self.values)
 
 
 def groups_of(system: str) -> tuple[str, ...]:

@@ -1,0 +1,24 @@
+"""What `plumb demo` shows of `quad`: the loop held level, and the error of every estimate from the same counts."""
+
+from __future__ import annotations
+
+from plumb.proof.runs import Run
+from plumb.systems import run_fixed
+from plumb.systems.quad import plots
+from plumb.systems.quad import scenarios as quad
+from plumb.tuning.quantise import quantise
+
+SCENARIO, TUNING = "hold", "adaptive"
+
+
+def errors(trial: Run) -> dict[str, tuple[float, float]]:
+    """Estimate -> (rms, largest) error of the tilt in deg."""
+    paper = run_fixed.run_control(quantise(quad.TUNINGS["paper"]), trial.inputs.raw, trial.inputs.setpoint)
+    estimates = {
+        "accelerometer only": plots.accel_only_deg(trial),
+        "the paper's constants, fixed": paper["tilt_turn_q32"] * plots.TURN_DEG,
+        "adaptive, float64 reference": trial.reference["tilt_deg"],
+        "adaptive, fixed": trial.words["tilt_turn_q32"] * plots.TURN_DEG,
+        "adaptive, the board": plots.estimate_deg(trial),
+    }
+    return {name: plots.rms_and_max(trial, tilt_deg) for name, tilt_deg in estimates.items()}

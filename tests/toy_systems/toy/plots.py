@@ -1,0 +1,27 @@
+"""How a run of `toy` is measured and drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plumb.proof.report import ESTIMATE, TRUTH, Line, Plot
+from plumb.proof.runs import Run
+
+
+def metrics(run: Run) -> dict[str, float | None]:
+    filtered = run.board_words["filtered_counts_q16"] / 2**16
+    apart = run.words["filtered_counts_q16"] / 2**16 - run.reference["filtered_counts"]
+    error = (filtered - run.inputs.truth["level_counts"])[run.inputs.scored]
+    return {
+        "angle_rmse_deg": None,
+        "angle_max_deg": None,
+        "accel_only_rmse_deg": None,
+        "fixed_vs_reference_max_deg": float(np.max(np.abs(apart))),
+        "level_rmse_counts": float(np.sqrt(np.mean(error**2))) if error.size else None,
+    }
+
+
+def plots(run: Run, *, closed: bool) -> list[Plot]:
+    filtered = run.board_words["filtered_counts_q16"] / 2**16
+    lines = [Line("true", run.inputs.truth["level_counts"], TRUTH), Line("filtered", filtered, ESTIMATE)]
+    return [Plot("Level", "count", run.inputs.time_s, lines)]

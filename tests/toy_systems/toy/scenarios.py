@@ -1,0 +1,126 @@
+"""`toy`: a level that jumps up and down, and noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.errors import UsageError
+from plumb.physics.disturbance import Request
+from plumb.spec import dbc
+from plumb.systems import scoring
+
+PERIOD_US = 10_000
+
+
+@dataclass(frozen=True)
+class ToyTuning:
+    """share: of a new count in the filtered level."""
+
+    system: ClassVar[str] = "toy"
+
+    period_us: int = PERIOD_US
+    largest_counts: int = 4095
+    share: float = 0.1
+
+    @property
+    def period_s(self) -> float:
+        return self.period_us * 1e-6
+
+
+SCENARIOS = {"jumps": "between 1000 and 3000 counts, every second"}
+SECONDS = {"jumps": 20.0}
+DEFAULT_SCENARIO = "jumps"
+TUNINGS = {"slow": ToyTuning(), "fast": ToyTuning(share=0.5)}
+TUNING_NOTES = {"slow": "a tenth of each count", "fast": "half of each count"}
+DEFAULT_TUNING = "slow"
+STARTS: dict[str, object] = {}
+START_NOTES: dict[str, str] = {}
+CONDITIONS: dict[str, str] = {}
+FAULTS: dict[str, str] = {}
+FAULT_CHANNELS: tuple[str, ...] = ()
+OUTPUT_FRAMES = dbc.output_frames("toy")
+OUTPUTS = tuple(OUTPUT_FRAMES)
+LINK: dict[str, int] = {}
+
+
+def faults(requests: Sequence[Request]) -> tuple[object, ...]:
+    if requests:
+        raise UsageError("toy has no faults")
+    return ()
+
+
+@dataclass(frozen=True)
+class Scenario:
+    period_us: int
+    level_counts: npt.NDArray[np.float64]
+    noise_counts: npt.NDArray[np.float64]
+
+    @property
+    def steps(self) -> int:
+        return len(self.level_counts)
+
+    @property
+    def time_s(self) -> npt.NDArray[np.float64]:
+        return np.arange(self.steps) * (self.period_us * 1e-6)
+
+    @property
+    def scored(self) -> npt.NDArray[np.bool_]:
+        return scoring.scored(self.time_s)
+
+    def counts(self) -> npt.NDArray[np.int16]:
+        raw = np.zeros((self.steps, 6), np.int16)
+        raw[:, 0] = np.rint(self.level_counts + self.noise_counts)
+        return raw
+
+    def setpoint(self) -> npt.NDArray[np.int32]:
+        return np.full(self.steps, 2000 << 16, np.int32)
+
+    def truth(self) -> dict[str, npt.NDArray[np.float64]]:
+        return {"level_counts": self.level_counts}
+
+
+@dataclass(frozen=True)
+class Plant:
+    """The prescribed level: nothing that a board puts out moves it."""
+
+    scenario: Scenario
+
+    def follow(self, time_s: float, outputs: Mapping[str, int]) -> None:
+        """Nothing follows."""
+
+    def counts(self, time_s: float) -> tuple[int, ...]:
+        return tuple(self.scenario.counts()[self._at(time_s)].tolist())
+
+    def truth(self, time_s: float) -> dict[str, float]:
+        return {"level_counts": float(self.scenario.level_counts[self._at(time_s)])}
+
+    def setpoint(self, time_s: float) -> int:
+        return 2000 << 16
+
+    def _at(self, time_s: float) -> int:
+        return round(time_s * 1e6 / self.scenario.period_us) % self.scenario.steps
+
+
+def plant(run: Scenario, *, open_loop: bool = True) -> Plant:
+    return Plant(run)
+
+
+def scenario(
+    name: str,
+    seed: int,
+    *,
+    seconds: float | None = None,
+    period_us: int = PERIOD_US,
+    faults: tuple[object, ...] = (),
+) -> Scenario:
+    if name not in SCENARIOS:
+        raise UsageError(f"toy has no scenario '{name}'; it has {', '.join(SCENARIOS)}")
+    steps = round((SECONDS[name] if seconds is None else seconds) * 1e6 / period_us)
+    time_s = np.arange(steps) * (period_us * 1e-6)
+    level = np.where(time_s % 2.0 < 1.0, 1000.0, 3000.0)
+    return Scenario(period_us, level, 20.0 * np.random.default_rng(seed).standard_normal(steps))
