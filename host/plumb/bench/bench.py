@@ -303,7 +303,10 @@ def _memory_check(elf: Image) -> Row:
 def _lockstep(elf: Image) -> Row:
     """Steps of quad in lockstep over the UART of the virtual board, one at a time; the error is how many digests differ
     from those of the native core. Exceptions are charged as branches, without the 12 cycles of their entry."""
-    params, motion = quantise(hurried.ADAPTIVE), hurried.scenario("motion", 3000, seconds=EXCHANGES * hurried.PERIOD_US * 1e-6)
+    params, motion = (
+        quantise(hurried.ADAPTIVE),
+        hurried.scenario("motion", 3000, seconds=EXCHANGES * hurried.PERIOD_US * 1e-6),
+    )
     raw, setpoint = motion.counts(), motion.setpoint()
     with VirtualBoard(elf.path) as board:
         stepper = board.stepper(params)

@@ -1,0 +1,138 @@
+"""A system is one folder and one C pair: nothing else names it.
+
+A toy system of tests/toy_systems is built into an image and a native core, and runs, without an edit of any file; an
+image has the systems that it is asked for; and without the folder and the C pair of a shipped system the rest builds
+and runs.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+import site
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+TOYS = ROOT / "tests" / "toy_systems"
+LIMIT_S = 300
+
+Plumb = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def build(source: Path, target: Path, python: Path, *options: str) -> tuple[Path, Path]:
+    """The native core and the flash image of the sources."""
+    chip = f"-DCMAKE_TOOLCHAIN_FILE={source}/firmware/ports/stm32f103/toolchain.cmake"
+    for name, own in (("native", ["-DPLUMB_TESTS=OFF"]), ("image", [chip, "-DCMAKE_BUILD_TYPE=Image"])):
+        configure = ["cmake", "-S", source, "-B", target / name, "-G", "Ninja", f"-DPython3_EXECUTABLE={python}"]
+        for command in ([*configure, *own, *options], ["cmake", "--build", target / name]):
+            done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S)
+            assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    return target / "native" / "libplumb_native.so", target / "image" / "firmware.elf"
+
+
+def command(python: Path, core: Path, image: Path, **environment: str) -> Plumb:
+    """`plumb` with this core and image."""
+
+    def plumb(*words: str, code: int = 0) -> subprocess.CompletedProcess[str]:
+        needs_image = "virtual" in words
+        done = subprocess.run(
+            [python, "-m", "plumb", *words, *(["--image", str(image)] if needs_image else [])],
+            env={**os.environ, "PLUMB_NATIVE_CORE": str(core), **environment},
+            capture_output=True,
+            text=True,
+            timeout=LIMIT_S,
+        )
+        assert done.returncode == code, done.stdout + done.stderr
+        return done
+
+    return plumb
+
+
+@pytest.fixture(scope="module")
+def toy(tmp_path_factory: pytest.TempPathFactory) -> Plumb:
+    """An image and a core of `balancer` and the toy."""
+    options = ("-DPLUMB_SYSTEMS=balancer;toy", f"-DPLUMB_SYSTEM_PATH={TOYS}")
+    python = Path(sys.executable)
+    core, image = build(ROOT, tmp_path_factory.mktemp("toy"), python, *options)
+    return command(python, core, image, PLUMB_SYSTEM_PATH=str(TOYS))
+
+
+@pytest.fixture(scope="module")
+def without_quad(tmp_path_factory: pytest.TempPathFactory) -> Plumb:
+    """A copy of the sources from which `quad` was deleted, with a Python that knows this copy alone."""
+    folder = tmp_path_factory.mktemp("without")
+    copy = folder / "plumb"
+    shutil.copytree(
+        ROOT, copy, ignore=shutil.ignore_patterns(".git", ".venv", "build", "out", "__pycache__", ".*_cache")
+    )
+    shutil.rmtree(copy / "host" / "plumb" / "systems" / "quad")
+    for suffix in "ch":
+        (copy / "firmware" / "systems" / f"quad.{suffix}").unlink()
+    python = folder / "python"
+    found = os.pathsep.join([str(copy / "host"), *site.getsitepackages()])
+    python.write_text(f'#!/bin/sh\nPYTHONPATH="{found}" exec "{sys.executable}" -S "$@"\n')
+    python.chmod(0o755)
+    core, image = build(copy, folder / "build", python)
+    return command(python, core, image)
+
+
+def test_golden_vectors_of_a_toy_system_hold_on_every_board(toy: Plumb, tmp_path: Path) -> None:
+    shutil.copy(TOYS / "recipe.toml", tmp_path)
+    toy("golden", "make", "--vectors", str(tmp_path))
+    boards = ("--board", "native", "--board", "virtual", "--vectors", str(tmp_path), "--json")
+    for link in ("serial", "can"):
+        told = json.loads(toy("golden", "check", *boards, "--link", link).stdout)
+        assert told["verdict"] == "pass"
+        assert {name: row["steps"] for name, row in told["boards"].items()} == dict.fromkeys(
+            ("fixed", "native", "virtual"), 1000
+        )
+
+
+@pytest.mark.parametrize("options", [("native",), ("virtual",), ("virtual", "--live")], ids=" ".join)
+def test_a_toy_system_runs(toy: Plumb, options: tuple[str, ...]) -> None:
+    told = json.loads(toy("run", "toy", "--seconds", "3", "--json", "--board", *options).stdout)
+    assert (told["verdict"], told["steps"], told["metrics"]["target_vs_fixed_mismatches"]) == ("pass", 300, 0)
+
+
+def test_parameters_of_a_toy_system_are_rows_of_the_table(toy: Plumb) -> None:
+    said = toy("params", "tuning", "toy", "--board", "virtual").stdout
+    assert "system: 1 -> 17 (toy)" in said and "3 changed" not in said.splitlines()[0]
+    listed = toy("params", "list", "--board", "virtual").stdout
+    assert "toy.share_q16" in listed
+
+
+def test_what_a_toy_system_sends_is_recorded_and_shown(toy: Plumb, tmp_path: Path) -> None:
+    live = ("--board", "virtual", "--run", "live", "--seconds", "1", "--system", "toy")
+    toy("record", *live, "--out", str(tmp_path))
+    with (tmp_path / "steps.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) > 90 and all(800 < float(row["filtered"]) < 1100 for row in rows[20:80])
+    shown = json.loads(toy("monitor", *live, "--json").stdout.splitlines()[-1])
+    assert 800 < shown["filtered"] < 3100 and shown["tilt_deg"] is None
+
+
+def test_an_image_says_which_systems_it_has(toy: Plumb) -> None:
+    said = toy("run", "quad", "--board", "virtual", "--open-loop", "--seconds", "1", code=2).stderr
+    assert "the board's image has no quad, only balancer, toy: flash one that has it" in said
+    said = toy("run", "quad", "--board", "native", "--open-loop", "--seconds", "1", code=2).stderr
+    assert "the native core was built without quad" in said
+    assert (
+        json.loads(toy("run", "balancer", "--board", "virtual", "--seconds", "1", "--json").stdout)["verdict"] == "pass"
+    )
+
+
+def test_the_rest_builds_and_runs_without_a_shipped_system(without_quad: Plumb) -> None:
+    assert [line.split(":")[0] for line in without_quad("systems").stdout.splitlines()] == [
+        "balancer", "turntable", "phone"
+    ]  # fmt: skip
+    for board in ("native", "virtual"):
+        told = json.loads(without_quad("run", "balancer", "--board", board, "--seconds", "1", "--json").stdout)
+        assert told["verdict"] == "pass"
+    assert "there is no system 'quad'" in without_quad("run", "quad", "--board", "native", code=2).stderr
