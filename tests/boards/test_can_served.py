@@ -24,7 +24,7 @@ from plumb.f103 import open_machine
 from plumb.flash.image import find_image
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
-from plumb.link.transports.open_bus import open_can
+from plumb.link.transports.open_bus import open_bus
 from plumb.link.transports.server_endpoint import open_endpoint
 from plumb.spec import parameters
 
@@ -71,7 +71,7 @@ def test_a_run_from_another_process(spec: str, served: Served, capsys: pytest.Ca
 
 def test_both_ends_from_two_hosts_and_stock_slcan_on_the_uart(served: Served) -> None:
     bus, uart = served("slcan:tcp:0")
-    with Session.over(open_can(bus.removeprefix("can:"))) as over_can:
+    with Session.over(open_bus(bus)) as over_can:
         port = f"{uart.removeprefix('serial:')}@921600"
         stock = can.Bus(interface="slcan", channel=port, bitrate=500000, sleep_after_open=0)
         with Session.over(stock) as over_uart:
@@ -80,16 +80,16 @@ def test_both_ends_from_two_hosts_and_stock_slcan_on_the_uart(served: Served) ->
             with pytest.raises(LinkError, match="from another link"):
                 over_can.request("SAMPLE_A", 1, 2, 3)
             assert over_can.end() == 0  # anybody may end it
-    with Session.over(open_can(bus.removeprefix("can:"))) as again:
+    with Session.over(open_bus(bus)) as again:
         assert again.identity is not None and again.identity.mismatch is None
 
 
 RUNNING_HOST = """
 import sys
-from plumb.link.transports.open_bus import open_can
+from plumb.link.transports.open_bus import open_bus
 from plumb.link.session import Session
 
-with Session.over(open_can(sys.argv[1].removeprefix("can:"))) as session:
+with Session.over(open_bus(sys.argv[1])) as session:
     session.begin("REALTIME_LIVE", frames=("RAW_A", "QUAD_ANGLE"))
     print("runs", flush=True)
     while True:
@@ -117,7 +117,7 @@ def test_one_of_two_hosts_is_killed_and_the_other_loses_nothing(served: Served) 
             assert sorted(capture.digest) == list(range(first, last + 1))
             assert set(range(first + 1, last)) <= set(capture.raw)
             assert watcher.counters.lost == watcher.frames.rejected == 0
-        with Session.over(open_can(bus.removeprefix("can:"))) as again:  # the CAN link is free for the next one
+        with Session.over(open_bus(bus)) as again:  # the CAN link is free for the next one
             assert again.read_parameters()
     finally:
         host.kill()

@@ -161,7 +161,7 @@ def test_a_log_gives_its_frames_in_order_and_then_ends(tmp_path: Path) -> None:
         ("serial:", UsageError, "names no bus"),
         ("serial:/no/such/port", LinkError, "there is no port"),
         ("tcp:127.0.0.1:1", LinkError, "no connection"),
-        ("tcp:host", LinkError, "is no address"),
+        ("tcp:host", UsageError, "is no address"),
         ("udp:many", UsageError, "a port is a number"),
         ("can:nothing:0", UsageError, "no interface 'nothing'"),
         ("can:virtual", UsageError, "names no bus"),

@@ -19,7 +19,7 @@ import pytest
 from plumb.errors import LinkError, UsageError
 from plumb.link.session import Session
 from plumb.link.transports.can_bus import MALFORMED_IN_A_ROW, AnyBus, DriverBus
-from plumb.link.transports.open_bus import open_bus, open_can
+from plumb.link.transports.open_bus import open_bus
 from plumb.link.transports.server_endpoint import TcpEndpoint
 from plumb.link.transports.socketcand import SocketcandBus, SocketcandClient
 from plumb.spec.protocol import protocol
@@ -115,11 +115,14 @@ def test_a_full_queue_is_waited_for() -> None:
 
 @pytest.mark.parametrize(
     ("spec", "remedy"),
-    [("socketcan:nothere@250", "ip link set nothere up type can bitrate 250000"), ("slcan:/nothere", "adapter's port")],
+    [
+        ("can:socketcan:nothere@250", "ip link set nothere up type can bitrate 250000"),
+        ("can:slcan:/nothere", "adapter's port"),
+    ],
 )
 def test_an_interface_that_is_not_there_is_told_what_to_do_about(spec: str, remedy: str) -> None:
     with pytest.raises(LinkError, match=re.escape(remedy)):
-        open_can(spec)
+        open_bus(spec)
 
 
 def test_what_a_driver_logs_is_no_second_line() -> None:
@@ -224,7 +227,7 @@ def stock(address: str) -> can.BusABC:
 
 
 def ours(address: str) -> can.BusABC:
-    return open_can(f"socketcand:{address}:can0")
+    return open_bus(f"can:socketcand:{address}:can0")
 
 
 @pytest.mark.parametrize("opened", [stock, ours])

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from plumb import systems
+from plumb.link.endpoint_names import DEFAULT_BAUD
 from plumb.link.session import KEEPALIVE_EVERY_S, PERIODIC
-from plumb.link.transports.slcan_bus import DEFAULT_BAUDRATE
 from plumb.spec.records import RECORDS
 
 BITRATES_KBIT = (125, 250, 500, 1000)
@@ -58,7 +58,7 @@ class Traffic:
 
     def uart_steps_ps(self) -> float:
         """Both directions at once; the busier one counts."""
-        line_ps = DEFAULT_BAUDRATE / LINE_BITS
+        line_ps = DEFAULT_BAUD / LINE_BITS
         told_ps = housekeeping_ps() - 1 / KEEPALIVE_EVERY_S
         return min((line_ps - told_ps) / self.up, (line_ps - 1 / KEEPALIVE_EVERY_S) / self.down if self.down else 1e9)
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Protocol, Self
 import numpy as np
 import numpy.typing as npt
 
-from plumb.errors import UsageError
+from plumb.link.endpoint_names import CanName, SerialName, parse_board
 
 if TYPE_CHECKING:
     from plumb.spec.records import Words
@@ -94,34 +94,27 @@ def open_board(spec: str, *, link: str = "serial", image: Path | None = None) ->
 
     Raises UsageError for a name that is none, LinkError when it does not answer.
     """
-    kind, _, address = spec.partition(":")
-    if spec == "fixed":
+    name = parse_board(spec)
+    if isinstance(name, SerialName):
+        from plumb.boards.link import SerialBoard
+
+        return SerialBoard(name)
+    if isinstance(name, CanName):
+        from plumb.boards.link import CanBoard
+
+        return CanBoard(name)
+    if name.kind == "fixed":
         from plumb.boards.fixed import FixedBoard
 
         return FixedBoard()
-    if spec == "native":
+    if name.kind == "native":
         from plumb.boards.native import NativeBoard
 
         return NativeBoard()
-    if spec == "qemu":
+    if name.kind == "qemu":
         from plumb.boards.qemu import QemuBoard
 
         return QemuBoard()
-    if spec == "virtual":
-        from plumb.boards.virtual import VirtualBoard
+    from plumb.boards.virtual import VirtualBoard
 
-        return VirtualBoard(image, link)
-    if kind == "serial" and address:
-        from plumb.boards.link import SerialBoard
-
-        port, _, baud = address.partition("@")
-        if baud and not baud.isdigit():
-            raise UsageError(f"the baud rate in '{spec}' is not a number; write serial:PORT@921600")
-        return SerialBoard(port, int(baud) if baud else 921600)
-    if kind == "can" and address:
-        from plumb.boards.link import CanBoard
-
-        return CanBoard(spec)
-    raise UsageError(
-        f"'{spec}' names no board; use native, qemu, virtual, serial:PORT[@BAUD] or can:INTERFACE:CHANNEL[@KBIT]"
-    )
+    return VirtualBoard(image, link)

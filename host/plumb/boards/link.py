@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from plumb import systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper, open_board
 from plumb.errors import UsageError
+from plumb.link.endpoint_names import REMOTE_BOARDS, CanName, LocalBoard, SerialName, parse_board
 from plumb.link.lockstep import Lockstep
 from plumb.link.session import Session
 from plumb.link.transports.open_bus import open_can
@@ -18,7 +19,6 @@ from plumb.spec.records import Words
 if TYPE_CHECKING:
     from plumb.tuning.quantise import ControlParams
 
-REMOTE = "serial:PORT[@BAUD] or can:INTERFACE:CHANNEL[@KBIT]"
 CHUNK_STEPS = 500
 """Steps between two turns of the progress bar."""
 
@@ -90,20 +90,22 @@ class LinkBoard(Board):
 class SerialBoard(LinkBoard):
     """A board, or a served virtual board, at a serial port or any address that pyserial opens."""
 
-    def __init__(self, port: str, baudrate: int) -> None:
-        super().__init__(f"serial:{port}", Session.open(port, baudrate))
+    def __init__(self, name: SerialName) -> None:
+        super().__init__(f"serial:{name.port}", Session.open(name))
 
 
 class CanBoard(LinkBoard):
     """A board, or a served virtual board, on any bus that python-can opens."""
 
-    def __init__(self, spec: str) -> None:
-        super().__init__(spec, Session.over(open_can(spec.removeprefix("can:"))))
+    def __init__(self, name: CanName) -> None:
+        super().__init__(name.text, Session.over(open_can(name)))
 
 
 def open_link_board(spec: str, *, link: str = "serial", image: Path | None = None) -> LinkBoard:
     """The board that SPEC names, spoken to over its link; raises UsageError where there is none."""
-    board = None if spec in ("native", "qemu") else open_board(spec, link=link, image=image)
-    if not isinstance(board, LinkBoard):
-        raise UsageError(f"'{spec}' is no board with a link; use virtual, {REMOTE}")
+    name = parse_board(spec)
+    if isinstance(name, LocalBoard) and name.kind != "virtual":
+        raise UsageError(f"'{spec}' is no board with a link; use virtual, {REMOTE_BOARDS}")
+    board = open_board(spec, link=link, image=image)
+    assert isinstance(board, LinkBoard)
     return board

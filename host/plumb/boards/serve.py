@@ -16,6 +16,7 @@ import can
 from plumb.boards.flash_file import KeptSlots
 from plumb.errors import LinkError
 from plumb.f103.core.timeline import TICKS_PER_S
+from plumb.link.endpoint_names import DEFAULT_KBIT, CanName, SocketcandServerName, parse_can_end
 from plumb.link.transports.server_endpoint import ServerEndpoint, open_endpoint
 
 SLICE_S = 0.0003
@@ -95,12 +96,12 @@ def open_can_end(spec: str) -> can.BusABC:
     from plumb.link.transports.slcan_server import AdapterBus
     from plumb.link.transports.socketcand import SocketcandBus
 
-    kind, _, where = spec.partition(":")
-    if kind == "slcan" and (where == "pty" or where.startswith("tcp:")):
-        return AdapterBus(open_endpoint(where))
-    if kind == "socketcand" and where.isdigit() and int(where) <= 65535:
-        return SocketcandBus(int(where))
-    return open_can(spec)
+    name = parse_can_end(spec)
+    if isinstance(name, CanName):
+        return open_can(name)
+    return (
+        SocketcandBus(name.port) if isinstance(name, SocketcandServerName) else AdapterBus(open_endpoint(name.endpoint))
+    )
 
 
 def address_of(bus: can.BusABC, spec: str) -> str:
@@ -130,10 +131,9 @@ def joined(join: Join | None, spec: str | None, announce: Callable[[str], None])
 
 
 def kbit_of(spec: str) -> int:
-    from plumb.link.transports.open_bus import DEFAULT_KBIT
-
-    head, _, rate = spec.rpartition("@")
-    return int(rate) if head and rate.isdigit() else DEFAULT_KBIT
+    """Bit rate of the bus that an end joins, in kbit/s; an end that is served has the usual one."""
+    name = parse_can_end(spec)
+    return name.kbit if isinstance(name, CanName) else DEFAULT_KBIT
 
 
 def serve(

@@ -51,18 +51,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     from plumb.errors import UsageError
-    from plumb.link.transports.open_bus import kind_and_address
+    from plumb.link.endpoint_names import CanName, parse_bus
     from plumb.process_signals import endings
 
-    for spec in (arguments.sensor, arguments.board):
-        kind_and_address(spec)
+    on_can = [isinstance(parse_bus(spec), CanName) for spec in (arguments.sensor, arguments.board)]
     if arguments.seconds is not None and not arguments.seconds > 0:
         raise UsageError(f"--seconds {arguments.seconds:g}: ask for more than nothing")
     if arguments.carry and (arguments.shadow or arguments.arm):
         raise UsageError("--carry only carries frames: leave out --shadow and --arm, or --carry")
-    if arguments.direct and (arguments.carry or kind_and_address(arguments.sensor)[0] != "can"):
+    if arguments.direct and (arguments.carry or not on_can[0]):
         raise UsageError("--direct is for a sensor board on the STM32's CAN bus: name that bus first, without --carry")
-    if arguments.sensor == arguments.board and (arguments.carry or kind_and_address(arguments.board)[0] != "can"):
+    if arguments.sensor == arguments.board and (arguments.carry or not on_can[1]):
         raise UsageError(f"{arguments.board} is named twice: sensor board and STM32 meet on a CAN bus alone")
     with endings() as caught:
         begin_s: float | None = None

@@ -36,6 +36,7 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb import systems
     from plumb.errors import UsageError
     from plumb.inputs.sensor_board import SensorBoard
+    from plumb.link.endpoint_names import CanName, parse_bus
     from plumb.link.transports.open_bus import serve_bus
     from plumb.process_signals import endings
 
@@ -47,7 +48,7 @@ def main(arguments: argparse.Namespace) -> int:
     with endings() as caught, serve_bus(arguments.bus, arguments.symlink) as bus:
         print(f"{arguments.system} emits samples on {bus.channel_info}; Ctrl-C ends it", flush=True)
         rest_s = REST_S if system.OUTPUT_FRAMES and not arguments.open_loop else 0.0
-        greet = arguments.bus.startswith("can:")
+        greet = isinstance(parse_bus(arguments.bus), CanName)
         board = SensorBoard(bus, plant, scenario.period_us, system.OUTPUT_FRAMES, greet=greet, rest_s=rest_s)
         board.run(lambda: bool(caught), arguments.seconds)
     summary = {"system": arguments.system, "samples": board.sent, "late": board.late}

@@ -17,9 +17,10 @@ from typing import Any, Self, cast
 import can
 
 from plumb.errors import LinkError, UsageError
+from plumb.link.endpoint_names import DEFAULT_BAUD
 from plumb.link.identity import Identity, NackError, identity_of, nack_error, plausibility_text, sensors_text
 from plumb.link.transports.can_bus import AnyBus, FrameBus
-from plumb.link.transports.slcan_bus import DEFAULT_BAUDRATE, PlumbBus
+from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import dbc, declarations, parameters
 from plumb.spec.protocol import Frame, Message, protocol
 from plumb.spec.records import RECORDS
@@ -113,7 +114,7 @@ class Session:
         self.run_tag = 0
 
     @classmethod
-    def open(cls, channel: Any, baudrate: int = DEFAULT_BAUDRATE) -> Self:
+    def open(cls, channel: Any, baudrate: int = DEFAULT_BAUD) -> Self:
         """Open the serial channel and connect; the bus is closed again when that fails."""
         return cls.over(PlumbBus(channel, baudrate))
 

@@ -16,7 +16,8 @@ from typing import Any, Protocol
 
 from can import CanInitializationError, CanOperationError
 
-from plumb.errors import LinkError
+from plumb.errors import LinkError, UsageError
+from plumb.link.endpoint_names import SerialName, TcpName, UdpName, parse_network, split_rate
 from plumb.link.transports.serial_ports import check_port
 
 WRITE_TIMEOUT_S = 2.0
@@ -212,18 +213,20 @@ class ObjectStream:
 
 
 def open_stream(channel: Any, baudrate: int) -> Stream:
-    """PORT, PORT@BAUD, socket://HOST:PORT, rfc2217://HOST:PORT, tcp:HOST:PORT, udp:PORT, or an object."""
+    """A parsed name, an object, or text: PORT, PORT@BAUD, socket://HOST:PORT, rfc2217://HOST:PORT, tcp:HOST:PORT,
+    udp:PORT. baudrate: of a serial port that names none. Raises OpenError, which is python-can's error too."""
+    if isinstance(channel, SerialName):
+        channel, baudrate = channel.port, channel.baud
+    if isinstance(channel, str) and channel.startswith(("socket://", "tcp:", "udp:")):
+        try:
+            channel = parse_network(channel)
+        except UsageError as error:
+            raise OpenError(str(error)) from None
+    if isinstance(channel, TcpName):
+        return SocketStream(channel.host, channel.port)
+    if isinstance(channel, UdpName):
+        return DatagramStream(channel.port)
     if not isinstance(channel, str):
         return ObjectStream(channel)
-    for prefix in ("socket://", "tcp:"):
-        if channel.startswith(prefix):
-            host, _, port = channel.removeprefix(prefix).rpartition(":")
-            if not host or not port.isdigit() or int(port) > 65535:
-                raise OpenError(f"'{channel}' is no address: write {prefix}HOST:PORT")
-            return SocketStream(host, int(port))
-    if channel.startswith("udp:") and channel[4:].isdigit():
-        return DatagramStream(int(channel[4:]))
-    port, _, baud = channel.rpartition("@")
-    if port and baud.isdigit():
-        return SerialStream(port, int(baud))
-    return SerialStream(channel, baudrate)
+    port, baud = split_rate(channel)
+    return SerialStream(port, baudrate if baud is None else baud)

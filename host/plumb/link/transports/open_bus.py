@@ -6,8 +6,8 @@
     can:INTERFACE:CHANNEL[@KBIT]  any interface of python-can; 500 kbit/s unless said
     file:PATH                     frames of a log, paced by their time stamps (.asc .blf .csv .log .trc)
 
-`open_bus` takes the host's end; `serve_bus` the far end, where `serial:pty` makes a pseudo-terminal and tcp and udp
-wait for whoever opens them.
+`open_bus` opens the host's end; `serve_bus` the far end, where `serial:pty` makes a pseudo-terminal and tcp and udp
+wait for a client. plumb.link.endpoint_names parses the names.
 """
 
 from __future__ import annotations
@@ -22,15 +22,23 @@ import can
 
 from plumb.errors import LinkError, UsageError
 from plumb.files import input_files
+from plumb.link.endpoint_names import (
+    CanName,
+    FileName,
+    SerialName,
+    SocketcandName,
+    TcpName,
+    UdpName,
+    parse_bus,
+    split_rate,
+)
 from plumb.link.transports.can_bus import DriverBus
 from plumb.link.transports.serial_ports import check_port
-from plumb.link.transports.slcan_bus import DEFAULT_BAUDRATE, PlumbBus
+from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.link.transports.socketcand import SocketcandClient
 
-DEFAULT_KBIT = 500
 MOST_LOG_BYTES = 64 << 20
 """Of a log of frames, which is read as a whole: a million frames."""
-KINDS = "serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT, can:INTERFACE:CHANNEL[@KBIT] or file:PATH"
 
 
 def open_bus(spec: str, *, listen_only: bool = False) -> can.BusABC:
@@ -38,16 +46,12 @@ def open_bus(spec: str, *, listen_only: bool = False) -> can.BusABC:
 
     Raises UsageError for a name that is none, LinkError when it cannot be opened.
     """
-    kind, address = kind_and_address(spec)
-    if kind == "serial":
-        return PlumbBus(address, DEFAULT_BAUDRATE, listen_only=listen_only)
-    if kind == "tcp":
-        return PlumbBus(spec, listen_only=listen_only)
-    if kind == "udp":
-        return PlumbBus(f"udp:{_port(spec, address)}", listen_only=listen_only)
-    if kind == "can":
-        return open_can(address)
-    return LogBus(Path(address))
+    name = parse_bus(spec)
+    if isinstance(name, CanName):
+        return open_can(name)
+    if isinstance(name, FileName):
+        return LogBus(Path(name.path))
+    return PlumbBus(name, listen_only=listen_only)
 
 
 def serve_bus(spec: str, link: Path | None = None) -> can.BusABC:
@@ -58,66 +62,42 @@ def serve_bus(spec: str, link: Path | None = None) -> can.BusABC:
     from plumb.link.transports.server_endpoint import UdpEndpoint, open_endpoint
     from plumb.link.transports.slcan_server import AdapterBus
 
-    kind, address = kind_and_address(spec)
-    if spec == "serial:pty":
-        return AdapterBus(open_endpoint("pty", link))
-    if kind == "tcp":
-        host, _, port = address.rpartition(":")
-        if host not in ("127.0.0.1", "localhost"):
-            raise UsageError(f"'{spec}': this end waits on this machine only; write tcp:127.0.0.1:PORT")
-        return AdapterBus(open_endpoint(f"tcp:{port}"))
-    if kind == "udp":
-        return AdapterBus(UdpEndpoint(_port(spec, address)))
-    if kind == "file":
-        raise UsageError("a file is no end of a conversation; plumb record BUS --out PATH writes one")
+    name = parse_bus(spec)
+    match name:
+        case SerialName(port="pty"):
+            return AdapterBus(open_endpoint("pty", link))
+        case TcpName(host, port):
+            if host not in ("127.0.0.1", "localhost"):
+                raise UsageError(f"'{spec}': this end waits on this machine only; write tcp:127.0.0.1:PORT")
+            return AdapterBus(open_endpoint(f"tcp:{port}"))
+        case UdpName(port):
+            return AdapterBus(UdpEndpoint(port))
+        case FileName():
+            raise UsageError("a file is no end of a conversation; plumb record BUS --out PATH writes one")
     return open_bus(spec)
 
 
-def kind_and_address(spec: str) -> tuple[str, str]:
-    """The name taken apart; raises UsageError for one that is none."""
-    kind, _, address = spec.partition(":")
-    if kind not in ("serial", "tcp", "udp", "can", "file") or not address:
-        raise UsageError(f"'{spec}' names no bus; use {KINDS}")
-    return kind, address
-
-
-def _port(spec: str, address: str) -> int:
-    if not address.isdigit() or int(address) > 65535:
-        raise UsageError(f"'{spec}': a port is a number up to 65535")
-    return int(address)
-
-
-def open_can(address: str) -> can.BusABC:
-    """INTERFACE:CHANNEL[@KBIT]; of slcan, what follows the @ is the port's baud rate, as python-can has it."""
-    interface, _, channel = address.partition(":")
-    kbit = DEFAULT_KBIT
-    head, _, rate = channel.rpartition("@")
-    if interface != "slcan" and head and rate.isdigit():
-        channel, kbit = head, int(rate)
+def open_can(name: CanName) -> can.BusABC:
+    """Any interface of python-can; raises UsageError for one that it does not have, LinkError when it does not open."""
+    if isinstance(name, SocketcandName):
+        return SocketcandClient(name.host, name.port, name.channel)
+    interface, channel, kbit = name.interface, name.channel, name.kbit
     options: dict[str, Any] = {"interface": interface, "channel": channel, "bitrate": kbit * 1000}
-    if interface == "socketcand":
-        host, _, rest = channel.partition(":")
-        port, _, name = rest.partition(":")
-        if not host or not port.isdigit() or int(port) > 65535 or not name:
-            raise UsageError(f"'can:{address}': write can:socketcand:HOST:PORT:CHANNEL")
-        return SocketcandClient(host, int(port), name)
     if interface == "slcan" and "://" in channel:
         options["sleep_after_open"] = (
             0.0  # two seconds for an adapter that starts when its port is opened: not this one
         )
-    if not interface or not channel:
-        raise UsageError(f"'can:{address}' names no bus; use can:INTERFACE:CHANNEL[@KBIT]")
     if interface not in can.VALID_INTERFACES:
         raise UsageError(f"python-can has no interface '{interface}'; it has {', '.join(sorted(can.VALID_INTERFACES))}")
-    check_port(channel.rpartition("@")[0] or channel if interface == "slcan" else channel)
+    check_port(split_rate(channel)[0] if interface == "slcan" else channel)
     logging.getLogger("can").addHandler(logging.NullHandler())  # what drivers log is in the one sentence, too
     try:
-        return DriverBus(f"can:{address}", can.Bus(**options))
+        return DriverBus(name.text, can.Bus(**options))
     except LinkError:
         raise
     except Exception as error:  # interfaces raise whatever their drivers do
         reason = str(error).strip().partition("\n")[0] or type(error).__name__
-        raise LinkError(f"can:{address} cannot be opened ({reason}): {_remedy(interface, channel, kbit)}") from None
+        raise LinkError(f"{name.text} cannot be opened ({reason}): {_remedy(interface, channel, kbit)}") from None
 
 
 def _remedy(interface: str, channel: str, kbit: int) -> str:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Protocol
 
 from plumb.errors import LinkError, UsageError
+from plumb.link.endpoint_names import PtyName, TcpName, parse_endpoint
 
 BACKLOG_BYTES = 1 << 16
 """Bytes kept for a client that does not read: 0.7 s at 921600 baud. A pseudo-terminal itself keeps 4 KiB."""
@@ -241,11 +242,7 @@ def _no_port(port: int, error: OSError) -> str:
     return f"port {port} on 127.0.0.1 cannot be opened ({reason}): another program serves there, or choose another port"
 
 
-def open_endpoint(spec: str, link: Path | None = None) -> ServerEndpoint:
-    """'pty' or 'tcp:PORT'; raises UsageError for anything else."""
-    kind, _, port = spec.partition(":")
-    if spec == "pty":
-        return PtyEndpoint(link)
-    if kind == "tcp" and port.isdigit() and int(port) <= 65535:
-        return TcpEndpoint(int(port))
-    raise UsageError(f"'{spec}' is not an endpoint to serve on; write pty or tcp:PORT, up to 65535")
+def open_endpoint(spec: str | PtyName | TcpName, link: Path | None = None) -> ServerEndpoint:
+    """pty or tcp:PORT, as text or parsed; raises UsageError for another text."""
+    name = parse_endpoint(spec) if isinstance(spec, str) else spec
+    return TcpEndpoint(name.port) if isinstance(name, TcpName) else PtyEndpoint(link)

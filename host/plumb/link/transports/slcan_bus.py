@@ -14,11 +14,11 @@ from typing import Any
 import can
 
 from plumb.errors import LinkError
+from plumb.link.endpoint_names import DEFAULT_BAUD
 from plumb.link.transports.byte_stream import ClosedError, open_stream
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.spec.protocol import FRAME_DLC, Frame
 
-DEFAULT_BAUDRATE = 921600
 _LONGEST_WAIT_S = 0.5
 
 
@@ -36,7 +36,7 @@ class PlumbBus(can.BusABC):
     def __init__(
         self,
         channel: Any,
-        tty_baudrate: int = DEFAULT_BAUDRATE,
+        tty_baudrate: int = DEFAULT_BAUD,
         bitrate: int | None = None,
         listen_only: bool = False,
         can_filters: Any = None,

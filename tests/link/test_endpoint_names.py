@@ -1,0 +1,91 @@
+"""Names of boards, buses and served ports: each form parses into one typed value, other text is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from plumb.errors import UsageError
+from plumb.link.endpoint_names import (
+    AdapterName,
+    CanName,
+    FileName,
+    LocalBoard,
+    PtyName,
+    SerialName,
+    SocketcandName,
+    SocketcandServerName,
+    TcpName,
+    UdpName,
+    parse_board,
+    parse_bus,
+    parse_can_end,
+    parse_endpoint,
+)
+
+PORT = "serial:/dev/ttyUSB0"
+KVASER = CanName("can:kvaser:0@250", "kvaser", "0", 250)
+SOCKETCAND = SocketcandName("can:socketcand:pi:29536:can0", "socketcand", "can0", 500, "pi", 29536)
+
+
+@pytest.mark.parametrize(
+    ("parse", "text", "name"),
+    [
+        *((parse_board, kind, LocalBoard(kind)) for kind in ("fixed", "native", "qemu", "virtual")),
+        *((parse, PORT, SerialName("/dev/ttyUSB0", 921600)) for parse in (parse_board, parse_bus)),
+        *((parse, f"{PORT}@115200", SerialName("/dev/ttyUSB0", 115200)) for parse in (parse_board, parse_bus)),
+        (parse_board, "serial:socket://pi:4000", SerialName("socket://pi:4000")),
+        *((parse, KVASER.text, KVASER) for parse in (parse_board, parse_bus)),
+        (parse_bus, "can:pcan:PCAN_USBBUS1", CanName("can:pcan:PCAN_USBBUS1", "pcan", "PCAN_USBBUS1", 500)),
+        (parse_bus, SOCKETCAND.text, SOCKETCAND),
+        (parse_bus, "tcp:127.0.0.1:4000", TcpName("127.0.0.1", 4000)),
+        (parse_bus, "tcp:::1:4000", TcpName("::1", 4000)),
+        (parse_bus, "udp:4000", UdpName(4000)),
+        (parse_bus, "file:a:b.asc", FileName("a:b.asc")),
+        (parse_endpoint, "pty", PtyName()),
+        (parse_endpoint, "tcp:0", TcpName("127.0.0.1", 0)),
+        (parse_can_end, "slcan:pty", AdapterName(PtyName())),
+        (parse_can_end, "slcan:tcp:4001", AdapterName(TcpName("127.0.0.1", 4001))),
+        (parse_can_end, "socketcand:4002", SocketcandServerName(4002)),
+        (parse_can_end, "socketcan:vcan0@125", CanName("can:socketcan:vcan0@125", "socketcan", "vcan0", 125)),
+    ],
+)  # fmt: skip
+def test_every_form_of_a_name_has_one_meaning(parse: Callable[[str], Any], text: str, name: object) -> None:
+    assert parse(text) == name
+
+
+def test_the_rate_behind_an_slcan_channel_is_that_of_the_adapters_port() -> None:
+    name = parse_can_end("slcan:/dev/ttyACM0@115200")
+    assert isinstance(name, CanName) and (name.channel, name.kbit) == ("/dev/ttyACM0@115200", 500)
+
+
+@pytest.mark.parametrize(
+    ("parse", "text", "sentence"),
+    [
+        (parse_board, "", "names no board"),
+        (parse_board, "virtual:", "names no board"),
+        (parse_board, "tcp:127.0.0.1:4000", "names no board"),
+        (parse_board, "serial:", "names no board"),
+        (parse_bus, "native", "names no bus"),
+        (parse_bus, "file:", "names no bus"),
+        (parse_bus, "can:kvaser", "names no bus"),
+        (parse_bus, "can::0", "names no bus"),
+        *((parse_board, f"{PORT}@{rate}", "baud rate") for rate in ("fast", "", "²", "9" * 5000)),
+        (parse_bus, f"{PORT}@fast", "baud rate"),
+        (parse_bus, "tcp:127.0.0.1:65536", "is no address"),
+        (parse_bus, "tcp::4000", "is no address"),
+        (parse_bus, "udp:٣", "a port is a number"),
+        (parse_bus, "can:socketcand:pi:29536", "HOST:PORT:CHANNEL"),
+        (parse_endpoint, "tcp:", "pty or tcp:PORT"),
+        (parse_endpoint, "pty:1", "pty or tcp:PORT"),
+        (parse_can_end, "slcan:tcp:99999", "pty or tcp:PORT"),
+        (parse_can_end, "socketcand:99999", "HOST:PORT:CHANNEL"),
+        (parse_can_end, "vcan0", "names no bus"),
+    ],
+)  # fmt: skip
+def test_other_text_is_refused_with_the_grammar(parse: Callable[[str], Any], text: str, sentence: str) -> None:
+    with pytest.raises(UsageError, match=sentence) as caught:
+        parse(text)
+    assert "\n" not in str(caught.value)
