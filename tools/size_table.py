@@ -5,9 +5,10 @@
     tools/size_table.py build/stm32f103/firmware.elf --functions           every function too
     tools/size_table.py build/stm32f103/firmware.elf --against HEAD~1      what differs from that commit
 
-Where things lie is the linker's word (firmware.map beside the ELF file), the stack that of the machine code's call
-graph. The other commit is taken out of git and built here and now: the same compiler judges both, and no table that
-could be stale is kept in the tree. `--against previous` is the last commit where this one is as committed, else HEAD.
+Where things lie is the linker's word (firmware.map beside the ELF file), and for what was optimised at link time that
+of the debug information; the stack is that of the machine code's call graph. The other commit is taken out of git and
+built here and now: the same compiler judges both, and no table that could be stale is kept in the tree.
+`--against previous` is the last commit where this one is as committed, else HEAD.
 
 Exit code 0: done. 1: a limit is exceeded. 2: it cannot be read, or the other commit cannot be built.
 """
@@ -15,6 +16,7 @@ Exit code 0: done. 1: a limit is exceeded. 2: it cannot be read, or the other co
 from __future__ import annotations
 
 import argparse
+import bisect
 import io
 import json
 import re
@@ -28,7 +30,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "host"))
 
 from plumb.errors import PlumbError, UsageError  # noqa: E402
-from plumb.flash.elf import CallGraph, Elf  # noqa: E402
+from plumb.flash.elf import OBJDUMP, CallGraph, Elf  # noqa: E402
 
 RAM_START = 0x20000000
 LIMITS = {"flash": 48 * 1024, "ram": 10 * 1024, "stack": 1536}
@@ -36,7 +38,18 @@ LIMITS = {"flash": 48 * 1024, "ram": 10 * 1024, "stack": 1536}
 FIRMWARE = ("firmware", "CMakeLists.txt", "CMakePresets.json", "tools", "host/plumb")
 """What an image is made of."""
 _PIECE = re.compile(r"^ (\.[\w.$]+|COMMON)\s+0x([0-9a-f]+)\s+0x([0-9a-f]+) (\S+)$", re.MULTILINE)
-_SUFFIX = re.compile(r"\.(isra|constprop|part|cold|\d+)(\.\d+)?$")
+_SUFFIX = re.compile(r"\.(isra|constprop|part|cold|lto_priv|\d+)(\.\d+)?$")
+_LINK_TIME = re.compile(r"\.ltrans\d*\.(ltrans\.)?o$")
+"""Of what the linker's plugin compiled from many files at once."""
+_NO_FILE = "(link and port)"
+"""What link-time optimisation made of several files, and the compiler's own tables."""
+_UNIT = re.compile(
+    r"^ <0><([0-9a-f]+)>.*\(DW_TAG_compile_unit\)(?:\n    <.*)*?\n    <[0-9a-f]+>   DW_AT_name .*?: (\S+)$", re.M
+)
+_PLACED = re.compile(
+    r"\n    <[0-9a-f]+>   DW_AT_abstract_origin: <0x([0-9a-f]+)>\n"
+    r"    <[0-9a-f]+>   DW_AT_(?:low_pc +: 0x|location .*DW_OP_addr: )([0-9a-f]+)"
+)
 
 Sizes = dict[str, Any]
 """totals, limits, and modules: name -> flash, ram, and items: name -> flash, ram, stack, deepest."""
@@ -58,6 +71,19 @@ def item_of(section: str, place: str) -> str:
     name = re.sub(r"^\.(text|rodata|data|bss)\.?|^COMMON", "", section).removeprefix("startup.")
     inside = re.search(r"\(([^)]+)\)$", place)
     return _SUFFIX.sub("", name) or (inside[1] if inside else section)
+
+
+def files_of(elf: Path) -> dict[int, str]:
+    """Module of each address at which a function or variable of link-time optimisation begins: the debug information
+    leads from there to the file that it was written in."""
+    done = subprocess.run([OBJDUMP, "--dwarf=info", str(elf)], capture_output=True, text=True, check=False)
+    units = [(int(offset, 16), name) for offset, name in _UNIT.findall(done.stdout)]
+    offsets = [offset for offset, _ in units]
+    files = {}
+    for origin, address in _PLACED.findall(done.stdout):
+        name = units[bisect.bisect_right(offsets, int(origin, 16)) - 1][1]
+        files[int(address, 16)] = name.removeprefix("./").removeprefix("firmware/")
+    return files
 
 
 def parts_of(section: str, place: str, address: int, size: int, elf: Elf) -> list[tuple[str, int]]:
@@ -82,15 +108,22 @@ def sizes_of(elf: Path) -> Sizes:
     placed = re.sub(r"^ (\S+)\n\s+0x", r" \1 0x", placed, flags=re.MULTILINE)
     stacks = {function.name: function for function in graph.functions.values()}
     modules: dict[str, Any] = {}
+    files = files_of(elf)
     for section, address_hex, size_hex, place in _PIECE.findall(placed):
         address, size = int(address_hex, 16), int(size_hex, 16)
         if not address or not size or section.startswith((".debug", ".ARM.attr", ".comment")):
             continue
-        module = modules.setdefault(module_of(place), {"flash": 0, "ram": 0, "items": {}})
         in_ram, in_flash = address >= RAM_START, address < RAM_START or section.startswith(".data")
-        module["ram"] += size * in_ram
-        module["flash"] += size * in_flash
-        for name, part in parts_of(section, place, address, size, graph.elf):
+        if _LINK_TIME.search(place):
+            symbols = graph.elf.symbols_between(address, address + size)
+            held = [(files.get(each.address, _NO_FILE), _SUFFIX.sub("", each.name), each.size) for each in symbols]
+            held.append((_NO_FILE, "(padding)", size - sum(each.size for each in symbols)))
+        else:
+            held = [(module_of(place), *part) for part in parts_of(section, place, address, size, graph.elf)]
+        for name_of_module, name, part in held:
+            module = modules.setdefault(name_of_module, {"flash": 0, "ram": 0, "items": {}})
+            module["ram"] += part * in_ram
+            module["flash"] += part * in_flash
             item = module["items"].setdefault(name, {"flash": 0, "ram": 0})
             item["ram"] += part * in_ram
             item["flash"] += part * in_flash

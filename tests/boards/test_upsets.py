@@ -201,7 +201,7 @@ def test_without_the_check_flips_move_the_outputs_and_nobody_hears(image: bytes,
         board.flip(address, 30)
         board.machine.advance_us(SLEEP_US)
         moved += any(abs(now - was) > 200 for now, was in zip(board.pulses(), before, strict=True))
-        assert board.word("port_faults") == 0
+        assert board.word("start_faults") == 0
     assert moved
     board.session.close()
 

@@ -64,6 +64,7 @@ void i2c_access(uint8_t slave, uint8_t at, uint8_t *data, uint32_t to_read) {
     bytes = data;
     count = to_read;
     state = START;
+    memory_fence(); /* all of it, and the byte to write, before the interrupts use it */
     I2C1_CR2 = pclk1_mhz | I2C1_CR2_ITEVTEN | I2C1_CR2_ITERREN;
     I2C1_CR1 = I2C1_CR1_PE | I2C1_CR1_START;
 }

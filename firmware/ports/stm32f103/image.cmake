@@ -10,8 +10,12 @@ target_compile_options(plumb_core PRIVATE -O2
 # Branches in place of long straight code: here the compiler's order is the better one.
 set_source_files_properties(firmware/core/plausibility.c PROPERTIES COMPILE_OPTIONS
     "-fschedule-insns2;-ftree-pre;-fno-rename-registers;-fno-web")
+# Link and port are optimised as one program. A large function with one caller stays a function, so that its locals do
+# not lie below its caller's on the stack. The core is left out: bench measures its functions by name.
+set(AS_ONE_PROGRAM -flto -fno-inline-functions-called-once -fno-ipa-cp)
+set(ALONE "-fno-lto;-finline-functions-called-once;-fipa-cp")
 # Statics of a file side by side: one address reaches them all (10 % of the port).
-target_compile_options(plumb_link PRIVATE -Os -fno-data-sections)
+target_compile_options(plumb_link PRIVATE -Os -fno-data-sections ${AS_ONE_PROGRAM})
 # What touches every byte of every frame is built for speed: a quarter of a step's instructions are in it.
 set_source_files_properties(firmware/link/slcan.c firmware/link/e2e.c PROPERTIES COMPILE_OPTIONS -O2)
 # What no system with a budget of cycles uses, and the systems that ask for it (optimise = "size").
@@ -33,11 +37,16 @@ add_executable(firmware firmware/app/loop.c ${PORT_SOURCES})
 add_dependencies(firmware build_id)
 set_target_properties(firmware PROPERTIES SUFFIX .elf LINK_DEPENDS ${LINKER_SCRIPT})
 target_include_directories(firmware PRIVATE ${CMAKE_BINARY_DIR}/generated)
-target_compile_options(firmware PRIVATE -Os -fno-data-sections)
+target_compile_options(firmware PRIVATE -Os -fno-data-sections ${AS_ONE_PROGRAM})
 # A loop that copies must not become a call of memcpy where memcpy is written.
-set_source_files_properties(firmware/ports/stm32f103/memory.c PROPERTIES COMPILE_OPTIONS "-O2;-fno-tree-loop-distribute-patterns")
+set_source_files_properties(firmware/ports/stm32f103/memory.c PROPERTIES COMPILE_OPTIONS "-O2;-fno-tree-loop-distribute-patterns;${ALONE}")
+# What assembler or the processor enters, what bench measures by name, and where tests stop the loop.
+foreach(file startup faults crc guard idle pwm)
+    set_source_files_properties(firmware/ports/stm32f103/${file}.c PROPERTIES COMPILE_OPTIONS "${ALONE}")
+endforeach()
 target_link_libraries(firmware PRIVATE plumb_link plumb_core)
-target_link_options(firmware PRIVATE -nostartfiles --specs=nano.specs -T ${LINKER_SCRIPT}
+target_link_options(firmware PRIVATE -Os -fno-data-sections ${AS_ONE_PROGRAM} -ffile-prefix-map=${CMAKE_SOURCE_DIR}=.
+    -nostartfiles --specs=nano.specs -T ${LINKER_SCRIPT}
     -Wl,--gc-sections -Wl,-Map,${CMAKE_BINARY_DIR}/firmware.map -Wl,--fatal-warnings -Wl,--build-id=none)
 # What does not keep its promises, or its budget, does not become an image.
 add_custom_command(TARGET firmware POST_BUILD VERBATIM

@@ -2,6 +2,7 @@
 #include "app/board_guard.h"
 #include "app/board_sensors.h"
 #include "idle.h"
+#include "nvic.h"
 #include <string.h>
 
 #define LATE_MAX 255u
@@ -16,6 +17,7 @@ int16_t *samples_next(void) {
 }
 
 void samples_publish(void) {
+    memory_fence(); /* the counts are in memory before the count of samples says so */
     done++;
     idle_end();
 }
@@ -33,6 +35,7 @@ void samples_clear(void) {
 
 bool samples_poll(void) {
     const uint32_t now = done;
+    memory_fence(); /* and are read after it */
     const bool ticked = now != done_seen;
     const uint32_t more = missed - missed_seen + (ticked ? now - done_seen - 1u : 0u);
     missed_seen = missed;

@@ -8,5 +8,7 @@ if(NOT ARM_GCC)
                         "or build the `native` preset, which needs no Arm toolchain.")
 endif()
 set(CMAKE_C_COMPILER ${ARM_GCC})
+set(CMAKE_AR ${ARM_GCC}-ar) # which knows objects for optimisation at link time
+set(CMAKE_RANLIB ${ARM_GCC}-ranlib)
 set(CMAKE_C_FLAGS_INIT "-mcpu=cortex-m3 -mthumb")
 set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
