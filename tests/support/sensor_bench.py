@@ -27,8 +27,11 @@ from plumb.tuning.quantise import quantise
 PERIOD_US = 5000
 NEUTRAL_US = 1000.0
 CONTROL_WORDS = sum(row.owner == "control" for row in table())
-DIGITAL = 3
-"""BOARD_SENSORS_BALANCE of board.h."""
+ANALOG_3, DIGITAL = 1, 3
+"""BOARD_SENSORS_ANALOG_3 and BOARD_SENSORS_BALANCE of app/board_sensors.h."""
+SENSORS_AT = 17
+"""Place of `sensors` in control_system_t (firmware/systems/control.h)."""
+FLASH = 0x08000000
 NO_CONVERSIONS, STEPS_MISSED, SENSOR = 1, 2, 0x40
 SELECT_PIN = 4
 BOOT_US = 30_000
@@ -139,9 +142,10 @@ DIGITAL_CONTROL = quantise(replace(quad.ADAPTIVE, calibration=balancer.CALIBRATI
 
 
 def boot_digital(machine: Machine) -> None:
-    """From here on the system with two speed controllers samples the digital sensors: in the table of loop.c, system 0
-    gets what system 1 has. Sensors and outputs are under test here, not what is computed in between."""
+    """From here on the system with two speed controllers samples the digital sensors: in the description of systems,
+    quad gets what balancer has. Sensors and outputs are under test here, not what is computed in between."""
     machine.advance_us(BOOT_US)
-    symbols = Elf(find_image().with_suffix(".elf")).symbols
-    table_of_kinds = next(symbol for name, symbol in symbols.items() if name.startswith("kinds"))
-    machine.cpu.flash[table_of_kinds.address - 0x08000000] = DIGITAL
+    elf, flash = Elf(find_image().with_suffix(".elf")), machine.cpu.flash
+    to, source = (elf.symbol(f"{name}_system").address - FLASH + SENSORS_AT for name in ("quad", "balancer"))
+    assert (flash[to], flash[source]) == (ANALOG_3, DIGITAL)
+    flash[to] = flash[source]
