@@ -197,15 +197,35 @@ static inline int32_t sat_i32(int64_t x) {
     return x < INT32_MIN ? INT32_MIN : x > INT32_MAX ? INT32_MAX : (int32_t)x;
 }
 
-/* Called, not inlined (fixed.c): for code that is rather small than fast.
- *
- * floor(a * b / 2^n), 0 < n <= 32, where that fits 64 bits. */
-int64_t mul_shift(int64_t a, int32_t b, unsigned n);
+/* floor(a * b / 2^n), 0 < n <= 32, where that fits 64 bits. */
+KERNEL int64_t mul_shift(int64_t a, int32_t b, unsigned n) {
+    const uint64_t high = (uint64_t)mul_i64(hi_i64(a), b) << (32U - n);
+    return wrap_i64(high + (uint64_t)asr64((int64_t)lo_u64((uint64_t)a) * b, n));
+}
 
-/* x + a * b / 2^n to the nearest, halves up, within int32; 0 < n < 63. */
-int32_t add_scaled(int32_t x, int32_t a, int32_t b, unsigned n);
+/* The same where the sum does not fit 32 bits, or might not: not inlined. */
+int32_t add_scaled_far(int32_t x, int64_t product, unsigned n);
+
+/* x + a * b / 2^n to the nearest, halves up, within int32; 0 < n < 63, a constant. By words while the sum
+ * fits, which it nearly always does. */
+KERNEL int32_t add_scaled(int32_t x, int32_t a, int32_t b, unsigned n) {
+    const int64_t product = mul_i64(a, b) + ((int64_t)1 << (n - 1U));
+#if defined(__GNUC__)
+    if (n <= 32U) {
+        const int32_t hi = hi_i64(product);
+        const uint32_t below = n == 32U ? 0U : lo_u64((uint64_t)product) >> (n & 31U);
+        const int32_t part = wrap_i32(n == 32U ? (uint32_t)hi : (uint32_t)hi << (32U - n) | below);
+        int32_t sum;
+        if (__builtin_expect(asr32(hi, n - 1U) == asr32(hi, 31), 1) && !__builtin_add_overflow(x, part, &sum))
+            return sum;
+    }
+#endif
+    return add_scaled_far(x, product, n);
+}
 
 /* x within +-limit. */
-int64_t within_i64(int64_t x, int64_t limit);
+KERNEL int64_t within_i64(int64_t x, int64_t limit) {
+    return x < -limit ? -limit : x > limit ? limit : x;
+}
 
 #endif

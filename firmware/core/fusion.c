@@ -29,8 +29,23 @@ static void isolate(int64_t p[FUSION_CELLS], unsigned i, int64_t variance) {
     *cell(p, i, i) = variance;
 }
 
+/* False if a cell may be outside its limit, by its upper word alone: of a variance 0 to 2^26, of others
+ * within
+ * +-2^26, in the row of the angle +-2^29. */
+static bool surely_bounded(const int64_t p[FUSION_CELLS]) {
+#define UPPER(i, j) hi_u64((uint64_t)p[FUSION_CELL(i, j)])
+#define MOVED(i, j) (UPPER(i, j) + (1UL << 26))
+#define ANGLE(j)    (UPPER(FUSION_ANGLE, j) + (1UL << 29))
+    const uint32_t variances = UPPER(0, 0) | UPPER(1, 1) | UPPER(2, 2) | UPPER(3, 3);
+    const uint32_t others = MOVED(1, 0) | MOVED(2, 0) | MOVED(2, 1) | MOVED(3, 0) | MOVED(3, 1) | MOVED(3, 2);
+    const uint32_t angles = ANGLE(0) | ANGLE(1) | ANGLE(2) | ANGLE(3);
+    return (variances >> 26 | others >> 27 | angles >> 30) == 0U;
+}
+
 /* No cell outside its limit: what the sums of the next step rely on, whatever the parameters. */
 static void bound(int64_t p[FUSION_CELLS]) {
+    if (surely_bounded(p))
+        return;
     for (unsigned i = 0; i < FUSION_STATES; i++) {
         const int64_t variance = *cell(p, i, i);
         if (variance > CELL_MAX || variance < 0)
@@ -92,11 +107,9 @@ int64_t fusion_project_state(int64_t p[FUSION_CELLS], unsigned state, int64_t u_
     return u_q64[state];
 }
 
-/* 1 / s: reciprocal_q61 of its first 31 bits, and the exponent that is missing then. */
-static uint32_t reciprocal(int64_t s_q64, unsigned *exponent) {
+fusion_inverse_t fusion_inverse(int64_t s_q64) {
     const unsigned n = clz32(hi_u64((uint64_t)s_q64)) - 1U;
-    *exponent = 32U - n;
-    return reciprocal_q61(hi_u64((uint64_t)s_q64 << n));
+    return (fusion_inverse_t){reciprocal_q61(hi_u64((uint64_t)s_q64 << n)), 32U - n};
 }
 
 /* u / s, with the shift that brings u to the gain's format. */
@@ -105,23 +118,19 @@ static int32_t ratio(int64_t u, uint32_t y_q61, unsigned shift) {
 }
 
 void fusion_gains(const int64_t u_q64[FUSION_ROWS], int64_t s_q64, int32_t gain_q28[FUSION_ROWS]) {
-    unsigned exponent;
-    const uint32_t y_q61 = reciprocal(s_q64, &exponent);
+    const fusion_inverse_t y = fusion_inverse(s_q64);
     for (unsigned i = 0; i < FUSION_ROWS; i++)
-        gain_q28[i] = clamp_i32(ratio(u_q64[i], y_q61, exponent + 2U), -GAIN_MAX, GAIN_MAX);
+        gain_q28[i] = clamp_i32(ratio(u_q64[i], y.y_q61, y.exponent + 2U), -GAIN_MAX, GAIN_MAX);
 }
 
 void fusion_update(int64_t p[FUSION_CELLS], const int32_t gain_q28[FUSION_ROWS],
                    const int64_t u_q64[FUSION_ROWS]) {
     for (unsigned i = 0; i < FUSION_ROWS; i++)
         for (unsigned j = 0; j <= i && j < FUSION_STATES; j++)
-            p[FUSION_CELL(i, j)] -= mul_shift(u_q64[j], gain_q28[i], 28);
+            if (u_q64[j] != 0 &&
+                gain_q28[i] != 0) /* a layer without a difference has a row and a column of zeros */
+                p[FUSION_CELL(i, j)] -= mul_shift(u_q64[j], gain_q28[i], 28);
     bound(p);
-}
-
-/* Rate, gyro bias and angular bias come first in both numberings. */
-static unsigned touched(unsigned k) {
-    return k < 3U ? k : FUSION_ANGLE;
 }
 
 void fusion_parameter_predict(fusion_parameter_t *a, bool angular, int32_t drive_q28, int32_t dt_s_q32) {
@@ -140,23 +149,26 @@ int32_t fusion_parameter_project(const fusion_parameter_t *a, int32_t age_q24, i
 
 void fusion_parameter_update(fusion_parameter_t *a, const int32_t gain_q28[FUSION_ROWS],
                              int32_t projected_q28) {
-    for (unsigned k = 0; k < FUSION_TOUCHED; k++)
-        a->sensitivity_q28[k] = add_scaled(a->sensitivity_q28[k], gain_q28[touched(k)], -projected_q28, 28);
+    int32_t *v = a->sensitivity_q28;
+    v[0] = add_scaled(v[0], gain_q28[FUSION_RATE], -projected_q28, 28);
+    v[1] = add_scaled(v[1], gain_q28[FUSION_GYRO_BIAS], -projected_q28, 28);
+    v[2] = add_scaled(v[2], gain_q28[FUSION_ANGULAR_BIAS], -projected_q28, 28);
+    v[3] = add_scaled(v[3], gain_q28[FUSION_ANGLE], -projected_q28, 28);
 }
 
-int64_t fusion_parameter_spread(const fusion_parameter_t *a, int32_t projected_q28) {
-    return 16 * mul_shift(mul_shift(a->variance_q60, projected_q28, 28), projected_q28, 28);
+int64_t fusion_parameter_cross(const fusion_parameter_t *a, int32_t projected_q28) {
+    return mul_shift(a->variance_q60, projected_q28, 28);
 }
 
-int32_t fusion_parameter_learn(fusion_parameter_t *a, int32_t projected_q28, int64_t s_q64,
+int32_t fusion_parameter_learn(fusion_parameter_t *a, int64_t u_q60, fusion_inverse_t y,
                                int32_t gain_q28[FUSION_ROWS]) {
-    unsigned exponent;
-    const uint32_t y_q61 = reciprocal(s_q64, &exponent);
-    const int64_t u_q60 = mul_shift(a->variance_q60, projected_q28, 28);
-    const int32_t learnt_q20 = ratio(u_q60, y_q61, exponent + 6U);
+    const int32_t learnt_q20 = ratio(u_q60, y.y_q61, y.exponent + 6U);
     const int64_t left = a->variance_q60 - mul_shift(u_q60, learnt_q20, 20);
     a->variance_q60 = left < 0 ? 0 : left;
-    for (unsigned k = 0; k < FUSION_TOUCHED; k++)
-        gain_q28[touched(k)] = add_scaled(gain_q28[touched(k)], a->sensitivity_q28[k], learnt_q20, 20);
+    const int32_t *v = a->sensitivity_q28;
+    gain_q28[FUSION_RATE] = add_scaled(gain_q28[FUSION_RATE], v[0], learnt_q20, 20);
+    gain_q28[FUSION_GYRO_BIAS] = add_scaled(gain_q28[FUSION_GYRO_BIAS], v[1], learnt_q20, 20);
+    gain_q28[FUSION_ANGULAR_BIAS] = add_scaled(gain_q28[FUSION_ANGULAR_BIAS], v[2], learnt_q20, 20);
+    gain_q28[FUSION_ANGLE] = add_scaled(gain_q28[FUSION_ANGLE], v[3], learnt_q20, 20);
     return learnt_q20;
 }

@@ -86,6 +86,14 @@ int64_t fusion_project_rate(int64_t p[FUSION_CELLS], int32_t age_q24, int64_t u_
 /* The same with one state as the measurement. */
 int64_t fusion_project_state(int64_t p[FUSION_CELLS], unsigned state, int64_t u_q64[FUSION_ROWS]);
 
+/* 1 / s: reciprocal_q61 of its first 31 bits, and the exponent that is missing then. */
+typedef struct {
+    uint32_t y_q61;
+    unsigned exponent;
+} fusion_inverse_t;
+
+fusion_inverse_t fusion_inverse(int64_t s_q64);
+
 /* u / s in Q28, saturated to +-4, for every row; s >= 2^32. */
 void fusion_gains(const int64_t u_q64[FUSION_ROWS], int64_t s_q64, int32_t gain_q28[FUSION_ROWS]);
 
@@ -105,12 +113,13 @@ int32_t fusion_parameter_project(const fusion_parameter_t *a, int32_t age_q24, i
 void fusion_parameter_update(fusion_parameter_t *a, const int32_t gain_q28[FUSION_ROWS],
                              int32_t projected_q28);
 
-/* The parameter's gain (unit per turn/s, Q20) at an innovation of variance s_q64, its variance after it, and
- * the share of the states in it, added to gain_q28. */
-int32_t fusion_parameter_learn(fusion_parameter_t *a, int32_t projected_q28, int64_t s_q64,
-                               int32_t gain_q28[FUSION_ROWS]);
+/* Covariance of the parameter with the innovation, Q60, and what it contributes to the innovation's variance:
+ * Q64 of that times the projected sensitivity. */
+int64_t fusion_parameter_cross(const fusion_parameter_t *a, int32_t projected_q28);
 
-/* Its contribution to the variance of the innovation, Q64. */
-int64_t fusion_parameter_spread(const fusion_parameter_t *a, int32_t projected_q28);
+/* The parameter's gain (unit per turn/s, Q20) at an innovation with this inverse of its variance, the
+ * parameter's variance after it, and the share of the states in it, added to gain_q28. */
+int32_t fusion_parameter_learn(fusion_parameter_t *a, int64_t cross_q60, fusion_inverse_t y,
+                               int32_t gain_q28[FUSION_ROWS]);
 
 #endif

@@ -384,12 +384,9 @@ void control_step(control_t *c, const control_params_t *p, const int16_t raw[CON
         phone_step(&c->phone, p, raw, setpoint);
         return;
     }
-    switch (p->system) {
-    case CONTROL_TURNTABLE:
+    if (__builtin_expect(p->system == CONTROL_TURNTABLE, 1)) { /* 9500 cycles */
         turntable_step(&c->turntable, p, raw, setpoint);
-        break;
-    default:
-        break;
+        return;
     }
 }
 

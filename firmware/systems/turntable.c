@@ -136,7 +136,7 @@ static void predict(turntable_words_t *w, const control_params_t *p, const passa
 }
 
 /* *x gains gain times innovation, and stays within +-limit. */
-static void correct_one(int32_t *x, int32_t gain_q28, int32_t innovation_q28, unsigned shift, int32_t limit) {
+KERNEL void correct_one(int32_t *x, int32_t gain_q28, int32_t innovation_q28, unsigned shift, int32_t limit) {
     *x = clamp_i32(add_scaled(*x, gain_q28, innovation_q28, shift), -limit, limit);
 }
 
@@ -188,10 +188,12 @@ static void learn(turntable_words_t *w, const fusion_params_t *f, const passage_
     if (!s->angular || s->shock)
         return;
     const int32_t innovation = w->innovation_turnps_q28[i];
-    const int64_t all_q64 =
-        s_q64 + fusion_parameter_spread(&w->scale[i], scale) + fusion_parameter_spread(&w->lag[i], lag);
-    const int32_t scale_gain = fusion_parameter_learn(&w->scale[i], scale, all_q64, gain);
-    const int32_t lag_gain = fusion_parameter_learn(&w->lag[i], lag, all_q64, gain);
+    const int64_t scale_q60 = fusion_parameter_cross(&w->scale[i], scale);
+    const int64_t lag_q60 = fusion_parameter_cross(&w->lag[i], lag);
+    const fusion_inverse_t all =
+        fusion_inverse(s_q64 + 16 * mul_shift(scale_q60, scale, 28) + 16 * mul_shift(lag_q60, lag, 28));
+    const int32_t scale_gain = fusion_parameter_learn(&w->scale[i], scale_q60, all, gain);
+    const int32_t lag_gain = fusion_parameter_learn(&w->lag[i], lag_q60, all, gain);
     correct_one(&w->scale_q30[i], scale_gain, innovation, 18, SCALE_MAX);
     correct_one(&w->lag_step_q24[i], lag_gain, innovation, 24, LAG_MAX);
     w->lag_step_q24[i] = max_i32(w->lag_step_q24[i], 0);

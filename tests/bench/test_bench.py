@@ -100,9 +100,9 @@ def test_a_budget_that_is_exceeded_is_seen() -> None:
 
 
 def test_a_step_without_a_budget_is_told_as_a_share_of_the_shortest_period() -> None:
-    own = {"control_step_turntable": dataclasses.replace(GOOD, cycles_2ws_max=9000)}
+    own = {"plausibility_step": dataclasses.replace(GOOD, cycles_2ws_max=9000, max_err=0.0)}
     assert "25 % of 500 us" in BenchResult(own, SIZES, {}).render()
-    wrong = {"control_step_turntable": dataclasses.replace(GOOD, max_err=1.0)}
+    wrong = {"plausibility_step": dataclasses.replace(GOOD, max_err=1.0)}
     assert not BenchResult(wrong, SIZES, {}).within_budget and "error over" in BenchResult(wrong, SIZES, {}).render()
 
 

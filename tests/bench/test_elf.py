@@ -59,6 +59,12 @@ def test_a_good_image_passes(tmp_path: Path) -> None:
     assert "no soft float" in result.stdout
 
 
+def test_a_store_of_several_registers_at_the_stack_pointer_does_not_move_it(tmp_path: Path) -> None:
+    work = 'static int work(int a) { int b[4]; __asm volatile("stmia sp, {r0, r1}" : "=m"(b)); return b[a & 3]; }'
+    result = check(build(tmp_path, work))
+    assert result.returncode == 0, result.stderr
+
+
 @pytest.mark.parametrize(
     ("work", "sentence"),
     [

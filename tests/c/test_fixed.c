@@ -35,6 +35,28 @@ static void products(void) {
     CHECK(mulhi_i32(-1, 1) == -1 && mulhi_u32(0x80000000U, 2) == 1U);
 }
 
+/* add_scaled against its definition in 64 bits: the sum that fits 32 bits, that which just does, and that
+ * which does not. The shift is a constant, as everywhere. */
+static int32_t added(int32_t x, int32_t a, int32_t b, unsigned n) {
+    return sat_i32(x + asr64((int64_t)a * b + ((int64_t)1 << (n - 1U)), n));
+}
+
+static void check_add_scaled(void) {
+    for (uint32_t i = 0; i < 1000000; i++) {
+        const int32_t x = check_random_wild(), a = check_random_wild(), b = check_random_wild();
+        CHECK(add_scaled(x, a, b, 1) == added(x, a, b, 1));
+        CHECK(add_scaled(x, a, b, 16) == added(x, a, b, 16));
+        CHECK(add_scaled(x, a, b, 28) == added(x, a, b, 28));
+        CHECK(add_scaled(x, a, b, 31) == added(x, a, b, 31));
+        CHECK(add_scaled(x, a, b, 32) == added(x, a, b, 32));
+        CHECK(add_scaled(x, a, b, 36) == added(x, a, b, 36));
+    }
+    CHECK(add_scaled(0, INT32_MAX, 1 << 28, 28) == INT32_MAX);
+    CHECK(add_scaled(1, INT32_MAX, 1 << 28, 28) == INT32_MAX);
+    CHECK(add_scaled(-1, INT32_MIN, 1 << 28, 28) == INT32_MIN);
+    CHECK(add_scaled(INT32_MIN, INT32_MIN, INT32_MIN, 31) == 0);
+}
+
 /* y d lies within [1 - 2^-28, 1 + 3 d / 2^61] of 2^61, and y is a positive int32. */
 static void reciprocal_at(uint32_t d) {
     const uint32_t y = reciprocal_q61(d);
@@ -50,6 +72,7 @@ int main(void) {
     shifts();
     limits();
     products();
+    check_add_scaled();
     for (uint32_t i = 0; i < 200000U; i++) {
         reciprocal_at(0x40000000U + i);
         reciprocal_at(0x7FFFFFFFU - i);

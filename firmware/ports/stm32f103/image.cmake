@@ -20,7 +20,7 @@ target_compile_options(plumb_link PRIVATE -Os -fno-data-sections ${AS_ONE_PROGRA
 set_source_files_properties(firmware/link/slcan.c firmware/link/e2e.c PROPERTIES COMPILE_OPTIONS -O2)
 # What no system with a budget of cycles uses, and the systems that ask for it (optimise = "size").
 set_source_files_properties(firmware/core/fixed.c firmware/core/prefilter.c firmware/core/quaternion.c
-    firmware/core/fusion.c ${SYSTEM_SOURCES_FOR_SIZE} PROPERTIES COMPILE_OPTIONS "-Os;-mno-slow-flash-data")
+    ${SYSTEM_SOURCES_FOR_SIZE} PROPERTIES COMPILE_OPTIONS "-Os;-mno-slow-flash-data")
 # The switch between systems needs one register beside the four arguments: r12, which nobody has to save.
 set_source_files_properties(${GENERATED_INCLUDE}/generated/systems.c PROPERTIES COMPILE_OPTIONS
     "-ffixed-r4;-ffixed-r5;-ffixed-r6;-ffixed-r7")

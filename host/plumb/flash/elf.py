@@ -231,6 +231,8 @@ def _stack_growth(line: _Line) -> int | None:
     moved = re.search(r"\[sp, #(-?\d+)\]!|\[sp\], #(-?\d+)", operands)
     if moved:
         return -int(moved[1] or moved[2])
+    if name in ("stmia", "stm", "ldmia", "ldm"):
+        return 0  # without write-back; the others are above
     if operands.startswith("sp,") and name not in ("cmp", "tst", "str", "strd"):
         amount = re.fullmatch(r"sp, (?:sp, )?#(\d+)", operands)
         if amount and name in ("sub", "subw", "add", "addw"):
