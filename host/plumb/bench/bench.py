@@ -39,6 +39,7 @@ from plumb.flash.elf import CallGraph
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.proof import golden_recipe
 from plumb.proof.accuracy import TURN_DEG, chain_error_deg, filter_error_deg, hard_inputs, scenario_error_deg
+from plumb.proof.compare import count_mismatches
 from plumb.proof.golden import vectors_folder
 from plumb.proof.golden_recipe import WILD, random_bits
 from plumb.spec import declarations
@@ -313,7 +314,7 @@ def _lockstep(elf: Image) -> Row:
         trace = InstructionTrace(board.machine)
         answers = [stepper.step(tuple(row), int(sp)) for row, sp in zip(raw.tolist(), setpoint, strict=True)]
     expected = native_core.run_control(params, raw, setpoint).digests()
-    wrong = sum(answer.digest != digest for answer, digest in zip(answers, expected.tolist(), strict=True))
+    wrong = count_mismatches(expected, np.array([answer.digest for answer in answers], np.uint32))
     cost = path_cost([elf.instruction(address) for address in trace.addresses])
     code = {elf.symbol_at(address) for address in set(trace.addresses)}
     instructions, cycles, cycles_2ws = (

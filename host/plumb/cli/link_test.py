@@ -49,6 +49,7 @@ def tried(session: Session, steps: int, seed: int) -> dict[str, Any]:
     import numpy as np
 
     from plumb.link.lockstep import Lockstep
+    from plumb.proof.compare import count_mismatches
     from plumb.spec.parameters import control_part
     from plumb.systems import run_fixed
     from plumb.tuning.quantise import ControlParams
@@ -73,7 +74,7 @@ def tried(session: Session, steps: int, seed: int) -> dict[str, Any]:
     heard = np.concatenate([np.array(digests, np.uint32), streamed])
     counters = session.counters
     losses = {
-        "wrong_digests": int(np.count_nonzero(expected != heard)),
+        "wrong_digests": count_mismatches(expected, heard),
         "host_lost": counters.lost,
         "host_rejected": session.frames.rejected,
         "repeated_requests": counters.repeated_requests,

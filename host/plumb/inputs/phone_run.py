@@ -18,7 +18,7 @@ from plumb.inputs import recording
 from plumb.inputs.phone_udp import TURN_S, Intake, Listener
 from plumb.inputs.resampler import Step
 from plumb.proof import runs
-from plumb.proof.compare import Divergence
+from plumb.proof.compare import Divergence, first_divergence
 from plumb.systems import run_fixed, run_reference
 from plumb.systems.phone import scenarios as phone
 from plumb.tuning.quantise import ControlParams, quantise
@@ -143,12 +143,15 @@ class Follower:
             if self._pair is None:
                 return
 
-    def _locate(self) -> Divergence:
+    def _locate(self) -> Divergence | None:
         raw = counts(self._run.steps)
         setpoint = np.zeros(len(raw), np.int32)
         words = run_fixed.run_control(self.params, raw, setpoint)
-        inputs = inputs_of(self._run.steps, self.params)
-        return runs.locate(self._board, inputs, self.params, words, len(raw) - 1)
+        return first_divergence(
+            words,
+            np.array(self._run.digests, np.uint32),
+            lambda step: self._board.words_of_step(self.params, raw, setpoint, step),
+        )
 
 
 def follow(

@@ -1,8 +1,13 @@
-"""Where two records of the same run part: the first step, the first signal in written order, and both values."""
+"""The first step and signal at which a board, a file or another implementation leaves the integer model.
+
+The only comparer of the package. A board over a link gives digests only: the words of the step whose digest differs are
+then asked for, and the first word that differs is named.
+"""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,26 +15,65 @@ import numpy.typing as npt
 
 from plumb.spec.records import Words
 
+Digests = npt.NDArray[np.uint32]
+"""CRC-32 of each step's record, (steps,)."""
+WordsOfStep = Callable[[int], Mapping[str, int]]
+"""Step -> every word that the board had in that step, by name; may run the board again."""
+
 
 @dataclass(frozen=True)
 class Divergence:
-    """The first word that differs. signal "steps" means that one record ended before the other."""
+    """The first word that differs.
+
+    signal: a word of the record; "digest" where no word is known to differ; "steps" where one side ended before the
+    other. actual: None where the board gave nothing. run: of several that were compared at once. vector, in_file: the
+    golden vector, and whether its file rather than the board is wrong.
+    """
 
     step: int
     run: int
     signal: str
     expected: int | None
     actual: int | None
+    vector: str | None = None
+    in_file: bool = False
 
     def as_dict(self) -> dict[str, Any]:
-        return asdict(self)
+        """What `first_divergence` is in JSON: of a run, or of a golden vector."""
+        values = {"signal": self.signal, "expected": self.expected, "actual": self.actual}
+        if self.vector is None:
+            return {"step": self.step, "run": self.run, **values}
+        return {"vector": self.vector, "step": self.step, **values, "in_file": self.in_file}
 
     def __str__(self) -> str:
-        return f"step {self.step}, run {self.run}: {self.signal} is {self.actual}, expected {self.expected}"
+        if self.vector is None:
+            return f"step {self.step}, run {self.run}: {self.signal} is {self.actual}, expected {self.expected}"
+        where = "its file" if self.in_file else "the board"
+        return f"{self.vector} step {self.step}: {self.signal} is {self.actual} in {where}, expected {self.expected}"
 
 
-def first_divergence(expected: Words, actual: Words) -> Divergence | None:
-    """Lowest step, then lowest run, then first signal in written order; None when every bit agrees."""
+def first_divergence(
+    expected: Words, actual: Words | Digests, words_of_step: WordsOfStep | None = None
+) -> Divergence | None:
+    """Lowest step, then lowest run, then first signal in written order; None when every bit agrees.
+
+    actual: the words of every step, or its digests alone. words_of_step is called at most once, for the step whose
+    digest differs; without it the signal of a digest that differs is "digest". Raises ValueError for records of
+    another number of runs.
+    """
+    if isinstance(actual, Words):
+        return _first_word(expected, actual)
+    digests = expected.digests()
+    step = first_digest_divergence(digests, actual)
+    if step is None:
+        return None
+    if step >= len(digests):
+        return Divergence(step, 0, "steps", len(digests), len(actual))
+    answered = int(actual[step]) if step < len(actual) else None
+    return divergence_at(step, expected, {} if words_of_step is None else words_of_step(step), answered)
+
+
+def _first_word(expected: Words, actual: Words) -> Divergence | None:
     a, b = expected.record, actual.record
     if a.shape[1:] != b.shape[1:]:
         raise ValueError(f"records of {a.shape[1:]} and {b.shape[1:]} runs cannot be compared")
@@ -39,17 +83,36 @@ def first_divergence(expected: Words, actual: Words) -> Divergence | None:
         step, *run = (int(i) for i in np.argwhere(differs)[0])
         row_a, row_b = a[(step, *run)], b[(step, *run)]
         signal = next(name for name in expected.names if row_a[name] != row_b[name])
-        return Divergence(step, run[0] if run else 0, signal, int(row_a[signal]), int(row_b[signal]))
+        return Divergence(step, run[0] if run else 0, signal, _value(row_a, signal), _value(row_b, signal))
     if len(a) != len(b):
         return Divergence(steps, 0, "steps", len(a), len(b))
     return None
 
 
-def count_mismatches(expected: Words, actual: Words) -> int:
-    """Steps (times runs) in which at least one word differs or is missing."""
-    steps = min(len(expected.record), len(actual.record))
-    missing = abs(expected.record.size - actual.record.size)
-    return int(np.count_nonzero(expected.record[:steps] != actual.record[:steps])) + missing
+def divergence_at(step: int, expected: Words, actual: Mapping[str, int], digest: int | None) -> Divergence:
+    """The first word of a step whose digest is known to differ; "digest" where actual has no word that does.
+
+    actual: the words that the board had in that step; {}: they are not known. digest: what it answered, None where it
+    answered nothing.
+    """
+    row = expected.record[step]
+    for name in expected.names if actual else ():
+        value = _value(row, name)
+        if actual.get(name) != value:
+            return Divergence(step, 0, name, value, actual.get(name))
+    return Divergence(step, 0, "digest", int(Words(expected.record[step : step + 1]).digests()[0]), digest)
+
+
+def _value(row: np.void, name: str) -> int:
+    """A word of one step as `Words` gives it: int64, whatever it is stored as."""
+    return int(row[name].astype(np.int64))
+
+
+def count_mismatches(expected: Words | Digests, actual: Words | Digests) -> int:
+    """Steps (times runs) in which at least one word, or the digest, differs or is missing."""
+    a, b = (one.record if isinstance(one, Words) else one for one in (expected, actual))
+    steps = min(len(a), len(b))
+    return int(np.count_nonzero(a[:steps] != b[:steps])) + abs(a.size - b.size)
 
 
 def first_digest_divergence(expected: npt.ArrayLike, actual: npt.ArrayLike) -> int | None:

@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
 from plumb import systems
 from plumb.boards import Board
 from plumb.boards.native import NativeBoard
 from plumb.proof import runs
+from plumb.proof.compare import count_mismatches
 from plumb.tuning import quantise
 
 SEED = 1000
@@ -55,5 +54,5 @@ def confirm(board: Board, name: str, seed: int = SEED, seconds: float | None = N
             digests, expected = (
                 one.run_injected(params, inputs.raw, inputs.setpoint).digests for one in (board, native)
             )
-        differ = int(np.count_nonzero(digests != expected))
+        differ = count_mismatches(expected, digests)
         yield Confirmation(name, scenario, tuning, "closed" if closed else "open", run.steps, differ)

@@ -9,20 +9,25 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from tqdm import tqdm
 
 from plumb.boards import Answer, Board, native_core
 from plumb.checkout import CHECKOUT
 from plumb.errors import UsageError
 from plumb.proof import golden_manifest, golden_recipe
-from plumb.proof.compare import first_digest_divergence
+from plumb.proof.compare import (
+    Divergence,
+    count_mismatches,
+    divergence_at,
+    first_digest_divergence,
+    first_divergence,
+)
 from plumb.proof.golden_file import FORMAT, MAX_FILE_BYTES, SUFFIX, Vector, read_bounded
-from plumb.spec.records import Words, names_of
+from plumb.spec.records import Words
 from plumb.systems import run_fixed
 
 __all__ = ["FORMAT", "SUFFIX", "Case", "Divergence", "Result", "Vector", "build", "cases", "check", "load", "make"]
@@ -117,23 +122,6 @@ def load(folder: Path, systems: Sequence[str] | None = None) -> list[Vector]:
     return [case.vector for case in cases(folder, systems)]
 
 
-@dataclass(frozen=True)
-class Divergence:
-    """Where a board, or the vector file itself (in_file), first leaves the model. signal is a word of the step, or
-    `digest`; actual is None where the board gave nothing."""
-
-    vector: str
-    step: int
-    signal: str
-    expected: int
-    actual: int | None
-    in_file: bool = False
-
-    def __str__(self) -> str:
-        where = "its file" if self.in_file else "the board"
-        return f"{self.vector} step {self.step}: {self.signal} is {self.actual} in {where}, expected {self.expected}"
-
-
 @dataclass
 class Result:
     """What a board made of the vectors."""
@@ -156,7 +144,7 @@ class Result:
             "vectors": self.vectors,
             "steps": self.steps,
             "mismatches": self.mismatches,
-            "first_divergence": None if first is None else vars(first),
+            "first_divergence": None if first is None else first.as_dict(),
         }
 
     def describe(self) -> str:
@@ -192,7 +180,7 @@ def check(
         if answer.unverified_from is not None and result.unverified_from is None:
             result.unverified_from = (vector.name, answer.unverified_from)
         compared = slice(0, answer.unverified_from)
-        wrong = int(np.count_nonzero(answer.digests[compared] != vector.digests[compared]))
+        wrong = count_mismatches(vector.digests[compared], answer.digests[compared])
         result.mismatches += wrong
         if result.first_divergence is None:
             result.first_divergence = _trace(board, case.entry, vector, answer)
@@ -203,22 +191,25 @@ def check(
 
 def _trace(board: Board, entry: golden_recipe.Entry, vector: Vector, answer: Answer) -> Divergence | None:
     """The first difference, down to its signal: the model runs again, and the board where it gave no words."""
-    step = first_digest_divergence(vector.digests[: answer.unverified_from], answer.digests[: answer.unverified_from])
+    compared = slice(0, answer.unverified_from)
+    step = first_digest_divergence(vector.digests[compared], answer.digests[compared])
     if step is None:
         return _first_in_words(vector, answer)
-    step = min(step, len(vector.raw) - 1)
     model = run_fixed.run_control(vector.params, vector.raw, vector.setpoint)
     in_file = first_digest_divergence(model.digests(), vector.digests)
     if in_file is not None and in_file <= step:
-        return _first_in_file(entry, vector, in_file)
-    if answer.words is not None:
-        actual = {name: int(values[step]) for name, values in answer.words.items()}
-    else:
-        actual = board.words_of_step(vector.params, vector.raw, vector.setpoint, step)
-    for name, values in model.items():
-        if int(values[step]) != actual.get(name):
-            return Divergence(vector.name, step, name, int(values[step]), actual.get(name))
-    return Divergence(vector.name, step, "digest", int(vector.digests[step]), int(answer.digests[step]))
+        return _first_in_file(entry, vector, model, in_file)
+
+    def words_of_step(step: int) -> dict[str, int]:
+        if answer.words is not None:
+            return {name: int(values[step]) for name, values in answer.words.items()}
+        return board.words_of_step(vector.params, vector.raw, vector.setpoint, step)
+
+    return _of(vector, first_divergence(Words(model.record[compared]), answer.digests[compared], words_of_step))
+
+
+def _of(vector: Vector, found: Divergence | None, in_file: bool = False) -> Divergence | None:
+    return None if found is None else replace(found, vector=vector.name, in_file=in_file)
 
 
 def _first_in_words(vector: Vector, answer: Answer) -> Divergence | None:
@@ -227,28 +218,22 @@ def _first_in_words(vector: Vector, answer: Answer) -> Divergence | None:
     if words is None:
         return None
     step = first_digest_divergence(answer.digests, words.digests())
-    last = len(vector.raw) - 1
     if step is not None:
         model = run_fixed.run_control(vector.params, vector.raw[: step + 1], vector.setpoint[: step + 1])
-        for name, values in model.items():
-            if int(values[step]) != int(words[name][step]):
-                return Divergence(vector.name, step, name, int(values[step]), int(words[name][step]))
-    for name, values in words.items():
-        if vector.final.get(name) != int(values[last]):
-            return Divergence(vector.name, last, name, int(values[last]), vector.final.get(name), in_file=True)
-    return None
+        found = first_divergence(model, Words(words.record[: step + 1]))
+        if found is not None:
+            return _of(vector, found)
+    last = len(vector.raw) - 1
+    if all(vector.final.get(name) == int(values[last]) for name, values in words.items()):
+        return None
+    return _of(vector, divergence_at(last, words, vector.final, None), in_file=True)
 
 
-def _first_in_file(entry: golden_recipe.Entry, vector: Vector, step: int) -> Divergence:
-    """The file disagrees with the model on its own inputs: what its recipe gives shows which number was changed."""
-    fresh = build(entry)
-    steps = min(len(fresh.raw), len(vector.raw))
-    for at in range(steps):
-        if (fresh.raw[at] != vector.raw[at]).any():
-            column = int(np.flatnonzero(fresh.raw[at] != vector.raw[at])[0])
-            expected, actual = int(fresh.raw[at, column]), int(vector.raw[at, column])
-            return Divergence(vector.name, at, f"raw_{column}", expected, actual, in_file=True)
-        if fresh.setpoint[at] != vector.setpoint[at]:
-            expected, actual = int(fresh.setpoint[at]), int(vector.setpoint[at])
-            return Divergence(vector.name, at, names_of(vector.system)[6], expected, actual, in_file=True)
-    return Divergence(vector.name, step, "digest", int(fresh.digests[step]), int(vector.digests[step]), in_file=True)
+def _first_in_file(entry: golden_recipe.Entry, vector: Vector, model: Words, step: int) -> Divergence | None:
+    """The file disagrees with the model on its own inputs: what its recipe gives shows which number was changed.
+
+    Every record begins with the raw counts and the setpoint as given: an input that was changed is its first signal.
+    """
+    fresh = run_fixed.run_control(*entry.inputs())
+    changed = first_divergence(fresh, model)
+    return _of(vector, changed or divergence_at(step, fresh, {}, int(vector.digests[step])), in_file=True)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from plumb import systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints
-from plumb.proof.compare import Divergence, first_digest_divergence
+from plumb.proof.compare import Divergence, count_mismatches, first_divergence
 from plumb.spec.records import Words
 from plumb.systems import run_fixed, run_reference
 from plumb.systems.contracts import Scenario
@@ -69,7 +69,7 @@ class Run:
     @property
     def mismatches(self) -> int:
         """Steps whose digest is not the model's."""
-        return int(np.count_nonzero(self.words.digests() != self.answer.digests))
+        return count_mismatches(self.words.digests(), self.answer.digests)
 
     @property
     def verdict(self) -> str:
@@ -127,16 +127,7 @@ def judge(board: Board, inputs: RunInputs, params: ControlParams, answer: Answer
     """Compare an answer with the model, and where they differ find the first step and signal."""
     words = run_fixed.run_control(params, inputs.raw, inputs.setpoint)
     ideal = run_reference.run_control(params, inputs.raw, inputs.setpoint)
-    step = first_digest_divergence(words.digests(), answer.digests)
-    divergence = None if step is None else locate(board, inputs, params, words, step)
+    divergence = first_divergence(
+        words, answer.digests, lambda step: board.words_of_step(params, inputs.raw, inputs.setpoint, step)
+    )
     return Run(inputs, params, words, ideal, answer, divergence)
-
-
-def locate(board: Board, inputs: RunInputs, params: ControlParams, words: Words, step: int) -> Divergence:
-    """Run again up to the step whose digest differed, and name the first word that does."""
-    actual = board.words_of_step(params, inputs.raw, inputs.setpoint, step)
-    for name in words.names:
-        expected = int(words[name][step])
-        if actual[name] != expected:
-            return Divergence(step, 0, name, expected, actual[name])
-    return Divergence(step, 0, "digest", int(words.digests()[step]), None)

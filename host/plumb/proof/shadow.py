@@ -13,7 +13,7 @@ import numpy as np
 
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
-from plumb.proof.compare import Divergence
+from plumb.proof.compare import Divergence, divergence_at
 from plumb.systems import run_fixed
 from plumb.tuning.quantise import ControlParams
 
@@ -78,7 +78,4 @@ class Shadow:
         setpoints = np.array(self._setpoints, np.int32)
         expected = run_fixed.run_control(self.params, raw, setpoints)
         actual = LinkBoard("board", session).words_of_step(self.params, raw, setpoints, step)
-        for name in expected.names:
-            if actual[name] != int(expected[name][step]):
-                self.divergence = Divergence(step, 0, name, int(expected[name][step]), actual[name])
-                return
+        self.divergence = divergence_at(step, expected, actual, self.divergence.actual)
