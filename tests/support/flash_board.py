@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
+from plumb.boards.virtual_can import MachineBus
 from plumb.f103.machine import Machine
 from plumb.flash.elf import Elf
 from plumb.flash.image import FLASH_BASE, PARAMETER_SLOTS, find_image
-from support.pins import at_rest
+from plumb.proof.faults import core
+from plumb.proof.faults.scene import Scene
+from support.pins import PINS, at_rest
 
 BOOT_US = 30_000
 """The flash image answers this long after power-up."""
@@ -63,6 +67,7 @@ class FlashBoard:
 
     def __init__(self, seed: int = 1) -> None:
         image = find_image()
+        self._elf = Elf(image.with_suffix(".elf"))
         self._places = _places(image.with_suffix(".elf"))
         self.machine = Machine(image, seed=seed)
         self.name, self.timeout = "the flash image", 0.005
@@ -147,3 +152,43 @@ class FlashBoard:
     def _word(self, name: str, size: int) -> int:
         at = self._places[name] - RAM
         return int.from_bytes(bytes(self.machine.cpu.ram[at : at + size]), "little")
+
+    # ---- the second link, and trouble ----
+
+    def can_bus(self) -> MachineBus:
+        return MachineBus(self.machine)
+
+    def stop_converter(self) -> None:
+        self.machine.adc1.silent = True
+
+    def rail_input(self, channel: int) -> None:
+        self.machine.adc[PINS[channel]] = 0.0
+
+    def hang(self) -> None:
+        """The loop comes round no more, until the next reset."""
+        core.patch_the_loop(cast(Scene, SimpleNamespace(machine=self.machine)), core.FOREVER)
+
+    def damage(self, data: bytes) -> None:
+        """Bytes to the board that arrive with a framing error."""
+        self.machine.uart.write_with_framing_error(data)
+
+    def short_can(self, shorted: bool) -> None:
+        self.machine.can.wire.short(shorted)
+
+    def flip(self, at: float, bit: int) -> None:
+        """A bit of guarded memory, at this share of it; while the loop sleeps."""
+        assert self.machine.run_until(lambda: self.machine.cpu.sleeping, LOOK_US)
+        start, end = (self._elf.symbols[f"guarded_{name}"].address for name in ("start", "end"))
+        self.machine.cpu.ram[start - RAM + int(at * (end - start))] ^= 1 << bit
+
+    def set_clock_back(self) -> None:
+        ticks = self._elf.symbol("ticks_ms").address - RAM
+        value = int.from_bytes(bytes(self.machine.cpu.ram[ticks : ticks + 4]), "little")
+        self.machine.cpu.ram[ticks : ticks + 4] = (value // 2).to_bytes(4, "little")
+
+    def write_and_cut_power(self, request: bytes, operation: int) -> None:
+        """Power fails in the middle of this operation of the flash, counted from the request."""
+        begin = self.machine.flash.operations
+        self.write(request)
+        assert self.machine.run_until(lambda: self.machine.flash.operations - begin >= operation, 500_000)
+        self.machine.power_cut()

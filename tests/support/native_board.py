@@ -9,7 +9,7 @@ import ctypes
 from collections.abc import Callable
 from pathlib import Path
 
-from plumb.boards.native_mcu import NativeMcu, NativeUart, State
+from plumb.boards.native_mcu import NativeCanBus, NativeMcu, NativeUart, State
 
 BUILD = Path(__file__).resolve().parents[2] / "build" / "native" / "tests" / "c"
 SLICE_US = 100
@@ -117,6 +117,43 @@ class NativeBoard(NativeUart):
     @property
     def pulses(self) -> tuple[int, int]:
         return self.wires.pulse_halfus[0], self.wires.pulse_halfus[1]
+
+    # ---- the second link, and trouble ----
+
+    def can_bus(self) -> NativeCanBus:
+        return NativeCanBus(self.mcu)
+
+    def stop_converter(self) -> None:
+        self.wires.adc_dead = 1
+
+    def rail_input(self, channel: int) -> None:
+        self.wires.railed = 1 << channel
+
+    def hang(self) -> None:
+        """The loop comes round no more, until the next reset."""
+        self.wires.hangs = 1
+
+    def damage(self, data: bytes) -> None:
+        """Bytes to the board that arrive with a framing error."""
+        self.wires.uart_damaged = len(data)
+        self.mcu.uart_send(data)
+
+    def short_can(self, shorted: bool) -> None:
+        self.wires.can_dead = shorted
+
+    def flip(self, at: float, bit: int) -> None:
+        """A bit of guarded memory, at this share of it."""
+        self.mcu.flip(int(at * self.mcu.guarded_bytes), bit)
+
+    def set_clock_back(self) -> None:
+        self.mcu.set_clock_us(self.mcu.now_us // 2)
+
+    def write_and_cut_power(self, request: bytes, operation: int) -> None:
+        """Power fails in the middle of this operation of the flash, counted from the request."""
+        self.wires.flash_cut, self.wires.flash_cut_way = operation, operation % 4
+        self.write(request)
+        self.run_us(20_000)
+        assert self.mcu.state == State.OFF
 
 
 NewBoard = Callable[[], NativeBoard]
