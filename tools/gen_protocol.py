@@ -18,7 +18,7 @@ from measure_residuals import residual_table  # type: ignore[import-not-found]  
 from plumb.bench import bus_load  # noqa: E402
 from plumb.link.session import PERIODIC  # noqa: E402
 from plumb.link.transports.slcan import frame_of_line, text_of_frames  # noqa: E402
-from plumb.spec import parameters  # noqa: E402
+from plumb.spec import declarations, parameters  # noqa: E402
 from plumb.spec.protocol import Message, load_database, protocol  # noqa: E402
 from support.link_functions import disarms  # type: ignore[import-not-found]  # noqa: E402
 from support.native_board import NativeBoard  # type: ignore[import-not-found]  # noqa: E402
@@ -62,8 +62,10 @@ def value_table() -> str:
 
 
 def record_table() -> str:
-    names = protocol()["WORD"].choices["index"]
-    return "".join(f"{index} `{name}`{', ' if index < len(names) - 1 else '.'}" for index, name in names.items()) + "\n"
+    return "".join(
+        f"- {system.name}: {system.number << 8} to {system.number << 8 | system.record_bytes // 4 - 1}\n"
+        for system in declarations.systems().values()
+    )
 
 
 def keepalive_table() -> str:

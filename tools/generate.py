@@ -16,6 +16,7 @@ sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tools")]
 
 import gen_messages  # type: ignore[import-not-found]  # noqa: E402
 import gen_params  # type: ignore[import-not-found]  # noqa: E402
+import gen_reference  # type: ignore[import-not-found]  # noqa: E402
 import gen_systems  # type: ignore[import-not-found]  # noqa: E402
 from plumb.errors import UsageError  # noqa: E402
 from plumb.spec import dbc, declarations  # noqa: E402
@@ -30,6 +31,7 @@ def c_files(built: tuple[str, ...] = ()) -> dict[str, str]:
 def committed() -> dict[Path, str]:
     """File -> text of what is committed: of the systems that are part of this package."""
     files = {ROOT / "firmware" / "generated" / name: text for name, text in c_files().items()}
+    files |= {ROOT / "docs" / name: text for name, text in gen_reference.generate().items()}
     return {**files, ROOT / "host" / "plumb" / "spec" / "messages.dbc": dbc.text()}
 
 

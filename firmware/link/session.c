@@ -153,7 +153,6 @@ bool session_next_sample(session_t *s, int16_t raw[CONTROL_RAW_MAX], int32_t *se
         !(run_sample_waits(&s->run) && telemetry_has_room(&s->telemetry, &s->routing, pacer))) {
         return false;
     }
-    /* The turntable knows what to do without a sample. */
     run_next_sample(&s->run, control_system(&s->params->control)->marks_missing, raw, setpoint_turn_q32);
     return true;
 }

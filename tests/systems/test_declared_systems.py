@@ -108,6 +108,11 @@ def test_parameters_of_a_toy_system_are_rows_of_the_table(toy: Plumb) -> None:
     assert "toy.share_q16" in listed
 
 
+def test_a_toy_system_is_listed_with_what_it_can_be_asked_for(toy: Plumb) -> None:
+    assert "toy: a low-pass of one count, for tests" in toy("systems").stdout
+    assert "jumps" in toy("systems", "--system", "toy").stdout and "toy" in toy("--help").stdout
+
+
 def test_what_a_toy_system_sends_is_recorded_and_shown(toy: Plumb, tmp_path: Path) -> None:
     live = ("--board", "virtual", "--run", "live", "--seconds", "1", "--system", "toy")
     toy("record", *live, "--out", str(tmp_path))

@@ -69,12 +69,17 @@ class Figure:
         return {**asdict(self), "met": self.met}
 
 
+def _part(name: str, what: str, nothing: Any) -> Any:
+    """What a system's part `figures` offers; a system needs none."""
+    return getattr(systems.load(name, "figures"), what) if name in systems.with_part("figures") else nothing
+
+
 def compute(
     names: Iterable[str] = tuple(systems.SYSTEMS), seeds: Iterable[int] = SEEDS
 ) -> Iterator[tuple[str, Figure]]:
     """Every row of these systems, with the system's name, in order, as it is ready; the sections on all cores."""
     chosen = tuple(seeds)
-    tasks = [(name, section, chosen) for name in names for section in systems.load(name, "figures").SECTIONS]
+    tasks = [(name, section, chosen) for name in names for section in _part(name, "SECTIONS", {})]
     with Pool(initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)) as pool:
         for (name, _, _), rows in zip(tasks, pool.imap(_section, tasks), strict=True):
             yield from ((name, row) for row in rows)
@@ -88,7 +93,7 @@ def _section(task: tuple[str, str, tuple[int, ...]]) -> list[Figure]:
 def write_plots(name: str, folder: Path) -> list[Path]:
     """The source's figures, reproduced, as folder/SYSTEM_NAME.svg; the same bytes every time."""
     written = []
-    for plot, panels in systems.load(name, "figures").PLOTS.items():
+    for plot, panels in _part(name, "PLOTS", {}).items():
         svg = plot_svg(*panels(), titles=True)
         written.append(folder / f"{name}_{plot}.svg")
         write_whole(folder, {written[-1].name: svg.replace("<svg ", '<svg style="background:#fff" ', 1) + "\n"})
@@ -97,7 +102,7 @@ def write_plots(name: str, folder: Path) -> list[Path]:
 
 def assumed(name: str) -> tuple[str, ...]:
     """What the figures of a system rest on."""
-    sentences: tuple[str, ...] = systems.load(name, "figures").ASSUMED
+    sentences: tuple[str, ...] = _part(name, "ASSUMED", ())
     return sentences
 
 

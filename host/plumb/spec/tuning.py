@@ -8,7 +8,7 @@ a Tuning directly.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Protocol
 
 TiltMode = Literal["arcsine", "atan2"]
 RateChoice = Literal["previous", "current"]
@@ -284,5 +284,15 @@ class TurntableTuning(ForOnePeriod):
     exact_period_s: float | None = None
 
 
-AnyTuning = Tuning | BalancerTuning | PhoneTuning | TurntableTuning
-"""The tuning of any system: `system` says which."""
+class AnyTuning(Protocol):
+    """The tuning of any system: a frozen dataclass of its own; `system` says which."""
+
+    system: ClassVar[str]
+
+    @property
+    def period_us(self) -> int:
+        """Period of a step."""
+
+    @property
+    def period_s(self) -> float:
+        """The same in s; what the integers make of it in a dequantised tuning."""
