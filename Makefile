@@ -53,14 +53,14 @@ size: image
 
 C_FILES = $(shell git ls-files '*.c' '*.h')
 check-style:
-	$(VENV)/ruff check --no-cache host tools tests
-	$(VENV)/ruff format --check host tools tests
+	$(VENV)/ruff check --no-cache host tools tests examples
+	$(VENV)/ruff format --check host tools tests examples
 	$(VENV)/mypy
 	$(VENV)/clang-format --dry-run -Werror $(C_FILES)
 
 format:
-	$(VENV)/ruff check --fix host tools tests
-	$(VENV)/ruff format host tools tests
+	$(VENV)/ruff check --fix host tools tests examples
+	$(VENV)/ruff format host tools tests examples
 	$(VENV)/clang-format -i $(C_FILES)
 
 clean:

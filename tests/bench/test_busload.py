@@ -51,8 +51,9 @@ def test_a_bus_carries_the_steps_that_the_table_promises(kbit: int) -> None:
     """And at twice the rate the board drops telemetry, counts it, and can still be told to stop."""
     pytest.importorskip("unicorn")
     from plumb.boards.virtual_can import MachineBus
+    from plumb.boards.virtual_machine import open_machine
     from plumb.errors import UsageError
-    from plumb.f103 import find_image, open_machine
+    from plumb.flash.image import find_image
 
     try:
         find_image()

@@ -19,8 +19,8 @@ pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual
 from plumb import __main__ as front
 from plumb.boards.serve import run_paced
 from plumb.boards.virtual_can import Joint
+from plumb.boards.virtual_machine import open_machine
 from plumb.errors import LinkError, UsageError
-from plumb.f103 import open_machine
 from plumb.flash.image import find_image
 from plumb.link.realtime import Capture
 from plumb.link.session import Session

@@ -12,8 +12,8 @@ import pytest
 pytest.importorskip("unicorn")
 
 from plumb.errors import LinkError, UsageError
-from plumb.f103 import find_image
 from plumb.f103.machine import Machine
+from plumb.flash.image import find_image
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
 from plumb.spec.parameters import table

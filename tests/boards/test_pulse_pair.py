@@ -7,8 +7,8 @@ import pytest
 pytest.importorskip("unicorn")
 
 from plumb.errors import UsageError
-from plumb.f103 import find_image
 from plumb.f103.machine import Machine
+from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.spec import parameters
 from support.pins import at_rest

@@ -10,9 +10,9 @@ pytest.importorskip("unicorn")
 
 from plumb import __main__ as front
 from plumb.boards.link import LinkBoard
+from plumb.boards.strap import GROUNDED, set_strap
 from plumb.boards.virtual_can import MachineBus
 from plumb.errors import LinkError
-from plumb.f103.attached.strap import GROUNDED, set_strap
 from plumb.f103.machine import Machine
 from plumb.f103.peripherals.tim1 import HIGH_PINS, LOW_PINS
 from plumb.link.session import Session
@@ -68,7 +68,8 @@ def slots() -> dict[str, bytes]:
 
 
 def started(strap: str, slots: bytes) -> tuple[Machine, Outputs]:
-    machine = Machine(IMAGE, strap=strap)
+    machine = Machine(IMAGE)
+    set_strap(machine, strap)
     at_rest(machine)
     machine.flash.store(0xF000, slots)
     watched = Outputs(machine)

@@ -222,7 +222,7 @@ def virtual(*arguments: str) -> None:
     """On the flash image, where there is one."""
     pytest.importorskip("unicorn")
     from plumb.errors import UsageError
-    from plumb.f103 import find_image
+    from plumb.flash.image import find_image
 
     try:
         find_image()

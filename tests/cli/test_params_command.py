@@ -284,7 +284,7 @@ def test_every_verb_over_either_link(
     """On the flash image of a board that stays the same one, and is switched off in between."""
     pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
     from plumb.boards.virtual_can import MachineBus
-    from plumb.f103 import open_machine
+    from plumb.boards.virtual_machine import open_machine
 
     try:
         machine = open_machine()

@@ -305,7 +305,7 @@ def test_a_link_that_loses_one_frame_fails_it_though_every_digest_is_right(
 def test_on_the_virtual_board_a_systems_plant_is_on_the_pins(tmp_path: Path) -> None:
     pytest.importorskip("unicorn")
     from plumb.errors import UsageError
-    from plumb.f103 import find_image
+    from plumb.flash.image import find_image
 
     try:
         find_image()

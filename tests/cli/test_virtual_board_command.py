@@ -24,7 +24,8 @@ from plumb.tuning.quantise import quantise
 
 pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual")
 from plumb.boards import plant_on_pins
-from plumb.f103 import Machine, open_machine
+from plumb.boards.virtual_machine import open_machine
+from plumb.f103 import Machine
 
 try:
     IMAGE = find_image()
@@ -97,7 +98,7 @@ def test_the_plant_is_on_the_pins_before_the_power_comes_on() -> None:
     """Or a board with the bridge's pins starts with a break and no Hall sensor."""
     from plumb.boards import plant_on_pins
     from plumb.boards.virtual import VirtualBoard
-    from plumb.f103 import open_machine
+    from plumb.boards.virtual_machine import open_machine
     from plumb.flash.image import FLASH_BASE, PARAMETER_SLOTS
     from plumb.link.session import Session
     from plumb.systems.balancer import scenarios as balancer

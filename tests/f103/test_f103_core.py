@@ -225,7 +225,7 @@ def test_slicing_changes_nothing(board):
 
 
 def test_bin_hex_and_elf_give_the_same_bytes(build):
-    from plumb.f103 import load_image
+    from plumb.flash.image import load_image
 
     elf = build("clock")
     images = {load_image(elf.with_suffix(suffix)) for suffix in (".elf", ".bin", ".hex")}
@@ -235,7 +235,7 @@ def test_bin_hex_and_elf_give_the_same_bytes(build):
 
 def test_what_is_no_image_is_refused_in_a_sentence(tmp_path, build):
     from plumb.errors import UsageError
-    from plumb.f103 import find_image, load_image
+    from plumb.flash.image import find_image, load_image
 
     lines = build("clock").with_suffix(".hex").read_bytes().split()
     lines[1] = lines[1][:-1] + (b"0" if lines[1][-1:] != b"0" else b"1")
@@ -290,7 +290,7 @@ def test_without_unicorn_the_extra_is_named():
     program = (
         "import sys; sys.modules['unicorn'] = None; sys.path.insert(0, sys.argv[1])\n"
         "from plumb.errors import UsageError\n"
-        "from plumb.f103 import open_machine\n"
+        "from plumb.boards.virtual_machine import open_machine\n"
         "try:\n    open_machine()\n"
         "except UsageError as error:\n    print(error)\n"
     )

@@ -9,7 +9,8 @@ import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 from plumb.errors import UsageError
-from plumb.f103 import Machine, find_image
+from plumb.f103 import Machine
+from plumb.flash.image import find_image
 from plumb.link.lockstep import Lockstep
 from plumb.link.session import Session
 from plumb.spec.parameters import table

@@ -5,10 +5,11 @@ from __future__ import annotations
 import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
+from plumb.boards.strap import set_strap
 from plumb.errors import LinkError, UsageError
-from plumb.f103 import Machine, find_image
-from plumb.f103.attached.strap import set_strap
+from plumb.f103 import Machine
 from plumb.f103.peripherals.tim1 import HIGH_PINS, LOW_PINS
+from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.spec.parameters import table
 from support.pins import at_rest

@@ -17,12 +17,12 @@ from plumb import systems
 from plumb.boards import plant_on_pins
 from plumb.boards.virtual import VirtualBoard
 from plumb.errors import UsageError
-from plumb.f103 import find_image
 from plumb.f103.attached.canwire import BIT_RECESSIVE
 from plumb.f103.core.bus import Peripheral, Register, SimulationError
 from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.f103.machine import Machine
 from plumb.f103.snapshot import Snapshot, wiring
+from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.tuning import quantise
 

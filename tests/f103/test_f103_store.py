@@ -11,9 +11,10 @@ import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 from plumb.errors import LinkError, UsageError
-from plumb.f103 import Machine, find_image
+from plumb.f103 import Machine
 from plumb.f103.peripherals.flash import LOCK, torn
 from plumb.flash.elf import Elf
+from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.spec import parameters
 

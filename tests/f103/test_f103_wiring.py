@@ -10,9 +10,10 @@ from types import ModuleType
 import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
+from plumb.boards.strap import set_strap
 from plumb.errors import UsageError
-from plumb.f103 import Machine, find_image
-from plumb.f103.attached.strap import set_strap
+from plumb.f103 import Machine
+from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.spec.parameters import table
 

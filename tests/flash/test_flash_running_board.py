@@ -19,11 +19,12 @@ pytest.importorskip("stm32loader", reason="stm32loader is not installed: the ext
 
 from plumb.__main__ import main
 from plumb.boards.serve import run_paced
+from plumb.boards.strap import set_strap
+from plumb.boards.virtual_machine import open_machine
 from plumb.errors import LinkError, UsageError
-from plumb.f103 import find_image, open_machine
-from plumb.f103.attached.strap import set_strap
 from plumb.f103.machine import Machine
 from plumb.flash import rom_loader
+from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.link.transports.server_endpoint import PtyEndpoint
 from plumb.spec import parameters

@@ -20,7 +20,7 @@ import pytest
 pytest.importorskip("unicorn")
 
 from plumb.errors import UsageError
-from plumb.f103 import find_image
+from plumb.flash.image import find_image
 from plumb.inputs.bridge import ARM_AFTER_STEPS, Flow
 from plumb.link.realtime import Capture
 from plumb.link.session import Session

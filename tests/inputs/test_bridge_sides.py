@@ -189,7 +189,7 @@ def test_sensor_board_and_stm32_may_meet_on_one_can_bus(direct: bool) -> None:
     pytest.importorskip("unicorn")
     from plumb.boards.serve import run_paced
     from plumb.boards.virtual_can import Joint
-    from plumb.f103 import open_machine
+    from plumb.boards.virtual_machine import open_machine
     from plumb.link.transports.server_endpoint import PtyEndpoint
 
     try:

@@ -15,9 +15,9 @@ pytest.importorskip("unicorn", reason="the virtual board needs the extra virtual
 from plumb import __main__ as front
 from plumb.boards.virtual import VirtualBoard
 from plumb.boards.virtual_can import MachineBus
+from plumb.boards.virtual_machine import open_machine
 from plumb.cli import verbs
 from plumb.errors import LinkError, UsageError
-from plumb.f103 import open_machine
 from plumb.f103.attached.canwire import BIT_RECESSIVE, CRC, CanWire, WireFrame
 from plumb.flash.image import find_image
 from plumb.link.identity import NackError

@@ -13,8 +13,8 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extr
 from plumb import systems
 from plumb.boards.virtual_can import MachineBus
 from plumb.errors import LinkError, UsageError
-from plumb.f103 import find_image
 from plumb.f103.machine import Machine
+from plumb.flash.image import find_image
 from plumb.link.lockstep import sample_frames
 from plumb.link.session import Session
 from plumb.spec import parameters

@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip("unicorn")
 
 from plumb.errors import UsageError
-from plumb.f103 import find_image
 from plumb.f103.machine import Machine
+from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.spec.parameters import control_part
 from support.pins import at_rest

@@ -11,8 +11,8 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn")
 
 from plumb.boards.virtual_can import MachineBus
 from plumb.errors import UsageError
-from plumb.f103 import find_image
 from plumb.f103.machine import Machine
+from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters

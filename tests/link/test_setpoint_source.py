@@ -9,8 +9,8 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn")
 
 from plumb.boards.virtual_can import MachineBus
 from plumb.errors import LinkError, UsageError
-from plumb.f103 import find_image
 from plumb.f103.machine import Machine
+from plumb.flash.image import find_image
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
 from support.pins import at_rest

@@ -9,8 +9,8 @@ import pytest
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 
 from plumb.errors import UsageError
-from plumb.f103 import find_image
 from plumb.f103.machine import Machine
+from plumb.flash.image import find_image
 from plumb.link.lockstep import sample_frames
 from plumb.link.session import Session
 from plumb.spec import parameters

@@ -15,7 +15,7 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extr
 from plumb import systems
 from plumb.__main__ import main
 from plumb.errors import UsageError
-from plumb.f103 import find_image
+from plumb.flash.image import find_image
 from plumb.proof.faults import host, table
 from plumb.proof.faults.fault import Fault
 from plumb.proof.faults.limits import limits

@@ -7,13 +7,14 @@ import pytest
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 
 from plumb import systems
+from plumb.boards.strap import set_strap
 from plumb.boards.virtual_can import MachineBus
 from plumb.errors import UsageError
-from plumb.f103 import Machine, find_image
+from plumb.f103 import Machine
 from plumb.f103.attached.adxl345 import Adxl345
 from plumb.f103.attached.itg3205 import Itg3205
-from plumb.f103.attached.strap import set_strap
 from plumb.f103.core.timeline import TICKS_PER_US
+from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.physics.motor import FORWARD
 from plumb.tuning.quantise import quantise

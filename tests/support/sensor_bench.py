@@ -11,11 +11,11 @@ import pytest
 pytest.importorskip("unicorn")
 
 from plumb.errors import UsageError
-from plumb.f103 import find_image
 from plumb.f103.attached.adxl345 import Adxl345
 from plumb.f103.attached.itg3205 import Itg3205
 from plumb.f103.machine import Machine
 from plumb.flash.elf import Elf
+from plumb.flash.image import find_image
 from plumb.link.identity import sensors_text
 from plumb.link.realtime import Capture
 from plumb.link.session import Session

@@ -14,9 +14,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from plumb import systems
+from plumb.boards.strap import BY_PIN_SET, set_strap
 from plumb.boards.virtual import VirtualBoard
-from plumb.f103 import START_US
-from plumb.f103.attached.strap import BY_PIN_SET, set_strap
+from plumb.boards.virtual_machine import START_US
 from plumb.f103.machine import Machine
 from plumb.link.identity import FAULT_STRAP
 from plumb.link.session import Session

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from plumb.boards.link import LinkBoard
-from plumb.f103 import START_US, open_machine
+from plumb.boards.virtual_machine import START_US, open_machine
 from plumb.link.session import Session
 
 

@@ -49,7 +49,7 @@ def main(arguments: argparse.Namespace) -> int:
         return list_faults(arguments.json)
     from tqdm import tqdm
 
-    from plumb.f103 import find_image
+    from plumb.flash.image import find_image
     from plumb.proof.faults.runner import run_all
     from plumb.proof.faults.text import render
 

@@ -75,7 +75,7 @@ def main(arguments: argparse.Namespace) -> int:
 def _strap(arguments: argparse.Namespace) -> str:
     """The wiring that was asked for, else the system's."""
     from plumb import systems
-    from plumb.f103.attached.strap import BY_PIN_SET
+    from plumb.boards.strap import BY_PIN_SET
 
     pins = systems.load(arguments.system).LINK.get("pins", 0) if arguments.system else 0
     return arguments.strap or BY_PIN_SET[pins]
@@ -87,7 +87,7 @@ def _f103(arguments: argparse.Namespace) -> tuple[Served, Join, KeptSlots | None
     from plumb.boards import plant_on_pins
     from plumb.boards.flash_file import MachineSlots, read_slots
     from plumb.boards.virtual_can import Joint
-    from plumb.f103 import open_machine
+    from plumb.boards.virtual_machine import open_machine
 
     slots = read_slots(arguments.keep) if arguments.keep else b""
     couple = None
@@ -109,8 +109,8 @@ def _native(arguments: argparse.Namespace) -> tuple[Served, Join, KeptSlots | No
     from plumb import systems
     from plumb.boards.flash_file import read_slots
     from plumb.boards.native_served import NativeJoint, NativeSlots, open_native
+    from plumb.boards.strap import BY_PIN_SET
     from plumb.errors import UsageError
-    from plumb.f103.attached.strap import BY_PIN_SET
 
     if arguments.image or arguments.part:
         raise UsageError("the native board runs no image on no part: leave out --image and --part, or --port native")

@@ -1,57 +1,28 @@
-"""The virtual board: an STM32F103 in Python on Unicorn that runs the unmodified flash image."""
+"""A simulated STM32F103 in Python on Unicorn that runs the unmodified flash image of any program.
+
+    from plumb.f103 import Machine
+
+    machine = Machine(Path("firmware.bin"))    # .bin, .hex or .elf
+    machine.advance_us(10_000)
+    machine.uart.read(100), machine.pin("PC13"), machine.pwm("PB6")
+
+It knows the chip and what can be wired to it, and nothing of the program.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from plumb.flash.image import FLASH_BASE, PARAMETER_SLOTS, claims_to_be_ours, find_image, load_image, own_header
-
 if TYPE_CHECKING:
+    from plumb.f103.core.bus import SimulationError
     from plumb.f103.machine import Machine
 
-__all__ = ["find_image", "load_image", "open_machine"]
-
-
-START_US = 50_000
-"""A host opens the port of a board that has been powered for a while: oscillator and ADC are running."""
-
-
-def open_machine(
-    image: Path | None = None,
-    part: str = "stm32f103c8",
-    *,
-    seed: int = 1,
-    slots: bytes = b"",
-    strap: str = "standard",
-    couple: Callable[[Machine], None] | None = None,
-) -> Machine:
-    """A machine with the image asked for, or with this checkout's build, START_US after power-up.
-
-    slots: what the parameter slots of its flash hold. strap: how the pin-set strap is wired (strap.py).
-    couple(machine) attaches a plant before the power comes on: it puts functions of simulated seconds into
-    machine.adc, which read machine.pwm.
-
-    Raises UsageError in one sentence: no image, or a damaged one, no unicorn, no such part.
-    """
-    from plumb.f103.machine import Machine
-
-    path = find_image(image)
-    data = load_image(path)
-    if claims_to_be_ours(data):
-        own_header(data, str(path))
-    machine = Machine(data, part, seed=seed, strap=strap)
-    machine.flash.store(PARAMETER_SLOTS - FLASH_BASE, slots)
-    if couple is not None:
-        couple(machine)
-    machine.advance_us(START_US)
-    return machine
+__all__ = ["Machine", "SimulationError"]
 
 
 def __getattr__(name: str) -> object:
     """`from plumb.f103 import Machine` without making every import of this package need unicorn."""
-    if name in ("Machine", "SimulationError"):
+    if name in __all__:
         from plumb.f103 import machine
         from plumb.f103.core import bus
 

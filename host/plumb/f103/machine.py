@@ -23,8 +23,6 @@ from pathlib import Path
 from typing import Any
 
 from plumb.errors import UsageError
-from plumb.f103.attached.strap import PINS as STRAP_PINS
-from plumb.f103.attached.strap import RISE_US, set_strap
 from plumb.f103.core.bus import Bus, Peripheral, SimulationError
 from plumb.f103.core.cpu import SYSTEM_BASE, Cpu
 from plumb.f103.core.debug import CoreDebug, DbgMcu, Dwt
@@ -99,9 +97,9 @@ class AdcPins(dict[str, VoltSource]):
 class Machine:
     """One simulated part with an image in its flash. Raises UsageError for a bad image or part.
 
-    seed: what uninitialised RAM holds and the unique id. crystal: False for a board whose crystal is dead. strap: how
-    the pin-set strap is wired, strap.py. flash_size: what the size register reads, 0xFFFF on some chips; None: the
-    part's size. lse_left_on: an image before this one left the 32 kHz oscillator on PC14 and PC15 running.
+    seed: what uninitialised RAM holds and the unique id. crystal: False for a board whose crystal is dead. flash_size:
+    what the size register reads, 0xFFFF on some chips; None: the part's size. lse_left_on: an image before this one
+    left the 32 kHz oscillator on PC14 and PC15 running.
     """
 
     def __init__(
@@ -111,7 +109,6 @@ class Machine:
         *,
         seed: int = 1,
         crystal: bool = True,
-        strap: str = "standard",
         flash_size: int | None = None,
         lse_left_on: bool = False,
     ) -> None:
@@ -140,9 +137,6 @@ class Machine:
             struct.pack_into("<H", self.cpu.system, SYSTEM_FLASH_SIZE, flash_size)
         self.uart = UartStream(self)
         self.adc = AdcPins()
-        for pin in STRAP_PINS:
-            self.port(pin).rise_us[int(pin[2:])] = RISE_US
-        set_strap(self, strap)
         self._power_up()
 
     def _build(self) -> None:
@@ -419,6 +413,10 @@ class Machine:
         self.port(pin).outside[int(pin[2:])] = level
         self.pins_changed()
 
+    def load_pull_up(self, pin: str, rise_us: float) -> None:
+        """Hang wires on an open pin: its internal pull-up needs this long to lift them."""
+        self.port(pin).rise_us[int(pin[2:])] = rise_us
+
     def pins_changed(self) -> None:
         """For whoever watches levels without being asked."""
         self.tim1.pins_changed()
@@ -431,7 +429,7 @@ class Machine:
         return self.tim1.bridge(self.now) if self.powered else Bridge((None, None, None), False)
 
     def set_hall(self, state: int) -> None:
-        """Drive the three Hall inputs of the pin set `bridge`: A (PA15) is bit 0, B (PB3) bit 1, C (PB10) bit 2."""
+        """Drive the three Hall inputs of TIM2, remapped: A (PA15) is bit 0, B (PB3) bit 1, C (PB10) bit 2."""
         for bit, pin in enumerate(REMAPPED_PINS):
             self.port(pin).outside[int(pin[2:])] = bool(state >> bit & 1)
         self.pins_changed()

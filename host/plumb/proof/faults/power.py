@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from plumb.f103.attached.strap import BY_PIN_SET, set_strap
+from plumb.boards.strap import BY_PIN_SET, set_strap
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.reports import Told
 from plumb.proof.faults.scene import Scene

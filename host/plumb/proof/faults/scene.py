@@ -15,10 +15,10 @@ from plumb import systems
 from plumb.boards import plant_on_pins
 from plumb.boards.virtual import VirtualBoard
 from plumb.errors import LinkError, UsageError
-from plumb.f103 import find_image
 from plumb.f103.core.timeline import TICKS_PER_S
 from plumb.f103.snapshot import Snapshot
 from plumb.flash.elf import Elf, Symbol
+from plumb.flash.image import find_image
 from plumb.link.identity import Identity
 from plumb.link.session import Session
 from plumb.spec.protocol import Frame, protocol

@@ -25,8 +25,9 @@ RISE_US = 100.0
 
 
 def set_strap(machine: Machine, strap: str) -> None:
-    """Wire the strap; the firmware reads it at the next reset. Raises UsageError for a name that there is not."""
+    """Wire the strap; the firmware reads it after the next reset. Raises UsageError for a name that there is not."""
     if strap not in GROUNDED:
         raise UsageError(f"there is no strap setting '{strap}'; use one of {', '.join(GROUNDED)}")
     for pin in PINS:
+        machine.load_pull_up(pin, RISE_US)
         machine.drive(pin, False if pin in GROUNDED[strap] else None)

@@ -1,0 +1,15 @@
+"""Boot an image for the STM32F103 on the simulated chip; print what its UART sends in 20 ms, and the level of a pin.
+
+python examples/boot_any_image.py firmware.bin PC13
+"""
+
+import sys
+from pathlib import Path
+
+from plumb.f103 import Machine
+
+machine = Machine(Path(sys.argv[1]))  # .bin, .hex or .elf; the power has just come on
+machine.uart.baudrate = 921600
+machine.advance_us(20_000)
+print(machine.uart.read(machine.uart.in_waiting))
+print(sys.argv[2], machine.pin(sys.argv[2]))  # True, False, or None where it floats

@@ -1,0 +1,37 @@
+"""The simulated chip without the rest of plumb: any image boots, and nothing of the product is loaded."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "boot_any_image.py"
+BELOW = ("checkout", "errors", "extras", "files", "flash", "process_signals")
+"""What the chip stands on: image files, errors, signals of the process."""
+
+
+def run(*arguments: str) -> list[str]:
+    done = subprocess.run([sys.executable, *arguments], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def test_the_example_boots_a_foreign_image(build: Callable[[str], Path]) -> None:
+    """hello.c sends a line and lifts PC13; PC14 floats."""
+    elf = build("hello")
+    said = repr(b"hello\n")
+    assert run(str(EXAMPLE), str(elf.with_suffix(".bin")), "PC13") == [said, "PC13 True"]
+    assert run(str(EXAMPLE), str(elf), "PC14") == [said, "PC14 None"]
+
+
+def test_nothing_of_the_product_is_loaded(build: Callable[[str], Path]) -> None:
+    program = (
+        "import runpy, sys; sys.argv = sys.argv[1:]; runpy.run_path(sys.argv[0]); "
+        "print(*sorted(name for name in sys.modules if name.startswith('plumb.')))"
+    )
+    *_, loaded = run("-c", program, str(EXAMPLE), str(build("hello").with_suffix(".bin")), "PC13")
+    foreign = [name for name in loaded.split() if name.split(".")[1] not in (*BELOW, "f103")]
+    assert "plumb.f103.machine" in loaded.split()
+    assert not foreign
