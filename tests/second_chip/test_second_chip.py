@@ -17,12 +17,16 @@ from plumb.link.session import Session
 from plumb.proof import golden
 from plumb.spec.protocol import protocol
 from second_chip import Chip, UartEnd
+from second_chip.clocks import UNITS_HZ
+from second_chip.interrupts import FIRST_IRQ, NMI
 
-from .conftest import START_S
+from .conftest import START_S, Connect
 
 HERE = Path(__file__).parent
 STEPS = 60
 """Of every vector. A step's digest covers the state that all steps before it left."""
+CRYSTAL_WAIT_S = 0.1
+CLOCK_FALLBACK, CRYSTAL_FAILED = 0x0100, 0x1000
 VECTORS = golden.load(HERE.parent / "vectors")
 SYSTEMS = sorted({vector.system for vector in VECTORS})
 
@@ -67,6 +71,40 @@ def test_two_boards_say_the_same_to_the_byte(image: bytes, monkeypatch: pytest.M
         texts.append(b"".join(heard))
     assert texts[0].count(b"\r") > 25
     assert texts[0] == texts[1]
+
+
+def test_without_a_crystal_the_board_says_so_at_64_mhz(image: bytes, connect_uart: Connect) -> None:
+    chip = Chip(image, crystal=False)
+    chip.run(CRYSTAL_WAIT_S + START_S)
+    identity = connect_uart(chip).identity
+    assert identity is not None and identity["FAULTS"] == CLOCK_FALLBACK
+    assert chip.rcc.cycle * 64_000_000 == UNITS_HZ
+
+
+def test_a_crystal_that_fails_restarts_the_board_without_it(chip: Chip, connect_uart: Connect) -> None:
+    chip.rcc.crystal_fails()
+    chip.run(START_S)
+    identity = connect_uart(chip).identity
+    assert identity is not None and identity["FAULTS"] == CLOCK_FALLBACK | CRYSTAL_FAILED
+    assert chip.resets == 1 and identity["CRASH_EXCEPTION"] == NMI
+
+
+def test_an_interrupt_waits_for_its_equals_and_comes_again_while_its_line_is_high(chip: Chip) -> None:
+    nvic = chip.nvic
+    nvic.reset()
+    for irq, priority in ((5, 0x80), (6, 0x80), (7, 0x40)):
+        nvic.enabled |= 1 << FIRST_IRQ + irq
+        nvic.priority[FIRST_IRQ + irq] = priority
+    nvic.line(6, True)
+    nvic.line(5, True)
+    assert nvic.next(masked=True) is None
+    assert nvic.next(masked=False) == FIRST_IRQ + 5, "the lower number of two alike"
+    nvic.enter(FIRST_IRQ + 5)
+    assert nvic.next(masked=False) is None
+    nvic.line(7, True)
+    assert nvic.next(masked=False) == FIRST_IRQ + 7, "a higher priority interrupts"
+    nvic.leave()
+    assert nvic.pending >> FIRST_IRQ == 1 << 5 | 1 << 6 | 1 << 7, "its line is still high"
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
