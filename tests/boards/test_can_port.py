@@ -46,7 +46,7 @@ class Board:
     def heard(self, us: float = 20_000) -> list[tuple[str, dict[str, int]]]:
         self.machine.advance_us(us)
         known = protocol().by_identifier
-        return [(known[f.identifier].name, known[f.identifier].decode(f.data)) for f in self.wire.take()]
+        return [(known[f.identifier].name, known[f.identifier].decode(f.data)) for f in self.wire.pop_frames()]
 
     def over_uart(self, name: str, *words: int, us: float = 20_000) -> list[tuple[str, dict[str, int]]]:
         """What the UART says within that time, after this request."""
@@ -375,7 +375,7 @@ def test_a_crystal_that_dies_takes_the_board_off_the_bus(board: Board) -> None:
     board.heard()
     board.machine.rcc.kill_crystal()
     board.machine.advance_us(200_000)
-    board.wire.take()
+    board.wire.pop_frames()
     board.hello()
     assert board.heard(300_000) == []
     assert not board.machine.can.clocked

@@ -47,7 +47,7 @@ class Controller:
 
     def heard(self, us=1000):
         self.machine.advance_us(us)
-        return [frame.identifier for frame in self.wire.take()]
+        return [frame.identifier for frame in self.wire.pop_frames()]
 
     def received(self, number=0):
         """The first frame of a FIFO, released: identifier, filter match index, data."""

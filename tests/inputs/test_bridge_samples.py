@@ -118,15 +118,15 @@ def test_samples_that_falter_at_the_start_put_arming_off(monkeypatch: pytest.Mon
 def test_a_sample_whose_frames_come_apart_is_whole_and_another_board_s_half_is_not_used() -> None:
     samples, step = Samples(), 7
     setpoint, second, first = sample_frames(protocol(), step, (1, 2, 3, 4, 5, 6), 99, 0)
-    assert samples.take([(0.1, setpoint)]) == samples.take([(0.2, second)]) == []
-    assert samples.take([(0.3, first), (0.4, second)]) == [(0.3, [setpoint, second, first])]
+    assert samples.assemble([(0.1, setpoint)]) == samples.assemble([(0.2, second)]) == []
+    assert samples.assemble([(0.3, first), (0.4, second)]) == [(0.3, [setpoint, second, first])]
     assert samples.setpoint == setpoint
     samples.forget()
-    assert samples.setpoint is None and samples.take([(0.5, first)]) == [(0.5, [first])]
+    assert samples.setpoint is None and samples.assemble([(0.5, first)]) == [(0.5, [first])]
 
 
 def test_parts_whose_sample_never_came_give_way_to_newer_ones() -> None:
     samples = Samples()
     _, old, _ = sample_frames(protocol(), 7, (1, 2, 3, 4, 5, 6), 99, 0)
     _, new, first = sample_frames(protocol(), 8, (1, 2, 3, 7, 8, 9), 99, 0)
-    assert samples.take([(0.1, old), (0.2, new), (0.3, first)]) == [(0.3, [new, first])]
+    assert samples.assemble([(0.1, old), (0.2, new), (0.3, first)]) == [(0.3, [new, first])]

@@ -198,10 +198,10 @@ def test_a_second_host_is_left_out_of_the_run_and_of_the_file(tmp_path: Path) ->
     with phone_udp.Saved(path) as saved:
         intake = phone_udp.Intake(phone.PERIOD_US, saved)
         good = sensorstream(run)
-        assert not list(intake.take(b"nonsense\nof\r\nanybody", "192.0.2.9"))
-        steps = [step for data in good[:300] for step in intake.take(data, "192.0.2.1")]
-        assert not list(intake.take(good[300], "192.0.2.2"))
-        steps += [step for data in good[300:600] for step in intake.take(data, "192.0.2.1")]
+        assert not list(intake.push(b"nonsense\nof\r\nanybody", "192.0.2.9"))
+        steps = [step for data in good[:300] for step in intake.push(data, "192.0.2.1")]
+        assert not list(intake.push(good[300], "192.0.2.2"))
+        steps += [step for data in good[300:600] for step in intake.push(data, "192.0.2.1")]
         assert path.read_bytes().count(b"\n") == 601, "written as they come"
     assert intake.received.strangers == 1 and len(steps) == 597
     assert intake.received.datagrams == 602

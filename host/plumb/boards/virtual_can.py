@@ -44,13 +44,13 @@ class MachineBus(can.BusABC):
     def _wait(self, timeout_s: float) -> None:
         machine, wire = self.machine, self.wire
         deadline = machine.now + math.ceil(timeout_s * TICKS_PER_S)  # rounded up: the shortest wait must pass
-        self._frames.extend(wire.take())
+        self._frames.extend(wire.pop_frames())
         while not self._frames and machine.now < deadline:
             machine.run_until_sending(deadline)
-            self._frames.extend(wire.take())
+            self._frames.extend(wire.pop_frames())
         while wire.board_sends and len(self._frames) < LOOK_AHEAD and machine.now < deadline:
             machine.run_until_sending(deadline)
-            self._frames.extend(wire.take())
+            self._frames.extend(wire.pop_frames())
 
     def read_frames(self, timeout_s: float = 0.0) -> list[Frame]:
         """What has arrived with a right CRC, letting up to timeout_s pass for the first frame."""
@@ -116,5 +116,5 @@ class Joint:
             self.wire.kbit = getattr(self.bus, "kbit", None) or self.wire.kbit  # what came before the frame may set it
             if not message.is_error_frame and not message.is_fd and message.dlc <= FRAME_DLC:
                 self.wire.send(frame_of(message))
-        for frame in self.wire.take():
+        for frame in self.wire.pop_frames():
             self.bus.send(message_of(frame, time.time()), timeout=SEND_PATIENCE_S)

@@ -345,7 +345,7 @@ class Bridge:
         if self._generation != self.sensor.generation:
             self._generation = self.sensor.generation
             self._samples.forget()
-        return self._samples.take(arrived)
+        return self._samples.assemble(arrived)
 
     # ---- one conversation with the board ----
 

@@ -110,7 +110,7 @@ class Follower:
         self._run = Run()
         self._pair: tuple[Stepper, run_fixed.Controller] | None = None
 
-    def take(self, steps: Sequence[Step]) -> Iterator[tuple[Step, dict[str, int]]]:
+    def run_steps(self, steps: Sequence[Step]) -> Iterator[tuple[Step, dict[str, int]]]:
         """Steps on both; each with the model's words, which the board's digest confirms."""
         at = 0
         while at < len(steps):
@@ -174,10 +174,10 @@ def follow(
         begin_s = time.monotonic()
         came = listener.receive_all(stop)
         listened_s += min(time.monotonic() - begin_s, TURN_S)
-        steps = [step for datagram in came for step in intake.take(*datagram)]
+        steps = [step for datagram in came for step in intake.push(*datagram)]
         if most is not None:
             del steps[most - outcome.steps :]
-        for step, words in follower.take(steps):
+        for step, words in follower.run_steps(steps):
             saw(step, words)
         if steps:
             listened_s, heard = 0.0, dict(intake.resampler.counts.samples)

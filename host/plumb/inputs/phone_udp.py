@@ -81,8 +81,8 @@ class Intake:
         self._saved = saved
         self._sender: str | None = None
 
-    def take(self, data: bytes, sender: str = "") -> Iterator[Step]:
-        """The steps that a datagram completes; one that is none, or a stranger's, is counted."""
+    def push(self, data: bytes, sender: str = "") -> Iterator[Step]:
+        """The steps that a datagram completes. Malformed datagrams, and those of other senders, are counted and dropped."""
         self.received.datagrams += 1
         if self._sender is not None and sender != self._sender:
             self.received.strangers += 1
@@ -207,7 +207,7 @@ def steps_of_file(path: Path, period_us: int) -> tuple[list[Step], Intake, recor
         recorded = recording.load(path)
         steps = [step for sample in samples_of(recorded) for step in intake.resampler.feed(sample)]
     else:
-        steps = [step for data in read_file(path) for step in intake.take(data)]
+        steps = [step for data in read_file(path) for step in intake.push(data)]
     steps += intake.finish()
     if not steps:
         raise UsageError(f"{path.name} makes no step: {intake.missing()}")

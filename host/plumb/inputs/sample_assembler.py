@@ -19,8 +19,8 @@ class Samples:
         self.setpoint: Frame | None = None
         self._begun: dict[int, Frame] = {}  # the newest of each kind: a SAMPLE_A that got lost leaves its parts behind
 
-    def take(self, arrived: list[tuple[float, Frame]]) -> list[tuple[float, list[Frame]]]:
-        """The samples that are whole now, each with the time of its SAMPLE_A, its last frame."""
+    def assemble(self, arrived: list[tuple[float, Frame]]) -> list[tuple[float, list[Frame]]]:
+        """The samples that these frames complete, each with the time of its last frame, SAMPLE_A."""
         whole = []
         for time_s, frame in arrived:
             if frame[0] in self._parts:

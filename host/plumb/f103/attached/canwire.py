@@ -112,8 +112,8 @@ class CanWire:
         self._from_host.append(frame)
         self.look()
 
-    def take(self) -> list[WireFrame]:
-        """What the host has received since the last time."""
+    def pop_frames(self) -> list[WireFrame]:
+        """Frames the host has received since the last call."""
         frames = list(self._to_host)
         self._to_host.clear()
         return frames

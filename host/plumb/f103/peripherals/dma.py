@@ -105,7 +105,7 @@ class Channel:
             taken += units
         return taken
 
-    def take(self, units: int) -> bytes:
+    def read_memory(self, units: int) -> bytes:
         """Memory to an eight-bit peripheral: up to `units` bytes."""
         width = 1 << ((self.ccr >> 10) & 3)
         out = bytearray()

@@ -88,7 +88,7 @@ class Spi(Peripheral):
         if self.waiting is not None:
             self.shifting, self.waiting = self.waiting, None
         elif self.cr2 & TXDMAEN and self.tx_dma.ready:
-            self.shifting = self.tx_dma.take(1)[0]
+            self.shifting = self.tx_dma.read_memory(1)[0]
         else:
             return
         self.sr |= TXE | BSY

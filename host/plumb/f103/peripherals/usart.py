@@ -144,7 +144,7 @@ class Usart(Peripheral):
                 break
             start = max(self.tx_free, first)
             count = 1 + (now - start) // byte_ticks + 1 if now >= start else 1
-            data = channel.take(count)
+            data = channel.read_memory(count)
             if not data:
                 break
             self._send(data, first)

@@ -49,7 +49,7 @@ class Stranger:
         self.scene.run(EVERY_S)
         answers = {protocol()[name].identifier for name in ("ACK", "NACK", "NONCE")}
         now_s = self.scene.now_s
-        for heard in wire.take():
+        for heard in wire.pop_frames():
             if heard.identifier in answers and not heard.extended:
                 self.answered(Heard(now_s, heard.identifier, heard.data))
 
