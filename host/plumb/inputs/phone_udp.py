@@ -82,7 +82,7 @@ class Intake:
         self._sender: str | None = None
 
     def push(self, data: bytes, sender: str = "") -> Iterator[Step]:
-        """The steps that a datagram completes. Malformed datagrams, and those of other senders, are counted and dropped."""
+        """The steps that a datagram completes. Malformed datagrams and those of other senders count as dropped."""
         self.received.datagrams += 1
         if self._sender is not None and sender != self._sender:
             self.received.strangers += 1
