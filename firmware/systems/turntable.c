@@ -16,13 +16,13 @@
 /* What one step passes along. */
 typedef struct {
     bool gyro, angular, gyro_lost, rest, shock;
-    bool apart;                  /* attitude layer: the attitudes turn each by its own sensor */
+    bool two_attitudes;          /* attitude layer: the attitudes turn each by its own sensor */
     int32_t age_q24;             /* of the gyro's sample */
     int32_t lagged_q34[3];       /* lagged increment at the sample's instant */
     int32_t expected_q28[3];     /* rate there, less what the lag takes off */
     int64_t turn_q60[3];         /* rotation of `attitude` in this step */
     int64_t turn_angular_q60[3]; /* of the angular accelerometer's attitude, or of both */
-} passage_t;
+} turntable_step_t;
 
 void turntable_init(turntable_t *c, const control_params_t *p) {
     const fusion_params_t *f = &p->fusion;
@@ -49,7 +49,7 @@ bool turntable_params_valid(const control_params_t *p) {
 }
 
 /* Counts -> rate and angular acceleration, and when the gyro's sample was taken. */
-static void sense(turntable_words_t *w, const control_params_t *p, passage_t *s) {
+static void prefilter_sensors(turntable_words_t *w, const control_params_t *p, turntable_step_t *s) {
     const uint32_t stale = p->fusion.gyro_period_step_q24 >> 22;
     const bool away = w->gyro.gap_steps > stale; /* so its next sample is the first of a new beginning */
     const uint32_t gyro =
@@ -67,7 +67,7 @@ static void sense(turntable_words_t *w, const control_params_t *p, passage_t *s)
     s->gyro = (gyro & PREFILTER_SAMPLE) != 0U;
     s->angular = (angular & PREFILTER_SAMPLE) != 0U;
     s->gyro_lost = w->gyro.gap_steps > stale;
-    s->apart = p->fusion.layer == FUSION_ATTITUDE && !s->rest && !s->gyro_lost && !away;
+    s->two_attitudes = p->fusion.layer == FUSION_ATTITUDE && !s->rest && !s->gyro_lost && !away;
     s->age_q24 = age < STEP_Q24 ? (int32_t)age : 0;
     /* the flags of the two sensors stand side by side */
     w->flags = gyro | angular << 1 | (s->rest ? TURNTABLE_FLAG_REST : 0U) |
@@ -78,7 +78,7 @@ static void sense(turntable_words_t *w, const control_params_t *p, passage_t *s)
 /* By how much the rate of one axis grows in this step, turn/s Q34: the mean of this sample and the one
  * before (twice_q28 is their sum), less its bias, rid of its share of the difference in scale; without a
  * sample the slope of the gyro. */
-static int32_t increment(const turntable_words_t *w, const control_params_t *p, const passage_t *s,
+static int32_t increment(const turntable_words_t *w, const control_params_t *p, const turntable_step_t *s,
                          unsigned i, int64_t twice_q28) {
     const fusion_params_t *f = &p->fusion;
     int64_t sum = 0;
@@ -95,8 +95,8 @@ static int32_t increment(const turntable_words_t *w, const control_params_t *p, 
 
 /* The rate of every axis through the step, and what the gyro should see of it at its sample's instant:
  * between two steps everything is interpolated along a straight line. */
-static void advance(turntable_words_t *w, const control_params_t *p, passage_t *s,
-                    const int32_t before_q28[3], bool adjacent) {
+static void propagate_rate(turntable_words_t *w, const control_params_t *p, turntable_step_t *s,
+                           const int32_t before_q28[3], bool adjacent) {
     for (unsigned i = 0; i < 3U; i++) {
         const int32_t now_q28 = w->acceleration_turnps2_q28[i];
         const int32_t grown = increment(w, p, s, i, (int64_t)now_q28 + (adjacent ? before_q28[i] : now_q28));
@@ -115,12 +115,12 @@ static void advance(turntable_words_t *w, const control_params_t *p, passage_t *
     }
 }
 
-static void predict(turntable_words_t *w, const control_params_t *p, const passage_t *s) {
+static void predict(turntable_words_t *w, const control_params_t *p, const turntable_step_t *s) {
     const fusion_params_t *f = &p->fusion;
     const fusion_predict_t step = {
         .angular = s->angular,
-        .difference = s->apart,
-        .gyro_angle = s->apart,
+        .difference = s->two_attitudes,
+        .gyro_angle = s->two_attitudes,
         .rate_q64 = s->angular ? (uint64_t)f->q_rate_q52 << 12 : (uint64_t)f->q_rate_lost_q44 << 20,
         .gyro_bias_q64 = (uint64_t)f->q_gyro_bias_q60 << 4,
         .angular_bias_q64 = f->q_angular_bias_q64,
@@ -154,7 +154,7 @@ static int64_t correction_q60(int32_t gain_q28, int32_t innovation_q28) {
 }
 
 /* The two attitudes are one. */
-static void join(turntable_words_t *w) {
+static void merge_attitudes(turntable_words_t *w) {
     w->attitude_angular = w->attitude;
     for (unsigned j = 0; j < FUSION_STATES; j++)
         w->covariance_q64[FUSION_CELL(FUSION_DIFFERENCE, j)] = 0;
@@ -162,21 +162,21 @@ static void join(turntable_words_t *w) {
 }
 
 /* At rest the rate is zero, whatever the sensors say: what they say is bias. */
-static void stand_still(turntable_words_t *w) {
+static void update_zero_rate(turntable_words_t *w) {
     int64_t *p = w->covariance_q64, u[FUSION_ROWS];
     int32_t gain[FUSION_ROWS];
     fusion_gains(u, fusion_project_state(p, FUSION_RATE, u) + STILL_Q64, gain);
     fusion_update(p, gain, u);
     for (unsigned i = 0; i < 3U; i++)
         correct(w, i, gain, -w->rate_fused_turnps_q28[i]);
-    join(w);
+    merge_attitudes(w);
     for (unsigned j = 0; j < FUSION_STATES; j++)
         p[FUSION_CELL(FUSION_ANGLE, j)] = 0;
 }
 
 /* Second stage of one axis: scale and lag out of the innovation, and their part in the gains of the states.
  */
-static void learn(turntable_words_t *w, const fusion_params_t *f, const passage_t *s, unsigned i,
+static void learn(turntable_words_t *w, const fusion_params_t *f, const turntable_step_t *s, unsigned i,
                   int64_t s_q64, int32_t gain[FUSION_ROWS]) {
     const int32_t rate = s->expected_q28[i];
     const int32_t scale = fusion_parameter_project(
@@ -200,7 +200,7 @@ static void learn(turntable_words_t *w, const fusion_params_t *f, const passage_
 }
 
 /* Data layer: the gyro's sample against the rate that is expected of it. */
-static void compare_rates(turntable_words_t *w, const fusion_params_t *f, passage_t *s) {
+static void compare_rates(turntable_words_t *w, const fusion_params_t *f, turntable_step_t *s) {
     int64_t *p = w->covariance_q64, u[FUSION_ROWS], largest_q64 = 0;
     for (unsigned i = 0; i < 3U; i++) {
         const int32_t rate = s->expected_q28[i];
@@ -239,7 +239,7 @@ static void compare_rates(turntable_words_t *w, const fusion_params_t *f, passag
 }
 
 /* The rate of the step as the gyro's sample has it, which is a little older. */
-static int32_t sampled(const turntable_words_t *w, const passage_t *s, unsigned i) {
+static int32_t sampled(const turntable_words_t *w, const turntable_step_t *s, unsigned i) {
     const int64_t ahead_q28 = (int64_t)w->rate_fused_turnps_q28[i] - s->expected_q28[i];
     const int64_t sample_q28 = ahead_q28 + w->rate_turnps_q28[i] - asr32(w->bias_gyro_turnps_q34[i] + 32, 6);
     return (int32_t)within_i64(sample_q28, RATE_MAX);
@@ -247,7 +247,7 @@ static int32_t sampled(const turntable_words_t *w, const passage_t *s, unsigned 
 
 /* Attitude layer: the gyro's own rate, aligned to the steps along the angular acceleration; where a sample
  * says otherwise, half of the surprise is made up for, as a trapezium would. */
-static void align_gyro(turntable_words_t *w, const fusion_params_t *f, passage_t *s) {
+static void align_gyro(turntable_words_t *w, const fusion_params_t *f, turntable_step_t *s) {
     const int32_t period_s_q32 = add_scaled(0, f->dt_s_q32, (int32_t)f->gyro_period_step_q24, 24);
     for (unsigned i = 0; i < 3U; i++) {
         const int32_t grown = w->increment_turnps_q34[i], rate = w->rate_corrected_turnps_q28[i];
@@ -291,8 +291,8 @@ static void compare_attitudes(turntable_words_t *w, const fusion_params_t *f) {
 }
 
 /* Both attitudes through the step. */
-static void turn(turntable_words_t *w, const fusion_params_t *f, passage_t *s) {
-    if (s->apart) {
+static void propagate_attitude(turntable_words_t *w, const fusion_params_t *f, turntable_step_t *s) {
+    if (s->two_attitudes) {
         align_gyro(w, f, s);
         quaternion_rotate(&w->attitude_angular, s->turn_angular_q60);
         quaternion_rotate(&w->attitude, s->turn_q60);
@@ -307,7 +307,7 @@ static void turn(turntable_words_t *w, const fusion_params_t *f, passage_t *s) {
     if (!s->rest)
         quaternion_rotate(&w->attitude, s->turn_q60);
     if (f->layer == FUSION_ATTITUDE)
-        join(w);
+        merge_attitudes(w);
 }
 
 void turntable_step(turntable_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
@@ -320,13 +320,13 @@ void turntable_step(turntable_t *c, const control_params_t *p, const int16_t raw
     for (unsigned i = 0; i < CONTROL_RAW_MAX; i++)
         w->raw[i] = raw[i];
     w->setpoint = setpoint;
-    passage_t s = {.rest = w->step <= p->fusion.rest_steps};
-    sense(w, p, &s);
-    advance(w, p, &s, before_q28, adjacent);
+    turntable_step_t s = {.rest = w->step <= p->fusion.rest_steps};
+    prefilter_sensors(w, p, &s);
+    propagate_rate(w, p, &s, before_q28, adjacent);
     predict(w, p, &s);
     if (s.rest)
-        stand_still(w);
+        update_zero_rate(w);
     if (s.gyro && (s.rest || p->fusion.layer != FUSION_ATTITUDE))
         compare_rates(w, &p->fusion, &s);
-    turn(w, &p->fusion, &s);
+    propagate_attitude(w, &p->fusion, &s);
 }

@@ -102,7 +102,7 @@ class Sensor:
     gap: Integer = GAP_MAX
     value: list[Integer] = field(default_factory=lambda: [0, 0, 0])
 
-    def take(self, raw: Sequence[Integer], p: Params) -> Integer:
+    def apply_sample(self, raw: Sequence[Integer], p: Params) -> Integer:
         """One step; its flags: saturated 1, sample 4, spike 16."""
         group = "gyro" if self.name == "gyro" else "angular"
         low, high = p[f"{group}.raw_min"], p[f"{group}.raw_max"]
@@ -264,18 +264,18 @@ def correction_q60(gain_q28: Integer, innovation: Integer) -> Integer:
     return 16 * clamp(gain_q28 * innovation, -(1 << 54), 1 << 54)
 
 
-def stand_still(c: ControlState, rest: Integer) -> None:
+def update_zero_rate(c: ControlState, rest: Integer) -> None:
     """At rest: the rate is zero."""
     u = [cell(c.p, i, RATE) for i in range(5)]
     gain = measure(c, u, u[RATE] + STILL_Q64, rest)
     for i in AXES:
         correct(c, i, gain, -c.rate[i], rest)
-    join(c, rest)
+    merge_attitudes(c, rest)
     for j in range(4):
         c.p[ANGLE][j] = select(rest, 0, c.p[ANGLE][j])
 
 
-def join(c: ControlState, where: Integer) -> None:
+def merge_attitudes(c: ControlState, where: Integer) -> None:
     """The two attitudes are one."""
     c.attitude_angular = chosen(where, c.attitude, c.attitude_angular)
     for j in range(4):
@@ -284,13 +284,13 @@ def join(c: ControlState, where: Integer) -> None:
 
 
 @dataclass(slots=True)
-class Passage:
+class TurntableStep:
     """What one step passes along."""
 
     gyro: Integer
     angular: Integer
     lost: Integer
-    apart: Integer
+    two_attitudes: Integer
     rest: Integer
     age_q24: Integer
     lagged_q34: list[Integer]
@@ -300,8 +300,8 @@ class Passage:
     shock: Integer = False
 
 
-def advance(
-    c: ControlState, p: Params, s: Passage, before: Sequence[Integer], adjacent: Integer, dt: Integer
+def propagate_rate(
+    c: ControlState, p: Params, s: TurntableStep, before: Sequence[Integer], adjacent: Integer, dt: Integer
 ) -> None:  # fmt: skip
     """Rate and lag of every axis through the step."""
     for i in AXES:
@@ -322,7 +322,7 @@ def advance(
         s.expected[i] = add_scaled(at_sample, -s.lagged_q34[i], c.lag_q24[i], 30)
 
 
-def predict_parameters(c: ControlState, p: Params, s: Passage, where: Integer, dt: Integer) -> None:
+def predict_parameters(c: ControlState, p: Params, s: TurntableStep, where: Integer, dt: Integer) -> None:
     """Sensitivities through the step."""
     for i in AXES:
         drive = add_scaled(0, ONE_Q30 - p["fusion.share_q30"], c.increment_q34[i], 36)
@@ -340,7 +340,7 @@ def project(v: Sequence[Integer], age_q24: Integer, direct: Integer, limit: int)
 
 
 def learn(
-    c: ControlState, p: Params, s: Passage, i: int, s_q64: Integer, gain: list[Integer], where: Integer
+    c: ControlState, p: Params, s: TurntableStep, i: int, s_q64: Integer, gain: list[Integer], where: Integer
 ) -> list[Integer]:  # fmt: skip
     """Scale and lag of one axis; the gains with their part in them."""
     direct = add_scaled(0, p["fusion.share_q30"], s.expected[i], 30)
@@ -373,7 +373,7 @@ def learn(
     return gain
 
 
-def compare_rates(c: ControlState, p: Params, s: Passage, where: Integer) -> None:
+def compare_rates(c: ControlState, p: Params, s: TurntableStep, where: Integer) -> None:
     """Data layer."""
     layer, share = p["fusion.layer"], p["fusion.share_q30"]
     largest: Integer = 0
@@ -410,7 +410,7 @@ def compare_rates(c: ControlState, p: Params, s: Passage, where: Integer) -> Non
         s.turn_q60[i] = s.turn_q60[i] + select(turned, correction_q60(gain[ANGLE], c.innovation[i]), 0)
 
 
-def align_gyro(c: ControlState, p: Params, s: Passage, where: Integer, dt: Integer) -> None:
+def align_gyro(c: ControlState, p: Params, s: TurntableStep, where: Integer, dt: Integer) -> None:
     """Attitude layer: the gyro's own rate through the step; anew where the gyro is just back."""
     period = add_scaled(0, dt, p["fusion.gyro_period_step_q24"], 24)
     for i in AXES:
@@ -424,8 +424,8 @@ def align_gyro(c: ControlState, p: Params, s: Passage, where: Integer, dt: Integ
         turn = turn + ((surprise * period) >> 1)
         aligned = clamp(aligned + surprise, -RATE_MAX, RATE_MAX)
         anew = select(s.gyro, sample, c.rate[i])
-        c.corrected[i] = select(where, select(s.apart, aligned, anew), c.corrected[i])
-        s.turn_q60[i] = select(where & s.apart, turn, s.turn_q60[i])
+        c.corrected[i] = select(where, select(s.two_attitudes, aligned, anew), c.corrected[i])
+        s.turn_q60[i] = select(where & s.two_attitudes, turn, s.turn_q60[i])
 
 
 def compare_attitudes(c: ControlState, p: Params, where: Integer, dt: Integer) -> None:
@@ -460,7 +460,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     dt, layer = p["fusion.dt_s_q32"], p["fusion.layer"]
     before, adjacent = list(c.angular.value), c.angular.gap == 0
     away = c.gyro.gap > c.gyro.stale
-    gyro_flags, angular_flags = c.gyro.take(raw[:3], p), c.angular.take(raw[3:], p)
+    gyro_flags, angular_flags = c.gyro.apply_sample(raw[:3], p), c.angular.apply_sample(raw[3:], p)
     age = c.age_q24 + (1 << 24)
     period = p["fusion.gyro_period_step_q24"]
     age = age - select(age >= period, period, 0)
@@ -468,11 +468,11 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     c.age_q24 = select(beside, select(age < period // 2, (1 << 24) - 1, 0), age)
     lost, rest = c.gyro.gap > c.gyro.stale, c.step <= p["fusion.rest_steps"]
     two = (layer == ATTITUDE) & (rest == 0)
-    s = Passage(
+    s = TurntableStep(
         gyro=(gyro_flags & FLAG_SAMPLE) != 0,
         angular=(angular_flags & FLAG_SAMPLE) != 0,
         lost=lost,
-        apart=two & (lost == 0) & (away == 0),
+        two_attitudes=two & (lost == 0) & (away == 0),
         rest=rest,
         age_q24=select(c.age_q24 < 1 << 24, c.age_q24, 0),
         lagged_q34=[0, 0, 0],
@@ -483,27 +483,27 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     flags = gyro_flags | angular_flags << 1 | select(s.rest, FLAG_REST, 0) | select(s.lost, FLAG_GYRO_LOST, 0)
     c.clamped_steps = c.clamped_steps + select((flags & 3) != 0, 1, 0)
 
-    advance(c, p, s, before, adjacent, dt)
-    predict(c, p, s.angular, s.apart, dt)
+    propagate_rate(c, p, s, before, adjacent, dt)
+    predict(c, p, s.angular, s.two_attitudes, dt)
     by_rates = (layer != ATTITUDE) & (s.rest == 0)
     if by_rates is not False:
         predict_parameters(c, p, s, by_rates, dt)
     if s.rest is not False:
-        stand_still(c, s.rest)
+        update_zero_rate(c, s.rest)
     comparing = s.gyro & (s.rest | (layer != ATTITUDE))
     if comparing is not False:
         compare_rates(c, p, s, comparing)
     flags = flags | select(s.shock, FLAG_SHOCK, 0)
     if two is not False:
         align_gyro(c, p, s, two, dt)
-        c.attitude_angular = chosen(s.apart, rotate(c.attitude_angular, s.turn_angular_q60), c.attitude_angular)
+        c.attitude_angular = chosen(s.two_attitudes, rotate(c.attitude_angular, s.turn_angular_q60), c.attitude_angular)
     if s.rest is not True:
         c.attitude = chosen(s.rest == 0, rotate(c.attitude, s.turn_q60), c.attitude)
-    alone = (layer == ATTITUDE) & (s.apart == 0)
+    alone = (layer == ATTITUDE) & (s.two_attitudes == 0)
     if alone is not False:
-        join(c, alone)
-    if (s.apart & s.gyro) is not False:
-        compare_attitudes(c, p, s.apart & s.gyro, dt)
+        merge_attitudes(c, alone)
+    if (s.two_attitudes & s.gyro) is not False:
+        compare_attitudes(c, p, s.two_attitudes & s.gyro, dt)
     c.corrected = [select(two, c.corrected[i], c.rate[i]) for i in AXES]
     return (
         *raw, setpoint,

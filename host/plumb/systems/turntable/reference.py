@@ -87,7 +87,7 @@ class Sensor:
         none = np.full((runs, 1), 65535)
         return cls(channel, settings, stale_steps, zero, zero, zero, np.zeros((runs, 3), np.bool_), none)
 
-    def take(self, counts: FloatArray) -> BoolArray:
+    def apply_sample(self, counts: FloatArray) -> BoolArray:
         """One step; true where there is a sample, (runs, 1)."""
         low, high = self.channel.min_counts, self.channel.max_counts
         inside = (counts != NO_SAMPLE) & (counts >= low) & (counts <= high)
@@ -193,7 +193,7 @@ def step(x: State, t: TurntableTuning, counts: FloatArray) -> None:
     rest = x.step <= round(f.rest_s / dt)
     before, adjacent = x.angular.value, x.angular.gap_steps == 0
     away = x.gyro.gap_steps > x.gyro.stale_steps
-    gyro, angular = x.gyro.take(counts[:, :3]), x.angular.take(counts[:, 3:])
+    gyro, angular = x.gyro.apply_sample(counts[:, :3]), x.angular.apply_sample(counts[:, 3:])
     lost = x.gyro.gap_steps > x.gyro.stale_steps
     age_s = (x.age_s + dt) % f.gyro_period_s
     age_s = np.where(f.gyro_period_s - age_s < 1e-9 * dt, 0.0, age_s)
