@@ -32,11 +32,12 @@ LEVEL = (1676, 2048, 3041)
 """Counts of the quad's three inputs at rest and level."""
 
 
-def begin(session: Session, system: str) -> tuple[Capture, ControlParams]:
+def begin(session: Session, system: str, **link: int) -> tuple[Capture, ControlParams]:
     module = systems.load(system)
     params = quantise(module.TUNINGS[module.DEFAULT_TUNING])
     period_us = round(params.period_s * 1e6)
-    session.upload(params.words(), period_us=period_us, arm_hold_ms=0, esc_period_us=2500, adc_oversample_log2=0)
+    link = {"arm_hold_ms": 0, "esc_period_us": 2500, "adc_oversample_log2": 0} | link
+    session.upload(params.words(), period_us=period_us, **link)
     session.begin("REALTIME_LIVE", frames=["RAW_A", "RAW_B"])
     capture = Capture(session)
     session.listener = capture.feed
@@ -107,12 +108,16 @@ def test_digital_sensors_are_set_up_and_read_over_i2c(chip: Chip, session: Sessi
     assert accel.registers[0x31] == 0x0B, "full resolution, +-16 g"
 
 
-def test_a_foreign_chip_at_a_sensor_s_address_is_named(chip: Chip, session: Session) -> None:
+@pytest.mark.parametrize(("accel_bus", "said"), [(0, "another chip answers"), (1, "does not answer")])
+def test_a_foreign_chip_on_i2c_and_an_empty_spi_bus_are_told(
+    chip: Chip, connect_uart: Connect, accel_bus: int, said: str
+) -> None:
     chip.i2c.slaves = {Itg3205.ADDRESS: Itg3205(), Adxl345.ADDRESS: RegisterSlave({0x00: 0x00})}
-    begin(session, "balancer")
+    session = connect_uart(chip)
+    begin(session, "balancer", accel_bus=accel_bus)
     listen(session, 0.15)
-    (said,) = sensors_text(session.telemetry["SENSORS"])
-    assert said.startswith("accelerometer: another chip answers")
+    (found,) = sensors_text(session.telemetry["SENSORS"])
+    assert found.startswith(f"accelerometer: {said}")
 
 
 # ---- arming ----
