@@ -3,8 +3,6 @@ that fail, and interrupts that come late."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
@@ -18,7 +16,17 @@ from plumb.spec.parameters import table
 from plumb.systems.turntable import scenarios as turntable
 from plumb.tuning.quantise import quantise
 from support.pins import LSB_V, PINS, at_rest
-from support.sensor_bench import BOOT_US, CONTROL_WORDS, NO_CONVERSIONS, PERIOD_US, SENSOR, STEPS_MISSED, Bench, image
+from support.sensor_bench import (
+    BOOT_US,
+    CONTROL_WORDS,
+    NO_CONVERSIONS,
+    PERIOD_US,
+    SENSOR,
+    STEPS_MISSED,
+    Bench,
+    as_made,
+    image,
+)
 
 SIX_VOLTS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 NO_SAMPLE = -32768
@@ -29,26 +37,32 @@ SCAN_DONE = 1 << (16 + 11)
 """Of DMA1 channel 1, in the interrupt controller."""
 
 
-@pytest.fixture
-def analog() -> Iterator[Bench]:
+def analog_bench() -> Bench:
     machine = image()
     at_rest(machine)
     machine.advance_us(BOOT_US)
-    with Session.open(machine.uart) as session:
-        yield Bench(machine, session)
+    return Bench(machine, Session.open(machine.uart))
 
 
-@pytest.fixture
-def six() -> Iterator[Bench]:
-    """A turntable, each of its inputs at a level of its own."""
+def six_bench() -> Bench:
     machine = image()
     at_rest(machine, SIX_VOLTS)
     machine.advance_us(BOOT_US)
-    with Session.open(machine.uart) as session:
-        bench = Bench(machine, session)
-        words = quantise(turntable.TUNINGS[turntable.DEFAULT_TUNING]).words()
-        bench.begin = lambda **link: bench.begin_with(words, **link)
-        yield bench
+    bench = Bench(machine, Session.open(machine.uart))
+    words = quantise(turntable.TUNINGS[turntable.DEFAULT_TUNING]).words()
+    bench.begin = lambda **link: bench.begin_with(words, **link)
+    return bench
+
+
+@pytest.fixture
+def analog() -> Bench:
+    return as_made("analog", analog_bench)
+
+
+@pytest.fixture
+def six() -> Bench:
+    """A turntable, each of its inputs at a level of its own."""
+    return as_made("six", six_bench)
 
 
 def after_a_scan(bench: Bench) -> None:

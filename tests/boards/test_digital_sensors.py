@@ -3,7 +3,7 @@ bus fails the right one is named, the outputs go to neutral, nothing hangs, and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import pairwise
 
 import pytest
@@ -20,22 +20,26 @@ from support.sensor_bench import (
     SENSOR,
     STEPS_MISSED,
     Bench,
+    as_made,
     boot_digital,
     fit,
     image,
 )
 
 
-@pytest.fixture(params=["i2c", "spi"])
-def digital(request: pytest.FixtureRequest) -> Iterator[Bench]:
+def digital_bench(bus: str) -> Bench:
     machine = image()
-    gyro, accel = fit(machine, spi=request.param == "spi")
+    gyro, accel = fit(machine, spi=bus == "spi")
     boot_digital(machine)
-    with Session.open(machine.uart) as session:
-        bench = Bench(machine, session, gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
-        begin = bench.begin
-        bench.begin = lambda **words: begin(accel_bus=int(request.param == "spi"), **words)
-        yield bench
+    bench = Bench(machine, Session.open(machine.uart), gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
+    begin = bench.begin
+    bench.begin = lambda **words: begin(accel_bus=int(bus == "spi"), **words)
+    return bench
+
+
+@pytest.fixture(params=["i2c", "spi"])
+def digital(request: pytest.FixtureRequest) -> Bench:
+    return as_made(request.param, lambda: digital_bench(request.param))
 
 
 def begin_apart(digital: Bench, again: Callable[[], None], **words: int) -> Capture:
@@ -283,12 +287,8 @@ def test_one_access_that_fails_is_tried_again_and_costs_no_step(digital: Bench) 
 
 
 @pytest.fixture
-def i2c() -> Iterator[Bench]:
-    machine = image()
-    gyro, accel = fit(machine)
-    boot_digital(machine)
-    with Session.open(machine.uart) as session:
-        yield Bench(machine, session, gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
+def i2c() -> Bench:
+    return as_made("i2c", lambda: digital_bench("i2c"))
 
 
 @pytest.mark.slow

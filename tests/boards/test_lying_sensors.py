@@ -5,7 +5,7 @@ that is not ready refuses to be armed and says why."""
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 
@@ -16,7 +16,7 @@ from plumb.link.identity import BLOCKED, plausibility_text
 from plumb.link.monitor import watch
 from plumb.link.session import Session
 from support.pins import LSB_V, at_rest
-from support.sensor_bench import BOOT_US, DIGITAL_CONTROL, Bench, boot_digital, fit, image
+from support.sensor_bench import BOOT_US, DIGITAL_CONTROL, Bench, as_made, boot_digital, fit, image
 
 WITHIN_S = 0.5
 IMPLAUSIBLE = 1 << 11
@@ -25,22 +25,28 @@ LEVEL_V = (1.35, 1.65, 2.45)
 TURN_Q32 = 2**32
 
 
-@pytest.fixture
-def analog() -> Iterator[Bench]:
+def analog_bench() -> Bench:
     machine = image()
     at_rest(machine)
     machine.advance_us(BOOT_US)
-    with Session.open(machine.uart) as session:
-        yield Bench(machine, session)
+    return Bench(machine, Session.open(machine.uart))
 
 
-@pytest.fixture
-def digital() -> Iterator[Bench]:
+def digital_bench() -> Bench:
     machine = image()
     gyro, accel = fit(machine)
     boot_digital(machine)
-    with Session.open(machine.uart) as session:
-        yield Bench(machine, session, gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
+    return Bench(machine, Session.open(machine.uart), gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
+
+
+@pytest.fixture
+def analog() -> Bench:
+    return as_made("analog", analog_bench)
+
+
+@pytest.fixture
+def digital() -> Bench:
+    return as_made("i2c", digital_bench)
 
 
 def disarms(bench: Bench, capture: object, check: int) -> None:
