@@ -24,7 +24,7 @@ from support.sensor_bench import (
     SENSOR,
     STEPS_MISSED,
     Bench,
-    as_made,
+    bench_as_made,
     image,
 )
 
@@ -56,13 +56,13 @@ def six_bench() -> Bench:
 
 @pytest.fixture
 def analog() -> Bench:
-    return as_made("analog", analog_bench)
+    return bench_as_made("analog", analog_bench)
 
 
 @pytest.fixture
 def six() -> Bench:
     """A turntable, each of its inputs at a level of its own."""
-    return as_made("six", six_bench)
+    return bench_as_made("six", six_bench)
 
 
 def after_a_scan(bench: Bench) -> None:

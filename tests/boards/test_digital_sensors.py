@@ -20,7 +20,7 @@ from support.sensor_bench import (
     SENSOR,
     STEPS_MISSED,
     Bench,
-    as_made,
+    bench_as_made,
     boot_digital,
     fit,
     image,
@@ -39,7 +39,7 @@ def digital_bench(bus: str) -> Bench:
 
 @pytest.fixture(params=["i2c", "spi"])
 def digital(request: pytest.FixtureRequest) -> Bench:
-    return as_made(request.param, lambda: digital_bench(request.param))
+    return bench_as_made(request.param, lambda: digital_bench(request.param))
 
 
 def begin_apart(digital: Bench, again: Callable[[], None], **words: int) -> Capture:
@@ -288,7 +288,7 @@ def test_one_access_that_fails_is_tried_again_and_costs_no_step(digital: Bench) 
 
 @pytest.fixture
 def i2c() -> Bench:
-    return as_made("i2c", lambda: digital_bench("i2c"))
+    return bench_as_made("i2c", lambda: digital_bench("i2c"))
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ from plumb.link.identity import BLOCKED, plausibility_text
 from plumb.link.monitor import watch
 from plumb.link.session import Session
 from support.pins import LSB_V, at_rest
-from support.sensor_bench import BOOT_US, DIGITAL_CONTROL, Bench, as_made, boot_digital, fit, image
+from support.sensor_bench import BOOT_US, DIGITAL_CONTROL, Bench, bench_as_made, boot_digital, fit, image
 
 WITHIN_S = 0.5
 IMPLAUSIBLE = 1 << 11
@@ -41,12 +41,12 @@ def digital_bench() -> Bench:
 
 @pytest.fixture
 def analog() -> Bench:
-    return as_made("analog", analog_bench)
+    return bench_as_made("analog", analog_bench)
 
 
 @pytest.fixture
 def digital() -> Bench:
-    return as_made("i2c", digital_bench)
+    return bench_as_made("i2c", digital_bench)
 
 
 def disarms(bench: Bench, capture: object, check: int) -> None:

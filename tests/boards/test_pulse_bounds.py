@@ -25,7 +25,9 @@ from plumb.link.session import Session
 from plumb.link.transports.slcan import text_of_frames
 from plumb.spec import parameters
 from plumb.spec.protocol import protocol
+from support.campaigns import campaign
 from support.image_patches import without_memory_check
+from support.kept import as_made
 from support.pins import at_rest
 
 BUILD = Path(__file__).parents[2] / "build/stm32f103"
@@ -97,6 +99,19 @@ class Watched:
                 assert pulse_us[0] <= pulse <= pulse_us[1] and pulse <= frame_us - GAP_US, frames
 
 
+class Armed(Watched):
+    def __init__(self, image: bytes, esc_period_us: int) -> None:
+        super().__init__(image)
+        self.session = Session.open(self.machine.uart)
+        self.session.upload(CONTROL, esc_period_us=esc_period_us, period_us=1000, arm_hold_ms=0)
+        self.session.begin("REALTIME_LIVE")
+        self.session.arm()
+
+
+def armed(image: bytes, esc_period_us: int) -> Armed:
+    return as_made(f"pulse bounds {esc_period_us}", lambda: Armed(image, esc_period_us))
+
+
 WILD = (0, 1, 899 * 2, 1101 * 2, 4000, 4201, 16383, 65535, 0x7FFFFFFF, -1, -2000)
 
 
@@ -124,11 +139,8 @@ def test_the_frame_is_in_bounds_whatever_ram_holds(image: bytes, elf: Elf, value
 @pytest.mark.slow
 @pytest.mark.parametrize("value", WILD)
 def test_a_driven_pulse_is_in_bounds_whatever_ram_holds(image: bytes, elf: Elf, value: int) -> None:
-    board = Watched(image)
-    with Session.open(board.machine.uart) as session:
-        session.upload(CONTROL, esc_period_us=2040, period_us=1000, arm_hold_ms=0)
-        session.begin("REALTIME_LIVE")
-        session.arm()
+    board = armed(image, 2040)
+    with board.session as session:
         for name in ("esc.mid_halfus", "esc.min_halfus", "esc.max_halfus"):
             board.poke(elf, "params", name, value)
         for _ in range(10):
@@ -156,8 +168,8 @@ def test_a_crash_leaves_a_constant_pulse(image: bytes, elf: Elf) -> None:
     assert written[-2:] == [(0, 2000), (1, 2000)]
 
 
-POKED, ARMED_POKED = 24, 12
-"""Boards whose memory is poked while disarmed, and while armed."""
+POKED, ARMED_POKED, TABLES = campaign(10, 24), campaign(6, 12), campaign(10, 30)
+"""Boards whose memory is poked while disarmed, and while armed; and boards that are given some table."""
 
 
 def poke_some(board: Watched, elf: Elf, chance: random.Random, names: tuple[str, ...]) -> None:
@@ -198,17 +210,14 @@ def test_disarmed_pins_stay_neutral_whatever_is_poked_and_said(image: bytes, elf
 @pytest.mark.parametrize("seed", range(ARMED_POKED))
 def test_pulses_stay_in_bounds_whatever_is_poked_and_said(image: bytes, elf: Elf, seed: int) -> None:
     """The session's memory, too, which says whether the board is armed."""
-    chance, board = random.Random(1000 + seed), Watched(image)
-    with Session.open(board.machine.uart) as session:
-        session.upload(CONTROL, esc_period_us=chance.choice([2040, 2500, 20_000]), period_us=1000, arm_hold_ms=0)
-        session.begin("REALTIME_LIVE")
-        session.arm()
-        with contextlib.suppress(SimulationError, LinkError):
-            for _ in range(4):
-                session.receive(0.005)
-                poke_some(board, elf, chance, ("params", "control", "session"))
-                say_anything(board, chance)
-                board.check(PULSE_US)
+    chance = random.Random(1000 + seed)
+    board = armed(image, chance.choice([2040, 2500, 20_000]))
+    with board.session as session, contextlib.suppress(SimulationError, LinkError):
+        for _ in range(4):
+            session.receive(0.005)
+            poke_some(board, elf, chance, ("params", "control", "session"))
+            say_anything(board, chance)
+            board.check(PULSE_US)
 
 
 # ---- tables that a host commits, and tables that were saved ----
@@ -248,7 +257,7 @@ def any_pulses(chance: random.Random) -> dict[str, int]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(TABLES))
 def test_a_saved_table_for_other_controllers_is_not_loaded(image: bytes, seed: int) -> None:
     """Defaults, a named fault, no arming; with every other table, pulses in bounds."""
     chance = random.Random(2000 + seed)
@@ -266,7 +275,7 @@ def test_a_saved_table_for_other_controllers_is_not_loaded(image: bytes, seed: i
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(TABLES))
 def test_a_committed_table_for_other_controllers_is_refused(image: bytes, seed: int) -> None:
     """By the board itself: these frames come from a host that checks nothing."""
     chance = random.Random(3000 + seed)

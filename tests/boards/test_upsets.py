@@ -29,6 +29,7 @@ from plumb.spec import parameters
 from plumb.spec.protocol import protocol
 from plumb.spec.records import RECORDS
 from support.balancer_bench import Balancer
+from support.campaigns import campaign
 from support.image_patches import without_memory_check
 from support.pins import at_rest
 
@@ -41,10 +42,10 @@ NEUTRAL_BOUNDS = set(range(1800, 2201))
 SLEEP_US = 1100
 """Longest sleep of the loop, and what it takes to come to the check."""
 SILENCE_US = 50_000
-BITS_PER_WORD = 6
-"""Of the sample: with 360 words some 2,200 bits."""
+BITS_PER_WORD = campaign(2, 6)
+"""Of the sample: with 360 words some 720 bits, or 2,200."""
 PARTS = 8
-"""All flips take half a minute."""
+"""All flips of the whole campaign take half a minute."""
 TOLD_EVERY = 40
 """Of the flips, the frames of every so many are read by the host, too."""
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]

@@ -19,6 +19,7 @@ from plumb.flash.image import FLASH_BASE
 from plumb.link.identity import Identity
 from plumb.link.session import Session
 from plumb.spec import parameters
+from support.campaigns import campaign
 from support.image_patches import patched
 from support.pins import at_rest
 
@@ -139,7 +140,7 @@ def test_power_fails_at_any_cycle_of_the_start(image: bytes, brown: bool) -> Non
     """Whatever was half set up, the next start is as good as the first, and tells why it was."""
     chance = random.Random(7)
     machine = started(image)
-    for _ in range(60):
+    for _ in range(campaign(25, 60)):
         machine.reset()
         machine.run_to(machine.now + chance.randrange(8_000 * 40320))
         cut(machine, brown)
@@ -155,8 +156,10 @@ def test_power_fails_at_any_cycle_of_the_start(image: bytes, brown: bool) -> Non
 def test_power_fails_in_flight(image: bytes, brown: bool) -> None:
     """Armed, driving, at any cycle: off at once, then neutral, disarmed and without a run."""
     chance = random.Random(8)
+    machine, session = flying(image)
+    snapshot = machine.snapshot(session)
     for _ in range(5):
-        machine, session = flying(image)
+        machine.restore(snapshot)
         machine.run_to(machine.now + chance.randrange(5_000 * 40320))
         cut(machine, brown)
         seen = set()
@@ -164,13 +167,13 @@ def test_power_fails_in_flight(image: bytes, brown: bool) -> None:
             machine.advance_us(100)
             seen.add((machine.pwm("PB6").enabled, machine.pwm("PB6").pulse_us))
         assert seen <= {(False, 0.0), (True, 0.0), (True, NEUTRAL_US)} and at_neutral(machine)
-        session._token = None
         assert identity(machine).reset_cause == "power"
         machine.uart.read(4096)
         machine.run_until(lambda: False, 120_000)
         with Session.open(machine.uart) as after:
             after.receive(0.2)
-            assert after.telemetry["STATUS"]["mode"] == 0 and after.telemetry["STATUS"]["blocked"] & 2
+            status = after.telemetry["STATUS"]
+            assert (status["armed"], status["mode"]) == (0, 0) and status["blocked"] & 2
 
 
 @pytest.mark.slow

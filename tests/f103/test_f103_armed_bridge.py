@@ -12,6 +12,7 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extr
 from plumb.errors import LinkError
 from plumb.f103.core.timeline import TICKS_PER_US
 from support.balancer_bench import BOOT_US, Balancer
+from support.kept import as_made
 
 FAULT_BRIDGE, FAULT_HALL, FAULT_SENSOR = 0x10, 0x20, 0x40
 CAUSE_FAULT, CAUSE_SILENCE, CAUSE_COMMAND, CAUSE_SWITCH = 1 << 3, 1 << 5, 1 << 6, 1 << 8
@@ -21,6 +22,10 @@ TURN_US = 1500
 
 @pytest.fixture
 def rider() -> Balancer:
+    return as_made("armed bridge", armed_bridge)
+
+
+def armed_bridge() -> Balancer:
     balancer = Balancer()
     balancer.arm()
     return balancer
@@ -90,7 +95,7 @@ def test_every_kind_of_reset_switches_off_at_once_and_stays_off(rider: Balancer)
 @pytest.mark.parametrize("brown", [False, True], ids=["power cut", "brown-out"])
 def test_power_that_fails_at_any_cycle_switches_off_and_leaves_nothing_behind(brown: bool) -> None:
     """With I2C, Hall sensors, bridge and CAN all at work; and the next start can be armed like the first."""
-    balancer, chance = Balancer("can"), random.Random(9)
+    balancer, chance = Balancer.as_made("can"), random.Random(9)
     machine = balancer.machine
     for _ in range(3):
         balancer.arm()
@@ -119,7 +124,7 @@ def test_a_dying_crystal_switches_off_before_any_instruction(rider: Balancer) ->
 
 @pytest.mark.slow
 def test_the_handle_alone_is_enough_and_letting_go_is_at_once() -> None:
-    balancer = Balancer()
+    balancer = Balancer.as_made()
     balancer.machine.drive("PC14", False)
     balancer.machine.advance_us(1_000_000)  # at rest for 0.6 s first
     assert balancer.driving

@@ -21,6 +21,7 @@ from plumb.spec import parameters
 from plumb.spec.protocol import Frame
 from plumb.tuning.quantise import quantise
 from support.balancer_bench import Balancer
+from support.kept import as_made
 from support.native_board import AT_REST
 from support.pins import at_rest
 
@@ -31,6 +32,8 @@ LINKS = ["serial", "can"]
 RUNS = ["REALTIME_LIVE", "REALTIME_INJECTED"]
 READY_US = 1_000_000
 """At rest from the first step on, a run may be armed by then."""
+DRIVEN_US, LATCHED_US = 200_000, 250_000
+"""Armed before the silence; and how long the outputs are looked at afterwards, with and without a host."""
 QUAD_PERIOD_US, BALANCER_PERIOD_US = 5000, 10_000
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 
@@ -47,11 +50,13 @@ def opened(machine: Machine, link: str) -> Session:
 def drive(session: Session, run: str, period_us: int, raw: tuple[int, ...]) -> Callable[[bool], None]:
     """Begin and arm; returns what lets one period pass: True with the host alive, False with samples alone."""
     session.begin(run)
-    numbers = count()
+    step = 0
 
     def one_period(alive: bool) -> None:
+        nonlocal step
         if run == "REALTIME_INJECTED":
-            session.frames.write_frames(sample_frames(session.protocol, next(numbers), raw, 0, 0))
+            session.frames.write_frames(sample_frames(session.protocol, step, raw, 0, 0))
+            step += 1
         end = session.clock() + period_us * 1e-6
         while (remaining := end - session.clock()) > 0:
             if alive:
@@ -63,9 +68,26 @@ def drive(session: Session, run: str, period_us: int, raw: tuple[int, ...]) -> C
     while session.clock() < end_s:
         one_period(True)
     session.arm()
-    for _ in range(40):
+    for _ in range(DRIVEN_US // period_us):
         one_period(True)
     return one_period
+
+
+class Quad:
+    """Armed and driving over a link, in a run of this kind."""
+
+    def __init__(self, link: str, run: str) -> None:
+        self.machine = Machine(find_image())
+        at_rest(self.machine)
+        self.machine.advance_us(30_000)
+        self.session = opened(self.machine, link)
+        self.session.upload(CONTROL, period_us=QUAD_PERIOD_US, arm_hold_ms=0)
+        self.one_period = drive(self.session, run, QUAD_PERIOD_US, AT_REST)
+
+
+def armed_quad(link: str, run: str) -> tuple[Machine, Session, Callable[[bool], None]]:
+    quad = as_made(f"keep-alive {link} {run}", lambda: Quad(link, run))
+    return quad.machine, quad.session, quad.one_period
 
 
 def fall_silent(machine: Machine, one_period: Callable[[bool], None], safe: Callable[[], bool]) -> float:
@@ -76,7 +98,7 @@ def fall_silent(machine: Machine, one_period: Callable[[bool], None], safe: Call
         one_period(False)
         assert machine.now_us - begin_us < 2 * SAFE_US
     took_us = machine.now_us - begin_us
-    for _ in range(50):
+    while machine.now_us - begin_us < took_us + LATCHED_US:
         one_period(False)
         assert safe()
     return took_us
@@ -84,7 +106,8 @@ def fall_silent(machine: Machine, one_period: Callable[[bool], None], safe: Call
 
 def assert_latched(session: Session, one_period: Callable[[bool], None], safe: Callable[[], bool]) -> None:
     """A host that is back, keep-alives and all, moves nothing, and is told why."""
-    for _ in range(100):
+    end_s = session.clock() + LATCHED_US * 1e-6
+    while session.clock() < end_s:
         one_period(True)
         assert safe()
     assert session.telemetry["STATUS"]["armed"] == 0
@@ -95,12 +118,7 @@ def assert_latched(session: Session, one_period: Callable[[bool], None], safe: C
 @pytest.mark.parametrize("link", LINKS)
 @pytest.mark.parametrize("run", RUNS)
 def test_the_pulses_of_quad(link: str, run: str) -> None:
-    machine = Machine(find_image())
-    at_rest(machine)
-    machine.advance_us(30_000)
-    session = opened(machine, link)
-    session.upload(CONTROL, period_us=QUAD_PERIOD_US, arm_hold_ms=0)
-    one_period = drive(session, run, QUAD_PERIOD_US, AT_REST)
+    machine, session, one_period = armed_quad(link, run)
 
     def safe() -> bool:
         return all(machine.pwm(pin).pulse_us == NEUTRAL_US for pin in ("PB6", "PB7"))
@@ -114,7 +132,7 @@ def test_the_pulses_of_quad(link: str, run: str) -> None:
 @pytest.mark.parametrize("link", LINKS)
 @pytest.mark.parametrize("run", RUNS)
 def test_the_bridge_of_balancer(link: str, run: str) -> None:
-    balancer = Balancer(link)
+    balancer = Balancer.as_made(link)
     session = balancer.open()
     one_period = drive(session, run, BALANCER_PERIOD_US, (0, 20, 255, 0, 0, 0))
     assert fall_silent(balancer.machine, one_period, lambda: not balancer.driving) < SAFE_US
@@ -189,12 +207,7 @@ def test_a_sender_that_goes_on_while_the_host_hangs_keeps_nothing_alive(
     link: str, replay: Callable[[Session, Frames], Iterator[Frame]], frames: int, every_us: int
 ) -> None:
     """The host freezes; what it sent before is sent again and again, as a driver, an adapter or a recorder would."""
-    machine = Machine(find_image())
-    at_rest(machine)
-    machine.advance_us(30_000)
-    session = opened(machine, link)
-    session.upload(CONTROL, period_us=QUAD_PERIOD_US, arm_hold_ms=0)
-    one_period = drive(session, "REALTIME_LIVE", QUAD_PERIOD_US, ())
+    machine, session, one_period = armed_quad(link, "REALTIME_LIVE")
     again = replay(session, recorded(session, one_period, frames))
     begin_us, armed = machine.now_us, True
     while armed:

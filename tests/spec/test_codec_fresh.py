@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+import sys
 import zlib
 from pathlib import Path
 from types import ModuleType
@@ -12,8 +13,11 @@ import pytest
 
 from plumb.spec import declarations, parameters
 from plumb.spec.protocol import canonical_text, load_database, message_of, protocol, protocol_of
+from support.campaigns import LONG
 
 ROOT = Path(__file__).resolve().parents[2]
+SAMPLED = {"1 byte replaced by a random one", "1 byte lost", "2 neighbouring bytes swapped"}
+"""Kinds of damage that are measured anew."""
 DBC = ROOT / "host" / "plumb" / "spec" / "messages.dbc"
 
 
@@ -96,9 +100,22 @@ def test_table_order_is_the_order_of_the_struct() -> None:
 
 
 @pytest.mark.slow
-def test_protocol_document_is_fresh() -> None:
+def test_protocol_document_is_fresh(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the damaged lines, which take half a minute, those of three kinds, unless PLUMB_LONG=1."""
     text = (ROOT / "PROTOCOL.md").read_text()
-    assert tool("gen_protocol").generate(text) == text, "PROTOCOL.md is stale: run tools/gen_protocol.py"
+    generator = tool("gen_protocol")
+    if not LONG:
+        measure = sys.modules["measure_residuals"]
+        shown = re.findall(r"(?m)^\| ([^|]+) \| [\d,]+ \| (\d+) \|", text)
+        known = dict(shown)
+        measured = measure.residuals
+
+        def sampled(kind: str, trials: int, seed: int) -> int:
+            return measured(kind, trials, seed) if kind in SAMPLED else int(known[kind])
+
+        assert set(measure.KINDS) >= SAMPLED
+        monkeypatch.setattr(measure, "residuals", sampled)
+    assert generator.generate(text) == text, "PROTOCOL.md is stale: run tools/gen_protocol.py"
     assert text.count("<!-- begin") == 12
 
 

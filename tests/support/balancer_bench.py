@@ -18,6 +18,7 @@ from plumb.flash.image import find_image
 from plumb.link.session import Session
 from plumb.physics.motor import FORWARD
 from plumb.tuning.quantise import quantise
+from support.kept import as_made
 from support.sensor_bench import world
 
 BOOT_US = 60_000
@@ -48,6 +49,13 @@ class Balancer:
         machine.power_on()
         machine.advance_us(BOOT_US)
         self.session: Session | None = None
+
+    @classmethod
+    def as_made(cls, link: str = "serial") -> Balancer:
+        """Like Balancer(link), made once in a process; the one before is no more."""
+        balancer = as_made("balancer", cls)
+        balancer.link = link
+        return balancer
 
     def open(self) -> Session:
         return Session.over(MachineBus(self.machine)) if self.link == "can" else Session.open(self.machine.uart)

@@ -24,6 +24,7 @@ from plumb.spec.parameters import table
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning.quantise import quantise
+from support.kept import as_made
 
 PERIOD_US = 5000
 NEUTRAL_US = 1000.0
@@ -64,7 +65,7 @@ class Bench:
     """Control part of the parameters; None: the board's own."""
     accel: Adxl345 | None = None
     name: str = ""
-    """Of what `as_made` keeps; empty: not kept."""
+    """Of what `bench_as_made` keeps; empty: not kept."""
     made_at: int = 0
 
     def begin(self, **words: int) -> Capture:
@@ -84,8 +85,8 @@ class Bench:
         return capture.steps - before
 
     def armed(self, **words: int) -> Capture:
-        """Begun and armed. A bench of `as_made` comes here from its first moment alone, before a test changes anything:
-        what the first test waited for, the others get from a snapshot."""
+        """Begun and armed. A bench of `bench_as_made` comes here before a test changes anything: what the first test
+        waited for, the others get from a snapshot."""
         name = f"{self.name} {sorted(words.items())}"
         if self.name and name in _armed:
             capture, snapshot = _armed[name]
@@ -133,19 +134,18 @@ class Bench:
         assert self.machine.warnings == []
 
 
-_made: dict[str, tuple[Bench, Snapshot]] = {}
 _armed: dict[str, tuple[Capture, Snapshot]] = {}
 
 
-def as_made(name: str, make: Callable[[], Bench]) -> Bench:
-    """The bench of this name as it was when it was made, whatever a test has done to it since."""
-    if name not in _made:
+def bench_as_made(name: str, make: Callable[[], Bench]) -> Bench:
+    """The bench of this name, each time as it was when it was made."""
+
+    def named() -> Bench:
         bench = make()
         bench.name, bench.made_at = name, bench.machine.now
-        _made[name] = bench, bench.machine.snapshot(bench)
-    bench, snapshot = _made[name]
-    bench.machine.restore(snapshot)
-    return bench
+        return bench
+
+    return as_made(f"bench {name}", named)
 
 
 def image(**options: bool) -> Machine:
