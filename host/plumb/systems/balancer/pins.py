@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from plumb.f103.attached.adxl345 import Adxl345
 from plumb.f103.attached.itg3205 import Itg3205
 from plumb.f103.core.timeline import TICKS_PER_S, TICKS_PER_US
-from plumb.f103.machine import Machine
 from plumb.physics.motor import hall_state, share_of_supply
 from plumb.systems.balancer.plant import BalancerPlant
+
+if TYPE_CHECKING:
+    from plumb.f103.machine import Machine
 
 SCENARIO = "rough"
 SHOWN, TUNING = SCENARIO, "tuned"

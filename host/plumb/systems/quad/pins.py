@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from plumb.f103.core.timeline import TICKS_PER_S, TICKS_PER_US
-from plumb.f103.machine import Machine
 from plumb.physics.sensors import adc_counts
 from plumb.systems.analog_scans import AnalogScans
 from plumb.systems.quad.plant import QuadPlant
+
+if TYPE_CHECKING:
+    from plumb.f103.machine import Machine
 
 SCENARIO = "hold"
 SHOWN, TUNING = "motion", "adaptive"

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from plumb.errors import UsageError
-from plumb.f103.machine import Machine
 from plumb.physics.sensors import ADC_COUNTS, ADC_REFERENCE_V
 from plumb.systems.analog_scans import AnalogScans
 from plumb.systems.turntable.scenarios import TurntablePlant
+
+if TYPE_CHECKING:
+    from plumb.f103.machine import Machine
 
 SCENARIO = "analog"
 SHOWN, TUNING = SCENARIO, SCENARIO
