@@ -1,54 +1,85 @@
-"""The errors a person can act on: one sentence each, and the exit code that goes with it."""
+"""Exit codes, and the errors a person can act on: one sentence each, with its exit code."""
 
 from __future__ import annotations
 
 import errno
+from enum import IntEnum
 
 from plumb.process_signals import Terminated
 
 
-class PlumbError(Exception):
-    """Something the user can put right; the message is one sentence that says how."""
+class ExitCode(IntEnum):
+    """Exit codes of every command."""
 
-    exit_code = 2
+    GOOD = 0
+    BAD_VERDICT = 1
+    """A mismatch, or a limit exceeded."""
+    WRONG_USE = 2
+    """Wrong use, a bad input file or a missing tool."""
+    LINK_TROUBLE = 3
+    """Device or link trouble, or a verdict that could not be verified."""
+    DEFECT = 4
+    """A defect in plumb."""
+    INTERRUPTED = 130
+    """SIGINT."""
+    OUTPUT_NOT_READ = 141
+    """The reader of stdout closed it before the verdict."""
+    TERMINATED = 143
+    """SIGTERM."""
+
+
+def exit_code_of(verdict: str) -> ExitCode:
+    """Exit code of a command that ends with a verdict: pass, fail or unverified."""
+    codes = {"pass": ExitCode.GOOD, "fail": ExitCode.BAD_VERDICT, "unverified": ExitCode.LINK_TROUBLE}
+    return codes[verdict]
+
+
+class PlumbError(Exception):
+    """An error that the user can correct; the message is one sentence that says how."""
+
+    exit_code = ExitCode.WRONG_USE
 
 
 class VerdictError(PlumbError):
-    """The work was done and the answer is bad: a mismatch, or a limit exceeded."""
+    """The command did its work and the verdict is bad: a mismatch, or a limit exceeded."""
 
-    exit_code = 1
+    exit_code = ExitCode.BAD_VERDICT
 
 
 class UsageError(PlumbError):
-    """Wrong use, a bad input file, a parameter that cannot be, or a missing tool."""
+    """Wrong use, a bad input file, an impossible parameter, or a missing tool."""
 
-    exit_code = 2
+    exit_code = ExitCode.WRONG_USE
 
 
 class LinkError(PlumbError):
     """Device or link trouble: no port, no answer, a connection that closed, a version that differs."""
 
-    exit_code = 3
+    exit_code = ExitCode.LINK_TROUBLE
 
 
 NO_DEFECT = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM)
-"""Of the system, wherever they come up."""
+"""Errors of the machine, not of plumb, wherever they are raised."""
 
 
 def sentence_and_code(error: BaseException) -> tuple[str, int]:
-    """What ends a command, as a sentence and an exit code. An exception that no command foresaw: 2 when the machine is
-    short of something, else 4, a defect in plumb."""
+    """The sentence and the exit code of an exception that ends a command. An unforeseen exception is WRONG_USE when the
+    machine lacks something, else DEFECT."""
     if isinstance(error, PlumbError):
         return str(error), error.exit_code
     if isinstance(error, KeyboardInterrupt):
-        return ("terminated.", 143) if isinstance(error, Terminated) else ("interrupted.", 130)
+        terminated = isinstance(error, Terminated)
+        return ("terminated.", ExitCode.TERMINATED) if terminated else ("interrupted.", ExitCode.INTERRUPTED)
     if isinstance(error, MemoryError):
-        return "this machine has too little memory for that: ask for fewer steps, or give a smaller file", 2
+        sentence = "this machine has too little memory for that: ask for fewer steps, or give a smaller file"
+        return sentence, ExitCode.WRONG_USE
     if isinstance(error, OSError) and (error.filename is not None or error.errno in NO_DEFECT):
         where = "" if error.filename is None else f"{error.filename}: "
-        return f"{where}{error.strerror}; put that right and run it again", 2
+        return f"{where}{error.strerror}; put that right and run it again", ExitCode.WRONG_USE
     if isinstance(error, ModuleNotFoundError) and error.name and not error.name.startswith("plumb"):
-        return f"the Python module '{error.name}' is not installed: run tools/setup.sh in a checkout of plumb", 2
+        missing = f"the Python module '{error.name}' is not installed"
+        return f"{missing}: run tools/setup.sh in a checkout of plumb", ExitCode.WRONG_USE
     said = str(error).strip().partition("\n")[0]
     what = f"{type(error).__name__}: {said}" if said else type(error).__name__
-    return f"this is a defect in plumb ({what}): run it again with --debug, and report what that shows", 4
+    sentence = f"this is a defect in plumb ({what}): run it again with --debug, and report what that shows"
+    return sentence, ExitCode.DEFECT

@@ -10,7 +10,7 @@ import pytest
 
 from plumb import __main__ as front
 from plumb.cli import verbs
-from plumb.errors import LinkError, PlumbError, UsageError, VerdictError
+from plumb.errors import LinkError, PlumbError, UsageError, VerdictError, exit_code_of
 
 HEAVY = {"numpy", "can", "cantools", "serial", "unicorn", "matplotlib"}
 
@@ -52,6 +52,16 @@ def test_wrong_use_is_one_sentence_and_exit_2(
     assert captured.out == ""
 
 
+def test_golden_check_refuses_a_wrong_board_before_any_vector_runs(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    checked: list[object] = []
+    monkeypatch.setattr("plumb.proof.golden.check", lambda board, *_, **__: checked.append(board))
+    assert front.main(["golden", "check", "--board", "toaster"]) == 2
+    assert "'toaster' names no board" in capsys.readouterr().err
+    assert not checked
+
+
 def test_a_port_that_does_not_exist_is_link_trouble(capsys: pytest.CaptureFixture[str]) -> None:
     assert front.main(["run", "quad", "--board", "serial:/dev/no-such-port", "--seconds", "1"]) == 3
     assert "/dev/no-such-port" in capsys.readouterr().err
@@ -66,6 +76,11 @@ def test_a_missing_image_names_the_command_that_makes_it(tmp_path: Path, capsys:
 @pytest.mark.parametrize(("error", "code"), [(VerdictError, 1), (UsageError, 2), (LinkError, 3)])
 def test_exit_codes_follow_the_kind_of_trouble(error: type[PlumbError], code: int) -> None:
     assert error("why").exit_code == code
+
+
+@pytest.mark.parametrize(("verdict", "code"), [("pass", 0), ("fail", 1), ("unverified", 3)])
+def test_the_exit_code_follows_the_verdict(verdict: str, code: int) -> None:
+    assert exit_code_of(verdict) == code
 
 
 def test_an_interrupt_is_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -51,6 +51,12 @@ def test_no_way_to_serve_is_wrong_use(where: str, capsys: pytest.CaptureFixture[
     assert "pty or tcp:PORT" in capsys.readouterr().err
 
 
+def test_a_scenario_without_a_system_is_wrong_use(capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["virtual-board", "--scenario", "hold"]) == 2
+    complaint = capsys.readouterr().err
+    assert "--system" in complaint and len(complaint.splitlines()) == 1
+
+
 def test_an_image_that_does_not_boot_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stub = tmp_path / "half.bin"
     stub.write_bytes(IMAGE.read_bytes()[:6000])

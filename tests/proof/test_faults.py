@@ -155,6 +155,9 @@ def test_the_table_for_people_and_the_exit_code(
     assert "\x1b" not in said
     assert main(["faults", "--list"]) == 0
     assert "nothing is injected" in capsys.readouterr().out
+    assert main(["faults", "--list", "brown-out"]) == 0
+    listed = capsys.readouterr().out
+    assert "brown-out" in listed and "no-fault" not in listed
 
 
 @pytest.mark.parametrize(

@@ -9,14 +9,17 @@ from __future__ import annotations
 import argparse
 import json
 
+from plumb.cli import options
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    options.add_json(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
     from plumb.bench import bench
+    from plumb.errors import ExitCode
 
     result = bench.measure()
     print(json.dumps(result.to_json()) if arguments.json else result.render())
-    return 0 if result.within_budget else 1
+    return ExitCode.GOOD if result.within_budget else ExitCode.BAD_VERDICT

@@ -27,17 +27,18 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from plumb.cli import options
+
 if TYPE_CHECKING:
     from plumb.inputs.bridge import Bridge, End, Flow
     from plumb.tuning.quantise import ControlParams
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    buses = "serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT, can:INTERFACE:CHANNEL[@KBIT] or file:PATH"
-    parser.add_argument("sensor", metavar="BUS", help=f"the sensor board's: {buses}")
-    parser.add_argument("board", metavar="BUS", help="the STM32's: the same")
-    parser.add_argument("--system", help="whose parameters (default: of the system that the board has)")
-    parser.add_argument("--tuning", help="a name from the system's list (default: the system's own)")
+    parser.add_argument("sensor", metavar="BUS", help=f"bus of the sensor board: {options.BUS}")
+    parser.add_argument("board", metavar="BUS", help="bus of the STM32: the same")
+    options.add_system(parser, "system whose parameters are uploaded (default: the board's)")
+    options.add_tuning(parser)
     parser.add_argument("--keep-parameters", action="store_true", help="run with those the board has")
     parser.add_argument("--arm", action="store_true", help="arm the first run: the outputs move")
     parser.add_argument("--shadow", action="store_true", help="compare every step with the model, stop at a difference")
@@ -45,18 +46,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--direct", action="store_true", help="the sensor board is on the STM32's own CAN bus: samples are not carried"
     )
     parser.add_argument("--carry", action="store_true", help="carry frames only: another host does the rest")
-    parser.add_argument("--seconds", type=float, metavar="N", help="how long (default: until Ctrl-C)")
-    parser.add_argument("--json", action="store_true", help="print JSON at the end")
+    options.add_duration(parser)
+    options.add_json(parser, " at the end")
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb.errors import UsageError
+    from plumb.errors import ExitCode, UsageError, exit_code_of
     from plumb.link.endpoint_names import CanName, parse_bus
     from plumb.process_signals import endings
 
     on_can = [isinstance(parse_bus(spec), CanName) for spec in (arguments.sensor, arguments.board)]
-    if arguments.seconds is not None and not arguments.seconds > 0:
-        raise UsageError(f"--seconds {arguments.seconds:g}: ask for more than nothing")
+    options.check_duration(arguments.seconds)
     if arguments.carry and (arguments.shadow or arguments.arm):
         raise UsageError("--carry only carries frames: leave out --shadow and --arm, or --carry")
     if arguments.direct and (arguments.carry or not on_can[0]):
@@ -79,7 +79,9 @@ def main(arguments: argparse.Namespace) -> int:
     if signal.SIGINT in caught:
         raise KeyboardInterrupt
     idle = summary.get("runs") == 0 or 0 in (summary[side]["opened"] for side in ("first", "second") if side in summary)
-    return {"fail": 1, "unverified": 3}.get(str(summary.get("verdict")), 3 if idle else 0)
+    if summary.get("verdict") in ("fail", "unverified"):
+        return exit_code_of(summary["verdict"])
+    return ExitCode.LINK_TROUBLE if idle else ExitCode.GOOD
 
 
 def say(text: str) -> None:

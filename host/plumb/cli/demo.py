@@ -13,56 +13,53 @@ import json
 import shutil
 from pathlib import Path
 
+from plumb.cli import options
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="default: out/demo")
-    parser.add_argument("--image", type=Path, help="flash image (default: the checkout's build)")
-    parser.add_argument("--seed", type=int, default=1000, help="of every random number (default 1000)")
-    parser.add_argument("--seconds", type=float, default=60.0, help="simulated length (default 60)")
-    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    options.add_out(parser, default=Path("out/demo"))
+    options.add_image(parser)
+    options.add_seed(parser)
+    options.add_seconds(parser, "simulated length (default 60)", default=60.0)
+    options.add_json(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
     from plumb import systems
     from plumb.boards import open_board
-    from plumb.boards.virtual import VirtualBoard
-    from plumb.errors import UsageError
-    from plumb.proof import golden, live_run, run_report
+    from plumb.errors import UsageError, exit_code_of
+    from plumb.proof import golden, run_report
     from plumb.proof.report import Table
-    from plumb.tuning.quantise import quantise
+    from plumb.proof.scenario_run import RunRequest, perform
 
     folder = golden.vectors_folder(None)
     name = next(iter(systems.with_part("demo")), None)
     if name is None:
         raise UsageError("no system here has a demo; plumb run SYSTEM runs one")
-    system, part = systems.load(name), systems.load(name, "demo")
-    params = quantise(system.TUNINGS[part.TUNING])
-    scenario = system.scenario(part.SCENARIO, arguments.seed, seconds=arguments.seconds)
+    part = systems.load(name, "demo")
+    request = RunRequest(
+        name,
+        "virtual",
+        scenario=part.SCENARIO,
+        tuning=part.TUNING,
+        seed=arguments.seed,
+        seconds=arguments.seconds,
+        live=True,
+        image=arguments.image,
+    )
     here = ["native", *(["qemu"] if shutil.which("qemu-system-arm") else [])]
     boards = [*((one, one, "serial") for one in here), ("virtual", "virtual", "serial")]
     boards.append(("virtual, CAN", "virtual", "can"))
-    with VirtualBoard(arguments.image) as board:
-        trial = live_run.run_live(board, scenario, params)
+    done = perform(request)
     checks = {}
     for label, spec, link in boards:
         with open_board(spec, link=link, image=arguments.image) as board_:
             checks[label] = golden.check(board_, folder)
 
-    inputs = trial.inputs
-    errors = part.errors(trial)
-    verdict = golden.verdict_of(checks.values())
-    if trial.verdict != "pass":
-        verdict = trial.verdict if verdict != "fail" else verdict
-
-    summary = trial.summary(
-        system=name,
-        scenario=part.SCENARIO,
-        tuning=part.TUNING,
-        loop="closed",
-        board="virtual, live ADC",
-        link="serial",
-        seed=arguments.seed,
-    )
+    run, inputs = done.run, done.run.inputs
+    errors = part.errors(run)
+    verdict = golden.worst_of([run.verdict, *(check.verdict for check in checks.values())])
+    summary = done.summary(board="virtual, live ADC", live=None)
     summary["verdict"] = verdict
     summary["tilt_error_deg"] = {name: {"rms": rms, "max": worst} for name, (rms, worst) in errors.items()}
     summary["golden"] = {name: check.to_json() for name, check in checks.items()}
@@ -83,15 +80,15 @@ def main(arguments: argparse.Namespace) -> int:
             bad_rows=frozenset(i for i, check in enumerate(checks.values()) if check.to_json()["mismatches"]),
         ),
     ]
-    run_report.write_run(arguments.out, trial, summary, tables)
+    run_report.write_run(arguments.out, run, summary, tables)
     if arguments.json:
         print(json.dumps(summary))
     else:
         for table in tables:
             print(render(table))
-        print(f"live run: {trial.mismatches} of {len(inputs.raw)} steps differ from fixed")
+        print(f"live run: {run.mismatches} of {len(inputs.raw)} steps differ from fixed")
         print(f"{verdict}; the report is {arguments.out / 'report.html'}")
-    return {"pass": 0, "fail": 1, "unverified": 3}[verdict]
+    return exit_code_of(verdict)
 
 
 def render(table: object) -> str:

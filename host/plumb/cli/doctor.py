@@ -18,6 +18,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from plumb.cli import options
+
 if TYPE_CHECKING:
     from plumb.link.identity import Identity
     from plumb.link.session import Session
@@ -34,14 +36,14 @@ class Finding:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--board", metavar="SPEC", help="look at this board, too: virtual, serial:PORT[@BAUD] or can:..."
-    )
-    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    options.add_board(parser, linked=True, required=False, about="check this board, too")
+    options.add_link(parser)
+    options.add_json(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
+    from plumb.errors import ExitCode
+
     findings = [*libraries(), *tools(), native_core(), image(), *serial_rights()]
     bad = [finding for finding in findings if finding.needed and not finding.good]
     ill = []
@@ -54,7 +56,9 @@ def main(arguments: argparse.Namespace) -> int:
         for finding in findings:
             mark = "ok  " if finding.good else ("MISS" if finding.needed else "-   ")
             print(f"{mark} {finding.what}: {finding.detail}")
-    return 2 if bad else 1 if ill else 0
+    if bad:
+        return ExitCode.WRONG_USE
+    return ExitCode.BAD_VERDICT if ill else ExitCode.GOOD
 
 
 def libraries() -> Iterator[Finding]:

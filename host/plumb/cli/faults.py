@@ -4,7 +4,7 @@
     plumb faults gyro-frozen --system quad    one fault, on one system
     plumb faults hangs 'can-*' --json         groups and names, with * and ?
     plumb faults host-silent --phases 1000    injected at a thousand different moments within 60 ms
-    plumb faults --list                       all faults with their limits; runs nothing
+    plumb faults --list 'can-*'               faults with their limits (default: all); runs nothing
 
 The virtual board runs the flash image. A fault passes when every output pin is safe within its limit and stays safe,
 and the board reports the fault in the expected frame. A fault that must have no effect (limit 0) passes when every
@@ -16,26 +16,30 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from pathlib import Path
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from plumb.cli import options
+
+if TYPE_CHECKING:
+    from plumb.proof.faults.fault import Fault
 
 MOST_PHASES = 10_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("fault", nargs="*", metavar="FAULT", help="names or groups (default: all)")
-    parser.add_argument("--system", action="append", metavar="S", help="a system with an actuator (default: all)")
+    options.add_systems(parser, "a system with an actuator (default: all)")
     parser.add_argument(
         "--phases", type=int, default=50, help="moments to inject a fault that depends on timing (default 50)"
     )
-    parser.add_argument(
-        "--image", type=Path, help="flash image, its ELF file in the same folder (default: the checkout's)"
-    )
+    options.add_image(parser, "flash image, its ELF file in the same folder")
     parser.add_argument("--list", action="store_true", help="list the faults instead of running them")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    options.add_json(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb.errors import UsageError
+    from plumb.errors import UsageError, exit_code_of
     from plumb.proof.faults import table
 
     if not 1 <= arguments.phases <= MOST_PHASES:
@@ -46,7 +50,7 @@ def main(arguments: argparse.Namespace) -> int:
             raise UsageError(f"'{name}' is no system that drives an actuator; use one of {', '.join(driven)}")
     faults = table.chosen(arguments.fault)
     if arguments.list:
-        return list_faults(arguments.json)
+        return list_faults(faults, arguments.json)
     from tqdm import tqdm
 
     from plumb.flash.image import find_image
@@ -66,18 +70,17 @@ def main(arguments: argparse.Namespace) -> int:
         print(json.dumps({"verdict": verdict, "faults": [row.to_json() for row in rows]}))
     else:
         print(render(rows, colour=sys.stdout.isatty()))
-    return 0 if verdict == "pass" else 1
+    return exit_code_of(verdict)
 
 
-def list_faults(as_json: bool) -> int:
-    """Print every fault with its description and limit; run nothing."""
+def list_faults(faults: Sequence[Fault], as_json: bool) -> int:
+    """Print faults with their descriptions and limits, then the limits that they have; run nothing."""
     from plumb.proof.faults.limits import limits
-    from plumb.proof.faults.table import FAULTS
 
     rows = [
         {"group": fault.group, "name": fault.name, "what": fault.what, "limit": fault.limit,
          "limit_ms": limits()[fault.limit].safe_ms, "needs": sorted(fault.needs)}
-        for fault in FAULTS
+        for fault in faults
     ]  # fmt: skip
     if as_json:
         print(json.dumps(rows))
@@ -85,6 +88,9 @@ def list_faults(as_json: bool) -> int:
     for row in rows:
         print(f"{row['group']:<8} {row['name']:<28} {row['limit_ms']:>5g} ms  {row['what']}")
     print()
+    used = {fault.limit for fault in faults}
     for name, limit in limits().items():
+        if name not in used:
+            continue
         print(f"{name:<8} safe within {limit.safe_ms:g} ms, noticed within {limit.detected_ms:g} ms: {limit.why}")
     return 0

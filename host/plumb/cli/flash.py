@@ -20,6 +20,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from plumb.cli import options
+
 if TYPE_CHECKING:
     from plumb.flash.image import ImageHeader
     from plumb.flash.rom_loader import Flashed, Line, Part, RomLoader
@@ -39,9 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     way.add_argument("--port", help="serial port of the adapter; `plumb ports` lists them")
     way.add_argument("--probe", metavar="openocd[:INTERFACE]|pyocd", help="a debug probe, by the tool that drives it")
     parser.add_argument("--baud", type=int, default=115200, help="1200 to 115200 (default 115200)")
-    parser.add_argument("--image", type=Path, help="flash image, .bin, .hex or .elf (default: the checkout's build)")
+    options.add_image(parser, "flash image, .bin, .hex or .elf")
     parser.add_argument("--wait", type=float, default=15.0, metavar="S", help="for the bootloader (default 15 s)")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    options.add_json(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:

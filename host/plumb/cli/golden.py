@@ -5,11 +5,10 @@
     plumb golden check --board serial:/dev/ttyUSB0                      silicon
     plumb golden make                                                   after a change of the specification
 
-The vectors are data made by the integer model; a board passes when every step's digest is the same. The model itself,
-`fixed`, is always checked beside the boards asked for. fixed, native and qemu take every vector, a link those that the
-recipe marks for it. A file that is damaged, or is not what recipe and manifest say, is refused before anything runs. A
-difference is traced to the first step and signal. Exit code 1 on a mismatch, 3 when
-a link lost what would have proved it.
+The integer model makes the vectors; a board passes when it gives the same digest at every step. The model itself,
+`fixed`, is always checked too. fixed, native and qemu take every vector, a board behind a link those that the recipe
+marks for it. A damaged file, or one that differs from recipe or manifest, is refused before anything runs. A difference
+is traced to the first step and signal. Exit code 1 on a mismatch, 3 when the link lost digests or raw counts.
 """
 
 from __future__ import annotations
@@ -18,24 +17,21 @@ import argparse
 import json
 from pathlib import Path
 
+from plumb.cli import options
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("action", choices=("make", "check"))
-    parser.add_argument(
-        "--board",
-        action="append",
-        metavar="B",
-        help="native, qemu, virtual, serial:PORT or can:BUS; repeatable (default: native)",
-    )
-    parser.add_argument("--system", action="append", metavar="S", help="only this system's vectors; repeatable")
-    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
-    parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
+    options.add_boards(parser, default="native")
+    options.add_systems(parser, "only this system's vectors")
+    options.add_link_and_image(parser)
     parser.add_argument("--vectors", type=Path, help="folder of the vectors (default: the checkout's tests/vectors)")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    options.add_json(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb.boards import open_board
+    from plumb.errors import exit_code_of
+    from plumb.link.endpoint_names import parse_board
     from plumb.proof import golden
 
     folder = golden.vectors_folder(arguments.vectors)
@@ -43,10 +39,13 @@ def main(arguments: argparse.Namespace) -> int:
         made = golden.make(folder, arguments.system)
         print(json.dumps({"made": made}) if arguments.json else "\n".join(made))
         return 0
+    boards = dict.fromkeys(["fixed", *(arguments.board or ["native"])])
+    for spec in boards:
+        parse_board(spec)  # a wrong name is refused before any vector runs
     cases = golden.cases(folder, arguments.system)
     results = {}
-    for spec in dict.fromkeys(["fixed", *(arguments.board or ["native"])]):
-        with open_board(spec, link=arguments.link, image=arguments.image) as board:
+    for spec in boards:
+        with options.board_of(arguments, spec) as board:
             results[spec] = golden.check(board, folder, chosen=cases)
     verdict = golden.verdict_of(results.values())
     if arguments.json:
@@ -55,4 +54,4 @@ def main(arguments: argparse.Namespace) -> int:
         for spec, result in results.items():
             print(f"{spec}: {result.describe()}")
         print(verdict)
-    return {"pass": 0, "fail": 1, "unverified": 3}[verdict]
+    return exit_code_of(verdict)

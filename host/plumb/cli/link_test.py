@@ -1,10 +1,10 @@
-"""Try a link: samples in lockstep, one at a time and sixteen in inputs, every digest compared, everything lost counted.
+"""Test a link: send samples in lockstep, one at a time and sixteen in flight; compare every digest and count losses.
 
     plumb link-test --board serial:/dev/ttyUSB0
     plumb link-test --board can:socketcan:can0 --steps 20000
 
-Samples are random counts, so every bit of the frames is used. The parameters are left as they are, a run that is on is
-ended. Exit codes: 1 something was lost, damaged or repeated, or a digest is wrong; 3 the link broke.
+The samples are random counts, so that every bit of the frames is used. The parameters stay as they are; a run in
+progress is ended. Exit code 1 when a frame was lost, damaged or repeated, or a digest is wrong; 3 when the link broke.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from plumb.cli import options
 
 if TYPE_CHECKING:
     from plumb.link.session import Session
@@ -22,26 +23,24 @@ ONE_AT_A_TIME = 500
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--board", required=True, metavar="B", help="virtual, serial:PORT or can:BUS")
-    parser.add_argument("--steps", type=int, default=5000, help="sixteen in inputs (default 5000)")
-    parser.add_argument("--seed", type=int, default=1000, help="of the counts (default 1000)")
-    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
-    parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    options.add_board(parser, linked=True)
+    parser.add_argument("--steps", type=int, default=5000, help="steps sixteen in flight (default 5000)")
+    options.add_seed(parser, "the counts")
+    options.add_link_and_image(parser)
+    options.add_json(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb.boards.link import open_link_board
-    from plumb.errors import UsageError
+    from plumb.errors import UsageError, exit_code_of
 
     if not 1 <= arguments.steps <= 1_000_000:
         raise UsageError(f"--steps {arguments.steps}: from 1 to 1000000")
     if arguments.seed < 0:
         raise UsageError(f"a seed is 0 or more, not {arguments.seed}")
-    with open_link_board(arguments.board, link=arguments.link, image=arguments.image) as board:
+    with options.linked_board_of(arguments) as board:
         result = tried(board.session, arguments.steps, arguments.seed)
     print(json.dumps(result) if arguments.json else describe(result))
-    return 0 if result["verdict"] == "pass" else 1
+    return exit_code_of(result["verdict"])
 
 
 def tried(session: Session, steps: int, seed: int) -> dict[str, Any]:
@@ -105,7 +104,7 @@ def describe(r: dict[str, Any]) -> str:
     lost = {name: value for name, value in r.items() if isinstance(value, int) and name != "steps" and value}
     return "\n".join(
         [
-            f"{r['steps']} steps: {r['exchanges_per_s']}/s one at a time, {r['steps_per_s']}/s sixteen in inputs",
+            f"{r['steps']} steps: {r['exchanges_per_s']}/s one at a time, {r['steps_per_s']}/s sixteen in flight",
             f"an exchange takes {p['p50']} ms in the middle, 99 % within {p['p99']}, all within {p['p100']}",
             "nothing lost, damaged or repeated" if not lost else "; ".join(f"{n} {v}" for n, v in lost.items()),
             r["verdict"],

@@ -21,8 +21,9 @@ import shutil
 import sys
 import textwrap
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING
+
+from plumb.cli import options
 
 if TYPE_CHECKING:
     from plumb.boards.link import LinkBoard
@@ -38,32 +39,21 @@ SHOWN = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--board", required=True, metavar="B", help="virtual, serial:PORT or can:BUS")
+    options.add_board(parser, linked=True)
     parser.add_argument("--run", choices=("live",), help="begin a run on the board's own sensors, unarmed")
-    parser.add_argument("--seconds", type=float, metavar="N", help="how long (default: until Ctrl-C)")
-    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
-    parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
-    add_plant(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON, one object a line")
-
-
-def add_plant(parser: argparse.ArgumentParser) -> None:
-    """What is on the pins of a board simulated in this process."""
-    parser.add_argument("--system", help="whose plant is on the pins of `virtual` (default: the board's)")
-    parser.add_argument("--scenario", help="of the plant on `virtual`; a wrong name prints the system's list")
-    parser.add_argument("--seed", type=int, default=1000, help="of the plant on `virtual` (default 1000)")
+    options.add_duration(parser)
+    options.add_link_and_image(parser)
+    options.add_plant(parser)
+    options.add_json(parser, ", one object a line")
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb.boards.link import open_link_board
-    from plumb.errors import UsageError
     from plumb.link import monitor
     from plumb.process_signals import endings, raise_ending
 
-    if arguments.seconds is not None and not arguments.seconds > 0:
-        raise UsageError(f"--seconds {arguments.seconds:g}: ask for more than nothing")
+    options.check_duration(arguments.seconds)
     on_terminal = sys.stdout.isatty() and not arguments.json
-    with open_link_board(arguments.board, link=arguments.link, image=arguments.image) as board:
+    with options.linked_board_of(arguments) as board:
         paced = attach_plant(board, arguments.system, arguments.scenario, arguments.seed) and on_terminal
         session = board.session
         identity = session.identity or session.connect()

@@ -27,6 +27,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from plumb.cli import options
+
 if TYPE_CHECKING:
     from plumb.link.identity import Identity
     from plumb.link.session import Session
@@ -34,13 +36,10 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from plumb.spec import declarations
-
     each = argparse.ArgumentParser(add_help=False)
-    each.add_argument("--board", required=True, metavar="B", help="virtual, serial:PORT or can:BUS")
-    each.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
-    each.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
-    each.add_argument("--json", action="store_true", help="print JSON")
+    options.add_board(each, linked=True)
+    options.add_link_and_image(each)
+    options.add_json(each)
     keep = argparse.ArgumentParser(add_help=False)
     keep.add_argument("--save", action="store_true", help="and keep them in the board's flash")
     verbs = parser.add_subparsers(dest="action", required=True, metavar="list|get|set|tuning|save|load|reset|dump")
@@ -50,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     change = verbs.add_parser("set", parents=[each, keep], help="change some")
     change.add_argument("assignments", nargs="+", metavar="NAME=VALUE", help="integers of the table")
     tune = verbs.add_parser("tuning", parents=[each, keep], help="make the board a system, with a shipped tuning")
-    tune.add_argument("system", metavar="SYSTEM", help=", ".join(declarations.names()))
+    options.add_system_argument(tune)
     tune.add_argument("tuning", nargs="?", metavar="TUNING", help="default: the one that `plumb run` takes")
     verbs.add_parser("save", parents=[each], help="keep what is in use in the board's flash")
     give = verbs.add_parser("load", parents=[each, keep], help="commit a file, or go back to what the flash holds")
@@ -61,7 +60,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb.boards.link import open_link_board
     from plumb.link import parameter_table
     from plumb.spec import parameter_file, parameters
 
@@ -81,7 +79,7 @@ def main(arguments: argparse.Namespace) -> int:
         warnings += [f"{arguments.file}: {name} is missing; the board's value stays" for name in said.missing]
         if said.edited:
             warnings.append(f"{arguments.file}: the values are not those its CRC-32 was taken of: it was edited since")
-    with open_link_board(arguments.board, link=arguments.link, image=arguments.image) as board:
+    with options.linked_board_of(arguments) as board:
         identity = board.session.identity
         if identity is not None and identity.mismatch:
             warnings.append(identity.mismatch)

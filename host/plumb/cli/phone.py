@@ -17,10 +17,11 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from plumb.cli import options
 
 if TYPE_CHECKING:
     from plumb.boards import Board
@@ -35,29 +36,27 @@ LOOK_STEPS = 10
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--board", required=True, metavar="B", help="native, qemu, virtual, serial:PORT or can:BUS")
-    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
-    parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
+    options.add_board(parser)
+    options.add_link_and_image(parser)
     parser.add_argument("--udp", type=int, default=DEFAULT_PORT, metavar="PORT", help=f"port (default {DEFAULT_PORT})")
     parser.add_argument("--listen", default="loopback", metavar="WHERE", help="loopback (default), all, or an address")
     parser.add_argument("--tuning", default="euler", help="euler (default) or printed")
     parser.add_argument("--period-us", type=int, default=10_000, help="control period (default 10000)")
-    parser.add_argument("--seconds", type=float, help="how long, by the phone's clock (default: until it stops)")
+    options.add_seconds(parser, "how long, by the phone's clock (default: until it stops)")
     parser.add_argument("--wait", type=float, default=30.0, metavar="S", help="for the first step (default 30)")
     parser.add_argument("--save", type=Path, metavar="FILE", help="write every datagram, one a line")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html, summary.json and steps.csv")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    options.add_out(parser)
+    options.add_json(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
     from plumb.boards import open_board
-    from plumb.errors import LinkError, UsageError
+    from plumb.errors import ExitCode, LinkError, UsageError
     from plumb.inputs import phone_run, phone_udp
     from plumb.process_signals import endings, raise_ending
     from plumb.proof import report
 
-    if arguments.seconds is not None and not 0 < arguments.seconds < math.inf:
-        raise UsageError(f"--seconds {arguments.seconds:g}: ask for more than nothing, and for an end")
+    options.check_duration(arguments.seconds)
     if not arguments.wait > 0:
         raise UsageError(f"--wait {arguments.wait:g}: ask for more than nothing")
     params = phone_run.params_of(arguments.tuning, arguments.period_us)
@@ -69,7 +68,7 @@ def main(arguments: argparse.Namespace) -> int:
     with (
         phone_udp.Listener(arguments.udp, where) as listener,
         contextlib.nullcontext() if arguments.save is None else phone_udp.Saved(arguments.save) as saved,
-        open_board(arguments.board, link=arguments.link, image=arguments.image) as board,
+        options.board_of(arguments) as board,
         open_board("native") as native,
         endings() as stop,
     ):
@@ -94,7 +93,7 @@ def main(arguments: argparse.Namespace) -> int:
             "source": f"udp:{listener.port}",
             "tuning": arguments.tuning,
             "board": arguments.board,
-            "link": arguments.link if arguments.board == "virtual" else None,
+            "link": options.link_of(arguments),
             "steps": outcome.steps,
             "verdict": outcome.verdict,
             "mismatches": outcome.mismatches,
@@ -107,7 +106,7 @@ def main(arguments: argparse.Namespace) -> int:
         look_back(arguments, board, params, outcome, summary)
     print(json.dumps(summary) if arguments.json else describe(summary))
     if summary["verdict"] == "fail":
-        return 1
+        return ExitCode.BAD_VERDICT
     if lost or (cut_short and arguments.seconds is not None):
         raise LinkError(cut_short)
     if stop:

@@ -8,10 +8,12 @@ from __future__ import annotations
 import argparse
 import json
 
+from plumb.cli import options
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--probe", action="store_true", help="open each port at 921600 baud and ask who is there")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    options.add_json(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:

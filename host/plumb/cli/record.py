@@ -1,13 +1,13 @@
-"""Record a running board, or whatever goes by on a bus.
+"""Record a running board, or the frames on a bus.
 
     plumb record --board serial:/dev/ttyUSB0 --run live --out today --seconds 60
     plumb record --board virtual --run live --out today --seconds 10
     plumb record --bus can:socketcan:can0 --out bus.asc
 
-With --board DIR holds frames.asc (every frame), steps.csv (a row a step, in units) and board.json (identity and all
-parameters it ran with). Without --run it only listens to the run that is on. With --bus a log of frames is all, and not
-one is sent; its suffix names the format (.asc .blf .csv .log .trc). Ends after --seconds, with Ctrl-C, or when the link
-breaks: then what was recorded is kept, and said before the trouble.
+With --board, PATH is a folder: frames.asc (every frame), steps.csv (one row a step, in engineering units) and
+board.json (identity and parameters of the run). Without --run the command only listens to the run in progress. With
+--bus, PATH is a log of frames, and no frame is sent; its suffix names the format (.asc .blf .csv .log .trc). Ends after
+--seconds, with Ctrl-C, or when the link breaks; what was recorded until then is kept and reported.
 """
 
 from __future__ import annotations
@@ -19,31 +19,29 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from plumb.cli import options
+
 if TYPE_CHECKING:
     from plumb.link.session import Session
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from plumb.cli.monitor import add_plant
-
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("--board", metavar="B", help="virtual, serial:PORT or can:BUS")
-    what.add_argument("--bus", metavar="BUS", help="serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT or can:...")
+    options.add_board(what, linked=True, required=False)
+    what.add_argument("--bus", metavar="BUS", help=options.BUS)
     parser.add_argument("--out", type=Path, required=True, metavar="PATH", help="folder, or with --bus the log")
     parser.add_argument("--run", choices=("live",), help="begin a run on the board's own sensors, unarmed")
-    parser.add_argument("--seconds", type=float, metavar="N", help="how long (default: until Ctrl-C)")
-    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
-    parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
-    add_plant(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON at the end")
+    options.add_duration(parser)
+    options.add_link_and_image(parser)
+    options.add_plant(parser)
+    options.add_json(parser, " at the end")
 
 
 def main(arguments: argparse.Namespace) -> int:
     from plumb.errors import UsageError
     from plumb.process_signals import endings, raise_ending
 
-    if arguments.seconds is not None and not arguments.seconds > 0:
-        raise UsageError(f"--seconds {arguments.seconds:g}: ask for more than nothing")
+    options.check_duration(arguments.seconds)
     if arguments.bus and arguments.run:
         raise UsageError("--bus only listens: --run needs --board")
     summary: dict[str, Any] = {}
@@ -64,7 +62,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def of_bus(arguments: argparse.Namespace, caught: list[int], summary: dict[str, Any]) -> None:
-    """Every frame of the bus into the log; fills in the summary, whatever ends it."""
+    """Write every frame of the bus to the log; fill in the summary, whatever ends it."""
     from plumb.inputs.bridge import Flow
     from plumb.inputs.recorder import FrameLog
     from plumb.link.transports.open_bus import open_bus
@@ -88,14 +86,13 @@ def of_bus(arguments: argparse.Namespace, caught: list[int], summary: dict[str, 
 
 
 def of_board(arguments: argparse.Namespace, caught: list[int], summary: dict[str, Any]) -> None:
-    """What a board says into the folder; fills in the summary, whatever ends it."""
-    from plumb.boards.link import open_link_board
+    """Record a board into the folder; fill in the summary, whatever ends it."""
     from plumb.cli.monitor import attach_plant
     from plumb.inputs.recorder import Recorder
     from plumb.link import monitor
 
     make_folder(arguments.out)
-    with open_link_board(arguments.board, link=arguments.link, image=arguments.image) as board:
+    with options.linked_board_of(arguments) as board:
         attach_plant(board, arguments.system, arguments.scenario, arguments.seed)
         session = board.session
         recorder = Recorder(session, arguments.out)
@@ -129,7 +126,7 @@ def make_folder(folder: Path) -> None:
 
 
 def listen(session: Session, seconds: float | None, caught: list[int]) -> None:
-    """Receive for so long of the board's time; raises LinkError when it falls silent."""
+    """Receive until `seconds` of the board's time have passed; raises LinkError when the board falls silent."""
     from plumb.errors import LinkError
     from plumb.link.monitor import SILENCE_S
 

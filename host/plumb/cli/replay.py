@@ -11,8 +11,9 @@ line, as `plumb phone --save` writes them. Of several runs in a file the longest
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
+
+from plumb.cli import options
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,36 +28,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="whose inputs are made of it (default: the first of these)",
     )
     parser.add_argument("--axis", choices=("x", "y", "z"), default="x", help="where one axis is taken (default x)")
-    parser.add_argument("--board", required=True, metavar="B", help="native, qemu, virtual, serial:PORT or can:BUS")
-    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
-    parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
+    options.add_board(parser)
+    options.add_link_and_image(parser)
     parser.add_argument("--period-us", type=int, help="control period (default: the recording's own)")
-    parser.add_argument("--seconds", type=float, help="only the first so many seconds")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html, summary.json and steps.csv")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    options.add_seconds(parser, "only the first N seconds")
+    options.add_out(parser)
+    options.add_json(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
     from plumb import systems
-    from plumb.boards import open_board
-    from plumb.cli.run import describe
+    from plumb.cli.run_summary import report
     from plumb.proof import runs
 
     inputs, params, heading = systems.load(arguments.system, "replay").inputs_of(arguments)
-    with open_board(arguments.board, link=arguments.link, image=arguments.image) as board:
+    with options.board_of(arguments) as board:
         result = runs.open_loop(board, inputs, params)
     summary = result.summary(
         system=arguments.system,
         **heading,
         loop="open",
         board=arguments.board,
-        link=arguments.link if arguments.board == "virtual" else None,
+        link=options.link_of(arguments),
         seed=None,
         scored_steps=int(inputs.scored.sum()),
     )
-    if arguments.out:
-        from plumb.proof import run_report
-
-        run_report.write_run(arguments.out, result, summary)
-    print(json.dumps(summary) if arguments.json else describe(summary))
-    return {"pass": 0, "fail": 1, "unverified": 3}[result.verdict]
+    return report(arguments, result, summary)

@@ -4,7 +4,7 @@
     plumb sensor-board quad --bus tcp:127.0.0.1:4100     waits for a bridge there
     plumb sensor-board quad --bus can:socketcan:can0     as a second board on a CAN bus
 
-What the STM32 answers moves the plant while it is armed; until then the plant is held at rest, as a board is armed at
+The outputs of the STM32 move the plant while it is armed. Until then the plant is held at rest, because a board arms at
 rest only. With --open-loop the motion is prescribed and begins at once. Runs until Ctrl-C, or for --seconds.
 """
 
@@ -15,33 +15,33 @@ import json
 import signal
 from pathlib import Path
 
+from plumb.cli import options
+
 REST_S = 2.0
 """Every scenario of a system that drives something begins with more rest than this."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("system", help="whose plant and sensors")
+    options.add_system_argument(parser)
     parser.add_argument(
         "--bus", required=True, metavar="BUS", help="serial:pty, serial:PORT, tcp:HOST:PORT, udp:PORT or can:..."
     )
     parser.add_argument("--symlink", type=Path, help="also make this name point to the terminal of serial:pty")
-    parser.add_argument("--scenario", help="a name from the system's list (default: the system's own)")
-    parser.add_argument("--seed", type=int, default=1000, help="of every random number (default 1000)")
-    parser.add_argument("--seconds", type=float, metavar="N", help="how long (default: until Ctrl-C)")
-    parser.add_argument("--open-loop", action="store_true", help="prescribed motion: the actuators move nothing")
-    parser.add_argument("--json", action="store_true", help="print JSON at the end")
+    options.add_scenario(parser)
+    options.add_seed(parser)
+    options.add_duration(parser)
+    options.add_open_loop(parser)
+    options.add_json(parser, " at the end")
 
 
 def main(arguments: argparse.Namespace) -> int:
     from plumb import systems
-    from plumb.errors import UsageError
     from plumb.inputs.sensor_board import SensorBoard
     from plumb.link.endpoint_names import CanName, parse_bus
     from plumb.link.transports.open_bus import serve_bus
     from plumb.process_signals import endings
 
-    if arguments.seconds is not None and not arguments.seconds > 0:
-        raise UsageError(f"--seconds {arguments.seconds:g}: ask for more than nothing")
+    options.check_duration(arguments.seconds)
     system = systems.load(arguments.system)
     scenario = system.scenario(arguments.scenario or system.DEFAULT_SCENARIO, arguments.seed)
     plant = system.plant(scenario, open_loop=arguments.open_loop)

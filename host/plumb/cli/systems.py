@@ -18,25 +18,24 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from plumb.cli import options
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--table", action="store_true", help="run the scenarios and print the figures")
     parser.add_argument(
         "--short", action="store_true", help="with --table: only what was asked, and what stands beside"
     )
-    parser.add_argument(
-        "--system", action="append", metavar="S", help="only this system: its presets, or its figures; repeatable"
-    )
+    options.add_systems(parser, "only this system: its presets, or its figures")
     parser.add_argument(
         "--confirm", metavar="B", help="every scenario and tuning on a board, seed 1000, against native"
     )
-    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="how `virtual` is spoken to")
-    parser.add_argument("--image", type=Path, help="flash image for `virtual` (default: the checkout's build)")
-    parser.add_argument("--seconds", type=float, help="with --confirm: at most so much of each run")
+    options.add_link_and_image(parser)
+    options.add_seconds(parser, "with --confirm: at most N seconds of each run")
     parser.add_argument("--plots", type=Path, metavar="DIR", help="write the sources' figures as DIR/SYSTEM_NAME.svg")
     parser.add_argument("--seeds", type=int, default=40, help="how many seeds (default 40)")
     parser.add_argument("--first-seed", type=int, default=1000, metavar="N", help="from which on (default 1000)")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    options.add_json(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
@@ -63,7 +62,7 @@ def main(arguments: argparse.Namespace) -> int:
         return 0
     from tqdm import tqdm
 
-    from plumb.errors import UsageError
+    from plumb.errors import ExitCode, UsageError
     from plumb.proof import figures
 
     if not 1 <= arguments.seeds <= 1000 or arguments.first_seed < 0:
@@ -75,24 +74,24 @@ def main(arguments: argparse.Namespace) -> int:
         print(json.dumps({"figures": table, "assumed": {name: figures.assumed(name) for name in names}}))
     else:
         print(figures.render(rows, short=arguments.short, colour=sys.stdout.isatty()))
-    return 0 if all(row.met for _, row in rows) else 1
+    return ExitCode.GOOD if all(row.met for _, row in rows) else ExitCode.BAD_VERDICT
 
 
 def confirm(arguments: argparse.Namespace, names: Sequence[str]) -> int:
     """A line a run, as it is ready."""
-    from plumb.boards import open_board
+    from plumb.errors import ExitCode
     from plumb.proof import confirmed
 
     rows = []
     for name in names:
-        with open_board(arguments.confirm, link=arguments.link, image=arguments.image) as board:
+        with options.board_of(arguments, arguments.confirm) as board:
             for row in confirmed.confirm(board, name, seconds=arguments.seconds):
                 rows.append(row)
                 if not arguments.json:
                     print(row, flush=True)
     if arguments.json:
         print(json.dumps({"board": arguments.confirm, "seed": confirmed.SEED, "runs": [vars(row) for row in rows]}))
-    return int(any(row.differ for row in rows))
+    return ExitCode.BAD_VERDICT if any(row.differ for row in rows) else ExitCode.GOOD
 
 
 def named(name: str) -> dict[str, dict[str, str]]:

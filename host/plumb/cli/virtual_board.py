@@ -12,11 +12,11 @@
     plumb virtual-board --port native              the same main loop on a board in memory: no image, no Unicorn
     plumb virtual-board --symlink board --keep board.flash     what `plumb params save` saves is there the next time
 
-It runs the very image that is flashed, or with --port native the same main loop built for this machine, until Ctrl-C;
-starting it again is power off and on. With --system the board
-comes up as that system, its tuning and its pin set saved, as `plumb params tuning SYSTEM --save` and a reset leave
-them, unless --keep has parameters; without it, as a blank one. The strap decides where UART and actuators are: while
-the saved parameter pins disagrees with it, no actuator pin is driven.
+The board runs the flash image unmodified, or with --port native the same main loop built for this machine, until
+Ctrl-C; starting it again is power off and on. With --system the board starts as that system, its tuning and its pin set
+saved, as after `plumb params tuning SYSTEM --save` and a reset, unless --keep has parameters; without --system it
+starts with factory parameters. The strap decides where UART and actuators are: while the saved parameter `pins`
+disagrees with it, the board drives no actuator pin.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ import signal
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from plumb.cli import options
+
 if TYPE_CHECKING:
     from plumb.boards.flash_file import KeptSlots
     from plumb.boards.serve import Join, Served
@@ -36,20 +38,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--serial", default="pty", metavar="pty|tcp:PORT", help="where its UART appears (default pty)")
     parser.add_argument("--can", metavar="INTERFACE:CHANNEL", help="where its CAN bus appears (default: nowhere)")
     parser.add_argument("--symlink", type=Path, help="also make this name point to the terminal")
-    parser.add_argument("--system", help="begin as this system, its plant on the pins")
-    parser.add_argument("--scenario", help="of the plant; a wrong name prints the system's list")
-    parser.add_argument("--seed", type=int, default=1000, help="of the plant (default 1000)")
+    options.add_system(parser, "start as this system, with its plant on the pins")
+    options.add_scenario(parser)
+    options.add_seed(parser, "the plant")
     parser.add_argument("--strap", help="standard, bridge, quadrotor or both (default: as --system wants it)")
     parser.add_argument("--port", choices=("f103", "native"), default="f103", help="the chip, or a board in memory")
     parser.add_argument("--part", help="stm32f103c8 (default), -cb, -rct6, -ret6 or -zet6")
-    parser.add_argument("--image", type=Path, help="flash image (default: the checkout's build)")
+    options.add_image(parser)
     parser.add_argument("--keep", type=Path, metavar="FILE", help="keep its saved parameters here")
 
 
 def main(arguments: argparse.Namespace) -> int:
     from plumb.boards.serve import serve
+    from plumb.errors import UsageError
+    from plumb.link.endpoint_names import parse_can_end, parse_endpoint
     from plumb.process_signals import endings
 
+    if arguments.scenario and not arguments.system:
+        raise UsageError("--scenario is of a system's plant: name the system with --system, or leave --scenario out")
+    parse_endpoint(arguments.serial)
+    if arguments.can:
+        parse_can_end(arguments.can)
     board, join, kept = (_native if arguments.port == "native" else _f103)(arguments)
 
     def announce(address: str) -> None:

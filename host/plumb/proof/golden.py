@@ -157,9 +157,13 @@ class Result:
 
 
 def verdict_of(results: Iterable[Result]) -> str:
-    """The worst of all verdicts: fail, then unverified, then pass."""
-    verdicts = {result.verdict for result in results}
-    return next((v for v in ("fail", "unverified") if v in verdicts), "pass")
+    """The worst verdict of all results."""
+    return worst_of([result.verdict for result in results])
+
+
+def worst_of(verdicts: Sequence[str]) -> str:
+    """fail, else unverified, else pass."""
+    return next((verdict for verdict in ("fail", "unverified") if verdict in verdicts), "pass")
 
 
 def check(

@@ -45,8 +45,13 @@ def _in_range(row: Parameter, value: int) -> int:
     """The value; raises UsageError with the range."""
     if row.min <= value <= row.max:
         return value
-    kind = f"{row.format} {row.unit}".rstrip()
-    raise UsageError(f"{row.out_of_range(value)} ({kind}); nothing was changed")
+    raise UsageError(f"{row.out_of_range(value)}{_counted_in(row)}; nothing was changed")
+
+
+def _counted_in(row: Parameter) -> str:
+    """The Q format and the unit of a row's integer, in parentheses; empty where it has neither."""
+    parts = [row.format] * row.format.startswith("Q") + [f"unit {row.unit}"] * bool(row.unit)
+    return f" ({', '.join(parts)})" if parts else ""
 
 
 def assignments(texts: Iterable[str]) -> dict[str, int]:
@@ -60,9 +65,7 @@ def assignments(texts: Iterable[str]) -> dict[str, int]:
         try:
             value = int(number, 0)
         except ValueError:
-            raise UsageError(
-                f"'{number}' is no integer: {row.name} is the integer of the table, {row.format} {row.unit}".rstrip()
-            ) from None
+            raise UsageError(f"'{number}' is no integer: {row.name} is an integer{_counted_in(row)}") from None
         if row.name in result:
             raise UsageError(f"{row.name} is set twice; say it once")
         result[row.name] = _in_range(row, value)

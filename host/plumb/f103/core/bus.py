@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from plumb.errors import PlumbError
+from plumb.errors import ExitCode, PlumbError
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class SimulationError(PlumbError):
     """The firmware did something the virtual board does not model, or that silicon does not allow."""
 
-    exit_code = 3
+    exit_code = ExitCode.LINK_TROUBLE
 
 
 class Register(NamedTuple):

@@ -1,0 +1,148 @@
+"""Options that several commands share: each is declared here once, with its help text, and opened here.
+
+An `add_...` function adds one option to a parser or to a group of one; `board_of` and `linked_board_of` open the board
+that the options name. Only what argparse needs is imported at the top: help has to be quick.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from plumb.boards import Board
+    from plumb.boards.link import LinkBoard
+
+Options = argparse._ActionsContainer
+"""A parser, or a group of options of one."""
+
+DEFAULT_SEED = 1000
+ANY_BOARD = "native, qemu, virtual, serial:PORT or can:BUS"
+LINKED_BOARD = "virtual, serial:PORT or can:BUS"
+BUS = "serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT, can:INTERFACE:CHANNEL[@KBIT] or file:PATH"
+
+
+def add_board(parser: Options, *, linked: bool = False, required: bool = True, about: str = "") -> None:
+    """--board. linked: only boards that are spoken to over a link; about: what the command does with it."""
+    boards = LINKED_BOARD if linked else ANY_BOARD
+    if required:
+        parser.add_argument("--board", required=True, metavar="B", help=boards)
+    else:
+        parser.add_argument("--board", metavar="B", help=f"{about}: {boards}" if about else boards)
+
+
+def add_boards(parser: Options, *, default: str) -> None:
+    """--board, as often as wanted."""
+    parser.add_argument("--board", action="append", metavar="B", help=f"{ANY_BOARD}; repeatable (default: {default})")
+
+
+def add_link(parser: Options) -> None:
+    """--link."""
+    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="link to `virtual`")
+
+
+def add_image(parser: Options, what: str = "flash image") -> None:
+    """--image."""
+    parser.add_argument("--image", type=Path, help=f"{what} (default: the checkout's build)")
+
+
+def add_link_and_image(parser: Options) -> None:
+    """--link and --image, for --board virtual."""
+    add_link(parser)
+    add_image(parser, "flash image of `virtual`")
+
+
+def add_system_argument(parser: Options) -> None:
+    """SYSTEM, first on the command line."""
+    from plumb.spec import declarations
+
+    parser.add_argument("system", metavar="SYSTEM", help=", ".join(declarations.names()))
+
+
+def add_system(parser: Options, about: str) -> None:
+    """--system."""
+    parser.add_argument("--system", metavar="SYSTEM", help=about)
+
+
+def add_systems(parser: Options, about: str) -> None:
+    """--system, as often as wanted."""
+    parser.add_argument("--system", action="append", metavar="SYSTEM", help=f"{about}; repeatable")
+
+
+def add_scenario(parser: Options) -> None:
+    """--scenario."""
+    parser.add_argument(
+        "--scenario", metavar="NAME", help="scenario (default: the system's own); a wrong name lists all"
+    )
+
+
+def add_tuning(parser: Options) -> None:
+    """--tuning."""
+    parser.add_argument("--tuning", metavar="NAME", help="tuning (default: the system's own); a wrong name lists all")
+
+
+def add_open_loop(parser: Options) -> None:
+    """--open-loop."""
+    parser.add_argument("--open-loop", action="store_true", help="prescribed motion: the actuators move nothing")
+
+
+def add_plant(parser: Options) -> None:
+    """--system, --scenario and --seed of the plant on the pins of a board simulated in this process."""
+    add_system(parser, "system whose plant is on the pins of `virtual` (default: the board's)")
+    add_scenario(parser)
+    add_seed(parser, "the plant")
+
+
+def add_seed(parser: Options, of: str = "every random number") -> None:
+    """--seed."""
+    parser.add_argument("--seed", type=int, default=DEFAULT_SEED, help=f"seed of {of} (default {DEFAULT_SEED})")
+
+
+def add_seconds(parser: Options, about: str, default: float | None = None) -> None:
+    """--seconds."""
+    parser.add_argument("--seconds", type=float, metavar="N", default=default, help=about)
+
+
+def add_duration(parser: Options) -> None:
+    """--seconds, of a command that runs until it is told to stop; see `check_duration`."""
+    add_seconds(parser, "how long (default: until Ctrl-C)")
+
+
+def add_out(parser: Options, default: Path | None = None) -> None:
+    """--out, the folder of a run's report."""
+    shown = "" if default is None else f" (default: {default})"
+    about = f"write DIR/report.html, DIR/summary.json and DIR/steps.csv{shown}"
+    parser.add_argument("--out", type=Path, metavar="DIR", default=default, help=about)
+
+
+def add_json(parser: Options, when: str = "") -> None:
+    """--json."""
+    parser.add_argument("--json", action="store_true", help=f"print JSON{when}")
+
+
+def check_duration(seconds: float | None) -> None:
+    """Raises UsageError unless --seconds is absent or greater than 0."""
+    from plumb.errors import UsageError
+
+    if seconds is not None and not seconds > 0:
+        raise UsageError(f"--seconds {seconds:g}: ask for more than nothing")
+
+
+def board_of(arguments: argparse.Namespace, board: str | None = None) -> Board:
+    """The board that --board, --link and --image name; board: instead of --board. Raises UsageError, LinkError."""
+    from plumb.boards import open_board
+
+    return open_board(board or arguments.board, link=arguments.link, image=arguments.image)
+
+
+def linked_board_of(arguments: argparse.Namespace) -> LinkBoard:
+    """The same for commands that need a link; raises UsageError for a board without one, LinkError."""
+    from plumb.boards.link import open_link_board
+
+    return open_link_board(arguments.board, link=arguments.link, image=arguments.image)
+
+
+def link_of(arguments: argparse.Namespace) -> str | None:
+    """The link that a summary names: --link of `virtual`; every other board has one link alone."""
+    return str(arguments.link) if arguments.board == "virtual" else None

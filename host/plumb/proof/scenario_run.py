@@ -1,0 +1,132 @@
+"""Run a scenario of a system on a board and judge it: the road that `plumb run` and `plumb demo` share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from plumb import systems
+from plumb.boards import Board, open_board
+from plumb.errors import UsageError
+from plumb.physics import disturbance
+from plumb.proof import runs
+from plumb.proof.runs import Run
+from plumb.systems.contracts import Scenario
+from plumb.tuning.quantise import ControlParams, quantise
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """A run to be made.
+
+    scenario, tuning: names of the system's lists; None: its defaults. start: a start-up mode of the filter instead of
+    the tuning's. seconds: length; None: the scenario's own. faults: KIND[:WHAT]@START[-STOP] each. conditions:
+    NAME=NUMBER each. open_loop: prescribed motion, the outputs move nothing. live: the virtual board samples its own
+    sensors by its own timer. link, image: of board `virtual`.
+    """
+
+    system: str
+    board: str
+    scenario: str | None = None
+    tuning: str | None = None
+    start: str | None = None
+    seed: int = 1000
+    seconds: float | None = None
+    faults: Sequence[str] = ()
+    conditions: Sequence[str] = ()
+    open_loop: bool = False
+    live: bool = False
+    link: str = "serial"
+    image: Path | None = None
+
+
+@dataclass(frozen=True)
+class ScenarioRun:
+    """A run and what it was a run of."""
+
+    run: Run
+    heading: dict[str, Any]
+
+    def summary(self, **changed: Any) -> dict[str, Any]:
+        """What `run --json` prints; changed: entries of the heading with another value, None: left out."""
+        heading = {**self.heading, **changed}
+        left_out = {name for name, value in changed.items() if value is None}
+        return self.run.summary(**{name: value for name, value in heading.items() if name not in left_out})
+
+
+def perform(request: RunRequest) -> ScenarioRun:
+    """Open the board, run the scenario, compare every step with the model.
+
+    Raises UsageError for a name that the system does not have or a board that cannot do it, LinkError.
+    """
+    system = systems.load(request.system)
+    tuning, name = request.tuning or system.DEFAULT_TUNING, request.scenario or system.DEFAULT_SCENARIO
+    if tuning not in system.TUNINGS:
+        raise UsageError(f"{request.system} has no tuning '{tuning}'; it has {', '.join(system.TUNINGS)}")
+    settings = system.TUNINGS[tuning]
+    if request.start:
+        if request.start not in system.STARTS:
+            modes = ", ".join(system.STARTS) or "none"
+            raise UsageError(f"{request.system} has no start-up mode '{request.start}'; it has {modes}")
+        settings, tuning = replace(settings, start=system.STARTS[request.start]), f"{tuning}, {request.start}"
+    faults = system.faults([disturbance.parse(text) for text in request.faults])
+    conditions = conditions_of(request.system, system.CONDITIONS, request.conditions)
+    scenario = system.scenario(name, request.seed, seconds=request.seconds, faults=faults, **conditions)
+    params = quantise(systems.fitted(scenario, settings))
+    closes = bool(system.OUTPUTS) and not request.open_loop
+    if request.live and request.board != "virtual":
+        raise UsageError("--live is for --board virtual: its plant drives the sensors' pins and follows the actuators'")
+    if request.live:
+        systems.load(request.system, "pins")
+    with open_board(request.board, link=request.link, image=request.image) as board:
+        result = _run(board, request, scenario, params, closes)
+    heading: dict[str, Any] = {
+        "system": request.system,
+        "scenario": name,
+        "tuning": tuning,
+        "loop": "closed" if closes else "open",
+        "board": request.board,
+        **({"live": True} if request.live else {}),
+        "link": request.link if request.board == "virtual" else None,
+        "seed": request.seed,
+        **({"faults": list(request.faults)} if request.faults else {}),
+        **({"conditions": conditions} if conditions else {}),
+    }
+    return ScenarioRun(result, heading)
+
+
+def _run(board: Board, request: RunRequest, scenario: Scenario, params: ControlParams, closes: bool) -> Run:
+    """On the board's own sensors, with prescribed motion, or with the loop closed. `qemu` takes whole vectors: the
+    native core closes its loop, then QEMU runs the same inputs."""
+    if request.live:
+        from plumb.boards.virtual import VirtualBoard
+        from plumb.proof import live_run
+
+        assert isinstance(board, VirtualBoard)
+        return live_run.run_live(board, scenario, params, open_loop=not closes)
+    if not closes:
+        return runs.open_loop(board, runs.prescribed(scenario), params)
+    if request.board == "qemu":
+        with open_board("native") as native:
+            inputs = runs.closed_loop(native, scenario, params).inputs
+        return runs.open_loop(board, inputs, params)
+    return runs.closed_loop(board, scenario, params)
+
+
+def conditions_of(system: str, known: Mapping[str, str], texts: Sequence[str]) -> dict[str, float]:
+    """NAME=NUMBER each; raises UsageError for a name that the system does not have, or no number from 0 up."""
+    found = {}
+    for text in texts:
+        name, _, number = text.partition("=")
+        if name not in known:
+            raise UsageError(f"{system} has no condition '{name}'; it has {', '.join(known) or 'none'}")
+        try:
+            found[name] = float(number)
+        except ValueError:
+            raise UsageError(f"'{text}' sets nothing; write {name}=NUMBER") from None
+        if not 0.0 <= found[name] < math.inf:
+            raise UsageError(f"'{text}': a number from 0 up")
+    return found
