@@ -19,13 +19,12 @@ from plumb import systems
 from plumb.boards import native_core
 from plumb.boards.native import NativeBoard
 from plumb.physics import disturbance
+from plumb.spec import declarations
 from plumb.spec.records import Words
 from plumb.tuning.quantise import ControlParams, quantise
 
-SYSTEMS = ("quad", "balancer")
+SYSTEMS = tuple(name for name, declared in declarations.systems().items() if declared.output)
 """Those that drive something."""
-PUSHED = {"quad": ("hold", "push:0.2@20-20.2"), "balancer": ("rough", "push:6@40-40.15")}
-"""Scenario and push that the systems' pages show."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ def words_of(
 ) -> Words:
     """The records of one run. loop: open, closed, or pushed (closed, with the push of the system's page)."""
     own = systems.load(system)
-    faults = own.faults([disturbance.parse(PUSHED[system][1])]) if loop == "pushed" else ()
+    faults = own.faults([disturbance.parse(own.PUSHED[1])]) if loop == "pushed" else ()
     scenario = own.scenario(name, seed, seconds=seconds, faults=faults)
     setpoint = scenario.setpoint()
     if loop == "open":
@@ -78,7 +77,7 @@ def cases(chosen: str | None, only: str | None) -> Iterator[tuple[str, str, str,
             for tuning in own.TUNINGS:
                 yield name, scenario, tuning, "open"
             yield name, scenario, own.DEFAULT_TUNING, "closed"
-            if scenario == PUSHED[name][0]:
+            if scenario == own.PUSHED[0]:
                 yield name, scenario, own.DEFAULT_TUNING, "pushed"
 
 

@@ -6,7 +6,7 @@
 #include "link/e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 2U
-#define MESSAGES_DBC_HASH 0x3A3082A6U
+#define MESSAGES_DBC_HASH 0xCDA72F19U
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from plumb.errors import LinkError
-from plumb.spec import parameters
+from plumb.spec import declarations, parameters
 from plumb.spec.protocol import Protocol
 
 BLOCKED = {
@@ -152,6 +152,12 @@ class Identity:
         if not self["GIT_HASH_0"] and not self["GIT_HASH_1"]:
             return ""
         return f"{self['GIT_HASH_0']:08x}{self['GIT_HASH_1']:08x}" + ("+" if self["GIT_DIRTY"] else "")
+
+    @property
+    def systems(self) -> tuple[str, ...]:
+        """The systems of the image, of those that this version knows."""
+        has = self.items.get("SYSTEMS", 0)
+        return tuple(system.name for system in declarations.systems().values() if has >> system.number & 1)
 
     @property
     def parameter_source(self) -> str:

@@ -326,12 +326,10 @@ class Session:
         """
         identity = self.require_match()
         words = parameters.whole_table(control_words, **{**self._read_wiring(), **link_words})
-        if not identity["SYSTEMS"] >> words[0] & 1:
-            there = [
-                system.name for system in declarations.systems().values() if identity["SYSTEMS"] >> system.number & 1
-            ]
-            missing = declarations.name_of(words[0])
-            raise UsageError(f"the board's image has no {missing}, only {', '.join(there)}: flash one that has it")
+        wanted = declarations.name_of(words[0])
+        if wanted not in identity.systems:
+            there = ", ".join(identity.systems)
+            raise UsageError(f"the board's image has no {wanted}, only {there}: flash one that has it")
         staged = {index: word & 0xFFFFFFFF for index, word in enumerate(words)}
         crc = parameters.crc32(words)
         for _ in range(TRIES):

@@ -50,6 +50,8 @@ SCENARIOS = {
     "endure": "commands and pushes, 0.1 g of vibration",
     "rocked": "held and rocked by hand (the paper's figures 5 and 6)",
 }
+PUSHED = ("rough", "push:6@40-40.15")
+"""Scenario and push that the page of the system shows."""
 DEFAULT_SCENARIO, DEFAULT_TUNING = "rough", "tuned"
 OUTPUT_FRAMES = dbc.output_frames("balancer")
 OUTPUTS = tuple(OUTPUT_FRAMES)

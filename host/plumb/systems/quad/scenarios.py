@@ -75,6 +75,8 @@ SCENARIOS = {
     "hold": "attitude hold at level, pulled to 20 deg by hand and released",
     "converge": "at rest from a start 30 deg and 5 deg/s wrong",
 }
+PUSHED = ("hold", "push:0.2@20-20.2")
+"""Scenario and push that the page of the system shows."""
 DEFAULT_SCENARIO, DEFAULT_TUNING = "motion", "adaptive"
 CONDITIONS = {"bandwidth_hz": "corner of the accelerometer's one-pole low-pass, lag included (default 350)"}
 FAULT_CHANNELS = ("gyro", "accel_y", "accel_z")
