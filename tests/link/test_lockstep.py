@@ -17,7 +17,7 @@ from plumb.link.transports.slcan import SlcanParser
 from plumb.spec.protocol import protocol
 from plumb.systems.turntable import scenarios as turntable
 from plumb.tuning.quantise import quantise
-from support.native_board import BAUD_921600_NS, NativeBoard
+from support.native_board import BAUD_921600_NS, NativeBoard, NewBoard
 from support.sessions import CONTROL, BadLine
 from support.transcripts import begin, frame, said
 
@@ -31,14 +31,15 @@ def input_of(steps: int, seed: int, channels: int = 3) -> tuple[np.ndarray, np.n
 
 
 def digests_of(raw: np.ndarray, setpoint: np.ndarray) -> np.ndarray:
+    """On the native port, over a line without trouble."""
     with Session.open(NativeBoard()) as session:
         return Lockstep(session).run(raw, setpoint)
 
 
-def test_batches_single_steps_and_words_tell_the_same() -> None:
+def test_batches_single_steps_and_words_tell_the_same(new_board: NewBoard) -> None:
     raw, setpoint = input_of(300, 1, channels=6)
     whole = digests_of(raw, setpoint)
-    with Session.open(NativeBoard()) as session:
+    with Session.open(new_board()) as session:
         run = Lockstep(
             session,
             frames=("QUAD_ANGLE", "QUAD_BIAS", "QUAD_RATE", "QUAD_MEASURED", "QUAD_COMMAND"),
@@ -64,9 +65,9 @@ def test_batches_single_steps_and_words_tell_the_same() -> None:
         assert np.array_equal(run.run(raw[40:], setpoint[40:]), whole[40:])
 
 
-def test_a_run_resets_state_step_and_digest() -> None:
+def test_a_run_resets_state_step_and_digest(new_board: NewBoard) -> None:
     raw, setpoint = input_of(100, 2)
-    with Session.open(NativeBoard()) as session:
+    with Session.open(new_board()) as session:
         first = Lockstep(session).run(raw, setpoint)
         assert np.array_equal(Lockstep(session).run(raw, setpoint), first)
         assert session.end() == 100
@@ -79,10 +80,10 @@ def test_a_run_resets_state_step_and_digest() -> None:
         assert np.array_equal(Lockstep(session).run(raw, level), digests_of(raw, level))
 
 
-def test_step_numbers_go_round() -> None:
+def test_step_numbers_go_round(new_board: NewBoard) -> None:
     raw, setpoint = input_of(66_000, 3)
     whole = digests_of(raw, setpoint)
-    with Session.open(NativeBoard()) as session:
+    with Session.open(new_board()) as session:
         run = Lockstep(session)
         halves = [run.run(raw[part], setpoint[part]) for part in (slice(0, 65_530), slice(65_530, None))]
         assert np.array_equal(np.concatenate(halves), whole)
@@ -91,9 +92,9 @@ def test_step_numbers_go_round() -> None:
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("way", ["down", "up", "both"])
-def test_every_digest_arrives_over_a_bad_line(seed: int, way: str) -> None:
+def test_every_digest_arrives_over_a_bad_line(new_board: NewBoard, seed: int, way: str) -> None:
     raw, setpoint = input_of(200, seed, channels=6)
-    board = NativeBoard()
+    board = new_board()
     with Session.open(board) as session:
         run = Lockstep(session)
         if way != "up":
@@ -108,8 +109,8 @@ def test_every_digest_arrives_over_a_bad_line(seed: int, way: str) -> None:
     assert np.array_equal(digests, digests_of(raw, setpoint))
 
 
-def test_lost_words_are_an_error_not_a_guess() -> None:
-    board = NativeBoard()
+def test_lost_words_are_an_error_not_a_guess(new_board: NewBoard) -> None:
+    board = new_board()
     with Session.open(board) as session:
         run = Lockstep(session, frames=("QUAD_ANGLE",))
         run.exchange((1, 2, 3))
@@ -118,9 +119,9 @@ def test_lost_words_are_an_error_not_a_guess() -> None:
             run.exchange((1, 2, 3))
 
 
-def test_words_that_come_late_are_waited_for() -> None:
+def test_words_that_come_late_are_waited_for(new_board: NewBoard) -> None:
     """Half a second after their step."""
-    board, held = NativeBoard(), bytearray()
+    board, held = new_board(), bytearray()
     with Session.open(board) as session:
         run = Lockstep(session, words=(3,))
         word, late_us = f"t{protocol()['WORD'].identifier:03X}".encode(), board.time_us + 500_000
@@ -138,9 +139,9 @@ def test_words_that_come_late_are_waited_for() -> None:
         assert board.time_us > late_us
 
 
-def test_a_host_that_was_busy_looks_at_what_arrived_before_it_misses_anything() -> None:
+def test_a_host_that_was_busy_looks_at_what_arrived_before_it_misses_anything(new_board: NewBoard) -> None:
     """Its clock is an hour on when it comes back."""
-    board = NativeBoard()
+    board = new_board()
     with Session.open(board) as session:
         run = Lockstep(session, words=(3,))
         receive, away_s = session.receive, [0.0]
@@ -157,8 +158,8 @@ def test_a_host_that_was_busy_looks_at_what_arrived_before_it_misses_anything() 
         assert set(run.exchange((1, 2, 3)).words) == {3}
 
 
-def test_sixteen_in_flight_and_no_more() -> None:
-    board = NativeBoard()
+def test_sixteen_in_flight_and_no_more(new_board: NewBoard) -> None:
+    board = new_board()
     with Session.open(board) as session:
         session.begin("LOCKSTEP", words=range(40))
         samples = samples_text(protocol(), np.zeros((25, 3), np.int16), np.zeros(25))
@@ -169,8 +170,8 @@ def test_sixteen_in_flight_and_no_more() -> None:
         assert [words["step"] for name, words in answers if name == "STEP"] == list(range(nack["detail"]))
 
 
-def test_a_gap_is_told_once_with_the_step_that_is_missing() -> None:
-    board = NativeBoard()
+def test_a_gap_is_told_once_with_the_step_that_is_missing(new_board: NewBoard) -> None:
+    board = new_board()
     with Session.open(board) as session:
         session.begin("LOCKSTEP")
         samples = samples_text(protocol(), np.zeros((8, 3), np.int16), np.zeros(8))
@@ -181,9 +182,9 @@ def test_a_gap_is_told_once_with_the_step_that_is_missing() -> None:
         assert board.steps == 8
 
 
-def test_a_second_half_from_64_steps_ago_is_not_taken() -> None:
+def test_a_second_half_from_64_steps_ago_is_not_taken(new_board: NewBoard) -> None:
     """SAMPLE_B carries six bits of its step: one that was used must not serve the step where they come round."""
-    board = NativeBoard()
+    board = new_board()
     with Session.open(board) as session:
         session.begin("LOCKSTEP")
         raw = np.zeros((65, 6), np.int16)
@@ -197,8 +198,8 @@ def test_a_second_half_from_64_steps_ago_is_not_taken() -> None:
         assert [name for name, _ in said(board.say(whole))] == ["STEP"]
 
 
-def test_samples_without_a_run_are_refused() -> None:
-    board = NativeBoard()
+def test_samples_without_a_run_are_refused(new_board: NewBoard) -> None:
+    board = new_board()
     with Session.open(board):
         sample = samples_text(protocol(), np.zeros((1, 3), np.int16), np.ones(1))
         reasons = [words["reason"] for name, words in said(board.say(sample.text)) if name == "NACK"]
@@ -214,8 +215,8 @@ def test_samples_of_the_wrong_shape_are_refused(raw: np.ndarray, setpoint: np.nd
         samples_text(protocol(), raw, setpoint)
 
 
-def test_selection_is_checked() -> None:
-    with Session.open(NativeBoard()) as session:
+def test_selection_is_checked(new_board: NewBoard) -> None:
+    with Session.open(new_board()) as session:
         with pytest.raises(UsageError, match="no frame 'ANGEL'"):
             session.select(frames=("ANGEL",))
         with pytest.raises(UsageError, match="no word 40"):
@@ -234,8 +235,8 @@ def live(board: NativeBoard, run: str = "REALTIME_LIVE") -> tuple[Session, Captu
     return session, capture
 
 
-def test_a_live_run_can_be_run_again() -> None:
-    board = NativeBoard()
+def test_a_live_run_can_be_run_again(new_board: NewBoard) -> None:
+    board = new_board()
     board.baud(down_ns=10_000, up_ns=10_000)
     session, capture = live(board)
     rng = np.random.default_rng(4)
@@ -254,8 +255,8 @@ def test_a_live_run_can_be_run_again() -> None:
     session.close()
 
 
-def test_steps_of_the_run_before_are_not_taken_for_this_one() -> None:
-    board = NativeBoard()
+def test_steps_of_the_run_before_are_not_taken_for_this_one(new_board: NewBoard) -> None:
+    board = new_board()
     session, first = live(board)
     first.collect(37)
     board.run_us(50_000)
@@ -271,8 +272,8 @@ def test_steps_of_the_run_before_are_not_taken_for_this_one() -> None:
 
 
 @pytest.mark.parametrize("lost", ["RAW_A", "STEP"])
-def test_a_lost_count_or_digest_is_noticed(lost: str) -> None:
-    board = NativeBoard()
+def test_a_lost_count_or_digest_is_noticed(new_board: NewBoard, lost: str) -> None:
+    board = new_board()
     session, capture = live(board)
     capture.collect(20)
     name = b"t%03X" % protocol()[lost].identifier
@@ -297,8 +298,8 @@ def test_a_short_number_is_the_nearest_step(last: int, low: int, bits: int, step
     assert unwrap(last, low, bits) == step
 
 
-def test_a_setpoint_without_confirmation_is_in_doubt() -> None:
-    board = NativeBoard()
+def test_a_setpoint_without_confirmation_is_in_doubt(new_board: NewBoard) -> None:
+    board = new_board()
     session, capture = live(board)
     capture.collect(20)
     once = iter([True])
@@ -311,8 +312,8 @@ def test_a_setpoint_without_confirmation_is_in_doubt() -> None:
     session.close()
 
 
-def test_injected_in_real_time_holds_the_last_sample_and_counts() -> None:
-    board = NativeBoard()
+def test_injected_in_real_time_holds_the_last_sample_and_counts(new_board: NewBoard) -> None:
+    board = new_board()
     session, capture = live(board, "REALTIME_INJECTED")
     samples = samples_text(protocol(), np.arange(30, dtype=np.int16).reshape(10, 3), np.zeros(10))
     board.write(samples.part(0, 5) + samples.part(6, 10))
@@ -334,9 +335,9 @@ def test_injected_in_real_time_holds_the_last_sample_and_counts() -> None:
     session.close()
 
 
-def test_the_turntable_is_told_that_there_is_no_sample() -> None:
+def test_the_turntable_is_told_that_there_is_no_sample(new_board: NewBoard) -> None:
     """A sample of the gyro that is held would be one more sample of the gyro."""
-    board = NativeBoard()
+    board = new_board()
     session = Session.open(board)
     params = quantise(turntable.DATA)
     session.upload(params.words(), period_us=turntable.PERIOD_US)
@@ -352,9 +353,9 @@ def test_the_turntable_is_told_that_there_is_no_sample() -> None:
     session.close()
 
 
-def test_in_real_time_the_first_sample_says_where_the_numbers_are() -> None:
+def test_in_real_time_the_first_sample_says_where_the_numbers_are(new_board: NewBoard) -> None:
     """A sensor board was running before: nothing is missing because it is at number 37."""
-    board = NativeBoard()
+    board = new_board()
     session, capture = live(board, "REALTIME_INJECTED")
     board.write(samples_text(protocol(), np.ones((5, 3), np.int16), np.zeros(5), step=37).text)
     capture.collect(10)
@@ -365,8 +366,8 @@ def test_in_real_time_the_first_sample_says_where_the_numbers_are() -> None:
     session.close()
 
 
-def test_replies_tell_their_request() -> None:
-    board = NativeBoard()
+def test_replies_tell_their_request(new_board: NewBoard) -> None:
+    board = new_board()
     with Session.open(board) as session:
         session.protocol = replace(session.protocol)
         begin(board, "LOCKSTEP")
@@ -374,8 +375,8 @@ def test_replies_tell_their_request() -> None:
         assert acks == [{"request_counter": 9, "request": protocol()["RUN_END"].identifier, "detail": 0}]
 
 
-def test_parser_of_the_answers_counts_every_cr() -> None:
-    board = NativeBoard()
+def test_parser_of_the_answers_counts_every_cr(new_board: NewBoard) -> None:
+    board = new_board()
     with Session.open(board) as session:
         session.begin("LOCKSTEP")
         samples = samples_text(protocol(), np.zeros((5, 3), np.int16), np.zeros(5))

@@ -21,7 +21,7 @@ from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters
 from plumb.spec.protocol import crc8, protocol
 from plumb.tuning.quantise import quantise
-from support.native_board import BAUD_921600_NS, NativeBoard
+from support.native_board import BAUD_921600_NS, NativeBoard, NewBoard
 from support.sessions import CONTROL, BadLine, armed_session
 from support.transcripts import begin, frame, said
 
@@ -52,8 +52,10 @@ def test_connect_tells_who_is_there() -> None:
         ({"dbc_hash": 1}, "built from other message definitions"),
     ],
 )
-def test_a_mismatch_is_explained_reading_works_and_arming_does_not(other: dict[str, int], sentence: str) -> None:
-    board = NativeBoard()
+def test_a_mismatch_is_explained_reading_works_and_arming_does_not(
+    new_board: NewBoard, other: dict[str, int], sentence: str
+) -> None:
+    board = new_board()
     with Session(PlumbBus(board)) as session:
         session.protocol = replace(protocol(), **other)
         identity = session.connect()
@@ -71,9 +73,9 @@ def test_a_mismatch_is_explained_reading_works_and_arming_does_not(other: dict[s
         assert not board.armed
 
 
-def test_a_new_greeting_counts_anew() -> None:
+def test_a_new_greeting_counts_anew(new_board: NewBoard) -> None:
     """After a reset of the board its counters begin at 0: that is no loss."""
-    board = NativeBoard()
+    board = new_board()
     with Session.open(board) as session:
         for _ in range(5):
             session.end()
@@ -106,8 +108,8 @@ def test_a_board_whose_time_stands_still_does_not_hang(monkeypatch: pytest.Monke
 # ---- parameters ----
 
 
-def test_upload_stages_and_commits() -> None:
-    with Session.open(NativeBoard()) as session:
+def test_upload_stages_and_commits(new_board: NewBoard) -> None:
+    with Session.open(new_board()) as session:
         crc = session.upload(changed("esc.mid_halfus", 3100), period_us=1000)
         values = session.read_parameters()
         assert parameters.crc32(values) == crc
@@ -116,8 +118,8 @@ def test_upload_stages_and_commits() -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_upload_survives_a_bad_line(seed: int) -> None:
-    board = NativeBoard()
+def test_upload_survives_a_bad_line(new_board: NewBoard, seed: int) -> None:
+    board = new_board()
     with Session.open(board) as session:
         board.spoil_down, board.spoil_up = BadLine(seed, 0.003), BadLine(seed + 50, 0.003)
         session.upload(changed("pid.kp_q22", 1000 + seed))
@@ -125,10 +127,10 @@ def test_upload_survives_a_bad_line(seed: int) -> None:
         assert session.read_parameters()[: len(CONTROL)] == changed("pid.kp_q22", 1000 + seed)
 
 
-def test_another_system_begins_with_nothing_selected() -> None:
+def test_another_system_begins_with_nothing_selected(new_board: NewBoard) -> None:
     """A mask of words that another record has would stream others by their names."""
     heard = set()
-    with Session.open(NativeBoard()) as session:
+    with Session.open(new_board()) as session:
         session.select(frames=("QUAD_ANGLE",), words=(30,))
         system = systems.load("balancer")
         session.upload(quantise(system.TUNINGS[system.DEFAULT_TUNING]).words(), period_us=10_000)
@@ -140,9 +142,9 @@ def test_another_system_begins_with_nothing_selected() -> None:
         assert [identifier in heard for identifier in wanted] == [True, False, False]
 
 
-def test_a_table_is_committed_by_its_own_crc_or_not_at_all() -> None:
+def test_a_table_is_committed_by_its_own_crc_or_not_at_all(new_board: NewBoard) -> None:
     """What was staged is not what the host meant: a value that differs, as one that CRC-8 let through would be."""
-    with Session.open(NativeBoard()) as session:
+    with Session.open(new_board()) as session:
         session.connect()
         before = session.read_parameters()
         place = [row.name for row in parameters.table()].index("esc.mid_halfus")
@@ -156,16 +158,16 @@ def test_a_table_is_committed_by_its_own_crc_or_not_at_all() -> None:
         assert session.read_parameters() == meant
 
 
-def test_upload_ends_a_run() -> None:
-    board = NativeBoard()
+def test_upload_ends_a_run(new_board: NewBoard) -> None:
+    board = new_board()
     with Session.open(board) as session:
         session.begin("LOCKSTEP")
         session.upload(CONTROL)
         assert session.end() == 0
 
 
-def test_upload_refuses_with_the_reason() -> None:
-    with Session.open(NativeBoard()) as session:
+def test_upload_refuses_with_the_reason(new_board: NewBoard) -> None:
+    with Session.open(new_board()) as session:
         with pytest.raises(UsageError, match=r"esc.mid_halfus = 99999 is outside 1800 to 4200"):
             session.upload(changed("esc.mid_halfus", 99999))
         for name, value, why in (
@@ -182,9 +184,9 @@ def test_upload_refuses_with_the_reason() -> None:
         assert session.read_parameters()[: len(CONTROL)] == CONTROL
 
 
-def test_pulses_that_leave_no_gap_are_refused() -> None:
+def test_pulses_that_leave_no_gap_are_refused(new_board: NewBoard) -> None:
     """They would be an output that is high for ever."""
-    with Session.open(NativeBoard()) as session:
+    with Session.open(new_board()) as session:
         with pytest.raises(UsageError, match=r"contradict each other: esc.max_halfus = 4041 leaves less than 20 us"):
             session.upload(changed("esc.max_halfus", 4041), esc_period_us=2040)
         session.upload(changed("esc.max_halfus", 4040), esc_period_us=2040)
@@ -193,8 +195,8 @@ def test_pulses_that_leave_no_gap_are_refused() -> None:
 # ---- telemetry under load ----
 
 
-def test_a_full_queue_drops_whole_telemetry_and_never_replies() -> None:
-    board = NativeBoard()
+def test_a_full_queue_drops_whole_telemetry_and_never_replies(new_board: NewBoard) -> None:
+    board = new_board()
     with Session.open(board) as session:
         session.upload(CONTROL, period_us=500)
         capture = Capture(session)
@@ -220,8 +222,8 @@ def test_a_full_queue_drops_whole_telemetry_and_never_replies() -> None:
         assert capture.unverified_from(capture.steps) is not None
 
 
-def test_a_host_that_does_not_read_is_not_answered_beyond_the_queue() -> None:
-    board = NativeBoard()
+def test_a_host_that_does_not_read_is_not_answered_beyond_the_queue(new_board: NewBoard) -> None:
+    board = new_board()
     board.say(b"O\r")
     board.baud(up_ns=NEVER)
     requests = 400
@@ -236,8 +238,8 @@ def test_a_host_that_does_not_read_is_not_answered_beyond_the_queue() -> None:
     assert len(bare) == requests + 300
 
 
-def test_the_next_step_tells_that_frames_were_dropped() -> None:
-    board = NativeBoard()
+def test_the_next_step_tells_that_frames_were_dropped(new_board: NewBoard) -> None:
+    board = new_board()
     session = armed_session(board)
     session.pump()
     board.baud(up_ns=NEVER)
@@ -251,8 +253,8 @@ def test_the_next_step_tells_that_frames_were_dropped() -> None:
     session.close()
 
 
-def test_a_stale_answer_is_not_taken_for_the_new_one() -> None:
-    board = NativeBoard()
+def test_a_stale_answer_is_not_taken_for_the_new_one(new_board: NewBoard) -> None:
+    board = new_board()
     with Session.open(board) as session:
         ack, asked = protocol()["ACK"], protocol()["RUN_END"].identifier
         stale = text_of_frames([(ack.identifier, ack.pack(0, 9, asked, 999))])
@@ -260,8 +262,8 @@ def test_a_stale_answer_is_not_taken_for_the_new_one() -> None:
         assert session.end() == 0
 
 
-def test_nothing_is_kept_alive_after_the_end() -> None:
-    board = NativeBoard()
+def test_nothing_is_kept_alive_after_the_end(new_board: NewBoard) -> None:
+    board = new_board()
     session = armed_session(board)
     session.end()
     sent: list[bytes] = []
@@ -272,8 +274,8 @@ def test_nothing_is_kept_alive_after_the_end() -> None:
     session.close()
 
 
-def test_what_goes_wrong_is_counted() -> None:
-    board = NativeBoard()
+def test_what_goes_wrong_is_counted(new_board: NewBoard) -> None:
+    board = new_board()
     with Session.open(board) as session:
         board.say(b"t12\r" + b"\xff\r" + frame("KEEPALIVE", 0, 1)[:-2] + b"F\r" + b"t1230\r")
         for counter in (3, 4, 9, 10, 2):  # none known before; 4 missing, then 7
@@ -288,8 +290,8 @@ def test_what_goes_wrong_is_counted() -> None:
         assert session.telemetry["COUNTERS"]["lost"] == 11
 
 
-def test_status_shows_the_run() -> None:
-    board = NativeBoard()
+def test_status_shows_the_run(new_board: NewBoard) -> None:
+    board = new_board()
     with Session.open(board) as session:
 
         def status() -> dict[str, int]:
@@ -312,10 +314,10 @@ def test_status_shows_the_run() -> None:
 
 
 @pytest.mark.parametrize("run", [None, "LOCKSTEP", "REALTIME_INJECTED", "REALTIME_LIVE"])
-def test_no_frame_and_no_noise_upsets_the_board(run: str | None) -> None:
+def test_no_frame_and_no_noise_upsets_the_board(new_board: NewBoard, run: str | None) -> None:
     """Well-sealed frames of every kind with any content, and noise; undefined behaviour would trap."""
     rng = random.Random(run)
-    board = NativeBoard()
+    board = new_board()
     board.say(b"O\r" + frame("HELLO", protocol().version, protocol().dbc_hash), turns=20)
     messages = [message for message in protocol().messages.values() if message.sender == "HOST"]
     if run:
@@ -338,7 +340,7 @@ def test_no_frame_and_no_noise_upsets_the_board(run: str | None) -> None:
         session.begin("LOCKSTEP")
 
 
-def test_any_python_can_bus_carries_a_session() -> None:
+def test_any_python_can_bus_carries_a_session(new_board: NewBoard) -> None:
     """CAN interfaces know nothing of chunks: one message at a time, through python-can's own interface."""
 
     class Plain(can.BusABC):
@@ -357,10 +359,10 @@ def test_any_python_can_bus_carries_a_session() -> None:
             self._inner.shutdown()
 
     raw = np.arange(300).reshape(100, 3)
-    with Session(Plain(PlumbBus(NativeBoard()))) as session:
+    with Session(Plain(PlumbBus(new_board()))) as session:
         assert session.connect().mismatch is None
         session.upload(CONTROL)
         digests = Lockstep(session).run(raw, np.zeros(100))
-    with Session.open(NativeBoard()) as session:
+    with Session.open(new_board()) as session:
         session.upload(CONTROL)
         assert np.array_equal(Lockstep(session).run(raw, np.zeros(100)), digests)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -71,6 +72,8 @@ class FlashBoard:
         self._places = _places(image.with_suffix(".elf"))
         self.machine = Machine(image, seed=seed)
         self.name, self.timeout = "the flash image", 0.005
+        self.spoil_down: Callable[[bytes], bytes] = bytes
+        self.spoil_up: Callable[[bytes], bytes] = bytes
         at_rest(self.machine)
         self.switch(False)
         self.machine.advance_us(BOOT_US)
@@ -92,11 +95,12 @@ class FlashBoard:
         return self.machine.uart.in_waiting
 
     def write(self, data: bytes) -> int:
-        return self.machine.uart.write(data)
+        self.machine.uart.write(self.spoil_down(bytes(data)))
+        return len(data)
 
     def read(self, size: int = 1) -> bytes:
         self.machine.uart.timeout = self.timeout
-        return self.machine.uart.read(size)
+        return self.spoil_up(self.machine.uart.read(size))
 
     def say(self, text: bytes, turns: int = 3) -> bytes:
         """Send text, let some turns go by, and give what was answered, to its last byte."""
@@ -109,7 +113,7 @@ class FlashBoard:
         data = uart.read(uart.in_waiting) if uart.in_waiting else b""
         while data and data[-1:] not in (b"\r", b"\a"):
             data += uart.read(1)
-        return data
+        return self.spoil_up(data)
 
     def turn(self, step_us: int = 0) -> None:
         """At least one turn of the loop."""
