@@ -25,12 +25,13 @@ ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
 EXAMPLE = """\
 import numpy as np
-from plumb import native, quantise
-from plumb.systems import quad
+from plumb.boards import native_core
+from plumb.systems.quad import scenarios as quad
+from plumb.tuning.quantise import quantise
 
-params = quantise.quantise(quad.TUNINGS["adaptive"])
+params = quantise(quad.TUNINGS["adaptive"])
 scenario = quad.scenario("motion", seed=7)
-words = native.run_control(params, scenario.counts(), scenario.setpoint())
+words = native_core.run_control(params, scenario.counts(), scenario.setpoint())
 error_deg = words["tilt_turn_q32"] * (360 / 2**32) - scenario.tilt_deg()
 print(f"{np.sqrt(np.mean(error_deg[500:] ** 2)):.3f} deg rms")
 """
