@@ -1,8 +1,8 @@
 """The `plumb` command: find the verb, import only its module, run it, turn errors into exit codes.
 
 Exit codes: 0 good, 1 the verdict is bad, 2 wrong use or a bad input file or a missing tool, 3 device or link trouble
-(or a verdict that could not be verified), 4 a defect in plumb, 130 interrupted, 141 nobody read the output up to the
-verdict, 143 terminated.
+(or a verdict that could not be verified), 4 a defect in plumb, 130 interrupted, 141 the output's reader left before the
+verdict, 143 terminated. `plumb.errors.ExitCode` names them.
 
 Only modules that Python has loaded anyway are imported here: until `entry` has set its handlers, Ctrl-C is a traceback.
 """
@@ -44,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Runs one command; returns its exit code. Every error comes out as one sentence on stderr."""
     from plumb import process_signals
     from plumb.cli.command_line import shown
-    from plumb.errors import sentence_and_code
+    from plumb.errors import ExitCode, sentence_and_code
 
     arguments = list(sys.argv[1:] if argv is None else argv)
     process_signals.raised.clear()
@@ -52,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _run([argument for argument in arguments if argument != "--debug"])
     except (Exception, KeyboardInterrupt) as error:
         if isinstance(error, BrokenPipeError) and not _told_everything():
-            return 141  # the reader of our output left (`plumb monitor | head`): there is no verdict to tell
+            return ExitCode.OUTPUT_NOT_READ  # for example `plumb monitor | head`
         if "--debug" in arguments:
             import traceback
 
@@ -63,9 +63,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: list[str]) -> int:
+    from plumb.errors import ExitCode
+
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         print(top_level_help())
-        return 0 if arguments else 2
+        return ExitCode.GOOD if arguments else ExitCode.WRONG_USE
     name, rest = arguments[0], arguments[1:]
     if name in ("-V", "--version"):
         from plumb import __version__

@@ -1,7 +1,7 @@
 """Instructions, estimated Cortex-M3 cycles, bytes, stack and error of the kernels, against the budgets.
 
 The instruction counts are exact: the Arm code of the shipped image runs in an emulator. Cycles follow the timing model
-written at the top of plumb/cycles.py, at zero and at two flash wait states. Exit code 1 when a budget is exceeded.
+at the top of plumb/bench/m3_timing.py, at zero and at two flash wait states. Exit code 1 when a budget is exceeded.
 """
 
 from __future__ import annotations

@@ -1,20 +1,20 @@
-"""Join a sensor board on one bus with the STM32 on another, frame for frame, and watch what goes by.
+"""Forward frames between a sensor board on one bus and the STM32 on another, and count and check them.
 
     plumb bridge tcp:127.0.0.1:4100 serial:/dev/ttyUSB0 --system quad --shadow
     plumb bridge can:socketcan:can0 tcp:127.0.0.1:4000 --system quad --arm --seconds 60
-    plumb bridge can:socketcan:can0 can:socketcan:can0 --shadow   both on one bus: nothing to carry, all to watch
+    plumb bridge can:socketcan:can0 can:socketcan:can0 --shadow   both on one bus: frames are watched, not forwarded
     plumb bridge can:socketcan:can0 serial:/dev/ttyUSB0 --direct  the sensor board is on the STM32's own CAN bus
-    plumb bridge serial:/dev/pts/3 tcp:127.0.0.1:4000 --carry     nothing but frames, both ways
+    plumb bridge serial:/dev/pts/3 tcp:127.0.0.1:4000 --carry     forward frames only, both ways
 
-The first BUS is the sensor board's, the second the STM32's. The bridge uploads the system's parameters, begins a run on
-injected samples when the first one comes, ends it (which disarms) when they stop, and takes it up again when either
-side comes back. --arm arms the first run; whatever disarms it, it is not armed again. --shadow runs the integer model
-beside the board and stops at the first bit that differs.
+The first BUS is that of the sensor board, the second that of the STM32. The bridge uploads the system's parameters,
+begins a run on injected samples with the first sample, ends it (which disarms) when samples stop, and begins a new one
+when either side is back. --arm arms the first run; after a disarm the bridge does not arm again. --shadow runs the
+integer model in parallel with the board and stops at the first bit that differs.
 
-With --direct samples and setpoints reach the STM32 over its own CAN bus, and the bridge owns the run over another link:
-the run names CAN as their source, and the STM32 takes them from nowhere else.
+With --direct, samples and setpoints reach the STM32 over its own CAN bus. The bridge owns the run over another link;
+the run names CAN as their source, and the STM32 accepts them from CAN only.
 
-Exit codes: 1 a bit differed, 3 no run came about, a side never opened, or --shadow verified nothing, 130 Ctrl-C.
+Exit codes: 1 a bit differed; 3 no run began, a bus never opened, or --shadow verified nothing; 130 Ctrl-C.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("board", metavar="BUS", help="bus of the STM32: the same")
     options.add_system(parser, "system whose parameters are uploaded (default: the board's)")
     options.add_tuning(parser)
-    parser.add_argument("--keep-parameters", action="store_true", help="run with those the board has")
+    parser.add_argument("--keep-parameters", action="store_true", help="run with the board's parameters")
     parser.add_argument("--arm", action="store_true", help="arm the first run: the outputs move")
     parser.add_argument("--shadow", action="store_true", help="compare every step with the model, stop at a difference")
     parser.add_argument(
         "--direct", action="store_true", help="the sensor board is on the STM32's own CAN bus: samples are not carried"
     )
-    parser.add_argument("--carry", action="store_true", help="carry frames only: another host does the rest")
+    parser.add_argument("--carry", action="store_true", help="forward frames only: another host owns the run")
     options.add_duration(parser)
     options.add_json(parser, " at the end")
 
@@ -134,7 +134,7 @@ def bridged(arguments: argparse.Namespace, stopped: Any) -> dict[str, Any]:
 
 
 def watched(bridge: Bridge, stopped: Callable[[], bool]) -> Callable[[], bool]:
-    """The same question, which also writes what has been counted, once a second, over the line before."""
+    """`stopped` that also prints the counts once a second, over the previous line."""
     shown_s = time.monotonic()
     before = (0, 0, 0)
 

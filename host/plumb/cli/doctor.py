@@ -1,10 +1,10 @@
 """Check this machine: libraries, tools, the flash image, serial ports and the right to open them; and a board.
 
     plumb doctor
-    plumb doctor --board serial:/dev/ttyUSB0       what the board is, its faults, and what keeps it from arming
+    plumb doctor --board serial:/dev/ttyUSB0       the board's identity, its faults, and what blocks arming
 
-Every line that is not good says what to do about it. Exit code 0 when the main job can run, else 2; 1 with a board that
-has a fault or is not this plumb's.
+Every line that is not good says what to do. Exit code 0 when the main job can run, else 2; 1 when the board has a fault
+or does not match this version of plumb.
 """
 
 from __future__ import annotations

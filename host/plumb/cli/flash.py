@@ -4,11 +4,11 @@
     plumb flash --probe openocd
     plumb flash --probe pyocd
 
-Over the UART a USB-serial adapter is all it takes: the part's ROM bootloader listens on PA9 (TX) and PA10 (RX) after a
-reset with BOOT0 at 1. Adapters that wire DTR to RESET and RTS to BOOT0 need no hand on the board; nor does a board that
-runs plumb, is disarmed and idle, and has these pins as its UART: it is asked to go there itself. Only the pages of the
-image are erased, so parameters survive, and all of it is read back. Exit code 1 when the chip does not hold what was
-written.
+Over the UART a USB-serial adapter is enough: the ROM bootloader listens on PA9 (TX) and PA10 (RX) after a reset with
+BOOT0 at 1. With an adapter that wires DTR to RESET and RTS to BOOT0, no jumper has to be set; nor on a board that runs
+plumb, is disarmed and idle, and has these pins as its UART: it enters the bootloader on request. Only the pages of the
+image are erased, so that the parameters survive, and the whole image is read back. Exit code 1 when the chip does not
+hold the image.
 """
 
 from __future__ import annotations

@@ -5,11 +5,11 @@
     plumb monitor --board virtual --run live --seconds 20     the quad's axis in motion, on the simulated board
     plumb monitor --board virtual --run live --system balancer       or another system's plant, on its own sensors
 
-Ten looks a second: a block that renews itself on a terminal, a line each second elsewhere, with --json each look as one
-line of JSON. Ends after --seconds, or with Ctrl-C. Without --run the link is read-only and a run goes on as it is; what
-its steps show was selected when it began. A serial port has one client at a time, and opening it disarms a board that a
-host armed: who wants to see such a run looks at the program that armed it. What the arm switch armed flies on. --run
-live ends the run that is on, and its own at the end.
+The display is updated ten times a second: a block on a terminal, one line a second elsewhere, one line of JSON for each
+update with --json. Ends after --seconds, or with Ctrl-C. Without --run the link is read-only and a run in progress goes
+on; the host that began it selected the signals that it sends. A serial port has one client at a time, and opening it
+disarms a board that a host armed: watch such a run in the program that armed it. A board that the arm switch armed
+stays armed. --run live ends a run in progress, and its own run at the end.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def attach_plant(board: LinkBoard, system: str | None, scenario: str | None, seed: int) -> bool:
-    """Put a system, moved by hand, on the pins of a board simulated in this process; False for another board."""
+    """Put a plant with prescribed motion on the pins of a board simulated in this process; False for another board."""
     from plumb.errors import UsageError
 
     if board.name != "virtual":

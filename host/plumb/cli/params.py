@@ -10,13 +10,14 @@
     plumb params dump quad.toml --board serial:/dev/ttyUSB0
     plumb params load quad.toml --board serial:/dev/ttyUSB0
 
-Values are the integers of the board's table; what they mean in engineering units is shown beside them. A change is
-staged, then committed by the CRC-32 of the whole resulting table, and acknowledged, or refused as a whole with the
-reason; it disarms the board and ends a run that is on. `tuning` makes the board a system, with one of the tunings that
-`plumb run SYSTEM` knows, its period and what its actuator needs. `set`, `tuning`, `load` and `reset` change what is in
-use until the board is reset; `save`, or --save behind any of them, keeps what is in use in the board's flash, from
-where it comes back at every start. `load` takes a file of `dump`, or without one what the flash holds; `reset` brings
-the factory's values back. `virtual` is a new board every time: there, a change tells whether the board would take it.
+Values are the integers of the board's table, shown with their meaning in engineering units. A change is staged, then
+committed by the CRC-32 of the whole resulting table; the board accepts it as a whole or refuses it with the reason. A
+change disarms the board and ends a run in progress. `tuning` makes the board a system, with one of the tunings that
+`plumb run SYSTEM` knows, its period and the settings of its actuator. `set`, `tuning`, `load` and `reset` change the
+parameters in use until the board is reset; `save`, or --save with any of them, writes the parameters in use to the
+board's flash, which it loads at every start. `load` takes a file of `dump`, or without a file the contents of the
+flash; `reset` restores the factory values. `virtual` is a new board every time: a change shows whether a board accepts
+it.
 """
 
 from __future__ import annotations
@@ -109,7 +110,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def table_of(name: str, tuning: str | None) -> dict[str, int]:
-    """Words by name of a system as it is shipped; raises UsageError for a system or a tuning that there is not."""
+    """Parameters by name of a shipped tuning of a system; raises UsageError for an unknown system or tuning."""
     from plumb import systems
     from plumb.errors import UsageError
     from plumb.tuning.quantise import quantise
@@ -124,7 +125,7 @@ def table_of(name: str, tuning: str | None) -> dict[str, int]:
 
 
 def change(session: Session, verb: str, words: list[int], wanted: dict[str, int]) -> list[int]:
-    """Carry out a verb, or else commit what is wanted, if anything; returns the table that is in use then."""
+    """Execute a verb, or else commit the wanted values, if any; returns the table in use afterwards."""
     from plumb.link import parameter_table
     from plumb.spec import parameter_file
 
@@ -139,7 +140,7 @@ def change(session: Session, verb: str, words: list[int], wanted: dict[str, int]
 def report_change(
     words: list[int], after_words: list[int], identity: Identity, warnings: list[str], as_json: bool
 ) -> int:
-    """Say what is different, and where what is in use comes from."""
+    """Print which parameters changed, and where the parameters in use come from."""
     from plumb.spec import parameter_file, parameters
     from plumb.spec.units import meaning
 
@@ -162,7 +163,7 @@ def report_change(
 
 
 def at_next_start(identity: Identity, values: dict[str, int], changed: list[str]) -> list[str]:
-    """What the table says and the board does not yet do."""
+    """Warnings about parameters that take effect at the next start."""
     from plumb.link.identity import PINS
 
     sentences = []
@@ -216,7 +217,7 @@ def as_table(described: list[dict[str, Any]]) -> str:
 
 
 def in_full(entry: dict[str, Any]) -> str:
-    """One parameter with what it is for."""
+    """One parameter with its description."""
     kind = ", ".join(filter(None, (entry["type"], entry["unit"], entry["format"])))
     means = f"  = {entry['meaning_text']}" if entry["meaning_text"] else ""
     return (

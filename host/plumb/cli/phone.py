@@ -1,15 +1,15 @@
-"""Take a phone's sensors over UDP, feed them to a board, show pitch and roll, and compare every step with the model.
+"""Receive a phone's sensors over UDP, run them through a board, show pitch and roll, compare every step with the model.
 
     plumb phone --board native                             datagrams from this machine, port 50000
     plumb phone --board serial:/dev/ttyUSB0 --listen all   from a phone in the same network
     plumb phone --board virtual --listen all --seconds 30 --out walk
 
-`qemu` takes whole runs: the native core follows the phone, then the longest run goes through QEMU.
+`qemu` runs whole vectors: the native core follows the phone, then QEMU runs the longest run.
 
 Apps: SensaGram (JSON), Sensorstream IMU+GPS and Wireless IMU (CSV). SensorUDP is understood, but sends no gyroscope.
 Switch on gyroscope and accelerometer at about 100 Hz, and give the app this machine's address and the port. Ends after
---seconds of the phone's time, when nothing comes for 5 s, or with Ctrl-C; what was done is reported in any case. What
---save wrote runs again with: plumb replay FILE --system phone.
+--seconds of the phone's time, when no datagram comes for 5 s, or with Ctrl-C; the summary is always printed. A file of
+--save runs again with: plumb replay FILE --system phone.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def main(arguments: argparse.Namespace) -> int:
 def look_back(
     arguments: argparse.Namespace, board: Board, params: ControlParams, outcome: Outcome, summary: dict[str, Any]
 ) -> None:
-    """What is done with the longest run when it is over: QEMU runs it, --out has its page. `qemu` judges here."""
+    """Run the longest run on QEMU, which judges it, and write the report of --out."""
     from plumb.inputs.phone_run import inputs_of
     from plumb.proof import run_report, runs
 
@@ -139,7 +139,7 @@ def look_back(
 
 
 def arrived(received: dict[str, Any]) -> Table:
-    """What came in and what became of it, for the page; this is of all runs, the page of the longest."""
+    """Datagrams and samples of all runs, as a table of the report; the rest of the report is of the longest run."""
     from plumb.proof.report import Table
 
     rows = [[f"datagrams of {app}", str(count)] for app, count in received["apps"].items()]
@@ -156,7 +156,7 @@ def arrived(received: dict[str, Any]) -> Table:
 
 
 class Screen:
-    """Pitch and roll as they come: a line that renews itself on a terminal, a line each second elsewhere."""
+    """Show pitch and roll: one line that is overwritten on a terminal, one line a second elsewhere."""
 
     def __init__(self, *, show: bool) -> None:
         self.last: dict[str, float] = {}
@@ -182,7 +182,7 @@ class Screen:
         print(f"\r{line}\x1b[K" if self._terminal else line, end="" if self._terminal else "\n", flush=True)
 
     def leave(self) -> None:
-        """What is printed next begins a line."""
+        """End the line on the terminal, so that further output begins a new one."""
         if self._show and self._terminal and self.last:
             print()
 

@@ -1,4 +1,4 @@
-"""The simulated sensor board as a process of its own: a system's plant in real time, its samples as frames on a bus.
+"""Simulate a sensor board in a process of its own: a system's plant in real time, its samples as frames on a bus.
 
     plumb sensor-board quad --bus serial:pty             prints the terminal's name, for a bridge to open
     plumb sensor-board quad --bus tcp:127.0.0.1:4100     waits for a bridge there
