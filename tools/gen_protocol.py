@@ -20,8 +20,8 @@ from plumb.link.session import PERIODIC  # noqa: E402
 from plumb.link.transports.slcan import frame_of_line, text_of_frames  # noqa: E402
 from plumb.spec import declarations, parameters  # noqa: E402
 from plumb.spec.protocol import Message, load_database, protocol  # noqa: E402
-from support.link_functions import disarms  # type: ignore[import-not-found]  # noqa: E402
-from support.native_board import NativeBoard  # type: ignore[import-not-found]  # noqa: E402
+from support.link_functions import disarms  # noqa: E402
+from support.native_board import NativeBoard  # noqa: E402
 
 
 def message_table() -> str:

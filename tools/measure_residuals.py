@@ -21,7 +21,7 @@ sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tests")]
 
 from plumb.link.lockstep import frame_lines  # noqa: E402
 from plumb.link.transports.slcan import text_of_frames  # noqa: E402
-from support.link_functions import parse  # type: ignore[import-not-found]  # noqa: E402
+from support.link_functions import parse  # noqa: E402
 
 TRIALS = 100_000
 """Damaged lines of each kind in the published table."""

@@ -77,7 +77,7 @@ def test_an_input_at_a_rail(analog: Bench) -> None:
         honest = analog.machine.adc[pin]
         after_a_scan(analog)
         until_s = analog.machine.now_s + RAIL_S - 0.001
-        analog.machine.adc[pin] = lambda t_s, v=volts, s=honest, end=until_s: v if t_s < end else s(t_s)
+        analog.machine.adc[pin] = lambda t_s, v=volts, s=honest, end=until_s: v if t_s < end else s(t_s)  # type: ignore[misc]
         analog.run(capture, RAIL_S + 0.01)
         assert analog.driving()
         after_a_scan(analog)
@@ -100,7 +100,7 @@ def test_a_rail_is_where_every_conversion_is(analog: Bench, log2: int) -> None:
     """One away from it in 25 ms says that the input still moves."""
     capture = analog.begin(adc_oversample_log2=log2)
     for volts in (3.3, 0.0):
-        analog.machine.adc["PA1"] = lambda t_s, at=volts: 1.6 if t_s % 0.025 < 0.001 else at
+        analog.machine.adc["PA1"] = lambda t_s, at=volts: 1.6 if t_s % 0.025 < 0.001 else at  # type: ignore[misc]
         analog.run(capture, 0.2)
         assert analog.told() == []
         analog.machine.adc["PA1"] = volts
@@ -173,6 +173,7 @@ def last(capture: Capture) -> list[int]:
 def test_an_input_that_hangs(analog: Bench) -> None:
     capture = analog.armed()
     honest = analog.machine.adc["PA2"]
+    assert callable(honest)
     analog.machine.adc["PA2"] = honest(analog.machine.now_s)
     analog.run(capture, STUCK_S - 0.01)
     assert analog.driving()
@@ -296,7 +297,13 @@ def test_no_tick_of_the_run_before_comes_with_the_next(analog: Bench) -> None:
     begun_us = analog.machine.now_us
     times: list[float] = []
     honest = analog.machine.adc["PA0"]
-    analog.machine.adc["PA0"] = lambda t_s: times.append(t_s) or honest(t_s)
+    assert callable(honest)
+
+    def noted(t_s: float) -> float:
+        times.append(t_s)
+        return honest(t_s)
+
+    analog.machine.adc["PA0"] = noted
     capture = Capture(analog.session)
     while capture.steps == 0:
         capture.feed(analog.session.receive(0.001))

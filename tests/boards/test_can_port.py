@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -24,7 +25,7 @@ FAULT_CLOCK_FALLBACK, FAULT_CAN_OVERRUN = 0x100, 0x800
 class Board:
     """The image, started, with frames by name on both of its links."""
 
-    def __init__(self, **options: bool) -> None:
+    def __init__(self, **options: Any) -> None:
         self.machine = Machine(IMAGE, **options)
         self.machine.advance_us(BOOT_US if options.get("crystal", True) else 150_000)
         self.wire = self.machine.can.wire

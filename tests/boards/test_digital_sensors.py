@@ -19,7 +19,7 @@ from support.sensor_bench import (
     RECOVERY_S,
     SENSOR,
     STEPS_MISSED,
-    Bench,
+    DigitalBench,
     bench_as_made,
     boot_digital,
     fit,
@@ -27,22 +27,22 @@ from support.sensor_bench import (
 )
 
 
-def digital_bench(bus: str) -> Bench:
+def digital_bench(bus: str) -> DigitalBench:
     machine = image()
     gyro, accel = fit(machine, spi=bus == "spi")
     boot_digital(machine)
-    bench = Bench(machine, Session.open(machine.uart), gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
+    bench = DigitalBench(machine, Session.open(machine.uart), gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
     begin = bench.begin
     bench.begin = lambda **words: begin(accel_bus=int(bus == "spi"), **words)
     return bench
 
 
 @pytest.fixture(params=["i2c", "spi"])
-def digital(request: pytest.FixtureRequest) -> Bench:
+def digital(request: pytest.FixtureRequest) -> DigitalBench:
     return bench_as_made(request.param, lambda: digital_bench(request.param))
 
 
-def begin_apart(digital: Bench, again: Callable[[], None], **words: int) -> Capture:
+def begin_apart(digital: DigitalBench, again: Callable[[], None], **words: int) -> Capture:
     """A run whose reads do not meet the gyro's samples, which come every 1 ms: its data sheet does not promise that six
     registers belong to one sample. again: called before every further try."""
     machine, gyro = digital.machine, digital.gyro
@@ -59,7 +59,7 @@ def begin_apart(digital: Bench, again: Callable[[], None], **words: int) -> Capt
 
 
 @pytest.mark.slow
-def test_every_period_has_the_newest_sample_of_both_chips(digital: Bench) -> None:
+def test_every_period_has_the_newest_sample_of_both_chips(digital: DigitalBench) -> None:
     gyro, accel = digital.gyro, digital.accel
     seen: list[tuple[float, str, float, tuple[int, int, int]]] = []
     gyro.on_read = lambda time_s, counts: seen.append((digital.machine.now_s, "gyro", time_s, counts))
@@ -80,7 +80,7 @@ def test_every_period_has_the_newest_sample_of_both_chips(digital: Bench) -> Non
 @pytest.mark.slow
 @pytest.mark.parametrize(("axis", "pair"), [(0, (1, 2)), (1, (0, 2)), (2, (0, 1))])
 def test_the_rate_is_about_the_axle_and_the_accelerations_across_it(
-    digital: Bench, axis: int, pair: tuple[int, int]
+    digital: DigitalBench, axis: int, pair: tuple[int, int]
 ) -> None:
     capture = begin_apart(digital, lambda: None, imu_axis=axis)
     digital.run(capture, RECOVERY_S)
@@ -95,7 +95,7 @@ def test_the_rate_is_about_the_axle_and_the_accelerations_across_it(
         assert raw[:, 1 + place].tolist() == [counts[pair[place]] for counts in seen["accel"][:10]]
 
 
-def test_a_sample_is_complete_soon_after_its_tick(digital: Bench) -> None:
+def test_a_sample_is_complete_soon_after_its_tick(digital: DigitalBench) -> None:
     """Within 0.44 ms where both chips are on I2C, 0.24 ms with the accelerometer on SPI."""
     machine = digital.machine
     digital.run(digital.begin(), 0.05)
@@ -111,7 +111,7 @@ def test_a_sample_is_complete_soon_after_its_tick(digital: Bench) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("digital", ["i2c"], indirect=True)
-def test_a_period_that_begins_while_the_chips_are_read_is_missed_and_counted(digital: Bench) -> None:
+def test_a_period_that_begins_while_the_chips_are_read_is_missed_and_counted(digital: DigitalBench) -> None:
     """At 2 kHz, with an accelerometer that refuses twice of three times: what was begun is finished."""
     capture = digital.begin(period_us=500)
     digital.run(capture, RECOVERY_S)
@@ -124,7 +124,7 @@ def test_a_period_that_begins_while_the_chips_are_read_is_missed_and_counted(dig
         turns += reading
         return honest(reading, now) and not (reading and turns % 3)
 
-    digital.accel.begin = begin
+    digital.accel.begin = begin  # type: ignore[assignment]
     digital.run(capture, 0.1)
     assert digital.faults() & STEPS_MISSED
     with pytest.raises(LinkError, match="fault"):
@@ -132,7 +132,7 @@ def test_a_period_that_begins_while_the_chips_are_read_is_missed_and_counted(dig
 
 
 @pytest.mark.slow
-def test_a_chip_can_be_armed_on_as_soon_as_it_is_there(digital: Bench) -> None:
+def test_a_chip_can_be_armed_on_as_soon_as_it_is_there(digital: DigitalBench) -> None:
     """begin, then arm at once: the host waits until the sensors are up."""
     capture = digital.begin()
     digital.session.arm()
@@ -142,7 +142,7 @@ def test_a_chip_can_be_armed_on_as_soon_as_it_is_there(digital: Bench) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["gyro", "accelerometer"])
-def test_a_chip_that_does_not_answer(digital: Bench, name: str) -> None:
+def test_a_chip_that_does_not_answer(digital: DigitalBench, name: str) -> None:
     capture = digital.armed()
     chip = digital.gyro if name == "gyro" else digital.accel
     chip.answers = False
@@ -159,7 +159,7 @@ def test_a_chip_that_does_not_answer(digital: Bench, name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["gyro", "accelerometer"])
-def test_another_chip_at_its_place(digital: Bench, name: str) -> None:
+def test_another_chip_at_its_place(digital: DigitalBench, name: str) -> None:
     chip = digital.gyro if name == "gyro" else digital.accel
     right, chip.identity = chip.identity, 0x33
     capture = digital.begin(gyro_filter=1)  # other settings: both are started anew
@@ -172,9 +172,9 @@ def test_another_chip_at_its_place(digital: Bench, name: str) -> None:
 
 
 @pytest.mark.slow
-def test_an_accelerometer_that_does_not_hear(digital: Bench) -> None:
+def test_an_accelerometer_that_does_not_hear(digital: DigitalBench) -> None:
     """It reads well, but its settings are those of power-up: counts of another range would be worse than none."""
-    honest, digital.accel.written = digital.accel.written, lambda _register, _value: None
+    honest, digital.accel.written = digital.accel.written, lambda _register, _value: None  # type: ignore[assignment]
     digital.accel.brown_out()
     capture = digital.begin(gyro_filter=1)
     assert digital.run(capture, 0.2) == 0
@@ -185,7 +185,7 @@ def test_an_accelerometer_that_does_not_hear(digital: Bench) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["gyro", "accelerometer"])
-def test_a_chip_whose_data_hang(digital: Bench, name: str) -> None:
+def test_a_chip_whose_data_hang(digital: DigitalBench, name: str) -> None:
     """At 200 Hz 16 equal samples of the ADXL345 are beyond noise, 6 of the ITG-3205: 80 and 30 ms."""
     capture = digital.armed()
     chip, limit_s = (digital.gyro, 0.030) if name == "gyro" else (digital.accel, 0.080)
@@ -203,7 +203,7 @@ def test_a_chip_whose_data_hang(digital: Bench, name: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_chip_that_says_the_same_for_ever_stays_a_fault(digital: Bench) -> None:
+def test_a_chip_that_says_the_same_for_ever_stays_a_fault(digital: DigitalBench) -> None:
     """Its data are new each time, and the same: setting it up anew does not clear that, only a change does."""
     capture = digital.armed()
     honest, digital.accel.source = digital.accel.source, lambda _time_s: (0.1, 0.2, 0.9)
@@ -217,7 +217,7 @@ def test_a_chip_that_says_the_same_for_ever_stays_a_fault(digital: Bench) -> Non
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["gyro", "accelerometer"])
-def test_a_chip_that_had_no_data_is_up_again_as_soon_as_it_has(digital: Bench, name: str) -> None:
+def test_a_chip_that_had_no_data_is_up_again_as_soon_as_it_has(digital: DigitalBench, name: str) -> None:
     """However often it was started in vain."""
     capture = digital.armed()
     chip = digital.gyro if name == "gyro" else digital.accel
@@ -229,7 +229,7 @@ def test_a_chip_that_had_no_data_is_up_again_as_soon_as_it_has(digital: Bench, n
         digital.recovers(capture)
 
 
-def test_the_slowest_rate_of_the_accelerometer_is_a_rate_too(digital: Bench) -> None:
+def test_the_slowest_rate_of_the_accelerometer_is_a_rate_too(digital: DigitalBench) -> None:
     """6.25 Hz: its first sample comes 160 ms after its start."""
     capture = digital.begin(accel_rate=6)
     digital.accel.brown_out()  # or a sample from before would do for its first
@@ -239,7 +239,7 @@ def test_the_slowest_rate_of_the_accelerometer_is_a_rate_too(digital: Bench) -> 
 
 
 @pytest.mark.parametrize("digital", ["spi"], indirect=True)
-def test_an_exchange_that_is_cut_short_leaves_nothing_for_the_next(digital: Bench) -> None:
+def test_an_exchange_that_is_cut_short_leaves_nothing_for_the_next(digital: DigitalBench) -> None:
     """The sensors are chosen anew in the middle of one: a byte in the receiver would put all others one place late."""
     machine, capture = digital.machine, digital.begin()
     for rate in (12, 11, 12, 11):
@@ -256,7 +256,7 @@ def test_an_exchange_that_is_cut_short_leaves_nothing_for_the_next(digital: Benc
 
 
 @pytest.mark.slow
-def test_a_chip_that_lost_its_settings_gets_them_again(digital: Bench) -> None:
+def test_a_chip_that_lost_its_settings_gets_them_again(digital: DigitalBench) -> None:
     """A dip of the supply: the accelerometer is back at +-2 g and in standby, its data stand still."""
     capture = digital.armed()
     digital.accel.brown_out()
@@ -267,7 +267,7 @@ def test_a_chip_that_lost_its_settings_gets_them_again(digital: Bench) -> None:
 
 
 @pytest.mark.slow
-def test_one_access_that_fails_is_tried_again_and_costs_no_step(digital: Bench) -> None:
+def test_one_access_that_fails_is_tried_again_and_costs_no_step(digital: DigitalBench) -> None:
     capture = digital.armed()
     failures = digital.bus_failures()
     honest = digital.gyro.begin
@@ -276,7 +276,7 @@ def test_one_access_that_fails_is_tried_again_and_costs_no_step(digital: Bench) 
     def begin(reading: bool, now: int) -> bool:
         return honest(reading, now) and (not refusals or refusals.pop())
 
-    digital.gyro.begin = begin
+    digital.gyro.begin = begin  # type: ignore[assignment]
     assert digital.run(capture, 0.2) >= 0.2e6 / PERIOD_US - 1
     assert digital.driving()
     assert digital.bus_failures() - failures == 2
@@ -287,13 +287,13 @@ def test_one_access_that_fails_is_tried_again_and_costs_no_step(digital: Bench) 
 
 
 @pytest.fixture
-def i2c() -> Bench:
+def i2c() -> DigitalBench:
     return bench_as_made("i2c", lambda: digital_bench("i2c"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("clocks", [1, 5, 9])
-def test_a_slave_that_holds_the_data_line_is_clocked_free(i2c: Bench, clocks: int) -> None:
+def test_a_slave_that_holds_the_data_line_is_clocked_free(i2c: DigitalBench, clocks: int) -> None:
     capture = i2c.armed()
     bus = i2c.machine.i2c_bus
     bus.stick(clocks)
@@ -312,12 +312,12 @@ def test_a_data_line_that_is_held_at_power_up(clocks: int) -> None:
     machine.i2c_bus.stick(clocks)
     boot_digital(machine)
     with Session.open(machine.uart) as session:
-        bench = Bench(machine, session, gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
+        bench = DigitalBench(machine, session, gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
         bench.recovers(bench.begin())
 
 
 @pytest.mark.slow
-def test_analog_filters_that_lock_at_power_up(i2c: Bench) -> None:
+def test_analog_filters_that_lock_at_power_up(i2c: DigitalBench) -> None:
     """The erratum that makes the bus look busy for ever: only edges on the pins and a reset of I2C1 help."""
     capture = i2c.armed()
     i2c.machine.i2c1.filters_locked = {"scl": True, "sda": True}
@@ -327,7 +327,7 @@ def test_analog_filters_that_lock_at_power_up(i2c: Bench) -> None:
 
 
 @pytest.mark.slow
-def test_a_shorted_data_line_is_a_fault_for_as_long_as_it_lasts(i2c: Bench) -> None:
+def test_a_shorted_data_line_is_a_fault_for_as_long_as_it_lasts(i2c: DigitalBench) -> None:
     capture = i2c.armed()
     i2c.machine.i2c_bus.short(True)
     i2c.run(capture, 0.015)
@@ -340,7 +340,7 @@ def test_a_shorted_data_line_is_a_fault_for_as_long_as_it_lasts(i2c: Bench) -> N
     i2c.recovers(capture)
 
 
-def test_a_misplaced_stop_costs_no_step(i2c: Bench) -> None:
+def test_a_misplaced_stop_costs_no_step(i2c: DigitalBench) -> None:
     """No START can be sent after it until I2C1 is reset (errata): the access is begun again in the same period."""
     capture = i2c.armed()
     for wait_us in (31.0, 57.0, 101.0, 203.0):
@@ -363,6 +363,6 @@ def test_without_a_crystal_the_bus_runs_from_the_other_clock() -> None:
     machine.advance_us(170_000)
     boot_digital(machine)
     with Session.open(machine.uart) as session:
-        bench = Bench(machine, session, gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
+        bench = DigitalBench(machine, session, gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
         bench.recovers(bench.begin())
         assert 380.0 < 1e3 * 40320 / machine.i2c1.clock_ticks <= 400.0

@@ -79,7 +79,7 @@ def between_the_pulses(image: Image) -> int:
     return lines[first + 1].address
 
 
-Hang = Callable[[Machine, Image], None]
+Hang = Callable[[Machine, Image], object]
 
 
 def in_function(name: str, *before: int) -> Hang:

@@ -14,9 +14,10 @@ pytest.importorskip("unicorn")
 from plumb.errors import LinkError
 from plumb.link.identity import BLOCKED, plausibility_text
 from plumb.link.monitor import watch
+from plumb.link.realtime import Capture
 from plumb.link.session import Session
 from support.pins import LSB_V, at_rest
-from support.sensor_bench import BOOT_US, DIGITAL_CONTROL, Bench, bench_as_made, boot_digital, fit, image
+from support.sensor_bench import BOOT_US, DIGITAL_CONTROL, Bench, DigitalBench, bench_as_made, boot_digital, fit, image
 
 WITHIN_S = 0.5
 IMPLAUSIBLE = 1 << 11
@@ -32,11 +33,11 @@ def analog_bench() -> Bench:
     return Bench(machine, Session.open(machine.uart))
 
 
-def digital_bench() -> Bench:
+def digital_bench() -> DigitalBench:
     machine = image()
     gyro, accel = fit(machine)
     boot_digital(machine)
-    return Bench(machine, Session.open(machine.uart), gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
+    return DigitalBench(machine, Session.open(machine.uart), gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
 
 
 @pytest.fixture
@@ -45,11 +46,11 @@ def analog() -> Bench:
 
 
 @pytest.fixture
-def digital() -> Bench:
+def digital() -> DigitalBench:
     return bench_as_made("i2c", digital_bench)
 
 
-def disarms(bench: Bench, capture: object, check: int) -> None:
+def disarms(bench: Bench, capture: Capture, check: int) -> None:
     """Outputs neutral within the limit, the cause and the check named; steps go on."""
     assert bench.driving()
     begin_s = bench.session.clock()
@@ -92,13 +93,13 @@ def garbage(_time_s: float, chance: random.Random = random.Random(3)) -> tuple[f
     return chance.uniform(-16.0, 16.0), chance.uniform(-16.0, 16.0), chance.uniform(-16.0, 16.0)
 
 
-def test_a_chip_that_returns_garbage(digital: Bench) -> None:
+def test_a_chip_that_returns_garbage(digital: DigitalBench) -> None:
     capture = digital.armed()
     digital.accel.source = garbage
     disarms(digital, capture, 1)
 
 
-def test_the_axes_of_a_chip_swapped(digital: Bench) -> None:
+def test_the_axes_of_a_chip_swapped(digital: DigitalBench) -> None:
     """x where z was: 84 deg at once."""
     capture = digital.armed()
     honest = digital.accel.source
@@ -106,7 +107,7 @@ def test_the_axes_of_a_chip_swapped(digital: Bench) -> None:
     disarms(digital, capture, 4)
 
 
-def test_a_gyro_that_turns_alone(digital: Bench) -> None:
+def test_a_gyro_that_turns_alone(digital: DigitalBench) -> None:
     capture = digital.armed()
     honest = digital.gyro.source
     digital.gyro.source = lambda t_s: (honest(t_s)[0], 250.0 + honest(t_s)[1], honest(t_s)[2])

@@ -97,7 +97,7 @@ def test_an_interrupt_stops_the_process(tmp_path: Path, monkeypatch: pytest.Monk
         started.append(original(*arguments, **options))  # type: ignore[call-overload]
         real = started[-1].communicate
         calls = iter([interrupt, real])
-        monkeypatch.setattr(started[-1], "communicate", lambda *a, **k: next(calls)(*a, **k))
+        monkeypatch.setattr(started[-1], "communicate", lambda *a, **k: next(calls)(*a, **k))  # type: ignore[operator]
         return started[-1]
 
     monkeypatch.setattr(subprocess, "Popen", popen)

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("unicorn")
@@ -211,7 +212,9 @@ def test_a_flipped_last_command_is_gone_with_the_next_step(image: bytes, elf: El
     """Without the check, too: 23 bits hold every command (core/pid.h). Its bit 31 was 25 s of full command."""
     board = driving(without_memory_check(image, elf), elf)
     snapshot, before = board.machine.snapshot(board.session), board.pulses()
-    command = elf.symbol("control").address + RECORDS["quad"].fields["command_q22"][1]
+    places = RECORDS["quad"].fields
+    assert places is not None
+    command = elf.symbol("control").address + places["command_q22"][1]
     for bit in range(23, 32):
         board.machine.restore(snapshot)
         board.flip(command, bit)
@@ -271,7 +274,7 @@ def test_a_parameter_that_flips_in_lockstep_is_found_when_the_run_ends(image: by
     """In lockstep nothing is checked: nothing can be armed, and the host compares every step."""
     board = started(image, elf)
     board.session.begin("LOCKSTEP")
-    board.machine.uart.write(samples_text(protocol(), [[1, 2, 3]] * 4, [0] * 4).part(0, 4))
+    board.machine.uart.write(samples_text(protocol(), np.array([[1, 2, 3]] * 4), np.zeros(4, int)).part(0, 4))
     board.hear()
     board.sleep()
     board.flip(elf.symbol("params").address + 4 * 20, 9)

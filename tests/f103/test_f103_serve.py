@@ -40,6 +40,7 @@ class Server:
         self.process = subprocess.Popen(
             command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
+        assert self.process.stdout is not None
         self.address = self.process.stdout.readline().strip()
 
     def end(self, number: int) -> tuple[str, str, int]:

@@ -114,7 +114,7 @@ def wired(entry: object) -> frozenset[str]:
 def test_what_is_restored_goes_on_byte_for_byte(board: VirtualBoard) -> None:
     """Frames with their times, pins, edges of the bridge, memories, and the state of every peripheral."""
     snapshot = board.machine.snapshot(board.session)
-    first = traffic(board)
+    first: Any = traffic(board)
     assert first[0] and len(first[1]) > 1, "there is something to compare"
     left = state(board.machine, board.session)
     for _ in range(3):

@@ -6,6 +6,7 @@ import importlib.util
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -58,7 +59,7 @@ def test_the_drawings_are_fresh() -> None:
 
 
 @pytest.mark.parametrize("drawing", GENERATOR.DRAWINGS, ids=lambda drawing: drawing.name)
-def test_every_wire_ends_on_a_pin_that_is_what_the_drawing_says(drawing: object) -> None:
+def test_every_wire_ends_on_a_pin_that_is_what_the_drawing_says(drawing: Any) -> None:
     machine = booted(drawing.pins)
     wires = drawing.wires()
     assert len({wire.pin for wire in wires}) == len(wires)

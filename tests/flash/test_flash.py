@@ -128,7 +128,7 @@ def test_a_host_that_was_busy_looks_at_what_arrived(monkeypatch: pytest.MonkeyPa
     """Its clock is an hour on at every look."""
 
     class Port:
-        pieces = (b"", b"\x79", b"", b"")
+        pieces: tuple[bytes, ...] = (b"", b"\x79", b"", b"")
 
         def read(self, _count: int) -> bytes:
             piece, *rest = self.pieces

@@ -30,9 +30,9 @@ def test_sensagram_event_in_the_units_of_the_board() -> None:
     data = b'{"type": "android.sensor.accelerometer", "timestamp": 3925657519043709,\n "values": [0,-0.980665,9.80665]}'
     datagram = parse(data)
     assert datagram.app == "SensaGram"
-    assert datagram.samples == [Sample("accel", pytest.approx(3925657.519043709), (0.0, pytest.approx(-0.1), 1.0))]
+    assert datagram.samples == [Sample("accel", pytest.approx(3925657.519043709), (0.0, pytest.approx(-0.1), 1.0))]  # type: ignore[arg-type]
     turning = parse(sensagram("gyroscope", 1.5, [math.pi, 0.0, -math.pi / 2]))
-    assert turning.samples == [Sample("gyro", pytest.approx(1.5), (pytest.approx(180.0), 0.0, pytest.approx(-90.0)))]
+    assert turning.samples == [Sample("gyro", pytest.approx(1.5), (pytest.approx(180.0), 0.0, pytest.approx(-90.0)))]  # type: ignore[arg-type]
 
 
 def test_sensagram_events_of_other_sensors_are_no_samples() -> None:

@@ -414,7 +414,7 @@ def test_a_host_that_was_busy_does_not_take_the_phone_for_silent(
         intake = phone_udp.Intake(phone.PERIOD_US)
         follower = phone_run.Follower(native, phone_run.params_of("euler", phone.PERIOD_US))
         said = phone_run.follow(
-            listener,
+            listener,  # type: ignore[arg-type]
             intake,
             follower,
             seconds=None,

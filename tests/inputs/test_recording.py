@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,7 +44,7 @@ def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.array([w, *v])
 
 
-def saved(folder: Path, columns: dict[str, object]) -> Path:
+def saved(folder: Path, columns: dict[str, Any]) -> Path:
     path = folder / "run.npz"
     np.savez(path, **columns)  # type: ignore[arg-type]
     return path
@@ -126,7 +127,7 @@ def test_a_sensor_at_rest_is_scaled_no_finer_than_the_firmware_can_carry(tmp_pat
 
 
 def test_arrays_of_no_concern_are_ignored(tmp_path: Path) -> None:
-    columns: dict[str, object] = {**turning("x"), "subject": np.array("pendulum"), "phase": np.array([1j])}
+    columns: dict[str, Any] = {**turning("x"), "subject": np.array("pendulum"), "phase": np.array([1j])}
     assert recording.load(saved(tmp_path, columns)).path.suffix == ".npz"
 
 
@@ -160,8 +161,8 @@ def test_csv_in_either_unit_is_the_same_recording(tmp_path: Path) -> None:
         assert np.array_equal(np.delete(one.scored, 500), np.delete(npz.scored, 500))
 
 
-def spoiled(change: str) -> dict[str, object]:
-    columns: dict[str, object] = dict(turning("x"))
+def spoiled(change: str) -> dict[str, Any]:
+    columns: dict[str, Any] = dict(turning("x"))
     gyr, acc, time_s = columns["gyr"], columns["acc"], columns["time_s"]
     assert isinstance(gyr, np.ndarray) and isinstance(acc, np.ndarray) and isinstance(time_s, np.ndarray)
     match change:

@@ -16,7 +16,7 @@ INT32_MIN, INT32_MAX = -(1 << 31), (1 << 31) - 1
 def vectors(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Directions all round, lengths from 2^8 to 2^31: shorter vectors have fewer directions, not more error."""
     length, phi = 2.0 ** rng.uniform(8, 31, n), rng.uniform(-np.pi, np.pi, n)
-    return tuple(np.rint(length * f(phi)).astype(np.int64).clip(INT32_MIN, INT32_MAX) for f in (np.sin, np.cos))
+    return tuple(np.rint(length * f(phi)).astype(np.int64).clip(INT32_MIN, INT32_MAX) for f in (np.sin, np.cos))  # type: ignore[return-value]
 
 
 def test_atan2_is_within_5e_6_deg() -> None:

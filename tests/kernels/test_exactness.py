@@ -151,10 +151,10 @@ def test_kalman_step_on_unrelated_states() -> None:
         before = states(params, rng, n)
         r = np.clip((1 << 24) >> rng.integers(0, 25, n), 1, 1 << 24)
         z, u = rng.choice(INT32, n), rng.choice(INT32, n)
-        k = run_fixed.KalmanState(*(before[name].astype(np.int64) for name in before.dtype.names))
+        k = run_fixed.KalmanState(*(before[name].astype(np.int64) for name in before.dtype.names or ()))
         run_fixed.kalman_step(k, run_fixed.stack(params, 1), r, z, u)
         after = native_core.kalman_step(params, before, r, z, u)
-        for name in before.dtype.names:
+        for name in before.dtype.names or ():
             assert np.array_equal(getattr(k, name), after[name].astype(np.int64)), name
 
 

@@ -237,7 +237,7 @@ def test_an_injected_run_is_armed_by_fresh_samples_only(new_board: NewBoard) -> 
     with pytest.raises(LinkError, match="no injected samples come"):
         session.arm()
 
-    samples = samples_text(protocol(), np.tile(np.int16(AT_REST[:3]), (150, 1)), np.zeros(150))
+    samples = samples_text(protocol(), np.tile(np.array(AT_REST[:3], np.int16), (150, 1)), np.zeros(150))
     for step in range(100):
         board.write(samples.part(step, step + 1))
         board.run_us(10_000)

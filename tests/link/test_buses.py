@@ -68,7 +68,7 @@ def address_of(far: AdapterBus) -> str:
 def test_frames_go_both_ways_between_the_two_ends(spec: str) -> None:
     far = serve_bus(spec)
     assert isinstance(far, AdapterBus)
-    with answering(far) as heard, open_bus(address_of(far)) as near:
+    with answering(far) as heard, open_bus(address_of(far)) as near:  # type: ignore[arg-type]
         wait_for(lambda: far.open)
         for step in range(40):
             near.send(frame(step))
@@ -85,12 +85,12 @@ def test_nothing_is_sent_before_a_host_opens_the_link_nor_after_it_left() -> Non
     far = serve_bus("tcp:127.0.0.1:0")
     far.send(frame(1))
     with answering(far):
-        with open_bus(address_of(far)) as near:
+        with open_bus(address_of(far)) as near:  # type: ignore[arg-type]
             wait_for(lambda: far.open)  # type: ignore[attr-defined]
             assert near.recv(0.1) is None
         wait_for(lambda: not far.open)  # type: ignore[attr-defined]
         far.send(frame(2))
-        with open_bus(address_of(far)) as near:
+        with open_bus(address_of(far)) as near:  # type: ignore[arg-type]
             wait_for(lambda: far.open)  # type: ignore[attr-defined]
             assert near.recv(0.1) is None
     far.shutdown()
@@ -112,7 +112,7 @@ def test_an_adapter_answers_the_commands_that_stock_tools_send() -> None:
         (b"t1002AB01\r\r", b"\a\r"),
         (b"C\r", b"\r"),
     ]
-    with answering(far) as heard, serial.Serial(address_of(far).removeprefix("serial:"), timeout=WAIT_S) as port:
+    with answering(far) as heard, serial.Serial(address_of(far).removeprefix("serial:"), timeout=WAIT_S) as port:  # type: ignore[arg-type]
         for question, answer in transcript:
             port.write(question)
             assert port.read(len(answer)) == answer
@@ -122,7 +122,7 @@ def test_an_adapter_answers_the_commands_that_stock_tools_send() -> None:
 
 def test_python_cans_own_slcan_interface_talks_to_an_adapter() -> None:
     far = AdapterBus(open_endpoint("pty"))
-    name = address_of(far).removeprefix("serial:")
+    name = address_of(far).removeprefix("serial:")  # type: ignore[arg-type]
     with answering(far) as heard, open_bus(f"can:slcan:{name}@115200") as stock:
         wait_for(lambda: far.open)
         stock.send(frame(7))
@@ -194,7 +194,7 @@ def test_an_endless_line_does_not_grow() -> None:
         return data
 
     far._line.read = read  # type: ignore[method-assign]
-    with answering(far), PlumbBus(address_of(far)) as near:
+    with answering(far), PlumbBus(address_of(far)) as near:  # type: ignore[arg-type]
         near.write_text(b"x" * 200_000)
         wait_for(lambda: heard_bytes[0] >= 200_000)
     assert max(kept) <= 64

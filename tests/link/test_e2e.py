@@ -39,8 +39,8 @@ def _mirrored(byte: int) -> int:
 def test_crc_matches_its_definition() -> None:
     # CRC-8/AUTOSAR (0x2F) of "123456789" is 0xDF; ours is the same with the bits of every byte in reverse order.
     assert _mirrored(_crc_by_bits(bytes(map(_mirrored, b"123456789")))) == 0xDF
-    data = (ctypes.c_uint8 * 8)(0, *b"9876543")
-    assert library().frames_crc8(0x3132, 0x33, data) == _crc_by_bits(b"1233456789")
+    bytes_8 = (ctypes.c_uint8 * 8)(0, *b"9876543")
+    assert library().frames_crc8(0x3132, 0x33, bytes_8) == _crc_by_bits(b"1233456789")
     for identifier, data in frames(50, 8):
         covered = identifier.to_bytes(2, "big") + b"\x08" + data[:0:-1]
         assert crc8(identifier, data) == _crc_by_bits(covered)

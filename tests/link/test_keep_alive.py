@@ -167,7 +167,7 @@ def recorded(session: Session, one_period: Callable[[bool], None], count: int) -
         frames.extend(frame for frame in sent if frame[0] == identifier)
         honest(sent)
 
-    session.frames.write_frames = note  # type: ignore[method-assign]
+    session.frames.write_frames = note  # type: ignore[assignment]
     while len(frames) < count:
         one_period(True)
     session.frames.write_frames = honest  # type: ignore[method-assign]

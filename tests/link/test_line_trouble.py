@@ -23,7 +23,7 @@ FAULT_UART = 0x200
 COUNTED_TO = 255
 """Every damaged byte is counted, up to here; a burst that is looked at once it is over would count once."""
 
-Trouble = Callable[[Machine, bytes], None]
+Trouble = Callable[[Machine, bytes], object]
 TROUBLES: dict[str, Trouble] = {
     "garbage": lambda machine, data: machine.uart.write(data),
     "framing errors": lambda machine, data: machine.uart.write_with_framing_error(data),

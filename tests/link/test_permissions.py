@@ -68,10 +68,10 @@ def test_a_host_of_another_version_changes_nothing(machine: Machine, link: str) 
     assert refusal(lambda: session.request("PARAM_COMMIT", len(words), parameters.crc32(words))) == "GREETING"
     for name in ("SAVE", "LOAD", "DEFAULTS"):
         value = verb("verb", name)
-        assert refusal(lambda value=value: session.request("EXECUTE", value, nonce(value))) == "GREETING"
+        assert refusal(lambda value=value: session.request("EXECUTE", value, nonce(value))) == "GREETING"  # type: ignore[misc]
     for name in ("LOCKSTEP", "REALTIME_INJECTED", "REALTIME_LIVE"):
         value = run("run", name)
-        assert refusal(lambda value=value: session.request("RUN_BEGIN", value, nonce(value))) == "GREETING"
+        assert refusal(lambda value=value: session.request("RUN_BEGIN", value, nonce(value))) == "GREETING"  # type: ignore[misc]
     assert refusal(lambda: session.request("SETPOINT", 0, STEER)) == "GREETING"
     assert refusal(lambda: session.request("SAMPLE_A", 1, 2, 3)) == "GREETING"
     value = verb("verb", "ARM")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from dataclasses import replace
+from typing import Any
 
 import can
 import numpy as np
@@ -53,7 +54,7 @@ def test_connect_tells_who_is_there() -> None:
     ],
 )
 def test_a_mismatch_is_explained_reading_works_and_arming_does_not(
-    new_board: NewBoard, other: dict[str, int], sentence: str
+    new_board: NewBoard, other: dict[str, Any], sentence: str
 ) -> None:
     board = new_board()
     with Session(PlumbBus(board)) as session:
@@ -97,7 +98,7 @@ def test_silence_is_one_sentence() -> None:
 
 def test_a_board_whose_time_stands_still_does_not_hang(monkeypatch: pytest.MonkeyPatch) -> None:
     class Frozen(NativeBoard):
-        def read(self, count: int) -> bytes:
+        def read(self, size: int = 1) -> bytes:
             return b""
 
     monkeypatch.setattr("plumb.link.transports.byte_stream._STANDSTILL_S", 0.05)

@@ -56,7 +56,7 @@ def test_calibration_undoes_the_sensor_to_half_a_count(sensor: Enc03 | Mma7260) 
 @pytest.mark.parametrize("bandwidth_hz", [0.5, 5.0, 350.0])
 def test_the_low_pass_follows_a_ramp_with_the_lag_of_one_pole(bandwidth_hz: float) -> None:
     step_s = 1e-3
-    time_s = np.arange(2000) * step_s
+    time_s = np.asarray(np.arange(2000) * step_s, np.float64)
     lag_s = 1.0 / (2.0 * math.pi * bandwidth_hz)
     expected = time_s - lag_s * (1.0 - np.exp(-time_s / lag_s))
     assert np.max(np.abs(OnePole.of(bandwidth_hz, step_s).run(time_s) - expected)) < 1e-12

@@ -149,7 +149,7 @@ def test_one_wrong_bit_of_a_board_is_named(board: Board, small: Path, signal: st
     first = result.first_divergence
     assert first is not None
     assert (first.vector, first.step, first.signal, first.in_file) == ("small", 37, signal, False)
-    assert first.actual == first.expected ^ (1 << bit)
+    assert first.expected is not None and first.actual == first.expected ^ (1 << bit)
     assert result.verdict == "fail" and result.mismatches >= 1
     assert golden.verdict_of([golden.Result(1, 1), result]) == "fail"
     assert "step 37" in result.describe()

@@ -17,7 +17,7 @@ PERIOD_S = 0.02
     ("seconds", "from_s"), [(120.0, 10.0), (30.0, 10.0), (20.0, 10.0), (19.0, 9.5), (10.0, 5.0), (1.0, 0.5)]
 )
 def test_the_window_is_from_10_s_or_the_second_half(seconds: float, from_s: float) -> None:
-    time_s = np.arange(round(seconds / PERIOD_S)) * PERIOD_S
+    time_s = np.asarray(np.arange(round(seconds / PERIOD_S)) * PERIOD_S, np.float64)
     assert time_s[scoring.scored(time_s)][0] == pytest.approx(from_s, abs=PERIOD_S)
     assert scoring.scored(time_s)[-1]
 

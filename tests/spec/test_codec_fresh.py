@@ -8,6 +8,7 @@ import sys
 import zlib
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -143,7 +144,7 @@ def test_factory_values_are_a_shipped_tuning() -> None:
 
 def test_other_tools_see_degrees_and_names() -> None:
     """What cantools monitor or SavvyCAN show with the DBC."""
-    database = load_database()
+    database: Any = load_database()
     angle = database.decode_message("QUAD_ANGLE", protocol()["QUAD_ANGLE"].pack(0, 0, 3001, -(1 << 29)))
     assert angle["tilt"] == pytest.approx(-45.0)
     assert angle["pulse_0"] == 1500.5

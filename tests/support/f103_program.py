@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
+from typing import Any
 
 RESULTS_OFFSET = 0
 
@@ -11,13 +12,13 @@ RESULTS_OFFSET = 0
 class Board:
     """A machine with one of the small programs, and its results in RAM."""
 
-    def __init__(self, elf: Path, **options: object) -> None:
+    def __init__(self, elf: Path, **options: Any) -> None:
         from plumb.f103 import Machine
 
         self.machine = Machine(elf.with_suffix(".bin"), **options)
 
     def result(self, index: int) -> int:
-        return struct.unpack_from("<I", self.machine.cpu.ram, RESULTS_OFFSET + 4 * index)[0]
+        return int(struct.unpack_from("<I", self.machine.cpu.ram, RESULTS_OFFSET + 4 * index)[0])
 
     def ask(self, index: int, value: int) -> None:
         struct.pack_into("<I", self.machine.cpu.ram, RESULTS_OFFSET + 4 * index, value)

@@ -31,7 +31,7 @@ ARMED = 0x6B95D2A7
 @lru_cache(maxsize=1)
 def _places(path: Path) -> dict[str, int]:
     """Where the session keeps whether it is armed, and the number of the next step."""
-    from elftools.elf.elffile import ELFFile  # type: ignore[import-untyped]
+    from elftools.elf.elffile import ELFFile
 
     elf = Elf(path)
     with path.open("rb") as file:

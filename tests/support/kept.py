@@ -33,4 +33,4 @@ def as_made(name: str, make: Callable[[], Thing]) -> Thing:
             atexit.register(can.BusABC.shutdown, session.bus)
     thing, snapshot = _made[name]
     thing.machine.restore(snapshot)
-    return thing  # type: ignore[no-any-return]
+    return thing

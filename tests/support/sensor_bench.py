@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import pytest
 
@@ -60,10 +61,8 @@ class Bench:
     machine: Machine
     session: Session
     words: dict[str, int] = field(default_factory=dict)
-    gyro: Itg3205 | None = None
     control: Sequence[int] | None = None
     """Control part of the parameters; None: the board's own."""
-    accel: Adxl345 | None = None
     name: str = ""
     """Of what `bench_as_made` keeps; empty: not kept."""
     made_at: int = 0
@@ -134,13 +133,23 @@ class Bench:
         assert self.machine.warnings == []
 
 
+@dataclass(kw_only=True)
+class DigitalBench(Bench):
+    """Its sensors are two chips."""
+
+    gyro: Itg3205
+    accel: Adxl345
+
+
+AnyBench = TypeVar("AnyBench", bound=Bench)
+
 _armed: dict[str, tuple[Capture, Snapshot]] = {}
 
 
-def bench_as_made(name: str, make: Callable[[], Bench]) -> Bench:
+def bench_as_made(name: str, make: Callable[[], AnyBench]) -> AnyBench:
     """The bench of this name, each time as it was when it was made."""
 
-    def named() -> Bench:
+    def named() -> AnyBench:
         bench = make()
         bench.name, bench.made_at = name, bench.machine.now
         return bench
@@ -148,7 +157,7 @@ def bench_as_made(name: str, make: Callable[[], Bench]) -> Bench:
     return as_made(f"bench {name}", named)
 
 
-def image(**options: bool) -> Machine:
+def image(**options: Any) -> Machine:
     try:
         return Machine(find_image(), **options)
     except UsageError as error:

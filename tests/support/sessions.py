@@ -43,7 +43,8 @@ def listen(session: Session, seconds: float) -> None:
 
 def used_setpoints(session: Session) -> list[int]:
     """The values of SETPOINT_USED that come from here on."""
-    used, found = session.protocol["SETPOINT_USED"], []
+    used = session.protocol["SETPOINT_USED"]
+    found: list[int] = []
 
     def note(frames: list[tuple[int, bytes]]) -> None:
         found.extend(used.decode(data)["setpoint"] for identifier, data in frames if identifier == used.identifier)

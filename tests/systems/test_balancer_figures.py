@@ -20,6 +20,7 @@ from plumb.proof.figures import Figure
 from plumb.systems.balancer import figures as balancer_figures
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.balancer.figures import Float64, Integers, balance
+from plumb.systems.balancer.plots import TURN_DEG
 
 Rows = dict[tuple[str, str, str], Figure]
 PAGE = Path(__file__).parents[2] / "docs/balancer.md"
@@ -101,7 +102,7 @@ def test_the_comparison_is_a_fair_one() -> None:
         params, sums = quantise.quantise(tuning), 0.0
         for batch, asked_deg in zip(batches, (0.48, 0.40), strict=True):
             words = native_core.run_control(params, batch.raw, batch.setpoint)
-            tilt_deg = np.asarray(words["tilt_turn_q32"] * balancer_figures.TURN_DEG)
+            tilt_deg = np.asarray(words["tilt_turn_q32"] * TURN_DEG)
             sums += float(np.mean(batch.tilt_rms(tilt_deg))) / asked_deg
         return sums
 

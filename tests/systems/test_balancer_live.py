@@ -18,7 +18,7 @@ from plumb.proof import live_run
 from plumb.proof.runs import Run
 from plumb.systems.balancer import pins as balancer_live
 from plumb.systems.balancer import scenarios as balancer
-from plumb.systems.balancer.plant import BalancerPlant
+from plumb.systems.balancer.plant import EDGE_M, BalancerPlant
 from plumb.tuning import quantise
 
 PARAMS = quantise.quantise(balancer.TUNED)
@@ -70,7 +70,7 @@ def test_the_chips_and_the_hall_sensors_give_what_the_plant_has(inputs: tuple[Vi
     assert np.std(rate_dps - truth["rate_dps"]) < 3 * balancer.GYRO_NOISE_DPS
     assert np.mean(raw[:, 2]) == pytest.approx(256.0, abs=6.0)
     way_m = np.sum(truth["velocity_mps"]) * balancer.PERIOD_US * 1e-6
-    assert (int(raw[-1, 3]) - int(raw[0, 3])) * balancer.EDGE_M == pytest.approx(way_m, abs=0.02)
+    assert (int(raw[-1, 3]) - int(raw[0, 3])) * EDGE_M == pytest.approx(way_m, abs=0.02)
 
 
 def test_every_count_is_what_a_register_held(inputs: tuple[VirtualBoard, Run]) -> None:

@@ -30,8 +30,18 @@ def build(source: Path, target: Path, python: Path, *options: str) -> tuple[Path
     """The native core and the flash image of the sources."""
     chip = f"-DCMAKE_TOOLCHAIN_FILE={source}/firmware/ports/stm32f103/toolchain.cmake"
     for name, own in (("native", ["-DPLUMB_TESTS=OFF"]), ("image", [chip, "-DCMAKE_BUILD_TYPE=Image"])):
-        configure = ["cmake", "-S", source, "-B", target / name, "-G", "Ninja", f"-DPython3_EXECUTABLE={python}"]
-        for command in ([*configure, *own, *options], ["cmake", "--build", target / name]):
+        configure: list[str | Path] = [
+            "cmake",
+            "-S",
+            source,
+            "-B",
+            target / name,
+            "-G",
+            "Ninja",
+            f"-DPython3_EXECUTABLE={python}",
+        ]
+        commands: list[list[str | Path]] = [[*configure, *own, *options], ["cmake", "--build", target / name]]
+        for command in commands:
             done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S)
             assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     return target / "native" / "libplumb_native.so", target / "image" / "firmware.elf"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ from plumb.errors import UsageError
 from plumb.proof import accuracy, golden, metrics
 from plumb.proof.compare import first_divergence
 from plumb.spec.records import RECORDS, Words, names_of
-from plumb.spec.tuning import PhoneTuning, Start
+from plumb.spec.tuning import PhoneAxis, PhoneTuning, Start
 from plumb.systems import run_fixed, run_reference
 from plumb.systems.phone import scenarios as phone
 from plumb.systems.phone.reference import rates_of
@@ -144,8 +144,8 @@ def test_the_rates_of_the_angles_are_as_exact_as_the_formats() -> None:
 def test_dequantised_is_what_was_asked_within_a_thousandth() -> None:
     asked = replace(
         phone.EULER,
-        pitch=phone.PhoneAxis(0.3, 2e-3, 4.0, Start(12.0, -1.0, 400.0, 0.01, 9.0)),
-        roll=phone.PhoneAxis(0.02, 5e-5, 25.0, Start(-160.0, 2.0, 900.0, 0.0, 16.0)),
+        pitch=PhoneAxis(0.3, 2e-3, 4.0, Start(12.0, -1.0, 400.0, 0.01, 9.0)),
+        roll=PhoneAxis(0.02, 5e-5, 25.0, Start(-160.0, 2.0, 900.0, 0.0, 16.0)),
         rates="body",
         rate="current",
         r_left_out_deg2=5e3,
@@ -290,7 +290,7 @@ def test_a_golden_vector_goes_over_the_top_on_every_board() -> None:
     ("lateral_deg", "rates", "changes"), [(80.0, "euler", True), (85.0, "euler", False), (80.0, "body", False)]
 )
 def test_sides_change_with_the_bias_and_only_where_roll_can_be_told(
-    lateral_deg: float, rates: str, changes: bool
+    lateral_deg: float, rates: Literal["body", "euler"], changes: bool
 ) -> None:
     """In the singular zone nothing tells the side, and the source's filter has none."""
     tuning = replace(

@@ -12,7 +12,7 @@ import pytest
 
 from plumb.errors import UsageError
 from plumb.proof import metrics
-from plumb.spec.tuning import Tuning
+from plumb.spec.tuning import Kalman, Tuning
 from plumb.systems import load, run_reference, scoring
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.plant import QuadPlant
@@ -60,7 +60,7 @@ def test_the_papers_constants_give_1_87_deg_added_per_step_and_1_3_per_second(
     assert paper.kalman.q_angle_deg2_per_s * paper.period_s == pytest.approx(0.01, rel=1e-12)
     assert paper.kalman.q_bias_dps2_per_s * paper.period_s == pytest.approx(0.005, rel=1e-12)
     assert rmse_deg(runs, engineering, paper) == pytest.approx(1.87, rel=0.05)
-    per_second = replace(paper, kalman=quad.Kalman(0.01, 0.005))
+    per_second = replace(paper, kalman=Kalman(0.01, 0.005))
     assert rmse_deg(runs, engineering, per_second) == pytest.approx(1.3, rel=0.05)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -101,7 +102,7 @@ def test_what_no_run_has_is_refused() -> None:
 
 def test_the_gyro_alone_is_a_trapezium_of_its_own_samples() -> None:
     """On a gyro without errors it is the truth, and what its lag takes off is what undoing it gives back."""
-    perfect = {"gyro_scale": 0.0, "spike_share": 0.0, "bias": 0.0, "walk_dps": 0.0, "gyro_dps": 0.0}
+    perfect: dict[str, Any] = {"gyro_scale": 0.0, "spike_share": 0.0, "bias": 0.0, "walk_dps": 0.0, "gyro_dps": 0.0}
     run = turntable.scenario("motion", 5, seconds=20.0, **perfect, lag_s=0.0)
     assert np.abs(turntable_gyro.residuals_deg(run)).max() < 0.06
     behind = turntable.scenario("motion", 5, seconds=20.0, **perfect)

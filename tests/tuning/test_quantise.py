@@ -40,7 +40,7 @@ def changed(tuning: Tuning, path: str, value: Any) -> Tuning:
 @pytest.mark.parametrize("name", quad.TUNINGS)
 def test_shipped_tunings_are_within_a_thousandth(name: str) -> None:
     asked = quad.TUNINGS[name]
-    got = dequantise(quantise(asked))
+    got: Any = dequantise(quantise(asked))
     worst = {k: v for k, v in deviations(asked, got).items() if v > 1e-3}
     assert worst == {} and native_core.params_valid(quantise(asked))
     if asked.trust.gain_deg2:
@@ -67,7 +67,7 @@ def test_the_inside_of_the_box_is_within_a_thousandth() -> None:
 
 
 def test_the_papers_constants_as_they_are() -> None:
-    got = dequantise(quantise(PAPER))
+    got: Any = dequantise(quantise(PAPER))
     step = got.period_s
     assert got.kalman.q_angle_deg2_per_s * step == pytest.approx(0.01, rel=1e-6)
     assert got.kalman.q_bias_dps2_per_s * step == pytest.approx(0.005, rel=1e-6)

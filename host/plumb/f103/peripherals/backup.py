@@ -28,6 +28,7 @@ class Bkp(Peripheral):
     """Ten registers of 16 bits; DBP opens them for writing."""
 
     REGISTERS = tuple(Register(f"dr{i}", 4 * i) for i in range(1, 11))
+    dr1: int
 
     def __init__(self, machine: Machine) -> None:
         super().__init__(machine, "BKP", 0x40006C00)

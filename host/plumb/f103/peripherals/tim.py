@@ -51,6 +51,10 @@ class Timer(Peripheral):
     cnt: int
     psc: int
     arr: int
+    ccr1: int
+    ccr2: int
+    ccr3: int
+    ccr4: int
 
     def __init__(self, machine: Machine, name: str, base: int, interrupt: int) -> None:
         super().__init__(machine, name, base)
