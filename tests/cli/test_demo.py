@@ -26,6 +26,7 @@ except UsageError as missing:
 
 from plumb.boards.virtual import VirtualBoard
 from plumb.proof import live_run
+from plumb.systems.contracts import Conversion
 
 
 def one_of_each_system(folder: Path, systems: Sequence[str] | None = None) -> list[golden.Case]:
@@ -90,13 +91,17 @@ def test_a_live_run_is_told_the_setpoints_as_they_change() -> None:
 
 
 def test_conversions_before_the_run_are_not_its_steps() -> None:
-    rng = np.random.default_rng(5)
-    taken = rng.integers(0, 4096, 60)
-    streamed = taken[3:53].astype(np.int16)
+    """Also where the counts alone would not tell: the sensor stands still."""
+    taken = [Conversion(at * 0.01, 2048, {"tilt_deg": float(at)}) for at in range(60)]
+    streamed = np.full((50, 6), 2048, np.int16)
     streamed[10] = 0  # lost on the link
-    assert live_run.align_to_conversions(taken, streamed) == 3
-    with pytest.raises(LinkError, match="60 steps of 50"):
-        live_run.align_to_conversions(taken[:50], taken.astype(np.int16))
+    found = live_run.conversions_of(taken, 0.025, streamed)
+    assert [conversion.truth["tilt_deg"] for conversion in found] == list(range(3, 53))
+    with pytest.raises(LinkError, match="50 steps of 40"):
+        live_run.conversions_of(taken, 0.195, streamed)
+    streamed[20, 0] = 2049
+    with pytest.raises(LinkError, match=r"step 20 is not the conversion of its turn: .* 2049, its sensor gave 2048"):
+        live_run.conversions_of(taken, 0.025, streamed)
 
 
 def test_a_live_run_knows_its_truth_to_the_last_step() -> None:

@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("unicorn")
 
 from plumb import systems
+from plumb.boards.plant_on_pins import sampling_began_s
 from plumb.boards.virtual import VirtualBoard
 from plumb.errors import LinkError
 from plumb.f103 import Machine
@@ -31,8 +32,8 @@ class Watched(balancer_live.Coupling):
 
     def __init__(self, machine: Machine, plant: BalancerPlant) -> None:
         super().__init__(machine, plant)
-        self.read: list[tuple[int, int, int]] = []
-        self.accel.on_read = lambda _sampled_s, counts: self.read.append(counts)
+        self.read: list[tuple[float, tuple[int, int, int]]] = []
+        self.accel.on_read = lambda _sampled_s, counts: self.read.append((machine.now_s, counts))
         self.made.append(self)
 
 
@@ -76,12 +77,11 @@ def test_the_chips_and_the_hall_sensors_give_what_the_plant_has(inputs: tuple[Vi
 def test_every_count_is_what_a_register_held(inputs: tuple[VirtualBoard, Run]) -> None:
     """All three, in order, none left out: gyro about y big-endian, accelerometer x and z little-endian."""
     raw, coupling = inputs[1].inputs.raw, Watched.made[-1]
-    gyro = np.array([count for count, _ in coupling.taken])
-    first = live_run.align_to_conversions(gyro, raw[:, 0])
-    assert np.array_equal(gyro[first : first + len(raw)], raw[:, 0])
-    accel = np.array(coupling.read)
-    first = live_run.align_to_conversions(accel[:, 2], raw[:, 2])
-    assert np.array_equal(accel[first : first + len(raw)][:, [0, 2]], raw[:, 1:3])
+    begun_s = sampling_began_s(inputs[0].machine)
+    gyro = live_run.conversions_of(coupling.taken, begun_s, raw)
+    assert [conversion.raw_count for conversion in gyro] == raw[:, 0].tolist()
+    accel = np.array([counts for time_s, counts in coupling.read if time_s > begun_s])
+    assert np.array_equal(accel[: len(raw)][:, [0, 2]], raw[:, 1:3])
     assert not inputs[0].machine.warnings
 
 

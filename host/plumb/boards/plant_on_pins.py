@@ -3,7 +3,7 @@
 How a system's plant is joined to a machine its part `pins` says:
 
     Coupling(machine, plant)    the plant's time 0 is the first sample of a step that the board takes; it has
-        taken                   one row a sample: the first raw count, and the truth at that moment
+        taken                   the samples that the board took, a `Conversion` each
     FRAMES                      what a step sends: the raw counts that the system uses, and what a viewer wants
     SCENARIO                    what a served board's plant does unless told otherwise
     SHOWN, TUNING               what a plant that is only looked at does; the tuning for the board's own sensors
@@ -17,6 +17,7 @@ from plumb import systems
 from plumb.boards.strap import BY_PIN_SET, set_strap
 from plumb.boards.virtual import VirtualBoard
 from plumb.boards.virtual_machine import START_US
+from plumb.f103.core.timeline import TICKS_PER_S
 from plumb.f103.machine import Machine
 from plumb.link.identity import FAULT_STRAP
 from plumb.link.session import Session
@@ -25,6 +26,12 @@ from plumb.tuning.quantise import ControlParams, quantise
 
 FOUND_US = 50_000
 """Digital sensors that were just connected are found within this time."""
+
+
+def sampling_began_s(machine: Machine) -> float:
+    """When the timer that paces the board's samples (TIM3) was last started, simulated seconds: the image stops and
+    starts it at each RUN_BEGIN, so that every sample since then is a step of that run."""
+    return machine.tim3.started_at / TICKS_PER_S
 
 
 def coupler(system: str, scenario: Scenario) -> Callable[[Machine], None]:

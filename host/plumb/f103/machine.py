@@ -86,12 +86,29 @@ SYSTEM_FLASH_SIZE, SYSTEM_UNIQUE_ID, SYSTEM_OPTIONS = 0x7E0, 0x7E8, 0x800
 
 
 class AdcPins(dict[str, VoltSource]):
-    """Pin name -> what drives it; a pin nobody drives is at 0 V."""
+    """Pin name -> what drives it; a pin nobody drives is at 0 V. Asking a source changes nothing.
+
+    before_conversion: pin -> function that is called with the instant, in simulated seconds, at which the converter
+    samples that pin, once for each conversion in order of time: a plant moves up to then before its pins are asked.
+    Who drives the pin anew takes it from the plant, which then is told of no more conversions.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.before_conversion: dict[str, Callable[[float], None]] = {}
 
     def __setitem__(self, pin: str, source: VoltSource) -> None:
         if pin not in ADC_PINS:
             raise UsageError(f"'{pin}' is no ADC input; use one of {', '.join(ADC_PINS)}")
         super().__setitem__(pin, source)
+        self.before_conversion.pop(pin, None)
+
+    def sampled(self, pin: str, time_s: float) -> float:
+        """Volts that a conversion of the pin at time_s gets: what drives it is moved up to then, and asked."""
+        if pin in self.before_conversion:
+            self.before_conversion[pin](time_s)
+        source = self.get(pin, 0.0)
+        return source(time_s) if callable(source) else source
 
 
 class Machine:

@@ -3,18 +3,18 @@ the setpoints as they change, and streams raw counts and digests, which are comp
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
 from plumb import systems
-from plumb.boards import Answer
-from plumb.boards.plant_on_pins import FOUND_US, configure_as
+from plumb.boards import Answer, RawCounts
+from plumb.boards.plant_on_pins import FOUND_US, configure_as, sampling_began_s
 from plumb.boards.virtual import VirtualBoard
 from plumb.errors import LinkError
 from plumb.link.identity import disarmed_text
 from plumb.link.realtime import Capture
 from plumb.link.session import REPLY_TIMEOUT_S, Session
 from plumb.proof.runs import Run, RunInputs, columns, judge
-from plumb.systems.contracts import Scenario
+from plumb.systems.contracts import Conversion, Scenario
 from plumb.tuning.quantise import ControlParams
 
 STANDSTILL_US = 500_000
@@ -55,11 +55,11 @@ def run_live(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, 
                 heard, heard_us = capture.steps, board.machine.now_us
             elif board.machine.now_us - heard_us > STANDSTILL_US:
                 raise LinkError(f"the board takes no samples after step {capture.steps}: a sensor or the link failed")
+    begun_s = sampling_began_s(board.machine)
     session.end()
     session.listener = None
     raw = capture.raw_counts(steps)
-    first = align_to_conversions(np.array([count for count, _ in coupling.taken]), raw[:, 0])
-    truth = columns([row for _, row in coupling.taken[first : first + steps]])
+    truth = columns([conversion.truth for conversion in conversions_of(coupling.taken, begun_s, raw)])
     inputs = RunInputs(scenario.time_s, truth, raw, capture.setpoints(steps), scenario.scored)
     answer = Answer(capture.digests(steps), unverified_from=capture.unverified_from(steps))
     return judge(board, inputs, params, answer)
@@ -76,15 +76,19 @@ def _why(session: Session) -> str:
     return disarmed_text(said.get("EVENTS", {}).get("disarm_cause", 0), said.get("PLAUSIBILITY", {}))
 
 
-def align_to_conversions(
-    taken: np.ndarray[tuple[int], np.dtype[np.int64]], streamed: np.ndarray[tuple[int], np.dtype[np.int16]]
-) -> int:
-    """Index of the conversion that became the first step: some may have gone before the run began.
+def conversions_of(taken: Sequence[Conversion], begun_s: float, raw: RawCounts) -> list[Conversion]:
+    """The conversions that became the steps of a run, in order: those since the board's sampling timer was started.
 
-    The one from which on the most counts agree, so that a count lost on the link does not matter.
+    begun_s: when that was. raw: the counts that the board streamed, (steps, 6); a step whose counts were lost is all
+    zero. Raises LinkError where a step has none, or streamed another count than its conversion gave.
     """
-    spare = len(taken) - len(streamed)
-    if spare < 0:
-        raise LinkError(f"the board streamed {len(streamed)} steps of {len(taken)} conversions")
-    agree = [int(np.count_nonzero(taken[at : at + len(streamed)] == streamed)) for at in range(spare + 1)]
-    return int(np.argmax(agree))
+    rows = [conversion for conversion in taken if conversion.time_s > begun_s]
+    if len(rows) < len(raw):
+        raise LinkError(f"the board streamed {len(raw)} steps of {len(rows)} conversions")
+    for step, (conversion, counts) in enumerate(zip(rows, raw.tolist(), strict=False)):
+        if any(counts) and counts[0] != conversion.raw_count:
+            raise LinkError(
+                f"step {step} is not the conversion of its turn: the board streamed {counts[0]}, its sensor gave "
+                f"{conversion.raw_count}; a sample was missed"
+            )
+    return rows[: len(raw)]

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
+
+
+class Conversion(NamedTuple):
+    """A sample that the board took of the first raw channel. time_s: on the machine's clock; truth: at that moment."""
+
+    time_s: float
+    raw_count: int
+    truth: dict[str, float]
 
 
 class Scenario(Protocol):

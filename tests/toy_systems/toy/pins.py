@@ -5,6 +5,7 @@ from __future__ import annotations
 from plumb.systems.toy.scenarios import Plant
 
 from plumb.f103.machine import Machine
+from plumb.systems.contracts import Conversion
 
 SCENARIO = SHOWN = "jumps"
 TUNING = "slow"
@@ -16,15 +17,20 @@ class Coupling:
     """The plant's time 0 is the first conversion."""
 
     def __init__(self, machine: Machine, plant: Plant) -> None:
-        self.taken: list[tuple[int, dict[str, float]]] = []
+        self.taken: list[Conversion] = []
         self._plant = plant
         self._start_s: float | None = None
-        machine.adc["PA0"] = self._volts
+        machine.adc["PA0"] = lambda now_s: (self._count(now_s) + 0.5) * VOLTS_PER_COUNT
+        machine.adc.before_conversion["PA0"] = self._convert
         machine.adc["PA1"] = machine.adc["PA2"] = lambda _now_s: 1.65
 
-    def _volts(self, now_s: float) -> float:
+    def _time_s(self, now_s: float) -> float:
+        return 0.0 if self._start_s is None else now_s - self._start_s
+
+    def _count(self, now_s: float) -> int:
+        return self._plant.counts(self._time_s(now_s))[0]
+
+    def _convert(self, now_s: float) -> None:
         self._start_s = now_s if self._start_s is None else self._start_s
-        time_s = now_s - self._start_s
-        count = self._plant.counts(time_s)[0]
-        self.taken.append((count, self._plant.truth(time_s)))
-        return (count + 0.5) * VOLTS_PER_COUNT
+        truth = self._plant.truth(self._time_s(now_s))
+        self.taken.append(Conversion(now_s, self._count(now_s), truth))

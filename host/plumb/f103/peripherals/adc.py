@@ -131,8 +131,7 @@ class Adc(Peripheral):
             pin, (port, number) = PINS[channel], _PLACES[channel]
             if not machine.ports[port].is_analog(number):
                 machine.warn(f"ADC1 converts {pin}, which is not configured as an analog input")
-            source = machine.adc.get(pin, 0.0)
-            volts = source(time / TICKS_PER_S) if callable(source) else source
+            volts = machine.adc.sampled(pin, time / TICKS_PER_S)
         elif channel in (16, 17) and self.cr2 & TSVREFE:
             volts = TEMPERATURE_V if channel == 16 else REFERENCE_V
         else:

@@ -67,6 +67,8 @@ class Timer(Peripheral):
         self.active_ccr = [0, 0, 0, 0]
         self.zero_at = 0
         """When the count was, or will be, 0 (running); counts are modulo 65536."""
+        self.started_at = 0
+        """When the counter was last enabled, in ticks."""
         self.machine.timeline.cancel(self.name)
         self.machine.nvic.set_line(self.interrupt, False)
 
@@ -137,6 +139,7 @@ class Timer(Peripheral):
         self.cr1 = value & 0x3FF
         self.zero_at = now - self.cnt * self.step_ticks
         if starts:
+            self.started_at = now
             self._trigger_out(TRGO_ENABLE, now)
         self._plan()
 

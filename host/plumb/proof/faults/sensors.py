@@ -22,9 +22,8 @@ LOST_OR_IMPLAUSIBLE = (Told("EVENTS", "disarm_cause", BLOCK_IMPLAUSIBLE), Told("
 
 
 def volts_now(scene: Scene, channel: int) -> float:
-    """What drives an analog pin at this moment."""
-    source = scene.machine.adc[scene.live.ADC_PINS[channel]]
-    return source(scene.machine.now_s) if callable(source) else source
+    """Volts of an analog pin at this moment, to which the plant is moved."""
+    return scene.machine.adc.sampled(scene.live.ADC_PINS[channel], scene.machine.now_s)
 
 
 def held(channel: int, volts: float | None = None, noise_lsb: float = 0.0) -> Action:

@@ -9,6 +9,7 @@ from plumb.f103.attached.itg3205 import Itg3205
 from plumb.f103.core.timeline import TICKS_PER_S, TICKS_PER_US
 from plumb.physics.motor import hall_state, share_of_supply
 from plumb.systems.balancer.plant import BalancerPlant
+from plumb.systems.contracts import Conversion
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
@@ -26,13 +27,13 @@ FOLLOW_US = 1000
 class Coupling:
     """Joins a plant to a machine's pins; the plant's time 0 is the first sample of the gyro that the board reads.
 
-    taken: one row a sample of the gyro that the board read: its count, and the truth at that moment.
+    taken: the samples of the gyro that the board read, with the time of reading.
     """
 
     def __init__(self, machine: Machine, plant: BalancerPlant) -> None:
         self.machine = machine
         self.plant = plant
-        self.taken: list[tuple[int, dict[str, float]]] = []
+        self.taken: list[Conversion] = []
         self._start: float | None = None
         self._hall_state = 0
         self.gyro, self.accel = Itg3205(machine, self._rate_dps), Adxl345(machine, self._force_g)
@@ -54,7 +55,7 @@ class Coupling:
     def _read(self, sampled_s: float, counts: tuple[int, int, int]) -> None:
         if self._start is None:
             self._start = sampled_s
-        self.taken.append((counts[1], self.plant.truth(self._time_s(sampled_s))))
+        self.taken.append(Conversion(self.machine.now_s, counts[1], self.plant.truth(self._time_s(sampled_s))))
 
     def _follow(self, now: int) -> None:
         vehicle, bridge = self.plant.vehicle, self.machine.bridge()

@@ -10,6 +10,7 @@ import numpy as np
 from plumb.f103.core.timeline import TICKS_PER_S, TICKS_PER_US
 from plumb.physics.sensors import adc_counts
 from plumb.systems.analog_scans import AnalogScans
+from plumb.systems.contracts import Conversion
 from plumb.systems.quad.plant import QuadPlant
 
 if TYPE_CHECKING:
@@ -28,42 +29,43 @@ FOLLOW_US = 1000
 class Coupling:
     """Joins a plant to a machine's pins; the plant's time 0 is the first sample of the gyro channel.
 
-    taken: one row a sample of the gyro channel: its count, and the truth at that moment.
+    The converter's scans move the plant; a pin gives the volts of the last scan. taken: the samples of the gyro
+    channel.
     """
 
     def __init__(self, machine: Machine, plant: QuadPlant) -> None:
         self.machine = machine
         self.plant = plant
-        self.taken: list[tuple[int, dict[str, float]]] = []
+        self.taken: list[Conversion] = []
         self._start: int | None = None
         self._scans = AnalogScans(plant.scenario.period_us, plant.scenario.seed)
         self._volts = (0.0, 0.0, 0.0)
-        machine.adc[ADC_PINS[0]] = self._gyro_volts
-        for index in (1, 2):
-            machine.adc[ADC_PINS[index]] = self._accel_volts(index)
+        for index, pin in enumerate(ADC_PINS):
+            machine.adc[pin] = self._source(index)
+        machine.adc.before_conversion[ADC_PINS[0]] = self._convert
         self._follow(machine.now)
 
     def _time_s(self, now_s: float) -> float:
         return 0.0 if self._start is None else max(0.0, now_s - self._start / TICKS_PER_S)
 
-    def _gyro_volts(self, now_s: float) -> float:
+    def _convert(self, now_s: float) -> None:
+        """The converter samples the gyro: the first conversion of a scan moves the plant up to this moment."""
         scans, plant = self._scans, self.plant
-        if scans.convert(now_s):
-            if self._start is None:
-                self._start = round((now_s + scans.until_sample_s()) * TICKS_PER_S)
-            time_s = self._time_s(now_s)
-            self._advance(time_s)
-            held = [fault.channel for fault in plant.scenario.faults if fault.start_s <= time_s < fault.stop_s]
-            gyro, y, z = (
-                volts if channel in held else volts + scans.noise_v()
-                for channel, volts in enumerate(plant.volts(time_s))
-            )
-            self._volts = gyro, y, z
-            if scans.is_sample:
-                self.taken.append((int(adc_counts(np.array(gyro))), plant.truth(time_s)))
-        return self._volts[0]
+        if not scans.convert(now_s):
+            return
+        if self._start is None:
+            self._start = round((now_s + scans.until_sample_s()) * TICKS_PER_S)
+        time_s = self._time_s(now_s)
+        self._advance(time_s)
+        held = [fault.channel for fault in plant.scenario.faults if fault.start_s <= time_s < fault.stop_s]
+        gyro, y, z = (
+            volts if channel in held else volts + scans.noise_v() for channel, volts in enumerate(plant.volts(time_s))
+        )
+        self._volts = gyro, y, z
+        if scans.is_sample:
+            self.taken.append(Conversion(now_s, int(adc_counts(np.array(gyro))), plant.truth(time_s)))
 
-    def _accel_volts(self, index: int) -> Callable[[float], float]:
+    def _source(self, index: int) -> Callable[[float], float]:
         return lambda _now_s: self._volts[index]
 
     def _advance(self, time_s: float) -> None:

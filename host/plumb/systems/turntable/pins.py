@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from plumb.errors import UsageError
 from plumb.physics.sensors import ADC_COUNTS, ADC_REFERENCE_V
 from plumb.systems.analog_scans import AnalogScans
+from plumb.systems.contracts import Conversion
 from plumb.systems.turntable.scenarios import TurntablePlant
 
 if TYPE_CHECKING:
@@ -22,9 +23,7 @@ ADC_PINS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")
 
 class Coupling:
     """Joins a plant to a machine's pins; the plant's time 0 is the first sample of the gyro's x axis. The sensors'
-    outputs stand still from one of its steps to the next,.
-
-    taken: one row a sample of that channel: its count, and the truth at that moment.
+    outputs stand still from one of its steps to the next. taken: the samples of that channel.
     """
 
     def __init__(self, machine: Machine, plant: TurntablePlant) -> None:
@@ -33,21 +32,25 @@ class Coupling:
                 f"'{plant.name}' is not on the board's own pins: take the scenario and the tuning {SCENARIO}"
             )
         self.plant = plant
-        self.taken: list[tuple[int, dict[str, float]]] = []
+        self.taken: list[Conversion] = []
         self._start_s: float | None = None
         self._scans = AnalogScans(plant.period_us, 0)
         for index, pin in enumerate(ADC_PINS):
-            machine.adc[pin] = self._volts(index)
+            machine.adc[pin] = self._source(index)
+        machine.adc.before_conversion[ADC_PINS[0]] = self._convert
 
-    def _volts(self, index: int) -> Callable[[float], float]:
-        def volts(now_s: float) -> float:
-            begins = index == 0 and self._scans.convert(now_s)
-            if self._start_s is None:
-                self._start_s = now_s + self._scans.until_sample_s()
-            time_s = max(0.0, now_s - self._start_s)
-            count = self.plant.counts(time_s)[index]
-            if begins and self._scans.is_sample:
-                self.taken.append((count, self.plant.truth(time_s)))
-            return count * (ADC_REFERENCE_V / ADC_COUNTS)
+    def _time_s(self, now_s: float) -> float:
+        return 0.0 if self._start_s is None else max(0.0, now_s - self._start_s)
 
-        return volts
+    def _convert(self, now_s: float) -> None:
+        """The converter samples the gyro's x axis."""
+        if not self._scans.convert(now_s):
+            return
+        if self._start_s is None:
+            self._start_s = now_s + self._scans.until_sample_s()
+        if self._scans.is_sample:
+            time_s = self._time_s(now_s)
+            self.taken.append(Conversion(now_s, self.plant.counts(time_s)[0], self.plant.truth(time_s)))
+
+    def _source(self, index: int) -> Callable[[float], float]:
+        return lambda now_s: self.plant.counts(self._time_s(now_s))[index] * (ADC_REFERENCE_V / ADC_COUNTS)

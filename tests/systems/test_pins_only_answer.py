@@ -1,0 +1,46 @@
+"""A pin that is read moves nothing: the board's conversions move the plant, and a source only answers."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("unicorn")
+
+from plumb import systems
+from plumb.boards.plant_on_pins import sampling_began_s
+from plumb.boards.virtual import VirtualBoard
+from plumb.tuning.quantise import quantise
+
+STEPS = 5
+
+
+@pytest.mark.parametrize("name", ["quad", "turntable"])
+def test_reading_a_pin_leaves_the_plant_where_it_is(name: str) -> None:
+    """Read or not, the board takes the same samples at the same times."""
+    system, live = systems.load(name), systems.load(name, "pins")
+    with VirtualBoard() as board:
+        board.session.upload(quantise(system.TUNINGS[live.TUNING]).words(), period_us=system.PERIOD_US, **system.LINK)
+        machine = board.machine
+        scenario = system.scenario(live.SHOWN, 1, seconds=1.0)
+        coupling = live.Coupling(machine, system.plant(scenario))
+        board.session.begin("REALTIME_LIVE", frames=live.FRAMES)
+        machine.advance_us(system.PERIOD_US * 1.5)
+        before = machine.snapshot(coupling, board.session)
+
+        def go_on() -> list[object]:
+            machine.advance_us(system.PERIOD_US * STEPS)
+            return list(coupling.taken)
+
+        unread = go_on()
+        assert len(unread) >= STEPS
+        assert all(conversion.time_s > sampling_began_s(machine) for conversion in coupling.taken)
+        machine.restore(before)
+        for pin in live.ADC_PINS:
+            source = machine.adc[pin]
+            assert callable(source)
+            now_s = machine.now_s
+            volts = source(now_s)
+            for _ in range(50):  # later, earlier, and again
+                source(now_s + 0.5), source(0.0)
+            assert source(now_s) == volts
+        assert go_on() == unread
