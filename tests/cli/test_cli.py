@@ -15,6 +15,7 @@ from plumb.errors import LinkError, PlumbError, UsageError, VerdictError, exit_c
 HEAVY = {"numpy", "can", "cantools", "serial", "unicorn", "matplotlib"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [["--help"], *([name, "--help"] for name in verbs.COMMANDS)])
 def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
     program = (

@@ -41,6 +41,7 @@ def one_of_each_system(folder: Path, systems: Sequence[str] | None = None) -> li
 all_cases = golden.cases
 
 
+@pytest.mark.slow
 def test_the_demo_closes_the_loop_and_agrees_in_every_bit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -60,6 +61,7 @@ def test_the_demo_closes_the_loop_and_agrees_in_every_bit(
     assert "accelerometer only" in said and "pass; the report is" in said
 
 
+@pytest.mark.slow
 def test_a_live_run_holds_the_axis_level() -> None:
     scenario = quad.scenario("hold", 1001, seconds=15.0)
     with VirtualBoard() as board:
@@ -72,6 +74,7 @@ def test_a_live_run_holds_the_axis_level() -> None:
     assert pulled.max() > 19.0
 
 
+@pytest.mark.slow
 def test_a_live_open_loop_takes_the_counts_of_the_scenario() -> None:
     scenario = quad.scenario("motion", 1002, seconds=8.0)
     with VirtualBoard() as board:
@@ -79,6 +82,7 @@ def test_a_live_open_loop_takes_the_counts_of_the_scenario() -> None:
     assert np.array_equal(flown.inputs.raw, scenario.counts())
 
 
+@pytest.mark.slow
 def test_a_live_run_is_told_the_setpoints_as_they_change() -> None:
     """A step or two late, as over any link; which step was the first to use one the board says, so all is verified."""
     scenario = quad.scenario("motion", 1005, seconds=7.0)
@@ -104,6 +108,7 @@ def test_conversions_before_the_run_are_not_its_steps() -> None:
         live_run.conversions_of(taken, 0.025, streamed)
 
 
+@pytest.mark.slow
 def test_a_live_run_knows_its_truth_to_the_last_step() -> None:
     scenario = quad.scenario("motion", 1003, seconds=4.0)
     with VirtualBoard() as board:

@@ -56,7 +56,7 @@ def figures(page: Path) -> set[tuple[str, ...]]:
 
 
 def test_readme_and_the_systems_pages_tell_the_same_figures() -> None:
-    """README has the short table, each page its system's whole one: one command, one time it was run."""
+    """Each figure that README shows is on the page of a system: one command, one time it was run."""
     short = figures(ROOT / "README.md")
     pages = set().union(*(figures(ROOT / f"docs/{name}.md") for name in systems.SYSTEMS))
-    assert len(short) > 60 and sorted(short - pages) == []
+    assert sorted(short - pages) == []

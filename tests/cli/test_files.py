@@ -147,6 +147,7 @@ def npz(path: Path, names: dict[str, tuple[int, ...]]) -> None:
                     left -= len(chunk)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wide", ["gyr", "ref_quat", "rate_hz", "movement"])
 def test_an_array_that_would_take_gigabytes_is_refused_from_its_header(wide: str, tmp_path: Path) -> None:
     path = tmp_path / "bomb.npz"
@@ -201,6 +202,7 @@ entry()
 """No file may grow beyond a limit: what a full disk does, at any byte."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("room", [0, 1000, 30_000])
 def test_a_disk_that_is_full_leaves_nothing_half_written(room: int, tmp_path: Path) -> None:
     if not hasattr(resource, "RLIMIT_FSIZE"):

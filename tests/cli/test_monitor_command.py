@@ -231,6 +231,7 @@ def virtual(*arguments: str) -> None:
     assert front.main(["monitor", "--board", "virtual", *arguments]) == 0
 
 
+@pytest.mark.slow
 def test_on_the_virtual_board_the_quad_s_axis_moves(capsys: pytest.CaptureFixture[str]) -> None:
     virtual("--run", "live", "--seconds", "7.5", "--json")
     tilts = [json.loads(line)["tilt_deg"] for line in capsys.readouterr().out.splitlines()]
@@ -239,6 +240,7 @@ def test_on_the_virtual_board_the_quad_s_axis_moves(capsys: pytest.CaptureFixtur
     assert max(abs(tilt) for tilt in tilts[50:]) > 5.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "shown"),
     [

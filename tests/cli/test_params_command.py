@@ -278,6 +278,7 @@ def test_a_tuning_that_is_none_is_wrong_use(board: NativeBoard, capsys: pytest.C
     assert code == 2 and "adaptive" in err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", ["serial", "can"])
 def test_every_verb_over_either_link(
     link: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -46,6 +46,7 @@ def test_a_run_prints_what_the_contract_names(scenario: str, capsys: pytest.Capt
     assert said["metrics"]["target_vs_fixed_mismatches"] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("board", ["native", "qemu"])
 @pytest.mark.parametrize("name", systems.SYSTEMS)
 def test_every_system_runs_open_and_closed(name: str, board: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -192,6 +193,7 @@ def test_a_real_recording_agrees_in_every_bit(axis: str, capsys: pytest.CaptureF
     assert said["metrics"]["angle_rmse_deg"] is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("system", "loop", "seconds"), [("quad", (), "3"), ("balancer", ("--open-loop",), "4")])
 def test_a_live_run_is_armed_on_its_own_sensors_and_verified(
     system: str, loop: tuple[str, ...], seconds: str, capsys: pytest.CaptureFixture[str]
