@@ -52,7 +52,7 @@ def test_no_way_to_serve_is_wrong_use(where: str, capsys: pytest.CaptureFixture[
 
 
 def test_a_scenario_without_a_system_is_wrong_use(capsys: pytest.CaptureFixture[str]) -> None:
-    assert front.main(["virtual-board", "--scenario", "hold"]) == 2
+    assert front.main(["virtual-board", "--scenario", "hold", "--serial", "nowhere"]) == 2
     complaint = capsys.readouterr().err
     assert "--system" in complaint and len(complaint.splitlines()) == 1
 
