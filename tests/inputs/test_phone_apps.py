@@ -1,6 +1,6 @@
 """Datagrams of phone apps: the published formats are read, anything else is refused, and time is made steady.
 
-The examples are the ones the formats are published with; their sources are named in plumb/phone_apps.py.
+The examples are the ones the formats are published with; their sources are named in plumb/inputs/phone_apps.py.
 """
 
 from __future__ import annotations

@@ -358,7 +358,7 @@ def _check(system: System) -> None:
             raise UsageError(f"{word.name} of 8 bytes would lie at byte {at}: put a word of 4 bytes before it")
         at += word.size
     if at % 8 and any(word.size == 8 for word in system.words):
-        raise UsageError(f"the record has {at} bytes; with 64-bit words it is a multiple of 8")
+        raise UsageError(f"the record has {at} bytes; with 64-bit words it is a multiple of 8: add a word of 4 bytes")
     for names in (
         [word.name for word in system.words],
         [flag.name for flag in system.flags],

@@ -1,8 +1,8 @@
 """Units to integers: a tuning becomes the words of control_params_t, each within 0.1 % of what was asked, or is refused
 with a reason; and back.
 
-A system is a module of its own here, with `GROUPS`, the parameter groups that it reads, `quantise(tuning)` and
-`dequantise(params)`; what systems share is in `groups`.
+A system has its own in plumb.systems.NAME.quantise: `GROUPS`, the parameter groups that it reads, `quantise(tuning)`
+and `dequantise(params)`; what systems share is in `groups`.
 """
 
 from __future__ import annotations
