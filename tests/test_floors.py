@@ -51,6 +51,19 @@ def imported_by(module: str) -> set[str]:
     return {name for name in found if name == "plumb" or name.startswith("plumb.")}
 
 
+def loaded_with(module: str) -> set[str]:
+    """Modules that a module imports when it is loaded, without `plumb.`: not in functions, not for types alone."""
+    found = set()
+    for node in ast.parse((PACKAGE / f"{module}.py").read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found |= {f"{node.module}.{alias.name}" for alias in node.names} | {str(node.module)}
+    return {name.removeprefix("plumb.") for name in found if name.startswith("plumb.")} - {
+        module.removesuffix("/__init__").replace("/", ".")
+    }
+
+
 def test_every_module_stands_on_a_floor() -> None:
     assert {module.split("/")[0] for module in modules()} == set(FLOORS)
 
@@ -66,3 +79,14 @@ def test_no_module_imports_a_floor_above_its_own(module: str) -> None:
 def test_the_chip_knows_nothing_of_the_product(module: str) -> None:
     foreign = {name for name in imported_by(module) if floor_of(name) != "f103"} - CHIP
     assert not foreign, f"{module} imports {', '.join(sorted(foreign))}"
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    """Of what is imported when a module is loaded; for types alone the parts of the chip name their machine."""
+    names = {module.removesuffix("/__init__").replace("/", "."): module for module in modules()}
+    graph = {name: loaded_with(module) & set(names) for name, module in names.items()}
+    left = dict(graph)
+    while free := [name for name, needs in left.items() if not needs & set(left)]:
+        for name in free:
+            del left[name]
+    assert not left, f"in a circle, or above one: {', '.join(sorted(left))}"

@@ -16,13 +16,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import can
 
 from plumb.link.lockstep import sample_frames
 from plumb.link.session import SETPOINT_EVERY_S
 from plumb.spec.protocol import check, protocol
+from plumb.systems.contracts import Plant
 
 HEARD_FOR_S = 0.1
 """Without a STEP for so long the actuators are taken to be at neutral."""
@@ -36,7 +36,7 @@ class SensorBoard:
     def __init__(
         self,
         bus: can.BusABC,
-        plant: Any,
+        plant: Plant,
         period_us: int,
         outputs: Mapping[str, tuple[str, str]],
         clock: Callable[[], float] = time.monotonic,

@@ -14,7 +14,7 @@ from plumb.link.identity import disarmed_text
 from plumb.link.realtime import Capture
 from plumb.link.session import REPLY_TIMEOUT_S, Session
 from plumb.proof.runs import Run, RunInputs, columns, judge
-from plumb.systems.contracts import Conversion, Scenario
+from plumb.systems.contracts import Conversion, Coupling, Scenario
 from plumb.tuning.quantise import ControlParams
 
 STANDSTILL_US = 500_000
@@ -32,7 +32,7 @@ def run_live(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, 
     system, live = systems.load(params.system), systems.load(params.system, "pins")
     # The plant's actuators need no arming pulse, and its motion does not wait for one.
     session = configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **system.LINK)
-    coupling = live.Coupling(board.machine, system.plant(scenario, open_loop=open_loop))
+    coupling: Coupling = live.Coupling(board.machine, system.plant(scenario, open_loop=open_loop))
     board.machine.advance_us(FOUND_US)
     capture = Capture(session)
     session.begin("REALTIME_LIVE", frames=live.FRAMES)

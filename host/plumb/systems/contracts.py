@@ -62,3 +62,10 @@ class Plant(Protocol):
 
     def setpoint(self, time_s: float) -> int:
         """The setpoint at time_s, in the integers of the system."""
+
+
+class Coupling(Protocol):
+    """A plant joined to the pins of a simulated machine."""
+
+    taken: list[Conversion]
+    """The samples that the board took, in order of time."""

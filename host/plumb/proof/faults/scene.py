@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import can
 
@@ -22,6 +22,7 @@ from plumb.flash.image import find_image
 from plumb.link.identity import Identity
 from plumb.link.session import Session
 from plumb.spec.protocol import Frame, protocol
+from plumb.systems.contracts import Coupling
 from plumb.tuning.quantise import quantise
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ class Scene:
     name: str
     link: str
     board: VirtualBoard
-    coupling: Any
+    coupling: Coupling
     image: Path | None = None
     heard: list[Heard] = field(default_factory=list)
     sent: list[Frame] = field(default_factory=list)
