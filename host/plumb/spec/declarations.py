@@ -239,7 +239,11 @@ def load_system(folder: Path) -> System:
         return _system(folder, tomllib.loads(path.read_text(encoding="utf-8")))
     except KeyError as error:
         raise UsageError(f"{path}: {error.args[0]} is missing") from None
-    except (tomllib.TOMLDecodeError, TypeError, ValueError) as error:
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror}") from None
+    except RecursionError:
+        raise UsageError(f"{path}: brackets are nested too deep") from None
+    except (AttributeError, IndexError, tomllib.TOMLDecodeError, TypeError, ValueError) as error:
         raise UsageError(f"{path}: {error}") from None
     except UsageError as error:
         raise UsageError(f"{path}: {error}") from None
