@@ -51,7 +51,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         return _run([argument for argument in arguments if argument != "--debug"])
     except (Exception, KeyboardInterrupt) as error:
-        if isinstance(error, BrokenPipeError) and not _told_everything():
+        if isinstance(error, BrokenPipeError) and (not _told_everything() or _reader_left()):
             return ExitCode.OUTPUT_NOT_READ  # for example `plumb monitor | head`
         if "--debug" in arguments:
             import traceback
@@ -104,6 +104,18 @@ def _told_everything() -> bool:
         _to_nowhere(1)
         return False
     return True
+
+
+def _reader_left() -> bool:
+    """Whether stdout is a pipe that nobody reads. A write that failed may have left nothing to flush."""
+    import select
+
+    poll = select.poll()
+    poll.register(1, 0)
+    left = any(event & select.POLLERR for _, event in poll.poll(0))
+    if left:
+        _to_nowhere(1)
+    return left
 
 
 def _to_nowhere(descriptor: int) -> None:

@@ -292,7 +292,15 @@ def _record(entries: Iterable[Mapping[str, Any]]) -> tuple[list[Word], list[Memb
     words: list[Word] = []
     members: list[Member] = []
     for entry in entries:
+        if not isinstance(entry, Mapping):
+            raise UsageError(f"record: {entry!r:.40} is no table with a name")
         count, name = entry.get("count", 0), entry["name"]
+        if type(count) is not int or not 0 <= count <= WORDS_MAX:
+            raise UsageError(f"record: count of {name} is an integer from 1 to {WORDS_MAX}, not {count!r:.40}")
+        if "names" in entry and len(entry["names"]) != count:
+            raise UsageError(f"record: {name} has {len(entry['names'])} names for {count} words")
+        if entry.get("block", "kalman") not in blocks():
+            raise UsageError(f"record: there is no block '{entry['block']}'; there are {', '.join(blocks())}")
         block = blocks()[entry["block"]] if "block" in entry else None
         members.append(Member(block["struct"] if block else entry["type"] + "_t", name, count, entry.get("doc", "")))
         for index in range(count) if count else (None,):
@@ -334,12 +342,89 @@ def _output_words(output: Mapping[str, Any], words: tuple[Word, ...]) -> tuple[W
     if output["word"] not in names:
         raise UsageError(f"output: the record has no word '{output['word']}'")
     first = names.index(output["word"])
-    return words[first : first + OUTPUTS[output["kind"]]]
+    return words[first : min(first + OUTPUTS[output["kind"]], len(words) - 2)]  # flags and step drive nothing
+
+
+C_KEYWORDS = frozenset(
+    re.findall(
+        r"\w+",
+        "auto break case char const continue default do double else enum extern float for goto if inline int long "
+        "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while",
+    )
+)
+_LOWER, _UPPER = re.compile(r"[a-z][a-z0-9_]*"), re.compile(r"[A-Z][A-Z0-9_]*")
+_PARAMETER = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)+")
+_FORMAT = re.compile(r"Q\d\d?|Q\([^)]*\)|integer|bits|choice|see DESIGN\.md")
+_ROW: dict[str, type] = {
+    **dict.fromkeys(("name", "owner", "type", "unit", "format", "doc"), str),
+    **dict.fromkeys(("min", "max", "default"), int),
+}
+
+
+def _check_text(what: str, value: object, pattern: re.Pattern[str] | None = None) -> None:
+    """A line of text, and a name of the pattern: generated C and DBC hold it as it is. Raises UsageError."""
+    if not isinstance(value, str) or not value.isprintable() or "*/" in value or '"' in value:
+        raise UsageError(f"{what} is a line of text without quotes or */, not {value!r:.40}")
+    if pattern is not None and (not pattern.fullmatch(value) or value in C_KEYWORDS):
+        raise UsageError(f"{what}: {value!r:.40} cannot be a name in C and in the DBC: letters, digits and _")
+
+
+def _check_names(system: System) -> None:
+    """Every text and name of a declaration; raises UsageError."""
+    _check_text("title", system.title)
+    for word in system.words:
+        _check_text("a word of the record", word.name, _LOWER)
+        _check_text(f"{word.name}: doc", word.doc)
+        _check_text(f"{word.name}: unit", word.unit)
+        _check_text(f"{word.name}: format", word.format)
+        if not _FORMAT.fullmatch(word.format):
+            raise UsageError(
+                f"{word.name}: the format is Q and a number of bits, integer, bits or choice, not {word.format}"
+            )
+    for channel in system.channels:
+        _check_text("a channel", channel.name, _LOWER)
+        _check_text(f"channel {channel.name}: unit", channel.unit)
+    for flag in system.flags:
+        _check_text("a flag", flag.name, _UPPER)
+        _check_text(f"flag {flag.name}: doc", flag.doc)
+    for frame in system.frames:
+        _check_text("a frame", frame.name, _UPPER)
+        _check_text(f"frame {frame.name}: doc", frame.doc)
+        for part in (frame.half, frame.word):
+            if part is not None:
+                _check_text(f"frame {frame.name}: a part", part.name, _LOWER)
+                if type(part.shift) is not int or not 0 <= part.shift < 32:
+                    raise UsageError(f"frame {frame.name}: shift is 0 to 31, not {part.shift!r:.40}")
+        if frame.half is not None and frame.half.name == frame.word.name:
+            raise UsageError(f"frame {frame.name}: both parts are named {frame.word.name}")
+
+
+def _check_parameters(system: System) -> None:
+    """The rows of the system's own parameters; raises UsageError. `plumb.spec.parameters` checks their ranges."""
+    for row in system.parameters:
+        name = row.get("name", "without a name")
+        for key in row.keys() ^ _ROW.keys():
+            raise UsageError(f"parameter {name!s:.40}: {key} is {'unknown' if key in row else 'missing'}")
+        for key, kind in _ROW.items():
+            if type(row[key]) is not kind:
+                wanted = "an integer" if kind is int else "text"
+                raise UsageError(f"parameter {name!s:.40}: {key} is {wanted}, not {row[key]!r:.40}")
+        _check_text("a parameter", name, _PARAMETER)
+        _check_text(f"parameter {name}: doc", row["doc"])
+        if not _FORMAT.fullmatch(row["format"]):
+            raise UsageError(f"parameter {name}: the format is Q and a number of bits, integer, bits or choice")
+    own = {row["name"].rpartition(".")[0] for row in system.parameters}
+    if not isinstance(system.period, str) or system.period.rpartition(".")[0] not in own | set(system.groups):
+        raise UsageError(f"period = {system.period!r:.40}: it names a parameter of the groups that the step reads")
 
 
 def _check(system: System) -> None:
-    if system.number not in NUMBERS:
-        raise UsageError(f"number = {system.number} is outside 0 to {NUMBERS[-1]}")
+    if type(system.number) is not int or system.number not in NUMBERS:
+        raise UsageError(f"number is an integer from 0 to {NUMBERS[-1]}, not {system.number!r:.40}")
+    _check_names(system)
+    _check_parameters(system)
+    if system.output and len(system.output_words) < OUTPUTS[system.output]:
+        raise UsageError(f"output {system.output} is driven by {OUTPUTS[system.output]} words: the record ends before")
     if system.sensors not in SENSORS:
         raise UsageError(f"sensors is one of {', '.join(SENSORS)}, not {system.sensors}")
     if system.missing_samples not in ("held", "marked"):
