@@ -1,4 +1,4 @@
-/* Single functions of the link for Python: tests/link_functions.py. */
+/* Single functions of the link for Python: tests/support/link_functions.py. */
 #include "app/board_guard.h"
 #include "link/slcan.h"
 #include <string.h>

@@ -95,6 +95,7 @@ SHORT = [*RUN, "--seconds", "0.1"]
         (["replay", "/", "--board", "native"], 2, "/ is neither .npz nor .csv"),
         (["replay", f"{NOT_TEXT}.csv", "--board", "native"], 2, r"n\udcff\udcfe.csv needs columns"),
         (["replay", "garbage.npz", "--board", "native"], 2, "damaged"),
+        (["virtual-board", "--keep", "nowhere/board.flash"], 2, "there is no folder nowhere"),
         (["replay", "folder", "--system", "phone", "--board", "native"], 2, "a folder"),
         (["record", "--bus", "file:garbage.blf", "--out", "a.asc"], 2, "cannot be read as a log"),
         (["record", "--bus", "file:missing.asc", "--out", "a.asc"], 2, "No such file"),

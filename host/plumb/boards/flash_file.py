@@ -22,7 +22,9 @@ SLOTS_BYTES = 4096
 
 
 def read_slots(path: Path) -> bytes:
-    """What was kept, or nothing yet; raises UsageError for another file."""
+    """What was kept, or nothing yet; raises UsageError for another file, and for one whose folder does not exist."""
+    if not path.parent.is_dir():
+        raise UsageError(f"there is no folder {path.parent} to keep {path.name} in; make it, or choose another file")
     if not path.exists():
         return b""
     slots = read_bytes(path, SLOTS_BYTES, "choose another file")

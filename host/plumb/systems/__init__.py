@@ -48,8 +48,8 @@ SYSTEMS = {name: declared.title for name, declared in declarations.systems().ite
 
 
 def load(name: str, part: str = "scenarios") -> ModuleType:
-    """A module of a system's folder: `scenarios`, `plant`, `pins`, `fixed`, `reference` or `quantise`; raises
-    UsageError for a system that there is not, and for `pins` of one whose samples only ever come as frames."""
+    """A module of a system's folder, named as in the list above; raises UsageError for a system that does not exist,
+    and for `pins` of a system whose samples always arrive as frames."""
     declared = declarations.system(name)
     module = f"plumb.systems.{name}.{part}"
     if part == "pins" and not (declared.folder / "pins.py").is_file():

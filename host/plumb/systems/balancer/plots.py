@@ -1,4 +1,4 @@
-"""What a trial of `balancer` is measured by, and what it looks like."""
+"""What a run of `balancer` is measured by, and what it looks like."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ DUTY = 2.0**-15
 FLAG_FALLEN = 1 << 7
 
 
-def estimate_deg(trial: Run) -> FloatArray:
+def estimate_deg(run: Run) -> FloatArray:
     """The board's tilt, (steps,)."""
-    return np.asarray(trial.board_words["tilt_turn_q32"] * TURN_DEG)
+    return np.asarray(run.board_words["tilt_turn_q32"] * TURN_DEG)
 
 
-def accel_only_deg(trial: Run) -> FloatArray:
+def accel_only_deg(run: Run) -> FloatArray:
     """What the accelerometer alone says of the sampled values, (steps,)."""
-    x, z = (trial.words[name].astype(np.float64) for name in ("accel_x_g_q26", "accel_z_g_q26"))
+    x, z = (run.words[name].astype(np.float64) for name in ("accel_x_g_q26", "accel_z_g_q26"))
     return measures.accel_only_deg(x, z)
 
 
-def metrics(trial: Run) -> dict[str, float | None]:
+def metrics(run: Run) -> dict[str, float | None]:
     """Errors of tilt and rate over the samples that count, the largest tilt there was, and how long it lay."""
-    truth, words, scored = trial.inputs.truth, trial.board_words, trial.inputs.scored
+    truth, words, scored = run.inputs.truth, run.board_words, run.inputs.scored
 
     def rms(values: Series, true: Series) -> float | None:
         return float(np.sqrt(np.mean((values - true)[scored] ** 2))) if scored.any() else None
@@ -42,33 +42,33 @@ def metrics(trial: Run) -> dict[str, float | None]:
     def angle_rms(values: FloatArray) -> float | None:
         return float(measures.angle_rmse_deg(values, truth["tilt_deg"], scored)) if scored.any() else None
 
-    tilt = estimate_deg(trial)
-    apart = measures.wrap_deg(trial.words["tilt_turn_q32"] * TURN_DEG - trial.reference["tilt_deg"])
+    tilt = estimate_deg(run)
+    apart = measures.wrap_deg(run.words["tilt_turn_q32"] * TURN_DEG - run.reference["tilt_deg"])
     return {
         "angle_rmse_deg": angle_rms(tilt),
         "angle_max_deg": float(measures.angle_max_deg(tilt, truth["tilt_deg"], scored)) if scored.any() else None,
-        "accel_only_rmse_deg": angle_rms(accel_only_deg(trial)),
+        "accel_only_rmse_deg": angle_rms(accel_only_deg(run)),
         "fixed_vs_reference_max_deg": float(np.max(np.abs(apart))),
         "rate_rmse_dps": rms(words["rate_corrected_turnps_q28"] * RATE_DPS, truth["rate_dps"]),
         "rate_raw_rmse_dps": rms(words["rate_turnps_q28"] * RATE_DPS, truth["rate_dps"]),
-        "velocity_rmse_mps": rms(trial.inputs.setpoint * VELOCITY_MPS, truth["velocity_mps"]),
+        "velocity_rmse_mps": rms(run.inputs.setpoint * VELOCITY_MPS, truth["velocity_mps"]),
         "tilt_max_deg": float(np.max(np.abs(truth["tilt_deg"]))),
         "fallen_steps": float(np.count_nonzero(words["flags"] & FLAG_FALLEN)),
     }
 
 
-def plots(trial: Run, *, closed: bool) -> list[Plot]:
+def plots(run: Run, *, closed: bool) -> list[Plot]:
     """Tilt, its error, rate, bias, velocity, duty, and fixed point against float64."""
-    time_s, words, truth = trial.inputs.time_s, trial.board_words, trial.inputs.truth
-    apart = measures.wrap_deg(trial.words["tilt_turn_q32"] * TURN_DEG - trial.reference["tilt_deg"])
+    time_s, words, truth = run.inputs.time_s, run.board_words, run.inputs.truth
+    apart = measures.wrap_deg(run.words["tilt_turn_q32"] * TURN_DEG - run.reference["tilt_deg"])
     tilt = [
-        Line("accelerometer only", accel_only_deg(trial), SENSOR, 0.7),
+        Line("accelerometer only", accel_only_deg(run), SENSOR, 0.7),
         Line("true", truth["tilt_deg"], TRUTH, 1.6),
-        Line("estimate", estimate_deg(trial), ESTIMATE),
+        Line("estimate", estimate_deg(run), ESTIMATE),
     ]
     if closed:
         tilt.insert(1, Line("lean asked for", words["lean_turn_q32"] * TURN_DEG, SECOND))
-    error = measures.wrap_deg(estimate_deg(trial) - truth["tilt_deg"])
+    error = measures.wrap_deg(estimate_deg(run) - truth["tilt_deg"])
     return [
         Plot("Tilt", "deg", time_s, tilt),
         Plot("Error of the estimate", "deg", time_s, [Line("estimate - truth", error, SECOND)]),
@@ -96,7 +96,7 @@ def plots(trial: Run, *, closed: bool) -> list[Plot]:
             "m/s",
             time_s,
             [
-                Line("asked for", trial.inputs.setpoint * VELOCITY_MPS, SECOND),
+                Line("asked for", run.inputs.setpoint * VELOCITY_MPS, SECOND),
                 Line("true", truth["velocity_mps"], TRUTH, 1.6),
                 Line("from the Hall sensors, filtered", words["velocity_mps_q26"] * VELOCITY_MPS, ESTIMATE),
             ],

@@ -1,4 +1,4 @@
-"""What a trial of `phone` is measured by, and what it looks like.
+"""What a run of `phone` is measured by, and what it looks like.
 
 The error of pitch and roll together is the angle between the estimated and the true vertical: it is sound at every
 attitude, where the error of roll alone is not. `angle_...` means that angle.
@@ -23,66 +23,66 @@ RATE_DPS = 360.0 / 2.0**28
 AXES = ("pitch", "roll")
 
 
-def estimate_deg(trial: Run, axis: str) -> FloatArray:
+def estimate_deg(run: Run, axis: str) -> FloatArray:
     """The board's pitch or roll, (steps,)."""
-    return np.asarray(trial.board_words[f"{axis}_turn_q32"] * TURN_DEG)
+    return np.asarray(run.board_words[f"{axis}_turn_q32"] * TURN_DEG)
 
 
-def error_deg(trial: Run) -> FloatArray:
+def error_deg(run: Run) -> FloatArray:
     """Angle between the estimated and the true vertical, (steps,)."""
-    truth = up(*(trial.inputs.truth[f"{axis}_deg"] for axis in AXES))
-    return inclination_deg(up(*(estimate_deg(trial, axis) for axis in AXES)), truth)
+    truth = up(*(run.inputs.truth[f"{axis}_deg"] for axis in AXES))
+    return inclination_deg(up(*(estimate_deg(run, axis) for axis in AXES)), truth)
 
 
-def accel_error_deg(trial: Run) -> FloatArray:
+def accel_error_deg(run: Run) -> FloatArray:
     """The same of the accelerometer alone."""
-    force = np.stack([trial.words[f"accel_{axis}_g_q26"].astype(np.float64) for axis in "xyz"])
-    return inclination_deg(force, up(*(trial.inputs.truth[f"{axis}_deg"] for axis in AXES)))
+    force = np.stack([run.words[f"accel_{axis}_g_q26"].astype(np.float64) for axis in "xyz"])
+    return inclination_deg(force, up(*(run.inputs.truth[f"{axis}_deg"] for axis in AXES)))
 
 
-def apart_deg(trial: Run) -> FloatArray:
+def apart_deg(run: Run) -> FloatArray:
     """The same between the integers and float64, on the same counts."""
-    fixed = up(*(trial.words[f"{axis}_turn_q32"] * TURN_DEG for axis in AXES))
-    return inclination_deg(fixed, up(*(trial.reference[f"{axis}_deg"] for axis in AXES)))
+    fixed = up(*(run.words[f"{axis}_turn_q32"] * TURN_DEG for axis in AXES))
+    return inclination_deg(fixed, up(*(run.reference[f"{axis}_deg"] for axis in AXES)))
 
 
-def metrics(trial: Run) -> dict[str, float | None]:
+def metrics(run: Run) -> dict[str, float | None]:
     """Errors of the vertical, then of the angles; None where nothing is to be scored."""
-    scored = trial.inputs.scored
+    scored = run.inputs.scored
 
     def rms(error: FloatArray) -> float | None:
         return float(np.sqrt(np.mean(error[scored] ** 2))) if scored.any() else None
 
-    error = error_deg(trial)
+    error = error_deg(run)
     figures = {
         "angle_rmse_deg": rms(error),
         "angle_max_deg": float(np.max(error[scored])) if scored.any() else None,
-        "accel_only_rmse_deg": rms(accel_error_deg(trial)),
-        "fixed_vs_reference_max_deg": float(np.max(apart_deg(trial))),
+        "accel_only_rmse_deg": rms(accel_error_deg(run)),
+        "fixed_vs_reference_max_deg": float(np.max(apart_deg(run))),
     }
     for axis in AXES:
-        truth = trial.inputs.truth[f"{axis}_deg"]
-        figures[f"{axis}_rmse_deg"] = rms(measures.wrap_deg(estimate_deg(trial, axis) - truth))
+        truth = run.inputs.truth[f"{axis}_deg"]
+        figures[f"{axis}_rmse_deg"] = rms(measures.wrap_deg(estimate_deg(run, axis) - truth))
     return figures
 
 
-def plots(trial: Run, *, closed: bool) -> list[Plot]:
+def plots(run: Run, *, closed: bool) -> list[Plot]:
     """Pitch and roll, the error of the vertical, biases, fixed point against float64."""
-    time_s, known = trial.inputs.time_s, bool(np.isfinite(trial.inputs.truth["pitch_deg"]).any())
+    time_s, known = run.inputs.time_s, bool(np.isfinite(run.inputs.truth["pitch_deg"]).any())
     found = []
     for axis in AXES:
-        lines = [Line("accelerometer only", trial.words[f"{axis}_measured_turn_q32"] * TURN_DEG, SENSOR, 0.7)]
-        lines += [Line("true", trial.inputs.truth[f"{axis}_deg"], TRUTH, 1.6)] if known else []
+        lines = [Line("accelerometer only", run.words[f"{axis}_measured_turn_q32"] * TURN_DEG, SENSOR, 0.7)]
+        lines += [Line("true", run.inputs.truth[f"{axis}_deg"], TRUTH, 1.6)] if known else []
         found.append(
-            Plot(axis.capitalize(), "deg", time_s, [*lines, Line("estimate", estimate_deg(trial, axis), ESTIMATE)])
+            Plot(axis.capitalize(), "deg", time_s, [*lines, Line("estimate", estimate_deg(run, axis), ESTIMATE)])
         )
     if known:
         lines = [
-            Line("accelerometer only", accel_error_deg(trial), SENSOR, 0.7),
-            Line("estimate", error_deg(trial), SECOND),
+            Line("accelerometer only", accel_error_deg(run), SENSOR, 0.7),
+            Line("estimate", error_deg(run), SECOND),
         ]
         found.append(Plot("Error of the vertical", "deg", time_s, lines))
-    biases = [(axis, trial.words[f"{axis}_bias_turnps_q28"] * RATE_DPS) for axis in AXES]
+    biases = [(axis, run.words[f"{axis}_bias_turnps_q28"] * RATE_DPS) for axis in AXES]
     found.append(
         Plot(
             "Gyro bias",
@@ -92,5 +92,5 @@ def plots(trial: Run, *, closed: bool) -> list[Plot]:
             "Of the rates that drive the filters: with Euler rates it turns with the phone.",
         )
     )
-    found.append(error_budget(time_s, apart_deg(trial)))
+    found.append(error_budget(time_s, apart_deg(run)))
     return found

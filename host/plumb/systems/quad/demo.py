@@ -11,14 +11,14 @@ from plumb.tuning.quantise import quantise
 SCENARIO, TUNING = "hold", "adaptive"
 
 
-def errors(trial: Run) -> dict[str, tuple[float, float]]:
+def errors(run: Run) -> dict[str, tuple[float, float]]:
     """Estimate -> (rms, largest) error of the tilt in deg."""
-    paper = run_fixed.run_control(quantise(quad.TUNINGS["paper"]), trial.inputs.raw, trial.inputs.setpoint)
+    paper = run_fixed.run_control(quantise(quad.TUNINGS["paper"]), run.inputs.raw, run.inputs.setpoint)
     estimates = {
-        "accelerometer only": plots.accel_only_deg(trial),
+        "accelerometer only": plots.accel_only_deg(run),
         "the paper's constants, fixed": paper["tilt_turn_q32"] * plots.TURN_DEG,
-        "adaptive, float64 reference": trial.reference["tilt_deg"],
-        "adaptive, fixed": trial.words["tilt_turn_q32"] * plots.TURN_DEG,
-        "adaptive, the board": plots.estimate_deg(trial),
+        "adaptive, float64 reference": run.reference["tilt_deg"],
+        "adaptive, fixed": run.words["tilt_turn_q32"] * plots.TURN_DEG,
+        "adaptive, the board": plots.estimate_deg(run),
     }
-    return {name: plots.rms_and_max(trial, tilt_deg) for name, tilt_deg in estimates.items()}
+    return {name: plots.rms_and_max(run, tilt_deg) for name, tilt_deg in estimates.items()}

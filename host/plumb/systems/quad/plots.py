@@ -1,4 +1,4 @@
-"""What a trial of `quad` is measured by, and what it looks like."""
+"""What a run of `quad` is measured by, and what it looks like."""
 
 from __future__ import annotations
 
@@ -21,57 +21,57 @@ RATE_DPS = 360.0 / 2.0**28
 COMMAND = 2.0**-22
 
 
-def estimate_deg(trial: Run) -> FloatArray:
+def estimate_deg(run: Run) -> FloatArray:
     """The board's tilt, (steps,)."""
-    return np.asarray(trial.board_words["tilt_turn_q32"] * TURN_DEG)
+    return np.asarray(run.board_words["tilt_turn_q32"] * TURN_DEG)
 
 
-def accel_only_deg(trial: Run) -> FloatArray:
+def accel_only_deg(run: Run) -> FloatArray:
     """What the accelerometer alone says of the sampled values, (steps,)."""
-    y, z = (trial.words[name].astype(np.float64) for name in ("accel_y_g_q26", "accel_z_g_q26"))
+    y, z = (run.words[name].astype(np.float64) for name in ("accel_y_g_q26", "accel_z_g_q26"))
     return measures.accel_only_deg(y, z)
 
 
-def metrics(trial: Run) -> dict[str, float | None]:
+def metrics(run: Run) -> dict[str, float | None]:
     """Errors of the tilt; windows and definitions are in plumb.proof.metrics. None where nothing is to be scored."""
-    truth_deg, scored = trial.inputs.truth["tilt_deg"], trial.inputs.scored
+    truth_deg, scored = run.inputs.truth["tilt_deg"], run.inputs.scored
 
     def figure(measure: Callable[[FloatArray, FloatArray, BoolArray], FloatArray], deg: FloatArray) -> float | None:
         return float(measure(deg, truth_deg, scored)) if scored.any() else None
 
-    apart = measures.wrap_deg(trial.words["tilt_turn_q32"] * TURN_DEG - trial.reference["tilt_deg"])
+    apart = measures.wrap_deg(run.words["tilt_turn_q32"] * TURN_DEG - run.reference["tilt_deg"])
     return {
-        "angle_rmse_deg": figure(measures.angle_rmse_deg, estimate_deg(trial)),
-        "angle_max_deg": figure(measures.angle_max_deg, estimate_deg(trial)),
-        "accel_only_rmse_deg": figure(measures.angle_rmse_deg, accel_only_deg(trial)),
+        "angle_rmse_deg": figure(measures.angle_rmse_deg, estimate_deg(run)),
+        "angle_max_deg": figure(measures.angle_max_deg, estimate_deg(run)),
+        "accel_only_rmse_deg": figure(measures.angle_rmse_deg, accel_only_deg(run)),
         "fixed_vs_reference_max_deg": float(np.max(np.abs(apart))),
-        "bias_settled_s": bias_settled_s(trial),
+        "bias_settled_s": bias_settled_s(run),
     }
 
 
-def bias_settled_s(trial: Run) -> float | None:
+def bias_settled_s(run: Run) -> float | None:
     """From the start until the bias stays within 1 deg/s of the true one; None where that is not known, or never."""
-    error_dps = trial.board_words["bias_turnps_q28"] * RATE_DPS - trial.inputs.truth["bias_dps"]
+    error_dps = run.board_words["bias_turnps_q28"] * RATE_DPS - run.inputs.truth["bias_dps"]
     if not np.isfinite(error_dps).all():
         return None
-    settled = measures.convergence(error_dps, np.zeros_like(error_dps), trial.params.period_s)
+    settled = measures.convergence(error_dps, np.zeros_like(error_dps), run.params.period_s)
     return settled.time_s if np.isfinite(settled.time_s) else None
 
 
-def plots(trial: Run, *, closed: bool) -> list[Plot]:
+def plots(run: Run, *, closed: bool) -> list[Plot]:
     """Tilt (and setpoint, in a closed loop), estimation error, bias, control and PWM, fixed point against float64."""
-    time_s, words, truth = trial.inputs.time_s, trial.words, trial.inputs.truth["tilt_deg"]
-    error = measures.wrap_deg(estimate_deg(trial) - truth)
-    apart = measures.wrap_deg(words["tilt_turn_q32"] * TURN_DEG - trial.reference["tilt_deg"])
+    time_s, words, truth = run.inputs.time_s, run.words, run.inputs.truth["tilt_deg"]
+    error = measures.wrap_deg(estimate_deg(run) - truth)
+    apart = measures.wrap_deg(words["tilt_turn_q32"] * TURN_DEG - run.reference["tilt_deg"])
     bias = [Line("estimated", words["bias_turnps_q28"] * RATE_DPS, ESTIMATE)]
-    if np.isfinite(trial.inputs.truth["bias_dps"]).any():
-        bias.insert(0, Line("true", trial.inputs.truth["bias_dps"], TRUTH))
-    tilt = [Line("accelerometer only", accel_only_deg(trial), SENSOR, 0.7)]
+    if np.isfinite(run.inputs.truth["bias_dps"]).any():
+        bias.insert(0, Line("true", run.inputs.truth["bias_dps"], TRUTH))
+    tilt = [Line("accelerometer only", accel_only_deg(run), SENSOR, 0.7)]
     if closed:
-        tilt.append(Line("setpoint", trial.inputs.setpoint * TURN_DEG, SECOND))
+        tilt.append(Line("setpoint", run.inputs.setpoint * TURN_DEG, SECOND))
     if np.isfinite(truth).any():
         tilt.append(Line("true", truth, TRUTH, 1.6))
-    tilt.append(Line("estimate", estimate_deg(trial), ESTIMATE))
+    tilt.append(Line("estimate", estimate_deg(run), ESTIMATE))
     found = [
         Plot("Tilt", "deg", time_s, tilt),
         Plot("Gyro bias", "deg/s", time_s, bias),
@@ -93,9 +93,9 @@ def plots(trial: Run, *, closed: bool) -> list[Plot]:
     return found
 
 
-def rms_and_max(trial: Run, tilt_deg: Series) -> tuple[float, float]:
-    """Error of any estimate against the trial's truth over the samples that count, deg."""
-    truth, scored = trial.inputs.truth["tilt_deg"], trial.inputs.scored
+def rms_and_max(run: Run, tilt_deg: Series) -> tuple[float, float]:
+    """Error of any estimate against the run's truth over the samples that count, deg."""
+    truth, scored = run.inputs.truth["tilt_deg"], run.inputs.scored
     return (
         float(measures.angle_rmse_deg(np.asarray(tilt_deg, np.float64), truth, scored)),
         float(measures.angle_max_deg(np.asarray(tilt_deg, np.float64), truth, scored)),
