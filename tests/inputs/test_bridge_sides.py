@@ -13,7 +13,7 @@ import pytest
 
 from plumb.errors import LinkError, UsageError
 from plumb.inputs.bridge import BoardCounts, Bridge
-from plumb.inputs.sensor_board import SensorBoard
+from plumb.inputs.sensor_board import SET_BACK_AFTER_S, SensorBoard
 from plumb.link.lockstep import sample_frames
 from plumb.link.session import Session
 from plumb.link.transports.open_bus import open_bus, serve_bus
@@ -64,9 +64,11 @@ class ServedSensors:
     """A quad's sensor board on a bus, in a thread. held: no samples for now."""
 
     def __init__(self, bus: can.BusABC, *, greet: bool = False) -> None:
-        plant = quad.plant(quad.scenario("hold", 1000), open_loop=True)
+        scenario = quad.scenario("hold", 1000)
         self.bus, self.held, self._done = bus, False, threading.Event()
-        self.board = SensorBoard(bus, plant, quad.PERIOD_US, quad.OUTPUT_FRAMES, greet=greet)
+        self.board = SensorBoard(
+            bus, lambda: quad.plant(scenario, open_loop=True), quad.PERIOD_US, quad.OUTPUT_FRAMES, greet=greet
+        )
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
@@ -230,7 +232,7 @@ def test_the_boards_counters_are_counted_on_over_their_end() -> None:
     assert counts.lost == 10
 
 
-def test_the_plant_rests_until_the_board_is_armed_and_then_goes_on() -> None:
+def test_the_plant_rests_until_armed_goes_on_and_is_set_back_after_a_disarm() -> None:
     """`hold` is let go after 3 s: with nobody there to hold it, it would be gone before it could be armed."""
     times: list[float] = []
 
@@ -240,12 +242,32 @@ def test_the_plant_rests_until_the_board_is_armed_and_then_goes_on() -> None:
             super().follow(time_s, outputs)
 
     bus = can.Bus(interface="virtual", channel="rests", receive_own_messages=False)
-    board = SensorBoard(bus, Noted(quad.scenario("hold", 1)), quad.PERIOD_US, quad.OUTPUT_FRAMES, rest_s=2.0)
-    for _ in range(350):
-        board.emit()
+    stm32 = can.Bus(interface="virtual", channel="rests", receive_own_messages=False)
+    step = protocol()["STEP"]
+    board = SensorBoard(
+        bus,
+        lambda: Noted(quad.scenario("hold", 1)),
+        quad.PERIOD_US,
+        quad.OUTPUT_FRAMES,
+        clock=lambda: 0.02 * len(times),
+        rest_s=2.0,
+    )
+
+    def emit(samples: int, *, armed: bool) -> None:
+        for _ in range(samples):
+            data = step.pack(0, int(armed), *(0 for _ in step.words))
+            stm32.send(can.Message(arbitration_id=step.identifier, data=data, is_extended_id=False))
+            board.emit()
+
+    emit(350, armed=False)
     assert max(times) < 2.0 and times[:100] == times[100:200]
-    board.armed = True
-    for _ in range(150):
-        board.emit()
+    emit(1, armed=True)
+    emit(149, armed=True)
     assert times[350:] == pytest.approx([1.0 + 0.02 * step for step in range(150)])
+    fallen, gap = board.plant, round(SET_BACK_AFTER_S / 0.02)
+    emit(gap - 1, armed=False)
+    assert board.plant is fallen and times[-1] == pytest.approx(4.0 + 0.02 * (gap - 2))
+    emit(3, armed=False)
+    assert board.plant is not fallen and times[-1] < 0.1
     bus.shutdown()
+    stm32.shutdown()

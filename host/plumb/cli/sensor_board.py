@@ -5,7 +5,8 @@
     plumb sensor-board quad --bus can:socketcan:can0     as a second board on a CAN bus
 
 The outputs of the STM32 move the plant while it is armed. Until then the plant is held at rest, because a board arms at
-rest only. With --open-loop the motion is prescribed and begins at once. Runs until Ctrl-C, or for --seconds.
+rest only, and a few seconds after a disarm it is set back there. With --open-loop the motion is prescribed and begins
+at once. Runs until Ctrl-C, or for --seconds.
 """
 
 from __future__ import annotations
@@ -40,11 +41,16 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.link.endpoint_names import CanName, parse_bus
     from plumb.link.transports.open_bus import serve_bus
     from plumb.process_signals import endings
+    from plumb.systems.contracts import Plant
 
     options.check_duration(arguments.seconds)
     system = systems.load(arguments.system)
     scenario = system.scenario(arguments.scenario or system.DEFAULT_SCENARIO, arguments.seed)
-    plant = system.plant(scenario, open_loop=arguments.open_loop)
+
+    def plant() -> Plant:
+        made: Plant = system.plant(scenario, open_loop=arguments.open_loop)
+        return made
+
     with endings() as caught, serve_bus(arguments.bus, arguments.symlink) as bus:
         print(f"{arguments.system} emits samples on {bus.channel_info}; Ctrl-C ends it", flush=True)
         rest_s = REST_S if system.OUTPUT_FRAMES and not arguments.open_loop else 0.0

@@ -6,7 +6,9 @@ counted. The actuator's words come back in the frames of the step; they move the
 that the board is armed, because only then would the pins.
 
 A board can only be armed at rest, and every scenario that moves something begins with a few seconds of it. With rest_s
-the plant stays in them, however long it takes until the board is armed for the first time; then the scenario goes on.
+the plant stays in them, however long it takes until the board is armed; then the scenario goes on. A plant that has not
+been driven for SET_BACK_AFTER_S after that is set back to the beginning, as a person does with a vehicle that fell: the
+board can be armed again.
 
 A setpoint that is not 0 is repeated, because the STM32 takes a silent source for a lost one. It carries the tag of the
 run that TIME names; a bridge puts its own in.
@@ -26,6 +28,8 @@ from plumb.systems.contracts import Plant
 
 HEARD_FOR_S = 0.1
 """Without a STEP for so long the actuators are taken to be at neutral."""
+SET_BACK_AFTER_S = 3.0
+"""Longer than a bridge needs to find a board that it lost, so that a short gap changes nothing."""
 HELLO_EVERY_S = 1.0
 """Pause between greetings while no board is heard on a CAN bus: its link opens with a greeting, and times out."""
 
@@ -36,7 +40,7 @@ class SensorBoard:
     def __init__(
         self,
         bus: can.BusABC,
-        plant: Plant,
+        plant: Callable[[], Plant],
         period_us: int,
         outputs: Mapping[str, tuple[str, str]],
         clock: Callable[[], float] = time.monotonic,
@@ -44,17 +48,20 @@ class SensorBoard:
         greet: bool = False,
         rest_s: float = 0.0,
     ) -> None:
-        """outputs: word of the record -> frame and signal that carry it. greet: say HELLO while no board is heard, as a
-        node on the board's own CAN bus has to. rest_s: the first seconds of the scenario are at rest, and are repeated
-        until the board is armed; 0: the scenario runs from the start."""
-        self.bus, self.plant, self.period_s = bus, plant, period_us * 1e-6
+        """plant: makes one at the beginning of the scenario. outputs: word of the record -> frame and signal that carry
+        it. greet: say HELLO while no board is heard, as a node on the board's own CAN bus has to. rest_s: the first
+        seconds of the scenario are at rest, and are repeated until the board is armed; 0: the scenario runs from the
+        start."""
+        self.bus, self.plant, self.period_s = bus, plant(), period_us * 1e-6
+        self._new_plant = plant
         self.sent = self.late = 0
         self.armed = False
         self._protocol, self._clock = protocol(), clock
         self._outputs = [(self._protocol[frame].identifier, signal, word) for word, (frame, signal) in outputs.items()]
         self._values: dict[str, int] = {}
         self._setpoint = self._run_tag = 0
-        self._setpoint_s = self._armed_s = self._heard_s = self._greeted_s = float("-inf")
+        self._setpoint_s = self._step_s = self._heard_s = self._greeted_s = float("-inf")
+        self._driven_s: float | None = None
         self._greet = greet
         self._rest_steps, self._waited_steps = round(rest_s / self.period_s), 0
         self._from_board = {m.identifier for m in self._protocol.messages.values() if m.sender == "BOARD"}
@@ -73,11 +80,14 @@ class SensorBoard:
 
     def emit(self) -> None:
         """The next sample."""
-        self._rest_steps = 0 if self.armed else self._rest_steps
-        if self._rest_steps and self.sent - self._waited_steps >= self._rest_steps:
+        driven = self.armed and self._clock() - self._step_s < HEARD_FOR_S
+        if driven:
+            self._driven_s = self._clock()
+        elif self._rest_steps and self._driven_s is not None and self._clock() - self._driven_s > SET_BACK_AFTER_S:
+            self.plant, self._waited_steps, self._driven_s = self._new_plant(), self.sent, None
+        elif self._driven_s is None and self._rest_steps and self.sent - self._waited_steps >= self._rest_steps:
             self._waited_steps += self._rest_steps
         time_s = (self.sent - self._waited_steps) * self.period_s
-        driven = self.armed and self._clock() - self._armed_s < HEARD_FOR_S
         self.plant.follow(time_s, self._values if driven else {})
         counts, setpoint, now_s = self.plant.counts(time_s), self.plant.setpoint(time_s), self._clock()
         if self._greet and min(now_s - self._heard_s, now_s - self._greeted_s) > HELLO_EVERY_S:
@@ -108,7 +118,7 @@ class SensorBoard:
             if tag != self._run_tag:
                 self._run_tag, self._setpoint_s = tag, float("-inf")  # another run: it begins with a setpoint of 0
         if identifier == self._protocol["STEP"].identifier:
-            self.armed, self._armed_s = bool(data[1] >> 4 & 1), self._clock()
+            self.armed, self._step_s = bool(data[1] >> 4 & 1), self._clock()
         for carrier, signal, word in self._outputs:
             if carrier == identifier:
                 self._values[word] = self._protocol.by_identifier[identifier].decode(data)[signal]
