@@ -5,8 +5,9 @@ from __future__ import annotations
 import itertools
 from dataclasses import replace
 
-from plumb.spec.tuning import Kalman, Pid, Start, Trust, Tuning
+from plumb.spec.tuning import Kalman, Pid, Start, Trust
 from plumb.systems.quad import scenarios as quad
+from plumb.systems.quad.tuning import QuadTuning
 
 PAPER = quad.TUNINGS["paper"]
 CORNERS = list(
@@ -14,7 +15,7 @@ CORNERS = list(
 )
 
 
-def corner(period_us: int, q_angle: float, q_bias: float, r: float, p00: float, p11: float) -> Tuning:
+def corner(period_us: int, q_angle: float, q_bias: float, r: float, p00: float, p11: float) -> QuadTuning:
     """The accepted box; the pid's gains are those that fit at 2 kHz as well as at 10 Hz."""
     return replace(
         PAPER,

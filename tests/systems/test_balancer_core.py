@@ -11,10 +11,11 @@ from plumb.proof import accuracy
 from plumb.proof.compare import first_divergence
 from plumb.spec import parameters
 from plumb.spec.records import RECORDS, Words, names_of
-from plumb.spec.tuning import BalancerTuning, Drive, Kalman, Pid, SpeedLoop, Start, Trust, Wheel
+from plumb.spec.tuning import Kalman, Pid, Start, Trust
 from plumb.systems import run_fixed, run_reference
 from plumb.systems.balancer import fixed
 from plumb.systems.balancer import scenarios as balancer
+from plumb.systems.balancer.tuning import BalancerTuning, Drive, SpeedLoop, Wheel
 from plumb.tuning.quantise import ControlParams, dequantise, quantise
 from support.wild_params import wild_balancer_params
 

@@ -12,10 +12,11 @@ import pytest
 
 from plumb.errors import UsageError
 from plumb.proof import metrics
-from plumb.spec.tuning import Kalman, Tuning
+from plumb.spec.tuning import Kalman
 from plumb.systems import load, run_reference, scoring
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.plant import QuadPlant
+from plumb.systems.quad.tuning import QuadTuning
 
 SEEDS = range(1000, 1040)
 
@@ -33,7 +34,7 @@ def engineering(runs: list[quad.Scenario]) -> np.ndarray:
     return np.stack([(raw[:, i] - c.zero_counts) * c.unit_per_count for i, c in enumerate(channels)])
 
 
-def rmse_deg(runs: list[quad.Scenario], engineering: np.ndarray, tuning: Tuning) -> float:
+def rmse_deg(runs: list[quad.Scenario], engineering: np.ndarray, tuning: QuadTuning) -> float:
     """Mean over runs of the float64 filter's error, a constant R."""
     rate_dps, y_g, z_g = engineering
     z_deg = np.degrees(np.arctan2(y_g, z_g) if tuning.tilt == "atan2" else np.arcsin(np.clip(y_g, -1, 1)))

@@ -9,17 +9,17 @@ import pytest
 
 from plumb.boards import native_core
 from plumb.spec.records import Words
-from plumb.spec.tuning import Tuning
 from plumb.systems.quad import scenarios as quad
+from plumb.systems.quad.tuning import QuadTuning
 from plumb.tuning import quantise
 
 
-def run(tuning: Tuning, name: str, seed: int = 1000) -> tuple[quad.Scenario, Words]:
+def run(tuning: QuadTuning, name: str, seed: int = 1000) -> tuple[quad.Scenario, Words]:
     drawn = quad.scenario(name, seed)
     return drawn, native_core.run_control(quantise.quantise(tuning), drawn.counts(), drawn.setpoint())
 
 
-def r_deg2(tuning: Tuning, words: Words) -> np.ndarray:
+def r_deg2(tuning: QuadTuning, words: Words) -> np.ndarray:
     return np.asarray(words["variance"] * quantise.quantise(tuning).lsb_deg2 * 2.0**32)
 
 

@@ -12,8 +12,8 @@ import pytest
 from plumb.boards import native_core
 from plumb.errors import UsageError
 from plumb.spec import parameters
-from plumb.spec.tuning import Tuning
 from plumb.systems.quad import scenarios as quad
+from plumb.systems.quad.tuning import QuadTuning
 from plumb.tuning.quantise import ControlParams, dequantise, quantise
 from support.tuning_box import CORNERS, PAPER, corner
 
@@ -32,7 +32,7 @@ def deviations(asked: Any, got: Any, path: str = "") -> dict[str, float]:
     return found
 
 
-def changed(tuning: Tuning, path: str, value: Any) -> Tuning:
+def changed(tuning: QuadTuning, path: str, value: Any) -> QuadTuning:
     group, _, name = path.rpartition(".")
     return replace(tuning, **{group: replace(getattr(tuning, group), **{name: value})} if group else {name: value})
 

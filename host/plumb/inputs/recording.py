@@ -39,7 +39,7 @@ import numpy.typing as npt
 from plumb.errors import UsageError
 from plumb.files import input_files
 from plumb.proof.runs import RunInputs
-from plumb.spec.tuning import Calibration, Channel, Tuning
+from plumb.spec.tuning import AxisTuning, Calibration, Channel
 from plumb.tuning.quantise import ControlParams, quantise
 
 FloatArray = npt.NDArray[np.float64]
@@ -317,7 +317,7 @@ def pick_axis(recording: Recording, axis: str, period_us: int | None = None) -> 
     return AxisInput(axis, period_us, raw, Calibration(*channels), truth_deg, scored, singular)
 
 
-def run_inputs(axis: AxisInput, tuning: Tuning) -> tuple[RunInputs, ControlParams]:
+def run_inputs(axis: AxisInput, tuning: AxisTuning) -> tuple[RunInputs, ControlParams]:
     """One axis of a recording, and the tuning made to fit its sensor and its period."""
     steps = len(axis.raw)
     truth = {"tilt_deg": axis.truth_deg, "bias_dps": np.full(steps, np.nan)}

@@ -5,6 +5,7 @@ A system X is the folder systems/X, besides its step in C (firmware/systems/X.[c
     systems/X/system.toml   its declaration: record, parameters, raw channels, frames (see plumb.spec.declarations)
     systems/X/fixed.py      the step in integers, for bit-exact comparison with the C
     systems/X/reference.py  the published equations in float64
+    systems/X/tuning.py     the tuning of a run in engineering units; settings of kernels are in plumb.spec.tuning
     systems/X/quantise.py   engineering units to parameters, and back
     systems/X/scenarios.py  scenarios and tunings
         SCENARIOS               name -> one sentence;  SECONDS  name -> how long

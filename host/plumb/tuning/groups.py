@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 from plumb.errors import UsageError
 from plumb.spec import parameters
 from plumb.spec.speed_controllers import ONE_WAY, foreign_parameter
-from plumb.spec.tuning import BalancerTuning, Calibration, Channel, Esc, Kalman, Pid, Start, Trust, Tuning
+from plumb.spec.tuning import AxisTuning, Calibration, Channel, Esc, Kalman, Pid, Start, Trust
 from plumb.tuning.quantise import ControlParams
 
 CALIBRATION_LIMIT = 7 << 28
@@ -53,12 +53,13 @@ def whole(name: str, asked: float, exact: Fraction, low: int, high: int) -> int:
 
 
 def _numbers(settings: Any, path: str = "") -> Iterator[tuple[str, float]]:
+    """Name and value of every field that is declared a number; the others are choices, checked where they are read."""
     for entry in fields(settings):
         value = getattr(settings, entry.name)
-        if entry.name in ("tilt", "rate", "rates", "layer", "exact_period_s"):
-            continue
         if is_dataclass(value):
             yield from _numbers(value, f"{path}{entry.name}.")
+        elif entry.type not in ("int", "float", int, float):
+            continue
         elif isinstance(value, int | float) and not isinstance(value, bool):
             yield path + entry.name, value
         else:
@@ -284,7 +285,7 @@ def pid_words(pid: Pid, period_us: int) -> dict[str, int]:
     }
 
 
-def axis_words(tuning: Tuning | BalancerTuning) -> tuple[dict[str, int], Fraction]:
+def axis_words(tuning: AxisTuning) -> tuple[dict[str, int], Fraction]:
     """What systems of one axis share: three channels, tilt, filter and controller; and the unit of variance, deg^2."""
     check_numbers(tuning)
     if tuning.tilt not in ("arcsine", "atan2"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from plumb.systems.toy.scenarios import ToyTuning
+from plumb.systems.toy.tuning import ToyTuning
 
 from plumb.tuning.quantise import ControlParams
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from plumb.systems.toy.scenarios import ToyTuning
+from plumb.systems.toy.tuning import ToyTuning
 
 
 def run_control(

@@ -4,33 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
+from plumb.systems.toy.tuning import PERIOD_US, ToyTuning
 
 from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
 from plumb.spec import dbc
 from plumb.systems import scoring
-
-PERIOD_US = 10_000
-
-
-@dataclass(frozen=True)
-class ToyTuning:
-    """share: of a new count in the filtered level."""
-
-    system: ClassVar[str] = "toy"
-
-    period_us: int = PERIOD_US
-    largest_counts: int = 4095
-    share: float = 0.1
-
-    @property
-    def period_s(self) -> float:
-        return self.period_us * 1e-6
-
 
 SCENARIOS = {"jumps": "between 1000 and 3000 counts, every second"}
 SECONDS = {"jumps": 20.0}

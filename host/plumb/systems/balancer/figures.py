@@ -18,13 +18,13 @@ from plumb.proof import metrics
 from plumb.proof.figures import UNASKED, Figure, Sense
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
 from plumb.proof.runs import closed_loop
-from plumb.spec.tuning import BalancerTuning
 from plumb.systems import run_reference, scoring
 from plumb.systems.balancer import plant as balancer_plant
 from plumb.systems.balancer import reference as reference_balancer
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.balancer.plant import BalancerPlant
 from plumb.systems.balancer.plots import DUTY, RATE_DPS, TURN_DEG
+from plumb.systems.balancer.tuning import BalancerTuning
 from plumb.tuning import quantise
 
 FloatArray = npt.NDArray[np.float64]

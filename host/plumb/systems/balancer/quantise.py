@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
-from plumb.spec.tuning import BalancerTuning, Drive, SpeedLoop, Wheel
 from plumb.systems.balancer.reference import GRAVITY_MPS2
+from plumb.systems.balancer.tuning import BalancerTuning, Drive, SpeedLoop, Wheel
 from plumb.tuning.groups import axis_of, axis_words, not_negative, refuse, whole
 from plumb.tuning.quantise import ControlParams
 

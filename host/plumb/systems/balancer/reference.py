@@ -21,7 +21,8 @@ from plumb.kernels.reference.kernels import (
     trust,
     wrap,
 )
-from plumb.spec.tuning import BalancerTuning, Pid, SpeedLoop, Wheel
+from plumb.spec.tuning import Pid
+from plumb.systems.balancer.tuning import BalancerTuning, SpeedLoop, Wheel
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -23,9 +23,10 @@ from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
 from plumb.physics.sensors import FAULT_NOTES, Adxl345, Fault, Itg3205, Push, faults_of
 from plumb.spec import dbc
-from plumb.spec.tuning import BalancerTuning, Calibration, Drive, Kalman, Pid, SpeedLoop, Start, Trust, Wheel
+from plumb.spec.tuning import Calibration, Kalman, Pid, Start, Trust
 from plumb.systems import scoring
 from plumb.systems.balancer.plant import EDGE_M, GRID_S, BalancerPlant, Vehicle
+from plumb.systems.balancer.tuning import BalancerTuning, Drive, SpeedLoop, Wheel
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from fractions import Fraction
 
 from plumb.errors import UsageError
-from plumb.spec.tuning import PhoneAxis, PhoneTuning, Trust
+from plumb.spec.tuning import Trust
+from plumb.systems.phone.tuning import PhoneAxis, PhoneTuning
 from plumb.tuning.groups import channel_of, channel_words, check_filter, check_numbers, filter_of, filter_words, refuse
 from plumb.tuning.quantise import ControlParams
 

@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.kernels.reference.kernels import KalmanState, Number, calibrate, clip, kalman_init, kalman_step, wrap
-from plumb.spec.tuning import PhoneAxis, PhoneTuning
+from plumb.systems.phone.tuning import PhoneAxis, PhoneTuning
 
 FloatArray = npt.NDArray[np.float64]
 

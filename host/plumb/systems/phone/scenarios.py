@@ -25,8 +25,9 @@ from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
 from plumb.physics.sensors import FAULT_NOTES, Fault, band_noise, fault_of
 from plumb.spec import dbc
-from plumb.spec.tuning import Channel, PhoneAxis, PhoneTuning, Start
+from plumb.spec.tuning import Channel, Start
 from plumb.systems import scoring
+from plumb.systems.phone.tuning import PhoneAxis, PhoneTuning
 
 FloatArray = npt.NDArray[np.float64]
 

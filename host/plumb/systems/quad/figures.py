@@ -19,13 +19,13 @@ from plumb.proof import metrics
 from plumb.proof.figures import Figure, Sense
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
 from plumb.proof.runs import Run, open_loop, prescribed
-from plumb.spec.tuning import Tuning
 from plumb.systems import run_reference, scoring
 from plumb.systems.quad import plant as quad_plant
 from plumb.systems.quad import plots as quad_plots
 from plumb.systems.quad import reference as reference_quad
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.plant import QuadPlant
+from plumb.systems.quad.tuning import QuadTuning
 from plumb.tuning import quantise
 
 PLOTTED_SEED = 1000
@@ -90,13 +90,13 @@ class Batch:
         return metrics.gyro_only_deg(self.engineering()[0], quad.PERIOD_US * 1e-6, self.tilt_deg[:1])
 
 
-def float64(tuning: Tuning, raw: npt.NDArray[np.int16]) -> Estimate:
+def float64(tuning: QuadTuning, raw: npt.NDArray[np.int16]) -> Estimate:
     """The estimator of `plumb.systems.run_reference` over many runs, from counts."""
     words = run_reference.run_control(tuning, raw)
     return Estimate(words["tilt_deg"], words["bias_dps"])
 
 
-def integers(tuning: Tuning, raw: npt.NDArray[np.int16]) -> Estimate:
+def integers(tuning: QuadTuning, raw: npt.NDArray[np.int16]) -> Estimate:
     """The C integers over many runs, from the same counts."""
     params = quantise.quantise(tuning)
     words = native_core.run_control(params, raw, np.zeros((raw.shape[0], raw.shape[2]), np.int32))
@@ -184,7 +184,7 @@ class Integers(native_core.Controller):
 class Float64:
     """`plumb.systems.run_reference`, from counts to pulses in us."""
 
-    def __init__(self, tuning: Tuning) -> None:
+    def __init__(self, tuning: QuadTuning) -> None:
         self.tuning, self.state = tuning, reference_quad.ControlState(run_reference.kalman_init(tuning.start))
 
     def pulses_us(self, raw: tuple[int, ...], setpoint: int) -> tuple[float, float]:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from plumb.spec.tuning import Tuning
+from plumb.systems.quad.tuning import QuadTuning
 from plumb.tuning.groups import axis_of, axis_words, esc_of, esc_words
 from plumb.tuning.quantise import ControlParams
 
 GROUPS = ("gyro", "accel_y", "accel_z", "tilt", "kalman", "start", "pid", "esc")
 
 
-def quantise(tuning: Tuning) -> ControlParams:
+def quantise(tuning: QuadTuning) -> ControlParams:
     """The integers; raises UsageError with the parameter, its value and the limit."""
     shared, lsb_deg2 = axis_words(tuning)
     return ControlParams.of("quad", {**shared, **esc_words(tuning.esc)}, float(lsb_deg2))
 
 
-def dequantise(params: ControlParams) -> Tuning:
+def dequantise(params: ControlParams) -> QuadTuning:
     """What the integers mean."""
-    return Tuning(**axis_of(params), esc=esc_of(params))
+    return QuadTuning(**axis_of(params), esc=esc_of(params))

@@ -20,7 +20,8 @@ from plumb.kernels.reference.kernels import (
     trust,
     wrap,
 )
-from plumb.spec.tuning import Esc, Tuning
+from plumb.spec.tuning import Esc
+from plumb.systems.quad.tuning import QuadTuning
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -41,7 +42,7 @@ class ControlState:
 
 
 def control_step(
-    c: ControlState, tuning: Tuning, rate_dps: Number, z_deg: Number, r_deg2: Number, setpoint_deg: Number
+    c: ControlState, tuning: QuadTuning, rate_dps: Number, z_deg: Number, r_deg2: Number, setpoint_deg: Number
 ) -> dict[str, Number]:
     """Everything of a step that has a memory: the filter on the measured tilt z, then the controller."""
     kalman_step(c.kalman, tuning.kalman, tuning.period_s, z_deg, rate_dps, r_deg2)
@@ -63,7 +64,7 @@ def control_step(
 
 
 def run_control(
-    tuning: Tuning, raw: npt.ArrayLike, setpoint_turn_q32: npt.ArrayLike | None = None
+    tuning: QuadTuning, raw: npt.ArrayLike, setpoint_turn_q32: npt.ArrayLike | None = None
 ) -> dict[str, FloatArray]:
     """From counts to pulses. raw: (steps, 3 or more[, runs]); setpoint: (steps[, runs]), level when left out.
 

@@ -36,8 +36,9 @@ from plumb.physics.sensors import (
     faults_of,
 )
 from plumb.spec import dbc
-from plumb.spec.tuning import Calibration, Esc, Kalman, Pid, Start, Trust, Tuning
+from plumb.spec.tuning import Calibration, Esc, Kalman, Pid, Start, Trust
 from plumb.systems import scoring
+from plumb.systems.quad.tuning import QuadTuning
 
 if TYPE_CHECKING:
     from plumb.systems.quad.plant import QuadPlant
@@ -107,7 +108,7 @@ START_NOTES = {
     "fast": "nothing is known, the first samples decide; the gains fall by themselves to those at rest",
 }
 
-ADAPTIVE = Tuning(
+ADAPTIVE = QuadTuning(
     period_us=PERIOD_US,
     calibration=CALIBRATION,
     tilt="atan2",

@@ -6,7 +6,8 @@ import math
 from fractions import Fraction
 
 from plumb.errors import UsageError
-from plumb.spec.tuning import Channel, Fusion, Prefilter, TurntableTuning
+from plumb.spec.tuning import Channel
+from plumb.systems.turntable.tuning import Fusion, Prefilter, TurntableTuning
 from plumb.tuning.groups import DEG2, channel_of, channel_words, check_numbers, not_negative, refuse, whole
 from plumb.tuning.quantise import ControlParams
 

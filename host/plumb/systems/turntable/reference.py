@@ -22,7 +22,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from plumb.spec.tuning import Channel, Prefilter, TurntableTuning
+from plumb.spec.tuning import Channel
+from plumb.systems.turntable.tuning import Prefilter, TurntableTuning
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
