@@ -1,6 +1,5 @@
-/* One sample after the other: from the wire or the sensors, through control_step, to the actuator and back to
- * the host. Everything here runs in one loop; interrupts only move bytes and say that there is something to
- * do. */
+/* The main loop: takes each sample from the host or from the sensors, runs control_step on it, drives the
+ * actuator and sends the step's signals to the host. Interrupts only move bytes and wake the loop. */
 #include "loop.h"
 #include "board.h"
 #include "board_actuators.h"
@@ -12,19 +11,20 @@
 #include "link/session.h"
 #include "systems/control.h"
 
-#define DEADLINE_US  10000u /* of a turn; the longest sleep is 1 ms, and outputs must be safe within 50 */
-#define CAN_PER_TURN 16u    /* a flood must not keep the loop from its steps */
+#define DEADLINE_US  10000u /* of a turn; the longest sleep is 1 ms, outputs must be safe within 50 ms */
+#define CAN_PER_TURN 16u    /* frames: a flood of them must not keep the loop from its steps */
 
 BOARD_GUARDED static control_t control;
 BOARD_GUARDED static session_t session;
 BOARD_GUARDED_PARAMETERS static params_t params;
 static session_buffers_t buffers;
 
-/* Whether the outputs are known to be at neutral; with any other value they may be away from it. */
+/* The outputs are known to be at neutral only while `outputs` has exactly this value: a flipped bit then
+ * makes the loop write neutral once more. */
 #define OUTPUTS_RESTING 0x3ac9651eu
 BOARD_GUARDED static uint32_t outputs;
 
-/* What both links brought into the session, as much as it can answer. */
+/* Passes the input of both links to the session, no more than the session has room to answer. */
 static void receive(uint32_t now_us) {
     uint8_t bytes[64];
     const size_t room = requests_room(&session);
@@ -37,7 +37,7 @@ static void receive(uint32_t now_us) {
     }
 }
 
-/* What the session has to say, as much as the UART and CAN take. */
+/* Sends the session's output, as much as the UART and CAN accept. */
 static void transmit(void) {
     uint8_t bytes[4u * SLCAN_FRAME_CHARS];
     size_t count;
@@ -53,8 +53,8 @@ static void transmit(void) {
     }
 }
 
-/* The sample of this step, if one is due: in lockstep when the host has sent it, in real time when the timer
- * ticks. */
+/* True when a step is due, with its sample: in lockstep when the host has sent one, in real time when the
+ * timer ticks. */
 static bool take_sample(int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32) {
     switch (session_mode(&session)) {
     case RUN_LOCKSTEP:
@@ -74,7 +74,7 @@ static bool take_sample(int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32
     }
 }
 
-/* The outputs of the last step to what the system drives. */
+/* Writes the outputs of the last step to the actuator of the system. */
 static void actuate(void) {
     const control_system_t *const system = control_system(&params.control);
     const int32_t *const out = control_words(&control) + system->output_word;
@@ -91,7 +91,7 @@ static void actuate(void) {
     }
 }
 
-/* What a system declares is what a board offers. */
+/* The sensor sets that systems declare have the numbers of those that boards offer. */
 typedef char control_assert_sensors[(int)CONTROL_SENSORS_NONE == (int)BOARD_SENSORS_NONE &&
                                             (int)CONTROL_SENSORS_ANALOG_3 == (int)BOARD_SENSORS_ANALOG_3 &&
                                             (int)CONTROL_SENSORS_ANALOG_6 == (int)BOARD_SENSORS_ANALOG_6 &&
@@ -99,8 +99,8 @@ typedef char control_assert_sensors[(int)CONTROL_SENSORS_NONE == (int)BOARD_SENS
                                         ? 1
                                         : -1];
 
-/* The sensors that this system samples itself; none when samples come from the host. Not inlined, like the
- * next one: what they keep on the stack does not lie below the rest of the loop. */
+/* Chooses the sensors of the system; none while samples come from the host. Neither this function nor the
+ * next is inlined, so that their locals do not add to the stack of the rest of the loop. */
 __attribute__((noinline)) static void choose_sensors(void) {
     const bool injected = session_mode(&session) != RUN_IDLE && !session_live(&session);
     const board_sensors_t wanted = {.kind = injected ? BOARD_SENSORS_NONE
@@ -121,8 +121,8 @@ __attribute__((noinline)) static void report_sensors(void) {
     session_report_sensors(&session, &health);
 }
 
-/* Whether the loop does what it is there for: it came round in time, and no step that moves something was
- * missed. That disarms; an image in which it does not is to be reset. */
+/* True when the last turn met the deadline, and an armed board has not missed a period. BOARD_FAULT_LATE
+ * disarms the board: an image that is still armed then gets no watchdog feed, and so a reset. */
 static bool met_deadline(uint32_t now_us, uint32_t faults) {
     BOARD_GUARDED static uint32_t last_us;
     const uint32_t turn_us = now_us - last_us;
@@ -130,32 +130,33 @@ static bool met_deadline(uint32_t now_us, uint32_t faults) {
     return turn_us <= DEADLINE_US && !(session_armed(&session) && (faults & BOARD_FAULT_LATE) != 0u);
 }
 
-/* Frame and neutral of the parameters in use; the outputs are at neutral. */
+/* Sets pulse frame and neutral pulse from the parameters in use, and the outputs to neutral. */
 static void configure_actuator(void) {
     board_configure_actuator(2u * params.esc_period_us, (uint32_t)params.control.esc.neutral_halfus);
     board_actuator_neutral();
 }
 
-/* Saved parameters, and no others. */
+/* Replaces the parameters in use by the saved ones. */
 static store_report_t load_parameters(void) {
     const store_report_t saved = store_load(&params);
     board_parameters_seal();
     return saved;
 }
 
-/* Memory that decides a pulse is damaged: nothing in it counts any more. The run is over, and the board stays
+/* Called when guarded memory is damaged: sets up everything in it anew. The run ends, and the board stays
  * disarmed until its next start (BOARD_FAULT_UPSET). */
 __attribute__((noinline)) static void recover(void) {
     board_actuator_neutral();
     outputs = OUTPUTS_RESTING;
     const store_report_t saved = load_parameters();
-    configure_actuator(); /* its neutral pulse may have been what was damaged */
+    configure_actuator(); /* the damage may have hit the neutral pulse */
     session_recover(&session, &buffers, board_identity(), &control, &params);
     session_parameters_loaded(&session, &saved);
 }
 
-/* In lockstep nothing can be armed, and the host compares every step: there the loop goes without a check of
- * what changes with every turn. The check word of the parameters stays, and is compared when the run ends. */
+/* In lockstep nothing can be armed and the host compares every step, so the loop saves the time of checking
+ * the memory that changes on every turn. The check word of the parameters stays, and is compared when the run
+ * ends. */
 static void seal_memory(void) {
     if (session_mode(&session) == RUN_LOCKSTEP) {
         board_memory_release();
@@ -206,8 +207,8 @@ void loop_turn(void) {
 
     int16_t raw[CONTROL_RAW_MAX];
     int32_t setpoint_turn_q32;
-    /* As many as can wait in lockstep, and no more: ticks that outrun the steps must not keep the loop
-     * from its watch over them. */
+    /* At most as many steps as samples can wait: when ticks come faster than steps run, the loop must still
+     * come round to its checks. */
     for (unsigned i = 0u; i < RUN_QUEUE_LENGTH && take_sample(raw, &setpoint_turn_q32); i++) {
         control_step(&control, &params.control, raw, setpoint_turn_q32);
         if (session_driving(&session)) {

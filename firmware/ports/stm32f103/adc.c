@@ -1,9 +1,9 @@
 /* Analog sensors: a trigger of TIM3 starts a scan of three or six inputs, DMA1 channel 1 stores it
- * (RM0008 11.3, 11.12). The trigger that begins a sample may be followed by more scans in a row, 1 to 16 in
- * all, each started by the end of the one before; their mean, rounded, is the sample. The triggers in between
- * (sampling.c: one per millisecond or more) start one scan each. Whether an input is at a rail or stuck is
- * judged on single conversions, the first after every trigger: what noise does to one conversion does not
- * depend on the period or on oversampling. */
+ * (RM0008 11.3, 11.12). A sample is the rounded mean of 1, 2, 4, 8 or 16 scans: the trigger starts the first,
+ * the end of each scan starts the next. The triggers between two samples (sampling.c: at least one per
+ * millisecond) start one scan each. An input is checked for being at a rail or stuck on single conversions,
+ * those of the first scan after every trigger, because the noise of one conversion depends neither on the
+ * period nor on oversampling. */
 #include "adc.h"
 #include "app/board_sensors.h"
 #include "clock.h"
@@ -14,23 +14,23 @@
 #include "watch.h"
 
 #define CALIBRATION_POLLS 64u /* 83 ADC cycles at 12 MHz are 500 processor cycles, 8 polls */
-#define SILENT_TRIGGERS   10u /* without a complete scan, 10 ms at most: the converter does not work */
+#define SILENT_TRIGGERS   10u /* so many without a scan, 10 ms at most: the converter has failed */
 #define RESTART_MS        20u
 #define COUNT_MAX         4095u
 #define CONVERSION_US     7u /* the shortest: 84 ADC cycles at 12 MHz */
-#define LEAST_CONVERSIONS 3u /* that a rail or a stuck input takes, however slow the scans are */
+#define LEAST_CONVERSIONS 3u /* before an input counts as railed or stuck, however slow the scans are */
 
 static volatile uint16_t scans[2u * BOARD_RAW_MAX]; /* two, of `channels` counts each */
 static uint32_t channels;
 static uint32_t oversample_log2;
 static uint32_t rail_limit, stuck_limit; /* conversions; 0: never */
-static bool marks_bad;                   /* deliver INT16_MIN for a channel that is not to be trusted */
+static bool marks_bad;                   /* deliver INT16_MIN for a railed or stuck channel */
 static uint32_t scans_summed;
-static uint16_t sums[BOARD_RAW_MAX]; /* 16 times 4095 still fits */
+static uint16_t sums[BOARD_RAW_MAX]; /* of up to 16 counts of 4095 */
 static uint16_t railed_for[BOARD_RAW_MAX];
 static watch_t watches[BOARD_RAW_MAX];
 static volatile uint16_t railed, stuck; /* one bit a channel */
-static volatile bool waiting;           /* the period's sample is not complete */
+static volatile bool waiting;           /* a sample was triggered and is not complete */
 static volatile uint32_t silent_triggers;
 static bool calibrated = true;
 static uint32_t started_ms;
@@ -46,7 +46,7 @@ void adc_stop(void) {
     waiting = false;
 }
 
-/* The whole converter from reset: whatever scan was under way, the next one begins with the first channel. */
+/* Resets and sets up the whole converter, so that the next scan begins with the first channel. */
 static void restart(void) {
     RCC_APB2ENR |= RCC_APB2ENR_ADC1EN;
     RCC_APB2RSTR |= RCC_APB2RSTR_ADC1RST;
@@ -54,8 +54,8 @@ static void restart(void) {
     started_ms = systick_ms();
     scans_summed = 0u;
 
-    /* Powered up, two ADC cycles later calibrated (RM0008 11.4); the wait before its first poll is long
-     * enough. */
+    /* Calibration may begin two ADC cycles after power-up (RM0008 11.4): the 128 processor cycles of these
+     * two polls are more. */
     ADC1_CR2 = ADC1_CR2_ADON;
     (void)clock_wait(&ADC1_CR2, ADC1_CR2_ADON, 0u, 2u);
     ADC1_CR2 = ADC1_CR2_ADON | ADC1_CR2_RSTCAL;
@@ -81,18 +81,19 @@ static void restart(void) {
     ADC1_CR2 = ADC1_CR2_ADON | ADC1_CR2_DMA | ADC1_CR2_EXTSEL_TIM3 | ADC1_CR2_EXTTRIG;
 }
 
-/* How many conversions, one every interval_us, take limit_ms; 0 for never. */
+/* How many conversions, one every interval_us, take limit_ms: at least LEAST_CONVERSIONS; 0 for a limit of 0,
+ * which means never. */
 static uint32_t conversions(uint32_t limit_ms, uint32_t interval_us) {
     const uint32_t count = (1000u * limit_ms + interval_us - 1u) / interval_us;
     return limit_ms == 0u || count > LEAST_CONVERSIONS ? count : LEAST_CONVERSIONS;
 }
 
-void adc_start(const board_sensors_t *use, uint32_t interval_us) {
-    marks_bad = use->kind == BOARD_SENSORS_ANALOG_6;
+void adc_start(const board_sensors_t *sensors, uint32_t interval_us) {
+    marks_bad = sensors->kind == BOARD_SENSORS_ANALOG_6;
     channels = marks_bad ? 6u : 3u;
-    oversample_log2 = use->oversample_log2;
-    rail_limit = conversions(use->rail_ms, interval_us);
-    stuck_limit = conversions(use->stuck_ms, interval_us);
+    oversample_log2 = sensors->oversample_log2;
+    rail_limit = conversions(sensors->rail_ms, interval_us);
+    stuck_limit = conversions(sensors->stuck_ms, interval_us);
     for (uint32_t i = 0u; i < BOARD_RAW_MAX; i++) {
         railed_for[i] = 0u;
         watches[i] = (watch_t){0};
@@ -120,8 +121,8 @@ void adc_triggered(bool begins_sample) {
     waiting = waiting || begins_sample;
 }
 
-/* One conversion of a channel: is it at a rail, is it stuck? */
-static void judge(uint32_t i, uint16_t count) {
+/* Updates `railed` and `stuck` of channel i with one conversion. */
+static void check_input(uint32_t i, uint16_t count) {
     const uint32_t bit = 1u << i;
     if (count != 0u && count != COUNT_MAX) {
         railed_for[i] = 0u;
@@ -148,19 +149,20 @@ void adc_on_scan(void) {
     const bool overrun = (DMA1_ISR & both) == both;
     DMA1_IFCR = DMA1_IFCR_CGIF1;
     silent_triggers = 0u;
-    /* With the second half still to come, or under way, the first is the newest. */
+    /* The DMA counts the remaining transfers down: at `channels` or below, it is filling the second half, and
+     * the first half is complete. */
     const volatile uint16_t *const scan = &scans[DMA1_CNDTR1 <= channels ? 0u : channels];
     if (scans_summed == 0u) {
         for (uint32_t i = 0u; i < channels; i++) {
-            judge(i, scan[i]);
+            check_input(i, scan[i]);
         }
-        if (waiting && overrun) { /* late by an interval: which scan is the sample's is not known any more */
+        if (waiting && overrun) { /* two scans are stored: which of them is the sample's is unknown */
             waiting = false;
             samples_miss();
             return;
         }
         if (!waiting || TIM3_CNT < CONVERSION_US * channels) {
-            return; /* a scan between two samples, or one that ended before the sample was triggered */
+            return; /* a scan between two samples, or one that began before the sample's trigger */
         }
     }
     for (uint32_t i = 0u; i < channels; i++) {
@@ -168,7 +170,7 @@ void adc_on_scan(void) {
     }
     scans_summed++;
     if (scans_summed < 1u << oversample_log2) {
-        /* The same value once more starts a conversion (RM0008 11.12.3, ADON). */
+        /* Writing ADON = 1 again, with no other bit changed, starts a conversion (RM0008 11.12.3). */
         ADC1_CR2 = ADC1_CR2_ADON | ADC1_CR2_DMA | ADC1_CR2_EXTSEL_TIM3 | ADC1_CR2_EXTTRIG;
         return;
     }

@@ -1,28 +1,28 @@
-/* Analog sensors on ADC1, scanned when TIM3 triggers. All but adc_on_scan() and adc_triggered() are the
- * loop's. */
+/* Analog sensors on ADC1, scanned when TIM3 triggers. Interrupts call adc_triggered() and adc_on_scan(); the
+ * main loop calls the others. */
 #ifndef PLUMB_STM32F103_ADC_H
 #define PLUMB_STM32F103_ADC_H
 
 #include "app/board_sensors.h"
 
-/* interval_us: between two triggers. */
-void adc_start(const board_sensors_t *use, uint32_t interval_us);
+/* Set up the converter; TIM3 triggers it every interval_us. */
+void adc_start(const board_sensors_t *sensors, uint32_t interval_us);
 void adc_stop(void);
 
-/* Tries again when conversions do not come. Call on every turn of the loop while analog sensors are in use.
- */
+/* Restarts a converter that delivers nothing, at most every 20 ms. Call on every turn of the loop while
+ * analog sensors are in use. */
 void adc_poll(void);
 
-/* Conversions do not come, or calibration did not end. */
+/* True while no conversions come, or when the calibration did not end. */
 bool adc_failed(void);
 
 /* Fills railed and stuck. */
 void adc_health(board_health_t *health);
 
-/* From the interrupt of the trigger. */
+/* From TIM3's interrupt. begins_sample: the period's sample starts with this trigger's scan. */
 void adc_triggered(bool begins_sample);
 
-/* From the interrupt of the DMA: a scan is stored. Its trigger's interrupt was handled before. */
+/* From the DMA's interrupt, after adc_triggered(): a scan is stored. */
 void adc_on_scan(void);
 
 #endif

@@ -7,8 +7,8 @@
 
 #define LATE_MAX 255u
 
-static int16_t samples[2][BOARD_RAW_MAX];
-static volatile uint32_t done, missed;
+static int16_t samples[2][BOARD_RAW_MAX]; /* sample n is in samples[n % 2] */
+static volatile uint32_t done, missed;    /* samples published; periods without one */
 BOARD_GUARDED static uint32_t done_seen, missed_seen;
 BOARD_GUARDED static uint32_t late;
 
@@ -17,7 +17,7 @@ int16_t *samples_next(void) {
 }
 
 void samples_publish(void) {
-    memory_fence(); /* the counts are in memory before the count of samples says so */
+    memory_fence(); /* the raw counts are in memory before `done` announces them */
     done++;
     idle_end();
 }
@@ -27,7 +27,7 @@ void samples_miss(void) {
 }
 
 void samples_clear(void) {
-    memset(samples, 0, sizeof samples); /* places that the sensors do not fill */
+    memset(samples, 0, sizeof samples); /* channels that the sensors do not fill read 0 */
     done_seen = done;
     missed_seen = missed;
     late = 0u;
@@ -35,7 +35,7 @@ void samples_clear(void) {
 
 bool samples_poll(void) {
     const uint32_t now = done;
-    memory_fence(); /* and are read after it */
+    memory_fence(); /* the raw counts are read after `done` */
     const bool ticked = now != done_seen;
     const uint32_t more = missed - missed_seen + (ticked ? now - done_seen - 1u : 0u);
     missed_seen = missed;

@@ -1,6 +1,7 @@
-/* Samples of the board's own sensors: written by interrupts, read by the loop.
+/* Samples of the board's own sensors: interrupts write them, the main loop reads them.
  *
- * Sample n lies in place n % 2: while one is being written, the one before can be read for a whole period. */
+ * A double buffer: while an interrupt fills one half, the loop may read the previous sample from the other
+ * for a whole period. */
 #ifndef PLUMB_STM32F103_SAMPLES_H
 #define PLUMB_STM32F103_SAMPLES_H
 
@@ -9,27 +10,28 @@
 
 /* ---- for interrupts of one priority ---- */
 
-/* Where the next sample's raw counts go, BOARD_RAW_MAX places. */
+/* Buffer for the next sample's raw counts, BOARD_RAW_MAX of them. */
 int16_t *samples_next(void);
 
-/* They are complete: a tick. */
+/* The counts in samples_next() are complete: makes the tick, and wakes the loop. */
 void samples_publish(void);
 
-/* A period has no sample. */
+/* Counts a period without a sample. */
 void samples_miss(void);
 
 /* ---- for the loop ---- */
 
-/* Begin anew: all places 0, nothing waits, nothing is late. While no period runs. */
+/* Set all counts to 0, drop waiting samples, and count no late period. Call while no period runs. */
 void samples_clear(void);
 
-/* True when there is a sample that was not asked about before. */
+/* True when a sample was published since the last call. */
 bool samples_poll(void);
 
 /* The sample of the last samples_poll(), BOARD_RAW_MAX counts. */
 void samples_read(int16_t *raw);
 
-/* Periods since samples_clear() without a sample, or whose sample was not asked for in time; stops at 255. */
+/* Periods since samples_clear() that had no sample, or whose sample the loop did not fetch before the next
+ * one; stops at 255. */
 uint32_t samples_late(void);
 
 #endif

@@ -1,10 +1,12 @@
-/* The control period: TIM3 counts it, starts what is to be sampled, and a complete sample is the tick (RM0008
- * 15.3, 15.4). Analog inputs are started by the timer's trigger itself, so that no instruction takes part in
- * the timing of a sample; the digital sensors by its interrupt. Without sensors the interrupt is the tick.
+/* The control period: TIM3 counts it and starts the sampling; a complete sample is the tick (RM0008 15.3,
+ * 15.4). The timer's trigger output starts the ADC in hardware, so that no instruction takes part in the
+ * timing of a sample. The timer's interrupt starts the digital sensors. Without sensors that interrupt is the
+ * tick.
  *
- * With analog inputs the timer triggers at least once per millisecond, whatever the period: the last trigger
- * of a period starts the sample, the others start one scan each, which only the watch over the inputs sees.
- * A period that cannot be divided evenly has intervals that differ by 1 us, loaded one update ahead (ARPE).
+ * With analog inputs the timer triggers at least once per millisecond, whatever the period. The last trigger
+ * of a period starts the sample; each of the others starts one scan, which is only checked for railed and
+ * stuck inputs. When a period does not divide evenly, its intervals differ by 1 us; each interval is loaded
+ * one update ahead (ARPE).
  */
 #include "sampling.h"
 #include "adc.h"
@@ -19,42 +21,43 @@
 
 #define INTERVAL_MAX_US 1000u /* between two scans of the analog inputs */
 
-BOARD_GUARDED static board_sensors_t use;
+BOARD_GUARDED static board_sensors_t sensors;
 BOARD_GUARDED static uint32_t running_us;  /* 0: stopped */
 BOARD_GUARDED static uint32_t triggers;    /* updates of TIM3 per period */
 static uint32_t trigger;                   /* updates since the last one that ended a period */
-BOARD_GUARDED static uint32_t interval_us; /* between two updates; `longer` of a period take 1 us more */
-BOARD_GUARDED static uint32_t longer;
-static uint32_t share;
+BOARD_GUARDED static uint32_t interval_us; /* between two updates */
+BOARD_GUARDED static uint32_t longer;      /* intervals of a period that take 1 us more */
+static uint32_t carried;                   /* remainder of that division, from interval to interval */
 
 static bool analog(void) {
-    return use.kind == BOARD_SENSORS_ANALOG_3 || use.kind == BOARD_SENSORS_ANALOG_6;
+    return sensors.kind == BOARD_SENSORS_ANALOG_3 || sensors.kind == BOARD_SENSORS_ANALOG_6;
 }
 
-/* The next interval in counts of TIM3, less 1. Over one period the intervals sum up to it exactly. */
+/* Reload value of the next interval: its length in counts of TIM3, less 1. The intervals of a period sum to
+ * exactly that period. */
 static uint32_t next_reload(void) {
-    share += longer;
-    if (share < triggers) {
+    carried += longer;
+    if (carried < triggers) {
         return interval_us - 1u;
     }
-    share -= triggers;
+    carried -= triggers;
     return interval_us;
 }
 
-/* Scans per period: one per millisecond at least, as long as a sample of 2^oversample_log2 scans ends before
- * the next trigger. That limit only matters for 16 scans and periods of 1001 to 1599 us. */
-static void divide(uint32_t period_us) {
-    const uint32_t fit = period_us / (BOARD_SCAN_US << use.oversample_log2);
+/* Divides the period into triggers: at least one per millisecond, as long as a sample of 2^oversample_log2
+ * scans ends before the next trigger. That limit only matters for 16 scans and periods of 1001 to 1599 us. */
+static void divide_period(uint32_t period_us) {
+    const uint32_t fit = period_us / (BOARD_SCAN_US << sensors.oversample_log2);
     const uint32_t wanted = (period_us + INTERVAL_MAX_US - 1u) / INTERVAL_MAX_US;
     triggers = wanted < fit ? wanted : fit > 0u ? fit : 1u;
     interval_us = period_us / triggers;
     longer = period_us - triggers * interval_us;
-    share = 0u;
+    carried = 0u;
 }
 
 void sampling_timer_handler(void) {
     if ((TIM3_SR & TIM3_SR_UIF) == 0u) {
-        return; /* the scan that it triggered was first */
+        return; /* already handled: the DMA's interrupt calls this function before it uses the scan */
     }
     TIM3_SR = 0u;
     if (longer > 0u) {
@@ -66,7 +69,7 @@ void sampling_timer_handler(void) {
         return;
     }
     trigger = 0u;
-    switch (use.kind) {
+    switch (sensors.kind) {
     case BOARD_SENSORS_NONE:
         samples_publish(); /* the counts come from the host */
         break;
@@ -92,16 +95,15 @@ void board_set_period_us(uint32_t period_us) {
     if (period_us == 0u) {
         return;
     }
-    /* 1 us a count, 2 us where 16 bits do not reach. The prescaler is taken over by an update event (UG),
-     * which is also a trigger: the converter is set up after it, so that the first scan comes with the first
-     * full period. */
+    /* 1 us a count, 2 us where 16 bits do not reach. An update event (UG) loads the prescaler, and is also a
+     * trigger: the converter is set up after it, so that the first scan comes with the first full period. */
     const uint32_t step_us = period_us > 65536u && !analog() ? 2u : 1u;
     TIM3_PSC = clock_mhz() * step_us - 1u;
     triggers = 1u;
     longer = 0u;
     trigger = 0u;
     if (analog()) {
-        divide(period_us);
+        divide_period(period_us);
         TIM3_ARR = next_reload();
     } else {
         TIM3_ARR = period_us / step_us - 1u;
@@ -116,20 +118,20 @@ void board_set_period_us(uint32_t period_us) {
     nvic_enable(IRQ_TIM3);
     samples_clear();
     if (analog()) {
-        adc_start(&use, interval_us);
+        adc_start(&sensors, interval_us);
     }
     TIM3_DIER = TIM3_DIER_UIE;
     TIM3_CR1 |= TIM3_CR1_CEN;
 }
 
 void board_use_sensors(const board_sensors_t *wanted) {
-    if (memcmp(&use, wanted, sizeof use) == 0) {
+    if (memcmp(&sensors, wanted, sizeof sensors) == 0) {
         return;
     }
     const uint32_t period_us = running_us;
     board_set_period_us(0u);
     __asm volatile("cpsid i" ::: "memory");
-    use = *wanted;
+    sensors = *wanted;
     imu_use(wanted);
     __asm volatile("cpsie i" ::: "memory");
     board_set_period_us(period_us);
