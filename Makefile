@@ -1,5 +1,5 @@
 # Two commands do all the set-up on a fresh Debian or Ubuntu machine: `make demo` and `make test`.
-.PHONY: demo test test-fast image native c-tests sanitize size check-style format clean
+.PHONY: demo test test-fast test-long image native c-tests sanitize size check-style format clean
 
 VENV := .venv/bin
 
@@ -25,6 +25,13 @@ test-fast:
 	@$(MAKE) --no-print-directory image native check-style
 	ctest --preset native --parallel 2 --exclude-regex '^compile_|^test_store$$'
 	$(PYTEST) -m 'not slow'
+
+# The whole campaigns, of which every other run of the tests takes a sample; CI runs them once a week.
+LONG_TESTS := $(shell grep -rlE 'support\.campaigns import' tests)
+test-long:
+	@tools/setup.sh test
+	@$(MAKE) --no-print-directory image native
+	PLUMB_LONG=1 $(PYTEST) $(LONG_TESTS)
 
 # The flash image, the same core as a QEMU image, and their checks.
 image:
