@@ -1,7 +1,7 @@
 #include "angle.h"
 #include "fixed.h"
 
-/* Minimax fits in turns; made and checked by tools/fit_angle.py. */
+/* Table and coefficients of minimax polynomials, in turns; tools/fit_angle.py computes and checks them. */
 
 /* clang-format off */
 const uint32_t angle_root[96] = {
@@ -39,7 +39,7 @@ uint32_t angle_length(int32_t y, int32_t x) {
 }
 
 void angle_sincos(int32_t turn_q32, int32_t *sin_q30, int32_t *cos_q30) {
-    /* x: the rest to the nearest quarter turn, in eighths of a turn, -1 <= x < 1 */
+    /* x: difference to the nearest quarter turn, in eighths of a turn, -1 <= x < 1 */
     const uint32_t quadrant = ((uint32_t)turn_q32 + (ANGLE_QUARTER_TURN >> 1)) >> 30;
     const int32_t x_q29 = wrap_i32((uint32_t)turn_q32 - (quadrant << 30));
     const int32_t square_q30 = (int32_t)(mul_i64(x_q29, x_q29) >> 28);

@@ -9,7 +9,7 @@
 #define ANGLE_QUARTER_TURN 0x40000000U
 #define ANGLE_HALF_TURN    0x80000000U
 
-/* Minimax fits in turns; made and checked by tools/fit_angle.py. */
+/* Coefficients of minimax polynomials, in turns; tools/fit_angle.py computes and checks them. */
 
 /* clang-format off */
 static const int32_t ANGLE_ATAN_Q33[8] = {
@@ -21,7 +21,7 @@ static const int32_t ANGLE_ASIN_Q32[7] = {
     1831557};
 /* clang-format on */
 
-/* 1 / sqrt of a segment and its slope, for angle_root_q29. */
+/* For angle_root_q29(): 1 / sqrt at the start of each segment (upper half) and its slope (lower half). */
 extern const uint32_t angle_root[96];
 
 /* One step of Horner's rule: c + p v, v in Q30 and at most 1. The product is floored to 4 units of c. */
@@ -90,8 +90,8 @@ KERNEL int32_t angle_asin(int32_t x_q30) {
 /* Sine and cosine of any angle, each within +-2^30. Error below 8e-9. */
 void angle_sincos(int32_t turn_q32, int32_t *sin_q30, int32_t *cos_q30);
 
-/* Half the length of the vector (x, y), for |y|, |x| <= 7 * 2^28 (the half, so that it is an int32 as well).
- * Error below 6e-9 of itself and one unit. */
+/* Half the length of the vector (x, y), for |y|, |x| <= 7 * 2^28; the half fits int32, too. Error below 6e-9
+ * of the value plus one unit. */
 uint32_t angle_length(int32_t y, int32_t x);
 
 #endif

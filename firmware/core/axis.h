@@ -1,10 +1,10 @@
-/* One axis: the pipeline that every system of tilt goes through, once for each of its axes.
+/* One axis: the pipeline of every system that estimates tilt, once for each of its axes.
  *
  *     counts -> calibration_apply -> axis_driving_rate \
  *                                 -> axis_measure       -> axis_filter -> tilt, bias, corrected rate
  *
- * Each function becomes part of the step that calls it (KERNEL). The step keeps the words of its record: it
- * hands values in, and writes what comes out where its record has it.
+ * Each function is inlined into the step that calls it (KERNEL). The step owns its record: it passes values
+ * in and stores the results in the words of its record.
  */
 #ifndef PLUMB_CORE_AXIS_H
 #define PLUMB_CORE_AXIS_H
@@ -13,20 +13,21 @@
 #include "kalman.h"
 #include "tilt.h"
 
-/* What the accelerometer says of the tilt in one step. */
+/* Tilt measured by the accelerometer in one step. */
 typedef struct {
     int32_t tilt_turn_q32;
     uint32_t variance; /* R, in 2^32 lsb of the filter; 1..KALMAN_R_MAX */
 } axis_measurement_t;
 
-/* What is known of the axis after a step. */
+/* Estimate of the axis after a step. */
 typedef struct {
     int32_t tilt_turn_q32;
     int32_t bias_turnps_q28;           /* of the gyro, within the limit bias_max */
     int32_t rate_corrected_turnps_q28; /* rate - bias */
 } axis_estimate_t;
 
-/* The six raw counts into the first words of a record: all loads, then all stores. */
+/* Copies the six raw counts into the first words of a record: all loads, then all stores, which takes fewer
+ * cycles on the Cortex-M3. */
 KERNEL void axis_record_raw(int32_t words[6], const int16_t raw[6]) {
     const int32_t raw0 = raw[0], raw1 = raw[1], raw2 = raw[2], raw3 = raw[3], raw4 = raw[4], raw5 = raw[5];
     words[0] = raw0;
@@ -37,8 +38,8 @@ KERNEL void axis_record_raw(int32_t words[6], const int16_t raw[6]) {
     words[5] = raw5;
 }
 
-/* The rate that drives the filter: that of the sample before, as the sources print it, or the present one, as
- * the parameters choose. The first step has none before it. */
+/* Gyro rate that predicts the tilt: the previous sample's, as the sources print it, or the present one's
+ * (parameter rate_now). The first step has no previous sample and uses the present one. */
 KERNEL int32_t axis_driving_rate(const kalman_params_t *p, bool first, int32_t present, int32_t before) {
     return (p->rate_now | (uint32_t)first) != 0U ? present : before;
 }
@@ -51,8 +52,8 @@ KERNEL axis_measurement_t axis_measure(const tilt_params_t *p, int32_t accel_y_g
     return m;
 }
 
-/* One step of the filter. driving: the rate that moves its tilt; rate: the one that is published without
- * bias. */
+/* One step of the filter. driving: the rate that predicts the tilt; rate: the present rate, published after
+ * subtraction of the bias. */
 KERNEL axis_estimate_t axis_filter(kalman_t *k, const kalman_params_t *p, axis_measurement_t m,
                                    int32_t driving_turnps_q28, int32_t rate_turnps_q28) {
     axis_estimate_t e;

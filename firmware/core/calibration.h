@@ -1,9 +1,8 @@
 /* Raw counts -> units: clamp to the sensor's plausible range, scale, shift. One multiply-add of 32 bits.
  *
  * The gain and offset carry the unit: turn/s Q28 per count for a gyro, g Q26 per count for an accelerometer.
- * Whoever makes the parameters proves that gain * raw + offset stays within +-CALIBRATION_LIMIT for every raw
- * in [raw_min, raw_max] (calibration_valid); intermediate overflow is harmless, the sum is taken modulo 2^32.
- */
+ * calibration_valid() checks that gain * raw + offset stays within +-CALIBRATION_LIMIT for every raw in
+ * [raw_min, raw_max]. The product alone may overflow: the sum is taken modulo 2^32. */
 #ifndef PLUMB_CORE_CALIBRATION_H
 #define PLUMB_CORE_CALIBRATION_H
 
@@ -19,17 +18,18 @@ typedef struct {
 
 #define CALIBRATION_LIMIT 1879048192L /* 7 * 2^28, of every calibrated value: 7 turn/s, 28 g */
 
-/* The counts that are used; a difference to raw is a saturated sample. About 5 cycles. */
+/* raw within [raw_min, raw_max]; where the result differs from raw, the sample is saturated. About 5 cycles.
+ */
 static inline int32_t calibration_clamp(const calibration_params_t *p, int32_t raw) {
     return clamp_i32(raw, p->raw_min, p->raw_max);
 }
 
-/* raw: as clamped. About 4 cycles. */
+/* Clamped counts in the unit of the calibration. About 4 cycles. */
 static inline int32_t calibration_scale(const calibration_params_t *p, int32_t raw) {
     return wrap_i32((uint32_t)raw * (uint32_t)p->gain + (uint32_t)p->offset);
 }
 
-/* Both; sets `flag` in *flags when the count was outside its range. */
+/* Clamp and scale; sets `flag` in *flags when the count was outside its range. */
 KERNEL int32_t calibration_apply(const calibration_params_t *p, int32_t raw, uint32_t *flags, uint32_t flag) {
     int32_t low = p->raw_min, high = p->raw_max;
     uint32_t gain = (uint32_t)p->gain, offset = (uint32_t)p->offset;

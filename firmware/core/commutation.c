@@ -2,11 +2,11 @@
 
 #define DUTY_MAX 32767
 
-/* Place of a Hall state in the forward order, 1 to 6; 0 cannot be. */
+/* Place of a Hall state in the forward order, 1 to 6; 0 for an invalid state. */
 static const uint8_t place[8] = {0, 2, 4, 3, 6, 1, 5, 0};
 
-/* Which phase drives and which one sinks in each place, for torque forwards: that pair whose back-EMF is at
- * its flat top. The torque of the other direction swaps the two. */
+/* The phase that drives and the one that sinks at each place, for forward torque: the pair whose back-EMF is
+ * at its flat top. Backward torque swaps the two. */
 static const uint8_t driving[7] = {0, 0, 0, 1, 1, 2, 2};
 static const uint8_t sinking[7] = {0, 1, 2, 2, 0, 0, 1};
 

@@ -1,9 +1,9 @@
-/* Six steps of a brushless motor: where the rotor is and how hard to turn it -> what each phase does.
+/* Six-step commutation of a brushless motor: Hall state and duty -> drive of each phase.
  *
- * Hall sensors 120 electrical degrees apart, A is bit 0, B bit 1, C bit 2. Forward, they go 5, 1, 3, 2, 6, 4;
- * 0 and 7 cannot be. One phase is switched at the PWM's rate against its low side, one is held low, one
- * floats: with duty d the motor sees d times the supply between the first two, of either sign, and brakes
- * into the supply where it runs faster than that. Table lookups, one product; a constant number of
+ * The Hall sensors are 120 electrical degrees apart; A is bit 0, B bit 1, C bit 2. Turning forward, their
+ * state goes 5, 1, 3, 2, 6, 4; 0 and 7 are invalid. One phase is driven by PWM (complementary: high side,
+ * then low side), one is held low, one floats. With duty d the motor sees d times the supply between the
+ * first two, of either sign, and brakes into the supply when it runs faster than that. Constant number of
  * instructions. */
 #ifndef PLUMB_CORE_COMMUTATION_H
 #define PLUMB_CORE_COMMUTATION_H
@@ -24,13 +24,13 @@ typedef struct {
     uint32_t on;                       /* of the PWM's period, 0..on_max */
 } commutation_t;
 
-/* hall: 0 to 7, what is above is ignored. duty_q15: -32767..32767, positive turns forward; beyond it is
- * limited. period, on_max: in counts of the PWM, on_max <= period <= 65535; on_max leaves the low side its
- * time. False for a Hall state that cannot be: then every phase floats. */
+/* hall: 0 to 7, higher bits are ignored. duty_q15: -32767..32767, positive turns forward; larger amounts are
+ * clamped. period, on_max: in counts of the PWM, on_max <= period <= 65535; on_max leaves the low side its
+ * minimum on-time. False for an invalid Hall state: then every phase floats. */
 bool commutation_step(commutation_t *c, uint32_t hall, int32_t duty_q15, uint32_t period, uint32_t on_max);
 
-/* Steps from one Hall state to the next: 1 forward, -1 backward, 0 for the same one and for what no turning
- * explains (two steps or more at once, or a state that cannot be). */
+/* Steps from one Hall state to the next: 1 forward, -1 backward, 0 for no change, for a jump of two or more
+ * steps, and for an invalid state. */
 int32_t commutation_moved(uint32_t from, uint32_t to);
 
 #endif

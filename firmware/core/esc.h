@@ -11,14 +11,14 @@
 
 #define ESC_PULSE_MIN_HALFUS   1800 /* 900 us */
 #define ESC_PULSE_MAX_HALFUS   4200 /* 2100 us */
-#define ESC_NEUTRAL_MAX_HALFUS 2200 /* 1100 us: every one-way controller keeps its motor off */
+#define ESC_NEUTRAL_MAX_HALFUS 2200 /* 1100 us: up to here every one-way controller keeps its motor off */
 #define ESC_SPAN_MAX_HALFUS    (ESC_PULSE_MAX_HALFUS - ESC_PULSE_MIN_HALFUS)
 #define ESC_FRAME_MIN_HALFUS   4080  /* 490 Hz */
 #define ESC_FRAME_MAX_HALFUS   40000 /* 50 Hz */
 #define ESC_GAP_MIN_HALFUS     40    /* between two pulses: 20 us low */
 
-/* ESC_PULSE_MIN_HALFUS <= neutral <= min <= mid <= max <= ESC_PULSE_MAX_HALFUS, neutral at most
- * ESC_NEUTRAL_MAX_HALFUS, |span| at most ESC_SPAN_MAX_HALFUS. */
+/* True when ESC_PULSE_MIN_HALFUS <= neutral <= min <= mid <= max <= ESC_PULSE_MAX_HALFUS, neutral is at most
+ * ESC_NEUTRAL_MAX_HALFUS and |span| at most ESC_SPAN_MAX_HALFUS. */
 bool esc_valid(const esc_params_t *p);
 
 #endif

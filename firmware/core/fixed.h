@@ -1,25 +1,26 @@
-/* Integer arithmetic of the core: the only file in which a signed number is shifted right.
+/* Integer arithmetic of the core: the only file that shifts signed numbers right.
  *
- * Sums of 64 bits are taken modulo 2^64 (wrap_*): no operation here is undefined for any input. Costs are
- * Cortex-M3 cycles at zero wait states. Division is udiv32 alone; no 64-bit value is ever divided.
+ * Functions named wrap and ..._wrap compute modulo 2^32 or 2^64: no operation here is undefined for an input
+ * within its stated range. Costs are Cortex-M3 cycles at zero wait states. udiv32 is the only division; no
+ * 64-bit value is ever divided.
  */
 #ifndef PLUMB_CORE_FIXED_H
 #define PLUMB_CORE_FIXED_H
 
 #include <stdint.h>
 
-/* A kernel that becomes part of the step that calls it, whatever the compiler thinks of its size: no call,
- * and the values that follow stay in registers. */
+/* Always inlined, whatever its size: the step makes no call, and values stay in registers from one kernel to
+ * the next. */
 #if defined(__GNUC__)
 #define KERNEL static inline __attribute__((always_inline))
 #else
 #define KERNEL static inline
 #endif
 
-/* Both gcc and clang shift signed numbers arithmetically; everything here relies on it. */
+/* Right shifts of signed numbers must be arithmetic, as gcc and clang make them. */
 typedef char fixed_assert_arithmetic_shift[((-5) >> 1) == -3 ? 1 : -1];
 
-/* Modulo 2^32 and 2^64, without undefined behaviour. */
+/* The same bits as a signed number: arithmetic modulo 2^32 and 2^64, without undefined behaviour. */
 static inline int32_t wrap_i32(uint32_t x) {
     return (int32_t)x;
 }
@@ -78,7 +79,7 @@ static inline int64_t make_i64(int32_t hi, uint32_t lo) {
     return wrap_i64(make_u64((uint32_t)hi, lo));
 }
 
-/* Exact products (5 cycles at most), and their upper word. */
+/* Exact products (5 cycles at most); mulhi_*: the upper word of the product. */
 static inline int64_t mul_i64(int32_t a, int32_t b) {
     return (int64_t)a * b;
 }
@@ -95,8 +96,8 @@ static inline int32_t mulhi_i32(int32_t a, int32_t b) {
     return hi_i64(mul_i64(a, b));
 }
 
-/* x, of whose range the compiler knows nothing: gcc takes a factor that is never negative for unsigned and
- * mends the sign of the product afterwards. */
+/* x, with its range hidden from the compiler: gcc multiplies a factor that it knows to be non-negative as
+ * unsigned, and then corrects the sign of the product. */
 static inline int32_t any_i32(int32_t x) {
 #if defined(__GNUC__)
     __asm__("" : "+r"(x));
@@ -104,8 +105,8 @@ static inline int32_t any_i32(int32_t x) {
     return x;
 }
 
-/* Values that are about to be used: on the Cortex-M3 their loads then stand side by side, where each but the
- * first takes one cycle instead of two. */
+/* Load these values now, one after the other: on the Cortex-M3 each load that follows a load takes one cycle
+ * instead of two. */
 #if defined(__GNUC__) && defined(__arm__)
 #define LOADED2(a, b)       __asm__("" : "+r"(a), "+r"(b))
 #define LOADED3(a, b, c)    __asm__("" : "+r"(a), "+r"(b), "+r"(c))
@@ -128,8 +129,8 @@ static inline int32_t clamp_i32(int32_t x, int32_t low, int32_t high) {
     return min_i32(max_i32(x, low), high);
 }
 
-/* The nearest value of n bits, -2^(n-1)..2^(n-1)-1; 1 <= n <= 31, a constant. One instruction on the target,
- * which gcc finds only where it has not put the two bounds into registers. */
+/* x clamped to n bits, -2^(n-1)..2^(n-1)-1; 1 <= n <= 31, a constant. Assembly, because gcc does not use SSAT
+ * where it has put the two bounds into registers. */
 #if defined(__GNUC__) && defined(__thumb2__)
 #define SATURATE(x, n)                                                                                       \
     __extension__({                                                                                          \
@@ -166,14 +167,14 @@ static inline unsigned clz32(uint32_t x) {
 #endif
 }
 
-/* The one division: UDIV, 2 to 12 cycles. b > 0. */
+/* a / b by UDIV, 2 to 12 cycles. b > 0. */
 static inline uint32_t udiv32(uint32_t a, uint32_t b) {
     return a / b;
 }
 
-/* 2^61 / d for 2^30 <= d < 2^31, low by at most 2^-28 of itself, never high by more than 3, never above 2^31
- * - 1: 16 bits of quotient by the division, doubled by one Newton step. e = x * (d / 2) - 2^46, which fits 32
- * bits. 21 cycles. */
+/* 2^61 / d for 2^30 <= d < 2^31: too low by at most 2^-28 of the value, too high by at most 3, and at most
+ * 2^31 - 1. The division gives 16 bits of the quotient, one Newton step doubles them. e = x * (d / 2) - 2^46,
+ * which fits 32 bits. 21 cycles. */
 static inline uint32_t reciprocal_q61(uint32_t d) {
     const uint32_t x = udiv32(0xFFFFFFFFU, d >> 15);
     const int32_t e = wrap_i32(x * (d >> 1));
@@ -185,29 +186,29 @@ static inline uint32_t shl_hi(uint64_t x, unsigned n) {
     return (hi_u64(x) << n) | (lo_u64(x) >> (32U - n));
 }
 
-/* The same of a signed x, saturated to 32 bits. */
+/* Upper word of a signed x times 2^n, 1 <= n <= 31, saturated to 32 bits. */
 static inline int32_t sat_shl_hi(int64_t x, unsigned n) {
     const int32_t limit = (int32_t)(0x80000000U >> n);
     const int32_t hi = clamp_i32(hi_i64(x), -limit, limit - 1);
     return wrap_i32(shl_hi(make_u64((uint32_t)hi, lo_u64((uint64_t)x)), n));
 }
 
-/* The nearest value that fits. */
+/* x saturated to 32 bits. */
 static inline int32_t sat_i32(int64_t x) {
     return x < INT32_MIN ? INT32_MIN : x > INT32_MAX ? INT32_MAX : (int32_t)x;
 }
 
-/* floor(a * b / 2^n), 0 < n <= 32, where that fits 64 bits. */
+/* floor(a * b / 2^n), 0 < n <= 32; the result must fit 64 bits. */
 KERNEL int64_t mul_shift(int64_t a, int32_t b, unsigned n) {
     const uint64_t high = (uint64_t)mul_i64(hi_i64(a), b) << (32U - n);
     return wrap_i64(high + (uint64_t)asr64((int64_t)lo_u64((uint64_t)a) * b, n));
 }
 
-/* The same where the sum does not fit 32 bits, or might not: not inlined. */
+/* Part of add_scaled() for sums that may not fit 32 bits; not inlined. product: rounding included. */
 int32_t add_scaled_far(int32_t x, int64_t product, unsigned n);
 
-/* x + a * b / 2^n to the nearest, halves up, within int32; 0 < n < 63, a constant. By words while the sum
- * fits, which it nearly always does. */
+/* x + a * b / 2^n, rounded to nearest (halves up) and saturated to int32; 0 < n < 63, a constant. Words of 32
+ * bits while the sum fits, which it nearly always does. */
 KERNEL int32_t add_scaled(int32_t x, int32_t a, int32_t b, unsigned n) {
     const int64_t product = mul_i64(a, b) + ((int64_t)1 << (n - 1U));
 #if defined(__GNUC__)
@@ -223,7 +224,7 @@ KERNEL int32_t add_scaled(int32_t x, int32_t a, int32_t b, unsigned n) {
     return add_scaled_far(x, product, n);
 }
 
-/* x within +-limit. */
+/* x clamped to +-limit. */
 KERNEL int64_t within_i64(int64_t x, int64_t limit) {
     return x < -limit ? -limit : x > limit ? limit : x;
 }

@@ -1,7 +1,7 @@
 #include "fusion.h"
 
-#define CELL_MAX  ((int64_t)1 << 58) /* of a variance: (45 deg/s)^2 */
-#define ANGLE_MAX ((int64_t)1 << 61) /* of a cell in the row of the angle */
+#define CELL_MAX  ((int64_t)1 << 58) /* largest variance: (45 deg/s)^2 */
+#define ANGLE_MAX ((int64_t)1 << 61) /* largest cell in the row of the angle */
 #define GAIN_MAX  (1 << 30)          /* 4 */
 
 static bool in_range(int32_t x, int32_t low, int32_t high) {
@@ -22,16 +22,15 @@ static int64_t *cell(int64_t p[FUSION_CELLS], unsigned i, unsigned j) {
     return &p[i >= j ? FUSION_CELL(i, j) : FUSION_CELL(j, i)];
 }
 
-/* State i of the matrix becomes independent of all others, with this variance. */
+/* Makes state i independent of all others and sets its variance. */
 static void isolate(int64_t p[FUSION_CELLS], unsigned i, int64_t variance) {
     for (unsigned j = 0; j < FUSION_ROWS; j++)
         *cell(p, i, j) = 0;
     *cell(p, i, i) = variance;
 }
 
-/* False if a cell may be outside its limit, by its upper word alone: of a variance 0 to 2^26, of others
- * within
- * +-2^26, in the row of the angle +-2^29. */
+/* False if a cell may be outside its limit, judged by its upper word: 0 to 2^26 for a variance, +-2^29 in the
+ * row of the angle, +-2^26 elsewhere. */
 static bool surely_bounded(const int64_t p[FUSION_CELLS]) {
 #define UPPER(i, j) hi_u64((uint64_t)p[FUSION_CELL(i, j)])
 #define MOVED(i, j) (UPPER(i, j) + (1UL << 26))
@@ -42,7 +41,7 @@ static bool surely_bounded(const int64_t p[FUSION_CELLS]) {
     return (variances >> 26 | others >> 27 | angles >> 30) == 0U;
 }
 
-/* No cell outside its limit: what the sums of the next step rely on, whatever the parameters. */
+/* Brings every cell within its limit, because the sums of the next step rely on it for all parameters. */
 static void bound(int64_t p[FUSION_CELLS]) {
     if (surely_bounded(p))
         return;
@@ -58,9 +57,10 @@ static void bound(int64_t p[FUSION_CELLS]) {
     }
 }
 
-/* Error i gains error k / 2^shift (negated: loses it): P = F P F^T for F = 1 + that one element. */
+/* Adds error k / 2^shift to error i (negate: subtracts it): P = F P F^T, where F is the identity plus that
+ * one element. */
 static void couple(int64_t p[FUSION_CELLS], unsigned i, unsigned k, unsigned shift, bool negate) {
-    for (unsigned twice = 0; twice < 2U; twice++) { /* the variance of i is met twice, as it should be */
+    for (unsigned twice = 0; twice < 2U; twice++) { /* from the left and from the right: both change (i, i) */
         const int64_t part = asr64(*cell(p, k, i), shift);
         *cell(p, i, i) += negate ? -part : part;
         if (twice == 0U) {
@@ -74,7 +74,7 @@ static void couple(int64_t p[FUSION_CELLS], unsigned i, unsigned k, unsigned shi
 }
 
 void fusion_predict(int64_t p[FUSION_CELLS], const fusion_predict_t *step, int32_t dt_s_q32) {
-    /* the angle first: every other row as it was */
+    /* The row of the angle first, while the other rows still have their old values. */
     const unsigned source = step->gyro_angle ? FUSION_GYRO_BIAS : FUSION_RATE;
     for (unsigned j = 0; j < FUSION_STATES; j++) {
         const int64_t part = mul_shift(*cell(p, source, j), dt_s_q32, 32);
@@ -112,7 +112,7 @@ fusion_inverse_t fusion_inverse(int64_t s_q64) {
     return (fusion_inverse_t){reciprocal_q61(hi_u64((uint64_t)s_q64 << n)), 32U - n};
 }
 
-/* u / s, with the shift that brings u to the gain's format. */
+/* u / s by the reciprocal y of s; shift brings u to the format of the gain. */
 static int32_t ratio(int64_t u, uint32_t y_q61, unsigned shift) {
     return wrap_i32((uint32_t)asr64(mul_i64(sat_i32(asr64(u, shift)), wrap_i32(y_q61)), 31));
 }

@@ -1,6 +1,6 @@
-/* The two-state filter: tilt and gyro bias, full covariance at every step, measurement variance given at
- * every step. The equations are numbered as the sources print them; P = [[p00, p01], [p01, p11]], K = [k0,
- * k1].
+/* Kalman filter of two states, tilt and gyro bias: the covariance is propagated and the measurement variance
+ * R is given at every step. The equations are numbered as the sources print them; P = [[p00, p01], [p01,
+ * p11]], K = [k0, k1].
  *
  *     phi' = phi + dt (omega - b),  b' = b,  z = phi + noise of variance R
  *     (1) X = A X + B U
@@ -9,10 +9,10 @@
  *     (4) K = P H^T / (p00 + R)
  *     (5) P = (I - K H) P
  *
- * Inside, the bias is counted per step (turn, not turn/s): A = [[1, -1], [0, 1]], and the covariance needs no
- * product with dt. Covariances are in lsb, a unit of the parameter set's own (about 2^-56 of the largest
- * variance in it): p00, p01, p11 as 64-bit integers, p11 and its process noise with 30 more bits of fraction;
- * r in 2^32 lsb. Why every sum fits: DESIGN.md, "Numbers".
+ * The state holds the bias per step (turn, not turn/s): then A = [[1, -1], [0, 1]], and the covariance needs
+ * no product with dt. Covariances are in lsb, a unit that each parameter set chooses (about 2^-56 of its
+ * largest variance): p00, p01, p11 are 64-bit integers, p11 and its process noise have 30 more bits of
+ * fraction, and r is in 2^32 lsb. DESIGN.md, "Numbers", shows that every sum fits.
  */
 #ifndef PLUMB_CORE_KALMAN_H
 #define PLUMB_CORE_KALMAN_H
@@ -27,7 +27,7 @@ typedef struct {
     uint32_t rate_now;         /* U(k): 0 the previous gyro sample, as the sources print; 1 the current one */
     uint32_t qa_hi, qa_lo;     /* Q of the tilt per step, lsb; 0..2^56 */
     uint32_t qb;               /* Q of the bias per step, whole lsb; 0..2^32-1 */
-    uint32_t qb_frac_q30;      /* and the rest of it; 0..2^30-1 */
+    uint32_t qb_frac_q30;      /* fraction of qb, lsb; 0..2^30-1 */
     int32_t bias_max_turn_q29; /* limit of the published bias, per step; at most 1 turn/s */
     int32_t rate_gain;         /* 2^(31 - rate_shift) / dt, at least 2^30: turn per step -> turn/s */
     uint32_t rate_shift;       /* 1..16 */
@@ -60,14 +60,15 @@ void kalman_init(kalman_t *k, const kalman_start_t *s);
  * variance r (1..KALMAN_R_MAX). Constant number of instructions, one UDIV, no branch. */
 KERNEL void kalman_step(kalman_t *restrict k, const kalman_params_t *restrict p, uint32_t r,
                         int32_t tilt_turn_q32, int32_t rate_turnps_q28) {
-    /* (2) P = A P A^T + Q, but p11, which waits for (5) */
+    /* (2) P = A P A^T + Q; the Q of p11 is added in (5) */
     const uint64_t p11 = (uint64_t)k->p11;
     const uint64_t p01_last = (uint64_t)k->p01;
     const uint64_t p01 = p01_last - p11;
     const uint64_t p00 = (uint64_t)k->p00 + make_u64(p->qa_hi, p->qa_lo) - (p01_last + p01);
 
-    /* (4) K = P H^T / S, S = p00 + R: 31 bits of each from the first bit of S. A last bit of 1 stands for
-     * what was cut off: it is right on average, where a floor would add up over the steps. */
+    /* (4) K = P H^T / S, S = p00 + R: the upper 31 bits of each, aligned to the leading bit of S. The last
+     * bit is set to 1 in place of the bits cut off: that is right on average, while the error of rounding
+     * down would add up over the steps. */
     const unsigned n = clz32(hi_u64(p00) + r);
     const uint32_t p00a = hi_u64(p00) << (n - 1U) | lo_u64(p00) >> (33U - n) | 1U;
     const int32_t p01a = wrap_i32(hi_u64(p01) << (n - 1U) | lo_u64(p01) >> (33U - n) | 1U);
@@ -78,7 +79,8 @@ KERNEL void kalman_step(kalman_t *restrict k, const kalman_params_t *restrict p,
     const uint64_t k1_q61 = (uint64_t)mul_i64(p01a, wrap_i32(y));
     const int32_t k1_q29 = wrap_i32(hi_u64(k1_q61) + (lo_u64(k1_q61) >> 31));
 
-    /* (5) p00 = R k0, good where k0 is near 1, too; p11 -= k1 p01, whose bits below 1 lsb go into p11_frac */
+    /* (5) p00 = R k0, which is exact enough for k0 near 1, too; p11 -= k1 p01, with the bits below 1 lsb in
+     * p11_frac */
     k->p00 = wrap_i64(mul_u64(r, k0_q32));
     const uint64_t d = (uint64_t)mul_i64(k1_q29, p01a);
     const int32_t frac = wrap_i32(k->p11_frac_q30 + p->qb_frac_q30 - (lo_u64(d) << (36U - n) >> 2));
@@ -112,8 +114,8 @@ KERNEL int32_t kalman_tilt(const kalman_t *k) {
     return wrap_i32(shl_hi((uint64_t)k->tilt_turn_q61, 3));
 }
 
-/* What the next step expects to be measured, turn Q32: (1) with that rate. Given back as the measurement, the
- * innovation is 0 and nothing is corrected. */
+/* Predicted tilt of the next step, turn Q32: equation (1) with this rate. As the measurement of that step it
+ * makes the innovation 0, so nothing is corrected. */
 KERNEL int32_t kalman_predicted(const kalman_t *k, const kalman_params_t *p, int32_t rate_turnps_q28) {
     const int64_t tilt =
         add64_wrap(sub64_wrap(k->tilt_turn_q61, k->bias_turn_q61), mul_i64(rate_turnps_q28, p->dt_s_q33));
@@ -130,7 +132,7 @@ KERNEL int32_t kalman_bias(const kalman_t *k, const kalman_params_t *p) {
     return mulhi_i32(wrap_i32(shl_hi(bias, shift)), gain);
 }
 
-/* The ranges above, and that the published bias stays below 1 turn/s. */
+/* False if a word is outside its range above, or if the published bias could reach 1 turn/s. */
 bool kalman_valid(const kalman_params_t *p, const kalman_start_t *s);
 
 #endif

@@ -11,14 +11,14 @@
 #define INNOVATION_MAX  178956971U /* 15 deg, turn Q32 */
 #define MISMATCH_MAX    178956971U /* 60 deg/s over the 0.25 s of the leak: 15 deg */
 #define CONVERGED_MAX   35791394U  /* 3 deg, turn Q32 */
-#define MISMATCH_LIMIT  (1L << 30) /* a quarter of a turn: more says nothing more */
-#define MEAN_OF_AT_MOST (1L << 29) /* a mean of anything within +-2^29 has room for its differences */
+#define MISMATCH_LIMIT  (1L << 30) /* a quarter of a turn; the sum is clamped here */
+#define MEAN_OF_AT_MOST (1L << 29) /* inputs of a mean are clamped to +-2^29: their difference fits int32 */
 
 void plausibility_init(plausibility_t *p) {
     *p = (plausibility_t){.accel_mean_g2_q20 = 1L << 20, .missing = PLAUSIBILITY_MISSING_ALL};
 }
 
-/* Longer while the condition is met, shorter while it is not; true from the limit on. */
+/* Counts the time up while the condition is met and down while it is not; true at or above the limit. */
 static bool lasts(uint32_t *for_s_q33, bool met, uint32_t dt_s_q33, uint32_t limit_s_q33) {
     if (!met) {
         *for_s_q33 -= min_u32(*for_s_q33, dt_s_q33);
@@ -28,13 +28,13 @@ static bool lasts(uint32_t *for_s_q33, bool met, uint32_t dt_s_q33, uint32_t lim
     return *for_s_q33 >= limit_s_q33;
 }
 
-/* True once the condition was met without a break for the limit. */
+/* True when the condition has been met without a break for limit_s_q33. */
 static bool holds(uint32_t *for_s_q33, bool met, uint32_t dt_s_q33, uint32_t limit_s_q33) {
     *for_s_q33 = met ? min_u32(*for_s_q33 + dt_s_q33, limit_s_q33) : 0U;
     return *for_s_q33 >= limit_s_q33;
 }
 
-/* One pole of 0.25 s: share_q32 is dt / 0.25 s. Values within +-2^29. */
+/* One-pole low-pass of 0.25 s: share_q32 is dt / 0.25 s. The value is clamped to +-2^29. */
 static void mean(int32_t *of, int32_t value, int32_t share_q32) {
     *of += mulhi_i32(clamp_i32(value, -MEAN_OF_AT_MOST, MEAN_OF_AT_MOST) - *of, share_q32);
 }
@@ -48,7 +48,8 @@ static bool above_six_sigma(uint32_t innovation_turn_q32, int32_t k0_q29, uint32
     return mul_u64(square_q34, rest_q29) >> 7 > mul_u64(36U * variance, unit_turn2_q56);
 }
 
-/* How far the accelerometer's tilt has turned beyond what the gyro says; leaks in 0.25 s. */
+/* Adds to the mismatch by how much the accelerometer's tilt has turned more than the gyro says. The mismatch
+ * leaks with 0.25 s. */
 static void compare_rates(plausibility_t *p, int32_t measured, int32_t rate, int32_t dt_s_q33,
                           int32_t share) {
     const int32_t between = asr32(p->rate_turnps_q28, 1) + asr32(rate, 1);

@@ -1,8 +1,8 @@
-/* Plausibility: do gyro and accelerometer tell the same story, and is the system ready to be armed?
+/* Plausibility: do gyro and accelerometer agree, and is the system ready to be armed?
  *
- * Runs behind control_step on the record of the step and changes nothing in it. Three checks hold on every
- * step; each fails when its condition was met for its time, and recovers as slowly as it failed, so that one
- * odd sample neither fails nor clears it:
+ * Runs after control_step() on the record of the step and changes nothing in it. Three checks run on every
+ * step. Each fails when its condition was met for the time given here, and recovers as slowly as it failed,
+ * so that one odd sample neither fails nor clears it:
  *
  *     ACCEL       the length of the acceleration is outside the system's bounds, 200 ms
  *     INNOVATION  the innovation is above 15 deg and above 6 of its standard deviations, 300 ms, once the
@@ -14,8 +14,8 @@
  * A system is ready when it is at rest, the filter has converged, the setpoint is 0 and the tilt is below the
  * system's limit, all of them for 300 ms.
  *
- * What they can not see: a sensor that reads what it would read at rest, while nothing moves; and an
- * accelerometer that is wrong by less than the limits from the first step on.
+ * Not detected: a sensor that reads its rest value while nothing moves; an accelerometer that is wrong by
+ * less than the limits from the first step on.
  */
 #ifndef PLUMB_CORE_PLAUSIBILITY_H
 #define PLUMB_CORE_PLAUSIBILITY_H
@@ -36,8 +36,8 @@
 #define PLAUSIBILITY_TILTED      0x0010U /* too far from level or upright */
 #define PLAUSIBILITY_MISSING_ALL 0x001FU
 
-/* Where a system's record has what is checked, in words of 32 bits from its start, and what is plausible for
- * it. */
+/* What is checked of a system: the places of the signals in its record, in words of 32 bits from its start,
+ * and their plausible ranges. */
 typedef struct {
     uint8_t setpoint;          /* 0 at rest */
     uint8_t rate;              /* turn/s Q28, calibrated, bias included */
@@ -48,37 +48,38 @@ typedef struct {
     uint8_t variance;          /* R of the step, 2^32 lsb */
     uint8_t innovation;        /* turn Q32 */
     uint8_t k0;                /* Q29 */
-    uint32_t accel_min_g2_q20; /* least and largest square of the length of the acceleration */
+    uint32_t accel_min_g2_q20; /* range of the squared length of the acceleration */
     uint32_t accel_max_g2_q20;
-    uint32_t rest_min_g2_q20; /* the same of its mean at rest */
+    uint32_t rest_min_g2_q20; /* range of its mean at rest */
     uint32_t rest_max_g2_q20;
-    uint32_t rest_turnps_q28; /* largest mean of the corrected rate's amount at rest */
+    uint32_t rest_turnps_q28; /* largest mean of |corrected rate| at rest */
     uint32_t ready_turn_q32;  /* largest tilt at which the system may be armed */
 } plausibility_bounds_t;
 
 typedef struct {
-    uint32_t accel_s_q33; /* how long each check's condition was met, less how long it was not since */
+    uint32_t accel_s_q33; /* of each check: counts up while its condition is met, down while it is not */
     uint32_t innovation_s_q33;
     uint32_t rate_s_q33;
-    uint32_t converged_s_q33; /* how long the filter's innovation has had no mean; stops at its limit */
-    uint32_t ready_s_q33;
-    int32_t mismatch_turn_q32;    /* turned by the accelerometer less turned by the gyro, leaks in 0.25 s */
-    int32_t measured_turn_q32;    /* of the step before */
-    int32_t rate_turnps_q28;      /* of the step before */
-    int32_t innovation_turn_q32;  /* means over 0.25 s: of the innovation, */
-    int32_t rate_mean_turnps_q28; /* of the amount of the corrected rate, */
-    int32_t accel_mean_g2_q20;    /* of the square of the acceleration */
+    uint32_t converged_s_q33;     /* how long the mean innovation has been near 0; stops at its limit */
+    uint32_t ready_s_q33;         /* how long all conditions for arming have been met; stops at its limit */
+    int32_t mismatch_turn_q32;    /* angle by the accelerometer minus angle by the gyro, leaks in 0.25 s */
+    int32_t measured_turn_q32;    /* measured tilt of the previous step */
+    int32_t rate_turnps_q28;      /* rate of the previous step */
+    int32_t innovation_turn_q32;  /* mean over 0.25 s of the innovation */
+    int32_t rate_mean_turnps_q28; /* mean over 0.25 s of |corrected rate| */
+    int32_t accel_mean_g2_q20;    /* mean over 0.25 s of the squared acceleration */
     bool begun;                   /* a step was seen */
-    bool converged;               /* once in this run */
-    uint16_t failed;              /* PLAUSIBILITY_ACCEL and so on, at this moment */
-    uint16_t missing;             /* PLAUSIBILITY_SETTLING and so on, at this moment */
+    bool converged;               /* the filter has converged in this run */
+    uint16_t failed;              /* PLAUSIBILITY_ACCEL and so on, now */
+    uint16_t missing;             /* PLAUSIBILITY_SETTLING and so on, now */
 } plausibility_t;
 
-/* At the start of a run: nothing fails, everything is missing. */
+/* Call at the start of a run: no check fails, all conditions for arming are missing. */
 void plausibility_init(plausibility_t *p);
 
-/* After a step. record: its words; dt_s_q33: the period, up to 0.1 s; variance_turn2_q56: 2^32 lsb of
- * variance in turn^2, 0 when that is not known (then 15 deg are the limit of the innovation). */
+/* Call after each step. record: its words; dt_s_q33: the period, up to 0.1 s; variance_turn2_q56: the value
+ * of 2^32 lsb of variance in turn^2, 0 when it is unknown (then only the limit of 15 deg holds for the
+ * innovation). */
 void plausibility_step(plausibility_t *p, const plausibility_bounds_t *bounds, const void *record,
                        int32_t dt_s_q33, uint32_t variance_turn2_q56);
 

@@ -9,7 +9,7 @@ void prefilter_init(prefilter_t *f) {
     *f = (prefilter_t){.gap_steps = PREFILTER_GAP_MAX};
 }
 
-/* PREFILTER_SATURATED, or 0 where there is nothing at all; PREFILTER_SAMPLE when it is one. */
+/* PREFILTER_SAMPLE; PREFILTER_SATURATED with a count outside the range; 0 when a count is missing. */
 static uint32_t presence(const calibration_params_t *calibration, const int32_t raw[3]) {
     uint32_t result = PREFILTER_SAMPLE;
     for (unsigned i = 0; i < 3U; i++) {

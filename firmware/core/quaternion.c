@@ -1,15 +1,15 @@
 #include "quaternion.h"
 
-#define PI_Q29          1686629713 /* half a rotation in radians, of one in turns */
+#define PI_Q29          1686629713 /* pi: half of a rotation in rad, from one in turns */
 #define INVERSE_PI_Q32  1367130551
 #define EIGHTH_TURN_Q60 ((int64_t)1 << 57)
 
-/* a * b of two Q30, to the nearest. */
+/* a * b of two Q30, rounded to nearest. */
 static int32_t mul_q30(int32_t a, int32_t b) {
     return wrap_i32((uint32_t)asr64(mul_i64(a, b) + (1 << 29), 30));
 }
 
-/* p * q, Q30, to the nearest. */
+/* p * q, Q30, rounded to nearest. */
 static quaternion_t product(const quaternion_t *p, const quaternion_t *q) {
     const int64_t half = 1 << 29;
     const int64_t w = mul_i64(p->w, q->w) - mul_i64(p->x, q->x) - mul_i64(p->y, q->y) - mul_i64(p->z, q->z);
@@ -26,7 +26,7 @@ static quaternion_t product(const quaternion_t *p, const quaternion_t *q) {
 
 void quaternion_rotate(quaternion_t *q, const int64_t rotation_turn_q60[3]) {
     int32_t half_q30[3]; /* half the rotation, rad */
-    int32_t square = 0;  /* of its length */
+    int32_t square = 0;  /* of the length of half_q30 */
     for (unsigned i = 0; i < 3U; i++) {
         const int64_t turn_q60 = within_i64(rotation_turn_q60[i], EIGHTH_TURN_Q60);
         const int32_t turn_q32 = wrap_i32((uint32_t)asr64(turn_q60 + (1 << 27), 28));
@@ -40,7 +40,7 @@ void quaternion_rotate(quaternion_t *q, const int64_t rotation_turn_q60[3]) {
     const quaternion_t turn = {cosine, mul_q30(half_q30[0], sinc), mul_q30(half_q30[1], sinc),
                                mul_q30(half_q30[2], sinc)};
     const quaternion_t r = product(q, &turn);
-    /* back to length 1: q (3 - |q|^2) / 2 */
+    /* normalise: q (3 - |q|^2) / 2 */
     const int64_t length = mul_i64(r.w, r.w) + mul_i64(r.x, r.x) + mul_i64(r.y, r.y) + mul_i64(r.z, r.z);
     const int32_t keep = wrap_i32((uint32_t)asr64(((int64_t)3 << 60) - length, 31));
     *q = (quaternion_t){mul_q30(r.w, keep), mul_q30(r.x, keep), mul_q30(r.y, keep), mul_q30(r.z, keep)};

@@ -1,4 +1,4 @@
-/* Acceleration -> measured tilt, and how far to trust it.
+/* Acceleration -> measured tilt and its variance R.
  *
  * Positive tilt is the rotation that turns gravity's reaction from the z axis towards the y axis: at rest
  * accel_y = sin(tilt) g, accel_z = cos(tilt) g.
@@ -16,7 +16,7 @@
 typedef struct {
     uint32_t mode;            /* TILT_ARCSINE or TILT_ATAN2 */
     uint32_t r_base;          /* measurement variance at |a| = 1 g, in 2^32 lsb of the filter; 1..2^24 */
-    uint32_t r_gain;          /* see tilt_variance; 0 keeps r_base */
+    uint32_t r_gain;          /* of tilt_variance(); 0: R is r_base */
     uint32_t r_max;           /* r_base..2^24 */
     uint32_t deviation_max;   /* | |a|^2 - 1 | is clamped here, g^2 Q20; shifted below 2^32 */
     uint32_t deviation_shift; /* 0..31 */
@@ -35,7 +35,7 @@ KERNEL int32_t tilt_angle(const tilt_params_t *p, int32_t accel_y_g_q26, int32_t
 /* r = min(r_base + r_gain * (|a|^2 - 1 g^2)^2, r_max), for accelerations within +-CALIBRATION_LIMIT:
  *     d = min(| ((ay^2 + az^2) >> 32) - 2^20 |, deviation_max) << deviation_shift
  *     r = min(r_base + ((((d^2) >> 32) * r_gain) >> 32), r_max)
- * No memory, no dead band. */
+ * R depends on this sample alone, and has no dead band. */
 KERNEL uint32_t tilt_variance(const tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
     const int64_t square =
         add64_wrap(mul_i64(accel_y_g_q26, accel_y_g_q26), mul_i64(accel_z_g_q26, accel_z_g_q26));
@@ -48,7 +48,8 @@ KERNEL uint32_t tilt_variance(const tilt_params_t *p, int32_t accel_y_g_q26, int
     return min_u32(base + mulhi_u32(mulhi_u32(d, d), gain), most);
 }
 
-/* Mode and ranges, and that r_base + r_gain * (largest deviation)^2 does not overflow. */
+/* False if the mode or a word is outside its range, or if r_base + r_gain * (largest deviation)^2 could
+ * overflow. */
 bool tilt_valid(const tilt_params_t *p);
 
 #endif

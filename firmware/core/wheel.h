@@ -1,11 +1,11 @@
 /* Hall edges -> speed of the wheels and acceleration of the axle.
  *
  *     speed    = edges of this step * length of one edge / dt
- *     velocity = speed behind a first-order filter
- *     accel    = the slope of velocity
+ *     velocity = speed after a first-order low-pass
+ *     accel    = slope of velocity
  *
- * An edge more or less in one step is a jump of the speed; the filter spreads it, and what it does to the
- * acceleration in one step it takes back in the next ones: over time it sums to nothing.
+ * One edge more or less in a step makes the speed jump. The low-pass spreads the jump, and its effect on the
+ * acceleration cancels over the next steps.
  */
 #ifndef PLUMB_CORE_WHEEL_H
 #define PLUMB_CORE_WHEEL_H
@@ -14,8 +14,8 @@
 #include <stdbool.h>
 
 typedef struct {
-    int32_t edges_max;      /* of one step, 1..32767; more are clamped */
-    int32_t edge_mps_q26;   /* m/s of one edge per step; the sign turns the direction */
+    int32_t edges_max;      /* per step, 1..32767; more are clamped */
+    int32_t edge_mps_q26;   /* speed at one edge per step; the sign sets the direction */
     int32_t alpha_q31;      /* 1 - exp(-dt / tau) of the filter; 0..2^31-1 */
     int32_t accel_gain_q30; /* alpha / (dt * 1 g): g per m/s; 0..2^31-1, 0 for no acceleration at all */
 } wheel_params_t;
@@ -29,7 +29,8 @@ typedef struct {
 #define WHEEL_SPEED_LIMIT (15L << 26) /* m/s */
 #define WHEEL_ACCEL_LIMIT (3L << 26)  /* g */
 
-/* edges: signed, of this step. True when anything had to be clamped. About 30 cycles. */
+/* One step. edges: signed count of this step. True when the edges or the acceleration were clamped. About 30
+ * cycles. */
 KERNEL bool wheel_step(wheel_t *restrict c, const wheel_params_t *restrict p, int32_t edges) {
     int32_t most = p->edges_max, edge = p->edge_mps_q26;
     LOADED2(most, edge);
@@ -46,7 +47,7 @@ KERNEL bool wheel_step(wheel_t *restrict c, const wheel_params_t *restrict p, in
     return used != edges || limited_q24 != accel_q24;
 }
 
-/* The ranges above, and that no speed can leave +-WHEEL_SPEED_LIMIT. */
+/* False if a word is outside its range above, or if a speed could leave +-WHEEL_SPEED_LIMIT. */
 bool wheel_valid(const wheel_params_t *p);
 
 #endif

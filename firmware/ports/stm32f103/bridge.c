@@ -1,14 +1,14 @@
-/* Three-phase bridge on TIM1, commutated by the rotor's Hall sensors on TIM2; pin set `bridge` alone
+/* Three-phase bridge on TIM1, commutated by the rotor's Hall sensors on TIM2; only with BOARD_PINS_BRIDGE
  * (RM0008 14.3.11 to 14.3.18, 15.3.5; DESIGN.md "Three phases").
  *
- * Every commutation is one interrupt: a Hall edge raises it, a new duty pends it. It writes preloaded
- * registers, and one COM event changes all six switches at once. A phase that floats keeps its high side
- * enabled but forced low, so that with OSSR and OSSI the timer drives every gate low whatever happens. All
- * three phases float so from bridge_init() on, before the pins are the timer's outputs; until then the gates'
- * pull-down resistors hold them low.
+ * Every commutation is one interrupt: a Hall edge raises it, and a new duty pends it. It writes preloaded
+ * registers, and one COM event changes all six switches at once. A floating phase keeps its high side enabled
+ * but forced low, so that with OSSR and OSSI the timer drives every gate low whatever happens. All three
+ * phases float like this from bridge_init() on, before the pins become outputs of the timer; until then the
+ * gates' pull-down resistors hold them low.
  *
- * The break input (PB12) and the clock security system clear MOE in hardware: no instruction takes part, none
- * can hold it back (LOCK), and nothing but arming sets MOE again (AOE stays off). */
+ * The break input (PB12) and the clock security system clear MOE in hardware: no instruction takes part, and
+ * none can prevent it (LOCK). Only arming sets MOE again (AOE stays off). */
 #include "bridge.h"
 #include "app/board.h"
 #include "app/board_actuators.h"
@@ -43,8 +43,9 @@ static uint32_t hall_now(void) {
     return (GPIOA_IDR >> 15 & 1u) | (GPIOB_IDR >> 3 & 1u) << 1 | (GPIOB_IDR >> 10 & 1u) << 2;
 }
 
-/* Between low side off and high side on, the timer keeps the dead time only while both outputs of a phase are
- * enabled. By way of floating it is on us: two COM events lie at least a dead time apart. */
+/* The timer inserts the dead time between low side off and high side on only while both outputs of a phase
+ * are enabled. A phase that floats in between is not covered, so two COM events are kept at least a dead time
+ * apart. */
 static void wait_dead_time(void) {
     const uint32_t reload = clock_mhz() * 1000u;
     for (uint32_t polls = dead_cycles; polls > 0u; polls--) {
@@ -55,7 +56,7 @@ static void wait_dead_time(void) {
     changed_at = SYST_CVR;
 }
 
-/* Output modes and enables of the three phases, a byte and four bits each; taken over by the COM event. */
+/* Preloads the output modes (8 bits a phase) and enables (4 bits a phase); the COM event activates them. */
 static void preload(uint32_t modes, uint32_t outputs) {
     TIM1_CCMR1 = modes & 0xffffu;
     TIM1_CCMR2 = modes >> 16;
@@ -108,7 +109,7 @@ void bridge_init(uint32_t dead_time_ns) {
     TIM1_ARR = period;
     const uint32_t coded =
         dead_cycles <= DTG_SINGLE_MAX ? dead_cycles : TIM1_BDTR_DTG_DOUBLE | ((dead_cycles + 1u) / 2u - 64u);
-    /* Break input active low and pulled down: a wire that is off breaks. */
+    /* Break input active low and pulled down: an open wire trips it. */
     TIM1_BDTR = coded | TIM1_BDTR_OSSI | TIM1_BDTR_OSSR | TIM1_BDTR_BKE | TIM1_BDTR_LOCK_LEVEL2;
     preload(MODE_LOW << 16 | MODE_LOW << 8 | MODE_LOW,
             OUTPUTS_FLOATING << 8 | OUTPUTS_FLOATING << 4 | OUTPUTS_FLOATING);
@@ -128,14 +129,16 @@ void bridge_start(void) {
     hall_last = hall_now();
     nvic_enable(IRQ_TIM2);
     wired = true;
-    bridge_clear_faults(); /* whatever the inputs seemed to say before they had their pulls */
+    bridge_clear_faults(); /* of inputs that floated before their pull resistors were on */
 }
 
 void bridge_arm(void) {
     if (wired) {
         wanted_q15 = 0;
         commutate();
-        __asm volatile("cpsid i" ::: "memory"); /* or SysTick could clear MOE between load and store */
+        /* Interrupts off: else SysTick could clear MOE between load and store, and the store would undo it.
+         */
+        __asm volatile("cpsid i" ::: "memory");
         if (!hall_failed && !stall_latched()) {
             TIM1_BDTR |= TIM1_BDTR_MOE;
         }
@@ -163,9 +166,9 @@ void bridge_off(void) {
 
 void bridge_clear_faults(void) {
     if (wired) {
-        TIM1_SR = ~TIM1_SR_BIF; /* stays while the input is active */
+        TIM1_SR = ~TIM1_SR_BIF; /* stays set while the input is active */
         hall_failed = false;
-        commutate(); /* sets it again when it is still so */
+        commutate(); /* sets hall_failed again when the Hall state is still invalid */
     }
 }
 

@@ -1,4 +1,4 @@
-/* Check words over the memory that decides a pulse (board.h: BOARD_GUARDED, BOARD_GUARDED_PARAMETERS).
+/* Check words over the memory that decides the outputs (BOARD_GUARDED, BOARD_GUARDED_PARAMETERS).
  *
  * A check word is the CRC unit's remainder. It detects every flipped bit, every burst of up to 32 bits, and
  * all but one in 2^32 of the other errors. Variables that interrupts write must not lie in this memory:
@@ -14,7 +14,7 @@
 
 static uint32_t state, state_word, parameters_word;
 static uint32_t found;   /* 0: no upset since the start */
-static bool clock_upset; /* the tick found the clock set back; the main loop has not looked yet */
+static bool clock_upset; /* SysTick found that the clock went backwards; not handled by the loop yet */
 
 void guard_clock_upset(void) {
     clock_upset = true;

@@ -1,4 +1,4 @@
-/* Check words over memory: board_memory_...() of app/board_guard.h. */
+/* Check words over memory: guard.c implements app/board_guard.h. */
 #ifndef PLUMB_STM32F103_GUARD_H
 #define PLUMB_STM32F103_GUARD_H
 
@@ -7,7 +7,7 @@
 /* BOARD_FAULT_UPSET, or 0. */
 uint32_t guard_faults(void);
 
-/* Time went backwards: the next turn finds memory damaged. */
+/* Report that the clock has gone backwards: the next board_memory_intact() returns false. */
 void guard_clock_upset(void);
 
 #endif

@@ -1,16 +1,16 @@
 /* I2C1 as master on PB8 (SCL) and PB9 (SDA), one register access of a slave at a time
  * (RM0008 26.3.3, 26.3.7).
  *
- * Interrupts do it all, and only on events that hold the clock line until they are answered (SB, ADDR, BTF),
- * so that no delay of an interrupt can lose or double a byte. Received bytes go by DMA, whose end-of-transfer
- * makes the hardware answer the last one with NACK (LAST); a single byte is refused in advance (ACK cleared
- * before ADDR). That leaves nothing of the erratum "some software events must be managed before the current
- * byte is being transferred", nor of "wrong data read into data register" (ES096, ES0340: I2C).
+ * Interrupts do all the work, and only on events that hold the clock line until they are answered (SB, ADDR,
+ * BTF), so that a late interrupt cannot lose or double a byte. DMA stores received bytes; at its end of
+ * transfer the hardware answers the last byte with NACK (LAST). A single byte gets its NACK because ACK is
+ * cleared before ADDR. This avoids the errata "some software events must be managed before the current byte
+ * is being transferred" and "wrong data read into data register" (ES096, ES0340: I2C).
  *
- * Whoever starts an access bounds it in time and calls i2c_abort(). After that the bus is recovered: nine
- * clocks at most free a slave that holds SDA in the middle of a byte, then a START, which every slave obeys
- * at any time, and a STOP, then the peripheral's reset. The same edges unlock the analog filters that may
- * hold BUSY after power-up, and the reset (SWRST) is the cure for "start cannot be generated after a
+ * The caller limits the time of an access and calls i2c_abort(). Then i2c_recover() clears the bus: at most
+ * nine clocks free a slave that holds SDA in the middle of a byte; a START, which every slave obeys at any
+ * time, and a STOP follow, then a reset of the peripheral. The same edges unlock the analog filters that may
+ * hold BUSY after power-up, and the reset (SWRST) is the workaround for "start cannot be generated after a
  * misplaced stop" (same errata). */
 #include "i2c.h"
 #include "clock.h"
@@ -31,7 +31,7 @@ typedef enum { IDLE, START, ADDRESS, REGISTER, VALUE, RESTART, READ_ADDRESS, DAT
 static volatile state_t state;
 static uint8_t address, reg;
 static uint8_t *bytes;
-static uint32_t count; /* of bytes to read, 0: one to write */
+static uint32_t count; /* bytes to read; 0: write one */
 static uint32_t pclk1_mhz;
 static uint32_t recover_step;
 
@@ -64,12 +64,12 @@ void i2c_access(uint8_t slave, uint8_t at, uint8_t *data, uint32_t to_read) {
     bytes = data;
     count = to_read;
     state = START;
-    memory_fence(); /* all of it, and the byte to write, before the interrupts use it */
+    memory_fence(); /* the variables and the byte to write are in memory before the interrupts use them */
     I2C1_CR2 = pclk1_mhz | I2C1_CR2_ITEVTEN | I2C1_CR2_ITERREN;
     I2C1_CR1 = I2C1_CR1_PE | I2C1_CR1_START;
 }
 
-/* STOP, and no register touched until it is out (RM0008 26.6.1). */
+/* Sends STOP; no register may be written until it is out (RM0008 26.6.1). */
 static transfer_t finish(transfer_t result) {
     I2C1_CR2 = pclk1_mhz;
     I2C1_CR1 = I2C1_CR1_PE | I2C1_CR1_STOP;
@@ -89,7 +89,7 @@ static void receive(void) {
     I2C1_CR1 = I2C1_CR1_PE | (count > 1u ? I2C1_CR1_ACK : 0u);
 }
 
-/* An event that belongs to another state is one that is still on its way out: the interrupt comes again. */
+/* An event of another state is a flag that is still being cleared: ignored, the interrupt comes again. */
 transfer_t i2c_on_event(void) {
     const uint32_t event = I2C1_SR1;
     switch (state) {

@@ -1,5 +1,5 @@
-/* I2C1 as master: one register access at a time, bounded in time by the caller. The interrupts' functions
- * return how the access ended. */
+/* I2C1 as master: one register access at a time; the caller limits its time. The functions of the interrupts
+ * (i2c_on_...) return how the access ended. */
 #ifndef PLUMB_STM32F103_I2C_H
 #define PLUMB_STM32F103_I2C_H
 
@@ -17,12 +17,14 @@ typedef enum {
 /* After clock_init(). */
 void i2c_init(void);
 
-/* Registers of a chip from `reg` on: reads so many bytes into data, or with 0 writes one byte from data. */
+/* Start an access to the registers of a chip from `reg` on: read to_read bytes into data, or with 0 write one
+ * byte from data. */
 void i2c_access(uint8_t address, uint8_t reg, uint8_t *data, uint32_t to_read);
 
+/* Reset the peripheral and drop the access; i2c_recover() then starts from its beginning. */
 void i2c_abort(void);
 
-/* Half a clock of clearing the bus; to be called every millisecond until true. */
+/* Clear the bus, half a clock pulse with each call. Call every millisecond until it returns true. */
 bool i2c_recover(void);
 
 transfer_t i2c_on_event(void);

@@ -1,10 +1,11 @@
-/* Gyro and accelerometer on I2C and SPI: found, set up, read once a period, missed, found again.
+/* Gyro and accelerometer on I2C and SPI: finds them, sets them up, reads both once a period, and finds a lost
+ * one again.
  *
- * Everything here runs in interrupts of one priority: the period's (imu_period), the millisecond's
- * (imu_poll_ms) and the end of an access (imu_transferred). One access is under way at a time, and the
- * millisecond ends one that takes longer than two. A failed access is tried three times; then the sensor is
- * lost, the bus is cleared and the sensor is started anew every 20 ms. Without both sensors no sample is made
- * up: there is no tick. */
+ * Everything here runs in interrupts of one priority: imu_period() once a period, imu_poll_ms() every
+ * millisecond, imu_transferred() at the end of an access. One access is under way at a time; imu_poll_ms()
+ * aborts one that takes longer than 2 ms. A failed access is tried three times; then the sensor is lost, the
+ * bus is cleared, and the sensor is set up anew every 20 ms. Without both sensors there is no sample, and so
+ * no tick. */
 #include "imu.h"
 #include "bridge.h"
 #include "samples.h"
@@ -15,8 +16,8 @@
 #define SENSORS    2u
 #define TRIES      3u
 #define ACCESS_MS  2u   /* reading six bytes takes 0.21 ms at 400 kHz */
-#define RETRY_MS   20u  /* from a loss to the next start */
-#define AWAIT_MS   200u /* its slowest rate is 6.25 Hz */
+#define RETRY_MS   20u  /* from the loss of a sensor to the next set-up */
+#define AWAIT_MS   200u /* for the first sample: the accelerometer's slowest rate is 6.25 Hz */
 #define DATA_BYTES 6u
 #define SPI_READ   0x80u
 #define SPI_MANY   0x40u
@@ -25,22 +26,22 @@
 typedef enum { OFF, RECOVER, REST, SET_UP, SAMPLE } phase_t;
 
 typedef struct {
-    uint8_t cause; /* BOARD_SENSOR_*: why it is not trusted */
-    bool up;
-    uint8_t step; /* of its chip's start */
-    uint8_t wait_ms;
-    uint8_t awaited_ms;
-    uint16_t same; /* samples in a row that equal the one before on all axes, stops at 65535 */
+    uint8_t cause;      /* BOARD_SENSOR_*: why it is not trusted */
+    bool up;            /* set up: it is read once a period */
+    uint8_t step;       /* of its chip's set-up */
+    uint8_t wait_ms;    /* until the next set-up */
+    uint8_t awaited_ms; /* how long CHIP_AWAIT has waited */
+    uint16_t same;      /* samples in a row that equal the one before on all axes, stops at 65535 */
 } sensor_t;
 
 static const chip_t *const chips[SENSORS] = {&itg3205, &adxl345};
 static board_sensors_t use;
 static volatile phase_t phase;
 static sensor_t sensors[SENSORS];
-static uint32_t active; /* whose access is under way */
-static uint32_t asked;  /* bytes that the access reads, 0: it writes */
-static uint32_t age_ms, tries;
-static uint16_t failures;
+static uint32_t active;                /* sensor whose access is under way */
+static uint32_t asked;                 /* bytes that the access reads; 0: it writes one */
+static uint32_t age_ms, tries;         /* of the access */
+static uint16_t failures;              /* accesses that failed, modulo 2^16 */
 static uint8_t bytes[1u + DATA_BYTES]; /* SPI: the command first */
 static int16_t axes[SENSORS][3];
 static uint32_t period_us; /* between two samples */
@@ -49,7 +50,7 @@ static bool on_spi(uint32_t sensor) {
     return sensor == ACCEL && use.accel_on_spi != 0u;
 }
 
-/* Of the active sensor: reads so many bytes, or with 0 writes bytes[1]. */
+/* Starts an access of the active sensor: reads to_read bytes, or with 0 writes bytes[1]. */
 static void transfer(uint8_t reg, uint32_t to_read) {
     asked = to_read;
     age_ms = 0u;
@@ -75,6 +76,7 @@ static void access(void) {
     }
 }
 
+/* Gives the active sensor up for this cause, until RETRY_MS have passed. */
 static void lose(uint8_t cause) {
     sensor_t *const s = &sensors[active];
     s->cause = cause;
@@ -86,7 +88,7 @@ static void lose(uint8_t cause) {
     phase = cause == BOARD_SENSOR_BUS && !on_spi(active) ? RECOVER : REST;
 }
 
-/* After an access of the start: the next one, or what is wrong. */
+/* After an access of the set-up: checks it, then starts the next one or loses the sensor. */
 static void next_step(void) {
     sensor_t *const s = &sensors[active];
     const chip_step_t *const step = &chips[active]->steps[s->step];
@@ -97,7 +99,7 @@ static void next_step(void) {
         } else if (++s->awaited_ms >= AWAIT_MS) {
             lose(BOARD_SENSOR_SILENT);
         } else {
-            phase = REST; /* looked at again in the next millisecond */
+            phase = REST; /* read again in the next millisecond */
         }
         return;
     }
@@ -108,12 +110,12 @@ static void next_step(void) {
     }
     s->up = true;
     phase = REST;
-    if (s->cause != BOARD_SENSOR_STUCK) { /* that one has to move first */
+    if (s->cause != BOARD_SENSOR_STUCK) { /* a stuck sensor has to deliver a changed sample first */
         s->cause = BOARD_SENSOR_GOOD;
     }
 }
 
-/* Samples in a row that a stuck chip gives and noise does not; 0: never. */
+/* Equal samples in a row that make a sensor stuck; 0: never. */
 static uint32_t stuck_limit(uint32_t sensor) {
     const chip_t *const chip = chips[sensor];
     const uint32_t option = sensor == ACCEL ? use.accel_rate : use.gyro_filter;
@@ -136,7 +138,7 @@ static void store_sample(void) {
     const uint32_t limit = stuck_limit(active);
     if (limit > 0u && s->same >= limit) {
         if (s->cause == BOARD_SENSOR_GOOD) {
-            lose(BOARD_SENSOR_STUCK); /* a chip that lost its supply for a moment starts anew, asleep */
+            lose(BOARD_SENSOR_STUCK); /* set up anew: after a dip of its supply a chip is asleep */
         }
     } else if (changed) {
         s->cause = BOARD_SENSOR_GOOD;
@@ -144,7 +146,7 @@ static void store_sample(void) {
 }
 
 static void publish(void) {
-    /* About the wheels' axis: x or z instead of y turns the pair of accelerations with it. */
+    /* The rate about the wheels' axis, and the accelerations along the other two axes. */
     const uint32_t axis = use.imu_axis;
     int16_t *const raw = samples_next();
     raw[0] = axes[GYRO][axis];
@@ -154,7 +156,7 @@ static void publish(void) {
     samples_publish();
 }
 
-/* SPI knows no acknowledge: a chip that is not there leaves the line to its pull-up. */
+/* SPI has no acknowledge: when the chip is absent, the pull-up makes all bits 1. */
 static bool line_was_idle(void) {
     uint8_t all = 0xffu;
     for (uint32_t i = 0u; i < asked; i++) {
@@ -187,7 +189,7 @@ void imu_transferred(transfer_t result) {
     }
     store_sample();
     if (phase != SAMPLE) {
-        return; /* lost just now */
+        return; /* store_sample() found the sensor stuck */
     }
     if (active == GYRO) {
         active = ACCEL;

@@ -1,4 +1,4 @@
-/* The two digital sensors on I2C and SPI: what their chips' files say about them, and what the port asks of
+/* Gyro and accelerometer on I2C and SPI: how a chip is described (adxl345.c, itg3205.c), and the functions of
  * imu.c. */
 #ifndef PLUMB_STM32F103_IMU_H
 #define PLUMB_STM32F103_IMU_H
@@ -13,7 +13,7 @@ typedef enum {
     CHIP_AWAIT   /* like CHECK, for up to 200 ms */
 } chip_action_t;
 
-/* One register access of a chip's start, of which the identity is the first. */
+/* One register access of a chip's set-up; the first one checks its identity. */
 typedef struct {
     uint8_t action; /* chip_action_t */
     uint8_t reg;
@@ -21,8 +21,8 @@ typedef struct {
     uint8_t value;
 } chip_step_t;
 
-/* Equal samples, all three axes, that noise at rest does not give: a chip that repeats itself `repeats` times
- * at intervals of at least interval_ms is stuck. */
+/* A chip is stuck when it repeats a sample on all three axes `repeats` times at intervals of at least
+ * interval_ms: with its noise at rest that does not happen. */
 typedef struct {
     uint8_t interval_ms;
     uint8_t repeats;
@@ -30,7 +30,7 @@ typedef struct {
 
 typedef struct {
     const chip_step_t *steps;
-    const chip_stuck_t *stuck; /* by the sensor's option, from option_first on */
+    const chip_stuck_t *stuck; /* one for each value of the sensor's option, from option_first on */
     uint8_t option_first;
     uint8_t step_count;
     uint8_t address; /* on I2C */
@@ -46,8 +46,8 @@ void imu_use(const board_sensors_t *wanted);
 /* Fills gyro, accel and bus_failures. */
 void imu_health(board_health_t *health);
 
-/* From interrupts of one priority: a period of this length begins; a millisecond has gone by; an access
- * ended. */
+/* Called by interrupts of one priority: when a period of length_us begins, every millisecond, and when an
+ * access has ended. */
 void imu_period(uint32_t length_us);
 void imu_poll_ms(void);
 void imu_transferred(transfer_t result);

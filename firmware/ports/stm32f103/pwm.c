@@ -1,10 +1,10 @@
 /* Pulses to two speed controllers: TIM4 channels 1 and 2 count half-microseconds (RM0008 15.3.9, 15.4).
  *
- * Every compare register and the frame length are preloaded, so that a change takes effect between two
- * pulses. Update disable (UDIS) is set around the writes of the two compare registers: both pulses change in
- * the same frame, and a frame that ends in between repeats the pulses before. No other file writes these
- * registers, and every value is bounded here to the range of core/esc.h, even when the caller's memory is
- * damaged. */
+ * The compare registers and the frame length are preloaded, so that a change takes effect between two pulses.
+ * Update disable (UDIS) is set while both compare registers are written: both pulses change in the same
+ * frame, and a frame that ends in between repeats the old pulses. No other file writes these registers, and
+ * every value is clamped here to the range of core/esc.h, so that damaged memory of the caller cannot exceed
+ * it. */
 #include "pwm.h"
 #include "app/board.h"
 #include "app/board_actuators.h"
@@ -39,14 +39,14 @@ void pwm_init(uint32_t pins) {
     TIM4_CCMR1 = TIM4_CCMR1_OC1M_PWM1 | TIM4_CCMR1_OC1PE | TIM4_CCMR1_OC2M_PWM1 | TIM4_CCMR1_OC2PE;
     board_configure_actuator(START_FRAME_HALFUS, CONSTANT_NEUTRAL_HALFUS);
     TIM4_EGR = TIM4_EGR_UG;
-    if (pins == BOARD_PINS_STANDARD) { /* else channel 1's pin is the UART's */
+    if (pins == BOARD_PINS_STANDARD) { /* else the pin of channel 1 belongs to the UART */
         TIM4_CCER = TIM4_CCER_CC1E | TIM4_CCER_CC2E;
     }
 }
 
 void board_configure_actuator(uint32_t frame_halfus, uint32_t wanted_neutral_halfus) {
     neutral_halfus = wanted_neutral_halfus;
-    board_actuator_neutral(); /* before the frame: a longer pulse might not fit into a shorter one */
+    board_actuator_neutral(); /* first, because the pulses in use might not fit into a shorter frame */
     TIM4_ARR = bounded(frame_halfus, ESC_FRAME_MIN_HALFUS, ESC_FRAME_MAX_HALFUS) - 1u;
 }
 
@@ -55,8 +55,8 @@ void board_set_actuator(const uint32_t pulse_halfus[BOARD_ACTUATORS]) {
     const uint32_t high = fits < ESC_PULSE_MAX_HALFUS ? fits : ESC_PULSE_MAX_HALFUS;
     const uint32_t first = bounded(pulse_halfus[0], ESC_PULSE_MIN_HALFUS, high);
     const uint32_t second = bounded(pulse_halfus[1], ESC_PULSE_MIN_HALFUS, high);
-    __asm volatile("cpsid i" ::
-                       : "memory"); /* or SysTick's neutral could come before the write, and be lost */
+    /* Interrupts off: else SysTick could write neutral after the check, and this write would undo it. */
+    __asm volatile("cpsid i" ::: "memory");
     if (!stall_latched()) {
         write_pair(first, second);
     }

@@ -1,13 +1,14 @@
-/* Speed controllers on TIM4: board_..._actuator...() of app/board_actuators.h, for both kinds of actuator. */
+/* Pulses to speed controllers on TIM4. pwm.c implements the board_..._actuator...() functions of
+ * app/board_actuators.h, which also switch the bridge. */
 #ifndef PLUMB_STM32F103_PWM_H
 #define PLUMB_STM32F103_PWM_H
 
 #include <stdint.h>
 
-/* Neutral pulses from here on; with pins other than BOARD_PINS_STANDARD none leave the chip. */
+/* Start neutral pulses; with pins other than BOARD_PINS_STANDARD the outputs stay disabled. */
 void pwm_init(uint32_t pins);
 
-/* Every output safe, by constants: for code that may not trust memory. */
+/* Set every output to its safe state from constants: for the fault handler, which must not trust memory. */
 void pwm_crash(void);
 
 #endif

@@ -4,16 +4,16 @@
 
 #include <stdbool.h>
 
-/* From the interrupt of the millisecond. True while the outputs must be neutral: the loop did not come round.
- */
+/* Call every millisecond from SysTick. True while the outputs must be neutral because the loop stalled. */
 bool stall_tick(void);
 
-/* driving: the actuators may move; else they are at neutral. */
+/* Begin or end the watch. driving: the actuators may move; false: they are at neutral. */
 void stall_watch(bool driving);
 
-/* True after the loop did not come round: nothing may move until the next run. */
+/* True after the loop stalled: nothing may move until stall_clear(). */
 bool stall_latched(void);
 
+/* Call at the start of a run. */
 void stall_clear(void);
 
 #endif
