@@ -3,7 +3,8 @@
 The order is that of the data: what is given, the kernels, the link, the chip, the systems, the boards, the proof, what
 feeds them, and what people call. An import inside a function counts like one at the top of the file; one for types
 alone counts too. Plots and figures of a system lie in its folder, so that a system is one folder, and stand on the
-floor of the proof, which loads them by name; so do what it has for single commands, on the floor of those.
+floor of the proof, which loads them by name. Where its samples come from stands on the floor of the inputs; its own
+commands, and what it has for single commands, on the floor of those.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ FLOORS = [
     "link", "flash", "f103", "systems", "boards", "proof", "inputs", "bench", "cli", "__main__",
 ]  # fmt: skip
 """From the ground up."""
-PARTS = {"plots": "proof", "figures": "proof", "replay": "cli", "demo": "cli"}
+PARTS = {"plots": "proof", "figures": "proof", "inputs": "inputs", "replay": "cli", "demo": "cli", "commands": "cli"}
 """Parts of a system that stand on another floor than its folder."""
 CHIP = {"plumb.errors", "plumb.extras", "plumb.process_signals", "plumb.flash.image", "plumb.flash.rom_model"}
 """What the simulated chip may import besides itself: image files, the ROM loader, errors."""

@@ -19,10 +19,11 @@ if TYPE_CHECKING:
 
 
 def top_level_help() -> str:
-    from plumb.cli.verbs import COMMANDS
+    from plumb.cli.verbs import commands
     from plumb.spec import declarations
 
-    width = max(map(len, COMMANDS))
+    known = commands()
+    width = max(map(len, known))
     lines = [
         "usage: plumb COMMAND [options]      plumb COMMAND --help tells the rest",
         "",
@@ -30,7 +31,7 @@ def top_level_help() -> str:
         "and the proof that board and model agree to the bit.",
         "",
         "commands:",
-        *(f"  {name:<{width}}  {text}" for name, text in COMMANDS.items()),
+        *(f"  {name:<{width}}  {text}" for name, text in known.items()),
         "",
         "systems:  " + " | ".join(declarations.names()),
         "boards:   native | qemu | virtual | serial:PORT[@BAUD] | can:INTERFACE:CHANNEL[@KBIT]",
@@ -74,18 +75,14 @@ def _run(arguments: list[str]) -> int:
 
         print(f"plumb {__version__}")
         return 0
-    from plumb.cli.verbs import COMMANDS, command_module, command_parser
-
-    if name not in COMMANDS:
-        from plumb.errors import UsageError
-
-        raise UsageError(f"there is no command '{name}'; `plumb --help` lists them.")
     from plumb.cli.command_line import check_arguments, check_numbers
+    from plumb.cli.verbs import command_module, command_parser
 
+    module = command_module(name)
     check_arguments(rest)
     parsed = command_parser(name).parse_args(rest)
     check_numbers(vars(parsed))
-    return int(command_module(name).main(parsed))
+    return int(module.main(parsed))
 
 
 def _say(text: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import subprocess
 import sys
 from pathlib import Path
@@ -9,14 +10,15 @@ from pathlib import Path
 import pytest
 
 from plumb import __main__ as front
-from plumb.cli import verbs
+from plumb import systems
+from plumb.cli import options, verbs
 from plumb.errors import LinkError, PlumbError, UsageError, VerdictError, exit_code_of
 
 HEAVY = {"numpy", "can", "cantools", "serial", "unicorn", "matplotlib"}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("arguments", [["--help"], *([name, "--help"] for name in verbs.COMMANDS)])
+@pytest.mark.parametrize("arguments", [["--help"], *([name, "--help"] for name in verbs.commands())])
 def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
     program = (
         "import sys\nfrom plumb.__main__ import main\n"
@@ -31,7 +33,7 @@ def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
 
 def test_top_level_help_names_every_verb() -> None:
     text = front.top_level_help()
-    assert all(f"  {name} " in text for name in verbs.COMMANDS)
+    assert all(f"  {name} " in text for name in verbs.commands())
 
 
 @pytest.mark.parametrize(
@@ -91,3 +93,16 @@ def test_an_interrupt_is_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     monkeypatch.setattr(verbs, "command_parser", interrupted)
     assert front.main(["ports"]) == 130
     assert capsys.readouterr().err == "plumb: interrupted.\n"
+
+
+def test_the_system_that_a_command_takes_by_default_is_declared_and_told(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = argparse.Namespace(system=None)
+    name = options.system_with(asked, "replay")
+    options.tell_default(asked, name, "replay")
+    assert capsys.readouterr().err == "system quad, the default of replay; --system takes phone, too\n"
+    assert options.system_with(argparse.Namespace(system="phone"), "replay") == "phone"
+    monkeypatch.setattr(systems, "with_part", lambda part: ("balancer", "phone"))
+    with pytest.raises(UsageError, match="say which system, with --system: balancer, phone"):
+        options.system_with(asked, "replay")

@@ -123,7 +123,7 @@ def options(parser: argparse.ArgumentParser, verb: tuple[str, ...] = ()) -> Iter
             yield verb, action.option_strings[-1]
 
 
-EVERY_OPTION = [(name, *found) for name in verbs.COMMANDS for found in options(verbs.command_parser(name))]
+EVERY_OPTION = [(name, *found) for name in verbs.commands() for found in options(verbs.command_parser(name))]
 
 
 @pytest.mark.parametrize("value", ["=", "=--"])

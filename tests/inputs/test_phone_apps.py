@@ -1,6 +1,6 @@
 """Datagrams of phone apps: the published formats are read, anything else is refused, and time is made steady.
 
-The examples are the ones the formats are published with; their sources are named in plumb/inputs/phone_apps.py.
+The examples are the ones the formats are published with; their sources are named in plumb/systems/phone/inputs/apps.py.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from plumb.errors import UsageError
-from plumb.inputs import phone_apps
-from plumb.inputs.phone_apps import MalformedError, Sample, Sensor, parse
-from plumb.inputs.resampler import BACKWARD, GAP_S, WAIT_S, Resampler, Step
+from plumb.systems.phone.inputs import apps
+from plumb.systems.phone.inputs.apps import MalformedError, Sample, Sensor, parse
+from plumb.systems.phone.inputs.resampler import BACKWARD, GAP_S, WAIT_S, Resampler, Step
 
 G = 9.80665
 PERIOD_US = 10_000
@@ -68,7 +68,7 @@ def test_sensorudp_line_with_point_or_comma_and_no_gyroscope() -> None:
         b"O, 1, 1384532190123, 1.0, 2.0, 3.0\n",
         b"G, 1, 2, 3, 4, 5\n",
     ):
-        assert parse(other) == phone_apps.Datagram("SensorUDP", [])
+        assert parse(other) == apps.Datagram("SensorUDP", [])
 
 
 MALFORMED = [
@@ -132,9 +132,9 @@ def refused(data: bytes) -> None:
 def test_a_file_gives_its_datagrams_whatever_stands_between_them(tmp_path: Path) -> None:
     path = tmp_path / "phone.txt"
     path.write_bytes(b'{"type":"a"}{"type":"b"}\n\n1.0, 3, 1,2,3\r\n')
-    assert list(phone_apps.read_file(path)) == [b'{"type":"a"}', b'{"type":"b"}', b"1.0, 3, 1,2,3"]
+    assert list(apps.read_file(path)) == [b'{"type":"a"}', b'{"type":"b"}', b"1.0, 3, 1,2,3"]
     with pytest.raises(UsageError, match="cannot read"):
-        phone_apps.read_file(tmp_path / "nothing.txt")
+        apps.read_file(tmp_path / "nothing.txt")
 
 
 def ramp(sensor: Sensor, time_s: float) -> Sample:

@@ -24,8 +24,8 @@ from plumb import __main__ as front
 from plumb import boards
 from plumb.boards import Board, RawCounts, StepOutput, Stepper, open_board, qemu
 from plumb.errors import LinkError, UsageError
-from plumb.inputs import phone_run, phone_udp
 from plumb.systems.phone import scenarios as phone
+from plumb.systems.phone.inputs import live_run, udp
 from plumb.tuning.quantise import ControlParams
 
 IMAGE = Path(__file__).parents[2] / "build/stm32f103/plumb_qemu.elf"
@@ -92,7 +92,7 @@ def sending(monkeypatch: pytest.MonkeyPatch) -> Iterator[Sending]:
     started: list[Sender] = []
 
     def prepare(datagrams: list[bytes], interrupt_after: int | None = None) -> None:
-        listen, receive = phone_udp.Listener.__init__, phone_udp.Listener.receive
+        listen, receive = udp.Listener.__init__, udp.Listener.receive
         taken = [0]
 
         def then_send(self: Any, *given: Any, **named: Any) -> None:
@@ -107,8 +107,8 @@ def sending(monkeypatch: pytest.MonkeyPatch) -> Iterator[Sending]:
                 signal.raise_signal(signal.SIGINT)
             return arrived
 
-        monkeypatch.setattr(phone_udp.Listener, "__init__", then_send)
-        monkeypatch.setattr(phone_udp.Listener, "receive", counting)
+        monkeypatch.setattr(udp.Listener, "__init__", then_send)
+        monkeypatch.setattr(udp.Listener, "receive", counting)
 
     yield prepare
     for sender in started:
@@ -124,14 +124,14 @@ def native() -> Iterator[Board]:
 
 def fed(
     board: Board, datagrams: list[bytes], seconds: float | None = SECONDS - 0.5
-) -> tuple[Any, phone_udp.Intake, list[Any]]:
+) -> tuple[Any, udp.Intake, list[Any]]:
     """The datagrams over a real socket to a board: outcome, counts, and what was seen of every step."""
-    intake, seen = phone_udp.Intake(phone.PERIOD_US), []
-    with phone_udp.Listener(0) as listener:
-        follower = phone_run.Follower(board, phone_run.params_of("euler", phone.PERIOD_US))
+    intake, seen = udp.Intake(phone.PERIOD_US), []
+    with udp.Listener(0) as listener:
+        follower = live_run.Follower(board, live_run.params_of("euler", phone.PERIOD_US))
         sender = Sender(listener.port, datagrams, lambda: intake.received.datagrams)
         sender.start()
-        phone_run.follow(
+        live_run.follow(
             listener, intake, follower, seconds=seconds, wait_s=20.0, stop=[], saw=lambda *now: seen.append(now)
         )
         sender.stopped.set()
@@ -195,8 +195,8 @@ def test_trouble_on_the_way_is_counted_and_changes_little(native: Board) -> None
 
 def test_a_second_host_is_left_out_of_the_run_and_of_the_file(tmp_path: Path) -> None:
     run, path = run_of(), tmp_path / "walk.txt"
-    with phone_udp.Saved(path) as saved:
-        intake = phone_udp.Intake(phone.PERIOD_US, saved)
+    with udp.Saved(path) as saved:
+        intake = udp.Intake(phone.PERIOD_US, saved)
         good = sensorstream(run)
         assert not list(intake.push(b"nonsense\nof\r\nanybody", "192.0.2.9"))
         steps = [step for data in good[:300] for step in intake.push(data, "192.0.2.1")]
@@ -205,12 +205,12 @@ def test_a_second_host_is_left_out_of_the_run_and_of_the_file(tmp_path: Path) ->
         assert path.read_bytes().count(b"\n") == 601, "written as they come"
     assert intake.received.strangers == 1 and len(steps) == 597
     assert intake.received.datagrams == 602
-    again, read, _ = phone_udp.steps_of_file(path, phone.PERIOD_US)
+    again, read, _ = udp.steps_of_file(path, phone.PERIOD_US)
     assert again[:597] == steps and (read.received.datagrams, read.received.malformed) == (601, 1)
 
 
 def test_a_disk_that_is_full_is_said() -> None:
-    with phone_udp.Saved(Path("/dev/full")) as saved, pytest.raises(UsageError, match="cannot write /dev/full"):
+    with udp.Saved(Path("/dev/full")) as saved, pytest.raises(UsageError, match="cannot write /dev/full"):
         saved.write(b"1.0, 3, 1,2,3")
 
 
@@ -263,7 +263,7 @@ def test_a_board_that_goes_wrong_is_found_with_the_word(native: Board) -> None:
     assert outcome.verdict == "fail" and outcome.mismatches >= 1
     assert outcome.divergence is not None
     assert (outcome.divergence.step, outcome.divergence.signal) == (199, "roll_p11")
-    whole = outcome.longest.trial(phone_run.params_of("euler", phone.PERIOD_US))
+    whole = outcome.longest.trial(live_run.params_of("euler", phone.PERIOD_US))
     assert (whole.verdict, whole.mismatches, whole.divergence) == ("fail", 1, outcome.divergence)
     assert len(whole.inputs.raw) == 200, "what is looked for ends the run on the board"
 
@@ -321,14 +321,14 @@ def test_ctrl_c_ends_with_a_report_of_what_was_done(
     ],
 )
 def test_without_a_step_the_reason_is_one_sentence(native: Board, datagrams: list[bytes], sentence: str) -> None:
-    intake = phone_udp.Intake(phone.PERIOD_US)
-    with phone_udp.Listener(0) as listener:
-        follower = phone_run.Follower(native, phone_run.params_of("euler", phone.PERIOD_US))
+    intake = udp.Intake(phone.PERIOD_US)
+    with udp.Listener(0) as listener:
+        follower = live_run.Follower(native, live_run.params_of("euler", phone.PERIOD_US))
         sender = Sender(listener.port, datagrams, lambda: 0)
         sender.start()
         sender.join()
         with pytest.raises(LinkError, match=sentence):
-            phone_run.follow(listener, intake, follower, seconds=None, wait_s=0.4, stop=[], saw=lambda *_: None)
+            live_run.follow(listener, intake, follower, seconds=None, wait_s=0.4, stop=[], saw=lambda *_: None)
 
 
 @pytest.mark.parametrize(
@@ -338,15 +338,15 @@ def test_without_a_step_the_reason_is_one_sentence(native: Board, datagrams: lis
 def test_a_phone_that_falls_silent_ends_the_run_and_is_named(
     native: Board, stops: Callable[[bytes], bool], sentence: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(phone_run, "SILENCE_S", 0.5)
+    monkeypatch.setattr(live_run, "SILENCE_S", 0.5)
     events = sensagram(run_of())
-    intake = phone_udp.Intake(phone.PERIOD_US)
-    with phone_udp.Listener(0) as listener:
-        follower = phone_run.Follower(native, phone_run.params_of("euler", phone.PERIOD_US))
+    intake = udp.Intake(phone.PERIOD_US)
+    with udp.Listener(0) as listener:
+        follower = live_run.Follower(native, live_run.params_of("euler", phone.PERIOD_US))
         sent = events[:600] + [data for data in events[600:800] if stops(data)]
         sender = Sender(listener.port, sent, lambda: intake.received.datagrams)
         sender.start()
-        said = phone_run.follow(listener, intake, follower, seconds=None, wait_s=20.0, stop=[], saw=lambda *_: None)
+        said = live_run.follow(listener, intake, follower, seconds=None, wait_s=20.0, stop=[], saw=lambda *_: None)
     assert sentence in said and follower.outcome.verdict == "pass"
     assert follower.outcome.steps == pytest.approx(298, abs=4)
 
@@ -369,13 +369,13 @@ def test_what_has_come_meanwhile_goes_to_the_board_together(native: Board) -> No
 
             return Stepping()
 
-    with phone_udp.Listener(0) as listener, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+    with udp.Listener(0) as listener, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
         for data in sensorstream(run_of())[:100]:
             out.sendto(data, ("127.0.0.1", listener.port))
-        follower = phone_run.Follower(Counting(native), phone_run.params_of("euler", phone.PERIOD_US))
-        intake = phone_udp.Intake(phone.PERIOD_US)
+        follower = live_run.Follower(Counting(native), live_run.params_of("euler", phone.PERIOD_US))
+        intake = udp.Intake(phone.PERIOD_US)
         seen: list[int] = []
-        phone_run.follow(
+        live_run.follow(
             listener,
             intake,
             follower,
@@ -396,7 +396,7 @@ class BusyListener:
         self.script, self.now_s = list(script), 0.0
 
     def receive_all(self, stop: list[int]) -> list[tuple[bytes, str]]:
-        took_s, data = self.script.pop(0) if self.script else (phone_udp.TURN_S, b"")
+        took_s, data = self.script.pop(0) if self.script else (udp.TURN_S, b"")
         self.now_s += took_s
         return [(data, "192.0.2.1")] if data else []
 
@@ -407,13 +407,13 @@ def test_a_host_that_was_busy_does_not_take_the_phone_for_silent(
     """Nine seconds before each of two datagrams, one of which completes no step: the host was away, not the phone."""
     events = sensagram(run_of())[:600]
     busy = [(9.0 if at % 100 > 97 else 0.0, data) for at, data in enumerate(events)]
-    for silent_s, steps in ((0.0, 298), (phone_run.SILENCE_S + 1.0, 148)):
-        pause = [(phone_udp.TURN_S, b"")] * round(silent_s / phone_udp.TURN_S)
+    for silent_s, steps in ((0.0, 298), (live_run.SILENCE_S + 1.0, 148)):
+        pause = [(udp.TURN_S, b"")] * round(silent_s / udp.TURN_S)
         listener = BusyListener([*busy[:300], *pause, *busy[300:]])
-        monkeypatch.setattr(phone_run, "time", SimpleNamespace(monotonic=lambda busy=listener: busy.now_s))
-        intake = phone_udp.Intake(phone.PERIOD_US)
-        follower = phone_run.Follower(native, phone_run.params_of("euler", phone.PERIOD_US))
-        said = phone_run.follow(
+        monkeypatch.setattr(live_run, "time", SimpleNamespace(monotonic=lambda busy=listener: busy.now_s))
+        intake = udp.Intake(phone.PERIOD_US)
+        follower = live_run.Follower(native, live_run.params_of("euler", phone.PERIOD_US))
+        said = live_run.follow(
             listener,  # type: ignore[arg-type]
             intake,
             follower,
@@ -446,7 +446,7 @@ def test_the_flash_image_follows_a_phone(link: str, sending: Sending, capsys: py
 def test_a_phone_that_stops_before_its_time_is_link_trouble(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], sending: Sending
 ) -> None:
-    monkeypatch.setattr(phone_run, "SILENCE_S", 0.5)
+    monkeypatch.setattr(live_run, "SILENCE_S", 0.5)
     sending(sensagram(run_of())[:400])
     assert front.main(["phone", "--board", "native", "--udp", "0", "--seconds", "60"]) == 3
     said = capsys.readouterr()
@@ -455,20 +455,20 @@ def test_a_phone_that_stops_before_its_time_is_link_trouble(
 
 def test_a_taken_port_and_a_wrong_address_are_link_trouble(tmp_path: Path) -> None:
     with (
-        phone_udp.Listener(0) as first,
+        udp.Listener(0) as first,
         pytest.raises(LinkError, match="Address already in use; choose another --udp"),
     ):
-        phone_udp.Listener(first.port)
+        udp.Listener(first.port)
     with pytest.raises(LinkError, match="--listen"):
-        phone_udp.Listener(0, "192.0.2.1")
+        udp.Listener(0, "192.0.2.1")
     with pytest.raises(UsageError, match="--save"):
-        phone_udp.Saved(tmp_path / "no" / "file")
+        udp.Saved(tmp_path / "no" / "file")
 
 
 def test_loopback_unless_asked() -> None:
-    with phone_udp.Listener(0) as listener:
+    with udp.Listener(0) as listener:
         assert listener.address == "127.0.0.1"
-    with phone_udp.Listener(0, phone_udp.EVERYWHERE) as listener:
+    with udp.Listener(0, udp.EVERYWHERE) as listener:
         assert listener.address == "0.0.0.0"
 
 

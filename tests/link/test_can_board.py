@@ -52,7 +52,7 @@ def parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser
                 yield from parsers(verb)
 
 
-@pytest.mark.parametrize("name", verbs.COMMANDS)
+@pytest.mark.parametrize("name", verbs.commands())
 def test_whatever_speaks_to_a_board_does_so_over_either_link(name: str) -> None:
     for parser in parsers(verbs.command_parser(name)):
         options = parser._option_string_actions

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ TOY = Path(__file__).resolve().parents[1] / "toy_systems" / "toy" / "system.toml
 
 
 def load(folder: Path, text: str) -> declarations.System:
-    (folder / "toy").mkdir()
+    shutil.copytree(TOY.parent / "commands", folder / "toy" / "commands")
     (folder / "toy" / "system.toml").write_text(text, encoding="utf-8")
     return declarations.load_system(folder / "toy")
 
@@ -61,6 +62,11 @@ def test_the_toy_is_accepted_as_it_is(tmp_path: Path) -> None:
         ('period = "toy.dt_s_q32"', 'period = "nix.dt"', "names a parameter of the groups"),
         ("groups = []", 'groups = []\noutput = { kind = "PULSES", word = "clamped_steps" }', "driven by 2 words"),
         ("groups = []", "groups = " + "[" * 5000, "nested too deep"),
+        ("groups = []", 'groups = []\ndefault_for = ["replay"]', "replay is replay.py, which is missing"),
+        ("groups = []", "groups = []\ndefault_for = [5]", "default_for is a line of text"),
+        ("toy-time =", "toy-space =", "toy-space is commands/toy_space.py, which is missing"),
+        ("toy-time =", '"../toy" =', "is no name"),
+        ('toy-time = "the time constant of a share"', "toy-time = 5", "command toy-time is a line of text"),
     ],
 )
 def test_a_wrong_entry_is_named(tmp_path: Path, old: str, new: str, said: str) -> None:

@@ -120,7 +120,16 @@ def test_parameters_of_a_toy_system_are_rows_of_the_table(toy: Plumb) -> None:
 
 def test_a_toy_system_is_listed_with_what_it_can_be_asked_for(toy: Plumb) -> None:
     assert "toy: a low-pass of one count, for tests" in toy("systems").stdout
-    assert "jumps" in toy("systems", "--system", "toy").stdout and "toy" in toy("--help").stdout
+    assert "toy" in toy("--help").stdout
+    presets = toy("systems", "--system", "toy").stdout
+    assert "jumps" in presets and "it has no figures" in presets and "noise and how" not in presets
+    assert toy("systems", "--table", "--system", "toy").stdout.startswith("toy has no figures: ")
+
+
+def test_a_command_of_a_toy_system_is_one_of_plumbs(toy: Plumb) -> None:
+    assert "  toy-time       the time constant of a share (toy)" in toy("--help").stdout
+    assert "usage: plumb toy-time" in toy("toy-time", "--help").stdout
+    assert toy("toy-time", "0.1").stdout == "0.095 s\n"
 
 
 def test_what_a_toy_system_sends_is_recorded_and_shown(toy: Plumb, tmp_path: Path) -> None:
@@ -151,3 +160,5 @@ def test_the_rest_builds_and_runs_without_a_shipped_system(without_quad: Plumb) 
         told = json.loads(without_quad("run", "balancer", "--board", board, "--seconds", "1", "--json").stdout)
         assert told["verdict"] == "pass"
     assert "there is no system 'quad'" in without_quad("run", "quad", "--board", "native", code=2).stderr
+    assert "there is no command 'bandwidth'" in without_quad("bandwidth", "2.5", code=2).stderr
+    assert "no system here has a demo" in without_quad("demo", code=2).stderr

@@ -16,9 +16,9 @@ from plumb.errors import UsageError
 from plumb.physics import disturbance
 from plumb.spec import declarations, parameters
 from plumb.spec.records import RECORDS
+from plumb.systems.quad import bandwidth
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.plant import QuadPlant
-from plumb.tuning import bandwidth
 from plumb.tuning.quantise import dequantise, quantise
 
 

@@ -16,11 +16,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     import shtab
 
-    from plumb.cli.verbs import COMMANDS, command_module
+    from plumb.cli.verbs import command_module, commands
 
     whole = argparse.ArgumentParser(prog="plumb")
     verbs = whole.add_subparsers()
-    for name, text in COMMANDS.items():
+    for name, text in commands().items():
         module = command_module(name)
         module.add_arguments(verbs.add_parser(name, help=text))
     print(shtab.complete(whole, shell=arguments.shell))

@@ -17,6 +17,7 @@ from plumb.cli import options
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    options.add_system_with(parser, "demo", "whose demo")
     options.add_out(parser, default=Path("out/demo"))
     options.add_image(parser)
     options.add_seed(parser)
@@ -27,15 +28,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     from plumb import systems
     from plumb.boards import open_board
-    from plumb.errors import UsageError, exit_code_of
+    from plumb.errors import exit_code_of
     from plumb.proof import golden, run_report
     from plumb.proof.report import Table
     from plumb.proof.scenario_run import RunRequest, perform
 
     folder = golden.vectors_folder(None)
-    name = next(iter(systems.with_part("demo")), None)
-    if name is None:
-        raise UsageError("no system here has a demo; plumb run SYSTEM runs one")
+    name = options.system_with(arguments, "demo")
     part = systems.load(name, "demo")
     request = RunRequest(
         name,
@@ -50,6 +49,7 @@ def main(arguments: argparse.Namespace) -> int:
     here = ["native", *(["qemu"] if shutil.which("qemu-system-arm") else [])]
     boards = [*((one, one, "serial") for one in here), ("virtual", "virtual", "serial")]
     boards.append(("virtual, CAN", "virtual", "can"))
+    options.tell_default(arguments, name, "demo")
     done = perform(request)
     checks = {}
     for label, spec, link in boards:

@@ -65,6 +65,33 @@ def add_system(parser: Options, about: str) -> None:
     parser.add_argument("--system", metavar="SYSTEM", help=about)
 
 
+def add_system_with(parser: Options, part: str, about: str) -> None:
+    """--system, of those whose folder has that module; `system_with` says which it is."""
+    from plumb import systems
+
+    parser.add_argument("--system", choices=systems.with_part(part), help=f"{about} (default: as the systems declare)")
+
+
+def system_with(arguments: argparse.Namespace, part: str) -> str:
+    """The system of --system, or the default of that part; raises UsageError where none is. Tell it with `tell_default`
+    once the run is under way."""
+    from plumb import systems
+
+    return systems.default_for(part) if arguments.system is None else str(arguments.system)
+
+
+def tell_default(arguments: argparse.Namespace, name: str, part: str) -> None:
+    """On stderr, which system was taken without --system, and which others there are."""
+    import sys
+
+    from plumb import systems
+
+    if arguments.system is None:
+        others = [other for other in systems.with_part(part) if other != name]
+        also = f"; --system takes {', '.join(others)}, too" if others else ""
+        print(f"system {name}, the default of {part}{also}", file=sys.stderr)
+
+
 def add_systems(parser: Options, about: str) -> None:
     """--system, as often as wanted."""
     parser.add_argument("--system", action="append", metavar="SYSTEM", help=f"{about}; repeatable")

@@ -1,11 +1,11 @@
-"""Run a recording of a real three-axis sensor through a board, one axis, and compare every step with the model.
+"""Run a recording of a real three-axis sensor through a board, and compare every step with the model.
 
 FILE is .npz or .csv; the columns are described at the top of plumb/inputs/recording.py. An ideal sensor is scaled to
 the recording, resampled to the period. Where the recording has an optical reference the tilt error is reported, over
 the samples marked as movement. Exit code 1 on a mismatch.
 
-With --system phone, pitch and roll of the whole sensor; FILE may then also hold the datagrams of a phone's app, one a
-line, as `plumb phone --save` writes them. Of several runs in a file the longest is taken.
+--system says what is made of it: one axis, as --axis chooses, or the attitude of the whole sensor. The page of a system
+says which further files it reads; of several runs in a file the longest is taken.
 """
 
 from __future__ import annotations
@@ -17,16 +17,8 @@ from plumb.cli import options
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from plumb import systems
-
     parser.add_argument("file", type=Path, help="the recording")
-    able = systems.with_part("replay")
-    parser.add_argument(
-        "--system",
-        choices=able,
-        default=able[0] if able else None,
-        help="whose inputs are made of it (default: the first of these)",
-    )
+    options.add_system_with(parser, "replay", "whose inputs are made of it")
     parser.add_argument("--axis", choices=("x", "y", "z"), default="x", help="where one axis is taken (default x)")
     options.add_board(parser)
     options.add_link_and_image(parser)
@@ -41,11 +33,13 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.cli.run_summary import report
     from plumb.proof import runs
 
-    inputs, params, heading = systems.load(arguments.system, "replay").inputs_of(arguments)
+    system = options.system_with(arguments, "replay")
+    inputs, params, heading = systems.load(system, "replay").inputs_of(arguments)
+    options.tell_default(arguments, system, "replay")
     with options.board_of(arguments) as board:
         result = runs.open_loop(board, inputs, params)
     summary = result.summary(
-        system=arguments.system,
+        system=system,
         **heading,
         loop="open",
         board=arguments.board,

@@ -48,7 +48,8 @@ def main(arguments: argparse.Namespace) -> int:
         from plumb.proof import figures
 
         files = [str(path) for name in names for path in figures.write_plots(name, arguments.plots)]
-        print(json.dumps({"written": files}) if arguments.json else "\n".join(files))
+        said = "\n".join(files) or f"{', '.join(names)}: no figures to draw"
+        print(json.dumps({"written": files}) if arguments.json else said)
         return 0
     if arguments.confirm:
         return confirm(arguments, names)
@@ -73,7 +74,10 @@ def main(arguments: argparse.Namespace) -> int:
         table = [{"system": name, **row.to_json()} for name, row in rows]
         print(json.dumps({"figures": table, "assumed": {name: figures.assumed(name) for name in names}}))
     else:
-        print(figures.render(rows, short=arguments.short, colour=sys.stdout.isatty()))
+        if rows:
+            print(figures.render(rows, short=arguments.short, colour=sys.stdout.isatty()))
+        for name in figures.without_figures(names):
+            print(f"{name} has no figures: nothing was asked of it (systems/{name}/figures.py)")
     return ExitCode.GOOD if all(row.met for _, row in rows) else ExitCode.BAD_VERDICT
 
 
@@ -130,5 +134,8 @@ def presets(name: str) -> Iterator[str]:
             yield f"  {key + ('*' if key == defaults.get(option) else ''):<18}{text}".rstrip()
         if option == "fault":
             yield f"  {'WHAT':<18}{', '.join(system.FAULT_CHANNELS)}"
+    if name in figures.without_figures([name]):
+        yield "it has no figures: nothing was asked of it"
+        return
     yield "noise and how figures are measured (seeds 0-19 to fit, 1000-1039 to report):"
     yield from (f"  {sentence}" for sentence in figures.assumed(name))

@@ -1,4 +1,8 @@
-"""The commands by name, one sentence each; a command is the module of its name in this package."""
+"""The commands by name, one sentence each.
+
+A command is the module of its name in this package. A system may have commands of its own: its system.toml declares
+them, and their modules are in its folder `commands`.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +15,7 @@ COMMANDS = {
     "demo": "closed loop on the virtual board, then the golden comparison; writes a report",
     "run": "run one system's scenario on a board and compare every step with the model",
     "golden": "make the golden vectors, or check boards against them",
-    "replay": "run a recording of real sensors through a board, one axis; or a phone's, both",
-    "phone": "take a phone's sensors over UDP, feed them to a board, show pitch and roll",
+    "replay": "run a recording of real sensors through a board, and compare every step with the model",
     "systems": "the systems' published figures, and what the integers reach",
     "virtual-board": "serve the simulated STM32F103: its UART on a pty or TCP port, its CAN on any bus",
     "monitor": "watch a running board: tilt, bias, pulses, mode, counters, losses",
@@ -21,7 +24,6 @@ COMMANDS = {
     "sensor-board": "the simulated sensor board: samples in real time as frames on a bus",
     "bridge": "carry frames between a sensor board and a board, with the model beside",
     "link-test": "try a link: losses, damage, rates and delays",
-    "bandwidth": "the low-pass of an accelerometer for a motion, and its noise",
     "flash": "write the flash image to a board over its ROM bootloader, and read it back",
     "faults": "the fault table: injections on the armed flash image, against limits",
     "bench": "instructions, cycles, bytes, stack and error of the kernels, against budget",
@@ -31,10 +33,34 @@ COMMANDS = {
 }
 
 
+def commands() -> dict[str, str]:
+    """Name -> sentence of every command: those above, then those that the systems declare; raises UsageError when a
+    system's has the name of another."""
+    from plumb.errors import UsageError
+    from plumb.spec import declarations
+
+    found = dict(COMMANDS)
+    for system in declarations.systems().values():
+        for name, text in system.commands.items():
+            if name in found:
+                raise UsageError(f"{system.folder / 'system.toml'}: there is a command '{name}' already: {found[name]}")
+            found[name] = f"{text} ({system.name})"
+    return found
+
+
 def command_module(name: str) -> ModuleType:
+    """The module of a command; raises UsageError when there is none of that name."""
     import importlib
 
-    return importlib.import_module(f"plumb.cli.{name.replace('-', '_')}")
+    if name in COMMANDS:
+        return importlib.import_module(f"plumb.cli.{name.replace('-', '_')}")
+    from plumb.errors import UsageError
+    from plumb.spec import declarations
+
+    for system in declarations.systems().values():
+        if name in system.commands:
+            return importlib.import_module(f"plumb.systems.{system.name}.commands.{name.replace('-', '_')}")
+    raise UsageError(f"there is no command '{name}'; `plumb --help` lists them.")
 
 
 def command_parser(name: str) -> argparse.ArgumentParser:

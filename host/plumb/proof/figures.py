@@ -74,6 +74,11 @@ def _part(name: str, what: str, nothing: Any) -> Any:
     return getattr(systems.load(name, "figures"), what) if name in systems.with_part("figures") else nothing
 
 
+def without_figures(names: Iterable[str]) -> list[str]:
+    """Those of which nothing was asked."""
+    return [name for name in names if not _part(name, "SECTIONS", {})]
+
+
 def compute(
     names: Iterable[str] = tuple(systems.SYSTEMS), seeds: Iterable[int] = SEEDS
 ) -> Iterator[tuple[str, Figure]]:

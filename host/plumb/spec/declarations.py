@@ -112,7 +112,8 @@ class System:
     `marked` (every count is -32768). output: "" where nothing moves, else a key of OUTPUTS; output_words drive it.
     period: the parameter that holds the period of a step in s. groups: shared groups of parameters that the step reads;
     parameters: rows of its own groups; structs: the C struct of a group that is one of a kernel, with the headers it
-    needs in includes.
+    needs in includes. commands: commands of its own, name -> one sentence; their modules are in its folder `commands`.
+    default_for: parts of its folder (`replay`, `demo`) that a command takes from this system unless told otherwise.
     """
 
     name: str
@@ -135,6 +136,8 @@ class System:
     parameters: tuple[Mapping[str, Any], ...]
     structs: Mapping[str, str]
     includes: tuple[str, ...]
+    commands: Mapping[str, str]
+    default_for: tuple[str, ...]
 
     @property
     def shipped(self) -> bool:
@@ -193,6 +196,9 @@ def _loaded(search_path: str) -> dict[str, System]:
         taken = [other.name for other in found.values() if other.number == system.number]
         if taken:
             raise UsageError(f"{system.folder / 'system.toml'}: number {system.number} is that of {taken[0]}")
+        for other in found.values():
+            for part in set(system.default_for) & set(other.default_for):
+                raise UsageError(f"{system.folder / 'system.toml'}: default_for: {other.name} is that of {part}")
         found[system.name] = system
     if not found:
         raise UsageError(f"there is no system in {SHIPPED} nor on {SEARCH_PATH}")
@@ -282,6 +288,8 @@ def _system(folder: Path, table: Mapping[str, Any]) -> System:
         parameters=tuple({"owner": "control", **row} for row in table.get("parameter", ())),
         includes=tuple(structs.pop("includes", ())),
         structs=structs,
+        commands=dict(table.get("commands", {})),
+        default_for=tuple(table.get("default_for", ())),
     )
     _check(declared)
     return declared
@@ -353,6 +361,7 @@ C_KEYWORDS = frozenset(
     )
 )
 _LOWER, _UPPER = re.compile(r"[a-z][a-z0-9_]*"), re.compile(r"[A-Z][A-Z0-9_]*")
+_COMMAND = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 _PARAMETER = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)+")
 _FORMAT = re.compile(r"Q\d\d?|Q\([^)]*\)|integer|bits|choice|see DESIGN\.md")
 _ROW: dict[str, type] = {
@@ -418,11 +427,27 @@ def _check_parameters(system: System) -> None:
         raise UsageError(f"period = {system.period!r:.40}: it names a parameter of the groups that the step reads")
 
 
+def _check_folder(system: System) -> None:
+    """What the declaration says of modules in its folder; raises UsageError."""
+    for name, text in system.commands.items():
+        _check_text(f"command {name}", text)
+        if not _COMMAND.fullmatch(name):
+            raise UsageError(f"commands: {name!r:.40} is no name: small letters, digits and -")
+        module = f"commands/{name.replace('-', '_')}.py"
+        if not (system.folder / module).is_file():
+            raise UsageError(f"commands: {name} is {module}, which is missing")
+    for part in system.default_for:
+        _check_text("default_for", part, _LOWER)
+        if not (system.folder / f"{part}.py").is_file():
+            raise UsageError(f"default_for: {part} is {part}.py, which is missing")
+
+
 def _check(system: System) -> None:
     if type(system.number) is not int or system.number not in NUMBERS:
         raise UsageError(f"number is an integer from 0 to {NUMBERS[-1]}, not {system.number!r:.40}")
     _check_names(system)
     _check_parameters(system)
+    _check_folder(system)
     if system.output and len(system.output_words) < OUTPUTS[system.output]:
         raise UsageError(f"output {system.output} is driven by {OUTPUTS[system.output]} words: the record ends before")
     if system.sensors not in SENSORS:

@@ -30,6 +30,8 @@ A system X is the folder systems/X, besides its step in C (firmware/systems/X.[c
                             plumb.boards.plant_on_pins); none where samples only ever come as frames
     systems/X/replay.py     optional: recordings of real sensors as inputs of a run (see plumb.cli.replay)
     systems/X/demo.py       optional: the run that `plumb demo` shows (see plumb.cli.demo)
+    systems/X/commands/     optional: commands of its own, as system.toml declares them; modules like those of plumb.cli
+    systems/X/inputs/       optional: where its samples come from besides boards and recordings
 
 Folders of systems on PLUMB_SYSTEM_PATH are modules of this package, too.
 """
@@ -63,6 +65,18 @@ def with_part(part: str) -> tuple[str, ...]:
     return tuple(
         name for name, declared in declarations.systems().items() if (declared.folder / f"{part}.py").is_file()
     )
+
+
+def default_for(part: str) -> str:
+    """The system whose module of that name a command takes unless told otherwise: the one that declares it, or the only
+    one that has it. Raises UsageError where that leaves a choice, or none."""
+    able = with_part(part)
+    declared = [name for name in able if part in declarations.system(name).default_for] or able
+    if not declared:
+        raise UsageError(f"no system here has a {part}")
+    if len(declared) > 1:
+        raise UsageError(f"say which system, with --system: {', '.join(able)}")
+    return declared[0]
 
 
 def fitted(scenario: Any, tuning: Any) -> Any:

@@ -16,8 +16,16 @@ from typing import Any
 from plumb.errors import LinkError, UsageError
 from plumb.files import input_files
 from plumb.inputs import recording
-from plumb.inputs.phone_apps import LARGEST_BYTES, MOST_FILE_BYTES, MalformedError, Sample, Sensor, parse, read_file
-from plumb.inputs.resampler import SENSORS, Resampler, Step
+from plumb.systems.phone.inputs.apps import (
+    LARGEST_BYTES,
+    MOST_FILE_BYTES,
+    MalformedError,
+    Sample,
+    Sensor,
+    parse,
+    read_file,
+)
+from plumb.systems.phone.inputs.resampler import SENSORS, Resampler, Step
 
 LOOPBACK, EVERYWHERE = "127.0.0.1", "0.0.0.0"
 PLACES = {"loopback": LOOPBACK, "all": EVERYWHERE}

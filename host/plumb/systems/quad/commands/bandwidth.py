@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     from plumb.errors import UsageError
-    from plumb.tuning import bandwidth
+    from plumb.systems.quad import bandwidth
 
     if arguments.motion_hz is None and not arguments.table:
         raise UsageError("say how fast the motion is, as plumb bandwidth HZ, or ask for the --table")
@@ -49,9 +49,9 @@ def main(arguments: argparse.Namespace) -> int:
 def table(count: int) -> list[dict[str, float]]:
     """`motion` behind each low-pass, the C integers: rms errors in deg, mean of the seeds and worst seed."""
     from plumb.errors import UsageError
+    from plumb.systems.quad import bandwidth
     from plumb.systems.quad import figures as quad_figures
     from plumb.systems.quad import scenarios as quad
-    from plumb.tuning import bandwidth
 
     if not 1 <= count <= 1000:
         raise UsageError("the table takes 1 to 1000 seeds")

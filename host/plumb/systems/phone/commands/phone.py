@@ -25,9 +25,9 @@ from plumb.cli import options
 
 if TYPE_CHECKING:
     from plumb.boards import Board
-    from plumb.inputs.phone_run import Outcome
-    from plumb.inputs.resampler import Step
     from plumb.proof.report import Table
+    from plumb.systems.phone.inputs.live_run import Outcome
+    from plumb.systems.phone.inputs.resampler import Step
     from plumb.tuning.quantise import ControlParams
 
 DEFAULT_PORT = 50_000
@@ -52,32 +52,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     from plumb.boards import open_board
     from plumb.errors import ExitCode, LinkError, UsageError
-    from plumb.inputs import phone_run, phone_udp
     from plumb.process_signals import endings, raise_ending
     from plumb.proof import report
+    from plumb.systems.phone.inputs import live_run, udp
 
     options.check_duration(arguments.seconds)
     if not arguments.wait > 0:
         raise UsageError(f"--wait {arguments.wait:g}: ask for more than nothing")
-    params = phone_run.params_of(arguments.tuning, arguments.period_us)
-    where = phone_udp.address_of(arguments.listen)
+    params = live_run.params_of(arguments.tuning, arguments.period_us)
+    where = udp.address_of(arguments.listen)
     if arguments.out:  # what a phone did once cannot be asked for again
         report.drawing()
         report.write_whole(arguments.out, {})
     screen = Screen(show=not arguments.json)
     with (
-        phone_udp.Listener(arguments.udp, where) as listener,
-        contextlib.nullcontext() if arguments.save is None else phone_udp.Saved(arguments.save) as saved,
+        udp.Listener(arguments.udp, where) as listener,
+        contextlib.nullcontext() if arguments.save is None else udp.Saved(arguments.save) as saved,
         options.board_of(arguments) as board,
         open_board("native") as native,
         endings() as stop,
     ):
         print(f"listening on {listener.address}:{listener.port}", file=sys.stderr, flush=True)
-        intake = phone_udp.Intake(arguments.period_us, saved)
-        follower = phone_run.Follower(native if arguments.board == "qemu" else board, params)
+        intake = udp.Intake(arguments.period_us, saved)
+        follower = live_run.Follower(native if arguments.board == "qemu" else board, params)
         outcome, lost = follower.outcome, False
         try:
-            cut_short = phone_run.follow(
+            cut_short = live_run.follow(
                 listener, intake, follower, seconds=arguments.seconds, wait_s=arguments.wait, stop=stop, saw=screen.saw
             )
         except LinkError as error:
@@ -118,8 +118,8 @@ def look_back(
     arguments: argparse.Namespace, board: Board, params: ControlParams, outcome: Outcome, summary: dict[str, Any]
 ) -> None:
     """Run the longest run on QEMU, which judges it, and write the report of --out."""
-    from plumb.inputs.phone_run import inputs_of
     from plumb.proof import run_report, runs
+    from plumb.systems.phone.inputs.live_run import inputs_of
 
     if arguments.board == "qemu":
         whole = runs.open_loop(board, inputs_of(outcome.longest.steps, params), params)

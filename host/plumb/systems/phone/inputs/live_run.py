@@ -15,12 +15,12 @@ import numpy as np
 from plumb.boards import Answer, Board, RawCounts, Stepper
 from plumb.errors import LinkError, UsageError
 from plumb.inputs import recording
-from plumb.inputs.phone_udp import TURN_S, Intake, Listener
-from plumb.inputs.resampler import Step
 from plumb.proof import runs
 from plumb.proof.compare import Divergence, first_divergence
 from plumb.systems import run_fixed, run_reference
 from plumb.systems.phone import scenarios as phone
+from plumb.systems.phone.inputs.resampler import Step
+from plumb.systems.phone.inputs.udp import TURN_S, Intake, Listener
 from plumb.tuning.quantise import ControlParams, quantise
 
 SILENCE_S = 5.0

@@ -15,7 +15,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from plumb.inputs.phone_apps import Sample, Sensor, Vector
+from plumb.systems.phone.inputs.apps import Sample, Sensor, Vector
 
 WAIT_S = 0.02
 GAP_S = 1.0
