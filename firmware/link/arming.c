@@ -82,7 +82,7 @@ bool arming_keepalive(arming_t *a, uint32_t value, uint32_t now_us) {
     if (!arming_armed(a) || a->by_switch || !keepalive_counts(&a->keepalive, value, now_us)) {
         return false;
     }
-    /* A keep-alive that comes too late must not revive: the poll may not have run yet. */
+    /* A late keep-alive must not keep the board armed, even when it comes before the poll that disarms. */
     arming_poll(a, 0, now_us);
     a->keepalive_us = now_us;
     return arming_armed(a);
@@ -111,7 +111,7 @@ void arming_poll(arming_t *a, uint16_t blocked, uint32_t now_us) {
     if (!a->by_switch && now_us - a->keepalive_us > a->silence_us) {
         arming_disarm(a, ARMING_BLOCK_SILENCE);
     }
-    /* Once over it stays over: the clock wraps. */
+    /* arming_driving() keeps the hold over when the clock wraps. */
     const bool held = arming_driving(a) || now_us - a->armed_us >= a->hold_us;
 
     a->driving.word = arming_armed(a) && held ? ARMING_DRIVING : 0U;

@@ -6,9 +6,10 @@
  * begins with the next frame of pulses, so the time-out is shorter by one frame and one turn of the loop.
  * Time is an argument, in us of the board's clock; differences are taken modulo 2^32.
  *
- * The arm switch needs no host. Closing it arms, once it was seen open. It is also the dead man's handle: no
- * keep-alive is needed, and the first look that finds it open disarms. After any arming the actuator stays at
- * neutral for hold_us, so that speed controllers see their arming pulse; after that it is driving. */
+ * The arm switch needs no host. Closing it arms the board, once it was seen open. It is also the dead man's
+ * switch: no keep-alive is needed, and the board disarms as soon as the switch reads open. After arming by
+ * either way the actuator stays at neutral for hold_us, so that speed controllers see their arming pulse;
+ * then it is driven. */
 #ifndef PLUMB_LINK_ARMING_H
 #define PLUMB_LINK_ARMING_H
 
@@ -17,38 +18,39 @@
 #include <stdint.h>
 
 #define ARMING_SAFE_US 50000U /* from the last keep-alive until the outputs are neutral, at most */
-#define ARMING_TURN_US 1000U  /* of it for the loop to come round */
+#define ARMING_TURN_US 1000U  /* part of ARMING_SAFE_US for one turn of the loop */
 
 #define ARMING_SWITCH_US     20000U  /* contacts bounce for some ms */
-#define ARMING_SWITCH_TRY_US 100000U /* how long after closing what is in the way may still go away */
-#define ARMING_SWITCH_READY_US                                                                               \
-    5000000U /* and how long when all that is missing is NOT_READY: a run that has just begun is not */
+#define ARMING_SWITCH_TRY_US 100000U /* how long after closing the switch a blocking reason may still clear  \
+                                      */
+/* The same while ARMING_BLOCK_NOT_READY is the only reason: a run that has just begun is not ready. */
+#define ARMING_SWITCH_READY_US 5000000U
 
 /* Why the board refuses to arm, or why it disarmed. Bits, as in STATUS. */
 #define ARMING_BLOCK_HELLO       0x0001U /* no host with the same protocol version and message definitions */
 #define ARMING_BLOCK_IDLE        0x0002U /* no run */
-#define ARMING_BLOCK_LOCKSTEP    0x0004U /* the host paces the steps: not in real time */
+#define ARMING_BLOCK_LOCKSTEP    0x0004U /* the run is in lockstep, not in real time */
 #define ARMING_BLOCK_FAULT       0x0008U /* a board fault that blocks */
 #define ARMING_BLOCK_CLOSED      0x0010U /* link closed or read-only */
 #define ARMING_BLOCK_SILENCE     0x0020U /* disarmed: the keep-alive timed out */
 #define ARMING_BLOCK_COMMAND     0x0040U /* disarmed: a host sent DISARM or ended the run */
-#define ARMING_BLOCK_SAMPLES     0x0080U /* injected in real time, and no sample came for a while */
+#define ARMING_BLOCK_SAMPLES     0x0080U /* the injected samples of a real-time run are too old */
 #define ARMING_BLOCK_SWITCH      0x0100U /* disarmed: the arm switch was opened */
-#define ARMING_BLOCK_PINS        0x0200U /* what the system moves is not on the pins the board started with */
+#define ARMING_BLOCK_PINS        0x0200U /* the board's pin set does not have the system's actuator */
 #define ARMING_BLOCK_SWITCH_OWNS 0x0400U /* the arm switch is closed and owns arming */
 #define ARMING_BLOCK_IMPLAUSIBLE                                                                             \
     0x0800U /* the sensors contradict each other or the system: PLAUSIBILITY says how */
 #define ARMING_BLOCK_NOT_READY                                                                               \
     0x1000U /* not at rest, converged, level and without a setpoint: PLAUSIBILITY says what is missing */
 #define ARMING_BLOCK_OWNER 0x2000U /* another link began the run, and alone may arm */
-/* What concerns a host alone; the switch arms and stays armed all the same. */
+/* Reasons that concern hosts only: they neither keep the switch from arming nor disarm it. */
 #define ARMING_BLOCKS_HOST                                                                                   \
     (ARMING_BLOCK_HELLO | ARMING_BLOCK_CLOSED | ARMING_BLOCK_SWITCH_OWNS | ARMING_BLOCK_OWNER)
 
-/* What the actuator needs to be safe, in us. */
+/* Timing of the actuator. */
 typedef struct {
-    uint32_t frame_us; /* how long it takes to follow, below ARMING_SAFE_US - ARMING_TURN_US */
-    uint32_t hold_us;  /* neutral after arming, for this long */
+    uint32_t frame_us; /* delay until a new pulse takes effect, below ARMING_SAFE_US - ARMING_TURN_US */
+    uint32_t hold_us;  /* the outputs stay at neutral for this long after arming */
 } arming_actuator_t;
 
 /* A flag of 32 bits. One value means yes and every other one no, so a flipped bit cannot turn a no into a
@@ -63,56 +65,56 @@ typedef struct {
 typedef struct {
     arming_word_t armed;   /* ARMING_ARMED */
     arming_word_t driving; /* ARMING_DRIVING: armed, and the hold is over */
-    bool by_switch;        /* who armed: the switch, else a host */
-    uint16_t cause;        /* ARMING_BLOCK_* that ended the last armed time; 0: none */
+    bool by_switch;        /* armed by the switch; false: by a host */
+    uint16_t cause;        /* ARMING_BLOCK_* of the last disarming; 0: none */
     keepalive_t keepalive;
     uint32_t keepalive_us; /* the last one that counted */
     uint32_t silence_us;   /* keep-alive time-out */
     uint32_t armed_us;
     uint32_t hold_us;
-    bool switch_closed;   /* at the last look */
-    bool switch_ready;    /* was open long enough: the next closing counts */
-    bool switch_trying;   /* closed, and waiting for what is in the way */
-    bool switch_settling; /* at the last look nothing but ARMING_BLOCK_NOT_READY was in the way */
-    uint32_t switch_us;   /* of its last change */
-    uint32_t switch_try_us;
+    bool switch_closed;     /* at the last reading */
+    bool switch_ready;      /* was open long enough: the next closing counts */
+    bool switch_trying;     /* closed, and waiting for the blocking reasons to clear */
+    bool switch_settling;   /* ARMING_BLOCK_NOT_READY was the only reason at the last try */
+    uint32_t switch_us;     /* when it last changed */
+    uint32_t switch_try_us; /* when switch_trying began */
 } arming_t;
 
 void arming_init(arming_t *a);
 
 bool arming_armed(const arming_t *a);
-bool arming_driving(const arming_t *a); /* and armed */
+bool arming_driving(const arming_t *a); /* armed, and the hold at neutral is over */
 
 /* Arm for a host; returns the first value for its keep-alive, or 0 when blocked (ARMING_BLOCK_*) is not 0. */
 uint32_t arming_arm(arming_t *a, uint16_t blocked, arming_actuator_t actuator, random_t *random,
                     uint32_t now_us);
 
-/* While a host has it armed: the next value for its keep-alive when one is due, else 0. */
+/* Next value for the keep-alive of the host that armed, when one is due; else 0. */
 uint32_t arming_issue(arming_t *a, random_t *random, uint32_t now_us);
 
-/* The switch as it is now, closed or open; to be called often. True once for each closing that counts: held
- * for ARMING_SWITCH_US after being open as long, so one that was closed at the start has to be opened first.
- */
+/* Feed the reading of the switch; call on every turn of the loop. True once for each closing that counts:
+ * closed for ARMING_SWITCH_US after being open for as long. A switch that is closed at the start has to be
+ * opened first. */
 bool arming_switch(arming_t *a, bool closed, uint32_t now_us);
 
 /* ARMING_BLOCK_SWITCH_OWNS while a closed switch keeps hosts from arming, else 0. */
 uint16_t arming_switch_owns(const arming_t *a);
 
-/* After a closing that counts: arms as soon as nothing but a host is missing, for ARMING_SWITCH_TRY_US, or
- * for ARMING_SWITCH_READY_US while nothing but ARMING_BLOCK_NOT_READY is in the way; then the switch has to
- * be opened first. */
+/* Call while switch_trying: arms as soon as no reason but ARMING_BLOCKS_HOST is left. Gives up after
+ * ARMING_SWITCH_TRY_US, or ARMING_SWITCH_READY_US while ARMING_BLOCK_NOT_READY is the only reason; then the
+ * switch has to be opened first. */
 void arming_try_switch(arming_t *a, uint16_t blocked, arming_actuator_t actuator, uint32_t now_us);
 
-/* A keep-alive; one that does not count, or comes while disarmed, does nothing and returns false. */
+/* Handle a keep-alive. False, with no effect, when the value does not count or the board is disarmed. */
 bool arming_keepalive(arming_t *a, uint32_t value, uint32_t now_us);
 
-/* Disarm, for this cause; the first cause stays. */
+/* Disarm for this cause; a board that is disarmed already keeps its first cause. */
 void arming_disarm(arming_t *a, uint16_t cause);
 
-/* As arming_disarm, but only when a host armed: a lost link does not disarm what the switch armed. */
+/* As arming_disarm(), but only when a host armed: a lost link does not disarm a board armed by the switch. */
 void arming_disarm_host(arming_t *a, uint16_t cause);
 
-/* To be called often: disarms when blocked is not 0 or the keep-alive is late; ends the hold. */
+/* Call on every turn of the loop: disarms when blocked is not 0 or the keep-alive is late; ends the hold. */
 void arming_poll(arming_t *a, uint16_t blocked, uint32_t now_us);
 
 #endif

@@ -3,9 +3,9 @@
 
 #define HARDWARE_VERSION "01"
 
-/* The most that received bytes may cause: two of them, "V\r", an entry of the outbox. And what may come on
- * top at once: the end of a line begun before, answered by CR and one frame; a CR behind that; and a
- * SETPOINT_USED that is still owed; and urgent frames. */
+/* Outbox entries that received bytes may need. The shortest line with an answer of its own, "V\r", takes two
+ * bytes an entry. On top come at once: CR and one frame for the end of a line that began earlier, a CR that
+ * follows it, a pending SETPOINT_USED, and the urgent frames. */
 #define BYTES_PER_ENTRY 2U
 #define ENTRIES_AT_ONCE (4U + OUTBOX_URGENT)
 
@@ -45,7 +45,7 @@ static commands_event_t on_command(const commands_t *c, routing_t *routing) {
         routing_open(routing, LINK_UART, first != 'C', first == 'L');
         put_char(routing, SLCAN_CR);
         return first == 'O' ? COMMANDS_NOTHING : COMMANDS_CLOSED;
-    case 'S': /* bit rates: there is no bus behind this link */
+    case 'S': /* bit rates: accepted without effect, as this link drives no CAN bus */
     case 's':
         put_char(routing, SLCAN_CR);
         break;

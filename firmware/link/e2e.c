@@ -1,6 +1,6 @@
 #include "e2e.h"
 
-/* Mirrored CRC-8 0x2F of each byte. Two tables of nibbles would save 224 bytes and take twice as long. */
+/* Bit-reversed CRC-8 0x2F of each byte. Two tables of nibbles would save 224 bytes and take twice as long. */
 /* clang-format off */
 static const uint8_t byte_crc8[256] = {
     0x00, 0xC7, 0x67, 0xA0, 0xCE, 0x09, 0xA9, 0x6E, 0x75, 0xB2, 0x12, 0xD5, 0xBB, 0x7C, 0xDC, 0x1B,

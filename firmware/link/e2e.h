@@ -1,10 +1,10 @@
-/* A frame, and what protects it from end to end: CRC-8 in byte 0, a 4-bit counter in byte 1.
+/* CAN frame with end-to-end protection: CRC-8 in byte 0, 4-bit counter in byte 1.
  *
  * CRC-8 polynomial 0x2F, initial value and final XOR 0xFF, over the identifier (2 bytes, big-endian), the
- * DLC, then bytes 7 to 1, each least significant bit first; the CRC stands mirrored in byte 0. CAN sends byte
- * 0 first and the most significant bit of each byte first, so payload and CRC are one code word read
- * backwards on the wire: every burst of up to 8 bits is detected, as is every error of 1 to 3 bits. With the
- * identifier and the length inside, a frame that arrives under another identifier is rejected, too. */
+ * DLC, then bytes 7 to 1, each least significant bit first; byte 0 holds the CRC bit-reversed. CAN sends byte
+ * 0 first and the most significant bit of each byte first, so that payload and CRC are one code word, read
+ * backwards on the wire: every burst of up to 8 bits and every error of 1 to 3 bits is detected. The CRC
+ * covers identifier and length, so a frame that arrives under another identifier is rejected, too. */
 #ifndef PLUMB_LINK_E2E_H
 #define PLUMB_LINK_E2E_H
 
@@ -21,7 +21,7 @@ typedef struct {
     uint8_t data[8]; /* dlc bytes count, the others are 0 */
 } can_frame_t;
 
-/* Byte 0 that the frame should have. data[0] does not enter; bytes 1 to 7 all do, whatever the DLC. */
+/* The right value of byte 0. Covers bytes 1 to 7, whatever the DLC, and ignores data[0]. */
 uint8_t e2e_crc8(const can_frame_t *frame);
 
 /* Put counter (0..15) and flags (0..15) into byte 1 and the CRC into byte 0; sets dlc to 8. */

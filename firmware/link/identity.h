@@ -1,4 +1,4 @@
-/* Identity: what a board says of itself when a host connects, the items of IDENTITY. */
+/* Identity: the items of IDENTITY, by which a board describes itself when a host connects. */
 #ifndef PLUMB_LINK_IDENTITY_H
 #define PLUMB_LINK_IDENTITY_H
 
@@ -8,7 +8,7 @@
 
 #define IDENTITY_ITEMS (MESSAGE_IDENTITY_ITEM_SYSTEMS + 1U)
 
-/* What the items are read from. */
+/* Sources of the items. */
 typedef struct {
     const board_identity_t *board;
     const params_t *params; /* in use */
@@ -17,7 +17,7 @@ typedef struct {
     uint32_t now_us;
 } identity_t;
 
-/* item: 0 to IDENTITY_ITEMS - 1. */
+/* Value of an item, 0 to IDENTITY_ITEMS - 1. */
 uint32_t identity_value(const identity_t *id, uint16_t item);
 
 #endif

@@ -1,8 +1,8 @@
 /* Keep-alive of the host that armed: the board issues values, the host sends each back once.
  *
- * A value counts once, and for KEEPALIVE_LIFE_US after it was issued. So a frame that was recorded or
- * repeated does not count, and a frame that was stuck in a buffer counts for no longer than that. Time is an
- * argument, in us of the board's clock; differences are taken modulo 2^32. */
+ * A value counts once, within KEEPALIVE_LIFE_US after it was issued. So a recorded or repeated frame does not
+ * count, nor does one that was stuck in a buffer for longer. Time is an argument, in us of the board's clock;
+ * differences are taken modulo 2^32. */
 #ifndef PLUMB_LINK_KEEPALIVE_H
 #define PLUMB_LINK_KEEPALIVE_H
 
@@ -26,7 +26,7 @@ uint32_t keepalive_begin(keepalive_t *k, random_t *random, uint32_t now_us);
 /* The next value, once every KEEPALIVE_PERIOD_US; 0 while it is not due. */
 uint32_t keepalive_issue(keepalive_t *k, random_t *random, uint32_t now_us);
 
-/* True when this value was issued, was not used and is young enough; it is used then. */
+/* True when this value was issued, is unused and not too old; marks it as used. */
 bool keepalive_counts(keepalive_t *k, uint32_t value, uint32_t now_us);
 
 #endif

@@ -1,6 +1,6 @@
-/* A nonce: one link's permission for one command that changes state. Good once, for the verb it was asked
- * for, for NONCE_LIFE_US. Time is an argument, in us of the board's clock; differences are taken modulo 2^32.
- */
+/* Nonce: permits one command that changes state, on one link. It is valid once, for the verb it was requested
+ * for, within NONCE_LIFE_US. Time is an argument, in us of the board's clock; differences are taken modulo
+ * 2^32. */
 #ifndef PLUMB_LINK_NONCE_H
 #define PLUMB_LINK_NONCE_H
 
@@ -16,11 +16,11 @@ typedef struct {
     bool valid;
 } nonce_t;
 
-/* A fresh value for this verb; replaces the one before. Never 0. */
+/* Issue a new nonce for this verb, never 0; it replaces the previous one. */
 uint32_t nonce_issue(nonce_t *n, random_t *random, uint16_t verb, uint32_t now_us);
 
-/* True when this answers the last nonce within NONCE_LIFE_US. Any answer, right or wrong, uses the nonce up.
- */
+/* True when verb and value match the last nonce within NONCE_LIFE_US. Any answer, right or wrong, uses the
+ * nonce up. */
 bool nonce_answer(nonce_t *n, uint16_t verb, uint32_t value, uint32_t now_us);
 
 #endif

@@ -22,7 +22,7 @@ bool outbox_long_fits(const outbox_t *box) {
     return outbox_telemetry_fits(box, 1U + OUTBOX_ROUND);
 }
 
-/* Place of entry n, counted from the oldest. */
+/* Entry n, counted from the oldest. */
 static outbox_entry_t *entry(outbox_t *box, unsigned n) {
     return &box->ring[(box->first + n) % OUTBOX_ENTRIES];
 }

@@ -1,9 +1,9 @@
 /* Permissions: which frames a link may send before a host has greeted there.
  *
- * Everything that can change what the board does needs a greeting with the same protocol version and DBC
- * hash: another version may mean something else by the same bytes. PARAM_GET, SELECT, DISARM, RUN_END, CLOSE
+ * Frames that can change the board's behaviour need a greeting with the same protocol version and DBC hash,
+ * because another version may give the same bytes another meaning. PARAM_GET, SELECT, DISARM, RUN_END, CLOSE
  * and KEEPALIVE need none. Neither do CHALLENGE and EXECUTE BOOTLOADER, whose frames are the same in every
- * version: so any host can bring any board into its ROM bootloader. */
+ * version, so that any host can start the ROM bootloader of any board. */
 #ifndef PLUMB_LINK_PERMISSIONS_H
 #define PLUMB_LINK_PERMISSIONS_H
 

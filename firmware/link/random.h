@@ -1,8 +1,8 @@
 /* Random words for nonces, keep-alive values and run tags: xorshift32, stirred by the arrival times of
  * frames.
  *
- * They make old and foreign frames invalid. They prevent accidents, not attackers: whoever hears one
- * can narrow down the next. */
+ * They make old and foreign frames invalid. They protect against accidents, not against attackers, who can
+ * predict the next word from the ones they receive. */
 #ifndef PLUMB_LINK_RANDOM_H
 #define PLUMB_LINK_RANDOM_H
 

@@ -1,7 +1,7 @@
-/* Readiness: what the plausibility of the sensors means for arming, and how a host hears of it.
+/* Readiness: turns the plausibility of the sensors into reasons against arming, and reports it to hosts.
  *
- * Checked are real-time runs of a system that has bounds (control_system()->plausibility); elsewhere bounds
- * is NULL and nothing blocks. In lockstep nothing is checked, because nothing can be armed. */
+ * Only real-time runs of a system with bounds (control_system()->plausibility) are checked; else `bounds` is
+ * NULL and nothing blocks. In lockstep nothing is checked, because nothing can be armed. */
 #ifndef PLUMB_LINK_READINESS_H
 #define PLUMB_LINK_READINESS_H
 
@@ -11,13 +11,13 @@
 
 typedef struct {
     plausibility_t plausibility;
-    uint16_t disarmed_by; /* PLAUSIBILITY_ACCEL and so on: what failed at the last step of an armed board */
+    uint16_t disarmed_by; /* PLAUSIBILITY_ACCEL and so on: the checks that failed last while armed */
 } readiness_t;
 
-/* At the start of a run. */
+/* Call at the start of a run. */
 void readiness_begin(readiness_t *r);
 
-/* After a step. words: its record. */
+/* Call after each step. words: its record. */
 void readiness_step(readiness_t *r, const plausibility_bounds_t *bounds, const params_t *params,
                     const void *words, bool armed);
 
@@ -25,7 +25,7 @@ void readiness_step(readiness_t *r, const plausibility_bounds_t *bounds, const p
  * missing and the board is not armed. */
 uint16_t readiness_blocked(const readiness_t *r, const plausibility_bounds_t *bounds, bool armed);
 
-/* PLAUSIBILITY over one link. */
+/* Send PLAUSIBILITY to one link. */
 void readiness_send(const readiness_t *r, const plausibility_bounds_t *bounds, outbox_t *outbox);
 
 #endif

@@ -3,7 +3,8 @@
 
 #define ALL_PARAMETERS 0xFFFFU
 #define RUN_TAG_SHIFT  16U /* in the ACK of RUN_BEGIN, above its run */
-/* A frame's replies, a SETPOINT_USED that is still owed, and urgent frames. */
+/* Outbox entries that one CAN frame may need: two replies (one may be a pending SETPOINT_USED), and the
+ * urgent frames. */
 #define FRAME_REPLIES (2U + OUTBOX_URGENT)
 
 /* ---- link ---- */
@@ -14,8 +15,8 @@ static void on_hello(session_t *s, const request_t *q) {
 
     routing_greet(&s->routing, q->link, good);
     if (!good) {
-        session_link_lost(s, q->link,
-                          ARMING_BLOCK_HELLO); /* at once: a right one may follow by the next poll */
+        /* At once: a valid HELLO may follow before the next poll, and hide this one. */
+        session_link_lost(s, q->link, ARMING_BLOCK_HELLO);
     }
     staging_discard(&s->staging, q->link, s->params);
     long_replies_ask_identity(&s->long_replies[q->link]);
@@ -72,7 +73,7 @@ static void on_challenge(session_t *s, const request_t *q) {
     routing_reply(&s->routing, q, message_nonce_pack(&nonce), 0);
 }
 
-/* Carry out a verb other than ARM: 0, or the reason of the NACK. */
+/* Executes a verb other than ARM; returns 0 or the reason of the NACK. */
 static uint16_t execute(session_t *s, const request_t *q, uint16_t verb) {
     uint16_t reason = 0;
 
@@ -89,7 +90,7 @@ static uint16_t execute(session_t *s, const request_t *q, uint16_t verb) {
         staging_defaults(&s->staging);
         break;
     case MESSAGE_EXECUTE_VERB_BOOTLOADER:
-        /* The ROM of this part listens on PA9 and PA10, and nowhere else. */
+        /* The ROM bootloader of this part listens on PA9 and PA10 only. */
         if (q->link != LINK_UART || s->board->pins != BOARD_PINS_STANDARD) {
             return MESSAGE_NACK_REASON_UNSUPPORTED;
         }
@@ -107,7 +108,7 @@ static void arm(session_t *s, const request_t *q) {
     const uint32_t first = session_arm(s, q, &blocked);
 
     if (first == 0U) {
-        session_send_readiness(s, q->link); /* first, so that the host can say what is missing */
+        session_send_readiness(s, q->link); /* before the NACK, so that the host knows what is missing */
         routing_nack(&s->routing, q, MESSAGE_NACK_REASON_BLOCKED, blocked);
     } else {
         routing_ack(&s->routing, q, first);
@@ -132,7 +133,7 @@ static void on_execute(session_t *s, const request_t *q) {
     }
 }
 
-/* The owner's link is the source of all that its flags do not leave to the other one. */
+/* Samples and setpoints come from the owner's link unless its flags name the other link. */
 static run_links_t links_of_run(link_t owner, unsigned flags) {
     const link_t other = owner == LINK_UART ? LINK_CAN : LINK_UART;
 
@@ -173,7 +174,7 @@ static void on_disarm(session_t *s, const request_t *q) {
 }
 
 static void on_keepalive(session_t *s, const request_t *q) {
-    if (s->run.links.owner == q->link) { /* the link that armed is the one that must live */
+    if (s->run.links.owner == q->link) { /* only the link that armed keeps the board armed */
         (void)arming_keepalive(&s->arming, message_keepalive_unpack(q->frame).value, q->now_us);
     }
 }
@@ -188,11 +189,11 @@ static void on_sample_a(session_t *s, const request_t *q) {
 
 /* ---- receive ---- */
 
-/* SAMPLE and SETPOINT are numbered by their step, which run.c looks at; the other frames count. */
+/* SAMPLE and SETPOINT carry their step number, which run.c checks; all other frames carry a counter. */
 void requests_handle(session_t *s, const request_t *q) {
     random_stir(&s->random, q->now_us);
     if (!s->routing.link[q->link].greeted && permissions_need_greeting(q->frame)) {
-        if (q->frame->id != MESSAGE_SAMPLE_B_ID) { /* its SAMPLE_A is answered */
+        if (q->frame->id != MESSAGE_SAMPLE_B_ID) { /* the SAMPLE_A that follows gets the NACK */
             routing_nack(&s->routing, q, MESSAGE_NACK_REASON_GREETING, 0);
         }
         return;

@@ -1,8 +1,8 @@
 /* Routing: replies go to the requesting link, telemetry to all open links.
  *
- * Owns what is known of each link: whether it is open, who greeted there, what was received and lost. The
- * UART is opened and closed by SLCAN commands, CAN by HELLO, CLOSE and silence. A link that asks is always an
- * argument. Times are in us of the board's clock; differences are taken modulo 2^32. */
+ * Owns the state of each link: open or closed, greeted or not, received and lost frames. SLCAN commands open
+ * and close the UART; HELLO opens CAN, CLOSE and silence close it. The requesting link is always an argument.
+ * Times are in us of the board's clock; differences are taken modulo 2^32. */
 #ifndef PLUMB_LINK_ROUTING_H
 #define PLUMB_LINK_ROUTING_H
 
@@ -31,10 +31,10 @@ typedef struct {
 
 typedef struct {
     routing_link_t link[LINKS];
-    uint32_t can_kbit; /* bit rate for CAN: never another one while a host is there */
+    uint32_t can_kbit; /* bit rate for CAN: changes only while no host is connected over CAN */
 } routing_t;
 
-/* Frames that wait and the last counters: they decide no pulse. */
+/* Frames that wait, and the last counters. */
 typedef struct {
     outbox_t outbox[LINKS];
     uint8_t counter[LINKS][OUTBOX_COUNTERS];
@@ -43,25 +43,26 @@ typedef struct {
 /* Empty outboxes, counters of sent frames at 0. */
 void routing_buffers_init(routing_buffers_t *buffers);
 
-/* Both links closed. What waits in the outboxes is still sent. */
+/* Close both links. Frames that wait in the outboxes are still sent. */
 void routing_init(routing_t *r, routing_buffers_t *buffers, uint32_t can_kbit);
 
 /* Open or close a link. A link that is closed, or goes from writable to read-only, forgets its greeting. */
 void routing_open(routing_t *r, link_t link, bool open, bool read_only);
 
-/* HELLO: received counters start anew. good: the host has the same version and definitions. */
+/* Handle HELLO: the counters of received frames start anew. good: the host has the same protocol version and
+ * message definitions. */
 void routing_greet(routing_t *r, link_t link, bool good);
 
-/* True when a received frame is whole and allowed on its link; otherwise it counts as rejected. DISARM is
- * allowed on a closed link, and HELLO opens CAN. */
+/* True when the CRC of a received frame is right and the frame is allowed on its link; otherwise it is
+ * counted as rejected. DISARM is allowed on a closed link, and HELLO opens CAN. */
 bool routing_accept(routing_t *r, const request_t *request);
 
 /* Count the frames missing between the last frame of this identifier and this one. */
 void routing_note_counter(routing_t *r, const request_t *request);
 
-/* Call on every turn of the loop. Nothing tells CAN that a host went away: after ROUTING_SILENCE_US without a
- * frame CAN is closed and its outbox emptied, so the next host does not get it. True when that happened now.
- * can_kbit: the parameter in use. */
+/* Call on every turn of the loop. On CAN nothing shows that a host has gone: after ROUTING_SILENCE_US without
+ * a frame CAN is closed and its outbox emptied, so that the next host does not get old frames. Returns true
+ * when that happened in this call. can_kbit: the parameter in use. */
 #define ROUTING_SILENCE_US 2000000U
 bool routing_poll(routing_t *r, uint32_t can_kbit, uint32_t now_us);
 
@@ -72,10 +73,11 @@ void routing_reply(routing_t *r, const request_t *request, can_frame_t frame, ui
 void routing_ack(routing_t *r, const request_t *request, uint32_t detail);
 void routing_nack(routing_t *r, const request_t *request, uint16_t reason, uint16_t detail);
 
-/* A late reply to a link that asked, and telemetry for the other one. */
+/* Reply to `link`, and telemetry to the other link if it is open: for a reply that comes later than its
+ * request. */
 void routing_answer(routing_t *r, link_t link, can_frame_t frame, uint8_t flags);
 
-/* Telemetry to every open link; numbered: with a counter (0..15) that the caller gives. A frame without room
+/* Telemetry to every open link; routing_numbered(): with the caller's counter (0..15). A frame without room
  * is dropped and counted in that link's outbox. */
 void routing_telemetry(routing_t *r, can_frame_t frame, uint8_t flags);
 void routing_numbered(routing_t *r, can_frame_t frame, uint8_t counter, uint8_t flags);

@@ -12,8 +12,8 @@
 #define SAMPLE_ANY       0xFFU
 #define RAW_B_NONE       0xFFU
 #define TAG_MAX          15U    /* four flags; 0: no run */
-#define STEPS_MISSING    3U     /* armed, a step is overdue after so many periods, */
-#define STEPS_MISSING_US 20000U /* and so much */
+#define STEPS_MISSING    3U     /* a step is overdue after so many periods, */
+#define STEPS_MISSING_US 20000U /* but not before this time */
 
 void run_init(run_t *r, run_sample_t *queue, uint32_t random) {
     *r = (run_t){.queue = queue, .links = {LINK_NONE, LINK_UART, LINK_UART}, .tag = (uint8_t)(random >> 28)};
@@ -50,14 +50,15 @@ bool run_pop_begin(run_t *r) {
     return begun;
 }
 
-/* Samples that wait outlive their source: 16 of them are 1.6 s at the longest period. */
+/* Queued samples outlive their source by up to 1.6 s (16 at the longest period), so its silence is measured
+ * by time. */
 void run_poll(run_t *r, uint32_t period_us, uint32_t now_us) {
     if (now_us - r->sample_us > ARMING_SAFE_US + period_us) {
         r->stale = UINT16_MAX;
     }
 }
 
-/* Without a step the last pulses would stay, whatever the sensors say. */
+/* Without steps the outputs would keep their last pulses, whatever the sensors say. */
 bool run_step_overdue(run_t *r, bool armed, uint32_t period_us, uint32_t now_us) {
     const uint32_t limit_us = STEPS_MISSING * period_us;
 
@@ -68,7 +69,7 @@ bool run_step_overdue(run_t *r, bool armed, uint32_t period_us, uint32_t now_us)
     return now_us - r->step_seen_us > (limit_us > STEPS_MISSING_US ? limit_us : STEPS_MISSING_US);
 }
 
-/* A held sample controls nothing: a few steps may be bridged, not more than ARMING_SAFE_US. */
+/* Steps with a held sample may bridge ARMING_SAFE_US, no longer. */
 bool run_samples_stale(const run_t *r, uint32_t period_us) {
     return r->mode == RUN_REALTIME && !r->live &&
            (r->stale == UINT16_MAX || r->stale > ARMING_SAFE_US / period_us);
@@ -84,8 +85,8 @@ static unsigned step6_of(const can_frame_t *f) {
     return e2e_counter(f) | ((e2e_flags(f) & FLAG_STEP_HIGH) << STEP6_SHIFT);
 }
 
-/* One report for one gap: the samples behind it are ever further ahead. Nearer again means that the host went
- * back to the step that was asked for, and that it is missing once more. */
+/* Reports each gap once: the samples that follow a gap are further and further ahead. One that is no further
+ * ahead than the last shows that the host has gone back to the missing step, and that it got lost again. */
 static void report_gap(run_t *r, routing_t *routing, const request_t *q, unsigned ahead) {
     if (ahead <= r->gap_ahead) {
         routing->link[q->link].lost++;
@@ -112,7 +113,8 @@ static void enqueue(run_t *r, routing_t *routing, const request_t *q) {
     r->queue_in++;
 }
 
-/* True when *step was run before. One that still waits in the queue will be answered anyway. */
+/* True when the sample repeats *step, which was run already. A repeated sample that is still queued needs no
+ * answer: its step will give one. */
 static bool sample_in_lockstep(run_t *r, routing_t *routing, const request_t *q, bool incomplete,
                                uint16_t *step) {
     const unsigned ahead = (step6_of(q->frame) - r->queue_in) & STEP6_MASK;
@@ -132,7 +134,7 @@ static bool sample_in_lockstep(run_t *r, routing_t *routing, const request_t *q,
     return false;
 }
 
-/* A sensor board numbers its samples without knowing of the run: the first says where they are. */
+/* A sensor board numbers its samples independently of the run: the first one sets the expected number. */
 static void sample_in_real_time(run_t *r, routing_t *routing, const request_t *q, bool incomplete) {
     routing_link_t *const l = &routing->link[q->link];
     const bool first = r->sample_expected > STEP6_MASK;
@@ -165,7 +167,7 @@ bool run_on_sample_a(run_t *r, routing_t *routing, const request_t *q, uint16_t 
 void run_on_sample_b(run_t *r, const request_t *q) {
     const message_sample_b_t m = message_sample_b_unpack(q->frame);
 
-    if (r->links.samples != q->link) { /* its SAMPLE_A is answered */
+    if (r->links.samples != q->link) { /* no NACK: the SAMPLE_A that follows gets it */
         return;
     }
     r->raw_b_step6 = (uint8_t)step6_of(q->frame);
@@ -174,7 +176,8 @@ void run_on_sample_b(run_t *r, const request_t *q) {
     r->raw_b[2] = m.raw_5;
 }
 
-/* Lockstep: a setpoint for a step whose sample is queued already is a repetition and must change nothing. */
+/* In lockstep a setpoint for a step whose sample is queued already is a repetition, and must change nothing.
+ */
 void run_on_setpoint(run_t *r, routing_t *routing, const request_t *q) {
     const message_setpoint_t m = message_setpoint_unpack(q->frame);
 

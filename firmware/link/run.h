@@ -1,9 +1,10 @@
-/* Run: the samples and setpoints that come in, in order, and the number of the step they are for.
+/* Run: queue of injected samples, setpoint, and step counter.
  *
- * Lockstep: each sample of the host makes one step; a sample out of order is refused, one that was run before
- * is answered again. Real time: the board's timer makes the steps; a step without a new sample holds the last
- * one and counts it. A run belongs to the link that began it; samples and setpoints may come from the other
- * link. Times are in us of the board's clock; differences are taken modulo 2^32. */
+ * Lockstep: each sample of the host makes one step. A sample out of order is refused; a repeated sample whose
+ * step was run already gets its STEP again. Real time: the board's timer makes the steps; a step without a
+ * new sample uses the last one again and is counted as starved. A run belongs to the link that began it;
+ * samples and setpoints may come from the other link. Times are in us of the board's clock; differences are
+ * taken modulo 2^32. */
 #ifndef PLUMB_LINK_RUN_H
 #define PLUMB_LINK_RUN_H
 
@@ -15,7 +16,7 @@
 
 typedef enum { RUN_IDLE = 0, RUN_LOCKSTEP = 1, RUN_REALTIME = 2 } run_mode_t;
 
-/* Which links a run belongs to. */
+/* Links of a run. */
 typedef struct {
     link_t owner;     /* began the run: it alone may arm, its keep-alive holds the board armed, and it paces
                          lockstep. LINK_NONE: the arm switch began it */
@@ -23,31 +24,31 @@ typedef struct {
     link_t setpoints; /* it alone may send this run's setpoints */
 } run_links_t;
 
-/* One sample as injected, with its setpoint. */
+/* One injected sample with its setpoint. */
 typedef struct {
     int16_t raw[CONTROL_RAW_MAX];
     int32_t setpoint_turn_q32;
 } run_sample_t;
 
 typedef struct {
-    run_sample_t *queue; /* RUN_QUEUE_LENGTH of them; they decide no pulse before they are a step's */
+    run_sample_t *queue; /* RUN_QUEUE_LENGTH samples */
     run_mode_t mode;
     bool live;        /* real time on the board's own sensors */
-    bool begun;       /* until run_pop_begin() */
+    bool begun;       /* set by run_begin(), cleared by run_pop_begin() */
     bool stand_alone; /* the arm switch began this run */
-    uint8_t tag;      /* 1 to 15, of this run or the last: its setpoints carry it */
+    uint8_t tag;      /* 1 to 15, of this run or the last one; setpoints must carry it */
     run_links_t links;
     setpoint_t setpoint;
     run_sample_t held;     /* the sample of the last step */
     uint16_t step;         /* number of the next step */
-    uint16_t step_seen;    /* at the last poll of an armed board, */
-    uint32_t step_seen_us; /* and when it was new */
+    uint16_t step_seen;    /* number of the next step when it last changed on an armed board */
+    uint32_t step_seen_us; /* when that was */
     uint16_t queue_in;     /* samples queued so far; in lockstep the number of the next one */
     uint16_t queue_out;    /* samples used so far */
-    uint16_t saturated;    /* steps with a clamped value, modulo 2^16 */
+    uint16_t saturated;    /* steps with a raw count outside its range, modulo 2^16 */
     uint16_t starved;      /* real-time steps without a new sample, modulo 2^16 */
     uint16_t stale;        /* real-time steps since the last injected sample; all ones: none came in this run,
-                              or its source has ceased */
+                              or its source has gone silent */
     uint32_t sample_us;    /* arrival of the last injected sample */
     uint8_t gap_ahead;     /* how far the last sample was ahead of the missing one; 0xFF: none is missing */
     uint8_t sample_expected; /* real time: low six bits of the next sample's number; above 63: any */
@@ -55,8 +56,8 @@ typedef struct {
     int16_t raw_b[3];
 } run_t;
 
-/* Idle. queue: RUN_QUEUE_LENGTH samples, kept by the caller. random: any word; tags begin there, so that a
- * run after a reset does not get the tag of the run before. */
+/* No run. queue: RUN_QUEUE_LENGTH samples, in memory that the caller keeps. random: sets the first tag, so
+ * that a run after a reset does not get the tag of the run before it. */
 void run_init(run_t *r, run_sample_t *queue, uint32_t random);
 
 /* Start anew with step 0 and the next tag. run: one of MESSAGE_RUN_BEGIN_RUN_*. */
@@ -66,19 +67,19 @@ void run_end(run_t *r);
 /* True once after a run began. */
 bool run_pop_begin(run_t *r);
 
-/* Call on every turn of the loop: notices that the source of injected samples has ceased. */
+/* Call on every turn of the loop: detects that the source of injected samples has gone silent. */
 void run_poll(run_t *r, uint32_t period_us, uint32_t now_us);
 
-/* True while a step is overdue: armed, and none for STEPS_MISSING periods and 20 ms. Call on every turn of
- * the loop. */
+/* True while a step is overdue: the board is armed, and the last step is more than 3 periods and more than
+ * 20 ms ago. Call on every turn of the loop. */
 bool run_step_overdue(run_t *r, bool armed, uint32_t period_us, uint32_t now_us);
 
-/* True while the injected samples of a real-time run are too old to control by. */
+/* True while the injected samples of a real-time run are too old for control. */
 bool run_samples_stale(const run_t *r, uint32_t period_us);
 
-/* SAMPLE_A, SAMPLE_B and SETPOINT of a link; what cannot be used is answered by NACK. run_on_sample_a() is
- * true when the sample was run before, so that its STEP got lost on the way to the host: *step is its number,
- * one of the last RUN_QUEUE_LENGTH. */
+/* Handle SAMPLE_A, SAMPLE_B and SETPOINT of a link; a frame that cannot be used is answered by NACK.
+ * run_on_sample_a() returns true for a repeated sample whose step was run already, because its STEP got lost
+ * on the way to the host: *step is the number of that step, one of the last RUN_QUEUE_LENGTH. */
 bool run_on_sample_a(run_t *r, routing_t *routing, const request_t *q, uint16_t *step);
 void run_on_sample_b(run_t *r, const request_t *q);
 void run_on_setpoint(run_t *r, routing_t *routing, const request_t *q);
@@ -88,16 +89,16 @@ static inline link_t run_pacer(const run_t *r) {
     return r->mode == RUN_LOCKSTEP ? r->links.owner : LINK_NONE;
 }
 
-/* True when an injected sample waits. */
+/* True when an injected sample is queued. */
 static inline bool run_sample_waits(const run_t *r) {
     return r->queue_in != r->queue_out;
 }
 
-/* The sample of the next step: the oldest that waits, else the last one again. mark_missing: a step without a
- * new sample gets INT16_MIN in all places instead. */
+/* Take the sample of the next step: the oldest queued one, else the last one again. mark_missing: a step
+ * without a new sample gets counts of INT16_MIN instead. */
 void run_next_sample(run_t *r, bool mark_missing, int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32);
 
-/* After a step. */
+/* Call after each step. saturated: a raw count was outside its range. */
 void run_stepped(run_t *r, bool saturated);
 
 #endif

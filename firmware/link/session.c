@@ -1,8 +1,8 @@
 #include "session.h"
 #include <string.h>
 
-/* The ACK leaves within 3 ms of UART time behind at most 93 ms of queue; the host hears it before silence
- * falls. */
+/* The ACK needs up to 3 ms on the UART after at most 93 ms of queued frames: the host receives it before the
+ * board leaves. */
 #define BOOTLOADER_AFTER_US 100000U
 
 /* ---- state ---- */
@@ -41,13 +41,13 @@ bool session_bootloader_due(const session_t *s, uint32_t now_us) {
 
 /* ---- whether it may be armed ---- */
 
-/* What is checked of the system in use; NULL: nothing. */
-static const plausibility_bounds_t *checked(const session_t *s) {
+/* Plausibility bounds of the system in use; NULL: nothing is checked. */
+static const plausibility_bounds_t *bounds_checked(const session_t *s) {
     return s->run.mode == RUN_REALTIME ? control_system(&s->params->control)->plausibility : NULL;
 }
 
-/* Whether what the system drives is on the pins that the board started with. */
-static bool moves_something(const session_t *s) {
+/* True when the board started with the pin set of the actuator that the system drives. */
+static bool actuator_present(const session_t *s) {
     if ((s->status.faults & BOARD_FAULT_STRAP) != 0) {
         return false;
     }
@@ -74,9 +74,9 @@ static uint16_t arming_blocked(const session_t *s, link_t link) {
     blocked |= l != NULL && l->open && !l->read_only ? 0U : ARMING_BLOCK_CLOSED;
     blocked |= mode != RUN_IDLE && s->run.links.owner != link ? ARMING_BLOCK_OWNER : 0U;
     blocked |= run_samples_stale(&s->run, s->params->period_us) ? ARMING_BLOCK_SAMPLES : 0U;
-    blocked |= moves_something(s) ? 0U : ARMING_BLOCK_PINS;
+    blocked |= actuator_present(s) ? 0U : ARMING_BLOCK_PINS;
     blocked |= arming_switch_owns(&s->arming);
-    blocked |= readiness_blocked(&s->readiness, checked(s), arming_armed(&s->arming));
+    blocked |= readiness_blocked(&s->readiness, bounds_checked(s), arming_armed(&s->arming));
     return (uint16_t)blocked;
 }
 
@@ -117,8 +117,8 @@ void session_report_sensors(session_t *s, const board_health_t *health) {
     s->status.sensors = *health;
 }
 
-/* Closed while nothing runs, the switch starts the system in use on the board's own sensors; that run ends
- * when it is disarmed, so that the next closing begins with a fresh state. */
+/* Closing the switch while no run is on starts a live run of the system in use. That run ends when it is
+ * disarmed, so that the next closing begins with a fresh state. */
 void session_report_switch(session_t *s, bool closed, uint32_t now_us) {
     if (arming_switch(&s->arming, closed, now_us) && s->run.mode == RUN_IDLE) {
         session_begin_run(s, MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE,
@@ -157,7 +157,7 @@ bool session_next_sample(session_t *s, int16_t raw[CONTROL_RAW_MAX], int32_t *se
     return true;
 }
 
-/* Of STEP. saturated: a raw count of that step was outside its range. */
+/* Flags of STEP. saturated: a raw count of that step was outside its range. */
 static uint8_t step_flags(const session_t *s, bool saturated) {
     unsigned flags = 0;
 
@@ -178,7 +178,7 @@ void session_stepped(session_t *s) {
     if (s->run.mode == RUN_REALTIME) {
         setpoint_report(&s->run.setpoint, &s->routing, s->run.links.setpoints, s->run.step);
     }
-    readiness_step(&s->readiness, checked(s), s->params, control_words(s->control), session_armed(s));
+    readiness_step(&s->readiness, bounds_checked(s), s->params, control_words(s->control), session_armed(s));
     telemetry_step(&s->telemetry, &s->routing, s->control, params, s->run.step, step_flags(s, saturated));
     run_stepped(&s->run, saturated);
     send_words(s);
@@ -217,7 +217,7 @@ bool session_transmit_frame(session_t *s, can_frame_t *frame) {
 }
 
 void session_send_readiness(session_t *s, link_t link) {
-    readiness_send(&s->readiness, checked(s), s->routing.link[link].outbox);
+    readiness_send(&s->readiness, bounds_checked(s), s->routing.link[link].outbox);
 }
 
 static void send_status(session_t *s, link_t link) {
@@ -235,7 +235,7 @@ static void send_status(session_t *s, link_t link) {
     session_send_readiness(s, link);
 }
 
-/* The next value for the keep-alive of the host that armed, before all that waits for its link. */
+/* Sends the next keep-alive value to the host that armed, ahead of all frames queued for its link. */
 static void issue_keepalive(session_t *s, uint32_t now_us) {
     const message_keepalive_value_t m = {.value = arming_issue(&s->arming, &s->random, now_us)};
 
@@ -271,7 +271,7 @@ static void send_periodic(session_t *s, uint32_t now_us) {
     }
 }
 
-/* Not inlined: tests stop the loop here. */
+/* Not inlined: tests set a breakpoint here. */
 __attribute__((noinline)) void session_poll(session_t *s, uint32_t now_us) {
     if (routing_poll(&s->routing, s->params->can_bitrate_kbit, now_us)) {
         session_link_lost(s, LINK_CAN, ARMING_BLOCK_CLOSED);
@@ -290,7 +290,7 @@ __attribute__((noinline)) void session_poll(session_t *s, uint32_t now_us) {
 
 /* ---- start ---- */
 
-/* Everything but the buffers. */
+/* Initialises everything but the buffers. */
 static void begin(session_t *s, session_buffers_t *buffers, const board_identity_t *board, control_t *control,
                   params_t *params) {
     memset(s, 0, sizeof *s);
@@ -325,7 +325,7 @@ void session_recover(session_t *s, session_buffers_t *buffers, const board_ident
         read_only[i] = s->routing.link[i].read_only;
     }
     begin(s, buffers, board, control, params);
-    /* The UART's flag may be what was damaged: it is told there in any case. */
+    /* The damage may have hit the UART's flag: its host is informed in any case. */
     routing_open(&s->routing, LINK_UART, true, read_only[LINK_UART]);
     routing_open(&s->routing, LINK_CAN, open[LINK_CAN], read_only[LINK_CAN]);
     s->arming.cause = ARMING_BLOCK_FAULT;

@@ -1,15 +1,15 @@
-/* Session: a run over up to two links, put together from its owners.
+/* Session: everything between the links and the control step, composed from the modules below.
  *
- * Each part of the state has one owner, a struct and a file of the same name; only that file writes it, and
- * calls go down only: requests.c (what a host asks for) calls the session, the session calls its owners, an
- * owner knows nothing of the session.
+ * Each module owns one part of the state: a struct that only the file of the same name writes. Calls go
+ * downwards only: requests.c (the requests of a host) calls the session, the session calls the modules, and
+ * no module knows the session.
  *
  *     routing     links: open, greeted, what was received; outboxes
- *     run         samples and setpoints in, number of the step
- *     telemetry   what a step sends
- *     staging     parameters on their way into use
+ *     run         injected samples, setpoints, step counter
+ *     telemetry   frames that a step sends
+ *     staging     parameters that are received but not yet in use
  *     arming      whether the actuator may be driven; readiness: whether the sensors allow it
- *     status      what the board reported, told periodically
+ *     status      state of the board, sent periodically
  *
  * No hardware, no heap; the caller owns all memory. Time is an argument: us of the board's clock, modulo
  * 2^32. A turn of the main loop (firmware/app/loop.c):
@@ -40,8 +40,8 @@
 
 #define SESSION_FAULTS_BLOCKING 0xE0FFU /* of BOARD_FAULT_*: these disarm */
 
-/* What passes through: frames, samples and digests that wait, parameters that are not in use yet. It decides
- * no pulse: frames carry their CRC, a table is committed by its own. */
+/* Buffers: queued frames, samples and digests, and parameters not in use yet. They need no check word: frames
+ * carry a CRC, and staged parameters are committed by theirs. */
 typedef struct {
     routing_buffers_t routing;
     commands_t commands;
@@ -50,8 +50,8 @@ typedef struct {
     uint32_t digest[RUN_QUEUE_LENGTH];
 } session_buffers_t;
 
-/* All of it decides whether and how something moves: the board keeps a check word over it
- * (board_memory_seal()). What is large and decides nothing belongs into the buffers. */
+/* State that decides whether and how an actuator moves: the board keeps a check word over all of it
+ * (board_memory_seal()). Large data that decides nothing belongs into the buffers. */
 typedef struct {
     routing_t routing;
     const board_identity_t *board;
@@ -65,37 +65,39 @@ typedef struct {
     readiness_t readiness;
     status_t status;
     random_t random;
-    nonce_t nonce[LINKS]; /* asked for over a link: answered there or nowhere */
+    nonce_t nonce[LINKS]; /* valid only on the link that asked for it */
     long_replies_t long_replies[LINKS];
     bool bootloader_asked;
-    uint32_t bootloader_us; /* when */
+    uint32_t bootloader_us; /* when the bootloader was asked for */
 } session_t;
 
 /* Start from *params (valid; see params_default()) with both links closed, idle and disarmed. */
 void session_init(session_t *s, session_buffers_t *buffers, const board_identity_t *board, control_t *control,
                   params_t *params);
 
-/* The memory of *s was damaged: no value in it counts, but for which links are open, so that their hosts are
- * told; the UART counts as open. As session_init(), disarmed by a fault; what waits to be sent is sent. */
+/* Start again after the memory of *s was damaged: like session_init(), but with ARMING_BLOCK_FAULT as the
+ * cause of disarming. Kept are which links are open (the UART always), so that their hosts are informed, and
+ * the frames that wait to be sent. */
 void session_recover(session_t *s, session_buffers_t *buffers, const board_identity_t *board,
                      control_t *control, params_t *params);
 
 /* ---- for the main loop ---- */
 
-/* Where *params came from, after session_init() and session_recover(). */
+/* Report how *params were loaded; call after session_init() and session_recover(). */
 void session_parameters_loaded(session_t *s, const store_report_t *report);
 
-/* Board faults at this moment (BOARD_FAULT_*). With one of SESSION_FAULTS_BLOCKING the next poll disarms. */
+/* Report the present board faults (BOARD_FAULT_*). With one of SESSION_FAULTS_BLOCKING the next poll disarms.
+ */
 void session_report_faults(session_t *s, uint32_t faults);
 
-/* State of the CAN controller, sent with the status. Kept by the caller. */
+/* Report the state of the CAN controller, which is sent with the status. The caller keeps *health. */
 void session_report_can(session_t *s, const board_can_health_t *health);
 
-/* What stands behind BOARD_FAULT_SENSOR at this moment, for SENSORS. */
+/* Report the present state of the sensors: the details of BOARD_FAULT_SENSOR, sent as SENSORS. */
 void session_report_sensors(session_t *s, const board_health_t *health);
 
-/* The arm switch at this moment: closing it arms, opening it disarms (arming.h). Call on every turn of the
- * loop, after session_report_faults(). */
+/* Report the arm switch: closing it arms, opening it disarms (arming.h). Call on every turn of the loop,
+ * after session_report_faults(). */
 void session_report_switch(session_t *s, bool closed, uint32_t now_us);
 
 /* Keep-alive, periodic telemetry, long replies. Call on every turn of the loop, at least once per
@@ -110,10 +112,10 @@ bool session_pop_begin(session_t *s);
  * injected: true on every tick; without a new sample the last one is held and counted. */
 bool session_next_sample(session_t *s, int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32);
 
-/* Setpoint of a live step. */
+/* Setpoint in use; the setpoint of the next live step. */
 int32_t session_setpoint(const session_t *s);
 
-/* After control_step(): sends the digest, and the words that were asked for. */
+/* Call after control_step(): sends the digest and the selected words. */
 void session_stepped(session_t *s);
 
 /* Remove up to room bytes for the UART; returns how many. Order is kept, a frame may be split between two
@@ -131,33 +133,33 @@ bool session_live(const session_t *s);    /* real time with the board's own sens
 run_mode_t session_mode(const session_t *s);
 uint32_t session_period_us(const session_t *s);
 
-/* Bit rate for CAN: the parameter, but never another one while a host is there. */
+/* Bit rate for CAN: the parameter; a change waits until no host is connected over CAN. */
 uint32_t session_can_kbit(const session_t *s);
 
-/* True when the ROM bootloader was asked for, and the answer is out: time to go. */
+/* True when the ROM bootloader was asked for and the reply has had time to go out. */
 bool session_bootloader_due(const session_t *s, uint32_t now_us);
 
-/* ---- for requests.c: what a host may bring about; the caller has checked nonce and permission ---- */
+/* ---- for requests.c, which has checked nonce and permission ---- */
 
 void session_begin_run(session_t *s, uint16_t run, run_links_t links); /* run: MESSAGE_RUN_BEGIN_RUN_* */
 
-/* For the host of this request: the first value of its keep-alive; 0 when *blocked (ARMING_BLOCK_*) is not 0.
- */
+/* Arm for the host of this request; returns the first value of its keep-alive, or 0 when *blocked
+ * (ARMING_BLOCK_*) is not 0. */
 uint32_t session_arm(session_t *s, const request_t *q, uint16_t *blocked);
 
-/* A link can no longer control: what its host armed is disarmed at once, for this cause. */
+/* A link can no longer control: if its host armed the board, disarm at once, for this cause. */
 void session_link_lost(session_t *s, link_t link, uint16_t cause);
 
-/* STEP of one of the last RUN_QUEUE_LENGTH steps once more. */
+/* Send the STEP of one of the last RUN_QUEUE_LENGTH steps again. */
 void session_repeat_step(session_t *s, const request_t *q, uint16_t step);
 
-/* The staged parameters become those in use. No run is on. */
+/* Put the staged parameters into use. Call only while no run is on. */
 void session_apply_staged(session_t *s);
 
-/* Leave for the ROM bootloader when the reply is out, unless a run begins or the board is armed before. */
+/* Enter the ROM bootloader after the reply is out, unless a run begins or the board is armed before that. */
 void session_ask_bootloader(session_t *s, uint32_t now_us);
 
-/* PLAUSIBILITY to one link. */
+/* Send PLAUSIBILITY to one link. */
 void session_send_readiness(session_t *s, link_t link);
 
 #endif

@@ -1,8 +1,8 @@
-/* Setpoint of the run: the one in use, and whether its source still speaks.
+/* Setpoint of the run, with a time-out of its source.
  *
- * While the actuator moves, a source that is silent for SETPOINT_SILENCE_US counts as lost, and the setpoint
- * becomes 0. Setpoints are in the system's unit, turn Q32 for an angle. Times are in us of the board's clock,
- * modulo 2^32. */
+ * While the actuator is driven, a source that is silent for SETPOINT_SILENCE_US counts as lost, and the
+ * setpoint becomes 0. Setpoints are in the system's unit, turn Q32 for an angle. Times are in us of the
+ * board's clock, modulo 2^32. */
 #ifndef PLUMB_LINK_SETPOINT_H
 #define PLUMB_LINK_SETPOINT_H
 
@@ -12,24 +12,24 @@
 
 typedef struct {
     int32_t turn_q32;      /* in use; 0 at the start of a run */
-    int32_t told_turn_q32; /* by the last SETPOINT_USED */
+    int32_t told_turn_q32; /* value of the last SETPOINT_USED */
     bool waiting;          /* lockstep: received for the next sample; real time: not reported yet */
-    bool heard;            /* since the last poll */
-    bool timed_out;        /* set to 0 because the source fell silent, and not reported yet */
-    uint32_t heard_us;     /* when the source was heard last, or nothing moved */
+    bool heard;            /* one was received since the last poll */
+    bool timed_out;        /* set to 0 by the time-out, and not reported yet */
+    uint32_t heard_us;     /* last poll at which one had been received, or the actuator was not driven */
 } setpoint_t;
 
-/* At the start of a run: 0, nothing waits. */
+/* Call at the start of a run: the setpoint is 0, and nothing waits. */
 void setpoint_begin(setpoint_t *s);
 
-/* One was received from the source of this run. */
+/* Handle a setpoint from the source of this run. */
 void setpoint_receive(setpoint_t *s, int32_t turn_q32);
 
-/* Call on every turn of the loop. driving: the actuator may move. */
+/* Call on every turn of the loop: applies the time-out. driving: the actuator may move. */
 void setpoint_poll(setpoint_t *s, bool driving, uint32_t now_us);
 
-/* After a step in real time: SETPOINT_USED to the source's link, when the setpoint was received or timed out
- * since the last report. step: number of that step. */
+/* Call after a step in real time: sends SETPOINT_USED to the source's link when a setpoint was received or
+ * timed out since the last report. step: number of that step. */
 void setpoint_report(setpoint_t *s, routing_t *routing, link_t source, uint16_t step);
 
 #endif

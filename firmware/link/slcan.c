@@ -18,7 +18,7 @@ static inline unsigned digit_value(uint8_t c) {
     return letter <= 5U ? letter + 10U : 16U;
 }
 
-/* 't', three digits of identifier, one of length, two for each byte; nothing more and nothing less. */
+/* Parses exactly 't', three digits of identifier, one of length and two for each byte. */
 static bool line_to_frame(const slcan_rx_t *rx, can_frame_t *frame) {
     const uint8_t *at = &rx->line[5];
     const unsigned high = digit_value(rx->line[1]), middle = digit_value(rx->line[2]);
@@ -92,17 +92,17 @@ slcan_event_t slcan_rx_push_byte(slcan_rx_t *rx, uint8_t byte, can_frame_t *fram
         rx->complete = 1;
         return line_event(rx, frame);
     } else if (byte == SLCAN_BEL) {
-        /* What an adapter says for no: it ends a line as CR does, and whatever stood before it was none. */
+        /* BEL, the refusal of an adapter: it ends a line as CR does, and the characters before it are bad. */
         rx->bad += rx->length != 0;
         rx->length = 0;
-    } else { /* one byte that is no text, or one too many, breaks the line up to its CR */
+    } else { /* a byte that is not text, or one too many, spoils the line up to its CR */
         rx->length = LINE_BROKEN;
     }
     return SLCAN_NOTHING;
 }
 
-/* Upper-case digits of the nibbles in the four bytes of a word, the lowest byte first. All four at once: 6
- * more carries 10 to 15, and no other nibble, into bit 4. */
+/* Writes the upper-case hexadecimal digits of four nibbles, one in each byte of a word, lowest byte first.
+ * All four at once: adding 6 carries 10 to 15, and no other nibble, into bit 4. */
 static inline void put_digits(uint8_t *text, uint32_t nibbles) {
     const uint32_t letters = ((nibbles + 0x06060606U) >> 4) & 0x01010101U;
     const uint32_t digits = nibbles + 0x30303030U + letters * ('A' - '0' - 10U);

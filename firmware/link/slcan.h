@@ -1,8 +1,7 @@
 /* SLCAN: CAN frames as text ("t10081122334455667788\r"), the format of Lawicel's adapters.
  *
- * The parser takes bytes one at a time and resynchronises by itself: a line ends at CR, whatever came before
- * it, and no stream of bytes can make it lose the line after the next CR. It knows nothing of what commands
- * mean. */
+ * The parser resynchronises by itself: CR ends a line, whatever came before it, so that damaged bytes never
+ * cost the line after the next CR. It does not interpret commands. */
 #ifndef PLUMB_LINK_SLCAN_H
 #define PLUMB_LINK_SLCAN_H
 
@@ -20,21 +19,20 @@ typedef enum {
     SLCAN_EMPTY,   /* CR alone */
     SLCAN_FRAME,   /* a well-formed 't' line: the frame was written */
     SLCAN_COMMAND, /* any other line; its first character is rx->line[0], its length rx->length */
-    SLCAN_BAD      /* 't' that is no frame, a character that is no text, or an overlong line; counted */
+    SLCAN_BAD      /* a malformed 't' line, a byte that is not text, or an overlong line; counted */
 } slcan_event_t;
 
 typedef struct {
     uint8_t line[SLCAN_LINE_MAX];
     uint8_t length;   /* characters of the line so far, SLCAN_LINE_MAX + 1 when it is broken */
     uint8_t complete; /* the last event ended a line: the next byte starts a new one */
-    uint32_t bad;     /* lines thrown away so far */
+    uint32_t bad;     /* lines discarded so far */
 } slcan_rx_t;
 
 void slcan_rx_init(slcan_rx_t *rx);
 
-/* Handle the characters at the front of `bytes` that only lengthen the line that has begun, and return how
- * many: 10 instructions each, where slcan_rx_push_byte needs 30. None when the next byte begins or ends a
- * line. */
+/* Append the text at the front of `bytes` to the line that has begun, and return its length; 0 when the next
+ * byte begins or ends a line. Takes 10 instructions a character, slcan_rx_push_byte() takes 30. */
 size_t slcan_rx_push_text(slcan_rx_t *rx, const uint8_t *bytes, size_t count);
 
 /* Handle one byte. For SLCAN_FRAME the frame is in *frame; otherwise *frame is untouched. */

@@ -42,7 +42,7 @@ void staging_on_set(staging_t *s, routing_t *routing, const request_t *q, const 
     } else {
         const message_param_staged_t staged = {.index = m.index, .value = m.value};
 
-        if (!s->pending || s->by != q->link) { /* one host's table, or the other's */
+        if (!s->pending || s->by != q->link) { /* discard what another host has staged */
             *s->table = *in_use;
             s->by = q->link;
         }

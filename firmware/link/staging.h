@@ -1,8 +1,9 @@
-/* Parameter staging: the table that a commit makes the one in use, and where the one in use came from.
+/* Parameter staging: a second parameter table, which a commit puts into use; and the source of the one in
+ * use.
  *
- * A host stages words one by one and commits the whole table by its CRC-32; saved and factory tables are
- * staged whole. One link stages at a time. The table in use is the caller's; staging_apply() alone changes it
- * and seals it (board_parameters_seal()), which is for an idle board only. */
+ * A host stages words one by one and commits the whole table by its CRC-32; saved parameters and defaults are
+ * staged as a whole. One link stages at a time. The table in use belongs to the caller; only staging_apply()
+ * changes and seals it (board_parameters_seal()), while no run is on. */
 #ifndef PLUMB_LINK_STAGING_H
 #define PLUMB_LINK_STAGING_H
 
@@ -13,20 +14,20 @@
 #define STAGING_FROM_HOST 4U /* committed and not saved; below: store_found_t */
 
 typedef struct {
-    params_t *table;      /* decides no pulse: a commit compares its CRC */
+    params_t *table;      /* needs no check word: a commit compares its CRC */
     bool pending;         /* a host has staged words and not committed them */
     link_t by;            /* the link of that host */
     store_report_t saved; /* what flash holds */
-    uint16_t source;      /* of those in use: store_found_t or STAGING_FROM_HOST */
+    uint16_t source;      /* of the parameters in use: store_found_t or STAGING_FROM_HOST */
 } staging_t;
 
-/* Nothing is staged; nothing is saved. table: kept by the caller; becomes a copy of those in use. */
+/* Nothing is staged, nothing is saved. table: in memory that the caller keeps; becomes a copy of *in_use. */
 void staging_init(staging_t *s, params_t *table, const params_t *in_use);
 
-/* What the start found in flash. */
+/* Report what store_load() found in flash. */
 void staging_loaded(staging_t *s, const store_report_t *report);
 
-/* Forget what a link has staged: HELLO. */
+/* Discard what a link has staged; for HELLO. */
 void staging_discard(staging_t *s, link_t link, const params_t *in_use);
 
 /* PARAM_GET of one word, and PARAM_SET: answered by PARAM_VALUE, PARAM_STAGED or NACK. Words that another
@@ -37,20 +38,20 @@ void staging_on_set(staging_t *s, routing_t *routing, const request_t *q, const 
 /* PARAM_COMMIT: 0 when the staged table may be applied, else the reason of the NACK and its detail. */
 uint16_t staging_check_commit(const staging_t *s, const can_frame_t *frame, uint16_t *detail);
 
-/* EXECUTE SAVE, LOAD and DEFAULTS: 0, or the reason of the NACK. After SAVE nothing is to be applied; LOAD
- * and DEFAULTS stage their table, and LOAD of what cannot be used the one in use. SAVE blocks for up to 0.2
- * s. */
+/* EXECUTE SAVE, LOAD and DEFAULTS; return 0 or the reason of the NACK. LOAD and DEFAULTS stage a table that
+ * the caller then applies; a LOAD that fails stages a copy of the table in use. SAVE stages nothing, and
+ * blocks for up to 0.2 s. */
 uint16_t staging_save(staging_t *s, const params_t *in_use);
 uint16_t staging_load(staging_t *s, const params_t *in_use);
 void staging_defaults(staging_t *s);
 
-/* The staged table becomes the one in use. No run is on. */
+/* Put the staged table into use. Call only while no run is on. */
 void staging_apply(staging_t *s, params_t *in_use);
 
-/* The table in use was committed by a host. */
+/* Call after a host's commit: the source of the parameters becomes STAGING_FROM_HOST. */
 void staging_committed(staging_t *s);
 
-/* BOARD_FAULT_PARAMETERS while what flash holds cannot be used, else 0. */
+/* BOARD_FAULT_PARAMETERS while the saved parameters cannot be used, else 0. */
 uint32_t staging_faults(const staging_t *s);
 
 #endif

@@ -56,11 +56,12 @@ static uint32_t newest_slot(void) {
 }
 
 bool store_accepts(const params_t *params) {
-    /* What ties the core's words to the board's: between two pulses there is a gap. The pulses are checked
-     * for every system: their pins carry neutral whatever is controlled. */
+    /* Conditions between parameters of the control step and of the board: a pulse and the gap after it fit
+     * into a frame. This holds for every system, because the outputs carry neutral pulses with every system.
+     */
     const int32_t frame_halfus = (int32_t)(2U * params->esc_period_us);
 
-    /* ... all scans of a period end before it, and every bit of CAN has 18 quanta of 36 MHz
+    /* All scans of a sample end within its period, and a bit of CAN is a multiple of 18 quanta of 36 MHz
      * (firmware/ports/stm32f103/bxcan.c). */
     return control_params_valid(&params->control) && esc_valid(&params->control.esc) &&
            params->control.esc.max_halfus + ESC_GAP_MIN_HALFUS <= frame_halfus &&
@@ -68,8 +69,8 @@ bool store_accepts(const params_t *params) {
            BOARD_SCAN_US << params->adc_oversample_log2 <= params->period_us;
 }
 
-/* Every known value of a whole slot into *params; false for one outside its row's range. */
-static bool take_values(const uint16_t *slot, params_t *params, store_report_t *report) {
+/* Copies every known value of a complete slot into *params; false when one is outside its range. */
+static bool read_values(const uint16_t *slot, params_t *params, store_report_t *report) {
     bool good = true;
 
     report->missing = PARAMS_COUNT;
@@ -101,14 +102,14 @@ store_report_t store_load(params_t *params) {
     }
     report.sequence = sequence_of(board_store_slot(newest));
     report.found = STORE_LOADED;
-    if (!take_values(board_store_slot(newest), params, &report) || !store_accepts(params)) {
+    if (!read_values(board_store_slot(newest), params, &report) || !store_accepts(params)) {
         report.found = STORE_REFUSED;
         params_default(params);
     }
     return report;
 }
 
-/* True when a slot's entries are exactly *params. */
+/* True when the entries of a slot equal *params. */
 static bool holds(const uint16_t *slot, const params_t *params) {
     bool same = slot[4] == PARAMS_COUNT;
 
@@ -120,7 +121,8 @@ static bool holds(const uint16_t *slot, const params_t *params) {
     return same;
 }
 
-/* Half-words one after the other into a slot; from the first that does not read back as written, none. */
+/* Programs half-words into a slot one after the other; stops at the first that does not read back as written.
+ */
 typedef struct {
     uint32_t slot;
     uint32_t at;

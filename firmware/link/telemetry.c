@@ -6,7 +6,7 @@
 /* RAW carries the low six bits of its step number: four as the counter, two as flags. */
 #define STEP6_SHIFT    4U
 #define FLAG_STEP_HIGH 3U
-#define SYSTEM_SHIFT   8U /* in the number of a signal, above the place of the word */
+#define SYSTEM_SHIFT   8U /* a signal's number is the system's number << 8 | the word's place in the record */
 
 /* Bits of SELECT bank 0. */
 #define FRAME_RAW_A    0x01U
@@ -25,7 +25,7 @@ static uint16_t bits_set(uint32_t mask) {
     return count;
 }
 
-/* Frames that the selected system has. */
+/* Bits of bank 0 whose frames the system has. */
 static uint32_t system_frames(const control_params_t *params) {
     return FRAMES_RAW | ((1U << control_system(params)->frame_count) - 1U) << FRAMES_DECLARE;
 }
@@ -110,8 +110,8 @@ static void send_declared(routing_t *r, uint32_t mask, const control_system_t *s
     }
 }
 
-/* The first selected word at or after a place in the record; CONTROL_RECORD_WORDS_MAX where there is none. A
- * bank of 32 words in which none is selected costs one look. */
+/* The first selected word at or after a place in the record; CONTROL_RECORD_WORDS_MAX when there is none. A
+ * bank of 32 words without a selected one costs one comparison. */
 static uint8_t next_selected(const telemetry_t *t, unsigned index) {
     while (index < CONTROL_RECORD_WORDS_MAX) {
         const uint32_t rest = t->words_mask[index / 32U] >> (index % 32U);

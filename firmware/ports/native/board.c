@@ -1,5 +1,5 @@
-/* The board as a whole: power, time, sleep, the stall watch and the watchdog. Times are those of the chip's
- * port. */
+/* The board as a whole: power, time, sleep, the stall watch and the watchdog, with the time limits of the
+ * stm32f103 port. */
 #include "app/loop.h"
 #include "flash.h"
 #include "port.h"
@@ -12,9 +12,10 @@
 #define WATCHDOG_US    40000u /* ports/stm32f103/watchdog.c */
 #define RESET_POWER    0x0Cu  /* RCC_CSR 31..24: power and pin */
 #define RESET_WATCHDOG 0x44u  /* window watchdog and pin */
-#define AT_ONCE_MAX    64u /* turns at one instant: with lines that take no time, bytes wait for the loop */
+#define AT_ONCE_MAX                                                                                          \
+    64u /* turns of the loop at one instant: lines without delay could keep it busy for ever */
 
-/* Level and still, by the calibration of the default table. */
+/* Counts of a level axis at rest, by the calibration of the default parameters. */
 #define REST_GYRO    1676
 #define REST_ACCEL_Y 2048
 #define REST_ACCEL_Z 3041
@@ -26,15 +27,15 @@ static uint64_t now_us;
 static uint32_t clock_offset_us; /* of the board's clock to now_us */
 static jmp_buf out_of_the_loop;
 
-/* Lost with power. */
+/* State that a reset clears. */
 static struct {
     board_identity_t identity;
     board_setup_t setup;
     uint32_t faults;
     uint32_t last_clock_us;
-    uint64_t slept_us; /* the loop went to sleep */
-    uint64_t turned_us;
-    uint64_t fed_us;
+    uint64_t slept_us;  /* when the loop went to sleep */
+    uint64_t turned_us; /* when its last turn began */
+    uint64_t fed_us;    /* when it last fed the watchdog */
     bool wake, driving, stalled, watchdog;
 } board;
 
@@ -107,7 +108,7 @@ uint32_t board_faults(void) {
 uint32_t board_now_us(void) {
     const uint32_t clock_us = (uint32_t)now_us + clock_offset_us;
     if ((int32_t)(clock_us - board.last_clock_us) < 0) {
-        guard_clock_upset(); /* as ports/stm32f103/time.c tells it */
+        guard_clock_upset(); /* as in ports/stm32f103/systick.c */
     }
     board.last_clock_us = clock_us;
     return clock_us;
@@ -133,12 +134,13 @@ void board_idle(void) {
 
 /* ---- time ---- */
 
-/* Whether the loop comes round; everything else of the board goes on without it. */
+/* True while the loop makes turns; the rest of the board works without it. */
 static bool loop_lives(void) {
     return native.state == NATIVE_RUNNING && native.hangs == 0u;
 }
 
-/* In every operation of the flash, once for each way of leaving it half done. */
+/* Called in every operation of the flash, once for each way of leaving it half done: power fails here when it
+ * is asked for. */
 static void flash_at_work(void) {
     static uint32_t way;
     if (native.flash_cut == 1u && way == native.flash_cut_way) {
@@ -152,7 +154,7 @@ static void flash_at_work(void) {
     }
 }
 
-/* Runs what belongs to the loop; it may end in the middle. */
+/* Runs loop_start() or loop_turn(), which a power failure or the bootloader may leave in the middle. */
 static void run_loop(void (*part)(void)) {
     flash_refuses = native.flash_refuses != 0u;
     switch (setjmp(out_of_the_loop)) {
@@ -182,7 +184,7 @@ static void start(uint32_t cause) {
     run_loop(loop_start);
 }
 
-/* To this instant, at which something may happen. */
+/* Advances the time to this instant and handles what is due then. */
 static void advance_to(uint64_t us) {
     now_us = us;
     if (native.state != NATIVE_RUNNING) {
@@ -202,12 +204,12 @@ static void advance_to(uint64_t us) {
     }
 }
 
-/* The first microsecond at which it has happened. */
+/* ns, rounded up to whole microseconds. */
 static uint64_t whole_us(uint64_t ns) {
     return ns / NS_PER_US + (ns % NS_PER_US != 0u ? 1u : 0u);
 }
 
-/* Pass over every instant up to this one at which something happens without the loop. */
+/* Advances from event to event, to this instant or until one wakes the loop. */
 static void pass_until(uint64_t until_us) {
     while (now_us < until_us) {
         uint64_t next_us = until_us;

@@ -1,4 +1,4 @@
-/* What the files of this port share; the host sees native.h alone. */
+/* Functions that the files of this port share. The host uses native.h only. */
 #ifndef PLUMB_NATIVE_PORT_H
 #define PLUMB_NATIVE_PORT_H
 
@@ -10,23 +10,24 @@
 /* board.c */
 uint64_t port_now_ns(void);
 uint32_t port_now_ms(void);
-void port_wake(void);        /* the loop has something to look at */
-void port_power_fails(void); /* in the middle of what the loop does; does not return */
+void port_wake(void);        /* wakes the loop */
+void port_power_fails(void); /* power fails in the middle of a turn; does not return */
 bool port_drives(void);      /* strap and saved pin set agree: actuators are driven */
 bool port_bridge(void);      /* the pin set with the bridge, driven */
 bool port_stalled(void);
-void port_watch(bool driving); /* the actuators may move, or are at neutral */
+void port_watch(bool driving); /* stall watch; driving: the actuators may move */
 void port_clear_stall(void);
 
-/* Each file's state as a reset leaves it, and what happened in it up to now. */
+/* Of each file: ..._reset() sets its state after a reset; ..._advance() handles its events up to now;
+ * ..._next_ns() is the time of its next event, UINT64_MAX: none; ..._faults() are its BOARD_FAULT_ bits. */
 void guard_reset(void);
 void guard_clock_upset(void);
 uint32_t guard_faults(void);
 void links_reset(void);
 void links_advance(void);
-uint64_t links_next_ns(void); /* when something wakes the loop, UINT64_MAX: never */
+uint64_t links_next_ns(void);
 uint32_t links_faults(void);
-void links_unplug(void); /* what is on the lines is gone */
+void links_unplug(void); /* drops the bytes and frames on the lines */
 void sensors_reset(void);
 void sensors_advance(void);
 uint64_t sensors_next_ns(void);

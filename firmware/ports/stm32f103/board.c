@@ -29,9 +29,9 @@ BOARD_GUARDED static board_identity_t identity;
 
 #define SIZE_UNREADABLE 0xffffu
 
-/* The device signature, RM0008 30. To be read at 8 MHz: at 72 MHz some chips return all ones, and a few
- * always do. The device id register (DBGMCU_IDCODE) reads 0 without a debugger (erratum), so that the density
- * comes from the size of the flash. */
+/* Reads the device signature (RM0008 30) before the clock rises from 8 MHz: at 72 MHz some chips return all
+ * ones, and a few always do. The device id register (DBGMCU_IDCODE) reads 0 without a debugger (erratum), so
+ * the density is derived from the size of the flash. */
 static void identify(void) {
     const uint32_t flash_kib = DEVICE_FLASH_KIB;
     identity.flash_kib = flash_kib == SIZE_UNREADABLE ? 0u : flash_kib;
@@ -46,7 +46,7 @@ static void identify(void) {
     identity.git_dirty = BUILD_GIT_DIRTY;
 }
 
-/* A chip that flashed badly and said nothing is found here, before it flies. */
+/* Finds an image that was not flashed correctly, before anything can be armed. */
 static void check_image(void) {
     const uint8_t *const image = (const uint8_t *)image_start;
     const uint32_t stored = *(const volatile uint32_t *)(const void *)image_crc_address;
@@ -58,7 +58,8 @@ static void check_image(void) {
 void board_init(const board_setup_t *setup) {
     identify();
     start_faults = faults_init(&identity);
-    /* A crystal that failed in the run before is not waited for: neutral pulses come at once. */
+    /* A crystal that failed in the run before is not tried again, so that neutral pulses begin without delay.
+     */
     if (!clock_init((start_faults & BOARD_FAULT_CRYSTAL) == 0u)) {
         start_faults |= BOARD_FAULT_CLOCK_FALLBACK;
     }
@@ -74,7 +75,7 @@ void board_init(const board_setup_t *setup) {
     if (driven == BOARD_PINS_BRIDGE) {
         bridge_init(setup->dead_time_ns);
     }
-    pins_init(identity.pins, agreed); /* after the timers run at neutral: the outputs show nothing else */
+    pins_init(identity.pins, agreed); /* last: the outputs become active when the timers are at neutral */
     watchdog_init();
     identity.seed = entropy_at_start();
     check_image();

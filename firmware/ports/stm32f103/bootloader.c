@@ -1,8 +1,8 @@
-/* Into the ROM bootloader without touching BOOT0 (AN2606): a word in a backup register, a system reset, and
- * the reset handler jumps before any clock or pin has left its state after reset.
+/* Entry into the ROM bootloader without touching BOOT0 (AN2606): writes a word into a backup register and
+ * resets the system; the reset handler then jumps before any clock or pin has left its reset state.
  *
- * The reset also stops both watchdogs, which the bootloader would not feed. A word that power failed behind,
- * or that a watchdog overtook, counts for nothing: only the software reset that belongs to it does. */
+ * The reset also stops both watchdogs, which the bootloader would not feed. The word only counts after a
+ * software reset: not when power failed or a watchdog reset the board in between. */
 #include "bootloader.h"
 #include "app/board.h"
 #include "app/board_actuators.h"
@@ -19,7 +19,7 @@ void board_enter_bootloader(void) {
     BKP_DR1 = ASKED;
     __asm volatile("dsb" ::: "memory");
     SCB_AIRCR = SCB_AIRCR_RESET;
-    for (;;) { /* a few cycles; should the reset fail, the watchdog does it */
+    for (;;) { /* the reset takes a few cycles; should it fail, the watchdog resets the board */
     }
 }
 
@@ -28,11 +28,11 @@ void bootloader_if_asked(void) {
     RCC_APB1ENR |= BACKUP_CLOCKS;
     const bool asked = BKP_DR1 == ASKED;
     PWR_CR |= PWR_CR_DBP;
-    BKP_DR1 = 0u; /* whatever the reset was: the word never outlives the start behind it */
-    const bool forgotten = BKP_DR1 == 0u;
+    BKP_DR1 = 0u; /* after every reset, so that the word acts on one start only */
+    const bool cleared = BKP_DR1 == 0u;
     PWR_CR &= ~PWR_CR_DBP;
     RCC_APB1ENR &= ~BACKUP_CLOCKS;
-    if (by_software && asked && forgotten) {
+    if (by_software && asked && cleared) {
         SCB_VTOR = DEVICE_SYSTEM_MEMORY;
         __asm volatile("ldr r0, [%0] \n"
                        "ldr lr, [%0, #4] \n"

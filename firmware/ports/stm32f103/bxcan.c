@@ -1,12 +1,12 @@
 /* CAN at 125 kbit/s to 1 Mbit/s on PA11 and PA12 (bxCAN, RM0008 24).
  *
- * Receive: the filters let nothing but the host's identifiers through; an interrupt empties the FIFO of three
- * into a ring. Transmit: three mailboxes in the order they were filled; an interrupt says that one is free.
- * Everything that takes time (entering and leaving initialisation, eleven recessive bits, the way back from
- * bus-off) is a state that the loop looks at again, so nothing here waits and a dead bus stops nobody.
+ * Receive: the filters pass only the host's identifiers; an interrupt empties the FIFO of three frames into a
+ * ring. Transmit: three mailboxes, in the order they were filled; an interrupt signals a free one. Everything
+ * that takes time (entering and leaving initialisation, eleven recessive bits, recovery from bus-off) is a
+ * state that the loop polls, so that nothing blocks, also on a dead bus.
  *
  * Alone on the bus, a controller repeats its frame for ever without going bus-off (RM0008 24.7.6: an
- * acknowledgement error in error passive does not count), so a frame without a way is given up here. */
+ * acknowledgement error in error passive does not count), so such a frame is aborted after GIVE_UP_MS. */
 #include "bxcan.h"
 #include "app/board_links.h"
 #include "clock.h"
@@ -31,18 +31,18 @@
 
 typedef enum {
     CAN_OFF,     /* no crystal */
-    CAN_ASKING,  /* for initialisation: granted at the end of the frame under way */
-    CAN_JOINING, /* eleven recessive bits, after bus-off 128 times */
+    CAN_ASKING,  /* initialisation mode requested: granted at the end of the frame under way */
+    CAN_JOINING, /* waits for eleven recessive bits, after bus-off for 128 times eleven */
     CAN_ON,
-    CAN_RESTING /* after bus-off */
+    CAN_RESTING /* pause after bus-off */
 } can_state_t;
 
 static can_state_t state;
 static uint32_t rate_kbit;
-static uint32_t since_ms;  /* of the state */
-static uint32_t looked_ms; /* at the error counters */
-static uint32_t rest_ms;
-static volatile uint32_t sent_ms; /* a mailbox became empty, or the first was filled */
+static uint32_t since_ms;         /* when the state began */
+static uint32_t looked_ms;        /* when the error counters were last read */
+static uint32_t rest_ms;          /* pause after the next bus-off */
+static volatile uint32_t sent_ms; /* when a mailbox last became empty, or the first one was filled */
 static can_frame_t rx_ring[RX_FRAMES];
 static volatile uint32_t rx_in, rx_out; /* free-running; written by the interrupt, by the loop */
 static volatile bool rx_stopped;        /* the interrupt found the ring full and switched itself off */
@@ -57,13 +57,13 @@ static void enter(can_state_t next) {
 void can_init(void) {
     health.bus_off = true;
     if (clock_mhz() != CRYSTAL_MHZ) {
-        return; /* the internal oscillator is off by up to 2.5 %, CAN bears half a percent */
+        return; /* the internal oscillator is off by up to 2.5 %, CAN tolerates 0.5 % */
     }
     RCC_APB1ENR |= RCC_APB1ENR_CANEN;
     rest_ms = REST_MIN_MS;
     nvic_enable(IRQ_CAN1_TX);
     nvic_enable(IRQ_CAN1_RX0);
-    CAN_MCR = CAN_MCR_INRQ | CAN_MCR_TXFP; /* and out of sleep, in which it is after reset */
+    CAN_MCR = CAN_MCR_INRQ | CAN_MCR_TXFP; /* this also ends sleep mode, the state after reset */
     enter(CAN_ASKING);
 }
 
@@ -71,8 +71,8 @@ bool can_overrun(void) {
     return overrun;
 }
 
-/* List mode, four identifiers of 16 bits to a bank, all into FIFO 0. What is left of the last bank repeats
- * its first. */
+/* List mode, four identifiers of 16 bits in a bank, all into FIFO 0. Unused places of the last bank repeat
+ * its first identifier. */
 static void set_filters(const uint16_t *ids, size_t count) {
     volatile uint32_t *const bank = &CAN_F0R1;
     uint32_t active = 0u;
@@ -106,11 +106,12 @@ static void go_off(void) {
     enter(CAN_RESTING);
 }
 
-static void look_after(uint32_t errors, uint32_t now_ms) {
+/* While on the bus: handles bus-off and frames without acknowledgement. errors: CAN_ESR. */
+static void monitor(uint32_t errors, uint32_t now_ms) {
     if ((errors & CAN_ESR_BOFF) != 0u) {
         go_off();
     } else if (now_ms - since_ms >= REST_MAX_MS) {
-        rest_ms = REST_MIN_MS; /* it holds */
+        rest_ms = REST_MIN_MS; /* on the bus for REST_MAX_MS: the next pause is short again */
     }
     if (now_ms - sent_ms >= GIVE_UP_MS && (CAN_TSR & ALL_EMPTY) != ALL_EMPTY) {
         CAN_TSR = ABORT_ALL;
@@ -128,7 +129,7 @@ void board_can_join(uint32_t kbit, const uint16_t *ids, size_t count) {
     }
     const uint32_t now_ms = systick_ms();
     if (state == CAN_ON && now_ms == looked_ms) {
-        return; /* once a millisecond is plenty */
+        return; /* once a millisecond is enough */
     }
     looked_ms = now_ms;
     const uint32_t errors = CAN_ESR;
@@ -140,12 +141,12 @@ void board_can_join(uint32_t kbit, const uint16_t *ids, size_t count) {
         break;
     case CAN_JOINING:
         if ((CAN_MSR & CAN_MSR_INAK) == 0u && (errors & CAN_ESR_BOFF) == 0u) {
-            sent_ms = now_ms; /* for what waited in the mailboxes meanwhile */
+            sent_ms = now_ms; /* the time limit of frames in the mailboxes begins now */
             enter(CAN_ON);
         }
         break;
     case CAN_ON:
-        look_after(errors, now_ms);
+        monitor(errors, now_ms);
         break;
     default:
         if (now_ms - since_ms >= rest_ms) {
@@ -171,7 +172,7 @@ void can_rx_handler(void) {
             CAN_RF0R = CAN_RF0R_FOVR0;
             overrun = true;
         }
-        /* While a release is under way the next frame does not show yet; its interrupt will come. */
+        /* While a release is under way the next frame is not visible yet; its interrupt will come. */
         if ((status & CAN_RF0R_FMP0) == 0u || (status & CAN_RF0R_RFOM0) != 0u) {
             break;
         }

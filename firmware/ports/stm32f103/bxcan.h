@@ -1,13 +1,13 @@
-/* CAN: board_can_...() of app/board_links.h. */
+/* CAN: bxcan.c implements the board_can_...() functions of app/board_links.h. */
 #ifndef PLUMB_STM32F103_BXCAN_H
 #define PLUMB_STM32F103_BXCAN_H
 
 #include <stdbool.h>
 
-/* After clock_init(); stays off the bus when the clock is not the crystal's. */
+/* Call after clock_init(). Without the crystal the board stays off the bus. */
 void can_init(void);
 
-/* True once received frames were lost. */
+/* True if received frames have been lost since the start. */
 bool can_overrun(void);
 
 void can_rx_handler(void);

@@ -55,7 +55,8 @@ bool clock_init(bool try_crystal) {
     }
     if (try_crystal && clock_wait(&RCC_CR, RCC_CR_HSERDY, RCC_CR_HSERDY, CRYSTAL_POLLS) &&
         run_from_pll(RCC_CFGR_PLLSRC | RCC_CFGR_PLLMUL_X9)) {
-        /* A crystal that dies from here on raises NMI at 8 MHz internal clock (RM0008 7.2.7). */
+        /* When the crystal fails from here on, the clock becomes 8 MHz internal and NMI is raised (RM0008
+         * 7.2.7). */
         RCC_CR |= RCC_CR_CSSON;
         mhz = 72u;
         return true;

@@ -1,8 +1,9 @@
-/* CRC-32 by the chip's unit (RM0008 4): digests instead of core/digest.c, which the linker leaves out.
+/* CRC-32 by the chip's CRC unit (RM0008 4). Implements core/digest.h in place of core/digest.c, which the
+ * linker leaves out.
  *
- * The unit divides by 0x04C11DB7, a word at a time, highest bit first. CRC-32 takes lowest bits first: words
- * go in mirrored, the remainder comes out mirrored. The unit holds a single remainder, so only the main loop
- * may use it. */
+ * The unit divides by 0x04C11DB7, a word at a time, highest bit first. CRC-32 takes the lowest bit first, so
+ * words go in bit-reversed and the remainder comes out bit-reversed. The unit has a single remainder, so only
+ * the main loop may use it. */
 #include "crc.h"
 #include "core/digest.h"
 #include "stm32f103.h"

@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-/* Another word at every start. */
+/* Seed that differs at every start; read once, by board_init(). */
 uint32_t entropy_at_start(void);
 
 #endif

@@ -1,6 +1,7 @@
-/* What must not happen: processor faults, unexpected interrupts, a failing crystal, a full stack.
+/* Fatal errors: processor faults, unexpected interrupts, a failing crystal, a stack overflow.
  *
- * One way out: actuator to neutral, a note for the next start, system reset. Nothing in it trusts memory. */
+ * All end the same way: outputs to neutral, a note for the next start, system reset. Nothing on that way
+ * trusts memory. */
 #include "faults.h"
 #include "app/board.h"
 #include "linker.h"
@@ -18,7 +19,7 @@ typedef struct {
     uint32_t magic;
     uint32_t exception;
     uint32_t pc;
-    uint32_t check; /* xor of the others: memory after power-up holds anything */
+    uint32_t check; /* xor of the others: after power-up memory holds random values */
 } note_t;
 static note_t note __attribute__((section(".noinit")));
 
@@ -31,7 +32,7 @@ __attribute__((noreturn)) static void crash(uint32_t exception, uint32_t pc) {
     }
 }
 
-/* `frame` is where the processor stored r0 to r3, r12, lr, pc, psr, unless that failed, too. */
+/* frame: where the processor stored r0 to r3, r12, lr, pc, psr, unless the stack itself was at fault. */
 __attribute__((noreturn, used)) void fault_found(const uint32_t *frame, uint32_t exception);
 void fault_found(const uint32_t *frame, uint32_t exception) {
     const bool stored = frame >= stack_guard && frame + 8 <= ram_end && ((uintptr_t)frame & 3u) == 0u;
@@ -39,7 +40,7 @@ void fault_found(const uint32_t *frame, uint32_t exception) {
 }
 
 __attribute__((naked)) void fault_entry(void) {
-    /* A fresh stack first: the old one may be the very fault. */
+    /* Reset the stack pointer first: the fault may be the stack itself. */
     __asm volatile("mrs r0, msp \n"
                    "mrs r1, ipsr \n"
                    "ldr r2, =stack_top \n"
@@ -72,6 +73,6 @@ uint32_t faults_init(board_identity_t *identity) {
     if ((cause & (RCC_CSR_IWDGRSTF | RCC_CSR_WWDGRSTF)) != 0u) {
         found |= BOARD_FAULT_WATCHDOG;
     }
-    RCC_CSR = cause | RCC_CSR_RMVF; /* or the flags add up over resets (RM0008 7.3.10) */
+    RCC_CSR = cause | RCC_CSR_RMVF; /* else the flags add up over resets (RM0008 7.3.10) */
     return found;
 }

@@ -1,9 +1,8 @@
 /* The two slots of saved parameters: the last 4 KiB of the smallest part's flash (PM0075 2.3, RM0008 3.3).
  *
- * The flash cannot be read while it is erased or programmed, so the processor, which runs from it, stands
- * still: up to 40 ms for a page, 70 us for a half-word (datasheet, table of flash characteristics).
- * Interrupts wait and the clock of this board loses that time. HSI drives the operations and is never
- * switched off. */
+ * The flash cannot be read while it is erased or programmed, so the processor, which runs from it, stalls: up
+ * to 40 ms for a page, 70 us for a half-word (datasheet, table of flash characteristics). Interrupts wait,
+ * and the board's clock loses that time. HSI clocks the operations and is never switched off. */
 #include "app/board.h"
 #include "app/board_store.h"
 #include "clock.h"
@@ -13,8 +12,7 @@
 
 #define MEDIUM_DENSITY_KIB 128u
 #define SLOT_BYTES         (2u * BOARD_STORE_HALFWORDS)
-/* Twice the worst case, in polls of 64 cycles at 72 MHz; that the processor stands still only makes them
- * longer. */
+/* Twice the worst case, in polls of 64 cycles at 72 MHz; a stalled processor only polls more slowly. */
 #define ERASE_POLLS   90000u
 #define PROGRAM_POLLS 160u
 #define ERRORS        (FLASH_SR_PGERR | FLASH_SR_WRPRTERR)
@@ -37,7 +35,7 @@ static bool unlock(void) {
     return (FLASH_CR & FLASH_CR_LOCK) == 0u;
 }
 
-/* Waits for the end of what was begun, and locks. */
+/* Waits for the end of the operation, then locks the controller. */
 static bool finish(uint32_t polls) {
     const bool ended = clock_wait(&FLASH_SR, FLASH_SR_BSY, 0u, polls);
     const bool good = ended && (FLASH_SR & ERRORS) == 0u;
@@ -53,13 +51,13 @@ static bool erase_page(uint32_t address) {
     FLASH_CR = FLASH_CR_PER;
     FLASH_AR = address;
     FLASH_CR = FLASH_CR_PER | FLASH_CR_STRT;
-    (void)FLASH_CR; /* BSY may be looked at one cycle after STRT at the earliest (PM0075 2.3.2) */
+    (void)FLASH_CR; /* BSY is valid one cycle after STRT at the earliest (PM0075 2.3.2) */
     return finish(ERASE_POLLS);
 }
 
 bool board_store_erase(uint32_t slot) {
     const uint32_t start = (uint32_t)(uintptr_t)slot_start(slot);
-    /* Of a part that does not tell its size: 1 KiB, which erases a page of 2 KiB twice. */
+    /* When the size is unreadable: 1 KiB, which erases a page of 2 KiB twice. */
     const uint32_t page_bytes = board_identity()->flash_kib > MEDIUM_DENSITY_KIB ? 2048u : 1024u;
     bool good = true;
     for (uint32_t at = 0u; at < SLOT_BYTES && good; at += page_bytes) {
@@ -69,7 +67,7 @@ bool board_store_erase(uint32_t slot) {
 }
 
 bool board_store_program(uint32_t slot, uint32_t halfword, uint16_t value) {
-    watchdog_feed(); /* a whole slot takes longer than the loop may */
+    watchdog_feed(); /* a whole slot takes longer than the watchdog's limit */
     if (!unlock()) {
         return false;
     }

@@ -5,8 +5,8 @@ volatile bool idle_over;
 
 void board_idle(void) {
     for (;;) {
-        /* With interrupts masked, WFI still ends when one is pending: nothing can slip in between look and
-         * sleep. */
+        /* With interrupts masked, WFI still ends when one is pending, so that no interrupt is missed between
+         * the check of idle_over and the sleep. */
         __asm volatile("cpsid i" ::: "memory");
         if (idle_over) {
             idle_over = false;

@@ -1,4 +1,4 @@
-/* Sleep of the main loop, and what ends it (board_idle()). */
+/* Sleep of the main loop: idle.c implements board_idle(). */
 #ifndef PLUMB_STM32F103_IDLE_H
 #define PLUMB_STM32F103_IDLE_H
 
@@ -6,7 +6,7 @@
 
 extern volatile bool idle_over;
 
-/* From an interrupt, or the loop itself: there is something to do, so do not sleep again before a turn. */
+/* Wake the main loop, or keep it from sleeping before its next turn. Called by interrupts and by the loop. */
 static inline void idle_end(void) {
     idle_over = true;
 }

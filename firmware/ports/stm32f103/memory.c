@@ -1,9 +1,9 @@
-/* memcpy, memset and memcmp, which the compiler calls for what it does not write out: a word at a time, then
- * a byte at a time, in a fifth of the C library's size. */
+/* memcpy, memset and memcmp, which the compiler may call on its own: a word at a time, then a byte at a time,
+ * in a fifth of the C library's size. */
 #include <stdint.h>
 #include <string.h>
 
-/* Any four bytes: this processor reads and writes words at every address. */
+/* Four bytes at any address: this processor accesses unaligned words. */
 typedef uint32_t __attribute__((may_alias, aligned(1))) word_t;
 
 void *memcpy(void *restrict to, const void *restrict from, size_t count) {

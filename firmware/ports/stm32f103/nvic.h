@@ -1,5 +1,5 @@
-/* Interrupt controller, and what code shared with interrupts needs. All handlers but SysTick's have one
- * priority, so none interrupts another; SysTick interrupts all of them. */
+/* Interrupt controller, and the memory fence for data shared with interrupts. All handlers but SysTick's have
+ * one priority, so none interrupts another; SysTick interrupts all of them. */
 #ifndef PLUMB_STM32F103_NVIC_H
 #define PLUMB_STM32F103_NVIC_H
 
@@ -12,7 +12,7 @@ static inline void nvic_enable(uint32_t irq) {
     NVIC_ISER(irq / 32u) = 1u << (irq % 32u);
 }
 
-/* Drop what is pending: its cause has been stopped. */
+/* Drop a pending interrupt, after its cause was stopped. */
 static inline void nvic_forget(uint32_t irq) {
     NVIC_ICPR(irq / 32u) = 1u << (irq % 32u);
 }

@@ -1,4 +1,4 @@
-/* Which pin does what on this board, in both pin sets (RM0008 9.1.11, 9.2, 9.3; table in DESIGN.md). */
+/* Pin assignment of this board, in both pin sets (RM0008 9.1.11, 9.2, 9.3; table in DESIGN.md). */
 #include "pins.h"
 #include "app/board.h"
 #include "app/board_actuators.h"
@@ -16,8 +16,8 @@ void pins_clocks(void) {
     RCC_APB2ENR |= RCC_APB2ENR_AFIOEN | RCC_APB2ENR_IOPAEN | RCC_APB2ENR_IOPBEN | RCC_APB2ENR_IOPCEN;
 }
 
-/* An image before this one may have left the 32 kHz oscillator on, which survives every reset on a battery
- * and keeps PC14 from being an input (RM0008 9.3.1). */
+/* Earlier firmware may have left the 32 kHz oscillator on. It keeps running over resets on a battery, and
+ * keeps PC14 from being an input (RM0008 9.3.1). */
 static void stop_low_speed_oscillator(void) {
     RCC_APB1ENR |= RCC_APB1ENR_PWREN;
     PWR_CR |= PWR_CR_DBP;
@@ -44,15 +44,16 @@ void pins_init(uint32_t pins, bool actuators) {
     stop_low_speed_oscillator();
     const bool bridge = pins == BOARD_PINS_BRIDGE;
     const bool uart =
-        pins != BOARD_PINS_UNKNOWN; /* else its pins may be somebody's gates, or a controller's */
+        pins != BOARD_PINS_UNKNOWN; /* else its pins may drive the gates of a bridge or a speed controller */
     const uint32_t tx = uart ? SIGNAL : FREE, rx = uart ? INPUT : FREE;
     const uint32_t gate = actuators ? SIGNAL : FREE, pulse = actuators ? PULSE : FREE;
-    /* MAPR whole: reading it gives garbage in SWJ_CFG. I2C1 stays away from PB6 and PB7 even while it is not
-     * used: a remapped USART1 does not come out of them otherwise. */
+    /* MAPR is written as a whole, because SWJ_CFG reads back undefined. I2C1 is remapped away from PB6 and
+     * PB7 even when unused: otherwise a remapped USART1 does not reach these pins. */
     AFIO_MAPR = AFIO_MAPR_SWJ_CFG_SWD | AFIO_MAPR_I2C1_REMAP |
                 (bridge ? AFIO_MAPR_USART1_REMAP | AFIO_MAPR_TIM2_REMAP_FULL : 0u);
-    /* Levels and pulls first. PA4: the chip is not selected. PA10, PB7, PA11: an open line is idle. PB4, PB5:
-     * the strap. The Hall sensors have open collectors, and a break input whose wire is off breaks. */
+    /* Levels and pulls first. PA4: the SPI chip is deselected. PA10, PB7, PA11: an open line reads idle. PB4,
+     * PB5: the strap. The Hall sensors have open collectors. The break input is pulled down: an open wire
+     * trips it. */
     GPIOA_BSRR = UP(4) | UP(6) | UP(10) | UP(11) | UP(15);
     GPIOB_BSRR = UP(3) | UP(4) | UP(5) | UP(7) | UP(10) | DOWN(12);
     GPIOC_BSRR = UP(ARM_SWITCH);

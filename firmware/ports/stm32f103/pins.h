@@ -5,10 +5,11 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/* Switch on the clocks of the GPIO ports. */
 void pins_clocks(void);
 
-/* pins: a set, BOARD_PINS_*. actuators: whether the pins of the speed controllers, or of the bridge, are
- * driven. */
+/* Set up all pins. pins: the pin set, BOARD_PINS_*. actuators: drive the pins of the speed controllers or of
+ * the bridge; false: they float. */
 void pins_init(uint32_t pins, bool actuators);
 
 /* control: the CRL or CRH that holds the pin's four mode bits; mode: PIN_*. */

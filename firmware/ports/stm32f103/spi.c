@@ -19,8 +19,8 @@ void spi_init(void) {
 
 void spi_exchange(uint8_t *bytes, uint32_t count) {
     memory_fence(); /* the bytes are in memory before the DMA reads them */
-    /* What an aborted exchange left behind would come first, and every byte one place late. DR, then SR:
-     * clears an overrun, too. */
+    /* Drop a byte left by an aborted exchange, which would shift all bytes by one. Reading DR, then SR clears
+     * an overrun, too. */
     (void)SPI1_DR;
     (void)SPI1_SR;
     GPIOA_BSRR = 1u << (SELECT + 16u);
@@ -37,5 +37,5 @@ void spi_end(void) {
     DMA1_CCR2 = 0u;
     DMA1_CCR3 = 0u;
     DMA1_IFCR = DMA1_IFCR_CGIF2 | DMA1_IFCR_CGIF3;
-    memory_fence(); /* whoever reads them now reads what the DMA has written */
+    memory_fence(); /* the bytes are read after the DMA has written them */
 }

@@ -1,4 +1,4 @@
-/* SPI1 as master: one access at a time, by DMA, bounded in time by the caller. */
+/* SPI1 as master: one access at a time, by DMA; the caller limits its time. */
 #ifndef PLUMB_STM32F103_SPI_H
 #define PLUMB_STM32F103_SPI_H
 
@@ -6,10 +6,10 @@
 
 void spi_init(void);
 
-/* Exchange bytes in place; its end raises the interrupt of DMA1 channel 2. */
+/* Start to exchange bytes in place; the end raises the interrupt of DMA1 channel 2. */
 void spi_exchange(uint8_t *bytes, uint32_t count);
 
-/* After the end of an exchange, or to give one up. */
+/* Deselect the chip and stop the DMA: after the end of an exchange, or to abort it. */
 void spi_end(void);
 
 #endif

@@ -21,9 +21,9 @@ void reset_handler(void);
 
 /* ---- interrupts that concern more than one peripheral ---- */
 
-/* Every millisecond. SysTick alone interrupts the other handlers: it counts, watches the loop and the stack,
- * and writes nothing that another handler writes, the outputs' neutral excepted. What else is to be done
- * every millisecond runs in PendSV, at the priority of the other handlers. */
+/* Every millisecond. Only SysTick interrupts the other handlers: it counts the time, monitors loop and stack,
+ * and writes nothing that another handler writes, except neutral outputs. All other periodic work runs in
+ * PendSV, at the priority of the other handlers. */
 static void systick_handler(void) {
     systick_count();
     if (stall_tick()) {
@@ -37,13 +37,13 @@ static void pendsv_handler(void) {
     imu_poll_ms();
 }
 
-/* A scan is stored. Its trigger's interrupt may wait behind this one and comes first. */
+/* A scan is stored. The interrupt of its trigger may still be pending: it is handled first. */
 static void adc_dma_handler(void) {
     sampling_timer_handler();
     adc_on_scan();
 }
 
-/* The last byte is in. */
+/* The last byte was received. */
 static void spi_dma_handler(void) {
     spi_end();
     imu_transferred(TRANSFER_DONE);

@@ -14,7 +14,7 @@
 #define PB4_GROUNDED 1u
 #define PB5_GROUNDED 2u
 
-/* At least polls * 64 cycles. */
+/* Waits at least polls * 64 cycles: the masked value is never 1. */
 static void wait(uint32_t polls) {
     (void)clock_wait(&GPIOB_IDR, 0u, 1u, polls);
 }

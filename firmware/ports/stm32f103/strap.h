@@ -4,7 +4,8 @@
 
 #include <stdint.h>
 
-/* BOARD_PINS_*; after clock_init() and pins_clocks(), before pins_init(). Takes 0.7 ms. */
+/* The pin set that the strap chooses, BOARD_PINS_*. Call after clock_init() and pins_clocks(), before
+ * pins_init(). Takes 0.7 ms. */
 uint32_t strap_read(void);
 
 #endif

@@ -1,7 +1,8 @@
-/* Time from SysTick: it interrupts every millisecond and counts on while the processor sleeps.
+/* Time from SysTick, which interrupts every millisecond and keeps counting while the processor sleeps.
  *
- * The cycle counter (DWT_CYCCNT) stands still in WFI sleep unless a debugger keeps the clock running, so it
- * cannot tell the time of a loop that sleeps. */
+ * The cycle counter (DWT_CYCCNT) cannot serve: it stops in WFI sleep unless a debugger keeps the clock
+ * running.
+ */
 #include "systick.h"
 #include "app/board.h"
 #include "clock.h"
@@ -10,7 +11,7 @@
 #include "nvic.h"
 #include "stm32f103.h"
 
-#define BACK_MAX_US 2000u /* behind the last look, by less than a tick: see board_now_us() */
+#define BACK_MAX_US 2000u /* a larger step back is damage: see board_now_us() */
 
 static volatile uint32_t ticks_ms;
 static uint32_t last_us;
@@ -34,15 +35,16 @@ uint32_t systick_ms(void) {
 uint32_t board_now_us(void) {
     uint32_t ms = ticks_ms;
     uint32_t left = SYST_CVR;
-    if (ticks_ms != ms) { /* the tick came in between: cannot happen twice within a millisecond */
+    if (ticks_ms != ms) { /* a tick came between the two reads; a second one cannot follow so soon */
         ms = ticks_ms;
         left = SYST_CVR;
     }
     const uint32_t rate_mhz = clock_mhz();
     const uint32_t now_us = ms * 1000u + (rate_mhz * 1000u - 1u - left) / rate_mhz;
-    /* The counter reloads a few cycles before its interrupt is taken; what was read then lies 1 ms in the
-     * past. What lies further back is a flipped bit, in a word that the check over memory leaves out because
-     * an interrupt writes it: a clock that waited for it would keep every silence limit from ending. */
+    /* The counter reloads a few cycles before its interrupt is taken: a time read in between is 1 ms too
+     * early, and the last time is returned instead. A larger step back is a flipped bit in ticks_ms, which
+     * has no check word because an interrupt writes it. The clock then goes on from there: if it waited until
+     * ticks_ms caught up, no time-out would ever end. */
     if ((int32_t)(now_us - last_us) > 0) {
         last_us = now_us;
     } else if (last_us - now_us > BACK_MAX_US) {

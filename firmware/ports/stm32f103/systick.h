@@ -1,4 +1,4 @@
-/* Time of the board: milliseconds from SysTick; microseconds by board_now_us(). */
+/* Time of the board: milliseconds from SysTick. systick.c implements board_now_us(), too. */
 #ifndef PLUMB_STM32F103_SYSTICK_H
 #define PLUMB_STM32F103_SYSTICK_H
 
@@ -7,10 +7,10 @@
 /* After clock_init(). */
 void systick_init(void);
 
-/* From the interrupt of the millisecond. */
+/* Call from the SysTick interrupt, every millisecond. */
 void systick_count(void);
 
-/* Since the start, modulo 2^32. */
+/* Milliseconds since the start, modulo 2^32. */
 uint32_t systick_ms(void);
 
 #endif

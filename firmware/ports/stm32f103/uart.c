@@ -1,9 +1,9 @@
 /* USART1 at 921600 baud, 8N1, both ways by DMA (RM0008 27.3.13, 13.3, 13.4).
  *
- * Receive: DMA1 channel 5 writes round a ring for ever; the reader asks the channel how far it came. An idle
- * line interrupts, so a burst of bytes costs one interrupt. Transmit: DMA1 channel 4 sends one contiguous
- * piece of a ring at a time and interrupts at its end. An error is counted and otherwise left to the
- * framing's CRC. */
+ * Receive: DMA1 channel 5 writes into a ring without end; the reader takes the write position from the
+ * channel's counter. An idle line interrupts, so that a burst of bytes costs one interrupt. Transmit: DMA1
+ * channel 4 sends one contiguous block of a ring at a time and interrupts at its end. Errors are counted; the
+ * CRC of the frames rejects damaged data. */
 #include "uart.h"
 #include "app/board_links.h"
 #include "clock.h"
@@ -14,7 +14,7 @@
 
 #define BAUD        921600u
 #define RX_BYTES    1024u /* 11 ms at full rate; a power of two */
-#define TX_BYTES    256u  /* 2.8 ms; the queue proper is the session's */
+#define TX_BYTES    256u  /* 2.8 ms; the main queue is the session's outbox */
 #define ERRORS_MAX  255u
 #define DIVIDER_MIN 16u /* the receiver takes 16 samples a bit; reached only when no PLL locks */
 
@@ -23,7 +23,7 @@ static volatile uint32_t rx_taken; /* index of the next byte to read */
 static uint8_t tx_ring[TX_BYTES];
 /* Free-running counts, used modulo TX_BYTES: written by the loop, sent by the interrupt. */
 static volatile uint32_t tx_written, tx_sent;
-static volatile uint32_t tx_flying; /* bytes of the piece that the DMA is sending, 0 when it rests */
+static volatile uint32_t tx_flying; /* bytes of the block that the DMA is sending, 0: none */
 static volatile bool tx_refused;    /* the loop waits for room */
 static volatile uint32_t errors;
 
@@ -57,9 +57,8 @@ static void count_error(void) {
 }
 
 void uart_handler(void) {
-    /* Reading SR and then DR clears IDLE and every error (RM0008 27.6.1). The line has been silent for a
-     * character, or the damaged byte is in DR still or again: nothing that the DMA would miss is taken away.
-     */
+    /* Reading SR and then DR clears IDLE and every error (RM0008 27.6.1). It takes no byte from the DMA: the
+     * line has been idle for a character, or DR holds the damaged byte. */
     const uint32_t status = USART1_SR;
     (void)USART1_DR;
     if ((status & (USART1_SR_FE | USART1_SR_NE | USART1_SR_ORE)) != 0u) {
@@ -71,8 +70,7 @@ void uart_handler(void) {
 void uart_rx_dma_handler(void) {
     const uint32_t status = DMA1_ISR;
     DMA1_IFCR = DMA1_IFCR_CGIF5;
-    /* The DMA begins a half of the ring in which unread bytes are left: more than half a ring behind, they
-     * are lost. */
+    /* The DMA begins to fill a half of the ring that still holds unread bytes: those are lost. */
     const uint32_t half = RX_BYTES / 2u;
     const uint32_t taken = rx_taken;
     if (((status & DMA1_ISR_HTIF5) != 0u && taken > half) ||
@@ -84,7 +82,7 @@ void uart_rx_dma_handler(void) {
 
 size_t board_uart_read(uint8_t *bytes, size_t room) {
     const uint32_t end = (RX_BYTES - DMA1_CNDTR5) % RX_BYTES;
-    memory_fence(); /* the bytes are read behind the count that says they are there */
+    memory_fence(); /* the bytes are read after the counter */
     uint32_t from = rx_taken;
     const size_t waiting = (end - from) % RX_BYTES;
     const size_t count = waiting < room ? waiting : room;
@@ -96,12 +94,13 @@ size_t board_uart_read(uint8_t *bytes, size_t room) {
     memory_fence();
     rx_taken = from;
     if (count > 0u && from != end) {
-        idle_end(); /* the rest, in the next turn */
+        idle_end(); /* the loop fetches the rest in its next turn */
     }
     return count;
 }
 
-/* Only while nothing flies: the channel's count and address may be written when it is off (RM0008 13.3.3). */
+/* Starts the next block. Call only while none is being sent: the channel's count and address may be written
+ * only while it is off (RM0008 13.3.3). */
 static void send_next(void) {
     const uint32_t from = tx_sent % TX_BYTES;
     const uint32_t waiting = tx_written - tx_sent;
@@ -117,7 +116,7 @@ static void send_next(void) {
 
 void uart_tx_dma_handler(void) {
     if ((DMA1_ISR & DMA1_ISR_TEIF4) != 0u) {
-        count_error(); /* the piece is given up, the next one goes out */
+        count_error(); /* the block is lost, the next one is sent */
     }
     DMA1_IFCR = DMA1_IFCR_CGIF4;
     DMA1_CCR4 = 0u;
@@ -130,7 +129,7 @@ void uart_tx_dma_handler(void) {
 }
 
 size_t board_uart_room(void) {
-    tx_refused = true; /* before looking: the piece may end in between */
+    tx_refused = true; /* set before the check, because a block may end in between */
     const size_t room = TX_BYTES - (tx_written - tx_sent);
     tx_refused = room == 0u;
     return room;
@@ -145,8 +144,8 @@ size_t board_uart_write(const uint8_t *bytes, size_t count) {
     memcpy(tx_ring, bytes + first, accepted - first);
     memory_fence();
     tx_written += (uint32_t)accepted;
-    /* With a piece flying, its interrupt takes the new bytes along; with none, no interrupt can come in
-     * between. */
+    /* While a block is being sent, its interrupt sends the new bytes next; while none is, no interrupt can
+     * come in between. */
     if (tx_flying == 0u) {
         send_next();
     }

@@ -1,4 +1,4 @@
-/* USART1: board_uart_...() of app/board_links.h. */
+/* USART1: uart.c implements the board_uart_...() functions of app/board_links.h. */
 #ifndef PLUMB_STM32F103_UART_H
 #define PLUMB_STM32F103_UART_H
 

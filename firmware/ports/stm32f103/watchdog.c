@@ -1,12 +1,13 @@
 /* The two watchdogs, WWDG and IWDG. Only a turn of the main loop feeds them.
  *
- * WWDG (RM0008 20) counts PCLK1 / 4096 / 2^WDGTB, from its 7 bits down to 0x40, as exact as the crystal. It
- * resets a loop that hangs after at most 40 ms, even with masked interrupts. The pins float from that moment;
- * the limit for safe outputs is 50 ms. A page erase, in which the processor stands still for up to 40 ms,
- * gets the longest count, 58 ms at 36 MHz. The window stays open, because an early turn is no fault.
+ * WWDG (RM0008 20) counts down at PCLK1 / 4096 / 2^WDGTB and resets below 0x40; it is as exact as the
+ * crystal. When the loop hangs, even with masked interrupts, the board resets after at most 40 ms, and its
+ * pins float from then on; the limit for safe outputs is 50 ms. A page erase, during which the processor
+ * stalls for up to 40 ms, gets the longest count, 58 ms at 36 MHz. The window stays open, because an early
+ * turn is no fault.
  *
- * IWDG (RM0008 19) is the last resort, with an oscillator of its own: 625 counts of LSI / 16, 250 ms at its
- * nominal 40 kHz, 167 to 333 ms over its range of 60 to 30 kHz. */
+ * IWDG (RM0008 19) is the last resort and has its own oscillator: 625 counts of LSI / 16, which is 250 ms at
+ * the nominal 40 kHz, 167 to 333 ms over the range of 60 to 30 kHz. */
 #include "watchdog.h"
 #include "app/board.h"
 #include "app/board_guard.h"
@@ -17,11 +18,11 @@
 #define IWDG_RELOAD  625u
 #define UPDATE_POLLS 1000u /* five LSI cycles, 170 us, for each of the two registers */
 #define WWDG_DIVIDER 4096u
-#define WWDG_RESET   0x3fu /* the count that resets */
-#define WWDG_STEPS   64u   /* from the highest count to WWDG_RESET; the first may be short */
+#define WWDG_RESET   0x3fu /* the count at which it resets */
+#define WWDG_STEPS   64u   /* from the highest count to WWDG_RESET; the first step may be short */
 #define WDGTB_SHIFT  7u    /* in WWDG_CFR */
 #define HANG_US      40000u
-#define ERASE_US     50000u /* the longest count must take longer */
+#define ERASE_US     50000u /* the longest count must last longer than this */
 
 static uint32_t fed_ms;
 BOARD_GUARDED static uint32_t loop_count;
@@ -56,7 +57,7 @@ void watchdog_feed_longest(void) {
 
 void board_feed_watchdog(void) {
     const uint32_t now_ms = systick_ms();
-    if (now_ms != fed_ms) { /* at most once a millisecond; never when the tick has stopped, which is a hang */
+    if (now_ms != fed_ms) { /* at most once a millisecond; a stopped SysTick is not fed */
         fed_ms = now_ms;
         watchdog_feed();
     }
