@@ -21,8 +21,7 @@
 #define ARMING_TURN_US 1000U  /* part of ARMING_SAFE_US for one turn of the loop */
 
 #define ARMING_SWITCH_US     20000U  /* contacts bounce for some ms */
-#define ARMING_SWITCH_TRY_US 100000U /* how long after closing the switch a blocking reason may still clear  \
-                                      */
+#define ARMING_SWITCH_TRY_US 100000U /* after closing the switch: limit for blocking reasons to clear */
 /* The same while ARMING_BLOCK_NOT_READY is the only reason: a run that has just begun is not ready. */
 #define ARMING_SWITCH_READY_US 5000000U
 
