@@ -33,7 +33,7 @@ def test_an_idle_link_says_as_much_as_is_reckoned() -> None:
     board = NativeBoard()
     with Session(PlumbBus(board)) as session:
         session.connect()
-        heard = []
+        heard: list[int] = []
         session.receive(0.2)
         session.listener = lambda frames: heard.extend(identifier for identifier, _ in frames)
         begin_us = board.time_us

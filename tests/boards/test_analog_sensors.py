@@ -3,6 +3,8 @@ that fail, and interrupts that come late."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -50,7 +52,7 @@ def six_bench() -> Bench:
     machine.advance_us(BOOT_US)
     bench = Bench(machine, Session.open(machine.uart))
     words = quantise(turntable.TUNINGS[turntable.DEFAULT_TUNING]).words()
-    bench.begin = lambda **link: bench.begin_with(words, **link)
+    bench.begin = lambda **link: bench.begin_with(words, **link)  # type: ignore[method-assign]
     return bench
 
 
@@ -166,7 +168,7 @@ def test_inputs_that_a_system_does_not_have_read_0(six: Bench) -> None:
 
 def last(capture: Capture) -> list[int]:
     """Raw counts of a step a moment ago, all of them."""
-    return capture.raw_counts(capture.steps)[capture.steps - 4].tolist()
+    return [int(count) for count in capture.raw_counts(capture.steps)[capture.steps - 4]]
 
 
 @pytest.mark.slow
@@ -219,13 +221,13 @@ def test_a_converter_that_falls_silent(analog: Bench) -> None:
 
 @pytest.mark.slow
 def test_counts_of_a_converter_that_could_not_be_calibrated_are_no_samples(analog: Bench) -> None:
-    calibrate, analog.machine.adc1._calibrate = analog.machine.adc1._calibrate, lambda *_: None
+    calibrate, analog.machine.adc1._calibrate = analog.machine.adc1._calibrate, lambda *_: None  # type: ignore[method-assign]
     capture = analog.begin()
     scans = analog.machine.adc1.scans
     assert analog.run(capture, 0.2) == 0
     assert analog.machine.adc1.scans > scans
     assert analog.faults() & NO_CONVERSIONS
-    analog.machine.adc1._calibrate = calibrate
+    analog.machine.adc1._calibrate = calibrate  # type: ignore[method-assign]
     analog.recovers(capture)
 
 
@@ -234,8 +236,12 @@ def test_oversampling_is_the_rounded_mean_of_scans_in_a_row(analog: Bench, log2:
     seen: dict[str, list[tuple[float, float]]] = {"PA0": [], "PA1": [], "PA2": []}
     for pin, rows in seen.items():
 
-        def source(t_s: float, rows: list[tuple[float, float]] = rows, honest=analog.machine.adc[pin]) -> float:
-            volts = honest(t_s)
+        def source(
+            t_s: float,
+            rows: list[tuple[float, float]] = rows,
+            honest: float | Callable[[float], float] = analog.machine.adc[pin],
+        ) -> float:
+            volts = honest(t_s) if callable(honest) else honest
             rows.append((t_s, volts))
             return volts
 

@@ -221,7 +221,7 @@ def test_bus_off_and_back_after_a_pause_that_doubles(board: Board) -> None:
     board.hello()
     board.heard(5000)
     can = board.machine.can
-    pauses = []
+    pauses: list[float] = []
     for _ in range(9):
         board.wire.fail_sending.extend([BIT_RECESSIVE] * 32)
         assert board.machine.run_until(lambda: can.bus_off, 700_000)

@@ -33,7 +33,7 @@ def digital_bench(bus: str) -> DigitalBench:
     boot_digital(machine)
     bench = DigitalBench(machine, Session.open(machine.uart), gyro=gyro, accel=accel, control=DIGITAL_CONTROL)
     begin = bench.begin
-    bench.begin = lambda **words: begin(accel_bus=int(bus == "spi"), **words)
+    bench.begin = lambda **words: begin(accel_bus=int(bus == "spi"), **words)  # type: ignore[method-assign]
     return bench
 
 
@@ -124,7 +124,7 @@ def test_a_period_that_begins_while_the_chips_are_read_is_missed_and_counted(dig
         turns += reading
         return honest(reading, now) and not (reading and turns % 3)
 
-    digital.accel.begin = begin  # type: ignore[assignment]
+    digital.accel.begin = begin  # type: ignore[method-assign, assignment]
     digital.run(capture, 0.1)
     assert digital.faults() & STEPS_MISSED
     with pytest.raises(LinkError, match="fault"):
@@ -174,12 +174,12 @@ def test_another_chip_at_its_place(digital: DigitalBench, name: str) -> None:
 @pytest.mark.slow
 def test_an_accelerometer_that_does_not_hear(digital: DigitalBench) -> None:
     """It reads well, but its settings are those of power-up: counts of another range would be worse than none."""
-    honest, digital.accel.written = digital.accel.written, lambda _register, _value: None  # type: ignore[assignment]
+    honest, digital.accel.written = digital.accel.written, lambda _register, _value: None  # type: ignore[method-assign, assignment]
     digital.accel.brown_out()
     capture = digital.begin(gyro_filter=1)
     assert digital.run(capture, 0.2) == 0
     assert digital.told() == ["accelerometer: another chip answers, or it did not take its settings"]
-    digital.accel.written = honest
+    digital.accel.written = honest  # type: ignore[method-assign]
     digital.recovers(capture)
 
 

@@ -111,7 +111,7 @@ def test_disarmed_nothing_but_neutral_is_ever_written(bench: Bench) -> None:
         written.add(value)
         honest(index, value)
 
-    bench.machine.tim4._write_ccr = spy
+    bench.machine.tim4._write_ccr = spy  # type: ignore[method-assign]
     bench.run(bench.begin(1000), 0.05)
     assert written == {2 * NEUTRAL_US}
 
@@ -142,13 +142,13 @@ def test_a_missed_period_blocks_arming_until_the_next_run(bench: Bench) -> None:
 
 def test_counts_of_an_uncalibrated_converter_are_not_used(bench: Bench) -> None:
     honest = bench.machine.adc1._calibrate
-    bench.machine.adc1._calibrate = lambda *_: None
+    bench.machine.adc1._calibrate = lambda *_: None  # type: ignore[method-assign]
     capture = bench.begin(1000)
     bench.run(capture, 0.05)
     assert capture.steps == 0
     with pytest.raises(LinkError, match="the board has a fault"):
         bench.session.arm()
-    bench.machine.adc1._calibrate = honest
+    bench.machine.adc1._calibrate = honest  # type: ignore[method-assign]
     capture = bench.begin(1000)
     bench.run(capture, 0.05)
     assert capture.steps > 0
@@ -177,7 +177,7 @@ def test_a_crash_in_flight_sends_neutral_pulses(bench: Bench) -> None:
     bench.run(capture, 0.1)
     assert bench.pulses_us() != (NEUTRAL_US, NEUTRAL_US)
     honest = machine.request_reset
-    machine.request_reset = lambda cause: honest(cause) if cause != "software" else None
+    machine.request_reset = lambda cause: honest(cause) if cause != "software" else None  # type: ignore[method-assign]
     machine.rcc.kill_crystal()
     # The clock has dropped from 72 to 8 MHz: the timer counts nine times slower until the reset.
     assert machine.run_until(lambda: bench.pulses_us() == (9 * NEUTRAL_US, 9 * NEUTRAL_US), 30_000)

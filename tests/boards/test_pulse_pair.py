@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
 pytest.importorskip("unicorn")
@@ -48,13 +50,13 @@ class Watched:
         self._tears = True
         self.begun.clear()
 
-    def _first(self, write, value: int) -> None:
+    def _first(self, write: Callable[[int], None], value: int) -> None:
         write(value)
         if self._tears:
             timer = self.machine.tim4
             timer.zero_at = self.machine.now + 1 - timer.period_ticks
 
-    def _second(self, write, value: int) -> None:
+    def _second(self, write: Callable[[int], None], value: int) -> None:
         write(value)
         self.written.add((self.machine.tim4.ccr1, self.machine.tim4.ccr2))
 

@@ -46,7 +46,7 @@ def test_golden_vectors_pass_and_ctrl_c_ends_it(capsys: pytest.CaptureFixture[st
 def test_it_comes_up_as_a_system_with_its_plant_on_the_sensors(name: str) -> None:
     with served("--system", name) as (address, _), Session.open(address) as session:
         assert "saved in flash" in session.connect().parameter_source
-        counts = set()
+        counts: set[bytes] = set()
         raw = session.protocol["RAW_A"].identifier
         session.listener = lambda frames: counts.update(data for identifier, data in frames if identifier == raw)
         session.begin("REALTIME_LIVE", frames=("RAW_A",))

@@ -287,7 +287,7 @@ def test_a_link_that_loses_one_frame_fails_it_though_every_digest_is_right(
     board: NativeBoard, session: Session
 ) -> None:
     sample = f"t{session.protocol['SAMPLE_A'].identifier:03X}".encode()
-    spoilt = []
+    spoilt: list[int] = []
 
     def spoil_one(data: bytes) -> bytes:
         at = data.find(sample)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Iterable
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
@@ -24,7 +25,7 @@ START_US = 5000
 class Driver(Board):
     """The program bridge.c: rotor in state 5, bridge fed, driver happy; every edge is traced from power-up on."""
 
-    def __init__(self, elf, dead_time_ns: int = 1000, **options: object) -> None:
+    def __init__(self, elf: Path, dead_time_ns: int = 1000, **options: object) -> None:
         super().__init__(elf, **options)
         machine = self.machine
         machine.tim1.trace = []
@@ -63,7 +64,7 @@ class Driver(Board):
 
 
 @pytest.fixture
-def driver(build: Callable[[str], object]) -> Callable[..., Driver]:
+def driver(build: Callable[[str], Path]) -> Callable[..., Driver]:
     return lambda **options: Driver(build("bridge"), **options)
 
 

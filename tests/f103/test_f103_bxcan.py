@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import random
+from typing import Any
 
 import pytest
+
+from plumb.f103 import Machine
+from plumb.f103.attached.canwire import WireFrame
+from support.f103_program import NewBoard
 
 CAN = 0x40006400
 MCR, MSR, TSR, RF0R, RF1R, IER, ESR, BTR = range(CAN, CAN + 0x20, 4)
@@ -16,17 +21,17 @@ BIT_8MHZ_500K = 0 << 0 | 4 << 20 | 9 << 16
 
 
 class Controller:
-    def __init__(self, machine):
+    def __init__(self, machine: Machine) -> None:
         self.machine, self.wire = machine, machine.can.wire
         machine.rcc.write_apb1enr(1 << 25)
 
-    def read(self, address):
+    def read(self, address: int) -> int:
         return self.machine.bus.read(address, 4)
 
-    def write(self, address, value):
+    def write(self, address: int, value: int) -> None:
         self.machine.bus.write(address, 4, value)
 
-    def start(self, mcr=0):
+    def start(self, mcr: int = 0) -> None:
         """On the bus at 500 kbit/s, everything into FIFO 0."""
         self.write(MCR, INRQ | mcr)
         self.write(BTR, BIT_8MHZ_500K)
@@ -37,7 +42,7 @@ class Controller:
         self.machine.advance_us(100)
         assert self.machine.can.listening
 
-    def fill(self, box, identifier, data=b"\0" * 8):
+    def fill(self, box: int, identifier: int, data: bytes = b"\0" * 8) -> None:
         base = CAN + 0x180 + 16 * box
         self.write(base + 4, len(data))
         words = data.ljust(8, b"\0")
@@ -45,11 +50,11 @@ class Controller:
         self.write(base + 12, int.from_bytes(words[4:], "little"))
         self.write(base, identifier << 21 | 1)
 
-    def heard(self, us=1000):
+    def heard(self, us: int = 1000) -> list[int]:
         self.machine.advance_us(us)
         return [frame.identifier for frame in self.wire.pop_frames()]
 
-    def received(self, number=0):
+    def received(self, number: int = 0) -> tuple[int, int, bytes]:
         """The first frame of a FIFO, released: identifier, filter match index, data."""
         base = CAN + 0x1B0 + 16 * number
         identifier, length = self.read(base) >> 21, self.read(base + 4)
@@ -59,19 +64,17 @@ class Controller:
 
 
 @pytest.fixture
-def can(board):
+def can(board: NewBoard) -> Controller:
     machine = board("polled").machine
     machine.advance_us(10)
     return Controller(machine)
 
 
-def frame(identifier, data=b"\0" * 8, **kind):
-    from plumb.f103.attached.canwire import WireFrame
-
+def frame(identifier: int, data: bytes = b"\0" * 8, **kind: Any) -> WireFrame:
     return WireFrame(identifier, data, **kind)
 
 
-def test_it_sleeps_after_reset_and_joins_after_eleven_recessive_bits(can):
+def test_it_sleeps_after_reset_and_joins_after_eleven_recessive_bits(can: Controller) -> None:
     assert can.read(MCR) == 0x00010002 and can.read(MSR) & 3 == 2
     can.write(MCR, INRQ)
     assert can.read(MSR) & 3 == 1
@@ -84,7 +87,7 @@ def test_it_sleeps_after_reset_and_joins_after_eleven_recessive_bits(can):
     assert not can.read(MSR) & 1
 
 
-def test_what_silicon_ignores_is_ignored_and_said(can):
+def test_what_silicon_ignores_is_ignored_and_said(can: Controller) -> None:
     can.start()
     can.write(BTR, 0)
     can.write(FM1R, 1)
@@ -101,7 +104,7 @@ def test_what_silicon_ignores_is_ignored_and_said(can):
     assert can.heard() == [0x100]
 
 
-def bits_by_the_book(identifier, data):
+def bits_by_the_book(identifier: int, data: bytes) -> int:
     """ISO 11898-1, bit after bit."""
     bits = [0, *(identifier >> i & 1 for i in range(10, -1, -1)), 0, 0, 0, *(len(data) >> i & 1 for i in (3, 2, 1, 0))]
     bits += [byte >> i & 1 for byte in data for i in range(7, -1, -1)]
@@ -109,7 +112,7 @@ def bits_by_the_book(identifier, data):
     for bit in bits:
         crc = (crc << 1 ^ (0x4599 if bit ^ crc >> 14 & 1 else 0)) & 0x7FFF
     bits += [crc >> i & 1 for i in range(14, -1, -1)]
-    sent = []
+    sent: list[int] = []
     for bit in bits:
         if len(sent) >= 5 and len(set(sent[-5:])) == 1:
             sent.append(1 - sent[-1])
@@ -119,7 +122,7 @@ def bits_by_the_book(identifier, data):
     return len(sent) + 1 + 2 + 7 + 3
 
 
-def test_a_frame_takes_its_exact_bits():
+def test_a_frame_takes_its_exact_bits() -> None:
     from plumb.f103.attached.canwire import frame_bits
 
     chance = random.Random(1)
@@ -133,7 +136,7 @@ def test_a_frame_takes_its_exact_bits():
     assert min(lengths) >= 111 and max(lengths) <= 135
 
 
-def test_time_on_the_wire(can):
+def test_time_on_the_wire(can: Controller) -> None:
     from plumb.f103.attached.canwire import frame_bits
 
     can.start()
@@ -144,7 +147,7 @@ def test_time_on_the_wire(can):
 
 
 @pytest.mark.parametrize(("mode", "order"), [(0, [0x100, 0x200, 0x300]), (TXFP, [0x300, 0x100, 0x200])])
-def test_order_of_the_mailboxes(can, mode, order):
+def test_order_of_the_mailboxes(can: Controller, mode: int, order: list[int]) -> None:
     can.start(mode)
     can.wire.babble(frame(0))
     can.machine.advance_us(50)
@@ -159,7 +162,7 @@ def test_order_of_the_mailboxes(can, mode, order):
     assert can.read(TSR) & 0x0F0F0F == 0
 
 
-def test_the_lower_identifier_wins_the_bus(can):
+def test_the_lower_identifier_wins_the_bus(can: Controller) -> None:
     can.start()
     can.wire.babble(frame(0x200))
     can.fill(0, 0x201)
@@ -168,7 +171,7 @@ def test_the_lower_identifier_wins_the_bus(can):
     assert can.heard(3000) == [0x1FF]
 
 
-def test_an_abort_empties_a_mailbox_that_waits(can):
+def test_an_abort_empties_a_mailbox_that_waits(can: Controller) -> None:
     can.start()
     can.wire.babble(frame(0))
     can.machine.advance_us(50)
@@ -179,7 +182,7 @@ def test_an_abort_empties_a_mailbox_that_waits(can):
     assert can.heard() == []
 
 
-def test_one_shot(can):
+def test_one_shot(can: Controller) -> None:
     can.start(NART)
     can.wire.fail_sending.append(4)
     can.fill(0, 0x300)
@@ -190,7 +193,7 @@ def test_one_shot(can):
 
 @pytest.mark.parametrize("wide", [False, True])
 @pytest.mark.parametrize("listed", [False, True])
-def test_filters(can, wide, listed):
+def test_filters(can: Controller, wide: bool, listed: bool) -> None:
     can.start()
     can.write(FMR, 1)
     can.write(FA1R, 0)
@@ -217,7 +220,7 @@ def test_filters(can, wide, listed):
 
 
 @pytest.mark.parametrize(("mode", "last"), [(0, 5), (RFLM, 3)])
-def test_a_full_fifo(can, mode, last):
+def test_a_full_fifo(can: Controller, mode: int, last: int) -> None:
     can.start(mode)
     can.write(IER, 2 | 8)
     for number in range(1, 6):
@@ -233,7 +236,7 @@ def test_a_full_fifo(can, mode, last):
     assert can.received() == (0x7FF, 0, b"12345")
 
 
-def test_a_release_may_take_its_time(can):
+def test_a_release_may_take_its_time(can: Controller) -> None:
     can.start()
     can.machine.can.release_ticks = 40320  # 1 us
     for identifier in (0x101, 0x102):
@@ -247,10 +250,10 @@ def test_a_release_may_take_its_time(can):
     assert can.received()[0] == 0x102
 
 
-def test_error_states_and_bus_off(can):
+def test_error_states_and_bus_off(can: Controller) -> None:
     can.start()
     can.fill(0, 0x100)
-    states = []
+    states: list[tuple[int, int]] = []
     can.wire.fail_sending.extend([5] * 32)
     for _ in range(2000):
         can.machine.advance_us(10)
@@ -270,7 +273,7 @@ def test_error_states_and_bus_off(can):
     assert can.read(ESR) & ~(7 << 4) == 0
 
 
-def test_automatic_recovery_from_bus_off(can):
+def test_automatic_recovery_from_bus_off(can: Controller) -> None:
     can.start(ABOM)
     can.fill(0, 0x100)
     can.wire.fail_sending.extend([5] * 32)
@@ -278,7 +281,7 @@ def test_automatic_recovery_from_bus_off(can):
     assert can.read(ESR) & BOFF == 0
 
 
-def test_alone_on_the_bus_it_never_goes_off(can):
+def test_alone_on_the_bus_it_never_goes_off(can: Controller) -> None:
     can.start()
     can.wire.acknowledged = False
     can.fill(0, 0x100)
@@ -288,7 +291,7 @@ def test_alone_on_the_bus_it_never_goes_off(can):
     assert can.heard(1000) == [0x100]
 
 
-def test_receive_errors_count_up_and_down(can):
+def test_receive_errors_count_up_and_down(can: Controller) -> None:
     can.start()
     can.wire.fail_receiving.extend([1] * 5)
     for number in range(8):
@@ -299,7 +302,7 @@ def test_receive_errors_count_up_and_down(can):
     assert can.read(ESR) >> 24 == 0
 
 
-def test_a_dominant_bus_lets_nobody_join(can):
+def test_a_dominant_bus_lets_nobody_join(can: Controller) -> None:
     can.wire.short(True)
     can.write(MCR, INRQ)
     can.write(BTR, BIT_8MHZ_500K)
@@ -311,11 +314,14 @@ def test_a_dominant_bus_lets_nobody_join(can):
     assert not can.read(MSR) & 1
 
 
-def test_interrupts(can):
+def test_interrupts(can: Controller) -> None:
     from plumb.f103.peripherals.bxcan import RX0_IRQ, SCE_IRQ, TX_IRQ
 
     can.start()
-    level = lambda irq: bool(can.machine.nvic.level >> 16 + irq & 1)  # noqa: E731
+
+    def level(irq: int) -> bool:
+        return bool(can.machine.nvic.level >> 16 + irq & 1)
+
     can.write(IER, 1 | 2 | 1 << 10 | 1 << 15)
     can.fill(0, 0x100)
     assert not level(TX_IRQ)

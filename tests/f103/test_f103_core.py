@@ -7,22 +7,24 @@ import signal
 import struct
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from plumb.extras import install_hint
 from plumb.process_signals import Terminated, raise_at_once, raised
+from support.f103_program import Board, NewBoard
 
 FAULT_HARD, FAULT_BUS, FAULT_USAGE = 3, 5, 6
 RESET_POWER, RESET_SOFTWARE, RESET_WATCHDOG, RESET_PIN = 1 << 27, 1 << 28, 1 << 29, 1 << 26
 
 
-def letters(board):
+def letters(board: Board) -> str:
     return bytes(board.machine.cpu.ram[:40]).split(b"\0")[0].decode()
 
 
-def test_exceptions_preempt_chain_and_obey_the_masks(board):
+def test_exceptions_preempt_chain_and_obey_the_masks(board: NewBoard) -> None:
     b = board("nesting")
     b.machine.advance_us(2000)
     first = "a(h)bct1"
@@ -36,7 +38,7 @@ def test_exceptions_preempt_chain_and_obey_the_masks(board):
     assert (b.machine.now - cpu.instructions * cpu.instruction_ticks) == overhead * b.machine.rcc.hclk_ticks
 
 
-def test_systick_keeps_time_and_no_wakeup_is_lost(board):
+def test_systick_keeps_time_and_no_wakeup_is_lost(board: NewBoard) -> None:
     b = board("systick")
     b.machine.advance_us(10_000)
     ticks, cycles, zero_at = b.result(0), b.result(5), b.machine.systick.zero_at
@@ -50,7 +52,7 @@ def test_systick_keeps_time_and_no_wakeup_is_lost(board):
     assert b.result(5) - cycles < 0.02 * 72 * 100_000, "CYCCNT stands still during WFI"
 
 
-def test_a_dead_crystal_ends_in_the_fallback(board):
+def test_a_dead_crystal_ends_in_the_fallback(board: NewBoard) -> None:
     good, dead = board("clock"), board("clock", crystal=False)
     for b in (good, dead):
         b.machine.advance_us(50_000)
@@ -69,7 +71,7 @@ def test_a_dead_crystal_ends_in_the_fallback(board):
 @pytest.mark.parametrize(
     ("part", "flash_kib"), [("stm32f103c8", 64), ("stm32f103rct6", 256), ("stm32f103ret6", 512), ("stm32f103zet6", 512)]
 )
-def test_parts_tell_their_flash_size_and_an_id_that_follows_the_seed(board, part, flash_kib):
+def test_parts_tell_their_flash_size_and_a_seeded_id(board: NewBoard, part: str, flash_kib: int) -> None:
     ids = []
     for seed in (1, 1, 2):
         b = board("clock", part=part, seed=seed)
@@ -89,7 +91,9 @@ def test_parts_tell_their_flash_size_and_an_id_that_follows_the_seed(board, part
         (3, 0, FAULT_HARD, 0x10000, 1 << 30),
     ],
 )
-def test_faults_reach_their_handler_and_return(board, cause, enabled, handler, cfsr, forced):
+def test_faults_reach_their_handler_and_return(
+    board: NewBoard, cause: int, enabled: int, handler: int, cfsr: int, forced: int
+) -> None:
     b = board("fault")
     b.ask(0, cause)
     b.ask(7, enabled)
@@ -101,7 +105,7 @@ def test_faults_reach_their_handler_and_return(board, cause, enabled, handler, c
     assert (b.machine.scb.cfsr, b.machine.scb.hfsr) == (0, 0), "cleared by writing ones"
 
 
-def test_a_register_that_is_not_modelled_stops_with_its_address(board):
+def test_a_register_that_is_not_modelled_stops_with_its_address(board: NewBoard) -> None:
     from plumb.f103 import SimulationError
 
     b = board("fault")
@@ -110,7 +114,7 @@ def test_a_register_that_is_not_modelled_stops_with_its_address(board):
         b.machine.advance_us(1000)
 
 
-def test_a_peripheral_without_clock_reads_zero_and_is_reported(board):
+def test_a_peripheral_without_clock_reads_zero_and_is_reported(board: NewBoard) -> None:
     b = board("fault")
     b.ask(0, 5)
     b.machine.advance_us(1000)
@@ -122,7 +126,7 @@ def test_a_peripheral_without_clock_reads_zero_and_is_reported(board):
     ]
 
 
-def test_read_modify_write_of_the_remap_register_loses_the_debug_port(board):
+def test_read_modify_write_of_the_remap_register_loses_the_debug_port(board: NewBoard) -> None:
     b = board("fault")
     b.ask(0, 6)
     assert b.machine.afio.debug_port
@@ -131,7 +135,7 @@ def test_read_modify_write_of_the_remap_register_loses_the_debug_port(board):
     assert not b.machine.afio.debug_port
 
 
-def test_too_few_wait_states_stop_the_simulation(board):
+def test_too_few_wait_states_stop_the_simulation(board: NewBoard) -> None:
     from plumb.f103 import SimulationError
 
     b = board("fault")
@@ -140,7 +144,7 @@ def test_too_few_wait_states_stop_the_simulation(board):
         b.machine.advance_us(10_000)
 
 
-def test_a_handler_that_needs_the_stack_that_failed_locks_the_core_up(board):
+def test_a_handler_that_needs_the_stack_that_failed_locks_the_core_up(board: NewBoard) -> None:
     b = board("fault")
     b.ask(0, 8)
     b.machine.advance_us(1000)
@@ -153,7 +157,7 @@ def test_a_handler_that_needs_the_stack_that_failed_locks_the_core_up(board):
     assert b.result(1) == 1
 
 
-def test_the_watchdog_bites_when_it_is_not_fed_and_flags_tell_why(board):
+def test_the_watchdog_bites_when_it_is_not_fed_and_flags_tell_why(board: NewBoard) -> None:
     b = board("watchdog")
     machine = b.machine
     assert machine.run_until(lambda: machine.reset_count == 2, 1e6)
@@ -167,14 +171,14 @@ def test_the_watchdog_bites_when_it_is_not_fed_and_flags_tell_why(board):
     assert flags == [flag | RESET_PIN for flag in expected]
 
 
-def test_the_watchdog_runs_on_its_own_oscillator(board):
+def test_the_watchdog_runs_on_its_own_oscillator(board: NewBoard) -> None:
     b = board("watchdog")
     b.machine.iwdg.lsi_hz = 60_000
     assert b.machine.run_until(lambda: b.machine.reset_count == 2, 1e6)
     assert 128_000 < b.machine.now_us < 138_000
 
 
-def test_a_power_cut_loses_memory_and_power_comes_back(board):
+def test_a_power_cut_loses_memory_and_power_comes_back(board: NewBoard) -> None:
     b = board("watchdog")
     machine = b.machine
     machine.advance_us(30_000)
@@ -189,7 +193,7 @@ def test_a_power_cut_loses_memory_and_power_comes_back(board):
     assert b.result(1) == 1
 
 
-def test_a_crystal_that_dies_stops_a_core_without_the_security_system(board):
+def test_a_crystal_that_dies_stops_a_core_without_the_security_system(board: NewBoard) -> None:
     b = board("systick")
     machine = b.machine
     machine.advance_us(50_000)
@@ -199,7 +203,7 @@ def test_a_crystal_that_dies_stops_a_core_without_the_security_system(board):
     assert b.result(0) == ticks
 
 
-def test_the_security_system_falls_back_and_calls_once(board):
+def test_the_security_system_falls_back_and_calls_once(board: NewBoard) -> None:
     b = board("security")
     machine = b.machine
     machine.advance_us(5_000)
@@ -215,7 +219,7 @@ def test_the_security_system_falls_back_and_calls_once(board):
     assert machine.rcc.hclk_ticks * 8 == 40320
 
 
-def test_slicing_changes_nothing(board):
+def test_slicing_changes_nothing(board: NewBoard) -> None:
     whole, sliced = board("nesting"), board("nesting")
     whole.machine.advance_us(400)
     while sliced.machine.now < whole.machine.now:
@@ -224,7 +228,7 @@ def test_slicing_changes_nothing(board):
     assert whole.machine.cpu.instructions == sliced.machine.cpu.instructions
 
 
-def test_bin_hex_and_elf_give_the_same_bytes(build):
+def test_bin_hex_and_elf_give_the_same_bytes(build: Callable[[str], Path]) -> None:
     from plumb.flash.image import load_image
 
     elf = build("clock")
@@ -233,7 +237,7 @@ def test_bin_hex_and_elf_give_the_same_bytes(build):
     assert struct.unpack_from("<I", images.pop())[0] == 0x20005000
 
 
-def test_what_is_no_image_is_refused_in_a_sentence(tmp_path, build):
+def test_what_is_no_image_is_refused_in_a_sentence(tmp_path: Path, build: Callable[[str], Path]) -> None:
     from plumb.errors import UsageError
     from plumb.flash.image import find_image, load_image
 
@@ -255,7 +259,7 @@ def test_what_is_no_image_is_refused_in_a_sentence(tmp_path, build):
 
 
 @pytest.fixture
-def ctrl_c():
+def ctrl_c() -> Iterator[None]:
     """A terminal's Ctrl-C and a SIGTERM, also where the tests run in the background of a shell, which ignores it."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler), signal.signal(signal.SIGTERM, raise_at_once)
     yield
@@ -266,11 +270,14 @@ def ctrl_c():
 
 @pytest.mark.usefixtures("ctrl_c")
 @pytest.mark.parametrize(("number", "ending"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, Terminated)])
-def test_a_signal_inside_a_register_access_ends_the_run_and_not_the_access(board, monkeypatch, number, ending):
+def test_a_signal_inside_a_register_access_ends_the_run_and_not_the_access(
+    board: NewBoard, monkeypatch: pytest.MonkeyPatch, number: int, ending: type[BaseException]
+) -> None:
     b = board("systick")
-    read, whole = b.machine.bus.read, []
+    whole: list[int] = []
+    read = b.machine.bus.read
 
-    def interrupted(address, width):
+    def interrupted(address: int, width: int) -> int:
         if not whole:
             os.kill(os.getpid(), number)
         whole.append(read(address, width))
@@ -286,7 +293,7 @@ def test_a_signal_inside_a_register_access_ends_the_run_and_not_the_access(board
     assert len(whole) > 1
 
 
-def test_without_unicorn_the_extra_is_named():
+def test_without_unicorn_the_extra_is_named() -> None:
     program = (
         "import sys; sys.modules['unicorn'] = None; sys.path.insert(0, sys.argv[1])\n"
         "from plumb.errors import UsageError\n"

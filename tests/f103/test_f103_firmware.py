@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+from pathlib import Path
 
 import numpy as np
 import pytest
+
+from plumb.link.identity import Identity
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 from plumb.errors import UsageError
@@ -21,7 +24,7 @@ START_US = 200_000
 
 
 @pytest.fixture(scope="module")
-def image():
+def image() -> Path:
     try:
         return find_image()
     except UsageError as error:
@@ -31,20 +34,20 @@ def image():
 class Recorder:
     """The UART, with everything that passes through it."""
 
-    def __init__(self, machine):
+    def __init__(self, machine: Machine) -> None:
         self.uart, self.clock_s, self.seen = machine.uart, machine.uart.clock_s, hashlib.sha256()
 
-    def read(self, size):
+    def read(self, size: int) -> bytes:
         data = self.uart.read(size)
         self.seen.update(data)
         return data
 
-    def write(self, data):
+    def write(self, data: bytes) -> int:
         self.seen.update(data)
         return self.uart.write(data)
 
 
-def lockstep(machine, seed=5):
+def lockstep(machine: Machine, seed: int = 5) -> tuple[list[int], tuple[str, bytes, int], Identity]:
     """Digests of a run, and a fingerprint of every byte on the line, of RAM and of time."""
     machine.advance_us(START_US)
     channel = Recorder(machine)
@@ -54,22 +57,22 @@ def lockstep(machine, seed=5):
         raw = chance.integers(0, 4096, (STEPS, 3))
         digests = run.run(raw, np.zeros(STEPS, np.int64))
         identity = session.identity
-    assert machine.warnings == []
+    assert machine.warnings == [] and identity is not None
     return digests.tolist(), (channel.seen.hexdigest(), bytes(machine.cpu.ram), machine.now), identity
 
 
-def test_two_runs_are_the_same_to_the_byte(image):
+def test_two_runs_are_the_same_to_the_byte(image: Path) -> None:
     first, second, other = lockstep(Machine(image)), lockstep(Machine(image)), lockstep(Machine(image), seed=6)
     assert first == second
     assert first[0] != other[0]
 
 
-def test_every_form_of_the_image_runs_the_same(image):
+def test_every_form_of_the_image_runs_the_same(image: Path) -> None:
     runs = [lockstep(Machine(image.with_suffix(suffix))) for suffix in (".bin", ".elf", ".hex")]
     assert runs[0] == runs[1] == runs[2]
 
 
-def test_what_memory_held_before_does_not_matter(image):
+def test_what_memory_held_before_does_not_matter(image: Path) -> None:
     assert lockstep(Machine(image, seed=1))[0] == lockstep(Machine(image, seed=2))[0]
 
 
@@ -77,14 +80,14 @@ OTHER_PARTS = ["stm32f103cb", "stm32f103rct6", "stm32f103ret6", "stm32f103zet6"]
 
 
 @pytest.mark.parametrize("part", OTHER_PARTS)
-def test_every_part_gives_the_same_digests_and_its_own_name(image, part):
+def test_every_part_gives_the_same_digests_and_its_own_name(image: Path, part: str) -> None:
     machine = Machine(image, part)
     digests, _, identity = lockstep(machine)
     assert digests == lockstep(Machine(image))[0]
     assert identity["FLASH_KIB"] == machine.part.flash_kib
 
 
-def test_a_dead_crystal_changes_the_clock_and_not_the_answers(image):
+def test_a_dead_crystal_changes_the_clock_and_not_the_answers(image: Path) -> None:
     machine = Machine(image, crystal=False)
     digests, _, identity = lockstep(machine)
     assert digests == lockstep(Machine(image))[0]
@@ -94,7 +97,7 @@ def test_a_dead_crystal_changes_the_clock_and_not_the_answers(image):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", ["stm32f103c8", *OTHER_PARTS])
-def test_every_part_keeps_its_parameters_in_pages_of_its_own_size(image, part):
+def test_every_part_keeps_its_parameters_in_pages_of_its_own_size(image: Path, part: str) -> None:
     """Two slots of 2 KiB, erased in pages of 1 KiB or 2 KiB: one save after the other, and each is found again."""
     machine = Machine(image, part)
     for number in range(3):

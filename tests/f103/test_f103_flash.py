@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 
 import pytest
+
+from plumb.f103 import Machine
+from support.f103_program import Board, NewBoard
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
 SLOTS = 0xF000
@@ -16,7 +20,9 @@ PGERR, WRPRTERR, EOP = 4, 16, 32
 CYCLES_PER_US = 8
 
 
-def carried_out(board, *steps, part="stm32f103c8", before=None):
+def carried_out(
+    board: NewBoard, *steps: tuple[int, int], part: str = "stm32f103c8", before: Callable[[Machine], None] | None = None
+) -> Board:
     """The small program after these steps. before(machine): what to do to it first."""
     b = board("flash", part=part)
     b.machine.cpu.flash[SLOTS : SLOTS + 0x1000] = b"\xff" * 0x1000
@@ -30,11 +36,11 @@ def carried_out(board, *steps, part="stm32f103c8", before=None):
     return b
 
 
-def half_word(machine, at=0):
-    return struct.unpack_from("<H", machine.cpu.flash, SLOTS + at)[0]
+def half_word(machine: Machine, at: int = 0) -> int:
+    return int(struct.unpack_from("<H", machine.cpu.flash, SLOTS + at)[0])
 
 
-def test_a_half_word_is_programmed_once_and_takes_its_time(board):
+def test_a_half_word_is_programmed_once_and_takes_its_time(board: NewBoard) -> None:
     b = carried_out(
         board, *UNLOCK, (CR, PG), (HALF_WORD, 0x00041234), (HALF_WORD, 0x00045678), (SR, 0xFF), (HALF_WORD, 0x00040000)
     )
@@ -47,14 +53,14 @@ def test_a_half_word_is_programmed_once_and_takes_its_time(board):
     assert b.machine.warnings == [] and half_word(b.machine) == 0xFFFF
 
 
-def test_refused_it_stays_as_it_is(board):
+def test_refused_it_stays_as_it_is(board: NewBoard) -> None:
     b = carried_out(board, *UNLOCK, (CR, PG), (HALF_WORD, 0x00041234), (HALF_WORD, 0x00040204))
     assert half_word(b.machine, 4) == 0x1234 and b.machine.flash.operations == 1
 
 
 @pytest.mark.parametrize(("part", "page"), [("stm32f103c8", 1024), ("stm32f103ret6", 2048)])
-def test_a_page_is_erased_while_the_core_stands_still(board, part, page):
-    def fill(machine):
+def test_a_page_is_erased_while_the_core_stands_still(board: NewBoard, part: str, page: int) -> None:
+    def fill(machine: Machine) -> None:
         machine.cpu.flash[SLOTS : SLOTS + 4096] = bytes(4096)
 
     b = carried_out(board, *UNLOCK, (CR, PER), (AR, 0x08000000 + SLOTS + 10), (CR, PER | STRT), part=part, before=fill)
@@ -74,19 +80,21 @@ def test_a_page_is_erased_while_the_core_stands_still(board, part, page):
         ([*UNLOCK, (CR, LOCK), (CR, PG), (HALF_WORD, 0x1234)], 5),
     ],
 )
-def test_what_the_controller_does_not_take_is_a_bus_error(board, steps, faulting):
+def test_what_the_controller_does_not_take_is_a_bus_error(
+    board: NewBoard, steps: tuple[tuple[int, int], ...], faulting: bool
+) -> None:
     b = carried_out(board, *steps)
     assert b.result(2) == faulting
     assert half_word(b.machine) == 0xFFFF and b.machine.flash.operations == 0
 
 
-def test_locked_and_unlocked_again(board):
+def test_locked_and_unlocked_again(board: NewBoard) -> None:
     b = carried_out(board, *UNLOCK, (CR, LOCK), *UNLOCK, (CR, PG), (HALF_WORD, 0x1234))
     assert half_word(b.machine) == 0x1234
 
 
-def test_protected_pages_say_so(board):
-    def protect(machine):
+def test_protected_pages_say_so(board: NewBoard) -> None:
+    def protect(machine: Machine) -> None:
         machine.flash.protected = {SLOTS // 1024}
 
     steps = [*UNLOCK, (CR, PG), (HALF_WORD, 0x1234), (CR, PER), (AR, 0x08000000 + SLOTS), (CR, PER | STRT)]
@@ -94,8 +102,8 @@ def test_protected_pages_say_so(board):
     assert b.result(32 + 3) == WRPRTERR and b.result(32 + 6) == WRPRTERR and b.machine.flash.operations == 0
 
 
-def test_worn_bits_keep_their_level(board):
-    def wear(machine):
+def test_worn_bits_keep_their_level(board: NewBoard) -> None:
+    def wear(machine: Machine) -> None:
         machine.flash.wear(0x08000000 + SLOTS, 0x0F, 0)
         machine.flash.wear(0x08000000 + SLOTS + 1, 0xF0, 1)
 
@@ -105,8 +113,8 @@ def test_worn_bits_keep_their_level(board):
     assert half_word(b.machine, 2) == 1
 
 
-def test_a_cut_leaves_some_bits_old_and_some_new(board):
-    def old(machine):
+def test_a_cut_leaves_some_bits_old_and_some_new(board: NewBoard) -> None:
+    def old(machine: Machine) -> None:
         machine.cpu.flash[SLOTS : SLOTS + 1024] = bytes(1024)
         machine.flash.cut_power_in = 0
 

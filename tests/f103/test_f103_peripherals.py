@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 import pytest
+
+from plumb.f103 import Machine
+from support.f103_program import Board, NewBoard
 
 BYTE_US = 10 * 78 / 72  # at the divider that uart.c sets
 
 
-def echo(machine, data):
+def echo(machine: Machine, data: bytes) -> bytes:
     machine.uart.write(data)
     out = b""
     while len(out) < len(data):
@@ -19,7 +25,7 @@ def echo(machine, data):
     return out
 
 
-def started(board, **options):
+def started(board: NewBoard, **options: Any) -> Board:
     b = board("uart", **options)
     b.machine.advance_us(5000)
     assert b.result(0) == 1
@@ -27,7 +33,7 @@ def started(board, **options):
     return b
 
 
-def test_dma_echo_carries_every_byte_in_order_and_in_time(board):
+def test_dma_echo_carries_every_byte_in_order_and_in_time(board: NewBoard) -> None:
     b = started(board)
     machine = b.machine
     begin = machine.now_us
@@ -41,7 +47,7 @@ def test_dma_echo_carries_every_byte_in_order_and_in_time(board):
     assert b.result(2) & 7 << 16 == 7 << 16, "half and full were seen"
 
 
-def test_transmission_by_dma_ends_when_the_last_byte_is_handed_over(board):
+def test_transmission_by_dma_ends_when_the_last_byte_is_handed_over(board: NewBoard) -> None:
     b = started(board)
     b.machine.uart.write(b"0123456789")
     assert b.machine.run_until(lambda: b.result(3) == 1, 1e4)
@@ -49,7 +55,7 @@ def test_transmission_by_dma_ends_when_the_last_byte_is_handed_over(board):
     assert BYTE_US < left_us <= 2 * BYTE_US, "one byte on the line and one in the data register"
 
 
-def test_a_line_that_stays_high_interrupts_again(board):
+def test_a_line_that_stays_high_interrupts_again(board: NewBoard) -> None:
     b = board("transmit")
     b.machine.uart.baudrate = 115200
     b.machine.uart.timeout = 0.01
@@ -59,8 +65,8 @@ def test_a_line_that_stays_high_interrupts_again(board):
     assert b.result(0) == len("one interrupt per byte") + 1
 
 
-def test_two_runs_give_the_same_bytes_and_the_same_memory(board):
-    def run():
+def test_two_runs_give_the_same_bytes_and_the_same_memory(board: NewBoard) -> None:
+    def run() -> tuple[list[bytes], bytes, int, int]:
         b = started(board)
         out = [echo(b.machine, bytes((i * 7 + k) & 0xFF for k in range(1 + i % 40))) for i in range(30)]
         return out, bytes(b.machine.cpu.ram), b.machine.now, b.machine.cpu.instructions
@@ -68,9 +74,7 @@ def test_two_runs_give_the_same_bytes_and_the_same_memory(board):
     assert run() == run()
 
 
-def test_an_image_of_any_form_runs_the_same(board, build):
-    from plumb.f103 import Machine
-
+def test_an_image_of_any_form_runs_the_same(board: NewBoard, build: Callable[[str], Path]) -> None:
     outcomes = set()
     for suffix in (".bin", ".elf", ".hex"):
         machine = Machine(build("uart").with_suffix(suffix))
@@ -79,7 +83,7 @@ def test_an_image_of_any_form_runs_the_same(board, build):
     assert len(outcomes) == 1
 
 
-def test_reading_an_idle_line_ends_after_the_timeout(board):
+def test_reading_an_idle_line_ends_after_the_timeout(board: NewBoard) -> None:
     machine = started(board).machine
     begin = machine.now_us
     machine.uart.timeout = 0.003
@@ -88,7 +92,7 @@ def test_reading_an_idle_line_ends_after_the_timeout(board):
     assert machine.uart.clock_s() == pytest.approx(machine.now_us * 1e-6)
 
 
-def test_a_short_reply_is_not_waited_for_beyond_its_end(board):
+def test_a_short_reply_is_not_waited_for_beyond_its_end(board: NewBoard) -> None:
     machine = started(board).machine
     machine.uart.write(b"abc")
     begin = machine.now_us
@@ -96,7 +100,7 @@ def test_a_short_reply_is_not_waited_for_beyond_its_end(board):
     assert machine.now_us - begin < 8 * BYTE_US
 
 
-def test_framing_errors_noise_and_overruns_on_request(board):
+def test_framing_errors_noise_and_overruns_on_request(board: NewBoard) -> None:
     b = started(board)
     uart = b.machine.uart
     uart.write_with_framing_error(b"F")
@@ -111,7 +115,7 @@ def test_framing_errors_noise_and_overruns_on_request(board):
     assert b.result(1) & 8
 
 
-def test_a_wrong_baud_rate_gives_garbage_and_framing_errors(board):
+def test_a_wrong_baud_rate_gives_garbage_and_framing_errors(board: NewBoard) -> None:
     b = started(board)
     b.machine.uart.baudrate = 115200
     b.machine.uart.write(b"U")
@@ -120,7 +124,7 @@ def test_a_wrong_baud_rate_gives_garbage_and_framing_errors(board):
     assert b.result(1) & 2
 
 
-def test_a_slow_reader_overruns_without_dma(board):
+def test_a_slow_reader_overruns_without_dma(board: NewBoard) -> None:
     b = board("polled")
     uart = b.machine.uart
     uart.baudrate = 115200
@@ -136,12 +140,12 @@ def test_a_slow_reader_overruns_without_dma(board):
     assert b.result(0) & 8
 
 
-def test_adc_scans_follow_the_timer(board):
+def test_adc_scans_follow_the_timer(board: NewBoard) -> None:
     b = board("adc")
     machine = b.machine
     times = []
 
-    def ramp(t_s):
+    def ramp(t_s: float) -> float:
         times.append(t_s)
         return 3.3 * (t_s * 10 % 1.0)
 
@@ -165,14 +169,14 @@ def test_adc_scans_follow_the_timer(board):
 
 
 @pytest.mark.parametrize(("volts", "count"), [(-5.0, 0), (0.0, 0), (3.3 / 8192 + 1e-6, 1), (1.65, 2048), (12.0, 4095)])
-def test_volts_become_counts(board, volts, count):
+def test_volts_become_counts(board: NewBoard, volts: float, count: int) -> None:
     b = board("adc")
     b.machine.adc["PA0"] = volts
     b.machine.advance_us(10_000)
     assert b.result(1) == count
 
 
-def test_a_silent_adc_says_nothing(board):
+def test_a_silent_adc_says_nothing(board: NewBoard) -> None:
     b = board("adc")
     b.machine.advance_us(20_000)
     scans = b.result(0)
@@ -182,7 +186,7 @@ def test_a_silent_adc_says_nothing(board):
     assert b.result(0) <= scans + 1
 
 
-def test_pwm_changes_only_between_two_pulses(board):
+def test_pwm_changes_only_between_two_pulses(board: NewBoard) -> None:
     b = board("pwm")
     machine = b.machine
     machine.advance_us(6_000)
@@ -203,7 +207,7 @@ def test_pwm_changes_only_between_two_pulses(board):
     assert not machine.pwm("PB6").enabled
 
 
-def test_update_disable_keeps_every_preloaded_register_back(board):
+def test_update_disable_keeps_every_preloaded_register_back(board: NewBoard) -> None:
     """RM0008 15.4.1: with UDIS set there is no update event, neither at the end of a frame nor by UG, and no flag."""
     machine = board("pwm").machine
     machine.advance_us(20_000)
@@ -223,7 +227,7 @@ def test_update_disable_keeps_every_preloaded_register_back(board):
     assert machine.pwm("PB7").pulse_us == 1800.0 and machine.bus.read(sr, 4) == 1
 
 
-def test_pins_are_checked_by_name(board):
+def test_pins_are_checked_by_name(board: NewBoard) -> None:
     from plumb.errors import UsageError
 
     machine = board("pwm").machine

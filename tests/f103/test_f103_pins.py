@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import pytest
 
 pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
@@ -25,7 +28,7 @@ SWITCH = "PC14"
 
 
 @pytest.fixture(scope="module")
-def image():
+def image() -> Path:
     try:
         return find_image()
     except UsageError as error:
@@ -33,7 +36,7 @@ def image():
 
 
 @pytest.fixture
-def standard(image):
+def standard(image: Path) -> Machine:
     machine = Machine(image)
     at_rest(machine)
     machine.advance_us(BOOT_US)
@@ -41,7 +44,7 @@ def standard(image):
 
 
 @pytest.fixture
-def bridged(standard):
+def bridged(standard: Machine) -> Machine:
     """Told once, saved, switched off, rewired, switched on: a rotor at rest, and a gate driver that is happy."""
     with Session.open(standard.uart) as session:
         session.upload(session.read_parameters()[:CONTROL_WORDS], pins=1, arm_hold_ms=0)
@@ -57,7 +60,7 @@ def bridged(standard):
     return standard
 
 
-def test_standard_is_the_factory_set(standard):
+def test_standard_is_the_factory_set(standard: Machine) -> None:
     with Session.open(standard.uart) as session:
         assert session.connect()["PINS"] == 0
     for pin in ("PB6", "PB7"):
@@ -68,13 +71,13 @@ def test_standard_is_the_factory_set(standard):
     assert standard.afio.debug_port and standard.afio.swj_cfg == 2
 
 
-def test_what_an_open_input_reads_as(standard):
+def test_what_an_open_input_reads_as(standard: Machine) -> None:
     """Lines idle, the chip not selected, the switch open."""
     high = {"PA6": "data from the chip", "PA10": "UART", "PA11": "CAN", SWITCH: "switch", "PA4": "select"}
     assert {pin: standard.pin(pin) for pin in high} == dict.fromkeys(high, True)
 
 
-def test_what_an_open_input_of_the_bridge_reads_as(bridged):
+def test_what_an_open_input_of_the_bridge_reads_as(bridged: Machine) -> None:
     """Hall sensors that are off are all alike, and a break input that is off breaks."""
     bridged.drive("PB12", None)
     for pin in ("PA15", "PB3", "PB10"):
@@ -84,7 +87,7 @@ def test_what_an_open_input_of_the_bridge_reads_as(bridged):
     assert bridged.pin("PB12") is False
 
 
-def test_bridge_speaks_on_other_pins_and_keeps_every_gate_low(bridged):
+def test_bridge_speaks_on_other_pins_and_keeps_every_gate_low(bridged: Machine) -> None:
     with Session.open(bridged.uart) as session:
         identity = session.connect()
         assert identity["PINS"] == 1 and identity["FAULTS"] & 0xFF == 0
@@ -93,13 +96,14 @@ def test_bridge_speaks_on_other_pins_and_keeps_every_gate_low(bridged):
     assert not bridged.pwm("PB7").enabled and not bridged.port("PB7").is_output(7)
     assert bridged.bridge() == ((None, None, None), False)
     bridged.tim1.settle(bridged.now)
+    assert bridged.tim1.trace is not None
     assert not any(edge.on for edge in bridged.tim1.trace)
     for pin in HIGH_PINS + LOW_PINS:
         assert bridged.port(pin).is_alternate_output(int(pin[2:]))
     assert bridged.afio.debug_port and bridged.warnings == []
 
 
-def test_gates_are_driven_low_from_the_moment_their_pins_are_outputs(bridged):
+def test_gates_are_driven_low_from_the_moment_their_pins_are_outputs(bridged: Machine) -> None:
     """An output whose timer does not drive it floats, with a current through the gate driver's input at best."""
     bridged.reset()
     outputs = set()
@@ -112,7 +116,7 @@ def test_gates_are_driven_low_from_the_moment_their_pins_are_outputs(bridged):
     assert outputs == set(HIGH_PINS + LOW_PINS)
 
 
-def test_the_set_in_force_survives_every_kind_of_reset(bridged):
+def test_the_set_in_force_survives_every_kind_of_reset(bridged: Machine) -> None:
     bridged.reset()
     bridged.advance_us(BOOT_US)
     with Session.open(bridged.uart) as session:
@@ -120,7 +124,7 @@ def test_the_set_in_force_survives_every_kind_of_reset(bridged):
 
 
 @pytest.mark.slow
-def test_a_quad_is_not_armed_on_the_pins_of_the_bridge(bridged):
+def test_a_quad_is_not_armed_on_the_pins_of_the_bridge(bridged: Machine) -> None:
     at_rest(bridged)
     with Session.open(bridged.uart) as session:
         session.begin("REALTIME_LIVE")
@@ -133,7 +137,7 @@ def test_a_quad_is_not_armed_on_the_pins_of_the_bridge(bridged):
         assert session.telemetry["STATUS"]["blocked"] == BLOCKED_PINS
 
 
-def test_its_uart_pins_drive_a_bridge_so_it_does_not_enter_the_bootloader(bridged):
+def test_its_uart_pins_drive_a_bridge_so_it_does_not_enter_the_bootloader(bridged: Machine) -> None:
     with Session.open(bridged.uart) as session, pytest.raises(LinkError, match="this image cannot do that"):
         session.execute_idle("BOOTLOADER")
 
@@ -143,7 +147,9 @@ def test_its_uart_pins_drive_a_bridge_so_it_does_not_enter_the_bootloader(bridge
     [(lambda m: m.drive("PB12", False), FAULT_BRIDGE), (lambda m: m.drive("PB12", None), FAULT_BRIDGE),
      (lambda m: m.set_hall(0), FAULT_HALL), (lambda m: m.set_hall(7), FAULT_HALL)],
 )  # fmt: skip
-def test_break_and_broken_hall_wires_are_told_until_a_run_begins_without_them(bridged, what, fault):
+def test_break_and_broken_hall_wires_are_told_until_a_good_run_begins(
+    bridged: Machine, what: Callable[[Machine], None], fault: int
+) -> None:
     with Session.open(bridged.uart) as session:
         what(bridged)
         session.begin("LOCKSTEP")  # looks anew
@@ -157,16 +163,17 @@ def test_break_and_broken_hall_wires_are_told_until_a_run_begins_without_them(br
         assert session.connect()["FAULTS"] & 0xFF == 0
 
 
-def test_the_pins_of_the_bridge_stay_low_through_a_crash_and_the_start_after_it(bridged):
+def test_the_pins_of_the_bridge_stay_low_through_a_crash_and_the_start_after_it(bridged: Machine) -> None:
     begin = bridged.now
     bridged.rcc.kill_crystal()
     bridged.advance_us(300_000)
     assert bridged.reset_count > 2
     bridged.tim1.settle(bridged.now)
+    assert bridged.tim1.trace is not None
     assert not any(edge.on for edge in bridged.tim1.trace if edge.time >= begin)
 
 
-def test_the_arm_switch_flies_the_saved_quad_and_lets_it_go(standard):
+def test_the_arm_switch_flies_the_saved_quad_and_lets_it_go(standard: Machine) -> None:
     with Session.open(standard.uart) as session:
         session.upload(session.read_parameters()[:CONTROL_WORDS], period_us=1000, esc_period_us=2500, arm_hold_ms=300)
         session.execute("SAVE")
@@ -186,7 +193,7 @@ def test_the_arm_switch_flies_the_saved_quad_and_lets_it_go(standard):
 
 
 @pytest.mark.parametrize("hz", [50, 100, 400, 490])
-def test_speed_controllers_get_their_pulses_at_any_rate(standard, hz):
+def test_speed_controllers_get_their_pulses_at_any_rate(standard: Machine, hz: int) -> None:
     """1000 to 2000 us, 50 to 490 Hz: the period to half a microsecond."""
     period_us = round(1e6 / hz)
     words = dict(zip([row.name for row in table()], [row.default for row in table()], strict=True))
@@ -198,7 +205,7 @@ def test_speed_controllers_get_their_pulses_at_any_rate(standard, hz):
         assert standard.pwm("PB6") == (NEUTRAL_US, period_us, True)
 
 
-def test_a_frame_under_way_ends_as_it_began(standard):
+def test_a_frame_under_way_ends_as_it_began(standard: Machine) -> None:
     """A shorter one that took effect at once would be run past, and no pulse would come for 33 ms."""
     timer = standard.tim4
     with Session.open(standard.uart) as session:
@@ -215,7 +222,7 @@ def test_a_frame_under_way_ends_as_it_began(standard):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("hz", [50, 490])
-def test_one_at_its_least_and_the_other_at_its_most(standard, hz):
+def test_one_at_its_least_and_the_other_at_its_most(standard: Machine, hz: int) -> None:
     """A setpoint that asks for more than there is: 1000 and 2000 us, with both signs."""
     period_us = round(1e6 / hz)
     with Session.open(standard.uart) as session:
@@ -236,7 +243,7 @@ def test_one_at_its_least_and_the_other_at_its_most(standard, hz):
         assert sorted(ends) == [[1000.0, 2000.0], [2000.0, 1000.0]]
 
 
-def test_a_restart_brings_the_saved_set_into_force(image):
+def test_a_restart_brings_the_saved_set_into_force(image: Path) -> None:
     from plumb.boards.virtual import VirtualBoard
 
     with VirtualBoard(image) as board:

@@ -9,6 +9,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+from support.f103_program import NewBoard
+
 KNOWN_DIFFERENCES = {
     ("RCC", "csr"): "holds the flags of the last reset",
     ("TIM1", "arr"): "RM0008 says 0xFFFF",
@@ -25,7 +27,7 @@ CORE = {"SCB", "SysTick", "CoreDebug", "DWT", "DBGMCU"}
 """Not described by the vendor's file."""
 
 
-def description():
+def description() -> ElementTree.Element:
     found = importlib.util.find_spec("pyocd")
     if found is None or not found.submodule_search_locations:
         pytest.skip("pyocd, which carries the register description, is not installed")
@@ -35,7 +37,13 @@ def description():
         return ElementTree.fromstring(files.read(name))
 
 
-def test_addresses_and_reset_values(board):
+def text(node: ElementTree.Element, name: str) -> str:
+    found = node.findtext(name)
+    assert found is not None, name
+    return found
+
+
+def test_addresses_and_reset_values(board: NewBoard) -> None:
     peripherals = {node.findtext("name"): node for node in description().iter("peripheral")}
     machine = board("clock").machine
     compared = 0
@@ -43,11 +51,11 @@ def test_addresses_and_reset_values(board):
         if peripheral.name in CORE:
             continue
         node = peripherals[peripheral.name]
-        base = int(node.findtext("baseAddress"), 0)
+        base = int(text(node, "baseAddress"), 0)
         node = peripherals.get(node.get("derivedFrom"), node)
         rows = {
-            row.findtext("name").lower().removesuffix("_output").removeprefix("can_"): (
-                base + int(row.findtext("addressOffset"), 0),
+            text(row, "name").lower().removesuffix("_output").removeprefix("can_"): (
+                base + int(text(row, "addressOffset"), 0),
                 int(row.findtext("resetValue") or "0", 16),
             )
             for row in node.iter("register")

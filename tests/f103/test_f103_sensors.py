@@ -6,6 +6,8 @@ from itertools import pairwise
 
 import pytest
 
+from support.f103_program import NewBoard
+
 I2C, SPI = 1, 2
 GYRO, ACCEL = 0x68, 0x53
 SELECT_PIN = 4
@@ -15,7 +17,7 @@ BYTE_US = 9 * 2.5
 class Master:
     """A part that runs i2c.c, with both chips on I2C and another accelerometer on SPI."""
 
-    def __init__(self, board):
+    def __init__(self, board: NewBoard) -> None:
         from plumb.f103.attached.adxl345 import Adxl345
         from plumb.f103.attached.itg3205 import Itg3205
 
@@ -29,7 +31,7 @@ class Master:
         self.machine.spi1.devices[SELECT_PIN] = self.on_spi
         self.machine.advance_us(5000)
 
-    def ask(self, bus, slave, register, count, value=0):
+    def ask(self, bus: int, slave: int, register: int, count: int, value: int = 0) -> bytes | None:
         """The bytes read, or None where it was refused or nothing came."""
         for index, word in enumerate((slave, register, count, value, 0)):
             self.board.ask(1 + index, word)
@@ -37,19 +39,21 @@ class Master:
         assert self.machine.run_until(lambda: self.board.result(0) == 0, 50_000)
         return None if self.board.result(5) else bytes(self.board.result(8 + i) for i in range(count))
 
-    def read(self, slave, register, count=1):
-        return self.ask(I2C, slave, register, count)
+    def read(self, slave: int, register: int, count: int = 1) -> bytes:
+        found = self.ask(I2C, slave, register, count)
+        assert found is not None, "refused"
+        return found
 
-    def write(self, slave, register, value):
+    def write(self, slave: int, register: int, value: int) -> None:
         assert self.ask(I2C, slave, register, 0, value) is not None
 
 
 @pytest.fixture
-def master(board):
+def master(board: NewBoard) -> Master:
     return Master(board)
 
 
-def test_one_byte_two_bytes_and_many(master):
+def test_one_byte_two_bytes_and_many(master: Master) -> None:
     assert master.read(ACCEL, 0x00) == b"\xe5"
     assert master.read(ACCEL, 0x2C, 2) == b"\x0a\x00"
     assert master.read(GYRO, 0x15, 6) == bytes(6)
@@ -57,7 +61,7 @@ def test_one_byte_two_bytes_and_many(master):
     assert master.machine.warnings == []
 
 
-def test_a_write_arrives_and_is_read_back(master):
+def test_a_write_arrives_and_is_read_back(master: Master) -> None:
     master.write(ACCEL, 0x31, 0x0B)
     assert master.read(ACCEL, 0x31) == b"\x0b"
     master.write(ACCEL, 0x00, 0x12)
@@ -65,16 +69,21 @@ def test_a_write_arrives_and_is_read_back(master):
     assert master.machine.warnings == ["ADXL345: register 0x00 is written, which is read-only or reserved"]
 
 
-def test_nobody_at_the_address_is_a_nack(master):
-    assert master.read(0x10, 0x00) is None
+def test_nobody_at_the_address_is_a_nack(master: Master) -> None:
+    assert master.ask(I2C, 0x10, 0x00, 1) is None
     assert master.board.result(5) & 1 << 10
     assert master.read(ACCEL, 0x00) == b"\xe5", "the bus is free again"
 
 
-def test_bytes_take_nine_clocks_of_ccr(master):
+def test_bytes_take_nine_clocks_of_ccr(master: Master) -> None:
     times = []
     honest = master.accel.read
-    master.accel.read = lambda now: times.append(now / 40320) or honest(now)
+
+    def noting(now: int) -> int:
+        times.append(now / 40320)
+        return honest(now)
+
+    master.accel.read = noting  # type: ignore[method-assign, assignment]
     begun = master.machine.now_us
     assert master.read(ACCEL, 0x2C, 4) is not None
     assert [later - sooner for sooner, later in pairwise(times)] == pytest.approx([BYTE_US] * 3, abs=2.0)
@@ -82,7 +91,7 @@ def test_bytes_take_nine_clocks_of_ccr(master):
     assert 7 * BYTE_US + 3 * 2.5 < master.machine.now_us - begun < 7 * BYTE_US + 7.5 + 120
 
 
-def test_a_held_line_keeps_a_start_waiting_until_it_is_free(master):
+def test_a_held_line_keeps_a_start_waiting_until_it_is_free(master: Master) -> None:
     master.machine.i2c_bus.stick(9)
     for index, word in enumerate((ACCEL, 0, 1, 0, 0)):
         master.board.ask(1 + index, word)
@@ -98,7 +107,7 @@ def test_a_held_line_keeps_a_start_waiting_until_it_is_free(master):
 @pytest.mark.parametrize(
     ("register", "value", "why"), [("cr2", 8, "PCLK1 is 36 MHz"), ("ccr", 1 << 15 | 29, "400 is the limit")]
 )
-def test_the_bus_is_strict_about_its_clock(master, register, value, why):
+def test_the_bus_is_strict_about_its_clock(master: Master, register: str, value: int, why: str) -> None:
     from plumb.f103 import SimulationError
 
     setattr(master.machine.i2c1, register, value)
@@ -106,19 +115,20 @@ def test_the_bus_is_strict_about_its_clock(master, register, value, why):
         master.read(ACCEL, 0)
 
 
-def test_spi_reads_what_i2c_does(master):
+def test_spi_reads_what_i2c_does(master: Master) -> None:
     assert master.ask(SPI, 0, 0x00, 1) == b"\xe5"
     master.ask(SPI, 0, 0x31, 0, 0x0B)
     assert master.ask(SPI, 0, 0x31, 1) == b"\x0b"
     master.ask(SPI, 0, 0x2D, 0, 0x08)
     master.machine.advance_us(12_000)
     raw = master.ask(SPI, 0, 0x32, 6)
+    assert raw is not None
     assert [int.from_bytes(raw[i : i + 2], "little", signed=True) for i in (0, 2, 4)] == [26, -128, 256]
     master.on_spi.answers = False
     assert master.ask(SPI, 0, 0x00, 1) == b"\xff"
 
 
-def test_spi_in_another_mode_says_nothing_of_use(master):
+def test_spi_in_another_mode_says_nothing_of_use(master: Master) -> None:
     master.machine.spi1.cr1 &= ~3
     assert master.ask(SPI, 0, 0x00, 1) == b"\xff"
     assert master.machine.warnings == ["SPI1 has CPOL, CPHA = 0, 0; the chips here want 1, 1"]
@@ -137,7 +147,7 @@ def test_spi_in_another_mode_says_nothing_of_use(master):
         (0x0B, 0x0E, 1.0039, 256),  # above 800 Hz the last bit is always 0
     ],
 )
-def test_accelerometer_counts(master, form, rate, felt_g, counts):
+def test_accelerometer_counts(master: Master, form: int, rate: int, felt_g: float, counts: int) -> None:
     master.felt_g = (felt_g, 0.0, -felt_g)
     for register, value in ((0x31, form), (0x2C, rate), (0x2D, 0x08)):
         master.write(ACCEL, register, value)
@@ -146,7 +156,7 @@ def test_accelerometer_counts(master, form, rate, felt_g, counts):
     assert int.from_bytes(raw[:2], "little", signed=True) == counts
 
 
-def test_the_accelerometer_samples_while_it_measures(master):
+def test_the_accelerometer_samples_while_it_measures(master: Master) -> None:
     master.machine.advance_us(50_000)
     assert master.read(ACCEL, 0x30) == b"\x02", "standby after power-up: nothing is ready"
     master.write(ACCEL, 0x2D, 0x08)
@@ -154,8 +164,8 @@ def test_the_accelerometer_samples_while_it_measures(master):
     assert master.read(ACCEL, 0x30)[0] & 0x80
     master.read(ACCEL, 0x32, 6)
     assert not master.read(ACCEL, 0x30)[0] & 0x80, "reading the data says they are old"
-    taken = []
-    master.accel.source = lambda t_s: taken.append(t_s) or (0.0, 0.0, 1.0)
+    taken: list[float] = []
+    master.accel.source = lambda t_s: taken.append(t_s) or (0.0, 0.0, 1.0)  # type: ignore[func-returns-value]
     master.machine.advance_us(100_000)
     assert len(taken) == 10
     assert [later - sooner for sooner, later in pairwise(taken)] == pytest.approx([0.01] * 9)
@@ -165,11 +175,11 @@ def test_the_accelerometer_samples_while_it_measures(master):
     assert len(taken) in (79, 80)
 
 
-def test_gyro_counts_and_rate(master):
+def test_gyro_counts_and_rate(master: Master) -> None:
     master.write(GYRO, 0x16, 0x1A)
-    taken = []
+    taken: list[float] = []
     honest = master.gyro.source
-    master.gyro.source = lambda t_s: taken.append(t_s) or honest(t_s)
+    master.gyro.source = lambda t_s: taken.append(t_s) or honest(t_s)  # type: ignore[func-returns-value]
     master.machine.advance_us(50_000)
     raw = master.read(GYRO, 0x1D, 6)
     counts = [int.from_bytes(raw[i : i + 2], "big", signed=True) for i in (0, 2, 4)]
@@ -185,7 +195,7 @@ def test_gyro_counts_and_rate(master):
     assert len(taken) in (9, 10)
 
 
-def test_the_gyro_says_when_data_are_new_if_it_is_asked_to(master):
+def test_the_gyro_says_when_data_are_new_if_it_is_asked_to(master: Master) -> None:
     master.write(GYRO, 0x16, 0x1A)
     master.machine.advance_us(5000)
     assert master.read(GYRO, 0x1A) == b"\x00"
@@ -198,7 +208,7 @@ def test_the_gyro_says_when_data_are_new_if_it_is_asked_to(master):
     assert master.read(GYRO, 0x1A) == b"\x00", "asleep"
 
 
-def test_a_power_cut_takes_the_settings_of_the_chips(master):
+def test_a_power_cut_takes_the_settings_of_the_chips(master: Master) -> None:
     master.write(ACCEL, 0x31, 0x0B)
     master.machine.power_cut()
     master.machine.power_on()

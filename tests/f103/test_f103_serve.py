@@ -9,9 +9,12 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+
+from support.f103_program import NewBoard
 
 serial = pytest.importorskip("serial")
 HOST = str(Path(__file__).parents[2] / "host")
@@ -50,10 +53,10 @@ class Server:
 
 
 @pytest.fixture
-def serve(build):
+def serve(build: Callable[[str], Path]) -> Iterator[Callable[..., Server]]:
     servers = []
 
-    def start(*arguments):
+    def start(*arguments: str) -> Server:
         servers.append(Server(build("uart").with_suffix(".bin"), *arguments))
         return servers[-1]
 
@@ -63,14 +66,14 @@ def serve(build):
         server.process.communicate()
 
 
-def exchange(address, data):
+def exchange(address: str, data: bytes) -> bytes:
     """What the board says up to the echo of `data`; it may still have something to say to the client before."""
     with serial.serial_for_url(address, 921600, timeout=WAIT_S) as port:
         port.write(data)
-        return port.read_until(data)
+        return bytes(port.read_until(data))
 
 
-def started(address):
+def started(address: str) -> None:
     """The board echoes: what it was told before it ran is lost, what is told from here on is not."""
     with serial.serial_for_url(address, 921600, timeout=0.2) as port:
         for knock in range(round(WAIT_S / 0.2)):
@@ -80,7 +83,7 @@ def started(address):
     pytest.fail("the board does not start")
 
 
-def test_a_pty_with_a_stable_name_serves_one_client_after_the_other(serve, tmp_path):
+def test_a_pty_serves_clients_in_turn_under_a_stable_name(serve: Callable[..., Server], tmp_path: Path) -> None:
     link = tmp_path / "board"
     server = serve("pty", str(link))
     started(server.address)
@@ -92,7 +95,7 @@ def test_a_pty_with_a_stable_name_serves_one_client_after_the_other(serve, tmp_p
     assert not link.is_symlink()
 
 
-def test_a_tcp_port_serves_one_client_after_the_other_and_ends_on_interrupt(serve):
+def test_a_tcp_port_serves_clients_in_turn_and_ends_on_interrupt(serve: Callable[..., Server]) -> None:
     server = serve("tcp:0")
     started(server.address)
     assert server.address.startswith("socket://127.0.0.1:")
@@ -107,7 +110,7 @@ def test_a_tcp_port_serves_one_client_after_the_other_and_ends_on_interrupt(serv
     assert server.end(signal.SIGINT) == (f"ended by {int(signal.SIGINT)}", "", 0)
 
 
-def test_bad_addresses_are_refused_in_a_sentence(build, tmp_path):
+def test_bad_addresses_are_refused_in_a_sentence(build: Callable[[str], Path], tmp_path: Path) -> None:
     from plumb.errors import LinkError, UsageError
     from plumb.link.transports.server_endpoint import open_endpoint
 
@@ -123,7 +126,7 @@ def test_bad_addresses_are_refused_in_a_sentence(build, tmp_path):
     assert plain.read_text() == "precious"
 
 
-def test_paced_time_never_overtakes_the_wall_clock(board):
+def test_paced_time_never_overtakes_the_wall_clock(board: NewBoard) -> None:
     from plumb.boards.serve import run_paced
 
     machine = board("systick").machine
@@ -131,16 +134,16 @@ def test_paced_time_never_overtakes_the_wall_clock(board):
     class Silence:
         address = ""
 
-        def watch(self):
+        def watch(self) -> None:
             return None
 
-        def read(self):
+        def read(self) -> bytes:
             return b""
 
-        def write(self, data):
+        def write(self, data: bytes) -> None:
             pass
 
-        def close(self):
+        def close(self) -> None:
             pass
 
     ended = threading.Event()

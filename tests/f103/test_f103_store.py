@@ -6,6 +6,8 @@ What all ways to leave an operation half done lead to is tried on the C by itsel
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -19,11 +21,14 @@ from plumb.link.session import Session
 from plumb.spec import parameters
 from support.campaigns import LONG
 
+Operation = tuple[int, bytes]
+"""Offset in the two slots, and the bytes that are there afterwards: ff is erased."""
+
 SLOTS, SLOT = 0xF000, 0x800
 
 
 @pytest.fixture(scope="module")
-def image():
+def image() -> Path:
     try:
         return find_image()
     except UsageError as error:
@@ -34,17 +39,17 @@ CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 BOOT_US = 30_000
 
 
-def table(period_us):
+def table(period_us: int) -> list[int]:
     return parameters.whole_table(CONTROL, period_us=period_us)
 
 
-def save(machine, period_us):
+def save(machine: Machine, period_us: int) -> None:
     with Session.open(machine.uart) as session:
         session.upload(CONTROL, period_us=period_us)
         session.execute("SAVE")
 
 
-def found(machine):
+def found(machine: Machine) -> tuple[list[int], str]:
     """Values in use after a reset, and where they come from."""
     machine.reset()
     machine.advance_us(BOOT_US)
@@ -55,7 +60,7 @@ def found(machine):
 
 
 @pytest.mark.parametrize("part", ["stm32f103c8", "stm32f103rct6", "stm32f103zet6"])
-def test_the_image_saves_on_every_part(image, part):
+def test_the_image_saves_on_every_part(image: Path, part: str) -> None:
     machine = Machine(image, part)
     machine.advance_us(BOOT_US)
     code = bytes(machine.cpu.flash[:SLOTS])
@@ -74,7 +79,7 @@ def test_the_image_saves_on_every_part(image, part):
 
 
 @pytest.mark.parametrize("lsi_hz", [30_000, 60_000])
-def test_no_watchdog_bites_while_it_saves(image, lsi_hz):
+def test_no_watchdog_bites_while_it_saves(image: Path, lsi_hz: int) -> None:
     machine = Machine(image)
     machine.iwdg.lsi_hz = lsi_hz
     machine.advance_us(BOOT_US)
@@ -83,7 +88,7 @@ def test_no_watchdog_bites_while_it_saves(image, lsi_hz):
     assert machine.reset_count == 1
 
 
-def test_nor_while_it_finds_that_a_slot_is_worn_out(image):
+def test_nor_while_it_finds_that_a_slot_is_worn_out(image: Path) -> None:
     """Both slots in one save, which takes longer than the fastest watchdog waits."""
     machine = Machine(image)
     machine.iwdg.lsi_hz = 60_000
@@ -96,22 +101,22 @@ def test_nor_while_it_finds_that_a_slot_is_worn_out(image):
 class Slots:
     """The two slots as bytes, and what a start of the image makes of them."""
 
-    def __init__(self, image):
+    def __init__(self, image: Path) -> None:
         self.machine = Machine(image)
         self.values = Elf(image.with_suffix(".elf")).symbol("params").address - 0x20000000
 
     @property
-    def now(self):
+    def now(self) -> bytes:
         return bytes(self.machine.cpu.flash[SLOTS : SLOTS + 2 * SLOT])
 
-    def journal_of_saving(self, period_us):
+    def journal_of_saving(self, period_us: int) -> list[Operation]:
         """What the flash is asked for: (offset in the slots, bytes) in order."""
         self.machine.flash.journal = []
         save(self.machine, period_us)
         operations, self.machine.flash.journal = self.machine.flash.journal, None
         return [(operation.offset - SLOTS, operation.after) for operation in operations]
 
-    def period_found_in(self, slots):
+    def period_found_in(self, slots: bytes) -> int:
         """period_us of the set that the image has found by the time its outputs begin; it must be all of that set."""
         machine = self.machine
         machine.power_cut()
@@ -122,21 +127,21 @@ class Slots:
         values = list(struct.unpack_from(f"<{count}i", machine.cpu.ram, self.values))
         index = [row.name for row in parameters.table()].index("period_us")
         assert values == table(values[index]), "a mixture"
-        return values[index]
+        return int(values[index])
 
-    def torn(self, slots, operation, odds=0.5):
+    def torn(self, slots: bytes, operation: Operation, odds: float = 0.5) -> bytes:
         """The slots with this operation half done."""
         at, after = operation
         half = torn(slots[at : at + len(after)], after, odds, self.machine.chance)
         return slots[:at] + half + slots[at + len(after) :]
 
 
-def done(slots, operation):
+def done(slots: bytes, operation: Operation) -> bytes:
     at, after = operation
     return slots[:at] + after + slots[at + len(after) :]
 
 
-def every_cut(slots, operations):
+def every_cut(slots: bytes, operations: list[Operation]) -> Iterator[tuple[int, bytes]]:
     """(number, the slots before) of every operation."""
     for number, operation in enumerate(operations):
         yield number, slots
@@ -144,7 +149,7 @@ def every_cut(slots, operations):
 
 
 @pytest.fixture
-def slots(image):
+def slots(image: Path) -> Slots:
     s = Slots(image)
     s.machine.advance_us(BOOT_US)
     save(s.machine, 3000)
@@ -152,7 +157,7 @@ def slots(image):
 
 
 @pytest.mark.slow
-def test_power_fails_at_any_operation_and_at_any_two_in_a_row(slots):
+def test_power_fails_at_any_operation_and_at_any_two_in_a_row(slots: Slots) -> None:
     """The image says what it writes, every cut of it is made, and every result is started.
 
     Of the save after a cut, only what precedes the blank slot can still meet what the cut left; from there on the slots
@@ -183,7 +188,7 @@ def test_power_fails_at_any_operation_and_at_any_two_in_a_row(slots):
     assert seen == {3000, 4000}
 
 
-def test_a_save_after_a_cut_begins_with_the_seal_and_two_erases(slots):
+def test_a_save_after_a_cut_begins_with_the_seal_and_two_erases(slots: Slots) -> None:
     """Whatever the cut left; and it succeeds."""
     before = slots.now
     operations = slots.journal_of_saving(4000)
@@ -201,7 +206,7 @@ def test_a_save_after_a_cut_begins_with_the_seal_and_two_erases(slots):
     assert slots.machine.warnings == []
 
 
-def test_power_that_fails_while_it_saves(image):
+def test_power_that_fails_while_it_saves(image: Path) -> None:
     """The supply goes in the middle of an operation of the controller, and nobody gets an answer."""
     machine = Machine(image)
     machine.advance_us(BOOT_US)
@@ -218,7 +223,7 @@ def test_power_that_fails_while_it_saves(image):
     assert found(machine) == (table(4000), "saved in flash, number 2")
 
 
-def test_a_worn_half_word_is_reported_and_the_old_set_stays(image):
+def test_a_worn_half_word_is_reported_and_the_old_set_stays(image: Path) -> None:
     machine = Machine(image)
     machine.advance_us(BOOT_US)
     save(machine, 3000)
@@ -229,7 +234,7 @@ def test_a_worn_half_word_is_reported_and_the_old_set_stays(image):
     assert machine.warnings == []
 
 
-def test_pages_that_were_protected_can_be_saved_to_again(image):
+def test_pages_that_were_protected_can_be_saved_to_again(image: Path) -> None:
     """What the controller refused stands in its flags until it is cleared; and it is locked between saves."""
     machine = Machine(image)
     machine.advance_us(BOOT_US)
@@ -243,7 +248,7 @@ def test_pages_that_were_protected_can_be_saved_to_again(image):
     assert found(machine) == (table(4000), "saved in flash, number 2")
 
 
-def test_a_brown_out_while_it_saves(image):
+def test_a_brown_out_while_it_saves(image: Path) -> None:
     """The supply dips and comes back: memory is half garbage, and the board starts as if from nothing."""
     machine = Machine(image)
     machine.advance_us(BOOT_US)

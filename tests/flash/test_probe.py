@@ -9,6 +9,7 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -82,14 +83,19 @@ class Fake:
         return [json.loads(line) for line in (self.folder / "asked").read_text().splitlines()]
 
 
+NewFake = Callable[..., Fake]
+
+
 @pytest.fixture
-def fake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def fake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> NewFake:
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("PLUMB_FAKE", str(tmp_path))
     return lambda tool, **changes: Fake(tmp_path, tool, **changes)
 
 
-def test_openocd_is_asked_to_identify_write_read_back_and_run(fake, capsys: pytest.CaptureFixture[str]) -> None:
+def test_openocd_is_asked_to_identify_write_read_back_and_run(
+    fake: NewFake, capsys: pytest.CaptureFixture[str]
+) -> None:
     f = fake("openocd")
     assert f.flash("--json") == 0
     report = json.loads(capsys.readouterr().out)
@@ -110,13 +116,13 @@ def test_openocd_is_asked_to_identify_write_read_back_and_run(fake, capsys: pyte
     assert not any("mass" in word or "chip" in word for asked in f.asked for word in asked)
 
 
-def test_another_interface(fake) -> None:
+def test_another_interface(fake: NewFake) -> None:
     f = fake("openocd")
     assert main(["flash", "--probe", "openocd:cmsis-dap", "--image", str(f.image)]) == 0
     assert all(asked[1] == "interface/cmsis-dap.cfg" for asked in f.asked)
 
 
-def test_pyocd_is_asked_the_same(fake, capsys: pytest.CaptureFixture[str]) -> None:
+def test_pyocd_is_asked_the_same(fake: NewFake, capsys: pytest.CaptureFixture[str]) -> None:
     f = fake("pyocd")
     assert f.flash("--json") == 0
     report = json.loads(capsys.readouterr().out)
@@ -138,7 +144,9 @@ def test_pyocd_is_asked_the_same(fake, capsys: pytest.CaptureFixture[str]) -> No
         ("pyocd", "I DP IDR = 0x2ba01477 (v1)"),
     ],
 )
-def test_a_clone_is_warned_of_and_written(fake, tool: str, idcode: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_clone_is_warned_of_and_written(
+    fake: NewFake, tool: str, idcode: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     f = fake(tool, idcode=idcode)
     assert f.flash("--json") == 0
     output = capsys.readouterr()
@@ -146,7 +154,7 @@ def test_a_clone_is_warned_of_and_written(fake, tool: str, idcode: str, capsys: 
     assert (f.folder / "flash.bin").exists()
 
 
-def test_what_reads_back_wrong_is_exit_1_and_not_started(fake, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_reads_back_wrong_is_exit_1_and_not_started(fake: NewFake, capsys: pytest.CaptureFixture[str]) -> None:
     f = fake("openocd", spoils=True)
     assert f.flash() == 1
     assert "4 of 2100 bytes read back wrong" in capsys.readouterr().err
@@ -162,7 +170,7 @@ def test_what_reads_back_wrong_is_exit_1_and_not_started(fake, capsys: pytest.Ca
     ],
 )
 def test_another_part_and_no_part_are_left_alone(
-    fake, changes: dict[str, object], code: int, words: str, capsys: pytest.CaptureFixture[str]
+    fake: NewFake, changes: dict[str, object], code: int, words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     f = fake("openocd", **changes)
     assert f.flash() == code
@@ -170,14 +178,14 @@ def test_another_part_and_no_part_are_left_alone(
     assert not (f.folder / "flash.bin").exists()
 
 
-def test_an_image_too_long_for_the_chip(fake, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_image_too_long_for_the_chip(fake: NewFake, capsys: pytest.CaptureFixture[str]) -> None:
     f = fake("openocd", size="0x1ffff7e0: 0010")
     f.image.write_bytes(made_image(16 * 1024 + 4))
     assert f.flash() == 2
     assert "nothing was written" in capsys.readouterr().err and not (f.folder / "flash.bin").exists()
 
 
-def test_a_missing_tool_and_a_wrong_name(fake, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_tool_and_a_wrong_name(fake: NewFake, capsys: pytest.CaptureFixture[str]) -> None:
     f = fake("pyocd")
     assert main(["flash", "--probe", "openocd", "--image", str(f.image)]) == 2
     assert "openocd is not installed" in capsys.readouterr().err
@@ -187,7 +195,7 @@ def test_a_missing_tool_and_a_wrong_name(fake, capsys: pytest.CaptureFixture[str
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("pyocd", path=str(Path(sys.executable).parent)) is None, reason="no pyocd")
-def test_the_real_pyocd_understands_the_commands(fake) -> None:
+def test_the_real_pyocd_understands_the_commands(fake: NewFake) -> None:
     """It finds no probe, and says that rather than that it was asked wrongly."""
     f = fake("pyocd")
     assert f.flash() == 0
@@ -200,7 +208,7 @@ def test_the_real_pyocd_understands_the_commands(fake) -> None:
 
 @pytest.mark.skipif(shutil.which("openocd", path="/usr/bin") is None, reason="openocd is not installed")
 @pytest.mark.parametrize("interface", ["stlink", "cmsis-dap"])
-def test_the_real_openocd_finds_its_files_and_no_probe(fake, interface: str) -> None:
+def test_the_real_openocd_finds_its_files_and_no_probe(fake: NewFake, interface: str) -> None:
     f = fake("openocd", idcode="Warn : UNEXPECTED idcode: 0x2ba01477")
     assert main(["flash", "--probe", f"openocd:{interface}", "--image", str(f.image)]) == 0
     for asked in f.asked:

@@ -420,7 +420,7 @@ def test_a_host_that_was_busy_does_not_take_the_phone_for_silent(
             seconds=None,
             wait_s=20.0,
             stop=[],
-            saw=lambda *_: None,  # type: ignore[arg-type]
+            saw=lambda *_: None,
         )
         assert "the phone stopped sending" in said
         assert follower.outcome.steps == pytest.approx(steps, abs=4)

@@ -46,7 +46,7 @@ def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def saved(folder: Path, columns: dict[str, Any]) -> Path:
     path = folder / "run.npz"
-    np.savez(path, **columns)  # type: ignore[arg-type]
+    np.savez(path, **columns)
     return path
 
 
@@ -171,11 +171,11 @@ def spoiled(change: str) -> dict[str, Any]:
         case "infinite":
             acc[77, 0] = np.inf
         case "short":
-            columns = {name: value[:100] for name, value in columns.items()}  # type: ignore[index]
+            columns = {name: value[:100] for name, value in columns.items()}
         case "one sample":
-            columns = {name: value[:1] for name, value in columns.items()}  # type: ignore[index]
+            columns = {name: value[:1] for name, value in columns.items()}
         case "no samples":
-            columns = {name: value[:0] for name, value in columns.items()}  # type: ignore[index]
+            columns = {name: value[:0] for name, value in columns.items()}
         case "no acc":
             del columns["acc"]
         case "no time":

@@ -130,7 +130,7 @@ def test_values_come_every_10_ms_however_full_the_queue_is_and_only_while_armed(
     board.run_us(100_000)
     board.baud(up_ns=BAUD_921600_NS)  # a tenth of what is asked for
     session.arm()
-    heard = []
+    heard: list[tuple[int, int]] = []
     message = protocol()["KEEPALIVE_VALUE"]
 
     def note(frames: list[tuple[int, bytes]]) -> None:

@@ -68,7 +68,7 @@ def address_of(far: AdapterBus) -> str:
 def test_frames_go_both_ways_between_the_two_ends(spec: str) -> None:
     far = serve_bus(spec)
     assert isinstance(far, AdapterBus)
-    with answering(far) as heard, open_bus(address_of(far)) as near:  # type: ignore[arg-type]
+    with answering(far) as heard, open_bus(address_of(far)) as near:
         wait_for(lambda: far.open)
         for step in range(40):
             near.send(frame(step))
@@ -112,7 +112,7 @@ def test_an_adapter_answers_the_commands_that_stock_tools_send() -> None:
         (b"t1002AB01\r\r", b"\a\r"),
         (b"C\r", b"\r"),
     ]
-    with answering(far) as heard, serial.Serial(address_of(far).removeprefix("serial:"), timeout=WAIT_S) as port:  # type: ignore[arg-type]
+    with answering(far) as heard, serial.Serial(address_of(far).removeprefix("serial:"), timeout=WAIT_S) as port:
         for question, answer in transcript:
             port.write(question)
             assert port.read(len(answer)) == answer
@@ -122,7 +122,7 @@ def test_an_adapter_answers_the_commands_that_stock_tools_send() -> None:
 
 def test_python_cans_own_slcan_interface_talks_to_an_adapter() -> None:
     far = AdapterBus(open_endpoint("pty"))
-    name = address_of(far).removeprefix("serial:")  # type: ignore[arg-type]
+    name = address_of(far).removeprefix("serial:")
     with answering(far) as heard, open_bus(f"can:slcan:{name}@115200") as stock:
         wait_for(lambda: far.open)
         stock.send(frame(7))
@@ -194,7 +194,7 @@ def test_an_endless_line_does_not_grow() -> None:
         return data
 
     far._line.read = read  # type: ignore[method-assign]
-    with answering(far), PlumbBus(address_of(far)) as near:  # type: ignore[arg-type]
+    with answering(far), PlumbBus(address_of(far)) as near:
         near.write_text(b"x" * 200_000)
         wait_for(lambda: heard_bytes[0] >= 200_000)
     assert max(kept) <= 64

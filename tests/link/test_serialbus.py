@@ -214,7 +214,7 @@ def test_stock_slcan_of_python_can_opens_the_board_and_hears_it(port: str) -> No
         message = protocol()["HELLO"]
         data = message.pack(0, 0, protocol().version, protocol().dbc_hash)
         bus.send(can.Message(arbitration_id=message.identifier, data=data, is_extended_id=False))
-        heard = {}
+        heard: dict[str, bytes] = {}
         end = time.monotonic() + WAIT_S
         wanted = {"IDENTITY", "TIME", "STATUS"}
         while not wanted <= set(heard) and time.monotonic() < end:

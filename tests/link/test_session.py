@@ -130,7 +130,7 @@ def test_upload_survives_a_bad_line(new_board: NewBoard, seed: int) -> None:
 
 def test_another_system_begins_with_nothing_selected(new_board: NewBoard) -> None:
     """A mask of words that another record has would stream others by their names."""
-    heard = set()
+    heard: set[int] = set()
     with Session.open(new_board()) as session:
         session.select(frames=("QUAD_ANGLE",), words=(30,))
         system = systems.load("balancer")
@@ -268,7 +268,7 @@ def test_nothing_is_kept_alive_after_the_end(new_board: NewBoard) -> None:
     session = armed_session(board)
     session.end()
     sent: list[bytes] = []
-    board.spoil_down = lambda data: sent.append(data) or data
+    board.spoil_down = lambda data: sent.append(data) or data  # type: ignore[func-returns-value]
     for _ in range(30):
         session.receive(0.01)
     assert sent == []

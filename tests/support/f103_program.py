@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,3 +23,7 @@ class Board:
 
     def ask(self, index: int, value: int) -> None:
         struct.pack_into("<I", self.machine.cpu.ram, RESULTS_OFFSET + 4 * index, value)
+
+
+NewBoard = Callable[..., Board]
+"""Name of a program in tests/f103, and options of the machine -> a board that runs it."""

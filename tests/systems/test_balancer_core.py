@@ -25,7 +25,7 @@ EDGE = 1 << 24
 DEFAULT = {row.name: row.default for row in parameters.table() if row.owner == "control"} | {"system": 1}
 
 
-def wild_inputs(seed: int) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.int16]], np.ndarray]:  # type: ignore[type-arg]
+def wild_inputs(seed: int) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.int16]], np.ndarray]:
     """Counts and setpoints of any value; in a third of the runs gravity and edges that stay for a while."""
     rng = np.random.default_rng(seed)
     raw = rng.integers(-32768, 32768, (STEPS, 6, RUNS)).astype(np.int16)
@@ -159,7 +159,7 @@ def test_last_good_and_first_bad(name: str, good: int, bad: int, others: dict[st
 
 
 def changed(**parts: object) -> BalancerTuning:
-    return BalancerTuning(**{**vars(balancer.TUNED), **parts})  # type: ignore[arg-type]
+    return BalancerTuning(**{**vars(balancer.TUNED), **parts})
 
 
 @pytest.mark.parametrize(

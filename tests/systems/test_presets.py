@@ -67,7 +67,7 @@ def test_its_presets_are_printed_in_one_place(name: str, capsys: pytest.CaptureF
 
 def test_the_table_takes_other_seeds(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     taken: list[range] = []
-    monkeypatch.setattr("plumb.proof.figures.compute", lambda names, seeds: taken.append(seeds) or iter(()))
+    monkeypatch.setattr("plumb.proof.figures.compute", lambda names, seeds: taken.append(seeds) or iter(()))  # type: ignore[func-returns-value]
     for options in ((), ("--seeds", "3"), ("--first-seed", "5000", "--seeds", "2")):
         assert front.main(["systems", "--table", *options]) == 0
     assert taken == [range(1000, 1040), range(1000, 1003), range(5000, 5002)]

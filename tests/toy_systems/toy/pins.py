@@ -30,7 +30,7 @@ class Coupling:
         return 0.0 if self._start_s is None else max(0.0, now_s - self._start_s)
 
     def _count(self, now_s: float) -> int:
-        return self._plant.counts(self._time_s(now_s))[0]
+        return int(self._plant.counts(self._time_s(now_s))[0])
 
     def _convert(self, now_s: float) -> None:
         if not self._scans.convert(now_s):

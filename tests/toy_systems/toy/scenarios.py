@@ -48,7 +48,7 @@ class Scenario:
 
     @property
     def time_s(self) -> npt.NDArray[np.float64]:
-        return np.arange(self.steps) * (self.period_us * 1e-6)
+        return np.asarray(np.arange(self.steps) * (self.period_us * 1e-6), np.float64)
 
     @property
     def scored(self) -> npt.NDArray[np.bool_]:
