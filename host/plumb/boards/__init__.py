@@ -1,8 +1,8 @@
-"""Boards: everything that can run the C integers, behind one interface.
+"""Boards: everything that can run the control step, with one interface.
 
-`native` is the core in process, `qemu` the core as Cortex-M3 code, `virtual` the whole flash image on the simulated
-STM32F103; `serial:PORT[@BAUD]` and `can:INTERFACE:CHANNEL[@KBIT]` the same image on silicon, or on a virtual board
-served by another process.
+`fixed` is the integer model in Python, `native` the C core in this process, `qemu` the C core as Cortex-M3 code,
+`virtual` the whole flash image on the simulated STM32F103. `serial:PORT[@BAUD]` and `can:INTERFACE:CHANNEL[@KBIT]` are
+the same image on silicon, or on a virtual board that another process serves.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
     from plumb.tuning.quantise import ControlParams
 
 RawCounts = npt.NDArray[np.int16]
-"""Shape (steps, 6): the raw counts of every step; a system uses the first few columns."""
+"""Raw counts of every step, shape (steps, 6); a system uses the first few columns."""
 Setpoints = npt.NDArray[np.int32]
-"""Shape (steps,): in the unit of the system; quad: binary angles, a full turn is 2**32."""
+"""Setpoint of every step, shape (steps,), in the unit of the system; quad: binary angles, a full turn is 2**32."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What a board said of a run.
+    """Output of a run on a board.
 
-    digests: shape (steps,), CRC-32 of each step's words. words: the words themselves where the board gives them all
-    (native, qemu), else None: a link carries the digests, and single steps are asked for with `words_of_step`.
-    unverified_from: first step whose digest or raw counts were lost on the way, else None.
+    digests: CRC-32 of each step's words, shape (steps,). words: the words of all steps from boards that give them
+    (fixed, native, qemu), else None: over a link only digests are sent, and `words_of_step` gets the words of one step.
+    unverified_from: first step whose digest or raw counts were lost on the link, else None.
     """
 
     digests: npt.NDArray[np.uint32]
@@ -44,41 +44,41 @@ class Answer:
 
 @dataclass(frozen=True)
 class StepOutput:
-    """One step's digest and what goes to the actuator: words of the record by name, those a system calls OUTPUTS."""
+    """Digest and outputs of one step. outputs: the words that the system lists in OUTPUTS, by name."""
 
     digest: int
     outputs: dict[str, int]
 
 
 class Stepper(Protocol):
-    """A run in lockstep, one sample at a time: for closed loops whose plant lives on the host."""
+    """A run in lockstep, one sample at a time: for closed loops whose plant runs on the host."""
 
     def step(self, raw: tuple[int, ...], setpoint: int) -> StepOutput: ...
 
     def digests(self, raw: RawCounts) -> list[int]:
-        """Samples that are there already, without a setpoint: their digests, whatever else a step puts out."""
+        """Run a step for each sample with setpoint 0; the digests of these steps."""
         ...
 
 
 class Board(ABC):
-    """Anything that runs the C integers. Use as a context manager: leaving it closes what is open."""
+    """Anything that runs the control step. A context manager: leaving it closes the link."""
 
     name: str
 
     @abstractmethod
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
-        """Reset, then every step in lockstep."""
+        """Reset the controller, then run every step in lockstep."""
 
     @abstractmethod
     def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:
-        """Reset, run up to and with `step`, and give every word of that step."""
+        """Reset the controller, run the steps 0 to `step`, and return every word of step `step` by name."""
 
     @abstractmethod
     def stepper(self, params: ControlParams) -> Stepper:
-        """Reset, and hand the pace to the caller."""
+        """Reset the controller, and return a run that the caller paces."""
 
     def close(self) -> None:  # noqa: B027  (most boards hold nothing open)
-        """Let go of the link, if there is one."""
+        """Close the link, if there is one."""
 
     def __enter__(self) -> Self:
         return self
@@ -90,9 +90,9 @@ class Board(ABC):
 
 
 def open_board(spec: str, *, link: str = "serial", image: Path | None = None) -> Board:
-    """The board that SPEC names; link: how `virtual` is spoken to, serial or can.
+    """The board that `spec` names. link: serial or can, of `virtual`. image: of `virtual`; None: this checkout's build.
 
-    Raises UsageError for a name that is none, LinkError when it does not answer.
+    Raises UsageError for an invalid name, LinkError when the board does not answer.
     """
     name = parse_board(spec)
     if isinstance(name, SerialName):

@@ -1,4 +1,4 @@
-"""The integer model as a board: golden files are checked by the code that made them, too."""
+"""The integer model in Python as a board, so that golden files are also checked by the code that made them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The parameters of a served board in a file, so that they outlive the process as flash outlives the power.
+"""The parameters of a served board in a file, so that they outlive the process as flash outlives a power cycle.
 
-The file holds both slots of the flash as they are. It is written when the board has written its flash and then left it
-alone for a turn, as a whole or not at all: killed in between, the process leaves what the last save left.
+The file is an image of both parameter slots. It is written when the board has written its flash and then left it alone
+for one turn. Writing is atomic: when the process is killed, the file of the last save stays.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ SLOTS_BYTES = 4096
 
 
 def read_slots(path: Path) -> bytes:
-    """What was kept, or nothing yet; raises UsageError for another file, and for one whose folder does not exist."""
+    """Contents of the file, b"" when there is none yet; raises UsageError for a file that holds something else, and
+    when its folder does not exist."""
     if not path.parent.is_dir():
         raise UsageError(f"there is no folder {path.parent} to keep {path.name} in; make it, or choose another file")
     if not path.exists():
@@ -46,21 +47,22 @@ class KeptSlots(ABC):
 
     @abstractmethod
     def slots(self) -> bytes:
-        """Both slots as they are."""
+        """Present contents of both slots."""
 
     def busy(self) -> bool:
-        """Whether an operation is under way."""
+        """True while an operation is under way."""
         return False
 
     def look(self) -> None:
-        """Write the file when the flash was written; raises UsageError where that cannot be."""
+        """Write the file if the flash has changed and is idle since the last call; raises UsageError when the file
+        cannot be written."""
         if self.operations() != self._seen or self.busy():
             self._seen = self.operations()
         else:
             self.write()
 
     def write(self) -> None:
-        """The same at once."""
+        """Write the file at once if the flash has changed."""
         if self._written == self.operations():
             return
         self._written = self.operations()
@@ -68,7 +70,7 @@ class KeptSlots(ABC):
 
 
 class MachineSlots(KeptSlots):
-    """Those of a simulated chip."""
+    """The parameter slots of a simulated chip."""
 
     def __init__(self, machine: Machine, path: Path) -> None:
         self._machine = machine

@@ -1,4 +1,4 @@
-"""A board behind a link: samples go out in lockstep, and every step's digest comes back."""
+"""A board over a link: the host sends samples in lockstep and receives every step's digest."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from plumb.tuning.quantise import ControlParams
 
 CHUNK_STEPS = 500
-"""Steps between two turns of the progress bar."""
+"""Steps between two updates of the progress bar."""
 
 
 class LinkStepper:
-    """One sample at a time; the outputs travel in named frames."""
+    """A run over a link, one sample at a time; the outputs come in the system's OUTPUT_FRAMES."""
 
     def __init__(self, session: Session, system: ModuleType) -> None:
         self._signals: dict[str, tuple[str, str]] = system.OUTPUT_FRAMES
@@ -37,14 +37,14 @@ class LinkStepper:
         return StepOutput(reply.digest, outputs)
 
     def digests(self, raw: RawCounts) -> list[int]:
-        """Several in inputs: an adapter that answers late does not hold up every step."""
+        """Keeps several samples in flight, so that the latency of an adapter does not delay every step."""
         import numpy as np
 
         return [int(digest) for digest in self._run.run(raw, np.zeros(len(raw), np.int32))]
 
 
 class LinkBoard(Board):
-    """Everything that a Session makes of a board; owns the session."""
+    """A board over an open session, which it owns and closes."""
 
     def __init__(self, name: str, session: Session) -> None:
         self.name = name
@@ -88,7 +88,7 @@ class LinkBoard(Board):
 
 
 class SerialBoard(LinkBoard):
-    """A board, or a served virtual board, at a serial port or any address that pyserial opens."""
+    """A board, or a served virtual board, at any address that pyserial opens."""
 
     def __init__(self, name: SerialName) -> None:
         super().__init__(f"serial:{name.port}", Session.open(name))
@@ -102,7 +102,7 @@ class CanBoard(LinkBoard):
 
 
 def open_link_board(spec: str, *, link: str = "serial", image: Path | None = None) -> LinkBoard:
-    """The board that SPEC names, spoken to over its link; raises UsageError where there is none."""
+    """The board that `spec` names; raises UsageError for a board without a link."""
     name = parse_board(spec)
     if isinstance(name, LocalBoard) and name.kind != "virtual":
         raise UsageError(f"'{spec}' is no board with a link; use virtual, {REMOTE_BOARDS}")

@@ -1,4 +1,4 @@
-"""The C core in this process: the quickest board."""
+"""The C core in this process: the fastest board."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class NativeStepper:
-    """One control loop in C memory that this object owns."""
+    """One run of the C core, whose state this object owns."""
 
     def __init__(self, params: ControlParams) -> None:
         self._controller = native_core.Controller(params)

@@ -1,6 +1,6 @@
-"""The C core in this process, by ctypes: the same functions as `plumb.systems.run_fixed`, at full speed.
+"""The C core in this process, by ctypes: the functions of `plumb.systems.run_fixed` at the speed of C.
 
-The library is the one that the package was installed with, or in a checkout the one of the `native` preset.
+The library is the one installed with the package, or in a checkout the build of the `native` preset.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from plumb.tuning.quantise import ControlParams
 
 LIBRARY = "libplumb_native.so"
 CORE_VARIABLE = "PLUMB_NATIVE_CORE"
-"""Environment variable: a library to load instead, for example one with systems of PLUMB_SYSTEM_PATH."""
+"""Environment variable: the library to load instead, for example one with systems of PLUMB_SYSTEM_PATH."""
 BUILD = "cmake --preset native && cmake --build --preset native"
 
 KALMAN_DTYPE = block_dtype("kalman")
 """kalman_t: the state of one filter after a step."""
 
 PID_DTYPE = block_dtype("pid")
-"""pid_t."""
+"""pid_t: the state of one controller after a step."""
 
 Int32s = npt.NDArray[np.int32]
 Records = npt.NDArray[np.void]
 
 
 def core_path() -> Path:
-    """Where the library is: at PLUMB_NATIVE_CORE, in the package, or in the checkout's build; UsageError that says how
-    to make it when there is none."""
+    """Path of the library: PLUMB_NATIVE_CORE, in the package, or in the checkout's build. Without one raises
+    UsageError, which says how to build it."""
     if chosen := os.environ.get(CORE_VARIABLE):
         return Path(chosen)
     for path in (PACKAGE / LIBRARY, CHECKOUT / "build" / "native" / LIBRARY):
@@ -50,7 +50,7 @@ def core_path() -> Path:
 
 @lru_cache(maxsize=1)
 def c_core() -> ctypes.CDLL:
-    """The loaded library; UsageError when it is of another version than this package."""
+    """The loaded library; raises UsageError when its version differs from the package's."""
     path = core_path()
     try:
         core = ctypes.CDLL(str(path))
@@ -75,7 +75,7 @@ def _number(system: str) -> int:
 
 
 def word_names(core: ctypes.CDLL, system: str) -> tuple[str, ...]:
-    """The words of a system's step as the C lists them; none for a system it does not have."""
+    """Names of the words of a system's record in the C library; () for a system that it does not have."""
     names: bytes | None = core.plumb_word_names(_number(system))
     return tuple(names.decode().split(",")) if names else ()
 
@@ -93,12 +93,12 @@ def _u32(values: npt.ArrayLike) -> npt.NDArray[np.uint32]:
 
 
 def params_valid(params: ControlParams) -> bool:
-    """What the firmware says of a whole set at commit."""
+    """Whether the firmware would accept this set of parameters at a commit."""
     return bool(c_core().plumb_params_valid(_pointer(_u32(params.words()))))
 
 
 def require_valid(params: ControlParams) -> None:
-    """Raises UsageError for parameters that the core refuses: with them its arithmetic may divide by zero."""
+    """Raises UsageError for parameters that the core refuses, because its arithmetic could divide by zero with them."""
     if not word_names(c_core(), params.system):
         raise UsageError(f"the native core was built without {params.system}: build it with PLUMB_SYSTEMS that has it")
     if not params_valid(params):
@@ -164,9 +164,9 @@ def tilt_and_trust(
 def kalman_run(
     params: ControlParams, variance: npt.ArrayLike, tilt_turn_q32: npt.ArrayLike, rate_turnps_q28: npt.ArrayLike
 ) -> tuple[Int32s, Records]:
-    """The filter alone, from its start: fused tilt (steps[, runs]), and the last state of each run.
+    """Run the filter alone from its start: fused tilt, shape (steps[, runs]), and the final state of each run.
 
-    The rate is U(k) as it is given: which sample that is, control_step decides.
+    rate_turnps_q28: U(k) of each step, used as given (control_step() would choose the sample).
     """
     r, z, u = _u32(variance), _i32(tilt_turn_q32), _i32(rate_turnps_q28)
     runs = z.shape[1] if z.ndim == 2 else 1
@@ -182,7 +182,7 @@ def kalman_run(
 def kalman_step(
     params: ControlParams, states: Records, variance: npt.ArrayLike, tilt_turn_q32: npt.ArrayLike, rate: npt.ArrayLike
 ) -> Records:
-    """One step of each of n unrelated states of KALMAN_DTYPE."""
+    """One step for each of n independent states of KALMAN_DTYPE."""
     r, z, u, after = _u32(variance), _i32(tilt_turn_q32), _i32(rate), states.copy()
     words = _u32(params.words())
     c_core().plumb_kalman_each(_pointer(words), _pointer(after), _pointer(r), _pointer(z), _pointer(u), len(after))
@@ -190,7 +190,7 @@ def kalman_step(
 
 
 def pid_step(params: ControlParams, states: Records, error_turn_q32: npt.ArrayLike, rate: npt.ArrayLike) -> Records:
-    """One step of each of n unrelated states of PID_DTYPE."""
+    """One step for each of n independent states of PID_DTYPE."""
     error, measured, after = _i32(error_turn_q32), _i32(rate), states.copy()
     words = _u32(params.words())
     c_core().plumb_pid_each(_pointer(words), _pointer(after), _pointer(error), _pointer(measured), len(after))
@@ -198,7 +198,7 @@ def pid_step(params: ControlParams, states: Records, error_turn_q32: npt.ArrayLi
 
 
 class Controller:
-    """One run, a step at a time, in memory that this object owns."""
+    """One run, a step at a time; this object owns the state."""
 
     def __init__(self, params: ControlParams) -> None:
         require_valid(params)
@@ -222,7 +222,8 @@ class Controller:
 
 
 def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
-    """raw: (steps, up to 6 counts[, runs]); setpoint: (steps[, runs]); one set of parameters, or one per run."""
+    """Words of every step of one or more runs. raw: (steps, up to 6 counts[, runs]); setpoint: (steps[, runs]); params:
+    one set, or one per run."""
     counts, setpoints = check_inputs(raw, setpoint)
     steps, runs = len(counts), counts.shape[2] if counts.ndim == 3 else 1
     sets = [params] * runs if isinstance(params, ControlParams) else list(params)
@@ -246,8 +247,8 @@ def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayL
 
 
 def plausibility(params: ControlParams, words: Words) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.uint16]]:
-    """What core/plausibility.c makes of the records of one run: after each step the bits of the checks that fail, and
-    of the conditions for arming that are missing. UsageError for a system of which nothing is checked."""
+    """Run core/plausibility.c over the records of one run: after each step the bits of the failing checks, and of the
+    missing conditions for arming, shape (steps,) each. Raises UsageError for a system without plausibility bounds."""
     steps = len(words.record)
     failed, missing = np.zeros(steps, np.uint16), np.zeros(steps, np.uint16)
     record = np.ascontiguousarray(words.record)
@@ -259,7 +260,7 @@ def plausibility(params: ControlParams, words: Words) -> tuple[npt.NDArray[np.ui
 
 
 def kalman_steps_per_s(params: ControlParams, runs: int = 64, steps: int = 4000, repeats: int = 5) -> float:
-    """Batched filter steps per second on one core, the best of some repeats."""
+    """Batched filter steps per second on one processor core, the best of `repeats`."""
     rng = np.random.default_rng(1)
     z = rng.integers(-(1 << 28), 1 << 28, (steps, runs)).astype(np.int32)
     u = rng.integers(-(1 << 26), 1 << 26, (steps, runs)).astype(np.int32)

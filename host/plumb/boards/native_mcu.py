@@ -1,4 +1,5 @@
-"""The shipped main loop on a board in this process's memory (firmware/ports/native): no chip, no Unicorn.
+"""The native board: the shipped main loop in this process on simulated hardware (firmware/ports/native), without
+Unicorn.
 
     mcu = NativeMcu()
     session = Session.open(mcu.uart)       # or Session.over(NativeCanBus(mcu))
@@ -6,7 +7,7 @@
     mcu.run_us(1000)
     mcu.wires.pulse_halfus[0]
 
-Time is simulated and passes only when it is asked to; the same calls give the same bytes.
+Time is simulated and passes only in the calls that advance it; the same calls give the same bytes.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from plumb.spec.protocol import Frame, check, protocol
 
 LIBRARY = "libplumb_board.so"
 SLICE_US = 100
-"""Grain of a wait for what the board says."""
+"""Time step of a wait for the board."""
 _CHUNK = 4096
 _FLASH_CELLS = 2048
 
@@ -83,11 +84,11 @@ class State(IntEnum):
 
 
 NEVER = 0xFFFFFFFF
-"""Of a time in Wires: it stands still."""
+"""Value of a time in Wires that never passes."""
 
 
 def library_path() -> Path:
-    """Where the library is; UsageError that says how to make it when there is none."""
+    """Path of the library; without one raises UsageError, which says how to build it."""
     package = Path(__file__).resolve().parents[1]
     for path in (package / LIBRARY, package.parents[1] / "build" / "native" / LIBRARY):
         if path.is_file():
@@ -96,7 +97,8 @@ def library_path() -> Path:
 
 
 def _load(path: Path) -> ctypes.CDLL:
-    """A copy of the library of its own, as its loop keeps its state in static memory. It stays loaded."""
+    """Load a copy of the library: each board needs one of its own, because the state is in static memory. It stays
+    loaded."""
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / path.name
         shutil.copy(path, copy)
@@ -118,7 +120,8 @@ def _load(path: Path) -> ctypes.CDLL:
 
 
 class NativeMcu:
-    """A board in memory, switched on. library: another build of it. time_us: of its clock at the start."""
+    """A native board. library: another build of it. time_us: count of the board's clock at the start. power: switch the
+    board on."""
 
     def __init__(self, library: Path | None = None, *, time_us: int = 0, power: bool = True) -> None:
         self._library = _load(library or library_path())
@@ -133,7 +136,7 @@ class NativeMcu:
     # ---- power and time ----
 
     def power_on(self) -> None:
-        """From reset to the first turn of the loop; the flash holds what it held."""
+        """Start the board, up to the first turn of the loop; the flash keeps its contents."""
         self._library.native_power_on()
 
     def power_off(self) -> None:
@@ -145,15 +148,15 @@ class NativeMcu:
 
     @property
     def now_us(self) -> int:
-        """Simulated microseconds since the object was made."""
+        """Simulated microseconds since the object was created."""
         return int(self._library.native_now_us())
 
     def run_us(self, time_us: int) -> None:
-        """Let time pass; the loop sleeps and wakes as on the chip."""
+        """Advance the time; the loop sleeps and wakes as on the chip."""
         self._library.native_run(ctypes.c_uint32(time_us))
 
     def turn(self, time_us: int = SLICE_US) -> None:
-        """Let time pass without the loop, then run one turn of it."""
+        """Advance the time without the loop, then run one turn of it."""
         self._library.native_turn(ctypes.c_uint32(time_us))
 
     def set_clock_us(self, time_us: int) -> None:

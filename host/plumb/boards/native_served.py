@@ -1,7 +1,7 @@
-"""The native board as a process of its own: what `plumb.boards.serve` asks of a board, for a NativeMcu.
+"""The native board for `plumb.boards.serve`: a NativeMcu with the interface of a served board.
 
-It needs no Unicorn and no image. With a plant the board's own sensors give the plant's counts of the last FOLLOW_US,
-and the plant follows the outputs; the simulated chip of `virtual` converts at the very instant instead.
+It needs neither Unicorn nor a flash image. A plant and the board exchange counts and outputs every FOLLOW_US; on the
+simulated chip of `virtual` the plant is sampled at the instant of each conversion instead.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from plumb.systems.contracts import Plant
 from plumb.tuning.quantise import quantise
 
 FOLLOW_US = 1000
-"""How often the plant looks at the outputs, and the sensors at the plant."""
+"""Interval at which the plant gets the outputs, and the sensors get the plant's counts."""
 START_US = 50_000
-"""A host opens the port of a board that has been powered for a while."""
+"""Time from power-up until the host connects."""
 UART_BYTE_NS = 10_851
 """At 921600 baud."""
 BITS_PER_FRAME = 130
-"""Of a CAN frame of 8 bytes, some stuff bits included."""
+"""Length of a CAN frame of 8 bytes, some stuff bits included."""
 SEND_PATIENCE_S = 0.02
-"""A bus that takes no frame for so long has failed."""
+"""A bus that accepts no frame for this long has failed."""
 
 
 def open_native(strap: int, slots: bytes = b"", system: str | None = None, plant: Plant | None = None) -> ServedNative:
-    """A board that has been powered for START_US. strap: the pin set that it is wired for. slots: what its flash
-    holds; without them it comes up as the system, tuned for its own sensors and saved. plant: on its sensors and
-    outputs."""
+    """A board START_US after power-up. strap: the pin set that its strap chooses. slots: contents of its parameter
+    slots; without them the system's tuning for the board's own sensors is saved, and the board restarted. plant:
+    attached to its sensors and outputs."""
     mcu = NativeMcu(power=False)
     if slots:
         ctypes.memmove(mcu.flash, slots, SLOTS_BYTES)
@@ -54,7 +54,7 @@ def open_native(strap: int, slots: bytes = b"", system: str | None = None, plant
 
 
 def _save_as(mcu: NativeMcu, name: str) -> None:
-    """As `plumb params tuning SYSTEM --save` does."""
+    """Save the tuning for the board's own sensors, as `plumb params tuning SYSTEM --save` does."""
     system = systems.load(name)
     tuning = systems.load(name, "pins").TUNING
     with Session.open(mcu.uart) as session:
@@ -64,7 +64,7 @@ def _save_as(mcu: NativeMcu, name: str) -> None:
 
 
 class ServedNative:
-    """Time in the ticks of the served board, its UART, and a plant on its wires, whose time 0 is the beginning."""
+    """A NativeMcu with the interface `Served`, and a plant on its wires, whose time 0 is the construction."""
 
     def __init__(self, mcu: NativeMcu, system: str | None = None, plant: Plant | None = None) -> None:
         self.mcu, self.uart, self.plant = mcu, mcu.uart, plant
@@ -79,7 +79,7 @@ class ServedNative:
         return self.mcu.now_us * TICKS_PER_US
 
     def run_to(self, ticks: int) -> None:
-        """Let time pass up to an instant; a board that left for the ROM bootloader, which there is not, starts anew."""
+        """Advance to an instant. The native board has no ROM bootloader: one that enters it is restarted."""
         end_us = ticks // TICKS_PER_US
         while self.mcu.now_us < end_us:
             if self.plant is not None and self.mcu.now_us >= self._follow_us:
@@ -101,7 +101,7 @@ class ServedNative:
 
 
 class NativeJoint:
-    """Joins a board's CAN to any python-can bus, as plumb.boards.virtual_can.Joint does a machine's."""
+    """Couples a board's CAN with any python-can bus, as plumb.boards.virtual_can.Joint does for a machine."""
 
     def __init__(self, mcu: NativeMcu, bus: can.BusABC, kbit: int) -> None:
         self._mcu, self._bus = mcu, bus
@@ -112,7 +112,7 @@ class NativeJoint:
         self._mcu.wires.can_frame_ns = BITS_PER_FRAME * 1_000_000 // kbit
 
     def move(self) -> None:
-        """Frames that have arrived, in both directions."""
+        """Forward the frames that have arrived, in both directions."""
         while (message := self._bus.recv(0)) is not None:
             self._set_rate(getattr(self._bus, "kbit", None) or self._mcu.wires.can_kbit)
             plain = not (message.is_error_frame or message.is_fd or message.is_extended_id or message.is_remote_frame)

@@ -1,12 +1,13 @@
 """A plant on the pins of the virtual board: it drives the pins of the sensors and follows those of the actuators.
 
-How a system's plant is joined to a machine its part `pins` says:
+The module `pins` of a system says how its plant is attached to a machine:
 
-    Coupling(machine, plant)    the plant's time 0 is the first sample of a step that the board takes; it has
+    Coupling(machine, plant)    attaches the plant; its time 0 is the first sample that the board takes
         taken                   the samples that the board took, a `Conversion` each
-    FRAMES                      what a step sends: the raw counts that the system uses, and what a viewer wants
-    SCENARIO                    what a served board's plant does unless told otherwise
-    SHOWN, TUNING               what a plant that is only looked at does; the tuning for the board's own sensors
+    FRAMES                      frames that a step sends: the raw counts of the system, and what a viewer shows
+    SCENARIO                    default scenario of a served board
+    SHOWN                       default scenario of `show`
+    TUNING                      tuning for the board's own sensors
 """
 
 from __future__ import annotations
@@ -25,17 +26,17 @@ from plumb.systems.contracts import Scenario
 from plumb.tuning.quantise import ControlParams, quantise
 
 FOUND_US = 50_000
-"""Digital sensors that were just connected are found within this time."""
+"""The board finds digital sensors within this time after they are connected."""
 
 
 def sampling_began_s(machine: Machine) -> float:
-    """When the timer that paces the board's samples (TIM3) was last started, simulated seconds: the image stops and
-    starts it at each RUN_BEGIN, so that every sample since then is a step of that run."""
+    """Simulated seconds at which the board's sampling timer (TIM3) was last started. The firmware restarts it at each
+    RUN_BEGIN, so that every sample since then is a step of that run."""
     return machine.tim3.started_at / TICKS_PER_S
 
 
 def coupler(system: str, scenario: Scenario) -> Callable[[Machine], None]:
-    """What `serve` calls to put a plant on the pins of the machine it serves."""
+    """A function that attaches the plant of this scenario to a machine, for `open_machine`."""
     pins = systems.load(system, "pins")
 
     def couple(machine: Machine) -> None:
@@ -45,8 +46,9 @@ def coupler(system: str, scenario: Scenario) -> Callable[[Machine], None]:
 
 
 def configure_as(board: VirtualBoard, params: ControlParams, **link: int) -> Session:
-    """Make the board this system; link: words of the link's part of the parameters. Strap and pins are read at the
-    start alone, so that for others it is rewired and started again, with what it then has saved."""
+    """Configure the board for these parameters; link: parameters outside the control step, by name. The firmware reads
+    strap and pin set only at start: for another pin set the parameters are saved, the strap is rewired and the board is
+    restarted."""
     session = board.session
     pins = link.get("pins", 0)
     session.upload(params.words(), **{**params.link_words(), **link, "pins": pins})
@@ -58,7 +60,8 @@ def configure_as(board: VirtualBoard, params: ControlParams, **link: int) -> Ses
 
 
 def show(board: VirtualBoard, name: str, scenario: str | None, seed: int) -> None:
-    """Make the board this system, and put a plant on its pins that moves as the scenario says, whatever comes back."""
+    """Configure the board for this system, and attach a plant in open loop: it follows the scenario and ignores the
+    outputs."""
     system, live = systems.load(name), systems.load(name, "pins")
     chosen = system.scenario(scenario or live.SHOWN, seed)
     plant = system.plant(chosen, open_loop=True)
@@ -68,8 +71,9 @@ def show(board: VirtualBoard, name: str, scenario: str | None, seed: int) -> Non
 
 
 def boot_configured_as(machine: Machine, name: str, strap: str | None = None) -> None:
-    """Make a machine that was just started a system for its own sensors, as `plumb params tuning SYSTEM --save` and a
-    reset do, with its strap wired for the system: tuning, period and pin set come out of its flash from then on."""
+    """Configure a machine that was just started to run a system on its own sensors, as `plumb params tuning SYSTEM
+    --save` and a reset do, and wire its strap: from then on it starts with this tuning, period and pin set from its
+    flash."""
     system, live = systems.load(name), systems.load(name, "pins")
     with Session.open(machine.uart) as session:
         params = quantise(system.TUNINGS[live.TUNING])

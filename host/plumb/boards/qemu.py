@@ -1,7 +1,8 @@
-"""The core as Cortex-M3 code under QEMU: inputs by file, every step's words and digest back by file.
+"""The C core as Cortex-M3 code under QEMU: reads its inputs from a file, writes every step's words and digest to a
+file.
 
-The file formats are written at the top of firmware/ports/qemu/main.c. QEMU is a process per run; it
-never outlives the call, nor this process.
+firmware/ports/qemu/main.c describes the file formats. Each run is a QEMU process of its own, which outlives neither the
+call nor this process.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ MAGIC_IN = 0x49424C50
 MAGIC_OUT = 0x4F424C50
 SAMPLE_DTYPE = np.dtype([("raw", "<i2", 6), ("setpoint", "<i4")])
 START_UP_S = 30.0
-"""A run may take this long, and a millisecond more for every step: some hundred times what it needs."""
+"""Time limit of a run, plus 1 ms for every step: about a hundred times the usual time."""
 _EXIT_REASONS = {
     10: "it could not read its input",
     11: "it was built for another parameter layout; build the image again",
@@ -50,20 +51,20 @@ def _find_image() -> Path:
 
 
 def _die_with_parent() -> None:
-    """In the child, before QEMU starts: Linux kills it when this process ends, however it ends."""
+    """Runs in the child before QEMU starts: makes Linux kill QEMU when this process ends."""
     pr_set_pdeathsig = 1
     ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
 
 
 def _run(command: list[str], folder: Path, limit_s: float) -> int:
-    """Exit code of QEMU; on time-out, Ctrl-C or any other exception QEMU is killed and reaped first."""
+    """Run QEMU and return its exit code; after a time-out, Ctrl-C or any other exception QEMU is killed and reaped."""
     process = subprocess.Popen(
         command,
         cwd=folder,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
-        start_new_session=True,  # Ctrl-C in a terminal is ours to handle
+        start_new_session=True,  # Ctrl-C in a terminal reaches this process only
         preexec_fn=_die_with_parent if sys.platform == "linux" else None,
     )
     try:
@@ -81,7 +82,7 @@ def _run(command: list[str], folder: Path, limit_s: float) -> int:
 
 
 class QemuBoard(Board):
-    """The Board that runs each vector in a QEMU process of its own."""
+    """The board that runs each vector in a QEMU process of its own."""
 
     name = "qemu"
 

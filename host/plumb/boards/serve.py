@@ -1,6 +1,6 @@
-"""A simulated board as a process of its own: its UART behind a pseudo-terminal or a TCP port, its CAN bus joined to any
-python-can bus, at the pace of the wall clock and never faster. One client at a time on the UART; clients come and go,
-the board runs on. What the board sends while nobody is there is lost, as on a cable."""
+"""A simulated board as a process of its own: its UART on a pseudo-terminal or a TCP port, its CAN bus coupled with any
+python-can bus, in real time. The UART has one client at a time; the board runs on when clients come and go. Bytes that
+the board sends while no client is connected are lost, as on a cable."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from plumb.link.endpoint_names import DEFAULT_KBIT, CanName, SocketcandServerNam
 from plumb.link.transports.server_endpoint import ServerEndpoint, open_endpoint
 
 SLICE_S = 0.0003
-"""Rest between two turns of the loop, and so the grain of the pace."""
+"""Pause between two turns of the serving loop: the resolution of real time."""
 LAG_S = 0.05
-"""When the machine cannot keep up by more than this, time is given up rather than chased."""
+"""When the simulation lags by more than this behind the wall clock, it does not catch up."""
 
 
 class UartEnd(Protocol):
@@ -35,7 +35,7 @@ class UartEnd(Protocol):
 
 
 class Served(Protocol):
-    """A board whose time passes when it is told to, in ticks."""
+    """A board whose simulated time, in ticks, passes only in run_to()."""
 
     @property
     def uart(self) -> UartEnd: ...
@@ -45,13 +45,13 @@ class Served(Protocol):
 
 
 class Joined(Protocol):
-    """A board's CAN bus, joined to another one."""
+    """A coupling of a board's CAN bus with another bus."""
 
     def move(self) -> None: ...
 
 
 Join = Callable[[can.BusABC, int], Joined]
-"""Joins a board's CAN bus to another one, at kbit/s."""
+"""Couples a board's CAN bus with another bus, at this bit rate in kbit/s."""
 
 
 def run_paced(
@@ -61,8 +61,8 @@ def run_paced(
     joint: Joined | None = None,
     kept: KeptSlots | None = None,
 ) -> None:
-    """Run the board at wall-clock pace, moving bytes between its UART and the line, and frames through the joint,
-    until stopped() holds."""
+    """Run the board in real time until stopped() is true; bytes pass between its UART and `line`, frames through
+    `joint`."""
     begin_wall, begin_ticks = time.monotonic(), machine.now
     while not stopped():
         elapsed = time.monotonic() - begin_wall
@@ -83,15 +83,15 @@ def run_paced(
             kept.look()
         if behind_s < SLICE_S:
             descriptor = line.watch()
-            # Sleep for a slice, or less when the line has something. Not selectors: epoll counts in milliseconds.
+            # Sleep for a slice, or until bytes arrive. Not `selectors`: epoll counts in milliseconds.
             select.select([] if descriptor is None else [descriptor], [], [], SLICE_S)
     if kept is not None:
         kept.write()
 
 
 def open_can_end(spec: str) -> can.BusABC:
-    """What the board's CAN bus is joined to: slcan:pty and slcan:tcp:PORT (a CAN adapter, served), socketcand:PORT (a
-    socketcand server), else any python-can bus by INTERFACE:CHANNEL[@KBIT]. Raises UsageError, LinkError."""
+    """The bus to couple the board's CAN bus with: slcan:pty and slcan:tcp:PORT serve a CAN adapter, socketcand:PORT
+    serves socketcand, INTERFACE:CHANNEL[@KBIT] is any python-can bus. Raises UsageError, LinkError."""
     from plumb.link.transports.open_bus import open_can
     from plumb.link.transports.slcan_server import AdapterBus
     from plumb.link.transports.socketcand import SocketcandBus
@@ -105,7 +105,7 @@ def open_can_end(spec: str) -> can.BusABC:
 
 
 def address_of(bus: can.BusABC, spec: str) -> str:
-    """The board's name for a host that wants to reach it over this end."""
+    """The board name by which a host reaches the board over this bus."""
     from plumb.link.transports.slcan_server import AdapterBus
     from plumb.link.transports.socketcand import SocketcandBus
 
@@ -118,7 +118,7 @@ def address_of(bus: can.BusABC, spec: str) -> str:
 
 @contextlib.contextmanager
 def joined(join: Join | None, spec: str | None, announce: Callable[[str], None]) -> Iterator[Joined | None]:
-    """The board's CAN bus joined to what `open_can_end` makes of spec, and let go of at the end."""
+    """Couple the board's CAN bus with the bus that `open_can_end` opens for spec; closes it at the end."""
     if spec is None or join is None:
         yield None
         return
@@ -131,7 +131,7 @@ def joined(join: Join | None, spec: str | None, announce: Callable[[str], None])
 
 
 def kbit_of(spec: str) -> int:
-    """Bit rate of the bus that an end joins, in kbit/s; an end that is served has the usual one."""
+    """Bit rate of the bus that spec names, in kbit/s; DEFAULT_KBIT for a served one."""
     name = parse_can_end(spec)
     return name.kbit if isinstance(name, CanName) else DEFAULT_KBIT
 
@@ -147,9 +147,9 @@ def serve(
     kept: KeptSlots | None = None,
     announce: Callable[[str], None] = print,
 ) -> None:
-    """Serve the board's UART on `spec`, and its CAN bus, which join() joins, on `can_spec`, until stopped() holds.
+    """Serve the board's UART on `spec`, and its CAN bus, coupled by join(), on `can_spec`, until stopped() is true.
 
-    announce gets the address of each end, as a board's name without `serial:`.
+    announce is called with the address of each, as a board's name without `serial:`.
     """
     line = open_endpoint(spec, link)
     try:

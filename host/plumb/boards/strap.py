@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 PINS = ("PB4", "PB5")
 GROUNDED: dict[str, tuple[str, ...]] = {"standard": (), "bridge": ("PB5",), "quadrotor": ("PB4",), "both": PINS}
 BY_PIN_SET = tuple(GROUNDED)
-"""By the number of the pin set that the strap chooses (IDENTITY.PINS, parameter pins)."""
+"""Strap settings in the order of the pin sets that they choose (IDENTITY.PINS, parameter pins)."""
 RISE_US = 100.0
-"""How long the internal pull-up (30 to 50 kOhm, data sheet) needs to lift the jumper's wires: two time constants of
-1 nF against 50 kOhm."""
+"""Time that the internal pull-up (30 to 50 kOhm, data sheet) needs to lift the wires of the strap: two time constants
+of 50 kOhm and 1 nF."""
 
 
 def set_strap(machine: Machine, strap: str) -> None:
-    """Wire the strap; the firmware reads it after the next reset. Raises UsageError for a name that there is not."""
+    """Wire the strap; the firmware reads it after the next reset. Raises UsageError for an unknown setting."""
     if strap not in GROUNDED:
         raise UsageError(f"there is no strap setting '{strap}'; use one of {', '.join(GROUNDED)}")
     for pin in PINS:

@@ -1,6 +1,6 @@
-"""The virtual board in process: the whole flash image on the simulated STM32F103, spoken to over its UART or over CAN.
+"""The virtual board in process: the whole flash image on the simulated STM32F103, over its UART or over CAN.
 
-Stepped: simulated time passes only while the host waits for an answer, so that two runs give the same bytes.
+Simulated time passes only while the host waits for an answer, so that two runs give the same bytes.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from plumb.link.session import Session
 
 
 class VirtualBoard(LinkBoard):
-    """machine: the simulated part, for who wants to reach its pins. link: serial or can."""
+    """The virtual board. machine: the simulated part, for access to its pins. link: serial or can."""
 
     def __init__(self, image: Path | None = None, link: str = "serial") -> None:
         self.machine = open_machine(image)
@@ -30,14 +30,14 @@ class VirtualBoard(LinkBoard):
         return Session.over(MachineBus(self.machine, self.machine.uart.name))
 
     def restart(self) -> Session:
-        """Pull the reset pin and connect again: what is saved is in force then."""
+        """Pull the reset pin and connect again: the board then runs with its saved parameters."""
         self.session.close()
         self.machine.reset()
         self.machine.advance_us(START_US)
         return self.reconnect()
 
     def reconnect(self) -> Session:
-        """Connect anew, as after a reset that came from elsewhere."""
+        """Connect again, after a reset by other means."""
         self.machine.uart.reset_input_buffer()
         self.session = self._connect()
         return self.session

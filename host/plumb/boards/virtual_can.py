@@ -1,7 +1,8 @@
-"""The host's end of the simulated CAN bus: a python-can bus in this process, and the joint to any other one.
+"""The host's end of the simulated CAN bus: a python-can bus in this process (MachineBus), and a coupling to any other
+python-can bus (Joint).
 
-In process, reading lets simulated time pass, as far as it is needed and no further than the time-out; sending takes
-none: the frame waits until the bus is free.
+In process, reading advances simulated time as far as needed, by the time-out at most; sending takes no time: the frame
+waits until the simulated bus is free.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ from plumb.f103.machine import Machine
 from plumb.spec.protocol import FRAME_DLC, Frame, check, protocol
 
 LOOK_AHEAD = 6
-"""A read waits for frames that the board sends anyway, up to so many."""
+"""Number of frames for which a read waits while the board goes on sending."""
 _LONGEST_WAIT_S = 0.5
 SEND_PATIENCE_S = 0.02
-"""A bus that takes no frame for so long has failed."""
+"""A bus that accepts no frame for this long has failed."""
 
 
 class MachineBus(can.BusABC):
-    """The other nodes on the bus of a simulated board. clock: simulated seconds."""
+    """Stands for all other nodes on the bus of a simulated board. clock(): simulated seconds."""
 
     def __init__(self, machine: Machine, name: str = "the virtual board", can_filters: Any = None) -> None:
         self.machine = machine
@@ -53,7 +54,7 @@ class MachineBus(can.BusABC):
             self._frames.extend(wire.pop_frames())
 
     def read_frames(self, timeout_s: float = 0.0) -> list[Frame]:
-        """What has arrived with a right CRC, letting up to timeout_s pass for the first frame."""
+        """Frames of the protocol with a right CRC; advances up to timeout_s for the first frame."""
         self._wait(timeout_s)
         frames = []
         for frame in self._frames:
@@ -100,9 +101,9 @@ def frame_of(message: can.Message) -> WireFrame:
 
 
 class Joint:
-    """Joins a machine's bus to any python-can bus, whose other nodes then are the board's: nothing here waits.
+    """Couples a machine's CAN bus with any python-can bus; never blocks.
 
-    A bus that knows the bit rate that its host asked for (`kbit`) sets the rate at this end, else it is `kbit`.
+    kbit: bit rate at the machine's end; a bus with an attribute `kbit` (the rate that its host has set) overrides it.
     """
 
     def __init__(self, machine: Machine, bus: can.BusABC, kbit: int) -> None:
@@ -111,9 +112,9 @@ class Joint:
         self.wire.kbit = kbit
 
     def move(self) -> None:
-        """Frames that have arrived, in both directions."""
+        """Forward the frames that have arrived, in both directions."""
         while (message := self.bus.recv(0)) is not None:
-            self.wire.kbit = getattr(self.bus, "kbit", None) or self.wire.kbit  # what came before the frame may set it
+            self.wire.kbit = getattr(self.bus, "kbit", None) or self.wire.kbit  # may have changed before this frame
             if not message.is_error_frame and not message.is_fd and message.dlc <= FRAME_DLC:
                 self.wire.send(frame_of(message))
         for frame in self.wire.pop_frames():

@@ -1,4 +1,4 @@
-"""The simulated STM32F103 as a board of plumb: its image, its saved parameters, the strap around the chip."""
+"""The simulated STM32F103 set up as a board of plumb: image, saved parameters, strap."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from plumb.f103.machine import Machine
 
 START_US = 50_000
-"""A host opens the port of a board that has been powered for a while: oscillator and ADC are running."""
+"""Time from power-up until the host connects: oscillator and ADC are running by then."""
 
 
 def open_machine(
@@ -25,13 +25,12 @@ def open_machine(
     strap: str = "standard",
     couple: Callable[[Machine], None] | None = None,
 ) -> Machine:
-    """A machine with the image asked for, or with this checkout's build, START_US after power-up.
+    """A machine with this image, or this checkout's build, START_US after power-up.
 
-    slots: what the parameter slots of its flash hold. strap: how the pin-set strap is wired (strap.py).
-    couple(machine) attaches a plant before the power comes on: it puts functions of simulated seconds into
-    machine.adc, which read machine.pwm.
+    slots: contents of the parameter slots of its flash. strap: setting of the pin-set strap (strap.py).
+    couple(machine) attaches a plant before the board starts.
 
-    Raises UsageError in one sentence: no image, or a damaged one, no unicorn, no such part or strap.
+    Raises UsageError when there is no image, it is damaged, unicorn is missing, or the part or strap is unknown.
     """
     from plumb.f103.machine import Machine
 

@@ -6,7 +6,7 @@
     machine.advance_us(10_000)
     machine.uart.read(100), machine.pin("PC13"), machine.pwm("PB6")
 
-It knows the chip and what can be wired to it, and nothing of the program.
+It models the chip and the parts that can be wired to it, and knows nothing of the program.
 """
 
 from __future__ import annotations

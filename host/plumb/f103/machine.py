@@ -1,4 +1,4 @@
-"""The simulated STM32F103: part, memory, peripherals, and time that passes only when it is asked to.
+"""The simulated STM32F103: part, memory, peripherals, and simulated time, which passes only in calls that advance it.
 
     machine = Machine(Path("firmware.bin"))
     machine.adc["PA0"] = lambda t_s: 1.65
@@ -7,7 +7,7 @@
     machine.advance_us(1000)
     machine.pwm("PB6")                  # Pwm(pulse_us, period_us, enabled)
 
-Two runs with the same calls give the same bytes: nothing here looks at a clock or at unseeded chance.
+Two runs with the same calls give the same bytes: nothing here uses a wall clock or unseeded random numbers.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ from plumb.flash.rom_model import RomBootloader
 from plumb.process_signals import raise_at_once
 
 VoltSource = float | Callable[[float], float]
-"""Volts, or a function of simulated seconds that gives them."""
+"""Volts, or a function of simulated seconds that returns volts."""
 
 
 @dataclass(frozen=True)
@@ -86,11 +86,11 @@ SYSTEM_FLASH_SIZE, SYSTEM_UNIQUE_ID, SYSTEM_OPTIONS = 0x7E0, 0x7E8, 0x800
 
 
 class AdcPins(dict[str, VoltSource]):
-    """Pin name -> what drives it; a pin nobody drives is at 0 V. Asking a source changes nothing.
+    """Pin name -> its voltage source; a pin without a source is at 0 V. Reading a source does not change it.
 
-    before_conversion: pin -> function that is called with the instant, in simulated seconds, at which the converter
-    samples that pin, once for each conversion in order of time: a plant moves up to then before its pins are asked.
-    Who drives the pin anew takes it from the plant, which then is told of no more conversions.
+    before_conversion: pin -> function that is called before each conversion of that pin, in order of time, with the
+    sampling instant in simulated seconds: it advances the plant up to then. Setting a new source for the pin removes
+    the function.
     """
 
     def __init__(self) -> None:
@@ -104,7 +104,7 @@ class AdcPins(dict[str, VoltSource]):
         self.before_conversion.pop(pin, None)
 
     def sampled(self, pin: str, time_s: float) -> float:
-        """Volts that a conversion of the pin at time_s gets: what drives it is moved up to then, and asked."""
+        """Volts that a conversion of the pin at time_s samples, after before_conversion has advanced the plant."""
         if pin in self.before_conversion:
             self.before_conversion[pin](time_s)
         source = self.get(pin, 0.0)
@@ -114,9 +114,9 @@ class AdcPins(dict[str, VoltSource]):
 class Machine:
     """One simulated part with an image in its flash. Raises UsageError for a bad image or part.
 
-    seed: what uninitialised RAM holds and the unique id. crystal: False for a board whose crystal is dead. flash_size:
-    what the size register reads, 0xFFFF on some chips; None: the part's size. lse_left_on: an image before this one
-    left the 32 kHz oscillator on PC14 and PC15 running.
+    seed: of the contents of uninitialised RAM and of the unique id. crystal: False for a dead crystal. flash_size:
+    value of the size register, 0xFFFF on some chips; None: the part's size. lse_left_on: earlier firmware left the 32
+    kHz oscillator on PC14 and PC15 running.
     """
 
     def __init__(
@@ -216,8 +216,8 @@ class Machine:
         self._restart("power")
 
     def brown_out(self) -> None:
-        """The supply dips below the reset threshold: half of the RAM's bits are kept, at random, flash stops in the
-        middle of what it did, and the backup registers hold."""
+        """The supply dips below the reset threshold: a random half of the RAM's bits is kept, an operation of the flash
+        stops in the middle, and the backup registers keep their values."""
         if self.powered:
             kept, random = self.chance.randbytes(len(self.cpu.ram)), self.chance.randbytes(len(self.cpu.ram))
             self.cpu.ram[:] = bytes(r & k | n & ~k & 0xFF for r, k, n in zip(self.cpu.ram, kept, random, strict=True))
@@ -235,11 +235,11 @@ class Machine:
         if self.boot0:
             self.enter_rom()
 
-    # The ROM bootloader, which is no code here
+    # The ROM bootloader: modelled, not executed
 
     def enter_rom(self) -> None:
-        """The core has gone into system memory: from now on the bootloader has the UART. It wants the part as a reset
-        leaves it."""
+        """The core has jumped into system memory: from now on the model of the bootloader owns the UART. The part must
+        be in its state after reset."""
         if self.rcc.cfgr or self.rcc.apb1enr or self.rcc.apb2enr:
             self.warn("the ROM bootloader is entered with clocks that a reset has off")
         self.rom = RomBootloader(
@@ -247,7 +247,8 @@ class Machine:
         )
 
     def rom_receives(self, data: bytes) -> bytes:
-        """What the bootloader answers. Sent somewhere else, it leaves its clock and its vector table in force."""
+        """The bootloader's answer to these bytes. After its command GO the program starts with the bootloader's clock
+        and vector table still in force."""
         assert self.rom is not None
         answer = self.rom.receive(data)
         if self.rom.started_at is not None:
@@ -265,12 +266,12 @@ class Machine:
             self._restart("pin")
 
     def request_reset(self, cause: str) -> None:
-        """A reset from inside (software, iwdg, wwdg): takes effect after the current instruction."""
+        """Reset the part from inside (cause: software, iwdg, wwdg) after the current instruction."""
         self._reset_cause = cause
         self.cpu.end_slice()
 
     def power_cut(self) -> None:
-        """From now on nothing runs; RAM is lost."""
+        """Switch the supply off: nothing runs until power_on(), and RAM is lost."""
         for peripheral in self.bus.peripherals:
             peripheral.reset()
         self.usart.from_host.clear()
@@ -289,19 +290,18 @@ class Machine:
     # Snapshots
 
     def snapshot(self, *others: object) -> Snapshot:
-        """Keep everything as it is now, between two calls that let time pass: memories, core, peripherals, planned
-        events, what is on the wires, and the plants and sensors that are joined to pins and buses. others: objects
-        outside that belong to the same moment, such as the session that talks to the board.
+        """The present state: memories, core, peripherals, planned events, bytes on the wires, and the plants and
+        sensors that are attached to pins and buses. Call between two calls that advance time. others: objects outside
+        the machine to keep with it, such as the session that talks to the board.
 
-        Raises SimulationError where something cannot be kept, as while the ROM bootloader runs.
+        Raises SimulationError for an object that cannot be kept, and while the ROM bootloader runs.
         """
         if self.rom is not None:
             raise SimulationError("no snapshot can be taken while the ROM bootloader runs: reset the board first")
         return Snapshot(self, *others)
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Put everything back as it was when the snapshot was taken; from here on the same calls give the same
-        bytes."""
+        """Restore the state of the snapshot; from then on the same calls give the same bytes."""
         if self.cpu.running:
             raise SimulationError("a snapshot cannot be restored while the core runs: end the call that lets time pass")
         snapshot.restore()
@@ -310,7 +310,7 @@ class Machine:
 
     @property
     def now(self) -> int:
-        """Ticks since the machine was made; see timeline.py."""
+        """Ticks since the machine was created; see timeline.py."""
         return self.cpu.now()
 
     @property
@@ -322,15 +322,15 @@ class Machine:
         return self.cpu.now() / TICKS_PER_S
 
     def awake_ticks(self) -> int:
-        """Time during which the core ran."""
+        """Ticks during which the core was not asleep."""
         return self.cpu.now() - self.cpu.slept_ticks
 
     def advance_us(self, duration_us: float) -> None:
         self.run_to(self.now + round(duration_us * TICKS_PER_US))
 
     def run_until(self, predicate: Callable[[], bool], limit_us: float = 1e6) -> bool:
-        """Until predicate() holds, looked at after every event and interrupt and at least every LOOK_US; False when
-        the limit came first."""
+        """Advance until predicate() holds; False when limit_us passed first. The predicate is evaluated after every
+        event and interrupt, and at least every LOOK_US."""
         end = self.now + round(limit_us * TICKS_PER_US)
         with self._interruptible():
             while not predicate():
@@ -345,7 +345,7 @@ class Machine:
                 self._step(time)
 
     def run_until_sending(self, deadline: int) -> None:
-        """Until the board begins to send on the UART, or the deadline in ticks."""
+        """Advance until the board begins to send on the UART or CAN, or to the deadline in ticks."""
         self._host_waits, self._stop = True, False
         with self._interruptible():
             while self.cpu.base < deadline and not self._stop:
@@ -354,7 +354,8 @@ class Machine:
 
     @contextlib.contextmanager
     def _interruptible(self) -> Iterator[None]:
-        """Let the core end its slice before Ctrl-C or SIGTERM is raised, where that is how this process takes them."""
+        """Within this context Ctrl-C and SIGTERM raise their exception only after the core has ended its slice, in a
+        process whose handlers raise one."""
         handlers: dict[int, Any] = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
         main = threading.current_thread() is threading.main_thread()
         raising = [n for n, old in handlers.items() if main and old in (signal.default_int_handler, raise_at_once)]
@@ -367,13 +368,13 @@ class Machine:
                 signal.signal(number, handlers[number])
 
     def host_waits_no_more(self) -> None:
-        """The UART has begun to send."""
+        """Ends run_until_sending(): the board has begun to send."""
         if self._host_waits:
             self._stop = True
             self.cpu.end_slice()
 
     def _step(self, until: int) -> None:
-        """Events due now, then one exception entry, one slice of instructions, or one leap of sleep."""
+        """Run the events due now, then one exception entry, one slice of instructions, or one stretch of sleep."""
         cpu, timeline = self.cpu, self.timeline
         if timeline.next <= cpu.base:
             timeline.run_due(cpu.base)
@@ -389,7 +390,7 @@ class Machine:
                 if cpu.takes(number):
                     cpu.enter(number)
                     return
-                cpu.sleeping, masked = False, True  # pending behind PRIMASK ends WFI all the same
+                cpu.sleeping, masked = False, True  # a pending exception ends WFI even when PRIMASK masks it
             asleep = cpu.sleeping
         end = min(timeline.next, until)
         if asleep:
@@ -403,14 +404,14 @@ class Machine:
     # Pins
 
     def port(self, pin: str) -> Gpio:
-        """'PB6' -> port B."""
+        """The port of a pin: 'PB6' -> port B. Raises UsageError for another name."""
         port = self.by_name.get("GPIO" + pin[1:2])
         if not isinstance(port, Gpio) or not pin[2:].isdigit() or int(pin[2:]) > 15:
             raise UsageError(f"'{pin}' is not a pin; write PA0 to PE15")
         return port
 
     def pwm(self, pin: str) -> Pwm:
-        """What a servo or speed controller on `pin` sees now."""
+        """Present waveform at `pin`, as a servo or speed controller sees it."""
         if pin not in PWM_PINS:
             raise UsageError(f"'{pin}' carries no PWM; use one of {', '.join(PWM_PINS)}")
         name, index = PWM_PINS[pin]
@@ -426,23 +427,23 @@ class Machine:
         return self.port(pin).level(int(pin[2:]))
 
     def drive(self, pin: str, level: bool | None) -> None:
-        """Drive an input from outside; None lets go."""
+        """Drive an input from outside; None: leave it open."""
         self.port(pin).outside[int(pin[2:])] = level
         self.pins_changed()
 
     def load_pull_up(self, pin: str, rise_us: float) -> None:
-        """Hang wires on an open pin: its internal pull-up needs this long to lift them."""
+        """Load an open pin with wires: its internal pull-up needs rise_us to lift it."""
         self.port(pin).rise_us[int(pin[2:])] = rise_us
 
     def pins_changed(self) -> None:
-        """For whoever watches levels without being asked."""
+        """Tell the peripherals that react to edges that a level may have changed."""
         self.tim1.pins_changed()
         self.tim2.pins_changed()
         self.spi1.pins_changed()
         self.i2c_bus.pins_changed()
 
     def bridge(self) -> Bridge:
-        """What a three-phase bridge on TIM1's pins does to its motor now."""
+        """Present drive of a three-phase bridge on TIM1's pins."""
         return self.tim1.bridge(self.now) if self.powered else Bridge((None, None, None), False)
 
     def set_hall(self, state: int) -> None:
@@ -454,7 +455,8 @@ class Machine:
     # Reports
 
     def warn(self, text: str) -> None:
-        """Something silicon tolerates but firmware should not do; each text once."""
+        """Record a warning: the firmware did something that silicon tolerates but that is wrong. Each text is kept
+        once."""
         if text not in self.warnings:
             self.warnings.append(text)
 

@@ -1,12 +1,12 @@
 """Snapshots of a machine and of all objects it refers to; a snapshot can be restored any number of times.
 
 A snapshot follows references from its roots: attributes, containers, bound methods, closures. Every attribute of every
-object it reaches is state and is put back in place, so that identities stay and a new peripheral cannot be forgotten.
-The exception is declared: a class names in WIRING the attributes that never change after construction or that lie
-outside Python; their objects are not followed. An object that has state outside Python (the registers inside Unicorn)
-has a method `keep()`, which returns the function that puts this state back.
+object it reaches counts as state and is restored in place, so that object identities stay and a new peripheral cannot
+be forgotten. Exceptions are declared: a class lists in WIRING the attributes that never change after construction or
+that refer to state outside Python; these are not followed. An object with state outside Python (the registers inside
+Unicorn) has a method `keep()`, which returns a function that restores this state.
 
-A value of a type that cannot be copied (a generator, a file, a lock) raises SimulationError with its place.
+A value that cannot be copied (a generator, a file, a lock) raises SimulationError, which names its place.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ _CONSTANT = (
     np.generic, np.dtype, struct.Struct,
 )  # fmt: skip
 _EMPTY = object()
-"""What a closure's cell holds before its variable is assigned."""
+"""Content of a closure's cell whose variable is not assigned yet."""
 
 
 def wiring(kind: type) -> frozenset[str]:
-    """Attributes that instances of this class declare to be no state, base classes included."""
+    """Attributes that this class and its base classes list in WIRING."""
     return frozenset().union(*(vars(base).get("WIRING", ()) for base in kind.__mro__))
 
 
@@ -47,7 +47,7 @@ class Snapshot:
         self._outside: list[Callable[[], None]] = []
         self._seen: dict[int, object] = {}
         self.reached: list[object] = []
-        """Every object with attributes of its own whose state is kept."""
+        """Every object with attributes whose state is kept."""
         self._follow(roots)
 
     def restore(self) -> None:
@@ -61,11 +61,11 @@ class Snapshot:
             place, value = waiting.pop()
             if isinstance(value, _CONSTANT) or id(value) in self._seen:
                 continue
-            self._seen[id(value)] = value  # held, so that the identity stays its own
+            self._seen[id(value)] = value  # referenced, so that its id() is not reused
             waiting += [(place + step, part) for step, part in self._keep(value, place)]
 
     def _keep(self, value: Any, place: str) -> Iterator[tuple[str, object]]:
-        """Keep one object; gives what it refers to, with the step that leads there."""
+        """Keep the state of one object; yields the objects it refers to, each with the step that leads there."""
         if isinstance(value, tuple | frozenset):
             yield from ((f"[{i}]", part) for i, part in enumerate(value))
         elif isinstance(value, FunctionType):
@@ -177,7 +177,7 @@ class Snapshot:
 
 
 def _refill(values: dict[Any, Any], content: dict[Any, Any]) -> None:
-    """Give a dict its former content and order, past any method that a subclass puts in front."""
+    """Restore content and order of a dict, bypassing methods that a subclass overrides."""
     dict.clear(values)
     dict.update(values, content)
 

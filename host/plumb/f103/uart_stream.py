@@ -1,6 +1,6 @@
-"""The host's end of the simulated UART, in process: what a serial port object looks like to a bus class.
+"""The host's end of the simulated UART, in process, with the interface of a serial port object.
 
-Reading lets simulated time pass, as far as it is needed and no further than `timeout`; writing takes none.
+Reading advances simulated time as far as needed, by `timeout` at most; writing takes no time.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from plumb.f103.machine import Machine
 
 LOOK_AHEAD = 128
-"""A read waits for what is being sent anyway, up to so many bytes in all: frames come whole, in few calls, and a board
-that never pauses is still heard."""
+"""Bytes for which a read waits while the board goes on sending: frames arrive whole, in few calls, and a board that
+never pauses cannot hold up the reader."""
 
 
 class UartStream:
-    """read/write/in_waiting of a serial port. timeout: simulated seconds that a read waits for a first byte."""
+    """read, write and in_waiting of a serial port. timeout: simulated seconds that a read waits for its first byte."""
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
@@ -36,7 +36,7 @@ class UartStream:
         self.machine.usart.host_baud = baud
 
     def clock_s(self) -> float:
-        """Simulated seconds: the clock for time-outs, so that a run does not depend on how fast this machine is."""
+        """Simulated seconds, the clock of all time-outs, so that a run does not depend on the speed of the host."""
         return self.machine.now / TICKS_PER_S
 
     def write(self, data: bytes) -> int:
@@ -49,12 +49,12 @@ class UartStream:
 
     @property
     def in_waiting(self) -> int:
-        """Bytes that have arrived by now; takes no time."""
+        """Number of bytes that have arrived; takes no time."""
         self._collect()
         return len(self._arrived)
 
     def read(self, size: int = 1) -> bytes:
-        """Up to `size` bytes: fewer when the board pauses after at least one or when LOOK_AHEAD are there, none when
+        """Up to `size` bytes: fewer when the board pauses after at least one or when LOOK_AHEAD have arrived, none when
         `timeout` passes first."""
         machine = self.machine
         deadline = machine.now + int(self.timeout * TICKS_PER_S)
@@ -80,12 +80,12 @@ class UartStream:
         self._arrived.clear()
 
     def flush(self) -> None:
-        """Nothing is held back."""
+        """Does nothing: writes are not buffered."""
 
     def close(self) -> None:
-        """Nothing to release."""
+        """Does nothing: there is nothing to release."""
 
-    # Misbehaviour on request
+    # Fault injection
 
     def write_with_framing_error(self, data: bytes) -> None:
         for byte in data:
@@ -96,6 +96,6 @@ class UartStream:
             self.machine.usart.receive(bytes([byte]), NE)
 
     def write_overrun(self, data: bytes) -> None:
-        """These bytes take their time on the line, and the receiver loses them with the overrun flag."""
+        """Send bytes that take their time on the line but that the receiver loses, with its overrun flag set."""
         for byte in data:
             self.machine.usart.receive(bytes([byte]), ORE)

@@ -1,10 +1,10 @@
-"""What is asked to go wrong in a run, as text: KIND[:WHAT]@START[-STOP], times in seconds.
+"""Disturbances of a run as text: KIND[:WHAT]@START[-STOP], times in seconds.
 
     stuck:gyro@20        a channel freezes at 20 s, for good
-    railed:accel_y@20-25 a channel at its rail for 5 s
-    push:0.2@15-15.3     a push of that size
+    railed:accel_y@20-25 a channel is at its rail for 5 s
+    push:0.2@15-15.3     a push of that size, in the unit of the system
 
-Which kinds there are, and of what, a system says (FAULTS of plumb.systems).
+Each system says which kinds it has and what they act on (FAULTS of plumb.systems).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _FORM = re.compile(r"(?P<kind>[a-z]+)(:(?P<what>[^@]+))?@(?P<start>[0-9.]+)(-(?P
 
 @dataclass(frozen=True)
 class Request:
-    """One thing that goes wrong from start_s on, before stop_s."""
+    """One disturbance, active for start_s <= time < stop_s."""
 
     kind: str
     what: str
@@ -28,7 +28,7 @@ class Request:
     stop_s: float
 
     def number(self, unit: str) -> float:
-        """`what` as a number; raises UsageError with the unit it has."""
+        """`what` as a finite number; raises UsageError, which names the unit."""
         try:
             value = float(self.what)
         except ValueError:
@@ -39,7 +39,7 @@ class Request:
 
 
 def parse(text: str) -> Request:
-    """Raises UsageError with the form when the text has another."""
+    """The disturbance that the text describes; raises UsageError, which shows the form, for any other text."""
     found = _FORM.fullmatch(text)
     try:
         assert found

@@ -1,21 +1,22 @@
-"""A brushless motor as a plant sees it: rotor angle to Hall state, and a bridge's three phases to the share of the
-supply that turns it. Ideal trapezoidal back-EMF; the current's own dynamics (some 0.1 ms) are left to the plant."""
+"""Brushless motor: Hall state of a rotor angle, and the part of the supply voltage that drives the motor for the duties
+of a three-phase bridge. Ideal trapezoidal back-EMF; the current's dynamics (some 0.1 ms) are not modelled here."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 FORWARD = (5, 1, 3, 2, 6, 4)
-"""Hall states of one electrical turn, A is bit 0; each lasts a sixth, the first from angle 0."""
+"""Hall states of one electrical turn, A is bit 0. Each lasts a sixth of a turn; the first begins at angle 0."""
 
 
 def hall_state(angle_turn: float) -> int:
-    """State of the three Hall sensors at an electrical angle."""
+    """State of the three Hall sensors, 1 to 6, at an electrical angle in turns."""
     return FORWARD[int(angle_turn % 1.0 * 6.0) % 6]
 
 
 def back_emf(angle_turn: float) -> tuple[float, float, float]:
-    """Of each phase, per unit of speed, -1 to 1: flat for a third of a turn, phase A's positive one from angle 0."""
+    """Back-EMF of each phase per unit of speed, -1 to 1: flat for a third of a turn, of phase A positive from angle
+    0."""
 
     def one(phase: int) -> float:
         place = (angle_turn - phase / 3.0) % 1.0 * 6.0  # in sixths
@@ -30,8 +31,8 @@ def back_emf(angle_turn: float) -> tuple[float, float, float]:
 
 
 def share_of_supply(duty: Sequence[float | None], angle_turn: float) -> float | None:
-    """What part of the supply drives the motor forwards, -1 to 1; 0 brakes it; None: fewer than two phases are driven,
-    no current flows. duty: each phase's high side, None for both off (f103.tim1.Bridge.duty)."""
+    """Part of the supply voltage that drives the motor forward, -1 to 1; 0 brakes it. None when fewer than two phases
+    are driven, so that no current flows. duty: of each phase's high side, 0 to 1; None: both switches off."""
     driven = [(share, emf) for share, emf in zip(duty, back_emf(angle_turn), strict=True) if share is not None]
     weight = sum(abs(emf) for _, emf in driven) / 2.0
     if len(driven) < 2 or weight == 0.0:

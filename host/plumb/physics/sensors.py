@@ -1,7 +1,8 @@
-"""The analog sensors of the bench, as the ADC pin sees them: ENC-03 gyro, MMA7260 accelerometer, the ADC behind them.
+"""Sensor models: ENC-03 gyro and MMA7260 accelerometer with the ADC, ADXL345 and ITG-3205, and faults of a channel.
 
-Volts in, volts out; noise is drawn elsewhere, once per sample, so that asking twice gives the same answer. Constants
-are those of the published quadrotor design (Feng et al. 2011) unless a line says otherwise.
+Physical values with bias and noise in, volts or counts out. The caller draws the noise, once per sample, so that
+reading twice gives the same value. Constants are those of the published quadrotor design (Feng et al. 2011) or of the
+data sheets unless a line says otherwise.
 """
 
 from __future__ import annotations
@@ -23,35 +24,36 @@ FloatArray = npt.NDArray[np.float64]
 ADC_REFERENCE_V = 3.3
 ADC_COUNTS = 4096
 ADC_NOISE_LSB = 0.7
-"""Standard deviation before rounding, all sources up to the converter together (assumed)."""
+"""Standard deviation before rounding, of all sources up to the converter together (assumed)."""
 
 
 def adc_counts(volts: npt.ArrayLike) -> npt.NDArray[np.int16]:
-    """What the F103's 12-bit ADC makes of pin volts: round(V * 4096 / 3.3), clipped to 0..4095; same shape as volts."""
+    """Counts of the F103's 12-bit ADC for pin volts: round(V * 4096 / 3.3), clipped to 0..4095; same shape as volts."""
     lsb = np.asarray(volts, np.float64) * (ADC_COUNTS / ADC_REFERENCE_V)
     return np.clip(np.rint(lsb), 0, ADC_COUNTS - 1).astype(np.int16)
 
 
 @dataclass(frozen=True)
 class Enc03:
-    """Murata ENC-03 gyro: one axis, analog, stops at +-range_dps."""
+    """Murata ENC-03 gyro: one axis, analog, saturates at +-range_dps."""
 
     zero_v: float = 1.35
     v_per_dps: float = 0.67e-3
     range_dps: float = 300.0
 
     def volts(self, rate_dps: FloatArray) -> FloatArray:
-        """Output for what the element senses: scaled rate, bias and noise included, in deg/s."""
+        """Output volts for a rate in deg/s that includes bias and noise; any shape."""
         return self.zero_v + self.v_per_dps * np.clip(rate_dps, -self.range_dps, self.range_dps)
 
     def channel(self) -> Channel:
-        """Calibration by the data sheet; counts a tenth beyond the range are no rate: clamped, and counted."""
+        """Calibration by the data sheet. Counts more than a tenth beyond the range are clamped and count as
+        saturated."""
         return _channel(self.zero_v, self.v_per_dps, 1.1 * self.range_dps)
 
 
 @dataclass(frozen=True)
 class Mma7260:
-    """Freescale MMA7260 on its 1.5 g range, behind the one-pole low-pass whose corner the designer chooses."""
+    """Freescale MMA7260 on its 1.5 g range, followed by a one-pole low-pass of bandwidth_hz."""
 
     bandwidth_hz: float = 350.0
     zero_v: float = 1.65
@@ -61,18 +63,18 @@ class Mma7260:
 
     @property
     def noise_g(self) -> float:
-        """Noise behind the low-pass, rms: 350 ug * sqrt(1.5 * bandwidth).
+        """Noise after the low-pass, rms: 350 ug * sqrt(1.5 * bandwidth).
 
         The printed 1.5 is pi/2 rounded, the noise bandwidth of one pole; pi/2 gives the 8.2 mg stated for 350 Hz.
         """
         return self.noise_g_per_rthz * math.sqrt(math.pi / 2.0 * self.bandwidth_hz)
 
     def volts(self, accel_g: FloatArray) -> FloatArray:
-        """Output for filtered specific force, offset and noise included, in g."""
+        """Output volts for a filtered specific force in g that includes offset and noise; any shape."""
         return self.zero_v + self.v_per_g * np.clip(accel_g, -self.range_g, self.range_g)
 
     def channel(self) -> Channel:
-        """Calibration by the data sheet; clamped a tenth beyond the range."""
+        """Calibration by the data sheet. Counts more than a tenth beyond the range are clamped."""
         return _channel(self.zero_v, self.v_per_g, 1.1 * self.range_g)
 
 
@@ -97,11 +99,11 @@ class Adxl345:
     """Standard deviation of x and z at 100 Hz."""
 
     def counts(self, accel_g: FloatArray) -> npt.NDArray[np.int16]:
-        """What the data registers hold for what the element senses, offset and noise included; any shape."""
+        """Contents of the data registers for a specific force in g that includes offset and noise; any shape."""
         return np.clip(np.rint(accel_g / self.g_per_lsb), -self.range_lsb, self.range_lsb - 1).astype(np.int16)
 
     def channel(self, forward: bool = True) -> Channel:
-        """Calibration by the data sheet; forward: whether a positive count is a positive value."""
+        """Calibration by the data sheet; forward: a positive count is a positive value, False: a negative one."""
         return Channel(0.0, self.g_per_lsb if forward else -self.g_per_lsb, -self.range_lsb + 1, self.range_lsb - 2)
 
 
@@ -112,17 +114,19 @@ class Itg3205:
     lsb_per_dps: float = 14.375
 
     def counts(self, rate_dps: FloatArray) -> npt.NDArray[np.int16]:
-        """What the data registers hold for what the element senses, bias and noise included."""
+        """Contents of the data registers for a rate in deg/s that includes bias and noise; any shape."""
         return np.clip(np.rint(rate_dps * self.lsb_per_dps), -32768, 32767).astype(np.int16)
 
     def channel(self) -> Channel:
-        """Calibration by the data sheet; counts a tenth beyond the range are no rate: clamped, and counted."""
+        """Calibration by the data sheet. Counts more than a tenth beyond the range are clamped and count as
+        saturated."""
         most = round(2200.0 * self.lsb_per_dps)
         return Channel(0.0, 1.0 / self.lsb_per_dps, -most, most)
 
 
 def band_noise(white: FloatArray, low_hz: float, high_hz: float, step_s: float) -> FloatArray:
-    """White noise with its spectrum cut to a band, scaled to unit rms; raises UsageError for a run too short for it."""
+    """White noise limited to a band of frequencies and scaled to unit rms, shape (n,); raises UsageError when the run
+    is too short for the band."""
     spectrum, f = np.fft.rfft(white), np.fft.rfftfreq(len(white), step_s)
     inside = (f >= low_hz) & (f <= high_hz)
     if not inside.any():
@@ -134,7 +138,8 @@ def band_noise(white: FloatArray, low_hz: float, high_hz: float, step_s: float) 
 
 @dataclass(frozen=True)
 class OnePole:
-    """First-order low-pass, exact for input that is straight between samples: y = decay y' + new x + old x'."""
+    """First-order low-pass, exact for input that is linear between samples: y = decay y' + new x + old x', where ' is
+    the previous sample."""
 
     decay: float
     new: float
@@ -142,7 +147,7 @@ class OnePole:
 
     @classmethod
     def of(cls, bandwidth_hz: float, step_s: float) -> OnePole:
-        """bandwidth_hz: the -3 dB corner, above 0; step_s: time between samples."""
+        """The filter with its -3 dB corner at bandwidth_hz, above 0, for samples every step_s."""
         if not bandwidth_hz > 0.0:
             raise UsageError(f"a bandwidth of {bandwidth_hz} Hz lets nothing through; give one above 0")
         steps = 1.0 / (2.0 * math.pi * bandwidth_hz * step_s)
@@ -150,7 +155,7 @@ class OnePole:
         return cls(decay, 1.0 - steps * (1.0 - decay), steps * (1.0 - decay) - decay)
 
     def run(self, signal: FloatArray) -> FloatArray:
-        """The filtered signal, shape (n,); it was at its first value for ever before."""
+        """The filtered signal, shape (n,); before its beginning the signal had its first value."""
         drive = self.new * signal[1:] + self.old * signal[:-1] - (1.0 - self.decay) * signal[0]
         memory = 1 if self.decay == 0.0 else min(len(signal), 2 + math.ceil(-40.0 / math.log(self.decay)))
         response = np.convolve(drive, self.decay ** np.arange(memory))[: len(drive)]
@@ -172,7 +177,7 @@ FAULT_NOTES = {
 
 @dataclass(frozen=True)
 class Fault:
-    """A channel that misbehaves between two times: at the rail, frozen, noisy by 0.1 V or 200 counts rms, or dead."""
+    """A faulty channel for start_s <= time < stop_s; FAULT_NOTES describes the kinds."""
 
     kind: FaultKind
     channel: int
@@ -180,7 +185,7 @@ class Fault:
     stop_s: float = math.inf
 
     def volts(self, volts: FloatArray, time_s: FloatArray, volts_at_start: float, noise: FloatArray) -> FloatArray:
-        """volts, time_s, noise: same shape; noise is unit white noise of those samples. Returns what the pin shows."""
+        """Volts at the pin. volts, time_s, noise: same shape; noise: unit white noise of these samples."""
         instead: FloatArray | float
         match self.kind:
             case "railed":
@@ -198,7 +203,7 @@ class Fault:
     def counts(
         self, counts: npt.NDArray[np.int16], time_s: FloatArray, counts_at_start: int, noise: FloatArray
     ) -> npt.NDArray[np.int16]:
-        """The same for a digital sensor: what its data register shows."""
+        """Counts in the data register of a digital sensor; arguments as of volts()."""
         instead: FloatArray | float
         match self.kind:
             case "railed":
@@ -216,7 +221,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Push:
-    """Something that pushes the plant between two times; the system says the unit."""
+    """A push on the plant for start_s <= time < stop_s; size: in the unit of the system."""
 
     size: float
     start_s: float
@@ -224,7 +229,8 @@ class Push:
 
 
 def fault_of(asked: Request, channels: Sequence[str]) -> Fault:
-    """The fault of a sensor that was asked for; channels: their names in the order of the raw counts."""
+    """The sensor fault that a request names; raises UsageError for an unknown kind or channel. channels: names in the
+    order of the raw counts."""
     for kind in FAULT_KINDS:
         if kind == asked.kind and asked.what in channels:
             return Fault(kind, list(channels).index(asked.what), asked.start_s, asked.stop_s)
@@ -233,7 +239,7 @@ def fault_of(asked: Request, channels: Sequence[str]) -> Fault:
 
 
 def faults_of(requests: Sequence[Request], channels: Sequence[str], push_unit: str) -> tuple[Fault | Push, ...]:
-    """The faults and pushes that were asked for; raises UsageError for a kind or a channel that there is not."""
+    """The faults and pushes that the requests name; raises UsageError for an unknown kind or channel."""
     found: list[Fault | Push] = []
     for asked in requests:
         if asked.kind == "push":
