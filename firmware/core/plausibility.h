@@ -21,6 +21,7 @@
 #define PLUMB_CORE_PLAUSIBILITY_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 /* Which checks fail. Bits, as in PLAUSIBILITY. */
@@ -55,6 +56,18 @@ typedef struct {
     uint32_t rest_turnps_q28; /* largest mean of |corrected rate| at rest */
     uint32_t ready_turn_q32;  /* largest tilt at which the system may be armed */
 } plausibility_bounds_t;
+
+/* The places of a system's record, the first members of its bounds. The setpoint and the accelerations along
+ * the two axes have names of their own; the others are those that every record of one tilt has. */
+#define PLAUSIBILITY_AT(words_t, word) (uint8_t)(offsetof(words_t, word) / 4U)
+#define PLAUSIBILITY_PLACES(words_t, setpoint_word, accel_0_word, accel_1_word)                              \
+    .setpoint = PLAUSIBILITY_AT(words_t, setpoint_word), .rate = PLAUSIBILITY_AT(words_t, rate_turnps_q28),  \
+    .rate_corrected = PLAUSIBILITY_AT(words_t, rate_corrected_turnps_q28),                                   \
+    .accel = {PLAUSIBILITY_AT(words_t, accel_0_word), PLAUSIBILITY_AT(words_t, accel_1_word)},               \
+    .tilt_measured = PLAUSIBILITY_AT(words_t, tilt_measured_turn_q32),                                       \
+    .tilt = PLAUSIBILITY_AT(words_t, tilt_turn_q32), .variance = PLAUSIBILITY_AT(words_t, variance),         \
+    .innovation = PLAUSIBILITY_AT(words_t, kalman.innovation_turn_q32),                                      \
+    .k0 = PLAUSIBILITY_AT(words_t, kalman.k0_q29)
 
 typedef struct {
     uint32_t accel_s_q33; /* of each check: counts up while its condition is met, down while it is not */

@@ -1,6 +1,5 @@
 #include "balancer.h"
 #include "core/axis.h"
-#include <stddef.h>
 
 #define SPEED_MAX  (8L << 26)  /* m/s: setpoint - velocity fits 32 bits */
 #define LEAN_MAX   (1L << 30)  /* turn Q34 */
@@ -78,17 +77,8 @@ bool balancer_params_valid(const control_params_t *p) {
 }
 
 /* A vehicle that is pushed and accelerates by up to 8 m/s^2. Held upright by hand it is not quite at rest. */
-#define AT(word) (uint8_t)(offsetof(balancer_words_t, word) / 4U)
 const plausibility_bounds_t balancer_plausibility = {
-    .setpoint = AT(setpoint_mps_q26),
-    .rate = AT(rate_turnps_q28),
-    .rate_corrected = AT(rate_corrected_turnps_q28),
-    .accel = {AT(accel_x_g_q26), AT(accel_z_g_q26)},
-    .tilt_measured = AT(tilt_measured_turn_q32),
-    .tilt = AT(tilt_turn_q32),
-    .variance = AT(variance),
-    .innovation = AT(kalman.innovation_turn_q32),
-    .k0 = AT(kalman.k0_q29),
+    PLAUSIBILITY_PLACES(balancer_words_t, setpoint_mps_q26, accel_x_g_q26, accel_z_g_q26),
     .accel_min_g2_q20 = 167772U,  /* 0.4 g */
     .accel_max_g2_q20 = 3397386U, /* 1.8 g */
     .rest_min_g2_q20 = 849347U,   /* 0.9 g */

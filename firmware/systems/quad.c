@@ -1,7 +1,6 @@
 #include "quad.h"
 #include "core/axis.h"
 #include "core/esc.h"
-#include <stddef.h>
 
 void quad_init(quad_t *c, const control_params_t *p) {
     *c = (quad_t){0};
@@ -59,17 +58,8 @@ bool quad_params_valid(const control_params_t *p) {
 }
 
 /* An axis on a pivot: vibration and bursts of 0.3 g, no free fall. Armed near level. */
-#define AT(word) (uint8_t)(offsetof(quad_words_t, word) / 4U)
 const plausibility_bounds_t quad_plausibility = {
-    .setpoint = AT(setpoint_turn_q32),
-    .rate = AT(rate_turnps_q28),
-    .rate_corrected = AT(rate_corrected_turnps_q28),
-    .accel = {AT(accel_y_g_q26), AT(accel_z_g_q26)},
-    .tilt_measured = AT(tilt_measured_turn_q32),
-    .tilt = AT(tilt_turn_q32),
-    .variance = AT(variance),
-    .innovation = AT(kalman.innovation_turn_q32),
-    .k0 = AT(kalman.k0_q29),
+    PLAUSIBILITY_PLACES(quad_words_t, setpoint_turn_q32, accel_y_g_q26, accel_z_g_q26),
     .accel_min_g2_q20 = 377487U,  /* 0.6 g */
     .accel_max_g2_q20 = 2055209U, /* 1.4 g */
     .rest_min_g2_q20 = 849347U,   /* 0.9 g */

@@ -1,5 +1,5 @@
-/* The whole step on numbers worked by hand: calibration, trust, order of the parts, pulses, flags, start of a
- * run. */
+/* The whole step of quad on numbers worked by hand: calibration, trust, order of the parts, pulses, flags,
+ * start of a run. */
 #include "check.h"
 #include "systems/control.h"
 #include <stdlib.h>
@@ -10,6 +10,7 @@ static control_params_t params(void) {
     const calibration_params_t gyro = {.raw_max = 4095, .gain = 1 << 20, .offset = INT32_MIN};
     const calibration_params_t accel = {.raw_max = 4095, .gain = 1 << 16, .offset = -(1 << 27)};
     return (control_params_t){
+        .system = CONTROL_QUAD,
         .gyro = {.raw_max = 3800, .gain = gyro.gain, .raw_min = 300, .offset = gyro.offset},
         .accel_y = accel,
         .accel_z = accel,
