@@ -1,0 +1,144 @@
+#include "groups.h"
+
+#define CALIBRATION_MOST 1879048192 /* 7 * 2^28 */
+
+void plumb_design_refuse(plumb_design_t *d, plumb_design_error_t error, const char *field, double asked) {
+    if (d->error != PLUMB_DESIGN_OK)
+        return;
+    d->error = error;
+    d->field = field;
+    d->asked = asked;
+}
+
+void plumb_design_finite(plumb_design_t *d, const char *field, double x) {
+    if (!(x - x == 0.0)) /* infinity less itself is not a number, and such a one equals nothing */
+        plumb_design_refuse(d, PLUMB_DESIGN_NOT_FINITE, field, x);
+}
+
+void plumb_design_not_negative(plumb_design_t *d, const char *field, double x) {
+    if (x < 0.0)
+        plumb_design_refuse(d, PLUMB_DESIGN_NEGATIVE, field, x);
+}
+
+void plumb_design_choice(plumb_design_t *d, const char *field, int32_t x, int32_t last) {
+    if (x < 0 || x > last)
+        plumb_design_refuse(d, PLUMB_DESIGN_NO_CHOICE, field, (double)x);
+}
+
+void plumb_design_period(plumb_design_t *d, int32_t period_us) {
+    if (period_us < 500 || period_us > 100000)
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "period_us", (double)period_us);
+}
+
+double plumb_design_bounded(double x) {
+    const double most = 0x1p400, least = 0x1p-400;
+    if (x > most || x < -most)
+        return x > 0.0 ? most : -most;
+    if (x != 0.0 && x < least && x > -least)
+        return x > 0.0 ? least : -least;
+    return x;
+}
+
+int64_t plumb_design_whole(plumb_design_t *d, const char *field, double asked, wide_t exact, int64_t low,
+                           int64_t high) {
+    int64_t nearest = wide_round(exact);
+    nearest = nearest < low ? low : nearest > high ? high : nearest;
+    const wide_t beside = wide_mul(wide_abs(wide_sub(wide_of_int(nearest), exact)), wide_of(1000.0));
+    if (wide_compare(beside, wide_abs(exact)) <= 0)
+        return nearest;
+    if (exact.hi != 0.0 && wide_compare(exact, wide_of_int(high)) > 0)
+        plumb_design_refuse(d, PLUMB_DESIGN_TOO_LARGE, field, asked);
+    else if (exact.hi == 0.0 || (wide_compare(exact, wide_of_int(low)) < 0 && low != 1))
+        plumb_design_refuse(d, PLUMB_DESIGN_TOO_SMALL, field, asked);
+    else
+        plumb_design_refuse(d, PLUMB_DESIGN_TOO_FINE, field, asked);
+    return nearest;
+}
+
+int64_t plumb_design_scaled(plumb_design_t *d, const char *field, double asked, wide_t scale, int64_t low,
+                            int64_t high) {
+    return plumb_design_whole(d, field, asked, wide_mul(wide_of(plumb_design_bounded(asked)), scale), low,
+                              high);
+}
+
+/* Halved n times to y <= 1/8, the series y (1 - y/2 (1 - y/3 (... (1 - y/12)))), then n times e = e (2 - e),
+ * which is 1 - exp(-2 y). With u = 2^-53: what the series leaves out is below y^12 / 13! < 2^-68 of it, its
+ * last step and product round by 3 u; e (2 - e) rounds by 2 u and passes on (2 - 2 e) / (2 - e) <= 1 of the
+ * error of e; n <= 9. Together 21 u, below 2^-48. Beyond 40 the rest is below u. */
+double plumb_design_share(double x) {
+    if (x > 40.0)
+        return 1.0;
+    int n = 0;
+    for (; x > 0.125; x *= 0.5)
+        n++;
+    double e = 1.0;
+    for (int k = 12; k >= 2; k--)
+        e = 1.0 - x / (double)k * e;
+    e *= x;
+    for (; n > 0; n--)
+        e *= 2.0 - e;
+    return e;
+}
+
+int32_t plumb_design_filter_q31(plumb_design_t *d, const char *field, double tau_s, int32_t period_us,
+                                double *share) {
+    plumb_design_not_negative(d, field, tau_s);
+    *share = tau_s > 0.0 ? plumb_design_share((double)period_us / 1e6 / tau_s) : 1.0;
+    const double exact = *share * 2147483648.0;
+    if (exact < 500.0)
+        plumb_design_refuse(d, PLUMB_DESIGN_TOO_LARGE, field, tau_s);
+    return (int32_t)plumb_design_whole(d, field, tau_s, wide_of(exact), 0, DESIGN_WORD_MAX);
+}
+
+wide_t plumb_design_turn_unit(void) {
+    return wide_div(wide_of(268435456.0), wide_of(360.0));
+}
+
+wide_t plumb_design_g_unit(void) {
+    return wide_of(67108864.0);
+}
+
+void plumb_design_channel(plumb_design_t *d, const design_channel_names_t *names,
+                          const plumb_channel_tuning_t *channel, wide_t unit, calibration_params_t *words) {
+    const int32_t low = channel->min_counts, high = channel->max_counts;
+    if (low < -32768 || low > high || high > 32767) {
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, names->min_counts, (double)low);
+        return;
+    }
+    const int64_t most = DESIGN_WORD_MAX;
+    const int64_t gain =
+        plumb_design_scaled(d, names->unit_per_count, channel->unit_per_count, unit, -most, most);
+    const wide_t zero = wide_product(-plumb_design_bounded(channel->zero_counts), (double)gain);
+    const int64_t offset = wide_round(zero); /* +-2^62 if it is larger; then the sum below is, too */
+    const int64_t at_low = low * gain + offset, at_high = high * gain + offset;
+    if (at_low > CALIBRATION_MOST || at_low < -CALIBRATION_MOST || at_high > CALIBRATION_MOST ||
+        at_high < -CALIBRATION_MOST)
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, names->unit_per_count, channel->unit_per_count);
+    words->raw_min = low;
+    words->raw_max = high;
+    words->gain = (int32_t)gain;
+    words->offset =
+        (int32_t)plumb_design_whole(d, names->zero_counts, channel->zero_counts, zero, -most - 1, most);
+}
+
+void plumb_design_pid(plumb_design_t *d, const plumb_pid_tuning_t *pid, int32_t period_us,
+                      pid_params_t *words) {
+    const int64_t limit = 1 << 30;
+    double share;
+    words->d_alpha_q31 =
+        plumb_design_filter_q31(d, "pid.derivative_tau_s", pid->derivative_tau_s, period_us, &share);
+    if (pid->slew_per_s <= 0.0)
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "pid.slew_per_s", pid->slew_per_s);
+    words->kp_q22 = (int32_t)plumb_design_scaled(d, "pid.kp_per_deg", pid->kp_per_deg,
+                                                 wide_of(360.0 * 0x1p22), -limit, limit);
+    words->ki_dt_q22 =
+        (int32_t)plumb_design_scaled(d, "pid.ki_per_deg_s", pid->ki_per_deg_s,
+                                     design_per_period(360.0 * 0x1p22, period_us), 0, DESIGN_WORD_MAX);
+    words->kd_q27 = (int32_t)plumb_design_scaled(d, "pid.kd_per_dps", pid->kd_per_dps,
+                                                 wide_of(360.0 * 0x1p27), -limit, limit);
+    const wide_t slew = design_per_period(plumb_design_bounded(pid->slew_per_s), period_us);
+    const wide_t most = wide_of(2.0);
+    words->slew_q22 = (int32_t)plumb_design_whole(
+        d, "pid.slew_per_s", pid->slew_per_s,
+        wide_mul(wide_compare(slew, most) > 0 ? most : slew, wide_of(0x1p22)), 1, 1 << 23);
+}
