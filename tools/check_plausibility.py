@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,7 @@ from plumb.boards.native import NativeBoard
 from plumb.physics import disturbance
 from plumb.spec import declarations
 from plumb.spec.records import Words
+from plumb.systems.contracts import PushedSystem
 from plumb.tuning.quantise import ControlParams, quantise
 
 SYSTEMS = tuple(name for name, declared in declarations.systems().items() if declared.output)
@@ -53,7 +54,9 @@ def words_of(
 ) -> Words:
     """The records of one run. loop: open, closed, or pushed (closed, with the push of the system's page)."""
     own = systems.load(system)
-    faults = own.faults([disturbance.parse(own.PUSHED[1])]) if loop == "pushed" else ()
+    faults: Sequence[object] = ()
+    if loop == "pushed" and isinstance(own, PushedSystem):
+        faults = own.faults([disturbance.parse(own.PUSHED[1])])
     scenario = own.scenario(name, seed, seconds=seconds, faults=faults)
     setpoint = scenario.setpoint()
     if loop == "open":
@@ -77,7 +80,7 @@ def cases(chosen: str | None, only: str | None) -> Iterator[tuple[str, str, str,
             for tuning in own.TUNINGS:
                 yield name, scenario, tuning, "open"
             yield name, scenario, own.DEFAULT_TUNING, "closed"
-            if scenario == own.PUSHED[0]:
+            if isinstance(own, PushedSystem) and scenario == own.PUSHED[0]:
                 yield name, scenario, own.DEFAULT_TUNING, "pushed"
 
 

@@ -24,6 +24,7 @@ from plumb.f103.machine import Machine
 from plumb.f103.snapshot import Snapshot, wiring
 from plumb.flash.image import find_image
 from plumb.link.session import Session
+from plumb.systems.contracts import PINS
 from plumb.tuning import quantise
 
 TRAFFIC_S = 0.05
@@ -42,7 +43,7 @@ def image() -> bytes:
 def board(request: pytest.FixtureRequest, image: bytes) -> Iterator[VirtualBoard]:
     """Armed and driving its plant, over either link."""
     name, link = request.param
-    system, joined = systems.load(name), systems.load(name, "pins")
+    system, joined = systems.load(name), systems.load(name, PINS)
     run = system.scenario(joined.SCENARIO, 1, seconds=5.0)
     with VirtualBoard(link=link) as board:
         params = quantise.quantise(system.TUNINGS[joined.TUNING])

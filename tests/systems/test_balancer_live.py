@@ -20,6 +20,7 @@ from plumb.proof.runs import Run
 from plumb.systems.balancer import pins as balancer_live
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.balancer.plant import EDGE_M, BalancerPlant
+from plumb.systems.contracts import PINS
 from plumb.tuning import quantise
 
 PARAMS = quantise.quantise(balancer.TUNED)
@@ -124,7 +125,7 @@ def test_a_chip_that_falls_silent_disarms_and_the_vehicle_falls() -> None:
 
 
 def test_it_is_armed_on_the_pins_of_the_bridge_only() -> None:
-    assert balancer.LINK["pins"] == 1 and systems.load("balancer", "pins").FRAMES[-1] == "BALANCER_DRIVE"
+    assert balancer.LINK["pins"] == 1 and systems.load("balancer", PINS).FRAMES[-1] == "BALANCER_DRIVE"
     with VirtualBoard() as board:
         board.session.upload(PARAMS.words(), period_us=balancer.PERIOD_US)
         board.session.begin("REALTIME_INJECTED")

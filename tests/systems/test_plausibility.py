@@ -20,7 +20,7 @@ from plumb.tuning.quantise import quantise
 
 ACCEL, INNOVATION, RATE = 1, 2, 4
 SETTLING, MOVING, CONVERGING, SETPOINT, TILTED = 1, 2, 4, 8, 16
-QUAD = quantise(systems.load("quad").ADAPTIVE)
+QUAD = quantise(systems.load("quad").TUNINGS["adaptive"])
 STEP_S = QUAD.period_s
 DEG, DPS, G = 2**32 / 360, 2**28 / 360, 2**26
 R_DEG2, K0 = 0.25, 0.03

@@ -14,8 +14,11 @@ from plumb import __main__ as front
 from plumb import systems
 from plumb.errors import UsageError
 from plumb.physics import disturbance
+from plumb.proof.figures import FIGURES
+from plumb.proof.runs import PLOTS
 from plumb.spec import declarations, parameters
 from plumb.spec.records import RECORDS
+from plumb.systems.contracts import FIXED, REFERENCE
 from plumb.systems.quad import bandwidth
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.plant import QuadPlant
@@ -41,7 +44,7 @@ def test_a_system_offers_its_presets(name: str) -> None:
     assert system.STARTS.keys() == system.START_NOTES.keys()
     assert system.DEFAULT_SCENARIO in system.SCENARIOS and system.DEFAULT_TUNING in system.TUNINGS
     assert set(system.OUTPUTS) <= set(RECORDS[name].names or ())
-    for part in ("plots", "figures"):
+    for part in (FIXED, REFERENCE, PLOTS, FIGURES):
         systems.load(name, part)
     for tuning in system.TUNINGS.values():
         assert quantise(tuning).system == name and dequantise(quantise(tuning)).system == name
@@ -98,9 +101,7 @@ def test_the_sources_figures_are_drawn_again(tmp_path: Path, capsys: pytest.Capt
 
 def test_every_figure_that_can_be_drawn_again_is_in_the_docs() -> None:
     folder = Path(__file__).parents[2] / "docs/figures"
-    drawn = {
-        f"{name}_{plot}.svg" for name in systems.SYSTEMS for plot in getattr(systems.load(name, "figures"), "PLOTS", {})
-    }
+    drawn = {f"{name}_{plot}.svg" for name in systems.SYSTEMS for plot in systems.load(name, FIGURES).PLOTS}
     assert drawn == {path.name for path in folder.glob("*.svg")}, "plumb systems --plots docs/figures"
 
 

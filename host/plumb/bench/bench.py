@@ -271,7 +271,7 @@ def _plausibility(elf: Image) -> Row:
     those of the native core."""
     counter, wrong = Counter(elf, ["plausibility_step"]), 0
     state, record = counter.place(bytes(PLAUSIBILITY_BYTES)), counter.place(bytes(RECORDS[HURRIED].itemsize))
-    bounds, params = elf.symbol(f"{HURRIED}_plausibility").address, quantise(hurried.ADAPTIVE)
+    bounds, params = elf.symbol(f"{HURRIED}_plausibility").address, quantise(hurried.TUNINGS[hurried.DEFAULT_TUNING])
     dt_s_q33, unit = params["kalman.dt_s_q33"], params.variance_turn2_q56
     for _, _, raw, setpoint in _inputs(["adaptive"]):
         words = native_core.run_control(params, raw[:WILD_STEPS], setpoint[:WILD_STEPS])
@@ -305,7 +305,7 @@ def _lockstep(elf: Image) -> Row:
     """Steps of quad in lockstep over the UART of the virtual board, one at a time; the error is how many digests differ
     from those of the native core. Exceptions are charged as branches, without the 12 cycles of their entry."""
     params, motion = (
-        quantise(hurried.ADAPTIVE),
+        quantise(hurried.TUNINGS[hurried.DEFAULT_TUNING]),
         hurried.scenario("motion", 3000, seconds=EXCHANGES * hurried.PERIOD_US * 1e-6),
     )
     raw, setpoint = motion.counts(), motion.setpoint()

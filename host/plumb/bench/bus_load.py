@@ -12,7 +12,9 @@ from dataclasses import dataclass
 from plumb import systems
 from plumb.link.endpoint_names import DEFAULT_BAUD
 from plumb.link.session import KEEPALIVE_EVERY_S, PERIODIC
+from plumb.spec import declarations
 from plumb.spec.records import RECORDS
+from plumb.systems.contracts import PINS
 
 BITRATES_KBIT = (125, 250, 500, 1000)
 QUANTA, PHASE_2, SJW = 18, 2, 2
@@ -70,12 +72,12 @@ class Traffic:
 def traffic(system: str) -> Iterator[Traffic]:
     """The kinds of run. samples: three channels a frame; outputs: the frames that move a plant."""
     module = systems.load(system)
-    samples = (getattr(module, "CHANNELS", 6) + 2) // 3
+    samples = (len(declarations.system(system).channels) + 2) // 3
     outputs = len({frame for frame, _ in module.OUTPUT_FRAMES.values()})
     words = RECORDS[system].itemsize // 4
     yield Traffic("lockstep, digests", samples, 1)
     yield Traffic("lockstep, every word", samples, 1 + words)
-    if system in systems.with_part("pins"):
+    if system in systems.with_part(PINS.name):
         yield Traffic("real time, own sensors, verified", 0, 1 + samples)
     yield Traffic("real time, through a bridge, verified", samples, 1 + 2 + outputs)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 from plumb import systems
@@ -15,6 +14,7 @@ from plumb.link.lockstep import Lockstep
 from plumb.link.session import Session
 from plumb.link.transports.open_bus import open_can
 from plumb.spec.records import Words
+from plumb.systems.contracts import System
 
 if TYPE_CHECKING:
     from plumb.tuning.quantise import ControlParams
@@ -26,8 +26,8 @@ CHUNK_STEPS = 500
 class LinkStepper:
     """A run over a link, one sample at a time; the outputs come in the system's OUTPUT_FRAMES."""
 
-    def __init__(self, session: Session, system: ModuleType) -> None:
-        self._signals: dict[str, tuple[str, str]] = system.OUTPUT_FRAMES
+    def __init__(self, session: Session, system: System) -> None:
+        self._signals = system.OUTPUT_FRAMES
         frames = dict.fromkeys(frame for frame, _ in self._signals.values())
         self._run = Lockstep(session, frames=tuple(frames))
 

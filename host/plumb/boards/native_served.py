@@ -19,7 +19,7 @@ from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.link.session import Session
 from plumb.spec import declarations
 from plumb.spec.protocol import FRAME_DLC
-from plumb.systems.contracts import Plant
+from plumb.systems.contracts import PINS, Plant
 from plumb.tuning.quantise import quantise
 
 FOLLOW_US = 1000
@@ -56,7 +56,7 @@ def open_native(strap: int, slots: bytes = b"", system: str | None = None, plant
 def _save_as(mcu: NativeMcu, name: str) -> None:
     """Save the tuning for the board's own sensors, as `plumb params tuning SYSTEM --save` does."""
     system = systems.load(name)
-    tuning = systems.load(name, "pins").TUNING
+    tuning = systems.load(name, PINS).TUNING
     with Session.open(mcu.uart) as session:
         params = quantise(system.TUNINGS[tuning])
         session.upload(params.words(), **params.link_words(), period_us=system.PERIOD_US, **system.LINK)

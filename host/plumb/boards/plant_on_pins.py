@@ -1,13 +1,6 @@
 """A plant on the pins of the virtual board: it drives the pins of the sensors and follows those of the actuators.
 
-The module `pins` of a system says how its plant is attached to a machine:
-
-    Coupling(machine, plant)    attaches the plant; its time 0 is the first sample that the board takes
-        taken                   the samples that the board took, a `Conversion` each
-    FRAMES                      frames that a step sends: the raw counts of the system, and what a viewer shows
-    SCENARIO                    default scenario of a served board
-    SHOWN                       default scenario of `show`
-    TUNING                      tuning for the board's own sensors
+The module `pins` of a system says how its plant is attached to a machine (plumb.systems.contracts.Pins).
 """
 
 from __future__ import annotations
@@ -22,7 +15,7 @@ from plumb.f103.core.timeline import TICKS_PER_S
 from plumb.f103.machine import Machine
 from plumb.link.identity import FAULT_STRAP
 from plumb.link.session import Session
-from plumb.systems.contracts import Scenario
+from plumb.systems.contracts import PINS, Scenario
 from plumb.tuning.quantise import ControlParams, quantise
 
 FOUND_US = 50_000
@@ -37,7 +30,7 @@ def sampling_began_s(machine: Machine) -> float:
 
 def coupler(system: str, scenario: Scenario) -> Callable[[Machine], None]:
     """A function that attaches the plant of this scenario to a machine, for `open_machine`."""
-    pins = systems.load(system, "pins")
+    pins = systems.load(system, PINS)
 
     def couple(machine: Machine) -> None:
         pins.Coupling(machine, systems.load(system).plant(scenario))
@@ -62,7 +55,7 @@ def configure_as(board: VirtualBoard, params: ControlParams, **link: int) -> Ses
 def show(board: VirtualBoard, name: str, scenario: str | None, seed: int) -> None:
     """Configure the board for this system, and attach a plant in open loop: it follows the scenario and ignores the
     outputs."""
-    system, live = systems.load(name), systems.load(name, "pins")
+    system, live = systems.load(name), systems.load(name, PINS)
     chosen = system.scenario(scenario or live.SHOWN, seed)
     plant = system.plant(chosen, open_loop=True)
     configure_as(board, quantise(system.TUNINGS[live.TUNING]), period_us=chosen.period_us, **system.LINK)
@@ -74,7 +67,7 @@ def boot_configured_as(machine: Machine, name: str, strap: str | None = None) ->
     """Configure a machine that was just started to run a system on its own sensors, as `plumb params tuning SYSTEM
     --save` and a reset do, and wire its strap: from then on it starts with this tuning, period and pin set from its
     flash."""
-    system, live = systems.load(name), systems.load(name, "pins")
+    system, live = systems.load(name), systems.load(name, PINS)
     with Session.open(machine.uart) as session:
         params = quantise(system.TUNINGS[live.TUNING])
         session.upload(params.words(), **params.link_words(), period_us=system.PERIOD_US, **system.LINK)

@@ -12,12 +12,34 @@ import argparse
 import json
 import shutil
 from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 from plumb.cli import options
+from plumb.spec.system_parts import Part
+
+if TYPE_CHECKING:
+    from plumb.proof.report import Table
+    from plumb.proof.runs import Run
+
+
+class Demo(Protocol):
+    """demo.py of a system: the run that this command shows."""
+
+    @property
+    def SCENARIO(self) -> str: ...
+
+    @property
+    def TUNING(self) -> str: ...
+
+    def errors(self, run: Run, /) -> dict[str, tuple[float, float]]:
+        """Estimate -> (rms, largest) error of the tilt in deg."""
+
+
+DEMO = Part[Demo]("demo", Demo, without="it has no demo")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    options.add_system_with(parser, "demo", "whose demo")
+    options.add_system_with(parser, DEMO.name, "whose demo")
     options.add_out(parser, default=Path("out/demo"))
     options.add_image(parser)
     options.add_seed(parser)
@@ -34,8 +56,8 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.proof.scenario_run import RunRequest, perform
 
     folder = golden.vectors_folder(None)
-    name = options.system_with(arguments, "demo")
-    part = systems.load(name, "demo")
+    name = options.system_with(arguments, DEMO.name)
+    part = systems.load(name, DEMO)
     request = RunRequest(
         name,
         "virtual",
@@ -49,7 +71,7 @@ def main(arguments: argparse.Namespace) -> int:
     here = ["native", *(["qemu"] if shutil.which("qemu-system-arm") else [])]
     boards = [*((one, one, "serial") for one in here), ("virtual", "virtual", "serial")]
     boards.append(("virtual, CAN", "virtual", "can"))
-    options.tell_default(arguments, name, "demo")
+    options.tell_default(arguments, name, DEMO.name)
     done = perform(request)
     checks = {}
     for label, spec, link in boards:
@@ -91,11 +113,8 @@ def main(arguments: argparse.Namespace) -> int:
     return exit_code_of(verdict)
 
 
-def render(table: object) -> str:
+def render(table: Table) -> str:
     """A report table as text."""
-    from plumb.proof.report import Table
-
-    assert isinstance(table, Table)
     lines = [list(table.head), *(list(row) for row in table.rows)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(table.head))]
     body = ["  " + "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)) for line in lines]

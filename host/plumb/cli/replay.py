@@ -11,14 +11,31 @@ says which further files it reads; of several runs in a file the longest is take
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 from plumb.cli import options
+from plumb.spec.system_parts import Part
+
+if TYPE_CHECKING:
+    from plumb.proof.runs import RunInputs
+    from plumb.tuning.quantise import ControlParams
+
+
+class Replayed(Protocol):
+    """replay.py of a system: recordings of real sensors as inputs of a run."""
+
+    def inputs_of(self, arguments: argparse.Namespace, /) -> tuple[RunInputs, ControlParams, Mapping[str, object]]:
+        """Inputs, parameters, and the heading of the summary; arguments: those of this command."""
+
+
+REPLAY = Part[Replayed]("replay", Replayed, without="no recording can be made its inputs")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help="the recording")
-    options.add_system_with(parser, "replay", "whose inputs are made of it")
+    options.add_system_with(parser, REPLAY.name, "whose inputs are made of it")
     parser.add_argument("--axis", choices=("x", "y", "z"), default="x", help="where one axis is taken (default x)")
     options.add_board(parser)
     options.add_link_and_image(parser)
@@ -33,9 +50,9 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.cli.run_summary import report
     from plumb.proof import runs
 
-    system = options.system_with(arguments, "replay")
-    inputs, params, heading = systems.load(system, "replay").inputs_of(arguments)
-    options.tell_default(arguments, system, "replay")
+    system = options.system_with(arguments, REPLAY.name)
+    inputs, params, heading = systems.load(system, REPLAY).inputs_of(arguments)
+    options.tell_default(arguments, system, REPLAY.name)
     with options.board_of(arguments) as board:
         result = runs.open_loop(board, inputs, params)
     summary = result.summary(

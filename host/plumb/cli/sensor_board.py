@@ -48,8 +48,7 @@ def main(arguments: argparse.Namespace) -> int:
     scenario = system.scenario(arguments.scenario or system.DEFAULT_SCENARIO, arguments.seed)
 
     def plant() -> Plant:
-        made: Plant = system.plant(scenario, open_loop=arguments.open_loop)
-        return made
+        return system.plant(scenario, open_loop=arguments.open_loop)
 
     with endings() as caught, serve_bus(arguments.bus, arguments.symlink) as bus:
         print(f"{arguments.system} emits samples on {bus.channel_info}; Ctrl-C ends it", flush=True)

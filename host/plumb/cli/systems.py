@@ -15,7 +15,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from plumb.cli import options
@@ -98,7 +98,7 @@ def confirm(arguments: argparse.Namespace, names: Sequence[str]) -> int:
     return ExitCode.BAD_VERDICT if any(row.differ for row in rows) else ExitCode.GOOD
 
 
-def named(name: str) -> dict[str, dict[str, str]]:
+def named(name: str) -> dict[str, Mapping[str, str]]:
     """Everything a run of the system can be asked for: option -> name -> what it is."""
     from plumb import systems
 

@@ -97,12 +97,13 @@ def _f103(arguments: argparse.Namespace) -> tuple[Served, Join, KeptSlots | None
     from plumb.boards.flash_file import MachineSlots, read_slots
     from plumb.boards.virtual_can import Joint
     from plumb.boards.virtual_machine import open_machine
+    from plumb.systems.contracts import PINS
 
     slots = read_slots(arguments.keep) if arguments.keep else b""
     couple = None
     if arguments.system:
         system = systems.load(arguments.system)
-        name = arguments.scenario or systems.load(arguments.system, "pins").SCENARIO
+        name = arguments.scenario or systems.load(arguments.system, PINS).SCENARIO
         couple = plant_on_pins.coupler(arguments.system, system.scenario(name, arguments.seed))
     strap = _strap(arguments)
     part = arguments.part or "stm32f103c8"
@@ -120,6 +121,7 @@ def _native(arguments: argparse.Namespace) -> tuple[Served, Join, KeptSlots | No
     from plumb.boards.native_served import NativeJoint, NativeSlots, open_native
     from plumb.boards.strap import BY_PIN_SET
     from plumb.errors import UsageError
+    from plumb.systems.contracts import PINS
 
     if arguments.image or arguments.part:
         raise UsageError("the native board runs no image on no part: leave out --image and --part, or --port native")
@@ -130,7 +132,7 @@ def _native(arguments: argparse.Namespace) -> tuple[Served, Join, KeptSlots | No
     plant = None
     if arguments.system:
         system = systems.load(arguments.system)
-        name = arguments.scenario or systems.load(arguments.system, "pins").SCENARIO
+        name = arguments.scenario or systems.load(arguments.system, PINS).SCENARIO
         plant = system.plant(system.scenario(name, arguments.seed))
     board = open_native(BY_PIN_SET.index(strap), slots, arguments.system, plant)
     kept = NativeSlots(board.mcu, arguments.keep) if arguments.keep else None

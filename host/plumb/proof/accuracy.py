@@ -23,6 +23,7 @@ from plumb.boards.native import NativeBoard
 from plumb.proof import runs
 from plumb.spec.tuning import AnyTuning
 from plumb.systems import run_reference
+from plumb.systems.contracts import fitted
 from plumb.tuning.groups import filter_of
 from plumb.tuning.quantise import ControlParams, groups_of, quantise
 
@@ -186,7 +187,7 @@ def chain_error_deg(params: ControlParams, raw: npt.ArrayLike, setpoint_turn_q32
 def scenario_error_deg(settings: AnyTuning, name: str, seed: int = 1000) -> float:
     """From counts to angle on one of the system's scenarios: the largest distance from float64 of any angle."""
     run = systems.load(settings.system).scenario(name, seed, period_us=settings.period_us)
-    params = quantise(systems.fitted(run, settings))
+    params = quantise(fitted(run, settings))
     found = runs.open_loop(NativeBoard(), runs.prescribed(run), params).metrics()["fixed_vs_reference_max_deg"]
     assert found is not None
     return float(found)

@@ -15,6 +15,7 @@ from plumb.boards import Board
 from plumb.boards.native import NativeBoard
 from plumb.proof import runs
 from plumb.proof.compare import count_mismatches
+from plumb.systems.contracts import fitted
 from plumb.tuning import quantise
 
 SEED = 1000
@@ -46,7 +47,7 @@ def confirm(board: Board, name: str, seed: int = SEED, seconds: float | None = N
     for scenario, tuning, closed in pairs:
         length = system.SECONDS[scenario] if seconds is None else min(seconds, system.SECONDS[scenario])
         run = system.scenario(scenario, seed, seconds=length)
-        params = quantise.quantise(systems.fitted(run, system.TUNINGS[tuning]))
+        params = quantise.quantise(fitted(run, system.TUNINGS[tuning]))
         if closed:
             digests, expected = (runs.closed_loop(one, run, params).answer.digests for one in (board, native))
         else:

@@ -1,24 +1,22 @@
 """What the systems were asked to reach, and what the integers reach: one table, from the scenarios as they stand.
 
 Every figure is over seeds 1000-1039; tunings were fitted on seeds 0-19. The float64 column is
-`plumb.systems.run_reference` on the same tuning and the same counts. A system's part `figures` offers
-
-    SECTIONS    name -> function of seeds that gives figures
-    ASSUMED     sentences: what was assumed, and how it was measured
-    PLOTS       name -> function that gives the panels of a figure of the source, reproduced
+`plumb.systems.run_reference` on the same tuning and the same counts. What a system's part `figures` offers is
+FigureSections; a system may leave it out.
 """
 
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from multiprocessing import Pool
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from plumb import systems
-from plumb.proof.report import plot_svg, write_whole
+from plumb.proof.report import Plot, plot_svg, write_whole
+from plumb.spec.system_parts import Part
 
 Sense = Literal["at most", "at least", "near", "about", "beside", "shown"]
 """How a figure is to be reached. near: within 5 %, what makes a scenario the one that was asked for; about: within 13 %
@@ -69,14 +67,34 @@ class Figure:
         return {**asdict(self), "met": self.met}
 
 
-def _part(name: str, what: str, nothing: Any) -> Any:
+class FigureSections(Protocol):
+    """figures.py of a system: what was asked, and what is reached."""
+
+    @property
+    def SECTIONS(self) -> Mapping[str, Callable[[Iterable[int]], Iterable[Figure]]]:
+        """Name -> function of seeds that gives figures."""
+
+    @property
+    def ASSUMED(self) -> tuple[str, ...]:
+        """What was assumed, and how it was measured, a sentence each."""
+
+    @property
+    def PLOTS(self) -> Mapping[str, Callable[[], Sequence[Plot]]]:
+        """Name -> function that gives the panels of a figure of the source, reproduced; {}: the source has none."""
+
+
+FIGURES = Part[FigureSections]("figures", FigureSections, without="there is nothing that it was asked to reach")
+
+
+def _part(name: str) -> FigureSections | None:
     """What a system's part `figures` offers; a system needs none."""
-    return getattr(systems.load(name, "figures"), what) if name in systems.with_part("figures") else nothing
+    return systems.load(name, FIGURES) if name in systems.with_part(FIGURES.name) else None
 
 
 def without_figures(names: Iterable[str]) -> list[str]:
     """Those of which nothing was asked."""
-    return [name for name in names if not _part(name, "SECTIONS", {})]
+    parts = {name: _part(name) for name in names}
+    return [name for name, part in parts.items() if part is None or not part.SECTIONS]
 
 
 def compute(
@@ -84,7 +102,8 @@ def compute(
 ) -> Iterator[tuple[str, Figure]]:
     """Every row of these systems, with the system's name, in order, as it is ready; the sections on all cores."""
     chosen = tuple(seeds)
-    tasks = [(name, section, chosen) for name in names for section in _part(name, "SECTIONS", {})]
+    parts = [(name, part) for name in names if (part := _part(name)) is not None]
+    tasks = [(name, section, chosen) for name, part in parts for section in part.SECTIONS]
     with Pool(initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)) as pool:
         for (name, _, _), rows in zip(tasks, pool.imap(_section, tasks), strict=True):
             yield from ((name, row) for row in rows)
@@ -92,13 +111,14 @@ def compute(
 
 def _section(task: tuple[str, str, tuple[int, ...]]) -> list[Figure]:
     name, section, seeds = task
-    return list(systems.load(name, "figures").SECTIONS[section](seeds))
+    return list(systems.load(name, FIGURES).SECTIONS[section](seeds))
 
 
 def write_plots(name: str, folder: Path) -> list[Path]:
     """The source's figures, reproduced, as folder/SYSTEM_NAME.svg; the same bytes every time."""
     written = []
-    for plot, panels in _part(name, "PLOTS", {}).items():
+    part = _part(name)
+    for plot, panels in part.PLOTS.items() if part is not None else ():
         svg = plot_svg(*panels(), titles=True)
         written.append(folder / f"{name}_{plot}.svg")
         write_whole(folder, {written[-1].name: svg.replace("<svg ", '<svg style="background:#fff" ', 1) + "\n"})
@@ -107,8 +127,8 @@ def write_plots(name: str, folder: Path) -> list[Path]:
 
 def assumed(name: str) -> tuple[str, ...]:
     """What the figures of a system rest on."""
-    sentences: tuple[str, ...] = _part(name, "ASSUMED", ())
-    return sentences
+    part = _part(name)
+    return part.ASSUMED if part is not None else ()
 
 
 def render(figures: Iterable[tuple[str, Figure]], *, short: bool = False, colour: bool = False) -> str:

@@ -32,6 +32,7 @@ import numpy.typing as npt
 from plumb import systems
 from plumb.boards import RawCounts, Setpoints
 from plumb.errors import UsageError
+from plumb.systems.contracts import fitted
 from plumb.tuning.quantise import ControlParams, quantise
 
 MAX_STEPS = 1_000_000
@@ -148,13 +149,14 @@ class Entry:
         quantise(tuning)  # refuses what cannot be before a scenario of it is drawn
         if self.wild:
             raw, setpoint = WILD[self.wild](self.seed, self.steps)
-        else:
-            run = system.scenario(
-                self.scenario, self.seed, seconds=self.steps * tuning.period_us * 1e-6, period_us=tuning.period_us
-            )
-            raw, setpoint = run.counts(), run.setpoint()
-            tuning = systems.fitted(run, tuning)
-        return quantise(tuning), raw.astype(np.int16), setpoint.astype(np.int32)
+            return quantise(tuning), raw.astype(np.int16), setpoint.astype(np.int32)
+        run = system.scenario(
+            self.scenario or system.DEFAULT_SCENARIO,
+            self.seed,
+            seconds=self.steps * tuning.period_us * 1e-6,
+            period_us=tuning.period_us,
+        )
+        return quantise(fitted(run, tuning)), run.counts(), run.setpoint()
 
 
 def _changed(part: Any, path: list[str], value: Any) -> Any:

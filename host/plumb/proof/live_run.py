@@ -14,7 +14,7 @@ from plumb.link.identity import disarmed_text
 from plumb.link.realtime import Capture
 from plumb.link.session import REPLY_TIMEOUT_S, Session
 from plumb.proof.runs import Run, RunInputs, columns, judge
-from plumb.systems.contracts import Conversion, Coupling, Scenario
+from plumb.systems.contracts import PINS, Conversion, Scenario
 from plumb.tuning.quantise import ControlParams
 
 STANDSTILL_US = 500_000
@@ -29,10 +29,10 @@ def run_live(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, 
     from tqdm import tqdm
 
     steps = scenario.steps
-    system, live = systems.load(params.system), systems.load(params.system, "pins")
+    system, live = systems.load(params.system), systems.load(params.system, PINS)
     # The plant's actuators need no arming pulse, and its motion does not wait for one.
     session = configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **system.LINK)
-    coupling: Coupling = live.Coupling(board.machine, system.plant(scenario, open_loop=open_loop))
+    coupling = live.Coupling(board.machine, system.plant(scenario, open_loop=open_loop))
     board.machine.advance_us(FOUND_US)
     capture = Capture(session)
     session.begin("REALTIME_LIVE", frames=live.FRAMES)

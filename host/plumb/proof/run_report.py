@@ -11,7 +11,7 @@ from typing import Any
 
 from plumb import systems
 from plumb.proof.report import Table, page, write_whole
-from plumb.proof.runs import Run
+from plumb.proof.runs import PLOTS, Run
 
 
 def budget(trial: Run) -> Table:
@@ -48,7 +48,7 @@ def steps_csv(trial: Run) -> str:
 
 def write_run(folder: Path, trial: Run, summary: dict[str, Any], more: Sequence[Table] = ()) -> None:
     """report.html, summary.json and steps.csv in `folder`, which is made when it is not there."""
-    view = systems.load(trial.system, "plots")
+    view = systems.load(trial.system, PLOTS)
     title = f"{summary['system']}, {summary['scenario']} on {summary['board']}"
     lead = (
         f"{summary['steps']} steps, {summary['loop']} loop, tuning {summary['tuning']}; every step's digest was "

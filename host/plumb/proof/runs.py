@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,9 @@ import numpy.typing as npt
 from plumb import systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints
 from plumb.proof.compare import Divergence, count_mismatches, first_divergence
+from plumb.proof.report import Plot
 from plumb.spec.records import Words
+from plumb.spec.system_parts import Part
 from plumb.systems import run_fixed, run_reference
 from plumb.systems.contracts import Scenario
 from plumb.tuning.quantise import ControlParams
@@ -37,6 +39,20 @@ class RunInputs:
     raw: RawCounts
     setpoint: Setpoints
     scored: BoolArray
+
+
+class RunPlots(Protocol):
+    """plots.py of a system: how a run is measured and drawn."""
+
+    def metrics(self, run: Run, /) -> dict[str, float | None]:
+        """Figures of a run by name: at least angle_rmse_deg, angle_max_deg, accel_only_rmse_deg and
+        fixed_vs_reference_max_deg, None where a system has no such figure."""
+
+    def plots(self, run: Run, /, *, closed: bool) -> Sequence[Plot]:
+        """The panels of the report. closed: the loop was closed."""
+
+
+PLOTS = Part[RunPlots]("plots", RunPlots)
 
 
 def prescribed(scenario: Scenario) -> RunInputs:
@@ -79,8 +95,7 @@ class Run:
 
     def metrics(self) -> dict[str, float | int | None]:
         """The figures a trial of this system reports, those that all systems report first."""
-        own: dict[str, float | None] = systems.load(self.system, "plots").metrics(self)
-        return {**own, "target_vs_fixed_mismatches": self.mismatches}
+        return {**systems.load(self.system, PLOTS).metrics(self), "target_vs_fixed_mismatches": self.mismatches}
 
     def summary(self, **heading: Any) -> dict[str, Any]:
         """What `run --json` prints, after its heading."""

@@ -14,7 +14,7 @@ from plumb.errors import UsageError
 from plumb.physics import disturbance
 from plumb.proof import runs
 from plumb.proof.runs import Run
-from plumb.systems.contracts import Scenario
+from plumb.systems.contracts import PINS, Scenario, fitted
 from plumb.tuning.quantise import ControlParams, quantise
 
 
@@ -74,13 +74,15 @@ def perform(request: RunRequest) -> ScenarioRun:
         settings, tuning = replace(settings, start=system.STARTS[request.start]), f"{tuning}, {request.start}"
     faults = system.faults([disturbance.parse(text) for text in request.faults])
     conditions = conditions_of(request.system, system.CONDITIONS, request.conditions)
-    scenario = system.scenario(name, request.seed, seconds=request.seconds, faults=faults, **conditions)
-    params = quantise(systems.fitted(scenario, settings))
+    scenario = system.scenario(
+        name, request.seed, seconds=request.seconds, period_us=system.PERIOD_US, faults=faults, **conditions
+    )
+    params = quantise(fitted(scenario, settings))
     closes = bool(system.OUTPUTS) and not request.open_loop
     if request.live and request.board != "virtual":
         raise UsageError("--live is for --board virtual: its plant drives the sensors' pins and follows the actuators'")
     if request.live:
-        systems.load(request.system, "pins")
+        systems.load(request.system, PINS)
     with open_board(request.board, link=request.link, image=request.image) as board:
         result = _run(board, request, scenario, params, closes)
     heading: dict[str, Any] = {

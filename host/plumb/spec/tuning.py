@@ -8,8 +8,8 @@ a Tuning directly.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import ClassVar, Literal, Protocol
+from dataclasses import Field, dataclass, field
+from typing import Any, ClassVar, Literal, Protocol
 
 TiltMode = Literal["arcsine", "atan2"]
 RateChoice = Literal["previous", "current"]
@@ -133,6 +133,8 @@ class AxisTuning(ForOnePeriod):
 
 class AnyTuning(Protocol):
     """The tuning of any system: a frozen dataclass of its own; `system` says which."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]  # what dataclasses.replace asks for, as typeshed has it
 
     system: ClassVar[str]
 

@@ -1,63 +1,57 @@
 """The systems: a published design each, with its plant, its sensors, its scenarios and its tunings.
 
-A system X is the folder systems/X, besides its step in C (firmware/systems/X.[ch]):
+A system X is the folder systems/X, besides its step in C (firmware/systems/X.[ch]). What a module of it must offer, and
+what is optional in it, its contract says: a Protocol, to which `load` holds the module.
 
-    systems/X/system.toml   its declaration: record, parameters, raw channels, frames (see plumb.spec.declarations)
-    systems/X/fixed.py      the step in integers, for bit-exact comparison with the C
-    systems/X/reference.py  the published equations in float64
-    systems/X/tuning.py     the tuning of a run in engineering units; settings of kernels are in plumb.spec.tuning
-    systems/X/quantise.py   engineering units to parameters, and back
-    systems/X/scenarios.py  scenarios and tunings
-        SCENARIOS               name -> one sentence;  SECONDS  name -> how long
-        TUNINGS                 name -> tuning;  TUNING_NOTES  name -> one sentence
-        DEFAULT_SCENARIO, DEFAULT_TUNING, PERIOD_US, LINK (words of the link's part of the parameters, by name)
-        STARTS                  start-up mode -> Start, for the tunings that it suits;  START_NOTES
-        CONDITIONS              what of a scenario can be set besides, name -> one sentence: a number, for scenario()
-        FAULTS                  kind -> one sentence;  FAULT_CHANNELS  of what, by name
-        faults(requests)        what scenario(faults=...) takes
-        OUTPUT_FRAMES           word of the record -> (frame, signal) that carries it over a link: what moves the plant
-        OUTPUTS                 those words; none where nothing is driven, and every loop is open
-        scenario(name, seed, *, seconds=None, period_us=..., faults=())    everything random of one run, drawn; it has
-            period_us, steps, time_s (steps,), scored (steps,) bool: the samples that count
-            fit(tuning)             optional: the tuning of this very run, where it depends on what was drawn
-            counts() (steps, 6) int16, setpoint() (steps,) int32, truth() name -> (steps,): of the prescribed motion
-        plant(scenario, open_loop=False)    the physics, and sensors that ride on it; it has
-            follow(time_s, outputs)         simulate up to time_s with the words of the last step ({}: none yet)
-            counts(time_s) six raw counts, truth(time_s) name -> number, setpoint(time_s) int
-    systems/X/plots.py      how a run is measured and drawn: metrics(run), plots(run, closed=...)
-    systems/X/figures.py    what was asked, and what is reached: SECTIONS, ASSUMED (see plumb.proof.figures)
-    systems/X/pins.py       on the pins of the virtual board: Coupling(machine, plant), FRAMES, ... (see
-                            plumb.boards.plant_on_pins); none where samples only ever come as frames
-    systems/X/replay.py     optional: recordings of real sensors as inputs of a run (see plumb.cli.replay)
-    systems/X/demo.py       optional: the run that `plumb demo` shows (see plumb.cli.demo)
-    systems/X/commands/     optional: commands of its own, as system.toml declares them; modules like those of plumb.cli
-    systems/X/inputs/       optional: where its samples come from besides boards and recordings
+    system.toml   its declaration: record, parameters, raw channels, frames (plumb.spec.declarations)
+    fixed.py      the step in integers, for bit-exact comparison with the C (contracts.FixedStep)
+    reference.py  the published equations in float64 (contracts.ReferenceModel)
+    tuning.py     the tuning of a run in engineering units; settings of kernels are in plumb.spec.tuning
+    quantise.py   engineering units to parameters, and back (plumb.tuning.quantise.Quantiser)
+    scenarios.py  scenarios, tunings and the plant (contracts.System)
+    plots.py      how a run is measured and drawn (plumb.proof.runs.RunPlots)
+
+and where the system wants them
+
+    pins.py       the plant on the pins of the virtual board (contracts.Pins); none where samples only come as frames
+    figures.py    what was asked, and what is reached (plumb.proof.figures.FigureSections)
+    replay.py     recordings of real sensors as inputs of a run (plumb.cli.replay.Replayed)
+    demo.py       the run that `plumb demo` shows (plumb.cli.demo.Demo)
+    commands/     commands of its own, as system.toml declares them; modules like those of plumb.cli
+    inputs/       where its samples come from besides boards and recordings
 
 Folders of systems on PLUMB_SYSTEM_PATH are modules of this package, too.
 """
 
 from __future__ import annotations
 
-import importlib
-from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, TypeVar, overload
 
 from plumb.errors import UsageError
-from plumb.spec import declarations
+from plumb.spec import declarations, system_parts
+from plumb.spec.system_parts import Part
+
+if TYPE_CHECKING:
+    from plumb.systems.contracts import System
 
 __path__ += [str(place) for place in declarations.search_path()]
 SYSTEMS = {name: declared.title for name, declared in declarations.systems().items()}
 """Name -> title of each system that is declared, in the order of their numbers."""
+P = TypeVar("P")
 
 
-def load(name: str, part: str = "scenarios") -> ModuleType:
-    """A module of a system's folder, named as in the list above; raises UsageError for a system that does not exist,
-    and for `pins` of a system whose samples always arrive as frames."""
-    declared = declarations.system(name)
-    module = f"plumb.systems.{name}.{part}"
-    if part == "pins" and not (declared.folder / "pins.py").is_file():
-        raise UsageError(f"the board has no sensors of its own for {name}: its samples come as frames")
-    return importlib.import_module(module)
+@overload
+def load(name: str) -> System: ...
+@overload
+def load(name: str, part: Part[P]) -> P: ...
+def load(name: str, part: Part[P] | None = None) -> System | P:
+    """A module of a system's folder, its scenarios unless another part is asked for; raises UsageError for a system
+    that does not exist, a part that it leaves out, and a module that does not offer what its contract says."""
+    if part is not None:
+        return system_parts.load(name, part)
+    from plumb.systems.contracts import SCENARIOS
+
+    return system_parts.load(name, SCENARIOS)
 
 
 def with_part(part: str) -> tuple[str, ...]:
@@ -77,8 +71,3 @@ def default_for(part: str) -> str:
     if len(declared) > 1:
         raise UsageError(f"say which system, with --system: {', '.join(able)}")
     return declared[0]
-
-
-def fitted(scenario: Any, tuning: Any) -> Any:
-    """The tuning for a scenario's run."""
-    return scenario.fit(tuning) if hasattr(scenario, "fit") else tuning

@@ -29,6 +29,7 @@ from plumb.kernels.fixed.kernels import (
 from plumb.kernels.fixed.trig import asin, atan2
 from plumb.spec.records import RECORDS, Words, names_of, packer
 from plumb.systems import load
+from plumb.systems.contracts import FIXED
 from plumb.tuning.quantise import ControlParams
 
 __all__ = [
@@ -41,7 +42,7 @@ class Controller:
     """One run, a step at a time."""
 
     def __init__(self, params: ControlParams) -> None:
-        self._system, self._p = load(params.system, "fixed"), params.values
+        self._system, self._p = load(params.system, FIXED), params.values
         self._c = self._system.control_init(params.values)
         self._names, self._packer = names_of(params.system), packer(params.system)
         self._row: tuple[int, ...] = ()
@@ -66,7 +67,7 @@ def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayL
     counts, setpoints = check_inputs(raw, setpoint)
     steps = len(counts)
     name = system_name(params)
-    system = load(name, "fixed")
+    system = load(name, FIXED)
     if counts.ndim == 2 and isinstance(params, ControlParams):
         p, c, pack = params.values, system.control_init(params.values), packer(name).pack
         rows = zip(counts.tolist(), setpoints.tolist(), strict=True)

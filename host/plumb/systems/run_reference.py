@@ -26,6 +26,7 @@ from plumb.kernels.reference.kernels import (
 )
 from plumb.spec.tuning import AnyTuning
 from plumb.systems import load
+from plumb.systems.contracts import REFERENCE
 from plumb.tuning.quantise import ControlParams, dequantise
 
 __all__ = [
@@ -41,6 +42,5 @@ def run_control(
     runs]) in the integers of the system, 0 when left out. Float arrays (steps[, runs]) by name; which, the system says.
     """
     tuning = dequantise(settings) if isinstance(settings, ControlParams) else settings
-    system = load(tuning.system, "reference")
-    result: dict[str, npt.NDArray[np.float64]] = system.run_control(tuning, raw, setpoint)
-    return result
+    system = load(tuning.system, REFERENCE)
+    return system.run_control(tuning, raw, setpoint)

@@ -6,7 +6,6 @@ import random
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 import can
@@ -22,7 +21,7 @@ from plumb.flash.image import find_image
 from plumb.link.identity import Identity
 from plumb.link.session import Session
 from plumb.spec.protocol import Frame, protocol
-from plumb.systems.contracts import Coupling
+from plumb.systems.contracts import PINS, AnalogPins, BridgePins, Coupling, Pins
 from plumb.tuning.quantise import quantise
 
 if TYPE_CHECKING:
@@ -74,8 +73,20 @@ class Scene:
         return self.board.session
 
     @property
-    def live(self) -> ModuleType:
-        return systems.load(self.name, "pins")
+    def live(self) -> Pins:
+        return systems.load(self.name, PINS)
+
+    @property
+    def adc_pins(self) -> tuple[str, ...]:
+        """The pins of the raw channels; () where the sensors are digital."""
+        return self.live.ADC_PINS if isinstance(self.live, AnalogPins) else ()
+
+    @property
+    def break_pin(self) -> str:
+        """The pin at which the bridge's driver reports a fault. Raises UsageError where there is no bridge."""
+        if not isinstance(self.live, BridgePins):
+            raise UsageError(f"{self.name} drives no bridge")
+        return self.live.BREAK_PIN
 
     def symbol(self, name: str) -> Symbol:
         """A variable or function of the image, from the ELF file beside it. Raises UsageError without that file."""
@@ -88,8 +99,8 @@ class Scene:
     @property
     def features(self) -> frozenset[str]:
         """What there is to be broken: analog (sensors on ADC pins), chips (on I2C), bridge, esc (speed controllers)."""
-        outputs = "esc" if hasattr(self.live, "ESC_PINS") else "bridge"
-        inputs = "analog" if hasattr(self.live, "ADC_PINS") else "chips"
+        outputs = "bridge" if isinstance(self.live, BridgePins) else "esc"
+        inputs = "analog" if isinstance(self.live, AnalogPins) else "chips"
         return frozenset({inputs, outputs})
 
     @property
@@ -172,7 +183,7 @@ def armed(name: str, link: str = "serial", image: Path | None = None) -> Scene:
     The plant runs the scenario that a served board shows, in closed loop. Raises LinkError with the board's reason when
     it does not arm within ARMING_S.
     """
-    system, parts = systems.load(name), systems.load(name, "pins")
+    system, parts = systems.load(name), systems.load(name, PINS)
     scenario = system.scenario(parts.SCENARIO, SEED)
     board = VirtualBoard(image, link=link)
     try:

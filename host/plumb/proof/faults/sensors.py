@@ -23,7 +23,7 @@ LOST_OR_IMPLAUSIBLE = (Told("EVENTS", "disarm_cause", BLOCK_IMPLAUSIBLE), Told("
 
 def volts_now(scene: Scene, channel: int) -> float:
     """Volts of an analog pin at this moment, to which the plant is moved."""
-    return scene.machine.adc.sampled(scene.live.ADC_PINS[channel], scene.machine.now_s)
+    return scene.machine.adc.sampled(scene.adc_pins[channel], scene.machine.now_s)
 
 
 def held(channel: int, volts: float | None = None, noise_lsb: float = 0.0) -> Action:
@@ -32,7 +32,7 @@ def held(channel: int, volts: float | None = None, noise_lsb: float = 0.0) -> Ac
     def inject(scene: Scene) -> None:
         level = volts_now(scene, channel) if volts is None else volts
         added = noise(f"channel {channel}", noise_lsb * LSB_V)
-        scene.machine.adc[scene.live.ADC_PINS[channel]] = lambda time_s: level + added(time_s)
+        scene.machine.adc[scene.adc_pins[channel]] = lambda time_s: level + added(time_s)
 
     return inject
 
@@ -41,7 +41,7 @@ def wild(channel: int, sigma_v: float) -> Action:
     """Noise on top of what an analog pin carries."""
 
     def inject(scene: Scene) -> None:
-        pin = scene.live.ADC_PINS[channel]
+        pin = scene.adc_pins[channel]
         source, added = scene.machine.adc[pin], noise(f"wild {channel}", sigma_v)
         scene.machine.adc[pin] = lambda time_s: (source(time_s) if callable(source) else source) + added(time_s)
 
@@ -50,7 +50,7 @@ def wild(channel: int, sigma_v: float) -> Action:
 
 def unplugged(scene: Scene) -> None:
     """No sensor drives its pin any more; a pull-down is on the sensor board."""
-    for pin in scene.live.ADC_PINS:
+    for pin in scene.adc_pins:
         scene.machine.adc[pin] = 0.0
 
 
@@ -106,7 +106,7 @@ def hall(state: int) -> Action:
 
 def broken(scene: Scene) -> None:
     """The gate driver pulls the break input."""
-    scene.machine.drive(scene.live.BREAK_PIN, False)
+    scene.machine.drive(scene.break_pin, False)
 
 
 def digital(cause: str, shift: int) -> Told:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
 from plumb.inputs import recording
 from plumb.proof.runs import RunInputs
@@ -12,7 +11,7 @@ from plumb.systems.phone.inputs import live_run, udp
 from plumb.tuning.quantise import ControlParams
 
 
-def inputs_of(arguments: argparse.Namespace) -> tuple[RunInputs, ControlParams, dict[str, Any]]:
+def inputs_of(arguments: argparse.Namespace) -> tuple[RunInputs, ControlParams, dict[str, object]]:
     """What `plumb replay` runs: inputs, parameters, and the heading of the summary."""
     period_us = phone.PERIOD_US if arguments.period_us is None else arguments.period_us
     params = live_run.params_of(phone.DEFAULT_TUNING, period_us)

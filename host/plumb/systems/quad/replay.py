@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
 from plumb.inputs import recording
 from plumb.proof.runs import RunInputs
@@ -11,7 +10,7 @@ from plumb.systems.quad import scenarios as quad
 from plumb.tuning.quantise import ControlParams
 
 
-def inputs_of(arguments: argparse.Namespace) -> tuple[RunInputs, ControlParams, dict[str, Any]]:
+def inputs_of(arguments: argparse.Namespace) -> tuple[RunInputs, ControlParams, dict[str, object]]:
     """What `plumb replay` runs: inputs, parameters, and the heading of the summary."""
     axis = recording.pick_axis(recording.load(arguments.file), arguments.axis, arguments.period_us)
     if arguments.seconds is not None:

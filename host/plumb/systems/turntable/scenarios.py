@@ -16,7 +16,7 @@ converter, which samples them in every step.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -325,7 +325,7 @@ class TurntablePlant:
     def _step(self, time_s: float) -> int:
         return min(round(time_s / self._period_s), len(self._counts) - 1)
 
-    def follow(self, time_s: float, outputs: dict[str, int]) -> None:
+    def follow(self, time_s: float, outputs: Mapping[str, int]) -> None:
         """The motion is prescribed."""
 
     def counts(self, time_s: float) -> tuple[int, ...]:

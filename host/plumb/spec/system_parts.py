@@ -1,0 +1,79 @@
+"""Load a module of a system's folder, and check that it offers what its contract says.
+
+A contract is a Protocol that is declared beside the code that uses the part: those of `plumb.systems.contracts` for
+scenarios, pins and steps, one in `plumb.tuning.quantise`, `plumb.proof` and `plumb.cli` each for what these load. A
+system is chosen by name when the program runs, so that the type checker cannot hold its modules to their contracts;
+`load` does, in one sentence that names everything that is missing.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from types import FunctionType, ModuleType
+from typing import Generic, Protocol, TypeVar, cast
+
+from plumb.errors import UsageError
+from plumb.spec import declarations
+
+P = TypeVar("P", covariant=True)
+
+
+@dataclass(frozen=True)
+class Part(Generic[P]):
+    """A module of a system's folder: its file's name without .py, and the Protocol P of what it offers.
+
+    without: what a system that leaves the part out cannot do, after which UsageError; "": every system has the part.
+    """
+
+    name: str
+    contract: type
+    without: str = ""
+
+
+def load(system: str, part: Part[P]) -> P:
+    """The part of a system. Raises UsageError for a system that does not exist, a part that it leaves out, and a
+    module that does not offer what the contract says."""
+    declared = declarations.system(system)
+    if not (declared.folder / f"{part.name}.py").is_file():
+        reason = part.without or "every system has this file: CONTRIBUTING.md, 'Add a system', says what it offers"
+        raise UsageError(f"{system} has no {part.name}.py: {reason}")
+    module = importlib.import_module(f"plumb.systems.{system}.{part.name}")
+    check(module, part.contract)
+    return cast(P, module)
+
+
+@cache
+def check(module: ModuleType, contract: type) -> None:
+    """Raises UsageError that names what the module does not offer of the contract."""
+    missing = []
+    for name, member in members_of(contract).items():
+        if not isinstance(member, FunctionType):
+            missing += [] if hasattr(module, name) else [name]
+        elif not callable(offered := getattr(module, name, None)):
+            missing.append(f"{name}()")
+        else:
+            missing += [f"{keyword} of {name}()" for keyword in _keywords_missing(offered, member)]
+    if missing:
+        raise UsageError(
+            f"{module.__file__} lacks {', '.join(missing)}; CONTRIBUTING.md, 'Add a system', says what it must offer"
+        )
+
+
+def members_of(contract: type) -> dict[str, object]:
+    """The public names of a Protocol, those of its bases first, each with what the Protocol has under that name."""
+    kinds = reversed(contract.__mro__[: contract.__mro__.index(cast(type, Protocol))])
+    return {name: member for kind in kinds for name, member in vars(kind).items() if not name.startswith("_")}
+
+
+def _keywords_missing(offered: Callable[..., object], wanted: Callable[..., object]) -> list[str]:
+    """Keyword arguments of the contract's function that the module's does not take."""
+    taken = inspect.signature(offered).parameters.values()
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in taken):
+        return []
+    names = {parameter.name for parameter in taken}
+    keywords = (one.name for one in inspect.signature(wanted).parameters.values() if one.kind is one.KEYWORD_ONLY)
+    return [name for name in keywords if name not in names]
