@@ -10,6 +10,7 @@ commands, and what it has for single commands, on the floor of those.
 from __future__ import annotations
 
 import ast
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -52,13 +53,22 @@ def imported_by(module: str) -> set[str]:
     return {name for name in found if name == "plumb" or name.startswith("plumb.")}
 
 
+def at_the_top(statements: list[ast.stmt]) -> Iterator[ast.Import | ast.ImportFrom]:
+    """Imports of a module outside its functions and classes: those under `if TYPE_CHECKING`, too."""
+    for node in statements:
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield node
+        elif isinstance(node, ast.If | ast.Try):
+            yield from at_the_top([*node.body, *node.orelse])
+
+
 def loaded_with(module: str) -> set[str]:
-    """Modules that a module imports when it is loaded, without `plumb.`: not in functions, not for types alone."""
+    """Modules that a module imports at its top, without `plumb.`: when it is loaded, or for types alone."""
     found = set()
-    for node in ast.parse((PACKAGE / f"{module}.py").read_text(encoding="utf-8")).body:
+    for node in at_the_top(ast.parse((PACKAGE / f"{module}.py").read_text(encoding="utf-8")).body):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
+        else:
             found |= {f"{node.module}.{alias.name}" for alias in node.names} | {str(node.module)}
     return {name.removeprefix("plumb.") for name in found if name.startswith("plumb.")} - {
         module.removesuffix("/__init__").replace("/", ".")
@@ -83,7 +93,8 @@ def test_the_chip_knows_nothing_of_the_product(module: str) -> None:
 
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
-    """Of what is imported when a module is loaded; for types alone the parts of the chip name their machine."""
+    """Of what is imported at the top of a module, for types alone as well: a Protocol says what a part needs of the
+    whole that it is in."""
     names = {module.removesuffix("/__init__").replace("/", "."): module for module in modules()}
     graph = {name: loaded_with(module) & set(names) for name, module in names.items()}
     left = dict(graph)

@@ -19,7 +19,8 @@ from plumb.proof import live_run
 from plumb.proof.runs import Run
 from plumb.systems.balancer import pins as balancer_live
 from plumb.systems.balancer import scenarios as balancer
-from plumb.systems.balancer.plant import EDGE_M, BalancerPlant
+from plumb.systems.balancer.plant import BalancerPlant
+from plumb.systems.balancer.vehicle import EDGE_M
 from plumb.systems.contracts import PINS
 from plumb.tuning import quantise
 

@@ -9,9 +9,10 @@ import pytest
 
 from plumb.errors import UsageError
 from plumb.physics.sensors import Adxl345, Fault, Itg3205
-from plumb.systems.balancer import plant as balancer_plant
 from plumb.systems.balancer import scenarios as balancer
-from plumb.systems.balancer.plant import (
+from plumb.systems.balancer import vehicle as balancer_vehicle
+from plumb.systems.balancer.plant import BalancerPlant
+from plumb.systems.balancer.vehicle import (
     BODY_CENTRE_M,
     BODY_KG,
     EDGE_M,
@@ -22,7 +23,6 @@ from plumb.systems.balancer.plant import (
     WHEEL_RADIUS_M,
     WHEELS_KG,
     WHEELS_KGM2,
-    BalancerPlant,
     Vehicle,
 )
 
@@ -69,8 +69,8 @@ def test_a_freely_balancing_body_hardly_feels_its_tilt() -> None:
 
 def coasting(monkeypatch: pytest.MonkeyPatch, tilt_rad: float) -> Vehicle:
     """Let go at this tilt, without motor or friction."""
-    monkeypatch.setattr(balancer_plant, "STALL_NM", 0.0)
-    monkeypatch.setattr(balancer_plant, "FRICTION_NM", 0.0)
+    monkeypatch.setattr(balancer_vehicle, "STALL_NM", 0.0)
+    monkeypatch.setattr(balancer_vehicle, "FRICTION_NM", 0.0)
     run = calm()
     vehicle = Vehicle(replace(run, held=np.zeros_like(run.held)), open_loop=False)
     vehicle.tilt_rad = tilt_rad

@@ -119,6 +119,9 @@ class Machine:
     kHz oscillator on PC14 and PC15 running.
     """
 
+    cpu: Cpu
+    rcc: Rcc
+
     def __init__(
         self,
         image: bytes | Path,
@@ -168,7 +171,7 @@ class Machine:
         self.tim3, self.tim4 = Timer(self, "TIM3", 0x40000400, 29), Timer(self, "TIM4", 0x40000800, 30)
         self.tim1, self.tim2 = Tim1(self), Tim2(self)
         self.i2c_bus = I2cBus(self)
-        self.i2c1, self.spi1 = I2c(self), Spi(self)
+        self.i2c1, self.spi1 = I2c(self, self.i2c_bus), Spi(self)
         self.iwdg, self.wwdg = Iwdg(self), Wwdg(self)
         self.pwr, self.bkp = Pwr(self), Bkp(self)
         self.crc = Crc(self)

@@ -5,23 +5,36 @@ Reading advances simulated time as far as needed, by `timeout` at most; writing 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from plumb.f103.core.timeline import TICKS_PER_S
-from plumb.f103.peripherals.usart import FE, NE, ORE
-
-if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+from plumb.f103.peripherals.usart import FE, NE, ORE, Usart
 
 LOOK_AHEAD = 128
 """Bytes for which a read waits while the board goes on sending: frames arrive whole, in few calls, and a board that
 never pauses cannot hold up the reader."""
 
 
+class WiredChip(Protocol):
+    """The machine whose UART the stream is the other end of."""
+
+    @property
+    def usart(self) -> Usart: ...
+    @property
+    def now(self) -> int: ...
+    @property
+    def rom(self) -> object | None:
+        """The ROM bootloader while it has the UART."""
+
+    def rom_receives(self, data: bytes, /) -> bytes: ...
+    def run_to(self, time: int, /) -> None: ...
+    def run_until_sending(self, deadline: int, /) -> None: ...
+
+
 class UartStream:
     """read, write and in_waiting of a serial port. timeout: simulated seconds that a read waits for its first byte."""
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: WiredChip) -> None:
         self.machine = machine
         self.timeout = 0.02
         self.name = "the virtual board"

@@ -10,13 +10,12 @@ Not modelled: suspend transmission of error-passive nodes, overload frames, arbi
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from plumb.f103.core.timeline import TICKS_PER_S
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
-    from plumb.f103.peripherals.bxcan import Bxcan
+    from plumb.f103.core.mcu import Mcu
 
 STUFF, FORM, ACK, BIT_RECESSIVE, BIT_DOMINANT, CRC = 1, 2, 3, 4, 5, 6
 """Kinds of error, as the controller's last error code has them."""
@@ -78,6 +77,24 @@ def frame_bits(frame: WireFrame) -> int:
     return length + 15 + stuffed + AFTER_STUFFING
 
 
+class CanController(Protocol):
+    """The board's node. kbit: its bit rate. listening: it takes part in what is on the bus."""
+
+    @property
+    def kbit(self) -> float: ...
+    @property
+    def listening(self) -> bool: ...
+    def offer(self) -> WireFrame | None:
+        """The frame that it wants to send first, if any."""
+
+    def bus_changed(self) -> None: ...
+    def frame_over(self) -> None: ...
+    def sent(self) -> None: ...
+    def send_failed(self, kind: int, /) -> None: ...
+    def receive(self, frame: WireFrame, /) -> None: ...
+    def receive_failed(self, kind: int, /) -> None: ...
+
+
 class CanWire:
     """kbit: the host's bit rate. attached: another node is there to acknowledge what the board sends.
 
@@ -85,7 +102,7 @@ class CanWire:
     the next attempts), babbler (a frame that a broken node sends for ever), dominant (a short: no recessive bit).
     """
 
-    def __init__(self, machine: Machine, node: Bxcan) -> None:
+    def __init__(self, machine: Mcu, node: CanController) -> None:
         self.machine = machine
         self.node = node
         self.kbit = 500

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 from plumb.errors import ExitCode, PlumbError
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 
 class SimulationError(PlumbError):
@@ -39,7 +39,7 @@ class Peripheral:
     NARROW: ClassVar[str] = "replicate"
     """8 and 16 bit writes: 'replicate' over the word (APB bridge), 'merge' into it (core), 'refuse'."""
 
-    def __init__(self, machine: Machine, name: str, base: int) -> None:
+    def __init__(self, machine: Mcu, name: str, base: int) -> None:
         self.machine = machine
         self.name = name
         self.base = base
@@ -80,7 +80,7 @@ class Bus:
 
     WIRING = frozenset({"readers", "writers"})
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         self.machine = machine
         self.readers: dict[int, tuple[Peripheral, Callable[[], int]]] = {}
         self.writers: dict[int, tuple[Peripheral, Callable[[int], None]]] = {}

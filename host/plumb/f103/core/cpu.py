@@ -65,7 +65,7 @@ except ImportError as error:
     raise UsageError(f"the virtual board needs unicorn; install it {install_hint('virtual')}") from error
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 CYCLES_PER_INSTRUCTION = (3, 2)
 ENTRY_CYCLES, RETURN_CYCLES, TAIL_CHAIN_CYCLES = 12, 10, 6
@@ -119,7 +119,7 @@ class Cpu:
 
     WIRING = frozenset({"uc", "_counter", "_limit", "_state", "_before", "_handler", "_after", "_handle", "_callbacks"})
 
-    def __init__(self, machine: Machine, flash_bytes: int, ram_bytes: int) -> None:
+    def __init__(self, machine: Mcu, flash_bytes: int, ram_bytes: int) -> None:
         self.machine = machine
         self.uc = uc = Uc(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS)
         uc.ctl_set_cpu_model(UC_CPU_ARM_CORTEX_M3)

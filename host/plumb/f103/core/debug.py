@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from plumb.f103.core.bus import Peripheral, Register
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 DEMCR_TRCENA = 1 << 24
 
@@ -16,7 +16,7 @@ class CoreDebug(Peripheral):
     REGISTERS = (Register("dhcsr", 0x00, 0, 0), Register("demcr", 0x0C, 0, 0x010F07F1))
     demcr: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "CoreDebug", 0xE000EDF0)
 
     def write_demcr(self, value: int) -> None:
@@ -32,7 +32,7 @@ class Dwt(Peripheral):
     ctrl: int
     cyccnt: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "DWT", 0xE0001000)
         self.awake_at = 0
 
@@ -73,7 +73,7 @@ class DbgMcu(Peripheral):
     REGISTERS = (Register("idcode", 0x00, 0, 0), Register("cr", 0x04, 0, 0))
     NARROW = "refuse"
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "DBGMCU", 0xE0042000)
 
     def read_idcode(self) -> int:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from plumb.f103.core.bus import Peripheral, Register
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 NMI, HARD_FAULT, MEMORY_FAULT, BUS_FAULT, USAGE_FAULT, SVCALL, PENDSV, SYSTICK, IRQ0 = 2, 3, 4, 5, 6, 11, 14, 15, 16
 THREAD_PRIORITY = 256
@@ -36,7 +36,7 @@ class Nvic(Peripheral):
     REGISTERS = _bank_registers()
     NARROW = "merge"
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "NVIC", 0xE000E100)
         self.reset()
 

@@ -8,7 +8,7 @@ from plumb.f103.core.bus import Peripheral, Register, SimulationError
 from plumb.f103.core.nvic import ALWAYS_ENABLED, BUS_FAULT, MEMORY_FAULT, NMI, PENDSV, SVCALL, SYSTICK, USAGE_FAULT
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 CFSR_PRECISERR, CFSR_STKERR, CFSR_BFARVALID, CFSR_IBUSERR = 1 << 9, 1 << 12, 1 << 15, 1 << 8
 CFSR_UNDEFINSTR, HFSR_FORCED, HFSR_VECTTBL = 1 << 16, 1 << 30, 1 << 1
@@ -42,7 +42,7 @@ class Scb(Peripheral):
     hfsr: int
     bfar: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "SCB", 0xE000ED00)
 
     def read_icsr(self) -> int:
@@ -121,7 +121,7 @@ class SysTick(Peripheral):
     load: int
     val: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "SysTick", 0xE000E010)
         self.zero_at = 0
         self.flag = False

@@ -14,7 +14,7 @@ from plumb.f103.core.bus import Peripheral, Register, SimulationError
 from plumb.f103.core.timeline import TICKS_PER_S, TICKS_PER_US
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 EOC, STRT = 2, 16
 EOCIE, SCAN = 1 << 5, 1 << 8
@@ -60,7 +60,7 @@ class Adc(Peripheral):
     sqr3: int
     dr: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "ADC1", 0x40012400)
         self.dma = machine.dma.channels[0]
         self.dma.served = self.base + 0x4C

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from plumb.f103.core.bus import Peripheral, Register
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 DBP = 1 << 8
 
@@ -20,7 +20,7 @@ class Pwr(Peripheral):
     REGISTERS = (Register("cr", 0x00, 0, 0x1F3), Register("csr", 0x04, 0, 0x100))  # CWUF, CSBF of CR always read 0
     cr: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "PWR", 0x40007000)
 
 
@@ -30,7 +30,7 @@ class Bkp(Peripheral):
     REGISTERS = tuple(Register(f"dr{i}", 4 * i) for i in range(1, 11))
     dr1: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "BKP", 0x40006C00)
 
     def reset(self) -> None:

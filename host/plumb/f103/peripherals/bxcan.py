@@ -15,7 +15,7 @@ from plumb.f103.core.bus import Peripheral, Register, SimulationError
 from plumb.f103.core.timeline import TICKS_PER_S
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 INRQ, SLEEP, TXFP, RFLM, NART, ABOM, RESET = 1, 2, 4, 8, 16, 64, 1 << 15
 INAK, SLAK, ERRI = 1, 2, 4
@@ -89,7 +89,7 @@ class Bxcan(Peripheral):
     ffa1r: int
     fa1r: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "CAN", 0x40006400)
         self.wire = CanWire(machine, self)
         self.release_ticks = 0

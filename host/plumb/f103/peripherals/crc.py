@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from plumb.f103.core.bus import Peripheral, Register
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 BASE = 0x40023000
 DR_OFFSET = 0x00
@@ -42,7 +42,7 @@ class Crc(Peripheral):
     REGISTERS = (Register("dr", DR_OFFSET, START), Register("idr", 0x04, 0, 0xFF), Register("cr", 0x08))
     dr: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         self.waiting: list[int] = []
         super().__init__(machine, "CRC", BASE)
 

@@ -10,7 +10,7 @@ from plumb.f103.core.bus import Peripheral, Register, SimulationError
 from plumb.f103.core.cpu import RAM_BASE
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 EN, TCIE, HTIE, TEIE, DIR, CIRC, PINC, MINC, MEM2MEM = 1, 2, 4, 8, 16, 32, 64, 128, 1 << 14
 IRQ_CHANNEL1 = 11
@@ -128,12 +128,15 @@ class Dma(Peripheral):
     REGISTERS = _registers()
     NARROW = "refuse"
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "DMA1", 0x40020000)
         self.channels = [Channel(self, i + 1) for i in range(7)]
         self.lazy: list[Channel] = []
-        """Those whose owner moves units only when somebody looks."""
         self.flags = 0
+
+    def settle_before_reading(self, *numbers: int) -> None:
+        """Channels, counted from 0, whose owner moves units only when somebody looks."""
+        self.lazy += [self.channels[number] for number in numbers]
 
     def reset(self) -> None:
         self.flags = 0

@@ -17,7 +17,7 @@ from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.flash.image import FLASH_BASE
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 KEYS = (0x45670123, 0xCDEF89AB)
 BSY, PGERR, WRPRTERR, EOP = 1, 1 << 2, 1 << 4, 1 << 5
@@ -68,7 +68,7 @@ class Flash(Peripheral):
     cr: int
     ar: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "FLASH", 0x40022000)
         self.keys_seen = 0
         self.page_bytes = 1024 if machine.part.flash_kib <= 128 else 2048

@@ -9,7 +9,7 @@ from plumb.f103.core.bus import Peripheral, Register
 from plumb.f103.core.timeline import TICKS_PER_US
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 
 JTAG_PINS = (("GPIOA", 15), ("GPIOB", 3), ("GPIOB", 4))
@@ -36,7 +36,7 @@ class Gpio(Peripheral):
     crh: int
     odr: int
 
-    def __init__(self, machine: Machine, letter: str, base: int) -> None:
+    def __init__(self, machine: Mcu, letter: str, base: int) -> None:
         super().__init__(machine, "GPIO" + letter, base)
         self.outside: list[bool | None] = [None] * 16
         self.rise_us: dict[int, float] = {}
@@ -123,7 +123,7 @@ class Afio(Peripheral):
     )
     mapr: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "AFIO", 0x40010000)
         self.swj_cfg = 0
         self._garbage = random.Random(0x5357)

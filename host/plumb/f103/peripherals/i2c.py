@@ -13,7 +13,7 @@ from plumb.f103.core.bus import Peripheral, Register, SimulationError
 from plumb.f103.core.timeline import TICKS_PER_US
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 PE, START, STOP, ACK, SWRST = 1, 1 << 8, 1 << 9, 1 << 10, 1 << 15
 ITERREN, ITEVTEN, ITBUFEN, DMAEN, LAST = 1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 12
@@ -54,7 +54,7 @@ class Slave(Protocol):
 class I2cBus:
     """The two lines and who is on them. held: clocks until a stuck slave lets go of SDA (0: it does not hold it)."""
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         self.machine = machine
         self.slaves: list[Slave] = []
         self.held = 0
@@ -113,8 +113,9 @@ class I2c(Peripheral):
     ccr: int
     trise: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu, bus: I2cBus) -> None:
         super().__init__(machine, "I2C1", 0x40005400)
+        self.bus = bus
         self.dma = machine.dma.channels[6]
         self.dma.served = self.base + 0x10
         self.filters_locked = {"scl": False, "sda": False}
@@ -175,7 +176,7 @@ class I2c(Peripheral):
     # The bus
 
     def _busy(self) -> bool:
-        bus = self.machine.i2c_bus
+        bus = self.bus
         low = not bus.sda() or not bus.scl() or any(self.filters_locked.values())
         return self.phase not in ("idle", "waiting") or low
 
@@ -206,7 +207,7 @@ class I2c(Peripheral):
 
     def _addressed(self, time: int) -> None:
         self.reading = bool(self.byte & 1)
-        found = [slave for slave in self.machine.i2c_bus.slaves if slave.address == self.byte >> 1]
+        found = [slave for slave in self.bus.slaves if slave.address == self.byte >> 1]
         if found and found[0].begin(self.reading, time):
             self.slave = found[0]
             self.sr1 |= ADDR | (0 if self.reading else TXE)

@@ -8,7 +8,7 @@ from plumb.f103.core.bus import Peripheral, Register
 from plumb.f103.core.timeline import TICKS_PER_S
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 START, RELOAD, UNLOCK = 0xCCCC, 0xAAAA, 0x5555
 PVU, RVU = 1, 2
@@ -25,7 +25,7 @@ class Iwdg(Peripheral):
     pr: int
     rlr: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "IWDG", 0x40003000)
         self.lsi_hz = 40_000
         self.reset()

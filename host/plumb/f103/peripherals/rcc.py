@@ -14,7 +14,7 @@ from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.f103.peripherals.backup import DBP
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 HSION, HSIRDY, HSEON, HSERDY, CSSON, PLLON, PLLRDY = 1, 2, 1 << 16, 1 << 17, 1 << 19, 1 << 24, 1 << 25
 LSEON = 1
@@ -65,7 +65,7 @@ class Rcc(Peripheral):
     bdcr: int
     csr: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "RCC", 0x40021000)
         self.crystal_dead = False
         self.pll_dead = False

@@ -11,7 +11,7 @@ from plumb.f103.core.bus import Peripheral, Register, SimulationError
 from plumb.f103.core.timeline import TICKS_PER_US
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 MSTR, SPE, SSI, SSM = 1 << 2, 1 << 6, 1 << 8, 1 << 9
 MODE = 3
@@ -48,7 +48,7 @@ class Spi(Peripheral):
     cr2: int
     sr: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "SPI1", 0x40013000)
         self.rx_dma, self.tx_dma = machine.dma.channels[1], machine.dma.channels[2]
         self.rx_dma.served = self.tx_dma.served = self.base + 0x0C

@@ -9,7 +9,7 @@ from plumb.f103.core.bus import Peripheral, Register, SimulationError
 from plumb.f103.core.timeline import TICKS_PER_US
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 CEN, UDIS, URS, OPM, ARPE = 1, 2, 4, 8, 128
 UIE, UIF, UG = 1, 1, 1
@@ -56,7 +56,7 @@ class Timer(Peripheral):
     ccr3: int
     ccr4: int
 
-    def __init__(self, machine: Machine, name: str, base: int, interrupt: int) -> None:
+    def __init__(self, machine: Mcu, name: str, base: int, interrupt: int) -> None:
         super().__init__(machine, name, base)
         self.interrupt = interrupt
         self.reset()

@@ -14,7 +14,7 @@ from plumb.f103.core.bus import Register, SimulationError
 from plumb.f103.peripherals.tim import ARPE, CEN, FORCED_HIGH, FORCED_LOW, PWM1, UG, UIF, Timer
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 CMS, DIR, CCPC, COMG, BG, BIF, COMIF = 0x60, 0x10, 1, 0x20, 0x80, 0x80, 0x20
 OSSI, OSSR, BKE, BKP, AOE, MOE = 1 << 10, 1 << 11, 1 << 12, 1 << 13, 1 << 14, 1 << 15
@@ -52,7 +52,7 @@ class Tim1(Timer):
     rcr: int
     bdtr: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         self.trace: list[Edge] | None = None
         self._shown: dict[tuple[int, str], bool | None] = {}
         super().__init__(machine, "TIM1", 0x40012C00, 25)

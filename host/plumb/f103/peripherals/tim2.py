@@ -9,7 +9,7 @@ from plumb.f103.core.bus import SimulationError
 from plumb.f103.peripherals.tim import CEN, UIE, UIF, Timer
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 TI1S, TS_TI1F_ED, CC1S_TRC, CC1E, CC1I, CC1OF = 0x80, 4 << 4, 3, 1, 2, 1 << 9
 PINS = ("PA0", "PA1", "PA2")
@@ -36,7 +36,7 @@ FILTERS = (
 
 
 class Tim2(Timer):
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         self.level = False
         super().__init__(machine, "TIM2", 0x40000000, 28)
 

@@ -14,7 +14,7 @@ from plumb.f103.core.bus import Peripheral, Register, SimulationError
 from plumb.f103.core.timeline import TICKS_PER_S
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 PE, FE, NE, ORE, IDLE, RXNE, TC, TXE = 1, 2, 4, 8, 16, 32, 64, 128
 RE, TE, IDLEIE, RXNEIE, TCIE, TXEIE, PEIE, M9, UE = 4, 8, 16, 32, 64, 128, 256, 1 << 12, 1 << 13
@@ -58,12 +58,12 @@ class Usart(Peripheral):
     cr2: int
     cr3: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "USART1", 0x40013800)
         self.host_baud = 921600
         self.tx_dma, self.rx_dma = machine.dma.channels[3], machine.dma.channels[4]
         self.tx_dma.served = self.rx_dma.served = self.base + 4
-        machine.dma.lazy += [self.tx_dma, self.rx_dma]
+        machine.dma.settle_before_reading(3, 4)
         self.tx_dma.settle, self.tx_dma.changed = self._settle_tx_now, self._restart_dma
         self.rx_dma.settle, self.rx_dma.changed = self._settle_rx_now, self._restart_dma
         self.to_host: deque[Burst] = deque()

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from plumb.f103.core.bus import Peripheral, Register
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
+    from plumb.f103.core.mcu import Mcu
 
 WDGA, T6, COUNTER = 0x80, 0x40, 0x7F
 WINDOW, WDGTB_SHIFT, EWI = 0x7F, 7, 0x200
@@ -34,7 +34,7 @@ class Wwdg(Peripheral):
     cfr: int
     sr: int
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Mcu) -> None:
         super().__init__(machine, "WWDG", 0x40002C00)
         self._settled = self._epoch = self._phase = 0
 

@@ -19,9 +19,9 @@ from plumb.proof.figures import UNASKED, Figure, Sense
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
 from plumb.proof.runs import closed_loop
 from plumb.systems import run_reference, scoring
-from plumb.systems.balancer import plant as balancer_plant
 from plumb.systems.balancer import reference as reference_balancer
 from plumb.systems.balancer import scenarios as balancer
+from plumb.systems.balancer import vehicle
 from plumb.systems.balancer.plant import BalancerPlant
 from plumb.systems.balancer.plots import DUTY, RATE_DPS, TURN_DEG
 from plumb.systems.balancer.tuning import BalancerTuning
@@ -59,11 +59,11 @@ ASSUMED = (
     f" scale {100 * balancer.SCALE_ERROR:g} %, {balancer.DPS_PER_G} deg/s/g, offset {1e3 * balancer.OFFSET_G:g} mg.",
     f"Per 120 s {balancer.COMMANDS} commands to +-{balancer.COMMAND_MPS} m/s and {balancer.PUSHES} pushes of"
     f" {balancer.PUSH_S} s to +-{balancer.PUSH_MPS2:g} m/s^2; disturbance"
-    f" {balancer_plant.DISTURBANCE_RADPS2_PER_RTS} rad/s^2/sqrt(s) through {balancer_plant.DISTURBANCE_TAU_S} s.",
-    f"Assumed: body {balancer_plant.BODY_KG} kg, wheels {balancer_plant.WHEELS_KG} kg of radius"
-    f" {balancer_plant.WHEEL_RADIUS_M} m, {balancer_plant.EDGES_PER_TURN} Hall edges per turn, stall torque"
-    f" {balancer_plant.STALL_NM} Nm, no-load speed {balancer_plant.NO_LOAD_RADPS:g} rad/s, friction"
-    f" {balancer_plant.FRICTION_NM} Nm.",
+    f" {vehicle.DISTURBANCE_RADPS2_PER_RTS} rad/s^2/sqrt(s) through {vehicle.DISTURBANCE_TAU_S} s.",
+    f"Assumed: body {vehicle.BODY_KG} kg, wheels {vehicle.WHEELS_KG} kg of radius"
+    f" {vehicle.WHEEL_RADIUS_M} m, {vehicle.EDGES_PER_TURN} Hall edges per turn, stall torque"
+    f" {vehicle.STALL_NM} Nm, no-load speed {vehicle.NO_LOAD_RADPS:g} rad/s, friction"
+    f" {vehicle.FRICTION_NM} Nm.",
     "'tuned' and 'paper_rule_wheel' take the axle's acceleration, from the Hall sensors, off the forward axis; the"
     " others do not, as the source does not. Gyro only: bias taken from the first 3 s.",
     f"Raw rate: the start bias decides, {expected_raw_dps()[0]:.2f} deg/s over all that can be drawn; the mean of 40"
@@ -369,7 +369,7 @@ def closed_plots() -> list[Plot]:
     trial = closed_loop(NativeBoard(), run, quantise.quantise(balancer.TUNED))
     shown = (run.time_s >= 10.0) & (run.time_s < 50.0)
     time_s, words, truth = run.time_s[shown], trial.words, trial.inputs.truth
-    at = np.rint(time_s / balancer_plant.GRID_S).astype(np.int64)
+    at = np.rint(time_s / vehicle.GRID_S).astype(np.int64)
     return [
         Plot(
             "Tilt, the loop closed on the estimate",

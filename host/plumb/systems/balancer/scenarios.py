@@ -7,7 +7,7 @@ leaning forward, the forward axis reads -sin(tilt): its calibration turns the si
 
 Prescribed with the figures: 0.1 or 0.02 g of white vibration, gyro bias +-3 deg/s with a warm-up of 1 deg/s (60 s) and
 a walk of 0.003 deg/s/sqrt(s), scale error 1 %, g-sensitivity 0.1 deg/s/g, accelerometer offset 2 mg, commands, pushes
-and disturbances. What the source leaves open and is assumed here stands at the top of plumb.systems.balancer.plant.
+and disturbances. What the source leaves open and is assumed here stands at the top of plumb.systems.balancer.vehicle.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ from plumb.physics.sensors import FAULT_NOTES, Adxl345, Fault, Itg3205, Push, fa
 from plumb.spec import dbc
 from plumb.spec.tuning import Calibration, Kalman, Pid, Start, Trust
 from plumb.systems import scoring
-from plumb.systems.balancer.plant import EDGE_M, GRID_S, BalancerPlant, Vehicle
 from plumb.systems.balancer.tuning import BalancerTuning, Drive, SpeedLoop, Wheel
+from plumb.systems.balancer.vehicle import EDGE_M, GRID_S, Vehicle
+from plumb.systems.contracts import Plant
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -234,8 +235,10 @@ def _ride(name: str, seed: int, seconds: float, period_us: int) -> Ride:
     )
 
 
-def plant(scenario: Scenario, *, open_loop: bool = False) -> BalancerPlant:
+def plant(scenario: Scenario, *, open_loop: bool = False) -> Plant:
     """The vehicle under this run's commands and pushes."""
+    from plumb.systems.balancer.plant import BalancerPlant
+
     return BalancerPlant(scenario, open_loop=open_loop)
 
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -38,10 +37,8 @@ from plumb.physics.sensors import (
 from plumb.spec import dbc
 from plumb.spec.tuning import Calibration, Esc, Kalman, Pid, Start, Trust
 from plumb.systems import scoring
+from plumb.systems.contracts import Plant
 from plumb.systems.quad.tuning import QuadTuning
-
-if TYPE_CHECKING:
-    from plumb.systems.quad.plant import QuadPlant
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -342,7 +339,7 @@ def scenario(
     )
 
 
-def plant(scenario: Scenario, *, open_loop: bool = False) -> QuadPlant:
+def plant(scenario: Scenario, *, open_loop: bool = False) -> Plant:
     """The axis in motion."""
     from plumb.systems.quad.plant import QuadPlant
 
