@@ -1,5 +1,5 @@
 """What the bridge makes of either side's ways: a board that is reset while its cable stays, counters that were not at
-zero, a port that turns out to be the other one, and both sides on one bus."""
+zero, a port that turns out to be the other one, and both sides on one bus. Live in slow time (support/slow_time.py)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import can
 import pytest
 
 from plumb.errors import LinkError, UsageError
-from plumb.inputs.bridge import BoardCounts, Bridge
+from plumb.inputs.bridge import BACKLOG_WINDOW, BoardCounts, Bridge
 from plumb.inputs.sensor_board import SET_BACK_AFTER_S, SensorBoard
 from plumb.link.lockstep import sample_frames
 from plumb.link.session import Session
@@ -23,11 +23,11 @@ from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.plant import QuadPlant
 from plumb.tuning.quantise import quantise
 from support.native_board import NativeBoard
+from support.slow_time import slow_down
 
-WAIT_S = 120.0
-"""For what comes within a second or two, on a machine that may have other things to do."""
 TURN_US = 1000
 GIVE_UP_US = 50_000
+HELD_SAMPLES = 15
 
 
 class ServedBoard:
@@ -61,13 +61,13 @@ class ServedBoard:
 
 
 class ServedSensors:
-    """A quad's sensor board on a bus, in a thread. held: no samples for now."""
+    """A quad's sensor board on a bus, in a thread, which goes by this clock. held: no samples for now."""
 
-    def __init__(self, bus: can.BusABC, *, greet: bool = False) -> None:
+    def __init__(self, bus: can.BusABC, clock: Callable[[], float], *, greet: bool = False) -> None:
         scenario = quad.scenario("hold", 1000)
         self.bus, self.held, self._done = bus, False, threading.Event()
         self.board = SensorBoard(
-            bus, lambda: quad.plant(scenario, open_loop=True), quad.PERIOD_US, quad.OUTPUT_FRAMES, greet=greet
+            bus, lambda: quad.plant(scenario, open_loop=True), quad.PERIOD_US, quad.OUTPUT_FRAMES, clock, greet=greet
         )
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
@@ -95,21 +95,26 @@ class Running:
         self._thread.start()
 
     def wait_for(self, what: str | Callable[[], bool]) -> None:
-        end_s = time.monotonic() + WAIT_S
         while not (any(what in text for text in self.said) if isinstance(what, str) else what()):
-            assert self._thread.is_alive() and time.monotonic() < end_s, self.said
+            assert self._thread.is_alive(), self.said
             time.sleep(0.01)
 
     def close(self) -> None:
         self._done.set()
         self._thread.join()
+        print(*self.said, sep="\n")  # shown with a test that failed
 
 
 @pytest.fixture
-def sides() -> Iterator[tuple[ServedBoard, ServedSensors, str]]:
+def slow(monkeypatch: pytest.MonkeyPatch) -> None:
+    slow_down(monkeypatch)
+
+
+@pytest.fixture
+def sides(slow: None) -> Iterator[tuple[ServedBoard, ServedSensors, str]]:
     """A board, a sensor board, and the name of the sensor board's bus."""
     far = serve_bus("tcp:127.0.0.1:0")
-    board, sensors = ServedBoard(), ServedSensors(far)
+    board, sensors = ServedBoard(), ServedSensors(far, time.monotonic)
     yield board, sensors, far.channel_info.split("on ")[1].replace("socket://", "tcp:")
     sensors.close()
     board.close()
@@ -135,10 +140,11 @@ def test_a_board_that_is_reset_while_its_cable_stays_is_taken_up_again(
     assert running.bridge.shadow is not None and running.bridge.shadow.verdict == "pass"
 
 
-def test_samples_that_the_bridge_leaves_out_are_what_the_board_misses_and_nothing_from_before_counts(
+def test_the_board_misses_the_samples_that_the_bridge_leaves_out(
     sides: tuple[ServedBoard, ServedSensors, str],
 ) -> None:
-    board, _, sensor = sides
+    """What it missed before does not count."""
+    board, sensors, sensor = sides
     with Session(open_bus(board.spec)) as before:  # a host whose samples had gaps
         before.connect()
         before.begin("REALTIME_INJECTED")
@@ -150,10 +156,11 @@ def test_samples_that_the_bridge_leaves_out_are_what_the_board_misses_and_nothin
     try:
         running.wait_for(lambda: running.bridge.steps > 10)
         running.wait_for(lambda: running.bridge.counted.lost == running.bridge.skipped)
-        board.held = True  # samples pile up in front of it, and stay there until some are left out
-        time.sleep(0.3)
-        board.held = False
-        running.wait_for(lambda: running.bridge.skipped > 0)
+        while running.bridge.skipped == 0:
+            sent, board.held = sensors.board.sent, True  # samples pile up, and stay until some are left out
+            running.wait_for(lambda: sensors.board.sent >= sent + HELD_SAMPLES)  # noqa: B023
+            steps, board.held = running.bridge.steps, False
+            running.wait_for(lambda: running.bridge.skipped > 0 or running.bridge.steps > steps + 3 * BACKLOG_WINDOW)  # noqa: B023
         running.wait_for(lambda: running.bridge.counted.lost == running.bridge.skipped)
     finally:
         running.close()
@@ -185,7 +192,7 @@ def test_a_port_that_turns_out_to_be_the_boards_is_left_to_the_boards_side(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("direct", [False, True])
-def test_sensor_board_and_stm32_may_meet_on_one_can_bus(direct: bool) -> None:
+def test_sensor_board_and_stm32_may_meet_on_one_can_bus(slow: None, direct: bool) -> None:
     """The board as a node of python-can's bus in this process, with the sensor board as another one. direct: the bridge
     owns and arms the run over the UART, and names the bus as the source of samples."""
     pytest.importorskip("unicorn")
@@ -202,7 +209,7 @@ def test_sensor_board_and_stm32_may_meet_on_one_can_bus(direct: bool) -> None:
     line, node = PtyEndpoint(), open_bus(spec)
     thread = threading.Thread(target=run_paced, args=(machine, line, done.is_set, Joint(machine, node, 500)))
     thread.start()
-    sensors = ServedSensors(open_bus(spec), greet=True)
+    sensors = ServedSensors(open_bus(spec), lambda: machine.now_s, greet=True)
     running = Running(spec, f"serial:{line.address}" if direct else spec, shadow=True, direct=direct, arm=True)
     try:
         running.wait_for("run 1:")
