@@ -1,5 +1,5 @@
 # Two commands do all the set-up on a fresh Debian or Ubuntu machine: `make demo` and `make test`.
-.PHONY: demo test test-fast test-long image native c-tests sanitize size check-style format clean
+.PHONY: demo test test-fast test-long image native c-tests sanitize fuzz size check-style format clean
 
 VENV := .venv/bin
 
@@ -51,6 +51,17 @@ sanitize:
 	@cmake --preset sanitize $(QUIET)
 	@cmake --build --preset sanitize $(QUIET)
 	ctest --preset sanitize --parallel 2
+
+# libFuzzer on the codec and on the whole session, FUZZ_S seconds each (clang). Inputs that are found stay in build/fuzz/found.
+FUZZ_S ?= 60
+FUZZ := build/fuzz/tests/fuzz
+fuzz:
+	@cmake --preset fuzz $(QUIET)
+	@cmake --build --preset fuzz $(QUIET)
+	@mkdir -p build/fuzz/found/slcan build/fuzz/found/session
+	@for target in slcan session; do \
+	    $(FUZZ)/fuzz_$$target -max_total_time=$(FUZZ_S) -max_len=1024 -timeout=20 -print_final_stats=1 \
+	        -artifact_prefix=build/fuzz/found/$$target- build/fuzz/found/$$target $(FUZZ)/corpus/$$target || exit 1; done
 
 # Flash, RAM and stack by module and function, and what differs from the commit before.
 SIZE = $(VENV)/python tools/size_table.py build/stm32f103/firmware.elf

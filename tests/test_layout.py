@@ -9,9 +9,9 @@ import pytest
 
 TESTS = Path(__file__).resolve().parent
 FLOORS = {path.name for path in (TESTS.parent / "host" / "plumb").iterdir() if (path / "__init__.py").exists()}
-OTHERS = {"support", "c", "vectors", "second_chip", "toy_systems"}
-"""What tests share, the tests in C, the golden vectors, the chip model that is written a second time, and a
-system that is added from outside."""
+OTHERS = {"support", "c", "fuzz", "vectors", "second_chip", "toy_systems"}
+"""What tests share, the tests in C, the fuzz targets, the golden vectors, the chip model that is written a second time,
+and a system that is added from outside."""
 
 
 def python_files() -> list[str]:

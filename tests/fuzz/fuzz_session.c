@@ -1,0 +1,518 @@
+/* The shipped loop on the native port, at the mercy of two hosts, of its wires and of its power: the input is
+ * a program of what happens and of the time between. After every millisecond the board has to keep what
+ * PROTOCOL.md promises; at the end, with nothing misbehaving any more, it has to answer over both links.
+ *
+ * Input: operations of one byte (op_t, modulo OPS) and their arguments; missing bytes are 0. */
+#include "core/digest.h"
+#include "generated/messages.h"
+#include "generated/params.h"
+#include "input.h"
+#include "link/slcan.h"
+#include "ports/native/native.h"
+#include <stddef.h>
+#include <string.h>
+
+#define ROW(field)     ((uint16_t)(offsetof(params_t, field) / 4U))
+#define NEUTRAL_HALFUS 2000U    /* of the default table */
+#define BUDGET_US      1500000U /* of the operations */
+#define SETTLE_US      200000U  /* for what is under way, and for a bootloader that was asked for */
+#define SAFE_US        50000U   /* from the last keep-alive that counted to neutral outputs */
+#define LIFE_US        40000U   /* of a value for the keep-alive */
+#define RUN_IDLE_MODE  0U       /* STATUS.mode */
+#define RUN_LOCK_MODE  1U
+#define REST_GYRO      1676U /* counts at rest */
+#define REST_ACCEL_Y   2048U
+#define REST_ACCEL_Z   3041U
+
+typedef enum {
+    OP_TEXT,      /* count modulo 32, bytes: over the UART as they are */
+    OP_FRAME,     /* link, message, byte 1, half, word: a sealed frame from the table of the host's */
+    OP_RAW_FRAME, /* id, dlc, 8 bytes: on CAN as they are */
+    OP_WAIT,      /* units of 0.25 ms */
+    OP_LONG_WAIT, /* units of 5 ms */
+    OP_HELLO,     /* link; bit 1: of another version */
+    OP_VERB,      /* link, verb, flags: CHALLENGE, then EXECUTE or RUN_BEGIN with the nonce that came */
+    OP_ANSWER,    /* which links answer values for the keep-alive from now on, bit by bit; bit 2: twice */
+    OP_REPLAY,    /* link: the last value, whether it was answered or not */
+    OP_SAMPLES,   /* link, count modulo 16, difference: samples about rest, and the setpoint before them */
+    OP_UPLOAD,    /* link, index, kind and value: DEFAULTS, PARAM_SET, PARAM_COMMIT with the right CRC */
+    OP_SWITCH,    /* the arm switch */
+    OP_WIRE,      /* wire, value: a way to misbehave */
+    OP_POWER,     /* strap and crystal: off and on again */
+    OP_CUT,       /* operation of the flash, way */
+    OP_DISARM,    /* link */
+    OPS
+} op_t;
+
+static struct { const uint8_t *at, *end; } input;
+
+static struct {
+    slcan_rx_t parser;
+    uint32_t spent_us;
+    uint32_t nonce[2], value, answers, tag, step;
+    unsigned value_link;
+    bool value_answered;
+    uint64_t counted_us;    /* the newest one that was answered for the first time, or the ACK of ARM */
+    uint64_t host_since_us; /* the arm switch is open, and was seen so */
+    uint16_t mode, cause;
+    uint32_t status_count, version_count, identity_end[2], events_count;
+    bool was_armed; /* since the last start */
+    uint32_t resets;
+} host;
+
+static uint8_t next(void) {
+    return input.at < input.end ? *input.at++ : 0U;
+}
+
+static uint32_t next_bytes(unsigned count) {
+    uint32_t value = 0;
+    for (unsigned i = 0; i < count; i++) {
+        value |= (uint32_t)next() << (8U * i);
+    }
+    return value;
+}
+
+/* ---- to the board ---- */
+
+static void send(unsigned link, const can_frame_t *f) {
+    if (link != 0U) {
+        native_frame_t frame = {.id = f->id, .dlc = f->dlc};
+        memcpy(frame.data, f->data, sizeof frame.data);
+        (void)native_can_send(&frame);
+    } else {
+        uint8_t text[SLCAN_FRAME_CHARS];
+        (void)native_uart_send(text, slcan_encode(f, text));
+    }
+}
+
+static void say(unsigned link, uint16_t id, uint8_t second, uint16_t half, uint32_t word) {
+    can_frame_t f = {.id = id, .dlc = CAN_FRAME_DLC};
+    f.data[2] = (uint8_t)(half & 0xFFU);
+    f.data[3] = (uint8_t)(half >> 8);
+    for (unsigned i = 0; i < 4U; i++) {
+        f.data[4U + i] = (uint8_t)(word >> (8U * i) & 0xFFU);
+    }
+    e2e_seal(&f, second & E2E_COUNTER_MASK, second >> 4);
+    send(link, &f);
+}
+
+static void say_text(const char *text) {
+    (void)native_uart_send((const uint8_t *)text, strlen(text));
+}
+
+/* ---- from the board ---- */
+
+static uint16_t half_at(const can_frame_t *f, unsigned at) {
+    return (uint16_t)(f->data[at] | f->data[at + 1U] << 8);
+}
+
+static uint32_t word_of(const can_frame_t *f) {
+    return half_at(f, 4U) | (uint32_t)half_at(f, 6U) << 16;
+}
+
+/* Only the first answer to a value, over the link it came over, may count. */
+static void answer(unsigned link) {
+    if (link == host.value_link && !host.value_answered) {
+        host.value_answered = true;
+        host.counted_us = native_now_us();
+    }
+    say(link, MESSAGE_KEEPALIVE_ID, 0, 0, host.value);
+}
+
+static void on_value(unsigned link, uint32_t value) {
+    host.value = value;
+    host.value_link = link;
+    host.value_answered = false;
+    for (unsigned i = 0; (host.answers >> link & 1U) != 0U && i <= (host.answers >> 2 & 1U); i++) {
+        answer(link);
+    }
+}
+
+static void on_ack(unsigned link, const can_frame_t *f) {
+    if (half_at(f, 2U) == MESSAGE_EXECUTE_ID && word_of(f) > 0xFFFFU) { /* of ARM: a value, else a verb */
+        host.counted_us = native_now_us();
+        on_value(link, word_of(f));
+    } else if (half_at(f, 2U) == MESSAGE_RUN_BEGIN_ID) {
+        host.tag = word_of(f) >> 16 & 15U;
+        host.step = 0;
+    }
+}
+
+static void on_frame(unsigned link, const can_frame_t *f) {
+    REQUIRE(e2e_check(f));
+    switch (f->id) {
+    case MESSAGE_NONCE_ID:
+        host.nonce[link] = word_of(f);
+        break;
+    case MESSAGE_KEEPALIVE_VALUE_ID:
+        on_value(link, word_of(f));
+        break;
+    case MESSAGE_ACK_ID:
+        on_ack(link, f);
+        break;
+    case MESSAGE_STATUS_ID: {
+        const unsigned flags = e2e_flags(f);
+        host.mode = half_at(f, 2U);
+        host.status_count++;
+        REQUIRE(host.mode <= 2U);
+        REQUIRE((flags & MESSAGE_STATUS_ARMED) == 0U || host.mode == 2U); /* armed: in real time */
+        REQUIRE((flags & MESSAGE_STATUS_LIVE) == 0U || host.mode == 2U);
+        break;
+    }
+    case MESSAGE_EVENTS_ID:
+        host.cause = half_at(f, 6U);
+        host.events_count++;
+        break;
+    case MESSAGE_IDENTITY_ID:
+        if (half_at(f, 2U) == MESSAGE_IDENTITY_ITEM_END) {
+            host.identity_end[link]++;
+        }
+        break;
+    default:
+        REQUIRE(f->id >= MESSAGE_STEP_ID); /* none that a host sends */
+    }
+}
+
+/* A line of the board is one of the table of commands: a frame, V, N, or nothing before CR. BEL stands alone.
+ */
+static void on_byte(uint8_t byte) {
+    static const uint8_t version[] = {'V', '0', '1', '0' + MESSAGES_PROTOCOL_VERSION / 10U,
+                                      '0' + MESSAGES_PROTOCOL_VERSION % 10U};
+    can_frame_t f;
+    if (byte == SLCAN_BEL) {
+        REQUIRE(host.parser.length == 0 || host.parser.complete != 0);
+    }
+    switch (slcan_rx_push_byte(&host.parser, byte, &f)) {
+    case SLCAN_FRAME:
+        REQUIRE(f.dlc == CAN_FRAME_DLC);
+        on_frame(0, &f);
+        break;
+    case SLCAN_COMMAND:
+        if (host.parser.line[0] == 'V') {
+            REQUIRE(host.parser.length == 5U && memcmp(host.parser.line, version, sizeof version) == 0);
+            host.version_count++;
+        } else {
+            REQUIRE(host.parser.line[0] == 'N' && host.parser.length == 5U);
+        }
+        break;
+    default:
+        REQUIRE(host.parser.bad == 0);
+    }
+}
+
+static void listen(void) {
+    uint8_t bytes[256];
+    size_t count;
+    while ((count = native_uart_receive(bytes, sizeof bytes)) > 0U) {
+        for (size_t i = 0; i < count; i++) {
+            on_byte(bytes[i]);
+        }
+    }
+    native_frame_t frame;
+    while (native_can_receive(&frame)) {
+        can_frame_t f = {.id = (uint16_t)frame.id, .dlc = (uint8_t)frame.dlc};
+        REQUIRE(frame.dlc == CAN_FRAME_DLC && frame.id <= CAN_ID_MAX);
+        memcpy(f.data, frame.data, sizeof f.data);
+        on_frame(1, &f);
+    }
+}
+
+/* ---- what holds at any time ---- */
+
+static void check(void) {
+    const bool pulses_rest = (native.pulse_halfus[0] == 0U || native.pulse_halfus[0] == NEUTRAL_HALFUS) &&
+                             (native.pulse_halfus[1] == 0U || native.pulse_halfus[1] == NEUTRAL_HALFUS);
+    const bool rests = pulses_rest && native.duty_q15 == 0;
+    const uint64_t now_us = native_now_us();
+
+    if (native.resets != host.resets) {
+        host.resets = native.resets;
+        host.was_armed = false;
+    }
+    host.was_armed = host.was_armed || native.armed != 0U;
+    REQUIRE(rests || native.armed != 0U);
+    REQUIRE(native.bridge_on == 0U || native.armed != 0U);
+    REQUIRE(native.state == NATIVE_RUNNING || (rests && native.bridge_on == 0U));
+    if (native.arm_switch != 0U) {
+        host.host_since_us = now_us;
+    }
+    /* Who armed is a host: its last answer is no older than it may wait on its way and then hold. */
+    const uint32_t line_us = native.uart_in_byte_ns != 0U || native.turn_us != 0U ? LIFE_US : 1000U;
+    if (now_us - host.host_since_us > SAFE_US) {
+        REQUIRE(rests || now_us - host.counted_us <= SAFE_US + line_us);
+        REQUIRE(native.armed == 0U || native.turn_us != 0U || now_us - host.counted_us <= SAFE_US + line_us);
+    }
+}
+
+static void pass_slices(uint32_t us) {
+    for (uint32_t passed = 0; passed < us; passed += 1000U) {
+        native_run(us - passed < 1000U ? us - passed : 1000U);
+        listen();
+        check();
+    }
+}
+
+static void pass(uint32_t us) {
+    const uint32_t left_us = BUDGET_US - host.spent_us;
+    const uint32_t spend_us = us < left_us ? us : left_us;
+    host.spent_us += spend_us;
+    pass_slices(spend_us);
+}
+
+/* ---- operations ---- */
+
+static void power(uint32_t strap, bool crystal) {
+    native_power_off();
+    native.strap = strap;
+    native.no_crystal = !crystal;
+    slcan_rx_init(&host.parser);
+    native_power_on();
+    host.was_armed = false;
+    host.resets = native.resets;
+    host.cause = 0;
+    check();
+}
+
+static void verb(unsigned link, uint16_t number, uint8_t flags) {
+    say(link, MESSAGE_CHALLENGE_ID, 0, number, 0);
+    pass(1000U);
+    if (number >= MESSAGE_RUN_BEGIN_RUN_LOCKSTEP) {
+        say(link, MESSAGE_RUN_BEGIN_ID, (uint8_t)(flags << 4), number, host.nonce[link]);
+    } else {
+        say(link, MESSAGE_EXECUTE_ID, 0, number, host.nonce[link]);
+    }
+    pass(1000U);
+}
+
+static void upload(unsigned link, uint16_t index, uint8_t kind, uint32_t value) {
+    params_t table;
+    params_default(&table);
+    verb(link, MESSAGE_EXECUTE_VERB_DEFAULTS, 0);
+    /* Neutral and bit rate stay as this target knows them. */
+    if (index != ROW(control.esc.neutral_halfus) && index != ROW(can_bitrate_kbit)) {
+        const uint32_t word = (kind & 1U) != 0U ? params_word(&table, index) + value - 0x80U : value;
+        say(link, MESSAGE_PARAM_SET_ID, 0, index, word);
+        if (params_in_range(index, word)) {
+            params_set_word(&table, index, word);
+        }
+    }
+    pass(500U);
+    say(link, MESSAGE_PARAM_COMMIT_ID, 1, PARAMS_COUNT, params_crc32(&table));
+    pass(1000U);
+}
+
+static void samples(unsigned link, unsigned count, uint8_t difference) {
+    say(link, MESSAGE_SETPOINT_ID, (uint8_t)(host.tag << 4), (uint16_t)(host.step & 0xFFFFU),
+        (uint32_t)difference << 20);
+    for (unsigned i = 0; i < count; i++) {
+        const uint16_t gyro = (uint16_t)(REST_GYRO + difference % 16U);
+        say(link, MESSAGE_SAMPLE_A_ID, (uint8_t)((host.step & 15U) | (host.step >> 4 & 3U) << 4), gyro,
+            REST_ACCEL_Y | REST_ACCEL_Z << 16);
+        host.step++;
+    }
+}
+
+static void wire(uint8_t which, uint8_t value) {
+    switch (which % 18U) {
+    case 0:
+        native.bridge_break = value & 1U;
+        break;
+    case 1:
+        native.hall_lost = value & 1U;
+        break;
+    case 2:
+        native.uart_in_byte_ns = (value & 1U) * 10851U;
+        break;
+    case 3:
+        native.uart_out_byte_ns = value == 255U ? NATIVE_NEVER : (value & 1U) * 10851U;
+        break;
+    case 4:
+        native.can_kbit = (value & 1U) != 0U ? 500U : 0U;
+        break;
+    case 5:
+        native.can_frame_ns = (value & 1U) * 230000U;
+        break;
+    case 6:
+        native.faults = 1U << value % 16U;
+        break;
+    case 7:
+        native.railed = value;
+        break;
+    case 8:
+        native.stuck = value;
+        break;
+    case 9:
+        native.gyro = value % 7U;
+        break;
+    case 10:
+        native.accel = value % 7U;
+        break;
+    case 11:
+        native.adc_dead = value & 1U;
+        break;
+    case 12:
+        native.uart_damaged = value;
+        break;
+    case 13:
+        native.can_dead = value & 1U;
+        break;
+    case 14:
+        native.hangs = value & 1U;
+        break;
+    case 15:
+        native.turn_us = value * 32U;
+        break;
+    case 16:
+        native.flash_refuses = value & 1U;
+        break;
+    default:
+        native.raw[value % BOARD_RAW_MAX] = (int32_t)(next_bytes(2U) & 0xFFFU);
+    }
+}
+
+static void step(void) {
+    uint8_t bytes[32];
+    size_t count;
+    unsigned link;
+    can_frame_t f = {0};
+    uint16_t index;
+    uint8_t kind;
+
+    switch ((op_t)(next() % OPS)) {
+    case OP_TEXT:
+        count = next() % sizeof bytes;
+        for (size_t i = 0; i < count; i++) {
+            bytes[i] = next();
+        }
+        (void)native_uart_send(bytes, count);
+        break;
+    case OP_FRAME:
+        link = next() & 1U;
+        index = messages_from_host[next() % MESSAGES_FROM_HOST];
+        kind = next();
+        say(link, index, kind, (uint16_t)(next_bytes(2U) & 0xFFFFU), next_bytes(4U));
+        break;
+    case OP_RAW_FRAME:
+        f.id = (uint16_t)(next_bytes(2U) & CAN_ID_MAX);
+        f.dlc = next() % 9U;
+        for (unsigned i = 0; i < f.dlc; i++) {
+            f.data[i] = next();
+        }
+        send(1U, &f);
+        break;
+    case OP_WAIT:
+        pass(250U * next());
+        break;
+    case OP_LONG_WAIT:
+        pass(5000U * next());
+        break;
+    case OP_HELLO:
+        kind = next();
+        link = kind & 1U;
+        say(link, MESSAGE_HELLO_ID, 0, MESSAGES_PROTOCOL_VERSION + (kind >> 1 & 1U), MESSAGES_DBC_HASH);
+        break;
+    case OP_VERB:
+        link = next() & 1U;
+        index = next() % 20U;
+        verb(link, index, next() & 15U);
+        break;
+    case OP_ANSWER:
+        host.answers = next();
+        break;
+    case OP_REPLAY:
+        answer(next() & 1U);
+        break;
+    case OP_SAMPLES:
+        link = next() & 1U;
+        kind = next() % 16U;
+        samples(link, kind, next());
+        break;
+    case OP_UPLOAD:
+        link = next() & 1U;
+        index = next() % PARAMS_COUNT;
+        kind = next();
+        upload(link, index, kind, next_bytes((kind & 1U) != 0U ? 1U : 2U));
+        break;
+    case OP_SWITCH:
+        native.arm_switch = next() & 1U;
+        break;
+    case OP_WIRE:
+        kind = next();
+        wire(kind, next());
+        break;
+    case OP_POWER:
+        kind = next();
+        power(kind % BOARD_PINS_UNKNOWN, kind < 128U);
+        break;
+    case OP_CUT:
+        native.flash_cut = next();
+        native.flash_cut_way = next() % 4U;
+        break;
+    case OP_DISARM:
+        say(next() & 1U, MESSAGE_DISARM_ID, 0, 0, 0);
+        pass(250U);
+        break;
+    default:
+        break;
+    }
+}
+
+/* ---- the end: all is well again ---- */
+
+static void restore(void) {
+    native.bridge_break = native.hall_lost = native.faults = native.railed = native.stuck = 0U;
+    native.gyro = native.accel = native.adc_dead = native.uart_damaged = native.can_dead = 0U;
+    native.hangs = native.turn_us = native.flash_refuses = native.flash_cut = native.arm_switch = 0U;
+    native.uart_in_byte_ns = native.uart_out_byte_ns = native.can_frame_ns = 0U;
+    native.can_kbit = 500U;
+    host.answers = 0U;
+    say_text("\r"); /* ends a line that was begun */
+    pass_slices(SETTLE_US);
+    if (native.state != NATIVE_RUNNING) {
+        power(BOARD_PINS_STANDARD, true);
+    }
+}
+
+/* A host connects over the UART: each answer comes within this time. */
+static void check_uart(void) {
+    const uint32_t version = host.version_count, identity = host.identity_end[0], status = host.status_count,
+                   events = host.events_count;
+    say_text("C\rO\rV\r");
+    pass_slices(50000U);
+    REQUIRE(host.version_count == version + 1U);
+    say(0, MESSAGE_HELLO_ID, 0, MESSAGES_PROTOCOL_VERSION, MESSAGES_DBC_HASH);
+    pass_slices(130000U);
+    REQUIRE(host.identity_end[0] == identity + 1U);
+    REQUIRE(host.status_count > status && host.events_count > events);
+    REQUIRE(native.armed == 0U);
+    REQUIRE(host.cause != 0U || !host.was_armed);
+}
+
+/* The same on CAN, as soon as the controller is back on the bus: after a second of rest at the latest. */
+static void check_can(void) {
+    const uint32_t identity = host.identity_end[1];
+    for (unsigned i = 0; i < 15U && host.identity_end[1] == identity; i++) {
+        say(1, MESSAGE_HELLO_ID, 0, MESSAGES_PROTOCOL_VERSION, MESSAGES_DBC_HASH);
+        pass_slices(100000U);
+    }
+    REQUIRE(host.identity_end[1] > identity);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    memset(&host, 0, sizeof host);
+    input.at = data;
+    input.end = data + (size < INPUT_MAX ? size : INPUT_MAX);
+    native_defaults();
+    native_set_clock_us(size > 0 ? (uint32_t)next() << 24 : 0U); /* the clock wraps at 2^32 */
+    power(BOARD_PINS_STANDARD, true);
+    while (input.at < input.end && host.spent_us < BUDGET_US) {
+        step();
+    }
+    restore();
+    check_uart();
+    if (native.no_crystal == 0U) {
+        check_can();
+    }
+    native_power_off();
+    return 0;
+}
