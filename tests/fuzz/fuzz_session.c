@@ -32,15 +32,16 @@ typedef enum {
     OP_LONG_WAIT, /* units of 5 ms */
     OP_HELLO,     /* link; bit 1: of another version */
     OP_VERB,      /* link, verb, flags: CHALLENGE, then EXECUTE or RUN_BEGIN with the nonce that came */
-    OP_ANSWER,    /* which links answer values for the keep-alive from now on, bit by bit; bit 2: twice */
-    OP_REPLAY,    /* link: the last value, whether it was answered or not */
-    OP_SAMPLES,   /* link, count modulo 16, difference: samples about rest, and the setpoint before them */
-    OP_UPLOAD,    /* link, index, kind and value: DEFAULTS, PARAM_SET, PARAM_COMMIT with the right CRC */
-    OP_SWITCH,    /* the arm switch */
-    OP_WIRE,      /* wire, value: a way to misbehave */
-    OP_POWER,     /* strap and crystal: off and on again */
-    OP_CUT,       /* operation of the flash, way */
-    OP_DISARM,    /* link */
+    OP_ANSWER,  /* which links answer values for the keep-alive from now on, bit by bit; bit 2: twice; bit 3:
+                   old ones again and again */
+    OP_REPLAY,  /* link: the last value, whether it was answered or not */
+    OP_SAMPLES, /* link, count modulo 16, difference: samples about rest, and the setpoint before them */
+    OP_UPLOAD,  /* link, index, kind and value: DEFAULTS, PARAM_SET, PARAM_COMMIT with the right CRC */
+    OP_SWITCH,  /* the arm switch */
+    OP_WIRE,    /* wire, value: a way to misbehave */
+    OP_POWER,   /* strap and crystal: off and on again */
+    OP_CUT,     /* operation of the flash, way */
+    OP_DISARM,  /* link */
     OPS
 } op_t;
 
@@ -52,6 +53,7 @@ static struct {
     uint32_t nonce[2], value, answers, tag, step;
     unsigned value_link;
     bool value_answered;
+    uint32_t used;          /* the last value that was answered */
     uint64_t counted_us;    /* the newest one that was answered for the first time, or the ACK of ARM */
     uint64_t host_since_us; /* the arm switch is open, and was seen so */
     uint16_t mode, cause;
@@ -114,6 +116,7 @@ static uint32_t word_of(const can_frame_t *f) {
 static void answer(unsigned link) {
     if (link == host.value_link && !host.value_answered) {
         host.value_answered = true;
+        host.used = host.value;
         host.counted_us = native_now_us();
     }
     say(link, MESSAGE_KEEPALIVE_ID, 0, 0, host.value);
@@ -246,6 +249,9 @@ static void check(void) {
 
 static void pass_slices(uint32_t us) {
     for (uint32_t passed = 0; passed < us; passed += 1000U) {
+        if ((host.answers & 8U) != 0U) {
+            say(host.value_link, MESSAGE_KEEPALIVE_ID, 0, 0, host.used);
+        }
         native_run(us - passed < 1000U ? us - passed : 1000U);
         listen();
         check();

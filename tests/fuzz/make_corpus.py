@@ -78,6 +78,7 @@ SESSION = {
     "armed_as_the_clock_wraps": [255, *ARMED, LONG_WAIT, 60],
     "let_go": [0, *ARMED, LONG_WAIT, 20, ANSWER, 0, LONG_WAIT, 20],
     "replayed": [0, *ARMED, WAIT, 40, ANSWER, 0, *(10 * [REPLAY, UART, WAIT, 20])],
+    "replayed_again_and_again": [0, *ARMED, LONG_WAIT, 20, ANSWER, 8, LONG_WAIT, 20],
     "armed_over_can": [0, *CAN_ARMED, LONG_WAIT, 20, WIRE, 13, 1, LONG_WAIT, 30],
     "another_host": [0, *ARMED, HELLO, CAN, VERB, CAN, ARM, 0, VERB, CAN, SAVE, 0, REPLAY, CAN, DISARM, CAN],
     "another_run": [0, *ARMED, HELLO, CAN, VERB, CAN, LIVE, 0, LONG_WAIT, 5],
