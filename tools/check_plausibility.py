@@ -1,7 +1,7 @@
 """Runs every shipped scenario of the systems that drive something, and counts the runs that the firmware's plausibility
 checks would disarm: the C of firmware/core on the native core, in open and in closed loop.
 
-    tools/check_plausibility.py [--seeds 200] [--first-seed 2000] [--system quad] [--only hold] [--seconds 30]
+    tools/check_plausibility.py [--seeds 200] [--first-seed 2000] [--system NAME] [--only SCENARIO] [--seconds 30]
 
 Exit code 0: none. 1: at least one.
 """

@@ -1,0 +1,103 @@
+"""What is wired to the board for `balancer`."""
+
+from __future__ import annotations
+
+from plumb.systems.wiring import CAN_POWER, DRAIN, INPUT, OUTPUT, SWITCH, SWITCH_NOTE, Device, Drawing, Wire
+
+BRIDGE = (
+    Device(
+        "three-phase bridge, with gate driver",
+        (
+            Wire("/FAULT (open drain)", "PB12", INPUT, "4.7 kΩ to 3V3"),
+            Wire("gate A low", "PB13", OUTPUT, "10 kΩ to GND"),
+            Wire("gate B low", "PB14", OUTPUT, "10 kΩ to GND"),
+            Wire("gate C low", "PB15", OUTPUT, "10 kΩ to GND"),
+            Wire("gate A high", "PA8", OUTPUT, "10 kΩ to GND"),
+            Wire("gate B high", "PA9", OUTPUT, "10 kΩ to GND"),
+            Wire("gate C high", "PA10", OUTPUT, "10 kΩ to GND"),
+            Wire("logic GND", "GND"),
+        ),
+        -1,
+    ),
+    Device(
+        "Hall sensors of the motor",
+        (
+            Wire("A", "PA15", INPUT, "4.7 kΩ to 3V3"),
+            Wire("B", "PB3", INPUT, "4.7 kΩ to 3V3"),
+            Wire("supply, GND", "5V GND"),
+        ),
+        8.6,
+    ),
+    Device("strap: pin set bridge", (Wire("jumper", "PB5", INPUT), Wire("", "GND")), 12),
+    Device(
+        "USB-serial adapter, 3.3 V",
+        (
+            Wire("RX", "PB6", OUTPUT),
+            Wire("TX", "PB7", INPUT, "1 kΩ in series"),
+            Wire("GND", "GND"),
+        ),
+        14.4,
+    ),
+)
+"""Left of the Blue Pill wherever its pins are the bridge's."""
+HALL_C = Device("Hall sensors of the motor", (Wire("C", "PB10", INPUT, "4.7 kΩ to 3V3"),), 5)
+BRIDGE_NOTES = (
+    "10 kΩ to GND at every gate input are a must: until the pins are set up, they alone keep the bridge off.",
+    "/FAULT low, or its wire off, switches off without any software. A driver without one: tie PB12 to 3V3.",
+    "The strap comes first: with PB5 at GND the UART is on PB6, PB7, and no gate is driven before the parameter pins",
+    "agrees (plumb params tuning balancer --save, reset). Without the strap PB7 is an output: the 1 kΩ protects it.",
+)
+BRIDGE_CAN = ("CAN transceiver, 3.3 V: RXD on PA11, TXD on PA12, VCC on 3V3.", *CAN_POWER)
+
+
+def i2c(title: str, owner: str, supplies: tuple[Wire, Wire]) -> Device:
+    """What is on the two wires of I2C1."""
+    pulled = "2.2 kΩ to 3V3"
+    lines = (Wire(f"SCL{owner}", "PB8", DRAIN, pulled), Wire(f"SDA{owner}", "PB9", DRAIN, pulled))
+    return Device(title, lines + supplies, 19.2)
+
+
+DRAWINGS = (
+    Drawing(
+        "balancer",
+        "balancer: digital sensors, three-phase bridge, Hall sensors",
+        "bridge",
+        left=(
+            *BRIDGE,
+            i2c(
+                "ITG-3205 and ADXL345",
+                " of both",
+                (Wire("VDD, VLOGIC; ADXL345's /CS", "3V3"), Wire("GND; SDO, AD0, CLKIN", "GND")),
+            ),
+        ),
+        right=(HALL_C, SWITCH),
+        notes=(*BRIDGE_NOTES, *BRIDGE_CAN, SWITCH_NOTE),
+    ),
+    Drawing(
+        "balancer_spi",
+        "balancer, its accelerometer on SPI",
+        "bridge",
+        left=(*BRIDGE, i2c("ITG-3205", "", (Wire("VDD, VLOGIC", "3V3"), Wire("GND; AD0, CLKIN", "GND")))),
+        right=(
+            HALL_C,
+            Device(
+                "ADXL345",
+                (
+                    Wire("SDA (data in)", "PA7", OUTPUT),
+                    Wire("SDO (data out)", "PA6", INPUT),
+                    Wire("SCL (clock)", "PA5", OUTPUT),
+                    Wire("/CS", "PA4", OUTPUT),
+                    Wire("VDD, GND", "3V3 GND"),
+                ),
+                8,
+            ),
+            SWITCH,
+        ),
+        notes=(
+            *BRIDGE_NOTES,
+            "The board has to be told where the accelerometer is: plumb params set accel_bus=1 --save.",
+            *BRIDGE_CAN,
+            SWITCH_NOTE,
+        ),
+    ),
+)

@@ -1,0 +1,78 @@
+"""What is wired to a Blue Pill, as data: what drawings of several systems share. A system's own are its part `wiring`.
+
+What the firmware makes of each pin is not here: tests/f103/test_f103_wiring.py holds every wire against the pin modes
+of the booted image.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from plumb.spec.system_parts import Part
+
+ANALOG, INPUT, OUTPUT, DRAIN = "analog", "input", "output", "open drain"
+"""What the STM32's pin is, seen from the STM32."""
+
+
+@dataclass(frozen=True)
+class Wire:
+    """One terminal of a device. pin: of the Blue Pill, or a supply; role: None for a supply."""
+
+    label: str
+    pin: str
+    role: str | None = None
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class Device:
+    title: str
+    wires: tuple[Wire, ...]
+    row: float
+    """Of the Blue Pill's pins, beside which its first terminal is to lie; lower where the box above reaches down."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    name: str
+    title: str
+    pins: str
+    """The pin set, as the parameter `pins` names it."""
+    left: tuple[Device, ...] = ()
+    right: tuple[Device, ...] = ()
+    notes: tuple[str, ...] = field(default=())
+
+    def wires(self) -> list[Wire]:
+        """Those that end on a pin."""
+        return [wire for device in self.left + self.right for wire in device.wires if wire.role]
+
+
+class WiringDrawings(Protocol):
+    """wiring.py: what is wired to the board for a system."""
+
+    @property
+    def DRAWINGS(self) -> tuple[Drawing, ...]:
+        """One for each set of sensors."""
+
+
+WIRING: Part[WiringDrawings] = Part("wiring", WiringDrawings, "nothing is drawn")
+
+SWITCH = Device("arm switch (optional)", (Wire("closed = armed", "PC14", INPUT), Wire("", "GND")), 17.5)
+ADAPTER = Device(
+    "USB-serial adapter, 3.3 V",
+    (Wire("RX", "PA9", OUTPUT), Wire("TX", "PA10", INPUT), Wire("GND", "GND")),
+    4.5,
+)
+CAN = Device(
+    "CAN transceiver, 3.3 V (optional)",
+    (Wire("RXD", "PA11", INPUT), Wire("TXD", "PA12", OUTPUT), Wire("VCC, GND", "3V3 GND")),
+    8.6,
+)
+STRAP_NOTE = "The strap chooses the pin set at the start. Nothing on PB4 and PB5: standard."
+COMMON = "Power: 5 V from USB or from the adapter, never both. Every GND is the same wire."
+CAN_POWER = (
+    "With CAN: power by the pin 5V, or by a USB cable without data wires. PA11 and PA12 are the data lines of the USB",
+    "socket, and a charger shorts the two.",
+)
+SWITCH_NOTE = "The arm switch is the dead man's handle: closed it arms without any host, open it lets go at once."
