@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import shutil
 import site
 import subprocess
@@ -18,6 +19,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
+from plumb.spec import declarations
 
 ROOT = Path(__file__).resolve().parents[2]
 TOYS = ROOT / "tests" / "toy_systems"
@@ -91,6 +94,28 @@ def without_quad(tmp_path_factory: pytest.TempPathFactory) -> Plumb:
     python.chmod(0o755)
     core, image = build(copy, folder / "build", python)
     return command(python, core, image)
+
+
+def sources() -> list[Path]:
+    """What is of no system: code and declarations outside the folders and the C pairs of the systems."""
+    folders = {"host/plumb": (".py", ".toml"), "firmware": (".c", ".h", ".cmake"), "tools": (".py", ".sh")}
+    found = [ROOT / "CMakeLists.txt", ROOT / "tests/c/CMakeLists.txt"]
+    for folder, suffixes in folders.items():
+        found += [path for path in sorted((ROOT / folder).rglob("*")) if path.suffix in suffixes]
+    own = [declared.folder for declared in declarations.systems().values()]
+    own += [ROOT / f"firmware/systems/{name}.{suffix}" for name in declarations.names() for suffix in "ch"]
+    own += [ROOT / "firmware/generated", ROOT / "tools/gen_readme.py"]  # README shows one system as its example
+    return [path for path in found if not {path, *path.parents} & set(own)]
+
+
+@pytest.mark.parametrize("path", sources(), ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_nothing_outside_its_folder_names_a_system(path: Path) -> None:
+    """But for examples that can be typed: lines `    plumb ...` of the help of a command."""
+    named = re.compile(rf"(?<![a-z])({'|'.join(declarations.names())})(?![a-z])", re.IGNORECASE)
+    lines = path.read_text(encoding="utf-8").splitlines()
+    if path.parent.name == "cli":
+        lines = [line for line in lines if not line.startswith("    plumb ")]
+    assert [line for line in [path.stem, *lines] if named.search(line)] == []
 
 
 def test_golden_vectors_of_a_toy_system_hold_on_every_board(toy: Plumb, tmp_path: Path) -> None:

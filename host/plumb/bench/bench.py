@@ -4,7 +4,7 @@ The image's own machine code runs, called by symbol (plumb.bench.instruction_cou
 ordinary and wild input with every shipped tuning of hurried. The kernels are inlined into it and found by the debug
 information: their rows are what a step really spends on the instructions that came from them; their stack is the
 step's. The other systems' steps run over the inputs of their golden vectors; where a system declares no budget, the
-row says what its step takes of the shortest period that the board accepts. The digest of quad's record by the chip's
+row says what its step takes of the shortest period that the board accepts. The digest of hurried's record by the chip's
 CRC unit is compared with zlib's. The check of the memory that decides a pulse is no part of a step: it runs in every
 turn of the loop outside lockstep, as does the sealing, which takes as long. A whole step in lockstep runs on the
 virtual board, from the first character of its sample on the UART to the last of its reply, with every turn of the
@@ -255,7 +255,7 @@ def _step_of(elf: Image, system: str) -> Row:
 
 
 def _digest(elf: Image) -> Row:
-    """The digest of a step of quad by the chip's CRC unit; its error is how many differ from zlib's."""
+    """The digest of a step of hurried by the chip's CRC unit; its error is how many differ from zlib's."""
     counter = Counter(elf, ["digest_crc32"])
     size, wrong = RECORDS[HURRIED].itemsize, 0
     place = counter.place(bytes(size))
@@ -267,8 +267,8 @@ def _digest(elf: Image) -> Row:
 
 
 def _plausibility(elf: Image) -> Row:
-    """The plausibility of quad's steps, over `motion` and over wild counts; its error is how many answers differ from
-    those of the native core."""
+    """The plausibility of hurried's steps, over `motion` and over wild counts; its error is how many answers differ
+    from those of the native core."""
     counter, wrong = Counter(elf, ["plausibility_step"]), 0
     state, record = counter.place(bytes(PLAUSIBILITY_BYTES)), counter.place(bytes(RECORDS[HURRIED].itemsize))
     bounds, params = elf.symbol(f"{HURRIED}_plausibility").address, quantise(hurried.TUNINGS[hurried.DEFAULT_TUNING])
@@ -302,8 +302,8 @@ def _memory_check(elf: Image) -> Row:
 
 
 def _lockstep(elf: Image) -> Row:
-    """Steps of quad in lockstep over the UART of the virtual board, one at a time; the error is how many digests differ
-    from those of the native core. Exceptions are charged as branches, without the 12 cycles of their entry."""
+    """Steps of hurried in lockstep over the UART of the virtual board, one at a time; the error is how many digests
+    differ from those of the native core. Exceptions are charged as branches, without the 12 cycles of their entry."""
     params, motion = (
         quantise(hurried.TUNINGS[hurried.DEFAULT_TUNING]),
         hurried.scenario("motion", 3000, seconds=EXCHANGES * hurried.PERIOD_US * 1e-6),

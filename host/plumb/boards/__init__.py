@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 RawCounts = npt.NDArray[np.int16]
 """Raw counts of every step, shape (steps, 6); a system uses the first few columns."""
 Setpoints = npt.NDArray[np.int32]
-"""Setpoint of every step, shape (steps,), in the unit of the system; quad: binary angles, a full turn is 2**32."""
+"""Setpoint of every step, shape (steps,), in the unit that the system declares; of an angle a full turn is 2**32."""
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
     plumb monitor --board serial:/dev/ttyUSB0                 whatever is running there, read-only
     plumb monitor --board serial:/dev/ttyUSB0 --run live      begin a run on its own sensors, unarmed
-    plumb monitor --board virtual --run live --seconds 20     the quad's axis in motion, on the simulated board
+    plumb monitor --board virtual --run live --seconds 20     the system of the image in motion, on the simulated board
     plumb monitor --board virtual --run live --system balancer       or another system's plant, on its own sensors
 
 The display is updated ten times a second: a block on a terminal, one line a second elsewhere, one line of JSON for each

@@ -7,8 +7,8 @@
     plumb params save --board serial:/dev/ttyUSB0
     plumb params load --board serial:/dev/ttyUSB0
     plumb params reset --save --board serial:/dev/ttyUSB0
-    plumb params dump quad.toml --board serial:/dev/ttyUSB0
-    plumb params load quad.toml --board serial:/dev/ttyUSB0
+    plumb params dump board.toml --board serial:/dev/ttyUSB0
+    plumb params load board.toml --board serial:/dev/ttyUSB0
 
 Values are the integers of the board's table, shown with their meaning in engineering units. A change is staged, then
 committed by the CRC-32 of the whole resulting table; the board accepts it as a whole or refuses it with the reason. A

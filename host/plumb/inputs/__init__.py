@@ -1,1 +1,1 @@
-"""Where samples come from: recordings, phones, the sensor board, the bridge between two buses."""
+"""Where samples come from: recordings, the sensor board, the bridge between two buses."""

@@ -37,7 +37,7 @@ def counter_slot(identifier: int) -> int:
 
 
 def frame_name(system: System, frame: Frame) -> str:
-    """Name of a system's frame in the DBC: QUAD_ANGLE."""
+    """Name of a system's frame in the DBC: that of the system, _, that of the frame."""
     return f"{system.name.upper()}_{frame.name}"
 
 
