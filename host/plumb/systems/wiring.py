@@ -56,7 +56,7 @@ class WiringDrawings(Protocol):
         """One for each set of sensors."""
 
 
-WIRING: Part[WiringDrawings] = Part("wiring", WiringDrawings, "nothing is drawn")
+WIRING = Part[WiringDrawings]("wiring", WiringDrawings, without="nothing is drawn for it")
 
 SWITCH = Device("arm switch (optional)", (Wire("closed = armed", "PC14", INPUT), Wire("", "GND")), 17.5)
 ADAPTER = Device(
