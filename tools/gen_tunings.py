@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Writes the shipped tunings of the host's systems as constants in C.
 
-firmware/include/plumb/tunings.h declares them, firmware/design/tunings.c defines them: PLUMB_QUAD_TUNING_ADAPTIVE is
-TUNINGS["adaptive"] of plumb.systems.quad.scenarios, number for number. A system has them when it has a design in C
+firmware/include/plumb/tunings.h declares them, firmware/design/tunings.c defines them: PLUMB_NAME_TUNING_ADAPTIVE is
+TUNINGS["adaptive"] of plumb.systems.NAME.scenarios, number for number. A system has them when it has a design in C
 (firmware/design/NAME.c). With --check: fails when a file is not what it would write.
 """
 
