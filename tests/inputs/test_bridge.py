@@ -21,7 +21,8 @@ pytest.importorskip("unicorn")
 
 from plumb.errors import UsageError
 from plumb.flash.image import find_image
-from plumb.inputs.bridge import ARM_AFTER_STEPS, Flow
+from plumb.inputs.bridge import ARM_AFTER_STEPS
+from plumb.inputs.frame_counts import Flow
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus

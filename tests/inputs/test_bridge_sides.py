@@ -12,7 +12,8 @@ import can
 import pytest
 
 from plumb.errors import LinkError, UsageError
-from plumb.inputs.bridge import BACKLOG_WINDOW, BoardCounts, Bridge
+from plumb.inputs.bridge import BACKLOG_WINDOW, Bridge
+from plumb.inputs.frame_counts import BoardCounts
 from plumb.inputs.sensor_board import SET_BACK_AFTER_S, SensorBoard
 from plumb.link.lockstep import sample_frames
 from plumb.link.session import Session

@@ -90,12 +90,12 @@ def test_saving_forgets_nothing_that_is_staged_and_loading_does(board: NativeBoa
     session.execute("SAVE")
     session.request("PARAM_SET", index, 3000, answer="PARAM_STAGED", first=index)
     session.execute("SAVE")
-    session._commit(len(DEFAULTS), parameters.crc32(changed(3000)))
+    session.parameters.commit(len(DEFAULTS), parameters.crc32(changed(3000)))
     assert session.read_parameters() == changed(3000)
     session.request("PARAM_SET", index, 4000, answer="PARAM_STAGED", first=index)
     session.execute("LOAD")
     with pytest.raises(LinkError):
-        session._commit(len(DEFAULTS), parameters.crc32(changed(4000)))
+        session.parameters.commit(len(DEFAULTS), parameters.crc32(changed(4000)))
     assert session.read_parameters() == DEFAULTS
 
 
@@ -196,7 +196,7 @@ def test_a_set_that_this_version_does_not_take_is_named_and_blocks_arming(board:
             session.execute("LOAD")
         assert session.read_parameters() == changed(5000)
         session.request("PARAM_SET", 0, CONTROL[0], answer="PARAM_STAGED", first=0)
-        session._commit(len(DEFAULTS), parameters.crc32(changed(5000)))
+        session.parameters.commit(len(DEFAULTS), parameters.crc32(changed(5000)))
     values, source, faults = after_reset(board)
     assert values == DEFAULTS and source.startswith("factory defaults: ") and faults == 0x80
 

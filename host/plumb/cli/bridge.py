@@ -30,7 +30,9 @@ from typing import TYPE_CHECKING, Any
 from plumb.cli import options
 
 if TYPE_CHECKING:
-    from plumb.inputs.bridge import Bridge, End, Flow
+    from plumb.inputs.bridge import Bridge
+    from plumb.inputs.bus_end import End
+    from plumb.inputs.frame_counts import Flow
     from plumb.tuning.quantise import ControlParams
 
 
@@ -90,7 +92,7 @@ def say(text: str) -> None:
 
 
 def carried(arguments: argparse.Namespace, stopped: Any) -> dict[str, Any]:
-    from plumb.inputs.bridge import End, carry
+    from plumb.inputs.bus_end import End, carry
 
     ends = [End(arguments.sensor), End(arguments.board)]
     for one in ends:

@@ -63,7 +63,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 def of_bus(arguments: argparse.Namespace, caught: list[int], summary: dict[str, Any]) -> None:
     """Write every frame of the bus to the log; fill in the summary, whatever ends it."""
-    from plumb.inputs.bridge import Flow
+    from plumb.inputs.frame_counts import Flow
     from plumb.inputs.recorder import FrameLog
     from plumb.link.transports.open_bus import open_bus
 

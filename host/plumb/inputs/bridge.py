@@ -10,42 +10,28 @@ With a shadow, the integer model runs beside the board on the counts that the bo
 
 from __future__ import annotations
 
-import queue
-import threading
 import time
 from collections import deque
-from collections.abc import Callable, Container
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable
 
-import can
-
-from plumb.errors import LinkError, UsageError
+from plumb.errors import LinkError
+from plumb.inputs.bus_end import LOOP_INTERVAL_S, PEER_TIMEOUT_S, POLL_INTERVAL_S, RECONNECT_INTERVAL_S, End, Open, Say
+from plumb.inputs.frame_counts import BoardCounts, Flow
 from plumb.inputs.sample_assembler import Samples
 from plumb.link.identity import NackError, disarmed_text
 from plumb.link.realtime import Capture
 from plumb.link.session import BLOCKED_IMPLAUSIBLE, BLOCKED_NOT_READY, Session
-from plumb.link.transports.open_bus import LogBus, open_bus
-from plumb.link.transports.slcan_bus import PlumbBus
+from plumb.link.transports.open_bus import open_bus
 from plumb.proof.shadow import Shadow
 from plumb.spec import dbc
 from plumb.spec.parameters import control_part
-from plumb.spec.protocol import Frame, check, protocol
+from plumb.spec.protocol import Frame, protocol
 from plumb.tuning.quantise import ControlParams
 
-RECONNECT_INTERVAL_S = 0.5
-"""Pause between attempts to open an endpoint."""
-PEER_TIMEOUT_S = 1.0
-"""A peer that sends no frame for this long counts as lost: the bridge ends the run and asks the peer to restart."""
-POLL_INTERVAL_S = 0.1
-"""Longest wait for a frame. Time the bridge spends elsewhere does not count towards PEER_TIMEOUT_S."""
 FIRST_SAMPLE_HINT_S = 3.0
 """After this long without a first sample the bridge asks whether a sensor board is running."""
 BOARD_TIMEOUT_S = 2.0
 """An open link sends TIME every 50 ms: a board that is silent for this long was reset or disconnected."""
-SWAPPED_PORT_HOLDOFF_S = 3 * RECONNECT_INTERVAL_S
-"""How long the sensor side leaves a port alone after a board answered on it."""
-LOOP_INTERVAL_S = 0.001
 BACKLOG_WINDOW = 25
 """Window, in samples, over which the smallest backlog is measured. Both sides have the same period, so a backlog that
 never empties stays for ever: the bridge then skips that many samples."""
@@ -54,192 +40,8 @@ BLOCKED_BY_SILENCE = 1 << 7
 WAITED_FOR = BLOCKED_BY_SILENCE | BLOCKED_NOT_READY | BLOCKED_IMPLAUSIBLE
 """Arming blocks that clear by themselves once samples arrive and the plant is at rest: the bridge retries."""
 
-Open = Callable[[str], can.BusABC]
-Say = Callable[[str], None]
 Sample = tuple[float, list[Frame]]
 """When it was whole, and its frames."""
-
-
-@dataclass
-class Flow:
-    """Frame counts of one side. lost: gaps in the frame counter; rejected: CRC errors; foreign: unknown identifiers;
-    opened: how often the endpoint was opened."""
-
-    frames: int = 0
-    lost: int = 0
-    rejected: int = 0
-    foreign: int = 0
-    opened: int = 0
-    _last: dict[int, int] = field(default_factory=dict, repr=False)
-
-    def note(self, identifier: int, data: bytes) -> bool:
-        """Count a frame; False when it must not be forwarded."""
-        message = protocol().by_identifier.get(identifier)
-        if message is None:
-            self.foreign += 1
-            return False
-        if not check(identifier, data):
-            self.rejected += 1
-            return False
-        self.frames += 1
-        if message.name == "HELLO":
-            self.forget()  # a host counts anew from there
-        # SAMPLE and RAW are numbered by their step in six bits; one of four repeats what its SAMPLE_A says.
-        wide = message.name in ("SAMPLE_A", "SAMPLE_B", "RAW_A", "RAW_B")
-        if message.name not in ("SAMPLE_B", "SETPOINT"):
-            mask = 63 if wide else 15
-            number = data[1] & mask
-            last = self._last.get(identifier)
-            self.lost += 0 if last is None else number - last - 1 & mask
-            self._last[identifier] = number
-        return True
-
-    def forget(self) -> None:
-        """A new connection begins: frame counters restart."""
-        self._last.clear()
-
-
-@dataclass
-class BoardCounts:
-    """Increments of the board's own counters while this bridge is its host.
-
-    lost: gaps in the sample numbers, including samples that the bridge skipped or never received.
-    """
-
-    rejected: int = 0
-    lost: int = 0
-    dropped: int = 0
-    starved: int = 0
-    _last: dict[str, int] = field(default_factory=dict, repr=False)
-
-    def note(self, telemetry: dict[str, dict[str, int]]) -> None:
-        said = {**telemetry.get("COUNTERS", {}), **telemetry.get("EVENTS", {})}
-        for name in ("rejected", "lost", "dropped", "starved"):
-            if name in said:
-                grown = said[name] - self._last.get(name, said[name]) & 0xFFFF
-                setattr(self, name, getattr(self, name) + grown)
-                self._last[name] = said[name]
-
-    def forget(self) -> None:
-        """The board may have restarted: the next counters are the new baseline."""
-        self._last.clear()
-
-
-class End:
-    """One bus, read by its own thread, which reopens it when it fails. Received frames wait in `arrived` with their
-    receive time.
-
-    only: identifiers of this end, where both ends share one bus.
-    generation: how often the peer (re)appeared. quiet_s: listening time since the last frame.
-    trouble: why the bus is not open, or ''. wrong: the error of a name that can never be opened.
-    """
-
-    def __init__(self, spec: str, open_: Open = open_bus, only: Container[int] | None = None) -> None:
-        self.spec, self.flow, self._only = spec, Flow(), only
-        self.generation = 0
-        self.quiet_s = 0.0
-        self.trouble = ""
-        self.wrong: UsageError | None = None
-        self.ended = False
-        self.arrived: queue.SimpleQueue[tuple[float, Frame]] = queue.SimpleQueue()
-        self._open, self._bus = open_, None
-        self._done = threading.Event()
-        self._mistaken = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"bus {spec}", daemon=True)
-
-    def start(self) -> None:
-        self._thread.start()
-
-    def stop(self) -> None:
-        self._done.set()
-        self._thread.join()
-
-    def let_go(self) -> None:
-        """Close the bus and reopen its name after SWAPPED_PORT_HOLDOFF_S."""
-        self._mistaken.set()
-
-    def send(self, frames: list[Frame]) -> None:
-        """Send frames; they are dropped while the bus is not open."""
-        bus: Any = self._bus
-        if bus is None:
-            return
-        try:
-            if isinstance(bus, PlumbBus):
-                bus.write_frames(frames)
-            else:
-                for identifier, data in frames:
-                    bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False), timeout=0.1)
-        except (LinkError, can.CanError, OSError):
-            pass  # the reading thread sees the error too, and reopens the bus
-
-    def drain(self) -> list[tuple[float, Frame]]:
-        """Frames received since the last call, with their time; raises UsageError for a name that can never be
-        opened."""
-        if self.wrong is not None:
-            raise self.wrong
-        return [self.arrived.get() for _ in range(self.arrived.qsize())]
-
-    def _run(self) -> None:
-        while not self._done.is_set():
-            try:
-                with self._open(self.spec) as bus:
-                    self._bus, self.trouble = bus, ""  # type: ignore[assignment]
-                    self.generation += 1
-                    self.flow.opened += 1
-                    self.flow.forget()
-                    self._read(bus)
-            except UsageError as error:
-                self.wrong = error
-                return
-            except (LinkError, can.CanError, OSError) as error:
-                self.trouble = str(error)
-            self._bus = None
-            self.quiet_s += RECONNECT_INTERVAL_S
-            self._done.wait(SWAPPED_PORT_HOLDOFF_S if self._mistaken.is_set() else RECONNECT_INTERVAL_S)
-            self._mistaken.clear()
-
-    def _read(self, bus: can.BusABC) -> None:
-        self.quiet_s = asked_at_s = 0.0
-        while not self._done.is_set() and not self._mistaken.is_set():
-            begin_s = time.monotonic()
-            message = bus.recv(POLL_INTERVAL_S)
-            now_s = time.monotonic()
-            self.quiet_s += min(now_s - begin_s, POLL_INTERVAL_S)
-            if message is not None and self._is_its_own(message):
-                if self.quiet_s > PEER_TIMEOUT_S:
-                    self.generation += 1
-                    self.flow.forget()
-                self.quiet_s = asked_at_s = 0.0
-                frame = message.arbitration_id, bytes(message.data)
-                if self.flow.note(*frame):
-                    self.arrived.put((now_s, frame))
-            elif self.quiet_s - asked_at_s > PEER_TIMEOUT_S and isinstance(bus, PlumbBus):
-                bus.write_text(b"O\r")  # a peer that restarted waits for a host to open the link
-                asked_at_s = self.quiet_s
-            if isinstance(bus, PlumbBus):
-                self.flow.rejected = bus.parser.rejected + bus.parser.bad
-            self.ended = isinstance(bus, LogBus) and bus.ended
-
-    def _is_its_own(self, message: can.Message) -> bool:
-        data_frame = not message.is_extended_id and not message.is_error_frame
-        return data_frame and (self._only is None or message.arbitration_id in self._only)
-
-
-def carry(one: End, other: End, stopped: Callable[[], bool], say: Say = lambda text: None) -> None:
-    """Forward every frame of either side to the other unchanged, until stopped() holds."""
-    said = {one: "", other: ""}
-    while not stopped() and not one.ended and not other.ended:
-        moved = False
-        for source, target in ((one, other), (other, one)):
-            if source.trouble != said[source]:
-                say(f"{source.spec}: {source.trouble or 'open again'}")
-                said[source] = source.trouble
-            frames = [frame for _, frame in source.drain()]
-            if frames:
-                target.send(frames)
-                moved = True
-        if not moved:
-            time.sleep(LOOP_INTERVAL_S)
 
 
 class Bridge:

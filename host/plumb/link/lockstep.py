@@ -17,7 +17,8 @@ import numpy.typing as npt
 
 from plumb.errors import LinkError, UsageError
 from plumb.link.identity import NackError, nack_error
-from plumb.link.session import IN_FLIGHT, REPLY_TIMEOUT_S, TRIES, Session
+from plumb.link.retries import IN_FLIGHT, REPLY_TIMEOUT_S, TRIES
+from plumb.link.session import Session
 from plumb.link.transports.slcan import SlcanParser, crc8_columns, text_of_frames
 from plumb.spec.protocol import Frame, Protocol
 

@@ -14,7 +14,8 @@ from typing import Any
 
 from plumb.errors import LinkError
 from plumb.link.identity import BLOCKED, FAULTS, IMPLAUSIBLE, bits_text, plausibility_text, sensors_text
-from plumb.link.session import PERIODIC, RAW_FRAMES, REPLY_TIMEOUT_S, TRIES, Session, selectable
+from plumb.link.retries import REPLY_TIMEOUT_S, TRIES
+from plumb.link.session import PERIODIC, RAW_FRAMES, Session, selectable
 from plumb.spec import dbc, declarations
 from plumb.spec.protocol import Frame
 from plumb.spec.signals import signals

@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.errors import LinkError
-from plumb.link.session import REPLY_TIMEOUT_S, TRIES, Session
+from plumb.link.retries import REPLY_TIMEOUT_S, TRIES
+from plumb.link.session import Session
 from plumb.spec import dbc
 from plumb.spec.protocol import Frame
 

@@ -19,15 +19,14 @@ import can
 from plumb.errors import LinkError, UsageError
 from plumb.link.endpoint_names import DEFAULT_BAUD
 from plumb.link.identity import Identity, NackError, identity_of, nack_error, plausibility_text, sensors_text
+from plumb.link.parameter_transfer import ParameterTransfer
+from plumb.link.retries import REPLY_TIMEOUT_S, TRIES, LinkCounters
 from plumb.link.transports.can_bus import AnyBus, FrameBus
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import dbc, declarations, parameters
-from plumb.spec.protocol import Frame, Message, protocol
+from plumb.spec.protocol import Frame, protocol
 from plumb.spec.records import RECORDS
 
-REPLY_TIMEOUT_S = 0.25
-TRIES = 4
-IN_FLIGHT = 16
 KEEPALIVE_EVERY_S = 0.01
 """The board issues a value for the keep-alive so often, and each is answered."""
 KEEPALIVE_NEWEST = 4
@@ -47,14 +46,6 @@ PERIODIC = ("TIME", "STATUS", "COUNTERS", "EVENTS", "SENSORS", "PLAUSIBILITY", "
 PRESENCE_EVERY_S, SILENCE_S = 0.5, 1.5
 """A CAN link closes after two seconds without a frame from the host: who waits speaks now and then, and who was busy
 with something else for so long opens it again."""
-
-
-@dataclass
-class LinkCounters:
-    """Frames that did not make it, seen from here; the board's own counters are in Session.telemetry."""
-
-    lost: int = 0
-    repeated_requests: int = 0
 
 
 @dataclass
@@ -109,8 +100,7 @@ class Session:
         self._setpoint, self._setpoint_s = 0, 0.0
         self._alive = False
         self._said_s = 0.0
-        self._wiring: dict[str, int] | None = None
-        self._uploaded: str | None = None
+        self.parameters = ParameterTransfer(self)
         self.run_tag = 0
 
     @classmethod
@@ -286,103 +276,11 @@ class Session:
 
     def read_parameters(self) -> list[int]:
         """Every parameter in use, as the integers of the table (unsigned where this version has no row for it)."""
-        identity = self.identity or self.connect()
-        count, message = identity["PARAMETER_COUNT"], self.protocol["PARAM_VALUE"]
-        values: dict[int, int] = {}
-        for _ in range(TRIES):
-            self.send([self.frame("PARAM_GET", 0xFFFF, 0)])
-            self._collect(message, values, range(count))
-            if len(values) == count:
-                rows = parameters.table()
-                return [rows[i].from_word(values[i]) if i < len(rows) else values[i] for i in range(count)]
-            self.counters.repeated_requests += 1
-        raise LinkError(f"only {len(values)} of {count} parameters came back: check the cable")
-
-    def _collect(self, message: Message, values: dict[int, int], wanted: Collection[int]) -> None:
-        """Take (index, value) frames into values until every wanted index has come, or nothing more comes."""
-        nack = self.protocol["NACK"]
-        missing = {index for index in wanted if index not in values}
-        end = self.clock() + REPLY_TIMEOUT_S
-        while missing and self.clock() < end:
-            frames = self.receive(REPLY_TIMEOUT_S)
-            for identifier, data in frames:
-                if identifier == message.identifier:
-                    index, value = message.unpack(data)[2:]
-                    values[index] = value
-                    missing.discard(index)
-                    end = self.clock() + REPLY_TIMEOUT_S
-                elif identifier == nack.identifier and nack.decode(data)["request"] in (
-                    self.protocol["PARAM_SET"].identifier,
-                    self.protocol["PARAM_GET"].identifier,
-                ):
-                    raise nack_error(self.protocol, nack.decode(data))
+        return self.parameters.read()
 
     def upload(self, control_words: Sequence[int], **link_words: int) -> int:
-        """Stage the whole table, then commit it by its CRC-32, ending a run that is on; returns the CRC.
-
-        control_words: the control part in order; link_words: period_us and the like, defaults where not given, but what
-        belongs to the board's wiring (parameters.WIRING) stays as the board has it. Raises UsageError for a value out
-        of range (or one the board finds contradictory), LinkError for silence.
-        """
-        identity = self.require_match()
-        words = parameters.whole_table(control_words, **{**self._read_wiring(), **link_words})
-        wanted = declarations.name_of(words[0])
-        if wanted not in identity.systems:
-            there = ", ".join(identity.systems)
-            raise UsageError(f"the board's image has no {wanted}, only {there}: flash one that has it")
-        staged = {index: word & 0xFFFFFFFF for index, word in enumerate(words)}
-        crc = parameters.crc32(words)
-        for _ in range(TRIES):
-            self._stage(staged)
-            try:
-                self._commit(len(words), crc)
-            except NackError as error:
-                if error.reason == "PARAMETERS":
-                    why = parameters.contradiction(words) or "see the limits in DESIGN.md"
-                    raise UsageError(f"{error}: {why}") from None
-                if error.reason != "CRC":
-                    raise
-                continue
-            self._uploaded = declarations.name_of(words[0])
-            self._wiring = None if self._wiring is None else {name: words[i] for i, name in self._wiring_places()}
-            return crc
-        raise LinkError("the parameters did not arrive as they were sent: check the cable")
-
-    def _wiring_places(self) -> list[tuple[int, str]]:
-        return [(i, row.name) for i, row in enumerate(parameters.table()) if row.name in parameters.WIRING]
-
-    def _read_wiring(self) -> dict[str, int]:
-        """The board's own values of parameters.WIRING, asked for once."""
-        if self._wiring is None:
-            self._wiring = {
-                name: self.request("PARAM_GET", place, 0, answer="PARAM_VALUE", first=place)["value"]
-                for place, name in self._wiring_places()
-            }
-        return self._wiring
-
-    def _stage(self, words: dict[int, int]) -> None:
-        message = self.protocol["PARAM_STAGED"]
-        for _ in range(2 * TRIES):
-            echoed: dict[int, int] = {}
-            indices = list(words)
-            for at in range(0, len(indices), IN_FLIGHT):
-                part = indices[at : at + IN_FLIGHT]
-                self.send([self.frame("PARAM_SET", index, words[index]) for index in part])
-                self._collect(message, echoed, part)
-            words = {index: word for index, word in words.items() if echoed.get(index) != word}
-            if not words:
-                return
-            self.counters.repeated_requests += len(words)
-        raise LinkError("not every parameter was acknowledged: check the cable")
-
-    def _commit(self, count: int, crc: int) -> None:
-        try:
-            self.request("PARAM_COMMIT", count, crc)
-        except NackError as error:
-            if error.reason != "BUSY":
-                raise
-            self.end()
-            self.request("PARAM_COMMIT", count, crc)
+        """Commit a whole table, as ParameterTransfer.upload does; returns its CRC-32."""
+        return self.parameters.upload(control_words, **link_words)
 
     # ---- runs and arming ----
 
@@ -405,7 +303,8 @@ class Session:
             self.require_match()
         detail = self._answer_nonce("EXECUTE", self.protocol["EXECUTE"].value("verb", verb))
         if verb in ("LOAD", "DEFAULTS"):  # may be another system: who asks for its record asks the board
-            self.identity = self._uploaded = self._wiring = None
+            self.identity = None
+            self.parameters.forget()
         return detail
 
     def execute_idle(self, verb: str) -> None:
@@ -421,15 +320,15 @@ class Session:
     @property
     def system(self) -> str:
         """The system that was uploaded last, else the one that the board has; asked for once."""
-        if self._uploaded is None:
-            self._uploaded = declarations.name_of(self.read_parameters()[0])
-        return self._uploaded
+        if self.parameters.uploaded is None:
+            self.parameters.uploaded = declarations.name_of(self.read_parameters()[0])
+        return self.parameters.uploaded
 
     @property
     def record_words(self) -> int:
         """Words in the record of the system that was uploaded last, else of the one the board said it has."""
-        if self._uploaded is not None:
-            return RECORDS[self._uploaded].itemsize // 4
+        if self.parameters.uploaded is not None:
+            return RECORDS[self.parameters.uploaded].itemsize // 4
         return (self.identity or self.connect())["RECORD_WORDS"]
 
     def select(self, frames: Iterable[str] = (), words: Iterable[int] = ()) -> None:

@@ -12,7 +12,8 @@ from plumb.boards.virtual import VirtualBoard
 from plumb.errors import LinkError
 from plumb.link.identity import disarmed_text
 from plumb.link.realtime import Capture
-from plumb.link.session import REPLY_TIMEOUT_S, Session
+from plumb.link.retries import REPLY_TIMEOUT_S
+from plumb.link.session import Session
 from plumb.proof.runs import Run, RunInputs, columns, judge
 from plumb.systems.contracts import PINS, Conversion, Scenario
 from plumb.tuning.quantise import ControlParams

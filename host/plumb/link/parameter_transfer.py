@@ -1,0 +1,146 @@
+"""Parameters of a board over its link: read the table, or stage another and commit it by its CRC-32."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from typing import Protocol
+
+from plumb.errors import LinkError, UsageError
+from plumb.link.identity import Identity, NackError, nack_error
+from plumb.link.retries import IN_FLIGHT, REPLY_TIMEOUT_S, TRIES, LinkCounters
+from plumb.spec import declarations, parameters
+from plumb.spec import protocol as dbc_protocol
+from plumb.spec.protocol import Frame, Message
+
+
+class Conversation(Protocol):
+    """What of a session the transfer needs; Session says what each does."""
+
+    protocol: dbc_protocol.Protocol
+    identity: Identity | None
+    counters: LinkCounters
+    clock: Callable[[], float]
+
+    def frame(self, name: str, *words: int, flags: int = 0) -> Frame: ...
+    def send(self, frames: Sequence[Frame]) -> None: ...
+    def receive(self, timeout_s: float) -> list[Frame]: ...
+    def connect(self) -> Identity: ...
+    def require_match(self) -> Identity: ...
+    def end(self) -> int: ...
+    def request(
+        self, name: str, *words: int, answer: str = "ACK", first: int | None = None, flags: int = 0
+    ) -> dict[str, int]: ...
+
+
+class ParameterTransfer:
+    """uploaded: the system of the table that was committed or read last here, None while it is not known."""
+
+    def __init__(self, session: Conversation) -> None:
+        self._session = session
+        self.uploaded: str | None = None
+        self._wiring: dict[str, int] | None = None
+
+    def read(self) -> list[int]:
+        """Every parameter in use, as the integers of the table (unsigned where this version has no row for it)."""
+        identity = self._session.identity or self._session.connect()
+        count, message = identity["PARAMETER_COUNT"], self._session.protocol["PARAM_VALUE"]
+        values: dict[int, int] = {}
+        for _ in range(TRIES):
+            self._session.send([self._session.frame("PARAM_GET", 0xFFFF, 0)])
+            self._collect(message, values, range(count))
+            if len(values) == count:
+                rows = parameters.table()
+                return [rows[i].from_word(values[i]) if i < len(rows) else values[i] for i in range(count)]
+            self._session.counters.repeated_requests += 1
+        raise LinkError(f"only {len(values)} of {count} parameters came back: check the cable")
+
+    def _collect(self, message: Message, values: dict[int, int], wanted: Collection[int]) -> None:
+        """Take (index, value) frames into values until every wanted index has come, or nothing more comes."""
+        nack = self._session.protocol["NACK"]
+        missing = {index for index in wanted if index not in values}
+        end = self._session.clock() + REPLY_TIMEOUT_S
+        while missing and self._session.clock() < end:
+            frames = self._session.receive(REPLY_TIMEOUT_S)
+            for identifier, data in frames:
+                if identifier == message.identifier:
+                    index, value = message.unpack(data)[2:]
+                    values[index] = value
+                    missing.discard(index)
+                    end = self._session.clock() + REPLY_TIMEOUT_S
+                elif identifier == nack.identifier and nack.decode(data)["request"] in (
+                    self._session.protocol["PARAM_SET"].identifier,
+                    self._session.protocol["PARAM_GET"].identifier,
+                ):
+                    raise nack_error(self._session.protocol, nack.decode(data))
+
+    def upload(self, control_words: Sequence[int], **link_words: int) -> int:
+        """Stage the whole table, then commit it by its CRC-32, ending a run that is on; returns the CRC.
+
+        control_words: the control part in order; link_words: period_us and the like, defaults where not given, but what
+        belongs to the board's wiring (parameters.WIRING) stays as the board has it. Raises UsageError for a value out
+        of range (or one the board finds contradictory), LinkError for silence.
+        """
+        identity = self._session.require_match()
+        words = parameters.whole_table(control_words, **{**self._read_wiring(), **link_words})
+        wanted = declarations.name_of(words[0])
+        if wanted not in identity.systems:
+            there = ", ".join(identity.systems)
+            raise UsageError(f"the board's image has no {wanted}, only {there}: flash one that has it")
+        staged = {index: word & 0xFFFFFFFF for index, word in enumerate(words)}
+        crc = parameters.crc32(words)
+        for _ in range(TRIES):
+            self._stage(staged)
+            try:
+                self.commit(len(words), crc)
+            except NackError as error:
+                if error.reason == "PARAMETERS":
+                    why = parameters.contradiction(words) or "see the limits in DESIGN.md"
+                    raise UsageError(f"{error}: {why}") from None
+                if error.reason != "CRC":
+                    raise
+                continue
+            self.uploaded = declarations.name_of(words[0])
+            self._wiring = None if self._wiring is None else {name: words[i] for i, name in self._wiring_places()}
+            return crc
+        raise LinkError("the parameters did not arrive as they were sent: check the cable")
+
+    def forget(self) -> None:
+        """The board has other parameters now."""
+        self.uploaded = self._wiring = None
+
+    def _wiring_places(self) -> list[tuple[int, str]]:
+        return [(i, row.name) for i, row in enumerate(parameters.table()) if row.name in parameters.WIRING]
+
+    def _read_wiring(self) -> dict[str, int]:
+        """The board's own values of parameters.WIRING, asked for once."""
+        if self._wiring is None:
+            self._wiring = {
+                name: self._session.request("PARAM_GET", place, 0, answer="PARAM_VALUE", first=place)["value"]
+                for place, name in self._wiring_places()
+            }
+        return self._wiring
+
+    def _stage(self, words: dict[int, int]) -> None:
+        message = self._session.protocol["PARAM_STAGED"]
+        for _ in range(2 * TRIES):
+            echoed: dict[int, int] = {}
+            indices = list(words)
+            for at in range(0, len(indices), IN_FLIGHT):
+                part = indices[at : at + IN_FLIGHT]
+                self._session.send([self._session.frame("PARAM_SET", index, words[index]) for index in part])
+                self._collect(message, echoed, part)
+            words = {index: word for index, word in words.items() if echoed.get(index) != word}
+            if not words:
+                return
+            self._session.counters.repeated_requests += len(words)
+        raise LinkError("not every parameter was acknowledged: check the cable")
+
+    def commit(self, count: int, crc: int) -> None:
+        """Put what is staged in force, ending a run that is on; raises NackError."""
+        try:
+            self._session.request("PARAM_COMMIT", count, crc)
+        except NackError as error:
+            if error.reason != "BUSY":
+                raise
+            self._session.end()
+            self._session.request("PARAM_COMMIT", count, crc)
