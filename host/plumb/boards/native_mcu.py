@@ -20,9 +20,9 @@ from collections import deque
 from collections.abc import Sequence
 from enum import IntEnum
 from pathlib import Path
-from typing import Any
 
 import can
+from can.typechecking import CanFilters
 
 from plumb.boards.native_core import BUILD
 from plumb.errors import UsageError
@@ -275,7 +275,7 @@ class NativeUart:
 class NativeCanBus(can.BusABC):
     """The other nodes on the board's CAN bus, as a python-can bus. clock: simulated seconds."""
 
-    def __init__(self, mcu: NativeMcu, can_filters: Any = None) -> None:
+    def __init__(self, mcu: NativeMcu, can_filters: CanFilters | None = None) -> None:
         self.mcu = mcu
         self.rejected = 0
         self.channel_info = "CAN of the native board"

@@ -11,9 +11,9 @@ import math
 import time
 from collections import deque
 from collections.abc import Sequence
-from typing import Any
 
 import can
+from can.typechecking import CanFilters
 
 from plumb.f103.attached.canwire import WireFrame
 from plumb.f103.core.timeline import TICKS_PER_S
@@ -30,7 +30,9 @@ SEND_PATIENCE_S = 0.02
 class MachineBus(can.BusABC):
     """Stands for all other nodes on the bus of a simulated board. clock(): simulated seconds."""
 
-    def __init__(self, machine: Machine, name: str = "the virtual board", can_filters: Any = None) -> None:
+    def __init__(
+        self, machine: Machine, name: str = "the virtual board", can_filters: CanFilters | None = None
+    ) -> None:
         self.machine = machine
         self.wire = machine.can.wire
         self.rejected = 0

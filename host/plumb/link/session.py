@@ -12,7 +12,7 @@ import contextlib
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
-from typing import Any, Self, cast
+from typing import Self
 
 import can
 
@@ -21,6 +21,7 @@ from plumb.link.endpoint_names import DEFAULT_BAUD
 from plumb.link.identity import Identity, NackError, identity_of, nack_error, plausibility_text, sensors_text
 from plumb.link.parameter_transfer import ParameterTransfer
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES, LinkCounters
+from plumb.link.transports.byte_stream import Channel
 from plumb.link.transports.can_bus import AnyBus, FrameBus
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import dbc, declarations, parameters
@@ -86,8 +87,7 @@ class Session:
 
     def __post_init__(self) -> None:
         self.protocol = protocol()
-        own = hasattr(self.bus, "read_frames")
-        self.frames: FrameBus = cast(FrameBus, self.bus) if own else AnyBus(self.bus)
+        self.frames: FrameBus = self.bus if isinstance(self.bus, FrameBus) else AnyBus(self.bus)
         self.fast = self.bus if isinstance(self.bus, PlumbBus) else None
         self.clock: Callable[[], float] = self.frames.clock
         self._sent: dict[int, int] = {}
@@ -104,7 +104,7 @@ class Session:
         self.run_tag = 0
 
     @classmethod
-    def open(cls, channel: Any, baudrate: int = DEFAULT_BAUD) -> Self:
+    def open(cls, channel: Channel, baudrate: int = DEFAULT_BAUD) -> Self:
         """Open the serial channel and connect; the bus is closed again when that fails."""
         return cls.over(PlumbBus(channel, baudrate))
 

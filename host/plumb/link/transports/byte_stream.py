@@ -12,7 +12,7 @@ import select
 import socket
 import time
 from collections.abc import Callable, Iterator
-from typing import Any, Protocol
+from typing import Protocol, runtime_checkable
 
 from can import CanInitializationError, CanOperationError
 
@@ -43,6 +43,27 @@ class Stream(Protocol):
     def read(self, timeout_s: float) -> bytes: ...
     def write(self, data: bytes) -> None: ...
     def close(self) -> None: ...
+
+
+class ByteChannel(Protocol):
+    """An object of this process that a host reads and writes like a serial port: the UART of a simulated board. It may
+    also have clock_s(), seconds that pass for it, and a name."""
+
+    def read(self, size: int, /) -> bytes:
+        """What there is, at most size bytes; may let simulated time pass for it."""
+
+    def write(self, data: bytes, /) -> int | None: ...
+
+
+@runtime_checkable
+class ClockedChannel(Protocol):
+    """A channel whose time is simulated."""
+
+    def clock_s(self) -> float: ...
+
+
+Channel = str | SerialName | TcpName | UdpName | ByteChannel
+"""What `open_stream` opens."""
 
 
 class SocketStream:
@@ -141,7 +162,7 @@ class SerialStream:
         self.name = port
         self.clock = time.monotonic
         try:
-            self._port: Any = serial.serial_for_url(
+            self._port = serial.serial_for_url(
                 port, baudrate, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True if os.name == "posix" else None
             )
         except (serial.SerialException, OSError, ValueError) as error:
@@ -187,9 +208,9 @@ class ObjectStream:
     it has one, is the clock that time-outs go by, so that a run does not depend on this machine's speed.
     """
 
-    def __init__(self, channel: Any) -> None:
+    def __init__(self, channel: ByteChannel) -> None:
         self.name = str(getattr(channel, "name", type(channel).__name__))
-        self.clock: Callable[[], float] = getattr(channel, "clock_s", time.monotonic)
+        self.clock: Callable[[], float] = channel.clock_s if isinstance(channel, ClockedChannel) else time.monotonic
         self._channel = channel
 
     def read(self, timeout_s: float) -> bytes:
@@ -212,11 +233,11 @@ class ObjectStream:
         """The object belongs to who made it."""
 
 
-def open_stream(channel: Any, baudrate: int) -> Stream:
+def open_stream(channel: Channel, baudrate: int) -> Stream:
     """A parsed name, an object, or text: PORT, PORT@BAUD, socket://HOST:PORT, rfc2217://HOST:PORT, tcp:HOST:PORT,
     udp:PORT. baudrate: of a serial port that names none. Raises OpenError, which is python-can's error too."""
     if isinstance(channel, SerialName):
-        channel, baudrate = channel.port, channel.baud
+        baudrate, channel = channel.baud, channel.port
     if isinstance(channel, str) and channel.startswith(("socket://", "tcp:", "udp:")):
         try:
             channel = parse_network(channel)

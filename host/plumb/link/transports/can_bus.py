@@ -11,9 +11,10 @@ import contextlib
 import errno
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Protocol
+from typing import Protocol, runtime_checkable
 
 import can
+from can.typechecking import CanFilters
 
 from plumb.errors import LinkError
 from plumb.link.transports.byte_stream import ClosedError
@@ -26,6 +27,7 @@ MALFORMED_IN_A_ROW = 8
 """So many pieces of text without a frame between them are no noise on the line but another kind of line."""
 
 
+@runtime_checkable
 class FrameBus(Protocol):
     """What a session speaks through. clock: seconds that pass for what is at the other end. rejected: received frames
     that were thrown away."""
@@ -56,7 +58,7 @@ class DriverBus(can.BusABC):
     """One of python-can's interfaces, opened under a name: its trouble is a ClosedError of one sentence, a malformed
     line costs that line (`malformed` counts them), and closing it never fails."""
 
-    def __init__(self, name: str, driver: can.BusABC, can_filters: Any = None) -> None:
+    def __init__(self, name: str, driver: can.BusABC, can_filters: CanFilters | None = None) -> None:
         self._driver = driver
         self.malformed = self._in_a_row = 0
         self.channel_info = name

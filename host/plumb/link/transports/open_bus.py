@@ -82,7 +82,11 @@ def open_can(name: CanName) -> can.BusABC:
     if isinstance(name, SocketcandName):
         return SocketcandClient(name.host, name.port, name.channel)
     interface, channel, kbit = name.interface, name.channel, name.kbit
-    options: dict[str, Any] = {"interface": interface, "channel": channel, "bitrate": kbit * 1000}
+    options: dict[str, Any] = {  # keywords of an interface, which python-can types Any
+        "interface": interface,
+        "channel": channel,
+        "bitrate": kbit * 1000,
+    }
     if interface == "slcan" and "://" in channel:
         options["sleep_after_open"] = (
             0.0  # two seconds for an adapter that starts when its port is opened: not this one

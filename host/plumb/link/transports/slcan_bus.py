@@ -9,13 +9,13 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Sequence
-from typing import Any
 
 import can
+from can.typechecking import CanFilters
 
 from plumb.errors import LinkError
 from plumb.link.endpoint_names import DEFAULT_BAUD
-from plumb.link.transports.byte_stream import ClosedError, open_stream
+from plumb.link.transports.byte_stream import Channel, ClosedError, open_stream
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.spec.protocol import FRAME_DLC, Frame
 
@@ -35,12 +35,12 @@ class PlumbBus(can.BusABC):
 
     def __init__(
         self,
-        channel: Any,
+        channel: Channel,
         tty_baudrate: int = DEFAULT_BAUD,
         bitrate: int | None = None,
         listen_only: bool = False,
-        can_filters: Any = None,
-        **kwargs: Any,
+        can_filters: CanFilters | None = None,
+        **kwargs: object,
     ) -> None:
         self._stream = open_stream(channel, tty_baudrate)
         self.parser = SlcanParser()
@@ -53,7 +53,7 @@ class PlumbBus(can.BusABC):
         except LinkError:
             self._stream.close()
             raise
-        super().__init__(channel, can_filters=can_filters, **kwargs)
+        super().__init__(self._stream.name, can_filters=can_filters, **kwargs)
 
     # ---- frames, for who wants speed ----
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 import select
 import time
 from collections import deque
-from typing import Any
 
 import can
+from can.typechecking import CanFilters
 
 from plumb.link.transports.server_endpoint import ServerEndpoint
 from plumb.link.transports.slcan import LINE_MAX, frame_of_line, text_of_frames
@@ -28,7 +28,7 @@ class AdapterBus(can.BusABC):
     """open: a host said O or L and not yet C. read_only: it said L, and what it sends is refused. kbit: the bit rate it
     asked for (S4, S5, S6, S8), None as long as it asked for none."""
 
-    def __init__(self, line: ServerEndpoint, can_filters: Any = None, **kwargs: Any) -> None:
+    def __init__(self, line: ServerEndpoint, can_filters: CanFilters | None = None) -> None:
         self._line = line
         self._pending = b""
         self._frames: deque[Frame] = deque()
@@ -37,7 +37,7 @@ class AdapterBus(can.BusABC):
         self.kbit: int | None = None
         self.address = line.address
         self.channel_info = f"SLCAN on {line.address}"
-        super().__init__(line.address, can_filters=can_filters, **kwargs)
+        super().__init__(line.address, can_filters=can_filters)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         self._serve()
