@@ -14,7 +14,6 @@ import argparse
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from plumb.bench.dwarf import Inlined, inlined
 from plumb.bench.m3_timing import (
@@ -137,23 +136,23 @@ class Counter:
             const.UC_HOOK_MEM_READ, self._on_flash_read, begin=code.address, end=code.address + len(code.data)
         )
 
-    def _on_block(self, _uc: Any, address: int, size: int, _data: object) -> None:
+    def _on_block(self, _uc: object, address: int, size: int, _data: object) -> None:
         self._trace.append(address)
         if len(self._trace) > LIMIT_BLOCKS:
             self._uc.emu_stop()
         self._sizes[address] = size
 
-    def _on_unit_read(self, _uc: Any, offset: int, _size: int, _data: object) -> int:
+    def _on_unit_read(self, _uc: object, offset: int, _size: int, _data: object) -> int:
         return crc.remainder(crc.START, self._unit_words) if offset == crc.DR_OFFSET else 0
 
-    def _on_unit_write(self, _uc: Any, offset: int, _size: int, value: int, _data: object) -> None:
+    def _on_unit_write(self, _uc: object, offset: int, _size: int, value: int, _data: object) -> None:
         if offset == crc.DR_OFFSET:
             self._unit_words.append(value)
             self._unit_blocks.add(next(block for block in reversed(self._trace) if block >= 0))
         else:
             self._unit_words.clear()  # the only other register that the firmware writes resets it
 
-    def _on_flash_read(self, _uc: Any, _kind: int, address: int, _size: int, _value: int, _data: object) -> None:
+    def _on_flash_read(self, _uc: object, _kind: int, address: int, _size: int, _value: int, _data: object) -> None:
         symbol = self.image.symbol_at(address)
         if symbol is not None and not symbol.is_function:  # a literal lies in its function, a table does not
             if symbol not in self._tables:
@@ -304,7 +303,7 @@ class InstructionTrace:
         cpu.uc.hook_add(require("unicorn.unicorn_const").UC_HOOK_CODE, self._on_instruction)
         cpu.forget_code()  # what was translated before the hook would not call it
 
-    def _on_instruction(self, _uc: Any, address: int, _size: int, _data: object) -> None:
+    def _on_instruction(self, _uc: object, address: int, _size: int, _data: object) -> None:
         self.addresses.append(address)
 
 

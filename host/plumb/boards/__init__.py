@@ -7,11 +7,11 @@ the same image on silicon, or on a virtual board that another process serves.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,8 @@ import numpy.typing as npt
 from plumb.link.endpoint_names import CanName, SerialName, parse_board
 
 if TYPE_CHECKING:
+    from plumb.f103.machine import Machine
+    from plumb.link.session import Session
     from plumb.spec.records import Words
     from plumb.tuning.quantise import ControlParams
 
@@ -60,8 +62,9 @@ class Stepper(Protocol):
         ...
 
 
-class Board(ABC):
-    """Anything that runs the control step. A context manager: leaving it closes the link."""
+class Board(Protocol):
+    """Anything that runs the control step: fixed, native, qemu, virtual, and a board behind a link. A context manager:
+    leaving it closes the link."""
 
     name: str
 
@@ -77,8 +80,9 @@ class Board(ABC):
     def stepper(self, params: ControlParams) -> Stepper:
         """Reset the controller, and return a run that the caller paces."""
 
-    def close(self) -> None:  # noqa: B027  (most boards hold nothing open)
+    def close(self) -> None:
         """Close the link, if there is one."""
+        return None
 
     def __enter__(self) -> Self:
         return self
@@ -87,6 +91,24 @@ class Board(ABC):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+@runtime_checkable
+class SimulatedBoard(Board, Protocol):
+    """A board whose chip is simulated in this process: its pins can be reached, and its reset pin pulled."""
+
+    @property
+    def machine(self) -> Machine:
+        """The chip."""
+
+    session: Session
+    """The host's conversation with it, until the next restart or reconnect."""
+
+    def restart(self) -> Session:
+        """Pull the reset pin and connect again: what is saved is in force then."""
+
+    def reconnect(self) -> Session:
+        """Connect anew, as after a reset that came from elsewhere."""
 
 
 def open_board(spec: str, *, link: str = "serial", image: Path | None = None) -> Board:

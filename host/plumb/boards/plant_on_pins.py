@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from plumb import systems
+from plumb.boards import SimulatedBoard
 from plumb.boards.strap import BY_PIN_SET, set_strap
-from plumb.boards.virtual import VirtualBoard
 from plumb.boards.virtual_machine import START_US
 from plumb.f103.core.timeline import TICKS_PER_S
 from plumb.f103.machine import Machine
@@ -38,7 +38,7 @@ def coupler(system: str, scenario: Scenario) -> Callable[[Machine], None]:
     return couple
 
 
-def configure_as(board: VirtualBoard, params: ControlParams, **link: int) -> Session:
+def configure_as(board: SimulatedBoard, params: ControlParams, **link: int) -> Session:
     """Configure the board for these parameters; link: parameters outside the control step, by name. The firmware reads
     strap and pin set only at start: for another pin set the parameters are saved, the strap is rewired and the board is
     restarted."""
@@ -52,7 +52,7 @@ def configure_as(board: VirtualBoard, params: ControlParams, **link: int) -> Ses
     return session
 
 
-def show(board: VirtualBoard, name: str, scenario: str | None, seed: int) -> None:
+def show(board: SimulatedBoard, name: str, scenario: str | None, seed: int) -> None:
     """Configure the board for this system, and attach a plant in open loop: it follows the scenario and ignores the
     outputs."""
     system, live = systems.load(name), systems.load(name, PINS)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from plumb.errors import UsageError
 
@@ -20,7 +19,7 @@ def check_arguments(arguments: Sequence[str]) -> None:
             raise UsageError(f"'{argument}' gives no value: write one, or leave it out")
 
 
-def check_numbers(values: Mapping[str, Any]) -> None:
+def check_numbers(values: Mapping[str, object]) -> None:
     """Raises UsageError for the first option that is no number to calculate with; values: parsed, by destination."""
     for name, value in values.items():
         if isinstance(value, float) and not math.isfinite(value):

@@ -17,7 +17,7 @@ import json
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from plumb.cli import options
 
@@ -44,7 +44,7 @@ def main(arguments: argparse.Namespace) -> int:
     options.check_duration(arguments.seconds)
     if arguments.bus and arguments.run:
         raise UsageError("--bus only listens: --run needs --board")
-    summary: dict[str, Any] = {}
+    summary: dict[str, object] = {}
     try:
         with endings() as caught:
             if arguments.bus:
@@ -61,7 +61,7 @@ def main(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def of_bus(arguments: argparse.Namespace, caught: list[int], summary: dict[str, Any]) -> None:
+def of_bus(arguments: argparse.Namespace, caught: list[int], summary: dict[str, object]) -> None:
     """Write every frame of the bus to the log; fill in the summary, whatever ends it."""
     from plumb.inputs.frame_counts import Flow
     from plumb.inputs.recorder import FrameLog
@@ -85,7 +85,7 @@ def of_bus(arguments: argparse.Namespace, caught: list[int], summary: dict[str, 
             summary.update(frames=count, lost=flow.lost, rejected=damaged, foreign=flow.foreign, log=str(arguments.out))
 
 
-def of_board(arguments: argparse.Namespace, caught: list[int], summary: dict[str, Any]) -> None:
+def of_board(arguments: argparse.Namespace, caught: list[int], summary: dict[str, object]) -> None:
     """Record a board into the folder; fill in the summary, whatever ends it."""
     from plumb.cli.monitor import attach_plant
     from plumb.inputs.recorder import Recorder

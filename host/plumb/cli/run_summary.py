@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from plumb.errors import ExitCode, exit_code_of
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from plumb.proof.runs import Run
 
 
-def report(arguments: argparse.Namespace, run: Run, summary: dict[str, Any]) -> ExitCode:
+def report(arguments: argparse.Namespace, run: Run, summary: dict[str, object]) -> ExitCode:
     """Write the folder of --out, print the summary, and return the exit code of the verdict."""
     if arguments.out:
         from plumb.proof import run_report

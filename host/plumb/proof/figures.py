@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from multiprocessing import Pool
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 from plumb import systems
 from plumb.proof.report import Plot, plot_svg, write_whole
@@ -63,7 +63,7 @@ class Figure:
             case _:
                 return bool(abs(self.reached - self.reach) <= (ABOUT if self.sense == "about" else NEAR) * self.reach)
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, object]:
         return {**asdict(self), "met": self.met}
 
 

@@ -11,7 +11,6 @@ import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from tqdm import tqdm
 
@@ -138,7 +137,7 @@ class Result:
             return "fail"
         return "pass" if self.unverified_from is None and self.vectors else "unverified"
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, object]:
         first = self.first_divergence
         return {
             "vectors": self.vectors,

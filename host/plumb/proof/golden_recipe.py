@@ -125,7 +125,7 @@ class Entry:
     scenario: str | None = None
     wild: str | None = None
     on_link: bool = False
-    set: dict[str, Any] = field(default_factory=dict)
+    set: dict[str, object] = field(default_factory=dict)
 
     def params(self) -> ControlParams:
         """The parameters of the vector."""

@@ -6,9 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from plumb import systems
-from plumb.boards import Answer, RawCounts
+from plumb.boards import Answer, RawCounts, SimulatedBoard
 from plumb.boards.plant_on_pins import FOUND_US, configure_as, sampling_began_s
-from plumb.boards.virtual import VirtualBoard
 from plumb.errors import LinkError
 from plumb.link.identity import disarmed_text
 from plumb.link.realtime import Capture
@@ -22,7 +21,7 @@ STANDSTILL_US = 500_000
 """Without a step for so long, the run is over: a sensor gives no samples any more."""
 
 
-def run_live(board: VirtualBoard, scenario: Scenario, params: ControlParams, *, open_loop: bool = False) -> Run:
+def run_live(board: SimulatedBoard, scenario: Scenario, params: ControlParams, *, open_loop: bool = False) -> Run:
     """Arm, run the scenario in real time on live sensors, disarm, and judge what was streamed.
 
     Raises LinkError when the board disarms itself or falls silent on the way.

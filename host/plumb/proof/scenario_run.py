@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from plumb import systems
-from plumb.boards import Board, open_board
+from plumb.boards import Board, SimulatedBoard, open_board
 from plumb.errors import UsageError
 from plumb.physics import disturbance
 from plumb.proof import runs
@@ -104,10 +104,9 @@ def _run(board: Board, request: RunRequest, scenario: Scenario, params: ControlP
     """On the board's own sensors, with prescribed motion, or with the loop closed. `qemu` takes whole vectors: the
     native core closes its loop, then QEMU runs the same inputs."""
     if request.live:
-        from plumb.boards.virtual import VirtualBoard
         from plumb.proof import live_run
 
-        assert isinstance(board, VirtualBoard)
+        assert isinstance(board, SimulatedBoard)
         return live_run.run_live(board, scenario, params, open_loop=not closes)
     if not closes:
         return runs.open_loop(board, runs.prescribed(scenario), params)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import can
 
 from plumb import systems
-from plumb.boards import plant_on_pins
+from plumb.boards import SimulatedBoard, plant_on_pins
 from plumb.boards.virtual import VirtualBoard
 from plumb.errors import LinkError, UsageError
 from plumb.f103.core.timeline import TICKS_PER_S
@@ -55,7 +55,7 @@ class Scene:
 
     name: str
     link: str
-    board: VirtualBoard
+    board: SimulatedBoard
     coupling: Coupling
     image: Path | None = None
     heard: list[Heard] = field(default_factory=list)

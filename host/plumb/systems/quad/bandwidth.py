@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any
 
 from plumb.errors import UsageError
 from plumb.physics.sensors import ADC_COUNTS, ADC_NOISE_LSB, ADC_REFERENCE_V, Mma7260
@@ -38,7 +37,7 @@ class Choice:
     gain: float
     phase_deg: float
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, object]:
         return asdict(self)
 
 
