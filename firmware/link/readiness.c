@@ -1,6 +1,5 @@
 #include "readiness.h"
 #include "arming.h"
-#include "generated/messages.h"
 
 #define US_Q33 8590U /* 1 us in s Q33, 8 ppm too long; periods are 0.1 s at most */
 
@@ -31,11 +30,10 @@ uint16_t readiness_blocked(const readiness_t *r, const plausibility_bounds_t *bo
     return (uint16_t)blocked;
 }
 
-void readiness_send(const readiness_t *r, const plausibility_bounds_t *bounds, outbox_t *outbox) {
+message_plausibility_t readiness_message(const readiness_t *r, const plausibility_bounds_t *bounds) {
     const bool known = bounds != NULL;
-    const message_plausibility_t m = {.failed = known ? r->plausibility.failed : 0U,
-                                      .missing = known ? r->plausibility.missing : 0U,
-                                      .disarmed_by = r->disarmed_by};
 
-    outbox_telemetry(outbox, message_plausibility_pack(&m), 0);
+    return (message_plausibility_t){.failed = known ? r->plausibility.failed : 0U,
+                                    .missing = known ? r->plausibility.missing : 0U,
+                                    .disarmed_by = r->disarmed_by};
 }

@@ -6,8 +6,8 @@
 #define PLUMB_LINK_READINESS_H
 
 #include "core/plausibility.h"
+#include "generated/messages.h"
 #include "generated/params.h"
-#include "outbox.h"
 
 typedef struct {
     plausibility_t plausibility;
@@ -25,7 +25,7 @@ void readiness_step(readiness_t *r, const plausibility_bounds_t *bounds, const p
  * missing and the board is not armed. */
 uint16_t readiness_blocked(const readiness_t *r, const plausibility_bounds_t *bounds, bool armed);
 
-/* Send PLAUSIBILITY to one link. */
-void readiness_send(const readiness_t *r, const plausibility_bounds_t *bounds, outbox_t *outbox);
+/* PLAUSIBILITY. */
+message_plausibility_t readiness_message(const readiness_t *r, const plausibility_bounds_t *bounds);
 
 #endif

@@ -217,22 +217,44 @@ bool session_transmit_frame(session_t *s, can_frame_t *frame) {
 }
 
 void session_send_readiness(session_t *s, link_t link) {
-    readiness_send(&s->readiness, bounds_checked(s), s->routing.link[link].outbox);
+    const message_plausibility_t m = readiness_message(&s->readiness, bounds_checked(s));
+
+    outbox_telemetry(s->routing.link[link].outbox, message_plausibility_pack(&m), 0);
 }
 
-static void send_status(session_t *s, link_t link) {
+/* To one link that is open: what changed; all of it when its time has come. */
+static void send_status(session_t *s, link_t link, bool all, uint32_t now_us) {
     const routing_link_t *const l = &s->routing.link[link];
-    const message_status_t status = {.mode = (uint16_t)s->run.mode, .blocked = arming_blocked(s, link)};
+    message_status_t status = {.mode = (uint16_t)s->run.mode, .blocked = arming_blocked(s, link)};
     const message_events_t events = {
         .saturated = s->run.saturated, .starved = s->run.starved, .disarm_cause = s->arming.cause};
+    const message_plausibility_t plausibility = readiness_message(&s->readiness, bounds_checked(s));
+    const status_round_t round = {.link = l,
+                                  .news = &s->buffers->news[link],
+                                  .now_us = now_us,
+                                  .all = all,
+                                  .counts = s->run.mode == RUN_REALTIME};
     unsigned flags = 0;
 
     flags |= arming_armed(&s->arming) ? MESSAGE_STATUS_ARMED : 0U;
     flags |= s->run.live ? MESSAGE_STATUS_LIVE : 0U;
     flags |= s->staging.pending ? MESSAGE_STATUS_STAGED : 0U;
     flags |= l->read_only ? MESSAGE_STATUS_READ_ONLY : 0U;
-    status_send(&s->status, l, status, (uint8_t)flags, &events);
-    session_send_readiness(s, link);
+    status_send(&s->status, &round, &status, (uint8_t)flags, &events, &plausibility);
+}
+
+/* In lockstep nothing can be armed, and the host compares every step: there a change waits for its turn. */
+static void send_news(session_t *s, uint32_t now_us) {
+    const bool all = status_due(&s->status, now_us);
+
+    if (!all && s->run.mode == RUN_LOCKSTEP) {
+        return;
+    }
+    for (unsigned i = 0; i < LINKS; i++) {
+        if (s->routing.link[i].open) {
+            send_status(s, (link_t)i, all, now_us);
+        }
+    }
 }
 
 /* Sends the next keep-alive value to the host that armed, ahead of all frames queued for its link. */
@@ -256,18 +278,11 @@ static void send_long_replies(session_t *s, uint32_t now_us) {
     }
 }
 
-static void send_periodic(session_t *s, uint32_t now_us) {
+static void send_time(session_t *s, uint32_t now_us) {
     if (status_time_due(&s->status, now_us)) {
         const message_time_t m = {.step = s->run.step, .time = now_us};
 
         routing_telemetry(&s->routing, message_time_pack(&m), s->run.mode != RUN_IDLE ? s->run.tag : 0U);
-    }
-    if (status_due(&s->status, now_us)) {
-        for (unsigned i = 0; i < LINKS; i++) {
-            if (s->routing.link[i].open) {
-                send_status(s, (link_t)i);
-            }
-        }
     }
 }
 
@@ -283,9 +298,10 @@ __attribute__((noinline)) void session_poll(session_t *s, uint32_t now_us) {
     arming_poll(&s->arming, arming_blocked(s, s->run.links.owner), now_us);
     issue_keepalive(s, now_us);
     setpoint_poll(&s->run.setpoint, session_driving(s), now_us);
+    send_news(s, now_us);
     send_words(s);
     send_long_replies(s, now_us);
-    send_periodic(s, now_us);
+    send_time(s, now_us);
 }
 
 /* ---- start ---- */

@@ -48,6 +48,7 @@ typedef struct {
     params_t staged;
     run_sample_t queue[RUN_QUEUE_LENGTH];
     uint32_t digest[RUN_QUEUE_LENGTH];
+    status_news_t news[LINKS];
 } session_buffers_t;
 
 /* State that decides whether and how an actuator moves: the board keeps a check word over all of it

@@ -15,26 +15,90 @@ bool status_due(status_t *s, uint32_t now_us) {
     return due(&s->status_us, STATUS_PERIOD_US, now_us);
 }
 
-void status_send(const status_t *s, const routing_link_t *l, message_status_t status, uint8_t flags,
-                 const message_events_t *events) {
-    const message_counters_t counters = {
-        .rejected = l->rejected, .lost = l->lost, .dropped = l->outbox->dropped};
-    const message_sensors_t sensors = {
-        .analog = (uint16_t)(s->sensors.railed | (unsigned)s->sensors.stuck << 8),
-        .digital = (uint16_t)(s->sensors.gyro | (unsigned)s->sensors.accel << 8),
-        .bus_failures = s->sensors.bus_failures};
+/* True when a frame is to be sent now: its turn has come, or its event changed. A change that finds no room
+ * waits for the next call. */
+static bool told_now(const status_round_t *round, status_told_t *told, uint32_t state, uint32_t count) {
+    const uint32_t since_us = round->now_us - told->changed_us;
+    const bool changed = (state != told->state && since_us >= STATUS_STATE_US) ||
+                         (round->counts && count != told->count && since_us >= STATUS_COUNT_US);
 
-    status.faults = (uint16_t)(s->faults & 0xFFFFU);
-    outbox_telemetry(l->outbox, message_status_pack(&status), flags);
-    outbox_telemetry(l->outbox, message_counters_pack(&counters), 0);
-    outbox_telemetry(l->outbox, message_events_pack(events), 0);
-    if (s->can != NULL) {
-        const message_can_health_t health = {.transmit_errors = s->can->transmit_errors,
-                                             .receive_errors = s->can->receive_errors,
-                                             .bus_offs = s->can->bus_offs};
-        const unsigned off = s->can->bus_off ? MESSAGE_CAN_HEALTH_BUS_OFF : 0U;
-
-        outbox_telemetry(l->outbox, message_can_health_pack(&health), (uint8_t)(s->can->last_error | off));
+    if (!round->all && !changed) {
+        return false;
     }
-    outbox_telemetry(l->outbox, message_sensors_pack(&sensors), 0);
+    if (!outbox_telemetry_fits(round->link->outbox, 1)) {
+        return round->all; /* to be counted as dropped */
+    }
+    told->state = state;
+    told->count = count;
+    told->changed_us = changed ? round->now_us : told->changed_us;
+    return true;
+}
+
+/* Two values of 16 bits as one state or count. */
+static uint32_t both(uint16_t low, uint16_t high) {
+    return low | (uint32_t)high << 16;
+}
+
+/* Each kind is a function of its own, not inlined: one frame at a time is on the stack. */
+#define ONE_KIND __attribute__((noinline)) static void
+
+ONE_KIND send_state(const status_round_t *round, const message_status_t *m, uint8_t flags) {
+    if (told_now(round, &round->news->status, both(m->faults, flags & MESSAGE_STATUS_ARMED), 0)) {
+        outbox_telemetry(round->link->outbox, message_status_pack(m), flags);
+    }
+}
+
+ONE_KIND send_counters(const status_round_t *round) {
+    const routing_link_t *const l = round->link;
+    const message_counters_t m = {.rejected = l->rejected, .lost = l->lost, .dropped = l->outbox->dropped};
+
+    if (told_now(round, &round->news->counters, 0, both(m.rejected, m.lost))) {
+        outbox_telemetry(l->outbox, message_counters_pack(&m), 0);
+    }
+}
+
+ONE_KIND send_events(const status_round_t *round, const message_events_t *m) {
+    if (told_now(round, &round->news->events, m->disarm_cause, 0)) {
+        outbox_telemetry(round->link->outbox, message_events_pack(m), 0);
+    }
+}
+
+ONE_KIND send_can(const status_round_t *round, const board_can_health_t *can) {
+    const message_can_health_t m = {.transmit_errors = can->transmit_errors,
+                                    .receive_errors = can->receive_errors,
+                                    .bus_offs = can->bus_offs};
+    const unsigned off = can->bus_off ? MESSAGE_CAN_HEALTH_BUS_OFF : 0U;
+
+    if (told_now(round, &round->news->can, off, m.bus_offs)) {
+        outbox_telemetry(round->link->outbox, message_can_health_pack(&m), (uint8_t)(can->last_error | off));
+    }
+}
+
+ONE_KIND send_sensors(const status_round_t *round, const board_health_t *health) {
+    const message_sensors_t m = {.analog = (uint16_t)(health->railed | (unsigned)health->stuck << 8),
+                                 .digital = (uint16_t)(health->gyro | (unsigned)health->accel << 8),
+                                 .bus_failures = health->bus_failures};
+
+    if (told_now(round, &round->news->sensors, both(m.analog, m.digital), m.bus_failures)) {
+        outbox_telemetry(round->link->outbox, message_sensors_pack(&m), 0);
+    }
+}
+
+ONE_KIND send_plausibility(const status_round_t *round, const message_plausibility_t *m) {
+    if (told_now(round, &round->news->plausibility, both(m->failed, m->disarmed_by), 0)) {
+        outbox_telemetry(round->link->outbox, message_plausibility_pack(m), 0);
+    }
+}
+
+void status_send(const status_t *s, const status_round_t *round, message_status_t *status, uint8_t flags,
+                 const message_events_t *events, const message_plausibility_t *plausibility) {
+    status->faults = (uint16_t)(s->faults & 0xFFFFU);
+    send_state(round, status, flags);
+    send_counters(round);
+    send_events(round, events);
+    if (s->can != NULL) {
+        send_can(round, s->can);
+    }
+    send_sensors(round, &s->sensors);
+    send_plausibility(round, plausibility);
 }

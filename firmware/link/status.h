@@ -1,6 +1,7 @@
-/* Status: the last reported state of the board, and its periodic frames: TIME every STATUS_TIME_US; STATUS,
- * COUNTERS, EVENTS, CAN_HEALTH and SENSORS every STATUS_PERIOD_US, to each open link. Times are in us of the
- * board's clock, modulo 2^32. */
+/* Status: what the board reported last, and the frames that tell it: TIME every STATUS_TIME_US; STATUS,
+ * COUNTERS, EVENTS, CAN_HEALTH, SENSORS and PLAUSIBILITY to each open link every STATUS_PERIOD_US, and one of
+ * them at once when an event in it changed. A fault must not wait for its turn of 100 ms. Times are in us of
+ * the board's clock, modulo 2^32. */
 #ifndef PLUMB_LINK_STATUS_H
 #define PLUMB_LINK_STATUS_H
 
@@ -12,6 +13,28 @@
 
 #define STATUS_TIME_US   50000U
 #define STATUS_PERIOD_US 100000U
+
+/* Between two frames of one kind that are sent because of a change: of a state (faults, armed, why it was
+ * disarmed, why a sensor is not to be trusted), and of a counter, which may run for as long as its cause. */
+#define STATUS_STATE_US 2000U
+#define STATUS_COUNT_US 20000U
+
+/* What was last told of a frame's event: its state and its count, packed. */
+typedef struct {
+    uint32_t state;
+    uint32_t count;
+    uint32_t changed_us; /* last time it was sent because of a change */
+} status_told_t;
+
+/* What one link was told last; what changes while it is closed is told when it opens. */
+typedef struct {
+    status_told_t status;
+    status_told_t counters;
+    status_told_t events;
+    status_told_t can;
+    status_told_t sensors;
+    status_told_t plausibility;
+} status_news_t;
 
 typedef struct {
     uint32_t faults;               /* present BOARD_FAULT_* */
@@ -25,9 +48,18 @@ typedef struct {
 bool status_time_due(status_t *s, uint32_t now_us);
 bool status_due(status_t *s, uint32_t now_us);
 
-/* Send STATUS with the given mode, blocked and flags, COUNTERS of the link, EVENTS, CAN_HEALTH and SENSORS.
- */
-void status_send(const status_t *s, const routing_link_t *link, message_status_t status, uint8_t flags,
-                 const message_events_t *events);
+/* A link and what it is to be told now. */
+typedef struct {
+    const routing_link_t *link;
+    status_news_t *news;
+    uint32_t now_us;
+    bool all;    /* STATUS_PERIOD_US are over */
+    bool counts; /* counters are told at once, too: a run in real time is on */
+} status_round_t;
+
+/* Call on every turn of the loop for an open link: sends the frames that are due. status, flags: mode,
+ * blocked and flags of STATUS; its faults are filled in. */
+void status_send(const status_t *s, const status_round_t *round, message_status_t *status, uint8_t flags,
+                 const message_events_t *events, const message_plausibility_t *plausibility);
 
 #endif

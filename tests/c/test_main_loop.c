@@ -255,6 +255,75 @@ static void live_steps_come_with_every_period(void) {
     (void)ask(MESSAGE_RUN_END_ID, 0, 0, MESSAGE_ACK_ID);
 }
 
+/* Time in us, at most limit_us, until the board says this about a word of a frame; limit_us: it does not. */
+static uint32_t told_after_us(uint16_t id, unsigned byte, uint8_t bit, uint32_t limit_us) {
+    uint32_t us = 0;
+    for (heard_count = 0; us < limit_us; us += 1000U) {
+        const can_frame_t *const f = last(id);
+        if (f != NULL && (f->data[byte] >> bit & 1U) != 0U) {
+            break;
+        }
+        pass(1000);
+    }
+    return us;
+}
+
+/* The moment at which the periodic report is longest away. */
+static void wait_for_report(void) {
+    pass(50000); /* whatever changed before has been told */
+    heard_count = 0;
+    for (unsigned i = 0; i < 200U && last(MESSAGE_STATUS_ID) == NULL; i++) {
+        pass(1000);
+    }
+    CHECK(last(MESSAGE_STATUS_ID) != NULL);
+    pass(5000);
+}
+
+static void an_event_is_told_at_once(uint32_t system) {
+    const bool digital = declared(system)->sensors == BOARD_SENSORS_BALANCE;
+    system_board(system);
+    begin(MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE);
+    pass(200000);
+    wait_for_report();
+    native.faults = BOARD_FAULT_IMAGE;
+    CHECK(told_after_us(MESSAGE_STATUS_ID, 6, 3, 90000) <= 3000U);
+    native.faults = 0;
+    wait_for_report();
+    (void)ask(MESSAGE_DISARM_ID, 0, 0, MESSAGE_ACK_ID);
+    native.gyro = digital ? BOARD_SENSOR_NO_ANSWER : 0U;
+    native.railed = digital ? 0U : 1U;
+    if (declared(system)->sensors != BOARD_SENSORS_NONE) {
+        const uint8_t bit = digital && (BOARD_SENSOR_NO_ANSWER & 1U) == 0U ? 1U : 0U;
+        CHECK(told_after_us(MESSAGE_SENSORS_ID, digital ? 4U : 2U, bit, 90000) <= 3000U);
+    }
+    native.gyro = native.railed = 0U;
+    /* What stays as it is waits for its turn. */
+    wait_for_report();
+    heard_count = 0;
+    pass(80000);
+    CHECK(count_of(MESSAGE_STATUS_ID) == 0U && count_of(MESSAGE_EVENTS_ID) == 0U);
+    CHECK(count_of(MESSAGE_COUNTERS_ID) == 0U && count_of(MESSAGE_SENSORS_ID) == 0U);
+    /* A counter that runs is told at once, and then not more often than every 20 ms. */
+    wait_for_report();
+    heard_count = 0;
+    for (unsigned i = 0; i < 80U; i++) {
+        can_frame_t f = {.id = MESSAGE_DISARM_ID, .dlc = CAN_FRAME_DLC};
+        put(&f); /* without its CRC */
+        pass(1000);
+        CHECK(i < 3U || count_of(MESSAGE_COUNTERS_ID) >= 1U);
+    }
+    CHECK(count_of(MESSAGE_COUNTERS_ID) <= 5U);
+}
+
+static void disarming_is_told_at_once(uint32_t system) {
+    system_board(system);
+    drive();
+    wait_for_report();
+    native.faults = BOARD_FAULT_IMAGE;
+    CHECK(told_after_us(MESSAGE_EVENTS_ID, 6, 3, 90000) <= 3000U);
+    CHECK(last(MESSAGE_STATUS_ID) != NULL);
+}
+
 static void silence_disarms(void) {
     drive();
     pass(500000);
@@ -439,8 +508,10 @@ int main(void) {
             system_board(system);
             lockstep_digests_are_the_core_s(system);
             live_steps_come_with_every_period();
+            an_event_is_told_at_once(system);
             if (declared(system)->output != CONTROL_OUTPUT_NONE) {
                 silence_disarms();
+                disarming_is_told_at_once(system);
                 for (size_t i = 0; i < sizeof troubles / sizeof troubles[0]; i++) {
                     trouble_leaves_the_outputs_safe(system, &troubles[i]);
                 }

@@ -120,6 +120,18 @@ def test_every_row_starts_from_the_same_moment(runner: Runner) -> None:
 
 
 @pytest.mark.slow
+def test_a_frozen_gyro_is_told_alone() -> None:
+    """The pins of the accelerometer go on moving while that of the gyro is held."""
+    with Runner("quad", phases=1) as runner:
+        frozen, held_off = [
+            runner.run(fault) for fault in table.chosen(["gyro-frozen", "gyro-held-off"]) if runner.applies(fault)
+        ]
+    assert frozen.verdict == held_off.verdict == "pass"
+    assert frozen.reported.endswith("SENSORS.analog: input PA0 does not change")
+    assert held_off.reported == "EVENTS.disarm_cause: the sensors are implausible"
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DRIVEN)
 def test_host_silent_over_many_phases(name: str) -> None:
     """Whatever the phase of steps, pulses and keep-alives, over either link."""

@@ -45,3 +45,21 @@ def test_reading_a_pin_leaves_the_plant_where_it_is(name: str) -> None:
                 source(now_s + 0.5), source(0.0)
             assert source(now_s) == volts
         assert go_on() == unread
+
+
+@pytest.mark.parametrize("name", ["quad", "turntable"])
+def test_a_held_pin_leaves_the_other_pins_to_the_plant(name: str) -> None:
+    system, live = systems.load(name), systems.load(name, "pins")
+    with VirtualBoard() as board:
+        board.session.upload(quantise(system.TUNINGS[live.TUNING]).words(), period_us=system.PERIOD_US, **system.LINK)
+        machine = board.machine
+        coupling = live.Coupling(machine, system.plant(system.scenario(live.SHOWN, 1, seconds=1.0)))
+        board.session.begin("REALTIME_LIVE", frames=live.FRAMES)
+        machine.adc[live.ADC_PINS[0]] = 1.5
+        seen = set()
+        for _ in range(STEPS):
+            machine.advance_us(system.PERIOD_US)
+            seen.add(tuple(machine.adc.sampled(pin, machine.now_s) for pin in live.ADC_PINS[1:]))
+        assert len(coupling.taken) >= STEPS - 1
+        assert len(seen) >= STEPS - 1
+        assert machine.adc.sampled(live.ADC_PINS[0], machine.now_s) == 1.5

@@ -89,8 +89,8 @@ class AdcPins(dict[str, VoltSource]):
     """Pin name -> its voltage source; a pin without a source is at 0 V. Reading a source does not change it.
 
     before_conversion: pin -> function that is called before each conversion of that pin, in order of time, with the
-    sampling instant in simulated seconds: it advances the plant up to then. Setting a new source for the pin removes
-    the function.
+    sampling instant in simulated seconds: it advances the plant up to then. It is called whatever the pin's source is:
+    a pin that a fault holds leaves the plant and its other pins as they are.
     """
 
     def __init__(self) -> None:
@@ -101,7 +101,6 @@ class AdcPins(dict[str, VoltSource]):
         if pin not in ADC_PINS:
             raise UsageError(f"'{pin}' is no ADC input; use one of {', '.join(ADC_PINS)}")
         super().__setitem__(pin, source)
-        self.before_conversion.pop(pin, None)
 
     def sampled(self, pin: str, time_s: float) -> float:
         """Volts that a conversion of the pin at time_s samples, after before_conversion has advanced the plant."""

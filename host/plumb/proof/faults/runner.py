@@ -21,7 +21,7 @@ LISTEN_ON_S = 0.1
 BRIEF_S = 0.02
 """The same, at every phase but the first."""
 REPORT_S = 0.15
-"""Time to listen after a restart: the board sends STATUS, EVENTS and COUNTERS every 100 ms."""
+"""Time to listen after a restart: the board sends STATUS, EVENTS and COUNTERS every 100 ms at the latest."""
 AFTER_S = 0.15
 """Time to watch the outputs after Fault.after: a latched output must stay neutral."""
 RESTART_S = 0.1
