@@ -49,7 +49,8 @@ def test_reading_a_pin_leaves_the_plant_where_it_is(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["quad", "turntable"])
 def test_a_held_pin_leaves_the_other_pins_to_the_plant(name: str) -> None:
-    system, live = systems.load(name), systems.load(name, "pins")
+    system, live = systems.load(name), systems.load(name, PINS)
+    assert isinstance(live, AnalogPins)
     with VirtualBoard() as board:
         board.session.upload(quantise(system.TUNINGS[live.TUNING]).words(), period_us=system.PERIOD_US, **system.LINK)
         machine = board.machine
