@@ -1,4 +1,7 @@
-"""The virtual board's CAN bus served to other processes, and stock python-can interfaces that reach it."""
+"""The virtual board's CAN bus served to other processes, and stock python-can interfaces that reach it.
+
+All in slow time: a CAN link closes when its host is silent for two seconds.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 
 import can
@@ -27,6 +29,7 @@ from plumb.link.session import Session
 from plumb.link.transports.open_bus import open_bus
 from plumb.link.transports.server_endpoint import open_endpoint
 from plumb.spec import parameters
+from support import slow_time
 
 try:
     find_image()
@@ -37,13 +40,14 @@ Served = Callable[..., list[str]]
 
 
 @pytest.fixture
-def served() -> Iterator[Served]:
+def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
     """--can SPEC, other options -> the names under which the board's ends can be reached: CAN first, then the UART."""
+    slow_time.slow_down(monkeypatch)
     processes = []
 
     def start(spec: str, *options: str) -> list[str]:
-        command = [sys.executable, "-m", "plumb", "virtual-board", "--serial", "pty", "--can", spec, *options]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        command, environment = slow_time.command("virtual-board", "--serial", "pty", "--can", spec, *options)
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
         processes.append(process)
         assert process.stdout is not None
         found = [re.search(r"use it as (\S+);", process.stdout.readline()) for _ in range(2)]
@@ -52,7 +56,7 @@ def served() -> Iterator[Served]:
     yield start
     for process in processes:
         process.send_signal(signal.SIGTERM)
-        assert process.wait(timeout=240) == 0
+        assert process.wait() == 0
 
 
 def table_crc(session: Session) -> int:
@@ -86,6 +90,8 @@ def test_both_ends_from_two_hosts_and_stock_slcan_on_the_uart(served: Served) ->
 
 RUNNING_HOST = """
 import sys
+from support import slow_time
+slow_time.begin()
 from plumb.link.transports.open_bus import open_bus
 from plumb.link.session import Session
 
@@ -101,16 +107,20 @@ with Session.over(open_bus(sys.argv[1])) as session:
 def test_one_of_two_hosts_is_killed_and_the_other_loses_nothing(served: Served) -> None:
     """Both hear every step of a run that was begun over CAN; its host dies, the run goes on for the other one."""
     bus, uart = served("slcan:tcp:0", "--system", "quad")
-    host = subprocess.Popen([sys.executable, "-c", RUNNING_HOST, bus], stdout=subprocess.PIPE, text=True)
+    _, environment = slow_time.command()
+    host = subprocess.Popen(
+        [sys.executable, "-c", RUNNING_HOST, bus], stdout=subprocess.PIPE, text=True, env=environment
+    )
     try:
         assert host.stdout is not None and host.stdout.readline() == "runs\n"
         with Session.open(uart.removeprefix("serial:")) as watcher:
             capture = Capture(watcher)
             watcher.listener = capture.feed
-            for steps, then in ((40, host.kill), (160, watcher.end)):  # 3.2 s: the dead host's link is closed by then
-                end = time.monotonic() + 60
+            for steps, then in (
+                (20, host.kill),
+                (130, watcher.end),
+            ):  # 2.2 s later: the dead host's link is closed by then
                 while len(capture.digest) < steps:
-                    assert time.monotonic() < end
                     watcher.receive(0.02)
                 then()
             first, last = min(capture.digest), max(capture.digest)
@@ -125,25 +135,27 @@ def test_one_of_two_hosts_is_killed_and_the_other_loses_nothing(served: Served) 
 
 
 @pytest.mark.slow
-def test_an_adapter_set_to_another_bit_rate_hears_nothing(served: Served) -> None:
+def test_an_adapter_set_to_another_bit_rate_hears_nothing(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     bus, _ = served("slcan:tcp:0")
     channel = bus.removeprefix("can:slcan:")
     for bitrate in (250_000, 500_000):
         other = can.Bus(interface="slcan", channel=channel, bitrate=bitrate, sleep_after_open=0)
         if bitrate == 250_000:
-            with pytest.raises(LinkError, match="can_bitrate_kbit is the bus's bit rate"):
-                Session.over(other)
+            with monkeypatch.context() as short:
+                short.setattr("plumb.link.session.REPLY_TIMEOUT_S", 0.02)
+                with pytest.raises(LinkError, match="can_bitrate_kbit is the bus's bit rate"):
+                    Session.over(other)
         else:
             with Session.over(other) as session:
                 assert session.read_parameters()
-                end = time.monotonic() + 60
-                while "CAN_HEALTH" not in session.telemetry and time.monotonic() < end:
+                while "CAN_HEALTH" not in session.telemetry:
                     session.receive(0.05)
                 assert session.telemetry["CAN_HEALTH"]["bus_offs"] == 0
 
 
-def test_any_python_can_bus_can_be_the_boards() -> None:
+def test_any_python_can_bus_can_be_the_boards(monkeypatch: pytest.MonkeyPatch) -> None:
     """python-can's own virtual bus, with other traffic on it: the machine is one node of it."""
+    slow_time.slow_down(monkeypatch)
     machine, line = open_machine(), open_endpoint("pty")
     node, host, stranger = (can.Bus(interface="virtual", channel="joint", receive_own_messages=False) for _ in range(3))
     stop = threading.Event()

@@ -26,6 +26,7 @@ from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters
 from plumb.spec.protocol import Frame, check, protocol
 from support.native_board import NativeBoard
+from support.slow_time import slow_down
 
 WAIT_S = 60.0
 """For what comes at once, on a machine that may have other things to do."""
@@ -189,7 +190,9 @@ class Served:
 
 
 @pytest.fixture
-def port() -> Iterator[str]:
+def port(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """A board behind a terminal; board and host in slow time."""
+    slow_down(monkeypatch)
     master, slave = os.openpty()
     tty.setraw(master)
     tty.setraw(slave)
