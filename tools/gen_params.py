@@ -43,7 +43,7 @@ uint32_t params_word(const params_t *p, uint16_t index);
 void params_set_word(params_t *p, uint16_t index, uint32_t value);
 bool params_in_range(uint16_t index, uint32_t value);
 
-/* What stays when numbers change: the CRC-16 of a row's name, never 0xFFFF. A row renamed is another row. */
+/* What stays when numbers and names change: the CRC-16 of a row's first name, never 0xFFFF. */
 uint16_t params_id(uint16_t index);
 
 /* The row with that id; PARAMS_COUNT: this version has none. */

@@ -44,8 +44,11 @@ def records() -> str:
         carried = _carried(system)
         lines += [f"## {system.name}", "", f"System {system.number}: {system.title}.", "", "Raw channels:", ""]
         lines += _table(
-            ("raw", "name", "unit", "meaning"),
-            [(str(i), channel.name, channel.unit, channel.doc) for i, channel in enumerate(system.channels)],
+            ("raw", "name", "unit", "calibration", "meaning"),
+            [
+                (str(i), channel.name, channel.unit, channel.calibration, channel.doc)
+                for i, channel in enumerate(system.channels)
+            ],
         )
         lines += ["Frames of a step, chosen by SELECT bank 0:", ""]
         lines += _table(

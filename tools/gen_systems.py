@@ -28,7 +28,7 @@ NO_WORD = 255
 def control_params_h(systems: Iterable[System], rows: Sequence[Parameter]) -> str:
     """Numbers of the systems, and the table of parameters as structs."""
     systems = tuple(systems)
-    shared = dict(parameters.shared()["structs"])
+    shared = dict(declarations.shared()["structs"])
     includes = list(shared.pop("includes"))
     structs: dict[str, str] = shared
     for system in sorted(systems, key=lambda system: system.name):

@@ -57,8 +57,8 @@ typedef struct {
 typedef struct {
     uint32_t system; /* CONTROL_* */
     calibration_params_t gyro;
-    calibration_params_t accel_y;
-    calibration_params_t accel_z;
+    calibration_params_t accel;
+    calibration_params_t accel_up;
     tilt_params_t tilt;
     kalman_params_t kalman;
     kalman_start_t start;

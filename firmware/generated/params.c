@@ -67,14 +67,14 @@ static const uint8_t range_of[PARAMS_COUNT] = {
     1U, /* gyro.raw_max */
     2U, /* gyro.gain */
     2U, /* gyro.offset */
-    1U, /* accel_y.raw_min */
-    1U, /* accel_y.raw_max */
-    2U, /* accel_y.gain */
-    2U, /* accel_y.offset */
-    1U, /* accel_z.raw_min */
-    1U, /* accel_z.raw_max */
-    2U, /* accel_z.gain */
-    2U, /* accel_z.offset */
+    1U, /* accel.raw_min */
+    1U, /* accel.raw_max */
+    2U, /* accel.gain */
+    2U, /* accel.offset */
+    1U, /* accel_up.raw_min */
+    1U, /* accel_up.raw_max */
+    2U, /* accel_up.gain */
+    2U, /* accel_up.offset */
     3U, /* tilt.mode */
     4U, /* tilt.r_base */
     5U, /* tilt.r_gain */
@@ -188,14 +188,14 @@ static const uint32_t defaults[PARAMS_COUNT] = {
     0x0000079FU, /* 2: gyro.raw_max */
     0x000DAE7DU, /* 3: gyro.gain */
     0xA6729F46U, /* 4: gyro.offset */
-    0x00000199U, /* 5: accel_y.raw_min */
-    0x00000E67U, /* 6: accel_y.raw_max */
-    0x00010800U, /* 7: accel_y.gain */
-    0xF7C00000U, /* 8: accel_y.offset */
-    0x00000199U, /* 9: accel_z.raw_min */
-    0x00000E67U, /* 10: accel_z.raw_max */
-    0x00010800U, /* 11: accel_z.gain */
-    0xF7C00000U, /* 12: accel_z.offset */
+    0x00000199U, /* 5: accel.raw_min */
+    0x00000E67U, /* 6: accel.raw_max */
+    0x00010800U, /* 7: accel.gain */
+    0xF7C00000U, /* 8: accel.offset */
+    0x00000199U, /* 9: accel_up.raw_min */
+    0x00000E67U, /* 10: accel_up.raw_max */
+    0x00010800U, /* 11: accel_up.gain */
+    0xF7C00000U, /* 12: accel_up.offset */
     0x00000001U, /* 13: tilt.mode */
     0x00002469U, /* 14: tilt.r_base */
     0x009C71C7U, /* 15: tilt.r_gain */
@@ -309,14 +309,14 @@ static const uint16_t ids[PARAMS_COUNT] = {
     0x4107U, /* gyro.raw_max */
     0x9902U, /* gyro.gain */
     0xF7B7U, /* gyro.offset */
-    0x88D5U, /* accel_y.raw_min */
-    0x738BU, /* accel_y.raw_max */
-    0x7965U, /* accel_y.gain */
-    0xFB44U, /* accel_y.offset */
-    0xA591U, /* accel_z.raw_min */
-    0x5ECFU, /* accel_z.raw_max */
-    0xB785U, /* accel_z.gain */
-    0x3331U, /* accel_z.offset */
+    0x88D5U, /* accel.raw_min */
+    0x738BU, /* accel.raw_max */
+    0x7965U, /* accel.gain */
+    0xFB44U, /* accel.offset */
+    0xA591U, /* accel_up.raw_min */
+    0x5ECFU, /* accel_up.raw_max */
+    0xB785U, /* accel_up.gain */
+    0x3331U, /* accel_up.offset */
     0xB244U, /* tilt.mode */
     0x3916U, /* tilt.r_base */
     0xD880U, /* tilt.r_gain */
@@ -431,14 +431,14 @@ PLACE(control.gyro.raw_min, 1);
 PLACE(control.gyro.raw_max, 2);
 PLACE(control.gyro.gain, 3);
 PLACE(control.gyro.offset, 4);
-PLACE(control.accel_y.raw_min, 5);
-PLACE(control.accel_y.raw_max, 6);
-PLACE(control.accel_y.gain, 7);
-PLACE(control.accel_y.offset, 8);
-PLACE(control.accel_z.raw_min, 9);
-PLACE(control.accel_z.raw_max, 10);
-PLACE(control.accel_z.gain, 11);
-PLACE(control.accel_z.offset, 12);
+PLACE(control.accel.raw_min, 5);
+PLACE(control.accel.raw_max, 6);
+PLACE(control.accel.gain, 7);
+PLACE(control.accel.offset, 8);
+PLACE(control.accel_up.raw_min, 9);
+PLACE(control.accel_up.raw_max, 10);
+PLACE(control.accel_up.gain, 11);
+PLACE(control.accel_up.offset, 12);
 PLACE(control.tilt.mode, 13);
 PLACE(control.tilt.r_base, 14);
 PLACE(control.tilt.r_gain, 15);

@@ -25,8 +25,8 @@ void balancer_step(balancer_t *c, const control_params_t *p, const int16_t raw[C
 
     uint32_t flags = 0;
     const int32_t rate = calibration_apply(&p->gyro, raw[0], &flags, BALANCER_FLAG_GYRO_CLAMPED);
-    const int32_t accel_x = calibration_apply(&p->accel_y, raw[1], &flags, BALANCER_FLAG_ACCEL_X_CLAMPED);
-    const int32_t accel_z = calibration_apply(&p->accel_z, raw[2], &flags, BALANCER_FLAG_ACCEL_Z_CLAMPED);
+    const int32_t accel_x = calibration_apply(&p->accel, raw[1], &flags, BALANCER_FLAG_ACCEL_X_CLAMPED);
+    const int32_t accel_z = calibration_apply(&p->accel_up, raw[2], &flags, BALANCER_FLAG_ACCEL_Z_CLAMPED);
     flags |= wheel_step(&w->wheel, &p->wheel, edges) ? BALANCER_FLAG_WHEEL_CLAMPED : 0U;
     const int32_t driving = axis_driving_rate(&p->kalman, step == 1U, rate, w->rate_turnps_q28);
     const int32_t gravity_x = accel_x + w->wheel.accel_g_q26;
@@ -71,7 +71,7 @@ static bool drive_valid(const drive_params_t *p) {
 }
 
 bool balancer_params_valid(const control_params_t *p) {
-    return calibration_valid(&p->gyro) && calibration_valid(&p->accel_y) && calibration_valid(&p->accel_z) &&
+    return calibration_valid(&p->gyro) && calibration_valid(&p->accel) && calibration_valid(&p->accel_up) &&
            wheel_valid(&p->wheel) && tilt_valid(&p->tilt) && kalman_valid(&p->kalman, &p->start) &&
            pid_valid(&p->speed) && pid_valid(&p->pid) && drive_valid(&p->drive);
 }

@@ -82,9 +82,9 @@ void phone_step(phone_t *c, const control_params_t *p, const int16_t raw[CONTROL
     const int32_t rate_x = calibration_apply(&p->gyro, raw[0], &flags, PHONE_FLAG_GYRO_CLAMPED);
     const int32_t rate_y = calibration_apply(&p->gyro, raw[1], &flags, PHONE_FLAG_GYRO_CLAMPED);
     const int32_t rate_z = calibration_apply(&p->gyro, raw[2], &flags, PHONE_FLAG_GYRO_CLAMPED);
-    const int32_t accel_x = calibration_apply(&p->accel_y, raw[3], &flags, PHONE_FLAG_ACCEL_CLAMPED);
-    const int32_t accel_y = calibration_apply(&p->accel_y, raw[4], &flags, PHONE_FLAG_ACCEL_CLAMPED);
-    const int32_t accel_z = calibration_apply(&p->accel_y, raw[5], &flags, PHONE_FLAG_ACCEL_CLAMPED);
+    const int32_t accel_x = calibration_apply(&p->accel, raw[3], &flags, PHONE_FLAG_ACCEL_CLAMPED);
+    const int32_t accel_y = calibration_apply(&p->accel, raw[4], &flags, PHONE_FLAG_ACCEL_CLAMPED);
+    const int32_t accel_z = calibration_apply(&p->accel, raw[5], &flags, PHONE_FLAG_ACCEL_CLAMPED);
     w->accel_x_g_q26 = accel_x;
     w->accel_y_g_q26 = accel_y;
     w->accel_z_g_q26 = accel_z;
@@ -140,7 +140,7 @@ void phone_step(phone_t *c, const control_params_t *p, const int16_t raw[CONTROL
 
 bool phone_params_valid(const control_params_t *p) {
     const kalman_params_t roll_kalman = roll_filter(p);
-    return calibration_valid(&p->gyro) && calibration_valid(&p->accel_y) && tilt_valid(&p->tilt) &&
+    return calibration_valid(&p->gyro) && calibration_valid(&p->accel) && tilt_valid(&p->tilt) &&
            kalman_valid(&p->kalman, &p->start) && p->phone.rates <= PHONE_EULER_RATES &&
            p->roll.r_base >= 1U && p->roll.r_base <= p->roll.r_max && p->roll.r_max <= KALMAN_R_MAX &&
            kalman_valid(&roll_kalman, &p->roll.start);

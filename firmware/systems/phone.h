@@ -5,7 +5,7 @@
  *
  * raw: gyro x, y, z, acceleration x, y, z, in the axes of Android. At rest the acceleration is
  * g (-sin(pitch), cos(pitch) sin(roll), cos(pitch) cos(roll)). All three rates share the calibration `gyro`,
- * all three accelerations `accel_y`: whoever sends them has calibrated the axes. Pitch uses the groups tilt,
+ * all three accelerations `accel`: whoever sends them has calibrated the axes. Pitch uses the groups tilt,
  * kalman and start, roll its own; tilt.r_base and roll.r_base are constant, r_max stands in for a measurement
  * that is left out. Nothing is controlled and no pin moves.
  */

@@ -26,8 +26,8 @@ void quad_step(quad_t *c, const control_params_t *p, const int16_t raw[CONTROL_R
 
     uint32_t flags = 0;
     const int32_t rate = calibration_apply(&p->gyro, raw[0], &flags, QUAD_FLAG_GYRO_CLAMPED);
-    const int32_t accel_y = calibration_apply(&p->accel_y, raw[1], &flags, QUAD_FLAG_ACCEL_Y_CLAMPED);
-    const int32_t accel_z = calibration_apply(&p->accel_z, raw[2], &flags, QUAD_FLAG_ACCEL_Z_CLAMPED);
+    const int32_t accel_y = calibration_apply(&p->accel, raw[1], &flags, QUAD_FLAG_ACCEL_Y_CLAMPED);
+    const int32_t accel_z = calibration_apply(&p->accel_up, raw[2], &flags, QUAD_FLAG_ACCEL_Z_CLAMPED);
     const int32_t driving = axis_driving_rate(&p->kalman, w->step == 0U, rate, w->rate_turnps_q28);
     w->step++;
     w->rate_turnps_q28 = rate;
@@ -52,7 +52,7 @@ void quad_step(quad_t *c, const control_params_t *p, const int16_t raw[CONTROL_R
 }
 
 bool quad_params_valid(const control_params_t *p) {
-    return calibration_valid(&p->gyro) && calibration_valid(&p->accel_y) && calibration_valid(&p->accel_z) &&
+    return calibration_valid(&p->gyro) && calibration_valid(&p->accel) && calibration_valid(&p->accel_up) &&
            tilt_valid(&p->tilt) && kalman_valid(&p->kalman, &p->start) && pid_valid(&p->pid) &&
            esc_valid(&p->esc);
 }

@@ -13,8 +13,8 @@ static control_params_t params(void) {
     return (control_params_t){
         .system = CONTROL_BALANCER,
         .gyro = gyro,
-        .accel_y = {.raw_min = -4095, .raw_max = 4094, .gain = -(1 << 16)},
-        .accel_z = accel,
+        .accel = {.raw_min = -4095, .raw_max = 4094, .gain = -(1 << 16)},
+        .accel_up = accel,
         .tilt = {.mode = TILT_ATAN2, .r_base = 1000, .r_max = 1000000},
         .kalman = {.dt_s_q33 = 85899346,
                    .bias_max_turn_q29 = 1 << 21,

@@ -12,8 +12,8 @@ static control_params_t params(void) {
     return (control_params_t){
         .system = CONTROL_QUAD,
         .gyro = {.raw_max = 3800, .gain = gyro.gain, .raw_min = 300, .offset = gyro.offset},
-        .accel_y = accel,
-        .accel_z = accel,
+        .accel = accel,
+        .accel_up = accel,
         .tilt = {.mode = TILT_ATAN2,
                  .r_base = 1000,
                  .r_max = 1000000,

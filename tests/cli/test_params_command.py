@@ -55,9 +55,9 @@ def in_use(board: NativeBoard) -> dict[str, int]:
     [
         ("gyro.gain", 1 << 28, "360 deg/s per count"),
         ("gyro.offset", -(1 << 27), "-180 deg/s"),
-        ("accel_y.gain", 1 << 20, "0.015625 g per count"),
-        ("tilt.mode", 0, "arcsine of accel_y / 1 g"),
-        ("tilt.mode", 1, "atan2(accel_y, accel_z)"),
+        ("accel.gain", 1 << 20, "0.015625 g per count"),
+        ("tilt.mode", 0, "arcsine of the horizontal axis / 1 g"),
+        ("tilt.mode", 1, "atan2(horizontal axis, axis upwards)"),
         ("kalman.rate_now", 1, "the current one"),
         ("tilt.r_base", 9321, ""),  # in a unit that the board does not know
         ("tilt.r_gain", 5, ""),
@@ -145,7 +145,7 @@ def test_two_periods_that_differ_are_warned_of(board: NativeBoard, capsys: pytes
 
 def test_a_file_brings_a_table_back(board: NativeBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "table.toml"
-    params(capsys, "set", "pid.kp_q22=7", "accel_z.offset=-9", "kalman.qb=4294967295")
+    params(capsys, "set", "pid.kp_q22=7", "accel_up.offset=-9", "kalman.qb=4294967295")
     before = in_use(board)
     assert params(capsys, "dump", str(file))[0] == 0
     said = tomllib.loads(file.read_text())
@@ -174,6 +174,30 @@ def test_unknown_missing_and_edited_are_warned_of_by_name(
     assert "no parameter 'tilt.modus'" in err and "tilt.mode is missing; the board's value stays" in err
     assert json.loads(out)["changed"] == {"pid.kp_q22": {"from": 8, "to": 67947725}}
     assert in_use(board)["tilt.mode"] == 0
+
+
+def test_a_former_name_in_a_file_is_taken_and_the_new_one_named(
+    board: NativeBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "table.toml"
+    params(capsys, "set", "accel.gain=-5")
+    params(capsys, "dump", str(file))
+    file.write_text(file.read_text().replace('"accel.gain"', '"accel_y.gain"'))
+    params(capsys, "set", "accel.gain=7")
+    code, _, err = params(capsys, "load", str(file))
+    assert code == 0 and in_use(board)["accel.gain"] == -5
+    assert err.splitlines() == [f"plumb: warning: {file}: accel_y.gain is named accel.gain now; it is taken"]
+    file.write_text(file.read_text() + '"accel.gain" = 6\n')
+    code, out, err = params(capsys, "load", str(file))
+    assert code == 2 and out == "" and "accel_y.gain is the former name of accel.gain, which is there, too" in err
+
+
+@pytest.mark.parametrize("words", [("set", "accel_z.offset=1"), ("get", "accel_z.offset")])
+def test_a_former_name_on_the_command_line_is_answered_with_the_new_one(
+    board: NativeBoard, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    code, out, err = params(capsys, *words)
+    assert code == 2 and out == "" and "accel_z.offset is named accel_up.offset now" in err
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ def test_turning_about_a_level_axis_is_its_tilt(tmp_path: Path, axis: str, perio
     one = recording.pick_axis(loaded, axis, period_us)
     gyro, y, z = (
         (one.raw[:, c] - ch.zero_counts) * ch.unit_per_count
-        for c, ch in enumerate((one.calibration.gyro, one.calibration.accel_y, one.calibration.accel_z))
+        for c, ch in enumerate((one.calibration.gyro, one.calibration.accel, one.calibration.accel_up))
     )
     expected_deg = 60.0 * np.sin(2.0 * one.time_s)
     edge = slice(2, -2)
@@ -259,8 +259,8 @@ def test_the_developer_recordings_load_on_every_axis() -> None:
             if loaded.ref_quat is not None and path.name.startswith("broad_02") and axis != "z":
                 # Slow rotation without translation: the accelerometer across the axis shows the reference's tilt.
                 y, z = (
-                    one.raw[:, 1] * one.calibration.accel_y.unit_per_count,
-                    one.raw[:, 2] * one.calibration.accel_z.unit_per_count,
+                    one.raw[:, 1] * one.calibration.accel.unit_per_count,
+                    one.raw[:, 2] * one.calibration.accel_up.unit_per_count,
                 )
                 error = (np.degrees(np.arctan2(y, z)) - one.truth_deg + 180.0) % 360.0 - 180.0
                 assert float(np.sqrt(np.mean(error[one.scored] ** 2))) < 8.0

@@ -198,6 +198,7 @@ LIES: dict[str, Callable[[dict[str, Any]], str]] = {
         {**h, "params": {**h["params"], "gyro.gain": h["params"]["gyro.gain"] ^ 1}}
     ),
     "every parameter 0": lambda header: json.dumps({**header, "params": dict.fromkeys(header["params"], 0)}),
+    "a former name of a parameter": lambda header: json.dumps(header).replace("accel.gain", "accel_y.gain"),
     "no final words": with_header(final={}),
     "final words null": with_header(final=None),
     "a field too many": with_header(more=1),

@@ -67,6 +67,16 @@ def test_the_toy_is_accepted_as_it_is(tmp_path: Path) -> None:
         ("toy-time =", "toy-space =", "toy-space is commands/toy_space.py, which is missing"),
         ("toy-time =", '"../toy" =', "is no name"),
         ('toy-time = "the time constant of a share"', "toy-time = 5", "command toy-time is a line of text"),
+        ("groups = []", 'groups = ["nonsense"]', "no shared group 'nonsense'; there are gyro, accel,"),
+        ("groups = []", 'groups = ["toy"]', "there is no shared group 'toy'"),
+        ("groups = []", "groups = [7]", "there is no shared group 7"),
+        ("groups = []", 'groups = "gyro"', "groups is a list"),
+        ('unit = "count", doc = "what', 'unit = "cuont", doc = "what', "channel level: unit 'cuont' has 'cuont'"),
+        ('unit = "step", format', 'unit = "step/sec", format', "unit 'step/sec' has 'sec'"),
+        ('unit = "s"\nformat = "Q32"', 'unit = "second"\nformat = "Q32"', "parameter toy.dt_s_q32: unit 'second'"),
+        ('doc = "what is', 'calibration = "gyro", doc = "what is', "calibration = 'gyro': it is one of the groups"),
+        ('doc = "what is', 'calibration = "toy", doc = "what is', "a calibration has the rows raw_min"),
+        ("min = 1\nmax = 429496729", 'was = "old"\nmin = 1\nmax = 429496729', "was is a list of former names"),
     ],
 )
 def test_a_wrong_entry_is_named(tmp_path: Path, old: str, new: str, said: str) -> None:

@@ -44,7 +44,7 @@ def _controller(rng: np.random.Generator, group: str) -> dict[str, int]:
 def _shared(rng: np.random.Generator) -> dict[str, int]:
     """Calibration, trust, filter and controller."""
     values: dict[str, int] = {}
-    for name in ("gyro", "accel_y", "accel_z"):
+    for name in ("gyro", "accel", "accel_up"):
         for key, value in zip(("raw_min", "raw_max", "gain", "offset"), channel(rng), strict=True):
             values[f"{name}.{key}"] = value
 
@@ -102,7 +102,7 @@ def wild_balancer_params(rng: np.random.Generator) -> ControlParams:
 
 def wild_phone_params(rng: np.random.Generator) -> ControlParams:
     """Parameters of phone that control_params_valid accepts: both filters wild, each in its own way."""
-    groups = ("gyro", "accel_y", "tilt", "kalman", "start")
+    groups = ("gyro", "accel", "tilt", "kalman", "start")
     values = {name: value for name, value in _shared(rng).items() if name.rpartition(".")[0] in groups}
     second = _shared(rng)
     values |= {f"roll.{name}": second[f"kalman.{name}"] for name in ("qa_hi", "qa_lo", "qb", "qb_frac_q30")}

@@ -125,7 +125,7 @@ def test_sensors_at_rest() -> None:
         vehicle.advance(0.0)
     assert np.degrees(vehicle.tilt_rad) == pytest.approx(10.0)
     assert vehicle.force_g() == pytest.approx((-np.sin(np.radians(10.0)), np.cos(np.radians(10.0))))
-    forward = balancer.CALIBRATION.accel_y
+    forward = balancer.CALIBRATION.accel
     assert (-44 - forward.zero_counts) * forward.unit_per_count == pytest.approx(np.sin(np.radians(10.0)), abs=4e-3)
 
 

@@ -186,7 +186,7 @@ BAD = [
     {"roll.qb_frac_q30": 1 << 30},
     {"roll.start.p01_hi": 1},
     {"gyro.gain": 1 << 30},
-    {"accel_y.gain": 1 << 30},
+    {"accel.gain": 1 << 30},
 ]
 
 

@@ -30,7 +30,7 @@ def runs() -> list[quad.Scenario]:
 def engineering(runs: list[quad.Scenario]) -> np.ndarray:
     """Rate in deg/s, y and z in g: (3, steps, runs)."""
     raw = np.stack([run.counts() for run in runs], axis=-1).astype(float)
-    channels = (quad.CALIBRATION.gyro, quad.CALIBRATION.accel_y, quad.CALIBRATION.accel_z)
+    channels = (quad.CALIBRATION.gyro, quad.CALIBRATION.accel, quad.CALIBRATION.accel_up)
     return np.stack([(raw[:, i] - c.zero_counts) * c.unit_per_count for i, c in enumerate(channels)])
 
 

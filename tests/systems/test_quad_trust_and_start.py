@@ -38,7 +38,7 @@ def test_r_spans_1000_to_1() -> None:
     y_g = np.linspace(0.0, 0.8, 200)
     raw = np.zeros((200, 6), np.int16)
     raw[:, 0] = round(quad.CALIBRATION.gyro.zero_counts)
-    for column, g, channel in ((1, y_g, quad.CALIBRATION.accel_y), (2, np.ones(200), quad.CALIBRATION.accel_z)):
+    for column, g, channel in ((1, y_g, quad.CALIBRATION.accel), (2, np.ones(200), quad.CALIBRATION.accel_up)):
         raw[:, column] = np.rint(channel.zero_counts + g / channel.unit_per_count)
     r = r_deg2(tuning, native_core.run_control(quantise.quantise(tuning), raw, np.zeros(200, np.int32)))
     assert r[0] == pytest.approx(0.25, rel=0.01) and r[-1] == pytest.approx(250.0, rel=0.01)

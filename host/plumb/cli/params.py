@@ -76,6 +76,7 @@ def main(arguments: argparse.Namespace) -> int:
     elif arguments.action == "load" and arguments.file is not None:
         said = parameter_file.read(arguments.file)
         wanted = said.values
+        warnings += [f"{arguments.file}: {old} is named {new} now; it is taken" for old, new in said.renamed.items()]
         warnings += [f"{arguments.file}: there is no parameter '{name}'; it is left out" for name in said.unknown]
         warnings += [f"{arguments.file}: {name} is missing; the board's value stays" for name in said.missing]
         if said.edited:
@@ -192,8 +193,10 @@ def describe(row: Parameter, values: dict[str, int]) -> dict[str, Any]:
     from plumb.spec.units import meaning
 
     means = meaning(row, values)
+    declared = asdict(row)
+    del declared["was"]
     return {
-        **asdict(row),
+        **declared,
         "value": values[row.name],
         "meaning": means.choice or means.value,
         "meaning_unit": means.unit,

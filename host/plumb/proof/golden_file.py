@@ -27,7 +27,7 @@ import numpy.typing as npt
 from plumb.boards import RawCounts, Setpoints
 from plumb.errors import UsageError
 from plumb.proof.golden_recipe import MAX_STEPS, is_name
-from plumb.spec import declarations
+from plumb.spec import declarations, parameters
 from plumb.spec.records import names_of
 from plumb.tuning.quantise import ControlParams
 
@@ -121,7 +121,12 @@ class Vector:
         counts_bytes, setpoint_bytes = 2 * steps * len(columns), 0 if constant is not None else 4 * steps
         if len(payload) != counts_bytes + setpoint_bytes + 4 * steps:
             raise ValueError(f"it has {len(payload)} bytes after the header, which does not fit {steps} steps")
-        params = ControlParams.of(system, integers(header["params"], "params"))
+        values = integers(header["params"], "params")
+        former = next((name for name in values if name in parameters.new_names()), None)
+        if former is not None:
+            now = parameters.new_names()[former]
+            raise ValueError(f"it says {former}, which is named {now} now")
+        params = ControlParams.of(system, values)
         final = integers(header["final"], "final")
         if set(final) != set(names_of(system)):
             raise ValueError(f"final does not hold the words of a step of {system}")

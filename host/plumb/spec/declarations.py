@@ -18,9 +18,11 @@ from typing import Any
 
 from plumb.checkout import PACKAGE
 from plumb.errors import UsageError
+from plumb.spec.base_units import BASE_UNITS, unknown_part
 
 SHIPPED = PACKAGE / "systems"
 BLOCKS_PATH = Path(__file__).with_name("blocks.toml")
+SHARED_PATH = Path(__file__).with_name("parameters.toml")
 SEARCH_PATH = "PLUMB_SYSTEM_PATH"
 """Environment variable: further folders that hold folders of systems, as PATH lists them."""
 
@@ -97,11 +99,13 @@ class Frame:
 
 @dataclass(frozen=True)
 class Channel:
-    """One raw count of a sample, in the order of the sample."""
+    """One raw count of a sample, in the order of the sample. calibration: the group of parameters that turns it into
+    its quantity; "" where there is none."""
 
     name: str
     unit: str
     doc: str
+    calibration: str = ""
 
 
 @dataclass(frozen=True)
@@ -111,8 +115,9 @@ class System:
     cycles: the budget of a step, None where it has none. missing_samples: `held` (the last sample is used again) or
     `marked` (every count is -32768). output: "" where nothing moves, else a key of OUTPUTS; output_words drive it.
     period: the parameter that holds the period of a step in s. groups: shared groups of parameters that the step reads;
-    parameters: rows of its own groups; structs: the C struct of a group that is one of a kernel, with the headers it
-    needs in includes. commands: commands of its own, name -> one sentence; their modules are in its folder `commands`.
+    parameters: rows of its own groups; all_groups: both; structs: the C struct of a group that is one of a kernel, with
+    the headers it needs in includes.
+    commands: commands of its own, name -> one sentence; their modules are in its folder `commands`.
     default_for: parts of its folder (`replay`, `demo`) that a command takes from this system unless told otherwise.
     """
 
@@ -143,6 +148,12 @@ class System:
     def shipped(self) -> bool:
         """Part of this package; else found by the search path."""
         return self.folder.parent == SHIPPED
+
+    @property
+    def all_groups(self) -> tuple[str, ...]:
+        """The groups of parameters that the step reads: shared ones, then its own."""
+        own = dict.fromkeys(group_of(row["name"]) for row in self.parameters)
+        return (*self.groups, *own)
 
     @property
     def record_bytes(self) -> int:
@@ -238,6 +249,17 @@ def blocks() -> dict[str, Mapping[str, Any]]:
     return tomllib.loads(BLOCKS_PATH.read_text(encoding="utf-8"))
 
 
+@lru_cache(maxsize=1)
+def shared() -> Mapping[str, Any]:
+    """`parameters.toml`: `structs` of the shared groups, with the headers they need in `includes`, and the rows."""
+    return tomllib.loads(SHARED_PATH.read_text(encoding="utf-8"))
+
+
+def group_of(parameter: str) -> str:
+    """The group that a parameter is of, by their names: `kalman` of kalman.qb; "" where it stands alone."""
+    return parameter.rpartition(".")[0]
+
+
 def load_system(folder: Path) -> System:
     """Read and check one declaration; raises UsageError with a sentence that names the file."""
     path = folder / "system.toml"
@@ -266,6 +288,8 @@ def _system(folder: Path, table: Mapping[str, Any]) -> System:
     words = (*raw, setpoint, *middle, flags, step)
     by_name = {word.name: word for word in words}
     output = table.get("output", {"kind": ""})
+    if not isinstance(table["groups"], list):
+        raise UsageError(f"groups is a list of names, not {table['groups']!r:.40}")
     structs = dict(table.get("structs", {}))
     declared = System(
         name=folder.name,
@@ -364,6 +388,8 @@ _LOWER, _UPPER = re.compile(r"[a-z][a-z0-9_]*"), re.compile(r"[A-Z][A-Z0-9_]*")
 _COMMAND = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 _PARAMETER = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)+")
 _FORMAT = re.compile(r"Q\d\d?|Q\([^)]*\)|integer|bits|choice|see DESIGN\.md")
+CALIBRATION_ROWS = ("raw_min", "raw_max", "gain", "offset")
+"""The rows of a group that calibrates a raw channel."""
 _ROW: dict[str, type] = {
     **dict.fromkeys(("name", "owner", "type", "unit", "format", "doc"), str),
     **dict.fromkeys(("min", "max", "default"), int),
@@ -376,6 +402,37 @@ def _check_text(what: str, value: object, pattern: re.Pattern[str] | None = None
         raise UsageError(f"{what} is a line of text without quotes or */, not {value!r:.40}")
     if pattern is not None and (not pattern.fullmatch(value) or value in C_KEYWORDS):
         raise UsageError(f"{what}: {value!r:.40} cannot be a name in C and in the DBC: letters, digits and _")
+
+
+def _check_units(system: System) -> None:
+    """Every unit, of base units and the system's own quantities; raises UsageError."""
+    own = [word.name for word in system.words]
+    own += [row["name"].rpartition(".")[2] for row in system.parameters]
+    stated = [(f"word {word.name}", word.unit) for word in system.words]
+    stated += [(f"channel {channel.name}", channel.unit) for channel in system.channels]
+    stated += [(f"parameter {row['name']}", row["unit"]) for row in system.parameters]
+    for what, unit in stated:
+        part = unknown_part(unit, own)
+        if part:
+            raise UsageError(f"{what}: unit '{unit:.40}' has '{part:.40}'; units are {' '.join(sorted(BASE_UNITS))}")
+
+
+def _check_groups(system: System) -> None:
+    """The shared groups that the step reads, and those that calibrate its channels. Raises UsageError."""
+    rows = [*shared()["parameter"], *system.parameters]
+    known = list(dict.fromkeys(group_of(row["name"]) for row in shared()["parameter"] if row["owner"] == "control"))
+    for group in system.groups:
+        if group not in known:
+            raise UsageError(f"groups: there is no shared group {group!r:.40}; there are {', '.join(known)}")
+    for channel in system.channels:
+        if not channel.calibration:
+            continue
+        what = f"channel {channel.name}: calibration = {channel.calibration!r:.40}"
+        if channel.calibration not in system.all_groups:
+            raise UsageError(f"{what}: it is one of the groups that the step reads, {', '.join(system.all_groups)}")
+        lacking = {f"{channel.calibration}.{row}" for row in CALIBRATION_ROWS} - {row["name"] for row in rows}
+        if lacking:
+            raise UsageError(f"{what}: a calibration has the rows {', '.join(CALIBRATION_ROWS)}")
 
 
 def _check_names(system: System) -> None:
@@ -412,7 +469,10 @@ def _check_parameters(system: System) -> None:
     """The rows of the system's own parameters; raises UsageError. `plumb.spec.parameters` checks their ranges."""
     for row in system.parameters:
         name = row.get("name", "without a name")
-        for key in row.keys() ^ _ROW.keys():
+        former = row.get("was", [])
+        if not isinstance(former, list) or not all(isinstance(old, str) for old in former):
+            raise UsageError(f"parameter {name!s:.40}: was is a list of former names, not {former!r:.40}")
+        for key in (row.keys() - {"was"}) ^ _ROW.keys():
             raise UsageError(f"parameter {name!s:.40}: {key} is {'unknown' if key in row else 'missing'}")
         for key, kind in _ROW.items():
             if type(row[key]) is not kind:
@@ -420,10 +480,10 @@ def _check_parameters(system: System) -> None:
                 raise UsageError(f"parameter {name!s:.40}: {key} is {wanted}, not {row[key]!r:.40}")
         _check_text("a parameter", name, _PARAMETER)
         _check_text(f"parameter {name}: doc", row["doc"])
+        _check_text(f"parameter {name}: unit", row["unit"])
         if not _FORMAT.fullmatch(row["format"]):
             raise UsageError(f"parameter {name}: the format is Q and a number of bits, integer, bits or choice")
-    own = {row["name"].rpartition(".")[0] for row in system.parameters}
-    if not isinstance(system.period, str) or system.period.rpartition(".")[0] not in own | set(system.groups):
+    if not isinstance(system.period, str) or group_of(system.period) not in system.all_groups:
         raise UsageError(f"period = {system.period!r:.40}: it names a parameter of the groups that the step reads")
 
 
@@ -448,6 +508,8 @@ def _check(system: System) -> None:
     _check_names(system)
     _check_parameters(system)
     _check_folder(system)
+    _check_units(system)
+    _check_groups(system)
     if system.output and len(system.output_words) < OUTPUTS[system.output]:
         raise UsageError(f"output {system.output} is driven by {OUTPUTS[system.output]} words: the record ends before")
     if system.sensors not in SENSORS:

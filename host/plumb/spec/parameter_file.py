@@ -35,6 +35,8 @@ def row_named(name: str) -> Parameter:
     names = [row.name for row in parameters.table()]
     if name in names:
         return parameters.table()[names.index(name)]
+    if name in parameters.new_names():
+        raise UsageError(f"{name} is named {parameters.new_names()[name]} now; use that name")
     near = [other for other in names if name and name in other]
     near = (near or difflib.get_close_matches(name, names, 3, 0.5))[:3]
     hint = f"did you mean {' or '.join(near)}?" if near else "`plumb params list` names them all"
@@ -123,10 +125,12 @@ def write(path: Path, text: str) -> None:
 
 @dataclass(frozen=True)
 class TableFile:
-    """What a file says. values: those with a row in this version's table, in range. unknown: names without one.
-    missing: rows that the file does not name. edited: it holds a whole table, and its CRC is of another one."""
+    """What a file says. values: those with a row in this version's table, in range. renamed: former name -> name of the
+    rows that the file knows by a former name. unknown: names without a row. missing: rows that the file does not name.
+    edited: it holds a whole table, and its CRC is of another one."""
 
     values: dict[str, int]
+    renamed: dict[str, str]
     unknown: list[str]
     missing: list[str]
     edited: bool
@@ -152,6 +156,11 @@ def read(path: Path) -> TableFile:
         raise UsageError(f"{path} has no [values]; give a file of `plumb params dump`")
     rows = parameters.table()
     names = {row.name for row in rows}
+    renamed = {old: new for old, new in parameters.new_names().items() if old in given}
+    for old, new in renamed.items():
+        if new in given:
+            raise UsageError(f"{path}: {old} is the former name of {new}, which is there, too; leave one out")
+    given = {renamed.get(name, name): value for name, value in given.items()}
     values: dict[str, int] = {}
     for row in rows:
         if row.name in given:
@@ -164,4 +173,4 @@ def read(path: Path) -> TableFile:
     crc = said.get("crc32")
     whole = not unknown and not missing
     edited = whole and crc is not None and crc != f"0x{parameters.crc32(list(values.values())):08x}"
-    return TableFile(values, unknown, missing, edited)
+    return TableFile(values, renamed, unknown, missing, edited)

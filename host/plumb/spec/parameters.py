@@ -9,19 +9,16 @@ from __future__ import annotations
 
 import binascii
 import struct
-import tomllib
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 from plumb.errors import UsageError
 from plumb.spec import declarations
 from plumb.spec.speed_controllers import GAP_HALFUS, foreign_parameter
 
-TABLE_PATH = Path(__file__).with_name("parameters.toml")
 ERASED = 0xFFFF
 """No row's id: what erased flash reads as."""
 
@@ -29,7 +26,8 @@ ERASED = 0xFFFF
 @dataclass(frozen=True)
 class Parameter:
     """One word. name: the member of control_params_t, or of the link's part. owner: control or link. type: int32 or
-    uint32. format: what the integer stands for. min, max, default: integers as the firmware holds them."""
+    uint32. format: what the integer stands for. min, max, default: integers as the firmware holds them. was: former
+    names, the first one first."""
 
     name: str
     owner: str
@@ -40,16 +38,17 @@ class Parameter:
     max: int
     default: int
     doc: str
+    was: tuple[str, ...] = ()
 
     @property
     def id(self) -> int:
-        """What stays when numbers change: CRC-16 (polynomial 0x1021, from 0xFFFF) of the name."""
-        return binascii.crc_hqx(self.name.encode(), 0xFFFF)
+        """What stays when numbers and names change: CRC-16 (polynomial 0x1021, from 0xFFFF) of the first name."""
+        return binascii.crc_hqx((*self.was, self.name)[0].encode(), 0xFFFF)
 
     @property
     def group(self) -> str:
         """The member of control_params_t it is part of: `kalman` of kalman.qb; "" where it stands alone."""
-        return self.name.rpartition(".")[0]
+        return declarations.group_of(self.name)
 
     def out_of_range(self, value: int) -> str:
         """What is wrong with a value outside the range, without a full stop."""
@@ -70,16 +69,23 @@ def _system_row() -> Parameter:
     return Parameter("system", "control", "uint32", "", "choice", 0, max(numbers), min(numbers), doc)
 
 
-def shared() -> dict[str, Any]:
-    """`parameters.toml`: `structs` of the shared groups, with the headers they need in `includes`, and the rows."""
-    return tomllib.loads(TABLE_PATH.read_text(encoding="utf-8"))
+def _row(given: Mapping[str, Any]) -> Parameter:
+    """A declared row. The text of one that calibrates raw channels says which, system by system."""
+    row = Parameter(**{**given, "was": tuple(given.get("was", ()))})
+    calibrated = {
+        name: ", ".join(channel.name for channel in system.channels if channel.calibration == row.group)
+        for name, system in declarations.systems().items()
+        if row.group
+    }
+    channels = "; ".join(f"{system} {names}" for system, names in calibrated.items() if names)
+    return replace(row, doc=f"{row.doc} ({channels})") if channels else row
 
 
 def load() -> tuple[Parameter, ...]:
     """The rows in order: system, shared groups, groups of the systems in the order of their names, link; raises
     UsageError with a sentence for a row that cannot be."""
-    given = [Parameter(**row) for row in shared()["parameter"]]
-    own = [Parameter(**row) for _, system in sorted(declarations.systems().items()) for row in system.parameters]
+    given = [_row(row) for row in declarations.shared()["parameter"]]
+    own = [_row(row) for _, system in sorted(declarations.systems().items()) for row in system.parameters]
     control = [_system_row(), *(row for row in given if row.owner == "control"), *own]
     rows = (*control, *(row for row in given if row.owner == "link"))
     check(rows)
@@ -94,8 +100,9 @@ def check(rows: Sequence[Parameter]) -> None:
             raise UsageError(f"parameter {row.name}: not {low} <= min <= default <= max <= {high}")
         if row.owner not in ("control", "link"):
             raise UsageError(f"parameter {row.name}: the owner is control or link")
-    if len({row.name for row in rows}) != len(rows):
-        raise UsageError("two parameters have the same name")
+    names = [name for row in rows for name in (row.name, *row.was)]
+    if len(set(names)) != len(names):
+        raise UsageError("two parameters have the same name, or one that another had before")
     if len({row.id for row in rows} | {ERASED}) != len(rows) + 1:
         raise UsageError("the names of two parameters have the same CRC-16, or it is that of erased flash; rename one")
 
@@ -110,6 +117,12 @@ def table() -> tuple[Parameter, ...]:
     return load()
 
 
+@lru_cache(maxsize=1)
+def new_names() -> Mapping[str, str]:
+    """Former name -> the name that the row has now."""
+    return {old: row.name for row in table() for old in row.was}
+
+
 def crc32(words: Sequence[int]) -> int:
     """CRC-32 of the whole table, as a commit carries it; words signed or unsigned, each taken modulo 2^32."""
     return zlib.crc32(struct.pack(f"<{len(words)}I", *(word & 0xFFFFFFFF for word in words)))
@@ -117,8 +130,8 @@ def crc32(words: Sequence[int]) -> int:
 
 _AT_MOST = (
     ("gyro.raw_min", "gyro.raw_max"),
-    ("accel_y.raw_min", "accel_y.raw_max"),
-    ("accel_z.raw_min", "accel_z.raw_max"),
+    ("accel.raw_min", "accel.raw_max"),
+    ("accel_up.raw_min", "accel_up.raw_max"),
     ("tilt.r_base", "tilt.r_max"),
     ("esc.neutral_halfus", "esc.min_halfus"),
     ("esc.min_halfus", "esc.mid_halfus"),

@@ -27,11 +27,12 @@ class Channel:
 
 @dataclass(frozen=True)
 class Calibration:
-    """The three channels of one axis: gyro in deg/s, acceleration along y and z in g."""
+    """The three channels of one axis: gyro in deg/s, acceleration along the axis that is horizontal at tilt 0 and along
+    the one that points up then, in g."""
 
     gyro: Channel
-    accel_y: Channel
-    accel_z: Channel
+    accel: Channel
+    accel_up: Channel
 
 
 @dataclass(frozen=True)

@@ -294,8 +294,8 @@ def axis_words(tuning: AxisTuning) -> tuple[dict[str, int], Fraction]:
     filtered, lsb_deg2 = filter_words(tuning.kalman, tuning.start, tuning.trust, tuning.period_us)
     words = {
         **channel_words("gyro", tuning.calibration.gyro, Fraction(1 << 28, 360)),
-        **channel_words("accel_y", tuning.calibration.accel_y, Fraction(1 << 26)),
-        **channel_words("accel_z", tuning.calibration.accel_z, Fraction(1 << 26)),
+        **channel_words("accel", tuning.calibration.accel, Fraction(1 << 26)),
+        **channel_words("accel_up", tuning.calibration.accel_up, Fraction(1 << 26)),
         "tilt.mode": int(tuning.tilt == "atan2"),
         **filtered,
         **pid_words(tuning.pid, tuning.period_us),
@@ -371,8 +371,8 @@ def axis_of(params: ControlParams) -> dict[str, Any]:
         "exact_period_s": params.period_s,
         "calibration": Calibration(
             channel_of(params, "gyro", 2**28 / 360),
-            channel_of(params, "accel_y", 2**26),
-            channel_of(params, "accel_z", 2**26),
+            channel_of(params, "accel", 2**26),
+            channel_of(params, "accel_up", 2**26),
         ),
         "tilt": "atan2" if params["tilt.mode"] else "arcsine",
         "trust": trust,

@@ -1,8 +1,8 @@
 """Units to integers: a tuning becomes the words of control_params_t, each within 0.1 % of what was asked, or is refused
 with a reason; and back.
 
-A system has its own in plumb.systems.NAME.quantise: `GROUPS`, the parameter groups that it reads, `quantise(tuning)`
-and `dequantise(params)`; what systems share is in `groups`.
+A system has its own in plumb.systems.NAME.quantise, `quantise(tuning)` and `dequantise(params)`; what systems share is
+in `groups`. Which groups of parameters a system reads is declared in its system.toml.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class ControlParams:
     def own(self) -> dict[str, int]:
         """The words of the groups that the system reads."""
         groups = groups_of(self.system)
-        return {name: value for name, value in self.values.items() if name.rpartition(".")[0] in groups}
+        return {name: value for name, value in self.values.items() if declarations.group_of(name) in groups}
 
     def __getitem__(self, name: str) -> int:
         return self.values[name]
@@ -93,8 +93,7 @@ class ControlParams:
 
 def groups_of(system: str) -> tuple[str, ...]:
     """The parameter groups that a system reads."""
-    groups: tuple[str, ...] = importlib.import_module(f"plumb.systems.{system}.quantise").GROUPS
-    return groups
+    return declarations.system(system).all_groups
 
 
 def quantise(tuning: AnyTuning) -> ControlParams:

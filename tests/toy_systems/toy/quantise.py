@@ -6,8 +6,6 @@ from plumb.systems.toy.tuning import ToyTuning
 
 from plumb.tuning.quantise import ControlParams
 
-GROUPS = ("toy",)
-
 
 def quantise(tuning: ToyTuning) -> ControlParams:
     own = {

@@ -236,7 +236,7 @@ class Float64:
         tuning, axis = self.tuning, self.tuning.calibration
         rate_dps, x_g, z_g = (
             run_reference.calibrate(float(count), channel)
-            for count, channel in zip(raw[:3], (axis.gyro, axis.accel_y, axis.accel_z), strict=True)
+            for count, channel in zip(raw[:3], (axis.gyro, axis.accel, axis.accel_up), strict=True)
         )
         _, velocity_mps, accel_g = reference_balancer.wheel_step(
             self.wheel, tuning.wheel, tuning.period_s, float(raw[3])

@@ -59,8 +59,8 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_mp
     edges = raw[3] * 0 if c.step == 1 else ((raw[3] - c.hall + 0x8000) & 0xFFFF) - 0x8000
     previous, c.hall = c.rate_turnps_q28, raw[3]
     rate, gyro_clamped = calibrate(raw[0], p, "gyro")
-    accel_x, x_clamped = calibrate(raw[1], p, "accel_y")
-    accel_z, z_clamped = calibrate(raw[2], p, "accel_z")
+    accel_x, x_clamped = calibrate(raw[1], p, "accel")
+    accel_z, z_clamped = calibrate(raw[2], p, "accel_up")
     speed, velocity, wheel_accel, wheel_clamped = wheel(edges, c.velocity_mps_q26, p)
     c.rate_turnps_q28, c.velocity_mps_q26 = rate, velocity
     u = rate if c.step == 1 else select(p["kalman.rate_now"] == 1, rate, previous)

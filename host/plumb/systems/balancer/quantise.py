@@ -10,8 +10,6 @@ from plumb.systems.balancer.tuning import BalancerTuning, Drive, SpeedLoop, Whee
 from plumb.tuning.groups import axis_of, axis_words, not_negative, refuse, whole
 from plumb.tuning.quantise import ControlParams
 
-GROUPS = ("gyro", "accel_y", "accel_z", "tilt", "kalman", "start", "pid", "wheel", "speed", "drive")
-
 WHEEL_SPEED_LIMIT = 15 << 26
 MOST = (1 << 31) - 1
 

@@ -121,8 +121,8 @@ def run_control(
     shape = (counts.shape[0], *counts.shape[2:])
     asked = np.zeros(shape) if setpoint_mps_q26 is None else np.asarray(setpoint_mps_q26, np.float64) / 2**26
     rate_dps = calibrate(counts[:, 0], tuning.calibration.gyro)
-    accel_x_g = calibrate(counts[:, 1], tuning.calibration.accel_y)
-    accel_z_g = calibrate(counts[:, 2], tuning.calibration.accel_z)
+    accel_x_g = calibrate(counts[:, 1], tuning.calibration.accel)
+    accel_z_g = calibrate(counts[:, 2], tuning.calibration.accel_up)
     speed_mps, velocity_mps, wheel_accel_g = wheel(counts[:, 3], tuning.wheel, tuning.period_s)
     z_deg = tilt(accel_x_g + wheel_accel_g, accel_z_g, tuning.tilt)
     r_deg2 = trust(accel_x_g + wheel_accel_g, accel_z_g, tuning.trust)

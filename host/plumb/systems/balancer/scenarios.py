@@ -63,7 +63,7 @@ FAULTS = {**FAULT_NOTES, "push": "an acceleration of the axle in m/s^2 more, clo
 SECONDS = {"rough": 120.0, "smooth": 120.0, "endure": 600.0, "rocked": 20.0}
 
 CALIBRATION = Calibration(
-    gyro=GYRO.channel(), accel_y=ACCELEROMETER.channel(forward=False), accel_z=ACCELEROMETER.channel()
+    gyro=GYRO.channel(), accel=ACCELEROMETER.channel(forward=False), accel_up=ACCELEROMETER.channel()
 )
 
 TUNED = BalancerTuning(

@@ -52,7 +52,7 @@ class Drive:
 class BalancerTuning(AxisTuning):
     """Everything one run of `balancer` needs.
 
-    calibration.accel_y is the forward axis, its sign such that it reads sin(tilt) at rest.
+    calibration.accel is the forward axis, its sign such that it reads sin(tilt) at rest.
     """
 
     system: ClassVar[str] = "balancer"

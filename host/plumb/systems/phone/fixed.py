@@ -71,7 +71,7 @@ def control_init(p: Params) -> ControlState:
 def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_turn_q32: Integer) -> tuple[Integer, ...]:
     """One step: the values of its words, in the written order."""
     c.step += 1
-    taken = [calibrate(count, p, channel) for count, channel in zip(raw, ["gyro"] * 3 + ["accel_y"] * 3, strict=True)]
+    taken = [calibrate(count, p, channel) for count, channel in zip(raw, ["gyro"] * 3 + ["accel"] * 3, strict=True)]
     x, y, z, accel_x, accel_y, accel_z = (value for value, _ in taken)
     clamped = [flag for _, flag in taken]
     now = (p["kalman.rate_now"] == 1) | (c.step == 1)

@@ -10,8 +10,6 @@ from plumb.systems.phone.tuning import PhoneAxis, PhoneTuning
 from plumb.tuning.groups import channel_of, channel_words, check_filter, check_numbers, filter_of, filter_words, refuse
 from plumb.tuning.quantise import ControlParams
 
-GROUPS = ("gyro", "accel_y", "tilt", "kalman", "start", "phone", "roll", "roll.start")
-
 
 def quantise(tuning: PhoneTuning) -> ControlParams:
     """The integers; raises UsageError with the parameter, its value and the limit."""
@@ -27,7 +25,7 @@ def quantise(tuning: PhoneTuning) -> ControlParams:
             raise reason from None
     own = {
         **channel_words("gyro", tuning.gyro, Fraction(1 << 28, 360)),
-        **channel_words("accel_y", tuning.accel, Fraction(1 << 26)),
+        **channel_words("accel", tuning.accel, Fraction(1 << 26)),
         "tilt.mode": 1,
         **pitch,
         "phone.rates": int(tuning.rates == "euler"),
@@ -68,7 +66,7 @@ def dequantise(params: ControlParams) -> PhoneTuning:
     return PhoneTuning(
         period_us=round(params.period_s * 1e6),
         gyro=channel_of(params, "gyro", 2**28 / 360),
-        accel=channel_of(params, "accel_y", 2**26),
+        accel=channel_of(params, "accel", 2**26),
         pitch=PhoneAxis(kalman.q_angle_deg2_per_s, kalman.q_bias_dps2_per_s, trust.r_deg2, start),
         roll=PhoneAxis(roll_kalman.q_angle_deg2_per_s, roll_kalman.q_bias_dps2_per_s, roll_trust.r_deg2, roll_start),
         rates="euler" if params["phone.rates"] else "body",

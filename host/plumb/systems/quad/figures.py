@@ -78,7 +78,7 @@ class Batch:
 
     def engineering(self) -> FloatArray:
         """Rate in deg/s, acceleration along y and z in g: (3, steps, runs)."""
-        channels = (quad.CALIBRATION.gyro, quad.CALIBRATION.accel_y, quad.CALIBRATION.accel_z)
+        channels = (quad.CALIBRATION.gyro, quad.CALIBRATION.accel, quad.CALIBRATION.accel_up)
         raw = self.raw.astype(np.float64)
         return np.stack([(raw[:, i] - c.zero_counts) * c.unit_per_count for i, c in enumerate(channels)])
 
@@ -192,7 +192,7 @@ class Float64:
         rate_dps = run_reference.calibrate(float(raw[0]), channels.gyro)
         y_g, z_g = (
             run_reference.calibrate(float(count), channel)
-            for count, channel in zip(raw[1:3], (channels.accel_y, channels.accel_z), strict=True)
+            for count, channel in zip(raw[1:3], (channels.accel, channels.accel_up), strict=True)
         )
         z_deg, r_deg2 = run_reference.tilt(y_g, z_g, tuning.tilt), run_reference.trust(y_g, z_g, tuning.trust)
         asked_deg = setpoint * (360.0 / 2.0**32)

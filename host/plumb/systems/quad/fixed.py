@@ -48,8 +48,8 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_tu
     c.step += 1
     previous = c.rate_turnps_q28
     rate, gyro_clamped = calibrate(raw[0], p, "gyro")
-    accel_y, y_clamped = calibrate(raw[1], p, "accel_y")
-    accel_z, z_clamped = calibrate(raw[2], p, "accel_z")
+    accel_y, y_clamped = calibrate(raw[1], p, "accel")
+    accel_z, z_clamped = calibrate(raw[2], p, "accel_up")
     c.rate_turnps_q28 = rate
     u = rate if c.step == 1 else select(p["kalman.rate_now"] == 1, rate, previous)
     measured = tilt(accel_y, accel_z, p)

@@ -6,8 +6,6 @@ from plumb.systems.quad.tuning import QuadTuning
 from plumb.tuning.groups import axis_of, axis_words, esc_of, esc_words
 from plumb.tuning.quantise import ControlParams
 
-GROUPS = ("gyro", "accel_y", "accel_z", "tilt", "kalman", "start", "pid", "esc")
-
 
 def quantise(tuning: QuadTuning) -> ControlParams:
     """The integers; raises UsageError with the parameter, its value and the limit."""

@@ -75,8 +75,8 @@ def run_control(
     shape = (counts.shape[0], *counts.shape[2:])
     turns = np.zeros(shape) if setpoint_turn_q32 is None else np.asarray(setpoint_turn_q32, np.float64) / 2**32
     rate_dps = calibrate(counts[:, 0], tuning.calibration.gyro)
-    accel_y_g = calibrate(counts[:, 1], tuning.calibration.accel_y)
-    accel_z_g = calibrate(counts[:, 2], tuning.calibration.accel_z)
+    accel_y_g = calibrate(counts[:, 1], tuning.calibration.accel)
+    accel_z_g = calibrate(counts[:, 2], tuning.calibration.accel_up)
     z_deg = tilt(accel_y_g, accel_z_g, tuning.tilt)
     r_deg2 = trust(accel_y_g, accel_z_g, tuning.trust)
 

@@ -83,7 +83,7 @@ OUTPUT_FRAMES = dbc.output_frames("quad")
 OUTPUTS = tuple(OUTPUT_FRAMES)
 SECONDS = {"motion": 120.0, "quiet": 120.0, "disturb": 30.0, "hold": 30.0, "converge": 10.0}
 
-CALIBRATION = Calibration(gyro=GYRO.channel(), accel_y=Mma7260().channel(), accel_z=Mma7260().channel())
+CALIBRATION = Calibration(gyro=GYRO.channel(), accel=Mma7260().channel(), accel_up=Mma7260().channel())
 
 # Attitude hold of plumb.systems.quad.plant; chosen on that plant (seeds 0-19), the paper prints no gains. Stable with
 # 10 ms of delay between sample and thrust beyond the motors' own lag; an ESC at 50 Hz may take more.

@@ -11,8 +11,6 @@ from plumb.systems.turntable.tuning import Fusion, Prefilter, TurntableTuning
 from plumb.tuning.groups import DEG2, channel_of, channel_words, check_numbers, not_negative, refuse, whole
 from plumb.tuning.quantise import ControlParams
 
-GROUPS = ("gyro", "angular", "gyro_filter", "angular_filter", "fusion")
-
 LAYERS = ("data", "attitude", "printed")
 WORD = (1 << 32) - 1
 MOST = (1 << 31) - 1
