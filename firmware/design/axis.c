@@ -6,10 +6,10 @@
 void plumb_design_axis_finite(plumb_design_t *d, const design_axis_t *t) {
     FINITE(calibration, gyro.zero_counts);
     FINITE(calibration, gyro.unit_per_count);
-    FINITE(calibration, accel_y.zero_counts);
-    FINITE(calibration, accel_y.unit_per_count);
-    FINITE(calibration, accel_z.zero_counts);
-    FINITE(calibration, accel_z.unit_per_count);
+    FINITE(calibration, accel.zero_counts);
+    FINITE(calibration, accel.unit_per_count);
+    FINITE(calibration, accel_up.zero_counts);
+    FINITE(calibration, accel_up.unit_per_count);
     FINITE(kalman, q_angle_deg2_per_s);
     FINITE(kalman, q_bias_dps2_per_s);
     FINITE(kalman, bias_max_dps);
@@ -30,8 +30,8 @@ void plumb_design_axis_finite(plumb_design_t *d, const design_axis_t *t) {
 
 void plumb_design_axis(plumb_design_t *d, const design_axis_t *t, control_params_t *params) {
     static const design_channel_names_t gyro = DESIGN_CHANNEL_NAMES("calibration.gyro");
-    static const design_channel_names_t accel_y = DESIGN_CHANNEL_NAMES("calibration.accel_y");
-    static const design_channel_names_t accel_z = DESIGN_CHANNEL_NAMES("calibration.accel_z");
+    static const design_channel_names_t accel = DESIGN_CHANNEL_NAMES("calibration.accel");
+    static const design_channel_names_t accel_up = DESIGN_CHANNEL_NAMES("calibration.accel_up");
     design_filter_t f = {
         .q_angle_deg2_per_s = t->kalman->q_angle_deg2_per_s,
         .q_bias_dps2_per_s = t->kalman->q_bias_dps2_per_s,
@@ -65,7 +65,7 @@ void plumb_design_axis(plumb_design_t *d, const design_axis_t *t, control_params
     params->start = words.start;
     params->tilt = words.tilt;
     plumb_design_channel(d, &gyro, &t->calibration->gyro, plumb_design_turn_unit(), &params->gyro);
-    plumb_design_channel(d, &accel_y, &t->calibration->accel_y, plumb_design_g_unit(), &params->accel_y);
-    plumb_design_channel(d, &accel_z, &t->calibration->accel_z, plumb_design_g_unit(), &params->accel_z);
+    plumb_design_channel(d, &accel, &t->calibration->accel, plumb_design_g_unit(), &params->accel);
+    plumb_design_channel(d, &accel_up, &t->calibration->accel_up, plumb_design_g_unit(), &params->accel_up);
     plumb_design_pid(d, t->pid, t->period_us, &params->pid);
 }

@@ -89,7 +89,7 @@ plumb_design_t plumb_phone_design(const plumb_phone_tuning_t *tuning, control_pa
     made.roll.qb_frac_q30 = roll.kalman.qb_frac_q30;
     made.roll.start = roll.start;
     plumb_design_channel(&d, &gyro, &t->gyro, plumb_design_turn_unit(), &made.gyro);
-    plumb_design_channel(&d, &accel, &t->accel, plumb_design_g_unit(), &made.accel_y);
+    plumb_design_channel(&d, &accel, &t->accel, plumb_design_g_unit(), &made.accel);
     if (d.error == PLUMB_DESIGN_OK)
         *params = made;
     return d;

@@ -11,13 +11,13 @@ const plumb_quad_tuning_t PLUMB_QUAD_TUNING_ADAPTIVE = {
             .min_counts = 1401,
             .max_counts = 1951,
         },
-        .accel_y = {
+        .accel = {
             .zero_counts = 2048.0,
             .unit_per_count = 0.001007080078125,
             .min_counts = 409,
             .max_counts = 3687,
         },
-        .accel_z = {
+        .accel_up = {
             .zero_counts = 2048.0,
             .unit_per_count = 0.001007080078125,
             .min_counts = 409,
@@ -68,13 +68,13 @@ const plumb_quad_tuning_t PLUMB_QUAD_TUNING_PAPER = {
             .min_counts = 1401,
             .max_counts = 1951,
         },
-        .accel_y = {
+        .accel = {
             .zero_counts = 2048.0,
             .unit_per_count = 0.001007080078125,
             .min_counts = 409,
             .max_counts = 3687,
         },
-        .accel_z = {
+        .accel_up = {
             .zero_counts = 2048.0,
             .unit_per_count = 0.001007080078125,
             .min_counts = 409,
@@ -125,13 +125,13 @@ const plumb_quad_tuning_t PLUMB_QUAD_TUNING_PAPER_ARCSINE = {
             .min_counts = 1401,
             .max_counts = 1951,
         },
-        .accel_y = {
+        .accel = {
             .zero_counts = 2048.0,
             .unit_per_count = 0.001007080078125,
             .min_counts = 409,
             .max_counts = 3687,
         },
-        .accel_z = {
+        .accel_up = {
             .zero_counts = 2048.0,
             .unit_per_count = 0.001007080078125,
             .min_counts = 409,
@@ -182,13 +182,13 @@ const plumb_quad_tuning_t PLUMB_QUAD_TUNING_QUIET = {
             .min_counts = 1401,
             .max_counts = 1951,
         },
-        .accel_y = {
+        .accel = {
             .zero_counts = 2048.0,
             .unit_per_count = 0.001007080078125,
             .min_counts = 409,
             .max_counts = 3687,
         },
-        .accel_z = {
+        .accel_up = {
             .zero_counts = 2048.0,
             .unit_per_count = 0.001007080078125,
             .min_counts = 409,
@@ -239,13 +239,13 @@ const plumb_quad_tuning_t PLUMB_QUAD_TUNING_CONSTANT = {
             .min_counts = 1401,
             .max_counts = 1951,
         },
-        .accel_y = {
+        .accel = {
             .zero_counts = 2048.0,
             .unit_per_count = 0.001007080078125,
             .min_counts = 409,
             .max_counts = 3687,
         },
-        .accel_z = {
+        .accel_up = {
             .zero_counts = 2048.0,
             .unit_per_count = 0.001007080078125,
             .min_counts = 409,
@@ -296,13 +296,13 @@ const plumb_quad_tuning_t PLUMB_QUAD_TUNING_FAST_START = {
             .min_counts = 1401,
             .max_counts = 1951,
         },
-        .accel_y = {
+        .accel = {
             .zero_counts = 2048.0,
             .unit_per_count = 0.001007080078125,
             .min_counts = 409,
             .max_counts = 3687,
         },
-        .accel_z = {
+        .accel_up = {
             .zero_counts = 2048.0,
             .unit_per_count = 0.001007080078125,
             .min_counts = 409,
@@ -353,13 +353,13 @@ const plumb_quad_tuning_t PLUMB_QUAD_TUNING_RECORDING = {
             .min_counts = 1401,
             .max_counts = 1951,
         },
-        .accel_y = {
+        .accel = {
             .zero_counts = 2048.0,
             .unit_per_count = 0.001007080078125,
             .min_counts = 409,
             .max_counts = 3687,
         },
-        .accel_z = {
+        .accel_up = {
             .zero_counts = 2048.0,
             .unit_per_count = 0.001007080078125,
             .min_counts = 409,
@@ -410,13 +410,13 @@ const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_TUNED = {
             .min_counts = -31625,
             .max_counts = 31625,
         },
-        .accel_y = {
+        .accel = {
             .zero_counts = 0.0,
             .unit_per_count = -0.0039,
             .min_counts = -4095,
             .max_counts = 4094,
         },
-        .accel_z = {
+        .accel_up = {
             .zero_counts = 0.0,
             .unit_per_count = 0.0039,
             .min_counts = -4095,
@@ -480,13 +480,13 @@ const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_ARCTAN = {
             .min_counts = -31625,
             .max_counts = 31625,
         },
-        .accel_y = {
+        .accel = {
             .zero_counts = 0.0,
             .unit_per_count = -0.0039,
             .min_counts = -4095,
             .max_counts = 4094,
         },
-        .accel_z = {
+        .accel_up = {
             .zero_counts = 0.0,
             .unit_per_count = 0.0039,
             .min_counts = -4095,
@@ -550,13 +550,13 @@ const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_ARCTAN_FITTED = {
             .min_counts = -31625,
             .max_counts = 31625,
         },
-        .accel_y = {
+        .accel = {
             .zero_counts = 0.0,
             .unit_per_count = -0.0039,
             .min_counts = -4095,
             .max_counts = 4094,
         },
-        .accel_z = {
+        .accel_up = {
             .zero_counts = 0.0,
             .unit_per_count = 0.0039,
             .min_counts = -4095,
@@ -620,13 +620,13 @@ const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_PAPER_RULE = {
             .min_counts = -31625,
             .max_counts = 31625,
         },
-        .accel_y = {
+        .accel = {
             .zero_counts = 0.0,
             .unit_per_count = -0.0039,
             .min_counts = -4095,
             .max_counts = 4094,
         },
-        .accel_z = {
+        .accel_up = {
             .zero_counts = 0.0,
             .unit_per_count = 0.0039,
             .min_counts = -4095,
@@ -690,13 +690,13 @@ const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_PAPER_RULE_WHEEL = {
             .min_counts = -31625,
             .max_counts = 31625,
         },
-        .accel_y = {
+        .accel = {
             .zero_counts = 0.0,
             .unit_per_count = -0.0039,
             .min_counts = -4095,
             .max_counts = 4094,
         },
-        .accel_z = {
+        .accel_up = {
             .zero_counts = 0.0,
             .unit_per_count = 0.0039,
             .min_counts = -4095,

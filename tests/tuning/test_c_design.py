@@ -56,8 +56,8 @@ def named(system: str, sentence: str) -> str:
         name = "rate" if name == "kalman.rate" else re.sub("^(kalman|trust)", axis[1], name)
         return re.sub("^start", f"{axis[1]}.start", name)
     if system == "phone":
-        return name.replace("accel_y", "accel")
-    return re.sub("^(gyro|accel_y|accel_z)\\.", r"calibration.\1.", name) if system != "turntable" else name
+        return name
+    return re.sub("^(gyro|accel|accel_up)\\.", r"calibration.\1.", name) if system != "turntable" else name
 
 
 def compare(tuning: Any) -> Counter[str]:

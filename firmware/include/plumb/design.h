@@ -49,15 +49,15 @@ typedef struct {
 
 /* The channels of one axis. */
 typedef struct {
-    plumb_channel_tuning_t gyro;    /* deg/s */
-    plumb_channel_tuning_t accel_y; /* g: sin(tilt) at rest */
-    plumb_channel_tuning_t accel_z; /* g: cos(tilt) at rest */
+    plumb_channel_tuning_t gyro;     /* deg/s */
+    plumb_channel_tuning_t accel;    /* g: horizontal at tilt 0, sin(tilt) at rest */
+    plumb_channel_tuning_t accel_up; /* g: cos(tilt) at rest */
 } plumb_calibration_tuning_t;
 
 /* Tilt out of accelerations. */
 typedef enum {
-    PLUMB_TUNING_ARCSINE = 0, /* asin(accel_y / 1 g), +-90 deg */
-    PLUMB_TUNING_ATAN2 = 1    /* atan2(accel_y, accel_z), +-180 deg */
+    PLUMB_TUNING_ARCSINE = 0, /* asin(accel / 1 g), +-90 deg */
+    PLUMB_TUNING_ATAN2 = 1    /* atan2(accel, accel_up), +-180 deg */
 } plumb_tilt_choice_t;
 
 /* Which gyro sample moves the filter. */
@@ -151,7 +151,7 @@ typedef struct {
     double fall_deg; /* 0 to 180: beyond it the duty stays 0 until the run ends */
 } plumb_drive_tuning_t;
 
-/* balancer: a vehicle on two wheels. calibration.accel_y is the forward axis, sin(tilt) at rest. */
+/* balancer: a vehicle on two wheels. calibration.accel is the forward axis, sin(tilt) at rest. */
 typedef struct {
     int32_t period_us; /* of a step: 500 to 100000 */
     plumb_calibration_tuning_t calibration;
