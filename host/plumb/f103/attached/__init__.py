@@ -1,1 +1,1 @@
-"""What is wired to the chip: sensors on I2C and SPI, the CAN wire, straps."""
+"""Models of parts wired to the chip: sensors on I2C and SPI, the CAN bus."""

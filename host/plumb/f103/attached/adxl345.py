@@ -1,7 +1,8 @@
-"""ADXL345 accelerometer as its registers (Analog Devices data sheet, rev. E), on I2C or SPI.
+"""Register model of the ADXL345 accelerometer (Analog Devices data sheet, rev. E), on I2C or SPI.
 
-The world is given in g. Its low-pass is not modelled: the source's noise and lag are those of the output rate that was
-set. Not modelled: FIFO modes, interrupts on pins, tap, activity and free-fall, left-justified and self-test data.
+The source gives accelerations in g. The chip's low-pass is not modelled: the source has the noise and lag of the output
+rate that is set. Not modelled: FIFO modes, interrupt pins, tap, activity and free-fall, left-justified and self-test
+data.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ class Adxl345(Chip):
         if self.DATA <= register < self.DATA + 6:
             self.registers[INT_SOURCE] &= ~DATA_READY
 
-    # On SPI: the select line chooses this bus.
+    # On SPI: a low select line switches the chip from I2C to SPI.
 
     def select(self) -> None:
         self._command = None

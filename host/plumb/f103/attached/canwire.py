@@ -1,8 +1,8 @@
-"""The CAN bus that the simulated board hangs on: who may send, how long a frame takes, and what goes wrong on request.
+"""The CAN bus of the simulated board: arbitration, duration of frames, and fault injection.
 
-Two nodes: the board's controller, and the host, which stands for everything else on the bus. A frame takes its exact
-number of bits, stuffing included; of two that wait, the lower identifier goes first (ISO 11898-1). The host's node
-never fails by itself: it acknowledges, and sends again what the board destroyed.
+It has two nodes: the board's controller, and the host, which stands for all other nodes. A frame takes its exact number
+of bits, stuffing included; of two waiting frames the one with the lower identifier goes first (ISO 11898-1). The host's
+node never fails by itself: it acknowledges, and repeats frames that the board destroyed.
 
 Not modelled: suspend transmission of error-passive nodes, overload frames, arbitration within a frame under way.
 """
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
     from plumb.f103.core.mcu import Mcu
 
 STUFF, FORM, ACK, BIT_RECESSIVE, BIT_DOMINANT, CRC = 1, 2, 3, 4, 5, 6
-"""Kinds of error, as the controller's last error code has them."""
+"""Kinds of error, with the values of the controller's last error code."""
 RATE_TOLERANCE = 0.005
 ERROR_BITS = 23
-"""Error flags of both sides, delimiter and intermission, behind the bit that went wrong."""
+"""Error flags of both sides, delimiter and intermission, after the erroneous bit."""
 AFTER_STUFFING = 13
 """CRC delimiter, acknowledgement and its delimiter, end of frame, intermission."""
 LONGEST_QUEUE = 4096
 
 
 class WireFrame(NamedTuple):
-    """data: up to eight bytes; of a remote frame, as many as it asks for."""
+    """A frame. data: up to eight bytes; of a remote frame, as many bytes as it requests."""
 
     identifier: int
     data: bytes
@@ -37,7 +37,7 @@ class WireFrame(NamedTuple):
 
     @property
     def urgency(self) -> tuple[int, int, int]:
-        """Lower goes first: base identifier, standard before extended, data before remote."""
+        """Order of arbitration, the lowest wins: base identifier, standard before extended, data before remote."""
         base = self.identifier >> 18 if self.extended else self.identifier
         return base, int(self.extended), self.identifier << 1 | self.remote
 
@@ -53,7 +53,7 @@ CRC15_TABLE = tuple(_crc15_of(byte) for byte in range(256))
 
 
 def frame_bits(frame: WireFrame) -> int:
-    """Bits of a frame on the wire with its stuff bits, intermission included."""
+    """Number of bits of a frame on the wire, stuff bits and intermission included."""
     if frame.extended:
         head = (frame.identifier >> 18) << 21 | 3 << 19 | (frame.identifier & 0x3FFFF) << 1 | frame.remote
         head, length = head << 6 | len(frame.data), 39
@@ -96,10 +96,10 @@ class CanController(Protocol):
 
 
 class CanWire:
-    """kbit: the host's bit rate. attached: another node is there to acknowledge what the board sends.
+    """The bus. kbit: the host's bit rate. attached: another node is there that acknowledges the board's frames.
 
-    Faults on request: acknowledged False (the others only listen), fail_sending and fail_receiving (kinds of error for
-    the next attempts), babbler (a frame that a broken node sends for ever), dominant (a short: no recessive bit).
+    Fault injection: acknowledged False (the others only listen), fail_sending and fail_receiving (kinds of error for
+    the next attempts), babbler (a frame that a broken node sends without end), dominant (a short: no recessive bit).
     """
 
     def __init__(self, machine: Mcu, node: CanController) -> None:
@@ -125,7 +125,7 @@ class CanWire:
     # The host's end
 
     def send(self, frame: WireFrame) -> None:
-        """The host has a frame to send; it goes out when the bus is free and nobody has a more urgent one."""
+        """Queue a frame of the host; it goes out when it wins arbitration on a free bus."""
         self._from_host.append(frame)
         self.look()
 
@@ -145,7 +145,7 @@ class CanWire:
         self.look()
 
     def short(self, dominant: bool) -> None:
-        """Hold the bus dominant, or let go."""
+        """Short the bus to dominant, or remove the short."""
         self.dominant = dominant
         self.node.bus_changed()
         self.look()
@@ -159,7 +159,7 @@ class CanWire:
         return abs(self.node.kbit - self.kbit) <= RATE_TOLERANCE * self.kbit
 
     def look(self) -> None:
-        """Something changed: begin the next frame if the bus is free and somebody has one."""
+        """Begin the next frame if the bus is free and a node has one; call after every change."""
         if self._frame is not None or not self.machine.powered:
             return
         offers = []
@@ -221,7 +221,7 @@ class CanWire:
             self._from_host.popleft()
 
     def board_lost(self) -> None:
-        """The board was reset: what it was sending is nobody's frame, and the bus is free for the others."""
+        """The board was reset: its frame on the wire ends without effect, and the bus is free for the others."""
         if self.board_sends:
             self._forget()
         self.look()

@@ -1,11 +1,11 @@
-"""A sensor chip as its registers: on I2C, on SPI, sampling the world by its own clock, and failing on request.
+"""Register model of a sensor chip on I2C or SPI: it samples a source by its own clock; with fault injection.
 
     gyro = Itg3205(machine, lambda t_s: (0.0, 12.5, 0.0))
     machine.i2c_bus.slaves.append(gyro)
     gyro.answers = False            # off the bus: NACK
 
-The source is the world: simulated seconds -> what each axis feels, in the sensor's unit, noise included. It is asked
-once for every sample the chip takes, in order of time, at the instant of that sample.
+The source is a function: simulated seconds -> physical value of each axis, in the sensor's unit, noise included. It is
+called once for every sample of the chip, in order of time, with the instant of that sample.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ Source = Callable[[float], tuple[float, float, float]]
 
 
 class Chip(ABC):
-    """address: 7 bits, on I2C. Faults: answers, identity, frozen; brown_out().
+    """A sensor chip. address: 7 bits, on I2C. Fault injection: answers, identity, frozen; brown_out().
 
     on_read(time_s, counts): called when the sample taken at time_s is read over the bus. The six data registers do not
-    change while one access reads them: the ADXL345 says so of reads of several bytes; of the ITG-3205 it is assumed.
+    change during one access: the data sheet of the ADXL345 states it for reads of several bytes; for the ITG-3205 it is
+    assumed.
     """
 
     NAME: ClassVar[str]
@@ -41,7 +42,7 @@ class Chip(ABC):
         self.machine, self.source, self.address, self.identity = machine, source, address, identity
         self.answers = True
         self.frozen = False
-        """No new samples, the bus aside."""
+        """True: the chip takes no new samples, but its bus works."""
         self.clock_error = 0.0
         """Relative error of the chip's own oscillator."""
         self.on_read: Callable[[float, tuple[int, int, int]], None] = lambda _time_s, _counts: None
@@ -64,28 +65,28 @@ class Chip(ABC):
 
     @abstractmethod
     def period_s(self) -> float:
-        """Between two samples; 0 while it takes none."""
+        """Time between two samples; 0 while the chip takes none."""
 
     @abstractmethod
     def convert(self, felt: tuple[float, float, float]) -> tuple[int, int, int]:
-        """The world's values as counts."""
+        """Counts of the physical values."""
 
     @abstractmethod
     def store(self) -> None:
-        """Put `counts` into the data registers, and say that they are new."""
+        """Store `counts` in the data registers, and set the flag of new data."""
 
     @abstractmethod
     def written(self, register: int, value: int) -> None:
-        """A register is written over the bus."""
+        """Handle a write to a register over the bus."""
 
     @abstractmethod
     def noticed(self, register: int) -> None:
-        """A register was read over the bus: flags that reading clears."""
+        """Clear the flags that reading this register clears."""
 
     # Time
 
     def settings_changed(self) -> None:
-        """Begin sampling anew, or stop."""
+        """Restart the sampling with the new settings, or stop it."""
         if self.period_s():
             self._plan(self.machine.now)
         else:
@@ -141,4 +142,4 @@ class Chip(ABC):
         return self._read() if self.answers and self._pointer is not None else 0xFF
 
     def end(self) -> None:  # noqa: B027  a chip that keeps nothing has nothing to do
-        """Nothing is kept over a STOP but the register pointer."""
+        """End of an access: only the register pointer stays."""

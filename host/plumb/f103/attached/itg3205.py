@@ -1,7 +1,7 @@
-"""ITG-3205 gyro as its registers (InvenSense data sheet PS-ITG-3205A), on I2C.
+"""Register model of the ITG-3205 gyro (InvenSense data sheet PS-ITG-3205A), on I2C.
 
-The world is given in deg/s. Its low-pass is not modelled: the source's noise and lag are those of the filter that was
-set. Not modelled: the interrupt pin, standby of single axes, temperature other than 35 deg C.
+The source gives rates in deg/s. The chip's low-pass is not modelled: the source has the noise and lag of the filter
+that is set. Not modelled: the interrupt pin, standby of single axes, temperature other than 35 deg C.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""The Cortex-M3 and the chip's time: CPU, interrupts, system control, debug, the peripheral bus."""
+"""The Cortex-M3 core, simulated time, and the peripheral bus."""

@@ -1,8 +1,8 @@
-"""The peripheral bus: which address is which register of which peripheral, and what an access does.
+"""The peripheral bus: maps addresses to registers of peripherals, and carries out accesses.
 
 A peripheral lists its registers (RM0008: name, offset, reset value, writable bits). A register without a method of its
-own is plain storage; `read_NAME` and `write_NAME` methods give it behaviour. Registers nobody modelled do not exist:
-touching one stops the simulation with its address, so that nothing is silently ignored.
+own is plain storage; methods `read_NAME` and `write_NAME` give it behaviour. An access to a register that is not
+modelled stops the simulation and reports its address, so that nothing is silently ignored.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Register(NamedTuple):
 
 
 class Peripheral:
-    """One block of registers. `clocked` follows its enable bit in RCC: without a clock it reads 0 and keeps nothing.
+    """One block of registers. `clocked` follows its enable bit in RCC: without a clock it reads 0 and ignores writes.
 
     Every attribute is state that a snapshot keeps (snapshot.py), unless the class names it in WIRING.
     """
@@ -48,16 +48,16 @@ class Peripheral:
             setattr(self, register.name, register.reset)
 
     def reset(self) -> None:
-        """Reset values; what a peripheral schedules, it cancels here."""
+        """Set all registers to their reset values; a peripheral also cancels its planned events here."""
         for register in self.REGISTERS:
             setattr(self, register.name, register.reset)
 
     def switch_clock(self, on: bool) -> None:
-        """RCC gives this peripheral its clock, or takes it."""
+        """RCC switches the clock of this peripheral on or off."""
         self.clocked = on
 
     def clock_changing(self, now: int) -> None:
-        """The bus clock is about to change at `now`: settle what was counted with the old one."""
+        """The bus clock is about to change at `now`: bring counters up to date with the old clock."""
 
     def clock_changed(self, now: int) -> None:
         """The bus clock has changed: plan the coming events again."""
@@ -76,7 +76,7 @@ class Peripheral:
 
 
 class Bus:
-    """Address -> register, for the two callbacks that the processor core calls."""
+    """The registers by address, and the two callbacks of the core for reads and writes."""
 
     WIRING = frozenset({"readers", "writers"})
 

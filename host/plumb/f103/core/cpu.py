@@ -1,8 +1,8 @@
-"""The Cortex-M3: Unicorn executes the instructions; exception entry and return, sleep and time are ours.
+"""The Cortex-M3: Unicorn executes the instructions; this module models exception entry and return, sleep and time.
 
 Time. Every instruction takes CYCLES_PER_INSTRUCTION = 3/2 cycles of HCLK (a flat estimate for this firmware at two
 wait states); exception entry takes 12 cycles, return 10, a tail-chained entry 6 (Armv7-M, zero wait states). Unicorn
-counts instructions in its own memory: reading that counter inside a register access gives the exact present, and
+counts instructions in its own memory: reading that counter inside a register access gives the exact present time, and
 lowering the limit beside it ends the slice after the current instruction (stopping from inside a register access would
 repeat the access). So a slice always ends exactly at the next event, and results do not depend on how time was sliced.
 """
@@ -151,16 +151,16 @@ class Cpu:
         uc.hook_add(UC_HOOK_MEM_INVALID, self._on_bad_address)
 
     def _map(self, size: int, bases: tuple[int, ...], access: int) -> memoryview:
-        """Memory that Unicorn and we see alike, at one or more addresses."""
+        """Memory shared by Unicorn and Python, mapped at one or more addresses."""
         memory = (ctypes.c_uint8 * size)()
         for base in bases:
             self.uc.mem_map_ptr(base, size, access, ctypes.addressof(memory))
         return memoryview(memory).cast("B")
 
     def map_registers(self, base: int, size: int, bus: Bus, crc: Crc | None = None) -> None:
-        """Hand accesses to a range of addresses to the bus. Straight to the library: it is the busiest path there is.
-        What is raised inside comes out of `run`. crc: the unit at `base`, whose words go to it without the bus: the
-        firmware writes hundreds of them between two steps."""
+        """Pass accesses to a range of addresses to the bus. Calls the library directly, because this is the busiest
+        path. An exception raised in an access comes out of `run`. crc: the unit at `base`, which gets its words without
+        the bus, because the firmware writes hundreds of them between two steps."""
 
         def read(_uc: int, offset: int, width: int, _user: int) -> int:
             try:
@@ -193,15 +193,15 @@ class Cpu:
         return 0
 
     def on_interrupt(self, number: int, _frame: FrameType | None) -> None:
-        """Ctrl-C or SIGTERM. An exception raised on the way into or out of a register access would be lost, and the
-        access with it."""
+        """Handler of SIGINT and SIGTERM: ends the slice and raises afterwards. An exception raised on the way into or
+        out of a register access would be lost, together with the access."""
         ending = ending_of(number)
         if not self.running:
             raise ending
         self._raise_later(ending)
 
     def now(self) -> int:
-        """Ticks. Inside a register access: the start of the instruction after the one that makes it."""
+        """Present time in ticks. Inside a register access: the end of the instruction that makes the access."""
         return self.base + self._counter.value * self.instruction_ticks if self.running else self.base
 
     def set_clock(self, hclk_ticks: int) -> None:
@@ -212,23 +212,24 @@ class Cpu:
             self.end_slice()
 
     def end_slice(self) -> None:
-        """Stop after the instruction that is running now."""
+        """End the slice after the present instruction."""
         if self.running:
             self._limit.value = min(self._limit.value, self._counter.value)
 
     def end_slice_at(self, time: int) -> None:
-        """An event at `time` has become the next: run no further than the first instruction that ends at or after."""
+        """An event at `time` has become the next one: end the slice with the first instruction that ends at or after
+        it."""
         if self.running:
             last = max(-(-(time - self.base) // self.instruction_ticks), self._counter.value)
             self._limit.value = min(self._limit.value, last)
 
     def forget_code(self) -> None:
-        """The flash holds another program now: what was translated of the old one does not count."""
+        """The program in flash has changed: drop Unicorn's translations of the old one."""
         self.uc.ctl_flush_tb()
 
     def restart(self, vectors: int = FLASH_BASE) -> None:
-        """Stack pointer and entry point from a vector table in flash, that of a reset by default; masks clear. Memory
-        stays."""
+        """Load stack pointer and entry point from a vector table in flash, by default that of a reset, and clear the
+        mask registers. Memory stays as it is."""
         stack, entry = struct.unpack_from("<II", self.flash, vectors - FLASH_BASE)
         self.sleeping, self.locked_up = False, ""
         uc = self.uc
@@ -241,8 +242,8 @@ class Cpu:
         self._primask = self._faultmask = self._base_priority = 0
 
     def keep(self) -> Callable[[], None]:
-        """For a snapshot, between two slices: the registers inside Unicorn. The function puts them back; it is called
-        before the memories are, and forgets the code that was translated if the flash has changed since."""
+        """Keep the registers inside Unicorn for a snapshot, between two slices. The returned function restores them; it
+        is called before the memories are restored, and drops the translated code if the flash has changed since."""
         context, flash = self.uc.context_save(), bytes(self.flash)
 
         def put_back() -> None:
@@ -283,7 +284,7 @@ class Cpu:
             self.sleeping = True
 
     def takes(self, number: int) -> bool:
-        """Whether the mask registers let `number` preempt now; nvic.candidate() has settled the rest."""
+        """True when the mask registers let exception `number` preempt now; nvic.candidate() checks everything else."""
         nvic = self.machine.nvic
         priority = nvic.group_priority(number)
         if (priority >= 0 and self._primask & 1) or (priority >= -1 and self._faultmask & 1):
@@ -292,9 +293,9 @@ class Cpu:
         return not base_priority or priority < (base_priority & nvic.group_mask)
 
     def run_masked(self, until: int) -> None:
-        """One instruction while an exception waits behind the masks: it is due the moment they open. After WFI that
-        instruction is nearly always CPSIE I, which is cheaper to do here. A branch to itself opens nothing: it is
-        repeated up to `until` at once."""
+        """Run one instruction while the mask registers hold an exception back, which is due as soon as they are
+        cleared. After WFI that instruction is nearly always CPSIE I, which is cheaper to execute here. A branch to
+        itself clears no mask: time passes at once up to `until`."""
         place = self.pc - FLASH_BASE
         if place >= 0 and self.flash[place : place + 2] == BRANCH_TO_ITSELF:
             turns = max(1, -(-(until - self.base) // self.instruction_ticks))
@@ -322,8 +323,8 @@ class Cpu:
         if self._in_ram(top):
             FRAME.pack_into(self.ram, top - RAM_BASE, *frame[:6], self.pc, xpsr | odd << 7)
         else:
-            # The handler of a fault runs though its pushes failed (Cortex-M3 TRM 5.12.1); before any other comes the
-            # hard fault that the failed push is.
+            # The handler of a fault runs even when its pushes failed (Cortex-M3 TRM 5.12.1). For any other exception a
+            # failed push raises a hard fault first.
             machine.scb.cfsr |= core.CFSR_STKERR
             if number not in (NMI, HARD_FAULT):
                 machine.scb.hfsr |= core.HFSR_FORCED
@@ -406,7 +407,7 @@ class Cpu:
         return RAM_BASE <= address <= RAM_BASE + len(self.ram) - FRAME.size
 
     def read(self, address: int, size: int) -> bytes:
-        """Flash or RAM as the core and the DMA see it."""
+        """Bytes of flash or RAM at an address of the core or the DMA."""
         for base, memory in ((RAM_BASE, self.ram), (FLASH_BASE, self.flash)):
             if base <= address and address + size <= base + len(memory):
                 return bytes(memory[address - base : address - base + size])
@@ -417,8 +418,8 @@ class Cpu:
         uc.emu_stop()
 
     def _on_bad_address(self, _uc: Uc, access: int, address: int, size: int, value: int, _user: object) -> bool:
-        """A write to flash may be a command to its controller: Unicorn lets it through to the memory, the slice ends
-        behind it, and there it is taken back and carried out."""
+        """A write to flash may be a command to its controller: Unicorn writes it to the memory and the slice ends after
+        it; then the write is undone and the command carried out."""
         offset = address - FLASH_BASE
         if access == UC_MEM_WRITE_PROT and 0 <= offset < len(self.flash) and self.machine.flash.takes(size):
             self._flash_write = address, value & 0xFFFF, bytes(self.flash[offset : offset + 2])
@@ -429,8 +430,8 @@ class Cpu:
 
 
 def _find_counter(uc: Uc) -> tuple[ctypes.c_size_t, ctypes.c_size_t]:
-    """Unicorn's instruction counter and its limit, two neighbouring words of its state, found by what they hold
-    after a run whose length is known. Raises UsageError when this Unicorn keeps them otherwise."""
+    """Unicorn's instruction counter and its limit, two neighbouring words of its state, found by their values after a
+    run of known length. Raises UsageError when this version of Unicorn does not have them like this."""
     handle = uc._uch.value
     uc.mem_map(0x60000000, 0x1000)
     uc.mem_write(0x60000000, b"\x00\xbf" * 2048)  # no operation

@@ -1,4 +1,4 @@
-"""What firmware can see of the debug block: the cycle counter, its switch, and the device id."""
+"""Debug registers that firmware can read: the cycle counter, its enable bit, and the device id."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class CoreDebug(Peripheral):
 
 
 class Dwt(Peripheral):
-    """CYCCNT counts core cycles: it stands still while the core sleeps in WFI, as on silicon without a debugger."""
+    """CYCCNT counts core cycles; it stops while the core sleeps in WFI, as on silicon without a debugger."""
 
     REGISTERS = (Register("ctrl", 0x00, 0x40000000, 1), Register("cyccnt", 0x04))
     ctrl: int
@@ -43,7 +43,7 @@ class Dwt(Peripheral):
         awake = self.machine.awake_ticks()
         if self.counting():
             self.cyccnt = (self.cyccnt + (awake - self.awake_at) // self.machine.rcc.hclk_ticks) & 0xFFFFFFFF
-            # Keep the fraction of a cycle for the next time.
+            # Keep the fraction of a cycle for the next update.
             awake -= (awake - self.awake_at) % self.machine.rcc.hclk_ticks
         self.awake_at = awake
 
@@ -68,7 +68,7 @@ class Dwt(Peripheral):
 
 
 class DbgMcu(Peripheral):
-    """The errata sheets of the F103 say that user code reads 0 here; only a debugger sees the id."""
+    """User code reads 0 as the device id, only a debugger reads the id (errata sheets of the F103)."""
 
     REGISTERS = (Register("idcode", 0x00, 0, 0), Register("cr", 0x04, 0, 0))
     NARROW = "refuse"

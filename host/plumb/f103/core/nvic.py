@@ -1,4 +1,5 @@
-"""Interrupt controller: pending, enable and active bits, priorities, and which exception comes next (Armv7-M B3.4).
+"""Interrupt controller: pending, enable and active bits, priorities, and selection of the next exception (Armv7-M
+B3.4).
 
 Exceptions carry their Armv7-M number: 2 NMI, 3 HardFault, 4 to 6 the other faults, 11 SVCall, 14 PendSV, 15 SysTick,
 16 + n interrupt n. The part implements the upper four bits of a priority.
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 NMI, HARD_FAULT, MEMORY_FAULT, BUS_FAULT, USAGE_FAULT, SVCALL, PENDSV, SYSTICK, IRQ0 = 2, 3, 4, 5, 6, 11, 14, 15, 16
 THREAD_PRIORITY = 256
-"""Below every exception."""
+"""A priority lower than that of every exception."""
 INTERRUPTS = 60
 ALWAYS_ENABLED = 1 << NMI | 1 << HARD_FAULT | 1 << SVCALL | 1 << PENDSV | 1 << SYSTICK
 
@@ -84,7 +85,8 @@ class Nvic(Peripheral):
         return write
 
     def set_line(self, interrupt: int, high: bool) -> None:
-        """A peripheral's request line. A rise pends; a level still high when the handler returns pends again."""
+        """Set a peripheral's request line. A rising edge pends the interrupt; a line still high when the handler
+        returns pends it again."""
         bit = 1 << (IRQ0 + interrupt)
         if not high:
             self.level &= ~bit
@@ -106,11 +108,12 @@ class Nvic(Peripheral):
         return value if value < 0 else value & self.group_mask
 
     def execution_priority(self) -> int:
-        """Of the code now running, without the mask registers."""
+        """Priority of the running code, without the mask registers."""
         return min([self.group_priority(number) for number in self.active], default=THREAD_PRIORITY)
 
     def candidate(self) -> int:
-        """The pending, enabled exception that comes first if it may preempt what runs; 0 for none. Masks aside."""
+        """The pending, enabled exception of the highest priority if it may preempt the running code, else 0. Ignores
+        the mask registers."""
         waiting = self.pending & self.enabled
         if not waiting:
             return 0

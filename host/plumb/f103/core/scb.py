@@ -1,4 +1,4 @@
-"""System control block and SysTick (Armv7-M B3.2, B3.3): the registers that belong to the core, not to the part."""
+"""System control block and SysTick (Armv7-M B3.2, B3.3)."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ class Scb(Peripheral):
 
 
 class SysTick(Peripheral):
-    """Counts down LOAD..0 at HCLK or HCLK/8. VAL is worked out when it is read; only TICKINT needs events."""
+    """Counts down LOAD..0 at HCLK or HCLK/8. VAL is computed when it is read; only TICKINT needs events."""
 
     REGISTERS = (
         Register("ctrl", 0x00),
@@ -136,7 +136,7 @@ class SysTick(Peripheral):
         return self.machine.rcc.hclk_ticks * (1 if self.ctrl & 4 else 8)
 
     def _settle(self, now: int) -> None:
-        """Count the zeros up to now."""
+        """Handle the counts of 0 up to now."""
         if self.ctrl & 1 and now >= self.zero_at:
             period = (self.load + 1) * self.step
             self.flag = True

@@ -1,7 +1,8 @@
-"""Simulated time: integer ticks that every clock of the part divides, and the events that wait in it.
+"""Simulated time in integer ticks, and the events planned in it.
 
-A tick is 1/40320 us: 560 ticks are one cycle at 72 MHz, 630 at 64 MHz, 5040 at 8 MHz; every PLL setting from an 8 MHz
-crystal except x11 and x13 comes out whole, so no clock drifts against another by rounding.
+A tick is 1/40320 us: 560 ticks are one cycle at 72 MHz, 630 at 64 MHz, 5040 at 8 MHz. The cycle of every PLL setting
+with an 8 MHz crystal, except x11 and x13, is a whole number of ticks, so that rounding lets no clock drift against
+another.
 """
 
 from __future__ import annotations
@@ -14,17 +15,17 @@ NEVER = 1 << 62
 
 
 class Timeline:
-    """Named events, few at a time. An event function gets the time it was due, which may lie up to one
-    instruction or one exception entry before the processor's present."""
+    """Planned events by name, a few at a time. An event function gets the time at which it was due, which may be up to
+    one instruction or one exception entry before the processor's present time."""
 
     def __init__(self, sooner: Callable[[int], None]) -> None:
-        """sooner(time) is called when an event becomes the next one: a running slice must end by then."""
+        """sooner(time) is called when a new event becomes the next one, so that a running slice ends by then."""
         self._due: dict[str, tuple[int, Callable[[int], None]]] = {}
         self._sooner = sooner
         self.next = NEVER
 
     def at(self, name: str, time: int, event: Callable[[int], None]) -> None:
-        """Plan `event` at `time`; replaces what was planned under `name`."""
+        """Plan `event` at `time`; replaces an event of the same name."""
         old = self._due.get(name)
         self._due[name] = (time, event)
         if time < self.next:
@@ -43,7 +44,7 @@ class Timeline:
         self.next = NEVER
 
     def run_due(self, now: int) -> None:
-        """Run everything due at `now`, in order of time; equal times in order of planning."""
+        """Run all events due by `now` in order of time; those of equal time in the order they were planned."""
         while self.next <= now:
             time = self.next
             name = next(name for name, entry in self._due.items() if entry[0] == time)

@@ -1,8 +1,8 @@
 """ADC1 (RM0008 chapter 11): regular group, single or scan, by software or TIM3 TRGO, one value at a time to DMA.
 
-Conversion of a channel takes its sampling time plus 12.5 ADC cycles; the pin is looked at when sampling ends. The
-codes are ideal (transitions half a step off, 3.3 V full scale): noise and offsets belong to whoever drives the pin.
-Without calibration after power-up the codes are off by UNCALIBRATED_LSB. Not modelled: injected group, analog
+Conversion of a channel takes its sampling time plus 12.5 ADC cycles; the voltage of the pin is taken when sampling
+ends. The codes are ideal (transitions half a step off, 3.3 V full scale): noise and offsets belong to the voltage
+source. Without calibration after power-up the codes are off by UNCALIBRATED_LSB. Not modelled: injected group, analog
 watchdog, discontinuous mode, dual mode.
 """
 

@@ -1,6 +1,7 @@
-"""Power control and backup registers (RM0008 chapters 5 and 6): what a reset leaves, and only the loss of power takes.
+"""Power control and backup registers (RM0008 chapters 5 and 6), which keep their values over resets but not over a loss
+of power.
 
-VBAT is taken to hang on the supply, as on boards without a battery.
+VBAT is connected to the supply, as on boards without a battery.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ class Bkp(Peripheral):
         super().__init__(machine, "BKP", 0x40006C00)
 
     def reset(self) -> None:
-        """Nothing: they survive."""
+        """Does nothing: the registers keep their values."""
 
     def power_lost(self) -> None:
         super().reset()

@@ -29,12 +29,12 @@ TX_WORDS, RX_WORDS = ("ti", "tdt", "tdl", "tdh"), ("ri", "rdt", "rdl", "rdh")
 IDLE_BITS = 11
 RECOVERY_BITS = 128 * 11
 TSR_CLEAR = {n: (1 << 8 * n, 0x0F << 8 * n) for n in range(MAILBOXES)}
-"""RQCP of a mailbox, and what clearing it clears."""
+"""Of each mailbox: its bit RQCP, and the bits that clearing RQCP clears."""
 
 
 @dataclass
 class Mailbox:
-    """order: of the requests, for TXFP. empty: its registers may be written."""
+    """A transmit mailbox. order: number of its request, for TXFP. empty: its registers may be written."""
 
     words: list[int] = field(default_factory=lambda: [0, 0, 0, 0])
     pending: bool = False
@@ -75,8 +75,8 @@ def _registers() -> tuple[Register, ...]:
 
 
 class Bxcan(Peripheral):
-    """wire: the bus it hangs on. release_ticks: how long the release of a received frame takes (RM0008 has no figure,
-    but a bit that shows it)."""
+    """wire: its bus. release_ticks: time that the release of a received frame takes (RM0008 gives no figure, but a bit
+    that shows it)."""
 
     REGISTERS = _registers()
     NARROW = "refuse"
@@ -100,7 +100,7 @@ class Bxcan(Peripheral):
         self.mailbox = [Mailbox() for _ in range(MAILBOXES)]
         self.sending: int | None = None
         self.results = 0
-        """RQCP, TXOK, ALST, TERR of the three mailboxes, as TSR has them."""
+        """RQCP, TXOK, ALST, TERR of the three mailboxes, at their places in TSR."""
         self.fifo: list[list[tuple[WireFrame, int]]] = [[], []]
         self.overrun = [False, False]
         self.releasing = [False, False]
@@ -145,7 +145,7 @@ class Bxcan(Peripheral):
         return (2 + ((self.btr >> 16) & 15)) / self.quanta
 
     def offer(self) -> WireFrame | None:
-        """The frame that this node would send now; remembers which mailbox."""
+        """The frame that this node would send now; stores its mailbox."""
         waiting = [n for n in range(MAILBOXES) if self.mailbox[n].pending] if self.listening else []
         if not waiting:
             self.sending = None
@@ -169,7 +169,7 @@ class Bxcan(Peripheral):
         self._finish(0b0011)
 
     def send_failed(self, kind: int) -> None:
-        """An attempt ended in an error: it is repeated, unless NART or an abort ends it."""
+        """An attempt ended in an error: the frame is repeated, except with NART or an abort."""
         self.lec = kind
         if not (kind == ACK and self.tec > 127):
             self.tec += 8
@@ -210,7 +210,7 @@ class Bxcan(Peripheral):
         self._update_lines()
 
     def frame_over(self) -> None:
-        """What had to wait for the end of the frame under way."""
+        """Carry out what had to wait for the end of the frame on the bus."""
         self.sending = None
         if self.mcr & INRQ and not self.initialising:
             self._enter_initialisation()
@@ -225,7 +225,7 @@ class Bxcan(Peripheral):
     # Filters
 
     def match(self, frame: WireFrame) -> tuple[int, int] | None:
-        """(FIFO, filter match index) of the best filter that lets the frame through, None when none does."""
+        """(FIFO, filter match index) of the filter of highest priority that accepts the frame; None when none does."""
         if self.fmr & 1:
             return None
         key = (frame.identifier, frame.extended, frame.remote)
@@ -266,7 +266,7 @@ class Bxcan(Peripheral):
         self.machine.timeline.cancel("can recover")
 
     def _join(self) -> None:
-        """Initialisation is left: INAK stays until eleven recessive bits."""
+        """Leave initialisation mode: INAK stays set until eleven recessive bits."""
         self.joining = True
         self._when_recessive("can join", IDLE_BITS, self._joined)
 
@@ -277,7 +277,7 @@ class Bxcan(Peripheral):
         self.wire.look()
 
     def _recover(self) -> None:
-        """The way back from bus-off: BOFF stays until 128 times eleven recessive bits."""
+        """Recover from bus-off: BOFF stays set until 128 times eleven recessive bits."""
         self.recovering = True
         self._when_recessive("can recover", RECOVERY_BITS - IDLE_BITS, self._recovered)
 
@@ -286,7 +286,7 @@ class Bxcan(Peripheral):
         self.wire.look()
 
     def _when_recessive(self, event: str, bits: int, then: Callable[[int], None]) -> None:
-        """After so many recessive bits, counted anew when the bus was held."""
+        """Call then() after so many recessive bits; the count restarts when the bus was held dominant."""
         self.machine.timeline.cancel(event)
         if not self.wire.dominant:
             self.machine.timeline.at(event, self.machine.now + bits * self.bit_ticks, then)
@@ -373,7 +373,7 @@ class Bxcan(Peripheral):
         return count | state | (RFOM if self.releasing[number] else 0)
 
     def _release(self, number: int) -> None:
-        """The software has read the first frame of a FIFO: gone at once, or after release_ticks."""
+        """Release the first frame of a FIFO: at once, or after release_ticks."""
         if self.releasing[number] or not self.fifo[number]:
             return
         self.releasing[number] = True
@@ -418,7 +418,8 @@ class Bxcan(Peripheral):
         return self.rec << 24 | tec << 16 | self.lec << 4 | (BOFF if self.bus_off else 0) | value
 
     def write_esr(self, value: int) -> None:
-        """The last error code can be written, to see the next one come (RM0008 24.9.2)."""
+        """Only the last error code can be written, so that the software sees when the next one is set (RM0008
+        24.9.2)."""
         self.lec = value >> 4 & 7
 
     def write_btr(self, value: int) -> None:

@@ -1,9 +1,9 @@
 """CRC calculation unit (RM0008 chapter 4): remainder of a stream of words, polynomial 0x04C11DB7, highest bit first.
 
-Writing DR takes one word in, reading it gives the remainder so far. CR.RESET puts the remainder to all ones; IDR is a
-byte of storage that it leaves alone. Without RCC_AHBENR.CRCEN the unit takes nothing and reads 0. It takes words only.
-A word keeps the unit busy for four cycles of HCLK, in which a further write waits (4.2): the core's flat estimate of
-time (cpu.py) leaves those waits out, `plumb bench` counts them.
+Writing DR feeds one word, reading it gives the remainder so far. CR.RESET sets the remainder to all ones; IDR is a byte
+of storage that RESET leaves alone. Without RCC_AHBENR.CRCEN the unit ignores writes and reads 0. It takes words only. A
+word keeps the unit busy for four cycles of HCLK, during which a further write waits (4.2). The simulated time (cpu.py)
+leaves these waits out; `plumb bench` counts them.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ def _mirror(word: int) -> int:
 
 
 def remainder(start: int, words: list[int]) -> int:
-    """The unit's remainder after these words; start: before them."""
-    # zlib divides by the same polynomial, with every bit order mirrored and the remainder complemented.
+    """The unit's remainder after these words; start: the remainder before them."""
+    # zlib divides by the same polynomial, with every bit order reversed and the remainder complemented.
     mirrored = struct.pack(f">{len(words)}I", *words).translate(_MIRRORED)
     return _mirror(zlib.crc32(mirrored, _mirror(start) ^ 0xFFFFFFFF) ^ 0xFFFFFFFF)
 

@@ -1,5 +1,5 @@
-"""DMA1 (RM0008 chapter 13). A peripheral moves units through its channel in bursts, with the time of each one known;
-bus arbitration costs nothing here. Channels whose requests are not modelled refuse to be enabled."""
+"""DMA1 (RM0008 chapter 13). A peripheral moves units through its channel in bursts, with the exact time of each unit;
+bus arbitration takes no time. Enabling a channel whose requests are not modelled stops the simulation."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _registers() -> tuple[Register, ...]:
 
 
 class Channel:
-    """One channel. `served` is the data register of the peripheral that owns it; it gets told of changes."""
+    """One channel. `served`: address of the data register of the peripheral that owns the channel."""
 
     def __init__(self, dma: Dma, number: int) -> None:
         self.dma = dma
@@ -49,7 +49,7 @@ class Channel:
         return bool(self.ccr & EN) and self.left > 0
 
     def until_flag(self) -> int:
-        """Units until the next event that raises an interrupt or ends the transfer; 0: none ever."""
+        """Units until the next event that raises an interrupt or ends the transfer; 0: there is none."""
         half = self.left - (self.reload - self.reload // 2)
         if self.ccr & HTIE and half > 0:
             return half
@@ -132,10 +132,11 @@ class Dma(Peripheral):
         super().__init__(machine, "DMA1", 0x40020000)
         self.channels = [Channel(self, i + 1) for i in range(7)]
         self.lazy: list[Channel] = []
+        """Channels whose owner moves units only when its state is read."""
         self.flags = 0
 
     def settle_before_reading(self, *numbers: int) -> None:
-        """Channels, counted from 0, whose owner moves units only when somebody looks."""
+        """Add channels, by index from 0, to `lazy`: their owner brings them up to date before a register is read."""
         self.lazy += [self.channels[number] for number in numbers]
 
     def reset(self) -> None:

@@ -1,8 +1,8 @@
-"""Flash and its controller (PM0075): wait states, keys, programming half-words, erasing pages, and what goes wrong.
+"""Flash and its controller (PM0075): wait states, keys, programming of half-words, erasing of pages, fault injection.
 
-An operation takes its time (the datasheet's longest), in which the core, which runs from flash, stands still. The
-memory changes at its end; a reset or a power cut on the way leaves some of the bits as they were and some as they were
-to be. Worn bits keep their level whatever is done. Mass erase and option bytes are not modelled and say so.
+An operation takes the datasheet's longest time, during which the core, which runs from flash, stalls. The memory
+changes at its end; after a reset or a power cut in between, some of the bits have their old and some their new value.
+Worn bits keep their level. Mass erase and option bytes are not modelled: using them stops the simulation.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ HSION = 1
 
 @dataclass
 class Operation:
-    """offset: of the first byte in flash. after: the bytes when all is done."""
+    """An erase or programming. offset: of its first byte in flash. after: the bytes at its end."""
 
     offset: int
     after: bytes
@@ -39,7 +39,7 @@ class Operation:
 
 
 def torn(before: bytes, after: bytes, odds: float, chance: Random) -> bytes:
-    """What power leaves when it fails on the way: each bit that was to change has changed with these odds."""
+    """Bytes after an interrupted operation: each bit that was to change has changed with probability `odds`."""
     mask = bytes(
         sum(1 << bit for bit in range(8) if chance.random() < odds) if old != new else 0
         for old, new in zip(before, after, strict=True)
@@ -48,9 +48,9 @@ def torn(before: bytes, after: bytes, odds: float, chance: Random) -> bytes:
 
 
 class Flash(Peripheral):
-    """operations: how many were begun since the machine was made. cut_power_in: power fails in the middle of an
-    operation, 0: of the next one, 1: of the one after it; None: of none. protected: page numbers. journal: a list that
-    every operation is appended to from now on."""
+    """operations: number begun since the machine was created. cut_power_in: power fails in the middle of an operation,
+    0: of the next one, 1: of the one after it; None: of none. protected: numbers of write-protected pages. journal: a
+    list to which every operation is appended."""
 
     NARROW = "refuse"
     REGISTERS = (
@@ -88,7 +88,7 @@ class Flash(Peripheral):
         self.machine.timeline.cancel("flash")
         self.machine.timeline.cancel("flash power")
 
-    # Misbehaviour on request
+    # Fault injection
 
     def wear(self, address: int, bits: int, level: int) -> None:
         """These bits of the byte at `address` are stuck at 0 or 1 from now on."""
@@ -97,7 +97,7 @@ class Flash(Peripheral):
         self.store(address - FLASH_BASE, bytes(self.machine.cpu.flash[address - FLASH_BASE :][:1]))
 
     def stall(self, seconds: float) -> None:
-        """The core stands still for so long, as while a page is erased; the memory does not change."""
+        """Stall the core for this time, as while a page is erased; the memory does not change."""
         now = self.machine.now
         nothing = Operation(0, bytes(self.machine.cpu.flash[:2]), now, 0)
         self._begin(nothing, round(seconds * 1e6))
@@ -151,11 +151,11 @@ class Flash(Peripheral):
 
     @property
     def busy(self) -> bool:
-        """An operation is under way: the core stands still."""
+        """An operation is under way: the core stalls."""
         return self._operation is not None
 
     def takes(self, size: int) -> bool:
-        """Whether a write to the memory is a command to program; all others are bus errors."""
+        """True when a write of this size to the memory is a command to program; all others are bus errors."""
         return size == 2 and bool(self.cr & PG) and not self.cr & LOCK
 
     def program(self, address: int, value: int) -> None:
@@ -203,13 +203,13 @@ class Flash(Peripheral):
         self.sr = self.sr & ~BSY | EOP
 
     def _leave_half_done(self, operation: Operation) -> None:
-        """With the odds of the time that went by."""
+        """Change each bit with a probability equal to the part of the operation's time that has passed."""
         odds = (self.machine.now - operation.begun) / (operation.ends - operation.begun)
         before = bytes(self.machine.cpu.flash[operation.offset : operation.offset + len(operation.after)])
         self.store(operation.offset, torn(before, operation.after, odds, self.machine.chance))
 
     def store(self, offset: int, data: bytes) -> None:
-        """These bytes into the memory, as far as it still takes them."""
+        """Write these bytes to the memory; worn bits keep their level."""
         for at, byte in enumerate(data, offset):
             zeros, ones = self._stuck.get(at, (0, 0))
             self.machine.cpu.flash[at] = byte & ~zeros | ones

@@ -17,11 +17,11 @@ JTAG_PINS = (("GPIOA", 15), ("GPIOB", 3), ("GPIOB", 4))
 
 
 LSE_PINS = (14, 15)
-"""Of port C: the 32 kHz crystal's while RCC_BDCR.LSEON is set."""
+"""Pins of port C that belong to the 32 kHz crystal while RCC_BDCR.LSEON is set."""
 
 
 class Gpio(Peripheral):
-    """One port. `outside[n]` is what the world drives pin n with: True, False, or None for nothing."""
+    """One port. `outside[n]`: level at which pin n is driven from outside; None: not driven."""
 
     REGISTERS = (
         Register("crl", 0x00, 0x44444444),
@@ -40,7 +40,7 @@ class Gpio(Peripheral):
         super().__init__(machine, "GPIO" + letter, base)
         self.outside: list[bool | None] = [None] * 16
         self.rise_us: dict[int, float] = {}
-        """Pins that their internal pull-up lifts only after this time."""
+        """Pin -> time that its internal pull-up needs to lift it."""
         self._pulled_at: dict[int, int] = {}
 
     def mode(self, pin: int) -> int:
@@ -57,8 +57,8 @@ class Gpio(Peripheral):
         return self.mode(pin) == 0
 
     def level(self, pin: int) -> bool | None:
-        """What a meter would show: the driven level, the pull, or None where the pin floats. A pin that the debug port
-        still has shows nothing to the program."""
+        """Level of the pin: driven, by its pull resistor, or None when it floats. The program cannot read a pin that
+        still belongs to the debug port."""
         if (self.name, pin) in JTAG_PINS and self.machine.afio.swj_cfg < 2:
             return None
         if self.name == "GPIOC" and pin in LSE_PINS and self.machine.rcc.bdcr & 1:
@@ -113,8 +113,8 @@ class Gpio(Peripheral):
 
 
 class Afio(Peripheral):
-    """Remapping. SWJ_CFG is write-only: reading gives garbage, here from a fixed seed, and whoever writes MAPR by
-    read-modify-write loses the debug port, as on silicon; `debug_port` tells."""
+    """Remapping. SWJ_CFG is write-only: reading it gives garbage, here from a fixed seed, so that a read-modify-write
+    of MAPR loses the debug port, as on silicon; see `debug_port`."""
 
     REGISTERS = (
         Register("evcr", 0x00, 0, 0xFF),
@@ -145,5 +145,5 @@ class Afio(Peripheral):
 
     @property
     def debug_port(self) -> bool:
-        """Whether a probe could still attach by SWD."""
+        """True while a probe can attach by SWD."""
         return self.swj_cfg in (0, 1, 2)

@@ -1,8 +1,8 @@
-"""I2C1 as master (RM0008 chapter 26), its bus, and the slaves on it: conditions and bytes with their times from CCR.
+"""I2C1 as master (RM0008 chapter 26), its bus, and the slaves on it: conditions and bytes take their time from CCR.
 
 Every event that the hardware announces (SB, ADDR, BTF) holds the clock until it is answered in the documented order,
-as on silicon: a master that forgets is stuck, not corrected. Lines are open drain: whoever pulls wins, be it a pin
-in output mode, a slave, or the outside. Not modelled: being a slave, 10-bit addresses, SMBus, PEC, POS.
+as on silicon: a master that does not answer is stuck. Lines are open drain: they are low when a pin in output mode, a
+slave, or the outside pulls. Not modelled: slave mode, 10-bit addresses, SMBus, PEC, POS.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ EVENT_IRQ, ERROR_IRQ = 31, 32
 BITS = 9
 """Clocks of a byte: eight bits and the acknowledge."""
 SCL, SDA = 8, 9
-"""Pins of port B: only the remapped place is modelled."""
+"""Pins of port B: only the remapped pins are modelled."""
 REMAP = 1 << 1
 FAST_KHZ = 400
 
@@ -36,30 +36,30 @@ class Slave(Protocol):
     address: int
 
     def begin(self, reading: bool, now: int) -> bool:
-        """Addressed; whether it acknowledges."""
+        """The chip is addressed; True when it acknowledges."""
 
     def write(self, byte: int, now: int) -> bool:
-        """Takes a byte; whether it acknowledges."""
+        """The chip receives a byte; True when it acknowledges."""
 
     def read(self, now: int) -> int:
-        """Gives the next byte."""
+        """The chip's next byte."""
 
     def end(self) -> None:
-        """STOP, or the START of another access."""
+        """The access ends: STOP, or the START of another one."""
 
     def brown_out(self) -> None:
-        """Its supply was away."""
+        """The supply of the chip was interrupted."""
 
 
 class I2cBus:
-    """The two lines and who is on them. held: clocks until a stuck slave lets go of SDA (0: it does not hold it)."""
+    """The two lines and the slaves. held: clocks until a stuck slave releases SDA (0: it does not hold it)."""
 
     def __init__(self, machine: Mcu) -> None:
         self.machine = machine
         self.slaves: list[Slave] = []
         self.held = 0
         self.shorted = False
-        """SDA shorted to ground: no clock helps."""
+        """True: SDA is shorted to ground, and no clock frees it."""
         self._scl, self._sda = True, True
 
     def sda(self) -> bool:
@@ -69,7 +69,7 @@ class I2cBus:
         return self._pin(SCL)
 
     def _pin(self, pin: int) -> bool:
-        """What the pin lets the line be: low only as an output that is low."""
+        """False when the pin pulls its line: as an output that is low."""
         port = self.machine.ports[1]
         pulls = port.is_output(pin) and not port.is_alternate_output(pin) and not port.odr >> pin & 1
         return not pulls
@@ -86,7 +86,7 @@ class I2cBus:
         self._scl, self._sda = scl, sda
 
     def stick(self, clocks: int = 9) -> None:
-        """A slave in the middle of a byte holds SDA low until it has seen so many clocks."""
+        """Make a slave, in the middle of a byte, hold SDA low for so many clocks."""
         self.held = clocks
         self.pins_changed()
 
@@ -119,7 +119,8 @@ class I2c(Peripheral):
         self.dma = machine.dma.channels[6]
         self.dma.served = self.base + 0x10
         self.filters_locked = {"scl": False, "sda": False}
-        """An analog filter that is stuck low after power-up makes the bus look busy until its line moves (errata)."""
+        """True: the analog filter of a line is stuck low after power-up, so that the bus seems busy until the line
+        moves (errata)."""
         self.reset()
 
     def reset(self) -> None:
@@ -136,9 +137,9 @@ class I2c(Peripheral):
         self.reading = False
         self.byte = 0
         self.data: int | None = None
-        """What waits in DR to be sent."""
+        """The byte in DR that waits to be sent."""
         self.received = self.overflow = 0
-        """The byte in DR, and the one behind it."""
+        """The received byte in DR, and the one that follows it."""
         self.refused = False
         self.sr1_read = 0
         self._lines()
@@ -181,7 +182,7 @@ class I2c(Peripheral):
         return self.phase not in ("idle", "waiting") or low
 
     def lines_changed(self, scl: bool, sda: bool) -> None:
-        """An edge on a line unlocks its filter; a bus that became free lets a waiting START out."""
+        """An edge on a line unlocks its filter; a bus that becomes free lets a waiting START begin."""
         self.filters_locked["scl"] &= not scl
         self.filters_locked["sda"] &= not sda
         if self.phase == "waiting" and not self._busy():
@@ -232,7 +233,7 @@ class I2c(Peripheral):
         self.phase = "stretched"
         byte = self.slave.read(time)
         by_dma = bool(self.cr2 & DMAEN)
-        # The DMA announces the last byte with the one before it: a single byte is not announced.
+        # The DMA marks the last byte together with the one before it, so a single byte is not marked.
         last = self.dma.left == 1 and self.dma.done > 0 and bool(self.cr2 & LAST)
         self.refused = not self.cr1 & ACK or (by_dma and last)
         if self.sr1 & RXNE:
@@ -247,7 +248,7 @@ class I2c(Peripheral):
         self._go_on()
 
     def _go_on(self) -> None:
-        """Nothing is on the wire: what comes next, if it may."""
+        """The bus is idle: start the next condition or byte, if the state allows it."""
         if self.phase != "stretched":
             return
         if self.cr1 & STOP:

@@ -1,4 +1,5 @@
-"""Independent watchdog (RM0008 chapter 19): its own oscillator, 30 to 60 kHz by data sheet, 40 kHz unless told."""
+"""Independent watchdog (RM0008 chapter 19) with its own oscillator: 30 to 60 kHz by the data sheet, 40 kHz by
+default."""
 
 from __future__ import annotations
 
@@ -61,7 +62,7 @@ class Iwdg(Peripheral):
             self._reload()
 
     def _write_slow(self, name: str, flag: int, value: int) -> None:
-        """PR and RLR reach the other clock domain after a few LSI cycles; until then they refuse a new value."""
+        """PR and RLR reach the clock domain of LSI after a few of its cycles; until then they refuse a new value."""
         now = self.machine.now
         if not self.unlocked:
             self.machine.warn(f"IWDG_{name.upper()} is written while locked")

@@ -1,4 +1,4 @@
-"""Reset and clock control (RM0008 chapter 7): oscillators that need time, or are dead; bus clocks; reset flags.
+"""Reset and clock control (RM0008 chapter 7): oscillators with start-up times or faults, bus clocks, reset flags.
 
 Start-up times are typical datasheet values: HSE 2 ms, PLL 200 us. A system clock that the part does not allow
 (too few flash wait states, a bus above its limit) stops the simulation with the reason.
@@ -82,7 +82,8 @@ class Rcc(Peripheral):
         self._set_clock()
 
     def write_bdcr(self, value: int) -> None:
-        """Of the backup domain only LSEON: it outlives every reset, and on a battery the loss of power, too."""
+        """Only LSEON of the backup domain is modelled: it keeps its value over resets, and on a battery over a loss of
+        power, too."""
         if self.machine.pwr.cr & DBP:
             self.bdcr = value & LSEON
             self.machine.pins_changed()
@@ -192,7 +193,7 @@ class Rcc(Peripheral):
         self._switch()
 
     def _switch(self) -> None:
-        """SW becomes SWS as soon as the wanted oscillator is ready."""
+        """Copy SW to SWS when the selected oscillator is ready."""
         wanted = self.cfgr & 3
         if wanted == 3:
             raise SimulationError("RCC_CFGR.SW = 3 is not allowed")
@@ -208,7 +209,7 @@ class Rcc(Peripheral):
             self.machine.nvic.pending &= ~(1 << NMI)
 
     def read_csr(self) -> int:
-        """The independent watchdog keeps its oscillator running, whatever LSION says (RM0008 7.2.5)."""
+        """LSIRDY is also set while the independent watchdog keeps LSI running (RM0008 7.2.5)."""
         return self.csr | (LSIRDY if self.machine.iwdg.running else 0)
 
     def write_csr(self, value: int) -> None:
@@ -217,7 +218,7 @@ class Rcc(Peripheral):
             self.csr &= 0x00FFFFFF
 
     def _gate(self) -> None:
-        """Give every peripheral its clock, or take it."""
+        """Switch the clock of every peripheral on or off by its enable bit."""
         for register, clocks in ((self.apb2enr, APB2_CLOCKS), (self.apb1enr, APB1_CLOCKS), (self.ahbenr, AHB_CLOCKS)):
             for name, bit in clocks.items():
                 self.machine.by_name[name].switch_clock(bool(register >> bit & 1))
@@ -248,7 +249,8 @@ class Rcc(Peripheral):
     # Faults
 
     def kill_crystal(self) -> None:
-        """The crystal stops, now and for good. Security system: back to HSI and an NMI; without it the core stops."""
+        """Stop the crystal for good. With the clock security system the part goes back to HSI and raises NMI; without
+        it the core stops."""
         self.crystal_dead = True
         self.machine.timeline.cancel("hse")
         if not self.cr & HSERDY:

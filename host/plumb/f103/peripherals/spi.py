@@ -24,17 +24,17 @@ class Device(Protocol):
     """A chip with a select line."""
 
     SPI_MHZ: float
-    """It takes a clock of so much."""
+    """Highest clock that the chip accepts."""
 
     def select(self) -> None: ...
 
     def exchange(self, byte: int, now: int) -> int:
-        """A byte goes in while another comes out."""
+        """The chip receives `byte`; the byte that it sends at the same time."""
 
     def deselect(self) -> None: ...
 
     def brown_out(self) -> None:
-        """Its supply was away."""
+        """The supply of the chip was interrupted."""
 
 
 class Spi(Peripheral):
@@ -54,7 +54,7 @@ class Spi(Peripheral):
         self.rx_dma.served = self.tx_dma.served = self.base + 0x0C
         self.tx_dma.changed, self.rx_dma.changed = self._go_on, self._hand_over
         self.devices: dict[int, Device] = {}
-        """By the pin of port A that selects it, low."""
+        """Chips by the pin of port A that selects them, active low."""
         self.selected: Device | None = None
         self.reset()
 
@@ -67,7 +67,7 @@ class Spi(Peripheral):
         self.dr_read = False
 
     def pins_changed(self) -> None:
-        """Port A was written: who is selected?"""
+        """Port A was written: update which chip is selected."""
         port = self.machine.ports[0]
         low = [d for pin, d in self.devices.items() if port.is_output(pin) and not port.odr >> pin & 1]
         chosen = low[0] if low else None
@@ -82,7 +82,7 @@ class Spi(Peripheral):
         return 8 * (2 << (self.cr1 >> 3 & 7)) * self.machine.rcc.pclk2_ticks
 
     def _go_on(self) -> None:
-        """Start the next byte when one waits and none is on the line."""
+        """Start the next byte if one waits and none is on the line."""
         if not self.cr1 & SPE or self.shifting is not None:
             return
         if self.waiting is not None:
@@ -107,7 +107,7 @@ class Spi(Peripheral):
         self.shifting = None
         self.sr &= ~BSY
         if self.sr & (RXNE | OVR):
-            self.sr |= OVR  # lost, as is all that follows until it is cleared
+            self.sr |= OVR  # this byte is lost, and all that follow until OVR is cleared
         else:
             self.sr |= RXNE
             self.received = answer
@@ -115,7 +115,7 @@ class Spi(Peripheral):
         self._go_on()
 
     def _hand_over(self) -> None:
-        """What waits in DR to the DMA, whenever its channel is on."""
+        """Pass the byte in DR to the DMA if its channel is enabled."""
         if self.sr & RXNE and self.cr2 & RXDMAEN and self.rx_dma.put([self.received]):
             self.sr &= ~RXNE
 
@@ -141,7 +141,7 @@ class Spi(Peripheral):
         return value
 
     def write_sr(self, value: int) -> None:
-        """Read-only here: nothing clears by writing."""
+        """Writes have no effect: the modelled bits are read-only."""
 
     def read_dr(self) -> int:
         self.sr &= ~RXNE

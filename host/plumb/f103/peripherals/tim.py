@@ -1,5 +1,5 @@
 """General-purpose timers TIM3 and TIM4 (RM0008 chapter 15): up-counting, update event to interrupt or TRGO, and PWM
-with preload. The count is worked out when it is read. Not modelled: capture, compare flags, slave modes, DMA."""
+with preload. The count is computed when it is read. Not modelled: capture, compare flags, slave modes, DMA."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FORCED_LOW, FORCED_HIGH, PWM1, PWM2 = 4, 5, 6, 7
 
 
 class Pwm(NamedTuple):
-    """What an output pin carries. enabled: the timer really drives the pin, with pulses of this length."""
+    """Waveform of an output pin. enabled: the timer drives the pin with pulses of this length."""
 
     pulse_us: float
     period_us: float
@@ -66,9 +66,9 @@ class Timer(Peripheral):
         self.active_psc, self.active_arr = 0, 0xFFFF
         self.active_ccr = [0, 0, 0, 0]
         self.zero_at = 0
-        """When the count was, or will be, 0 (running); counts are modulo 65536."""
+        """Time at which the running count was, or will be, 0; counts are modulo 65536."""
         self.started_at = 0
-        """When the counter was last enabled, in ticks."""
+        """Time at which the counter was last enabled, in ticks."""
         self.machine.timeline.cancel(self.name)
         self.machine.nvic.set_line(self.interrupt, False)
 
@@ -81,16 +81,16 @@ class Timer(Peripheral):
         return (self.active_arr + 1) * self.step_ticks
 
     def _preload(self) -> None:
-        """An update event: buffered registers take effect."""
+        """Update event: preloaded registers take effect."""
         self.active_psc, self.active_arr = self.psc, self.arr
         self.active_ccr = [getattr(self, f"ccr{i + 1}") for i in range(4)]
 
     def settle(self, now: int) -> None:
-        """Pass the update events up to now."""
+        """Handle the update events up to now."""
         while self.cr1 & CEN and self.active_arr and now >= self.zero_at + self.period_ticks:
             self.zero_at += self.period_ticks
             before = self.period_ticks
-            if not self.cr1 & UDIS:  # else the count begins anew without an update event (15.4.1)
+            if not self.cr1 & UDIS:  # else the count restarts without an update event (15.4.1)
                 self.sr |= UIF
                 self._preload()
             if self.cr1 & OPM:
@@ -197,7 +197,7 @@ class Timer(Peripheral):
         self._restart_count(now)
 
     def _restart_count(self, now: int) -> None:
-        """Count from `cnt`; beyond ARR it has to pass 65535 first."""
+        """Count on from `cnt`; from a value beyond ARR it counts to 65535 first."""
         start = self.cnt - (65536 if self.cnt > self.active_arr else 0)
         self.zero_at = now - start * self.step_ticks
         self._plan()
@@ -234,11 +234,11 @@ class Timer(Peripheral):
         self._write_ccr(3, value)
 
     def _output_mode(self, index: int) -> int:
-        """The byte of CCMR that belongs to a channel: OCxM in bits 6:4, OCxPE 3, CCxS 1:0."""
+        """The byte of CCMR for a channel: OCxM in bits 6:4, OCxPE 3, CCxS 1:0."""
         return ((self.ccmr1, self.ccmr2)[index >> 1] >> (8 * (index & 1))) & 0xFF
 
     def output(self, index: int, now: int) -> Pwm:
-        """The waveform of channel `index` (0 to 3), the pin aside."""
+        """Waveform of channel `index` (0 to 3), whatever the mode of its pin."""
         self.settle(now)
         mode = self._output_mode(index)
         enable = (self.ccer >> (4 * index)) & 3

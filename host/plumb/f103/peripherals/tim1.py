@@ -1,9 +1,9 @@
 """TIM1 (RM0008 chapter 14): centre-aligned PWM on three complementary pairs, dead time, break, preloaded commutation.
 
-No event is planned for the waveform: what the outputs do is worked out when somebody looks. With `trace` set, every
-edge of every output is written down, in order. One assumption is on the safe side for a test of shoot-through: when the
-enable bits of a pair change, its outputs follow at once, without dead time; the manual promises it only for edges of
-OCxREF while both outputs are enabled. Not modelled: channel 4, capture, slave modes, interrupts, polarity, idle levels.
+No event is planned for the waveform: the outputs are computed when they are read. With `trace` set, every edge of every
+output is recorded, in order. One assumption is conservative for tests of shoot-through: when the enable bits of a pair
+change, its outputs follow at once, without dead time, because the manual guarantees dead time only for edges of OCxREF
+while both outputs are enabled. Not modelled: channel 4, capture, slave modes, interrupts, polarity, idle levels.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ LONG_AGO = -(1 << 62)
 
 
 class Edge(NamedTuple):
-    """An output that changes. side: 'high' or 'low'; on: the level, None when the timer lets go of the pin."""
+    """An edge of an output. side: 'high' or 'low'; on: the new level, None when the timer stops driving the pin."""
 
     time: int
     phase: int
@@ -34,11 +34,11 @@ class Edge(NamedTuple):
 
 
 class Bridge(NamedTuple):
-    """What a three-phase bridge on the pins does now. duty: of each phase's high side, 0 to 1; None: both off."""
+    """Present drive of a three-phase bridge. duty: of each phase's high side, 0 to 1; None: both switches off."""
 
     duty: tuple[float | None, float | None, float | None]
     enabled: bool
-    """The main output enable, MOE."""
+    """Main output enable, MOE."""
 
 
 class Tim1(Timer):
@@ -74,7 +74,7 @@ class Tim1(Timer):
 
     @property
     def period_ticks(self) -> int:
-        """From one update event to the next: centre-aligned, half a period of the PWM."""
+        """Time between two update events: half a period of the centre-aligned PWM."""
         return self.active_arr * self.step_ticks
 
     def settle(self, now: int) -> None:
@@ -129,7 +129,7 @@ class Tim1(Timer):
         self.cr2 = value
         self._take_modes(self.machine.now)
 
-    # What the outputs are to do: preloaded while CCPC is set
+    # Modes and enables of the outputs: preloaded while CCPC is set
 
     def write_ccmr1(self, value: int) -> None:
         self.ccmr1 = value & 0xFFFF
@@ -187,14 +187,14 @@ class Tim1(Timer):
 
     @property
     def break_active(self) -> bool:
-        """The input, by its polarity; a pin that floats is taken for the worse."""
+        """True while the break input is active, by its polarity; a floating pin counts as active."""
         if not self.bdtr & BKE:
             return False
         level = self.machine.pin(BREAK_PIN)
         return level is None or level == bool(self.bdtr & BKP)
 
     def break_now(self, now: int) -> None:
-        """Main output enable off, whatever the core is doing."""
+        """Break: clear the main output enable, whatever the core is doing."""
         self.settle(now)
         self.bdtr &= ~MOE
         self.sr |= BIF
@@ -205,7 +205,7 @@ class Tim1(Timer):
             self.break_now(self.machine.now)
 
     def clock_failed(self) -> None:
-        """The clock security system is wired to the break."""
+        """The clock has failed: the clock security system triggers a break."""
         if self.clocked and self.bdtr & BKE:
             self.break_now(self.machine.now)
 
@@ -229,7 +229,7 @@ class Tim1(Timer):
 
     @property
     def dead_ticks(self) -> int:
-        """DTG in units of the timer's clock, CKD 0 (14.4.18)."""
+        """Dead time by DTG, in ticks, with CKD 0 (14.4.18)."""
         code = self.bdtr & 0xFF
         if code < 0x80:
             units = code
@@ -268,7 +268,7 @@ class Tim1(Timer):
         return ref and passed, not ref and passed
 
     def _look(self, now: int) -> None:
-        """Follow OCxREF to now, and write down what changed."""
+        """Bring the trace up to date with OCxREF."""
         for phase in range(PHASES):
             ref = self._reference(phase, now)
             if ref != self._ref[phase]:
@@ -281,7 +281,7 @@ class Tim1(Timer):
                     self.trace.append(Edge(now, phase, side, level))
 
     def _scan(self, now: int) -> None:
-        """Every edge since the last look, under settings that did not change in between."""
+        """Record every edge since the last call; the settings have not changed in between."""
         if self.trace is None or not self.cr1 & CEN:
             self._scanned = now
             return
@@ -301,7 +301,7 @@ class Tim1(Timer):
         return self._output(phase, now)
 
     def bridge(self, now: int) -> Bridge:
-        """Mean of each phase, dead time aside."""
+        """Mean drive of each phase, without the effect of dead time."""
         self.settle(now)
         duty: list[float | None] = []
         for phase in range(PHASES):
@@ -315,7 +315,7 @@ class Tim1(Timer):
         return Bridge((duty[0], duty[1], duty[2]), bool(self.bdtr & MOE))
 
     def gate(self, pin: str, now: int) -> bool | None:
-        """Level that the timer puts on a gate's pin; None while the pin is not its output or it does not drive it."""
+        """Level of a gate's pin by the timer; None while the pin is not its output or the timer does not drive it."""
         self.settle(now)
         phase = (HIGH_PINS if pin in HIGH_PINS else LOW_PINS).index(pin)
         return self._output(phase, now)[pin in LOW_PINS] if self._wired(pin) else None

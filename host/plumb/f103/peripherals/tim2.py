@@ -1,5 +1,5 @@
-"""TIM2 as it watches Hall sensors (RM0008 15.3.5, 15.3.12): the exclusive or of three inputs, its edges filtered and
-captured on channel 1. Other captures, slave modes and outputs are not modelled."""
+"""TIM2 for Hall sensors (RM0008 15.3.5, 15.3.12): the exclusive or of three inputs is filtered, and its edges are
+captured on channel 1. Not modelled: other captures, slave modes, outputs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FILTERS = (
     (32, 6),
     (32, 8),
 )
-"""IC1F -> divider of the sampling clock, equal samples that make an edge."""
+"""IC1F -> divider of the sampling clock, number of equal samples that make an edge."""
 
 
 class Tim2(Timer):
@@ -44,7 +44,7 @@ class Tim2(Timer):
         super().reset()
         self.machine.timeline.cancel("TIM2 filter")
         self.level = False
-        """TI1 behind its filter."""
+        """TI1 after its filter."""
 
     @property
     def pins(self) -> tuple[str, str, str]:
@@ -63,7 +63,7 @@ class Tim2(Timer):
         return self.machine.rcc.timer1_ticks * (1 << (self.cr1 >> 8 & 3)) * divider * samples
 
     def pins_changed(self) -> None:
-        """A new level counts when it stays for as long as the filter says."""
+        """A new level takes effect when it lasts as long as the filter requires."""
         if not (self.clocked and self.cr1 & CEN and self.cr2 & TI1S):
             return
         timeline, now = self.machine.timeline, self.machine.now

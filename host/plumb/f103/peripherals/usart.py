@@ -1,7 +1,7 @@
 """USART1 (RM0008 chapter 27) with its line in both directions, byte times from BRR, by polling, interrupt or DMA.
 
-Bytes on DMA are moved in bursts: whoever looks (a status register, CNDTR, an event, the host) first settles what
-has happened since. Not modelled: parity, half duplex, synchronous, LIN, smartcard and IrDA modes, flow control, mute.
+Bytes on DMA are moved in bursts: every access to the state (a status register, CNDTR, an event, the host) first brings
+it up to date. Not modelled: parity, half duplex, synchronous, LIN, smartcard and IrDA modes, flow control, mute.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ RE, TE, IDLEIE, RXNEIE, TCIE, TXEIE, PEIE, M9, UE = 4, 8, 16, 32, 64, 128, 256, 
 EIE, DMAR, DMAT = 1, 64, 128
 IRQ = 37
 BAUD_TOLERANCE = 0.035
-"""Beyond this difference between the two ends a receiver samples the wrong bits (ten-bit frames, 16x sampling)."""
+"""Relative difference of the two baud rates beyond which a receiver samples wrong bits (ten-bit frames, 16x
+sampling)."""
 
 
 @dataclass
@@ -35,7 +36,7 @@ class Burst:
     used: int = 0
 
     def complete(self, now: int) -> int:
-        """How many unused bytes have arrived."""
+        """Number of bytes that have arrived and were not used yet."""
         return max(0, min((now - self.start) // self.byte_ticks, len(self.data)) - self.used)
 
     @property
@@ -86,7 +87,7 @@ class Usart(Peripheral):
             self.machine.timeline.cancel(name)
 
     def _cut_off(self, now: int) -> None:
-        """Bytes that have not reached the host by now never will."""
+        """Drop the bytes that have not reached the host by now."""
         for burst in self.to_host:
             burst.data = burst.data[: burst.used + burst.complete(now)]
 
@@ -101,7 +102,8 @@ class Usart(Peripheral):
         return TICKS_PER_S / (max(self.brr, 1) * self.machine.rcc.pclk2_ticks)
 
     def _heard(self, data: bytes) -> tuple[bytes, int]:
-        """What the other end makes of the bytes when the two baud rates disagree, and the receiver's error flags."""
+        """Bytes as the other end receives them, garbled when the two baud rates differ, and the receiver's error
+        flags."""
         if abs(self.baud - self.host_baud) <= BAUD_TOLERANCE * self.host_baud:
             return data, 0
         return bytes((0xA5 ^ byte << 1) & 0xFF for byte in data), FE
@@ -156,7 +158,7 @@ class Usart(Peripheral):
         if self.cr3 & DMAT and channel.ready and self._tx_on():
             units = channel.until_flag()
             start = max(self.tx_free, self.tx_dma_from)
-            # The last unit moves when the shift register takes the one before it.
+            # The last unit moves into TDR when the shift register takes the one before it.
             last = start + (units - 2) * self.byte_ticks if units > 1 else start - self.byte_ticks
             timeline.at("usart tx", max(last, self.tx_dma_from, self.tx_free - self.byte_ticks), self._on_event)
             self.machine.host_waits_no_more()
@@ -170,7 +172,7 @@ class Usart(Peripheral):
             timeline.cancel("usart tc")
 
     def bytes_out(self, now: int) -> bytes:
-        """The bytes that have reached the host by now, once."""
+        """The bytes that have reached the host since the last call."""
         self._settle_tx(now)
         out = bytearray()
         while self.to_host:
@@ -184,7 +186,7 @@ class Usart(Peripheral):
         return bytes(out)
 
     def time_of_byte(self, count: int) -> int | None:
-        """When the host will have `count` more bytes, or all of those now under way; None: none is."""
+        """Time at which the host will have `count` more bytes, or all that are on the line; None: there are none."""
         remaining = count
         end = None
         for burst in self.to_host:
@@ -200,7 +202,7 @@ class Usart(Peripheral):
     # Receiver
 
     def receive(self, data: bytes, errors: int = 0) -> None:
-        """The host sends, as soon as its line is free."""
+        """The host sends bytes, as soon as its line is free."""
         now = self.machine.now
         byte_ticks = 10 * TICKS_PER_S // self.host_baud
         start = max(self.host_line_free, now)
@@ -236,7 +238,7 @@ class Usart(Peripheral):
             return  # lost on request
         if self.cr3 & DMAR and not self.rx_flags & RXNE:
             data = data[self.rx_dma.put(data) :]
-        for byte in data:  # nobody fetches these for it
+        for byte in data:  # the bytes that the DMA did not take
             if self.rx_flags & RXNE:
                 self.rx_flags |= ORE
             else:
@@ -244,12 +246,12 @@ class Usart(Peripheral):
                 self.rx_flags |= RXNE
 
     def _fetch_waiting(self) -> None:
-        """A byte that waited in RDR while the DMA was off is its first unit."""
+        """Give the DMA, when it is switched on, a byte that already waits in RDR."""
         if self.cr3 & DMAR and self.rx_flags & RXNE and self.rx_dma.put([self.rdr]):
             self.rx_flags &= ~RXNE
 
     def _plan_rx(self) -> None:
-        """Wake at the next moment that firmware can notice without asking."""
+        """Plan an event at the next time at which the receiver may raise an interrupt."""
         times = []
         if self.from_host:
             burst = self.from_host[0]
@@ -284,7 +286,7 @@ class Usart(Peripheral):
         self._plan()
 
     def _restart_dma(self) -> None:
-        """A channel or a control register changed; both lines are settled up to now."""
+        """Plan anew after a channel or a control register has changed; both lines are up to date."""
         self.tx_dma_from = self.machine.now
         self._fetch_waiting()
         self._plan()
@@ -335,7 +337,7 @@ class Usart(Peripheral):
         self._plan()
 
     def read_dr(self) -> int:
-        """Reading DR after SR clears the flags that SR showed, and takes the byte."""
+        """Reading DR after SR clears the flags that were read in SR, and removes the byte."""
         self._settle_rx_now()
         self.rx_flags &= ~(self.flags_read & (PE | FE | NE | ORE | IDLE) | RXNE)
         self.flags_read = 0
