@@ -1,1 +1,1 @@
-"""What the code costs: instructions, cycles, bytes, and the load of a bus."""
+"""Cost of the code: instructions, cycles, bytes, stack; and load of the buses."""

@@ -51,7 +51,7 @@ from plumb.tuning.quantise import ControlParams, quantise
 
 IMAGE = Path("build/stm32f103/firmware.elf")
 CONTROL_BYTES = 1024
-"""Room for control_t; its first member is the record of the step."""
+"""Memory for control_t, whose first member is the record of the step."""
 WILD_STEPS = 200
 MOTION_STEPS = 1500
 ANGLES = 200_000
@@ -59,15 +59,15 @@ KALMAN_STEPS = 20_000
 RATE_FRAMES = 20_000
 DIGESTS, FLIPS = 20, 10
 EXCHANGES = 60
-"""Steps in lockstep that are counted; the board reports its state in three of them."""
+"""Number of lockstep steps that are counted; in three of them the board sends its periodic status."""
 ASIN_LIMIT_DEG = 80.0
-"""Beyond it the arcsine is so steep that no budget is set for its error."""
+"""Beyond this angle the arcsine is so steep that its error has no budget."""
 
 
 @dataclass(frozen=True)
 class Budget:
-    """What a kernel may take: cycles at zero wait states (None: never set) and where we would like to be; its error and
-    unit; instructions, where the budget is one of instructions."""
+    """Budget of a kernel: cycles at zero wait states (None: not set) and their goal; error and its unit; instructions,
+    for a budget in instructions."""
 
     cycles: int | None
     stretch: int
@@ -77,11 +77,11 @@ class Budget:
 
 
 STEP_OF = "control_step_"
-"""What the row of another system's step begins with; the system's name follows."""
+"""Prefix of the row of another system's step; the system's name follows."""
 
 
 HURRIED = min((s.cycles, s.name) for s in declarations.systems().values() if s.cycles is not None)[1]
-"""The system with the tightest budget of cycles: the one that the rows of the kernels are measured in."""
+"""The system with the tightest budget of cycles, in which the rows of the kernels are measured."""
 hurried = systems.load(HURRIED)
 
 
@@ -102,9 +102,9 @@ BUDGETS = {
     "lockstep_step": Budget(None, 0, 0.0, "wrong digests", instructions=6000),
 }
 PLAUSIBILITY_BYTES, PLAUSIBILITY_ANSWER = 52, slice(23, 25)
-"""Of plausibility_t: its size, and where `failed` and `missing` are, in half-words."""
+"""Size of plausibility_t in bytes, and the places of `failed` and `missing` in it, in half-words."""
 SHORTEST_PERIOD_CYCLES = 500 * 72
-"""Of `period_us` (500) at 72 MHz."""
+"""The shortest `period_us`, 500, in cycles at 72 MHz."""
 IMAGE_BUDGETS = {"flash": 48 * 1024, "ram + stack": 10 * 1024}
 IMAGE_STRETCH = {"flash": 24 * 1024, "ram + stack": 6 * 1024}
 
@@ -136,7 +136,7 @@ class Row:
 
 @dataclass(frozen=True)
 class BenchResult:
-    """Every row, the image's sizes in bytes, and rates of this machine, which no budget gates."""
+    """Every row, the image's sizes in bytes, and rates of the host, which have no budget."""
 
     kernels: dict[str, Row]
     image: dict[str, int]
@@ -158,7 +158,7 @@ class BenchResult:
         return kernels and all(sizes[name] <= budget for name, budget in IMAGE_BUDGETS.items())
 
     def render(self) -> str:
-        """The table for people."""
+        """The rows as a table of text."""
         lines = [f"{'kernel':<24}{'instr':>6}{'cycles':>8}{'2 ws':>7}{'budget':>8}{'bytes':>7}{'stack':>7}  error"]
         for name, row in self.kernels.items():
             budget = BUDGETS[name]
@@ -180,7 +180,7 @@ class BenchResult:
 
 
 def find_image(image: Path | None = None) -> Path:
-    """The image asked for, else the checkout's build."""
+    """`image`, or the checkout's build; raises UsageError when there is none."""
     candidates = [image] if image else [Path.cwd() / IMAGE, CHECKOUT / IMAGE]
     for candidate in candidates:
         if candidate.is_file():
@@ -190,7 +190,7 @@ def find_image(image: Path | None = None) -> Path:
 
 @dataclass(frozen=True)
 class _Run:
-    """One run of control_step on the Arm code: its parameters, whether its input was ordinary, what came out."""
+    """One run of control_step as Arm code: its parameters, whether its input was ordinary, its words."""
 
     params: ControlParams
     ordinary: bool
@@ -200,7 +200,7 @@ class _Run:
 
 
 def _inputs(tunings: Sequence[str]) -> Iterator[tuple[str, bool, npt.NDArray[np.int64], npt.NDArray[np.int64]]]:
-    """(tuning, whether a sensor could give this, raw (steps, 6), setpoint (steps,))."""
+    """(tuning, whether a sensor could give these counts, raw (steps, 6), setpoint (steps,)) of each run."""
     for index, name in enumerate(tunings):
         seconds = MOTION_STEPS * hurried.PERIOD_US * 1e-6
         motion = hurried.scenario("motion", 3000 + index, seconds=seconds)
@@ -214,7 +214,7 @@ def _pack(numbers: npt.ArrayLike, kind: str) -> bytes:
 
 
 class _Driver:
-    """control_init and control_step in a counter whose profiles fill up on the way."""
+    """Runs control_init and control_step in a counter, which collects their profiles."""
 
     def __init__(self, counter: Counter) -> None:
         self._counter = counter
@@ -222,7 +222,7 @@ class _Driver:
         self._table = counter.place(bytes(4 * 256))
 
     def run(self, params: ControlParams, raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
-        """One run from its beginning: the record of every step."""
+        """Run from the initial state; the record of every step."""
         counter, size = self._counter, RECORDS[params.system].itemsize
         counter.write(self._table, _pack(np.array(params.words()) & 0xFFFF_FFFF, "<u4"))
         counter.call("control_init", self._control, self._table)
@@ -235,7 +235,7 @@ class _Driver:
 
 
 def _run_control(counter: Counter, tunings: Sequence[str]) -> list[_Run]:
-    """Every input of hurried."""
+    """Runs of every input of the system HURRIED."""
     driver, runs = _Driver(counter), []
     for tuning, ordinary, raw, setpoint in tqdm(list(_inputs(tunings)), disable=None, leave=False, unit="run"):
         params = quantise(hurried.TUNINGS[tuning])
@@ -244,7 +244,8 @@ def _run_control(counter: Counter, tunings: Sequence[str]) -> list[_Run]:
 
 
 def _step_of(elf: Image, system: str) -> Row:
-    """Another system's step, over the first steps of every vector of its recipe; its error is that of its scenario."""
+    """Row of another system's step over the first steps of every vector of its recipe; its error is that of its
+    scenario."""
     counter = Counter(elf, ["control_step"])
     driver = _Driver(counter)
     for entry in golden_recipe.read(vectors_folder(None) / "recipe.toml", [system]):
@@ -255,7 +256,8 @@ def _step_of(elf: Image, system: str) -> Row:
 
 
 def _digest(elf: Image) -> Row:
-    """The digest of a step of hurried by the chip's CRC unit; its error is how many differ from zlib's."""
+    """Row of the digest of a step of HURRIED by the chip's CRC unit; its error is the number that differ from
+    zlib's."""
     counter = Counter(elf, ["digest_crc32"])
     size, wrong = RECORDS[HURRIED].itemsize, 0
     place = counter.place(bytes(size))
@@ -267,8 +269,8 @@ def _digest(elf: Image) -> Row:
 
 
 def _plausibility(elf: Image) -> Row:
-    """The plausibility of hurried's steps, over `motion` and over wild counts; its error is how many answers differ
-    from those of the native core."""
+    """Row of the plausibility of HURRIED's steps, over `motion` and over wild counts; its error is the number of
+    answers that differ from the native core's."""
     counter, wrong = Counter(elf, ["plausibility_step"]), 0
     state, record = counter.place(bytes(PLAUSIBILITY_BYTES)), counter.place(bytes(RECORDS[HURRIED].itemsize))
     bounds, params = elf.symbol(f"{HURRIED}_plausibility").address, quantise(hurried.TUNINGS[hurried.DEFAULT_TUNING])
@@ -286,7 +288,7 @@ def _plausibility(elf: Image) -> Row:
 
 
 def _memory_check(elf: Image) -> Row:
-    """The check of all memory that decides a pulse; its error is how many answers were wrong: after sealing it is
+    """Row of the check of all guarded memory; its error is the number of wrong answers: after sealing the memory is
     intact, with one bit flipped it is not."""
     counter, wrong = Counter(elf, ["board_memory_intact"]), 0
     for area in ("guarded", "guarded_parameters"):
@@ -302,8 +304,9 @@ def _memory_check(elf: Image) -> Row:
 
 
 def _lockstep(elf: Image) -> Row:
-    """Steps of hurried in lockstep over the UART of the virtual board, one at a time; the error is how many digests
-    differ from those of the native core. Exceptions are charged as branches, without the 12 cycles of their entry."""
+    """Row of a step of HURRIED in lockstep over the UART of the virtual board, one at a time; its error is the number
+    of digests that differ from the native core's. Exceptions are counted as branches, without the 12 cycles of their
+    entry."""
     params, motion = (
         quantise(hurried.TUNINGS[hurried.DEFAULT_TUNING]),
         hurried.scenario("motion", 3000, seconds=EXCHANGES * hurried.PERIOD_US * 1e-6),
@@ -325,7 +328,7 @@ def _lockstep(elf: Image) -> Row:
 
 
 def kalman_error_deg(tunings: Sequence[str]) -> float:
-    """Largest tilt error of the filter against float64 on hard inputs, both given the same integers."""
+    """Largest tilt error of the filter against float64 on hard inputs, both with the same integer inputs."""
     worst = 0.0
     for name in tunings:
         params = quantise(hurried.TUNINGS[name])
@@ -335,7 +338,7 @@ def kalman_error_deg(tunings: Sequence[str]) -> float:
 
 
 def pid_error(words: Words, params: ControlParams) -> float:
-    """Largest error of the command, a fraction of full command, given the same integer error and rate."""
+    """Largest error of the command as a fraction of full command, with the same integer error and rate."""
     settings, state = pid_of(params), run_reference.PidState()
     errors_deg = (words["error_turn_q32"] * TURN_DEG).tolist()
     rates_dps = (words["rate_corrected_turnps_q28"] * (360.0 / 2**28)).tolist()
@@ -377,7 +380,7 @@ def _row(counter: Counter, symbol: str, max_err: float) -> Row:
 
 
 def measure(image: Path | None = None) -> BenchResult:
-    """Runs everything, about ten seconds; raises UsageError where there is no image, or no emulator for it."""
+    """Measure everything, which takes about ten seconds; raises UsageError without an image or without the emulator."""
     elf = Image(find_image(image))
     graph = CallGraph(elf.path)
     step = Counter(elf, ["control_step", "kalman_step", "pid_step", "angle_atan2", "angle_asin"])
@@ -406,7 +409,7 @@ def measure(image: Path | None = None) -> BenchResult:
 
 
 def rates() -> dict[str, float]:
-    """What this machine does in a second, best of three; reported, never gated."""
+    """Rates of the host per second, best of three; reported without a budget."""
     message = protocol()["STEP"]
     frames = [(message.identifier, message.pack(k, 0, k, k * 2654435761 % 2**32)) for k in range(RATE_FRAMES)]
     text = text_of_frames(frames)

@@ -1,7 +1,7 @@
-"""What the links carry: the longest frame on a CAN bus, what an open link always says, steps a second of every system.
+"""Load of the links: longest frame on a CAN bus, periodic frames of an open link, steps per second of every system.
 
-`python -m plumb.bench.bus_load` prints it; PROTOCOL.md has the same tables from here. Everything is the worst case:
-each frame with as many stuff bits as can be, no step without all its frames.
+`python -m plumb.bench.bus_load` prints the tables that PROTOCOL.md contains. All are worst cases: each frame has as
+many stuff bits as possible, each step all its frames.
 """
 
 from __future__ import annotations
@@ -18,38 +18,39 @@ from plumb.systems.contracts import PINS
 
 BITRATES_KBIT = (125, 250, 500, 1000)
 QUANTA, PHASE_2, SJW = 18, 2, 2
-"""Of a bit; after the sample point; by how many a bit may be stretched."""
+"""Time quanta: of a bit, after the sample point, and by which resynchronisation may stretch a bit."""
 PLAIN_BITS = 111
 """ISO 11898-1: a data frame of eight bytes with a standard identifier, intermission included."""
 STUFFED_BITS = 34 + 64
-"""Those from the start of frame to the end of the CRC: at worst one more after the first five, then after each four."""
+"""Bits from the start of frame to the end of the CRC: at worst a stuff bit after the first five, then after each
+four."""
 WORST_BITS = PLAIN_BITS + (STUFFED_BITS - 1) // 4
 LINE_BITS = 22 * 10
-"""The same frame as SLCAN text on the UART, a start and a stop bit to each character."""
+"""Bits of the same frame as SLCAN text on the UART, with a start and a stop bit for each character."""
 TIME_PS, STATUS_PS = 20, 10
-"""How often the board says TIME, and the others of PERIODIC."""
+"""Rates of TIME, and of the other PERIODIC frames, per second."""
 
 
 def frames_ps(kbit: int, bits: int = WORST_BITS) -> float:
-    """Frames a second that fill a bus, both directions together."""
+    """Frames per second that fill a bus, both directions together."""
     return kbit * 1000 / bits
 
 
 def housekeeping_ps() -> float:
-    """Frames a second that an open link carries without any step: what the board always says, and while it is armed
-    the values for the keep-alive and their answers."""
+    """Frames per second of an open link without any step: the periodic frames and, while the board is armed, the values
+    of the keep-alive and their answers."""
     return TIME_PS + STATUS_PS * (len(PERIODIC) - 1) + 2 / KEEPALIVE_EVERY_S
 
 
 def clock_tolerance() -> float:
-    """How far off each node's clock may be, as a share: the lesser of what resynchronisation makes good over ten bits
-    and what an error flag's thirteen bits may drift (ISO 11898-1)."""
+    """Tolerance of each node's clock, relative: the lesser of what resynchronisation corrects over ten bits and what
+    may drift over the thirteen bits of an error flag (ISO 11898-1)."""
     return min(SJW / (20 * QUANTA), PHASE_2 / (2 * (13 * QUANTA - PHASE_2)))
 
 
 @dataclass(frozen=True)
 class Traffic:
-    """Frames a step, to the board and from it."""
+    """Frames per step, to the board and from it."""
 
     kind: str
     down: int
@@ -59,18 +60,19 @@ class Traffic:
         return (frames_ps(kbit) - housekeeping_ps()) / (self.down + self.up)
 
     def uart_steps_ps(self) -> float:
-        """Both directions at once; the busier one counts."""
+        """Steps per second over the UART, limited by the busier of its two directions."""
         line_ps = DEFAULT_BAUD / LINE_BITS
         told_ps = housekeeping_ps() - 1 / KEEPALIVE_EVERY_S
         return min((line_ps - told_ps) / self.up, (line_ps - 1 / KEEPALIVE_EVERY_S) / self.down if self.down else 1e9)
 
     def share(self, kbit: int, period_us: int) -> float:
-        """Of the bus, with a step every period_us."""
+        """Part of the bus that a step every period_us takes."""
         return (housekeeping_ps() + (self.down + self.up) * 1e6 / period_us) / frames_ps(kbit)
 
 
 def traffic(system: str) -> Iterator[Traffic]:
-    """The kinds of run. samples: three channels a frame; outputs: the frames that move a plant."""
+    """Traffic of each kind of run. A sample takes a frame for each three channels; outputs: the frames that move a
+    plant."""
     module = systems.load(system)
     samples = (len(declarations.system(system).channels) + 2) // 3
     outputs = len({frame for frame, _ in module.OUTPUT_FRAMES.values()})
@@ -83,7 +85,7 @@ def traffic(system: str) -> Iterator[Traffic]:
 
 
 def rate_table() -> str:
-    """Markdown: what a bus carries."""
+    """Markdown table of the frames per second of a bus."""
     lines = ["| kbit/s | us a frame | frames/s | an open, armed link without steps |", "|---|---|---|---|"]
     for kbit in BITRATES_KBIT:
         most = frames_ps(kbit)
@@ -95,7 +97,8 @@ def rate_table() -> str:
 
 
 def step_table() -> str:
-    """Markdown: steps a second of every system and kind of run, and the load of a 500 kbit/s bus at its own period."""
+    """Markdown table of the steps per second of every system and kind of run, and the load of a 500 kbit/s bus at the
+    system's period."""
     head = ["system", "run", "frames down / up", "UART", *(f"CAN {kbit}" for kbit in BITRATES_KBIT), "load of 500"]
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     for system in systems.SYSTEMS:

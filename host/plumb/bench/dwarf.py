@@ -1,4 +1,4 @@
-"""Where the compiler put functions that it made part of others, as the debug information of an image says."""
+"""Places where the compiler inlined functions, from the debug information of an image."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from plumb.errors import UsageError
 
 @dataclass(frozen=True)
 class Inlined:
-    """One place where a function became part of another: its address ranges, each from the first byte to behind the
-    last."""
+    """One place where a function was inlined: its address ranges, each from the first byte to one past the last."""
 
     name: str
     ranges: tuple[tuple[int, int], ...]
@@ -28,8 +27,8 @@ class Inlined:
 
 
 def inlined(path: Path, names: Sequence[str]) -> list[Inlined]:
-    """Every place where one of these functions was inlined, its instructions not none. Raises UsageError for an image
-    without debug information."""
+    """Every place where one of these functions was inlined and has instructions. Raises UsageError for an image without
+    debug information."""
     if not names:
         return []
     with path.open("rb") as file:

@@ -1,11 +1,10 @@
-"""Calls C functions inside a linked Arm image and counts what they execute; plumb.bench.m3_timing turns that into
-cycles.
+"""Calls C functions inside a linked Arm image and counts their instructions; plumb.bench.m3_timing computes the cycles.
 
-A watched function that the compiler made part of others is found by the debug information (plumb.bench.dwarf): the
-instructions that came from it count as one call of it, with what they take where they stand.
+A watched function that was inlined is found by the debug information (plumb.bench.dwarf): the instructions that came
+from it count as one call, with the cycles that they take in their place.
 
-The function runs in an emulator (Unicorn); what it executed is a list of basic blocks, and the cost is read off that
-list.  Nothing is sampled: one input gives one number, the same on every machine.
+The function runs in an emulator (Unicorn), which records the executed basic blocks; the cost is computed from them.
+Nothing is sampled: one input gives one number, the same on every machine.
 """
 
 from __future__ import annotations
@@ -33,12 +32,12 @@ from plumb.f103.peripherals import crc
 from plumb.flash.elf import Elf, Symbol
 
 RCC_PAGE = 0x4002_1000
-MAGIC_RETURN = 0x1F00_0000  # a page of the code region that holds nothing: reaching it ends a call
+MAGIC_RETURN = 0x1F00_0000  # an empty page of the code region: reaching it ends a call
 ARGUMENT_BASE = 0x6000_0000  # a page of RAM of the bench's own for arguments
 ARGUMENT_BYTES = 0x10000
 STACK_BASE = 0x7000_0000  # and a stack of the bench's own, so that the image's RAM stays as it is
 STACK_BYTES = 0x10000
-LIMIT_BLOCKS = 200_000  # a call that takes more is taken for lost
+LIMIT_BLOCKS = 200_000  # a call that takes more counts as hung
 
 
 @dataclass
@@ -51,7 +50,7 @@ class Call:
 
 
 class Image(Elf):
-    """A linked Arm ELF whose instructions can be looked at one by one."""
+    """A linked Arm ELF file with decoded instructions."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -68,7 +67,8 @@ class Image(Elf):
 
 @dataclass
 class Profile:
-    """The worst of many calls of one function. stack: of an inlined one the whole step's, down to where it stands."""
+    """Worst case of many calls of one function. stack: of an inlined function the stack of the whole step at its
+    place."""
 
     name: str
     calls: int = 0
@@ -91,7 +91,7 @@ class Profile:
 
 
 class Counter:
-    """Calls functions of an image by symbol and counts what they take, nested calls of watched functions included.
+    """Calls functions of an image by symbol and counts their cost, including nested calls of watched functions.
 
     Arguments are 32-bit integers; memory for pointers comes from place() and is read back with read().
     """
@@ -175,7 +175,7 @@ class Counter:
         return bytes(self._uc.mem_read(address, size))
 
     def call(self, name: str, *arguments: int) -> Call:
-        """Runs one function to its return; raises UsageError when it does not come back."""
+        """Runs one function to its return; raises UsageError when it does not return."""
         symbol = self.image.symbol(name)
         uc, arm = self._uc, self._arm
         stack = STACK_BASE + STACK_BYTES - 64
@@ -205,8 +205,8 @@ class Counter:
         return self._costs[blocks]
 
     def _unit_stores(self) -> set[int]:
-        """Addresses of all stores in blocks that write to the CRC unit: a few more than go there, so a bound. (Inside a
-        block the emulator does not say which instruction is running.)"""
+        """Addresses of all stores in basic blocks that write to the CRC unit: an upper bound, because within a block
+        the emulator does not report the running instruction."""
         return {one.address for one in self.path(tuple(self._unit_blocks)) if one.name == "str"}
 
     def path(self, blocks: tuple[int, ...]) -> list[Instruction]:
@@ -220,7 +220,7 @@ class Counter:
         return path
 
     def _profile(self, blocks: tuple[int, ...]) -> None:
-        """Books every call of a watched function inside a path."""
+        """Adds every call of a watched function in a path to its profile."""
         if blocks not in self._nested:
             self._nested[blocks] = [(name, blocks[a:b]) for name, a, b in self._nested_calls(blocks)]
         for name, part in self._nested[blocks]:
@@ -231,8 +231,8 @@ class Counter:
             self.profiles[place.name].add(blocks, cost)
 
     def _inlined_parts(self, blocks: tuple[int, ...]) -> Iterator[tuple[Inlined, Cost, set[int]]]:
-        """The watched inlined functions that a path runs through: where, at what cost, and which tables they read. A
-        read is known by its block alone, and counts for every one of them in it."""
+        """The watched inlined functions on a path: place, cost, and the tables that they read. Reads are known by basic
+        block only, and count for every inlined function in the block."""
         steps = list(path_steps(self.path(blocks), self._unit_stores()))
         for place in self._inlined:
             own = [step for step in steps if step.instruction.address in place]
@@ -248,8 +248,8 @@ class Counter:
                 yield place, replace(cost, cycles_2ws=cost.cycles_2ws + waits), set(tables)
 
     def bytes_of(self, name: str) -> int:
-        """Size of a watched function: the code that it was seen to execute, callees included, and every table it read;
-        of an inlined one that of its largest place."""
+        """Size of a watched function: all functions that it executed, callees included, and every table that it read;
+        of an inlined function the size at its largest place."""
         places = [(place, tables) for parts in self._parts.values() for place, _, tables in parts if place.name == name]
         if places:
             tables = {self._tables[~table] for _, read in places for table in read}
@@ -257,7 +257,7 @@ class Counter:
         return sum(part.size for part in self.symbols_of(name))
 
     def _nested_calls(self, blocks: tuple[int, ...]) -> list[tuple[str, int, int]]:
-        """Watched functions that a path enters: name, first block, block after the last."""
+        """Watched functions that a path enters: name, index of the first block, index after the last block."""
         returns: list[int] = []
         open_calls: list[tuple[str, int, int]] = []  # name, first block, depth of the return stack
         found: list[tuple[str, int, int]] = []
@@ -277,13 +277,13 @@ class Counter:
         return found + [(name, first, len(blocks)) for name, first, _ in open_calls]
 
     def symbols_of(self, name: str) -> set[Symbol]:
-        """Every function that the watched one was seen to execute, itself included, and every table it read."""
+        """Every function that the watched one executed, itself included, and every table that it read."""
         seen = {block for path in self._nested.values() for n, part in path if n == name for block in part}
         code = {symbol for symbol in (self.image.symbol_at(b) for b in seen if b >= 0) if symbol is not None}
         return code | {self._tables[~block] for block in seen if block < 0}
 
     def listing(self, blocks: tuple[int, ...], emit: Callable[[str], None] = print) -> None:
-        """Prints a path: address, cycles of each instruction, text; for hunting cycles."""
+        """Prints a path, for optimisation: address, cycles and text of each instruction."""
         path = self.path(blocks)
         for index, now in enumerate(path):
             before = path[index - 1] if index else None
@@ -301,7 +301,7 @@ class InstructionTrace:
         self.addresses: list[int] = []
         cpu = machine.cpu
         cpu.uc.hook_add(require("unicorn.unicorn_const").UC_HOOK_CODE, self._on_instruction)
-        cpu.forget_code()  # what was translated before the hook would not call it
+        cpu.forget_code()  # code translated before the hook was set would not call it
 
     def _on_instruction(self, _uc: object, address: int, _size: int, _data: object) -> None:
         self.addresses.append(address)

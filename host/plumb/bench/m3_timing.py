@@ -1,4 +1,4 @@
-"""The Cortex-M3 timing model: what each executed instruction costs, at zero and at two flash wait states.
+"""Timing model of the Cortex-M3: cycles of each executed instruction at zero and at two flash wait states.
 
 Source: Cortex-M3 Technical Reference Manual r2p1 (ARM 100165), 3.3.1 "Processor instructions" and 3.3.2 "Load/store
 timings".  Where the manual gives a range the model takes the slowest, except that a pipeline refill takes its usual 2:
@@ -54,7 +54,7 @@ _CYCLES = {
 
 @dataclass(frozen=True)
 class Instruction:
-    """One decoded instruction, with what the timing model asks about it."""
+    """One decoded instruction, with the properties that the timing model needs."""
 
     address: int
     size: int
@@ -75,7 +75,7 @@ class Instruction:
 
 @dataclass(frozen=True)
 class Cost:
-    """What one call took.  Cycles at zero and at two flash wait states; stack in bytes, callees included."""
+    """Cost of one call: cycles at zero and at two flash wait states; stack in bytes, callees included."""
 
     instructions: int
     cycles: int
@@ -92,7 +92,7 @@ def require(module: str) -> Any:
 
 
 class Decoder:
-    """Thumb-2 machine code to Instruction; the condition that an IT block gives is not looked at."""
+    """Decodes Thumb-2 machine code to Instruction; ignores the condition of an IT block."""
 
     def __init__(self) -> None:
         capstone = require("capstone")
@@ -165,7 +165,7 @@ def instruction_cycles(now: Instruction, before: Instruction | None, taken: bool
 
 
 class _Flash:
-    """Two 64-bit line buffers in front of a flash that needs three cycles for a line."""
+    """Flash that needs three cycles for a 64-bit line, with two line buffers."""
 
     def __init__(self) -> None:
         self.time = 0  # when the next instruction may start
@@ -193,13 +193,13 @@ class _Flash:
 
 
 class _CrcUnit:
-    """A word keeps the CRC unit busy for 4 cycles (RM0008 4.2); a store to it in that time waits."""
+    """The CRC unit: a word keeps it busy for 4 cycles (RM0008 4.2), in which a store to it waits."""
 
     def __init__(self) -> None:
         self._free = 0
 
     def wait(self, time: int) -> int:
-        """Cycles that a store waits which begins at `time`."""
+        """Cycles that a store at `time` waits."""
         waits = max(0, self._free - time)
         self._free = time + waits + CRC_UNIT_CYCLES
         return waits
@@ -207,7 +207,7 @@ class _CrcUnit:
 
 @dataclass(frozen=True)
 class Step:
-    """One executed instruction: what it took, and by how much the stack had grown behind it, in bytes."""
+    """One executed instruction: its cycles, and the growth of the stack after it, in bytes."""
 
     instruction: Instruction
     cycles: int
@@ -216,7 +216,7 @@ class Step:
 
 
 def path_steps(path: Sequence[Instruction], unit_writes: Container[int] = ()) -> Iterator[Step]:
-    """A path that ends with the return to the caller. unit_writes: addresses of the stores to the CRC unit."""
+    """Steps of a path that ends with the return to the caller. unit_writes: addresses of the stores to the CRC unit."""
     flash, cycles, depth = _Flash(), 0, 0
     unit, unit_2ws = _CrcUnit(), _CrcUnit()
     for index, now in enumerate(path):
@@ -234,7 +234,7 @@ def path_steps(path: Sequence[Instruction], unit_writes: Container[int] = ()) ->
 
 
 def steps_cost(steps: Sequence[Step]) -> Cost:
-    """What they took together."""
+    """Total cost of the steps."""
     return Cost(
         len(steps),
         sum(step.cycles for step in steps),

@@ -1,7 +1,7 @@
-"""Flash over a debug probe, by OpenOCD or pyOCD: separate programs, driven through their command lines.
+"""Flashing over a debug probe with OpenOCD or pyOCD: separate programs, run by their command lines.
 
-Both are asked the same three things: which chip is there, write these bytes erasing only the pages they cover, and give
-back what the flash holds. What was written is compared here, whatever the tool says of itself.
+Both do the same three things: identify the chip, write an image erasing only the pages that it covers, and read the
+flash back. The written bytes are compared here, whatever the tool reports.
 
 Tried against programs that stand in for OpenOCD and pyOCD (tests/flash/test_probe.py), not against silicon.
 """
@@ -22,13 +22,14 @@ from plumb.flash.rom_loader import FLASH_SIZE_ADDRESS, Flashed, Part, part_of
 
 DEVICE_ID_ADDRESS = 0xE0042000
 CLONE_IDCODE = 0x2BA01477
-"""What a probe reads from the debug port of parts that are not ST's: ST's STM32F103 says 0x1BA01477."""
+"""IDCODE of the debug port of clones; ST's STM32F103 has 0x1BA01477."""
 TIMEOUT_S = 120.0
 
 
 @dataclass(frozen=True)
 class Chip:
-    """part: as over the bootloader. idcode: of the debug port, None when the tool did not show it."""
+    """The chip at the probe. part: as over the bootloader. idcode: of the debug port, None when the tool did not show
+    it."""
 
     part: Part
     idcode: int | None
@@ -39,7 +40,7 @@ class Chip:
 
 
 class ToolError(LinkError):
-    """The tool failed. said: everything it printed."""
+    """The tool failed. said: its whole output."""
 
     def __init__(self, text: str, said: str) -> None:
         super().__init__(text)
@@ -59,7 +60,7 @@ class Probe(ABC):
         self._program = program
 
     def _run(self, arguments: list[str]) -> str:
-        """Everything the tool said."""
+        """Run the tool; its whole output."""
         try:
             done = subprocess.run(
                 [self._program, *arguments], capture_output=True, text=True, timeout=TIMEOUT_S, check=False
@@ -75,22 +76,22 @@ class Probe(ABC):
 
     @abstractmethod
     def identify(self) -> Chip:
-        """Which chip is there, halted."""
+        """Halt the chip and identify it."""
 
     @abstractmethod
     def write(self, image: Path) -> None:
-        """A .bin to the start of flash, erasing the pages it covers and no other."""
+        """Write a .bin to the start of flash, erasing the pages that it covers and no others."""
 
     @abstractmethod
     def read_to(self, file: Path, count: int) -> None:
-        """The first bytes of flash into a file."""
+        """Read the first `count` bytes of flash into a file."""
 
     @abstractmethod
     def start(self) -> None:
         """Reset and run."""
 
     def _chip(self, idcode: str | None, device_id: str | None, size: str | None) -> Chip:
-        """From the hexadecimal numbers that were found in what the tool said."""
+        """The chip, from hexadecimal numbers found in the output of the tool; None where there was none."""
         if device_id is None:
             raise LinkError(f"{self.name} shows no chip: check the probe, its wires and the board's power")
         flash_kib = int(size, 16) if size is not None else None
@@ -104,7 +105,7 @@ def _found(pattern: str, text: str) -> str | None:
 
 
 class OpenOcd(Probe):
-    """interface: the name of one of its files, `stlink` or `cmsis-dap`."""
+    """OpenOCD. interface: name of one of its interface files, `stlink` or `cmsis-dap`."""
 
     name = "openocd"
     advice = "apt install openocd, or use --probe pyocd"
@@ -124,7 +125,7 @@ class OpenOcd(Probe):
         try:
             said = self._commands(*reads)
         except ToolError as error:
-            # Over an ST-Link it shows the debug port's id only when that is not ST's, and then stops.
+            # With an ST-Link, OpenOCD prints the debug port's id only when it is not ST's, and then stops.
             if "UNEXPECTED idcode" not in error.said:
                 raise
             self._any_id = ["-c", "set CPUTAPID 0"]
@@ -146,7 +147,8 @@ class OpenOcd(Probe):
 
 
 class PyOcd(Probe):
-    """pyOCD knows the high-density part by itself; others need its pack: pyocd pack install stm32f103c8."""
+    """pyOCD. It has built-in support for the high-density part; others need its pack: pyocd pack install
+    stm32f103c8."""
 
     name = "pyocd"
     advice = "pip install pyocd, or use --probe openocd"

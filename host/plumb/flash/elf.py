@@ -1,4 +1,4 @@
-"""What a linked Arm ELF holds: segments, sections, symbols, and the call graph of its machine code.
+"""Reader of linked Arm ELF files: segments, sections, symbols, and the call graph of the machine code.
 
 Standard library only, so that the build can use it; the machine code is disassembled by the toolchain's objdump.
 """
@@ -34,7 +34,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Segment:
-    """Bytes that lie in the image at `load` and are used at `address`, where they take `memory_bytes`."""
+    """A loadable segment: its bytes are stored at `load` and used at `address`, where they take `memory_bytes`."""
 
     load: int
     address: int
@@ -115,7 +115,7 @@ class Elf:
         return None
 
     def symbols_between(self, start: int, end: int) -> list[Symbol]:
-        """Functions and objects whose first byte lies there, in order."""
+        """Functions and objects whose first byte lies in start <= address < end, in order."""
         addresses, symbols = self._by_address
         return symbols[bisect.bisect_left(addresses, start) : bisect.bisect_left(addresses, end)]
 
@@ -128,16 +128,16 @@ class Elf:
 
     @property
     def flash_bytes(self) -> int:
-        """What the image occupies in flash: everything loaded, initial values of variables included."""
+        """Size in flash: everything that is loaded, initial values of variables included."""
         return sum(len(segment.data) for segment in self.segments)
 
     @property
     def ram_bytes(self) -> int:
-        """.data + .bss and whatever other writable sections there are, the reserved stack excepted."""
+        """Size of .data, .bss and all other writable sections, without the reserved stack."""
         return sum(s.size for s in self.sections if s.writable and "stack" not in s.name)
 
     def vectors(self) -> list[int]:
-        """Addresses of the exception handlers, reset first, each once: the table lies at the image's lowest address."""
+        """Addresses of the exception handlers, reset first, each once, from the table at the image's lowest address."""
         table = min(self.segments, key=lambda s: s.load).data
         handlers: list[int] = []
         for (word,) in struct.iter_unpack("<I", table[4 : 4 + 4 * (15 + 68)]):
@@ -151,7 +151,7 @@ class Elf:
         return handlers
 
     def vector(self, exception: int) -> int | None:
-        """Address of one exception's handler; None where the table ends before it."""
+        """Address of the handler of an exception; None when the table is too short."""
         table = min(self.segments, key=lambda s: s.load).data
         if len(table) < 4 * (exception + 1):
             return None
@@ -161,7 +161,7 @@ class Elf:
 
 @dataclass
 class Function:
-    """One function's machine code as a graph: where it goes, whom it calls, and how deep the stack is then."""
+    """One function's machine code as a graph: its calls, and the depth of the stack at each."""
 
     name: str
     address: int
@@ -219,9 +219,9 @@ def _registers(operands: str) -> int:
 
 
 def _stack_growth(line: _Line) -> int | None:
-    """Bytes by which an instruction grows the stack; None when that cannot be told.
+    """Bytes by which an instruction grows the stack; None when that is unknown.
 
-    MSR MSP, with which a fault handler goes back to the top of the stack for good, counts as no growth.
+    MSR MSP, by which a fault handler returns to the top of the stack for good, counts as no growth.
     """
     name, operands = line.name, line.operands
     if name in ("push", "pop"):
@@ -242,7 +242,7 @@ def _stack_growth(line: _Line) -> int | None:
 
 
 def _ends_path(line: _Line) -> bool:
-    """True when execution does not go on with the next instruction."""
+    """True when execution does not continue with the next instruction."""
     if line.name in ("b", "bx", "tbb", "tbh", "udf"):
         return True
     if line.name in ("pop", "ldmia"):
@@ -251,7 +251,7 @@ def _ends_path(line: _Line) -> bool:
 
 
 def _is_indirect(line: _Line) -> bool:
-    """A call or jump whose target is in a register, the return excepted."""
+    """True for a call or jump whose target is in a register, except the return."""
     if _CALL.match(line.name):
         return line.target is None
     if line.name.startswith("bx"):
@@ -260,7 +260,7 @@ def _is_indirect(line: _Line) -> bool:
 
 
 def _walk(address: int, name: str, lines: list[_Line]) -> Function:
-    """Follows every path through one function, carrying the depth of its stack."""
+    """Follows every path through one function and tracks the depth of its stack."""
     function = Function(name, address)
     index = {line.address: i for i, line in enumerate(lines)}
     deepest: dict[int, int] = {}
@@ -293,7 +293,7 @@ def _walk(address: int, name: str, lines: list[_Line]) -> Function:
 
 
 class CallGraph:
-    """Who calls whom, and how much stack the deepest chain takes."""
+    """Call graph of an image, and the stack of its deepest chain of calls."""
 
     def __init__(self, path: Path) -> None:
         self.elf = Elf(path)
@@ -307,7 +307,7 @@ class CallGraph:
         return self.functions[address].name if address in self.functions else f"0x{address:08x}"
 
     def recursion(self) -> list[str] | None:
-        """A chain of calls that comes back to its first function, by name; None when there is none."""
+        """A chain of calls that returns to its first function, by name; None when there is none."""
         state: dict[int, int] = {}
         for root in self.functions:
             chain = self._cycle_from(root, state, [])
@@ -329,7 +329,7 @@ class CallGraph:
         return None
 
     def stack_bytes(self, address: int) -> int:
-        """Of one function with everything it calls; the image must be free of recursion."""
+        """Stack of one function with everything that it calls; the image must be free of recursion."""
         if address not in self._stack:
             function = self.functions.get(address)
             below = max((d + self.stack_bytes(c) for c, d in function.calls.items()), default=0) if function else 0
@@ -351,9 +351,9 @@ class CallGraph:
         return found
 
     def worst_stack_bytes(self) -> int:
-        """The reset handler's chain, on it the deepest interrupt handler, on that SysTick's, and on that the frame of a
-        fault, whose handler begins a stack of its own. SysTick alone has a higher priority than the others, which have
-        one: tests/boards/test_registers.py and test_hangs.py hold the firmware to it."""
+        """Deepest stack: the reset handler's chain, plus the deepest interrupt handler, plus SysTick's handler, plus
+        the frame of a fault, whose handler starts a stack of its own. All handlers but SysTick's have the same
+        priority, which tests/boards/test_registers.py and test_hangs.py check in the firmware."""
         reset, *handlers = self.elf.vectors()
         systick = self.elf.vector(SYSTICK)
         deepest = max((self.stack_bytes(handler) for handler in handlers if handler != systick), default=0)

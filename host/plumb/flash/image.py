@@ -1,4 +1,5 @@
-"""The flash image: where it is, and its bytes, from .bin, .hex or .elf. All three of one build give the same bytes."""
+"""The flash image: finds it, and reads its bytes from .bin, .hex or .elf. All three of one build give the same
+bytes."""
 
 from __future__ import annotations
 
@@ -13,22 +14,22 @@ from plumb.files.input_files import read_bytes
 
 FLASH_BASE = 0x08000000
 MOST_BYTES = 64 << 20
-"""Of an image's file: an ELF file holds what debuggers want, too."""
+"""Largest file of an image: an ELF file contains debug information, too."""
 BUILD_IMAGE = Path("build") / "stm32f103" / "firmware.bin"
 PARAMETER_SLOTS = 0x0800F000
-"""From here on the flash of the smallest part belongs to the parameters."""
+"""Start of the parameter slots, which take the flash of the smallest part from here to its end."""
 FAMILY = 0x103
 HEADER_OFFSET = 0x130
 HEADER_MAGIC = 0x626D6C70
 HEADER = struct.Struct("<6I")
-"""Behind the vector table: magic, family, bytes of the image, commit (two words), whether the tree differed from it.
+"""Image header, after the vector table: magic, family, size of the image, commit (two words), 1 if the tree differed.
 firmware/ports/stm32f103/startup.c places it; the image's last word is the CRC-32 of all bytes before it."""
 _ELF_ARM, _PT_LOAD = 40, 1
 
 
 @dataclass(frozen=True)
 class ImageHeader:
-    """What an image says of itself. git_hash: first 16 digits of its commit, '' when not known."""
+    """Header of an image. git_hash: first 16 digits of its commit, '' when unknown."""
 
     family: int
     size: int
@@ -37,7 +38,7 @@ class ImageHeader:
 
 
 def find_image(image: Path | None = None) -> Path:
-    """The file that was asked for, else the build of this checkout; raises UsageError when there is none."""
+    """`image`, or the build of this checkout; raises UsageError when there is no such file."""
     if image is not None:
         if not image.is_file():
             raise UsageError(f"there is no file {image}; build an image with 'make image' or name another with --image")
@@ -49,7 +50,7 @@ def find_image(image: Path | None = None) -> Path:
 
 
 def load_image(path: Path) -> bytes:
-    """The bytes from 0x08000000 on; gaps read as erased flash. Raises UsageError for a file that is no image."""
+    """Bytes from 0x08000000 on; gaps read as erased flash. Raises UsageError for a file that is not an image."""
     raw = read_bytes(path, MOST_BYTES, "build an image with 'make image'")
     if raw[:4] == b"\x7fELF":
         data = _from_elf(raw, path)
@@ -62,7 +63,7 @@ def load_image(path: Path) -> bytes:
 
 
 def check_image(data: bytes, name: str) -> None:
-    """A vector table with its stack in RAM and its entry in flash, or UsageError."""
+    """Raises UsageError unless the data begin with a vector table whose stack is in RAM and whose entry is in flash."""
     if len(data) >= 8:
         stack, entry = struct.unpack_from("<II", data)
         if 0x20000000 < stack <= 0x20018000 and entry & 1 and FLASH_BASE <= entry < FLASH_BASE + len(data):
@@ -71,12 +72,13 @@ def check_image(data: bytes, name: str) -> None:
 
 
 def claims_to_be_ours(data: bytes) -> bool:
-    """There is an image header, whole or not."""
+    """True when the data have plumb's image header, valid or not."""
     return len(data) >= HEADER_OFFSET + 32 and struct.unpack_from("<I", data, HEADER_OFFSET)[0] == HEADER_MAGIC
 
 
 def own_header(data: bytes, name: str) -> ImageHeader:
-    """The header of a plumb image that is whole, for this family, and clear of the parameters; else UsageError."""
+    """The header of a plumb image. Raises UsageError unless the image is undamaged, for this family, and ends before
+    the parameter slots."""
     if not claims_to_be_ours(data):
         raise UsageError(f"{name} is not a plumb image: it has no image header; build one with 'make image'")
     _, family, size, hash_high, hash_low, dirty = HEADER.unpack_from(data, HEADER_OFFSET)

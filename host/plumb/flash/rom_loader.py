@@ -1,8 +1,9 @@
-"""The ROM bootloader of an STM32F103 (ST's AN3155), through stm32loader: find it, erase pages, write, read back.
+"""Flashing over the ROM bootloader of an STM32F103 (ST's AN3155) with stm32loader: find it, erase pages, write, read
+back.
 
-It listens on USART1 (PA9, PA10) at 8E1 after a reset with BOOT0 high, and takes its baud rate from the first byte,
-0x7F. It has no time-outs: after a byte that got lost it waits for ever, so whoever talks to it brings it back to the
-start of a command with more 0x7F, two of which are a command that it refuses.
+The bootloader listens on USART1 (PA9, PA10) at 8E1 after a reset with BOOT0 high, and measures its baud rate from the
+first byte, 0x7F. It has no time-outs: after a lost byte it waits for ever. The host then sends 0x7F until the
+bootloader is at the start of a command again: two 0x7F are a command that it refuses.
 
 stm32loader is under the GPL-3: an extra of the tools, imported only here and only when used.
 """
@@ -30,18 +31,18 @@ from plumb.link.transports.serial_ports import check_port
 
 FLASH_SIZE_ADDRESS = 0x1FFFF7E0  # RM0008 30.1.1, in KiB
 BLOCK_BYTES = 256
-REPLY_S = 1.0  # a page erase takes up to 40 ms (datasheet, table 30); the rest is patience
+REPLY_S = 1.0  # a page erase takes up to 40 ms (datasheet, table 30); the rest is margin
 SYNC_S = 0.3
 BRIDGE_PINS = 1
-"""The pin set, as IDENTITY and the parameter `pins` have it, with the UART on PB6 and PB7."""
-LEAVES_S = 0.3  # a board that was asked leaves 0.1 s after its answer
+"""Number of the pin set with the UART on PB6 and PB7 (IDENTITY.PINS, parameter `pins`)."""
+LEAVES_S = 0.3  # a board that is asked enters the bootloader 0.1 s after its answer
 _TRIES = 3
 _ACK, _NACK, _SYNC = 0x79, 0x1F, b"\x7f"
 WRITE_TO = b"\x08\x00\x00\x00\x08"
 """The address 0x08000000 and its checksum."""
 Result = TypeVar("Result")
 
-# AN2606, device ids of the F103: density, page size, least flash that is sold with it.
+# Device ids of the F103 (AN2606): density, page size in bytes, smallest flash of this density in KiB.
 _DENSITIES = {
     0x410: ("medium density", 1024, 64),
     0x414: ("high density", 2048, 256),
@@ -50,12 +51,13 @@ _DENSITIES = {
 
 
 class SilenceError(OSError):
-    """Fewer bytes came than were waited for."""
+    """Fewer bytes arrived than expected."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """The chip at the other end. size_known: False when the chip does not tell and the least for its id is taken."""
+    """The connected chip. size_known: False when its size is unreadable and the smallest for its device id is
+    assumed."""
 
     device_id: int
     density: str
@@ -75,7 +77,8 @@ def import_stm32loader() -> ModuleType:
 
 
 def part_of(device_id: int, flash_kib: int | None, bootloader: int) -> Part:
-    """What these numbers mean. flash_kib: as read from the chip, None where it could not be. Raises UsageError."""
+    """The part with these numbers. flash_kib: as read from the chip, None when unreadable. Raises UsageError for a part
+    that is not supported."""
     if device_id not in _DENSITIES:
         raise UsageError(
             f"the chip has device id 0x{device_id:03x}, which is no STM32F103 from the C8 up; nothing was written"
@@ -86,7 +89,7 @@ def part_of(device_id: int, flash_kib: int | None, bootloader: int) -> Part:
 
 
 class Line:
-    """The serial port as stm32loader wants it: whole reads or SilenceError, reset lines that may not exist."""
+    """Serial port with the interface that stm32loader expects: complete reads or SilenceError, optional reset lines."""
 
     def __init__(self, port: str, baud: int) -> None:
         import serial
@@ -113,7 +116,7 @@ class Line:
         end = time.monotonic() + self.timeout
         data = bytes(self._port.read(count))
         while len(data) < count:
-            last = time.monotonic() >= end  # one more look: this process may have been away since the one before
+            last = time.monotonic() >= end  # read once more: this process may have been suspended since the last read
             data += self._port.read(count - len(data))
             if last and len(data) < count:
                 raise SilenceError(f"{len(data)} bytes of {count} came")
@@ -123,7 +126,7 @@ class Line:
         self._port.write(data)
 
     def discard(self) -> None:
-        """Forgets what has arrived."""
+        """Discards the bytes that have arrived."""
         self._port.reset_input_buffer()
 
     def enable_reset(self, on: bool) -> None:
@@ -149,7 +152,7 @@ class Line:
 
 
 class RomLoader:
-    """A bootloader that has answered. Every method raises LinkError when the chip refuses or falls silent for good."""
+    """A bootloader. Every method raises LinkError when the chip refuses or does not answer after all attempts."""
 
     def __init__(self, line: Line) -> None:
         self._module = import_stm32loader()
@@ -157,7 +160,7 @@ class RomLoader:
         self._boot: Any = self._module.Stm32Bootloader(line, device_family="F1", verbosity=0)
 
     def answers(self) -> bool:
-        """True when a bootloader is there already: ACK after a reset, NACK when it was awake."""
+        """True when a bootloader answers: with ACK after a reset, with NACK when it was running already."""
         return any(self._knock() for _ in range(_TRIES))
 
     def synchronise(self, wait_s: float) -> None:
@@ -184,14 +187,14 @@ class RomLoader:
             self._line.timeout = REPLY_S
 
     def identify(self) -> Part:
-        """Which chip this is. Raises UsageError when the image cannot be for it."""
+        """Identify the chip. Raises UsageError when it is not supported."""
         version = self._persist("tell its version", self._boot.get)
         device_id = self._persist("tell what it is", self._boot.get_id)
         part_of(device_id, None, version)
         try:
             size = int.from_bytes(self.read(FLASH_SIZE_ADDRESS, 2), "little")
         except LinkError:
-            # A chip that hides its flash hides all of it; one that merely does not tell its size shows the rest.
+            # Read protection covers the whole flash; if the flash can be read, only the size register is unreadable.
             try:
                 self.read(FLASH_BASE, 4)
             except LinkError:
@@ -203,7 +206,7 @@ class RomLoader:
         return part_of(device_id, size, version)
 
     def erase(self, page: int) -> None:
-        """One page. Not repeated after silence: what the chip then waits for could be more page numbers."""
+        """Erase one page. Not repeated after a time-out: the chip could take the next command for more page numbers."""
         for attempt in range(_TRIES):
             try:
                 # stm32loader announces the extended command on every page.
@@ -222,7 +225,7 @@ class RomLoader:
                 self._line.timeout = REPLY_S
 
     def write(self, address: int, data: bytes) -> None:
-        """Up to 256 bytes into erased flash. Repeated after trouble, but only where the flash is still blank."""
+        """Write up to 256 bytes into erased flash. Repeated after an error only when the flash is still blank there."""
         for attempt in range(_TRIES):
             try:
                 self._boot.write_memory(address, data)
@@ -243,11 +246,11 @@ class RomLoader:
         raise self._broken(trouble)
 
     def read(self, address: int, count: int) -> bytes:
-        """Up to 256 bytes."""
+        """Read up to 256 bytes."""
         return bytes(self._persist(f"be read at 0x{address:08x}", partial(self._boot.read_memory, address, count)))
 
     def start(self, address: int) -> bool:
-        """Runs the image at `address`; False when the bootloader did not agree, which harms nothing."""
+        """Start the image at `address`; False when the bootloader refuses, which does no harm."""
         try:
             self._boot.go(address)
         except OSError:
@@ -267,7 +270,7 @@ class RomLoader:
         raise self._broken(trouble)
 
     def _settle(self, trouble: OSError) -> None:
-        """Brings the bootloader back to the start of a command: 0x7F until it refuses one, and nothing follows."""
+        """Bring the bootloader back to the start of a command: send 0x7F until it answers with NACK."""
         self._line.timeout = SYNC_S
         try:
             for _ in range(8):
@@ -291,10 +294,10 @@ class RomLoader:
 
 
 def ask_running_board(port: str) -> bool:
-    """Ask what runs at the other end of a serial port to go into its bootloader; False when no plumb board answers.
+    """Ask a running plumb board at a serial port to enter its bootloader; False when no board answers.
 
-    Image and host may be of any two versions: the nonce and this verb never change. Raises LinkError when the board
-    says no.
+    Firmware and host may be of different versions: the nonce and this verb are the same in all. Raises LinkError when
+    the board refuses.
     """
     from plumb.link.session import Session
 
@@ -323,7 +326,8 @@ def ask_running_board(port: str) -> bool:
 
 @dataclass(frozen=True)
 class Flashed:
-    """What was done. wrong: offsets of bytes that read back differently; blank: all of them read as erased flash."""
+    """Result of flashing. wrong: offsets of bytes that read back differently; blank: all of those read as erased
+    flash."""
 
     part: Part
     pages: Sequence[int]
@@ -332,11 +336,11 @@ class Flashed:
 
 
 def block_bytes(data: bytes) -> int:
-    """How many of these bytes to send in one block, at most BLOCK_BYTES.
+    """Number of these bytes to send in one block, at most BLOCK_BYTES.
 
-    A block goes out blind: its length, the data, a checksum. Where the length is lost on the way, the first byte of
-    data takes its place, and what is left over is read as commands. So a block is made shorter when that would erase,
-    write or start something.
+    A block is sent without acknowledgement in between: its length, the data, a checksum. If the length gets lost, the
+    first byte of data takes its place, and the remaining bytes are read as commands. A block is made shorter when these
+    would erase, write or start something.
     """
     for count in range(min(len(data), BLOCK_BYTES), 0, -4):
         block = data[:count]
@@ -349,7 +353,7 @@ def block_bytes(data: bytes) -> int:
 
 
 def program(loader: RomLoader, part: Part, image: bytes, done: Callable[[str, int], None]) -> Flashed:
-    """Erases the image's pages and no other, writes, reads back. done(step, bytes): called as work gets done."""
+    """Erase the image's pages and no others, write, read back. done(step, bytes) is called to report progress."""
     if len(image) > part.flash_kib * 1024:
         raise UsageError(
             f"the image has {len(image)} bytes, the chip {part.flash_kib} KiB of flash; nothing was written"

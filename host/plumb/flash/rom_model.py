@@ -1,8 +1,8 @@
-"""The part's ROM bootloader on its UART (ST's AN3155, AN2606), as bytes in and bytes out.
+"""Model of the part's ROM bootloader on its UART (ST's AN3155, AN2606): bytes in, bytes out.
 
-It keeps the real one's habits: no time-outs, silence until the first 0x7F, NACK for a command whose complement is
-wrong, half-words that can only be programmed when they are erased. Erasing and programming take no time here. It
-misbehaves on request.
+It behaves like the real one: no time-outs, no answer until the first 0x7F, NACK for a command whose complement is
+wrong, half-words that can only be programmed when they are erased. Erasing and programming take no time here. Faults
+can be injected.
 """
 
 from __future__ import annotations
@@ -20,16 +20,17 @@ FLASH_SIZE = 0x1FFFF7E0
 GET, GET_VERSION, GET_ID, READ, GO, WRITE, ERASE, EXTENDED_ERASE = 0x00, 0x01, 0x02, 0x11, 0x21, 0x31, 0x43, 0x44
 
 Bytes = Generator[None, int, bytes]
-"""Takes bytes one by one, gives what it made of them."""
+"""A coroutine that receives bytes one by one and returns the bytes of a field."""
 Step = Generator[None, int, None]
 
 
 @dataclass
 class Faults:
-    """deaf_syncs: so many first 0x7F are not heard. nack: command -> how many of it to refuse. stores_nothing: writes
-    are acknowledged only. lose_received, lose_sent: numbers of bytes, from the first one after the sync, that vanish.
-    stuck: address -> value that programming leaves there. protected: flash can neither be read nor written.
-    hides_size: the size register cannot be read. dies_after: so many bytes."""
+    """Fault injection. deaf_syncs: number of first 0x7F that are ignored. nack: command -> how often to refuse it.
+    stores_nothing: writes are acknowledged but not stored. lose_received, lose_sent: indices of bytes, counted from the
+    first one after the sync, that get lost. stuck: address -> value that programming leaves there. protected: flash can
+    neither be read nor written. hides_size: the size register cannot be read. dies_after: number of bytes after which
+    it falls silent."""
 
     deaf_syncs: int = 0
     nack: dict[int, int] = field(default_factory=dict)
@@ -43,10 +44,10 @@ class Faults:
 
 
 class RomBootloader:
-    """Give it what comes over the line; it gives what it answers. flash: the memory it reads; store(offset, bytes)
-    changes it.
+    """The bootloader: receive() takes the bytes of the line and returns the answer. flash: the memory that it reads;
+    store(offset, bytes) writes it.
 
-    erased, written, commands, started_at: page numbers, addresses and codes in order, and where GO went.
+    erased, written, commands: page numbers, addresses and command codes in order. started_at: target of GO.
     """
 
     def __init__(
@@ -73,7 +74,7 @@ class RomBootloader:
         next(self._program)
 
     def receive(self, data: bytes) -> bytes:
-        """What it answers to these bytes; nothing after GO."""
+        """The answer to these bytes; b"" after GO."""
         for byte in data:
             if self._synchronised:
                 number, self._received = self._received, self._received + 1

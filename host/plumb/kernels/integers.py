@@ -1,6 +1,6 @@
 """Two's complement arithmetic on Python ints and on int64 arrays alike: one algorithm serves one run or thousands.
 
-An int is exact and unbounded, an array wraps at 64 bits by itself; the functions here give both the same answers.
+An int is exact and unbounded, an array wraps at 64 bits; the functions here give the same results for both.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def wrap_u32(x: Integer) -> Integer:
 
 
 def wrap_i64(x: Integer) -> Integer:
-    """x modulo 2^64, as two's complement; arrays have done so already."""
+    """x modulo 2^64, as two's complement; an array has wrapped already."""
     if isinstance(x, int):
         return ((x + 0x8000000000000000) & 0xFFFFFFFFFFFFFFFF) - 0x8000000000000000
     return x
@@ -51,5 +51,5 @@ def clz32(x: Integer) -> Integer:
 
 
 def mulhi_u32(a: Integer, b: Integer) -> Integer:
-    """(a * b) >> 32 of two unsigned 32-bit values, whose product needs 64 bits, without leaving 63."""
+    """(a * b) >> 32 of two unsigned 32-bit values, with intermediate results that fit int64."""
     return (a * (b >> 16) + ((a * (b & 0xFFFF)) >> 16)) >> 16

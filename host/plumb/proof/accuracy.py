@@ -1,10 +1,10 @@
-"""How far the integers are from float64 on the same integer inputs: the error budget's middle part, measured.
+"""Accuracy of the arithmetic: distance of the integers from float64 on the same integer inputs.
 
 `python -m plumb.proof.accuracy [--seeds N] [SYSTEM ...]` prints the table of DESIGN.md, "Error bounds", for every
-tuning. The filter's inputs are the hard ones: the tilt sweeps through the whole turn, the gyro has 20 deg/s of bias,
-one measurement in fifty points anywhere, and R jumps over its whole range where the tuning lets it. The chain's are the
-system's own scenario, seed 1000, or the worst of N seeds from there. Bounds are for an innovation of 180 deg; a chain
-of more than one filter has its bound in DESIGN.md.
+tuning. The inputs of the filter alone are hard: the tilt sweeps through the whole turn, the gyro has 20 deg/s of bias,
+one measurement in fifty is an outlier of any angle, and R jumps over its whole range if the tuning allows it. The
+inputs of the chain are the system's default scenario, seed 1000, or the worst of N seeds from there on. Bounds are for
+an innovation of 180 deg; DESIGN.md has the bound of a chain of more than one filter.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from plumb.tuning.quantise import ControlParams, groups_of, quantise
 
 TURN_DEG = 360.0 / 2**32
 NEAR_HALF_TURN_DEG = 0.01
-"""Innovations this close to +-180 deg may go round either way: the reference goes the way the integers went."""
+"""Innovations this close to +-180 deg may wrap to either sign: the reference takes the sign of the integers."""
 
 LEAST_G = 0.5
-"""Length of the acceleration from which on the bounds of a chain with a wheel hold; the shorter, the further an error
-of a component turns it."""
+"""Least length of the acceleration for which the bounds of a chain with a wheel hold: the shorter it is, the more an
+error of a component changes its angle."""
 
 
 @dataclass(frozen=True)
 class FilterInputs:
-    """What a filter is given, as the firmware holds it; all (steps,). variance: 2^32 lsb; rate: U(k), turn/s Q28."""
+    """Inputs of a filter in the firmware's formats, arrays (steps,). variance: 2^32 lsb; rate: U(k), turn/s Q28."""
 
     variance: npt.NDArray[np.int64]
     tilt_turn_q32: npt.NDArray[np.int64]
@@ -46,7 +46,7 @@ class FilterInputs:
 
 
 def hard_inputs(params: ControlParams, steps: int, seed: int, bias_dps: float = 20.0) -> FilterInputs:
-    """A sweep through the whole turn every 25 s or so, with swings on it, bias, noise and outliers."""
+    """A sweep through the whole turn about every 25 s with superimposed swings, bias, noise and outliers."""
     rng = np.random.default_rng(seed)
     time_s = np.arange(steps) * params.period_s
     tilt_deg = 14.0 * time_s + 40.0 * np.sin(0.9 * time_s) + 10.0 * np.sin(5.0 * time_s)
@@ -67,7 +67,7 @@ def hard_inputs(params: ControlParams, steps: int, seed: int, bias_dps: float = 
 def filter_error_deg(
     params: ControlParams, inputs: FilterInputs, near_half_turn_deg: float = NEAR_HALF_TURN_DEG
 ) -> npt.NDArray[np.float64]:
-    """Fused tilt of the C integers minus the reference's, per step, wrapped; both on the very same integers."""
+    """Fused tilt of the C integers minus the reference's, per step, wrapped; both on the same integer inputs."""
     settings, start, _ = filter_of(params)
     bias_limit_dps = 45.0 / params.period_s
     sure_deg = 180.0 - near_half_turn_deg
@@ -91,7 +91,7 @@ def filter_error_deg(
 
 
 def _same_way_round(params: ControlParams, inputs: FilterInputs, step: int, x: run_reference.KalmanState) -> None:
-    """Give the reference the integers' side of +-180 deg."""
+    """Make the reference's innovation wrap to the same side of +-180 deg as the integers'."""
     upto = slice(0, step + 1)
     _, states = native_core.kalman_run(
         params, inputs.variance[upto], inputs.tilt_turn_q32[upto], inputs.rate_turnps_q28[upto]
@@ -137,16 +137,16 @@ def filter_bound_deg(params: ControlParams, innovation_deg: float = 180.0) -> fl
 
 
 def wheel_bounds(params: ControlParams) -> tuple[float, float]:
-    """How far velocity (m/s) and acceleration of the axle (g) may be from float64: what their filter drops per step and
-    forgets with alpha, the floor of the slope, and the velocity's error times the slope's gain."""
+    """Bounds of the errors of velocity (m/s) and acceleration of the axle (g) against float64: rounding of their filter
+    per step, which decays with alpha, rounding of the slope, and the error of the velocity times the slope's gain."""
     velocity_mps = 2.0**-25 / (params["wheel.alpha_q31"] / 2.0**31)
     gain = params["wheel.accel_gain_q30"] / 2.0**30
     return velocity_mps, gain * velocity_mps + (2.0**-24 if gain else 0.0)
 
 
 def chain_bound_deg(params: ControlParams, innovation_deg: float = 180.0) -> float:
-    """The same from counts to angle: the filter's bound, the angle's error, what R loses as an integer, and of a wheel
-    what the acceleration taken off loses, at a length of the acceleration of LEAST_G or more."""
+    """As filter_bound_deg(), for the chain from counts to angle: the filter's bound, the angle's error, the rounding of
+    R, and with a wheel the error of the acceleration that is subtracted, at a length of LEAST_G or more."""
     _, _, trust = filter_of(params)
     r_share = 0.0
     if trust.gain_deg2:
@@ -158,7 +158,7 @@ def chain_bound_deg(params: ControlParams, innovation_deg: float = 180.0) -> flo
 
 
 def atan2_error_deg(y: npt.ArrayLike, x: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Binary angle minus float64, degrees; (0, 0) has none."""
+    """Binary angle minus float64, degrees; 0 for the point (0, 0)."""
     exact = run_reference.atan2(np.asarray(y, np.float64), np.asarray(x, np.float64))
     error: npt.NDArray[np.float64] = run_reference.wrap(native_core.atan2(y, x) * TURN_DEG - exact)
     return error
@@ -178,14 +178,15 @@ def sincos_error(turn_q32: npt.ArrayLike) -> npt.NDArray[np.float64]:
 
 
 def chain_error_deg(params: ControlParams, raw: npt.ArrayLike, setpoint_turn_q32: npt.ArrayLike) -> float:
-    """Largest error of the fused tilt from counts to angle: calibration, tilt, trust and filter, all of it twice."""
+    """Largest error of the fused tilt over the whole chain: calibration, tilt, trust and filter in integers and in
+    float64."""
     tilt_deg = native_core.run_control(params, raw, setpoint_turn_q32)["tilt_turn_q32"] * TURN_DEG
     error = run_reference.wrap(tilt_deg - run_reference.run_control(params, raw, setpoint_turn_q32)["tilt_deg"])
     return float(np.abs(error).max())
 
 
 def scenario_error_deg(settings: AnyTuning, name: str, seed: int = 1000) -> float:
-    """From counts to angle on one of the system's scenarios: the largest distance from float64 of any angle."""
+    """Largest error of any angle against float64 over the whole chain, on one of the system's scenarios."""
     run = systems.load(settings.system).scenario(name, seed, period_us=settings.period_us)
     params = quantise(fitted(run, settings))
     found = runs.open_loop(NativeBoard(), runs.prescribed(run), params).metrics()["fixed_vs_reference_max_deg"]

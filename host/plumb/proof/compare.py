@@ -1,7 +1,8 @@
-"""The first step and signal at which a board, a file or another implementation leaves the integer model.
+"""Comparison with the integer model: the first step and signal at which a board, a file or another implementation
+differs.
 
-The only comparer of the package. A board over a link gives digests only: the words of the step whose digest differs are
-then asked for, and the first word that differs is named.
+This is the only comparison in the package. A board over a link sends digests only: for the first digest that differs
+the words of that step are requested, and the first word that differs is reported.
 """
 
 from __future__ import annotations
@@ -16,18 +17,18 @@ import numpy.typing as npt
 from plumb.spec.records import Words
 
 Digests = npt.NDArray[np.uint32]
-"""CRC-32 of each step's record, (steps,)."""
+"""CRC-32 of each step's record, shape (steps,)."""
 WordsOfStep = Callable[[int], Mapping[str, int]]
-"""Step -> every word that the board had in that step, by name; may run the board again."""
+"""Step -> every word of the board's record of that step, by name; may run the board again."""
 
 
 @dataclass(frozen=True)
 class Divergence:
     """The first word that differs.
 
-    signal: a word of the record; "digest" where no word is known to differ; "steps" where one side ended before the
-    other. actual: None where the board gave nothing. run: of several that were compared at once. vector, in_file: the
-    golden vector, and whether its file rather than the board is wrong.
+    signal: name of the word; "digest" when only the digest is known to differ; "steps" when one side ended before the
+    other. actual: None when the board gave no value. run: number of the run, when several were compared at once.
+    vector: the golden vector. in_file: True when its file is wrong, not the board.
     """
 
     step: int
@@ -39,7 +40,7 @@ class Divergence:
     in_file: bool = False
 
     def as_dict(self) -> dict[str, Any]:
-        """What `first_divergence` is in JSON: of a run, or of a golden vector."""
+        """The JSON object `first_divergence` of a run or of a golden vector."""
         values = {"signal": self.signal, "expected": self.expected, "actual": self.actual}
         if self.vector is None:
             return {"step": self.step, "run": self.run, **values}
@@ -58,8 +59,8 @@ def first_divergence(
     """Lowest step, then lowest run, then first signal in written order; None when every bit agrees.
 
     actual: the words of every step, or its digests alone. words_of_step is called at most once, for the step whose
-    digest differs; without it the signal of a digest that differs is "digest". Raises ValueError for records of
-    another number of runs.
+    digest differs; without it the signal of a differing digest is "digest". Raises ValueError when the numbers of runs
+    differ.
     """
     if isinstance(actual, Words):
         return _first_word(expected, actual)
@@ -90,10 +91,9 @@ def _first_word(expected: Words, actual: Words) -> Divergence | None:
 
 
 def divergence_at(step: int, expected: Words, actual: Mapping[str, int], digest: int | None) -> Divergence:
-    """The first word of a step whose digest is known to differ; "digest" where actual has no word that does.
+    """The first differing word of a step whose digest differs; signal "digest" when no word in `actual` differs.
 
-    actual: the words that the board had in that step; {}: they are not known. digest: what it answered, None where it
-    answered nothing.
+    actual: the board's words of that step; {}: unknown. digest: the board's digest; None: it sent none.
     """
     row = expected.record[step]
     for name in expected.names if actual else ():
@@ -104,7 +104,7 @@ def divergence_at(step: int, expected: Words, actual: Mapping[str, int], digest:
 
 
 def _value(row: np.void, name: str) -> int:
-    """A word of one step as `Words` gives it: int64, whatever it is stored as."""
+    """A word of one step as an int, as `Words` returns it, whatever its stored type."""
     return int(row[name].astype(np.int64))
 
 

@@ -1,8 +1,8 @@
-"""Are the figures those of a board? They are computed with the native core; here every scenario and every tuning that
-they stand on runs on a board as well, for one seed, and each step's digest is compared with native's.
+"""Confirmation of the figures on a board. The figures are computed with the native core; here every scenario and tuning
+behind them also runs on a board, for one seed, and each step's digest is compared with that of the native core.
 
-Every scenario runs with the system's own tuning, every tuning on the system's own scenario; where a system drives
-something, its scenarios run with the loop closed, too.
+Every scenario runs with the system's default tuning, every tuning on the system's default scenario; the scenarios of a
+system with outputs also run in closed loop.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SEED = 1000
 
 @dataclass(frozen=True)
 class Confirmation:
-    """One run: how many of its steps differ between the board and native."""
+    """One run, and the number of its steps that differ between the board and the native core."""
 
     system: str
     scenario: str
@@ -38,7 +38,7 @@ class Confirmation:
 
 
 def confirm(board: Board, name: str, seed: int = SEED, seconds: float | None = None) -> Iterator[Confirmation]:
-    """Every run of a system, as it is ready; seconds: at most so long each."""
+    """Every run of a system, as it is finished. seconds: limit for the length of each; None: the scenario's own."""
     system, native = systems.load(name), NativeBoard()
     own = system.DEFAULT_TUNING
     pairs = [(scenario, own, False) for scenario in system.SCENARIOS]

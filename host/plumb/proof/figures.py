@@ -87,12 +87,12 @@ FIGURES = Part[FigureSections]("figures", FigureSections, without="there is noth
 
 
 def _part(name: str) -> FigureSections | None:
-    """What a system's part `figures` offers; a system needs none."""
+    """An attribute of the system's module `figures`; `nothing` for a system without it."""
     return systems.load(name, FIGURES) if name in systems.with_part(FIGURES.name) else None
 
 
 def without_figures(names: Iterable[str]) -> list[str]:
-    """Those of which nothing was asked."""
+    """The systems without required figures."""
     parts = {name: _part(name) for name in names}
     return [name for name, part in parts.items() if part is None or not part.SECTIONS]
 
@@ -100,7 +100,8 @@ def without_figures(names: Iterable[str]) -> list[str]:
 def compute(
     names: Iterable[str] = tuple(systems.SYSTEMS), seeds: Iterable[int] = SEEDS
 ) -> Iterator[tuple[str, Figure]]:
-    """Every row of these systems, with the system's name, in order, as it is ready; the sections on all cores."""
+    """Every row of these systems with the system's name, in order, as it is finished; sections run on all processor
+    cores."""
     chosen = tuple(seeds)
     parts = [(name, part) for name in names if (part := _part(name)) is not None]
     tasks = [(name, section, chosen) for name, part in parts for section in part.SECTIONS]
@@ -115,7 +116,7 @@ def _section(task: tuple[str, str, tuple[int, ...]]) -> list[Figure]:
 
 
 def write_plots(name: str, folder: Path) -> list[Path]:
-    """The source's figures, reproduced, as folder/SYSTEM_NAME.svg; the same bytes every time."""
+    """Write the reproduced figures of the source as folder/SYSTEM_NAME.svg; the same bytes every time."""
     written = []
     part = _part(name)
     for plot, panels in part.PLOTS.items() if part is not None else ():
@@ -126,7 +127,7 @@ def write_plots(name: str, folder: Path) -> list[Path]:
 
 
 def assumed(name: str) -> tuple[str, ...]:
-    """What the figures of a system rest on."""
+    """The assumptions behind the figures of a system."""
     part = _part(name)
     return part.ASSUMED if part is not None else ()
 

@@ -1,8 +1,8 @@
-"""Golden vectors: inputs and the digests they must give, as files that the integer model makes from a written recipe.
+"""Golden vectors: files with inputs and the expected digests, which the integer model makes from a written recipe.
 
-plumb.proof.golden_recipe has what a vector is made of, plumb.proof.golden_file the container,
-plumb.proof.golden_manifest the list of what a full check must run. A check starts only when recipe, manifest and files
-agree and the C library finds the parameters valid.
+plumb.proof.golden_recipe reads the recipe, plumb.proof.golden_file is the container, plumb.proof.golden_manifest lists
+the vectors that a full check must run. A check starts only when recipe, manifest and files agree and the C library
+finds the parameters valid.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ __all__ = ["FORMAT", "SUFFIX", "Case", "Divergence", "Result", "Vector", "build"
 
 RECIPE = "recipe.toml"
 WHOLE_BOARDS = ("fixed", "native", "qemu")
-"""Boards that take every vector; the others take those marked for a link."""
+"""Boards that run every vector; the others run those marked `on_link`."""
 
 
 def vectors_folder(folder: Path | None = None) -> Path:
-    """The folder asked for, else the checkout's tests/vectors; raises UsageError where there is no recipe."""
+    """`folder`, or the checkout's tests/vectors; raises UsageError when it has no recipe."""
     candidates = [folder] if folder else [Path.cwd() / "tests/vectors", CHECKOUT / "tests/vectors"]
     for candidate in candidates:
         if (candidate / RECIPE).is_file():
@@ -54,7 +54,7 @@ def build(entry: golden_recipe.Entry) -> Vector:
 
 
 def make(folder: Path, systems: Sequence[str] | None = None) -> list[str]:
-    """Write every vector of the recipe, and the manifest; the same bytes every time. Returns a line for each vector."""
+    """Write every vector of the recipe and the manifest; the same bytes every time. Returns a line for each vector."""
     lines, rows = [], {}
     for entry in tqdm(golden_recipe.read(folder / RECIPE, systems), disable=None, leave=False, unit="vector"):
         vector = build(entry)
@@ -79,14 +79,14 @@ def _row(entry: golden_recipe.Entry, data: bytes) -> golden_manifest.Row:
 
 @dataclass(frozen=True)
 class Case:
-    """A vector that a check runs, and the recipe entry that it agrees with."""
+    """A vector of a check, and its recipe entry."""
 
     entry: golden_recipe.Entry
     vector: Vector
 
 
 def cases(folder: Path, systems: Sequence[str] | None = None) -> list[Case]:
-    """What a check runs, in the recipe's order; raises UsageError unless recipe, manifest and files agree."""
+    """The cases of a check, in the recipe's order; raises UsageError unless recipe, manifest and files agree."""
     entries = golden_recipe.read(folder / RECIPE, systems)
     rows = golden_manifest.require(folder, entries, systems)
     return [_case(folder, entry, rows[entry.name]) for entry in entries]
@@ -123,7 +123,7 @@ def load(folder: Path, systems: Sequence[str] | None = None) -> list[Vector]:
 
 @dataclass
 class Result:
-    """What a board made of the vectors."""
+    """Result of the vectors on one board."""
 
     vectors: int = 0
     steps: int = 0
@@ -168,7 +168,7 @@ def worst_of(verdicts: Sequence[str]) -> str:
 def check(
     board: Board, folder: Path, systems: Sequence[str] | None = None, chosen: Sequence[Case] | None = None
 ) -> Result:
-    """Runs the vectors on a board and compares every step's digest with the one in the file.
+    """Run the vectors on a board and compare every step's digest with the one in the file.
 
     chosen: the cases, when they were loaded before; else those of the folder and the systems.
     """
@@ -193,7 +193,7 @@ def check(
 
 
 def _trace(board: Board, entry: golden_recipe.Entry, vector: Vector, answer: Answer) -> Divergence | None:
-    """The first difference, down to its signal: the model runs again, and the board where it gave no words."""
+    """The first difference, down to its signal: runs the model again, and also the board if it gave no words."""
     compared = slice(0, answer.unverified_from)
     step = first_digest_divergence(vector.digests[compared], answer.digests[compared])
     if step is None:
@@ -216,7 +216,7 @@ def _of(vector: Vector, found: Divergence | None, in_file: bool = False) -> Dive
 
 
 def _first_in_words(vector: Vector, answer: Answer) -> Divergence | None:
-    """Every digest is right: so must be the words that came with them, and the final words of the file."""
+    """All digests are right: compare the board's words, if it gave them, and the final words of the file."""
     words: Words | None = answer.words
     if words is None:
         return None
@@ -233,9 +233,10 @@ def _first_in_words(vector: Vector, answer: Answer) -> Divergence | None:
 
 
 def _first_in_file(entry: golden_recipe.Entry, vector: Vector, model: Words, step: int) -> Divergence | None:
-    """The file disagrees with the model on its own inputs: what its recipe gives shows which number was changed.
+    """The first difference in a file that disagrees with the model on its own inputs: a comparison with the vector of
+    the recipe shows which number was changed.
 
-    Every record begins with the raw counts and the setpoint as given: an input that was changed is its first signal.
+    Every record begins with raw counts and setpoint, so a changed input is the first signal that differs.
     """
     fresh = run_fixed.run_control(*entry.inputs())
     changed = first_divergence(fresh, model)

@@ -8,7 +8,7 @@ tests/vectors/recipe.toml, a [[vector]] table each:
     set         optional: dotted fields of the tuning to change, for example {"kalman.q_angle_deg2_per_s" = 10.0}
     scenario    a scenario of that system, with `seed`; or
     wild        a kind of input that no sensor gives, with `seed`: see WILD
-    steps       how many
+    steps       number of steps
     on_link     optional: also run over a link
 
 A name is lower-case letters, digits and underscores, so that it cannot lead out of the folder. Everything a recipe says
@@ -36,9 +36,9 @@ from plumb.systems.contracts import fitted
 from plumb.tuning.quantise import ControlParams, quantise
 
 MAX_STEPS = 1_000_000
-"""Of one vector."""
+"""Most steps of one vector."""
 MAX_BYTES = 1 << 20
-"""Of the recipe file."""
+"""Largest size of the recipe file."""
 MAX_SEED = (1 << 32) - 1
 _NAME = re.compile(r"[a-z0-9][a-z0-9_]{0,63}")
 UInt64Array = npt.NDArray[np.uint64]
@@ -65,37 +65,37 @@ def _angles(seed: int, steps: int) -> npt.NDArray[np.int64]:
 
 
 def _held(values: npt.NDArray[np.int64], seed: int, longest: int) -> npt.NDArray[np.int64]:
-    """Every row held for 1 to `longest` steps."""
+    """The rows, each held for 1 to `longest` steps."""
     lengths = (random_bits(seed, len(values), 2) % np.uint64(longest)).astype(np.int64) + 1
     return np.repeat(values, lengths, axis=0)[: len(values)]
 
 
 def _uniform(seed: int, steps: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Every 16-bit count, every 32-bit setpoint, no step like the last."""
+    """Uniformly random 16-bit counts and 32-bit setpoints, new in every step."""
     return _counts(seed, steps), _angles(seed, steps)
 
 
 def _extremes(seed: int, steps: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Limits of the formats and of the converter, and their neighbours, held for up to 20 steps."""
+    """Limits of the formats and of the ADC, and values next to them, held for up to 20 steps."""
     counts = EXTREME_COUNTS[_counts(seed, steps) % len(EXTREME_COUNTS)]
     angles = EXTREME_ANGLES[_angles(seed, steps) % len(EXTREME_ANGLES)]
     return _held(counts, seed, 20), _held(angles, seed + 1, 50)
 
 
 def _steps(seed: int, steps: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """12-bit counts that jump, then rest for up to 200 steps."""
+    """12-bit counts that jump, then stay for up to 200 steps."""
     return _held(_counts(seed, steps) & 4095, seed, 200), _held(_angles(seed, steps), seed + 1, 300)
 
 
 def _walk(seed: int, steps: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """12-bit counts that wander from rail to rail, and a setpoint that turns round and round."""
+    """12-bit counts that wander from rail to rail, and a setpoint that rotates through whole turns."""
     wander = np.cumsum(_counts(seed, steps) % 129 - 64, axis=0) + 2048
     folded = np.abs((wander + 4095) % 8190 - 4095)
     return folded, ((np.cumsum(_angles(seed, steps) // 64) + 2**31) % 2**32) - 2**31
 
 
 def _spin(seed: int, steps: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Whole turns: gravity circles while the gyro says so, so that tilt and innovation pass +-180 degrees."""
+    """Whole turns: gravity rotates with a matching gyro rate, so that tilt and innovation pass +-180 degrees."""
     angle = np.cumsum(np.full(steps, 0.02 + seed * 0.001))
     raw = np.zeros((steps, 6))
     raw[:, 0] = 1675.0 + 60.0 * np.sin(angle / 50.0)
@@ -146,7 +146,7 @@ class Entry:
         tuning = system.TUNINGS[self.tuning]
         for path, value in self.set.items():
             tuning = _changed(tuning, path.split("."), value)
-        quantise(tuning)  # refuses what cannot be before a scenario of it is drawn
+        quantise(tuning)  # refuses impossible parameters before the scenario is computed
         if self.wild:
             raw, setpoint = WILD[self.wild](self.seed, self.steps)
             return quantise(tuning), raw.astype(np.int16), setpoint.astype(np.int32)
@@ -166,7 +166,7 @@ def _changed(part: Any, path: list[str], value: Any) -> Any:
 
 
 def is_name(text: object) -> bool:
-    """Whether this may name a vector and its file: lower-case letters, digits and underscores, 64 at most."""
+    """True for a valid name of a vector: lower-case letters, digits and underscores, 64 at most."""
     return isinstance(text, str) and _NAME.fullmatch(text) is not None
 
 

@@ -1,5 +1,5 @@
-"""A live run on the virtual board: the board samples its own sensors by its own timer, is armed over its link, is told
-the setpoints as they change, and streams raw counts and digests, which are compared with the model."""
+"""A live run on the virtual board: the board samples its own sensors by its own timer. The host arms it, sends each
+change of the setpoint, and compares the streamed raw counts and digests with the model."""
 
 from __future__ import annotations
 
@@ -18,19 +18,20 @@ from plumb.systems.contracts import PINS, Conversion, Scenario
 from plumb.tuning.quantise import ControlParams
 
 STANDSTILL_US = 500_000
-"""Without a step for so long, the run is over: a sensor gives no samples any more."""
+"""Without a step for this long the run ends with an error: a sensor or the link has failed."""
 
 
 def run_live(board: SimulatedBoard, scenario: Scenario, params: ControlParams, *, open_loop: bool = False) -> Run:
-    """Arm, run the scenario in real time on live sensors, disarm, and judge what was streamed.
+    """Arm, run the scenario in real time on the board's own sensors, disarm, and compare the streamed steps with the
+    model.
 
-    Raises LinkError when the board disarms itself or falls silent on the way.
+    Raises LinkError when the board disarms itself or falls silent during the run.
     """
     from tqdm import tqdm
 
     steps = scenario.steps
     system, live = systems.load(params.system), systems.load(params.system, PINS)
-    # The plant's actuators need no arming pulse, and its motion does not wait for one.
+    # No hold at neutral: the plant's actuators need no arming pulse, and its motion begins at once.
     session = configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **system.LINK)
     coupling = live.Coupling(board.machine, system.plant(scenario, open_loop=open_loop))
     board.machine.advance_us(FOUND_US)
@@ -66,7 +67,7 @@ def run_live(board: SimulatedBoard, scenario: Scenario, params: ControlParams, *
 
 
 def _why(session: Session) -> str:
-    """What ended the armed time, as soon as the board says it."""
+    """The board's cause of disarming; waits for the status that reports it."""
     session.telemetry.pop("EVENTS", None)
     session.telemetry.pop("PLAUSIBILITY", None)
     end_s = session.clock() + REPLY_TIMEOUT_S
@@ -77,10 +78,10 @@ def _why(session: Session) -> str:
 
 
 def conversions_of(taken: Sequence[Conversion], begun_s: float, raw: RawCounts) -> list[Conversion]:
-    """The conversions that became the steps of a run, in order: those since the board's sampling timer was started.
+    """The conversions behind the steps of a run, in order: those since the board's sampling timer was started.
 
-    begun_s: when that was. raw: the counts that the board streamed, (steps, 6); a step whose counts were lost is all
-    zero. Raises LinkError where a step has none, or streamed another count than its conversion gave.
+    begun_s: the time of that start. raw: the streamed counts, (steps, 6); all zero for a step whose counts were lost.
+    Raises LinkError when a step has no conversion, or streamed another count than its conversion.
     """
     rows = [conversion for conversion in taken if conversion.time_s > begun_s]
     if len(rows) < len(raw):

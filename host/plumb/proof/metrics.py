@@ -1,7 +1,7 @@
-"""What a run is judged by. Angles in degrees, times in seconds, every window stated where it is cut.
+"""Metrics of a run. Angles are in degrees, times in seconds; each metric states its window.
 
-Estimator metrics score t >= 10 s, runs under 20 s their second half: the first 3 s are at rest and may give the
-starting bias, and the filter's own start-up is judged by `convergence` instead.
+Estimator metrics use t >= 10 s, in runs under 20 s the second half: the first 3 s are at rest and may give the starting
+bias, and `convergence` measures the start-up of the filter.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ def angle_max_deg(estimate_deg: FloatArray, truth_deg: FloatArray, window: BoolA
 
 
 def accel_only_deg(accel_y_g: FloatArray, accel_z_g: FloatArray) -> FloatArray:
-    """What the accelerometer alone says: atan2(ay, az) of the sampled values, any shape."""
+    """Tilt by the accelerometer alone: atan2(ay, az) of the sampled values, any shape."""
     return np.asarray(np.degrees(np.arctan2(accel_y_g, accel_z_g)))
 
 
 def accel_only_rmse_deg(
     accel_y_g: FloatArray, accel_z_g: FloatArray, truth_deg: FloatArray, window: BoolArray
 ) -> FloatArray:
-    """Root mean square error without any filter: the figure that every filter has to beat."""
+    """Root mean square error of the accelerometer alone: the figure that every filter has to beat."""
     return angle_rmse_deg(accel_only_deg(accel_y_g, accel_z_g), truth_deg, window)
 
 
 def gyro_only_deg(rate_dps: FloatArray, period_s: float, start_deg: FloatArray, rest_s: float = 3.0) -> FloatArray:
-    """The gyro alone, (steps[, runs]): its mean over the first rest_s taken off as bias, then summed from start_deg."""
+    """Tilt by the gyro alone, (steps[, runs]): the rate minus its mean over the first rest_s, summed from start_deg."""
     rest = max(1, round(rest_s / period_s))
     rate_dps = rate_dps - np.mean(rate_dps[:rest], axis=0)
     travelled_deg = np.concatenate([np.zeros_like(rate_dps[:1]), np.cumsum(rate_dps[:-1] * period_s, axis=0)])
@@ -63,7 +63,7 @@ class Convergence:
 
 
 def convergence(bias_error_dps: FloatArray, tilt_error_deg: FloatArray, period_s: float) -> Convergence:
-    """Of one run, (steps,) each; step k ends k + 1 periods after the start."""
+    """Convergence of one run, arrays (steps,); step k ends k + 1 periods after the start."""
     outside = np.flatnonzero(np.abs(bias_error_dps) >= BIAS_CONVERGED_DPS)
     first = int(outside[-1]) + 1 if len(outside) else 0
     if first == len(bias_error_dps):
@@ -73,9 +73,10 @@ def convergence(bias_error_dps: FloatArray, tilt_error_deg: FloatArray, period_s
 
 @dataclass(frozen=True)
 class Hold:
-    """recovery_s: release until |tilt - setpoint| <= 2 deg, and for 1 s on; rms and maximum from 2 s after the release.
+    """recovery_s: from the release until |tilt - setpoint| <= 2 deg, and for 1 s on; rms and maximum: from 2 s after
+    the release.
 
-    A later excursion is not a recovery that failed: it counts in rms and maximum.
+    A later excursion does not make the recovery fail: it counts in rms and maximum.
     """
 
     recovery_s: float
@@ -84,7 +85,7 @@ class Hold:
 
 
 def hold(time_s: FloatArray, true_tilt_deg: FloatArray, setpoint_deg: FloatArray, release_s: float) -> Hold:
-    """Of one closed-loop run, (steps,) each, judged on the true tilt."""
+    """Attitude hold of one closed-loop run by its true tilt, arrays (steps,)."""
     error_deg = np.abs(wrap_deg(true_tilt_deg - setpoint_deg))
     late = error_deg[time_s >= release_s + HOLD_SETTLE_S]
     if not len(late):
@@ -92,7 +93,7 @@ def hold(time_s: FloatArray, true_tilt_deg: FloatArray, setpoint_deg: FloatArray
     dwell = max(1, round(HOLD_DWELL_S / float(time_s[1] - time_s[0])))
     outside = np.cumsum(error_deg > HOLD_WITHIN_DEG)
     stays = np.flatnonzero((time_s[:-dwell] >= release_s) & (outside[dwell:] == outside[:-dwell]))
-    # The sample after the last one outside; the release itself when it never left.
+    # The sample after the last one outside the band; the release itself when there is none.
     first = int(stays[0]) + (error_deg[stays[0]] > HOLD_WITHIN_DEG) if len(stays) else None
     recovery_s = float("inf") if first is None else float(time_s[first] - release_s)
     return Hold(recovery_s, float(np.sqrt(np.mean(late * late))), float(np.max(late)))

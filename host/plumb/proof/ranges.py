@@ -1,4 +1,4 @@
-"""How much of its range every word of a step has ever used: the column "worst seen" of DESIGN.md, "Formats".
+"""Used range of every word of a step: the column "worst seen" of DESIGN.md, "Formats".
 
 `python -m plumb.proof.ranges [SYSTEM ...]` runs the golden vectors of a checkout, wild inputs included, on the native
 core and prints for every word its largest magnitude, in the unit of its name, and how many bits of the word stay free.
@@ -21,7 +21,7 @@ _FORMAT = re.compile(r"_q(\d+)(?=_|$)")
 
 @dataclass(frozen=True)
 class Used:
-    """The largest magnitude of a word; worst: in the unit of its name; free_bits: of the word, sign left out."""
+    """The largest magnitude of a word. worst: in the unit of its name. free_bits: unused bits, without the sign."""
 
     name: str
     worst: float

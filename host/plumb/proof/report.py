@@ -1,4 +1,4 @@
-"""report.html: one self-contained page with the plots and tables a person wants after a run."""
+"""report.html: one self-contained page with the plots and tables of a run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ POINTS_MAX = 2000
 """A plotted line keeps at most this many points: the extremes of each stretch, so that no spike is lost."""
 
 TRUTH, SENSOR, ESTIMATE, SECOND = "#1d2430", "#c9a227", "#2a5ca8", "#b3261e"
-"""Colours of the lines: one meaning each on every page."""
+"""Colours of the lines; each has the same meaning on every page."""
 
 Series = npt.NDArray[np.floating[Any]]
 
@@ -46,7 +46,8 @@ class Plot:
 
 
 def error_budget(time_s: Series, apart_deg: Series) -> Plot:
-    """The panel that every report ends with; apart_deg: integers minus float64 on the same counts."""
+    """Panel of the arithmetic error, the last one of every report; apart_deg: integers minus float64 on the same
+    counts."""
     return Plot(
         "Error budget: fixed point against float64, same counts",
         "deg",
@@ -81,7 +82,7 @@ def thin(time_s: Series, values: Series) -> tuple[Series, Series]:
 
 
 def drawing() -> ModuleType:
-    """matplotlib; raises UsageError where it is missing, which a run that cannot be repeated asks beforehand."""
+    """The matplotlib module; raises UsageError when it is missing. Call it before a run that cannot be repeated."""
     try:
         import matplotlib
     except ImportError:

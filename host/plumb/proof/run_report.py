@@ -1,4 +1,4 @@
-"""What a trial looks like to a person: the plots and tables of its page, and its steps as CSV."""
+"""Writes report.html, summary.json and steps.csv of a run."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from plumb.proof.report import Table, page, write_whole
 from plumb.proof.runs import PLOTS, Run
 
 
-def budget(trial: Run) -> Table:
+def budget(run: Run) -> Table:
     """The three-way error budget."""
-    figures = trial.metrics()
+    figures = run.metrics()
 
     def degrees(name: str) -> str:
         value = figures[name]
@@ -27,39 +27,39 @@ def budget(trial: Run) -> Table:
         ["estimate against truth, rms", degrees("angle_rmse_deg")],
         ["estimate against truth, largest", degrees("angle_max_deg")],
         ["fixed against float64 reference, largest", degrees("fixed_vs_reference_max_deg")],
-        ["board against fixed, steps that differ", f"{trial.mismatches} of {len(trial.inputs.raw)}"],
+        ["board against fixed, steps that differ", f"{run.mismatches} of {len(run.inputs.raw)}"],
     ]
-    bad = frozenset({4}) if trial.mismatches else frozenset()
+    bad = frozenset({4}) if run.mismatches else frozenset()
     return Table("Error budget", ["from what to what", "error"], rows, bad_rows=bad)
 
 
-def steps_csv(trial: Run) -> str:
+def steps_csv(run: Run) -> str:
     """One row a step: time, truth, then every word of the record, units in the column names."""
     sink = io.StringIO()
     table = csv.writer(sink, lineterminator="\n")
-    words, truth = trial.board_words, trial.inputs.truth
+    words, truth = run.board_words, run.inputs.truth
     table.writerow(["time_s", *(f"true_{name}" for name in truth), *words.names, "digest_crc32"])
-    exact = zip(trial.inputs.time_s.tolist(), *(values.tolist() for values in truth.values()), strict=True)
+    exact = zip(run.inputs.time_s.tolist(), *(values.tolist() for values in truth.values()), strict=True)
     columns: list[Sequence[Any]] = [words[name].tolist() for name in words.names]
-    for floats, *integers in zip(exact, *columns, trial.answer.digests.tolist(), strict=True):
+    for floats, *integers in zip(exact, *columns, run.answer.digests.tolist(), strict=True):
         table.writerow([*(f"{value:.6f}" for value in floats), *integers])
     return sink.getvalue()
 
 
-def write_run(folder: Path, trial: Run, summary: dict[str, Any], more: Sequence[Table] = ()) -> None:
-    """report.html, summary.json and steps.csv in `folder`, which is made when it is not there."""
-    view = systems.load(trial.system, PLOTS)
+def write_run(folder: Path, run: Run, summary: dict[str, Any], more: Sequence[Table] = ()) -> None:
+    """Write report.html, summary.json and steps.csv into `folder`, which is created if needed."""
+    view = systems.load(run.system, PLOTS)
     title = f"{summary['system']}, {summary['scenario']} on {summary['board']}"
     lead = (
         f"{summary['steps']} steps, {summary['loop']} loop, tuning {summary['tuning']}; every step's digest was "
         "compared with the integer model."
     )
-    if trial.divergence is not None:
-        lead = f"The board left the model at {trial.divergence}."
+    if run.divergence is not None:
+        lead = f"The board left the model at {run.divergence}."
     html = page(
-        title, summary["verdict"], lead, [budget(trial), *more, *view.plots(trial, closed=summary["loop"] == "closed")]
+        title, summary["verdict"], lead, [budget(run), *more, *view.plots(run, closed=summary["loop"] == "closed")]
     )
     write_whole(
         folder,
-        {"report.html": html, "summary.json": json.dumps(summary, indent=2) + "\n", "steps.csv": steps_csv(trial)},
+        {"report.html": html, "summary.json": json.dumps(summary, indent=2) + "\n", "steps.csv": steps_csv(run)},
     )

@@ -1,7 +1,7 @@
-"""One trial: counts through a board, the same counts through the model and the reference, and what came of it.
+"""One run: the same raw counts through a board, the integer model and the float64 reference, and their comparison.
 
-The three-way error budget: how far the sensors are off (accelerometer alone against truth), how far the integers are
-from the equations (fixed against reference), and how far the board is from the integers (must be nothing).
+The three-way error budget: error of the sensors (accelerometer alone against truth), of the arithmetic (fixed against
+reference), and of the board against the integers (must be zero).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class RunInputs:
-    """What went into a board, and the truth behind it; all arrays (steps,), raw (steps, 6).
+    """Inputs of a board and the truth behind them; all arrays (steps,), raw (steps, 6).
 
     truth: by name, NaN where it is not known. scored: the samples that count.
     """
@@ -56,20 +56,20 @@ PLOTS = Part[RunPlots]("plots", RunPlots)
 
 
 def prescribed(scenario: Scenario) -> RunInputs:
-    """A scenario's own motion: the controller runs, and does not move the plant."""
+    """Inputs of a scenario with prescribed motion: the controller runs but does not move the plant."""
     return RunInputs(scenario.time_s, scenario.truth(), scenario.counts(), scenario.setpoint(), scenario.scored)
 
 
 @dataclass(frozen=True)
 class Run:
-    """What a board answered to a inputs, beside what it should have answered."""
+    """A board's answer to some inputs, and the expected answer."""
 
     inputs: RunInputs
     params: ControlParams
     words: Words
     """The integer model's words for the same counts."""
     reference: dict[str, FloatArray]
-    """What float64 makes of the same counts, by name."""
+    """Results of the float64 reference for the same counts, by name."""
     answer: Answer
     divergence: Divergence | None
 
@@ -79,12 +79,12 @@ class Run:
 
     @property
     def board_words(self) -> Words:
-        """The board's own words where it gave them, else the model's, which its digests confirm."""
+        """The board's own words if it gave them, else the model's, which its digests confirm."""
         return self.words if self.answer.words is None else self.answer.words
 
     @property
     def mismatches(self) -> int:
-        """Steps whose digest is not the model's."""
+        """Number of steps whose digest differs from the model's."""
         return count_mismatches(self.words.digests(), self.answer.digests)
 
     @property
@@ -94,11 +94,11 @@ class Run:
         return "pass" if self.answer.unverified_from is None else "unverified"
 
     def metrics(self) -> dict[str, float | int | None]:
-        """The figures a trial of this system reports, those that all systems report first."""
+        """Metrics of the run by name; those that all systems have come first."""
         return {**systems.load(self.system, PLOTS).metrics(self), "target_vs_fixed_mismatches": self.mismatches}
 
     def summary(self, **heading: Any) -> dict[str, Any]:
-        """What `run --json` prints, after its heading."""
+        """The JSON object of `run --json`; heading: its first entries."""
         tail = {"steps": len(self.inputs.raw), "verdict": self.verdict, "metrics": self.metrics()}
         if self.divergence is not None:
             tail["first_divergence"] = self.divergence.as_dict()
@@ -108,12 +108,13 @@ class Run:
 
 
 def open_loop(board: Board, inputs: RunInputs, params: ControlParams) -> Run:
-    """A inputs as it is, in lockstep."""
+    """Run these inputs in lockstep."""
     return judge(board, inputs, params, board.run_injected(params, inputs.raw, inputs.setpoint))
 
 
 def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Run:
-    """The plant on the host, the loop on the board: what a step puts out moves the plant until the next sample."""
+    """Run in closed loop: the controller on the board, the plant on the host; the outputs of a step drive the plant
+    until the next sample."""
     from tqdm import tqdm
 
     plant, stepper = systems.load(params.system).plant(scenario), board.stepper(params)
@@ -134,12 +135,12 @@ def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Run:
 
 
 def columns(rows: Sequence[dict[str, float]]) -> dict[str, FloatArray]:
-    """Rows of the truth as arrays."""
+    """Rows of the truth as one array for each name."""
     return {name: np.array([row[name] for row in rows], np.float64) for name in (rows[0] if rows else ())}
 
 
 def judge(board: Board, inputs: RunInputs, params: ControlParams, answer: Answer) -> Run:
-    """Compare an answer with the model, and where they differ find the first step and signal."""
+    """Compare an answer with the model; if they differ, find the first step and signal."""
     words = run_fixed.run_control(params, inputs.raw, inputs.setpoint)
     ideal = run_reference.run_control(params, inputs.raw, inputs.setpoint)
     divergence = first_divergence(

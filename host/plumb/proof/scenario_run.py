@@ -1,4 +1,4 @@
-"""Run a scenario of a system on a board and judge it: the road that `plumb run` and `plumb demo` share."""
+"""Runs a scenario of a system on a board and compares it with the model, for `plumb run` and `plumb demo`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from plumb.tuning.quantise import ControlParams, quantise
 
 @dataclass(frozen=True)
 class RunRequest:
-    """A run to be made.
+    """Request for a run.
 
     scenario, tuning: names of the system's lists; None: its defaults. start: a start-up mode of the filter instead of
     the tuning's. seconds: length; None: the scenario's own. faults: KIND[:WHAT]@START[-STOP] each. conditions:
@@ -45,7 +45,7 @@ class RunRequest:
 
 @dataclass(frozen=True)
 class ScenarioRun:
-    """A run and what it was a run of."""
+    """A run with its system, scenario and settings."""
 
     run: Run
     heading: dict[str, Any]
@@ -101,8 +101,8 @@ def perform(request: RunRequest) -> ScenarioRun:
 
 
 def _run(board: Board, request: RunRequest, scenario: Scenario, params: ControlParams, closes: bool) -> Run:
-    """On the board's own sensors, with prescribed motion, or with the loop closed. `qemu` takes whole vectors: the
-    native core closes its loop, then QEMU runs the same inputs."""
+    """Run live on the board's own sensors, in open loop, or in closed loop. `qemu` runs whole vectors only: the native
+    core closes the loop, then QEMU runs the same inputs."""
     if request.live:
         from plumb.proof import live_run
 

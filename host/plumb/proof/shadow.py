@@ -1,8 +1,8 @@
-"""The integer model beside a running board, step by step, on the counts that the board says it used.
+"""The integer model beside a running board, step by step, on the raw counts that the board streams.
 
-A digest that differs while nothing was lost on the link is a difference of the board: the run ends, is repeated in
-lockstep with every word of that step, and the first word that differs is named. With something lost the verdict is
-"unverified" from there on: neither right nor wrong.
+When a digest differs and no frame was lost, the board is wrong: the run ends and is repeated in lockstep with every
+word of that step selected, which gives the first word that differs. After a lost frame the verdict is "unverified" from
+there on: neither pass nor fail.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from plumb.tuning.quantise import ControlParams
 
 
 class Shadow:
-    """One run's model. steps: compared so far, those of `before` (the shadow of the run before) included."""
+    """The model of one run. steps: number compared so far, including those of `before`, the shadow of the previous
+    run."""
 
     def __init__(self, params: ControlParams, before: Shadow | None = None) -> None:
         self.params = params
@@ -40,7 +41,8 @@ class Shadow:
         return "pass" if self.steps and not self.unverified_runs else "unverified"
 
     def follow(self, capture: Capture, lost: int) -> None:
-        """Compare every step that is complete: the next one has been heard of. lost: frames missing so far."""
+        """Compare every complete step, that is, one whose successor has begun to arrive. lost: frames missing so
+        far."""
         if self._lost_before is None:
             self._lost_before = lost
         while self.divergence is None and self.unverified_from is None and self._next + 1 < capture.steps:
@@ -56,7 +58,7 @@ class Shadow:
             self._raw.extend(raw)
             self._setpoints.append(self._setpoint)
             if self._model.digest() != digest:
-                if lost != self._lost_before:  # a setpoint may be among what is missing
+                if lost != self._lost_before:  # a setpoint may be among the lost frames
                     self._give_up(step)
                     return
                 self.divergence = Divergence(step, 0, "digest", self._model.digest(), digest)
@@ -69,7 +71,7 @@ class Shadow:
         self.unverified_runs += 1
 
     def locate(self, session: Session) -> None:
-        """Run again in lockstep up to the step that differed, and name the first word that does."""
+        """Run again in lockstep up to the step that differed, and find the first word that differs."""
         from plumb.boards.link import LinkBoard
 
         assert self.divergence is not None

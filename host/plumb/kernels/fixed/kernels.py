@@ -37,7 +37,7 @@ class PidState:
 
 
 def calibrate(raw: Integer, p: Params, channel: str) -> tuple[Integer, Integer]:
-    """Counts to units; and 1 where the counts had to be clamped."""
+    """Calibrated value of the counts, and 1 where the counts were clamped, else 0."""
     used = clamp(raw, p[f"{channel}.raw_min"], p[f"{channel}.raw_max"])
     return wrap_i32(used * p[f"{channel}.gain"] + p[f"{channel}.offset"]), select(used != raw, 1, 0)
 
@@ -52,7 +52,7 @@ def tilt(accel_y_g_q26: Integer, accel_z_g_q26: Integer, p: Params) -> Integer:
 
 
 def trust(accel_y_g_q26: Integer, accel_z_g_q26: Integer, p: Params) -> Integer:
-    """R of this step in 2^32 lsb, from how far |a|^2 is from 1 g^2."""
+    """Variance R of this step in 2^32 lsb, by the difference of |a|^2 from 1 g^2."""
     m = (accel_y_g_q26 * accel_y_g_q26 + accel_z_g_q26 * accel_z_g_q26) >> 32
     d = clamp(abs(m - (1 << 20)), 0, p["tilt.deviation_max"]) << p["tilt.deviation_shift"]
     return clamp(p["tilt.r_base"] + mulhi_u32(mulhi_u32(d, d), p["tilt.r_gain"]), 0, p["tilt.r_max"])
@@ -69,8 +69,8 @@ def kalman_init(p: Params) -> KalmanState:
 
 
 def kalman_step(k: KalmanState, p: Params, r: Integer, z: Integer, u: Integer) -> None:
-    """r: variance in 2^32 lsb; z: measured tilt, turn Q32; u: gyro, turn/s Q28. Equations as in
-    `plumb.systems.run_reference`."""
+    """One predict and update. r: variance in 2^32 lsb; z: measured tilt, turn Q32; u: gyro rate, turn/s Q28. Equations
+    as in `plumb.kernels.reference.kernels`."""
     # (2)
     p01 = wrap_i64(k.p01 - k.p11)
     p00 = wrap_i64(k.p00 - k.p01 - p01 + (p["kalman.qa_hi"] << 32) + p["kalman.qa_lo"])
@@ -120,7 +120,7 @@ def kalman_bias(k: KalmanState, p: Params) -> Integer:
 
 
 def pid_step(c: PidState, p: Params, error: Integer, rate: Integer, group: str = "pid") -> None:
-    """error: turn Q32; rate: turn/s Q28; group: whose parameters."""
+    """One step of the controller. error: turn Q32; rate: turn/s Q28; group: name of its parameter group."""
     x = wrap_i32((rate >> 1) - c.rate_filtered_turnps_q27)
     c.rate_filtered_turnps_q27 = wrap_i32(c.rate_filtered_turnps_q27 + 2 * ((x * p[f"{group}.d_alpha_q31"]) >> 32))
     demand = ((error * p[f"{group}.kp_q22"]) >> 32) - ((c.rate_filtered_turnps_q27 * p[f"{group}.kd_q27"]) >> 32)

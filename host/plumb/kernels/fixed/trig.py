@@ -31,7 +31,7 @@ ROOT = (
     0x8433008C, 0x83A6008A, 0x831C0089, 0x82930087, 0x820C0085, 0x81870084, 0x81030082, 0x80810081,
 )
 # fmt: on
-"""Segments of 1 / sqrt: upper half its left end, lower half the fall over it, Q16."""
+"""Segments of 1 / sqrt, Q16: value at the left end (upper half), decrease over the segment (lower half)."""
 ROOT_ARRAY = np.array(ROOT, np.int64)
 
 

@@ -1,4 +1,4 @@
-"""The papers' equations that systems share, in float64, as printed.
+"""The kernels that systems share in float64: the equations as the papers print them.
 
 Units: deg, deg/s, g, s. Equation numbers (1) to (5) are those of the filter the four systems share:
 
@@ -58,7 +58,7 @@ def tilt(accel_y_g: Number, accel_z_g: Number, mode: TiltMode) -> Number:
 
 
 def trust(accel_y_g: Number, accel_z_g: Number, settings: Trust) -> Number:
-    """R in deg^2: grows with the square of |a|^2 - 1 g^2, up to its limit."""
+    """Variance R in deg^2: grows with the square of |a|^2 - 1 g^2, up to its limit."""
     if settings.gain_deg2 == 0:
         return settings.r_deg2 + 0.0 * accel_y_g
     excess = accel_y_g * accel_y_g + accel_z_g * accel_z_g - 1.0
@@ -67,7 +67,8 @@ def trust(accel_y_g: Number, accel_z_g: Number, settings: Trust) -> Number:
 
 @dataclass
 class KalmanState:
-    """X and P of equations (1) to (5), and the gyro sample that is U of the next step; the first step has its own."""
+    """X and P of equations (1) to (5), and the gyro sample that is U of the next step; the first step uses its own
+    sample."""
 
     tilt_deg: Number
     bias_dps: Number
@@ -135,7 +136,7 @@ class PidState:
 
 
 def pid_step(c: PidState, settings: Pid, period_s: float, error_deg: Number, rate_dps: Number) -> None:
-    """One command from the tilt error and the measured rate; what the limits cut off is not integrated."""
+    """One step: command from the tilt error and the measured rate, with anti-windup."""
     tau = settings.derivative_tau_s
     c.rate_filtered_dps += (rate_dps - c.rate_filtered_dps) * (1.0 - math.exp(-period_s / tau) if tau else 1.0)
     demand = settings.kp_per_deg * error_deg + c.integral - settings.kd_per_dps * c.rate_filtered_dps
