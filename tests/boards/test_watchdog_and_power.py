@@ -196,7 +196,7 @@ def test_a_crystal_that_dies_in_flight_is_told_to_the_host(image: bytes) -> None
 def test_a_crash_whose_reset_fails_is_neutral_until_the_watchdog_ends_it(
     image: bytes, elf: Elf, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Found in inputs by the stack guard. The reset is all that usually switches off; here it does not come."""
+    """Found in flight by the stack guard. The reset is all that usually switches off; here it does not come."""
     machine, _session = flying(image)
     reset, resets = machine.request_reset, machine.reset_count
     monkeypatch.setattr(machine, "request_reset", lambda cause: None if cause == "software" else reset(cause))

@@ -1,9 +1,8 @@
 /* The core as a shared library for Python: the same C as on the target, called over arrays.
  *
- * Every entry point takes pointers to plain integer arrays and counts. params is control_params_t as 32-bit
- * words. The
- * *_run functions keep one state over n steps; the *_each functions take n unrelated states, for inputs that
- * no run would reach. Arrays of steps and runs are [steps][runs].
+ * Every entry point takes pointers to integer arrays and counts. params is control_params_t as 32-bit words.
+ * Functions named ..._run keep one state over n steps; those named ..._each take n independent states, also
+ * states that no run reaches. Arrays of steps and runs are [steps][runs].
  */
 #include "core/angle.h"
 #include "core/digest.h"
@@ -123,8 +122,8 @@ void plumb_control_run(const uint32_t *params, const int16_t *raw, const int32_t
 }
 
 /* The filter alone: runs filters over steps samples. Inputs and fused are [steps][runs]; states:
- * kalman_t[runs], set to the start of params here and left as they end. Filters of one step do not depend on
- * each other: the processor works on several at once. */
+ * kalman_t[runs], initialised here from params; on return the final states. The filters of a step are
+ * independent, so the processor can work on several at once. */
 void plumb_kalman_run(const uint32_t *params, const uint32_t *variance, const int32_t *tilt_turn_q32,
                       const int32_t *rate_turnps_q28, int32_t steps, int32_t runs, void *states,
                       int32_t *fused_turn_q32) {

@@ -1,4 +1,4 @@
-/* Pulse outputs, the bridge and the arm switch, with the bounds that ports/stm32f103/pwm.c keeps. */
+/* Pulse outputs, the bridge and the arm switch, with the bounds of ports/stm32f103/pwm.c. */
 #include "core/esc.h"
 #include "port.h"
 
@@ -28,7 +28,7 @@ void actuators_reset(void) {
     board_configure_actuator(START_FRAME_HALFUS, CONSTANT_NEUTRAL_HALFUS);
 }
 
-/* The break input and lost Hall sensors switch the bridge off, with no instruction of the loop. */
+/* The break input and lost Hall sensors switch the bridge off without the loop. */
 void actuators_advance(void) {
     if (!port_bridge()) {
         return;
@@ -87,6 +87,6 @@ void board_actuator_neutral(void) {
 
 void board_clear_actuator_faults(void) {
     broken = hall_failed = false;
-    actuators_advance(); /* set again where it is still so */
+    actuators_advance(); /* sets a fault again whose cause remains */
     port_clear_stall();
 }

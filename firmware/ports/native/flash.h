@@ -1,5 +1,4 @@
-/* The two slots of board_store.h as an array whose power fails, whose bits wear out, and whose every moment
- * can be looked at. */
+/* The two slots of board_store.h in an array, with injection of power failures and worn bits. */
 #ifndef PLUMB_NATIVE_FLASH_H
 #define PLUMB_NATIVE_FLASH_H
 
@@ -18,25 +17,25 @@ extern uint32_t flash_page_bytes; /* 1024 or 2048 */
 /* Worn bits: always 0, always 1. */
 extern uint16_t flash_stuck_low[FLASH_CELLS], flash_stuck_high[FLASH_CELLS];
 
-/* A cell that power failed in while it was programmed: it may read either way until that is done again.
+/* A cell that was being programmed when power failed: it may read either way until it is programmed again.
  * FLASH_CELLS: none. */
 extern size_t flash_weak;
 
-/* Nothing is erased or programmed. */
+/* True: every operation is refused. */
 extern bool flash_refuses;
 
 /* Pages erased and half-words programmed. */
 extern uint32_t flash_operations;
 
-/* In how many ways an operation may be left half done. */
+/* Number of ways in which an operation may be left half done. */
 #define FLASH_WAYS 4U
 
-/* Called inside every operation, once for each of the ways in which it may be left half done, with the flash
- * as power would leave it; NULL: not called. */
+/* Called inside every operation, once for each way of leaving it half done, while the flash has the contents
+ * that a power failure would leave; NULL: not called. */
 extern void (*flash_half_done)(void);
 
-/* Which bits a half-done operation has done: the same for the same cell and seed, so that the same flash
- * comes out of the same cut. */
+/* Seed of the bits that a half-done operation has changed: the same seed gives the same flash after the same
+ * power failure. */
 extern uint8_t flash_seed;
 
 /* A fingerprint of the cells, and the one that operations keep up to date: whoever changes cells otherwise

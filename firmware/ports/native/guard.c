@@ -1,6 +1,6 @@
-/* Check words over guarded memory, as ports/stm32f103/guard.c keeps them. The linker bounds sections whose
- * names are identifiers; between their objects lie the sanitizer's red zones, which only these loops may
- * read. */
+/* Check words over guarded memory, as in ports/stm32f103/guard.c. The linker provides start and end of
+ * sections whose names are C identifiers. Between their objects are the sanitizer's red zones, which only the
+ * loops here may read. */
 #include "port.h"
 
 extern uint8_t __start_guarded[], __stop_guarded[];

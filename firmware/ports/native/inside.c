@@ -1,4 +1,4 @@
-/* The shipped loop, compiled into this port as it is, so that the host can look into its state. */
+/* Compiles the shipped loop into this file, unchanged, so that the host can read its static state. */
 #include "app/loop.c"
 #include "port.h"
 

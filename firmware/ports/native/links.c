@@ -1,6 +1,6 @@
-/* The ends of the UART and of CAN: what is on a line, and what the board's buffers hold. Sizes and limits are
- * those of ports/stm32f103/uart.c and bxcan.c. A line whose bytes take no time waits while the board's buffer
- * is full; one with a rate does not, and the board loses what it has no room for. */
+/* UART and CAN: the bytes and frames on the lines, and the board's buffers, with the sizes and limits of
+ * ports/stm32f103/uart.c and bxcan.c. A line without delay waits while the board's buffer is full; on a line
+ * with a rate the board loses what it has no room for. */
 #include "port.h"
 #include <string.h>
 
@@ -107,7 +107,7 @@ static void advance_uart_out(void) {
         return;
     }
     while (used(&tx) > 0u && links.out_ns <= port_now_ns()) {
-        if (used(&line_out) < LINE_BYTES) { /* else nobody fetches it */
+        if (used(&line_out) < LINE_BYTES) { /* else the host does not fetch them: the byte is lost */
             line_out_bytes[line_out.in++ % LINE_BYTES] = tx_bytes[tx.out % TX_BYTES];
         }
         tx.out++;
@@ -179,7 +179,7 @@ static bool accepted(uint16_t id) {
     return false;
 }
 
-/* Frames pass: both ends are there, at one rate. */
+/* True when frames can pass: both ends are connected, at the same rate. */
 static bool bus_works(void) {
     return links.can == CAN_ON && native.can_kbit == links.kbit && native.can_dead == 0u;
 }
@@ -256,10 +256,10 @@ static void look_after(uint32_t now_ms) {
         return;
     }
     if (now_ms - links.since_ms >= REST_MAX_MS) {
-        links.rest_ms = REST_MIN_MS; /* it holds */
+        links.rest_ms = REST_MIN_MS; /* on the bus for long enough: the next pause is short again */
     }
     if (used(&can_tx) > 0u && !bus_works()) {
-        links.health.transmit_errors = ERROR_PASSIVE; /* alone on the bus it goes no further */
+        links.health.transmit_errors = ERROR_PASSIVE; /* alone on the bus the counter stops here */
         links.health.last_error = NO_ACK;
         if (now_ms - links.sent_ms >= GIVE_UP_MS) {
             can_tx = (queue_t){0};
@@ -336,7 +336,7 @@ void links_advance(void) {
     advance_can_out();
 }
 
-/* When `count` bytes or frames have passed, the first at `first_ns`. */
+/* Time at which `count` bytes or frames have passed, the first of them at `first_ns`. */
 static uint64_t passed_ns(uint64_t first_ns, uint32_t count, uint32_t each_ns) {
     return first_ns + (uint64_t)(count - 1u) * each_ns;
 }

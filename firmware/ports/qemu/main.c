@@ -1,12 +1,12 @@
-/* The core alone on QEMU's Cortex-M3: inputs from a file, every step's words and digest into a file, by
- * semihosting.  Both files lie in QEMU's working directory, all numbers are little endian.
+/* The core alone on QEMU's Cortex-M3: reads the inputs from a file and writes every step's words and digest
+ * to a file, by semihosting. Both files are in QEMU's working directory; all numbers are little endian.
  *
  * "plumb-in.bin":  uint32 magic, uint32 parameter words, uint32 steps, the parameter words,
  *                  then per step int16 raw[6], int32 setpoint
  * "plumb-out.bin": uint32 magic, uint32 bytes of a step's words,
  *                  then per step the words (control_words()), uint32 digest
  *
- * The exit code of QEMU says how it went: run_result_t. */
+ * The exit code of QEMU is a run_result_t. */
 #include "core/digest.h"
 #include "semihosting.h"
 #include "systems/control.h"
@@ -21,7 +21,7 @@ typedef enum {
     RUN_GOOD = 0,
     RUN_NO_INPUT = 10,     /* the input file cannot be opened, or ends early */
     RUN_OTHER_LAYOUT = 11, /* made for another parameter layout */
-    RUN_REFUSED = 12,      /* control_params_valid() says no */
+    RUN_REFUSED = 12,      /* control_params_valid() returned false */
     RUN_NO_OUTPUT = 13,    /* the output file cannot be written */
 } run_result_t;
 

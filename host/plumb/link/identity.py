@@ -1,4 +1,4 @@
-"""Who a board says it is, and what it means when it says no: numbers of the wire in words."""
+"""Identity of a board, and the meaning of its refusals, faults and reports in words."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BLOCKED = {
     13: "another link began the run, and alone may arm",
 }
 HOST_BLOCKS = (0, 1, 3, 13)
-"""Of these a host is rid by what it does anyway, and of faults it hears one by one."""
+"""Blocking reasons that a host does not report: it clears them by itself, or reports each fault separately."""
 FAULT_STRAP = 15
 BLOCKING_FAULTS = (*range(8), 13, 14, FAULT_STRAP)
 FAULTS = {
@@ -95,7 +95,7 @@ def bits_text(bits: int, names: dict[int, str]) -> str:
 
 
 def sensors_text(said: dict[str, int]) -> list[str]:
-    """A sentence for every sensor that is not to be trusted, from the words of SENSORS by name."""
+    """A sentence for every sensor that cannot be trusted, from the words of SENSORS by name."""
     analog, digital = said.get("analog", 0), said.get("digital", 0)
     found = [f"input {pin} is at a rail" for i, pin in enumerate(ANALOG_INPUTS) if analog >> i & 1]
     found += [f"input {pin} does not change" for i, pin in enumerate(ANALOG_INPUTS) if analog >> (8 + i) & 1]
@@ -123,7 +123,7 @@ NOT_READY = {
 def plausibility_text(said: dict[str, int]) -> list[str]:
     """A sentence for every check that fails and every condition for arming that is missing, from PLAUSIBILITY."""
     failed, missing = said.get("failed", 0), said.get("missing", 0)
-    # That time is missing is worth saying only when nothing else is.
+    # SETTLING is only reported when no other condition is missing.
     missing &= ~1 if missing & ~1 else ~0
     found = [text for bit, text in IMPLAUSIBLE.items() if failed >> bit & 1]
     return found + [text for bit, text in NOT_READY.items() if missing >> bit & 1]
@@ -138,7 +138,7 @@ def disarmed_text(cause: int, said: dict[str, int]) -> str:
 
 @dataclass(frozen=True)
 class Identity:
-    """What the board said of itself. items: every item by the name the DBC has for it."""
+    """Identity of a board. items: every item of IDENTITY by its name in the DBC."""
 
     items: dict[str, int]
     mismatch: str | None
@@ -148,14 +148,14 @@ class Identity:
 
     @property
     def git_hash(self) -> str:
-        """First 16 digits of the commit the image was built from, '+' when the tree differed; '' when not known."""
+        """First 16 digits of the image's commit, with '+' when the tree differed from it; '' when unknown."""
         if not self["GIT_HASH_0"] and not self["GIT_HASH_1"]:
             return ""
         return f"{self['GIT_HASH_0']:08x}{self['GIT_HASH_1']:08x}" + ("+" if self["GIT_DIRTY"] else "")
 
     @property
     def systems(self) -> tuple[str, ...]:
-        """The systems of the image, of those that this version knows."""
+        """The systems of the image that this version of plumb knows."""
         has = self.items.get("SYSTEMS", 0)
         return tuple(system.name for system in declarations.systems().values() if has >> system.number & 1)
 
@@ -171,7 +171,7 @@ class Identity:
 
     @property
     def reset_cause(self) -> str:
-        """What started the board, in words: the pin only where nothing else did."""
+        """Cause of the last reset, in words: the pin only when there is no other cause."""
         cause = self["RESET_CAUSE"]
         return bits_text(cause & ~4 if cause & ~4 else cause, RESET_CAUSES)
 
@@ -181,7 +181,7 @@ class Identity:
 
 
 def identity_of(items: dict[int, int], mine: Protocol, parameter_count: int) -> Identity:
-    """From the items of IDENTITY by number, with what differs from this plumb spelled out."""
+    """The identity from the items of IDENTITY by number, with the differences from this version of plumb in words."""
     message = mine["IDENTITY"]
     named = {message.choice("item", item): value for item, value in items.items()}
     version, dbc_hash = named.get("PROTOCOL_VERSION", 0), named.get("DBC_HASH", 0)
@@ -206,7 +206,7 @@ def identity_of(items: dict[int, int], mine: Protocol, parameter_count: int) -> 
 
 
 class NackError(LinkError):
-    """The board answered no. reason: as the DBC names it."""
+    """The board refused a request. reason: its name in the DBC."""
 
     def __init__(self, reason: str, detail: int, text: str) -> None:
         super().__init__(text)

@@ -1,7 +1,8 @@
-"""Lockstep: the host's sample paces the step, up to 16 in inputs, and every step's digest comes back.
+"""Lockstep: each sample of the host makes one step, with up to 16 samples in flight, and every step's digest comes
+back.
 
-Loss in either direction is made good: a missing sample is asked for by number, and a sample the board has run before
-is answered with the digest it had. What comes out is complete or a LinkError.
+Lost frames are repeated in both directions: the board asks for a missing sample by its number, and answers a repeated
+sample with the digest of its step. A run is complete, or raises LinkError.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ def frame_lines(
 
 @dataclass(frozen=True)
 class SampleText:
-    """Samples as SLCAN text, ready to be sent: those of step i are text[ends[i]:ends[i + 1]]."""
+    """Samples as SLCAN text, ready to be sent: the lines of step i are text[ends[i]:ends[i + 1]]."""
 
     text: bytes
     ends: npt.NDArray[np.int64]
@@ -100,8 +101,8 @@ def samples_text(
 def sample_frames(
     protocol: Protocol, step: int, raw: Sequence[int], setpoint: int, before: int, run_tag: int = 0
 ) -> list[Frame]:
-    """One sample, as samples_text has it, without arrays: up to six counts, and a setpoint where it differs from
-    `before`."""
+    """Frames of one sample, as of samples_text() but without arrays: up to six counts, and the setpoint if it differs
+    from `before`."""
     counter, high = step & 15, step >> 4 & 3
     rest = tuple(raw[3:]) if any(raw[3:]) else ()
     frames = []
@@ -116,7 +117,8 @@ def sample_frames(
 
 @dataclass(frozen=True)
 class StepReply:
-    """One step: its digest, raw integers of the selected frames by signal name, selected words by their place."""
+    """One step: its digest, raw integers of the selected frames by signal name, selected words by place in the
+    record."""
 
     step: int
     digest: int
@@ -166,7 +168,8 @@ class Lockstep:
                         digests[done] = digest
                         done, gap = done + 1, IN_FLIGHT
                     elif ahead < IN_FLIGHT:
-                        # Go back once for a gap: what is behind it is ever further ahead, until the repetition comes.
+                        # Go back once for each gap: until the repeated sample arrives, the samples that follow the gap
+                        # are further and further ahead.
                         if ahead <= gap:
                             sent = done
                         gap = ahead
@@ -187,8 +190,8 @@ class Lockstep:
     def exchange(self, raw: tuple[int, ...], setpoint_turn_q32: int = 0) -> StepReply:
         """One sample, one step, with everything that was selected.
 
-        Raises LinkError when a selected word was lost on the way: the run has to be done again then. Nobody says it
-        again, so it is waited for as long as for all repetitions of what is.
+        Raises LinkError when a selected word was lost: then the run has to be repeated. Words are not repeated, so the
+        wait for one is as long as for all repetitions of a sample.
         """
         session, step = self.session, self.step
         text = text_of_frames(
@@ -203,7 +206,7 @@ class Lockstep:
             end, in_time = session.clock() + REPLY_TIMEOUT_S, True
             while pending and in_time:
                 remaining = end - session.clock()
-                in_time = remaining > 0  # else this process was busy: what has arrived since is looked at
+                in_time = remaining > 0  # False: this process was busy; frames that have arrived are still handled
                 for identifier, data in session.receive(max(0.0, remaining)):
                     if identifier == self._step_id:
                         _, second, number, said = self._pair.unpack(data)

@@ -1,7 +1,7 @@
-"""What a run in real time said: raw counts and digest of every step, and from which step on something is missing.
+"""Capture of a run in real time: raw counts and digest of every step, and the first step with a lost frame.
 
-The steps of a live run are judged by running the same raw counts through the model. A count that was lost on the way
-makes everything from there on unverified: neither right nor wrong.
+The steps of a live run are verified by running the same raw counts through the model. From a lost count on, all steps
+are unverified: neither pass nor fail.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ def unwrap(last: int, low: int, bits: int) -> int:
 
 @dataclass
 class Capture:
-    """Frames of one real-time run, put together by step. Feed it with the frames as they come.
+    """Frames of one real-time run, collected by step.
 
     digest, raw: by step number, unwrapped. values: (frame, signal) -> step -> raw integer, of other selected frames.
-    setpoint: (step, value) pairs, the first step that used each. steps: steps heard of so far. disarmed_step: the last
-    step at which the board was found to have left armed.
+    setpoint: (step, value) pairs, with the first step that used the value. steps: number of steps received so far.
+    disarmed_step: the last step at which the board was found to have disarmed.
     """
 
     session: Session
@@ -84,7 +84,7 @@ class Capture:
                 self.time_us.append((unwrap(self._last, low, 16), time_us))
 
     def _note_setpoint(self, said: dict[str, int]) -> None:
-        """A report that does not fit the one before tells of another in between that was lost."""
+        """Record a SETPOINT_USED; one that does not follow from the one before shows that a report was lost."""
         (since, value), self.setpoint_reports = self.setpoint[-1], self.setpoint_reports + 1
         same = said["setpoint"] == value
         if same != bool(said["repeated"]) and self.setpoint_doubt is None:
@@ -93,7 +93,7 @@ class Capture:
             self.setpoint.append((unwrap(self._last, said["step"], 16), said["setpoint"]))
 
     def set_setpoint(self, setpoint_turn_q32: int) -> None:
-        """Change the setpoint, and hear at which step. Without that, what follows is in doubt."""
+        """Change the setpoint, and wait for the board's report of the step that first used it."""
         known = self.setpoint_reports
         start = self.steps
         for _ in range(TRIES):
@@ -107,7 +107,7 @@ class Capture:
         raise LinkError("the board does not take the setpoint: check the cable")
 
     def collect(self, steps: int) -> None:
-        """Receive until that many steps are over (the next one was heard of), so that all their frames have come.
+        """Receive until a frame of step number `steps` arrives, so that all frames of the steps before it have come.
 
         Raises LinkError when no step comes any more.
         """
