@@ -229,7 +229,7 @@ def test_selection_is_checked(new_board: NewBoard) -> None:
 def live(board: NativeBoard, run: str = "REALTIME_LIVE") -> tuple[Session, Capture]:
     session = Session.open(board)
     session.upload(CONTROL, period_us=1000)
-    capture = Capture(session)
+    capture = Capture(session, raw_frames=("RAW_A",))
     session.listener = capture.feed
     session.begin(run, frames=("RAW_A", "QUAD_ANGLE", "QUAD_BIAS"))
     return session, capture
@@ -261,7 +261,7 @@ def test_steps_of_the_run_before_are_not_taken_for_this_one(new_board: NewBoard)
     first.collect(37)
     board.run_us(50_000)
     session.listener = None
-    second = Capture(session)
+    second = Capture(session, raw_frames=("RAW_A",))
     session.listener = second.feed
     session.begin("REALTIME_LIVE", frames=("RAW_A",))
     second.collect(50)
@@ -327,7 +327,7 @@ def test_injected_in_real_time_holds_the_last_sample_and_counts(new_board: NewBo
     session.receive(0.01)
     assert session.telemetry["EVENTS"]["starved"] > 5
     assert session.telemetry["COUNTERS"]["lost"] == 1
-    again = Capture(session)
+    again = Capture(session, raw_frames=("RAW_A",))
     session.listener = again.feed
     session.begin("REALTIME_INJECTED", frames=("RAW_A",))
     again.collect(3)

@@ -289,7 +289,7 @@ class _Run:
                 session.arm(ready_wait_s=0.0)  # samples have to go on meanwhile
                 bridge.say("armed")
             except LinkError as error:
-                if isinstance(error, NackError) and error.reason == "BLOCKED" and not error.detail & ~WAITED_FOR:
+                if not isinstance(error, NackError) or (error.reason == "BLOCKED" and not error.detail & ~WAITED_FOR):
                     bridge.want_arm, self._arm_after = True, self.capture.steps + ARM_AFTER_STEPS
                     bridge._once(f"not armed yet: {error}")
                 else:

@@ -99,7 +99,7 @@ class Recorder:
 
     def __init__(self, session: Session, folder: Path) -> None:
         self.rows = self.lost = 0
-        self._capture = Capture(session)
+        self._capture = Capture(session, raw_frames=())
         self._next: int | None = None
         # Log formats want a date; a simulated board has seconds since its start.
         self._clock = time.time if session.clock is time.monotonic else session.clock

@@ -6,6 +6,7 @@ are unverified: neither pass nor fail.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy.typing as npt
 
 from plumb.errors import LinkError
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES
-from plumb.link.session import Session
+from plumb.link.session import RAW_FRAMES, Session
 from plumb.spec import dbc
 from plumb.spec.protocol import Frame
 
@@ -29,12 +30,15 @@ def unwrap(last: int, low: int, bits: int) -> int:
 class Capture:
     """Frames of one real-time run, collected by step.
 
-    digest, raw: by step number, unwrapped. values: (frame, signal) -> step -> raw integer, of other selected frames.
-    setpoint: (step, value) pairs, with the first step that used the value. steps: number of steps received so far.
+    raw_frames: those that make the counts of a step whole; () takes what comes, 0 where nothing does.
+    digest, raw: by step number, unwrapped; raw holds the six counts of a step once all its raw_frames have come.
+    values: (frame, signal) -> step -> raw integer, of other selected frames. setpoint: (step, value) pairs, with the
+    first step that used the value. steps: number of steps received so far.
     disarmed_step: the last step at which the board was found to have disarmed.
     """
 
     session: Session
+    raw_frames: Collection[str] = RAW_FRAMES
     digest: dict[int, int] = field(default_factory=dict)
     raw: dict[int, list[int]] = field(default_factory=dict)
     values: dict[tuple[str, str], dict[int, int]] = field(default_factory=dict)
@@ -54,6 +58,8 @@ class Capture:
         self._time = messages["TIME"]
         self._named = {i: message for i, message in messages.by_identifier.items() if dbc.of_system(i)}
         self._last = 0
+        self._wanted = {messages[name].identifier for name in self.raw_frames}
+        self._part: dict[int, tuple[set[int], list[int]]] = {}  # step -> frames that came, counts
 
     def feed(self, frames: list[Frame]) -> None:
         for identifier, data in frames:
@@ -68,8 +74,7 @@ class Capture:
             elif identifier in self._raw:
                 _, second, *counts = self._raw_message.unpack(data)
                 step = unwrap(self._last, second & 63, 6)
-                at = self._raw[identifier]
-                self.raw.setdefault(step, [0] * 6)[at : at + 3] = counts
+                self._note_raw(step, identifier, counts)
                 self.steps = max(self.steps, step + 1)
             elif identifier in self._named:
                 message = self._named[identifier]
@@ -82,6 +87,16 @@ class Capture:
             elif identifier == self._time.identifier:
                 _, _, low, time_us = self._time.unpack(data)
                 self.time_us.append((unwrap(self._last, low, 16), time_us))
+
+    def _note_raw(self, step: int, identifier: int, counts: list[int]) -> None:
+        """Three of a step's counts."""
+        came, whole = self._part.setdefault(step, (set(), [0] * 6))
+        came.add(identifier)
+        at = self._raw[identifier]
+        whole[at : at + 3] = counts
+        if self._wanted <= came:
+            self.raw[step] = whole
+        self._part.pop(step - 32, None)  # the step number in these frames has six bits
 
     def _note_setpoint(self, said: dict[str, int]) -> None:
         """Record a SETPOINT_USED; one that does not follow from the one before shows that a report was lost."""

@@ -256,6 +256,7 @@ class Session:
                     if identifier == message.identifier:
                         item, value = message.unpack(data)[2:]
                         items[item] = value
+                        end = self.clock() + 2 * REPLY_TIMEOUT_S
             if end_item in items and len(items) == items[end_item] + 1:
                 self.identity = identity_of(items, self.protocol, len(parameters.table()))
                 return self.identity
