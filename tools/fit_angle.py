@@ -115,11 +115,11 @@ def numbers_in(name: str, source: str) -> list[int]:
 
 
 def main() -> int:
-    tables = {"ANGLE_ATAN_Q33": atan_table(), "ANGLE_ASIN_Q32": asin_table(), "angle_root": root_table()}
+    tables = {"ANGLE_ATAN_Q33": atan_table(), "ANGLE_ASIN_Q32": asin_table(), "plumb_angle_root": root_table()}
     tables |= {"SIN_Q31": sin_table(), "COS_Q32": cos_table()}
     if "--check" not in sys.argv[1:]:
         for name, numbers in tables.items():
-            print(rows(name, "uint32_t" if name == "angle_root" else "int32_t", numbers, 6))
+            print(rows(name, "uint32_t" if name == "plumb_angle_root" else "int32_t", numbers, 6))
         return 0
     source = "".join(path.read_text() for path in SOURCES)
     stale = [name for name, numbers in tables.items() if numbers_in(name, source) != numbers]

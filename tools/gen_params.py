@@ -1,6 +1,6 @@
 """Write params.[ch], the table of parameters: integer limits and defaults, no names.
 
-The table is control_params_t word for word, then the words of the link and the board. Every place is asserted at
+The table is plumb_params_t word for word, then the words of the link and the board. Every place is asserted at
 compile time, so that a number on the wire means the same member on both sides.
 """
 
@@ -28,7 +28,7 @@ HEADER = """/* clang-format off */
 /* Parameters of a run: the control core's, then the link's and the board's. Words of 32 bits, in the order of their
  * numbers on the wire. */
 typedef struct {{
-    control_params_t control;
+    plumb_params_t control;
 {members}
 }} params_t;
 

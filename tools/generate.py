@@ -1,8 +1,8 @@
 """Write everything that follows from the declarations of the systems, the parameters and the DBC.
 
-tools/generate.py                          firmware/generated/ and host/plumb/spec/messages.dbc, as committed
+tools/generate.py                          firmware/generated/, firmware/include/ and messages.dbc, as committed
 tools/generate.py --check                  say which of them are stale; exit code 1
-tools/generate.py --out DIR [--systems A;B]    for a build: only the C files, into DIR/generated, for these systems
+tools/generate.py --out DIR [--systems A;B]    for a build: only the C files, into DIR, for these systems
 """
 
 from __future__ import annotations
@@ -23,14 +23,15 @@ from plumb.spec import dbc, declarations  # noqa: E402
 
 
 def c_files(built: tuple[str, ...] = ()) -> dict[str, str]:
-    """Name -> text of the C files. built: the systems of the image, all by default."""
+    """Path below firmware/ -> text of the C files. built: the systems of the image, all by default."""
     first = min(declarations.system(name).number for name in built or declarations.names())
-    return {**gen_systems.generate(built), **gen_params.generate(first), **gen_messages.generate()}
+    files = {**gen_systems.generate(built), **gen_params.generate(first), **gen_messages.generate()}
+    return {name if "/" in name else f"generated/{name}": text for name, text in files.items()}
 
 
 def committed() -> dict[Path, str]:
     """File -> text of what is committed: of the systems that are part of this package."""
-    files = {ROOT / "firmware" / "generated" / name: text for name, text in c_files().items()}
+    files = {ROOT / "firmware" / name: text for name, text in c_files().items()}
     files |= {ROOT / "docs" / name: text for name, text in gen_reference.generate().items()}
     return {**files, ROOT / "host" / "plumb" / "spec" / "messages.dbc": dbc.text()}
 
@@ -52,7 +53,7 @@ def main() -> int:
     built = tuple(name for name in arguments.systems.split(";") if name)
     try:
         if arguments.out:
-            write({arguments.out / "generated" / name: text for name, text in c_files(built).items()})
+            write({arguments.out / name: text for name, text in c_files(built).items()})
             return 0
         if any(not system.shipped for system in declarations.systems().values()):
             raise UsageError(f"{declarations.SEARCH_PATH} is set: what is committed is of the systems of this package")

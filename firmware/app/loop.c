@@ -55,7 +55,7 @@ static void transmit(void) {
 
 /* True when a step is due, with its sample: in lockstep when the host has sent one, in real time when the
  * timer ticks. */
-static bool take_sample(int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32) {
+static bool take_sample(int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32) {
     switch (session_mode(&session)) {
     case RUN_LOCKSTEP:
         return session_next_sample(&session, raw, setpoint_turn_q32);
@@ -205,7 +205,7 @@ void loop_turn(void) {
     choose_sensors();
     board_set_period_us(session_mode(&session) == RUN_REALTIME ? session_period_us(&session) : 0u);
 
-    int16_t raw[CONTROL_RAW_MAX];
+    int16_t raw[PLUMB_RAW_MAX];
     int32_t setpoint_turn_q32;
     /* At most as many steps as samples can wait: when ticks come faster than steps run, the loop must still
      * come round to its checks. */

@@ -4,7 +4,7 @@
 /* Table and coefficients of minimax polynomials, in turns; tools/fit_angle.py computes and checks them. */
 
 /* clang-format off */
-const uint32_t angle_root[96] = {
+const uint32_t plumb_angle_root[96] = {
     0xfffd03e9U, 0xfc1503bcU, 0xf8590393U, 0xf4c6036cU, 0xf15a0349U, 0xee110327U,
     0xeaea0308U, 0xe7e202ebU, 0xe4f802cfU, 0xe22802b5U, 0xdf73029dU, 0xdcd60286U,
     0xda500270U, 0xd7e0025cU, 0xd5840249U, 0xd33b0236U, 0xd1050225U, 0xcee00214U,
@@ -30,7 +30,7 @@ static const int32_t COS_Q32[4] = {
 
 /* clang-format on */
 
-uint32_t angle_length(int32_t y, int32_t x) {
+uint32_t plumb_angle_length(int32_t y, int32_t x) {
     const uint64_t square = (uint64_t)mul_i64(y, y) + (uint64_t)mul_i64(x, x);
     const uint32_t hi = hi_u64(square), lo = lo_u64(square) | 1U;
     const unsigned n = (hi != 0U ? clz32(hi) : 32U + clz32(lo)) & ~1U;
@@ -38,9 +38,9 @@ uint32_t angle_length(int32_t y, int32_t x) {
     return angle_root_q29(w) << 1 >> (n >> 1);
 }
 
-void angle_sincos(int32_t turn_q32, int32_t *sin_q30, int32_t *cos_q30) {
+void plumb_angle_sincos(int32_t turn_q32, int32_t *sin_q30, int32_t *cos_q30) {
     /* x: difference to the nearest quarter turn, in eighths of a turn, -1 <= x < 1 */
-    const uint32_t quadrant = ((uint32_t)turn_q32 + (ANGLE_QUARTER_TURN >> 1)) >> 30;
+    const uint32_t quadrant = ((uint32_t)turn_q32 + (PLUMB_ANGLE_QUARTER_TURN >> 1)) >> 30;
     const int32_t x_q29 = wrap_i32((uint32_t)turn_q32 - (quadrant << 30));
     const int32_t square_q30 = (int32_t)(mul_i64(x_q29, x_q29) >> 28);
 

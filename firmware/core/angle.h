@@ -4,10 +4,7 @@
 #define PLUMB_CORE_ANGLE_H
 
 #include "fixed.h"
-#include <stdint.h>
-
-#define ANGLE_QUARTER_TURN 0x40000000U
-#define ANGLE_HALF_TURN    0x80000000U
+#include "plumb/angle.h"
 
 /* Coefficients of minimax polynomials, in turns; tools/fit_angle.py computes and checks them. */
 
@@ -22,7 +19,7 @@ static const int32_t ANGLE_ASIN_Q32[7] = {
 /* clang-format on */
 
 /* For angle_root_q29(): 1 / sqrt at the start of each segment (upper half) and its slope (lower half). */
-extern const uint32_t angle_root[96];
+extern const uint32_t plumb_angle_root[96];
 
 /* One step of Horner's rule: c + p v, v in Q30 and at most 1. The product is floored to 4 units of c. */
 KERNEL int32_t angle_horner(int32_t c, int32_t p, int32_t v_q30) {
@@ -32,7 +29,7 @@ KERNEL int32_t angle_horner(int32_t c, int32_t p, int32_t v_q30) {
 /* sqrt(w / 2^30), Q29, for 2^30 <= w < 2^32: 1 / sqrt from a table by linear interpolation, then one Newton
  * step. */
 KERNEL uint32_t angle_root_q29(uint32_t w) {
-    const uint32_t entry = angle_root[(w >> 25) - 32U];
+    const uint32_t entry = plumb_angle_root[(w >> 25) - 32U];
     const uint32_t r_q16 = (entry >> 16) - ((entry & 0xFFFFU) * (w >> 9 & 0xFFFFU) >> 16);
     const uint32_t s_q29 = (uint32_t)(mul_u64(w, r_q16) >> 17);
     const int32_t e_q30 = wrap_i32(mulhi_u32(w, r_q16 * r_q16) - (1U << 30));
@@ -61,8 +58,8 @@ KERNEL int32_t angle_atan2(int32_t y, int32_t x) {
     p = angle_horner(ANGLE_ATAN_Q33[0], p, square);
     uint32_t turn = mulhi_u32(t_q31, (uint32_t)p);
 
-    turn = ay > ax ? ANGLE_QUARTER_TURN - turn : turn;
-    turn = x < 0 ? ANGLE_HALF_TURN - turn : turn;
+    turn = ay > ax ? PLUMB_ANGLE_QUARTER_TURN - turn : turn;
+    turn = x < 0 ? PLUMB_ANGLE_HALF_TURN - turn : turn;
     return wrap_i32(y < 0 ? 0U - turn : turn);
 }
 
@@ -83,15 +80,8 @@ KERNEL int32_t angle_asin(int32_t x_q30) {
     p = angle_horner(ANGLE_ASIN_Q32[1], p, sine);
     p = angle_horner(ANGLE_ASIN_Q32[0], p, sine);
     const uint32_t acos_turn = (uint32_t)(mul_u64(root, (uint32_t)p) >> 29) >> (m >> 1);
-    const uint32_t turn = ANGLE_QUARTER_TURN - (rest == 0U ? 0U : acos_turn);
+    const uint32_t turn = PLUMB_ANGLE_QUARTER_TURN - (rest == 0U ? 0U : acos_turn);
     return wrap_i32(x_q30 < 0 ? 0U - turn : turn);
 }
-
-/* Sine and cosine of any angle, each within +-2^30. Error below 8e-9. */
-void angle_sincos(int32_t turn_q32, int32_t *sin_q30, int32_t *cos_q30);
-
-/* Half the length of the vector (x, y), for |y|, |x| <= 7 * 2^28; the half fits int32, too. Error below 6e-9
- * of the value plus one unit. */
-uint32_t angle_length(int32_t y, int32_t x);
 
 #endif

@@ -16,7 +16,7 @@
 /* Tilt measured by the accelerometer in one step. */
 typedef struct {
     int32_t tilt_turn_q32;
-    uint32_t variance; /* R, in 2^32 lsb of the filter; 1..KALMAN_R_MAX */
+    uint32_t variance; /* R, in 2^32 lsb of the filter; 1..PLUMB_KALMAN_R_MAX */
 } axis_measurement_t;
 
 /* Estimate of the axis after a step. */
@@ -40,12 +40,14 @@ KERNEL void axis_record_raw(int32_t words[6], const int16_t raw[6]) {
 
 /* Gyro rate that predicts the tilt: the previous sample's, as the sources print it, or the present one's
  * (parameter rate_now). The first step has no previous sample and uses the present one. */
-KERNEL int32_t axis_driving_rate(const kalman_params_t *p, bool first, int32_t present, int32_t before) {
+KERNEL int32_t axis_driving_rate(const plumb_kalman_params_t *p, bool first, int32_t present,
+                                 int32_t before) {
     return (p->rate_now | (uint32_t)first) != 0U ? present : before;
 }
 
-/* Measured tilt and its variance, from accelerations (g Q26) within +-CALIBRATION_LIMIT. */
-KERNEL axis_measurement_t axis_measure(const tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
+/* Measured tilt and its variance, from accelerations (g Q26) within +-PLUMB_CALIBRATION_LIMIT. */
+KERNEL axis_measurement_t axis_measure(const plumb_tilt_params_t *p, int32_t accel_y_g_q26,
+                                       int32_t accel_z_g_q26) {
     axis_measurement_t m;
     m.variance = tilt_variance(p, accel_y_g_q26, accel_z_g_q26);
     m.tilt_turn_q32 = tilt_angle(p, accel_y_g_q26, accel_z_g_q26);
@@ -54,7 +56,7 @@ KERNEL axis_measurement_t axis_measure(const tilt_params_t *p, int32_t accel_y_g
 
 /* One step of the filter. driving: the rate that predicts the tilt; rate: the present rate, published after
  * subtraction of the bias. */
-KERNEL axis_estimate_t axis_filter(kalman_t *k, const kalman_params_t *p, axis_measurement_t m,
+KERNEL axis_estimate_t axis_filter(plumb_kalman_t *k, const plumb_kalman_params_t *p, axis_measurement_t m,
                                    int32_t driving_turnps_q28, int32_t rate_turnps_q28) {
     axis_estimate_t e;
     kalman_step(k, p, m.variance, m.tilt_turn_q32, driving_turnps_q28);

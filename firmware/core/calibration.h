@@ -1,36 +1,28 @@
 /* Raw counts -> units: clamp to the sensor's plausible range, scale, shift. One multiply-add of 32 bits.
  *
  * The gain and offset carry the unit: turn/s Q28 per count for a gyro, g Q26 per count for an accelerometer.
- * calibration_valid() checks that gain * raw + offset stays within +-CALIBRATION_LIMIT for every raw in
- * [raw_min, raw_max]. The product alone may overflow: the sum is taken modulo 2^32. */
+ * plumb_calibration_valid() checks that gain * raw + offset stays within +-PLUMB_CALIBRATION_LIMIT for every
+ * raw in [raw_min, raw_max]. The product alone may overflow: the sum is taken modulo 2^32. */
 #ifndef PLUMB_CORE_CALIBRATION_H
 #define PLUMB_CORE_CALIBRATION_H
 
 #include "fixed.h"
-#include <stdbool.h>
-
-typedef struct {
-    int32_t raw_min; /* counts, -32768..32767 */
-    int32_t raw_max; /* counts, raw_min..32767 */
-    int32_t gain;    /* units per count */
-    int32_t offset;  /* units at raw = 0 */
-} calibration_params_t;
-
-#define CALIBRATION_LIMIT 1879048192L /* 7 * 2^28, of every calibrated value: 7 turn/s, 28 g */
+#include "plumb/calibration.h"
 
 /* raw within [raw_min, raw_max]; where the result differs from raw, the sample is saturated. About 5 cycles.
  */
-static inline int32_t calibration_clamp(const calibration_params_t *p, int32_t raw) {
+static inline int32_t calibration_clamp(const plumb_calibration_params_t *p, int32_t raw) {
     return clamp_i32(raw, p->raw_min, p->raw_max);
 }
 
 /* Clamped counts in the unit of the calibration. About 4 cycles. */
-static inline int32_t calibration_scale(const calibration_params_t *p, int32_t raw) {
+static inline int32_t calibration_scale(const plumb_calibration_params_t *p, int32_t raw) {
     return wrap_i32((uint32_t)raw * (uint32_t)p->gain + (uint32_t)p->offset);
 }
 
 /* Clamp and scale; sets `flag` in *flags when the count was outside its range. */
-KERNEL int32_t calibration_apply(const calibration_params_t *p, int32_t raw, uint32_t *flags, uint32_t flag) {
+KERNEL int32_t calibration_apply(const plumb_calibration_params_t *p, int32_t raw, uint32_t *flags,
+                                 uint32_t flag) {
     int32_t low = p->raw_min, high = p->raw_max;
     uint32_t gain = (uint32_t)p->gain, offset = (uint32_t)p->offset;
     LOADED4(low, high, gain, offset);
@@ -47,8 +39,5 @@ KERNEL int32_t calibration_apply(const calibration_params_t *p, int32_t raw, uin
 #endif
     return wrap_i32((uint32_t)raw * gain + offset);
 }
-
-/* False if the range is empty or leaves int16, or if a value could leave +-CALIBRATION_LIMIT. */
-bool calibration_valid(const calibration_params_t *p);
 
 #endif

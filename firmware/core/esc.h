@@ -6,7 +6,7 @@
 #ifndef PLUMB_CORE_ESC_H
 #define PLUMB_CORE_ESC_H
 
-#include "generated/control_params.h"
+#include "plumb/params.h"
 #include <stdbool.h>
 
 #define ESC_PULSE_MIN_HALFUS   1800 /* 900 us */
@@ -19,6 +19,6 @@
 
 /* True when ESC_PULSE_MIN_HALFUS <= neutral <= min <= mid <= max <= ESC_PULSE_MAX_HALFUS, neutral is at most
  * ESC_NEUTRAL_MAX_HALFUS and |span| at most ESC_SPAN_MAX_HALFUS. */
-bool esc_valid(const esc_params_t *p);
+bool plumb_esc_valid(const plumb_esc_params_t *p);
 
 #endif

@@ -205,7 +205,7 @@ KERNEL int64_t mul_shift(int64_t a, int32_t b, unsigned n) {
 }
 
 /* Part of add_scaled() for sums that may not fit 32 bits; not inlined. product: rounding included. */
-int32_t add_scaled_far(int32_t x, int64_t product, unsigned n);
+int32_t plumb_add_scaled_far(int32_t x, int64_t product, unsigned n);
 
 /* x + a * b / 2^n, rounded to nearest (halves up) and saturated to int32; 0 < n < 63, a constant. Words of 32
  * bits while the sum fits, which it nearly always does. */
@@ -221,7 +221,7 @@ KERNEL int32_t add_scaled(int32_t x, int32_t a, int32_t b, unsigned n) {
             return sum;
     }
 #endif
-    return add_scaled_far(x, product, n);
+    return plumb_add_scaled_far(x, product, n);
 }
 
 /* x clamped to +-limit. */

@@ -8,8 +8,8 @@ static bool in_range(int32_t x, int32_t low, int32_t high) {
     return x >= low && x <= high;
 }
 
-bool fusion_valid(const fusion_params_t *f) {
-    return f->layer <= FUSION_PRINTED && in_range(f->dt_s_q32, 1, 1 << 26) && f->step_hz_q16 >= 1 &&
+bool plumb_fusion_valid(const plumb_fusion_params_t *f) {
+    return f->layer <= PLUMB_FUSION_PRINTED && in_range(f->dt_s_q32, 1, 1 << 26) && f->step_hz_q16 >= 1 &&
            f->gyro_period_step_q24 >= 1UL << 24 && f->gyro_period_step_q24 <= 1UL << 28 &&
            f->gyro_age_step_q24 < f->gyro_period_step_q24 &&
            in_range(f->gyro_samples_step_q30, 1 << 26, 1 << 30) && in_range(f->lag_step_q24, 0, 1 << 28) &&
@@ -73,7 +73,7 @@ static void couple(int64_t p[FUSION_CELLS], unsigned i, unsigned k, unsigned shi
     }
 }
 
-void fusion_predict(int64_t p[FUSION_CELLS], const fusion_predict_t *step, int32_t dt_s_q32) {
+void plumb_fusion_predict(int64_t p[FUSION_CELLS], const fusion_predict_t *step, int32_t dt_s_q32) {
     /* The row of the angle first, while the other rows still have their old values. */
     const unsigned source = step->gyro_angle ? FUSION_GYRO_BIAS : FUSION_RATE;
     for (unsigned j = 0; j < FUSION_STATES; j++) {
@@ -92,7 +92,7 @@ void fusion_predict(int64_t p[FUSION_CELLS], const fusion_predict_t *step, int32
     bound(p);
 }
 
-int64_t fusion_project_rate(int64_t p[FUSION_CELLS], int32_t age_q24, int64_t u_q64[FUSION_ROWS]) {
+int64_t plumb_fusion_project_rate(int64_t p[FUSION_CELLS], int32_t age_q24, int64_t u_q64[FUSION_ROWS]) {
     for (unsigned i = 0; i < FUSION_ROWS; i++)
         u_q64[i] = *cell(p, i, FUSION_RATE) + *cell(p, i, FUSION_GYRO_BIAS) +
                    mul_shift(*cell(p, i, FUSION_ANGULAR_BIAS), age_q24, 26);
@@ -101,13 +101,13 @@ int64_t fusion_project_rate(int64_t p[FUSION_CELLS], int32_t age_q24, int64_t u_
     return all < 0 ? 0 : all;
 }
 
-int64_t fusion_project_state(int64_t p[FUSION_CELLS], unsigned state, int64_t u_q64[FUSION_ROWS]) {
+int64_t plumb_fusion_project_state(int64_t p[FUSION_CELLS], unsigned state, int64_t u_q64[FUSION_ROWS]) {
     for (unsigned i = 0; i < FUSION_ROWS; i++)
         u_q64[i] = *cell(p, i, state);
     return u_q64[state];
 }
 
-fusion_inverse_t fusion_inverse(int64_t s_q64) {
+fusion_inverse_t plumb_fusion_inverse(int64_t s_q64) {
     const unsigned n = clz32(hi_u64((uint64_t)s_q64)) - 1U;
     return (fusion_inverse_t){reciprocal_q61(hi_u64((uint64_t)s_q64 << n)), 32U - n};
 }
@@ -117,14 +117,14 @@ static int32_t ratio(int64_t u, uint32_t y_q61, unsigned shift) {
     return wrap_i32((uint32_t)asr64(mul_i64(sat_i32(asr64(u, shift)), wrap_i32(y_q61)), 31));
 }
 
-void fusion_gains(const int64_t u_q64[FUSION_ROWS], int64_t s_q64, int32_t gain_q28[FUSION_ROWS]) {
-    const fusion_inverse_t y = fusion_inverse(s_q64);
+void plumb_fusion_gains(const int64_t u_q64[FUSION_ROWS], int64_t s_q64, int32_t gain_q28[FUSION_ROWS]) {
+    const fusion_inverse_t y = plumb_fusion_inverse(s_q64);
     for (unsigned i = 0; i < FUSION_ROWS; i++)
         gain_q28[i] = clamp_i32(ratio(u_q64[i], y.y_q61, y.exponent + 2U), -GAIN_MAX, GAIN_MAX);
 }
 
-void fusion_update(int64_t p[FUSION_CELLS], const int32_t gain_q28[FUSION_ROWS],
-                   const int64_t u_q64[FUSION_ROWS]) {
+void plumb_fusion_update(int64_t p[FUSION_CELLS], const int32_t gain_q28[FUSION_ROWS],
+                         const int64_t u_q64[FUSION_ROWS]) {
     for (unsigned i = 0; i < FUSION_ROWS; i++)
         for (unsigned j = 0; j <= i && j < FUSION_STATES; j++)
             if (u_q64[j] != 0 &&
@@ -133,22 +133,23 @@ void fusion_update(int64_t p[FUSION_CELLS], const int32_t gain_q28[FUSION_ROWS],
     bound(p);
 }
 
-void fusion_parameter_predict(fusion_parameter_t *a, bool angular, int32_t drive_q28, int32_t dt_s_q32) {
+void plumb_fusion_parameter_predict(plumb_fusion_parameter_t *a, bool angular, int32_t drive_q28,
+                                    int32_t dt_s_q32) {
     int32_t *v = a->sensitivity_q28;
     v[3] = add_scaled(v[3], v[FUSION_RATE], dt_s_q32, 32);
     const int32_t lost = angular ? asr32(v[FUSION_ANGULAR_BIAS], 2) : 0;
     v[FUSION_RATE] = sat_i32((int64_t)v[FUSION_RATE] + drive_q28 - lost);
 }
 
-int32_t fusion_parameter_project(const fusion_parameter_t *a, int32_t age_q24, int32_t direct_q28,
-                                 int32_t limit_q28) {
+int32_t plumb_fusion_parameter_project(const plumb_fusion_parameter_t *a, int32_t age_q24, int32_t direct_q28,
+                                       int32_t limit_q28) {
     const int32_t *v = a->sensitivity_q28;
     const int64_t sum = (int64_t)v[FUSION_RATE] + v[FUSION_GYRO_BIAS] + direct_q28;
     return clamp_i32(add_scaled(sat_i32(sum), v[FUSION_ANGULAR_BIAS], age_q24, 26), -limit_q28, limit_q28);
 }
 
-void fusion_parameter_update(fusion_parameter_t *a, const int32_t gain_q28[FUSION_ROWS],
-                             int32_t projected_q28) {
+void plumb_fusion_parameter_update(plumb_fusion_parameter_t *a, const int32_t gain_q28[FUSION_ROWS],
+                                   int32_t projected_q28) {
     int32_t *v = a->sensitivity_q28;
     v[0] = add_scaled(v[0], gain_q28[FUSION_RATE], -projected_q28, 28);
     v[1] = add_scaled(v[1], gain_q28[FUSION_GYRO_BIAS], -projected_q28, 28);
@@ -156,12 +157,12 @@ void fusion_parameter_update(fusion_parameter_t *a, const int32_t gain_q28[FUSIO
     v[3] = add_scaled(v[3], gain_q28[FUSION_ANGLE], -projected_q28, 28);
 }
 
-int64_t fusion_parameter_cross(const fusion_parameter_t *a, int32_t projected_q28) {
+int64_t plumb_fusion_parameter_cross(const plumb_fusion_parameter_t *a, int32_t projected_q28) {
     return mul_shift(a->variance_q60, projected_q28, 28);
 }
 
-int32_t fusion_parameter_learn(fusion_parameter_t *a, int64_t u_q60, fusion_inverse_t y,
-                               int32_t gain_q28[FUSION_ROWS]) {
+int32_t plumb_fusion_parameter_learn(plumb_fusion_parameter_t *a, int64_t u_q60, fusion_inverse_t y,
+                                     int32_t gain_q28[FUSION_ROWS]) {
     const int32_t learnt_q20 = ratio(u_q60, y.y_q61, y.exponent + 6U);
     const int64_t left = a->variance_q60 - mul_shift(u_q60, learnt_q20, 20);
     a->variance_q60 = left < 0 ? 0 : left;

@@ -6,37 +6,17 @@
  *
  * +-1 is the full range of the actuator. To use less of it, reduce the span of the output and raise the
  * gains; the sign of the span sets the direction. The integral has 64 bits; (1) uses its upper 32. |kp|, |kd|
- * <= 2^30 keep the sum below 2^30 (pid_valid).
+ * <= 2^30 keep the sum below 2^30 (plumb_pid_valid).
  */
 #ifndef PLUMB_CORE_PID_H
 #define PLUMB_CORE_PID_H
 
 #include "fixed.h"
-#include <stdbool.h>
-
-#define PID_ONE_Q22 (1 << 22) /* full command */
-
-typedef struct {
-    int32_t kp_q22;      /* command per turn; +-2^30 */
-    int32_t ki_dt_q22;   /* command per turn and step; 0..2^31-1 */
-    int32_t kd_q27;      /* command per turn/s; +-2^30 */
-    int32_t d_alpha_q31; /* 1 - exp(-dt / tau) of the D filter; 0..2^31-1 (no filter) */
-    int32_t slew_q22;    /* largest change per step; 1..2^23 (no limit) */
-} pid_params_t;
-
-typedef struct {
-    int64_t integral_q54; /* command; +-2, a guard only */
-    int32_t command_q22;  /* -1..1-2^-22 */
-    int32_t rate_filtered_turnps_q27;
-    int32_t excess_q22;     /* demand - command: not 0 when limited */
-    int32_t error_turn_q32; /* pid_step() does not touch it: the caller records its error here */
-} pid_t;
-
-void pid_init(pid_t *c);
+#include "plumb/pid.h"
 
 /* error: setpoint - tilt, turn Q32, already wrapped; rate: measured, turn/s Q28. Constant number of
  * instructions. */
-KERNEL void pid_step(pid_t *restrict c, const pid_params_t *restrict p, int32_t error_turn_q32,
+KERNEL void pid_step(plumb_pid_t *restrict c, const plumb_pid_params_t *restrict p, int32_t error_turn_q32,
                      int32_t rate_turnps_q28) {
     int32_t kp = p->kp_q22, kd = p->kd_q27, alpha = p->d_alpha_q31, last = c->rate_filtered_turnps_q27;
     LOADED4(kp, kd, alpha, last);
@@ -66,8 +46,5 @@ KERNEL void pid_step(pid_t *restrict c, const pid_params_t *restrict p, int32_t 
         add64_wrap(wrap_i64(make_u64(sum_hi, sum_lo)), mul_i64(error_turn_q32 & keep, p->ki_dt_q22));
     c->integral_q54 = make_i64(SATURATE(hi_i64(integral), 24), lo_u64((uint64_t)integral));
 }
-
-/* False if a word is outside its range above. */
-bool pid_valid(const pid_params_t *p);
 
 #endif

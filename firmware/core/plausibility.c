@@ -1,4 +1,4 @@
-#include "plausibility.h"
+#include "plumb/plausibility.h"
 #include "fixed.h"
 
 #define MS_Q33(ms) ((uint32_t)((uint64_t)(ms) * ((uint64_t)1 << 33) / 1000U))
@@ -14,8 +14,8 @@
 #define MISMATCH_LIMIT  (1L << 30) /* a quarter of a turn; the sum is clamped here */
 #define MEAN_OF_AT_MOST (1L << 29) /* inputs of a mean are clamped to +-2^29: their difference fits int32 */
 
-void plausibility_init(plausibility_t *p) {
-    *p = (plausibility_t){.accel_mean_g2_q20 = 1L << 20, .missing = PLAUSIBILITY_MISSING_ALL};
+void plumb_plausibility_init(plumb_plausibility_t *p) {
+    *p = (plumb_plausibility_t){.accel_mean_g2_q20 = 1L << 20, .missing = PLUMB_PLAUSIBILITY_MISSING_ALL};
 }
 
 /* Counts the time up while the condition is met and down while it is not; true at or above the limit. */
@@ -50,7 +50,7 @@ static bool above_six_sigma(uint32_t innovation_turn_q32, int32_t k0_q29, uint32
 
 /* Adds to the mismatch by how much the accelerometer's tilt has turned more than the gyro says. The mismatch
  * leaks with 0.25 s. */
-static void compare_rates(plausibility_t *p, int32_t measured, int32_t rate, int32_t dt_s_q33,
+static void compare_rates(plumb_plausibility_t *p, int32_t measured, int32_t rate, int32_t dt_s_q33,
                           int32_t share) {
     const int32_t between = asr32(p->rate_turnps_q28, 1) + asr32(rate, 1);
     const int64_t turned = sub_wrap(measured, p->measured_turn_q32) - asr64(mul_i64(between, dt_s_q33), 29);
@@ -62,24 +62,25 @@ static void compare_rates(plausibility_t *p, int32_t measured, int32_t rate, int
     p->mismatch_turn_q32 = mismatch - mulhi_i32(mismatch, share);
 }
 
-static uint16_t missing(plausibility_t *p, const plausibility_bounds_t *b, const int32_t *word, uint32_t dt) {
+static uint16_t missing(plumb_plausibility_t *p, const plumb_plausibility_bounds_t *b, const int32_t *word,
+                        uint32_t dt) {
     const uint32_t force = abs_u32(p->accel_mean_g2_q20);
     const bool still = abs_u32(p->rate_mean_turnps_q28) <= b->rest_turnps_q28 &&
                        force >= b->rest_min_g2_q20 && force <= b->rest_max_g2_q20;
     unsigned bits = 0;
 
-    bits |= still ? 0U : PLAUSIBILITY_MOVING;
-    bits |= p->converged && p->converged_s_q33 >= CONVERGED_FOR ? 0U : PLAUSIBILITY_CONVERGING;
-    bits |= word[b->setpoint] == 0 ? 0U : PLAUSIBILITY_SETPOINT;
-    bits |= abs_u32(word[b->tilt]) <= b->ready_turn_q32 ? 0U : PLAUSIBILITY_TILTED;
-    bits |= holds(&p->ready_s_q33, bits == 0U, dt, READY_FOR) ? 0U : PLAUSIBILITY_SETTLING;
+    bits |= still ? 0U : PLUMB_PLAUSIBILITY_MOVING;
+    bits |= p->converged && p->converged_s_q33 >= CONVERGED_FOR ? 0U : PLUMB_PLAUSIBILITY_CONVERGING;
+    bits |= word[b->setpoint] == 0 ? 0U : PLUMB_PLAUSIBILITY_SETPOINT;
+    bits |= abs_u32(word[b->tilt]) <= b->ready_turn_q32 ? 0U : PLUMB_PLAUSIBILITY_TILTED;
+    bits |= holds(&p->ready_s_q33, bits == 0U, dt, READY_FOR) ? 0U : PLUMB_PLAUSIBILITY_SETTLING;
     return (uint16_t)bits;
 }
 
-void plausibility_step(plausibility_t *p, const plausibility_bounds_t *bounds, const void *record,
-                       int32_t dt_s_q33, uint32_t variance_turn2_q56) {
+void plumb_plausibility_step(plumb_plausibility_t *p, const plumb_plausibility_bounds_t *bounds,
+                             const void *record, int32_t dt_s_q33, uint32_t variance_turn2_q56) {
     const int32_t *const word = record;
-    const plausibility_bounds_t *const b = bounds;
+    const plumb_plausibility_bounds_t *const b = bounds;
     const uint32_t dt = (uint32_t)dt_s_q33;
     const int32_t share = 2 * dt_s_q33; /* dt / 0.25 s, Q32 */
     const int32_t measured = word[b->tilt_measured], rate = word[b->rate];
@@ -110,9 +111,10 @@ void plausibility_step(plausibility_t *p, const plausibility_bounds_t *bounds, c
         above_six_sigma(innovation, word[b->k0], (uint32_t)word[b->variance], variance_turn2_q56);
     const bool odd_rate = abs_u32(p->mismatch_turn_q32) > MISMATCH_MAX;
     unsigned failed = 0;
-    failed |= lasts(&p->accel_s_q33, odd_force, dt, ACCEL_FOR) ? PLAUSIBILITY_ACCEL : 0U;
-    failed |= lasts(&p->innovation_s_q33, odd_innovation, dt, INNOVATION_FOR) ? PLAUSIBILITY_INNOVATION : 0U;
-    failed |= lasts(&p->rate_s_q33, odd_rate, dt, RATE_FOR) ? PLAUSIBILITY_RATE : 0U;
+    failed |= lasts(&p->accel_s_q33, odd_force, dt, ACCEL_FOR) ? PLUMB_PLAUSIBILITY_ACCEL : 0U;
+    failed |=
+        lasts(&p->innovation_s_q33, odd_innovation, dt, INNOVATION_FOR) ? PLUMB_PLAUSIBILITY_INNOVATION : 0U;
+    failed |= lasts(&p->rate_s_q33, odd_rate, dt, RATE_FOR) ? PLUMB_PLAUSIBILITY_RATE : 0U;
     p->failed = (uint16_t)failed;
     p->missing = missing(p, b, word, dt);
 }

@@ -1,31 +1,34 @@
-#include "prefilter.h"
+#include "plumb/prefilter.h"
+#include "calibration.h"
 
-bool prefilter_valid(const prefilter_params_t *p) {
+bool plumb_prefilter_valid(const plumb_prefilter_params_t *p) {
     return p->spike_counts >= 1 && p->spike_counts <= 1 << 17 && p->smooth_q16 >= 1 &&
            p->smooth_q16 <= 1 << 16;
 }
 
-void prefilter_init(prefilter_t *f) {
-    *f = (prefilter_t){.gap_steps = PREFILTER_GAP_MAX};
+void plumb_prefilter_init(plumb_prefilter_t *f) {
+    *f = (plumb_prefilter_t){.gap_steps = PLUMB_PREFILTER_GAP_MAX};
 }
 
-/* PREFILTER_SAMPLE; PREFILTER_SATURATED with a count outside the range; 0 when a count is missing. */
-static uint32_t presence(const calibration_params_t *calibration, const int32_t raw[3]) {
-    uint32_t result = PREFILTER_SAMPLE;
+/* PLUMB_PREFILTER_SAMPLE; PLUMB_PREFILTER_SATURATED with a count outside the range; 0 when a count is
+ * missing. */
+static uint32_t presence(const plumb_calibration_params_t *calibration, const int32_t raw[3]) {
+    uint32_t result = PLUMB_PREFILTER_SAMPLE;
     for (unsigned i = 0; i < 3U; i++) {
-        if (raw[i] == PREFILTER_NO_SAMPLE)
+        if (raw[i] == PLUMB_PREFILTER_NO_SAMPLE)
             return 0;
         if (calibration_clamp(calibration, raw[i]) != raw[i])
-            result = PREFILTER_SATURATED;
+            result = PLUMB_PREFILTER_SATURATED;
     }
     return result;
 }
 
-uint32_t prefilter_step(prefilter_t *f, const prefilter_params_t *p, const calibration_params_t *calibration,
-                        const int32_t raw[3], uint32_t stale_steps, int32_t value[3]) {
+uint32_t plumb_prefilter_step(plumb_prefilter_t *f, const plumb_prefilter_params_t *p,
+                              const plumb_calibration_params_t *calibration, const int32_t raw[3],
+                              uint32_t stale_steps, int32_t value[3]) {
     const uint32_t result = presence(calibration, raw);
-    if (result != PREFILTER_SAMPLE) {
-        f->gap_steps += f->gap_steps < PREFILTER_GAP_MAX;
+    if (result != PLUMB_PREFILTER_SAMPLE) {
+        f->gap_steps += f->gap_steps < PLUMB_PREFILTER_GAP_MAX;
         return result;
     }
     const bool fresh = f->gap_steps > stale_steps;
@@ -44,5 +47,5 @@ uint32_t prefilter_step(prefilter_t *f, const prefilter_params_t *p, const calib
     }
     f->spikes = spikes;
     f->gap_steps = 0;
-    return spikes != 0U ? PREFILTER_SAMPLE | PREFILTER_SPIKE : PREFILTER_SAMPLE;
+    return spikes != 0U ? PLUMB_PREFILTER_SAMPLE | PLUMB_PREFILTER_SPIKE : PLUMB_PREFILTER_SAMPLE;
 }

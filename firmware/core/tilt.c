@@ -2,8 +2,8 @@
 
 #define VARIANCE_MAX 0x1000000UL /* 2^24, as the filter wants it */
 
-bool tilt_valid(const tilt_params_t *p) {
-    if (p->mode > TILT_ATAN2 || p->deviation_shift > 31U ||
+bool plumb_tilt_valid(const plumb_tilt_params_t *p) {
+    if (p->mode > PLUMB_TILT_ATAN2 || p->deviation_shift > 31U ||
         p->deviation_max > UINT32_MAX >> p->deviation_shift)
         return false;
     const uint32_t d = p->deviation_max << p->deviation_shift;

@@ -8,35 +8,23 @@
 
 #include "angle.h"
 #include "fixed.h"
-#include <stdbool.h>
-
-#define TILT_ARCSINE 0U /* asin(accel_y / 1 g), +-90 degrees; beyond 1 g it stays at +-90 */
-#define TILT_ATAN2   1U /* atan2(accel_y, accel_z), +-180 degrees */
-
-typedef struct {
-    uint32_t mode;            /* TILT_ARCSINE or TILT_ATAN2 */
-    uint32_t r_base;          /* measurement variance at |a| = 1 g, in 2^32 lsb of the filter; 1..2^24 */
-    uint32_t r_gain;          /* of tilt_variance(); 0: R is r_base */
-    uint32_t r_max;           /* r_base..2^24 */
-    uint32_t deviation_max;   /* | |a|^2 - 1 | is clamped here, g^2 Q20; shifted below 2^32 */
-    uint32_t deviation_shift; /* 0..31 */
-} tilt_params_t;
+#include "plumb/tilt.h"
 
 #define TILT_ONE_G_Q26  (1L << 26)
 #define TILT_ONE_G2_Q20 (1L << 20)
 
 /* Measured tilt, turn Q32, from accelerations of any size. */
-KERNEL int32_t tilt_angle(const tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
-    if (p->mode == TILT_ARCSINE)
+KERNEL int32_t tilt_angle(const plumb_tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
+    if (p->mode == PLUMB_TILT_ARCSINE)
         return angle_asin(clamp_i32(accel_y_g_q26, -TILT_ONE_G_Q26, TILT_ONE_G_Q26) * 16);
     return angle_atan2(accel_y_g_q26, accel_z_g_q26);
 }
 
-/* r = min(r_base + r_gain * (|a|^2 - 1 g^2)^2, r_max), for accelerations within +-CALIBRATION_LIMIT:
+/* r = min(r_base + r_gain * (|a|^2 - 1 g^2)^2, r_max), for accelerations within +-PLUMB_CALIBRATION_LIMIT:
  *     d = min(| ((ay^2 + az^2) >> 32) - 2^20 |, deviation_max) << deviation_shift
  *     r = min(r_base + ((((d^2) >> 32) * r_gain) >> 32), r_max)
  * R depends on this sample alone, and has no dead band. */
-KERNEL uint32_t tilt_variance(const tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
+KERNEL uint32_t tilt_variance(const plumb_tilt_params_t *p, int32_t accel_y_g_q26, int32_t accel_z_g_q26) {
     const int64_t square =
         add64_wrap(mul_i64(accel_y_g_q26, accel_y_g_q26), mul_i64(accel_z_g_q26, accel_z_g_q26));
     const uint32_t deviation_q20 = abs_u32(sub_wrap(hi_i64(square), TILT_ONE_G2_Q20));
@@ -47,9 +35,5 @@ KERNEL uint32_t tilt_variance(const tilt_params_t *p, int32_t accel_y_g_q26, int
     LOADED2(base, most);
     return min_u32(base + mulhi_u32(mulhi_u32(d, d), gain), most);
 }
-
-/* False if the mode or a word is outside its range, or if r_base + r_gain * (largest deviation)^2 could
- * overflow. */
-bool tilt_valid(const tilt_params_t *p);
 
 #endif

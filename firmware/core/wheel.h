@@ -11,27 +11,15 @@
 #define PLUMB_CORE_WHEEL_H
 
 #include "fixed.h"
+#include "plumb/wheel.h"
 #include <stdbool.h>
-
-typedef struct {
-    int32_t edges_max;      /* per step, 1..32767; more are clamped */
-    int32_t edge_mps_q26;   /* speed at one edge per step; the sign sets the direction */
-    int32_t alpha_q31;      /* 1 - exp(-dt / tau) of the filter; 0..2^31-1 */
-    int32_t accel_gain_q30; /* alpha / (dt * 1 g): g per m/s; 0..2^31-1, 0 for no acceleration at all */
-} wheel_params_t;
-
-typedef struct {
-    int32_t speed_mps_q26;    /* of this step, +-WHEEL_SPEED_LIMIT */
-    int32_t velocity_mps_q26; /* filtered */
-    int32_t accel_g_q26;      /* +-WHEEL_ACCEL_LIMIT */
-} wheel_t;
 
 #define WHEEL_SPEED_LIMIT (15L << 26) /* m/s */
 #define WHEEL_ACCEL_LIMIT (3L << 26)  /* g */
 
 /* One step. edges: signed count of this step. True when the edges or the acceleration were clamped. About 30
  * cycles. */
-KERNEL bool wheel_step(wheel_t *restrict c, const wheel_params_t *restrict p, int32_t edges) {
+KERNEL bool wheel_step(plumb_wheel_t *restrict c, const plumb_wheel_params_t *restrict p, int32_t edges) {
     int32_t most = p->edges_max, edge = p->edge_mps_q26;
     LOADED2(most, edge);
     const int32_t used = clamp_i32(edges, -most, most);
@@ -46,8 +34,5 @@ KERNEL bool wheel_step(wheel_t *restrict c, const wheel_params_t *restrict p, in
     c->accel_g_q26 = limited_q24 * 4;
     return used != edges || limited_q24 != accel_q24;
 }
-
-/* False if a word is outside its range above, or if a speed could leave +-WHEEL_SPEED_LIMIT. */
-bool wheel_valid(const wheel_params_t *p);
 
 #endif

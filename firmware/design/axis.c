@@ -28,7 +28,7 @@ void plumb_design_axis_finite(plumb_design_t *d, const design_axis_t *t) {
     FINITE(pid, slew_per_s);
 }
 
-void plumb_design_axis(plumb_design_t *d, const design_axis_t *t, control_params_t *params) {
+void plumb_design_axis(plumb_design_t *d, const design_axis_t *t, plumb_params_t *params) {
     static const design_channel_names_t gyro = DESIGN_CHANNEL_NAMES("calibration.gyro");
     static const design_channel_names_t accel = DESIGN_CHANNEL_NAMES("calibration.accel");
     static const design_channel_names_t accel_up = DESIGN_CHANNEL_NAMES("calibration.accel_up");

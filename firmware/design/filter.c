@@ -80,7 +80,7 @@ static int64_t square_root(int64_t x) {
 
 /* R of the deviation d = | |a|^2 - 1 |, g^2 Q20, clamped just above where R reaches its limit, shifted up as
  * far as 32 bits and the resolution of r_gain allow. */
-static void gain_words(plumb_design_t *d, const design_filter_t *f, wide_t unit, tilt_params_t *words) {
+static void gain_words(plumb_design_t *d, const design_filter_t *f, wide_t unit, plumb_tilt_params_t *words) {
     words->r_gain = words->deviation_max = words->deviation_shift = 0;
     if (f->trust.gain_deg2 == 0.0)
         return;

@@ -99,7 +99,8 @@ wide_t plumb_design_g_unit(void) {
 }
 
 void plumb_design_channel(plumb_design_t *d, const design_channel_names_t *names,
-                          const plumb_channel_tuning_t *channel, wide_t unit, calibration_params_t *words) {
+                          const plumb_channel_tuning_t *channel, wide_t unit,
+                          plumb_calibration_params_t *words) {
     const int32_t low = channel->min_counts, high = channel->max_counts;
     if (low < -32768 || low > high || high > 32767) {
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, names->min_counts, (double)low);
@@ -122,7 +123,7 @@ void plumb_design_channel(plumb_design_t *d, const design_channel_names_t *names
 }
 
 void plumb_design_pid(plumb_design_t *d, const plumb_pid_tuning_t *pid, int32_t period_us,
-                      pid_params_t *words) {
+                      plumb_pid_params_t *words) {
     const int64_t limit = 1 << 30;
     double share;
     words->d_alpha_q31 =

@@ -6,6 +6,7 @@
 #define PLUMB_DESIGN_GROUPS_H
 
 #include "plumb/design.h"
+#include "plumb/params.h"
 #include "wide.h"
 #include <stdbool.h>
 #include <stddef.h>
@@ -66,7 +67,8 @@ typedef struct {
 
 /* unit: integer units per engineering unit. */
 void plumb_design_channel(plumb_design_t *d, const design_channel_names_t *names,
-                          const plumb_channel_tuning_t *channel, wide_t unit, calibration_params_t *words);
+                          const plumb_channel_tuning_t *channel, wide_t unit,
+                          plumb_calibration_params_t *words);
 
 wide_t plumb_design_turn_unit(void); /* turn Q28 per degree */
 wide_t plumb_design_g_unit(void);    /* g Q26 per g */
@@ -84,9 +86,9 @@ typedef struct {
 
 /* Its integers. tilt.mode is not touched. */
 typedef struct {
-    kalman_params_t kalman;
-    kalman_start_t start;
-    tilt_params_t tilt;
+    plumb_kalman_params_t kalman;
+    plumb_kalman_start_t start;
+    plumb_tilt_params_t tilt;
 } design_filter_words_t;
 
 /* What contradicts itself before anything is an integer. */
@@ -98,7 +100,7 @@ void plumb_design_filter(plumb_design_t *d, const design_filter_t *f, int32_t pe
                          design_filter_words_t *words);
 
 void plumb_design_pid(plumb_design_t *d, const plumb_pid_tuning_t *pid, int32_t period_us,
-                      pid_params_t *words);
+                      plumb_pid_params_t *words);
 
 /* What systems of one axis share: three channels, tilt, filter, controller. */
 typedef struct {
@@ -113,6 +115,6 @@ typedef struct {
 /* That every setting is finite; before those of the system. */
 void plumb_design_axis_finite(plumb_design_t *d, const design_axis_t *t);
 
-void plumb_design_axis(plumb_design_t *d, const design_axis_t *t, control_params_t *params);
+void plumb_design_axis(plumb_design_t *d, const design_axis_t *t, plumb_params_t *params);
 
 #endif

@@ -10,7 +10,7 @@
 /* Parameters of a run: the control core's, then the link's and the board's. Words of 32 bits, in the order of their
  * numbers on the wire. */
 typedef struct {
-    control_params_t control;
+    plumb_params_t control;
     uint32_t period_us;
     uint32_t esc_period_us;
     uint32_t arm_hold_ms;

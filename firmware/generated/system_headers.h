@@ -3,28 +3,25 @@
 #ifndef PLUMB_GENERATED_SYSTEM_HEADERS_H
 #define PLUMB_GENERATED_SYSTEM_HEADERS_H
 
-#include "systems/quad.h"
-#include "systems/balancer.h"
-#include "systems/turntable.h"
-#include "systems/phone.h"
+#include "plumb/systems.h"
 
 /* The systems of this image, one bit each by its number. */
-#define CONTROL_SYSTEMS (1UL << CONTROL_QUAD | 1UL << CONTROL_BALANCER | 1UL << CONTROL_TURNTABLE | 1UL << CONTROL_PHONE)
+#define CONTROL_SYSTEMS (1UL << PLUMB_SYSTEM_QUAD | 1UL << PLUMB_SYSTEM_BALANCER | 1UL << PLUMB_SYSTEM_TURNTABLE | 1UL << PLUMB_SYSTEM_PHONE)
 
 /* The largest record of any system, in words. */
 typedef union {
-    quad_words_t quad;
-    balancer_words_t balancer;
-    turntable_words_t turntable;
-    phone_words_t phone;
+    plumb_quad_words_t quad;
+    plumb_balancer_words_t balancer;
+    plumb_turntable_words_t turntable;
+    plumb_phone_words_t phone;
 } control_words_t;
 
 /* A whole controller of any system. Its words come first in each. */
 typedef union {
-    quad_t quad;
-    balancer_t balancer;
-    turntable_t turntable;
-    phone_t phone;
+    plumb_quad_t quad;
+    plumb_balancer_t balancer;
+    plumb_turntable_t turntable;
+    plumb_phone_t phone;
 } control_t;
 
 #endif

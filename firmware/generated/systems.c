@@ -4,7 +4,7 @@
 
 /* quad: the record is hashed as bytes, each word where the host expects it. */
 #define PLACE(member, place, number) \
-    typedef char quad_place_##number[offsetof(quad_words_t, member) == (place) ? 1 : -1]
+    typedef char quad_place_##number[offsetof(plumb_quad_words_t, member) == (place) ? 1 : -1]
 PLACE(raw[0], 0U, 0);
 PLACE(raw[1], 4U, 1);
 PLACE(raw[2], 8U, 2);
@@ -40,11 +40,11 @@ PLACE(pulse_halfus[1], 148U, 31);
 PLACE(flags, 152U, 32);
 PLACE(step, 156U, 33);
 #undef PLACE
-typedef char quad_record[sizeof(quad_words_t) == 160U ? 1 : -1];
+typedef char quad_record[sizeof(plumb_quad_words_t) == 160U ? 1 : -1];
 
 /* balancer: the record is hashed as bytes, each word where the host expects it. */
 #define PLACE(member, place, number) \
-    typedef char balancer_place_##number[offsetof(balancer_words_t, member) == (place) ? 1 : -1]
+    typedef char balancer_place_##number[offsetof(plumb_balancer_words_t, member) == (place) ? 1 : -1]
 PLACE(raw[0], 0U, 0);
 PLACE(raw[1], 4U, 1);
 PLACE(raw[2], 8U, 2);
@@ -89,11 +89,11 @@ PLACE(duty_q15, 188U, 40);
 PLACE(flags, 192U, 41);
 PLACE(step, 196U, 42);
 #undef PLACE
-typedef char balancer_record[sizeof(balancer_words_t) == 200U ? 1 : -1];
+typedef char balancer_record[sizeof(plumb_balancer_words_t) == 200U ? 1 : -1];
 
 /* turntable: the record is hashed as bytes, each word where the host expects it. */
 #define PLACE(member, place, number) \
-    typedef char turntable_place_##number[offsetof(turntable_words_t, member) == (place) ? 1 : -1]
+    typedef char turntable_place_##number[offsetof(plumb_turntable_words_t, member) == (place) ? 1 : -1]
 PLACE(raw[0], 0U, 0);
 PLACE(raw[1], 4U, 1);
 PLACE(raw[2], 8U, 2);
@@ -207,11 +207,11 @@ PLACE(lag[2].sensitivity_q28[3], 516U, 109);
 PLACE(flags, 520U, 110);
 PLACE(step, 524U, 111);
 #undef PLACE
-typedef char turntable_record[sizeof(turntable_words_t) == 528U ? 1 : -1];
+typedef char turntable_record[sizeof(plumb_turntable_words_t) == 528U ? 1 : -1];
 
 /* phone: the record is hashed as bytes, each word where the host expects it. */
 #define PLACE(member, place, number) \
-    typedef char phone_place_##number[offsetof(phone_words_t, member) == (place) ? 1 : -1]
+    typedef char phone_place_##number[offsetof(plumb_phone_words_t, member) == (place) ? 1 : -1]
 PLACE(raw[0], 0U, 0);
 PLACE(raw[1], 4U, 1);
 PLACE(raw[2], 8U, 2);
@@ -261,7 +261,7 @@ PLACE(clamped_steps, 220U, 45);
 PLACE(flags, 224U, 46);
 PLACE(step, 228U, 47);
 #undef PLACE
-typedef char phone_record[sizeof(phone_words_t) == 232U ? 1 : -1];
+typedef char phone_record[sizeof(plumb_phone_words_t) == 232U ? 1 : -1];
 
 static const control_frame_t quad_frames[] = {
     {0x304U, 36U, 0U, 26U}, /* ANGLE */
@@ -297,22 +297,22 @@ static const control_frame_t phone_frames[] = {
 static const control_system_t quad_system = {
     .frames = quad_frames,
     .frame_count = sizeof quad_frames / sizeof quad_frames[0],
-    .plausibility = &quad_plausibility,
+    .plausibility = &plumb_quad_plausibility,
     .output = CONTROL_OUTPUT_PULSES,
     .output_word = 36U,
     .record_words = 40U,
-    .saturated = QUAD_FLAGS_SATURATED,
+    .saturated = PLUMB_QUAD_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_ANALOG_3,
 };
 
 static const control_system_t balancer_system = {
     .frames = balancer_frames,
     .frame_count = sizeof balancer_frames / sizeof balancer_frames[0],
-    .plausibility = &balancer_plausibility,
+    .plausibility = &plumb_balancer_plausibility,
     .output = CONTROL_OUTPUT_BRIDGE,
     .output_word = 47U,
     .record_words = 50U,
-    .saturated = BALANCER_FLAGS_SATURATED,
+    .saturated = PLUMB_BALANCER_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_BALANCE,
 };
 
@@ -320,7 +320,7 @@ static const control_system_t turntable_system = {
     .frames = turntable_frames,
     .frame_count = sizeof turntable_frames / sizeof turntable_frames[0],
     .record_words = 132U,
-    .saturated = TURNTABLE_FLAGS_SATURATED,
+    .saturated = PLUMB_TURNTABLE_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_ANALOG_6,
     .marks_missing = true,
 };
@@ -329,77 +329,77 @@ static const control_system_t phone_system = {
     .frames = phone_frames,
     .frame_count = sizeof phone_frames / sizeof phone_frames[0],
     .record_words = 58U,
-    .saturated = PHONE_FLAGS_SATURATED,
+    .saturated = PLUMB_PHONE_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_NONE,
 };
 
 /* A system that this image does not have: flags and step number, which are 0. */
 static const control_system_t no_system = {.record_words = 2U};
 
-const control_system_t *control_system(const control_params_t *p) {
+const control_system_t *control_system(const plumb_params_t *p) {
     switch (p->system) {
-    case CONTROL_QUAD:
+    case PLUMB_SYSTEM_QUAD:
         return &quad_system;
-    case CONTROL_BALANCER:
+    case PLUMB_SYSTEM_BALANCER:
         return &balancer_system;
-    case CONTROL_TURNTABLE:
+    case PLUMB_SYSTEM_TURNTABLE:
         return &turntable_system;
-    case CONTROL_PHONE:
+    case PLUMB_SYSTEM_PHONE:
         return &phone_system;
     default:
         return &no_system;
     }
 }
 
-void control_init(control_t *c, const control_params_t *p) {
+void control_init(control_t *c, const plumb_params_t *p) {
     switch (p->system) {
-    case CONTROL_QUAD:
-        quad_init(&c->quad, p);
+    case PLUMB_SYSTEM_QUAD:
+        plumb_quad_init(&c->quad, p);
         break;
-    case CONTROL_BALANCER:
-        balancer_init(&c->balancer, p);
+    case PLUMB_SYSTEM_BALANCER:
+        plumb_balancer_init(&c->balancer, p);
         break;
-    case CONTROL_TURNTABLE:
-        turntable_init(&c->turntable, p);
+    case PLUMB_SYSTEM_TURNTABLE:
+        plumb_turntable_init(&c->turntable, p);
         break;
-    case CONTROL_PHONE:
-        phone_init(&c->phone, p);
+    case PLUMB_SYSTEM_PHONE:
+        plumb_phone_init(&c->phone, p);
         break;
     default:
         break;
     }
 }
 
-void control_step(control_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
+void control_step(control_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
                   int32_t setpoint) {
-    if (__builtin_expect(p->system == CONTROL_QUAD, 1)) { /* 600 cycles */
-        quad_step(&c->quad, p, raw, setpoint);
+    if (__builtin_expect(p->system == PLUMB_SYSTEM_QUAD, 1)) { /* 600 cycles */
+        plumb_quad_step(&c->quad, p, raw, setpoint);
         return;
     }
-    if (__builtin_expect(p->system == CONTROL_BALANCER, 1)) { /* 850 cycles */
-        balancer_step(&c->balancer, p, raw, setpoint);
+    if (__builtin_expect(p->system == PLUMB_SYSTEM_BALANCER, 1)) { /* 850 cycles */
+        plumb_balancer_step(&c->balancer, p, raw, setpoint);
         return;
     }
-    if (__builtin_expect(p->system == CONTROL_PHONE, 1)) { /* 1600 cycles */
-        phone_step(&c->phone, p, raw, setpoint);
+    if (__builtin_expect(p->system == PLUMB_SYSTEM_PHONE, 1)) { /* 1600 cycles */
+        plumb_phone_step(&c->phone, p, raw, setpoint);
         return;
     }
-    if (__builtin_expect(p->system == CONTROL_TURNTABLE, 1)) { /* 9500 cycles */
-        turntable_step(&c->turntable, p, raw, setpoint);
+    if (__builtin_expect(p->system == PLUMB_SYSTEM_TURNTABLE, 1)) { /* 9500 cycles */
+        plumb_turntable_step(&c->turntable, p, raw, setpoint);
         return;
     }
 }
 
-bool control_params_valid(const control_params_t *p) {
+bool control_params_valid(const plumb_params_t *p) {
     switch (p->system) {
-    case CONTROL_QUAD:
-        return quad_params_valid(p);
-    case CONTROL_BALANCER:
-        return balancer_params_valid(p);
-    case CONTROL_TURNTABLE:
-        return turntable_params_valid(p);
-    case CONTROL_PHONE:
-        return phone_params_valid(p);
+    case PLUMB_SYSTEM_QUAD:
+        return plumb_quad_params_valid(p);
+    case PLUMB_SYSTEM_BALANCER:
+        return plumb_balancer_params_valid(p);
+    case PLUMB_SYSTEM_TURNTABLE:
+        return plumb_turntable_params_valid(p);
+    case PLUMB_SYSTEM_PHONE:
+        return plumb_phone_params_valid(p);
     default:
         return false;
     }

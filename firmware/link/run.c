@@ -1,7 +1,7 @@
 #include "run.h"
 #include "arming.h"
-#include "core/prefilter.h"
 #include "generated/messages.h"
+#include "plumb/prefilter.h"
 #include <string.h>
 
 /* SAMPLE carries the low six bits of its step number: four as the counter, two as flags. */
@@ -194,7 +194,7 @@ void run_on_setpoint(run_t *r, routing_t *routing, const request_t *q) {
 
 /* ---- samples out ---- */
 
-void run_next_sample(run_t *r, bool mark_missing, int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32) {
+void run_next_sample(run_t *r, bool mark_missing, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32) {
     if (run_sample_waits(r)) {
         r->held = r->queue[RUN_SLOT(r->queue_out)];
         r->queue_out++;
@@ -202,7 +202,7 @@ void run_next_sample(run_t *r, bool mark_missing, int16_t raw[CONTROL_RAW_MAX], 
     } else {
         r->starved++;
         r->stale = (uint16_t)(r->stale + (r->stale != UINT16_MAX ? 1U : 0U));
-        for (unsigned i = 0; mark_missing && i < CONTROL_RAW_MAX; i++) {
+        for (unsigned i = 0; mark_missing && i < PLUMB_RAW_MAX; i++) {
             r->held.raw[i] = INT16_MIN;
         }
     }

@@ -8,7 +8,7 @@
 #ifndef PLUMB_LINK_RUN_H
 #define PLUMB_LINK_RUN_H
 
-#include "generated/control_params.h"
+#include "plumb/params.h"
 #include "setpoint.h"
 
 #define RUN_QUEUE_LENGTH 16U /* samples in flight; a power of two */
@@ -26,7 +26,7 @@ typedef struct {
 
 /* One injected sample with its setpoint. */
 typedef struct {
-    int16_t raw[CONTROL_RAW_MAX];
+    int16_t raw[PLUMB_RAW_MAX];
     int32_t setpoint_turn_q32;
 } run_sample_t;
 
@@ -96,7 +96,7 @@ static inline bool run_sample_waits(const run_t *r) {
 
 /* Take the sample of the next step: the oldest queued one, else the last one again. mark_missing: a step
  * without a new sample gets counts of INT16_MIN instead. */
-void run_next_sample(run_t *r, bool mark_missing, int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32);
+void run_next_sample(run_t *r, bool mark_missing, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32);
 
 /* Call after each step. saturated: a raw count was outside its range. */
 void run_stepped(run_t *r, bool saturated);

@@ -42,7 +42,7 @@ bool session_bootloader_due(const session_t *s, uint32_t now_us) {
 /* ---- whether it may be armed ---- */
 
 /* Plausibility bounds of the system in use; NULL: nothing is checked. */
-static const plausibility_bounds_t *bounds_checked(const session_t *s) {
+static const plumb_plausibility_bounds_t *bounds_checked(const session_t *s) {
     return s->run.mode == RUN_REALTIME ? control_system(&s->params->control)->plausibility : NULL;
 }
 
@@ -146,7 +146,7 @@ bool session_pop_begin(session_t *s) {
     return run_pop_begin(&s->run);
 }
 
-bool session_next_sample(session_t *s, int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32) {
+bool session_next_sample(session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32) {
     const link_t pacer = run_pacer(&s->run);
 
     if (pacer != LINK_NONE &&
@@ -172,7 +172,7 @@ static void send_words(session_t *s) {
 }
 
 void session_stepped(session_t *s) {
-    const control_params_t *const params = &s->params->control;
+    const plumb_params_t *const params = &s->params->control;
     const bool saturated = control_saturated(s->control, params);
 
     if (s->run.mode == RUN_REALTIME) {

@@ -111,7 +111,7 @@ bool session_pop_begin(session_t *s);
 
 /* The next injected sample. Lockstep: false until one is waiting and its replies have room. Real time,
  * injected: true on every tick; without a new sample the last one is held and counted. */
-bool session_next_sample(session_t *s, int16_t raw[CONTROL_RAW_MAX], int32_t *setpoint_turn_q32);
+bool session_next_sample(session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32);
 
 /* Setpoint in use; the setpoint of the next live step. */
 int32_t session_setpoint(const session_t *s);

@@ -63,7 +63,7 @@ bool store_accepts(const params_t *params) {
 
     /* All scans of a sample end within its period, and a bit of CAN is a multiple of 18 quanta of 36 MHz
      * (firmware/ports/stm32f103/bxcan.c). */
-    return control_params_valid(&params->control) && esc_valid(&params->control.esc) &&
+    return control_params_valid(&params->control) && plumb_esc_valid(&params->control.esc) &&
            params->control.esc.max_halfus + ESC_GAP_MIN_HALFUS <= frame_halfus &&
            2000U % params->can_bitrate_kbit == 0 &&
            BOARD_SCAN_US << params->adc_oversample_log2 <= params->period_us;

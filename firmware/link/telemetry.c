@@ -1,5 +1,6 @@
 #include "telemetry.h"
 #include "core/digest.h"
+#include "core/fixed.h"
 #include "generated/messages.h"
 #include <string.h>
 
@@ -26,12 +27,12 @@ static uint16_t bits_set(uint32_t mask) {
 }
 
 /* Bits of bank 0 whose frames the system has. */
-static uint32_t system_frames(const control_params_t *params) {
+static uint32_t system_frames(const plumb_params_t *params) {
     return FRAMES_RAW | ((1U << control_system(params)->frame_count) - 1U) << FRAMES_DECLARE;
 }
 
 /* The bits of a bank of words that lie inside the record. */
-static uint32_t words_inside(const control_params_t *params, uint32_t first) {
+static uint32_t words_inside(const plumb_params_t *params, uint32_t first) {
     const uint32_t record = control_system(params)->record_words;
 
     if (record <= first) {
@@ -40,7 +41,7 @@ static uint32_t words_inside(const control_params_t *params, uint32_t first) {
     return record - first >= 32U ? 0xFFFFFFFFU : (1U << (record - first)) - 1U;
 }
 
-void telemetry_select(telemetry_t *t, const control_params_t *params, uint16_t bank, uint32_t mask) {
+void telemetry_select(telemetry_t *t, const plumb_params_t *params, uint16_t bank, uint32_t mask) {
     if (bank == 0) {
         t->frames_mask = mask & system_frames(params);
         t->selected = (uint16_t)(1U + bits_set(t->frames_mask)); /* and STEP */
@@ -73,7 +74,7 @@ static uint8_t flags_on(const telemetry_t *t, const routing_t *r, unsigned link,
 }
 
 /* Every record begins with the raw counts. */
-static void send_raw(const telemetry_t *t, routing_t *r, uint16_t step, const int32_t raw[CONTROL_RAW_MAX]) {
+static void send_raw(const telemetry_t *t, routing_t *r, uint16_t step, const int32_t raw[PLUMB_RAW_MAX]) {
     const message_raw_a_t a = {(int16_t)raw[0], (int16_t)raw[1], (int16_t)raw[2]};
     const message_raw_b_t b = {(int16_t)raw[3], (int16_t)raw[4], (int16_t)raw[5]};
     const uint8_t low = (uint8_t)(step & E2E_COUNTER_MASK);
@@ -156,7 +157,7 @@ static void send_step(telemetry_t *t, routing_t *r, const message_step_t *m, uin
     }
 }
 
-void telemetry_step(telemetry_t *t, routing_t *r, const control_t *c, const control_params_t *params,
+void telemetry_step(telemetry_t *t, routing_t *r, const control_t *c, const plumb_params_t *params,
                     uint16_t step, uint8_t flags) {
     const int32_t *const words = control_words(c);
     const message_step_t m = {.step = step, .digest = digest_crc32(words, control_words_bytes(params))};

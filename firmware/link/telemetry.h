@@ -29,14 +29,14 @@ void telemetry_begin(telemetry_t *t);
 
 /* Select what a step sends: bank 0 selects frames, banks 1 to TELEMETRY_WORD_BANKS select words. Frames that
  * the system does not have and words beyond its record are ignored. */
-void telemetry_select(telemetry_t *t, const control_params_t *params, uint16_t bank, uint32_t mask);
+void telemetry_select(telemetry_t *t, const plumb_params_t *params, uint16_t bank, uint32_t mask);
 
 /* Select STEP only; for a change of the system. */
 void telemetry_select_nothing(telemetry_t *t);
 
 /* Call after each step: sends STEP and the selected frames to all open links. flags: of STEP, without
  * MESSAGE_STEP_DROPPED, which is added for each link. The words follow by telemetry_send_words(). */
-void telemetry_step(telemetry_t *t, routing_t *r, const control_t *c, const control_params_t *params,
+void telemetry_step(telemetry_t *t, routing_t *r, const control_t *c, const plumb_params_t *params,
                     uint16_t step, uint8_t flags);
 
 /* Send the selected words of the last step (record: control_words()) that were not sent yet. pacer: the link

@@ -1,22 +1,24 @@
-#include "balancer.h"
+#include "plumb/balancer.h"
 #include "core/axis.h"
+#include "core/pid.h"
+#include "core/wheel.h"
 
 #define SPEED_MAX  (8L << 26)  /* m/s: setpoint - velocity fits 32 bits */
 #define LEAN_MAX   (1L << 30)  /* turn Q34 */
 #define DUTY_MAX   32767       /* Q15 */
 #define FALL_NEVER (1UL << 31) /* turn Q32: half a turn, no tilt is more */
 
-void balancer_init(balancer_t *c, const control_params_t *p) {
-    *c = (balancer_t){0};
-    kalman_init(&c->words.kalman, &p->start);
-    pid_init(&c->words.speed);
-    pid_init(&c->words.pid);
+void plumb_balancer_init(plumb_balancer_t *c, const plumb_params_t *p) {
+    *c = (plumb_balancer_t){0};
+    plumb_kalman_init(&c->words.kalman, &p->start);
+    plumb_pid_init(&c->words.speed);
+    plumb_pid_init(&c->words.pid);
 }
 
-void balancer_step(balancer_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
-                   int32_t setpoint_mps_q26) {
-    balancer_words_t *w = &c->words;
-    const drive_params_t *drive = &p->drive;
+void plumb_balancer_step(plumb_balancer_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
+                         int32_t setpoint_mps_q26) {
+    plumb_balancer_words_t *w = &c->words;
+    const plumb_drive_params_t *drive = &p->drive;
     const uint32_t step = w->step + 1U;
     /* the count wraps; the first step has no count before it */
     const int32_t edges = step == 1U ? 0 : (int16_t)sub_wrap(raw[3], w->raw[3]);
@@ -24,10 +26,11 @@ void balancer_step(balancer_t *c, const control_params_t *p, const int16_t raw[C
     w->setpoint_mps_q26 = setpoint_mps_q26;
 
     uint32_t flags = 0;
-    const int32_t rate = calibration_apply(&p->gyro, raw[0], &flags, BALANCER_FLAG_GYRO_CLAMPED);
-    const int32_t accel_x = calibration_apply(&p->accel, raw[1], &flags, BALANCER_FLAG_ACCEL_X_CLAMPED);
-    const int32_t accel_z = calibration_apply(&p->accel_up, raw[2], &flags, BALANCER_FLAG_ACCEL_Z_CLAMPED);
-    flags |= wheel_step(&w->wheel, &p->wheel, edges) ? BALANCER_FLAG_WHEEL_CLAMPED : 0U;
+    const int32_t rate = calibration_apply(&p->gyro, raw[0], &flags, PLUMB_BALANCER_FLAG_GYRO_CLAMPED);
+    const int32_t accel_x = calibration_apply(&p->accel, raw[1], &flags, PLUMB_BALANCER_FLAG_ACCEL_X_CLAMPED);
+    const int32_t accel_z =
+        calibration_apply(&p->accel_up, raw[2], &flags, PLUMB_BALANCER_FLAG_ACCEL_Z_CLAMPED);
+    flags |= wheel_step(&w->wheel, &p->wheel, edges) ? PLUMB_BALANCER_FLAG_WHEEL_CLAMPED : 0U;
     const int32_t driving = axis_driving_rate(&p->kalman, step == 1U, rate, w->rate_turnps_q28);
     const int32_t gravity_x = accel_x + w->wheel.accel_g_q26;
     w->step = step;
@@ -55,30 +58,31 @@ void balancer_step(balancer_t *c, const control_params_t *p, const int16_t raw[C
     pid_step(&w->pid, &p->pid, w->pid.error_turn_q32, now.rate_corrected_turnps_q28);
 
     const bool fallen =
-        (w->flags & BALANCER_FLAG_FALLEN) != 0U || abs_u32(now.tilt_turn_q32) > drive->fall_turn_q32;
+        (w->flags & PLUMB_BALANCER_FLAG_FALLEN) != 0U || abs_u32(now.tilt_turn_q32) > drive->fall_turn_q32;
     const int32_t duty = asr32(asr32(w->pid.command_q22, 6) * drive->span_q15 + (1 << 15), 16);
     w->duty_q15 = fallen ? 0 : clamp_i32(duty, -drive->duty_max_q15, drive->duty_max_q15);
-    flags |= wanted != setpoint_mps_q26 ? BALANCER_FLAG_SETPOINT_CLAMPED : 0U;
-    flags |= w->speed.excess_q22 != 0 ? BALANCER_FLAG_LEAN_LIMITED : 0U;
-    flags |= w->pid.excess_q22 != 0 ? BALANCER_FLAG_COMMAND_LIMITED : 0U;
-    w->flags = flags | (fallen ? BALANCER_FLAG_FALLEN : 0U);
+    flags |= wanted != setpoint_mps_q26 ? PLUMB_BALANCER_FLAG_SETPOINT_CLAMPED : 0U;
+    flags |= w->speed.excess_q22 != 0 ? PLUMB_BALANCER_FLAG_LEAN_LIMITED : 0U;
+    flags |= w->pid.excess_q22 != 0 ? PLUMB_BALANCER_FLAG_COMMAND_LIMITED : 0U;
+    w->flags = flags | (fallen ? PLUMB_BALANCER_FLAG_FALLEN : 0U);
 }
 
-static bool drive_valid(const drive_params_t *p) {
+static bool drive_valid(const plumb_drive_params_t *p) {
     return p->speed_max_mps_q26 >= 0 && p->speed_max_mps_q26 <= SPEED_MAX && p->lean_max_turn_q34 >= 0 &&
            p->lean_max_turn_q34 <= LEAN_MAX && p->span_q15 >= -DUTY_MAX && p->span_q15 <= DUTY_MAX &&
            p->duty_max_q15 >= 0 && p->duty_max_q15 <= DUTY_MAX && p->fall_turn_q32 <= FALL_NEVER;
 }
 
-bool balancer_params_valid(const control_params_t *p) {
-    return calibration_valid(&p->gyro) && calibration_valid(&p->accel) && calibration_valid(&p->accel_up) &&
-           wheel_valid(&p->wheel) && tilt_valid(&p->tilt) && kalman_valid(&p->kalman, &p->start) &&
-           pid_valid(&p->speed) && pid_valid(&p->pid) && drive_valid(&p->drive);
+bool plumb_balancer_params_valid(const plumb_params_t *p) {
+    return plumb_calibration_valid(&p->gyro) && plumb_calibration_valid(&p->accel) &&
+           plumb_calibration_valid(&p->accel_up) && plumb_wheel_valid(&p->wheel) &&
+           plumb_tilt_valid(&p->tilt) && plumb_kalman_valid(&p->kalman, &p->start) &&
+           plumb_pid_valid(&p->speed) && plumb_pid_valid(&p->pid) && drive_valid(&p->drive);
 }
 
 /* A vehicle that is pushed and accelerates by up to 8 m/s^2. Held upright by hand it is not quite at rest. */
-const plausibility_bounds_t balancer_plausibility = {
-    PLAUSIBILITY_PLACES(balancer_words_t, setpoint_mps_q26, accel_x_g_q26, accel_z_g_q26),
+const plumb_plausibility_bounds_t plumb_balancer_plausibility = {
+    PLUMB_PLAUSIBILITY_PLACES(plumb_balancer_words_t, setpoint_mps_q26, accel_x_g_q26, accel_z_g_q26),
     .accel_min_g2_q20 = 167772U,  /* 0.4 g */
     .accel_max_g2_q20 = 3397386U, /* 1.8 g */
     .rest_min_g2_q20 = 849347U,   /* 0.9 g */

@@ -11,8 +11,8 @@
 #ifndef PLUMB_SYSTEMS_CONTROL_H
 #define PLUMB_SYSTEMS_CONTROL_H
 
-#include "core/plausibility.h"
 #include "generated/system_headers.h"
+#include "plumb/plausibility.h"
 #include <stddef.h>
 
 #define CONTROL_RECORD_WORDS_MAX (sizeof(control_words_t) / 4U)
@@ -45,8 +45,8 @@ typedef struct {
 /* What a system is, apart from its code. */
 typedef struct {
     const control_frame_t *frames;
-    const plausibility_bounds_t *plausibility; /* NULL for one that moves nothing: nothing is checked */
-    uint32_t saturated;                        /* flags that say that a raw count was outside its range */
+    const plumb_plausibility_bounds_t *plausibility; /* NULL for one that moves nothing: nothing is checked */
+    uint32_t saturated; /* flags that say that a raw count was outside its range */
     uint16_t record_words;
     uint8_t frame_count;
     uint8_t output;      /* control_output_t */
@@ -57,19 +57,18 @@ typedef struct {
 
 /* Of the system in use; of one that this image does not have: a record of two zeros, no
  * frames, no output. */
-const control_system_t *control_system(const control_params_t *p);
+const control_system_t *control_system(const plumb_params_t *p);
 
 /* State at the start of a run: the record is zero but for the start values of filters and controllers. */
-void control_init(control_t *c, const control_params_t *p);
+void control_init(control_t *c, const plumb_params_t *p);
 
 /* What ranges of single parameters cannot express: false if the image has no such system, or if any sum of
  * its step could overflow. For the moment of commit, not for every step. */
-bool control_params_valid(const control_params_t *p);
+bool control_params_valid(const plumb_params_t *p);
 
 /* One step. raw: counts; setpoint: in the system's unit (its declaration says which). The result is in the
  * words. */
-void control_step(control_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
-                  int32_t setpoint);
+void control_step(control_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX], int32_t setpoint);
 
 /* The record of the last step: control_words_bytes() bytes, read by word of 32 bits. */
 static inline const int32_t *control_words(const control_t *c) {
@@ -77,12 +76,12 @@ static inline const int32_t *control_words(const control_t *c) {
 }
 
 /* A multiple of 4. */
-static inline size_t control_words_bytes(const control_params_t *p) {
+static inline size_t control_words_bytes(const plumb_params_t *p) {
     return 4U * (size_t)control_system(p)->record_words;
 }
 
 /* True when a raw count of the last step was outside its range. */
-static inline bool control_saturated(const control_t *c, const control_params_t *p) {
+static inline bool control_saturated(const control_t *c, const plumb_params_t *p) {
     const control_system_t *const system = control_system(p);
     const uint32_t flags = (uint32_t)control_words(c)[system->record_words - 2];
 

@@ -1,4 +1,4 @@
-#include "phone.h"
+#include "plumb/phone.h"
 #include "core/angle.h"
 #include "core/axis.h"
 
@@ -10,15 +10,15 @@
 #define QUARTER_TURN_Q32 0x40000000U
 #define HALF_TURN_Q61    (INT64_C(1) << 60)
 
-void phone_init(phone_t *c, const control_params_t *p) {
-    *c = (phone_t){0};
-    kalman_init(&c->words.pitch, &p->start);
-    kalman_init(&c->words.roll, &p->roll.start);
+void plumb_phone_init(plumb_phone_t *c, const plumb_params_t *p) {
+    *c = (plumb_phone_t){0};
+    plumb_kalman_init(&c->words.pitch, &p->start);
+    plumb_kalman_init(&c->words.roll, &p->roll.start);
 }
 
 /* The filter of roll has the period and the limits of the other, and its own noise. */
-static inline kalman_params_t roll_filter(const control_params_t *p) {
-    kalman_params_t filter = p->kalman;
+static inline plumb_kalman_params_t roll_filter(const plumb_params_t *p) {
+    plumb_kalman_params_t filter = p->kalman;
     filter.qa_hi = p->roll.qa_hi;
     filter.qa_lo = p->roll.qa_lo;
     filter.qb = p->roll.qb;
@@ -29,7 +29,7 @@ static inline kalman_params_t roll_filter(const control_params_t *p) {
 /* Over the top: beyond 90 degrees of pitch the acceleration shows the other two angles of the same attitude,
  * and would pull these the wrong way. The rate of pitch changes its sign with the sides, and its bias, too.
  */
-static inline void change_sides(phone_words_t *w) {
+static inline void change_sides(plumb_phone_words_t *w) {
     if ((uint32_t)kalman_tilt(&w->pitch) + QUARTER_TURN_Q32 > 2U * QUARTER_TURN_Q32) {
         w->pitch.tilt_turn_q61 = sub64_wrap(HALF_TURN_Q61, w->pitch.tilt_turn_q61);
         w->pitch.bias_turn_q61 = sub64_wrap(0, w->pitch.bias_turn_q61);
@@ -40,10 +40,10 @@ static inline void change_sides(phone_words_t *w) {
 /* pitch' = wy cos(roll) - wz sin(roll); roll' = wx + tan(pitch) (wy sin(roll) + wz cos(roll)); both within
  * +-8 turn/s, the cosine of pitch not below 1/16. Where roll is lost and the phone hardly turns, the second
  * term is bias and noise many times over: roll' = wx. */
-static inline void euler_rates(phone_words_t *w, int32_t x, int32_t y, int32_t z, bool roll_lost) {
+static inline void euler_rates(plumb_phone_words_t *w, int32_t x, int32_t y, int32_t z, bool roll_lost) {
     int32_t sin_pitch, cos_pitch, sin_roll, cos_roll;
-    angle_sincos(kalman_tilt(&w->pitch), &sin_pitch, &cos_pitch);
-    angle_sincos(kalman_tilt(&w->roll), &sin_roll, &cos_roll);
+    plumb_angle_sincos(kalman_tilt(&w->pitch), &sin_pitch, &cos_pitch);
+    plumb_angle_sincos(kalman_tilt(&w->roll), &sin_roll, &cos_roll);
 
     const uint32_t cosine = (uint32_t)max_i32(cos_pitch, COSINE_MIN_Q30);
     const unsigned n = clz32(cosine);
@@ -60,8 +60,8 @@ static inline void euler_rates(phone_words_t *w, int32_t x, int32_t y, int32_t z
 
 /* One axis. A measurement that is lost is replaced by what the filter expects, of variance
  * r_max: it corrects nothing, and the covariance goes on. */
-KERNEL axis_estimate_t estimate(kalman_t *k, const kalman_params_t *p, axis_measurement_t measured, bool lost,
-                                int32_t rate) {
+KERNEL axis_estimate_t estimate(plumb_kalman_t *k, const plumb_kalman_params_t *p,
+                                axis_measurement_t measured, bool lost, int32_t rate) {
     if (lost)
         measured.tilt_turn_q32 = kalman_predicted(k, p, rate);
     return axis_filter(k, p, measured, rate, rate);
@@ -72,32 +72,32 @@ __attribute__((noinline)) static int32_t direction(int32_t y, int32_t x) {
     return angle_atan2(y, x);
 }
 
-void phone_step(phone_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
-                int32_t setpoint_turn_q32) {
-    phone_words_t *w = &c->words;
+void plumb_phone_step(plumb_phone_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
+                      int32_t setpoint_turn_q32) {
+    plumb_phone_words_t *w = &c->words;
     axis_record_raw(w->raw, raw);
     w->setpoint_turn_q32 = setpoint_turn_q32;
 
     uint32_t flags = 0;
-    const int32_t rate_x = calibration_apply(&p->gyro, raw[0], &flags, PHONE_FLAG_GYRO_CLAMPED);
-    const int32_t rate_y = calibration_apply(&p->gyro, raw[1], &flags, PHONE_FLAG_GYRO_CLAMPED);
-    const int32_t rate_z = calibration_apply(&p->gyro, raw[2], &flags, PHONE_FLAG_GYRO_CLAMPED);
-    const int32_t accel_x = calibration_apply(&p->accel, raw[3], &flags, PHONE_FLAG_ACCEL_CLAMPED);
-    const int32_t accel_y = calibration_apply(&p->accel, raw[4], &flags, PHONE_FLAG_ACCEL_CLAMPED);
-    const int32_t accel_z = calibration_apply(&p->accel, raw[5], &flags, PHONE_FLAG_ACCEL_CLAMPED);
+    const int32_t rate_x = calibration_apply(&p->gyro, raw[0], &flags, PLUMB_PHONE_FLAG_GYRO_CLAMPED);
+    const int32_t rate_y = calibration_apply(&p->gyro, raw[1], &flags, PLUMB_PHONE_FLAG_GYRO_CLAMPED);
+    const int32_t rate_z = calibration_apply(&p->gyro, raw[2], &flags, PLUMB_PHONE_FLAG_GYRO_CLAMPED);
+    const int32_t accel_x = calibration_apply(&p->accel, raw[3], &flags, PLUMB_PHONE_FLAG_ACCEL_CLAMPED);
+    const int32_t accel_y = calibration_apply(&p->accel, raw[4], &flags, PLUMB_PHONE_FLAG_ACCEL_CLAMPED);
+    const int32_t accel_z = calibration_apply(&p->accel, raw[5], &flags, PLUMB_PHONE_FLAG_ACCEL_CLAMPED);
     w->accel_x_g_q26 = accel_x;
     w->accel_y_g_q26 = accel_y;
     w->accel_z_g_q26 = accel_z;
 
     /* asin(x / |a|) is the direction of (length of y and z, x), which is as fine beside the vertical */
-    const uint32_t lateral_q25 = angle_length(accel_y, accel_z);
+    const uint32_t lateral_q25 = plumb_angle_length(accel_y, accel_z);
     w->pitch_measured_turn_q32 = direction(-asr32(accel_x, 1), (int32_t)lateral_q25);
     w->roll_measured_turn_q32 = direction(accel_y, accel_z);
     const bool roll_lost = lateral_q25 < SINGULAR_G_Q25;
     const bool pitch_lost = roll_lost && abs_u32(accel_x) < SINGULAR_G_Q26;
     w->uncorrected_steps += roll_lost;
-    flags |=
-        (roll_lost ? PHONE_FLAG_ROLL_UNCORRECTED : 0U) | (pitch_lost ? PHONE_FLAG_PITCH_UNCORRECTED : 0U);
+    flags |= (roll_lost ? PLUMB_PHONE_FLAG_ROLL_UNCORRECTED : 0U) |
+             (pitch_lost ? PLUMB_PHONE_FLAG_PITCH_UNCORRECTED : 0U);
 
     const uint32_t step = w->step + 1U;
     const int32_t x = axis_driving_rate(&p->kalman, step == 1U, rate_x, w->rate_x_turnps_q28);
@@ -107,7 +107,7 @@ void phone_step(phone_t *c, const control_params_t *p, const int16_t raw[CONTROL
     w->rate_x_turnps_q28 = rate_x;
     w->rate_y_turnps_q28 = rate_y;
     w->rate_z_turnps_q28 = rate_z;
-    if (p->phone.rates == PHONE_EULER_RATES) {
+    if (p->phone.rates == PLUMB_PHONE_EULER_RATES) {
         if (!roll_lost)
             change_sides(w);
         euler_rates(w, x, y, z, roll_lost);
@@ -117,13 +117,13 @@ void phone_step(phone_t *c, const control_params_t *p, const int16_t raw[CONTROL
     }
     if (abs_u32(w->pitch_rate_turnps_q28) >= RATE_LIMIT_Q28 ||
         abs_u32(w->roll_rate_turnps_q28) >= RATE_LIMIT_Q28)
-        flags |= PHONE_FLAG_GYRO_CLAMPED;
-    w->clamped_steps += (flags & PHONE_FLAGS_SATURATED) != 0U;
+        flags |= PLUMB_PHONE_FLAG_GYRO_CLAMPED;
+    w->clamped_steps += (flags & PLUMB_PHONE_FLAGS_SATURATED) != 0U;
     w->flags = flags;
 
     w->pitch_variance = pitch_lost ? p->tilt.r_max : p->tilt.r_base;
     w->roll_variance = roll_lost ? p->roll.r_max : p->roll.r_base;
-    const kalman_params_t roll_kalman = roll_filter(p);
+    const plumb_kalman_params_t roll_kalman = roll_filter(p);
     const axis_measurement_t pitch_measured = {w->pitch_measured_turn_q32, w->pitch_variance};
     const axis_measurement_t roll_measured = {w->roll_measured_turn_q32, w->roll_variance};
     const axis_estimate_t pitch =
@@ -138,10 +138,11 @@ void phone_step(phone_t *c, const control_params_t *p, const int16_t raw[CONTROL
     w->roll_rate_corrected_turnps_q28 = roll.rate_corrected_turnps_q28;
 }
 
-bool phone_params_valid(const control_params_t *p) {
-    const kalman_params_t roll_kalman = roll_filter(p);
-    return calibration_valid(&p->gyro) && calibration_valid(&p->accel) && tilt_valid(&p->tilt) &&
-           kalman_valid(&p->kalman, &p->start) && p->phone.rates <= PHONE_EULER_RATES &&
-           p->roll.r_base >= 1U && p->roll.r_base <= p->roll.r_max && p->roll.r_max <= KALMAN_R_MAX &&
-           kalman_valid(&roll_kalman, &p->roll.start);
+bool plumb_phone_params_valid(const plumb_params_t *p) {
+    const plumb_kalman_params_t roll_kalman = roll_filter(p);
+    return plumb_calibration_valid(&p->gyro) && plumb_calibration_valid(&p->accel) &&
+           plumb_tilt_valid(&p->tilt) && plumb_kalman_valid(&p->kalman, &p->start) &&
+           p->phone.rates <= PLUMB_PHONE_EULER_RATES && p->roll.r_base >= 1U &&
+           p->roll.r_base <= p->roll.r_max && p->roll.r_max <= PLUMB_KALMAN_R_MAX &&
+           plumb_kalman_valid(&roll_kalman, &p->roll.start);
 }

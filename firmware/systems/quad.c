@@ -1,14 +1,15 @@
-#include "quad.h"
+#include "plumb/quad.h"
 #include "core/axis.h"
 #include "core/esc.h"
+#include "core/pid.h"
 
-void quad_init(quad_t *c, const control_params_t *p) {
-    *c = (quad_t){0};
-    kalman_init(&c->words.kalman, &p->start);
-    pid_init(&c->words.pid);
+void plumb_quad_init(plumb_quad_t *c, const plumb_params_t *p) {
+    *c = (plumb_quad_t){0};
+    plumb_kalman_init(&c->words.kalman, &p->start);
+    plumb_pid_init(&c->words.pid);
 }
 
-static inline void pulses(uint32_t pulse_halfus[2], const esc_params_t *p, int32_t command_q22) {
+static inline void pulses(uint32_t pulse_halfus[2], const plumb_esc_params_t *p, int32_t command_q22) {
     int32_t mid = p->mid_halfus, low = p->min_halfus, high = p->max_halfus, span = p->span_halfus;
     LOADED4(mid, low, high, span);
     const int32_t thrust = asr32(asr32(command_q22, 6) * span + (1 << 15), 16);
@@ -18,16 +19,16 @@ static inline void pulses(uint32_t pulse_halfus[2], const esc_params_t *p, int32
     pulse_halfus[1] = (uint32_t)second;
 }
 
-void quad_step(quad_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
-               int32_t setpoint_turn_q32) {
-    quad_words_t *w = &c->words;
+void plumb_quad_step(plumb_quad_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
+                     int32_t setpoint_turn_q32) {
+    plumb_quad_words_t *w = &c->words;
     axis_record_raw(w->raw, raw);
     w->setpoint_turn_q32 = setpoint_turn_q32;
 
     uint32_t flags = 0;
-    const int32_t rate = calibration_apply(&p->gyro, raw[0], &flags, QUAD_FLAG_GYRO_CLAMPED);
-    const int32_t accel_y = calibration_apply(&p->accel, raw[1], &flags, QUAD_FLAG_ACCEL_Y_CLAMPED);
-    const int32_t accel_z = calibration_apply(&p->accel_up, raw[2], &flags, QUAD_FLAG_ACCEL_Z_CLAMPED);
+    const int32_t rate = calibration_apply(&p->gyro, raw[0], &flags, PLUMB_QUAD_FLAG_GYRO_CLAMPED);
+    const int32_t accel_y = calibration_apply(&p->accel, raw[1], &flags, PLUMB_QUAD_FLAG_ACCEL_Y_CLAMPED);
+    const int32_t accel_z = calibration_apply(&p->accel_up, raw[2], &flags, PLUMB_QUAD_FLAG_ACCEL_Z_CLAMPED);
     const int32_t driving = axis_driving_rate(&p->kalman, w->step == 0U, rate, w->rate_turnps_q28);
     w->step++;
     w->rate_turnps_q28 = rate;
@@ -48,18 +49,18 @@ void quad_step(quad_t *c, const control_params_t *p, const int16_t raw[CONTROL_R
 
     pid_step(&w->pid, &p->pid, error, now.rate_corrected_turnps_q28);
     pulses(w->pulse_halfus, &p->esc, w->pid.command_q22);
-    w->flags = flags | (w->pid.excess_q22 != 0 ? QUAD_FLAG_COMMAND_LIMITED : 0U);
+    w->flags = flags | (w->pid.excess_q22 != 0 ? PLUMB_QUAD_FLAG_COMMAND_LIMITED : 0U);
 }
 
-bool quad_params_valid(const control_params_t *p) {
-    return calibration_valid(&p->gyro) && calibration_valid(&p->accel) && calibration_valid(&p->accel_up) &&
-           tilt_valid(&p->tilt) && kalman_valid(&p->kalman, &p->start) && pid_valid(&p->pid) &&
-           esc_valid(&p->esc);
+bool plumb_quad_params_valid(const plumb_params_t *p) {
+    return plumb_calibration_valid(&p->gyro) && plumb_calibration_valid(&p->accel) &&
+           plumb_calibration_valid(&p->accel_up) && plumb_tilt_valid(&p->tilt) &&
+           plumb_kalman_valid(&p->kalman, &p->start) && plumb_pid_valid(&p->pid) && plumb_esc_valid(&p->esc);
 }
 
 /* An axis on a pivot: vibration and bursts of 0.3 g, no free fall. Armed near level. */
-const plausibility_bounds_t quad_plausibility = {
-    PLAUSIBILITY_PLACES(quad_words_t, setpoint_turn_q32, accel_y_g_q26, accel_z_g_q26),
+const plumb_plausibility_bounds_t plumb_quad_plausibility = {
+    PLUMB_PLAUSIBILITY_PLACES(plumb_quad_words_t, setpoint_turn_q32, accel_y_g_q26, accel_z_g_q26),
     .accel_min_g2_q20 = 377487U,  /* 0.6 g */
     .accel_max_g2_q20 = 2055209U, /* 1.4 g */
     .rest_min_g2_q20 = 849347U,   /* 0.9 g */

@@ -8,23 +8,23 @@
 set(PLUMB_SYSTEMS "" CACHE STRING "Systems to build, by name; empty: all there are")
 set(PLUMB_SYSTEM_PATH "$ENV{PLUMB_SYSTEM_PATH}" CACHE STRING "Folders that hold folders of further systems")
 
-set(committed ${CMAKE_SOURCE_DIR}/firmware)
-file(GLOB found RELATIVE ${CMAKE_SOURCE_DIR}/host/plumb/systems CONFIGURE_DEPENDS
-     ${CMAKE_SOURCE_DIR}/host/plumb/systems/*/system.toml)
+set(committed ${PROJECT_SOURCE_DIR}/firmware)
+file(GLOB found RELATIVE ${PROJECT_SOURCE_DIR}/host/plumb/systems CONFIGURE_DEPENDS
+     ${PROJECT_SOURCE_DIR}/host/plumb/systems/*/system.toml)
 list(TRANSFORM found REPLACE "/system.toml$" "")
 list(SORT found)
 include(${committed}/generated/systems.cmake)
 if(PLUMB_SYSTEMS STREQUAL "" AND PLUMB_SYSTEM_PATH STREQUAL "" AND found STREQUAL PLUMB_DECLARED)
     set(GENERATED_INCLUDE ${committed})
 else()
-    set(GENERATED_INCLUDE ${CMAKE_BINARY_DIR}/systems)
-    set(python ${CMAKE_SOURCE_DIR}/.venv/bin/python)
+    set(GENERATED_INCLUDE ${PROJECT_BINARY_DIR}/systems)
+    set(python ${PROJECT_SOURCE_DIR}/.venv/bin/python)
     if(NOT EXISTS ${python})
         find_package(Python3 3.11 REQUIRED COMPONENTS Interpreter)
         set(python ${Python3_EXECUTABLE})
     endif()
-    file(GLOB_RECURSE declarations CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/host/plumb/*.toml ${CMAKE_SOURCE_DIR}/host/plumb/*.dbc
-         ${CMAKE_SOURCE_DIR}/tools/gen*.py)
+    file(GLOB_RECURSE declarations CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/host/plumb/*.toml ${PROJECT_SOURCE_DIR}/host/plumb/*.dbc
+         ${PROJECT_SOURCE_DIR}/tools/gen*.py)
     foreach(folder ${PLUMB_SYSTEM_PATH})
         file(GLOB further CONFIGURE_DEPENDS ${folder}/*/system.toml)
         list(APPEND declarations ${further})
@@ -32,7 +32,7 @@ else()
     set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${declarations})
     string(REPLACE ";" ":" path "${PLUMB_SYSTEM_PATH}")
     execute_process(COMMAND ${CMAKE_COMMAND} -E env PLUMB_SYSTEM_PATH=${path}
-                            ${python} ${CMAKE_SOURCE_DIR}/tools/generate.py --out ${GENERATED_INCLUDE} "--systems=${PLUMB_SYSTEMS}"
+                            ${python} ${PROJECT_SOURCE_DIR}/tools/generate.py --out ${GENERATED_INCLUDE} "--systems=${PLUMB_SYSTEMS}"
                     RESULT_VARIABLE failed ERROR_VARIABLE why)
     if(failed)
         message(FATAL_ERROR "${why}")

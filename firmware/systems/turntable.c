@@ -1,4 +1,5 @@
-#include "turntable.h"
+#include "plumb/turntable.h"
+#include "core/fusion.h"
 
 #define RATE_MAX            1879048192      /* 7 turn/s Q28 */
 #define INCREMENT_MAX       ((1 << 30) - 1) /* Q34: 1/16 turn/s per step */
@@ -24,13 +25,13 @@ typedef struct {
     int64_t turn_angular_q60[3]; /* of the angular accelerometer's attitude, or of both */
 } turntable_step_t;
 
-void turntable_init(turntable_t *c, const control_params_t *p) {
-    const fusion_params_t *f = &p->fusion;
-    turntable_words_t *w = &c->words;
-    *c = (turntable_t){0};
-    prefilter_init(&w->gyro);
-    prefilter_init(&w->angular);
-    w->attitude.w = w->attitude_angular.w = QUATERNION_ONE;
+void plumb_turntable_init(plumb_turntable_t *c, const plumb_params_t *p) {
+    const plumb_fusion_params_t *f = &p->fusion;
+    plumb_turntable_words_t *w = &c->words;
+    *c = (plumb_turntable_t){0};
+    plumb_prefilter_init(&w->gyro);
+    plumb_prefilter_init(&w->angular);
+    w->attitude.w = w->attitude_angular.w = PLUMB_QUATERNION_ONE;
     w->gyro_age_step_q24 = f->gyro_age_step_q24;
     w->covariance_q64[FUSION_CELL(FUSION_GYRO_BIAS, FUSION_GYRO_BIAS)] = (int64_t)f->p_gyro_bias_q40 << 24;
     w->covariance_q64[FUSION_CELL(FUSION_ANGULAR_BIAS, FUSION_ANGULAR_BIAS)] = (int64_t)f->p_angular_bias_q52
@@ -42,45 +43,45 @@ void turntable_init(turntable_t *c, const control_params_t *p) {
     }
 }
 
-bool turntable_params_valid(const control_params_t *p) {
-    return calibration_valid(&p->gyro) && calibration_valid(&p->angular) &&
-           prefilter_valid(&p->gyro_filter) && prefilter_valid(&p->angular_filter) &&
-           fusion_valid(&p->fusion);
+bool plumb_turntable_params_valid(const plumb_params_t *p) {
+    return plumb_calibration_valid(&p->gyro) && plumb_calibration_valid(&p->angular) &&
+           plumb_prefilter_valid(&p->gyro_filter) && plumb_prefilter_valid(&p->angular_filter) &&
+           plumb_fusion_valid(&p->fusion);
 }
 
 /* Counts -> rate and angular acceleration, and when the gyro's sample was taken. */
-static void prefilter_sensors(turntable_words_t *w, const control_params_t *p, turntable_step_t *s) {
+static void prefilter_sensors(plumb_turntable_words_t *w, const plumb_params_t *p, turntable_step_t *s) {
     const uint32_t stale = p->fusion.gyro_period_step_q24 >> 22;
     const bool away = w->gyro.gap_steps > stale; /* so its next sample is the first of a new beginning */
     const uint32_t gyro =
-        prefilter_step(&w->gyro, &p->gyro_filter, &p->gyro, w->raw, stale, w->rate_turnps_q28);
-    const uint32_t angular = prefilter_step(&w->angular, &p->angular_filter, &p->angular, w->raw + 3,
-                                            ANGULAR_STALE, w->acceleration_turnps2_q28);
+        plumb_prefilter_step(&w->gyro, &p->gyro_filter, &p->gyro, w->raw, stale, w->rate_turnps_q28);
+    const uint32_t angular = plumb_prefilter_step(&w->angular, &p->angular_filter, &p->angular, w->raw + 3,
+                                                  ANGULAR_STALE, w->acceleration_turnps2_q28);
     const uint32_t period = p->fusion.gyro_period_step_q24;
     uint32_t age = w->gyro_age_step_q24 + STEP_Q24;
     if (age >= period)
         age -= period;
     /* a sample came in the first step after it: so clocks may drift, and begin anywhere */
-    if ((gyro & PREFILTER_SAMPLE) != 0U && age >= STEP_Q24)
+    if ((gyro & PLUMB_PREFILTER_SAMPLE) != 0U && age >= STEP_Q24)
         age = age < period / 2U ? STEP_Q24 - 1U : 0U;
     w->gyro_age_step_q24 = age;
-    s->gyro = (gyro & PREFILTER_SAMPLE) != 0U;
-    s->angular = (angular & PREFILTER_SAMPLE) != 0U;
+    s->gyro = (gyro & PLUMB_PREFILTER_SAMPLE) != 0U;
+    s->angular = (angular & PLUMB_PREFILTER_SAMPLE) != 0U;
     s->gyro_lost = w->gyro.gap_steps > stale;
-    s->two_attitudes = p->fusion.layer == FUSION_ATTITUDE && !s->rest && !s->gyro_lost && !away;
+    s->two_attitudes = p->fusion.layer == PLUMB_FUSION_ATTITUDE && !s->rest && !s->gyro_lost && !away;
     s->age_q24 = age < STEP_Q24 ? (int32_t)age : 0;
     /* the flags of the two sensors stand side by side */
-    w->flags = gyro | angular << 1 | (s->rest ? TURNTABLE_FLAG_REST : 0U) |
-               (s->gyro_lost ? TURNTABLE_FLAG_GYRO_LOST : 0U);
-    w->clamped_steps += (w->flags & TURNTABLE_FLAGS_SATURATED) != 0U;
+    w->flags = gyro | angular << 1 | (s->rest ? PLUMB_TURNTABLE_FLAG_REST : 0U) |
+               (s->gyro_lost ? PLUMB_TURNTABLE_FLAG_GYRO_LOST : 0U);
+    w->clamped_steps += (w->flags & PLUMB_TURNTABLE_FLAGS_SATURATED) != 0U;
 }
 
 /* By how much the rate of one axis grows in this step, turn/s Q34: the mean of this sample and the one
  * before (twice_q28 is their sum), less its bias, rid of its share of the difference in scale; without a
  * sample the slope of the gyro. */
-static int32_t increment(const turntable_words_t *w, const control_params_t *p, const turntable_step_t *s,
+static int32_t increment(const plumb_turntable_words_t *w, const plumb_params_t *p, const turntable_step_t *s,
                          unsigned i, int64_t twice_q28) {
-    const fusion_params_t *f = &p->fusion;
+    const plumb_fusion_params_t *f = &p->fusion;
     int64_t sum = 0;
     if (s->angular) {
         const int32_t excess_q30 = add_scaled(0, (1 << 30) - f->share_q30, w->scale_q30[i], 30);
@@ -95,7 +96,7 @@ static int32_t increment(const turntable_words_t *w, const control_params_t *p, 
 
 /* The rate of every axis through the step, and what the gyro should see of it at its sample's instant:
  * between two steps everything is interpolated along a straight line. */
-static void propagate_rate(turntable_words_t *w, const control_params_t *p, turntable_step_t *s,
+static void propagate_rate(plumb_turntable_words_t *w, const plumb_params_t *p, turntable_step_t *s,
                            const int32_t before_q28[3], bool adjacent) {
     for (unsigned i = 0; i < 3U; i++) {
         const int32_t now_q28 = w->acceleration_turnps2_q28[i];
@@ -115,8 +116,8 @@ static void propagate_rate(turntable_words_t *w, const control_params_t *p, turn
     }
 }
 
-static void predict(turntable_words_t *w, const control_params_t *p, const turntable_step_t *s) {
-    const fusion_params_t *f = &p->fusion;
+static void predict(plumb_turntable_words_t *w, const plumb_params_t *p, const turntable_step_t *s) {
+    const plumb_fusion_params_t *f = &p->fusion;
     const fusion_predict_t step = {
         .angular = s->angular,
         .difference = s->two_attitudes,
@@ -125,13 +126,13 @@ static void predict(turntable_words_t *w, const control_params_t *p, const turnt
         .gyro_bias_q64 = (uint64_t)f->q_gyro_bias_q60 << 4,
         .angular_bias_q64 = f->q_angular_bias_q64,
     };
-    fusion_predict(w->covariance_q64, &step, f->dt_s_q32);
-    if (s->rest || f->layer == FUSION_ATTITUDE)
+    plumb_fusion_predict(w->covariance_q64, &step, f->dt_s_q32);
+    if (s->rest || f->layer == PLUMB_FUSION_ATTITUDE)
         return;
     for (unsigned i = 0; i < 3U; i++) {
         const int32_t drive = add_scaled(0, (1 << 30) - f->share_q30, w->increment_turnps_q34[i], 36);
-        fusion_parameter_predict(&w->scale[i], s->angular, s->angular ? drive : 0, f->dt_s_q32);
-        fusion_parameter_predict(&w->lag[i], s->angular, 0, f->dt_s_q32);
+        plumb_fusion_parameter_predict(&w->scale[i], s->angular, s->angular ? drive : 0, f->dt_s_q32);
+        plumb_fusion_parameter_predict(&w->lag[i], s->angular, 0, f->dt_s_q32);
     }
 }
 
@@ -141,7 +142,7 @@ KERNEL void correct_one(int32_t *x, int32_t gain_q28, int32_t innovation_q28, un
 }
 
 /* Rate and biases of one axis after a measurement. */
-static void correct(turntable_words_t *w, unsigned i, const int32_t gain_q28[FUSION_ROWS],
+static void correct(plumb_turntable_words_t *w, unsigned i, const int32_t gain_q28[FUSION_ROWS],
                     int32_t innovation_q28) {
     correct_one(&w->rate_fused_turnps_q28[i], gain_q28[FUSION_RATE], innovation_q28, 28, RATE_MAX);
     correct_one(&w->bias_gyro_turnps_q34[i], gain_q28[FUSION_GYRO_BIAS], innovation_q28, 22, BIAS_MAX);
@@ -154,7 +155,7 @@ static int64_t correction_q60(int32_t gain_q28, int32_t innovation_q28) {
 }
 
 /* The two attitudes are one. */
-static void merge_attitudes(turntable_words_t *w) {
+static void merge_attitudes(plumb_turntable_words_t *w) {
     w->attitude_angular = w->attitude;
     for (unsigned j = 0; j < FUSION_STATES; j++)
         w->covariance_q64[FUSION_CELL(FUSION_DIFFERENCE, j)] = 0;
@@ -162,11 +163,11 @@ static void merge_attitudes(turntable_words_t *w) {
 }
 
 /* At rest the rate is zero, whatever the sensors say: what they say is bias. */
-static void update_zero_rate(turntable_words_t *w) {
+static void update_zero_rate(plumb_turntable_words_t *w) {
     int64_t *p = w->covariance_q64, u[FUSION_ROWS];
     int32_t gain[FUSION_ROWS];
-    fusion_gains(u, fusion_project_state(p, FUSION_RATE, u) + STILL_Q64, gain);
-    fusion_update(p, gain, u);
+    plumb_fusion_gains(u, plumb_fusion_project_state(p, FUSION_RATE, u) + STILL_Q64, gain);
+    plumb_fusion_update(p, gain, u);
     for (unsigned i = 0; i < 3U; i++)
         correct(w, i, gain, -w->rate_fused_turnps_q28[i]);
     merge_attitudes(w);
@@ -176,31 +177,31 @@ static void update_zero_rate(turntable_words_t *w) {
 
 /* Second stage of one axis: scale and lag out of the innovation, and their part in the gains of the states.
  */
-static void learn(turntable_words_t *w, const fusion_params_t *f, const turntable_step_t *s, unsigned i,
-                  int64_t s_q64, int32_t gain[FUSION_ROWS]) {
+static void learn(plumb_turntable_words_t *w, const plumb_fusion_params_t *f, const turntable_step_t *s,
+                  unsigned i, int64_t s_q64, int32_t gain[FUSION_ROWS]) {
     const int32_t rate = s->expected_q28[i];
-    const int32_t scale = fusion_parameter_project(
+    const int32_t scale = plumb_fusion_parameter_project(
         &w->scale[i], s->age_q24, add_scaled(0, f->share_q30, rate, 30), SCALE_PROJECTED_MAX);
-    const int32_t lag =
-        fusion_parameter_project(&w->lag[i], s->age_q24, -asr32(s->lagged_q34[i], 6), LAG_PROJECTED_MAX);
-    fusion_parameter_update(&w->scale[i], gain, scale);
-    fusion_parameter_update(&w->lag[i], gain, lag);
+    const int32_t lag = plumb_fusion_parameter_project(&w->lag[i], s->age_q24, -asr32(s->lagged_q34[i], 6),
+                                                       LAG_PROJECTED_MAX);
+    plumb_fusion_parameter_update(&w->scale[i], gain, scale);
+    plumb_fusion_parameter_update(&w->lag[i], gain, lag);
     if (!s->angular || s->shock)
         return;
     const int32_t innovation = w->innovation_turnps_q28[i];
-    const int64_t scale_q60 = fusion_parameter_cross(&w->scale[i], scale);
-    const int64_t lag_q60 = fusion_parameter_cross(&w->lag[i], lag);
+    const int64_t scale_q60 = plumb_fusion_parameter_cross(&w->scale[i], scale);
+    const int64_t lag_q60 = plumb_fusion_parameter_cross(&w->lag[i], lag);
     const fusion_inverse_t all =
-        fusion_inverse(s_q64 + 16 * mul_shift(scale_q60, scale, 28) + 16 * mul_shift(lag_q60, lag, 28));
-    const int32_t scale_gain = fusion_parameter_learn(&w->scale[i], scale_q60, all, gain);
-    const int32_t lag_gain = fusion_parameter_learn(&w->lag[i], lag_q60, all, gain);
+        plumb_fusion_inverse(s_q64 + 16 * mul_shift(scale_q60, scale, 28) + 16 * mul_shift(lag_q60, lag, 28));
+    const int32_t scale_gain = plumb_fusion_parameter_learn(&w->scale[i], scale_q60, all, gain);
+    const int32_t lag_gain = plumb_fusion_parameter_learn(&w->lag[i], lag_q60, all, gain);
     correct_one(&w->scale_q30[i], scale_gain, innovation, 18, SCALE_MAX);
     correct_one(&w->lag_step_q24[i], lag_gain, innovation, 24, LAG_MAX);
     w->lag_step_q24[i] = max_i32(w->lag_step_q24[i], 0);
 }
 
 /* Data layer: the gyro's sample against the rate that is expected of it. */
-static void compare_rates(turntable_words_t *w, const fusion_params_t *f, turntable_step_t *s) {
+static void compare_rates(plumb_turntable_words_t *w, const plumb_fusion_params_t *f, turntable_step_t *s) {
     int64_t *p = w->covariance_q64, u[FUSION_ROWS], largest_q64 = 0;
     for (unsigned i = 0; i < 3U; i++) {
         const int32_t rate = s->expected_q28[i];
@@ -215,31 +216,31 @@ static void compare_rates(turntable_words_t *w, const fusion_params_t *f, turnta
         largest_q64 = square_q64 > largest_q64 ? square_q64 : largest_q64;
     }
     const int64_t r_q64 = (int64_t)f->r_gyro_q44 << 20;
-    int64_t s_q64 = fusion_project_rate(p, s->age_q24, u) + r_q64;
+    int64_t s_q64 = plumb_fusion_project_rate(p, s->age_q24, u) + r_q64;
     s->shock =
         asr64(largest_q64, 5) > s_q64; /* 5.7 sigma: a rate that the angular accelerometer did not see */
     if (s->shock) {
-        w->flags |= TURNTABLE_FLAG_SHOCK;
+        w->flags |= PLUMB_TURNTABLE_FLAG_SHOCK;
         p[FUSION_CELL(FUSION_RATE, FUSION_RATE)] += largest_q64;
-        s_q64 = fusion_project_rate(p, s->age_q24, u) + r_q64;
+        s_q64 = plumb_fusion_project_rate(p, s->age_q24, u) + r_q64;
     }
     int32_t first[FUSION_ROWS];
-    fusion_gains(u, s_q64, first);
-    fusion_update(p, first, u);
+    plumb_fusion_gains(u, s_q64, first);
+    plumb_fusion_update(p, first, u);
     for (unsigned i = 0; i < 3U; i++) {
         int32_t gain[FUSION_ROWS] = {first[0], first[1], first[2], first[3], first[4]};
         if ((w->gyro.spikes >> i & 1U) != 0U)
             continue;
-        if (!s->rest && f->layer != FUSION_ATTITUDE)
+        if (!s->rest && f->layer != PLUMB_FUSION_ATTITUDE)
             learn(w, f, s, i, s_q64, gain);
         correct(w, i, gain, w->innovation_turnps_q28[i]);
-        if (f->layer == FUSION_DATA)
+        if (f->layer == PLUMB_FUSION_DATA)
             s->turn_q60[i] += correction_q60(gain[FUSION_ANGLE], w->innovation_turnps_q28[i]);
     }
 }
 
 /* The rate of the step as the gyro's sample has it, which is a little older. */
-static int32_t sampled(const turntable_words_t *w, const turntable_step_t *s, unsigned i) {
+static int32_t sampled(const plumb_turntable_words_t *w, const turntable_step_t *s, unsigned i) {
     const int64_t ahead_q28 = (int64_t)w->rate_fused_turnps_q28[i] - s->expected_q28[i];
     const int64_t sample_q28 = ahead_q28 + w->rate_turnps_q28[i] - asr32(w->bias_gyro_turnps_q34[i] + 32, 6);
     return (int32_t)within_i64(sample_q28, RATE_MAX);
@@ -247,7 +248,7 @@ static int32_t sampled(const turntable_words_t *w, const turntable_step_t *s, un
 
 /* Attitude layer: the gyro's own rate, aligned to the steps along the angular acceleration; where a sample
  * says otherwise, half of the surprise is made up for, as a trapezium would. */
-static void align_gyro(turntable_words_t *w, const fusion_params_t *f, turntable_step_t *s) {
+static void align_gyro(plumb_turntable_words_t *w, const plumb_fusion_params_t *f, turntable_step_t *s) {
     const int32_t period_s_q32 = add_scaled(0, f->dt_s_q32, (int32_t)f->gyro_period_step_q24, 24);
     for (unsigned i = 0; i < 3U; i++) {
         const int32_t grown = w->increment_turnps_q34[i], rate = w->rate_corrected_turnps_q28[i];
@@ -264,7 +265,7 @@ static void align_gyro(turntable_words_t *w, const fusion_params_t *f, turntable
 }
 
 /* Attitude layer: the difference of the two attitudes corrects both. */
-static void compare_attitudes(turntable_words_t *w, const fusion_params_t *f) {
+static void compare_attitudes(plumb_turntable_words_t *w, const plumb_fusion_params_t *f) {
     int64_t *p = w->covariance_q64, u[FUSION_ROWS], turn_q60[3], turn_angular_q60[3];
     int32_t gain[FUSION_ROWS], difference_turn_q32[3];
     /* what the gyro's noise has added since its last sample: (noise of a sample * samples' distance)^2 */
@@ -273,9 +274,9 @@ static void compare_attitudes(turntable_words_t *w, const fusion_params_t *f) {
         mul_shift(mul_shift((int64_t)f->r_gyro_q44 << 20, period_q24, 24), period_q24, 24);
     p[FUSION_CELL(FUSION_DIFFERENCE, FUSION_DIFFERENCE)] += walk_q64;
     p[FUSION_CELL(FUSION_ANGLE, FUSION_DIFFERENCE)] -= mul_shift(walk_q64, f->dt_s_q32, 32);
-    fusion_gains(u, fusion_project_state(p, FUSION_DIFFERENCE, u) + STILL_Q64, gain);
-    fusion_update(p, gain, u);
-    quaternion_difference(&w->attitude_angular, &w->attitude, difference_turn_q32);
+    plumb_fusion_gains(u, plumb_fusion_project_state(p, FUSION_DIFFERENCE, u) + STILL_Q64, gain);
+    plumb_fusion_update(p, gain, u);
+    plumb_quaternion_difference(&w->attitude_angular, &w->attitude, difference_turn_q32);
     for (unsigned i = 0; i < 3U; i++) {
         const int32_t difference = add_scaled(0, difference_turn_q32[i], f->step_hz_q16, 20);
         const int32_t innovation = clamp_i32(difference, -INNOVATION_MAX, INNOVATION_MAX);
@@ -286,38 +287,39 @@ static void compare_attitudes(turntable_words_t *w, const fusion_params_t *f) {
         turn_angular_q60[i] =
             turn_q60[i] + mul_i64(add_scaled(0, gain[FUSION_DIFFERENCE], innovation, 28), f->dt_s_q32);
     }
-    quaternion_rotate(&w->attitude, turn_q60);
-    quaternion_rotate(&w->attitude_angular, turn_angular_q60);
+    plumb_quaternion_rotate(&w->attitude, turn_q60);
+    plumb_quaternion_rotate(&w->attitude_angular, turn_angular_q60);
 }
 
 /* Both attitudes through the step. */
-static void propagate_attitude(turntable_words_t *w, const fusion_params_t *f, turntable_step_t *s) {
+static void propagate_attitude(plumb_turntable_words_t *w, const plumb_fusion_params_t *f,
+                               turntable_step_t *s) {
     if (s->two_attitudes) {
         align_gyro(w, f, s);
-        quaternion_rotate(&w->attitude_angular, s->turn_angular_q60);
-        quaternion_rotate(&w->attitude, s->turn_q60);
+        plumb_quaternion_rotate(&w->attitude_angular, s->turn_angular_q60);
+        plumb_quaternion_rotate(&w->attitude, s->turn_q60);
         if (s->gyro)
             compare_attitudes(w, f);
         return;
     }
     /* a gyro that is just back begins anew, with its own sample and with the other one's attitude */
-    const bool back = f->layer == FUSION_ATTITUDE && !s->rest && s->gyro;
+    const bool back = f->layer == PLUMB_FUSION_ATTITUDE && !s->rest && s->gyro;
     for (unsigned i = 0; i < 3U; i++)
         w->rate_corrected_turnps_q28[i] = back ? sampled(w, s, i) : w->rate_fused_turnps_q28[i];
     if (!s->rest)
-        quaternion_rotate(&w->attitude, s->turn_q60);
-    if (f->layer == FUSION_ATTITUDE)
+        plumb_quaternion_rotate(&w->attitude, s->turn_q60);
+    if (f->layer == PLUMB_FUSION_ATTITUDE)
         merge_attitudes(w);
 }
 
-void turntable_step(turntable_t *c, const control_params_t *p, const int16_t raw[CONTROL_RAW_MAX],
-                    int32_t setpoint) {
-    turntable_words_t *w = &c->words;
+void plumb_turntable_step(plumb_turntable_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
+                          int32_t setpoint) {
+    plumb_turntable_words_t *w = &c->words;
     const int32_t before_q28[3] = {w->acceleration_turnps2_q28[0], w->acceleration_turnps2_q28[1],
                                    w->acceleration_turnps2_q28[2]};
     const bool adjacent = w->angular.gap_steps == 0U;
     w->step++;
-    for (unsigned i = 0; i < CONTROL_RAW_MAX; i++)
+    for (unsigned i = 0; i < PLUMB_RAW_MAX; i++)
         w->raw[i] = raw[i];
     w->setpoint = setpoint;
     turntable_step_t s = {.rest = w->step <= p->fusion.rest_steps};
@@ -326,7 +328,7 @@ void turntable_step(turntable_t *c, const control_params_t *p, const int16_t raw
     predict(w, p, &s);
     if (s.rest)
         update_zero_rate(w);
-    if (s.gyro && (s.rest || p->fusion.layer != FUSION_ATTITUDE))
+    if (s.gyro && (s.rest || p->fusion.layer != PLUMB_FUSION_ATTITUDE))
         compare_rates(w, &p->fusion, &s);
     propagate_attitude(w, &p->fusion, &s);
 }

@@ -112,7 +112,7 @@ static void turn(study_t *s) {
     session_poll(&s->session, s->now_us);
     if (s->now_us - s->tick_us >= s->params.period_us) {
         /* Level and still, by the calibration of the default table. */
-        static const int16_t raw[CONTROL_RAW_MAX] = {1676, 2048, 3041};
+        static const int16_t raw[PLUMB_RAW_MAX] = {1676, 2048, 3041};
 
         s->tick_us = s->now_us;
         control_step(&s->control, &s->params.control, raw, session_setpoint(&s->session));

@@ -8,20 +8,20 @@
 #define ONE_LSB_R 4294967296.0 /* lsb in one unit of r */
 
 /* 50 Hz */
-static kalman_params_t params(void) {
-    return (kalman_params_t){.dt_s_q33 = 171798692,
-                             .qa_lo = 0,
-                             .bias_max_turn_q29 = 1 << 22,
-                             .rate_gain = 1677721600,
-                             .rate_shift = 6};
+static plumb_kalman_params_t params(void) {
+    return (plumb_kalman_params_t){.dt_s_q33 = 171798692,
+                                   .qa_lo = 0,
+                                   .bias_max_turn_q29 = 1 << 22,
+                                   .rate_gain = 1677721600,
+                                   .rate_shift = 6};
 }
 
 /* P = [[R, 0], [0, 0]], Q = 0: S = 2 R, K = [1/2, 0], and p00 becomes R/2. The tilt moves half of the way. */
 static void by_hand(void) {
-    const kalman_params_t p = params();
-    const kalman_start_t start = {.p00_hi = 1000};
-    kalman_t k;
-    kalman_init(&k, &start);
+    const plumb_kalman_params_t p = params();
+    const plumb_kalman_start_t start = {.p00_hi = 1000};
+    plumb_kalman_t k;
+    plumb_kalman_init(&k, &start);
     kalman_step(&k, &p, 1000, 1 << 30, 0); /* z a quarter turn */
     CHECK(k.innovation_turn_q32 == 1 << 30);
     CHECK(k.k0_q29 >= (1 << 28) - 2 && k.k0_q29 <= 1 << 28);
@@ -34,23 +34,23 @@ static void by_hand(void) {
 /* A rate of 1 turn/s for 50 steps of 20 ms is a turn: back to 0, against a measurement that is not believed.
  */
 static void integrates(void) {
-    const kalman_params_t p = params();
-    const kalman_start_t start = {.p00_hi = 0};
-    kalman_t k;
-    kalman_init(&k, &start);
+    const plumb_kalman_params_t p = params();
+    const plumb_kalman_start_t start = {.p00_hi = 0};
+    plumb_kalman_t k;
+    plumb_kalman_init(&k, &start);
     for (int i = 0; i < 50; i++)
-        kalman_step(&k, &p, KALMAN_R_MAX, 0, 1 << 28);
+        kalman_step(&k, &p, PLUMB_KALMAN_R_MAX, 0, 1 << 28);
     CHECK(kalman_tilt(&k) > -100 && kalman_tilt(&k) < 100);
-    kalman_step(&k, &p, KALMAN_R_MAX, 0, 1 << 28);
+    kalman_step(&k, &p, PLUMB_KALMAN_R_MAX, 0, 1 << 28);
     CHECK(kalman_tilt(&k) > 85899345 - 100 && kalman_tilt(&k) < 85899345 + 100); /* 1/50 turn */
 }
 
 /* From +170 to -170 degrees is 20 degrees forward. */
 static void innovation_wraps(void) {
-    const kalman_params_t p = params();
-    const kalman_start_t start = {.tilt_turn_q32 = 2028178654, .p00_hi = 1000}; /* 170 deg */
-    kalman_t k;
-    kalman_init(&k, &start);
+    const plumb_kalman_params_t p = params();
+    const plumb_kalman_start_t start = {.tilt_turn_q32 = 2028178654, .p00_hi = 1000}; /* 170 deg */
+    plumb_kalman_t k;
+    plumb_kalman_init(&k, &start);
     CHECK(kalman_tilt(&k) == 2028178654);
     kalman_step(&k, &p, 1000, -2028178654, 0);
     CHECK(k.innovation_turn_q32 == 238609988);
@@ -59,12 +59,12 @@ static void innovation_wraps(void) {
 
 /* Equations (1) to (5) in double, on the same integers, with a variance that jumps 1000:1. */
 static void equations(void) {
-    kalman_params_t p = params();
+    plumb_kalman_params_t p = params();
     p.qa_hi = 24; /* the shipped ratio of noises: R = 100000, Q = 24, 0.00128 per step */
     p.qb = 5497558;
-    const kalman_start_t start = {.p00_hi = 16000000, .p11_hi = 8000, .bias_lo = 0};
-    kalman_t k;
-    kalman_init(&k, &start);
+    const plumb_kalman_start_t start = {.p00_hi = 16000000, .p11_hi = 8000, .bias_lo = 0};
+    plumb_kalman_t k;
+    plumb_kalman_init(&k, &start);
     double tilt = 0, bias = 0, p00 = (double)k.p00, p01 = 0, p11 = (double)k.p11;
     double worst = 0;
     for (int i = 0; i < 200000; i++) {
@@ -102,14 +102,14 @@ static void equations(void) {
 
 /* Noise below 1 lsb per step is not lost: 1000 steps of 1/2 and 1/4 lsb, nothing measured. */
 static void fractions(void) {
-    kalman_params_t p = params();
-    const kalman_start_t start = {.p00_hi = 0};
-    kalman_t k;
+    plumb_kalman_params_t p = params();
+    const plumb_kalman_start_t start = {.p00_hi = 0};
+    plumb_kalman_t k;
     for (uint32_t shift = 1; shift <= 2; shift++) {
         p.qb_frac_q30 = 1U << (30U - shift);
-        kalman_init(&k, &start);
+        plumb_kalman_init(&k, &start);
         for (int i = 0; i < 1000; i++)
-            kalman_step(&k, &p, KALMAN_R_MAX, 0, 0);
+            kalman_step(&k, &p, PLUMB_KALMAN_R_MAX, 0, 0);
         CHECK(k.p11 == 1000 >> shift);
     }
 }
@@ -118,18 +118,18 @@ static void fractions(void) {
  * limit. */
 static void never(void) {
     for (int run = 0; run < 300; run++) {
-        kalman_params_t p = params();
+        plumb_kalman_params_t p = params();
         p.qa_hi = check_random() >> (8 + check_random() % 24U);
         p.qa_lo = check_random();
         p.qb = check_random() >> (check_random() % 32U);
         p.qb_frac_q30 = check_random() >> 2;
-        kalman_start_t s = {.p00_hi = check_random() >> (7 + check_random() % 25U),
-                            .p00_lo = check_random() >> 1,
-                            .p11_hi = check_random() >> (8 + check_random() % 24U)};
+        plumb_kalman_start_t s = {.p00_hi = check_random() >> (7 + check_random() % 25U),
+                                  .p00_lo = check_random() >> 1,
+                                  .p11_hi = check_random() >> (8 + check_random() % 24U)};
         s.p01_hi = -(int32_t)(s.p00_hi >> (1 + check_random() % 8U)) / 2;
-        CHECK(kalman_valid(&p, &s));
-        kalman_t k;
-        kalman_init(&k, &s);
+        CHECK(plumb_kalman_valid(&p, &s));
+        plumb_kalman_t k;
+        plumb_kalman_init(&k, &s);
         for (int i = 0; i < 500; i++) {
             const uint32_t r = 1U + (check_random() >> (8 + check_random() % 24U));
             kalman_step(&k, &p, r, check_random_wild(), check_random_wild());
@@ -146,31 +146,31 @@ static void never(void) {
 }
 
 static void refuses(void) {
-    const kalman_start_t start = {.p00_hi = 1 << 24, .p11_hi = 1};
-    kalman_params_t p = params();
-    CHECK(kalman_valid(&p, &start));
+    const plumb_kalman_start_t start = {.p00_hi = 1 << 24, .p11_hi = 1};
+    plumb_kalman_params_t p = params();
+    CHECK(plumb_kalman_valid(&p, &start));
     p.dt_s_q33 = 0;
-    CHECK(!kalman_valid(&p, &start));
+    CHECK(!plumb_kalman_valid(&p, &start));
     p = params();
     p.rate_shift = 17;
-    CHECK(!kalman_valid(&p, &start));
+    CHECK(!plumb_kalman_valid(&p, &start));
     p = params();
     p.bias_max_turn_q29 = 1 << 25;
-    CHECK(!kalman_valid(&p, &start)); /* more than 1 turn/s at 50 Hz */
+    CHECK(!plumb_kalman_valid(&p, &start)); /* more than 1 turn/s at 50 Hz */
     p = params();
     p.qa_hi = (1U << 24) + 1U;
-    CHECK(!kalman_valid(&p, &start));
+    CHECK(!plumb_kalman_valid(&p, &start));
     p = params();
-    kalman_start_t s = start;
+    plumb_kalman_start_t s = start;
     s.p01_hi = 1; /* positive, and Q cannot carry it */
-    CHECK(!kalman_valid(&p, &s));
+    CHECK(!plumb_kalman_valid(&p, &s));
     p.qa_hi = 3;
-    CHECK(!kalman_valid(&p, &s));
+    CHECK(!plumb_kalman_valid(&p, &s));
     p.qa_hi = 4;
-    CHECK(kalman_valid(&p, &s));
+    CHECK(plumb_kalman_valid(&p, &s));
     s = start;
     s.p00_hi = (1U << 25) + 1U;
-    CHECK(!kalman_valid(&p, &s));
+    CHECK(!plumb_kalman_valid(&p, &s));
 }
 
 int main(void) {

@@ -184,7 +184,7 @@ static void check_session(void) {
     session.routing.link[LINK_UART].greeted = true;
     for (unsigned n = 0; n < 200000; n++) {
         uint8_t bytes[SLCAN_FRAME_CHARS];
-        int16_t raw[CONTROL_RAW_MAX] = {0};
+        int16_t raw[PLUMB_RAW_MAX] = {0};
         int32_t setpoint = 0;
         can_frame_t f = random_frame();
         size_t count = sizeof bytes;

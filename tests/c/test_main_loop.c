@@ -227,7 +227,7 @@ static void lockstep_digests_are_the_core_s(uint32_t system) {
     begin(MESSAGE_RUN_BEGIN_RUN_LOCKSTEP);
     heard_count = 0;
     for (uint16_t step = 0; step < SAMPLES; step++) {
-        const int16_t raw[CONTROL_RAW_MAX] = {(int16_t)(1600 + step), 2048, 3000};
+        const int16_t raw[PLUMB_RAW_MAX] = {(int16_t)(1600 + step), 2048, 3000};
         can_frame_t f = {.id = MESSAGE_SAMPLE_A_ID, .dlc = CAN_FRAME_DLC};
         for (unsigned i = 0; i < 3U; i++) {
             f.data[2U + 2U * i] = (uint8_t)((uint16_t)raw[i] & 0xFFU);

@@ -6,29 +6,29 @@
 #define ONE      (1 << 22)
 #define NO_LIMIT (1 << 23)
 
-static pid_t started(void) {
-    pid_t c;
-    pid_init(&c);
+static plumb_pid_t started(void) {
+    plumb_pid_t c;
+    plumb_pid_init(&c);
     return c;
 }
 
 /* kp 2 per turn on 1/16 turn: 1/8. kd 1/4 per turn/s on 1/2 turn/s: -1/8, against the rate. ki dt 1/2 on
  * 1/16: 1/32. */
 static void terms(void) {
-    pid_params_t p = {.kp_q22 = 2 * ONE, .d_alpha_q31 = INT32_MAX, .slew_q22 = NO_LIMIT};
-    pid_t c = started();
+    plumb_pid_params_t p = {.kp_q22 = 2 * ONE, .d_alpha_q31 = INT32_MAX, .slew_q22 = NO_LIMIT};
+    plumb_pid_t c = started();
     pid_step(&c, &p, 1 << 28, 0);
     CHECK(c.command_q22 == ONE / 8 && c.excess_q22 == 0 && c.integral_q54 == 0);
     pid_step(&c, &p, -(1 << 28), 0);
     CHECK(c.command_q22 == -ONE / 8);
 
-    p = (pid_params_t){.kd_q27 = 1 << 25, .d_alpha_q31 = INT32_MAX, .slew_q22 = NO_LIMIT};
+    p = (plumb_pid_params_t){.kd_q27 = 1 << 25, .d_alpha_q31 = INT32_MAX, .slew_q22 = NO_LIMIT};
     c = started();
     pid_step(&c, &p, 0, 1 << 27);
     CHECK(abs(c.rate_filtered_turnps_q27 - (1 << 26)) <= 2);
     CHECK(abs(c.command_q22 + ONE / 8) <= 1);
 
-    p = (pid_params_t){.ki_dt_q22 = ONE / 2, .slew_q22 = NO_LIMIT};
+    p = (plumb_pid_params_t){.ki_dt_q22 = ONE / 2, .slew_q22 = NO_LIMIT};
     c = started();
     pid_step(&c, &p, 1 << 28, 0);
     CHECK(c.command_q22 == 0 && c.integral_q54 == (int64_t)ONE / 32 * 4294967296);
@@ -38,8 +38,8 @@ static void terms(void) {
 
 /* A D filter of 1/4 per step covers 1 - (3/4)^8 of a jump in 8 steps: 0.89989. */
 static void filter(void) {
-    const pid_params_t p = {.d_alpha_q31 = 1 << 29, .slew_q22 = NO_LIMIT};
-    pid_t c = started();
+    const plumb_pid_params_t p = {.d_alpha_q31 = 1 << 29, .slew_q22 = NO_LIMIT};
+    plumb_pid_t c = started();
     for (int i = 0; i < 8; i++)
         pid_step(&c, &p, 0, 1 << 28);
     CHECK(abs(c.rate_filtered_turnps_q27 - 120780800) <= 20);
@@ -50,8 +50,8 @@ static void filter(void) {
 
 /* Saturates at both ends, never wraps: half a turn of error at the largest gain. */
 static void output_limit(void) {
-    const pid_params_t p = {.kp_q22 = 1 << 30, .slew_q22 = NO_LIMIT};
-    pid_t c = started();
+    const plumb_pid_params_t p = {.kp_q22 = 1 << 30, .slew_q22 = NO_LIMIT};
+    plumb_pid_t c = started();
     pid_step(&c, &p, INT32_MAX, 0);
     CHECK(c.command_q22 == ONE - 1 && c.excess_q22 > 0);
     pid_step(&c, &p, INT32_MIN, 0);
@@ -59,8 +59,8 @@ static void output_limit(void) {
 }
 
 static void slew_limit(void) {
-    const pid_params_t p = {.kp_q22 = 1 << 30, .slew_q22 = 1000};
-    pid_t c = started();
+    const plumb_pid_params_t p = {.kp_q22 = 1 << 30, .slew_q22 = 1000};
+    plumb_pid_t c = started();
     for (int i = 1; i <= 5; i++) {
         pid_step(&c, &p, 1 << 30, 0);
         CHECK(c.command_q22 == 1000 * i);
@@ -71,8 +71,8 @@ static void slew_limit(void) {
 
 /* Held against the limit for long, the integral stays what it was; it leaves at once when the error turns. */
 static void no_windup(void) {
-    const pid_params_t p = {.kp_q22 = 16 * ONE, .ki_dt_q22 = ONE / 4, .slew_q22 = NO_LIMIT};
-    pid_t c = started();
+    const plumb_pid_params_t p = {.kp_q22 = 16 * ONE, .ki_dt_q22 = ONE / 4, .slew_q22 = NO_LIMIT};
+    plumb_pid_t c = started();
     for (int i = 0; i < 1000; i++)
         pid_step(&c, &p, 1 << 29, 0); /* demand 2 */
     CHECK(c.command_q22 == ONE - 1 && c.integral_q54 == 0);
@@ -91,9 +91,9 @@ static void no_windup(void) {
 /* A last command out of range, by a flipped bit, would be full command for as long as slew takes to come
  * back. */
 static void flipped_command(void) {
-    const pid_params_t p = {.kp_q22 = ONE, .d_alpha_q31 = INT32_MAX, .slew_q22 = 1000};
+    const plumb_pid_params_t p = {.kp_q22 = ONE, .d_alpha_q31 = INT32_MAX, .slew_q22 = 1000};
     for (unsigned bit = 0; bit < 32U; bit++) {
-        pid_t c = started();
+        plumb_pid_t c = started();
         c.command_q22 = (int32_t)(1U << bit);
         pid_step(&c, &p, 0, 0);
         CHECK(c.command_q22 >= -ONE && c.command_q22 < ONE);
@@ -105,13 +105,14 @@ static void flipped_command(void) {
 
 static void never(void) {
     for (int run = 0; run < 1000; run++) {
-        const pid_params_t p = {.kp_q22 = check_random_wild() / 2,
-                                .ki_dt_q22 = check_random_wild() & INT32_MAX,
-                                .kd_q27 = check_random_wild() / 2,
-                                .d_alpha_q31 = check_random_wild() & INT32_MAX,
-                                .slew_q22 = 1 + (int32_t)(check_random() >> (9 + check_random() % 20U))};
-        CHECK(pid_valid(&p));
-        pid_t c = started();
+        const plumb_pid_params_t p = {.kp_q22 = check_random_wild() / 2,
+                                      .ki_dt_q22 = check_random_wild() & INT32_MAX,
+                                      .kd_q27 = check_random_wild() / 2,
+                                      .d_alpha_q31 = check_random_wild() & INT32_MAX,
+                                      .slew_q22 =
+                                          1 + (int32_t)(check_random() >> (9 + check_random() % 20U))};
+        CHECK(plumb_pid_valid(&p));
+        plumb_pid_t c = started();
         for (int i = 0; i < 200; i++) {
             const int32_t last = c.command_q22;
             pid_step(&c, &p, check_random_wild(), check_random_wild());
@@ -123,20 +124,20 @@ static void never(void) {
 }
 
 static void refuses(void) {
-    const pid_params_t good = {.slew_q22 = 1};
-    pid_params_t p = good;
-    CHECK(pid_valid(&p));
+    const plumb_pid_params_t good = {.slew_q22 = 1};
+    plumb_pid_params_t p = good;
+    CHECK(plumb_pid_valid(&p));
     p.slew_q22 = 0;
-    CHECK(!pid_valid(&p));
+    CHECK(!plumb_pid_valid(&p));
     p = good;
     p.ki_dt_q22 = -1;
-    CHECK(!pid_valid(&p));
+    CHECK(!plumb_pid_valid(&p));
     p = good;
     p.kp_q22 = (1 << 30) + 1;
-    CHECK(!pid_valid(&p));
+    CHECK(!plumb_pid_valid(&p));
     p = good;
     p.d_alpha_q31 = -1;
-    CHECK(!pid_valid(&p));
+    CHECK(!plumb_pid_valid(&p));
 }
 
 int main(void) {

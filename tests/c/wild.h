@@ -3,6 +3,7 @@
 #define PLUMB_TESTS_WILD_H
 
 #include "check.h"
+#include "core/fixed.h"
 #include "generated/params.h"
 #include "systems/control.h"
 
@@ -30,21 +31,22 @@ static inline void wild_end(params_t *all, uint16_t index, bool upper) {
     params_set_word(all, index, upper ? from + away : from - away);
 }
 
-/* A calibration whose values reach +-CALIBRATION_LIMIT, or a share of it, at both ends of its counts. */
-static inline void wild_calibration(calibration_params_t *c) {
+/* A calibration whose values reach +-PLUMB_CALIBRATION_LIMIT, or a share of it, at both ends of its counts.
+ */
+static inline void wild_calibration(plumb_calibration_params_t *c) {
     const int32_t low = asr32(check_random_wild(), 16), high = asr32(check_random_wild(), 16);
     c->raw_min = min_i32(low, high);
     c->raw_max = max_i32(low, high);
     const int32_t span = c->raw_max - c->raw_min + 1;
-    const int32_t half = (int32_t)(CALIBRATION_LIMIT >> (check_random() % 4U * 8U));
+    const int32_t half = (int32_t)(PLUMB_CALIBRATION_LIMIT >> (check_random() % 4U * 8U));
     c->gain = half / max_i32(span, 2) * 2 * (check_random() % 2U != 0U ? 1 : -1);
     c->offset = wrap_i32(0U - (uint32_t)c->gain * (uint32_t)((c->raw_min + c->raw_max) / 2));
 }
 
 /* The counts after `raw`: by the set they jump, rest or are small; now and then one stands at an end, `least`
  * or 32767. */
-static inline void wild_counts(int16_t raw[CONTROL_RAW_MAX], uint32_t set, int16_t least) {
-    for (unsigned i = 0; i < CONTROL_RAW_MAX; i++) {
+static inline void wild_counts(int16_t raw[PLUMB_RAW_MAX], uint32_t set, int16_t least) {
+    for (unsigned i = 0; i < PLUMB_RAW_MAX; i++) {
         const uint32_t pick = check_random();
         if (set % 3U != 0U || pick % 20U == 0U)
             raw[i] = (int16_t)(uint16_t)(check_random() >> (set % 4U * 4U + 16U));

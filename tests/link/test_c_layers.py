@@ -16,7 +16,8 @@ def units() -> dict[str, set[str]]:
         unit = path.relative_to(FIRMWARE).with_suffix("").as_posix()
         for name in re.findall(r'^#include "(.+)\.h"', path.read_text(encoding="utf-8"), re.MULTILINE):
             beside = path.parent / f"{name}.h"
-            other = beside.relative_to(FIRMWARE).with_suffix("").as_posix() if beside.exists() else name
+            public = f"include/{name}" if name.startswith("plumb/") else name
+            other = beside.relative_to(FIRMWARE).with_suffix("").as_posix() if beside.exists() else public
             if other != unit:
                 found.setdefault(unit, set()).add(other)
     return found

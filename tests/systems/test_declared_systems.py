@@ -86,8 +86,8 @@ def without_quad(tmp_path_factory: pytest.TempPathFactory) -> Plumb:
         ROOT, copy, ignore=shutil.ignore_patterns(".git", ".venv", "build", "out", "__pycache__", ".*_cache")
     )
     shutil.rmtree(copy / "host" / "plumb" / "systems" / "quad")
-    for suffix in "ch":
-        (copy / "firmware" / "systems" / f"quad.{suffix}").unlink()
+    for path in [path for name in ("quad", "quad_tunings") for path in (copy / "firmware").rglob(f"{name}.[ch]")]:
+        path.unlink()
     python = folder / "python"
     found = os.pathsep.join([str(copy / "host"), *site.getsitepackages()])
     python.write_text(f'#!/bin/sh\nPYTHONPATH="{found}" exec "{sys.executable}" -S "$@"\n')
@@ -103,10 +103,10 @@ def sources() -> list[Path]:
     for folder, suffixes in folders.items():
         found += [path for path in sorted((ROOT / folder).rglob("*")) if path.suffix in suffixes]
     own = [declared.folder for declared in declarations.systems().values()]
-    own += [ROOT / f"firmware/systems/{name}.{suffix}" for name in declarations.names() for suffix in "ch"]
-    own += [ROOT / f"firmware/design/{name}.c" for name in declarations.names()]
-    own += [ROOT / "firmware/include/plumb/design.h"]  # declares what the files of firmware/design define
-    own += [ROOT / "tools/gen_readme.py"]  # README shows one system as its example
+    for name in declarations.names():
+        own += [*(ROOT / "firmware").rglob(f"{name}.[ch]"), *(ROOT / "firmware").rglob(f"{name}_tunings.[ch]")]
+    # README and the first header of the C library show one system as their example
+    own += [ROOT / "tools/gen_readme.py", ROOT / "firmware/include/plumb/plumb.h"]
     left = [path for path in found if not {path, *path.parents} & set(own)]
     return [path for path in left if "GENERATED" not in path.read_text(encoding="utf-8").partition("\n")[0]]
 

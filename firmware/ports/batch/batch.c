@@ -1,11 +1,14 @@
 /* The core as a shared library for Python: the same C as on the target, called over arrays.
  *
- * Every entry point takes pointers to integer arrays and counts. params is control_params_t as 32-bit words.
+ * Every entry point takes pointers to integer arrays and counts. params is plumb_params_t as 32-bit words.
  * Functions named ..._run keep one state over n steps; those named ..._each take n independent states, also
  * states that no run reaches. Arrays of steps and runs are [steps][runs].
  */
 #include "core/angle.h"
 #include "core/digest.h"
+#include "core/kalman.h"
+#include "core/pid.h"
+#include "core/tilt.h"
 #include "generated/record_names.h"
 #include "systems/control.h"
 #include <string.h>
@@ -16,7 +19,7 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-#define PARAMS_WORDS (sizeof(control_params_t) / sizeof(uint32_t))
+#define PARAMS_WORDS (sizeof(plumb_params_t) / sizeof(uint32_t))
 
 EXPORT const char *plumb_word_names(uint32_t system);
 EXPORT int32_t plumb_sizeof_words(uint32_t system);
@@ -57,7 +60,7 @@ const char *plumb_word_names(uint32_t system) {
 }
 
 int32_t plumb_sizeof_words(uint32_t system) {
-    const control_params_t p = {.system = system};
+    const plumb_params_t p = {.system = system};
     return record_names(system) == NULL ? 0 : (int32_t)control_words_bytes(&p);
 }
 
@@ -66,41 +69,41 @@ int32_t plumb_sizeof_control(void) {
 }
 
 int32_t plumb_sizeof_kalman(void) {
-    return (int32_t)sizeof(kalman_t);
+    return (int32_t)sizeof(plumb_kalman_t);
 }
 
 int32_t plumb_sizeof_pid(void) {
-    return (int32_t)sizeof(pid_t);
+    return (int32_t)sizeof(plumb_pid_t);
 }
 
 int32_t plumb_params_count(void) {
     return (int32_t)PARAMS_WORDS;
 }
 
-static control_params_t params_of(const uint32_t *words) {
-    control_params_t p;
+static plumb_params_t params_of(const uint32_t *words) {
+    plumb_params_t p;
     memcpy(&p, words, sizeof p);
     return p;
 }
 
 int32_t plumb_params_valid(const uint32_t *params) {
-    const control_params_t p = params_of(params);
+    const plumb_params_t p = params_of(params);
     return control_params_valid(&p);
 }
 
 /* One step at a time, for a closed loop. control: plumb_sizeof_control() bytes, aligned to 8. */
 void plumb_control_init(void *control, const uint32_t *params) {
-    const control_params_t p = params_of(params);
+    const plumb_params_t p = params_of(params);
     control_init(control, &p);
 }
 
 void plumb_control_step(void *control, const uint32_t *params, const int16_t *raw, int32_t setpoint) {
-    const control_params_t p = params_of(params);
+    const plumb_params_t p = params_of(params);
     control_step(control, &p, raw, setpoint);
 }
 
 void plumb_control_words(const void *control, const uint32_t *params, uint8_t *words) {
-    const control_params_t p = params_of(params);
+    const plumb_params_t p = params_of(params);
     memcpy(words, control_words(control), control_words_bytes(&p));
 }
 
@@ -108,12 +111,12 @@ void plumb_control_words(const void *control, const uint32_t *params, uint8_t *w
  * digests: [steps], may be NULL. */
 void plumb_control_run(const uint32_t *params, const int16_t *raw, const int32_t *setpoint, int32_t steps,
                        uint8_t *words, uint32_t *digests) {
-    const control_params_t p = params_of(params);
+    const plumb_params_t p = params_of(params);
     const size_t bytes = control_words_bytes(&p);
     control_t c;
     control_init(&c, &p);
     for (int32_t i = 0; i < steps; i++) {
-        control_step(&c, &p, raw + (size_t)i * CONTROL_RAW_MAX, setpoint[i]);
+        control_step(&c, &p, raw + (size_t)i * PLUMB_RAW_MAX, setpoint[i]);
         if (words)
             memcpy(words + (size_t)i * bytes, control_words(&c), bytes);
         if (digests)
@@ -122,15 +125,15 @@ void plumb_control_run(const uint32_t *params, const int16_t *raw, const int32_t
 }
 
 /* The filter alone: runs filters over steps samples. Inputs and fused are [steps][runs]; states:
- * kalman_t[runs], initialised here from params; on return the final states. The filters of a step are
+ * plumb_kalman_t[runs], initialised here from params; on return the final states. The filters of a step are
  * independent, so the processor can work on several at once. */
 void plumb_kalman_run(const uint32_t *params, const uint32_t *variance, const int32_t *tilt_turn_q32,
                       const int32_t *rate_turnps_q28, int32_t steps, int32_t runs, void *states,
                       int32_t *fused_turn_q32) {
-    const control_params_t p = params_of(params);
-    kalman_t *k = states;
+    const plumb_params_t p = params_of(params);
+    plumb_kalman_t *k = states;
     for (int32_t run = 0; run < runs; run++)
-        kalman_init(&k[run], &p.start);
+        plumb_kalman_init(&k[run], &p.start);
     for (int32_t i = 0; i < steps; i++) {
         const size_t at = (size_t)i * (size_t)runs;
         for (int32_t run = 0; run < runs; run++) {
@@ -141,32 +144,32 @@ void plumb_kalman_run(const uint32_t *params, const uint32_t *variance, const in
     }
 }
 
-/* One step of each of n states (kalman_t). */
+/* One step of each of n states (plumb_kalman_t). */
 void plumb_kalman_each(const uint32_t *params, void *states, const uint32_t *variance,
                        const int32_t *tilt_turn_q32, const int32_t *rate_turnps_q28, int32_t n) {
-    const control_params_t p = params_of(params);
-    kalman_t *k = states;
+    const plumb_params_t p = params_of(params);
+    plumb_kalman_t *k = states;
     for (int32_t i = 0; i < n; i++)
         kalman_step(&k[i], &p.kalman, variance[i], tilt_turn_q32[i], rate_turnps_q28[i]);
 }
 
-/* The controller alone, from its start. states: pid_t[steps], the state after every step. */
+/* The controller alone, from its start. states: plumb_pid_t[steps], the state after every step. */
 void plumb_pid_run(const uint32_t *params, const int32_t *error_turn_q32, const int32_t *rate_turnps_q28,
                    int32_t steps, uint8_t *states) {
-    const control_params_t p = params_of(params);
-    pid_t c;
-    pid_init(&c);
+    const plumb_params_t p = params_of(params);
+    plumb_pid_t c;
+    plumb_pid_init(&c);
     for (int32_t i = 0; i < steps; i++) {
         pid_step(&c, &p.pid, error_turn_q32[i], rate_turnps_q28[i]);
         memcpy(states + (size_t)i * sizeof c, &c, sizeof c);
     }
 }
 
-/* One step of each of n states (pid_t). */
+/* One step of each of n states (plumb_pid_t). */
 void plumb_pid_each(const uint32_t *params, void *states, const int32_t *error_turn_q32,
                     const int32_t *rate_turnps_q28, int32_t n) {
-    const control_params_t p = params_of(params);
-    pid_t *c = states;
+    const plumb_params_t p = params_of(params);
+    plumb_pid_t *c = states;
     for (int32_t i = 0; i < n; i++)
         pid_step(&c[i], &p.pid, error_turn_q32[i], rate_turnps_q28[i]);
 }
@@ -183,18 +186,18 @@ void plumb_asin_run(const int32_t *x_q30, int32_t n, int32_t *turn_q32) {
 
 void plumb_sincos_run(const int32_t *turn_q32, int32_t n, int32_t *sin_q30, int32_t *cos_q30) {
     for (int32_t i = 0; i < n; i++)
-        angle_sincos(turn_q32[i], &sin_q30[i], &cos_q30[i]);
+        plumb_angle_sincos(turn_q32[i], &sin_q30[i], &cos_q30[i]);
 }
 
 void plumb_length_run(const int32_t *y, const int32_t *x, int32_t n, uint32_t *half) {
     for (int32_t i = 0; i < n; i++)
-        half[i] = angle_length(y[i], x[i]);
+        half[i] = plumb_angle_length(y[i], x[i]);
 }
 
 /* Measured tilt and its variance. */
 void plumb_tilt_run(const uint32_t *params, const int32_t *accel_y_g_q26, const int32_t *accel_z_g_q26,
                     int32_t n, int32_t *turn_q32, uint32_t *variance) {
-    const control_params_t p = params_of(params);
+    const plumb_params_t p = params_of(params);
     for (int32_t i = 0; i < n; i++) {
         turn_q32[i] = tilt_angle(&p.tilt, accel_y_g_q26[i], accel_z_g_q26[i]);
         variance[i] = tilt_variance(&p.tilt, accel_y_g_q26[i], accel_z_g_q26[i]);
@@ -214,18 +217,18 @@ uint32_t plumb_crc32(const uint8_t *data, int32_t bytes) {
 /* The plausibility of a run, from the records of its steps. 0: this system has none to check. */
 int32_t plumb_plausibility_run(const uint32_t *params, const uint8_t *words, int32_t steps,
                                uint32_t variance_turn2_q56, uint16_t *failed, uint16_t *missing) {
-    control_params_t p;
+    plumb_params_t p;
     control_words_t record;
-    plausibility_t state;
+    plumb_plausibility_t state;
 
     memcpy(&p, params, sizeof p);
-    const plausibility_bounds_t *const bounds = control_system(&p)->plausibility;
+    const plumb_plausibility_bounds_t *const bounds = control_system(&p)->plausibility;
     if (bounds == NULL)
         return 0;
-    plausibility_init(&state);
+    plumb_plausibility_init(&state);
     for (int32_t k = 0; k < steps; k++) {
         memcpy(&record, words + (size_t)k * control_words_bytes(&p), control_words_bytes(&p));
-        plausibility_step(&state, bounds, &record, p.kalman.dt_s_q33, variance_turn2_q56);
+        plumb_plausibility_step(&state, bounds, &record, p.kalman.dt_s_q33, variance_turn2_q56);
         failed[k] = state.failed;
         missing[k] = state.missing;
     }

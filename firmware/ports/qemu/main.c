@@ -26,7 +26,7 @@ typedef enum {
 } run_result_t;
 
 typedef struct {
-    int16_t raw[CONTROL_RAW_MAX];
+    int16_t raw[PLUMB_RAW_MAX];
     int32_t setpoint;
 } sample_t;
 
@@ -37,7 +37,7 @@ typedef struct {
 } input_header_t;
 
 static control_t control;
-static control_params_t params;
+static plumb_params_t params;
 static sample_t samples[BATCH_STEPS];
 static uint8_t answers[BATCH_STEPS * (sizeof(control_words_t) + sizeof(uint32_t))];
 

@@ -271,20 +271,23 @@ def _digest(elf: Image) -> Row:
 def _plausibility(elf: Image) -> Row:
     """Row of the plausibility of HURRIED's steps, over `motion` and over wild counts; its error is the number of
     answers that differ from the native core's."""
-    counter, wrong = Counter(elf, ["plausibility_step"]), 0
+    counter, wrong = Counter(elf, ["plumb_plausibility_step"]), 0
     state, record = counter.place(bytes(PLAUSIBILITY_BYTES)), counter.place(bytes(RECORDS[HURRIED].itemsize))
-    bounds, params = elf.symbol(f"{HURRIED}_plausibility").address, quantise(hurried.TUNINGS[hurried.DEFAULT_TUNING])
+    bounds, params = (
+        elf.symbol(f"plumb_{HURRIED}_plausibility").address,
+        quantise(hurried.TUNINGS[hurried.DEFAULT_TUNING]),
+    )
     dt_s_q33, unit = params["kalman.dt_s_q33"], params.variance_turn2_q56
     for _, _, raw, setpoint in _inputs(["adaptive"]):
         words = native_core.run_control(params, raw[:WILD_STEPS], setpoint[:WILD_STEPS])
         failed, missing = native_core.plausibility(params, words)
-        counter.call("plausibility_init", state)
+        counter.call("plumb_plausibility_init", state)
         for step, row in enumerate(words.record):
             counter.write(record, row.tobytes())
-            counter.call("plausibility_step", state, bounds, record, dt_s_q33, unit)
+            counter.call("plumb_plausibility_step", state, bounds, record, dt_s_q33, unit)
             answer = np.frombuffer(counter.read(state, PLAUSIBILITY_BYTES), "<u2")[PLAUSIBILITY_ANSWER]
             wrong += tuple(answer.tolist()) != (int(failed[step]), int(missing[step]))
-    return _row(counter, "plausibility_step", wrong)
+    return _row(counter, "plumb_plausibility_step", wrong)
 
 
 def _memory_check(elf: Image) -> Row:

@@ -109,7 +109,7 @@ IMPLAUSIBLE = {
     1: "the accelerometer's tilt is far from what the filter expects: check the axes of gyro and accelerometer",
     2: "gyro and accelerometer do not turn together: check the gyro's wiring, supply, axis and sign",
 }
-"""PLAUSIBILITY.failed and disarmed_by: core/plausibility.h."""
+"""PLAUSIBILITY.failed and disarmed_by: plumb/plausibility.h."""
 NOT_READY = {
     0: "it has not been ready for 0.3 s yet",
     1: "it moves: hold it still",

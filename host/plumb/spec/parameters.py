@@ -25,7 +25,7 @@ ERASED = 0xFFFF
 
 @dataclass(frozen=True)
 class Parameter:
-    """One word. name: the member of control_params_t, or of the link's part. owner: control or link. type: int32 or
+    """One word. name: the member of plumb_params_t, or of the link's part. owner: control or link. type: int32 or
     uint32. format: what the integer stands for. min, max, default: integers as the firmware holds them. was: former
     names, the first one first."""
 
@@ -47,7 +47,7 @@ class Parameter:
 
     @property
     def group(self) -> str:
-        """The member of control_params_t it is part of: `kalman` of kalman.qb; "" where it stands alone."""
+        """The member of plumb_params_t it is part of: `kalman` of kalman.qb; "" where it stands alone."""
         return declarations.group_of(self.name)
 
     def out_of_range(self, value: int) -> str:

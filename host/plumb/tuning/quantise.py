@@ -1,4 +1,4 @@
-"""Units to integers: a tuning becomes the words of control_params_t, each within 0.1 % of what was asked, or is refused
+"""Units to integers: a tuning becomes the words of plumb_params_t, each within 0.1 % of what was asked, or is refused
 with a reason; and back.
 
 A system has its own in plumb.systems.NAME.quantise, `quantise(tuning)` and `dequantise(params)`; what systems share is
@@ -20,7 +20,7 @@ __all__ = ["ControlParams", "dequantise", "groups_of", "quantise"]
 
 @dataclass(frozen=True)
 class ControlParams:
-    """control_params_t as integers by name, in the order of parameters.toml; of groups that the system does not read,
+    """plumb_params_t as integers by name, in the order of parameters.toml; of groups that the system does not read,
     the defaults.
 
     lsb_deg2: the unit of variance, for people; the filter itself does not need it.

@@ -1,4 +1,5 @@
-#include "groups.h"
+#include "plumb/phone.h"
+#include "design/groups.h"
 
 /* The settings of one angle's filter, and their names. */
 #define AXIS_FILTER(t, axis)                                                                                 \
@@ -65,7 +66,7 @@ static void axis_finite(plumb_design_t *d, const plumb_phone_tuning_t *t) {
     DESIGN_FINITE(d, t, bias_max_dps);
 }
 
-plumb_design_t plumb_phone_design(const plumb_phone_tuning_t *tuning, control_params_t *params) {
+plumb_design_t plumb_phone_design(const plumb_phone_tuning_t *tuning, plumb_params_t *params) {
     static const design_channel_names_t gyro = DESIGN_CHANNEL_NAMES("gyro"),
                                         accel = DESIGN_CHANNEL_NAMES("accel");
     const plumb_phone_tuning_t *t = tuning;
@@ -75,7 +76,7 @@ plumb_design_t plumb_phone_design(const plumb_phone_tuning_t *tuning, control_pa
     plumb_design_choice(&d, "rates", t->rates, PLUMB_TUNING_RATES_EULER);
     if (d.error != PLUMB_DESIGN_OK)
         return d;
-    control_params_t made = {.system = CONTROL_PHONE, .phone = {.rates = (uint32_t)t->rates}};
+    plumb_params_t made = {.system = PLUMB_SYSTEM_PHONE, .phone = {.rates = (uint32_t)t->rates}};
     design_filter_words_t pitch = {.tilt = {.mode = PLUMB_TUNING_ATAN2}}, roll = pitch;
     filters(&d, t, &pitch, &roll);
     made.tilt = pitch.tilt;

@@ -1,4 +1,5 @@
-#include "groups.h"
+#include "plumb/turntable.h"
+#include "design/groups.h"
 
 #define WORD            ((int64_t)4294967295)
 #define NO_SPIKE_COUNTS 131072.0 /* 2^17 */
@@ -10,7 +11,7 @@ static double absolute(double x) {
 }
 
 static void prefilter(plumb_design_t *d, const plumb_prefilter_tuning_t *t, double unit_per_count,
-                      const char *const names[3], prefilter_params_t *words) {
+                      const char *const names[3], plumb_prefilter_params_t *words) {
     if (t->spike <= 0.0)
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, names[0], t->spike);
     if (t->smooth <= 0.0 || t->smooth > 1.0)
@@ -98,7 +99,7 @@ static times_t times(plumb_design_t *d, const plumb_fusion_tuning_t *t, int32_t 
 }
 
 static void variances(plumb_design_t *d, const plumb_fusion_tuning_t *t, const times_t *time, wide_t scale,
-                      fusion_params_t *w) {
+                      plumb_fusion_params_t *w) {
     const wide_t one = wide_of(1.0), deg2 = wide_div(one, wide_of(DESIGN_DEG2)), dt = time->dt_s;
     const wide_t deg2_dt = wide_mul(deg2, dt), deg2_per_sample = wide_div(deg2, wide_mul(time->period, dt));
     const wide_t four = wide_mul(wide_mul(dt, dt), wide_of(16.0));
@@ -118,7 +119,7 @@ static void variances(plumb_design_t *d, const plumb_fusion_tuning_t *t, const t
 }
 
 static void fusion_words(plumb_design_t *d, const plumb_fusion_tuning_t *t, int32_t period_us,
-                         fusion_params_t *w) {
+                         plumb_fusion_params_t *w) {
     plumb_design_choice(d, "fusion.layer", t->layer, PLUMB_TUNING_LAYER_PRINTED);
     plumb_design_not_negative(d, "fusion.rest_s", t->rest_s);
     plumb_design_not_negative(d, "fusion.lag_s", t->lag_s);
@@ -188,7 +189,7 @@ static void all_finite(plumb_design_t *d, const plumb_turntable_tuning_t *t) {
     DESIGN_FINITE(d, t, fusion.start_lag_s);
 }
 
-plumb_design_t plumb_turntable_design(const plumb_turntable_tuning_t *tuning, control_params_t *params) {
+plumb_design_t plumb_turntable_design(const plumb_turntable_tuning_t *tuning, plumb_params_t *params) {
     static const design_channel_names_t gyro = DESIGN_CHANNEL_NAMES("gyro"),
                                         angular = DESIGN_CHANNEL_NAMES("angular");
     static const char *const of_gyro[3] = {"gyro_filter.spike", "gyro_filter.smooth", "gyro.unit_per_count"};
@@ -202,7 +203,7 @@ plumb_design_t plumb_turntable_design(const plumb_turntable_tuning_t *tuning, co
         plumb_design_refuse(&d, PLUMB_DESIGN_OUT_OF_RANGE, "period_us", (double)t->period_us);
     if (d.error != PLUMB_DESIGN_OK)
         return d;
-    control_params_t made = {.system = CONTROL_TURNTABLE};
+    plumb_params_t made = {.system = PLUMB_SYSTEM_TURNTABLE};
     plumb_design_channel(&d, &gyro, &t->gyro, plumb_design_turn_unit(), &made.gyro);
     plumb_design_channel(&d, &angular, &t->angular, plumb_design_turn_unit(), &made.angular);
     prefilter(&d, &t->gyro_filter, t->gyro.unit_per_count, of_gyro, &made.gyro_filter);

@@ -1,5 +1,6 @@
+#include "plumb/quad.h"
 #include "core/esc.h"
-#include "groups.h"
+#include "design/groups.h"
 
 /* A pulse in half-microseconds, within low to high. */
 static int32_t pulse(plumb_design_t *d, const char *field, double asked_us, int32_t low, int32_t high) {
@@ -14,7 +15,7 @@ static void in_order(plumb_design_t *d, const char *field, double asked_us, doub
         plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, field, asked_us);
 }
 
-static void pulses(plumb_design_t *d, const plumb_esc_tuning_t *t, esc_params_t *words) {
+static void pulses(plumb_design_t *d, const plumb_esc_tuning_t *t, plumb_esc_params_t *words) {
     const int32_t low = ESC_PULSE_MIN_HALFUS, high = ESC_PULSE_MAX_HALFUS, span = ESC_SPAN_MAX_HALFUS;
     words->mid_halfus = pulse(d, "esc.mid_us", t->mid_us, low, high);
     words->span_halfus = pulse(d, "esc.span_us", t->span_us, -span, span);
@@ -26,7 +27,7 @@ static void pulses(plumb_design_t *d, const plumb_esc_tuning_t *t, esc_params_t 
     in_order(d, "esc.mid_us", t->mid_us, t->max_us);
 }
 
-plumb_design_t plumb_quad_design(const plumb_quad_tuning_t *tuning, control_params_t *params) {
+plumb_design_t plumb_quad_design(const plumb_quad_tuning_t *tuning, plumb_params_t *params) {
     const plumb_quad_tuning_t *t = tuning;
     const design_axis_t axis = {t->period_us, t->tilt,   &t->calibration, &t->kalman,
                                 &t->trust,    &t->start, &t->pid};
@@ -40,7 +41,7 @@ plumb_design_t plumb_quad_design(const plumb_quad_tuning_t *tuning, control_para
     plumb_design_period(&d, t->period_us);
     if (d.error != PLUMB_DESIGN_OK)
         return d;
-    control_params_t made = {.system = CONTROL_QUAD};
+    plumb_params_t made = {.system = PLUMB_SYSTEM_QUAD};
     plumb_design_axis(&d, &axis, &made);
     pulses(&d, &t->esc, &made.esc);
     if (d.error == PLUMB_DESIGN_OK)

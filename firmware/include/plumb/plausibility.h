@@ -17,25 +17,29 @@
  * Not detected: a sensor that reads its rest value while nothing moves; an accelerometer that is wrong by
  * less than the limits from the first step on.
  */
-#ifndef PLUMB_CORE_PLAUSIBILITY_H
-#define PLUMB_CORE_PLAUSIBILITY_H
+#ifndef PLUMB_PLAUSIBILITY_H
+#define PLUMB_PLAUSIBILITY_H
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* Which checks fail. Bits, as in PLAUSIBILITY. */
-#define PLAUSIBILITY_ACCEL      0x0001U
-#define PLAUSIBILITY_INNOVATION 0x0002U
-#define PLAUSIBILITY_RATE       0x0004U
+#define PLUMB_PLAUSIBILITY_ACCEL      0x0001U
+#define PLUMB_PLAUSIBILITY_INNOVATION 0x0002U
+#define PLUMB_PLAUSIBILITY_RATE       0x0004U
 
 /* What is missing before arming. Bits, as in PLAUSIBILITY. */
-#define PLAUSIBILITY_SETTLING    0x0001U /* the other conditions have not held for long enough */
-#define PLAUSIBILITY_MOVING      0x0002U /* not at rest: turning, or accelerated */
-#define PLAUSIBILITY_CONVERGING  0x0004U /* the filter has not converged */
-#define PLAUSIBILITY_SETPOINT    0x0008U /* the setpoint is not 0 */
-#define PLAUSIBILITY_TILTED      0x0010U /* too far from level or upright */
-#define PLAUSIBILITY_MISSING_ALL 0x001FU
+#define PLUMB_PLAUSIBILITY_SETTLING    0x0001U /* the other conditions have not held for long enough */
+#define PLUMB_PLAUSIBILITY_MOVING      0x0002U /* not at rest: turning, or accelerated */
+#define PLUMB_PLAUSIBILITY_CONVERGING  0x0004U /* the filter has not converged */
+#define PLUMB_PLAUSIBILITY_SETPOINT    0x0008U /* the setpoint is not 0 */
+#define PLUMB_PLAUSIBILITY_TILTED      0x0010U /* too far from level or upright */
+#define PLUMB_PLAUSIBILITY_MISSING_ALL 0x001FU
 
 /* What is checked of a system: the places of the signals in its record, in words of 32 bits from its start,
  * and their plausible ranges. */
@@ -55,19 +59,21 @@ typedef struct {
     uint32_t rest_max_g2_q20;
     uint32_t rest_turnps_q28; /* largest mean of |corrected rate| at rest */
     uint32_t ready_turn_q32;  /* largest tilt at which the system may be armed */
-} plausibility_bounds_t;
+} plumb_plausibility_bounds_t;
 
 /* The places of a system's record, the first members of its bounds. The setpoint and the accelerations along
  * the two axes have names of their own; the others are those that every record of one tilt has. */
-#define PLAUSIBILITY_AT(words_t, word) (uint8_t)(offsetof(words_t, word) / 4U)
-#define PLAUSIBILITY_PLACES(words_t, setpoint_word, accel_0_word, accel_1_word)                              \
-    .setpoint = PLAUSIBILITY_AT(words_t, setpoint_word), .rate = PLAUSIBILITY_AT(words_t, rate_turnps_q28),  \
-    .rate_corrected = PLAUSIBILITY_AT(words_t, rate_corrected_turnps_q28),                                   \
-    .accel = {PLAUSIBILITY_AT(words_t, accel_0_word), PLAUSIBILITY_AT(words_t, accel_1_word)},               \
-    .tilt_measured = PLAUSIBILITY_AT(words_t, tilt_measured_turn_q32),                                       \
-    .tilt = PLAUSIBILITY_AT(words_t, tilt_turn_q32), .variance = PLAUSIBILITY_AT(words_t, variance),         \
-    .innovation = PLAUSIBILITY_AT(words_t, kalman.innovation_turn_q32),                                      \
-    .k0 = PLAUSIBILITY_AT(words_t, kalman.k0_q29)
+#define PLUMB_PLAUSIBILITY_AT(words_t, word) (uint8_t)(offsetof(words_t, word) / 4U)
+#define PLUMB_PLAUSIBILITY_PLACES(words_t, setpoint_word, accel_0_word, accel_1_word)                        \
+    .setpoint = PLUMB_PLAUSIBILITY_AT(words_t, setpoint_word),                                               \
+    .rate = PLUMB_PLAUSIBILITY_AT(words_t, rate_turnps_q28),                                                 \
+    .rate_corrected = PLUMB_PLAUSIBILITY_AT(words_t, rate_corrected_turnps_q28),                             \
+    .accel = {PLUMB_PLAUSIBILITY_AT(words_t, accel_0_word), PLUMB_PLAUSIBILITY_AT(words_t, accel_1_word)},   \
+    .tilt_measured = PLUMB_PLAUSIBILITY_AT(words_t, tilt_measured_turn_q32),                                 \
+    .tilt = PLUMB_PLAUSIBILITY_AT(words_t, tilt_turn_q32),                                                   \
+    .variance = PLUMB_PLAUSIBILITY_AT(words_t, variance),                                                    \
+    .innovation = PLUMB_PLAUSIBILITY_AT(words_t, kalman.innovation_turn_q32),                                \
+    .k0 = PLUMB_PLAUSIBILITY_AT(words_t, kalman.k0_q29)
 
 typedef struct {
     uint32_t accel_s_q33; /* of each check: counts up while its condition is met, down while it is not */
@@ -83,17 +89,21 @@ typedef struct {
     int32_t accel_mean_g2_q20;    /* mean over 0.25 s of the squared acceleration */
     bool begun;                   /* a step was seen */
     bool converged;               /* the filter has converged in this run */
-    uint16_t failed;              /* PLAUSIBILITY_ACCEL and so on, now */
-    uint16_t missing;             /* PLAUSIBILITY_SETTLING and so on, now */
-} plausibility_t;
+    uint16_t failed;              /* PLUMB_PLAUSIBILITY_ACCEL and so on, now */
+    uint16_t missing;             /* PLUMB_PLAUSIBILITY_SETTLING and so on, now */
+} plumb_plausibility_t;
 
 /* Call at the start of a run: no check fails, all conditions for arming are missing. */
-void plausibility_init(plausibility_t *p);
+void plumb_plausibility_init(plumb_plausibility_t *p);
 
 /* Call after each step. record: its words; dt_s_q33: the period, up to 0.1 s; variance_turn2_q56: the value
  * of 2^32 lsb of variance in turn^2, 0 when it is unknown (then only the limit of 15 deg holds for the
  * innovation). */
-void plausibility_step(plausibility_t *p, const plausibility_bounds_t *bounds, const void *record,
-                       int32_t dt_s_q33, uint32_t variance_turn2_q56);
+void plumb_plausibility_step(plumb_plausibility_t *p, const plumb_plausibility_bounds_t *bounds,
+                             const void *record, int32_t dt_s_q33, uint32_t variance_turn2_q56);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -1,11 +1,12 @@
-#include "groups.h"
+#include "plumb/balancer.h"
+#include "design/groups.h"
 
 #define GRAVITY_MPS2     9.80665
 #define WHEEL_SPEED_MOST ((int64_t)15 << 26) /* m/s Q26 */
 #define LIMIT            ((int64_t)1 << 30)
 
 static void wheel_words(plumb_design_t *d, const plumb_wheel_tuning_t *t, int32_t period_us,
-                        wheel_params_t *words) {
+                        plumb_wheel_params_t *words) {
     if (t->edges_max < 1 || t->edges_max > 32767)
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "wheel.edges_max", (double)t->edges_max);
     const wide_t steps_per_s = wide_div(wide_of(1e6), wide_of((double)period_us));
@@ -23,10 +24,11 @@ static void wheel_words(plumb_design_t *d, const plumb_wheel_tuning_t *t, int32_
         (int32_t)plumb_design_scaled(d, "wheel.accel_share", t->accel_share, per_g, 0, DESIGN_WORD_MAX);
 }
 
-/* A pid_params_t of an error in m/s Q26 and a "rate" in g Q26, whose command is a share of the largest lean.
+/* A plumb_pid_params_t of an error in m/s Q26 and a "rate" in g Q26, whose command is a share of the largest
+ * lean.
  */
 static void speed_words(plumb_design_t *d, const plumb_speed_tuning_t *t, int32_t period_us,
-                        pid_params_t *words) {
+                        plumb_pid_params_t *words) {
     const char *const slew_name = "speed.lean_slew_dps";
     if (!(t->lean_max_deg > 0.0 && t->lean_max_deg <= 22.5)) {
         plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "speed.lean_max_deg", t->lean_max_deg);
@@ -51,7 +53,7 @@ static void speed_words(plumb_design_t *d, const plumb_speed_tuning_t *t, int32_
 }
 
 static void drive_words(plumb_design_t *d, const plumb_drive_tuning_t *t, const plumb_speed_tuning_t *speed,
-                        drive_params_t *words) {
+                        plumb_drive_params_t *words) {
     plumb_design_not_negative(d, "drive.duty_max", t->duty_max);
     plumb_design_not_negative(d, "drive.fall_deg", t->fall_deg);
     words->speed_max_mps_q26 = (int32_t)plumb_design_scaled(d, "speed.speed_max_mps", speed->speed_max_mps,
@@ -65,7 +67,7 @@ static void drive_words(plumb_design_t *d, const plumb_drive_tuning_t *t, const 
         d, "drive.fall_deg", t->fall_deg, wide_div(wide_of(0x1p32), wide_of(360.0)), 0, (int64_t)1 << 31);
 }
 
-plumb_design_t plumb_balancer_design(const plumb_balancer_tuning_t *tuning, control_params_t *params) {
+plumb_design_t plumb_balancer_design(const plumb_balancer_tuning_t *tuning, plumb_params_t *params) {
     const plumb_balancer_tuning_t *t = tuning;
     const design_axis_t axis = {t->period_us, t->tilt,   &t->calibration, &t->kalman,
                                 &t->trust,    &t->start, &t->pid};
@@ -87,7 +89,7 @@ plumb_design_t plumb_balancer_design(const plumb_balancer_tuning_t *tuning, cont
     plumb_design_period(&d, t->period_us);
     if (d.error != PLUMB_DESIGN_OK)
         return d;
-    control_params_t made = {.system = CONTROL_BALANCER};
+    plumb_params_t made = {.system = PLUMB_SYSTEM_BALANCER};
     plumb_design_axis(&d, &axis, &made);
     wheel_words(&d, &t->wheel, t->period_us, &made.wheel);
     speed_words(&d, &t->speed, t->period_us, &made.speed);

@@ -1,0 +1,33 @@
+/* plumb: tilt and attitude in fixed point, every bit the same on a PC and on a microcontroller.
+ *
+ * A step takes raw counts and gives a record of every signal:
+ *
+ *     plumb_params_t params;
+ *     plumb_quad_t quad;
+ *     plumb_design_t made = plumb_quad_design(&PLUMB_QUAD_TUNING_DEFAULT, &params);  once; made.error is to
+ * be 0 plumb_quad_init(&quad, &params); plumb_quad_step(&quad, &params, raw, setpoint_turn_q32); every period
+ *     quad.words.tilt_turn_q32                                                        2^32 is a turn
+ *
+ * The caller owns all memory; nothing is allocated, kept in a static or read from a clock, so that instances
+ * are independent and a run can be repeated. A step is integers alone. Formats are in the names: quantity,
+ * unit, Qn for a value times 2^n.
+ *
+ * A design (plumb/design.h) makes the integers from deg, deg/s, g, s; it needs doubles, once, and may run
+ * elsewhere. Without it, fill plumb_params_t with what the host's tools give, and ask
+ * plumb_quad_params_valid. */
+#ifndef PLUMB_H
+#define PLUMB_H
+
+#include "plumb/angle.h"
+#include "plumb/calibration.h"
+#include "plumb/design.h"
+#include "plumb/kalman.h"
+#include "plumb/pid.h"
+#include "plumb/plausibility.h"
+#include "plumb/quaternion.h"
+#include "plumb/systems.h"
+#include "plumb/tilt.h"
+#include "plumb/version.h"
+#include "plumb/wheel.h"
+
+#endif

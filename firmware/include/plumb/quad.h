@@ -1,0 +1,64 @@
+/* One axis of a quadrotor: raw counts in, pulses of two opposing motors out, every intermediate kept.
+ *
+ *     counts -> calibration -> tilt, trust -> kalman -> pid -> pulses of the two opposing motors
+ */
+#ifndef PLUMB_QUAD_H
+#define PLUMB_QUAD_H
+
+#include "plumb/design.h"
+#include "plumb/plausibility.h"
+#include "plumb/records.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Its state is its record. */
+typedef struct {
+    plumb_quad_words_t words;
+} plumb_quad_t;
+
+/* All words become zero but those of the filter's and the pid's state. */
+void plumb_quad_init(plumb_quad_t *c, const plumb_params_t *p);
+
+/* False if any sum of the step could overflow: 64-bit products, no division. */
+bool plumb_quad_params_valid(const plumb_params_t *p);
+
+/* One step. raw: gyro (turn/s Q28 by its calibration), acceleration along y and z (g Q26), three unused;
+ * setpoint: turn Q32. The result is c->words. */
+void plumb_quad_step(plumb_quad_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
+                     int32_t setpoint_turn_q32);
+
+/* What its sensors can say, and when it may be armed. */
+extern const plumb_plausibility_bounds_t plumb_quad_plausibility;
+
+/* Pulses of two opposing motors: mid +- span * command, within min to max; neutral while disarmed. 900 to
+ * 2100 us, neutral <= min <= mid <= max, neutral at most 1100 us. */
+typedef struct {
+    double mid_us;
+    double span_us; /* -1200 to 1200; the sign turns the direction */
+    double min_us;
+    double max_us;
+    double neutral_us;
+} plumb_esc_tuning_t;
+
+/* quad: one axis of a quadrotor. */
+typedef struct {
+    int32_t period_us; /* of a step: 500 to 100000 */
+    plumb_calibration_tuning_t calibration;
+    plumb_kalman_tuning_t kalman;
+    plumb_trust_tuning_t trust;
+    int32_t tilt; /* plumb_tilt_choice_t */
+    plumb_start_tuning_t start;
+    plumb_pid_tuning_t pid;
+    plumb_esc_tuning_t esc;
+} plumb_quad_tuning_t;
+
+/* The integers of a tuning; a refusal leaves *params as it was (plumb/design.h). */
+plumb_design_t plumb_quad_design(const plumb_quad_tuning_t *tuning, plumb_params_t *params);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

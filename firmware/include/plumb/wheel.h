@@ -1,0 +1,36 @@
+/* Hall edges -> speed of the wheels and acceleration of the axle. Its equations are in firmware/core/wheel.h.
+ */
+#ifndef PLUMB_WHEEL_H
+#define PLUMB_WHEEL_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    int32_t edges_max;      /* per step, 1..32767; more are clamped */
+    int32_t edge_mps_q26;   /* speed at one edge per step; the sign sets the direction */
+    int32_t alpha_q31;      /* 1 - exp(-dt / tau) of the filter; 0..2^31-1 */
+    int32_t accel_gain_q30; /* alpha / (dt * 1 g): g per m/s; 0..2^31-1, 0 for no acceleration at all */
+} plumb_wheel_params_t;
+
+typedef struct {
+    int32_t speed_mps_q26;    /* of this step, +-WHEEL_SPEED_LIMIT */
+    int32_t velocity_mps_q26; /* filtered */
+    int32_t accel_g_q26;      /* +-WHEEL_ACCEL_LIMIT */
+} plumb_wheel_t;
+
+/* One step; begin with all zero. edges: signed, of this step. True when anything had to be clamped. */
+bool plumb_wheel_step(plumb_wheel_t *c, const plumb_wheel_params_t *p, int32_t edges);
+
+/* The ranges above, and that no speed can leave +-15 m/s. */
+bool plumb_wheel_valid(const plumb_wheel_params_t *p);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
