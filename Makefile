@@ -1,5 +1,5 @@
 # Two commands do all the set-up on a fresh Debian or Ubuntu machine: `make demo` and `make test`.
-.PHONY: demo test test-fast test-long image native c-tests sanitize fuzz size check-style format clean
+.PHONY: demo test test-fast test-long image native c-tests sanitize fuzz size check-style format docs clean
 
 VENV := .venv/bin
 
@@ -80,6 +80,11 @@ format:
 	$(VENV)/ruff check --fix host tools tests examples
 	$(VENV)/ruff format host tools tests examples
 	$(VENV)/clang-format -i $(C_FILES)
+
+# The documentation site, in out/site; reading it needs no network.
+docs:
+	@tools/setup.sh docs
+	NO_MKDOCS_2_WARNING=1 $(VENV)/mkdocs build --strict
 
 clean:
 	rm -rf build out

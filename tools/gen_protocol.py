@@ -1,5 +1,6 @@
-"""Fill PROTOCOL.md: the table of messages from the DBC, what the links carry, the errors that pass, and transcripts by
-talking to the real C session.
+"""Fill docs/reference/protocol.md: table of messages from the DBC, capacity of the links, errors that pass, examples.
+
+The transcripts come from the real C session.
 
 What stands between `<!-- begin NAME -->` and `<!-- end -->` is written by this tool; the rest is prose.
 """
@@ -263,7 +264,7 @@ def generate(text: str) -> str:
 
 
 def main() -> None:
-    path = ROOT / "PROTOCOL.md"
+    path = ROOT / "docs/reference/protocol.md"
     path.write_text(generate(path.read_text()))
 
 

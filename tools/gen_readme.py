@@ -3,9 +3,9 @@ the commands named there.
 
 usage: .venv/bin/python tools/gen_readme.py [--check] [demo|python|systems|bench ...]
 
-`systems` computes every figure once: README.md gets `plumb systems --table --short`, docs/SYSTEM.md the whole table of
-its system. Needs the image, the native core and QEMU (`make image native`). --check writes nothing and exits 1 when a
-block differs. Rates depend on the machine and stay out.
+`systems` computes every figure once: README.md gets `plumb systems --table --short`, docs/systems/SYSTEM.md the
+whole table of its system. Needs the image, the native core and QEMU (`make image native`).
+--check writes nothing and exits 1 when a block differs. Rates depend on the machine and stay out.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def main() -> int:
     arguments = parser.parse_args()
     names = arguments.name or list(COMMANDS)
     blocks = [(README, name) for name in names]
-    blocks += [(ROOT / "docs" / f"{system}.md", "systems") for system in SYSTEMS if "systems" in names]
+    blocks += [(ROOT / "docs" / "systems" / f"{system}.md", "systems") for system in SYSTEMS if "systems" in names]
     stale = False
     for page, name in blocks:
         old = page.read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Write docs/records.md and docs/parameters.md: what every signal and every parameter is, from the declarations."""
+"""Write records.md and parameters.md of docs/reference: every signal and every parameter, from the declarations."""
 
 from __future__ import annotations
 
@@ -101,5 +101,5 @@ def parameter_table() -> str:
 
 
 def generate() -> dict[str, str]:
-    """File name in docs/ -> text."""
+    """File name in docs/reference/ -> text."""
     return {"records.md": records(), "parameters.md": parameter_table()}

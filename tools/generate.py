@@ -32,7 +32,7 @@ def c_files(built: tuple[str, ...] = ()) -> dict[str, str]:
 def committed() -> dict[Path, str]:
     """File -> text of what is committed: of the systems that are part of this package."""
     files = {ROOT / "firmware" / name: text for name, text in c_files().items()}
-    files |= {ROOT / "docs" / name: text for name, text in gen_reference.generate().items()}
+    files |= {ROOT / "docs" / "reference" / name: text for name, text in gen_reference.generate().items()}
     return {**files, ROOT / "host" / "plumb" / "spec" / "messages.dbc": dbc.text()}
 
 

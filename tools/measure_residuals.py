@@ -2,7 +2,7 @@
 
 A residual error is a frame that the receiver accepts although nobody sent it. Every trial damages one SLCAN line (22
 bytes, 176 data bits, CR included) of a random frame with a right CRC in one place; start and stop bits are left alone.
-`tools/gen_protocol.py` writes the table into PROTOCOL.md. Run alone, it prints the table;
+`tools/gen_protocol.py` writes the table into docs/reference/protocol.md. Run alone, it prints the table;
 `--times 10` takes ten times the trials.
 """
 

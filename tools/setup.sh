@@ -1,10 +1,10 @@
 #!/bin/sh
 # Installs what is missing on a Debian or Ubuntu machine, and nothing when nothing is.
-# usage: tools/setup.sh demo|test
+# usage: tools/setup.sh demo|test|docs
 # Packages come from apt (with sudo when not root); Python packages go into .venv, never into the system.
 set -eu
 cd "$(dirname "$0")/.."
-purpose=${1:?usage: tools/setup.sh demo|test}
+purpose=${1:?usage: tools/setup.sh demo|test|docs}
 
 missing=""
 need() { # command, package
@@ -67,6 +67,7 @@ wanted() {
 if ! wanted | cmp -s - "$stamp"; then
     extras=virtual,report
     [ "$purpose" = test ] && extras=dev
+    [ "$purpose" = docs ] && extras=docs
     [ -x .venv/bin/python ] || "$python" -m venv .venv
     echo "plumb: installing Python packages into .venv"
     .venv/bin/python -m pip install -q --disable-pip-version-check --upgrade pip

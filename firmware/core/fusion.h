@@ -13,7 +13,7 @@
  * That is exact for constant parameters, and needs no larger covariance.
  *
  * Covariances are in Q64 of the squared units, gains in Q28, sensitivities in Q28. Why every sum fits:
- * DESIGN.md, "Numbers".
+ * docs/reference/arithmetic/kernels.md.
  */
 #ifndef PLUMB_CORE_FUSION_H
 #define PLUMB_CORE_FUSION_H

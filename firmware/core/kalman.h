@@ -12,7 +12,7 @@
  * The state holds the bias per step (turn, not turn/s): then A = [[1, -1], [0, 1]], and the covariance needs
  * no product with dt. Covariances are in lsb, a unit that each parameter set chooses (about 2^-56 of its
  * largest variance): p00, p01, p11 are 64-bit integers, p11 and its process noise have 30 more bits of
- * fraction, and r is in 2^32 lsb. DESIGN.md, "Numbers", shows that every sum fits.
+ * fraction, and r is in 2^32 lsb. docs/reference/arithmetic/kernels.md, shows that every sum fits.
  */
 #ifndef PLUMB_CORE_KALMAN_H
 #define PLUMB_CORE_KALMAN_H

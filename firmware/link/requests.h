@@ -1,8 +1,8 @@
 /* Requests: decodes, checks, executes and answers what hosts send.
  *
  * The entry to the session: bytes of the UART and frames of CAN come in here, and each reply goes to the link
- * of its request. PROTOCOL.md defines every frame. Time is an argument, in us of the board's clock, modulo
- * 2^32. */
+ * of its request. docs/reference/protocol.md defines every frame. Time is an argument, in us of the board's
+ * clock, modulo 2^32. */
 #ifndef PLUMB_LINK_REQUESTS_H
 #define PLUMB_LINK_REQUESTS_H
 

@@ -1,5 +1,6 @@
 /* The balancer's step on parameters and counts from all over their ranges: under the sanitizers no sum of it
- * may overflow, and whatever comes, what has a limit keeps it (DESIGN.md, "Why the sums of balancer fit"). */
+ * may overflow, and whatever comes, what has a limit keeps it (docs/reference/arithmetic/balancer.md, "Why
+ * the sums fit"). */
 #include "core/wheel.h"
 #include "wild.h"
 

@@ -13,7 +13,7 @@ from plumb.cli import verbs
 from plumb.spec import parameters
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def commands(page: Path) -> list[str]:
@@ -37,7 +37,7 @@ def test_every_link_leads_somewhere(page: Path) -> None:
 
 def test_parameters_that_the_guide_sets_exist_and_take_the_value() -> None:
     rows = {row.name: row for row in parameters.table()}
-    text = (ROOT / "docs/bring-up.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/tutorials/bring-up.md").read_text(encoding="utf-8")
     assignments = [
         part for line in re.findall(r"plumb params set ([^\n]*)", text) for part in line.split() if "=" in part
     ]
@@ -58,5 +58,5 @@ def figures(page: Path) -> set[tuple[str, ...]]:
 def test_readme_and_the_systems_pages_tell_the_same_figures() -> None:
     """Each figure that README shows is on the page of a system: one command, one time it was run."""
     short = figures(ROOT / "README.md")
-    pages = set().union(*(figures(ROOT / f"docs/{name}.md") for name in systems.SYSTEMS))
+    pages = set().union(*(figures(ROOT / f"docs/systems/{name}.md") for name in systems.SYSTEMS))
     assert sorted(short - pages) == []

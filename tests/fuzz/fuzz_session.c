@@ -1,6 +1,7 @@
 /* The shipped loop on the native port, at the mercy of two hosts, of its wires and of its power: the input is
  * a program of what happens and of the time between. After every millisecond the board has to keep what
- * PROTOCOL.md promises; at the end, with nothing misbehaving any more, it has to answer over both links.
+ * docs/reference/protocol.md promises; at the end, with nothing misbehaving any more, it has to answer over
+ * both links.
  *
  * Input: operations of one byte (op_t, modulo OPS) and their arguments; missing bytes are 0. */
 #include "core/digest.h"

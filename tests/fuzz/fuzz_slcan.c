@@ -1,5 +1,6 @@
 /* The codec of the UART's lines under any bytes: the parser against a second one that is written from
- * PROTOCOL.md ("Commands"), byte by byte and in the pieces of link/commands.c, and frames to text and back.
+ * docs/reference/protocol.md ("Commands"), byte by byte and in the pieces of link/commands.c, and frames to
+ * text and back.
  *
  * Input: the first byte is the length of the pieces, the others are the bytes of the line. */
 #include "input.h"

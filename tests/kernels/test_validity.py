@@ -1,4 +1,4 @@
-"""What control_params_valid accepts ends exactly where DESIGN.md says: the last good value, and the first bad one."""
+"""What control_params_valid accepts ends where the arithmetic pages say: the last good value, the first bad one."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 """Random sequences of what two hosts, their lines and the power supply do to the shipped loop, against a model of the
-board that is written from PROTOCOL.md. Hypothesis shortens a sequence that fails.
+board that is written from docs/reference/protocol.md. Hypothesis shortens a sequence that fails.
 
 The sequences are the same every time; PLUMB_LONG=1 draws new ones for some minutes.
 """
@@ -53,7 +53,7 @@ class LinkModel:
 
 @dataclass
 class BoardModel:
-    """What PROTOCOL.md says of a board that was just started."""
+    """What docs/reference/protocol.md says of a board that was just started."""
 
     in_use: list[int]
     source: int

@@ -65,7 +65,7 @@ def test_what_is_driven_is_what_moves_something() -> None:
 
 def test_every_promise_of_security_md_is_held_by_faults_or_tests_that_exist() -> None:
     """Numbered promises, each with `Held by` and names."""
-    text = (ROOT / "docs/security.md").read_text("utf-8")
+    text = (ROOT / "docs/explanation/security.md").read_text("utf-8")
     promises = re.findall(r"(?m)^\d+\. \*\*.*(?:\n(?!\d+\. |\n).*)*", text)
     assert len(promises) >= 8
     tests = {

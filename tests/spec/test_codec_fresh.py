@@ -103,7 +103,7 @@ def test_table_order_is_the_order_of_the_struct() -> None:
 @pytest.mark.slow
 def test_protocol_document_is_fresh(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the damaged lines, which take half a minute, those of three kinds, unless PLUMB_LONG=1."""
-    text = (ROOT / "PROTOCOL.md").read_text()
+    text = (ROOT / "docs/reference/protocol.md").read_text()
     generator = tool("gen_protocol")
     if not LONG:
         measure = sys.modules["measure_residuals"]
@@ -116,7 +116,7 @@ def test_protocol_document_is_fresh(monkeypatch: pytest.MonkeyPatch) -> None:
 
         assert set(measure.KINDS) >= SAMPLED
         monkeypatch.setattr(measure, "residuals", sampled)
-    assert generator.generate(text) == text, "PROTOCOL.md is stale: run tools/gen_protocol.py"
+    assert generator.generate(text) == text, "docs/reference/protocol.md is stale: run tools/gen_protocol.py"
     assert text.count("<!-- begin") == 12
 
 

@@ -1,4 +1,4 @@
-"""`balancer` in integers: fixed and the C agree in every bit, limits are where DESIGN.md says, and float64 is near."""
+"""`balancer` in integers: fixed and C agree in every bit, limits are those of its arithmetic page, float64 is near."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def test_wild_runs_agree_in_every_bit() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("tuning", balancer.TUNINGS)
 def test_rides_agree_in_every_bit_and_follow_float64(tuning: str) -> None:
-    """The angle stays within 5e-4 deg, as every shipped tuning has to, and every other quantity within what DESIGN.md,
-    "Error bounds", argues."""
+    """The angle stays within 5e-4 deg, as every shipped tuning has to, and every other quantity within what
+    docs/explanation/accuracy.md argues."""
     params = quantise(balancer.TUNINGS[tuning])
     run = balancer.scenario("rough", 3)
     raw, setpoint = run.counts(), run.setpoint()

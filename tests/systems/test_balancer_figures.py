@@ -23,7 +23,7 @@ from plumb.systems.balancer.figures import Float64, Integers, balance
 from plumb.systems.balancer.plots import TURN_DEG
 
 Rows = dict[tuple[str, str, str], Figure]
-PAGE = Path(__file__).parents[2] / "docs/balancer.md"
+PAGE = Path(__file__).parents[2] / "docs/systems/balancer.md"
 
 
 def keyed(rows: Iterable[Figure]) -> Rows:
@@ -195,7 +195,7 @@ def test_every_section_is_in_the_table() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("link", ["serial", "can"])
 def test_the_flash_image_stays_up(link: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """The ten minutes of docs/balancer.md, the first 25 s of them: commands and pushes, the plant on the host."""
+    """Of the ten minutes of docs/systems/balancer.md the first 25 s: commands and pushes, the plant on the host."""
     pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
     command = ["run", "balancer", "--board", "virtual", "--link", link, "--scenario", "endure", "--seconds", "25"]
     assert front.main([*command, "--json"]) == 0

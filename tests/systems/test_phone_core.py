@@ -121,7 +121,7 @@ def general() -> tuple[npt.NDArray[np.int16], npt.NDArray[np.float64]]:
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "bound_deg"), [("euler", 5e-4), ("printed", 5e-5)])
 def test_counts_to_angles_stay_close_to_float64(name: str, bound_deg: float) -> None:
-    """DESIGN.md, "Error bounds": what the filter rounds, through the vertical too."""
+    """docs/explanation/accuracy.md: what the filter rounds, through the vertical too."""
     raw, lateral_g = general()
     assert np.all(lateral_g.min(axis=0)[2:] < np.radians(0.1))
     assert apart_deg(phone.TUNINGS[name], raw).max() <= bound_deg

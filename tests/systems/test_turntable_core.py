@@ -104,7 +104,7 @@ def test_ordinary_runs_agree_in_every_bit(name: str) -> None:
     ],
 )
 def test_counts_to_attitude_stay_close_to_float64(scenario: str, tuning: str) -> None:
-    """DESIGN.md, "Error bounds": 5e-4 deg over the whole run."""
+    """docs/explanation/accuracy.md: 5e-4 deg over the whole run."""
     drawn = turntable.scenario(scenario, 1000, seconds=20.0)
     params = quantise(drawn.fit(turntable.TUNINGS[tuning]))
     ideal = run_reference.run_control(dequantise(params), drawn.counts())

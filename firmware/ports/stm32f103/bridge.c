@@ -1,5 +1,5 @@
 /* Three-phase bridge on TIM1, commutated by the rotor's Hall sensors on TIM2; only with BOARD_PINS_BRIDGE
- * (RM0008 14.3.11 to 14.3.18, 15.3.5; DESIGN.md "Three phases").
+ * (RM0008 14.3.11 to 14.3.18, 15.3.5; docs/explanation/motor-bridge.md).
  *
  * Every commutation is one interrupt: a Hall edge raises it, and a new duty pends it. It writes preloaded
  * registers, and one COM event changes all six switches at once. A floating phase keeps its high side enabled

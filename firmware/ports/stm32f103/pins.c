@@ -1,4 +1,5 @@
-/* Pin assignment of this board, in both pin sets (RM0008 9.1.11, 9.2, 9.3; table in DESIGN.md). */
+/* Pin assignment of this board, in both pin sets (RM0008 9.1.11, 9.2, 9.3; table in docs/reference/pins.md).
+ */
 #include "pins.h"
 #include "app/board.h"
 #include "app/board_actuators.h"

@@ -1,4 +1,4 @@
-/* GPIO: which pin does what (table in DESIGN.md). */
+/* GPIO: which pin does what (table in docs/reference/pins.md). */
 #ifndef PLUMB_STM32F103_PINS_H
 #define PLUMB_STM32F103_PINS_H
 

@@ -1,7 +1,7 @@
 """Load of the links: longest frame on a CAN bus, periodic frames of an open link, steps per second of every system.
 
-`python -m plumb.bench.bus_load` prints the tables that PROTOCOL.md contains. All are worst cases: each frame has as
-many stuff bits as possible, each step all its frames.
+`python -m plumb.bench.bus_load` prints the tables that docs/reference/protocol.md contains. All are
+worst cases: each frame has as many stuff bits as possible, each step all its frames.
 """
 
 from __future__ import annotations

@@ -94,7 +94,7 @@ class ParameterTransfer:
                 self.commit(len(words), crc)
             except NackError as error:
                 if error.reason == "PARAMETERS":
-                    why = parameters.contradiction(words) or "see the limits in DESIGN.md"
+                    why = parameters.contradiction(words) or "see the limits in docs/reference/arithmetic"
                     raise UsageError(f"{error}: {why}") from None
                 if error.reason != "CRC":
                     raise

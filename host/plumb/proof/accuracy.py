@@ -1,10 +1,10 @@
 """Accuracy of the arithmetic: distance of the integers from float64 on the same integer inputs.
 
-`python -m plumb.proof.accuracy [--seeds N] [SYSTEM ...]` prints the table of DESIGN.md, "Error bounds", for every
+`python -m plumb.proof.accuracy [--seeds N] [SYSTEM ...]` prints the table of docs/explanation/accuracy.md, for every
 tuning. The inputs of the filter alone are hard: the tilt sweeps through the whole turn, the gyro has 20 deg/s of bias,
 one measurement in fifty is an outlier of any angle, and R jumps over its whole range if the tuning allows it. The
 inputs of the chain are the system's default scenario, seed 1000, or the worst of N seeds from there on. Bounds are for
-an innovation of 180 deg; DESIGN.md has the bound of a chain of more than one filter.
+an innovation of 180 deg; the page has the bound of a chain of more than one filter.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def steady_gains(q_angle: float, q_bias: float, r: float) -> tuple[float, float]
 
 
 def filter_bound_deg(params: ControlParams, innovation_deg: float = 180.0) -> float:
-    """Largest error of the fused tilt against float64 that DESIGN.md, "Error bounds", allows this set; at most 180.
+    """Largest error of the fused tilt against float64 that docs/explanation/accuracy.md, allows this set; at most 180.
 
     innovation_deg: the largest innovation of the run. Gains are those of the filter at rest with the largest R.
     """

@@ -1,4 +1,4 @@
-"""Used range of every word of a step: the column "worst seen" of DESIGN.md, "Formats".
+"""Used range of every word of a step: the column "worst seen" of docs/reference/arithmetic/kernels.md.
 
 `python -m plumb.proof.ranges [SYSTEM ...]` runs the golden vectors of a checkout, wild inputs included, on the native
 core and prints for every word its largest magnitude, in the unit of its name, and how many bits of the word stay free.

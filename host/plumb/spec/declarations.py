@@ -387,7 +387,7 @@ C_KEYWORDS = frozenset(
 _LOWER, _UPPER = re.compile(r"[a-z][a-z0-9_]*"), re.compile(r"[A-Z][A-Z0-9_]*")
 _COMMAND = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 _PARAMETER = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)+")
-_FORMAT = re.compile(r"Q\d\d?|Q\([^)]*\)|integer|bits|choice|see DESIGN\.md")
+_FORMAT = re.compile(r"Q\d\d?|Q\([^)]*\)|integer|bits|choice|see \w+")
 CALIBRATION_ROWS = ("raw_min", "raw_max", "gain", "offset")
 """The rows of a group that calibrates a raw channel."""
 _ROW: dict[str, type] = {

@@ -51,7 +51,7 @@ def crc8(identifier: int, data: bytes) -> int:
     """Byte 0 that a frame must have. data: all bytes of the frame; byte 0 does not enter.
 
     Bytes go in from the last one back to byte 1, so that the payload is one code word in the order of CAN's bits and
-    every burst of up to 8 bits is detected (PROTOCOL.md, "A frame").
+    every burst of up to 8 bits is detected (docs/reference/protocol.md, "A frame").
     """
     crc = crc8_start(identifier, len(data))
     table = CRC8_TABLE
@@ -149,7 +149,8 @@ def message_of(definition: object) -> Message:
 def canonical_text(database: Database) -> str:
     """What the definitions come down to: one line a message, one a signal, one a named value; nothing of comments.
 
-    PROTOCOL.md, "Versions", has the format. Messages by identifier, signals by first bit, values by number.
+    docs/reference/protocol.md, "Versions", has the format. Messages by identifier, signals by first bit, values by
+    number.
     """
     lines = [f"version {database.version}"]
     for definition in sorted(database.messages, key=lambda message: message.frame_id):

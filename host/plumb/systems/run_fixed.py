@@ -1,4 +1,4 @@
-"""The integer algorithm, written from DESIGN.md "Numbers" alone: every bit of every word of a step.
+"""The integer algorithm, written from docs/reference/arithmetic/kernels.md alone: every bit of every word of a step.
 
 A system is a module of its own here, with `control_init(p)` and `control_step(c, p, raw, setpoint)`, which gives the
 values of the step's words in the written order; what systems share is in `kernels`. All of it works on ints (one run)

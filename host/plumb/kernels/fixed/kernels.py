@@ -1,4 +1,4 @@
-"""The kernels that systems share, written from DESIGN.md "Numbers" alone.
+"""The kernels that systems share, written from docs/reference/arithmetic/kernels.md alone.
 
 They work on ints (one run) and on int64 arrays (one value per run) with the same code. `p` is a mapping from the names
 of parameters.toml to ints, or to arrays where runs differ.

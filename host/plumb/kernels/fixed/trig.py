@@ -1,4 +1,4 @@
-"""Arc tangent, arc sine, sine, cosine and length, from DESIGN.md "Numbers" alone; the integer side of
+"""Arc tangent, arc sine, sine, cosine and length, from docs/reference/arithmetic/kernels.md alone; the integer side of
 `plumb.systems.run_fixed`.
 
 Like all kernels here they take ints, or int64 arrays, and give the same for both.

@@ -1,8 +1,8 @@
 """The far end of an SLCAN cable as a python-can bus: what a CAN adapter, or a board, is to the host that opens it.
 
-A `ServerEndpoint` (pty or TCP port) under it, the commands of an adapter answered as PROTOCOL.md says, frames handed on
-in both directions. A frame is sent only while a host has the link open; before that, and when nobody listens, it is
-gone.
+A `ServerEndpoint` (pty or TCP port) under it, the commands of an adapter answered as docs/reference/protocol.md
+says, frames handed on in both directions. A frame is sent only while a
+host has the link open; before that, and when nobody listens, it is gone.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`balancer` in integers: raw counts to the duty of the motor's bridge (DESIGN.md, "Numbers")."""
+"""`balancer` in integers: raw counts to the duty of the motor's bridge (docs/reference/arithmetic/kernels.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`phone` in integers: counts of six channels to pitch and roll (DESIGN.md, "Numbers")."""
+"""`phone` in integers: counts of six channels to pitch and roll (docs/reference/arithmetic/kernels.md)."""
 
 from __future__ import annotations
 

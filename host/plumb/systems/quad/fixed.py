@@ -1,4 +1,4 @@
-"""`quad` in integers: raw counts to the pulses of two opposing motors (DESIGN.md, "Numbers")."""
+"""`quad` in integers: raw counts to the pulses of two opposing motors (docs/reference/arithmetic/kernels.md)."""
 
 from __future__ import annotations
 

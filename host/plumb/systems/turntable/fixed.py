@@ -1,4 +1,4 @@
-"""`turntable` in integers: two sensors of different rates to a quaternion (DESIGN.md, "Numbers")."""
+"""`turntable` in integers: two sensors of different rates to a quaternion (docs/reference/arithmetic/kernels.md)."""
 
 from __future__ import annotations
 
