@@ -20,6 +20,9 @@ need qemu-system-arm qemu-system-arm
     missing="$missing libnewlib-arm-none-eabi"
 if [ "$purpose" = test ]; then
     need clang clang
+    # Programs built against the installed C library.
+    need g++ g++
+    need pkg-config pkg-config
     # The flashing tools that plumb drives, or that should get on with its simulated bootloader.
     need openocd openocd
     need stm32flash stm32flash

@@ -16,7 +16,9 @@ NAMES = sorted(path.name for path in HEADERS.glob("*.h"))
 STANDARDS = {"c": ("gnu99", "gnu11", "gnu17", "c99"), "c++": ("c++17",)}
 PREFIX = re.compile(r"^_?(plumb|PLUMB)_|^PLUMB_")
 LIBC = "#include <stdlib.h>\n#include <sys/types.h>\n"
-NEWLIB = ("--target=thumbv7m-none-eabi", "-isystem", "/usr/lib/arm-none-eabi/include")
+NEWLIB = (
+    "--target=thumbv7m-none-eabi", "-isystem", "/usr/lib/arm-none-eabi/include", "-isystem", "/usr/include/newlib"
+)  # fmt: skip
 COMPILERS = {
     "gcc": ("gcc", "g++"),
     "clang": ("clang", "clang++"),

@@ -70,8 +70,7 @@ def compare(tuning: Any) -> Counter[str]:
     except UsageError as error:
         name = named(tuning.system, str(error))
         of_prefilter = name.endswith("_filter") and got.field.startswith(f"{name}.")
-        start_lag = name == "fusion.lag_s" and got.field == "fusion.start_lag_s"
-        assert got.error and (got.field == name or of_prefilter or start_lag), (str(error), got.field, tuning)
+        assert got.error and (got.field == name or of_prefilter), (str(error), got.field, tuning)
         return Counter(refused=1)
     assert not got.error, (got.field, tuning)
     if tuning.system != "turntable":
@@ -125,11 +124,13 @@ def test_shipped_tunings_have_the_words_of_python(system: str) -> None:
     assert counts["accepted"] == len(tunings(system)) and counts["one_apart"] == 0
 
 
+@pytest.mark.parametrize("block", range(campaign(1, 10)))
 @pytest.mark.parametrize("system", SYSTEMS)
-def test_drawn_tunings_have_the_words_of_python_or_are_refused_alike(system: str) -> None:
-    rng, counts = np.random.default_rng(SYSTEMS.index(system)), Counter[str]()
+def test_drawn_tunings_have_the_words_of_python_or_are_refused_alike(system: str, block: int) -> None:
+    """1000 tunings; pytest -s prints how many integers were equal, how many one unit apart."""
+    rng, counts = np.random.default_rng([SYSTEMS.index(system), block]), Counter[str]()
     shipped = list(tunings(system).values())
-    for i in range(campaign(1000, 10_000)):
+    for i in range(1000):
         counts += compare(drawn(rng, shipped[i % len(shipped)], float(rng.choice([0.05, 0.2, 0.6]))))
     print(f"{system}: {dict(counts)}")
     assert counts["accepted"] > 150 and counts["refused"] > 150
@@ -190,3 +191,14 @@ def test_a_refused_design_leaves_the_parameters_and_names_setting_and_value() ->
     bad = replace(tuning, kalman=replace(tuning.kalman, bias_max_dps=360.0))
     answer = c_design.design(bad)
     assert (answer.field, answer.words) == ("kalman.bias_max_dps", {})
+
+
+def test_an_integer_just_below_2_to_62_keeps_its_last_bits() -> None:
+    """Process noise of the bias of 2^62 - 96: its double is 2^62."""
+    tuning = tunings("quad")["paper"]
+    kalman = replace(tuning.kalman, q_angle_deg2_per_s=0.5, q_bias_dps2_per_s=0.25)
+    trust = replace(tuning.trust, r_deg2=0.056, r_max_deg2=0.056)
+    edge = replace(tuning, period_us=100_000, kalman=kalman, trust=trust)
+    words = quantise(edge).values
+    assert (words["kalman.qb"] << 30) + words["kalman.qb_frac_q30"] == 2**62 - 96
+    assert compare(edge)["one_apart"] == 0

@@ -14,6 +14,7 @@ from plumb.errors import UsageError
 from plumb.spec import parameters
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.tuning import QuadTuning
+from plumb.systems.turntable import scenarios as turntable
 from plumb.tuning.quantise import ControlParams, dequantise, quantise
 from support.tuning_box import CORNERS, PAPER, corner
 
@@ -155,3 +156,8 @@ def test_every_word_counts_in_the_crc() -> None:
     words = quantise(PAPER).words()
     seen = {parameters.crc32([w ^ (i == n) for i, w in enumerate(words)]) for n in range(-1, len(words))}
     assert len(seen) == len(words) + 1
+
+
+def test_the_square_of_a_tiny_setting_is_refused_by_name() -> None:
+    with pytest.raises(UsageError, match=r"fusion\.angular_walk_dps2 = 1e-310: too fine"):
+        quantise(turntable.with_fusion(turntable.DATA, angular_walk_dps2=1e-310))

@@ -13,6 +13,7 @@ extern "C" {
 
 #define PLUMB_CALIBRATION_LIMIT 1879048192L /* 7 * 2^28, of every calibrated value: 7 turn/s, 28 g */
 
+/* Of one channel. */
 typedef struct {
     int32_t raw_min; /* counts, -32768..32767 */
     int32_t raw_max; /* counts, raw_min..32767 */

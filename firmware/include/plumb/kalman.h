@@ -15,6 +15,7 @@ extern "C" {
 
 #define PLUMB_KALMAN_R_MAX 0x1000000UL /* 2^24 */
 
+/* Settings. */
 typedef struct {
     int32_t dt_s_q33;          /* period, up to 0.1 s */
     uint32_t rate_now;         /* U(k): 0 the previous gyro sample, as the sources print; 1 the current one */
@@ -37,6 +38,7 @@ typedef struct {
     uint32_t p11_hi, p11_lo; /* 0..2^56-1 */
 } plumb_kalman_start_t;
 
+/* State, and what the last step found. */
 typedef struct {
     int64_t tilt_turn_q61; /* modulo 8 turns; the angle is its bits 29..60 */
     int64_t bias_turn_q61; /* per step; +-1/8 turn */

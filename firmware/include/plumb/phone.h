@@ -22,15 +22,19 @@ extern "C" {
 #define PLUMB_PHONE_BODY_RATES  0U /* phone.rates: pitch' = wy, roll' = wx: the source */
 #define PLUMB_PHONE_EULER_RATES 1U
 
+/* Its state is its record. */
 typedef struct {
     plumb_phone_words_t words;
 } plumb_phone_t;
 
+/* All words become zero but those of the filters' state. */
 void plumb_phone_init(plumb_phone_t *c, const plumb_params_t *p);
 
+/* False if a word is outside its range, or any sum of the step could overflow. */
 bool plumb_phone_params_valid(const plumb_params_t *p);
 
-/* One step; the result is c->words. */
+/* One step. raw: gyro x, y, z, then acceleration x, y, z, counts; setpoint: unused. The result is c->words.
+ */
 void plumb_phone_step(plumb_phone_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
                       int32_t setpoint_turn_q32);
 

@@ -13,6 +13,7 @@ extern "C" {
 
 #define PLUMB_PID_ONE_Q22 (1 << 22) /* full command */
 
+/* Settings. */
 typedef struct {
     int32_t kp_q22;      /* command per turn; +-2^30 */
     int32_t ki_dt_q22;   /* command per turn and step; 0..2^31-1 */
@@ -21,6 +22,7 @@ typedef struct {
     int32_t slew_q22;    /* largest change per step; 1..2^23 (no limit) */
 } plumb_pid_params_t;
 
+/* State, and what the last step gave. */
 typedef struct {
     int64_t integral_q54; /* command; +-2, a guard only */
     int32_t command_q22;  /* -1..1-2^-22 */

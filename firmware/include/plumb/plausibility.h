@@ -75,6 +75,7 @@ typedef struct {
     .innovation = PLUMB_PLAUSIBILITY_AT(words_t, kalman.innovation_turn_q32),                                \
     .k0 = PLUMB_PLAUSIBILITY_AT(words_t, kalman.k0_q29)
 
+/* State, and what the last step found. */
 typedef struct {
     uint32_t accel_s_q33; /* of each check: counts up while its condition is met, down while it is not */
     uint32_t innovation_s_q33;

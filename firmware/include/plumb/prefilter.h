@@ -18,6 +18,7 @@ extern "C" {
 #define PLUMB_PREFILTER_NO_SAMPLE (-32768)
 #define PLUMB_PREFILTER_GAP_MAX   65535U /* steps; the count of a gap stops here */
 
+/* Settings. */
 typedef struct {
     int32_t spike_counts; /* 1..2^17; 2^17 detects none */
     int32_t smooth_q16;   /* weight of a new sample in the low-pass, 1..2^16; 2^16: no filter */

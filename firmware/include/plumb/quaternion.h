@@ -11,6 +11,7 @@ extern "C" {
 
 #define PLUMB_QUATERNION_ONE 0x40000000 /* 2^30 */
 
+/* Q30, of length 1. */
 typedef struct {
     int32_t w, x, y, z;
 } plumb_quaternion_t;

@@ -15,6 +15,7 @@ extern "C" {
 #define PLUMB_TILT_ARCSINE 0U /* asin(accel_y / 1 g), +-90 degrees; beyond 1 g it stays at +-90 */
 #define PLUMB_TILT_ATAN2   1U /* atan2(accel_y, accel_z), +-180 degrees */
 
+/* Settings. */
 typedef struct {
     uint32_t mode;            /* PLUMB_TILT_ARCSINE or PLUMB_TILT_ATAN2 */
     uint32_t r_base;          /* measurement variance at |a| = 1 g, in 2^32 lsb of the filter; 1..2^24 */

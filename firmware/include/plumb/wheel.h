@@ -10,6 +10,7 @@
 extern "C" {
 #endif
 
+/* Settings. */
 typedef struct {
     int32_t edges_max;      /* per step, 1..32767; more are clamped */
     int32_t edge_mps_q26;   /* speed at one edge per step; the sign sets the direction */
@@ -17,6 +18,7 @@ typedef struct {
     int32_t accel_gain_q30; /* alpha / (dt * 1 g): g per m/s; 0..2^31-1, 0 for no acceleration at all */
 } plumb_wheel_params_t;
 
+/* State, and what the last step gave. */
 typedef struct {
     int32_t speed_mps_q26;    /* of this step, +-WHEEL_SPEED_LIMIT */
     int32_t velocity_mps_q26; /* filtered */

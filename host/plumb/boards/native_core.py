@@ -28,10 +28,10 @@ CORE_VARIABLE = "PLUMB_NATIVE_CORE"
 BUILD = "cmake --preset native && cmake --build --preset native"
 
 KALMAN_DTYPE = block_dtype("kalman")
-"""kalman_t: the state of one filter after a step."""
+"""plumb_kalman_t: the state of one filter after a step."""
 
 PID_DTYPE = block_dtype("pid")
-"""pid_t: the state of one controller after a step."""
+"""plumb_pid_t: the state of one controller after a step."""
 
 Int32s = npt.NDArray[np.int32]
 Records = npt.NDArray[np.void]

@@ -1,7 +1,7 @@
 """The systems: a published design each, with its plant, its sensors, its scenarios and its tunings.
 
-A system X is the folder systems/X, besides its step in C (firmware/systems/X.[ch]). What a module of it must offer, and
-what is optional in it, its contract says: a Protocol, to which `load` holds the module.
+A system X is the folder systems/X, besides its step in C (firmware/systems/X.c, firmware/include/plumb/X.h). What a
+module of it must offer, and what is optional in it, its contract says: a Protocol, to which `load` holds the module.
 
     system.toml   its declaration: record, parameters, raw channels, frames (plumb.spec.declarations)
     fixed.py      the step in integers, for bit-exact comparison with the C (contracts.FixedStep)

@@ -44,7 +44,10 @@ def whole(name: str, asked: float, exact: Fraction, low: int, high: int) -> int:
         return nearest
     if not exact:
         refuse(name, asked, "give more than 0")
-    step = abs(asked / float(exact))
+    try:
+        step = float(abs(Fraction(asked) / exact))
+    except OverflowError:  # the square of a setting below 1e-154 has no float near it
+        step = math.inf
     if exact > high:
         refuse(name, asked, f"too large for its integer, the most is {step * high:.6g}")
     if exact < low and low != 1:

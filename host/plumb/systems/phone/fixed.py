@@ -118,7 +118,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_tu
 
 
 def filter_words(k: KalmanState) -> tuple[Integer, ...]:
-    """kalman_t, in its order."""
+    """plumb_kalman_t, in its order."""
     return (
         k.tilt_turn_q61, k.bias_turn_q61, k.p00, k.p01, k.p11, k.p11_frac_q30, k.innovation_turn_q32, k.k0_q29, k.k1_q29
     )  # fmt: skip

@@ -55,8 +55,10 @@ def _fusion(f: Fusion, dt: Fraction) -> dict[str, int]:
     if rest_steps > WORD:
         refuse("fusion.rest_s", f.rest_s, f"too long for its integer, the most is {float(WORD * dt):.6g}")
     lag = Fraction(f.lag_s) / dt
-    if lag > 16 or Fraction(f.start_lag_s) / dt > 1:
-        refuse("fusion.lag_s", f.lag_s, "at most 16 steps, and uncertain by at most one")
+    if lag > 16:
+        refuse("fusion.lag_s", f.lag_s, "at most 16 steps")
+    if Fraction(f.start_lag_s) / dt > 1:
+        refuse("fusion.start_lag_s", f.start_lag_s, "a lag is uncertain by at most one step")
     period_q24 = round(period * (1 << 24))
     age = (-1 - Fraction(f.gyro_phase_s) / dt) % period
     scale = Fraction(f.gyro_scale) ** 2 + Fraction(f.angular_scale) ** 2
