@@ -2,7 +2,8 @@
 
 `fixed` is the integer model in Python, `native` the C core in this process, `qemu` the C core as Cortex-M3 code,
 `virtual` the whole flash image on the simulated STM32F103. `serial:PORT[@BAUD]` and `can:INTERFACE:CHANNEL[@KBIT]` are
-the same image on silicon, or on a virtual board that another process serves.
+the same image on silicon, or on a virtual board that another process serves. `program:COMMAND` is a program of the
+user's, which runs whole vectors.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from plumb.link.endpoint_names import CanName, SerialName, parse_board
+from plumb.link.endpoint_names import CanName, ProgramName, SerialName, parse_board
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
@@ -94,6 +95,17 @@ class Board(Protocol):
 
 
 @runtime_checkable
+class GivesWordsOfSteps(Protocol):
+    """A board whose `run_injected` gives digests alone, and which gives the words of some steps when asked."""
+
+    def words_of_steps(
+        self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, first: int, end: int
+    ) -> Words | None:
+        """Reset the controller, run the steps 0 to `end` - 1, and return the words from step `first` on; None when the
+        board cannot give them."""
+
+
+@runtime_checkable
 class SimulatedBoard(Board, Protocol):
     """A board whose chip is simulated in this process: its pins can be reached, and its reset pin pulled."""
 
@@ -125,6 +137,10 @@ def open_board(spec: str, *, link: str = "serial", image: Path | None = None) ->
         from plumb.boards.link import CanBoard
 
         return CanBoard(name)
+    if isinstance(name, ProgramName):
+        from plumb.boards.program import ProgramBoard
+
+        return ProgramBoard(name.command)
     if name.kind == "fixed":
         from plumb.boards.fixed import FixedBoard
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from plumb import systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper, open_board
 from plumb.errors import UsageError
-from plumb.link.endpoint_names import REMOTE_BOARDS, CanName, LocalBoard, SerialName, parse_board
+from plumb.link.endpoint_names import REMOTE_BOARDS, CanName, LocalBoard, ProgramName, SerialName, parse_board
 from plumb.link.lockstep import Lockstep
 from plumb.link.session import Session
 from plumb.link.transports.open_bus import open_can
@@ -69,15 +69,21 @@ class LinkBoard(Board):
         return Answer(np.concatenate(digests))
 
     def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:
+        words = self.words_of_steps(params, raw, setpoint, step, step + 1)
+        return {name: int(values[0]) for name, values in words.items()}
+
+    def words_of_steps(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, first: int, end: int) -> Words:
+        """Reset the controller, run the steps 0 to `end` - 1, and return every word of those from `first` on."""
         self._upload(params)
         run = Lockstep(self.session)
-        run.run(raw[:step], setpoint[:step])
+        run.run(raw[:first], setpoint[:first])
         self.session.select(words=range(self.session.record_words))
-        reply = run.exchange(tuple(int(count) for count in raw[step]), int(setpoint[step]))
+        record = b""
+        for step in range(first, end):
+            reply = run.exchange(tuple(int(count) for count in raw[step]), int(setpoint[step]))
+            record += struct.pack(f"<{len(reply.words)}I", *(reply.words[index] for index in sorted(reply.words)))
         self.session.end()
-        record = struct.pack(f"<{len(reply.words)}I", *(reply.words[index] for index in sorted(reply.words)))
-        words = Words.from_bytes(record, (1,), params.system)
-        return {name: int(values[0]) for name, values in words.items()}
+        return Words.from_bytes(record, (end - first,), params.system)
 
     def stepper(self, params: ControlParams) -> Stepper:
         self._upload(params)
@@ -104,7 +110,7 @@ class CanBoard(LinkBoard):
 def open_link_board(spec: str, *, link: str = "serial", image: Path | None = None) -> LinkBoard:
     """The board that `spec` names; raises UsageError for a board without a link."""
     name = parse_board(spec)
-    if isinstance(name, LocalBoard) and name.kind != "virtual":
+    if isinstance(name, ProgramName) or (isinstance(name, LocalBoard) and name.kind != "virtual"):
         raise UsageError(f"'{spec}' is no board with a link; use virtual, {REMOTE_BOARDS}")
     board = open_board(spec, link=link, image=image)
     assert isinstance(board, LinkBoard)

@@ -32,9 +32,10 @@ def add_board(parser: Options, *, linked: bool = False, required: bool = True, a
         parser.add_argument("--board", metavar="B", help=f"{about}: {boards}" if about else boards)
 
 
-def add_boards(parser: Options, *, default: str) -> None:
-    """--board, as often as wanted."""
-    parser.add_argument("--board", action="append", metavar="B", help=f"{ANY_BOARD}; repeatable (default: {default})")
+def add_boards(parser: Options, *, default: str, also: str = "") -> None:
+    """--board, as often as wanted. also: a kind of board that other commands do not take."""
+    boards = f"{ANY_BOARD}; {also}" if also else ANY_BOARD
+    parser.add_argument("--board", action="append", metavar="B", help=f"{boards}; repeatable (default: {default})")
 
 
 def add_link(parser: Options) -> None:

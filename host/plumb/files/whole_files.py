@@ -33,3 +33,16 @@ def write_whole(contents: Mapping[Path, str | bytes], advice: str) -> None:
         with contextlib.suppress(OSError):
             for part in parts.values():
                 part.unlink(missing_ok=True)
+
+
+def require_writable(path: Path, advice: str) -> None:
+    """Raises UsageError, with the advice, unless `write_whole` can write the file; missing folders are created."""
+    part = path.with_name(path.name + ".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "it is a folder")
+        part.touch()
+        part.unlink()
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror}; {advice}") from None

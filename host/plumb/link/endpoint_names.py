@@ -1,6 +1,6 @@
 """Names of boards, buses and served ports as people write them, parsed into typed values.
 
-    BOARD   native | qemu | virtual | serial:PORT[@BAUD] | can:INTERFACE:CHANNEL[@KBIT]
+    BOARD   native | qemu | virtual | serial:PORT[@BAUD] | can:INTERFACE:CHANNEL[@KBIT] | program:COMMAND
     BUS     serial:PORT[@BAUD] | tcp:HOST:PORT | udp:PORT | can:INTERFACE:CHANNEL[@KBIT] | file:PATH
 
 A served board has its UART at pty or tcp:PORT, and its CAN bus at slcan:pty, slcan:tcp:PORT, socketcand:PORT or
@@ -10,6 +10,7 @@ gives the grammar.
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 
 from plumb.errors import UsageError
@@ -20,7 +21,7 @@ LARGEST_RATE = 10**9 - 1
 """Of a baud or bit rate; nothing is this fast, and every driver's integer holds it."""
 
 REMOTE_BOARDS = "serial:PORT[@BAUD] or can:INTERFACE:CHANNEL[@KBIT]"
-BOARDS = f"native, qemu, virtual, {REMOTE_BOARDS}"
+BOARDS = f"native, qemu, virtual, {REMOTE_BOARDS}; golden check also takes program:COMMAND"
 BUSES = "serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT, can:INTERFACE:CHANNEL[@KBIT] or file:PATH"
 
 
@@ -76,6 +77,13 @@ class SocketcandName(CanName):
 
 
 @dataclass(frozen=True)
+class ProgramName:
+    """A program of the user's that runs golden vectors. command: its words, the program first."""
+
+    command: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class FileName:
     """A log of frames."""
 
@@ -103,7 +111,7 @@ class SocketcandServerName:
 
 LOCAL_BOARDS = {kind: LocalBoard(kind) for kind in ("fixed", "native", "qemu", "virtual")}
 
-BoardName = LocalBoard | SerialName | CanName
+BoardName = LocalBoard | SerialName | CanName | ProgramName
 BusName = SerialName | TcpName | UdpName | CanName | FileName
 CanEndName = AdapterName | SocketcandServerName | CanName
 
@@ -117,6 +125,8 @@ def parse_board(text: str) -> BoardName:
         return _serial(text, address)
     if kind == "can" and address:
         return parse_can(address)
+    if kind == "program":
+        return _program(text, address)
     raise UsageError(f"'{text}' names no board; use {BOARDS}")
 
 
@@ -201,6 +211,16 @@ def _serial(text: str, address: str) -> SerialName:
     if baud is None and "@" in address:
         raise UsageError(f"the baud rate in '{text}' is not a number; write serial:PORT@{DEFAULT_BAUD}")
     return SerialName(port, DEFAULT_BAUD if baud is None else baud)
+
+
+def _program(text: str, command: str) -> ProgramName:
+    try:
+        words = shlex.split(command)
+    except ValueError as error:
+        raise UsageError(f"'{text}' is no command ({error}); write program:COMMAND as in a shell") from None
+    if not words or any("\0" in word for word in words):
+        raise UsageError(f"'{text}' names no program; write program:COMMAND")
+    return ProgramName(tuple(words))
 
 
 def _port(digits: str) -> int | None:

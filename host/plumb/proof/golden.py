@@ -7,38 +7,41 @@ finds the parameters valid.
 
 from __future__ import annotations
 
+import difflib
+import fnmatch
 import hashlib
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from tqdm import tqdm
 
-from plumb.boards import Answer, Board, native_core
-from plumb.checkout import CHECKOUT
+from plumb.boards import Board, native_core
+from plumb.checkout import CHECKOUT, PACKAGE
 from plumb.errors import UsageError
 from plumb.proof import golden_manifest, golden_recipe
-from plumb.proof.compare import (
-    Divergence,
-    count_mismatches,
-    divergence_at,
-    first_digest_divergence,
-    first_divergence,
-)
+from plumb.proof.compare import Divergence, count_mismatches
 from plumb.proof.golden_file import FORMAT, MAX_FILE_BYTES, SUFFIX, Vector, read_bounded
-from plumb.spec.records import Words
+from plumb.proof.golden_result import Result, VectorResult, bit_exact, verdict_of, worst_of
+from plumb.proof.golden_trace import trace
 from plumb.systems import run_fixed
 
-__all__ = ["FORMAT", "SUFFIX", "Case", "Divergence", "Result", "Vector", "build", "cases", "check", "load", "make"]
+__all__ = [
+    "FORMAT", "SUFFIX", "Case", "Divergence", "Result", "Vector", "VectorResult", "bit_exact", "build", "cases",
+    "cases_for", "cases_named", "check", "check_each", "check_vector", "load", "make", "vectors_folder", "verdict_of",
+    "worst_of",
+]  # fmt: skip
 
 RECIPE = "recipe.toml"
-WHOLE_BOARDS = ("fixed", "native", "qemu")
+WHOLE_BOARDS = ("fixed", "native", "qemu", "program")
 """Boards that run every vector; the others run those marked `on_link`."""
 
 
 def vectors_folder(folder: Path | None = None) -> Path:
-    """`folder`, or the checkout's tests/vectors; raises UsageError when it has no recipe."""
-    candidates = [folder] if folder else [Path.cwd() / "tests/vectors", CHECKOUT / "tests/vectors"]
+    """`folder`, or the checkout's tests/vectors, or the package's; raises UsageError when it has no recipe."""
+    own = [Path.cwd() / "tests/vectors", CHECKOUT / "tests/vectors", PACKAGE / "vectors"]
+    candidates = [folder] if folder else own
     for candidate in candidates:
         if (candidate / RECIPE).is_file():
             return candidate
@@ -121,123 +124,52 @@ def load(folder: Path, systems: Sequence[str] | None = None) -> list[Vector]:
     return [case.vector for case in cases(folder, systems)]
 
 
-@dataclass
-class Result:
-    """Result of the vectors on one board."""
-
-    vectors: int = 0
-    steps: int = 0
-    mismatches: int = 0
-    first_divergence: Divergence | None = None
-    unverified_from: tuple[str, int] | None = None
-
-    @property
-    def verdict(self) -> str:
-        if self.mismatches or self.first_divergence:
-            return "fail"
-        return "pass" if self.unverified_from is None and self.vectors else "unverified"
-
-    def to_json(self) -> dict[str, object]:
-        first = self.first_divergence
-        return {
-            "vectors": self.vectors,
-            "steps": self.steps,
-            "mismatches": self.mismatches,
-            "first_divergence": None if first is None else first.as_dict(),
-        }
-
-    def describe(self) -> str:
-        text = f"{self.vectors} vectors, {self.steps} steps, {self.mismatches} mismatches"
-        if self.first_divergence:
-            text += f"; first: {self.first_divergence}"
-        if self.unverified_from:
-            text += "; unverified from {} step {}: answers were lost".format(*self.unverified_from)
-        return text
+def cases_named(every: Sequence[Case], patterns: Sequence[str] | None) -> list[Case]:
+    """The cases whose name fits one of the patterns (* and ? as in file names), all without patterns; raises UsageError
+    for a pattern that fits none."""
+    if not patterns:
+        return list(every)
+    names = [case.entry.name for case in every]
+    for pattern in patterns:
+        if not fnmatch.filter(names, pattern):
+            near = difflib.get_close_matches(pattern, names, 3, 0.4)
+            instead = f"did you mean {' or '.join(near)}?" if near else f"they begin with {names[0]}"
+            raise UsageError(f"no vector is named '{pattern}'; {instead}")
+    return [case for case in every if any(fnmatch.fnmatchcase(case.entry.name, pattern) for pattern in patterns)]
 
 
-def verdict_of(results: Iterable[Result]) -> str:
-    """The worst verdict of all results."""
-    return worst_of([result.verdict for result in results])
-
-
-def worst_of(verdicts: Sequence[str]) -> str:
-    """fail, else unverified, else pass."""
-    return next((verdict for verdict in ("fail", "unverified") if verdict in verdicts), "pass")
+def cases_for(board: str, every: Sequence[Case]) -> list[Case]:
+    """Those that a board takes, by its name: over a link only those marked for one."""
+    return [case for case in every if case.entry.on_link or board in WHOLE_BOARDS]
 
 
 def check(
     board: Board, folder: Path, systems: Sequence[str] | None = None, chosen: Sequence[Case] | None = None
 ) -> Result:
-    """Run the vectors on a board and compare every step's digest with the one in the file.
+    """Runs the vectors on a board and compares every step's digest with the one in the file.
 
     chosen: the cases, when they were loaded before; else those of the folder and the systems.
     """
     result = Result()
-    every = cases(folder, systems) if chosen is None else chosen
-    meant = [case for case in every if case.entry.on_link or board.name in WHOLE_BOARDS]
-    for case in tqdm(meant, disable=None, leave=False, unit="vector", desc=board.name):
-        vector = case.vector
-        answer = board.run_injected(vector.params, vector.raw, vector.setpoint)
-        result.vectors += 1
-        result.steps += len(vector.raw)
-        if answer.unverified_from is not None and result.unverified_from is None:
-            result.unverified_from = (vector.name, answer.unverified_from)
-        compared = slice(0, answer.unverified_from)
-        wrong = count_mismatches(vector.digests[compared], answer.digests[compared])
-        result.mismatches += wrong
-        if result.first_divergence is None:
-            result.first_divergence = _trace(board, case.entry, vector, answer)
-            if result.first_divergence and not wrong:
-                result.mismatches += 1  # the words differ although their digest does not
+    for row in check_each(board, cases(folder, systems) if chosen is None else chosen):
+        result.add(row)
     return result
 
 
-def _trace(board: Board, entry: golden_recipe.Entry, vector: Vector, answer: Answer) -> Divergence | None:
-    """The first difference, down to its signal: runs the model again, and also the board if it gave no words."""
+def check_each(board: Board, every: Sequence[Case]) -> Iterator[VectorResult]:
+    """The result of each vector that the board takes, as it is ready."""
+    for case in tqdm(cases_for(board.name, every), disable=None, leave=False, unit="vector", desc=board.name):
+        yield check_vector(board, case)
+
+
+def check_vector(board: Board, case: Case) -> VectorResult:
+    """Runs one vector on a board, and traces the first difference down to its signal."""
+    vector, start_s = case.vector, time.monotonic()
+    answer = board.run_injected(vector.params, vector.raw, vector.setpoint)
     compared = slice(0, answer.unverified_from)
-    step = first_digest_divergence(vector.digests[compared], answer.digests[compared])
-    if step is None:
-        return _first_in_words(vector, answer)
-    model = run_fixed.run_control(vector.params, vector.raw, vector.setpoint)
-    in_file = first_digest_divergence(model.digests(), vector.digests)
-    if in_file is not None and in_file <= step:
-        return _first_in_file(entry, vector, model, in_file)
-
-    def words_of_step(step: int) -> dict[str, int]:
-        if answer.words is not None:
-            return {name: int(values[step]) for name, values in answer.words.items()}
-        return board.words_of_step(vector.params, vector.raw, vector.setpoint, step)
-
-    return _of(vector, first_divergence(Words(model.record[compared]), answer.digests[compared], words_of_step))
-
-
-def _of(vector: Vector, found: Divergence | None, in_file: bool = False) -> Divergence | None:
-    return None if found is None else replace(found, vector=vector.name, in_file=in_file)
-
-
-def _first_in_words(vector: Vector, answer: Answer) -> Divergence | None:
-    """All digests are right: compare the board's words, if it gave them, and the final words of the file."""
-    words: Words | None = answer.words
-    if words is None:
-        return None
-    step = first_digest_divergence(answer.digests, words.digests())
-    if step is not None:
-        model = run_fixed.run_control(vector.params, vector.raw[: step + 1], vector.setpoint[: step + 1])
-        found = first_divergence(model, Words(words.record[: step + 1]))
-        if found is not None:
-            return _of(vector, found)
-    last = len(vector.raw) - 1
-    if all(vector.final.get(name) == int(values[last]) for name, values in words.items()):
-        return None
-    return _of(vector, divergence_at(last, words, vector.final, None), in_file=True)
-
-
-def _first_in_file(entry: golden_recipe.Entry, vector: Vector, model: Words, step: int) -> Divergence | None:
-    """The first difference in a file that disagrees with the model on its own inputs: a comparison with the vector of
-    the recipe shows which number was changed.
-
-    Every record begins with raw counts and setpoint, so a changed input is the first signal that differs.
-    """
-    fresh = run_fixed.run_control(*entry.inputs())
-    changed = first_divergence(fresh, model)
-    return _of(vector, changed or divergence_at(step, fresh, {}, int(vector.digests[step])), in_file=True)
+    wrong = count_mismatches(vector.digests[compared], answer.digests[compared])
+    found = trace(board, case.entry, vector, answer)
+    if found and not wrong:
+        wrong = 1  # the words differ although their digest does not
+    seconds, lost = time.monotonic() - start_s, answer.unverified_from
+    return VectorResult(vector.name, vector.system, len(vector.raw), wrong, found, lost, seconds)

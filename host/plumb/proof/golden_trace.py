@@ -1,0 +1,66 @@
+"""Trace a vector that a board fails to the step and signal at which they first differ.
+
+The integer model runs again, and the board where it gave digests alone. A difference may also lie in the vector's file:
+then its recipe says which number was changed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from plumb.boards import Answer, Board
+from plumb.proof.compare import Divergence, divergence_at, first_digest_divergence, first_divergence
+from plumb.proof.golden_file import Vector
+from plumb.proof.golden_recipe import Entry
+from plumb.spec.records import Words
+from plumb.systems import run_fixed
+
+
+def trace(board: Board, entry: Entry, vector: Vector, answer: Answer) -> Divergence | None:
+    """The first difference between a vector and a board's answer, None when there is none. entry: its recipe."""
+    compared = slice(0, answer.unverified_from)
+    step = first_digest_divergence(vector.digests[compared], answer.digests[compared])
+    if step is None:
+        return _first_in_words(vector, answer)
+    model = run_fixed.run_control(vector.params, vector.raw, vector.setpoint)
+    in_file = first_digest_divergence(model.digests(), vector.digests)
+    if in_file is not None and in_file <= step:
+        return _first_in_file(entry, vector, model, in_file)
+
+    def words_of_step(step: int) -> dict[str, int]:
+        if answer.words is not None:
+            return {name: int(values[step]) for name, values in answer.words.items()}
+        return board.words_of_step(vector.params, vector.raw, vector.setpoint, step)
+
+    return _of(vector, first_divergence(Words(model.record[compared]), answer.digests[compared], words_of_step))
+
+
+def _of(vector: Vector, found: Divergence | None, in_file: bool = False) -> Divergence | None:
+    return None if found is None else replace(found, vector=vector.name, in_file=in_file)
+
+
+def _first_in_words(vector: Vector, answer: Answer) -> Divergence | None:
+    """Every digest is right: so must be the words that came with them, and the final words of the file."""
+    words: Words | None = answer.words
+    if words is None:
+        return None
+    step = first_digest_divergence(answer.digests, words.digests())
+    if step is not None:
+        model = run_fixed.run_control(vector.params, vector.raw[: step + 1], vector.setpoint[: step + 1])
+        found = first_divergence(model, Words(words.record[: step + 1]))
+        if found is not None:
+            return _of(vector, found)
+    last = len(vector.raw) - 1
+    if all(vector.final.get(name) == int(values[last]) for name, values in words.items()):
+        return None
+    return _of(vector, divergence_at(last, words, vector.final, None), in_file=True)
+
+
+def _first_in_file(entry: Entry, vector: Vector, model: Words, step: int) -> Divergence | None:
+    """The file disagrees with the model on its own inputs: what its recipe gives shows which number was changed.
+
+    Every record begins with the raw counts and the setpoint as given: an input that was changed is its first signal.
+    """
+    fresh = run_fixed.run_control(*entry.inputs())
+    changed = first_divergence(fresh, model)
+    return _of(vector, changed or divergence_at(step, fresh, {}, int(vector.digests[step])), in_file=True)
