@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -13,13 +15,30 @@ from plumb.cli import verbs
 from plumb.spec import parameters
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+DOCS = ROOT / "docs"
+COMMANDS = DOCS / "reference/commands.md"
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
 
 
 def commands(page: Path) -> list[str]:
-    """Indented lines that call plumb, without their comments; what only sketches a command has dots in it."""
-    found = re.findall(r"^(?: {4,})plumb ([^#\n]*)", page.read_text(encoding="utf-8"), re.MULTILINE)
+    """Lines of code that call plumb, without their comments; what only sketches a command has dots in it."""
+    text = page.read_text(encoding="utf-8")
+    # The examples of the help texts, which stand in the page of the commands, have a comment without a mark.
+    prefix = r"\$ " if page == COMMANDS else r"(?: {4,}|\$ )"
+    found = re.findall(rf"^{prefix}plumb ([^#\n]*)", text, re.MULTILINE)
     return [line.removesuffix("&").strip().rstrip("&").strip() for line in found if "..." not in line]
+
+
+def prose(page: Path) -> str:
+    """A page without its fenced blocks."""
+    return re.sub(r"(?ms)^```.*?^```", "", page.read_text(encoding="utf-8"))
+
+
+def anchors(page: Path) -> set[str]:
+    """The names that a link to a heading of the page may have, as mkdocs makes them."""
+    headings = re.findall(r"(?m)^#+ (.*)$", prose(page))
+    words = (re.sub(r"[^\w\s-]", "", heading.replace("`", "")).strip().lower() for heading in headings)
+    return {re.sub(r"[-\s]+", "-", name) for name in words}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -31,13 +50,18 @@ def test_every_command_that_is_told_can_be_typed(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_every_link_leads_somewhere(page: Path) -> None:
-    for target in re.findall(r"\]\(([^)#\s]+)", page.read_text(encoding="utf-8")):
-        assert "://" in target or (page.parent / target).exists(), target
+    for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
+        if "://" in target:
+            continue
+        name, _, anchor = target.partition("#")
+        to = page.parent / name if name else page
+        assert to.exists(), target
+        assert not anchor or anchor in anchors(to), target
 
 
 def test_parameters_that_the_guide_sets_exist_and_take_the_value() -> None:
     rows = {row.name: row for row in parameters.table()}
-    text = (ROOT / "docs/tutorials/bring-up.md").read_text(encoding="utf-8")
+    text = "".join(page.read_text(encoding="utf-8") for page in (DOCS / "tutorials/bring-up").glob("*.md"))
     assignments = [
         part for line in re.findall(r"plumb params set ([^\n]*)", text) for part in line.split() if "=" in part
     ]
@@ -60,3 +84,35 @@ def test_readme_and_the_systems_pages_tell_the_same_figures() -> None:
     short = figures(ROOT / "README.md")
     pages = set().union(*(figures(ROOT / f"docs/systems/{name}.md") for name in systems.SYSTEMS))
     assert sorted(short - pages) == []
+
+
+def generated(tool: str, *arguments: str) -> None:
+    command = [sys.executable, f"tools/{tool}.py", "--check", *arguments]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_page_of_the_commands_has_their_help() -> None:
+    generated("gen_commands", "--help-only")
+
+
+@pytest.mark.slow
+def test_the_page_of_the_commands_has_what_they_print() -> None:
+    generated("gen_commands")
+
+
+def test_the_page_of_the_c_library_has_the_comments_of_its_headers() -> None:
+    generated("gen_c_reference")
+
+
+def test_the_sensor_of_the_tutorial_gives_what_its_page_shows() -> None:
+    text = (DOCS / "tutorials/your-own-sensor.md").read_text(encoding="utf-8")
+    program, printed = re.findall(r"(?ms)^```(?:python|text)[^\n]*\n(.*?)^```", text)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == printed
+
+
+def test_every_page_is_in_the_navigation() -> None:
+    text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    named = set(re.findall(r"- ([\w/-]+\.md)$", text, re.MULTILINE))
+    assert named == {str(page.relative_to(DOCS)) for page in DOCS.rglob("*.md")}

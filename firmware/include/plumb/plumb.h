@@ -4,9 +4,15 @@
  *
  *     plumb_params_t params;
  *     plumb_quad_t quad;
- *     plumb_design_t made = plumb_quad_design(&PLUMB_QUAD_TUNING_DEFAULT, &params);  once; made.error is to
- * be 0 plumb_quad_init(&quad, &params); plumb_quad_step(&quad, &params, raw, setpoint_turn_q32); every period
- *     quad.words.tilt_turn_q32                                                        2^32 is a turn
+ *
+ *     plumb_design_t made = plumb_quad_design(&PLUMB_QUAD_TUNING_DEFAULT, &params);
+ *
+ *     plumb_quad_init(&quad, &params);
+ *
+ *     plumb_quad_step(&quad, &params, raw, setpoint_turn_q32);
+ *
+ * Design and init come once; made.error has to be PLUMB_DESIGN_OK. The step comes every period, and leaves
+ * the tilt in quad.words.tilt_turn_q32, where 2^32 is a turn.
  *
  * The caller owns all memory; nothing is allocated, kept in a static or read from a clock, so that instances
  * are independent and a run can be repeated. A step is integers alone. Formats are in the names: quantity,
