@@ -20,6 +20,7 @@ from tqdm import tqdm
 from plumb.boards import Board, native_core
 from plumb.checkout import CHECKOUT, PACKAGE
 from plumb.errors import UsageError
+from plumb.link.endpoint_names import BoardName, LocalBoard, ProgramName
 from plumb.proof import golden_manifest, golden_recipe
 from plumb.proof.compare import Divergence, count_mismatches
 from plumb.proof.golden_file import FORMAT, MAX_FILE_BYTES, SUFFIX, Vector, read_bounded
@@ -29,8 +30,8 @@ from plumb.systems import run_fixed
 
 __all__ = [
     "FORMAT", "SUFFIX", "Case", "Divergence", "Result", "Vector", "VectorResult", "bit_exact", "build", "cases",
-    "cases_for", "cases_named", "check", "check_each", "check_vector", "load", "make", "vectors_folder", "verdict_of",
-    "worst_of",
+    "cases_for", "cases_named", "check", "check_each", "check_vector", "load", "make", "takes_every_vector",
+    "vectors_folder", "verdict_of", "worst_of",
 ]  # fmt: skip
 
 RECIPE = "recipe.toml"
@@ -141,6 +142,11 @@ def cases_named(every: Sequence[Case], patterns: Sequence[str] | None) -> list[C
 def cases_for(board: str, every: Sequence[Case]) -> list[Case]:
     """Those that a board takes, by its name: over a link only those marked for one."""
     return [case for case in every if case.entry.on_link or board in WHOLE_BOARDS]
+
+
+def takes_every_vector(name: BoardName) -> bool:
+    """Whether a board that is not open yet takes all vectors, as `cases_for` of one that is."""
+    return isinstance(name, ProgramName) or (isinstance(name, LocalBoard) and name.kind in WHOLE_BOARDS)
 
 
 def check(

@@ -14,7 +14,7 @@ from plumb import __version__
 from plumb.proof.golden_result import Result, VectorResult
 from plumb.proof.golden_window import AROUND_STEPS, Window
 
-WIDTH, LEFT, RIGHT = 960, 130, 12
+WIDTH, LEFT, RIGHT = 960, 170, 12
 """Of a plot, in its own units; LEFT and RIGHT are the margins beside the axes, the same in every panel."""
 PANEL, GAP, BOTTOM = 150, 34, 40
 NEAR_STEPS = 5
@@ -38,7 +38,7 @@ table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th, td { padding: 0.2rem 1rem 0.2rem 0; text-align: left; border-bottom: 1px solid var(--line); white-space: nowrap; }
 td.fail, tr.first td { color: var(--fail); font-weight: 600; } td.unverified { color: var(--unverified); }
 svg { width: 100%; min-width: 46rem; height: auto; display: block; }
-svg text { fill: var(--text); font-size: 13px; } svg text.soft { fill: var(--soft); }
+svg text { fill: var(--text); font-size: 13px; } svg text.soft { fill: var(--soft); font-size: 13px; }
 svg .axis { stroke: var(--line); fill: none; } svg .first { stroke: var(--fail); stroke-dasharray: 4 3; }
 svg .expected { stroke: var(--expected); fill: none; stroke-width: 1.6; }
 svg .got, svg text.got { fill: var(--got); } svg text.key { fill: var(--expected); }
@@ -125,7 +125,7 @@ def _section(window: Window) -> str:
     assert found is not None
     about = (
         f"Step {found.step} is the first that differs; {window.result.mismatches} of {window.result.steps} steps do. "
-        f"Shown are {AROUND_STEPS} steps before and after it."
+        f"Shown are up to {AROUND_STEPS} steps before and after it."
     )
     title = f"{window.result.vector} on {window.board}: {found.signal}"
     return (
