@@ -12,7 +12,7 @@ from plumb.errors import LinkError
 from plumb.link.identity import disarmed_text
 from plumb.link.realtime import Capture
 from plumb.link.retries import REPLY_TIMEOUT_S
-from plumb.link.session import Session
+from plumb.link.session import RAW_FRAMES, Session
 from plumb.proof.runs import Run, RunInputs, columns, judge
 from plumb.systems.contracts import PINS, Conversion, Scenario
 from plumb.tuning.quantise import ControlParams
@@ -35,7 +35,7 @@ def run_live(board: SimulatedBoard, scenario: Scenario, params: ControlParams, *
     session = configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **system.LINK)
     coupling = live.Coupling(board.machine, system.plant(scenario, open_loop=open_loop))
     board.machine.advance_us(FOUND_US)
-    capture = Capture(session)
+    capture = Capture(session, raw_frames=set(RAW_FRAMES).intersection(live.FRAMES))
     session.begin("REALTIME_LIVE", frames=live.FRAMES)
     session.listener = capture.feed
     if system.OUTPUT_FRAMES:
