@@ -1,17 +1,28 @@
 # Two commands do all the set-up on a fresh Debian or Ubuntu machine: `make demo` and `make test`.
-.PHONY: demo test test-fast test-long image native c-tests sanitize fuzz size check-style format docs clean
+# `make help` lists the targets, from the `##` behind each.
+.PHONY: help demo setup test test-fast test-long pytest image libraries native c-tests sanitize fuzz size check-style \
+    format docs wheel summary clean
+.DEFAULT_GOAL := help
 
 VENV := .venv/bin
 
-demo:
+help: ## this list
+	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1@\2/p' $(MAKEFILE_LIST) | column -t -s @
+
+# What the build says is shown only when it fails.
+demo: ## the main job, without hardware: set-up, build, closed loop, golden vectors; report in out/demo
 	@tools/setup.sh demo
-	@$(MAKE) --no-print-directory image native
-	$(VENV)/plumb demo --out out/demo
+	@mkdir -p build
+	@$(MAKE) --no-print-directory image libraries >build/demo.log 2>&1 || { cat build/demo.log; exit 1; }
+	@$(VENV)/plumb demo --out out/demo
+
+setup: ## install what the tests need, where it is missing
+	@tools/setup.sh test
 
 # A worker per core; one that has nothing left takes tests from another. A skip that tests/conftest.py does not allow fails.
 PYTEST = PLUMB_NO_SKIPS=1 $(VENV)/python -m pytest -n auto --dist worksteal
 
-test:
+test: ## everything that has to hold before a change lands: style, C tests, sanitizers, pytest
 	@tools/setup.sh test
 	@$(MAKE) --no-print-directory image native
 	@$(MAKE) --no-print-directory -j2 --output-sync=target check-style sanitize
@@ -19,8 +30,11 @@ test:
 	@$(MAKE) --no-print-directory c-tests
 	$(PYTEST)
 
+pytest: image native ## the Python tests alone
+	$(PYTEST)
+
 # Before a commit: all but the sanitizers, the ways to compile the core, and the tests marked slow.
-test-fast:
+test-fast: ## before a commit: without sanitizers, other compilers, and slow tests
 	@tools/setup.sh test
 	@$(MAKE) --no-print-directory image native check-style
 	ctest --preset native --parallel 2 --exclude-regex '^compile_|^test_store$$'
@@ -28,26 +42,31 @@ test-fast:
 
 # The whole campaigns, of which every other run of the tests takes a sample; CI runs them once a week.
 LONG_TESTS := $(shell grep -rlE 'support\.campaigns import' tests)
-test-long:
+test-long: ## the whole campaigns of random input
 	@tools/setup.sh test
 	@$(MAKE) --no-print-directory image native
 	PLUMB_LONG=1 $(PYTEST) $(LONG_TESTS)
 
 # The flash image, the same core as a QEMU image, and their checks.
-image:
+image: ## the flash image, and the core as a program for QEMU
 	@cmake --preset stm32f103 $(QUIET)
 	@cmake --build --preset stm32f103 $(QUIET)
 
 # The C core on this machine: the shared library that Python loads, and the C tests.
-native:
+native: ## the C core on this machine, and the C tests
 	@cmake --preset native $(QUIET)
 	@cmake --build --preset native $(QUIET)
 
-c-tests:
+# What the Python package loads of the C core, without the C tests.
+libraries: ## the libraries that the Python package loads
+	@cmake --preset native $(QUIET)
+	@cmake --build --preset native --target python_libraries $(QUIET)
+
+c-tests: ## run the C tests
 	ctest --preset native --parallel 2
 
 # The C tests under AddressSanitizer and UndefinedBehaviorSanitizer.
-sanitize:
+sanitize: ## the C tests under AddressSanitizer and UndefinedBehaviorSanitizer
 	@cmake --preset sanitize $(QUIET)
 	@cmake --build --preset sanitize $(QUIET)
 	ctest --preset sanitize --parallel 2
@@ -55,7 +74,7 @@ sanitize:
 # libFuzzer on the codec and on the whole session, FUZZ_S seconds each (clang). Inputs that are found stay in build/fuzz/found.
 FUZZ_S ?= 60
 FUZZ := build/fuzz/tests/fuzz
-fuzz:
+fuzz: ## libFuzzer on codec and session, FUZZ_S seconds each
 	@cmake --preset fuzz $(QUIET)
 	@cmake --build --preset fuzz $(QUIET)
 	@mkdir -p build/fuzz/found/slcan build/fuzz/found/session
@@ -65,26 +84,36 @@ fuzz:
 
 # Flash, RAM and stack by module and function, and what differs from the commit before.
 SIZE = $(VENV)/python tools/size_table.py build/stm32f103/firmware.elf
-size: image
+size: image ## flash, RAM and stack by function, and what differs from the commit before
 	@$(SIZE) --functions
 	@$(SIZE) --against previous
 
+# Flash images that pass the golden vectors, for the full image and each system alone; then sdist and wheel around them.
+wheel: setup image ## sdist and wheel in dist/, with the flash images inside, and the images in dist/firmware
+	@rm -rf dist
+	@$(VENV)/python tools/package_images.py --release dist/firmware
+	@$(VENV)/python -m build --outdir dist >build/wheel.log 2>&1 || { cat build/wheel.log; exit 1; }
+	@ls -l dist/*.whl dist/*.tar.gz
+
+summary: image native ## the image's sizes and the kernels' cycles as Markdown
+	@$(VENV)/python tools/job_summary.py
+
 C_FILES = $(shell git ls-files '*.c' '*.h')
-check-style:
+check-style: ## ruff, mypy, clang-format
 	$(VENV)/ruff check --no-cache host tools tests examples
 	$(VENV)/ruff format --check host tools tests examples
 	$(VENV)/mypy
 	$(VENV)/clang-format --dry-run -Werror $(C_FILES)
 
-format:
+format: ## rewrite all files as the formatters want them
 	$(VENV)/ruff check --fix host tools tests examples
 	$(VENV)/ruff format host tools tests examples
 	$(VENV)/clang-format -i $(C_FILES)
 
-# The documentation site, in out/site; reading it needs no network.
-docs:
+# The documentation site; reading it needs no network.
+docs: ## the documentation site, in out/site
 	@tools/setup.sh docs
 	NO_MKDOCS_2_WARNING=1 $(VENV)/mkdocs build --strict
 
-clean:
-	rm -rf build out
+clean: ## remove all that was built
+	rm -rf build out dist host/plumb/images host/plumb/built.json

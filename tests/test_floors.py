@@ -17,8 +17,9 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "host" / "plumb"
 FLOORS = [
-    "__init__", "process_signals", "errors", "extras", "checkout", "files", "spec", "physics", "kernels", "tuning",
-    "link", "flash", "f103", "systems", "boards", "proof", "inputs", "bench", "cli", "pytest_plugin", "__main__",
+    "checkout", "version", "__init__", "process_signals", "errors", "extras", "files", "spec", "physics", "kernels",
+    "tuning", "link", "flash", "f103", "systems", "boards", "proof", "inputs", "bench", "cli",
+    "pytest_plugin", "__main__",
 ]  # fmt: skip
 """From the ground up."""
 PARTS = {"plots": "proof", "figures": "proof", "inputs": "inputs", "replay": "cli", "demo": "cli", "commands": "cli"}

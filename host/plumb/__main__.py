@@ -71,9 +71,10 @@ def _run(arguments: list[str]) -> int:
         return ExitCode.GOOD if arguments else ExitCode.WRONG_USE
     name, rest = arguments[0], arguments[1:]
     if name in ("-V", "--version"):
-        from plumb import __version__
+        from plumb.version import installed
 
-        print(f"plumb {__version__}")
+        commit = installed().commit
+        print(f"plumb {installed().version}" + f" ({commit})" * bool(commit))
         return 0
     from plumb.cli.command_line import check_arguments, check_numbers
     from plumb.cli.verbs import command_module, command_parser

@@ -8,3 +8,5 @@ PACKAGE = Path(__file__).resolve().parent
 CHECKOUT = PACKAGE.parents[1]
 """Root of the checkout that the package was imported from; of an installed package, a folder without build/ or
 tests/."""
+IN_CHECKOUT = (CHECKOUT / "host" / "plumb").is_dir()
+"""Whether the package was imported from a checkout (or an unpacked sdist)."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-import plumb
+from plumb.version import FALLBACK
 from support.c_library import ARCHIVE, HEADERS, WARNINGS, run
 
 NAMES = sorted(path.name for path in HEADERS.glob("*.h"))
@@ -104,6 +104,6 @@ def test_every_declared_function_is_in_the_archive(tmp_path: Path) -> None:
 
 def test_version_is_that_of_the_package() -> None:
     header = (HEADERS / "version.h").read_text()
-    assert f'"{plumb.__version__}"' in header
+    assert f'"{FALLBACK}"' in header
     parts = re.findall(r"PLUMB_VERSION_(?:MAJOR|MINOR|PATCH) (\d+)", header)
-    assert ".".join(parts) == plumb.__version__
+    assert ".".join(parts) == FALLBACK

@@ -50,6 +50,17 @@ def _find_image() -> Path:
     raise UsageError(f"there is no {IMAGE}; build it with make image in a checkout of plumb, and run plumb from there")
 
 
+def lacking() -> str:
+    """What the board `qemu` lacks here, as a clause; '' when it can run."""
+    if shutil.which(PROGRAM) is None:
+        return f"{PROGRAM} is not installed"
+    try:
+        _find_image()
+    except UsageError:
+        return f"there is no {IMAGE} here, which a checkout builds"
+    return ""
+
+
 def _die_with_parent() -> None:
     """Runs in the child before QEMU starts: makes Linux kill QEMU when this process ends."""
     pr_set_pdeathsig = 1

@@ -10,6 +10,7 @@ or does not match this version of plumb.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import shutil
@@ -44,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     from plumb.errors import ExitCode
 
-    findings = [*libraries(), *tools(), native_core(), image(), *serial_rights()]
+    findings = [package(), *libraries(), *tools(), native_core(), image(), *serial_rights()]
     bad = [finding for finding in findings if finding.needed and not finding.good]
     ill = []
     if arguments.board:
@@ -103,12 +104,42 @@ def native_core() -> Finding:
 
 def image() -> Finding:
     from plumb.errors import UsageError
-    from plumb.flash.image import find_image
+    from plumb.flash.image import find_image, load_image, own_header
 
     try:
-        return Finding("flash image", True, True, str(find_image(None)))
+        path = find_image(None)
+        data = load_image(path)
+        header = own_header(data, str(path))
     except UsageError as error:
         return Finding("flash image", False, True, str(error))
+    commit = (header.git_hash or "unknown") + "+" * header.git_dirty
+    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+    return Finding("flash image", True, True, f"{path}: commit {commit}, {systems_of(path)}, SHA-256 {sha256}")
+
+
+def systems_of(path: Path) -> str:
+    """The systems that an image says it has: the package's manifest knows, else the virtual board runs it."""
+    from plumb.errors import PlumbError
+    from plumb.flash.packaged_images import packaged_images
+
+    for packaged in packaged_images().values():
+        if packaged.path == path:
+            return "systems " + ", ".join(packaged.systems)
+    try:
+        from plumb.boards.virtual import VirtualBoard
+
+        with VirtualBoard(path) as board:
+            identity = board.session.identity or board.session.connect()
+            return "systems " + ", ".join(identity.systems)
+    except PlumbError:
+        return "systems not known without the virtual board"
+
+
+def package() -> Finding:
+    from plumb.checkout import PACKAGE
+    from plumb.version import installed
+
+    return Finding("plumb", True, True, f"{installed().version}, commit {installed().commit or 'unknown'}, {PACKAGE}")
 
 
 def serial_rights() -> Iterator[Finding]:

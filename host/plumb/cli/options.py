@@ -44,8 +44,9 @@ def add_link(parser: Options) -> None:
 
 
 def add_image(parser: Options, what: str = "flash image") -> None:
-    """--image."""
-    parser.add_argument("--image", type=Path, help=f"{what} (default: the checkout's build)")
+    """--image: a file, or the name of an image in the package."""
+    about = f"{what}: a file, or NAME from the package (default: the checkout's build, else the package's)"
+    parser.add_argument("--image", type=Path, help=about)
 
 
 def add_link_and_image(parser: Options) -> None:

@@ -8,9 +8,10 @@ import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from plumb.checkout import CHECKOUT
+from plumb.checkout import CHECKOUT, IN_CHECKOUT
 from plumb.errors import UsageError
 from plumb.files.input_files import read_bytes
+from plumb.flash.packaged_images import ALL_SYSTEMS, packaged_image, packaged_images
 
 FLASH_BASE = 0x08000000
 MOST_BYTES = 64 << 20
@@ -38,15 +39,30 @@ class ImageHeader:
 
 
 def find_image(image: Path | None = None) -> Path:
-    """`image`, or the build of this checkout; raises UsageError when there is no such file."""
+    """The flash image to use: `image`, a file or the name of an image in the package (a system's, or all); without it
+    the build of this checkout, else the package's image with all systems. Raises UsageError when there is none."""
     if image is not None:
-        if not image.is_file():
-            raise UsageError(f"there is no file {image}; build an image with 'make image' or name another with --image")
-        return image
+        if image.is_file():
+            return image
+        packaged = packaged_image(str(image))
+        if packaged is None:
+            names = ", ".join(packaged_images())
+            held = f"; the package has {names}" if names else ""
+            raise UsageError(
+                f"there is no file {image}; build an image with 'make image' or name another with --image{held}"
+            )
+        return packaged
     for root in (CHECKOUT, Path.cwd()):
         if (root / BUILD_IMAGE).is_file():
             return root / BUILD_IMAGE
-    raise UsageError("there is no flash image; build one with 'make image' or name one with --image")
+    packaged = packaged_image(ALL_SYSTEMS)
+    if packaged is not None:
+        return packaged
+    if IN_CHECKOUT:
+        raise UsageError("there is no flash image; build one with 'make image' or name one with --image")
+    raise UsageError(
+        "there is no flash image in this installation of plumb; name one with --image, or install a wheel of a release"
+    )
 
 
 def load_image(path: Path) -> bytes:

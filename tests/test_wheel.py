@@ -1,0 +1,235 @@
+"""The installed package alone: built from a tree without git, run in an empty environment and an empty folder.
+
+The sdist is made from the files that git tracks, the wheel from the sdist. The commands run with an empty PATH: no
+compiler, no QEMU, no git. One golden vector of each system stands for all of them.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from plumb.version import FALLBACK
+from support.once_per_run import once_per_run, run_folder
+
+ROOT = Path(__file__).resolve().parents[1]
+IMAGE = ROOT / "build" / "stm32f103" / "firmware.bin"
+VECTORS = {
+    "quad_disturb_paper", "quad_motion_paper_link", "balancer_rough_tuned_link", "phone_static_current_rate_link",
+    "turntable_wild_uniform_link",
+}  # fmt: skip
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not IMAGE.exists(), reason="the flash image is not built: run make image"),
+]
+
+
+@dataclass(frozen=True)
+class Built:
+    """What `python -m build` made, and an environment that holds the wheel and what it asks for, and nothing else."""
+
+    sdist: Path
+    wheel: Path
+    environment: Path
+
+    def plumb(self, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+        scripts = self.environment / "bin"
+        return subprocess.run(
+            [scripts / "plumb", *arguments], cwd=cwd, env={"PATH": str(scripts), "HOME": str(cwd)}, capture_output=True,
+            text=True, check=False,
+        )  # fmt: skip
+
+
+def run(*command: str | Path) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+
+
+def copy_tracked_files(tree: Path) -> None:
+    """The tree without git, with one vector of each system, and with the flash image that was built."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    for name in filter(None, listed.split("\0")):
+        if (ROOT / name).is_file() and not (name.endswith(".golden") and Path(name).stem not in VECTORS):
+            (tree / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, tree / name)
+    folder = tree / "tests" / "vectors"
+    head, *entries = (folder / "recipe.toml").read_text().split("[[vector]]\n")
+    kept = [entry for entry in entries if re.search(r'^name = "(\w+)"', entry, re.M)[1] in VECTORS]  # type: ignore[index]
+    (folder / "recipe.toml").write_text("[[vector]]\n".join([head, *kept]))
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest["vectors"] = [row for row in manifest["vectors"] if row["name"] in VECTORS]
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+
+
+def build(folder: Path) -> Built:
+    tree, dist, environment = folder / "tree", folder / "dist", folder / "environment"
+    copy_tracked_files(tree)
+    images = tree / "host" / "plumb" / "images"
+    run(sys.executable, ROOT / "tools" / "package_images.py", "--unchecked", "--systems", "quad", "--out", images)
+    run(sys.executable, "-m", "build", "--no-isolation", "--outdir", dist, tree)
+    shutil.rmtree(tree)
+    (sdist,), (wheel,) = dist.glob("*.tar.gz"), dist.glob("*.whl")
+    run(sys.executable, "-m", "venv", "--without-pip", environment)
+    pip: list[str | Path] = [
+        sys.executable,
+        "-m",
+        "pip",
+        "--python",
+        environment / "bin" / "python",
+        "install",
+        "--no-compile",
+        "-q",
+    ]
+    run(*pip, f"{wheel}[virtual,report]")
+    return Built(sdist, wheel, environment)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
+    folder = run_folder(tmp_path_factory) / "wheel"
+    folder.mkdir(exist_ok=True)
+    return once_per_run(folder, IMAGE, lambda: build(folder))
+
+
+def test_the_wheel_serves_every_python_and_holds_images_and_vectors(built: Built) -> None:
+    assert re.fullmatch(r"plumb_imu-[\w.+]+-py3-none-\w+\.whl", built.wheel.name)
+    names = set(zipfile.ZipFile(built.wheel).namelist())
+    assert {
+        "plumb/py.typed",
+        "plumb/images/plumb.bin",
+        "plumb/images/plumb-quad.bin",
+        "plumb/images/images.json",
+    } <= names
+    assert {f"plumb/vectors/{name}.golden" for name in VECTORS} <= names
+    assert {"plumb/vectors/recipe.toml", "plumb/vectors/manifest.json"} <= names
+    assert not {name for name in names if not name.startswith(("plumb/", "plumb_imu-"))}
+    with tarfile.open(built.sdist) as sdist:
+        inside = {name.partition("/")[2] for name in sdist.getnames()}
+    assert {"host/plumb/images/plumb.bin", "firmware/core/kalman.c", "tests/vectors/recipe.toml"} <= inside
+    assert not {name for name in inside if name.startswith((".git/", "build/", "out/", "dist/", ".venv/"))}
+
+
+def test_version_without_git_is_the_fallback(built: Built, tmp_path: Path) -> None:
+    assert f"-{FALLBACK}-" in built.wheel.name
+    assert built.plumb("--version", cwd=tmp_path).stdout == f"plumb {FALLBACK}\n"
+
+
+def test_demo_passes_and_says_that_qemu_is_not_there(built: Built, tmp_path: Path) -> None:
+    done = built.plumb("demo", "--seconds", "6", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "without qemu: qemu-system-arm is not installed" in done.stderr
+    summary = json.loads((tmp_path / "out" / "demo" / "summary.json").read_text())
+    assert summary["verdict"] == "pass" and set(summary["golden"]) == {"native", "virtual", "virtual, CAN"}
+    assert [row["vectors"] for row in summary["golden"].values()] == [5, 4, 4]
+    assert summary["golden_left_out"] == {"qemu": "qemu-system-arm is not installed"}
+    assert (tmp_path / "out" / "demo" / "report.html").is_file()
+
+
+def test_golden_check_passes_with_either_image(built: Built, tmp_path: Path) -> None:
+    boards = ["--board", "native", "--board", "virtual"]
+    for chosen in ([], ["--image", "quad", "--system", "quad"]):
+        done = built.plumb("golden", "check", *boards, *chosen, cwd=tmp_path)
+        assert done.returncode == 0 and done.stdout.endswith("pass\n"), done.stdout + done.stderr
+
+
+def test_doctor_names_image_commit_and_systems(built: Built, tmp_path: Path) -> None:
+    done = built.plumb("doctor", "--json", cwd=tmp_path)
+    found = {finding["what"]: finding for finding in json.loads(done.stdout)["findings"]}
+    assert done.returncode == 0
+    detail = found["flash image"]["detail"]
+    assert str(built.environment) in detail and "quad, balancer, turntable, phone" in detail
+    assert re.search(r"commit [0-9a-f]{16}\+?, ", detail) and re.search(r"SHA-256 [0-9a-f]{64}$", detail)
+
+
+def test_flash_has_help_and_names_the_packaged_images(built: Built, tmp_path: Path) -> None:
+    assert built.plumb("flash", "--help", cwd=tmp_path).returncode == 0
+    done = built.plumb("flash", "--port", "none", "--image", "nosuch", cwd=tmp_path)
+    assert done.returncode == 2 and "the package has all, quad" in done.stderr
+
+
+def test_without_images_one_sentence_says_what_is_missing(built: Built, tmp_path: Path) -> None:
+    environment = tmp_path / "environment"
+    shutil.copytree(built.environment, environment, symlinks=True)
+    shutil.rmtree(next(environment.glob("lib/python3*/site-packages/plumb/images")))
+    command: list[str | Path] = [
+        environment / "bin" / "python",
+        "-m",
+        "plumb",
+        "golden",
+        "check",
+        "--board",
+        "virtual",
+        "--system",
+        "phone",
+    ]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.splitlines() == [
+        "plumb: there is no flash image in this installation of plumb; name one with --image, or install a wheel of a "
+        "release"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("described", "version"),
+    [
+        ("v0.2.0-0-g1a2b3c4", "0.2.0"),
+        ("v0.2.0-13-g1a2b3c4", "0.2.1.dev13+g1a2b3c4"),
+        ("", FALLBACK),
+        ("release-0-g1a2b3c4", FALLBACK),
+    ],
+)
+def test_version_of_what_git_describes(described: str, version: str) -> None:
+    from plumb.version import version_of
+
+    assert version_of(described) == version
+
+
+def test_versions_of_a_repository_without_and_with_a_tag(tmp_path: Path) -> None:
+    from plumb.version import from_git
+
+    def git(*arguments: str) -> None:
+        identity = ["-c", "user.name=test", "-c", "user.email=test@example.org"]
+        run("git", "-C", tmp_path, *identity, *arguments)
+
+    assert from_git(tmp_path) is None
+    git("init", "-q")
+    git("commit", "-q", "--allow-empty", "-m", "first")
+    untagged = from_git(tmp_path)
+    assert untagged is not None and untagged.version == FALLBACK and len(untagged.git_hash) == 16
+    git("tag", "v1.2.3")
+    tagged = from_git(tmp_path)
+    assert tagged is not None and tagged.version == "1.2.3" and not tagged.git_dirty
+    git("commit", "-q", "--allow-empty", "-m", "second")
+    later = from_git(tmp_path)
+    assert later is not None and re.fullmatch(r"1\.2\.4\.dev1\+g[0-9a-f]+", later.version)
+
+
+def test_a_changed_image_of_the_package_is_refused(tmp_path: Path) -> None:
+    from plumb.errors import UsageError
+    from plumb.flash.packaged_images import packaged_image
+
+    spec = importlib.util.spec_from_file_location("package_images", ROOT / "tools" / "package_images.py")
+    assert spec and spec.loader
+    tool = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(tool)
+    tool.package(["all"], tmp_path / "images", None, unchecked=True)
+    path = packaged_image("all", tmp_path / "images")
+    assert path is not None and path.read_bytes() == IMAGE.read_bytes()
+    path.write_bytes(path.read_bytes()[:-1] + b"\0")
+    with pytest.raises(UsageError, match=r"is not the image that images\.json lists; install plumb again"):
+        packaged_image("all", tmp_path / "images")
+    (tmp_path / "images" / "images.json").write_text("{}")
+    with pytest.raises(UsageError, match="damaged"):
+        packaged_image("all", tmp_path / "images")
