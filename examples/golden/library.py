@@ -28,8 +28,10 @@ control = ctypes.create_string_buffer(library.plumb_sizeof_control())
 words = ctypes.create_string_buffer(record.size)
 
 library.plumb_control_init(control, params)
-for _ in range(int(vector["steps"])):
+for step in range(int(vector["steps"])):
     *raw, setpoint = map(int, sys.stdin.readline().split())
+    if len(raw) != 6:
+        sys.exit(f"step {step} has {len(raw)} raw counts")
     library.plumb_control_step(control, params, (ctypes.c_int16 * 6)(*raw), ctypes.c_int32(setpoint))
     library.plumb_control_words(control, params, words)
     said = f"{zlib.crc32(words.raw):08x}"

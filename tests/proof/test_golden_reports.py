@@ -321,7 +321,7 @@ def test_a_wrong_port_is_traced_to_its_signal(folder: Path, tmp_path: Path, caps
     wrong = tmp_path / "wrong.py"
     text = LIBRARY.read_text()
     assert "\n    said = f" in text
-    spoil = "\n    if _ >= 25:\n        words[24] = (words[24][0] ^ 1).to_bytes(1, 'little')\n    said = f"
+    spoil = "\n    if step >= 25:\n        words[24] = (words[24][0] ^ 1).to_bytes(1, 'little')\n    said = f"
     wrong.write_text(text.replace("\n    said = f", spoil))
     board = f"program:{PYTHON} {wrong} {native_core.core_path()}"
     shown = tmp_path / "golden.html"

@@ -2,7 +2,7 @@
 
     plumb golden check --board native --board qemu --board virtual      every system, without hardware
     plumb golden check --board virtual --image mine.bin                 your build of the firmware
-    plumb golden check --board "program:./port"                         your port of the C core: docs/tutorials
+    plumb golden check --board "program:./port"                         your port of the C core
     plumb golden check --board virtual --link can --system balancer     one system, over CAN
     plumb golden check --board serial:/dev/ttyUSB0 --vector 'quad_*'    silicon, some vectors
     plumb golden check --junit golden.xml --github --html golden.html   for a CI job
