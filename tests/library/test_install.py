@@ -10,13 +10,14 @@ from pathlib import Path
 
 import pytest
 
-import plumb
 from plumb.systems.quad import scenarios
 from plumb.systems.run_fixed import Controller, atan2
 from plumb.tuning.quantise import quantise
-from support.c_library import EXAMPLES, ROOT, build, run
+from support.c_library import EXAMPLES, HEADERS, ROOT, build, run
 
 BARE = EXAMPLES / "cortex-m"
+VERSION = (HEADERS / "version.h").read_text().split('"')[1]
+"""Of the C library."""
 
 CPP = """#include <plumb/plumb.h>
 #include <cstdio>
@@ -73,7 +74,7 @@ def flags(prefix: Path) -> list[str]:
     ask = ["pkg-config", "--cflags", "--libs", "plumb"]
     said = subprocess.run(ask, env=environment, capture_output=True, text=True, check=True).stdout
     version = subprocess.run(["pkg-config", "--modversion", "plumb"], env=environment, capture_output=True, text=True)
-    assert version.stdout.strip() == plumb.__version__
+    assert version.stdout.strip() == VERSION
     return said.split()
 
 
@@ -88,12 +89,12 @@ def test_a_file_of_cpp17_links_both_ways(prefix: Path, tmp_path: Path) -> None:
         "-o", tmp_path / "by_pkg_config")  # fmt: skip
     (tmp_path / "CMakeLists.txt").write_text(
         f"cmake_minimum_required(VERSION 3.20)\nproject(user LANGUAGES CXX)\nset(CMAKE_CXX_STANDARD 17)\n"
-        f"find_package(plumb {plumb.__version__} REQUIRED)\nadd_executable(user user.cpp)\n"
+        f"find_package(plumb {VERSION} REQUIRED)\nadd_executable(user user.cpp)\n"
         f"target_link_libraries(user plumb::plumb)\n"
     )
     build(tmp_path, tmp_path / "out", f"-DCMAKE_PREFIX_PATH={prefix}")
     for program in (tmp_path / "by_pkg_config", tmp_path / "out" / "user"):
-        assert run(program) == f"0 {atan2(1, 1)} {plumb.__version__}\n"
+        assert run(program) == f"0 {atan2(1, 1)} {VERSION}\n"
 
 
 def test_the_library_is_a_subfolder_of_another_project(tmp_path: Path) -> None:
