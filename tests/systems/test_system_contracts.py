@@ -38,9 +38,10 @@ from plumb.systems.quad import pins as quad_pins
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.turntable import pins as turntable_pins
 from plumb.systems.turntable import scenarios as turntable
+from plumb.tuning.quantise import QUANTISER
 
 TOY = Path(__file__).resolve().parents[1] / "toy_systems" / "toy"
-PARTS: list[Part[object]] = [SCENARIOS, FIXED, REFERENCE, PLOTS, PINS, FIGURES, REPLAY, DEMO]
+PARTS: list[Part[object]] = [SCENARIOS, FIXED, REFERENCE, QUANTISER, PLOTS, PINS, FIGURES, REPLAY, DEMO]
 OPTIONAL = {"pins", "figures", "replay", "demo"}
 
 

@@ -22,7 +22,7 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -134,6 +134,13 @@ class Row:
         return ", ".join(over) or ("stretch" if self.cycles_max <= budget.stretch else "ok")
 
 
+class BenchJson(TypedDict):
+    """What `bench --json` prints: the figures of each row, and the sizes of the image in bytes."""
+
+    kernels: dict[str, dict[str, object]]
+    image: dict[str, int]
+
+
 @dataclass(frozen=True)
 class BenchResult:
     """Every row, the image's sizes in bytes, and rates of the host, which have no budget."""
@@ -142,7 +149,7 @@ class BenchResult:
     image: dict[str, int]
     rates: dict[str, float]
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> BenchJson:
         kernels = {name: asdict(row) for name, row in self.kernels.items()}
         for row in kernels.values():
             del row["instructions_min"]

@@ -46,7 +46,7 @@ def inlined(path: Path, names: Sequence[str]) -> list[Inlined]:
         return [place for place in found if place.size]
 
 
-def _ranges(dwarf: Any, unit: Any, entry: Any) -> Iterator[tuple[int, int]]:
+def _ranges(dwarf: Any, unit: Any, entry: Any) -> Iterator[tuple[int, int]]:  # Any: pyelftools has no types
     attributes = entry.attributes
     if "DW_AT_ranges" in attributes:
         low = unit.get_top_DIE().attributes.get("DW_AT_low_pc")

@@ -83,7 +83,7 @@ class Cost:
     stack: int
 
 
-def require(module: str) -> Any:
+def require(module: str) -> Any:  # Any: a package without types
     try:
         return __import__(module, fromlist=["_"])
     except ImportError:
@@ -122,7 +122,7 @@ class Decoder:
             is_call=name in ("bl", "blx"), stack_change=self._stack_change(raw, name, count),
         )  # fmt: skip
 
-    def _stack_change(self, raw: Any, name: str, count: int) -> int:
+    def _stack_change(self, raw: Any, name: str, count: int) -> int:  # Any: capstone has no types
         arm = self._arm
         operands = raw.operands
         if name in ("push", "pop"):

@@ -25,7 +25,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal, NotRequired, TypedDict
 
 from plumb.cli import options
 
@@ -34,6 +34,44 @@ if TYPE_CHECKING:
     from plumb.inputs.bus_end import End
     from plumb.inputs.frame_counts import Flow
     from plumb.tuning.quantise import ControlParams
+
+
+Side = Literal["sensor", "board", "first", "second"]
+SIDES: tuple[Side, ...] = ("sensor", "board", "first", "second")
+
+
+class FlowCounts(TypedDict):
+    """What one side of the bridge counted. trouble: its last failure; board_...: of the STM32's own counters."""
+
+    frames: int
+    lost: int
+    rejected: int
+    foreign: int
+    opened: int
+    trouble: NotRequired[str]
+    board_rejected: NotRequired[int]
+    board_lost: NotRequired[int]
+    board_dropped: NotRequired[int]
+
+
+class Summary(TypedDict, total=False):
+    """What `bridge --json` prints. first, second: with --carry, instead of everything from runs to board."""
+
+    runs: int
+    steps: int
+    starved: int
+    skipped_samples: int
+    unused_samples: int
+    latency_ms: dict[str, float] | None
+    sensor: FlowCounts
+    board: FlowCounts
+    first: FlowCounts
+    second: FlowCounts
+    verdict: str
+    verified_steps: int
+    unverified_runs: int
+    first_divergence: dict[str, object]
+    seconds: float
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -80,7 +118,8 @@ def main(arguments: argparse.Namespace) -> int:
     print(json.dumps(summary) if arguments.json else describe(summary))
     if signal.SIGINT in caught:
         raise KeyboardInterrupt
-    idle = summary.get("runs") == 0 or 0 in (summary[side]["opened"] for side in ("first", "second") if side in summary)
+    carried_by = [summary[side] for side in SIDES[2:] if side in summary]
+    idle = summary.get("runs") == 0 or any(side["opened"] == 0 for side in carried_by)
     if summary.get("verdict") in ("fail", "unverified"):
         return exit_code_of(summary["verdict"])
     return ExitCode.LINK_TROUBLE if idle else ExitCode.GOOD
@@ -91,7 +130,7 @@ def say(text: str) -> None:
     print(f"{over}plumb: {text}", file=sys.stderr, flush=True)
 
 
-def carried(arguments: argparse.Namespace, stopped: Any) -> dict[str, Any]:
+def carried(arguments: argparse.Namespace, stopped: Callable[[], bool]) -> Summary:
     from plumb.inputs.bus_end import End, carry
 
     ends = [End(arguments.sensor), End(arguments.board)]
@@ -105,7 +144,7 @@ def carried(arguments: argparse.Namespace, stopped: Any) -> dict[str, Any]:
     return {"first": flow(ends[0].flow, ends[0]), "second": flow(ends[1].flow, ends[1])}
 
 
-def bridged(arguments: argparse.Namespace, stopped: Any) -> dict[str, Any]:
+def bridged(arguments: argparse.Namespace, stopped: Callable[[], bool]) -> Summary:
     from plumb import systems
     from plumb.errors import UsageError
     from plumb.inputs.bridge import Bridge
@@ -161,20 +200,27 @@ def watched(bridge: Bridge, stopped: Callable[[], bool]) -> Callable[[], bool]:
     return asked
 
 
-def flow(flow: Flow, end: End | None = None) -> dict[str, Any]:
-    said = {key: getattr(flow, key) for key in ("frames", "lost", "rejected", "foreign", "opened")}
+def flow(flow: Flow, end: End | None = None) -> FlowCounts:
+    said = FlowCounts(
+        frames=flow.frames, lost=flow.lost, rejected=flow.rejected, foreign=flow.foreign, opened=flow.opened
+    )
     return said if end is None else {**said, "trouble": end.trouble}
 
 
-def summary_of(bridge: Bridge) -> dict[str, Any]:
+def summary_of(bridge: Bridge) -> Summary:
     """Everything that was counted."""
     import numpy as np
 
     counted = bridge.counted
     took = np.array(bridge.latencies_s) * 1e3
     latency = {f"p{p}": round(float(np.percentile(took, p)), 3) for p in (50, 99, 100)} if len(took) else None
-    board = {**flow(bridge.board), **{f"board_{k}": getattr(counted, k) for k in ("rejected", "lost", "dropped")}}
-    summary: dict[str, Any] = {
+    board: FlowCounts = {
+        **flow(bridge.board),
+        "board_rejected": counted.rejected,
+        "board_lost": counted.lost,
+        "board_dropped": counted.dropped,
+    }
+    summary: Summary = {
         "runs": bridge.runs,
         "steps": bridge.steps,
         "starved": counted.starved,
@@ -194,11 +240,11 @@ def summary_of(bridge: Bridge) -> dict[str, Any]:
     return summary
 
 
-def describe(summary: dict[str, Any]) -> str:
+def describe(summary: Summary) -> str:
     """The same for a reader."""
     seconds = summary["seconds"]
     lines = []
-    for side in ("sensor", "board", "first", "second"):
+    for side in SIDES:
         if side in summary:
             s = summary[side]
             lines.append(
@@ -216,8 +262,7 @@ def describe(summary: dict[str, Any]) -> str:
             f"counted  by the board: rejected {b['board_rejected']}, dropped {b['board_dropped']}, lost "
             f"{b['board_lost']}, samples left out here or lost before among them"
         )
-    if summary.get("latency_ms"):
-        p = summary["latency_ms"]
+    if p := summary.get("latency_ms"):
         lines.append(
             f"latency  sample to step {p['p50']} ms in the middle, 99 % within {p['p99']}, all within {p['p100']}"
         )

@@ -18,7 +18,7 @@ import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from plumb.cli import options
 
@@ -72,7 +72,9 @@ def main(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def report(path: Path, image: bytes, header: ImageHeader, flashed: Flashed, how: dict[str, Any]) -> dict[str, Any]:
+def report(
+    path: Path, image: bytes, header: ImageHeader, flashed: Flashed, how: dict[str, object]
+) -> dict[str, object]:
     from plumb.flash.image import FLASH_BASE
 
     return {
@@ -89,7 +91,7 @@ def report(path: Path, image: bytes, header: ImageHeader, flashed: Flashed, how:
     }
 
 
-def over_probe(spec: str, image: bytes, announcement: str) -> tuple[Flashed, dict[str, Any]]:
+def over_probe(spec: str, image: bytes, announcement: str) -> tuple[Flashed, dict[str, object]]:
     """Through the tool that drives the probe; returns what was done and how."""
     from plumb.flash import debug_probe
 
@@ -102,11 +104,17 @@ def over_probe(spec: str, image: bytes, announcement: str) -> tuple[Flashed, dic
     flashed = debug_probe.program(tool, chip.part, image)
     if not flashed.wrong:
         tool.start()
-    how = {"probe": spec, "idcode": chip.idcode, "clone": chip.clone, "started": not flashed.wrong, "asked": False}
+    how: dict[str, object] = {
+        "probe": spec,
+        "idcode": chip.idcode,
+        "clone": chip.clone,
+        "started": not flashed.wrong,
+        "asked": False,
+    }
     return flashed, how
 
 
-def over_uart(arguments: argparse.Namespace, image: bytes, announcement: str) -> tuple[Flashed, dict[str, Any]]:
+def over_uart(arguments: argparse.Namespace, image: bytes, announcement: str) -> tuple[Flashed, dict[str, object]]:
     """Through the ROM bootloader; returns what was done and how."""
     from plumb.flash import rom_loader
     from plumb.flash.image import FLASH_BASE

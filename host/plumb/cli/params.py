@@ -26,7 +26,7 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict
 
 from plumb.cli import options
 
@@ -186,17 +186,39 @@ def warn(sentences: list[str]) -> None:
         print(f"plumb: warning: {sentence}", file=sys.stderr)
 
 
-def describe(row: Parameter, values: dict[str, int]) -> dict[str, Any]:
-    """Everything about one parameter, as it goes into JSON."""
-    from dataclasses import asdict
+class Described(TypedDict):
+    """One parameter in `params ... --json`: its declaration, its value as an integer, and what that means."""
 
+    name: str
+    owner: str
+    type: str
+    unit: str
+    format: str
+    min: int
+    max: int
+    default: int
+    doc: str
+    value: int
+    meaning: float | str | None
+    meaning_unit: str
+    meaning_text: str
+
+
+def describe(row: Parameter, values: dict[str, int]) -> Described:
+    """Everything about one parameter, as it goes into JSON."""
     from plumb.spec.units import meaning
 
     means = meaning(row, values)
-    declared = asdict(row)
-    del declared["was"]
     return {
-        **declared,
+        "name": row.name,
+        "owner": row.owner,
+        "type": row.type,
+        "unit": row.unit,
+        "format": row.format,
+        "min": row.min,
+        "max": row.max,
+        "default": row.default,
+        "doc": row.doc,
         "value": values[row.name],
         "meaning": means.choice or means.value,
         "meaning_unit": means.unit,
@@ -204,7 +226,7 @@ def describe(row: Parameter, values: dict[str, int]) -> dict[str, Any]:
     }
 
 
-def as_table(described: list[dict[str, Any]]) -> str:
+def as_table(described: list[Described]) -> str:
     """One line a parameter; a star where it is not the default."""
     head = ["  name", "value", "meaning", "unit, format", "range", "default"]
     lines = [head]
@@ -219,7 +241,7 @@ def as_table(described: list[dict[str, Any]]) -> str:
     return "\n".join("  ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)).rstrip() for line in lines)
 
 
-def in_full(entry: dict[str, Any]) -> str:
+def in_full(entry: Described) -> str:
     """One parameter with its description."""
     kind = ", ".join(filter(None, (entry["type"], entry["unit"], entry["format"])))
     means = f"  = {entry['meaning_text']}" if entry["meaning_text"] else ""

@@ -20,7 +20,6 @@ import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from plumb.errors import UsageError
 from plumb.f103.core.bus import Bus, Peripheral, SimulationError
@@ -358,7 +357,7 @@ class Machine:
     def _interruptible(self) -> Iterator[None]:
         """Within this context Ctrl-C and SIGTERM raise their exception only after the core has ended its slice, in a
         process whose handlers raise one."""
-        handlers: dict[int, Any] = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+        handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
         main = threading.current_thread() is threading.main_thread()
         raising = [n for n, old in handlers.items() if main and old in (signal.default_int_handler, raise_at_once)]
         for number in raising:

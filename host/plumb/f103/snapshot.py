@@ -12,6 +12,7 @@ A value that cannot be copied (a generator, a file, a lock) raises SimulationErr
 from __future__ import annotations
 
 import functools
+import operator
 import random
 import re
 import struct
@@ -20,9 +21,10 @@ from collections.abc import Callable, Iterator
 from enum import Enum
 from pathlib import PurePath
 from types import BuiltinFunctionType, CellType, FunctionType, MethodType, ModuleType, NoneType
-from typing import Any
+from typing import Protocol, runtime_checkable
 
 import numpy as np
+import numpy.typing as npt
 
 from plumb.f103.core.bus import SimulationError
 
@@ -37,6 +39,14 @@ _EMPTY = object()
 def wiring(kind: type) -> frozenset[str]:
     """Attributes that this class and its base classes list in WIRING."""
     return frozenset().union(*(vars(base).get("WIRING", ()) for base in kind.__mro__))
+
+
+@runtime_checkable
+class _Outside(Protocol):
+    """An object with state outside Python."""
+
+    def keep(self) -> Callable[[], None]:
+        """A function that restores this state."""
 
 
 class Snapshot:
@@ -64,7 +74,7 @@ class Snapshot:
             self._seen[id(value)] = value  # referenced, so that its id() is not reused
             waiting += [(place + step, part) for step, part in self._keep(value, place)]
 
-    def _keep(self, value: Any, place: str) -> Iterator[tuple[str, object]]:
+    def _keep(self, value: object, place: str) -> Iterator[tuple[str, object]]:
         """Keep the state of one object; yields the objects it refers to, each with the step that leads there."""
         if isinstance(value, tuple | frozenset):
             yield from ((f"[{i}]", part) for i, part in enumerate(value))
@@ -106,29 +116,25 @@ class Snapshot:
         if content is not _EMPTY:
             yield "", content
 
-    def _keep_memory(self, memory: memoryview | np.ndarray[Any, Any]) -> None:
-        writable = not memory.readonly if isinstance(memory, memoryview) else memory.flags.writeable
-        if not writable:
-            return
-        content: Any = bytes(memory) if isinstance(memory, memoryview) else memory.copy()
+    def _keep_memory(self, memory: memoryview | npt.NDArray[np.generic]) -> None:
+        if isinstance(memory, memoryview):
+            if not memory.readonly:
+                self._kept.append(functools.partial(operator.setitem, memory, slice(None), bytes(memory)))
+        elif memory.flags.writeable:
+            self._kept.append(functools.partial(operator.setitem, memory, slice(None), memory.copy()))
 
-        def put_back() -> None:
-            memory[:] = content
-
-        self._kept.append(put_back)
-
-    def _keep_object(self, value: Any, place: str) -> Iterator[tuple[str, object]]:
+    def _keep_object(self, value: object, place: str) -> Iterator[tuple[str, object]]:
         kind = type(value)
-        container = isinstance(value, list | deque | dict | set | bytearray)
         attributes = getattr(value, "__dict__", None)
         slots = [name for base in kind.__mro__ for name in _slots_of(base) if hasattr(value, name)]
-        if not container and attributes is None and not slots and kind is not object:
+        container = value if isinstance(value, list | deque | dict | set | bytearray) else None
+        if container is None and attributes is None and not slots and kind is not object:
             raise SimulationError(
                 f"a snapshot cannot keep the {kind.__name__} at {place}: make it plain state, or name it in WIRING"
             )
-        if container:
-            yield from self._keep_container(value)
-        if hasattr(kind, "keep"):
+        if container is not None:
+            yield from self._keep_container(container)
+        if isinstance(value, _Outside):
             self._outside.append(value.keep())
         if attributes is not None or slots:
             self.reached.append(value)
@@ -143,40 +149,27 @@ class Snapshot:
             self._kept.append(lambda: _refill(attributes, kept))
             yield from ((f".{name}", part) for name, part in kept.items() if name not in ignored)
 
-    def _keep_container(self, value: Any) -> Iterator[tuple[str, object]]:
+    def _keep_container(
+        self, value: list[object] | deque[object] | dict[object, object] | set[object] | bytearray
+    ) -> Iterator[tuple[str, object]]:
         if isinstance(value, bytearray):
-            content: Any = bytes(value)
-
-            def put_bytes() -> None:
-                value[:] = content
-
-            self._kept.append(put_bytes)
+            self._kept.append(functools.partial(operator.setitem, value, slice(None), bytes(value)))
         elif isinstance(value, dict):
-            content = dict(value)
-            self._kept.append(lambda: _refill(value, content))
-            yield from ((f"[{key!r}]", part) for key, part in content.items())
-            yield "{}", tuple(content)
+            entries = dict(value)
+            self._kept.append(functools.partial(_refill, value, entries))
+            yield from ((f"[{key!r}]", part) for key, part in entries.items())
+            yield "{}", tuple(entries)
         elif isinstance(value, set):
-            content = set(value)
-
-            def put_set() -> None:
-                value.clear()
-                value.update(content)
-
-            self._kept.append(put_set)
-            yield "{}", frozenset(content)
+            members = frozenset(value)
+            self._kept += [value.clear, functools.partial(value.update, members)]
+            yield "{}", members
         else:
-            content = list(value)
-
-            def put_list() -> None:
-                value.clear()
-                value.extend(content)
-
-            self._kept.append(put_list)
-            yield from ((f"[{i}]", part) for i, part in enumerate(content))
+            parts = tuple(value)
+            self._kept += [value.clear, functools.partial(value.extend, parts)]
+            yield from ((f"[{i}]", part) for i, part in enumerate(parts))
 
 
-def _refill(values: dict[Any, Any], content: dict[Any, Any]) -> None:
+def _refill(values: dict[object, object], content: dict[object, object]) -> None:
     """Restore content and order of a dict, bypassing methods that a subclass overrides."""
     dict.clear(values)
     dict.update(values, content)

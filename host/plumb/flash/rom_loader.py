@@ -103,7 +103,7 @@ class Line:
         self.has_parity = True
         try:
             try:
-                self._port: Any = opened(parity=serial.PARITY_EVEN)
+                self._port: Any = opened(parity=serial.PARITY_EVEN)  # Any: pyserial has a class a kind
             except (OSError, ValueError):
                 raise
             except Exception:  # termios.error, which is no OSError: a pseudo-terminal knows no parity
@@ -157,7 +157,7 @@ class RomLoader:
     def __init__(self, line: Line) -> None:
         self._module = import_stm32loader()
         self._line = line
-        self._boot: Any = self._module.Stm32Bootloader(line, device_family="F1", verbosity=0)
+        self._boot: Any = self._module.Stm32Bootloader(line, device_family="F1", verbosity=0)  # Any: no types
 
     def answers(self) -> bool:
         """True when a bootloader answers: with ACK after a reset, with NACK when it was running already."""

@@ -30,7 +30,7 @@ from plumb.spec.signals import signals
 
 FLUSH_EVERY_S = 1.0
 SUFFIXES = (".asc", ".blf", ".csv", ".log", ".trc")
-NOTHING: tuple[Any, ...] = ("",) * 6
+NOTHING: tuple[str, ...] = ("",) * 6
 
 
 @contextlib.contextmanager
@@ -58,7 +58,7 @@ class FrameLog:
         self._path = path
         with writing(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._log: Any = can.Logger(path)
+            self._log: Any = can.Logger(path)  # Any: python-can gives one of its writers, without a common type
         self._flushed_s = time.monotonic()
 
     def add(self, message: can.Message) -> None:
@@ -142,7 +142,8 @@ class Recorder:
             step, self._next = self._next, self._next + 1
             digest, raw = capture.digest.pop(step, None), capture.raw.pop(step, None)
             self.lost += digest is None
-            cells: list[Any] = [step, "" if digest is None else f"{digest:08x}", *(raw if raw is not None else NOTHING)]
+            cells: list[object] = [step, "" if digest is None else f"{digest:08x}"]
+            cells += raw if raw is not None else NOTHING
             for signal, _, scale in self._signals:
                 value = capture.values.get(signal, {}).pop(step, None)
                 cells.append("" if value is None else f"{value * scale:.9g}")

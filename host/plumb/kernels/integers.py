@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-Integer = Any
+Integer = Any  # Any: the operators of the two kinds have no common type
 """An int, or an int64 array with one value per run."""
 
 
@@ -36,7 +36,7 @@ def clamp(x: Integer, low: Integer, high: Integer) -> Integer:
     return np.minimum(np.maximum(x, low), high)
 
 
-def select(condition: Any, yes: Integer, no: Integer) -> Integer:
+def select(condition: Integer, yes: Integer, no: Integer) -> Integer:
     """yes where the condition holds, else no."""
     if isinstance(condition, bool):
         return yes if condition else no

@@ -27,6 +27,9 @@ _WITH_B, _WITH_SETPOINT = 0x40, 0x80
 _LINE = 22
 
 
+WholeNumbers = npt.NDArray[Any]  # Any: of any width, and floats without a fraction
+
+
 def frame_lines(
     identifier: int | npt.NDArray[np.int64], second: npt.NDArray[np.uint8], body: npt.NDArray[np.uint8]
 ) -> npt.NDArray[np.uint8]:
@@ -58,8 +61,8 @@ class SampleText:
 
 def samples_text(
     protocol: Protocol,
-    raw: npt.NDArray[Any],
-    setpoint: npt.NDArray[Any],
+    raw: WholeNumbers,
+    setpoint: WholeNumbers,
     step: int = 0,
     before: int = 0,
     run_tag: int = 0,
@@ -141,7 +144,7 @@ class Lockstep:
         self._pair = struct.Struct("<BBHI")
         session.begin("LOCKSTEP", frames, words)
 
-    def run(self, raw: npt.NDArray[Any], setpoint: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
+    def run(self, raw: WholeNumbers, setpoint: WholeNumbers) -> npt.NDArray[np.uint32]:
         """Send samples, get their digests, shape (n,). raw (n, 3) or (n, 6), setpoint (n,) turn_q32.
 
         Raises LinkError when the board stops answering.

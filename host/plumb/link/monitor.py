@@ -32,7 +32,7 @@ LINE_FRAMES_PS = 921600 / 10 / 22
 QUATERNION = ("w", "x", "y", "z")
 """Columns of a system whose frames carry an attitude; rates of the body may go with the last three."""
 
-Snapshot = dict[str, Any]
+Snapshot = dict[str, Any]  # Any: a number, a text, a list or None, by the key
 """One look at the board; the keys are those of Monitor.snapshot."""
 
 

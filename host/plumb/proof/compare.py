@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -39,7 +38,7 @@ class Divergence:
     vector: str | None = None
     in_file: bool = False
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """The JSON object `first_divergence` of a run or of a golden vector."""
         values = {"signal": self.signal, "expected": self.expected, "actual": self.actual}
         if self.vector is None:

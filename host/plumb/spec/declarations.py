@@ -20,6 +20,9 @@ from plumb.checkout import PACKAGE
 from plumb.errors import UsageError
 from plumb.spec.base_units import BASE_UNITS, unknown_part
 
+TomlTable = Mapping[str, Any]  # Any: as TOML gives it; what a system declares is checked when it is loaded
+"""A table of a declaration."""
+
 SHIPPED = PACKAGE / "systems"
 BLOCKS_PATH = Path(__file__).with_name("blocks.toml")
 SHARED_PATH = Path(__file__).with_name("parameters.toml")
@@ -138,7 +141,7 @@ class System:
     output_words: tuple[Word, ...]
     period: str
     groups: tuple[str, ...]
-    parameters: tuple[Mapping[str, Any], ...]
+    parameters: tuple[TomlTable, ...]
     structs: Mapping[str, str]
     includes: tuple[str, ...]
     commands: Mapping[str, str]
@@ -244,13 +247,13 @@ def name_of(number: int) -> str:
 
 
 @lru_cache(maxsize=1)
-def blocks() -> dict[str, Mapping[str, Any]]:
+def blocks() -> dict[str, TomlTable]:
     """Name -> state struct of a kernel: `struct`, `header`, `words`."""
     return tomllib.loads(BLOCKS_PATH.read_text(encoding="utf-8"))
 
 
 @lru_cache(maxsize=1)
-def shared() -> Mapping[str, Any]:
+def shared() -> TomlTable:
     """`parameters.toml`: `structs` of the shared groups, with the headers they need in `includes`, and the rows."""
     return tomllib.loads(SHARED_PATH.read_text(encoding="utf-8"))
 
@@ -277,7 +280,7 @@ def load_system(folder: Path) -> System:
         raise UsageError(f"{path}: {error}") from None
 
 
-def _system(folder: Path, table: Mapping[str, Any]) -> System:
+def _system(folder: Path, table: TomlTable) -> System:
     if not re.fullmatch(r"[a-z][a-z0-9]*", folder.name):
         raise UsageError("the folder's name is that of the system: small letters and digits")
     setpoint = Word(type="int32", member=table["setpoint"]["name"], **table["setpoint"])
@@ -319,7 +322,7 @@ def _system(folder: Path, table: Mapping[str, Any]) -> System:
     return declared
 
 
-def _record(entries: Iterable[Mapping[str, Any]]) -> tuple[list[Word], list[Member]]:
+def _record(entries: Iterable[TomlTable]) -> tuple[list[Word], list[Member]]:
     """The words between setpoint and flags, and the members of the C struct that they are."""
     words: list[Word] = []
     members: list[Member] = []
@@ -356,8 +359,8 @@ def _indexed(name: str, index: int | None) -> str:
     return name if index is None else f"{name}_{index}"
 
 
-def _frame(frame: Mapping[str, Any], words: Mapping[str, Word]) -> Frame:
-    def part(given: Mapping[str, Any]) -> Part:
+def _frame(frame: TomlTable, words: Mapping[str, Word]) -> Frame:
+    def part(given: TomlTable) -> Part:
         if given["of"] not in words:
             raise UsageError(f"frame {frame['name']}: the record has no word '{given['of']}'")
         return Part(given["name"], words[given["of"]], given.get("shift", 0))
@@ -365,7 +368,7 @@ def _frame(frame: Mapping[str, Any], words: Mapping[str, Word]) -> Frame:
     return Frame(frame["name"], part(frame["half"]) if "half" in frame else None, part(frame["word"]), frame["doc"])
 
 
-def _output_words(output: Mapping[str, Any], words: tuple[Word, ...]) -> tuple[Word, ...]:
+def _output_words(output: TomlTable, words: tuple[Word, ...]) -> tuple[Word, ...]:
     if not output["kind"]:
         return ()
     if output["kind"] not in OUTPUTS:

@@ -13,7 +13,6 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
 
 from plumb.errors import UsageError
 from plumb.spec import declarations
@@ -69,7 +68,7 @@ def _system_row() -> Parameter:
     return Parameter("system", "control", "uint32", "", "choice", 0, max(numbers), min(numbers), doc)
 
 
-def _row(given: Mapping[str, Any]) -> Parameter:
+def _row(given: declarations.TomlTable) -> Parameter:
     """A declared row. The text of one that calibrates raw channels says which, system by system."""
     row = Parameter(**{**given, "was": tuple(given.get("was", ()))})
     calibrated = {

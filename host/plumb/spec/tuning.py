@@ -135,7 +135,7 @@ class AxisTuning(ForOnePeriod):
 class AnyTuning(Protocol):
     """The tuning of any system: a frozen dataclass of its own; `system` says which."""
 
-    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]  # what dataclasses.replace asks for, as typeshed has it
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]  # Any: what dataclasses.replace asks for, as typeshed has it
 
     system: ClassVar[str]
 

@@ -11,13 +11,16 @@ import math
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from fractions import Fraction
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn, TypedDict
 
 from plumb.errors import UsageError
 from plumb.spec import parameters
 from plumb.spec.speed_controllers import ONE_WAY, foreign_parameter
-from plumb.spec.tuning import AxisTuning, Calibration, Channel, Esc, Kalman, Pid, Start, Trust
+from plumb.spec.tuning import AnyTuning, AxisTuning, Calibration, Channel, Esc, Kalman, Pid, Start, TiltMode, Trust
 from plumb.tuning.quantise import ControlParams
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 CALIBRATION_LIMIT = 7 << 28
 VARIANCE_MAX = 1 << 56
@@ -55,11 +58,11 @@ def whole(name: str, asked: float, exact: Fraction, low: int, high: int) -> int:
     refuse(name, asked, f"too fine for its integer, whose step is {step:.3g}: ask for at least {step * 500:.3g}")
 
 
-def _numbers(settings: Any, path: str = "") -> Iterator[tuple[str, float]]:
+def _numbers(settings: DataclassInstance, path: str = "") -> Iterator[tuple[str, float]]:
     """Name and value of every field that is declared a number; the others are choices, checked where they are read."""
     for entry in fields(settings):
         value = getattr(settings, entry.name)
-        if is_dataclass(value):
+        if is_dataclass(value) and not isinstance(value, type):
             yield from _numbers(value, f"{path}{entry.name}.")
         elif entry.type not in ("int", "float", int, float):
             continue
@@ -69,7 +72,7 @@ def _numbers(settings: Any, path: str = "") -> Iterator[tuple[str, float]]:
             raise UsageError(f"{path}{entry.name} is {value!r}: give a number")
 
 
-def check_numbers(tuning: Any) -> None:
+def check_numbers(tuning: AnyTuning) -> None:
     """Every field a finite number, and the period one that the filter takes."""
     for name, value in _numbers(tuning):
         if not math.isfinite(value):
@@ -366,7 +369,20 @@ def pid_of(params: ControlParams) -> Pid:
     )
 
 
-def axis_of(params: ControlParams) -> dict[str, Any]:
+class AxisFields(TypedDict):
+    """The fields of an AxisTuning, by name."""
+
+    period_us: int
+    exact_period_s: float
+    calibration: Calibration
+    tilt: TiltMode
+    trust: Trust
+    kalman: Kalman
+    start: Start
+    pid: Pid
+
+
+def axis_of(params: ControlParams) -> AxisFields:
     """What the words of `axis_words` mean, as fields of a tuning by name."""
     kalman, start, trust = filter_of(params)
     return {

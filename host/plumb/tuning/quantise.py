@@ -1,21 +1,22 @@
 """Units to integers: a tuning becomes the words of plumb_params_t, each within 0.1 % of what was asked, or is refused
 with a reason; and back.
 
-A system has its own in plumb.systems.NAME.quantise, `quantise(tuning)` and `dequantise(params)`; what systems share is
-in `groups`. Which groups of parameters a system reads is declared in its system.toml.
+A system has its own in plumb.systems.NAME.quantise, which offers what `Quantiser` says; what systems share is in
+`groups`. Which groups of parameters a system reads is declared in its system.toml.
 """
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from plumb.errors import UsageError
-from plumb.spec import declarations, parameters
+from plumb.spec import declarations, parameters, system_parts
+from plumb.spec.system_parts import Part
 from plumb.spec.tuning import AnyTuning
 
-__all__ = ["ControlParams", "dequantise", "groups_of", "quantise"]
+__all__ = ["QUANTISER", "ControlParams", "Quantiser", "dequantise", "groups_of", "quantise"]
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,19 @@ class ControlParams:
         return parameters.period_s(self.system, self.values)
 
 
+class Quantiser(Protocol):
+    """quantise.py: a system's tuning in engineering units as integers, and back."""
+
+    def quantise(self, tuning: AnyTuning, /) -> ControlParams:
+        """The integers of a tuning; raises UsageError with the parameter, its value and the limit."""
+
+    def dequantise(self, params: ControlParams, /) -> AnyTuning:
+        """What the integers mean, in engineering units."""
+
+
+QUANTISER = Part[Quantiser]("quantise", Quantiser)
+
+
 def groups_of(system: str) -> tuple[str, ...]:
     """The parameter groups that a system reads."""
     return declarations.system(system).all_groups
@@ -98,11 +112,9 @@ def groups_of(system: str) -> tuple[str, ...]:
 
 def quantise(tuning: AnyTuning) -> ControlParams:
     """The integers of a tuning; raises UsageError with the parameter, its value and the limit."""
-    params: ControlParams = importlib.import_module(f"plumb.systems.{tuning.system}.quantise").quantise(tuning)
-    return params
+    return system_parts.load(tuning.system, QUANTISER).quantise(tuning)
 
 
 def dequantise(params: ControlParams) -> AnyTuning:
     """What the integers mean, in engineering units: the tuning that the reference runs on beside them."""
-    tuning: AnyTuning = importlib.import_module(f"plumb.systems.{params.system}.quantise").dequantise(params)
-    return tuning
+    return system_parts.load(params.system, QUANTISER).dequantise(params)

@@ -23,7 +23,7 @@ import numpy as np
 
 from plumb.spec.tuning import Channel, Kalman, Pid, Start, TiltMode, Trust
 
-Number = Any
+Number = Any  # Any: the operators of the two kinds have no common type
 """A float, or an array with one float per run."""
 
 

@@ -82,7 +82,7 @@ def open_can(name: CanName) -> can.BusABC:
     if isinstance(name, SocketcandName):
         return SocketcandClient(name.host, name.port, name.channel)
     interface, channel, kbit = name.interface, name.channel, name.kbit
-    options: dict[str, Any] = {  # keywords of an interface, which python-can types Any
+    options: dict[str, Any] = {  # Any: keywords of an interface, which python-can types so
         "interface": interface,
         "channel": channel,
         "bitrate": kbit * 1000,

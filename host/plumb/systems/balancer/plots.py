@@ -12,7 +12,7 @@ from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, erro
 from plumb.proof.runs import Run
 
 FloatArray = npt.NDArray[np.float64]
-Series = npt.NDArray[np.floating[Any]]
+Series = npt.NDArray[np.floating[Any]]  # Any: of any width
 
 TURN_DEG = 360.0 / 2.0**32
 RATE_DPS = 360.0 / 2.0**28

@@ -29,6 +29,7 @@ from plumb.systems.turntable.reference import rotation_deg
 from plumb.tuning import quantise
 
 FloatArray = npt.NDArray[np.float64]
+Series = npt.NDArray[np.floating[Any]]  # Any: of any width
 
 PATENT_MEAN, PATENT_MAX = 20.81, 35.04
 """What the source claims for the data layer against the pure gyro, %."""
@@ -122,7 +123,7 @@ class Batch:
         return np.array([rate_error_dps(run, [rate[:, k] for rate in rates]) for k, run in enumerate(self.runs)])
 
 
-def rate_error_dps(run: turntable.Scenario, rates_dps: Sequence[npt.NDArray[np.floating[Any]]]) -> float:
+def rate_error_dps(run: turntable.Scenario, rates_dps: Sequence[Series]) -> float:
     """Rms over the motion and the axes."""
     return float(np.sqrt(np.mean((np.stack(rates_dps, axis=-1) - run.rate_dps)[run.scored] ** 2)))
 

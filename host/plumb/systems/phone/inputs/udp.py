@@ -11,7 +11,6 @@ import socket
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
 
 from plumb.errors import LinkError, UsageError
 from plumb.files import input_files
@@ -112,7 +111,7 @@ class Intake:
         """What is left when nothing more will come."""
         yield from self.resampler.finish()
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, object]:
         return {**asdict(self.received), **asdict(self.resampler.counts)}
 
     def missing(self) -> str:
