@@ -1,10 +1,11 @@
 """Writes the measured tables and transcripts of README.md and of the systems' pages, between their marks, by running
 the commands named there.
 
-usage: .venv/bin/python tools/gen_readme.py [--check] [demo|python|systems|bench ...]
+usage: .venv/bin/python tools/gen_readme.py [--check] [demo|python|systems|headlines|bench ...]
 
-`systems` computes every figure once: README.md gets `plumb systems --table --short`, docs/systems/SYSTEM.md the
-whole table of its system. Needs the image, the native core and QEMU (`make image native`).
+`systems` computes every figure once: docs/systems/index.md gets `plumb systems --table --short`, docs/systems/SYSTEM.md
+the whole table of its system, README.md one row of each (`headlines`). docs/explanation/cost.md gets `bench`.
+Needs the image, the native core and QEMU (`make image native`).
 --check writes nothing and exits 1 when a block differs. Rates depend on the machine and stay out.
 """
 
@@ -23,6 +24,8 @@ from plumb.systems import SYSTEMS
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
+ALL_SYSTEMS = ROOT / "docs/systems/index.md"
+COST = ROOT / "docs/explanation/cost.md"
 EXAMPLE = """\
 import numpy as np
 from plumb.boards import native_core
@@ -41,6 +44,7 @@ COMMANDS = {
     "systems": ["-m", "plumb", "systems", "--table", "--json"],
     "bench": ["-m", "plumb", "bench"],
 }
+NAMES = [*COMMANDS, "headlines"]
 MACHINE_DEPENDENT = ("native Kalman steps:", "link frames parsed:")
 
 
@@ -53,34 +57,42 @@ def answer(name: str) -> str:
     return done.stdout
 
 
+def rows() -> list[tuple[str, Figure]]:
+    """Every figure, with the name of its system."""
+    found = json.loads(answer("systems"))["figures"]
+    return [(row.pop("system"), Figure(**{key: row[key] for key in row if key != "met"})) for row in found]
+
+
 def table(page: Path) -> str:
-    """The figures for a page: what was asked of all systems for the README, everything of one for its own page."""
-    rows = json.loads(answer("systems"))["figures"]
-    named = [(row.pop("system"), Figure(**{key: row[key] for key in row if key != "met"})) for row in rows]
-    if page != README:
-        named = [(system, row) for system, row in named if system == page.stem]
-    return figures.render(named, short=page == README)
+    """The figures for a page: what was asked of all systems, or everything of one for its own page."""
+    if page == ALL_SYSTEMS:
+        return figures.render(rows(), short=True)
+    return figures.render([(system, row) for system, row in rows() if system == page.stem])
 
 
 def block(page: Path, name: str) -> str:
     """What stands between the marks, indented as Markdown wants verbatim text."""
+    if name == "headlines":
+        return f"\n{figures.headlines(rows())}\n\n"
     if name == "systems":  # a "-" at the front of a diff is red
         lines = (f"{'-' if line.endswith('MISSED') else ' '} {line}".rstrip() for line in table(page).splitlines())
         return "\n```diff\n" + "\n".join(lines) + "\n```\n\n"
     shown = [line for line in answer(name).rstrip().splitlines() if not line.startswith(MACHINE_DEPENDENT)]
     if name == "python":
-        shown = [*EXAMPLE.rstrip().splitlines(), *(f"# {line}" for line in shown)]
+        shown = ["```python", *EXAMPLE.rstrip().splitlines(), *(f"# {line}" for line in shown), "```"]
+        return "\n" + "\n".join(shown) + "\n\n"
     return "\n" + "\n".join(f"    {line}".rstrip() for line in shown) + "\n\n"
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true")
-    parser.add_argument("name", nargs="*", choices=[*COMMANDS, []])
+    parser.add_argument("name", nargs="*", choices=[*NAMES, []])
     arguments = parser.parse_args()
-    names = arguments.name or list(COMMANDS)
-    blocks = [(README, name) for name in names]
-    blocks += [(ROOT / "docs" / "systems" / f"{system}.md", "systems") for system in SYSTEMS if "systems" in names]
+    names = arguments.name or NAMES
+    pages = {"demo": [README], "python": [README], "bench": [COST], "headlines": [README]}
+    pages["systems"] = [ALL_SYSTEMS, *(ROOT / "docs" / "systems" / f"{system}.md" for system in SYSTEMS)]
+    blocks = [(page, name) for name in names for page in pages[name]]
     stale = False
     for page, name in blocks:
         old = page.read_text(encoding="utf-8")

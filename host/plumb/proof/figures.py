@@ -79,6 +79,10 @@ class FigureSections(Protocol):
         """What was assumed, and how it was measured, a sentence each."""
 
     @property
+    def HEADLINE(self) -> tuple[str, str, str]:
+        """Claim, scenario and tuning of the one row that stands for the system where there is room for one."""
+
+    @property
     def PLOTS(self) -> Mapping[str, Callable[[], Sequence[Plot]]]:
         """Name -> function that gives the panels of a figure of the source, reproduced; {}: the source has none."""
 
@@ -132,6 +136,19 @@ def assumed(name: str) -> tuple[str, ...]:
     return part.ASSUMED if part is not None else ()
 
 
+def headlines(figures: Iterable[tuple[str, Figure]]) -> str:
+    """One row for each system, as a table in Markdown."""
+    head = ["system", "figure", "scenario, tuning", "sensor alone", "to reach", "reached", "worst seed"]
+    lines = [head, ["---"] * len(head)]
+    for name, row in figures:
+        part = _part(name)
+        if part is not None and (row.claim, row.scenario, row.tuning) == part.HEADLINE:
+            cells = [_cell(row.accel_only), _asked(row), _cell(row.reached), _cell(row.worst)]
+            page = f"[`{name}`](docs/systems/{name}.md)"
+            lines.append([page, f"{row.claim} ({row.unit})", f"{row.scenario}, {row.tuning}", *cells])
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
 def render(figures: Iterable[tuple[str, Figure]], *, short: bool = False, colour: bool = False) -> str:
     """The table as text, a block for each system with what was assumed; a missed figure says so, in red on request.
     short: without the rows that are only shown."""
@@ -142,19 +159,25 @@ def render(figures: Iterable[tuple[str, Figure]], *, short: bool = False, colour
     return "\n\n".join("\n".join(_block(name, rows, colour)) for name, rows in blocks.items())
 
 
+def _cell(value: float | None) -> str:
+    return "" if value is None else f"{value:.3f}"
+
+
+def _asked(row: Figure) -> str:
+    sense = {"at most": "<= ", "at least": ">= ", "near": "~ ", "about": "about "}
+    return "" if row.sense in UNASKED else f"{sense[row.sense]}{row.reach:g}"
+
+
 def _block(name: str, rows: Sequence[Figure], colour: bool) -> Iterator[str]:
     header = (
         "figure", "scenario", "tuning", "unit", "source", "to reach", "reached", "worst", "float64", "accel", "gyro", ""
     )  # fmt: skip
     lines: list[tuple[str, ...]] = [(name + ": " + header[0], *header[1:])]
     for row in rows:
-        sense = {"at most": "<= ", "at least": ">= ", "near": "~ ", "about": "about "}
-        numbers = (row.worst, row.reference, row.accel_only, row.gyro_only)
-        cells = ("" if value is None else f"{value:.3f}" for value in numbers)
-        reach = "" if row.sense in UNASKED else f"{sense[row.sense]}{row.reach:g}"
-        reached = f"{row.reached:.3f}"
+        numbers = (row.reached, row.worst, row.reference, row.accel_only, row.gyro_only)
+        cells = (_cell(value) for value in numbers)
         verdict = "" if row.sense in UNASKED else "met" if row.met else "MISSED"
-        lines.append((row.claim, row.scenario, row.tuning, row.unit, row.source, reach, reached, *cells, verdict))
+        lines.append((row.claim, row.scenario, row.tuning, row.unit, row.source, _asked(row), *cells, verdict))
     widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
     for line in lines:
         text = "  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip()

@@ -29,6 +29,7 @@ from plumb.tuning import quantise
 
 FloatArray = npt.NDArray[np.float64]
 
+HEADLINE = ("tilt error", "rough", "tuned")
 PLOTTED_SEED, ROCKED_SEED = 1000, 1010
 """The rocked one begins with 2.5 deg/s of bias, so that there is something to correct."""
 RAW_DPS = 1.7

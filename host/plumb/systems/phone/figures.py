@@ -30,6 +30,7 @@ Angles = tuple[FloatArray, FloatArray]
 
 TURN_DEG = 360.0 / 2.0**32
 AXES = ("pitch", "roll")
+HEADLINE = ("with Euler rates, share of raw drift", "general", "euler")
 PLOTTED_SEED, GENERAL_SHOWN_S = 1000, 60.0
 
 NAMED = {"printed": "as printed", "euler": "with Euler rates"}

@@ -28,6 +28,7 @@ from plumb.systems.quad.plant import QuadPlant
 from plumb.systems.quad.tuning import QuadTuning
 from plumb.tuning import quantise
 
+HEADLINE = ("tilt error", "motion", "adaptive")
 PLOTTED_SEED = 1000
 FloatArray = npt.NDArray[np.float64]
 

@@ -33,6 +33,8 @@ Series = npt.NDArray[np.floating[Any]]  # Any: of any width
 
 PATENT_MEAN, PATENT_MAX = 20.81, 35.04
 """What the source claims for the data layer against the pure gyro, %."""
+HEADLINE = ("data layer, mean", "motion", "data")
+
 ASSUMED = (
     "Residuals: components of the rotation vector from truth to estimate, 10 s at rest left out. Mean over time and"
     " axes; max per axis over time, then the mean of the axes; % of the mean over seeds. Tunings fitted on seeds 0-19.",
