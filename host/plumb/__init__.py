@@ -1,16 +1,80 @@
-"""plumb: attitude estimation and control in integers, the same answer bit for bit from Python to silicon."""
+"""plumb: attitude estimation and control in integers, the same answer bit for bit from Python to silicon.
+
+    import plumb
+
+    estimate = plumb.Estimator("quad", period_s=0.01, gyr_range_dps=500, acc_range_g=4).run(gyr_radps, acc_mps2)
+    result = plumb.run("quad", board="virtual", scenario="hold")
+    with plumb.connect("serial:/dev/ttyUSB0") as board:
+        board.params["pid.kp"] = 0.05
+
+A name is loaded when it is used first: `import plumb` alone loads no other module.
+"""
 
 from __future__ import annotations
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from plumb.api import golden as golden
+    from plumb.api.connection import Board as Board
+    from plumb.api.connection import connect as connect
+    from plumb.api.estimator import Estimate as Estimate
+    from plumb.api.estimator import Estimator as Estimator
+    from plumb.api.live import Health as Health
+    from plumb.api.live import Sample as Sample
+    from plumb.api.parameters import ParameterDescription as ParameterDescription
+    from plumb.api.parameters import Parameters as Parameters
+    from plumb.api.recordings import Recording as Recording
+    from plumb.api.recordings import load as load
+    from plumb.api.runs import RunResult as RunResult
+    from plumb.api.runs import run as run
+    from plumb.errors import LinkError as LinkError
+    from plumb.errors import PlumbError as PlumbError
+    from plumb.errors import UsageError as UsageError
+
     __version__: str
     """Version of the package, from git's tags: `plumb.version`."""
 
+_PLACES = {
+    "Board": "plumb.api.connection",
+    "Estimate": "plumb.api.estimator",
+    "Estimator": "plumb.api.estimator",
+    "Health": "plumb.api.live",
+    "LinkError": "plumb.errors",
+    "ParameterDescription": "plumb.api.parameters",
+    "Parameters": "plumb.api.parameters",
+    "PlumbError": "plumb.errors",
+    "Recording": "plumb.api.recordings",
+    "RunResult": "plumb.api.runs",
+    "Sample": "plumb.api.live",
+    "UsageError": "plumb.errors",
+    "connect": "plumb.api.connection",
+    "golden": "plumb.api",
+    "load": "plumb.api.recordings",
+    "run": "plumb.api.runs",
+}
+"""Public name -> the module that has it."""
 
-def __getattr__(name: str) -> object:
-    if name == "__version__":
-        from plumb.version import installed
+__all__ = [
+    "Board", "Estimate", "Estimator", "Health", "LinkError", "ParameterDescription", "Parameters", "PlumbError",
+    "Recording", "RunResult", "Sample", "UsageError", "connect", "golden", "load", "run",
+]  # fmt: skip
 
-        return installed().version
-    raise AttributeError(f"module 'plumb' has no attribute '{name}'")
+
+if not TYPE_CHECKING:  # a type checker would take every name for one that there is
+
+    def __getattr__(name: str) -> object:
+        """Load a public name when it is used first (PEP 562)."""
+        import importlib
+
+        if name == "__version__":
+            from plumb.version import installed
+
+            return installed().version
+        if name not in _PLACES:
+            raise AttributeError(f"module 'plumb' has no attribute '{name}'")
+        module = importlib.import_module(_PLACES[name])
+        return importlib.import_module("plumb.api.golden") if name == "golden" else getattr(module, name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

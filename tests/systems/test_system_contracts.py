@@ -15,8 +15,8 @@ import pytest
 from plumb import systems
 from plumb.boards.plant_on_pins import coupler
 from plumb.cli.demo import DEMO
-from plumb.cli.replay import REPLAY
 from plumb.errors import UsageError
+from plumb.inputs.replay import REPLAY
 from plumb.proof.figures import FIGURES
 from plumb.proof.runs import PLOTS
 from plumb.spec import system_parts

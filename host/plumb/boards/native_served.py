@@ -82,12 +82,18 @@ class ServedNative:
         """Advance to an instant. The native board has no ROM bootloader: one that enters it is restarted."""
         end_us = ticks // TICKS_PER_US
         while self.mcu.now_us < end_us:
-            if self.plant is not None and self.mcu.now_us >= self._follow_us:
-                self._follow(self.plant)
-            self.uart.pass_us(min(end_us, self._follow_us if self.plant else end_us) - self.mcu.now_us)
+            self.uart.pass_us(min(end_us - self.mcu.now_us, self.let_follow()))
         if self.mcu.state is State.BOOTLOADER:
             self.mcu.power_off()
             self.mcu.power_on()
+
+    def let_follow(self) -> int:
+        """Let the plant and the board exchange outputs and counts where that is due; us until the next time."""
+        if self.plant is None:
+            return FOLLOW_US
+        if self.mcu.now_us >= self._follow_us:
+            self._follow(self.plant)
+        return self._follow_us - self.mcu.now_us
 
     def _follow(self, plant: Plant) -> None:
         self._follow_us += FOLLOW_US

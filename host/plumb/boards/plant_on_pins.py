@@ -15,7 +15,7 @@ from plumb.f103.core.timeline import TICKS_PER_S
 from plumb.f103.machine import Machine
 from plumb.link.identity import FAULT_STRAP
 from plumb.link.session import Session
-from plumb.systems.contracts import PINS, Scenario
+from plumb.systems.contracts import PINS, Plant, Scenario
 from plumb.tuning.quantise import ControlParams, quantise
 
 FOUND_US = 50_000
@@ -52,15 +52,22 @@ def configure_as(board: SimulatedBoard, params: ControlParams, **link: int) -> S
     return session
 
 
-def show(board: SimulatedBoard, name: str, scenario: str | None, seed: int) -> None:
-    """Configure the board for this system, and attach a plant in open loop: it follows the scenario and ignores the
+def show(board: SimulatedBoard, name: str, scenario: str | None, seed: int, *, open_loop: bool = True) -> None:
+    """Configure the board for this system, and attach a plant. open_loop: it follows the scenario and ignores the
     outputs."""
     system, live = systems.load(name), systems.load(name, PINS)
-    chosen = system.scenario(scenario or live.SHOWN, seed)
-    plant = system.plant(chosen, open_loop=True)
+    chosen, plant = plant_of(name, scenario, seed, open_loop=open_loop)
     configure_as(board, quantise(system.TUNINGS[live.TUNING]), period_us=chosen.period_us, **system.LINK)
     live.Coupling(board.machine, plant)
     board.machine.advance_us(FOUND_US)
+
+
+def plant_of(name: str, scenario: str | None, seed: int, *, open_loop: bool) -> tuple[Scenario, Plant]:
+    """The scenario and the plant for the pins of a board; scenario None: what the system shows in open loop, else what
+    its outputs control. Raises UsageError for a system that has no pins, or not that scenario."""
+    system, live = systems.load(name), systems.load(name, PINS)
+    chosen = system.scenario(scenario or (live.SHOWN if open_loop else live.SCENARIO), seed)
+    return chosen, system.plant(chosen, open_loop=open_loop)
 
 
 def boot_configured_as(machine: Machine, name: str, strap: str | None = None) -> None:

@@ -11,31 +11,16 @@ says which further files it reads; of several runs in a file the longest is take
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
 
 from plumb.cli import options
-from plumb.spec.system_parts import Part
 
-if TYPE_CHECKING:
-    from plumb.proof.runs import RunInputs
-    from plumb.tuning.quantise import ControlParams
-
-
-class Replayed(Protocol):
-    """replay.py of a system: recordings of real sensors as inputs of a run."""
-
-    def inputs_of(self, arguments: argparse.Namespace, /) -> tuple[RunInputs, ControlParams, Mapping[str, object]]:
-        """Inputs, parameters, and the heading of the summary; arguments: those of this command."""
-
-
-REPLAY = Part[Replayed]("replay", Replayed, without="no recording can be made its inputs")
+PART = "replay"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help="the recording")
-    options.add_system_with(parser, REPLAY.name, "whose inputs are made of it")
+    options.add_system_with(parser, PART, "whose inputs are made of it")
     parser.add_argument("--axis", choices=("x", "y", "z"), default="x", help="where one axis is taken (default x)")
     options.add_board(parser)
     options.add_link_and_image(parser)
@@ -46,22 +31,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb import systems
     from plumb.cli.run_summary import report
-    from plumb.proof import runs
+    from plumb.inputs import replay
 
-    system = options.system_with(arguments, REPLAY.name)
-    inputs, params, heading = systems.load(system, REPLAY).inputs_of(arguments)
-    options.tell_default(arguments, system, REPLAY.name)
+    system = options.system_with(arguments, PART)
+    request = replay.ReplayRequest(arguments.file, arguments.axis, arguments.period_us, arguments.seconds)
+    prepared = replay.prepare(system, request)
+    options.tell_default(arguments, system, PART)
     with options.board_of(arguments) as board:
-        result = runs.open_loop(board, inputs, params)
-    summary = result.summary(
-        system=system,
-        **heading,
-        loop="open",
-        board=arguments.board,
-        link=options.link_of(arguments),
-        seed=None,
-        scored_steps=int(inputs.scored.sum()),
-    )
-    return report(arguments, result, summary)
+        done = prepared.run(board, arguments.board, options.link_of(arguments))
+    return report(arguments, done.run, done.summary())

@@ -14,6 +14,7 @@ from plumb.errors import UsageError
 from plumb.physics import disturbance
 from plumb.proof import runs
 from plumb.proof.runs import Run
+from plumb.spec.tuning import AnyTuning
 from plumb.systems.contracts import PINS, Scenario, fitted
 from plumb.tuning.quantise import ControlParams, quantise
 
@@ -22,16 +23,16 @@ from plumb.tuning.quantise import ControlParams, quantise
 class RunRequest:
     """Request for a run.
 
-    scenario, tuning: names of the system's lists; None: its defaults. start: a start-up mode of the filter instead of
-    the tuning's. seconds: length; None: the scenario's own. faults: KIND[:WHAT]@START[-STOP] each. conditions:
-    NAME=NUMBER each. open_loop: prescribed motion, the outputs move nothing. live: the virtual board samples its own
-    sensors by its own timer. link, image: of board `virtual`.
+    scenario, tuning: names of the system's lists; None: its defaults; the tuning may be an object, too. start: a
+    start-up mode of the filter instead of the tuning's. seconds: length; None: the scenario's own. faults:
+    KIND[:WHAT]@START[-STOP] each. conditions: NAME=NUMBER each. open_loop: prescribed motion, the outputs move nothing.
+    live: the virtual board samples its own sensors by its own timer. link, image: of board `virtual`.
     """
 
     system: str
     board: str
     scenario: str | None = None
-    tuning: str | None = None
+    tuning: str | AnyTuning | None = None
     start: str | None = None
     seed: int = 1000
     seconds: float | None = None
@@ -57,16 +58,15 @@ class ScenarioRun:
         return self.run.summary(**{name: value for name, value in heading.items() if name not in left_out})
 
 
-def perform(request: RunRequest) -> ScenarioRun:
-    """Open the board, run the scenario, compare every step with the model.
+def perform(request: RunRequest, opened: Board | None = None) -> ScenarioRun:
+    """Open the board, run the scenario, compare every step with the model. opened: the board, where it is open; it
+    stays open.
 
     Raises UsageError for a name that the system does not have or a board that cannot do it, LinkError.
     """
     system = systems.load(request.system)
-    tuning, name = request.tuning or system.DEFAULT_TUNING, request.scenario or system.DEFAULT_SCENARIO
-    if tuning not in system.TUNINGS:
-        raise UsageError(f"{request.system} has no tuning '{tuning}'; it has {', '.join(system.TUNINGS)}")
-    settings = system.TUNINGS[tuning]
+    name = request.scenario or system.DEFAULT_SCENARIO
+    tuning, settings = tuning_of(request.system, request.tuning)
     if request.start:
         if request.start not in system.STARTS:
             modes = ", ".join(system.STARTS) or "none"
@@ -83,8 +83,11 @@ def perform(request: RunRequest) -> ScenarioRun:
         raise UsageError("--live is for --board virtual: its plant drives the sensors' pins and follows the actuators'")
     if request.live:
         systems.load(request.system, PINS)
-    with open_board(request.board, link=request.link, image=request.image) as board:
-        result = _run(board, request, scenario, params, closes)
+    if opened is None:
+        with open_board(request.board, link=request.link, image=request.image) as board:
+            result = _run(board, request, scenario, params, closes)
+    else:
+        result = _run(opened, request, scenario, params, closes)
     heading: dict[str, Any] = {
         "system": request.system,
         "scenario": name,
@@ -115,6 +118,24 @@ def _run(board: Board, request: RunRequest, scenario: Scenario, params: ControlP
             inputs = runs.closed_loop(native, scenario, params).inputs
         return runs.open_loop(board, inputs, params)
     return runs.closed_loop(board, scenario, params)
+
+
+OWN = "own"
+"""What a summary calls a tuning, or a scenario, that the caller gave as an object."""
+
+
+def tuning_of(system: str, tuning: str | AnyTuning | None) -> tuple[str, AnyTuning]:
+    """Name and settings of a tuning: by its name, the object itself, or for None the system's default. Raises
+    UsageError for a tuning that the system does not have, or that is of another."""
+    known = systems.load(system)
+    if tuning is None or isinstance(tuning, str):
+        name = tuning or known.DEFAULT_TUNING
+        if name not in known.TUNINGS:
+            raise UsageError(f"{system} has no tuning '{name}'; it has {', '.join(known.TUNINGS)}")
+        return name, known.TUNINGS[name]
+    if getattr(tuning, "system", None) != system:
+        raise UsageError(f"the tuning is of {getattr(tuning, 'system', 'no system')}, the run of {system}")
+    return OWN, tuning
 
 
 def conditions_of(system: str, known: Mapping[str, str], texts: Sequence[str]) -> dict[str, float]:

@@ -103,12 +103,15 @@ class Frame:
 @dataclass(frozen=True)
 class Channel:
     """One raw count of a sample, in the order of the sample. calibration: the group of parameters that turns it into
-    its quantity; "" where there is none."""
+    its quantity; "" where there is none. axis: which component of a body's sensors the calibrated value is, as
+    `gyr_x`, `acc_y` or `ang_z` (angular rate, specific force, angular acceleration), `-acc_x` for minus it; "" where
+    it is none."""
 
     name: str
     unit: str
     doc: str
     calibration: str = ""
+    axis: str = ""
 
 
 @dataclass(frozen=True)
@@ -391,6 +394,7 @@ _LOWER, _UPPER = re.compile(r"[a-z][a-z0-9_]*"), re.compile(r"[A-Z][A-Z0-9_]*")
 _COMMAND = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 _PARAMETER = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)+")
 _FORMAT = re.compile(r"Q\d\d?|Q\([^)]*\)|integer|bits|choice|see \w+")
+_AXIS = re.compile(r"-?(gyr|acc|ang)_[xyz]")
 CALIBRATION_ROWS = ("raw_min", "raw_max", "gain", "offset")
 """The rows of a group that calibrates a raw channel."""
 _ROW: dict[str, type] = {
@@ -428,6 +432,11 @@ def _check_groups(system: System) -> None:
         if group not in known:
             raise UsageError(f"groups: there is no shared group {group!r:.40}; there are {', '.join(known)}")
     for channel in system.channels:
+        if channel.axis and not (channel.calibration and _AXIS.fullmatch(str(channel.axis))):
+            raise UsageError(
+                f"channel {channel.name}: axis = {channel.axis!r:.40}: gyr_x, acc_y, ang_z and the like, or -acc_x, of "
+                "a channel with a calibration"
+            )
         if not channel.calibration:
             continue
         what = f"channel {channel.name}: calibration = {channel.calibration!r:.40}"

@@ -16,7 +16,7 @@ and where the system wants them
     pins.py       the plant on the pins of the virtual board (contracts.Pins); none where samples only come as frames
     figures.py    what was asked, and what is reached (plumb.proof.figures.FigureSections)
     wiring.py     what is wired to the board, for the drawings (plumb.systems.wiring.WiringDrawings)
-    replay.py     recordings of real sensors as inputs of a run (plumb.cli.replay.Replayed)
+    replay.py     recordings of real sensors as inputs of a run (plumb.inputs.replay.Replayed)
     demo.py       the run that `plumb demo` shows (plumb.cli.demo.Demo)
     commands/     commands of its own, as system.toml declares them; modules like those of plumb.cli
     inputs/       where its samples come from besides boards and recordings

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-import argparse
-
 from plumb.inputs import recording
+from plumb.inputs.replay import ReplayRequest
 from plumb.proof.runs import RunInputs
 from plumb.systems.phone import scenarios as phone
 from plumb.systems.phone.inputs import live_run, udp
 from plumb.tuning.quantise import ControlParams
 
 
-def inputs_of(arguments: argparse.Namespace) -> tuple[RunInputs, ControlParams, dict[str, object]]:
+def inputs_of(request: ReplayRequest) -> tuple[RunInputs, ControlParams, dict[str, object]]:
     """What `plumb replay` runs: inputs, parameters, and the heading of the summary."""
-    period_us = phone.PERIOD_US if arguments.period_us is None else arguments.period_us
+    period_us = phone.PERIOD_US if request.period_us is None else request.period_us
     params = live_run.params_of(phone.DEFAULT_TUNING, period_us)
-    steps, intake, recorded = udp.steps_of_file(arguments.file, period_us)
+    steps, intake, recorded = udp.steps_of_file(request.file, period_us)
     longest = live_run.longest_run(steps)
-    if arguments.seconds is not None:
-        longest = longest[: recording.steps_in(arguments.seconds, period_us, len(longest))]
-    heading = {"scenario": arguments.file.name, "tuning": phone.DEFAULT_TUNING, "received": intake.to_json()}
+    if request.seconds is not None:
+        longest = longest[: recording.steps_in(request.seconds, period_us, len(longest))]
+    heading: dict[str, object] = {
+        "scenario": request.file.name,
+        "tuning": phone.DEFAULT_TUNING,
+        "received": intake.to_json(),
+    }
     return live_run.inputs_of(longest, params, recorded), params, heading

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import argparse
-
 from plumb.inputs import recording
+from plumb.inputs.replay import ReplayRequest
 from plumb.proof.runs import RunInputs
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning.quantise import ControlParams
 
 
-def inputs_of(arguments: argparse.Namespace) -> tuple[RunInputs, ControlParams, dict[str, object]]:
+def inputs_of(request: ReplayRequest) -> tuple[RunInputs, ControlParams, dict[str, object]]:
     """What `plumb replay` runs: inputs, parameters, and the heading of the summary."""
-    axis = recording.pick_axis(recording.load(arguments.file), arguments.axis, arguments.period_us)
-    if arguments.seconds is not None:
-        axis = axis.first(recording.steps_in(arguments.seconds, axis.period_us, len(axis.raw)))
+    axis = recording.pick_axis(recording.load(request.file), request.axis, request.period_us)
+    if request.seconds is not None:
+        axis = axis.first(recording.steps_in(request.seconds, axis.period_us, len(axis.raw)))
     inputs, params = recording.run_inputs(axis, quad.TUNINGS["recording"])
-    return inputs, params, {"scenario": f"{arguments.file.name} about {arguments.axis}", "tuning": "recording"}
+    return inputs, params, {"scenario": f"{request.file.name} about {request.axis}", "tuning": "recording"}

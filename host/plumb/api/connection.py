@@ -1,0 +1,347 @@
+"""`plumb.connect`: a board, its parameters in units, runs in lockstep, and its own sensors live."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Literal, Self
+
+from plumb import __version__
+from plumb.api.live import Sample, SampleStream
+from plumb.api.parameters import Parameters
+from plumb.api.runs import RunResult, request_of, run_own
+from plumb.boards import SimulatedBoard, open_board, plant_on_pins
+from plumb.boards.link import LinkBoard
+from plumb.errors import LinkError, UsageError
+from plumb.link import monitor
+from plumb.process_signals import endings, raise_ending
+from plumb.proof import scenario_run
+from plumb.spec import declarations
+from plumb.spec.parameter_file import by_name
+from plumb.tuning.quantise import quantise
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from plumb.link.session import Session
+    from plumb.spec.tuning import AnyTuning
+
+
+@dataclass(frozen=True)
+class BoardIdentity:
+    """Who a board says it is.
+
+    Attributes:
+        version: Version of this plumb.
+        git_hash: First 16 digits of the commit that the image was built from, with `+` when the tree differed; empty
+            where it is not known.
+        systems: Names of the systems that the image has.
+        unique_id: Number of the chip, 24 hexadecimal digits; empty for a board without a link.
+        parameter_source: Where the parameters in use come from, in words.
+        mismatch: Why the board takes no commands of this version, as a sentence; None where it does.
+    """
+
+    version: str
+    git_hash: str
+    systems: tuple[str, ...]
+    unique_id: str = ""
+    parameter_source: str = ""
+    mismatch: str | None = None
+
+
+class Board:
+    """An open board; `connect` makes it. A context manager: leaving it, by an exception or Ctrl-C, too, disarms the
+    board, ends the run and closes the link.
+
+    A simulated board (`native`, `virtual`) has a plant on its sensors, and its time passes only while something waits
+    for it: in `run`, `stream`, `arm` and the parameters. Between the samples of a `stream` from a real board that is
+    armed, the program has about 30 ms: it has to keep the board alive.
+
+    Attributes:
+        name: The board as it was named.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        link: str = "serial",
+        image: Path | None = None,
+        system: str | None = None,
+        scenario: str | None = None,
+        seed: int = 1000,
+        open_loop: bool = True,
+    ) -> None:
+        self.name = name
+        self._link = link
+        self._plant = (system, scenario, seed, open_loop)
+        self._attached = False
+        self._live = False
+        self._closed = False
+        if system is not None:
+            declarations.system(system)
+        if (system or scenario) and name not in ("native", "virtual"):
+            raise UsageError(f"system and scenario are for native and virtual, on which a plant is put, not for {name}")
+        self._runs_on = open_board(name, link=link, image=image)
+        self._talks_to: LinkBoard | None = self._runs_on if isinstance(self._runs_on, LinkBoard) else None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is None:
+            self.close()
+            return
+        with contextlib.suppress(LinkError):  # the error that is under way says more
+            self.close()
+
+    def __repr__(self) -> str:
+        return f"<Board {self.name}{', closed' if self._closed else ''}>"
+
+    def close(self) -> None:
+        """Disarm, end the run and close the link; may be called twice. Ctrl-C waits until that is done.
+
+        Raises:
+            LinkError: The board does not answer; the link is closed all the same.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        on_main = threading.current_thread() is threading.main_thread()
+        deferred: contextlib.AbstractContextManager[list[int]] = endings() if on_main else contextlib.nullcontext([])
+        with deferred as caught:
+            try:
+                if self._talks_to is not None and self._live:
+                    self._live = False
+                    self._talks_to.session.listener = None
+                    self._talks_to.session.end()
+            finally:
+                if self._talks_to is not None:
+                    self._talks_to.close()
+                self._runs_on.close()
+        if caught:
+            raise_ending(caught)
+
+    # ---- who it is, and its parameters ----
+
+    @property
+    def identity(self) -> BoardIdentity:
+        """Who the board says it is. Raises LinkError when it does not answer."""
+        if self._talks_to is None and self.name != "native":
+            return BoardIdentity(__version__, "", declarations.names())
+        said = self._session().connect()
+        return BoardIdentity(
+            __version__, said.git_hash, said.systems, said.unique_id, said.parameter_source, said.mismatch
+        )
+
+    @property
+    def params(self) -> Parameters:
+        """The parameters in use, in units: `board.params["pid.kp"] = 0.05`. Raises UsageError for a board without a
+        link."""
+        return Parameters(self._session())
+
+    # ---- runs in lockstep ----
+
+    def run(
+        self,
+        system: str,
+        *,
+        scenario: str | None = None,
+        seed: int = 1000,
+        tuning: str | AnyTuning | None = None,
+        start: str | None = None,
+        seconds: float | None = None,
+        faults: Sequence[str] = (),
+        conditions: Mapping[str, float] | None = None,
+        open_loop: bool = False,
+        live: bool = False,
+        raw: npt.ArrayLike | None = None,
+        setpoint: npt.ArrayLike | None = None,
+        gyr_radps: npt.ArrayLike | None = None,
+        acc_mps2: npt.ArrayLike | None = None,
+        ang_radps2: npt.ArrayLike | None = None,
+        period_s: float | None = None,
+    ) -> RunResult:
+        """Run a system on this board, and compare every step with the integer model.
+
+        The board gets the run's parameters, and keeps them. The inputs are a scenario, raw counts, or samples of a
+        body's sensors.
+
+        Args:
+            system: Name of a system.
+            scenario, seed, tuning, start, seconds, faults, conditions, open_loop, live: As `plumb.run` takes them.
+            raw: Raw counts of your own, (N, 3 to 6) integers of 16 bits, instead of a scenario.
+            setpoint: Setpoints beside `raw`, (N,) in the integers of the system; None: 0.
+            gyr_radps: Angular rate, (N, 3) rad/s, instead of a scenario; `plumb.Estimator` says what is used of it.
+            acc_mps2: Specific force, (N, 3) m/s^2, beside `gyr_radps`.
+            ang_radps2: Angular acceleration, (N, 3) rad/s^2, beside `gyr_radps`.
+            period_s: Period of inputs of your own; None: the tuning's.
+
+        Returns:
+            The arrays of the run and the verdict.
+
+        Raises:
+            UsageError: A name that does not exist, inputs of a wrong shape, or two kinds of inputs.
+            LinkError: The board does not answer.
+        """
+        self._live = False
+        own = raw is not None or gyr_radps is not None
+        if not own and any(one is not None for one in (setpoint, acc_mps2, ang_radps2, period_s)):
+            raise UsageError("setpoint, acc_mps2, ang_radps2 and period_s go with raw or gyr_radps")
+        if own and (scenario or start or faults or conditions or open_loop or live or seconds is not None):
+            raise UsageError("a run is of a scenario, or of inputs of your own")
+        if raw is not None and gyr_radps is not None:
+            raise UsageError("give raw or gyr_radps, not both")
+        if not own:
+            request = request_of(
+                system,
+                self.name,
+                scenario,
+                seed,
+                tuning,
+                start,
+                seconds,
+                faults,
+                conditions,
+                open_loop,
+                live,
+                self._link,
+            )
+            return RunResult(scenario_run.perform(request, self._runs_on))
+        from plumb.api.estimator import Estimator, at_period
+
+        if gyr_radps is not None:
+            estimator = Estimator(system, tuning, period_s=period_s)
+            counts = estimator.counts(gyr_radps, acc_mps2, ang_radps2=ang_radps2)
+            return run_own(self._runs_on, self.name, estimator.params, counts, setpoint)
+        assert raw is not None
+        _, settings = scenario_run.tuning_of(system, tuning)
+        return run_own(self._runs_on, self.name, quantise(at_period(settings, period_s)), raw, setpoint)
+
+    # ---- live ----
+
+    def stream(self, seconds: float | None = None, *, begin: bool = True) -> Iterator[Sample]:
+        """Samples of the board on its own sensors, in real time, one a step.
+
+        Args:
+            seconds: For so many seconds of the board's time; None: until you leave the loop.
+            begin: Begin a run where none of this object is on. False: only listen to a run that another program
+                began; its selection says which signals come.
+
+        Yields:
+            A sample for every step. The run goes on when you leave the loop, until the board is closed.
+
+        Raises:
+            UsageError: A board without a link.
+            LinkError: The board does not answer, or falls silent.
+        """
+        if seconds is not None and not seconds > 0:
+            raise UsageError(f"seconds = {seconds:g}: ask for more than nothing")
+        session = self._session()
+        table = by_name(session.read_parameters())
+        stream = SampleStream(session, declarations.name_of(table["system"]), table["period_us"] * 1e-6)
+        session.listener = stream.feed
+        first_s: float | None = None
+        try:
+            if begin:
+                self._begin()
+            for sample in stream.samples():
+                first_s = sample.time_s if first_s is None else first_s
+                if seconds is not None and sample.time_s - first_s >= seconds - 1e-9:
+                    return
+                yield sample
+        finally:
+            session.listener = None
+
+    def arm(self) -> None:
+        """Arm the board: its outputs drive the actuators from here on. A run on its own sensors is begun if none is on.
+
+        Armed, the board wants to hear this program every 40 ms: go on with `stream`.
+
+        Raises:
+            UsageError: A board without a link.
+            LinkError: The board refuses; the sentence says what is in the way.
+        """
+        session = self._session()
+        self._begin()
+        session.arm()
+
+    def disarm(self) -> None:
+        """Disarm the board: its outputs are neutral. The run goes on.
+
+        Raises:
+            UsageError: A board without a link.
+            LinkError: The board does not answer.
+        """
+        self._session().disarm()
+
+    def _begin(self) -> None:
+        if not self._live:
+            monitor.begin_live(self._session())
+            self._live = True
+
+    def _session(self) -> Session:
+        """The session with the board; a simulated board gets its plant first."""
+        if self._closed:
+            raise UsageError(f"{self.name} is closed: connect again")
+        system, scenario, seed, open_loop = self._plant
+        if self.name == "native" and self._talks_to is None:
+            from plumb.boards.native_port import NativePort
+
+            name = system or declarations.names()[0]
+            _, plant = plant_on_pins.plant_of(name, scenario, seed, open_loop=open_loop)
+            self._talks_to = NativePort(name, plant)
+        if self._talks_to is None:
+            raise UsageError(f"{self.name} has no link: it runs vectors and scenarios alone; use native or virtual")
+        if self.name == "virtual" and not self._attached:
+            self._attached = True
+            assert isinstance(self._talks_to, SimulatedBoard)
+            name = system or self._talks_to.session.system
+            plant_on_pins.show(self._talks_to, name, scenario, seed, open_loop=open_loop)
+        return self._talks_to.session
+
+
+def connect(
+    board: str,
+    *,
+    link: Literal["serial", "can"] = "serial",
+    image: Path | str | None = None,
+    system: str | None = None,
+    scenario: str | None = None,
+    seed: int = 1000,
+    open_loop: bool = True,
+) -> Board:
+    """Open a board.
+
+    Args:
+        board: `native`, `qemu`, `virtual`, `serial:PORT[@BAUD]` or `can:INTERFACE:CHANNEL[@KBIT]`, as `--board` of the
+            command line. `native` runs scenarios on the C core, and has a link to the whole main loop in this process.
+        link: Link to board `virtual`.
+        image: Flash image of board `virtual`; None: the one that was built or installed.
+        system: System that a simulated board comes up as, with its plant on the sensors; None: the first.
+        scenario: Scenario of that plant; None: the system's own.
+        seed: Seed of that plant.
+        open_loop: The plant follows its scenario. False: the outputs of the board move it.
+
+    Returns:
+        The board; use it in a `with` statement.
+
+    Raises:
+        UsageError: A name that does not exist, or a tool or an image that is missing.
+        LinkError: The board does not answer.
+    """
+    return Board(
+        board,
+        link=link,
+        image=None if image is None else Path(image),
+        system=system,
+        scenario=scenario,
+        seed=seed,
+        open_loop=open_loop,
+    )

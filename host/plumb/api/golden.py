@@ -1,0 +1,118 @@
+"""`plumb.golden.check`: golden vectors on boards, with a result per vector."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from plumb.boards import open_board
+from plumb.errors import UsageError
+from plumb.link.endpoint_names import parse_board
+from plumb.proof import golden
+from plumb.proof.compare import Divergence
+from plumb.proof.golden_result import bit_exact
+
+__all__ = ["GoldenResult", "VectorResult", "check"]
+
+
+@dataclass(frozen=True)
+class VectorResult:
+    """What a board made of one golden vector.
+
+    Attributes:
+        board: The board as it was named.
+        vector: Name of the vector.
+        system: Name of its system.
+        steps: Steps of the vector.
+        mismatches: Steps whose digest is not the vector's.
+        bit_exact: Whether every digest is the vector's; None where answers were lost on the link.
+        first_divergence: The first step and word that differ; None where none does.
+    """
+
+    board: str
+    vector: str
+    system: str
+    steps: int
+    mismatches: int
+    bit_exact: bool | None
+    first_divergence: Divergence | None
+
+
+@dataclass(frozen=True)
+class GoldenResult:
+    """What boards made of golden vectors.
+
+    Attributes:
+        vectors: One entry per board and vector, in the order of the boards and of the recipe.
+    """
+
+    vectors: tuple[VectorResult, ...]
+
+    @property
+    def bit_exact(self) -> bool | None:
+        """Whether all boards gave the digests of all vectors; False before None, where answers were lost."""
+        answers = [one.bit_exact for one in self.vectors]
+        return False if False in answers else None if None in answers or not answers else True
+
+    @property
+    def steps(self) -> int:
+        """Steps of all vectors on all boards."""
+        return sum(one.steps for one in self.vectors)
+
+    def failed(self) -> tuple[VectorResult, ...]:
+        """The entries that are not bit-exact."""
+        return tuple(one for one in self.vectors if not one.bit_exact)
+
+
+def check(
+    boards: Sequence[str] = ("native",),
+    systems: Sequence[str] | None = None,
+    *,
+    names: Sequence[str] | None = None,
+    folder: Path | str | None = None,
+    link: Literal["serial", "can"] = "serial",
+    image: Path | str | None = None,
+) -> GoldenResult:
+    """Run golden vectors on boards and compare every step's digest: `plumb golden check`.
+
+    Args:
+        boards: Names of boards, as `plumb.run` takes them; `fixed` is the integer model in Python.
+        systems: Only the vectors of these systems; None: of all.
+        names: Only the vectors whose name fits one of these patterns (`*` and `?` as in file names); None: all.
+        folder: Folder of the vectors; None: the checkout's, else the package's.
+        link: Link to board `virtual`.
+        image: Flash image of board `virtual`.
+
+    Returns:
+        A result per board and vector. A board behind a link takes the vectors that the recipe marks for it, other
+        boards take all.
+
+    Raises:
+        UsageError: A name that does not exist, or vectors that are damaged or not those of their recipe.
+        LinkError: A board does not answer.
+    """
+    for name, given in (("boards", boards), ("systems", systems), ("names", names)):
+        if isinstance(given, str):
+            raise UsageError(f"{name} = '{given}': give a list of names")
+    for spec in boards:
+        parse_board(spec)
+    place = golden.vectors_folder(None if folder is None else Path(folder))
+    cases = golden.cases_named(golden.cases(place, systems), names)
+    found = []
+    for spec in boards:
+        with open_board(spec, link=link, image=None if image is None else Path(image)) as board:
+            for one in golden.check_each(board, cases):
+                found.append(
+                    VectorResult(
+                        spec,
+                        one.vector,
+                        one.system,
+                        one.steps,
+                        one.mismatches,
+                        bit_exact(one.verdict),
+                        one.first_divergence,
+                    )
+                )
+    return GoldenResult(tuple(found))

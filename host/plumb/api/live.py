@@ -1,0 +1,126 @@
+"""What a live board says of itself, a step at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from plumb.errors import LinkError
+from plumb.link.monitor import SILENCE_S, Monitor
+from plumb.link.realtime import unwrap
+from plumb.link.retries import REPLY_TIMEOUT_S
+from plumb.link.session import Session
+from plumb.spec import dbc
+from plumb.spec.protocol import Frame
+from plumb.spec.signals import signals
+
+HEALTH_EVERY_S = 0.1
+
+
+@dataclass(frozen=True)
+class Health:
+    """The state of a board, as it was said at most 0.1 s before the sample.
+
+    Attributes:
+        mode: `IDLE`, `LOCKSTEP` or `REALTIME`; None where it is not known.
+        blocked: A sentence for everything that is in the way of arming.
+        faults: A sentence for every fault.
+        disarm_cause: What disarmed the board last.
+        lost_steps: Steps that were lost on the link since the stream began.
+    """
+
+    mode: str | None = None
+    blocked: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
+    disarm_cause: tuple[str, ...] = ()
+    lost_steps: int = 0
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One step of a live board.
+
+    Attributes:
+        time_s: Time of the step, s, counted in periods from the first step of the run.
+        step: Number of the step in the run, from 0.
+        signals: Signals of the step by name with unit (`tilt_deg`, `bias_dps`, `pulse_0_us`), as far as the link
+            carries them beside the steps; a signal that was lost is not there. While the board is not armed its pins
+            are neutral, whatever pulses a step comes to.
+        armed: Whether the actuators may be driven.
+        digest: CRC-32 of the step's words.
+        health: The state of the board.
+    """
+
+    time_s: float
+    step: int
+    signals: dict[str, float]
+    armed: bool
+    digest: int
+    health: Health
+
+
+@dataclass
+class _Step:
+    step: int
+    armed: bool
+    digest: int
+    signals: dict[str, float] = field(default_factory=dict)
+
+
+class SampleStream:
+    """Puts the frames of a run in real time together by step. Feed it with the frames as they come."""
+
+    def __init__(self, session: Session, system: str, period_s: float) -> None:
+        self._session, self._period_s = session, period_s
+        self._monitor = Monitor(session)
+        self._message = session.protocol["STEP"]
+        self._named = {i: message for i, message in session.protocol.by_identifier.items() if dbc.of_system(i)}
+        self._columns = {signal: (column, scale) for signal, column, scale in signals(system)}
+        self._current: _Step | None = None
+        self._last = 0
+        self._done: list[_Step] = []
+        self._health, self._health_s = Health(), -HEALTH_EVERY_S
+
+    def feed(self, frames: list[Frame]) -> None:
+        self._monitor.feed(frames)
+        for identifier, data in frames:
+            if identifier == self._message.identifier:
+                _, second, low, digest = self._message.unpack(data)
+                self._last = unwrap(self._last, low, 16)
+                if self._current is not None:
+                    self._done.append(self._current)
+                self._current = _Step(self._last, bool(second >> 4 & 1), digest)
+            elif identifier in self._named and self._current is not None:
+                message = self._named[identifier]
+                if unwrap(self._last, data[1] >> 4, 4) != self._current.step:
+                    continue
+                for name, value in zip(message.words, message.unpack(data)[2:], strict=True):
+                    column, scale = self._columns.get((message.name, name), ("", 0.0))
+                    if column:
+                        self._current.signals[column] = value * scale
+
+    def samples(self) -> Iterator[Sample]:
+        """Receive, and give every step when the next one has begun. Raises LinkError when the board falls silent."""
+        session = self._session
+        while True:
+            session.receive(REPLY_TIMEOUT_S)
+            if session.clock() - self._monitor.heard_s > SILENCE_S:
+                raise LinkError("the board fell silent: check cable and power, then start again")
+            done, self._done = self._done, []
+            for one in done:
+                time_s = one.step * self._period_s
+                yield Sample(time_s, one.step, one.signals, one.armed, one.digest, self._state())
+
+    def _state(self) -> Health:
+        now_s = self._session.clock()
+        if now_s - self._health_s >= HEALTH_EVERY_S or self._health.mode is None:
+            said = self._monitor.snapshot()
+            self._health_s = now_s
+            self._health = Health(
+                said["mode"],
+                tuple(said["blocked"]),
+                tuple(said["faults"]),
+                tuple(said["disarm_cause"]),
+                self._monitor.lost_steps,
+            )
+        return self._health

@@ -1,0 +1,102 @@
+"""`plumb.load`: a recording of a real three-axis sensor, and its replay on a board."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.api.runs import RunResult
+from plumb.boards import open_board
+from plumb.errors import UsageError
+from plumb.inputs import recording, replay
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """N samples of a three-axis gyro and accelerometer.
+
+    Attributes:
+        path: The file.
+        time_s: Time of the samples, (N,) s, from 0, rising.
+        gyr_radps: Angular rate, (N, 3) rad/s.
+        acc_mps2: Specific force, (N, 3) m/s^2.
+        truth: Reference attitude w, x, y, z from sensor to earth (z up), (N, 4), NaN where it is lost; None without.
+        movement: Samples to be scored, (N,) bool.
+    """
+
+    path: Path
+    time_s: FloatArray
+    gyr_radps: FloatArray
+    acc_mps2: FloatArray
+    truth: FloatArray | None
+    movement: npt.NDArray[np.bool_]
+
+    def replay(
+        self,
+        system: str = "quad",
+        board: str = "native",
+        *,
+        axis: Literal["x", "y", "z"] = "x",
+        period_s: float | None = None,
+        seconds: float | None = None,
+        link: Literal["serial", "can"] = "serial",
+        image: Path | str | None = None,
+    ) -> RunResult:
+        """Run the recording through a board, and compare every step with the integer model: `plumb replay`.
+
+        An ideal sensor is scaled to the recording, and the samples are resampled to the period.
+
+        Args:
+            system: `quad`, which estimates one axis, or `phone`, which estimates pitch and roll.
+            board: As `plumb.run` takes it.
+            axis: The axis that `quad` estimates the tilt about.
+            period_s: Period of a step, 0.0005 to 0.1 s; None: the recording's own, of `phone` 0.01 s.
+            seconds: Only so much of the beginning; None: all of it.
+            link: Link to board `virtual`.
+            image: Flash image of board `virtual`.
+
+        Returns:
+            The arrays of the run and the verdict; `metrics` has the error where the recording has a reference.
+
+        Raises:
+            UsageError: A system that makes no inputs of recordings, or a name or a number that cannot be.
+            LinkError: The board does not answer.
+        """
+        if axis not in ("x", "y", "z"):
+            raise UsageError(f"'{axis}' is no axis; use x, y or z")
+        if period_s is not None and not 0.0005 <= period_s <= 0.1:
+            raise UsageError(f"period_s = {period_s:g}: a period is from 0.0005 to 0.1 s")
+        period_us = None if period_s is None else round(period_s * 1e6)
+        prepared = replay.prepare(system, replay.ReplayRequest(self.path, axis, period_us, seconds))
+        with open_board(board, link=link, image=None if image is None else Path(image)) as opened:
+            return RunResult(prepared.run(opened, board, link if board == "virtual" else None))
+
+
+def load(path: Path | str) -> Recording:
+    """Read a recording, .npz or .csv.
+
+    Args:
+        path: `.npz` with `gyr` (N, 3) rad/s, `acc` (N, 3) m/s^2, `time_s` (N,) or `rate_hz`, perhaps `ref_quat` (N, 4)
+            and `movement` (N,); or `.csv` with columns of these names (`plumb replay --help`).
+
+    Returns:
+        The samples, checked: finite, in the range of the firmware's calibrated values, time rising.
+
+    Raises:
+        UsageError: A file that cannot be read, or that holds something else; one sentence says what.
+    """
+    found = recording.load(path)
+    return Recording(
+        found.path,
+        found.time_s,
+        np.radians(found.gyr_dps),
+        found.acc_g * recording.G_MPS2,
+        found.ref_quat,
+        found.movement,
+    )

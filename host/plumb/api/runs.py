@@ -1,0 +1,251 @@
+"""`plumb.run`: a run of a system on a board, every step compared with the integer model; and its result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.errors import UsageError
+from plumb.proof import runs, scenario_run
+from plumb.proof.compare import Divergence
+from plumb.proof.runs import RunInputs
+from plumb.proof.scenario_run import OWN, RunRequest, ScenarioRun
+from plumb.spec import declarations
+from plumb.spec.records import Words
+from plumb.spec.signal_units import word_signals
+from plumb.tuning.quantise import ControlParams
+
+if TYPE_CHECKING:
+    from plumb.boards import Board
+    from plumb.spec.tuning import AnyTuning
+
+FloatArray = npt.NDArray[np.float64]
+Verdict = Literal["pass", "fail", "unverified"]
+
+
+class RunResult(Mapping[str, FloatArray]):
+    """A run of N steps: a mapping of signal -> array (N,) in deg, deg/s, g, m/s and us.
+
+    The keys are the words of the system's record with the unit at the end: `tilt_deg`, `bias_dps`, `pulse_0_us`, ...
+    `list(result)` names them all, and docs/records.md says what each is. The values are those of the board.
+    """
+
+    def __init__(self, done: ScenarioRun) -> None:
+        self._done = done
+        self._signals = word_signals(done.run.system)
+
+    def __getitem__(self, name: str) -> FloatArray:
+        signal = self._signals[name]
+        return np.asarray(self.words[signal.word] * signal.scale, np.float64)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._signals)
+
+    def __len__(self) -> int:
+        return len(self._signals)
+
+    def __repr__(self) -> str:
+        heading = self._done.heading
+        return f"<Run of {self.system} on {heading['board']}: {self.steps} steps, {self.verdict}>"
+
+    @property
+    def system(self) -> str:
+        """Name of the system."""
+        return self._done.run.system
+
+    @property
+    def steps(self) -> int:
+        """Number of steps, N."""
+        return len(self.raw)
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Time of the samples, (N,) s, from 0."""
+        return self._done.run.inputs.time_s
+
+    @property
+    def raw(self) -> npt.NDArray[np.int16]:
+        """Raw counts of the samples, (N, 6); a system uses the first few."""
+        return self._done.run.inputs.raw
+
+    @property
+    def setpoint(self) -> npt.NDArray[np.int32]:
+        """Setpoints of the steps, (N,), in the integers of the system."""
+        return self._done.run.inputs.setpoint
+
+    @property
+    def truth(self) -> dict[str, FloatArray]:
+        """What the plant, or a recording's reference, says, by name with unit, (N,) each; NaN where it is not known,
+        and empty for inputs of your own."""
+        return self._done.run.inputs.truth
+
+    @property
+    def reference(self) -> dict[str, FloatArray]:
+        """What the equations in float64 make of the same counts, by name with unit, (N,) each."""
+        return self._done.run.reference
+
+    @property
+    def words(self) -> Words:
+        """The integer words of every step, (N,) int64 each: the board's, or over a link the model's, which the board's
+        digests confirm."""
+        return self._done.run.board_words
+
+    @property
+    def digests(self) -> npt.NDArray[np.uint32]:
+        """CRC-32 of every step's words as the board gave it, (N,)."""
+        return self._done.run.answer.digests
+
+    @property
+    def params(self) -> ControlParams:
+        """The parameters of the run, as the board's integers."""
+        return self._done.run.params
+
+    @property
+    def verdict(self) -> Verdict:
+        """`pass`: every step of the board equals the model's in every bit. `fail`: one differs. `unverified`: answers
+        were lost on the link."""
+        verdict = self._done.run.verdict
+        return "pass" if verdict == "pass" else "fail" if verdict == "fail" else "unverified"
+
+    @property
+    def bit_exact(self) -> bool | None:
+        """Whether every step of the board equals the model's in every bit; None where answers were lost."""
+        return {"pass": True, "fail": False}.get(self.verdict)
+
+    @property
+    def first_divergence(self) -> Divergence | None:
+        """The first step and word that differ from the model's; None where none does."""
+        return self._done.run.divergence
+
+    @property
+    def metrics(self) -> dict[str, float | int | None]:
+        """Figures of the run by name with unit, as `plumb run` prints them; None where there is nothing to score."""
+        if not self.truth:
+            return {"target_vs_fixed_mismatches": self._done.run.mismatches}
+        return self._done.run.metrics()
+
+    def summary(self) -> dict[str, object]:
+        """What `plumb run --json` prints, as plain types; raises UsageError for inputs of your own."""
+        self._require_truth()
+        return self._done.summary()
+
+    def write_report(self, folder: Path | str) -> None:
+        """Write report.html, summary.json and steps.csv into a folder, as `plumb run --out` does.
+
+        Raises:
+            UsageError: The folder cannot be written, or the run was of inputs of your own.
+        """
+        from plumb.proof import run_report
+
+        run_report.write_run(Path(folder), self._done.run, self.summary())
+
+    def _require_truth(self) -> None:
+        if not self.truth:
+            raise UsageError("a run of inputs of your own has nothing to score: take its arrays")
+
+
+def run(
+    system: str,
+    *,
+    board: str = "native",
+    scenario: str | None = None,
+    seed: int = 1000,
+    tuning: str | AnyTuning | None = None,
+    start: str | None = None,
+    seconds: float | None = None,
+    faults: Sequence[str] = (),
+    conditions: Mapping[str, float] | None = None,
+    open_loop: bool = False,
+    live: bool = False,
+    link: Literal["serial", "can"] = "serial",
+    image: Path | str | None = None,
+) -> RunResult:
+    """Run a scenario of a system on a board, and compare every step with the integer model: `plumb run`.
+
+    Args:
+        system: Name of a system: `quad`, `balancer`, `turntable`, `phone`.
+        board: `native`, `qemu`, `virtual`, `serial:PORT[@BAUD]` or `can:INTERFACE:CHANNEL[@KBIT]`.
+        scenario: Name of a scenario; None: the system's default.
+        seed: Seed of every random number, 0 or more.
+        tuning: Name of a tuning, a tuning object, or None for the system's default.
+        start: Start-up mode of the filter instead of the tuning's own.
+        seconds: Length, 1 to 3600 s; None: the scenario's own.
+        faults: Faults as text, KIND[:WHAT]@START[-STOP], for example `stuck:gyro@60-70`.
+        conditions: Conditions of the scenario by name, 0 or more each.
+        open_loop: Prescribed motion: the outputs of the board move nothing.
+        live: Board `virtual` alone: it samples its own sensors by its own timer, armed.
+        link: Link to board `virtual`.
+        image: Flash image of board `virtual`; None: the one that was built or installed.
+
+    Returns:
+        The arrays of the run and the verdict.
+
+    Raises:
+        UsageError: A name that does not exist, or a board that cannot do what was asked.
+        LinkError: The board does not answer.
+    """
+    request = request_of(
+        system, board, scenario, seed, tuning, start, seconds, faults, conditions, open_loop, live, link, image
+    )
+    return RunResult(scenario_run.perform(request))
+
+
+def request_of(
+    system: str,
+    board: str,
+    scenario: str | None,
+    seed: int,
+    tuning: str | AnyTuning | None,
+    start: str | None,
+    seconds: float | None,
+    faults: Sequence[str],
+    conditions: Mapping[str, float] | None,
+    open_loop: bool,
+    live: bool,
+    link: str = "serial",
+    image: Path | str | None = None,
+) -> RunRequest:
+    """The request of these arguments; `run` says what each is."""
+    if isinstance(faults, str):
+        raise UsageError(f"faults = '{faults}': give a list of texts")
+    return RunRequest(
+        system=system,
+        board=board,
+        scenario=scenario,
+        tuning=tuning,
+        start=start,
+        seed=seed,
+        seconds=seconds,
+        faults=list(faults),
+        conditions=[f"{name}={number!r}" for name, number in (conditions or {}).items()],
+        open_loop=open_loop,
+        live=live,
+        link=link,
+        image=None if image is None else Path(image),
+    )
+
+
+def run_own(
+    board: Board, name: str, params: ControlParams, raw: npt.ArrayLike, setpoint: npt.ArrayLike | None
+) -> RunResult:
+    """Run raw counts of the caller's own in lockstep; raises UsageError for a wrong shape or number."""
+    from plumb.systems.run_fixed import check_inputs
+
+    given = np.asarray(raw)
+    if given.ndim != 2 or not len(given):
+        raise UsageError(f"raw counts of shape {given.shape}: give (N, 3 to 6), N at least 1")
+    counts, setpoints = check_inputs(given, np.zeros(len(given), np.int32) if setpoint is None else setpoint)
+    steps = len(counts)
+    inputs = RunInputs(
+        np.arange(steps, dtype=np.float64) * params.period_s,
+        {},
+        counts.astype(np.int16),
+        setpoints.astype(np.int32),
+        np.zeros(steps, np.bool_),
+    )
+    heading = {"system": declarations.system(params.system).name, "scenario": OWN, "loop": "open", "board": name}
+    return RunResult(ScenarioRun(runs.open_loop(board, inputs, params), heading))

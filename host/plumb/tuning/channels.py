@@ -1,0 +1,69 @@
+"""Physical quantities as a sensor's raw counts, by the calibration of a tuning; and a tuning for another full scale."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.errors import UsageError
+from plumb.spec import declarations, parameters
+from plumb.spec.tuning import Channel
+from plumb.tuning.quantise import ControlParams
+
+TuningT = TypeVar("TuningT")
+NO_SAMPLE = -32768
+"""Raw count of a channel without a sample, in systems whose missing samples are marked."""
+COUNTS_MAX = 32766
+"""Largest count of an ideal sensor: one less than 16 bits have, because a range whose limits are the type's would never
+be left."""
+_PER_UNIT = {"turn/s": 1.0 / 360.0, "turn/s^2": 1.0 / 360.0, "g": 1.0}
+"""Unit of a calibration -> of it, in one deg/s, deg/s^2 or g."""
+
+
+def ideal_channel(full_scale: float) -> Channel:
+    """A sensor without offset, of +-full_scale (in deg/s, deg/s^2 or g)."""
+    return Channel(0.0, full_scale / COUNTS_MAX, -COUNTS_MAX, COUNTS_MAX)
+
+
+def with_channels(tuning: TuningT, channels: Mapping[str, Channel]) -> TuningT:
+    """The tuning with other channels, by their names (those of the groups of parameters).
+
+    Raises UsageError for a channel that the tuning does not have.
+    """
+    left = set(channels)
+
+    def changed(settings: Any) -> Any:  # Any: a dataclass of any system's tuning
+        new: dict[str, object] = {}
+        for entry in fields(settings):
+            value = getattr(settings, entry.name)
+            if isinstance(value, Channel):
+                if entry.name in channels:
+                    new[entry.name] = channels[entry.name]
+                    left.discard(entry.name)
+            elif is_dataclass(value):
+                new[entry.name] = changed(value)
+        return replace(settings, **new)
+
+    result: TuningT = changed(tuning)
+    if left:
+        raise UsageError(f"the tuning has no channel {', '.join(sorted(left))}")
+    return result
+
+
+def counts_of(params: ControlParams, channel: declarations.Channel, values: npt.ArrayLike) -> npt.NDArray[np.int16]:
+    """Raw counts of a channel's values in deg/s, deg/s^2 or g, any shape: the nearest count whose calibrated value this
+    is, within 16 bits. A count outside the channel's range is clamped, and counted, by the step itself.
+
+    Raises UsageError for a channel without calibration.
+    """
+    group = channel.calibration
+    row = next((row for row in parameters.table() if row.name == f"{group}.offset"), None)
+    if row is None or row.unit not in _PER_UNIT or not params[f"{group}.gain"]:
+        raise UsageError(f"channel {channel.name} has no calibration that turns a quantity into counts")
+    exact = np.asarray(values, np.float64) * (_PER_UNIT[row.unit] * 2.0 ** int(row.format[1:]))
+    counts = np.rint((exact - params[f"{group}.offset"]) / params[f"{group}.gain"])
+    return np.clip(counts, NO_SAMPLE + 1, -NO_SAMPLE - 1).astype(np.int16)

@@ -1,0 +1,121 @@
+"""board.params: the parameters of a board in units, committed as a whole table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+import plumb
+from plumb.api.connection import Board
+from plumb.spec import parameters
+
+
+@pytest.fixture
+def board() -> Iterator[Board]:
+    with plumb.connect("native", system="quad") as board:
+        yield board
+
+
+def test_a_value_is_read_as_it_was_written(board: Board) -> None:
+    params = board.params
+    before = params.words
+    params["pid.kp"] = 0.05
+    assert params["pid.kp"] == params["pid.kp_per_deg"] == pytest.approx(0.05, rel=1e-3)
+    after = params.words
+    assert {name for name in after if after[name] != before[name]} == {"pid.kp_q22"}
+    assert after["pid.kp_q22"] == round(0.05 * 360 * 2**22)
+
+
+def test_several_values_are_one_commit(board: Board) -> None:
+    board.params.update({"kalman.bias_max": 200.0, "esc.max_us": 1900, "arm_hold_ms": 500, "tilt": "arcsine"})
+    found = board.params.read()
+    assert found["kalman.bias_max_dps"] == pytest.approx(200.0, rel=1e-3)
+    assert (found["esc.max_us"], found["arm_hold_ms"], found["tilt"]) == (1900.0, 500, "arcsine")
+    assert found["kalman.q_angle_deg2_per_s"] == pytest.approx(6e-5 / 0.02, rel=1e-3)
+
+
+@pytest.mark.parametrize(("name", "value"), [("trust.r", 1.0), ("kalman.q_angle", 0.01), ("start.p00", 100.0)])
+def test_variances_keep_what_they_mean(board: Board, name: str, value: float) -> None:
+    """A new variance may be counted in another unit: the others are written in it, too."""
+    before = board.params.read()
+    board.params[name] = value
+    after = board.params.read()
+    whole = board.params.describe(name).name
+    assert after[whole] == pytest.approx(value, rel=1e-3)
+    for other, was in before.items():
+        if other != whole:
+            assert after[other] == (was if isinstance(was, str) else pytest.approx(was, rel=1e-3)), other
+
+
+def test_the_period_is_that_of_filter_and_timer(board: Board) -> None:
+    board.params["period_us"] = 10_000
+    assert board.params["period_us"] == 10_000
+    assert board.params.tuning.period_s == pytest.approx(0.01)
+    assert board.params["kalman.q_angle"] == pytest.approx(6e-5 / 0.02, rel=1e-3)
+
+
+def test_the_tuning_of_a_board_is_one_for_a_run(board: Board) -> None:
+    board.params["pid.kp"] = 0.03
+    result = board.run("quad", scenario="hold", seconds=12, tuning=board.params.tuning)
+    assert result.bit_exact and result.params["pid.kp_q22"] == board.params.words["pid.kp_q22"]
+
+
+def test_a_description_says_unit_meaning_and_words(board: Board) -> None:
+    about = board.params.describe("pid.kp")
+    assert (about.name, about.alias, about.unit) == ("pid.kp_per_deg", "pid.kp", "1/deg")
+    assert about.words == ("pid.kp_q22",) and "proportional" in about.meaning
+    assert board.params.describe("arm_hold_ms").unit == "ms"
+    assert board.params.describe("start.p00").words == ("start.p00_hi", "start.p00_lo")
+
+
+@pytest.mark.parametrize("system", ["quad", "balancer", "turntable", "phone"])
+def test_every_tuning_has_names_that_are_found(system: str) -> None:
+    """Without a board: the names of each system's default tuning, and the words that hold them."""
+    from plumb.api import parameters as names
+    from plumb.tuning.quantise import quantise
+
+    params = quantise(plumb.Estimator(system).tuning)
+    words = parameters.whole_table(params.words(), **params.link_words())
+    table = {row.name: row.from_word(word & 0xFFFFFFFF) for row, word in zip(parameters.table(), words, strict=True)}
+    found = names._values(table)
+    for short, whole in names._aliases(table).items():
+        assert names._known(short, table) == names._known(whole, table) == whole
+    held = {row.name for name in found for row in names._rows_of(name, table)}
+    derived = {"kalman.dt_s_q33", "kalman.rate_gain", "kalman.rate_shift", "system", parameters.UNIT}
+    assert set(params.own()) - held - derived < {name for name in params.own() if "." in name}
+    assert len(held) > 0.6 * len(params.own())
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("pid.kpp", "did you mean pid.kp"), ("pid.kp_q22", "an integer of the table"), ("", "names them all")],
+)
+def test_unknown_names_are_refused(board: Board, name: str, said: str) -> None:
+    with pytest.raises(plumb.UsageError, match=said):
+        _ = board.params[name]
+    with pytest.raises(plumb.UsageError, match=said):
+        board.params[name] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("pid.kp", float("nan"), "finite"),
+        ("pid.kp", 1e9, "the most is"),
+        ("pid.kp", "fast", "something like it"),
+        ("tilt", "arctan", "arcsine or atan2"),
+        ("tilt", 1, "something like it"),
+        ("arm_hold_ms", 1e9, "outside"),
+        ("arm_hold_ms", 0.5, "whole"),
+        ("arm_hold_ms", float("inf"), "whole"),
+        ("period_us", 100, "periods|outside"),
+        ("esc.min", 2100.0, "outside|more than"),
+        ("pid.kp", True, "give a number"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_changes_nothing(board: Board, name: str, value: float | str, said: str) -> None:
+    before = board.params.words
+    with pytest.raises(plumb.UsageError, match=said):
+        board.params.update({"pid.kd": 0.01, name: value})
+    assert board.params.words == before
