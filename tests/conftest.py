@@ -26,6 +26,7 @@ NO_SKIPS = os.environ.get("PLUMB_NO_SKIPS") == "1"
 MAY_SKIP = [
     ("tests/*", r"PLUMB_DATA"),  # recordings with an optical reference, which are not part of the repository
     ("tests/*", r"\bno (/dev/full|/dev/zero|/proc)\b|only Linux|no limit of file size"),  # other operating systems
+    ("tests/proof/test_report_browser.py", r"no browser"),  # half a gigabyte, which only this file would need
 ]
 """Files, as a pattern, and reasons, as a regular expression: what may be skipped all the same."""
 

@@ -10,6 +10,7 @@ Only modules that Python has loaded anyway are imported here: until `entry` has 
 from __future__ import annotations
 
 import os
+import shlex
 import signal
 import sys
 
@@ -83,6 +84,7 @@ def _run(arguments: list[str]) -> int:
     check_arguments(rest)
     parsed = command_parser(name).parse_args(rest)
     check_numbers(vars(parsed))
+    parsed.command_line = shlex.join(["plumb", *arguments])
     return int(module.main(parsed))
 
 

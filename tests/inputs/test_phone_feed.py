@@ -278,7 +278,6 @@ def test_what_was_done_before_a_board_failed_is_reported(
     sending: Sending,
 ) -> None:
     """On a terminal, where the line of angles must end before anything else is said."""
-    pytest.importorskip("matplotlib", reason="the report needs the extra report")
     out = tmp_path / "report"
     sending(sensagram(run_of())[:900])
     monkeypatch.setattr(boards, "open_board", lambda *_, **__: Wrong(native, dies=dies))
@@ -540,14 +539,6 @@ def test_wrong_use_is_one_sentence(arguments: list[str], code: int, capsys: pyte
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == (2 if "--wait" in arguments and code == 3 else 1)
     assert "Errno" not in lines[-1]
-
-
-def test_without_matplotlib_a_report_is_refused_before_anything_is_heard(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    assert front.main(["phone", "--board", "native", "--out", str(tmp_path)]) == 2
-    assert "'.[report]'" in capsys.readouterr().err
 
 
 def test_a_file_that_makes_no_step_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -89,7 +89,6 @@ def test_the_help_of_run_says_what_runs(capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_the_sources_figures_are_drawn_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("matplotlib", reason="plots need the extra report")
     for folder in ("once", "again"):
         assert front.main(["systems", "--plots", str(tmp_path / folder), "--system", "quad"]) == 0
     files = sorted((tmp_path / "once").iterdir())

@@ -93,7 +93,7 @@ def _run(command: list[str], folder: Path, limit_s: float) -> int:
 
 
 class QemuBoard(Board):
-    """The board that runs each vector in a QEMU process of its own."""
+    """The board that runs each vector in a QEMU process of its own. image: the ELF file that it runs."""
 
     name = "qemu"
 
@@ -101,8 +101,9 @@ class QemuBoard(Board):
         program = shutil.which(PROGRAM)
         if program is None:
             raise UsageError(f"{PROGRAM} is not installed; on Debian or Ubuntu: apt install qemu-system-arm")
+        self.image = image or _find_image()
         self._command = [program, "-M", "mps2-an385", "-icount", "shift=5", "-nographic"]
-        self._command += ["-semihosting-config", "enable=on,target=native", "-kernel", str(image or _find_image())]
+        self._command += ["-semihosting-config", "enable=on,target=native", "-kernel", str(self.image)]
 
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
         """Raises LinkError when QEMU fails or hangs, UsageError when the image refuses the parameters."""

@@ -9,14 +9,18 @@ from pathlib import Path
 
 from plumb.boards.link import LinkBoard
 from plumb.boards.virtual_machine import START_US, open_machine
+from plumb.flash.image import find_image
 from plumb.link.session import Session
 
 
 class VirtualBoard(LinkBoard):
-    """The virtual board. machine: the simulated part, for access to its pins. link: serial or can."""
+    """The virtual board. machine: the simulated part, for access to its pins. link: serial or can. image, image_bytes:
+    the file of the flash image and its contents."""
 
     def __init__(self, image: Path | None = None, link: str = "serial") -> None:
-        self.machine = open_machine(image)
+        self.image = find_image(image)
+        self.machine = open_machine(self.image)
+        self.image_bytes = self.image.read_bytes()
         self._link = link
         running = "the image of the checkout" if image is None else str(image)
         self.machine.uart.name = f"the virtual board with {running}"

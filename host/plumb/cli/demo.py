@@ -50,8 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     from plumb import systems
     from plumb.boards import open_board, qemu
+    from plumb.cli.run_summary import write
     from plumb.errors import exit_code_of
-    from plumb.proof import golden, run_report
+    from plumb.proof import golden
     from plumb.proof.report import Table
     from plumb.proof.scenario_run import RunRequest, perform
 
@@ -85,7 +86,7 @@ def main(arguments: argparse.Namespace) -> int:
     errors = part.errors(run)
     verdict = golden.worst_of([run.verdict, *(check.verdict for check in checks.values())])
     summary = done.summary(board="virtual, live ADC", live=None)
-    summary["verdict"] = verdict
+    summary |= {"verdict": verdict, "bit_exact": golden.bit_exact(verdict)}
     summary["tilt_error_deg"] = {name: {"rms": rms, "max": worst} for name, (rms, worst) in errors.items()}
     summary["golden"] = {name: check.to_json() for name, check in checks.items()}
     summary["golden_left_out"] = {"qemu": without_qemu} if without_qemu else {}
@@ -107,14 +108,13 @@ def main(arguments: argparse.Namespace) -> int:
             bad_rows=frozenset(i for i, check in enumerate(checks.values()) if check.to_json()["mismatches"]),
         ),
     ]
-    run_report.write_run(arguments.out, run, summary, tables)
+    files = write(arguments, run, summary, tables)
     if arguments.json:
         print(json.dumps(summary))
     else:
         for table in tables:
             print(render(table))
-        print(f"live run: {run.mismatches} of {len(inputs.raw)} steps differ from fixed")
-        print(f"{verdict}; the report is {arguments.out / 'report.html'}")
+        print("\n".join(["live run:", *(f"  {one}" for one in run.statements(summary)), verdict, *files]))
     return exit_code_of(verdict)
 
 

@@ -71,7 +71,6 @@ def libraries() -> Iterator[Finding]:
         ("pyserial", True, "pip install pyserial"),
         ("cantools", True, "pip install cantools"),
         ("unicorn", True, f"for the virtual board, {install_hint('virtual')}"),
-        ("matplotlib", True, f"for the report page, {install_hint('report')}"),
         ("capstone", False, f"for plumb bench, {install_hint('bench')}"),
         ("stm32loader", False, f"for plumb flash, {install_hint('flash')}"),
     ):

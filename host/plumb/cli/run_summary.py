@@ -4,35 +4,44 @@ from __future__ import annotations
 
 import argparse
 import json
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 from plumb.errors import ExitCode, exit_code_of
 
 if TYPE_CHECKING:
+    from plumb.proof.report import Table
     from plumb.proof.runs import Run
 
 
-def report(arguments: argparse.Namespace, run: Run, summary: dict[str, object]) -> ExitCode:
+def report(arguments: argparse.Namespace, run: Run, summary: dict[str, Any]) -> ExitCode:
     """Write the folder of --out, print the summary, and return the exit code of the verdict."""
-    if arguments.out:
-        from plumb.proof import run_report
-
-        run_report.write_run(arguments.out, run, summary)
-    print(json.dumps(summary) if arguments.json else describe(summary))
+    files = write(arguments, run, summary)
+    print(json.dumps(summary) if arguments.json else "\n".join([*describe(run, summary), *files]))
     return exit_code_of(run.verdict)
 
 
-def describe(summary: dict[str, object]) -> str:
-    """The summary for a reader: one line a figure."""
-    metrics = summary["metrics"]
-    assert isinstance(metrics, dict)
+def write(arguments: argparse.Namespace, run: Run, summary: dict[str, Any], more: Sequence[Table] = ()) -> list[str]:
+    """Write the files of --out; where they are, a line each for what people open."""
+    if not arguments.out:
+        return []
+    from plumb.proof import run_report
+
+    command = getattr(arguments, "command_line", "")
+    page, *others = run_report.write_run(arguments.out, run, summary, more, command=command)
+    return [f"report: {page}", f"files: {', '.join(str(path) for path in others)}"]
+
+
+def describe(run: Run, summary: dict[str, Any]) -> list[str]:
+    """The summary for a reader: a line for each metric, what is claimed of bits and accuracy, and the verdict."""
     seed = "" if summary["seed"] is None else f"seed {summary['seed']}, "
-    lines = [
+    return [
         f"{summary['system']} {summary['scenario']}, tuning {summary['tuning']}, {summary['loop']} loop, "
         f"{seed}{summary['steps']} steps on {summary['board']}{', live' if 'live' in summary else ''}",
-        *(f"  {name:<28} {'nothing to score' if value is None else f'{value:.6g}'}" for name, value in metrics.items()),
+        *(
+            f"  {name:<28} {'nothing to score' if value is None else f'{value:.6g}'}"
+            for name, value in summary["metrics"].items()
+        ),
+        *(f"{statement}" for statement in run.statements(summary)),
+        str(summary["verdict"]),
     ]
-    if "first_divergence" in summary:
-        lines.append(f"  first divergence: {summary['first_divergence']}")
-    lines.append(str(summary["verdict"]))
-    return "\n".join(lines)

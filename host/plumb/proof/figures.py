@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Literal, Protocol
 
 from plumb import systems
+from plumb.proof.limits import Limit, Limits
 from plumb.proof.report import Plot, plot_svg, write_whole
 from plumb.spec.system_parts import Part
 
@@ -83,6 +84,10 @@ class FigureSections(Protocol):
         """Claim, scenario and tuning of the one row that stands for the system where there is room for one."""
 
     @property
+    def LIMITS(self) -> Limits:
+        """Limits of single runs, those that the sections ask of the mean of their seeds; {}: none."""
+
+    @property
     def PLOTS(self) -> Mapping[str, Callable[[], Sequence[Plot]]]:
         """Name -> function that gives the panels of a figure of the source, reproduced; {}: the source has none."""
 
@@ -93,6 +98,12 @@ FIGURES = Part[FigureSections]("figures", FigureSections, without="there is noth
 def _part(name: str) -> FigureSections | None:
     """An attribute of the system's module `figures`; `nothing` for a system without it."""
     return systems.load(name, FIGURES) if name in systems.with_part(FIGURES.name) else None
+
+
+def limits_of(system: str, scenario: str, tuning: str, loop: str) -> Sequence[Limit]:
+    """Declared limits of a run; loop: open or closed."""
+    part = _part(system)
+    return part.LIMITS.get((scenario, tuning, loop), ()) if part is not None else ()
 
 
 def without_figures(names: Iterable[str]) -> list[str]:
@@ -124,9 +135,9 @@ def write_plots(name: str, folder: Path) -> list[Path]:
     written = []
     part = _part(name)
     for plot, panels in part.PLOTS.items() if part is not None else ():
-        svg = plot_svg(*panels(), titles=True)
+        svg = plot_svg(*panels())
         written.append(folder / f"{name}_{plot}.svg")
-        write_whole(folder, {written[-1].name: svg.replace("<svg ", '<svg style="background:#fff" ', 1) + "\n"})
+        write_whole(folder, {written[-1].name: svg + "\n"})
     return written
 
 

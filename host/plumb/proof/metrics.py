@@ -23,6 +23,12 @@ def wrap_deg(angle_deg: npt.ArrayLike) -> FloatArray:
     return np.asarray((np.asarray(angle_deg, np.float64) + 180.0) % 360.0 - 180.0)
 
 
+def two_sigma_deg(p00_lsb: npt.ArrayLike, lsb_deg2: float) -> FloatArray:
+    """Twice the standard deviation of the angle that the filter itself states, deg, any shape. p00_lsb: its variance
+    after the step; lsb_deg2: deg^2 per lsb, `ControlParams.lsb_deg2`."""
+    return np.asarray(2.0 * np.sqrt(np.maximum(np.asarray(p00_lsb, np.float64), 0.0) * lsb_deg2))
+
+
 def angle_rmse_deg(estimate_deg: FloatArray, truth_deg: FloatArray, window: BoolArray) -> FloatArray:
     """Root mean square of the wrapped error over the window, (steps[, runs]) -> () or (runs,)."""
     error_deg = wrap_deg(estimate_deg[window] - truth_deg[window])

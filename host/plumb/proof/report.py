@@ -1,48 +1,51 @@
-"""report.html: one self-contained page with the plots and tables of a run."""
+"""report.html: one self-contained page with the plots and tables of a run.
+
+The page works from one file and without a network. Its plots stand as SVG in the page; report.js, which the page
+contains, lets the reader zoom, pan and read values, and redraws from samples that the page contains too.
+"""
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import html
-import io
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from plumb.errors import UsageError
-from plumb.extras import install_hint
 from plumb.files import whole_files
+from plumb.proof.svg_plot import (
+    ESTIMATE,
+    HEIGHT,
+    SECOND,
+    SENSOR,
+    STYLE,
+    TRUTH,
+    WIDTH,
+    Line,
+    Plot,
+    Series,
+    described,
+    kept,
+    panel,
+    plot_svg,
+    stroke,
+)  # fmt: skip
 
-POINTS_MAX = 2000
-"""A plotted line keeps at most this many points: the extremes of each stretch, so that no spike is lost."""
+__all__ = [
+    "ESTIMATE", "SAMPLES_MAX", "SECOND", "SENSOR", "TRUTH", "TWO_SIGMA", "Line", "Plot", "Series", "Statement", "Table",
+    "error_and_band", "error_budget", "page", "plot_svg", "write_whole",
+]  # fmt: skip
 
-TRUTH, SENSOR, ESTIMATE, SECOND = "#1d2430", "#c9a227", "#2a5ca8", "#b3261e"
-"""Colours of the lines; each has the same meaning on every page."""
-
-Series = npt.NDArray[np.floating[Any]]
-
-
-@dataclass(frozen=True)
-class Line:
-    label: str
-    values: Series
-    colour: str
-    width: float = 1.2
-
-
-@dataclass(frozen=True)
-class Plot:
-    """One panel: lines over a common time axis in seconds."""
-
-    title: str
-    unit: str
-    time_s: Series
-    lines: Sequence[Line]
-    note: str = ""
+SAMPLES_MAX = 30_000
+"""Samples of a line that the page contains for zooming: all of them up to 60 s at 500 Hz. Of longer runs it has the
+least and the greatest value of each equal stretch, so that no spike is lost, and says so."""
 
 
 def error_budget(time_s: Series, apart_deg: Series) -> Plot:
@@ -57,65 +60,43 @@ def error_budget(time_s: Series, apart_deg: Series) -> Plot:
     )
 
 
+TWO_SIGMA = (
+    "The band is two standard deviations of the filter's own variance to either side: where its model of noise and "
+    "motion holds, 95 % of the errors are inside."
+)
+
+
+def error_and_band(time_s: Series, error_deg: Series, band_deg: Series) -> Plot:
+    """Panel of an estimate's error, and around 0 the band that the filter itself expects; both deg, (steps,)."""
+    lines = [
+        Line("expected: 0 ± 2 sigma", np.zeros(len(error_deg)), ESTIMATE, 0.8, band_deg),
+        Line("estimate - truth", error_deg, SECOND),
+    ]
+    return Plot("Error of the estimate", "deg", time_s, lines, TWO_SIGMA)
+
+
 @dataclass(frozen=True)
 class Table:
+    """bad_rows: indices of rows that stand out. folded: shown when the reader opens it; on paper it stays away."""
+
     title: str
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
     note: str = ""
     bad_rows: frozenset[int] = field(default_factory=frozenset)
+    folded: bool = False
 
 
-def thin(time_s: Series, values: Series) -> tuple[Series, Series]:
-    """At most POINTS_MAX points: the least and the greatest value of each equal stretch, in order of time."""
-    if len(values) <= POINTS_MAX:
-        return time_s, values
-    stretch = -(-2 * len(values) // POINTS_MAX)
-    keep = []
-    for start in range(0, len(values), stretch):
-        part = values[start : start + stretch]
-        if np.all(np.isnan(part)):
-            keep.append(start)
-            continue
-        keep.extend(sorted({start + int(np.nanargmin(part)), start + int(np.nanargmax(part))}))
-    return time_s[keep], values[keep]
+@dataclass(frozen=True)
+class Statement:
+    """One thing that the page claims of the run: of what, in words, and whether it is good (None: nobody knows)."""
 
+    of: str
+    text: str
+    good: bool | None
 
-def drawing() -> ModuleType:
-    """The matplotlib module; raises UsageError when it is missing. Call it before a run that cannot be repeated."""
-    try:
-        import matplotlib
-    except ImportError:
-        raise UsageError(f"the report page needs matplotlib; install it {install_hint('report')}") from None
-    matplotlib.use("svg")
-    return matplotlib
-
-
-def plot_svg(*plots: Plot, titles: bool = False) -> str:
-    """The panels, one above the other, as an SVG element; text stays text, so that it can be searched and scaled."""
-    matplotlib = drawing()
-    from matplotlib.figure import Figure
-
-    # A fixed salt makes the ids in the file, and so the whole page, the same from run to run.
-    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "plumb", "font.family": "sans-serif"}):
-        figure = Figure(figsize=(10.5, 3.1 * len(plots)), layout="constrained")
-        for plot, axes in zip(plots, figure.subplots(len(plots), squeeze=False)[:, 0], strict=True):
-            for line in plot.lines:
-                axes.plot(*thin(plot.time_s, line.values), label=line.label, color=line.colour, linewidth=line.width)
-            if titles:
-                axes.set_title(plot.title, loc="left", fontsize="medium")
-            axes.set_xlabel("time (s)")
-            axes.set_ylabel(plot.unit)
-            axes.margins(x=0)
-            axes.grid(alpha=0.3)
-            if len(plot.lines) > 1:
-                axes.legend(loc="upper right", fontsize="small", ncols=min(4, len(plot.lines)), framealpha=0.85)
-            for side in ("top", "right"):
-                axes.spines[side].set_visible(False)
-        sink = io.StringIO()
-        figure.savefig(sink, format="svg", metadata={"Date": None, "Creator": None})
-    text = sink.getvalue()
-    return text[text.index("<svg") :]
+    def __str__(self) -> str:
+        return f"{self.of}: {self.text}"
 
 
 def table_html(table: Table) -> str:
@@ -124,42 +105,111 @@ def table_html(table: Table) -> str:
         return f"<tr{mark}>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
 
     body = "\n".join(row(cells, "td", index in table.bad_rows) for index, cells in enumerate(table.rows))
-    note = f'<p class="note">{html.escape(table.note)}</p>' if table.note else ""
-    return f"<h2>{html.escape(table.title)}</h2>\n<table>\n{row(table.head, 'th')}\n{body}\n</table>\n{note}"
+    head = row(table.head, "th") if any(table.head) else ""
+    note = f'\n<p class="note">{html.escape(table.note)}</p>' if table.note else ""
+    whole = f'<div class="wide"><table>\n{head}\n{body}\n</table></div>{note}'
+    title = html.escape(table.title)
+    return f"<details><summary>{title}</summary>\n{whole}</details>" if table.folded else f"<h2>{title}</h2>\n{whole}"
 
 
-STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; color: #1d2430; background: #fff; max-width: 66rem; margin: 2rem auto;
-       padding: 0 1rem; }
-h1 { font-size: 1.6rem; margin-bottom: 0.2rem; } h2 { font-size: 1.1rem; margin: 2rem 0 0.4rem; }
-.verdict { display: inline-block; padding: 0.2rem 0.7rem; border-radius: 0.3rem; color: #fff; font-weight: 600; }
-.pass { background: #1a7f47; } .fail { background: #b3261e; } .unverified { background: #9a6700; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-th, td { padding: 0.25rem 0.9rem 0.25rem 0; text-align: left; border-bottom: 1px solid #d9dee6; }
-tr.bad td { color: #b3261e; font-weight: 600; } .note { color: #58626f; font-size: 0.9rem; max-width: 50rem; }
-svg { width: 100%; height: auto; }
-/* On a narrow screen a plot keeps the size at which its labels can be read, and scrolls. */
-.plot { overflow-x: auto; } .plot svg { min-width: 46rem; }
-"""
+def packed(values: npt.NDArray[np.float64]) -> str:
+    """Little-endian float32, base64: what report.js reads."""
+    return base64.b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode()
 
 
-def page(title: str, verdict: str, lead: str, parts: Sequence[Plot | Table]) -> str:
-    """The whole page. verdict: pass, fail or unverified; lead: one plain sentence under the title."""
-    body = []
+def samples(plot: Plot) -> dict[str, object]:
+    """The plot's samples for report.js. time: [start, period] in s where the samples are evenly spaced, else packed."""
+    lines = []
+    for line in plot.lines:
+        at = kept(line.values, SAMPLES_MAX)
+        time_s = np.asarray(plot.time_s, np.float64)[at]
+        period_s = (time_s[-1] - time_s[0]) / (len(at) - 1) if len(at) > 1 else 1.0
+        even = len(at) > 0 and bool(np.allclose(time_s, time_s[0] + period_s * np.arange(len(at)), rtol=0.0, atol=1e-6))
+        time = [float(time_s[0]), float(f"{period_s:.12g}")] if even else packed(time_s)
+        band = None if line.band is None else packed(np.asarray(line.band, np.float64)[at])
+        lines.append({"time": time, "values": packed(np.asarray(line.values, np.float64)[at]), "band": band})
+    return {"lines": lines}
+
+
+def plot_html(plot: Plot, index: int) -> str:
+    """Heading, legend, panel and note of one plot."""
+    keys = "".join(
+        f'<button type="button" class="key" aria-pressed="true"><i style="border-color:{stroke(line.colour)}"></i>'
+        f'{html.escape(line.label)}<output aria-live="off"></output></button>'
+        for line in plot.lines
+    )
+    notes = [plot.note] if plot.note else []
+    if len(plot.time_s) > SAMPLES_MAX:
+        stretch = -(-2 * len(plot.time_s) // SAMPLES_MAX)
+        notes.append(f"Drawn of {len(plot.time_s)} samples: the least and the greatest of each {stretch} in a row.")
+    note = f'<p class="note">{html.escape(" ".join(notes))}</p>\n' if notes else ""
+    words = html.escape(described(plot), quote=True)
+    return (
+        f'<section class="plot" id="plot{index}"><h2>{html.escape(plot.title)}</h2>\n<div class="keys">{keys}</div>\n'
+        f'<div class="frame"><svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{words}">'
+        f"{panel(plot, str(index))}</svg></div>\n{note}</section>"
+    )
+
+
+TOOLS = (
+    '<div class="tools" role="toolbar" aria-label="Time axis of all plots">'
+    + "".join(
+        f'<button type="button" data-act="{act}" title="{words}" aria-label="{words}">{sign}</button>'
+        for act, sign, words in (
+            ("in", "+", "zoom in"),
+            ("out", "−", "zoom out"),
+            ("left", "←", "earlier"),
+            ("right", "→", "later"),
+            ("all", "whole run", "whole run"),
+        )
+    )
+    + '<output aria-live="off"></output><p class="note">Drag across: zoom time in all plots; drag down: zoom values. '
+    "Shift and drag, or a finger: pan. Ctrl and wheel: zoom. Double click: whole run. Keys: + − ← → 0. Click on a "
+    "name: hide the line.</p></div>"
+)
+
+
+@cache
+def _asset(name: str) -> str:
+    """A file beside this one, which the wheel ships."""
+    return (Path(__file__).parent / name).read_text(encoding="utf-8")
+
+
+def page(
+    title: str, verdict: str, lead: str, parts: Sequence[Plot | Table], statements: Sequence[Statement] = ()
+) -> str:
+    """The whole page. verdict: pass, fail or unverified, "": the page judges nothing; lead: one plain sentence under
+    the title; statements: what the verdict means, below it."""
+    plots = [part for part in parts if isinstance(part, Plot)]
+    body, drawn = [], 0
     for part in parts:
         if isinstance(part, Table):
             body.append(table_html(part))
         else:
-            note = f'<p class="note">{html.escape(part.note)}</p>' if part.note else ""
-            body.append(f'<h2>{html.escape(part.title)}</h2>\n<div class="plot">{plot_svg(part)}</div>\n{note}')
+            body += ([TOOLS] if not drawn else []) + [plot_html(part, drawn)]
+            drawn += 1
+    data = json.dumps([samples(plot) for plot in plots], separators=(",", ":")).replace("<", "\\u003c")
+    script = _asset("report.js")
+    # The one script that the browser may run is the one whose hash stands here; nothing is fetched.
+    allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    policy = f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{allowed}'"
+    badge = f'<span class="verdict {html.escape(verdict)}">{html.escape(verdict)}</span> ' if verdict else ""
+    stated = "".join(
+        f'<li class="{"unverified" if one.good is None else "pass" if one.good else "fail"}">'
+        f"<b>{html.escape(one.of)}:</b> {html.escape(one.text)}</li>"
+        for one in statements
+    )
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{html.escape(title)}</title><style>{STYLE}</style></head><body>\n"
+        f"<title>{html.escape(title)}</title>\n<style>{_asset('report.css')}{STYLE}</style></head><body>\n"
         f"<h1>{html.escape(title)}</h1>\n"
-        f'<p><span class="verdict {verdict}">{verdict}</span> {html.escape(lead)}</p>\n'
+        f"<p>{badge}{html.escape(lead)}</p>\n"
+        + (f'<ul class="stated">{stated}</ul>\n' if stated else "")
         + "\n".join(body)
-        + "\n</body></html>\n"
+        + f'\n<script type="application/json" id="plot-data">{data}</script>\n<script>{script}</script>\n'
+        + "</body></html>\n"
     )
 
 

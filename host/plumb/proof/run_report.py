@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from plumb import systems
+from plumb.proof import run_identity
 from plumb.proof.report import Table, page, write_whole
 from plumb.proof.runs import PLOTS, Run
 
@@ -46,20 +47,40 @@ def steps_csv(run: Run) -> str:
     return sink.getvalue()
 
 
-def write_run(folder: Path, run: Run, summary: dict[str, Any], more: Sequence[Table] = ()) -> None:
-    """Write report.html, summary.json and steps.csv into `folder`, which is created if needed."""
+HEADING = ("system", "scenario", "tuning", "loop", "link", "seed", "faults", "conditions")
+"""Entries of a summary that say what was run, beside the identity."""
+
+
+def write_run(
+    folder: Path, run: Run, summary: dict[str, Any], more: Sequence[Table] = (), *, command: str = ""
+) -> list[Path]:
+    """Write report.html, summary.json and steps.csv into `folder`, which is created if needed; their paths.
+
+    command: the command line. Page and summary.json get the identity of the run beside the entries of `summary`."""
     view = systems.load(run.system, PLOTS)
     title = f"{summary['system']}, {summary['scenario']} on {summary['board']}"
     lead = (
-        f"{summary['steps']} steps, {summary['loop']} loop, tuning {summary['tuning']}; every step's digest was "
-        "compared with the integer model."
+        f"{summary['steps']} steps, {summary['loop']} loop, tuning {summary['tuning']}. The verdict is about bits: "
+        "every step's digest was compared with the integer model. Accuracy does not change it."
     )
-    if run.divergence is not None:
-        lead = f"The board left the model at {run.divergence}."
-    html = page(
-        title, summary["verdict"], lead, [budget(run), *more, *view.plots(run, closed=summary["loop"] == "closed")]
-    )
-    write_whole(
-        folder,
-        {"report.html": html, "summary.json": json.dumps(summary, indent=2) + "\n", "steps.csv": steps_csv(run)},
-    )
+    entry = run_identity.identity(run.part, run.params, command)
+    heading = {name: _in_words(summary[name]) for name in HEADING if name in summary}
+    plots = view.plots(run, closed=summary["loop"] == "closed")
+    tables = [*more, *run_identity.tables(entry, heading)]
+    html = page(title, summary["verdict"], lead, [budget(run), *plots, *tables], run.statements(summary))
+    texts = {
+        "report.html": html,
+        "summary.json": json.dumps({**summary, "identity": entry}, indent=2) + "\n",
+        "steps.csv": steps_csv(run),
+    }
+    write_whole(folder, texts)
+    return [folder / name for name in texts]
+
+
+def _in_words(value: object) -> str | None:
+    """An entry of a heading as a cell of a table; None stays None."""
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {one}" for name, one in value.items()) or None
+    if isinstance(value, list):
+        return ", ".join(str(one) for one in value) or None
+    return None if value is None else str(value)

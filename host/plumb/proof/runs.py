@@ -6,8 +6,8 @@ reference), and of the board against the integers (must be zero).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,8 +15,10 @@ import numpy.typing as npt
 
 from plumb import systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints
+from plumb.proof import limits
 from plumb.proof.compare import Divergence, count_mismatches, first_divergence
-from plumb.proof.report import Plot
+from plumb.proof.report import Plot, Statement
+from plumb.proof.run_identity import part_of
 from plumb.spec.records import Words
 from plumb.spec.system_parts import Part
 from plumb.systems import run_fixed, run_reference
@@ -72,6 +74,8 @@ class Run:
     """Results of the float64 reference for the same counts, by name."""
     answer: Answer
     divergence: Divergence | None
+    part: Mapping[str, object] = field(default_factory=dict)
+    """What ran the steps, as `plumb.proof.run_identity.part_of` says; {}: not known."""
 
     @property
     def system(self) -> str:
@@ -93,13 +97,55 @@ class Run:
             return "fail"
         return "pass" if self.answer.unverified_from is None else "unverified"
 
+    @property
+    def bit_exact(self) -> bool | None:
+        """Whether every step equals the model; None where an answer was lost and no other one differs."""
+        return {"pass": True, "fail": False}.get(self.verdict)
+
+    def accuracy(self, heading: Mapping[str, Any]) -> limits.Accuracy:
+        """The metrics against the limits that the system declares for the run that the heading of a summary names:
+        of the scenario's whole length, without faults and conditions."""
+        from plumb.proof.figures import limits_of
+
+        declared = limits_of(self.system, *(str(heading.get(name)) for name in ("scenario", "tuning", "loop")))
+        whole_s = systems.load(self.system).SECONDS.get(str(heading.get("scenario")), 0.0)
+        length_s = len(self.inputs.raw) * self.params.period_s
+        why = ""
+        if declared and (heading.get("faults") or heading.get("conditions")):
+            declared, why = (), "no limit was asked with these faults or conditions"
+        elif declared and length_s < 0.999 * whole_s:
+            declared, why = (), f"no limit was asked of {length_s:g} s, only of the whole {whole_s:g} s"
+        return limits.judged(self.metrics(), declared, why)
+
+    def statements(self, heading: Mapping[str, Any]) -> list[Statement]:
+        """What the verdict means, and what it does not: bits, then accuracy."""
+        steps, differ, lost = len(self.inputs.raw), self.mismatches, self.answer.unverified_from
+        if differ:
+            bits = f"{differ} of {steps} steps differ from the model"
+            bits += f"; the first at {self.divergence}" if self.divergence is not None else ""
+        elif lost is not None:
+            bits = f"not known from step {lost} on, where answers were lost"
+        else:
+            bits = f"every one of the {steps} steps equals the model"
+        accuracy = self.accuracy(heading)
+        return [
+            Statement("bit-exact", bits, self.bit_exact),
+            Statement("accuracy", accuracy.text, {"pass": True, "fail": False}.get(accuracy.verdict or "")),
+        ]
+
     def metrics(self) -> dict[str, float | int | None]:
         """Metrics of the run by name; those that all systems have come first."""
         return {**systems.load(self.system, PLOTS).metrics(self), "target_vs_fixed_mismatches": self.mismatches}
 
     def summary(self, **heading: Any) -> dict[str, Any]:
         """The JSON object of `run --json`; heading: its first entries."""
-        tail = {"steps": len(self.inputs.raw), "verdict": self.verdict, "metrics": self.metrics()}
+        tail: dict[str, Any] = {
+            "steps": len(self.inputs.raw),
+            "verdict": self.verdict,
+            "bit_exact": self.bit_exact,
+            **self.accuracy(heading).to_json(),
+            "metrics": self.metrics(),
+        }
         if self.divergence is not None:
             tail["first_divergence"] = self.divergence.as_dict()
         if self.answer.unverified_from is not None:
@@ -146,4 +192,4 @@ def judge(board: Board, inputs: RunInputs, params: ControlParams, answer: Answer
     divergence = first_divergence(
         words, answer.digests, lambda step: board.words_of_step(params, inputs.raw, inputs.setpoint, step)
     )
-    return Run(inputs, params, words, ideal, answer, divergence)
+    return Run(inputs, params, words, ideal, answer, divergence, part_of(board))

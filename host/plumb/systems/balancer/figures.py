@@ -16,6 +16,7 @@ import numpy.typing as npt
 from plumb.boards import native_core
 from plumb.proof import metrics
 from plumb.proof.figures import UNASKED, Figure, Sense
+from plumb.proof.limits import Limit, Limits
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
 from plumb.proof.runs import closed_loop
 from plumb.systems import run_reference, scoring
@@ -73,6 +74,29 @@ ASSUMED = (
 )
 
 
+OPEN_RMS_DEG = {"rough": 0.48, "smooth": 0.40}
+CLOSED_RMS_DEG = {"rough": 0.55, "smooth": 0.48, "endure": 0.55}
+ROCKED_MAX_DEG, STAYS_UP_DEG = 5.0, 20.0
+LIMITS: Limits = {
+    **{
+        (name, tuning, "open"): (Limit("angle_rmse_deg", "at most", most_deg, "deg"),)
+        for name, most_deg in OPEN_RMS_DEG.items()
+        for tuning in ("tuned", "paper_rule_wheel")
+    },
+    **{
+        (name, "tuned", "closed"): (
+            Limit("angle_rmse_deg", "at most", most_deg, "deg"),
+            Limit("tilt_max_deg", "at most", STAYS_UP_DEG, "deg"),
+        )
+        for name, most_deg in CLOSED_RMS_DEG.items()
+    },
+    **{
+        ("rocked", tuning, "open"): (Limit("angle_max_deg", "at most", ROCKED_MAX_DEG, "deg"),)
+        for tuning in ("tuned", "paper_rule")
+    },
+}
+
+
 @dataclass(frozen=True)
 class Batch:
     """One scenario's prescribed rides: raw (steps, 6, runs), setpoint, tilt and rate (steps, runs)."""
@@ -118,8 +142,9 @@ def open_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     """Prescribed rides: accelerometer and gyro alone, the shipped tuning, and the source's filter for comparison."""
     expected, _ = expected_raw_dps()
     yield Figure("raw rate, over every bias there may be", "rough", "-", "deg/s rms", "near", RAW_DPS, expected)
-    limits: tuple[tuple[str, float, float, float], ...] = (("rough", 5.84, 0.48, 92.0), ("smooth", 1.54, 0.40, 74.0))
-    for name, alone_deg, reach_deg, below in limits:
+    limits: tuple[tuple[str, float, float], ...] = (("rough", 5.84, 92.0), ("smooth", 1.54, 74.0))
+    for name, alone_deg, below in limits:
+        reach_deg = OPEN_RMS_DEG[name]
         batch = Batch.of(name, seeds)
         alone, raw = batch.tilt_rms(batch.accel_only_deg()), batch.rate_rms(batch.gyro_dps())
         yield Figure(
@@ -181,15 +206,17 @@ def rocked_rows(seeds: Iterable[int]) -> Iterator[Figure]:
         after = peaks(np.asarray(words["tilt_turn_q32"] * TURN_DEG))
         ideal = peaks(run_reference.run_control(settings, batch.raw, batch.setpoint)["tilt_deg"])
         yield Figure(
-            "after the filter, largest error", "rocked", tuning, "deg", "at most", 5.0, float(np.mean(after)),
-            float(np.max(after)), float(np.mean(ideal)), float(np.mean(before)), source="+-5 deg",
+            "after the filter, largest error", "rocked", tuning, "deg", "at most", ROCKED_MAX_DEG,
+            float(np.mean(after)), float(np.max(after)), float(np.mean(ideal)), float(np.mean(before)),
+            source="+-5 deg",
         )  # fmt: skip
 
 
 def closed_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     """The loop closed on the estimate, integers in the loop and then float64: its error, and that nothing falls."""
     tuning, runs = balancer.TUNED, list(seeds)
-    for name, reach_deg in (("rough", 0.55), ("smooth", 0.48)):
+    for name in ("rough", "smooth"):
+        reach_deg = CLOSED_RMS_DEG[name]
         ours = [balance(Integers(tuning), name, seed) for seed in runs]
         ideal = [balance(Float64(tuning), name, seed) for seed in runs]
         yield from _balanced("closed loop, tilt error", name, reach_deg, ours, ideal)
@@ -198,7 +225,7 @@ def closed_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 def endured_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     """Ten minutes of every seed; the float64 column is left to the shorter runs."""
     ours = [balance(Integers(balancer.TUNED), "endure", seed) for seed in seeds]
-    yield from _balanced("ten minutes, tilt error", "endure", 0.55, ours, [])
+    yield from _balanced("ten minutes, tilt error", "endure", CLOSED_RMS_DEG["endure"], ours, [])
 
 
 def _balanced(claim: str, name: str, reach_deg: float, ours: list[Balanced], ideal: list[Balanced]) -> Iterator[Figure]:
@@ -212,7 +239,7 @@ def _balanced(claim: str, name: str, reach_deg: float, ours: list[Balanced], ide
     )  # fmt: skip
     leaned, in_float = ([run.tilt_max_deg for run in runs] for runs in (ours, ideal))
     claim = "stays up: largest tilt of any run"
-    yield Figure(claim, name, "tuned", "deg", "at most", 20.0, max(leaned), max(leaned), column(in_float, max))
+    yield Figure(claim, name, "tuned", "deg", "at most", STAYS_UP_DEG, max(leaned), max(leaned), column(in_float, max))
 
 
 class Integers:

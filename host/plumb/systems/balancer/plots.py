@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.proof import metrics as measures
-from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_budget
+from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_and_band, error_budget
 from plumb.proof.runs import Run
 
 FloatArray = npt.NDArray[np.float64]
@@ -61,17 +61,18 @@ def plots(run: Run, *, closed: bool) -> list[Plot]:
     """Tilt, its error, rate, bias, velocity, duty, and fixed point against float64."""
     time_s, words, truth = run.inputs.time_s, run.board_words, run.inputs.truth
     apart = measures.wrap_deg(run.words["tilt_turn_q32"] * TURN_DEG - run.reference["tilt_deg"])
+    band = measures.two_sigma_deg(words["p00"], run.params.lsb_deg2)
     tilt = [
         Line("accelerometer only", accel_only_deg(run), SENSOR, 0.7),
         Line("true", truth["tilt_deg"], TRUTH, 1.6),
-        Line("estimate", estimate_deg(run), ESTIMATE),
+        Line("estimate ± 2 sigma", estimate_deg(run), ESTIMATE, band=band),
     ]
     if closed:
         tilt.insert(1, Line("lean asked for", words["lean_turn_q32"] * TURN_DEG, SECOND))
     error = measures.wrap_deg(estimate_deg(run) - truth["tilt_deg"])
     return [
         Plot("Tilt", "deg", time_s, tilt),
-        Plot("Error of the estimate", "deg", time_s, [Line("estimate - truth", error, SECOND)]),
+        error_and_band(time_s, error, band),
         Plot(
             "Rate",
             "deg/s",

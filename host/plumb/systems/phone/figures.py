@@ -17,6 +17,7 @@ import numpy.typing as npt
 from plumb.boards import native_core
 from plumb.proof import metrics
 from plumb.proof.figures import Figure, Sense
+from plumb.proof.limits import Limits
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
 from plumb.systems import run_reference
 from plumb.systems.phone import scenarios as phone
@@ -53,6 +54,10 @@ ASSUMED = (
     f" {LAST_S:g} s. Step noise: rms change of the vertical's error from one sample to the next.",
     "The source does not say what its 4 % are a share of: both readings stand here, the raw drift and the 90 deg.",
 )
+
+
+LIMITS: Limits = {}
+"""What was asked are shares of the mean drift of many seeds: no single run has such a figure."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.proof import metrics as measures
-from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_budget
+from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, TWO_SIGMA, Line, Plot, error_budget
 from plumb.proof.runs import Run
 from plumb.systems.phone.scenarios import inclination_deg, up
 
@@ -73,9 +73,9 @@ def plots(run: Run, *, closed: bool) -> list[Plot]:
     for axis in AXES:
         lines = [Line("accelerometer only", run.words[f"{axis}_measured_turn_q32"] * TURN_DEG, SENSOR, 0.7)]
         lines += [Line("true", run.inputs.truth[f"{axis}_deg"], TRUTH, 1.6)] if known else []
-        found.append(
-            Plot(axis.capitalize(), "deg", time_s, [*lines, Line("estimate", estimate_deg(run, axis), ESTIMATE)])
-        )
+        band = measures.two_sigma_deg(run.board_words[f"{axis}_p00"], run.params.lsb_deg2)
+        lines.append(Line("estimate ± 2 sigma", estimate_deg(run, axis), ESTIMATE, band=band))
+        found.append(Plot(axis.capitalize(), "deg", time_s, lines, TWO_SIGMA))
     if known:
         lines = [
             Line("accelerometer only", accel_error_deg(run), SENSOR, 0.7),

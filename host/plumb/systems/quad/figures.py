@@ -17,6 +17,7 @@ from plumb.boards import native_core
 from plumb.physics.sensors import ADC_NOISE_LSB, Mma7260
 from plumb.proof import metrics
 from plumb.proof.figures import Figure, Sense
+from plumb.proof.limits import Limit
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
 from plumb.proof.runs import Run, open_loop, prescribed
 from plumb.systems import run_reference, scoring
@@ -42,6 +43,13 @@ ASSUMED = (
     f" motor lag {1e3 * quad_plant.MOTOR_TAU_S:g} ms, imbalance {quad_plant.IMBALANCE_NM} and gusts"
     f" {quad_plant.GUST_NM} Nm.",
 )
+
+
+LIMITS = {
+    ("motion", "adaptive", "open"): (Limit("angle_rmse_deg", "at most", 0.60, "deg"),),
+    ("quiet", "adaptive", "open"): (Limit("angle_rmse_deg", "at most", 0.40, "deg"),),
+    ("quiet", "quiet", "open"): (Limit("angle_rmse_deg", "at most", 0.33, "deg"),),
+}
 
 
 @dataclass(frozen=True)
@@ -108,6 +116,7 @@ def integers(tuning: QuadTuning, raw: npt.NDArray[np.int16]) -> Estimate:
 def estimator_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     """`motion` and `quiet`: accelerometer alone, the paper's constants, and the shipped tunings."""
     motion, quiet = Batch.of("motion", seeds), Batch.of("quiet", seeds)
+    most = {key[:2]: limit.value for key, (limit,) in LIMITS.items()}
     alone = motion.rmse_deg(motion.accel_only_deg())
     yield Figure(
         "accelerometer only (the scenario's own figure)", "motion", "-", "deg rms", "near", 2.40,
@@ -116,12 +125,12 @@ def estimator_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     yield _tilt_error("paper's constants (the scenario's own figure)", motion, "paper", "near", 1.87)
     yield _tilt_error("paper's constants and its arcsine", motion, "paper_arcsine", "shown", 0.0)
     yield _tilt_error("best constant R", motion, "constant", "shown", 0.0)
-    error = _tilt_error("tilt error", motion, "adaptive", "at most", 0.60)
+    error = _tilt_error("tilt error", motion, "adaptive", "at most", most["motion", "adaptive"])
     yield error
     gain = 100.0 * (1.0 - error.reached / float(np.mean(alone)))
     yield Figure("below accelerometer only", "motion", "adaptive", "%", "at least", 75.0, gain)
-    yield _tilt_error("tilt error, the same parameters", quiet, "adaptive", "at most", 0.40)
-    yield _tilt_error("tilt error, tuned for quiet", quiet, "quiet", "at most", 0.33)
+    yield _tilt_error("tilt error, the same parameters", quiet, "adaptive", "at most", most["quiet", "adaptive"])
+    yield _tilt_error("tilt error, tuned for quiet", quiet, "quiet", "at most", most["quiet", "quiet"])
 
 
 def _tilt_error(claim: str, batch: Batch, tuning: str, sense: Sense, reach: float) -> Figure:

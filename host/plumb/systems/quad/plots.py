@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.proof import metrics as measures
-from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, Series, error_budget
+from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, Series, error_and_band, error_budget
 from plumb.proof.runs import Run
 
 FloatArray = npt.NDArray[np.float64]
@@ -30,6 +30,11 @@ def accel_only_deg(run: Run) -> FloatArray:
     """What the accelerometer alone says of the sampled values, (steps,)."""
     y, z = (run.words[name].astype(np.float64) for name in ("accel_y_g_q26", "accel_z_g_q26"))
     return measures.accel_only_deg(y, z)
+
+
+def two_sigma_deg(run: Run) -> FloatArray:
+    """Twice the filter's own standard deviation of the tilt, (steps,)."""
+    return measures.two_sigma_deg(run.board_words["p00"], run.params.lsb_deg2)
 
 
 def metrics(run: Run) -> dict[str, float | None]:
@@ -71,7 +76,8 @@ def plots(run: Run, *, closed: bool) -> list[Plot]:
         tilt.append(Line("setpoint", run.inputs.setpoint * TURN_DEG, SECOND))
     if np.isfinite(truth).any():
         tilt.append(Line("true", truth, TRUTH, 1.6))
-    tilt.append(Line("estimate", estimate_deg(run), ESTIMATE))
+    band = two_sigma_deg(run)
+    tilt.append(Line("estimate ± 2 sigma", estimate_deg(run), ESTIMATE, band=band))
     found = [
         Plot("Tilt", "deg", time_s, tilt),
         Plot("Gyro bias", "deg/s", time_s, bias),
@@ -88,8 +94,7 @@ def plots(run: Run, *, closed: bool) -> list[Plot]:
         error_budget(time_s, apart),
     ]
     if np.isfinite(truth).any():
-        lines = [Line("estimate - truth", error, SECOND)]
-        found.insert(1, Plot("Error of the estimate", "deg", time_s, lines))
+        found.insert(1, error_and_band(time_s, error, band))
     return found
 
 

@@ -62,7 +62,6 @@ def main(arguments: argparse.Namespace) -> int:
     params = live_run.params_of(arguments.tuning, arguments.period_us)
     where = udp.address_of(arguments.listen)
     if arguments.out:  # what a phone did once cannot be asked for again
-        report.drawing()
         report.write_whole(arguments.out, {})
     screen = Screen(show=not arguments.json)
     with (
@@ -118,7 +117,8 @@ def look_back(
     arguments: argparse.Namespace, board: Board, params: ControlParams, outcome: Outcome, summary: dict[str, Any]
 ) -> None:
     """Run the longest run on QEMU, which judges it, and write the report of --out."""
-    from plumb.proof import run_report, runs
+    from plumb.cli.run_summary import write
+    from plumb.proof import runs
     from plumb.systems.phone.inputs.live_run import inputs_of
 
     if arguments.board == "qemu":
@@ -135,7 +135,7 @@ def look_back(
         summary |= {key: longest[key] for key in judged if key in longest}
     if arguments.out:
         received = summary["received"]
-        run_report.write_run(arguments.out, whole, {**longest, "received": received}, [arrived(received)])
+        write(arguments, whole, {**longest, "received": received}, [arrived(received)])
 
 
 def arrived(received: dict[str, Any]) -> Table:
