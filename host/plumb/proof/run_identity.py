@@ -10,27 +10,24 @@ import hashlib
 import os
 import platform
 import re
-import subprocess
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from plumb import __version__
 from plumb.boards import Board
 from plumb.boards.link import LinkBoard
 from plumb.boards.native import NativeBoard
 from plumb.boards.qemu import QemuBoard
 from plumb.boards.virtual import VirtualBoard
-from plumb.checkout import CHECKOUT
 from plumb.errors import UsageError
 from plumb.proof.report import Table
 from plumb.spec import parameters
 from plumb.spec.protocol import protocol
 from plumb.spec.units import meaning
 from plumb.tuning.quantise import ControlParams
+from plumb.version import installed
 
 DATE_VARIABLE = "SOURCE_DATE_EPOCH"
 _COMPILER = re.compile(rb"GCC: \([^)\0]*\) [\w.+-]+|clang version [\w.+~-]+")
@@ -45,23 +42,6 @@ def date_utc() -> str:
     except (ValueError, OverflowError, OSError):
         raise UsageError(f"{DATE_VARIABLE}={given!r} is no number of seconds since 1970; unset it") from None
     return moment.strftime("%Y-%m-%dT%H:%M:%SZ")
-
-
-@cache
-def commit() -> str | None:
-    """The checkout's commit, '+' behind it when files differ; None of an installed package or without git."""
-    if not (CHECKOUT / ".git").exists():
-        return None
-    try:
-        said = [
-            subprocess.run(
-                ["git", "-C", str(CHECKOUT), *arguments], capture_output=True, text=True, check=True, timeout=10.0
-            ).stdout.strip()
-            for arguments in (("rev-parse", "HEAD"), ("status", "--porcelain", "--untracked-files=no"))
-        ]
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return said[0] + "+" * bool(said[1])
 
 
 def image_of(path: Path, data: bytes | None = None) -> dict[str, object]:
@@ -124,7 +104,7 @@ def parameters_of(params: ControlParams) -> dict[str, object]:
 def identity(part: Mapping[str, object], params: ControlParams | None, command: str) -> dict[str, object]:
     """The entry `identity` of summary.json. params: of the run, None where its words are not at hand."""
     return {
-        "plumb": {"version": __version__, "git_hash": commit()},
+        "plumb": {"version": installed().version, "git_hash": installed().commit or None},
         "protocol": {"version": protocol().version, "dbc_hash": f"0x{protocol().dbc_hash:08x}"},
         "date_utc": date_utc(),
         "command": command,
