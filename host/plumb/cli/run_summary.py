@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from plumb.errors import ExitCode, exit_code_of
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from plumb.proof.runs import Run
 
 
-def report(arguments: argparse.Namespace, run: Run, summary: dict[str, Any]) -> ExitCode:
+def report(arguments: argparse.Namespace, run: Run, summary: dict[str, object]) -> ExitCode:
     """Write the folder of --out, print the summary, and return the exit code of the verdict."""
     files = write(arguments, run, summary)
     print(json.dumps(summary) if arguments.json else "\n".join([*describe(run, summary), *files]))
     return exit_code_of(run.verdict)
 
 
-def write(arguments: argparse.Namespace, run: Run, summary: dict[str, Any], more: Sequence[Table] = ()) -> list[str]:
+def write(arguments: argparse.Namespace, run: Run, summary: dict[str, object], more: Sequence[Table] = ()) -> list[str]:
     """Write the files of --out; where they are, a line each for what people open."""
     if not arguments.out:
         return []
@@ -32,16 +32,15 @@ def write(arguments: argparse.Namespace, run: Run, summary: dict[str, Any], more
     return [f"report: {page}", f"files: {', '.join(str(path) for path in others)}"]
 
 
-def describe(run: Run, summary: dict[str, Any]) -> list[str]:
+def describe(run: Run, summary: dict[str, object]) -> list[str]:
     """The summary for a reader: a line for each metric, what is claimed of bits and accuracy, and the verdict."""
+    metrics = summary["metrics"]
+    assert isinstance(metrics, dict)
     seed = "" if summary["seed"] is None else f"seed {summary['seed']}, "
     return [
         f"{summary['system']} {summary['scenario']}, tuning {summary['tuning']}, {summary['loop']} loop, "
         f"{seed}{summary['steps']} steps on {summary['board']}{', live' if 'live' in summary else ''}",
-        *(
-            f"  {name:<28} {'nothing to score' if value is None else f'{value:.6g}'}"
-            for name, value in summary["metrics"].items()
-        ),
+        *(f"  {name:<28} {'nothing to score' if value is None else f'{value:.6g}'}" for name, value in metrics.items()),
         *(f"{statement}" for statement in run.statements(summary)),
         str(summary["verdict"]),
     ]

@@ -102,7 +102,7 @@ class Run:
         """Whether every step equals the model; None where an answer was lost and no other one differs."""
         return {"pass": True, "fail": False}.get(self.verdict)
 
-    def accuracy(self, heading: Mapping[str, Any]) -> limits.Accuracy:
+    def accuracy(self, heading: Mapping[str, object]) -> limits.Accuracy:
         """The metrics against the limits that the system declares for the run that the heading of a summary names:
         of the scenario's whole length, without faults and conditions."""
         from plumb.proof.figures import limits_of
@@ -117,7 +117,7 @@ class Run:
             declared, why = (), f"no limit was asked of {length_s:g} s, only of the whole {whole_s:g} s"
         return limits.judged(self.metrics(), declared, why)
 
-    def statements(self, heading: Mapping[str, Any]) -> list[Statement]:
+    def statements(self, heading: Mapping[str, object]) -> list[Statement]:
         """What the verdict means, and what it does not: bits, then accuracy."""
         steps, differ, lost = len(self.inputs.raw), self.mismatches, self.answer.unverified_from
         if differ:

@@ -12,12 +12,11 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-Series = npt.NDArray[np.floating[Any]]
+Series = npt.NDArray[np.float64] | npt.NDArray[np.float32]
 
 TRUTH, SENSOR, ESTIMATE, SECOND = "#1d2430", "#b08600", "#2a5ca8", "#b3261e"
 """Colours of the lines: one meaning each on every page. A page in dark mode has lighter ones of the same names."""
@@ -142,23 +141,23 @@ def panel(plot: Plot, index: str, top: float = 0.0) -> str:
     (start, end), (low, high) = time_range(plot.time_s), value_range(plot.lines)
     floor = HEIGHT - BOTTOM
 
-    def x_of(time_s: Any) -> Any:
+    def x_of(time_s: Series) -> Series:
         return LEFT + (time_s - start) / (end - start) * COLUMNS
 
-    def y_of(value: Any) -> Any:
+    def y_of(value: Series) -> Series:
         return floor - (value - low) / (high - low) * (floor - TOP)
 
-    times, values = ticks(start, end, TIME_TICKS), ticks(low, high, VALUE_TICKS)
+    times, values = np.array(ticks(start, end, TIME_TICKS)), np.array(ticks(low, high, VALUE_TICKS))
+    time_step, value_step = (float(at[1] - at[0]) if len(at) > 1 else 1.0 for at in (times, values))
     marks = [
         f'<path class="grid" d="M{x_of(t):.1f},{TOP}V{floor}"/>'
-        f'<text class="t" x="{x_of(t):.1f}" y="{floor + 16}">{tick_text(t, times[1] - times[0] if times[1:] else 1.0)}'
-        "</text>"
+        f'<text class="t" x="{x_of(t):.1f}" y="{floor + 16}">{tick_text(t, time_step)}</text>'
         for t in times
     ]
     marks += [
         f'<path class="grid" d="M{LEFT},{y_of(v):.1f}H{WIDTH - RIGHT}"/>'
         f'<text class="v" x="{LEFT - 7}" y="{y_of(v) + 4:.1f}">'
-        f"{tick_text(v, values[1] - values[0] if values[1:] else 1.0)}</text>"
+        f"{tick_text(v, value_step)}</text>"
         for v in values
     ]
     drawn = []
