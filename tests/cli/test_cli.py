@@ -40,7 +40,7 @@ def test_top_level_help_names_every_verb() -> None:
     ("arguments", "sentence"),
     [
         (["fly"], "there is no command 'fly'"),
-        (["run", "quad", "--board", "toaster"], "'toaster' names no board"),
+        (["run", "quad", "--board", "toaster"], "'toaster' is not a board"),
         (["run", "quad", "--board", "serial:/dev/no-such-port@fast"], "baud rate"),
         (["replay", "no-such-file.npz", "--board", "native"], "no-such-file.npz"),
     ],
@@ -61,7 +61,7 @@ def test_golden_check_refuses_a_wrong_board_before_any_vector_runs(
     checked: list[object] = []
     monkeypatch.setattr("plumb.proof.golden.check", lambda board, *_, **__: checked.append(board))
     assert front.main(["golden", "check", "--board", "toaster"]) == 2
-    assert "'toaster' names no board" in capsys.readouterr().err
+    assert "'toaster' is not a board" in capsys.readouterr().err
     assert not checked
 
 

@@ -82,13 +82,15 @@ SHORT = [*RUN, "--seconds", "0.1"]
         ([*SHORT, "--fault", "stuck:gyro@nan"], 2, "stuck:gyro@nan"),
         ([*SHORT, "--fault", "@"], 2, "'@'"),
         # ports
-        (["monitor", "--board", "serial:folder"], 2, "'folder' is a folder, no serial port"),
-        (["monitor", "--board", "serial:garbage"], 2, "'garbage' is a file, no serial port"),
-        (["monitor", "--board", "can:slcan:garbage@115200"], 2, "'garbage' is a file, no serial port"),
-        (["monitor", "--board", "serial:/dev/null"], 3, "/dev/null is no serial port"),
+        (["monitor", "--board", "serial:folder"], 2, "'folder' is a folder, not a serial port"),
+        (["monitor", "--board", "serial:garbage"], 2, "'garbage' is a file, not a serial port"),
+        (["monitor", "--board", "can:slcan:garbage@115200"], 2, "'garbage' is a file, not a serial port"),
+        (["monitor", "--board", "serial:/dev/null"], 3, "/dev/null is not a serial port"),
         (["monitor", "--board", "serial:missing@115200"], 3, "there is no port missing"),
-        (["monitor", "--board", "serial:socket://127.0.0.1:70000"], 3, "is no address"),
-        (["monitor", "--board", "serial:rfc2217://127.0.0.1:1"], 3, "no connection to rfc2217://127.0.0.1:1"),
+        (["monitor", "--board", "serial:socket://127.0.0.1:70000"], 2, "write socket://HOST:PORT"),
+        (["monitor", "--board", "serial:rfc2217://127.0.0.1:1"], 3, "127.0.0.1:1 (Connection refused): check"),
+        (["virtual-board", "--serial", "tcp:0", "--symlink", "board"], 2, "--symlink names a terminal"),
+        (["sensor-board", "quad", "--bus", "tcp:127.0.0.1:0", "--symlink", "x"], 2, "--symlink names a terminal"),
         (["monitor", "--board", "can:socketcand:127.0.0.1:99999:can0"], 2, "can:socketcand:HOST:PORT:CHANNEL"),
         (["record", "--bus", "udp:65536", "--out", "a.asc"], 2, "a port is a number up to 65535"),
         # files
@@ -138,6 +140,15 @@ def test_an_option_without_a_value_is_never_taken_as_not_given(
 def test_what_is_shown_is_one_line_of_text() -> None:
     assert shown("as it is: 1.5 µm, Grüße") == "as it is: 1.5 µm, Grüße"
     assert shown("a\nb\x1b[0m\udcff") == r"a\nb\x1b[0m\udcff"
+
+
+def test_a_long_word_is_cut(capsys: pytest.CaptureFixture[str]) -> None:
+    word = 100_000 * "x"
+    for arguments in ([word], ["run", word, "--board", "native"], ["monitor", "--board", f"serial:{word}"]):
+        code, line = answer(arguments, capsys)
+        assert code in (2, 3) and "xxx..." in line and len(line) < 500
+    path = "/a/folder" * 20
+    assert shown(f"there is no folder {path}") == f"there is no folder {path}"
 
 
 def test_a_name_that_is_no_text_can_be_said(capfd: pytest.CaptureFixture[str]) -> None:

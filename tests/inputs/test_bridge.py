@@ -174,7 +174,7 @@ def test_another_host_sees_the_board_through_a_carrying_bridge(start: Start, mon
 def test_a_bus_that_is_none_gets_one_sentence(start: Start) -> None:
     wrong = start("bridge", "nonsense", "tcp:127.0.0.1:1", slow=False)
     assert wrong.process.wait() == 2
-    assert wrong.said().count("\n") == 1 and "names no bus" in wrong.said()
+    assert wrong.said().count("\n") == 1 and "is not a bus" in wrong.said()
 
 
 @pytest.mark.slow

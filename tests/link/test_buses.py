@@ -157,14 +157,14 @@ def test_a_log_gives_its_frames_in_order_and_then_ends(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("spec", "kind", "says"),
     [
-        ("nonsense", UsageError, "names no bus"),
-        ("serial:", UsageError, "names no bus"),
+        ("nonsense", UsageError, "is not a bus"),
+        ("serial:", UsageError, "is not a bus"),
         ("serial:/no/such/port", LinkError, "there is no port"),
         ("tcp:127.0.0.1:1", LinkError, "no connection"),
-        ("tcp:host", UsageError, "is no address"),
+        ("tcp:host", UsageError, "is not an address"),
         ("udp:many", UsageError, "a port is a number"),
         ("can:nothing:0", UsageError, "no interface 'nothing'"),
-        ("can:virtual", UsageError, "names no bus"),
+        ("can:virtual", UsageError, "is not a bus"),
         ("can:socketcand:host", UsageError, "can:socketcand:HOST:PORT:CHANNEL"),
         ("can:socketcan:nothere", LinkError, "cannot be opened"),
         ("file:/no/such.asc", UsageError, "cannot read /no/such.asc"),
@@ -179,7 +179,7 @@ def test_what_is_no_bus_gets_one_sentence(spec: str, kind: type[PlumbError], say
 def test_a_far_end_waits_on_this_machine_only() -> None:
     with pytest.raises(UsageError, match="this machine only"):
         serve_bus("tcp:192.0.2.1:4000")
-    with pytest.raises(UsageError, match="no end of a conversation"):
+    with pytest.raises(UsageError, match="cannot be served as a bus"):
         serve_bus("file:x.asc")
 
 

@@ -301,8 +301,8 @@ def test_stock_python_can_hears_and_asks(board: VirtualBoard) -> None:
     ("spec", "sentence"),
     [
         ("can:none:0", "python-can has no interface 'none'"),
-        ("can:virtual", "names no bus"),
-        ("can:", "names no board"),
+        ("can:virtual", "is not a bus"),
+        ("can:", "is not a board"),
         ("can:socketcand:127.0.0.1", "HOST:PORT:CHANNEL"),
     ],
 )

@@ -26,6 +26,11 @@ from plumb.link.endpoint_names import (
 )
 
 PORT = "serial:/dev/ttyUSB0"
+URLS = ("rfc2217://pi:4000", "rfc2217://[::1]:4000", "rfc2217://pi:4000?poll_modem&timeout=5")
+NO_URLS = (
+    "socket://host:99999", "socket://host", "socket://", "rfc2217://host:99999", "rfc2217://host", "rfc2217://",
+    "rfc2217://host:4000?speed=1",
+)  # fmt: skip
 KVASER = CanName("can:kvaser:0@250", "kvaser", "0", 250)
 SOCKETCAND = SocketcandName("can:socketcand:pi:29536:can0", "socketcand", "can0", 500, "pi", 29536)
 
@@ -37,6 +42,7 @@ SOCKETCAND = SocketcandName("can:socketcand:pi:29536:can0", "socketcand", "can0"
         *((parse, PORT, SerialName("/dev/ttyUSB0", 921600)) for parse in (parse_board, parse_bus)),
         *((parse, f"{PORT}@115200", SerialName("/dev/ttyUSB0", 115200)) for parse in (parse_board, parse_bus)),
         (parse_board, "serial:socket://pi:4000", SerialName("socket://pi:4000")),
+        *((parse_board, f"serial:{url}", SerialName(url)) for url in URLS),
         *((parse, KVASER.text, KVASER) for parse in (parse_board, parse_bus)),
         (parse_bus, "can:pcan:PCAN_USBBUS1", CanName("can:pcan:PCAN_USBBUS1", "pcan", "PCAN_USBBUS1", 500)),
         (parse_bus, SOCKETCAND.text, SOCKETCAND),
@@ -64,28 +70,46 @@ def test_the_rate_behind_an_slcan_channel_is_that_of_the_adapters_port() -> None
 @pytest.mark.parametrize(
     ("parse", "text", "sentence"),
     [
-        (parse_board, "", "names no board"),
-        (parse_board, "virtual:", "names no board"),
-        (parse_board, "tcp:127.0.0.1:4000", "names no board"),
-        (parse_board, "serial:", "names no board"),
-        (parse_bus, "native", "names no bus"),
-        (parse_bus, "file:", "names no bus"),
-        (parse_bus, "can:kvaser", "names no bus"),
-        (parse_bus, "can::0", "names no bus"),
+        (parse_board, "", "is not a board"),
+        (parse_board, "virtual:", "is not a board"),
+        (parse_board, "tcp:127.0.0.1:4000", "is not a board"),
+        (parse_board, "serial:", "is not a board"),
+        (parse_bus, "native", "is not a bus"),
+        (parse_bus, "file:", "is not a bus"),
+        (parse_bus, "can:kvaser", "is not a bus"),
+        (parse_bus, "can::0", "is not a bus"),
         *((parse_board, f"{PORT}@{rate}", "baud rate") for rate in ("fast", "", "²", "9" * 5000)),
+        *((parse, f"{PORT}@0", "a rate is a number above 0") for parse in (parse_board, parse_bus)),
+        (parse_board, "can:kvaser:0@0", "a rate is a number above 0"),
+        (parse_bus, "can:slcan:/dev/ttyACM0@00", "a rate is a number above 0"),
+        *((parse_board, f"serial:{url}", "HOST:PORT") for url in NO_URLS),
         (parse_bus, f"{PORT}@fast", "baud rate"),
-        (parse_bus, "tcp:127.0.0.1:65536", "is no address"),
-        (parse_bus, "tcp::4000", "is no address"),
+        (parse_bus, "tcp:127.0.0.1:65536", "is not an address"),
+        (parse_bus, "tcp::4000", "is not an address"),
         (parse_bus, "udp:٣", "a port is a number"),
         (parse_bus, "can:socketcand:pi:29536", "HOST:PORT:CHANNEL"),
         (parse_endpoint, "tcp:", "pty or tcp:PORT"),
         (parse_endpoint, "pty:1", "pty or tcp:PORT"),
         (parse_can_end, "slcan:tcp:99999", "pty or tcp:PORT"),
         (parse_can_end, "socketcand:99999", "HOST:PORT:CHANNEL"),
-        (parse_can_end, "vcan0", "names no bus"),
+        (parse_can_end, "vcan0", "is not a bus"),
     ],
 )  # fmt: skip
 def test_other_text_is_refused_with_the_grammar(parse: Callable[[str], Any], text: str, sentence: str) -> None:
     with pytest.raises(UsageError, match=sentence) as caught:
         parse(text)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("parse", "kind"),
+    [
+        *((parse_board, kind) for kind in ("", "serial:rfc2217://", "serial:socket://", "serial:COM1@", "can:")),
+        *((parse_bus, kind) for kind in ("tcp:", "udp:", "can:socketcand:")),
+        *((parse, "") for parse in (parse_can_end, parse_endpoint)),
+    ],
+)
+def test_a_long_name_is_cut_in_the_error(parse: Callable[[str], Any], kind: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        parse(kind + 100_000 * "x")
+    assert "xxx..." in str(caught.value) and len(str(caught.value)) < 300

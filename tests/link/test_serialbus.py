@@ -294,7 +294,7 @@ def test_a_serial_port_that_goes_away() -> None:
         ("/dev/plumb-none", "there is no port /dev/plumb-none"),
         ("/dev/plumb-none@115200", "there is no port /dev/plumb-none"),
         ("socket://127.0.0.1:1", "no connection to 127.0.0.1:1"),
-        ("tcp:nowhere", "is no address"),
+        ("tcp:nowhere", "is not an address"),
     ],
 )
 def test_ports_that_cannot_be_opened(channel: str, sentence: str) -> None:
@@ -319,3 +319,16 @@ def test_a_port_without_permission_says_so(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(serial, "serial_for_url", refuse)
     with pytest.raises(LinkError, match="add yourself to the group that owns it"):
         PlumbBus("/dev/x")
+
+
+def test_an_rfc2217_server_that_does_not_answer_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    import serial
+
+    def refuse(*_: object, **__: object) -> None:
+        said = "Remote does not seem to support RFC2217 or BINARY mode ['we-BINARY:False(ACTIVE)']"
+        raise serial.SerialException(said)
+
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    with pytest.raises(LinkError, match="does not speak RFC 2217") as caught:
+        PlumbBus("rfc2217://127.0.0.1:4000")
+    assert "False" not in str(caught.value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,7 +21,7 @@ from plumb.link.session import Session
 from plumb.link.transports.slcan import text_of_frames
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters
-from plumb.spec.protocol import crc8, protocol
+from plumb.spec.protocol import Frame, crc8, protocol
 from plumb.tuning.quantise import quantise
 from support.native_board import BAUD_921600_NS, NativeBoard, NewBoard
 from support.sessions import CONTROL, BadLine, armed_session
@@ -367,3 +368,40 @@ def test_any_python_can_bus_carries_a_session(new_board: NewBoard) -> None:
     with Session.open(new_board()) as session:
         session.upload(CONTROL)
         assert np.array_equal(Lockstep(session).run(raw, np.zeros(100)), digests)
+
+
+class CoarseBus(can.BusABC):
+    """A simulated bus without frames: its time passes in steps of step_s, and it rounds a wait down to whole steps."""
+
+    def __init__(self, step_s: float) -> None:
+        self.now_s, self.step_s, self.reads, self.rejected = 0.0, step_s, 0, 0
+        super().__init__("coarse")
+
+    def clock(self) -> float:
+        return self.now_s
+
+    def read_frames(self, timeout_s: float = 0.0) -> list[Frame]:
+        self.reads += 1
+        assert self.reads < 1000, "the session loops"
+        self.now_s += timeout_s // self.step_s * self.step_s if self.step_s else 0.0
+        return []
+
+    def write_frames(self, frames: Sequence[Frame]) -> None:
+        pass
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        pass
+
+
+def test_receive_ends_on_a_bus_that_rounds_a_short_wait_to_nothing() -> None:
+    bus = CoarseBus(1 / 1024)
+    assert Session(bus).receive(2.5 / 1024) == []
+    assert bus.now_s >= 2.5 / 1024
+    bus.shutdown()
+
+
+def test_receive_refuses_a_bus_whose_time_stands_still() -> None:
+    bus = CoarseBus(0.0)
+    with pytest.raises(LinkError, match="time does not pass"):
+        Session(bus).receive(0.1)
+    bus.shutdown()

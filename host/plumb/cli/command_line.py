@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 
 from plumb.errors import UsageError
 
 MOST = 10**18 - 1
 """Largest whole number accepted: results calculated from it fit 64 bits and floating point."""
+
+WORD_ECHO = 80
+LONG_WORD = re.compile(r"\S{301,}")
+"""A word that `shown` cuts after WORD_ECHO characters; paths are rarely this long."""
 
 
 def check_arguments(arguments: Sequence[str]) -> None:
@@ -29,5 +34,6 @@ def check_numbers(values: Mapping[str, object]) -> None:
 
 
 def shown(text: str) -> str:
-    """The text on one line, with line ends, terminal sequences and invalid bytes as escapes."""
+    """The text on one line: line ends, terminal sequences and invalid bytes as escapes, a very long word cut."""
+    text = LONG_WORD.sub(lambda word: f"{word[0][:WORD_ECHO]}...", text)
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text)

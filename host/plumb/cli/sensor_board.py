@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--bus", required=True, metavar="BUS", help="serial:pty, serial:PORT, tcp:HOST:PORT, udp:PORT or can:..."
     )
-    parser.add_argument("--symlink", type=Path, help="also make this name point to the terminal of serial:pty")
+    parser.add_argument("--symlink", type=Path, help="make this symbolic link to the terminal of serial:pty")
     options.add_scenario(parser)
     options.add_seed(parser)
     options.add_duration(parser)

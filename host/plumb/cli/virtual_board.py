@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--serial", default="pty", metavar="pty|tcp:PORT", help="where its UART appears (default pty)")
     parser.add_argument("--can", metavar="INTERFACE:CHANNEL", help="where its CAN bus appears (default: nowhere)")
-    parser.add_argument("--symlink", type=Path, help="also make this name point to the terminal")
+    parser.add_argument("--symlink", type=Path, help="make this symbolic link to the terminal")
     options.add_system(parser, "start as this system, with its plant on the pins")
     options.add_scenario(parser)
     options.add_seed(parser, "the plant")
@@ -51,12 +51,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     from plumb.boards.serve import serve
     from plumb.errors import UsageError
-    from plumb.link.endpoint_names import parse_can_end, parse_endpoint
+    from plumb.link.endpoint_names import PtyName, parse_can_end, parse_endpoint
+    from plumb.link.transports.server_endpoint import NO_TERMINAL
     from plumb.process_signals import endings
 
     if arguments.scenario and not arguments.system:
-        raise UsageError("--scenario is of a system's plant: name the system with --system, or leave --scenario out")
-    parse_endpoint(arguments.serial)
+        raise UsageError("--scenario needs a plant: name its system with --system, or leave --scenario out")
+    served = parse_endpoint(arguments.serial)
+    if arguments.symlink and not isinstance(served, PtyName):
+        raise UsageError(NO_TERMINAL)
     if arguments.can:
         parse_can_end(arguments.can)
     board, join, kept = (_native if arguments.port == "native" else _f103)(arguments)
@@ -124,7 +127,7 @@ def _native(arguments: argparse.Namespace) -> tuple[Served, Join, KeptSlots | No
     from plumb.systems.contracts import PINS
 
     if arguments.image or arguments.part:
-        raise UsageError("the native board runs no image on no part: leave out --image and --part, or --port native")
+        raise UsageError("--image and --part are for --port f103: leave them out, or leave --port native out")
     slots = read_slots(arguments.keep) if arguments.keep else b""
     strap = _strap(arguments)
     if strap not in BY_PIN_SET:

@@ -12,13 +12,18 @@ from __future__ import annotations
 
 import shlex
 from dataclasses import dataclass
+from urllib.parse import urlsplit
 
 from plumb.errors import UsageError
 
 DEFAULT_BAUD = 921600
 DEFAULT_KBIT = 500
 LARGEST_RATE = 10**9 - 1
-"""Of a baud or bit rate; nothing is this fast, and every driver's integer holds it."""
+"""Largest baud or bit rate accepted; it fits the integer of every driver."""
+LONGEST_ECHO = 80
+"""Characters of a wrong name that an error repeats."""
+RFC2217_OPTIONS = ("ign_set_control", "poll_modem", "timeout", "logging")
+"""Options that pyserial takes behind the `?` of an rfc2217:// address."""
 
 REMOTE_BOARDS = "serial:PORT[@BAUD] or can:INTERFACE:CHANNEL[@KBIT]"
 BOARDS = f"native, qemu, virtual, {REMOTE_BOARDS}; golden check also takes program:COMMAND"
@@ -42,7 +47,7 @@ class SerialName:
 
 @dataclass(frozen=True)
 class TcpName:
-    """The text of the serial link over TCP."""
+    """The serial link's text over TCP."""
 
     host: str
     port: int
@@ -50,7 +55,7 @@ class TcpName:
 
 @dataclass(frozen=True)
 class UdpName:
-    """The text of the serial link in datagrams, on this machine."""
+    """The serial link's text in UDP datagrams, on this machine."""
 
     port: int
 
@@ -59,7 +64,7 @@ class UdpName:
 class CanName:
     """A bus that python-can opens. text: the whole name as written, with `can:`.
 
-    kbit: bit rate in kbit/s. For `slcan`, an @ belongs to the channel: it is the baud rate of the adapter's port.
+    kbit: bit rate in kbit/s. For `slcan` the channel keeps its @: the number is the baud rate of the adapter's port.
     """
 
     text: str
@@ -70,7 +75,7 @@ class CanName:
 
 @dataclass(frozen=True)
 class SocketcandName(CanName):
-    """A bus behind a socketcand server; channel: what the server calls it."""
+    """A bus behind a socketcand server; channel: the server's name for the bus."""
 
     host: str = ""
     port: int = 0
@@ -117,7 +122,7 @@ CanEndName = AdapterName | SocketcandServerName | CanName
 
 
 def parse_board(text: str) -> BoardName:
-    """The board that `text` names."""
+    """The board that `text` names; raises UsageError."""
     if text in LOCAL_BOARDS:
         return LOCAL_BOARDS[text]
     kind, _, address = text.partition(":")
@@ -127,14 +132,14 @@ def parse_board(text: str) -> BoardName:
         return parse_can(address)
     if kind == "program":
         return _program(text, address)
-    raise UsageError(f"'{text}' names no board; use {BOARDS}")
+    raise UsageError(f"{quoted(text)} is not a board; use {BOARDS}")
 
 
 def parse_bus(text: str) -> BusName:
-    """The bus that `text` names."""
+    """The bus that `text` names; raises UsageError."""
     kind, _, address = text.partition(":")
     if kind not in ("serial", "tcp", "udp", "can", "file") or not address:
-        raise UsageError(f"'{text}' names no bus; use {BUSES}")
+        raise UsageError(f"{quoted(text)} is not a bus; use {BUSES}")
     if kind == "serial":
         return _serial(text, address)
     if kind == "can":
@@ -147,13 +152,13 @@ def parse_network(text: str) -> TcpName | UdpName:
     if text.startswith("udp:"):
         port = _port(text.removeprefix("udp:"))
         if port is None:
-            raise UsageError(f"'{text}': a port is a number up to 65535")
+            raise UsageError(f"{quoted(text)}: a port is a number up to 65535")
         return UdpName(port)
     prefix = "socket://" if text.startswith("socket://") else "tcp:"
     host, _, number = text.removeprefix(prefix).rpartition(":")
     port = _port(number)
     if not host or port is None:
-        raise UsageError(f"'{text}' is no address: write {prefix}HOST:PORT")
+        raise UsageError(f"{quoted(text)} is not an address: write {prefix}HOST:PORT, with a port up to 65535")
     return TcpName(host, port)
 
 
@@ -162,18 +167,20 @@ def parse_can(address: str) -> CanName:
     text = f"can:{address}"
     interface, _, channel = address.partition(":")
     kbit = DEFAULT_KBIT
+    port, rate = split_rate(channel)
     if interface != "slcan":
-        channel, rate = split_rate(channel)
-        kbit = DEFAULT_KBIT if rate is None else rate
+        channel, kbit = port, DEFAULT_KBIT if rate is None else rate
     if interface == "socketcand":
         host, _, rest = channel.partition(":")
         number, _, channel = rest.partition(":")
-        port = _port(number)
-        if not host or port is None or not channel:
-            raise UsageError(f"'{text}': write can:socketcand:HOST:PORT:CHANNEL")
-        return SocketcandName(text, interface, channel, kbit, host, port)
+        server_port = _port(number)
+        if not host or server_port is None or not channel:
+            raise UsageError(
+                f"{quoted(text)} is not a bus; use can:socketcand:HOST:PORT:CHANNEL, with a port up to 65535"
+            )
+        return SocketcandName(text, interface, channel, kbit, host, server_port)
     if not interface or not channel:
-        raise UsageError(f"'{text}' names no bus; use can:INTERFACE:CHANNEL[@KBIT]")
+        raise UsageError(f"{quoted(text)} is not a bus; use can:INTERFACE:CHANNEL[@KBIT]")
     return CanName(text, interface, channel, kbit)
 
 
@@ -185,7 +192,7 @@ def parse_endpoint(text: str) -> PtyName | TcpName:
     port = _port(number)
     if kind == "tcp" and port is not None:
         return TcpName("127.0.0.1", port)
-    raise UsageError(f"'{text}' is not an endpoint to serve on; write pty or tcp:PORT, up to 65535")
+    raise UsageError(f"{quoted(text)} is not an endpoint to serve on; write pty or tcp:PORT, up to 65535")
 
 
 def parse_can_end(text: str) -> CanEndName:
@@ -200,16 +207,22 @@ def parse_can_end(text: str) -> CanEndName:
 
 
 def split_rate(text: str) -> tuple[str, int | None]:
-    """The text before a trailing @RATE, and the rate; the whole text and None where there is no such thing."""
+    """The text before a trailing @RATE, and the rate; the whole text and None without one. Raises UsageError for 0."""
     head, _, digits = text.rpartition("@")
     rate = _number(digits)
+    if head and rate == 0:
+        raise UsageError(f"{quoted(text)}: a rate is a number above 0; write it, or leave @0 out for the default")
     return (head, rate) if head and rate is not None and rate <= LARGEST_RATE else (text, None)
 
 
 def _serial(text: str, address: str) -> SerialName:
     port, baud = split_rate(address)
     if baud is None and "@" in address:
-        raise UsageError(f"the baud rate in '{text}' is not a number; write serial:PORT@{DEFAULT_BAUD}")
+        raise UsageError(f"the baud rate in {quoted(text)} is not a number; write serial:PORT@{DEFAULT_BAUD}")
+    if port.startswith("socket://"):
+        parse_network(port)
+    elif port.startswith("rfc2217://"):
+        _check_rfc2217(port)
     return SerialName(port, DEFAULT_BAUD if baud is None else baud)
 
 
@@ -217,10 +230,32 @@ def _program(text: str, command: str) -> ProgramName:
     try:
         words = shlex.split(command)
     except ValueError as error:
-        raise UsageError(f"'{text}' is no command ({error}); write program:COMMAND as in a shell") from None
+        raise UsageError(f"{quoted(text)} is no command ({error}); write program:COMMAND as in a shell") from None
     if not words or any("\0" in word for word in words):
-        raise UsageError(f"'{text}' names no program; write program:COMMAND")
+        raise UsageError(f"{quoted(text)} names no program; write program:COMMAND")
     return ProgramName(tuple(words))
+
+
+def _check_rfc2217(address: str) -> None:
+    """Raises UsageError unless pyserial can read rfc2217://HOST:PORT[?OPTION[&OPTION...]]."""
+    try:
+        parts = urlsplit(address)
+        complete = bool(parts.hostname) and parts.port is not None and not parts.path
+    except ValueError:  # a port out of range, or an unfinished bracket
+        complete = False
+    if not complete:
+        raise UsageError(f"{quoted(address)} is not an address: write rfc2217://HOST:PORT, with a port up to 65535")
+    for option in filter(None, parts.query.split("&")):
+        if option.partition("=")[0] not in RFC2217_OPTIONS:
+            raise UsageError(
+                f"{quoted(address)}: '{option[:LONGEST_ECHO]}' is not an option of rfc2217://HOST:PORT; "
+                f"it takes {', '.join(RFC2217_OPTIONS)}"
+            )
+
+
+def quoted(text: str) -> str:
+    """The text in quotes for an error, cut after LONGEST_ECHO characters."""
+    return f"'{text[:LONGEST_ECHO]}...'" if len(text) > LONGEST_ECHO else f"'{text}'"
 
 
 def _port(digits: str) -> int | None:
@@ -229,5 +264,5 @@ def _port(digits: str) -> int | None:
 
 
 def _number(digits: str) -> int | None:
-    """A number in ASCII digits, none of more than ten."""
+    """The value of at most ten ASCII digits; None for other text."""
     return int(digits) if digits.isascii() and digits.isdigit() and len(digits) <= 10 else None

@@ -120,9 +120,15 @@ def compute(
     chosen = tuple(seeds)
     parts = [(name, part) for name in names if (part := _part(name)) is not None]
     tasks = [(name, section, chosen) for name, part in parts for section in part.SECTIONS]
-    with Pool(initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)) as pool:
+    with Pool(initializer=_reset_signals) as pool:
         for (name, _, _), rows in zip(tasks, pool.imap(_section, tasks), strict=True):
             yield from ((name, row) for row in rows)
+
+
+def _reset_signals() -> None:
+    """In a worker: ignore Ctrl-C, which the parent handles, and end at once on the SIGTERM of Pool.terminate()."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _section(task: tuple[str, str, tuple[int, ...]]) -> list[Figure]:

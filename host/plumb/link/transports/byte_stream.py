@@ -1,13 +1,14 @@
 """Byte streams under the serial link: a serial port, a TCP socket, or an object in this process.
 
 Each has `read(timeout_s)`, which gives what has arrived, waiting at most that long for the first byte; `write(data)`,
-which gives up after two seconds; and `close()`. Trouble is a LinkError whose one sentence says what to do.
+which gives up after two seconds; and `close()`. A failure raises a LinkError: one sentence that says what to do.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
+import re
 import select
 import socket
 import time
@@ -35,7 +36,7 @@ class ClosedError(LinkError, CanOperationError):
 
 
 class Stream(Protocol):
-    """clock: seconds that pass for what is at the other end; simulated where the board is."""
+    """clock: time in seconds at the far end; simulated for a simulated board."""
 
     name: str
     clock: Callable[[], float]
@@ -47,10 +48,10 @@ class Stream(Protocol):
 
 class ByteChannel(Protocol):
     """An object of this process that a host reads and writes like a serial port: the UART of a simulated board. It may
-    also have clock_s(), seconds that pass for it, and a name."""
+    also have a name and clock_s(), its simulated time in seconds."""
 
     def read(self, size: int, /) -> bytes:
-        """What there is, at most size bytes; may let simulated time pass for it."""
+        """The bytes that have arrived, at most size; may advance simulated time to receive them."""
 
     def write(self, data: bytes, /) -> int | None: ...
 
@@ -92,7 +93,7 @@ class SocketStream:
             return data
 
     def write(self, data: bytes) -> None:
-        with self._explained("takes no data"):
+        with self._explained("accepts no data"):
             self._socket.sendall(data)
 
     @contextlib.contextmanager
@@ -102,7 +103,7 @@ class SocketStream:
         except (ConnectionResetError, BrokenPipeError):
             raise ClosedError(
                 f"the board at {self.name} closed the connection: "
-                "start it again and reconnect, or close the other program that it serves"
+                "start it again and reconnect, or close the other program that is connected to it"
             ) from None
         except (OSError, ValueError) as error:
             raise ClosedError(f"the connection to {self.name} {what} ({error}): start the board there again") from None
@@ -112,7 +113,8 @@ class SocketStream:
 
 
 class DatagramStream:
-    """Text in datagrams to a port of this machine. Nobody there is silence, as on a cable."""
+    """The serial link's text in datagrams to a port of this machine. Without a server there nothing arrives, as on a
+    cable."""
 
     def __init__(self, port: int) -> None:
         self.name = f"udp:{port}"
@@ -121,7 +123,7 @@ class DatagramStream:
         self._socket.connect(("127.0.0.1", port))
 
     def read(self, timeout_s: float) -> bytes:
-        with contextlib.suppress(OSError):  # refused: nobody is there yet
+        with contextlib.suppress(OSError):  # refused: no server is there yet
             if select.select([self._socket], [], [], timeout_s)[0]:
                 return self._socket.recv(_CHUNK)
         return b""
@@ -135,21 +137,31 @@ class DatagramStream:
 
 
 def open_advice(port: str, error: Exception) -> str:
-    """What to do about a port that does not open."""
+    """Error sentence for a port that does not open: the reason, and what to do."""
     text = str(error).lower()
     number = getattr(error, "errno", None)
     if "://" in port:
-        reason = str(error).removeprefix(f"Could not open port {port}: ")
-        return f"no connection to {port} ({reason}): check the address, and that somebody serves there"
+        return f"no connection to {port} ({_network_reason(text)}): check the address, and that a server runs there"
     if "inappropriate ioctl" in text:
-        return f"{port} is no serial port: `plumb ports` lists those of this machine"
+        return f"{port} is not a serial port: `plumb ports` lists those of this machine"
     if number == 13 or "permission" in text or "access is denied" in text:
         return f"no permission to open {port}: add yourself to the group that owns it (often dialout) and log in again"
     if number == 16 or "busy" in text or "exclusively lock" in text:
         return f"{port} is in use: close the other program (ModemManager holds new ports for some seconds)"
     if number == 2 or "no such file" in text or "could not open port" in text or "filenotfound" in text:
-        return f"there is no port {port}: plug the board in, and see which ports there are with `plumb ports`"
-    return f"{port} cannot be opened: {error}"
+        return f"there is no port {port}: plug the board in, and list the ports with `plumb ports`"
+    return f"{port} cannot be opened ({error}): check the port, or choose another with `plumb ports`"
+
+
+def _network_reason(text: str) -> str:
+    """Why a port behind a network did not open, from the lower-case text of pyserial's exception."""
+    if "rfc2217 or binary" in text:
+        return "the server does not speak RFC 2217"
+    number = re.search(r"\[errno (-?\d+)\]", text)
+    if number is None:
+        return "timed out" if "timed out" in text else "the server refused the settings of the port"
+    code = int(number[1])
+    return os.strerror(code) if code > 0 else "the host is not known"
 
 
 class SerialStream:
@@ -188,13 +200,13 @@ class SerialStream:
                     return waiting
                 time.sleep(0.0005)
         except (OSError, ValueError, TypeError) as error:
-            raise ClosedError(f"{self.name} closed in the middle of things ({error}): reconnect the board") from None
+            raise ClosedError(f"{self.name} stopped working ({error}): plug the board in again") from None
 
     def write(self, data: bytes) -> None:
         try:
             self._port.write(data)
         except (OSError, ValueError, TypeError) as error:
-            raise ClosedError(f"{self.name} takes no data ({error}): reconnect the board") from None
+            raise ClosedError(f"{self.name} accepts no data ({error}): plug the board in again") from None
 
     def close(self) -> None:
         with contextlib.suppress(Exception):
@@ -202,10 +214,10 @@ class SerialStream:
 
 
 class ObjectStream:
-    """Anything in this process with read(n) and write(data): a virtual board's UART.
+    """A ByteChannel of this process: a virtual board's UART.
 
-    read(n) gives what there is, at most n bytes, and may let simulated time pass for it. The object's clock_s(), where
-    it has one, is the clock that time-outs go by, so that a run does not depend on this machine's speed.
+    Time-outs are measured with the object's clock_s(), if it has one, so that a run does not depend on this machine's
+    speed.
     """
 
     def __init__(self, channel: ByteChannel) -> None:
@@ -222,7 +234,9 @@ class ObjectStream:
             if data or (self.clock() != before and simulated):
                 continue
             if simulated and time.monotonic() >= wall_end:
-                raise ClosedError("the simulated board stands still: no bytes come and its time does not pass")
+                raise ClosedError(
+                    "the simulated board stands still: it sends no bytes and its time does not pass; start it again"
+                )
             time.sleep(0.0002)
         return data
 
@@ -230,7 +244,7 @@ class ObjectStream:
         self._channel.write(data)
 
     def close(self) -> None:
-        """The object belongs to who made it."""
+        """Does nothing: the caller owns the object."""
 
 
 def open_stream(channel: Channel, baudrate: int) -> Stream:
@@ -238,9 +252,13 @@ def open_stream(channel: Channel, baudrate: int) -> Stream:
     udp:PORT. baudrate: of a serial port that names none. Raises OpenError, which is python-can's error too."""
     if isinstance(channel, SerialName):
         baudrate, channel = channel.baud, channel.port
-    if isinstance(channel, str) and channel.startswith(("socket://", "tcp:", "udp:")):
+    if isinstance(channel, str):
         try:
-            channel = parse_network(channel)
+            if channel.startswith(("socket://", "tcp:", "udp:")):
+                channel = parse_network(channel)
+            else:
+                channel, baud = split_rate(channel)
+                baudrate = baudrate if baud is None else baud
         except UsageError as error:
             raise OpenError(str(error)) from None
     if isinstance(channel, TcpName):
@@ -249,5 +267,4 @@ def open_stream(channel: Channel, baudrate: int) -> Stream:
         return DatagramStream(channel.port)
     if not isinstance(channel, str):
         return ObjectStream(channel)
-    port, baud = split_rate(channel)
-    return SerialStream(port, baudrate if baud is None else baud)
+    return SerialStream(channel, baudrate)

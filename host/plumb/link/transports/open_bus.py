@@ -1,9 +1,9 @@
 """A bus by its name on the command line, as a python-can bus.
 
-    serial:PORT[@BAUD]            a board, or a served one, behind a serial port
-    tcp:HOST:PORT                 the same text over TCP
-    udp:PORT                      the same text in datagrams, on this machine
-    can:INTERFACE:CHANNEL[@KBIT]  any interface of python-can; 500 kbit/s unless said
+    serial:PORT[@BAUD]            a board, real or served, behind a serial port
+    tcp:HOST:PORT                 the serial link's text over TCP
+    udp:PORT                      the serial link's text in datagrams, on this machine
+    can:INTERFACE:CHANNEL[@KBIT]  any interface of python-can; 500 kbit/s by default
     file:PATH                     frames of a log, paced by their time stamps (.asc .blf .csv .log .trc)
 
 `open_bus` opens the host's end; `serve_bus` the far end, where `serial:pty` makes a pseudo-terminal and tcp and udp
@@ -30,6 +30,7 @@ from plumb.link.endpoint_names import (
     TcpName,
     UdpName,
     parse_bus,
+    quoted,
     split_rate,
 )
 from plumb.link.transports.can_bus import DriverBus
@@ -38,13 +39,13 @@ from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.link.transports.socketcand import SocketcandClient
 
 MOST_LOG_BYTES = 64 << 20
-"""Of a log of frames, which is read as a whole: a million frames."""
+"""Largest log of frames, about a million frames: a log is read as a whole."""
 
 
 def open_bus(spec: str, *, listen_only: bool = False) -> can.BusABC:
-    """The host's end; listen_only: over SLCAN the other end is told to take no frame from here.
+    """The host's end. listen_only: over SLCAN, tell the far end to accept no frames from this host.
 
-    Raises UsageError for a name that is none, LinkError when it cannot be opened.
+    Raises UsageError for a name that is not a bus, LinkError when it cannot be opened.
     """
     name = parse_bus(spec)
     if isinstance(name, CanName):
@@ -55,30 +56,32 @@ def open_bus(spec: str, *, listen_only: bool = False) -> can.BusABC:
 
 
 def serve_bus(spec: str, link: Path | None = None) -> can.BusABC:
-    """The far end: what a second board on the bus would be; link names the pseudo-terminal, if it is one.
+    """The far end, as a second board on the bus would have it. link: symbolic link to make to the pseudo-terminal.
 
-    Raises UsageError, LinkError as `open_bus`.
+    Raises UsageError and LinkError as `open_bus`, and UsageError for a link where there is no pseudo-terminal.
     """
-    from plumb.link.transports.server_endpoint import UdpEndpoint, open_endpoint
+    from plumb.link.transports.server_endpoint import NO_TERMINAL, UdpEndpoint, open_endpoint
     from plumb.link.transports.slcan_server import AdapterBus
 
     name = parse_bus(spec)
+    if link is not None and name != SerialName("pty"):
+        raise UsageError(NO_TERMINAL)
     match name:
         case SerialName(port="pty"):
             return AdapterBus(open_endpoint("pty", link))
         case TcpName(host, port):
             if host not in ("127.0.0.1", "localhost"):
-                raise UsageError(f"'{spec}': this end waits on this machine only; write tcp:127.0.0.1:PORT")
+                raise UsageError(f"{quoted(spec)}: a bus is served on this machine only; write tcp:127.0.0.1:PORT")
             return AdapterBus(open_endpoint(f"tcp:{port}"))
         case UdpName(port):
             return AdapterBus(UdpEndpoint(port))
         case FileName():
-            raise UsageError("a file is no end of a conversation; plumb record BUS --out PATH writes one")
+            raise UsageError("a file cannot be served as a bus; to write one use `plumb record --bus BUS --out PATH`")
     return open_bus(spec)
 
 
 def open_can(name: CanName) -> can.BusABC:
-    """Any interface of python-can; raises UsageError for one that it does not have, LinkError when it does not open."""
+    """A bus of python-can. Raises UsageError for an interface that python-can lacks, LinkError for failing to open."""
     if isinstance(name, SocketcandName):
         return SocketcandClient(name.host, name.port, name.channel)
     interface, channel, kbit = name.interface, name.channel, name.kbit
@@ -92,14 +95,16 @@ def open_can(name: CanName) -> can.BusABC:
             0.0  # two seconds for an adapter that starts when its port is opened: not this one
         )
     if interface not in can.VALID_INTERFACES:
-        raise UsageError(f"python-can has no interface '{interface}'; it has {', '.join(sorted(can.VALID_INTERFACES))}")
+        raise UsageError(
+            f"python-can has no interface {quoted(interface)}; it has {', '.join(sorted(can.VALID_INTERFACES))}"
+        )
     check_port(split_rate(channel)[0] if interface == "slcan" else channel)
-    logging.getLogger("can").addHandler(logging.NullHandler())  # what drivers log is in the one sentence, too
+    logging.getLogger("can").addHandler(logging.NullHandler())  # the error sentence has what drivers log
     try:
         return DriverBus(name.text, can.Bus(**options))
     except LinkError:
         raise
-    except Exception as error:  # interfaces raise whatever their drivers do
+    except Exception as error:  # interfaces raise any exception of their drivers
         reason = str(error).strip().partition("\n")[0] or type(error).__name__
         raise LinkError(f"{name.text} cannot be opened ({reason}): {_remedy(interface, channel, kbit)}") from None
 
@@ -109,14 +114,14 @@ def _remedy(interface: str, channel: str, kbit: int) -> str:
     if interface == "socketcan":
         return f"bring it up with `sudo ip link set {channel} up type can bitrate {kbit * 1000}`"
     if interface == "slcan":
-        return "check the adapter's port, which other program has it, and that the adapter is plugged in"
+        return "check that the adapter is plugged in, that its port is right, and that no other program has it open"
     return "check that the interface is up and its driver installed"
 
 
 class LogBus(can.BusABC):
-    """The frames of a log file, each when its time has come, then nothing more. What is sent is thrown away.
+    """The frames of a log file, paced by their time stamps. Frames sent to it are discarded.
 
-    ended: the last frame has been given.
+    ended: the last frame has been received.
     """
 
     def __init__(self, path: Path) -> None:
@@ -124,7 +129,7 @@ class LogBus(can.BusABC):
         input_files.check(path, MOST_LOG_BYTES, "give a log of frames (.asc .blf .csv .log .trc)")
         try:
             self._messages: Iterator[can.Message] = iter(list(can.LogReader(path)))
-        except Exception as error:  # readers raise whatever a damaged log leads them to
+        except Exception as error:  # a damaged log makes readers raise anything
             reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
             raise UsageError(f"{path} cannot be read as a log of frames: {reason}") from None
         self._next = next(self._messages, None)
@@ -144,4 +149,4 @@ class LogBus(can.BusABC):
         return message, False
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """A log takes nothing."""
+        """Discard the frame."""

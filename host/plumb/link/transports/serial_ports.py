@@ -1,4 +1,4 @@
-"""Which names of serial ports are opened. pyserial takes URLs that do other things: spy:// empties a file, for one."""
+"""Check the name of a serial port before pyserial opens it: some of pyserial's URLs do harm (spy:// empties a file)."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import stat
 from pathlib import Path
 
 from plumb.errors import UsageError
+from plumb.link.endpoint_names import quoted
 
 URLS = ("socket", "rfc2217")
 """Schemes that reach a port over a network, and nothing else."""
@@ -14,12 +15,12 @@ URLS = ("socket", "rfc2217")
 def check_port(port: str) -> None:
     """Raises UsageError for a URL that is neither socket:// nor rfc2217://, and for a file or a folder.
 
-    Names of devices pass, also of those that are not there.
+    The name of a device passes even if the device does not exist.
     """
     scheme, mark, _ = port.partition("://")
     if mark and scheme not in URLS:
         raise UsageError(
-            f"'{port}' is not opened: a serial port is a device (/dev/ttyUSB0, COM3), socket://HOST:PORT or "
+            f"{quoted(port)} is not opened: a serial port is a device (/dev/ttyUSB0, COM3), socket://HOST:PORT or "
             "rfc2217://HOST:PORT"
         )
     if mark:
@@ -30,4 +31,4 @@ def check_port(port: str) -> None:
         return
     if stat.S_ISREG(mode) or stat.S_ISDIR(mode):
         what = "a folder" if stat.S_ISDIR(mode) else "a file"
-        raise UsageError(f"'{port}' is {what}, no serial port: `plumb ports` lists those of this machine")
+        raise UsageError(f"{quoted(port)} is {what}, not a serial port: `plumb ports` lists those of this machine")

@@ -22,6 +22,9 @@ BACKLOG_BYTES = 1 << 16
 """Bytes kept for a client that does not read: 0.7 s at 921600 baud. A pseudo-terminal itself keeps 4 KiB."""
 
 
+NO_TERMINAL = "--symlink names a terminal, and none is made here: serve on a pty, or leave --symlink out"
+
+
 class ServerEndpoint(Protocol):
     """Listening side of a port. No call blocks.
 
@@ -243,6 +246,8 @@ def _no_port(port: int, error: OSError) -> str:
 
 
 def open_endpoint(spec: str | PtyName | TcpName, link: Path | None = None) -> ServerEndpoint:
-    """pty or tcp:PORT, as text or parsed; raises UsageError for another text."""
+    """pty or tcp:PORT, as text or parsed; raises UsageError for another text, and for a link without a pty."""
     name = parse_endpoint(spec) if isinstance(spec, str) else spec
+    if link is not None and isinstance(name, TcpName):
+        raise UsageError(NO_TERMINAL)
     return TcpEndpoint(name.port) if isinstance(name, TcpName) else PtyEndpoint(link)
