@@ -77,7 +77,7 @@ def test_the_fixture_is_the_board_that_was_asked_for(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["--plumb-board", "toaster"], "'toaster' names no board"),
+        (["--plumb-board", "toaster"], "'toaster' is not a board"),
         (["--plumb-vector", "no_such"], "no vector is named 'no_such'"),
         (["--plumb-vectors", "."], "holds no recipe.toml"),
     ],
