@@ -31,6 +31,7 @@ def run(folder: Path, *options: str, no_skips: str) -> subprocess.CompletedProce
     for name, text in CASES.items():
         (tests / name).write_text(text)
     command = [sys.executable, "-m", "pytest", "-ra", "-p", "no:cacheprovider", "--continue-on-collection-errors"]
+    command += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # an editable install's, told too
     environment = {**os.environ, "PLUMB_NO_SKIPS": no_skips}
     return subprocess.run(
         [*command, *options, "tests"], cwd=folder, env=environment, capture_output=True, text=True, timeout=120

@@ -10,7 +10,6 @@ Only modules that Python has loaded anyway are imported here: until `entry` has 
 from __future__ import annotations
 
 import os
-import shlex
 import signal
 import sys
 
@@ -65,6 +64,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: list[str]) -> int:
+    import shlex
+
     from plumb.errors import ExitCode
 
     if not arguments or arguments[0] in ("-h", "--help", "help"):

@@ -110,5 +110,5 @@ def test_golden_vectors_have_a_result_each() -> None:
     assert len(checked.vectors) == 2 * len({one.vector for one in checked.vectors}) > 2
     with pytest.raises(plumb.UsageError, match="a list"):
         plumb.golden.check("native")
-    with pytest.raises(plumb.UsageError, match="no board"):
+    with pytest.raises(plumb.UsageError, match="is not a board"):
         plumb.golden.check(["nativ"])

@@ -114,7 +114,7 @@ def test_one_of_two_hosts_is_killed_and_the_other_loses_nothing(served: Served) 
     try:
         assert host.stdout is not None and host.stdout.readline() == "runs\n"
         with Session.open(uart.removeprefix("serial:")) as watcher:
-            capture = Capture(watcher)
+            capture = Capture(watcher, raw_frames=("RAW_A",))
             watcher.listener = capture.feed
             for steps, then in (
                 (20, host.kill),

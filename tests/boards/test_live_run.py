@@ -33,7 +33,7 @@ class Bench:
         words = self.session.read_parameters()
         self.session.upload(words[:CONTROL_WORDS], period_us=period_us, esc_period_us=esc_period_us, arm_hold_ms=0)
         self.session.begin("REALTIME_LIVE", frames=["RAW_A"])
-        return Capture(self.session)
+        return Capture(self.session, raw_frames=("RAW_A",))
 
     def run(self, capture: Capture, seconds: float) -> None:
         end = self.session.clock() + seconds

@@ -119,7 +119,7 @@ def test_a_full_queue_is_waited_for() -> None:
     ("spec", "remedy"),
     [
         ("can:socketcan:nothere@250", "ip link set nothere up type can bitrate 250000"),
-        ("can:slcan:/nothere", "adapter's port"),
+        ("can:slcan:/nothere", "check that the adapter is plugged in"),
     ],
 )
 def test_an_interface_that_is_not_there_is_told_what_to_do_about(spec: str, remedy: str) -> None:

@@ -106,8 +106,9 @@ def sources() -> list[Path]:
     own = [declared.folder for declared in declarations.systems().values()]
     for name in declarations.names():
         own += [*(ROOT / "firmware").rglob(f"{name}.[ch]"), *(ROOT / "firmware").rglob(f"{name}_tunings.[ch]")]
-    # README, the page of the commands and the first header of the C library show a system as their example
-    own += [ROOT / "tools/gen_readme.py", ROOT / "tools/gen_commands.py", ROOT / "firmware/include/plumb/plumb.h"]
+    # README, its picture, the page of the commands and the first header of the C library show a system as their example
+    own += [ROOT / "tools" / f"gen_{what}.py" for what in ("readme", "screenshot", "commands")]
+    own += [ROOT / "firmware/include/plumb/plumb.h"]
     left = [path for path in found if not {path, *path.parents} & set(own)]
     return [path for path in left if "GENERATED" not in path.read_text(encoding="utf-8").partition("\n")[0]]
 

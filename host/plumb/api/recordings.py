@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from plumb import systems
 from plumb.api.runs import RunResult
 from plumb.boards import open_board
 from plumb.errors import UsageError
@@ -39,7 +40,7 @@ class Recording:
 
     def replay(
         self,
-        system: str = "quad",
+        system: str | None = None,
         board: str = "native",
         *,
         axis: Literal["x", "y", "z"] = "x",
@@ -53,7 +54,8 @@ class Recording:
         An ideal sensor is scaled to the recording, and the samples are resampled to the period.
 
         Args:
-            system: `quad`, which estimates one axis, or `phone`, which estimates pitch and roll.
+            system: `quad`, which estimates one axis, or `phone`, which estimates pitch and roll; None: the one that
+                declares itself the default of replays (`default_for` in its system.toml).
             board: As `plumb.run` takes it.
             axis: The axis that `quad` estimates the tilt about.
             period_s: Period of a step, 0.0005 to 0.1 s; None: the recording's own, of `phone` 0.01 s.
@@ -73,7 +75,8 @@ class Recording:
         if period_s is not None and not 0.0005 <= period_s <= 0.1:
             raise UsageError(f"period_s = {period_s:g}: a period is from 0.0005 to 0.1 s")
         period_us = None if period_s is None else round(period_s * 1e6)
-        prepared = replay.prepare(system, replay.ReplayRequest(self.path, axis, period_us, seconds))
+        request = replay.ReplayRequest(self.path, axis, period_us, seconds)
+        prepared = replay.prepare(system or systems.default_for("replay"), request)
         with open_board(board, link=link, image=None if image is None else Path(image)) as opened:
             return RunResult(prepared.run(opened, board, link if board == "virtual" else None))
 
