@@ -175,7 +175,15 @@ class Board:
 
         Args:
             system: Name of a system.
-            scenario, seed, tuning, start, seconds, faults, conditions, open_loop, live: As `plumb.run` takes them.
+            scenario: As `plumb.run` takes it.
+            seed: As `plumb.run` takes it.
+            tuning: As `plumb.run` takes it.
+            start: As `plumb.run` takes it.
+            seconds: As `plumb.run` takes it.
+            faults: As `plumb.run` takes it.
+            conditions: As `plumb.run` takes it.
+            open_loop: As `plumb.run` takes it.
+            live: As `plumb.run` takes it.
             raw: Raw counts of your own, (N, 3 to 6) integers of 16 bits, instead of a scenario.
             setpoint: Setpoints beside `raw`, (N,) in the integers of the system; None: 0.
             gyr_radps: Angular rate, (N, 3) rad/s, instead of a scenario; `plumb.Estimator` says what is used of it.
