@@ -7,11 +7,11 @@ import numpy.typing as npt
 import pytest
 
 import plumb
+from plumb.spec.arrays import FloatArray
 from plumb.systems import run_fixed
 
 G = 9.80665
 PERIOD_S = 0.01
-FloatArray = npt.NDArray[np.float64]
 
 
 def rocking(steps: int = 600) -> tuple[FloatArray, FloatArray]:

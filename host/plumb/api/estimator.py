@@ -13,6 +13,7 @@ from plumb.boards import native_core
 from plumb.errors import UsageError
 from plumb.proof.scenario_run import tuning_of
 from plumb.spec import declarations
+from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
 from plumb.spec.signal_units import word_signals
 from plumb.tuning.channels import NO_SAMPLE, counts_of, ideal_channel, with_channels
@@ -21,7 +22,6 @@ from plumb.tuning.quantise import ControlParams, quantise
 if TYPE_CHECKING:
     from plumb.spec.tuning import AnyTuning, Channel
 
-FloatArray = npt.NDArray[np.float64]
 
 G_MPS2 = 9.80665
 _INPUTS = {"gyr": "gyr_radps", "acc": "acc_mps2", "ang": "ang_radps2"}

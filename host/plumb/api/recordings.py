@@ -14,8 +14,7 @@ from plumb.api.runs import RunResult
 from plumb.boards import open_board
 from plumb.errors import UsageError
 from plumb.inputs import recording, replay
-
-FloatArray = npt.NDArray[np.float64]
+from plumb.spec.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from plumb.proof.compare import Divergence
 from plumb.proof.runs import RunInputs
 from plumb.proof.scenario_run import OWN, RunRequest, ScenarioRun
 from plumb.spec import declarations
+from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
 from plumb.spec.signal_units import word_signals
 from plumb.tuning.quantise import ControlParams
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from plumb.boards import Board
     from plumb.spec.tuning import AnyTuning
 
-FloatArray = npt.NDArray[np.float64]
 Verdict = Literal["pass", "fail", "unverified"]
 
 

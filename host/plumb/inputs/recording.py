@@ -39,11 +39,10 @@ import numpy.typing as npt
 from plumb.errors import UsageError
 from plumb.files import input_files
 from plumb.proof.runs import RunInputs
+from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.tuning import AxisTuning, Calibration, Channel
 from plumb.tuning.quantise import ControlParams, quantise
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 Axis = Literal["x", "y", "z"]
 
 G_MPS2 = 9.80665

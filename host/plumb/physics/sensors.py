@@ -17,9 +17,8 @@ import numpy.typing as npt
 
 from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
+from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Channel
-
-FloatArray = npt.NDArray[np.float64]
 
 ADC_REFERENCE_V = 3.3
 ADC_COUNTS = 4096

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from plumb.spec.arrays import BoolArray, FloatArray
 
 BIAS_CONVERGED_DPS = 1.0
 HOLD_WITHIN_DEG, HOLD_SETTLE_S, HOLD_DWELL_S = 2.0, 2.0, 1.0

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from plumb import systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints
@@ -19,14 +18,12 @@ from plumb.proof import limits
 from plumb.proof.compare import Divergence, count_mismatches, first_divergence
 from plumb.proof.report import Plot, Statement
 from plumb.proof.run_identity import part_of
+from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.records import Words
 from plumb.spec.system_parts import Part
 from plumb.systems import run_fixed, run_reference
 from plumb.systems.contracts import Scenario
 from plumb.tuning.quantise import ControlParams
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

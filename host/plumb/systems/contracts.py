@@ -15,13 +15,13 @@ import numpy.typing as npt
 from plumb.kernels.fixed.kernels import Params
 from plumb.kernels.integers import Integer
 from plumb.physics.disturbance import Request
+from plumb.spec.arrays import FloatArray
 from plumb.spec.system_parts import Part
 from plumb.spec.tuning import AnyTuning, Start
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
 
-FloatArray = npt.NDArray[np.float64]
 TuningT = TypeVar("TuningT", bound=AnyTuning)
 
 

@@ -19,6 +19,7 @@ from plumb.proof.figures import UNASKED, Figure, Sense
 from plumb.proof.limits import Limit, Limits
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
 from plumb.proof.runs import closed_loop
+from plumb.spec.arrays import FloatArray
 from plumb.systems import run_reference, scoring
 from plumb.systems.balancer import reference as reference_balancer
 from plumb.systems.balancer import scenarios as balancer
@@ -27,8 +28,6 @@ from plumb.systems.balancer.plant import BalancerPlant
 from plumb.systems.balancer.plots import DUTY, RATE_DPS, TURN_DEG
 from plumb.systems.balancer.tuning import BalancerTuning
 from plumb.tuning import quantise
-
-FloatArray = npt.NDArray[np.float64]
 
 HEADLINE = ("tilt error", "rough", "tuned")
 PLOTTED_SEED, ROCKED_SEED = 1000, 1010

@@ -10,8 +10,8 @@ import numpy.typing as npt
 from plumb.proof import metrics as measures
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, error_and_band, error_budget
 from plumb.proof.runs import Run
+from plumb.spec.arrays import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 Series = npt.NDArray[np.floating[Any]]  # Any: of any width
 
 TURN_DEG = 360.0 / 2.0**32

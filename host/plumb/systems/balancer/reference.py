@@ -21,10 +21,9 @@ from plumb.kernels.reference.kernels import (
     trust,
     wrap,
 )
+from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Pid
 from plumb.systems.balancer.tuning import BalancerTuning, SpeedLoop, Wheel
-
-FloatArray = npt.NDArray[np.float64]
 
 GRAVITY_MPS2 = 9.80665
 

@@ -23,13 +23,12 @@ from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
 from plumb.physics.sensors import FAULT_NOTES, Adxl345, Fault, Itg3205, Push, faults_of
 from plumb.spec import dbc
+from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Calibration, Kalman, Pid, Start, Trust
 from plumb.systems import scoring
 from plumb.systems.balancer.tuning import BalancerTuning, Drive, SpeedLoop, Wheel
 from plumb.systems.balancer.vehicle import EDGE_M, GRID_S, Vehicle
 from plumb.systems.contracts import Plant
-
-FloatArray = npt.NDArray[np.float64]
 
 PERIOD_US = 10_000
 LINK = {"pins": 1, "accel_rate": 13, "gyro_filter": 1}

@@ -27,7 +27,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from plumb.spec.arrays import FloatArray
 
 GRID_S = 0.001
 GRAVITY_MPS2 = 9.80665

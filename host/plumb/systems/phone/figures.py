@@ -19,13 +19,13 @@ from plumb.proof import metrics
 from plumb.proof.figures import Figure, Sense
 from plumb.proof.limits import Limits
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
+from plumb.spec.arrays import FloatArray
 from plumb.systems import run_reference
 from plumb.systems.phone import scenarios as phone
 from plumb.systems.phone.reference import rates_of
 from plumb.systems.phone.tuning import PhoneTuning
 from plumb.tuning import quantise
 
-FloatArray = npt.NDArray[np.float64]
 Angles = tuple[FloatArray, FloatArray]
 """Pitch and roll, deg, (steps, runs) each."""
 

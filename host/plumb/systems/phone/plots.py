@@ -7,14 +7,12 @@ attitude, where the error of roll alone is not. `angle_...` means that angle.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from plumb.proof import metrics as measures
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, TWO_SIGMA, Line, Plot, error_budget
 from plumb.proof.runs import Run
+from plumb.spec.arrays import FloatArray
 from plumb.systems.phone.scenarios import inclination_deg, up
-
-FloatArray = npt.NDArray[np.float64]
 
 TURN_DEG = 360.0 / 2.0**32
 """Degrees per unit of a binary angle."""

@@ -26,9 +26,8 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.kernels.reference.kernels import KalmanState, Number, calibrate, clip, kalman_init, kalman_step, wrap
+from plumb.spec.arrays import FloatArray
 from plumb.systems.phone.tuning import PhoneAxis, PhoneTuning
-
-FloatArray = npt.NDArray[np.float64]
 
 SINGULAR_G = 0.15
 COSINE_MIN = 1.0 / 16.0

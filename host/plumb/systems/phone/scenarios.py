@@ -25,11 +25,10 @@ from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
 from plumb.physics.sensors import FAULT_NOTES, Fault, band_noise, fault_of
 from plumb.spec import dbc
+from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Channel, Start
 from plumb.systems import scoring
 from plumb.systems.phone.tuning import PhoneAxis, PhoneTuning
-
-FloatArray = npt.NDArray[np.float64]
 
 PERIOD_US = 10_000
 GRID_S = 0.001

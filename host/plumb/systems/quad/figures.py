@@ -20,6 +20,7 @@ from plumb.proof.figures import Figure, Sense
 from plumb.proof.limits import Limit
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
 from plumb.proof.runs import Run, open_loop, prescribed
+from plumb.spec.arrays import FloatArray
 from plumb.systems import run_reference, scoring
 from plumb.systems.quad import plant as quad_plant
 from plumb.systems.quad import plots as quad_plots
@@ -31,7 +32,6 @@ from plumb.tuning import quantise
 
 HEADLINE = ("tilt error", "motion", "adaptive")
 PLOTTED_SEED = 1000
-FloatArray = npt.NDArray[np.float64]
 
 ASSUMED = (
     "Scores t >= 10 s (runs under 20 s: the second half); tunings fitted on seeds 0-19; atan2 of the sampled values.",

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from plumb.proof import metrics as measures
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, Series, error_and_band, error_budget
 from plumb.proof.runs import Run
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from plumb.spec.arrays import BoolArray, FloatArray
 
 TURN_DEG = 360.0 / 2.0**32
 """Degrees per unit of a binary angle."""

@@ -20,10 +20,9 @@ from plumb.kernels.reference.kernels import (
     trust,
     wrap,
 )
+from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Esc
 from plumb.systems.quad.tuning import QuadTuning
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def esc(command: Number, settings: Esc) -> tuple[Number, Number]:

@@ -35,12 +35,11 @@ from plumb.physics.sensors import (
     faults_of,
 )
 from plumb.spec import dbc
+from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Calibration, Esc, Kalman, Pid, Start, Trust
 from plumb.systems import scoring
 from plumb.systems.contracts import Plant
 from plumb.systems.quad.tuning import QuadTuning
-
-FloatArray = npt.NDArray[np.float64]
 
 PERIOD_US = 20_000
 ESC_PERIOD_US = 2_500

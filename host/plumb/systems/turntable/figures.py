@@ -20,6 +20,7 @@ from plumb.boards import native_core
 from plumb.proof.figures import UNASKED, Figure, Sense
 from plumb.proof.limits import Limit
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, Line, Plot
+from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
 from plumb.systems.turntable import gyro as turntable_gyro
 from plumb.systems.turntable import reference as reference_turntable
@@ -29,7 +30,6 @@ from plumb.systems.turntable.plots import RATE_DPS, attitude, reference_attitude
 from plumb.systems.turntable.reference import rotation_deg
 from plumb.tuning import quantise
 
-FloatArray = npt.NDArray[np.float64]
 Series = npt.NDArray[np.floating[Any]]  # Any: of any width
 
 PATENT_MEAN, PATENT_MAX = 20.81, 35.04

@@ -7,13 +7,11 @@ lag undone the angle gains lag * rate: a gyro alone knows no more of its lag tha
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from plumb.spec.arrays import FloatArray
 from plumb.systems.turntable.motion import REST_S
 from plumb.systems.turntable.reference import multiply, rotation_deg, turned
 from plumb.systems.turntable.scenarios import GYRO_LSB_PER_DPS, Scenario
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def attitudes(time_s: FloatArray, rate_dps: FloatArray, lag_s: float = 0.0) -> FloatArray:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from plumb.spec.arrays import FloatArray
 from plumb.systems.turntable.reference import multiply
-
-FloatArray = npt.NDArray[np.float64]
 
 REST_S, FADE_S = 10.0, 3.0
 

@@ -7,16 +7,14 @@ length. There is no accelerometer: accel_only_rmse_deg is None.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, Line, Plot, error_budget
 from plumb.proof.runs import Run
+from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
 from plumb.systems.turntable.gyro import attitudes, interpolated
 from plumb.systems.turntable.motion import REST_S
 from plumb.systems.turntable.reference import rotation_deg
-
-FloatArray = npt.NDArray[np.float64]
 
 RATE_DPS = 360.0 / 2.0**28
 """Degrees per second in a unit of a rate word."""

@@ -22,11 +22,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.tuning import Channel
 from plumb.systems.turntable.tuning import Prefilter, TurntableTuning
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 RATE, GYRO_BIAS, ANGULAR_BIAS, DIFFERENCE, ANGLE = range(5)
 NO_SAMPLE = -32768

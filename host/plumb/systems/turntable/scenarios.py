@@ -26,11 +26,10 @@ from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
 from plumb.physics.sensors import ADC_COUNTS
 from plumb.spec import dbc
+from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Channel
 from plumb.systems.turntable.motion import REST_S, at, lagged, motion
 from plumb.systems.turntable.tuning import Fusion, Prefilter, TurntableTuning
-
-FloatArray = npt.NDArray[np.float64]
 
 PERIOD_US = 4_000
 GYRO_PERIOD_S = 0.01
