@@ -1,1 +1,1 @@
-"""What both hands obey: messages, parameters, records, units, protocol numbers."""
+"""The specification that firmware and host share: messages, parameters, records, units, protocol numbers."""

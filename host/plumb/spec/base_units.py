@@ -1,4 +1,4 @@
-"""What the units of words, channels and parameters are made of."""
+"""Base units: the unit of a word, a channel or a parameter consists of these alone."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ BASE_UNITS = frozenset(
         "turn rad deg m mm g kg N Nm Pa s ms us ns Hz A mA V mV W K degC bit kbit count edge step lsb unit",
     )
 )
-"""With numbers, powers, `/`, `per` and `and` between them."""
+"""A unit combines them with numbers, powers, `/`, `per` and `and`."""
 
 
 def unknown_part(unit: str, quantities: Iterable[str]) -> str:
-    """The first word of a unit that is no base unit; "" where all are.
+    """The first part of a unit that is not a base unit; "" if every part is one.
 
-    quantities: names of words and parameters of the system, which are units, too, without their own unit and format:
-    `lean_max` of lean_max_turn_q34.
+    quantities: names of words and parameters of the system. They may stand in a unit without their own unit and
+    format: `lean_max` for lean_max_turn_q34.
     """
     names = tuple(quantities)
     parts: list[str] = re.findall(r"[^\W\d]\w*", unit)

@@ -1,7 +1,7 @@
 """The text of the DBC: the messages of the link (`link_messages.dbc`), and the frames and signals of every system.
 
-`messages.dbc` is this text for the systems of the package, for other tools to open; plumb itself puts it together from
-the declarations at run time, so that a system on PLUMB_SYSTEM_PATH has its names, too.
+`messages.dbc` is this text for the systems of the package, for use in other tools. plumb itself generates it from the
+declarations at run time, so that the systems on PLUMB_SYSTEM_PATH are in it, too.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ LINK_PATH = Path(__file__).with_name("link_messages.dbc")
 FIRST_BLOCK, BLOCK = 0x300, 0x40
 """Identifiers of system n begin at FIRST_BLOCK + n * BLOCK."""
 FIRST_SLOT = 4
-"""Low six bits of a system's first frame: a link counts frames by them, and only one system runs."""
+"""Low six bits of the identifier of a system's first frame. The board's frame counters are indexed by these bits;
+systems share the counters because only one system runs at a time."""
 SLOTS = range(FIRST_SLOT, FIRST_SLOT + FRAMES_MAX)
 ANGLES = {"turn": "deg", "turn/s": "deg/s", "turn/s^2": "deg/s^2"}
-"""Units that people read in degrees."""
+"""Unit of a word -> its unit in the DBC: angles are shown in degrees."""
 
 
 def frame_id(system: System, index: int) -> int:
@@ -32,23 +33,24 @@ def of_system(identifier: int) -> bool:
 
 
 def counter_slot(identifier: int) -> int:
-    """What a board counts frames by: the identifier, but one counter for frames of systems that share a place."""
+    """Index of the counter that numbers the frames of an identifier: the identifier itself, but for a system's frame its
+    place in the declaration, because the frames of all systems at one place share a counter."""
     return FIRST_SLOT + (identifier - FIRST_BLOCK - FIRST_SLOT) % BLOCK if of_system(identifier) else identifier
 
 
 def frame_name(system: System, frame: Frame) -> str:
-    """Name of a system's frame in the DBC: that of the system, _, that of the frame."""
+    """Name of a system's frame in the DBC: SYSTEM_FRAME."""
     return f"{system.name.upper()}_{frame.name}"
 
 
 def frame_names(system: str) -> tuple[str, ...]:
-    """Names in the DBC of a system's frames, in the order of their identifiers."""
+    """DBC names of a system's frames, in the order of their identifiers."""
     declared = systems()[system]
     return tuple(frame_name(declared, frame) for frame in declared.frames)
 
 
 def output_frames(system: str) -> dict[str, tuple[str, str]]:
-    """Word that drives the actuator -> (frame, signal) that carries it; none where nothing is driven."""
+    """Word that drives the actuator -> (frame, signal) that carries it; empty for a system without an actuator."""
     declared = systems()[system]
     parts = [(frame, part) for frame in declared.frames for part in (frame.half, frame.word) if part is not None]
     return {
@@ -100,7 +102,7 @@ def _comments(system: System, index: int) -> Iterable[str]:
 
 
 def text() -> str:
-    """The whole DBC of all systems there are."""
+    """The whole DBC: the messages of the link and the frames of all systems, those on PLUMB_SYSTEM_PATH included."""
     link = LINK_PATH.read_text(encoding="utf-8")
     comments, values = link.index("CM_ "), link.index("VAL_ ")
     everything = [(system, index) for system in systems().values() for index in range(len(system.frames))]

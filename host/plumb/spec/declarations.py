@@ -1,8 +1,8 @@
-"""What each system declares of itself: number, record, channels, parameters, frames, flags, output.
+"""Declarations of the systems: number, record, channels, parameters, frames, flags, output.
 
-A system is a folder NAME with a `system.toml` in it: those of this package, and those in the folders that the
-environment variable PLUMB_SYSTEM_PATH lists. Everything that depends on which systems there are is derived from here,
-in Python at run time and in C by `tools/generate.py`.
+A system is a folder NAME with a file `system.toml`, either in this package or in one of the folders that the
+environment variable PLUMB_SYSTEM_PATH lists. Everything that depends on the set of systems is derived from the
+declarations: in Python at run time, in C by `tools/generate.py`.
 """
 
 from __future__ import annotations
@@ -20,34 +20,35 @@ from plumb.checkout import PACKAGE
 from plumb.errors import UsageError
 from plumb.spec.base_units import BASE_UNITS, unknown_part
 
-TomlTable = Mapping[str, Any]  # Any: as TOML gives it; what a system declares is checked when it is loaded
+TomlTable = Mapping[str, Any]  # Any: values as TOML gives them; they are checked when the declaration is loaded
 """A table of a declaration."""
 
 SHIPPED = PACKAGE / "systems"
 BLOCKS_PATH = Path(__file__).with_name("blocks.toml")
 SHARED_PATH = Path(__file__).with_name("parameters.toml")
 SEARCH_PATH = "PLUMB_SYSTEM_PATH"
-"""Environment variable: further folders that hold folders of systems, as PATH lists them."""
+"""Environment variable with further folders that hold folders of systems, separated as in PATH."""
 
 RAW_CHANNELS = 6
-"""Raw counts of a step; a system uses the first few."""
+"""Number of raw counts in every record; a system uses the first ones, one for each of its channels."""
 NUMBERS = range(18)
-"""A system's number: the high byte of its signals, and its block of CAN identifiers."""
+"""Numbers that a system may have. The number is the high byte of its signal numbers and selects its block of CAN
+identifiers."""
 WORDS_MAX = 255
-"""Words of 32 bits in a record: the low byte of a signal's number."""
+"""Most 32-bit words in a record: a word's place is the low byte of its signal number."""
 FRAMES_MAX = 12
-"""Frames of one system: each has a place in the table of counters of a link."""
+"""Most frames of one system: each needs an entry in the frame counters of a link."""
 TYPES = {"int32": "<i4", "uint32": "<u4", "int64": "<i8"}
-"""Type of a declared word -> numpy's."""
+"""Type of a declared word -> numpy type."""
 SENSORS = ("NONE", "ANALOG_3", "ANALOG_6", "BALANCE")
-"""Sets of sensors that a board samples (CONTROL_SENSORS_ of firmware/systems/control.h)."""
+"""Sensor sets that a board can sample (CONTROL_SENSORS_ in firmware/systems/control.h)."""
 OUTPUTS = {"PULSES": 2, "BRIDGE": 1}
-"""Kinds of actuator (CONTROL_OUTPUT_) -> words of the record that drive it."""
+"""Kind of actuator (CONTROL_OUTPUT_) -> number of record words that drive it."""
 
 
 @dataclass(frozen=True)
 class Word:
-    """One word of a record. member: how C reaches it in the record's struct; format: what the integer stands for."""
+    """One word of a record. member: its path in the C struct of the record; format: what the integer stands for."""
 
     name: str
     type: str
@@ -83,7 +84,7 @@ class Flag:
 
 @dataclass(frozen=True)
 class Part:
-    """What a frame carries of one word. shift: bits that are dropped below; the rest saturates at 16 bits."""
+    """The part of a word that a frame carries. shift: number of low bits dropped; a 16-bit part saturates."""
 
     name: str
     word: Word
@@ -92,7 +93,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Frame:
-    """One frame of telemetry: a 16-bit part, if it has one, and a 32-bit part."""
+    """One frame of telemetry: a 16-bit part (`half`, optional) and a 32-bit part (`word`)."""
 
     name: str
     half: Part | None
@@ -102,10 +103,12 @@ class Frame:
 
 @dataclass(frozen=True)
 class Channel:
-    """One raw count of a sample, in the order of the sample. calibration: the group of parameters that turns it into
-    its quantity; "" where there is none. axis: which component of a body's sensors the calibrated value is, as
-    `gyr_x`, `acc_y` or `ang_z` (angular rate, specific force, angular acceleration), `-acc_x` for minus it; "" where
-    it is none."""
+    """One raw count of a sample, in the order of the sample.
+
+    calibration: parameter group that converts the count to its quantity; "" if there is none.
+    axis: the component of the body's motion that the calibrated value measures: `gyr_x`, `acc_y`, `ang_z` (angular rate,
+    specific force, angular acceleration), with `-` for the negative; "" if it measures none.
+    """
 
     name: str
     unit: str
@@ -116,15 +119,16 @@ class Channel:
 
 @dataclass(frozen=True)
 class System:
-    """One system as declared. words: all of its record; members: what lies between setpoint and flags, for C.
+    """One declared system.
 
-    cycles: the budget of a step, None where it has none. missing_samples: `held` (the last sample is used again) or
-    `marked` (every count is -32768). output: "" where nothing moves, else a key of OUTPUTS; output_words drive it.
-    period: the parameter that holds the period of a step in s. groups: shared groups of parameters that the step reads;
-    parameters: rows of its own groups; all_groups: both; structs: the C struct of a group that is one of a kernel, with
-    the headers it needs in includes.
-    commands: commands of its own, name -> one sentence; their modules are in its folder `commands`.
-    default_for: parts of its folder (`replay`, `demo`) that a command takes from this system unless told otherwise.
+    words: all words of its record; members: the C struct members between setpoint and flags.
+    cycles: cycle budget of a step, None without a budget. missing_samples: `held` (the last sample is used again) or
+    `marked` (every count is -32768). output: "" without an actuator, else a key of OUTPUTS; output_words drive it.
+    period: the parameter that holds the period of a step in s.
+    groups: shared parameter groups that the step reads; parameters: rows of the system's own groups; all_groups: both.
+    structs: group -> C struct of the kernel that reads it; includes: headers of those structs.
+    commands: the system's own commands, name -> one sentence; their modules are in its folder `commands`.
+    default_for: parts (`replay`, `demo`) for which this system is the default of the command.
     """
 
     name: str
@@ -152,12 +156,12 @@ class System:
 
     @property
     def shipped(self) -> bool:
-        """Part of this package; else found by the search path."""
+        """True for a system of this package, False for one on PLUMB_SYSTEM_PATH."""
         return self.folder.parent == SHIPPED
 
     @property
     def all_groups(self) -> tuple[str, ...]:
-        """The groups of parameters that the step reads: shared ones, then its own."""
+        """The parameter groups that the step reads: shared groups, then the system's own."""
         own = dict.fromkeys(group_of(row["name"]) for row in self.parameters)
         return (*self.groups, *own)
 
@@ -166,14 +170,14 @@ class System:
         return sum(word.size for word in self.words)
 
     def word(self, name: str) -> Word:
-        """Raises UsageError for a word that the record does not have."""
+        """The word of that name; raises UsageError if the record has none."""
         for word in self.words:
             if word.name == name:
                 return word
         raise UsageError(f"{self.name}: the record has no word '{name}'")
 
     def place(self, name: str) -> int:
-        """Place of a word in the record, in units of four bytes."""
+        """Position of a word in the record, in units of four bytes; raises UsageError if the record has no such word."""
         at = 0
         for word in self.words:
             if word.name == name:
@@ -182,7 +186,7 @@ class System:
         raise UsageError(f"{self.name}: the record has no word '{name}'")
 
     def signals(self) -> dict[int, str]:
-        """Number of a signal (system << 8 | place in the record) -> its name; 64-bit words have two, low half first."""
+        """Signal number (system << 8 | position in the record) -> name. A 64-bit word has two, low half first."""
         names: dict[int, str] = {}
         for word in self.words:
             for half in ("_lo", "_hi") if word.size == 8 else ("",):
@@ -191,7 +195,7 @@ class System:
 
 
 def search_path() -> list[Path]:
-    """The folders that hold folders of systems besides the package's; raises UsageError for one that there is not."""
+    """The folders on PLUMB_SYSTEM_PATH; raises UsageError for one that does not exist."""
     places = [Path(place).resolve() for place in os.environ.get(SEARCH_PATH, "").split(os.pathsep) if place]
     for place in places:
         if not place.is_dir():
@@ -228,12 +232,12 @@ def systems() -> dict[str, System]:
 
 
 def names() -> tuple[str, ...]:
-    """Of all systems, in the order of their numbers."""
+    """Names of all systems, in the order of their numbers."""
     return tuple(systems())
 
 
 def system(name: str) -> System:
-    """Raises UsageError, with a sentence, for a system that there is not."""
+    """The declaration of a system; raises UsageError for an unknown name."""
     declared = systems().get(name)
     if declared is None:
         raise UsageError(f"there is no system '{name}'; this version has {', '.join(systems())}")
@@ -241,7 +245,7 @@ def system(name: str) -> System:
 
 
 def name_of(number: int) -> str:
-    """The name of the system with that number; raises UsageError for a number that none has."""
+    """Name of the system with that number; raises UsageError if no system has it."""
     for declared in systems().values():
         if declared.number == number:
             return declared.name
@@ -251,7 +255,7 @@ def name_of(number: int) -> str:
 
 @lru_cache(maxsize=1)
 def blocks() -> dict[str, TomlTable]:
-    """Name -> state struct of a kernel: `struct`, `header`, `words`."""
+    """Kernel -> its state struct in C: `struct`, `header`, `words` (blocks.toml)."""
     return tomllib.loads(BLOCKS_PATH.read_text(encoding="utf-8"))
 
 
@@ -262,7 +266,7 @@ def shared() -> TomlTable:
 
 
 def group_of(parameter: str) -> str:
-    """The group that a parameter is of, by their names: `kalman` of kalman.qb; "" where it stands alone."""
+    """The group of a parameter, from its name: `kalman` of kalman.qb; "" for a parameter without a group."""
     return parameter.rpartition(".")[0]
 
 
@@ -326,7 +330,7 @@ def _system(folder: Path, table: TomlTable) -> System:
 
 
 def _record(entries: Iterable[TomlTable]) -> tuple[list[Word], list[Member]]:
-    """The words between setpoint and flags, and the members of the C struct that they are."""
+    """The words between setpoint and flags, and the members of the C struct that hold them."""
     words: list[Word] = []
     members: list[Member] = []
     for entry in entries:
@@ -404,7 +408,8 @@ _ROW: dict[str, type] = {
 
 
 def _check_text(what: str, value: object, pattern: re.Pattern[str] | None = None) -> None:
-    """A line of text, and a name of the pattern: generated C and DBC hold it as it is. Raises UsageError."""
+    """Raises UsageError unless the value is a line of text that fits into C comments and the DBC, and, with a pattern,
+    a name that matches it."""
     if not isinstance(value, str) or not value.isprintable() or "*/" in value or '"' in value:
         raise UsageError(f"{what} is a line of text without quotes or */, not {value!r:.40}")
     if pattern is not None and (not pattern.fullmatch(value) or value in C_KEYWORDS):
@@ -412,7 +417,7 @@ def _check_text(what: str, value: object, pattern: re.Pattern[str] | None = None
 
 
 def _check_units(system: System) -> None:
-    """Every unit, of base units and the system's own quantities; raises UsageError."""
+    """Raises UsageError for a unit with a part that is neither a base unit nor one of the system's quantities."""
     own = [word.name for word in system.words]
     own += [row["name"].rpartition(".")[2] for row in system.parameters]
     stated = [(f"word {word.name}", word.unit) for word in system.words]
@@ -425,7 +430,7 @@ def _check_units(system: System) -> None:
 
 
 def _check_groups(system: System) -> None:
-    """The shared groups that the step reads, and those that calibrate its channels. Raises UsageError."""
+    """Raises UsageError for an unknown shared group, and for a channel whose axis or calibration is wrong."""
     rows = [*shared()["parameter"], *system.parameters]
     known = list(dict.fromkeys(group_of(row["name"]) for row in shared()["parameter"] if row["owner"] == "control"))
     for group in system.groups:
@@ -434,8 +439,8 @@ def _check_groups(system: System) -> None:
     for channel in system.channels:
         if channel.axis and not (channel.calibration and _AXIS.fullmatch(str(channel.axis))):
             raise UsageError(
-                f"channel {channel.name}: axis = {channel.axis!r:.40}: gyr_x, acc_y, ang_z and the like, or -acc_x, of "
-                "a channel with a calibration"
+                f"channel {channel.name}: axis = {channel.axis!r:.40}: write gyr, acc or ang with _x, _y or _z, as in "
+                "gyr_x or -acc_y, and give the channel a calibration"
             )
         if not channel.calibration:
             continue
@@ -448,7 +453,7 @@ def _check_groups(system: System) -> None:
 
 
 def _check_names(system: System) -> None:
-    """Every text and name of a declaration; raises UsageError."""
+    """Raises UsageError for a text or a name that generated C or the DBC cannot hold."""
     _check_text("title", system.title)
     for word in system.words:
         _check_text("a word of the record", word.name, _LOWER)
@@ -478,7 +483,7 @@ def _check_names(system: System) -> None:
 
 
 def _check_parameters(system: System) -> None:
-    """The rows of the system's own parameters; raises UsageError. `plumb.spec.parameters` checks their ranges."""
+    """Raises UsageError for a malformed row of the system's own parameters. `plumb.spec.parameters` checks ranges."""
     for row in system.parameters:
         name = row.get("name", "without a name")
         former = row.get("was", [])
@@ -500,7 +505,7 @@ def _check_parameters(system: System) -> None:
 
 
 def _check_folder(system: System) -> None:
-    """What the declaration says of modules in its folder; raises UsageError."""
+    """Raises UsageError for a command or a part that the declaration names and the folder lacks."""
     for name, text in system.commands.items():
         _check_text(f"command {name}", text)
         if not _COMMAND.fullmatch(name):

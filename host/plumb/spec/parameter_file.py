@@ -1,4 +1,4 @@
-"""The table of parameters as people write it: NAME=VALUE on a command line, and a TOML file with every value.
+"""Parameters as people write them: NAME=VALUE on the command line, and a TOML file with every value of the table.
 
     crc32 = "0xdd6be592"              # of the whole table the values were taken from
 
@@ -24,14 +24,14 @@ from plumb.spec.parameters import Parameter
 from plumb.spec.units import meaning
 
 MOST_BYTES = 1 << 20
-"""Of a file of parameters, which takes 10 KiB."""
+"""Largest file of parameters that is read; `plumb params dump` writes about 10 KiB."""
 
 EXCERPT = 60
-"""Characters of a name or a value that is not understood."""
+"""Characters of a name or a value that an error message repeats."""
 
 
 def row_named(name: str) -> Parameter:
-    """The row of that name; raises UsageError with the names nearest to it."""
+    """The row of that name; raises UsageError that suggests similar names."""
     names = [row.name for row in parameters.table()]
     if name in names:
         return parameters.table()[names.index(name)]
@@ -51,13 +51,14 @@ def _in_range(row: Parameter, value: int) -> int:
 
 
 def _counted_in(row: Parameter) -> str:
-    """The Q format and the unit of a row's integer, in parentheses; empty where it has neither."""
+    """Q format and unit of a row's integer, in parentheses; "" if it has neither."""
     parts = [row.format] * row.format.startswith("Q") + [f"unit {row.unit}"] * bool(row.unit)
     return f" ({', '.join(parts)})" if parts else ""
 
 
 def assignments(texts: Iterable[str]) -> dict[str, int]:
-    """NAME=VALUE each, the value an integer in decimal or 0x..; raises UsageError for what is none or out of range."""
+    """Parse NAME=VALUE texts; a value is an integer in decimal or 0x... Raises UsageError for a text that is not one,
+    for an unknown name, and for a value out of range."""
     result: dict[str, int] = {}
     for text in texts:
         name, equals, number = text.partition("=")
@@ -75,12 +76,12 @@ def assignments(texts: Iterable[str]) -> dict[str, int]:
 
 
 def by_name(words: Sequence[int]) -> dict[str, int]:
-    """A table's words by name, in order; those this version has no row for are left out."""
+    """The words of a table by name, in order; words without a row in this version are left out."""
     return {row.name: word for row, word in zip(parameters.table(), words, strict=False)}
 
 
 def warnings(values: Mapping[str, int]) -> list[str]:
-    """What the board takes and people seldom mean, one sentence each."""
+    """Warnings about settings that the board accepts and that are probably a mistake, one sentence each."""
     system = declarations.name_of(values["system"])
     name, run_us = declarations.system(system).period, values["period_us"]
     filter_us = parameters.period_s(system, values) * 1e6
@@ -93,7 +94,7 @@ def warnings(values: Mapping[str, int]) -> list[str]:
 
 
 def text_of(words: Sequence[int]) -> str:
-    """The file of a whole table."""
+    """The text of a file with the whole table."""
     values = by_name(words)
     lines = [
         "# Parameters of a plumb board. The values are the integers of its table; what they mean stands beside them.",
@@ -110,7 +111,8 @@ def text_of(words: Sequence[int]) -> str:
 
 
 def write(path: Path, text: str) -> None:
-    """The whole file, or what was there before; raises UsageError when it cannot be written."""
+    """Write the file atomically: after a failure the old file is still there. Raises UsageError if it cannot be
+    written."""
     try:
         target = path.resolve()
         if target.exists() and not target.is_file():  # a device or a pipe is written to, never replaced
@@ -125,9 +127,12 @@ def write(path: Path, text: str) -> None:
 
 @dataclass(frozen=True)
 class TableFile:
-    """What a file says. values: those with a row in this version's table, in range. renamed: former name -> name of the
-    rows that the file knows by a former name. unknown: names without a row. missing: rows that the file does not name.
-    edited: it holds a whole table, and its CRC is of another one."""
+    """Contents of a parameter file.
+
+    values: the values that have a row in this version's table, checked against its range. renamed: former name -> present
+    name, for rows that the file gives under a former name. unknown: names without a row. missing: rows that the file
+    lacks. edited: the file holds a whole table whose CRC-32 differs from the stated one.
+    """
 
     values: dict[str, int]
     renamed: dict[str, str]
@@ -137,7 +142,7 @@ class TableFile:
 
 
 def _excerpt(value: object) -> str:
-    """What a file says, short enough for a sentence, and without what moves a terminal's cursor."""
+    """A value of the file for an error message: shortened, and escaped so that it cannot control a terminal."""
     if isinstance(value, list | dict):
         return "a list" if isinstance(value, list) else "a table"
     text = ascii(value)
@@ -145,7 +150,7 @@ def _excerpt(value: object) -> str:
 
 
 def read(path: Path) -> TableFile:
-    """Raises UsageError in one sentence for a file that cannot be read, or a value that cannot be."""
+    """Read a parameter file; raises UsageError if it cannot be read or holds an invalid value."""
     text = input_files.read_text(path, MOST_BYTES, "give a file of `plumb params dump`")
     try:
         said = tomllib.loads(text)

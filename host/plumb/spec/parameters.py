@@ -1,8 +1,8 @@
-"""The table of parameters: every 32-bit word a run depends on, by number, with limits in integers.
+"""The parameter table: every 32-bit word that a run depends on, by number, with limits as integers.
 
-`parameters.toml` has the parameters that systems share and those of the link, each system's declaration has its own
-(`plumb.spec.declarations`): the firmware's table is generated from them, and the host checks against them. Units and
-formats are for people; what a tuning in engineering units comes to is worked out by `plumb.tuning.quantise`.
+`parameters.toml` declares the parameters that systems share and those of the link; each system declares its own
+(`plumb.spec.declarations`). The firmware's table is generated from them, and the host checks values against them.
+`plumb.tuning.quantise` computes the integers of a tuning in engineering units.
 """
 
 from __future__ import annotations
@@ -19,14 +19,16 @@ from plumb.spec import declarations
 from plumb.spec.speed_controllers import GAP_HALFUS, foreign_parameter
 
 ERASED = 0xFFFF
-"""No row's id: what erased flash reads as."""
+"""The value of erased flash; no row may have it as its id."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One word. name: the member of plumb_params_t, or of the link's part. owner: control or link. type: int32 or
-    uint32. format: what the integer stands for. min, max, default: integers as the firmware holds them. was: former
-    names, the first one first."""
+    """One row of the table: a 32-bit word.
+
+    name: member of plumb_params_t, or of the link's part. owner: control or link. type: int32 or uint32. format: what
+    the integer stands for. min, max, default: integers as the firmware holds them. was: former names, oldest first.
+    """
 
     name: str
     owner: str
@@ -41,23 +43,23 @@ class Parameter:
 
     @property
     def id(self) -> int:
-        """What stays when numbers and names change: CRC-16 (polynomial 0x1021, from 0xFFFF) of the first name."""
+        """CRC-16 of the oldest name (polynomial 0x1021, initial value 0xFFFF): stays when the row moves or is renamed."""
         return binascii.crc_hqx((*self.was, self.name)[0].encode(), 0xFFFF)
 
     @property
     def group(self) -> str:
-        """The member of plumb_params_t it is part of: `kalman` of kalman.qb; "" where it stands alone."""
+        """The group, a member of plumb_params_t: `kalman` of kalman.qb; "" for a parameter without a group."""
         return declarations.group_of(self.name)
 
     def out_of_range(self, value: int) -> str:
-        """What is wrong with a value outside the range, without a full stop."""
+        """Error text for a value outside the range, without a full stop."""
         if value.bit_length() > 64:
             return f"{self.name} = {hex(value)[:10]}.. is outside {self.min} to {self.max}"
         foreign = foreign_parameter(self.name, value)
         return f"{self.name} = {value} is outside {self.min} to {self.max}" + (f": {foreign}" if foreign else "")
 
     def from_word(self, word: int) -> int:
-        """The integer of 32 bits as they came."""
+        """The value of a received 32-bit word: two's complement for int32."""
         return word - (1 << 32) if self.type == "int32" and word & 0x80000000 else word
 
 
@@ -69,7 +71,7 @@ def _system_row() -> Parameter:
 
 
 def _row(given: declarations.TomlTable) -> Parameter:
-    """A declared row. The text of one that calibrates raw channels says which, system by system."""
+    """A declared row. The text of a calibration row also names the channels that it calibrates, for each system."""
     row = Parameter(**{**given, "was": tuple(given.get("was", ()))})
     calibrated = {
         name: ", ".join(channel.name for channel in system.channels if channel.calibration == row.group)
@@ -81,8 +83,8 @@ def _row(given: declarations.TomlTable) -> Parameter:
 
 
 def load() -> tuple[Parameter, ...]:
-    """The rows in order: system, shared groups, groups of the systems in the order of their names, link; raises
-    UsageError with a sentence for a row that cannot be."""
+    """The rows in order: system, shared groups, groups of the systems in the order of their names, link. Raises
+    UsageError for an invalid row."""
     given = [_row(row) for row in declarations.shared()["parameter"]]
     own = [_row(row) for _, system in sorted(declarations.systems().items()) for row in system.parameters]
     control = [_system_row(), *(row for row in given if row.owner == "control"), *own]
@@ -92,7 +94,7 @@ def load() -> tuple[Parameter, ...]:
 
 
 def check(rows: Sequence[Parameter]) -> None:
-    """Raises UsageError with a sentence for rows that cannot be, or not together."""
+    """Raises UsageError for a row with an invalid range, type or owner, and for names or ids that collide."""
     for row in rows:
         low, high = (-(1 << 31), (1 << 31) - 1) if row.type == "int32" else (0, (1 << 32) - 1)
         if row.type not in ("int32", "uint32") or not low <= row.min <= row.default <= row.max <= high:
@@ -107,7 +109,7 @@ def check(rows: Sequence[Parameter]) -> None:
 
 
 WIRING = ("pins", "dead_time_ns", "can_bitrate_kbit")
-"""Parameters that belong to how a board is wired, not to what it runs."""
+"""Parameters that describe the wiring of a board. An upload leaves them as the board has them."""
 
 
 @lru_cache(maxsize=1)
@@ -118,12 +120,12 @@ def table() -> tuple[Parameter, ...]:
 
 @lru_cache(maxsize=1)
 def new_names() -> Mapping[str, str]:
-    """Former name -> the name that the row has now."""
+    """Former name -> present name."""
     return {old: row.name for row in table() for old in row.was}
 
 
 def crc32(words: Sequence[int]) -> int:
-    """CRC-32 of the whole table, as a commit carries it; words signed or unsigned, each taken modulo 2^32."""
+    """CRC-32 of the whole table, as a commit carries it. Words may be signed or unsigned; each is taken modulo 2^32."""
     return zlib.crc32(struct.pack(f"<{len(words)}I", *(word & 0xFFFFFFFF for word in words)))
 
 
@@ -136,15 +138,15 @@ _AT_MOST = (
     ("esc.min_halfus", "esc.mid_halfus"),
     ("esc.mid_halfus", "esc.max_halfus"),
 )
-"""Pairs of which the first may not be more than the second."""
+"""Pairs (a, b) with a <= b."""
 
 
 SCAN_US = 50
-"""BOARD_SCAN_US of firmware/app/board_sensors.h."""
+"""Duration of one scan of the analogue inputs in us: BOARD_SCAN_US of firmware/app/board_sensors.h."""
 
 
 def contradiction(words: Sequence[int]) -> str | None:
-    """The first pair of a whole table that the board refuses together, as a sentence; None where there is no such."""
+    """Error text for the first pair of values that contradict each other, as the board checks; None if there is none."""
     values = {row.name: row.from_word(word & 0xFFFFFFFF) for row, word in zip(table(), words, strict=True)}
     for low, high in _AT_MOST:
         if values[low] > values[high]:
@@ -161,21 +163,21 @@ def contradiction(words: Sequence[int]) -> str | None:
 
 
 def period_s(system: str, values: Mapping[str, int]) -> float:
-    """The period of a step that the parameters are for. values: the table, or its control part, by name."""
+    """Period of a step in s, from the system's period parameter. values: the table, or its control part, by name."""
     name = declarations.system(system).period
     row = next(row for row in table() if row.name == name)
     return values[name] / 2.0 ** int(row.format[1:])
 
 
 UNIT = "variance_turn2_q56"
-"""The unit of variance of a control part: the one word of the link's part that goes with it."""
+"""Parameter of the link's part that holds the unit of variance of the control part; the host writes both together."""
 
 
 def whole_table(control_words: Sequence[int], **link_words: int) -> list[int]:
-    """Every word of the table in order: the control part, then the link's, from link_words or their defaults;
-    variance_turn2_q56 is 0, not known, where it is not given with a control part of its own.
+    """Every word of the table in order: the control part, then the link's part from link_words, else its defaults.
 
-    Raises UsageError when the number of words is wrong, a name is unknown, or a value is out of its range.
+    variance_turn2_q56 becomes 0 (unknown) if it is not in link_words and the control part is not the default one.
+    Raises UsageError if the number of words is wrong, a name is unknown, or a value is out of range.
     """
     rows = table()
     control = [row for row in rows if row.owner == "control"]

@@ -1,9 +1,8 @@
-"""Messages: the DBC, the checksum and the counter, as raw integers.
+"""Pack and unpack the messages of the link: layout, CRC-8 and counter, as raw integers.
 
-The DBC is the only definition: every position, width and sign used here is read from it through cantools once. Its text
-is that of the link's messages and of the frames that the systems declare (`plumb.spec.dbc`).
-A frame is `(identifier, data)` with eight bytes of data. Scales and units are for people and other tools; plumb itself
-works with the raw integers, so that nothing is rounded.
+The DBC (`plumb.spec.dbc`) is the only definition: every position, width and sign used here is read from it through
+cantools. A frame is `(identifier, data)` with eight bytes of data. The scales and units of the DBC serve people and
+other tools; plumb works with the raw integers, so that nothing is rounded.
 """
 
 from __future__ import annotations
@@ -48,10 +47,10 @@ def crc8_start(identifier: int, dlc: int = FRAME_DLC) -> int:
 
 
 def crc8(identifier: int, data: bytes) -> int:
-    """Byte 0 that a frame must have. data: all bytes of the frame; byte 0 does not enter.
+    """The CRC-8 that belongs into byte 0. data: all bytes of the frame; byte 0 is ignored.
 
-    Bytes go in from the last one back to byte 1, so that the payload is one code word in the order of CAN's bits and
-    every burst of up to 8 bits is detected (docs/reference/protocol.md, "A frame").
+    The CRC runs over the last byte first, down to byte 1, so that the payload is one code word in the bit order of CAN
+    and every burst of up to 8 bits is detected (docs/reference/protocol.md, "A frame").
     """
     crc = crc8_start(identifier, len(data))
     table = CRC8_TABLE
@@ -61,7 +60,7 @@ def crc8(identifier: int, data: bytes) -> int:
 
 
 def check(identifier: int, data: bytes) -> bool:
-    """True for eight bytes with the right CRC."""
+    """True if the frame has eight bytes and the right CRC."""
     return len(data) == FRAME_DLC and data[0] == crc8(identifier, data)
 
 
@@ -94,11 +93,11 @@ class Message:
         return named
 
     def choice(self, signal: str, value: int) -> str:
-        """The name the DBC has for a value, else the number."""
+        """The DBC's name for a value; the number as text if it has none."""
         return self.choices.get(signal, {}).get(value, str(value))
 
     def value(self, signal: str, choice: str) -> int:
-        """The number the DBC has for a name; raises KeyError for a name it has not."""
+        """The value that the DBC gives a name; raises KeyError for an unknown name."""
         for number, name in self.choices.get(signal, {}).items():
             if name == choice:
                 return number
@@ -106,7 +105,7 @@ class Message:
 
 
 def load_database(path: Path | None = None) -> Database:
-    """A DBC as cantools reads it: that of all systems there are, or of a file."""
+    """The DBC of a file, or of all systems (path None), as cantools reads it."""
     import cantools
 
     text = dbc.text() if path is None else path.read_text(encoding="utf-8")
@@ -116,7 +115,7 @@ def load_database(path: Path | None = None) -> Database:
 
 
 def message_of(definition: object) -> Message:
-    """The layout of one cantools message; raises ValueError when it breaks the rules every frame keeps."""
+    """The layout of one cantools message; raises ValueError if it breaks a rule that all frames follow."""
     from cantools.database.can import Message as Definition
 
     assert isinstance(definition, Definition)
@@ -147,10 +146,10 @@ def message_of(definition: object) -> Message:
 
 
 def canonical_text(database: Database) -> str:
-    """What the definitions come down to: one line a message, one a signal, one a named value; nothing of comments.
+    """The text that the DBC hash is taken over: one line for each message, signal and named value, without comments.
 
-    docs/reference/protocol.md, "Versions", has the format. Messages by identifier, signals by first bit, values by
-    number.
+    Messages are sorted by identifier, signals by first bit, values by number. Format: docs/reference/protocol.md,
+    "Versions".
     """
     lines = [f"version {database.version}"]
     for definition in sorted(database.messages, key=lambda message: message.frame_id):
@@ -169,7 +168,7 @@ def canonical_text(database: Database) -> str:
 
 @dataclass(frozen=True)
 class Protocol:
-    """Everything the DBC says, ready for use."""
+    """All messages of the DBC. version: of the protocol; dbc_hash: CRC-32 of canonical_text()."""
 
     version: int
     dbc_hash: int
@@ -192,5 +191,5 @@ def protocol_of(database: Database) -> Protocol:
 
 @lru_cache(maxsize=1)
 def protocol() -> Protocol:
-    """The protocol of this version of plumb; reading the DBC takes a moment, so it is done once and when needed."""
+    """The protocol of this version of plumb, read at the first call because parsing the DBC is slow."""
     return protocol_of(load_database())

@@ -1,8 +1,8 @@
-"""The words of a step: raw inputs, intermediates and outputs, in the written order that digests are taken over.
+"""The record of a step: its words (raw inputs, intermediate values, outputs) in the declared order.
 
-One numpy record per step and system, little endian, without padding: the same bytes as the firmware's struct. The order
-is the one that each system declares; the C struct is generated from the same declaration. Every record begins with the
-raw counts and the setpoint as given, and ends with the flags and the number of the step.
+A record is little endian and without padding, byte for byte the firmware's struct, which is generated from the same
+declaration; the digest of a step is the CRC-32 of these bytes. Every record begins with the raw counts and the setpoint
+and ends with the flags and the step number.
 """
 
 from __future__ import annotations
@@ -19,34 +19,34 @@ from plumb.spec import declarations
 
 
 def dtype_of(words: Iterable[declarations.Word]) -> np.dtype[np.void]:
-    """The packed record of declared words."""
+    """Packed numpy type of a record with these words."""
     return np.dtype([(word.name, declarations.TYPES[word.type]) for word in words])
 
 
 RECORDS: dict[str, np.dtype[np.void]] = {
     name: dtype_of(system.words) for name, system in declarations.systems().items()
 }
-"""The record of each system, in the order of their numbers."""
+"""System -> numpy type of its record, in the order of the systems' numbers."""
 
 
 def block_dtype(name: str) -> np.dtype[np.void]:
-    """The state struct of a kernel, as `plumb.spec.declarations.blocks` has it, of words that are no arrays."""
+    """Numpy type of a kernel's state struct (blocks.toml); only for structs without arrays."""
     return np.dtype([(word["name"], declarations.TYPES[word["type"]]) for word in declarations.blocks()[name]["words"]])
 
 
 def names_of(system: str) -> tuple[str, ...]:
-    """The words of a system's step in the written order."""
+    """Names of the words of a system's record, in order."""
     return RECORDS[system].names or ()
 
 
 def packer(system: str) -> struct.Struct:
-    """Packs the values of one step, in the written order, into the bytes that the digest is taken over."""
+    """Packs the values of one record, in order, into the bytes that the digest is taken over."""
     kinds = {"i4": "i", "u4": "I", "i8": "q", "u8": "Q"}
     return struct.Struct("<" + "".join(kinds[RECORDS[system][name].str[1:]] for name in names_of(system)))
 
 
 class Words(Mapping[str, npt.NDArray[np.int64]]):
-    """Name -> int64 array of shape (steps,) or (steps, runs), backed by one packed record array of one system."""
+    """The records of a run of one system, by word: name -> int64 array of shape (steps,) or (steps, runs)."""
 
     def __init__(self, record: npt.NDArray[np.void]) -> None:
         if record.dtype not in RECORDS.values():
@@ -55,7 +55,7 @@ class Words(Mapping[str, npt.NDArray[np.int64]]):
 
     @classmethod
     def from_bytes(cls, data: bytes | bytearray | memoryview, shape: tuple[int, ...], system: str) -> Words:
-        """From the packed bytes of the firmware's struct, steps (then runs) in C order."""
+        """From the packed bytes of the firmware's structs. shape: (steps,) or (steps, runs), in C order."""
         return cls(np.frombuffer(data, RECORDS[system]).reshape(shape))
 
     @property
@@ -76,7 +76,7 @@ class Words(Mapping[str, npt.NDArray[np.int64]]):
         return len(self.names)
 
     def digests(self) -> npt.NDArray[np.uint32]:
-        """CRC-32 of every step's bytes, shape (steps,) or (steps, runs)."""
+        """CRC-32 of every record, shape (steps,) or (steps, runs)."""
         size = self.record.dtype.itemsize
         data = memoryview(self.record.tobytes())
         crcs = [zlib.crc32(data[at : at + size]) for at in range(0, len(data), size)]

@@ -1,8 +1,8 @@
-"""The words of a record as signals in units: the name with its unit, the unit, and the value of one.
+"""Signals in engineering units: name with unit, unit, and scale of every word that is a physical quantity.
 
-`tilt_turn_q32` is `tilt_deg` in the project's units (deg, deg/s, g) and `tilt_rad` in those of SI. Words whose format
-or unit says no quantity, as a variance in lsb, have no signal. Where two words are the same quantity, as the state of a
-filter and what is published of it, the signal is the later one, which is published.
+The word `tilt_turn_q32` is the signal `tilt_deg` in the project's units (deg, deg/s, g) and `tilt_rad` in SI units. A
+word without a physical unit, such as a variance in lsb, has no signal. If two words hold the same quantity (the state of
+a filter and its published value), the signal is the later word, which is the published one.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ _SCALES: dict[str, tuple[tuple[str, str, float], tuple[str, str, float]]] = {
     "command": (("", "", 1.0), ("", "", 1.0)),
     "": (("", "", 1.0), ("", "", 1.0)),
 }
-"""Unit of a declared word -> (end of the signal's name, unit, value of one), of the project and of SI."""
+"""Unit of a declared word -> (suffix of the signal's name, unit, scale), in the project's units and in SI."""
 _NAME = re.compile(r"(?P<stem>.+?)(_(turn|turnps|turnps2|g|mps|halfus|step))?(_q\d+)?(?P<index>_\d+)?")
 _FORMAT = re.compile(r"Q(\d+)")
 
 
 @dataclass(frozen=True)
 class WordSignal:
-    """A word as a signal. name: with its unit at the end; scale: the value of one of the word's integers."""
+    """A word as a signal in `unit`. name: ends in the unit; scale: value of one LSB of the word."""
 
     name: str
     unit: str
@@ -43,8 +43,8 @@ class WordSignal:
 
 @lru_cache(maxsize=64)
 def word_signals(system: str, si: bool = False) -> dict[str, WordSignal]:
-    """Signal -> where it comes from, in the order of the record. si: in rad, rad/s and m/s^2, else in deg, deg/s and g.
-    Raises UsageError for a system that does not exist."""
+    """The signals of a system by name, in the order of the record. si: rad, rad/s and m/s^2 instead of deg, deg/s and g.
+    Raises UsageError for an unknown system."""
     found: dict[str, WordSignal] = {}
     for word in declarations.system(system).words:
         bits = 0 if word.format == "integer" else None

@@ -1,4 +1,4 @@
-"""The signals of a system's frames as columns: the name, the unit in the name, the value of one."""
+"""The signals of a system's telemetry frames as columns of a table: column name with unit, and scale."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from plumb.spec import dbc
 from plumb.spec.protocol import load_database
 
 UNITS = {"deg": "_deg", "deg/s": "_dps", "us": "_us", "m/s": "_mps"}
-"""Unit of the DBC -> end of a column's name."""
+"""Unit in the DBC -> suffix of the column's name."""
 
 Signal = tuple[str, str]
 """(message, signal) as the DBC names them."""
@@ -16,9 +16,9 @@ Signal = tuple[str, str]
 
 @lru_cache(maxsize=32)
 def signals(system: str) -> list[tuple[Signal, str, float]]:
-    """(signal, its column, value of one) of all frames that a system may send, in their order.
+    """(signal, column, scale) of all frames of a system, in order. scale: value of one LSB.
 
-    A column has the signal's name; where an earlier frame has one of that name, the frame's or both."""
+    A column is named after its signal; if an earlier frame has a signal of that name, after the frame or after both."""
     found: list[tuple[Signal, str, float]] = []
     taken: set[str] = set()
     database = load_database()

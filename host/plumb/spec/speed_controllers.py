@@ -1,6 +1,6 @@
-"""Speed controllers that plumb drives, and a sentence that names an unsupported kind.
+"""Recognise settings for speed controllers that plumb does not support.
 
-plumb drives one-way PWM controllers alone: pulses of 900 to 2100 us, neutral (motor off) at the lower end, frames of
+plumb drives one-way PWM controllers only: pulses of 900 to 2100 us, neutral (motor off) at the lower end, frames of
 2040 to 20000 us. firmware/core/esc.h has the same bounds, and the board clamps every pulse to them.
 """
 
@@ -21,7 +21,7 @@ _SHORT_PULSES = (
 
 
 def foreign_pulse(pulse_us: float) -> str:
-    """The kind of controller that a pulse too short for plumb belongs to, as a sentence; '' where it is not known."""
+    """A sentence that names the kind of controller a too short pulse is for; "" if the kind is unknown."""
     for most_us, kind in _SHORT_PULSES:
         if 0 < pulse_us <= most_us:
             return f"{pulse_us:g} us is a pulse of {kind}; {ONE_WAY}"
@@ -29,21 +29,22 @@ def foreign_pulse(pulse_us: float) -> str:
 
 
 def foreign_neutral(neutral_us: float) -> str:
-    """Two-way controllers, whose motor is off in the middle, as a sentence; '' for a neutral pulse of another kind."""
+    """A sentence about a neutral pulse that is not at the lower end (two-way controllers), or is too short; "" if it is
+    neither."""
     if NEUTRAL_MAX_US < neutral_us <= PULSE_US[1]:
         return f"a neutral pulse of {neutral_us:g} us is that of a two-way (3D) controller; {ONE_WAY}"
     return foreign_pulse(neutral_us)
 
 
 def foreign_frame(frame_us: float) -> str:
-    """Controllers that take shorter frames, as a sentence; '' where the frame is long enough."""
+    """A sentence that names the controllers for a frame too short for plumb; "" if the frame is long enough."""
     if frame_us >= FRAME_MIN_US:
         return ""
     return f"frames of {frame_us:g} us are for OneShot125, OneShot42, Multishot or DShot controllers; {ONE_WAY}"
 
 
 def foreign_parameter(name: str, value: int) -> str:
-    """What a parameter that is out of its range was probably meant for, as a sentence; '' for every other one."""
+    """A sentence that names the kind of controller an out-of-range parameter is probably for; "" if none is known."""
     if name == "esc.neutral_halfus":
         return foreign_neutral(value / 2)
     if name == "esc_period_us":

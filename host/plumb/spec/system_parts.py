@@ -1,9 +1,8 @@
-"""Load a module of a system's folder, and check that it offers what its contract says.
+"""Load a module of a system's folder and check it against its contract.
 
-A contract is a Protocol that is declared beside the code that uses the part: those of `plumb.systems.contracts` for
-scenarios, pins and steps, one in `plumb.tuning.quantise`, `plumb.proof` and `plumb.cli` each for what these load. A
-system is chosen by name when the program runs, so that the type checker cannot hold its modules to their contracts;
-`load` does, in one sentence that names everything that is missing.
+A contract is a Protocol, declared beside the code that uses the module: `plumb.systems.contracts` for scenarios, pins
+and steps, one each in `plumb.tuning.quantise`, `plumb.proof` and `plumb.cli`. A system is chosen by name at run time,
+when no type checker sees its modules; therefore `load` checks them and names everything that is missing.
 """
 
 from __future__ import annotations
@@ -24,9 +23,10 @@ P = TypeVar("P", covariant=True)
 
 @dataclass(frozen=True)
 class Part(Generic[P]):
-    """A module of a system's folder: its file's name without .py, and the Protocol P of what it offers.
+    """A module of a system's folder.
 
-    without: what a system that leaves the part out cannot do, after which UsageError; "": every system has the part.
+    name: of its file, without .py. contract: the Protocol P that it implements. without: what a system without this part
+    cannot do, for the UsageError; "" for a part that every system must have.
     """
 
     name: str
@@ -35,8 +35,8 @@ class Part(Generic[P]):
 
 
 def load(system: str, part: Part[P]) -> P:
-    """The part of a system. Raises UsageError for a system that does not exist, a part that it leaves out, and a
-    module that does not offer what the contract says."""
+    """The part of a system. Raises UsageError for an unknown system, a missing part, and a module that does not fulfil
+    the contract."""
     declared = declarations.system(system)
     if not (declared.folder / f"{part.name}.py").is_file():
         reason = part.without or "every system has this file: CONTRIBUTING.md, 'Add a system', says what it offers"
@@ -48,7 +48,7 @@ def load(system: str, part: Part[P]) -> P:
 
 @cache
 def check(module: ModuleType, contract: type) -> None:
-    """Raises UsageError that names what the module does not offer of the contract."""
+    """Raises UsageError that names everything the module lacks of the contract."""
     missing = []
     for name, member in members_of(contract).items():
         if not isinstance(member, FunctionType):
@@ -64,13 +64,13 @@ def check(module: ModuleType, contract: type) -> None:
 
 
 def members_of(contract: type) -> dict[str, object]:
-    """The public names of a Protocol, those of its bases first, each with what the Protocol has under that name."""
+    """The public members of a Protocol by name, those of its bases first."""
     kinds = reversed(contract.__mro__[: contract.__mro__.index(cast(type, Protocol))])
     return {name: member for kind in kinds for name, member in vars(kind).items() if not name.startswith("_")}
 
 
 def _keywords_missing(offered: Callable[..., object], wanted: Callable[..., object]) -> list[str]:
-    """Keyword arguments of the contract's function that the module's does not take."""
+    """Keyword arguments of the contract's function that the module's function does not accept."""
     taken = inspect.signature(offered).parameters.values()
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in taken):
         return []

@@ -1,9 +1,9 @@
-"""A tuning in engineering units: what a person sets, before anything is an integer.
+"""Tuning: the settings of a system in engineering units, before quantisation.
 
-Frozen dataclasses of plain floats, in the order of the data flow; names carry the units: deg, deg/s (dps), g, s, us.
-Here are the settings of kernels that systems share; the tuning of a system is `plumb.systems.NAME.tuning`.
-`plumb.tuning.quantise` turns a Tuning into the integers of the firmware and back; `plumb.systems.run_reference` runs on
-a Tuning directly.
+Frozen dataclasses of floats, in the order of the data flow; names carry the units: deg, deg/s (dps), g, s, us. This
+module has the settings of the kernels that systems share; a system's own tuning is in `plumb.systems.NAME.tuning`.
+`plumb.tuning.quantise` converts a tuning to the integers of the firmware and back; `plumb.systems.run_reference` uses a
+tuning directly.
 """
 
 from __future__ import annotations
@@ -37,9 +37,10 @@ class Calibration:
 
 @dataclass(frozen=True)
 class Trust:
-    """Measurement variance from the length of the acceleration: R = min(r_deg2 + gain * (|a|^2 - 1 g^2)^2, r_max_deg2).
+    """Measurement variance R from the magnitude of the acceleration a.
 
-    gain_deg2 is in deg^2 per g^4; zero gives a constant R. |a| needs both accelerometer axes.
+    R = min(r_deg2 + gain_deg2 * (|a|^2 - 1 g^2)^2, r_max_deg2). gain_deg2 is in deg^2 per g^4; 0 gives a constant R.
+    |a| is computed from both accelerometer axes.
     """
 
     r_deg2: float
@@ -49,9 +50,9 @@ class Trust:
 
 @dataclass(frozen=True)
 class Kalman:
-    """Process noise as densities: Q of one step is the density times the period. rate: which gyro sample is U(k).
+    """Process noise as densities: Q of one step is the density times the period. rate: the gyro sample used as U(k).
 
-    The bias that is published and taken off the rate stays within +-bias_max_dps, which is below 360.
+    The bias that is published and subtracted from the rate is limited to +-bias_max_dps (below 360).
     """
 
     q_angle_deg2_per_s: float
@@ -61,7 +62,7 @@ class Kalman:
 
     @classmethod
     def per_step(cls, q_angle_deg2: float, q_bias_dps2: float, period_us: int, rate: RateChoice = "previous") -> Kalman:
-        """The Q that is added at every step, as the papers print it."""
+        """From the Q that is added at every step, as papers state it. period_us: of the step."""
         steps_per_s = 1e6 / period_us
         return cls(q_angle_deg2 * steps_per_s, q_bias_dps2 * steps_per_s, rate)
 
@@ -79,9 +80,9 @@ class Start:
 
 @dataclass(frozen=True)
 class Pid:
-    """Command in [-1, 1] from the tilt error in deg; D acts on the measured rate behind a first-order filter.
+    """Command in [-1, 1] from the tilt error in deg. The D term acts on the measured rate behind a first-order low-pass.
 
-    What share of the actuator a command of 1 is, and its direction, is the span of Esc.
+    slew_per_s: largest change of the command per second. Esc.span_us sets what a command of 1 does and its direction.
     """
 
     kp_per_deg: float = 0.0
@@ -103,9 +104,9 @@ class Esc:
 
 
 class ForOnePeriod:
-    """A tuning is for one period; another period is another tuning.
+    """A tuning for one sample period; another period needs another tuning.
 
-    exact_period_s: what the integers make of the period, in a dequantised tuning (2^-35 s at most beside it).
+    exact_period_s: the quantised period, in a dequantised tuning; at most 2^-35 s from period_us.
     """
 
     period_us: int
@@ -118,7 +119,7 @@ class ForOnePeriod:
 
 @dataclass(frozen=True, kw_only=True)
 class AxisTuning(ForOnePeriod):
-    """What every system of one axis with a gyro, an accelerometer and a controller needs; a system adds its own."""
+    """Settings of a one-axis system with gyro, accelerometer and controller; a system adds its own."""
 
     system: ClassVar[str]
 
@@ -133,7 +134,7 @@ class AxisTuning(ForOnePeriod):
 
 
 class AnyTuning(Protocol):
-    """The tuning of any system: a frozen dataclass of its own; `system` says which."""
+    """The tuning of any system: a frozen dataclass; `system` is the name of the system."""
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]  # Any: what dataclasses.replace asks for, as typeshed has it
 
@@ -145,4 +146,4 @@ class AnyTuning(Protocol):
 
     @property
     def period_s(self) -> float:
-        """The same in s; what the integers make of it in a dequantised tuning."""
+        """The period in s; in a dequantised tuning the quantised period."""

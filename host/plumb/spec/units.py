@@ -1,7 +1,7 @@
-"""What the integers of the table mean, for people: each row's value in engineering units where its format says it.
+"""Values of the parameter table in engineering units.
 
-Angles come out in degrees and what is counted per step in seconds, by the period of the table itself. Variances are in
-a unit that the host chose for the set and the board never learns, so their integers stay as they are.
+Angles are given in degrees. Quantities per step are converted to quantities per second with the period of the same
+table. Variances have no engineering unit here: their lsb is chosen by the host for each set of parameters.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ _PER_UNIT: dict[str, tuple[str, float]] = {
     "0.5 us": ("us", 0.5),
 }
 _PER_STEP: dict[str, tuple[str, float]] = {"turn per step": ("deg/s", 360.0), "per step": ("1/s", 1.0)}
-"""To be divided by the period."""
+"""Unit of a row -> (unit, scale) after division by the period in s."""
 
 
 @dataclass(frozen=True)
 class Meaning:
-    """A value in its engineering unit, or the name of a choice; neither where the format does not say."""
+    """A value in its engineering unit, or the name of a choice; neither if the format has no engineering unit."""
 
     value: float | None = None
     unit: str = ""
@@ -39,7 +39,7 @@ class Meaning:
 
 
 def _fraction_bits(row: Parameter, values: Mapping[str, int]) -> int | None:
-    """How many bits of the integer are behind the point; None where the format does not say."""
+    """Fraction bits of the row's integer; None for a format without a binary point."""
     if row.format == "integer":
         return 0
     found = _FORMAT.fullmatch(row.format)
@@ -51,7 +51,7 @@ def _fraction_bits(row: Parameter, values: Mapping[str, int]) -> int | None:
 
 
 def meaning(row: Parameter, values: Mapping[str, int]) -> Meaning:
-    """What the row's integer stands for. values: the whole table by name, since some formats lean on other rows."""
+    """The value of a row in its engineering unit. values: the whole table by name; some formats depend on other rows."""
     value = values[row.name]
     if row.format == "choice":
         return Meaning(choice=dict(_CHOICE.findall(row.doc)).get(str(value), ""))
