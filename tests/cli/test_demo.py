@@ -117,7 +117,7 @@ def test_a_live_run_knows_its_truth_to_the_last_step() -> None:
 
 def test_a_board_that_disarms_itself_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is streamed after that is a drone that falls: no figure may come of it."""
-    monkeypatch.setattr(Session, "_answer_values", lambda session, frames: None)
+    monkeypatch.setattr(Session, "_answer_keep_alive", lambda session, frames: None)
     scenario = quad.scenario("hold", 1004, seconds=4.0)
     with VirtualBoard() as board, pytest.raises(LinkError, match="disarmed itself before step"):
         live_run.run_live(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]))

@@ -137,7 +137,7 @@ def test_another_system_begins_with_nothing_selected(new_board: NewBoard) -> Non
         system = systems.load("balancer")
         session.upload(quantise(system.TUNINGS[system.DEFAULT_TUNING]).words(), period_us=10_000)
         session.listener = lambda frames: heard.update(identifier for identifier, _ in frames)
-        session._answer_nonce("RUN_BEGIN", session.protocol["RUN_BEGIN"].value("run", "REALTIME_LIVE"))
+        session._execute_with_nonce("RUN_BEGIN", session.protocol["RUN_BEGIN"].value("run", "REALTIME_LIVE"))
         session.receive(0.05)
         session.receive(0.05)
         wanted = [session.protocol[name].identifier for name in ("STEP", "QUAD_ANGLE", "WORD")]

@@ -1,4 +1,4 @@
-"""Identity of a board, and the meaning of its refusals, faults and reports in words."""
+"""Identity of a board, and the text of its refusals, faults and reports."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def disarmed_text(cause: int, said: dict[str, int]) -> str:
 
 @dataclass(frozen=True)
 class Identity:
-    """Identity of a board. items: every item of IDENTITY by its name in the DBC."""
+    """Identity of a board, from its reply to HELLO. items: every item of IDENTITY by its name in the DBC."""
 
     items: dict[str, int]
     mismatch: str | None

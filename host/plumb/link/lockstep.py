@@ -1,8 +1,7 @@
-"""Lockstep: each sample of the host makes one step, with up to 16 samples in flight, and every step's digest comes
-back.
+"""Lockstep: the board runs one step for each sample from the host and returns the digest of the step.
 
-Lost frames are repeated in both directions: the board asks for a missing sample by its number, and answers a repeated
-sample with the digest of its step. A run is complete, or raises LinkError.
+Up to 16 samples are in flight. Lost frames are repeated in both directions: the board requests a missing sample by its
+number, and answers a repeated sample with the digest of its step. A run completes or raises LinkError.
 """
 
 from __future__ import annotations
@@ -27,15 +26,15 @@ _WITH_B, _WITH_SETPOINT = 0x40, 0x80
 _LINE = 22
 
 
-WholeNumbers = npt.NDArray[Any]  # Any: of any width, and floats without a fraction
+WholeNumbers = npt.NDArray[Any]  # Any: integers of any width, or floats without a fraction
 
 
 def frame_lines(
     identifier: int | npt.NDArray[np.int64], second: npt.NDArray[np.uint8], body: npt.NDArray[np.uint8]
 ) -> npt.NDArray[np.uint8]:
-    """SLCAN lines, shape (n, 22), of sealed frames.
+    """SLCAN lines, shape (n, 22), of frames with their CRC.
 
-    identifier: one for all or (n,); second: byte 1, (n,); body: bytes 2 to 7, (n, 6).
+    identifier: one for all frames, or (n,); second: byte 1, (n,); body: bytes 2 to 7, (n, 6).
     """
     count = len(second)
     entry = np.zeros((count, 10), np.uint8)
@@ -50,7 +49,7 @@ def frame_lines(
 
 @dataclass(frozen=True)
 class SampleText:
-    """Samples as SLCAN text, ready to be sent: the lines of step i are text[ends[i]:ends[i + 1]]."""
+    """Samples as SLCAN text. The lines of step i are text[ends[i]:ends[i + 1]]."""
 
     text: bytes
     ends: npt.NDArray[np.int64]
@@ -67,10 +66,10 @@ def samples_text(
     before: int = 0,
     run_tag: int = 0,
 ) -> SampleText:
-    """Samples from number `step` on. raw: (n, 3) or (n, 6) counts in int16; setpoint: (n,) turn_q32.
+    """SLCAN text of the samples from number `step` on. raw: int16 counts, (n, 3) or (n, 6); setpoint: (n,) turn_q32.
 
-    Channels 3 to 5 are sent where they are not zero, a setpoint where it differs from the one before (`before` the
-    first). run_tag: of the run, in every SETPOINT.
+    Channels 3 to 5 are sent only if one of them is not zero, a setpoint only if it differs from the previous one
+    (`before` for the first sample). run_tag: of the run, in every SETPOINT.
     """
     raw = np.asarray(raw)
     setpoint = np.asarray(setpoint, np.int64)
@@ -104,8 +103,8 @@ def samples_text(
 def sample_frames(
     protocol: Protocol, step: int, raw: Sequence[int], setpoint: int, before: int, run_tag: int = 0
 ) -> list[Frame]:
-    """Frames of one sample, as of samples_text() but without arrays: up to six counts, and the setpoint if it differs
-    from `before`."""
+    """Frames of one sample of up to six counts, with the setpoint if it differs from `before`; as samples_text(), but
+    without arrays."""
     counter, high = step & 15, step >> 4 & 3
     rest = tuple(raw[3:]) if any(raw[3:]) else ()
     frames = []
@@ -120,8 +119,8 @@ def sample_frames(
 
 @dataclass(frozen=True)
 class StepReply:
-    """One step: its digest, raw integers of the selected frames by signal name, selected words by place in the
-    record."""
+    """Reply to one sample: digest of the step, raw integers of the selected frames by signal name, and selected words
+    by position in the record."""
 
     step: int
     digest: int
@@ -131,7 +130,7 @@ class StepReply:
 
 
 class Lockstep:
-    """A run in lockstep. Begins it; then `run` for many samples, `exchange` for one."""
+    """A run in lockstep, begun by the constructor. `run` sends many samples, `exchange` one."""
 
     def __init__(self, session: Session, frames: tuple[str, ...] = (), words: tuple[int, ...] = ()) -> None:
         self.session = session
@@ -145,9 +144,9 @@ class Lockstep:
         session.begin("LOCKSTEP", frames, words)
 
     def run(self, raw: WholeNumbers, setpoint: WholeNumbers) -> npt.NDArray[np.uint32]:
-        """Send samples, get their digests, shape (n,). raw (n, 3) or (n, 6), setpoint (n,) turn_q32.
+        """Send n samples; returns their digests, shape (n,). raw: (n, 3) or (n, 6) counts; setpoint: (n,) turn_q32.
 
-        Raises LinkError when the board stops answering.
+        Raises LinkError if the board stops answering.
         """
         tag = self.session.run_tag
         samples = samples_text(self.session.protocol, raw, setpoint, self.step, self._setpoint, tag)
@@ -191,10 +190,10 @@ class Lockstep:
         return digests
 
     def exchange(self, raw: tuple[int, ...], setpoint_turn_q32: int = 0) -> StepReply:
-        """One sample, one step, with everything that was selected.
+        """Send one sample; returns the reply with all selected frames and words.
 
-        Raises LinkError when a selected word was lost: then the run has to be repeated. Words are not repeated, so the
-        wait for one is as long as for all repetitions of a sample.
+        Raises LinkError if the board stops answering or a selected word is lost; the run must then be repeated. The
+        board does not repeat words, so the wait for one is as long as all repetitions of a sample.
         """
         session, step = self.session, self.step
         text = text_of_frames(

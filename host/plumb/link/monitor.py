@@ -1,7 +1,7 @@
-"""What a running board shows of itself, put together ten times a second from the frames that come.
+"""Monitor a running board: combine its telemetry into a snapshot ten times a second.
 
-Only listening: whatever steps send is what was selected when their run began. A value that has not come for STALE_S is
-None, so that nothing old looks like now.
+The monitor only receives; the run decides at its beginning which frames its steps send. A value that has not been
+received for STALE_S is None, so that an old value is never shown as a present one.
 """
 
 from __future__ import annotations
@@ -23,22 +23,24 @@ from plumb.spec.signals import signals
 EVERY_S = 0.1
 STATUS_EVERY_S = 0.1
 STALE_S = 0.5
-"""The slowest run steps every 0.1 s."""
+"""Age at which a value is dropped; the longest period of a run is 0.1 s."""
 RATE_OVER_S = 1.0
+"""Window over which steps_per_s is measured."""
 SILENCE_S = TRIES * REPLY_TIMEOUT_S
-"""An open link says TIME every 50 ms."""
+"""A board that sends nothing for this long counts as lost; an open link carries TIME every 50 ms."""
 LINE_FRAMES_PS = 921600 / 10 / 22
-"""Frames a second that the UART carries."""
+"""Capacity of the UART in frames per second: 921600 baud, 22 characters of 10 bits per frame."""
 QUATERNION = ("w", "x", "y", "z")
-"""Columns of a system whose frames carry an attitude; rates of the body may go with the last three."""
+"""Columns of an attitude quaternion; body rates are rate_x_dps to rate_z_dps."""
 
 Snapshot = dict[str, Any]  # Any: a number, a text, a list or None, by the key
-"""One look at the board; the keys are those of Monitor.snapshot."""
+"""State of the board at one time; Monitor.snapshot has the keys."""
 
 
 def selection(period_us: int, system: str) -> tuple[str, ...]:
-    """As much of what a system declares, its first frames first and the raw counts last, as two thirds of the line
-    carry beside STEP, one step every period_us."""
+    """The frames to select so that they fill at most two thirds of the UART, STEP included, at one step per period_us.
+
+    Chosen in declared order, the raw counts last."""
     channels = len(declarations.system(system).channels)
     wanted = (*dbc.frame_names(system), *RAW_FRAMES[: 1 + (channels > 3)])
     frames_per_step = LINE_FRAMES_PS * period_us * 1e-6 * 2 / 3
@@ -47,15 +49,15 @@ def selection(period_us: int, system: str) -> tuple[str, ...]:
 
 @lru_cache(maxsize=1)
 def columns() -> tuple[str, ...]:
-    """The columns of all systems: the keys of a snapshot that come from their frames."""
+    """Columns of all systems: the keys of a snapshot that hold signals."""
     return tuple(dict.fromkeys(column for system in declarations.names() for _, column, _ in signals(system)))
 
 
 @dataclass
 class Monitor:
-    """Feed it the frames as they come; `snapshot` is what they say together.
+    """Combines received frames: call `feed` with them, and `snapshot` for the present state.
 
-    heard_s: when something came last, by the session's clock. lost_steps: steps whose STEP did not arrive.
+    heard_s: time of the last frame by the session's clock. lost_steps: steps whose STEP did not arrive.
     """
 
     session: Session
@@ -81,18 +83,18 @@ class Monitor:
                 self._count(messages["STEP"].unpack(data)[2])
             elif name == "TIME":
                 _, _, step, time_us = messages["TIME"].unpack(data)
-                self._pass_time(step, time_us)
+                self._update_clock(step, time_us)
         if frames:
             self.heard_s = now_s
 
     def _count(self, step: int) -> None:
         gap = 0 if self._step is None else step - self._step - 1 & 0xFFFF
-        if gap < 0x8000:  # else the number went back: another run
+        if gap < 0x8000:  # otherwise the number went back: a new run has begun
             self.lost_steps += gap
         self._step = step
 
-    def _pass_time(self, step: int, time_us: int) -> None:
-        """Unwrap the board's clock; a step number that goes back begins the rate anew."""
+    def _update_clock(self, step: int, time_us: int) -> None:
+        """Unwrap the board's clock; a step number that goes back restarts the measurement of steps_per_s."""
         self._time_us += time_us - self._time_us & 0xFFFFFFFF
         if self._clock and step - self._clock[-1][1] & 0xFFFF >= 0x8000:
             self._clock.clear()
@@ -102,22 +104,22 @@ class Monitor:
 
     @property
     def complete(self) -> bool:
-        """Everything that an open link always says has been heard."""
+        """True once every periodic message has been received."""
         return all(name in self._last for name in PERIODIC)
 
-    def _said(self, name: str) -> dict[str, int] | None:
-        """The last such frame as raw integers; None where it is not from now."""
+    def _fresh(self, name: str) -> dict[str, int] | None:
+        """The last frame of that name as raw integers; None if it is older than STALE_S."""
         entry = self._last.get(name)
         if entry is None or self.session.clock() - entry[0] > STALE_S:
             return None
         return self.session.protocol[name].decode(entry[1])
 
     def _values(self) -> dict[str, float | None]:
-        """Every column; None where no system says it now."""
+        """Every column; None for a signal that is not received at present."""
         values: dict[str, float | None] = dict.fromkeys(columns())
         for system in declarations.names():
             for (message, signal), column, scale in signals(system):
-                said = self._said(message)
+                said = self._fresh(message)
                 if said is not None:
                     values[column] = said[signal] * scale
         return values
@@ -129,9 +131,9 @@ class Monitor:
         return (last - first & 0xFFFF) * 1e6 / (last_us - first_us)
 
     def snapshot(self) -> Snapshot:
-        """Everything by name, with the unit in the name; None where the board does not say it now."""
-        status, counters, events, sensors, plausibility, can = (self._said(name) or {} for name in PERIODIC[1:])
-        step, raw = self._said("STEP"), {**(self._said("RAW_A") or {}), **(self._said("RAW_B") or {})}
+        """The state of the board by name, with the unit in the name; None for what is not received at present."""
+        status, counters, events, sensors, plausibility, can = (self._fresh(name) or {} for name in PERIODIC[1:])
+        step, raw = self._fresh("STEP"), {**(self._fresh("RAW_A") or {}), **(self._fresh("RAW_B") or {})}
         counted = self.session.counters
         mode = status.get("mode")
         values = self._values()
@@ -140,20 +142,20 @@ class Monitor:
             "mode": None if mode is None else self.session.protocol["STATUS"].choice("mode", mode),
             "live": _flag(status, "live"),
             "armed": _flag(status, "armed"),
-            "blocked": _sentences(status.get("blocked", 0), BLOCKED) + plausibility_text(plausibility),
-            "faults": _sentences(status.get("faults", 0), FAULTS) + sensors_text(sensors),
+            "blocked": _texts(status.get("blocked", 0), BLOCKED) + plausibility_text(plausibility),
+            "faults": _texts(status.get("faults", 0), FAULTS) + sensors_text(sensors),
             "staged": _flag(status, "staged"),
             "read_only": _flag(status, "read_only"),
             "step": None if step is None else step["step"],
             "steps_per_s": self._steps_per_s(),
             **values,
-            "attitude": together(values, *QUATERNION),
-            "rates_dps": together(values, *(f"rate_{axis}_dps" for axis in QUATERNION[1:])),
+            "attitude": all_or_none(values, *QUATERNION),
+            "rates_dps": all_or_none(values, *(f"rate_{axis}_dps" for axis in QUATERNION[1:])),
             "raw": [raw[name] for name in (f"raw_{i}" for i in range(6)) if name in raw] or None,
             "saturated_steps": events.get("saturated"),
             "starved_steps": events.get("starved"),
-            "disarm_cause": _sentences(events.get("disarm_cause", 0), BLOCKED)
-            + _sentences(plausibility.get("disarmed_by", 0), IMPLAUSIBLE),
+            "disarm_cause": _texts(events.get("disarm_cause", 0), BLOCKED)
+            + _texts(plausibility.get("disarmed_by", 0), IMPLAUSIBLE),
             "bus_failures": sensors.get("bus_failures"),
             "can_off_bus": _flag(can, "bus_off"),
             "can_transmit_errors": can.get("transmit_errors"),
@@ -168,8 +170,8 @@ class Monitor:
         }
 
 
-def together(values: Mapping[str, float | None], *names: str) -> list[float] | None:
-    """What belongs together; None where any of it is missing."""
+def all_or_none(values: Mapping[str, float | None], *names: str) -> list[float] | None:
+    """The named values as a list; None if one of them is missing."""
     known = [value for value in map(values.get, names) if value is not None]
     return known if len(known) == len(names) else None
 
@@ -178,18 +180,18 @@ def _flag(said: dict[str, int], name: str) -> bool | None:
     return bool(said[name]) if name in said else None
 
 
-def _sentences(bits: int, names: dict[int, str]) -> list[str]:
+def _texts(bits: int, names: dict[int, str]) -> list[str]:
     return bits_text(bits, names).split("; ") if bits else []
 
 
 def read_only(session: Session) -> None:
-    """From here on the board takes no frame from this UART, and this end sends none. CAN has no such state."""
+    """Make the UART link read-only: the board rejects every frame from it. Has no effect on CAN."""
     if session.fast is not None:
         session.fast.write_text(b"L\r")
 
 
 def begin_live(session: Session) -> None:
-    """Begin a run in real time on the board's own sensors, unarmed, with as much to see as the line carries."""
+    """Begin a run in real time on the board's own sensors, disarmed, with the frames of `selection`."""
     from plumb.spec.parameter_file import by_name
 
     period_us = by_name(session.read_parameters())["period_us"]
@@ -198,9 +200,9 @@ def begin_live(session: Session) -> None:
 
 
 def watch(session: Session, seconds: float | None = None) -> Iterator[Snapshot]:
-    """A snapshot every EVERY_S of the session's clock, for so many seconds or without end.
+    """Yield a snapshot every EVERY_S of the session's clock, for `seconds` (None: without end).
 
-    Raises LinkError when the board falls silent.
+    Raises LinkError if nothing is received for SILENCE_S.
     """
     monitor = Monitor(session)
     session.listener = monitor.feed

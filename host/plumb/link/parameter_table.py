@@ -1,4 +1,4 @@
-"""The whole parameter table of a board: read it, or stage and commit another."""
+"""Read the whole parameter table of a board, or stage and commit another."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from plumb.spec import parameters
 
 
 def read_table(session: Session) -> list[int]:
-    """Every word the board uses, proved whole by the CRC-32 it gave when it said who it is."""
+    """Every parameter in use, checked against the CRC-32 in the board's identity. Raises LinkError on a mismatch."""
     identity = session.connect()
     words = session.read_parameters()
     if parameters.crc32(words) != identity["PARAMETER_CRC"]:
@@ -19,7 +19,7 @@ def read_table(session: Session) -> list[int]:
 
 
 def commit(session: Session, values: Mapping[str, int]) -> int:
-    """Stage and commit the whole table, ending a run that is on; returns its CRC-32. Raises as Session.upload."""
+    """Stage and commit the whole table; ends a run in progress. Returns the CRC-32; raises as Session.upload."""
     rows = parameters.table()
     control = [values[row.name] for row in rows if row.owner == "control"]
     return session.upload(control, **{row.name: values[row.name] for row in rows if row.owner == "link"})

@@ -1,4 +1,4 @@
-"""Parameters of a board over its link: read the table, or stage another and commit it by its CRC-32."""
+"""Transfer of the parameter table over the link: read it, or stage another and commit it by its CRC-32."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from plumb.spec.protocol import Frame, Message
 
 
 class Conversation(Protocol):
-    """What of a session the transfer needs; Session says what each does."""
+    """The methods of Session that the transfer uses; Session documents them."""
 
     protocol: dbc_protocol.Protocol
     identity: Identity | None
@@ -33,7 +33,7 @@ class Conversation(Protocol):
 
 
 class ParameterTransfer:
-    """uploaded: the system of the table that was committed or read last here, None while it is not known."""
+    """uploaded: the system of the table that this session last committed or read; None while unknown."""
 
     def __init__(self, session: Conversation) -> None:
         self._session = session
@@ -41,7 +41,8 @@ class ParameterTransfer:
         self._wiring: dict[str, int] | None = None
 
     def read(self) -> list[int]:
-        """Every parameter in use, as the integers of the table (unsigned where this version has no row for it)."""
+        """Every parameter in use as the table's integers; unsigned for a number without a row in this version. Raises
+        LinkError if some do not arrive."""
         identity = self._session.identity or self._session.connect()
         count, message = identity["PARAMETER_COUNT"], self._session.protocol["PARAM_VALUE"]
         values: dict[int, int] = {}
@@ -55,7 +56,8 @@ class ParameterTransfer:
         raise LinkError(f"only {len(values)} of {count} parameters came back: check the cable")
 
     def _collect(self, message: Message, values: dict[int, int], wanted: Collection[int]) -> None:
-        """Take (index, value) frames into values until every wanted index has come, or nothing more comes."""
+        """Collect (index, value) frames into `values` until every wanted index has arrived, or the reply time-out
+        passes without a new one."""
         nack = self._session.protocol["NACK"]
         missing = {index for index in wanted if index not in values}
         end = self._session.clock() + REPLY_TIMEOUT_S
@@ -74,11 +76,11 @@ class ParameterTransfer:
                     raise nack_error(self._session.protocol, nack.decode(data))
 
     def upload(self, control_words: Sequence[int], **link_words: int) -> int:
-        """Stage the whole table, then commit it by its CRC-32, ending a run that is on; returns the CRC.
+        """Stage the whole table and commit it by its CRC-32; ends a run in progress. Returns the CRC.
 
-        control_words: the control part in order; link_words: period_us and the like, defaults where not given, but what
-        belongs to the board's wiring (parameters.WIRING) stays as the board has it. Raises UsageError for a value out
-        of range (or one the board finds contradictory), LinkError for silence.
+        control_words: the control part in order. link_words: parameters of the link's part, such as period_us; the
+        others get their defaults, except parameters.WIRING, which stay as the board has them. Raises UsageError for a
+        value that is out of range or that contradicts another, LinkError if the board does not answer.
         """
         identity = self._session.require_match()
         words = parameters.whole_table(control_words, **{**self._read_wiring(), **link_words})
@@ -105,14 +107,14 @@ class ParameterTransfer:
         raise LinkError("the parameters did not arrive as they were sent: check the cable")
 
     def forget(self) -> None:
-        """The board has other parameters now."""
+        """Drop what is known of the board's parameters, after a command that changed them."""
         self.uploaded = self._wiring = None
 
     def _wiring_places(self) -> list[tuple[int, str]]:
         return [(i, row.name) for i, row in enumerate(parameters.table()) if row.name in parameters.WIRING]
 
     def _read_wiring(self) -> dict[str, int]:
-        """The board's own values of parameters.WIRING, asked for once."""
+        """The board's values of parameters.WIRING, read once."""
         if self._wiring is None:
             self._wiring = {
                 name: self._session.request("PARAM_GET", place, 0, answer="PARAM_VALUE", first=place)["value"]
@@ -136,7 +138,7 @@ class ParameterTransfer:
         raise LinkError("not every parameter was acknowledged: check the cable")
 
     def commit(self, count: int, crc: int) -> None:
-        """Put what is staged in force, ending a run that is on; raises NackError."""
+        """Commit the staged table; ends a run in progress. Raises NackError."""
         try:
             self._session.request("PARAM_COMMIT", count, crc)
         except NackError as error:

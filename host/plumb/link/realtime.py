@@ -1,4 +1,4 @@
-"""Capture of a run in real time: raw counts and digest of every step, and the first step with a lost frame.
+"""Capture a run in real time: raw counts and digest of every step, and the first step with a lost frame.
 
 The steps of a live run are verified by running the same raw counts through the model. From a lost count on, all steps
 are unverified: neither pass nor fail.
@@ -30,7 +30,7 @@ def unwrap(last: int, low: int, bits: int) -> int:
 class Capture:
     """Frames of one real-time run, collected by step.
 
-    raw_frames: those that make the counts of a step whole; () takes what comes, 0 where nothing does.
+    raw_frames: the frames that carry the counts of a step; with (), any that arrive, and 0 for a missing count.
     digest, raw: by step number, unwrapped; raw holds the six counts of a step once all its raw_frames have come.
     values: (frame, signal) -> step -> raw integer, of other selected frames. setpoint: (step, value) pairs, with the
     first step that used the value. steps: number of steps received so far.
@@ -89,7 +89,7 @@ class Capture:
                 self.time_us.append((unwrap(self._last, low, 16), time_us))
 
     def _note_raw(self, step: int, identifier: int, counts: list[int]) -> None:
-        """Three of a step's counts."""
+        """Record the three counts of a RAW frame."""
         came, whole = self._part.setdefault(step, (set(), [0] * 6))
         came.add(identifier)
         at = self._raw[identifier]

@@ -1,9 +1,9 @@
-"""The conversation with a board: connect, parameters, runs, arming.
+"""Session with a board: connect, parameters, runs, arming.
 
-A session works over any python-can bus: over `PlumbBus` on the board's UART, over every other on its CAN bus (or, with
-python-can's own slcan interface, on the UART too). All time-outs go by the bus's clock where it has one, so that a
-simulated board answers the same way on every machine. Every request is answered, and repeated when it is not; trouble
-is a LinkError of one sentence.
+A session works over any python-can bus: `PlumbBus` on the board's UART, every other bus on its CAN bus (or, with
+python-can's own slcan interface, on the UART, too). Time-outs are measured with the bus's clock if it has one, so that
+a simulated board behaves the same on every machine. A request that is not answered is repeated; a failure raises
+LinkError with one sentence.
 """
 
 from __future__ import annotations
@@ -29,32 +29,33 @@ from plumb.spec.protocol import Frame, protocol
 from plumb.spec.records import RECORDS
 
 KEEPALIVE_EVERY_S = 0.01
-"""The board issues a value for the keep-alive so often, and each is answered."""
+"""Interval at which the board issues a keep-alive value; the host answers each."""
 KEEPALIVE_NEWEST = 4
-"""Of values that came together, so many are answered: older ones do not count any more."""
+"""If more keep-alive values than this arrive at once, only the newest are answered: the others have expired."""
 SENSORS_START_S = 0.3
-"""Sensors in use are found, set up and heard within this, or they are not there."""
+"""Time within which the sensors are found, configured and read after the start of a run."""
 BLOCKED_BY_FAULT = 1 << 3
 SETPOINT_EVERY_S = 0.05
-"""A setpoint is said again so often: a source that is silent for 200 ms counts as lost."""
+"""Interval at which the setpoint is repeated; the board treats a source that is silent for 200 ms as lost."""
 RUN_TAG_SHIFT = 16
-"""Where the ACK of RUN_BEGIN has the tag of the run."""
+"""Position of the run's tag in the detail of the ACK to RUN_BEGIN."""
 BLOCKED_IMPLAUSIBLE, BLOCKED_NOT_READY = 1 << 11, 1 << 12
 SHORTEST_WAIT_S, STANDSTILL_S = 1e-6, 1.0
-"""While the bus's clock stands still, the wait for a frame doubles from the first; beyond the second, the bus counts as
-dead."""
+"""While the bus's clock does not advance, the wait for a frame doubles from SHORTEST_WAIT_S; above STANDSTILL_S the bus
+counts as dead."""
 READY_WAIT_S = 3.0
-"""How long arming waits for a system that is not ready: a run that has just begun takes 0.6 s at rest."""
+"""Longest wait of arming for a system that is not ready; at rest, a new run is ready after 0.6 s."""
 PERIODIC = ("TIME", "STATUS", "COUNTERS", "EVENTS", "SENSORS", "PLAUSIBILITY", "CAN_HEALTH")
-"""What an open link always says."""
+"""Messages that the board sends periodically on an open link."""
 PRESENCE_EVERY_S, SILENCE_S = 0.5, 1.5
-"""A CAN link closes after two seconds without a frame from the host: who waits speaks now and then, and who was busy
-with something else for so long opens it again."""
+"""The board closes a CAN link after two seconds without a frame from the host. A waiting session therefore sends a
+frame every PRESENCE_EVERY_S, and one that was busy for more than SILENCE_S sends HELLO again."""
 
 
 @dataclass
 class Selection:
-    """What every step sends after its STEP: frames by name, words by their place in the record."""
+    """The telemetry that the board sends after the STEP of every step: frames by name, words by position in the
+    record."""
 
     frames: tuple[str, ...] = ()
     words: tuple[int, ...] = ()
@@ -64,11 +65,11 @@ class Selection:
 
 
 RAW_FRAMES = ("RAW_A", "RAW_B")
-"""The raw counts of a step, for every system."""
+"""Frames with the raw counts of a step, the same for every system."""
 
 
 def selectable(system: str) -> tuple[str, ...]:
-    """Frames of SELECT bank 0 for a system, bit by bit."""
+    """Frames that can be selected for a system, in the order of the bits of SELECT bank 0."""
     return (*RAW_FRAMES, *dbc.frame_names(system))
 
 
@@ -76,9 +77,9 @@ def selectable(system: str) -> tuple[str, ...]:
 class Session:
     """One board on one bus. Use as a context manager: leaving it closes the bus, which disarms.
 
-    telemetry: the last of each PERIODIC message, as raw integers by name. run_tag: of the run that was begun here last,
-    1 to 15; setpoints carry it. listener: gets all frames as they come, those
-    too that arrive while a request waits for its answer.
+    telemetry: the last of each PERIODIC message, as raw integers by name. run_tag: tag (1 to 15) of the run that this
+    session began last; its setpoints carry it. listener: called with all received frames, including those that arrive
+    while a request waits for its reply.
     """
 
     bus: can.BusABC
@@ -101,19 +102,19 @@ class Session:
         self._value_id = self.protocol["KEEPALIVE_VALUE"].identifier
         self._pumped: list[Frame] = []
         self._setpoint, self._setpoint_s = 0, 0.0
-        self._alive = False
-        self._said_s = 0.0
+        self._keeps_alive = False
+        self._last_sent_s = 0.0
         self.parameters = ParameterTransfer(self)
         self.run_tag = 0
 
     @classmethod
     def open(cls, channel: Channel, baudrate: int = DEFAULT_BAUD) -> Self:
-        """Open the serial channel and connect; the bus is closed again when that fails."""
+        """Open the serial channel and connect. Raises LinkError and closes the bus if that fails."""
         return cls.over(PlumbBus(channel, baudrate))
 
     @classmethod
     def over(cls, bus: can.BusABC) -> Self:
-        """Connect over a bus, which is closed when that fails."""
+        """Connect over a bus. Raises LinkError and closes the bus if that fails."""
         try:
             session = cls(bus)
             session.connect()
@@ -123,8 +124,8 @@ class Session:
         return session
 
     def close(self) -> None:
-        self._alive = False
-        if self.fast is None:  # which says C
+        self._keeps_alive = False
+        if self.fast is None:  # PlumbBus closes the link itself, with C
             with contextlib.suppress(LinkError):
                 self.send([self.frame("CLOSE", 0, 0)])
         self.bus.shutdown()
@@ -140,7 +141,7 @@ class Session:
     # ---- frames ----
 
     def frame(self, name: str, *words: int, flags: int = 0) -> Frame:
-        """A sealed frame with the next counter of its identifier."""
+        """A frame with the next counter of its identifier, and its CRC."""
         message = self.protocol[name]
         counter = self._sent.get(message.identifier, 0)
         self._sent[message.identifier] = counter + 1 & 15
@@ -148,27 +149,31 @@ class Session:
 
     def send(self, frames: Sequence[Frame]) -> None:
         now_s = self.clock()
-        if self.fast is None and self.identity is not None and now_s - self._said_s > SILENCE_S:
+        if self.fast is None and self.identity is not None and now_s - self._last_sent_s > SILENCE_S:
             frames = [self.frame("HELLO", self.protocol.version, self.protocol.dbc_hash), *frames]
-        self._said_s = now_s
+        self._last_sent_s = now_s
         self.frames.write_frames(frames)
 
     def receive(self, timeout_s: float) -> list[Frame]:
-        """Frames that came, each looked at for what went missing and for telemetry; keeps an armed board alive."""
+        """Receive frames, waiting up to timeout_s for the first; [] after the time-out.
+
+        Counts lost frames, updates `telemetry`, and answers the keep-alive values of a board armed by this session.
+        Raises LinkError if the bus fails or its clock stops.
+        """
         end = self.clock() + timeout_s
         frames, self._pumped = self._pumped, []
         shortest_s = 0.0
         while not frames:
-            self._show_presence()
+            self._send_presence()
             self._repeat_setpoint()
             wait_s = max(0.0, end - self.clock())
             if self.fast is None:
                 wait_s = min(wait_s, PRESENCE_EVERY_S)
-            if self._alive and self._setpoint:
+            if self._keeps_alive and self._setpoint:
                 wait_s = min(wait_s, SETPOINT_EVERY_S)
             before_s = self.clock()
             frames = self.frames.read_frames(max(wait_s, shortest_s))
-            self._answer_values(frames)
+            self._answer_keep_alive(frames)
             now_s = self.clock()
             if now_s >= end:
                 break
@@ -177,30 +182,30 @@ class Session:
             if shortest_s > STANDSTILL_S:
                 raise LinkError(f"{self.bus.channel_info}: its time does not pass; start the board again")
         for frame in frames:
-            self._note(frame)
+            self._count_and_keep(frame)
         if self.listener is not None:
             self.listener(frames)
         return frames
 
-    def _answer_values(self, frames: list[Frame]) -> None:
-        """Keep the board alive that was armed here: send the values back that it issued."""
-        if self._alive:
+    def _answer_keep_alive(self, frames: list[Frame]) -> None:
+        """Answer the keep-alive values of a board that this session armed."""
+        if self._keeps_alive:
             unpack = self.protocol["KEEPALIVE_VALUE"].unpack
             values = [unpack(data)[3] for identifier, data in frames if identifier == self._value_id]
             if values:
                 self.send([self.frame("KEEPALIVE", 0, value) for value in values[-KEEPALIVE_NEWEST:]])
 
     def _repeat_setpoint(self) -> None:
-        """Say again what was asked of an armed board: it takes a silent source for a lost one."""
-        if self._alive and self._setpoint and self.clock() - self._setpoint_s >= SETPOINT_EVERY_S:
+        """Repeat the setpoint of an armed board when SETPOINT_EVERY_S has passed."""
+        if self._keeps_alive and self._setpoint and self.clock() - self._setpoint_s >= SETPOINT_EVERY_S:
             self.set_setpoint(self._setpoint)
 
-    def _show_presence(self) -> None:
-        """On CAN say now and then that somebody listens."""
-        if self.fast is None and self.identity is not None and self.clock() - self._said_s >= PRESENCE_EVERY_S:
+    def _send_presence(self) -> None:
+        """On CAN, send a frame when PRESENCE_EVERY_S has passed, so that the board keeps the link open."""
+        if self.fast is None and self.identity is not None and self.clock() - self._last_sent_s >= PRESENCE_EVERY_S:
             self.send([self.frame("KEEPALIVE", 0, 0)])
 
-    def _note(self, frame: Frame) -> None:
+    def _count_and_keep(self, frame: Frame) -> None:
         identifier, data = frame
         if identifier not in self._numbered:
             counter, slot = data[1] & 15, dbc.counter_slot(identifier)
@@ -217,10 +222,10 @@ class Session:
     def request(
         self, name: str, *words: int, answer: str = "ACK", first: int | None = None, flags: int = 0
     ) -> dict[str, int]:
-        """Send, wait for the answer, repeat when there is none.
+        """Send a request and return the reply by signal name; repeat the request up to TRIES times.
 
-        answer: name of the message that answers. first: value its first word must have (ACK: always the request).
-        Raises NackError for a no, LinkError for silence.
+        answer: name of the reply's message. first: value that its first word must have (an ACK must name the request).
+        Raises NackError if the board refuses, LinkError if it does not reply.
         """
         expected, nack, ack = self.protocol[answer], self.protocol["NACK"], self.protocol["ACK"]
         asked = self.protocol[name].identifier
@@ -249,9 +254,9 @@ class Session:
     # ---- connect ----
 
     def connect(self) -> Identity:
-        """Say hello and hear who is there; Identity.mismatch says why arming is out of the question, if it is.
+        """Open the link and read the board's identity. Identity.mismatch is the reason why arming is refused, or "".
 
-        Raises LinkError when nobody answers.
+        Raises LinkError if the board does not answer in full.
         """
         message = self.protocol["IDENTITY"]
         end_item = message.value("item", "END")
@@ -277,7 +282,7 @@ class Session:
         raise LinkError(f"{self.bus.channel_info}: the board {what}; check that it runs plumb, {check}")
 
     def require_match(self) -> Identity:
-        """The identity, connecting first when that was not done; raises LinkError with the mismatch if there is one."""
+        """The identity; connects first if necessary. Raises LinkError if board and host do not match."""
         identity = self.identity or self.connect()
         if identity.mismatch:
             raise LinkError(identity.mismatch)
@@ -286,7 +291,7 @@ class Session:
     # ---- parameters ----
 
     def read_parameters(self) -> list[int]:
-        """Every parameter in use, as the integers of the table (unsigned where this version has no row for it)."""
+        """Every parameter in use as the table's integers; unsigned for a number without a row in this version."""
         return self.parameters.read()
 
     def upload(self, control_words: Sequence[int], **link_words: int) -> int:
@@ -295,8 +300,9 @@ class Session:
 
     # ---- runs and arming ----
 
-    def _answer_nonce(self, request: str, verb: int, flags: int = 0) -> int:
-        """Ask for a nonce and carry the command out with it; returns the detail of its ACK. A lost answer asks anew."""
+    def _execute_with_nonce(self, request: str, verb: int, flags: int = 0) -> int:
+        """Request a nonce and send the command with it; returns the detail of its ACK. Tries again with a new nonce if
+        a reply was lost."""
         for attempt in range(TRIES):
             nonce = self.request("CHALLENGE", verb, 0, answer="NONCE", first=verb)["nonce"]
             try:
@@ -307,19 +313,19 @@ class Session:
         raise LinkError("the board accepts no nonce")
 
     def execute(self, verb: str, *, matching: bool = True) -> int:
-        """Carry out a verb of EXECUTE with a fresh nonce; returns the detail of its ACK.
+        """Execute a verb of EXECUTE with a fresh nonce; returns the detail of its ACK.
 
-        Raises NackError for a no, and LinkError when the board has other definitions, unless they need not match."""
+        Raises NackError if the board refuses. Raises LinkError if `matching` and the board has other definitions."""
         if matching:
             self.require_match()
-        detail = self._answer_nonce("EXECUTE", self.protocol["EXECUTE"].value("verb", verb))
-        if verb in ("LOAD", "DEFAULTS"):  # may be another system: who asks for its record asks the board
+        detail = self._execute_with_nonce("EXECUTE", self.protocol["EXECUTE"].value("verb", verb))
+        if verb in ("LOAD", "DEFAULTS"):  # the system may change: read it from the board when it is needed
             self.identity = None
             self.parameters.forget()
         return detail
 
     def execute_idle(self, verb: str) -> None:
-        """As execute, for what no run may be on for: ends the one that is."""
+        """As execute, for verbs that the board refuses during a run: ends a run in progress first."""
         try:
             self.execute(verb)
         except NackError as error:
@@ -330,20 +336,21 @@ class Session:
 
     @property
     def system(self) -> str:
-        """The system that was uploaded last, else the one that the board has; asked for once."""
+        """The system of the parameters last uploaded; otherwise read from the board once."""
         if self.parameters.uploaded is None:
             self.parameters.uploaded = declarations.name_of(self.read_parameters()[0])
         return self.parameters.uploaded
 
     @property
     def record_words(self) -> int:
-        """Words in the record of the system that was uploaded last, else of the one the board said it has."""
+        """32-bit words in the record of the system last uploaded; otherwise as in the board's identity."""
         if self.parameters.uploaded is not None:
             return RECORDS[self.parameters.uploaded].itemsize // 4
         return (self.identity or self.connect())["RECORD_WORDS"]
 
     def select(self, frames: Iterable[str] = (), words: Iterable[int] = ()) -> None:
-        """Choose what steps send: frames of selectable(), words by their place in the record. May change in a run."""
+        """Select the telemetry of the steps: frames of selectable(), words by position in the record. Allowed during a
+        run. Raises UsageError for an unknown frame or word."""
         chosen = Selection(tuple(frames), tuple(sorted(set(words))))
         known = RAW_FRAMES if set(chosen.frames) <= set(RAW_FRAMES) else selectable(self.system)
         for frame in chosen.frames:
@@ -356,7 +363,7 @@ class Session:
             if not 0 <= word < record_words:
                 raise UsageError(f"the board's record has no word {word}")
             banks[1 + word // 32] |= 1 << word % 32
-        # Emptier first, so that no state in between is larger than the old or the new one.
+        # Banks with fewer bits first, so that no intermediate selection is larger than the old or the new one.
         for bank, mask in sorted(enumerate(banks), key=lambda entry: entry[1].bit_count()):
             self.request("SELECT", bank, mask)
         self.selection = chosen
@@ -370,8 +377,8 @@ class Session:
     ) -> None:
         """Begin a run: LOCKSTEP, REALTIME_INJECTED or REALTIME_LIVE. State, step number and digest start anew.
 
-        elsewhere: "samples" and "setpoints" where those come over the board's other link, in real time. A run that is
-        on is ended first, and its last frames are not shown to the listener.
+        elsewhere: "samples" and "setpoints" if those arrive over the board's other link, in real time. A run in
+        progress is ended first; its last frames do not reach the listener.
         """
         self.require_match()
         listener, self.listener = self.listener, None
@@ -383,19 +390,19 @@ class Session:
         self._setpoint = 0
         message = self.protocol["RUN_BEGIN"]
         flags = sum(1 << message.flags[f"{what}_elsewhere"][0] for what in elsewhere)
-        self.run_tag = self._answer_nonce("RUN_BEGIN", message.value("run", run), flags) >> RUN_TAG_SHIFT
+        self.run_tag = self._execute_with_nonce("RUN_BEGIN", message.value("run", run), flags) >> RUN_TAG_SHIFT
 
     def end(self) -> int:
         """End the run and disarm; returns its number of steps, modulo 2^16."""
-        self._alive = False
+        self._keeps_alive = False
         return self.request("RUN_END", 0, 0)["detail"]
 
     def arm(self, ready_wait_s: float = READY_WAIT_S) -> None:
-        """Arm; from here on `receive` or `pump` has to be called every few milliseconds: a value that the board issues
-        counts for 40 ms, the way to the host and back included.
+        """Arm. The caller must then call `receive` or `pump` every few milliseconds: a keep-alive value expires 40 ms
+        after the board has issued it, travel time both ways included.
 
-        A board with a fault gets SENSORS_START_S for its sensors to come up; one that is not ready (at rest, converged,
-        level, setpoint 0, sensors that agree) gets ready_wait_s. Raises LinkError with what is in the way.
+        Waits up to SENSORS_START_S for a fault of the sensors to clear, and up to ready_wait_s for a system that is not
+        ready (at rest, converged, level, setpoint 0, sensors that agree). Raises LinkError with the reasons that block.
         """
         begin_s = self.clock()
         while True:
@@ -415,23 +422,25 @@ class Session:
                     raise
                 self.receive(REPLY_TIMEOUT_S / 5)
         self.send([self.frame("KEEPALIVE", 0, first)])
-        self._alive = True
+        self._keeps_alive = True
 
     def disarm(self) -> None:
-        self._alive = False
+        self._keeps_alive = False
         self.request("DISARM", 0, 0)
 
     def pump(self) -> None:
-        """Answer the values for the keep-alive that have come, and on CAN say now and then that somebody is here; what
-        else has come is kept for `receive`. There is no thread for it on purpose: who hangs must lose the board."""
+        """Answer the keep-alive values that have arrived, and keep a CAN link open; other frames are kept for
+        `receive`.
+
+        No thread does this, on purpose: if the caller hangs, the board must disarm."""
         frames = self.frames.read_frames(0.0)
-        self._answer_values(frames)
+        self._answer_keep_alive(frames)
         self._pumped += frames
         self._repeat_setpoint()
-        self._show_presence()
+        self._send_presence()
 
     def set_setpoint(self, setpoint_turn_q32: int) -> None:
-        """Real time: the setpoint from the next step on; the board tells the step with SETPOINT_USED. `receive` and
-        `pump` repeat it while the board is armed from here."""
+        """Set the setpoint of a run in real time, turn_q32. The board reports the first step that
+        uses it in SETPOINT_USED. `receive` and `pump` repeat it while this session keeps the board armed."""
         self._setpoint, self._setpoint_s = setpoint_turn_q32, self.clock()
         self.send([self.frame("SETPOINT", 0, setpoint_turn_q32, flags=self.run_tag)])

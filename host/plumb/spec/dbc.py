@@ -33,8 +33,8 @@ def of_system(identifier: int) -> bool:
 
 
 def counter_slot(identifier: int) -> int:
-    """Index of the counter that numbers the frames of an identifier: the identifier itself, but for a system's frame its
-    place in the declaration, because the frames of all systems at one place share a counter."""
+    """Index of the counter that numbers the frames of an identifier: the identifier itself, but for a system's frame
+    its place in the declaration, because the frames of all systems at one place share a counter."""
     return FIRST_SLOT + (identifier - FIRST_BLOCK - FIRST_SLOT) % BLOCK if of_system(identifier) else identifier
 
 

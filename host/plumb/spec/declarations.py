@@ -106,8 +106,8 @@ class Channel:
     """One raw count of a sample, in the order of the sample.
 
     calibration: parameter group that converts the count to its quantity; "" if there is none.
-    axis: the component of the body's motion that the calibrated value measures: `gyr_x`, `acc_y`, `ang_z` (angular rate,
-    specific force, angular acceleration), with `-` for the negative; "" if it measures none.
+    axis: the component of the body's motion that the calibrated value measures: `gyr_x`, `acc_y`, `ang_z` (angular
+    rate, specific force, angular acceleration), with `-` for the negative; "" if it measures none.
     """
 
     name: str
@@ -177,7 +177,8 @@ class System:
         raise UsageError(f"{self.name}: the record has no word '{name}'")
 
     def place(self, name: str) -> int:
-        """Position of a word in the record, in units of four bytes; raises UsageError if the record has no such word."""
+        """Position of a word in the record, in units of four bytes; raises UsageError if the record has no such
+        word."""
         at = 0
         for word in self.words:
             if word.name == name:

@@ -129,9 +129,9 @@ def write(path: Path, text: str) -> None:
 class TableFile:
     """Contents of a parameter file.
 
-    values: the values that have a row in this version's table, checked against its range. renamed: former name -> present
-    name, for rows that the file gives under a former name. unknown: names without a row. missing: rows that the file
-    lacks. edited: the file holds a whole table whose CRC-32 differs from the stated one.
+    values: the values that have a row in this version's table, checked against its range. renamed: former name ->
+    present name, for rows that the file gives under a former name. unknown: names without a row. missing: rows that
+    the file lacks. edited: the file holds a whole table whose CRC-32 differs from the stated one.
     """
 
     values: dict[str, int]

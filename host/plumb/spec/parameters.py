@@ -43,7 +43,8 @@ class Parameter:
 
     @property
     def id(self) -> int:
-        """CRC-16 of the oldest name (polynomial 0x1021, initial value 0xFFFF): stays when the row moves or is renamed."""
+        """CRC-16 of the oldest name (polynomial 0x1021, initial value 0xFFFF): stays when the row moves or is
+        renamed."""
         return binascii.crc_hqx((*self.was, self.name)[0].encode(), 0xFFFF)
 
     @property
@@ -146,7 +147,8 @@ SCAN_US = 50
 
 
 def contradiction(words: Sequence[int]) -> str | None:
-    """Error text for the first pair of values that contradict each other, as the board checks; None if there is none."""
+    """Error text for the first pair of values that contradict each other, as the board checks; None if there is
+    none."""
     values = {row.name: row.from_word(word & 0xFFFFFFFF) for row, word in zip(table(), words, strict=True)}
     for low, high in _AT_MOST:
         if values[low] > values[high]:

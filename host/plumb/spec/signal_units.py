@@ -1,8 +1,8 @@
 """Signals in engineering units: name with unit, unit, and scale of every word that is a physical quantity.
 
 The word `tilt_turn_q32` is the signal `tilt_deg` in the project's units (deg, deg/s, g) and `tilt_rad` in SI units. A
-word without a physical unit, such as a variance in lsb, has no signal. If two words hold the same quantity (the state of
-a filter and its published value), the signal is the later word, which is the published one.
+word without a physical unit, such as a variance in lsb, has no signal. If two words hold the same quantity (the state
+of a filter and its published value), the signal is the later word, which is the published one.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class WordSignal:
 
 @lru_cache(maxsize=64)
 def word_signals(system: str, si: bool = False) -> dict[str, WordSignal]:
-    """The signals of a system by name, in the order of the record. si: rad, rad/s and m/s^2 instead of deg, deg/s and g.
-    Raises UsageError for an unknown system."""
+    """The signals of a system by name, in the order of the record. si: rad, rad/s and m/s^2 instead of deg, deg/s and
+    g. Raises UsageError for an unknown system."""
     found: dict[str, WordSignal] = {}
     for word in declarations.system(system).words:
         bits = 0 if word.format == "integer" else None

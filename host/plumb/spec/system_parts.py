@@ -25,8 +25,8 @@ P = TypeVar("P", covariant=True)
 class Part(Generic[P]):
     """A module of a system's folder.
 
-    name: of its file, without .py. contract: the Protocol P that it implements. without: what a system without this part
-    cannot do, for the UsageError; "" for a part that every system must have.
+    name: of its file, without .py. contract: the Protocol P that it implements. without: what a system without this
+    part cannot do, for the UsageError; "" for a part that every system must have.
     """
 
     name: str

@@ -80,7 +80,8 @@ class Start:
 
 @dataclass(frozen=True)
 class Pid:
-    """Command in [-1, 1] from the tilt error in deg. The D term acts on the measured rate behind a first-order low-pass.
+    """Command in [-1, 1] from the tilt error in deg. The D term acts on the measured rate behind a first-order
+    low-pass.
 
     slew_per_s: largest change of the command per second. Esc.span_us sets what a command of 1 does and its direction.
     """

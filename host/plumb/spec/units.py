@@ -51,7 +51,8 @@ def _fraction_bits(row: Parameter, values: Mapping[str, int]) -> int | None:
 
 
 def meaning(row: Parameter, values: Mapping[str, int]) -> Meaning:
-    """The value of a row in its engineering unit. values: the whole table by name; some formats depend on other rows."""
+    """The value of a row in its engineering unit. values: the whole table by name; some formats depend on other
+    rows."""
     value = values[row.name]
     if row.format == "choice":
         return Meaning(choice=dict(_CHOICE.findall(row.doc)).get(str(value), ""))

@@ -1,1 +1,1 @@
-"""Ways to carry frames: serial ports, CAN adapters, TCP, socketcand, and servers of them."""
+"""Transports: serial ports, CAN adapters, TCP, UDP and socketcand, as clients and as servers."""

@@ -32,11 +32,11 @@ class OpenError(LinkError, CanInitializationError):
 
 
 class ClosedError(LinkError, CanOperationError):
-    """The port went away, or does not take data."""
+    """The port was closed or unplugged, or accepts no data."""
 
 
 class Stream(Protocol):
-    """clock: time in seconds at the far end; simulated for a simulated board."""
+    """A byte stream, as the module describes. clock: time in seconds, simulated for a simulated board."""
 
     name: str
     clock: Callable[[], float]
@@ -113,8 +113,8 @@ class SocketStream:
 
 
 class DatagramStream:
-    """The serial link's text in datagrams to a port of this machine. Without a server there nothing arrives, as on a
-    cable."""
+    """The serial link's text in datagrams to a port of this machine. Without a server, datagrams are lost silently, as
+    bytes on an open cable."""
 
     def __init__(self, port: int) -> None:
         self.name = f"udp:{port}"
@@ -248,8 +248,9 @@ class ObjectStream:
 
 
 def open_stream(channel: Channel, baudrate: int) -> Stream:
-    """A parsed name, an object, or text: PORT, PORT@BAUD, socket://HOST:PORT, rfc2217://HOST:PORT, tcp:HOST:PORT,
-    udp:PORT. baudrate: of a serial port that names none. Raises OpenError, which is python-can's error too."""
+    """Open a channel: a parsed name, an object, or text (PORT, PORT@BAUD, socket://HOST:PORT, rfc2217://HOST:PORT,
+    tcp:HOST:PORT, udp:PORT). baudrate: of a serial port without @BAUD. Raises OpenError, which is also an error class
+    of python-can."""
     if isinstance(channel, SerialName):
         baudrate, channel = channel.baud, channel.port
     if isinstance(channel, str):

@@ -1,8 +1,8 @@
-"""Any python-can bus held to our manners, and as a session wants it: whole frames, many at a time.
+"""Adapter from any python-can bus to the frame interface of a session, with errors of one sentence.
 
-The serial link has its own bus class (`plumb.link.transports.slcan_bus`), socketcand one
-(`plumb.link.transports.socketcand`), the board simulated in this process another (`plumb.boards.virtual_can`);
-everything else that python-can can open comes through here.
+The serial link (`plumb.link.transports.slcan_bus`), socketcand (`plumb.link.transports.socketcand`) and the board
+simulated in this process (`plumb.boards.virtual_can`) have bus classes of their own; every other interface of
+python-can is used through this module.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from plumb.spec.protocol import Frame, check, protocol
 
 SEND_TIMEOUT_S = 1.0
 FULL_WAIT_S = 0.0005
-"""About two frames at 500 kbit/s."""
+"""Pause before a frame is sent again after the driver's queue was full: about two frames at 500 kbit/s."""
 MALFORMED_IN_A_ROW = 8
-"""So many pieces of text without a frame between them are no noise on the line but another kind of line."""
+"""Malformed lines in a row after which the port is taken for something other than an SLCAN adapter."""
 
 
 @runtime_checkable
 class FrameBus(Protocol):
-    """What a session speaks through. clock: seconds that pass for what is at the other end. rejected: received frames
-    that were thrown away."""
+    """The bus as a session uses it. clock: time in seconds, simulated for a simulated board. rejected: number of
+    received frames that were discarded."""
 
     clock: Callable[[], float]
 
@@ -44,7 +44,8 @@ class FrameBus(Protocol):
 
 @contextlib.contextmanager
 def explained(name: str) -> Iterator[None]:
-    """Whatever a driver raises, as one sentence that is a LinkError and one of python-can's errors, too."""
+    """Convert any exception of a driver to a ClosedError of one sentence, which is also an error class of
+    python-can."""
     try:
         yield
     except LinkError:
@@ -55,8 +56,8 @@ def explained(name: str) -> Iterator[None]:
 
 
 class DriverBus(can.BusABC):
-    """One of python-can's interfaces, opened under a name: its trouble is a ClosedError of one sentence, a malformed
-    line costs that line (`malformed` counts them), and closing it never fails."""
+    """A bus of one of python-can's interfaces. An exception of the driver becomes a ClosedError of one sentence, a
+    malformed line is skipped and counted in `malformed`, and closing never fails."""
 
     def __init__(self, name: str, driver: can.BusABC, can_filters: CanFilters | None = None) -> None:
         self._driver = driver
@@ -65,8 +66,8 @@ class DriverBus(can.BusABC):
         super().__init__(name, can_filters=can_filters)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Waits for room, SEND_TIMEOUT_S unless told otherwise: a network interface of Linux queues ten frames by
-        default, and says of the next that there is no buffer space, whatever time-out the driver was given."""
+        """Send a frame, waiting up to `timeout` (default SEND_TIMEOUT_S) for room in the driver's queue. A network
+        interface of Linux queues ten frames by default and fails with ENOBUFS for the next, whatever the time-out."""
         end = time.monotonic() + (SEND_TIMEOUT_S if timeout is None else timeout)
         with explained(self.channel_info):
             while True:
@@ -82,7 +83,7 @@ class DriverBus(can.BusABC):
         with explained(self.channel_info):
             try:
                 message = self._driver.recv(timeout)
-            except (ValueError, IndexError):  # what python-can's slcan raises for a line that is no frame
+            except (ValueError, IndexError):  # python-can's slcan raises these for a line that is not a frame
                 self.malformed += 1
                 self._in_a_row += 1
                 if self._in_a_row >= MALFORMED_IN_A_ROW:
@@ -111,20 +112,21 @@ class AnyBus:
 
     @property
     def rejected(self) -> int:
-        """Frames with a wrong CRC, and text that was no frame."""
+        """Number of frames with a wrong CRC and of malformed lines."""
         return self._rejected + int(getattr(self.bus, "malformed", 0))
 
     def read_frames(self, timeout_s: float = 0.0) -> list[Frame]:
-        """What has arrived with a right CRC, waiting up to timeout_s for the first frame. Others' traffic is let by."""
+        """The frames of plumb that have arrived with a right CRC, waiting up to timeout_s for the first. Other traffic
+        on the bus is ignored."""
         frames: list[Frame] = []
         with explained(self.bus.channel_info):
             message = self.bus.recv(timeout_s)
             while message is not None:
-                self._take(message, frames)
+                self._append_valid(message, frames)
                 message = self.bus.recv(0)
         return frames
 
-    def _take(self, message: can.Message, frames: list[Frame]) -> None:
+    def _append_valid(self, message: can.Message, frames: list[Frame]) -> None:
         frame = (message.arbitration_id, bytes(message.data))
         ours = not (message.is_extended_id or message.is_error_frame or message.is_remote_frame)
         if ours and frame[0] in self._known:

@@ -1,4 +1,4 @@
-"""A bus by its name on the command line, as a python-can bus.
+"""Open a bus by its name on the command line, as a python-can bus.
 
     serial:PORT[@BAUD]            a board, real or served, behind a serial port
     tcp:HOST:PORT                 the serial link's text over TCP
@@ -92,7 +92,7 @@ def open_can(name: CanName) -> can.BusABC:
     }
     if interface == "slcan" and "://" in channel:
         options["sleep_after_open"] = (
-            0.0  # two seconds for an adapter that starts when its port is opened: not this one
+            0.0  # python-can waits two seconds by default for adapters that reset when the port is opened
         )
     if interface not in can.VALID_INTERFACES:
         raise UsageError(

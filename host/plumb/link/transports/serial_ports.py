@@ -1,4 +1,4 @@
-"""Check the name of a serial port before pyserial opens it: some of pyserial's URLs do harm (spy:// empties a file)."""
+"""Check the name of a serial port before pyserial opens it: some URLs of pyserial do damage (spy:// empties a file)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from plumb.errors import UsageError
 from plumb.link.endpoint_names import quoted
 
 URLS = ("socket", "rfc2217")
-"""Schemes that reach a port over a network, and nothing else."""
+"""URL schemes that are accepted: they only open a network connection."""
 
 
 def check_port(port: str) -> None:

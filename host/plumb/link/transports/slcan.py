@@ -1,11 +1,11 @@
-"""SLCAN text to frames and back, many at a time.
+"""SLCAN codec: text to frames and back, many at a time.
 
-The same grammar as firmware/link/slcan.c, held to it by a test: a line ends at CR; a bell ends one too, and spoils what
-stood before it; 't', three digits of identifier (at most 7FF), one of length (0..8), two for every byte, and nothing
-else, is a frame. On top of that only frames with a right CRC are handed on. Nothing here raises on any input.
+The grammar is that of firmware/link/slcan.c; a test compares the two. A line ends at CR. BEL also ends a line and makes
+it invalid. A frame is 't', three hex digits of identifier (at most 7FF), one of length (0 to 8), two for each byte, and
+nothing else. Frames with a wrong CRC are discarded. No input raises an exception.
 
-Fast because the usual case (every line a whole frame) is done for all lines at once: one split, one unhexlify, and the
-CRC of all frames column by column, with `bytes.translate` as the table and big integers as the exclusive or.
+The usual case (every line is a whole frame) is handled for all lines at once: one split, one unhexlify, and the CRC of
+all frames column by column, with `bytes.translate` as the table and big integers for the exclusive or.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from collections.abc import Iterable, Sequence
 from plumb.spec.protocol import CRC8_TABLE, Frame, check
 
 LINE_MAX = 26
-"""Longest line, without CR, that is not thrown away unread."""
+"""Longest line without CR; a longer one is discarded."""
 _FRAME_CHARS = 21
 _FEW = 4
 _ENTRY = struct.Struct(">H8s")
 
-# CRC-8 after identifier and length 8, from the first two bytes of "iii8", which are iii shifted left by four plus 8:
-# the CRC is linear, so each byte's share is a table of its own.
+# CRC-8 of identifier and length 8, from the first two bytes of "iii8", which are iii shifted left by four plus 8.
+# The CRC is linear, so the contribution of each byte has a table of its own.
 _AFTER_HIGH = bytes(CRC8_TABLE[CRC8_TABLE[CRC8_TABLE[0xFF ^ byte >> 4] ^ (byte & 15) << 4] ^ 8] for byte in range(256))
 _AFTER_LOW = bytes(CRC8_TABLE[CRC8_TABLE[byte >> 4]] for byte in range(256))
 
 
 def crc8_columns(raw: bytes) -> bytes:
-    """CRC-8 of every ten-byte entry (two bytes of identifier and length 8, eight of data), one byte each."""
+    """CRC-8 of every ten-byte entry (two bytes of identifier and length, eight of data), one byte for each."""
     count = len(raw) // 10
 
     def xor(a: bytes, b: bytes) -> bytes:
@@ -44,10 +44,10 @@ def crc8_columns(raw: bytes) -> bytes:
 
 
 class SlcanParser:
-    """Bytes in, checked frames out; what is no frame is counted.
+    """Converts received bytes to frames with a right CRC, and counts the rest.
 
-    bad: lines that are no frame and no answer. rejected: well-formed frames with a wrong CRC or length. accepted and
-    refused: answers to our own commands (CR, BEL). answers: the last texts that were answers (V, N).
+    bad: lines that are neither a frame nor a reply. rejected: well-formed frames with a wrong CRC or length. accepted,
+    refused: replies to commands of the host (CR, BEL). answers: the last text replies (V, N).
     """
 
     def __init__(self) -> None:
@@ -59,7 +59,7 @@ class SlcanParser:
         self._pending = b""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Take bytes as they come, split anywhere; give the frames completed by them, in order."""
+        """Feed received bytes, split anywhere; returns the frames that they complete, in order."""
         if 7 in data:
             return self._feed_with_bells(data)
         text = self._pending + data
@@ -79,7 +79,7 @@ class SlcanParser:
 
     @staticmethod
     def _limit(pending: bytes) -> bytes:
-        """An endless line must not grow: past the longest, only that it is broken counts."""
+        """Limit an unfinished line to one character more than LINE_MAX, which marks it as too long."""
         return pending if len(pending) <= LINE_MAX else pending[: LINE_MAX + 1]
 
     def _frames_of(self, lines: list[bytes]) -> list[Frame]:
@@ -105,7 +105,7 @@ class SlcanParser:
         return [(key >> 4, body) for key, body in _ENTRY.iter_unpack(raw)]
 
     def _slow(self, lines: Iterable[bytes]) -> list[Frame]:
-        """Line by line, when at least one of them is out of the ordinary. Empty lines were counted."""
+        """Parse line by line, for a batch in which at least one line is not a whole frame. Empty lines were counted."""
         frames = []
         for line in lines:
             if not line:
@@ -127,7 +127,7 @@ class SlcanParser:
 
 
 def frame_of_line(line: bytes) -> Frame | None:
-    """(identifier, data) of a line without its CR, else None. The CRC is not looked at."""
+    """(identifier, data) of a line without its CR; None if it is not a frame. The CRC is not checked."""
     try:
         if line[:1] != b"t" or len(line) < 5:
             return None
@@ -140,5 +140,5 @@ def frame_of_line(line: bytes) -> Frame | None:
 
 
 def text_of_frames(frames: Sequence[Frame]) -> bytes:
-    """The SLCAN text of any number of frames, upper-case, each ended by CR."""
+    """SLCAN text of the frames, upper-case, each line with its CR."""
     return b"".join(b"t%03X%d%b\r" % (i, len(data), hexlify(data).upper()) for i, data in frames)

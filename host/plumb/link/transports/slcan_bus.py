@@ -1,7 +1,7 @@
 """The serial link as a python-can bus: `can.Bus(interface="plumb", channel=...)`.
 
-SLCAN text as stock tools speak it, without their fragility: no input raises, no call blocks for ever, whole chunks are
-parsed at once, and only frames whose CRC is right come out (SLCAN itself has no checksum).
+Compatible with other SLCAN tools. No received text raises an exception, no call blocks without a time-out, received
+text is parsed in whole chunks, and frames with a wrong CRC are discarded (SLCAN itself has no checksum).
 """
 
 from __future__ import annotations
@@ -27,10 +27,9 @@ class PlumbBus(can.BusABC):
 
     channel: see `plumb.link.transports.byte_stream.open_stream`. tty_baudrate: of a serial port that does not name one.
     listen_only: telemetry only, the board refuses frames. Opening starts telemetry; closing stops it and disarms.
-    bitrate is accepted, as python-can passes it, and means nothing: there is no CAN bus behind this link.
+    bitrate is accepted because python-can passes it, and ignored: there is no CAN bus behind this link.
 
-    There is no fileno() on purpose: frames wait in here after the port has been read, and who selects on the port
-    would miss them.
+    There is no fileno() on purpose: received frames wait in this object, so select() on the port would miss them.
     """
 
     def __init__(
@@ -48,17 +47,18 @@ class PlumbBus(can.BusABC):
         self._frames: deque[Frame] = deque()
         self.channel_info = f"plumb on {self._stream.name}"
         try:
-            # The first CR ends whatever line was left half-written, C whatever was on before.
+            # The first CR ends a line that was left unfinished; C closes a link that was left open.
             self._stream.write(b"\rC\r" + (b"L\r" if listen_only else b"O\r"))
         except LinkError:
             self._stream.close()
             raise
         super().__init__(self._stream.name, can_filters=can_filters, **kwargs)
 
-    # ---- frames, for who wants speed ----
+    # ---- the frame interface, faster than that of python-can ----
 
     def read_frames(self, timeout_s: float = 0.0) -> list[Frame]:
-        """What has arrived, waiting up to timeout_s (of `clock`) for the first frame. Raises LinkError when closed."""
+        """The frames that have arrived, waiting up to timeout_s (of `clock`) for the first. Raises LinkError when
+        closed."""
         if self._frames:
             frames = list(self._frames)
             self._frames.clear()
@@ -76,16 +76,16 @@ class PlumbBus(can.BusABC):
                 return []
 
     def write_frames(self, frames: Sequence[Frame]) -> None:
-        """Send frames as they are, in one piece."""
+        """Send frames in one write. Raises LinkError."""
         self._stream.write(text_of_frames(frames))
 
     def write_text(self, text: bytes) -> None:
-        """Send SLCAN text that was prepared."""
+        """Send prepared SLCAN text. Raises LinkError."""
         self._stream.write(text)
 
     @property
     def rejected(self) -> int:
-        """Lines that were no frame, and frames with a wrong CRC."""
+        """Number of lines that were not a frame, and of frames with a wrong CRC."""
         return self.parser.bad + self.parser.rejected
 
     # ---- python-can ----
@@ -110,16 +110,16 @@ class PlumbBus(can.BusABC):
         )
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send one classic frame with a standard identifier, as it is. Raises ClosedError for any other kind."""
+        """Send one classic data frame with a standard identifier, unchanged. Raises ClosedError for any other kind."""
         if msg.is_extended_id or msg.is_remote_frame or msg.is_fd or msg.is_error_frame or msg.dlc > FRAME_DLC:
             raise ClosedError("only classic data frames with an 11-bit identifier go over this link")
         self.write_frames([(msg.arbitration_id, bytes(msg.data))])
 
     def flush_tx_buffer(self) -> None:
-        """Everything is handed to the operating system at once; there is nothing to flush."""
+        """Does nothing: frames are written to the operating system at once."""
 
     def shutdown(self) -> None:
-        """Stop telemetry (which disarms) and close; safe to call twice, and when the port is gone already."""
+        """Stop telemetry (which disarms) and close. Safe to call twice, and after the port was unplugged."""
         if self._is_shutdown:
             return
         super().shutdown()

@@ -1,8 +1,8 @@
-"""The far end of an SLCAN cable as a python-can bus: what a CAN adapter, or a board, is to the host that opens it.
+"""SLCAN server as a python-can bus: behaves towards the host like a CAN adapter or a board.
 
-A `ServerEndpoint` (pty or TCP port) under it, the commands of an adapter answered as docs/reference/protocol.md
-says, frames handed on in both directions. A frame is sent only while a
-host has the link open; before that, and when nobody listens, it is gone.
+It serves a `ServerEndpoint` (pty or TCP port), answers the commands of an adapter as docs/reference/protocol.md
+describes, and passes frames in both directions. Frames are sent only while a host has the link open; others are
+discarded.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from plumb.spec.protocol import Frame
 _CR, _BEL = b"\r", b"\a"
 _RATES = {b"S4": 125, b"S5": 250, b"S6": 500, b"S8": 1000}
 _LOOK_S = 0.01
-"""How often a pty is asked whether a client has come: that makes no descriptor readable."""
+"""Interval at which a pty is polled for a client: opening one makes no descriptor readable."""
 
 
 class AdapterBus(can.BusABC):
-    """open: a host said O or L and not yet C. read_only: it said L, and what it sends is refused. kbit: the bit rate it
-    asked for (S4, S5, S6, S8), None as long as it asked for none."""
+    """An SLCAN adapter. open: the host has opened the link (O or L). read_only: it opened it with L, and its frames are
+    refused. kbit: bit rate that the host has set (S4, S5, S6, S8), None before. refused: unknown commands received."""
 
     def __init__(self, line: ServerEndpoint, can_filters: CanFilters | None = None) -> None:
         self._line = line
@@ -61,9 +61,9 @@ class AdapterBus(can.BusABC):
             select.select([] if descriptor is None else [descriptor], [], [], min(remaining, _LOOK_S))
 
     def _serve(self) -> None:
-        """Take what came and answer it."""
+        """Read what the host has sent: queue its frames and answer its commands."""
         if self._line.watch() is None:
-            self.open, self._pending = False, b""  # who opened it went away
+            self.open, self._pending = False, b""  # the client that had opened the link disconnected
         data = self._line.read()
         *lines, self._pending = (self._pending + data.replace(_BEL, _CR)).split(_CR)
         self._pending = self._pending[: LINE_MAX + 1]

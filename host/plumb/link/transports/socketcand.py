@@ -1,9 +1,9 @@
-"""Both ends of socketcand: a CAN bus behind a TCP port.
+"""Server and client of socketcand: a CAN bus behind a TCP port.
 
-Its text protocol in raw mode: `< hi >`, `< open NAME >`, `< rawmode >`, `< send ID LENGTH BYTES >`,
-`< frame ID SECONDS DATA >`. The served end takes one client at a time, python-can's own interface for one, and any name
-opens the one bus there is. The client's end stands in for that interface, which waits without end for a server that
-does not greet, and takes one that has gone for a quiet bus.
+The text protocol in raw mode: `< hi >`, `< open NAME >`, `< rawmode >`, `< send ID LENGTH BYTES >`,
+`< frame ID SECONDS DATA >`. The server has one client at a time, for example python-can's own interface, and opens its
+only bus under any name. The client replaces python-can's interface, which waits without a time-out for the server's
+greeting and does not notice a server that has disconnected.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _LONGEST_WAIT_S = 0.5
 
 
 class SocketcandBus(can.BusABC):
-    """What a client of `can.Bus(interface="socketcand", host="127.0.0.1", port=..., channel=...)` talks to."""
+    """Server for clients such as `can.Bus(interface="socketcand", host="127.0.0.1", port=..., channel=...)`."""
 
     def __init__(self, port: int) -> None:
         self._line = TcpEndpoint(port)
@@ -53,7 +53,7 @@ class SocketcandBus(can.BusABC):
             time.sleep(0.0005)
 
     def _serve(self) -> None:
-        """Greet who has come, take what was said and answer it."""
+        """Greet a new client, and answer the commands that have arrived."""
         data = self._line.read()
         if not self._line.connected:
             self._greeted = self._raw = False
@@ -65,11 +65,11 @@ class SocketcandBus(can.BusABC):
         self._text = (self._text + data)[-_LONGEST:]
         end = 0
         for match in _COMMAND.finditer(self._text):
-            self._obey(match[1].split())
+            self._answer(match[1].split())
             end = match.end()
         self._text = self._text[end:]
 
-    def _obey(self, words: list[bytes]) -> None:
+    def _answer(self, words: list[bytes]) -> None:
         verb = words[0] if words else b""
         if verb in (b"open", b"rawmode"):
             self._raw = self._raw or verb == b"rawmode"
@@ -93,7 +93,7 @@ class SocketcandBus(can.BusABC):
 
 
 class SocketcandClient(can.BusABC):
-    """The bus that a socketcand server at host:port calls `name`. malformed: pieces of text that were no frame."""
+    """Client: the bus that the socketcand server at host:port calls `name`. malformed: texts that were not a frame."""
 
     def __init__(self, host: str, port: int, name: str) -> None:
         self._stream = SocketStream(host, port)
@@ -122,7 +122,7 @@ class SocketcandClient(can.BusABC):
                 return
             if found is not None:
                 break
-        raise OpenError(f"what answers at {self._stream.name} is no socketcand with that bus: check the address")
+        raise OpenError(f"{self._stream.name} is not a socketcand server with that bus: check the address")
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         if msg.is_remote_frame or msg.is_error_frame or msg.is_fd:
@@ -134,12 +134,12 @@ class SocketcandClient(can.BusABC):
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         end = time.monotonic() + (_LONGEST_WAIT_S if timeout is None else timeout)
         while not self._received:
-            self._take(self._stream.read(max(0.0, end - time.monotonic())))
+            self._parse(self._stream.read(max(0.0, end - time.monotonic())))
             if not self._received and time.monotonic() >= end:
                 return None, False
         return self._received.popleft(), False
 
-    def _take(self, data: bytes) -> None:
+    def _parse(self, data: bytes) -> None:
         self._text += data
         end = 0
         for match in _COMMAND.finditer(self._text):
