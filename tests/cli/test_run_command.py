@@ -157,6 +157,18 @@ def test_a_replay_reports_the_error_against_the_reference(tmp_path: Path, capsys
     assert said["scored_steps"] > 1900
 
 
+def test_a_replay_about_z_warns_that_gravity_does_not_turn_about_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["replay", str(recording_file(tmp_path)), "--system", "quad", "--board", "native", "--seconds", "2"]
+    for axis, many in (("x", 0), ("y", 0), ("z", 1)):
+        assert front.main([*command, "--axis", axis, "--json"]) == 0
+        printed = capsys.readouterr()
+        warnings = json.loads(printed.out)["warnings"]
+        assert len(warnings) == many and all("gravity does not turn about" in sentence for sentence in warnings)
+        assert printed.err.splitlines() == [f"plumb: warning: {sentence}" for sentence in warnings]
+
+
 def test_a_recording_at_rest_has_nothing_to_score(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = recording_file(tmp_path, movement=np.zeros(2000, bool))
     code, said = run(capsys, "replay", str(file), "--board", "native")

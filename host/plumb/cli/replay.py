@@ -11,6 +11,7 @@ says which further files it reads; of several runs in a file the longest is take
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from plumb.cli import options
@@ -38,6 +39,8 @@ def main(arguments: argparse.Namespace) -> int:
     request = replay.ReplayRequest(arguments.file, arguments.axis, arguments.period_us, arguments.seconds)
     prepared = replay.prepare(system, request)
     options.tell_default(arguments, system, PART)
+    for sentence in prepared.warnings:
+        print(f"plumb: warning: {sentence}", file=sys.stderr)
     with options.board_of(arguments) as board:
         done = prepared.run(board, arguments.board, options.link_of(arguments))
     return report(arguments, done.run, done.summary())

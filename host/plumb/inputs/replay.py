@@ -34,7 +34,7 @@ class Replayed(Protocol):
     """replay.py of a system: recordings of real sensors as inputs of a run."""
 
     def inputs_of(self, request: ReplayRequest, /) -> tuple[RunInputs, ControlParams, Mapping[str, object]]:
-        """Inputs, parameters, and the heading of the summary."""
+        """Inputs, parameters, and the heading of the summary; "warnings" in it: sentences that the user should read."""
 
 
 REPLAY = Part[Replayed]("replay", Replayed, without="no recording can be made its inputs")
@@ -49,6 +49,13 @@ class Replay:
     params: ControlParams
     heading: Mapping[str, object]
 
+    @property
+    def warnings(self) -> list[str]:
+        """What the user should know before the figures are believed, a sentence each."""
+        said = self.heading.get("warnings", [])
+        assert isinstance(said, list)
+        return said
+
     def run(self, board: Board, name: str, link: str | None) -> ScenarioRun:
         """Run the inputs in lockstep, and compare every step with the model. name, link: of the board, for the
         summary."""
@@ -61,6 +68,7 @@ class Replay:
             "link": link,
             "seed": None,
             "scored_steps": int(self.inputs.scored.sum()),
+            "warnings": self.warnings,
         }
         return ScenarioRun(result, heading)
 

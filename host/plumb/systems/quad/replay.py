@@ -8,6 +8,11 @@ from plumb.proof.runs import RunInputs
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning.quantise import ControlParams
 
+VERTICAL_Z = (
+    "--axis z: gravity does not turn about an upright z axis, so the accelerometer cannot measure that angle; the tilt"
+    " about z is defined only while z lies near the horizontal"
+)
+
 
 def inputs_of(request: ReplayRequest) -> tuple[RunInputs, ControlParams, dict[str, object]]:
     """What `plumb replay` runs: inputs, parameters, and the heading of the summary."""
@@ -15,4 +20,7 @@ def inputs_of(request: ReplayRequest) -> tuple[RunInputs, ControlParams, dict[st
     if request.seconds is not None:
         axis = axis.first(recording.steps_in(request.seconds, axis.period_us, len(axis.raw)))
     inputs, params = recording.run_inputs(axis, quad.TUNINGS["recording"])
-    return inputs, params, {"scenario": f"{request.file.name} about {request.axis}", "tuning": "recording"}
+    heading: dict[str, object] = {"scenario": f"{request.file.name} about {request.axis}", "tuning": "recording"}
+    if request.axis == "z":
+        heading["warnings"] = [VERTICAL_Z]
+    return inputs, params, heading
