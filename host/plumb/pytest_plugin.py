@@ -146,7 +146,7 @@ class GoldenVector(pytest.Item):
 
         boards = _boards(self.config)
         try:
-            result = golden.check_vector(boards.get(self.board), self.case)
+            result = golden.check_vector(boards.get(self.board), self.board, self.case)
         except LinkError:
             boards.drop(self.board)
             raise

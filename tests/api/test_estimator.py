@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 import pytest
 
 import plumb
+from plumb.spec import declarations, parameters
 from plumb.spec.arrays import FloatArray
 from plumb.systems import run_fixed
+from plumb.tuning.channels import counts_of
 
 G = 9.80665
 PERIOD_S = 0.01
@@ -88,6 +92,30 @@ def test_full_scale_is_clamped_and_told() -> None:
     estimate = plumb.Estimator("quad", period_s=PERIOD_S, gyr_range_dps=250, acc_range_g=4).run(gyr, acc)
     assert np.flatnonzero(estimate.saturated).tolist() == [20]
     assert np.degrees(estimate["rate_radps"][20]) == pytest.approx(250.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("exact", "count"),
+    [(0.4, 0), (0.6, 1), (-0.4, 0), (-0.6, -1), (7.49, 7), (-7.49, -7), (99.51, 100), (-99.51, -100)],
+)
+def test_a_sample_becomes_the_nearest_count(exact: float, count: int) -> None:
+    """Not the count below it, and not the one nearer to zero."""
+    estimator = plumb.Estimator("quad", gyr_range_dps=250, acc_range_g=2)
+    one_g, one_dps = 2.0 / 32766, 250.0 / 32766
+    gyr, acc = np.full((1, 3), np.radians(exact * one_dps)), np.full((1, 3), exact * one_g * G)
+    assert estimator.counts(gyr, acc)[0, :3].tolist() == [count] * 3
+
+
+@pytest.mark.parametrize(("exact", "count"), [(0.5, 0), (1.5, 2), (2.5, 2), (-0.5, 0), (-1.5, -2), (-2.5, -2)])
+def test_a_sample_half_way_becomes_the_even_count(exact: float, count: int) -> None:
+    """In g and with a gain of a power of two, where every product is exact."""
+    estimator = plumb.Estimator("quad")
+    (channel,) = [one for one in declarations.system("quad").channels if one.axis == "acc_y"]
+    row = next(row for row in parameters.table() if row.name == f"{channel.calibration}.offset")
+    gain = 1 << 10
+    params = replace(estimator.params, values={**estimator.params.values, "accel.offset": 0, "accel.gain": gain})
+    value_g = exact * gain / 2.0 ** int(row.format[1:])
+    assert counts_of(params, channel, [value_g]).tolist() == [count]
 
 
 def test_other_channels_are_given_by_name() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 import plumb
 from plumb import __main__ as front
+from plumb.proof import golden
 
 
 def printed(arguments: Sequence[str], capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
@@ -40,6 +41,16 @@ def test_a_run_has_the_figures_of_the_command(capsys: pytest.CaptureFixture[str]
     assert result.bit_exact is True and result.verdict == "pass" and result.first_divergence is None
     assert result["tilt_deg"] == pytest.approx(result.words["tilt_turn_q32"] * 360.0 / 2**32)
     assert len(result.time_s) == result.steps == 700
+
+
+@pytest.mark.parametrize(
+    ("tuning", "seed", "accuracy"), [("adaptive", 1001, "pass"), ("adaptive", 1000, "fail"), ("paper", 1001, None)]
+)
+def test_accuracy_stands_beside_bits(tuning: str, seed: int, accuracy: str | None) -> None:
+    """Within the declared limit, outside it (which the mean of many seeds is to keep), and without one."""
+    result = plumb.run("quad", scenario="motion", tuning=tuning, seed=seed, open_loop=True)
+    assert (result.bit_exact, result.verdict, result.accuracy) == (True, "pass", accuracy)
+    assert result.accuracy == result.summary()["accuracy"]
 
 
 def test_a_run_takes_a_tuning_object() -> None:
@@ -107,6 +118,8 @@ def test_golden_vectors_have_a_result_each() -> None:
     checked = plumb.golden.check(["native", "fixed"], ["quad"], names=["quad_motion_*"])
     assert checked.bit_exact and not checked.failed()
     assert {one.board for one in checked.vectors} == {"native", "fixed"}
+    assert plumb.golden.VectorResult is golden.VectorResult
+    assert all(one.bit_exact and one.verdict == "pass" and one.to_json()["vector"] for one in checked.vectors)
     assert len(checked.vectors) == 2 * len({one.vector for one in checked.vectors}) > 2
     with pytest.raises(plumb.UsageError, match="a list"):
         plumb.golden.check("native")

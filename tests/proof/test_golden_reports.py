@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import shutil
 import subprocess
 import sys
 from html.parser import HTMLParser
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+import plumb
 import plumb.__main__ as front
 from plumb.boards import Answer, GivesWordsOfSteps, native_core, open_board
 from plumb.boards.native import NativeBoard
 from plumb.boards.program import vector_text
 from plumb.errors import LinkError
+from plumb.flash.image import find_image, own_header
 from plumb.proof import golden, golden_checks
 from plumb.proof.golden_junit import junit, xml_text
 from plumb.proof.golden_page import page
@@ -256,6 +260,23 @@ def test_the_page_plots_the_signal_that_diverged(folder: Path) -> None:
     assert text.count("<circle") == 90
 
 
+def test_the_page_names_the_image_of_every_board_that_has_one(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shown = tmp_path / "golden.html"
+    boards = ["--board", "native", "--board", "virtual", "--board", PORT]
+    code, out, err = run(capsys, "--vectors", str(folder), *boards, "--vector", "steps_*", "--html", str(shown))
+    assert code == 0, out + err
+    text = shown.read_text()
+    outline(text)
+    rows = re.findall(r"<tr><td>(.*?)</td><td>(.*?)</td><td>([0-9a-f]{64})</td>", text)
+    files = {"native": native_core.core_path(), "virtual": find_image()}
+    hashes = {name: (path.name, hashlib.sha256(path.read_bytes()).hexdigest()) for name, path in files.items()}
+    assert {board: (file, sha256) for board, file, sha256 in rows} == hashes
+    commit = own_header(find_image().read_bytes(), "image").git_hash
+    assert commit and f">{commit}" in text
+
+
 def test_the_page_of_a_pass_and_of_hostile_names_is_whole() -> None:
     results = {"program:<script>&\x00\udcff": golden.Result()}
     results[next(iter(results))].add(golden.VectorResult("v", "quad", 3, 0))
@@ -291,6 +312,36 @@ def test_a_report_that_cannot_be_written_is_told_before_anything_runs(
         capsys, folder, "--junit", str(tmp_path / "one"), "--html", str(tmp_path / "." / "one")
     )
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file"]
+
+
+# ---- boards that cannot be opened ----
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (["--board", "native", "--board", "nativ"], "'nativ' is not a board"),
+        (["--board", "virtual", "--image", "none.bin"], "there is no file none.bin"),
+        (["--board", "virtual", "--image", "text.bin"], "is not an image for the STM32F103"),
+        (["--board", "virtual", "--image", "broken.bin"], "is damaged: its length or checksum is wrong"),
+        (["--board", "native", "--image", "none.bin"], "is for board virtual: name virtual among the boards"),
+        (["--board", "native", "--board", "program:./none"], "cannot run ./none"),
+    ],
+)
+def test_a_wrong_board_or_image_is_told_before_any_vector_runs(
+    tmp_path: Path, arguments: list[str], why: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From the command and from Python."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "text.bin").write_text("no vector table")
+    if "broken.bin" in arguments:
+        (tmp_path / "broken.bin").write_bytes(find_image().read_bytes()[:-1] + b"\0")
+    monkeypatch.setattr(golden, "cases", lambda *_: pytest.fail("vectors were read"))
+    assert front.main(["golden", "check", *arguments]) == 2
+    assert why in capsys.readouterr().err
+    boards = [board for option, board in pairwise(arguments) if option == "--board"]
+    with pytest.raises(plumb.UsageError, match=re.escape(why)):
+        plumb.golden.check(boards, image=arguments[-1] if "--image" in arguments else None)
 
 
 # ---- a program as a board ----

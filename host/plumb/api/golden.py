@@ -8,36 +8,12 @@ from pathlib import Path
 from typing import Literal
 
 from plumb.boards import open_board
+from plumb.boards.preconditions import require_boards
 from plumb.errors import UsageError
-from plumb.link.endpoint_names import parse_board
 from plumb.proof import golden
-from plumb.proof.compare import Divergence
-from plumb.proof.golden_result import bit_exact
+from plumb.proof.golden_result import VectorResult
 
 __all__ = ["GoldenResult", "VectorResult", "check"]
-
-
-@dataclass(frozen=True)
-class VectorResult:
-    """What a board made of one golden vector.
-
-    Attributes:
-        board: The board as it was named.
-        vector: Name of the vector.
-        system: Name of its system.
-        steps: Steps of the vector.
-        mismatches: Steps whose digest is not the vector's.
-        bit_exact: Whether every digest is the vector's; None where answers were lost on the link.
-        first_divergence: The first step and word that differ; None where none does.
-    """
-
-    board: str
-    vector: str
-    system: str
-    steps: int
-    mismatches: int
-    bit_exact: bool | None
-    first_divergence: Divergence | None
 
 
 @dataclass(frozen=True)
@@ -90,29 +66,19 @@ def check(
         boards take all.
 
     Raises:
-        UsageError: A name that does not exist, or vectors that are damaged or not those of their recipe.
+        UsageError: A name that does not exist, an image or a program that cannot be run, or vectors that are damaged
+            or not those of their recipe; all of it before any vector runs.
         LinkError: A board does not answer.
     """
     for name, given in (("boards", boards), ("systems", systems), ("names", names)):
         if isinstance(given, str):
             raise UsageError(f"{name} = '{given}': give a list of names")
-    for spec in boards:
-        parse_board(spec)
+    flash_image = None if image is None else Path(image)
+    require_boards(list(boards), flash_image)
     place = golden.vectors_folder(None if folder is None else Path(folder))
     cases = golden.cases_named(golden.cases(place, systems), names)
-    found = []
-    for spec in boards:
-        with open_board(spec, link=link, image=None if image is None else Path(image)) as board:
-            for one in golden.check_each(board, cases):
-                found.append(
-                    VectorResult(
-                        spec,
-                        one.vector,
-                        one.system,
-                        one.steps,
-                        one.mismatches,
-                        bit_exact(one.verdict),
-                        one.first_divergence,
-                    )
-                )
+    found: list[VectorResult] = []
+    for name in boards:
+        with open_board(name, link=link, image=flash_image) as board:
+            found += golden.check_each(board, name, cases)
     return GoldenResult(tuple(found))

@@ -107,7 +107,7 @@ class RunResult(Mapping[str, FloatArray]):
     @property
     def verdict(self) -> Verdict:
         """`pass`: every step of the board equals the model's in every bit. `fail`: one differs. `unverified`: answers
-        were lost on the link."""
+        were lost on the link. It says nothing of the estimate's distance from the truth: `accuracy` does."""
         verdict = self._done.run.verdict
         return "pass" if verdict == "pass" else "fail" if verdict == "fail" else "unverified"
 
@@ -115,6 +115,16 @@ class RunResult(Mapping[str, FloatArray]):
     def bit_exact(self) -> bool | None:
         """Whether every step of the board equals the model's in every bit; None where answers were lost."""
         return {"pass": True, "fail": False}.get(self.verdict)
+
+    @property
+    def accuracy(self) -> Literal["pass", "fail"] | None:
+        """Whether the estimate keeps the limits that the system declares for this scenario, tuning and loop; None where
+        it declares none, or nothing is to be scored. `summary()` names the limits, which the mean of many seeds is to
+        keep: one seed may miss them."""
+        if not self.truth:
+            return None
+        found = self._done.accuracy().verdict
+        return "pass" if found == "pass" else "fail" if found == "fail" else None
 
     @property
     def first_divergence(self) -> Divergence | None:

@@ -7,13 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumb.boards.strap import set_strap
-from plumb.flash.image import FLASH_BASE, PARAMETER_SLOTS, claims_to_be_ours, find_image, load_image, own_header
+from plumb.flash.image import FLASH_BASE, PARAMETER_SLOTS, find_image, load_own_image
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
 
 START_US = 50_000
 """Time from power-up until the host connects: oscillator and ADC are running by then."""
+
+
+def require_simulator() -> None:
+    """Raises UsageError where the simulator of the processor is not installed."""
+    import plumb.f103.machine  # noqa: F401
 
 
 def open_machine(
@@ -34,11 +39,7 @@ def open_machine(
     """
     from plumb.f103.machine import Machine
 
-    path = find_image(image)
-    data = load_image(path)
-    if claims_to_be_ours(data):
-        own_header(data, str(path))
-    machine = Machine(data, part, seed=seed)
+    machine = Machine(load_own_image(find_image(image)), part, seed=seed)
     set_strap(machine, strap)
     machine.flash.store(PARAMETER_SLOTS - FLASH_BASE, slots)
     if couple is not None:

@@ -43,8 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
+    from plumb.boards.preconditions import require_boards
     from plumb.errors import UsageError, exit_code_of
-    from plumb.link.endpoint_names import parse_board
     from plumb.proof import golden, golden_checks
     from plumb.proof.golden_github import workflow_commands
 
@@ -56,8 +56,7 @@ def main(arguments: argparse.Namespace) -> int:
         print(json.dumps({"made": made}) if arguments.json else "\n".join(made))
         return 0
     boards = dict.fromkeys(["fixed", *(arguments.board or ["native"])])
-    for spec in boards:
-        parse_board(spec)  # a wrong name is refused before any vector runs
+    require_boards(list(boards), arguments.image)  # before any vector runs
     golden_checks.require_places(path for path in (arguments.junit, arguments.html) if path)
     cases = golden.cases_named(golden.cases(folder, arguments.system), arguments.vector)
     checks = golden_checks.check_boards(

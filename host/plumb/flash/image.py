@@ -78,6 +78,15 @@ def load_image(path: Path) -> bytes:
     return data
 
 
+def load_own_image(path: Path) -> bytes:
+    """Bytes of an image to be run; an image of plumb is checked whole, any other has its vector table. Raises
+    UsageError."""
+    data = load_image(path)
+    if claims_to_be_ours(data):
+        own_header(data, str(path))
+    return data
+
+
 def check_image(data: bytes, name: str) -> None:
     """Raises UsageError unless the data begin with a vector table whose stack is in RAM and whose entry is in flash."""
     if len(data) >= 8:

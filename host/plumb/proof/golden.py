@@ -157,18 +157,18 @@ def check(
     chosen: the cases, when they were loaded before; else those of the folder and the systems.
     """
     result = Result()
-    for row in check_each(board, cases(folder, systems) if chosen is None else chosen):
+    for row in check_each(board, board.name, cases(folder, systems) if chosen is None else chosen):
         result.add(row)
     return result
 
 
-def check_each(board: Board, every: Sequence[Case]) -> Iterator[VectorResult]:
-    """The result of each vector that the board takes, as it is ready."""
+def check_each(board: Board, board_name: str, every: Sequence[Case]) -> Iterator[VectorResult]:
+    """The result of each vector that the board takes, as it is ready. board_name: as the user named the board."""
     for case in tqdm(cases_for(board.name, every), disable=None, leave=False, unit="vector", desc=board.name):
-        yield check_vector(board, case)
+        yield check_vector(board, board_name, case)
 
 
-def check_vector(board: Board, case: Case) -> VectorResult:
+def check_vector(board: Board, board_name: str, case: Case) -> VectorResult:
     """Runs one vector on a board, and traces the first difference down to its signal."""
     vector, start_s = case.vector, time.monotonic()
     answer = board.run_injected(vector.params, vector.raw, vector.setpoint)
@@ -178,4 +178,4 @@ def check_vector(board: Board, case: Case) -> VectorResult:
     if found and not wrong:
         wrong = 1  # the words differ although their digest does not
     seconds, lost = time.monotonic() - start_s, answer.unverified_from
-    return VectorResult(vector.name, vector.system, len(vector.raw), wrong, found, lost, seconds)
+    return VectorResult(vector.name, vector.system, len(vector.raw), wrong, found, lost, seconds, board_name)

@@ -14,6 +14,7 @@ from plumb.proof.golden_junit import junit
 from plumb.proof.golden_page import page
 from plumb.proof.golden_result import Result, bit_exact, verdict_of
 from plumb.proof.golden_window import Window, window
+from plumb.proof.run_identity import part_of
 
 PLOTS_MAX = 12
 """Of a board: for each the board runs the vector once more."""
@@ -22,9 +23,11 @@ ADVICE = "choose another file for the report"
 
 @dataclass
 class Checks:
-    """results: by board. windows: around first divergences. trouble: why the last board's check ended early."""
+    """results: by board. windows: around first divergences. trouble: why the last board's check ended early. parts:
+    what ran the vectors, by board, as `run_identity.part_of` has it."""
 
     results: dict[str, Result] = field(default_factory=dict)
+    parts: dict[str, dict[str, object]] = field(default_factory=dict)
     windows: list[Window] = field(default_factory=list)
     trouble: LinkError | None = None
 
@@ -63,12 +66,13 @@ def check_boards(
         result = checks.results[name] = Result()
         try:
             with open_board(name) as board:
+                checks.parts[name] = part_of(board)
                 if not golden.cases_for(board.name, cases):
                     raise UsageError(
                         f"{name} takes only vectors that the recipe marks on_link; choose others with --vector"
                     )
                 plotted = 0
-                for row in golden.check_each(board, cases):
+                for row in golden.check_each(board, name, cases):
                     result.add(row)
                     if windows and row.verdict == "fail" and plotted < PLOTS_MAX:
                         shown = window(board, name, by_name[row.vector], row)
@@ -95,6 +99,6 @@ def write_reports(checks: Checks, junit_file: Path | None, page_file: Path | Non
     if junit_file:
         files[junit_file] = junit(checks.results, checks.errors)
     if page_file:
-        files[page_file] = page(checks.results, checks.errors, checks.windows, checks.verdict)
+        files[page_file] = page(checks.results, checks.errors, checks.windows, checks.verdict, checks.parts)
     if files:
         whole_files.write_whole(files, ADVICE)

@@ -10,9 +10,9 @@ import os
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 
-from plumb import __version__
 from plumb.proof.golden_result import Result, VectorResult
 from plumb.proof.golden_window import AROUND_STEPS, Window
+from plumb.version import installed
 
 WIDTH, LEFT, RIGHT = 960, 170, 12
 """Of a plot, in its own units; LEFT and RIGHT are the margins beside the axes, the same in every panel."""
@@ -45,20 +45,29 @@ svg .got, svg text.got { fill: var(--got); } svg text.key { fill: var(--expected
 """
 
 
-def page(results: Mapping[str, Result], errors: Mapping[str, str], windows: Sequence[Window], verdict: str) -> str:
-    """The whole page. errors: board -> why its check ended early."""
+def page(
+    results: Mapping[str, Result],
+    errors: Mapping[str, str],
+    windows: Sequence[Window],
+    verdict: str,
+    parts: Mapping[str, Mapping[str, object]] | None = None,
+) -> str:
+    """The whole page. errors: board -> why its check ended early. parts: board -> what ran its steps, as
+    `run_identity.part_of` has it."""
     meaning = {
         "pass": "bit-exact: every step of every vector equals the integer model.",
         "fail": "not bit-exact: at least one step differs from the integer model.",
         "unverified": "answers were lost, or a board did not finish: neither right nor wrong.",
     }[verdict]
     body = [f'<p><span class="verdict {verdict}">{verdict}</span> {meaning}</p>']
-    body.append(f'<p class="soft">plumb {html.escape(__version__)}, {_date()}</p>')
+    commit = f", commit {installed().commit}" if installed().commit else ""
+    body.append(f'<p class="soft">plumb {_text(installed().version + commit)}, {_date()}</p>')
     body += [
         f'<p><span class="verdict unverified">ended early</span> {_text(board)}: {_text(why)}</p>'
         for board, why in errors.items()
     ]
     body.append(_boards_table(results))
+    body.append(_images_table(parts or {}))
     body += [_section(window) for window in windows]
     if not windows:
         body.append('<p class="soft">No board differs from a vector, so there is nothing to plot.</p>')
@@ -96,6 +105,19 @@ def _boards_table(results: Mapping[str, Result]) -> str:
         for board, one in results.items()
     ]
     return _table(["board", "verdict", "vectors", "steps", "mismatches"], rows)
+
+
+def _images_table(parts: Mapping[str, Mapping[str, object]]) -> str:
+    """A row for every board that runs an image, or says which commit its image is of; empty where none does."""
+    rows = []
+    for board, part in parts.items():
+        image, commit = part.get("image"), part.get("firmware_git_hash")
+        if isinstance(image, Mapping) or commit:
+            known = image if isinstance(image, Mapping) else {}
+            cells = (board, known.get("file", ""), known.get("sha256", ""), known.get("compiler") or "", commit or "")
+            rows.append("<tr>" + "".join(f"<td>{_text(str(cell))}</td>" for cell in cells) + "</tr>")
+    head = ["board", "image", "SHA-256", "compiler", "commit, as the board says"]
+    return "<h2>What ran</h2>\n" + _table(head, rows) if rows else ""
 
 
 def _vectors_table(results: Mapping[str, Result]) -> str:

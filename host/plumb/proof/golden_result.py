@@ -15,10 +15,17 @@ def bit_exact(verdict: str) -> bool | None:
 
 @dataclass(frozen=True)
 class VectorResult:
-    """One vector on one board.
+    """What a board made of one golden vector.
 
-    mismatches: steps whose digest differs or is missing. unverified_from: first step that the link lost, else None.
-    seconds: how long the board took.
+    Attributes:
+        vector: Name of the vector.
+        system: Name of its system.
+        steps: Steps of the vector.
+        mismatches: Steps whose digest is not the vector's, or is missing.
+        first_divergence: The first step and signal that differ; None where none does.
+        unverified_from: First step whose answer was lost on the link; None where none was.
+        seconds: How long the board took, s.
+        board: The board as it was named.
     """
 
     vector: str
@@ -28,21 +35,29 @@ class VectorResult:
     first_divergence: Divergence | None = None
     unverified_from: int | None = None
     seconds: float = 0.0
+    board: str = ""
+
+    @property
+    def bit_exact(self) -> bool | None:
+        """Whether every digest is the vector's; None where answers were lost on the link."""
+        return bit_exact(self.verdict)
 
     @property
     def verdict(self) -> str:
+        """`pass`, `fail`, or `unverified`: answers were lost on the link, and no other differs."""
         if self.mismatches or self.first_divergence:
             return "fail"
         return "pass" if self.unverified_from is None else "unverified"
 
     def to_json(self) -> dict[str, object]:
+        """A row of `plumb golden check --json`."""
         first = self.first_divergence
         return {
             "vector": self.vector,
             "system": self.system,
             "steps": self.steps,
             "verdict": self.verdict,
-            "bit_exact": bit_exact(self.verdict),
+            "bit_exact": self.bit_exact,
             "mismatches": self.mismatches,
             "first_divergence": None if first is None else first.as_dict(),
             "unverified_from": self.unverified_from,

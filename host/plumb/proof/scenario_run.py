@@ -12,7 +12,7 @@ from plumb import systems
 from plumb.boards import Board, SimulatedBoard, open_board
 from plumb.errors import UsageError
 from plumb.physics import disturbance
-from plumb.proof import runs
+from plumb.proof import limits, runs
 from plumb.proof.runs import Run
 from plumb.spec.tuning import AnyTuning
 from plumb.systems.contracts import PINS, Scenario, fitted
@@ -50,6 +50,10 @@ class ScenarioRun:
 
     run: Run
     heading: dict[str, Any]
+
+    def accuracy(self) -> limits.Accuracy:
+        """The metrics against the limits that the system declares for this run."""
+        return self.run.accuracy(self.heading)
 
     def summary(self, **changed: Any) -> dict[str, Any]:
         """What `run --json` prints; changed: entries of the heading with another value, None: left out."""
