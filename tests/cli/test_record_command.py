@@ -138,6 +138,26 @@ def test_a_lost_step_is_an_empty_row(board: NativeBoard, session: Session, tmp_p
     assert [row["step"] for row in rows_of(tmp_path) if not row["digest"]] != []
 
 
+def test_a_recording_is_a_page_that_says_where_it_is_and_what_made_it(
+    recordable: NativeBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["record", "--board", "memory", "--run", "live", "--out", str(tmp_path), "--seconds", "0.5"]
+    assert front.main(command) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == f"report: {tmp_path}/report.html"
+    page = (tmp_path / "report.html").read_text()
+    about = json.loads((tmp_path / "board.json").read_text())["identity"]
+    assert about["command"] == f"plumb {' '.join(command)}" and about["plumb"]["git_hash"] in page
+    for text in (about["command"], "Raw counts", "accel_y", "Signals in deg", "kalman.dt_s_q33", "no step lacks"):
+        assert text in page, text
+    steps = len(rows_of(tmp_path))
+    assert f"{steps} steps of 20 ms." in page and "command, from" in page
+
+
+def test_a_recording_without_a_step_still_has_a_page(recordable: NativeBoard, tmp_path: Path) -> None:
+    assert front.main(["record", "--board", "memory", "--seconds", "0.1", "--out", str(tmp_path), "--json"]) == 0
+    assert "0 steps of" in (tmp_path / "report.html").read_text()
+
+
 FULL = Path("/dev/full")
 needs_full_disk = pytest.mark.skipif(not FULL.is_char_device(), reason="this system has no /dev/full")
 

@@ -6,6 +6,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,9 +19,10 @@ from plumb.errors import UsageError
 from plumb.flash.image import find_image
 from plumb.proof.faults import host, table
 from plumb.proof.faults.fault import Fault
+from plumb.proof.faults.fault_report import write_report
 from plumb.proof.faults.limits import limits
 from plumb.proof.faults.reports import Told
-from plumb.proof.faults.runner import Runner
+from plumb.proof.faults.runner import Row, Runner
 from plumb.proof.faults.scene import Scene
 from support.campaigns import campaign
 
@@ -157,12 +159,13 @@ def test_json_is_the_same_bytes_every_time(capsys: pytest.CaptureFixture[str]) -
 
 
 def test_the_table_for_people_and_the_exit_code(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     broken = Fault("no-fault", "host", "nothing is injected", nothing, "silence", (Told("STATUS", "faults", 1),))
     monkeypatch.setattr(table, "FAULTS", (table.chosen(["brown-out"])[0], broken))
-    assert main(["faults", "--system", DRIVEN[0]]) == 1
+    assert main(["faults", "--system", DRIVEN[0], "--out", str(tmp_path)]) == 1
     said = capsys.readouterr().out
+    assert said.splitlines()[-2:] == [f"report: {tmp_path}/report.html", f"files: {tmp_path}/summary.json"]
     assert "pass brown-out" in said and "fail no-fault" in said and "2 faults, 1 failed: fail" in said
     assert "\x1b" not in said
     assert main(["faults", "--list"]) == 0
@@ -183,3 +186,15 @@ def test_the_table_for_people_and_the_exit_code(
 def test_wrong_use_is_exit_2(capsys: pytest.CaptureFixture[str], arguments: list[str], said: str) -> None:
     assert main(["faults", *arguments]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_the_page_has_every_fault_and_what_it_was_made_with(tmp_path: Path) -> None:
+    good = Row("quad", "host", "silent", "the host <stops>", "serial", 3.0, 4.0, "STATUS", 20.0, 40.0, "pass", "")
+    late = replace(good, name="late", safe_ms=None, verdict="fail", why="never safe")
+    page, summary = write_report(tmp_path / "new", [good, late], "fail", find_image(), "plumb faults --out new")
+    told = json.loads(summary.read_text())
+    assert told["verdict"] == "fail" and [row["name"] for row in told["faults"]] == ["silent", "late"]
+    text = page.read_text()
+    for part in (told["identity"]["part"]["image"]["sha256"], "plumb faults --out new", "the host &lt;stops&gt;"):
+        assert part in text, part
+    assert "1 of 2 faults" in text and text.count('<tr class="bad">') == 1 and "fail: never safe" in text

@@ -196,6 +196,18 @@ def test_a_board_that_breaks_off_leaves_its_reports(
     assert "the cable is out" in shown.read_text()
 
 
+def test_the_page_says_what_the_check_was_made_with_and_the_command_where_the_page_is(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shown, report = tmp_path / "golden.html", tmp_path / "golden.xml"
+    code, out, _ = run(capsys, "--vectors", str(folder), "--html", str(shown), "--junit", str(report))
+    assert code == 0 and out.splitlines()[-3:] == ["pass", f"report: {shown}", f"junit: {report}"]
+    page = shown.read_text()
+    image = hashlib.sha256(native_core.core_path().read_bytes()).hexdigest()
+    for text in (f"--html {shown}", "commit of plumb", "What ran", image):
+        assert text in page, text
+
+
 # ---- annotations ----
 
 

@@ -17,6 +17,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumb.cli import options
@@ -34,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--phases", type=int, default=50, help="moments to inject a fault that depends on timing (default 50)"
     )
     options.add_image(parser, "flash image, its ELF file in the same folder")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html and DIR/summary.json")
     parser.add_argument("--list", action="store_true", help="list the faults instead of running them")
     options.add_json(parser)
 
@@ -66,10 +68,17 @@ def main(arguments: argparse.Namespace) -> int:
     if not rows:
         raise UsageError(f"none of these faults applies to {', '.join(systems)}")
     verdict = "pass" if all(row.verdict == "pass" for row in rows) else "fail"
+    files = []
+    if arguments.out:
+        from plumb.proof.faults.fault_report import write_report
+
+        files = write_report(arguments.out, rows, verdict, image, getattr(arguments, "command_line", ""))
     if arguments.json:
         print(json.dumps({"verdict": verdict, "faults": [row.to_json() for row in rows]}))
     else:
         print(render(rows, colour=sys.stdout.isatty()))
+        for label, path in zip(("report", "files"), files, strict=False):
+            print(f"{label}: {path}")
     return exit_code_of(verdict)
 
 

@@ -62,7 +62,8 @@ def main(arguments: argparse.Namespace) -> int:
     checks = golden_checks.check_boards(
         lambda spec: options.board_of(arguments, spec), boards, cases, windows=arguments.html is not None
     )
-    golden_checks.write_reports(checks, arguments.junit, arguments.html)
+    command = getattr(arguments, "command_line", "")
+    golden_checks.write_reports(checks, arguments.junit, arguments.html, command)
     if arguments.github:
         for line in workflow_commands(checks.results, checks.errors, folder):
             print(line, file=sys.stderr if arguments.json else sys.stdout)
@@ -77,4 +78,7 @@ def main(arguments: argparse.Namespace) -> int:
                 if arguments.verbose or row.verdict != "pass":
                     print(f"  {row.describe()}")
         print(checks.verdict)
+        for label, path in (("report", arguments.html), ("junit", arguments.junit)):
+            if path:
+                print(f"{label}: {path}")
     return exit_code_of(checks.verdict)

@@ -4,10 +4,11 @@
     plumb record --board virtual --run live --out today --seconds 10
     plumb record --bus can:socketcan:can0 --out bus.asc
 
-With --board, PATH is a folder: frames.asc (every frame), steps.csv (one row a step, in engineering units) and
-board.json (identity and parameters of the run). Without --run the command only listens to the run in progress. With
---bus, PATH is a log of frames, and no frame is sent; its suffix names the format (.asc .blf .csv .log .trc). Ends after
---seconds, with Ctrl-C, or when the link breaks; what was recorded until then is kept and reported.
+With --board, PATH is a folder: frames.asc (every frame), steps.csv (one row a step, in engineering units), board.json
+(identity and parameters of the run) and report.html (the signals over time). Without --run the command only listens to
+the run in progress. With --bus, PATH is a log of frames, and no frame is sent; its suffix names the format (.asc .blf
+.csv .log .trc). Ends after --seconds, with Ctrl-C, or when the link breaks; what was recorded until then is kept and
+reported.
 """
 
 from __future__ import annotations
@@ -55,7 +56,10 @@ def main(arguments: argparse.Namespace) -> int:
         if summary and arguments.json:
             print(json.dumps(summary))
         elif summary:
+            page = summary.pop("report", None)
             print(", ".join(f"{name} {value}" for name, value in summary.items()))
+            if page:
+                print(f"report: {page}")
     if caught:
         raise_ending(caught)
     return 0
@@ -87,15 +91,23 @@ def of_bus(arguments: argparse.Namespace, caught: list[int], summary: dict[str, 
 
 def of_board(arguments: argparse.Namespace, caught: list[int], summary: dict[str, object]) -> None:
     """Record a board into the folder; fill in the summary, whatever ends it."""
+    from plumb import systems
     from plumb.cli.monitor import attach_plant
+    from plumb.inputs import record_report
     from plumb.inputs.recorder import Recorder
     from plumb.link import monitor
+    from plumb.systems.contracts import PINS
 
     make_folder(arguments.out)
     with options.linked_board_of(arguments) as board:
-        attach_plant(board, arguments.system, arguments.scenario, arguments.seed)
+        simulated = attach_plant(board, arguments.system, arguments.scenario, arguments.seed)
         session = board.session
-        recorder = Recorder(session, arguments.out)
+        command = getattr(arguments, "command_line", "")
+        recorder = Recorder(session, arguments.out, record_report.identity_of(board, command))
+        heading: dict[str, object] = {"system": session.system}
+        if simulated:
+            shown = systems.load(session.system, PINS).SHOWN
+            heading |= {"scenario": arguments.scenario or shown, "seed": arguments.seed}
         try:
             session.listener = recorder.feed
             if arguments.run:
@@ -114,6 +126,8 @@ def of_board(arguments: argparse.Namespace, caught: list[int], summary: dict[str
             finally:
                 summary.update(steps=recorder.rows, lost=recorder.lost, other_lost=session.counters.lost)
                 summary.update(rejected=session.frames.rejected, folder=str(arguments.out))
+            page = record_report.write_report(arguments.out, board, recorder.words, recorder.lost, heading, command)
+            summary["report"] = str(page) if page else None
 
 
 def make_folder(folder: Path) -> None:

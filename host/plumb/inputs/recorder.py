@@ -2,7 +2,7 @@
 
     frames.asc   all frames with the times they were heard at, for python-can and the tools that read such logs
     steps.csv    a row a step: raw counts and the selected signals, in the units of the message definitions
-    board.json   who it was and every parameter it ran with
+    board.json   what the board and the host were, and every parameter of the run
 
 What a step did not say is an empty cell. Killing the recorder loses at most a second (of a .blf log, which is
 compressed by the block, its last block).
@@ -14,7 +14,7 @@ import contextlib
 import csv
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -30,6 +30,7 @@ from plumb.spec.signals import signals
 
 FLUSH_EVERY_S = 1.0
 SUFFIXES = (".asc", ".blf", ".csv", ".log", ".trc")
+RAW_COLUMNS = tuple(f"raw_{index}_counts" for index in range(6))
 NOTHING: tuple[str, ...] = ("",) * 6
 
 
@@ -95,9 +96,10 @@ def message_of(frame: Frame, time_s: float) -> can.Message:
 
 
 class Recorder:
-    """Feed it the frames as they come. rows: steps written; lost: steps among them without counts or digest."""
+    """Feed it the frames as they come. rows: steps written; lost: steps among them without counts or digest; words: the
+    board's parameters. identity: an entry of that name of board.json, None: none."""
 
-    def __init__(self, session: Session, folder: Path) -> None:
+    def __init__(self, session: Session, folder: Path, identity: Mapping[str, object] | None = None) -> None:
         self.rows = self.lost = 0
         self._capture = Capture(session, raw_frames=())
         self._next: int | None = None
@@ -105,11 +107,11 @@ class Recorder:
         self._clock = time.time if session.clock is time.monotonic else session.clock
         self._flushed_s = time.monotonic()
         self._signals = signals(session.system)
-        about = {
-            "plumb": __version__,
-            "board": (session.identity or session.connect()).items,
-            "parameters": dict(zip((row.name for row in parameters.table()), session.read_parameters(), strict=False)),
-        }
+        about: dict[str, object] = {"plumb": __version__, "board": (session.identity or session.connect()).items}
+        self.words = session.read_parameters()
+        about["parameters"] = dict(zip((row.name for row in parameters.table()), self.words, strict=False))
+        if identity is not None:
+            about["identity"] = dict(identity)
         self._path = folder / "steps.csv"
         with writing(folder / "board.json"):
             (folder / "board.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
@@ -118,9 +120,7 @@ class Recorder:
             with writing(self._path):
                 self._file = opened.enter_context(self._path.open("w", newline="", encoding="utf-8"))
                 self._csv = csv.writer(self._file)
-                self._csv.writerow(
-                    ["step", "digest", *(f"raw_{i}_counts" for i in range(6)), *(c for _, c, _ in self._signals)]
-                )
+                self._csv.writerow(["step", "digest", *RAW_COLUMNS, *(column for _, column, _ in self._signals)])
             self._opened = opened.pop_all()
 
     def feed(self, frames: list[Frame]) -> None:

@@ -14,7 +14,7 @@ from plumb.proof.golden_junit import junit
 from plumb.proof.golden_page import page
 from plumb.proof.golden_result import Result, bit_exact, verdict_of
 from plumb.proof.golden_window import Window, window
-from plumb.proof.run_identity import part_of
+from plumb.proof.run_identity import identity, part_of, rows
 
 PLOTS_MAX = 12
 """Of a board: for each the board runs the vector once more."""
@@ -93,12 +93,13 @@ def require_places(paths: Iterable[Path]) -> None:
         whole_files.require_writable(path, ADVICE)
 
 
-def write_reports(checks: Checks, junit_file: Path | None, page_file: Path | None) -> None:
-    """Both whole, or neither; None: not asked for."""
+def write_reports(checks: Checks, junit_file: Path | None, page_file: Path | None, command: str = "") -> None:
+    """Both whole, or neither; None: not asked for. command: the command line, for the page."""
     files: dict[Path, str | bytes] = {}
     if junit_file:
         files[junit_file] = junit(checks.results, checks.errors)
     if page_file:
-        files[page_file] = page(checks.results, checks.errors, checks.windows, checks.verdict, checks.parts)
+        made = rows({name: value for name, value in identity({}, None, command).items() if name != "part"})
+        files[page_file] = page(checks.results, checks.errors, checks.windows, checks.verdict, checks.parts, made)
     if files:
         whole_files.write_whole(files, ADVICE)

@@ -51,9 +51,10 @@ def page(
     windows: Sequence[Window],
     verdict: str,
     parts: Mapping[str, Mapping[str, object]] | None = None,
+    identity: Sequence[tuple[str, str]] = (),
 ) -> str:
     """The whole page. errors: board -> why its check ended early. parts: board -> what ran its steps, as
-    `run_identity.part_of` has it."""
+    `run_identity.part_of` has it. identity: name and value of everything else that the check was made with."""
     meaning = {
         "pass": "bit-exact: every step of every vector equals the integer model.",
         "fail": "not bit-exact: at least one step differs from the integer model.",
@@ -72,6 +73,9 @@ def page(
     if not windows:
         body.append('<p class="soft">No board differs from a vector, so there is nothing to plot.</p>')
     body.append(_vectors_table(results))
+    if identity:
+        rows = [f"<tr><td>{_text(name)}</td><td>{_text(value)}</td></tr>" for name, value in identity]
+        body.append("<h2>Identity</h2>\n" + _table((), rows))
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -95,7 +99,8 @@ def _date() -> str:
 
 def _table(head: Sequence[str], rows: Sequence[str]) -> str:
     cells = "".join(f"<th>{_text(cell)}</th>" for cell in head)
-    return f'<div class="wide"><table>\n<tr>{cells}</tr>\n' + "\n".join(rows) + "\n</table></div>"
+    first = f"<tr>{cells}</tr>\n" if head else ""
+    return f'<div class="wide"><table>\n{first}' + "\n".join(rows) + "\n</table></div>"
 
 
 def _boards_table(results: Mapping[str, Result]) -> str:

@@ -156,14 +156,18 @@ def _flat(values: Mapping[str, object], before: str = "") -> dict[str, object]:
     return found
 
 
+def rows(entry: Mapping[str, object]) -> list[tuple[str, str]]:
+    """Label and value of everything in an identity but its parameters, as text."""
+    flat = _flat({name: value for name, value in entry.items() if name != "parameters"})
+    return [(LABELS.get(name, name), "not known" if value is None else str(value)) for name, value in flat.items()]
+
+
 def tables(entry: Mapping[str, object], heading: Mapping[str, object]) -> list[Table]:
     """The identity as tables of the page. heading: further rows, by name; parameters: folded, words and units."""
     words = entry.get("parameters", {})
     assert isinstance(words, Mapping)
-    flat = _flat({name: value for name, value in entry.items() if name != "parameters"})
-    rows = [[name, "none" if value is None else str(value)] for name, value in heading.items()]
-    rows += [[LABELS.get(name, name), "not known" if value is None else str(value)] for name, value in flat.items()]
-    found = [Table("Identity", ["", ""], rows)]
+    head_rows = [(name, "none" if value is None else str(value)) for name, value in heading.items()]
+    found = [Table("Identity", ["", ""], [*head_rows, *rows(entry)])]
     if words:
         lines = [
             [name, str(row["word"]), row["format"], _number(row["value"]), row["unit"]] for name, row in words.items()
