@@ -300,6 +300,7 @@ class InstructionTrace:
     def __init__(self, machine: Machine) -> None:
         self.addresses: list[int] = []
         cpu = machine.cpu
+        cpu.loops_at_once = False
         cpu.uc.hook_add(require("unicorn.unicorn_const").UC_HOOK_CODE, self._on_instruction)
         cpu.forget_code()  # code translated before the hook was set would not call it
 

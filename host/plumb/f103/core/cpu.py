@@ -19,6 +19,7 @@ from plumb.errors import UsageError
 from plumb.extras import install_hint
 from plumb.f103.core import scb as core
 from plumb.f103.core.bus import Bus, SimulationError
+from plumb.f103.core.crc_loop import BEFORE, CODE_BYTES, INSTRUCTIONS, WORDS, crc_loop
 from plumb.f103.core.nvic import BUS_FAULT, HARD_FAULT, NMI, SVCALL, USAGE_FAULT
 from plumb.f103.peripherals.crc import DR_OFFSET, Crc
 from plumb.process_signals import ending_of
@@ -117,7 +118,9 @@ class Registers:
 class Cpu:
     """Registers, memory, and one slice of execution at a time."""
 
-    WIRING = frozenset({"uc", "_counter", "_limit", "_state", "_before", "_handler", "_after", "_handle", "_callbacks"})
+    WIRING = frozenset(
+        {"uc", "_counter", "_limit", "_state", "_before", "_handler", "_after", "_handle", "_callbacks", "_low"}
+    )
 
     def __init__(self, machine: Mcu, flash_bytes: int, ram_bytes: int) -> None:
         self.machine = machine
@@ -133,7 +136,10 @@ class Cpu:
         self._before = Registers(uc, *STACKED, UC_ARM_REG_CONTROL)
         self._handler = Registers(uc, UC_ARM_REG_SP, UC_ARM_REG_LR, UC_ARM_REG_XPSR)
         self._after = Registers(uc, UC_ARM_REG_XPSR, *STACKED[:6], UC_ARM_REG_SP)
+        self._low = Registers(uc, UC_ARM_REG_PC, *range(UC_ARM_REG_R0, UC_ARM_REG_R0 + 8))
         self.running = False
+        self.loops_at_once = True
+        """Turns of the loop that feeds the CRC unit count as executed (crc_loop.py); False: each is."""
         self.sleeping = False
         self.locked_up = ""
         self.base = 0
@@ -178,6 +184,8 @@ class Cpu:
             assert crc is not None
             if offset == DR_OFFSET and width == 4 and crc.clocked:
                 crc.waiting.append(value)
+                if not len(crc.waiting) % WORDS and self.loops_at_once:
+                    self._feed(crc)
             else:
                 write(uc, offset, width, value, user)
 
@@ -186,6 +194,24 @@ class Cpu:
         read_at, write_at = (ctypes.cast(callback, ctypes.c_void_p) for callback in callbacks)
         if uclib.uc_mmio_map(self._handle, base, size, read_at, 0, write_at, 0):
             raise SimulationError(f"Unicorn does not map the registers at 0x{base:08X}")
+
+    def _feed(self, crc: Crc) -> None:
+        """In a store to the unit: when it is the last one of a turn of its loop, take the turns to come at once."""
+        pc, *low = self._low.read()
+        at = pc - FLASH_BASE - BEFORE
+        if at < 0 or at + CODE_BYTES > len(self.flash):
+            return
+        loop = crc_loop(bytes(self.flash[at : at + CODE_BYTES]))
+        if loop is None:
+            return
+        start, end, turn_bytes = low[loop.source], low[loop.end], 4 * WORDS
+        left, rest = divmod(end - start, turn_bytes)
+        turns = min(left - 1, (self._limit.value - self._counter.value) // INSTRUCTIONS)
+        if turns < 1 or rest or not RAM_BASE <= start < end <= RAM_BASE + len(self.ram):
+            return
+        crc.waiting += struct.unpack_from(f"<{turns * WORDS}I", self.ram, start - RAM_BASE)
+        self.uc.reg_write(UC_ARM_REG_R0 + loop.source, start + turns * turn_bytes)
+        self._counter.value += turns * INSTRUCTIONS
 
     def _raise_later(self, error: BaseException) -> int:
         self._raised = self._raised or error

@@ -224,16 +224,19 @@ class Rcc(Peripheral):
                 self.machine.by_name[name].switch_clock(bool(register >> bit & 1))
 
     def write_apb2enr(self, value: int) -> None:
-        self.apb2enr = value & 0x0038FFFD
-        self._gate()
+        if self.apb2enr != value & 0x0038FFFD:
+            self.apb2enr = value & 0x0038FFFD
+            self._gate()
 
     def write_apb1enr(self, value: int) -> None:
-        self.apb1enr = value & 0x3AFEC9FF
-        self._gate()
+        if self.apb1enr != value & 0x3AFEC9FF:
+            self.apb1enr = value & 0x3AFEC9FF
+            self._gate()
 
     def write_ahbenr(self, value: int) -> None:
-        self.ahbenr = value & 0x0557
-        self._gate()
+        if self.ahbenr != value & 0x0557:
+            self.ahbenr = value & 0x0557
+            self._gate()
 
     def write_apb2rstr(self, value: int) -> None:
         self._reset_peripherals(value, APB2_CLOCKS)

@@ -1,0 +1,95 @@
+"""The loop that feeds the CRC unit, taken many turns at once: time, memory and answers are those of turn after turn."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("unicorn")
+
+from plumb.f103.core.cpu import Cpu
+from plumb.f103.core.crc_loop import BEFORE, CODE_BYTES, CrcLoop, crc_loop
+from plumb.f103.machine import Machine
+from plumb.f103.peripherals.crc import Crc
+from plumb.link.session import Session
+from plumb.spec import parameters
+from support.pins import at_rest
+
+IMAGE = Path(__file__).parents[2] / "build/stm32f103/firmware.bin"
+CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
+CODE = {
+    "load": (0xE8B0, 0x0170),  # ldmia r0!, {r4, r5, r6, r8}
+    "first": (0x601C,),  # str r4, [r3]
+    "second": (0x601D,),
+    "third": (0x601E,),
+    "last": (0xF8C3, 0x8000),  # str.w r8, [r3]
+    "compare": (0x4288,),  # cmp r0, r1
+    "branch": (0xD1F6,),  # bne to the load
+}
+
+
+def code(**instead: tuple[int, ...]) -> bytes:
+    """The turn, with its last store BEFORE bytes behind the begin."""
+    halves = [half for instruction in (CODE | instead).values() for half in instruction]
+    return (struct.pack(f"<{len(halves)}H", *halves).rjust(CODE_BYTES, b"\xbf"))[-CODE_BYTES:]
+
+
+def test_the_loop_is_known_by_its_code() -> None:
+    assert code().index(b"\xc3\xf8") == BEFORE
+    assert crc_loop(code()) == CrcLoop(source=0, end=1)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"load": (0xE890, 0x0170)},  # the address is not written back
+        {"load": (0xE8B0, 0x0178)},  # five words are loaded
+        {"load": (0xE8B0, 0x0171)},  # the address is among what is loaded
+        {"load": (0xE8B0, 0x8070)},  # a jump
+        {"second": (0x601C,)},  # a word twice
+        {"third": (0x6016,)},  # to another register
+        {"third": (0x605E,)},  # to another address
+        {"last": (0xF8C3, 0x8004)},
+        {"compare": (0x4289,)},  # another register than the address
+        {"branch": (0xD1F5,)},  # to somewhere else
+        {"branch": (0xD0F6,)},  # on another condition
+    ],
+)
+def test_what_differs_is_no_such_loop(other: dict[str, tuple[int, ...]]) -> None:
+    assert crc_loop(code(**other)) is None
+
+
+def flown(at_once: bool) -> tuple[object, ...]:
+    """What a live run leaves that is armed, watched and ended: all that two ways to count could tell apart."""
+    machine = Machine(IMAGE, seed=3)
+    machine.cpu.loops_at_once = at_once
+    at_rest(machine)
+    machine.advance_us(30_000)
+    heard = bytearray()
+    session = Session.open(machine.uart)
+    session.upload(CONTROL, period_us=1000, arm_hold_ms=0)
+    session.begin("REALTIME_LIVE", frames=["RAW_A", "RAW_B"])
+    session.arm()
+    for _ in range(20):
+        session.receive(0.005)
+        heard += repr(session.telemetry).encode()
+    session.close()
+    cpu = machine.cpu
+    return bytes(heard), cpu.instructions, cpu.base, cpu.slept_ticks, cpu.pc, bytes(cpu.ram), machine.crc.dr
+
+
+@pytest.mark.skipif(not IMAGE.exists(), reason="the flash image is not built: run make image")
+def test_many_turns_at_once_leave_what_every_turn_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken: list[int] = []
+    feed = Cpu._feed
+
+    def counting(cpu: Cpu, crc: Crc) -> None:
+        before = len(crc.waiting)
+        feed(cpu, crc)
+        taken.append(len(crc.waiting) - before)
+
+    monkeypatch.setattr(Cpu, "_feed", counting)
+    assert flown(at_once=False) == flown(at_once=True)
+    assert sum(taken) > 10_000, "the firmware has the loop"
