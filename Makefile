@@ -40,11 +40,13 @@ test-fast: ## before a commit: without sanitizers, other compilers, and slow tes
 	ctest --preset native --parallel 2 --exclude-regex '^compile_|^test_store$$'
 	$(PYTEST) -m 'not slow'
 
-# The whole campaigns, of which every other run of the tests takes a sample; CI runs them once a week.
+# The whole campaigns, of which every other run of the tests takes a sample, and every way to compile the core; CI runs them
+# once a week.
 LONG_TESTS := $(shell grep -rlE 'support\.campaigns import' tests)
-test-long: ## the whole campaigns of random input
+test-long: ## the whole campaigns of random input, every board with every system, every way to compile
 	@tools/setup.sh test
 	@$(MAKE) --no-print-directory image native
+	ctest --preset native --parallel 2 --label-regex long
 	PLUMB_LONG=1 $(PYTEST) $(LONG_TESTS)
 
 # The flash image, the same core as a QEMU image, and their checks.
@@ -63,7 +65,7 @@ libraries: ## the libraries that the Python package loads
 	@cmake --build --preset native --target python_libraries $(QUIET)
 
 c-tests: ## run the C tests
-	ctest --preset native --parallel 2
+	ctest --preset native --parallel 2 --label-exclude long
 
 # The C tests under AddressSanitizer and UndefinedBehaviorSanitizer.
 sanitize: ## the C tests under AddressSanitizer and UndefinedBehaviorSanitizer
