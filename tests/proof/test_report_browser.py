@@ -26,6 +26,7 @@ const note = async what => { await frame(); said.push({ what, low: +document.bod
   cursors: svgs.map(svg => svg.querySelector(".cursor").getAttribute("d")),
   keys: [...document.querySelectorAll(".key output")].map(output => output.textContent),
   drawn: [...svgs[0].querySelectorAll(".lines path")].map(path => path.getAttribute("d").length > 0),
+  scrolled: [...document.querySelectorAll(".frame")].map(frame => Math.round(frame.scrollLeft)),
   values: [...svgs[0].querySelectorAll(".ticks .v")].map(text => +text.textContent) }); };
 (async () => {
   await note("whole");
@@ -49,6 +50,11 @@ const note = async what => { await frame(); said.push({ what, low: +document.bod
   svgs[1].dispatchEvent(new MouseEvent("dblclick"));
   send(svgs[0], "pointerdown", 500, 40); send(svgs[0], "pointermove", 502, 90); send(svgs[0], "pointerup", 502, 90);
   await note("tall");
+  document.body.style.width = "400px";
+  const first = document.querySelector(".frame");
+  first.scrollLeft = 120;
+  first.dispatchEvent(new Event("scroll")); // a page that is not shown sends none
+  await note("narrow");
   const result = document.createElement("pre"); result.id = "said"; result.textContent = JSON.stringify(said);
   document.body.append(result);
 })();
@@ -115,3 +121,7 @@ def test_a_drag_down_zooms_the_values_of_one_plot(said: dict[str, Any]) -> None:
     whole, tall = said["whole"]["values"], said["tall"]["values"]
     assert max(tall) - min(tall) < 0.5 * (max(whole) - min(whole))
     assert (said["tall"]["low"], said["tall"]["high"]) == (0.0, 49.99)
+
+
+def test_on_a_narrow_screen_the_plots_scroll_together(said: dict[str, Any]) -> None:
+    assert said["narrow"]["scrolled"] == [120, 120]

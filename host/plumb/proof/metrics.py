@@ -22,10 +22,10 @@ def wrap_deg(angle_deg: npt.ArrayLike) -> FloatArray:
     return np.asarray((np.asarray(angle_deg, np.float64) + 180.0) % 360.0 - 180.0)
 
 
-def two_sigma_deg(p00_lsb: npt.ArrayLike, lsb_deg2: float) -> FloatArray:
-    """Twice the standard deviation of the angle that the filter itself states, deg, any shape. p00_lsb: its variance
-    after the step; lsb_deg2: deg^2 per lsb, `ControlParams.lsb_deg2`."""
-    return np.asarray(2.0 * np.sqrt(np.maximum(np.asarray(p00_lsb, np.float64), 0.0) * lsb_deg2))
+def two_sigma(variance_lsb: npt.ArrayLike, lsb: float) -> FloatArray:
+    """Twice the standard deviation that the filter itself states, any shape. variance_lsb: its variance after the step;
+    lsb: one of it in the square of the result's unit, of an angle's p00 `ControlParams.lsb_deg2`."""
+    return np.asarray(2.0 * np.sqrt(np.maximum(np.asarray(variance_lsb, np.float64), 0.0) * lsb))
 
 
 def angle_rmse_deg(estimate_deg: FloatArray, truth_deg: FloatArray, window: BoolArray) -> FloatArray:

@@ -234,6 +234,13 @@
       draw(plot);
     }));
   }
+  /* On a narrow screen the plots scroll together, so that one time stays above the other. */
+  const frames = [...document.querySelectorAll(".frame")];
+  for (const frame of frames)
+    frame.addEventListener("scroll", () => {
+      for (const other of frames)
+        if (other.scrollLeft !== frame.scrollLeft) other.scrollLeft = frame.scrollLeft;
+    }, { passive: true });
   const acts = { in: keyed["+"], out: keyed["-"], left: keyed.ArrowLeft, right: keyed.ArrowRight, all: reset };
   for (const button of document.querySelectorAll(".tools button"))
     button.addEventListener("click", acts[button.dataset.act]);

@@ -21,17 +21,17 @@ def budget(run: Run) -> Table:
 
     def degrees(name: str) -> str:
         value = figures[name]
-        return "no reference" if value is None else f"{value:.4g} deg"
+        return "nothing to compare with" if value is None else f"{value:.4g} deg"
 
     rows = [
-        ["sensors: accelerometer alone against truth, rms", degrees("accel_only_rmse_deg")],
-        ["estimate against truth, rms", degrees("angle_rmse_deg")],
-        ["estimate against truth, largest", degrees("angle_max_deg")],
-        ["fixed against float64 reference, largest", degrees("fixed_vs_reference_max_deg")],
-        ["board against fixed, steps that differ", f"{run.mismatches} of {len(run.inputs.raw)}"],
+        ["angle of the accelerometer alone against the truth, rms", degrees("accel_only_rmse_deg")],
+        ["estimate against the truth, rms", degrees("angle_rmse_deg")],
+        ["estimate against the truth, largest", degrees("angle_max_deg")],
+        ["integers against float64 on the same counts, largest", degrees("fixed_vs_reference_max_deg")],
+        ["board against the integer model, steps that differ", f"{run.mismatches} of {len(run.inputs.raw)}"],
     ]
     bad = frozenset({4}) if run.mismatches else frozenset()
-    return Table("Error budget", ["from what to what", "error"], rows, bad_rows=bad)
+    return Table("Error budget", ["compared", "error"], rows, bad_rows=bad)
 
 
 def steps_csv(run: Run) -> str:

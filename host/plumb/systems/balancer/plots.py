@@ -61,7 +61,7 @@ def plots(run: Run, *, closed: bool) -> list[Plot]:
     """Tilt, its error, rate, bias, velocity, duty, and fixed point against float64."""
     time_s, words, truth = run.inputs.time_s, run.board_words, run.inputs.truth
     apart = measures.wrap_deg(run.words["tilt_turn_q32"] * TURN_DEG - run.reference["tilt_deg"])
-    band = measures.two_sigma_deg(words["p00"], run.params.lsb_deg2)
+    band = measures.two_sigma(words["p00"], run.params.lsb_deg2)
     tilt = [
         Line("accelerometer only", accel_only_deg(run), SENSOR, 0.7),
         Line("true", truth["tilt_deg"], TRUTH, 1.6),

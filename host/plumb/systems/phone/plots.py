@@ -71,7 +71,7 @@ def plots(run: Run, *, closed: bool) -> list[Plot]:
     for axis in AXES:
         lines = [Line("accelerometer only", run.words[f"{axis}_measured_turn_q32"] * TURN_DEG, SENSOR, 0.7)]
         lines += [Line("true", run.inputs.truth[f"{axis}_deg"], TRUTH, 1.6)] if known else []
-        band = measures.two_sigma_deg(run.board_words[f"{axis}_p00"], run.params.lsb_deg2)
+        band = measures.two_sigma(run.board_words[f"{axis}_p00"], run.params.lsb_deg2)
         lines.append(Line("estimate ± 2 sigma", estimate_deg(run, axis), ESTIMATE, band=band))
         found.append(Plot(axis.capitalize(), "deg", time_s, lines, TWO_SIGMA))
     if known:
@@ -79,7 +79,11 @@ def plots(run: Run, *, closed: bool) -> list[Plot]:
             Line("accelerometer only", accel_error_deg(run), SENSOR, 0.7),
             Line("estimate", error_deg(run), SECOND),
         ]
-        found.append(Plot("Error of the vertical", "deg", time_s, lines))
+        note = (
+            "The angle between the estimated and the true vertical. No band: the filters have variances of pitch and "
+            "roll, not of the vertical."
+        )
+        found.append(Plot("Error of the vertical", "deg", time_s, lines, note))
     biases = [(axis, run.words[f"{axis}_bias_turnps_q28"] * RATE_DPS) for axis in AXES]
     found.append(
         Plot(

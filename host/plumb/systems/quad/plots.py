@@ -31,7 +31,7 @@ def accel_only_deg(run: Run) -> FloatArray:
 
 def two_sigma_deg(run: Run) -> FloatArray:
     """Twice the filter's own standard deviation of the tilt, (steps,)."""
-    return measures.two_sigma_deg(run.board_words["p00"], run.params.lsb_deg2)
+    return measures.two_sigma(run.board_words["p00"], run.params.lsb_deg2)
 
 
 def metrics(run: Run) -> dict[str, float | None]:

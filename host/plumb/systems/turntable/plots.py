@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from plumb.proof.report import ESTIMATE, SECOND, SENSOR, Line, Plot, error_budget
+from plumb.proof.metrics import two_sigma
+from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, TWO_SIGMA, Line, Plot, error_budget
 from plumb.proof.runs import Run
 from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
@@ -21,6 +22,8 @@ RATE_DPS = 360.0 / 2.0**28
 FLAG_GYRO, FLAG_SPIKE = 4, 16
 AXES = "xyz"
 COLOURS = (ESTIMATE, SECOND, SENSOR)
+ATTITUDE_LAYER = 1
+"""Of the parameter fusion.layer: here alone the published rate is not a state of the filter."""
 
 
 def attitude(words: Words) -> FloatArray:
@@ -87,30 +90,69 @@ def metrics(run: Run) -> dict[str, float | None]:
 
 
 def plots(run: Run, *, closed: bool) -> list[Plot]:
-    """Rates, residuals, biases, what was learnt of scale and lag, fixed point against float64."""
-    time_s, words, truth = run.inputs.time_s, run.words, run.inputs.truth
+    """Rates, residuals, biases, what was learnt of scale and lag, fixed point against float64. The record has variances
+    of the rate, the biases, scale and lag, and none of the attitude."""
+    time_s, words, truth, period_s = run.inputs.time_s, run.words, run.inputs.truth, run.params.period_s
     residual = residuals_deg(run)
 
-    def lines(word: str, unit: float) -> list[Line]:
-        return [Line(AXES[i], words[f"{word}_{i}"] * unit, COLOURS[i]) for i in range(3)]
+    def lines(word: str, unit: float, bands: list[FloatArray]) -> list[Line]:
+        return [Line(AXES[i], words[f"{word}_{i}"] * unit, COLOURS[i], band=bands[i]) for i in range(3)]
 
-    period_s = run.params.period_s
+    def of_axes(word: str, unit: float) -> list[FloatArray]:
+        """Twice the standard deviation of a parameter that each axis learns."""
+        return [two_sigma(words[f"{word}_variance_q60_{i}"], unit**2 / 2.0**60) for i in range(3)]
+
+    rate_dps, gyro_bias_dps, angular_bias_dps2 = (
+        two_sigma(words[name], unit**2 / 2.0**64)
+        for name, unit in (("p00_q64", 360.0), ("p11_q64", 360.0), ("p22_q64", 360.0 / (4.0 * period_s)))
+    )
     error = [
         Line(AXES[i], words[f"rate_corrected_turnps_q28_{i}"] * RATE_DPS - truth[f"rate_dps_{i}"], COLOURS[i], 0.7)
         for i in range(3)
     ]
+    of_state = run.params["fusion.layer"] != ATTITUDE_LAYER
+    if of_state:
+        error.insert(0, Line("expected: 0 ± 2 sigma", np.zeros(len(time_s)), TRUTH, 0.8, rate_dps))
+    error_note = (
+        f"{TWO_SIGMA} The variance has no part for the scale errors of the two sensors."
+        if of_state
+        else "No band: in the attitude layer the published rate is the gyro's own, of which the filter has no variance."
+    )
     return [
         Plot("True rate", "deg/s", time_s, [Line(AXES[i], truth[f"rate_dps_{i}"], COLOURS[i]) for i in range(3)]),
-        Plot("Residual of the attitude", "deg", time_s, [Line(AXES[i], residual[:, i], COLOURS[i]) for i in range(3)]),
-        Plot("Error of the corrected rate", "deg/s", time_s, error),
-        Plot("Gyro bias", "deg/s", time_s, lines("bias_gyro_turnps_q34", 360.0 / 2.0**34)),
         Plot(
-            "Bias of the angular accelerometer",
+            "Residual of the attitude",
+            "deg",
+            time_s,
+            [Line(AXES[i], residual[:, i], COLOURS[i]) for i in range(3)],
+            "The rotation from the true to the estimated attitude, in the body's axes. No band: the filter has no "
+            "variance of the attitude.",
+        ),
+        Plot("Error of the corrected rate", "deg/s", time_s, error, error_note),
+        Plot(
+            "Gyro bias ± 2 sigma",
+            "deg/s",
+            time_s,
+            lines("bias_gyro_turnps_q34", 360.0 / 2.0**34, [gyro_bias_dps] * 3),
+        ),
+        Plot(
+            "Bias of the angular accelerometer ± 2 sigma",
             "deg/s^2",
             time_s,
-            lines("bias_angular_turnps_q42", 360.0 / 2.0**42 / period_s),
+            lines("bias_angular_turnps_q42", 360.0 / 2.0**42 / period_s, [angular_bias_dps2] * 3),
         ),
-        Plot("Difference in scale", "%", time_s, lines("scale_q30", 100.0 / 2.0**30)),
-        Plot("Lag of the gyro", "ms", time_s, lines("lag_step_q24", 1e3 * period_s / 2.0**24)),
+        Plot(
+            "Difference in scale ± 2 sigma",
+            "%",
+            time_s,
+            lines("scale_q30", 100.0 / 2.0**30, of_axes("scale", 100.0)),
+            "Scale of the gyro less that of the angular accelerometer.",
+        ),
+        Plot(
+            "Lag of the gyro ± 2 sigma",
+            "ms",
+            time_s,
+            lines("lag_step_q24", 1e3 * period_s / 2.0**24, of_axes("lag", 1e3 * period_s)),
+        ),
         error_budget(time_s, apart_deg(run)),
     ]
