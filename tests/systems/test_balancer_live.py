@@ -87,6 +87,19 @@ def test_every_count_is_what_a_register_held(inputs: tuple[VirtualBoard, Run]) -
     assert not inputs[0].machine.warnings
 
 
+def test_the_gyro_has_noise_on_all_axes_but_not_while_it_is_stuck(
+    inputs: tuple[VirtualBoard, Run], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The board takes a chip whose three axes repeat for stuck: quiet axes would make that a matter of chance."""
+    coupling = Watched.made[-1]
+    times_s = coupling.taken[0].time_s + 1e-3 * np.arange(1000)
+    samples = np.array([coupling.gyro.source(time_s) for time_s in times_s])
+    assert np.allclose(np.std(samples[:, [0, 2]], axis=0), balancer.GYRO_NOISE_DPS, rtol=0.1)
+    stuck = balancer.faults([disturbance.parse("stuck:gyro@0.5-0.8")])
+    monkeypatch.setattr(coupling, "plant", BalancerPlant(balancer.scenario("rough", 1000, seconds=6.0, faults=stuck)))
+    assert len({coupling.gyro.source(time_s)[::2] for time_s in times_s[600:700]}) == 1
+
+
 @pytest.mark.slow
 def test_faults_on_request_are_in_the_registers_and_at_the_hall_sensors() -> None:
     """Prescribed motion, at rest until 3 s: 200 counts of noise, the end of the scale, nothing, an edge on. The

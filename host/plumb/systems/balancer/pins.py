@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from plumb.f103.attached.adxl345 import Adxl345
 from plumb.f103.attached.itg3205 import Itg3205
 from plumb.f103.core.timeline import TICKS_PER_S, TICKS_PER_US
 from plumb.physics.motor import hall_state, share_of_supply
 from plumb.systems.balancer.plant import BalancerPlant
+from plumb.systems.balancer.scenarios import GYRO_NOISE_DPS
 from plumb.systems.contracts import Conversion
 
 if TYPE_CHECKING:
@@ -18,8 +21,11 @@ SCENARIO = "rough"
 SHOWN, TUNING = SCENARIO, "tuned"
 FRAMES = ("RAW_A", "RAW_B", "BALANCER_ANGLE", "BALANCER_DRIVE")
 BREAK_PIN = "PB12"
-HALL = 3
-"""Its channel among the raw counts."""
+GYRO, HALL = 0, 3
+"""Their channels among the raw counts."""
+CROSS_AXIS_DPS = GYRO_NOISE_DPS * np.random.default_rng(0).standard_normal((4096, 2))
+"""Noise of the gyro's x and z, deg/s, by millisecond: the vehicle does not turn about them. Without it the counts of
+the axle alone would decide whether the chip repeats itself, and four equal ones come by chance."""
 FOLLOW_US = 1000
 """How often the plant looks at the bridge, and the Hall sensors at the rotor."""
 
@@ -36,6 +42,7 @@ class Coupling:
         self.taken: list[Conversion] = []
         self._start: float | None = None
         self._hall_state = 0
+        self._cross_axis_dps = (0.0, 0.0)
         self.gyro, self.accel = Itg3205(machine, self._rate_dps), Adxl345(machine, self._force_g)
         self.gyro.on_read = self._read
         machine.i2c_bus.slaves += [self.gyro, self.accel]
@@ -46,7 +53,15 @@ class Coupling:
         return 0.0 if self._start is None else now_s - self._start
 
     def _rate_dps(self, now_s: float) -> tuple[float, float, float]:
-        return 0.0, self.plant.felt(self._time_s(now_s))[0], 0.0
+        time_s = self._time_s(now_s)
+        failed = any(
+            fault.channel == GYRO and fault.kind != "noisy" and fault.start_s <= time_s < fault.stop_s
+            for fault in self.plant.scenario.faults
+        )
+        if not failed:  # a fault is of all three axes
+            x_dps, z_dps = CROSS_AXIS_DPS[round(now_s * 1e3) % len(CROSS_AXIS_DPS)]
+            self._cross_axis_dps = float(x_dps), float(z_dps)
+        return self._cross_axis_dps[0], self.plant.felt(time_s)[0], self._cross_axis_dps[1]
 
     def _force_g(self, now_s: float) -> tuple[float, float, float]:
         _, forward_g, up_g = self.plant.felt(self._time_s(now_s))
