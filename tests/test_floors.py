@@ -22,7 +22,15 @@ FLOORS = [
     "pytest_plugin", "__main__",
 ]  # fmt: skip
 """From the ground up."""
-PARTS = {"plots": "proof", "figures": "proof", "inputs": "inputs", "replay": "inputs", "demo": "cli", "commands": "cli"}
+PARTS = {
+    "plots": "proof",
+    "figures": "proof",
+    "inputs": "inputs",
+    "replay": "inputs",
+    "compare": "inputs",
+    "demo": "cli",
+    "commands": "cli",
+}
 """Parts of a system that stand on another floor than its folder."""
 CHIP = {"plumb.errors", "plumb.extras", "plumb.process_signals", "plumb.flash.image", "plumb.flash.rom_model"}
 """What the simulated chip may import besides itself: image files, the ROM loader, errors."""

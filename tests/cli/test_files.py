@@ -108,6 +108,7 @@ def test_what_is_no_file_is_refused_unopened(kind: str, tmp_path: Path) -> None:
 READERS: dict[str, list[str]] = {
     "replay": ["replay", "FILE", "--board", "native"],
     "replay a phone's": ["replay", "FILE", "--system", "phone", "--board", "native"],
+    "compare": ["compare", "FILE"],
     "params": ["params", "load", "FILE", "--board", "virtual"],
     "image": ["run", "quad", "--board", "virtual", "--image", "FILE", "--seconds", "1"],
     "bus": ["record", "--bus", "file:FILE", "--out", "OUT.asc", "--seconds", "1"],

@@ -16,6 +16,7 @@ from plumb import systems
 from plumb.boards.plant_on_pins import coupler
 from plumb.cli.demo import DEMO
 from plumb.errors import UsageError
+from plumb.inputs.comparison.contenders import COMPARE
 from plumb.inputs.replay import REPLAY
 from plumb.proof.figures import FIGURES
 from plumb.proof.runs import PLOTS
@@ -41,8 +42,8 @@ from plumb.systems.turntable import scenarios as turntable
 from plumb.tuning.quantise import QUANTISER
 
 TOY = Path(__file__).resolve().parents[1] / "toy_systems" / "toy"
-PARTS: list[Part[object]] = [SCENARIOS, FIXED, REFERENCE, QUANTISER, PLOTS, PINS, FIGURES, REPLAY, DEMO]
-OPTIONAL = {"pins", "figures", "replay", "demo"}
+PARTS: list[Part[object]] = [SCENARIOS, FIXED, REFERENCE, QUANTISER, PLOTS, PINS, FIGURES, REPLAY, COMPARE, DEMO]
+OPTIONAL = {"pins", "figures", "replay", "compare", "demo"}
 
 
 def plants_and_couplings() -> tuple[list[Scenario], list[Plant], list[type[Coupling]]]:

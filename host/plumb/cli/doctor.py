@@ -73,6 +73,8 @@ def libraries() -> Iterator[Finding]:
         ("unicorn", True, f"for the virtual board, {install_hint('virtual')}"),
         ("capstone", False, f"for plumb bench, {install_hint('bench')}"),
         ("stm32loader", False, f"for plumb flash, {install_hint('flash')}"),
+        ("vqf", False, f"for plumb compare, {install_hint('compare')}"),
+        ("AHRS", False, f"for plumb compare, {install_hint('compare')}"),
     ):
         try:
             yield Finding(name, True, needed, metadata.version(name))

@@ -16,6 +16,7 @@ COMMANDS = {
     "run": "run one system's scenario on a board and compare every step with the model",
     "golden": "make the golden vectors, or check boards against them",
     "replay": "run a recording of real sensors through a board, and compare every step with the model",
+    "compare": "tilt errors of VQF, Madgwick, Mahony and plumb's systems on recordings with a reference",
     "systems": "the systems' published figures, and what the integers reach",
     "virtual-board": "serve the simulated STM32F103: its UART on a pty or TCP port, its CAN on any bus",
     "monitor": "watch a running board: tilt, bias, pulses, mode, counters, losses",

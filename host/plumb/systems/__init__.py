@@ -17,6 +17,7 @@ and where the system wants them
     figures.py    what was asked, and what is reached (plumb.proof.figures.FigureSections)
     wiring.py     what is wired to the board, for the drawings (plumb.systems.wiring.WiringDrawings)
     replay.py     recordings of real sensors as inputs of a run (plumb.inputs.replay.Replayed)
+    compare.py    its vertical, for comparison with published algorithms (plumb.inputs.comparison.contenders.Compared)
     demo.py       the run that `plumb demo` shows (plumb.cli.demo.Demo)
     commands/     commands of its own, as system.toml declares them; modules like those of plumb.cli
     inputs/       where its samples come from besides boards and recordings

@@ -1,0 +1,146 @@
+"""Counts of a three-axis gyro and accelerometer that every compared algorithm gets, and the vertical to be found.
+
+The order is that of a real sensor: errors of the sensor (grades.py) at the recording's own rate, then the mean of each
+block of 1, 3 or 6 samples, then rounding to counts. An algorithm that computes in floating point gets the counts times
+their unit, so that all see the same quantised input.
+
+Error measure: the angle between the estimated and the true vertical, both in sensor coordinates, over the samples that
+are marked as movement and have a reference. An error of heading does not count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.errors import UsageError
+from plumb.inputs import recording
+from plumb.spec.tuning import Channel
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+DECIMATIONS = (1, 3, 6)
+JITTER = 0.01
+"""Stamps that stray from an even grid by more of a period are resampled to it."""
+COUNTS_MAX = 32_767
+"""Largest count; -32768 is left out, which marks a missing sample in some systems."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A recording on an even grid. gyr_dps, acc_g: (N, 3); up: true vertical in sensor coordinates, (N, 3), NaN where
+    the reference is lost; movement: (N,), the samples to score; period_s: between samples."""
+
+    name: str
+    period_s: float
+    gyr_dps: FloatArray
+    acc_g: FloatArray
+    up: FloatArray
+    movement: BoolArray
+
+    @property
+    def time_s(self) -> FloatArray:
+        return np.arange(len(self.gyr_dps), dtype=np.float64) * self.period_s
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Unit of a count in deg/s and in g, and the largest count of each."""
+
+    gyro: Channel
+    accel: Channel
+
+
+def ideal(full_scale_dps: float, full_scale_g: float) -> Sensor:
+    """A sensor of 16 bits."""
+    unit_dps, unit_g = full_scale_dps / (COUNTS_MAX + 1), full_scale_g / (COUNTS_MAX + 1)
+    return Sensor(
+        Channel(zero_counts=0.0, unit_per_count=unit_dps, min_counts=-COUNTS_MAX, max_counts=COUNTS_MAX),
+        Channel(zero_counts=0.0, unit_per_count=unit_g, min_counts=-COUNTS_MAX, max_counts=COUNTS_MAX),
+    )
+
+
+SIXTEEN_BITS = ideal(2000.0, 16.0)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """counts: (N, 6) int16, gyro x, y, z, accelerometer x, y, z, in the sensor's units; period_us: between samples;
+    up: (N, 3) at the end of each block; scored: (N,)."""
+
+    counts: npt.NDArray[np.int16]
+    sensor: Sensor
+    period_us: int
+    up: FloatArray
+    scored: BoolArray
+
+    @property
+    def gyr_radps(self) -> FloatArray:
+        """What the counts of the gyro mean, (N, 3) rad/s."""
+        return np.asarray(np.radians(self.counts[:, :3] * self.sensor.gyro.unit_per_count), np.float64)
+
+    @property
+    def acc_mps2(self) -> FloatArray:
+        """What the counts of the accelerometer mean, (N, 3) m/s^2."""
+        unit_mps2 = self.sensor.accel.unit_per_count * recording.G_MPS2
+        return np.asarray(self.counts[:, 3:] * unit_mps2, np.float64)
+
+    @property
+    def time_s(self) -> FloatArray:
+        return np.arange(len(self.counts), dtype=np.float64) * (self.period_us * 1e-6)
+
+
+def motion_of(recorded: recording.Recording) -> Motion:
+    """Raises UsageError for a recording without a reference, or without a sample to score."""
+    name = recorded.path.name
+    if recorded.ref_quat is None:
+        raise UsageError(f"{name} has no reference (ref_quat, or ref_w to ref_z): there is nothing to compare with")
+    time_s, up = recorded.time_s, recording.vertical(recorded.ref_quat)
+    period_s = recorded.step_s
+    values, movement = np.hstack([recorded.gyr_dps, recorded.acc_g]), recorded.movement
+    even_s = np.arange(len(time_s)) * period_s
+    if np.max(np.abs(time_s - even_s)) > JITTER * period_s + 1e-6:
+        period_us = max(round(period_s * 1e6), 1)
+        values = recording.steady(time_s, values, period_us)
+        even_s = np.arange(len(values)) * (period_us * 1e-6)
+        nearest = np.clip(np.rint(np.interp(even_s, time_s, np.arange(len(time_s)))), 0, None).astype(int)
+        up = np.stack([np.interp(even_s, time_s, column) for column in up.T], 1)
+        movement, period_s = movement[nearest], period_us * 1e-6
+    if not (movement & np.isfinite(up).all(axis=1)).any():
+        raise UsageError(f"{name} has no sample that is marked as movement and has a reference: nothing to score")
+    return Motion(recorded.path.stem, period_s, values[:, :3], values[:, 3:], up, movement)
+
+
+def block_means(values: FloatArray, block: int) -> FloatArray:
+    """The mean of every `block` rows, (N, c) -> (N // block, c): what a sensor with a lower output rate delivers."""
+    blocks = len(values) // block
+    return np.asarray(values[: blocks * block].reshape(blocks, block, -1).mean(axis=1), np.float64)
+
+
+def sampled(motion: Motion, sensor: Sensor, block: int) -> Samples:
+    """The counts of a sensor that has the motion, at a rate that is `block` times lower. The reference of a block is
+    that of its last sample, when an algorithm that has this block is asked."""
+    blocks = len(motion.gyr_dps) // block
+    last = np.arange(blocks) * block + block - 1
+    limits = (sensor.gyro, sensor.accel)
+    rounded = [
+        np.clip(np.rint(block_means(values, block) / one.unit_per_count), one.min_counts, one.max_counts)
+        for values, one in zip((motion.gyr_dps, motion.acc_g), limits, strict=True)
+    ]
+    up = motion.up[last]
+    scored = motion.movement[last] & np.isfinite(up).all(axis=1)
+    return Samples(np.hstack(rounded).astype(np.int16), sensor, round(motion.period_s * block * 1e6), up, scored)
+
+
+def error_deg(estimated: FloatArray, up: FloatArray) -> FloatArray:
+    """Angle between two verticals of any length, (N, 3) each -> (N,); NaN where either is."""
+    across = np.linalg.norm(np.cross(estimated, up), axis=1)
+    return np.asarray(np.degrees(np.arctan2(across, np.sum(estimated * up, axis=1))), np.float64)
+
+
+def vertical_of(quat: FloatArray) -> FloatArray:
+    """The vertical in sensor coordinates of attitudes w, x, y, z from sensor to earth, (N, 4) -> (N, 3)."""
+    return recording.vertical(quat)

@@ -1,0 +1,108 @@
+"""Errors of every algorithm on every recording and input."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.errors import UsageError
+from plumb.inputs.comparison.contenders import Contender
+from plumb.inputs.comparison.grades import GRADES
+from plumb.inputs.comparison.samples import Motion, error_deg, sampled
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Input:
+    """What is made of a recording. decimate: samples in a block; grade: a name of GRADES."""
+
+    decimate: int
+    grade: str
+
+    @property
+    def title(self) -> str:
+        rate = {1: "", 3: ", a third of the rate", 6: ", a sixth of the rate"}[self.decimate]
+        return GRADES[self.grade].title + rate
+
+
+@dataclass(frozen=True)
+class Row:
+    """An algorithm on one recording, one input and one seed, deg: root mean square, largest and 95 % of the errors."""
+
+    algorithm: str
+    recording: str
+    seed: int
+    rmse_deg: float
+    max_deg: float
+    p95_deg: float
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Error over time of one recording, for plots: errors_deg by the name of the algorithm, (N,)."""
+
+    recording: str
+    time_s: FloatArray
+    errors_deg: dict[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Rows of one input. traces: of the first input alone."""
+
+    input: Input
+    rows: tuple[Row, ...]
+    traces: tuple[Trace, ...]
+
+    def mean_deg(self, algorithm: str) -> tuple[float, float, float]:
+        """Plain means over recordings and seeds of the root mean square and of the 95 %, and the largest error."""
+        own = [row for row in self.rows if row.algorithm == algorithm]
+        rmse, p95 = (float(np.mean([getattr(row, name) for row in own])) for name in ("rmse_deg", "p95_deg"))
+        return rmse, p95, max(row.max_deg for row in own)
+
+
+def compare(
+    motions: Sequence[Motion],
+    inputs: Sequence[Input],
+    algorithms: Sequence[Contender],
+    done: Callable[[], object],
+) -> list[Compared]:
+    """Run all of them. done: called after every run of an algorithm. Raises UsageError, with the name of algorithm and
+    recording, for an estimate that is no number."""
+    return [_compare(motions, one, algorithms, done, traced=one is inputs[0]) for one in inputs]
+
+
+def runs(motions: Sequence[Motion], inputs: Sequence[Input], algorithms: Sequence[Contender]) -> int:
+    """How often `compare` calls `done`."""
+    return len(motions) * len(algorithms) * sum(len(GRADES[one.grade].seeds) for one in inputs)
+
+
+def _compare(
+    motions: Sequence[Motion], what: Input, algorithms: Sequence[Contender], done: Callable[[], object], *, traced: bool
+) -> Compared:
+    rows: list[Row] = []
+    traces: list[Trace] = []
+    grade = GRADES[what.grade]
+    for motion in motions:
+        for seed in grade.seeds:
+            samples = sampled(grade.of(motion, seed), grade.sensor, what.decimate)
+            if not samples.scored.any():
+                raise UsageError(f"{motion.name}: no block of {what.decimate} samples is left to be scored")
+            errors = {}
+            for algorithm in algorithms:
+                error = error_deg(algorithm.verticals(samples), samples.up)
+                counted = error[samples.scored]
+                if not np.isfinite(counted).all():
+                    raise UsageError(f"{algorithm.name} has no estimate for samples of {motion.name}")
+                rmse_deg, p95_deg = float(np.sqrt(np.mean(counted**2))), float(np.percentile(counted, 95))
+                row = Row(algorithm.name, motion.name, seed, rmse_deg, float(np.max(counted)), p95_deg)
+                rows.append(row)
+                errors[algorithm.name] = np.where(samples.scored, error, np.nan)
+                done()
+            if traced and seed == grade.seeds[0]:
+                traces.append(Trace(motion.name, samples.time_s, errors))
+    return Compared(what, tuple(rows), tuple(traces))
