@@ -7,24 +7,32 @@
 
 #define BOARD_RAW_MAX 6u /* raw counts of one sample; a system uses the first few */
 
+/* Where the accelerometer is. */
+typedef enum {
+    BOARD_ACCEL_I2C = 0, /* ADXL345, beside the ITG-3205 */
+    BOARD_ACCEL_SPI,     /* ADXL345; the ITG-3205 is on I2C */
+    BOARD_ACCEL_IN_GYRO  /* both in one chip on I2C: MPU-6050 */
+} board_accel_t;
+
 /* Which sensors a tick samples. */
 typedef enum {
     BOARD_SENSORS_NONE = 0, /* ticks alone: samples come from the host */
     BOARD_SENSORS_ANALOG_3, /* PA0 to PA2 */
     BOARD_SENSORS_ANALOG_6, /* PA0 to PA3, PB0, PB1; INT16_MIN for an input at a rail or stuck */
-    BOARD_SENSORS_BALANCE   /* angular rate and two accelerations of the digital sensors */
+    BOARD_SENSORS_BALANCE,  /* angular rate and two accelerations of the digital sensors */
+    BOARD_SENSORS_SIX_AXES  /* angular rates x, y, z and accelerations x, y, z of the digital sensors */
 } board_sensor_kind_t;
 
 typedef struct {
     uint32_t kind;            /* board_sensor_kind_t */
     uint32_t oversample_log2; /* 0 to 4: scans of the analog inputs per period */
-    uint32_t rail_ms;  /* an input at a rail for this long, at least 3 conversions, is a fault; 0: never */
-    uint32_t stuck_ms; /* an input unchanged for this long, at least 3 conversions, is a fault; 0: never.
-                          Digital sensors have limits of their own (from their noise), unless this is 0 */
-    uint32_t accel_on_spi; /* 0: the accelerometer is on I2C */
-    uint32_t accel_rate;   /* ADXL345 BW_RATE: 0 to 15 */
-    uint32_t gyro_filter;  /* ITG-3205 DLPF_CFG: 0 to 6 */
-    uint32_t imu_axis;     /* of the wheels: 0 x, 1 y, 2 z */
+    uint32_t rail_ms;     /* an input at a rail for this long, at least 3 conversions, is a fault; 0: never */
+    uint32_t stuck_ms;    /* an input unchanged for this long, at least 3 conversions, is a fault; 0: never.
+                             Digital sensors have limits of their own (from their noise), unless this is 0 */
+    uint32_t accel_bus;   /* board_accel_t */
+    uint32_t accel_rate;  /* ADXL345 BW_RATE: 0 to 15 */
+    uint32_t gyro_filter; /* DLPF_CFG of ITG-3205 or MPU-6050: 0 to 6 */
+    uint32_t imu_axis;    /* of the wheels: 0 x, 1 y, 2 z */
 } board_sensors_t;
 
 /* Why a digital sensor cannot be trusted. */

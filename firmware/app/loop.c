@@ -95,7 +95,8 @@ static void actuate(void) {
 typedef char control_assert_sensors[(int)CONTROL_SENSORS_NONE == (int)BOARD_SENSORS_NONE &&
                                             (int)CONTROL_SENSORS_ANALOG_3 == (int)BOARD_SENSORS_ANALOG_3 &&
                                             (int)CONTROL_SENSORS_ANALOG_6 == (int)BOARD_SENSORS_ANALOG_6 &&
-                                            (int)CONTROL_SENSORS_BALANCE == (int)BOARD_SENSORS_BALANCE
+                                            (int)CONTROL_SENSORS_BALANCE == (int)BOARD_SENSORS_BALANCE &&
+                                            (int)CONTROL_SENSORS_SIX_AXES == (int)BOARD_SENSORS_SIX_AXES
                                         ? 1
                                         : -1];
 
@@ -108,7 +109,7 @@ __attribute__((noinline)) static void choose_sensors(void) {
                                     .oversample_log2 = params.adc_oversample_log2,
                                     .rail_ms = params.rail_ms,
                                     .stuck_ms = params.stuck_ms,
-                                    .accel_on_spi = params.accel_bus,
+                                    .accel_bus = params.accel_bus,
                                     .accel_rate = params.accel_rate,
                                     .gyro_filter = params.gyro_filter,
                                     .imu_axis = params.imu_axis};

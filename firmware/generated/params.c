@@ -175,7 +175,7 @@ static const uint8_t range_of[PARAMS_COUNT] = {
     44U, /* adc_oversample_log2 */
     41U, /* rail_ms */
     41U, /* stuck_ms */
-    3U, /* accel_bus */
+    31U, /* accel_bus */
     45U, /* accel_rate */
     46U, /* gyro_filter */
     31U, /* imu_axis */

@@ -2,7 +2,8 @@
 
 A stuck chip gives the same three counts again and again; so does noise, now and then. The least noise at rest is that
 of the data sheets as the project uses it: ADXL345 0.75 counts rms on x and y and 1.1 on z at 100 samples/s, ITG-3205
-0.38 deg/s rms behind 98 Hz. Slower rates and narrower filters have less: by the square root of the bandwidth.
+0.38 deg/s rms behind 98 Hz, MPU-6050 0.05 deg/s rms behind 98 Hz and 400 ug/sqrt(Hz), all six axes together. Slower
+rates and narrower filters have less: by the square root of the bandwidth.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ GYRO_LSB = Itg3205().lsb_per_dps * 0.38
 ACCEL_LSB = Adxl345().noise_lsb
 ADXL345_HZ = {6: 6.25, 7: 12.5, 8: 25.0, 9: 50.0, 10: 100.0, 11: 200.0, 12: 400.0, 13: 800.0, 14: 1600.0, 15: 3200.0}
 ITG3205_HZ = {1: 188.0, 2: 98.0, 3: 42.0, 4: 20.0, 5: 10.0, 6: 5.0}
+MPU6050_GYRO_LSB, MPU6050_ACCEL_LSB_PER_RTHZ = 16.4 * 0.05, 2048 * 400e-6
 
 
 def alike(sigma_lsb: float, samples: int) -> float:
@@ -58,6 +60,9 @@ def noise(chip: str, option: int) -> tuple[tuple[float, ...], float]:
         return tuple(less * sigma for sigma in (ACCEL_LSB[0], ACCEL_LSB[0], ACCEL_LSB[1])), max(FASTEST_S, 1.0 / hz)
     hz = ITG3205_HZ[option]
     less = min(1.0, math.sqrt(hz / 98.0))
+    if chip == "mpu6050":
+        force_lsb = MPU6050_ACCEL_LSB_PER_RTHZ * math.sqrt(min(hz, 98.0))
+        return (less * MPU6050_GYRO_LSB,) * 3 + (force_lsb,) * 3, max(FASTEST_S, 0.5 / hz)
     return (less * GYRO_LSB,) * 3, max(FASTEST_S, 0.5 / hz)
 
 
@@ -65,7 +70,9 @@ def test_the_noise_is_that_of_the_scenarios() -> None:
     assert ACCEL_LSB == (0.75, 1.1) and pytest.approx(5.46, abs=0.01) == GYRO_LSB
 
 
-@pytest.mark.parametrize(("chip", "options"), [("adxl345", ADXL345_HZ), ("itg3205", ITG3205_HZ)])
+@pytest.mark.parametrize(
+    ("chip", "options"), [("adxl345", ADXL345_HZ), ("itg3205", ITG3205_HZ), ("mpu6050", ITG3205_HZ)]
+)
 def test_limits_are_the_smallest_with_a_false_alarm_in_10000_hours(chip: str, options: dict[int, float]) -> None:
     rows = table(chip)
     assert len(rows) == len(options)

@@ -280,7 +280,7 @@ static void wait_for_report(void) {
 }
 
 static void an_event_is_told_at_once(uint32_t system) {
-    const bool digital = declared(system)->sensors == BOARD_SENSORS_BALANCE;
+    const bool digital = declared(system)->sensors >= BOARD_SENSORS_BALANCE;
     system_board(system);
     begin(MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE);
     pass(200000);
@@ -422,7 +422,7 @@ static void trouble_leaves_the_outputs_safe(uint32_t system, const trouble_t *tr
     drive();
     trouble->begin();
     pass(SAFE_US + 10000U); /* a frame of telemetry and its answer may be under way */
-    const bool digital = declared(system)->sensors == BOARD_SENSORS_BALANCE;
+    const bool digital = declared(system)->sensors >= BOARD_SENSORS_BALANCE;
     const bool stops =
         (digital ? trouble->digital : trouble->analog) && (way == OVER_UART ? trouble->uart : trouble->can);
     if (safe() != stops) {

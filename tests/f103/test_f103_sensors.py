@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import pytest
 
+from plumb.f103.attached.mpu6050 import Mpu6050
 from support.f103_program import NewBoard
 
 I2C, SPI = 1, 2
@@ -214,3 +215,57 @@ def test_a_power_cut_takes_the_settings_of_the_chips(master: Master) -> None:
     master.machine.power_on()
     master.machine.advance_us(5000)
     assert master.read(ACCEL, 0x31) == b"\x00"
+
+
+@pytest.fixture
+def both(master: Master) -> Mpu6050:
+    """An MPU-6050 in the place of the gyro, awake."""
+    chip = Mpu6050(master.machine, lambda _t: master.felt_dps, lambda _t: master.felt_g)
+    master.machine.i2c_bus.slaves[:] = [chip]
+    assert master.read(GYRO, 0x6B) == b"\x40", "asleep after power-up"
+    master.write(GYRO, 0x6B, 0x01)
+    return chip
+
+
+def burst(master: Master) -> list[int]:
+    raw = master.read(GYRO, 0x3B, 14)
+    return [int.from_bytes(raw[i : i + 2], "big", signed=True) for i in range(0, 14, 2)]
+
+
+@pytest.mark.parametrize(
+    ("setting", "per_dps", "per_g"),
+    [(0x00, 131.0, 16384), (0x08, 65.5, 8192), (0x10, 32.8, 4096), (0x18, 16.4, 2048)],
+)
+def test_one_chip_with_both_sensors_counts_as_its_ranges_say(
+    master: Master, both: Mpu6050, setting: int, per_dps: float, per_g: float
+) -> None:
+    master.felt_dps = (10.0, -20.0, 100.0)
+    for register in (0x1B, 0x1C):
+        master.write(GYRO, register, setting)
+    master.machine.advance_us(2000)
+    assert burst(master) == [round(g * per_g) for g in master.felt_g] + [0] + [
+        round(dps * per_dps) for dps in master.felt_dps
+    ]
+    assert master.read(GYRO, 0x75) == b"\x68" and master.machine.warnings == []
+    master.felt_dps, master.felt_g = (2500.0, -2500.0, 0.0), (17.0, -17.0, 0.0)
+    master.machine.advance_us(2000)
+    assert burst(master) == [32767, -32768, 0, 0, 32767, -32768, 0]
+
+
+def test_one_chip_samples_by_its_divider_and_says_when_data_are_new(master: Master, both: Mpu6050) -> None:
+    master.write(GYRO, 0x1A, 0x02)
+    taken: list[float] = []
+    both.source = lambda t_s: taken.append(t_s) or (0.0, 0.0, 0.0)  # type: ignore[func-returns-value]
+    master.machine.advance_us(50_000)
+    assert [later - sooner for sooner, later in pairwise(taken)] == pytest.approx([1e-3] * (len(taken) - 1))
+    assert master.read(GYRO, 0x3A) == b"\x00", "not asked for"
+    master.write(GYRO, 0x38, 0x01)
+    master.machine.advance_us(2000)
+    assert master.read(GYRO, 0x3A) == b"\x01"
+    assert master.read(GYRO, 0x3A) == b"\x00", "reading clears it"
+    master.write(GYRO, 0x19, 9)
+    taken.clear()
+    master.machine.advance_us(100_000)
+    assert len(taken) in (9, 10)
+    master.write(GYRO, 0x75, 0)
+    assert master.machine.warnings == ["MPU-6050: register 0x75 is written, which is read-only or not modelled"]

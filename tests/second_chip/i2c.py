@@ -84,6 +84,26 @@ class Itg3205(RegisterSlave):
         return super().read(register)
 
 
+class Mpu6050(RegisterSlave):
+    """Gyro and accelerometer at 0x68: accelerations, temperature, rates, high byte first; asleep after power-up."""
+
+    ADDRESS = 0x68
+
+    def __init__(self) -> None:
+        super().__init__({0x75: 0x68, 0x6B: 0x40})
+        self.counts = (0, 0, 2048, 0, 0, 0)
+        """Accelerations, then rates."""
+
+    def read(self, register: int) -> int:
+        awake = not self.registers[0x6B] & 0x40
+        if register == 0x3A:
+            return int(awake and self.registers.get(0x38, 0) & 1)
+        if 0x3B <= register <= 0x48:
+            words = (*self.counts[:3], -521, *self.counts[3:])
+            return b"".join(count.to_bytes(2, "big", signed=True) for count in words)[register - 0x3B]
+        return super().read(register)
+
+
 class I2c(Block):
     """slaves: chips by their 7-bit address."""
 

@@ -19,7 +19,7 @@ from plumb.systems.run_fixed import run_control
 from plumb.tuning.quantise import ControlParams, quantise
 from second_chip import Chip
 from second_chip.adc import VDDA
-from second_chip.i2c import Adxl345, Itg3205, RegisterSlave
+from second_chip.i2c import Adxl345, Itg3205, Mpu6050, RegisterSlave
 
 from .conftest import START_S, Connect
 
@@ -106,6 +106,29 @@ def test_digital_sensors_are_set_up_and_read_over_i2c(chip: Chip, session: Sessi
     assert gyro.registers[0x16] & 0x18 == 0x18, "+-2000 deg/s"
     assert [register for register, _ in accel.log] == [0x2D, 0x2C, 0x31, 0x38, 0x2D], "asleep while it is set up"
     assert accel.registers[0x31] == 0x0B, "full resolution, +-16 g"
+
+
+def test_one_chip_with_both_sensors_is_set_up_and_read_over_i2c(chip: Chip, session: Session) -> None:
+    both = Mpu6050()
+    chip.i2c.slaves = {both.ADDRESS: both}
+    taken: list[tuple[int, int, int]] = []
+    plain, number = both.read, itertools.count(1)
+
+    def read(register: int) -> int:
+        if register == 0x3B:
+            step = next(number)
+            both.counts = (step, -2 * step, 2048 - step, 3 * step, -4 * step, 5 * step)
+            taken.append((-4 * step, step, 2048 - step))
+        return plain(register)
+
+    both.read = read  # type: ignore[method-assign]
+    capture, params = begin(session, "balancer", accel_bus=2)
+    capture.collect(LIVE_STEPS)
+    raw = capture.raw_counts(LIVE_STEPS)
+    assert raw[:, :3].tolist() == [list(counts) for counts in taken[:LIVE_STEPS]]
+    assert_digests_are_those_of(params, capture)
+    assert [register for register, _ in both.log] == [0x6B, 0x6C, 0x19, 0x1A, 0x1B, 0x1C, 0x38]
+    assert both.registers[0x1B] == both.registers[0x1C] == 0x18, "+-2000 deg/s, +-16 g"
 
 
 @pytest.mark.parametrize(("accel_bus", "said"), [(0, "another chip answers"), (1, "does not answer")])

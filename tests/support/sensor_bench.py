@@ -180,10 +180,16 @@ DIGITAL_CONTROL = quantise(replace(quad.ADAPTIVE, calibration=balancer.CALIBRATI
 
 
 def boot_digital(machine: Machine) -> None:
-    """From here on the system with two speed controllers samples the digital sensors: in the description of systems,
-    quad gets what balancer has. Sensors and outputs are under test here, not what is computed in between."""
+    """From here on the system with two speed controllers samples the digital sensors."""
+    boot_sampling(machine, DIGITAL)
+
+
+def boot_sampling(machine: Machine, kind: int) -> None:
+    """From here on the system with two speed controllers samples sensors of this kind (BOARD_SENSORS_ of
+    app/board_sensors.h): its entry in the description of systems is changed. Sensors and outputs are under test here,
+    not what is computed in between."""
     machine.advance_us(BOOT_US)
     elf, flash = Elf(find_image().with_suffix(".elf")), machine.cpu.flash
-    to, source = (elf.symbol(f"{name}_system").address - FLASH + SENSORS_AT for name in ("quad", "balancer"))
-    assert (flash[to], flash[source]) == (ANALOG_3, DIGITAL)
-    flash[to] = flash[source]
+    to, other = (elf.symbol(f"{name}_system").address - FLASH + SENSORS_AT for name in ("quad", "balancer"))
+    assert (flash[to], flash[other]) == (ANALOG_3, DIGITAL)
+    flash[to] = kind

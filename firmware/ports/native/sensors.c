@@ -24,8 +24,12 @@ static bool analog(void) {
     return sensors.use.kind == BOARD_SENSORS_ANALOG_3 || sensors.use.kind == BOARD_SENSORS_ANALOG_6;
 }
 
+static bool digital(void) {
+    return sensors.use.kind == BOARD_SENSORS_BALANCE || sensors.use.kind == BOARD_SENSORS_SIX_AXES;
+}
+
 static uint8_t cause(uint32_t wished) {
-    if (sensors.use.kind != BOARD_SENSORS_BALANCE) {
+    if (!digital()) {
         return BOARD_SENSOR_GOOD;
     }
     const bool starting = port_now_ns() - sensors.used_ns < (uint64_t)FOUND_US * NS_PER_US;
@@ -54,6 +58,7 @@ static bool gives_samples(void) {
     case BOARD_SENSORS_NONE:
         return true;
     case BOARD_SENSORS_BALANCE:
+    case BOARD_SENSORS_SIX_AXES:
         return (cause(native.gyro) | cause(native.accel)) == BOARD_SENSOR_GOOD;
     default:
         return native.adc_dead == 0u;
@@ -64,7 +69,8 @@ static void sample(void) {
     static const uint8_t filled[] = {[BOARD_SENSORS_NONE] = 0u,
                                      [BOARD_SENSORS_ANALOG_3] = 3u,
                                      [BOARD_SENSORS_ANALOG_6] = 6u,
-                                     [BOARD_SENSORS_BALANCE] = 4u};
+                                     [BOARD_SENSORS_BALANCE] = 4u,
+                                     [BOARD_SENSORS_SIX_AXES] = 6u};
     const uint32_t bad = sensors.use.kind == BOARD_SENSORS_ANALOG_6 ? native.railed | native.stuck : 0u;
     for (uint32_t i = 0u; i < BOARD_RAW_MAX; i++) {
         const int32_t count = i < filled[sensors.use.kind] ? native.raw[i] : 0;

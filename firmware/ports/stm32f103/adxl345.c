@@ -27,5 +27,6 @@ const chip_t adxl345 = {
     .step_count = sizeof steps / sizeof steps[0],
     .address = 0x53u, /* SDO/ALT ADDRESS low */
     .data = 0x32u,    /* DATAX0 to DATAZ1 */
+    .data_bytes = 6u,
     .low_byte_first = true,
 };

@@ -1,5 +1,5 @@
-/* Gyro and accelerometer on I2C and SPI: finds them, sets them up, reads both once a period, and finds a lost
- * one again.
+/* Gyro and accelerometer on I2C and SPI, in two chips or one: finds them, sets them up, reads both once a
+ * period, and finds a lost one again.
  *
  * Everything here runs in interrupts of one priority: imu_period() once a period, imu_poll_ms() every
  * millisecond, imu_transferred() at the end of an access. One access is under way at a time; imu_poll_ms()
@@ -11,17 +11,16 @@
 #include "samples.h"
 #include "spi.h"
 
-#define GYRO       0u
-#define ACCEL      1u
-#define SENSORS    2u
-#define TRIES      3u
-#define ACCESS_MS  2u   /* reading six bytes takes 0.21 ms at 400 kHz */
-#define RETRY_MS   20u  /* from the loss of a sensor to the next set-up */
-#define AWAIT_MS   200u /* for the first sample: the accelerometer's slowest rate is 6.25 Hz */
-#define DATA_BYTES 6u
-#define SPI_READ   0x80u
-#define SPI_MANY   0x40u
-#define AXIS_LAST  2u
+#define GYRO      0u
+#define ACCEL     1u
+#define SENSORS   2u
+#define TRIES     3u
+#define ACCESS_MS 2u   /* reading 14 bytes takes 0.4 ms at 400 kHz */
+#define RETRY_MS  20u  /* from the loss of a sensor to the next set-up */
+#define AWAIT_MS  200u /* for the first sample: the accelerometer's slowest rate is 6.25 Hz */
+#define SPI_READ  0x80u
+#define SPI_MANY  0x40u
+#define AXIS_LAST 2u
 
 typedef enum { OFF, RECOVER, REST, SET_UP, SAMPLE } phase_t;
 
@@ -34,20 +33,34 @@ typedef struct {
     uint16_t same;      /* samples in a row that equal the one before on all axes, stops at 65535 */
 } sensor_t;
 
-static const chip_t *const chips[SENSORS] = {&itg3205, &adxl345};
+static const chip_t *const two_chips[SENSORS] = {&itg3205, &adxl345};
 static board_sensors_t use;
 static volatile phase_t phase;
 static sensor_t sensors[SENSORS];
-static uint32_t active;                /* sensor whose access is under way */
-static uint32_t asked;                 /* bytes that the access reads; 0: it writes one */
-static uint32_t age_ms, tries;         /* of the access */
-static uint16_t failures;              /* accesses that failed, modulo 2^16 */
-static uint8_t bytes[1u + DATA_BYTES]; /* SPI: the command first */
+static uint32_t active;                  /* sensor whose access is under way */
+static uint32_t asked;                   /* bytes that the access reads; 0: it writes one */
+static uint32_t age_ms, tries;           /* of the access */
+static uint16_t failures;                /* accesses that failed, modulo 2^16 */
+static uint8_t bytes[1u + IMU_DATA_MAX]; /* SPI: the command first */
 static int16_t axes[SENSORS][3];
 static uint32_t period_us; /* between two samples */
 
 static bool on_spi(uint32_t sensor) {
-    return sensor == ACCEL && use.accel_on_spi != 0u;
+    return sensor == ACCEL && use.accel_bus == BOARD_ACCEL_SPI;
+}
+
+/* Sensors with a chip of their own: one chip with both is treated as the gyro. */
+static uint32_t chip_count(void) {
+    return use.accel_bus == BOARD_ACCEL_IN_GYRO ? 1u : SENSORS;
+}
+
+static const chip_t *chip_of(uint32_t sensor) {
+    return chip_count() == 1u ? &mpu6050 : two_chips[sensor];
+}
+
+/* Both sensors are set up. */
+static bool all_up(void) {
+    return sensors[GYRO].up && (chip_count() == 1u || sensors[ACCEL].up);
 }
 
 /* Starts an access of the active sensor: reads to_read bytes, or with 0 writes bytes[1]. */
@@ -58,15 +71,15 @@ static void transfer(uint8_t reg, uint32_t to_read) {
         bytes[0] = (uint8_t)(reg | (to_read > 0u ? SPI_READ : 0u) | (to_read > 1u ? SPI_MANY : 0u));
         spi_exchange(bytes, to_read > 0u ? 1u + to_read : 2u);
     } else {
-        i2c_access(chips[active]->address, reg, &bytes[1], to_read);
+        i2c_access(chip_of(active)->address, reg, &bytes[1], to_read);
     }
 }
 
 static void access(void) {
-    const chip_t *const chip = chips[active];
+    const chip_t *const chip = chip_of(active);
     const chip_step_t *const step = &chip->steps[sensors[active].step];
     if (phase == SAMPLE) {
-        transfer(chip->data, DATA_BYTES);
+        transfer(chip->data, chip->data_bytes);
     } else if (step->action == CHIP_WRITE || step->action == CHIP_OPTION) {
         const uint32_t option = active == ACCEL ? use.accel_rate : use.gyro_filter;
         bytes[1] = (uint8_t)(step->value | (step->action == CHIP_OPTION ? option : 0u));
@@ -88,13 +101,31 @@ static void lose(uint8_t cause) {
     phase = cause == BOARD_SENSOR_BUS && !on_spi(active) ? RECOVER : REST;
 }
 
+/* Whether the byte that was read is what the step of the set-up wants. */
+static bool as_wanted(const chip_t *chip, const chip_step_t *step) {
+    switch (step->action) {
+    case CHIP_CHECK:
+    case CHIP_AWAIT:
+        return (bytes[1] & step->mask) == step->value;
+    case CHIP_KNOWN:
+        for (uint32_t i = 0u; i < chip->identity_count; i++) {
+            if (chip->identities[i] == bytes[1]) {
+                return true;
+            }
+        }
+        return false;
+    default:
+        return true; /* it wrote */
+    }
+}
+
 /* After an access of the set-up: checks it, then starts the next one or loses the sensor. */
 static void next_step(void) {
     sensor_t *const s = &sensors[active];
-    const chip_step_t *const step = &chips[active]->steps[s->step];
-    const bool reads = step->action == CHIP_CHECK || step->action == CHIP_AWAIT;
-    if (reads && (bytes[1] & step->mask) != step->value) {
-        if (step->action == CHIP_CHECK) {
+    const chip_t *const chip = chip_of(active);
+    const chip_step_t *const step = &chip->steps[s->step];
+    if (!as_wanted(chip, step)) {
+        if (step->action != CHIP_AWAIT) {
             lose(BOARD_SENSOR_IDENTITY);
         } else if (++s->awaited_ms >= AWAIT_MS) {
             lose(BOARD_SENSOR_SILENT);
@@ -104,7 +135,7 @@ static void next_step(void) {
         return;
     }
     s->step++;
-    if (s->step < chips[active]->step_count) {
+    if (s->step < chip->step_count) {
         access();
         return;
     }
@@ -117,7 +148,7 @@ static void next_step(void) {
 
 /* Equal samples in a row that make a sensor stuck; 0: never. */
 static uint32_t stuck_limit(uint32_t sensor) {
-    const chip_t *const chip = chips[sensor];
+    const chip_t *const chip = chip_of(sensor);
     const uint32_t option = sensor == ACCEL ? use.accel_rate : use.gyro_filter;
     const chip_stuck_t *const least = &chip->stuck[option - chip->option_first];
     const uint32_t limit_us = 1000u * least->interval_ms * least->repeats;
@@ -125,13 +156,26 @@ static uint32_t stuck_limit(uint32_t sensor) {
     return use.stuck_ms == 0u ? 0u : samples > least->repeats ? samples : least->repeats;
 }
 
-static void store_sample(void) {
+/* Stores the three axes of a sensor from the bytes at `place` of a sample. True when one has changed. */
+static bool store_axes(uint32_t sensor, uint32_t place) {
     bool changed = false;
     for (uint32_t axis = 0u; axis <= AXIS_LAST; axis++) {
-        const uint32_t first = bytes[1u + 2u * axis], second = bytes[2u + 2u * axis];
-        const uint32_t value = chips[active]->low_byte_first ? first | second << 8 : first << 8 | second;
-        changed = changed || axes[active][axis] != (int16_t)value;
-        axes[active][axis] = (int16_t)value;
+        const uint8_t *const at = &bytes[1u + place + 2u * axis];
+        const uint32_t first = at[0], second = at[1];
+        const uint32_t value = chip_of(sensor)->low_byte_first ? first | second << 8 : first << 8 | second;
+        changed = changed || axes[sensor][axis] != (int16_t)value;
+        axes[sensor][axis] = (int16_t)value;
+    }
+    return changed;
+}
+
+static void store_sample(void) {
+    bool changed;
+    if (chip_count() == 1u) {
+        changed = store_axes(ACCEL, 0u);
+        changed = store_axes(GYRO, mpu6050.gyro_at) || changed;
+    } else {
+        changed = store_axes(active, 0u);
     }
     sensor_t *const s = &sensors[active];
     s->same = (uint16_t)(changed ? 0u : s->same + (s->same < UINT16_MAX ? 1u : 0u));
@@ -146,13 +190,19 @@ static void store_sample(void) {
 }
 
 static void publish(void) {
-    /* The rate about the wheels' axis, and the accelerations along the other two axes. */
-    const uint32_t axis = use.imu_axis;
     int16_t *const raw = samples_next();
-    raw[0] = axes[GYRO][axis];
-    raw[1] = axes[ACCEL][axis == 0u ? 1u : 0u];
-    raw[2] = axes[ACCEL][axis == AXIS_LAST ? 1u : 2u];
-    raw[3] = bridge_hall_count();
+    if (use.kind == BOARD_SENSORS_SIX_AXES) {
+        for (uint32_t axis = 0u; axis <= AXIS_LAST; axis++) {
+            raw[axis] = axes[GYRO][axis];
+            raw[AXIS_LAST + 1u + axis] = axes[ACCEL][axis];
+        }
+    } else { /* the rate about the wheels' axis, and the accelerations along the other two axes */
+        const uint32_t axis = use.imu_axis;
+        raw[0] = axes[GYRO][axis];
+        raw[1] = axes[ACCEL][axis == 0u ? 1u : 0u];
+        raw[2] = axes[ACCEL][axis == AXIS_LAST ? 1u : 2u];
+        raw[3] = bridge_hall_count();
+    }
     samples_publish();
 }
 
@@ -191,7 +241,7 @@ void imu_transferred(transfer_t result) {
     if (phase != SAMPLE) {
         return; /* store_sample() found the sensor stuck */
     }
-    if (active == GYRO) {
+    if (active == GYRO && chip_count() > 1u) {
         active = ACCEL;
         access();
     } else {
@@ -202,7 +252,7 @@ void imu_transferred(transfer_t result) {
 
 void imu_period(uint32_t length_us) {
     period_us = length_us;
-    if (!sensors[GYRO].up || !sensors[ACCEL].up) {
+    if (!all_up()) {
         return;
     }
     if (phase != REST) {
@@ -215,7 +265,7 @@ void imu_period(uint32_t length_us) {
 }
 
 static void start_one_of_the_lost(void) {
-    for (uint32_t i = 0u; i < SENSORS; i++) {
+    for (uint32_t i = 0u; i < chip_count(); i++) {
         sensor_t *const s = &sensors[i];
         if (s->up) {
             continue;
@@ -264,13 +314,13 @@ void imu_use(const board_sensors_t *wanted) {
         sensors[i] = (sensor_t){.cause = BOARD_SENSOR_STARTING};
     }
     tries = 0u;
-    if (wanted->kind == BOARD_SENSORS_BALANCE) {
+    if (wanted->kind == BOARD_SENSORS_BALANCE || wanted->kind == BOARD_SENSORS_SIX_AXES) {
         phase = RECOVER;
     }
 }
 
 void imu_health(board_health_t *health) {
     health->gyro = phase == OFF ? BOARD_SENSOR_GOOD : sensors[GYRO].cause;
-    health->accel = phase == OFF ? BOARD_SENSOR_GOOD : sensors[ACCEL].cause;
+    health->accel = phase == OFF ? BOARD_SENSOR_GOOD : sensors[chip_count() - 1u].cause;
     health->bus_failures = failures;
 }

@@ -1,5 +1,5 @@
-/* Gyro and accelerometer on I2C and SPI: how a chip is described (adxl345.c, itg3205.c), and the functions of
- * imu.c. */
+/* Gyro and accelerometer on I2C and SPI: how a chip is described (adxl345.c, itg3205.c, mpu6050.c), and the
+ * functions of imu.c. */
 #ifndef PLUMB_STM32F103_IMU_H
 #define PLUMB_STM32F103_IMU_H
 
@@ -8,6 +8,7 @@
 
 typedef enum {
     CHIP_CHECK, /* the register, masked, must hold the value */
+    CHIP_KNOWN, /* the register must hold one of the chip's identities */
     CHIP_WRITE,
     CHIP_OPTION, /* write the value with the sensor's option (output rate, filter) or-ed in */
     CHIP_AWAIT   /* like CHECK, for up to 200 ms */
@@ -21,7 +22,7 @@ typedef struct {
     uint8_t value;
 } chip_step_t;
 
-/* A chip is stuck when it repeats a sample on all three axes `repeats` times at intervals of at least
+/* A chip is stuck when it repeats a sample on all its axes `repeats` times at intervals of at least
  * interval_ms: with its noise at rest that does not happen. */
 typedef struct {
     uint8_t interval_ms;
@@ -31,14 +32,20 @@ typedef struct {
 typedef struct {
     const chip_step_t *steps;
     const chip_stuck_t *stuck; /* one for each value of the sensor's option, from option_first on */
+    const uint8_t *identities; /* of a chip that has several */
+    uint8_t identity_count;
     uint8_t option_first;
     uint8_t step_count;
-    uint8_t address; /* on I2C */
-    uint8_t data;    /* first of six registers: x, y, z, 16 bits each */
+    uint8_t address;    /* on I2C */
+    uint8_t data;       /* first register of a sample: x, y, z, 16 bits each */
+    uint8_t data_bytes; /* of a sample: 6, or of a chip with both sensors IMU_DATA_MAX */
+    uint8_t gyro_at;    /* of a chip with both sensors: place of the rates, behind the accelerations */
     bool low_byte_first;
 } chip_t;
 
-extern const chip_t adxl345, itg3205;
+#define IMU_DATA_MAX 14u
+
+extern const chip_t adxl345, itg3205, mpu6050;
 
 /* Choose the sensors; with interrupts masked. */
 void imu_use(const board_sensors_t *wanted);

@@ -25,5 +25,6 @@ const chip_t itg3205 = {
     .step_count = sizeof steps / sizeof steps[0],
     .address = 0x68u, /* AD0 low */
     .data = 0x1du,    /* GYRO_XOUT_H to GYRO_ZOUT_L */
+    .data_bytes = 6u,
     .low_byte_first = false,
 };

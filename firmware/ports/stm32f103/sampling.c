@@ -74,6 +74,7 @@ void sampling_timer_handler(void) {
         samples_publish(); /* the counts come from the host */
         break;
     case BOARD_SENSORS_BALANCE:
+    case BOARD_SENSORS_SIX_AXES:
         imu_period(running_us);
         break;
     default:

@@ -40,7 +40,7 @@ FRAMES_MAX = 12
 """Most frames of one system: each needs an entry in the frame counters of a link."""
 TYPES = {"int32": "<i4", "uint32": "<u4", "int64": "<i8"}
 """Type of a declared word -> numpy type."""
-SENSORS = ("NONE", "ANALOG_3", "ANALOG_6", "BALANCE")
+SENSORS = ("NONE", "ANALOG_3", "ANALOG_6", "BALANCE", "SIX_AXES")
 """Sensor sets that a board can sample (CONTROL_SENSORS_ in firmware/systems/control.h)."""
 OUTPUTS = {"PULSES": 2, "BRIDGE": 1}
 """Kind of actuator (CONTROL_OUTPUT_) -> number of record words that drive it."""

@@ -69,6 +69,20 @@ CAN = Device(
     (Wire("RXD", "PA11", INPUT), Wire("TXD", "PA12", OUTPUT), Wire("VCC, GND", "3V3 GND")),
     8.6,
 )
+MPU6050 = Device(
+    "MPU-6050 (GY-521 module)",
+    (
+        Wire("SCL", "PB8", DRAIN, "2.2 kΩ to 3V3"),
+        Wire("SDA", "PB9", DRAIN, "2.2 kΩ to 3V3"),
+        Wire("VCC", "3V3"),
+        Wire("GND; AD0", "GND"),
+    ),
+    19.2,
+)
+MPU6050_NOTES = (
+    "The board has to be told that one chip is both: plumb params set accel_bus=2 --save.",
+    "A GY-521 has 4.7 kΩ of its own on SCL and SDA. XDA, XCL and INT stay open.",
+)
 STRAP_NOTE = "The strap chooses the pin set at the start. Nothing on PB4 and PB5: standard."
 COMMON = "Power: 5 V from USB or from the adapter, never both. Every GND is the same wire."
 CAN_POWER = (

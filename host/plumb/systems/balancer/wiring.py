@@ -2,7 +2,19 @@
 
 from __future__ import annotations
 
-from plumb.systems.wiring import CAN_POWER, DRAIN, INPUT, OUTPUT, SWITCH, SWITCH_NOTE, Device, Drawing, Wire
+from plumb.systems.wiring import (
+    CAN_POWER,
+    DRAIN,
+    INPUT,
+    MPU6050,
+    MPU6050_NOTES,
+    OUTPUT,
+    SWITCH,
+    SWITCH_NOTE,
+    Device,
+    Drawing,
+    Wire,
+)
 
 BRIDGE = (
     Device(
@@ -99,5 +111,13 @@ DRAWINGS = (
             *BRIDGE_CAN,
             SWITCH_NOTE,
         ),
+    ),
+    Drawing(
+        "balancer_mpu6050",
+        "balancer, an MPU-6050 for both sensors",
+        "bridge",
+        left=(*BRIDGE, MPU6050),
+        right=(HALL_C, SWITCH),
+        notes=(*BRIDGE_NOTES, *MPU6050_NOTES, *BRIDGE_CAN, SWITCH_NOTE),
     ),
 )

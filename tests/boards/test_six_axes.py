@@ -1,0 +1,277 @@
+"""A set of all six axes of a live board, from ADXL345 and ITG-3205 or from one MPU-6050, on the virtual board with the
+flash image: samples in time and in order, each fault by its name, neutral outputs, and recovery."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import pytest
+
+pytest.importorskip("unicorn")
+
+from plumb.errors import LinkError
+from plumb.f103.attached import mpu6050
+from plumb.f103.attached.adxl345 import Adxl345
+from plumb.f103.attached.itg3205 import Itg3205
+from plumb.f103.attached.mpu6050 import Mpu6050
+from plumb.f103.machine import Machine
+from plumb.link.realtime import Capture
+from plumb.link.session import Session
+from plumb.spec import declarations
+from support.sensor_bench import (
+    DIGITAL,
+    DIGITAL_CONTROL,
+    PERIOD_US,
+    RECOVERY_S,
+    SELECT_PIN,
+    SENSOR,
+    STEPS_MISSED,
+    Bench,
+    bench_as_made,
+    boot_sampling,
+    image,
+    world,
+)
+
+SIX_AXES = declarations.SENSORS.index("SIX_AXES")
+ON_I2C, ON_SPI, IN_GYRO = 0, 1, 2
+"""Values of the parameter accel_bus."""
+RATES, FORCES = ((1.0, 0.0, 16.0), 0.4), ((0.1, 0.2, 0.95), 0.004)
+"""Means and noise. The system under test takes rates for accelerations: 16 deg/s is about its 1 g."""
+ANOTHER = "another chip answers, or it did not take its settings"
+
+
+@dataclass(kw_only=True)
+class Six(Bench):
+    """chips: of the gyro, then of the accelerometer; the same one twice where one has both."""
+
+    chips: tuple[Itg3205 | Mpu6050, Adxl345 | Mpu6050]
+    bus: int
+
+    def begin(self, **words: int) -> Capture:
+        return super().begin(**{"accel_bus": self.bus, **words})
+
+    @property
+    def mpu(self) -> Mpu6050:
+        chip = self.chips[0]
+        assert isinstance(chip, Mpu6050)
+        return chip
+
+
+def made(bus: int, kind: int = SIX_AXES, machine: Machine | None = None) -> Six:
+    machine = machine or image()
+    rates, forces = world(*RATES, 1), world(*FORCES, 2)
+    chips: tuple[Itg3205 | Mpu6050, Adxl345 | Mpu6050]
+    if bus == IN_GYRO:
+        both = Mpu6050(machine, rates, forces)
+        chips = both, both
+    else:
+        chips = Itg3205(machine, rates), Adxl345(machine, forces)
+    machine.i2c_bus.slaves.append(chips[0])
+    if isinstance(chips[1], Adxl345):
+        if bus == ON_SPI:
+            machine.spi1.devices[SELECT_PIN] = chips[1]
+        else:
+            machine.i2c_bus.slaves.append(chips[1])
+    boot_sampling(machine, kind)
+    return Six(machine, Session.open(machine.uart), chips=chips, bus=bus, control=DIGITAL_CONTROL)
+
+
+def six(bus: int) -> Six:
+    return bench_as_made(f"six axes {bus}", lambda: made(bus))
+
+
+@pytest.fixture
+def mpu() -> Six:
+    return six(IN_GYRO)
+
+
+@pytest.mark.parametrize("bus", [ON_I2C, ON_SPI, IN_GYRO], ids=["two on I2C", "two, one on SPI", "one chip"])
+def test_a_sample_is_rates_and_accelerations_in_the_order_of_the_axes(bus: int) -> None:
+    bench = six(bus)
+    capture = bench.begin()
+    bench.run(capture, RECOVERY_S)
+    rates: list[tuple[int, int, int]] = []
+    forces: list[tuple[int, int, int]] = []
+
+    def take(chip: Itg3205 | Adxl345 | Mpu6050) -> Callable[[float, tuple[int, int, int]], None]:
+        def read(_time_s: float, counts: tuple[int, int, int]) -> None:
+            if not isinstance(chip, Adxl345):
+                rates.append(counts)
+            if not isinstance(chip, Itg3205):
+                forces.append(chip.force_counts if isinstance(chip, Mpu6050) else counts)
+
+        return read
+
+    for chip in bench.chips:
+        chip.on_read = take(chip)
+    before = capture.steps
+    bench.run(capture, 0.1)
+    raw = capture.raw_counts(before + 12)[before:]
+    assert raw[:, :3].tolist() == [list(counts) for counts in rates[:12]]
+    assert raw[:, 3:].tolist() == [list(counts) for counts in forces[:12]]
+    assert bench.told() == [] and bench.machine.warnings == []
+
+
+def test_the_set_of_the_wheels_works_with_one_chip_too() -> None:
+    bench = made(IN_GYRO, DIGITAL)
+    capture = bench.begin(imu_axis=1)
+    bench.run(capture, RECOVERY_S)
+    seen: list[list[int]] = []
+    bench.mpu.on_read = lambda _time_s, rates: seen.append(
+        [rates[1], bench.mpu.force_counts[0], bench.mpu.force_counts[2]]
+    )
+    before = capture.steps
+    bench.run(capture, 0.1)
+    assert capture.raw_counts(before + 10)[before:, :3].tolist() == seen[:10]
+
+
+def test_one_chip_is_set_to_2000_deg_per_s_and_16_g(mpu: Six) -> None:
+    capture = mpu.begin(gyro_filter=3)
+    mpu.run(capture, RECOVERY_S)
+    registers = mpu.mpu.registers
+    assert (registers[0x1B], registers[0x1C], registers[0x1A], registers[0x19]) == (0x18, 0x18, 3, 0)
+    raw = capture.raw_counts(capture.steps)[-1]
+    assert raw[2] == pytest.approx(16.0 * 16.4, abs=60) and raw[5] == pytest.approx(0.95 * 2048, abs=60)
+
+
+def test_a_sample_of_one_chip_is_complete_half_a_millisecond_after_its_tick(mpu: Six) -> None:
+    machine = mpu.machine
+    mpu.run(mpu.begin(), 0.05)
+    for _ in range(5):
+        machine.advance_us(PERIOD_US - machine.tim3.count(machine.now) + 1)
+        busy_us = 0.0
+        for _ in range(120):
+            machine.advance_us(5)
+            if machine.i2c1.phase != "idle":
+                busy_us = machine.tim3.count(machine.now)
+        assert 300 < busy_us <= 500
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("identity", mpu6050.IDENTITIES, ids=hex)
+def test_chips_that_are_sold_as_mpu6050_are_taken(mpu: Six, identity: int) -> None:
+    mpu.mpu.identity = identity
+    capture = mpu.begin(gyro_filter=1)  # other settings: it is started anew
+    mpu.run(capture, RECOVERY_S)
+    assert mpu.told() == [] and mpu.run(capture, 0.1) >= 0.1e6 / PERIOD_US - 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("identity", [0x00, 0x69, 0xFF], ids=hex)
+def test_any_other_chip_is_told(mpu: Six, identity: int) -> None:
+    mpu.mpu.identity = identity
+    capture = mpu.begin(gyro_filter=1)
+    assert mpu.run(capture, 0.2) == 0
+    assert mpu.told() == [f"gyro: {ANOTHER}", f"accelerometer: {ANOTHER}"]
+    with pytest.raises(LinkError, match="another chip"):
+        mpu.session.arm()
+    mpu.mpu.identity = 0x68
+    mpu.recovers(capture)
+
+
+@pytest.mark.slow
+def test_two_chips_where_one_is_expected_are_told() -> None:
+    """The ITG-3205 has the MPU-6050's address, and the same identity, in another register."""
+    bench = six(ON_I2C)
+    capture = bench.begin(accel_bus=IN_GYRO)
+    assert bench.run(capture, 0.2) == 0
+    assert bench.told() == [f"gyro: {ANOTHER}", f"accelerometer: {ANOTHER}"]
+
+
+@pytest.mark.slow
+def test_a_chip_that_does_not_hear_its_settings_is_told(mpu: Six) -> None:
+    """Awake at +-250 deg/s and +-2 g: counts of another range would be worse than none."""
+    chip = mpu.mpu
+    honest = chip.written
+
+    def written(register: int, value: int) -> None:
+        if register not in (0x1B, 0x1C):
+            honest(register, value)
+
+    chip.written = written  # type: ignore[method-assign]
+    chip.brown_out()
+    capture = mpu.begin(gyro_filter=1)
+    assert mpu.run(capture, 0.2) == 0
+    assert mpu.told() == [f"gyro: {ANOTHER}", f"accelerometer: {ANOTHER}"]
+    chip.written = honest  # type: ignore[method-assign]
+    mpu.recovers(capture)
+
+
+@pytest.mark.slow
+def test_one_chip_that_does_not_answer(mpu: Six) -> None:
+    capture = mpu.armed()
+    mpu.mpu.answers = False
+    mpu.run(capture, 2 * PERIOD_US * 1e-6 + 0.003)
+    assert not mpu.driving()
+    assert mpu.told() == ["gyro: does not answer", "accelerometer: does not answer"]
+    assert mpu.faults() & SENSOR
+    assert mpu.run(capture, 0.1) == 0, "no sample is made up"
+    mpu.mpu.answers = True
+    mpu.recovers(capture)
+
+
+@pytest.mark.slow
+def test_one_access_that_fails_is_tried_again_and_costs_no_step(mpu: Six) -> None:
+    capture = mpu.armed()
+    failures = mpu.bus_failures()
+    honest = mpu.mpu.begin
+    refusals = [False, False]
+    mpu.mpu.begin = lambda reading, now: honest(reading, now) and (not refusals or refusals.pop())  # type: ignore[method-assign, assignment]
+    assert mpu.run(capture, 0.2) >= 0.2e6 / PERIOD_US - 1
+    assert mpu.driving() and mpu.bus_failures() - failures == 2
+    assert mpu.faults() & STEPS_MISSED == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("clocks", [1, 5, 9])
+def test_one_chip_that_holds_the_data_line_is_clocked_free(mpu: Six, clocks: int) -> None:
+    capture = mpu.armed()
+    bus = mpu.machine.i2c_bus
+    bus.stick(clocks)
+    assert mpu.machine.run_until(lambda: bus.held == 0, 30_000)
+    mpu.run(capture, 0.015)
+    assert not mpu.driving()
+    mpu.recovers(capture)
+
+
+@pytest.mark.slow
+def test_a_shorted_data_line_is_told_for_as_long_as_it_lasts(mpu: Six) -> None:
+    capture = mpu.armed()
+    mpu.machine.i2c_bus.short(True)
+    mpu.run(capture, 0.015)
+    assert not mpu.driving()
+    assert mpu.told() == ["gyro: its bus hangs", "accelerometer: its bus hangs"]
+    mpu.run(capture, 0.5)
+    assert set(mpu.told()) & {"gyro: its bus hangs", "gyro: does not answer"}
+    mpu.machine.i2c_bus.short(False)
+    mpu.recovers(capture)
+
+
+@pytest.mark.slow
+def test_one_chip_whose_data_hang(mpu: Six) -> None:
+    """3 equal samples of all six axes are beyond noise: 30 ms at the default filter."""
+    capture = mpu.armed()
+    mpu.mpu.frozen = True
+    mpu.run(capture, 0.030 - 2 * PERIOD_US * 1e-6)
+    assert mpu.driving()
+    mpu.run(capture, 5 * PERIOD_US * 1e-6)
+    assert not mpu.driving()
+    assert mpu.told()[0] in ("gyro: its data do not change", "gyro: has no data")
+    mpu.run(capture, 0.3)
+    assert len(mpu.told()) == 2
+    mpu.mpu.frozen = False
+    mpu.run(capture, RECOVERY_S)
+    mpu.recovers(capture)
+
+
+@pytest.mark.slow
+def test_one_chip_that_lost_its_settings_gets_them_again(mpu: Six) -> None:
+    """A dip of the supply: it is asleep, its data stand still."""
+    capture = mpu.armed()
+    mpu.mpu.brown_out()
+    mpu.run(capture, 0.1)
+    assert not mpu.driving()
+    mpu.recovers(capture)
+    assert mpu.mpu.registers[0x1B] == mpu.mpu.registers[0x1C] == 0x18
