@@ -1,94 +1,11 @@
-"""plumb.connect: a board that is left, in whatever way, is disarmed, and its outputs are neutral."""
+"""plumb.connect: what a board says of itself, its samples, and what it refuses."""
 
 from __future__ import annotations
-
-import signal
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 import plumb
-from plumb.api.connection import Board
-from plumb.boards.native_port import NativePort
-
-NEUTRAL_HALFUS = 2000
-SETTLE_US = 50_000
-
-
-def armed_and_driving(board: Board) -> NativePort:
-    """Arm a native board, and stream until its outputs leave neutral."""
-    board.params["arm_hold_ms"] = 0
-    board.arm()
-    for sample in board.stream(1.0):
-        if sample.armed and sample.signals.get("pulse_0_us", 1000.0) != 1000.0:
-            break
-    port = board._talks_to
-    assert isinstance(port, NativePort) and port.mcu.wires.armed
-    assert list(port.mcu.wires.pulse_halfus) != [NEUTRAL_HALFUS, NEUTRAL_HALFUS]
-    return port
-
-
-def left_plainly(_: Board) -> None:
-    return
-
-
-def left_by_an_exception(_: Board) -> None:
-    raise RuntimeError("of the caller")
-
-
-def left_by_ctrl_c(board: Board) -> None:
-    for _ in board.stream(1.0):
-        signal.raise_signal(signal.SIGINT)
-
-
-def left_inside_an_interrupted_exit(board: Board) -> None:
-    """Ctrl-C while the board is being closed waits until it is closed."""
-    session = board._session()
-    end = session.end
-
-    def interrupted() -> int:
-        signal.raise_signal(signal.SIGINT)
-        return end()
-
-    session.end = interrupted  # type: ignore[method-assign]
-
-
-@pytest.mark.parametrize(
-    ("leave", "error"),
-    [
-        (left_plainly, None),
-        (left_by_an_exception, RuntimeError),
-        (left_by_ctrl_c, KeyboardInterrupt),
-        (left_inside_an_interrupted_exit, KeyboardInterrupt),
-    ],
-)
-def test_leaving_disarms(leave: Callable[[Board], None], error: type[BaseException] | None) -> None:
-    ports = []
-
-    def leave_it() -> None:
-        with plumb.connect("native", system="quad") as board:
-            ports.append(armed_and_driving(board))
-            leave(board)
-
-    if error is None:
-        leave_it()
-    else:
-        with pytest.raises(error):
-            leave_it()
-    wires = ports[0].mcu.wires
-    assert not wires.armed
-    ports[0].mcu.run_us(SETTLE_US)
-    assert list(wires.pulse_halfus) == [NEUTRAL_HALFUS, NEUTRAL_HALFUS]
-
-
-def test_disarm_goes_on_with_the_run() -> None:
-    with plumb.connect("native", system="quad") as board:
-        wires = armed_and_driving(board).mcu.wires
-        board.disarm()
-        samples = list(board.stream(0.2))
-        assert not samples[-1].armed and samples[-1].health.disarm_cause == ("the host disarmed",)
-        assert list(wires.pulse_halfus) == [NEUTRAL_HALFUS, NEUTRAL_HALFUS]
 
 
 @pytest.mark.parametrize("name", ["native", "virtual"])

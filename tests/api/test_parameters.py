@@ -69,6 +69,33 @@ def test_a_description_says_unit_meaning_and_words(board: Board) -> None:
     assert board.params.describe("start.p00").words == ("start.p00_hi", "start.p00_lo")
 
 
+@pytest.mark.parametrize(
+    "name", ["pid.kp", "kalman.bias_max", "esc.max", "esc.mid", "start.tilt", "arm_hold_ms", "period_us"]
+)
+def test_limits_are_the_last_values_that_are_taken(board: Board, name: str) -> None:
+    about = board.params.describe(name)
+    assert about.min is not None and about.max is not None and about.min <= about.value <= about.max  # type: ignore[operator]
+    for limit in (about.min, about.max):
+        board.params[name] = limit
+        held = board.params[name]
+        assert not isinstance(held, str) and abs(held) == pytest.approx(abs(limit), rel=1e-12)
+        board.params[name] = about.value
+        beyond = limit + (1 if limit == about.max else -1) * (1 if isinstance(limit, int) else 2e-3 * abs(limit) + 1e-6)
+        with pytest.raises(plumb.UsageError):
+            board.params[name] = beyond
+
+
+def test_limits_of_the_integers_are_those_of_the_table(board: Board) -> None:
+    """Gains against the limits of their words; a minimum that ends at its maximum; a choice, which has none."""
+    kp, rows = board.params.describe("pid.kp"), {row.name: row for row in parameters.table()}
+    assert (kp.min, kp.max) == (rows["pid.kp_q22"].min / 2**22 / 360, rows["pid.kp_q22"].max / 2**22 / 360)
+    hold = board.params.describe("arm_hold_ms")
+    assert (hold.min, hold.max) == (rows["arm_hold_ms"].min, rows["arm_hold_ms"].max)
+    assert board.params.describe("esc.min").max == board.params["esc.mid"]
+    assert (board.params.describe("tilt").min, board.params.describe("tilt").max) == (None, None)
+    assert board.params.describe("pid.slew").max == float("inf")
+
+
 @pytest.mark.parametrize("system", ["quad", "balancer", "turntable", "phone"])
 def test_every_tuning_has_names_that_are_found(system: str) -> None:
     """Without a board: the names of each system's default tuning, and the words that hold them."""

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
+from plumb.api.parameter_limits import float_limits, int_limits
+from plumb.boards import native_core
 from plumb.errors import UsageError
 from plumb.link import parameter_table
 from plumb.link.session import Session
@@ -56,6 +58,8 @@ class ParameterDescription:
         alias: A shorter name for it, without the unit, as `pid.kp`; the name itself where that is not unique.
         unit: Its unit; empty for pure numbers and choices.
         value: Its value on the board, in the unit.
+        min, max: The smallest and the largest value that the board takes while the other parameters are as they are,
+            in the unit, exactly as its integers hold them; infinite where 1e12 is taken, too; None for choices.
         meaning: What it is for: the text of the words that hold it.
         words: The integers of the board's table that hold it.
     """
@@ -64,6 +68,8 @@ class ParameterDescription:
     alias: str
     unit: str
     value: Value
+    min: float | int | None
+    max: float | int | None
     meaning: str
     words: tuple[str, ...]
 
@@ -128,7 +134,7 @@ class Parameters(Mapping[str, Value]):
         return self._table()
 
     def describe(self, name: str) -> ParameterDescription:
-        """Unit, value and meaning of a parameter.
+        """Unit, value, limits and meaning of a parameter.
 
         Args:
             name: Its name, with or without the unit.
@@ -144,7 +150,9 @@ class Parameters(Mapping[str, Value]):
         text = "; ".join(dict.fromkeys(row.doc for row in rows))
         unit = rows[0].unit if _is_link(whole) else _unit(whole)
         alias = aliases.get(whole, whole)
-        return ParameterDescription(whole, alias, unit, _values(table)[whole], text, tuple(row.name for row in rows))
+        low, high = _limits(whole, table)
+        words = tuple(row.name for row in rows)
+        return ParameterDescription(whole, alias, unit, _values(table)[whole], low, high, text, words)
 
     # ---- writing ----
 
@@ -294,6 +302,39 @@ def _changed(table: Mapping[str, int], wanted: Mapping[str, Value]) -> dict[str,
     if after != before:
         new |= _requantised(params, before, after)
     return new
+
+
+def _limits(name: str, table: Mapping[str, int]) -> tuple[float | int | None, float | int | None]:
+    """The smallest and the largest value that `_changed` and the board accept; None for choices."""
+    value = _values(table)[name]
+    if isinstance(value, str):
+        return None, None
+
+    tuning = dequantise(_control(table))
+    row = next((row for row in _link_rows() if row.name == name), None)
+
+    def held(candidate: float | int) -> float | int | None:
+        try:
+            if row is None:
+                quantised = quantise(_with(tuning, name, candidate))
+                new = {**table, **quantised.own(), **quantised.link_words()}
+            else:
+                new = _changed(table, {name: candidate})
+            params = _control(new)
+            for one in parameters.table():
+                parameters.check_range(one, new[one.name])
+            words = [new[one.name] for one in parameters.table()]
+            if parameters.contradiction(words) is not None or not native_core.params_valid(params):
+                return None
+            found = new[name] if row is not None else dict(_flat(dequantise(params)))[name]
+        except UsageError:
+            return None
+        return None if isinstance(found, str) else found
+
+    if not isinstance(value, int):
+        return float_limits(value, held)
+    low, high = (row.min, row.max) if row is not None else (-(1 << 31), (1 << 31) - 1)
+    return int_limits(value, low, high, held)
 
 
 def _requantised(params: ControlParams, before: AnyTuning, after: AnyTuning) -> dict[str, int]:
