@@ -42,7 +42,7 @@ test-fast: ## before a commit: without sanitizers, other compilers, and slow tes
 
 # The whole campaigns, of which every other run of the tests takes a sample, and every way to compile the core; CI runs them
 # once a week.
-LONG_TESTS := $(shell grep -rlE 'support\.campaigns import' tests)
+LONG_TESTS := $(shell grep -rlE --include='test_*.py' 'support\.campaigns import|mark\.long' tests)
 test-long: ## the whole campaigns of random input, every board with every system, every way to compile
 	@tools/setup.sh test
 	@$(MAKE) --no-print-directory image native

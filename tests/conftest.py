@@ -1,4 +1,5 @@
-"""What holds for every test: a limit of time, and that a skip which nobody wrote down is a failure.
+"""What holds for every test: a limit of time, that a skip which nobody wrote down is a failure, and that those marked
+`long` run with PLUMB_LONG=1 only.
 
 A test that takes longer than LIMIT_S fails, and shows what every thread was doing. Where no Python runs any more to
 fail the test, its process ends after twice that, with the same account: the whole session, or one of its workers.
@@ -35,6 +36,15 @@ _terminal = pytest.StashKey[int]()
 
 def pytest_configure(config: pytest.Config) -> None:
     config.stash[_terminal] = os.dup(sys.__stderr__.fileno() if sys.__stderr__ else 2)  # not captured yet
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    left_out = (
+        [] if os.environ.get("PLUMB_LONG") == "1" else [item for item in items if item.get_closest_marker("long")]
+    )
+    if left_out:
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if not item.get_closest_marker("long")]
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

@@ -1,4 +1,5 @@
-"""Where PLUMB_NO_SKIPS=1, a test or a file that is skipped fails, and only what is written down may be skipped."""
+"""Where PLUMB_NO_SKIPS=1, a test or a file that is skipped fails, and only what is written down may be skipped. What is
+marked `long` is left out, and no skip, unless PLUMB_LONG=1."""
 
 from __future__ import annotations
 
@@ -23,16 +24,18 @@ CASES = {
 FORBIDDEN = ["test_body.py", "test_mark.py", "test_fixture.py", "test_file.py"]
 
 
-def run(folder: Path, *options: str, no_skips: str) -> subprocess.CompletedProcess[str]:
+def run(
+    folder: Path, *options: str, no_skips: str, cases: dict[str, str] = CASES, long: str = ""
+) -> subprocess.CompletedProcess[str]:
     tests = folder / "tests"
     tests.mkdir()
     shutil.copy(Path(__file__).with_name("conftest.py"), tests)
     (folder / "pytest.ini").write_text("[pytest]\n")
-    for name, text in CASES.items():
+    for name, text in cases.items():
         (tests / name).write_text(text)
     command = [sys.executable, "-m", "pytest", "-ra", "-p", "no:cacheprovider", "--continue-on-collection-errors"]
     command += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # an editable install's, told too
-    environment = {**os.environ, "PLUMB_NO_SKIPS": no_skips}
+    environment = {**os.environ, "PLUMB_NO_SKIPS": no_skips, "PLUMB_LONG": long}
     return subprocess.run(
         [*command, *options, "tests"], cwd=folder, env=environment, capture_output=True, text=True, timeout=120
     )
@@ -50,3 +53,10 @@ def test_a_skip_that_nobody_wrote_down_is_a_failure_with_its_reason(tmp_path: Pa
 def test_without_the_variable_a_skip_is_a_skip(tmp_path: Path) -> None:
     done = run(tmp_path, no_skips="")
     assert done.returncode == 0 and "5 skipped, 1 xfailed" in done.stdout
+
+
+@pytest.mark.parametrize(("long", "said"), [("", "1 passed, 1 deselected"), ("1", "2 passed")])
+def test_what_is_long_runs_when_asked_for(tmp_path: Path, long: str, said: str) -> None:
+    text = "import pytest\n@pytest.mark.long\ndef test_long(): ...\ndef test_short(): ...\n"
+    done = run(tmp_path, "-W", "ignore", no_skips="1", cases={"test_two.py": text}, long=long)
+    assert done.returncode == 0 and said in done.stdout, done.stdout

@@ -138,7 +138,7 @@ def test_demo_passes_and_says_that_qemu_is_not_there(built: Built, tmp_path: Pat
 
 def test_golden_check_passes_with_either_image(built: Built, tmp_path: Path) -> None:
     boards = ["--board", "native", "--board", "virtual"]
-    for chosen in ([], ["--image", "quad", "--system", "quad"]):
+    for chosen in (["--system", "phone"], ["--image", "quad", "--system", "quad"]):
         done = built.plumb("golden", "check", *boards, *chosen, cwd=tmp_path)
         assert done.returncode == 0 and done.stdout.endswith("pass\n"), done.stdout + done.stderr
 

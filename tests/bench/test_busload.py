@@ -46,7 +46,9 @@ def test_an_idle_link_says_as_much_as_is_reckoned() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kbit", bus_load.BITRATES_KBIT)
+@pytest.mark.parametrize(
+    "kbit", [pytest.param(kbit, marks=[pytest.mark.long] * (kbit in (125, 500))) for kbit in bus_load.BITRATES_KBIT]
+)
 def test_a_bus_carries_the_steps_that_the_table_promises(kbit: int) -> None:
     """And at twice the rate the board drops telemetry, counts it, and can still be told to stop."""
     pytest.importorskip("unicorn")

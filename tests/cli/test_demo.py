@@ -74,11 +74,12 @@ def test_a_live_run_holds_the_axis_level() -> None:
 
 
 @pytest.mark.slow
-def test_a_live_open_loop_takes_the_counts_of_the_scenario() -> None:
-    scenario = quad.scenario("motion", 1002, seconds=8.0)
+def test_a_live_open_loop_takes_the_counts_of_the_scenario_and_knows_its_truth_to_the_last_step() -> None:
+    scenario = quad.scenario("motion", 1002, seconds=6.0)
     with VirtualBoard() as board:
         flown = live_run.run_live(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]), open_loop=True)
     assert np.array_equal(flown.inputs.raw, scenario.counts())
+    assert np.array_equal(flown.inputs.truth["bias_dps"], scenario.bias_dps)
 
 
 @pytest.mark.slow
@@ -105,14 +106,6 @@ def test_conversions_before_the_run_are_not_its_steps() -> None:
     streamed[20, 0] = 2049
     with pytest.raises(LinkError, match=r"step 20 is not the conversion of its turn: .* 2049, its sensor gave 2048"):
         live_run.conversions_of(taken, 0.025, streamed)
-
-
-@pytest.mark.slow
-def test_a_live_run_knows_its_truth_to_the_last_step() -> None:
-    scenario = quad.scenario("motion", 1003, seconds=4.0)
-    with VirtualBoard() as board:
-        flown = live_run.run_live(board, scenario, quantise.quantise(quad.TUNINGS["adaptive"]), open_loop=True)
-    assert np.array_equal(flown.inputs.truth["bias_dps"], scenario.bias_dps)
 
 
 def test_a_board_that_disarms_itself_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,7 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extr
 from plumb.errors import LinkError
 from plumb.f103.core.timeline import TICKS_PER_US
 from support.balancer_bench import BOOT_US, Balancer
+from support.campaigns import campaign
 from support.kept import as_made
 
 FAULT_BRIDGE, FAULT_HALL, FAULT_SENSOR = 0x10, 0x20, 0x40
@@ -98,7 +99,7 @@ def test_power_that_fails_at_any_cycle_switches_off_and_leaves_nothing_behind(br
     """With I2C, Hall sensors, bridge and CAN all at work; and the next start can be armed like the first."""
     balancer, chance = Balancer.as_made("can"), random.Random(9)
     machine = balancer.machine
-    for _ in range(3):
+    for _ in range(campaign(2, 10)):
         balancer.arm()
         machine.run_to(machine.now + chance.randrange(20_000 * TICKS_PER_US))
         if brown:

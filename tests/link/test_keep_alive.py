@@ -30,6 +30,8 @@ NEUTRAL_US = 1000.0
 SILENCE = 1 << 5
 LINKS = ["serial", "can"]
 RUNS = ["REALTIME_LIVE", "REALTIME_INJECTED"]
+RUNS_OVER_LINKS = [(run, link) for run in RUNS for link in LINKS]
+"""Of system, run and link every pair is in `make test`, the whole product in `make test-long`."""
 READY_US = 1_000_000
 """At rest from the first step on, a run may be armed by then."""
 DRIVEN_US, LATCHED_US = 200_000, 250_000
@@ -41,6 +43,10 @@ try:
     find_image()
 except UsageError as missing:
     pytest.skip(str(missing), allow_module_level=True)
+
+
+def long(case: tuple[object, ...]) -> object:
+    return pytest.param(*case, marks=pytest.mark.long)
 
 
 def opened(machine: Machine, link: str) -> Session:
@@ -115,8 +121,7 @@ def assert_latched(session: Session, one_period: Callable[[bool], None], safe: C
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("link", LINKS)
-@pytest.mark.parametrize("run", RUNS)
+@pytest.mark.parametrize(("run", "link"), [RUNS_OVER_LINKS[0], *map(long, RUNS_OVER_LINKS[1:3]), RUNS_OVER_LINKS[3]])
 def test_the_pulses_of_quad(link: str, run: str) -> None:
     machine, session, one_period = armed_quad(link, run)
 
@@ -129,8 +134,7 @@ def test_the_pulses_of_quad(link: str, run: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("link", LINKS)
-@pytest.mark.parametrize("run", RUNS)
+@pytest.mark.parametrize(("run", "link"), [long(RUNS_OVER_LINKS[0]), *RUNS_OVER_LINKS[1:3], long(RUNS_OVER_LINKS[3])])
 def test_the_bridge_of_balancer(link: str, run: str) -> None:
     balancer = Balancer.as_made(link)
     session = balancer.open()
@@ -197,12 +201,19 @@ def next_counters(session: Session, frames: Frames) -> Iterator[Frame]:
         yield frames[-1][0], message.pack(frames[-1][1][1] + number & 15, 0, *message.unpack(frames[-1][1])[2:])
 
 
+REPLAYS = [(last_one, 1), (in_turn, 16), (in_turn, 256), (backwards, 16), (next_counters, 1)]
+REPLAYED = [
+    case if (number + fast + (link == "can")) % 2 else long(case)
+    for number, replay in enumerate(REPLAYS)
+    for fast, every_us in enumerate((15_000, 1000))
+    for link in LINKS
+    for case in [(*replay, every_us, link)]
+]
+"""Every pair of replay, pace and link; the others are long."""
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("link", LINKS)
-@pytest.mark.parametrize(
-    ("replay", "frames"), [(last_one, 1), (in_turn, 16), (in_turn, 256), (backwards, 16), (next_counters, 1)]
-)
-@pytest.mark.parametrize("every_us", [1000, 15_000])
+@pytest.mark.parametrize(("replay", "frames", "every_us", "link"), REPLAYED)
 def test_a_sender_that_goes_on_while_the_host_hangs_keeps_nothing_alive(
     link: str, replay: Callable[[Session, Frames], Iterator[Frame]], frames: int, every_us: int
 ) -> None:

@@ -66,7 +66,7 @@ def test_a_bad_line_ends_in_neutral_outputs_and_the_link_comes_back(machine: Mac
         session.receive(0.005)
     assert session.telemetry["STATUS"]["faults"] == 0
     assert pulses_us(machine) != (NEUTRAL_US, NEUTRAL_US)
-    TROUBLES[trouble](machine, random.Random(trouble).randbytes(15_000))  # 160 ms: no keep-alive gets through
+    TROUBLES[trouble](machine, random.Random(trouble).randbytes(8000))  # 87 ms: no keep-alive gets through
     machine.advance_us(50_000)
     assert pulses_us(machine) == (NEUTRAL_US, NEUTRAL_US)
     machine.advance_us(150_000)

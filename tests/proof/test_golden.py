@@ -18,6 +18,7 @@ from plumb.errors import PlumbError, UsageError
 from plumb.proof import golden, golden_manifest, golden_recipe
 from plumb.proof.golden import Vector
 from plumb.spec.records import Words
+from support.campaigns import campaign
 
 FOLDER = Path(__file__).parents[1] / "vectors"
 ENTRIES = golden_recipe.read(FOLDER / golden.RECIPE)
@@ -132,7 +133,7 @@ def test_every_board_passes_every_vector_meant_for_it(board: Board) -> None:
 def test_over_can_every_system_answers_the_same() -> None:
     """The beginning of every vector for a link; `plumb golden check --board virtual --link can` runs them whole."""
     pytest.importorskip("unicorn")
-    short = 200
+    short = campaign(60, 200)
     with open_board("virtual", link="can") as board:
         vectors = [vector for vector in golden.load(FOLDER) if vector.on_link]
         for vector in vectors:

@@ -1,7 +1,8 @@
 """`balancer` reaches its figures with the integers running: each one bounded from both sides, so that luck is noticed
 too, and the source's own filter, which does not reach them, says by how much.
 
-Seeds 1000-1039, which no tuning has seen; loops that are closed on some of them. `plumb systems --table` has them all.
+Seeds 1000-1039, which no tuning has seen: the first of them in `make test`, all in `make test-long`. Loops are closed
+on some of them. `plumb systems --table` has them all.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from plumb.systems.balancer import figures as balancer_figures
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.balancer.figures import Float64, Integers, balance
 from plumb.systems.balancer.plots import TURN_DEG
+from support.campaigns import campaign
 
 Rows = dict[tuple[str, str, str], Figure]
 PAGE = Path(__file__).parents[2] / "docs/systems/balancer.md"
@@ -33,12 +35,12 @@ def keyed(rows: Iterable[Figure]) -> Rows:
 
 @pytest.fixture(scope="module")
 def ridden() -> Rows:
-    return keyed(balancer_figures.open_rows(figures.SEEDS))
+    return keyed(balancer_figures.open_rows(figures.SEEDS[: campaign(6, 40)]))
 
 
 @pytest.fixture(scope="module")
 def rocked() -> Rows:
-    return keyed(balancer_figures.rocked_rows(figures.SEEDS))
+    return keyed(balancer_figures.rocked_rows(figures.SEEDS[: campaign(10, 40)]))
 
 
 @pytest.mark.slow
@@ -71,6 +73,7 @@ def test_so_much_of_the_accelerometers_error_is_gone(ridden: Rows, scenario: str
     assert row.sense == "at least" and row.reach == below and row.met and row.reached < most
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("scenario", "asked_deg"), [("rough", 0.48), ("smooth", 0.40)])
 def test_the_sources_filter_stands_beside_and_falls_short(ridden: Rows, scenario: str, asked_deg: float) -> None:
     """With nothing taken off the figure is missed by a little with constants of its own, by more with the paper's rule;
@@ -110,7 +113,7 @@ def test_the_comparison_is_a_fair_one() -> None:
     assert all(best < cost(*factors) for factors in ((2.0, 1.0), (0.5, 1.0), (1.0, 2.0), (1.0, 0.5)))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_the_raw_rate_is_expected_to_be(ridden: Rows) -> None:
     """The closed form is the scenario's: 400 drawn biases agree; these 40 seeds drew small ones, within 2.5 sigma."""
     mean, scatter = balancer_figures.expected_raw_dps()
@@ -137,7 +140,7 @@ def test_noise_of_10_deg_before_the_filter_is_below_1_5_after_it(rocked: Rows, t
     assert after.worst is not None and 0.5 < after.reached < after.worst < 1.5
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_loop_closed_on_the_estimate_stays_up_and_float64_does_no_better() -> None:
     rows = keyed(balancer_figures.closed_rows(range(1000, 1004)))
     for scenario, lowest in (("rough", 0.25), ("smooth", 0.12)):
@@ -150,7 +153,7 @@ def test_the_loop_closed_on_the_estimate_stays_up_and_float64_does_no_better() -
     assert {row.reach for row in rows.values()} == {0.55, 0.48, 20.0}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ten_minutes_under_pushes() -> None:
     rows = keyed(balancer_figures.endured_rows([1000]))
     error, leaned = rows["ten minutes", "endure", "tuned"], rows["stays up: largest tilt of any run", "endure", "tuned"]
@@ -193,7 +196,7 @@ def test_every_section_is_in_the_table() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("link", ["serial", "can"])
+@pytest.mark.parametrize("link", [pytest.param("serial", marks=pytest.mark.long), "can"])
 def test_the_flash_image_stays_up(link: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Of the ten minutes of docs/systems/balancer.md the first 25 s: commands and pushes, the plant on the host."""
     pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
@@ -206,6 +209,7 @@ def test_the_flash_image_stays_up(link: str, capsys: pytest.CaptureFixture[str])
     assert 1.0 < found["tilt_max_deg"] < 12.0 and found["angle_rmse_deg"] < 0.55
 
 
+@pytest.mark.long
 def test_the_page_tells_the_figures_that_come_out(ridden: Rows) -> None:
     rows = re.findall(r"^\| `(\w+)` \|[^|]*\| ([\d.]+) \| ([\d.]+) \|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     assert {row[0] for row in rows} == set(balancer.TUNINGS)

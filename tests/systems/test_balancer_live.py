@@ -39,7 +39,7 @@ class Watched(balancer_live.Coupling):
         self.made.append(self)
 
 
-@pytest.fixture(scope="module", params=["serial", "can"])
+@pytest.fixture(scope="module", params=[pytest.param("serial", marks=pytest.mark.long), "can"])
 def inputs(request: pytest.FixtureRequest) -> Iterator[tuple[VirtualBoard, Run]]:
     with VirtualBoard(link=request.param) as board, pytest.MonkeyPatch.context() as patch:
         patch.setattr(balancer_live, "Coupling", Watched)

@@ -16,8 +16,9 @@ from plumb.systems.turntable import gyro as turntable_gyro
 from plumb.systems.turntable import scenarios as turntable
 from plumb.systems.turntable.motion import FADE_S, REST_S, lagged, motion
 from plumb.systems.turntable.reference import multiply, rotation_deg, turned
+from support.campaigns import campaign
 
-SEEDS = range(1000, 1006)
+SEEDS = range(1000, 1000 + campaign(2, 6))
 
 
 def test_rates_carry_the_attitude_to_where_the_truth_has_it() -> None:
@@ -112,7 +113,7 @@ def test_the_gyro_alone_is_a_trapezium_of_its_own_samples() -> None:
 
 @lru_cache(maxsize=1)
 def rows() -> dict[tuple[str, str, str], figures.Figure]:
-    """On six seeds."""
+    """On SEEDS."""
     found = [*turntable_figures.motion_rows(SEEDS), *turntable_figures.white_rows(SEEDS)]
     found += turntable_figures.preset_rows(SEEDS)
     return {(row.scenario, row.tuning, row.claim): row for row in found}
