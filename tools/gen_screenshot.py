@@ -17,8 +17,8 @@ from pathlib import Path
 from plumb.__main__ import main as plumb
 
 TARGET = Path(__file__).resolve().parent.parent / "docs" / "images" / "report.png"
-RUN = ("run", "quad", "--board", "native", "--open-loop", "--seed", "1001", "--out")
-WIDTH, HEIGHT = 1200, 1040
+RUN = ("run", "quad", "--board", "native", "--scenario", "hold", "--out")
+WIDTH, HEIGHT = 1200, 1260
 """Pixels: title, verdict, error budget, and the first two plots."""
 MOST_BYTES = 200_000
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")

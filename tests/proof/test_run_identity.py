@@ -126,17 +126,26 @@ def test_bits_and_accuracy_are_told_apart() -> None:
     assert (summary["verdict"], summary["bit_exact"], summary["accuracy"]) == ("pass", True, "fail")
     bits, accuracy = wrong.statements(HEADING)
     assert str(bits) == "bit-exact: every one of the 6000 steps equals the model"
-    assert str(accuracy).startswith("accuracy: 93") and "outside the declared limit" in str(accuracy)
-    summary = wrong.summary(**{**HEADING, "tuning": "paper"})
+    assert str(accuracy).startswith("accuracy: 93")
+    assert "outside the limit: at most 0.6 deg rms (asked of" in str(accuracy)
+    faulty = wrong.accuracy({**HEADING, "faults": ["stuck:gyro@1"]})
+    assert faulty.verdict == "fail" and faulty.text.endswith("; without faults or conditions)")
+    summary = wrong.summary(**{**HEADING, "scenario": "recording.npz"})
     assert summary["accuracy"] is None and summary["accuracy_limits"] == []
-    assert str(wrong.statements({**HEADING, "tuning": "paper"})[1]).endswith("deg rms — no limit was asked")
-    assert "faults" in str(wrong.statements({**HEADING, "faults": ["stuck:gyro@1"]})[1])
+    assert str(wrong.statements({"scenario": None})[1]).endswith("no limit: only the system's scenarios have one")
 
 
-def test_a_short_run_is_not_held_to_the_limit_of_the_whole() -> None:
-    inputs = runs.prescribed(quad.scenario("motion", 3, seconds=4.0))
-    run = runs.open_loop(NativeBoard(), inputs, quantise(quad.TUNINGS["adaptive"]))
-    assert run.accuracy(HEADING).text.endswith("no limit was asked of 4 s, only of the whole 120 s")
+def test_a_measured_limit_stands_where_none_was_asked_for() -> None:
+    """Of another tuning, and of a shorter run."""
+    inputs = runs.prescribed(quad.scenario("motion", 3, seconds=12.0))
+    run = runs.open_loop(NativeBoard(), inputs, quantise(quad.TUNINGS["paper"]))
+    [row] = run.summary(**{**HEADING, "tuning": "paper"})["accuracy_limits"]
+    assert (row["metric"], row["basis"], row["kept"]) == (limits.RMS, limits.BASIS, True)
+    assert row["value"] == limits.table("quad", "open", "motion", shorter=True)["paper"]
+    text = run.accuracy({**HEADING, "tuning": "paper"}).text
+    assert f"within the limit: at most {row['value']:g} deg rms ({limits.BASIS}; for less than 120 s)" in text
+    own = run.accuracy({**HEADING, "tuning": "own"}).limits[0]["value"]
+    assert own == limits.table("quad", "open", "motion", shorter=True)["*"]
 
 
 @pytest.mark.parametrize(("reached", "verdict"), [(0.9, "pass"), (1.0, "pass"), (1.1, "fail"), (None, None)])

@@ -118,9 +118,9 @@ class RunResult(Mapping[str, FloatArray]):
 
     @property
     def accuracy(self) -> Literal["pass", "fail"] | None:
-        """Whether the estimate keeps the limits that the system declares for this scenario, tuning and loop; None where
-        it declares none, or nothing is to be scored. `summary()` names the limits, which the mean of many seeds is to
-        keep: one seed may miss them."""
+        """Whether the estimate keeps the limits of this scenario, tuning and loop; None where the input is no scenario
+        of the system, or nothing is to be scored. `summary()` names the limits and what each is based on: one that the
+        mean of many seeds is to keep may be missed by a single seed."""
         if not self.truth:
             return None
         found = self._done.accuracy().verdict

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Literal, Protocol
 
 from plumb import systems
-from plumb.proof.limits import Limit, Limits
+from plumb.proof.limits import RMS, Limit, Limits, measured
 from plumb.proof.report import Plot, plot_svg, write_whole
 from plumb.spec.system_parts import Part
 
@@ -85,7 +85,8 @@ class FigureSections(Protocol):
 
     @property
     def LIMITS(self) -> Limits:
-        """Limits of single runs, those that the sections ask of the mean of their seeds; {}: none."""
+        """Limits of runs, those that the sections ask of the mean of their seeds; {}: none but the measured ones of the
+        file limits.toml."""
 
     @property
     def PLOTS(self) -> Mapping[str, Callable[[], Sequence[Plot]]]:
@@ -100,10 +101,14 @@ def _part(name: str) -> FigureSections | None:
     return systems.load(name, FIGURES) if name in systems.with_part(FIGURES.name) else None
 
 
-def limits_of(system: str, scenario: str, tuning: str, loop: str) -> Sequence[Limit]:
-    """Declared limits of a run; loop: open or closed."""
+def limits_of(system: str, scenario: str, tuning: str, loop: str, *, shorter: bool = False) -> Sequence[Limit]:
+    """Limits of a run: those that the system declares, and the measured one where none of these is of the rms error.
+    loop: open or closed. shorter: for a run of less than the scenario's length, of which nothing was asked."""
     part = _part(system)
-    return part.LIMITS.get((scenario, tuning, loop), ()) if part is not None else ()
+    asked = part.LIMITS.get((scenario, tuning, loop), ()) if part is not None and not shorter else ()
+    if any(limit.metric == RMS for limit in asked):
+        return asked
+    return (*asked, *measured(system, scenario, tuning, loop, shorter=shorter))
 
 
 def without_figures(names: Iterable[str]) -> list[str]:

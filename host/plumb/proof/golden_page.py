@@ -28,14 +28,18 @@ STYLE = """
           --pass: #2e9d5f; --fail: #d0453c; --unverified: #b98512; } }
 body { font: 15px/1.5 system-ui, sans-serif; color: var(--text); background: var(--page); max-width: 66rem;
        margin: 2rem auto; padding: 0 1rem; }
-h1 { font-size: 1.6rem; margin-bottom: 0.2rem; } h2 { font-size: 1.2rem; margin: 2rem 0 0.4rem; }
+h1 { font-size: 1.6rem; margin-bottom: 0.2rem; }
+h2 { font-size: 1.2rem; margin: 2rem 0 0.4rem; overflow-wrap: anywhere; }
 .verdict { display: inline-block; padding: 0.1rem 0.6rem; border-radius: 0.3rem; color: #fff; font-weight: 600; }
 .verdict.pass { background: var(--pass); } .verdict.fail { background: var(--fail); }
 .verdict.unverified { background: var(--unverified); }
 .soft { color: var(--soft); font-size: 0.9rem; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-th, td { padding: 0.2rem 1rem 0.2rem 0; text-align: left; border-bottom: 1px solid var(--line); white-space: nowrap; }
+th, td { padding: 0.2rem 1rem 0.2rem 0; text-align: left; border-bottom: 1px solid var(--line); white-space: nowrap;
+         vertical-align: top; }
+.text td { white-space: normal; overflow-wrap: anywhere; } .text td:first-child { min-width: 9rem; }
+.wide + .wide { margin-top: 1rem; }
 td.fail, tr.first td { color: var(--fail); font-weight: 600; } td.unverified { color: var(--unverified); }
 svg { width: 100%; min-width: 46rem; height: auto; display: block; }
 svg text { fill: var(--text); font-size: 13px; } svg text.soft { fill: var(--soft); font-size: 13px; }
@@ -75,7 +79,7 @@ def page(
     body.append(_vectors_table(results))
     if identity:
         rows = [f"<tr><td>{_text(name)}</td><td>{_text(value)}</td></tr>" for name, value in identity]
-        body.append("<h2>Identity</h2>\n" + _table((), rows))
+        body.append("<h2>Identity</h2>\n" + _table((), rows, "wide text"))
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -97,10 +101,11 @@ def _date() -> str:
     return when.strftime("%Y-%m-%d %H:%M UTC")
 
 
-def _table(head: Sequence[str], rows: Sequence[str]) -> str:
+def _table(head: Sequence[str], rows: Sequence[str], kind: str = "wide") -> str:
+    """kind: wide, its lines are not broken and it scrolls on a narrow screen; wide text, they are."""
     cells = "".join(f"<th>{_text(cell)}</th>" for cell in head)
     first = f"<tr>{cells}</tr>\n" if head else ""
-    return f'<div class="wide"><table>\n{first}' + "\n".join(rows) + "\n</table></div>"
+    return f'<div class="{kind}"><table>\n{first}' + "\n".join(rows) + "\n</table></div>"
 
 
 def _boards_table(results: Mapping[str, Result]) -> str:
@@ -109,7 +114,7 @@ def _boards_table(results: Mapping[str, Result]) -> str:
         f"<td>{one.steps}</td><td>{one.mismatches}</td></tr>"
         for board, one in results.items()
     ]
-    return _table(["board", "verdict", "vectors", "steps", "mismatches"], rows)
+    return _table(["board", "verdict", "vectors", "steps", "mismatches"], rows, "wide text")
 
 
 def _images_table(parts: Mapping[str, Mapping[str, object]]) -> str:

@@ -66,6 +66,6 @@ def _words_between(board: Board, vector: Vector, first: int, end: int) -> Words 
 
 
 def unit_of(system: str, signal: str) -> str:
-    """Unit and format of a word's integers as its declaration has them, for example `turn Q32`."""
+    """Unit and format of a word's integers as its declaration has them, for example `turn Q32`, or `count`."""
     word = next(word for word in declarations.system(system).words if word.name == signal)
-    return " ".join(part for part in (word.unit, word.format) if part)
+    return " ".join(part for part in (word.unit, word.format) if part and part != "integer")

@@ -1,41 +1,81 @@
-"""Accuracy limits that a system declares, and whether a run keeps them.
+"""Accuracy limits of the systems' runs, and whether a run keeps them.
 
 Bits and accuracy are two questions. The verdict of a run says whether every step equals the integer model; an estimate
-far from the truth passes, too, when the model makes the same. A limit says how far from the truth is allowed.
+far from the truth passes, too, when the model makes the same. A limit says how far from the truth is allowed. What the
+sources ask of a system is declared in its `figures.py`; the limits of all other scenarios and tunings are measured and
+stand in its `limits.toml` (tools/gen_limits.py).
 """
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Literal
+from functools import cache
+from typing import Literal, cast
+
+from plumb.spec import declarations
+
+FILE = "limits.toml"
+SEEDS = range(1000, 1040)
+"""Of the measured limits. Tunings were fitted on seeds 0-19."""
+MARGIN = 1.5
+"""Of a measured limit over the worst of these seeds: the errors of single runs scatter."""
+BASIS = "1.5 times the worst of seeds 1000 to 1039"
+ASKED_OF_MEAN = "asked of the mean of 40 seeds, a single run may miss it"
+RMS = "angle_rmse_deg"
+ANY_OTHER = "*"
 
 
 @dataclass(frozen=True)
 class Limit:
-    """metric: the entry of a run's metrics that is limited. The limit was asked of the mean of the seeds that
-    `plumb systems --table` takes; a single seed may miss it."""
+    """metric: the entry of a run's metrics that is limited. basis: where the value comes from. A limit that was asked
+    of the mean of the seeds of `plumb systems --table` may be missed by a single seed."""
 
     metric: str
     sense: Literal["at most", "at least"]
     value: float
     unit: str
+    basis: str = ASKED_OF_MEAN
 
     def kept_by(self, reached: float) -> bool:
         return reached <= self.value if self.sense == "at most" else reached >= self.value
 
     def beside(self, reached: float) -> str:
-        """The figure and its limit in words."""
-        return f"{self.metric} {reached:.4g} {self.unit}, limit {self.sense} {self.value:g} {self.unit}"
+        """The limit in words, with the figure where it is not the rms error, which is said before."""
+        limit = f"{self.sense} {self.value:g} {self.unit}"
+        return f"{limit} rms" if self.metric == RMS else f"{self.metric} {reached:.4g} {self.unit}, {limit}"
 
 
 Limits = Mapping[tuple[str, str, str], Sequence[Limit]]
 """(scenario, tuning, loop) -> limits; loop: open or closed."""
 
 
+@cache
+def _file(system: str) -> object:
+    path = declarations.system(system).folder / FILE
+    return tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+
+
+def table(system: str, loop: str, scenario: str, *, shorter: bool = False) -> Mapping[str, float]:
+    """Measured limits of a scenario by tuning, deg rms, and `*` for any other tuning; {}: none were measured. shorter:
+    for runs of less than the scenario's length."""
+    found = _file(system)
+    for key in (*(["shorter"] if shorter else []), loop, scenario):
+        found = found.get(key, {}) if isinstance(found, dict) else {}
+    return cast(Mapping[str, float], found)
+
+
+def measured(system: str, scenario: str, tuning: str, loop: str, *, shorter: bool = False) -> Sequence[Limit]:
+    """The measured limit of a run; () where there is none."""
+    limits = table(system, loop, scenario, shorter=shorter)
+    value = limits.get(tuning, limits.get(ANY_OTHER))
+    return () if value is None else (Limit(RMS, "at most", value, "deg", BASIS),)
+
+
 @dataclass(frozen=True)
 class Accuracy:
-    """verdict: pass, fail, or None where no limit was asked or nothing is to be scored. text: the same in words."""
+    """verdict: pass, fail, or None where there is no limit or nothing is to be scored. text: the same in words."""
 
     verdict: str | None
     limits: Sequence[Mapping[str, object]]
@@ -45,16 +85,19 @@ class Accuracy:
         return {"accuracy": self.verdict, "accuracy_limits": list(self.limits)}
 
 
-def judged(metrics: Mapping[str, float | int | None], limits: Sequence[Limit], why_none: str = "") -> Accuracy:
-    """Metrics of a run against limits. why_none: reason that there are none, instead of "no limit was asked"."""
-    rms = metrics.get("angle_rmse_deg")
+def judged(
+    metrics: Mapping[str, float | int | None], limits: Sequence[Limit], why_none: str = "", note: str = ""
+) -> Accuracy:
+    """Metrics of a run against limits. why_none: reason that there are none. note: what a reader has to know of the
+    limits."""
+    rms = metrics.get(RMS)
     reached = "no truth to compare with" if rms is None else f"{rms:.3g} deg rms"
     scored = [(limit, value) for limit in limits if (value := metrics.get(limit.metric)) is not None]
     if not scored:
-        return Accuracy(None, (), f"{reached} — {why_none or 'no limit was asked'}")
+        return Accuracy(None, (), f"{reached} — {why_none or 'no limit is declared'}" if rms is not None else reached)
     rows = [{**asdict(limit), "reached": value, "kept": limit.kept_by(value)} for limit, value in scored]
     missed = [(limit, value) for limit, value in scored if not limit.kept_by(value)]
-    where = "outside" if missed else "within"
     named = "; ".join(limit.beside(value) for limit, value in (missed or scored))
-    text = f"{reached} — {where} the declared limit ({named}; asked of the mean of 40 seeds)"
+    bases = " and ".join(dict.fromkeys(limit.basis for limit, _ in (missed or scored)))
+    text = f"{reached} — {'outside' if missed else 'within'} the limit: {named} ({bases}{note and '; '}{note})"
     return Accuracy("fail" if missed else "pass", rows, text)

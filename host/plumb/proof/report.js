@@ -55,6 +55,9 @@
   };
   const x = t => LEFT + (t - view.low) / (view.high - view.low) * COLUMNS;
 
+  /* Class and x of a label below the time axis: centred, and at the right end within the drawing. */
+  const anchored = px => px > WIDTH - RIGHT - 6 ? `t e" x="${WIDTH - 1}` : `t" x="${px.toFixed(1)}`;
+
   const valueRange = plot => {
     if (plot.values) return plot.values;
     let low = Infinity, high = -Infinity, below = Infinity, above = -Infinity;
@@ -101,7 +104,7 @@
     const t = ticks(view.low, view.high, TIME_TICKS), v = ticks(low, high, VALUE_TICKS);
     plot.svg.querySelector(".ticks").innerHTML = [
       ...t.found.map(at => `<path class="grid" d="M${x(at).toFixed(1)},${TOP}V${FLOOR}"/>` +
-        `<text class="t" x="${x(at).toFixed(1)}" y="${FLOOR + 16}">${text(at, t.step)}</text>`),
+        `<text class="${anchored(x(at))}" y="${FLOOR + 16}">${text(at, t.step)}</text>`),
       ...v.found.map(at => `<path class="grid" d="M${LEFT},${y(at).toFixed(1)}H${WIDTH - RIGHT}"/>` +
         `<text class="v" x="${LEFT - 7}" y="${(y(at) + 4).toFixed(1)}">${text(at, v.step)}</text>`)].join("");
     const paths = plot.svg.querySelectorAll(".lines path");

@@ -196,7 +196,7 @@ def page(
     badge = f'<span class="verdict {html.escape(verdict)}">{html.escape(verdict)}</span> ' if verdict else ""
     stated = "".join(
         f'<li class="{"unverified" if one.good is None else "pass" if one.good else "fail"}">'
-        f"<b>{html.escape(one.of)}:</b> {html.escape(one.text)}</li>"
+        f"<b>{html.escape(one.of)}:</b> <span>{html.escape(one.text)}</span></li>"
         for one in statements
     )
     return (

@@ -100,19 +100,19 @@ class Run:
         return {"pass": True, "fail": False}.get(self.verdict)
 
     def accuracy(self, heading: Mapping[str, object]) -> limits.Accuracy:
-        """The metrics against the limits that the system declares for the run that the heading of a summary names:
-        of the scenario's whole length, without faults and conditions."""
+        """The metrics against the limits of the run that the heading of a summary names. A run with faults or
+        conditions is held to the limit of the run without them, a shorter one to that of shorter runs."""
         from plumb.proof.figures import limits_of
 
-        declared = limits_of(self.system, *(str(heading.get(name)) for name in ("scenario", "tuning", "loop")))
-        whole_s = systems.load(self.system).SECONDS.get(str(heading.get("scenario")), 0.0)
-        length_s = len(self.inputs.raw) * self.params.period_s
-        why = ""
-        if declared and (heading.get("faults") or heading.get("conditions")):
-            declared, why = (), "no limit was asked with these faults or conditions"
-        elif declared and length_s < 0.999 * whole_s:
-            declared, why = (), f"no limit was asked of {length_s:g} s, only of the whole {whole_s:g} s"
-        return limits.judged(self.metrics(), declared, why)
+        scenario, tuning, loop = (str(heading.get(name)) for name in ("scenario", "tuning", "loop"))
+        whole_s = systems.load(self.system).SECONDS.get(scenario)
+        if whole_s is None:
+            return limits.judged(self.metrics(), (), "no limit: only the system's scenarios have one")
+        shorter = len(self.inputs.raw) * self.params.period_s < 0.999 * whole_s
+        notes = [f"for less than {whole_s:g} s"] if shorter else []
+        notes += ["without faults or conditions"] if heading.get("faults") or heading.get("conditions") else []
+        declared = limits_of(self.system, scenario, tuning, loop, shorter=shorter)
+        return limits.judged(self.metrics(), declared, note=", ".join(notes))
 
     def statements(self, heading: Mapping[str, object]) -> list[Statement]:
         """What the verdict means, and what it does not: bits, then accuracy."""

@@ -136,6 +136,11 @@ def path(x: Series, y: Series) -> str:
     return "".join(pieces)
 
 
+def _anchored(x: float) -> str:
+    """Class and x of a label below the time axis: centred, and at the right end within the drawing."""
+    return f't e" x="{WIDTH - 1}' if x > WIDTH - RIGHT - 6 else f't" x="{x:.1f}'
+
+
 def panel(plot: Plot, index: str, top: float = 0.0) -> str:
     """The inside of a panel, `top` pixels down. index: makes its clipping path's name unique in the document."""
     (start, end), (low, high) = time_range(plot.time_s), value_range(plot.lines)
@@ -151,7 +156,7 @@ def panel(plot: Plot, index: str, top: float = 0.0) -> str:
     time_step, value_step = (float(at[1] - at[0]) if len(at) > 1 else 1.0 for at in (times, values))
     marks = [
         f'<path class="grid" d="M{x_of(t):.1f},{TOP}V{floor}"/>'
-        f'<text class="t" x="{x_of(t):.1f}" y="{floor + 16}">{tick_text(t, time_step)}</text>'
+        f'<text class="{_anchored(float(x_of(t)))}" y="{floor + 16}">{tick_text(t, time_step)}</text>'
         for t in times
     ]
     marks += [
@@ -196,7 +201,7 @@ def described(plot: Plot) -> str:
 
 
 STYLE = (
-    "text{font:12px system-ui,sans-serif;fill:var(--text,#1d2430)}.t,.u{text-anchor:middle}.v{text-anchor:end}"
+    "text{font:12px system-ui,sans-serif;fill:var(--text,#1d2430)}.t,.u{text-anchor:middle}.v,.t.e{text-anchor:end}"
     ".h{font-size:14px}.grid{stroke:var(--rule,#d9dee6)}.axis{stroke:var(--soft,#58626f)}.lines path,.axis{fill:none}"
     ".lines path{vector-effect:non-scaling-stroke;stroke-linejoin:round}"
     ".lines .band{stroke:none;fill-opacity:.18}"

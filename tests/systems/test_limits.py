@@ -1,0 +1,69 @@
+"""Every scenario of every system has a limit of accuracy, and an estimate that is far off fails it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from plumb import systems
+from plumb.boards.native import NativeBoard
+from plumb.proof import limits, runs
+from plumb.proof.figures import limits_of
+from plumb.systems.contracts import fitted
+from plumb.tuning.quantise import quantise
+
+FAR_DEG = 93.0
+
+
+def kinds(name: str) -> Iterator[tuple[str, str, str, bool]]:
+    """Scenario, tuning, loop, and whether it is shorter, of every run that `plumb run` can make; the tunings with one
+    that no limit was measured of."""
+    system = systems.load(name)
+    for scenario in system.SCENARIOS:
+        for loop in ("open", "closed") if system.OUTPUTS else ("open",):
+            for tuning in (*system.TUNINGS, "own"):
+                yield from ((scenario, tuning, loop, shorter) for shorter in (False, True))
+
+
+@pytest.mark.parametrize("name", systems.SYSTEMS)
+def test_a_run_of_any_scenario_is_judged(name: str) -> None:
+    for scenario, tuning, loop, shorter in kinds(name):
+        found = limits.judged({limits.RMS: FAR_DEG}, limits_of(name, scenario, tuning, loop, shorter=shorter))
+        assert found.verdict == "fail", (scenario, tuning, loop, shorter)
+        assert found.text.startswith("93 deg rms — outside the limit: at most ")
+
+
+def test_a_limit_that_was_asked_for_stays() -> None:
+    asked = limits_of("quad", "motion", "adaptive", "open")
+    assert [(limit.metric, limit.value) for limit in asked] == [(limits.RMS, 0.60)]
+    gain, rms = limits_of("turntable", "motion", "data", "open")[1:]
+    assert (gain.metric, gain.value, rms.metric) == ("below_gyro_max_percent", 27.0, limits.RMS)
+
+
+TURNED = {"tilt_deg", "pitch_deg"}
+
+
+@pytest.mark.parametrize("name", systems.SYSTEMS)
+def test_an_estimate_93_deg_off_is_bit_exact_and_not_accurate(name: str) -> None:
+    """The truth is turned, the integers stay."""
+    system = systems.load(name)
+    scenario = system.scenario(system.DEFAULT_SCENARIO, 3, seconds=12.0)
+    params = quantise(fitted(scenario, system.TUNINGS[system.DEFAULT_TUNING]))
+    run = runs.open_loop(NativeBoard(), runs.prescribed(scenario), params)
+    heading = {"scenario": system.DEFAULT_SCENARIO, "tuning": system.DEFAULT_TUNING, "loop": "open"}
+    summary = run.summary(**heading)
+    assert (summary["verdict"], summary["bit_exact"], summary["accuracy"]) == ("pass", True, "pass")
+    truth = run.inputs.truth
+    turned = {key: values + FAR_DEG * (key in TURNED) for key, values in truth.items()}
+    if "attitude_w" in truth:  # about the body's x
+        cosine, sine = np.cos(np.radians(FAR_DEG) / 2.0), np.sin(np.radians(FAR_DEG) / 2.0)
+        w, x, y, z = (truth[f"attitude_{axis}"] for axis in "wxyz")
+        rotated = (cosine * w - sine * x, cosine * x + sine * w, cosine * y + sine * z, cosine * z - sine * y)
+        turned |= {f"attitude_{axis}": values for axis, values in zip("wxyz", rotated, strict=True)}
+    wrong = replace(run, inputs=replace(run.inputs, truth=turned))
+    for more in ({}, {"faults": ["stuck:gyro@1"]}, {"tuning": "own"}, {"conditions": {"lag_s": 0.0}}):
+        summary = wrong.summary(**heading, **more) if "tuning" not in more else wrong.summary(**{**heading, **more})
+        assert (summary["verdict"], summary["bit_exact"], summary["accuracy"]) == ("pass", True, "fail")
