@@ -183,7 +183,7 @@ def test_sides_that_are_swapped_are_named_and_link_trouble(start: Start, tmp_pat
     start(*SENSOR, "--bus", "serial:pty", "--symlink", str(sensor), slow=False).wait_for("emits")
     start("virtual-board", "--serial", "pty", "--symlink", str(board), slow=False).wait_for("serving")
     bridge = start("bridge", f"serial:{board}", f"serial:{sensor}", slow=False)
-    bridge.wait_for("is a board, no sensor board")
+    bridge.wait_for("is an STM32 board, not a sensor board")
     bridge.wait_for("does not answer")
     assert bridge.end() == 3, bridge.said()
     assert "Traceback" not in bridge.said()

@@ -14,7 +14,7 @@ import pytest
 from plumb.errors import LinkError, UsageError
 from plumb.inputs.bridge import BACKLOG_WINDOW, Bridge
 from plumb.inputs.frame_counts import BoardCounts
-from plumb.inputs.sensor_board import SET_BACK_AFTER_S, SensorBoard
+from plumb.inputs.sensor_board import RESET_AFTER_S, SensorBoard
 from plumb.link.lockstep import sample_frames
 from plumb.link.session import Session
 from plumb.link.transports.open_bus import open_bus, serve_bus
@@ -185,7 +185,7 @@ def test_a_port_that_turns_out_to_be_the_boards_is_left_to_the_boards_side(
 
     running = Running("sensor", "board", open_=open_)
     try:
-        running.wait_for("is a board, no sensor board")
+        running.wait_for("is an STM32 board, not a sensor board")
         running.wait_for("run 1:")
     finally:
         running.close()
@@ -272,7 +272,7 @@ def test_the_plant_rests_until_armed_goes_on_and_is_set_back_after_a_disarm() ->
     emit(1, armed=True)
     emit(149, armed=True)
     assert times[350:] == pytest.approx([1.0 + 0.02 * step for step in range(150)])
-    fallen, gap = board.plant, round(SET_BACK_AFTER_S / 0.02)
+    fallen, gap = board.plant, round(RESET_AFTER_S / 0.02)
     emit(gap - 1, armed=False)
     assert board.plant is fallen and times[-1] == pytest.approx(4.0 + 0.02 * (gap - 2))
     emit(3, armed=False)

@@ -1,1 +1,1 @@
-"""Where samples come from: recordings, the sensor board, the bridge between two buses."""
+"""Sources of samples: recordings, the sensor board, the bridge between two buses."""

@@ -29,33 +29,33 @@ from plumb.spec.protocol import Frame, protocol
 from plumb.tuning.quantise import ControlParams
 
 FIRST_SAMPLE_HINT_S = 3.0
-"""After this long without a first sample the bridge asks whether a sensor board is running."""
+"""Wait for the first sample before the bridge asks whether a sensor board is running."""
 BOARD_TIMEOUT_S = 2.0
 """An open link sends TIME every 50 ms: a board that is silent for this long was reset or disconnected."""
 BACKLOG_WINDOW = 25
-"""Window, in samples, over which the smallest backlog is measured. Both sides have the same period, so a backlog that
-never empties stays for ever: the bridge then skips that many samples."""
+"""Window, in samples, over which the smallest backlog is measured. Both sides have the same period, so a backlog never
+shrinks by itself: the bridge skips as many samples as the smallest backlog of a window."""
 ARM_AFTER_STEPS = 10
 BLOCKED_BY_SILENCE = 1 << 7
 WAITED_FOR = BLOCKED_BY_SILENCE | BLOCKED_NOT_READY | BLOCKED_IMPLAUSIBLE
 """Arming blocks that clear by themselves once samples arrive and the plant is at rest: the bridge retries."""
 
 Sample = tuple[float, list[Frame]]
-"""When it was whole, and its frames."""
+"""(time at which the sample was complete, its frames)."""
 
 
 class Bridge:
-    """Joins the sensor board at `sensor` to the STM32 at `board`.
+    """Connects the sensor board at `sensor` to the STM32 at `board`.
 
-    params: uploaded when a run begins, with the link's words by name (period_us and the like); None leaves the board's
-    own, unless params_of gives those of the system that the board has. frames: the actuator's, selected beside the raw
-    counts; () are all of the system. arm: once, when the first run has steps; what disarms
-    after that stays disarmed. say: gets what a person should know.
+    params: parameters to upload when a run begins, with those of the link's part by name (`link`). None: those that
+    params_of returns for the board's system; without params_of, the board keeps its own. frames: frames of the actuator
+    to select beside the raw counts; () selects all of the system. arm: arm once, when the first run has steps; after a
+    disarm the board stays disarmed. say: called with messages for the user.
 
-    runs, steps: of the board. skipped: samples left out of a run to keep the delay short. unused: samples that came
-    while no run was on. Where both names are of one CAN bus, samples reach the STM32 by themselves and nothing is
-    carried: the bridge is the host of the run, and its witness. So it is with direct, where the sensor board is on the
-    CAN bus of an STM32 whose UART is the bridge's: the run then names the other link as the source of its samples.
+    runs, steps: of the board. skipped: samples left out to keep the latency short. unused: samples received while no
+    run was in progress. If both names are the same CAN bus, the samples reach the STM32 directly and the bridge
+    forwards nothing; it is only the host of the run. The same holds with `direct`: the sensor board is on the CAN bus
+    of the STM32, the bridge on its UART, and the run names the other link as the source of its samples.
     """
 
     def __init__(
@@ -75,8 +75,8 @@ class Bridge:
     ) -> None:
         self.one_bus, self.direct = sensor == board, direct and sensor != board
         self.carries = not self.one_bus and not self.direct
-        self._theirs = {protocol()[name].identifier for name in ("SAMPLE_A", "SAMPLE_B", "SETPOINT")}
-        self.sensor = End(sensor, open_, None if self.carries else self._theirs)
+        self._sample_ids = {protocol()[name].identifier for name in ("SAMPLE_A", "SAMPLE_B", "SETPOINT")}
+        self.sensor = End(sensor, open_, None if self.carries else self._sample_ids)
         self.board_spec, self.board, self.counted = board, Flow(), BoardCounts()
         self.params, self.frames, self.link, self.params_of = params, frames, link, params_of
         self.want_arm, self.want_shadow, self.say, self._open = arm, shadow, say, open_
@@ -89,37 +89,37 @@ class Bridge:
         self._time_id = names["TIME"].identifier
         self._setpoint_id = names["SETPOINT"].identifier
         self._samples, self._generation = Samples(), 0
-        self._told: set[str] = set()
+        self._said_texts: set[str] = set()
 
     def run(self, stopped: Callable[[], bool]) -> None:
-        """Until stopped() holds, or the shadow has seen a bit that differs, or a log that was played is at its end."""
+        """Run until stopped() is true, the shadow has found a divergence, or a replayed log has ended."""
         self.sensor.start()
         try:
-            while not stopped() and not self._over():
+            while not stopped() and not self._finished():
                 try:
                     with Session(self._open(self.board_spec)) as session:
                         session.connect()
                         session.require_match()
                         self.board.opened += 1
                         self.say(f"the board at {self.board_spec} answers")
-                        self._told.clear()
+                        self._said_texts.clear()
                         self.counted.forget()
                         self._quiet_s = 0.0
                         self._serve(session, stopped)
                 except LinkError as error:
-                    self._once(f"the board's side: {error}")
+                    self._say_once(f"the board's side: {error}")
                     self._wait(RECONNECT_INTERVAL_S, stopped)
         finally:
             self.sensor.stop()
-        self.sensor.drain()  # a name that can never be opened is told, however short the time was
+        self.sensor.drain()  # raises the error of a wrong name, even if the run was short
 
-    def _over(self) -> bool:
+    def _finished(self) -> bool:
         found = self.shadow is not None and self.shadow.divergence is not None
         return found or (self.sensor.ended and self.sensor.arrived.empty())
 
-    def _once(self, text: str) -> None:
-        if text not in self._told:
-            self._told.add(text)
+    def _say_once(self, text: str) -> None:
+        if text not in self._said_texts:
+            self._said_texts.add(text)
             self.say(text)
 
     def _wait(self, seconds: float, stopped: Callable[[], bool]) -> None:
@@ -129,16 +129,16 @@ class Bridge:
             time.sleep(0.02)
 
     def _idle_drain(self) -> list[Sample]:
-        """Whole samples that came while no run was on; says so when a board sent them."""
+        """Whole samples that arrived while no run is in progress; reports a board that is connected as sensor board."""
         arrived = self.sensor.drain()
         heard = {frame[0] for _, frame in arrived}
         if self._time_id in heard and self._sample_a.identifier not in heard:
-            self._once(
-                f"what speaks at {self.sensor.spec} is a board, no sensor board: the sensor board's BUS is the first"
+            self._say_once(
+                f"{self.sensor.spec} is an STM32 board, not a sensor board: give the sensor board's BUS first"
             )
-            self.sensor.let_go()  # names of terminals are used again: this may be the port of the board's side
+            self.sensor.release()  # pty names are reused: this may now be the port of the board
         if self.sensor.trouble:
-            self._once(f"the sensor board's side: {self.sensor.trouble}")
+            self._say_once(f"the sensor board's side: {self.sensor.trouble}")
         samples = self._whole(arrived)
         self.unused += len(samples)
         return samples
@@ -149,10 +149,10 @@ class Bridge:
             self._samples.forget()
         return self._samples.assemble(arrived)
 
-    # ---- one conversation with the board ----
+    # ---- one session with the board ----
 
     def _serve(self, session: Session, stopped: Callable[[], bool]) -> None:
-        while not stopped() and not self._over():
+        while not stopped() and not self._finished():
             self._idle_drain()
             sample = self._await_sample(session, stopped)
             if sample is not None:
@@ -160,18 +160,18 @@ class Bridge:
 
     def _await_sample(self, session: Session, stopped: Callable[[], bool]) -> Sample | None:
         begin_s = time.monotonic()
-        while not stopped() and not self._over():
+        while not stopped() and not self._finished():
             samples = self._idle_drain()
             if samples:
                 return samples[-1]
             if not self.sensor.trouble and time.monotonic() - begin_s > FIRST_SAMPLE_HINT_S:
-                self._once(f"no sample has come over {self.sensor.spec} yet: is a sensor board there?")
+                self._say_once(f"no sample has come over {self.sensor.spec} yet: is a sensor board there?")
             self._listen(session, 0.02)
         return None
 
     def _listen(self, session: Session, timeout_s: float) -> None:
-        """Take what the board says; raises LinkError when it has said nothing for too long. A reset shows as nothing
-        else where the cable stays: the board waits for a host to open the link again."""
+        """Receive from the board. Raises LinkError if it is silent for BOARD_TIMEOUT_S: after a reset the board is
+        silent until a host opens the link again, and the cable does not show the reset."""
         begin_s = time.monotonic()
         if session.receive(timeout_s):
             self._quiet_s = 0.0
@@ -191,24 +191,24 @@ class Bridge:
             session.upload(params.words(), **{**params.link_words(), **link})
         named = self.frames or tuple(dict.fromkeys(name for name, _ in dbc.output_frames(params.system).values()))
         run = _Run(self, session, params)
-        session.listener = run.up
+        session.listener = run.forward_answers
         elsewhere = ("samples", "setpoints") if self.direct else ()
         session.begin("REALTIME_INJECTED", frames=("RAW_A", "RAW_B", *named), elsewhere=elsewhere)
         self.runs += 1
         self.say(f"run {self.runs}: samples come, the board steps")
         self._quiet_s = 0.0
         generation = self.sensor.generation
-        # The newest of those that came while parameters were uploaded: the others would wait before it for ever.
+        # Begin with the newest sample that arrived during the upload: older ones would stay as a backlog.
         meanwhile = self._whole(self.sensor.drain())
         self.unused += len(meanwhile) - 1
         time_s, frames = (meanwhile or [sample])[-1]
         if self._samples.setpoint is not None and self._samples.setpoint not in frames and self.carries:
             session.send(run.tagged([self._samples.setpoint]))
         pending = [(time_s, frames)]
-        while not stopped() and not self._over():
-            run.down(pending)
+        while not stopped() and not self._finished():
+            run.send_samples(pending)
             self._listen(session, LOOP_INTERVAL_S)
-            run.look()
+            run.check()
             if generation != self.sensor.generation or self.sensor.quiet_s > PEER_TIMEOUT_S:
                 self.say("the sensor board fell silent: the run ends, the outputs are neutral")
                 break
@@ -218,12 +218,12 @@ class Bridge:
 
 
 class _Run:
-    """One run of the board: samples down, answers up, the shadow beside."""
+    """One run of the board: forwards samples to it and its frames to the sensor board, and feeds the shadow."""
 
     def __init__(self, bridge: Bridge, session: Session, params: ControlParams) -> None:
         self.bridge, self.session, self.capture = bridge, session, Capture(session)
         self._waiting: deque[tuple[float, tuple[int, ...]]] = deque()
-        self._standing = self._surplus = self._looked = 0
+        self._standing = self._surplus = self._seen = 0
         self._armed = self._disarmed = False
         self._arm_after = ARM_AFTER_STEPS
         self._used: tuple[int, ...] | None = None
@@ -231,14 +231,14 @@ class _Run:
         if bridge.want_shadow:
             bridge.shadow = Shadow(params, bridge.shadow)
 
-    def down(self, samples: list[Sample]) -> None:
-        """Whole samples to the board, in one piece each."""
+    def send_samples(self, samples: list[Sample]) -> None:
+        """Send whole samples to the board, each in one write; skips samples while there is a surplus."""
         bridge = self.bridge
         for time_s, frames in samples:
-            self._looked += 1
+            self._seen += 1
             self._standing = min(self._standing, len(self._waiting))
-            if self._looked >= BACKLOG_WINDOW:
-                self._surplus, self._looked, self._standing = self._standing, 0, len(self._waiting)
+            if self._seen >= BACKLOG_WINDOW:
+                self._surplus, self._seen, self._standing = self._standing, 0, len(self._waiting)
             if self._surplus and bridge.carries:
                 self._surplus -= 1
                 bridge.skipped += 1
@@ -249,7 +249,7 @@ class _Run:
                 self.session.send(self.tagged(frames))
 
     def tagged(self, frames: list[Frame]) -> list[Frame]:
-        """The same with this run's tag in every SETPOINT: the sensor board knows of no run."""
+        """The frames with this run's tag in every SETPOINT; the sensor board does not know the tag."""
         message, tag = self.session.protocol["SETPOINT"], self.session.run_tag
         return [
             (identifier, message.pack(data[1], tag, *message.unpack(data)[2:]))
@@ -258,14 +258,14 @@ class _Run:
             for identifier, data in frames
         ]
 
-    def up(self, frames: list[Frame]) -> None:
-        """Answers, also those that came while a request waited for its own."""
+    def forward_answers(self, frames: list[Frame]) -> None:
+        """Forward and count the board's frames, including those that arrive while a request waits for its reply."""
         bridge = self.bridge
         if frames and bridge.carries:
             bridge.sensor.send(frames)
         now_s = time.monotonic()
         for identifier, data in frames:
-            if not bridge.one_bus or identifier not in bridge._theirs:
+            if not bridge.one_bus or identifier not in bridge._sample_ids:
                 bridge.board.note(identifier, data)
             if identifier == bridge._raw_a.identifier:
                 self._match(tuple(bridge._raw_a.unpack(data)[2:]), now_s)
@@ -278,25 +278,25 @@ class _Run:
             self.capture.raw.clear()
             self.capture.digest.clear()
 
-    def look(self) -> None:
-        """Between two turns: compare, arm once, and say what happened."""
+    def check(self) -> None:
+        """Compare with the shadow, arm if requested, and report a disarm."""
         bridge, session = self.bridge, self.session
         if bridge.shadow is not None:
             bridge.shadow.follow(self.capture, session.counters.lost + session.frames.rejected)
         if bridge.want_arm and self.capture.steps > self._arm_after:
             bridge.want_arm = False
             try:
-                session.arm(ready_wait_s=0.0)  # samples have to go on meanwhile
+                session.arm(ready_wait_s=0.0)  # no wait: samples must continue
                 bridge.say("armed")
             except LinkError as error:
                 if not isinstance(error, NackError) or (error.reason == "BLOCKED" and not error.detail & ~WAITED_FOR):
                     bridge.want_arm, self._arm_after = True, self.capture.steps + ARM_AFTER_STEPS
-                    bridge._once(f"not armed yet: {error}")
+                    bridge._say_once(f"not armed yet: {error}")
                 else:
                     bridge.say(f"not armed: {error}")
         if self._armed and not self.capture.armed:
             self._disarmed = True
-            session.telemetry.pop("EVENTS", None)  # the cause is in the next one
+            session.telemetry.pop("EVENTS", None)  # the next EVENTS has the cause
         self._armed = self.capture.armed
         if self._disarmed and "EVENTS" in session.telemetry:
             self._disarmed = False
@@ -305,9 +305,9 @@ class _Run:
             bridge.say(f"the board disarmed: {why}; it stays so until this is started again")
 
     def _match(self, counts: tuple[int, ...], now_s: float) -> None:
-        """A step used these counts: the sample they came with has arrived, and what waited before it never will."""
+        """A step used these counts: measure the latency of their sample, and drop older samples as lost."""
         if counts == self._used and not (self._waiting and self._waiting[0][1] == counts):
-            return  # held: no new sample was there
+            return  # the step held the last sample
         self._used = counts
         while self._waiting:
             sent_s, sample = self._waiting.popleft()

@@ -1,4 +1,4 @@
-"""One end of a bridge: a bus that its own thread reads and reopens; and frames carried between two of them."""
+"""One end of a bridge: a bus with its own thread, which reads and reopens it; `carry` forwards between two ends."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ POLL_INTERVAL_S = 0.1
 SWAPPED_PORT_HOLDOFF_S = 3 * RECONNECT_INTERVAL_S
 """How long the sensor side leaves a port alone after a board answered on it."""
 LOOP_INTERVAL_S = 0.001
-"""Pause between two looks at a bus where nothing has come."""
+"""Pause between two polls of a quiet bus."""
 
 Open = Callable[[str], can.BusABC]
 Say = Callable[[str], None]
@@ -60,7 +60,7 @@ class End:
         self._done.set()
         self._thread.join()
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         """Close the bus and reopen its name after SWAPPED_PORT_HOLDOFF_S."""
         self._mistaken.set()
 

@@ -1,11 +1,11 @@
-"""A running board into files: every frame as it came, and a row for every step, written as they come.
+"""Record a running board to files while its frames arrive.
 
-    frames.asc   all frames with the times they were heard at, for python-can and the tools that read such logs
-    steps.csv    a row a step: raw counts and the selected signals, in the units of the message definitions
-    board.json   what the board and the host were, and every parameter of the run
+    frames.asc   all frames with their receive times, for python-can and other tools that read such logs
+    steps.csv    one row per step: raw counts and the selected signals, in the units of the DBC
+    board.json   identity of board and host, and every parameter of the run
 
-What a step did not say is an empty cell. Killing the recorder loses at most a second (of a .blf log, which is
-compressed by the block, its last block).
+A signal that was not received is an empty cell. If the recorder is killed, at most the last second is lost (of a .blf
+log, which is compressed in blocks, the last block).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ NOTHING: tuple[str, ...] = ("",) * 6
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """What goes wrong with a file, as one sentence: UsageError."""
+    """Convert an OSError while writing `path` to a UsageError of one sentence."""
     try:
         yield
     except OSError as error:
@@ -44,13 +44,13 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def check_kept(path: Path) -> None:
-    """Raises UsageError when the file that is being written has been deleted: what goes into it is lost."""
+    """Raises UsageError if the file was deleted while it is written."""
     if not path.exists():
         raise UsageError(f"{path} was deleted while it was written: nothing is kept, record again")
 
 
 class FrameLog:
-    """A log of frames in the format of its suffix, on the disk to the last second. Raises UsageError when it cannot be
+    """A log of frames in the format of its suffix, flushed to the disk every second. Raises UsageError if it cannot be
     written."""
 
     def __init__(self, path: Path) -> None:
@@ -68,7 +68,7 @@ class FrameLog:
         self.flush()
 
     def flush(self) -> None:
-        """When it is due."""
+        """Flush to the disk if a second has passed since the last time."""
         if time.monotonic() - self._flushed_s > FLUSH_EVERY_S:
             with writing(self._path):
                 self._log.file.flush()
@@ -88,7 +88,7 @@ class FrameLog:
 
 
 def message_of(frame: Frame, time_s: float) -> can.Message:
-    """For a log."""
+    """A frame as a python-can message. time_s: its time stamp."""
     identifier, data = frame
     return can.Message(
         timestamp=time_s, arbitration_id=identifier, is_extended_id=False, dlc=len(data), data=data, channel=0
@@ -96,14 +96,17 @@ def message_of(frame: Frame, time_s: float) -> can.Message:
 
 
 class Recorder:
-    """Feed it the frames as they come. rows: steps written; lost: steps among them without counts or digest; words: the
-    board's parameters. identity: an entry of that name of board.json, None: none."""
+    """Writes frames and steps; call `feed` with all received frames.
+
+    rows: steps written; lost: those of them without counts or digest; words: the board's parameters. identity: written
+    to board.json under that name; None: left out.
+    """
 
     def __init__(self, session: Session, folder: Path, identity: Mapping[str, object] | None = None) -> None:
         self.rows = self.lost = 0
         self._capture = Capture(session, raw_frames=())
         self._next: int | None = None
-        # Log formats want a date; a simulated board has seconds since its start.
+        # Log formats need a date; the clock of a simulated board counts seconds from its start.
         self._clock = time.time if session.clock is time.monotonic else session.clock
         self._flushed_s = time.monotonic()
         self._signals = signals(session.system)
@@ -129,7 +132,7 @@ class Recorder:
             self._log.add(message_of(frame, now_s))
         self._capture.feed(frames)
         with writing(self._path):
-            self._write(self._capture.steps - 1)  # the last one heard of may not be complete
+            self._write(self._capture.steps - 1)  # the newest step may not be complete yet
             if time.monotonic() - self._flushed_s > FLUSH_EVERY_S:
                 self._file.flush()
                 self._flushed_s = time.monotonic()

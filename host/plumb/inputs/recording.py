@@ -1,26 +1,26 @@
-"""A recording of a real three-axis sensor, turned into raw counts of one axis for the estimator.
+"""Read a recording of a real three-axis sensor, and convert one axis of it to raw counts for an estimator.
 
 Files
     .npz  gyr (N, 3) rad/s, acc (N, 3) m/s^2 of specific force, rate_hz or time_s; ref_quat (N, 4) w, x, y, z from
-          sensor frame to earth frame with z up, NaN where it is lost; movement (N,) bool, the samples to score;
+          sensor frame to earth frame with z up, NaN if missing; movement (N,) bool, the samples to score;
           further arrays are ignored
-    .csv  one header line; time_s, gyr_{x,y,z}_radps (or _dps), acc_{x,y,z}_mps2 (or _g), and perhaps ref_{w,x,y,z}
-          (empty or nan where lost) and movement (0 or 1); further columns are ignored
+    .csv  one header line; time_s, gyr_{x,y,z}_radps (or _dps), acc_{x,y,z}_mps2 (or _g), optionally ref_{w,x,y,z}
+          (empty or nan if missing) and movement (0 or 1); further columns are ignored
 
-One axis. With u the vertical in sensor coordinates (what a resting accelerometer reads, in g), the tilt about an axis
-is the angle of u in the plane across it, and grows with a positive rotation about it:
+One axis. With u the vertical in sensor coordinates (the reading of an accelerometer at rest, in g), the tilt about an
+axis is the angle of u in the plane perpendicular to it, and increases with a positive rotation about it:
 
     x: atan2(u_y, u_z)      y: atan2(-u_x, u_z)      z: atan2(u_x, u_y)
 
-From u' = u x w follows, for x (the others by exchange of letters),
+From u' = u x w follows for x (for y and z by cyclic exchange)
 
     tilt' = w_x - u_x (u_y w_y + u_z w_z) / (u_y^2 + u_z^2)
 
-The one-axis filter knows the first term only. The second vanishes while the axis is level, so turning about a level
-axis is what it is made for; in general motion the accelerometer must pull back what the coupling adds, and near a
-vertical axis there is no tilt about it at all: samples with sqrt(u_y^2 + u_z^2) < 0.15 are called singular and are not
-scored. The estimator sees only the axis' own rate and the two accelerations across it; a trust that grows with
-| |a|^2 - 1 | takes an inclined axis for a disturbance, so a constant R suits general motion better.
+The one-axis filter models the first term only. The second is zero while the axis is level, which is the case the filter
+is designed for. In general motion the accelerometer must correct the error that the second term adds, and about a
+vertical axis tilt is undefined: samples with sqrt(u_y^2 + u_z^2) < 0.15 are singular and are not scored. The estimator
+uses only the rate about the axis and the two accelerations perpendicular to it. A variance R that grows with
+| |a|^2 - 1 | treats an inclined axis as a disturbance, so a constant R suits general motion better.
 """
 
 from __future__ import annotations
@@ -50,19 +50,19 @@ SHORTEST_S = 2.0
 LONGEST_GAP_S = 1.0
 SINGULAR = 0.15
 MOST_SAMPLES = 1 << 21
-"""Two hours at 285 Hz; at half a kilobyte of working memory a sample, one gigabyte."""
+"""Longest recording: two hours at 285 Hz, about one gigabyte of working memory."""
 MOST_STEPS = 1 << 23
-"""Of a recording resampled to the period: stamps may be far apart, and steps are not."""
+"""Most steps after resampling, which can have many more steps than the recording has samples."""
 MOST_BYTES = 256 << 20
 ROW_BYTES = 64
-"""The widest array that is read, four float128 a sample."""
+"""Bytes of one sample in the widest array that is read: four float128."""
 RATE_LIMIT_DPS, ACCEL_LIMIT_G = 2500.0, 27.5
-"""What the firmware's calibrated values can carry is 7 turn/s and 28 g."""
+"""Largest values accepted; the firmware's calibrated values reach 7 turn/s and 28 g."""
 LEAST_SCALE_DPS, LEAST_SCALE_G = 25.0, 0.25
-"""The sensor is made no finer than this full scale: below it a count is too few units of the firmware's gains to keep
-the 0.1 % of every parameter, and it is far under the noise of any sensor already."""
+"""Smallest full scale of the ideal sensor. With a smaller one, the quantisation of the firmware's gains would exceed
+the 0.1 % of a parameter, and a count is far below the noise of any sensor already."""
 FULL_SCALE_COUNTS = 32_000
-"""The largest sample of a channel lands here, of 32767: the ideal sensor is scaled to the recording."""
+"""The ideal sensor is scaled to the recording: the largest sample of a channel becomes this count, of 32767."""
 
 NPZ_NAMES = ("gyr", "acc", "rate_hz", "time_s", "ref_quat", "movement")
 
@@ -76,8 +76,8 @@ _ACROSS: dict[str, tuple[tuple[int, float], tuple[int, float]]] = {
 
 @dataclass(frozen=True)
 class Recording:
-    """time_s (N,) from 0, rising; gyr_dps (N, 3); acc_g (N, 3); ref_quat (N, 4) or None; movement (N,), all of it if
-    the file does not say."""
+    """A recording. time_s (N,) from 0, increasing; gyr_dps (N, 3); acc_g (N, 3); ref_quat (N, 4) or None; movement
+    (N,), all true if the file has none."""
 
     path: Path
     time_s: FloatArray
@@ -94,8 +94,8 @@ class Recording:
 
 @dataclass(frozen=True)
 class AxisInput:
-    """One axis of a recording at a steady period. raw (steps, 6) int16: gyro, y, z as the firmware names them; truth
-    (steps,) deg, NaN without reference; scored (steps,): movement, with a reference, not singular."""
+    """One axis of a recording at a constant period. raw (steps, 6) int16: gyro, accel, accel_up, as the firmware names
+    them; truth (steps,) deg, NaN without reference; scored (steps,): movement, with a reference, not singular."""
 
     axis: str
     period_us: int
@@ -110,14 +110,14 @@ class AxisInput:
         return np.arange(len(self.raw), dtype=np.float64) * (self.period_us * 1e-6)
 
     def first(self, steps: int) -> AxisInput:
-        """Only the first steps."""
+        """The first `steps` steps."""
         cut = (self.raw[:steps], self.truth_deg[:steps], self.scored[:steps], self.singular[:steps])
         raw, truth_deg, scored, singular = cut
         return replace(self, raw=raw, truth_deg=truth_deg, scored=scored, singular=singular)
 
 
 def load(path: Path | str) -> Recording:
-    """Read and check a file; raises UsageError with one sentence that says what is wrong with it."""
+    """Read and check a file; raises UsageError with one sentence that names the fault."""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in (".npz", ".csv"):
@@ -131,8 +131,8 @@ def _too_long(path: Path) -> UsageError:
 
 
 def _check_sizes(path: Path) -> None:
-    """Raises UsageError for an array that would take too much memory, from the headers of the arrays alone: a few
-    kilobytes of a compressed file may stand for gigabytes."""
+    """Raises UsageError for an array that would take too much memory. Reads only the headers of the arrays, because a
+    compressed file of a few kilobytes can expand to gigabytes."""
     with zipfile.ZipFile(path) as archive:
         for name in set(archive.namelist()) & {f"{name}.npy" for name in NPZ_NAMES}:
             with archive.open(name) as member:
@@ -151,7 +151,7 @@ def _read_npz(path: Path) -> dict[str, npt.NDArray[np.float64]]:
             names = sorted(file.files)
     except UsageError:
         raise
-    except Exception as error:  # zipfile, zlib and numpy raise whatever a damaged file leads them to
+    except Exception as error:  # zipfile, zlib and numpy raise many kinds of exceptions for a damaged file
         raise UsageError(f"{path.name} is damaged or no numpy .npz file of plain numbers") from error
     missing = [name for name in ("gyr", "acc") if name not in columns]
     if missing or not ("time_s" in columns or "rate_hz" in columns):
@@ -242,10 +242,10 @@ def _checked(path: Path, columns: dict[str, FloatArray]) -> Recording:
 
 
 def steady(time_s: FloatArray, values: FloatArray, period_us: int) -> FloatArray:
-    """Samples at a steady period from 0 s, (N, c) -> (steps, c), from stamps that need not be regular.
+    """Resample to a constant period from 0 s, (N, c) -> (steps, c). The time stamps need not be regular.
 
-    A period longer than the recording's: the mean, over one period around each instant, of the straight lines between
-    samples, so that fast motion does not alias. Otherwise the straight lines themselves.
+    Interpolates linearly. For a period longer than the recording's, takes the mean of the interpolation over one period
+    around each instant, so that fast motion does not alias.
     """
     period_s = period_us * 1e-6
     at_s = np.arange(math.floor(time_s[-1] / period_s + 1e-9) + 1) * period_s
@@ -272,14 +272,17 @@ def _area_at(at_s: FloatArray, time_s: FloatArray, value: FloatArray, area: Floa
 
 
 def vertical(ref_quat: FloatArray) -> FloatArray:
-    """The vertical in sensor coordinates, u = R(q)^T [0 0 1], (N, 4) -> (N, 3); NaN where it is lost."""
+    """The vertical in sensor coordinates, u = R(q)^T [0 0 1], (N, 4) -> (N, 3); NaN without a reference."""
     length = np.linalg.norm(ref_quat, axis=1, keepdims=True)
     w, x, y, z = (ref_quat / np.where((length > 0.0) & np.isfinite(length), length, np.nan)).T
     return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z], 1)
 
 
 def pick_axis(recording: Recording, axis: str, period_us: int | None = None) -> AxisInput:
-    """Counts of an ideal sensor along one axis, and what it should say; period_us None: the recording's own."""
+    """Counts of an ideal sensor for one axis, and the true tilt. axis: x, y or z. period_us None: the recording's own.
+
+    Raises UsageError for another axis, a period outside 500 to 100000 us, and too many steps.
+    """
     if axis not in _ACROSS:
         raise UsageError(f"'{axis}' is no axis; use x, y or z")
     if period_us is None:
@@ -306,7 +309,7 @@ def pick_axis(recording: Recording, axis: str, period_us: int | None = None) -> 
     near = np.clip(np.rint(np.interp(at_s, recording.time_s, np.arange(len(recording.time_s)))), 0, None).astype(int)
     truth_deg, singular = np.full(len(raw), np.nan), np.zeros(len(raw), np.bool_)
     if recording.ref_quat is not None:
-        # Straight between the two neighbours; lost where either of them is.
+        # Interpolated between the two neighbours; missing if one of them is.
         u = vertical(recording.ref_quat)
         up = np.stack([np.interp(at_s, recording.time_s, column) for column in u.T], 1)
         across = np.hypot(up[:, first], up[:, second])
@@ -317,7 +320,7 @@ def pick_axis(recording: Recording, axis: str, period_us: int | None = None) -> 
 
 
 def run_inputs(axis: AxisInput, tuning: AxisTuning) -> tuple[RunInputs, ControlParams]:
-    """One axis of a recording, and the tuning made to fit its sensor and its period."""
+    """Inputs and parameters of a run on one axis of a recording; the tuning is adapted to its sensor and period."""
     steps = len(axis.raw)
     truth = {"tilt_deg": axis.truth_deg, "bias_dps": np.full(steps, np.nan)}
     inputs = RunInputs(axis.time_s, truth, axis.raw, np.zeros(steps, np.int32), axis.scored)
@@ -325,7 +328,7 @@ def run_inputs(axis: AxisInput, tuning: AxisTuning) -> tuple[RunInputs, ControlP
 
 
 def steps_in(seconds: float, period_us: int, most: int) -> int:
-    """How many steps that is, of those that there are; raises UsageError when it is none."""
+    """Steps in `seconds`, at most `most`; raises UsageError for less than one period."""
     if not seconds * 1e6 >= period_us:
         raise UsageError(f"{seconds:g} s is less than one period of {period_us} us")
     return int(min(seconds * 1e6 / period_us + 0.5, most))

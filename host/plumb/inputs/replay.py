@@ -1,6 +1,6 @@
-"""Recordings of real sensors as inputs of a run: what `plumb replay` and `plumb.Recording.replay` share.
+"""Replay a recording of real sensors on a board, for `plumb replay` and `plumb.Recording.replay`.
 
-The module `replay` of a system's folder makes inputs of a recording.
+The module `replay` of a system's folder converts a recording to the inputs of a run.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from plumb.tuning.quantise import ControlParams
 
 @dataclass(frozen=True)
 class ReplayRequest:
-    """A recording to be replayed. axis: x, y or z, of systems of one axis. period_us: None, the recording's own or the
-    system's. seconds: only the first; None: all of it."""
+    """A recording to replay. axis: x, y or z, for one-axis systems. period_us: None for the recording's own or the
+    system's. seconds: length of the part from the beginning; None for all of it."""
 
     file: Path
     axis: str = "x"
@@ -31,10 +31,10 @@ class ReplayRequest:
 
 
 class Replayed(Protocol):
-    """replay.py of a system: recordings of real sensors as inputs of a run."""
+    """replay.py of a system: converts recordings of real sensors to the inputs of a run."""
 
     def inputs_of(self, request: ReplayRequest, /) -> tuple[RunInputs, ControlParams, Mapping[str, object]]:
-        """Inputs, parameters, and the heading of the summary; "warnings" in it: sentences that the user should read."""
+        """Inputs, parameters, and the first entries of the summary; its "warnings" are sentences for the user."""
 
 
 REPLAY = Part[Replayed]("replay", Replayed, without="no recording can be made its inputs")
@@ -42,7 +42,7 @@ REPLAY = Part[Replayed]("replay", Replayed, without="no recording can be made it
 
 @dataclass(frozen=True)
 class Replay:
-    """Inputs that a recording was made into, for any board."""
+    """The inputs of a run from a recording, for any board."""
 
     system: str
     inputs: RunInputs
@@ -51,13 +51,13 @@ class Replay:
 
     @property
     def warnings(self) -> list[str]:
-        """What the user should know before the figures are believed, a sentence each."""
+        """Warnings about the validity of the figures, one sentence each."""
         said = self.heading.get("warnings", [])
         assert isinstance(said, list)
         return said
 
     def run(self, board: Board, name: str, link: str | None) -> ScenarioRun:
-        """Run the inputs in lockstep, and compare every step with the model. name, link: of the board, for the
+        """Run the inputs in lockstep and compare every step with the model. name, link: board and link for the
         summary."""
         result = runs.open_loop(board, self.inputs, self.params)
         heading = {
@@ -74,5 +74,6 @@ class Replay:
 
 
 def prepare(system: str, request: ReplayRequest) -> Replay:
-    """Raises UsageError for a system that makes no inputs of recordings, or a file that cannot be used."""
+    """Read a recording for a system. Raises UsageError for a system that cannot replay recordings, and for a file that
+    cannot be used."""
     return Replay(system, *systems.load(system, REPLAY).inputs_of(request))

@@ -1,4 +1,4 @@
-"""Frames of a sensor board put together to whole samples: SETPOINT and SAMPLE_B come before their SAMPLE_A."""
+"""Assemble the frames of a sensor board to whole samples: SETPOINT and SAMPLE_B precede their SAMPLE_A."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from plumb.spec.protocol import Frame, protocol
 
 
 class Samples:
-    """One sensor board's. setpoint: the last one heard, which is said once and holds for a run that begins later."""
+    """The samples of one sensor board. setpoint: the last SETPOINT frame; the sensor board sends it once, and it also
+    holds for a run that begins later."""
 
     def __init__(self) -> None:
         names = protocol()
@@ -15,12 +16,12 @@ class Samples:
         self.forget()
 
     def forget(self) -> None:
-        """Another sensor board."""
+        """Start anew, for another sensor board."""
         self.setpoint: Frame | None = None
-        self._begun: dict[int, Frame] = {}  # the newest of each kind: a SAMPLE_A that got lost leaves its parts behind
+        self._begun: dict[int, Frame] = {}  # the newest frame of each kind: a lost SAMPLE_A leaves its other frames
 
     def assemble(self, arrived: list[tuple[float, Frame]]) -> list[tuple[float, list[Frame]]]:
-        """The samples that these frames complete, each with the time of its last frame, SAMPLE_A."""
+        """The samples that these frames complete, each with the receive time of its SAMPLE_A."""
         whole = []
         for time_s, frame in arrived:
             if frame[0] in self._parts:

@@ -1,17 +1,16 @@
-"""The simulated sensor board: a plant in real time, whose samples go out as frames, as a second board on the bus sends
-them, and which feels what the STM32 answers.
+"""Simulated sensor board: a plant in real time that sends its samples as frames and is driven by the STM32's outputs.
 
-Sample k goes out k periods after the first; when this process is late by more than a period the time is given up, and
-counted. The actuator's words come back in the frames of the step; they move the plant only while the last STEP says
-that the board is armed, because only then would the pins.
+Sample k is sent k periods after the first. If this process is late by more than a period, the missed periods are
+counted and skipped. The actuator's words arrive in the frames of each step; they drive the plant only while the last
+STEP says that the board is armed, as the pins would.
 
-A board can only be armed at rest, and every scenario that moves something begins with a few seconds of it. With rest_s
-the plant stays in them, however long it takes until the board is armed; then the scenario goes on. A plant that has not
-been driven for SET_BACK_AFTER_S after that is set back to the beginning, as a person does with a vehicle that fell: the
-board can be armed again.
+A board can only be armed at rest, and every scenario that moves begins with a few seconds at rest. With rest_s the
+plant repeats them until the board is armed; then the scenario continues. If the plant is not driven for RESET_AFTER_S
+after that, it is reset to the beginning, as a person would put a fallen vehicle upright, so that the board can be armed
+again.
 
-A setpoint that is not 0 is repeated, because the STM32 takes a silent source for a lost one. It carries the tag of the
-run that TIME names; a bridge puts its own in.
+A setpoint that is not 0 is repeated, because the STM32 treats a silent source as lost. It carries the tag of the run
+from TIME; a bridge replaces it with its own.
 """
 
 from __future__ import annotations
@@ -26,16 +25,17 @@ from plumb.link.session import SETPOINT_EVERY_S
 from plumb.spec.protocol import check, protocol
 from plumb.systems.contracts import Plant
 
-HEARD_FOR_S = 0.1
-"""Without a STEP for so long the actuators are taken to be at neutral."""
-SET_BACK_AFTER_S = 3.0
-"""Longer than a bridge needs to find a board that it lost, so that a short gap changes nothing."""
+STEP_TIMEOUT_S = 0.1
+"""Without a STEP for this long, the actuators count as neutral."""
+RESET_AFTER_S = 3.0
+"""Time without drive after which the plant is reset. Longer than a bridge needs to reconnect, so that a short gap does
+not reset it."""
 HELLO_EVERY_S = 1.0
-"""Pause between greetings while no board is heard on a CAN bus: its link opens with a greeting, and times out."""
+"""Interval of HELLO frames on a CAN bus while no board is heard: HELLO opens the board's link, which times out."""
 
 
 class SensorBoard:
-    """One scenario's plant at one bus. sent: samples so far; late: periods given up; armed: as the last STEP said."""
+    """The plant of one scenario on one bus. sent: samples sent; late: periods skipped; armed: from the last STEP."""
 
     def __init__(
         self,
@@ -48,10 +48,10 @@ class SensorBoard:
         greet: bool = False,
         rest_s: float = 0.0,
     ) -> None:
-        """plant: makes one at the beginning of the scenario. outputs: word of the record -> frame and signal that carry
-        it. greet: say HELLO while no board is heard, as a node on the board's own CAN bus has to. rest_s: the first
-        seconds of the scenario are at rest, and are repeated until the board is armed; 0: the scenario runs from the
-        start."""
+        """plant: creates the plant at the beginning of the scenario. outputs: word of the record -> (frame, signal)
+        that carries it. greet: send HELLO while no board is heard, as a node on the board's CAN bus must. rest_s:
+        length of the rest at the beginning of the scenario, repeated until the board is armed; 0 runs the scenario
+        at once."""
         self.bus, self.plant, self.period_s = bus, plant(), period_us * 1e-6
         self._new_plant = plant
         self.sent = self.late = 0
@@ -67,23 +67,23 @@ class SensorBoard:
         self._from_board = {m.identifier for m in self._protocol.messages.values() if m.sender == "BOARD"}
 
     def run(self, stopped: Callable[[], bool], seconds: float | None = None) -> None:
-        """Emit until stopped() holds or the seconds are over."""
+        """Send samples until stopped() is true or `seconds` have passed."""
         start_s = self._clock()
         while not stopped() and (seconds is None or self.sent * self.period_s < seconds - 1e-9):
             due_s = start_s + self.sent * self.period_s
             while (remaining := due_s - self._clock()) > 0 and not stopped():
-                self._take(self.bus.recv(min(remaining, 0.2)))
+                self._handle(self.bus.recv(min(remaining, 0.2)))
             behind = int((self._clock() - due_s) / self.period_s)
             self.late += behind
             start_s += behind * self.period_s
             self.emit()
 
     def emit(self) -> None:
-        """The next sample."""
-        driven = self.armed and self._clock() - self._step_s < HEARD_FOR_S
+        """Advance the plant by one period, send the next sample, and handle received frames."""
+        driven = self.armed and self._clock() - self._step_s < STEP_TIMEOUT_S
         if driven:
             self._driven_s = self._clock()
-        elif self._rest_steps and self._driven_s is not None and self._clock() - self._driven_s > SET_BACK_AFTER_S:
+        elif self._rest_steps and self._driven_s is not None and self._clock() - self._driven_s > RESET_AFTER_S:
             self.plant, self._waited_steps, self._driven_s = self._new_plant(), self.sent, None
         elif self._driven_s is None and self._rest_steps and self.sent - self._waited_steps >= self._rest_steps:
             self._waited_steps += self._rest_steps
@@ -102,12 +102,12 @@ class SensorBoard:
         self._setpoint = setpoint
         self.sent += 1
         while (message := self.bus.recv(0)) is not None:
-            self._take(message)
+            self._handle(message)
 
     def _send(self, identifier: int, data: bytes) -> None:
         self.bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
 
-    def _take(self, message: can.Message | None) -> None:
+    def _handle(self, message: can.Message | None) -> None:
         if message is None or message.is_extended_id or not check(message.arbitration_id, bytes(message.data)):
             return
         identifier, data = message.arbitration_id, bytes(message.data)
@@ -116,7 +116,7 @@ class SensorBoard:
         if identifier == self._protocol["TIME"].identifier:
             tag = self._protocol["TIME"].decode(data)["run_tag"]
             if tag != self._run_tag:
-                self._run_tag, self._setpoint_s = tag, float("-inf")  # another run: it begins with a setpoint of 0
+                self._run_tag, self._setpoint_s = tag, float("-inf")  # a new run begins with setpoint 0: send it again
         if identifier == self._protocol["STEP"].identifier:
             self.armed, self._step_s = bool(data[1] >> 4 & 1), self._clock()
         for carrier, signal, word in self._outputs:

@@ -1,1 +1,1 @@
-"""Engineering units, and the integers they are quantised to."""
+"""Quantisation of tunings: engineering units to the integers of the firmware, and back."""

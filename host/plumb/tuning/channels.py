@@ -1,4 +1,5 @@
-"""Physical quantities as a sensor's raw counts, by the calibration of a tuning; and a tuning for another full scale."""
+"""Convert physical quantities to a sensor's raw counts with a tuning's calibration; fit a tuning to another full
+scale."""
 
 from __future__ import annotations
 
@@ -18,19 +19,18 @@ TuningT = TypeVar("TuningT")
 NO_SAMPLE = -32768
 """Raw count of a channel without a sample, in systems whose missing samples are marked."""
 COUNTS_MAX = 32766
-"""Largest count of an ideal sensor: one less than 16 bits have, because a range whose limits are the type's would never
-be left."""
+"""Largest count of an ideal sensor: one less than the 16-bit maximum, so that a count outside the range exists."""
 _PER_UNIT = {"turn/s": 1.0 / 360.0, "turn/s^2": 1.0 / 360.0, "g": 1.0}
-"""Unit of a calibration -> of it, in one deg/s, deg/s^2 or g."""
+"""Unit of a calibration -> its value in one deg/s, deg/s^2 or g."""
 
 
 def ideal_channel(full_scale: float) -> Channel:
-    """A sensor without offset, of +-full_scale (in deg/s, deg/s^2 or g)."""
+    """A sensor without offset and with the range +-full_scale (deg/s, deg/s^2 or g)."""
     return Channel(0.0, full_scale / COUNTS_MAX, -COUNTS_MAX, COUNTS_MAX)
 
 
 def with_channels(tuning: TuningT, channels: Mapping[str, Channel]) -> TuningT:
-    """The tuning with other channels, by their names (those of the groups of parameters).
+    """The tuning with its channels replaced. channels: by name, which is that of the parameter group.
 
     Raises UsageError for a channel that the tuning does not have.
     """
@@ -55,10 +55,10 @@ def with_channels(tuning: TuningT, channels: Mapping[str, Channel]) -> TuningT:
 
 
 def counts_of(params: ControlParams, channel: declarations.Channel, values: npt.ArrayLike) -> npt.NDArray[np.int16]:
-    """Raw counts of a channel's values in deg/s, deg/s^2 or g, any shape: the nearest count whose calibrated value this
-    is, within 16 bits. A count outside the channel's range is clamped, and counted, by the step itself.
+    """Raw counts whose calibrated values are nearest to `values` (deg/s, deg/s^2 or g, any shape), limited to 16 bits.
 
-    Raises UsageError for a channel without calibration.
+    The step itself clamps and counts values outside the channel's range. Raises UsageError for a channel without
+    calibration.
     """
     group = channel.calibration
     row = next((row for row in parameters.table() if row.name == f"{group}.offset"), None)

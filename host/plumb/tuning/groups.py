@@ -1,8 +1,8 @@
-"""The groups of parameters that systems share: what each asks in units, as integers, and back.
+"""Quantise the parameter groups that systems share: engineering units to integers, and back.
 
-Everything is worked out in exact fractions, within 0.1 % of what was asked, or refused with a reason. The one choice
-made here is the unit of variance, the "lsb" of the filter: as fine as the largest variance of the set allows, and such
-that R is a whole number of 2^32 lsb where it is small.
+The computation uses exact fractions. Each integer is within 0.1 % of the setting, or the setting is refused with a
+reason. The one free choice is the unit of variance, the "lsb" of the filter: as fine as the largest variance of the set
+allows, and, for a small R, such that R is a whole number of 2^32 lsb.
 """
 
 from __future__ import annotations
@@ -24,24 +24,28 @@ if TYPE_CHECKING:
 
 CALIBRATION_LIMIT = 7 << 28
 VARIANCE_MAX = 1 << 56
-"""Of qa, p11 and |p01| in lsb; p00 may start at twice as much."""
+"""Largest qa, p11 and |p01| in lsb; the limit of p00 is twice as high."""
 R_MAX = 1 << 24
-"""Of R, in 2^32 lsb."""
+"""Largest R, in 2^32 lsb."""
 BIAS_MAX = ((1 << 26) - 1) << 32
-"""Of the start's bias per step, turn Q61."""
+"""Largest initial bias per step, turn Q61."""
 QB_MAX = (1 << 62) - 1
-"""Of the bias's process noise, in 2^-30 lsb."""
+"""Largest process noise of the bias, in 2^-30 lsb."""
 TOLERANCE = Fraction(1, 1000)
 DEG2 = Fraction(1, 360**2)
 """Square degrees in turn^2."""
 
 
 def refuse(name: str, asked: float, reason: str) -> NoReturn:
+    """Raises UsageError that names the setting, its value and the reason."""
     raise UsageError(f"{name} = {asked:g}: {reason}")
 
 
 def whole(name: str, asked: float, exact: Fraction, low: int, high: int) -> int:
-    """The integer nearest to `exact`, which is `asked` in the integer's unit."""
+    """The integer nearest to `exact`, which is the setting `asked` in the unit of the integer.
+
+    Raises UsageError if it is outside low to high, or more than 0.1 % off.
+    """
     nearest = min(max(round(exact), low), high)
     if abs(nearest - exact) <= abs(exact) * TOLERANCE:
         return nearest
@@ -59,7 +63,7 @@ def whole(name: str, asked: float, exact: Fraction, low: int, high: int) -> int:
 
 
 def _numbers(settings: DataclassInstance, path: str = "") -> Iterator[tuple[str, float]]:
-    """Name and value of every field that is declared a number; the others are choices, checked where they are read."""
+    """Name and value of every field declared as a number. The other fields are choices, checked where they are used."""
     for entry in fields(settings):
         value = getattr(settings, entry.name)
         if is_dataclass(value) and not isinstance(value, type):
@@ -73,7 +77,7 @@ def _numbers(settings: DataclassInstance, path: str = "") -> Iterator[tuple[str,
 
 
 def check_numbers(tuning: AnyTuning) -> None:
-    """Every field a finite number, and the period one that the filter takes."""
+    """Raises UsageError unless every number is finite and the period is a whole number from 500 to 100000 us."""
     for name, value in _numbers(tuning):
         if not math.isfinite(value):
             raise UsageError(f"{name} is {value}: give a finite number")
@@ -82,14 +86,14 @@ def check_numbers(tuning: AnyTuning) -> None:
 
 
 def not_negative(values: dict[str, float]) -> None:
-    """Refuses the first value below 0."""
+    """Raises UsageError for the first value below 0."""
     for name, value in values.items():
         if value < 0:
             refuse(name, value, "it cannot be negative")
 
 
 def channel_words(name: str, channel: Channel, unit: Fraction) -> dict[str, int]:
-    """calibration_params_t. unit: integer units (turn/s Q28 or g Q26) per engineering unit."""
+    """The words of a calibration group. unit: integer units (turn/s Q28 or g Q26) per engineering unit."""
     low, high = channel.min_counts, channel.max_counts
     if not -32768 <= low <= high <= 32767 or low != int(low) or high != int(high):
         raise UsageError(f"{name}.min_counts = {low}, max_counts = {high}: whole counts of 16 bits, in order")
@@ -108,7 +112,7 @@ def channel_words(name: str, channel: Channel, unit: Fraction) -> dict[str, int]
 def _variances(
     kalman: Kalman, start: Start, trust: Trust, r_max_deg2: float, dt: Fraction
 ) -> dict[str, tuple[float, Fraction]]:
-    """Name -> what was asked, and the same in turn^2 with the bias counted per step."""
+    """Name -> (setting, the same in turn^2, with the bias per step)."""
     q, p = kalman, start
     asked = {
         "trust.r_deg2": (trust.r_deg2, Fraction(1)),
@@ -134,7 +138,7 @@ LIMITS = {
 
 
 def _units(variances: dict[str, tuple[float, Fraction]]) -> Iterator[Fraction]:
-    """Units of variance to try, turn^2 per lsb, the finest first. R is whole in each where it is small."""
+    """Units of variance to try, turn^2 per lsb, the finest first. A small R is a whole number of 2^32 lsb in each."""
     finest, name = max((abs(variances[name][1]) / limit, name) for name, limit in LIMITS.items())
     asked, r = variances["trust.r_deg2"]
     r_most = r / finest / (1 << 32)
@@ -148,7 +152,7 @@ def _units(variances: dict[str, tuple[float, Fraction]]) -> Iterator[Fraction]:
 
 
 def check_filter(kalman: Kalman, start: Start, trust: Trust, period_us: int) -> None:
-    """What contradicts itself before anything is an integer."""
+    """Raises UsageError for filter settings that are invalid or contradict each other."""
     if kalman.rate not in ("previous", "current"):
         raise UsageError(f"kalman.rate = '{kalman.rate}': previous or current")
     not_negative(
@@ -186,10 +190,10 @@ def filter_words(
     r_left_out_deg2: float | None = None,
     unit_deg2: Fraction | None = None,
 ) -> tuple[dict[str, int], Fraction]:
-    """The groups kalman and start, and the variances of tilt; and the unit of variance, deg^2 per lsb.
+    """The words of the groups kalman and start and the variances of tilt; and the unit of variance in deg^2 per lsb.
 
-    r_left_out_deg2: r_max where R is constant and r_max stands in for a measurement that is left out. The unit is
-    unit_deg2, or where that is left open, of the units that may be the first that takes all variances.
+    r_left_out_deg2: the value of r_max if R is constant, for systems that use r_max in place of a skipped measurement.
+    unit_deg2: the unit to use; None for the finest one in which all variances fit.
     """
     dt = Fraction(int(period_us), 10**6)
     r_max_deg2 = trust.r_max_deg2 if trust.gain_deg2 else r_left_out_deg2 or trust.r_deg2
@@ -249,8 +253,8 @@ def _split(name: str, value: int) -> dict[str, int]:
 
 
 def _gain(trust: Trust, unit: Fraction, r_base: int, r_max: int) -> dict[str, int]:
-    """R of the deviation d = | |a|^2 - 1 |, g^2 Q20, clamped just above where R reaches its limit, shifted up as far as
-    32 bits and the resolution of r_gain allow."""
+    """The words that compute R from the deviation d = | |a|^2 - 1 |, g^2 Q20. d is clamped just above the value at
+    which R reaches its limit, and shifted left as far as 32 bits and the resolution of r_gain allow."""
     none = {"tilt.r_gain": 0, "tilt.r_max": r_max, "tilt.deviation_max": 0, "tilt.deviation_shift": 0}
     if not trust.gain_deg2:
         return none
@@ -265,7 +269,7 @@ def _gain(trust: Trust, unit: Fraction, r_base: int, r_max: int) -> dict[str, in
 
 
 def pid_words(pid: Pid, period_us: int) -> dict[str, int]:
-    """pid_params_t."""
+    """The words of the group pid."""
     dt = Fraction(int(period_us), 10**6)
     not_negative({"pid.derivative_tau_s": pid.derivative_tau_s})
 
@@ -292,7 +296,8 @@ def pid_words(pid: Pid, period_us: int) -> dict[str, int]:
 
 
 def axis_words(tuning: AxisTuning) -> tuple[dict[str, int], Fraction]:
-    """What systems of one axis share: three channels, tilt, filter and controller; and the unit of variance, deg^2."""
+    """The words that one-axis systems share (three channels, tilt, filter, controller), and the unit of variance in
+    deg^2."""
     check_numbers(tuning)
     if tuning.tilt not in ("arcsine", "atan2"):
         raise UsageError(f"tilt = '{tuning.tilt}': arcsine or atan2")
@@ -310,7 +315,7 @@ def axis_words(tuning: AxisTuning) -> tuple[dict[str, int], Fraction]:
 
 
 def esc_words(esc: Esc) -> dict[str, int]:
-    """esc_params_t."""
+    """The words of the group esc."""
     rows = {row.name: row for row in parameters.table()}
     words = {}
     for entry in fields(Esc):
@@ -327,14 +332,14 @@ def esc_words(esc: Esc) -> dict[str, int]:
 
 
 def channel_of(params: ControlParams, name: str, per_unit: float) -> Channel:
-    """What a calibration means. per_unit: integer units per engineering unit."""
+    """The calibration of a channel in engineering units. per_unit: integer units per engineering unit."""
     gain, offset = params[f"{name}.gain"], params[f"{name}.offset"]
     zero = -offset / gain if gain else 0.0
     return Channel(zero, gain / per_unit, params[f"{name}.raw_min"], params[f"{name}.raw_max"])
 
 
 def filter_of(params: ControlParams) -> tuple[Kalman, Start, Trust]:
-    """What the filter's words mean, given the unit of variance of the set."""
+    """The filter's settings in engineering units, using the set's unit of variance."""
     p, dt, lsb = params.values, params.period_s, params.lsb_deg2
     r_lsb, shift = lsb * 2**32, p["tilt.deviation_shift"]
     gain = p["tilt.r_gain"] * r_lsb * 2.0 ** (2 * shift - 24)
@@ -356,7 +361,7 @@ def filter_of(params: ControlParams) -> tuple[Kalman, Start, Trust]:
 
 
 def pid_of(params: ControlParams) -> Pid:
-    """What the controller's words mean."""
+    """The controller's settings in engineering units."""
     p, dt = params.values, params.period_s
     alpha = p["pid.d_alpha_q31"] / 2**31
     tau = 0.0 if p["pid.d_alpha_q31"] == 2**31 - 1 else (-dt / math.log1p(-alpha) if alpha else math.inf)
@@ -383,7 +388,7 @@ class AxisFields(TypedDict):
 
 
 def axis_of(params: ControlParams) -> AxisFields:
-    """What the words of `axis_words` mean, as fields of a tuning by name."""
+    """The settings behind the words of `axis_words`, as fields of a tuning by name."""
     kalman, start, trust = filter_of(params)
     return {
         "period_us": round(params.period_s * 1e6),
@@ -402,5 +407,5 @@ def axis_of(params: ControlParams) -> AxisFields:
 
 
 def esc_of(params: ControlParams) -> Esc:
-    """What the pulses' words mean."""
+    """The settings of the pulses in us."""
     return Esc(*(params[f"esc.{name}_halfus"] / 2 for name in ("mid", "span", "min", "max", "neutral")))

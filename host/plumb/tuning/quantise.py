@@ -1,8 +1,8 @@
-"""Units to integers: a tuning becomes the words of plumb_params_t, each within 0.1 % of what was asked, or is refused
-with a reason; and back.
+"""Quantise a tuning to the words of plumb_params_t, each within 0.1 % of its setting, and back.
 
-A system has its own in plumb.systems.NAME.quantise, which offers what `Quantiser` says; what systems share is in
-`groups`. Which groups of parameters a system reads is declared in its system.toml.
+A setting that cannot be represented is refused with a reason. plumb.systems.NAME.quantise quantises a system's own
+groups (`Quantiser` is its contract), `groups` those that systems share. A system declares in its system.toml which
+groups it reads.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ __all__ = ["QUANTISER", "ControlParams", "Quantiser", "dequantise", "groups_of",
 
 @dataclass(frozen=True)
 class ControlParams:
-    """plumb_params_t as integers by name, in the order of parameters.toml; of groups that the system does not read,
-    the defaults.
+    """plumb_params_t as integers by name, in the order of the table. Groups that the system does not read have their
+    defaults.
 
-    lsb_deg2: the unit of variance, for people; the filter itself does not need it.
+    lsb_deg2: the unit of variance in deg^2, to convert variances back; the filter itself does not use it.
     """
 
     values: dict[str, int]
@@ -32,21 +32,22 @@ class ControlParams:
 
     @classmethod
     def from_words(cls, words: Sequence[int], lsb_deg2: float = 1.0) -> ControlParams:
-        """From the words of the table, signed or not; raises UsageError when the number or a range is wrong."""
+        """From the words of the control part, signed or unsigned. Raises UsageError if their number is wrong or one is
+        out of range."""
         whole = parameters.whole_table([int(word) & 0xFFFFFFFF for word in words])
         rows = [row for row in parameters.table() if row.owner == "control"]
         return cls({row.name: row.from_word(word) for row, word in zip(rows, whole, strict=False)}, lsb_deg2)
 
     @classmethod
     def of(cls, system: str, own: Mapping[str, int], lsb_deg2: float = 1.0) -> ControlParams:
-        """From the words of the groups that the system reads; raises UsageError when one is missing, too many or out of
-        its range."""
+        """From the words of the groups that the system reads. Raises UsageError if one is missing, unknown or out of
+        range."""
         rows = [row for row in parameters.table() if row.owner == "control"]
         groups = groups_of(system)
         wanted = {row.name for row in rows if row.group in groups}
         if wanted != set(own):
             odd = ", ".join(sorted(wanted ^ set(own)))
-            raise UsageError(f"{odd}: not, or not all, of the words that {system} reads")
+            raise UsageError(f"{odd}: missing or unknown among the parameters that {system} reads")
         values = {row.name: own.get(row.name, row.default) for row in rows}
         for row in rows:
             parameters.check_range(row, values[row.name])
@@ -54,7 +55,7 @@ class ControlParams:
 
     @property
     def system(self) -> str:
-        """Which system the step is of."""
+        """Name of the system."""
         return declarations.name_of(self.values["system"])
 
     def own(self) -> dict[str, int]:
@@ -66,7 +67,7 @@ class ControlParams:
         return self.values[name]
 
     def words(self) -> list[int]:
-        """The integers in order, signed where the firmware's are."""
+        """The integers in order, signed for rows of type int32."""
         return list(self.values.values())
 
     def crc32(self) -> int:
@@ -79,12 +80,12 @@ class ControlParams:
 
     @property
     def variance_turn2_q56(self) -> int:
-        """2^32 lsb of variance in turn^2, Q56, for the parameter of that name; 0 where lsb_deg2 is not known."""
+        """2^32 lsb of variance in turn^2, Q56, for the parameter of that name; 0 if lsb_deg2 is unknown."""
         unit = round(self.lsb_deg2 * 2.0**32 / 360.0**2 * 2.0**56)
         return unit if unit < 1 << 32 else 0
 
     def link_words(self) -> dict[str, int]:
-        """What of the link's part goes with these words: Session.upload takes it as keywords."""
+        """The parameters of the link's part that belong to these words, as keywords for Session.upload."""
         return {parameters.UNIT: self.variance_turn2_q56}
 
     @property
@@ -99,7 +100,7 @@ class Quantiser(Protocol):
         """The integers of a tuning; raises UsageError with the parameter, its value and the limit."""
 
     def dequantise(self, params: ControlParams, /) -> AnyTuning:
-        """What the integers mean, in engineering units."""
+        """The tuning in engineering units that the integers represent."""
 
 
 QUANTISER = Part[Quantiser]("quantise", Quantiser)
@@ -116,5 +117,6 @@ def quantise(tuning: AnyTuning) -> ControlParams:
 
 
 def dequantise(params: ControlParams) -> AnyTuning:
-    """What the integers mean, in engineering units: the tuning that the reference runs on beside them."""
+    """The tuning in engineering units that the integers represent. The reference model runs on it, so that its distance
+    to the integer model is that of the arithmetic alone."""
     return system_parts.load(params.system, QUANTISER).dequantise(params)
