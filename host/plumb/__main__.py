@@ -1,4 +1,4 @@
-"""The `plumb` command: find the verb, import only its module, run it, turn errors into exit codes.
+"""The `plumb` command: find the command's module, import only that, run it, and convert errors to exit codes.
 
 Exit codes: 0 good, 1 the verdict is bad, 2 wrong use or a bad input file or a missing tool, 3 device or link trouble
 (or a verdict that could not be verified), 4 a defect in plumb, 130 interrupted, 141 the output's reader left before the
@@ -25,7 +25,7 @@ def top_level_help() -> str:
     known = commands()
     width = max(map(len, known))
     lines = [
-        "usage: plumb COMMAND [options]      plumb COMMAND --help tells the rest",
+        "usage: plumb COMMAND [options]      options of a command: plumb COMMAND --help",
         "",
         "Attitude estimation and control in integers for the STM32F103,",
         "and the proof that board and model agree to the bit.",

@@ -133,7 +133,7 @@ EVERY_OPTION = [(name, *found) for name in verbs.commands() for found in options
 def test_an_option_without_a_value_is_never_taken_as_not_given(
     name: str, verb: tuple[str, ...], option: str, value: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    said = f"plumb: '{option}{value}' gives no value: write one, or leave it out"
+    said = f"plumb: '{option}{value}' has no value: write one, or leave it out"
     assert answer([name, *verb, option + value], capsys) == (2, said)
 
 

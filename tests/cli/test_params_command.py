@@ -186,7 +186,7 @@ def test_a_former_name_in_a_file_is_taken_and_the_new_one_named(
     params(capsys, "set", "accel.gain=7")
     code, _, err = params(capsys, "load", str(file))
     assert code == 0 and in_use(board)["accel.gain"] == -5
-    assert err.splitlines() == [f"plumb: warning: {file}: accel_y.gain is named accel.gain now; it is taken"]
+    assert err.splitlines() == [f"plumb: warning: {file}: accel_y.gain is named accel.gain now; the value is used"]
     file.write_text(file.read_text() + '"accel.gain" = 6\n')
     code, out, err = params(capsys, "load", str(file))
     assert code == 2 and out == "" and "accel_y.gain is the former name of accel.gain, which is there, too" in err

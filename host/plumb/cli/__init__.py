@@ -1,1 +1,2 @@
-"""One module per verb: `add_arguments(parser)`, `main(arguments) -> exit code`; heavy imports inside `main`."""
+"""One module per command: `add_arguments(parser)` and `main(arguments) -> exit code`. Slow imports are inside
+`main`."""

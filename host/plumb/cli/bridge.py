@@ -41,7 +41,7 @@ SIDES: tuple[Side, ...] = ("sensor", "board", "first", "second")
 
 
 class FlowCounts(TypedDict):
-    """What one side of the bridge counted. trouble: its last failure; board_...: of the STM32's own counters."""
+    """Counters of one side of the bridge. trouble: its last failure; board_...: increments of the STM32's counters."""
 
     frames: int
     lost: int
@@ -55,7 +55,7 @@ class FlowCounts(TypedDict):
 
 
 class Summary(TypedDict, total=False):
-    """What `bridge --json` prints. first, second: with --carry, instead of everything from runs to board."""
+    """The output of `bridge --json`. first, second: with --carry, instead of everything from runs to board."""
 
     runs: int
     steps: int
@@ -83,7 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--arm", action="store_true", help="arm the first run: the outputs move")
     parser.add_argument("--shadow", action="store_true", help="compare every step with the model, stop at a difference")
     parser.add_argument(
-        "--direct", action="store_true", help="the sensor board is on the STM32's own CAN bus: samples are not carried"
+        "--direct", action="store_true", help="the sensor board is on the STM32's CAN bus: samples are not forwarded"
     )
     parser.add_argument("--carry", action="store_true", help="forward frames only: another host owns the run")
     options.add_duration(parser)
@@ -98,18 +98,18 @@ def main(arguments: argparse.Namespace) -> int:
     on_can = [isinstance(parse_bus(spec), CanName) for spec in (arguments.sensor, arguments.board)]
     options.check_duration(arguments.seconds)
     if arguments.carry and (arguments.shadow or arguments.arm):
-        raise UsageError("--carry only carries frames: leave out --shadow and --arm, or --carry")
+        raise UsageError("--carry only forwards frames: leave out --shadow and --arm, or --carry")
     if arguments.direct and (arguments.carry or not on_can[0]):
         raise UsageError("--direct is for a sensor board on the STM32's CAN bus: name that bus first, without --carry")
     if arguments.sensor == arguments.board and (arguments.carry or not on_can[1]):
-        raise UsageError(f"{arguments.board} is named twice: sensor board and STM32 meet on a CAN bus alone")
+        raise UsageError(f"{arguments.board} is given twice: sensor board and STM32 can only share a CAN bus")
     with endings() as caught:
         begin_s: float | None = None
 
         def stopped() -> bool:
             nonlocal begin_s
             if begin_s is None:
-                begin_s = time.monotonic()  # with the first question: loading and quantising took a while
+                begin_s = time.monotonic()  # from the first call: loading and quantising take a while
             over = arguments.seconds is not None and time.monotonic() - begin_s >= arguments.seconds
             return bool(caught) or over
 
@@ -208,7 +208,7 @@ def flow(flow: Flow, end: End | None = None) -> FlowCounts:
 
 
 def summary_of(bridge: Bridge) -> Summary:
-    """Everything that was counted."""
+    """All counters of the bridge."""
     import numpy as np
 
     counted = bridge.counted
@@ -241,7 +241,7 @@ def summary_of(bridge: Bridge) -> Summary:
 
 
 def describe(summary: Summary) -> str:
-    """The same for a reader."""
+    """The summary as text."""
     seconds = summary["seconds"]
     lines = []
     for side in SIDES:
@@ -254,18 +254,16 @@ def describe(summary: Summary) -> str:
     if "runs" in summary:
         lines.append(
             f"runs     {summary['runs']}, {summary['steps']} steps, {summary['starved']} of them without a new "
-            f"sample, {summary['skipped_samples']} samples left out to keep the delay short, "
-            f"{summary['unused_samples']} came while no run was on"
+            f"sample, {summary['skipped_samples']} samples skipped to keep the latency short, "
+            f"{summary['unused_samples']} arrived outside a run"
         )
         b = summary["board"]
         lines.append(
             f"counted  by the board: rejected {b['board_rejected']}, dropped {b['board_dropped']}, lost "
-            f"{b['board_lost']}, samples left out here or lost before among them"
+            f"{b['board_lost']}, including samples skipped here or lost before"
         )
     if p := summary.get("latency_ms"):
-        lines.append(
-            f"latency  sample to step {p['p50']} ms in the middle, 99 % within {p['p99']}, all within {p['p100']}"
-        )
+        lines.append(f"latency  sample to step: median {p['p50']} ms, 99 % within {p['p99']}, all within {p['p100']}")
     if "verdict" in summary:
         lines.append(f"shadow   {summary['verified_steps']} steps agree with the model in every bit")
         if "first_divergence" in summary:

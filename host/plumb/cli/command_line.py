@@ -17,15 +17,16 @@ LONG_WORD = re.compile(r"\S{301,}")
 
 
 def check_arguments(arguments: Sequence[str]) -> None:
-    """Raises UsageError for an argument without a value. argparse would take some of them as not given at all."""
+    """Raises UsageError for an argument with an empty value; argparse would treat some of them as absent."""
     for argument in arguments:
         name, _, value = argument.partition("=")
         if not argument or (name.startswith("--") and argument != name and value in ("", "--")):
-            raise UsageError(f"'{argument}' gives no value: write one, or leave it out")
+            raise UsageError(f"'{argument}' has no value: write one, or leave it out")
 
 
 def check_numbers(values: Mapping[str, object]) -> None:
-    """Raises UsageError for the first option that is no number to calculate with; values: parsed, by destination."""
+    """Raises UsageError for the first number that is not finite or too large. values: parsed options, by
+    destination."""
     for name, value in values.items():
         if isinstance(value, float) and not math.isfinite(value):
             raise UsageError(f"--{name.replace('_', '-')} {value}: give a finite number")

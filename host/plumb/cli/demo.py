@@ -1,8 +1,8 @@
-"""The main job, on no hardware: close the loop of a system on the virtual board, then check the golden vectors.
+"""Close the loop of a system on the virtual board, without hardware, then check the golden vectors of all systems.
 
-The unmodified flash image runs on a simulated STM32F103. The plant drives volts into its ADC pins and follows its PWM;
-telemetry comes back over its serial port. Every step is compared with the integer model, then the golden vectors of all
-systems run on the native core, on QEMU where it is installed, and on the virtual board over its serial port and over
+The unmodified flash image runs on a simulated STM32F103. The plant drives the voltages of its ADC pins and follows its
+PWM; telemetry arrives over its serial port. Every step is compared with the integer model. Then the golden vectors of
+all systems run on the native core, on QEMU if it is installed, and on the virtual board over its serial port and over
 CAN. Writes DIR/report.html, DIR/summary.json and DIR/steps.csv.
 """
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Demo(Protocol):
-    """demo.py of a system: the run that this command shows."""
+    """demo.py of a system: the run that `plumb demo` shows."""
 
     @property
     def SCENARIO(self) -> str: ...
@@ -39,7 +39,7 @@ DEMO = Part[Demo]("demo", Demo, without="it has no demo")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    options.add_system_with(parser, DEMO.name, "whose demo")
+    options.add_system_with(parser, DEMO.name, "system of the demo")
     options.add_out(parser, default=Path("out/demo"))
     options.add_image(parser)
     options.add_seed(parser)

@@ -1,9 +1,9 @@
-"""Check this machine: libraries, tools, the flash image, serial ports and the right to open them; and a board.
+"""Check this machine: libraries, tools, the flash image, serial ports and the permission to open them; and a board.
 
     plumb doctor
     plumb doctor --board serial:/dev/ttyUSB0       the board's identity, its faults, and what blocks arming
 
-Every line that is not good says what to do. Exit code 0 when the main job can run, else 2; 1 when the board has a fault
+Every line that is not ok says what to do. Exit code 0 when `plumb demo` can run, else 2; 1 when the board has a fault
 or does not match this version of plumb.
 """
 
@@ -119,7 +119,7 @@ def image() -> Finding:
 
 
 def systems_of(path: Path) -> str:
-    """The systems that an image says it has: the package's manifest knows, else the virtual board runs it."""
+    """The systems of an image, from the package's manifest, or by running the image on the virtual board."""
     from plumb.errors import PlumbError
     from plumb.flash.packaged_images import packaged_images
 
@@ -158,7 +158,7 @@ def serial_rights() -> Iterator[Finding]:
 
 
 def pins(session: Session, identity: Identity) -> Finding:
-    """The pin set that the strap chose, and the one that the parameters are for where they disagree."""
+    """The pin set of the strap, and that of the parameters if it differs."""
     from plumb.link.identity import FAULT_STRAP, PINS
     from plumb.spec import parameters
 
@@ -173,7 +173,8 @@ def pins(session: Session, identity: Identity) -> Finding:
 
 
 def board(spec: str, link: str = "serial") -> list[Finding]:
-    """What a board says of itself. Raises LinkError when it does not answer, UsageError when there is no such board."""
+    """The board's identity, faults and arming state. Raises LinkError if it does not answer, UsageError for a wrong
+    name."""
     from plumb.boards.link import open_link_board
     from plumb.link.identity import BLOCKED, BLOCKING_FAULTS, FAULTS, HOST_BLOCKS
     from plumb.link.monitor import STATUS_EVERY_S

@@ -49,7 +49,7 @@ def main(arguments: argparse.Namespace) -> int:
     driven = table.driven_systems()
     for name in arguments.system or ():
         if name not in driven:
-            raise UsageError(f"'{name}' is no system that drives an actuator; use one of {', '.join(driven)}")
+            raise UsageError(f"'{name}' is not a system that drives an actuator; use one of {', '.join(driven)}")
     faults = table.chosen(arguments.fault)
     if arguments.list:
         return list_faults(faults, arguments.json)

@@ -39,10 +39,14 @@ CLONE = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     way = parser.add_mutually_exclusive_group(required=True)
     way.add_argument("--port", help="serial port of the adapter; `plumb ports` lists them")
-    way.add_argument("--probe", metavar="openocd[:INTERFACE]|pyocd", help="a debug probe, by the tool that drives it")
+    way.add_argument(
+        "--probe", metavar="openocd[:INTERFACE]|pyocd", help="debug probe, named by the tool that drives it"
+    )
     parser.add_argument("--baud", type=int, default=115200, help="1200 to 115200 (default 115200)")
     options.add_image(parser, "flash image, .bin, .hex or .elf")
-    parser.add_argument("--wait", type=float, default=15.0, metavar="S", help="for the bootloader (default 15 s)")
+    parser.add_argument(
+        "--wait", type=float, default=15.0, metavar="S", help="longest wait for the bootloader (default 15 s)"
+    )
     options.add_json(parser)
 
 
@@ -51,7 +55,7 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.flash.image import find_image, load_image, own_header
 
     if not 1200 <= arguments.baud <= 115200:
-        raise UsageError(f"the bootloader does not do {arguments.baud} baud; use 1200 to 115200")
+        raise UsageError(f"the bootloader does not support {arguments.baud} baud; use 1200 to 115200")
     path = find_image(arguments.image)
     image = load_image(path)
     header = own_header(image, str(path))
@@ -123,7 +127,7 @@ def over_uart(arguments: argparse.Namespace, image: bytes, announcement: str) ->
     print(announcement, file=sys.stderr, flush=True)
     line = rom_loader.Line(arguments.port, arguments.baud)
     if not line.has_parity:
-        print(f"{arguments.port} does no even parity, which every real bootloader wants; going on", file=sys.stderr)
+        print(f"{arguments.port} has no even parity, which the chip's bootloader needs; continuing", file=sys.stderr)
     try:
         line.reset(boot0=True)
         asked, loader = False, rom_loader.RomLoader(line)
@@ -143,13 +147,13 @@ def over_uart(arguments: argparse.Namespace, image: bytes, announcement: str) ->
 
 
 def ask_the_board(line: Line, arguments: argparse.Namespace) -> tuple[Line, bool]:
-    """If a plumb board runs there, into its bootloader with it; returns the port, opened again, and whether it went."""
+    """If a plumb board answers, let it enter its bootloader. Returns the port, reopened, and whether the board did."""
     from plumb.flash import rom_loader
 
     line.close()
     asked = rom_loader.ask_running_board(arguments.port)
     if asked:
-        print("the board goes into its bootloader by itself", file=sys.stderr, flush=True)
+        print("the board enters its bootloader by itself", file=sys.stderr, flush=True)
     return rom_loader.Line(arguments.port, arguments.baud), asked
 
 
@@ -174,7 +178,7 @@ def flash_with_progress(loader: RomLoader, part: Part, image: bytes) -> Flashed:
 
 
 def complaint(flashed: Flashed, image: bytes) -> str:
-    """One sentence about what read back wrong."""
+    """Error sentence about the bytes that were read back wrong."""
     from plumb.flash.image import FLASH_BASE
 
     if flashed.blank:

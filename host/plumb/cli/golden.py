@@ -9,9 +9,10 @@
     plumb golden make                                                   after a change of the specification
 
 The integer model makes the vectors; a board passes when it gives the same digest at every step. The model itself,
-`fixed`, is always checked too. fixed, native, qemu and program take every vector, a board behind a link those that the
-recipe marks for it. A damaged file, or one that differs from recipe or manifest, is refused before anything runs. Every
-difference is traced to its first step and signal. Exit code 1 on a mismatch, 3 when the link lost digests or counts.
+`fixed`, is always checked, too. fixed, native, qemu and program run every vector, a board behind a link only those that
+the recipe marks for it. A damaged file, or one that differs from recipe or manifest, is refused before anything runs.
+Every difference is traced to its first step and signal. Exit code 1 on a mismatch, 3 when the link lost digests or
+counts.
 """
 
 from __future__ import annotations

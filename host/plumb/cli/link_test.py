@@ -34,7 +34,7 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.errors import UsageError, exit_code_of
 
     if not 1 <= arguments.steps <= 1_000_000:
-        raise UsageError(f"--steps {arguments.steps}: from 1 to 1000000")
+        raise UsageError(f"--steps {arguments.steps}: give a number from 1 to 1000000")
     if arguments.seed < 0:
         raise UsageError(f"a seed is 0 or more, not {arguments.seed}")
     with options.linked_board_of(arguments) as board:
@@ -44,7 +44,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def tried(session: Session, steps: int, seed: int) -> dict[str, Any]:
-    """The figures of a link; raises LinkError when it breaks."""
+    """Run the test; returns latencies, rates and losses. Raises LinkError if the link breaks."""
     import numpy as np
 
     from plumb.link.lockstep import Lockstep
@@ -91,7 +91,7 @@ def tried(session: Session, steps: int, seed: int) -> dict[str, Any]:
 
 
 def board_counters(session: Session) -> dict[str, int]:
-    """The board's own, as of now: it tells them several times a second."""
+    """The board's own counters, from its next periodic report."""
     session.telemetry.pop("COUNTERS", None)
     end = session.clock() + 2.0
     while "COUNTERS" not in session.telemetry and session.clock() < end:
@@ -105,7 +105,7 @@ def describe(r: dict[str, Any]) -> str:
     return "\n".join(
         [
             f"{r['steps']} steps: {r['exchanges_per_s']}/s one at a time, {r['steps_per_s']}/s sixteen in flight",
-            f"an exchange takes {p['p50']} ms in the middle, 99 % within {p['p99']}, all within {p['p100']}",
+            f"an exchange takes {p['p50']} ms (median), 99 % within {p['p99']}, all within {p['p100']}",
             "nothing lost, damaged or repeated" if not lost else "; ".join(f"{n} {v}" for n, v in lost.items()),
             r["verdict"],
         ]

@@ -35,7 +35,7 @@ SHOWN = {
     "tilt_deg", "tilt_measured_deg", "rate_dps", "bias_dps", "command", "pulse_0_us", "pulse_1_us", "duty", "flags",
     "velocity_mps", "roll_deg", "roll_bias_dps", "w", "x", "y", "z", "rate_x_dps", "rate_y_dps", "rate_z_dps",
 }  # fmt: skip
-"""Columns that have a place of their own in the view; what else a system sends is listed by name."""
+"""Columns with a place of their own in the view; the others are listed by name."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -116,7 +116,7 @@ def state(snapshot: Snapshot) -> str:
 
 
 def block(identity: Identity, s: Snapshot) -> list[str]:
-    """The view of a terminal."""
+    """The lines of the display on a terminal."""
     from plumb.link.identity import PINS
 
     rate = "-" if s["steps_per_s"] is None else f"{s['steps_per_s']:.1f}/s"
@@ -126,8 +126,8 @@ def block(identity: Identity, s: Snapshot) -> list[str]:
     )
     errors = f"errors sent {count(s['can_transmit_errors'])}, received {count(s['can_receive_errors'])}"
     can = f"{'off the bus' if s['can_off_bus'] else 'on the bus'}, {errors}, times off {count(s['can_bus_offs'])}"
-    in_the_way = "; ".join(s["blocked"]) or "nothing is in the way"
-    armed = "yes" if s["armed"] else f"no, the pins stay neutral; {in_the_way}"
+    blocked = "; ".join(s["blocked"]) or "nothing blocks arming"
+    armed = "yes" if s["armed"] else f"no, the pins stay neutral; {blocked}"
     idle = "no run is on: --run live begins one" if s["mode"] == "IDLE" else ""
     return [
         f"plumb board {identity.unique_id}, image {identity.git_hash or 'of no known commit'}, "
@@ -151,7 +151,7 @@ def block(identity: Identity, s: Snapshot) -> list[str]:
 
 
 def drive_and_roll(s: Snapshot) -> list[str]:
-    """Lines of the systems that have these."""
+    """Lines of duty and velocity, and of roll, for systems that have these signals."""
     lines = []
     if s["duty"] is not None:
         lines.append(f"duty      {number(s['duty'], '')}         velocity {number(s['velocity_mps'], 'm/s')}")
@@ -166,14 +166,14 @@ def others(s: Snapshot) -> list[str]:
 
 
 def other_columns() -> list[str]:
-    """The columns of systems that no line of the view has a place for."""
+    """The columns without a place of their own in the view."""
     from plumb.link.monitor import columns
 
     return [name for name in columns() if name not in SHOWN]
 
 
 def attitude(s: Snapshot) -> list[str]:
-    """Of a system that has a quaternion: its angles, and the rates of the body."""
+    """Lines of a system with a quaternion: Euler angles and body rates."""
     if s["attitude"] is None or s["rates_dps"] is None:
         return []
     yaw, pitch, roll = angles_deg(s["attitude"])
@@ -185,7 +185,7 @@ def attitude(s: Snapshot) -> list[str]:
 
 
 def angles_deg(quaternion: list[float]) -> tuple[float, float, float]:
-    """Yaw, pitch and roll, turned in that order."""
+    """Yaw, pitch and roll in deg (rotation order z, y, x) of a quaternion w, x, y, z."""
     w, x, y, z = quaternion
     yaw = math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
     pitch = math.degrees(math.asin(min(max(2 * (w * y - z * x), -1.0), 1.0)))
@@ -198,7 +198,7 @@ def pulses(s: Snapshot) -> str:
 
 
 def show(lines: list[str], *, over: int) -> int:
-    """Write the block over the last one, which took so many rows of the terminal; returns how many this one takes."""
+    """Write the block over the previous one. over: rows that the previous one took; returns the rows of this one."""
     width = max(shutil.get_terminal_size().columns - 1, 40)
     rows = [row for text in lines for row in textwrap.wrap(text, width, subsequent_indent=" " * 10)]
     back = f"\x1b[{over}A" if over else ""
@@ -207,7 +207,7 @@ def show(lines: list[str], *, over: int) -> int:
 
 
 def line(s: Snapshot) -> str:
-    """The view of a file or a pipe."""
+    """The display as one line, for a file or a pipe."""
     lost = s["host_lost"] + s["host_lost_steps"]
     trouble = [f"lost {lost}"] if lost else []
     trouble += [f"rejected {s['host_rejected']}"] if s["host_rejected"] else []

@@ -1,7 +1,7 @@
-"""Options that several commands share: each is declared here once, with its help text, and opened here.
+"""Options that several commands share: each is declared here once, with its help text.
 
-An `add_...` function adds one option to a parser or to a group of one; `board_of` and `linked_board_of` open the board
-that the options name. Only what argparse needs is imported at the top: help has to be quick.
+An `add_...` function adds one option to a parser or to a group of options; `board_of` and `linked_board_of` open the
+board that the options name. Only the imports that argparse needs are at the top, so that --help is fast.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ BUS = "serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT, can:INTERFACE:CHANNEL[@KBIT]
 
 
 def add_board(parser: Options, *, linked: bool = False, required: bool = True, about: str = "") -> None:
-    """--board. linked: only boards that are spoken to over a link; about: what the command does with it."""
+    """--board. linked: only boards with a link; about: what the command does with the board."""
     boards = LINKED_BOARD if linked else ANY_BOARD
     if required:
         parser.add_argument("--board", required=True, metavar="B", help=boards)
@@ -33,7 +33,7 @@ def add_board(parser: Options, *, linked: bool = False, required: bool = True, a
 
 
 def add_boards(parser: Options, *, default: str, also: str = "") -> None:
-    """--board, as often as wanted. also: a kind of board that other commands do not take."""
+    """--board, repeatable. also: a kind of board that only this command accepts."""
     boards = f"{ANY_BOARD}; {also}" if also else ANY_BOARD
     parser.add_argument("--board", action="append", metavar="B", help=f"{boards}; repeatable (default: {default})")
 
@@ -68,22 +68,24 @@ def add_system(parser: Options, about: str) -> None:
 
 
 def add_system_with(parser: Options, part: str, about: str) -> None:
-    """--system, of those whose folder has that module; `system_with` says which it is."""
+    """--system, limited to systems whose folder has that module; `system_with` returns the chosen one."""
     from plumb import systems
 
-    parser.add_argument("--system", choices=systems.with_part(part), help=f"{about} (default: as the systems declare)")
+    parser.add_argument(
+        "--system", choices=systems.with_part(part), help=f"{about} (default: the system that declares it)"
+    )
 
 
 def system_with(arguments: argparse.Namespace, part: str) -> str:
-    """The system of --system, or the default of that part; raises UsageError where none is. Tell it with `tell_default`
-    once the run is under way."""
+    """The system of --system, or the default for that part; raises UsageError if there is none. Call `tell_default`
+    once the run has begun."""
     from plumb import systems
 
     return systems.default_for(part) if arguments.system is None else str(arguments.system)
 
 
 def tell_default(arguments: argparse.Namespace, name: str, part: str) -> None:
-    """On stderr, which system was taken without --system, and which others there are."""
+    """Print to stderr which system is the default, if --system is absent, and the alternatives."""
     import sys
 
     from plumb import systems
@@ -95,7 +97,7 @@ def tell_default(arguments: argparse.Namespace, name: str, part: str) -> None:
 
 
 def add_systems(parser: Options, about: str) -> None:
-    """--system, as often as wanted."""
+    """--system, repeatable."""
     parser.add_argument("--system", action="append", metavar="SYSTEM", help=f"{about}; repeatable")
 
 
@@ -134,7 +136,7 @@ def add_seconds(parser: Options, about: str, default: float | None = None) -> No
 
 
 def add_duration(parser: Options) -> None:
-    """--seconds, of a command that runs until it is told to stop; see `check_duration`."""
+    """--seconds, of a command that runs until Ctrl-C; see `check_duration`."""
     add_seconds(parser, "how long (default: until Ctrl-C)")
 
 
@@ -155,7 +157,7 @@ def check_duration(seconds: float | None) -> None:
     from plumb.errors import UsageError
 
     if seconds is not None and not seconds > 0:
-        raise UsageError(f"--seconds {seconds:g}: ask for more than nothing")
+        raise UsageError(f"--seconds {seconds:g}: give a number greater than 0")
 
 
 def board_of(arguments: argparse.Namespace, board: str | None = None) -> Board:
@@ -173,5 +175,5 @@ def linked_board_of(arguments: argparse.Namespace) -> LinkBoard:
 
 
 def link_of(arguments: argparse.Namespace) -> str | None:
-    """The link that a summary names: --link of `virtual`; every other board has one link alone."""
+    """The link to name in a summary: --link for `virtual`, None for a board with only one link."""
     return str(arguments.link) if arguments.board == "virtual" else None

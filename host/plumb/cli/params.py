@@ -1,4 +1,4 @@
-"""The parameters of a board: read them, change them, keep them in a file.
+"""Read, change and save the parameters of a board, or write them to a file.
 
     plumb params list --board serial:/dev/ttyUSB0
     plumb params get pid.kp_q22 period_us --board serial:/dev/ttyUSB0
@@ -12,8 +12,8 @@
 
 Values are the integers of the board's table, shown with their meaning in engineering units. A change is staged, then
 committed by the CRC-32 of the whole resulting table; the board accepts it as a whole or refuses it with the reason. A
-change disarms the board and ends a run in progress. `tuning` makes the board a system, with one of the tunings that
-`plumb run SYSTEM` knows, its period and the settings of its actuator. `set`, `tuning`, `load` and `reset` change the
+change disarms the board and ends a run in progress. `tuning` configures the board as a system with one of its shipped
+tunings, their period and the settings of the actuator. `set`, `tuning`, `load` and `reset` change the
 parameters in use until the board is reset; `save`, or --save with any of them, writes the parameters in use to the
 board's flash, which it loads at every start. `load` takes a file of `dump`, or without a file the contents of the
 flash; `reset` restores the factory values. `virtual` is a new board every time: a change shows whether a board accepts
@@ -42,18 +42,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_link_and_image(each)
     options.add_json(each)
     keep = argparse.ArgumentParser(add_help=False)
-    keep.add_argument("--save", action="store_true", help="and keep them in the board's flash")
+    keep.add_argument("--save", action="store_true", help="also save the parameters in the board's flash")
     verbs = parser.add_subparsers(dest="action", required=True, metavar="list|get|set|tuning|save|load|reset|dump")
     verbs.add_parser("list", parents=[each], help="every parameter: value, meaning, range, default")
-    one = verbs.add_parser("get", parents=[each], help="some parameters, with what they are for")
+    one = verbs.add_parser("get", parents=[each], help="the named parameters, with their descriptions")
     one.add_argument("names", nargs="+", metavar="NAME")
     change = verbs.add_parser("set", parents=[each, keep], help="change some")
-    change.add_argument("assignments", nargs="+", metavar="NAME=VALUE", help="integers of the table")
-    tune = verbs.add_parser("tuning", parents=[each, keep], help="make the board a system, with a shipped tuning")
+    change.add_argument("assignments", nargs="+", metavar="NAME=VALUE", help="parameter and its integer value")
+    tune = verbs.add_parser(
+        "tuning", parents=[each, keep], help="configure the board as a system, with a shipped tuning"
+    )
     options.add_system_argument(tune)
-    tune.add_argument("tuning", nargs="?", metavar="TUNING", help="default: the one that `plumb run` takes")
-    verbs.add_parser("save", parents=[each], help="keep what is in use in the board's flash")
-    give = verbs.add_parser("load", parents=[each, keep], help="commit a file, or go back to what the flash holds")
+    tune.add_argument("tuning", nargs="?", metavar="TUNING", help="tuning (default: as in `plumb run`)")
+    verbs.add_parser("save", parents=[each], help="save the parameters in use in the board's flash")
+    give = verbs.add_parser(
+        "load", parents=[each, keep], help="commit a file, or without FILE the parameters saved in flash"
+    )
     give.add_argument("file", type=Path, nargs="?", metavar="FILE")
     verbs.add_parser("reset", parents=[each, keep], help="factory values")
     write = verbs.add_parser("dump", parents=[each], help="write the whole table and its CRC-32 to a TOML file")
@@ -76,11 +80,13 @@ def main(arguments: argparse.Namespace) -> int:
     elif arguments.action == "load" and arguments.file is not None:
         said = parameter_file.read(arguments.file)
         wanted = said.values
-        warnings += [f"{arguments.file}: {old} is named {new} now; it is taken" for old, new in said.renamed.items()]
-        warnings += [f"{arguments.file}: there is no parameter '{name}'; it is left out" for name in said.unknown]
+        warnings += [
+            f"{arguments.file}: {old} is named {new} now; the value is used" for old, new in said.renamed.items()
+        ]
+        warnings += [f"{arguments.file}: there is no parameter '{name}'; it is ignored" for name in said.unknown]
         warnings += [f"{arguments.file}: {name} is missing; the board's value stays" for name in said.missing]
         if said.edited:
-            warnings.append(f"{arguments.file}: the values are not those its CRC-32 was taken of: it was edited since")
+            warnings.append(f"{arguments.file}: the values do not match the CRC-32 in the file: it was edited")
     with options.linked_board_of(arguments) as board:
         identity = board.session.identity
         if identity is not None and identity.mismatch:
@@ -120,7 +126,7 @@ def table_of(name: str, tuning: str | None) -> dict[str, int]:
     chosen = tuning or system.DEFAULT_TUNING
     if chosen not in system.TUNINGS:
         raise UsageError(f"{name} has no tuning '{chosen}'; use one of {', '.join(system.TUNINGS)}")
-    pins = {"pins": 0} if system.OUTPUTS else {}  # the speed controllers', unless the system says otherwise
+    pins = {"pins": 0} if system.OUTPUTS else {}  # the pins of speed controllers, unless the system names others
     params = quantise(system.TUNINGS[chosen])
     return {**params.values, **params.link_words(), "period_us": system.PERIOD_US, **pins, **system.LINK}
 
@@ -141,7 +147,7 @@ def change(session: Session, verb: str, words: list[int], wanted: dict[str, int]
 def report_change(
     words: list[int], after_words: list[int], identity: Identity, warnings: list[str], as_json: bool
 ) -> int:
-    """Print which parameters changed, and where the parameters in use come from."""
+    """Print the parameters that changed, and where those in use come from."""
     from plumb.spec import parameter_file, parameters
     from plumb.spec.units import meaning
 
@@ -177,7 +183,7 @@ def at_next_start(identity: Identity, values: dict[str, int], changed: list[str]
     waiting = ["pins"] if "pins" in changed and not sentences else []
     waiting += ["dead_time_ns"] if "dead_time_ns" in changed else []
     if waiting:
-        sentences.append(f"{' and '.join(waiting)} is read at the start alone: save and reset the board")
+        sentences.append(f"{' and '.join(waiting)} is read only at the start: save and reset the board")
     return sentences
 
 
@@ -187,7 +193,7 @@ def warn(sentences: list[str]) -> None:
 
 
 class Described(TypedDict):
-    """One parameter in `params ... --json`: its declaration, its value as an integer, and what that means."""
+    """One parameter in `params ... --json`: its declaration, its integer, and its value in engineering units."""
 
     name: str
     owner: str
@@ -205,7 +211,7 @@ class Described(TypedDict):
 
 
 def describe(row: Parameter, values: dict[str, int]) -> Described:
-    """Everything about one parameter, as it goes into JSON."""
+    """One parameter as printed with --json."""
     from plumb.spec.units import meaning
 
     means = meaning(row, values)
@@ -227,7 +233,7 @@ def describe(row: Parameter, values: dict[str, int]) -> Described:
 
 
 def as_table(described: list[Described]) -> str:
-    """One line a parameter; a star where it is not the default."""
+    """One line for each parameter, with a star if it differs from the default."""
     head = ["  name", "value", "meaning", "unit, format", "range", "default"]
     lines = [head]
     for entry in described:

@@ -12,7 +12,9 @@ from plumb.cli import options
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--probe", action="store_true", help="open each port at 921600 baud and ask who is there")
+    parser.add_argument(
+        "--probe", action="store_true", help="open each port at 921600 baud and read the identity of the board"
+    )
     options.add_json(parser)
 
 
@@ -36,7 +38,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def probe(device: str) -> str:
-    """One sentence about who answers at `device`."""
+    """One sentence about the board at `device`, or why there is none."""
     from plumb.errors import LinkError
     from plumb.link.session import Session
 

@@ -4,7 +4,7 @@
     plumb record --board virtual --run live --out today --seconds 10
     plumb record --bus can:socketcan:can0 --out bus.asc
 
-With --board, PATH is a folder: frames.asc (every frame), steps.csv (one row a step, in engineering units), board.json
+With --board, PATH is a folder: frames.asc (every frame), steps.csv (one row per step, in engineering units), board.json
 (identity and parameters of the run) and report.html (the signals over time). Without --run the command only listens to
 the run in progress. With --bus, PATH is a log of frames, and no frame is sent; its suffix names the format (.asc .blf
 .csv .log .trc). Ends after --seconds, with Ctrl-C, or when the link breaks; what was recorded until then is kept and
@@ -66,7 +66,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def of_bus(arguments: argparse.Namespace, caught: list[int], summary: dict[str, object]) -> None:
-    """Write every frame of the bus to the log; fill in the summary, whatever ends it."""
+    """Write every frame of the bus to the log; fills in the summary also if an error ends the recording."""
     from plumb.inputs.frame_counts import Flow
     from plumb.inputs.recorder import FrameLog
     from plumb.link.transports.open_bus import open_bus
@@ -90,7 +90,7 @@ def of_bus(arguments: argparse.Namespace, caught: list[int], summary: dict[str, 
 
 
 def of_board(arguments: argparse.Namespace, caught: list[int], summary: dict[str, object]) -> None:
-    """Record a board into the folder; fill in the summary, whatever ends it."""
+    """Record a board into the folder; fills in the summary also if an error ends the recording."""
     from plumb import systems
     from plumb.cli.monitor import attach_plant
     from plumb.inputs import record_report
@@ -119,7 +119,7 @@ def of_board(arguments: argparse.Namespace, caught: list[int], summary: dict[str
             if arguments.run:
                 session.end()
             elif not recorder.rows:
-                print("plumb: no run was on: --run live begins one on the board's own sensors", file=sys.stderr)
+                print("plumb: no run was in progress: --run live begins one on the board's sensors", file=sys.stderr)
         finally:
             try:
                 recorder.close()
@@ -136,7 +136,7 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UsageError(f"{folder} cannot be made: {error.strerror}") from None
+        raise UsageError(f"the folder {folder} cannot be created: {error.strerror}") from None
 
 
 def listen(session: Session, seconds: float | None, caught: list[int]) -> None:

@@ -1,11 +1,11 @@
 """Run a recording of a real three-axis sensor through a board, and compare every step with the model.
 
-FILE is .npz or .csv; the columns are described at the top of plumb/inputs/recording.py. An ideal sensor is scaled to
-the recording, resampled to the period. Where the recording has an optical reference the tilt error is reported, over
-the samples marked as movement. Exit code 1 on a mismatch.
+FILE is .npz or .csv; the columns are described at the top of plumb/inputs/recording.py. The recording is resampled to
+the period and converted to the counts of an ideal sensor. If it has an optical reference, the tilt error over the
+samples marked as movement is reported. Exit code 1 on a mismatch.
 
---system says what is made of it: one axis, as --axis chooses, or the attitude of the whole sensor. The page of a system
-says which further files it reads; of several runs in a file the longest is taken.
+--system chooses the estimator: one axis of the sensor, which --axis selects, or its whole attitude. The page of a
+system names further file formats that it reads; of several runs in a file the longest is used.
 """
 
 from __future__ import annotations
@@ -21,8 +21,10 @@ PART = "replay"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help="the recording")
-    options.add_system_with(parser, PART, "whose inputs are made of it")
-    parser.add_argument("--axis", choices=("x", "y", "z"), default="x", help="where one axis is taken (default x)")
+    options.add_system_with(parser, PART, "system that replays the recording")
+    parser.add_argument(
+        "--axis", choices=("x", "y", "z"), default="x", help="axis of the sensor, for one-axis systems (default x)"
+    )
     options.add_board(parser)
     options.add_link_and_image(parser)
     parser.add_argument("--period-us", type=int, help="control period (default: the recording's own)")

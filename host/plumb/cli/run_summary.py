@@ -1,4 +1,4 @@
-"""What a command that makes a run puts out: --out, --json or text, and its exit code."""
+"""Output of a command that makes a run: the files of --out, JSON or text, and the exit code."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def report(arguments: argparse.Namespace, run: Run, summary: dict[str, object]) 
 
 
 def write(arguments: argparse.Namespace, run: Run, summary: dict[str, object], more: Sequence[Table] = ()) -> list[str]:
-    """Write the files of --out; where they are, a line each for what people open."""
+    """Write the files of --out; returns a line for each file that a user opens."""
     if not arguments.out:
         return []
     from plumb.proof import run_report
@@ -33,7 +33,7 @@ def write(arguments: argparse.Namespace, run: Run, summary: dict[str, object], m
 
 
 def describe(run: Run, summary: dict[str, object]) -> list[str]:
-    """The summary for a reader: a line for each metric, what is claimed of bits and accuracy, and the verdict."""
+    """The summary as text: a line for each metric, the statements about bits and accuracy, and the verdict."""
     metrics = summary["metrics"]
     assert isinstance(metrics, dict)
     seed = "" if summary["seed"] is None else f"seed {summary['seed']}, "

@@ -4,9 +4,9 @@
     plumb sensor-board quad --bus tcp:127.0.0.1:4100     waits for a bridge there
     plumb sensor-board quad --bus can:socketcan:can0     as a second board on a CAN bus
 
-The outputs of the STM32 move the plant while it is armed. Until then the plant is held at rest, because a board arms at
-rest only, and a few seconds after a disarm it is set back there. With --open-loop the motion is prescribed and begins
-at once. Runs until Ctrl-C, or for --seconds.
+The outputs of the STM32 move the plant while it is armed. Until then the plant stays at rest, because a board can only
+be armed at rest; a few seconds after a disarm it is reset. With --open-loop the motion is prescribed and begins at
+once. Runs until Ctrl-C, or for --seconds.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 from plumb.cli import options
 
 REST_S = 2.0
-"""Every scenario of a system that drives something begins with more rest than this."""
+"""Rest at the beginning of the scenarios of systems with an actuator; each of these scenarios has more."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,7 +51,7 @@ def main(arguments: argparse.Namespace) -> int:
         return system.plant(scenario, open_loop=arguments.open_loop)
 
     with endings() as caught, serve_bus(arguments.bus, arguments.symlink) as bus:
-        print(f"{arguments.system} emits samples on {bus.channel_info}; Ctrl-C ends it", flush=True)
+        print(f"{arguments.system} sends samples on {bus.channel_info}; Ctrl-C ends it", flush=True)
         rest_s = REST_S if system.OUTPUT_FRAMES and not arguments.open_loop else 0.0
         greet = isinstance(parse_bus(arguments.bus), CanName)
         board = SensorBoard(bus, plant, scenario.period_us, system.OUTPUT_FRAMES, greet=greet, rest_s=rest_s)
@@ -60,7 +60,7 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(summary))
     else:
-        print(f"{board.sent} samples sent; {board.late} periods given up because this machine was late")
+        print(f"{board.sent} samples sent; {board.late} periods skipped because this machine was late")
     if signal.SIGINT in caught:
         raise KeyboardInterrupt
     return 0

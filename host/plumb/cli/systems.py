@@ -1,13 +1,13 @@
-"""The systems this version has; with --system, everything a run of that one can be asked for by name.
+"""List the systems of this version; with --system, the scenarios, tunings, start-up modes and faults of one.
 
     plumb systems --system quad             its scenarios, tunings, start-up modes, conditions, faults, noise
-    plumb systems --table                   what the sources claim, what was to be reached, and what the integers reach
-    plumb systems --table --first-seed 5000 the same on other seeds
-    plumb systems --confirm virtual         the runs the table stands on, step for step the same on that board
-    plumb systems --plots docs/figures      the sources' figures, drawn again
+    plumb systems --table                   published figures, targets, and the figures that the integers reach
+    plumb systems --table --first-seed 5000 the same with other seeds
+    plumb systems --confirm virtual         run the table's scenarios on that board: every step must be identical
+    plumb systems --plots docs/figures      draw the sources' figures with the integers
 
-The table runs the C integers over seeds 1000 to 1039 of every scenario, some minutes for all systems; so does the
-confirmation of one seed. Exit code 1 when a figure is missed or a step differs.
+The table runs the C integers over seeds 1000 to 1039 of every scenario, which takes some minutes for all systems; so
+does --confirm, with one seed. Exit code 1 when a figure is missed or a step differs.
 """
 
 from __future__ import annotations
@@ -23,18 +23,16 @@ from plumb.cli import options
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--table", action="store_true", help="run the scenarios and print the figures")
-    parser.add_argument(
-        "--short", action="store_true", help="with --table: only what was asked, and what stands beside"
-    )
+    parser.add_argument("--short", action="store_true", help="with --table: only the main figures of each system")
     options.add_systems(parser, "only this system: its presets, or its figures")
     parser.add_argument(
-        "--confirm", metavar="B", help="every scenario and tuning on a board, seed 1000, against native"
+        "--confirm", metavar="B", help="run every scenario and tuning on a board, seed 1000, and compare with native"
     )
     options.add_link_and_image(parser)
     options.add_seconds(parser, "with --confirm: at most N seconds of each run")
     parser.add_argument("--plots", type=Path, metavar="DIR", help="write the sources' figures as DIR/SYSTEM_NAME.svg")
-    parser.add_argument("--seeds", type=int, default=40, help="how many seeds (default 40)")
-    parser.add_argument("--first-seed", type=int, default=1000, metavar="N", help="from which on (default 1000)")
+    parser.add_argument("--seeds", type=int, default=40, help="number of seeds (default 40)")
+    parser.add_argument("--first-seed", type=int, default=1000, metavar="N", help="first seed (default 1000)")
     options.add_json(parser)
 
 
@@ -82,7 +80,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def confirm(arguments: argparse.Namespace, names: Sequence[str]) -> int:
-    """A line a run, as it is ready."""
+    """Run everything on the board; prints a line when a run is done. Returns the exit code."""
     from plumb.errors import ExitCode
     from plumb.proof import confirmed
 
@@ -99,7 +97,7 @@ def confirm(arguments: argparse.Namespace, names: Sequence[str]) -> int:
 
 
 def named(name: str) -> dict[str, Mapping[str, str]]:
-    """Everything a run of the system can be asked for: option -> name -> what it is."""
+    """The presets of a system: option -> name -> description."""
     from plumb import systems
 
     system = systems.load(name)
@@ -113,7 +111,7 @@ def named(name: str) -> dict[str, Mapping[str, str]]:
 
 
 def presets(name: str) -> Iterator[str]:
-    """The same for a reader, and what the figures rest on."""
+    """The presets of a system as text, and the assumptions of its figures."""
     from plumb import systems
     from plumb.proof import figures
 

@@ -12,22 +12,22 @@ if TYPE_CHECKING:
     from types import ModuleType
 
 COMMANDS = {
-    "demo": "closed loop on the virtual board, then the golden comparison; writes a report",
+    "demo": "close the loop on the virtual board, then check the golden vectors; writes a report",
     "run": "run one system's scenario on a board and compare every step with the model",
     "golden": "make the golden vectors, or check boards against them",
     "replay": "run a recording of real sensors through a board, and compare every step with the model",
     "compare": "tilt errors of VQF, Madgwick, Mahony and plumb's systems on recordings with a reference",
-    "systems": "the systems' published figures, and what the integers reach",
+    "systems": "list the systems and their presets; compare their figures with the published ones",
     "virtual-board": "serve the simulated STM32F103: its UART on a pty or TCP port, its CAN on any bus",
     "monitor": "watch a running board: tilt, bias, pulses, mode, counters, losses",
-    "record": "record a running board, or a bus, into files",
-    "params": "read, change, keep and restore a board's parameters",
-    "sensor-board": "the simulated sensor board: samples in real time as frames on a bus",
-    "bridge": "carry frames between a sensor board and a board, with the model beside",
-    "link-test": "try a link: losses, damage, rates and delays",
+    "record": "record a running board, or a bus, to files",
+    "params": "read, change, save and restore a board's parameters",
+    "sensor-board": "simulate a sensor board: samples in real time as frames on a bus",
+    "bridge": "forward frames between a sensor board and a board, and compare with the model",
+    "link-test": "test a link: losses, damaged frames, rates and latency",
     "flash": "write the flash image to a board over its ROM bootloader, and read it back",
-    "faults": "the fault table: injections on the armed flash image, against limits",
-    "bench": "instructions, cycles, bytes, stack and error of the kernels, against budget",
+    "faults": "inject faults into the armed flash image, and compare the reactions with their limits",
+    "bench": "measure instructions, cycles, bytes, stack and error of the kernels against their budgets",
     "ports": "list serial ports, and which one answers as a plumb board",
     "doctor": "check this machine: tools, libraries, image, permissions",
     "completion": "print a shell completion script",
@@ -35,8 +35,8 @@ COMMANDS = {
 
 
 def commands() -> dict[str, str]:
-    """Name -> sentence of every command: those above, then those that the systems declare; raises UsageError when a
-    system's has the name of another."""
+    """Name -> sentence of every command: those above, then those that the systems declare. Raises UsageError if two
+    have the same name."""
     from plumb.errors import UsageError
     from plumb.spec import declarations
 
@@ -50,7 +50,7 @@ def commands() -> dict[str, str]:
 
 
 def command_module(name: str) -> ModuleType:
-    """The module of a command; raises UsageError when there is none of that name."""
+    """The module of a command; raises UsageError for an unknown name."""
     import importlib
 
     if name in COMMANDS:

@@ -1,4 +1,4 @@
-"""Serve the virtual board as a process of its own, at the pace of the wall clock.
+"""Serve the virtual board as a process of its own, in real time.
 
     plumb virtual-board --serial pty               prints the terminal's name; open it like a serial port
     plumb virtual-board --serial tcp:4000          then use serial:socket://127.0.0.1:4000 as the board
@@ -35,17 +35,21 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--serial", default="pty", metavar="pty|tcp:PORT", help="where its UART appears (default pty)")
-    parser.add_argument("--can", metavar="INTERFACE:CHANNEL", help="where its CAN bus appears (default: nowhere)")
+    parser.add_argument(
+        "--serial", default="pty", metavar="pty|tcp:PORT", help="where its UART is served (default pty)"
+    )
+    parser.add_argument(
+        "--can", metavar="INTERFACE:CHANNEL", help="where its CAN bus is served or joined (default: nowhere)"
+    )
     parser.add_argument("--symlink", type=Path, help="make this symbolic link to the terminal")
     options.add_system(parser, "start as this system, with its plant on the pins")
     options.add_scenario(parser)
     options.add_seed(parser, "the plant")
-    parser.add_argument("--strap", help="standard, bridge, quadrotor or both (default: as --system wants it)")
+    parser.add_argument("--strap", help="standard, bridge, quadrotor or both (default: that of --system)")
     parser.add_argument("--port", choices=("f103", "native"), default="f103", help="the chip, or a board in memory")
     parser.add_argument("--part", help="stm32f103c8 (default), -cb, -rct6, -ret6 or -zet6")
     options.add_image(parser)
-    parser.add_argument("--keep", type=Path, metavar="FILE", help="keep its saved parameters here")
+    parser.add_argument("--keep", type=Path, metavar="FILE", help="store its flash parameters in this file")
 
 
 def main(arguments: argparse.Namespace) -> int:
@@ -85,7 +89,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _strap(arguments: argparse.Namespace) -> str:
-    """The wiring that was asked for, else the system's."""
+    """The strap setting of --strap, else that of the system."""
     from plumb import systems
     from plumb.boards.strap import BY_PIN_SET
 

@@ -196,13 +196,18 @@ def parse_endpoint(text: str) -> PtyName | TcpName:
 
 
 def parse_can_end(text: str) -> CanEndName:
-    """Where this process joins or serves a CAN bus."""
+    """Where this process serves a CAN bus, or the bus that it joins; raises UsageError."""
     kind, _, where = text.partition(":")
     if kind == "slcan" and (where == "pty" or where.startswith("tcp:")):
         return AdapterName(parse_endpoint(where))
     port = _port(where)
     if kind == "socketcand" and port is not None:
         return SocketcandServerName(port)
+    if not where:
+        raise UsageError(
+            f"{quoted(text)} is not a CAN bus; write slcan:pty, slcan:tcp:PORT, socketcand:PORT or "
+            "INTERFACE:CHANNEL[@KBIT]"
+        )
     return parse_can(text)
 
 
