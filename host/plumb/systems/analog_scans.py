@@ -1,8 +1,8 @@
-"""Scans of the board's analog inputs as a plant on the pins sees them: which conversions belong to a sample.
+"""Find out which conversions of the board's analog inputs belong to a sample, for a plant on the pins.
 
-The board scans its inputs at least once per millisecond, whatever its period; the last scan of a period is the sample,
-the others only show whether an input is at a rail or stuck. A plant's noise belongs to its samples, so every scan in
-between needs noise of the converter of its own: without it the input would stand still for a whole period.
+The board scans its inputs at least once per millisecond, whatever its period. The last scan of a period is the sample;
+the others only detect an input at a rail or stuck. A plant draws noise once per sample. Every other scan needs
+converter noise of its own; otherwise the input would look stuck for a whole period.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from plumb.physics.sensors import ADC_COUNTS, ADC_NOISE_LSB, ADC_REFERENCE_V
 SCAN_INTERVAL_US = 1000
 """Longest time between two scans."""
 SAME_SCAN_S = 100e-6
-"""Conversions of one scan, and scans of one oversampled sample, follow each other sooner than this."""
+"""Longest gap between conversions of one scan, and between scans of one oversampled sample."""
 TOLERANCE_S = 3e-6
 
 
 class AnalogScans:
-    """Follows the conversions of the first channel. A scan that does not come one interval after the last one is the
-    first of another run: the timer was started anew."""
+    """Tracks the conversions of the first channel. A scan that does not follow the last one by one interval is the
+    first of a new run, for which the board restarted its timer."""
 
     def __init__(self, period_us: int, seed: int) -> None:
         self.per_period = -(-period_us // SCAN_INTERVAL_US)
@@ -30,11 +30,11 @@ class AnalogScans:
         self._chance = random.Random(seed)
 
     def until_sample_s(self) -> float:
-        """From this scan to the next one that is a sample, in s; 0: this one is."""
+        """Time in s from this scan to the next sample; 0 if this scan is the sample."""
         return -self._scans % self.per_period * self.interval_s
 
     def convert(self, now_s: float) -> bool:
-        """The first channel is converted now. True where a new scan begins."""
+        """Report a conversion of the first channel. Returns True if it begins a new scan."""
         after_s = None if self._last_s is None else now_s - self._last_s
         if after_s is not None and after_s < SAME_SCAN_S:
             return False
@@ -48,5 +48,5 @@ class AnalogScans:
         return self._scans % self.per_period == 0
 
     def noise_v(self) -> float:
-        """Of one conversion between two samples."""
+        """Converter noise in V for one conversion between two samples."""
         return 0.0 if self.is_sample else self._chance.gauss(0.0, ADC_NOISE_LSB * ADC_REFERENCE_V / ADC_COUNTS)

@@ -1,7 +1,7 @@
-"""What the modules of a system's folder offer, as types; `plumb.systems` says what a system's folder holds.
+"""Contracts of the modules in a system's folder, as Protocols; `plumb.systems` lists the modules.
 
-`plumb.systems.load` holds a system's modules to these contracts when it loads them. The scenarios, plants and
-tunings of a system fit that system alone: the contracts cannot say so, and a caller never mixes two systems.
+`plumb.systems.load` checks a module against its contract. Scenarios, plants and tunings only fit the system that they
+come from; the types do not express this, so a caller must not mix two systems.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ TuningT = TypeVar("TuningT", bound=AnyTuning)
 
 
 class Conversion(NamedTuple):
-    """A sample that the board took of the first raw channel. time_s: on the machine's clock; truth: at that moment."""
+    """A sample that the board took of the first raw channel. time_s: on the machine's clock; truth: true values
+    then."""
 
     time_s: float
     raw_count: int
@@ -34,11 +35,11 @@ class Conversion(NamedTuple):
 
 
 class Scenario(Protocol):
-    """Everything random of one run, drawn from its seed."""
+    """One run with all its random values, drawn from its seed."""
 
     @property
     def period_us(self) -> int:
-        """Sampling period."""
+        """Sampling period in us."""
 
     @property
     def steps(self) -> int:
@@ -46,7 +47,7 @@ class Scenario(Protocol):
 
     @property
     def time_s(self) -> FloatArray:
-        """When the samples are taken, (steps,)."""
+        """Sampling instants in s, (steps,)."""
 
     @property
     def scored(self) -> npt.NDArray[np.bool_]:
@@ -64,17 +65,17 @@ class Scenario(Protocol):
 
 @runtime_checkable
 class FittedScenario(Protocol):
-    """A scenario whose run needs a tuning of its own, which depends on what was drawn."""
+    """A scenario whose tuning depends on the drawn values."""
 
     def fit(self, tuning: TuningT) -> TuningT:
         """The tuning for this run."""
 
 
 class Plant(Protocol):
-    """The physics, and the sensors that ride on it."""
+    """Simulated physics with the sensors."""
 
     def follow(self, time_s: float, outputs: Mapping[str, int]) -> None:
-        """Simulate up to time_s with the signals of the last step; {}: none yet."""
+        """Simulate up to time_s with the outputs of the last step, by name of the word; {} before the first step."""
 
     def counts(self, time_s: float) -> tuple[int, ...]:
         """Six raw counts at time_s."""
@@ -87,7 +88,7 @@ class Plant(Protocol):
 
 
 class System(Protocol):
-    """scenarios.py: the scenarios, tunings and plant of a system. Mappings that have nothing to name are empty."""
+    """scenarios.py: the scenarios, tunings and plant of a system. A mapping without entries is empty, never absent."""
 
     @property
     def SCENARIOS(self) -> Mapping[str, str]:
@@ -95,7 +96,7 @@ class System(Protocol):
 
     @property
     def SECONDS(self) -> Mapping[str, float]:
-        """Scenario -> its length unless told otherwise."""
+        """Scenario -> its default length in s."""
 
     @property
     def DEFAULT_SCENARIO(self) -> str: ...
@@ -112,7 +113,7 @@ class System(Protocol):
 
     @property
     def PERIOD_US(self) -> int:
-        """Period of a step unless told otherwise."""
+        """Default period of a step in us."""
 
     @property
     def LINK(self) -> Mapping[str, int]:
@@ -136,18 +137,18 @@ class System(Protocol):
 
     @property
     def FAULT_CHANNELS(self) -> Sequence[str]:
-        """What a fault can be of."""
+        """Names of the sensors or outputs that a fault can affect."""
 
     @property
     def OUTPUT_FRAMES(self) -> Mapping[str, tuple[str, str]]:
-        """Signal of the record that moves the plant -> (frame, signal) that carries it; {}: nothing is driven."""
+        """Word of the record that drives the plant -> (frame, signal) that carries it; {} without an actuator."""
 
     @property
     def OUTPUTS(self) -> Sequence[str]:
-        """These signals of the record; (): nothing is driven, and every loop is open."""
+        """The words of OUTPUT_FRAMES; () without an actuator, when every loop is open."""
 
     def faults(self, requests: Sequence[Request], /) -> Sequence[object]:
-        """What `scenario` takes as faults; raises UsageError for a kind or a channel that there is not."""
+        """The faults in the form that `scenario` accepts; raises UsageError for an unknown kind or channel."""
 
     def scenario(
         self,
@@ -160,15 +161,15 @@ class System(Protocol):
         faults: Sequence[object] = (),
         **conditions: float,
     ) -> Scenario:
-        """Draw a run. conditions: those of CONDITIONS. Raises UsageError for what cannot be drawn."""
+        """Draw a run. conditions: those of CONDITIONS. Raises UsageError for an invalid combination."""
 
     def plant(self, scenario: Scenario, /, *, open_loop: bool = ...) -> Plant:
-        """The physics of a run. open_loop: its motion is prescribed, and the outputs move nothing."""
+        """The plant of a run. open_loop: the motion is prescribed and the outputs have no effect."""
 
 
 @runtime_checkable
 class PushedSystem(Protocol):
-    """A system whose page shows a run with a push."""
+    """A system whose documentation page shows a run with a push."""
 
     @property
     def PUSHED(self) -> tuple[str, str]:
@@ -195,15 +196,15 @@ class Pins(Protocol):
 
     @property
     def FRAMES(self) -> tuple[str, ...]:
-        """What a step sends: the raw counts that the system uses, and what a viewer wants."""
+        """Frames that a live run selects: the raw counts that the system uses, and signals for a viewer."""
 
     @property
     def SCENARIO(self) -> str:
-        """What a served board's plant does unless told otherwise."""
+        """Default scenario of a served board's plant."""
 
     @property
     def SHOWN(self) -> str:
-        """What a plant that is only looked at does."""
+        """Default scenario for watching (monitor, record)."""
 
     @property
     def TUNING(self) -> str:
@@ -221,11 +222,11 @@ class AnalogPins(Protocol):
 
 @runtime_checkable
 class BridgePins(Protocol):
-    """pins.py of a system that drives a bridge; a system without BREAK_PIN drives speed controllers, or nothing."""
+    """pins.py of a system that drives a bridge. Without BREAK_PIN a system drives speed controllers or nothing."""
 
     @property
     def BREAK_PIN(self) -> str:
-        """Low: the driver of the bridge reports a fault."""
+        """Pin of the fault input; low means that the driver of the bridge reports a fault."""
 
 
 class FixedStep(Protocol):
@@ -235,7 +236,7 @@ class FixedStep(Protocol):
         """The state before the first step."""
 
     def control_step(self, c: object, p: Params, raw: Sequence[Integer], setpoint: Integer, /) -> tuple[Integer, ...]:
-        """One step: changes the state c; gives the values of its words, in the written order. raw: six counts."""
+        """One step: updates the state c; returns the values of the record's words, in order. raw: six counts."""
 
 
 class ReferenceModel(Protocol):
@@ -244,7 +245,8 @@ class ReferenceModel(Protocol):
     def run_control(
         self, tuning: AnyTuning, raw: npt.ArrayLike, setpoint: npt.ArrayLike | None = None, /
     ) -> dict[str, FloatArray]:
-        """A whole run. raw: (steps, counts[, runs]); setpoint: (steps[, runs]), 0 when left out; (steps[, runs])."""
+        """A whole run; returns arrays (steps[, runs]) by name. raw: (steps, counts[, runs]); setpoint: (steps[, runs]),
+        default 0."""
 
 
 SCENARIOS = Part[System]("scenarios", System)
@@ -254,5 +256,5 @@ PINS = Part[Pins]("pins", Pins, without="the board has no sensors of its own for
 
 
 def fitted(scenario: Scenario, tuning: AnyTuning) -> AnyTuning:
-    """The tuning for a scenario's run."""
+    """The tuning, adapted to the scenario if it is a FittedScenario."""
     return scenario.fit(tuning) if isinstance(scenario, FittedScenario) else tuning

@@ -1,8 +1,8 @@
-"""The integer algorithm, written from docs/reference/arithmetic/kernels.md alone: every bit of every word of a step.
+"""Run a system's integer model, bit-exact for every word of the record; it makes the golden vectors.
 
-A system is a module of its own here, with `control_init(p)` and `control_step(c, p, raw, setpoint)`, which gives the
-values of the step's words in the written order; what systems share is in `kernels`. All of it works on ints (one run)
-and on int64 arrays (one value per run) with the same code. Golden vectors come from here.
+The model is written from docs/reference/arithmetic/kernels.md, not from the C. Each system's fixed.py has
+`control_init(p)` and `control_step(c, p, raw, setpoint)`, which returns the values of the record's words in order; the
+shared kernels are in `plumb.kernels`. The same code works on ints (one run) and on int64 arrays (one value per run).
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ __all__ = [
 
 
 class Controller:
-    """One run, a step at a time."""
+    """One run of the integer model, step by step."""
 
     def __init__(self, params: ControlParams) -> None:
         self._system, self._p = load(params.system, FIXED), params.values
@@ -48,13 +48,13 @@ class Controller:
         self._row: tuple[int, ...] = ()
 
     def step(self, raw: Sequence[int], setpoint: int) -> dict[str, int]:
-        """The words of this step by name; raw: up to 6 counts, the rest are 0."""
+        """Run one step; returns its words by name. raw: up to six counts, the rest are 0."""
         counts = [int(count) for count in raw]
         self._row = self._system.control_step(self._c, self._p, counts + [0] * (6 - len(counts)), int(setpoint))
         return dict(zip(self._names, self._row, strict=True))
 
     def record(self) -> bytes:
-        """The last step's bytes, as the digest is taken over them."""
+        """The bytes of the last step's record, over which the digest is taken."""
         return self._packer.pack(*self._row)
 
     def digest(self) -> int:
@@ -63,7 +63,11 @@ class Controller:
 
 
 def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
-    """raw: (steps, up to 6 counts[, runs]); setpoint: (steps[, runs]); one set of parameters, or one per run."""
+    """Run the integer model on many samples; returns the records.
+
+    params: one set, or one per run, all of one system. raw: (steps, up to six counts[, runs]); setpoint: (steps[,
+    runs]). Raises UsageError for wrong shapes, types or ranges.
+    """
     counts, setpoints = check_inputs(raw, setpoint)
     steps = len(counts)
     name = system_name(params)
@@ -85,7 +89,7 @@ def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayL
 
 
 def system_name(params: ControlParams | Sequence[ControlParams]) -> str:
-    """The one system that all sets are of; UsageError otherwise."""
+    """The system of all parameter sets; raises UsageError if they belong to different ones."""
     names = {one.system for one in ([params] if isinstance(params, ControlParams) else params)}
     if len(names) != 1:
         raise UsageError(f"runs of {' and '.join(sorted(names)) or 'no system'} cannot be batched: give one system's")
@@ -93,7 +97,7 @@ def system_name(params: ControlParams | Sequence[ControlParams]) -> str:
 
 
 def stack(params: ControlParams | Sequence[ControlParams], runs: int) -> dict[str, npt.NDArray[np.int64]]:
-    """Parameters as columns, one value per run."""
+    """Parameters by name, as arrays of one value per run."""
     sets = [params] * runs if isinstance(params, ControlParams) else list(params)
     if len(sets) != runs:
         raise UsageError(f"{len(sets)} parameter sets were given for {runs} runs: give one, or one per run")
@@ -101,7 +105,8 @@ def stack(params: ControlParams | Sequence[ControlParams], runs: int) -> dict[st
 
 
 def check_inputs(raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Counts as (steps, 6[, runs]) and setpoints as (steps[, runs]), of int16 and int32 range; UsageError otherwise."""
+    """Counts as (steps, 6[, runs]) in the int16 range, setpoints as (steps[, runs]) in the int32 range; raises
+    UsageError for other inputs."""
     counts, setpoints = np.asarray(raw), np.asarray(setpoint)
     for name, values, bits in (("raw counts", counts, 16), ("setpoints", setpoints, 32)):
         if values.dtype.kind not in "iu":

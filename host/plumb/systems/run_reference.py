@@ -1,7 +1,7 @@
-"""The papers' equations in float64, as printed: the truth that fixed point is measured against.
+"""Run a system's reference model: the published equations in float64, against which fixed point is measured.
 
-A system is a module of its own here; what systems share is in `kernels`. It runs on a tuning: a person's, or the
-dequantised one of the integers, so that only the arithmetic differs from `plumb.systems.run_fixed`.
+The model is the system's reference.py; the shared kernels are in `plumb.kernels.reference`. With the dequantised tuning
+of a parameter set, it differs from `plumb.systems.run_fixed` in the arithmetic alone.
 """
 
 from __future__ import annotations
@@ -38,8 +38,9 @@ __all__ = [
 def run_control(
     settings: AnyTuning | ControlParams, raw: npt.ArrayLike, setpoint: npt.ArrayLike | None = None
 ) -> dict[str, npt.NDArray[np.float64]]:
-    """A run of the system that the settings are of, from counts. raw: (steps, counts[, runs]); setpoint: (steps[,
-    runs]) in the integers of the system, 0 when left out. Float arrays (steps[, runs]) by name; which, the system says.
+    """Run the reference model on raw counts; returns float arrays (steps[, runs]) by name, as the system defines them.
+
+    raw: (steps, counts[, runs]); setpoint: (steps[, runs]) in the integers of the system, default 0.
     """
     tuning = dequantise(settings) if isinstance(settings, ControlParams) else settings
     system = load(tuning.system, REFERENCE)

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 SCORE_FROM_S = 10.0
-"""The first seconds are at rest and the filter starts up in them."""
+"""Start of the scored part: the scenarios begin at rest, while the filter converges."""
 
 
 def scored(time_s: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:

@@ -1,7 +1,7 @@
-"""What is wired to a Blue Pill, as data: what drawings of several systems share. A system's own are its part `wiring`.
+"""Wiring of a Blue Pill as data: types and devices that the drawings of several systems share.
 
-What the firmware makes of each pin is not here: tests/f103/test_f103_wiring.py holds every wire against the pin modes
-of the booted image.
+A system's own wiring is in its wiring.py. tests/f103/test_f103_wiring.py compares every wire with the pin modes that
+the booted image sets.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Protocol
 from plumb.spec.system_parts import Part
 
 ANALOG, INPUT, OUTPUT, DRAIN = "analog", "input", "output", "open drain"
-"""What the STM32's pin is, seen from the STM32."""
+"""Role of a pin, seen from the STM32."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Device:
     title: str
     wires: tuple[Wire, ...]
     row: float
-    """Of the Blue Pill's pins, beside which its first terminal is to lie; lower where the box above reaches down."""
+    """Row of the Blue Pill's pins at which its first terminal is drawn; lower if the box above needs the space."""
 
 
 @dataclass(frozen=True)
@@ -44,12 +44,12 @@ class Drawing:
     notes: tuple[str, ...] = field(default=())
 
     def wires(self) -> list[Wire]:
-        """Those that end on a pin."""
+        """The wires that end on a pin."""
         return [wire for device in self.left + self.right for wire in device.wires if wire.role]
 
 
 class WiringDrawings(Protocol):
-    """wiring.py: what is wired to the board for a system."""
+    """wiring.py: the wiring of a system."""
 
     @property
     def DRAWINGS(self) -> tuple[Drawing, ...]:

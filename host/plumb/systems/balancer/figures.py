@@ -1,8 +1,8 @@
-"""What `balancer` was asked to reach, and what the integers reach (see plumb.proof.figures).
+"""Targets of `balancer` and the figures that the integers reach (see plumb.proof.figures).
 
-Open loop: the ride of the ideal controller. Closed loop: the C integers in the loop, judged on the true tilt. The
-source's own filter, the arctangent of the two axes with nothing taken off, stands beside the shipped tuning for
-comparison: nothing was asked of it.
+Open loop: the motion of the ideal controller. Closed loop: the C integers in the loop, scored against the true tilt.
+The source's own filter, the arctangent of the two axes without compensation, is listed beside the shipped tuning for
+comparison; it has no target.
 """
 
 from __future__ import annotations
@@ -31,16 +31,17 @@ from plumb.tuning import quantise
 
 HEADLINE = ("tilt error", "rough", "tuned")
 PLOTTED_SEED, ROCKED_SEED = 1000, 1010
-"""The rocked one begins with 2.5 deg/s of bias, so that there is something to correct."""
+"""Seed 1010 begins with a bias of 2.5 deg/s, so that the correction is visible."""
 RAW_DPS = 1.7
-"""The raw rate's error that the scenario is said to have, deg/s rms."""
+"""Error of the raw rate that the scenario specifies, deg/s rms."""
 
 
 def expected_raw_dps() -> tuple[float, float]:
-    """Error of the raw rate that bias, noise and rounding lead to: mean over runs of a run's rms over the scored
-    samples, and how far single runs scatter about it (standard deviation), deg/s.
+    """Expected error of the raw rate due to bias, noise and rounding: mean and standard deviation over runs of the rms
+    over the scored samples, deg/s.
 
-    The start bias is uniform, the warm-up's sign drawn, so that both signs are one; walk and noise add in squares.
+    The initial bias is uniform. The sign of the warm-up drift is random, so that both signs have the same rms. Random
+    walk and noise add as squares.
     """
     time_s = np.arange(0.0, balancer.SECONDS["rough"], balancer.PERIOD_US * 1e-6)
     time_s = time_s[scoring.scored(time_s)]
@@ -138,7 +139,7 @@ class Batch:
 
 
 def open_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """Prescribed rides: accelerometer and gyro alone, the shipped tuning, and the source's filter for comparison."""
+    """Prescribed motion: accelerometer and gyro alone, the shipped tuning, and the source's filter for comparison."""
     expected, _ = expected_raw_dps()
     yield Figure("raw rate, over every bias there may be", "rough", "-", "deg/s rms", "near", RAW_DPS, expected)
     limits: tuple[tuple[str, float, float], ...] = (("rough", 5.84, 92.0), ("smooth", 1.54, 74.0))
@@ -165,7 +166,7 @@ def open_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 
 
 def _estimate(batch: Batch, tuning: str, claim: str, sense: Sense, reach_deg: float) -> tuple[Figure, Figure]:
-    """Tilt and corrected rate of a tuning; sense: whether anything was asked of it."""
+    """Rows of a tuning's tilt error and corrected rate; sense: of the target."""
     settings = balancer.TUNINGS[tuning]
     words = native_core.run_control(quantise.quantise(settings), batch.raw, batch.setpoint)
     ideal = run_reference.run_control(settings, batch.raw, batch.setpoint)
@@ -188,7 +189,7 @@ def _estimate(batch: Batch, tuning: str, claim: str, sense: Sense, reach_deg: fl
 
 
 def rocked_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """The paper's own claim, on a vehicle rocked by hand: the largest error of a run before and after the filter."""
+    """The paper's claim for a vehicle rocked by hand: largest error of a run before and after the filter."""
     batch = Batch.of("rocked", seeds)
 
     def peaks(tilt_deg: FloatArray) -> FloatArray:
@@ -212,7 +213,7 @@ def rocked_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 
 
 def closed_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """The loop closed on the estimate, integers in the loop and then float64: its error, and that nothing falls."""
+    """Closed loop on the estimate, with the integers and with float64: tilt error, and that no vehicle falls."""
     tuning, runs = balancer.TUNED, list(seeds)
     for name in ("rough", "smooth"):
         reach_deg = CLOSED_RMS_DEG[name]
@@ -222,7 +223,7 @@ def closed_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 
 
 def endured_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """Ten minutes of every seed; the float64 column is left to the shorter runs."""
+    """Ten minutes of every seed, without float64, which the shorter runs cover."""
     ours = [balance(Integers(balancer.TUNED), "endure", seed) for seed in seeds]
     yield from _balanced("ten minutes, tilt error", "endure", CLOSED_RMS_DEG["endure"], ours, [])
 
@@ -363,8 +364,8 @@ def figures_5_and_6(tuning: str = "paper_rule") -> list[Plot]:
 
 
 def taken_off() -> list[Plot]:
-    """What taking the axle's acceleration off the forward axis is worth on a ride: errors without and with it. Hall
-    edges are coarse, so the arctangent gets the noisier and, over a second, the truer: its mean over 1 s is drawn."""
+    """Errors with and without subtracting the axle's acceleration from the forward axis. Hall edges are coarse, so the
+    subtraction makes the arctangent noisier but its mean more accurate: the mean over 1 s is drawn."""
     batch = Batch.of("smooth", [PLOTTED_SEED])
     second = np.full(1_000_000 // balancer.PERIOD_US, balancer.PERIOD_US * 1e-6)
     shown = slice(2000, 6000)
@@ -389,7 +390,7 @@ def taken_off() -> list[Plot]:
 
 
 def closed_plots() -> list[Plot]:
-    """The loop closed on the estimate, from 10 s to 50 s of `rough`: lean, velocity, duty, and what pushes."""
+    """Closed loop on the estimate, 10 s to 50 s of `rough`: tilt, velocity, duty and pushes."""
     from plumb.boards.native import NativeBoard
 
     run = balancer.scenario("rough", PLOTTED_SEED)

@@ -39,7 +39,7 @@ class ControlState:
 
 
 def wheel(edges: Integer, velocity: Integer, p: Params) -> tuple[Integer, Integer, Integer, Integer]:
-    """Speed of this step and filtered velocity, m/s Q26; acceleration, g Q26; and 1 where something was clamped."""
+    """Speed of this step and filtered velocity, m/s Q26; acceleration, g Q26; and 1 if a value was clamped, else 0."""
     used = clamp(edges, -p["wheel.edges_max"], p["wheel.edges_max"])
     speed = used * p["wheel.edge_mps_q26"]
     change = speed - velocity
@@ -54,7 +54,7 @@ def control_init(p: Params) -> ControlState:
 
 
 def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_mps_q26: Integer) -> tuple[Integer, ...]:
-    """One step: the values of its words, in the written order."""
+    """One step; returns the values of the record's words, in order."""
     c.step += 1
     edges = raw[3] * 0 if c.step == 1 else ((raw[3] - c.hall + 0x8000) & 0xFFFF) - 0x8000
     previous, c.hall = c.rate_turnps_q28, raw[3]

@@ -22,18 +22,18 @@ SHOWN, TUNING = SCENARIO, "tuned"
 FRAMES = ("RAW_A", "RAW_B", "BALANCER_ANGLE", "BALANCER_DRIVE")
 BREAK_PIN = "PB12"
 GYRO, HALL = 0, 3
-"""Their channels among the raw counts."""
+"""Indices of their channels among the raw counts."""
 CROSS_AXIS_DPS = GYRO_NOISE_DPS * np.random.default_rng(0).standard_normal((4096, 2))
-"""Noise of the gyro's x and z, deg/s, by millisecond: the vehicle does not turn about them. Without it the counts of
-the axle alone would decide whether the chip repeats itself, and four equal ones come by chance."""
+"""Noise of the gyro's x and z axes in deg/s, one value per millisecond: the vehicle does not turn about them. Without
+it, the stuck check of the chip would depend on the counts of the axle alone, and four equal ones occur by chance."""
 FOLLOW_US = 1000
-"""How often the plant looks at the bridge, and the Hall sensors at the rotor."""
+"""Interval at which the plant reads the bridge and updates the Hall sensors."""
 
 
 class Coupling:
-    """Joins a plant to a machine's pins; the plant's time 0 is the first sample of the gyro that the board reads.
+    """Connects a plant to a machine's pins. The plant's time 0 is the first gyro sample that the board reads.
 
-    taken: the samples of the gyro that the board read, with the time of reading.
+    taken: the gyro samples that the board has read, with the time of reading.
     """
 
     def __init__(self, machine: Machine, plant: BalancerPlant) -> None:
@@ -82,7 +82,8 @@ class Coupling:
         self.machine.timeline.at("plant", now + FOLLOW_US * TICKS_PER_US, self._follow)
 
     def _hall(self, time_s: float) -> int:
-        """State of the Hall sensors. A fault is of all three: high, low, as they were, or now and then an edge on."""
+        """State of the three Hall sensors. A fault affects all three: high, low, frozen, or with occasional extra
+        edges."""
         rolled = self.plant.vehicle.rolled_edges()
         for fault in self.plant.scenario.faults:
             if fault.channel == HALL and fault.start_s <= time_s < fault.stop_s:

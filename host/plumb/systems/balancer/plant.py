@@ -1,4 +1,4 @@
-"""The plant of `balancer`: the vehicle, and the sensors that ride on it."""
+"""The plant of `balancer`: the vehicle and its sensors."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from plumb.systems.balancer.scenarios import Scenario
 from plumb.systems.balancer.vehicle import GRID_S, Vehicle
 
 UNIT_PER_COUNT = (1.0 / Itg3205().lsb_per_dps, Adxl345().g_per_lsb, Adxl345().g_per_lsb)
-"""Of the chips: deg/s and g."""
+"""deg/s and g per count of the chips: gyro, forward, up."""
 
 
 class BalancerPlant:
-    """A vehicle and its sensors: duty in by `follow`, `counts` out, `truth` for whoever judges.
+    """A vehicle and its sensors: `follow` sets the duty, `counts` returns samples, `truth` the true state for scoring.
 
-    open_loop: the ideal controller drives, whatever duty comes in.
+    open_loop: the ideal controller drives, and the duty is ignored.
     """
 
     def __init__(self, scenario: Scenario, *, open_loop: bool = False) -> None:
@@ -28,7 +28,7 @@ class BalancerPlant:
 
     @property
     def time_s(self) -> float:
-        """Simulated so far."""
+        """Simulated time."""
         return self.vehicle.step * GRID_S
 
     def follow(self, time_s: float, outputs: Mapping[str, int]) -> None:
@@ -49,7 +49,7 @@ class BalancerPlant:
         return tuple(int(count) for count in self.scenario.faulted(row, k, np.array([time_s]), self._frozen)[0])
 
     def felt(self, time_s: float) -> tuple[float, float, float]:
-        """What the chips convert now, noise and this run's faults included: rate about the axle in deg/s, forces
+        """Inputs of the chips at time_s, with noise and this run's faults: rate about the axle in deg/s, specific force
         forward and up in g."""
         vehicle = self.vehicle
         rate_dps, force_g = np.array([math.degrees(vehicle.rate_radps)]), np.array(vehicle.force_g())[:, None]
@@ -61,11 +61,11 @@ class BalancerPlant:
         return felt[0], felt[1], felt[2]
 
     def fault_noise(self, time_s: float, channel: int) -> float:
-        """Of the sample of time_s, unit variance."""
+        """Noise of a fault for the sample at time_s, unit variance."""
         return float(self.scenario.fault_noise[channel, self._sample(time_s)])
 
     def truth(self, time_s: float) -> dict[str, float]:
-        """Tilt, gyro bias of the sample of time_s, rate, velocity and the velocity asked for."""
+        """True tilt, gyro bias of the sample at time_s, rate, velocity, and the velocity setpoint."""
         vehicle = self.vehicle
         return {
             "tilt_deg": math.degrees(vehicle.tilt_rad),
@@ -75,7 +75,7 @@ class BalancerPlant:
         }
 
     def setpoint(self, time_s: float) -> int:
-        """The velocity asked for at that time, m/s Q26."""
+        """Velocity setpoint at time_s, m/s Q26."""
         return int(self.scenario.setpoint()[self._sample(time_s)])
 
     def _sample(self, time_s: float) -> int:

@@ -1,4 +1,4 @@
-"""What a run of `balancer` is measured by, and what it looks like."""
+"""Metrics and plots of a run of `balancer`."""
 
 from __future__ import annotations
 
@@ -22,18 +22,19 @@ FLAG_FALLEN = 1 << 7
 
 
 def estimate_deg(run: Run) -> FloatArray:
-    """The board's tilt, (steps,)."""
+    """The board's tilt in deg, (steps,)."""
     return np.asarray(run.board_words["tilt_turn_q32"] * TURN_DEG)
 
 
 def accel_only_deg(run: Run) -> FloatArray:
-    """What the accelerometer alone says of the sampled values, (steps,)."""
+    """Tilt in deg from the accelerometer alone, (steps,)."""
     x, z = (run.words[name].astype(np.float64) for name in ("accel_x_g_q26", "accel_z_g_q26"))
     return measures.accel_only_deg(x, z)
 
 
 def metrics(run: Run) -> dict[str, float | None]:
-    """Errors of tilt and rate over the samples that count, the largest tilt there was, and how long it lay."""
+    """Errors of tilt and rate over the scored samples, the largest true tilt, and the time the vehicle lay on the
+    ground."""
     truth, words, scored = run.inputs.truth, run.board_words, run.inputs.scored
 
     def rms(values: Series, true: Series) -> float | None:

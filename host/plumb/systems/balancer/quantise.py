@@ -1,4 +1,4 @@
-"""`balancer`: its tuning as integers, and back."""
+"""Quantise the tuning of `balancer`, and back."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def quantise(tuning: BalancerTuning) -> ControlParams:
 
 
 def _share(name: str, tau_s: float, dt: Fraction) -> Fraction:
-    """Of a first-order filter: 1 - exp(-dt / tau)."""
+    """Coefficient of a first-order filter: 1 - exp(-dt / tau)."""
     not_negative({name: tau_s})
     share = Fraction(-math.expm1(-float(dt) / tau_s)) if tau_s else Fraction(1)
     if share * (1 << 31) < 500:
@@ -56,7 +56,8 @@ def _wheel(wheel: Wheel, dt: Fraction) -> dict[str, int]:
 
 
 def _speed(speed: SpeedLoop, dt: Fraction) -> dict[str, int]:
-    """pid_params_t of an error in m/s Q26 and a "rate" in g Q26, whose command is a share of the largest lean."""
+    """The words of the speed loop, a PID whose error is in m/s Q26, whose rate is in g Q26, and whose command is a
+    fraction of the largest lean."""
     lean_max, limit = Fraction(speed.lean_max_deg), 1 << 30
     if not 0 < lean_max <= Fraction(45, 2):
         refuse("speed.lean_max_deg", speed.lean_max_deg, "leans are more than 0 and at most 22.5 deg")
@@ -94,7 +95,7 @@ def _drive(drive: Drive, speed: SpeedLoop) -> dict[str, int]:
 
 
 def dequantise(params: ControlParams) -> BalancerTuning:
-    """What the integers mean."""
+    """The tuning that the integers represent."""
     dt, p = params.period_s, params.values
     share = p["wheel.alpha_q31"] / 2**31
     lean_max_deg = p["drive.lean_max_turn_q34"] / 2**34 * 360

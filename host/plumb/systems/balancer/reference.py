@@ -30,7 +30,7 @@ GRAVITY_MPS2 = 9.80665
 
 @dataclass
 class WheelState:
-    """The count of the step before (None: there was none), and the filtered velocity."""
+    """Hall count of the previous step (None before the first), and the filtered velocity."""
 
     hall: Number = None
     velocity_mps: Number = 0.0
@@ -49,7 +49,7 @@ def wheel_step(c: WheelState, settings: Wheel, period_s: float, hall: Number) ->
 
 
 def wheel(hall: FloatArray, settings: Wheel, period_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Every step of it, (steps[, runs])."""
+    """`wheel_step` for a whole run: speed, velocity and acceleration, (steps[, runs])."""
     c = WheelState()
     rows = np.array([wheel_step(c, settings, period_s, now) for now in hall], np.float64)
     speed, velocity, accel_g = np.moveaxis(rows.reshape(len(hall), 3, *hall.shape[1:]), 1, 0)
@@ -57,7 +57,7 @@ def wheel(hall: FloatArray, settings: Wheel, period_s: float) -> tuple[FloatArra
 
 
 def cruise(settings: SpeedLoop) -> Pid:
-    """The speed loop as a controller of the share of the largest lean; its "deg" are m/s, its "deg/s" g."""
+    """The speed loop as a PID that commands a fraction of the largest lean; its "deg" are m/s, its "deg/s" g."""
     most = settings.lean_max_deg
     return Pid(
         kp_per_deg=settings.lean_deg_per_mps / most,
@@ -80,7 +80,7 @@ def control_step(
     c: ControlState, tuning: BalancerTuning, rate_dps: Number, z_deg: Number, r_deg2: Number, velocity_mps: Number,
     accel_g: Number, setpoint_mps: Number,
 ) -> dict[str, Number]:  # fmt: skip
-    """Everything of a step that has a memory beyond the wheel's: the filter, the speed loop, the balance loop."""
+    """The parts of a step with state, except the wheel's: filter, speed loop and balance loop."""
     kalman_step(c.kalman, tuning.kalman, tuning.period_s, z_deg, rate_dps, r_deg2)
     bias_dps = clip(c.kalman.bias_dps, -tuning.kalman.bias_max_dps, tuning.kalman.bias_max_dps)
     corrected_dps = rate_dps - bias_dps
@@ -111,10 +111,10 @@ def control_step(
 def run_control(
     tuning: BalancerTuning, raw: npt.ArrayLike, setpoint_mps_q26: npt.ArrayLike | None = None
 ) -> dict[str, FloatArray]:
-    """From counts to duty. raw: (steps, 4 or more[, runs]); setpoint: (steps[, runs]), standing when left out.
+    """From counts to duty. raw: (steps, 4 or more[, runs]); setpoint: (steps[, runs]), default 0 (standing).
 
-    Gives float arrays (steps[, runs]) by name: rate_dps, accel_x_g, accel_z_g, speed_mps, velocity_mps, wheel_accel_g,
-    tilt_measured_deg, r_deg2, and those of `control_step`.
+    Returns float arrays (steps[, runs]) by name: rate_dps, accel_x_g, accel_z_g, speed_mps, velocity_mps,
+    wheel_accel_g, tilt_measured_deg, r_deg2, and those of `control_step`.
     """
     counts = np.asarray(raw, np.float64)
     shape = (counts.shape[0], *counts.shape[2:])

@@ -7,7 +7,7 @@ leaning forward, the forward axis reads -sin(tilt): its calibration turns the si
 
 Prescribed with the figures: 0.1 or 0.02 g of white vibration, gyro bias +-3 deg/s with a warm-up of 1 deg/s (60 s) and
 a walk of 0.003 deg/s/sqrt(s), scale error 1 %, g-sensitivity 0.1 deg/s/g, accelerometer offset 2 mg, commands, pushes
-and disturbances. What the source leaves open and is assumed here stands at the top of plumb.systems.balancer.vehicle.
+and disturbances. plumb.systems.balancer.vehicle lists the values that the source does not give and that are assumed.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ from plumb.systems.contracts import Plant
 
 PERIOD_US = 10_000
 LINK = {"pins": 1, "accel_rate": 13, "gyro_filter": 1}
-"""On the board: bridge and Hall sensors; chips sample at 800 Hz and 1 kHz, so that a sample is about 1 ms old."""
+"""Board settings: pins of bridge and Hall sensors; the chips sample at 800 Hz and 1 kHz, so a sample is about 1 ms
+old."""
 CHANNELS = 4
 GYRO, ACCELEROMETER = Itg3205(), Adxl345()
 VIBRATION_G = {"rough": 0.1, "smooth": 0.02, "endure": 0.1, "rocked": 0.06}
@@ -52,7 +53,7 @@ SCENARIOS = {
     "rocked": "held and rocked by hand (the paper's figures 5 and 6)",
 }
 PUSHED = ("rough", "push:6@40-40.15")
-"""Scenario and push that the page of the system shows."""
+"""Scenario and push that the system's page shows."""
 DEFAULT_SCENARIO, DEFAULT_TUNING = "rough", "tuned"
 OUTPUT_FRAMES = dbc.output_frames("balancer")
 OUTPUTS = tuple(OUTPUT_FRAMES)
@@ -76,15 +77,16 @@ TUNED = BalancerTuning(
     pid=Pid(kp_per_deg=0.08, ki_per_deg_s=0.2, kd_per_dps=0.008),
     drive=Drive(),
 )
-"""R is the vibration, 0.1 g in deg^2; Q of the angle the gyro's noise; Q of the bias fitted on seeds 0-19."""
+"""R is the variance of 0.1 g vibration in deg^2, Q of the angle that of the gyro noise; Q of the bias is fitted on
+seeds 0-19."""
 
-# As the source has it: the arctangent of the two axes, nothing taken off, and everything else the same.
+# As in the source: the arctangent of the two axes without compensation; everything else is the same.
 ARCTAN = replace(TUNED, wheel=replace(TUNED.wheel, accel_share=0.0))
 
 TUNINGS = {
     "tuned": TUNED,
     "arctan": ARCTAN,
-    # Fitted on seeds 0-19 for itself: what is not taken off acts as more noise, so R is larger and the bias slower.
+    # Fitted separately on seeds 0-19: the uncompensated acceleration acts as noise, so R is larger and the bias slower.
     "arctan_fitted": replace(
         ARCTAN, trust=Trust(r_deg2=36.0), kalman=Kalman(q_angle_deg2_per_s=1e-3, q_bias_dps2_per_s=5e-4)
     ),
@@ -104,7 +106,7 @@ START_NOTES: dict[str, str] = {}
 
 
 def faults(requests: Sequence[Request]) -> tuple[Fault | Push, ...]:
-    """What `scenario` takes; a push is in m/s^2."""
+    """Faults and pushes for `scenario`; a push is in m/s^2."""
     return faults_of(requests, FAULT_CHANNELS, "m/s^2")
 
 
@@ -121,12 +123,12 @@ class Ride:
 
 @dataclass(frozen=True)
 class Scenario:
-    """One run's commands, pushes and every random number of it. Grid arrays: one value per GRID_S; sample arrays: per
-    period.
+    """One run: its commands, pushes and all its random values. Grid arrays have one value per GRID_S, sample arrays one
+    per period.
 
-    hand_rad, held: where the hand has the body, and when; command_mps, push_mps2: velocity asked for, pushes as the
-    acceleration of the axle that they equal; disturbance: unit white noise, zero before 5 s.
-    vibration_g, accel_noise_lsb: (2, steps); bias_dps, gyro_noise_dps: (steps,); fault_noise: (4, steps).
+    Grid: hand_rad, held: tilt that the hand forces, and when; command_mps: velocity setpoint; push_mps2: pushes as the
+    equivalent acceleration of the axle; disturbance: unit white noise, zero before 5 s.
+    Samples: vibration_g, accel_noise_lsb: (2, steps); bias_dps, gyro_noise_dps: (steps,); fault_noise: (4, steps).
     """
 
     name: str
@@ -162,12 +164,12 @@ class Scenario:
 
     @property
     def ride(self) -> Ride:
-        """The prescribed motion: what the ideal controller makes of commands and pushes."""
+        """The prescribed motion: that of the ideal controller under the commands and pushes."""
         name = self.name if self.name == "rocked" else DEFAULT_SCENARIO
         return _ride(name, self.seed, len(self.held) * GRID_S, self.period_us)
 
     def truth(self) -> dict[str, FloatArray]:
-        """What is to be estimated of the prescribed motion, (steps,) each."""
+        """True values of the estimated quantities for the prescribed motion, (steps,) each."""
         ride = self.ride
         return {
             "tilt_deg": ride.tilt_deg,
@@ -177,7 +179,7 @@ class Scenario:
         }
 
     def setpoint(self) -> npt.NDArray[np.int32]:
-        """Velocity asked for, m/s Q26, (steps,)."""
+        """Velocity setpoints, m/s Q26, (steps,)."""
         at = np.minimum(np.rint(self.time_s / GRID_S).astype(np.int64), len(self.command_mps) - 1)
         return np.rint(self.command_mps[at] * VELOCITY_UNIT).astype(np.int32)
 
@@ -197,8 +199,8 @@ class Scenario:
         return raw
 
     def felt(self, k: npt.NDArray[np.int_], rate_dps: FloatArray, force_g: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """What the chips convert in samples k: vibration, sensor errors and noise on top of true rate and force; deg/s
-        (n,) and g (2, n)."""
+        """Inputs of the chips in samples k: true rate and force plus vibration, sensor errors and noise; deg/s (n,) and
+        g (2, n)."""
         shaken_g = force_g + self.vibration_g[:, k]
         gyro_dps = self.scale * rate_dps + self.bias_dps[k] + DPS_PER_G * shaken_g[0] + self.gyro_noise_dps[k]
         return gyro_dps, shaken_g + self.offset_g[:, None] + ACCELEROMETER.g_per_lsb * self.accel_noise_lsb[:, k]
@@ -206,7 +208,7 @@ class Scenario:
     def faulted(
         self, raw: npt.NDArray[np.int16], k: npt.NDArray[np.int_], time_s: FloatArray, frozen: dict[int, int]
     ) -> npt.NDArray[np.int16]:
-        """The same counts (n, 6) with this run's faults; frozen remembers where a stuck channel stopped."""
+        """The counts (n, 6) with this run's faults applied; frozen holds the last value of a stuck channel."""
         for number, fault in enumerate(self.faults):
             begun = np.flatnonzero(time_s >= fault.start_s)
             if len(begun) and number not in frozen:
@@ -218,7 +220,7 @@ class Scenario:
 
 @lru_cache(maxsize=64)
 def _ride(name: str, seed: int, seconds: float, period_us: int) -> Ride:
-    """Rides that differ in what is measured only are one, and simulated once."""
+    """The motion of a scenario, cached: scenarios that only differ in their sensors share it."""
     drawn = scenario(name, seed, seconds=seconds, period_us=period_us)
     vehicle = Vehicle(drawn, open_loop=True)
     rows = []
@@ -313,7 +315,8 @@ def scenario(
 
 
 def _rocking(t: FloatArray) -> FloatArray:
-    """Upright for 5 s, rocked by +-20 deg at 0.4 Hz, held at 10 deg, put upright (our reading of the figures), rad."""
+    """Tilt of `rocked` in rad: upright for 5 s, rocked by +-20 deg at 0.4 Hz, held at 10 deg, put upright. Read from
+    the paper's figures."""
     ease = np.clip((t - 5.0) / 1.0, 0.0, 1.0) * np.clip((12.5 - t) / 1.0, 0.0, 1.0)
     swing = 20.0 * ease**2 * (3.0 - 2.0 * ease) * np.sin(2.0 * np.pi * 0.4 * (t - 5.0))
     rise, fall = np.clip(t - 13.0, 0.0, 1.0), np.clip(t - 17.0, 0.0, 1.0)

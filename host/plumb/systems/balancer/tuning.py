@@ -10,9 +10,10 @@ from plumb.spec.tuning import AxisTuning
 
 @dataclass(frozen=True)
 class Wheel:
-    """Hall edges to speed: way of the axle per edge, and the filter of the speed. accel_share: how much of its slope is
-    taken off the forward axis before the arctangent; 0 is the source's. More than edges_max edges in a period are
-    clamped, and counted.
+    """Conversion of Hall edges to speed: distance of the axle per edge, and the filter of the speed.
+
+    accel_share: fraction of the speed's slope that is subtracted from the forward axis before the arctangent; 0 as in
+    the source. More than edges_max edges in a period are clamped and counted.
     """
 
     edge_m: float
@@ -23,9 +24,10 @@ class Wheel:
 
 @dataclass(frozen=True)
 class SpeedLoop:
-    """The lean asked for by velocity error: proportional, integral (deg per m of way), against the axle's acceleration.
+    """Lean setpoint from the velocity error: proportional and integral (deg per m), damped by the axle's acceleration.
 
-    Leans up to lean_max_deg and changes by up to lean_slew_dps; asked for at most speed_max_mps.
+    The lean is limited to lean_max_deg and its rate to lean_slew_dps; the velocity setpoint is limited to
+    speed_max_mps.
     """
 
     lean_deg_per_mps: float = 0.0
@@ -39,8 +41,8 @@ class SpeedLoop:
 
 @dataclass(frozen=True)
 class Drive:
-    """Duty of the bridge from the command, -1..1: span, with the sign that a positive command makes the tilt grow, and
-    so drives backwards; beyond fall_deg the bridge stays at 0 until the run ends.
+    """Duty of the bridge, -1..1, from the command: span is the duty at command 1. Its sign is such that a positive
+    command increases the tilt, i.e. drives backwards. Beyond fall_deg the duty stays 0 until the run ends.
     """
 
     span: float = -32767 / 32768
@@ -50,10 +52,8 @@ class Drive:
 
 @dataclass(frozen=True, kw_only=True)
 class BalancerTuning(AxisTuning):
-    """Everything one run of `balancer` needs.
-
-    calibration.accel is the forward axis, its sign such that it reads sin(tilt) at rest.
-    """
+    """The settings of a run of `balancer`. calibration.accel is the forward axis, with the sign that gives sin(tilt) at
+    rest."""
 
     system: ClassVar[str] = "balancer"
 

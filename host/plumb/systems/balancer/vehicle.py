@@ -1,7 +1,7 @@
-"""The vehicle in motion: an inverted pendulum on two wheels, with its motor and whoever pushes it.
+"""Dynamics of the vehicle: an inverted pendulum on two wheels, with its motor, pushes and disturbances.
 
-Two laws of motion, one for each use. x: way of the axle forward, v = x', theta: tilt forward, M pushes and d
-disturbances as angular accelerations, h the sensors' height, u the duty of the bridge in -1..1.
+Two equations of motion, one for each use. x: position of the axle, forward; v = x'; theta: tilt forward; M: pushes and
+d: disturbances, as angular accelerations; h: height of the sensors; u: duty of the bridge in -1..1.
 
     open loop (the axle's acceleration a is given, by an ideal controller that knows the true state):
         theta'' = (g sin theta - a cos theta) / L + M + d,   v' = a
@@ -11,12 +11,12 @@ disturbances as angular accelerations, h the sensors' height, u the duty of the 
         (m_w + I_w / r^2 + m) v' + m l cos theta theta'' = m l sin theta theta'^2 + torque / r
         m l cos theta v' + m l L theta'' = m g l sin theta - torque + m l L (M + d)
 
-    what the sensors feel, along the body's axes:
+    specific force at the sensors, along the body's axes:
         a_X = v' + h (theta'' cos theta - theta'^2 sin theta),  a_Z = -h (theta'' sin theta + theta'^2 cos theta)
         f_x = (a_X cos theta - (a_Z + g) sin theta) / g,  f_z = (a_X sin theta + (a_Z + g) cos theta) / g
 
-L, h, the ideal controller, pushes and disturbances are prescribed with the figures; every other number is assumed, the
-source gives none. Time is simulated in steps of GRID_S; volts and counts hold within a control period.
+L, h, the ideal controller, pushes and disturbances are specified with the figures; every other number is assumed,
+because the source gives none. Time is simulated in steps of GRID_S; counts are constant within a control period.
 """
 
 from __future__ import annotations
@@ -38,21 +38,21 @@ BODY_KG, BODY_CENTRE_M = 1.2, 0.12
 WHEELS_KG, WHEEL_RADIUS_M = 0.3, 0.05
 WHEELS_KGM2 = 0.5 * WHEELS_KG * WHEEL_RADIUS_M**2
 STALL_NM, NO_LOAD_RADPS, FRICTION_NM = 0.8, 60.0, 0.02
-"""Of both wheels together: torque at full duty standing, speed at full duty without load (3 m/s), dry friction."""
+"""Of both wheels together: stall torque at full duty, no-load speed at full duty (3 m/s), dry friction."""
 POLE_PAIRS = 14
 EDGES_PER_TURN = 6 * POLE_PAIRS
-"""Three Hall sensors change six times per electrical turn; the motor sits in the wheel, without a gear."""
+"""Three Hall sensors give six edges per electrical turn; the motor is in the wheel, without a gear."""
 EDGE_M = 2.0 * math.pi * WHEEL_RADIUS_M / EDGES_PER_TURN
 
 IDEAL_PER_RAD, IDEAL_PER_RADPS, IDEAL_PER_MPS, IDEAL_LIMIT_MPS2 = 60.0, 12.0, 6.0, 8.0
 PUSH_RADPS2_PER_MPS2 = 0.3 / PENDULUM_M
 DISTURBANCE_TAU_S, DISTURBANCE_RADPS2_PER_RTS = 0.3, 0.8
 LIE_RAD = math.radians(85.0)
-"""Where the body lies on the ground."""
+"""Tilt at which the body lies on the ground."""
 
 
 class Outside(Protocol):
-    """What happens to the vehicle from outside: one value per GRID_S each; see the scenario's fields."""
+    """External inputs of the vehicle, one value per GRID_S each, as in the scenario."""
 
     @property
     def hand_rad(self) -> FloatArray: ...
@@ -67,9 +67,9 @@ class Outside(Protocol):
 
 
 class Vehicle:
-    """One run of the vehicle, a millisecond at a time; accelerations are those of the last step.
+    """One run of the vehicle in steps of GRID_S; accelerations are those of the last step.
 
-    Beyond the end of the scenario commands, pushes and disturbances begin again.
+    After the end of the scenario, commands, pushes and disturbances repeat.
     """
 
     def __init__(self, scenario: Outside, *, open_loop: bool) -> None:
@@ -85,7 +85,7 @@ class Vehicle:
         self.way_m, self.velocity_mps, self.accel_mps2 = 0.0, 0.0, 0.0
 
     def advance(self, duty: float | None) -> None:
-        """One step of GRID_S with this duty, -1..1, or with the bridge open; what pushes it acts by itself."""
+        """One step of GRID_S at this duty, -1..1, or with the bridge open (None), with the scenario's pushes."""
         at = self.step % len(self._noise)
         self.step += 1
         keep = 1.0 - GRID_S / DISTURBANCE_TAU_S
@@ -114,7 +114,7 @@ class Vehicle:
         return (along * cosine - up * sine) / GRAVITY_MPS2, (along * sine + up * cosine) / GRAVITY_MPS2
 
     def rolled_edges(self) -> float:
-        """How far the wheel has turned against the body, in Hall edges: whole ones are where a Hall sensor changes."""
+        """Angle of the wheel against the body in Hall edges; a Hall sensor changes at every whole number."""
         return float(self.way_m - WHEEL_RADIUS_M * self.tilt_rad) / EDGE_M
 
     def hall_edges(self) -> int:
@@ -122,7 +122,7 @@ class Vehicle:
         return math.floor(self.rolled_edges())
 
     def _follow_hand(self, at: int) -> None:
-        """The hand holds the body where the scenario has it; the wheels stand."""
+        """The hand forces the scenario's tilt; the wheels stand."""
         before, now, after = (self._hand[max(0, min(at + i, len(self._hand) - 1))] for i in (0, 1, 2))
         self.tilt_rad = now
         self.rate_radps = (after - before) / (2.0 * GRID_S)

@@ -1,4 +1,4 @@
-"""What is wired to the board for `balancer`."""
+"""Wiring of the board for `balancer`."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ BRIDGE = (
         14.4,
     ),
 )
-"""Left of the Blue Pill wherever its pins are the bridge's."""
+"""Devices left of the Blue Pill in every drawing with the pin set of the bridge."""
 HALL_C = Device("Hall sensors of the motor", (Wire("C", "PB10", INPUT, "4.7 kΩ to 3V3"),), 5)
 BRIDGE_NOTES = (
     "10 kΩ to GND at every gate input are a must: until the pins are set up, they alone keep the bridge off.",
@@ -63,7 +63,7 @@ BRIDGE_CAN = ("CAN transceiver, 3.3 V: RXD on PA11, TXD on PA12, VCC on 3V3.", *
 
 
 def i2c(title: str, owner: str, supplies: tuple[Wire, Wire]) -> Device:
-    """What is on the two wires of I2C1."""
+    """The devices on the two wires of I2C1."""
     pulled = "2.2 kΩ to 3V3"
     lines = (Wire(f"SCL{owner}", "PB8", DRAIN, pulled), Wire(f"SDA{owner}", "PB9", DRAIN, pulled))
     return Device(title, lines + supplies, 19.2)

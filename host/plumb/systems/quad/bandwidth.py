@@ -1,7 +1,7 @@
-"""The rule of the quadrotor's paper for the accelerometer's low-pass: a bandwidth slightly above the motion's.
+"""The quadrotor paper's rule for the accelerometer's low-pass: a bandwidth slightly above that of the motion.
 
-More bandwidth lets in noise, which grows with its root; less delays the motion, and a tilt that comes late is wrong by
-rate times delay. The filter is one pole, a resistor and a capacitor at each output of the accelerometer.
+Noise grows with the square root of the bandwidth. Less bandwidth delays the signal, and the error of a delayed tilt is
+rate times delay. The filter has one pole: a resistor and a capacitor at each output of the accelerometer.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from plumb.errors import UsageError
 from plumb.physics.sensors import ADC_COUNTS, ADC_NOISE_LSB, ADC_REFERENCE_V, Mma7260
 
 SLIGHTLY_ABOVE = 1.25
-"""Corner over motion bandwidth. The paper says "slightly above" and gives no number; ours."""
+"""Corner frequency divided by the motion's bandwidth. The paper says "slightly above" without a number; assumed."""
 RESISTOR_OHM = 10_000.0
 WIDEST_HZ = Mma7260().bandwidth_hz
-"""The sensor's own low-pass: there is nothing behind it."""
+"""Bandwidth of the sensor itself."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Choice:
 
 
 def behind(corner_hz: float, motion_hz: float, resistor_ohm: float = RESISTOR_OHM) -> Choice:
-    """What a corner means for a motion."""
+    """Noise, delay and attenuation of a low-pass with this corner, for a motion up to motion_hz."""
     sensor = Mma7260(corner_hz)
     converter_lsb = math.hypot(ADC_NOISE_LSB, 1.0 / math.sqrt(12.0))
     converter_g = converter_lsb * ADC_REFERENCE_V / ADC_COUNTS / sensor.v_per_g
@@ -63,7 +63,7 @@ def behind(corner_hz: float, motion_hz: float, resistor_ohm: float = RESISTOR_OH
 
 
 def choose(motion_hz: float, resistor_ohm: float = RESISTOR_OHM) -> Choice:
-    """The rule; raises UsageError for a motion the sensor cannot follow, or none."""
+    """The low-pass that the rule gives; raises UsageError for a motion or a resistor out of range."""
     if not 0.01 <= motion_hz <= WIDEST_HZ / SLIGHTLY_ABOVE:
         raise UsageError(
             f"a motion of {motion_hz:g} Hz: the accelerometer follows 0.01 to {WIDEST_HZ / SLIGHTLY_ABOVE:g} Hz"
@@ -74,7 +74,7 @@ def choose(motion_hz: float, resistor_ohm: float = RESISTOR_OHM) -> Choice:
 
 
 def describe(choice: Choice) -> str:
-    """The choice for a reader."""
+    """The choice as text."""
     capacitor = choice.capacitor_nf
     farads = f"{capacitor:.3g} nF" if capacitor < 1000 else f"{capacitor / 1000:.3g} uF"
     return "\n".join(

@@ -1,4 +1,4 @@
-"""What `plumb demo` shows of `quad`: the loop held level, and the error of every estimate from the same counts."""
+"""The run of `plumb demo` with `quad`: a closed loop held level, and the error of every estimate on the same counts."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""What `quad` was asked to reach, and what the integers reach: one table, from the scenarios as they stand.
+"""Targets of `quad` and the figures that the integers reach (see plumb.proof.figures).
 
-Every figure is over seeds 1000-1039; tunings were fitted on seeds 0-19. Estimator rows are prescribed motion; `hold` is
-the closed loop on the estimate. The float64 column is `plumb.systems.run_reference` on the same tuning and the same
-counts.
+Figures are over seeds 1000-1039; tunings were fitted on seeds 0-19. Rows of estimators use prescribed motion; `hold` is
+a closed loop on the estimate. The float64 column is `plumb.systems.run_reference` with the same tuning and counts.
 """
 
 from __future__ import annotations
@@ -152,7 +151,7 @@ def _tilt_error(claim: str, batch: Batch, tuning: str, sense: Sense, reach: floa
 
 
 def convergence_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """`converge`: the paper's constants as its authors left them, then ours."""
+    """`converge`: the paper's constants, then the shipped tunings."""
     batch = Batch.of("converge", seeds)
     claims: tuple[tuple[str, str, Sense, float], ...] = (
         ("bias within 1 deg/s (the scenario's own figure)", "paper", "near", 1.5),
@@ -211,7 +210,7 @@ class Float64:
 
 
 def hold_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """`hold`: the loop closed on the estimate, integers in the loop (and once float64), judged on the true tilt."""
+    """`hold`: closed loop on the estimate, with the integers (and once with float64), scored on the true tilt."""
     tuning = quad.TUNINGS["adaptive"]
     seeds = list(seeds)
     ours = [hold_run(Integers(quantise.quantise(tuning)), seed) for seed in seeds]
@@ -241,7 +240,7 @@ def hold_run(controller: Integers | Float64, seed: int) -> metrics.Hold:
 
 
 def bandwidth_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """`motion` behind other low-passes: less bandwidth, less noise, more lag."""
+    """`motion` with other low-passes: less bandwidth means less noise and more lag."""
     for bandwidth_hz in quad.BANDWIDTHS_HZ:
         batch = Batch.of("motion", seeds, bandwidth_hz)
         noise_mg = 1e3 * Mma7260(bandwidth_hz).noise_g
@@ -249,7 +248,7 @@ def bandwidth_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 
 
 def disturbed(tuning: str) -> tuple[Run, Plot, Plot]:
-    """`disturb` on the native core: what came of it, the tilt (measured, true, fused) and the bias."""
+    """`disturb` on the native core: the run, a plot of the tilt (measured, true, fused), and one of the bias."""
     from plumb.boards.native import NativeBoard
 
     run = quad.scenario("disturb", PLOTTED_SEED)
@@ -292,7 +291,7 @@ def same_with_ours() -> list[Plot]:
 
 
 def starts() -> list[Plot]:
-    """`converge`: the paper's filter from a wrong start, and what the start-up mode makes of it."""
+    """`converge`: the paper's filter from a wrong initial state, with and without the start-up mode `fast`."""
     batch = Batch.of("converge", [PLOTTED_SEED])
     cases = {
         "paper": quad.TUNINGS["paper"],

@@ -44,7 +44,7 @@ def control_init(p: Params) -> ControlState:
 
 
 def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_turn_q32: Integer) -> tuple[Integer, ...]:
-    """One step: the values of its words, in the written order."""
+    """One step; returns the values of the record's words, in order."""
     c.step += 1
     previous = c.rate_turnps_q28
     rate, gyro_clamped = calibrate(raw[0], p, "gyro")

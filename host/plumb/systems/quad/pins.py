@@ -1,4 +1,4 @@
-"""`quad` on the pins of the virtual board: volts into the ADC, pulses out of TIM4."""
+"""`quad` on the pins of the virtual board: voltages at the ADC inputs, pulses from TIM4."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ ADC_PINS = ("PA0", "PA1", "PA2")
 """Gyro, y, z."""
 ESC_PINS = ("PB6", "PB7")
 FOLLOW_US = 1000
-"""How often the plant looks at the PWM pins."""
+"""Interval at which the plant reads the PWM pins."""
 
 
 class Coupling:
-    """Joins a plant to a machine's pins; the plant's time 0 is the first sample of the gyro channel.
+    """Connects a plant to a machine's pins. The plant's time 0 is the first sample of the gyro channel.
 
-    The converter's scans move the plant; a pin gives the volts of the last scan. taken: the samples of the gyro
+    A scan of the ADC advances the plant; a pin has the voltage of the last scan. taken: the samples of the gyro
     channel.
     """
 
@@ -49,7 +49,7 @@ class Coupling:
         return 0.0 if self._start is None else max(0.0, now_s - self._start / TICKS_PER_S)
 
     def _convert(self, now_s: float) -> None:
-        """The converter samples the gyro: the first conversion of a scan moves the plant up to this moment."""
+        """The ADC samples the gyro: the first conversion of a scan advances the plant to this moment."""
         scans, plant = self._scans, self.plant
         if not scans.convert(now_s):
             return

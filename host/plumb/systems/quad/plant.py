@@ -1,14 +1,14 @@
-"""The quad's axis in motion: two opposing motors behind their ESCs turn it, the hand may hold it, sensors ride on it.
+"""Plant of `quad`: one axis, turned by two opposing motors with ESCs or held by hand, with its sensors.
 
-A pivot through the centre of gravity carries the axis, so that gravity makes no torque and the accelerometer sees
-gravity as in the open-loop scenarios; it stops at +-60 deg. Every number below is assumed: the paper gives none.
+The axis turns about a pivot through the centre of gravity, so that gravity makes no torque and the accelerometer sees
+gravity as in the open-loop scenarios; stops limit it to +-60 deg. Every number below is assumed: the paper gives none.
 
     w_i' = (u_i - w_i) / tau                   motor speed, 0..1, follows the throttle u = (pulse - 1000 us) / 1000 us
     torque = arm * thrust * (w_0^2 - w_1^2) - friction * theta' + imbalance + gusts
     inertia * theta'' = torque
 
-Time is simulated in steps of GRID_S. Volts hold within a step, and noise within a control period, so asking once per
-period or a thousand times gives the same answers.
+Time is simulated in steps of GRID_S. Voltages are constant within a step and noise within a control period, so the
+result does not depend on how often the pins are read.
 """
 
 from __future__ import annotations
@@ -35,10 +35,11 @@ PULSE_ZERO_US, PULSE_SPAN_US = 1000.0, 1000.0
 
 
 class QuadPlant:
-    """One run of the axis: pulses in by `advance_to`, `volts` or `counts` out; tilt_deg and rate_dps are the truth.
+    """One run of the axis: `advance_to` sets the pulses, `volts` or `counts` return samples; tilt_deg and rate_dps are
+    the true values.
 
-    open_loop: the hand never lets go, and the axis follows the scenario's prescribed motion whatever the motors do.
-    Beyond the end of the scenario the hand's motion stays where it ended and noise repeats.
+    open_loop: the axis follows the scenario's prescribed motion whatever the motors do. After the end of the scenario
+    the prescribed motion stays at its last value, and noise repeats.
     """
 
     def __init__(self, scenario: Scenario, *, open_loop: bool = False) -> None:
@@ -60,7 +61,7 @@ class QuadPlant:
 
     @property
     def time_s(self) -> float:
-        """Simulated so far."""
+        """Simulated time."""
         return self._step * GRID_S
 
     @property
@@ -73,16 +74,16 @@ class QuadPlant:
         return float(self.scenario.bias_dps[self._sample(time_s)])
 
     def setpoint(self, time_s: float) -> int:
-        """What the loop is asked to follow, a binary angle."""
+        """Setpoint of the loop at time_s, turn_q32."""
         setpoints_deg = self.scenario.setpoint_deg
         return round(float(setpoints_deg[min(round(time_s / GRID_S), len(setpoints_deg) - 1)]) / 360.0 * 2**32)
 
     def truth(self, time_s: float) -> dict[str, float]:
-        """What is to be estimated, at time_s, which `advance_to` must have reached."""
+        """True values of the estimated quantities at time_s, which `advance_to` must have reached."""
         return {"tilt_deg": self.tilt_deg, "bias_dps": self.bias_dps(time_s)}
 
     def follow(self, time_s: float, outputs: Mapping[str, int]) -> None:
-        """Simulate up to time_s with the words of the last step; before the first the motors stand."""
+        """Simulate up to time_s with the outputs of the last step; before the first step the motors stand."""
         pulses = (outputs.get("pulse_halfus_0", 0), outputs.get("pulse_halfus_1", 0))
         self.advance_to(time_s, [pulse / 2.0 for pulse in pulses])
 
@@ -103,7 +104,7 @@ class QuadPlant:
         return float(gyro_v), float(y_v), float(z_v)
 
     def counts(self, time_s: float) -> tuple[int, ...]:
-        """Six raw counts, three used: what the ADC makes of `volts`."""
+        """Six raw counts, three used: the ADC's conversion of `volts`."""
         return (*(int(c) for c in adc_counts(self.volts(time_s))), *(0,) * (6 - CHANNELS))
 
     def _sample(self, time_s: float) -> int:
@@ -134,7 +135,7 @@ class QuadPlant:
         self._force = force
 
     def _pushed_nm(self) -> float:
-        time_s = (self._step - 1) * GRID_S  # the beginning of the step that is being simulated
+        time_s = (self._step - 1) * GRID_S  # beginning of the present step
         return sum(push.size for push in self.scenario.pushes if push.start_s <= time_s < push.stop_s)
 
     def _specific_force(self, n: int) -> tuple[float, float]:

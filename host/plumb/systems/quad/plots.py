@@ -1,4 +1,4 @@
-"""What a run of `quad` is measured by, and what it looks like."""
+"""Metrics and plots of a run of `quad`."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ COMMAND = 2.0**-22
 
 
 def estimate_deg(run: Run) -> FloatArray:
-    """The board's tilt, (steps,)."""
+    """The board's tilt in deg, (steps,)."""
     return np.asarray(run.board_words["tilt_turn_q32"] * TURN_DEG)
 
 
 def accel_only_deg(run: Run) -> FloatArray:
-    """What the accelerometer alone says of the sampled values, (steps,)."""
+    """Tilt in deg from the accelerometer alone, (steps,)."""
     y, z = (run.words[name].astype(np.float64) for name in ("accel_y_g_q26", "accel_z_g_q26"))
     return measures.accel_only_deg(y, z)
 
@@ -35,7 +35,7 @@ def two_sigma_deg(run: Run) -> FloatArray:
 
 
 def metrics(run: Run) -> dict[str, float | None]:
-    """Errors of the tilt; windows and definitions are in plumb.proof.metrics. None where nothing is to be scored."""
+    """Errors of the tilt, as plumb.proof.metrics defines them; None for a run without scored samples."""
     truth_deg, scored = run.inputs.truth["tilt_deg"], run.inputs.scored
 
     def figure(measure: Callable[[FloatArray, FloatArray, BoolArray], FloatArray], deg: FloatArray) -> float | None:
@@ -52,7 +52,7 @@ def metrics(run: Run) -> dict[str, float | None]:
 
 
 def bias_settled_s(run: Run) -> float | None:
-    """From the start until the bias stays within 1 deg/s of the true one; None where that is not known, or never."""
+    """Time until the bias stays within 1 deg/s of the true one, in s; None if it never does or has no true value."""
     error_dps = run.board_words["bias_turnps_q28"] * RATE_DPS - run.inputs.truth["bias_dps"]
     if not np.isfinite(error_dps).all():
         return None
@@ -96,7 +96,7 @@ def plots(run: Run, *, closed: bool) -> list[Plot]:
 
 
 def rms_and_max(run: Run, tilt_deg: Series) -> tuple[float, float]:
-    """Error of any estimate against the run's truth over the samples that count, deg."""
+    """rms and largest error of an estimate over the scored samples, deg."""
     truth, scored = run.inputs.truth["tilt_deg"], run.inputs.scored
     return (
         float(measures.angle_rmse_deg(np.asarray(tilt_deg, np.float64), truth, scored)),

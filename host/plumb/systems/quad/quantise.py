@@ -1,4 +1,4 @@
-"""`quad`: its tuning as integers, and back."""
+"""Quantise the tuning of `quad`, and back."""
 
 from __future__ import annotations
 
@@ -14,5 +14,5 @@ def quantise(tuning: QuadTuning) -> ControlParams:
 
 
 def dequantise(params: ControlParams) -> QuadTuning:
-    """What the integers mean."""
+    """The tuning that the integers represent."""
     return QuadTuning(**axis_of(params), esc=esc_of(params))

@@ -43,7 +43,7 @@ class ControlState:
 def control_step(
     c: ControlState, tuning: QuadTuning, rate_dps: Number, z_deg: Number, r_deg2: Number, setpoint_deg: Number
 ) -> dict[str, Number]:
-    """Everything of a step that has a memory: the filter on the measured tilt z, then the controller."""
+    """The parts of a step with state: the filter on the measured tilt z, then the controller."""
     kalman_step(c.kalman, tuning.kalman, tuning.period_s, z_deg, rate_dps, r_deg2)
     error_deg = wrap(setpoint_deg - c.kalman.tilt_deg)
     bias_dps = clip(c.kalman.bias_dps, -tuning.kalman.bias_max_dps, tuning.kalman.bias_max_dps)
@@ -65,10 +65,10 @@ def control_step(
 def run_control(
     tuning: QuadTuning, raw: npt.ArrayLike, setpoint_turn_q32: npt.ArrayLike | None = None
 ) -> dict[str, FloatArray]:
-    """From counts to pulses. raw: (steps, 3 or more[, runs]); setpoint: (steps[, runs]), level when left out.
+    """From counts to pulses. raw: (steps, 3 or more[, runs]); setpoint: (steps[, runs]), default 0 (level).
 
-    Gives float arrays (steps[, runs]) by name: rate_dps, accel_y_g, accel_z_g, tilt_measured_deg, r_deg2, and those of
-    `control_step`.
+    Returns float arrays (steps[, runs]) by name: rate_dps, accel_y_g, accel_z_g, tilt_measured_deg, r_deg2, and those
+    of `control_step`.
     """
     counts = np.asarray(raw, np.float64)
     shape = (counts.shape[0], *counts.shape[2:])

@@ -15,7 +15,7 @@ VERTICAL_Z = (
 
 
 def inputs_of(request: ReplayRequest) -> tuple[RunInputs, ControlParams, dict[str, object]]:
-    """What `plumb replay` runs: inputs, parameters, and the heading of the summary."""
+    """Inputs, parameters, and the first entries of the summary of `plumb replay`."""
     axis = recording.pick_axis(recording.load(request.file), request.axis, request.period_us)
     if request.seconds is not None:
         axis = axis.first(recording.steps_in(request.seconds, axis.period_us, len(axis.raw)))

@@ -43,11 +43,11 @@ from plumb.systems.quad.tuning import QuadTuning
 
 PERIOD_US = 20_000
 ESC_PERIOD_US = 2_500
-"""The speed controllers' pulses repeat at 400 Hz: at 50 Hz a pulse could be 20 ms late, more than the loop stands."""
+"""The pulses repeat at 400 Hz. At 50 Hz a pulse could be 20 ms late, which makes the loop unstable."""
 LINK = {"esc_period_us": ESC_PERIOD_US}
 CHANNELS = 3
 GRID_S = 0.001
-"""Step of the simulated physics and of everything that is filtered before it is sampled."""
+"""Step of the simulated physics, and of signals that are filtered before they are sampled."""
 
 GYRO = Enc03()
 BANDWIDTHS_HZ = (5.0, 20.0, 50.0, 350.0)
@@ -58,7 +58,7 @@ OFFSET_G = 0.003
 VIBRATION_G, VIBRATION_HZ = 0.03, (2.0, 12.0)
 BURSTS, BURST_G, BURST_S, BURST_BETWEEN_S = 6, 0.3, 0.15, (15.0, 115.0)
 
-# `converge`: at rest, the filter's start 30 deg and 5 deg/s wrong, 0.5 deg of accelerometer noise and nothing else.
+# `converge`: at rest; the filter starts 30 deg and 5 deg/s off; 0.5 deg of accelerometer noise and no other error.
 CONVERGE_TILT_DPS = (-30.0, -5.0)
 CONVERGE_NOISE_G = float(np.radians(0.5))
 
@@ -73,7 +73,7 @@ SCENARIOS = {
     "converge": "at rest from a start 30 deg and 5 deg/s wrong",
 }
 PUSHED = ("hold", "push:0.2@20-20.2")
-"""Scenario and push that the page of the system shows."""
+"""Scenario and push that the system's page shows."""
 DEFAULT_SCENARIO, DEFAULT_TUNING = "motion", "adaptive"
 CONDITIONS = {"bandwidth_hz": "corner of the accelerometer's one-pole low-pass, lag included (default 350)"}
 FAULT_CHANNELS = ("gyro", "accel_y", "accel_z")
@@ -114,7 +114,7 @@ ADAPTIVE = QuadTuning(
     pid=PID,
     esc=Esc(),
 )
-"""R over 1000:1 by | |a|^2 - 1 |; fitted on seeds 0-19 of `motion`, held to 0.375 deg on `quiet`."""
+"""R varies by 1000:1 with | |a|^2 - 1 |; fitted on seeds 0-19 of `motion`, subject to 0.375 deg on `quiet`."""
 
 # Table 2 prints no units; read in degrees, its Q added at every step and its P0 all four 0.005.
 PAPER = replace(
@@ -134,7 +134,7 @@ TUNINGS = {
     "constant": replace(
         ADAPTIVE, trust=Trust(r_deg2=4.0, r_max_deg2=4.0), kalman=Kalman.per_step(6e-6, 8e-6, PERIOD_US)
     ),
-    # The paper's Q; only R is the noise of 0.5 deg and P0 admits to know nothing: what its slow start was made of.
+    # The paper's Q, with R of 0.5 deg noise and a large P0: these two cause the slow start of the paper's constants.
     "fast_start": replace(PAPER, trust=Trust(r_deg2=0.25, r_max_deg2=0.25), start=FAST_START),
     # A three-axis sensor in general motion: R wide enough for accelerations that are not gravity, and a Q of the angle
     # for turning about the other axes, which a one-axis filter does not know; together half a second of memory.
@@ -152,17 +152,19 @@ TUNING_NOTES = {
 
 
 def faults(requests: Sequence[Request]) -> tuple[Fault | Push, ...]:
-    """What `scenario` takes; a push is in Nm."""
+    """Faults and pushes for `scenario`; a push is in Nm."""
     return faults_of(requests, FAULT_CHANNELS, "Nm")
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """One run's motion and every random number of it. Grid arrays: one value per GRID_S; sample arrays: per period.
+    """One run: its motion and all its random values. Grid arrays have one value per GRID_S, sample arrays one per
+    period.
 
-    prescribed_deg, setpoint_deg, lateral_g, hand: grid. The axis follows prescribed_deg while `hand` is true: in open
-    loop always. A closed loop is asked to follow setpoint_deg, which in `motion` and `quiet` is the prescribed motion.
-    bias_dps: (steps,); gyro_noise_dps: (steps,); accel_noise_g: (2, steps); adc_noise_v, fault_noise: (3, steps).
+    Grid: prescribed_deg, setpoint_deg, lateral_g, hand. The axis follows prescribed_deg while `hand` is true, and
+    always in open loop. setpoint_deg is the setpoint of a closed loop; in `motion` and `quiet` it is the prescribed
+    motion. Samples: bias_dps, gyro_noise_dps: (steps,); accel_noise_g: (2, steps); adc_noise_v, fault_noise: (3,
+    steps).
     """
 
     name: str
@@ -194,7 +196,7 @@ class Scenario:
         return np.arange(self.steps, dtype=np.float64) * (self.period_us * 1e-6)
 
     def on_grid(self, grid: FloatArray, time_s: npt.ArrayLike) -> FloatArray:
-        """A grid array at any times, straight between grid points and constant beyond the ends."""
+        """A grid array at any times: linear interpolation, constant beyond the ends."""
         points = np.interp(np.asarray(time_s, np.float64) / GRID_S, np.arange(len(grid)), grid)
         return np.asarray(points, np.float64)
 
@@ -203,7 +205,7 @@ class Scenario:
         return self.on_grid(self.prescribed_deg, self.time_s)
 
     def truth(self) -> dict[str, FloatArray]:
-        """What is to be estimated of the prescribed motion, (steps,) each."""
+        """True values of the estimated quantities for the prescribed motion, (steps,) each."""
         return {"tilt_deg": self.tilt_deg(), "bias_dps": self.bias_dps}
 
     @property
@@ -216,7 +218,7 @@ class Scenario:
         return self.on_grid(np.asarray(np.gradient(self.prescribed_deg, GRID_S), np.float64), self.time_s)
 
     def setpoint(self) -> npt.NDArray[np.int32]:
-        """Setpoints as binary angles, (steps,): what a closed loop is asked to follow."""
+        """Setpoints of a closed loop, turn_q32, (steps,)."""
         nearest = np.minimum(np.rint(self.time_s / GRID_S).astype(np.int64), len(self.setpoint_deg) - 1)
         return np.rint(self.setpoint_deg[nearest] / 360.0 * 2.0**32).astype(np.int64).astype(np.int32)
 
@@ -231,7 +233,7 @@ class Scenario:
         return self.faulted(clean, k, t, {})
 
     def counts(self) -> npt.NDArray[np.int16]:
-        """Raw counts of the prescribed motion as the firmware takes them, (steps, 6): three channels, then zeros."""
+        """Raw counts of the prescribed motion, (steps, 6): three channels, then zeros."""
         raw = np.zeros((self.steps, 6), np.int16)
         raw[:, :CHANNELS] = adc_counts(self.volts())
         return raw
@@ -239,7 +241,8 @@ class Scenario:
     def sensed(
         self, k: npt.NDArray[np.int_], rate_dps: FloatArray, accel_y_g: FloatArray, accel_z_g: FloatArray
     ) -> FloatArray:
-        """Sensor errors and the noise of sample k on top of true rate and filtered force; (n,) each -> (n, 3) volts."""
+        """Pin voltages (n, 3) from true rate and filtered force, (n,) each, with the sensor errors and noise of sample
+        k."""
         force_g = np.stack([accel_y_g, accel_z_g]) + self.accel_noise_g[:, k] + self.offset_g[:, None]
         gyro_v = GYRO.volts(self.scale * rate_dps + self.bias_dps[k] + self.gyro_noise_dps[k])
         return (np.vstack([gyro_v, self.accelerometer.volts(force_g)]) + self.adc_noise_v[:, k]).T
@@ -247,7 +250,7 @@ class Scenario:
     def faulted(
         self, volts: FloatArray, k: npt.NDArray[np.int_], time_s: FloatArray, frozen: dict[Fault, float]
     ) -> FloatArray:
-        """The same volts (n, 3) with this run's faults; frozen remembers where a stuck channel stopped."""
+        """The voltages (n, 3) with this run's faults applied; frozen holds the last value of a stuck channel."""
         for fault in self.faults:
             begun = np.flatnonzero(time_s >= fault.start_s)
             if len(begun) and fault not in frozen:
@@ -271,7 +274,7 @@ def scenario(
 
     start bias, drift sign, scale, two offsets, burst times, burst signs, bias walk (steps), vibration (grid),
     gyro noise (steps), accelerometer noise (2, steps), ADC noise (3, steps), torque noise (1 + grid), fault noise
-    (3, steps). A scenario that has no use for one draws it all the same.
+    (3, steps). A scenario that does not use a value draws it nevertheless, so that seeds are comparable.
     """
     if name not in SCENARIOS:
         raise UsageError(f"quad has no scenario '{name}'; it has {', '.join(SCENARIOS)}")
@@ -354,7 +357,7 @@ def _profile(name: str, points: int) -> tuple[FloatArray, FloatArray, npt.NDArra
         tilt = _smooth(_rolling, points)
         return tilt, tilt, rest
     if name == "disturb":
-        # Found 12 deg off, moved by hand twice, put back level (our reading of the figures: no times are printed).
+        # Starts 12 deg off, is moved by hand twice, ends level. Read from the paper's figures, which give no times.
         tilt = _smooth(lambda s: np.interp(s, [0, 5, 6, 9, 10.5, 14, 15], [12, 12, 35, 35, -25, -25, 0]), points)
         return tilt, level, t < 16.0
     if name == "hold":
@@ -365,7 +368,7 @@ def _profile(name: str, points: int) -> tuple[FloatArray, FloatArray, npt.NDArra
 
 
 def _rolling(t: FloatArray) -> FloatArray:
-    """`motion` before it is smoothed, deg."""
+    """The motion of `motion` before smoothing, deg."""
     on = np.clip((t - 5.0) / 2.0, 0.0, 1.0)
     slow, fast = 15.0 * np.sin(2 * np.pi * 0.25 * t), 8.0 * np.sin(2 * np.pi * 0.7 * t + 1.0)
     return on * (slow + fast + 10.0 * np.sign(np.sin(2 * np.pi * t / 37.0)))
@@ -380,7 +383,7 @@ def _smooth(motion: Callable[[FloatArray], FloatArray], points: int) -> FloatArr
 
 
 def _correlated(white: FloatArray, bandwidth_hz: float, period_s: float) -> FloatArray:
-    """Samples of one-pole noise of unit rms: neighbours correlate by exp(-2 pi bandwidth period); (2, steps)."""
+    """One-pole noise of unit rms, (2, steps): neighbours have the correlation exp(-2 pi bandwidth period)."""
     decay = float(np.exp(-2.0 * np.pi * bandwidth_hz * period_s))
     memory = min(white.shape[1], 2 if decay < 1e-12 else 2 + int(np.ceil(-40.0 / np.log(decay))))
     kernel = decay ** np.arange(memory) * np.sqrt(1.0 - decay**2)

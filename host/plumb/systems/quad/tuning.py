@@ -10,7 +10,7 @@ from plumb.spec.tuning import AxisTuning, Esc, TiltMode
 
 @dataclass(frozen=True, kw_only=True)
 class QuadTuning(AxisTuning):
-    """Everything one run of `quad` needs."""
+    """The settings of a run of `quad`."""
 
     system: ClassVar[str] = "quad"
 

@@ -1,4 +1,4 @@
-"""What is wired to the board for `quad`."""
+"""Wiring of the board for `quad`."""
 
 from __future__ import annotations
 
