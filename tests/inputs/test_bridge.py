@@ -102,7 +102,7 @@ def test_the_three_processes_find_each_other_in_any_order(start: Start, tmp_path
         "board": ("virtual-board", "--serial", "pty", "--symlink", str(board)),
         "bridge": ("bridge", f"serial:{sensor}", f"serial:{board}", "--arm", "--shadow", "--json"),
     }
-    up = {"sensor": "emits", "board": "serving", "bridge": "plumb: "}
+    up = {"sensor": "sends samples", "board": "serving", "bridge": "plumb: "}
     running = {}
     for name in order.split():
         running[name] = start(*commands[name])
@@ -180,7 +180,7 @@ def test_a_bus_that_is_none_gets_one_sentence(start: Start) -> None:
 @pytest.mark.slow
 def test_sides_that_are_swapped_are_named_and_link_trouble(start: Start, tmp_path: Path) -> None:
     sensor, board = tmp_path / "sensor", tmp_path / "board"
-    start(*SENSOR, "--bus", "serial:pty", "--symlink", str(sensor), slow=False).wait_for("emits")
+    start(*SENSOR, "--bus", "serial:pty", "--symlink", str(sensor), slow=False).wait_for("sends samples")
     start("virtual-board", "--serial", "pty", "--symlink", str(board), slow=False).wait_for("serving")
     bridge = start("bridge", f"serial:{board}", f"serial:{sensor}", slow=False)
     bridge.wait_for("is an STM32 board, not a sensor board")
@@ -216,7 +216,7 @@ def test_a_killed_bridge_loses_the_armed_board_and_the_next_one_goes_on(
     """On a CAN bus, where nobody else says that a host went away."""
     slow_time.slow_down(monkeypatch)
     sensor, board = tmp_path / "sensor", tmp_path / "board"
-    start(*SENSOR, "--bus", "serial:pty", "--symlink", str(sensor)).wait_for("emits")
+    start(*SENSOR, "--bus", "serial:pty", "--symlink", str(sensor)).wait_for("sends samples")
     served = start("virtual-board", "--symlink", str(board), "--can", "socketcand:0")
     served.wait_for("serving", times=2)
     bus = served.said().split("use it as ")[1].split(";")[0]

@@ -227,7 +227,7 @@ def test_sensor_board_and_stm32_may_meet_on_one_can_bus(slow: None, direct: bool
         line.close()
         node.shutdown()
     assert running.bridge.shadow is not None and running.bridge.shadow.verdict == "pass"
-    assert not any("is a board" in text for text in running.said)
+    assert not any("is an STM32 board" in text for text in running.said)
 
 
 def test_the_boards_counters_are_counted_on_over_their_end() -> None:

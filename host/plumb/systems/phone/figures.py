@@ -1,8 +1,8 @@
-"""What `phone` was asked to reach, and what the integers reach; the source's two tables and their plots.
+"""Targets of `phone` and the figures that the integers reach; the source's two tables and their plots.
 
-In `general` the error is the angle between the estimated and the true vertical; in `static` and `turns`, where the
-source gives its tables by axis, it is the angle of that axis. Raw is the gyro alone from the true start: with Euler
-rates in `general`, each axis' own rate in the source's two experiments. `printed` is the source's filter.
+In `general` the error is the angle between the estimated and the true vertical. In `static` and `turns`, for which the
+source gives tables by axis, it is the error of that axis. Raw is the gyro alone from the true initial state: with Euler
+rates in `general`, with the body rate of each axis in the source's two experiments. `printed` is the source's filter.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ HEADLINE = ("with Euler rates, share of raw drift", "general", "euler")
 PLOTTED_SEED, GENERAL_SHOWN_S = 1000, 60.0
 
 NAMED = {"printed": "as printed", "euler": "with Euler rates"}
-"""The tunings as the rows call them, the source's own first."""
+"""Tuning -> its name in the rows, the source's own first."""
 COLOURS = {"printed": SECOND, "euler": ESTIMATE}
 LEFT_OVER, QUIETER = "about 4 %", "about 70 %"
-"""What the source claims of its filter, in both experiments: the error that is left, the noise that is gone."""
+"""The source's claims for its filter in both experiments: remaining error, and reduction of noise."""
 LAST_S = 10.0
-"""`turns`: flat again; what is left at the end is the mean over so long."""
+"""`turns`: time at the end, flat again, over which the remaining error is averaged."""
 
 ASSUMED = (
     "general: angle between estimated and true vertical, rms over t >= 10 s; raw drift: the same angle at the end, gyro"
@@ -57,7 +57,7 @@ ASSUMED = (
 
 
 LIMITS: Limits = {}
-"""What was asked are shares of the mean drift of many seeds: no single run has such a figure."""
+"""Empty: the targets are shares of the mean drift over many seeds, which a single run does not have."""
 
 
 @dataclass(frozen=True)
@@ -249,7 +249,7 @@ SECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Figure]]] = {
 
 
 def static_plots() -> list[Plot]:
-    """The source's first experiment: the gyro alone drifts away, the filters stay."""
+    """The source's first experiment: the gyro alone drifts, the filters do not."""
     batch = Batch.of("static", [PLOTTED_SEED])
     raw, found = batch.axis_rates_only(), {name: batch.integers(phone.TUNINGS[name]) for name in NAMED}
     alone = phone.pitch_roll_deg(batch.force_g)
@@ -280,7 +280,7 @@ def turns_plots() -> list[Plot]:
 
 
 def general_plots() -> list[Plot]:
-    """Yaw, pitch and roll together: where the body's rates are not those of the angles."""
+    """Yaw, pitch and roll together: body rates differ from Euler rates."""
     batch = Batch.of("general", [PLOTTED_SEED])
     found = {name: batch.integers(phone.TUNINGS[name]) for name in NAMED}
     time_s, panels = batch.runs[0].time_s, []

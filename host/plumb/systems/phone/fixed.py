@@ -31,7 +31,7 @@ class ControlState:
     pitch: KalmanState
     roll: KalmanState
     roll_p: Params
-    """The parameters of the second filter under the names of the first."""
+    """The parameters of roll's filter under the names of pitch's."""
     rate: tuple[Integer, Integer, Integer] = (0, 0, 0)
     uncorrected_steps: Integer = 0
     clamped_steps: Integer = 0
@@ -44,14 +44,14 @@ def roll_filter(p: Params) -> Params:
 
 
 def saturated(x: Integer, n: int) -> Integer:
-    """x * 2^n / 2^32 within 32 bits."""
+    """x * 2^n / 2^32, saturated to 32 bits."""
     limit = 1 << (31 - n)
     hi = clamp(x >> 32, -limit, limit - 1)
     return wrap_i32(wrap_i64(((hi << 32) + wrap_u32(x)) << n) >> 32)
 
 
 def tangent_of(pitch: Integer) -> Integer:
-    """Q26, within +-16."""
+    """Tangent of pitch, Q26, limited to +-16."""
     sine, cosine = sincos(pitch)
     cosine = clamp(cosine, COSINE_MIN_Q30, 1 << 30)
     n = clz32(cosine)
@@ -59,7 +59,7 @@ def tangent_of(pitch: Integer) -> Integer:
 
 
 def predicted(k: KalmanState, p: Params, rate: Integer) -> Integer:
-    """The measurement that corrects nothing, turn Q32."""
+    """The measurement for which the innovation is 0, turn Q32."""
     return wrap_i32(wrap_i64(k.tilt_turn_q61 - k.bias_turn_q61 + rate * p["kalman.dt_s_q33"]) >> 29)
 
 
@@ -69,7 +69,7 @@ def control_init(p: Params) -> ControlState:
 
 
 def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_turn_q32: Integer) -> tuple[Integer, ...]:
-    """One step: the values of its words, in the written order."""
+    """One step; returns the values of the record's words, in order."""
     c.step += 1
     taken = [calibrate(count, p, channel) for count, channel in zip(raw, ["gyro"] * 3 + ["accel"] * 3, strict=True)]
     x, y, z, accel_x, accel_y, accel_z = (value for value, _ in taken)
@@ -118,7 +118,7 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_tu
 
 
 def filter_words(k: KalmanState) -> tuple[Integer, ...]:
-    """plumb_kalman_t, in its order."""
+    """The words of plumb_kalman_t, in order."""
     return (
         k.tilt_turn_q61, k.bias_turn_q61, k.p00, k.p01, k.p11, k.p11_frac_q30, k.innovation_turn_q32, k.k0_q29, k.k1_q29
     )  # fmt: skip

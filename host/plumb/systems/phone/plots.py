@@ -1,7 +1,7 @@
-"""What a run of `phone` is measured by, and what it looks like.
+"""Metrics and plots of a run of `phone`.
 
-The error of pitch and roll together is the angle between the estimated and the true vertical: it is sound at every
-attitude, where the error of roll alone is not. `angle_...` means that angle.
+The error of pitch and roll together is the angle between the estimated and the true vertical. It is defined at every
+attitude, unlike the error of roll alone. `angle_...` means that angle.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ def error_deg(run: Run) -> FloatArray:
 
 
 def accel_error_deg(run: Run) -> FloatArray:
-    """The same of the accelerometer alone."""
+    """The error of the accelerometer alone."""
     force = np.stack([run.words[f"accel_{axis}_g_q26"].astype(np.float64) for axis in "xyz"])
     return inclination_deg(force, up(*(run.inputs.truth[f"{axis}_deg"] for axis in AXES)))
 
 
 def apart_deg(run: Run) -> FloatArray:
-    """The same between the integers and float64, on the same counts."""
+    """Angle between the verticals of integers and float64 on the same counts."""
     fixed = up(*(run.words[f"{axis}_turn_q32"] * TURN_DEG for axis in AXES))
     return inclination_deg(fixed, up(*(run.reference[f"{axis}_deg"] for axis in AXES)))
 
 
 def metrics(run: Run) -> dict[str, float | None]:
-    """Errors of the vertical, then of the angles; None where nothing is to be scored."""
+    """Errors of the vertical, then of the angles; None for a run without scored samples."""
     scored = run.inputs.scored
 
     def rms(error: FloatArray) -> float | None:

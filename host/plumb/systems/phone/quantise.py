@@ -1,4 +1,4 @@
-"""`phone`: its tuning as integers, and back. Both filters count their variances in the same unit."""
+"""Quantise the tuning of `phone`, and back. Both filters use the same unit of variance."""
 
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ def quantise(tuning: PhoneTuning) -> ControlParams:
 
 
 def _both(tuning: PhoneTuning, finest: str = "pitch") -> tuple[dict[str, int], dict[str, int], Fraction]:
-    """The words of pitch and of roll, in the unit that suits one; UsageError where it does not suit the other."""
+    """The words of pitch and of roll in the finest unit of variance of `finest`; raises UsageError if the other does
+    not fit it."""
     words: dict[str, dict[str, int]] = {}
     unit_deg2: Fraction | None = None
     for name in ("pitch", "roll") if finest == "pitch" else ("roll", "pitch"):
@@ -57,7 +58,7 @@ def _both(tuning: PhoneTuning, finest: str = "pitch") -> tuple[dict[str, int], d
 
 
 def dequantise(params: ControlParams) -> PhoneTuning:
-    """What the integers mean."""
+    """The tuning that the integers represent."""
     own = {name.removeprefix("roll."): value for name, value in params.values.items() if name.startswith("roll.start.")}
     own |= {f"kalman.{name}": params[f"roll.{name}"] for name in ("qa_hi", "qa_lo", "qb", "qb_frac_q30")}
     own |= {f"tilt.{name}": params[f"roll.{name}"] for name in ("r_base", "r_max")}

@@ -1,21 +1,21 @@
-"""`phone` in float64: pitch and roll as the source has them, and with Euler rates.
+"""`phone` in float64: pitch and roll as in the source, and with Euler rates.
 
     pitch = -asin(fx / |f|)     roll = atan2(fy, fz)
     x = [pitch, b_pitch, roll, b_roll]^T; A, B, Q block-diagonal, H picks the two angles, R = diag(r_pitch, r_roll):
-    two filters of equations (1) to (5) that know nothing of each other
+    two independent filters of equations (1) to (5)
 
-The source prints roll with an arcsine of fz over sqrt(fy^2 + fz^2), which is 90 deg where the phone lies flat: an axis
-slip for atan2(fy, fz). It drives the filters with the body's rates, u = (wy, wx); the rates of the angles are
+The source prints roll as an arcsine of fz over sqrt(fy^2 + fz^2), which is 90 deg for a phone that lies flat: a
+mistaken axis for atan2(fy, fz). It drives the filters with the body rates, u = (wy, wx); the Euler rates are
 
     pitch' = wy cos(roll) - wz sin(roll)
     roll'  = wx + tan(pitch) (wy sin(roll) + wz cos(roll))
 
-with the angles as last estimated, the cosine of pitch not below 1/16, either rate within +-8 turn/s. While
-sqrt(fy^2 + fz^2) < 0.15 g there is no roll to be measured: the innovation is 0, the variances go on as if R were
-r_left_out, and where no rate reaches 5 deg/s roll' = wx, because the tangent would make a drift of the bias of wz.
-While |fx| is below 0.15 g as well the phone falls, and pitch is not corrected either. Where roll can be measured and
-pitch is beyond +-90 deg, the phone went over the top: (180 - pitch, roll + 180) is the same attitude, and the one that
-the acceleration shows; with it the rate of pitch changes its sign, and so does its bias.
+with the last estimated angles, the cosine of pitch at least 1/16, and both rates limited to +-8 turn/s. While
+sqrt(fy^2 + fz^2) < 0.15 g, roll cannot be measured: the innovation is 0, the variances propagate as if R were
+r_left_out, and if no rate reaches 5 deg/s, roll' = wx, because the tangent would turn the bias of wz into a drift.
+While |fx| is below 0.15 g, too, the phone is falling, and pitch is not corrected either. If roll can be measured and
+pitch is beyond +-90 deg, the phone has passed the vertical: (180 - pitch, roll + 180) is the same attitude and agrees
+with the measured angles; the rate of pitch then changes its sign, and so does its bias.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SINGULAR_G = 0.15
 COSINE_MIN = 1.0 / 16.0
 STILL_DPS = 5.0
 RATE_MAX_DPS = 8 * 360.0
-"""Of an angle; only the tangent comes there."""
+"""Limit of an Euler rate, which only the tangent can reach."""
 
 
 def measured(force_g: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -47,7 +47,7 @@ def measured(force_g: FloatArray) -> tuple[FloatArray, FloatArray]:
 def rates_of(
     tuning: PhoneTuning, pitch_deg: Number, roll_deg: Number, rate_dps: FloatArray, roll_lost: Number
 ) -> tuple[Number, Number]:
-    """What drives the filters of pitch and roll, deg/s, from the body's rates (3, ...)."""
+    """Rates that drive the filters of pitch and roll, deg/s, from the body rates (3, ...)."""
     wx, wy, wz = rate_dps
     if tuning.rates == "body":
         return wy, wx
@@ -60,7 +60,7 @@ def rates_of(
 
 
 def change_sides(pitch: KalmanState, roll: KalmanState, roll_lost: Number) -> None:
-    """The angles that the acceleration shows, where they have gone over the top."""
+    """Replace angles with pitch beyond +-90 deg by the equivalent ones that the accelerometer measures."""
     over = (np.abs(pitch.tilt_deg) > 90.0) & ~np.asarray(roll_lost)
     pitch.tilt_deg = np.where(over, wrap(180.0 - pitch.tilt_deg), pitch.tilt_deg)
     pitch.bias_dps = np.where(over, -pitch.bias_dps, pitch.bias_dps)
@@ -70,7 +70,7 @@ def change_sides(pitch: KalmanState, roll: KalmanState, roll_lost: Number) -> No
 def correct(
     x: KalmanState, tuning: PhoneTuning, axis: PhoneAxis, z_deg: Number, u_dps: Number, lost: Number
 ) -> tuple[Number, Number]:
-    """One step of one filter, u given; where the measurement is lost nothing is corrected. Bias and R of the step."""
+    """One step of one filter with input u; no correction where the measurement is missing. Returns bias and R."""
     settings = replace(tuning.kalman(axis), rate="current")
     r_deg2 = np.where(lost, tuning.r_left_out_deg2, axis.r_deg2)
     expected_deg = x.tilt_deg + tuning.period_s * (u_dps - x.bias_dps)
@@ -81,9 +81,9 @@ def correct(
 def run_control(
     tuning: PhoneTuning, raw: npt.ArrayLike, _setpoint: npt.ArrayLike | None = None
 ) -> dict[str, FloatArray]:
-    """From counts to angles. raw: (steps, 6[, runs]); the setpoint has no meaning.
+    """From counts to angles. raw: (steps, 6[, runs]); setpoint: unused.
 
-    Gives float arrays (steps[, runs]) by name: pitch_, roll_ with measured_deg, rate_dps, deg, bias_dps, r_deg2.
+    Returns float arrays (steps[, runs]) by name: pitch_, roll_ with measured_deg, rate_dps, deg, bias_dps, r_deg2.
     """
     counts = np.moveaxis(np.asarray(raw, np.float64), 1, 0)
     rate_dps, force_g = calibrate(counts[:3], tuning.gyro), calibrate(counts[3:], tuning.accel)

@@ -9,8 +9,8 @@ is yaw, pitch, roll about z, y, x in this order: at rest
 
 Assumed, not from the source: gyro noise 0.01 deg/s/sqrt(Hz) (an angle random walk of 0.01 deg/sqrt(s)), bias walk
 0.0005 deg/s/sqrt(s), scale error 0.5 %, accelerometer offset 0.02 m/s^2 and noise 200 ug/sqrt(Hz) an axis, linear
-acceleration in `general` 1 m/s^2 rms an axis at 0.3 to 4 Hz. The third gyro axis is given a bias too, where the source
-says nothing: as much as the mean of the other two.
+acceleration in `general` 1 m/s^2 rms per axis at 0.3 to 4 Hz. The source gives no bias of the third gyro axis; here it
+is the mean of the other two.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from plumb.systems.phone.tuning import PhoneAxis, PhoneTuning
 
 PERIOD_US = 10_000
 GRID_S = 0.001
-"""Step at which motion is drawn; its rates are differences over two steps."""
+"""Step of the simulated motion; rates are differences over two steps."""
 G_MPS2 = 9.80665
 
 GYRO = Channel(zero_counts=0.0, unit_per_count=1.0 / 16.384, min_counts=-32767, max_counts=32767)
-"""+-2000 deg/s, what every phone's gyro stays within."""
+"""+-2000 deg/s, the range of a phone's gyro."""
 ACCEL = Channel(zero_counts=0.0, unit_per_count=1.0 / 4096.0, min_counts=-32767, max_counts=32767)
 """+-8 g."""
 
@@ -45,16 +45,16 @@ ACCEL_NOISE_G_PER_RTHZ, OFFSET_MPS2 = 200e-6, 0.02
 STATIC_BIAS_DPS = (0.283, 0.283, 0.283)
 TURNS_BIAS_DPS = (0.17, 0.143, 0.1565)
 GENERAL_BIAS_DPS = (0.18, 0.22)
-"""In a random direction: pi/4 of it tilts, on average, which over 200 s is the source's 28.6 and 34.4 deg. Even seeds
-have the first, odd ones the second."""
+"""Size of the bias, of even and of odd seeds; its direction is random. On average pi/4 of it tilts, which over 200 s
+gives the source's 28.6 and 34.4 deg."""
 EULER_RMS_DEG, EULER_MEAN_DEG, MOTION_HZ = (40.0, 25.0, 15.0), (0.0, 10.0, -15.0), (0.02, 0.35)
-"""Yaw, pitch, roll of `general`."""
+"""rms and mean of yaw, pitch, roll in `general`, and the band of their frequencies."""
 LINEAR_MPS2, LINEAR_HZ = 1.0, (0.3, 4.0)
 REST_S, FADE_S = 5.0, 3.0
 
 TURN_S, TURN_DEG = 4.0, 90.0
 ROLL_TURN_S, PITCH_TURN_S = (20.0, 74.0), (108.0, 162.0)
-"""`turns`: when the phone begins to turn by 90 degrees, and when to turn back; about x (roll), then about y (pitch)."""
+"""`turns`: times at which the phone begins to turn by 90 deg, and to turn back; about x (roll), then y (pitch)."""
 
 SCENARIOS = {
     "static": "at rest, flat (the source's first experiment)",
@@ -71,10 +71,10 @@ EULER = PhoneTuning(
     pitch=PhoneAxis(q_angle_deg2_per_s=0.01, q_bias_dps2_per_s=1e-4, r_deg2=10.0),
     roll=PhoneAxis(q_angle_deg2_per_s=0.01, q_bias_dps2_per_s=1e-4, r_deg2=10.0),
 )
-"""Fitted on seeds 0-19 of `general`: the accelerometer says little at any moment, and everything in half a minute."""
+"""Fitted on seeds 0-19 of `general`: a small weight for each accelerometer sample, a memory of about half a minute."""
 
-# The body's rates are wrong in general motion by more than any noise: Q of the angle stands for that, fitted on
-# seeds 0-19 of `general` too, so that the source's filter is shown at its best.
+# In general motion body rates differ from Euler rates by more than any noise; Q of the angle models this difference. It
+# is fitted on seeds 0-19 of `general`, too, so that the source's filter is compared at its best.
 PRINTED_AXIS = replace(EULER.pitch, q_angle_deg2_per_s=10.0)
 PRINTED = replace(EULER, rates="body", pitch=PRINTED_AXIS, roll=PRINTED_AXIS)
 
@@ -95,30 +95,30 @@ LINK: dict[str, int] = {}
 
 
 def faults(requests: Sequence[Request]) -> tuple[Fault, ...]:
-    """What `scenario` takes; raises UsageError for a kind or a channel that there is not."""
+    """Faults for `scenario`; raises UsageError for an unknown kind or channel."""
     return tuple(fault_of(asked, FAULT_CHANNELS) for asked in requests)
 
 
 def up(pitch_deg: npt.ArrayLike, roll_deg: npt.ArrayLike) -> FloatArray:
-    """The vertical in the phone's axes, (3, ...): what an accelerometer at rest reads, in g."""
+    """The vertical in the phone's axes, (3, ...): the reading of an accelerometer at rest, in g."""
     pitch, roll = np.radians(pitch_deg), np.radians(roll_deg)
     return np.stack([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)])
 
 
 def pitch_roll_deg(vertical: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The two angles of a vertical (3, ...) of any length; roll is arbitrary where x points up or down."""
+    """Pitch and roll of a vertical (3, ...) of any length; roll is arbitrary if x points up or down."""
     x, y, z = vertical
     return np.degrees(np.arctan2(-x, np.hypot(y, z))), np.degrees(np.arctan2(y, z))
 
 
 def inclination_deg(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Angle between two verticals (3, ...): the error of pitch and roll together, sound at every attitude."""
+    """Angle between two verticals (3, ...): the error of pitch and roll together, defined at every attitude."""
     across = np.linalg.norm(np.cross(a, b, axis=0), axis=0)
     return np.asarray(np.degrees(np.arctan2(across, np.sum(a * b, axis=0))))
 
 
 def counts_of(rate_dps: FloatArray, force_g: FloatArray) -> npt.NDArray[np.int16]:
-    """Raw counts (steps, 6) of rates and specific forces (3, steps), as the board takes them."""
+    """Raw counts (steps, 6) of rates and specific forces, (3, steps) each."""
     scaled = np.concatenate([rate_dps / GYRO.unit_per_count, force_g / ACCEL.unit_per_count])
     counts: npt.NDArray[np.int16] = np.clip(np.rint(scaled), GYRO.min_counts, GYRO.max_counts).astype(np.int16)
     return counts.T
@@ -126,9 +126,10 @@ def counts_of(rate_dps: FloatArray, force_g: FloatArray) -> npt.NDArray[np.int16
 
 @dataclass(frozen=True)
 class Scenario:
-    """One run: its motion and what the sensors made of it, all at the sampling instants.
+    """One run: its motion and the sensor outputs at the sampling instants.
 
-    (3, steps): rate_dps, vertical, bias_dps, true; sensed_dps, sensed_g, before faults. fault_noise: (6, steps).
+    (3, steps) each: rate_dps, vertical, bias_dps: true values; sensed_dps, sensed_g: sensor outputs before faults.
+    fault_noise: (6, steps).
     """
 
     name: str
@@ -165,7 +166,7 @@ class Scenario:
         return raw
 
     def setpoint(self) -> npt.NDArray[np.int32]:
-        """Nothing is controlled: zeros, (steps,)."""
+        """Zeros, (steps,): the system has no controller."""
         return np.zeros(self.steps, np.int32)
 
     def truth(self) -> dict[str, FloatArray]:
@@ -174,7 +175,7 @@ class Scenario:
         return {"pitch_deg": pitch_deg, "roll_deg": roll_deg}
 
     def held(self) -> dict[str, npt.NDArray[np.bool_]]:
-        """`turns`: the samples in which an axis stands at 90 degrees, 1 s after the turn on; (steps,) each."""
+        """`turns`: axis -> True for the samples at 90 deg, from 1 s after the turn; (steps,) each."""
         t = self.time_s
         spans = {"roll": ROLL_TURN_S, "pitch": PITCH_TURN_S}
         return {axis: (t >= begin + TURN_S + 1.0) & (t < back) for axis, (begin, back) in spans.items()}
@@ -182,14 +183,14 @@ class Scenario:
 
 @dataclass(frozen=True)
 class Playback:
-    """The prescribed motion, sample by sample: nothing that a board puts out moves a phone."""
+    """Plays the prescribed motion; the outputs of a board have no effect."""
 
     scenario: Scenario
     samples: npt.NDArray[np.int16]
     angles: dict[str, FloatArray]
 
     def follow(self, time_s: float, outputs: Mapping[str, int]) -> None:
-        """Nothing follows."""
+        """Does nothing: the outputs have no effect."""
 
     def counts(self, time_s: float) -> tuple[int, ...]:
         """The six raw counts of the sample at time_s."""
@@ -206,7 +207,7 @@ class Playback:
 
 
 def plant(run: Scenario, *, open_loop: bool = True) -> Playback:
-    """The sensor board of a run; with or without a loop it is the same."""
+    """The plant of a run, which plays its samples, open loop or not."""
     return Playback(run, run.counts(), run.truth())
 
 
@@ -222,7 +223,7 @@ def scenario(
 
     bias direction (3), scale (3), accelerometer offset (3), yaw, pitch, roll (grid each), linear acceleration along
     three fixed axes (grid each), bias walk, gyro noise, accelerometer noise (3, steps each), fault noise (6, steps). A
-    scenario that has no use for one draws it all the same.
+    scenario that does not use a value draws it nevertheless, so that seeds are comparable.
     """
     if name not in SCENARIOS:
         raise UsageError(f"phone has no scenario '{name}'; it has {', '.join(SCENARIOS)}")
@@ -275,7 +276,7 @@ def scenario(
 
 
 def body_rates(euler_deg: FloatArray, step_s: float) -> FloatArray:
-    """Angular rate in the phone's axes, (3, n) deg/s, of yaw, pitch, roll (3, n) in deg."""
+    """Angular rate in the phone's axes, (3, n) deg/s, from yaw, pitch, roll (3, n) in deg."""
     yaw_rate, pitch_rate, roll_rate = np.gradient(euler_deg, step_s, axis=1)
     _, pitch, roll = np.radians(euler_deg)
     return np.stack([
@@ -286,7 +287,7 @@ def body_rates(euler_deg: FloatArray, step_s: float) -> FloatArray:
 
 
 def to_body(euler_deg: FloatArray, vector: FloatArray) -> FloatArray:
-    """A vector (3, n) of the earth's axes in the phone's: turned by yaw, then pitch, then roll."""
+    """A vector (3, n) from the earth's axes to the phone's: rotated by yaw, then pitch, then roll."""
     yaw, pitch, roll = np.radians(euler_deg)
     x, y, z = vector
     x, y = np.cos(yaw) * x + np.sin(yaw) * y, np.cos(yaw) * y - np.sin(yaw) * x

@@ -22,10 +22,10 @@ class PhoneAxis:
 
 @dataclass(frozen=True)
 class PhoneTuning(ForOnePeriod):
-    """Everything one run of `phone` needs.
+    """The settings of a run of `phone`.
 
-    gyro, accel: the channel of all three axes each. rates: what drives the filters, the body's rates as printed or
-    those of the angles. r_left_out_deg2: stands in for R where an acceleration tells no angle.
+    gyro, accel: the channel of all three axes of the sensor. rates: rates that drive the filters, `body` as in the
+    source or `euler`. r_left_out_deg2: value of R while the acceleration cannot measure the angle.
     """
 
     system: ClassVar[str] = "phone"

@@ -1,8 +1,8 @@
-"""What `turntable` was asked to reach, and what the integers reach.
+"""Targets of `turntable` and the figures that the integers reach (see plumb.proof.figures).
 
 Residuals are rotation-vector components of truth^-1 * estimate over the motion. Mean: of the absolute values over time
 and axes; maximum: of each axis over time, then the mean of the axes. A row in % below the gyro compares the mean of all
-seeds with that of the gyro alone, whose spikes are taken out without a trace: the hardest mark that there is.
+seeds with that of the gyro alone without its spikes, which is the strictest comparison.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from plumb.tuning import quantise
 Series = npt.NDArray[np.floating[Any]]  # Any: of any width
 
 PATENT_MEAN, PATENT_MAX = 20.81, 35.04
-"""What the source claims for the data layer against the pure gyro, %."""
+"""Improvement over the gyro alone that the source claims for the data layer, %."""
 HEADLINE = ("data layer, mean", "motion", "data")
 
 ASSUMED = (
@@ -170,8 +170,8 @@ def rows(
 
 
 def honest_rows(batch: Batch, name: str, lags: bool = True, sense: Sense = "shown") -> Iterator[Figure]:
-    """What every table has beside the fusion: the gyro alone, with its known lag undone, and the printed data layer.
-    Where the gyro has no lag, undoing it is the gyro alone."""
+    """Comparison rows: the gyro alone, the gyro with its known lag compensated, and the data layer as printed. A gyro
+    without lag has no compensated row."""
     for kind, alone in (("mean", batch.gyro.mean), ("max", batch.gyro.maximum)):
         claim = f"gyro alone, {kind}"
         yield Figure(claim, name, "-", "deg", sense, 0.0, float(np.mean(alone)), float(np.max(alone)))
@@ -182,7 +182,7 @@ def honest_rows(batch: Batch, name: str, lags: bool = True, sense: Sense = "show
 
 
 def motion_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """The 20 s run: what was asked, and the honest rows beside it."""
+    """The 20 s run: rows with targets, and the comparison rows."""
     batch, nothing = Batch.of("motion", seeds), (0.0, 0.0)
     data_mean, data_max = (limit.value for limit in LIMITS["motion", "data", "open"])
     yield from below_gyro("data layer", batch, "motion", "data", "at least", (data_mean, data_max), source=True)
@@ -203,7 +203,7 @@ def motion_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 
 
 def lag_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """The lag 30 % wrong, and no lag at all."""
+    """Rows with a lag setting that is 30 % too short, and with a gyro without lag."""
     batch, nothing = Batch.of("motion", seeds), (0.0, 0.0)
     short = 0.7 * 0.008
     yield from below_gyro("lag 30 % short, estimated", batch, "motion", "short_lag", "shown", nothing)
@@ -217,7 +217,7 @@ def lag_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 
 
 def white_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """White noise alone: the rate gains, the angle cannot."""
+    """White noise alone: fusion improves the rate; it cannot improve the angle."""
     batch = Batch.of("white", seeds)
     sampled = turntable.ERRORS["white"].gyro_dps / math.sqrt(turntable.GYRO_PERIOD_S)
     marks: tuple[tuple[str, str, Sense, float], ...] = (
@@ -237,7 +237,7 @@ def white_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 
 
 def preset_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """The patent's figures without the lag; the warm-up."""
+    """The patent's figures with a gyro without lag; the warm-up."""
     patent = (PATENT_MEAN, PATENT_MAX)
     untrimmed = Batch.of("untrimmed", seeds)
     yield from below_gyro("no lag to undo", untrimmed, "untrimmed", "untrimmed", "at least", patent, source=True)
@@ -248,7 +248,7 @@ def preset_rows(seeds: Iterable[int]) -> Iterator[Figure]:
 
 
 def loss_rows(seeds: Iterable[int]) -> Iterator[Figure]:
-    """Five seconds without one of the sensors, in the midst of the motion: residuals in degrees."""
+    """Five seconds without one of the sensors, during the motion: residuals in degrees."""
     for sensor in ("angular", "gyro"):
         outage = (turntable.Outage("lost", sensor, 15.0, 20.0),)
         lossy = Batch(tuple(turntable.scenario("motion", seed, faults=outage) for seed in seeds))

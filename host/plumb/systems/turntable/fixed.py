@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from plumb.kernels.fixed.kernels import Params
+from plumb.kernels.fixed.prefilter import FLAG_SAMPLE, Sensor
+from plumb.kernels.fixed.quaternion import ONE_Q30, Quaternion, chosen, difference, rotate
 from plumb.kernels.fixed.trig import reciprocal
-from plumb.kernels.integers import Integer, clamp, clz32, select, wrap_i32
+from plumb.kernels.integers import Integer, clamp, clz32, select
 
 RATE, GYRO_BIAS, ANGULAR_BIAS, DIFFERENCE, ANGLE = range(5)
 DATA, ATTITUDE, PRINTED = range(3)
@@ -15,22 +17,19 @@ TOUCHED = (RATE, GYRO_BIAS, ANGULAR_BIAS, ANGLE)
 AXES = range(3)
 
 I32 = (1 << 31) - 1
-ONE_Q30 = 1 << 30
 RATE_MAX, INCREMENT_MAX, INNOVATION_MAX = 7 << 28, (1 << 30) - 1, 1 << 30
 SHOCK_MAX, STILL_Q64 = 1 << 25, 1 << 32
 SCALE_MAX = LAG_MAX = 1 << 28
 BIAS_MAX = 0x7FFFFF00
 CELL_MAX, ANGLE_MAX, GAIN_MAX = 1 << 58, 1 << 61, 1 << 30
 SCALE_PROJECTED_MAX, LAG_PROJECTED_MAX = 1 << 29, 1 << 25
-GAP_MAX, ANGULAR_STALE = 65535, 4
-NO_SAMPLE = -32768
-PI_Q29, INVERSE_PI_Q32 = 1686629713, 1367130551
+ANGULAR_STALE = 4
 
-FLAG_SATURATED, FLAG_SAMPLE, FLAG_SPIKE = 1, 4, 16
 FLAG_SHOCK, FLAG_REST, FLAG_GYRO_LOST = 64, 128, 256
 
 
 def sat_i32(x: Integer) -> Integer:
+    """x, saturated to 32 bits."""
     return clamp(x, -I32 - 1, I32)
 
 
@@ -42,98 +41,14 @@ def mul_shift(a: Integer, b: Integer, n: int) -> Integer:
 
 
 def add_scaled(x: Integer, a: Integer, b: Integer, n: int) -> Integer:
-    """x + a * b / 2^n to the nearest, within 32 bits."""
+    """x + a * b / 2^n, rounded to nearest and saturated to 32 bits."""
     return sat_i32(x + ((a * b + (1 << (n - 1))) >> n))
-
-
-def mul_q30(a: Integer, b: Integer) -> Integer:
-    return (a * b + (1 << 29)) >> 30
-
-
-Quaternion = tuple[Integer, Integer, Integer, Integer]
-
-
-def product(p: Quaternion, q: Quaternion) -> Quaternion:
-    """p * q, Q30."""
-    (pw, px, py, pz), (qw, qx, qy, qz) = p, q
-    half = 1 << 29
-    return (
-        (pw * qw - px * qx - py * qy - pz * qz + half) >> 30,
-        (pw * qx + px * qw + py * qz - pz * qy + half) >> 30,
-        (pw * qy - px * qz + py * qw + pz * qx + half) >> 30,
-        (pw * qz + px * qy - py * qx + pz * qw + half) >> 30,
-    )
-
-
-def rotate(q: Quaternion, turn_q60: Sequence[Integer]) -> Quaternion:
-    """q turned by a rotation vector of the body."""
-    half, square = [], 0
-    for turn in turn_q60:
-        turn_q32 = (clamp(turn, -(1 << 57), 1 << 57) + (1 << 27)) >> 28
-        half.append((turn_q32 * PI_Q29 + (1 << 30)) >> 31)
-        square = square + mul_q30(half[-1], half[-1])
-    fourth = mul_q30(square, square)
-    sixth = mul_q30(fourth, square)
-    cosine = ONE_Q30 - square // 2 + fourth // 24 - sixth // 720
-    sinc = ONE_Q30 - square // 6 + fourth // 120
-    x, y, z = (mul_q30(h, sinc) for h in half)
-    r = product(q, (cosine, x, y, z))
-    length = r[0] * r[0] + r[1] * r[1] + r[2] * r[2] + r[3] * r[3]
-    keep = ((3 << 60) - length) >> 31
-    return (mul_q30(r[0], keep), mul_q30(r[1], keep), mul_q30(r[2], keep), mul_q30(r[3], keep))
-
-
-def difference(start: Quaternion, end: Quaternion) -> list[Integer]:
-    """The small rotation vector between them, turn Q32."""
-    w, *vector = product((start[0], -start[1], -start[2], -start[3]), end)
-    turns = [(v * INVERSE_PI_Q32 + (1 << 29)) >> 30 for v in vector]
-    return [select(w < 0, -turn, turn) for turn in turns]
-
-
-@dataclass(slots=True)
-class Sensor:
-    """A prefilter's memory, and the calibrated value of its last sample."""
-
-    name: str
-    stale: Integer
-    last: list[Integer] = field(default_factory=lambda: [0, 0, 0])
-    before: list[Integer] = field(default_factory=lambda: [0, 0, 0])
-    spikes: Integer = 0
-    gap: Integer = GAP_MAX
-    value: list[Integer] = field(default_factory=lambda: [0, 0, 0])
-
-    def apply_sample(self, raw: Sequence[Integer], p: Params) -> Integer:
-        """One step; its flags: saturated 1, sample 4, spike 16."""
-        group = "gyro" if self.name == "gyro" else "angular"
-        low, high = p[f"{group}.raw_min"], p[f"{group}.raw_max"]
-        gain, offset = p[f"{group}.gain"], p[f"{group}.offset"]
-        limit, smooth = p[f"{group}_filter.spike_counts"], p[f"{group}_filter.smooth_q16"]
-        missing = (raw[0] == NO_SAMPLE) | (raw[1] == NO_SAMPLE) | (raw[2] == NO_SAMPLE)
-        inside = (clamp(raw[0], low, high) == raw[0]) & (clamp(raw[1], low, high) == raw[1])
-        inside = inside & (clamp(raw[2], low, high) == raw[2])
-        sample = (missing == 0) & inside
-        fresh, spikes = self.gap > self.stale, 0
-        for i in AXES:
-            line = 2 * self.last[i] - self.before[i]
-            was_spike = ((self.spikes >> i) & 1) != 0
-            off = abs(raw[i] - line) > limit
-            spike = (fresh == 0) & (was_spike == 0) & off
-            before = select(fresh | (was_spike & off), raw[i], self.last[i])
-            last = select(spike, clamp(line, low, high), raw[i])
-            now = wrap_i32(last * gain + offset)
-            value = select(fresh, now, self.value[i] + (((now - self.value[i]) * smooth) >> 16))
-            self.before[i], self.last[i] = select(sample, before, self.before[i]), select(sample, last, self.last[i])
-            self.value[i] = select(sample, value, self.value[i])
-            spikes = spikes | (select(spike, 1, 0) << i)
-        self.spikes = select(sample, spikes, self.spikes)
-        self.gap = select(sample, 0, clamp(self.gap + 1, 0, GAP_MAX))
-        flags = select(spikes != 0, FLAG_SAMPLE | FLAG_SPIKE, FLAG_SAMPLE)
-        return select(sample, flags, select(missing, 0, FLAG_SATURATED))
 
 
 @dataclass(slots=True)
 class Parameter:
-    """A constant of the second stage; sensitivity of rate, gyro bias, angular bias and angle."""
+    """A constant that the second stage estimates (scale or lag), with the sensitivities of rate, gyro bias, angular
+    bias and angle to it."""
 
     variance_q60: Integer
     sensitivity_q28: list[Integer] = field(default_factory=lambda: [0, 0, 0, 0])
@@ -186,7 +101,7 @@ def put(p: list[list[Integer]], i: int, j: int, value: Integer) -> None:
 
 
 def couple(p: list[list[Integer]], i: int, k: int, shift: int, where: Integer, sign: int) -> None:
-    """Error i gains (sign -1: loses) error k / 2^shift, in the runs `where`."""
+    """Covariance update for error i += error k / 2^shift (sign -1: -=), in the runs `where`."""
 
     def part(j: int) -> Integer:
         return select(where, sign * (cell(p, k, j) >> shift), 0)
@@ -199,7 +114,7 @@ def couple(p: list[list[Integer]], i: int, k: int, shift: int, where: Integer, s
 
 
 def predict(c: ControlState, p: Params, angular: Integer, two: Integer, dt: Integer) -> None:
-    """Covariance through a step; two: where the attitudes are two."""
+    """Propagate the covariance by one step. two: runs with two separate attitudes."""
     m = c.p
     shares = [select(two, -mul_shift(cell(m, GYRO_BIAS, j), dt, 32), mul_shift(cell(m, RATE, j), dt, 32))
               for j in range(4)]  # fmt: skip
@@ -217,7 +132,7 @@ def predict(c: ControlState, p: Params, angular: Integer, two: Integer, dt: Inte
 
 
 def bound(m: list[list[Integer]]) -> None:
-    """No cell outside its limit."""
+    """Clamp every element of the covariance to its limit."""
     for i in range(4):
         variance = m[i][i]
         outside = (variance > CELL_MAX) | (variance < 0)
@@ -230,7 +145,7 @@ def bound(m: list[list[Integer]]) -> None:
 
 
 def reciprocal_of(s_q64: Integer) -> tuple[Integer, Integer]:
-    """2^61 / the first 31 bits of s, and how many bits were left out."""
+    """2^61 / the upper 31 bits of s, and the number of bits dropped."""
     n = clz32(s_q64 >> 32) - 1
     return reciprocal((s_q64 << n) >> 32), 32 - n
 
@@ -240,7 +155,7 @@ def ratio(u: Integer, y_q61: Integer, shift: Integer) -> Integer:
 
 
 def measure(c: ControlState, u: list[Integer], s_q64: Integer, where: Integer) -> list[Integer]:
-    """Gains of a measurement with u = P h; P after it, in the runs `where`."""
+    """Gains of a measurement with u = P h; updates P in the runs `where`."""
     y, exponent = reciprocal_of(s_q64)
     gain = [clamp(ratio(row, y, exponent + 2), -GAIN_MAX, GAIN_MAX) for row in u]
     for i in range(5):
@@ -251,7 +166,7 @@ def measure(c: ControlState, u: list[Integer], s_q64: Integer, where: Integer) -
 
 
 def correct(c: ControlState, i: int, gain: Sequence[Integer], innovation: Integer, where: Integer) -> None:
-    """Rate and biases of one axis."""
+    """Correct rate and biases of one axis."""
     rate = clamp(add_scaled(c.rate[i], gain[RATE], innovation, 28), -RATE_MAX, RATE_MAX)
     gyro = clamp(add_scaled(c.gyro_bias_q34[i], gain[GYRO_BIAS], innovation, 22), -BIAS_MAX, BIAS_MAX)
     angular = clamp(add_scaled(c.angular_bias_q42[i], gain[ANGULAR_BIAS], innovation, 16), -BIAS_MAX, BIAS_MAX)
@@ -265,7 +180,7 @@ def correction_q60(gain_q28: Integer, innovation: Integer) -> Integer:
 
 
 def update_zero_rate(c: ControlState, rest: Integer) -> None:
-    """At rest: the rate is zero."""
+    """At rest: measurement update with rate 0."""
     u = [cell(c.p, i, RATE) for i in range(5)]
     gain = measure(c, u, u[RATE] + STILL_Q64, rest)
     for i in AXES:
@@ -276,7 +191,7 @@ def update_zero_rate(c: ControlState, rest: Integer) -> None:
 
 
 def merge_attitudes(c: ControlState, where: Integer) -> None:
-    """The two attitudes are one."""
+    """Merge the two attitudes into one."""
     c.attitude_angular = chosen(where, c.attitude, c.attitude_angular)
     for j in range(4):
         c.p[DIFFERENCE][j] = select(where, 0, c.p[DIFFERENCE][j])
@@ -285,7 +200,7 @@ def merge_attitudes(c: ControlState, where: Integer) -> None:
 
 @dataclass(slots=True)
 class TurntableStep:
-    """What one step passes along."""
+    """Intermediate values of one step."""
 
     gyro: Integer
     angular: Integer
@@ -303,7 +218,7 @@ class TurntableStep:
 def propagate_rate(
     c: ControlState, p: Params, s: TurntableStep, before: Sequence[Integer], adjacent: Integer, dt: Integer
 ) -> None:  # fmt: skip
-    """Rate and lag of every axis through the step."""
+    """Propagate rate and lag of every axis by one step."""
     for i in AXES:
         twice = c.angular.value[i] + select(adjacent, before[i], c.angular.value[i])
         excess = add_scaled(0, ONE_Q30 - p["fusion.share_q30"], c.scale_q30[i], 30)
@@ -323,7 +238,7 @@ def propagate_rate(
 
 
 def predict_parameters(c: ControlState, p: Params, s: TurntableStep, where: Integer, dt: Integer) -> None:
-    """Sensitivities through the step."""
+    """Propagate the sensitivities by one step."""
     for i in AXES:
         drive = add_scaled(0, ONE_Q30 - p["fusion.share_q30"], c.increment_q34[i], 36)
         for parameter, driven in ((c.scale[i], select(s.angular, drive, 0)), (c.lag[i], 0)):
@@ -334,7 +249,7 @@ def predict_parameters(c: ControlState, p: Params, s: TurntableStep, where: Inte
 
 
 def project(v: Sequence[Integer], age_q24: Integer, direct: Integer, limit: int) -> Integer:
-    """Sensitivity of the innovation."""
+    """Sensitivity of the innovation to the constant, clamped to +-limit."""
     through = sat_i32(v[RATE] + v[GYRO_BIAS] + direct)
     return clamp(add_scaled(through, v[ANGULAR_BIAS], age_q24, 26), -limit, limit)
 
@@ -342,7 +257,7 @@ def project(v: Sequence[Integer], age_q24: Integer, direct: Integer, limit: int)
 def learn(
     c: ControlState, p: Params, s: TurntableStep, i: int, s_q64: Integer, gain: list[Integer], where: Integer
 ) -> list[Integer]:  # fmt: skip
-    """Scale and lag of one axis; the gains with their part in them."""
+    """Update scale and lag of one axis; returns the gains including their contribution."""
     direct = add_scaled(0, p["fusion.share_q30"], s.expected[i], 30)
     pairs = (
         (c.scale[i], project(c.scale[i].sensitivity_q28, s.age_q24, direct, SCALE_PROJECTED_MAX)),
@@ -374,7 +289,7 @@ def learn(
 
 
 def compare_rates(c: ControlState, p: Params, s: TurntableStep, where: Integer) -> None:
-    """Data layer."""
+    """Data layer: the difference of the rates is the innovation."""
     layer, share = p["fusion.layer"], p["fusion.share_q30"]
     largest: Integer = 0
     for i in AXES:
@@ -411,7 +326,7 @@ def compare_rates(c: ControlState, p: Params, s: TurntableStep, where: Integer) 
 
 
 def align_gyro(c: ControlState, p: Params, s: TurntableStep, where: Integer, dt: Integer) -> None:
-    """Attitude layer: the gyro's own rate through the step; anew where the gyro is just back."""
+    """Attitude layer: propagate the gyro's own rate by one step; restart it where gyro samples have just returned."""
     period = add_scaled(0, dt, p["fusion.gyro_period_step_q24"], 24)
     for i in AXES:
         grown, rate = c.increment_q34[i], c.corrected[i]
@@ -429,7 +344,7 @@ def align_gyro(c: ControlState, p: Params, s: TurntableStep, where: Integer, dt:
 
 
 def compare_attitudes(c: ControlState, p: Params, where: Integer, dt: Integer) -> None:
-    """Attitude layer: the difference corrects both."""
+    """Attitude layer: the difference of the attitudes corrects both."""
     period = p["fusion.gyro_period_step_q24"]
     walk = mul_shift(mul_shift(p["fusion.r_gyro_q44"] << 20, period, 24), period, 24)
     c.p[DIFFERENCE][DIFFERENCE] = c.p[DIFFERENCE][DIFFERENCE] + select(where, walk, 0)
@@ -449,13 +364,8 @@ def compare_attitudes(c: ControlState, p: Params, where: Integer, dt: Integer) -
     c.attitude_angular = chosen(where, rotate(c.attitude_angular, turns_angular), c.attitude_angular)
 
 
-def chosen(where: Integer, yes: Quaternion, no: Quaternion) -> Quaternion:
-    w, x, y, z = (select(where, a, b) for a, b in zip(yes, no, strict=True))
-    return w, x, y, z
-
-
 def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: Integer) -> tuple[Integer, ...]:
-    """One step: the values of its words, in the written order."""
+    """One step; returns the values of the record's words, in order."""
     c.step += 1
     dt, layer = p["fusion.dt_s_q32"], p["fusion.layer"]
     before, adjacent = list(c.angular.value), c.angular.gap == 0

@@ -1,7 +1,7 @@
-"""What the gyro of the turntable does alone: the mark that fusion has to pass.
+"""Attitude from the turntable's gyro alone, the baseline for fusion.
 
-Its bias is the mean over the rest, its samples are joined by straight lines, its attitude is a quaternion. With its
-lag undone the angle gains lag * rate: a gyro alone knows no more of its lag than a number.
+The bias is the mean over the rest; samples are interpolated linearly and integrated to a quaternion. Compensating the
+lag adds lag * rate to the angle.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ def attitudes(time_s: FloatArray, rate_dps: FloatArray, lag_s: float = 0.0) -> F
 
 
 def residuals_deg(run: Scenario, *, lag_s: float = 0.0, spikes: bool = False) -> FloatArray:
-    """Rotation vector from truth to the gyro's attitude over the motion, (samples, 3); without spikes unless asked for:
-    as if its prefilter were perfect."""
+    """Rotation vector from the true to the gyro's attitude over the motion, deg, (samples, 3). spikes False: without
+    spikes, as behind a perfect prefilter."""
     counts = run.gyro if spikes else run.gyro_clean
     attitude = attitudes(run.gyro_s, counts / GYRO_LSB_PER_DPS, lag_s)
     moving = run.gyro_s >= REST_S
@@ -44,7 +44,7 @@ def residuals_deg(run: Scenario, *, lag_s: float = 0.0, spikes: bool = False) ->
 
 
 def interpolated(attitude: FloatArray, share: FloatArray) -> FloatArray:
-    """Between each attitude and the one before it: share 0 the one itself, 1 the one before; (n, 4)."""
+    """Interpolate between each attitude (share 0) and the one before it (share 1); (n, 4)."""
     before = np.vstack([attitude[:1], attitude[:-1]])
     step = multiply(attitude * np.array([1.0, -1.0, -1.0, -1.0]), before)
     weighted = (1.0 - share[:, None]) * np.array([1.0, 0.0, 0.0, 0.0]) + share[:, None] * step

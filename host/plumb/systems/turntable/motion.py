@@ -1,4 +1,4 @@
-"""The motion of the turntable: attitude, rate, and what a gyro with a lag sees of it, on a grid of times."""
+"""Motion of the turntable on a time grid: attitude, rate, and the rate behind a gyro's lag."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ REST_S, FADE_S = 10.0, 3.0
 
 
 def at(time_s: FloatArray, grid_s: FloatArray, values: FloatArray) -> FloatArray:
-    """Columns of a grid at any times, straight between grid points."""
+    """Columns of a grid at any times, by linear interpolation."""
     return np.stack([np.interp(time_s, grid_s, column) for column in values.T], axis=1)
 
 
@@ -41,7 +41,7 @@ def motion(
 
 
 def lagged(signal: FloatArray, tau_s: float, step_s: float) -> FloatArray:
-    """Behind a first-order lag, exact for input that is straight between grid points; at rest before. (n, 3)."""
+    """The signal behind a first-order lag, (n, 3); exact for linear input between grid points, 0 before the first."""
     if tau_s == 0.0:
         return signal
     ratio = tau_s / step_s

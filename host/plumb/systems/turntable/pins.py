@@ -1,4 +1,4 @@
-"""`turntable` on the pins of the virtual board: both sensors have analog outputs, six inputs of the converter."""
+"""`turntable` on the pins of the virtual board: both sensors have analog outputs, connected to six ADC inputs."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ ADC_PINS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")
 
 
 class Coupling:
-    """Joins a plant to a machine's pins; the plant's time 0 is the first sample of the gyro's x axis. The sensors'
-    outputs stand still from one of its steps to the next. taken: the samples of that channel.
+    """Connects a plant to a machine's pins. The plant's time 0 is the first sample of the gyro's x axis. The sensors'
+    outputs are constant within a step of the plant. taken: the samples of that channel.
     """
 
     def __init__(self, machine: Machine, plant: TurntablePlant) -> None:
@@ -43,7 +43,7 @@ class Coupling:
         return 0.0 if self._start_s is None else max(0.0, now_s - self._start_s)
 
     def _convert(self, now_s: float) -> None:
-        """The converter samples the gyro's x axis."""
+        """The ADC samples the gyro's x axis."""
         if not self._scans.convert(now_s):
             return
         if self._start_s is None:

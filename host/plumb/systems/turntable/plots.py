@@ -1,4 +1,4 @@
-"""What a run of `turntable` is measured by, and what it looks like.
+"""Metrics and plots of a run of `turntable`.
 
 A residual is the rotation vector from the true to the estimated attitude, in the body's axes; `angle_...` means its
 length. There is no accelerometer: accel_only_rmse_deg is None.
@@ -32,24 +32,24 @@ def attitude(words: Words) -> FloatArray:
 
 
 def reference_attitude(values: dict[str, FloatArray]) -> FloatArray:
-    """The same of float64, or of the truth, (steps, 4)."""
+    """The attitude of the reference model, or the true one, (steps, 4)."""
     return np.stack([values[f"attitude_{axis}"] for axis in "wxyz"], axis=-1)
 
 
 def residuals_deg(run: Run) -> FloatArray:
-    """(steps, 3)."""
+    """Residuals in deg, (steps, 3)."""
     return rotation_deg(reference_attitude(run.inputs.truth), attitude(run.board_words))
 
 
 def apart_deg(run: Run) -> FloatArray:
-    """Angle between the integers' and float64's attitude on the same counts, (steps,)."""
+    """Angle in deg between the attitudes of integers and float64 on the same counts, (steps,)."""
     both = rotation_deg(reference_attitude(run.reference), attitude(run.words))
     return np.asarray(np.linalg.norm(both, axis=1), np.float64)
 
 
 def gyro_residuals_deg(run: Run) -> FloatArray | None:
-    """Of the gyro alone over the motion, (samples, 3): calibrated, its spikes replaced by the prefilter. None where it
-    has no samples to begin with."""
+    """Residuals in deg of the gyro alone over the motion, (samples, 3), with spikes replaced by the prefilter. None if
+    the gyro has no samples at the beginning."""
     words, time_s = run.words, run.inputs.time_s
     at = np.flatnonzero(words["flags"] & FLAG_GYRO)
     if len(at) < 2 or not (time_s[at] < REST_S).any():
@@ -65,8 +65,8 @@ def gyro_residuals_deg(run: Run) -> FloatArray | None:
 
 
 def metrics(run: Run) -> dict[str, float | None]:
-    """Errors of the attitude, then per axis as the patent reports them; the gyro alone beside them. None where nothing
-    is to be scored."""
+    """Errors of the attitude, per axis as the patent reports them, and of the gyro alone; None for a run without scored
+    samples."""
     scored = run.inputs.scored
     found: dict[str, float | None] = dict.fromkeys(("angle_rmse_deg", "angle_max_deg", "accel_only_rmse_deg"))
     found["fixed_vs_reference_max_deg"] = float(np.max(apart_deg(run)))
@@ -90,8 +90,8 @@ def metrics(run: Run) -> dict[str, float | None]:
 
 
 def plots(run: Run, *, closed: bool) -> list[Plot]:
-    """Rates, residuals, biases, what was learnt of scale and lag, fixed point against float64. The record has variances
-    of the rate, the biases, scale and lag, and none of the attitude."""
+    """Rates, residuals, biases, estimates of scale and lag, and fixed point against float64. The record has variances
+    of the rate, the biases, scale and lag, but none of the attitude."""
     time_s, words, truth, period_s = run.inputs.time_s, run.words, run.inputs.truth, run.params.period_s
     residual = residuals_deg(run)
 

@@ -1,4 +1,4 @@
-"""`turntable`: its tuning as integers, and back."""
+"""Quantise the tuning of `turntable`, and back."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def _fusion(f: Fusion, dt: Fraction) -> dict[str, int]:
 
 
 def dequantise(params: ControlParams) -> TurntableTuning:
-    """What the integers mean."""
+    """The tuning that the integers represent."""
     p, dt = params.values, params.period_s
     gyro, angular = (channel_of(params, name, 2**28 / 360) for name in ("gyro", "angular"))
     period = p["fusion.gyro_period_step_q24"] / 2**24

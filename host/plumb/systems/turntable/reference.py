@@ -29,9 +29,9 @@ from plumb.systems.turntable.tuning import Prefilter, TurntableTuning
 RATE, GYRO_BIAS, ANGULAR_BIAS, DIFFERENCE, ANGLE = range(5)
 NO_SAMPLE = -32768
 STILL_DPS2 = 360.0**2 / 2.0**32
-"""Variance of zero rate at rest, and, per step, of two attitudes being one."""
+"""Measurement variance of the zero-rate update at rest and, per step, of merging the two attitudes."""
 SHOCK = 32.0
-"""An innovation whose square is more than so many variances is a rate that the angular accelerometer did not see."""
+"""Squared innovation, in variances, above which the rate changed without the angular accelerometer measuring it."""
 SHOCK_DPS, INCREMENT_DPS, CELL_DPS2 = 45.0, 22.5, 360.0**2 / 2.0**6
 
 
@@ -51,7 +51,7 @@ def multiply(p: FloatArray, q: FloatArray) -> FloatArray:
 
 
 def turned(q: FloatArray, rotation_deg: FloatArray) -> FloatArray:
-    """q after a rotation vector of the body."""
+    """q after the body rotates by a rotation vector in deg."""
     half = np.radians(rotation_deg) / 2.0
     angle = np.linalg.norm(half, axis=-1, keepdims=True)
     result = multiply(q, np.concatenate([np.cos(angle), half * np.sinc(angle / np.pi)], axis=-1))
@@ -59,7 +59,7 @@ def turned(q: FloatArray, rotation_deg: FloatArray) -> FloatArray:
 
 
 def rotation_deg(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Rotation vector of the body that turns one attitude into the other, the short way."""
+    """Rotation vector in the body's axes, at most 180 deg long, from one attitude to the other, deg."""
     d = multiply(start * np.array([1.0, -1.0, -1.0, -1.0]), end)
     d = np.where(d[..., :1] < 0.0, -d, d)
     sine = np.linalg.norm(d[..., 1:], axis=-1, keepdims=True)
@@ -69,7 +69,7 @@ def rotation_deg(start: FloatArray, end: FloatArray) -> FloatArray:
 
 @dataclass
 class Sensor:
-    """One sensor behind its prefilter. last, before: counts of the last two samples; value: calibrated, smoothed."""
+    """State of a sensor's prefilter. last, before: counts of the last two samples; value: calibrated and smoothed."""
 
     channel: Channel
     settings: Prefilter
@@ -87,7 +87,7 @@ class Sensor:
         return cls(channel, settings, stale_steps, zero, zero, zero, np.zeros((runs, 3), np.bool_), none)
 
     def apply_sample(self, counts: FloatArray) -> BoolArray:
-        """One step; true where there is a sample, (runs, 1)."""
+        """Process the counts of one step; returns True for the runs with a sample, (runs, 1)."""
         low, high = self.channel.min_counts, self.channel.max_counts
         inside = (counts != NO_SAMPLE) & (counts >= low) & (counts <= high)
         present: BoolArray = np.all(inside, axis=1, keepdims=True)
@@ -107,7 +107,8 @@ class Sensor:
 
 @dataclass
 class State:
-    """(runs, 3) unless said. age_s: (runs, 1); p: (runs, 5, 5); v: (runs, 3, 5, 2) and m: (runs, 3, 2), scale, lag."""
+    """State of the filter; arrays are (runs, 3), except age_s: (runs, 1); p: (runs, 5, 5); v: (runs, 3, 5, 2) and
+    m: (runs, 3, 2), whose last axis is scale, lag."""
 
     gyro: Sensor
     angular: Sensor
@@ -130,7 +131,7 @@ class State:
 
 
 def start(t: TurntableTuning, phase_s: FloatArray) -> State:
-    """Before the first step; phase_s: a sampling instant of every run's gyro, (runs,)."""
+    """State before the first step. phase_s: a sampling instant of every run's gyro, (runs,)."""
     runs = len(phase_s)
     f, zero = t.fusion, np.zeros((runs, 3))
     one = np.tile([1.0, 0.0, 0.0, 0.0], (runs, 1))
@@ -147,7 +148,8 @@ def start(t: TurntableTuning, phase_s: FloatArray) -> State:
 
 
 def measure(x: State, h: FloatArray, r: float, where: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """P after a measurement h (runs, 5), in the runs `where`; gains (runs, 5) and variance of the innovation."""
+    """Update P by a measurement h (runs, 5) in the runs `where`; returns the gains (runs, 5) and the variance of the
+    innovation."""
     u = np.einsum("rij,rj->ri", x.p, h)
     s = np.einsum("ri,ri->r", u, h)[:, None] + r
     gain = np.where(where, u / s, 0.0)
@@ -156,14 +158,14 @@ def measure(x: State, h: FloatArray, r: float, where: BoolArray) -> tuple[FloatA
 
 
 def correct(x: State, gain: FloatArray, innovation: FloatArray) -> None:
-    """Rate and biases; gain: (runs, 3, 5)."""
+    """Correct rate and biases. gain: (runs, 3, 5)."""
     x.rate = x.rate + gain[..., RATE] * innovation
     x.gyro_bias = x.gyro_bias + gain[..., GYRO_BIAS] * innovation
     x.angular_bias = x.angular_bias + gain[..., ANGULAR_BIAS] * innovation
 
 
 def predict(x: State, t: TurntableTuning, angular: BoolArray, two: BoolArray) -> None:
-    """P and V through a step. two: where the attitudes are two."""
+    """Propagate P and V by one step. two: runs with two separate attitudes."""
     f, dt = t.fusion, t.period_s
     transition = np.tile(np.eye(5), (len(x.p), 1, 1))
     transition[:, RATE, ANGULAR_BIAS] = -dt * angular[:, 0]
@@ -180,13 +182,13 @@ def predict(x: State, t: TurntableTuning, angular: BoolArray, two: BoolArray) ->
 
 
 def gyro_share(t: TurntableTuning) -> float:
-    """Of a difference in scale, by the variances of the two."""
+    """Share of a scale difference that is attributed to the gyro, from the variances of the two scales."""
     both = t.fusion.gyro_scale**2 + t.fusion.angular_scale**2
     return t.fusion.gyro_scale**2 / both if both else 0.5
 
 
 def step(x: State, t: TurntableTuning, counts: FloatArray) -> None:
-    """counts: (runs, 6)."""
+    """One step of all runs. counts: (runs, 6)."""
     f, dt = t.fusion, t.period_s
     x.step += 1
     rest = x.step <= round(f.rest_s / dt)
@@ -257,7 +259,7 @@ def compare_rates(
     x: State, t: TurntableTuning, expected: FloatArray, lagged: FloatArray, age_s: FloatArray,
     gyro: BoolArray, angular: BoolArray, rest: bool,
 ) -> FloatArray:  # fmt: skip
-    """Data layer: z = omega_gyro - omega_angular. Returns what the angle is corrected by, (runs, 3)."""
+    """Data layer: z = omega_gyro - omega_angular. Returns the correction of the angle, (runs, 3)."""
     f, share = t.fusion, gyro_share(t)
     used = gyro & ~x.gyro.spike
     z = x.gyro.value - expected * (1.0 + share * x.scale) - x.gyro_bias
@@ -310,10 +312,10 @@ def run_control(
     *,
     gyro_phase_s: npt.ArrayLike | None = None,
 ) -> dict[str, FloatArray]:
-    """From counts to attitudes. raw: (steps, 6[, runs]); setpoint: unused; gyro_phase_s: (runs,), where every run has
-    its own instead of the tuning's.
+    """From counts to attitudes. raw: (steps, 6[, runs]); setpoint: unused; gyro_phase_s: (runs,), one for each run
+    instead of the tuning's.
 
-    Gives float arrays (steps[, runs]) by name: attitude_w .. attitude_z, and for axis 0, 1, 2: rate_dps_0 ..,
+    Returns float arrays (steps[, runs]) by name: attitude_w .. attitude_z, and for axis 0, 1, 2: rate_dps_0 ..,
     rate_fused_dps, gyro_bias_dps, angular_bias_dps2, scale, lag_s.
     """
     counts = np.asarray(raw, np.float64)

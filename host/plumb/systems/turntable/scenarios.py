@@ -2,16 +2,16 @@
 (patent application of Beijing Institute of Technology, 2023: Wang, Zhai, Liu, Xiao).
 
 Channels, in the order of the raw counts: gyro x, y, z, angular acceleration x, y, z; -32768 is no sample. A step is a
-sample of the angular accelerometer, every 4 ms; the gyro's samples come every 10 ms at a phase of their own, which the
-run's tuning is told (`Scenario.fit`): a sensor board knows when it samples. Axes are the body's; the attitude turns
-body into the frame of the start.
+sample of the angular accelerometer, every 4 ms. The gyro samples every 10 ms at its own phase, which `Scenario.fit`
+puts into the run's tuning: a sensor board knows when it samples. Axes are the body's; the attitude rotates the body
+frame into the initial frame.
 
 Assumed, not from a data sheet or the patent: gyro 0.03 deg/s/sqrt(Hz), lag 8 ms, bias +-1 deg/s; angular accelerometer
 0.3 deg/s^2/sqrt(Hz), bias +-2 deg/s^2; both with a bias walk of 0.003 per sqrt(s), a scale error of 0.5 % and spikes of
-20 sigma in 0.5 % of the samples. "Faded in over 3 s" is read as a raised cosine: a straight fade ends in a jump of the
-rate, which no turntable does. `untrimmed` has no lag, and a gyro as the data sheet of the MPU-6050 (131 LSB per deg/s)
-leaves it: sensitivity within 3 %, read as two standard deviations. `analog` has both sensors on the board's own
-converter, which samples them in every step.
+20 sigma in 0.5 % of the samples. "Faded in over 3 s" is taken as a raised cosine, because a linear fade ends with a
+jump of the rate, which a turntable cannot make. `untrimmed` has no lag and an uncalibrated gyro as in the data sheet
+of the MPU-6050 (131 LSB per deg/s): sensitivity within 3 %, taken as two standard deviations. `analog` has both
+sensors on the board's ADC, which samples them in every step.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ SUBSTEPS = 20
 NO_SAMPLE, COUNT_MAX = -32768, 32767
 GYRO_LSB_PER_DPS, ANGULAR_LSB_PER_DPS2 = 131.0, 20.0
 ADC_LSB_PER_DPS, ADC_LSB_PER_DPS2 = 5.0, 1.0
-"""Of sensors with analog outputs about half the supply, on the board's own 12-bit converter."""
+"""LSB per deg/s and per deg/s^2 of sensors with analog outputs around half the supply, on the board's 12-bit ADC."""
 SLOW_HZ, SLOW_DEG, QUICK_HZ, QUICK_DEG = (0.1, 0.3), (30.0, 60.0), (0.5, 1.2), (5.0, 12.0)
 GYRO_BIAS_DPS, ANGULAR_BIAS_DPS2 = 1.0, 2.0
 SPIKE_SIGMA = 20.0
@@ -46,7 +46,7 @@ WARM_UP_DPS, WARM_UP_TAU_S = 0.3, 60.0
 
 @dataclass(frozen=True)
 class Errors:
-    """What the sensors of a scenario suffer from; densities per root Hz, walks per root s, scales as fractions."""
+    """Sensor errors of a scenario: noise densities per root Hz, random walks per root s, scale errors as fractions."""
 
     gyro_dps: float = 0.03
     angular_dps2: float = 0.3
@@ -110,7 +110,7 @@ DATA = TurntableTuning(
     angular_filter=Prefilter(spike=60.0),
     fusion=Fusion(),
 )
-"""The densities are the scenario's; spikes are told by the noise of a straight line through two samples."""
+"""The densities are those of the scenario; the spike limits follow from the noise of a line through two samples."""
 
 
 def with_fusion(tuning: TurntableTuning, **changes: object) -> TurntableTuning:
@@ -153,7 +153,7 @@ TUNING_NOTES = {
 
 @dataclass(frozen=True)
 class Outage:
-    """A sensor that gives no samples, or wrong ones, for a while."""
+    """Fault of a sensor: no samples, or wrong ones, for some time."""
 
     kind: str
     sensor: str
@@ -162,7 +162,7 @@ class Outage:
 
 
 def faults(requests: Sequence[Request]) -> tuple[Outage, ...]:
-    """What `scenario` takes; raises UsageError for a kind or a sensor that there is not."""
+    """Outages for `scenario`; raises UsageError for an unknown kind or sensor."""
     for asked in requests:
         if asked.kind not in FAULTS or asked.what not in FAULT_CHANNELS:
             kinds, sensors = ", ".join(FAULTS), " or ".join(FAULT_CHANNELS)
@@ -198,12 +198,12 @@ class Scenario:
 
     @property
     def scored(self) -> npt.NDArray[np.bool_]:
-        """The motion."""
+        """True for the samples of the motion, (steps,)."""
         return np.asarray(self.time_s >= REST_S)
 
     @property
     def gyro_step(self) -> npt.NDArray[np.int_]:
-        """The step that takes each sample of the gyro: the first at or after it."""
+        """The step that uses each gyro sample: the first step at or after it."""
         return np.ceil(self.gyro_s / (self.period_us * 1e-6) - 1e-9).astype(np.int_)
 
     def counts(self) -> npt.NDArray[np.int16]:
@@ -230,7 +230,7 @@ class Scenario:
         return {**attitude, **{f"rate_dps_{i}": self.rate_dps[:, i] for i in range(3)}}
 
     def fit(self, tuning: TurntableTuning) -> TurntableTuning:
-        """The tuning for this run: when the gyro samples."""
+        """The tuning with this run's sampling phase of the gyro."""
         return with_fusion(tuning, gyro_phase_s=float(self.gyro_s[0]))
 
 
@@ -247,7 +247,7 @@ def scenario(
 
     slow frequencies and amplitudes, quick ones (3 each), phase of the gyro, biases (3, 3), signs of the warm-up (3),
     scales (3, 3), walks of gyro and angular accelerometer, their noise, their spikes and the spikes' signs. A scenario
-    that has no use for one draws it all the same.
+    that does not use a value draws it nevertheless, so that seeds are comparable.
     """
     if name not in SCENARIOS:
         raise UsageError(f"turntable has no scenario '{name}'; it has {', '.join(SCENARIOS)}")
@@ -309,13 +309,13 @@ def scenario(
 
 
 def counts_of(value: FloatArray, channel: Channel) -> npt.NDArray[np.int16]:
-    """What a sensor on this channel gives out; beyond the channel's range it stands at its rail, one count outside."""
+    """Counts of a sensor on this channel; a value beyond the range becomes the rail, one count outside the range."""
     counts = np.rint(value / channel.unit_per_count + channel.zero_counts)
     return np.clip(counts, channel.min_counts - 1, channel.max_counts + 1).astype(np.int16)
 
 
 class TurntablePlant:
-    """The prescribed run as a sensor board gives it out; nothing moves it. name: the scenario's."""
+    """Plays the prescribed samples of a run; the outputs have no effect. name: of the scenario."""
 
     def __init__(self, run: Scenario) -> None:
         self.name, self.period_us = run.name, run.period_us
@@ -339,5 +339,5 @@ class TurntablePlant:
 
 
 def plant(run: Scenario, open_loop: bool = False) -> TurntablePlant:
-    """The sensor board's side of a run."""
+    """The plant of a run, which plays its samples."""
     return TurntablePlant(run)

@@ -12,8 +12,8 @@ Layer = Literal["data", "attitude", "printed"]
 
 @dataclass(frozen=True)
 class Prefilter:
-    """Before fusion, per sensor: further than `spike` (in the sensor's unit) from the line through the last two samples
-    is a spike; `smooth` is the share of a new sample in a one-pole low-pass, 1 for none."""
+    """Prefilter of one sensor. spike: a sample further than this (in the sensor's unit) from the line through the last
+    two is a spike. smooth: weight of a new sample in a one-pole low-pass; 1 for no low-pass."""
 
     spike: float
     smooth: float = 1.0
@@ -21,12 +21,13 @@ class Prefilter:
 
 @dataclass(frozen=True)
 class Fusion:
-    """Gyro and angular accelerometer. layer: what is compared, rates (data, printed) or attitudes.
+    """Settings of the fusion of gyro and angular accelerometer. layer: compares rates (data, printed) or attitudes.
 
-    gyro_phase_s: a sampling instant of the gyro, counted from the first step. rest_s: the run begins at rest. lag_s:
-    the gyro's. Noise as densities: gyro (deg/s per root Hz), angular accelerometer (deg/s^2 per root Hz; lost_: what
-    stands for it while it is lost), walks of both biases (deg/s and deg/s^2 per root s). Standard deviations at the
-    start: both biases (deg/s, deg/s^2), the scale error of each sensor, the lag (s); 0 is not estimated.
+    gyro_phase_s: a sampling instant of the gyro, from the first step. rest_s: length of the rest at the beginning.
+    lag_s: of the gyro. Noise as densities: gyro (deg/s per root Hz), angular accelerometer (deg/s^2 per root Hz;
+    lost_...: the value while it is lost), random walks of both biases (deg/s and deg/s^2 per root s). Initial standard
+    deviations: both biases (deg/s, deg/s^2), scale error of each sensor, lag (s); with 0, scale or lag is not
+    estimated.
     """
 
     layer: Layer = "data"
@@ -48,7 +49,7 @@ class Fusion:
 
 @dataclass(frozen=True)
 class TurntableTuning(ForOnePeriod):
-    """Everything one run of `turntable` needs. A step is a sample of the angular accelerometer."""
+    """The settings of a run of `turntable`. A step is one sample of the angular accelerometer."""
 
     system: ClassVar[str] = "turntable"
 

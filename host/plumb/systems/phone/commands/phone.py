@@ -6,10 +6,10 @@
 
 `qemu` runs whole vectors: the native core follows the phone, then QEMU runs the longest run.
 
-Apps: SensaGram (JSON), Sensorstream IMU+GPS and Wireless IMU (CSV). SensorUDP is understood, but sends no gyroscope.
-Switch on gyroscope and accelerometer at about 100 Hz, and give the app this machine's address and the port. Ends after
---seconds of the phone's time, when no datagram comes for 5 s, or with Ctrl-C; the summary is always printed. A file of
---save runs again with: plumb replay FILE --system phone.
+Apps: SensaGram (JSON), Sensorstream IMU+GPS and Wireless IMU (CSV). SensorUDP is parsed, too, but sends no gyroscope.
+Enable gyroscope and accelerometer at about 100 Hz, and enter this machine's address and the port in the app. Ends after
+--seconds of the phone's time, when no datagram arrives for 5 s, or with Ctrl-C; the summary is always printed. To run a
+file of --save again: plumb replay FILE --system phone.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 DEFAULT_PORT = 50_000
 LOOK_STEPS = 10
-"""Between two looks on a terminal."""
+"""Steps between two updates of the terminal."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,7 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tuning", default="euler", help="euler (default) or printed")
     parser.add_argument("--period-us", type=int, default=10_000, help="control period (default 10000)")
     options.add_seconds(parser, "how long, by the phone's clock (default: until it stops)")
-    parser.add_argument("--wait", type=float, default=30.0, metavar="S", help="for the first step (default 30)")
+    parser.add_argument(
+        "--wait", type=float, default=30.0, metavar="S", help="longest wait for the first step (default 30)"
+    )
     parser.add_argument("--save", type=Path, metavar="FILE", help="write every datagram, one a line")
     options.add_out(parser)
     options.add_json(parser)
@@ -58,10 +60,10 @@ def main(arguments: argparse.Namespace) -> int:
 
     options.check_duration(arguments.seconds)
     if not arguments.wait > 0:
-        raise UsageError(f"--wait {arguments.wait:g}: ask for more than nothing")
+        raise UsageError(f"--wait {arguments.wait:g}: give a number greater than 0")
     params = live_run.params_of(arguments.tuning, arguments.period_us)
     where = udp.address_of(arguments.listen)
-    if arguments.out:  # what a phone did once cannot be asked for again
+    if arguments.out:  # checked first: a phone's motion cannot be repeated
         report.write_whole(arguments.out, {})
     screen = Screen(show=not arguments.json)
     with (
@@ -116,7 +118,7 @@ def main(arguments: argparse.Namespace) -> int:
 def look_back(
     arguments: argparse.Namespace, board: Board, params: ControlParams, outcome: Outcome, summary: dict[str, Any]
 ) -> None:
-    """Run the longest run on QEMU, which judges it, and write the report of --out."""
+    """Check the longest run on QEMU, and write the report of --out."""
     from plumb.cli.run_summary import write
     from plumb.proof import runs
     from plumb.systems.phone.inputs.live_run import inputs_of
@@ -188,7 +190,7 @@ class Screen:
 
 
 def describe(summary: dict[str, Any]) -> str:
-    """The summary for a reader."""
+    """The summary as text."""
     received = summary["received"]
     samples = received["samples"]
     apps = ", ".join(f"{count} of {app}" for app, count in received["apps"].items())

@@ -1,1 +1,1 @@
-"""Samples of a phone: what apps send, over UDP or from a file, as steps of a steady period."""
+"""Samples of a phone: datagrams of apps, over UDP or from a file, resampled to steps of a constant period."""

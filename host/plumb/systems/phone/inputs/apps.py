@@ -1,21 +1,21 @@
-"""What phone apps send over UDP, as samples of the gyro and the accelerometer.
+"""Parse the datagrams of phone apps to samples of gyro and accelerometer.
 
-SensaGram (its README and SensorStreamer.kt): one event a datagram, JSON, time in ns since the phone started:
+SensaGram (its README and SensorStreamer.kt): one event per datagram, JSON, time in ns since the phone started:
 
     {"type":"android.sensor.gyroscope","timestamp":3925657519043709,"values":[0.01,-0.02,0.003]}
 
-Sensorstream IMU+GPS, and Wireless IMU before it (receivers and the README of its successor): text, time in s, then for
-every sensor its number and its values; 3 is the accelerometer, 4 the gyroscope:
+Sensorstream IMU+GPS and its predecessor Wireless IMU (receivers, and the README of its successor): text, time in s,
+then the number and the values of each sensor; 3 is the accelerometer, 4 the gyroscope:
 
     16836472.12345, 3, 0.123,9.810,-0.054, 4, 0.001,0.002,-0.001, 5, 21.4,-5.3,38.0
 
-SensorUDP (its sources, and GeoGebra's receiver): a line an event, a letter, a count, ms since 1970, values of fixed
-width; a comma may stand for the point. A is the accelerometer, M, O, G, N are magnetometer, orientation and places.
-Those sources send no gyroscope at all, so this app alone cannot feed the filters:
+SensorUDP (its sources, and GeoGebra's receiver): one line per event with a letter, a count, ms since 1970, and values
+of fixed width, with a decimal point or comma. A is the accelerometer; M, O, G, N are magnetometer, orientation and
+places. The app sends no gyroscope, so it cannot feed the filters by itself:
 
     A, 1234, 1384532190123, 000.1225830, 009.7881000, -000.0536000
 
-All three pass on Android's own values: m/s^2 with 1 g upwards at rest, and rad/s, in the phone's axes.
+All three send Android's values: m/s^2, with 1 g upwards at rest, and rad/s, in the phone's axes.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ Vector = tuple[float, float, float]
 
 G_MPS2 = 9.80665
 MOST_FILE_BYTES = 64 << 20
-"""Of a file of datagrams: some hours of a phone."""
+"""Largest file of datagrams: some hours of a phone."""
 LARGEST_BYTES = 4096
-"""No app's datagram comes near it; a longer one is refused unread."""
+"""Largest datagram that is parsed; those of the apps are much shorter."""
 LATEST_S = 1e11
 LARGEST_VALUE = 1e6
-"""Of a reading, in the app's unit: no sensor comes near it, and the mean of what is larger may not be a number."""
+"""Largest reading accepted, in the app's unit: far above any sensor, and small enough for sums to stay finite."""
 SENSAGRAM_TYPES: dict[str, Sensor] = {"android.sensor.gyroscope": "gyro", "android.sensor.accelerometer": "accel"}
 SENSORSTREAM_IDS: dict[int, Sensor] = {3: "accel", 4: "gyro"}
 SENSORSTREAM_VALUES = {1: 3, 3: 3, 4: 3, 5: 3, 6: 3, 7: 3, 8: 1, 81: 3, 82: 3, 83: 3, 84: 3, 85: 1, 86: 1}
-"""How many values follow a sensor's number."""
+"""Sensor number -> number of values that follow it."""
 
 
 class MalformedError(ValueError):
-    """Bytes that are no datagram of any known app."""
+    """Bytes that are not a datagram of a known app."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,14 +61,14 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Datagram:
-    """What a datagram held; other sensors than the two give an empty list."""
+    """A parsed datagram: its app, and the samples of gyro and accelerometer; other sensors are left out."""
 
     app: str
     samples: list[Sample]
 
 
 def parse(data: bytes) -> Datagram:
-    """Any of the three formats, told apart by the first character; raises MalformedError."""
+    """Parse one of the three formats, recognised by the first character; raises MalformedError."""
     if len(data) > LARGEST_BYTES:
         raise MalformedError("too long")
     try:
@@ -107,7 +107,7 @@ def _sensorstream(text: str) -> list[Sample]:
         number = _float(fields[at])
         count = SENSORSTREAM_VALUES.get(int(number)) if number == int(number) else None
         if count is None:
-            break  # a sensor of a later version: how long it is cannot be known, what came before is good
+            break  # an unknown sensor: the number of its values is unknown; the sensors before it are kept
         values = [_float(field) for field in fields[at + 1 : at + 1 + count]]
         if len(values) != count:
             raise MalformedError("ends early")
@@ -128,7 +128,7 @@ def _sensorudp(text: str) -> list[Sample]:
 
 
 def _float(value: object) -> float:
-    """A number, or text that is one; finite."""
+    """The value of a number or a numeric text; raises MalformedError unless it is finite."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise MalformedError("no number")
     try:
@@ -150,9 +150,9 @@ def _sample(sensor: Sensor, time_s: float, values: list[float]) -> Sample:
 
 
 def read_file(path: Path) -> Iterable[bytes]:
-    """The datagrams of a file, one a line; those of SensaGram may follow each other without a line's end.
+    """The datagrams of a file, one per line; those of SensaGram need no line end between them.
 
-    Raises UsageError for a file that cannot be read.
+    Raises UsageError if the file cannot be read.
     """
     content = read_bytes(path, MOST_FILE_BYTES, "cut the recording, or give a file of a phone's app")
     return [line for line in content.replace(b"}{", b"}\n{").splitlines() if line.strip()]

@@ -1,7 +1,7 @@
-"""A phone's steps to a board, every one of them compared with the integer model.
+"""Run a phone's steps on a board in lockstep, and compare every step with the integer model.
 
-The board runs in lockstep: a step is sent when the phone's samples for it are complete, so the phone's clock paces the
-board. What has come while the board answered is sent together: a slow link gets longer turns instead of falling behind.
+A step is sent when the phone's samples for it are complete, so the phone's clock sets the pace. Steps that become ready
+while the board replies are sent together; a slow link thus gets larger batches instead of falling behind.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from plumb.systems.phone.inputs.udp import TURN_S, Intake, Listener
 from plumb.tuning.quantise import ControlParams, quantise
 
 SILENCE_S = 5.0
-"""Listened for so long without a step, the phone has stopped. Time in which this process did not listen, because the
-board or the machine was busy, is nobody's silence."""
+"""Time without a step after which the phone counts as stopped. Time in which this process did not listen, because the
+board or the machine was busy, does not count."""
 
 
 def params_of(tuning: str, period_us: int) -> ControlParams:
-    """The integers of a shipped tuning at a period; raises UsageError where there is none."""
+    """The parameters of a shipped tuning at a period; raises UsageError for an unknown tuning."""
     if tuning not in phone.TUNINGS:
         raise UsageError(f"phone has no tuning '{tuning}'; it has {', '.join(phone.TUNINGS)}")
     return quantise(replace(phone.TUNINGS[tuning], period_us=period_us))
@@ -43,7 +43,7 @@ def counts(steps: Iterable[Step]) -> RawCounts:
 
 
 def longest_run(steps: Iterable[Step]) -> list[Step]:
-    """The longest stretch of steps that one run makes."""
+    """The steps of the longest run."""
     found: list[list[Step]] = []
     for step in steps:
         if step.first:
@@ -53,7 +53,7 @@ def longest_run(steps: Iterable[Step]) -> list[Step]:
 
 
 def inputs_of(steps: list[Step], params: ControlParams, recorded: recording.Recording | None = None) -> runs.RunInputs:
-    """One run as a trial takes it; the truth is the recording's optical reference, where it has one."""
+    """The inputs of one run. The truth is the recording's optical reference, if it has one."""
     period_s = params.period_s
     time_s = np.array([step.time_s for step in steps], np.float64)
     truth = {f"{axis}_deg": np.full(len(steps), np.nan) for axis in ("pitch", "roll")}
@@ -70,14 +70,14 @@ def inputs_of(steps: list[Step], params: ControlParams, recorded: recording.Reco
 
 @dataclass
 class Run:
-    """Steps from one beginning, and what the board said of each. divergence: where it was looked for and found."""
+    """The steps of one run and the board's digests. divergence: the first differing step, if it was searched for."""
 
     steps: list[Step] = field(default_factory=list)
     digests: list[int] = field(default_factory=list)
     divergence: Divergence | None = None
 
     def trial(self, params: ControlParams) -> runs.Run:
-        """The run as the board answered it; the board is not asked again."""
+        """The run with the digests that the board returned; does not use the board."""
         inputs = inputs_of(self.steps, params)
         words = run_fixed.run_control(params, inputs.raw, inputs.setpoint)
         ideal = run_reference.run_control(params, inputs.raw, inputs.setpoint)
@@ -87,13 +87,13 @@ class Run:
 
 @dataclass
 class Outcome:
-    """What a live feed came to. divergence: the first step of any run whose digest was not the model's."""
+    """Result of a live feed. divergence: the first step of any run whose digest differs from the model's."""
 
     steps: int = 0
     mismatches: int = 0
     divergence: Divergence | None = None
     words: dict[str, int] = field(default_factory=dict)
-    """Of the last step."""
+    """The words of the last step."""
     longest: Run = field(default_factory=Run)
 
     @property
@@ -102,7 +102,7 @@ class Outcome:
 
 
 class Follower:
-    """A board that takes steps as they come, beside the model that says what its digests must be."""
+    """Runs steps on a board and on the integer model, and compares the digests."""
 
     def __init__(self, board: Board, params: ControlParams) -> None:
         self.outcome, self.params = Outcome(), params
@@ -111,7 +111,7 @@ class Follower:
         self._pair: tuple[Stepper, run_fixed.Controller] | None = None
 
     def run_steps(self, steps: Sequence[Step]) -> Iterator[tuple[Step, dict[str, int]]]:
-        """Steps on both; each with the model's words, which the board's digest confirms."""
+        """Run steps on both; yields each step with the model's words, which the board's digest confirms."""
         at = 0
         while at < len(steps):
             if steps[at].first or self._pair is None:
@@ -124,7 +124,7 @@ class Follower:
     def _advance(
         self, pair: tuple[Stepper, run_fixed.Controller], steps: Sequence[Step]
     ) -> Iterator[tuple[Step, dict[str, int]]]:
-        """Steps of one run, up to the first that differs where nobody has looked for the reason yet."""
+        """Run steps of one run, up to the first divergence that has not been located yet."""
         (stepper, model), outcome, run = pair, self.outcome, self._run
         raw = counts(steps)
         for step, digest, row in zip(steps, stepper.digests(raw), raw.tolist(), strict=True):
@@ -137,7 +137,7 @@ class Follower:
             if digest != model.digest():
                 outcome.mismatches += 1
                 if outcome.divergence is None:
-                    self._pair = None  # looking for it begins another run on the board
+                    self._pair = None  # locating it begins a new run on the board
                     outcome.divergence = run.divergence = self._locate()
             yield step, words
             if self._pair is None:
@@ -164,9 +164,9 @@ def follow(
     stop: list[int],
     saw: Callable[[Step, dict[str, int]], None],
 ) -> str:
-    """Feeds the board until so many seconds of the phone's time are done, the phone falls silent, or `stop` has
-    something in it. Gives what cut it short, empty when nothing did; raises LinkError when within wait_s nothing came
-    that makes a step.
+    """Feed the board until `seconds` of the phone's time have passed, the phone is silent, or `stop` is not empty.
+
+    Returns the reason for an early end, else "". Raises LinkError if no step is complete within wait_s.
     """
     most = None if seconds is None else max(1, round(seconds / follower.params.period_s))
     outcome, listened_s, heard = follower.outcome, 0.0, dict(intake.resampler.counts.samples)

@@ -1,10 +1,10 @@
-"""Samples of two sensors, as they arrive, into steps of a steady period by the phone's own clock.
+"""Resample two sensors to steps of a constant period by the time stamps of the phone.
 
-A step is the mean, over one period around its instant, of the straight lines between samples: fast motion does not
-alias, a lost sample is bridged, and how regularly datagrams arrive does not matter. Nothing here looks at a clock.
+A step is the mean, over one period around its instant, of the linear interpolation between samples. Fast motion does
+not alias, a lost sample is interpolated, and arrival times do not matter; no clock is read.
 
-Time to wait: a step is made when both sensors are WAIT_S beyond it, so what is reordered by less finds its place. What
-comes after its step was made is late, and left out. A sensor silent for more than GAP_S, or a clock that goes back for
+A step is made when both sensors are WAIT_S beyond it, so samples that are reordered by less are used. A sample that
+arrives after its step was made is late and dropped. A gap of more than GAP_S in a sensor, or a clock that goes back for
 BACKWARD samples in a row, begins a new run.
 """
 
@@ -25,7 +25,7 @@ SENSORS: tuple[Sensor, Sensor] = ("gyro", "accel")
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One period's worth. first: it begins a run, and time_s counts from there."""
+    """The mean values of one period. first: the step begins a run, and time_s counts from it."""
 
     first: bool
     time_s: float
@@ -35,7 +35,7 @@ class Step:
 
 @dataclass
 class Counts:
-    """What became of the samples."""
+    """Counts of samples used and dropped."""
 
     samples: dict[Sensor, int] = field(default_factory=lambda: {"gyro": 0, "accel": 0})
     reordered: int = 0
@@ -54,7 +54,7 @@ class _Track:
         self.xyz: list[Vector] = []
 
     def insert(self, sample: Sample) -> bool:
-        """False when there is one of that time already."""
+        """Insert a sample; False if there is one with that time stamp already."""
         at = bisect_left(self.time_s, sample.time_s)
         if at < len(self.time_s) and self.time_s[at] == sample.time_s:
             return False
@@ -63,14 +63,14 @@ class _Track:
         return True
 
     def at(self, time_s: float) -> Vector:
-        """The straight line between samples; time_s within them."""
+        """Linear interpolation at time_s, which must lie within the samples."""
         i = min(max(bisect_right(self.time_s, time_s) - 1, 0), len(self.time_s) - 2)
         share = (time_s - self.time_s[i]) / (self.time_s[i + 1] - self.time_s[i])
         (ax, ay, az), (bx, by, bz) = self.xyz[i], self.xyz[i + 1]
         return ax + share * (bx - ax), ay + share * (by - ay), az + share * (bz - az)
 
     def mean(self, begin_s: float, end_s: float) -> Vector:
-        """Mean of the straight lines over a stretch within the samples."""
+        """Mean of the linear interpolation over an interval within the samples."""
         first, last = bisect_right(self.time_s, begin_s), bisect_left(self.time_s, end_s)
         times = [begin_s, *self.time_s[first:last], end_s]
         points = [self.at(begin_s), *self.xyz[first:last], self.at(end_s)]
@@ -84,7 +84,7 @@ class _Track:
         return x, y, z
 
     def forget_before(self, time_s: float) -> float:
-        """Keep one sample at or before a time; the longest gap among those that go."""
+        """Drop old samples, except one at or before time_s; returns the longest gap among the dropped ones, s."""
         keep = max(bisect_right(self.time_s, time_s) - 1, 0)
         gaps = [later - earlier for earlier, later in zip(self.time_s, self.time_s[1 : keep + 1], strict=False)]
         del self.time_s[:keep], self.xyz[:keep]
@@ -92,7 +92,7 @@ class _Track:
 
 
 class Resampler:
-    """Feed it samples in the order in which they arrive; take the steps that are ready."""
+    """Converts samples, fed in order of arrival, to steps."""
 
     def __init__(self, period_us: int) -> None:
         self.period_s = period_us * 1e-6
@@ -130,14 +130,14 @@ class Resampler:
         yield from self._ready(WAIT_S)
 
     def finish(self) -> Iterator[Step]:
-        """What is left when nothing more will come."""
+        """The remaining steps, after the last sample."""
         yield from self._ready(0.0)
 
     def _newest_s(self) -> float:
         return max((track.time_s[-1] for track in self._tracks.values() if track.time_s), default=math.inf)
 
     def _edge_s(self, made: int) -> float | None:
-        """When the stretch of step `made` begins."""
+        """Begin of the averaging interval of step `made`."""
         return None if self._origin_s is None else self._origin_s + made * self.period_s
 
     def _ready(self, wait_s: float) -> Iterator[Step]:

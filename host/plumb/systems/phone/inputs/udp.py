@@ -1,7 +1,7 @@
-"""Where a phone's samples come from: a UDP port, or a file; datagrams in, steps of a steady period out.
+"""Receive a phone's datagrams from a UDP port or a file, and convert them to steps of a constant period.
 
-Who listens beyond this machine takes datagrams from whoever sends: the first host with a good one is listened to, what
-others send is counted and left out.
+A port that is open to the network can receive from any host: the first host with a valid datagram is used, datagrams of
+others are counted and dropped.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ LOOPBACK, EVERYWHERE = "127.0.0.1", "0.0.0.0"
 PLACES = {"loopback": LOOPBACK, "all": EVERYWHERE}
 SENSOR_NAMES: dict[Sensor, str] = {"gyro": "gyroscope", "accel": "accelerometer"}
 FEW = 20
-"""Samples that may still have been on their way when the other sensor stopped."""
+"""Samples that may still arrive after the other sensor has stopped."""
 BUFFER_BYTES = 1 << 20
-"""Asked of the system, which may give less: what arrives while the board is busy waits here."""
+"""Socket buffer for datagrams that arrive while the board is busy; the operating system may grant less."""
 TOGETHER = 128
-"""Datagrams taken at once: about 0.6 s of a phone that sends each sensor's 100 a second by itself."""
+"""Most datagrams per call: about 0.6 s of a phone that sends 100 per second for each sensor."""
 TURN_S = 0.1
-"""How long a look at the socket takes at most."""
+"""Longest wait for a datagram."""
 
 
 @dataclass
 class Received:
-    """What became of the datagrams. other: of a known app, without gyro or accelerometer. apps: name -> datagrams."""
+    """Counts of datagrams. other: of a known app, without gyro or accelerometer. apps: app -> number of datagrams."""
 
     datagrams: int = 0
     malformed: int = 0
@@ -51,9 +51,9 @@ class Received:
 
 
 class Saved:
-    """A file of datagrams, a line each, with nothing held back: whatever ends the run, the last one is in it.
+    """A file of datagrams, one per line, written without buffering, so that it is complete however the run ends.
 
-    Raises UsageError when it cannot be written.
+    Raises UsageError if it cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -80,7 +80,7 @@ class Saved:
 
 
 class Intake:
-    """Datagrams in, steps out. saved: where to keep those that were listened to, malformed ones included."""
+    """Converts datagrams to steps. saved: file for the datagrams of the phone in use, including malformed ones."""
 
     def __init__(self, period_us: int, saved: Saved | None = None) -> None:
         self.received = Received()
@@ -108,14 +108,14 @@ class Intake:
             yield from self.resampler.feed(sample)
 
     def finish(self) -> Iterator[Step]:
-        """What is left when nothing more will come."""
+        """The remaining steps, after the last datagram."""
         yield from self.resampler.finish()
 
     def to_json(self) -> dict[str, object]:
         return {**asdict(self.received), **asdict(self.resampler.counts)}
 
     def missing(self) -> str:
-        """Why there is not one step, in a sentence."""
+        """One sentence that explains why there is no step."""
         samples = self.resampler.counts.samples
         if not self.received.datagrams:
             return "nothing arrived"
@@ -129,14 +129,14 @@ class Intake:
         return f"{apps} sent no {what}; switch it on in the app" if silent else f"{apps} sent too little"
 
     def silent_since(self, heard: dict[Sensor, int]) -> str:
-        """Which sensor stopped, in a sentence. heard: samples of each when the last step was made."""
+        """One sentence that names the sensor that stopped. heard: samples of each when the last step was made."""
         samples = self.resampler.counts.samples
         silent = [SENSOR_NAMES[sensor] for sensor in SENSORS if samples[sensor] - heard[sensor] < FEW]
         return f"the phone's {silent[0]} stopped" if len(silent) == 1 else "the phone stopped sending"
 
 
 def address_of(where: str) -> str:
-    """What --listen means; raises UsageError."""
+    """The IPv4 address for --listen; raises UsageError."""
     if where in PLACES:
         return PLACES[where]
     try:
@@ -149,7 +149,7 @@ class Listener:
     """A UDP port. Use as a context manager."""
 
     def __init__(self, port: int, address: str = LOOPBACK) -> None:
-        """port 0: any that is free. Raises LinkError when it is taken or the address is not of this machine."""
+        """port 0: any free port. Raises LinkError if the port is in use or the address is not of this machine."""
         if not 0 <= port <= 65535:
             raise UsageError(f"--udp {port}: a port is 0 (any) to 65535")
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -164,7 +164,7 @@ class Listener:
         self.address, self.port = self._socket.getsockname()
 
     def receive(self) -> tuple[bytes, str] | None:
-        """The next datagram and its sender's address; None when there is none for a while."""
+        """The next datagram and its sender's address; None if none arrives within the time-out."""
         try:
             data, (host, _) = self._socket.recvfrom(LARGEST_BYTES + 1)
         except (TimeoutError, BlockingIOError):
@@ -172,7 +172,7 @@ class Listener:
         return data, host
 
     def receive_all(self, stop: list[int]) -> list[tuple[bytes, str]]:
-        """The next datagram and those that wait behind it, at most TOGETHER, until `stop` has something in it."""
+        """The next datagram and those already received, at most TOGETHER; returns early if `stop` is not empty."""
         came: list[tuple[bytes, str]] = []
         try:
             while len(came) < TOGETHER and not stop:
@@ -196,7 +196,7 @@ class Listener:
 
 
 def samples_of(recorded: recording.Recording) -> Iterator[Sample]:
-    """A recording as the samples a phone would have sent, in order."""
+    """A recording as the samples that a phone would send, in order."""
     for time_s, rate, force in zip(
         recorded.time_s.tolist(), recorded.gyr_dps.tolist(), recorded.acc_g.tolist(), strict=True
     ):
@@ -222,7 +222,7 @@ def steps_of_file(path: Path, period_us: int) -> tuple[list[Step], Intake, recor
 
 
 def _is_table(path: Path) -> bool:
-    """CSV with plumb's header; a datagram has none."""
+    """True for a CSV file with plumb's header, which a datagram does not have."""
     input_files.check(path, MOST_FILE_BYTES, "give a recording, or a file of a phone's app")
     try:
         with path.open("rb") as file:
