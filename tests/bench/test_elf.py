@@ -59,7 +59,7 @@ def test_a_good_image_passes(tmp_path: Path) -> None:
     assert "no soft float" in result.stdout
 
 
-def test_a_store_of_several_registers_at_the_stack_pointer_does_not_move_it(tmp_path: Path) -> None:
+def test_stm_to_sp_leaves_the_stack_pointer(tmp_path: Path) -> None:
     work = 'static int work(int a) { int b[4]; __asm volatile("stmia sp, {r0, r1}" : "=m"(b)); return b[a & 3]; }'
     result = check(build(tmp_path, work))
     assert result.returncode == 0, result.stderr
@@ -93,7 +93,7 @@ def test_a_budget_that_is_exceeded_is_named(tmp_path: Path, option: str, sentenc
     assert sentence in result.stderr
 
 
-def test_worst_stack_adds_the_deepest_chain_the_deepest_handler_and_a_fault(tmp_path: Path) -> None:
+def test_worst_stack_is_call_chain_plus_handler_plus_fault(tmp_path: Path) -> None:
     work = """
     int __attribute__((noinline)) deep(int a) { volatile char b[200]; b[a & 127] = 1; seen = b; return b[0]; }
     int __attribute__((noinline)) shallow(int a) { volatile char b[40]; b[a & 31] = 1; seen = b; return b[0]; }

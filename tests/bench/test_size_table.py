@@ -120,7 +120,7 @@ def test_without_a_commit_before_there_is_nothing_to_compare(
 
 
 @needs_image
-def test_a_commit_before_that_does_not_build_is_told_and_does_not_fail_this_one(
+def test_a_previous_commit_that_does_not_build_is_reported_only(
     tool: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     def commit(text: str) -> None:

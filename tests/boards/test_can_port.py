@@ -313,7 +313,7 @@ def test_a_babbling_node_starves_can_and_nothing_else(board: Board) -> None:
 
 
 @pytest.mark.slow
-def test_a_babbling_host_identifier_is_rejected_and_the_loop_keeps_its_steps(board: Board) -> None:
+def test_a_babbling_host_identifier_delays_no_step(board: Board) -> None:
     """DISARM frames without a right checksum at full rate: counted, no step is missed."""
     board.open_uart()
     board.hello()

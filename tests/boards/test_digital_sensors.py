@@ -111,7 +111,7 @@ def test_a_sample_is_complete_soon_after_its_tick(digital: DigitalBench) -> None
 
 @pytest.mark.slow
 @pytest.mark.parametrize("digital", ["i2c"], indirect=True)
-def test_a_period_that_begins_while_the_chips_are_read_is_missed_and_counted(digital: DigitalBench) -> None:
+def test_a_period_that_begins_during_a_read_is_counted_as_missed(digital: DigitalBench) -> None:
     """At 2 kHz, with an accelerometer that refuses twice of three times: what was begun is finished."""
     capture = digital.begin(period_us=500)
     digital.run(capture, RECOVERY_S)

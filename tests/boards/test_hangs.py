@@ -242,7 +242,7 @@ def told(session: Session) -> dict[str, int]:
 
 
 @pytest.mark.parametrize(("pause_us", "stalls"), [(15_000, False), (30_000, True)])
-def test_a_loop_that_comes_round_again_is_told_and_does_not_drive_before_the_next_run(
+def test_a_recovered_loop_is_reported_and_drives_only_in_the_next_run(
     slow_flight: RunInputs, image: Image, pause_us: int, stalls: bool
 ) -> None:
     """20 ms without a turn are neutral and latched; a new run and arming drive again."""
@@ -308,7 +308,7 @@ def test_at_every_clock_a_masked_hang_resets_in_time_and_says_what_it_was(
     assert machine.reset_count == 2
 
 
-def test_a_word_for_the_bootloader_that_a_watchdog_overtook_counts_for_nothing(image: Image) -> None:
+def test_a_watchdog_reset_cancels_a_bootloader_request(image: Image) -> None:
     """The word is in its register and the reset that belongs to it hangs: neither the reset by the watchdog nor a
     software reset after it goes into the ROM."""
     machine = Machine(image.data)

@@ -40,7 +40,7 @@ def test_a_chip_that_does_not_tell_its_flash_size_saves_all_the_same(part: str) 
     assert machine.warnings == []
 
 
-def test_the_arm_switch_works_when_an_image_before_left_the_32_khz_oscillator_on() -> None:
+def test_the_arm_switch_works_with_the_lse_left_on() -> None:
     machine = Machine(IMAGE, lse_left_on=True)
     assert machine.pin("PC14") is None
     machine.advance_us(BOOT_US)

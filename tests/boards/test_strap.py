@@ -107,7 +107,7 @@ def test_a_disagreement_is_told_and_blocks_arming(slots: dict[str, bytes], strap
             assert outputs(machine) == set(UART_PINS[strap][:1])
 
 
-def test_the_board_answers_where_the_strap_says_and_is_told_the_pin_set_there(slots: dict[str, bytes]) -> None:
+def test_the_strap_selects_the_uart_and_the_pin_set_is_set_over_it(slots: dict[str, bytes]) -> None:
     """A blank board with the strap of the bridge: gates off, the UART on PB6 and PB7; then the parameter agrees."""
     machine, _ = started("bridge", b"")
     machine.drive("PB12", True)

@@ -95,7 +95,7 @@ def test_every_kind_of_reset_switches_off_at_once_and_stays_off(rider: Balancer)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("brown", [False, True], ids=["power cut", "brown-out"])
-def test_power_that_fails_at_any_cycle_switches_off_and_leaves_nothing_behind(brown: bool) -> None:
+def test_power_loss_at_any_cycle_switches_the_bridge_off(brown: bool) -> None:
     """With I2C, Hall sensors, bridge and CAN all at work; and the next start can be armed like the first."""
     balancer, chance = Balancer.as_made("can"), random.Random(9)
     machine = balancer.machine

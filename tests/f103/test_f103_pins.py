@@ -163,7 +163,7 @@ def test_break_and_broken_hall_wires_are_told_until_a_good_run_begins(
         assert session.connect()["FAULTS"] & 0xFF == 0
 
 
-def test_the_pins_of_the_bridge_stay_low_through_a_crash_and_the_start_after_it(bridged: Machine) -> None:
+def test_the_bridge_pins_stay_low_through_a_crash_and_restart(bridged: Machine) -> None:
     begin = bridged.now
     bridged.rcc.kill_crystal()
     bridged.advance_us(300_000)

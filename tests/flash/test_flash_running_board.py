@@ -113,9 +113,7 @@ def renamed(image: bytes, tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_an_image_with_another_table_takes_what_it_knows_and_the_old_one_finds_all_again(
-    image: bytes, renamed: Path, tmp_path: Path
-) -> None:
+def test_saved_parameters_survive_an_image_with_another_table(image: bytes, renamed: Path, tmp_path: Path) -> None:
     machine = open_machine()
     save(machine, period_us=3000, arm_hold_ms=7)
     before = tmp_path / "before.bin"

@@ -115,7 +115,7 @@ def test_samples_that_falter_at_the_start_put_arming_off(monkeypatch: pytest.Mon
     assert any(text.startswith("not armed yet: the board refused EXECUTE: no injected samples come") for text in told)
 
 
-def test_a_sample_whose_frames_come_apart_is_whole_and_another_board_s_half_is_not_used() -> None:
+def test_a_split_sample_is_assembled_without_frames_of_another_board() -> None:
     samples, step = Samples(), 7
     setpoint, second, first = sample_frames(protocol(), step, (1, 2, 3, 4, 5, 6), 99, 0)
     assert samples.assemble([(0.1, setpoint)]) == samples.assemble([(0.2, second)]) == []

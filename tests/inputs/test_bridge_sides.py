@@ -240,7 +240,7 @@ def test_the_boards_counters_are_counted_on_over_their_end() -> None:
     assert counts.lost == 10
 
 
-def test_the_plant_rests_until_armed_goes_on_and_is_set_back_after_a_disarm() -> None:
+def test_the_plant_rests_until_armed_and_is_reset_after_a_disarm() -> None:
     """`hold` is let go after 3 s: with nobody there to hold it, it would be gone before it could be armed."""
     times: list[float] = []
 

@@ -116,7 +116,7 @@ def test_a_switch_waits_for_rest_and_not_for_ever(new_board: NewBoard) -> None:
         assert board.armed == arms
 
 
-def test_a_fault_keeps_it_from_arming_and_does_not_arm_when_it_goes_long_after(new_board: NewBoard) -> None:
+def test_a_fault_prevents_arming_and_clearing_it_late_does_not_arm(new_board: NewBoard) -> None:
     board = ready_board(new_board)
     board.sensors(faults=FAULT)
     board.switch(True)

@@ -121,7 +121,7 @@ def test_a_stranger_cannot_keep_it_alive(new_board: NewBoard) -> None:
     session.close()
 
 
-def test_values_come_every_10_ms_however_full_the_queue_is_and_only_while_armed(new_board: NewBoard) -> None:
+def test_keep_alive_values_come_every_10_ms_only_while_armed(new_board: NewBoard) -> None:
     """Before all telemetry that waits, and none is dropped."""
     board = new_board()
     session = Session.open(board)

@@ -242,7 +242,7 @@ def test_a_client_that_is_busy_for_a_while_loses_nothing(kind: str) -> None:
     line.close()
 
 
-def test_a_client_that_takes_nothing_loses_whole_pieces_and_who_comes_next_hears_none_of_it() -> None:
+def test_backlog_is_dropped_when_the_client_changes() -> None:
     line = open_endpoint("pty")
     assert isinstance(line, PtyEndpoint)
     piece = b"t1008" + b"0" * 16 + b"\r"

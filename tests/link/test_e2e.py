@@ -152,7 +152,7 @@ def test_every_one_two_and_three_bit_error_of_a_frame_is_rejected() -> None:
     assert passing_errors(masks, 6) == []
 
 
-def test_every_three_bit_error_of_identifier_length_and_payload_is_rejected() -> None:
+def test_every_three_bit_error_is_rejected() -> None:
     """The same with the identifier (11 bits) and the length (4 bits) among the bits that may be wrong."""
     identifier, data = frames(1, 9)[0]
     covered = [identifier >> 8, identifier & 0xFF, 8, *data[:0:-1]]

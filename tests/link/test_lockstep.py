@@ -139,7 +139,7 @@ def test_words_that_come_late_are_waited_for(new_board: NewBoard) -> None:
         assert board.time_us > late_us
 
 
-def test_a_host_that_was_busy_looks_at_what_arrived_before_it_misses_anything(new_board: NewBoard) -> None:
+def test_a_busy_host_handles_received_frames_before_it_times_out(new_board: NewBoard) -> None:
     """Its clock is an hour on when it comes back."""
     board = new_board()
     with Session.open(board) as session:

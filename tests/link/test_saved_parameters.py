@@ -134,7 +134,7 @@ def test_a_worn_flash_says_no_and_keeps_the_old_set(board: NativeBoard) -> None:
     assert after_reset(board)[0] == changed(3000)
 
 
-def test_a_damaged_set_is_reported_and_blocks_arming_until_somebody_decides(board: NativeBoard) -> None:
+def test_a_damaged_set_blocks_arming_until_it_is_replaced(board: NativeBoard) -> None:
     with Session.open(board) as session:
         session.upload(CONTROL, period_us=3000)
         session.execute("SAVE")

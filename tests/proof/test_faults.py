@@ -50,7 +50,7 @@ def test_every_driven_system_has_enough_faults_of_every_group(runner: Runner) ->
     assert {group: count[group] for group, least in LEAST.items() if count[group] < least} == {}
 
 
-def test_every_fault_has_its_own_name_a_group_and_a_limit_and_no_limit_is_left_over() -> None:
+def test_faults_have_unique_names_a_group_and_a_used_limit() -> None:
     names = [fault.name for fault in table.FAULTS]
     assert all(names.count(fault.name) == 1 for fault in table.FAULTS if not fault.needs)
     keys = [(fault.name, fault.needs) for fault in table.FAULTS]
@@ -65,7 +65,7 @@ def test_what_is_driven_is_what_moves_something() -> None:
     assert DRIVEN and all(systems.load(name).OUTPUT_FRAMES for name in DRIVEN)
 
 
-def test_every_promise_of_security_md_is_held_by_faults_or_tests_that_exist() -> None:
+def test_security_md_names_existing_faults_and_tests() -> None:
     """Numbered promises, each with `Held by` and names."""
     text = (ROOT / "docs/explanation/security.md").read_text("utf-8")
     promises = re.findall(r"(?m)^\d+\. \*\*.*(?:\n(?!\d+\. |\n).*)*", text)

@@ -127,7 +127,7 @@ def test_the_window_watchdog_takes_a_refresh_inside_its_window_alone(
     assert idle.resets == 1, "nobody refreshes it any more; after the reset it is off"
 
 
-def test_the_independent_watchdog_resets_after_its_counts_of_the_slow_oscillator(idle: Chip) -> None:
+def test_iwdg_resets_after_its_lsi_counts(idle: Chip) -> None:
     idle.store(IWDG_KR, 4, 0xCCCC)
     idle.store(IWDG_PR, 4, 2)
     assert idle.load(IWDG_SR, 4) == 0, "locked"

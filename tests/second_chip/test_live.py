@@ -232,9 +232,7 @@ def upright(chip: Chip) -> None:
     chip.i2c.slaves = {gyro.ADDRESS: gyro, accel.ADDRESS: accel}
 
 
-def test_a_balancer_drives_its_bridge_by_the_hall_sensors_until_break_or_silence(
-    chip: Chip, connect_uart: Connect
-) -> None:
+def test_a_balancer_commutates_until_break_or_silence(chip: Chip, connect_uart: Connect) -> None:
     balancer = systems.load("balancer")
     words = quantise(balancer.TUNINGS[balancer.DEFAULT_TUNING]).words()
     session = connect_uart(chip)

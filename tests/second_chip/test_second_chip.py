@@ -89,7 +89,7 @@ def test_a_crystal_that_fails_restarts_the_board_without_it(chip: Chip, connect_
     assert chip.resets == 1 and identity["CRASH_EXCEPTION"] == NMI
 
 
-def test_an_interrupt_waits_for_its_equals_and_comes_again_while_its_line_is_high(chip: Chip) -> None:
+def test_an_interrupt_waits_for_equal_priority_and_repeats_while_pending(chip: Chip) -> None:
     nvic = chip.nvic
     nvic.reset()
     for irq, priority in ((5, 0x80), (6, 0x80), (7, 0x40)):

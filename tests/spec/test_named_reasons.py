@@ -24,7 +24,7 @@ def bits_of(header: str, prefix: str) -> dict[str, int]:
     return {name: int(value, 16) for name, value in re.findall(BIT.format(prefix), text, re.MULTILINE | re.IGNORECASE)}
 
 
-def test_every_reason_of_the_firmware_has_a_name_here_and_in_the_definitions() -> None:
+def test_every_blocking_reason_has_a_name_in_host_and_dbc() -> None:
     reasons = bits_of("link/arming.h", "ARMING_BLOCK")
     assert sorted(reasons.values()) == [1 << bit for bit in sorted(BLOCKED)]
     said = {signal.name: signal.comment for message in load_database().messages for signal in message.signals}
@@ -32,7 +32,7 @@ def test_every_reason_of_the_firmware_has_a_name_here_and_in_the_definitions() -
         assert re.search(rf"\b{bit} ", f"{said['blocked']} {said['disarm_cause']}"), bit
 
 
-def test_every_fault_of_the_firmware_has_a_name_here_and_in_the_definitions() -> None:
+def test_every_fault_has_a_name_in_host_and_dbc() -> None:
     faults = bits_of("app/board.h", "BOARD_FAULT")
     assert len(faults) > 10
     assert set(faults.values()) <= {1 << bit for bit in FAULTS}

@@ -141,7 +141,7 @@ def test_noise_of_10_deg_before_the_filter_is_below_1_5_after_it(rocked: Rows, t
 
 
 @pytest.mark.long
-def test_the_loop_closed_on_the_estimate_stays_up_and_float64_does_no_better() -> None:
+def test_the_closed_loop_stays_up_and_float64_is_no_better() -> None:
     rows = keyed(balancer_figures.closed_rows(range(1000, 1004)))
     for scenario, lowest in (("rough", 0.25), ("smooth", 0.12)):
         error, leaned = (

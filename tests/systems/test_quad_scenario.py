@@ -54,7 +54,7 @@ def test_accelerometer_only_is_within_5_percent_of_2_40_deg(runs: list[quad.Scen
     assert float(np.mean(figures)) == pytest.approx(2.40, rel=0.05)
 
 
-def test_the_papers_constants_give_1_87_deg_added_per_step_and_1_3_per_second(
+def test_the_papers_q_gives_1_87_deg_per_step_and_1_3_per_second(
     runs: list[quad.Scenario], engineering: np.ndarray
 ) -> None:
     paper = quad.TUNINGS["paper"]
@@ -116,7 +116,7 @@ def test_a_seed_is_a_run_and_another_seed_another(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "period_us"), [("motion", 20_000), ("disturb", 20_000), ("hold", 5_000)])
-def test_the_open_loop_plant_gives_the_scenarios_counts_however_often_it_is_asked(name: str, period_us: int) -> None:
+def test_open_loop_counts_do_not_depend_on_how_often_the_plant_is_read(name: str, period_us: int) -> None:
     run = quad.scenario(name, 3, seconds=20.0, period_us=period_us, bandwidth_hz=50.0)
     plant, counts, truth = QuadPlant(run, open_loop=True), run.counts(), run.tilt_deg()
     for k, time_s in enumerate(run.time_s):

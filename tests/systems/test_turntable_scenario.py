@@ -138,7 +138,7 @@ def test_the_honest_rows_are_there() -> None:
         assert row.reference is None or row.reference == pytest.approx(row.reached, abs=0.05), row.claim
 
 
-def test_the_printed_data_layer_is_no_better_than_the_gyro_with_its_lag_undone() -> None:
+def test_the_printed_data_layer_is_no_better_than_the_compensated_gyro() -> None:
     """Integrating the corrected rate forgets what the correction says about the angle."""
     printed = rows()["motion", "printed", "as printed, known lag undone, mean"]
     undone = rows()["motion", "-", "gyro alone, its known lag undone, mean"]

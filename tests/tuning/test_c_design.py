@@ -186,7 +186,7 @@ def test_share_of_a_filter_is_within_its_bound() -> None:
         assert abs(got - exact) <= exact * bound, x
 
 
-def test_a_refused_design_leaves_the_parameters_and_names_setting_and_value() -> None:
+def test_a_refused_design_names_the_setting_and_keeps_the_parameters() -> None:
     tuning = tunings("quad")["adaptive"]
     bad = replace(tuning, kalman=replace(tuning.kalman, bias_max_dps=360.0))
     answer = c_design.design(bad)
