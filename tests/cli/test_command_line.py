@@ -50,11 +50,11 @@ SHORT = [*RUN, "--seconds", "0.1"]
     ("arguments", "code", "said"),
     [
         # nothing where a value belongs
-        (["run", ""], 2, "'' gives no value"),
-        (["systems", "--system="], 2, "'--system=' gives no value"),
-        (["systems", "--system=--"], 2, "'--system=--' gives no value"),
-        (["systems", "--system", "quad", "--confirm="], 2, "'--confirm=' gives no value"),
-        (["golden", "check", "--vectors="], 2, "'--vectors=' gives no value"),
+        (["run", ""], 2, "'' has no value"),
+        (["systems", "--system="], 2, "'--system=' has no value"),
+        (["systems", "--system=--"], 2, "'--system=--' has no value"),
+        (["systems", "--system", "quad", "--confirm="], 2, "'--confirm=' has no value"),
+        (["golden", "check", "--vectors="], 2, "'--vectors=' has no value"),
         # numbers that are none
         ([*RUN, "--seconds", "nan"], 2, "--seconds nan: give a finite number"),
         ([*RUN, "--seconds=inf"], 2, "--seconds inf: give a finite number"),
