@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Proves on a linked Arm image what the firmware promises: no soft float, no library division, no heap, no recursion,
-no call through a pointer, and a worst-case stack, flash and RAM within the budget.
+"""Check a linked Arm image: no soft float, no library division, no heap, no recursion, no call through a pointer, and
+worst-case stack, flash and RAM within their budgets.
 
-Exit code 0: all hold. 1: one does not; each finding is a sentence. 2: the image cannot be examined.
+Exit code 0: all checks pass. 1: a check fails; each finding is a sentence. 2: the image cannot be examined.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _FORBIDDEN = {
 def findings(
     path: Path, flash_budget: int | None = None, ram_budget: int | None = None, stack_reserve: int | None = None
 ) -> tuple[list[str], dict[str, int]]:
-    """Everything that is wrong, a sentence each, and the sizes in bytes: flash, ram, stack."""
+    """The findings, one sentence each, and the sizes in bytes: flash, ram, stack."""
     graph = CallGraph(path)
     wrong = []
     for what, pattern in _FORBIDDEN.items():

@@ -1,5 +1,5 @@
-"""Runs every shipped scenario of the systems that drive something, and counts the runs that the firmware's plausibility
-checks would disarm: the C of firmware/core on the native core, in open and in closed loop.
+"""Run every shipped scenario of the systems with an actuator, and count the runs that the firmware's plausibility
+checks would disarm. The C of firmware/core runs on the native core, in open and closed loop.
 
     tools/check_plausibility.py [--seeds 200] [--first-seed 2000] [--system NAME] [--only SCENARIO] [--seconds 30]
 
@@ -25,12 +25,13 @@ from plumb.systems.contracts import PushedSystem
 from plumb.tuning.quantise import ControlParams, quantise
 
 SYSTEMS = tuple(name for name, declared in declarations.systems().items() if declared.output)
-"""Those that drive something."""
+"""Systems with an actuator."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of one run: step at which a check failed first, and which; step from which the system was ready to be armed."""
+    """Result of one run: the first step at which a check failed, and which; the first step at which the system was
+    ready to be armed."""
 
     steps: int
     failed_step: int | None

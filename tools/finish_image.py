@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Turns the linked firmware.elf into what gets flashed: checksum in its last word, firmware.bin, firmware.hex.
+"""Finish the linked firmware.elf for flashing: write the checksum into its last word, and make firmware.bin and .hex.
 
-The image header (firmware/ports/stm32f103/startup.c) says how long the image is; its last word becomes the CRC-32
-of all bytes before it, in the ELF file as well, so that a debugger loads the very same bytes. Prints the memory table.
-Same ELF, same output, to the byte.
+The image header (firmware/ports/stm32f103/startup.c) has the length of the image. Its last word becomes the CRC-32 of
+all bytes before it, in the ELF file as well, so that a debugger loads the same bytes. Prints the memory table. The
+output is reproducible byte for byte.
 
-Exit code 0: done. 1: not such an image, or over its budget. 2: it cannot be read, or objcopy is missing.
+Exit code 0: done. 1: not a plumb image, or over its budget. 2: it cannot be read, or objcopy is missing.
 """
 
 from __future__ import annotations
@@ -30,10 +30,11 @@ OBJCOPY = "arm-none-eabi-objcopy"
 
 
 def flat_image(elf: Elf) -> bytes:
-    """The image from FLASH_BASE on, gaps as erased flash. Raises ValueError with what is wrong."""
+    """The image from FLASH_BASE on, with gaps as erased flash. Raises ValueError for an ELF file that is not an
+    image."""
     pieces = [(segment.load - FLASH_BASE, segment.data) for segment in elf.segments if segment.data]
     if not pieces or min(pieces)[0] < 0:
-        raise ValueError("it has content that is not for flash")
+        raise ValueError("it has content outside the flash")
     image = bytearray(b"\xff" * max(start + len(data) for start, data in pieces))
     for start, data in pieces:
         image[start : start + len(data)] = data
@@ -53,7 +54,7 @@ def objcopy(*arguments: str) -> None:
 
 
 def finish(path: Path, image: bytes) -> None:
-    """Writes the checksum into the ELF file, then .bin and .hex beside it."""
+    """Write the checksum into the ELF file, then .bin and .hex beside it."""
     checksum = struct.pack("<I", zlib.crc32(image[:-4]))
     with tempfile.NamedTemporaryFile(dir=path.parent) as word:
         word.write(checksum)
@@ -64,7 +65,7 @@ def finish(path: Path, image: bytes) -> None:
 
 
 def memory_table(elf: Elf) -> int:
-    """Prints what lies where; returns the RAM that is taken, stack included."""
+    """Print the sections with their addresses; returns the RAM used, stack included."""
     ram = 0
     for section in elf.sections:
         if section.size:
@@ -92,7 +93,7 @@ def main() -> int:
         print(f"finish_image: {error}", file=sys.stderr)
         return error.exit_code
     except ValueError as error:
-        print(f"finish_image: {path.name} becomes no flash image: {error}", file=sys.stderr)
+        print(f"finish_image: {path.name} cannot become a flash image: {error}", file=sys.stderr)
         return 1
     return 0
 

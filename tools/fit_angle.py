@@ -55,7 +55,7 @@ def atan_over_t(z: Array) -> Array:
 
 
 def acos_over_root(x: Array) -> Array:
-    """(acos(x) / sqrt(1 - x) - 1/4) / x: what is left of P when P(0) is fixed."""
+    """(acos(x) / sqrt(1 - x) - 1/4) / x: the function to fit when P(0) is fixed."""
     x = np.clip(x, 1e-6, 1.0 - 1e-12)
     return (np.arccos(x) / np.sqrt(1.0 - x) / (2 * np.pi) - 0.25) / x
 
@@ -89,9 +89,9 @@ def asin_table() -> list[int]:
 
 
 def root_table() -> list[int]:
-    """1/sqrt(w) in segments of w: value at the left end (Q16, upper half of the word), fall over the segment (Q16).
+    """1/sqrt(w) in segments of w: value at the left end (Q16, upper half of the word), decrease over the segment (Q16).
 
-    The chord is lowered by half its largest error, so that the error is of both signs.
+    The chord is lowered by half its largest error, so that positive and negative errors are equal.
     """
     table = []
     for i in range(PER_UNIT, 4 * PER_UNIT):

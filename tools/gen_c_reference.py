@@ -31,14 +31,14 @@ ITEM = re.compile(
 
 
 def prose(comment: str) -> str:
-    """A C comment without its stars; what is indented by four or more stays verbatim."""
+    """The text of a C comment without its stars; lines indented by four or more spaces stay verbatim."""
     lines = comment.rstrip().removeprefix("/*").removesuffix("*/").split("\n")
     lines = [re.sub(r"^ ?\* ?", "", line) for line in lines]
     return "\n".join(line.strip() if not line.startswith("    ") else line for line in lines).strip()
 
 
 def name_of(code: str) -> str:
-    """What a declaration declares."""
+    """The name that a declaration declares."""
     if code.startswith("typedef"):
         found = re.search(r"(\w+)(?:\[\w*\])?;$", code)
     else:

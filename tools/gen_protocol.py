@@ -2,7 +2,7 @@
 
 The transcripts come from the real C session.
 
-What stands between `<!-- begin NAME -->` and `<!-- end -->` is written by this tool; the rest is prose.
+The tool writes the text between `<!-- begin NAME -->` and `<!-- end -->`; the rest is prose.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def message_table() -> str:
 
 
 def value_table() -> str:
-    """Every named value but the words of the record, which have a list of their own."""
+    """Every named value, except the words of the record, which have their own list."""
     lines = ["| signal | values |", "|---|---|"]
     for message in sorted(protocol().messages.values(), key=lambda m: m.identifier):
         for signal, choices in message.choices.items():
@@ -70,7 +70,7 @@ def record_table() -> str:
 
 
 def keepalive_table() -> str:
-    """How often a living host loses the board, by tests/c/keepalive_study.c."""
+    """How often a running host loses the armed board, from tests/c/keepalive_study.c."""
     head = "| way there and back | frames lost | pulses | silence allowed | disarmed in 10 minutes, three times |"
     lines = [head, "|---|---|---|---|---|"]
     for round_trip_ms, loss, frame_us in (
@@ -88,7 +88,7 @@ def keepalive_table() -> str:
 
 
 def shown_value(message: Message, signal: str, value: int) -> str:
-    """Names where there are some, hexadecimal digits for what is no quantity."""
+    """The value's name if it has one; hexadecimal for values that are not quantities."""
     if message.name.startswith("KEEPALIVE"):
         return f"{value:08x}"
     if signal == "request":
@@ -99,7 +99,7 @@ def shown_value(message: Message, signal: str, value: int) -> str:
 
 
 class Scene:
-    """A conversation with a fresh board, written down as it happens."""
+    """A session with a new board, recorded as a transcript."""
 
     def __init__(self) -> None:
         self.board = NativeBoard(seed=1)
@@ -142,7 +142,7 @@ class Scene:
             self._hear(self.board.say(line + b"\r", turns))
 
     def say(self, name: str, *words: int, flags: int = 0, counter: int | None = None, turns: int = 3) -> dict[str, int]:
-        """One frame; returns the words of the last frame that came back."""
+        """Send one frame; returns the words of the last frame received."""
         message = protocol()[name]
         own = self._counter.get(message.identifier, 0)
         self._counter[message.identifier] = own + 1 & 15
@@ -157,13 +157,13 @@ class Scene:
         self.lines.append(f"  ({text})")
 
     def greet(self) -> None:
-        """Open and say hello, without a line in the transcript."""
+        """Open the link and send HELLO, without lines in the transcript."""
         hello = protocol()["HELLO"]
         data = hello.pack(0, 0, protocol().version, protocol().dbc_hash)
         self.board.say(b"O\r" + text_of_frames([(hello.identifier, data)]), 20)
 
     def rest(self, time_us: int) -> None:
-        """Let time go by; what the board says in it is left out of the transcript."""
+        """Let time pass; frames of the board in it are left out of the transcript."""
         self.board.run_us(time_us)
         self.board.heard()
         self.lines.append("< ...")
@@ -250,7 +250,7 @@ def transcript(name: str) -> str:
 
 
 def generate(text: str) -> str:
-    """The document with every generated part fresh."""
+    """The document with all generated parts renewed."""
     parts = {"messages": message_table, "values": value_table, "record": record_table}
     parts["keepalive"] = keepalive_table
     parts |= {"rates": bus_load.rate_table, "load": bus_load.step_table, "residuals": residual_table}

@@ -1,5 +1,5 @@
-"""Writes the measured tables and transcripts of README.md and of the systems' pages, between their marks, by running
-the commands named there.
+"""Write the measured tables and transcripts of README.md and of the systems' pages, between their marks, by running the
+commands named there.
 
 usage: .venv/bin/python tools/gen_readme.py [--check] [demo|python|systems|headlines|bench ...]
 
@@ -48,7 +48,7 @@ MACHINE_DEPENDENT = ("native Kalman steps:", "link frames parsed:")
 
 @cache
 def answer(name: str) -> str:
-    """What the command prints."""
+    """The output of the command."""
     done = subprocess.run([sys.executable, *COMMANDS[name]], cwd=ROOT, capture_output=True, text=True, check=False)
     if done.returncode not in (0, 1) or not done.stdout:
         raise SystemExit(f"{name}: {done.stderr.strip()}")
@@ -62,14 +62,14 @@ def rows() -> list[tuple[str, Figure]]:
 
 
 def table(page: Path) -> str:
-    """The figures for a page: what was asked of all systems, or everything of one for its own page."""
+    """The figures for a page: the targets of all systems, or all figures of one system for its own page."""
     if page == ALL_SYSTEMS:
         return figures.render(rows(), short=True)
     return figures.render([(system, row) for system, row in rows() if system == page.stem])
 
 
 def block(page: Path, name: str) -> str:
-    """What stands between the marks, indented as Markdown wants verbatim text."""
+    """The text between the marks, indented as Markdown's verbatim text."""
     if name == "headlines":
         return f"\n{figures.headlines(rows())}\n\n"
     if name == "systems":  # a "-" at the front of a diff is red

@@ -2,7 +2,7 @@
 
     .venv/bin/python tools/gen_screenshot.py
 
-Needs Chromium or Chrome. Fonts differ from machine to machine, so that no check compares the picture.
+Needs Chromium or Chrome. Fonts differ between machines, so no check compares the picture.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Write docs/wiring/*.svg: a Blue Pill and what belongs on its pins, one drawing for each set of sensors.
+"""Write docs/wiring/*.svg: the wiring of a Blue Pill, one drawing for each set of sensors.
 
-What is wired is declared by the systems: `DRAWINGS` of host/plumb/systems/NAME/wiring.py.
+The systems declare their wiring: `DRAWINGS` of host/plumb/systems/NAME/wiring.py.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ RIGHT_ROW = "GND GND 3V3 RST PB11 PB10 PB1 PB0 PA7 PA6 PA5 PA4 PA3 PA2 PA1 PA0 P
 LEFT, RIGHT = LEFT_ROW.split(), RIGHT_ROW.split()
 
 COLOURS = {ANALOG: "#a86410", INPUT: "#2a5ca8", OUTPUT: "#1a7f47", DRAIN: "#7a3fa0"}
-"""What the STM32's pin is, seen from the STM32."""
+"""Role of a pin, seen from the STM32 -> colour."""
 INK, FAINT, PAPER = "#1d2430", "#58626f", "#ffffff"
 
 WIDTH, PITCH, TOP, HEAD, GAP = 1240, 24, 116, 28, 10
 BOARD_X, BOARD_WIDTH, BOX_X, BOX_WIDTH = 520, 200, 24, 280
 SUPPLY_WIDTH = 84
-"""Beside a box, kept free of wires for the names of supplies."""
+"""Width beside a box that is kept free of wires for the names of supplies."""
 
 
 STRAP_TIES = {"standard": {"PB4": "open", "PB5": "open"}, "bridge": {"PB4": "open", "PB5": "to GND"}}
-"""The strap by pin set: read once at the start, it alone decides where UART and actuators are."""
+"""Pin set -> strap, which is read once at the start and alone selects the pins of UART and actuators."""
 
 DRAWINGS: tuple[Drawing, ...] = tuple(
     drawing
@@ -42,7 +42,7 @@ DRAWINGS: tuple[Drawing, ...] = tuple(
 
 
 def pin_place(pin: str) -> tuple[float, float]:
-    """Where a pin of the Blue Pill is on the sheet."""
+    """Position of a pin of the Blue Pill on the sheet."""
     row = (LEFT if pin in LEFT else RIGHT).index(pin)
     return BOARD_X if pin in LEFT else BOARD_X + BOARD_WIDTH, TOP + PITCH * (row + 0.5)
 
@@ -86,7 +86,7 @@ def blue_pill(drawing: Drawing) -> list[str]:
 
 
 def placed(boxes: tuple[Device, ...]) -> list[tuple[Device, float]]:
-    """Each box with its upper edge, none over another."""
+    """Each box with the y coordinate of its upper edge, without overlaps."""
     places: list[tuple[Device, float]] = []
     free = float(TOP - 2 * PITCH)
     for box in boxes:

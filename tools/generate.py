@@ -1,7 +1,7 @@
-"""Write everything that follows from the declarations of the systems, the parameters and the DBC.
+"""Write all files that are generated from the declarations of the systems, the parameters and the DBC.
 
 tools/generate.py                          firmware/generated/, firmware/include/ and messages.dbc, as committed
-tools/generate.py --check                  say which of them are stale; exit code 1
+tools/generate.py --check                  list the stale files; exit code 1
 tools/generate.py --out DIR [--systems A;B]    for a build: only the C files, into DIR, for these systems
 """
 
@@ -30,14 +30,14 @@ def c_files(built: tuple[str, ...] = ()) -> dict[str, str]:
 
 
 def committed() -> dict[Path, str]:
-    """File -> text of what is committed: of the systems that are part of this package."""
+    """Path -> text of the committed files, which cover the systems of this package."""
     files = {ROOT / "firmware" / name: text for name, text in c_files().items()}
     files |= {ROOT / "docs" / "reference" / name: text for name, text in gen_reference.generate().items()}
     return {**files, ROOT / "host" / "plumb" / "spec" / "messages.dbc": dbc.text()}
 
 
 def write(files: dict[Path, str]) -> None:
-    """Only what differs: a build then compiles only that."""
+    """Write the files that differ, so that a build only compiles those."""
     for path, text in files.items():
         if not path.is_file() or path.read_text(encoding="utf-8") != text:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -122,7 +122,7 @@ RARE = ("2 bits inverted", "3 bits inverted")
 
 
 def residuals(kind: str, trials: int, seed: int) -> int:
-    """How many of `trials` damaged lines are accepted as a frame that was not sent."""
+    """Number of `trials` damaged lines that are accepted as a frame that was not sent."""
     draw, accepted = Draw(seed), 0
     for start in range(0, trials, _CHUNK):
         count = min(_CHUNK, trials - start)
@@ -138,7 +138,7 @@ def residuals(kind: str, trials: int, seed: int) -> int:
 
 
 def residual_table(times: int = 1) -> str:
-    """Markdown: every kind of damage and how much of it passes; `times` as many trials as published."""
+    """Markdown table of every kind of damage and its residual errors, with `times` the published number of trials."""
     lines = ["| damage to one line | lines damaged | accepted, not sent | per million |", "|---|---|---|---|"]
     for number, kind in enumerate(KINDS):
         trials = times * (RARE_TRIALS if kind in RARE else TRIALS)

@@ -5,9 +5,9 @@
     tools/package_images.py --release dist/firmware      also .bin, .elf and .hex of each, with SHA256SUMS
     tools/package_images.py --unchecked --systems quad   without the golden check, and only one system's image
 
-Each image runs the golden vectors of its systems on the virtual board first; one that differs in a single bit stops
-here. What passed is remembered by the SHA-256 of image and vectors in build/images/checked.json, so that an unchanged
-image is not checked again. The format of images.json: plumb/flash/packaged_images.py.
+Each image first runs the golden vectors of its systems on the virtual board; the tool stops at a difference. Passed
+images are recorded by the SHA-256 of image and vectors in build/images/checked.json and are not checked again. Format
+of images.json: plumb/flash/packaged_images.py.
 
 Exit code 0: done. 1: an image differs from its golden vectors. 2: an image cannot be built or read.
 """

@@ -1,6 +1,6 @@
-"""The version of the distribution, for scikit-build-core: what plumb.version reads from git, noted beside the package.
+"""Version of the distribution for scikit-build-core, as plumb.version reads it from git.
 
-A wheel or sdist has no git: it carries host/plumb/built.json, which is written here whenever git is there.
+A wheel or sdist has no git; it contains host/plumb/built.json, which this module writes if git is available.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def dynamic_metadata(field: str, settings: Mapping[str, Any]) -> str:
 
 
 def note_version(root: Path, package: Path) -> Version:
-    """What git says, written into the package; without git what was written there, else the fallback."""
+    """Write the version from git into the package; without git, use the one written before, else the fallback."""
     found = from_git(root)
     if found is None:
         return from_built(package) or Version(FALLBACK, "", False)

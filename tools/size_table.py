@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Flash, RAM and stack of the image by module and function, beside its budget, and what a change made of them.
+"""Table of flash, RAM and stack of the image by module and function, with its budget, and the difference to a commit.
 
     tools/size_table.py build/stm32f103/firmware.elf                       the modules, and firmware.size.json beside it
     tools/size_table.py build/stm32f103/firmware.elf --functions           every function too
     tools/size_table.py build/stm32f103/firmware.elf --against HEAD~1      what differs from that commit
 
-Where things lie is the linker's word (firmware.map beside the ELF file), and for what was optimised at link time that
-of the debug information; the stack is that of the machine code's call graph. The other commit is taken out of git and
-built here and now: the same compiler judges both, and no table that could be stale is kept in the tree.
+Addresses come from the linker map (firmware.map beside the ELF file) and, for code optimised at link time, from the
+debug information; the stack comes from the call graph of the machine code. The other commit is checked out of git and
+built with the same compiler, so that no table that could be stale is kept in the tree.
 `--against previous` is the last commit where this one is as committed, else HEAD.
 
 Exit code 0: done. 1: a limit is exceeded. 2: it cannot be read, or the other commit cannot be built.
@@ -36,13 +36,13 @@ RAM_START = 0x20000000
 LIMITS = {"flash": 48 * 1024, "ram": 10 * 1024, "stack": 1536}
 """Flash of the image; .data, .bss and the stack that is reserved; the worst-case stack in that reserve."""
 FIRMWARE = ("firmware", "CMakeLists.txt", "CMakePresets.json", "tools", "host/plumb")
-"""What an image is made of."""
+"""Paths that an image depends on."""
 _PIECE = re.compile(r"^ (\.[\w.$]+|COMMON)\s+0x([0-9a-f]+)\s+0x([0-9a-f]+) (\S+)$", re.MULTILINE)
 _SUFFIX = re.compile(r"\.(isra|constprop|part|cold|lto_priv|\d+)(\.\d+)?$")
 _LINK_TIME = re.compile(r"\.ltrans\d*\.(ltrans\.)?o$")
-"""Of what the linker's plugin compiled from many files at once."""
+"""Object files that the linker's plugin compiled from several source files."""
 _NO_FILE = "(link and port)"
-"""What link-time optimisation made of several files, and the compiler's own tables."""
+"""Module of code that link-time optimisation merged from several files, and of the compiler's tables."""
 _UNIT = re.compile(
     r"^ <0><([0-9a-f]+)>.*\(DW_TAG_compile_unit\)(?:\n    <.*)*?\n    <[0-9a-f]+>   DW_AT_name .*?: (\S+)$", re.M
 )
@@ -154,7 +154,7 @@ def module_table(sizes: Sizes, functions: bool) -> list[str]:
 
 
 def differences(old: Sizes, new: Sizes) -> list[str]:
-    """What became larger or smaller, modules and then items, largest change first."""
+    """Lines for modules and items that became larger or smaller, largest change first."""
     changed: list[tuple[int, str]] = []
     for name in old["modules"].keys() | new["modules"].keys():
         empty: Sizes = {"flash": 0, "ram": 0, "items": {}}
@@ -181,7 +181,7 @@ def git(*arguments: str) -> bytes:
 
 
 def previous() -> str | None:
-    """The commit to compare with; None where there is no other (a shallow clone, the first commit, no git)."""
+    """The commit to compare with; None if there is none (a shallow clone, the first commit, no git)."""
     try:
         revision = "HEAD" if git("status", "--porcelain", "--", *FIRMWARE).strip() else "HEAD~1"
         git("rev-parse", "--verify", f"{revision}^{{commit}}")
@@ -191,7 +191,7 @@ def previous() -> str | None:
 
 
 def image_of(revision: str) -> tuple[str, Path]:
-    """A commit's short name and its ELF file, built where no one is in the way; kept for the next time."""
+    """Short name and ELF file of a commit, built in a folder of its own and kept for the next time."""
     commit = git("rev-parse", "--short", f"{revision}^{{commit}}").decode().strip()
     folder = ROOT / "build" / "size" / commit
     elf = folder / "image" / "firmware.elf"

@@ -1,4 +1,4 @@
-/* What systems of one axis share. */
+/* The settings that one-axis systems share. */
 #include "groups.h"
 
 #define FINITE(group, member) plumb_design_finite(d, #group "." #member, t->group->member)

@@ -1,5 +1,6 @@
-/* The two-state filter's settings as integers. The one choice made here is the unit of variance, the "lsb":
- * as fine as the largest variance allows, and such that R is a whole number of 2^32 lsb where it is small. */
+/* Converts the settings of the two-state filter to integers. The one free choice is the unit of variance, the
+ * "lsb": as fine as the largest variance allows, and, for a small R, such that R is a whole number of 2^32
+ * lsb. */
 #include "groups.h"
 
 #define VARIANCE_MAX ((int64_t)1 << 56) /* of qa, p11 and |p01| in lsb; p00 may start at twice as much */
@@ -11,7 +12,7 @@
 
 enum { R, R_LEFT_OUT, Q_ANGLE, Q_BIAS, P00, P01, P11, VARIANCES };
 
-/* What was asked, and the same in deg^2 with the bias counted per step. */
+/* A setting, and the same in deg^2 with the bias per step. */
 typedef struct {
     const char *name;
     double asked;

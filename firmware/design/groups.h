@@ -1,7 +1,7 @@
-/* The groups of settings that systems share, as integers; what each refuses, and in which order.
+/* Conversion of the groups of settings that systems share, with their checks in a fixed order.
  *
- * A design is a list of conversions. The first refusal is kept, what follows it is worked out and thrown
- * away. */
+ * A design is a list of conversions. The first refusal is kept; the results of later conversions are
+ * discarded. */
 #ifndef PLUMB_DESIGN_GROUPS_H
 #define PLUMB_DESIGN_GROUPS_H
 
@@ -17,12 +17,12 @@
 /* The finite members of *t, in the order in which they are checked; the name is the member's path. */
 #define DESIGN_FINITE(design, t, member) plumb_design_finite(design, #member, (t)->member)
 
-/* Keeps the refusal, if it is the first. */
+/* Record a refusal, if it is the first. */
 void plumb_design_refuse(plumb_design_t *d, plumb_design_error_t error, const char *field, double asked);
 
 void plumb_design_finite(plumb_design_t *d, const char *field, double x);
 
-/* Refuses a value below 0. */
+/* Refuse a value below 0. */
 void plumb_design_not_negative(plumb_design_t *d, const char *field, double x);
 
 /* A choice: 0 to last. */
@@ -91,7 +91,7 @@ typedef struct {
     plumb_tilt_params_t tilt;
 } design_filter_words_t;
 
-/* What contradicts itself before anything is an integer. */
+/* Refuse settings that are invalid or contradict each other, before they are converted. */
 void plumb_design_filter_check(plumb_design_t *d, const design_filter_t *f, int32_t period_us);
 
 /* unit_deg2: the unit of variance, deg^2 per lsb; given where its hi is not 0, else found, the finest that
@@ -102,7 +102,7 @@ void plumb_design_filter(plumb_design_t *d, const design_filter_t *f, int32_t pe
 void plumb_design_pid(plumb_design_t *d, const plumb_pid_tuning_t *pid, int32_t period_us,
                       plumb_pid_params_t *words);
 
-/* What systems of one axis share: three channels, tilt, filter, controller. */
+/* The settings that one-axis systems share: three channels, tilt, filter, controller. */
 typedef struct {
     int32_t period_us, tilt;
     const plumb_calibration_tuning_t *calibration;
@@ -112,7 +112,7 @@ typedef struct {
     const plumb_pid_tuning_t *pid;
 } design_axis_t;
 
-/* That every setting is finite; before those of the system. */
+/* Refuse settings that are not finite. Called before the checks of the system. */
 void plumb_design_axis_finite(plumb_design_t *d, const design_axis_t *t);
 
 void plumb_design_axis(plumb_design_t *d, const design_axis_t *t, plumb_params_t *params);

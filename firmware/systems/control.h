@@ -1,12 +1,13 @@
-/* One step of whichever system the parameters select: raw counts in, outputs and every intermediate kept.
+/* One step of the system that the parameters select: from raw counts to outputs, with all intermediate
+ * values.
  *
- * The caller owns all memory. A step depends on nothing but its arguments and *c. The words of a step are its
- * record: the digest is the CRC-32 of their bytes, little-endian, as the system's X_words_t has them; that
- * order is the written order. Every record begins with the raw counts and the setpoint as given (7 words) and
- * ends with the flags and the number of the step (2 words). No output depends on arming or on time.
+ * The caller owns all memory. A step depends only on its arguments and *c. The words of a step are its
+ * record, in the order of the system's plumb_X_words_t; the digest is the CRC-32 of their bytes,
+ * little-endian. Every record begins with the raw counts and the setpoint (7 words) and ends with the flags
+ * and the step number (2 words). No output depends on arming or on time.
  *
- * Which systems there are, and everything that depends on it, is declared
- * (host/plumb/systems/NAME/system.toml) and generated: generated/systems.c implements this header.
+ * The systems are declared in host/plumb/systems/NAME/system.toml. generated/systems.c, which is generated
+ * from the declarations, implements this header.
  */
 #ifndef PLUMB_SYSTEMS_CONTROL_H
 #define PLUMB_SYSTEMS_CONTROL_H
@@ -17,14 +18,14 @@
 
 #define CONTROL_RECORD_WORDS_MAX (sizeof(control_words_t) / 4U)
 
-/* What the output words of a system drive. */
+/* Actuator that the output words of a system drive. */
 typedef enum {
     CONTROL_OUTPUT_NONE = 0, /* nothing: never armed */
     CONTROL_OUTPUT_PULSES,   /* two words, half-microseconds: speed controllers */
     CONTROL_OUTPUT_BRIDGE    /* one word, duty Q15: three-phase bridge */
 } control_output_t;
 
-/* Which sensors of the board a live run samples: BOARD_SENSORS_ of app/board_sensors.h. */
+/* Sensors of the board that a live run samples: BOARD_SENSORS_ of app/board_sensors.h. */
 typedef enum {
     CONTROL_SENSORS_NONE = 0, /* none: samples come from the host */
     CONTROL_SENSORS_ANALOG_3, /* three analog inputs */
@@ -43,7 +44,7 @@ typedef struct {
     uint8_t word;  /* the 32 bits */
 } control_frame_t;
 
-/* What a system is, apart from its code. */
+/* Properties of a system, without its code. */
 typedef struct {
     const control_frame_t *frames;
     const plumb_plausibility_bounds_t *plausibility; /* NULL for one that moves nothing: nothing is checked */
@@ -63,8 +64,8 @@ const control_system_t *control_system(const plumb_params_t *p);
 /* State at the start of a run: the record is zero but for the start values of filters and controllers. */
 void control_init(control_t *c, const plumb_params_t *p);
 
-/* What ranges of single parameters cannot express: false if the image has no such system, or if any sum of
- * its step could overflow. For the moment of commit, not for every step. */
+/* Checks that the ranges of single parameters cannot express: false if the image does not have the system, or
+ * if a sum of its step could overflow. Call before parameters come into use, not in every step. */
 bool control_params_valid(const plumb_params_t *p);
 
 /* One step. raw: counts; setpoint: in the system's unit (its declaration says which). The result is in the

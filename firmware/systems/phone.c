@@ -26,9 +26,9 @@ static inline plumb_kalman_params_t roll_filter(const plumb_params_t *p) {
     return filter;
 }
 
-/* Over the top: beyond 90 degrees of pitch the acceleration shows the other two angles of the same attitude,
- * and would pull these the wrong way. The rate of pitch changes its sign with the sides, and its bias, too.
- */
+/* Beyond 90 degrees of pitch the accelerometer measures the equivalent angles of the same attitude, and would
+ * correct in the wrong direction. Switch to those angles; the rate of pitch changes its sign, and so does its
+ * bias. */
 static inline void change_sides(plumb_phone_words_t *w) {
     if ((uint32_t)kalman_tilt(&w->pitch) + QUARTER_TURN_Q32 > 2U * QUARTER_TURN_Q32) {
         w->pitch.tilt_turn_q61 = sub64_wrap(HALF_TURN_Q61, w->pitch.tilt_turn_q61);

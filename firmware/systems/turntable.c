@@ -14,7 +14,7 @@
 #define LAG_PROJECTED_MAX   (1 << 25) /* 1/8 turn/s per step of lag */
 #define ANGULAR_STALE       4U        /* steps; the gyro's history lasts four of its periods */
 
-/* What one step passes along. */
+/* Intermediate values of one step. */
 typedef struct {
     bool gyro, angular, gyro_lost, rest, shock;
     bool two_attitudes;          /* attitude layer: the attitudes turn each by its own sensor */
@@ -49,7 +49,7 @@ bool plumb_turntable_params_valid(const plumb_params_t *p) {
            plumb_fusion_valid(&p->fusion);
 }
 
-/* Counts -> rate and angular acceleration, and when the gyro's sample was taken. */
+/* Convert counts to rate and angular acceleration, and determine when the gyro's sample was taken. */
 static void prefilter_sensors(plumb_turntable_words_t *w, const plumb_params_t *p, turntable_step_t *s) {
     const uint32_t stale = p->fusion.gyro_period_step_q24 >> 22;
     const bool away = w->gyro.gap_steps > stale; /* so its next sample is the first of a new beginning */
@@ -76,9 +76,9 @@ static void prefilter_sensors(plumb_turntable_words_t *w, const plumb_params_t *
     w->clamped_steps += (w->flags & PLUMB_TURNTABLE_FLAGS_SATURATED) != 0U;
 }
 
-/* By how much the rate of one axis grows in this step, turn/s Q34: the mean of this sample and the one
- * before (twice_q28 is their sum), less its bias, rid of its share of the difference in scale; without a
- * sample the slope of the gyro. */
+/* Increment of the rate of one axis in this step, turn/s Q34: the mean of this sample and the previous one
+ * (twice_q28 is their sum), minus the bias, corrected by its share of the scale difference. Without a sample:
+ * the slope of the gyro. */
 static int32_t increment(const plumb_turntable_words_t *w, const plumb_params_t *p, const turntable_step_t *s,
                          unsigned i, int64_t twice_q28) {
     const plumb_fusion_params_t *f = &p->fusion;
@@ -94,8 +94,8 @@ static int32_t increment(const plumb_turntable_words_t *w, const plumb_params_t 
     return (int32_t)within_i64(sum, INCREMENT_MAX);
 }
 
-/* The rate of every axis through the step, and what the gyro should see of it at its sample's instant:
- * between two steps everything is interpolated along a straight line. */
+/* Propagate the rate of every axis by one step, and predict the gyro's reading at its sampling instant, by
+ * linear interpolation between steps. */
 static void propagate_rate(plumb_turntable_words_t *w, const plumb_params_t *p, turntable_step_t *s,
                            const int32_t before_q28[3], bool adjacent) {
     for (unsigned i = 0; i < 3U; i++) {
@@ -136,12 +136,12 @@ static void predict(plumb_turntable_words_t *w, const plumb_params_t *p, const t
     }
 }
 
-/* *x gains gain times innovation, and stays within +-limit. */
+/* *x += gain * innovation, clamped to +-limit. */
 KERNEL void correct_one(int32_t *x, int32_t gain_q28, int32_t innovation_q28, unsigned shift, int32_t limit) {
     *x = clamp_i32(add_scaled(*x, gain_q28, innovation_q28, shift), -limit, limit);
 }
 
-/* Rate and biases of one axis after a measurement. */
+/* Correct rate and biases of one axis by a measurement. */
 static void correct(plumb_turntable_words_t *w, unsigned i, const int32_t gain_q28[FUSION_ROWS],
                     int32_t innovation_q28) {
     correct_one(&w->rate_fused_turnps_q28[i], gain_q28[FUSION_RATE], innovation_q28, 28, RATE_MAX);
@@ -154,7 +154,7 @@ static int64_t correction_q60(int32_t gain_q28, int32_t innovation_q28) {
     return 16 * within_i64(mul_i64(gain_q28, innovation_q28), (int64_t)1 << 54);
 }
 
-/* The two attitudes are one. */
+/* Merge the two attitudes into one. */
 static void merge_attitudes(plumb_turntable_words_t *w) {
     w->attitude_angular = w->attitude;
     for (unsigned j = 0; j < FUSION_STATES; j++)
@@ -162,7 +162,7 @@ static void merge_attitudes(plumb_turntable_words_t *w) {
     w->covariance_q64[FUSION_CELL(FUSION_ANGLE, FUSION_DIFFERENCE)] = 0;
 }
 
-/* At rest the rate is zero, whatever the sensors say: what they say is bias. */
+/* At rest: measurement update with rate 0, so that the sensors' readings go into the biases. */
 static void update_zero_rate(plumb_turntable_words_t *w) {
     int64_t *p = w->covariance_q64, u[FUSION_ROWS];
     int32_t gain[FUSION_ROWS];
@@ -175,8 +175,7 @@ static void update_zero_rate(plumb_turntable_words_t *w) {
         p[FUSION_CELL(FUSION_ANGLE, j)] = 0;
 }
 
-/* Second stage of one axis: scale and lag out of the innovation, and their part in the gains of the states.
- */
+/* Second stage of one axis: estimate scale and lag from the innovation, and add their part to the gains. */
 static void learn(plumb_turntable_words_t *w, const plumb_fusion_params_t *f, const turntable_step_t *s,
                   unsigned i, int64_t s_q64, int32_t gain[FUSION_ROWS]) {
     const int32_t rate = s->expected_q28[i];
@@ -200,7 +199,7 @@ static void learn(plumb_turntable_words_t *w, const plumb_fusion_params_t *f, co
     w->lag_step_q24[i] = max_i32(w->lag_step_q24[i], 0);
 }
 
-/* Data layer: the gyro's sample against the rate that is expected of it. */
+/* Data layer: compare the gyro's sample with the predicted rate. */
 static void compare_rates(plumb_turntable_words_t *w, const plumb_fusion_params_t *f, turntable_step_t *s) {
     int64_t *p = w->covariance_q64, u[FUSION_ROWS], largest_q64 = 0;
     for (unsigned i = 0; i < 3U; i++) {
@@ -239,15 +238,15 @@ static void compare_rates(plumb_turntable_words_t *w, const plumb_fusion_params_
     }
 }
 
-/* The rate of the step as the gyro's sample has it, which is a little older. */
+/* Rate of the step from the gyro's sample, which is slightly older than the step. */
 static int32_t sampled(const plumb_turntable_words_t *w, const turntable_step_t *s, unsigned i) {
     const int64_t ahead_q28 = (int64_t)w->rate_fused_turnps_q28[i] - s->expected_q28[i];
     const int64_t sample_q28 = ahead_q28 + w->rate_turnps_q28[i] - asr32(w->bias_gyro_turnps_q34[i] + 32, 6);
     return (int32_t)within_i64(sample_q28, RATE_MAX);
 }
 
-/* Attitude layer: the gyro's own rate, aligned to the steps along the angular acceleration; where a sample
- * says otherwise, half of the surprise is made up for, as a trapezium would. */
+/* Attitude layer: the gyro's own rate, propagated to the steps by the angular acceleration. A gyro sample
+ * corrects half of the difference, as the trapezoidal rule does. */
 static void align_gyro(plumb_turntable_words_t *w, const plumb_fusion_params_t *f, turntable_step_t *s) {
     const int32_t period_s_q32 = add_scaled(0, f->dt_s_q32, (int32_t)f->gyro_period_step_q24, 24);
     for (unsigned i = 0; i < 3U; i++) {
@@ -264,7 +263,7 @@ static void align_gyro(plumb_turntable_words_t *w, const plumb_fusion_params_t *
     }
 }
 
-/* Attitude layer: the difference of the two attitudes corrects both. */
+/* Attitude layer: correct both attitudes by their difference. */
 static void compare_attitudes(plumb_turntable_words_t *w, const plumb_fusion_params_t *f) {
     int64_t *p = w->covariance_q64, u[FUSION_ROWS], turn_q60[3], turn_angular_q60[3];
     int32_t gain[FUSION_ROWS], difference_turn_q32[3];
@@ -291,7 +290,7 @@ static void compare_attitudes(plumb_turntable_words_t *w, const plumb_fusion_par
     plumb_quaternion_rotate(&w->attitude_angular, turn_angular_q60);
 }
 
-/* Both attitudes through the step. */
+/* Propagate both attitudes by one step. */
 static void propagate_attitude(plumb_turntable_words_t *w, const plumb_fusion_params_t *f,
                                turntable_step_t *s) {
     if (s->two_attitudes) {

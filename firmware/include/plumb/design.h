@@ -1,12 +1,12 @@
-/* Design: settings in engineering units -> the integers that a step runs on.
+/* Design: convert settings in engineering units to the integer parameters of a step.
  *
- * For a PC, or once at the start on a chip: IEEE doubles, only + - * /, no libm, no allocation. Every integer
- * is within 0.1 % of what was asked, or the setting is refused and named. A refused design leaves *params as
- * it was. The groups of *params that the system does not read are 0. A system's own settings and its design
- * are in its header.
+ * Meant for a PC, or for the start of a program on a chip: IEEE doubles, only + - * /, no libm, no
+ * allocation. Every integer is within 0.1 % of its setting; otherwise the design is refused, names the
+ * setting, and leaves *params unchanged. Groups of *params that the system does not read become 0. The header
+ * of a system declares its own settings and its design function.
  *
- * Units are in the names: deg, deg/s (dps), g, m, s, us. A setting is finite. The same settings, ranges and
- * refusals as the host's tunings in Python (host/plumb/systems/NAME/tuning.py, quantise.py). */
+ * Units are in the names: deg, deg/s (dps), g, m, s, us. Settings must be finite. Settings, ranges and
+ * refusals are those of the tunings in Python (host/plumb/systems/NAME/tuning.py, quantise.py). */
 #ifndef PLUMB_DESIGN_H
 #define PLUMB_DESIGN_H
 
@@ -21,20 +21,20 @@ typedef enum {
     PLUMB_DESIGN_OK = 0,
     PLUMB_DESIGN_NOT_FINITE,   /* infinite, or not a number */
     PLUMB_DESIGN_NO_CHOICE,    /* an enumeration has no such value */
-    PLUMB_DESIGN_NEGATIVE,     /* it cannot be below 0 */
+    PLUMB_DESIGN_NEGATIVE,     /* below 0 */
     PLUMB_DESIGN_OUT_OF_RANGE, /* outside the range that its comment gives */
     PLUMB_DESIGN_CONTRADICTS,  /* another setting does not allow it */
     PLUMB_DESIGN_TOO_LARGE,    /* for its integer */
     PLUMB_DESIGN_TOO_SMALL,    /* for its integer */
-    PLUMB_DESIGN_TOO_FINE      /* its integer would be more than 0.1 % beside it */
+    PLUMB_DESIGN_TOO_FINE      /* its integer would be more than 0.1 % off */
 } plumb_design_error_t;
 
-/* What a design gives. */
+/* Result of a design. */
 typedef struct {
     plumb_design_error_t error;
-    const char *field; /* the setting that is refused, as "kalman.q_bias_dps2_per_s"; NULL when all is well. A
+    const char *field; /* the refused setting, for example "kalman.q_bias_dps2_per_s"; NULL if none. A string
                           constant */
-    double asked;      /* its value */
+    double asked;      /* value of the refused setting */
     double lsb_deg2;   /* unit of variance of the filter, deg^2 per lsb; 0 for a system without one */
 } plumb_design_t;
 
@@ -42,7 +42,7 @@ typedef struct {
  * turn/s (2520 deg/s), +-7 turn/s^2 or +-28 g. */
 typedef struct {
     double zero_counts;
-    double unit_per_count; /* deg/s, deg/s^2 or g; the sign turns the axis */
+    double unit_per_count; /* deg/s, deg/s^2 or g; the sign reverses the axis */
     int32_t min_counts;    /* -32768 to max_counts: plausible counts, others are clamped and flagged */
     int32_t max_counts;    /* up to 32767 */
 } plumb_channel_tuning_t;
@@ -54,16 +54,16 @@ typedef struct {
     plumb_channel_tuning_t accel_up; /* g: cos(tilt) at rest */
 } plumb_calibration_tuning_t;
 
-/* Tilt out of accelerations. */
+/* How tilt is computed from accelerations. */
 typedef enum {
     PLUMB_TUNING_ARCSINE = 0, /* asin(accel / 1 g), +-90 deg */
     PLUMB_TUNING_ATAN2 = 1    /* atan2(accel, accel_up), +-180 deg */
 } plumb_tilt_choice_t;
 
-/* Which gyro sample moves the filter. */
+/* Gyro sample that drives the filter. */
 typedef enum {
-    PLUMB_TUNING_RATE_PREVIOUS = 0, /* that of the step before, as the papers print it */
-    PLUMB_TUNING_RATE_CURRENT = 1
+    PLUMB_TUNING_RATE_PREVIOUS = 0, /* the sample of the previous step, as in the papers */
+    PLUMB_TUNING_RATE_CURRENT = 1   /* the sample of the present step */
 } plumb_rate_choice_t;
 
 /* The two-state filter of tilt and gyro bias. Process noise as densities: Q of a step is the density times
@@ -75,9 +75,8 @@ typedef struct {
     double bias_max_dps;       /* limit of the published bias: 0 to below 360 */
 } plumb_kalman_tuning_t;
 
-/* Measurement variance from the length of the acceleration: R = min(r_deg2 + gain_deg2 (|a|^2 - 1 g^2)^2,
- * r_max_deg2).
- */
+/* Measurement variance R from the magnitude of the acceleration a:
+ * R = min(r_deg2 + gain_deg2 (|a|^2 - 1 g^2)^2, r_max_deg2). */
 typedef struct {
     double r_deg2;     /* above 0 */
     double gain_deg2;  /* deg^2 per g^4, at least 0; 0 keeps R constant, then r_max_deg2 is not used */
@@ -94,7 +93,9 @@ typedef struct {
     double p11_dps2;       /* (deg/s)^2, at least 0 */
 } plumb_start_tuning_t;
 
-/* Command in -1 to 1 from the error in deg; D acts on the measured rate behind a first-order filter. */
+/* Command in -1 to 1 from the error in deg; the D term acts on the measured rate behind a first-order
+ * low-pass.
+ */
 typedef struct {
     double kp_per_deg;
     double ki_per_deg_s; /* at least 0 */

@@ -1,13 +1,13 @@
-/* Pitch and roll of a phone: two two-state filters, each on the Euler rate of its axis or, as the source
- * prints it, on the body's rate.
+/* Pitch and roll of a phone: two two-state filters, driven by Euler rates or, as in the source, by body
+ * rates.
  *
  *     counts -> calibration -> rates of pitch and roll, pitch and roll of the acceleration -> two filters
  *
  * raw: gyro x, y, z, acceleration x, y, z, in the axes of Android. At rest the acceleration is
  * g (-sin(pitch), cos(pitch) sin(roll), cos(pitch) cos(roll)). All three rates share the calibration `gyro`,
- * all three accelerations `accel`: whoever sends them has calibrated the axes. Pitch uses the groups tilt,
- * kalman and start, roll its own; tilt.r_base and roll.r_base are constant, r_max stands in for a measurement
- * that is left out. Nothing is controlled and no pin moves.
+ * all three accelerations `accel`: the sender has calibrated the axes. Pitch uses the groups tilt, kalman and
+ * start, roll its own. R is constant (tilt.r_base, roll.r_base); r_max replaces it while a measurement is
+ * skipped. The system has no controller and drives no pin.
  */
 #ifndef PLUMB_PHONE_H
 #define PLUMB_PHONE_H
@@ -22,15 +22,15 @@ extern "C" {
 #define PLUMB_PHONE_BODY_RATES  0U /* phone.rates: pitch' = wy, roll' = wx: the source */
 #define PLUMB_PHONE_EULER_RATES 1U
 
-/* Its state is its record. */
+/* State of the estimator: the record of the last step. */
 typedef struct {
     plumb_phone_words_t words;
 } plumb_phone_t;
 
-/* All words become zero but those of the filters' state. */
+/* Clear the record and set the initial state of the filters. */
 void plumb_phone_init(plumb_phone_t *c, const plumb_params_t *p);
 
-/* False if a word is outside its range, or any sum of the step could overflow. */
+/* True if the parameters are in range and no sum of a step can overflow. */
 bool plumb_phone_params_valid(const plumb_params_t *p);
 
 /* One step. raw: gyro x, y, z, then acceleration x, y, z, counts; setpoint: unused. The result is c->words.
@@ -38,7 +38,7 @@ bool plumb_phone_params_valid(const plumb_params_t *p);
 void plumb_phone_step(plumb_phone_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
                       int32_t setpoint_turn_q32);
 
-/* What drives the filters of phone. */
+/* Rates that drive the filters of phone. */
 typedef enum {
     PLUMB_TUNING_RATES_BODY = 0, /* the body's rates, as the source prints it */
     PLUMB_TUNING_RATES_EULER = 1 /* the rates of the angles */
@@ -52,7 +52,7 @@ typedef struct {
     plumb_start_tuning_t start;
 } plumb_phone_axis_tuning_t;
 
-/* phone: pitch and roll. gyro and accel: the channel of all three axes each. */
+/* Settings of the phone. gyro and accel: the channel of all three axes of each sensor. */
 typedef struct {
     int32_t period_us;            /* of a step: 500 to 100000 */
     plumb_channel_tuning_t gyro;  /* deg/s */
@@ -65,7 +65,7 @@ typedef struct {
     double bias_max_dps;    /* 0 to below 360 */
 } plumb_phone_tuning_t;
 
-/* The integers of a tuning; a refusal leaves *params as it was (plumb/design.h). */
+/* Convert a tuning to parameters; a refused setting leaves *params unchanged (plumb/design.h). */
 plumb_design_t plumb_phone_design(const plumb_phone_tuning_t *tuning, plumb_params_t *params);
 
 #ifdef __cplusplus

@@ -1,6 +1,7 @@
-/* One axis of a quadrotor: raw counts in, pulses of two opposing motors out, every intermediate kept.
+/* One axis of a quadrotor: from raw counts to the pulses of two opposing motors, with all intermediate
+ * values.
  *
- *     counts -> calibration -> tilt, trust -> kalman -> pid -> pulses of the two opposing motors
+ *     counts -> calibration -> tilt and its variance -> kalman -> pid -> pulses
  */
 #ifndef PLUMB_QUAD_H
 #define PLUMB_QUAD_H
@@ -13,12 +14,12 @@
 extern "C" {
 #endif
 
-/* Its state is its record. */
+/* State of the controller: the record of the last step. */
 typedef struct {
     plumb_quad_words_t words;
 } plumb_quad_t;
 
-/* All words become zero but those of the filter's and the pid's state. */
+/* Clear the record and set the initial state of filter and controller. */
 void plumb_quad_init(plumb_quad_t *c, const plumb_params_t *p);
 
 /* False if any sum of the step could overflow: 64-bit products, no division. */
@@ -29,7 +30,7 @@ bool plumb_quad_params_valid(const plumb_params_t *p);
 void plumb_quad_step(plumb_quad_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
                      int32_t setpoint_turn_q32);
 
-/* What its sensors can say, and when it may be armed. */
+/* Bounds for plausible sensors, and conditions for arming. */
 extern const plumb_plausibility_bounds_t plumb_quad_plausibility;
 
 /* Pulses of two opposing motors: mid +- span * command, within min to max; neutral while disarmed. 900 to
@@ -42,7 +43,7 @@ typedef struct {
     double neutral_us;
 } plumb_esc_tuning_t;
 
-/* quad: one axis of a quadrotor. */
+/* Settings of the quad. */
 typedef struct {
     int32_t period_us; /* of a step: 500 to 100000 */
     plumb_calibration_tuning_t calibration;
@@ -54,7 +55,7 @@ typedef struct {
     plumb_esc_tuning_t esc;
 } plumb_quad_tuning_t;
 
-/* The integers of a tuning; a refusal leaves *params as it was (plumb/design.h). */
+/* Convert a tuning to parameters; a refused setting leaves *params unchanged (plumb/design.h). */
 plumb_design_t plumb_quad_design(const plumb_quad_tuning_t *tuning, plumb_params_t *params);
 
 #ifdef __cplusplus

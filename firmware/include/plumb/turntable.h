@@ -1,14 +1,15 @@
-/* Attitude from a gyro and an angular-acceleration sensor of different rates: raw counts in, quaternion out.
+/* Attitude quaternion from a gyro and an angular-acceleration sensor with different sample rates.
  *
- *     counts -> presence, spikes, noise -> alignment -> lag -> data layer or attitude layer -> quaternion
+ *     counts -> missing samples, spikes, noise -> alignment -> lag -> data or attitude layer -> quaternion
  *
- * Steps run at the rate of the angular accelerometer (raw[3..5]); gyro samples (raw[0..2]) come in some of
- * them, older than the step by an age that an accumulator of gyro_period keeps. A count of -32768 is no
- * sample. The first rest_steps are at rest: they give both biases, and the attitude stays where it is.
+ * Steps run at the sample rate of the angular accelerometer (raw[3..5]). Gyro samples (raw[0..2]) arrive in
+ * some steps; an accumulator of gyro_period holds their age relative to the step. A count of -32768 means
+ * that there is no sample. The first rest_steps are at rest: both biases are estimated, the attitude is
+ * constant.
  *
- * Data layer: the rate's difference corrects rate, biases, angle, scale and lag. Attitude layer: each sensor
- * has an attitude of its own, their difference corrects both. The loss of either sensor changes what is
- * predicted from what; nothing stops.
+ * Data layer: the difference of the rates corrects rate, biases, angle, scale and lag. Attitude layer: each
+ * sensor has its own attitude, and their difference corrects both. If a sensor is lost, the other one alone
+ * propagates the attitude.
  */
 #ifndef PLUMB_TURNTABLE_H
 #define PLUMB_TURNTABLE_H
@@ -21,15 +22,15 @@
 extern "C" {
 #endif
 
-/* Its state is its record. */
+/* State of the estimator: the record of the last step. */
 typedef struct {
     plumb_turntable_words_t words;
 } plumb_turntable_t;
 
-/* The words become zero but for attitudes, age, lag, gaps, and the variances of the start. */
+/* Clear the record and set the initial attitudes, age, lag, gaps and variances. */
 void plumb_turntable_init(plumb_turntable_t *c, const plumb_params_t *p);
 
-/* False if a word that the step reads is outside its range, or any sum of the step could overflow. */
+/* True if the parameters are in range and no sum of a step can overflow. */
 bool plumb_turntable_params_valid(const plumb_params_t *p);
 
 /* One step. raw: gyro x, y, z (turn/s Q28 by `gyro`), angular acceleration x, y, z (turn/s^2 Q28 by
@@ -37,22 +38,22 @@ bool plumb_turntable_params_valid(const plumb_params_t *p);
 void plumb_turntable_step(plumb_turntable_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
                           int32_t setpoint);
 
-/* Before fusion, per sensor. */
+/* Prefilter of one sensor. */
 typedef struct {
     double
         spike; /* deg/s or deg/s^2: further from the line through the last two samples is a spike; above 0 */
     double smooth; /* share of a new sample in a one-pole low-pass: above 0, up to 1 for none */
 } plumb_prefilter_tuning_t;
 
-/* What the turntable's fusion compares. */
+/* Quantities that the turntable's fusion compares. */
 typedef enum {
     PLUMB_TUNING_LAYER_DATA = 0,     /* rates, with the angle a state */
     PLUMB_TUNING_LAYER_ATTITUDE = 1, /* two attitudes */
     PLUMB_TUNING_LAYER_PRINTED = 2   /* rates; the corrected rate alone turns the quaternion */
 } plumb_layer_choice_t;
 
-/* Fusion of gyro and angular accelerometer. Noise as densities; standard deviations at the start. All at
- * least 0. */
+/* Fusion of gyro and angular accelerometer: noise as densities, initial standard deviations. All at least 0.
+ */
 typedef struct {
     int32_t layer;            /* plumb_layer_choice_t */
     double gyro_period_s;     /* 1 to 16 steps; taken as the nearest fraction with a denominator up to 10^7 */
@@ -71,7 +72,7 @@ typedef struct {
     double start_lag_s; /* of the lag, up to one step; 0: not estimated */
 } plumb_fusion_tuning_t;
 
-/* turntable: attitude from a gyro and an angular accelerometer. */
+/* Settings of the turntable. */
 typedef struct {
     int32_t period_us;           /* of a step, which is a sample of the angular accelerometer: 500 to 10000 */
     plumb_channel_tuning_t gyro; /* deg/s */
@@ -81,7 +82,7 @@ typedef struct {
     plumb_fusion_tuning_t fusion;
 } plumb_turntable_tuning_t;
 
-/* The integers of a tuning; a refusal leaves *params as it was (plumb/design.h). */
+/* Convert a tuning to parameters; a refused setting leaves *params unchanged (plumb/design.h). */
 plumb_design_t plumb_turntable_design(const plumb_turntable_tuning_t *tuning, plumb_params_t *params);
 
 #ifdef __cplusplus
