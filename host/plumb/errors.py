@@ -1,4 +1,4 @@
-"""Exit codes, and the errors a person can act on: one sentence each, with its exit code."""
+"""Exit codes, and errors that a user can act on: one sentence each, with its exit code."""
 
 from __future__ import annotations
 

@@ -117,7 +117,7 @@ class SimulatedBoard(Board, Protocol):
     """The host's conversation with it, until the next restart or reconnect."""
 
     def restart(self) -> Session:
-        """Pull the reset pin and connect again: what is saved is in force then."""
+        """Pull the reset pin and connect again; the board then uses its saved parameters."""
 
     def reconnect(self) -> Session:
         """Connect anew, as after a reset that came from elsewhere."""

@@ -15,7 +15,7 @@ MIB = 1 << 20
 
 
 def check(path: Path, most_bytes: int, advice: str) -> None:
-    """Raises UsageError, with the advice, for a path that is no regular file of at most so many bytes."""
+    """Raises UsageError, with the advice, unless the path is a regular file of at most `most_bytes` bytes."""
     try:
         status = path.stat()
     except OSError as error:

@@ -1,8 +1,8 @@
-"""What the systems were asked to reach, and what the integers reach: one table, from the scenarios as they stand.
+"""The table of figures: targets of the systems, and the values that the integers reach on their scenarios.
 
 Every figure is over seeds 1000-1039; tunings were fitted on seeds 0-19. The float64 column is
-`plumb.systems.run_reference` on the same tuning and the same counts. What a system's part `figures` offers is
-FigureSections; a system may leave it out.
+`plumb.systems.run_reference` with the same tuning and counts. FigureSections is the contract of a system's figures.py,
+which is optional.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from plumb.proof.report import Plot, plot_svg, write_whole
 from plumb.spec.system_parts import Part
 
 Sense = Literal["at most", "at least", "near", "about", "beside", "shown"]
-"""How a figure is to be reached. near: within 5 %, what makes a scenario the one that was asked for; about: within 13 %
-of a number that was asked for in so many words, two standard deviations of the one that stands so, a share of a drift
-whose mean over 40 seeds scatters by 6.3 %. beside, shown: nothing was asked; a row beside belongs to what was,
-even in a short table, so that nobody takes a figure for more than it is; a row shown is for who wants to know more."""
+"""Kind of a target. near: within 5 %, for properties of a scenario; about: within 13 % of the source's rounded number,
+which is two standard deviations of a share of a drift whose mean over 40 seeds has a standard deviation of 6.3 %.
+beside, shown: no target. A row `beside` is needed to judge the rows above it and is also in the short table; a row
+`shown` is additional information."""
 UNASKED = ("beside", "shown")
 
 SEEDS = range(1000, 1040)
@@ -33,10 +33,10 @@ RED, PLAIN = "\x1b[31m", "\x1b[0m"
 
 @dataclass(frozen=True)
 class Figure:
-    """One line of the table. reached: over all seeds, the mean (convergence: the median); worst: of any seed.
+    """One row of the table. reached: mean over all seeds (convergence: the median); worst: the worst seed.
 
-    reference: the same in float64; accel_only, gyro_only: the same without a filter; None where it means nothing.
-    reach: 0 where nothing was asked. source: what the source itself claims, "" where it gives no number for this.
+    reference: the value with float64; accel_only, gyro_only: the value without a filter; None if it does not apply.
+    reach: the target, 0 without one. source: the source's own claim, "" if it gives no number.
     """
 
     claim: str
@@ -69,7 +69,7 @@ class Figure:
 
 
 class FigureSections(Protocol):
-    """figures.py of a system: what was asked, and what is reached."""
+    """figures.py of a system: its targets and the reached figures."""
 
     @property
     def SECTIONS(self) -> Mapping[str, Callable[[Iterable[int]], Iterable[Figure]]]:
@@ -172,8 +172,8 @@ def headlines(figures: Iterable[tuple[str, Figure]]) -> str:
 
 
 def render(figures: Iterable[tuple[str, Figure]], *, short: bool = False, colour: bool = False) -> str:
-    """The table as text, a block for each system with what was assumed; a missed figure says so, in red on request.
-    short: without the rows that are only shown."""
+    """The table as text, one block per system with its assumptions. A missed target is marked, with `colour` in red.
+    short: without rows of the kind `shown`."""
     blocks: dict[str, list[Figure]] = {}
     for name, row in figures:
         if not (short and row.sense == "shown"):

@@ -48,7 +48,7 @@ def steps_csv(run: Run) -> str:
 
 
 HEADING = ("system", "scenario", "tuning", "loop", "link", "seed", "faults", "conditions")
-"""Entries of a summary that say what was run, beside the identity."""
+"""Entries of a summary that describe the run, besides its identity."""
 
 
 def write_run(

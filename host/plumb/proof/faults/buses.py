@@ -24,7 +24,7 @@ BYTES_PER_S = 92_160
 
 
 def uart(send: Callable[[Machine, bytes], object], seconds: float = TROUBLE_S) -> Action:
-    """The line is full of random bytes for so long, sent this way; the host's own bytes find no room."""
+    """The line carries random bytes instead of the host's for this long."""
 
     def inject(scene: Scene) -> None:
         chance = random.Random(1)
@@ -76,7 +76,7 @@ def can_babbler(scene: Scene) -> None:
 
 
 def can_unacknowledged(scene: Scene) -> None:
-    """The board's frames are acknowledged by nobody, and the host's do not reach it, for a while: a cable is off."""
+    """A cable is off for a while: the board's frames are not acknowledged, and the host's do not reach it."""
     wire = scene.machine.can.wire
     scene.host_alive, wire.attached = False, False
     scene.run(TROUBLE_S)

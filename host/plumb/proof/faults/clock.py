@@ -34,7 +34,7 @@ def steps_too_fast(scene: Scene) -> None:
 
 
 def core_stands_still(scene: Scene) -> None:
-    """The core is held for 100 ms, as by a debugger or an erase that nobody planned."""
+    """The core is stopped for 100 ms, as by a debugger or an unplanned flash erase."""
     scene.machine.flash.stall(STALL_S)
 
 

@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
 SEED = 1
 DRIVING_S = 0.5
-"""Armed for so long before the fault: outputs are away from neutral, the estimate has converged."""
+"""Time armed before the fault: the outputs are away from neutral, and the estimate has converged."""
 ARMING_S = 3.0
-"""The board may refuse to arm for so long: its sensors come up, and its estimate converges."""
+"""Longest time to arming, while the sensors come up and the estimate converges."""
 LISTEN_S = 0.001
 """The host looks at its link this often; frames get the time of the look."""
 
@@ -117,7 +117,7 @@ class Scene:
         return self.machine.snapshot(self)
 
     def listen_anew(self) -> None:
-        """Forget what was heard; note every frame from here on."""
+        """Drop the recorded frames, and record every frame from now on."""
         self.heard.clear()
         self.session.listener = self._note
 
@@ -172,7 +172,7 @@ class Scene:
         return True
 
     def identify(self) -> Identity:
-        """Connect anew and ask who is there, as after a reset. Raises LinkError when nobody answers."""
+        """Connect again and read the identity, as after a reset. Raises LinkError if the board does not answer."""
         self.reconnect()
         return self.session.connect()
 
