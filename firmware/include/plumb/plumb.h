@@ -28,6 +28,7 @@
 #include "plumb/calibration.h"
 #include "plumb/design.h"
 #include "plumb/kalman.h"
+#include "plumb/mounting.h"
 #include "plumb/pid.h"
 #include "plumb/plausibility.h"
 #include "plumb/quaternion.h"
