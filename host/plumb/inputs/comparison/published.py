@@ -17,7 +17,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import metadata
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +26,8 @@ from plumb.extras import install_hint
 from plumb.inputs.comparison.samples import Samples
 
 FloatArray = npt.NDArray[np.float64]
-Attitudes = Callable[[ModuleType, Samples], Any]
-"""Attitudes of all samples, w, x, y, z from sensor to earth, (N, 4). Any: the packages carry no types."""
+Attitudes = Callable[[ModuleType, Samples], object]
+"""Attitudes of all samples, w, x, y, z from sensor to earth, (N, 4); the packages carry no types."""
 
 
 @dataclass(frozen=True)
@@ -65,19 +64,19 @@ def _period_s(samples: Samples) -> float:
     return samples.period_us * 1e-6
 
 
-def _vqf(module: ModuleType, samples: Samples) -> Any:
+def _vqf(module: ModuleType, samples: Samples) -> object:
     return module.VQF(_period_s(samples)).updateBatch(samples.gyr_radps, samples.acc_mps2)["quat6D"]
 
 
-def _basic_vqf(module: ModuleType, samples: Samples) -> Any:
+def _basic_vqf(module: ModuleType, samples: Samples) -> object:
     return module.BasicVQF(_period_s(samples)).updateBatch(samples.gyr_radps, samples.acc_mps2)["quat6D"]
 
 
-def _madgwick(module: ModuleType, samples: Samples) -> Any:
+def _madgwick(module: ModuleType, samples: Samples) -> object:
     return module.Madgwick(samples.gyr_radps, samples.acc_mps2, frequency=1.0 / _period_s(samples)).Q
 
 
-def _mahony(module: ModuleType, samples: Samples) -> Any:
+def _mahony(module: ModuleType, samples: Samples) -> object:
     return module.Mahony(samples.gyr_radps, samples.acc_mps2, frequency=1.0 / _period_s(samples)).Q
 
 
