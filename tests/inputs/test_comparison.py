@@ -97,12 +97,14 @@ def test_a_grade_adds_what_its_title_says() -> None:
     assert noise_g == pytest.approx(400e-6 * np.sqrt(HZ / 2.0), rel=0.05)
 
 
-def test_a_seed_is_a_sensor_and_the_recording_stays_as_it_was() -> None:
+def test_a_seed_and_a_recording_are_a_sensor_and_the_recording_stays_as_it_was() -> None:
     motion = swing()
     before = motion.gyr_dps.copy()
     for name in set(GRADES) - {grades.AS_RECORDED, "adxl345-itg3205"}:
         assert np.array_equal(GRADES[name].of(motion, 1).gyr_dps, GRADES[name].of(motion, 1).gyr_dps)
         assert not np.array_equal(GRADES[name].of(motion, 1).gyr_dps, GRADES[name].of(motion, 2).gyr_dps), name
+        other = replace(motion, name="another recording")
+        assert not np.array_equal(GRADES[name].of(motion, 1).gyr_dps, GRADES[name].of(other, 1).gyr_dps), name
         assert GRADES[name].seeds == (1, 2)
     assert np.array_equal(motion.gyr_dps, before) and GRADES[grades.AS_RECORDED].of(motion, 0) is motion
 

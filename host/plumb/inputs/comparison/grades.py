@@ -1,12 +1,13 @@
 """Errors of sensors of other grades, added to a recording: what an algorithm must bear on a cheaper part.
 
-Every grade draws from a seed; two seeds are compared. A density is one-sided, as data sheets give it: white noise of
-density d has the standard deviation d sqrt(rate / 2). The errors are added before the counts are limited to the range
-of the sensor.
+Every grade draws from a seed and from the name of the recording: two seeds of six recordings are twelve sensors. A
+density is one-sided, as data sheets give it: white noise of density d has the standard deviation d sqrt(rate / 2). The
+errors are added before the counts are limited to the range of the sensor.
 """
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -35,9 +36,10 @@ class Grade:
         return SEEDS if self.degrade else (0,)
 
     def of(self, motion: Motion, seed: int) -> Motion:
-        """The motion as a sensor of this grade feels it. The draws depend on grade, seed and nothing else: every
-        recording has the same sensor."""
-        return self.degrade(motion, np.random.default_rng(seed)) if self.degrade else motion
+        """The motion as a sensor of this grade feels it, the same one for the same recording and seed."""
+        if self.degrade is None:
+            return motion
+        return self.degrade(motion, np.random.default_rng([seed, zlib.crc32(motion.name.encode())]))
 
 
 def _gyro(motion: Motion, added_dps: FloatArray) -> Motion:
@@ -76,7 +78,7 @@ def _g_sensitivity(motion: Motion, rng: np.random.Generator) -> Motion:
 def _mpu6050(motion: Motion, rng: np.random.Generator) -> Motion:
     errors = 0.007 * rng.standard_normal((3, 3))
     np.fill_diagonal(errors, 0.01 * rng.standard_normal(3))
-    worse = _gyro(motion, motion.gyr_dps @ errors.T + rng.standard_normal(3))
+    worse = _gyro(motion, motion.gyr_dps @ errors.T + _signs(rng))
     return replace(worse, acc_g=worse.acc_g + _white(rng, motion, 400e-6))
 
 
@@ -96,8 +98,6 @@ GRADES: dict[str, Grade] = {
     "warm-up": Grade("gyro bias that grows to 1 deg/s an axis with a time constant of 30 s, its sign drawn", _warm_up),
     "noise": Grade("gyro noise of 0.1 deg/s/sqrt(Hz)", _noise),
     "g-sensitivity": Grade("gyro that feels acceleration, 0.1 deg/s/g rms an entry", _g_sensitivity),
-    "mpu6050": Grade(
-        "MPU-6050: scale 1 %, misalignment 0.7 %, bias 1 deg/s rms, accelerometer 400 ug/sqrt(Hz)", _mpu6050
-    ),
+    "mpu6050": Grade("MPU-6050: scale 1 %, misalignment 0.7 %, bias 1 deg/s, accelerometer 400 ug/sqrt(Hz)", _mpu6050),
 }
 """Name -> grade, in the order of the table."""
