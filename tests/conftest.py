@@ -14,6 +14,7 @@ import signal
 import sys
 from collections.abc import Generator
 from fnmatch import fnmatch
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -39,12 +40,13 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    left_out = (
-        [] if os.environ.get("PLUMB_LONG") == "1" else [item for item in items if item.get_closest_marker("long")]
-    )
-    if left_out:
-        config.hook.pytest_deselected(items=left_out)
-        items[:] = [item for item in items if not item.get_closest_marker("long")]
+    """Begin with the files beside this one: they build the package and start pytest anew, and at the end of a run one
+    worker would wait for the other."""
+    long = [item for item in items if item.get_closest_marker("long")] if os.environ.get("PLUMB_LONG") != "1" else []
+    if long:
+        config.hook.pytest_deselected(items=long)
+    here = Path(__file__).parent
+    items[:] = sorted((item for item in items if item not in long), key=lambda item: item.path.parent != here)
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

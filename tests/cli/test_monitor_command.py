@@ -246,7 +246,7 @@ def test_on_the_virtual_board_the_quad_s_axis_moves(capsys: pytest.CaptureFixtur
     [
         ("balancer", ("tilt_deg", "duty", "velocity_mps")),
         ("turntable", ("attitude", "rates_dps")),
-        ("quad", ("tilt_deg",)),
+        pytest.param("quad", ("tilt_deg",), marks=pytest.mark.long),  # its axis is looked at above
     ],
 )
 def test_on_the_virtual_board_any_systems_plant_is_on_the_pins(

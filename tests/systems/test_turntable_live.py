@@ -52,7 +52,7 @@ def test_the_converter_gives_what_the_sensors_give(inputs: tuple[VirtualBoard, R
     assert max(agree) == 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_sensor_that_hangs_is_lost_and_the_run_goes_on() -> None:
     """The board marks the channels of the angular accelerometer 0.1 s after they stop to move, until they do again."""
     asked = turntable.faults([disturbance.parse("stuck:angular@10.2-11")])
