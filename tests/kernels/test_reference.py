@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from plumb.kernels.reference.blending import complementary_step, weighted_average
 from plumb.spec.tuning import Kalman, Start
 from plumb.systems import run_reference
 
@@ -104,3 +105,22 @@ def test_tilt_by_two_axes(y: float, z: float, deg: float) -> None:
 @pytest.mark.parametrize(("y", "deg"), [(0, 0), (0.5, 30), (-0.5, -30), (1, 90), (1.2, 90), (-1.2, -90)])
 def test_tilt_by_arcsine(y: float, deg: float) -> None:
     assert run_reference.tilt(y, 123.0, "arcsine") == pytest.approx(deg)
+
+
+def test_a_complementary_filter_forgets_its_start_and_keeps_bias_times_tau() -> None:
+    """In time tau 1/e of a wrong start is left; a gyro bias b leaves b tau for good."""
+    period_s, tau_s, bias_dps = 0.001, 0.5, 2.0
+    wrong, biased = 10.0, 0.0
+    for _ in range(round(tau_s / period_s)):
+        wrong = complementary_step(wrong, 0.0, 0.0, period_s, tau_s)
+    assert wrong == pytest.approx(10.0 * np.exp(-1.0), rel=2e-3)
+    for _ in range(round(20.0 * tau_s / period_s)):
+        biased = complementary_step(biased, bias_dps, 0.0, period_s, tau_s)
+    assert biased == pytest.approx(bias_dps * tau_s, rel=1e-6)
+    assert abs(complementary_step(179.9, 0.0, -179.9, period_s, tau_s)) > 179.8, "the short way around"
+
+
+def test_a_weighted_average_goes_the_short_way_around() -> None:
+    assert weighted_average(20.0, 10.0, 0.25) == pytest.approx(12.5)
+    assert weighted_average(-179.0, 179.0, 0.5) == pytest.approx(-180.0)
+    assert weighted_average(30.0, 10.0, 0.0) == 10.0 and weighted_average(30.0, 10.0, 1.0) == 30.0

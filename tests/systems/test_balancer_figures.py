@@ -150,7 +150,11 @@ def test_the_closed_loop_stays_up_and_float64_is_no_better() -> None:
         assert error.met and lowest < error.reached and error.reference is not None
         assert error.reached == pytest.approx(error.reference, rel=0.05)
         assert leaned.met and 3.0 < leaned.reached < 12.0 and leaned.reference == pytest.approx(leaned.reached, rel=0.1)
-    assert {row.reach for row in rows.values()} == {0.55, 0.48, 20.0}
+        follows, settled = (
+            rows[claim, scenario, "tuned"] for claim in ("velocity asked for minus velocity", "the same")
+        )
+        assert follows.sense == settled.sense == "shown" and settled.reached < follows.reached < 0.3
+    assert {row.reach for row in rows.values() if row.sense != "shown"} == {0.55, 0.48, 20.0}
 
 
 @pytest.mark.long
@@ -171,6 +175,18 @@ def test_a_vehicle_that_falls_is_noticed() -> None:
     for controller in (Integers(balancer.TUNED), Float64(balancer.TUNED)):
         run = balance(controller, "rough", 1000, 40.0)
         assert run.tilt_max_deg < 10.0 and 0.01 < run.velocity_rms_mps < 0.25
+
+
+def test_a_command_counts_as_settled_5_s_behind_it() -> None:
+    setpoint, time_s = np.repeat([0, 3, 3, 1], 100), 0.1 * np.arange(400, dtype=np.float64)
+    settled = balancer_figures.settled_since(setpoint, time_s)
+    assert settled[:100].all(), "before the first command there is nothing to wait for"
+    assert settled.tolist() == [not (100 <= k < 150 or 300 <= k < 350) for k in range(400)]
+
+
+def test_the_vehicle_follows_its_command_better_once_it_is_settled() -> None:
+    run = balance(Integers(balancer.TUNED), "rough", 1000, 40.0)
+    assert 0.01 < run.settled_rms_mps < run.velocity_rms_mps < 0.25
 
 
 def test_a_push_tips_it_and_it_comes_back() -> None:

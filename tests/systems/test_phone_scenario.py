@@ -211,3 +211,16 @@ def test_a_stuck_gyro_axis_shows() -> None:
         angles = [words[f"{axis}_turn_q32"] * (360.0 / 2**32) for axis in ("pitch", "roll")]
         errors.append(np.sqrt(np.mean(phone.inclination_deg(phone.up(*angles), run.vertical)[run.scored] ** 2)))
     assert errors[1] > 10.0 * errors[0]
+
+
+@pytest.mark.slow
+def test_the_simple_filters_fall_short_of_the_kalman_filter() -> None:
+    """At their best constants, with Euler rates as the filter has them."""
+    simple = {(row.scenario, row.claim.split()[0]): row.reached for row in phone_figures.blended_rows(SEEDS[:2])}
+    kalman = {
+        row.scenario: row.reached
+        for row in (*phone_figures.general_rows(SEEDS[:2]), *phone_figures.static_rows(SEEDS[:2]))
+        if row.tuning == "euler" and "share" in row.claim
+    }
+    for scenario in ("general", "static"):
+        assert kalman[scenario] < simple[scenario, "complementary"] < simple[scenario, "weighted"]

@@ -82,6 +82,27 @@ def test_one_tuning_gives_the_motion_and_the_quiet_figure(estimator: Rows) -> No
     assert trust.r_max_deg2 / trust.r_deg2 == pytest.approx(1000.0), "R adapts over 1000:1"
 
 
+def test_what_the_shipped_tuning_trades_stands_in_the_table(estimator: Rows) -> None:
+    """On `quiet` constants for it beat `adaptive`, on `motion` they are far behind; U half a period late is most of the
+    difference."""
+    reached = {key[:2]: row.reached for key, row in estimator.items() if key[2] == "deg rms"}
+    fitted, adaptive = reached["quiet", "quiet_fitted"], reached["quiet", "adaptive"]
+    assert fitted < min(reached["quiet", name] for name in ("quiet", "fast_start", "paper")) < adaptive
+    assert reached["motion", "quiet_fitted"] > 2.0 * reached["motion", "adaptive"]
+    assert reached["quiet", "adaptive, trapezium"] - fitted < 0.5 * (adaptive - fitted)
+
+
+@pytest.mark.slow
+def test_the_simple_filters_fall_short_of_the_kalman_filter(estimator: Rows) -> None:
+    """At their best constants, on seeds that these were not fitted on; a weighted average keeps the drift."""
+    simple = {(row.scenario, row.claim.split()[0]): row for row in quad_figures.blended_rows(range(1000, 1008))}
+    for scenario, kalman in (("motion", "adaptive"), ("quiet", "quiet_fitted")):
+        complementary, average = simple[scenario, "complementary"], simple[scenario, "weighted"]
+        assert estimator[scenario, kalman, "deg rms"].reached < complementary.reached < average.reached
+        assert average.accel_only is not None and average.reached == pytest.approx(average.accel_only, rel=0.05)
+        assert complementary.sense == "shown" and complementary.reference == complementary.reached
+
+
 def test_the_bias_converges_within_half_a_second(convergence: Rows) -> None:
     paper = convergence[("converge", "paper", "s, median")]
     assert paper.reached == pytest.approx(1.5, rel=0.05), "the source's own figure, or the scenario is another"
@@ -152,7 +173,8 @@ def test_a_missed_figure_is_printed_as_missed() -> None:
     missed = ["MISSED", "MISSED", "MISSED", "met", "MISSED", "met"]
     assert verdicts == [*missed, "7.500"], "what is only shown has no verdict"
     assert "+-5 deg" in lines[7] and "source" in lines[0]
-    assert "Assumed: gyro noise 0.5 deg/s" in lines[-3], "no figure without what it stands on"
+    behind = lines[len(rows) + 2 :]
+    assert any(line.startswith("Assumed: gyro noise 0.5 deg/s") for line in behind), "no figure without its assumptions"
     assert [line.startswith(figures.RED) for line in figures.render(named, colour=True).splitlines()[1:7]] == [
         True, True, True, False, True, False,
     ]  # fmt: skip

@@ -13,6 +13,7 @@ from plumb.physics import disturbance
 from plumb.proof import figures
 from plumb.systems.turntable import figures as turntable_figures
 from plumb.systems.turntable import gyro as turntable_gyro
+from plumb.systems.turntable import reference as reference_turntable
 from plumb.systems.turntable import scenarios as turntable
 from plumb.systems.turntable.motion import FADE_S, REST_S, lagged, motion
 from plumb.systems.turntable.reference import multiply, rotation_deg, turned
@@ -143,3 +144,39 @@ def test_the_printed_data_layer_is_no_better_than_the_compensated_gyro() -> None
     printed = rows()["motion", "printed", "as printed, known lag undone, mean"]
     undone = rows()["motion", "-", "gyro alone, its known lag undone, mean"]
     assert printed.reached < undone.reached + 1.0
+
+
+def test_a_wrong_belief_about_the_scale_is_worse_than_no_fusion_and_loose_angular_survives_it() -> None:
+    """Told 0.5 % where the angular accelerometer is 3 % wrong; told 3 %, about the gyro with its lag undone is left."""
+    found = {
+        (row.scenario, row.tuning): row.reached
+        for row in turntable_figures.belief_rows(SEEDS)
+        if row.claim.endswith("mean")
+    }
+    wrong = "motion, angular_scale=0.03"
+    assert found[wrong, "data"] < -20.0, "below the gyro alone"
+    assert found[wrong, "loose_angular"] > found[wrong, "-"] - 5.0 and found[wrong, "loose_angular"] > 0.0
+    assert found["motion, gyro_scale=0.03", "data"] > found["motion, gyro_scale=0.03", "-"] + 20.0
+
+
+def test_rectangles_of_angular_acceleration_run_half_a_step_ahead() -> None:
+    """Ramp of the rate without a gyro: both integrate to the same slope, the printed rule half a step earlier."""
+    counts = np.full((600, 6), float(turntable.NO_SAMPLE))
+    counts[:, 3:] = 0.0
+    counts[300:, 3] = turntable.ANGULAR_LSB_PER_DPS2 * (np.arange(300) + 1.0)  # deg/s^2, rising by 1 a step
+    tuning = turntable.with_fusion(turntable.DATA, rest_s=0.0, start_angular_dps2=0.0)
+    trapezium = reference_turntable.run_control(tuning, counts)["rate_fused_dps_0"]
+    rectangle = reference_turntable.run_control(tuning, counts, rule="rectangle")["rate_fused_dps_0"]
+    ahead = rectangle[310:] - trapezium[310:]
+    half_a_step = (np.arange(310, 600) - 299.0) * tuning.period_s / 2.0
+    assert ahead == pytest.approx(half_a_step, rel=1e-6)
+
+
+def test_the_headline_is_over_ten_times_the_seeds_in_blocks() -> None:
+    first, worst, *_ = many = list(turntable_figures.many_rows([1000]))
+    assert first.claim == "data layer, seeds 1000-1009, mean" and worst.claim == "data layer, seeds 1000-1009, max"
+    least, most = many[2], many[3]
+    assert least.reached < first.reached < most.reached and least.sense == most.sense == "beside"
+    whole = turntable_figures.Batch.of("motion", range(1000, 1010))
+    assert first.reached == pytest.approx(whole.integers("data").below(whole.gyro)[0], rel=1e-12)
+    assert turntable_figures.HEADLINE[0] == "data layer, seeds 1000-1399, mean", "of the 40 seeds of the other rows"

@@ -453,6 +453,47 @@ const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_UNTRIMMED = {
     },
 };
 
+const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_LOOSE_ANGULAR = {
+    .period_us = 4000,
+    .gyro = {
+        .zero_counts = 0.0,
+        .unit_per_count = 0.007633587786259542,
+        .min_counts = -32766,
+        .max_counts = 32766,
+    },
+    .angular = {
+        .zero_counts = 0.0,
+        .unit_per_count = 0.05,
+        .min_counts = -32766,
+        .max_counts = 32766,
+    },
+    .gyro_filter = {
+        .spike = 4.0,
+        .smooth = 1.0,
+    },
+    .angular_filter = {
+        .spike = 60.0,
+        .smooth = 1.0,
+    },
+    .fusion = {
+        .layer = PLUMB_TUNING_LAYER_DATA,
+        .gyro_period_s = 0.01,
+        .gyro_phase_s = 0.0,
+        .rest_s = 10.0,
+        .lag_s = 0.008,
+        .gyro_dps = 0.03,
+        .angular_dps2 = 0.3,
+        .lost_dps2 = 30.0,
+        .gyro_walk_dps = 0.003,
+        .angular_walk_dps2 = 0.003,
+        .start_gyro_dps = 1.0,
+        .start_angular_dps2 = 2.0,
+        .gyro_scale = 0.005,
+        .angular_scale = 0.03,
+        .start_lag_s = 0.003,
+    },
+};
+
 const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_SMOOTHED = {
     .period_us = 4000,
     .gyro = {

@@ -14,6 +14,7 @@ extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_ADAPTIVE; /* R follows | |a|^
 extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_PAPER; /* the paper's table 2, angles from both axes */
 extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_PAPER_ARCSINE; /* the paper's table 2, its tilt = arcsin(a / g) as printed */
 extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_QUIET; /* constant R, for a frame that does not vibrate */
+extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_QUIET_FITTED; /* the same, Q of angle and bias fitted together: the best there is for `quiet` */
 extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_CONSTANT; /* constant R, the best there is for `motion`: what the law of R is held against */
 extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_FAST_START; /* the paper's Q with the accelerometer's own R, start-up mode fast */
 extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_RECORDING; /* constant, wide R for recordings of general motion */

@@ -21,6 +21,7 @@ extern const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_NO_LAG; /* data, fo
 extern const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_NO_LAG_ATTITUDE; /* attitude, for a gyro without lag */
 extern const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_WARM_UP; /* data, for a gyro bias that walks by 0.02 deg/s/sqrt(s) */
 extern const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_UNTRIMMED; /* data, for a gyro without lag and with 1.5 % of scale error */
+extern const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_LOOSE_ANGULAR; /* data, for an angular accelerometer whose scale may be 3 % wrong; the one to take when in doubt */
 extern const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_SMOOTHED; /* data, behind a one-pole low-pass for each sensor */
 extern const plumb_turntable_tuning_t PLUMB_TURNTABLE_TUNING_ANALOG; /* data, for both sensors on the board's own converter, the gyro sampled in every step */
 

@@ -77,6 +77,8 @@ ASSUMED = (
 OPEN_RMS_DEG = {"rough": 0.48, "smooth": 0.40}
 CLOSED_RMS_DEG = {"rough": 0.55, "smooth": 0.48, "endure": 0.55}
 ROCKED_MAX_DEG, STAYS_UP_DEG = 5.0, 20.0
+SETTLED_S = 5.0
+"""A command counts as carried out, or not, so long after it."""
 LIMITS: Limits = {
     **{
         (name, tuning, "open"): (Limit("angle_rmse_deg", "at most", most_deg, "deg"),)
@@ -220,6 +222,17 @@ def closed_rows(seeds: Iterable[int]) -> Iterator[Figure]:
         ours = [balance(Integers(tuning), name, seed) for seed in runs]
         ideal = [balance(Float64(tuning), name, seed) for seed in runs]
         yield from _balanced("closed loop, tilt error", name, reach_deg, ours, ideal)
+        yield from following_rows(name, ours)
+
+
+def following_rows(name: str, ours: list[Balanced]) -> Iterator[Figure]:
+    """Velocity asked for minus true velocity, on the runs of the closed loop."""
+    for claim, word in (
+        ("velocity asked for minus velocity", "velocity_rms_mps"),
+        (f"the same, {SETTLED_S:g} s after a command and later", "settled_rms_mps"),
+    ):
+        slips = [float(getattr(run, word)) for run in ours]
+        yield Figure(claim, name, "tuned", "m/s rms", "shown", 0.0, float(np.mean(slips)), max(slips))
 
 
 def endured_rows(seeds: Iterable[int]) -> Iterator[Figure]:
@@ -280,11 +293,13 @@ class Float64:
 
 @dataclass(frozen=True)
 class Balanced:
-    """One closed loop: error of the estimate over the scored samples, largest true tilt, velocity error."""
+    """One closed loop: error of the estimate over the scored samples, largest true tilt, velocity asked for minus true
+    velocity (rms over the scored samples; and over those at least SETTLED_S behind the last command)."""
 
     error_rms_deg: float
     tilt_max_deg: float
     velocity_rms_mps: float
+    settled_rms_mps: float
 
 
 def balance(controller: Integers | Float64, name: str, seed: int, seconds: float | None = None) -> Balanced:
@@ -300,10 +315,22 @@ def balance(controller: Integers | Float64, name: str, seed: int, seconds: float
         rows[k] = true["tilt_deg"], tilt_deg, true["velocity_mps"]
     scored = scenario.scored
     apart = metrics.wrap_deg(rows[:, 1] - rows[:, 0])[scored]
-    slip = (rows[:, 2] - np.array(setpoint) / balancer.VELOCITY_UNIT)[scored]
+    slip = rows[:, 2] - np.array(setpoint) / balancer.VELOCITY_UNIT
+    settled = scored & settled_since(np.array(setpoint), scenario.time_s)
     return Balanced(
-        float(np.sqrt(np.mean(apart**2))), float(np.max(np.abs(rows[:, 0]))), float(np.sqrt(np.mean(slip**2)))
+        float(np.sqrt(np.mean(apart**2))),
+        float(np.max(np.abs(rows[:, 0]))),
+        float(np.sqrt(np.mean(slip[scored] ** 2))),
+        float(np.sqrt(np.mean(slip[settled] ** 2))) if settled.any() else float("nan"),
     )
+
+
+def settled_since(setpoint: npt.NDArray[np.int_], time_s: FloatArray) -> npt.NDArray[np.bool_]:
+    """The samples at least SETTLED_S behind the last change of the setpoint, (steps,)."""
+    changed = np.flatnonzero(np.diff(setpoint, prepend=setpoint[:1]))
+    last = np.searchsorted(changed, np.arange(len(setpoint)), side="right") - 1
+    since_s = time_s - np.where(last >= 0, time_s[changed[last]] if len(changed) else 0.0, -np.inf)
+    return np.asarray(since_s >= SETTLED_S)
 
 
 SECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Figure]]] = {

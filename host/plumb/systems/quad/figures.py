@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.boards import native_core
+from plumb.kernels.reference.blending import complementary_step, weighted_average
 from plumb.physics.sensors import ADC_NOISE_LSB, Mma7260
 from plumb.proof import metrics
 from plumb.proof.figures import Figure, Sense
@@ -38,11 +39,19 @@ ASSUMED = (
     f" {quad.DRIFT_TAU_S:g} s, walk {quad.WALK_DPS_PER_RTS} deg/s/sqrt(s), scale {100 * quad.SCALE_ERROR:g} %;",
     f"accelerometer offset {1e3 * quad.OFFSET_G:g} mg, vibration {quad.VIBRATION_G} g at 2-12 Hz, {quad.BURSTS} bursts"
     f" of {quad.BURST_G} g; ADC noise {ADC_NOISE_LSB} LSB. Gyro only: bias taken from the first 3 s.",
+    "quiet: the accelerometer's offset is the largest part of what the tunings for quiet leave. `adaptive` trusts the"
+    " gyro for seconds, and the printed U, the gyro's previous sample, is half a period late; `trapezium` undoes that.",
+    "Complementary filter and weighted average, which the firmware does not have: float64, constants fitted on seeds"
+    " 0-19 of the scenario; the gyro as in gyro only.",
     f"Hold: inertia {quad_plant.INERTIA_KGM2} kg m^2, arm {quad_plant.ARM_M} m, thrust {quad_plant.THRUST_N:g} N,"
     f" motor lag {1e3 * quad_plant.MOTOR_TAU_S:g} ms, imbalance {quad_plant.IMBALANCE_NM} and gusts"
     f" {quad_plant.GUST_NM} Nm.",
 )
 
+
+BLENDED = {"motion": (0.4, 0.001), "quiet": (0.08, 0.001)}
+"""Scenario -> time constant of the complementary filter in s, weight of the gyro in the weighted average; fitted on
+seeds 0-19."""
 
 LIMITS = {
     ("motion", "adaptive", "open"): (Limit("angle_rmse_deg", "at most", 0.60, "deg"),),
@@ -112,6 +121,42 @@ def integers(tuning: QuadTuning, raw: npt.NDArray[np.int16]) -> Estimate:
     return Estimate(np.asarray(360.0 * tilt_turn, np.float64), np.asarray(360.0 * bias_turnps, np.float64))
 
 
+def trapezium(tuning: QuadTuning, raw: npt.NDArray[np.int16]) -> Estimate:
+    """`float64` with U the mean of the last two gyro samples: the rate over the step, where the previous sample, as the
+    source prints it, is half a period late."""
+    counts = raw.astype(np.float64)
+    counts[1:, 0] = (counts[1:, 0] + counts[:-1, 0]) / 2.0
+    words = run_reference.run_control(replace(tuning, kalman=replace(tuning.kalman, rate="current")), counts)
+    return Estimate(words["tilt_deg"], words["bias_dps"])
+
+
+def complementary_deg(batch: Batch, tau_s: float) -> FloatArray:
+    """Tilt of the complementary filter from the true start, (steps, runs); the bias is the mean of the first 3 s."""
+    rate_dps, period_s = batch.engineering()[0], quad.PERIOD_US * 1e-6
+    rate_dps = rate_dps - np.mean(rate_dps[: round(3.0 / period_s)], axis=0)
+    measured_deg, tilt_deg = batch.accel_only_deg(), batch.tilt_deg.copy()
+    for k in range(1, len(tilt_deg)):
+        tilt_deg[k] = complementary_step(tilt_deg[k - 1], rate_dps[k - 1], measured_deg[k], period_s, tau_s)
+    return tilt_deg
+
+
+def blended_rows(seeds: Iterable[int]) -> Iterator[Figure]:
+    """Complementary filter and weighted average, which the source names beside the Kalman filter, at their best."""
+    for name, (tau_s, weight) in BLENDED.items():
+        batch = Batch.of(name, seeds)
+        gyro_deg, accel_deg = batch.gyro_only_deg(), batch.accel_only_deg()
+        for claim, constant, tilt_deg in (
+            ("complementary filter, float64", f"tau {tau_s:g} s", complementary_deg(batch, tau_s)),
+            ("weighted average, float64", f"gyro {weight:g}", weighted_average(gyro_deg, accel_deg, weight)),
+        ):
+            error = batch.rmse_deg(tilt_deg)
+            reached = float(np.mean(error))
+            yield Figure(
+                claim, name, constant, "deg rms", "shown", 0.0, reached, float(np.max(error)), reached,
+                float(np.mean(batch.rmse_deg(accel_deg))), float(np.mean(batch.rmse_deg(gyro_deg))),
+            )  # fmt: skip
+
+
 def estimator_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     """`motion` and `quiet`: accelerometer alone, the paper's constants, and the shipped tunings."""
     motion, quiet = Batch.of("motion", seeds), Batch.of("quiet", seeds)
@@ -130,6 +175,18 @@ def estimator_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     yield Figure("below accelerometer only", "motion", "adaptive", "%", "at least", 75.0, gain)
     yield _tilt_error("tilt error, the same parameters", quiet, "adaptive", "at most", most["quiet", "adaptive"])
     yield _tilt_error("tilt error, tuned for quiet", quiet, "quiet", "at most", most["quiet", "quiet"])
+    yield _tilt_error("tilt error, fitted for quiet", quiet, "quiet_fitted", "beside", 0.0)
+    yield _tilt_error("paper's constants", quiet, "paper", "beside", 0.0)
+    yield _tilt_error("the paper's Q, its own R, a fast start", quiet, "fast_start", "beside", 0.0)
+    for batch in (motion, quiet):
+        error_deg = batch.rmse_deg(trapezium(quad.ADAPTIVE, batch.raw).tilt_deg)
+        reached = float(np.mean(error_deg))
+        yield Figure(
+            "tilt error, U by the trapezium, float64", batch.name, "adaptive, trapezium", "deg rms", "shown", 0.0,
+            reached, float(np.max(error_deg)), reached,
+        )  # fmt: skip
+    for tuning in ("quiet_fitted", "fast_start"):
+        yield _tilt_error("the same on motion", motion, tuning, "shown", 0.0)
 
 
 def _tilt_error(claim: str, batch: Batch, tuning: str, sense: Sense, reach: float) -> Figure:
@@ -317,6 +374,7 @@ PLOTS: dict[str, Callable[[], list[Plot]]] = {
 }
 SECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Figure]]] = {
     "estimator": estimator_rows,
+    "blended": blended_rows,
     "convergence": convergence_rows,
     "hold": hold_rows,
     "bandwidth": bandwidth_rows,

@@ -131,6 +131,9 @@ TUNINGS = {
     "quiet": replace(
         ADAPTIVE, trust=Trust(r_deg2=0.25, r_max_deg2=0.25), kalman=Kalman.per_step(3e-3, 1e-5, PERIOD_US)
     ),
+    "quiet_fitted": replace(
+        ADAPTIVE, trust=Trust(r_deg2=0.25, r_max_deg2=0.25), kalman=Kalman.per_step(7e-3, 3e-4, PERIOD_US)
+    ),
     "constant": replace(
         ADAPTIVE, trust=Trust(r_deg2=4.0, r_max_deg2=4.0), kalman=Kalman.per_step(6e-6, 8e-6, PERIOD_US)
     ),
@@ -146,6 +149,7 @@ TUNING_NOTES = {
     "paper_arcsine": "the paper's table 2, its tilt = arcsin(a / g) as printed",
     "constant": "constant R, the best there is for `motion`: what the law of R is held against",
     "quiet": "constant R, for a frame that does not vibrate",
+    "quiet_fitted": "the same, Q of angle and bias fitted together: the best there is for `quiet`",
     "fast_start": "the paper's Q with the accelerometer's own R, start-up mode fast",
     "recording": "constant, wide R for recordings of general motion",
 }

@@ -18,6 +18,7 @@ Every quantity is an array with one row per run and one column per axis; P is sh
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +29,9 @@ from plumb.systems.turntable.tuning import Prefilter, TurntableTuning
 
 RATE, GYRO_BIAS, ANGULAR_BIAS, DIFFERENCE, ANGLE = range(5)
 NO_SAMPLE = -32768
+Rule = Literal["trapezium", "rectangle"]
+"""How angular acceleration becomes rate: by the mean of two samples, as the integers have it, or by the last one alone,
+omega(k) = omega(k-1) + alpha(k) dt, as the patent prints it; the latter runs half a step ahead."""
 STILL_DPS2 = 360.0**2 / 2.0**32
 """Measurement variance of the zero-rate update at rest and, per step, of merging the two attitudes."""
 SHOCK = 32.0
@@ -127,6 +131,7 @@ class State:
     m: FloatArray
     innovation: FloatArray
     step: int = 0
+    rule: Rule = "trapezium"
     increment: FloatArray = field(default_factory=lambda: np.zeros((1, 3)))
 
 
@@ -205,7 +210,7 @@ def step(x: State, t: TurntableTuning, counts: FloatArray) -> None:
 
     # the rate's increment: the mean of two samples of angular acceleration; without them the gyro's slope
     share = gyro_share(t)
-    mean = (x.angular.value + np.where(adjacent, before, x.angular.value)) / 2.0
+    mean = (x.angular.value + np.where(adjacent & (x.rule == "trapezium"), before, x.angular.value)) / 2.0
     slope = (x.gyro.last - x.gyro.before) * t.gyro.unit_per_count / f.gyro_period_s
     driven = (mean - x.angular_bias) * (1.0 + (1.0 - share) * x.scale)
     increment = dt * np.where(angular, driven, np.where(lost, 0.0, slope))
@@ -311,6 +316,7 @@ def run_control(
     setpoint: npt.ArrayLike | None = None,
     *,
     gyro_phase_s: npt.ArrayLike | None = None,
+    rule: Rule = "trapezium",
 ) -> dict[str, FloatArray]:
     """From counts to attitudes. raw: (steps, 6[, runs]); setpoint: unused; gyro_phase_s: (runs,), one for each run
     instead of the tuning's.
@@ -322,6 +328,7 @@ def run_control(
     many = counts.reshape(len(counts), 6, -1)
     phase_s = tuning.fusion.gyro_phase_s if gyro_phase_s is None else np.asarray(gyro_phase_s, np.float64)
     x = start(tuning, np.broadcast_to(phase_s, many.shape[2:]))
+    x.rule = rule
     rows = []
     for k in range(len(many)):
         step(x, tuning, many[k].T)
