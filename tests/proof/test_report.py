@@ -98,6 +98,13 @@ def test_text_is_escaped_and_bad_rows_are_marked(page: str) -> None:
         svg_plot.stroke('red" onload="1')
 
 
+def test_a_table_of_many_columns_keeps_its_words_whole() -> None:
+    tables = [report.Table(name, ["column"] * count, [["cell"] * count]) for name, count in (("two", 2), ("six", 6))]
+    text = report.page("Tables", "", "", tables)
+    assert text.count('<div class="wide many">') == text.count('<div class="wide">') == 1
+    assert ".many td { overflow-wrap: normal; }" in text
+
+
 def test_the_page_is_the_same_every_time(page: str) -> None:
     assert a_page() == page
 

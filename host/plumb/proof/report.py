@@ -60,6 +60,9 @@ def error_budget(time_s: Series, apart_deg: Series) -> Plot:
     )
 
 
+MANY_COLUMNS = 3
+"""Tables of more keep their words whole and scroll on a narrow screen; in others a long word is broken."""
+
 TWO_SIGMA = (
     "The band is two standard deviations of the filter's own variance to either side: where its model of noise and "
     "motion holds, 95 % of the errors are inside."
@@ -107,7 +110,8 @@ def table_html(table: Table) -> str:
     body = "\n".join(row(cells, "td", index in table.bad_rows) for index, cells in enumerate(table.rows))
     head = row(table.head, "th") if any(table.head) else ""
     note = f'\n<p class="note">{html.escape(table.note)}</p>' if table.note else ""
-    whole = f'<div class="wide"><table>\n{head}\n{body}\n</table></div>{note}'
+    kind = "wide many" if len(table.head) > MANY_COLUMNS else "wide"
+    whole = f'<div class="{kind}"><table>\n{head}\n{body}\n</table></div>{note}'
     title = html.escape(table.title)
     return f"<details><summary>{title}</summary>\n{whole}</details>" if table.folded else f"<h2>{title}</h2>\n{whole}"
 
