@@ -4,12 +4,14 @@
     pytest --plumb-golden --plumb-board virtual --plumb-image my.bin   your build of the firmware
     pytest -m plumb_golden --plumb-golden --plumb-vector 'quad_*'      only these vectors, none of your own tests
 
-The fixture `plumb_board` is a `plumb.boards.Board`: `run_injected` and `words_of_step`. Without --plumb-board it is
-`native`, the C core in this process. Without an option the plugin collects nothing and imports nothing of plumb.
+The fixture `plumb_board` is a `plumb.Board`, as `plumb.connect` opens it: `run`, `params`, `stream`, `arm`. Without
+--plumb-board it is `native`, the C core in this process. Without an option the plugin collects nothing and imports
+nothing of plumb.
 """
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from plumb.boards import Board
+    from plumb.api.connection import Board
     from plumb.proof.golden import Case
 
 DEFAULT_BOARD = "native"
@@ -52,23 +54,26 @@ class Boards:
 
     def get(self, name: str) -> Board:
         """Raises UsageError and LinkError; of a board that could not be opened the same error again, at once."""
-        from plumb.boards import open_board
+        from plumb.api.connection import connect
 
         if name in self._refused:
             raise self._refused[name]
         if name not in self._open:
             link, image = self._config.getoption("--plumb-link"), self._config.getoption("--plumb-image")
             try:
-                self._open[name] = open_board(name, link=link, image=image)
+                self._open[name] = connect(name, link=link, image=image)
             except Exception as error:
                 self._refused[name] = error
                 raise
         return self._open[name]
 
     def drop(self, name: str) -> None:
-        """Close a board whose link is out of step; the next use opens it again."""
+        """Close a board whose link is out of step or gone; the next use opens it again."""
+        from plumb.errors import LinkError
+
         if name in self._open:
-            self._open.pop(name).close()
+            with contextlib.suppress(LinkError):
+                self._open.pop(name).close()
 
     def close(self) -> None:
         for name in list(self._open):
@@ -96,7 +101,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.fixture(scope="session")
 def plumb_board(request: pytest.FixtureRequest) -> Iterator[Board]:
-    """The board of --plumb-board, open; a test runs once for each of them."""
+    """The board of --plumb-board, open, as `plumb.connect` gives it; a test runs once for each of them."""
     yield _boards(request.config).get(request.param)
 
 
@@ -146,7 +151,7 @@ class GoldenVector(pytest.Item):
 
         boards = _boards(self.config)
         try:
-            result = golden.check_vector(boards.get(self.board), self.board, self.case)
+            result = golden.check_vector(boards.get(self.board).runs_on, self.board, self.case)
         except LinkError:
             boards.drop(self.board)
             raise

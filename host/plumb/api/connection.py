@@ -63,6 +63,7 @@ class Board:
 
     Attributes:
         name: The board as it was named.
+        runs_on: The board of `plumb.boards` behind it, for the modules of `plumb.proof`.
     """
 
     def __init__(
@@ -86,8 +87,8 @@ class Board:
             declarations.system(system)
         if (system or scenario) and name not in ("native", "virtual"):
             raise UsageError(f"system and scenario are for native and virtual, on which a plant is put, not for {name}")
-        self._runs_on = open_board(name, link=link, image=image)
-        self._talks_to: LinkBoard | None = self._runs_on if isinstance(self._runs_on, LinkBoard) else None
+        self.runs_on = open_board(name, link=link, image=image)
+        self._talks_to: LinkBoard | None = self.runs_on if isinstance(self.runs_on, LinkBoard) else None
 
     def __enter__(self) -> Self:
         return self
@@ -124,7 +125,7 @@ class Board:
             finally:
                 if self._talks_to is not None:
                     self._talks_to.close()
-                self._runs_on.close()
+                self.runs_on.close()
         if caught:
             raise_ending(caught)
 
@@ -221,16 +222,16 @@ class Board:
                 live,
                 self._link,
             )
-            return RunResult(scenario_run.perform(request, self._runs_on))
+            return RunResult(scenario_run.perform(request, self.runs_on))
         from plumb.api.estimator import Estimator, at_period
 
         if gyr_radps is not None:
             estimator = Estimator(system, tuning, period_s=period_s)
             counts = estimator.counts(gyr_radps, acc_mps2, ang_radps2=ang_radps2)
-            return run_own(self._runs_on, self.name, estimator.params, counts, setpoint)
+            return run_own(self.runs_on, self.name, estimator.params, counts, setpoint)
         assert raw is not None
         _, settings = scenario_run.tuning_of(system, tuning)
-        return run_own(self._runs_on, self.name, quantise(at_period(settings, period_s)), raw, setpoint)
+        return run_own(self.runs_on, self.name, quantise(at_period(settings, period_s)), raw, setpoint)
 
     # ---- live ----
 
