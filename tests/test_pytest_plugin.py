@@ -66,7 +66,9 @@ def test_a_difference_is_one_sentence_and_a_link_takes_its_vectors_alone(tmp_pat
 def test_the_fixture_is_the_board_that_was_asked_for(tmp_path: Path) -> None:
     (tmp_path / "test_own.py").write_text(
         "import plumb\n"
-        "def test_name(plumb_board):\n    assert type(plumb_board) is plumb.Board\n    print('board', plumb_board.name)\n"
+        "def test_name(plumb_board):\n"
+        "    assert type(plumb_board) is plumb.Board\n"
+        "    print('board', plumb_board.name)\n"
         "def test_again(plumb_board):\n    print('board', plumb_board.name)\n"
     )
     code, said = run(tmp_path, "-s", "-q")

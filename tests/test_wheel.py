@@ -1,7 +1,6 @@
 """The installed package alone: built from a tree without git, run in an empty environment and an empty folder.
 
-The sdist is made from the files that git tracks, the wheel from the sdist. The commands run with an empty PATH: no
-compiler, no QEMU, no git. One golden vector of each system stands for all of them.
+The commands run with an empty PATH: no compiler, no QEMU, no git. Some golden vectors stand for all of them.
 """
 
 from __future__ import annotations
@@ -11,95 +10,23 @@ import json
 import re
 import shutil
 import subprocess
-import sys
 import tarfile
 import zipfile
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from plumb.version import FALLBACK
-from support.once_per_run import once_per_run, run_folder
+from support.wheel import IMAGE, NEEDS_IMAGE, VECTORS, Built, built_wheel, run, users_environment
 
 ROOT = Path(__file__).resolve().parents[1]
-IMAGE = ROOT / "build" / "stm32f103" / "firmware.bin"
-VECTORS = {
-    "quad_disturb_paper", "quad_motion_paper_link", "balancer_rough_tuned_link", "phone_static_current_rate_link",
-    "turntable_wild_uniform_link",
-}  # fmt: skip
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(not IMAGE.exists(), reason="the flash image is not built: run make image"),
-]
-
-
-@dataclass(frozen=True)
-class Built:
-    """What `python -m build` made, and an environment that holds the wheel and what it asks for, and nothing else."""
-
-    sdist: Path
-    wheel: Path
-    environment: Path
-
-    def plumb(self, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-        scripts = self.environment / "bin"
-        return subprocess.run(
-            [scripts / "plumb", *arguments], cwd=cwd, env={"PATH": str(scripts), "HOME": str(cwd)}, capture_output=True,
-            text=True, check=False,
-        )  # fmt: skip
-
-
-def run(*command: str | Path) -> None:
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
-
-
-def copy_tracked_files(tree: Path) -> None:
-    """The tree without git, with one vector of each system, and with the flash image that was built."""
-    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    for name in filter(None, listed.split("\0")):
-        if (ROOT / name).is_file() and not (name.endswith(".golden") and Path(name).stem not in VECTORS):
-            (tree / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(ROOT / name, tree / name)
-    folder = tree / "tests" / "vectors"
-    head, *entries = (folder / "recipe.toml").read_text().split("[[vector]]\n")
-    kept = [entry for entry in entries if re.search(r'^name = "(\w+)"', entry, re.M)[1] in VECTORS]  # type: ignore[index]
-    (folder / "recipe.toml").write_text("[[vector]]\n".join([head, *kept]))
-    manifest = json.loads((folder / "manifest.json").read_text())
-    manifest["vectors"] = [row for row in manifest["vectors"] if row["name"] in VECTORS]
-    (folder / "manifest.json").write_text(json.dumps(manifest))
-
-
-def build(folder: Path) -> Built:
-    tree, dist, environment = folder / "tree", folder / "dist", folder / "environment"
-    copy_tracked_files(tree)
-    images = tree / "host" / "plumb" / "images"
-    run(sys.executable, ROOT / "tools" / "package_images.py", "--unchecked", "--systems", "quad", "--out", images)
-    run(sys.executable, "-m", "build", "--no-isolation", "--outdir", dist, tree)
-    shutil.rmtree(tree)
-    (sdist,), (wheel,) = dist.glob("*.tar.gz"), dist.glob("*.whl")
-    run(sys.executable, "-m", "venv", "--without-pip", environment)
-    pip: list[str | Path] = [
-        sys.executable,
-        "-m",
-        "pip",
-        "--python",
-        environment / "bin" / "python",
-        "install",
-        "--no-compile",
-        "-q",
-    ]
-    run(*pip, f"{wheel}[virtual,report]")
-    return Built(sdist, wheel, environment)
+pytestmark = [pytest.mark.slow, NEEDS_IMAGE]
 
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
-    folder = run_folder(tmp_path_factory) / "wheel"
-    folder.mkdir(exist_ok=True)
-    return once_per_run(folder, IMAGE, lambda: build(folder))
+    return built_wheel(tmp_path_factory)
 
 
 def test_the_wheel_serves_every_python_and_holds_images_and_vectors(built: Built) -> None:
@@ -131,7 +58,7 @@ def test_demo_passes_and_says_that_qemu_is_not_there(built: Built, tmp_path: Pat
     assert "without qemu: qemu-system-arm is not installed" in done.stderr
     summary = json.loads((tmp_path / "out" / "demo" / "summary.json").read_text())
     assert summary["verdict"] == "pass" and set(summary["golden"]) == {"native", "virtual", "virtual, CAN"}
-    assert [row["vectors"] for row in summary["golden"].values()] == [5, 4, 4]
+    assert [row["vectors"] for row in summary["golden"].values()] == [6, 5, 5]
     assert summary["golden_left_out"] == {"qemu": "qemu-system-arm is not installed"}
     assert (tmp_path / "out" / "demo" / "report.html").is_file()
 
@@ -141,6 +68,48 @@ def test_golden_check_passes_with_either_image(built: Built, tmp_path: Path) -> 
     for chosen in (["--system", "phone"], ["--image", "quad", "--system", "quad"]):
         done = built.plumb("golden", "check", *boards, *chosen, cwd=tmp_path)
         assert done.returncode == 0 and done.stdout.endswith("pass\n"), done.stdout + done.stderr
+
+
+TYPED = """
+import numpy as np
+
+import plumb
+
+estimate: plumb.Estimate = plumb.Estimator("quad", period_s=0.01).run(np.zeros((5, 3)), np.ones((5, 3)))
+tilt_deg: float = float(np.degrees(estimate.tilt_rad[-1]))
+with plumb.connect("native", system="quad") as board:
+    board.params["pid.kp"] = 0.05
+    limit: float | int | None = board.params.describe("pid.kp").max
+    samples: list[plumb.Sample] = list(board.stream(seconds=0.1))
+    result: plumb.RunResult = board.run("quad", raw=np.zeros((5, 3), np.int16))
+exact: bool | None = result.bit_exact
+checked = plumb.golden.check(["native"], ["quad"], names=["quad_hold*"])
+rows: list[str] = [one.vector for one in checked.failed()]
+"""
+"""A program of a user's, with the types that they expect."""
+MISTYPED = {
+    "a wrong link": 'plumb.connect("virtual", link="usb")',
+    "a name that there is not": "plumb.estimate",
+    "a wrong type of a result": "steps: str = plumb.run('quad').steps",
+}
+
+
+def test_a_strict_type_checker_takes_the_program_of_a_user(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """And refuses what is wrong: types are found, not Any."""
+    python = users_environment(tmp_path_factory) / "bin" / "python"
+    command: list[str | Path] = [python, "-m", "mypy", "--strict", "--cache-dir", tmp_path / "cache"]
+    program = tmp_path / "program.py"
+    program.write_text(TYPED)
+    said = subprocess.run([*command, program], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert said.returncode == 0, said.stdout + said.stderr
+    for what, line in MISTYPED.items():
+        program.write_text(f"import plumb\n\n{line}\n")
+        said = subprocess.run([*command, program], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert said.returncode == 1 and "program.py:3: error" in said.stdout, (what, said.stdout)
+    program.write_text(TYPED)
+    run(python, program)
 
 
 def test_doctor_names_image_commit_and_systems(built: Built, tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ import os
 import re
 import shlex
 import subprocess
-import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +17,7 @@ import pytest
 
 from plumb.boards import program
 from plumb.cli import verbs
+from support.wheel import NEEDS_IMAGE, users_environment
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs/tutorials/golden-vectors-in-your-ci.md"
@@ -37,12 +37,13 @@ def blocks() -> list[Block]:
 
 
 @pytest.mark.slow
-def test_the_steps_can_be_followed_from_an_empty_folder(tmp_path: Path) -> None:
-    environment = {
-        **os.environ,
-        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-        "PYTEST_ADDOPTS": "-p plumb.pytest_plugin -p no:cacheprovider",  # the entry point may not be installed yet
-    }
+@NEEDS_IMAGE
+def test_the_steps_can_be_followed_from_an_empty_folder(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """With the wheel: pytest finds the plugin by its entry point."""
+    scripts = users_environment(tmp_path_factory) / "bin"
+    environment = {"PATH": f"{scripts}{os.pathsep}{os.defpath}", "HOME": str(tmp_path)}
     said, ran, compared = "", 0, 0
     for block in blocks():
         if block.file:

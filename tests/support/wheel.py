@@ -1,0 +1,109 @@
+"""The wheel as a user installs it: built once in a run of the tests, from a tree without git, in empty environments.
+
+The sdist is made from the files that git tracks, the wheel from the sdist.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+from support.once_per_run import once_per_run, run_folder
+
+ROOT = Path(__file__).resolve().parents[2]
+IMAGE = ROOT / "build" / "stm32f103" / "firmware.bin"
+VECTORS = {
+    "quad_hold_adaptive", "quad_disturb_paper", "quad_motion_paper_link", "balancer_rough_tuned_link",
+    "phone_static_current_rate_link", "turntable_wild_uniform_link",
+}  # fmt: skip
+"""At least one of each system, and the one of the page about golden vectors in a user's CI."""
+NEEDS_IMAGE = pytest.mark.skipif(not IMAGE.exists(), reason="the flash image is not built: run make image")
+
+
+@dataclass(frozen=True)
+class Built:
+    """What `python -m build` made, and an environment that holds the wheel and what it asks for, and nothing else."""
+
+    sdist: Path
+    wheel: Path
+    environment: Path
+
+    def plumb(self, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+        """Run `plumb` with an empty PATH: no compiler, no QEMU, no git."""
+        scripts = self.environment / "bin"
+        return subprocess.run(
+            [scripts / "plumb", *arguments], cwd=cwd, env={"PATH": str(scripts), "HOME": str(cwd)}, capture_output=True,
+            text=True, check=False,
+        )  # fmt: skip
+
+
+def run(*command: str | Path) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+
+
+def copy_tracked_files(tree: Path) -> None:
+    """The tree without git, with one vector of each system, and with the flash image that was built."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    for name in filter(None, listed.split("\0")):
+        if (ROOT / name).is_file() and not (name.endswith(".golden") and Path(name).stem not in VECTORS):
+            (tree / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, tree / name)
+    folder = tree / "tests" / "vectors"
+    head, *entries = (folder / "recipe.toml").read_text().split("[[vector]]\n")
+    kept = [entry for entry in entries if re.search(r'^name = "(\w+)"', entry, re.M)[1] in VECTORS]  # type: ignore[index]
+    (folder / "recipe.toml").write_text("[[vector]]\n".join([head, *kept]))
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest["vectors"] = [row for row in manifest["vectors"] if row["name"] in VECTORS]
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+
+
+def _environment(folder: Path, *packages: str) -> Path:
+    run(sys.executable, "-m", "venv", "--without-pip", folder)
+    pip: list[str | Path] = [
+        sys.executable,
+        "-m",
+        "pip",
+        "--python",
+        folder / "bin" / "python",
+        "install",
+        "--no-compile",
+        "-q",
+    ]
+    run(*pip, *packages)
+    return folder
+
+
+def build(folder: Path) -> Built:
+    tree, dist = folder / "tree", folder / "dist"
+    copy_tracked_files(tree)
+    images = tree / "host" / "plumb" / "images"
+    run(sys.executable, ROOT / "tools" / "package_images.py", "--unchecked", "--systems", "quad", "--out", images)
+    run(sys.executable, "-m", "build", "--no-isolation", "--outdir", dist, tree)
+    shutil.rmtree(tree)
+    (sdist,), (wheel,) = dist.glob("*.tar.gz"), dist.glob("*.whl")
+    return Built(sdist, wheel, _environment(folder / "environment", f"{wheel}[virtual,report]"))
+
+
+def built_wheel(factory: pytest.TempPathFactory) -> Built:
+    """Sdist, wheel and its environment, the same for all tests of a run."""
+    folder = run_folder(factory) / "wheel"
+    folder.mkdir(exist_ok=True)
+    return once_per_run(folder, IMAGE, lambda: build(folder))
+
+
+def users_environment(factory: pytest.TempPathFactory) -> Path:
+    """An environment with the wheel, pytest and mypy, as in the project of a user."""
+    built = built_wheel(factory)
+    folder = run_folder(factory) / "users"
+    folder.mkdir(exist_ok=True)
+    wanted = (f"{built.wheel}[virtual]", f"pytest=={version('pytest')}", f"mypy=={version('mypy')}")
+    return once_per_run(folder, IMAGE, lambda: _environment(folder / "environment", *wanted))
