@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Literal, Self
 
 from plumb import __version__
+from plumb.api import arguments
 from plumb.api.live import Sample, SampleStream
 from plumb.api.parameters import Parameters
 from plumb.api.runs import RunResult, request_of, run_own
@@ -91,6 +92,8 @@ class Board:
         self._talks_to: LinkBoard | None = self.runs_on if isinstance(self.runs_on, LinkBoard) else None
 
     def __enter__(self) -> Self:
+        if self._closed:
+            raise UsageError(f"{self.name} is closed: connect again")
         return self
 
     def __exit__(
@@ -199,6 +202,8 @@ class Board:
             UsageError: A name that does not exist, inputs of a wrong shape, or two kinds of inputs.
             LinkError: The board does not answer.
         """
+        if self._closed:
+            raise UsageError(f"{self.name} is closed: connect again")
         self._live = False
         own = raw is not None or gyr_radps is not None
         if not own and any(one is not None for one in (setpoint, acc_mps2, ang_radps2, period_s)):
@@ -250,6 +255,7 @@ class Board:
             UsageError: A board without a link.
             LinkError: The board does not answer, or falls silent.
         """
+        arguments.require_number(seconds=seconds)
         if seconds is not None and not seconds > 0:
             raise UsageError(f"seconds = {seconds:g}: ask for more than nothing")
         session = self._session()
@@ -345,10 +351,15 @@ def connect(
         UsageError: A name that does not exist, or a tool or an image that is missing.
         LinkError: The board does not answer.
     """
+    if not isinstance(board, str):
+        raise UsageError(f"board = {arguments.shown(board)}: give the name of a board")
+    arguments.require_text(system=system, scenario=scenario)
+    arguments.require_whole(seed=seed)
+    arguments.require_link(link)
     return Board(
         board,
         link=link,
-        image=None if image is None else Path(image),
+        image=arguments.optional_path_of("image", image),
         system=system,
         scenario=scenario,
         seed=seed,

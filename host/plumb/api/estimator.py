@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from plumb.api import arguments
 from plumb.boards import native_core
 from plumb.errors import UsageError
 from plumb.proof.scenario_run import tuning_of
@@ -175,14 +176,18 @@ class Estimator:
         acc_range_g: float | None = None,
         ang_range_dps2: float | None = None,
     ) -> None:
+        if not isinstance(system, str):
+            raise UsageError(f"system = {arguments.shown(system)}: give the name of a system")
+        ranges = {"gyr_range_dps": gyr_range_dps, "acc_range_g": acc_range_g, "ang_range_dps2": ang_range_dps2}
+        arguments.require_number(period_s=period_s, **ranges)
         self.system = system
         self._declared = declarations.system(system)
         if not any(channel.axis for channel in self._declared.channels):
             raise UsageError(f"{system} does not say which axes of a body's sensors its channels are")
         _, chosen = tuning_of(system, tuning)
         chosen = at_period(chosen, period_s)
-        ranges = {"gyr": gyr_range_dps, "acc": acc_range_g, "ang": ang_range_dps2}
-        self.tuning = with_channels(chosen, self._ideal_channels(ranges))
+        full_scales = {"gyr": gyr_range_dps, "acc": acc_range_g, "ang": ang_range_dps2}
+        self.tuning = with_channels(chosen, self._ideal_channels(full_scales))
         self.params: ControlParams = quantise(self.tuning)
         native_core.require_valid(self.params)
         self._controller: native_core.Controller | None = None
@@ -223,6 +228,7 @@ class Estimator:
 
         Args and errors are those of `run`.
         """
+        arguments.require_mapping(channels=channels)
         given = self._inputs({"gyr": gyr_radps, "acc": acc_mps2, "ang": ang_radps2})
         steps = len(next(iter(given.values())))
         raw = np.zeros((steps, declarations.RAW_CHANNELS), np.int16)
@@ -295,8 +301,10 @@ class Estimator:
         Raises:
             UsageError: As `run`, for shapes other than (3,).
         """
+        arguments.require_mapping(channels=channels)
         rows = [None if one is None else _row(one) for one in (gyr_radps, acc_mps2, ang_radps2)]
-        assert rows[0] is not None
+        if rows[0] is None:
+            raise UsageError("gyr_radps is missing: give (3,)")
         others = {name: [value] for name, value in (channels or {}).items()}
         raw = self.counts(rows[0], rows[1], ang_radps2=rows[2], channels=others)
         if self._controller is None:
@@ -326,12 +334,10 @@ class Estimator:
         return arrays
 
     def _array(self, name: str, values: npt.ArrayLike) -> FloatArray:
-        try:
-            array = np.asarray(values, np.float64)
-        except (TypeError, ValueError):
-            raise UsageError(f"{name} is no array of numbers: give (N, 3)") from None
+        array = _real(name, values, "(N, 3)")
         if array.ndim != 2 or array.shape[1] != 3 or not len(array):
             raise UsageError(f"{name} has the shape {array.shape}: give (N, 3), N at least 1")
+        arguments.require_steps(name, len(array))
         bad = ~np.isfinite(array).all(axis=1)
         if self._declared.missing_samples == "marked":
             bad &= ~np.isnan(array).all(axis=1)
@@ -359,11 +365,19 @@ def at_period(tuning: AnyTuning, period_s: float | None) -> AnyTuning:
     return replace(tuning, period_us=round(period_s * 1e6), exact_period_s=None)
 
 
-def _row(values: npt.ArrayLike) -> FloatArray:
+def _real(name: str, values: npt.ArrayLike, shape: str) -> FloatArray:
+    """The array in float64; raises UsageError for what holds anything but real numbers."""
     try:
-        array = np.asarray(values, np.float64)
+        given = np.asarray(values)
+        if given.dtype.kind in "fiu":
+            return np.asarray(given, np.float64)
     except (TypeError, ValueError):
-        raise UsageError("a sample is no array of numbers: give (3,)") from None
+        pass
+    raise UsageError(f"{name} is no array of numbers: give {shape}")
+
+
+def _row(values: npt.ArrayLike) -> FloatArray:
+    array = _real("a sample", values, "(3,)")
     if array.shape != (3,):
         raise UsageError(f"a sample has the shape {array.shape}: give (3,)")
     return array[np.newaxis]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from plumb.api import arguments
 from plumb.boards import open_board
 from plumb.boards.preconditions import require_boards
 from plumb.errors import UsageError
@@ -70,12 +71,13 @@ def check(
             or not those of their recipe; all of it before any vector runs.
         LinkError: A board does not answer.
     """
-    for name, given in (("boards", boards), ("systems", systems), ("names", names)):
-        if isinstance(given, str):
-            raise UsageError(f"{name} = '{given}': give a list of names")
-    flash_image = None if image is None else Path(image)
+    arguments.require_names(boards=boards, systems=systems, names=names)
+    if not boards:
+        raise UsageError("boards = []: name at least one, such as native")
+    arguments.require_link(link)
+    flash_image = arguments.optional_path_of("image", image)
     require_boards(list(boards), flash_image)
-    place = golden.vectors_folder(None if folder is None else Path(folder))
+    place = golden.vectors_folder(arguments.optional_path_of("folder", folder))
     cases = golden.cases_named(golden.cases(place, systems), names)
     found: list[VectorResult] = []
     for name in boards:

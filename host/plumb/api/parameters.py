@@ -45,6 +45,8 @@ _UNITS = {
 _VARIANCES = ("p00_", "p01_", "p11_")
 _OF_CALIBRATION = {"gyro": "deg/s", "angular": "deg/s^2", "accel": "g", "accel_up": "g"}
 """Channel -> what its unit_per_count counts in."""
+LARGEST = 1 << 64
+"""More than any integer parameter holds."""
 NUDGE = 1.07
 """A value times this has other integers, whatever its resolution."""
 
@@ -171,6 +173,8 @@ class Parameters(Mapping[str, Value]):
                 nothing is changed then.
             LinkError: The board does not answer, or has other definitions.
         """
+        if not isinstance(values, Mapping):
+            raise UsageError(f"{values!r:.40}: give a dictionary of name and value")
         self._session.require_match()
         table = self._table()
         wanted = {_known(name, table): value for name, value in values.items()}
@@ -263,6 +267,8 @@ def _aliases(table: Mapping[str, int]) -> dict[str, str]:
 
 def _known(name: str, table: Mapping[str, int]) -> str:
     """The whole name; raises UsageError with the nearest names."""
+    if not isinstance(name, str):
+        raise UsageError(f"there is no parameter {name!r:.40}: a name is a text, such as pid.kp")
     names, aliases = list(_values(table)), _aliases(table)
     if name in names:
         return name
@@ -286,6 +292,8 @@ def _changed(table: Mapping[str, int], wanted: Mapping[str, Value]) -> dict[str,
             raise UsageError(
                 f"{name} = {value!r:.40}: give a number{'' if _unit(name) else ', or the name of a choice'}"
             )
+        if isinstance(value, int) and abs(value) > LARGEST:
+            raise UsageError(f"{name}: no parameter is as large as a number of {value.bit_length()} bits")
         if not _is_link(name):
             if isinstance(value, str) is not isinstance(_values(table)[name], str):
                 raise UsageError(f"{name} = {value!r:.40}: it is {_values(table)[name]!r} now, give something like it")

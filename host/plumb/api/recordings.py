@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb import systems
+from plumb.api import arguments
 from plumb.api.runs import RunResult
 from plumb.boards import open_board
 from plumb.errors import UsageError
@@ -71,12 +72,15 @@ class Recording:
         """
         if axis not in ("x", "y", "z"):
             raise UsageError(f"'{axis}' is no axis; use x, y or z")
+        arguments.require_text(system=system, board=board)
+        arguments.require_number(period_s=period_s, seconds=seconds)
+        arguments.require_link(link)
         if period_s is not None and not 0.0005 <= period_s <= 0.1:
             raise UsageError(f"period_s = {period_s:g}: a period is from 0.0005 to 0.1 s")
         period_us = None if period_s is None else round(period_s * 1e6)
         request = replay.ReplayRequest(self.path, axis, period_us, seconds)
         prepared = replay.prepare(system or systems.default_for("replay"), request)
-        with open_board(board, link=link, image=None if image is None else Path(image)) as opened:
+        with open_board(board, link=link, image=arguments.optional_path_of("image", image)) as opened:
             return RunResult(prepared.run(opened, board, link if board == "virtual" else None))
 
 
@@ -93,7 +97,7 @@ def load(path: Path | str) -> Recording:
     Raises:
         UsageError: A file that cannot be read, or that holds something else; one sentence says what.
     """
-    found = recording.load(path)
+    found = recording.load(arguments.path_of("path", path))
     return Recording(
         found.path,
         found.time_s,

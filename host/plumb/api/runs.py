@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import numpy.typing as npt
 
+from plumb.api import arguments
 from plumb.errors import UsageError
 from plumb.proof import runs, scenario_run
 from plumb.proof.compare import Divergence
@@ -151,7 +152,7 @@ class RunResult(Mapping[str, FloatArray]):
         """
         from plumb.proof import run_report
 
-        run_report.write_run(Path(folder), self._done.run, self.summary())
+        run_report.write_run(arguments.path_of("folder", folder), self._done.run, self.summary())
 
     def _require_truth(self) -> None:
         if not self.truth:
@@ -220,8 +221,15 @@ def request_of(
     image: Path | str | None = None,
 ) -> RunRequest:
     """The request of these arguments; `run` says what each is."""
-    if isinstance(faults, str):
-        raise UsageError(f"faults = '{faults}': give a list of texts")
+    arguments.require_text(system=system, board=board, scenario=scenario, start=start)
+    if not isinstance(system, str) or not isinstance(board, str):
+        raise UsageError("give the names of a system and of a board")
+    arguments.require_whole(seed=seed)
+    arguments.require_number(seconds=seconds)
+    arguments.require_names(faults=faults)
+    arguments.require_mapping(conditions=conditions)
+    arguments.require_number(**{f"condition {name}": number for name, number in (conditions or {}).items()})
+    arguments.require_link(link)
     return RunRequest(
         system=system,
         board=board,
@@ -235,7 +243,7 @@ def request_of(
         open_loop=open_loop,
         live=live,
         link=link,
-        image=None if image is None else Path(image),
+        image=arguments.optional_path_of("image", image),
     )
 
 
@@ -245,9 +253,13 @@ def run_own(
     """Run raw counts of the caller's own in lockstep; raises UsageError for a wrong shape or number."""
     from plumb.systems.run_fixed import check_inputs
 
-    given = np.asarray(raw)
+    try:
+        given = np.asarray(raw)
+    except ValueError:
+        raise UsageError("raw counts are no array: give (N, 3 to 6)") from None
     if given.ndim != 2 or not len(given):
         raise UsageError(f"raw counts of shape {given.shape}: give (N, 3 to 6), N at least 1")
+    arguments.require_steps("raw", len(given))
     counts, setpoints = check_inputs(given, np.zeros(len(given), np.int32) if setpoint is None else setpoint)
     steps = len(counts)
     inputs = RunInputs(
