@@ -19,6 +19,8 @@ from typing import Any
 
 import pytest
 
+from plumb.link.transports.slcan_bus import PlumbBus
+
 LIMIT_S = float(os.environ.get("PLUMB_TEST_LIMIT_S", "300"))
 """For set-up, test and tear-down each. The longest takes some ten seconds on an idle machine."""
 
@@ -35,7 +37,13 @@ MAY_SKIP = [
 _terminal = pytest.StashKey[int]()
 
 
+def _leave(bus: PlumbBus) -> None:
+    """A bus that a test drops open is just dropped. python-can would close it, which sends C and disarms, whenever
+    Python collects it: perhaps while a later test drives the same machine."""
+
+
 def pytest_configure(config: pytest.Config) -> None:
+    PlumbBus.__del__ = _leave  # type: ignore[method-assign, assignment]
     config.stash[_terminal] = os.dup(sys.__stderr__.fileno() if sys.__stderr__ else 2)  # not captured yet
 
 

@@ -92,7 +92,7 @@ def test_the_rate_behind_an_slcan_channel_is_that_of_the_adapters_port() -> None
         (parse_endpoint, "pty:1", "pty or tcp:PORT"),
         (parse_can_end, "slcan:tcp:99999", "pty or tcp:PORT"),
         (parse_can_end, "socketcand:99999", "HOST:PORT:CHANNEL"),
-        (parse_can_end, "vcan0", "is not a bus"),
+        (parse_can_end, "vcan0", "is not a CAN bus"),
     ],
 )  # fmt: skip
 def test_other_text_is_refused_with_the_grammar(parse: Callable[[str], Any], text: str, sentence: str) -> None:
