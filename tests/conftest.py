@@ -10,10 +10,13 @@ from __future__ import annotations
 import faulthandler
 import os
 import re
+import shutil
 import signal
 import sys
+import tempfile
 from collections.abc import Generator
 from fnmatch import fnmatch
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +46,10 @@ def _leave(bus: PlumbBus) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    for place in ("CONFIG", "STATE", "RUNTIME"):  # not the settings and the boards of whoever runs the tests
+        name = f"XDG_{place}_HOME" if place != "RUNTIME" else "XDG_RUNTIME_DIR"
+        os.environ[name] = tempfile.mkdtemp(prefix="plumb-tests-")
+        config.add_cleanup(partial(shutil.rmtree, os.environ[name], ignore_errors=True))
     PlumbBus.__del__ = _leave  # type: ignore[method-assign, assignment]
     config.stash[_terminal] = os.dup(sys.__stderr__.fileno() if sys.__stderr__ else 2)  # not captured yet
 

@@ -34,7 +34,7 @@ def top_level_help() -> str:
         *(f"  {name:<{width}}  {text}" for name, text in known.items()),
         "",
         "systems:  " + " | ".join(declarations.names()),
-        "boards:   native | qemu | virtual | serial:PORT[@BAUD] | can:INTERFACE:CHANNEL[@KBIT]",
+        "boards:   native | qemu | virtual | serial:PORT[@BAUD] | can:INTERFACE:CHANNEL[@KBIT] | auto",
         "exit:     0 good, 1 bad verdict, 2 wrong use, bad file or missing tool, 3 link trouble, 4 defect in plumb,",
         "          130 interrupted, 141 output not read, 143 terminated; --debug shows the traceback of an error",
     ]
@@ -79,6 +79,7 @@ def _run(arguments: list[str]) -> int:
         print(f"plumb {installed().version}" + f" ({commit})" * bool(commit))
         return 0
     from plumb.cli.command_line import check_arguments, check_numbers
+    from plumb.cli.options import settle_board
     from plumb.cli.verbs import command_module, command_parser
 
     module = command_module(name)
@@ -86,6 +87,7 @@ def _run(arguments: list[str]) -> int:
     parsed = command_parser(name).parse_args(rest)
     check_numbers(vars(parsed))
     parsed.command_line = shlex.join(["plumb", *arguments])
+    settle_board(parsed)
     return int(module.main(parsed))
 
 

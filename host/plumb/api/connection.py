@@ -19,6 +19,7 @@ from plumb.boards import SimulatedBoard, open_board, plant_on_pins
 from plumb.boards.link import LinkBoard
 from plumb.errors import LinkError, UsageError
 from plumb.link import monitor
+from plumb.link.discovery import resolved
 from plumb.process_signals import endings, raise_ending
 from plumb.proof import scenario_run
 from plumb.spec import declarations
@@ -78,7 +79,6 @@ class Board:
         seed: int = 1000,
         open_loop: bool = True,
     ) -> None:
-        self.name = name
         self._link = link
         self._plant = (system, scenario, seed, open_loop)
         self._attached = False
@@ -88,6 +88,7 @@ class Board:
             declarations.system(system)
         if (system or scenario) and name not in ("native", "virtual"):
             raise UsageError(f"system and scenario are for native and virtual, on which a plant is put, not for {name}")
+        self.name = name = resolved(name)
         self.runs_on = open_board(name, link=link, image=image)
         self._talks_to: LinkBoard | None = self.runs_on if isinstance(self.runs_on, LinkBoard) else None
 
@@ -335,8 +336,9 @@ def connect(
     """Open a board.
 
     Args:
-        board: `native`, `qemu`, `virtual`, `serial:PORT[@BAUD]` or `can:INTERFACE:CHANNEL[@KBIT]`, as `--board` of the
-            command line. `native` runs scenarios on the C core, and has a link to the whole main loop in this process.
+        board: `native`, `qemu`, `virtual`, `serial:PORT[@BAUD]`, `can:INTERFACE:CHANNEL[@KBIT]`, or `auto` for the only
+            board that is here, as `--board` of the command line. `native` runs scenarios on the C core, and has a link
+            to the whole main loop in this process.
         link: Link to board `virtual`.
         image: Flash image of board `virtual`; None: the one that was built or installed.
         system: System that a simulated board comes up as, with its plant on the sensors; None: the first.

@@ -37,8 +37,10 @@ CLONE = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    way = parser.add_mutually_exclusive_group(required=True)
-    way.add_argument("--port", help="serial port of the adapter; `plumb ports` lists them")
+    way = parser.add_mutually_exclusive_group()
+    way.add_argument(
+        "--port", help="serial port of the adapter, or auto for the only one (default: the setting `port`)"
+    )
     way.add_argument(
         "--probe", metavar="openocd[:INTERFACE]|pyocd", help="debug probe, named by the tool that drives it"
     )
@@ -56,6 +58,8 @@ def main(arguments: argparse.Namespace) -> int:
 
     if not 1200 <= arguments.baud <= 115200:
         raise UsageError(f"the bootloader does not support {arguments.baud} baud; use 1200 to 115200")
+    if not arguments.probe:
+        arguments.port = options.port_of(arguments)
     path = find_image(arguments.image)
     image = load_image(path)
     header = own_header(image, str(path))

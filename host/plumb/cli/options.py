@@ -18,16 +18,18 @@ Options = argparse._ActionsContainer
 """A parser, or a group of options of one."""
 
 DEFAULT_SEED = 1000
-ANY_BOARD = "native, qemu, virtual, serial:PORT or can:BUS"
-LINKED_BOARD = "virtual, serial:PORT or can:BUS"
+ANY_BOARD = "native, qemu, virtual, serial:PORT, can:BUS or auto"
+LINKED_BOARD = "virtual, serial:PORT, can:BUS or auto"
 BUS = "serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT, can:INTERFACE:CHANNEL[@KBIT] or file:PATH"
 
 
 def add_board(parser: Options, *, linked: bool = False, required: bool = True, about: str = "") -> None:
-    """--board. linked: only boards with a link; about: what the command does with the board."""
+    """--board. linked: only boards with a link; about: what the command does with the board. `settle_board` completes
+    it."""
     boards = LINKED_BOARD if linked else ANY_BOARD
     if required:
-        parser.add_argument("--board", required=True, metavar="B", help=boards)
+        parser.add_argument("--board", metavar="B", help=f"{boards} (default: the setting `board`)")
+        parser.set_defaults(board_required=True)
     else:
         parser.add_argument("--board", metavar="B", help=f"{about}: {boards}" if about else boards)
 
@@ -36,6 +38,61 @@ def add_boards(parser: Options, *, default: str, also: str = "") -> None:
     """--board, repeatable. also: a kind of board that only this command accepts."""
     boards = f"{ANY_BOARD}; {also}" if also else ANY_BOARD
     parser.add_argument("--board", action="append", metavar="B", help=f"{boards}; repeatable (default: {default})")
+
+
+def settle_board(arguments: argparse.Namespace) -> None:
+    """Put the setting `board` where a required --board was left out, and a board's own name in the place of `auto`;
+    stderr then says which. Raises UsageError, LinkError."""
+    asked = getattr(arguments, "board", None)
+    if asked is None and getattr(arguments, "board_required", False):
+        import sys
+
+        from plumb.errors import UsageError
+        from plumb.files import settings
+
+        asked = settings.read().get("board")
+        if asked is None:
+            raise UsageError(
+                "name the board with --board: virtual, serial:PORT, ..., or auto for the only one that is here; "
+                "`plumb settings board=auto` remembers it"
+            )
+        if asked != "auto":
+            print(f"board {asked}, from the settings", file=sys.stderr)
+    if isinstance(asked, list):
+        arguments.board = [_named(one) for one in asked]
+    elif asked is not None:
+        arguments.board = _named(asked)
+
+
+def _named(board: str) -> str:
+    import sys
+
+    from plumb.link.discovery import AUTO, resolved
+
+    name = resolved(board)
+    if board == AUTO:
+        print(f"board {name}, the only one here", file=sys.stderr)
+    return name
+
+
+def port_of(arguments: argparse.Namespace) -> str:
+    """The serial port of --port, or of the setting `port`; the only adapter that is here for `auto`, and stderr then
+    says which. Raises UsageError without any, LinkError for `auto` unless there is exactly one."""
+    import sys
+
+    from plumb.errors import UsageError
+    from plumb.files import settings
+    from plumb.link.discovery import AUTO, only_port
+
+    asked = arguments.port or settings.read().get("port")
+    if asked is None:
+        raise UsageError(
+            "name the adapter with --port: a serial port, or auto for the only one; `plumb ports` lists them"
+        )
+    port = only_port() if asked == AUTO else str(asked)
+    if port != arguments.port:
+        print(f"port {port}, {'the only one here' if asked == AUTO else 'from the settings'}", file=sys.stderr)
+    return port
 
 
 def add_link(parser: Options) -> None:

@@ -28,7 +28,8 @@ COMMANDS = {
     "flash": "write the flash image to a board over its ROM bootloader, and read it back",
     "faults": "inject faults into the armed flash image, and compare the reactions with their limits",
     "bench": "measure instructions, cycles, bytes, stack and error of the kernels against their budgets",
-    "ports": "list serial ports, and which one answers as a plumb board",
+    "ports": "list serial ports, served boards and CAN interfaces, and which port answers as a board",
+    "settings": "show or change what plumb remembers: the board, the port",
     "doctor": "check this machine: tools, libraries, image, permissions",
     "completion": "print a shell completion script",
 }

@@ -56,6 +56,7 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.boards.serve import serve
     from plumb.errors import UsageError
     from plumb.link.endpoint_names import PtyName, parse_can_end, parse_endpoint
+    from plumb.link.served_boards import Entry
     from plumb.link.transports.server_endpoint import NO_TERMINAL
     from plumb.process_signals import endings
 
@@ -70,9 +71,10 @@ def main(arguments: argparse.Namespace) -> int:
 
     def announce(address: str) -> None:
         name = address if address.startswith("can:") else f"serial:{arguments.symlink or address}"
+        entry.add(address if address.startswith("can:") else f"serial:{address}")
         print(f"serving the virtual board at {address}; use it as {name}; Ctrl-C ends it", flush=True)
 
-    with endings() as caught:
+    with endings() as caught, Entry(arguments.system or "") as entry:
         serve(
             board,
             arguments.serial,
