@@ -51,6 +51,7 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.inputs.comparison.grades import AS_RECORDED, GRADES
     from plumb.inputs.comparison.samples import motion_of
     from plumb.inputs.comparison.table import Input, compare, runs
+    from plumb.proof import table_text
 
     grades = list(dict.fromkeys(arguments.grade or [AS_RECORDED]))
     if "all" in grades:
@@ -73,7 +74,7 @@ def main(arguments: argparse.Namespace) -> int:
         html = report.page("Tilt error, compared", "", lead, [*found, *page.plots(results[0])])
         texts = {"report.html": html, "comparison.json": json.dumps(told, indent=1) + "\n"}
         report.write_whole(arguments.out, texts)
-    print(json.dumps(told) if arguments.json else page.text(found))
+    print(json.dumps(told) if arguments.json else table_text.text(found))
     if arguments.out and not arguments.json:
         print(f"report: {arguments.out / 'report.html'}")
     return ExitCode.GOOD

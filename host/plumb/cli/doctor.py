@@ -107,6 +107,7 @@ def libraries() -> Iterator[Finding]:
         ("stm32loader", False, f"for plumb flash, {install_hint('flash')}"),
         ("vqf", False, f"for plumb compare, {install_hint('compare')}"),
         ("AHRS", False, f"for plumb compare, {install_hint('compare')}"),
+        ("scipy", False, f"for plumb tune, {install_hint('tune')}"),
     ):
         try:
             yield Finding(name, True, needed, metadata.version(name))

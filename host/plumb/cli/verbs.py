@@ -22,6 +22,7 @@ COMMANDS = {
     "monitor": "watch a running board: tilt, bias, pulses, mode, counters, losses",
     "record": "record a running board, or a bus, to files",
     "params": "read, change, save and restore a board's parameters",
+    "tune": "find settings from measurements: Q and R of the filter from the noise of the sensors",
     "sensor-board": "simulate a sensor board: samples in real time as frames on a bus",
     "bridge": "forward frames between a sensor board and a board, and compare with the model",
     "link-test": "test a link: losses, damaged frames, rates and latency",

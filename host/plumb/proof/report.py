@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from plumb.errors import UsageError
 from plumb.files import whole_files
+from plumb.proof import xy_plot
 from plumb.proof.svg_plot import (
     ESTIMATE,
     HEIGHT,
@@ -37,6 +38,7 @@ from plumb.proof.svg_plot import (
     plot_svg,
     stroke,
 )  # fmt: skip
+from plumb.proof.xy_plot import XyPlot
 
 __all__ = [
     "ESTIMATE", "SAMPLES_MAX", "SECOND", "SENSOR", "TRUTH", "TWO_SIGMA", "Line", "Plot", "Series", "Statement", "Table",
@@ -180,15 +182,17 @@ def _asset(name: str) -> str:
 
 
 def page(
-    title: str, verdict: str, lead: str, parts: Sequence[Plot | Table], statements: Sequence[Statement] = ()
+    title: str, verdict: str, lead: str, parts: Sequence[Plot | XyPlot | Table], statements: Sequence[Statement] = ()
 ) -> str:
     """The whole page. verdict: pass, fail or unverified, "": the page judges nothing; lead: one plain sentence under
     the title; statements: what the verdict means, below it."""
     plots = [part for part in parts if isinstance(part, Plot)]
     body, drawn = [], 0
-    for part in parts:
+    for index, part in enumerate(parts):
         if isinstance(part, Table):
             body.append(table_html(part))
+        elif isinstance(part, XyPlot):
+            body.append(xy_plot.plot_html(part, index))
         else:
             body += ([TOOLS] if not drawn else []) + [plot_html(part, drawn)]
             drawn += 1

@@ -1,4 +1,4 @@
-"""The comparison for a reader: text, JSON, and the parts of report.html."""
+"""The comparison for a reader: tables, JSON, and the parts of report.html."""
 
 from __future__ import annotations
 
@@ -60,19 +60,6 @@ def plots(result: Compared) -> list[Plot]:
         )
         for trace in result.traces
     ]
-
-
-def text(found: Sequence[Table]) -> str:
-    """The tables as text, columns aligned."""
-    return "\n\n".join(_text(table) for table in found)
-
-
-def _text(table: Table) -> str:
-    lines = [list(table.head), *(list(row) for row in table.rows)]
-    widths = [max(len(line[at]) for line in lines) for at in range(len(table.head))]
-    body = ("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines)
-    note = [table.note] if table.note else []
-    return "\n".join([table.title, *(f"  {line}" for line in body), *note])
 
 
 def to_json(results: Sequence[Compared], algorithms: Sequence[Contender]) -> dict[str, object]:
