@@ -23,7 +23,7 @@ PAGE = ROOT / "docs" / "reference" / "commands.md"
 TRANSCRIPTS = {
     "run": "plumb run quad --board native --open-loop --seed 7",
     "golden": "plumb golden check --board native --system phone",
-    "params": "plumb params get pid.kp_q22 --board virtual",
+    "params": "plumb params get pid.kp --board virtual",
     "systems": "plumb systems --system phone",
     "faults": "plumb faults --list 'can-*'",
     "bandwidth": "plumb bandwidth 4",

@@ -99,16 +99,18 @@ def test_limits_of_the_integers_are_those_of_the_table(board: Board) -> None:
 @pytest.mark.parametrize("system", ["quad", "balancer", "turntable", "phone"])
 def test_every_tuning_has_names_that_are_found(system: str) -> None:
     """Without a board: the names of each system's default tuning, and the words that hold them."""
-    from plumb.api import parameters as names
+    from plumb.tuning import quantities
     from plumb.tuning.quantise import quantise
 
     params = quantise(plumb.Estimator(system).tuning)
     words = parameters.whole_table(params.words(), **params.link_words())
     table = {row.name: row.from_word(word & 0xFFFFFFFF) for row, word in zip(parameters.table(), words, strict=True)}
-    found = names._values(table)
-    for short, whole in names._aliases(table).items():
-        assert names._known(short, table) == names._known(whole, table) == whole
-    held = {row.name for name in found for row in names._rows_of(name, table)}
+    found = quantities.quantities_of(table)
+    assert set(found) == set(quantities.values_of(table))
+    for whole, one in found.items():
+        assert quantities.find(one.alias, found) is quantities.find(whole, found) is one
+        assert one.unit and one.meaning
+    held = {row.name for name in found for row in quantities.rows_of(name, table)}
     derived = {"kalman.dt_s_q33", "kalman.rate_gain", "kalman.rate_shift", "system", parameters.UNIT}
     assert set(params.own()) - held - derived < {name for name in params.own() if "." in name}
     assert len(held) > 0.6 * len(params.own())
@@ -130,9 +132,9 @@ def test_unknown_names_are_refused(board: Board, name: str, said: str) -> None:
     [
         ("pid.kp", float("nan"), "finite"),
         ("pid.kp", 1e9, "the most is"),
-        ("pid.kp", "fast", "something like it"),
+        ("pid.kp", "fast", "give a number"),
         ("tilt", "arctan", "arcsine or atan2"),
-        ("tilt", 1, "something like it"),
+        ("tilt", 1, "give arcsine or atan2"),
         ("arm_hold_ms", 1e9, "outside"),
         ("arm_hold_ms", 0.5, "whole"),
         ("arm_hold_ms", float("inf"), "whole"),

@@ -12,7 +12,8 @@ import pytest
 
 from plumb import systems
 from plumb.cli import verbs
-from plumb.spec import parameters
+from plumb.systems import shipped_tunings
+from plumb.tuning import quantities
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -60,17 +61,18 @@ def test_every_link_leads_somewhere(page: Path) -> None:
 
 
 def test_parameters_that_the_guide_sets_exist_and_take_the_value() -> None:
-    rows = {row.name: row for row in parameters.table()}
+    tables = {system: shipped_tunings.table_of(system, None) for system in systems.SYSTEMS}
     text = "".join(page.read_text(encoding="utf-8") for page in (DOCS / "tutorials/bring-up").glob("*.md"))
-    assignments = [
-        part for line in re.findall(r"plumb params set ([^\n]*)", text) for part in line.split() if "=" in part
-    ]
-    assert assignments
-    for part in assignments:
-        name, value = part.split("=")
-        assert rows[name].min <= int(value) <= rows[name].max
-    for name in re.findall(r"\b((?:esc\.\w+|arm_hold_ms|esc_period_us))\b", text):
-        assert name in rows, name
+    lines = re.findall(r"plumb params set ([^\n]*)", text)
+    assert lines
+    for line in lines:
+        table = tables["quad" if line.startswith("esc") else "balancer"]
+        assignments = [part for part in line.split() if "=" in part]
+        quantities.changed(table, quantities.assignments(assignments, table))
+    names = re.findall(r"\b((?:esc\.\w+|arm_hold_ms|esc_period_us))\b", text)
+    assert len(names) > 5
+    for name in names:
+        quantities.find(name, quantities.quantities_of(tables["quad"]))
 
 
 def figures(page: Path) -> set[tuple[str, ...]]:

@@ -6,6 +6,7 @@ import json
 import os
 import threading
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from plumb import __main__ as front
 from plumb import systems
 from plumb.boards.link import LinkBoard
 from plumb.errors import UsageError
+from plumb.link.identity import Identity, identity_of
 from plumb.link.session import Session
 from plumb.spec import parameter_file, parameters
 from plumb.spec.units import meaning
@@ -84,24 +86,24 @@ def test_what_is_counted_per_step_means_something_by_the_period(name: str, value
 
 
 def test_the_list_has_every_parameter_and_the_crc(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = params(capsys, "list", "--json")
+    code, out, _ = params(capsys, "list", "--raw", "--json")
     said = json.loads(out)
     assert code == 0
     assert {entry["name"]: entry["value"] for entry in said["parameters"]} == DEFAULTS
     assert said["crc32"] == f"0x{parameters.crc32(list(DEFAULTS.values())):08x}"
-    _, out, _ = params(capsys, "list")
+    _, out, _ = params(capsys, "list", "--raw")
     assert len(out.splitlines()) == 1 + len(DEFAULTS)
 
 
 def test_a_change_is_committed_and_marked(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, err = params(capsys, "set", "esc.mid_halfus=0xbb9", "pid.kp_q22=-5")
+    code, out, err = params(capsys, "set", "--raw", "esc.mid_halfus=0xbb9", "pid.kp_q22=-5")
     assert code == 0 and err == ""
     assert "esc.mid_halfus: 3000 -> 3001 (1500.5 us)" in out and "set by a host and not saved" in out
     wanted = {**DEFAULTS, "esc.mid_halfus": 3001, "pid.kp_q22": -5}
     assert in_use(board) == wanted
-    _, out, _ = params(capsys, "get", "pid.kp_q22", "esc.mid_halfus", "--json")
+    _, out, _ = params(capsys, "get", "--raw", "pid.kp_q22", "esc.mid_halfus", "--json")
     assert [entry["value"] for entry in json.loads(out)["parameters"]] == [-5, 3001]
-    _, out, _ = params(capsys, "list")
+    _, out, _ = params(capsys, "list", "--raw")
     assert [row.split()[1] for row in out.splitlines() if row.startswith("*")] == ["pid.kp_q22", "esc.mid_halfus"]
     board.reset()
     assert in_use(board) == DEFAULTS
@@ -129,23 +131,23 @@ def test_a_change_is_committed_and_marked(board: NativeBoard, capsys: pytest.Cap
 def test_a_refusal_is_one_sentence_and_changes_nothing(
     board: NativeBoard, capsys: pytest.CaptureFixture[str], assignments: list[str], sentence: str
 ) -> None:
-    code, out, err = params(capsys, "set", *assignments)
+    code, out, err = params(capsys, "set", "--raw", *assignments)
     assert code == 2 and out == ""
     assert sentence in err and len(err.splitlines()) == 1
     assert in_use(board) == DEFAULTS
 
 
 def test_two_periods_that_differ_are_warned_of(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, err = params(capsys, "set", "period_us=10000", "--json")
+    code, out, err = params(capsys, "set", "--raw", "period_us=10000", "--json")
     assert code == 0 and "kalman.dt_s_q33" in err
     assert json.loads(out)["warnings"] == [err.strip().removeprefix("plumb: warning: ")]
-    code, _, err = params(capsys, "set", "kalman.dt_s_q33=85899346")
+    code, _, err = params(capsys, "set", "--raw", "kalman.dt_s_q33=85899346")
     assert code == 0 and err == ""
 
 
 def test_a_file_brings_a_table_back(board: NativeBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "table.toml"
-    params(capsys, "set", "pid.kp_q22=7", "accel_up.offset=-9", "kalman.qb=4294967295")
+    params(capsys, "set", "--raw", "pid.kp_q22=7", "accel_up.offset=-9", "kalman.qb=4294967295")
     before = in_use(board)
     assert params(capsys, "dump", str(file))[0] == 0
     said = tomllib.loads(file.read_text())
@@ -167,7 +169,7 @@ def test_unknown_missing_and_edited_are_warned_of_by_name(
     file.write_text(whole.replace('"pid.kp_q22" = 67947725', '"pid.kp_q22" = 8'))
     code, _, err = params(capsys, "load", str(file))
     assert code == 0 and "it was edited" in err and len(err.splitlines()) == 1
-    params(capsys, "set", "tilt.mode=0")
+    params(capsys, "set", "--raw", "tilt.mode=0")
     file.write_text(whole.replace('"tilt.mode"', '"tilt.modus"'))
     code, out, err = params(capsys, "load", str(file), "--json")
     assert code == 0 and len(err.splitlines()) == 2
@@ -180,10 +182,10 @@ def test_a_former_name_in_a_file_is_taken_and_the_new_one_named(
     board: NativeBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     file = tmp_path / "table.toml"
-    params(capsys, "set", "accel.gain=-5")
+    params(capsys, "set", "--raw", "accel.gain=-5")
     params(capsys, "dump", str(file))
     file.write_text(file.read_text().replace('"accel.gain"', '"accel_y.gain"'))
-    params(capsys, "set", "accel.gain=7")
+    params(capsys, "set", "--raw", "accel.gain=7")
     code, _, err = params(capsys, "load", str(file))
     assert code == 0 and in_use(board)["accel.gain"] == -5
     assert err.splitlines() == [f"plumb: warning: {file}: accel_y.gain is named accel.gain now; the value is used"]
@@ -192,7 +194,7 @@ def test_a_former_name_in_a_file_is_taken_and_the_new_one_named(
     assert code == 2 and out == "" and "accel_y.gain is the former name of accel.gain, which is there, too" in err
 
 
-@pytest.mark.parametrize("words", [("set", "accel_z.offset=1"), ("get", "accel_z.offset")])
+@pytest.mark.parametrize("words", [("set", "--raw", "accel_z.offset=1"), ("get", "--raw", "accel_z.offset")])
 def test_a_former_name_on_the_command_line_is_answered_with_the_new_one(
     board: NativeBoard, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
 ) -> None:
@@ -241,7 +243,7 @@ def test_a_foreign_name_in_a_file_says_nothing_to_the_terminal(
 def test_a_number_of_any_length_is_out_of_range(
     board: NativeBoard, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
-    code, out, err = params(capsys, "set", f"{name}=0x{MANY_F}")
+    code, out, err = params(capsys, "set", "--raw", f"{name}=0x{MANY_F}")
     assert code == 2 and out == "" and f"{name} = 0xffffffff.. is outside" in err and len(err.splitlines()) == 1
 
 
@@ -249,7 +251,7 @@ def test_a_table_that_came_back_wrong_is_link_trouble(
     board: NativeBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Session, "read_parameters", lambda _self: list(range(len(DEFAULTS))))
-    code, out, err = params(capsys, "list")
+    code, out, err = params(capsys, "list", "--raw")
     assert code == 3 and out == "" and "CRC-32" in err
 
 
@@ -282,7 +284,7 @@ def test_no_shipped_tuning_is_doubted(board: NativeBoard, capsys: pytest.Capture
     """Each has its own filter, whose period is that of its runs; another period is doubted by name."""
     code, _, err = params(capsys, "tuning", system)
     assert code == 0 and "angles will be wrong" not in err
-    _, _, err = params(capsys, "set", "period_us=7000")
+    _, _, err = params(capsys, "set", "--raw", "period_us=7000")
     assert f"({'fusion.dt_s_q32' if system == 'turntable' else 'kalman.dt_s_q33'}): its angles will be wrong" in err
 
 
@@ -295,6 +297,132 @@ def test_a_tuning_brings_the_pins_of_what_the_system_moves(
     assert params(capsys, "tuning", system)[0] == 0
     _, out, _ = params(capsys, "get", "pins", "--json")
     assert json.loads(out)["parameters"][0]["value"] == pins
+
+
+# ---- in units ----
+
+
+def listed(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, dict[str, Any]]:
+    _, out, _ = params(capsys, "list", *arguments, "--json")
+    return {entry["alias"]: entry for entry in json.loads(out)["parameters"]}
+
+
+def test_values_are_set_in_units(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = params(capsys, "set", "pid.kp=0.05", "kalman.q_bias=2e-4", "kalman.r=0.05", "tilt=arcsine")
+    assert code == 0 and err == ""
+    assert out.splitlines()[:-1] == [
+        "kalman.q_bias: 0.0004 -> 0.0002 (deg/s)^2/s",
+        "trust.r: 0.250009 -> 0.05 deg^2",
+        "tilt: atan2 -> arcsine",
+        "pid.kp: 0.045 -> 0.05 1/deg",
+    ]
+    assert "4 changed; they are set by a host and not saved" in out
+    assert in_use(board)["pid.kp_q22"] == round(0.05 * 360 * 2**22) and in_use(board)["tilt.mode"] == 0
+    found = listed(capsys)
+    assert [found[name]["value"] for name in ("kalman.q_bias", "trust.r")] == pytest.approx([2e-4, 0.05], rel=1e-3)
+
+
+def test_a_period_keeps_the_angles_right(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = params(capsys, "set", "period_us=10000")
+    assert code == 0 and err == "" and out.splitlines()[0] == "period_us: 20000 -> 10000 us"
+    assert in_use(board)["kalman.dt_s_q33"] == round(0.01 * 2**33)
+
+
+def test_the_list_marks_what_differs_from_the_tuning_it_came_from(
+    board: NativeBoard, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert params(capsys, "tuning", "balancer")[0] == 0
+    params(capsys, "set", "drive.fall=40", "accel_bus=1")
+    _, out, _ = params(capsys, "list")
+    head, _, *lines = out.splitlines()
+    assert head == "balancer, from its tuning 'tuned': 2 parameters differ (*)"
+    starred = [line.split() for line in lines if line.startswith("*")]
+    assert [words[1] for words in starred] == ["drive.fall", "accel_bus"]
+    assert starred[0][2:5] == ["40", "deg", "45"]
+    assert {name for name, one in listed(capsys).items() if one["differs"]} == {"drive.fall", "accel_bus"}
+    assert all(one["unit"] and one["meaning"] for one in listed(capsys).values())
+
+
+@pytest.mark.parametrize(
+    ("pattern", "names"),
+    [
+        ("derivative", {"pid.kd", "pid.derivative_tau"}),
+        ("PID.K*", {"pid.kp", "pid.ki", "pid.kd"}),
+        ("arm_hold_ms", {"arm_hold_ms"}),
+    ],
+)
+def test_a_filter_takes_names_meanings_and_patterns(
+    board: NativeBoard, capsys: pytest.CaptureFixture[str], pattern: str, names: set[str]
+) -> None:
+    assert set(listed(capsys, pattern)) == names
+
+
+@pytest.mark.parametrize("arguments", [("list", "qwxyz"), ("list", "qwxyz*"), ("list", "qwxyz", "--raw")])
+def test_a_filter_without_a_hit_is_a_sentence(
+    board: NativeBoard, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
+) -> None:
+    code, out, err = params(capsys, *arguments)
+    assert code == 2 and out == "" and "qwxyz" in err and len(err.splitlines()) == 1
+
+
+def test_get_says_limits_and_integers(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = params(capsys, "get", "pid.kp", "tilt")
+    assert code == 0 and "-0.711111 .. 0.711111 1/deg" in out and "held by pid.kp_q22 = 67947725" in out
+    assert "arcsine or atan2" in out
+    _, out, _ = params(capsys, "get", "pid.slew", "--json")
+    entry = json.loads(out)["parameters"][0]
+    assert entry["max"] is None and entry["words"] == ["pid.slew_q22"]  # any rate is taken: no limit
+
+
+@pytest.mark.parametrize(
+    ("assignments", "sentence"),
+    [
+        (["pid.kp=fast"], "pid.kp = 'fast': give a number in 1/deg"),
+        (["pid.kp=nan"], "pid.kp_per_deg is nan: give a finite number"),
+        (["pid.kp=1e400"], "finite"),
+        (["pid.kp=1e9"], "the most is"),
+        (["pid.kp="], "give a number"),
+        (["tilt=arctan"], "tilt = 'arctan': give arcsine or atan2"),
+        (["arm_hold_ms=0.5"], "give a whole number in ms"),
+        (["arm_hold_ms=0x" + MANY_F], "arm_hold_ms: no parameter is as large as"),
+        (["arm_hold_ms=-1"], "outside 0 to 10000"),
+        (["esc.min=2100"], "more than mid_us"),
+        (["pid.kp"], "write NAME=VALUE, for example pid.kp=0.05"),
+        (["kp=1", "pid.kp_per_deg=2"], "pid.kp is set twice"),
+        (["pid.kp=0.03", "nonsense=1"], "there is no parameter 'nonsense'"),
+        (["pid.kp_q22=5"], "pid.kp_q22 is an integer of the table, which --raw"),
+        (["system=1"], "system is an integer of the table"),
+    ],
+)
+def test_a_refusal_in_units_is_one_sentence_and_changes_nothing(
+    board: NativeBoard, capsys: pytest.CaptureFixture[str], assignments: list[str], sentence: str
+) -> None:
+    code, out, err = params(capsys, "set", *assignments)
+    assert code == 2 and out == "" and sentence in err and len(err.splitlines()) == 1
+    assert in_use(board) == DEFAULTS
+
+
+def test_integers_that_stand_for_no_tuning_are_still_listed_raw(
+    board: NativeBoard, capsys: pytest.CaptureFixture[str]
+) -> None:
+    params(capsys, "tuning", "balancer")
+    assert params(capsys, "set", "--raw", "wheel.alpha_q31=0")[0] == 0
+    code, out, err = params(capsys, "list")
+    assert code == 2 and out == "" and "`plumb params list --raw` shows them" in err
+    assert params(capsys, "list", "--raw", "wheel")[0] == 0
+
+
+def test_a_board_of_other_definitions_is_shown_in_integers(
+    board: NativeBoard, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def of_other_definitions(*of: Any) -> Identity:
+        return replace(identity_of(*of), mismatch="the board was built from other message definitions")
+
+    monkeypatch.setattr("plumb.link.session.identity_of", of_other_definitions)
+    code, out, err = params(capsys, "list")
+    assert code == 0 and "shown as integers" in err and len(out.splitlines()) == 1 + len(DEFAULTS)
+    code, out, err = params(capsys, "set", "pid.kp=0.05")
+    assert code == 3 and out == "" and "other message definitions" in err
 
 
 def test_a_tuning_that_is_none_is_wrong_use(board: NativeBoard, capsys: pytest.CaptureFixture[str]) -> None:

@@ -154,7 +154,7 @@ def test_a_toy_system_runs(toy: Plumb, options: tuple[str, ...]) -> None:
 def test_parameters_of_a_toy_system_are_rows_of_the_table(toy: Plumb) -> None:
     said = toy("params", "tuning", "toy", "--board", "virtual").stdout
     assert "system: 1 -> 17 (toy)" in said and "3 changed" not in said.splitlines()[0]
-    listed = toy("params", "list", "--board", "virtual").stdout
+    listed = toy("params", "list", "--raw", "--board", "virtual").stdout
     assert "toy.share_q16" in listed
 
 

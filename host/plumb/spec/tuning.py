@@ -1,28 +1,56 @@
 """Tuning: the settings of a system in engineering units, before quantisation.
 
-Frozen dataclasses of floats, in the order of the data flow; names carry the units: deg, deg/s (dps), g, s, us. This
-module has the settings of the kernels that systems share; a system's own tuning is in `plumb.systems.NAME.tuning`.
+Frozen dataclasses of floats, in the order of the data flow; names carry the units: deg, deg/s (dps), g, s, us. Every
+field says its unit and its meaning with `quantity`, from which `plumb params` and `board.params` take them. This module
+has the settings of the kernels that systems share; a system's own tuning is in `plumb.systems.NAME.tuning`.
 `plumb.tuning.quantise` converts a tuning to the integers of the firmware and back; `plumb.systems.run_reference` uses a
 tuning directly.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import Field, dataclass, field
 from typing import Any, ClassVar, Literal, Protocol
 
 TiltMode = Literal["arcsine", "atan2"]
 RateChoice = Literal["previous", "current"]
+CHOICE = "choice"
+"""Unit of a field whose value is one of a few names: a `Literal`."""
+NUMBER = "1"
+"""Unit of a pure number."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a field of a tuning is.
+
+    unit: of a number; CHOICE; NUMBER. The word `unit` in it stands for the unit of the group that the field is in.
+    meaning: a phrase; that of a group precedes those of its fields. also: another whole name of the setting.
+    """
+
+    unit: str
+    meaning: str
+    also: str = ""
+
+
+def quantity(unit: str, meaning: str, also: str = "") -> Mapping[str, Quantity]:
+    """The metadata of a field: `kp_per_deg: float = field(default=0.0, metadata=quantity("1/deg", "gain"))`."""
+    return {"quantity": Quantity(unit, meaning, also)}
 
 
 @dataclass(frozen=True)
 class Channel:
     """One sensor channel: value = (clamp(raw, min_counts, max_counts) - zero_counts) * unit_per_count."""
 
-    zero_counts: float
-    unit_per_count: float
-    min_counts: int = 0
-    max_counts: int = 4095
+    zero_counts: float = field(metadata=quantity("count", "raw count that stands for 0"))
+    unit_per_count: float = field(metadata=quantity("unit per count", "value of one count; its sign turns the axis"))
+    min_counts: int = field(
+        default=0, metadata=quantity("count", "lowest plausible count; lower ones are clamped and counted")
+    )
+    max_counts: int = field(
+        default=4095, metadata=quantity("count", "highest plausible count; higher ones are clamped and counted")
+    )
 
 
 @dataclass(frozen=True)
@@ -30,9 +58,9 @@ class Calibration:
     """The three channels of one axis: gyro in deg/s, acceleration along the axis that is horizontal at tilt 0 and along
     the one that points up then, in g."""
 
-    gyro: Channel
-    accel: Channel
-    accel_up: Channel
+    gyro: Channel = field(metadata=quantity("deg/s", "angular rate"))
+    accel: Channel = field(metadata=quantity("g", "acceleration along the axis that is horizontal at tilt 0"))
+    accel_up: Channel = field(metadata=quantity("g", "acceleration along the axis that points up at tilt 0"))
 
 
 @dataclass(frozen=True)
@@ -43,9 +71,12 @@ class Trust:
     |a| is computed from both accelerometer axes.
     """
 
-    r_deg2: float
-    gain_deg2: float = 0.0
-    r_max_deg2: float = 1000.0
+    r_deg2: float = field(metadata=quantity("deg^2", "measurement variance R of the tilt at |a| = 1 g", "kalman.r"))
+    gain_deg2: float = field(
+        default=0.0,
+        metadata=quantity("deg^2 per g^4", "growth of R with the square of |a|^2 - 1 g^2; 0 keeps R constant"),
+    )
+    r_max_deg2: float = field(default=1000.0, metadata=quantity("deg^2", "largest R", "kalman.r_max"))
 
 
 @dataclass(frozen=True)
@@ -55,10 +86,10 @@ class Kalman:
     The bias that is published and subtracted from the rate is limited to +-bias_max_dps (below 360).
     """
 
-    q_angle_deg2_per_s: float
-    q_bias_dps2_per_s: float
-    rate: RateChoice = "previous"
-    bias_max_dps: float = 300.0
+    q_angle_deg2_per_s: float = field(metadata=quantity("deg^2/s", "process noise Q of the angle, per second"))
+    q_bias_dps2_per_s: float = field(metadata=quantity("(deg/s)^2/s", "process noise Q of the gyro's bias, per second"))
+    rate: RateChoice = field(default="previous", metadata=quantity(CHOICE, "gyro sample that drives the prediction"))
+    bias_max_dps: float = field(default=300.0, metadata=quantity("deg/s", "limit of the published gyro bias"))
 
     @classmethod
     def per_step(cls, q_angle_deg2: float, q_bias_dps2: float, period_us: int, rate: RateChoice = "previous") -> Kalman:
@@ -71,11 +102,15 @@ class Kalman:
 class Start:
     """State and covariance before the first sample."""
 
-    tilt_deg: float = 0.0
-    bias_dps: float = 0.0
-    p00_deg2: float = 900.0
-    p01_deg2_per_s: float = 0.0
-    p11_dps2: float = 25.0
+    tilt_deg: float = field(default=0.0, metadata=quantity("deg", "angle before the first sample"))
+    bias_dps: float = field(default=0.0, metadata=quantity("deg/s", "gyro bias before the first sample"))
+    p00_deg2: float = field(default=900.0, metadata=quantity("deg^2", "variance of the angle before the first sample"))
+    p01_deg2_per_s: float = field(
+        default=0.0, metadata=quantity("deg^2/s", "covariance of angle and bias before the first sample")
+    )
+    p11_dps2: float = field(
+        default=25.0, metadata=quantity("(deg/s)^2", "variance of the bias before the first sample")
+    )
 
 
 @dataclass(frozen=True)
@@ -86,22 +121,35 @@ class Pid:
     slew_per_s: largest change of the command per second. Esc.span_us sets what a command of 1 does and its direction.
     """
 
-    kp_per_deg: float = 0.0
-    ki_per_deg_s: float = 0.0
-    kd_per_dps: float = 0.0
-    derivative_tau_s: float = 0.0
-    slew_per_s: float = 1000.0
+    kp_per_deg: float = field(
+        default=0.0, metadata=quantity("1/deg", "proportional gain: command per deg of tilt error")
+    )
+    ki_per_deg_s: float = field(
+        default=0.0, metadata=quantity("1/(deg s)", "integral gain: command per deg of tilt error and second")
+    )
+    kd_per_dps: float = field(
+        default=0.0, metadata=quantity("1/(deg/s)", "derivative gain: command per deg/s of measured rate")
+    )
+    derivative_tau_s: float = field(
+        default=0.0, metadata=quantity("s", "time constant of the rate's low-pass in the D term; 0 is none")
+    )
+    slew_per_s: float = field(default=1000.0, metadata=quantity("1/s", "largest change of the command per second"))
 
 
 @dataclass(frozen=True)
 class Esc:
     """Pulses of the two opposing motors: mid +- span * command, clamped to [min, max]; neutral while disarmed."""
 
-    mid_us: float = 1500.0
-    span_us: float = 400.0
-    min_us: float = 1000.0
-    max_us: float = 2000.0
-    neutral_us: float = 1000.0
+    mid_us: float = field(default=1500.0, metadata=quantity("us", "pulse at command 0"))
+    span_us: float = field(
+        default=400.0, metadata=quantity("us", "change of the pulse at command 1; its sign turns the direction")
+    )
+    min_us: float = field(default=1000.0, metadata=quantity("us", "shortest pulse while driving"))
+    max_us: float = field(default=2000.0, metadata=quantity("us", "longest pulse while driving"))
+    neutral_us: float = field(default=1000.0, metadata=quantity("us", "pulse while disarmed: motor off"))
+
+
+TILT_MEANING = "tilt from acceleration: arcsine of the horizontal axis / 1 g, or atan2 with the axis upwards"
 
 
 class ForOnePeriod:
@@ -128,7 +176,7 @@ class AxisTuning(ForOnePeriod):
     calibration: Calibration
     kalman: Kalman
     trust: Trust
-    tilt: TiltMode = "atan2"
+    tilt: TiltMode = field(default="atan2", metadata=quantity(CHOICE, TILT_MEANING))
     start: Start = field(default_factory=Start)
     pid: Pid = field(default_factory=Pid)
     exact_period_s: float | None = None

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
+
+from plumb.spec.tuning import NUMBER, quantity
 
 PERIOD_US = 10_000
 
 
 @dataclass(frozen=True)
 class ToyTuning:
-    """share: of a new count in the filtered level."""
+    """The settings of a run of `toy`."""
 
     system: ClassVar[str] = "toy"
 
     period_us: int = PERIOD_US
-    largest_counts: int = 4095
-    share: float = 0.1
+    largest_counts: int = field(default=4095, metadata=quantity("count", "largest count; larger ones are clamped"))
+    share: float = field(default=0.1, metadata=quantity(NUMBER, "share of a new count in the filtered level"))
 
     @property
     def period_s(self) -> float:

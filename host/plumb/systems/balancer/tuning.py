@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from plumb.spec.tuning import AxisTuning
+from plumb.spec.tuning import NUMBER, AxisTuning, quantity
 
 
 @dataclass(frozen=True)
@@ -16,10 +16,15 @@ class Wheel:
     the source. More than edges_max edges in a period are clamped and counted.
     """
 
-    edge_m: float
-    edges_max: int
-    tau_s: float = 0.2
-    accel_share: float = 1.0
+    edge_m: float = field(metadata=quantity("m", "distance of the axle per edge of the Hall sensors"))
+    edges_max: int = field(metadata=quantity("edge", "most edges in a period; more are clamped and counted"))
+    tau_s: float = field(default=0.2, metadata=quantity("s", "time constant of the speed's low-pass; 0 is none"))
+    accel_share: float = field(
+        default=1.0,
+        metadata=quantity(
+            NUMBER, "share of the speed's slope that is taken off the forward axis before the arctangent"
+        ),
+    )
 
 
 @dataclass(frozen=True)
@@ -30,13 +35,21 @@ class SpeedLoop:
     speed_max_mps.
     """
 
-    lean_deg_per_mps: float = 0.0
-    lean_deg_per_m: float = 0.0
-    lean_deg_per_g: float = 0.0
-    accel_tau_s: float = 0.0
-    lean_max_deg: float = 8.0
-    lean_slew_dps: float = 1e4
-    speed_max_mps: float = 1.0
+    lean_deg_per_mps: float = field(
+        default=0.0, metadata=quantity("deg/(m/s)", "proportional gain: lean per m/s of velocity error")
+    )
+    lean_deg_per_m: float = field(
+        default=0.0, metadata=quantity("deg/m", "integral gain: lean per m/s of velocity error and second")
+    )
+    lean_deg_per_g: float = field(
+        default=0.0, metadata=quantity("deg/g", "damping: lean per g of the axle's acceleration")
+    )
+    accel_tau_s: float = field(
+        default=0.0, metadata=quantity("s", "time constant of the acceleration's low-pass in the damping; 0 is none")
+    )
+    lean_max_deg: float = field(default=8.0, metadata=quantity("deg", "largest lean"))
+    lean_slew_dps: float = field(default=1e4, metadata=quantity("deg/s", "largest rate of the lean"))
+    speed_max_mps: float = field(default=1.0, metadata=quantity("m/s", "largest velocity setpoint"))
 
 
 @dataclass(frozen=True)
@@ -45,9 +58,14 @@ class Drive:
     command increases the tilt, i.e. drives backwards. Beyond fall_deg the duty stays 0 until the run ends.
     """
 
-    span: float = -32767 / 32768
-    duty_max: float = 32767 / 32768
-    fall_deg: float = 45.0
+    span: float = field(
+        default=-32767 / 32768,
+        metadata=quantity(NUMBER, "duty of the bridge at command 1; its sign turns the direction"),
+    )
+    duty_max: float = field(default=32767 / 32768, metadata=quantity(NUMBER, "largest duty of the bridge"))
+    fall_deg: float = field(
+        default=45.0, metadata=quantity("deg", "tilt beyond which the duty stays 0 until the run ends")
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

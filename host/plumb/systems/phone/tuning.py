@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
-from plumb.spec.tuning import Channel, ForOnePeriod, Kalman, RateChoice, Start
+from plumb.spec.tuning import CHOICE, Channel, ForOnePeriod, Kalman, RateChoice, Start, quantity
 
 PhoneRates = Literal["body", "euler"]
 
@@ -14,9 +14,9 @@ PhoneRates = Literal["body", "euler"]
 class PhoneAxis:
     """The filter of one angle of `phone`: Q as densities, a constant R, and where it starts."""
 
-    q_angle_deg2_per_s: float
-    q_bias_dps2_per_s: float
-    r_deg2: float
+    q_angle_deg2_per_s: float = field(metadata=quantity("deg^2/s", "process noise Q of the angle, per second"))
+    q_bias_dps2_per_s: float = field(metadata=quantity("(deg/s)^2/s", "process noise Q of the gyro's bias, per second"))
+    r_deg2: float = field(metadata=quantity("deg^2", "measurement variance R of the angle"))
     start: Start = field(default_factory=lambda: Start(p00_deg2=90.0**2))
 
 
@@ -31,14 +31,18 @@ class PhoneTuning(ForOnePeriod):
     system: ClassVar[str] = "phone"
 
     period_us: int
-    gyro: Channel
-    accel: Channel
-    pitch: PhoneAxis
-    roll: PhoneAxis
-    rates: PhoneRates = "euler"
-    r_left_out_deg2: float = 1e3
-    rate: RateChoice = "previous"
-    bias_max_dps: float = 300.0
+    gyro: Channel = field(metadata=quantity("deg/s", "angular rate, all three axes"))
+    accel: Channel = field(metadata=quantity("g", "acceleration, all three axes"))
+    pitch: PhoneAxis = field(metadata=quantity("", "pitch"))
+    roll: PhoneAxis = field(metadata=quantity("", "roll"))
+    rates: PhoneRates = field(
+        default="euler", metadata=quantity(CHOICE, "rates that drive the filters: of the body, or of the Euler angles")
+    )
+    r_left_out_deg2: float = field(
+        default=1e3, metadata=quantity("deg^2", "R while the acceleration cannot measure the angle")
+    )
+    rate: RateChoice = field(default="previous", metadata=quantity(CHOICE, "gyro sample that drives the prediction"))
+    bias_max_dps: float = field(default=300.0, metadata=quantity("deg/s", "limit of the published gyro bias"))
     exact_period_s: float | None = None
 
     def kalman(self, axis: PhoneAxis) -> Kalman:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from plumb.spec.tuning import AxisTuning, Esc, TiltMode
+from plumb.spec.tuning import CHOICE, TILT_MEANING, AxisTuning, Esc, TiltMode, quantity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -14,5 +14,5 @@ class QuadTuning(AxisTuning):
 
     system: ClassVar[str] = "quad"
 
-    tilt: TiltMode = "arcsine"
+    tilt: TiltMode = field(default="arcsine", metadata=quantity(CHOICE, TILT_MEANING))
     esc: Esc = field(default_factory=Esc)
