@@ -68,7 +68,7 @@ wanted() {
     find host/plumb -name '*.py' | sort
 }
 if ! wanted | cmp -s - "$stamp"; then
-    extras=virtual,report
+    extras=virtual,report,monitor
     [ "$purpose" = test ] && extras=dev
     [ "$purpose" = docs ] && extras=docs
     [ -x .venv/bin/python ] || "$python" -m venv .venv

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("unicorn")
 
 from plumb.boards.virtual import VirtualBoard
-from plumb.cli import monitor as view
+from plumb.cli.monitor_line import line
 from plumb.errors import LinkError, UsageError
 from plumb.link.monitor import Monitor, begin_live
 from plumb.physics import disturbance
@@ -80,13 +80,12 @@ def test_the_monitor_shows_attitude_and_rates() -> None:
         while machine.now_us * 1e-6 < begin_s + 0.7:
             monitor.feed(session.receive(0.05))
         seen = monitor.snapshot()
-        text = "\n".join(view.attitude(seen))
+        text = line(seen)
         session.end()
     assert np.linalg.norm(seen["attitude"]) == pytest.approx(1.0, abs=1e-3)
     assert seen["rates_dps"] == pytest.approx([30.0, 0.0, 0.0], abs=2.0)
-    roll = re.search(r"([+-][\d.]+) deg roll", text)
+    roll = re.search(r"  roll ([+-][\d.]+) deg", text)
     assert roll and float(roll[1]) == pytest.approx(15.0, abs=2.0)
-    assert "deg/s about x, y, z" in text
 
 
 def test_only_the_scenario_of_the_pins_is_put_on_them() -> None:

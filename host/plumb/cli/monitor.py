@@ -2,86 +2,253 @@
 
     plumb monitor --board serial:/dev/ttyUSB0                 whatever is running there, read-only
     plumb monitor --board serial:/dev/ttyUSB0 --run live      begin a run on its own sensors, unarmed
+    plumb monitor --board serial:/dev/ttyUSB0 --reconnect     wait for the board, and come back to it when it is lost
     plumb monitor --board virtual --run live --seconds 20     the system of the image in motion, on the simulated board
     plumb monitor --board virtual --run live --system balancer       or another system's plant, on its own sensors
 
-The display is updated ten times a second: a block on a terminal, one line a second elsewhere, one line of JSON for each
-update with --json. Ends after --seconds, or with Ctrl-C. Without --run the link is read-only and a run in progress goes
-on; the host that began it selected the signals that it sends. A serial port has one client at a time, and opening it
-disarms a board that a host armed: watch such a run in the program that armed it. A board that the arm switch armed
-stays armed. --run live ends a run in progress, and its own run at the end.
+On a terminal the display is drawn ten times a second: every signal with its smallest and largest value and its recent
+course, what blocks arming, faults, counters. Keys: q ends, space freezes, r begins minimum and maximum again, + and -
+change the time span. It needs the extra `monitor`, and has no colours with NO_COLOR set. Elsewhere, and with --lines,
+one line a second is printed; with --json one line of JSON for each update.
+
+Ends after --seconds, or with Ctrl-C; both are a normal end. Without --run the link is read-only and a run in progress
+goes on; the host that began it selected the signals that it sends. A serial port has one client at a time, and opening
+it disarms a board that a host armed: watch such a run in the program that armed it. A board that the arm switch armed
+stays armed. --run live ends a run in progress, and its own run at the end. With --reconnect it begins another one when
+the board comes back without a run; it does not end a run that another host has begun meanwhile.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import math
-import shutil
+import signal
 import sys
-import textwrap
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
 
 from plumb.cli import options
 
 if TYPE_CHECKING:
     from plumb.boards.link import LinkBoard
     from plumb.link.identity import Identity
-    from plumb.link.monitor import Snapshot
+    from plumb.link.monitor import Extremes, Snapshot
+    from plumb.link.session import Session
 
 LOOKS_PER_LINE = 10
-SHOWN = {
-    "tilt_deg", "tilt_measured_deg", "rate_dps", "bias_dps", "command", "pulse_0_us", "pulse_1_us", "duty", "flags",
-    "velocity_mps", "roll_deg", "roll_bias_dps", "w", "x", "y", "z", "rate_x_dps", "rate_y_dps", "rate_z_dps",
-}  # fmt: skip
-"""Columns with a place of their own in the view; the others are listed by name."""
+RECONNECT_INTERVAL_S = 0.5
+"""Pause between two attempts to open the board."""
+KEY_INTERVAL_S = 0.05
+SPEED_OVER_S = 2.0
+"""Time over which the speed of a simulated board is measured."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_board(parser, linked=True)
     parser.add_argument("--run", choices=("live",), help="begin a run on the board's own sensors, unarmed")
+    parser.add_argument("--reconnect", action="store_true", help="wait for the board, and for it to come back")
     options.add_duration(parser)
     options.add_link_and_image(parser)
     options.add_plant(parser)
+    parser.add_argument("--lines", action="store_true", help="one line a second on a terminal, too")
     options.add_json(parser, ", one object a line")
 
 
-def main(arguments: argparse.Namespace) -> int:
-    from plumb.link import monitor
-    from plumb.process_signals import endings, raise_ending
+class View(Protocol):
+    """What a look is shown on. begin: a board answers; show: one look, with the speed of a simulated board; trouble:
+    why there is none; ended: whether the user has asked for the end."""
 
-    options.check_duration(arguments.seconds)
-    on_terminal = sys.stdout.isatty() and not arguments.json
-    with options.linked_board_of(arguments) as board:
-        paced = attach_plant(board, arguments.system, arguments.scenario, arguments.seed) and on_terminal
-        session = board.session
-        identity = session.identity or session.connect()
+    def __enter__(self) -> object: ...
+    def __exit__(self, *_: object) -> None: ...
+    def begin(self, identity: Identity) -> None: ...
+    def show(self, snapshot: Snapshot, extremes: Extremes, speed: float | None = None) -> None: ...
+    def trouble(self, text: str) -> None: ...
+    def ended(self) -> bool: ...
+
+
+class Printed:
+    """Lines on stdout: one for every LOOKS_PER_LINE looks, or JSON for each."""
+
+    def __init__(self, as_json: bool) -> None:
+        self._json, self._looks = as_json, 0
+
+    def __enter__(self) -> Printed:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def begin(self, identity: Identity) -> None:
+        self._looks = 0
         if identity.mismatch:
             print(f"plumb: warning: {identity.mismatch}", file=sys.stderr)
-        if arguments.run:
-            monitor.begin_live(session)
-        else:
+
+    def show(self, snapshot: Snapshot, extremes: Extremes, speed: float | None = None) -> None:
+        from plumb.cli.monitor_line import line
+
+        self._looks += 1
+        if self._json:
+            print(json.dumps(snapshot), flush=True)
+        elif self._looks % LOOKS_PER_LINE == 0:
+            print(line(snapshot), flush=True)
+
+    def trouble(self, text: str) -> None:
+        print(f"plumb: {text}", file=sys.stderr, flush=True)
+
+    def ended(self) -> bool:
+        return False
+
+
+def view_of(arguments: argparse.Namespace) -> tuple[View, bool]:
+    """The view that the options and the terminal allow, and whether it is drawn on a terminal."""
+    from plumb.extras import install_hint
+
+    if arguments.json or arguments.lines or not sys.stdout.isatty():
+        return Printed(arguments.json), False
+    try:
+        from rich.console import Console
+    except ImportError:
+        print(f"plumb: lines, because the display needs rich; install it {install_hint('monitor')}", file=sys.stderr)
+        return Printed(False), False
+    console = Console(highlight=False)
+    if console.is_dumb_terminal:
+        return Printed(False), False
+    from plumb.cli.monitor_screen import Screen
+
+    return Screen(console), True
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from plumb.errors import LinkError, UsageError
+    from plumb.link.monitor import Extremes
+    from plumb.process_signals import Terminated
+
+    options.check_duration(arguments.seconds)
+    if arguments.reconnect and arguments.board == "virtual":
+        raise UsageError("--reconnect is for a board over serial or CAN: --board virtual is never lost")
+    view, on_terminal = view_of(arguments)
+    watching = Watching(arguments, view, on_terminal, Extremes())
+    try:
+        with view:
+            while True:
+                try:
+                    return watching.once()
+                except LinkError as error:
+                    if not arguments.reconnect or watching.over():
+                        raise
+                    watching.say(str(error))
+                if watching.pause():
+                    return 0
+    except KeyboardInterrupt as error:  # while there is no board to show
+        if not arguments.reconnect or isinstance(error, Terminated):
+            raise
+        return 0
+
+
+class Watching:
+    """The looks at one board, over every connection to it.
+
+    A connection counts the --seconds by the board's clock, which is simulated for --board virtual; with --reconnect
+    they are counted by this machine's, so that the time without a board counts, too.
+    """
+
+    def __init__(self, arguments: argparse.Namespace, view: View, on_terminal: bool, extremes: Extremes) -> None:
+        self.arguments, self.view, self.on_terminal, self.extremes = arguments, view, on_terminal, extremes
+        self._begin_s = time.monotonic()
+        self._run_tag: int | None = None
+        self._said = ""
+
+    def over(self) -> bool:
+        """Whether the --seconds have passed."""
+        seconds = self.arguments.seconds
+        return seconds is not None and time.monotonic() - self._begin_s >= seconds
+
+    def say(self, text: str) -> None:
+        if text != self._said:
+            self._said = text
+            self.view.trouble(f"{text}; trying again")
+
+    def pause(self) -> bool:
+        """Wait until the next attempt; True once the user has ended the command. Raises KeyboardInterrupt."""
+        end_s = time.monotonic() + RECONNECT_INTERVAL_S
+        while time.monotonic() < end_s:
+            if self.view.ended():
+                return True
+            time.sleep(KEY_INTERVAL_S)
+        return False
+
+    def once(self) -> int:
+        """Connect and show looks until the end; raises LinkError when the board is lost."""
+        from plumb.process_signals import raise_ending
+
+        arguments = self.arguments
+        with options.linked_board_of(arguments) as board:
+            plant = attach_plant(board, arguments.system, arguments.scenario, arguments.seed)
+            session = board.session
+            identity = session.identity or session.connect()
+            self.view.begin(identity)
+            begun = self._begin_run(session)
+            caught = self._watch(session, Pace(session) if plant else None)
+            if begun:
+                session.end()
+        if signal.SIGTERM in caught:  # Ctrl-C is a normal end, this is none
+            raise_ending([signal.SIGTERM])
+        return 0
+
+    def _begin_run(self, session: Session) -> bool:
+        """Begin the run of --run live, or only listen; True if the run on the board is this command's to end."""
+        from plumb.link import monitor
+
+        if not self.arguments.run:
             monitor.read_only(session)
-        begin_s, begin_wall_s = session.clock(), time.monotonic()
+            return False
+        if self._run_tag is not None:  # a connection after the first one
+            mode, tag = monitor.present_run(session)
+            if mode != "IDLE":
+                return tag == self._run_tag
+        monitor.begin_live(session)
+        self._run_tag = session.run_tag
+        return True
+
+    def _watch(self, session: Session, pace: Pace | None) -> Sequence[int]:
+        """Show looks until the end; returns the signals that ended it."""
+        from plumb.link import monitor
+        from plumb.process_signals import endings
+
+        seconds = self.arguments.seconds
+        if seconds is not None and self.arguments.reconnect:
+            seconds = max(monitor.EVERY_S, seconds - (time.monotonic() - self._begin_s))
         with endings() as caught:
-            shown = 0
-            for look, snapshot in enumerate(monitor.watch(session, arguments.seconds)):
-                if caught:
+            for snapshot in monitor.watch(session, seconds, self.extremes):
+                self._said = ""
+                if caught or self.view.ended():
                     break
-                if arguments.json:
-                    print(json.dumps(snapshot), flush=True)
-                elif on_terminal:
-                    shown = show(block(identity, snapshot), over=shown)
-                elif look % LOOKS_PER_LINE == LOOKS_PER_LINE - 1:
-                    print(line(snapshot), flush=True)
-                if paced:
-                    time.sleep(max(0.0, session.clock() - begin_s - (time.monotonic() - begin_wall_s)))
-        if arguments.run:
-            session.end()
-    if caught:
-        raise_ending(caught)
-    return 0
+                self.view.show(snapshot, self.extremes, pace.speed() if pace else None)
+                if pace and self.on_terminal:
+                    pace.wait()
+        return caught
+
+
+class Pace:
+    """Time of a board simulated in this process against this machine's time."""
+
+    def __init__(self, session: Session) -> None:
+        self._clock = session.clock
+        self._begin = session.clock(), time.monotonic()
+        self._measured = [self._begin]
+
+    def wait(self) -> None:
+        """Sleep until real time has caught up."""
+        time.sleep(max(0.0, self._clock() - self._begin[0] - (time.monotonic() - self._begin[1])))
+
+    def speed(self) -> float | None:
+        """Simulated seconds per second over about SPEED_OVER_S; None at the beginning."""
+        now = self._clock(), time.monotonic()
+        self._measured.append(now)
+        while now[1] - self._measured[0][1] > SPEED_OVER_S:
+            self._measured.pop(0)
+        first = self._measured[0]
+        return (now[0] - first[0]) / (now[1] - first[1]) if now[1] - first[1] > SPEED_OVER_S / 4 else None
 
 
 def attach_plant(board: LinkBoard, system: str | None, scenario: str | None, seed: int) -> bool:
@@ -98,138 +265,3 @@ def attach_plant(board: LinkBoard, system: str | None, scenario: str | None, see
     assert isinstance(board, SimulatedBoard)
     plant_on_pins.show(board, system or board.session.system, scenario, seed)
     return True
-
-
-def number(value: float | None, unit: str, width: int = 9, places: int = 3) -> str:
-    text = "-" if value is None else f"{value:+.{places}f}"
-    return f"{text:>{width}} {unit}"
-
-
-def count(value: int | None) -> str:
-    return "-" if value is None else str(value)
-
-
-def state(snapshot: Snapshot) -> str:
-    """IDLE, LOCKSTEP, REALTIME live, and whether it is armed."""
-    words = [snapshot["mode"] or "-", "live" if snapshot["live"] else "", "ARMED" if snapshot["armed"] else "disarmed"]
-    return " ".join(filter(None, words))
-
-
-def block(identity: Identity, s: Snapshot) -> list[str]:
-    """The lines of the display on a terminal."""
-    from plumb.link.identity import PINS
-
-    rate = "-" if s["steps_per_s"] is None else f"{s['steps_per_s']:.1f}/s"
-    lost = f"steps {s['host_lost_steps']}, other frames {s['host_lost']}, rejected {s['host_rejected']}"
-    board = (
-        f"frames {count(s['board_lost'])}, rejected {count(s['board_rejected'])}, dropped {count(s['board_dropped'])}"
-    )
-    errors = f"errors sent {count(s['can_transmit_errors'])}, received {count(s['can_receive_errors'])}"
-    can = f"{'off the bus' if s['can_off_bus'] else 'on the bus'}, {errors}, times off {count(s['can_bus_offs'])}"
-    blocked = "; ".join(s["blocked"]) or "nothing blocks arming"
-    armed = "yes" if s["armed"] else f"no, the pins stay neutral; {blocked}"
-    idle = "no run is on: --run live begins one" if s["mode"] == "IDLE" else ""
-    return [
-        f"plumb board {identity.unique_id}, image {identity.git_hash or 'of no known commit'}, "
-        f"pins {PINS.get(identity['PINS'], '?')}",
-        f"time      {s['time_s']:10.2f} s    {state(s)}    step {count(s['step'])}, {rate}    {idle}".rstrip(),
-        f"tilt      {number(s['tilt_deg'], 'deg')}      measured {number(s['tilt_measured_deg'], 'deg')}",
-        f"rate      {number(s['rate_dps'], 'deg/s')}    bias     {number(s['bias_dps'], 'deg/s')}",
-        f"command   {number(s['command'], '')}         pulses   {pulses(s)}",
-        *drive_and_roll(s),
-        *attitude(s),
-        *others(s),
-        f"raw       {' '.join(map(str, s['raw'])) if s['raw'] else '-'}",
-        f"armed     {armed}",
-        f"faults    {'; '.join(s['faults']) or 'none'}",
-        f"last disarmed by  {'; '.join(s['disarm_cause']) or 'nothing'}",
-        f"events    saturated {count(s['saturated_steps'])}, starved {count(s['starved_steps'])}",
-        f"can       {can}",
-        f"lost here     {lost}",
-        f"by the board  {board}",
-    ]
-
-
-def drive_and_roll(s: Snapshot) -> list[str]:
-    """Lines of duty and velocity, and of roll, for systems that have these signals."""
-    lines = []
-    if s["duty"] is not None:
-        lines.append(f"duty      {number(s['duty'], '')}         velocity {number(s['velocity_mps'], 'm/s')}")
-    if s["roll_deg"] is not None:
-        lines.append(f"roll      {number(s['roll_deg'], 'deg')}      bias     {number(s['roll_bias_dps'], 'deg/s')}")
-    return lines
-
-
-def others(s: Snapshot) -> list[str]:
-    """A line for each column that no other line shows."""
-    return [f"{name:<9} {number(s[name], '')}" for name in other_columns() if s[name] is not None]
-
-
-def other_columns() -> list[str]:
-    """The columns without a place of their own in the view."""
-    from plumb.link.monitor import columns
-
-    return [name for name in columns() if name not in SHOWN]
-
-
-def attitude(s: Snapshot) -> list[str]:
-    """Lines of a system with a quaternion: Euler angles and body rates."""
-    if s["attitude"] is None or s["rates_dps"] is None:
-        return []
-    yaw, pitch, roll = angles_deg(s["attitude"])
-    rates = " ".join(number(rate, "", 8, 2) for rate in s["rates_dps"])
-    return [
-        f"attitude  {number(yaw, 'deg yaw')}  {number(pitch, 'deg pitch')}  {number(roll, 'deg roll')}",
-        f"turning   {rates} deg/s about x, y, z",
-    ]
-
-
-def angles_deg(quaternion: list[float]) -> tuple[float, float, float]:
-    """Yaw, pitch and roll in deg (rotation order z, y, x) of a quaternion w, x, y, z."""
-    w, x, y, z = quaternion
-    yaw = math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
-    pitch = math.degrees(math.asin(min(max(2 * (w * y - z * x), -1.0), 1.0)))
-    roll = math.degrees(math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)))
-    return yaw, pitch, roll
-
-
-def pulses(s: Snapshot) -> str:
-    return " ".join("-" if s[f"pulse_{i}_us"] is None else f"{s[f'pulse_{i}_us']:.1f}" for i in (0, 1)) + " us"
-
-
-def show(lines: list[str], *, over: int) -> int:
-    """Write the block over the previous one. over: rows that the previous one took; returns the rows of this one."""
-    width = max(shutil.get_terminal_size().columns - 1, 40)
-    rows = [row for text in lines for row in textwrap.wrap(text, width, subsequent_indent=" " * 10)]
-    back = f"\x1b[{over}A" if over else ""
-    print(back + "".join(f"{row}\x1b[K\n" for row in rows) + "\x1b[J", end="", flush=True)
-    return len(rows)
-
-
-def line(s: Snapshot) -> str:
-    """The display as one line, for a file or a pipe."""
-    lost = s["host_lost"] + s["host_lost_steps"]
-    trouble = [f"lost {lost}"] if lost else []
-    trouble += [f"rejected {s['host_rejected']}"] if s["host_rejected"] else []
-    trouble += [f"dropped {s['board_dropped']}"] if s["board_dropped"] else []
-    trouble += [f"saturated {s['saturated_steps']}"] if s["saturated_steps"] else []
-    trouble += s["faults"]
-    yaw, pitch, roll = angles_deg(s["attitude"]) if s["attitude"] else (None, None, s["roll_deg"])
-    values = [
-        ("tilt", s["tilt_deg"], "deg"),
-        ("yaw", yaw, "deg"),
-        ("pitch", pitch, "deg"),
-        ("roll", roll, "deg"),
-        ("rate", s["rate_dps"], "deg/s"),
-        ("bias", s["bias_dps"], "deg/s"),
-        ("duty", s["duty"], ""),
-        ("velocity", s["velocity_mps"], "m/s"),
-        *((name, s[name], "") for name in other_columns()),
-    ]
-    words = [f"{s['time_s']:.2f} s", state(s)]
-    words += [f"{name} {number(value, unit, 0)}".rstrip() for name, value, unit in values if value is not None]
-    if s["pulse_0_us"] is not None and s["duty"] is None:
-        words.append(f"pulses {pulses(s)}")
-    if s["step"] is not None:
-        words.append(f"step {s['step']}")
-    return "  ".join(words + trouble)

@@ -17,7 +17,7 @@ from plumb.link.identity import BLOCKED, FAULTS, IMPLAUSIBLE, bits_text, plausib
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES
 from plumb.link.session import PERIODIC, RAW_FRAMES, Session, selectable
 from plumb.spec import dbc, declarations
-from plumb.spec.protocol import Frame
+from plumb.spec.protocol import Frame, protocol
 from plumb.spec.signals import signals
 
 EVERY_S = 0.1
@@ -53,14 +53,44 @@ def columns() -> tuple[str, ...]:
     return tuple(dict.fromkeys(column for system in declarations.names() for _, column, _ in signals(system)))
 
 
+@lru_cache(maxsize=1)
+def _columns_of_frames() -> dict[int, list[tuple[int, str, float]]]:
+    """Identifier -> (position among the words of the frame, column, scale) of every signal of a system."""
+    found: dict[int, list[tuple[int, str, float]]] = {}
+    for system in declarations.names():
+        for (frame, signal), column, scale in signals(system):
+            message = protocol()[frame]
+            found.setdefault(message.identifier, []).append((message.words.index(signal), column, scale))
+    return found
+
+
+@dataclass
+class Extremes:
+    """Smallest and largest value of every column, over all frames and not only over those of a snapshot."""
+
+    low: dict[str, float] = field(default_factory=dict)
+    high: dict[str, float] = field(default_factory=dict)
+
+    def note(self, column: str, value: float) -> None:
+        self.low[column] = min(value, self.low.get(column, value))
+        self.high[column] = max(value, self.high.get(column, value))
+
+    def forget(self) -> None:
+        """Begin again with the next value."""
+        self.low.clear()
+        self.high.clear()
+
+
 @dataclass
 class Monitor:
     """Combines received frames: call `feed` with them, and `snapshot` for the present state.
 
-    heard_s: time of the last frame by the session's clock. lost_steps: steps whose STEP did not arrive.
+    extremes: where the smallest and largest values are noted, None for nowhere. heard_s: time of the last frame by the
+    session's clock. lost_steps: steps whose STEP did not arrive.
     """
 
     session: Session
+    extremes: Extremes | None = None
     heard_s: float = 0.0
     lost_steps: int = 0
     _last: dict[str, tuple[float, bytes]] = field(default_factory=dict)
@@ -79,6 +109,8 @@ class Monitor:
                 continue
             name = message.name
             self._last[name] = now_s, data
+            if self.extremes is not None:
+                self._note_extremes(self.extremes, identifier, data)
             if name == "STEP":
                 self._count(messages["STEP"].unpack(data)[2])
             elif name == "TIME":
@@ -86,6 +118,13 @@ class Monitor:
                 self._update_clock(step, time_us)
         if frames:
             self.heard_s = now_s
+
+    def _note_extremes(self, extremes: Extremes, identifier: int, data: bytes) -> None:
+        described = _columns_of_frames().get(identifier)
+        if described is not None:
+            words = self.session.protocol.by_identifier[identifier].unpack(data)[2:]
+            for position, column, scale in described:
+                extremes.note(column, words[position] * scale)
 
     def _count(self, step: int) -> None:
         gap = 0 if self._step is None else step - self._step - 1 & 0xFFFF
@@ -190,6 +229,18 @@ def read_only(session: Session) -> None:
         session.fast.write_text(b"L\r")
 
 
+def present_run(session: Session) -> tuple[str, int]:
+    """Mode of the board and tag of the run in progress, as its STATUS and TIME have them; raises LinkError when the
+    board does not say within SILENCE_S."""
+    end_s = session.clock() + SILENCE_S
+    while not {"STATUS", "TIME"} <= session.telemetry.keys():
+        if session.clock() >= end_s:
+            raise LinkError("the board sends no status: check cable and power, then start again")
+        session.receive(EVERY_S)
+    mode = session.protocol["STATUS"].choice("mode", session.telemetry["STATUS"]["mode"])
+    return mode, session.telemetry["TIME"]["run_tag"]
+
+
 def begin_live(session: Session) -> None:
     """Begin a run in real time on the board's own sensors, disarmed, with the frames of `selection`."""
     from plumb.spec.parameter_file import by_name
@@ -199,12 +250,13 @@ def begin_live(session: Session) -> None:
     session.begin("REALTIME_LIVE", frames=[name for name in selectable(session.system) if name in wanted])
 
 
-def watch(session: Session, seconds: float | None = None) -> Iterator[Snapshot]:
+def watch(session: Session, seconds: float | None = None, extremes: Extremes | None = None) -> Iterator[Snapshot]:
     """Yield a snapshot every EVERY_S of the session's clock, for `seconds` (None: without end).
 
-    Raises LinkError if nothing is received for SILENCE_S.
+    extremes: where the smallest and largest value of every column are noted. Raises LinkError if nothing is received
+    for SILENCE_S.
     """
-    monitor = Monitor(session)
+    monitor = Monitor(session, extremes)
     session.listener = monitor.feed
     begin_s = session.clock()
     shown = 0

@@ -1,0 +1,76 @@
+"""One look of `plumb monitor` as a line of text, and the values that every view of it shows."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from plumb.link.monitor import Snapshot
+
+LINE_COLUMNS = {
+    "tilt_deg", "tilt_measured_deg", "rate_dps", "bias_dps", "command", "pulse_0_us", "pulse_1_us", "duty", "flags",
+    "velocity_mps", "roll_deg", "roll_bias_dps", "w", "x", "y", "z", "rate_x_dps", "rate_y_dps", "rate_z_dps",
+}  # fmt: skip
+"""Columns that a line shows under a name of its own, or not at all; the others are shown under their own."""
+
+
+def number(value: float, unit: str) -> str:
+    return f"{value:+.3f} {unit}".rstrip()
+
+
+def count(value: int | None) -> str:
+    return "-" if value is None else str(value)
+
+
+def mode(snapshot: Snapshot) -> str:
+    """IDLE, LOCKSTEP, REALTIME, and `live` for a run on the board's own sensors."""
+    return " ".join(filter(None, [snapshot["mode"] or "-", "live" if snapshot["live"] else ""]))
+
+
+def armed(snapshot: Snapshot) -> str:
+    return "ARMED" if snapshot["armed"] else "disarmed"
+
+
+def angles_deg(quaternion: list[float]) -> tuple[float, float, float]:
+    """Yaw, pitch and roll in deg (rotation order z, y, x) of a quaternion w, x, y, z."""
+    w, x, y, z = quaternion
+    yaw = math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+    pitch = math.degrees(math.asin(min(max(2 * (w * y - z * x), -1.0), 1.0)))
+    roll = math.degrees(math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)))
+    return yaw, pitch, roll
+
+
+def pulses(s: Snapshot) -> str:
+    return " ".join("-" if s[f"pulse_{i}_us"] is None else f"{s[f'pulse_{i}_us']:.1f}" for i in (0, 1)) + " us"
+
+
+def line(s: Snapshot) -> str:
+    """The look as one line, for a file or a pipe."""
+    from plumb.link.monitor import columns
+
+    lost = s["host_lost"] + s["host_lost_steps"]
+    trouble = [f"lost {lost}"] if lost else []
+    trouble += [f"rejected {s['host_rejected']}"] if s["host_rejected"] else []
+    trouble += [f"dropped {s['board_dropped']}"] if s["board_dropped"] else []
+    trouble += [f"saturated {s['saturated_steps']}"] if s["saturated_steps"] else []
+    trouble += s["faults"]
+    yaw, pitch, roll = angles_deg(s["attitude"]) if s["attitude"] else (None, None, s["roll_deg"])
+    values = [
+        ("tilt", s["tilt_deg"], "deg"),
+        ("yaw", yaw, "deg"),
+        ("pitch", pitch, "deg"),
+        ("roll", roll, "deg"),
+        ("rate", s["rate_dps"], "deg/s"),
+        ("bias", s["bias_dps"], "deg/s"),
+        ("duty", s["duty"], ""),
+        ("velocity", s["velocity_mps"], "m/s"),
+        *((name, s[name], "") for name in columns() if name not in LINE_COLUMNS),
+    ]
+    words = [f"{s['time_s']:.2f} s", f"{mode(s)} {armed(s)}"]
+    words += [f"{name} {number(value, unit)}" for name, value, unit in values if value is not None]
+    if s["pulse_0_us"] is not None and s["duty"] is None:
+        words.append(f"pulses {pulses(s)}")
+    if s["step"] is not None:
+        words.append(f"step {s['step']}")
+    return "  ".join(words + trouble)
