@@ -17,14 +17,20 @@ class Bootloader(RomBootloader):
     """`with Bootloader() as chip:` serves at chip.port. flash: what it holds, 0xA5 everywhere at first."""
 
     def __init__(
-        self, faults: Faults | None = None, *, device_id: int = 0x410, flash_kib: int = 64, extended: bool = False
+        self,
+        faults: Faults | None = None,
+        *,
+        device_id: int = 0x410,
+        flash_kib: int = 64,
+        extended: bool = False,
+        version: int = 0x22,
     ) -> None:
         memory = bytearray(b"\xa5" * (flash_kib * 1024))
 
         def store(offset: int, data: bytes) -> None:
             memory[offset : offset + len(data)] = data
 
-        super().__init__(memory, store, device_id=device_id, extended=extended, faults=faults)
+        super().__init__(memory, store, device_id=device_id, extended=extended, faults=faults, version=version)
 
     def __enter__(self) -> Bootloader:
         self._far, self._near = pty.openpty()

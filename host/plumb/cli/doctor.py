@@ -1,10 +1,13 @@
-"""Check this machine: libraries, tools, the flash image, serial ports and the permission to open them; and a board.
+"""Check this machine: libraries, tools, the flash image, serial ports, drivers, who else takes ports; and a board.
 
     plumb doctor
     plumb doctor --board serial:/dev/ttyUSB0       the board's identity, its faults, and what blocks arming
+    plumb doctor --board auto                      the only board that is here
+    plumb doctor --probe openocd                   the chip at a debug probe, and whether it is a clone; it is reset
 
-Every line that is not ok says what to do. Exit code 0 when `plumb demo` can run, else 2; 1 when the board has a fault
-or does not match this version of plumb.
+Below a line that is not ok stands the command that mends it. Of a serial port where no board answers it says why: in
+use, no permission, another baud rate, BOOT0 at 1, another program on the chip, or silence. Exit code 0 when `plumb
+demo` can run, else 2; 1 when the board has a fault or does not match this version of plumb, 3 when it does not answer.
 """
 
 from __future__ import annotations
@@ -12,54 +15,83 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-import os
 import shutil
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumb.cli import options
+from plumb.extras import install_hint
+from plumb.link.findings import Finding
 
 if TYPE_CHECKING:
     from plumb.link.identity import Identity
     from plumb.link.session import Session
 
-from plumb.extras import install_hint
-
-
-@dataclass(frozen=True)
-class Finding:
-    what: str
-    good: bool
-    needed: bool
-    detail: str
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_board(parser, linked=True, required=False, about="check this board, too")
     options.add_link(parser)
+    parser.add_argument("--probe", metavar="openocd[:INTERFACE]|pyocd", help="check the chip at this debug probe, too")
     options.add_json(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb.errors import ExitCode
+    from plumb.errors import ExitCode, LinkError
+    from plumb.link.host_checks import host_checks
 
-    findings = [package(), *libraries(), *tools(), native_core(), image(), *serial_rights()]
-    bad = [finding for finding in findings if finding.needed and not finding.good]
-    ill = []
+    findings = [package(), *libraries(), *tools(), native_core(), image(), *host_checks()]
+    code = ExitCode.WRONG_USE if failures(findings) else ExitCode.GOOD
+    about: list[Finding] = []
+    if arguments.probe:
+        about += probed(arguments.probe)
     if arguments.board:
-        findings += board(arguments.board, arguments.link)
-        ill = [finding for finding in findings if finding.needed and not finding.good and finding not in bad]
+        try:
+            about += board(arguments.board, arguments.link)
+        except LinkError as error:
+            about += silent(arguments.board, error)
+            code = ExitCode.LINK_TROUBLE
+    if failures(about) and code == ExitCode.GOOD:
+        code = ExitCode.BAD_VERDICT
+    findings += about
     if arguments.json:
-        print(json.dumps({"good": not bad and not ill, "findings": [asdict(finding) for finding in findings]}))
-    else:
-        for finding in findings:
-            mark = "ok  " if finding.good else ("MISS" if finding.needed else "-   ")
-            print(f"{mark} {finding.what}: {finding.detail}")
-    if bad:
-        return ExitCode.WRONG_USE
-    return ExitCode.BAD_VERDICT if ill else ExitCode.GOOD
+        print(json.dumps({"good": not failures(findings), "findings": [asdict(finding) for finding in findings]}))
+        return code
+    for finding in findings:
+        mark = "ok  " if finding.good else ("MISS" if finding.needed else "-   ")
+        print(f"{mark} {finding.what}: {finding.detail}" + f"\n       {finding.mend}" * bool(finding.mend))
+    return code
+
+
+def failures(findings: list[Finding]) -> list[Finding]:
+    return [finding for finding in findings if finding.needed and not finding.good]
+
+
+def silent(spec: str, error: Exception) -> list[Finding]:
+    """Why the board did not answer, as far as its port shows."""
+    from plumb.flash.silent_port import diagnose
+    from plumb.link.endpoint_names import SerialName, parse_board
+
+    name = parse_board(spec)
+    found = [Finding("board", False, True, str(error))]
+    return found + list(diagnose(name)) if isinstance(name, SerialName) else found
+
+
+def probed(spec: str) -> list[Finding]:
+    """The chip at a debug probe; it is reset."""
+    from plumb.flash.debug_probe import CLONE_IDCODE, open_probe
+
+    tool = open_probe(spec)
+    chip = tool.identify()
+    tool.start()
+    found = [Finding("probe", True, False, f"{chip.part.density}, flash {chip.part.flash_kib} KiB")]
+    if chip.clone:
+        detail = f"the debug port says 0x{CLONE_IDCODE:08x}, and ST's says 0x1ba01477: the chip is a clone"
+        found.append(
+            Finding("clone", False, False, detail, "use it for trials; for flights take a board with ST's chip")
+        )
+    return found
 
 
 def libraries() -> Iterator[Finding]:
@@ -86,13 +118,14 @@ def libraries() -> Iterator[Finding]:
 
 def tools() -> Iterator[Finding]:
     for command, purpose, package in (
-        ("arm-none-eabi-gcc", "builds the flash image", "gcc-arm-none-eabi and libnewlib-arm-none-eabi"),
+        ("arm-none-eabi-gcc", "builds the flash image", "gcc-arm-none-eabi libnewlib-arm-none-eabi"),
         ("qemu-system-arm", "runs the core on a second CPU", "qemu-system-arm"),
         ("cmake", "builds everything", "cmake"),
         ("openocd", "plumb flash --probe openocd", "openocd"),
     ):
         path = shutil.which(command)
-        yield Finding(command, path is not None, False, path or f"{purpose}: apt install {package}")
+        mend = "" if path else f"sudo apt install {package}"
+        yield Finding(command, path is not None, False, path or purpose, mend)
 
 
 def native_core() -> Finding:
@@ -145,20 +178,6 @@ def package() -> Finding:
     return Finding("plumb", True, True, f"{installed().version}, commit {installed().commit or 'unknown'}, {PACKAGE}")
 
 
-def serial_rights() -> Iterator[Finding]:
-    from serial.tools import list_ports
-
-    for port in list_ports.comports():
-        path = Path(port.device)
-        if not path.exists():
-            continue
-        if os.access(path, os.R_OK | os.W_OK):
-            yield Finding(port.device, True, False, port.description)
-        else:
-            remedy = f"no permission: sudo usermod -aG {path.group()} $USER, then log in again"
-            yield Finding(port.device, False, False, remedy)
-
-
 def pins(session: Session, identity: Identity) -> Finding:
     """The pin set of the strap, and that of the parameters if it differs."""
     from plumb.link.identity import FAULT_STRAP, PINS
@@ -174,6 +193,18 @@ def pins(session: Session, identity: Identity) -> Finding:
     return Finding("pins", False, True, f"the strap says {chosen}; {now}{later}")
 
 
+def update(identity: Identity) -> str:
+    """The command that makes board and plumb match; "" when they do."""
+    from plumb.checkout import IN_CHECKOUT
+    from plumb.spec.protocol import protocol
+
+    if not identity.mismatch:
+        return ""
+    if identity["PROTOCOL_VERSION"] > protocol().version:
+        return "git pull, then make image native" if IN_CHECKOUT else "pip install --upgrade plumb-imu"
+    return "plumb flash --port auto"
+
+
 def board(spec: str, link: str = "serial") -> list[Finding]:
     """The board's identity, faults and arming state. Raises LinkError if it does not answer, UsageError for a wrong
     name."""
@@ -187,7 +218,7 @@ def board(spec: str, link: str = "serial") -> list[Finding]:
         commit, mismatch = identity.git_hash or "of no known commit", identity.mismatch
         flash_kib = identity["FLASH_KIB"] or "64 or more (size not readable)"
         found = [
-            Finding("board", not mismatch, True, mismatch or f"{identity.unique_id}, image {commit}"),
+            Finding("board", not mismatch, True, mismatch or f"{identity.unique_id}, image {commit}", update(identity)),
             Finding("chip", True, False, f"flash {flash_kib} KiB, RAM {identity['RAM_KIB']} KiB"),
             Finding("last reset", "watchdog" not in identity.reset_cause, False, identity.reset_cause),
             Finding("systems", True, False, ", ".join(identity.systems)),

@@ -57,10 +57,11 @@ class RomBootloader:
         *,
         device_id: int = 0x410,
         extended: bool = False,
+        version: int = 0x22,
         faults: Faults | None = None,
     ) -> None:
         self.faults = faults or Faults()
-        self.device_id, self.extended = device_id, extended
+        self.device_id, self.extended, self.version = device_id, extended, version
         self.page_bytes = 1024 if device_id == 0x410 else 2048
         self.flash, self._store = flash, store
         self.erased: list[int] = []
@@ -139,11 +140,11 @@ class RomBootloader:
     def _get(self) -> Step:
         erase = EXTENDED_ERASE if self.extended else ERASE
         commands = bytes([GET, GET_VERSION, GET_ID, READ, GO, WRITE, erase, 0x63, 0x73, 0x82, 0x92])
-        self._send(bytes([len(commands), 0x22]) + commands + ACK)
+        self._send(bytes([len(commands), self.version]) + commands + ACK)
         yield from ()
 
     def _get_version(self) -> Step:
-        self._send(b"\x22\x00\x00" + ACK)
+        self._send(bytes([self.version, 0, 0]) + ACK)
         yield from ()
 
     def _get_id(self) -> Step:

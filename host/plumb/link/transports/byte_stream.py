@@ -19,6 +19,7 @@ from can import CanInitializationError, CanOperationError
 
 from plumb.errors import LinkError, UsageError
 from plumb.link.endpoint_names import SerialName, TcpName, UdpName, parse_network, split_rate
+from plumb.link.port_holders import holders
 from plumb.link.transports.serial_ports import check_port
 
 WRITE_TIMEOUT_S = 2.0
@@ -147,7 +148,9 @@ def open_advice(port: str, error: Exception) -> str:
     if number == 13 or "permission" in text or "access is denied" in text:
         return f"no permission to open {port}: add yourself to the group that owns it (often dialout) and log in again"
     if number == 16 or "busy" in text or "exclusively lock" in text:
-        return f"{port} is in use: close the other program (ModemManager holds new ports for some seconds)"
+        by = ", ".join(map(str, holders(port)))
+        who = f" by {by}" if by else ""
+        return f"{port} is in use{who}: close the other program (ModemManager holds new ports for some seconds)"
     if number == 2 or "no such file" in text or "could not open port" in text or "filenotfound" in text:
         return f"there is no port {port}: plug the board in, and list the ports with `plumb ports`"
     return f"{port} cannot be opened ({error}): check the port, or choose another with `plumb ports`"
