@@ -26,6 +26,9 @@ if [ "$purpose" = test ]; then
     # The flashing tools that plumb drives, or that should get on with its simulated bootloader.
     need openocd openocd
     need stm32flash stm32flash
+    # Shells whose completion is tried; bash is there.
+    need zsh zsh
+    need fish fish
     # 32-bit builds of the core need the 32-bit C library.
     printf 'int main(void){return 0;}' | gcc -m32 -x c - -o /dev/null 2>/dev/null || missing="$missing gcc-multilib"
 fi
