@@ -80,7 +80,7 @@ def script(shell: str) -> str:
         command_module(name).add_arguments(parser)
         complete_values(name, parser)
     preamble = {"bash": "\n".join([BASH, *map(bash_function, KINDS)]), "zsh": ZSH}
-    text = str(shtab.complete(whole, shell=shell, preamble=preamble))
+    text = str(shtab.complete(whole, shell=shell, preamble=preamble.get(shell, "")))
     return text + BASH_END if shell == "bash" else text
 
 
