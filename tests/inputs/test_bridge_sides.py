@@ -13,6 +13,7 @@ import pytest
 
 from plumb.errors import LinkError, UsageError
 from plumb.inputs.bridge import BACKLOG_WINDOW, Bridge
+from plumb.inputs.bus_tap import BusTap
 from plumb.inputs.frame_counts import BoardCounts
 from plumb.inputs.sensor_board import RESET_AFTER_S, SensorBoard
 from plumb.link.lockstep import sample_frames
@@ -279,3 +280,54 @@ def test_the_plant_rests_until_armed_and_is_reset_after_a_disarm() -> None:
     assert board.plant is not fallen and times[-1] < 0.1
     bus.shutdown()
     stm32.shutdown()
+
+
+class ListeningBus:
+    """A bus of listeners: keeps what it was sent. talk: frames that the listeners send; broken: it fails."""
+
+    def __init__(self) -> None:
+        self.heard: list[int] = []
+        self.talk: list[can.Message] = []
+        self.broken = False
+
+    def send(self, message: can.Message, timeout: float | None = None) -> None:
+        if self.broken:
+            raise can.CanOperationError("gone")
+        self.heard.append(message.arbitration_id)
+
+    def recv(self, _timeout: float | None = None) -> can.Message | None:
+        return self.talk.pop() if self.talk else None
+
+
+def tap_of(bus: ListeningBus, said: list[str]) -> BusTap:
+    return BusTap(bus, said.append)  # type: ignore[arg-type]
+
+
+def test_listeners_of_a_bridge_see_both_sides_and_move_nothing(sides: tuple[ServedBoard, ServedSensors, str]) -> None:
+    board, _, sensor = sides
+    bus, said = ListeningBus(), []  # type: ignore[var-annotated]
+    tap = tap_of(bus, said)
+    running = Running(sensor, board.spec, tap=tap.send)
+    try:
+        running.wait_for("run 1:")
+        running.wait_for(lambda: running.bridge.steps > 10)
+        disarm = protocol()["DISARM"]
+        bus.talk = [can.Message(arbitration_id=disarm.identifier, data=disarm.pack(0, 0, 0, 0)) for _ in range(3)]
+        tap.serve()
+        assert tap.discarded == 3 and bus.talk == []
+        wanted = {protocol()[name].identifier for name in ("SAMPLE_A", "STEP", "RAW_A", "QUAD_ANGLE", "TIME", "ACK")}
+        assert wanted <= set(bus.heard)
+        bus.broken = True
+        steps = running.bridge.steps
+        running.wait_for(lambda: running.bridge.steps > steps + 10)
+    finally:
+        running.close()
+    assert said == ["the frames are no longer served: gone"]
+
+
+def test_a_talkative_listener_does_not_hold_up_the_bridge() -> None:
+    bus = ListeningBus()
+    bus.talk = [can.Message(arbitration_id=1) for _ in range(10_000)]
+    tap = tap_of(bus, [])
+    tap.serve()
+    assert tap.discarded == 100

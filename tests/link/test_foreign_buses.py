@@ -11,7 +11,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 
 import can
 import pytest
@@ -21,7 +21,8 @@ from plumb.link.session import Session
 from plumb.link.transports.can_bus import MALFORMED_IN_A_ROW, AnyBus, DriverBus
 from plumb.link.transports.open_bus import open_bus
 from plumb.link.transports.server_endpoint import TcpEndpoint
-from plumb.link.transports.socketcand import SocketcandBus, SocketcandClient
+from plumb.link.transports.socketcand import SocketcandClient
+from plumb.link.transports.socketcand_server import MOST_CLIENTS, SocketcandBus
 from plumb.spec.protocol import protocol
 
 ANGLE = protocol()["QUAD_ANGLE"]
@@ -248,6 +249,42 @@ def test_frames_go_both_ways_over_socketcand(opened: Callable[[str], can.BusABC]
         assert [(m.arbitration_id, m.is_extended_id, bytes(m.data)) for m in said if m is not None] == [
             (m.arbitration_id, m.is_extended_id, bytes(m.data)) for m in (GOOD, other)
         ]
+
+
+def test_a_socketcand_serves_several_clients_as_a_wire_does() -> None:
+    """What one sends, the board and the other clients receive, and not the sender; the board's frames come to all; one
+    that does not read, or leaves, holds up nobody."""
+    telemetry = can.Message(arbitration_id=0x100, data=bytes(8), is_extended_id=False)
+    with served() as (bus, heard), ours(bus.address) as near, stock(bus.address) as logger:
+        host, port = bus.address.split(":")
+        with socket.create_connection((host, int(port))) as deaf:
+            deaf.sendall(
+                b"< open can0 >< rawmode >< echo >< nonsense >< send 123 8 1 >< send 123 9 0 0 0 0 0 0 0 0 0 >"
+            )
+            wait_for(lambda: bus.heard == 3)
+            near.send(GOOD)
+            wait_for(lambda: len(heard) == 1)
+            for _ in range(3000):
+                bus.send(telemetry)
+            said = deaf.recv(1000)
+            assert said.startswith(b"< hi >< ok >< ok >< echo >" + 3 * b"< error unknown command >")
+        first = logger.recv(WAIT_S)
+        assert first is not None and (first.arbitration_id, bytes(first.data)) == (
+            GOOD.arbitration_id,
+            bytes(GOOD.data),
+        )
+        wait_for(lambda: bus.heard == 2)
+        for listener in (logger, near):
+            message = listener.recv(WAIT_S)
+            assert message is not None and message.arbitration_id == 0x100
+
+
+def test_more_clients_than_a_socketcand_takes_are_turned_away() -> None:
+    with served() as (bus, _), ExitStack() as open_ones:
+        for _ in range(MOST_CLIENTS):
+            open_ones.enter_context(ours(bus.address))
+        with pytest.raises(LinkError):
+            ours(bus.address)
 
 
 def test_a_socketcand_that_goes_away_is_noticed() -> None:

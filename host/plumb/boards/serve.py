@@ -17,6 +17,7 @@ from plumb.boards.flash_file import KeptSlots
 from plumb.errors import LinkError
 from plumb.f103.core.timeline import TICKS_PER_S
 from plumb.link.endpoint_names import DEFAULT_KBIT, CanName, SocketcandServerName, parse_can_end
+from plumb.link.real_time_watch import RealTimeWatch
 from plumb.link.transports.server_endpoint import ServerEndpoint, open_endpoint
 
 SLICE_S = 0.0003
@@ -60,12 +61,17 @@ def run_paced(
     stopped: Callable[[], bool],
     joint: Joined | None = None,
     kept: KeptSlots | None = None,
+    say: Callable[[str], None] = lambda text: None,
 ) -> None:
     """Run the board in real time until stopped() is true; bytes pass between its UART and `line`, frames through
-    `joint`."""
+    `joint`. say: called with a sentence when the board falls behind real time, and when it keeps up again."""
     begin_wall, begin_ticks = time.monotonic(), machine.now
+    started_s = begin_wall
+    watch = RealTimeWatch("the virtual board", "this machine is too slow or too busy for it", say, time.monotonic)
     while not stopped():
-        elapsed = time.monotonic() - begin_wall
+        now_s = time.monotonic()
+        watch.note((machine.now - begin_ticks) / TICKS_PER_S, now_s - started_s)
+        elapsed = now_s - begin_wall
         due = begin_ticks + int(elapsed * TICKS_PER_S)
         machine.run_to(min(due, machine.now + int(4 * SLICE_S * TICKS_PER_S)))
         behind_s = (due - machine.now) / TICKS_PER_S
@@ -94,7 +100,7 @@ def open_can_end(spec: str) -> can.BusABC:
     serves socketcand, INTERFACE:CHANNEL[@KBIT] is any python-can bus. Raises UsageError, LinkError."""
     from plumb.link.transports.open_bus import open_can
     from plumb.link.transports.slcan_server import AdapterBus
-    from plumb.link.transports.socketcand import SocketcandBus
+    from plumb.link.transports.socketcand_server import SocketcandBus
 
     name = parse_can_end(spec)
     if isinstance(name, CanName):
@@ -107,7 +113,7 @@ def open_can_end(spec: str) -> can.BusABC:
 def address_of(bus: can.BusABC, spec: str) -> str:
     """The board name by which a host reaches the board over this bus."""
     from plumb.link.transports.slcan_server import AdapterBus
-    from plumb.link.transports.socketcand import SocketcandBus
+    from plumb.link.transports.socketcand_server import SocketcandBus
 
     if isinstance(bus, AdapterBus):
         return f"can:slcan:{bus.address}"
@@ -146,15 +152,16 @@ def serve(
     can_spec: str | None = None,
     kept: KeptSlots | None = None,
     announce: Callable[[str], None] = print,
+    say: Callable[[str], None] = lambda text: None,
 ) -> None:
     """Serve the board's UART on `spec`, and its CAN bus, coupled by join(), on `can_spec`, until stopped() is true.
 
-    announce is called with the address of each, as a board's name without `serial:`.
+    announce is called with the address of each, as a board's name without `serial:`; say as in `run_paced`.
     """
     line = open_endpoint(spec, link)
     try:
         with joined(join, can_spec, announce) as joint:
             announce(line.address)
-            run_paced(machine, line, stopped, joint, kept)
+            run_paced(machine, line, stopped, joint, kept, say)
     finally:
         line.close()

@@ -5,6 +5,7 @@
     plumb bridge can:socketcan:can0 can:socketcan:can0 --shadow   both on one bus: frames are watched, not forwarded
     plumb bridge can:socketcan:can0 serial:/dev/ttyUSB0 --direct  the sensor board is on the STM32's own CAN bus
     plumb bridge serial:/dev/pts/3 tcp:127.0.0.1:4000 --carry     forward frames only, both ways
+    plumb bridge tcp:127.0.0.1:4100 serial:/dev/ttyUSB0 --serve socketcand:4003     and show all frames to other tools
 
 The first BUS is that of the sensor board, the second that of the STM32. The bridge uploads the system's parameters,
 begins a run on injected samples with the first sample, ends it (which disarms) when samples stop, and begins a new one
@@ -14,17 +15,22 @@ integer model in parallel with the board and stops at the first bit that differs
 With --direct, samples and setpoints reach the STM32 over its own CAN bus. The bridge owns the run over another link;
 the run names CAN as their source, and the STM32 accepts them from CAN only.
 
+--serve shows the frames of both sides to loggers and analysers: on slcan:pty or slcan:tcp:PORT to one, on
+socketcand:PORT to several, or on any bus of python-can, INTERFACE:CHANNEL. They only listen: what they send is
+discarded.
+
 Exit codes: 1 a bit differed; 3 no run began, a bus never opened, or --shadow verified nothing; 130 Ctrl-C.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Literal, NotRequired, TypedDict
 
 from plumb.cli import options
@@ -32,6 +38,7 @@ from plumb.cli import options
 if TYPE_CHECKING:
     from plumb.inputs.bridge import Bridge
     from plumb.inputs.bus_end import End
+    from plumb.inputs.bus_tap import BusTap
     from plumb.inputs.frame_counts import Flow
     from plumb.tuning.quantise import ControlParams
 
@@ -85,6 +92,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--direct", action="store_true", help="the sensor board is on the STM32's CAN bus: samples are not forwarded"
     )
+    parser.add_argument("--serve", metavar="BUS", help="show the frames of both sides on this bus")
     parser.add_argument("--carry", action="store_true", help="forward frames only: another host owns the run")
     options.add_duration(parser)
     options.add_json(parser, " at the end")
@@ -92,7 +100,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     from plumb.errors import ExitCode, UsageError, exit_code_of
-    from plumb.link.endpoint_names import CanName, parse_bus
+    from plumb.link.endpoint_names import CanName, parse_bus, parse_can_end
     from plumb.process_signals import endings
 
     on_can = [isinstance(parse_bus(spec), CanName) for spec in (arguments.sensor, arguments.board)]
@@ -103,17 +111,23 @@ def main(arguments: argparse.Namespace) -> int:
         raise UsageError("--direct is for a sensor board on the STM32's CAN bus: name that bus first, without --carry")
     if arguments.sensor == arguments.board and (arguments.carry or not on_can[1]):
         raise UsageError(f"{arguments.board} is given twice: sensor board and STM32 can only share a CAN bus")
-    with endings() as caught:
+    if arguments.serve:
+        parse_can_end(arguments.serve)
+        if f"can:{arguments.serve}" in (arguments.sensor, arguments.board):
+            raise UsageError(f"--serve {arguments.serve} is a bus of the bridge itself: name another one")
+    with endings() as caught, tapped(arguments) as tap:
         begin_s: float | None = None
 
         def stopped() -> bool:
             nonlocal begin_s
             if begin_s is None:
                 begin_s = time.monotonic()  # from the first call: loading and quantising take a while
+            if tap is not None:
+                tap.serve()
             over = arguments.seconds is not None and time.monotonic() - begin_s >= arguments.seconds
             return bool(caught) or over
 
-        summary = carried(arguments, stopped) if arguments.carry else bridged(arguments, stopped)
+        summary = (carried if arguments.carry else bridged)(arguments, stopped, tap)
         summary["seconds"] = round(time.monotonic() - (begin_s or time.monotonic()), 3)
     print(json.dumps(summary) if arguments.json else describe(summary))
     if signal.SIGINT in caught:
@@ -130,21 +144,35 @@ def say(text: str) -> None:
     print(f"{over}plumb: {text}", file=sys.stderr, flush=True)
 
 
-def carried(arguments: argparse.Namespace, stopped: Callable[[], bool]) -> Summary:
+@contextlib.contextmanager
+def tapped(arguments: argparse.Namespace) -> Iterator[BusTap | None]:
+    """The bus of --serve, and where it is printed."""
+    if not arguments.serve:
+        yield None
+        return
+    from plumb.boards.serve import address_of, open_can_end
+    from plumb.inputs.bus_tap import BusTap
+
+    with open_can_end(arguments.serve) as bus:
+        say(f"serving the frames of both sides at {address_of(bus, arguments.serve)}")
+        yield BusTap(bus, say)
+
+
+def carried(arguments: argparse.Namespace, stopped: Callable[[], bool], tap: BusTap | None) -> Summary:
     from plumb.inputs.bus_end import End, carry
 
     ends = [End(arguments.sensor), End(arguments.board)]
     for one in ends:
         one.start()
     try:
-        carry(ends[0], ends[1], stopped, say)
+        carry(ends[0], ends[1], stopped, say, *([tap.send] if tap else []))
     finally:
         for one in ends:
             one.stop()
     return {"first": flow(ends[0].flow, ends[0]), "second": flow(ends[1].flow, ends[1])}
 
 
-def bridged(arguments: argparse.Namespace, stopped: Callable[[], bool]) -> Summary:
+def bridged(arguments: argparse.Namespace, stopped: Callable[[], bool], tap: BusTap | None) -> Summary:
     from plumb import systems
     from plumb.errors import UsageError
     from plumb.inputs.bridge import Bridge
@@ -169,6 +197,7 @@ def bridged(arguments: argparse.Namespace, stopped: Callable[[], bool]) -> Summa
         direct=arguments.direct,
         params_of=None if arguments.keep_parameters else params_of,
         say=say,
+        tap=tap.send if tap else lambda frames: None,
     )
     bridge.run(watched(bridge, stopped) if sys.stderr.isatty() else stopped)
     return summary_of(bridge)

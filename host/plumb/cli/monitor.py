@@ -9,7 +9,8 @@
 On a terminal the display is drawn ten times a second: every signal with its smallest and largest value and its recent
 course, what blocks arming, faults, counters. Keys: q ends, space freezes, r begins minimum and maximum again, + and -
 change the time span. It needs the extra `monitor`, and has no colours with NO_COLOR set. Elsewhere, and with --lines,
-one line a second is printed; with --json one line of JSON for each update.
+one line a second is printed; with --json one line of JSON for each update. --udp 9870 also sends every step as JSON in
+UDP datagrams to this machine (to another with HOST:PORT): PlotJuggler plots them.
 
 Ends after --seconds, or with Ctrl-C; both are a normal end. Without --run the link is read-only and a run in progress
 goes on; the host that began it selected the signals that it sends. A serial port has one client at a time, and opening
@@ -21,6 +22,7 @@ the board comes back without a run; it does not end a run that another host has 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import signal
 import sys
@@ -33,6 +35,7 @@ from plumb.cli import options
 if TYPE_CHECKING:
     from plumb.boards.link import LinkBoard
     from plumb.link.identity import Identity
+    from plumb.link.json_stream import JsonStream
     from plumb.link.monitor import Extremes, Snapshot
     from plumb.link.session import Session
 
@@ -51,6 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_duration(parser)
     options.add_link_and_image(parser)
     options.add_plant(parser)
+    parser.add_argument("--udp", metavar="[HOST:]PORT", help="also send every step as JSON over UDP, for PlotJuggler")
     parser.add_argument("--lines", action="store_true", help="one line a second on a terminal, too")
     options.add_json(parser, ", one object a line")
 
@@ -120,16 +124,18 @@ def view_of(arguments: argparse.Namespace) -> tuple[View, bool]:
 
 def main(arguments: argparse.Namespace) -> int:
     from plumb.errors import LinkError, UsageError
+    from plumb.link.json_stream import JsonStream, parse_target
     from plumb.link.monitor import Extremes
     from plumb.process_signals import Terminated
 
     options.check_duration(arguments.seconds)
     if arguments.reconnect and arguments.board == "virtual":
         raise UsageError("--reconnect is for a board over serial or CAN: --board virtual is never lost")
+    stream = None if arguments.udp is None else JsonStream(*parse_target(arguments.udp))
     view, on_terminal = view_of(arguments)
-    watching = Watching(arguments, view, on_terminal, Extremes())
+    watching = Watching(arguments, view, on_terminal, Extremes(), stream)
     try:
-        with view:
+        with view, contextlib.closing(stream) if stream else contextlib.nullcontext():
             while True:
                 try:
                     return watching.once()
@@ -152,7 +158,15 @@ class Watching:
     they are counted by this machine's, so that the time without a board counts, too.
     """
 
-    def __init__(self, arguments: argparse.Namespace, view: View, on_terminal: bool, extremes: Extremes) -> None:
+    def __init__(
+        self,
+        arguments: argparse.Namespace,
+        view: View,
+        on_terminal: bool,
+        extremes: Extremes,
+        stream: JsonStream | None,
+    ) -> None:
+        self._also = None if stream is None else stream.feed
         self.arguments, self.view, self.on_terminal, self.extremes = arguments, view, on_terminal, extremes
         self._begin_s = time.monotonic()
         self._run_tag: int | None = None
@@ -219,7 +233,7 @@ class Watching:
         if seconds is not None and self.arguments.reconnect:
             seconds = max(monitor.EVERY_S, seconds - (time.monotonic() - self._begin_s))
         with endings() as caught:
-            for snapshot in monitor.watch(session, seconds, self.extremes):
+            for snapshot in monitor.watch(session, seconds, self.extremes, self._also):
                 self._said = ""
                 if caught or self.view.ended():
                     break

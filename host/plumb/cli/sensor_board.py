@@ -6,7 +6,7 @@
 
 The outputs of the STM32 move the plant while it is armed. Until then the plant stays at rest, because a board can only
 be armed at rest; a few seconds after a disarm it is reset. With --open-loop the motion is prescribed and begins at
-once. Runs until Ctrl-C, or for --seconds.
+once. Runs until Ctrl-C, or for --seconds. When this machine is too slow for real time, the board says so.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import signal
+import sys
 from pathlib import Path
 
 from plumb.cli import options
@@ -47,6 +48,9 @@ def main(arguments: argparse.Namespace) -> int:
     system = systems.load(arguments.system)
     scenario = system.scenario(arguments.scenario or system.DEFAULT_SCENARIO, arguments.seed)
 
+    def say(text: str) -> None:
+        print(f"plumb: {text}", file=sys.stderr, flush=True)
+
     def plant() -> Plant:
         return system.plant(scenario, open_loop=arguments.open_loop)
 
@@ -54,7 +58,7 @@ def main(arguments: argparse.Namespace) -> int:
         print(f"{arguments.system} sends samples on {bus.channel_info}; Ctrl-C ends it", flush=True)
         rest_s = REST_S if system.OUTPUT_FRAMES and not arguments.open_loop else 0.0
         greet = isinstance(parse_bus(arguments.bus), CanName)
-        board = SensorBoard(bus, plant, scenario.period_us, system.OUTPUT_FRAMES, greet=greet, rest_s=rest_s)
+        board = SensorBoard(bus, plant, scenario.period_us, system.OUTPUT_FRAMES, greet=greet, rest_s=rest_s, say=say)
         board.run(lambda: bool(caught), arguments.seconds)
     summary = {"system": arguments.system, "samples": board.sent, "late": board.late}
     if arguments.json:

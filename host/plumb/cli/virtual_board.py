@@ -5,7 +5,8 @@
     plumb virtual-board --serial pty --system quad with the plant on its pins, for live runs
     plumb virtual-board --can slcan:pty            its CAN bus behind an SLCAN adapter: can:slcan:TERMINAL
     plumb virtual-board --can slcan:tcp:4001       the same over TCP: can:slcan:socket://127.0.0.1:4001
-    plumb virtual-board --can socketcand:4002      as a socketcand server: can:socketcand:127.0.0.1:4002:can0
+    plumb virtual-board --can socketcand:4002      as a socketcand server: can:socketcand:127.0.0.1:4002:can0, for
+                                                   several clients: all receive what one has asked for
     plumb virtual-board --can socketcan:vcan0      or a node on any bus that python-can opens, INTERFACE:CHANNEL[@KBIT]
 
     plumb virtual-board --strap bridge             the strap (PB4, PB5) wired for these pins; default: as --system wants
@@ -16,7 +17,7 @@ The board runs the flash image unmodified, or with --port native the same main l
 Ctrl-C; starting it again is power off and on. With --system the board starts as that system, its tuning and its pin set
 saved, as after `plumb params tuning SYSTEM --save` and a reset, unless --keep has parameters; without --system it
 starts with factory parameters. The strap decides where UART and actuators are: while the saved parameter `pins`
-disagrees with it, the board drives no actuator pin.
+disagrees with it, the board drives no actuator pin. When this machine is too slow for real time, the board says so.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from __future__ import annotations
 import argparse
 import functools
 import signal
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -74,6 +76,9 @@ def main(arguments: argparse.Namespace) -> int:
         entry.add(address if address.startswith("can:") else f"serial:{address}")
         print(f"serving the virtual board at {address}; use it as {name}; Ctrl-C ends it", flush=True)
 
+    def say(text: str) -> None:
+        print(f"plumb: {text}", file=sys.stderr, flush=True)
+
     with endings() as caught, Entry(arguments.system or "") as entry:
         serve(
             board,
@@ -84,6 +89,7 @@ def main(arguments: argparse.Namespace) -> int:
             can_spec=arguments.can,
             kept=kept,
             announce=announce,
+            say=say,
         )
     if caught[:1] == [signal.SIGINT]:
         raise KeyboardInterrupt

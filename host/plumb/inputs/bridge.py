@@ -15,10 +15,20 @@ from collections import deque
 from collections.abc import Callable
 
 from plumb.errors import LinkError
-from plumb.inputs.bus_end import LOOP_INTERVAL_S, PEER_TIMEOUT_S, POLL_INTERVAL_S, RECONNECT_INTERVAL_S, End, Open, Say
+from plumb.inputs.bus_end import (
+    LOOP_INTERVAL_S,
+    PEER_TIMEOUT_S,
+    POLL_INTERVAL_S,
+    RECONNECT_INTERVAL_S,
+    End,
+    Open,
+    Say,
+    Tap,
+)
 from plumb.inputs.frame_counts import BoardCounts, Flow
 from plumb.inputs.sample_assembler import Samples
 from plumb.link.identity import NackError, disarmed_text
+from plumb.link.real_time_watch import RealTimeWatch
 from plumb.link.realtime import Capture
 from plumb.link.session import BLOCKED_IMPLAUSIBLE, BLOCKED_NOT_READY, Session
 from plumb.link.transports.open_bus import open_bus
@@ -50,7 +60,7 @@ class Bridge:
     params: parameters to upload when a run begins, with those of the link's part by name (`link`). None: those that
     params_of returns for the board's system; without params_of, the board keeps its own. frames: frames of the actuator
     to select beside the raw counts; () selects all of the system. arm: arm once, when the first run has steps; after a
-    disarm the board stays disarmed. say: called with messages for the user.
+    disarm the board stays disarmed. say: called with messages for the user. tap: called with all frames of both sides.
 
     runs, steps: of the board. skipped: samples left out to keep the latency short. unused: samples received while no
     run was in progress. If both names are the same CAN bus, the samples reach the STM32 directly and the bridge
@@ -71,6 +81,7 @@ class Bridge:
         direct: bool = False,
         params_of: Callable[[str], tuple[ControlParams, dict[str, int]]] | None = None,
         say: Say = lambda text: None,
+        tap: Tap = lambda frames: None,
         open_: Open = open_bus,
     ) -> None:
         self.one_bus, self.direct = sensor == board, direct and sensor != board
@@ -79,7 +90,7 @@ class Bridge:
         self.sensor = End(sensor, open_, None if self.carries else self._sample_ids)
         self.board_spec, self.board, self.counted = board, Flow(), BoardCounts()
         self.params, self.frames, self.link, self.params_of = params, frames, link, params_of
-        self.want_arm, self.want_shadow, self.say, self._open = arm, shadow, say, open_
+        self.want_arm, self.want_shadow, self.say, self.tap, self._open = arm, shadow, say, tap, open_
         self.runs = self.steps = self.skipped = self.unused = 0
         self.latencies_s: list[float] = []
         self.shadow: Shadow | None = None
@@ -130,7 +141,7 @@ class Bridge:
 
     def _idle_drain(self) -> list[Sample]:
         """Whole samples that arrived while no run is in progress; reports a board that is connected as sensor board."""
-        arrived = self.sensor.drain()
+        arrived = self._drain()
         heard = {frame[0] for _, frame in arrived}
         if self._time_id in heard and self._sample_a.identifier not in heard:
             self._say_once(
@@ -143,6 +154,13 @@ class Bridge:
         self.unused += len(samples)
         return samples
 
+    def _drain(self) -> list[tuple[float, Frame]]:
+        """The frames of the sensor board since the last call; the tap receives them, too."""
+        arrived = self.sensor.drain()
+        if arrived:
+            self.tap([frame for _, frame in arrived])
+        return arrived
+
     def _whole(self, arrived: list[tuple[float, Frame]]) -> list[Sample]:
         if self._generation != self.sensor.generation:
             self._generation = self.sensor.generation
@@ -152,6 +170,7 @@ class Bridge:
     # ---- one session with the board ----
 
     def _serve(self, session: Session, stopped: Callable[[], bool]) -> None:
+        session.listener = self.tap
         while not stopped() and not self._finished():
             self._idle_drain()
             sample = self._await_sample(session, stopped)
@@ -199,7 +218,7 @@ class Bridge:
         self._quiet_s = 0.0
         generation = self.sensor.generation
         # Begin with the newest sample that arrived during the upload: older ones would stay as a backlog.
-        meanwhile = self._whole(self.sensor.drain())
+        meanwhile = self._whole(self._drain())
         self.unused += len(meanwhile) - 1
         time_s, frames = (meanwhile or [sample])[-1]
         if self._samples.setpoint is not None and self._samples.setpoint not in frames and self.carries:
@@ -212,8 +231,8 @@ class Bridge:
             if generation != self.sensor.generation or self.sensor.quiet_s > PEER_TIMEOUT_S:
                 self.say("the sensor board fell silent: the run ends, the outputs are neutral")
                 break
-            pending = self._whole(self.sensor.drain())
-        session.listener = None
+            pending = self._whole(self._drain())
+        session.listener = self.tap
         run.end()
 
 
@@ -228,12 +247,18 @@ class _Run:
         self._arm_after = ARM_AFTER_STEPS
         self._used: tuple[int, ...] | None = None
         bridge.board.forget()
+        self._arrived = 0
+        self._watch = RealTimeWatch(
+            "the board behind the bridge", "it does not take every sample in time", bridge.say, time.monotonic
+        )
         if bridge.want_shadow:
             bridge.shadow = Shadow(params, bridge.shadow)
 
     def send_samples(self, samples: list[Sample]) -> None:
         """Send whole samples to the board, each in one write; skips samples while there is a surplus."""
         bridge = self.bridge
+        self._arrived += len(samples)
+        self._watch.note(self.capture.steps, self._arrived)
         for time_s, frames in samples:
             self._seen += 1
             self._standing = min(self._standing, len(self._waiting))
@@ -261,6 +286,7 @@ class _Run:
     def forward_answers(self, frames: list[Frame]) -> None:
         """Forward and count the board's frames, including those that arrive while a request waits for its reply."""
         bridge = self.bridge
+        bridge.tap(frames)
         if frames and bridge.carries:
             bridge.sensor.send(frames)
         now_s = time.monotonic()

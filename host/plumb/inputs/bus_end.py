@@ -28,6 +28,8 @@ LOOP_INTERVAL_S = 0.001
 
 Open = Callable[[str], can.BusABC]
 Say = Callable[[str], None]
+Tap = Callable[[list[Frame]], None]
+"""Receives all frames that pass."""
 
 
 class End:
@@ -131,8 +133,14 @@ class End:
         return data_frame and (self._only is None or message.arbitration_id in self._only)
 
 
-def carry(one: End, other: End, stopped: Callable[[], bool], say: Say = lambda text: None) -> None:
-    """Forward every frame of either side to the other unchanged, until stopped() holds."""
+def carry(
+    one: End,
+    other: End,
+    stopped: Callable[[], bool],
+    say: Say = lambda text: None,
+    tap: Tap = lambda frames: None,
+) -> None:
+    """Forward every frame of either side to the other unchanged, until stopped() holds. tap: called with all frames."""
     said = {one: "", other: ""}
     while not stopped() and not one.ended and not other.ended:
         moved = False
@@ -143,6 +151,7 @@ def carry(one: End, other: End, stopped: Callable[[], bool], say: Say = lambda t
             frames = [frame for _, frame in source.drain()]
             if frames:
                 target.send(frames)
+                tap(frames)
                 moved = True
         if not moved:
             time.sleep(LOOP_INTERVAL_S)

@@ -21,6 +21,7 @@ from collections.abc import Callable, Mapping
 import can
 
 from plumb.link.lockstep import sample_frames
+from plumb.link.real_time_watch import RealTimeWatch
 from plumb.link.session import SETPOINT_EVERY_S
 from plumb.spec.protocol import check, protocol
 from plumb.systems.contracts import Plant
@@ -47,11 +48,12 @@ class SensorBoard:
         *,
         greet: bool = False,
         rest_s: float = 0.0,
+        say: Callable[[str], None] = lambda text: None,
     ) -> None:
         """plant: creates the plant at the beginning of the scenario. outputs: word of the record -> (frame, signal)
         that carries it. greet: send HELLO while no board is heard, as a node on the board's CAN bus must. rest_s:
         length of the rest at the beginning of the scenario, repeated until the board is armed; 0 runs the scenario
-        at once."""
+        at once. say: called with a sentence when the samples fall behind real time, and when they keep up again."""
         self.bus, self.plant, self.period_s = bus, plant(), period_us * 1e-6
         self._new_plant = plant
         self.sent = self.late = 0
@@ -63,6 +65,7 @@ class SensorBoard:
         self._setpoint_s = self._step_s = self._heard_s = self._greeted_s = float("-inf")
         self._driven_s: float | None = None
         self._greet = greet
+        self._watch = RealTimeWatch("the sensor board", "this machine is too slow or too busy for it", say, clock)
         self._rest_steps, self._waited_steps = round(rest_s / self.period_s), 0
         self._from_board = {m.identifier for m in self._protocol.messages.values() if m.sender == "BOARD"}
 
@@ -77,6 +80,7 @@ class SensorBoard:
             self.late += behind
             start_s += behind * self.period_s
             self.emit()
+            self._watch.note(self.sent, self.sent + self.late)
 
     def emit(self) -> None:
         """Advance the plant by one period, send the next sample, and handle received frames."""

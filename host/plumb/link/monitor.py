@@ -7,7 +7,7 @@ received for STALE_S is None, so that an old value is never shown as a present o
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
@@ -250,14 +250,25 @@ def begin_live(session: Session) -> None:
     session.begin("REALTIME_LIVE", frames=[name for name in selectable(session.system) if name in wanted])
 
 
-def watch(session: Session, seconds: float | None = None, extremes: Extremes | None = None) -> Iterator[Snapshot]:
+def watch(
+    session: Session,
+    seconds: float | None = None,
+    extremes: Extremes | None = None,
+    also: Callable[[list[Frame]], None] | None = None,
+) -> Iterator[Snapshot]:
     """Yield a snapshot every EVERY_S of the session's clock, for `seconds` (None: without end).
 
-    extremes: where the smallest and largest value of every column are noted. Raises LinkError if nothing is received
-    for SILENCE_S.
+    extremes: where the smallest and largest value of every column are noted. also: called with all received frames.
+    Raises LinkError if nothing is received for SILENCE_S.
     """
     monitor = Monitor(session, extremes)
-    session.listener = monitor.feed
+
+    def feed(frames: list[Frame]) -> None:
+        monitor.feed(frames)
+        if also is not None:
+            also(frames)
+
+    session.listener = feed
     begin_s = session.clock()
     shown = 0
     try:

@@ -125,6 +125,16 @@ class PtyEndpoint:
             self._link.unlink()
 
 
+def listening_socket(port: int) -> socket.socket:
+    """A TCP port on the loopback address whose accept() does not block; raises LinkError."""
+    try:
+        server = socket.create_server(("127.0.0.1", port), backlog=1)
+    except OSError as error:
+        raise LinkError(_no_port(port, error)) from None
+    server.setblocking(False)
+    return server
+
+
 class TcpEndpoint:
     """A TCP port on the loopback address; port 0 selects a free one."""
 
@@ -134,11 +144,7 @@ class TcpEndpoint:
         """A client accepted while the previous one disconnects becomes active on the next read, so the caller sees one
         empty read."""
         self._backlog = Backlog()
-        try:
-            self._server = socket.create_server(("127.0.0.1", port), backlog=1)
-        except OSError as error:
-            raise LinkError(_no_port(port, error)) from None
-        self._server.setblocking(False)
+        self._server = listening_socket(port)
         self.address = f"socket://127.0.0.1:{self._server.getsockname()[1]}"
 
     @property
