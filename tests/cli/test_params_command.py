@@ -21,35 +21,13 @@ from plumb.link.session import Session
 from plumb.spec import parameter_file, parameters
 from plumb.spec.units import meaning
 from support.native_board import NativeBoard
+from support.params_command import in_use, params
 
 DEFAULTS = {row.name: row.default for row in parameters.table()}
 ROWS = {row.name: row for row in parameters.table()}
 
 
 MANY_0, MANY_F = "0" * 5000, "f" * 5000
-
-
-@pytest.fixture
-def board(monkeypatch: pytest.MonkeyPatch) -> NativeBoard:
-    """A board that outlives each command, as one on a cable does."""
-    memory = NativeBoard()
-
-    def opened(_spec: str, **_options: Any) -> LinkBoard:
-        return LinkBoard("memory", Session.open(memory))
-
-    monkeypatch.setattr("plumb.boards.link.open_link_board", opened)
-    return memory
-
-
-def params(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
-    code = front.main(["params", *arguments, "--board", "memory"])
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
-
-
-def in_use(board: NativeBoard) -> dict[str, int]:
-    with Session.open(board) as session:
-        return dict(zip(DEFAULTS, session.read_parameters(), strict=True))
 
 
 @pytest.mark.parametrize(

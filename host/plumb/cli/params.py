@@ -12,6 +12,12 @@
     plumb params reset --save --board serial:/dev/ttyUSB0
     plumb params dump board.toml --board serial:/dev/ttyUSB0
     plumb params load board.toml --board serial:/dev/ttyUSB0
+    plumb params edit --board serial:/dev/ttyUSB0
+    plumb params diff --board serial:/dev/ttyUSB0
+    plumb params diff defaults board.toml --board serial:/dev/ttyUSB0
+    plumb params undo --board serial:/dev/ttyUSB0
+    plumb params profile save windy --board serial:/dev/ttyUSB0
+    plumb params profile use windy --board serial:/dev/ttyUSB0
 
 Values are in the unit that `list` shows beside each: deg, deg/s, g, s, us. The board holds integers, each within 0.1 %
 of its value; a value that its integer would miss by more is refused. `period_us` is the period of a step for the timer
@@ -26,6 +32,13 @@ system with one of its shipped tunings, their period and the settings of the act
 in use to the board's flash, which it loads at every start. `load` takes a file of `dump`, or without a file the
 contents of the flash; `reset` restores the factory values. `virtual` is a new board every time: a change shows whether
 a board accepts it.
+
+`edit` opens the parameters in units in $VISUAL or $EDITOR and commits what you change; `load` takes such a file, too.
+`diff` compares two of: board, tuning (the shipped one that the board's parameters came from), defaults (factory
+values), profile:NAME, or a file; exit code 1 says that they differ. `undo` takes back the last change that was made
+from this computer, in this session or an earlier one; again, the one before. A profile is a name for a whole table, of
+this board alone: boards are told apart by their unique id. Changes and profiles lie in the platform's places (Linux:
+~/.local/state/plumb, ~/.config/plumb).
 """
 
 from __future__ import annotations
@@ -42,7 +55,8 @@ if TYPE_CHECKING:
     from plumb.link.identity import Identity
     from plumb.link.session import Session
 
-CHANGES = ("set", "tuning", "load", "reset", "save")
+VERBS = ("list", "get", "set", "tuning", "save", "load", "reset", "dump", "edit", "diff", "undo", "profile")
+CHANGES = ("set", "tuning", "load", "reset", "save", "edit", "undo")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     integers.add_argument("--raw", action="store_true", help="the integers of the board's table, by their own names")
     keep = argparse.ArgumentParser(add_help=False)
     keep.add_argument("--save", action="store_true", help="also save the parameters in the board's flash")
-    verbs = parser.add_subparsers(dest="action", required=True, metavar="list|get|set|tuning|save|load|reset|dump")
+    verbs = parser.add_subparsers(dest="action", required=True, metavar="|".join(VERBS))
     show = verbs.add_parser(
         "list", parents=[each, integers], help="every parameter: value, unit, meaning, and what differs from the tuning"
     )
@@ -78,71 +92,107 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     verbs.add_parser("reset", parents=[each, keep], help="factory values")
     write = verbs.add_parser("dump", parents=[each], help="write the whole table and its CRC-32 to a TOML file")
     write.add_argument("file", type=Path, metavar="FILE")
+    verbs.add_parser("edit", parents=[each, keep], help="edit the parameters in units, as text, in $VISUAL or $EDITOR")
+    compare = verbs.add_parser("diff", parents=[each, integers], help="what differs; exit code 1 if anything does")
+    side = "board, tuning, defaults, profile:NAME, or a file"
+    compare.add_argument("one", nargs="?", default="tuning", metavar="FROM", help=f"{side} (default: tuning)")
+    compare.add_argument("other", nargs="?", default="board", metavar="TO", help="the same (default: board)")
+    back = verbs.add_parser("undo", parents=[each, keep], help="take back the last change made from this computer")
+    back.add_argument("--list", action="store_true", help="show the changes, the latest last, and change nothing")
+    profile = verbs.add_parser(
+        "profile", parents=[each, keep], help="named tables of this board: list, save, use, delete"
+    )
+    profile.add_argument("what", choices=("list", "save", "use", "delete"), help="what to do")
+    profile.add_argument("name", nargs="?", metavar="NAME", help="name of the profile")
+    profile.add_argument("--force", action="store_true", help="`save` replaces a profile of that name")
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb.cli import params_text
-    from plumb.link import parameter_table
-    from plumb.spec import parameter_file
+    from plumb.cli import params_edit
 
+    if arguments.action == "edit":
+        return params_edit.edit(arguments)
+    if arguments.action == "profile" and arguments.what != "list" and arguments.name is None:
+        from plumb.errors import UsageError
+
+        raise UsageError(f"say which profile: plumb params profile {arguments.what} NAME")
     warnings: list[str] = []
-    raw = getattr(arguments, "raw", False)
     integers = integers_asked(arguments, warnings)  # a mistake in them is told before a board is opened
-    if raw and arguments.action == "get":
-        for name in arguments.names:
-            parameter_file.row_named(name)
-    elif raw and arguments.action == "list":
-        params_text.raw_rows(arguments.filter)
     with options.linked_board_of(arguments) as board:
-        identity = board.session.identity
-        if identity is not None and identity.mismatch:
-            warnings.append(identity.mismatch)
-            if not raw and arguments.action in ("list", "get"):
-                warnings.append(
-                    "its parameters are shown as integers, as with --raw: their units may not be this plumb's"
-                )
-                raw = True
-        warn(warnings)
-        words = parameter_table.read_table(board.session)
-        if arguments.action in CHANGES:
-            board.session.require_match()
-            return change(arguments, board.session, words, integers, warnings)
+        return with_board(arguments, board.session, integers, warnings)
+
+
+def with_board(arguments: argparse.Namespace, session: Session, integers: dict[str, int], warnings: list[str]) -> int:
+    """Everything that is done while the board is open. integers, warnings: of `integers_asked`."""
+    from plumb.cli import params_kept
+    from plumb.link import parameter_table
+
+    raw = getattr(arguments, "raw", False)
+    identity = session.identity
+    if identity is not None and identity.mismatch:
+        warnings.append(identity.mismatch)
+        if not raw and arguments.action in ("list", "get"):
+            warnings.append("its parameters are shown as integers, as with --raw: their units may not be this plumb's")
+            raw = True
+    warn(warnings)
+    words = parameter_table.read_table(session)
+    if arguments.action in ("diff", "profile") or (arguments.action == "undo" and arguments.list):
+        session.require_match()
+        done = params_kept.show(arguments, session, words)
+        if done is not None:
+            return done
+        integers = params_kept.profile_words(arguments, session, warnings)
+    if arguments.action in CHANGES or arguments.action == "profile":
+        session.require_match()
+        return change(arguments, session, words, integers, warnings)
     if arguments.action == "dump":
         return dump(arguments, words)
-    show = show_integers if raw else show_quantities
-    print(show(arguments, words))
+    print(show_integers(arguments, words) if raw else show_quantities(arguments, words, session))
     return 0
 
 
 def integers_asked(arguments: argparse.Namespace, warnings: list[str]) -> dict[str, int]:
     """The integers that the command line or a file asks for; raises UsageError. Adds the warnings about a file."""
+    from plumb.cli import params_text
     from plumb.spec import parameter_file
     from plumb.systems import shipped_tunings
+    from plumb.tuning import quantities_file
 
     if arguments.action == "set" and arguments.raw:
         return parameter_file.assignments(arguments.assignments)
     if arguments.action == "tuning":
         return shipped_tunings.words_of(arguments.system, arguments.tuning)
-    if arguments.action != "load" or arguments.file is None:
+    if arguments.action == "get" and arguments.raw:
+        for name in arguments.names:
+            parameter_file.row_named(name)
+    if arguments.action == "list" and arguments.raw:
+        params_text.raw_rows(arguments.filter)
+    if arguments.action != "load" or arguments.file is None or quantities_file.is_in_units(arguments.file):
         return {}
-    said = parameter_file.read(arguments.file)
-    warnings += [f"{arguments.file}: {old} is named {new} now; the value is used" for old, new in said.renamed.items()]
-    warnings += [f"{arguments.file}: there is no parameter '{name}'; it is ignored" for name in said.unknown]
-    warnings += [f"{arguments.file}: {name} is missing; the board's value stays" for name in said.missing]
+    return integers_of_file(arguments.file, warnings)
+
+
+def integers_of_file(path: Path, warnings: list[str]) -> dict[str, int]:
+    """The integers of a file of `dump`; raises UsageError. Adds the warnings about it."""
+    from plumb.spec import parameter_file
+
+    said = parameter_file.read(path)
+    warnings += [f"{path}: {old} is named {new} now; the value is used" for old, new in said.renamed.items()]
+    warnings += [f"{path}: there is no parameter '{name}'; it is ignored" for name in said.unknown]
+    warnings += [f"{path}: {name} is missing; the board's value stays" for name in said.missing]
     if said.edited:
-        warnings.append(f"{arguments.file}: the values do not match the CRC-32 in the file: it was edited")
+        warnings.append(f"{path}: the values do not match the CRC-32 in the file: it was edited")
     return said.values
 
 
 # ---- reading ----
 
 
-def show_quantities(arguments: argparse.Namespace, words: list[int]) -> str:
+def show_quantities(arguments: argparse.Namespace, words: list[int], session: Session) -> str:
     """The text of `list` or `get` in units."""
     from plumb.api import parameters as api
-    from plumb.cli import params_text
+    from plumb.cli import params_kept, params_text
     from plumb.spec import parameter_file, parameters
-    from plumb.systems import shipped_tunings
 
     table = parameter_file.by_name(words)
     crc = f"0x{parameters.crc32(words):08x}"
@@ -151,7 +201,7 @@ def show_quantities(arguments: argparse.Namespace, words: list[int]) -> str:
         if arguments.json:
             return json.dumps({"crc32": crc, "parameters": [params_text.described(one) for one in found]})
         return "\n\n".join(params_text.in_units(one, table) for one in found)
-    origin = shipped_tunings.origin_of(table)
+    origin = params_kept.origin_of(session, table)
     entries = params_text.matching(arguments.filter, params_text.listed(table, origin))
     if arguments.json:
         said = {"crc32": crc, "system": origin.system, "tuning": origin.tuning, "parameters": entries}
@@ -193,28 +243,43 @@ def dump(arguments: argparse.Namespace, words: list[int]) -> int:
 def change(
     arguments: argparse.Namespace, session: Session, words: list[int], integers: dict[str, int], warnings: list[str]
 ) -> int:
-    """Execute the verb, or commit the values that it asks for, and print what changed."""
+    """Execute the verb, or commit the values that it asks for; keep what `undo` needs, and print what changed."""
+    from plumb.cli import params_kept
     from plumb.link import parameter_table
     from plumb.spec import parameter_file
-    from plumb.tuning import quantities
 
     before = parameter_file.by_name(words)
-    in_units = arguments.action == "set" and not arguments.raw
     if arguments.action == "reset":
         session.execute_idle("DEFAULTS")
     elif arguments.action == "load" and arguments.file is None:
         session.execute_idle("LOAD")
-    elif in_units:
-        parameter_table.commit(
-            session, quantities.changed(before, quantities.assignments(arguments.assignments, before))
-        )
-    elif integers:
-        parameter_table.commit(session, {**before, **integers})
+    elif arguments.action != "save":
+        parameter_table.commit(session, wanted_table(arguments, session, before, integers))
     after = parameter_table.read_table(session)
+    not_kept = params_kept.keep(arguments, session, before, parameter_file.by_name(after))
+    warn(not_kept)
+    warnings += not_kept
     if arguments.action == "save" or getattr(arguments, "save", False):
         session.execute_idle("SAVE")
     identity = session.connect()
     return report_change(arguments, words, after, identity, warnings)
+
+
+def wanted_table(
+    arguments: argparse.Namespace, session: Session, before: dict[str, int], integers: dict[str, int]
+) -> dict[str, int]:
+    """The whole table that a command asks for; raises UsageError."""
+    from plumb.cli import params_kept
+    from plumb.tuning import quantities, quantities_file
+
+    if arguments.action == "undo":
+        return params_kept.undone(session, before)
+    if arguments.action == "set" and not arguments.raw:
+        return quantities.changed(before, quantities.assignments(arguments.assignments, before))
+    if arguments.action in ("load", "edit") and not integers:
+        text = quantities_file.read_text(arguments.file)
+        return quantities.changed(before, quantities_file.wanted(text, str(arguments.file), before))
+    return {**before, **integers}
 
 
 def report_change(

@@ -227,7 +227,8 @@ def find(name: str, names: Mapping[str, NamedQuantity]) -> NamedQuantity:
     tails = [one for one in names.values() if name and _ends_in(one, name)]
     if len(tails) == 1:
         return tails[0]
-    raise UsageError(f"there is no parameter '{name:.{SHOWN}}' in units; {_hint(name, names, tails)}")
+    shown = name if name.isprintable() else ascii(name)[1:-1]  # a file's name controls no terminal
+    raise UsageError(f"there is no parameter '{shown:.{SHOWN}}' in units; {_hint(name, names, tails)}")
 
 
 def _ends_in(quantity: NamedQuantity, name: str) -> bool:

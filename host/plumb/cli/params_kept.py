@@ -1,0 +1,199 @@
+"""What `plumb params` keeps here: changes for `undo`, and profiles. And `diff`, which compares with them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from plumb.cli import params_text
+from plumb.errors import UsageError
+from plumb.link import parameter_history, parameter_profiles
+from plumb.link.session import Session
+from plumb.spec import parameter_file, parameters
+from plumb.systems import shipped_tunings
+from plumb.tuning import quantities, quantities_file
+
+if TYPE_CHECKING:
+    from plumb.systems.shipped_tunings import Origin
+
+
+def board_id(session: Session) -> str:
+    """The board's unique id, under which its changes and profiles are kept."""
+    return (session.identity or session.connect()).unique_id
+
+
+def origin_of(session: Session, table: Mapping[str, int]) -> Origin:
+    """The shipped tuning that the board's parameters came from: as the changes made from here say, else the nearest."""
+    try:
+        recorded = parameter_history.tuning_of(parameter_history.read(board_id(session)))
+    except UsageError:  # a damaged file of changes is told by `undo`, which needs it
+        recorded = None
+    return shipped_tunings.origin_of(table, recorded)
+
+
+# ---- undo ----
+
+
+def keep(
+    arguments: argparse.Namespace, session: Session, before: Mapping[str, int], after: Mapping[str, int]
+) -> list[str]:
+    """Remember a change, or forget one that was undone; gives the warning if that is impossible: the change is made."""
+    unique_id = board_id(session)
+    try:
+        if arguments.action == "undo":
+            changes = parameter_history.read(unique_id)
+            parameter_history.write(unique_id, changes[: parameter_history.last_undoable(changes, before)])
+        elif after != before:
+            change = parameter_history.change_of(_did(arguments), before, after, _tuning(arguments))
+            parameter_history.add(unique_id, change)
+    except UsageError as error:
+        return [f"`plumb params undo` will not know this change: {error}"]
+    return []
+
+
+def undone(session: Session, table: Mapping[str, int]) -> dict[str, int]:
+    """The table before the last change; raises UsageError if there is none to undo."""
+    changes = parameter_history.read(board_id(session))
+    return {**table, **changes[parameter_history.last_undoable(changes, table)].before}
+
+
+def _did(arguments: argparse.Namespace) -> str:
+    """The command as it is shown by `undo --list`."""
+    said = [arguments.action]
+    if arguments.action == "set":
+        said += ["--raw"] * arguments.raw + arguments.assignments
+    elif arguments.action == "tuning":
+        said += [arguments.system, arguments.tuning]
+    elif arguments.action == "load":
+        said += [arguments.file]
+    elif arguments.action == "profile":
+        said += [arguments.what, arguments.name]
+    return " ".join(str(word) for word in said if word is not None)
+
+
+def _tuning(arguments: argparse.Namespace) -> str | None:
+    """The shipped tuning that the parameters come from after a change; "" if that is not known, None if as before."""
+    from plumb import systems
+
+    if arguments.action == "tuning":
+        return str(arguments.tuning or systems.load(arguments.system).DEFAULT_TUNING)
+    if arguments.action in ("set", "edit") or (arguments.action == "load" and arguments.file is not None):
+        return None
+    return ""
+
+
+def _list_changes(arguments: argparse.Namespace, session: Session) -> int:
+    changes = parameter_history.read(board_id(session))
+    if arguments.json:
+        shown = [{"time": one.time, "did": one.did, "before": one.before, "after": one.after} for one in changes]
+        print(json.dumps({"changes": shown}))
+        return 0
+    for one in changes:
+        count = len(one.after)
+        what = one.did if one.did.isprintable() else ascii(one.did)
+        print(f"{one.time}  {what}  ({count} integer{'s' * (count != 1)})")
+    if not changes:
+        print("no change of this board's parameters was made from here")
+    return 0
+
+
+# ---- profiles ----
+
+
+def show(arguments: argparse.Namespace, session: Session, words: list[int]) -> int | None:
+    """Do what changes nothing on the board, and return the exit code; None for `profile use`."""
+    if arguments.action == "diff":
+        return _diff(arguments, session, words)
+    if arguments.action == "undo":
+        return _list_changes(arguments, session)
+    if arguments.what == "use":
+        return None
+    unique_id = board_id(session)
+    if arguments.what == "list":
+        return _list_profiles(arguments, unique_id, words)
+    if arguments.what == "save":
+        path = parameter_profiles.save(unique_id, arguments.name, words, replace=arguments.force)
+    else:
+        path = parameter_profiles.delete(unique_id, arguments.name)
+    said = {"profile": arguments.name, "file": str(path)}
+    print(json.dumps(said) if arguments.json else f"{arguments.what}d {arguments.name}: {path}")
+    return 0
+
+
+def _list_profiles(arguments: argparse.Namespace, unique_id: str, words: list[int]) -> int:
+    names = parameter_profiles.names(unique_id)
+    in_use = [name for name in names if _is_in_use(parameter_profiles.path_of(unique_id, name), words)]
+    if arguments.json:
+        print(json.dumps({"board": unique_id, "profiles": names, "in_use": in_use}))
+        return 0
+    for name in names:
+        print(f"{'*' if name in in_use else ' '} {name}")
+    if not names:
+        print("this board has no profiles: `plumb params profile save NAME` makes one")
+    return 0
+
+
+def _is_in_use(path: Path, words: list[int]) -> bool:
+    try:
+        values = parameter_file.read(path).values
+    except UsageError:
+        return False
+    return values == parameter_file.by_name(words)
+
+
+def profile_words(arguments: argparse.Namespace, session: Session, warnings: list[str]) -> dict[str, int]:
+    """The integers of the profile that is to be used; raises UsageError."""
+    from plumb.cli import params
+
+    known = len(warnings)
+    values = params.integers_of_file(parameter_profiles.existing(board_id(session), arguments.name), warnings)
+    params.warn(warnings[known:])
+    return values
+
+
+# ---- diff ----
+
+
+def _diff(arguments: argparse.Namespace, session: Session, words: list[int]) -> int:
+    """Print what differs between two tables; 1 if anything does."""
+    board = parameter_file.by_name(words)
+    (one, before), (other, after) = (_side(name, session, board) for name in (arguments.one, arguments.other))
+    lines = params_text.raw_change_lines(before, after) if arguments.raw else params_text.change_lines(before, after)
+    if arguments.json:
+        moved = {
+            row.name: {"from": before[row.name], "to": after[row.name]}
+            for row in parameters.table()
+            if before[row.name] != after[row.name]
+        }
+        units = params_text.changes(before, after)
+        print(json.dumps({"from": one, "to": other, "changed": moved, "quantities": units}))
+    else:
+        print("\n".join([f"from {one} to {other}: {_count(len(lines))}", *lines]))
+    return 1 if lines else 0
+
+
+def _count(differences: int) -> str:
+    return {0: "nothing differs", 1: "1 differs"}.get(differences, f"{differences} differ")
+
+
+def _side(name: str, session: Session, board: dict[str, int]) -> tuple[str, dict[str, int]]:
+    """What a side of a comparison is called, and its whole table; raises UsageError."""
+    if name == "board":
+        return "the board", board
+    if name == "defaults":
+        return "the factory values", {row.name: row.default for row in parameters.table()}
+    if name == "tuning":
+        origin = origin_of(session, board)
+        return f"the tuning '{origin.tuning}' of {origin.system}", dict(origin.table)
+    kind, _, profile = name.partition(":")
+    if kind == "profile" and profile:
+        path = parameter_profiles.existing(board_id(session), profile)
+        return f"the profile '{profile}'", {**board, **parameter_file.read(path).values}
+    path = Path(name)
+    if quantities_file.is_in_units(path):
+        wanted = quantities_file.wanted(quantities_file.read_text(path), name, board)
+        return name, quantities.changed(board, wanted)
+    return name, {**board, **parameter_file.read(path).values}
