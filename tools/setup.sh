@@ -29,6 +29,8 @@ if [ "$purpose" = test ]; then
     # Shells whose completion is tried; bash is there.
     need zsh zsh
     need fish fish
+    # The browser that the tests of the cockpit drive.
+    need chromium chromium
     # 32-bit builds of the core need the 32-bit C library.
     printf 'int main(void){return 0;}' | gcc -m32 -x c - -o /dev/null 2>/dev/null || missing="$missing gcc-multilib"
 fi
@@ -71,7 +73,7 @@ wanted() {
     find host/plumb -name '*.py' | sort
 }
 if ! wanted | cmp -s - "$stamp"; then
-    extras=virtual,report,monitor
+    extras=virtual,report,monitor,cockpit
     [ "$purpose" = test ] && extras=dev
     [ "$purpose" = docs ] && extras=docs
     [ -x .venv/bin/python ] || "$python" -m venv .venv

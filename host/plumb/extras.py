@@ -10,7 +10,8 @@ from plumb.checkout import IN_CHECKOUT
 
 
 def install_hint(extra: str) -> str:
-    """The command that installs an extra (virtual, bench, flash, monitor, compare, tune), as the end of a sentence."""
+    """The command that installs an extra (virtual, bench, flash, monitor, compare, tune, cockpit), as the end of a
+    sentence."""
     if IN_CHECKOUT:
         return f"in the checkout of plumb: pip install -e '.[{extra}]'"
     return f"with: pip install 'plumb-imu[{extra}]'"

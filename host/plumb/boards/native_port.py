@@ -27,9 +27,10 @@ class FollowingUart(NativeUart):
 
 
 class NativePort(LinkBoard):
-    """A board that comes up as a system, with the tuning for its own sensors and a plant on its wires."""
+    """A board that comes up as a system, with the tuning for its own sensors and a plant on its wires; without one its
+    wires stay as they are."""
 
-    def __init__(self, system: str, plant: Plant) -> None:
+    def __init__(self, system: str, plant: Plant | None) -> None:
         self.served = open_native(systems.load(system).LINK.get("pins", 0), b"", system, plant)
         self.mcu = self.served.mcu
         super().__init__("native", Session.open(FollowingUart(self.served)))

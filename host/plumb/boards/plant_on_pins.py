@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 from plumb import systems
 from plumb.boards import SimulatedBoard
+from plumb.boards.link import LinkBoard
 from plumb.boards.strap import BY_PIN_SET, set_strap
 from plumb.boards.virtual_machine import START_US
 from plumb.f103.core.timeline import TICKS_PER_S
@@ -60,6 +61,26 @@ def show(board: SimulatedBoard, name: str, scenario: str | None, seed: int, *, o
     configure_as(board, quantise(system.TUNINGS[live.TUNING]), period_us=chosen.period_us, **system.LINK)
     live.Coupling(board.machine, plant)
     board.machine.advance_us(FOUND_US)
+
+
+class PlantOfRuns:
+    """A plant that stands anew at the beginning of every run; the board keeps its parameters from the second on."""
+
+    def __init__(self, system: str, scenario: str | None, seed: int, *, open_loop: bool) -> None:
+        plant_of(system, scenario, seed, open_loop=open_loop)  # raises UsageError for a name that there is not
+        self._system, self._scenario, self._seed, self._open_loop = system, scenario, seed, open_loop
+        self._configured = False
+
+    def attach(self, board: LinkBoard) -> None:
+        """Put the plant on the pins of a simulated board; the first time, configure the board for the system."""
+        assert isinstance(board, SimulatedBoard)
+        if not self._configured:
+            self._configured = True
+            show(board, self._system, self._scenario, self._seed, open_loop=self._open_loop)
+            return
+        _, plant = plant_of(self._system, self._scenario, self._seed, open_loop=self._open_loop)
+        systems.load(self._system, PINS).Coupling(board.machine, plant)
+        board.machine.advance_us(FOUND_US)
 
 
 def plant_of(name: str, scenario: str | None, seed: int, *, open_loop: bool) -> tuple[Scenario, Plant]:

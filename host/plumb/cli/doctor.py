@@ -106,6 +106,7 @@ def libraries() -> Iterator[Finding]:
         ("capstone", False, f"for plumb bench, {install_hint('bench')}"),
         ("stm32loader", False, f"for plumb flash, {install_hint('flash')}"),
         ("rich", False, f"for the display of plumb monitor, {install_hint('monitor')}"),
+        ("aiohttp", False, f"for plumb cockpit, {install_hint('cockpit')}"),
         ("vqf", False, f"for plumb compare, {install_hint('compare')}"),
         ("AHRS", False, f"for plumb compare, {install_hint('compare')}"),
         ("scipy", False, f"for plumb tune, {install_hint('tune')}"),

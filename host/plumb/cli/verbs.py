@@ -20,6 +20,7 @@ COMMANDS = {
     "systems": "list the systems and their presets; compare their figures with the published ones",
     "virtual-board": "serve the simulated STM32F103: its UART on a pty or TCP port, its CAN on any bus",
     "monitor": "watch a running board: tilt, bias, pulses, mode, counters, losses",
+    "cockpit": "open a live page of a board: plots, attitude, health, arming, recordings",
     "record": "record a running board, or a bus, to files",
     "params": "read, change, save and restore a board's parameters",
     "tune": "find settings from measurements: Q and R of the filter from the noise of the sensors",

@@ -37,12 +37,12 @@ Snapshot = dict[str, Any]  # Any: a number, a text, a list or None, by the key
 """State of the board at one time; Monitor.snapshot has the keys."""
 
 
-def selection(period_us: int, system: str) -> tuple[str, ...]:
+def selection(period_us: int, system: str, *, raw_first: bool = False) -> tuple[str, ...]:
     """The frames to select so that they fill at most two thirds of the UART, STEP included, at one step per period_us.
 
-    Chosen in declared order, the raw counts last."""
-    channels = len(declarations.system(system).channels)
-    wanted = (*dbc.frame_names(system), *RAW_FRAMES[: 1 + (channels > 3)])
+    Chosen in declared order, the raw counts last, or with raw_first before the others: the model needs them."""
+    raw, own = RAW_FRAMES[: 1 + (len(declarations.system(system).channels) > 3)], dbc.frame_names(system)
+    wanted = (*raw, *own) if raw_first else (*own, *raw)
     frames_per_step = LINE_FRAMES_PS * period_us * 1e-6 * 2 / 3
     return wanted[: max(1, int(frames_per_step) - 1)]
 

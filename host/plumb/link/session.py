@@ -79,7 +79,8 @@ class Session:
 
     telemetry: the last of each PERIODIC message, as raw integers by name. run_tag: tag (1 to 15) of the run that this
     session began last; its setpoints carry it. listener: called with all received frames, including those that arrive
-    while a request waits for its reply.
+    while a request waits for its reply. consent: asked before keep-alive values are answered; while it returns False
+    the board is left to disarm itself.
     """
 
     bus: can.BusABC
@@ -88,6 +89,7 @@ class Session:
     telemetry: dict[str, dict[str, int]] = field(default_factory=dict)
     selection: Selection = field(default_factory=Selection)
     listener: Callable[[list[Frame]], None] | None = None
+    consent: Callable[[], bool] | None = None
 
     def __post_init__(self) -> None:
         self.protocol = protocol()
@@ -188,8 +190,8 @@ class Session:
         return frames
 
     def _answer_keep_alive(self, frames: list[Frame]) -> None:
-        """Answer the keep-alive values of a board that this session armed."""
-        if self._keeps_alive:
+        """Answer the keep-alive values of a board that this session armed, if whoever is asked for consent gives it."""
+        if self._keeps_alive and (self.consent is None or self.consent()):
             unpack = self.protocol["KEEPALIVE_VALUE"].unpack
             values = [unpack(data)[3] for identifier, data in frames if identifier == self._value_id]
             if values:

@@ -1,0 +1,128 @@
+"""Open a live page of a board: plots, attitude, health, and a light that is green while every bit equals the model.
+
+    plumb cockpit --board virtual                       the simulated board with its plant; arm it from the page
+    plumb cockpit --board serial:/dev/ttyUSB0           a board; an idle one begins a run on its own sensors, unarmed
+    plumb cockpit --board can:socketcan:can0 --watch    only watch the run that is on
+    plumb cockpit --board virtual --system balancer --open-loop      prescribed motion: the outputs move nothing
+
+Prints two addresses on this machine, and serves them until Ctrl-C: a page of the first may take control, one of the
+second only watches. The page that armed the board holds it: when the page is closed, hidden, or silent for 0.3 s, the
+board is disarmed. Every page stops the board: Space, Esc, or the button. A run in progress, and a board that the arm
+switch or another host armed, are only watched. Nothing is fetched from a network.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from plumb.cli import options
+
+if TYPE_CHECKING:
+    from plumb.boards.link import LinkBoard
+    from plumb.cockpit.board_loop import PlantOnBoard
+
+SWITCH_S = 0.001
+"""Longest time that the thread of a simulated board keeps that of the pages from a heartbeat."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    options.add_board(parser, linked=True)
+    parser.add_argument("--watch", action="store_true", help="only watch: begin nothing, write nothing")
+    parser.add_argument("--port", type=int, default=0, metavar="N", help="port of the page (default: a free one)")
+    parser.add_argument("--open", action="store_true", help="open the page in the browser")
+    parser.add_argument(
+        "--out", type=Path, default=Path("recordings"), metavar="DIR", help="for recordings (default: recordings)"
+    )
+    options.add_duration(parser)
+    options.add_link_and_image(parser)
+    options.add_plant(parser)
+    options.add_open_loop(parser)
+    options.add_json(parser, " with the addresses, at the start")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from plumb.errors import UsageError
+    from plumb.extras import install_hint
+
+    options.check_duration(arguments.seconds)
+    if not 0 <= arguments.port <= 65535:
+        raise UsageError(f"--port {arguments.port}: give a number from 1 to 65535")
+    try:
+        import aiohttp  # noqa: F401
+    except ImportError:
+        raise UsageError(f"the cockpit needs aiohttp; install it {install_hint('cockpit')}") from None
+    with options.linked_board_of(arguments) as board:
+        serve(arguments, board)
+    return 0
+
+
+def serve(arguments: argparse.Namespace, board: LinkBoard) -> None:
+    """Serve the page until Ctrl-C, or for --seconds."""
+    import time
+
+    from plumb.cockpit.board_loop import BoardLoop
+    from plumb.cockpit.hold import Hold
+    from plumb.cockpit.page_server import PageServer
+    from plumb.process_signals import endings, raise_ending
+
+    identity = board.session.identity or board.session.connect()
+    if identity.mismatch:
+        print(f"plumb: warning: {identity.mismatch}", file=sys.stderr)
+    plant = plant_of(arguments, board)
+    loop = BoardLoop(
+        board,
+        Hold(),
+        folder=arguments.out,
+        plant=plant,
+        watch=arguments.watch,
+        paced=plant is not None,
+        command=getattr(arguments, "command_line", ""),
+    )
+    sys.setswitchinterval(SWITCH_S)
+    begin_s = time.monotonic()
+
+    def stopped() -> bool:
+        if server.failed is not None:
+            raise server.failed
+        late = arguments.seconds is not None and time.monotonic() - begin_s >= arguments.seconds
+        return bool(caught) or late
+
+    with endings() as caught, PageServer(loop, arguments.port) as server:
+        announce(arguments, server.control_address, server.watch_address)
+        loop.run(stopped)
+    if caught:
+        raise_ending(caught)
+
+
+def announce(arguments: argparse.Namespace, control: str, watch: str) -> None:
+    """Print the addresses, and open the first if that is asked for."""
+    import json
+
+    if arguments.json:
+        print(json.dumps({"control": control, "watch": watch}), flush=True)
+    else:
+        print(f"cockpit: {control}\nto watch only: {watch}\nCtrl-C ends it", flush=True)
+    if arguments.open:
+        import webbrowser
+
+        webbrowser.open(control)
+
+
+def plant_of(arguments: argparse.Namespace, board: LinkBoard) -> PlantOnBoard | None:
+    """The plant for the pins of a board simulated in this process; None for another board."""
+    from plumb.errors import UsageError
+
+    if board.name != "virtual":
+        if arguments.system or arguments.scenario or arguments.open_loop:
+            remedy = "`plumb params tuning SYSTEM` makes another board that system"
+            raise UsageError(
+                f"--system, --scenario and --open-loop are for --board virtual, whose pins a plant drives; {remedy}"
+            )
+        return None
+    from plumb.boards.plant_on_pins import PlantOfRuns
+
+    system = arguments.system or board.session.system
+    return PlantOfRuns(system, arguments.scenario, arguments.seed, open_loop=arguments.open_loop)

@@ -1,0 +1,8 @@
+"""A live page of a board in the browser: plots, attitude, health, arming, parameters, recordings.
+
+samples      the signals of every step, as rows of a ring that every page reads at its own pace
+hold         who may write: the page that holds the board, as long as its heartbeat comes
+board_loop   the thread that owns the link to the board
+page_orders  what a page asks for, checked
+page_server  serves the page and its WebSocket on the loopback interface
+"""

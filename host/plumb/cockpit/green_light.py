@@ -1,0 +1,61 @@
+"""The light of the page: green while every bit of every step equals the integer model on the same raw counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from plumb.link.realtime import Capture
+from plumb.proof.shadow import Shadow
+from plumb.tuning.quantise import ControlParams
+
+Colour = Literal["green", "red", "amber", "off"]
+FRESH_S = 0.5
+"""The light goes out when no step was compared for this long."""
+
+
+@dataclass(frozen=True)
+class Light:
+    """colour, and what it means, as one sentence."""
+
+    colour: Colour
+    text: str
+
+
+class Comparison:
+    """The model beside one run. Without params there is no model: `why_not` says why."""
+
+    def __init__(self, params: ControlParams | None, why_not: str = "") -> None:
+        self.shadow = Shadow(params) if params is not None else None
+        self._why_not, self._compared_s = why_not, 0.0
+
+    def follow(self, capture: Capture, lost: int, now_s: float) -> None:
+        """Compare the steps that are complete. lost: frames missing so far."""
+        if self.shadow is None:
+            return
+        before = self.shadow.steps
+        self.shadow.follow(capture, lost)
+        if self.shadow.steps > before:
+            self._compared_s = now_s
+
+    @property
+    def differs(self) -> bool:
+        return self.shadow is not None and self.shadow.divergence is not None
+
+    def light(self, now_s: float) -> Light:
+        shadow = self.shadow
+        if shadow is None:
+            return Light("off", self._why_not)
+        if shadow.divergence is not None:
+            found = shadow.divergence
+            return Light(
+                "red", f"step {found.step} differs: digest {found.actual:08x}, of the model {found.expected:08x}"
+            )
+        if shadow.unverified_from is not None:
+            where = f"unverified from step {shadow.unverified_from}: a frame was lost"
+            return Light("amber", f"{where}; a new run is compared again")
+        if not shadow.steps:
+            return Light("off", "no step has been compared yet")
+        if now_s - self._compared_s > FRESH_S:
+            return Light("off", f"{shadow.steps} steps equal the model in every bit; no more come")
+        return Light("green", f"{shadow.steps} steps equal the model in every bit")

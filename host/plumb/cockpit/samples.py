@@ -1,0 +1,142 @@
+"""The signals of every step of a run: rows of a ring, which every page reads at its own pace.
+
+A row has a value for each column, NaN where the frame did not arrive. The ring keeps the newest ROWS_KEPT rows; a page
+that was away for longer misses the older ones, and is told how many. What is recorded does not pass through here.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import threading
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from plumb.link.realtime import Capture
+from plumb.link.session import RAW_FRAMES
+from plumb.spec import declarations
+from plumb.spec.signals import UNITS, signals
+
+T = TypeVar("T")
+
+ROWS_KEPT = 1 << 15
+"""65 s at 500 Hz."""
+ROWS_PER_PIECE = 4000
+"""Most rows in one message to a page."""
+PIECE_HEADER = struct.Struct("<IIIIII")
+"""Tick, number of the run, number of the first row, rows, columns, rows missed. Then time_s of the rows as float64, and
+the rows as float32."""
+LATE_STEPS = 1
+"""A step's row is written when the next step has begun: by then all its frames have come, or never will."""
+FORGOTTEN_STEPS = 64
+"""Frames of a step that arrive when it is this old are dropped; the step number in a frame has no more than 6 bits."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the rows. name: with the unit at its end, as in a recording; unit: as the page shows it."""
+
+    name: str
+    unit: str
+
+
+def columns_of(system: str, frames: tuple[str, ...]) -> list[Column]:
+    """The columns of a run: the signals of the frames that are sent, then the raw counts."""
+    ends = {end: unit for unit, end in UNITS.items()}
+    found = []
+    for (frame, _), name, _ in signals(system):
+        if frame in frames and name != "flags":
+            found.append(Column(name, next((unit for end, unit in ends.items() if name.endswith(end)), "")))
+    return found + [Column(name, "count") for name in raw_columns(system, frames)]
+
+
+def raw_columns(system: str, frames: tuple[str, ...]) -> list[str]:
+    """Names of the columns of raw counts, in the order of the channels; [] where no frame carries them."""
+    carried = 3 * len(set(RAW_FRAMES).intersection(frames))
+    return [f"raw_{channel.name}" for channel in declarations.system(system).channels[:carried]]
+
+
+class Samples:
+    """The rows of one run. number: of the run; period_s: of a step. Written by the board's thread, read by any."""
+
+    def __init__(self, number: int, system: str, frames: tuple[str, ...], period_s: float) -> None:
+        self.number, self.system, self.period_s = number, system, period_s
+        self.columns = columns_of(system, frames)
+        names = [column.name for column in self.columns]
+        self._signals = [(signal, names.index(name), scale) for signal, name, scale in signals(system) if name in names]
+        self._raw_at = len(names) - len(raw_columns(system, frames))
+        self._time_s = np.zeros(ROWS_KEPT)
+        self._values = np.zeros((ROWS_KEPT, len(names)), np.float32)
+        self._lock = threading.Lock()
+        self._next: int | None = None
+        self.rows = 0
+
+    def take(self, capture: Capture) -> None:
+        """Write the rows of the steps that are complete. Raw counts and digests stay in the capture, for a shadow."""
+        end = capture.steps - LATE_STEPS
+        if self._next is None:
+            if end <= 0:
+                return
+            self._next = max(0, min([*capture.digest, *capture.raw], default=end))
+        for step in range(self._next, end):
+            row = np.full(len(self.columns), math.nan, np.float32)
+            for signal, at, scale in self._signals:
+                value = capture.values.get(signal, {}).pop(step, None)
+                if value is not None:
+                    row[at] = value * scale
+            counts = capture.raw.get(step)
+            if counts is not None:
+                row[self._raw_at :] = counts[: len(row) - self._raw_at]
+            with self._lock:
+                at = self.rows % ROWS_KEPT
+                self._time_s[at], self._values[at] = step * self.period_s, row
+                self.rows += 1
+        self._next = max(self._next, end)
+        _forget(capture, self._next - FORGOTTEN_STEPS)
+
+    def piece(self, first: int, tick: int) -> tuple[bytes, int]:
+        """The rows from number `first` on as a message to a page, and the number after the last of them."""
+        with self._lock:
+            begin = max(first, self.rows - ROWS_KEPT, 0)
+            end = min(self.rows, begin + ROWS_PER_PIECE)
+            at = np.arange(begin, end) % ROWS_KEPT
+            times, values = self._time_s[at].tobytes(), self._values[at].tobytes()
+        head = PIECE_HEADER.pack(tick, self.number, begin, end - begin, len(self.columns), begin - first)
+        return head + times + values, end
+
+    def series(self, name: str, since_s: float) -> tuple[list[float], list[float]]:
+        """Times and values of one column from a time on, without the steps that lack it."""
+        index = [column.name for column in self.columns].index(name)
+        with self._lock:
+            at = np.arange(max(0, self.rows - ROWS_KEPT), self.rows) % ROWS_KEPT
+            times, values = self._time_s[at], self._values[at, index].astype(np.float64)
+        wanted = (times >= since_s) & np.isfinite(values)
+        return times[wanted].tolist(), values[wanted].tolist()
+
+    @property
+    def kept(self) -> int:
+        """Rows that the ring holds at most."""
+        return ROWS_KEPT
+
+    @property
+    def time_s(self) -> float:
+        """Time of the newest row, 0 before the first."""
+        with self._lock:
+            return float(self._time_s[(self.rows - 1) % ROWS_KEPT]) if self.rows else 0.0
+
+
+def _forget(capture: Capture, before: int) -> None:
+    """Drop what the capture still has of the steps below `before`, and its times."""
+    capture.time_us.clear()
+    _forget_steps(capture.raw, before)
+    _forget_steps(capture.digest, before)
+    for values in capture.values.values():
+        _forget_steps(values, before)
+
+
+def _forget_steps(by_step: dict[int, T], before: int) -> None:
+    if len(by_step) > 2 * FORGOTTEN_STEPS:
+        for step in [step for step in by_step if step < before]:
+            del by_step[step]

@@ -1,0 +1,298 @@
+"""The loop that owns the link: comparison, arming and its three ways to end, orders and recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from plumb.cockpit.hold import TIMEOUT_S
+from plumb.cockpit.samples import PIECE_HEADER
+from support.cockpit_bench import HOLDER, NEUTRAL_HALFUS, CockpitBench
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[CockpitBench]:
+    bench = CockpitBench(tmp_path / "recordings")
+    yield bench
+    bench.close()
+
+
+def last_note(bench: CockpitBench) -> str:
+    return bench.loop.notes[-1][1]
+
+
+def test_the_light_is_green_while_every_step_equals_the_model(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.turn(1.0)
+    light = bench.loop.state["light"]
+    assert isinstance(light, dict)
+    assert light["colour"] == "green"
+    assert int(light["text"].split()[0]) >= 45
+
+
+def test_a_step_that_differs_turns_the_light_red_and_disarms(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.arm()
+    capture = bench.loop._capture
+    assert capture is not None
+    feed = capture.feed
+
+    def spoiled(frames: list[tuple[int, bytes]]) -> None:
+        feed(frames)
+        if capture.digest:
+            capture.digest[max(capture.digest)] ^= 1
+
+    capture.feed = spoiled  # type: ignore[method-assign]
+    bench.turn(0.2)
+    assert bench.loop.state["light"]["colour"] == "red"  # type: ignore[index]
+    assert not bench.armed and "differs" in last_note(bench)
+    said = bench.ask("arm")
+    bench.turn(0.1)
+    assert said[0]["good"] is False and "differs" in str(said[0]["text"])
+
+
+def test_a_lost_frame_turns_the_light_amber(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.turn(0.5)
+    capture = bench.loop._capture
+    assert capture is not None
+    feed = capture.feed
+    dropped: list[tuple[int, bytes]] = []
+
+    def lossy(frames: list[tuple[int, bytes]]) -> None:
+        keep = [frame for frame in frames if dropped or frame[0] != bench.board.session.protocol["RAW_A"].identifier]
+        dropped.extend(frame for frame in frames if frame not in keep)
+        feed(keep)
+
+    capture.feed = lossy  # type: ignore[method-assign]
+    bench.turn(0.5)
+    assert len(dropped) == 1
+    assert bench.loop.state["light"]["colour"] == "amber"  # type: ignore[index]
+
+
+def test_armed_from_the_page_the_outputs_move_and_heartbeats_keep_them_so(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.arm()
+    for _ in range(20):
+        bench.now_s += 0.1
+        bench.turn(0.1)
+    assert bench.armed and max(bench.pulses()) > NEUTRAL_HALFUS
+
+
+def test_a_holder_that_is_silent_for_300_ms_disarms(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.arm()
+    bench.turn(1.5)
+    bench.now_s += TIMEOUT_S
+    bench.turn(0.1, beating=False)
+    assert bench.armed, "300 ms of silence are allowed"
+    bench.now_s += 0.001
+    bench.turn(0.05, beating=False)
+    assert bench.pulses() == [NEUTRAL_HALFUS] * 2 and not bench.armed
+    assert "fell silent" in last_note(bench)
+    bench.turn(1.0)
+    assert not bench.armed, "it stays disarmed when the page comes back"
+
+
+def test_without_consent_the_board_disarms_itself_whatever_the_loop_does(bench: CockpitBench) -> None:
+    """The loop may hang in a transfer: keep-alive values are not answered any more."""
+    bench.begin()
+    bench.arm()
+    bench.turn(1.5)
+    bench.now_s += TIMEOUT_S + 0.001
+    end_s = bench.board.session.clock() + 0.06
+    while bench.board.session.clock() < end_s:
+        bench.board.session.receive(0.005)
+    assert bench.pulses() == [NEUTRAL_HALFUS] * 2
+
+
+def test_a_stop_disarms_and_ends_what_is_queued(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.arm()
+    queued = bench.ask("step_test", value=5.0, seconds=2.0)
+    bench.loop.stop()
+    assert not bench.loop.consent()
+    bench.turn(0.15)
+    assert queued == [{"good": False, "text": "stopped"}]
+    assert not bench.armed and bench.loop.consent()
+
+
+def test_a_stop_ends_the_wait_of_arming(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.hold.take(HOLDER)
+    bench.turn(0.05)  # not ready yet: at rest and converged takes 0.6 s
+    said = bench.ask("arm")
+    bench.turn(0.1)
+    assert not said and bench.loop.state["arming"]
+    bench.loop.stop()
+    bench.turn(1.5)
+    assert said[0]["good"] is False and not bench.armed
+
+
+def test_a_silent_page_does_not_arm(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.hold.take(HOLDER)
+    bench.turn(1.0)
+    said = bench.ask("arm")
+    bench.now_s += TIMEOUT_S + 0.001
+    bench.turn(0.2, beating=False)
+    assert said[0]["good"] is False and not bench.armed
+
+
+@pytest.mark.parametrize("verb", ["arm", "run", "record", "set", "setpoint", "step_test", "parameters", "save"])
+def test_a_page_that_does_not_hold_the_board_orders_nothing(bench: CockpitBench, verb: str) -> None:
+    bench.begin()
+    bench.hold.take(HOLDER)
+    said = bench.ask(verb, page=2)
+    bench.turn(0.1)
+    assert said == [{"good": False, "text": "this page does not hold the board"}]
+
+
+def test_a_board_that_another_armed_is_only_watched_and_may_be_stopped(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.hold.take(HOLDER)
+    bench.turn(1.0)
+    bench.loop._own_run = False
+    session = bench.board.session
+    session.consent = None  # another host keeps the board alive
+    session.arm()
+    bench.turn(0.3)
+    assert bench.loop.state["armed"] and not bench.loop.state["armed_here"]
+    for verb in ("run", "set", "arm", "step_test"):
+        said = bench.ask(verb, name="pid.kp", value=1.0)
+        bench.turn(0.05)
+        assert said[0]["good"] is False
+    assert bench.armed
+    bench.loop.stop()
+    bench.turn(0.2)
+    assert not bench.armed
+
+
+def test_parameters_are_read_described_and_set_in_units(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.hold.take(HOLDER)
+    said = bench.ask("parameters")
+    bench.turn(0.1)
+    names = dict(said[0]["parameters"])  # type: ignore[call-overload]
+    said = bench.ask("describe", name="pid.kp_per_deg")
+    bench.turn(0.1)
+    about = said[0]["parameter"]
+    assert about["value"] == names["pid.kp_per_deg"] and about["unit"] == "1/deg"  # type: ignore[index]
+    said = bench.ask("set", name="pid.kp_per_deg", value=0.05)
+    bench.turn(0.3)
+    assert said[0]["good"], said
+    assert bench.loop.state["run"]["number"] == 2  # type: ignore[index]
+    said = bench.ask("describe", name="pid.kp_per_deg")
+    bench.turn(0.5)
+    assert said[0]["parameter"]["value"] == pytest.approx(0.05, rel=1e-3)  # type: ignore[index]
+    assert bench.loop.state["light"]["colour"] == "green"  # type: ignore[index]
+    said = bench.ask("set", name="tilt", choice="arcsine")
+    bench.turn(0.1)
+    assert said[0]["good"], said
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        {"name": "pid.kp_per_deg", "value": 1e6},
+        {"name": "pid.no_such", "value": 1.0},
+        {"name": "tilt", "choice": "sideways"},
+        {"name": "pid.kp_per_deg", "choice": "fast"},
+        {"name": "calibration.gyro.min_counts", "value": 0.5},
+    ],
+)
+def test_a_value_that_cannot_be_is_refused_and_the_run_goes_on(
+    bench: CockpitBench, order: dict[str, float | str]
+) -> None:
+    bench.begin()
+    bench.hold.take(HOLDER)
+    said = bench.ask("set", HOLDER, **order)
+    bench.turn(0.3)
+    assert said[0]["good"] is False and said[0]["text"]
+    assert bench.loop.state["light"]["colour"] == "green"  # type: ignore[index]
+
+
+def test_a_step_test_moves_the_setpoint_and_says_what_came_of_it(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.arm()
+    said = bench.ask("step_test", value=5.0, seconds=1.0)
+    bench.turn(0.5)
+    assert said == [{"good": True, "text": ""}] and bench.loop.state["test"]
+    bench.turn(1.0)
+    assert bench.loop.state["test"] is None and last_note(bench).startswith("step test of 5 deg: rise time")
+    for value, seconds in ((90.0, 1.0), (5.0, 0.1), (5.0, 1000.0), (0.0, 1.0)):
+        said = bench.ask("step_test", value=value, seconds=seconds)
+        bench.turn(0.03)
+        assert said[0]["good"] is False
+
+
+def test_every_step_of_a_recording_is_there_while_no_page_reads(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.hold.take(HOLDER)
+    bench.turn(0.2)
+    bench.ask("record", on=True)
+    bench.turn(2.0)
+    assert bench.loop.state["recording"]["on"]  # type: ignore[index]
+    bench.ask("record", on=False)
+    bench.turn(0.1)
+    (folder,) = (bench.loop.recording._folder).iterdir()
+    lines = (folder / "steps.csv").read_text(encoding="utf-8").splitlines()
+    steps = [int(line.split(",")[0]) for line in lines[1:]]
+    assert len(steps) > 90 and steps == list(range(steps[0], steps[0] + len(steps)))
+
+
+def test_a_recording_that_cannot_be_written_ends_and_the_run_goes_on(
+    bench: CockpitBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from plumb.errors import UsageError
+    from plumb.inputs.recorder import Recorder
+
+    bench.begin()
+    bench.arm()
+    bench.ask("record", on=True)
+    bench.turn(0.1)
+
+    def full(*_: object) -> None:
+        raise UsageError("no space left")
+
+    monkeypatch.setattr(Recorder, "feed", full)
+    bench.turn(0.3)
+    assert bench.armed and bench.loop.state["recording"] == {"on": False}
+    assert any("no space left" in text for _, text in bench.loop.notes)
+
+
+def test_rows_have_every_signal_of_the_steps(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.turn(1.0)
+    samples = bench.loop.samples
+    assert samples is not None
+    piece, end = samples.piece(0, tick=5)
+    tick, run, first, rows, columns, missed = PIECE_HEADER.unpack_from(piece)
+    assert (tick, run, first, missed) == (5, 1, 0, 0) and rows == end == samples.rows
+    times = np.frombuffer(piece, "<f8", rows, PIECE_HEADER.size)
+    values = np.frombuffer(piece, "<f4", rows * columns, PIECE_HEADER.size + 8 * rows).reshape(rows, columns)
+    assert np.allclose(times, 0.02 * np.arange(rows)) and np.isfinite(values).all()
+    assert {"tilt_deg", "rate_dps", "raw_gyro"} <= {column.name for column in samples.columns}
+
+
+def test_the_loop_leaves_the_board_disarmed_and_idle(bench: CockpitBench) -> None:
+    turns = 0
+
+    def stopped() -> bool:
+        nonlocal turns
+        turns += 1
+        bench.beat()
+        if turns == 150:
+            bench.hold.take(HOLDER)
+        if turns == 160:
+            bench.ask("arm")
+        return turns > 300 and bench.armed
+
+    bench.loop.run(stopped)
+    bench.board.session.telemetry.pop("STATUS")
+    while "STATUS" not in bench.board.session.telemetry:
+        bench.board.session.receive(0.2)
+    assert not bench.armed and bench.board.session.telemetry["STATUS"]["mode"] == 0

@@ -1,0 +1,86 @@
+"""The page in a real browser: what it shows, and what its end does to the board."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from plumb.cockpit.hold import Hold
+from plumb.cockpit.page_server import PageServer
+from support.chromium import Chromium, Page
+from support.cockpit_bench import CockpitBench, serving
+
+pytestmark = [pytest.mark.slow]
+GREEN = "document.getElementById('light').className === 'green'"
+ARMED = "document.getElementById('armed').textContent === 'ARMED'"
+DISARMED = "document.getElementById('armed').textContent === 'disarmed'"
+PIXELS = """(() => {
+  const canvas = document.querySelector('.panel:not(.keys) > canvas');
+  const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+  let blue = 0;
+  for (let at = 0; at < data.length; at += 4) blue += data[at + 2] > data[at] + 60 && data[at + 3] > 128;
+  return blue;
+})()"""
+"""Pixels of the first panel that have the colour of its first line."""
+
+
+HOLD_S = 3.0
+"""Of these tests: a machine that is busy may leave a page waiting for longer than the hold of a user allows."""
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[PageServer]:
+    with serving(CockpitBench(tmp_path, hold=Hold(timeout_s=HOLD_S), paced=True)) as server:
+        yield server
+
+
+@pytest.fixture
+def chromium() -> Iterator[Chromium]:
+    with Chromium() as chromium:
+        yield chromium
+
+
+def arm(page: Page) -> None:
+    page.until("!document.querySelector('#health').textContent.includes('not ready')")
+    page.click("[data-do=arm]")
+    page.until(ARMED)
+
+
+def test_a_page_shows_the_board_and_two_viewers_see_it_stop(server: PageServer, chromium: Chromium) -> None:
+    page, viewer = chromium.open(server.control_address), chromium.open(server.watch_address)
+    page.until(GREEN)
+    viewer.until(GREEN)
+    assert viewer.value("[...document.querySelectorAll('[data-do]')].every((button) => button.disabled)")
+    page.until(f"{PIXELS} > 20")
+    page.until("document.getElementById('angles').textContent.includes('roll')")
+    arm(page)
+    viewer.until(ARMED)
+    viewer.press("Escape")
+    page.until(DISARMED)
+    page.until("document.getElementById('log').textContent.includes('a page asked for a stop')")
+    page.value("document.querySelector('[data-act=pause]').focus()")
+    arm(page)
+    page.press(" ")
+    page.until(DISARMED)
+    assert page.value("document.querySelector('[data-act=pause]').getAttribute('aria-pressed')") == "false"
+
+
+def test_a_browser_that_is_killed_while_armed_disarms(server: PageServer, chromium: Chromium) -> None:
+    page = chromium.open(server.control_address)
+    arm(page)
+    chromium.kill()
+    with Chromium() as another:
+        viewer = another.open(server.watch_address)
+        viewer.until(DISARMED)
+        viewer.until("document.getElementById('log').textContent.includes('the page that armed fell silent')")
+
+
+def test_a_page_that_hangs_while_armed_disarms(server: PageServer, chromium: Chromium) -> None:
+    page, viewer = chromium.open(server.control_address), chromium.open(server.watch_address)
+    arm(page)
+    viewer.until(ARMED)
+    page.value("setTimeout(() => { const end = Date.now() + 20000; while (Date.now() < end); }, 0); 1")
+    viewer.until(DISARMED)
+    viewer.until("document.getElementById('log').textContent.includes('the page that armed fell silent')")
