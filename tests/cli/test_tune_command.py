@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 from plumb import __main__ as front
+from plumb.inputs.recorder import RAW_COLUMNS
+from plumb.spec import parameters
+from plumb.systems.quad.scenarios import TUNINGS, scenario
 from plumb.tuning.quantise import quantise
 
 
@@ -47,7 +50,6 @@ def test_noise_prints_figures_settings_and_the_line_that_sets_them(
 
 def test_noise_json_can_be_used_as_a_tuning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from plumb.inputs.identification import chosen_settings
-    from plumb.systems.quad.scenarios import TUNINGS
 
     options = ["--system", "quad", "--tuning", "constant", "--period-us", "10000", "--json"]
     assert front.main(["tune", "noise", rest_file(tmp_path), *options]) == 0
@@ -71,9 +73,11 @@ def test_what_noise_cannot_use_is_one_sentence(tmp_path: Path, capsys: pytest.Ca
     assert "has no parameters" not in refusal(["noise", str(tmp_path)], capsys)  # a folder without a recording
     assert "there is no system 'toaster'" in refusal(["noise", good, "--system", "toaster"], capsys)
     assert "no tuning 'gold'" in refusal(["noise", good, "--system", "quad", "--tuning", "gold"], capsys)
-    assert "is not 10 s of the recording" in refusal(["noise", good, "--from", "25"], capsys)
-    assert "is not 10 s of the recording" in refusal(["noise", good, "--from", "20", "--to", "10"], capsys)
+    assert "is not 10 s of the recording" in refusal(["noise", good, "--begin", "25"], capsys)
+    assert "is not 10 s of the recording" in refusal(["noise", good, "--begin", "20", "--end", "10"], capsys)
     assert "500 to 100000 us" in refusal(["noise", good, "--period-us", "1"], capsys)
+    assert "is not 10 s of the recording" in refusal(["noise", good, "--end", "-5"], capsys)
+    assert "--begin nan: give a finite number" in refusal(["noise", good, "--begin", "nan"], capsys)
     assert "too short for it" in refusal(["noise", good, "--highest-hz", "0"], capsys)
     still = rest_file(tmp_path, "still.npz", gyr=np.zeros((3000, 3)))
     assert "gyr_x: the signal does not change at all" in refusal(["noise", still], capsys)
@@ -92,3 +96,79 @@ def test_without_scipy_the_extra_is_named(
 ) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert "needs scipy" in (said := refusal(["noise", rest_file(tmp_path)], capsys)) and "tune" in said
+
+
+def swing_file(folder: Path) -> str:
+    """A swing about x with white noise of R = 0.5 deg^2 and a gyro of Q = 0.02 deg^2/s, 100 Hz."""
+    rng = np.random.default_rng(1)
+    rate = 30.0 * np.sin(0.02 * np.arange(2000))
+    tilt = np.concatenate([[0.0], np.cumsum(rate[:-1] * 0.01)])
+    z = np.radians(tilt + np.sqrt(0.5) * rng.standard_normal(2000))
+    zero = np.zeros(2000)
+    gyro = np.radians(rate + np.sqrt(0.02 / 0.01) * rng.standard_normal(2000))
+    acc = 9.80665 * np.column_stack([zero, np.sin(z), np.cos(z)])
+    path = folder / "swing.npz"
+    np.savez(path, gyr=np.column_stack([gyro, zero, zero]), acc=acc, rate_hz=np.float64(100.0))
+    return str(path)
+
+
+def test_filter_prints_settings_and_consistency(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["tune", "filter", swing_file(tmp_path), "--out", str(tmp_path / "out")]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("swing.npz about x: 2000 steps of 10 ms; quad, tuning recording.")
+    assert "Consistency of the filter" in printed and "plumb params set kalman.q_angle_deg2_per_s=" in printed
+    told = json.loads((tmp_path / "out" / "tune.json").read_text())
+    assert told["settings"]["trust.r_deg2"] == pytest.approx(0.5, rel=0.1)
+    assert told["after"]["mean_nis"] == pytest.approx(1.0, abs=0.02) and told["refusal"] == ""
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Whiteness" in page and "Innovations after" in page
+
+
+def test_settings_of_no_use_are_exit_code_1(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from plumb.inputs.identification import chosen_settings
+
+    monkeypatch.setattr(chosen_settings, "refusal", lambda tuning: "too large")
+    assert front.main(["tune", "filter", swing_file(tmp_path)]) == 1
+    captured = capsys.readouterr()
+    assert "the board cannot hold the settings: too large" in captured.err and "params set" not in captured.out
+
+
+def test_what_filter_cannot_use_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    good = swing_file(tmp_path)
+    assert "steps are too few" in refusal(["filter", good, "--seconds", "3"], capsys)
+    assert "greater than 0" in refusal(["filter", good, "--seconds", "0"], capsys)
+    assert "phone has no one-axis filter" in refusal(["filter", good, "--system", "phone"], capsys)
+    assert "turntable" in refusal(["filter", good, "--system", "turntable"], capsys)
+    assert "500 to 100000 us" in refusal(["filter", good, "--period-us", "10"], capsys)
+
+
+def board_recording(folder: Path, steps: int = 1100) -> Path:
+    """A folder as `plumb record` writes it: quad, shipped tuning, `quiet`; every 50th step lost its counts."""
+    params = quantise(TUNINGS["adaptive"])
+    words = {row.name: row.default for row in parameters.table()} | params.values | params.link_words()
+    counts = scenario("quiet", 3, seconds=steps * 0.02).counts()
+    lines = [",".join(["step", "digest", *RAW_COLUMNS])]
+    lines += [
+        f"{step},," + ",".join("" if step % 50 == 7 else str(count) for count in row) for step, row in enumerate(counts)
+    ]
+    folder.mkdir()
+    (folder / "board.json").write_text(json.dumps({"parameters": words}))
+    (folder / "steps.csv").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def test_a_board_recording_is_tuned_with_its_own_parameters(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = str(board_recording(tmp_path / "run"))
+    assert front.main(["tune", "filter", run, "--json"]) in (0, 1)
+    told = json.loads(capsys.readouterr().out)
+    assert (told["system"], told["tuning"], told["period_us"]) == ("quad", "as recorded", 20_000)
+    assert told["settings_before"]["trust.r_deg2"] == pytest.approx(0.25, rel=1e-3)
+    assert "was quad, not balancer" in refusal(["filter", run, "--system", "balancer"], capsys)
+    assert "counts have its period" in refusal(["filter", run, "--period-us", "5000"], capsys)
+    assert front.main(["tune", "noise", run, "--begin", "0", "--end", "22", "--json"]) == 1  # it moves: no R follows
+    told = json.loads(capsys.readouterr().out)
+    assert [one["name"] for one in told["signals"]] == ["gyro", "accel_y", "accel_z"]
+    assert told["signals"][2]["rms"] < 0.1 and told["period_us"] == 20_000
+    assert "more than 0" in told["refusal"] and told["apply"] == []

@@ -12,6 +12,7 @@ from plumb.systems import load
 from plumb.tuning.quantise import quantise
 
 T = TypeVar("T")
+BOARDS = "B: serial:PORT or can:BUS."
 DIGITS = 5
 """Significant digits of a setting: finer than the 0.1 % to which its integer holds it."""
 

@@ -65,17 +65,16 @@ def noise_tables(found: Sequence[ChannelNoise]) -> list[Table]:
     return tables
 
 
-def settings_table(noise: FilterNoise) -> Table:
+def settings_tables(noise: FilterNoise) -> list[Table]:
+    """The settings, and, if the board can hold them, the lines that set them."""
     rows = [[name, f"{value:.5g}", noise.notes[name.rpartition(".")[2]]] for name, value in noise.values.items()]
     note = "The least that the filter needs. Motion that its model leaves out needs more: `plumb tune filter` finds it."
+    title = f"Q and R of {noise.system}, tuning {noise.tuning_name}"
+    head = ["setting", "value", "from"]
     if noise.refusal:
-        note = f"The board cannot hold these: {noise.refusal}. {note}"
-    return Table(f"Q and R of {noise.system}, tuning {noise.tuning_name}", ["setting", "value", "from"], rows, note)
-
-
-def apply_table(noise: FilterNoise) -> Table:
-    rows = [[line] for line in chosen_settings.apply_lines(noise.values)]
-    return Table("To use them", [""], rows, "B: serial:PORT or can:BUS.")
+        return [Table(title, head, rows, f"The board cannot hold these: {noise.refusal}.")]
+    lines = [[line] for line in chosen_settings.apply_lines(noise.values)]
+    return [Table(title, head, rows, note), Table("To use them", [""], lines, chosen_settings.BOARDS)]
 
 
 def plots(rest: Rest, found: Sequence[ChannelNoise]) -> list[XyPlot | Plot]:
@@ -153,5 +152,5 @@ def to_json(rest: Rest, found: Sequence[ChannelNoise], noise: FilterNoise) -> di
         "period_us": noise.tuning.period_us,
         "settings": noise.values,
         "refusal": noise.refusal,
-        "apply": chosen_settings.apply_lines(noise.values),
+        "apply": [] if noise.refusal else chosen_settings.apply_lines(noise.values),
     }

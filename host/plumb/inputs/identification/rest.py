@@ -8,7 +8,6 @@ off.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -65,14 +64,16 @@ class Rest:
 
     def part(self, first_s: float, last_s: float) -> Rest:
         """The signals between two times of the recording; raises UsageError for fewer than LEAST_REST_S."""
-        start, end = (round((at - self.first_s) / self.period_s) for at in (first_s, last_s))
-        cut = tuple(replace(one, values=one.values[max(start, 0) : max(end, 0)]) for one in self.channels)
+        total = len(self.channels[0].values)
+        limits = (min(max(at - self.first_s, 0.0), total * self.period_s) for at in (first_s, last_s))
+        start, end = (round(at / self.period_s) for at in limits)
+        cut = tuple(replace(one, values=one.values[start:end]) for one in self.channels)
         if len(cut[0].values) * self.period_s < LEAST_REST_S * (1.0 - 1e-6):
             raise UsageError(
                 f"{self.path.name}: {first_s:g} s to {last_s:g} s is not {LEAST_REST_S:g} s of the recording, which "
                 f"lasts {self.whole_s:.1f} s; let the sensor rest for some minutes"
             )
-        begin_s = self.first_s + max(start, 0) * self.period_s
+        begin_s = self.first_s + start * self.period_s
         return replace(self, channels=cut, first_s=begin_s, last_s=begin_s + len(cut[0].values) * self.period_s)
 
 
@@ -98,37 +99,45 @@ def _of_recording(path: Path) -> Rest:
 
 
 def _of_folder(folder: Path) -> Rest:
-    """Raw counts of steps.csv by the calibration in board.json; lost steps repeat the one before."""
+    """Raw counts of a board by its calibration."""
+    params, raw = board_recording(folder)
+    channels = tuple(_calibrated(params, raw))
+    if not channels:
+        raise UsageError(f"{folder} has no raw counts of calibrated gyros and accelerometers")
+    return replace(_whole(folder, params.period_s, channels), system=params.system)
+
+
+def board_recording(folder: Path) -> tuple[ControlParams, FloatArray]:
+    """A folder of `plumb record`: the board's parameters, with their unit of variance, and its raw counts, (steps, 6).
+    A step without counts has those before it; a channel that was never recorded has zeros."""
     text = input_files.read_text(folder / "board.json", input_files.MIB, ADVICE)
     try:
         said = json.loads(text)["parameters"]
         words = [int(said[row.name]) for row in parameters.table()]
     except (ValueError, KeyError, TypeError):
         raise UsageError(f"{folder / 'board.json'} has no parameters that this version knows; {ADVICE}") from None
-    params = ControlParams.from_words(parameters.control_part(words))
+    unit_deg2 = said[parameters.UNIT] / 2.0**56 * 360.0**2 / 2.0**32
+    params = ControlParams.from_words(parameters.control_part(words), unit_deg2 or 1.0)
     input_files.check(folder / "steps.csv", recording.MOST_BYTES, ADVICE)
     try:
         recorded = record_report.columns(folder / "steps.csv")
     except (ValueError, IndexError, StopIteration):
         raise UsageError(f"{folder / 'steps.csv'} is damaged; record again") from None
-    channels = tuple(_calibrated(params, recorded))
-    if not channels:
-        raise UsageError(f"{folder} has no raw counts of calibrated sensors: record with --run live")
-    return replace(_whole(folder, params.period_s, channels), system=params.system)
+    counts = [_without_gaps(recorded[name]) for name in RAW_COLUMNS if name in recorded]
+    if not any(np.any(one) for one in counts):
+        raise UsageError(f"{folder} has no raw counts: record with --run live, on a link that carries them")
+    return params, np.stack(counts, 1)
 
 
-def _calibrated(params: ControlParams, recorded: Mapping[str, FloatArray]) -> list[Channel]:
+def _calibrated(params: ControlParams, raw: FloatArray) -> list[Channel]:
     """Channels of gyros and accelerometers in deg/s and g."""
     rows = {row.name: row for row in parameters.table()}
     found = []
-    for column, channel in zip(RAW_COLUMNS, declarations.system(params.system).channels, strict=False):
+    for counts, channel in zip(raw.T, declarations.system(params.system).channels, strict=False):
         row = rows.get(f"{channel.calibration}.offset")
-        if row is None or row.unit not in _PER_UNIT or column not in recorded:
+        if row is None or row.unit not in _PER_UNIT:
             continue
         per_unit, unit = _PER_UNIT[row.unit]
-        counts = _without_gaps(recorded[column])
-        if counts is None:
-            continue
         low, high = params[f"{channel.calibration}.raw_min"], params[f"{channel.calibration}.raw_max"]
         exact = np.clip(counts, low, high) * params[f"{channel.calibration}.gain"] + params.values[row.name]
         scaled = exact * (per_unit / 2.0 ** int(row.format[1:]))
@@ -136,11 +145,11 @@ def _calibrated(params: ControlParams, recorded: Mapping[str, FloatArray]) -> li
     return found
 
 
-def _without_gaps(counts: FloatArray) -> FloatArray | None:
-    """The counts with the one before in place of a lost one; None if there are none at all."""
+def _without_gaps(counts: FloatArray) -> FloatArray:
+    """The counts with the one before in place of a lost one; zeros if there are none at all."""
     there = np.isfinite(counts)
     if not there.any():
-        return None
+        return np.zeros_like(counts)
     last = np.maximum.accumulate(np.where(there, np.arange(len(counts)), int(np.argmax(there))))
     return np.asarray(counts[last])
 
@@ -161,7 +170,7 @@ def longest_rest(whole: Rest) -> Rest:
     if last_s - first_s < LEAST_REST_S:
         raise UsageError(
             f"{whole.path.name} has no rest of {LEAST_REST_S:g} s: lay the sensor down and record some minutes; "
-            "--from and --to choose a part all the same"
+            "--begin and --end choose a part all the same"
         )
     return whole.part(first_s, whole.last_s if start + blocks == len(quiet) and not margin else last_s)
 
