@@ -19,7 +19,7 @@ import gen_params  # type: ignore[import-not-found]  # noqa: E402
 import gen_reference  # type: ignore[import-not-found]  # noqa: E402
 import gen_systems  # type: ignore[import-not-found]  # noqa: E402
 from plumb.errors import UsageError  # noqa: E402
-from plumb.spec import dbc, declarations  # noqa: E402
+from plumb.spec import declarations, tool_dbc  # noqa: E402
 
 
 def c_files(built: tuple[str, ...] = ()) -> dict[str, str]:
@@ -33,7 +33,7 @@ def committed() -> dict[Path, str]:
     """Path -> text of the committed files, which cover the systems of this package."""
     files = {ROOT / "firmware" / name: text for name, text in c_files().items()}
     files |= {ROOT / "docs" / "reference" / name: text for name, text in gen_reference.generate().items()}
-    return {**files, ROOT / "host" / "plumb" / "spec" / "messages.dbc": dbc.text()}
+    return {**files, ROOT / "host" / "plumb" / "spec" / "messages.dbc": tool_dbc.text()}
 
 
 def write(files: dict[Path, str]) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from plumb.spec import declarations, parameters
+from plumb.spec import dbc, declarations, parameters
 from plumb.spec.protocol import canonical_text, load_database, message_of, protocol, protocol_of
 from support.campaigns import LONG
 
@@ -37,7 +37,7 @@ def test_generated_files_are_fresh() -> None:
 
 
 def test_hash_does_not_hear_comments_but_hears_every_position(tmp_path: Path) -> None:
-    text = DBC.read_text()
+    text = dbc.text()
     known = protocol().dbc_hash
 
     def hash_of(changed: str) -> int:
@@ -79,7 +79,7 @@ def test_a_definition_that_breaks_the_frame_rules_is_refused(
     tmp_path: Path, before: str, after: str, complaint: str
 ) -> None:
     path = tmp_path / "messages.dbc"
-    path.write_text(DBC.read_text().replace(before, after, 1))
+    path.write_text(dbc.text().replace(before, after, 1))
     import cantools
 
     with pytest.raises((ValueError, cantools.Error), match=complaint):
@@ -144,7 +144,7 @@ def test_factory_values_are_a_shipped_tuning() -> None:
 
 def test_other_tools_see_degrees_and_names() -> None:
     """What cantools monitor or SavvyCAN show with the DBC."""
-    database: Any = load_database()
+    database: Any = load_database(DBC)
     angle = database.decode_message("QUAD_ANGLE", protocol()["QUAD_ANGLE"].pack(0, 0, 3001, -(1 << 29)))
     assert angle["tilt"] == pytest.approx(-45.0)
     assert angle["pulse_0"] == 1500.5
@@ -156,3 +156,40 @@ def test_other_tools_see_degrees_and_names() -> None:
     assert (str(status["mode"]), status["armed"]) == ("REALTIME", 1)
     word = database.decode_message("WORD", protocol()["WORD"].pack(0, 0, 21, 0))
     assert str(word["index"]) == protocol()["WORD"].choice("index", 21)
+
+
+def test_other_tools_see_every_flag_by_name() -> None:
+    database: Any = load_database(DBC)
+    status = database.decode_message("STATUS", protocol()["STATUS"].pack(0, 2, 2, 1 << 4 | 1 << 13, 1 << 8))
+    assert {name for name, value in status.items() if name.startswith(("blocked_", "fault_")) and value} == {
+        "blocked_link_closed", "blocked_other_link", "fault_internal_clock",
+    }  # fmt: skip
+    sensors = database.decode_message("SENSORS", protocol()["SENSORS"].pack(0, 0, 1 << 5 | 1 << 8, 3 << 8 | 6, 9))
+    assert (sensors["rail_PB1"], sensors["stuck_PA0"], sensors["rail_PA0"]) == (1, 1, 0)
+    states = (str(sensors["gyro_state"]), str(sensors["accelerometer_state"]), sensors["bus_failures"])
+    assert states == ("UNCHANGED", "BUS_HANGS", 9)
+    flags = declarations.systems()["turntable"].flags
+    frame = protocol()["TURNTABLE_ATTITUDE_W"]
+    for bit, flag in enumerate(flags):
+        said = database.decode_message(frame.name, frame.pack(0, 0, 1 << bit, 1 << 30))
+        assert [name for name, value in said.items() if name.startswith("flag_") and value] == [
+            f"flag_{flag.name.lower()}"
+        ]
+        assert said["w"] == 1.0
+
+
+def test_the_file_for_other_tools_has_the_frames_and_places_of_the_link() -> None:
+    """The same messages; each signal lies within one word of the link, and together they cover its declared bits."""
+    inner, outer = load_database(), load_database(DBC)
+    assert [m.frame_id for m in inner.messages] == [m.frame_id for m in outer.messages]
+    for definition in outer.messages:
+        words = {s.name: (s.start, s.length) for s in inner.get_message_by_frame_id(definition.frame_id).signals}
+        names = [signal.name for signal in definition.signals]
+        assert len(set(names)) == len(names) and all(len(name) <= 32 for name in names)
+        for signal in definition.signals:
+            assert any(start <= signal.start and signal.start + signal.length <= start + length
+                       for start, length in words.values()), signal.name  # fmt: skip
+            assert signal.unit not in ("command", "1")
+        assert definition.comment
+    units = {signal.name: signal.unit for message in outer.messages for signal in message.signals}
+    assert (units["lost"], units["starved"], units["tilt"]) == ("frames", "steps", "deg")

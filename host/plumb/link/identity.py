@@ -5,48 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from plumb.errors import LinkError
-from plumb.spec import declarations, parameters
+from plumb.spec import declarations, parameters, status_bits
 from plumb.spec.protocol import Protocol
 
-BLOCKED = {
-    0: "no host of its version has connected",
-    1: "no run is on",
-    2: "in lockstep nothing can be armed: begin a run in real time",
-    3: "the board has a fault",
-    4: "the link is closed or read-only",
-    5: "the keep-alive was lost",
-    6: "the host disarmed",
-    7: "no injected samples come",
-    8: "the arm switch was opened",
-    9: "this system has nothing to move on these pins: wire the strap for it, set the parameter pins, save and reset",
-    10: "the arm switch is closed: it holds the board armed, or has to be opened first",
-    11: "the sensors are implausible",
-    12: "it is not ready to be armed",
-    13: "another link began the run, and alone may arm",
-}
+BLOCKED = {bit: one.text for bit, one in status_bits.BLOCKED.items()}
 HOST_BLOCKS = (0, 1, 3, 13)
 """Blocking reasons that a host does not report: it clears them by itself, or reports each fault separately."""
 FAULT_STRAP = 15
 BLOCKING_FAULTS = (*range(8), 13, 14, FAULT_STRAP)
-FAULTS = {
-    0: "no conversions",
-    1: "control steps were missed",
-    2: "a processor fault ended the run before",
-    3: "the flash does not hold what was built",
-    4: "the break input switched the bridge off: look at the gate driver, and whether PB12 is wired",
-    5: "all three Hall sensors say the same: a wire is off",
-    6: "a sensor is lost or not to be trusted",
-    7: "the saved parameters cannot be used: load, reset or set them, then save",
-    8: "running on the internal oscillator",
-    9: "received bytes were lost",
-    10: "a watchdog ended the run before",
-    11: "received CAN frames were lost",
-    12: "the crystal failed in the run before",
-    13: "while it drove, the board's main loop hung for 20 ms: begin a new run",
-    14: "memory that decides a pulse was damaged, by radiation or by a fault of the program: reset the board",
-    15: "the strap and the saved parameter pins disagree: no actuator pin is driven; rewire the strap, or set pins and "
-    "save, then reset",
-}
+FAULTS = {bit: one.text for bit, one in status_bits.FAULTS.items()}
 PINS = {
     0: "standard",
     1: "bridge",
@@ -64,15 +31,7 @@ SOURCES = {
 """PARAMETER_SOURCE: where the parameters in use come from."""
 RESET_CAUSES = {2: "reset pin", 3: "power", 4: "software", 5: "watchdog", 6: "window watchdog", 7: "low power"}
 """RESET_CAUSE: RCC_CSR 31..24 (RM0008 7.3.10). Every reset also pulls the pin."""
-ANALOG_INPUTS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")
-SENSOR_CAUSES = {
-    1: "not found yet",
-    2: "does not answer",
-    3: "its bus hangs",
-    4: "another chip answers, or it did not take its settings",
-    5: "has no data",
-    6: "its data do not change",
-}
+SENSOR_CAUSES = {value: one.text for value, one in status_bits.SENSOR_STATES.items() if value}
 _REASONS = {
     "UNSUPPORTED": "this image cannot do that",
     "COUNT": "it has another number of parameters",
@@ -97,27 +56,17 @@ def bits_text(bits: int, names: dict[int, str]) -> str:
 def sensors_text(said: dict[str, int]) -> list[str]:
     """A sentence for every sensor that cannot be trusted, from the words of SENSORS by name."""
     analog, digital = said.get("analog", 0), said.get("digital", 0)
-    found = [f"input {pin} is at a rail" for i, pin in enumerate(ANALOG_INPUTS) if analog >> i & 1]
-    found += [f"input {pin} does not change" for i, pin in enumerate(ANALOG_INPUTS) if analog >> (8 + i) & 1]
+    found = [f"input {pin} is at a rail" for i, pin in enumerate(status_bits.ANALOG_INPUTS) if analog >> i & 1]
+    found += [
+        f"input {pin} does not change" for i, pin in enumerate(status_bits.ANALOG_INPUTS) if analog >> (8 + i) & 1
+    ]
     for name, cause in (("gyro", digital & 0xFF), ("accelerometer", digital >> 8)):
         found += [f"{name}: {SENSOR_CAUSES.get(cause, f'cause {cause}')}"] if cause else []
     return found
 
 
-IMPLAUSIBLE = {
-    0: "the accelerometer reads an acceleration that the system cannot have: check its wiring and supply",
-    1: "the accelerometer's tilt is far from what the filter expects: check the axes of gyro and accelerometer",
-    2: "gyro and accelerometer do not turn together: check the gyro's wiring, supply, axis and sign",
-}
-"""PLAUSIBILITY.failed and disarmed_by: plumb/plausibility.h."""
-NOT_READY = {
-    0: "it has not been ready for 0.3 s yet",
-    1: "it moves: hold it still",
-    2: "the filter has not converged: hold it still",
-    3: "the setpoint is not 0",
-    4: "it is tilted too far: bring it level or upright",
-}
-"""PLAUSIBILITY.missing."""
+IMPLAUSIBLE = {bit: one.text for bit, one in status_bits.IMPLAUSIBLE.items()}
+NOT_READY = {bit: one.text for bit, one in status_bits.NOT_READY.items()}
 
 
 def plausibility_text(said: dict[str, int]) -> list[str]:

@@ -1,7 +1,7 @@
 """The text of the DBC: the messages of the link (`link_messages.dbc`), and the frames and signals of every system.
 
-`messages.dbc` is this text for the systems of the package, for use in other tools. plumb itself generates it from the
-declarations at run time, so that the systems on PLUMB_SYSTEM_PATH are in it, too.
+plumb generates it from the declarations at run time, so that the systems on PLUMB_SYSTEM_PATH are in it, too.
+`messages.dbc` is the form of it for other tools (`plumb.spec.tool_dbc`).
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from cantools.database.can import Database
 
 DBC_PATH = Path(__file__).with_name("messages.dbc")
-"""The DBC of the systems of this package, for other tools."""
+"""The DBC of the systems of this package for other tools, with every flag as a signal: `plumb.spec.tool_dbc`."""
 FRAME_DLC = 8
 CRC8_POLYNOMIAL = 0x2F
 

@@ -1,0 +1,93 @@
+"""Bits and values of the words that report a state: their names in the DBC for other tools, and their texts."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Bit(NamedTuple):
+    """name: small letters, part of a signal's name. text: a sentence, or the end of one."""
+
+    name: str
+    text: str
+
+
+BLOCKED = {
+    0: Bit("no_host", "no host of its version has connected"),
+    1: Bit("no_run", "no run is on"),
+    2: Bit("lockstep", "in lockstep nothing can be armed: begin a run in real time"),
+    3: Bit("fault", "the board has a fault"),
+    4: Bit("link_closed", "the link is closed or read-only"),
+    5: Bit("keepalive_lost", "the keep-alive was lost"),
+    6: Bit("commanded", "the host disarmed"),
+    7: Bit("no_samples", "no injected samples come"),
+    8: Bit("switch_opened", "the arm switch was opened"),
+    9: Bit(
+        "pins",
+        "this system has nothing to move on these pins: wire the strap for it, set the parameter pins, save and reset",
+    ),
+    10: Bit("switch_closed", "the arm switch is closed: it holds the board armed, or has to be opened first"),
+    11: Bit("implausible", "the sensors are implausible"),
+    12: Bit("not_ready", "it is not ready to be armed"),
+    13: Bit("other_link", "another link began the run, and alone may arm"),
+}
+"""Why arming is refused (STATUS.blocked), and what ended the last armed time (EVENTS.disarm_cause)."""
+FAULTS = {
+    0: Bit("no_conversions", "no conversions"),
+    1: Bit("steps_missed", "control steps were missed"),
+    2: Bit("processor", "a processor fault ended the run before"),
+    3: Bit("flash", "the flash does not hold what was built"),
+    4: Bit(
+        "bridge_break", "the break input switched the bridge off: look at the gate driver, and whether PB12 is wired"
+    ),
+    5: Bit("hall", "all three Hall sensors say the same: a wire is off"),
+    6: Bit("sensor", "a sensor is lost or not to be trusted"),
+    7: Bit("saved_parameters", "the saved parameters cannot be used: load, reset or set them, then save"),
+    8: Bit("internal_clock", "running on the internal oscillator"),
+    9: Bit("bytes_lost", "received bytes were lost"),
+    10: Bit("watchdog", "a watchdog ended the run before"),
+    11: Bit("can_frames_lost", "received CAN frames were lost"),
+    12: Bit("crystal", "the crystal failed in the run before"),
+    13: Bit("loop_hung", "while it drove, the board's main loop hung for 20 ms: begin a new run"),
+    14: Bit(
+        "memory", "memory that decides a pulse was damaged, by radiation or by a fault of the program: reset the board"
+    ),
+    15: Bit(
+        "strap",
+        "the strap and the saved parameter pins disagree: no actuator pin is driven; rewire the strap, or set pins and "
+        "save, then reset",
+    ),
+}
+"""STATUS.faults."""
+IMPLAUSIBLE = {
+    0: Bit(
+        "acceleration",
+        "the accelerometer reads an acceleration that the system cannot have: check its wiring and supply",
+    ),
+    1: Bit(
+        "innovation",
+        "the accelerometer's tilt is far from what the filter expects: check the axes of gyro and accelerometer",
+    ),
+    2: Bit("turn", "gyro and accelerometer do not turn together: check the gyro's wiring, supply, axis and sign"),
+}
+"""PLAUSIBILITY.failed and disarmed_by: plumb/plausibility.h."""
+NOT_READY = {
+    0: Bit("settling", "it has not been ready for 0.3 s yet"),
+    1: Bit("at_rest", "it moves: hold it still"),
+    2: Bit("converged", "the filter has not converged: hold it still"),
+    3: Bit("setpoint", "the setpoint is not 0"),
+    4: Bit("tilt", "it is tilted too far: bring it level or upright"),
+}
+"""PLAUSIBILITY.missing."""
+ANALOG_INPUTS = ("PA0", "PA1", "PA2", "PA3", "PB0", "PB1")
+"""SENSORS.analog: bits 0 to 5 of inputs at a rail, 8 to 13 of inputs that do not change."""
+SENSOR_STATES = {
+    0: Bit("GOOD", "good, or not in use"),
+    1: Bit("NOT_FOUND", "not found yet"),
+    2: Bit("NO_ANSWER", "does not answer"),
+    3: Bit("BUS_HANGS", "its bus hangs"),
+    4: Bit("OTHER_CHIP", "another chip answers, or it did not take its settings"),
+    5: Bit("NO_DATA", "has no data"),
+    6: Bit("UNCHANGED", "its data do not change"),
+}
+"""SENSORS.digital: values of the low byte, the gyro, and of the high byte, the accelerometer."""
