@@ -14,6 +14,7 @@ a module is a Protocol, given below in parentheses; `load` checks the module aga
 optional:
 
     pins.py       the plant on the pins of the virtual board (contracts.Pins), unless samples only arrive as frames
+    poses.py      how it is held to calibrate its sensors (contracts.Poses)
     figures.py    targets and reached figures (plumb.proof.figures.FigureSections)
     wiring.py     the wiring of the board, for the drawings (plumb.systems.wiring.WiringDrawings)
     replay.py     recordings of real sensors as inputs of a run (plumb.inputs.replay.Replayed)

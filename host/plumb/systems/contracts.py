@@ -21,6 +21,8 @@ from plumb.spec.tuning import AnyTuning, Start
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
+    from plumb.physics.hand import Hand
+    from plumb.tuning.pose_calibration import Pose, Turn
 
 TuningT = TypeVar("TuningT", bound=AnyTuning)
 
@@ -211,6 +213,24 @@ class Pins(Protocol):
         """The tuning for the board's own sensors."""
 
 
+class Poses(Protocol):
+    """poses.py: how a system is held to calibrate its sensors. Every accelerometer group points up in one pose and down
+    in another."""
+
+    @property
+    def POSES(self) -> tuple[Pose, ...]: ...
+
+    @property
+    def TILTS_DEG(self) -> Mapping[str, float]:
+        """Pose -> tilt at which the hand of the virtual board holds it."""
+
+    @property
+    def TURN(self) -> Turn: ...
+
+    def held(self, hand: Hand, seed: int, /) -> Plant:
+        """The plant for the pins, held by a hand, with the errors of its sensors drawn from the seed."""
+
+
 @runtime_checkable
 class AnalogPins(Protocol):
     """pins.py of a system whose sensors are analog; a system without ADC_PINS has digital ones on I2C."""
@@ -253,6 +273,8 @@ SCENARIOS = Part[System]("scenarios", System)
 FIXED = Part[FixedStep]("fixed", FixedStep)
 REFERENCE = Part[ReferenceModel]("reference", ReferenceModel)
 PINS = Part[Pins]("pins", Pins, without="the board has no sensors of its own for it, its samples come as frames")
+
+POSES = Part[Poses]("poses", Poses, without="no poses are declared in which its sensors could be calibrated")
 
 
 def fitted(scenario: Scenario, tuning: AnyTuning) -> AnyTuning:

@@ -1,0 +1,47 @@
+"""A simulated board whose body is held by a hand: for calibrating its sensors, whose errors a seed draws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from plumb import systems
+from plumb.boards.link import LinkBoard
+from plumb.physics.hand import Hand
+from plumb.systems.contracts import PINS, POSES
+from plumb.tuning.quantise import quantise
+
+
+@dataclass(frozen=True)
+class HeldBoard:
+    """The board and the hand. tilts_deg: where the hand holds it, by the name of the pose."""
+
+    board: LinkBoard
+    hand: Hand
+    tilts_deg: Mapping[str, float]
+
+    def put(self, pose: str) -> None:
+        """Turn it to this pose within a second of its time."""
+        self.hand.turn_to(self.tilts_deg[pose])
+
+
+def open_held(kind: str, name: str, seed: int, *, link: str = "serial", image: Path | None = None) -> HeldBoard:
+    """The board `native` or `virtual` as this system, its body in the first pose. Raises UsageError for a system
+    without poses."""
+    poses = systems.load(name, POSES)
+    hand = Hand(poses.TILTS_DEG[poses.POSES[0].name])
+    plant = poses.held(hand, seed)
+    if kind == "native":
+        from plumb.boards.native_port import NativePort
+
+        return HeldBoard(NativePort(name, plant), hand, poses.TILTS_DEG)
+    from plumb.boards.plant_on_pins import FOUND_US, configure_as
+    from plumb.boards.virtual import VirtualBoard
+
+    board = VirtualBoard(image, link)
+    system, live = systems.load(name), systems.load(name, PINS)
+    configure_as(board, quantise(system.TUNINGS[live.TUNING]), period_us=system.PERIOD_US, **system.LINK)
+    live.Coupling(board.machine, plant)
+    board.machine.advance_us(FOUND_US)
+    return HeldBoard(board, hand, poses.TILTS_DEG)

@@ -1,0 +1,58 @@
+"""Listen to the raw counts of a run on the board's own sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from plumb.link.session import RAW_FRAMES, Session
+from plumb.spec.protocol import Frame
+from plumb.tuning.pose_calibration import Reading
+
+CHANNELS_PER_FRAME = 3
+
+
+def begin(session: Session, channels: Mapping[str, int]) -> None:
+    """Begin a disarmed run that sends the raw counts of these channels. channels: name -> number."""
+    frames = sorted({RAW_FRAMES[number // CHANNELS_PER_FRAME] for number in channels.values()})
+    session.begin("REALTIME_LIVE", frames=frames)
+
+
+def capture(session: Session, channels: Mapping[str, int], seconds: float, period_us: int) -> Reading:
+    """The counts of these channels within so many seconds of the session's clock. Raises LinkError when the link
+    fails; counts that do not come are missing from the reading."""
+    counts: dict[str, list[int]] = {name: [] for name in channels}
+    messages = {session.protocol[name].identifier: (name, index) for index, name in enumerate(RAW_FRAMES)}
+
+    def feed(frames: list[Frame]) -> None:
+        for identifier, data in frames:
+            if identifier in messages:
+                frame, index = messages[identifier]
+                words = session.protocol[frame].decode(data)
+                for name, number in channels.items():
+                    if number // CHANNELS_PER_FRAME == index:
+                        counts[name].append(words[f"raw_{number}"])
+
+    session.listener = feed
+    try:
+        end_s = session.clock() + seconds
+        while (left_s := end_s - session.clock()) > 0:
+            session.receive(left_s)
+    finally:
+        session.listener = None
+    return reading_of(counts, round(seconds * 1e6 / period_us), seconds)
+
+
+def reading_of(counts: Mapping[str, list[int]], expected: int, seconds: float) -> Reading:
+    """Means, deviations and drifts of the counts of each channel; 0 where none came."""
+    arrays = {name: np.asarray(values or [0], np.float64) for name, values in counts.items()}
+    halves = {name: (values[: (len(values) + 1) // 2], values[len(values) // 2 :]) for name, values in arrays.items()}
+    return Reading(
+        mean={name: float(values.mean()) for name, values in arrays.items()},
+        deviation={name: float(values.std()) for name, values in arrays.items()},
+        drift={name: float(late.mean() - early.mean()) for name, (early, late) in halves.items()},
+        samples=min(len(values) for values in counts.values()),
+        expected=expected,
+        seconds=seconds,
+    )

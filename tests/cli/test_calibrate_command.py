@@ -1,0 +1,153 @@
+"""`plumb calibrate` on the whole main loop, held by a hand: what it finds, asks, writes, and puts back."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from plumb import __main__ as front
+from plumb.boards.held import HeldBoard, open_held
+from plumb.errors import UsageError, VerdictError
+from plumb.files import calibration_history
+from plumb.inputs.calibration import Calibration
+from plumb.link import parameter_table
+from plumb.spec.parameter_file import by_name
+from plumb.systems.quad.scenarios import scenario
+from plumb.tuning.pose_calibration import Pose, Turn
+
+SEED = 1003
+
+
+@pytest.fixture(autouse=True)
+def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+
+@pytest.fixture
+def answers(tmp_path: Path) -> Path:
+    path = tmp_path / "answers.toml"
+    path.write_text("write = true\nsave = true\n")
+    return path
+
+
+class Clumsy:
+    """Holds the board; the first reading of a pose may be another pose."""
+
+    def __init__(self, held: HeldBoard, wrong: dict[str, str]) -> None:
+        self.held, self.wrong, self.told = held, wrong, list[str]()
+
+    def place(self, pose: Pose) -> None:
+        self.held.put(self.wrong.pop(pose.name, pose.name))
+
+    def turn(self, turn: Turn, end: Pose) -> None:
+        self.held.put(end.name)
+
+    def refused(self, reason: str) -> None:
+        self.told.append(reason)
+
+
+@pytest.mark.slow
+def test_wrong_signs_and_scales_are_found_and_a_wrong_pose_is_refused() -> None:
+    """The gyro and one axis mounted the other way round, the other axis 10 % off: the result has the signs of the
+    plant, and its scales as the seed drew them."""
+    held = open_held("native", "quad", SEED)
+    with held.board as board:
+        right = by_name(parameter_table.read_table(board.session))
+        swapped = {name: -right[name] for name in ("gyro.gain", "gyro.offset", "accel_up.gain", "accel_up.offset")}
+        accel = {"accel.gain": right["accel.gain"] * 11 // 10, "accel.offset": right["accel.offset"] * 11 // 10}
+        parameter_table.commit(board.session, {**right, **swapped, **accel})
+        clumsy = Clumsy(held, {"motor 0 up": "level", "upside down": "level"})
+        found = Calibration(board.session).run(clumsy)
+        assert by_name(parameter_table.read_table(board.session))["gyro.gain"] == -right["gyro.gain"]  # nothing written
+    assert [text.partition(":")[0] for text in clumsy.told] == ["motor 0 up", "upside down"]
+    assert "another pose" in clumsy.told[0] and "the same as in the pose 'level'" in clumsy.told[1]
+    drawn = scenario("quiet", SEED)
+    assert set(found.mirrored) == {"accel_up", "gyro"}
+    assert found.words["gyro.gain"] == pytest.approx(right["gyro.gain"] / drawn.scale, rel=0.015)
+    assert found.words["accel.gain"] == pytest.approx(right["accel.gain"], rel=0.005)
+    for group, offset_g in zip(("accel", "accel_up"), drawn.offset_g, strict=True):
+        zero = -found.words[f"{group}.offset"] / found.words[f"{group}.gain"]
+        nominal = -right[f"{group}.offset"] / right[f"{group}.gain"]
+        assert zero - nominal == pytest.approx(offset_g * 2**26 / right[f"{group}.gain"], abs=3.0)
+    assert found.after.norm_g < 0.005 < found.before.norm_g and found.after.pose_deg < 0.3
+    assert abs(found.after.turn_deg) < 2.0 and abs(found.before.turn_deg) > 150.0
+
+
+@pytest.mark.slow
+def test_the_command_writes_what_it_shows_and_undo_puts_it_back(
+    answers: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    call = ["calibrate", "--board", "native", "--system", "balancer", "--answers", str(answers), "--json"]
+    assert front.main(call) == 0
+    captured = capsys.readouterr()
+    said: dict[str, Any] = json.loads(captured.out)
+    assert said["written"] and said["saved"] and said["mirrored"] == []
+    assert captured.err.endswith("in use, and saved\n") and "lay it on its front" in captured.err
+    assert said["after"]["norm_g"] < said["before"]["norm_g"]
+    replaced = {name: change["from"] for name, change in said["changed"].items()}
+    assert front.main([*call, "--undo"]) == 0
+    undone = json.loads(capsys.readouterr().out)
+    assert undone == {"undone": replaced, "saved": True, "left": 0}
+    assert front.main([*call, "--undo"]) == 2
+    assert "nothing to undo" in capsys.readouterr().err
+
+
+def test_answers_that_are_missing_wrong_or_nobodys(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from plumb.cli.questions import Answers, questions
+
+    file = tmp_path / "a.toml"
+    file.write_text('write = "yes"\nsystem = "boat"\n')
+    asked = Answers(file)
+    with pytest.raises(UsageError, match=r"write = 'yes': write true or false"):
+        asked.agree("write", "write?", True)
+    with pytest.raises(UsageError, match=r"does not answer 'save' \(save it\?\)"):
+        asked.agree("save", "save it?", True)
+    with pytest.raises(UsageError, match=r"system = 'boat' is none of quad"):
+        asked.choose("system", "which?", ["quad"], "quad")
+    asked.wait("put it there")
+    for _ in range(2):
+        asked.refused("it moved")
+    with pytest.raises(VerdictError, match="it moved"):
+        asked.refused("it moved")
+    with pytest.raises(UsageError, match="on a terminal, or give the answers"):
+        questions(None)
+    file.write_text("write = ")
+    assert front.main(["calibrate", "--board", "native", "--answers", str(file)]) == 2
+    assert "is no TOML" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--board", "serial:/dev/no-such-port", "--system", "quad"], "--system is for `virtual`"),
+    ],
+)
+def test_wrong_use(arguments: list[str], said: str, answers: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["calibrate", *arguments, "--answers", str(answers)]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_system_without_poses_is_named() -> None:
+    with pytest.raises(UsageError, match=r"phone has no poses\.py: no poses are declared"):
+        open_held("native", "phone", SEED)
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[[]]", '[{"gyro.gain": "x"}]', '[{"gyro.gain": true}]', "[1"])
+def test_a_damaged_history_is_named(text: str) -> None:
+    path = calibration_history.history_file("0123")
+    path.parent.mkdir(parents=True)
+    path.write_text(text)
+    with pytest.raises(UsageError, match="is damaged: delete"):
+        calibration_history.replaced("0123")
+
+
+def test_the_history_keeps_the_latest() -> None:
+    for number in range(calibration_history.KEPT + 5):
+        calibration_history.remember("0123", {"gyro.gain": number})
+    kept = calibration_history.replaced("0123")
+    assert len(kept) == calibration_history.KEPT and kept[-1] == {"gyro.gain": calibration_history.KEPT + 4}
+    calibration_history.forget_last("0123")
+    assert calibration_history.replaced("0123") == kept[:-1]
