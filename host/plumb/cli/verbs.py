@@ -24,7 +24,6 @@ COMMANDS = {
     "record": "record a running board, or a bus, to files",
     "params": "read, change, save and restore a board's parameters",
     "tune": "find settings from measurements: sensor noise at rest, Q and R of the filter",
-    "tune": "find settings from measurements: Q and R of the filter from the noise of the sensors",
     "calibrate": "calibrate a board's sensors by poses and one turn: biases, scales, signs",
     "sensor-board": "simulate a sensor board: samples in real time as frames on a bus",
     "bridge": "forward frames between a sensor board and a board, and compare with the model",
