@@ -58,6 +58,12 @@ class LinkError(PlumbError):
     exit_code = ExitCode.LINK_TROUBLE
 
 
+class UnverifiedError(PlumbError):
+    """Nothing could be verified: neither pass nor fail."""
+
+    exit_code = ExitCode.LINK_TROUBLE
+
+
 NO_DEFECT = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM)
 """Errors of the machine, not of plumb, wherever they are raised."""
 

@@ -244,7 +244,7 @@ def test_params_to_a_full_device_are_a_sentence(capsys: pytest.CaptureFixture[st
 def test_a_log_whose_folder_was_deleted_is_no_success(tmp_path: Path) -> None:
     path = tmp_path / "folder" / "frames.asc"
     log = FrameLog(path)
-    log.add(can.Message(arbitration_id=1, is_extended_id=False, dlc=0))
+    log.add_message(can.Message(arbitration_id=1, is_extended_id=False, dlc=0))
     path.unlink()
     path.parent.rmdir()
     with pytest.raises(UsageError, match=r"frames.asc .*deleted"):

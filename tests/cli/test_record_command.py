@@ -18,11 +18,14 @@ from plumb import systems
 from plumb.boards.link import LinkBoard
 from plumb.cli import link_test
 from plumb.errors import UsageError
+from plumb.inputs import log_replay
 from plumb.inputs.recorder import FrameLog, Recorder
+from plumb.link import monitor
 from plumb.link.session import Session
 from plumb.link.transports.open_bus import serve_bus
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.link.transports.slcan_server import AdapterBus
+from plumb.spec import dbc, declarations
 from plumb.spec.parameters import table
 from plumb.spec.protocol import protocol
 from plumb.tuning.quantise import quantise
@@ -44,13 +47,20 @@ def session(board: NativeBoard) -> Session:
     return opened
 
 
-def rows_of(folder: Path) -> list[dict[str, str]]:
-    with (folder / "steps.csv").open(encoding="utf-8") as file:
+def rows_of(path: Path) -> list[dict[str, str]]:
+    """The steps of a log, as its CSV has them."""
+    table = path.with_suffix(".csv")
+    assert front.main(["export", str(path), str(table), "--force", "--json"]) == 0
+    with table.open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
-def recorded(board: NativeBoard, session: Session, folder: Path, seconds: float = 0.5) -> Recorder:
-    recorder = Recorder(session, folder)
+def run_of(path: Path) -> log_replay.RecordedRun:
+    return log_replay.runs_of(log_replay.open_log(path))[0]
+
+
+def recorded(board: NativeBoard, session: Session, path: Path, seconds: float = 0.5) -> None:
+    recorder = Recorder(session, path, {})
     board.sensors((1700, 2100, 2900, 0, 0, 0))
     session.listener = recorder.feed
     session.begin("REALTIME_LIVE", frames=("RAW_A", "QUAD_ANGLE"))
@@ -59,22 +69,24 @@ def recorded(board: NativeBoard, session: Session, folder: Path, seconds: float 
         session.receive(0.01)
     session.listener = None
     session.end()
-    recorder.close()
-    return recorder
+    recorder.close("after half a second")
 
 
-def test_a_recording_has_a_row_for_every_step_and_every_frame(
+def test_a_recording_has_every_frame_and_a_row_with_time_for_every_step(
     board: NativeBoard, session: Session, tmp_path: Path
 ) -> None:
-    recorder = recorded(board, session, tmp_path)
-    rows = rows_of(tmp_path)
+    path = tmp_path / "run.plog"
+    recorded(board, session, path)
+    log, rows = log_replay.open_log(path), rows_of(path)
     assert [int(row["step"]) for row in rows] == list(range(len(rows)))
-    assert recorder.rows == len(rows) > 20 and recorder.lost == 0
-    assert {row["raw_0_counts"] for row in rows} == {"1700"}
+    assert [row["time_s"] for row in rows] == [f"{0.02 * step:.6f}" for step in range(len(rows))]
+    run = run_of(path)
+    assert run.run.steps == len(rows) > 20 and run.run.incomplete == 0 and run.known == run.run.steps
+    assert {row["raw_gyro_counts"] for row in rows} == {"1700"}
     assert all(len(row["digest"]) == 8 for row in rows)
-    assert float(rows[-1]["tilt_deg"]) != 0 and rows[-1]["bias_dps"] == ""  # what was not selected is not there
-    names = [m.arbitration_id for m in can.LogReader(tmp_path / "frames.asc")]
-    assert names.count(session.protocol["STEP"].identifier) == len(rows)
+    assert float(rows[-1]["tilt_deg"]) != 0 and "bias_dps" not in rows[-1]  # what was not selected has no column
+    assert list(log.frames["can_id"]).count(session.protocol["STEP"].identifier) == len(rows)
+    assert log.done is not None and log.done["ended"] == "after half a second" and not log.warnings
 
 
 @pytest.mark.parametrize(
@@ -92,9 +104,9 @@ def test_a_recording_has_a_row_for_every_step_and_every_frame(
 def test_every_system_s_values_have_columns_of_their_own(
     board: NativeBoard, session: Session, tmp_path: Path, system: str, frames: tuple[str, ...], columns: tuple[str, ...]
 ) -> None:
-    module = systems.load(system)
+    module, path = systems.load(system), tmp_path / "run.plog"
     session.upload(quantise(module.TUNINGS[module.DEFAULT_TUNING]).words(), period_us=10_000)
-    recorder = Recorder(session, tmp_path)
+    recorder = Recorder(session, path, {})
     board.sensors((1700, 2100, 2900, 100, 200, 300))
     session.listener = recorder.feed
     session.begin("REALTIME_LIVE", frames=frames)
@@ -103,10 +115,10 @@ def test_every_system_s_values_have_columns_of_their_own(
     session.listener = None
     session.end()
     recorder.close()
-    rows = rows_of(tmp_path)
-    assert len(rows) > 20 and recorder.lost == 0
+    rows = rows_of(path)
+    assert len(rows) > 20 and run_of(path).run.incomplete == 0
     assert all(row[column] != "" for row in rows[1:-1] for column in columns)
-    with (tmp_path / "steps.csv").open() as file:
+    with path.with_suffix(".csv").open() as file:
         head = next(csv.reader(file))
     assert len(set(head)) == len(head)
 
@@ -114,13 +126,16 @@ def test_every_system_s_values_have_columns_of_their_own(
 def test_a_recording_tells_the_parameters_it_was_made_with(
     board: NativeBoard, session: Session, tmp_path: Path
 ) -> None:
-    recorded(board, session, tmp_path)
-    about = json.loads((tmp_path / "board.json").read_text())
-    assert about["parameters"] == {row.name: row.default for row in table()}
-    assert about["board"]["PARAMETER_COUNT"] == len(table())
+    path = tmp_path / "run.plog"
+    recorded(board, session, path)
+    log = log_replay.open_log(path)
+    assert log.parameter_sets[0].values == {row.name: row.default for row in table()}
+    said = log.head["board"]
+    assert isinstance(said, dict) and said["PARAMETER_COUNT"] == len(table())
+    assert log.dbc == dbc.text()
 
 
-def test_a_lost_step_is_an_empty_row(board: NativeBoard, session: Session, tmp_path: Path) -> None:
+def test_a_lost_step_is_a_row_without_digest(board: NativeBoard, session: Session, tmp_path: Path) -> None:
     step = f"t{session.protocol['STEP'].identifier:03X}".encode()
     seen = []
 
@@ -133,29 +148,54 @@ def test_a_lost_step_is_an_empty_row(board: NativeBoard, session: Session, tmp_p
         return data
 
     board.spoil_up = lose_one
-    recorder = recorded(board, session, tmp_path)
-    assert recorder.lost == 1
-    assert [row["step"] for row in rows_of(tmp_path) if not row["digest"]] != []
+    path = tmp_path / "run.plog"
+    recorded(board, session, path)
+    assert run_of(path).run.incomplete == 1
+    assert [row["step"] for row in rows_of(path) if not row["digest"]] == ["4"]
 
 
 def test_a_recording_is_a_page_that_says_where_it_is_and_what_made_it(
     recordable: NativeBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    command = ["record", "--board", "memory", "--run", "live", "--out", str(tmp_path), "--seconds", "0.5"]
+    out = tmp_path / "today"
+    command = ["record", "--board", "memory", "--run", "live", "--out", str(out), "--seconds", "0.5"]
     assert front.main(command) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == f"report: {tmp_path}/report.html"
-    page = (tmp_path / "report.html").read_text()
-    about = json.loads((tmp_path / "board.json").read_text())["identity"]
-    assert about["command"] == f"plumb {' '.join(command)}" and about["plumb"]["git_hash"] in page
-    for text in (about["command"], "Raw counts", "accel_y", "Signals in deg", "kalman.dt_s_q33", "no step lacks"):
-        assert text in page, text
-    steps = len(rows_of(tmp_path))
+    assert capsys.readouterr().out.splitlines()[-1] == f"report: {out}.html"
+    page = (tmp_path / "today.html").read_text()
+    head = log_replay.open_log(tmp_path / "today.plog").head
+    version = head["plumb"]
+    assert isinstance(version, dict)
+    assert head["command"] == f"plumb {' '.join(command)}" and version["git_hash"] in page
+    for text in (head["command"], "Raw counts", "accel_y", "Signals in deg", "kalman.dt_s_q33", "no step lacks"):
+        assert str(text) in page, text
+    steps = run_of(tmp_path / "today.plog").run.steps
     assert f"{steps} steps of 20 ms." in page and "command, from" in page
 
 
-def test_a_recording_without_a_step_still_has_a_page(recordable: NativeBoard, tmp_path: Path) -> None:
-    assert front.main(["record", "--board", "memory", "--seconds", "0.1", "--out", str(tmp_path), "--json"]) == 0
-    assert "0 steps of" in (tmp_path / "report.html").read_text()
+def test_a_recording_without_a_step_is_a_log_without_a_page(
+    recordable: NativeBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = ["--out", str(tmp_path / "run.plog"), "--json"]
+    assert front.main(["record", "--board", "memory", "--seconds", "0.1", *out]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["steps"] == 0 and json.loads(said.out)["files"] == []
+    assert said.err.count("\n") == 1 and "--run live begins one" in said.err
+    assert log_replay.open_log(tmp_path / "run.plog").done is not None
+
+
+def test_a_log_is_never_overwritten_unless_it_is_asked_for(
+    recordable: NativeBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("run.plog", "run.html", "run.csv"):
+        (tmp_path / name).write_text("of value")
+        assert record(tmp_path / "run", "--seconds", "0.2", "--format", "csv") == 2
+        assert f"{name} exists: choose another name, or give --force" in capsys.readouterr().err
+        assert {path.read_text() for path in tmp_path.iterdir()} == {"of value"}
+        assert record(tmp_path / "run", "--seconds", "0.2", "--format", "csv", "--force") == 0
+        capsys.readouterr()
+        for path in tmp_path.iterdir():
+            assert path.read_bytes() != b"of value"
+            path.unlink()
 
 
 FULL = Path("/dev/full")
@@ -174,8 +214,8 @@ def recordable(board: NativeBoard, monkeypatch: pytest.MonkeyPatch) -> NativeBoa
     return board
 
 
-def record(folder: Path, *arguments: str) -> int:
-    return front.main(["record", "--board", "memory", "--run", "live", "--out", str(folder), "--json", *arguments])
+def record(out: Path, *arguments: str) -> int:
+    return front.main(["record", "--board", "memory", "--run", "live", "--out", str(out), "--json", *arguments])
 
 
 def test_a_board_that_falls_silent_leaves_what_was_recorded_and_the_count(
@@ -183,54 +223,64 @@ def test_a_board_that_falls_silent_leaves_what_was_recorded_and_the_count(
 ) -> None:
     off_us = recordable.time_us + 1_000_000
     recordable.spoil_up = lambda data: data if recordable.time_us < off_us else b""
-    assert record(tmp_path) == 3
+    assert record(tmp_path / "run") == 3
     said = capsys.readouterr()
     assert said.err == "plumb: the board fell silent: check cable and power\n"
-    summary = json.loads(said.out)
-    assert summary["steps"] == len(rows_of(tmp_path)) > 20
+    summary, log = json.loads(said.out), log_replay.open_log(tmp_path / "run.plog")
+    assert summary["steps"] == run_of(tmp_path / "run.plog").run.steps > 20
+    assert log.done is not None and log.done["ended"] == "the link broke"
 
 
 def test_a_board_without_a_run_says_what_would_begin_one(
     recordable: NativeBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for more, says in (([], True), (["--run", "live"], False)):
-        assert front.main(["record", "--board", "memory", "--seconds", "0.3", "--out", str(tmp_path), *more]) == 0
+        out = ["--out", str(tmp_path / f"run{says}")]
+        assert front.main(["record", "--board", "memory", "--seconds", "0.3", *out, *more]) == 0
         assert ("--run live begins one" in capsys.readouterr().err) == says
 
 
+def test_raw_counts_come_first_so_that_every_recording_can_be_replayed() -> None:
+    for system in declarations.names():
+        for period_us in (500, 2_500, 100_000):
+            chosen = monitor.selection(period_us, system, raw_first=True)
+            assert chosen[: len(raw := log_replay.raw_frames_of(system))] == raw and len(set(chosen)) == len(chosen)
+
+
 @needs_full_disk
-@pytest.mark.parametrize("name", ["steps.csv", "frames.asc", "board.json"])
-def test_a_full_disk_is_one_sentence_and_the_count(
-    recordable: NativeBoard, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+def test_a_full_disk_is_one_sentence(
+    recordable: NativeBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / name).symlink_to(FULL)
-    assert record(tmp_path, "--seconds", "30") == 2
-    said = capsys.readouterr()
+    (tmp_path / "run.plog").symlink_to(FULL)
+    assert record(tmp_path / "run", "--seconds", "30", "--force") == 2
+    error = capsys.readouterr().err
     assert (
-        said.err.startswith(f"plumb: {tmp_path / name} cannot be written: No space left") and said.err.count("\n") == 1
+        error.startswith(f"plumb: {tmp_path / 'run.plog'} cannot be written: No space left") and error.count("\n") == 1
     )
 
 
 def test_a_file_in_the_way_is_one_sentence(
     recordable: NativeBoard, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "steps.csv").mkdir()
-    assert record(tmp_path) == 2
-    assert "steps.csv cannot be written: Is a directory" in capsys.readouterr().err
+    (tmp_path / "run.plog").mkdir()
+    assert record(tmp_path / "run", "--force") == 2
+    assert "run.plog cannot be written: Is a directory" in capsys.readouterr().err
 
 
-def test_what_is_recorded_is_on_the_disk_within_a_second(
+def test_what_is_recorded_is_on_the_disk_within_a_quarter_of_a_second(
     board: NativeBoard, session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As a recorder that is killed leaves it."""
-    monkeypatch.setattr("plumb.inputs.recorder.FLUSH_EVERY_S", 0.0)
-    recorder = Recorder(session, tmp_path)
+    monkeypatch.setattr("plumb.inputs.log_writer.FLUSH_EVERY_S", 0.0)
+    path = tmp_path / "run.plog"
+    recorder = Recorder(session, path, {})
     session.listener = recorder.feed
-    session.begin("REALTIME_LIVE")
+    session.begin("REALTIME_LIVE", frames=("RAW_A",))
     for _ in range(30):
         session.receive(0.02)
-    assert len(rows_of(tmp_path)) == recorder.rows > 20
-    assert (tmp_path / "frames.asc").read_text().count("\n") > recorder.rows
+    log = log_replay.open_log(path)
+    assert len(log.frames) == recorder.frames and log.done is None
+    assert log.warnings == ["run.plog has no end: the recorder was killed, or still writes it"]
     session.listener = None
     recorder.close()
 
@@ -240,7 +290,7 @@ def test_every_format_of_a_log_is_read_back(suffix: str, tmp_path: Path) -> None
     path = tmp_path / f"bus{suffix}"
     with FrameLog(path) as log:
         for number in range(5):
-            log.add(
+            log.add_message(
                 can.Message(timestamp=1e9 + number, arbitration_id=0x100, is_extended_id=False, data=bytes([number]))
             )
             log.flush()
@@ -270,7 +320,7 @@ def test_a_bus_is_recorded_without_a_word_and_what_is_missing_is_counted(
                 far.send(can.Message(arbitration_id=angle.identifier, data=data, is_extended_id=False))
                 counter += 2 if counter == 20 else 1
 
-    add, logged, start_s = FrameLog.add, [], time.monotonic()
+    add, logged, start_s = FrameLog.add_message, [], time.monotonic()
 
     def adding(log: FrameLog, message: can.Message) -> None:
         add(log, message)
@@ -279,7 +329,7 @@ def test_a_bus_is_recorded_without_a_word_and_what_is_missing_is_counted(
     def passed_s() -> float:
         return 2.0 if len(logged) == 38 else (time.monotonic() - start_s) / WAIT_S
 
-    monkeypatch.setattr(FrameLog, "add", adding)
+    monkeypatch.setattr(FrameLog, "add_message", adding)
     monkeypatch.setattr("plumb.cli.record.time", SimpleNamespace(monotonic=passed_s))
     thread = threading.Thread(target=speak)
     thread.start()
@@ -332,7 +382,6 @@ def test_on_the_virtual_board_a_systems_plant_is_on_the_pins(tmp_path: Path) -> 
     except UsageError as error:
         pytest.skip(str(error))
     command = ["record", "--board", "virtual", "--run", "live", "--system", "turntable", "--seconds", "0.5"]
-    assert front.main([*command, "--out", str(tmp_path)]) == 0
-    rows = (tmp_path / "steps.csv").read_text().splitlines()
-    counts = [float(value) for value in rows[-1].split(",")[2:8]]
-    assert len(rows) > 100 and all(1800 < count < 2300 for count in counts)  # at rest: half of 3.3 V
+    assert front.main([*command, "--out", str(tmp_path / "run")]) == 0
+    run = run_of(tmp_path / "run.plog").run
+    assert run.steps > 100 and ((run.raw > 1800) & (run.raw < 2300)).all()  # at rest: half of 3.3 V

@@ -19,7 +19,6 @@ from plumb.inputs.comparison.grades import GRADES
 from plumb.inputs.comparison.samples import (
     SIXTEEN_BITS,
     Motion,
-    block_means,
     error_deg,
     motion_of,
     sampled,
@@ -65,7 +64,7 @@ def test_counts_have_16_bits_at_2000_deg_per_s_and_16_g() -> None:
 
 
 def test_a_lower_rate_has_the_mean_of_each_block_and_the_reference_of_its_end() -> None:
-    assert block_means(np.arange(14.0).reshape(7, 2), 3).tolist() == [[2.0, 3.0], [8.0, 9.0]]
+    assert recording.block_means(np.arange(14.0).reshape(7, 2), 3).tolist() == [[2.0, 3.0], [8.0, 9.0]]
     motion = swing()
     samples = sampled(motion, SIXTEEN_BITS, 6)
     assert len(samples.counts) == len(motion.gyr_dps) // 6 and samples.period_us == 60_000

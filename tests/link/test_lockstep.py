@@ -247,8 +247,8 @@ def test_a_live_run_can_be_run_again(new_board: NewBoard) -> None:
         capture.set_setpoint(setpoint)
     capture.collect(150)
     assert capture.unverified_from(150) is None
-    assert len(capture.setpoint) == 4
-    assert np.array_equal(capture.digests(150), digests_of(capture.raw_counts(150), capture.setpoints(150)))
+    assert len(capture.setpoints.changes) == 4
+    assert np.array_equal(capture.digests(150), digests_of(capture.raw_counts(150), capture.setpoints.of_steps(150)))
     steps = [step for step, _ in capture.time_us]
     assert len(steps) >= 2
     assert np.all(np.abs(np.diff([time for _, time in capture.time_us]) - 50_000) == 0)
@@ -267,7 +267,7 @@ def test_steps_of_the_run_before_are_not_taken_for_this_one(new_board: NewBoard)
     second.collect(50)
     assert sorted(second.digest) == list(range(second.steps))
     assert second.unverified_from(50) is None
-    assert np.array_equal(second.digests(50), digests_of(second.raw_counts(50), second.setpoints(50)))
+    assert np.array_equal(second.digests(50), digests_of(second.raw_counts(50), second.setpoints.of_steps(50)))
     session.close()
 
 

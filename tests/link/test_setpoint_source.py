@@ -72,8 +72,8 @@ def test_a_silent_source_sets_the_setpoint_to_0_and_is_told(machine: Machine, li
     ]
     assert LIMIT_S < reports.heard[1][0] - said_s < LIMIT_S + 0.02
     assert session.telemetry["STATUS"]["armed"] == 1  # it stays armed, level
-    assert [value for _, value in reports.capture.setpoint] == [0, STEER, 0]
-    assert reports.capture.setpoint_doubt is None
+    assert [value for _, value in reports.capture.setpoints.changes] == [0, STEER, 0]
+    assert reports.capture.setpoints.doubt is None
     session.set_setpoint(STEER)  # heard again, it counts again
     listen(session, 0.1)
     assert reports.heard[-1][1]["setpoint"] == STEER
@@ -88,8 +88,8 @@ def test_a_living_host_repeats_its_setpoint(machine: Machine, link: str) -> None
     listen(session, 1.0)
     assert {words["setpoint"] for _, words in reports.heard} == {STEER}
     assert not any(words["timed_out"] for _, words in reports.heard)
-    assert [value for _, value in reports.capture.setpoint] == [0, STEER]
-    assert reports.capture.setpoint_doubt is None
+    assert [value for _, value in reports.capture.setpoints.changes] == [0, STEER]
+    assert reports.capture.setpoints.doubt is None
 
 
 @pytest.mark.slow
@@ -146,4 +146,4 @@ def test_a_report_that_got_lost_puts_what_follows_in_doubt(machine: Machine) -> 
     session.receive(0.02)
     session.listener = reports.feed
     listen(session, 0.2)  # the repetitions say that the step before used the same
-    assert reports.capture.setpoint_doubt == 0
+    assert reports.capture.setpoints.doubt == 0

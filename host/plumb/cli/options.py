@@ -204,6 +204,28 @@ def add_out(parser: Options, default: Path | None = None) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", default=default, help=about)
 
 
+def add_force(parser: Options) -> None:
+    """--force, of a command that writes files of the user's."""
+    parser.add_argument("--force", action="store_true", help="overwrite a file that exists")
+
+
+def add_log_run(parser: Options) -> None:
+    """--log-run and --params, of a command that reads a log; `params_of` reads the latter."""
+    parser.add_argument(
+        "--log-run", type=int, metavar="N", help="of a log: its run number N (default: the one of which most is known)"
+    )
+    parser.add_argument(
+        "--params", type=Path, metavar="FILE", help="of a log without parameters: a file of `plumb params dump`"
+    )
+
+
+def params_of(arguments: argparse.Namespace) -> dict[str, int] | None:
+    """The parameters of --params by name; None without it. Raises UsageError for a file that cannot be used."""
+    from plumb.spec import parameter_file
+
+    return None if arguments.params is None else parameter_file.read(arguments.params).values
+
+
 def add_json(parser: Options, when: str = "") -> None:
     """--json."""
     parser.add_argument("--json", action="store_true", help=f"print JSON{when}")

@@ -16,6 +16,11 @@ MIB = 1 << 20
 
 def check(path: Path, most_bytes: int, advice: str) -> None:
     """Raises UsageError, with the advice, unless the path is a regular file of at most `most_bytes` bytes."""
+    _limit(path, check_regular(path, advice), most_bytes, advice)
+
+
+def check_regular(path: Path, advice: str) -> int:
+    """The size of a regular file; raises UsageError, with the advice, for anything else."""
     try:
         status = path.stat()
     except OSError as error:
@@ -23,7 +28,7 @@ def check(path: Path, most_bytes: int, advice: str) -> None:
     if not stat.S_ISREG(status.st_mode):
         what = "a folder" if stat.S_ISDIR(status.st_mode) else "a device or a pipe"
         raise UsageError(f"cannot read {path}: it is {what}, no file; {advice}")
-    _limit(path, status.st_size, most_bytes, advice)
+    return status.st_size
 
 
 def read_bytes(path: Path, most_bytes: int, advice: str) -> bytes:

@@ -271,6 +271,36 @@ def _area_at(at_s: FloatArray, time_s: FloatArray, value: FloatArray, area: Floa
     return np.asarray(area[i] + into_s * (value[i] + 0.5 * slope * into_s), np.float64)
 
 
+def block_means(values: FloatArray, block: int) -> FloatArray:
+    """The mean of every `block` rows, (N, c) -> (N // block, c): what a sensor with a lower output rate delivers."""
+    blocks = len(values) // block
+    return np.asarray(values[: blocks * block].reshape(blocks, block, -1).mean(axis=1), np.float64)
+
+
+def decimated(recording: Recording, block: int) -> Recording:
+    """A recording of a sensor with a rate that is `block` times lower: means of blocks. Time, reference and mark of a
+    block are those of its last sample, when an estimator that has this block is asked.
+
+    Time stamps that stray from an even grid are taken as they are. Raises UsageError for a recording that becomes too
+    short.
+    """
+    if block == 1:
+        return recording
+    last = np.arange(len(recording.time_s) // block) * block + block - 1
+    if len(last) < 2:
+        raise UsageError(f"{recording.path.name} has {len(recording.time_s)} samples: too few for --decimate {block}")
+    time_s = recording.time_s[last]
+    quat = None if recording.ref_quat is None else recording.ref_quat[last]
+    return Recording(
+        recording.path,
+        time_s - time_s[0],
+        block_means(recording.gyr_dps, block),
+        block_means(recording.acc_g, block),
+        quat,
+        recording.movement[last],
+    )
+
+
 def vertical(ref_quat: FloatArray) -> FloatArray:
     """The vertical in sensor coordinates, u = R(q)^T [0 0 1], (N, 4) -> (N, 3); NaN without a reference."""
     length = np.linalg.norm(ref_quat, axis=1, keepdims=True)

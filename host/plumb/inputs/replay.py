@@ -12,7 +12,10 @@ from typing import Protocol
 
 from plumb import systems
 from plumb.boards import Board
+from plumb.inputs import recording
+from plumb.inputs.recording import Recording
 from plumb.proof import runs
+from plumb.proof.report import Statement
 from plumb.proof.runs import RunInputs
 from plumb.proof.scenario_run import ScenarioRun
 from plumb.spec.system_parts import Part
@@ -22,12 +25,26 @@ from plumb.tuning.quantise import ControlParams
 @dataclass(frozen=True)
 class ReplayRequest:
     """A recording to replay. axis: x, y or z, for one-axis systems. period_us: None for the recording's own or the
-    system's. seconds: length of the part from the beginning; None for all of it."""
+    system's. seconds: length of the part from the beginning; None for all of it. decimate: samples of a block, whose
+    mean is taken first; 1: none."""
 
     file: Path
     axis: str = "x"
     period_us: int | None = None
     seconds: float | None = None
+    decimate: int = 1
+
+    def recording(self) -> Recording:
+        """The file as a recording, decimated; raises UsageError for one that cannot be used."""
+        return recording.decimated(recording.load(self.file), self.decimate)
+
+
+UNITS = Statement(
+    "origin",
+    "the counts were made from units, for an ideal sensor: no proof of what a board did with the recorded motion",
+    None,
+)
+"""What the verdict over a recording in units does not say."""
 
 
 class Replayed(Protocol):
@@ -56,6 +73,11 @@ class Replay:
         assert isinstance(said, list)
         return said
 
+    @property
+    def statement(self) -> Statement:
+        """What the verdict over this recording does not say."""
+        return UNITS
+
     def run(self, board: Board, name: str, link: str | None) -> ScenarioRun:
         """Run the inputs in lockstep and compare every step with the model. name, link: board and link for the
         summary."""
@@ -68,6 +90,7 @@ class Replay:
             "link": link,
             "seed": None,
             "scored_steps": int(self.inputs.scored.sum()),
+            "proof": False,
             "warnings": self.warnings,
         }
         return ScenarioRun(result, heading)

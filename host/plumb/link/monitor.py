@@ -40,11 +40,13 @@ Snapshot = dict[str, Any]  # Any: a number, a text, a list or None, by the key
 def selection(period_us: int, system: str, *, raw_first: bool = False) -> tuple[str, ...]:
     """The frames to select so that they fill at most two thirds of the UART, STEP included, at one step per period_us.
 
-    Chosen in declared order, the raw counts last, or with raw_first before the others: the model needs them."""
-    raw, own = RAW_FRAMES[: 1 + (len(declarations.system(system).channels) > 3)], dbc.frame_names(system)
-    wanted = (*raw, *own) if raw_first else (*own, *raw)
-    frames_per_step = LINE_FRAMES_PS * period_us * 1e-6 * 2 / 3
-    return wanted[: max(1, int(frames_per_step) - 1)]
+    Chosen in declared order, the raw counts last; raw_first: the raw counts in any case, then the others."""
+    channels = len(declarations.system(system).channels)
+    raw, named = RAW_FRAMES[: 1 + (channels > 3)], dbc.frame_names(system)
+    room = int(LINE_FRAMES_PS * period_us * 1e-6 * 2 / 3) - 1
+    if raw_first:
+        return (*raw, *named)[: max(len(raw), room)]
+    return (*named, *raw)[: max(1, room)]
 
 
 @lru_cache(maxsize=1)
@@ -241,12 +243,12 @@ def present_run(session: Session) -> tuple[str, int]:
     return mode, session.telemetry["TIME"]["run_tag"]
 
 
-def begin_live(session: Session) -> None:
+def begin_live(session: Session, *, raw_first: bool = False) -> None:
     """Begin a run in real time on the board's own sensors, disarmed, with the frames of `selection`."""
     from plumb.spec.parameter_file import by_name
 
     period_us = by_name(session.read_parameters())["period_us"]
-    wanted = selection(period_us, session.system)
+    wanted = selection(period_us, session.system, raw_first=raw_first)
     session.begin("REALTIME_LIVE", frames=[name for name in selectable(session.system) if name in wanted])
 
 

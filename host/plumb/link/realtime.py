@@ -27,13 +27,43 @@ def unwrap(last: int, low: int, bits: int) -> int:
 
 
 @dataclass
+class SetpointReports:
+    """The setpoints of a run from its SETPOINT_USED frames.
+
+    changes: (step, value) pairs, with the first step that used the value. doubt: the first step whose setpoint is not
+    known, because a report was lost. count: reports received.
+    """
+
+    changes: list[tuple[int, int]] = field(default_factory=lambda: [(0, 0)])
+    doubt: int | None = None
+    count: int = 0
+
+    def note(self, said: dict[str, int], last: int) -> None:
+        """Record a report; one that does not follow from the one before shows that a report was lost. last: step that
+        was received last."""
+        (since, value), self.count = self.changes[-1], self.count + 1
+        same = said["setpoint"] == value
+        if same != bool(said["repeated"]) and self.doubt is None:
+            self.doubt = max(since, 0)
+        if not same:
+            self.changes.append((unwrap(last, said["step"], 16), said["setpoint"]))
+
+    def of_steps(self, steps: int) -> npt.NDArray[np.int32]:
+        """Shape (steps,): the setpoint each step used, turn_q32."""
+        result = np.zeros(steps, np.int32)
+        for step, value in self.changes:
+            result[max(step, 0) :] = value
+        return result
+
+
+@dataclass
 class Capture:
     """Frames of one real-time run, collected by step.
 
     raw_frames: the frames that carry the counts of a step; with (), any that arrive, and 0 for a missing count.
     digest, raw: by step number, unwrapped; raw holds the six counts of a step once all its raw_frames have come.
-    values: (frame, signal) -> step -> raw integer, of other selected frames. setpoint: (step, value) pairs, with the
-    first step that used the value. steps: number of steps received so far.
+    values: (frame, signal) -> step -> raw integer, of other selected frames. setpoints: the setpoints of the run.
+    steps: number of steps received so far.
     disarmed_step: the last step at which the board was found to have disarmed.
     """
 
@@ -43,9 +73,7 @@ class Capture:
     raw: dict[int, list[int]] = field(default_factory=dict)
     values: dict[tuple[str, str], dict[int, int]] = field(default_factory=dict)
     time_us: list[tuple[int, int]] = field(default_factory=list)
-    setpoint: list[tuple[int, int]] = field(default_factory=lambda: [(0, 0)])
-    setpoint_doubt: int | None = None
-    setpoint_reports: int = 0
+    setpoints: SetpointReports = field(default_factory=SetpointReports)
     steps: int = 0
     armed: bool = False
     disarmed_step: int | None = None
@@ -83,7 +111,7 @@ class Capture:
                     if not name.startswith("reserved"):
                         self.values.setdefault((message.name, name), {})[step] = value
             elif identifier == self._used.identifier:
-                self._note_setpoint(self._used.decode(data))
+                self.setpoints.note(self._used.decode(data), self._last)
             elif identifier == self._time.identifier:
                 _, _, low, time_us = self._time.unpack(data)
                 self.time_us.append((unwrap(self._last, low, 16), time_us))
@@ -98,27 +126,19 @@ class Capture:
             self.raw[step] = whole
         self._part.pop(step - 32, None)  # the step number in these frames has six bits
 
-    def _note_setpoint(self, said: dict[str, int]) -> None:
-        """Record a SETPOINT_USED; one that does not follow from the one before shows that a report was lost."""
-        (since, value), self.setpoint_reports = self.setpoint[-1], self.setpoint_reports + 1
-        same = said["setpoint"] == value
-        if same != bool(said["repeated"]) and self.setpoint_doubt is None:
-            self.setpoint_doubt = max(since, 0)
-        if not same:
-            self.setpoint.append((unwrap(self._last, said["step"], 16), said["setpoint"]))
-
     def set_setpoint(self, setpoint_turn_q32: int) -> None:
         """Change the setpoint, and wait for the board's report of the step that first used it."""
-        known = self.setpoint_reports
+        reports = self.setpoints
+        known = reports.count
         start = self.steps
         for _ in range(TRIES):
             self.session.set_setpoint(setpoint_turn_q32)
             end = self.session.clock() + REPLY_TIMEOUT_S
             while (remaining := end - self.session.clock()) > 0:
                 self.session.receive(remaining)
-                if self.setpoint_reports > known and self.setpoint[-1][1] == setpoint_turn_q32:
+                if reports.count > known and reports.changes[-1][1] == setpoint_turn_q32:
                     return
-            self.setpoint_doubt = start if self.setpoint_doubt is None else self.setpoint_doubt
+            reports.doubt = start if reports.doubt is None else reports.doubt
         raise LinkError("the board does not take the setpoint: check the cable")
 
     def collect(self, steps: int) -> None:
@@ -138,7 +158,7 @@ class Capture:
     def unverified_from(self, steps: int) -> int | None:
         """The first step below `steps` whose digest, raw counts or setpoint did not arrive, else None."""
         missing = [step for step in range(steps) if step not in self.digest or step not in self.raw]
-        doubts = missing[:1] + ([self.setpoint_doubt] if self.setpoint_doubt is not None else [])
+        doubts = missing[:1] + ([self.setpoints.doubt] if self.setpoints.doubt is not None else [])
         return min(doubts, default=None)
 
     def raw_counts(self, steps: int) -> npt.NDArray[np.int16]:
@@ -148,10 +168,3 @@ class Capture:
     def digests(self, steps: int) -> npt.NDArray[np.uint32]:
         """Shape (steps,); zero where lost."""
         return np.array([self.digest.get(step, 0) for step in range(steps)], np.uint32)
-
-    def setpoints(self, steps: int) -> npt.NDArray[np.int32]:
-        """Shape (steps,): the setpoint each step used, turn_q32."""
-        result = np.zeros(steps, np.int32)
-        for step, value in self.setpoint:
-            result[max(step, 0) :] = value
-        return result

@@ -61,7 +61,7 @@ def run_live(board: SimulatedBoard, scenario: Scenario, params: ControlParams, *
     session.listener = None
     raw = capture.raw_counts(steps)
     truth = columns([conversion.truth for conversion in conversions_of(coupling.taken, begun_s, raw)])
-    inputs = RunInputs(scenario.time_s, truth, raw, capture.setpoints(steps), scenario.scored)
+    inputs = RunInputs(scenario.time_s, truth, raw, capture.setpoints.of_steps(steps), scenario.scored)
     answer = Answer(capture.digests(steps), unverified_from=capture.unverified_from(steps))
     return judge(board, inputs, params, answer)
 

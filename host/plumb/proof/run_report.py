@@ -11,7 +11,7 @@ from typing import Any
 
 from plumb import systems
 from plumb.proof import run_identity
-from plumb.proof.report import Table, page, write_whole
+from plumb.proof.report import Statement, Table, page, write_whole
 from plumb.proof.runs import PLOTS, Run
 
 
@@ -52,11 +52,18 @@ HEADING = ("system", "scenario", "tuning", "loop", "link", "seed", "faults", "co
 
 
 def write_run(
-    folder: Path, run: Run, summary: dict[str, Any], more: Sequence[Table] = (), *, command: str = ""
+    folder: Path,
+    run: Run,
+    summary: dict[str, Any],
+    more: Sequence[Table] = (),
+    *,
+    command: str = "",
+    statements: Sequence[Statement] = (),
 ) -> list[Path]:
     """Write report.html, summary.json and steps.csv into `folder`, which is created if needed; their paths.
 
-    command: the command line. Page and summary.json get the identity of the run beside the entries of `summary`."""
+    command: the command line. statements: besides those of the run. Page and summary.json get the identity of the run
+    beside the entries of `summary`."""
     view = systems.load(run.system, PLOTS)
     title = f"{summary['system']}, {summary['scenario']} on {summary['board']}"
     lead = (
@@ -67,7 +74,9 @@ def write_run(
     heading = {name: _in_words(summary[name]) for name in HEADING if name in summary}
     plots = view.plots(run, closed=summary["loop"] == "closed")
     tables = [*more, *run_identity.tables(entry, heading)]
-    html = page(title, summary["verdict"], lead, [budget(run), *plots, *tables], run.statements(summary))
+    html = page(
+        title, summary["verdict"], lead, [budget(run), *plots, *tables], [*run.statements(summary), *statements]
+    )
     texts = {
         "report.html": html,
         "summary.json": json.dumps({**summary, "identity": entry}, indent=2) + "\n",

@@ -132,7 +132,9 @@ class Run:
 
     def metrics(self) -> dict[str, float | int | None]:
         """Metrics of the run by name; those that all systems have come first."""
-        return {**systems.load(self.system, PLOTS).metrics(self), "target_vs_fixed_mismatches": self.mismatches}
+        own = systems.load(self.system, PLOTS).metrics(self)
+        known = {name: None if value is None or np.isnan(value) else value for name, value in own.items()}
+        return {**known, "target_vs_fixed_mismatches": self.mismatches}
 
     def summary(self, **heading: Any) -> dict[str, Any]:
         """The JSON object of `run --json`; heading: its first entries."""

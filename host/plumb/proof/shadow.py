@@ -51,7 +51,7 @@ class Shadow:
             if raw is None or digest is None:
                 self._give_up(step)
                 return
-            for first, value in capture.setpoint:
+            for first, value in capture.setpoints.changes:
                 if first == step:
                     self._setpoint = value
             self._model.step(raw, self._setpoint)

@@ -106,9 +106,13 @@ class Message:
 
 def load_database(path: Path | None = None) -> Database:
     """The DBC of a file, or of all systems (path None), as cantools reads it."""
+    return database_of(dbc.text() if path is None else path.read_text(encoding="utf-8"))
+
+
+def database_of(text: str) -> Database:
+    """The DBC of this text, as cantools reads it."""
     import cantools
 
-    text = dbc.text() if path is None else path.read_text(encoding="utf-8")
     database = cantools.database.load_string(text, "dbc", strict=True)
     assert isinstance(database, cantools.database.can.Database)
     return database

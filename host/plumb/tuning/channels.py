@@ -67,3 +67,15 @@ def counts_of(params: ControlParams, channel: declarations.Channel, values: npt.
     exact = np.asarray(values, np.float64) * (_PER_UNIT[row.unit] * 2.0 ** int(row.format[1:]))
     counts = np.rint((exact - params[f"{group}.offset"]) / params[f"{group}.gain"])
     return np.clip(counts, NO_SAMPLE + 1, -NO_SAMPLE - 1).astype(np.int16)
+
+
+def values_of(
+    params: ControlParams, channel: declarations.Channel, counts: npt.ArrayLike
+) -> npt.NDArray[np.float64] | None:
+    """The calibrated values of raw counts, in deg/s, deg/s^2 or g; None for a channel without such a calibration."""
+    group = channel.calibration
+    row = next((row for row in parameters.table() if row.name == f"{group}.offset"), None)
+    if row is None or row.unit not in _PER_UNIT:
+        return None
+    exact = np.asarray(counts, np.float64) * params[f"{group}.gain"] + params[f"{group}.offset"]
+    return np.asarray(exact / (_PER_UNIT[row.unit] * 2.0 ** int(row.format[1:])), np.float64)

@@ -114,12 +114,6 @@ def motion_of(recorded: recording.Recording) -> Motion:
     return Motion(recorded.path.stem, period_s, values[:, :3], values[:, 3:], up, movement)
 
 
-def block_means(values: FloatArray, block: int) -> FloatArray:
-    """The mean of every `block` rows, (N, c) -> (N // block, c): what a sensor with a lower output rate delivers."""
-    blocks = len(values) // block
-    return np.asarray(values[: blocks * block].reshape(blocks, block, -1).mean(axis=1), np.float64)
-
-
 def sampled(motion: Motion, sensor: Sensor, block: int) -> Samples:
     """The counts of a sensor that has the motion, at a rate that is `block` times lower. The reference of a block is
     that of its last sample, when an algorithm that has this block is asked."""
@@ -127,7 +121,7 @@ def sampled(motion: Motion, sensor: Sensor, block: int) -> Samples:
     last = np.arange(blocks) * block + block - 1
     limits = (sensor.gyro, sensor.accel)
     rounded = [
-        np.clip(np.rint(block_means(values, block) / one.unit_per_count), one.min_counts, one.max_counts)
+        np.clip(np.rint(recording.block_means(values, block) / one.unit_per_count), one.min_counts, one.max_counts)
         for values, one in zip((motion.gyr_dps, motion.acc_g), limits, strict=True)
     ]
     up = motion.up[last]

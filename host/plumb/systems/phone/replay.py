@@ -14,7 +14,7 @@ def inputs_of(request: ReplayRequest) -> tuple[RunInputs, ControlParams, dict[st
     """What `plumb replay` runs: inputs, parameters, and the heading of the summary."""
     period_us = phone.PERIOD_US if request.period_us is None else request.period_us
     params = live_run.params_of(phone.DEFAULT_TUNING, period_us)
-    steps, intake, recorded = udp.steps_of_file(request.file, period_us)
+    steps, intake, recorded = udp.steps_of_file(request.file, period_us, request.decimate)
     longest = live_run.longest_run(steps)
     if request.seconds is not None:
         longest = longest[: recording.steps_in(request.seconds, period_us, len(longest))]

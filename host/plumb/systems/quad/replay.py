@@ -16,7 +16,7 @@ VERTICAL_Z = (
 
 def inputs_of(request: ReplayRequest) -> tuple[RunInputs, ControlParams, dict[str, object]]:
     """Inputs, parameters, and the first entries of the summary of `plumb replay`."""
-    axis = recording.pick_axis(recording.load(request.file), request.axis, request.period_us)
+    axis = recording.pick_axis(request.recording(), request.axis, request.period_us)
     if request.seconds is not None:
         axis = axis.first(recording.steps_in(request.seconds, axis.period_us, len(axis.raw)))
     inputs, params = recording.run_inputs(axis, quad.TUNINGS["recording"])

@@ -204,16 +204,21 @@ def samples_of(recorded: recording.Recording) -> Iterator[Sample]:
         yield Sample("accel", time_s, tuple(force))
 
 
-def steps_of_file(path: Path, period_us: int) -> tuple[list[Step], Intake, recording.Recording | None]:
-    """A recording of plumb's own formats, or a file of an app's datagrams, as steps; all runs of it.
+def steps_of_file(
+    path: Path, period_us: int, decimate: int = 1
+) -> tuple[list[Step], Intake, recording.Recording | None]:
+    """A recording of plumb's own formats, or a file of an app's datagrams, as steps; all runs of it. decimate: samples
+    of a block of a recording, whose mean is taken first.
 
     Raises UsageError for a file that is neither, or that makes no step.
     """
     intake, recorded = Intake(period_us), None
     if path.suffix.lower() == ".npz" or _is_table(path):
-        recorded = recording.load(path)
+        recorded = recording.decimated(recording.load(path), decimate)
         steps = [step for sample in samples_of(recorded) for step in intake.resampler.feed(sample)]
     else:
+        if decimate != 1:
+            raise UsageError(f"--decimate is for recordings in .npz and .csv, and {path.name} is a file of datagrams")
         steps = [step for data in read_file(path) for step in intake.push(data)]
     steps += intake.finish()
     if not steps:

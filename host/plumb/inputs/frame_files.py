@@ -1,0 +1,73 @@
+"""Files of frames that other tools write and read: BLF, ASC, TRC, candump and MF4.
+
+Such a file has no DBC and no identity; the messages are those of this version of plumb. Its parameters are those that
+its own frames carry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import numpy as np
+
+from plumb.errors import UsageError
+from plumb.extras import install_hint
+from plumb.files import input_files
+from plumb.inputs.log_file import ERROR, EXTENDED, FRAME, REMOTE, Frames, Log
+from plumb.spec.protocol import protocol
+
+READ = (".asc", ".blf", ".log", ".trc", ".mf4")
+"""Suffixes of the files that are read; .log is candump's."""
+MOST_BYTES = 1 << 30
+_ADVICE = "give a log of `plumb record`, or a file of frames in the format of its suffix"
+_EFF_MASK = (1 << 29) - 1
+
+
+def read_frames(path: Path) -> Log:
+    """The frames of a file as a log without identity. Raises UsageError for a file that cannot be read."""
+    input_files.check(path, MOST_BYTES, _ADVICE)
+    if path.suffix.lower() == ".mf4":
+        require_mf4()
+    rows = []
+    try:
+        with can.LogReader(path) as reader:
+            for message in reader:
+                if message.is_fd or len(message.data or b"") > 8:
+                    continue
+                can_id = message.arbitration_id | EXTENDED * message.is_extended_id
+                can_id |= REMOTE * message.is_remote_frame | ERROR * message.is_error_frame
+                data = tuple(bytes(message.data or b"").ljust(8, b"\0"))
+                rows.append((round(message.timestamp * 1e6), can_id, min(message.dlc, 8), not message.is_rx, data))
+        frames = np.array(rows, FRAME)
+    except Exception as error:  # python-can's readers raise many kinds of exceptions for a damaged file
+        raise UsageError(f"{path} is damaged, or no {path.suffix} file ({type(error).__name__}); {_ADVICE}") from None
+    if not len(frames):
+        raise UsageError(f"{path} holds no frame; {_ADVICE}")
+    return Log(path, {"protocol": {"dbc_hash": f"0x{protocol().dbc_hash:08x}"}}, frames=frames, done={})
+
+
+def require_mf4() -> None:
+    """Raises UsageError when the library for MF4 is not installed."""
+    try:
+        import asammdf  # noqa: F401
+    except ImportError:
+        raise UsageError(f"MF4 needs asammdf; install it {install_hint('mf4')}") from None
+
+
+def messages_of(frames: Frames) -> Iterator[can.Message]:
+    """The frames as python-can has them, on channel 0."""
+    for time_us, can_id, length, sent, data in frames.tolist():
+        extended = bool(can_id & EXTENDED)
+        yield can.Message(
+            timestamp=time_us * 1e-6,
+            arbitration_id=can_id & (_EFF_MASK if extended else 0x7FF),
+            is_extended_id=extended,
+            is_remote_frame=bool(can_id & REMOTE),
+            is_error_frame=bool(can_id & ERROR),
+            is_rx=not sent,
+            dlc=length,
+            data=None if can_id & REMOTE else bytes(data[:length]),
+            channel=0,
+        )

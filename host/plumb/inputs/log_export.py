@@ -1,0 +1,220 @@
+"""Write a recording in the formats of other tools; the suffix names the format.
+
+.csv .parquet                the steps of one run: units in the names of the columns, time in s
+.blf .asc .log .trc .mf4     every frame; .mf4 also has the signals of the run in units, and the DBC
+.html                        the report: the signals over time, and what they were recorded with
+.dbc .json                   the DBC of the frames; identity and parameters
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import hashlib
+import json
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import can
+import numpy as np
+
+from plumb.errors import UsageError
+from plumb.extras import install_hint
+from plumb.files import whole_files
+from plumb.files.block_file import exists_sentence
+from plumb.inputs import frame_files, record_report
+from plumb.inputs.log_file import ERROR, EXTENDED, REMOTE, Frames, Log
+from plumb.inputs.log_replay import RecordedRun
+from plumb.inputs.step_table import Column, table_of
+from plumb.spec import dbc
+
+if TYPE_CHECKING:
+    from asammdf import Signal
+
+FRAMES = (".blf", ".asc", ".log", ".trc")
+STEPS = (".csv", ".parquet", ".html")
+FORMATS = (*STEPS, *FRAMES, ".mf4", ".dbc", ".json")
+ROWS = 65_536
+"""Rows of a CSV that are formatted at once."""
+
+
+def require(paths: Sequence[Path], *, replace: bool) -> None:
+    """Raises UsageError for a format that is not known or whose library is missing, and for a file that exists, unless
+    `replace`; before anything is recorded or written."""
+    for path in paths:
+        suffix = path.suffix.lower()
+        if suffix not in FORMATS:
+            raise UsageError(f"{path}: the suffix names the format: {', '.join(FORMATS)}")
+        if suffix == ".parquet":
+            _require_parquet()
+        elif suffix == ".mf4":
+            frame_files.require_mf4()
+        if path.exists() and not replace:
+            raise UsageError(exists_sentence(path))
+    if len(set(paths)) != len(paths):
+        raise UsageError("two exports have the same name: give each a name of its own")
+
+
+def _require_parquet() -> None:
+    try:
+        import pyarrow.parquet  # noqa: F401
+    except ImportError:
+        raise UsageError(f"Parquet needs pyarrow; install it {install_hint('parquet')}") from None
+
+
+def needs_run(path: Path) -> bool:
+    """Whether the format holds the steps of a run."""
+    return path.suffix.lower() in STEPS
+
+
+def export(log: Log, recorded: RecordedRun | None, path: Path) -> None:
+    """Write one file, whole or not at all. recorded: the run whose steps are written; None: of a log without one.
+
+    Raises UsageError for a format that needs a run, and for a file that cannot be written.
+    """
+    suffix = path.suffix.lower()
+    if needs_run(path) and recorded is None:
+        raise UsageError(f"{log.path.name} holds no run of known parameters: {suffix} needs the steps of one")
+    if suffix == ".html":
+        assert recorded is not None
+        whole_files.write_whole({path: record_report.page_of(recorded)}, "choose another file")
+    elif suffix == ".dbc":
+        whole_files.write_whole({path: log.dbc if log.dbc is not None else dbc.text()}, "choose another file")
+    elif suffix == ".json":
+        whole_files.write_whole({path: json.dumps(about(log), indent=1) + "\n"}, "choose another file")
+    elif suffix in FRAMES:
+        with _whole(path) as part:
+            _write_frames(log.frames, part)
+    elif suffix == ".mf4":
+        with _whole(path) as part:
+            _write_mf4(log, recorded, part)
+    else:
+        assert recorded is not None
+        columns = table_of(recorded)
+        with _whole(path) as part:
+            write = _write_csv if suffix == ".csv" else _write_parquet
+            write(columns, part, about(log))
+
+
+def about(log: Log) -> dict[str, object]:
+    """Identity and parameters of a log."""
+    sets = [{"at_frame": one.at, "values": one.values} for one in log.parameter_sets]
+    return {**log.head, "parameters": sets, "ended": log.done, "warnings": log.warnings}
+
+
+@contextlib.contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """A file beside `path` to be written, which then takes its place. Raises UsageError when that fails."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_dir():
+            raise UsageError(f"cannot write {path}: it is a folder; choose another file")
+        with tempfile.TemporaryDirectory(prefix=".plumb-", dir=path.parent) as folder:
+            part = Path(folder) / f"part{path.suffix.lower()}"
+            yield part
+            part.replace(path)
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror or error}; choose another file") from None
+
+
+def _write_csv(columns: Sequence[Column], path: Path, _about: dict[str, object]) -> None:
+    """One row a step; a value that was not received is an empty cell."""
+    from tqdm import tqdm
+
+    rows = len(columns[0].values)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow([column.name for column in columns])
+        for at in tqdm(range(0, rows, ROWS), desc="csv", leave=False, disable=None if rows > 4 * ROWS else True):
+            table.writerows(zip(*(_cells(column, slice(at, at + ROWS)) for column in columns), strict=True))
+
+
+def _cells(column: Column, part: slice) -> list[str]:
+    format_of = _format_of(column)
+    values = column.values[part].tolist()
+    if column.known is None:
+        return [format_of(value) for value in values]
+    known = column.known[part].tolist()
+    return [format_of(value) if there else "" for value, there in zip(values, known, strict=True)]
+
+
+def _format_of(column: Column) -> Callable[[float], str]:
+    if column.name == "digest":
+        return lambda value: f"{int(value):08x}"
+    if column.name == "time_s":
+        return lambda value: f"{value:.6f}"
+    return str if column.values.dtype.kind in "iu" else lambda value: f"{value:.9g}"
+
+
+def _write_parquet(columns: Sequence[Column], path: Path, said: dict[str, object]) -> None:
+    """One row a step, null where a value was not received; units in the metadata of the columns, identity and
+    parameters in that of the file, as JSON under `plumb`."""
+    import pyarrow as arrow
+    from pyarrow import parquet
+
+    arrays = [arrow.array(one.values, mask=None if one.known is None else ~one.known) for one in columns]
+    described = [
+        arrow.field(one.name, array.type, metadata={"unit": one.unit})
+        for one, array in zip(columns, arrays, strict=True)
+    ]
+    schema = arrow.schema(described, metadata={"plumb": json.dumps(said)})
+    parquet.write_table(arrow.table(arrays, schema=schema), path)
+
+
+def _write_frames(frames: Frames, path: Path) -> None:
+    from tqdm import tqdm
+
+    try:
+        with can.Logger(path) as log:
+            every = frame_files.messages_of(frames)
+            for message in tqdm(every, total=len(frames), desc=path.suffix, leave=False, disable=None):
+                log(message)
+    except ValueError as error:
+        raise UsageError(f"these frames cannot be written as {path.suffix}: {error}") from None
+
+
+def _write_mf4(log: Log, recorded: RecordedRun | None, path: Path) -> None:
+    """Bus logging as ASAM defines it, with the DBC attached, and a group of signals in units for each frame."""
+    from asammdf import MDF, Signal, Source
+    from can.io.mf4 import STD_DTYPE
+
+    frames = log.frames[(log.frames["can_id"] & (REMOTE | ERROR)) == 0]
+    start_us = int(log.frames["time_us"][0]) if len(log.frames) else 0
+    samples = np.zeros(len(frames), STD_DTYPE)
+    samples["CAN_DataFrame.BusChannel"] = 1
+    samples["CAN_DataFrame.ID"] = frames["can_id"] & 0x1FFFFFFF
+    samples["CAN_DataFrame.IDE"] = (frames["can_id"] & EXTENDED) != 0
+    samples["CAN_DataFrame.DLC"] = samples["CAN_DataFrame.DataLength"] = frames["length"]
+    samples["CAN_DataFrame.DataBytes"][:, :8] = frames["data"]
+    samples["CAN_DataFrame.Dir"] = frames["sent"]
+    text = log.dbc if log.dbc is not None else dbc.text()
+    source = Source("plumb", "plumb", "", Source.SOURCE_BUS, Source.BUS_TYPE_CAN)
+    file = MDF(version="4.10")
+    file.header.start_time = datetime.fromtimestamp(start_us * 1e-6, UTC)
+    file.header.comment = json.dumps(about(log))
+    times_s = (frames["time_us"] - start_us) * 1e-6
+    attached = (text.encode("utf-8"), Path("plumb.dbc"), hashlib.md5(text.encode("utf-8")).digest())
+    file.append(Signal(samples, times_s, name="CAN_DataFrame", source=source, attachment=attached))
+    if recorded is not None:
+        for name, group in _signal_groups(recorded, start_us):
+            file.append(group, comment=name)
+    file.save(path, compression=2, overwrite=True)
+    file.close()
+
+
+def _signal_groups(recorded: RecordedRun, start_us: int) -> Iterator[tuple[str, list[Signal]]]:
+    """The columns of the run, those of one frame together, on the time of the log: a step's time counts from when the
+    first STEP was received."""
+    from asammdf import Signal
+
+    columns, run = table_of(recorded), recorded.run
+    received = int(np.flatnonzero(run.digest_known)[0])
+    begin_s = (int(run.time_us[received]) - start_us) * 1e-6 - float(columns[0].values[received])
+    for frame in dict.fromkeys(column.frame for column in columns[1:]):
+        group = [column for column in columns[1:] if column.frame == frame]
+        known = np.logical_and.reduce([run.digest_known, *(one.known for one in group if one.known is not None)])
+        times_s = columns[0].values[known] + begin_s
+        yield frame or "step", [Signal(one.values[known], times_s, name=one.name, unit=one.unit) for one in group]

@@ -1,0 +1,163 @@
+"""A log of a board or a bus: what the blocks of a .plog file hold, and how they are read.
+
+    HEAD   JSON: who was recorded, by what, when; `clock` says what the times count
+    DBCT   the DBC of the frames, UTF-8
+    PARM   JSON: parameters by name, as the table's integers; the first holds all, later ones what changed
+    FRMS   frames, packed records of FRAME
+    DONE   JSON: why the recording ended, and what it counted; a log without it was cut, or is being written
+
+The frames are the recording: raw counts, digests, signals and setpoints are in them, as the board sent them. docs/
+reference/log.md is the specification.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.errors import UsageError
+from plumb.files.block_file import Block, Damage, read_blocks
+from plumb.spec import parameters
+from plumb.spec.protocol import Protocol, database_of, protocol, protocol_of
+
+MAGIC = "plumb log 1"
+SUFFIX = ".plog"
+HEAD, DBC_TEXT, PARAMETERS, FRAMES, DONE = "HEAD", "DBCT", "PARM", "FRMS", "DONE"
+FRAME = np.dtype([("time_us", "<i8"), ("can_id", "<u4"), ("length", "u1"), ("sent", "u1"), ("data", "u1", (8,))])
+"""One frame. time_us: when it was received, by the clock of the head; can_id: as SocketCAN has it, with bit 31 for an
+extended identifier, 30 for a remote frame, 29 for an error frame; sent: 1 when the recording host sent it."""
+EXTENDED, REMOTE, ERROR = 1 << 31, 1 << 30, 1 << 29
+UTC, SIMULATED = "utc", "simulated"
+"""Clocks of a head: microseconds since 1970, or since the start of a simulated board."""
+ADVICE = "give a log of `plumb record`"
+
+Frames = npt.NDArray[np.void]
+"""Records of FRAME, in the order in which they were received."""
+Json = Mapping[str, object]
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """Parameters by name, as the table's integers, from a place in the frames on. crc32: of the whole table, where it
+    is known."""
+
+    at: int
+    values: dict[str, int]
+    crc32: int | None = None
+
+
+@dataclass
+class Log:
+    """What a log holds. frames: those of all whole blocks. damages: places that are not; lost_blocks: numbers that are
+    missing between whole blocks. done: None when the recording was cut."""
+
+    path: Path
+    head: dict[str, object] = field(default_factory=dict)
+    dbc: str | None = None
+    parameter_sets: list[ParameterSet] = field(default_factory=list)
+    frames: Frames = field(default_factory=lambda: np.zeros(0, FRAME))
+    done: dict[str, object] | None = None
+    damages: list[Damage] = field(default_factory=list)
+    lost_blocks: int = 0
+
+    @property
+    def warnings(self) -> list[str]:
+        """A sentence for everything that is not as the recorder wrote it."""
+        found = []
+        inside = [damage for damage in self.damages if not damage.at_end]
+        if inside:
+            size = sum(damage.end - damage.start for damage in inside)
+            found.append(f"{self.path.name} is damaged at byte {inside[0].start}: {size} bytes of it are left out")
+        elif self.lost_blocks:
+            found.append(f"{self.path.name} lacks {self.lost_blocks} blocks: part of it was cut out")
+        if any(damage.at_end for damage in self.damages):
+            found.append(f"{self.path.name} was cut: it is read up to its last whole block")
+        elif self.done is None:
+            found.append(f"{self.path.name} has no end: the recorder was killed, or still writes it")
+        return found
+
+    def protocol(self) -> Protocol:
+        """The messages by the log's own DBC; raises UsageError when it is lost and is not that of this version."""
+        if self.dbc is None:
+            said = self.head.get("protocol")
+            if isinstance(said, dict) and said.get("dbc_hash") == f"0x{protocol().dbc_hash:08x}":
+                return protocol()
+            raise UsageError(f"the DBC in {self.path} is lost, and this plumb has another: give an undamaged copy")
+        if self.dbc == _own_dbc():
+            return protocol()
+        try:
+            return protocol_of(database_of(self.dbc))
+        except Exception as error:  # cantools raises many kinds of exceptions
+            raise UsageError(f"the DBC in {self.path} cannot be read ({type(error).__name__}); {ADVICE}") from None
+
+
+def _own_dbc() -> str:
+    from plumb.spec import dbc
+
+    return dbc.text()
+
+
+def read_log(path: Path) -> Log:
+    """Read a log up to its last whole block. Raises UsageError for a file that is no log, or that holds what no
+    recorder writes."""
+    log, parts, count, following = Log(path), [], 0, 0
+    for one in read_blocks(path, MAGIC, ADVICE):
+        if isinstance(one, Damage):
+            log.damages.append(one)
+            continue
+        log.lost_blocks += max(one.number - following, 0)
+        following = one.number + 1
+        if one.kind == FRAMES:
+            parts.append(_frames_of(path, one))
+            count += len(parts[-1])
+        elif one.kind == DBC_TEXT:
+            log.dbc = one.payload.decode("utf-8", "replace")
+        elif one.kind == PARAMETERS:
+            log.parameter_sets.append(_parameters_of(path, one, count))
+        elif one.kind == HEAD:
+            log.head = _json_of(path, one)
+        elif one.kind == DONE:
+            log.done = _json_of(path, one)
+    if parts:
+        log.frames = np.concatenate(parts)
+    if not log.head and not log.parameter_sets and not count:
+        raise UsageError(f"{path} holds no whole block: nothing was recorded; record again")
+    return log
+
+
+def _frames_of(path: Path, block: Block) -> Frames:
+    if len(block.payload) % FRAME.itemsize:
+        raise _odd(path, block)
+    frames = np.frombuffer(block.payload, FRAME)
+    if (frames["length"] > 8).any():
+        raise _odd(path, block)
+    return frames
+
+
+def _parameters_of(path: Path, block: Block, at: int) -> ParameterSet:
+    said = _json_of(path, block)
+    values, crc32 = said.get("values"), said.get("crc32")
+    if not isinstance(values, dict) or any(type(value) is not int for value in values.values()):
+        raise _odd(path, block)
+    now = parameters.new_names()
+    named = {now.get(name, name): int(value) for name, value in values.items()}
+    return ParameterSet(at, named, crc32 if type(crc32) is int else None)
+
+
+def _json_of(path: Path, block: Block) -> dict[str, object]:
+    try:
+        value = json.loads(block.payload.decode("utf-8"))
+    except (ValueError, RecursionError):
+        raise _odd(path, block) from None
+    if not isinstance(value, dict):
+        raise _odd(path, block)
+    return value
+
+
+def _odd(path: Path, block: Block) -> UsageError:
+    return UsageError(f"{path}: the block at byte {block.offset} is whole, but is no {block.kind} of a log; {ADVICE}")

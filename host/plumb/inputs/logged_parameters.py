@@ -1,0 +1,91 @@
+"""The parameters of a recorded run: from the blocks of a log, and from the frames that read or committed a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from plumb.errors import UsageError
+from plumb.inputs.log_file import EXTENDED, Frames, ParameterSet
+from plumb.spec import declarations, parameters
+from plumb.spec.protocol import Protocol, check
+from plumb.tuning.quantise import ControlParams, groups_of
+
+_NEEDED = ("PARAM_VALUE", "PARAM_STAGED", "PARAM_SET", "PARAM_COMMIT", "ACK", "HELLO")
+
+
+@dataclass(frozen=True)
+class UsedParameters:
+    """The parameters of one run. params: what the step reads; table: every known value by name."""
+
+    params: ControlParams
+    table: dict[str, int]
+
+    @property
+    def system(self) -> str:
+        return self.params.system
+
+
+def heard_sets(frames: Frames, messages: Protocol) -> list[ParameterSet]:
+    """The tables in a recording's own frames: read with PARAM_GET, or staged and committed. A table is known once all
+    its parameters were heard."""
+    ids = {messages[name].identifier: name for name in _NEEDED}
+    rows = parameters.table()
+    used: dict[int, int] = {}
+    staged: dict[int, int] = {}
+    found: list[ParameterSet] = []
+    for at in np.flatnonzero(np.isin(frames["can_id"] & ~np.uint32(EXTENDED), list(ids))):
+        identifier, data = int(frames["can_id"][at]), frames["data"][at].tobytes()
+        name = ids.get(identifier)
+        if name is None or int(frames["length"][at]) != 8 or not check(identifier, data):
+            continue
+        said = messages[name].decode(data)
+        if name == "PARAM_VALUE":
+            complete = len(used) == len(rows)
+            changed = used.get(said["index"]) != said["value"]
+            used[said["index"]] = said["value"]
+            if changed and len(used) == len(rows) and (not complete or changed):
+                found.append(_set(int(at) + 1, used))
+        elif name in ("PARAM_SET", "PARAM_STAGED"):
+            staged[said["index"]] = said["value"]
+        elif name == "HELLO":
+            staged = {}
+        elif name == "ACK" and said["request"] == messages["PARAM_COMMIT"].identifier:
+            used, staged = {**used, **staged}, {}
+            if len(used) == len(rows):
+                found.append(_set(int(at) + 1, used))
+    return found
+
+
+def _set(at: int, words: dict[int, int]) -> ParameterSet:
+    rows = parameters.table()
+    return ParameterSet(at, {row.name: row.from_word(words[i]) for i, row in enumerate(rows) if i in words})
+
+
+def parameters_of_run(sets: Sequence[ParameterSet], at: int, where: str) -> UsedParameters:
+    """The parameters in use at a place in the frames. where: the file, for the error text.
+
+    Raises UsageError when there are none, or when this version reads others.
+    """
+    values: dict[str, int] = {}
+    for one in sorted(sets, key=lambda one: one.at):
+        if one.at <= at:
+            values |= one.values
+    if "system" not in values:
+        raise UsageError(
+            f"{where} holds no parameters of that run: give them as a file of `plumb params dump` with --params"
+        )
+    known = {system.number: system.name for system in declarations.systems().values()}
+    if values["system"] not in known:
+        raise UsageError(f"{where} is of system {values['system']}, which this plumb does not have; update it")
+    system = known[values["system"]]
+    groups = groups_of(system)
+    own = {name: value for name, value in values.items() if declarations.group_of(name) in groups}
+    unit = values.get(parameters.UNIT, 0)
+    lsb_deg2 = unit / 2.0**56 * 360.0**2 / 2.0**32 if unit else 1.0
+    try:
+        return UsedParameters(ControlParams.of(system, own, lsb_deg2), values)
+    except UsageError as error:
+        raise UsageError(f"the parameters in {where} do not fit this version of plumb: {error}") from None

@@ -1,0 +1,238 @@
+"""A recorded run is reproduced bit for bit, from a log and from other tools' files; what was lost is unverified."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from plumb import __main__ as front
+from plumb.boards.native import NativeBoard as NativeCore
+from plumb.inputs import log_replay
+from plumb.inputs.log_file import FRAME, Frames, read_log
+from plumb.inputs.log_replay import Reproduction, chosen, open_log, reproduce, runs_of
+from plumb.inputs.log_writer import LogWriter
+from plumb.spec.protocol import protocol
+from support.recordings import blocks_of, recorded_run, rewritten, with_json
+
+STEER = 1 << 28
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return recorded_run(tmp_path_factory.mktemp("log") / "whole.plog", setpoint=STEER)
+
+
+def on_native(path: Path, number: int | None = None) -> Reproduction:
+    return reproduce(chosen(runs_of(open_log(path)), number), NativeCore(), "native", None, None)
+
+
+def with_frames(path: Path, out: Path, change: Callable[[Frames], Frames]) -> Path:
+    """A log whose frames, of all blocks together, a function has changed."""
+    frames = change(read_log(path).frames.copy())
+    left = [block.kind for block in blocks_of(path)].count("FRMS")
+
+    def one_block(kind: str, payload: bytes) -> bytes | None:
+        nonlocal left
+        left -= kind == "FRMS"
+        return payload if kind != "FRMS" else None if left else frames.tobytes()
+
+    return rewritten(path, out, one_block)
+
+
+def places(frames: Frames, name: str) -> list[int]:
+    return np.flatnonzero(frames["can_id"] == protocol()[name].identifier).tolist()
+
+
+def without(name: str, *numbers: int) -> Callable[[Frames], Frames]:
+    """Without those of the frames of a message, by their order."""
+    return lambda frames: np.delete(frames, [places(frames, name)[number] for number in numbers])
+
+
+def sealed_again(frames: Frames, place: int, data: bytes) -> None:
+    from plumb.spec.protocol import crc8
+
+    body = bytes((crc8(int(frames["can_id"][place]), data), *data[1:]))
+    frames["data"][place] = np.frombuffer(body, np.uint8)
+
+
+def test_a_log_is_reproduced_in_every_bit(whole: Path) -> None:
+    done = on_native(whole)
+    recorded = done.recorded.run
+    assert done.verdict == "pass" and done.compared == recorded.steps > 20 and done.unverified_from is None
+    assert {0, STEER} == set(recorded.setpoint.tolist()) and len(set(recorded.digest.tolist())) == recorded.steps
+    assert done.statement().text == f"every one of the {recorded.steps} recorded digests is reproduced"
+
+
+@pytest.mark.parametrize("suffix", ["blf", "asc", "log", "trc", "mf4"])
+def test_files_of_other_tools_are_reproduced_too(
+    whole: Path, tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / f"run.{suffix}"
+    assert front.main(["export", str(whole), str(path)]) == 0
+    capsys.readouterr()
+    assert front.main(["replay", str(path), "--board", "native", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["verdict"] == "pass" and said["bit_exact"] is True
+    assert said["recorded"]["compared"] == said["steps"] == on_native(whole).compared
+    ours, theirs = read_log(whole).frames, open_log(path).frames
+    for field in ("can_id", "length", "data"):
+        assert np.array_equal(ours[field], theirs[field])
+    assert np.abs(np.diff(ours["time_us"] - theirs["time_us"])).max() <= 1000  # of .trc 0.1 ms
+
+
+def test_frames_without_parameters_take_them_from_a_file(
+    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from plumb.spec import parameter_file, parameters
+
+    def unread(frames: Frames) -> Frames:
+        return np.delete(frames, places(frames, "PARAM_VALUE"))
+
+    bare = with_frames(whole, tmp_path / "bare.plog", unread)
+    bare = rewritten(bare, tmp_path / "none.plog", lambda kind, payload: None if kind == "PARM" else payload)
+    command = ["replay", str(bare), "--board", "native"]
+    assert front.main(command) == 2
+    assert "none.plog holds no parameters of that run" in capsys.readouterr().err
+    table = tmp_path / "table.toml"
+    table.write_text(parameter_file.text_of([row.default for row in parameters.table()]))
+    assert front.main([*command, "--params", str(table)]) == 0
+
+
+def test_lost_counts_leave_the_steps_from_there_on_unverified(whole: Path, tmp_path: Path) -> None:
+    done = on_native(with_frames(whole, tmp_path / "lost.plog", without("RAW_A", 9)))
+    assert done.verdict == "unverified" and done.unverified_from == 9 == done.compared
+    assert done.statement().text == (
+        "9 recorded digests are reproduced; unverified from step 9 on: the raw counts of step 9 did not arrive"
+    )
+
+
+def test_a_lost_digest_leaves_its_own_step_unverified(whole: Path, tmp_path: Path) -> None:
+    done = on_native(with_frames(whole, tmp_path / "lost.plog", without("STEP", 9)))
+    assert done.verdict == "unverified" and done.unverified_from == 9
+    assert done.compared == done.recorded.run.steps - 1 and not done.differ
+
+
+def test_the_first_steps_frames_may_be_the_lost_ones(whole: Path, tmp_path: Path) -> None:
+    done = on_native(with_frames(whole, tmp_path / "lost.plog", without("STEP", 0)))
+    assert done.recorded.run.first == 0 and done.unverified_from == 0 and done.compared == done.recorded.known - 1
+
+
+def test_a_lost_setpoint_leaves_the_steps_after_it_unverified(whole: Path, tmp_path: Path) -> None:
+    """The report of the only setpoint is gone: nothing else tells that there was one."""
+    done = on_native(with_frames(whole, tmp_path / "lost.plog", without("SETPOINT_USED", 0)))
+    assert done.verdict == "fail"  # no counter shows a loss: every frame that followed is there
+    both = with_frames(whole, tmp_path / "both.plog", without("SETPOINT_USED", 0))
+    done = on_native(with_frames(both, tmp_path / "more.plog", without("TIME", 2)))
+    assert done.verdict == "unverified" and "perhaps a setpoint" in done.statement().text
+
+
+def test_an_output_that_differs_is_named(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def wrong(frames: Frames) -> Frames:
+        """A board that computed another tilt in step 12: digest and signal of this step are its own."""
+        for name, byte in (("STEP", 7), ("QUAD_ANGLE", 4)):
+            place = places(frames, name)[12]
+            data = bytearray(frames["data"][place].tobytes())
+            data[byte] ^= 1
+            sealed_again(frames, place, bytes(data))
+        return frames
+
+    path = with_frames(whole, tmp_path / "wrong.plog", wrong)
+    assert front.main(["replay", str(path), "--board", "native", "--json"]) == 1
+    said = json.loads(capsys.readouterr().out)
+    assert said["verdict"] == "fail" and said["bit_exact"] is False and said["recorded"]["mismatches"] == 1
+    first = said["recorded"]["first_divergence"]
+    assert (first["step"], first["signal"]) == (12, "tilt") and first["expected"] ^ first["actual"] == 1
+
+
+def test_other_parameters_than_those_of_the_run_are_found_out(whole: Path, tmp_path: Path) -> None:
+    def other(head: dict[str, object]) -> None:
+        values = head["values"]
+        assert isinstance(values, dict) and "pid.kp_q22" in values
+        values["pid.kp_q22"] = 77
+
+    changed = with_json("PARM", other)
+    bare = with_frames(whole, tmp_path / "bare.plog", lambda frames: np.delete(frames, places(frames, "PARAM_VALUE")))
+    assert on_native(bare).verdict == "pass"
+    assert on_native(rewritten(bare, tmp_path / "other.plog", changed)).verdict == "fail"
+
+
+def test_a_run_whose_beginning_is_missing_cannot_be_reproduced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = recorded_run(tmp_path / "late.plog", late=True)
+    assert front.main(["replay", str(path), "--board", "native"]) == 3
+    said = capsys.readouterr().err
+    assert "run 1 cannot be reproduced: its beginning is missing: the recording begins at step" in said
+    assert front.main(["export", str(path), str(tmp_path / "late.csv")]) == 0
+    first = (tmp_path / "late.csv").read_text().splitlines()[1].split(",")
+    assert int(first[1]) > 5 and float(first[0]) == pytest.approx(0.02 * int(first[1]))
+
+
+def test_several_runs_of_a_log_are_found_and_chosen(
+    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two recordings of one board in one log; the second run is cut shorter. Its RUN_BEGIN may not have been heard."""
+    log = read_log(whole)
+    begin = places(log.frames, "ACK")
+    for heard in (True, False):
+        frames = log.frames if heard else np.delete(log.frames, begin)
+        path = tmp_path / f"two{heard}.plog"
+        with LogWriter(path, log.head) as writer:
+            writer._blocks.append("PARM", json.dumps({"values": log.parameter_sets[0].values}).encode())
+            writer._blocks.append("FRMS", frames.tobytes())
+            writer._blocks.append("FRMS", frames[: len(frames) * 2 // 3].tobytes())
+        runs = runs_of(open_log(path))
+        assert len(runs) == 2 and runs[0].known == log_replay.runs_of(log)[0].known > runs[1].known > 5
+        for number in (None, 1, 2):
+            done = on_native(path, number)
+            assert done.verdict == "pass" and done.compared == runs[(number or 1) - 1].known
+    assert front.main(["replay", str(path), "--board", "native", "--log-run", "3"]) == 2
+    assert "there is no run 3" in capsys.readouterr().err
+
+
+def test_the_first_seconds_are_enough_when_they_are_asked_for(whole: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["replay", str(whole), "--board", "native", "--seconds", "0.2", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["steps"] == said["recorded"]["steps"] == 10
+
+
+@pytest.mark.parametrize(
+    ("more", "sentence"),
+    [
+        (["--axis", "y"], "--axis is for recordings in units"),
+        (["--period-us", "5000"], "--period-us is for recordings in units"),
+        (["--decimate", "3"], "--decimate is for recordings in units"),
+        (["--system", "phone"], "whole.plog is of quad, not of phone"),
+        (["--seconds", "0.001"], "less than one period"),
+    ],
+)
+def test_what_a_log_cannot_be_asked_is_one_sentence(
+    whole: Path, more: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert front.main(["replay", str(whole), "--board", "native", *more]) == 2
+    said = capsys.readouterr().err
+    assert sentence in said and said.count("\n") == 1
+
+
+@pytest.mark.parametrize("suffix", [".plog", ".blf", ".asc", ".log", ".trc", ".mf4"])
+def test_a_file_that_is_none_is_one_sentence(tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / f"file{suffix}"
+    for data in (b"", b"nothing of the kind\n" * 50, bytes(range(256)) * 40):
+        path.write_bytes(data)
+        assert front.main(["replay", str(path), "--board", "native"]) == 2
+        said = capsys.readouterr().err
+        assert said.startswith("plumb: ") and said.count("\n") == 1 and "defect" not in said
+
+
+def test_frames_that_are_no_plumb_boards_are_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "car.plog"
+    frames = np.zeros(50, FRAME)
+    frames["can_id"], frames["length"] = np.arange(50) + 0x700, 8
+    with LogWriter(path, {}) as writer:
+        writer._blocks.append("FRMS", frames.tobytes())
+    assert front.main(["replay", str(path), "--board", "native"]) == 2
+    assert "car.plog holds no step" in capsys.readouterr().err

@@ -1,0 +1,75 @@
+"""A recorded run of a board in memory, as a log and as the parts that a test damages."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+from plumb.files.block_file import Block, BlockWriter, read_blocks
+from plumb.inputs.log_file import MAGIC
+from plumb.inputs.recorder import Recorder
+from plumb.link.session import Session
+from plumb.link.transports.slcan_bus import PlumbBus
+from support.native_board import NativeBoard
+
+FRAMES = ("RAW_A", "QUAD_ANGLE")
+MOTION = ((1676, 2048, 3041), (1720, 2090, 3035), (1650, 2010, 3044), (1701, 1995, 3040))
+"""Counts of the sensors, one after the other: the outputs change at every step."""
+
+
+def recorded_run(path: Path, seconds: float = 0.5, *, setpoint: int | None = None, late: bool = False) -> Path:
+    """A log of a live run of quad. setpoint: set in the middle. late: the recorder joins in the middle of the run."""
+    board = NativeBoard()
+    session = Session(PlumbBus(board))
+    session.connect()
+    if late:
+        session.begin("REALTIME_LIVE", frames=FRAMES)
+        _live(board, session, seconds / 2)
+    recorder = Recorder(session, path, {"command": "a test"})
+    session.listener = recorder.feed
+    if not late:
+        session.begin("REALTIME_LIVE", frames=FRAMES)
+    _live(board, session, seconds / 2)
+    if setpoint is not None:
+        session.set_setpoint(setpoint)
+    _live(board, session, seconds / 2)
+    session.listener = None
+    session.end()
+    recorder.close("done")
+    return path
+
+
+def _live(board: NativeBoard, session: Session, seconds: float) -> None:
+    end, turn = session.clock() + seconds, 0
+    while session.clock() < end:
+        board.sensors((*MOTION[turn % len(MOTION)], 0, 0, 0))
+        turn += 1
+        session.receive(0.007)
+
+
+def blocks_of(path: Path) -> list[Block]:
+    return [one for one in read_blocks(path, MAGIC, "") if isinstance(one, Block)]
+
+
+def rewritten(path: Path, out: Path, change: Callable[[str, bytes], bytes | None]) -> Path:
+    """A log whose blocks a function (kind, payload) has changed; None leaves one out. The result is whole again."""
+    with BlockWriter(out, MAGIC, replace=True) as blocks:
+        for block in blocks_of(path):
+            payload = change(block.kind, block.payload)
+            if payload is not None:
+                blocks.append(block.kind, payload)
+    return out
+
+
+def with_json(kind: str, change: Callable[[dict[str, object]], object]) -> Callable[[str, bytes], bytes]:
+    """A change of the JSON of one kind of block, for `rewritten`."""
+
+    def changed(found: str, payload: bytes) -> bytes:
+        if found != kind:
+            return payload
+        value = json.loads(payload)
+        change(value)
+        return json.dumps(value).encode()
+
+    return changed
