@@ -88,7 +88,7 @@ def test_an_mf4_file_has_frames_signals_units_and_the_dbc(whole: Path, recorded:
         assert tilt.unit == "deg" and len(tilt.samples) == recorded.run.steps
         assert np.allclose(np.diff(tilt.timestamps), 0.02)
         attached = [file.extract_attachment(index)[0] for index in range(len(file.attachments))]
-        assert dbc.text() in [one.decode() if isinstance(one, bytes) else one for one in attached]
+        assert dbc.text() in [one if isinstance(one, str) else bytes(one).decode() for one in attached]
         # What any ASAM tool makes of the frames and a DBC is what plumb wrote as signals.
         decoded = file.extract_bus_logging({"CAN": [(Path(__file__).parents[2] / "host/plumb/spec/messages.dbc", 0)]})
         assert np.allclose(decoded.get("QUAD_ANGLE.tilt").samples, tilt.samples)
