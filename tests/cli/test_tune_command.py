@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from plumb import __main__ as front
-from plumb.inputs.recorder import RAW_COLUMNS
-from plumb.spec import parameters
+from plumb.inputs.identification import rest
 from plumb.systems.quad.scenarios import TUNINGS, scenario
 from plumb.tuning.quantise import quantise
+from support.recordings import log_of_counts, recorded_run
 
 
 @pytest.fixture(autouse=True)
@@ -85,10 +85,15 @@ def test_what_noise_cannot_use_is_one_sentence(tmp_path: Path, capsys: pytest.Ca
     assert "no rest of 10 s" in refusal(["noise", rest_file(tmp_path, "moving.npz", gyr=moving)], capsys)
 
 
-def test_damaged_folder_of_a_recording_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "board.json").write_text('{"parameters": [1, 2]}')
-    (tmp_path / "steps.csv").write_text("step,digest\n")
-    assert "no parameters that this version knows" in refusal(["noise", str(tmp_path)], capsys)
+def test_a_board_s_log_is_taken_and_a_damaged_one_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = recorded_run(tmp_path / "run.plog", seconds=12.0)
+    whole = rest.load(path)
+    assert whole.system == "quad" and [one.name for one in whole.channels] == ["gyro", "accel_y", "accel_z"]
+    assert np.mean(whole.channels[2].values) == pytest.approx(1.0, abs=0.01)
+    (tmp_path / "bad.plog").write_bytes(path.read_bytes()[:100])
+    assert "holds no whole block" in refusal(["noise", str(tmp_path / "bad.plog")], capsys)
 
 
 def test_without_scipy_the_extra_is_named(
@@ -144,23 +149,14 @@ def test_what_filter_cannot_use_is_one_sentence(tmp_path: Path, capsys: pytest.C
     assert "500 to 100000 us" in refusal(["filter", good, "--period-us", "10"], capsys)
 
 
-def board_recording(folder: Path, steps: int = 1100) -> Path:
-    """A folder as `plumb record` writes it: quad, shipped tuning, `quiet`; every 50th step lost its counts."""
-    params = quantise(TUNINGS["adaptive"])
-    words = {row.name: row.default for row in parameters.table()} | params.values | params.link_words()
+def board_recording(path: Path, steps: int = 1100) -> Path:
+    """A log of a board: quad, shipped tuning, `quiet`; every 50th step lost its counts."""
     counts = scenario("quiet", 3, seconds=steps * 0.02).counts()
-    lines = [",".join(["step", "digest", *RAW_COLUMNS])]
-    lines += [
-        f"{step},," + ",".join("" if step % 50 == 7 else str(count) for count in row) for step, row in enumerate(counts)
-    ]
-    folder.mkdir()
-    (folder / "board.json").write_text(json.dumps({"parameters": words}))
-    (folder / "steps.csv").write_text("\n".join(lines) + "\n")
-    return folder
+    return log_of_counts(path, quantise(TUNINGS["adaptive"]), counts, lost=range(7, steps, 50))
 
 
 def test_a_board_recording_is_tuned_with_its_own_parameters(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run = str(board_recording(tmp_path / "run"))
+    run = str(board_recording(tmp_path / "run.plog"))
     assert front.main(["tune", "filter", run, "--json"]) in (0, 1)
     told = json.loads(capsys.readouterr().out)
     assert (told["system"], told["tuning"], told["period_us"]) == ("quad", "as recorded", 20_000)

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
+import numpy as np
+
+from plumb.boards import RawCounts
 from plumb.files.block_file import Block, BlockWriter, read_blocks
 from plumb.inputs.log_file import MAGIC
+from plumb.inputs.log_writer import LogWriter
 from plumb.inputs.recorder import Recorder
 from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
+from plumb.spec import parameters
+from plumb.spec.protocol import protocol
+from plumb.systems import run_fixed
+from plumb.tuning.quantise import ControlParams
 from support.native_board import NativeBoard
 
 FRAMES = ("RAW_A", "QUAD_ANGLE")
@@ -46,6 +54,20 @@ def _live(board: NativeBoard, session: Session, seconds: float) -> None:
         board.sensors((*MOTION[turn % len(MOTION)], 0, 0, 0))
         turn += 1
         session.receive(0.007)
+
+
+def log_of_counts(path: Path, params: ControlParams, counts: RawCounts, lost: Collection[int] = ()) -> Path:
+    """A log of a run of three channels with these counts. lost: steps whose counts did not arrive."""
+    messages = protocol()
+    digests = run_fixed.run_control(params, counts, np.zeros(len(counts), np.int32)).digests().tolist()
+    with LogWriter(path, {"command": "a test"}, simulated=True) as log:
+        log.parameters(parameters.whole_table(params.words(), **params.link_words()))
+        for step, (row, digest) in enumerate(zip(counts.tolist(), digests, strict=True)):
+            said = [("STEP", (step & 15, 0, step & 0xFFFF, digest))]
+            said += [] if step in lost else [("RAW_A", (step & 15, step >> 4 & 3, *row[:3]))]
+            frames = [(messages[name].identifier, messages[name].pack(*words)) for name, words in said]
+            log.add(frames, step * params.period_s)
+    return path
 
 
 def blocks_of(path: Path) -> list[Block]:

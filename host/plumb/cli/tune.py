@@ -1,12 +1,12 @@
 """Find settings from measurements: noise of the sensors at rest, and Q and R of the filter on a recording.
 
     plumb tune noise rest.npz --out out/noise          Allan deviation, noise figures, and Q and R of quad
-    plumb tune noise today --system balancer           a folder of `plumb record --run live`
+    plumb tune noise today.plog --system balancer      a log of `plumb record --run live`
     plumb tune noise walk.csv --axis y --begin 2 --end 40
     plumb tune filter walk.npz --out out/filter        Q and R that describe the whole recording best
-    plumb tune filter today --tuning constant
+    plumb tune filter today.plog --tuning constant
 
-RECORDING is .npz or .csv as for `plumb replay`, or a folder of `plumb record`. Nothing is sent to a board; the line
+RECORDING is .npz or .csv as for `plumb replay`, or a log of `plumb record`. Nothing is sent to a board; the line
 that sets the settings is printed.
 
 `noise` takes the longest rest of the recording. The sensor lies still for some minutes; the longer, the better bias
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     verbs = parser.add_subparsers(dest="action", required=True, metavar="noise|filter")
     noise = verbs.add_parser("noise", help="Q and R from a recording at rest, with an Allan plot")
-    noise.add_argument("recording", type=Path, metavar="RECORDING", help=".npz, .csv, or a folder of `plumb record`")
+    noise.add_argument("recording", type=Path, metavar="RECORDING", help=".npz, .csv, or a log of `plumb record`")
     add_target(noise, "whose Q and R are wanted (default: the recorded board's, else that of `plumb replay`)")
     noise.add_argument("--begin", type=float, metavar="S", help="begin of the rest (default: found)")
     noise.add_argument("--end", type=float, metavar="S", help="end of the rest (default: found)")
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_output(noise)
     likely = verbs.add_parser("filter", help="Q and R from the innovations over a recording")
-    likely.add_argument("recording", type=Path, metavar="RECORDING", help=".npz, .csv, or a folder of `plumb record`")
+    likely.add_argument("recording", type=Path, metavar="RECORDING", help=".npz, .csv, or a log of `plumb record`")
     add_target(likely, "whose filter is tuned (default: the recorded board's, else that of `plumb replay`)")
     options.add_seconds(likely, "only the first N seconds")
     add_output(likely)
@@ -117,7 +117,7 @@ def tune_filter(arguments: argparse.Namespace) -> bool:
     from plumb.inputs.identification import filter_inputs, filter_page, likelihood
 
     path = arguments.recording
-    system = arguments.system or ("" if path.is_dir() else systems.default_for("replay"))
+    system = arguments.system or ("" if rest.is_log(path) else systems.default_for("replay"))
     options.check_duration(arguments.seconds)
     inputs = filter_inputs.inputs_of(
         path, system, arguments.tuning, arguments.axis, arguments.period_us, arguments.seconds

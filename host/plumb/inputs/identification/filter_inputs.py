@@ -43,12 +43,12 @@ class FilterInputs:
 def inputs_of(
     path: Path, system: str, tuning_name: str | None, axis: str, period_us: int | None, seconds: float | None
 ) -> FilterInputs:
-    """Read a recording: of a three-axis sensor, as `plumb replay` does, or a folder of `plumb record`. tuning_name: of
+    """Read a recording: of a three-axis sensor, as `plumb replay` does, or a log of `plumb record`. tuning_name: of
     a shipped tuning; None: the one that `plumb replay` uses, or that the board had.
 
     Raises UsageError for what cannot be read, a system without such a filter, and a recording that is too short.
     """
-    if path.is_dir():
+    if rest.is_log(path):
         params, raw = rest.board_recording(path)
         if system and system != params.system:
             raise UsageError(f"{path} was recorded on a board that was {params.system}, not {system}")
@@ -71,7 +71,7 @@ def inputs_of(
     if steps < LEAST_STEPS:
         raise UsageError(f"{path.name}: {steps} steps are too few to tell Q and R: give {LEAST_STEPS} or more")
     measured = _measured(tuning, raw[:steps])
-    title = f"{path.name}" + ("" if path.is_dir() else f" about {axis}")
+    title = f"{path.name}" + ("" if rest.is_log(path) else f" about {axis}")
     return FilterInputs(title, tuning_name or name, tuning, measured, truth_deg[:steps], scored[:steps])
 
 

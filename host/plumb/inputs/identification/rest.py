@@ -1,4 +1,4 @@
-"""Signals of sensors at rest, from a recording: .npz or .csv of a three-axis sensor, or a folder of `plumb record`.
+"""Signals of sensors at rest, from a recording: .npz or .csv of a three-axis sensor, or a log of `plumb record`.
 
 A recording may move before and after: the longest rest in it is used. The signal is cut into blocks of BLOCK_S; a block
 is at rest while no signal varies much more within it than in the quietest quarter of the blocks, and no gyro's mean is
@@ -7,16 +7,13 @@ off.
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from plumb.errors import UsageError
-from plumb.files import input_files
-from plumb.inputs import record_report, recording
-from plumb.inputs.recorder import RAW_COLUMNS
+from plumb.inputs import log_replay, recording
 from plumb.spec import declarations, parameters
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.tuning.quantise import ControlParams
@@ -30,7 +27,6 @@ LOUDEST = {"deg/s": 5.0, "g": 0.15}
 """Largest standard deviation within a second at rest: no gyro or accelerometer that plumb drives is noisier."""
 LARGEST_DPS = 30.0
 """Largest distance of a gyro's mean from its mean in the quiet blocks: more is a turn, no drift of the bias."""
-ADVICE = "give a recording at rest: .npz, .csv, or a folder of `plumb record`"
 _PER_UNIT = {"turn/s": (360.0, "deg/s"), "g": (1.0, "g")}
 
 
@@ -79,7 +75,12 @@ class Rest:
 
 def load(path: Path) -> Rest:
     """The whole recording; raises UsageError with one sentence that names the fault."""
-    return _of_folder(path) if path.is_dir() else _of_recording(path)
+    return _of_log(path) if is_log(path) else _of_recording(path)
+
+
+def is_log(path: Path) -> bool:
+    """Whether a file is the log of a board, by its suffix, and not a recording in units."""
+    return path.suffix.lower() in log_replay.SUFFIXES
 
 
 def _of_recording(path: Path) -> Rest:
@@ -98,35 +99,24 @@ def _of_recording(path: Path) -> Rest:
     return _whole(path, period_s, channels)
 
 
-def _of_folder(folder: Path) -> Rest:
-    """Raw counts of a board by its calibration."""
-    params, raw = board_recording(folder)
+def _of_log(path: Path) -> Rest:
+    """Raw counts of a board by its calibration; lost steps repeat the one before."""
+    params, raw = board_recording(path)
     channels = tuple(_calibrated(params, raw))
     if not channels:
-        raise UsageError(f"{folder} has no raw counts of calibrated gyros and accelerometers")
-    return replace(_whole(folder, params.period_s, channels), system=params.system)
+        raise UsageError(f"{path} has no raw counts of calibrated gyros and accelerometers")
+    return replace(_whole(path, params.period_s, channels), system=params.system)
 
 
-def board_recording(folder: Path) -> tuple[ControlParams, FloatArray]:
-    """A folder of `plumb record`: the board's parameters, with their unit of variance, and its raw counts, (steps, 6).
-    A step without counts has those before it; a channel that was never recorded has zeros."""
-    text = input_files.read_text(folder / "board.json", input_files.MIB, ADVICE)
-    try:
-        said = json.loads(text)["parameters"]
-        words = [int(said[row.name]) for row in parameters.table()]
-    except (ValueError, KeyError, TypeError):
-        raise UsageError(f"{folder / 'board.json'} has no parameters that this version knows; {ADVICE}") from None
-    unit_deg2 = said[parameters.UNIT] / 2.0**56 * 360.0**2 / 2.0**32
-    params = ControlParams.from_words(parameters.control_part(words), unit_deg2 or 1.0)
-    input_files.check(folder / "steps.csv", recording.MOST_BYTES, ADVICE)
-    try:
-        recorded = record_report.columns(folder / "steps.csv")
-    except (ValueError, IndexError, StopIteration):
-        raise UsageError(f"{folder / 'steps.csv'} is damaged; record again") from None
-    counts = [_without_gaps(recorded[name]) for name in RAW_COLUMNS if name in recorded]
-    if not any(np.any(one) for one in counts):
-        raise UsageError(f"{folder} has no raw counts: record with --run live, on a link that carries them")
-    return params, np.stack(counts, 1)
+def board_recording(path: Path) -> tuple[ControlParams, FloatArray]:
+    """A log of a board: its parameters, with their unit of variance, and its raw counts, (steps, 6), of the run that is
+    known best. A step without counts has those before it."""
+    recorded = log_replay.chosen(log_replay.runs_of(log_replay.open_log(path)), None)
+    if not recorded.run.raw_known.any():
+        raise UsageError(f"{path} has no raw counts: record with --run live")
+    known = recorded.run.raw_known
+    last = np.maximum.accumulate(np.where(known, np.arange(len(known)), int(np.argmax(known))))
+    return recorded.used.params, recorded.run.raw[last].astype(np.float64)
 
 
 def _calibrated(params: ControlParams, raw: FloatArray) -> list[Channel]:
@@ -143,15 +133,6 @@ def _calibrated(params: ControlParams, raw: FloatArray) -> list[Channel]:
         scaled = exact * (per_unit / 2.0 ** int(row.format[1:]))
         found.append(Channel(channel.name, unit, scaled, channel.axis[-1:]))
     return found
-
-
-def _without_gaps(counts: FloatArray) -> FloatArray:
-    """The counts with the one before in place of a lost one; zeros if there are none at all."""
-    there = np.isfinite(counts)
-    if not there.any():
-        return np.zeros_like(counts)
-    last = np.maximum.accumulate(np.where(there, np.arange(len(counts)), int(np.argmax(there))))
-    return np.asarray(counts[last])
 
 
 def _whole(path: Path, period_s: float, channels: tuple[Channel, ...]) -> Rest:
