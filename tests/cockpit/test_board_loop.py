@@ -10,6 +10,7 @@ import pytest
 
 from plumb.cockpit.hold import TIMEOUT_S
 from plumb.cockpit.samples import PIECE_HEADER
+from plumb.inputs import log_replay
 from support.cockpit_bench import HOLDER, NEUTRAL_HALFUS, CockpitBench
 
 
@@ -238,10 +239,9 @@ def test_every_step_of_a_recording_is_there_while_no_page_reads(bench: CockpitBe
     assert bench.loop.state["recording"]["on"]  # type: ignore[index]
     bench.ask("record", on=False)
     bench.turn(0.1)
-    (folder,) = (bench.loop.recording._folder).iterdir()
-    lines = (folder / "steps.csv").read_text(encoding="utf-8").splitlines()
-    steps = [int(line.split(",")[0]) for line in lines[1:]]
-    assert len(steps) > 90 and steps == list(range(steps[0], steps[0] + len(steps)))
+    (path,) = bench.loop.recording._folder.glob("*.plog")
+    (recorded,) = log_replay.runs_of(log_replay.open_log(path))
+    assert recorded.run.steps > 90 and recorded.run.incomplete == 0 and recorded.run.raw_frames
 
 
 def test_a_recording_that_cannot_be_written_ends_and_the_run_goes_on(

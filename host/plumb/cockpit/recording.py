@@ -1,4 +1,4 @@
-"""Recordings that a page starts and stops: the files of `plumb record`, in a folder of their own each time."""
+"""Recordings that a page starts and stops: a log each, as `plumb record` writes it, and its report."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ from pathlib import Path
 
 from plumb.boards.link import LinkBoard
 from plumb.errors import PlumbError, UsageError
-from plumb.inputs import record_report
+from plumb.inputs import log_export, log_replay
 from plumb.inputs.recorder import Recorder
 from plumb.link.session import Session
+from plumb.proof import run_identity
 from plumb.spec.protocol import Frame
 
 
 class Recording:
-    """At most one recording at a time, into a new folder below `folder`. It is written by the board's thread, from the
-    frames themselves: no page, however slow, takes a sample from it. say: called with what the user should know."""
+    """At most one recording at a time, into a new log in `folder`. It is written by the board's thread, from the frames
+    themselves: no page, however slow, takes a sample from it. say: called with what the user should know."""
 
     def __init__(self, board: LinkBoard, folder: Path, command: str, say: Callable[[str], None]) -> None:
         self._board, self._folder, self._command, self._say = board, folder, command, say
@@ -29,19 +30,16 @@ class Recording:
         recorder = self._recorder
         if recorder is None:
             return {"on": False}
-        return {"on": True, "steps": recorder.rows, "lost": recorder.lost, "folder": str(self._path)}
+        return {"on": True, "steps": recorder.steps, "lost": recorder.lost, "log": str(self._path)}
 
     def start(self, session: Session) -> None:
-        """Raises UsageError when one is on, or when its folder cannot be written."""
+        """Raises UsageError when one is on, or when the log cannot be written."""
         if self._recorder is not None:
             raise UsageError("a recording is on: stop it first")
         stem = time.strftime("%Y-%m-%d_%H-%M-%S")
         self._path = next(path for path in _names(self._folder, stem) if not path.exists())
-        try:
-            self._path.mkdir(parents=True)
-        except OSError as error:
-            raise UsageError(f"the folder {self._path} cannot be created: {error.strerror}") from None
-        self._recorder = Recorder(session, self._path, record_report.identity_of(self._board, self._command))
+        head = run_identity.identity(run_identity.part_of(self._board), None, self._command)
+        self._recorder = Recorder(session, self._path, head)
         self._say(f"recording into {self._path}")
 
     def feed(self, frames: list[Frame]) -> None:
@@ -59,24 +57,25 @@ class Recording:
         if recorder is None:
             return
         try:
-            recorder.close()
+            recorder.close("stopped")
         except UsageError as error:
             self._say(f"the recording ended: {error}")
             return
-        lost = f", {recorder.lost} of them lost" if recorder.lost else ""
-        self._say(f"recorded {recorder.rows} steps{lost} into {self._path}")
-        threading.Thread(target=self._report, args=(self._path, recorder), name="report").start()
+        lost = f", {recorder.lost} more were lost" if recorder.lost else ""
+        self._say(f"recorded {recorder.steps} steps{lost} into {self._path}")
+        threading.Thread(target=self._report, args=(self._path,), name="report").start()
 
-    def _report(self, path: Path, recorder: Recorder) -> None:
+    def _report(self, path: Path) -> None:
         try:
-            page = record_report.write_report(path, self._board, recorder.words, recorder.lost, {}, self._command)
+            log = log_replay.open_log(path)
+            page = path.with_suffix(".html")
+            log_export.export(log, log_replay.chosen(log_replay.runs_of(log), None), page)
         except PlumbError as error:
             self._say(f"no report was written: {error}")
         else:
-            if page is not None:
-                self._say(f"report: {page}")
+            self._say(f"report: {page}")
 
 
 def _names(folder: Path, stem: str) -> list[Path]:
-    """Names for a new folder, the best first."""
-    return [folder / stem, *(folder / f"{stem}_{index}" for index in range(2, 100))]
+    """Names for a new log, the best first."""
+    return [folder / f"{stem}{more}.plog" for more in ("", *(f"_{index}" for index in range(2, 100)))]

@@ -80,7 +80,7 @@ class Recorder:
     """Writes what a session receives to a log; call `feed` with all received frames, from the beginning on: the
     parameters are read here.
 
-    frames: number received. head: entries of the log's first block.
+    frames, steps: numbers received; lost: steps that are missing between them. head: entries of the log's first block.
     """
 
     def __init__(self, session: Session, path: Path, head: Mapping[str, object], *, replace: bool = False) -> None:
@@ -88,9 +88,18 @@ class Recorder:
         self._clock = session.clock
         self._epoch_s = 0.0 if simulated else time.time() - time.monotonic()  # so that no time runs back
         board = (session.identity or session.connect()).items
-        self.frames = 0
+        self.frames = self.steps = self.lost = 0
+        self._step, self._last = session.protocol["STEP"], -1
         self.log = LogWriter(path, {**head, "board": board}, simulated=simulated, replace=replace)
-        before, session.listener = session.listener, self.feed  # an export to BLF carries the parameters, too
+        before = session.listener
+
+        def both(frames: list[Frame]) -> None:
+            """The answers are recorded, too, so that an export to BLF carries the parameters."""
+            self.feed(frames)
+            if before is not None:
+                before(frames)
+
+        session.listener = both
         try:
             self.log.parameters(session.read_parameters())
         except BaseException:
@@ -101,7 +110,16 @@ class Recorder:
 
     def feed(self, frames: list[Frame]) -> None:
         self.frames += len(frames)
+        for identifier, data in frames:
+            if identifier == self._step.identifier:
+                self._count(self._step.unpack(data)[2])
         self.log.add(frames, self._epoch_s + self._clock())
+
+    def _count(self, low: int) -> None:
+        """low: low 16 bits of a step's number; one that goes back begins a new run."""
+        gap = (low - self._last - 1) & 0xFFFF
+        self.lost += gap if self._last >= 0 and gap < 0x8000 else 0
+        self.steps, self._last = self.steps + 1, low
 
     def close(self, ended: str = "") -> None:
         """Write the end of the log. ended: why the recording ended."""
