@@ -114,7 +114,7 @@ def tune_filter(arguments: argparse.Namespace) -> bool:
     from tqdm import tqdm
 
     from plumb import systems
-    from plumb.inputs.identification import filter_inputs, filter_page, likelihood
+    from plumb.inputs.identification import filter_inputs, filter_page, likelihood, rest
 
     path = arguments.recording
     system = arguments.system or ("" if rest.is_log(path) else systems.default_for("replay"))
