@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from plumb.boards.native_mcu import NativeCanBus
+from plumb.cockpit import board_loop
 from plumb.cockpit.hold import TIMEOUT_S
 from plumb.cockpit.samples import PIECE_HEADER
 from plumb.inputs import log_replay
+from plumb.link.session import Session
 from support.cockpit_bench import HOLDER, NEUTRAL_HALFUS, CockpitBench
 
 
@@ -115,10 +118,10 @@ def test_a_stop_disarms_and_ends_what_is_queued(bench: CockpitBench) -> None:
     bench.arm()
     queued = bench.ask("step_test", value=5.0, seconds=2.0)
     bench.loop.stop()
-    assert not bench.loop.consent()
+    assert not bench.loop._arming.consent()
     bench.turn(0.15)
     assert queued == [{"good": False, "text": "stopped"}]
-    assert not bench.armed and bench.loop.consent()
+    assert not bench.armed and bench.loop._arming.consent()
 
 
 def test_a_stop_ends_the_wait_of_arming(bench: CockpitBench) -> None:
@@ -131,6 +134,25 @@ def test_a_stop_ends_the_wait_of_arming(bench: CockpitBench) -> None:
     bench.loop.stop()
     bench.turn(1.5)
     assert said[0]["good"] is False and not bench.armed
+
+
+def test_another_page_takes_neither_an_armed_board_over_nor_its_arming(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.hold.take(HOLDER)
+    bench.turn(0.05)
+    said = bench.ask("arm")
+    bench.turn(0.1)
+    bench.hold.release(HOLDER)
+    bench.hold.take(2)
+    bench.turn(1.0)
+    assert said[0]["good"] is False and not bench.armed
+    bench.hold.release(2)
+    bench.arm()
+    bench.hold.release(HOLDER)
+    bench.hold.take(2)
+    bench.hold.beat(2, bench.hold.next_tick())
+    bench.turn(0.2)
+    assert not bench.armed
 
 
 def test_a_silent_page_does_not_arm(bench: CockpitBench) -> None:
@@ -150,26 +172,6 @@ def test_a_page_that_does_not_hold_the_board_orders_nothing(bench: CockpitBench,
     said = bench.ask(verb, page=2)
     bench.turn(0.1)
     assert said == [{"good": False, "text": "this page does not hold the board"}]
-
-
-def test_a_board_that_another_armed_is_only_watched_and_may_be_stopped(bench: CockpitBench) -> None:
-    bench.begin()
-    bench.hold.take(HOLDER)
-    bench.turn(1.0)
-    bench.loop._own_run = False
-    session = bench.board.session
-    session.consent = None  # another host keeps the board alive
-    session.arm()
-    bench.turn(0.3)
-    assert bench.loop.state["armed"] and not bench.loop.state["armed_here"]
-    for verb in ("run", "set", "arm", "step_test"):
-        said = bench.ask(verb, name="pid.kp", value=1.0)
-        bench.turn(0.05)
-        assert said[0]["good"] is False
-    assert bench.armed
-    bench.loop.stop()
-    bench.turn(0.2)
-    assert not bench.armed
 
 
 def test_parameters_are_read_described_and_set_in_units(bench: CockpitBench) -> None:
@@ -292,7 +294,68 @@ def test_the_loop_leaves_the_board_disarmed_and_idle(bench: CockpitBench) -> Non
         return turns > 300 and bench.armed
 
     bench.loop.run(stopped)
-    bench.board.session.telemetry.pop("STATUS")
-    while "STATUS" not in bench.board.session.telemetry:
-        bench.board.session.receive(0.2)
-    assert not bench.armed and bench.board.session.telemetry["STATUS"]["mode"] == 0
+    with Session.open(bench.board.mcu.uart) as session:
+        while "STATUS" not in session.telemetry:
+            session.receive(0.2)
+        assert session.telemetry["STATUS"]["mode"] == session.telemetry["STATUS"]["armed"] == 0
+    assert bench.pulses() == [NEUTRAL_HALFUS] * 2
+
+
+def test_a_lost_link_is_opened_again_and_nothing_is_armed_by_itself(
+    bench: CockpitBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(board_loop, "REOPEN_S", 0.0)
+    first, said = bench.board, list[object]()
+    bench.hold.take(HOLDER)
+
+    def stopped() -> bool:
+        bench.beat()
+        now_s = bench.board.session.clock()
+        if bench.board is not first:
+            return now_s > 2.0 and bench.loop.state["light"]["colour"] == "green"  # type: ignore[index]
+        if not said and now_s > 1.0:
+            said.extend([bench.ask("arm"), bench.ask("record", on=True)])
+        if bench.loop.state.get("armed_here") and now_s > 2.0:
+            first.mcu.power_off()
+        assert now_s < 10.0
+        return False
+
+    bench.loop.run(stopped)
+    notes = [text for _, text in bench.loop.notes]
+    assert any(text.startswith("the link was lost") for text in notes) and "the board answers again" in notes
+    assert notes.count("armed by the page") == 1 and not bench.armed
+    assert any(text.startswith("recorded ") for text in notes)
+
+
+@pytest.mark.parametrize("watch", [True, False])
+def test_runs_of_another_host_are_followed_and_any_page_stops_them(tmp_path: Path, watch: bool) -> None:
+    bench = CockpitBench(tmp_path, watch=watch)
+    other = Session.over(NativeCanBus(bench.board.mcu))
+    other.begin("REALTIME_LIVE", frames=("RAW_A", "QUAD_ANGLE"))
+    bench.begin()
+    bench.hold.take(HOLDER)
+
+    def turn(seconds: float) -> None:
+        end_s = bench.board.session.clock() + seconds
+        while bench.board.session.clock() < end_s:
+            bench.beat()
+            bench.loop.turn()
+            other.pump()
+
+    turn(2.0)
+    assert not bench.loop.state["own_run"] and bench.loop.samples is not None and bench.loop.samples.rows > 90
+    other.begin("REALTIME_LIVE", frames=("RAW_A", "QUAD_ANGLE"))
+    turn(1.0)
+    assert 40 < bench.loop.samples.rows < 60, "the rows of the second run alone"
+    assert bench.loop.state["light"]["colour"] == "off"  # type: ignore[index]
+    other.arm()
+    turn(1.5)
+    assert bench.loop.state["armed"] and not bench.loop.state["armed_here"]
+    for verb in ("arm", "run", "set", "save", "step_test"):
+        said = bench.ask(verb, name="pid.kp", value=1.0)
+        turn(0.03)
+        assert said[0]["good"] is False, verb
+    bench.loop.stop()
+    turn(0.3)
+    assert not bench.loop.state["armed"] and bench.pulses() == [NEUTRAL_HALFUS] * 2
+    bench.close()

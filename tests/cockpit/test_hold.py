@@ -21,7 +21,7 @@ def clock() -> Clock:
 
 
 def test_nobody_holds_a_board_at_first(clock: Clock) -> None:
-    assert not Hold(clock=clock).alive()
+    assert not Hold(clock=clock).alive(1)
 
 
 def test_heartbeats_keep_the_hold_and_silence_loses_it(clock: Clock) -> None:
@@ -30,12 +30,12 @@ def test_heartbeats_keep_the_hold_and_silence_loses_it(clock: Clock) -> None:
     for _ in range(20):
         tick = hold.next_tick()
         clock.now_s += 0.1
-        assert hold.alive()
+        assert hold.alive(1)
         hold.beat(1, tick)
     clock.now_s += TIMEOUT_S - 0.1
-    assert hold.alive()
+    assert hold.alive(1)
     clock.now_s += 0.01
-    assert not hold.alive()
+    assert not hold.alive(1)
 
 
 def test_a_heartbeat_counts_from_the_time_of_the_picture_that_it_answers(clock: Clock) -> None:
@@ -45,9 +45,9 @@ def test_a_heartbeat_counts_from_the_time_of_the_picture_that_it_answers(clock: 
     old = hold.next_tick()
     clock.now_s += TIMEOUT_S + 0.01
     hold.beat(1, old)
-    assert not hold.alive()
+    assert not hold.alive(1)
     hold.beat(1, hold.next_tick())
-    assert hold.alive()
+    assert hold.alive(1)
 
 
 @pytest.mark.parametrize("tick", [0, 2, 12345, 0xFFFFFFFF])
@@ -57,7 +57,7 @@ def test_a_tick_that_was_never_given_counts_nothing(clock: Clock, tick: int) -> 
     hold.next_tick()
     clock.now_s += TIMEOUT_S + 0.01
     hold.beat(1, tick)
-    assert not hold.alive()
+    assert not hold.alive(1)
 
 
 def test_ticks_are_forgotten(clock: Clock) -> None:
@@ -69,7 +69,7 @@ def test_ticks_are_forgotten(clock: Clock) -> None:
     assert len(hold._ticks_s) == TICKS_KEPT
     clock.now_s += TIMEOUT_S + 0.01
     hold.beat(1, first)
-    assert not hold.alive()
+    assert not hold.alive(1)
 
 
 def test_heartbeats_of_another_page_count_nothing(clock: Clock) -> None:
@@ -77,7 +77,7 @@ def test_heartbeats_of_another_page_count_nothing(clock: Clock) -> None:
     hold.take(1)
     clock.now_s += TIMEOUT_S + 0.01
     hold.beat(2, hold.next_tick())
-    assert not hold.alive()
+    assert not hold.alive(1)
 
 
 def test_a_hold_is_taken_from_a_silent_page_alone(clock: Clock) -> None:
@@ -96,14 +96,14 @@ def test_taking_again_is_no_heartbeat(clock: Clock) -> None:
     hold.take(1)
     clock.now_s += TIMEOUT_S + 0.01
     assert hold.take(1)
-    assert not hold.alive()
+    assert not hold.alive(1)
 
 
 def test_a_released_hold_is_free_at_once(clock: Clock) -> None:
     hold = Hold(clock=clock)
     hold.take(1)
     hold.release(2)
-    assert hold.alive()
+    assert hold.alive(1)
     hold.release(1)
-    assert not hold.alive()
+    assert not hold.alive(1)
     assert hold.take(2)

@@ -9,8 +9,10 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 
+from plumb.boards.link import LinkBoard
 from plumb.boards.native_port import NativePort
-from plumb.cockpit.board_loop import Answer, BoardLoop
+from plumb.cockpit.arming import Answer
+from plumb.cockpit.board_loop import BoardLoop
 from plumb.cockpit.hold import Hold
 from plumb.cockpit.page_orders import Order
 from plumb.cockpit.page_server import PageServer
@@ -27,7 +29,11 @@ class CockpitBench:
         self.now_s = 0.0
         self.hold = hold or Hold(clock=lambda: self.now_s)
         self.board = NativePort("quad", None)
-        self.loop = BoardLoop(self.board, self.hold, folder=folder, paced=paced, watch=watch)
+        self.loop = BoardLoop(self.board, self.hold, folder=folder, paced=paced, watch=watch, reopen=self._reopen)
+
+    def _reopen(self) -> LinkBoard:
+        self.board = NativePort("quad", None)
+        return self.board
 
     def begin(self) -> None:
         self.loop._begin_or_join()

@@ -79,6 +79,7 @@ def serve(arguments: argparse.Namespace, board: LinkBoard) -> None:
         plant=plant,
         watch=arguments.watch,
         paced=plant is not None,
+        reopen=None if plant is not None else lambda: options.linked_board_of(arguments),
         command=getattr(arguments, "command_line", ""),
     )
     sys.setswitchinterval(SWITCH_S)

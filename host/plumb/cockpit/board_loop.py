@@ -8,8 +8,8 @@ keep-alive is answered at all. In each case the outputs are neutral within 50 ms
 
 from __future__ import annotations
 
+import contextlib
 import queue
-import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -18,6 +18,7 @@ from typing import Protocol
 
 from plumb.boards.link import LinkBoard
 from plumb.cockpit import parameter_orders
+from plumb.cockpit.arming import Answer, Arming, Reply
 from plumb.cockpit.green_light import Comparison
 from plumb.cockpit.hold import Hold
 from plumb.cockpit.page_orders import Order
@@ -28,7 +29,7 @@ from plumb.errors import LinkError, PlumbError, UsageError
 from plumb.link import monitor
 from plumb.link.identity import NackError
 from plumb.link.realtime import Capture
-from plumb.link.session import BLOCKED_IMPLAUSIBLE, BLOCKED_NOT_READY, RAW_FRAMES, READY_WAIT_S, Session, selectable
+from plumb.link.session import RAW_FRAMES, Session, selectable
 from plumb.spec import declarations
 from plumb.spec.parameter_file import by_name
 from plumb.spec.parameters import control_part, table
@@ -41,16 +42,10 @@ STATE_EVERY_S = 0.1
 FIRST_STATUS_S = 1.0
 """Longest wait for the first STATUS, which says whether a run is on."""
 SPEED_OVER_S = 1.0
-ARM_AGAIN_S = 0.05
-"""Pause between two tries to arm while the board is not ready."""
+REOPEN_S = 1.0
+"""Pause between two tries to open a board whose link was lost."""
 NOTES_KEPT = 50
-SEEN_ARMED_S = 1.0
-"""A board that took ARM says so in its steps within this time."""
-WAITED_FOR = BLOCKED_NOT_READY | BLOCKED_IMPLAUSIBLE
-
-Answer = dict[str, object]
-"""What a page hears of its order: `good`, `text`, and what it asked for."""
-Reply = Callable[[Answer], None]
+JOINED = "this run is not the cockpit's: a run that it begins is compared"
 
 
 class PlantOnBoard(Protocol):
@@ -81,7 +76,8 @@ class Pace:
 
 class BoardLoop:
     """One board. watch: only listen to the run that is on. paced: hold a board that is simulated in this process back
-    to real time. Other threads call `order` and `stop`, and read `samples`, `state` and `notes`."""
+    to real time. reopen: opens the board again after its link was lost; None: a lost link ends the loop. Other threads
+    call `order` and `stop`, and read `samples`, `state` and `notes`."""
 
     def __init__(
         self,
@@ -92,24 +88,23 @@ class BoardLoop:
         plant: PlantOnBoard | None = None,
         watch: bool = False,
         paced: bool = False,
+        reopen: Callable[[], LinkBoard] | None = None,
         command: str = "",
     ) -> None:
         self.board, self.hold, self.watch = board, hold, watch
         self.notes: deque[tuple[float, str]] = deque(maxlen=NOTES_KEPT)
         self.samples: Samples | None = None
         self.state: dict[str, object] = {}
-        self.recording = Recording(board, folder, command, self.note)
-        self._plant, self._paced = plant, paced
+        self.recording = Recording(folder, command, self.note)
+        self._plant, self._paced, self._reopen = plant, paced, reopen
         self._orders: queue.SimpleQueue[tuple[Order, Reply]] = queue.SimpleQueue()
-        self._stop_asked = threading.Event()
-        self._armed = self._seen_armed = self._own_run = False
-        self._armed_s = self._arm_until_s = self._arm_next_s = 0.0
-        self._arming: tuple[Order, Reply] | None = None
+        self._arming = Arming(hold, self.note)
+        self._own_run = False
+        self._words: list[int] = []
         self._test: StepTest | None = None
         self._runs, self._stated_s = 0, 0.0
         self._capture: Capture | None = None
         self._comparison = Comparison(None, "no run is on")
-        self._identity = board.session.identity or board.session.connect()
         self._open(board.session)
 
     # ---- called by other threads ----
@@ -120,11 +115,7 @@ class BoardLoop:
 
     def stop(self) -> None:
         """Disarm at once. Keep-alives cease with this call, whatever the loop does."""
-        self._stop_asked.set()
-
-    def consent(self) -> bool:
-        """Whether the board may stay armed by this program."""
-        return self.hold.alive() and not self._stop_asked.is_set()
+        self._arming.stop()
 
     def note(self, text: str) -> None:
         """A line in the log of the page."""
@@ -135,18 +126,46 @@ class BoardLoop:
     def run(self, stopped: Callable[[], bool]) -> None:
         """Serve the board until stopped() is true; leaves it disarmed, and ends the run that it began.
 
-        Raises LinkError when the board falls silent.
+        Raises LinkError when the board falls silent and cannot be opened again.
         """
         try:
-            self._begin_or_join()
             while not stopped():
-                self.turn()
+                try:
+                    self._begin_or_join()
+                    while not stopped():
+                        self.turn()
+                except LinkError as error:
+                    if self._reopen is None:
+                        raise
+                    self._open_again(self._reopen, str(error), stopped)
         finally:
             self._close()
 
+    def _open_again(self, reopen: Callable[[], LinkBoard], why: str, stopped: Callable[[], bool]) -> None:
+        """Close the link that was lost, and try to open the board until that succeeds. What was armed is disarmed by
+        the board itself."""
+        self._own_run, self._test, self._capture = False, None, None
+        self._arming.over("the link was lost")
+        self.recording.stop()
+        self.note(f"the link was lost: {why}")
+        light = {"colour": "off", "text": "no link to the board"}
+        self.state = {**self.state, "lost": why, "light": light, "armed": False, "armed_here": False, "arming": False}
+        with contextlib.suppress(PlumbError):
+            self.board.close()
+        while not stopped():
+            end_s = time.monotonic() + REOPEN_S
+            while time.monotonic() < end_s and not stopped():
+                self._refuse_orders("there is no link to the board")
+                self._arming.forget_stop()
+                time.sleep(TURN_S)
+            with contextlib.suppress(LinkError):
+                self.board = reopen()
+                self._open(self.board.session)
+                self.note("the board answers again")
+                return
+
     def turn(self) -> None:
-        """One turn: safety, one order, frames, comparison, state."""
-        self._heed()
+        """One turn: safety and one order, frames, comparison, state."""
         self._obey()
         self._session.receive(TURN_S)
         self._follow()
@@ -162,7 +181,8 @@ class BoardLoop:
     def _open(self, session: Session) -> None:
         """Take over a session: at the start, and after the board was restarted."""
         self._session = session
-        session.consent = self.consent
+        self._identity = session.identity or session.connect()
+        session.consent = self._arming.consent
         session.listener = self._feed
         self._monitor = monitor.Monitor(session)
         self._pace, self._stated_s = Pace(session.clock()), 0.0
@@ -170,10 +190,13 @@ class BoardLoop:
     def _close(self) -> None:
         self.recording.stop()
         self._session.listener = None
-        if self._armed:
-            self._session.disarm()
-        if self._own_run:
-            self._session.end()
+        try:
+            if self._arming.armed:
+                self._session.disarm()
+            if self._own_run:
+                self._session.end()
+        finally:
+            self.board.close()
 
     def _feed(self, frames: list[Frame]) -> None:
         self._monitor.feed(frames)
@@ -189,22 +212,15 @@ class BoardLoop:
         samples.take(capture)
         session = self._session
         self._comparison.follow(capture, session.counters.lost + session.frames.rejected, now_s)
-        if self._armed:
-            self._check_armed(capture, now_s)
-        if self._test is not None and (done := self._test.follow(session, samples, self._armed)) is not None:
+        if self._arming.armed and self._comparison.differs:
+            self._arming.disarm(session, f"disarmed: {self._comparison.light(now_s).text}")
+        self._arming.notice(session, capture.armed)
+        armed = self._arming.armed
+        if self._test is not None and (done := self._test.follow(session, samples, armed)) is not None:
             self._test = None
             self.note(str(done["text"]))
-
-    def _check_armed(self, capture: Capture, now_s: float) -> None:
-        """Disarm a board that differs from the model, and notice one that disarmed itself."""
-        if self._comparison.differs:
-            self._disarm(f"disarmed: {self._comparison.light(now_s).text}")
-            return
-        self._seen_armed = self._seen_armed or capture.armed
-        if (self._seen_armed and not capture.armed) or (not self._seen_armed and now_s - self._armed_s > SEEN_ARMED_S):
-            self._session.disarm()  # ends the answers to keep-alive values, too
-            self._armed = False
-            self.note("the board disarmed itself; Health says why")
+        if not self._own_run and samples.is_over(capture):
+            self._open_run(self._words, selectable(session.system), samples.period_s, JOINED)
 
     # ---- runs ----
 
@@ -223,7 +239,7 @@ class BoardLoop:
                 self.begin()
             except (NackError, UsageError) as error:
                 self.note(f"no run was begun: {error}")
-        elif mode:
+        else:
             self._join()
         if self.watch:
             monitor.read_only(self._session)
@@ -238,8 +254,9 @@ class BoardLoop:
     def begin(self) -> None:
         """Begin a run in real time on the board's own sensors, disarmed, with the counts and as many signals as the
         link carries."""
-        self._armed, self._arming, self._test = False, None, None
-        words = self._session.read_parameters()
+        self._arming.over("a new run began")
+        self._test = None
+        self._words = words = self._session.read_parameters()
         period_us = by_name(words)["period_us"]
         frames = monitor.selection(period_us, self._session.system, raw_first=True)
         self._open_run(words, frames, period_us * 1e-6)
@@ -261,42 +278,23 @@ class BoardLoop:
 
     def _join(self) -> None:
         """Listen to a run that another program, or the arm switch, began."""
-        words = self._session.read_parameters()
-        frames = selectable(self._session.system)
+        self._words = self._session.read_parameters()
         self._own_run = False
-        why_not = "this run began before the cockpit: a new run is compared"
-        self._open_run(words, frames, by_name(words)["period_us"] * 1e-6, why_not)
-        self.note("a run was on: the cockpit listens to it")
+        period_s = by_name(self._words)["period_us"] * 1e-6
+        self._open_run(self._words, selectable(self._session.system), period_s, JOINED)
+        self.note("the cockpit listens to the runs of others")
 
     # ---- orders ----
 
-    def _heed(self) -> None:
-        """Disarm when a stop was asked for, or when the page that holds the board fell silent."""
-        if self._stop_asked.is_set():
-            while not self._orders.empty():
-                _, reply = self._orders.get()
-                reply({"good": False, "text": "stopped"})
-            self._drop_arming("stopped")
-            self._disarm("disarmed: a page asked for a stop")
-            self._stop_asked.clear()
-        elif self._armed and not self.hold.alive():
-            self._disarm("disarmed: the page that armed fell silent")
-        elif self._arming is not None and not self.hold.alive():
-            self._drop_arming("the page fell silent while it was arming")
-
-    def _disarm(self, why: str) -> None:
-        self._armed, self._test = False, None
-        self._session.disarm()
-        self.note(why)
-
-    def _drop_arming(self, why: str) -> None:
-        if self._arming is not None:
-            self._arming[1]({"good": False, "text": f"not armed: {why}"})
-            self._arming = None
+    def _refuse_orders(self, why: str) -> None:
+        while not self._orders.empty():
+            _, reply = self._orders.get()
+            reply({"good": False, "text": why})
 
     def _obey(self) -> None:
-        if self._arming is not None:
-            self._try_to_arm(*self._arming)
+        if self._arming.heed(self._session):
+            self._refuse_orders("stopped")
+        self._arming.follow(self._session)
         try:
             order, reply = self._orders.get_nowait()
         except queue.Empty:
@@ -311,7 +309,8 @@ class BoardLoop:
 
     def _do(self, order: Order, reply: Reply) -> None:
         if order.verb == "arm":
-            self._begin_arming(order, reply)
+            self._require_armable()
+            self._arming.begin(order.page, reply, self._session.clock())
             return
         if order.verb == "record":
             self._record(order.on)
@@ -340,45 +339,21 @@ class BoardLoop:
         reply({"good": True, "text": "", **answer})
 
     def _require_disarmed(self) -> None:
-        if self._armed or self._arming is not None:
+        if self._arming.armed or self._arming.waiting:
             raise UsageError("the board is armed: stop it first")
         if self.state.get("armed"):
             raise UsageError("the board is armed by another program or by the arm switch: this page only watches it")
 
-    def _begin_arming(self, order: Order, reply: Reply) -> None:
+    def _require_armable(self) -> None:
         self._require_disarmed()
         if self.watch or not self._own_run:
             raise UsageError("the run is not this page's: begin a new run, then arm")
         if self._comparison.differs:
             raise UsageError("the board differs from the model: a board that does is not armed")
-        self._arm_until_s = self._session.clock() + READY_WAIT_S
-        self._arm_next_s = 0.0
-        self._arming = order, reply
-
-    def _try_to_arm(self, order: Order, reply: Reply) -> None:
-        """One try. The wait for a system that is not ready passes in the loop, where a stop interrupts it."""
-        now_s = self._session.clock()
-        if now_s < self._arm_next_s:
-            return
-        self._arm_next_s = now_s + ARM_AGAIN_S
-        try:
-            if not self.hold.held_by(order.page) or not self.consent():
-                raise UsageError("the page fell silent")
-            self._session.arm(ready_wait_s=0.0)
-        except NackError as error:
-            waiting = error.reason == "BLOCKED" and not error.detail & ~WAITED_FOR
-            if not waiting or now_s >= self._arm_until_s:
-                self._drop_arming(str(error))
-        except PlumbError as error:
-            self._drop_arming(str(error))
-        else:
-            self._arming, self._armed, self._seen_armed, self._armed_s = None, True, False, self._session.clock()
-            self.note("armed by the page")
-            reply({"good": True, "text": "armed"})
 
     def _move(self, order: Order) -> None:
         """A setpoint, or a step test."""
-        if not self._armed or self.samples is None:
+        if not self._arming.armed or self.samples is None:
             raise UsageError("the setpoint acts on an armed board: arm it first")
         setpoint = setpoint_of(self._session.system)
         if setpoint is None:
@@ -392,7 +367,7 @@ class BoardLoop:
 
     def _record(self, on: bool) -> None:
         if on:
-            self.recording.start(self._session)
+            self.recording.start(self.board)
         else:
             self.recording.stop()
 
@@ -412,8 +387,8 @@ class BoardLoop:
             "watch": self.watch,
             "light": {"colour": light.colour, "text": light.text},
             "armed": bool(seen["armed"]),
-            "armed_here": self._armed,
-            "arming": self._arming is not None,
+            "armed_here": self._arming.armed,
+            "arming": self._arming.waiting,
             "own_run": self._own_run,
             "speed": round(self._pace.speed, 2),
             "run": None if samples is None else {

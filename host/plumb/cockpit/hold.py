@@ -66,7 +66,7 @@ class Hold:
     def held_by(self, page: int) -> bool:
         return self._holder == page
 
-    def alive(self) -> bool:
-        """Whether there is a holder that was heard within the time-out."""
+    def alive(self, page: int) -> bool:
+        """Whether this page holds the board and was heard within the time-out."""
         with self._lock:
-            return self._holder is not None and self._clock() - self._seen_s <= self.timeout_s
+            return self._holder == page and self._clock() - self._seen_s <= self.timeout_s

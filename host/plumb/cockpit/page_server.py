@@ -24,7 +24,8 @@ from pathlib import Path
 from aiohttp import WSMsgType, web
 
 from plumb.cockpit import page_orders
-from plumb.cockpit.board_loop import Answer, BoardLoop
+from plumb.cockpit.arming import Answer
+from plumb.cockpit.board_loop import BoardLoop
 from plumb.errors import UsageError
 
 HOST = "127.0.0.1"

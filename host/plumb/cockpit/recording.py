@@ -11,7 +11,6 @@ from plumb.boards.link import LinkBoard
 from plumb.errors import PlumbError, UsageError
 from plumb.inputs import log_export, log_replay
 from plumb.inputs.recorder import Recorder
-from plumb.link.session import Session
 from plumb.proof import run_identity
 from plumb.spec.protocol import Frame
 
@@ -20,8 +19,8 @@ class Recording:
     """At most one recording at a time, into a new log in `folder`. It is written by the board's thread, from the frames
     themselves: no page, however slow, takes a sample from it. say: called with what the user should know."""
 
-    def __init__(self, board: LinkBoard, folder: Path, command: str, say: Callable[[str], None]) -> None:
-        self._board, self._folder, self._command, self._say = board, folder, command, say
+    def __init__(self, folder: Path, command: str, say: Callable[[str], None]) -> None:
+        self._folder, self._command, self._say = folder, command, say
         self._recorder: Recorder | None = None
         self._path = folder
 
@@ -32,14 +31,14 @@ class Recording:
             return {"on": False}
         return {"on": True, "steps": recorder.steps, "lost": recorder.lost, "log": str(self._path)}
 
-    def start(self, session: Session) -> None:
+    def start(self, board: LinkBoard) -> None:
         """Raises UsageError when one is on, or when the log cannot be written."""
         if self._recorder is not None:
             raise UsageError("a recording is on: stop it first")
         stem = time.strftime("%Y-%m-%d_%H-%M-%S")
         self._path = next(path for path in _names(self._folder, stem) if not path.exists())
-        head = run_identity.identity(run_identity.part_of(self._board), None, self._command)
-        self._recorder = Recorder(session, self._path, head)
+        head = run_identity.identity(run_identity.part_of(board), None, self._command)
+        self._recorder = Recorder(board.session, self._path, head)
         self._say(f"recording into {self._path}")
 
     def feed(self, frames: list[Frame]) -> None:

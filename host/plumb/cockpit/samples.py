@@ -96,6 +96,11 @@ class Samples:
         self._next = max(self._next, end)
         _forget(capture, self._next - FORGOTTEN_STEPS)
 
+    def is_over(self, capture: Capture) -> bool:
+        """Whether the step numbers went back: another run has begun, which another program began."""
+        newest = next(reversed(capture.digest), None)
+        return self._next is not None and newest is not None and newest < self._next - FORGOTTEN_STEPS
+
     def piece(self, first: int, tick: int) -> tuple[bytes, int]:
         """The rows from number `first` on as a message to a page, and the number after the last of them."""
         with self._lock:

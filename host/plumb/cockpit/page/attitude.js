@@ -53,7 +53,7 @@ export function drawHorizon(canvas, attitude, style) {
     pen.save();
     pen.translate(110, 110);
     pen.rotate(-roll * DEG);
-    pen.translate(0, pitch * perDeg);
+    pen.translate(0, -pitch * perDeg);  // z up, y left: a positive pitch is nose down
     pen.fillStyle = style.sky;
     pen.fillRect(-500, -800, 1000, 800);
     pen.fillStyle = style.earth;

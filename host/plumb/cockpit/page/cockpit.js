@@ -78,7 +78,7 @@ function showState(said) {
   state = said;
   tick = said.tick;
   if (!said.light) { trouble("waiting for the board"); return; }
-  trouble(said.mismatch);
+  trouble(said.lost ? `${said.lost} The cockpit tries to open the board again.` : said.mismatch);
   $("slow").textContent = said.speed < 0.9 ? `The simulated board runs at ${said.speed.toFixed(1)} of real time.` : "";
   $("system").textContent = `${said.run?.system ?? ""} on ${said.board}`;
   $("light").className = said.light.colour;
