@@ -10,13 +10,15 @@ import pytest
 
 from plumb import __main__ as front
 from plumb.boards.held import HeldBoard, open_held
+from plumb.boards.link import LinkBoard
 from plumb.errors import UsageError, VerdictError
-from plumb.files import calibration_history
-from plumb.inputs.calibration import Calibration
+from plumb.inputs.calibration import Calibrated, Calibration
 from plumb.link import parameter_table
+from plumb.link.session import Session
 from plumb.spec.parameter_file import by_name
 from plumb.systems.quad.scenarios import scenario
-from plumb.tuning.pose_calibration import Pose, Turn
+from plumb.tuning.pose_calibration import Pose, Residual, Turn
+from support.native_board import NativeBoard
 
 SEED = 1003
 
@@ -76,23 +78,51 @@ def test_wrong_signs_and_scales_are_found_and_a_wrong_pose_is_refused() -> None:
     assert abs(found.after.turn_deg) < 2.0 and abs(found.before.turn_deg) > 150.0
 
 
-@pytest.mark.slow
+def found_on(calibration: Calibration, _operator: object) -> Calibrated:
+    """A result, without its measurements."""
+    words = {name: calibration.table[name] + 7 for name in ("gyro.offset", "accel.gain")}
+    before, after = Residual(0.01, 2.0, 1.5, -4.0), Residual(0.001, 0.1, 0.0, 0.2)
+    return Calibrated(calibration.system, calibration.table, words, before, after, ("gyro",))
+
+
 def test_the_command_writes_what_it_shows_and_undo_puts_it_back(
-    answers: Path, capsys: pytest.CaptureFixture[str]
+    answers: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    call = ["calibrate", "--board", "native", "--system", "balancer", "--answers", str(answers), "--json"]
-    assert front.main(call) == 0
+    monkeypatch.setattr(Calibration, "run", found_on)
+    memory = NativeBoard()
+    memory.run_us(50_000)
+    monkeypatch.setattr("plumb.cli.calibrate.opened", lambda _: (LinkBoard("memory", Session.open(memory)), None))
+    call = ["calibrate", "--board", "serial:memory", "--answers", str(answers)]
+
+    def table() -> dict[str, int]:
+        with Session.open(memory) as session:
+            return by_name(parameter_table.read_table(session))
+
+    before = table()
+    assert front.main([*call, "--json"]) == 0
     captured = capsys.readouterr()
     said: dict[str, Any] = json.loads(captured.out)
-    assert said["written"] and said["saved"] and said["mirrored"] == []
-    assert captured.err.endswith("in use, and saved\n") and "lay it on its front" in captured.err
-    assert said["after"]["norm_g"] < said["before"]["norm_g"]
-    replaced = {name: change["from"] for name, change in said["changed"].items()}
+    once = {**before, **{name: change["to"] for name, change in said["changed"].items()}}
+    assert captured.err == "in use, and saved\n"
+    assert (said["written"], said["saved"], said["mirrored"], said["after"]["norm_g"]) == (True, True, ["gyro"], 0.001)
+    moved = {name: before[name] + 7 for name in ("gyro.offset", "accel.gain")}
+    assert table() == once == {**before, **moved}
+    assert front.main(call) == 0
+    shown = capsys.readouterr().out
+    assert "10.00       1.00  mg" in shown and "gyro is mounted the other way round" in shown
+    present = table()
+    with Session.open(memory) as session:  # another change in between stays
+        parameter_table.commit(session, {**present, "arm_hold_ms": 1234})
     assert front.main([*call, "--undo"]) == 0
-    undone = json.loads(capsys.readouterr().out)
-    assert undone == {"undone": replaced, "saved": True, "left": 0}
+    assert table() == {**once, "arm_hold_ms": 1234}
+    assert front.main([*call, "--undo", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out.splitlines()[-1])["left"] == 0
+    assert table() == {**before, "arm_hold_ms": 1234}
     assert front.main([*call, "--undo"]) == 2
     assert "nothing to undo" in capsys.readouterr().err
+    answers.write_text("write = false\n")
+    assert front.main(call) == 1
+    assert table() == {**before, "arm_hold_ms": 1234}
 
 
 def test_answers_that_are_missing_wrong_or_nobodys(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -133,21 +163,3 @@ def test_wrong_use(arguments: list[str], said: str, answers: Path, capsys: pytes
 def test_a_system_without_poses_is_named() -> None:
     with pytest.raises(UsageError, match=r"phone has no poses\.py: no poses are declared"):
         open_held("native", "phone", SEED)
-
-
-@pytest.mark.parametrize("text", ["", "{}", "[[]]", '[{"gyro.gain": "x"}]', '[{"gyro.gain": true}]', "[1"])
-def test_a_damaged_history_is_named(text: str) -> None:
-    path = calibration_history.history_file("0123")
-    path.parent.mkdir(parents=True)
-    path.write_text(text)
-    with pytest.raises(UsageError, match="is damaged: delete"):
-        calibration_history.replaced("0123")
-
-
-def test_the_history_keeps_the_latest() -> None:
-    for number in range(calibration_history.KEPT + 5):
-        calibration_history.remember("0123", {"gyro.gain": number})
-    kept = calibration_history.replaced("0123")
-    assert len(kept) == calibration_history.KEPT and kept[-1] == {"gyro.gain": calibration_history.KEPT + 4}
-    calibration_history.forget_last("0123")
-    assert calibration_history.replaced("0123") == kept[:-1]

@@ -10,7 +10,8 @@ lost. Then it asks for one turn, which gives the gyro's sign and scale. The turn
 the result does not use, show what is wrong before and after. It asks before it commits the new parameters, and again
 before it saves them in the board's flash. The board is disarmed throughout.
 
-What was replaced is remembered by board: --undo puts it back, in any later session, one calibration at a time.
+What was replaced is remembered by board: --undo puts it back, in any later session, one calibration at a time, and
+leaves other parameters alone; `plumb params undo` knows the change, too.
 --answers FILE answers the questions from a TOML file: write = true, save = false. Exit code 1 when the poses contradict
 each other or the answer was not to write.
 """
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
     from plumb.tuning.pose_calibration import Pose, Turn
 
 SIMULATED = ("virtual", "native")
+NAME = "calibrate"
+"""Of such a change in the history of a board's parameters."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -119,13 +122,12 @@ def calibrate(session: Session, asked: Questions, put: Callable[[str], None] | N
 
 
 def write(session: Session, table: dict[str, int], words: dict[str, int], asked: Questions) -> bool:
-    """Remember what is replaced, commit, and save if that is wanted; returns whether it was saved."""
-    from plumb.files import calibration_history
-    from plumb.link import parameter_table
+    """Commit, remember what was replaced, and save if that is wanted; returns whether it was saved."""
+    from plumb.link import parameter_history, parameter_table
 
-    board = session.require_match().unique_id
-    calibration_history.remember(board, {name: table[name] for name in words})
+    unique_id = session.require_match().unique_id
     parameter_table.commit(session, {**table, **words})
+    parameter_history.add(unique_id, parameter_history.change_of(NAME, table, {**table, **words}))
     return keep(session, asked)
 
 
@@ -138,28 +140,32 @@ def keep(session: Session, asked: Questions) -> bool:
 
 
 def undo(session: Session, asked: Questions, as_json: bool) -> int:
-    """Put back what the last calibration replaced."""
+    """Put back what the last calibration of this board replaced; other parameters stay as they are."""
     from plumb.errors import ExitCode, UsageError
-    from plumb.files import calibration_history
-    from plumb.link import parameter_table
+    from plumb.link import parameter_history, parameter_table
     from plumb.spec.parameter_file import by_name
 
-    board = session.require_match().unique_id
-    entries = calibration_history.replaced(board)
-    if not entries:
-        raise UsageError(f"no calibration of board {board} is remembered: there is nothing to undo")
+    unique_id = session.require_match().unique_id
+    changes = parameter_history.read(unique_id)
+    places = [index for index, change in enumerate(changes) if change.did == NAME]
+    if not places:
+        raise UsageError(f"no calibration of board {unique_id} was made from here: there is nothing to undo")
     table = by_name(parameter_table.read_table(session))
-    words = {name: word for name, word in entries[-1].items() if name in table}
+    words = changes[places[-1]].before
     if not as_json:
         for name, word in words.items():
             print(f"{name}: {table[name]} -> {word}")
     if not asked.agree("write", "put these back?", True):
         return ExitCode.BAD_VERDICT
-    parameter_table.commit(session, {**table, **words})
+    after = {**table, **words}
+    parameter_table.commit(session, after)
+    is_last = places[-1] == len(changes) - 1 and changes[-1].crc32 == parameter_history.crc_of(table)
+    left = changes[: places[-1]] + changes[places[-1] + 1 :]
+    left += [] if is_last or after == table else [parameter_history.change_of(f"{NAME} --undo", table, after)]
+    parameter_history.write(unique_id, left)
     saved = keep(session, asked)
-    calibration_history.forget_last(board)
     if as_json:
-        print(json.dumps({"undone": words, "saved": saved, "left": len(entries) - 1}))
+        print(json.dumps({"undone": words, "saved": saved, "left": len(places) - 1}))
     return ExitCode.GOOD
 
 

@@ -25,6 +25,7 @@ COMMANDS = {
     "export": "write a log as CSV, Parquet, BLF, ASC, candump, TRC or MF4",
     "params": "read, change, save and restore a board's parameters",
     "tune": "find settings from measurements: sensor noise at rest, Q and R of the filter",
+    "setup": "first steps with a board: find, flash, system, sensors, calibration, green light",
     "calibrate": "calibrate a board's sensors by poses and one turn: biases, scales, signs",
     "sensor-board": "simulate a sensor board: samples in real time as frames on a bus",
     "bridge": "forward frames between a sensor board and a board, and compare with the model",

@@ -62,6 +62,12 @@ class Calibrated:
     """Groups whose sign turned."""
 
 
+def sensors_missing(session: Session) -> list[str]:
+    """Sentences about the sensors that do not work, from the latest telemetry. An input that does not change may be at
+    rest: the readings show that."""
+    return [text for text in sensors_text(session.telemetry.get("SENSORS", {})) if "does not change" not in text]
+
+
 class Calibration:
     """One calibration of a board over its session. Raises UsageError for a system without poses."""
 
@@ -166,8 +172,7 @@ class Calibration:
         return raw_capture.capture(self.session, self._numbers, seconds, self.table["period_us"])
 
     def _require_sensors(self) -> None:
-        lost = sensors_text(self.session.telemetry.get("SENSORS", {}))
-        lost = [text for text in lost if "does not change" not in text]
+        lost = sensors_missing(self.session)
         if lost:
             raise LinkError(f"{'; '.join(lost)}: check its wires and its supply, then begin again")
 

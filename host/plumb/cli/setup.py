@@ -1,0 +1,232 @@
+"""First steps with a board: find it, flash it, choose its system, look at its sensors, calibrate, watch it.
+
+    plumb setup
+    plumb setup --board serial:/dev/ttyUSB0
+    plumb setup --board virtual --answers FILE        without anybody: for trials, and for CI
+
+Each step says what it found, and asks before it changes anything; Enter takes the answer in brackets. It ends with a
+green light: the board runs on its own sensors, at its period, without a fault or a loss, and its tilt is that of the
+accelerometer. The board is never armed. It can be begun anew at any time.
+
+FILE is TOML with an answer for each question that comes up: board and system (texts); flash, tuning, calibrate, write,
+save, remember (true or false). Exit code 0 with a green light, 1 without.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from plumb.cli import options
+
+if TYPE_CHECKING:
+    from plumb.boards.link import LinkBoard
+    from plumb.cli.questions import Questions
+    from plumb.link.monitor import Snapshot
+    from plumb.link.session import Session
+
+SIMULATED = ("virtual", "native")
+BOOT0_WAIT_S = 60.0
+"""Time for a jumper and a button."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    options.add_board(parser, linked=True, required=False, about="this board, instead of being asked")
+    options.add_system_with(parser, "poses", "system, instead of being asked")
+    options.add_image(parser)
+    options.add_seed(parser, "the errors of the sensors of `virtual`")
+    parser.add_argument("--answers", type=Path, metavar="FILE", help="answer the questions from this TOML file")
+    options.add_json(parser, " at the end")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from plumb.cli.questions import questions
+    from plumb.errors import ExitCode
+    from plumb.inputs import green_light
+
+    asked = questions(arguments.answers)
+    tell("1. the board")
+    board = arguments.board or choose_board(asked)
+    if board not in SIMULATED:
+        tell("2. the image")
+        flash(board, arguments, asked)
+    tell("3. the system")
+    opened, put = open_board(board, arguments, asked)
+    with opened:
+        session = opened.session
+        tell("4. the sensors")
+        look_at_sensors(session)
+        calibrated = asked.agree("calibrate", "5. calibrate the sensors now?", True)
+        if calibrated:
+            calibrate(session, asked, put)
+        tell("6. the first look")
+        level(asked, put, session)
+        snapshot, troubles = green_light.examine(session)
+        shown = summary(snapshot)
+    for text in troubles:
+        tell(f"   not well: {text}")
+    if not troubles and board not in SIMULATED:
+        remember(board, asked)
+    if arguments.json:
+        print(json.dumps({"green": not troubles, "board": board, "calibrated": calibrated, "troubles": troubles}))
+    else:
+        print(f"{'GREEN' if not troubles else 'NOT GREEN'}: {shown}")
+    return ExitCode.GOOD if not troubles else ExitCode.BAD_VERDICT
+
+
+def tell(text: str) -> None:
+    """Progress, on stderr: stdout has the result."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def choose_board(asked: Questions) -> str:
+    """One of the boards that may be here, the virtual one, or a name."""
+    from plumb.link.discovery import candidates
+
+    found = candidates()
+    for one in found:
+        tell(f"   {one.name}  {one.about}")
+    names = [one.name for one in found]
+    default = names[0] if names else "virtual"
+    return asked.choose("board", "   which board?", [*names, "virtual", "another name ..."], default)
+
+
+def flash(board: str, arguments: argparse.Namespace, asked: Questions) -> None:
+    """Offer to flash the image: it is the default when no board answers, or one that does not match."""
+    from plumb.cli import flash as flash_command
+    from plumb.flash.image import find_image
+    from plumb.link.endpoint_names import SerialName, parse_board
+
+    name = parse_board(board)
+    state, well = answer_of(board)
+    tell(f"   {state}")
+    if not isinstance(name, SerialName) or "://" in name.port:
+        return
+    if not asked.agree("flash", f"   write {find_image(arguments.image)} to it?", not well):
+        return
+    values = {"port": name.port, "probe": None, "baud": 115200, "image": arguments.image, "wait": BOOT0_WAIT_S}
+    flash_command.main(argparse.Namespace(**values, json=False))
+    asked.wait("   set BOOT0 to 0 if you had set it, and press RESET")
+
+
+def answer_of(board: str) -> tuple[str, bool]:
+    """What answers there, in a sentence, and whether it matches this plumb."""
+    from plumb.link.discovery import Candidate, ask
+
+    answer = ask(Candidate(board, ""))
+    if answer.identity is None:
+        return answer.trouble, False
+    about = f"plumb board {answer.identity.unique_id}, image {answer.identity.git_hash or 'of no known commit'}"
+    return f"{about}; {answer.identity.mismatch}" if answer.identity.mismatch else about, not answer.identity.mismatch
+
+
+def open_board(
+    board: str, arguments: argparse.Namespace, asked: Questions
+) -> tuple[LinkBoard, Callable[[str], None] | None]:
+    """The board as the chosen system, and what puts its body into a pose; None where a person does."""
+    from plumb import systems
+    from plumb.boards.link import open_link_board
+    from plumb.link import parameter_table
+    from plumb.spec import declarations
+    from plumb.spec.parameter_file import by_name
+
+    able = systems.with_part("poses")
+    if board in SIMULATED:
+        from plumb.boards.held import open_held
+
+        name = arguments.system or asked.choose("system", "   which system?", able, systems.default_for("poses"))
+        held = open_held(board, name, arguments.seed, image=arguments.image)
+        return held.board, held.put
+    opened = open_link_board(board)
+    try:
+        identity = opened.session.require_match()
+        able = tuple(name for name in able if name in identity.systems)
+        present = declarations.name_of(by_name(parameter_table.read_table(opened.session))["system"])
+        default = present if present in able else able[0]
+        name = arguments.system or asked.choose("system", "   which system?", able, default)
+        if asked.agree("tuning", f"   set the shipped parameters of {name}?", name != present):
+            set_tuning(opened.session, name)
+    except BaseException:
+        opened.close()
+        raise
+    return opened, None
+
+
+def set_tuning(session: Session, name: str) -> None:
+    """As `plumb params tuning NAME`, with the tuning for the board's own sensors."""
+    from plumb import systems
+    from plumb.link import parameter_history, parameter_table
+    from plumb.spec.parameter_file import by_name
+    from plumb.systems import shipped_tunings
+    from plumb.systems.contracts import PINS
+
+    tuning = systems.load(name, PINS).TUNING
+    before = by_name(parameter_table.read_table(session))
+    after = {**before, **shipped_tunings.words_of(name, tuning)}
+    parameter_table.commit(session, after)
+    change = parameter_history.change_of(f"tuning {name} {tuning}", before, after, tuning)
+    parameter_history.add(session.require_match().unique_id, change)
+
+
+def look_at_sensors(session: Session) -> None:
+    """Say which sensors are there. Raises LinkError when one is not."""
+    from plumb.errors import LinkError
+    from plumb.inputs.calibration import sensors_missing
+    from plumb.link import monitor
+
+    monitor.begin_live(session)
+    for _ in monitor.watch(session, 1.0):
+        pass
+    lost = sensors_missing(session)
+    session.end()
+    if lost:
+        raise LinkError(f"{'; '.join(lost)}: wire it as in docs/wiring, then begin again")
+    tell("   gyro and accelerometer answer")
+
+
+def calibrate(session: Session, asked: Questions, put: Callable[[str], None] | None) -> None:
+    from contextlib import redirect_stdout
+
+    from plumb.cli import calibrate as calibrate_command
+
+    with redirect_stdout(sys.stderr):
+        calibrate_command.calibrate(session, asked, put, False)
+
+
+def level(asked: Questions, put: Callable[[str], None] | None, session: Session) -> None:
+    """Into the first pose, for the look at the end."""
+    from plumb import systems
+    from plumb.systems.contracts import POSES
+
+    pose = systems.load(session.system, POSES).POSES[0]
+    if put is None:
+        asked.wait(f"   {pose.name}: {pose.text}, and let go")
+    else:
+        put(pose.name)
+
+
+def summary(last: Snapshot) -> str:
+    """The last state in a line."""
+    values = [
+        ("tilt", last["tilt_deg"], "deg"),
+        ("rate", last["rate_dps"], "deg/s"),
+        ("bias", last["bias_dps"], "deg/s"),
+    ]
+    words = [f"{name} {value:+.2f} {unit}" for name, value, unit in values if value is not None]
+    rate = last["steps_per_s"]
+    return ", ".join([*words, f"{rate:.1f} steps/s" if rate is not None else "no steps"])
+
+
+def remember(board: str, asked: Questions) -> None:
+    from plumb.files import settings
+    from plumb.link.endpoint_names import SerialName, parse_board
+
+    if not asked.agree("remember", f"   take {board} whenever --board is left out?", True):
+        return
+    name = parse_board(board)
+    port = name.port if isinstance(name, SerialName) and "://" not in name.port else None
+    settings.change({"board": board, **({"port": port} if port else {})})
