@@ -51,6 +51,12 @@ class Joined(Protocol):
     def move(self) -> None: ...
 
 
+class Trace(Protocol):
+    """A recording of the board's pins."""
+
+    def flush(self) -> None: ...
+
+
 Join = Callable[[can.BusABC, int], Joined]
 """Couples a board's CAN bus with another bus, at this bit rate in kbit/s."""
 
@@ -62,9 +68,11 @@ def run_paced(
     joint: Joined | None = None,
     kept: KeptSlots | None = None,
     say: Callable[[str], None] = lambda text: None,
+    trace: Trace | None = None,
 ) -> None:
     """Run the board in real time until stopped() is true; bytes pass between its UART and `line`, frames through
-    `joint`. say: called with a sentence when the board falls behind real time, and when it keeps up again."""
+    `joint`. trace: flushed as time passes. say: called with a sentence when the board falls behind real time, and when
+    it keeps up again."""
     begin_wall, begin_ticks = time.monotonic(), machine.now
     started_s = begin_wall
     watch = RealTimeWatch("the virtual board", "this machine is too slow or too busy for it", say, time.monotonic)
@@ -87,6 +95,8 @@ def run_paced(
             joint.move()
         if kept is not None:
             kept.look()
+        if trace is not None:
+            trace.flush()
         if behind_s < SLICE_S:
             descriptor = line.watch()
             # Sleep for a slice, or until bytes arrive. Not `selectors`: epoll counts in milliseconds.
@@ -153,15 +163,16 @@ def serve(
     kept: KeptSlots | None = None,
     announce: Callable[[str], None] = print,
     say: Callable[[str], None] = lambda text: None,
+    trace: Trace | None = None,
 ) -> None:
     """Serve the board's UART on `spec`, and its CAN bus, coupled by join(), on `can_spec`, until stopped() is true.
 
-    announce is called with the address of each, as a board's name without `serial:`; say as in `run_paced`.
+    announce is called with the address of each, as a board's name without `serial:`; say and trace as in `run_paced`.
     """
     line = open_endpoint(spec, link)
     try:
         with joined(join, can_spec, announce) as joint:
             announce(line.address)
-            run_paced(machine, line, stopped, joint, kept, say)
+            run_paced(machine, line, stopped, joint, kept, say, trace)
     finally:
         line.close()

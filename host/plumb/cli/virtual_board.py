@@ -11,6 +11,7 @@
 
     plumb virtual-board --strap bridge             the strap (PB4, PB5) wired for these pins; default: as --system wants
     plumb virtual-board --port native              the same main loop on a board in memory: no image, no Unicorn
+    plumb virtual-board --vcd board.vcd            record its pins and buses: gtkwave board.vcd
     plumb virtual-board --symlink board --keep board.flash     what `plumb params save` saves is there the next time
 
 The board runs the flash image unmodified, or with --port native the same main loop built for this machine, until
@@ -23,6 +24,7 @@ disagrees with it, the board drives no actuator pin. When this machine is too sl
 from __future__ import annotations
 
 import argparse
+import contextlib
 import functools
 import signal
 import sys
@@ -34,6 +36,8 @@ from plumb.cli import options
 if TYPE_CHECKING:
     from plumb.boards.flash_file import KeptSlots
     from plumb.boards.serve import Join, Served
+    from plumb.f103.machine import Machine
+    from plumb.f103.waveforms import VcdTrace
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,6 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--port", choices=("f103", "native"), default="f103", help="the chip, or a board in memory")
     parser.add_argument("--part", help="stm32f103c8 (default), -cb, -rct6, -ret6 or -zet6")
     options.add_image(parser)
+    parser.add_argument("--vcd", type=Path, metavar="FILE", help="record pins and buses for GTKWave, PulseView, sigrok")
     parser.add_argument("--keep", type=Path, metavar="FILE", help="store its flash parameters in this file")
 
 
@@ -69,7 +74,8 @@ def main(arguments: argparse.Namespace) -> int:
         raise UsageError(NO_TERMINAL)
     if arguments.can:
         parse_can_end(arguments.can)
-    board, join, kept = (_native if arguments.port == "native" else _f103)(arguments)
+    traces: list[VcdTrace] = []
+    board, join, kept = _native(arguments) if arguments.port == "native" else _f103(arguments, traces)
 
     def announce(address: str) -> None:
         name = address if address.startswith("can:") else f"serial:{arguments.symlink or address}"
@@ -79,7 +85,10 @@ def main(arguments: argparse.Namespace) -> int:
     def say(text: str) -> None:
         print(f"plumb: {text}", file=sys.stderr, flush=True)
 
-    with endings() as caught, Entry(arguments.system or "") as entry:
+    with contextlib.ExitStack() as stack:
+        trace = stack.enter_context(traces[0]) if traces else None
+        caught = stack.enter_context(endings())
+        entry = stack.enter_context(Entry(arguments.system or ""))
         serve(
             board,
             arguments.serial,
@@ -90,6 +99,7 @@ def main(arguments: argparse.Namespace) -> int:
             kept=kept,
             announce=announce,
             say=say,
+            trace=trace,
         )
     if caught[:1] == [signal.SIGINT]:
         raise KeyboardInterrupt
@@ -105,13 +115,14 @@ def _strap(arguments: argparse.Namespace) -> str:
     return arguments.strap or BY_PIN_SET[pins]
 
 
-def _f103(arguments: argparse.Namespace) -> tuple[Served, Join, KeptSlots | None]:
-    """The simulated chip with the flash image."""
+def _f103(arguments: argparse.Namespace, traces: list[VcdTrace]) -> tuple[Served, Join, KeptSlots | None]:
+    """The simulated chip with the flash image; the recording of --vcd, which begins with power-up, is put on traces."""
     from plumb import systems
     from plumb.boards import plant_on_pins
     from plumb.boards.flash_file import MachineSlots, read_slots
     from plumb.boards.virtual_can import Joint
     from plumb.boards.virtual_machine import open_machine
+    from plumb.f103.waveforms import VcdTrace
     from plumb.systems.contracts import PINS
 
     slots = read_slots(arguments.keep) if arguments.keep else b""
@@ -122,7 +133,14 @@ def _f103(arguments: argparse.Namespace) -> tuple[Served, Join, KeptSlots | None
         couple = plant_on_pins.coupler(arguments.system, system.scenario(name, arguments.seed))
     strap = _strap(arguments)
     part = arguments.part or "stm32f103c8"
-    machine = open_machine(arguments.image, part, slots=slots, strap=strap, couple=couple)
+
+    def attach(machine: Machine) -> None:
+        if couple is not None:
+            couple(machine)
+        if arguments.vcd is not None:
+            traces.append(VcdTrace(machine, arguments.vcd))
+
+    machine = open_machine(arguments.image, part, slots=slots, strap=strap, couple=attach)
     if arguments.system and not slots:
         plant_on_pins.boot_configured_as(machine, arguments.system, strap)
     kept = MachineSlots(machine, arguments.keep) if arguments.keep else None
@@ -138,8 +156,8 @@ def _native(arguments: argparse.Namespace) -> tuple[Served, Join, KeptSlots | No
     from plumb.errors import UsageError
     from plumb.systems.contracts import PINS
 
-    if arguments.image or arguments.part:
-        raise UsageError("--image and --part are for --port f103: leave them out, or leave --port native out")
+    if arguments.image or arguments.part or arguments.vcd:
+        raise UsageError("--image, --part and --vcd are for --port f103: leave them out, or leave --port native out")
     slots = read_slots(arguments.keep) if arguments.keep else b""
     strap = _strap(arguments)
     if strap not in BY_PIN_SET:

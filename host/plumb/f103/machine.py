@@ -26,6 +26,7 @@ from plumb.f103.core.bus import Bus, Peripheral, SimulationError
 from plumb.f103.core.cpu import SYSTEM_BASE, Cpu
 from plumb.f103.core.debug import CoreDebug, DbgMcu, Dwt
 from plumb.f103.core.nvic import Nvic
+from plumb.f103.core.probe import Probe
 from plumb.f103.core.scb import Scb, SysTick
 from plumb.f103.core.timeline import NEVER, TICKS_PER_S, TICKS_PER_US, Timeline
 from plumb.f103.peripherals.adc import PINS as ADC_PINS
@@ -117,6 +118,7 @@ class Machine:
     kHz oscillator on PC14 and PC15 running.
     """
 
+    WIRING = frozenset({"probe"})
     cpu: Cpu
     rcc: Rcc
 
@@ -132,6 +134,8 @@ class Machine:
     ) -> None:
         if part not in PARTS:
             raise UsageError(f"'{part}' is not a simulated part; use one of {', '.join(PARTS)}")
+        self.probe: Probe | None = None
+        """An instrument on the pins, for example `waveforms.VcdTrace`; snapshots do not keep it."""
         self.part = PARTS[part]
         data = load_image(image) if isinstance(image, Path) else image
         check_image(data, "the image")
@@ -235,6 +239,8 @@ class Machine:
         self.rom = None
         if self.boot0:
             self.enter_rom()
+        if self.probe is not None:
+            self.probe.restarted(self.now)
 
     # The ROM bootloader: modelled, not executed
 
@@ -442,6 +448,8 @@ class Machine:
         self.tim2.pins_changed()
         self.spi1.pins_changed()
         self.i2c_bus.pins_changed()
+        if self.probe is not None:
+            self.probe.pins_changed(self.now)
 
     def bridge(self) -> Bridge:
         """Present drive of a three-phase bridge on TIM1's pins."""

@@ -16,6 +16,7 @@ from plumb.f103.core.timeline import TICKS_PER_S
 
 if TYPE_CHECKING:
     from plumb.f103.core.mcu import Mcu
+    from plumb.f103.core.probe import Probe
 
 STUFF, FORM, ACK, BIT_RECESSIVE, BIT_DOMINANT, CRC = 1, 2, 3, 4, 5, 6
 """Kinds of error, with the values of the controller's last error code."""
@@ -52,8 +53,8 @@ def _crc15_of(byte: int) -> int:
 CRC15_TABLE = tuple(_crc15_of(byte) for byte in range(256))
 
 
-def frame_bits(frame: WireFrame) -> int:
-    """Number of bits of a frame on the wire, stuff bits and intermission included."""
+def _unstuffed(frame: WireFrame) -> str:
+    """The bits of a frame from its start to the end of its CRC, without stuff bits."""
     if frame.extended:
         head = (frame.identifier >> 18) << 21 | 3 << 19 | (frame.identifier & 0x3FFFF) << 1 | frame.remote
         head, length = head << 6 | len(frame.data), 39
@@ -65,8 +66,14 @@ def frame_bits(frame: WireFrame) -> int:
     crc = 0
     for byte in head.to_bytes((length + 7) // 8, "big"):  # zeros in front change nothing: the CRC begins at 0
         crc = (crc << 8 & 0x7FFF) ^ CRC15_TABLE[crc >> 7 ^ byte]
+    return format(head << 15 | crc, f"0{length + 15}b")
+
+
+def frame_bits(frame: WireFrame) -> int:
+    """Number of bits of a frame on the wire, stuff bits and intermission included."""
+    bits = _unstuffed(frame)
     last, run, stuffed = "", 0, 0
-    for bit in format(head << 15 | crc, f"0{length + 15}b"):
+    for bit in bits:
         if bit == last:
             run += 1
             if run == 5:
@@ -74,7 +81,25 @@ def frame_bits(frame: WireFrame) -> int:
                 last, run = ("0" if bit == "1" else "1"), 1
         else:
             last, run = bit, 1
-    return length + 15 + stuffed + AFTER_STUFFING
+    return len(bits) + stuffed + AFTER_STUFFING
+
+
+def frame_levels(frame: WireFrame, acknowledged: bool) -> str:
+    """The bits of a frame on the wire, 0 dominant, stuff bits and intermission included."""
+    levels, run = "", 0
+    for bit in _unstuffed(frame):
+        run = run + 1 if levels[-1:] == bit else 1
+        levels += bit
+        if run == 5:
+            levels += "1" if bit == "0" else "0"
+            run = 1
+    return f"{levels}1{'0' if acknowledged else '1'}{'1' * (AFTER_STUFFING - 2)}"
+
+
+def error_levels(frame: WireFrame) -> str:
+    """The bits of a frame that is destroyed at its end: an error flag and what follows it in place of the rest."""
+    stuffed = frame_levels(frame, False)
+    return stuffed + "0" * 6 + "1" * (ERROR_BITS - 6)
 
 
 class CanController(Protocol):
@@ -175,7 +200,14 @@ class CanWire:
         _, _, self._sender, self._frame = min(offers)
         bits = frame_bits(self._frame) + (ERROR_BITS if self._goes_wrong() else 0)
         kbit = self.node.kbit if self._sender == "board" else self.kbit
+        if self.machine.probe is not None:
+            self._show(self.machine.probe, self._frame, self._bit_ticks(kbit))
         self.machine.timeline.at("can", self.machine.now + bits * self._bit_ticks(kbit), self._complete)
+
+    def _show(self, probe: Probe, frame: WireFrame, bit_ticks: int) -> None:
+        heard = (self.attached and self.acknowledged) if self._sender == "board" else self.node.listening
+        levels = error_levels(frame) if self._goes_wrong() else frame_levels(frame, heard)
+        probe.can(self.machine.now, bit_ticks, levels, self._sender == "board")
 
     def _goes_wrong(self) -> bool:
         return not self._rates_agree() or bool(self.fail_sending if self._sender == "board" else self.fail_receiving)

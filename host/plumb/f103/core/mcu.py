@@ -11,6 +11,7 @@ import random
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
+from plumb.f103.core.probe import Probe
 from plumb.f103.core.timeline import Timeline
 
 
@@ -275,6 +276,8 @@ class Mcu(Protocol):
     @property
     def iwdg(self) -> Watchdog: ...
 
+    @property
+    def probe(self) -> Probe | None: ...
     @property
     def now(self) -> int: ...
     def awake_ticks(self) -> int:

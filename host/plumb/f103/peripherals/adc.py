@@ -132,6 +132,8 @@ class Adc(Peripheral):
             if not machine.ports[port].is_analog(number):
                 machine.warn(f"ADC1 converts {pin}, which is not configured as an analog input")
             volts = machine.adc.sampled(pin, time / TICKS_PER_S)
+            if machine.probe is not None:
+                machine.probe.volts(pin, time, volts)
         elif channel in (16, 17) and self.cr2 & TSVREFE:
             volts = TEMPERATURE_V if channel == 16 else REFERENCE_V
         else:

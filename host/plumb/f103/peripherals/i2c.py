@@ -196,7 +196,12 @@ class I2c(Peripheral):
         self.phase = "starting"
         self._after(1, "_started")
 
-    def _started(self, _time: int) -> None:
+    def _show(self, what: str, time: int, acknowledged: bool = False, byte: int = 0) -> None:
+        if self.machine.probe is not None:
+            self.machine.probe.i2c(what, time, self.clock_ticks, byte, acknowledged)
+
+    def _started(self, time: int) -> None:
+        self._show("start", time)
         if self.slave is not None:
             self.slave.end()
             self.slave = None
@@ -214,6 +219,7 @@ class I2c(Peripheral):
             self.sr1 |= ADDR | (0 if self.reading else TXE)
         else:
             self.sr1 |= AF
+        self._show("byte", time, not self.sr1 & AF, self.byte)
         self.phase = "stretched"
         self._lines()
         self._go_on()
@@ -221,7 +227,9 @@ class I2c(Peripheral):
     def _sent(self, time: int) -> None:
         assert self.slave is not None
         self.phase = "stretched"
-        if not self.slave.write(self.byte, time):
+        acknowledged = self.slave.write(self.byte, time)
+        self._show("byte", time, acknowledged, self.byte)
+        if not acknowledged:
             self.sr1 |= AF
         elif self.data is None:
             self.sr1 |= BTF
@@ -236,6 +244,7 @@ class I2c(Peripheral):
         # The DMA marks the last byte together with the one before it, so a single byte is not marked.
         last = self.dma.left == 1 and self.dma.done > 0 and bool(self.cr2 & LAST)
         self.refused = not self.cr1 & ACK or (by_dma and last)
+        self._show("byte", time, not self.refused, byte)
         if self.sr1 & RXNE:
             self.sr1 |= BTF  # the second byte waits behind the one in DR
             self.overflow = byte
@@ -269,7 +278,8 @@ class I2c(Peripheral):
             self._after(BITS, "_sent")
             self._lines()
 
-    def _stopped(self, _time: int) -> None:
+    def _stopped(self, time: int) -> None:
+        self._show("stop", time)
         if self.slave is not None:
             self.slave.end()
             self.slave = None

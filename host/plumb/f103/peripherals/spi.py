@@ -104,6 +104,8 @@ class Spi(Peripheral):
             answer = self.selected.exchange(self.shifting, time)
         elif self.selected is not None:
             self.machine.warn(f"SPI1 has CPOL, CPHA = {self.cr1 >> 1 & 1}, {self.cr1 & 1}; the chips here want 1, 1")
+        if self.machine.probe is not None:
+            self.machine.probe.spi(time, self._byte_ticks(), self.shifting, answer)
         self.shifting = None
         self.sr &= ~BSY
         if self.sr & (RXNE | OVR):

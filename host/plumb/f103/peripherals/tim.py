@@ -87,7 +87,10 @@ class Timer(Peripheral):
 
     def settle(self, now: int) -> None:
         """Handle the update events up to now."""
+        probe = self.machine.probe
         while self.cr1 & CEN and self.active_arr and now >= self.zero_at + self.period_ticks:
+            if probe is not None:
+                probe.timer(self, self.zero_at + self.period_ticks)
             self.zero_at += self.period_ticks
             before = self.period_ticks
             if not self.cr1 & UDIS:  # else the count restarts without an update event (15.4.1)
@@ -98,6 +101,8 @@ class Timer(Peripheral):
                 self.cnt = 0
             elif before == self.period_ticks:
                 self.zero_at += (now - self.zero_at) // before * before
+        if probe is not None:
+            probe.timer(self, now)
 
     def count(self, now: int) -> int:
         return ((now - self.zero_at) // self.step_ticks) & 0xFFFF if self.cr1 & CEN else self.cnt
@@ -240,6 +245,14 @@ class Timer(Peripheral):
     def output(self, index: int, now: int) -> Pwm:
         """Waveform of channel `index` (0 to 3), whatever the mode of its pin."""
         self.settle(now)
+        return self._waveform(index)
+
+    def high_ticks(self, index: int) -> int | None:
+        """Time that channel `index` is high from the beginning of a period on; None while it gives no pulses."""
+        wave = self._waveform(index)
+        return round(wave.pulse_us * TICKS_PER_US) if wave.enabled else None
+
+    def _waveform(self, index: int) -> Pwm:
         mode = self._output_mode(index)
         enable = (self.ccer >> (4 * index)) & 3
         period, duty = self.active_arr + 1, min(self.active_ccr[index], self.active_arr + 1)

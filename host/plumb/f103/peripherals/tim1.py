@@ -88,7 +88,7 @@ class Tim1(Timer):
             if self.bdtr & AOE and not self.break_active:
                 self.bdtr |= MOE
             self._look(end)
-            if self.trace is None and before == self.period_ticks:
+            if (self.trace is None or not self.bdtr & MOE) and before == self.period_ticks:
                 halves = (now - self.zero_at) // before
                 self.zero_at += halves * before
                 self.down ^= bool(halves & 1)
@@ -282,7 +282,7 @@ class Tim1(Timer):
 
     def _scan(self, now: int) -> None:
         """Record every edge since the last call; the settings have not changed in between."""
-        if self.trace is None or not self.cr1 & CEN:
+        if self.trace is None or not self.cr1 & CEN or not self.bdtr & MOE:  # counting moves no output
             self._scanned = now
             return
         instants = {now}

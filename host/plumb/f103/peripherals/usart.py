@@ -128,6 +128,8 @@ class Usart(Peripheral):
         self.tx_free = start + len(data) * self.byte_ticks
         self.tc, self.sending = False, True
         if self._pin_works():
+            if self.machine.probe is not None:
+                self.machine.probe.uart("TX", start, self.byte_ticks, data)
             self.to_host.append(Burst(start, self.byte_ticks, self._heard(data)[0]))
             self.machine.host_waits_no_more()
 
@@ -171,6 +173,10 @@ class Usart(Peripheral):
         else:
             timeline.cancel("usart tc")
 
+    def settle(self, now: int) -> None:
+        """Bring the transmitter up to date."""
+        self._settle_tx(now)
+
     def bytes_out(self, now: int) -> bytes:
         """The bytes that have reached the host since the last call."""
         self._settle_tx(now)
@@ -208,6 +214,8 @@ class Usart(Peripheral):
         start = max(self.host_line_free, now)
         self.host_line_free = start + byte_ticks * len(data)
         if self.machine.powered and data:
+            if self.machine.probe is not None:
+                self.machine.probe.uart("RX", start, byte_ticks, data)
             data, garbled = self._heard(data)
             self.from_host.append(Burst(start, byte_ticks, data, errors | garbled))
             self._plan()
