@@ -246,6 +246,22 @@ def test_every_step_of_a_recording_is_there_while_no_page_reads(bench: CockpitBe
     assert recorded.run.steps > 90 and recorded.run.incomplete == 0 and recorded.run.raw_frames
 
 
+def test_a_recording_has_the_parameters_of_each_of_its_runs(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.hold.take(HOLDER)
+    bench.turn(0.2)
+    bench.ask("record", on=True)
+    bench.turn(0.5)
+    bench.ask("set", name="pid.kp_per_deg", value=0.05)
+    bench.turn(0.5)
+    bench.ask("record", on=False)
+    bench.turn(0.1)
+    (path,) = bench.loop.recording._folder.glob("*.plog")
+    first, second = log_replay.runs_of(log_replay.open_log(path))
+    (changed,) = [name for name, value in first.used.table.items() if second.used.table[name] != value]
+    assert changed.startswith("pid.kp_")
+
+
 def test_a_recording_that_cannot_be_written_ends_and_the_run_goes_on(
     bench: CockpitBench, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -32,7 +32,7 @@ HOLD_S = 3.0
 
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[PageServer]:
-    with serving(CockpitBench(tmp_path, hold=Hold(timeout_s=HOLD_S), paced=True)) as server:
+    with serving(CockpitBench(tmp_path, hold=Hold(timeout_s=HOLD_S), paced=True).loop) as server:
         yield server
 
 
@@ -84,3 +84,35 @@ def test_a_page_that_hangs_while_armed_disarms(server: PageServer, chromium: Chr
     page.value("setTimeout(() => { const end = Date.now() + 20000; while (Date.now() < end); }, 0); 1")
     viewer.until(DISARMED)
     viewer.until("document.getElementById('log').textContent.includes('the page that armed fell silent')")
+
+
+def test_parameters_are_set_and_a_recording_is_made_from_the_page(
+    server: PageServer, chromium: Chromium, tmp_path: Path
+) -> None:
+    page = chromium.open(server.control_address)
+    page.until(GREEN)
+    page.click("[data-do=parameters]")
+    page.until("document.querySelectorAll('.parameter').length > 20")
+    page.value("document.querySelector('[data-name=\"pid.kp_per_deg\"] > button').click()")
+    page.until("document.querySelector('[data-name=\"pid.kp_per_deg\"] input[type=range]') !== null")
+    page.value("document.querySelector('[data-name=\"pid.kp_per_deg\"] input[type=number]').value = '0.05'")
+    page.value("document.querySelector('[data-name=\"pid.kp_per_deg\"] .row button').click()")
+    page.until("document.querySelector('[data-name=\"pid.kp_per_deg\"] output').textContent === '0.05'")
+    page.until("document.getElementById('log').textContent.includes('run 2 of quad began')")
+    page.until(GREEN)
+    page.value("document.querySelector('[data-name=\"pid.kp_per_deg\"] input[type=number]').value = '1e6'")
+    page.value("document.querySelector('[data-name=\"pid.kp_per_deg\"] .row button').click()")
+    page.until("document.getElementById('answer').className === 'bad'")
+    page.click("[data-do=record]")
+    page.until("document.querySelector('[data-do=record]').textContent.match(/recording .[1-9]/)")
+    page.click("[data-do=record]")
+    page.until("document.getElementById('log').textContent.includes('recorded')")
+    assert list(tmp_path.glob("*.plog"))
+
+
+def test_a_page_that_is_hidden_gives_no_heartbeat(server: PageServer, chromium: Chromium) -> None:
+    page, viewer = chromium.open(server.control_address), chromium.open(server.watch_address)
+    arm(page)
+    page.value("Object.defineProperty(document, 'hidden', { get: () => true }); 1")
+    viewer.until("document.getElementById('log').textContent.includes('the page that armed fell silent')")
+    viewer.until(DISARMED)

@@ -25,7 +25,7 @@ PATIENCE_S = 30.0
 def server(tmp_path: Path) -> Iterator[PageServer]:
     """A server of a board whose loop runs in real time; the hold's clock stands still: a test that is slow disarms
     nothing."""
-    with serving(CockpitBench(tmp_path, paced=True)) as server:
+    with serving(CockpitBench(tmp_path, paced=True).loop) as server:
         yield server
 
 

@@ -76,9 +76,9 @@ class Page:
             assert time.monotonic() < end_s, "the page does not load"
             time.sleep(POLL_S)
 
-    def until(self, expression: str) -> object:
+    def until(self, expression: str, patience_s: float = PATIENCE_S) -> object:
         """Wait until the expression is true; its value."""
-        end_s = time.monotonic() + PATIENCE_S
+        end_s = time.monotonic() + patience_s
         while not (value := self.value(expression)):
             assert time.monotonic() < end_s, f"the page never came to: {expression}\n{self.text}"
             time.sleep(POLL_S)

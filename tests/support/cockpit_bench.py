@@ -77,16 +77,15 @@ class CockpitBench:
 
 
 @contextlib.contextmanager
-def serving(bench: CockpitBench) -> Iterator[PageServer]:
-    """The page of a bench, whose loop runs in a thread. Time of the board passes as outside, or slower, but never
-    without its host: a machine that is busy disarms nothing."""
+def serving(loop: BoardLoop) -> Iterator[PageServer]:
+    """The page of a simulated board, whose loop runs in a thread. Time of the board passes as outside, or slower, but
+    never without its host: a machine that is busy disarms nothing."""
     ended = threading.Event()
-    thread = threading.Thread(target=bench.loop.run, args=(ended.is_set,))
-    with PageServer(bench.loop) as server:
+    thread = threading.Thread(target=loop.run, args=(ended.is_set,))
+    with PageServer(loop) as server:
         thread.start()
         try:
             yield server
         finally:
             ended.set()
             thread.join()
-            bench.close()

@@ -257,6 +257,7 @@ class BoardLoop:
         self._arming.over("a new run began")
         self._test = None
         self._words = words = self._session.read_parameters()
+        self.recording.parameters(words)
         period_us = by_name(words)["period_us"]
         frames = monitor.selection(period_us, self._session.system, raw_first=True)
         self._open_run(words, frames, period_us * 1e-6)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from plumb.boards.link import LinkBoard
@@ -40,6 +40,11 @@ class Recording:
         head = run_identity.identity(run_identity.part_of(board), None, self._command)
         self._recorder = Recorder(board.session, self._path, head)
         self._say(f"recording into {self._path}")
+
+    def parameters(self, words: Sequence[int]) -> None:
+        """The whole table in use from here on: a new run began."""
+        if self._recorder is not None:
+            self._recorder.log.parameters(words)
 
     def feed(self, frames: list[Frame]) -> None:
         """Write the frames. A full disk ends the recording, not the run."""

@@ -91,11 +91,12 @@ class Recorder:
         self.frames = self.steps = self.lost = 0
         self._step, self._last = session.protocol["STEP"], -1
         self.log = LogWriter(path, {**head, "board": board}, simulated=simulated, replace=replace)
-        before = session.listener
+        before, held = session.listener, list[tuple[list[Frame], float]]()
 
         def both(frames: list[Frame]) -> None:
-            """The answers are recorded, too, so that an export to BLF carries the parameters."""
-            self.feed(frames)
+            """The answers are recorded, too, so that an export to BLF carries the parameters; behind the parameters, so
+            that those hold for the steps of a run that is on."""
+            held.append((frames, self._clock()))
             if before is not None:
                 before(frames)
 
@@ -107,13 +108,18 @@ class Recorder:
             raise
         finally:
             session.listener = before
+        for frames, time_s in held:
+            self._add(frames, time_s)
 
     def feed(self, frames: list[Frame]) -> None:
+        self._add(frames, self._clock())
+
+    def _add(self, frames: list[Frame], time_s: float) -> None:
         self.frames += len(frames)
         for identifier, data in frames:
             if identifier == self._step.identifier:
                 self._count(self._step.unpack(data)[2])
-        self.log.add(frames, self._epoch_s + self._clock())
+        self.log.add(frames, self._epoch_s + time_s)
 
     def _count(self, low: int) -> None:
         """low: low 16 bits of a step's number; one that goes back begins a new run."""

@@ -4,10 +4,10 @@ import { Rows, View, panelsOf } from "./plots.js";
 import { showParameters, filterParameters } from "./parameters.js";
 import { anglesOf, attitudeOf, drawBody, drawHorizon } from "./attitude.js";
 
-const HEARTBEAT_MS = 100, FRAME_MS = 1000 / 31, RECONNECT_MS = 1000;
+const HEARTBEAT_MS = 100, FRAME_MS = 1000 / 31, RECONNECT_MS = 1000, SILENT_MS = 1500;
 const $ = (id) => document.getElementById(id);
 const rows = new Rows(), view = new View(rows);
-let socket = null, state = null, panels = [], shownRun = "", tick = 0, number = 0, style = {};
+let heardAt = 0, socket = null, state = null, panels = [], shownRun = "", tick = 0, number = 0, style = {};
 const waiting = new Map();
 
 // ---- the link ----
@@ -16,19 +16,29 @@ function connect() {
   socket = new WebSocket(`ws://${location.host}${location.pathname}live`);
   socket.binaryType = "arraybuffer";
   socket.onmessage = ({ data }) => {
+    heardAt = performance.now();
     if (typeof data !== "string") { tick = rows.push(data); return; }
     const said = JSON.parse(data);
     if (said.type === "state") showState(said);
     else answered(said);
   };
   socket.onclose = () => {
-    state = null;
-    trouble("plumb cockpit does not answer: it has ended, or hangs. The board is disarmed without it.");
-    $("light").className = "off";
-    $("light-text").textContent = "no connection";
+    silent();
     setTimeout(connect, RECONNECT_MS);
   };
 }
+
+// Nothing on the page is of the present any more: the light is out, and says so.
+function silent() {
+  state = null;
+  trouble("plumb cockpit does not answer: it has ended, or hangs. The board is disarmed without it.");
+  $("light").className = "off";
+  $("light-text").textContent = "no connection";
+}
+
+setInterval(() => {
+  if (state && performance.now() - heardAt > SILENT_MS) silent();
+}, SILENT_MS / 2);
 
 function send(order) {
   if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(order));
@@ -78,7 +88,7 @@ function showState(said) {
   state = said;
   tick = said.tick;
   if (!said.light) { trouble("waiting for the board"); return; }
-  trouble(said.lost ? `${said.lost} The cockpit tries to open the board again.` : said.mismatch);
+  trouble(said.lost ? `${said.lost}. The cockpit tries to open the board again.` : said.mismatch);
   $("slow").textContent = said.speed < 0.9 ? `The simulated board runs at ${said.speed.toFixed(1)} of real time.` : "";
   $("system").textContent = `${said.run?.system ?? ""} on ${said.board}`;
   $("light").className = said.light.colour;
