@@ -109,6 +109,7 @@ def test_the_command_writes_what_it_shows_and_undo_puts_it_back(
     assert table() == once == {**before, **moved}
     assert front.main(call) == 0
     shown = capsys.readouterr().out
+    assert "accel.unit_per_count: 0.00100" in shown and " g per count" in shown
     assert "10.00       1.00  mg" in shown and "gyro is mounted the other way round" in shown
     present = table()
     with Session.open(memory) as session:  # another change in between stays

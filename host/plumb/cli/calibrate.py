@@ -3,6 +3,7 @@
     plumb calibrate --board serial:/dev/ttyUSB0
     plumb calibrate --board serial:/dev/ttyUSB0 --undo
     plumb calibrate --board virtual --system quad        a simulated hand holds it
+    plumb calibrate --board native --system quad         the same, the main loop in this process: faster
 
 It asks for one pose after the other: a system with two accelerometer axes takes four, one with three takes six. A
 reading that cannot be of the pose is refused with the reason: it moved, another side is up, a wire is off, samples were
@@ -153,8 +154,7 @@ def undo(session: Session, asked: Questions, as_json: bool) -> int:
     table = by_name(parameter_table.read_table(session))
     words = changes[places[-1]].before
     if not as_json:
-        for name, word in words.items():
-            print(f"{name}: {table[name]} -> {word}")
+        print("\n".join(in_units(table, words)))
     if not asked.agree("write", "put these back?", True):
         return ExitCode.BAD_VERDICT
     after = {**table, **words}
@@ -181,7 +181,20 @@ def report(found: Calibrated) -> list[str]:
     lines = [f"{'':<{width}}  {'before':>9}  {'after':>9}"]
     lines += [f"{name:<{width}}  {before:>9.2f}  {after:>9.2f}  {unit}" for name, before, after, unit in rows]
     lines += [f"{group} is mounted the other way round: its sign is turned" for group in found.mirrored]
-    return lines + [f"{name}: {found.table[name]} -> {word}" for name, word in found.words.items()]
+    return lines + in_units(found.table, found.words)
+
+
+def in_units(table: dict[str, int], words: dict[str, int]) -> list[str]:
+    """The parameters that change, in engineering units."""
+    from plumb.tuning import quantities
+
+    names = quantities.quantities_of(table)
+    before, after = quantities.values_of(table), quantities.values_of({**table, **words})
+    return [
+        f"{names[name].alias}: {before[name]:.6g} -> {after[name]:.6g} {names[name].unit}"
+        for name in before
+        if before[name] != after[name]
+    ]
 
 
 def as_object(found: Calibrated, written: bool, saved: bool) -> dict[str, object]:

@@ -8,6 +8,8 @@ Each step says what it found, and asks before it changes anything; Enter takes t
 green light: the board runs on its own sensors, at its period, without a fault or a loss, and its tilt is that of the
 accelerometer. The board is never armed. It can be begun anew at any time.
 
+`native` is the main loop in this process, faster than `virtual` and without Unicorn.
+
 FILE is TOML with an answer for each question that comes up: board and system (texts); flash, tuning, calibrate, write,
 save, remember (true or false). Exit code 0 with a green light, 1 without.
 """
