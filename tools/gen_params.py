@@ -43,6 +43,9 @@ uint32_t params_word(const params_t *p, uint16_t index);
 void params_set_word(params_t *p, uint16_t index, uint32_t value);
 bool params_in_range(uint16_t index, uint32_t value);
 
+/* True when nothing but live parameters differs: those that may change during a run that is not armed. */
+bool params_change_live(const params_t *from, const params_t *to);
+
 /* What stays when numbers and names change: the CRC-16 of a row's first name, never 0xFFFF. */
 uint16_t params_id(uint16_t index);
 
@@ -113,6 +116,24 @@ bool params_in_range(uint16_t index, uint32_t value) {{
     return (value ^ sign) >= (r->min ^ sign) && (value ^ sign) <= (r->max ^ sign);
 }}
 
+static bool live(uint16_t index) {{
+    switch (index) {{
+{live}
+        return true;
+    default:
+        return false;
+    }}
+}}
+
+bool params_change_live(const params_t *from, const params_t *to) {{
+    uint16_t index = 0;
+
+    while (index < PARAMS_COUNT && (live(index) || params_word(from, index) == params_word(to, index))) {{
+        index++;
+    }}
+    return index == PARAMS_COUNT;
+}}
+
 uint16_t params_id(uint16_t index) {{
     return ids[index];
 }}
@@ -147,6 +168,7 @@ def generate(system: int) -> dict[str, str]:
             defaults="\n".join(f"    {word(row.default)}, /* {index}: {row.name} */" for index, row in enumerate(rows)),
             ids="\n".join(f"    0x{row.id:04X}U, /* {row.name} */" for row in rows),
             places="\n".join(places),
+            live="\n".join(f"    case {index}U: /* {row.name} */" for index, row in enumerate(rows) if row.live),
         ),
     }
 

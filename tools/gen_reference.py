@@ -82,18 +82,32 @@ def records() -> str:
     return LINE_1 + "\n".join(lines)
 
 
+_LIVE = " (live)"
+
+
 def parameter_table() -> str:
     """Every row of the table of parameters."""
     lines = [
         "# Parameters",
         "",
-        "The table as PARAM_GET and `plumb params` have it; values are integers as the firmware",
+        "The table as PARAM_GET and `plumb params --raw` have it; values are integers as the firmware",
+        "holds them. Qn: the integer is the value times 2^n. Live parameters may change during a run in real",
+        "time that is not armed.",
+        "",
     ]
-    lines += ["holds them. Qn: the integer is the value times 2^n.", ""]
     lines += _table(
         ("index", "name", "unit", "format", "least", "largest", "factory", "meaning"),
         [
-            (str(i), row.name, row.unit, row.format, str(row.min), str(row.max), str(row.default), row.doc)
+            (
+                str(i),
+                row.name,
+                row.unit,
+                row.format,
+                str(row.min),
+                str(row.max),
+                str(row.default),
+                row.doc + _LIVE * row.live,
+            )
             for i, row in enumerate(parameters.table())
         ],
     )

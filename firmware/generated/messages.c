@@ -186,6 +186,10 @@ can_frame_t message_plausibility_pack(const message_plausibility_t *m) {
     return three(MESSAGE_PLAUSIBILITY_ID, (uint16_t)m->failed, (uint16_t)m->missing, (uint16_t)m->disarmed_by);
 }
 
+can_frame_t message_param_used_pack(const message_param_used_t *m) {
+    return messages_pair(MESSAGE_PARAM_USED_ID, (uint16_t)m->step, (uint32_t)m->crc);
+}
+
 can_frame_t message_nonce_pack(const message_nonce_t *m) {
     return messages_pair(MESSAGE_NONCE_ID, (uint16_t)m->verb, (uint32_t)m->nonce);
 }

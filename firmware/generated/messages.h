@@ -6,7 +6,7 @@
 #include "link/e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 2U
-#define MESSAGES_DBC_HASH 0xCDA72F19U
+#define MESSAGES_DBC_HASH 0xD12D8270U
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U
@@ -236,6 +236,13 @@ typedef struct {
     uint16_t disarmed_by;
 } message_plausibility_t;
 can_frame_t message_plausibility_pack(const message_plausibility_t *m);
+
+#define MESSAGE_PARAM_USED_ID 0x118U
+typedef struct {
+    uint16_t step;
+    uint32_t crc;
+} message_param_used_t;
+can_frame_t message_param_used_pack(const message_param_used_t *m);
 
 #define MESSAGE_NONCE_ID 0x2A0U
 #define MESSAGE_NONCE_VERB_ARM 1U

@@ -574,6 +574,29 @@ bool params_in_range(uint16_t index, uint32_t value) {
     return (value ^ sign) >= (r->min ^ sign) && (value ^ sign) <= (r->max ^ sign);
 }
 
+static bool live(uint16_t index) {
+    switch (index) {
+    case 37U: /* pid.kp_q22 */
+    case 38U: /* pid.ki_dt_q22 */
+    case 39U: /* pid.kd_q27 */
+    case 51U: /* speed.kp_q22 */
+    case 52U: /* speed.ki_dt_q22 */
+    case 53U: /* speed.kd_q27 */
+        return true;
+    default:
+        return false;
+    }
+}
+
+bool params_change_live(const params_t *from, const params_t *to) {
+    uint16_t index = 0;
+
+    while (index < PARAMS_COUNT && (live(index) || params_word(from, index) == params_word(to, index))) {
+        index++;
+    }
+    return index == PARAMS_COUNT;
+}
+
 uint16_t params_id(uint16_t index) {
     return ids[index];
 }

@@ -49,15 +49,23 @@ static void on_param_get(session_t *s, const request_t *q) {
     }
 }
 
+/* The staged table may be put into use during a run in real time that is not armed, if it changes nothing but
+ * live parameters. */
+static bool run_forbids_staged(const session_t *s) {
+    return s->run.mode != RUN_IDLE && (s->run.mode != RUN_REALTIME || session_armed(s) ||
+                                       !params_change_live(s->params, s->staging.table));
+}
+
 static void on_param_commit(session_t *s, const request_t *q) {
     uint16_t detail = 0;
-    const uint16_t reason = s->run.mode != RUN_IDLE ? MESSAGE_NACK_REASON_BUSY
-                                                    : staging_check_commit(&s->staging, q->frame, &detail);
+    const uint16_t reason = run_forbids_staged(s) ? MESSAGE_NACK_REASON_BUSY
+                                                  : staging_check_commit(&s->staging, q->frame, &detail);
 
     if (reason != 0) {
         routing_nack(&s->routing, q, reason, detail);
     } else {
         session_apply_staged(s);
+        session_report_parameters(s);
         staging_committed(&s->staging);
         routing_ack(&s->routing, q, message_param_commit_unpack(q->frame).crc);
     }

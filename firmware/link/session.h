@@ -154,8 +154,12 @@ void session_link_lost(session_t *s, link_t link, uint16_t cause);
 /* Send the STEP of one of the last RUN_QUEUE_LENGTH steps again. */
 void session_repeat_step(session_t *s, const request_t *q, uint16_t step);
 
-/* Put the staged parameters into use. Call only while no run is on. */
+/* Put the staged parameters into use. Call only while no run is on, or when only live parameters change. */
 void session_apply_staged(session_t *s);
+
+/* Send PARAM_USED to every open link, if a run is on: the next step is the first one with the parameters in
+ * use. */
+void session_report_parameters(session_t *s);
 
 /* Enter the ROM bootloader after the reply is out, unless a run begins or the board is armed before that. */
 void session_ask_bootloader(session_t *s, uint32_t now_us);

@@ -3,7 +3,7 @@
  *
  * A host stages words one by one and commits the whole table by its CRC-32; saved parameters and defaults are
  * staged as a whole. One link stages at a time. The table in use belongs to the caller; only staging_apply()
- * changes and seals it (board_parameters_seal()), while no run is on. */
+ * changes and seals it (board_parameters_seal()), between two steps. */
 #ifndef PLUMB_LINK_STAGING_H
 #define PLUMB_LINK_STAGING_H
 
@@ -45,7 +45,7 @@ uint16_t staging_save(staging_t *s, const params_t *in_use);
 uint16_t staging_load(staging_t *s, const params_t *in_use);
 void staging_defaults(staging_t *s);
 
-/* Put the staged table into use. Call only while no run is on. */
+/* Put the staged table into use. Call only while no run is on, or when only live parameters change. */
 void staging_apply(staging_t *s, params_t *in_use);
 
 /* Call after a host's commit: the source of the parameters becomes STAGING_FROM_HOST. */

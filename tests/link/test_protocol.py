@@ -235,3 +235,56 @@ def test_the_clock_wraps() -> None:
     gaps = {(b - a) & 0xFFFFFFFF for a, b in pairwise(times)}
     assert gaps == {50_000}
     assert times[0] > times[-1]
+
+
+# ---- live parameters ----
+
+
+def staged(board: NativeBoard, **changed: int) -> bytes:
+    """Stage these on top of the table in use; the commit of the result."""
+    said_of = said(board.say(frame("PARAM_GET", 0xFFFF, 0), turns=60))
+    words = {words["index"]: words["value"] for name, words in said_of if name == "PARAM_VALUE"}
+    for place, row in enumerate(parameters.table()):
+        if row.name.replace(".", "_") in changed:
+            words[place] = changed[row.name.replace(".", "_")]
+            answers = said(board.say(frame("PARAM_SET", place, words[place])))
+            assert [name for name, _ in answers if name in ("PARAM_STAGED", "NACK")] == ["PARAM_STAGED"]
+    return frame("PARAM_COMMIT", len(words), parameters.crc32([words[place] for place in range(len(words))]))
+
+
+def answers_of(board: NativeBoard, request: bytes) -> dict[str, dict[str, int]]:
+    return {name: words for name, words in said(board.say(request)) if name in ("ACK", "NACK", "PARAM_USED")}
+
+
+@pytest.mark.parametrize("run", ["REALTIME_LIVE", "REALTIME_INJECTED"])
+def test_gains_change_during_a_run_that_is_not_armed(opened: NativeBoard, run: str) -> None:
+    begin(opened, run)
+    opened.run_us(50_000)
+    commit = staged(opened, pid_kp_q22=5)
+    answers = answers_of(opened, commit)
+    assert answers["ACK"]["detail"] == answers["PARAM_USED"]["crc"] and answers["PARAM_USED"]["run_tag"]
+    opened.run_us(100_000)
+    end = said(opened.say(frame("RUN_END", 0, 0)))
+    steps = next(words["detail"] for name, words in end if name == "ACK")
+    assert 2 <= answers["PARAM_USED"]["step"] <= steps - 4, "the run went on"
+
+
+def test_a_commit_that_is_repeated_during_a_run_is_answered_alike(opened: NativeBoard) -> None:
+    begin(opened, "REALTIME_LIVE")
+    commit = staged(opened, pid_kp_q22=5)
+    assert "ACK" in answers_of(opened, commit) and "ACK" in answers_of(opened, commit)
+
+
+def test_what_is_not_live_waits_for_the_end_of_the_run(opened: NativeBoard) -> None:
+    begin(opened, "REALTIME_LIVE")
+    for changed in ({"arm_hold_ms": 5}, {"pid_kp_q22": 5, "kalman_qb": 5}, {"esc_mid_halfus": 3001}):
+        assert answers_of(opened, staged(opened, **changed))["NACK"]["reason"] == 7  # BUSY
+
+
+def test_gains_do_not_change_in_lockstep(opened: NativeBoard) -> None:
+    begin(opened, "LOCKSTEP")
+    assert answers_of(opened, staged(opened, pid_kp_q22=5))["NACK"]["reason"] == 7  # BUSY
+
+
+def test_a_commit_without_a_run_is_not_announced(opened: NativeBoard) -> None:
+    assert set(answers_of(opened, staged(opened, pid_kp_q22=5))) == {"ACK"}

@@ -52,7 +52,8 @@ class Parameters(Mapping[str, Value]):
     for the filter and for the timer of the board.
 
     Every write commits the whole table: the board takes it as a whole, or refuses it. A write disarms the board and
-    ends a run that is on, and lasts until the board is reset; `save` keeps it.
+    ends a run that is on; a run in real time that is not armed goes on if only gains of controllers change. A write
+    lasts until the board is reset; `save` keeps it.
     """
 
     def __init__(self, session: Session) -> None:

@@ -128,6 +128,18 @@ def scenario_names() -> Iterator[str]:
         yield from systems.load(name).SCENARIOS
 
 
+def parameter_names() -> list[str]:
+    """The short names of the parameters of all systems, in units."""
+    from plumb import systems
+    from plumb.tuning import quantities
+
+    found: dict[str, None] = {}
+    for name in system_names():
+        tuning = next(iter(systems.load(name).TUNINGS.values()))
+        found |= dict.fromkeys(one.alias for one in quantities.quantities_of_type(type(tuning)).values())
+    return list(found)
+
+
 def tuning_names() -> Iterator[str]:
     from plumb import systems
 
@@ -151,11 +163,9 @@ def values(kind: str) -> list[str]:
     from plumb.link.can_interfaces import network_interfaces
     from plumb.link.discovery import serial_ports
     from plumb.link.served_boards import served_boards
-    from plumb.spec import parameters
 
-    names = [row.name for row in parameters.table()]
     if kind in ("parameter", "assignment"):
-        return [name + "=" * (kind == "assignment") for name in names]
+        return [name + "=" * (kind == "assignment") for name in parameter_names()]
     if kind == "setting":
         return [f"{name}=" for name in settings.KNOWN]
     ports = serial_ports()

@@ -52,7 +52,7 @@ class Comparison:
                 "red", f"step {found.step} differs: digest {found.actual:08x}, of the model {found.expected:08x}"
             )
         if shadow.unverified_from is not None:
-            where = f"unverified from step {shadow.unverified_from}: a frame was lost"
+            where = f"unverified from step {shadow.unverified_from}: {shadow.unverified_why}"
             return Light("amber", f"{where}; a new run is compared again")
         if not shadow.steps:
             return Light("off", "no step has been compared yet")

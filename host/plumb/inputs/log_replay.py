@@ -73,8 +73,9 @@ class RecordedRun:
             return "the recording carries no raw counts"
         if self.known < run.known_until():
             return f"parameters changed at step {self.known}"
-        lost = "raw counts" if not run.raw_known[self.known] else "setpoint"
-        return f"the {lost} of step {self.known} did not arrive"
+        if not run.raw_known[self.known]:
+            return f"the raw counts of step {self.known} did not arrive"
+        return f"the setpoint of step {self.known} did not arrive, or its parameters were changed"
 
 
 def runs_of(log: Log, given: Mapping[str, int] | None = None) -> list[RecordedRun]:

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.inputs.log_file import ERROR, EXTENDED, REMOTE, Frames
-from plumb.link.realtime import SetpointReports
+from plumb.link.realtime import SetpointReports, unwrap
 from plumb.link.transports.slcan import crc8_columns
 from plumb.spec import dbc
 from plumb.spec.arrays import BoolArray
@@ -41,8 +41,9 @@ class LoggedRun:
 
     at: place of its first frame among all frames of the recording. raw_known, digest_known: steps whose counts and
     digest arrived; raw_frames: the RAW frames that were heard. setpoint_doubt: the first step whose setpoint is not
-    known. values: (frame, signal) -> raw integers, and which arrived. place: of each STEP among all frames, and
-    time_us, when it was received. lost: gaps in the counters of the other frames.
+    known, or that used parameters which were committed during the run. values: (frame, signal) -> raw integers, and
+    which arrived. place: of each STEP among all frames, and time_us, when it was received. lost: gaps in the counters
+    of the other frames.
     """
 
     at: int
@@ -203,9 +204,10 @@ class RunFinder:
         armed[numbers - first] = step.flag(message, "armed") != 0
         place[numbers - first], time_us[numbers - first] = step.at, self._time_us[step.at]
         reports = self._setpoints(places)
+        doubts = [step for step in (reports.doubt, self._other_parameters(places)) if step is not None]
         return LoggedRun(
             first_at, first, counts, raw_known, heard, digest, known, armed, place, time_us,
-            reports.of_steps(first + count)[first:], reports.doubt,
+            reports.of_steps(first + count)[first:], min(doubts, default=None),
             dict(self._values(signals, first, count)), self._gaps(first_at, last_at),
         )  # fmt: skip
 
@@ -243,6 +245,16 @@ class RunFinder:
         for at, data in zip(frames.at, frames.data, strict=True):
             reports.note(message.decode(data.tobytes()), places.last_before(int(at)))
         return reports
+
+    def _other_parameters(self, places: _Places) -> int | None:
+        """The first step with parameters that were committed during the run."""
+        if "PARAM_USED" not in self._messages.messages:  # a log of an older version
+            return None
+        frames = places.cut(self._of("PARAM_USED"))
+        if not len(frames.at):
+            return None
+        said = self._messages["PARAM_USED"].decode(frames.data[0].tobytes())
+        return unwrap(places.last_before(int(frames.at[0])), said["step"], 16)
 
     def _gaps(self, first_at: int, last_at: int) -> int:
         """Frames that are missing by the counters of the messages that have a counter of their own."""

@@ -19,7 +19,8 @@ def read_table(session: Session) -> list[int]:
 
 
 def commit(session: Session, values: Mapping[str, int]) -> int:
-    """Stage and commit the whole table; ends a run in progress. Returns the CRC-32; raises as Session.upload."""
+    """Stage and commit the whole table; ends a run in progress that the board does not let it change. Returns the
+    CRC-32; raises as Session.upload."""
     rows = parameters.table()
     control = [values[row.name] for row in rows if row.owner == "control"]
     return session.upload(control, **{row.name: values[row.name] for row in rows if row.owner == "link"})

@@ -76,7 +76,8 @@ class ParameterTransfer:
                     raise nack_error(self._session.protocol, nack.decode(data))
 
     def upload(self, control_words: Sequence[int], **link_words: int) -> int:
-        """Stage the whole table and commit it by its CRC-32; ends a run in progress. Returns the CRC.
+        """Stage the whole table and commit it by its CRC-32. Returns the CRC. Ends a run in progress, unless it is one
+        in real time that is not armed and nothing but live parameters change.
 
         control_words: the control part in order. link_words: parameters of the link's part, such as period_us; the
         others get their defaults, except parameters.WIRING, which stay as the board has them. Raises UsageError for a
@@ -138,7 +139,7 @@ class ParameterTransfer:
         raise LinkError("not every parameter was acknowledged: check the cable")
 
     def commit(self, count: int, crc: int) -> None:
-        """Commit the staged table; ends a run in progress. Raises NackError."""
+        """Commit the staged table; ends a run in progress that the board does not let it change. Raises NackError."""
         try:
             self._session.request("PARAM_COMMIT", count, crc)
         except NackError as error:

@@ -64,7 +64,8 @@ class Capture:
     digest, raw: by step number, unwrapped; raw holds the six counts of a step once all its raw_frames have come.
     values: (frame, signal) -> step -> raw integer, of other selected frames. setpoints: the setpoints of the run.
     steps: number of steps received so far.
-    disarmed_step: the last step at which the board was found to have disarmed.
+    disarmed_step: the last step at which the board was found to have disarmed. parameters_step: the first step with
+    parameters that were committed during the run.
     """
 
     session: Session
@@ -77,13 +78,14 @@ class Capture:
     steps: int = 0
     armed: bool = False
     disarmed_step: int | None = None
+    parameters_step: int | None = None
 
     def __post_init__(self) -> None:
         messages = self.session.protocol
         self._step, self._used = messages["STEP"], messages["SETPOINT_USED"]
         self._raw = {messages["RAW_A"].identifier: 0, messages["RAW_B"].identifier: 3}
         self._raw_message = messages["RAW_A"]
-        self._time = messages["TIME"]
+        self._time, self._parameters = messages["TIME"], messages["PARAM_USED"]
         self._named = {i: message for i, message in messages.by_identifier.items() if dbc.of_system(i)}
         self._last = 0
         self._wanted = {messages[name].identifier for name in self.raw_frames}
@@ -115,6 +117,8 @@ class Capture:
             elif identifier == self._time.identifier:
                 _, _, low, time_us = self._time.unpack(data)
                 self.time_us.append((unwrap(self._last, low, 16), time_us))
+            elif identifier == self._parameters.identifier and self.parameters_step is None:
+                self.parameters_step = unwrap(self._last, self._parameters.decode(data)["step"], 16)
 
     def _note_raw(self, step: int, identifier: int, counts: list[int]) -> None:
         """Record the three counts of a RAW frame."""
@@ -156,9 +160,11 @@ class Capture:
                 raise LinkError(f"the board fell silent after step {self.steps}: check cable and power")
 
     def unverified_from(self, steps: int) -> int | None:
-        """The first step below `steps` whose digest, raw counts or setpoint did not arrive, else None."""
+        """The first step below `steps` whose digest, raw counts or setpoint did not arrive, or that had other
+        parameters than the first step; else None."""
         missing = [step for step in range(steps) if step not in self.digest or step not in self.raw]
-        doubts = missing[:1] + ([self.setpoints.doubt] if self.setpoints.doubt is not None else [])
+        changed = [step for step in (self.parameters_step,) if step is not None and step < steps]
+        doubts = missing[:1] + changed + ([self.setpoints.doubt] if self.setpoints.doubt is not None else [])
         return min(doubts, default=None)
 
     def raw_counts(self, steps: int) -> npt.NDArray[np.int16]:

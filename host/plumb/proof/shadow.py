@@ -2,7 +2,7 @@
 
 When a digest differs and no frame was lost, the board is wrong: the run ends and is repeated in lockstep with every
 word of that step selected, which gives the first word that differs. After a lost frame the verdict is "unverified" from
-there on: neither pass nor fail.
+there on: neither pass nor fail. So it is from a step on that had parameters which were committed during the run.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ class Shadow:
         self.steps: int = before.steps if before else 0
         self.unverified_runs: int = before.unverified_runs if before else 0
         self.unverified_from: int | None = None
+        self.unverified_why = "a frame was lost"
         self.divergence: Divergence | None = None
         self._model = run_fixed.Controller(params)
         self._next = 0
@@ -47,6 +48,10 @@ class Shadow:
             self._lost_before = lost
         while self.divergence is None and self.unverified_from is None and self._next + 1 < capture.steps:
             step = self._next
+            if capture.parameters_step is not None and step >= capture.parameters_step:
+                self.unverified_why = "the parameters were changed"
+                self._give_up(step)
+                return
             raw, digest = capture.raw.pop(step, None), capture.digest.pop(step, None)
             if raw is None or digest is None:
                 self._give_up(step)

@@ -490,7 +490,9 @@ def _check_parameters(system: System) -> None:
         former = row.get("was", [])
         if not isinstance(former, list) or not all(isinstance(old, str) for old in former):
             raise UsageError(f"parameter {name!s:.40}: was is a list of former names, not {former!r:.40}")
-        for key in (row.keys() - {"was"}) ^ _ROW.keys():
+        if type(row.get("live", False)) is not bool:
+            raise UsageError(f"parameter {name!s:.40}: live is true or false, not {row['live']!r:.40}")
+        for key in (row.keys() - {"was", "live"}) ^ _ROW.keys():
             raise UsageError(f"parameter {name!s:.40}: {key} is {'unknown' if key in row else 'missing'}")
         for key, kind in _ROW.items():
             if type(row[key]) is not kind:

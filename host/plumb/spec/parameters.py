@@ -28,6 +28,7 @@ class Parameter:
 
     name: member of plumb_params_t, or of the link's part. owner: control or link. type: int32 or uint32. format: what
     the integer stands for. min, max, default: integers as the firmware holds them. was: former names, oldest first.
+    live: may change during a run that is not armed.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Parameter:
     default: int
     doc: str
     was: tuple[str, ...] = ()
+    live: bool = False
 
     @property
     def id(self) -> int:

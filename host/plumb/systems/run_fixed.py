@@ -53,6 +53,10 @@ class Controller:
         self._row = self._system.control_step(self._c, self._p, counts + [0] * (6 - len(counts)), int(setpoint))
         return dict(zip(self._names, self._row, strict=True))
 
+    def use(self, params: ControlParams) -> None:
+        """Use other parameters of the same system from the next step on; the state stays."""
+        self._p = params.values
+
     def record(self) -> bytes:
         """The bytes of the last step's record, over which the digest is taken."""
         return self._packer.pack(*self._row)

@@ -1,0 +1,98 @@
+"""Gains that change during a run: bit for bit as in the model, and never while the board is armed."""
+
+from __future__ import annotations
+
+import pytest
+
+from plumb.link import parameter_table
+from plumb.link.identity import NackError
+from plumb.link.realtime import Capture
+from plumb.link.session import Session
+from plumb.link.transports.slcan_bus import PlumbBus
+from plumb.proof.shadow import Shadow
+from plumb.spec import parameters
+from plumb.spec.parameter_file import by_name
+from plumb.systems import run_fixed, shipped_tunings
+from plumb.tuning import quantities
+from plumb.tuning.quantise import ControlParams
+from support.native_board import NativeBoard, NewBoard
+from support.sessions import STEER, armed_session
+
+TABLE = {**shipped_tunings.table_of("quad", None), "period_us": 2500}
+STEPS = 40
+
+
+def begun(session: Session) -> Capture:
+    parameter_table.commit(session, TABLE)
+    capture = Capture(session)
+    session.begin("REALTIME_LIVE", frames=["RAW_A", "RAW_B"])
+    session.listener = capture.feed
+    capture.set_setpoint(STEER)
+    return capture
+
+
+def digests(capture: Capture, before: ControlParams, after: ControlParams, at: int | None) -> list[int]:
+    """Of the model on the captured counts, with other parameters from step `at` on."""
+    model, found = run_fixed.Controller(before), []
+    setpoints = capture.setpoints.of_steps(capture.steps)
+    for step in range(capture.steps - 2):
+        if step == at:
+            model.use(after)
+        model.step(capture.raw[step], setpoints[step])
+        found.append(model.digest())
+    return found
+
+
+def test_every_step_equals_the_model_before_and_after_a_change(new_board: NewBoard) -> None:
+    board = new_board()
+    with Session(PlumbBus(board)) as session:
+        session.connect()
+        capture = begun(session)
+        capture.collect(STEPS)
+        table = by_name(parameter_table.read_table(session))
+        wanted = {"pid.kp_per_deg": 0.02, "pid.ki_per_deg_s": 0.5, "pid.kd_per_dps": 0.001}
+        after = quantities.changed(table, wanted)
+        parameter_table.commit(session, after)
+        at = capture.parameters_step
+        capture.collect(capture.steps + STEPS)
+        assert at is not None and STEPS <= at < capture.steps - STEPS // 2
+        assert capture.unverified_from(at) is None and capture.unverified_from(at + 1) == at
+        old, new = quantities.control_of(table), quantities.control_of(after)
+        board_digests = [capture.digest[step] for step in range(capture.steps - 2)]
+        assert digests(capture, old, new, at) == board_digests
+        assert digests(capture, old, new, None)[at] != board_digests[at], "the change shows at once"
+        assert quantities.values_of(by_name(parameter_table.read_table(session)))["pid.kp_per_deg"] == pytest.approx(
+            0.02
+        )
+
+
+def test_a_comparison_stops_at_a_change_and_says_so(new_board: NewBoard) -> None:
+    board = new_board()
+    with Session(PlumbBus(board)) as session:
+        session.connect()
+        capture = begun(session)
+        shadow = Shadow(quantities.control_of(TABLE))
+        capture.collect(STEPS)
+        parameter_table.commit(session, quantities.changed(TABLE, {"pid.kp_per_deg": 0.02}))
+        at = capture.parameters_step
+        capture.collect(capture.steps + STEPS)
+        shadow.follow(capture, 0)
+        assert (shadow.verdict, shadow.unverified_from, shadow.steps) == ("unverified", at, at)
+        assert shadow.unverified_why == "the parameters were changed"
+
+
+def test_an_armed_board_takes_no_parameters_and_stays_armed() -> None:
+    board = NativeBoard()
+    session = armed_session(board)
+    words = session.read_parameters()
+    place = next(i for i, row in enumerate(parameters.table()) if row.name == "pid.kp_q22")
+    words[place] = 5
+    session.request("PARAM_SET", place, 5, answer="PARAM_STAGED", first=place)
+    with pytest.raises(NackError) as refused:
+        session.request("PARAM_COMMIT", len(words), parameters.crc32(words))
+    assert refused.value.reason == "BUSY" and board.armed
+    assert session.read_parameters()[place] != 5
+    session.disarm()
+    session.request("PARAM_COMMIT", len(words), parameters.crc32(words))  # the run goes on, disarmed
+    assert not board.armed and session.read_parameters()[place] == 5
+    session.close()
