@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from plumb import __main__ as front
 from plumb.errors import UsageError
 from plumb.inputs import recording
 from plumb.inputs.recording import G_MPS2
@@ -243,6 +245,56 @@ def test_wrong_axis_and_period_are_refused(tmp_path: Path) -> None:
         recording.pick_axis(loaded, "up")
     with pytest.raises(UsageError, match="100000 us"):
         recording.pick_axis(loaded, "x", 1)
+
+
+def test_blocks_have_the_mean_and_the_mark_of_their_last_sample(tmp_path: Path) -> None:
+    whole = recording.load(saved(tmp_path, turning("x")))
+    third = recording.decimated(whole, 3)
+    assert len(third.time_s) == len(whole.time_s) // 3 and third.time_s[0] == 0.0
+    assert third.step_s == pytest.approx(3 * whole.step_s)
+    for block in (0, 7, len(third.time_s) - 1):
+        part = slice(3 * block, 3 * block + 3)
+        assert third.gyr_dps[block] == pytest.approx(whole.gyr_dps[part].mean(axis=0))
+        assert third.acc_g[block] == pytest.approx(whole.acc_g[part].mean(axis=0))
+        assert whole.ref_quat is not None and third.ref_quat is not None
+        assert np.array_equal(third.ref_quat[block], whole.ref_quat[3 * block + 2])
+        assert third.movement[block] == whole.movement[3 * block + 2]
+    assert recording.decimated(whole, 1) is whole
+    with pytest.raises(UsageError, match="too few for --decimate 6"):
+        recording.decimated(replace(whole, time_s=whole.time_s[:11]), 6)
+
+
+@pytest.mark.parametrize("system", ["quad", "phone"])
+def test_replay_decimates_as_compare_does(tmp_path: Path, system: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Half a second of a sensor of 200 Hz is 100 steps of 5 ms, 33 of 15 ms, 16 of 30 ms."""
+    path = saved(tmp_path, turning("x", seconds=4.0))
+    steps = []
+    for more in ([], ["--decimate", "3"], ["--decimate", "6"]):
+        assert front.main(["replay", str(path), "--system", system, "--board", "native", "--json", *more]) == 0
+        said = json.loads(capsys.readouterr().out)
+        assert said["verdict"] == "pass" and said["proof"] is False
+        steps.append(said["steps"])
+    if system == "quad":
+        assert steps == [800, 266, 133]
+
+
+def test_datagrams_are_not_decimated_and_a_log_s_options_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "walk.txt"
+    path.write_text("of some app\n")
+    assert front.main(["replay", str(path), "--system", "phone", "--board", "native", "--decimate", "3"]) == 2
+    assert "--decimate is for recordings in .npz and .csv" in capsys.readouterr().err
+    units = str(saved(tmp_path, turning("x")))
+    for option in (["--log-run", "1"], ["--params", "table.toml"]):
+        assert front.main(["replay", units, "--board", "native", *option]) == 2
+        assert f"{option[0]} is for logs: run.npz is a recording in units" in capsys.readouterr().err
+
+
+def test_a_replay_of_units_says_that_it_is_no_proof(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["replay", str(saved(tmp_path, turning("x"))), "--board", "native"]) == 0
+    said = capsys.readouterr().out
+    assert "origin: the counts were made from units, for an ideal sensor: no proof" in said and said.endswith("pass\n")
 
 
 def test_the_developer_recordings_load_on_every_axis() -> None:
