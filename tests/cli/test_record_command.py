@@ -19,7 +19,7 @@ from plumb.boards.link import LinkBoard
 from plumb.cli import link_test
 from plumb.errors import UsageError
 from plumb.inputs import log_replay
-from plumb.inputs.recorder import FrameLog, Recorder
+from plumb.inputs.recorder import FrameLog, Recorder, RunMemory
 from plumb.link import monitor
 from plumb.link.session import Session
 from plumb.link.transports.open_bus import serve_bus
@@ -385,3 +385,23 @@ def test_on_the_virtual_board_a_systems_plant_is_on_the_pins(tmp_path: Path) -> 
     assert front.main([*command, "--out", str(tmp_path / "run")]) == 0
     run = run_of(tmp_path / "run.plog").run
     assert run.steps > 100 and ((run.raw > 1800) & (run.raw < 2300)).all()  # at rest: half of 3.3 V
+
+
+def test_what_is_remembered_of_a_run_is_all_of_it_or_nothing(
+    board: NativeBoard, session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    memory, step = RunMemory(), session.protocol["STEP"].identifier
+    session.listener = lambda frames: memory.feed(frames, 0.0)
+    for _ in range(2):  # the second run alone is remembered
+        session.begin("REALTIME_LIVE", frames=("RAW_A",))
+        for _ in range(20):
+            session.receive(0.02)
+        frames = [frame for _, batch in memory.batches for frame in batch]
+        numbers = [session.protocol["STEP"].unpack(data)[2] for identifier, data in frames if identifier == step]
+        assert frames[0][0] == session.protocol["ACK"].identifier and numbers == list(range(len(numbers)))
+    monkeypatch.setattr(RunMemory, "FRAMES_MAX", 10)
+    for _ in range(5):
+        assert not memory.partial or memory.batches == []
+        session.receive(0.1)
+    assert memory.batches == [] and memory.partial
+    session.listener = None

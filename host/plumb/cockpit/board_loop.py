@@ -202,7 +202,7 @@ class BoardLoop:
         self._monitor.feed(frames)
         if self._capture is not None:
             self._capture.feed(frames)
-        self.recording.feed(frames)
+        self.recording.feed(frames, self._session.clock())
 
     def _follow(self) -> None:
         """Rows, comparison, step test, and what the steps say about arming."""

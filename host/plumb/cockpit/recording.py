@@ -10,7 +10,7 @@ from pathlib import Path
 from plumb.boards.link import LinkBoard
 from plumb.errors import PlumbError, UsageError
 from plumb.inputs import log_export, log_replay
-from plumb.inputs.recorder import Recorder
+from plumb.inputs.recorder import Recorder, RunMemory
 from plumb.proof import run_identity
 from plumb.spec.protocol import Frame
 
@@ -23,6 +23,7 @@ class Recording:
         self._folder, self._command, self._say = folder, command, say
         self._recorder: Recorder | None = None
         self._path = folder
+        self._memory = RunMemory()
 
     @property
     def state(self) -> dict[str, object]:
@@ -38,16 +39,19 @@ class Recording:
         stem = time.strftime("%Y-%m-%d_%H-%M-%S")
         self._path = next(path for path in _names(self._folder, stem) if not path.exists())
         head = run_identity.identity(run_identity.part_of(board), None, self._command)
-        self._recorder = Recorder(board.session, self._path, head)
-        self._say(f"recording into {self._path}")
+        self._recorder = Recorder(board.session, self._path, head, before=self._memory.batches)
+        missing = "; the beginning of this run is not in it, so that it cannot be replayed"
+        self._say(f"recording into {self._path}{missing if self._memory.partial else ''}")
 
     def parameters(self, words: Sequence[int]) -> None:
         """The whole table in use from here on: a new run began."""
         if self._recorder is not None:
             self._recorder.log.parameters(words)
 
-    def feed(self, frames: list[Frame]) -> None:
-        """Write the frames. A full disk ends the recording, not the run."""
+    def feed(self, frames: list[Frame], time_s: float) -> None:
+        """Write the frames, and remember those of the run. time_s: by the session's clock. A full disk ends the
+        recording, not the run."""
+        self._memory.feed(frames, time_s)
         if self._recorder is not None and frames:
             try:
                 self._recorder.feed(frames)

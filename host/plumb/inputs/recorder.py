@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -14,7 +14,7 @@ from plumb.errors import UsageError
 from plumb.files.block_file import exists_sentence
 from plumb.inputs.log_writer import LogWriter
 from plumb.link.session import Session
-from plumb.spec.protocol import Frame
+from plumb.spec.protocol import Frame, protocol
 
 FLUSH_EVERY_S = 1.0
 SUFFIXES = (".asc", ".blf", ".csv", ".log", ".trc")
@@ -76,14 +76,63 @@ class FrameLog:
         self.close()
 
 
+Batch = tuple[float, list[Frame]]
+"""Frames that were received together, and when, by the session's clock."""
+
+
+class RunMemory:
+    """The frames of the run in progress from its RUN_BEGIN on, so that a recording that begins later holds the whole
+    run and can be reproduced. Of a run of more than FRAMES_MAX frames nothing is kept.
+
+    partial: a run is on whose beginning is not kept.
+    """
+
+    FRAMES_MAX = 1 << 20
+    """Four minutes of a full UART, more of slower runs; about 130 MB of memory."""
+
+    def __init__(self) -> None:
+        self._ack, self._begin = protocol()["ACK"], protocol()["RUN_BEGIN"].identifier
+        self._batches: list[Batch] = []
+        self._frames, self._whole, self.partial = 0, False, False
+        self._step = protocol()["STEP"].identifier
+
+    def feed(self, frames: list[Frame], time_s: float) -> None:
+        for place, (identifier, data) in enumerate(frames):
+            if identifier == self._ack.identifier and self._ack.decode(data)["request"] == self._begin:
+                self._batches, self._frames, self._whole, self.partial = [], 0, True, False
+                frames = frames[place:]
+                break
+        if self._whole and frames:
+            self._batches.append((time_s, frames))
+            self._frames += len(frames)
+            if self._frames > self.FRAMES_MAX:
+                self._batches, self._whole = [], False
+        elif not self._whole:
+            self.partial |= any(identifier == self._step for identifier, _ in frames)
+
+    @property
+    def batches(self) -> list[Batch]:
+        """The frames of the run; [] when its beginning is not known any more."""
+        return list(self._batches)
+
+
 class Recorder:
     """Writes what a session receives to a log; call `feed` with all received frames, from the beginning on: the
     parameters are read here.
 
     frames, steps: numbers received; lost: steps that are missing between them. head: entries of the log's first block.
+    before: batches of frames of the run in progress with their times, as a `RunMemory` has them: they come first.
     """
 
-    def __init__(self, session: Session, path: Path, head: Mapping[str, object], *, replace: bool = False) -> None:
+    def __init__(
+        self,
+        session: Session,
+        path: Path,
+        head: Mapping[str, object],
+        *,
+        replace: bool = False,
+        before: Iterable[Batch] = (),
+    ) -> None:
         simulated = session.clock is not time.monotonic
         self._clock = session.clock
         self._epoch_s = 0.0 if simulated else time.time() - time.monotonic()  # so that no time runs back
@@ -91,25 +140,25 @@ class Recorder:
         self.frames = self.steps = self.lost = 0
         self._step, self._last = session.protocol["STEP"], -1
         self.log = LogWriter(path, {**head, "board": board}, simulated=simulated, replace=replace)
-        before, held = session.listener, list[tuple[list[Frame], float]]()
+        listener, answers = session.listener, list[Batch]()
 
         def both(frames: list[Frame]) -> None:
-            """The answers are recorded, too, so that an export to BLF carries the parameters; behind the parameters, so
-            that those hold for the steps of a run that is on."""
-            held.append((frames, self._clock()))
-            if before is not None:
-                before(frames)
+            """The answers are recorded, too, so that an export to BLF carries the parameters."""
+            answers.append((self._clock(), frames))
+            if listener is not None:
+                listener(frames)
 
         session.listener = both
         try:
-            self.log.parameters(session.read_parameters())
+            words = session.read_parameters()
+            self.log.parameters(words)
+            for time_s, frames in [*before, *answers]:
+                self._add(frames, time_s)
         except BaseException:
             self.log.close("the parameters were not read")
             raise
         finally:
-            session.listener = before
-        for frames, time_s in held:
-            self._add(frames, time_s)
+            session.listener = listener
 
     def feed(self, frames: list[Frame]) -> None:
         self._add(frames, self._clock())
