@@ -122,6 +122,14 @@ def test_a_recorder_that_is_killed_while_it_writes_leaves_a_log(tmp_path: Path, 
     assert [damage for damage in log.damages if not damage.at_end] == []
 
 
+def test_many_frames_at_once_are_blocks_of_a_bounded_size(tmp_path: Path) -> None:
+    path = tmp_path / "many.plog"
+    with LogWriter(path, {}) as writer:
+        writer.add([(0x123, bytes(8))] * 100_000, 1.0)
+    sizes = [len(block.payload) for block in blocks_of(path) if block.kind == "FRMS"]
+    assert sum(sizes) == 100_000 * FRAME.itemsize and max(sizes) == log_writer.BLOCK_FRAMES * FRAME.itemsize
+
+
 def test_frames_of_any_bus_keep_what_they_are(tmp_path: Path) -> None:
     messages = [
         can.Message(timestamp=1e9, arbitration_id=0x1ABCDEF0, is_extended_id=True, data=b"\1\2\3"),

@@ -160,6 +160,55 @@ def test_other_parameters_than_those_of_the_run_are_found_out(whole: Path, tmp_p
     assert on_native(rewritten(bare, tmp_path / "other.plog", changed)).verdict == "fail"
 
 
+def test_a_damaged_frame_is_a_lost_one(whole: Path, tmp_path: Path) -> None:
+    """Its CRC-8 is wrong: it does not count as what the board said."""
+
+    def spoilt(frames: Frames) -> Frames:
+        frames["data"][places(frames, "RAW_A")[9], 4] ^= 1
+        return frames
+
+    done = on_native(with_frames(whole, tmp_path / "spoilt.plog", spoilt))
+    assert done.verdict == "unverified" and done.unverified_from == 9
+
+
+def test_steps_after_a_change_of_parameters_are_unverified(whole: Path, tmp_path: Path) -> None:
+    """Of a parameter that the step reads; another's change, or the same value again, is none."""
+    log = read_log(whole)
+    table, middle = log.parameter_sets[0].values, places(log.frames, "STEP")[12]
+    for name, more, verdict in (
+        ("pid.kp_q22", 1, "unverified"),
+        ("pid.kp_q22", 0, "pass"),
+        ("esc_period_us", 1, "pass"),
+    ):
+        path = tmp_path / f"{name}{more}.plog"
+        with LogWriter(path, log.head) as writer:
+            writer._blocks.append("PARM", json.dumps({"values": table}).encode())
+            writer._blocks.append("FRMS", log.frames[:middle].tobytes())
+            writer.parameters_changed({name: table[name] + more}, 12)
+            writer._blocks.append("FRMS", log.frames[middle:].tobytes())
+        done = on_native(path)
+        assert done.verdict == verdict and done.compared == (12 if verdict == "unverified" else done.recorded.run.steps)
+    assert "unverified" in (said := on_native(tmp_path / "pid.kp_q221.plog").statement().text)
+    assert said.endswith("parameters changed at step 12")
+
+
+def test_a_bus_on_which_a_host_committed_a_table_needs_no_other_parameters(whole: Path, tmp_path: Path) -> None:
+    """As a passive logger hears it: the host's PARAM_SET frames, and the board's ACK."""
+    log, messages = read_log(whole), protocol()
+    run = np.delete(log.frames, places(log.frames, "PARAM_VALUE"))
+    values = log.parameter_sets[0].values
+    for kp, verdict in ((values["pid.kp_q22"], "pass"), (77, "fail")):
+        words = [value & 0xFFFFFFFF for value in {**values, "pid.kp_q22": kp}.values()]
+        said = [("PARAM_SET", (index & 15, 0, index, word)) for index, word in enumerate(words)]
+        said.append(("ACK", (0, 0, messages["PARAM_COMMIT"].identifier, 0)))
+        path = tmp_path / f"bus{kp}.plog"
+        with LogWriter(path, {"protocol": log.head.get("protocol")}) as writer:
+            writer.add([(messages[name].identifier, messages[name].pack(*words)) for name, words in said], 0.0)
+            writer.flush(at_once=True)
+            writer._blocks.append("FRMS", run.tobytes())
+        assert on_native(path).verdict == verdict
+
+
 def test_a_run_whose_beginning_is_missing_cannot_be_reproduced(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
