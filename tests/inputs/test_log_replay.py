@@ -209,6 +209,13 @@ def test_a_bus_on_which_a_host_committed_a_table_needs_no_other_parameters(whole
         assert on_native(path).verdict == verdict
 
 
+def test_a_csv_of_a_log_points_to_the_log(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["export", str(whole), str(tmp_path / "run.csv")]) == 0
+    for system in ("quad", "phone"):
+        assert front.main(["replay", str(tmp_path / "run.csv"), "--system", system, "--board", "native"]) == 2
+        assert "run.csv was exported from a log of a board: replay the log itself" in capsys.readouterr().err
+
+
 def test_a_run_whose_beginning_is_missing_cannot_be_reproduced(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -176,6 +176,8 @@ def _read_csv(path: Path) -> dict[str, npt.NDArray[np.float64]]:
             header = next(rows, None)
             if header is None:
                 raise UsageError(f"{path.name} is empty")
+            if {"step", "digest"} <= set(header):
+                raise UsageError(f"{path.name} was exported from a log of a board: replay the log itself")
             places = {name.strip(): at for at, name in enumerate(header) if name.strip() in wanted}
             numbers = {name: array("d") for name in places}
             for line, row in enumerate(rows, 2):
