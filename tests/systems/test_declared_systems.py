@@ -174,8 +174,8 @@ def test_a_command_of_a_toy_system_is_one_of_plumbs(toy: Plumb) -> None:
 
 def test_what_a_toy_system_sends_is_recorded_and_shown(toy: Plumb, tmp_path: Path) -> None:
     live = ("--board", "virtual", "--run", "live", "--seconds", "1", "--system", "toy")
-    toy("record", *live, "--out", str(tmp_path))
-    with (tmp_path / "steps.csv").open() as file:
+    toy("record", *live, "--out", str(tmp_path / "run"), "--format", "csv")
+    with (tmp_path / "run.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) > 90 and all(800 < float(row["filtered"]) < 1100 for row in rows[20:80])
     shown = json.loads(toy("monitor", *live, "--json").stdout.splitlines()[-1])
