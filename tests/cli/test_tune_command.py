@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from plumb import __main__ as front
-from plumb.inputs.identification import rest
+from plumb.inputs.identification import chosen_settings, rest
 from plumb.systems.quad.scenarios import TUNINGS, scenario
 from plumb.tuning.quantise import quantise
 from support.recordings import log_of_counts, recorded_run
@@ -49,7 +49,6 @@ def test_noise_prints_figures_settings_and_the_line_that_sets_them(
 
 
 def test_noise_json_can_be_used_as_a_tuning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from plumb.inputs.identification import chosen_settings
 
     options = ["--system", "quad", "--tuning", "constant", "--period-us", "10000", "--json"]
     assert front.main(["tune", "noise", rest_file(tmp_path), *options]) == 0
@@ -132,7 +131,6 @@ def test_filter_prints_settings_and_consistency(tmp_path: Path, capsys: pytest.C
 def test_settings_of_no_use_are_exit_code_1(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from plumb.inputs.identification import chosen_settings
 
     monkeypatch.setattr(chosen_settings, "refusal", lambda tuning: "too large")
     assert front.main(["tune", "filter", swing_file(tmp_path)]) == 1
@@ -168,3 +166,41 @@ def test_a_board_recording_is_tuned_with_its_own_parameters(tmp_path: Path, caps
     assert [one["name"] for one in told["signals"]] == ["gyro", "accel_y", "accel_z"]
     assert told["signals"][2]["rms"] < 0.1 and told["period_us"] == 20_000
     assert "more than 0" in told["refusal"] and told["apply"] == []
+
+
+def test_pid_of_the_twin_has_the_margins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--board", "native", "--periods", "4", "--out", str(tmp_path / "out")]
+    assert front.main(["tune", "pid", *options]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("quad on native, steps of 20 ms; setpoint swung by 4 deg, 4 periods.")
+    assert "plumb params set pid.kp_per_deg=" in printed and "after, measured" in printed
+    told = json.loads((tmp_path / "out" / "tune.json").read_text())
+    assert told["met"] and told["margins_before"]["phase_deg"] < 26.0
+    assert told["margins"]["phase_deg"] > 34.6 and told["margins_measured"]["phase_deg"] > 30.0
+    quantise(chosen_settings.changed(TUNINGS["adaptive"], told["settings"]))
+    assert "Loop gain: phase" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_a_machine_does_not_move_without_consent(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def opened(*_: object, **__: object) -> None:
+        raise AssertionError("the board was opened")
+
+    monkeypatch.setattr("plumb.boards.open_board", opened)
+    said = refusal(["pid", "--board", "serial:/dev/ttyUSB0"], capsys)
+    assert "swings the machine by 4 deg for 39 s" in said and "--arm-and-move" in said
+    said = refusal(["pid", "--board", "can:socketcan:can0", "--arm-and-move", "--tuning", "adaptive"], capsys)
+    assert "a board is tested as it is" in said
+
+
+def test_what_pid_cannot_use_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    native = ["pid", "--board", "native"]
+    assert "give 0.1 to 20" in refusal([*native, "--amplitude", "90"], capsys)
+    assert "give 3 to 100" in refusal([*native, "--periods", "1"], capsys)
+    assert "--phase-deg 0: give 5 to 80" in refusal([*native, "--phase-deg", "0"], capsys)
+    assert "balancer holds no tilt" in refusal([*native, "--system", "balancer"], capsys)
+    assert "no tuning 'gold'" in refusal([*native, "--tuning", "gold"], capsys)
+    assert "500 (2 kHz) to 100000" in refusal([*native, "--period-us", "1"], capsys)
+    assert "--live is for --board virtual" in refusal([*native, "--live"], capsys)
+    assert "closes no loop" in refusal(["pid", "--board", "qemu", "--arm-and-move"], capsys)

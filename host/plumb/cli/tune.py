@@ -1,13 +1,16 @@
-"""Find settings from measurements: noise of the sensors at rest, and Q and R of the filter on a recording.
+"""Find settings from measurements: sensor noise at rest, Q and R of the filter, gains of the PID.
 
     plumb tune noise rest.npz --out out/noise          Allan deviation, noise figures, and Q and R of quad
     plumb tune noise today.plog --system balancer      a log of `plumb record --run live`
     plumb tune noise walk.csv --axis y --begin 2 --end 40
     plumb tune filter walk.npz --out out/filter        Q and R that describe the whole recording best
     plumb tune filter today.plog --tuning constant
+    plumb tune pid --board native --out out/pid        test quad's loop with its plant, and gains with margins
+    plumb tune pid --board native --period-us 5000 --phase-deg 40
+    plumb tune pid --board serial:/dev/ttyUSB0 --arm-and-move
 
-RECORDING is .npz or .csv as for `plumb replay`, or a log of `plumb record`. Nothing is sent to a board; the line
-that sets the settings is printed.
+RECORDING is .npz or .csv as for `plumb replay`, or a log of `plumb record`. No command changes the parameters of a
+board; the line that sets the settings is printed.
 
 `noise` takes the longest rest of the recording. The sensor lies still for some minutes; the longer, the better bias
 instability and random walk are known. It prints white noise, bias instability and random walk with their confidence,
@@ -17,6 +20,11 @@ and the Q and R of the system's tuning that follow from them.
 It prints settings with confidence, and how consistent the filter is before and after: NIS, whiteness, and, where the
 recording has a reference, the tilt error. Exit code 1 when the settings are of no use: they make the tilt error larger,
 or the board cannot hold them.
+
+`pid` swings the setpoint of a closed attitude loop by a sum of sines, fits a plant with lag and delay to what the tilt
+rate does, and works out gains with the wanted margins of phase, gain and delay. On `native` and `virtual` the system's
+plant is simulated, and the test is made again with the new gains. On a board behind a link it arms the board and moves
+the machine: only with --arm-and-move. Exit code 1 when no gains have the margins.
 """
 
 from __future__ import annotations
@@ -31,12 +39,16 @@ from typing import TYPE_CHECKING
 from plumb.cli import options
 
 if TYPE_CHECKING:
+    from plumb.boards import Board
+    from plumb.inputs.identification.loop_test import LoopRun
+    from plumb.inputs.identification.pid_design import Wanted
     from plumb.proof.report import Plot, Table
     from plumb.proof.xy_plot import XyPlot
+    from plumb.tuning.quantise import ControlParams
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    verbs = parser.add_subparsers(dest="action", required=True, metavar="noise|filter")
+    verbs = parser.add_subparsers(dest="action", required=True, metavar="noise|filter|pid")
     noise = verbs.add_parser("noise", help="Q and R from a recording at rest, with an Allan plot")
     noise.add_argument("recording", type=Path, metavar="RECORDING", help=".npz, .csv, or a log of `plumb record`")
     add_target(noise, "whose Q and R are wanted (default: the recorded board's, else that of `plumb replay`)")
@@ -51,6 +63,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_target(likely, "whose filter is tuned (default: the recorded board's, else that of `plumb replay`)")
     options.add_seconds(likely, "only the first N seconds")
     add_output(likely)
+    add_pid(verbs.add_parser("pid", help="gains of the PID from a test of the loop"))
+
+
+def add_pid(pid: argparse.ArgumentParser) -> None:
+    pid.add_argument("--board", required=True, metavar="B", help=f"native, {options.LINKED_BOARD}")
+    options.add_link_and_image(pid)
+    options.add_system(pid, "simulated system (default: that of `plumb demo`)")
+    options.add_tuning(pid)
+    pid.add_argument("--period-us", type=int, metavar="US", help="period of the simulated system (default: its own)")
+    options.add_seed(pid, "the plant")
+    pid.add_argument("--live", action="store_true", help="`virtual` samples its own sensors, armed, as a machine does")
+    pid.add_argument(
+        "--arm-and-move",
+        action="store_true",
+        help="arm a real board and swing its machine; it is fixed so that it turns about its axis alone, and you hold "
+        "the power switch",
+    )
+    pid.add_argument("--amplitude", type=float, default=4.0, metavar="DEG", help="largest setpoint (default 4)")
+    pid.add_argument("--periods", type=int, default=8, help="repetitions of the test signal, 4 s each (default 8)")
+    pid.add_argument("--phase-deg", type=float, default=35.0, help="least phase margin (default 35)")
+    pid.add_argument("--gain-db", type=float, default=6.0, help="least gain margin, both ways (default 6)")
+    pid.add_argument("--delay-ms", type=float, default=0.0, help="least further delay (default 0: as it comes)")
+    add_output(pid)
 
 
 def add_target(parser: argparse.ArgumentParser, about: str) -> None:
@@ -70,7 +105,7 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.errors import ExitCode
 
     require_scipy()
-    good = {"noise": tune_noise, "filter": tune_filter}[arguments.action](arguments)
+    good = {"noise": tune_noise, "filter": tune_filter, "pid": tune_pid}[arguments.action](arguments)
     return ExitCode.GOOD if good else ExitCode.BAD_VERDICT
 
 
@@ -132,6 +167,120 @@ def tune_filter(arguments: argparse.Namespace) -> bool:
     tables, told = filter_page.tables(inputs, fit), filter_page.to_json(inputs, fit)
     give(arguments, "Filter, tuned by its innovations", lead, tables, plots, told)
     return filter_page.useful(inputs, fit)
+
+
+def tune_pid(arguments: argparse.Namespace) -> bool:
+    """Whether there are gains with the wanted margins."""
+    from dataclasses import replace
+
+    from plumb.inputs.identification import pid_page, pid_tuning
+    from plumb.tuning.quantise import quantise
+
+    wanted = wanted_of(arguments)
+    simulated = arguments.board in ("native", "virtual")
+    if not simulated:
+        require_consent(arguments)
+    with options.board_of(arguments) as board:
+        run = simulated_test(arguments, board) if simulated else machine_test(arguments, board)
+        tuning = pid_tuning.tune(run, wanted)
+        again = None
+        if simulated and not tuning.refusal():
+            second = simulated_test(arguments, board, quantise(replace(tuning.tuned, exact_period_s=None)))
+            again = pid_tuning.tune(second, wanted, design=False)
+    for sentence in pid_page.warnings(tuning):
+        print(f"plumb: warning: {sentence}", file=sys.stderr)
+    period_ms, swing = 1e-3 * tuning.tuning.period_us, f"{arguments.amplitude:g} deg, {arguments.periods} periods"
+    lead = f"{tuning.tuning.system} on {arguments.board}, steps of {period_ms:g} ms; setpoint swung by {swing}."
+    plots = pid_page.plots(tuning, again) if arguments.out else []
+    give(
+        arguments,
+        "Loop, tested and tuned",
+        lead,
+        pid_page.tables(tuning, again),
+        plots,
+        pid_page.to_json(tuning, again),
+    )
+    return not tuning.refusal()
+
+
+def wanted_of(arguments: argparse.Namespace) -> Wanted:
+    """The wanted margins; raises UsageError for numbers that make no sense."""
+    from plumb.errors import UsageError
+    from plumb.inputs.identification.pid_design import Wanted
+
+    for name, low, high in (
+        ("amplitude", 0.1, 20.0),
+        ("periods", 3, 100),
+        ("phase_deg", 5.0, 80.0),
+        ("gain_db", 1.0, 20.0),
+        ("delay_ms", 0.0, 500.0),
+    ):
+        value = getattr(arguments, name)
+        if not low <= value <= high:
+            raise UsageError(f"--{name.replace('_', '-')} {value:g}: give {low:g} to {high:g}")
+    return Wanted(arguments.phase_deg, arguments.gain_db, 1e-3 * arguments.delay_ms)
+
+
+def require_consent(arguments: argparse.Namespace) -> None:
+    """Raises UsageError unless the user has said that a real machine may move."""
+    from plumb.errors import UsageError
+    from plumb.inputs.identification.loop_test import BOARD_SETTLE_S
+    from plumb.inputs.identification.plant_fit import REPEAT_S
+
+    if arguments.system or arguments.tuning or arguments.period_us or arguments.live:
+        raise UsageError(
+            "--system, --tuning, --period-us and --live are for native and virtual; a board is tested as it is"
+        )
+    if not arguments.arm_and_move:
+        seconds = BOARD_SETTLE_S + (arguments.periods + 1) * REPEAT_S
+        raise UsageError(
+            f"this arms the board and swings the machine by {arguments.amplitude:g} deg for {seconds:g} s: fix it so "
+            "that it turns about its axis alone, hold the power switch, and say --arm-and-move"
+        )
+
+
+def simulated_test(arguments: argparse.Namespace, board: Board, params: ControlParams | None = None) -> LoopRun:
+    """The test on the system's plant. params: None for those of --tuning."""
+    from dataclasses import replace
+
+    from plumb import systems
+    from plumb.boards.link import LinkBoard
+    from plumb.errors import UsageError
+    from plumb.inputs.identification import chosen_settings, loop_test, plant_fit
+    from plumb.tuning.quantise import quantise
+
+    if arguments.live and arguments.board != "virtual":
+        raise UsageError("--live is for --board virtual: its plant is on the pins of the simulated chip")
+    if params is None:
+        system = arguments.system or systems.default_for("demo")
+        tuning = chosen_settings.named_tuning(system, arguments.tuning)[1]
+        if arguments.period_us is not None:
+            tuning = replace(tuning, period_us=arguments.period_us)
+        params = quantise(tuning)
+    settings = loop_test.attitude_tuning(params)
+    excited = plant_fit.excitation(settings.period_s, arguments.amplitude)
+    if not arguments.live:
+        return loop_test.on_twin(board, params, excited, arguments.periods, arguments.seed)
+    assert isinstance(board, LinkBoard)
+    loop_test.attach_plant(board, params, excited, arguments.periods, arguments.seed)
+    return loop_test.on_link(board, params, excited, arguments.periods, loop_test.SIMULATED_SETTLE_S)
+
+
+def machine_test(arguments: argparse.Namespace, board: Board) -> LoopRun:
+    """The test on a real board, with the parameters that it has."""
+    from plumb.boards.link import LinkBoard
+    from plumb.errors import UsageError
+    from plumb.inputs.identification import loop_test, plant_fit
+    from plumb.link import parameter_table
+    from plumb.spec.parameter_file import by_name
+    from plumb.tuning.quantities import control_of
+
+    if not isinstance(board, LinkBoard):
+        raise UsageError(f"{arguments.board} closes no loop: give native, {options.LINKED_BOARD}")
+    params = control_of(by_name(parameter_table.read_table(board.session)))
+    settings = loop_test.attitude_tuning(params)
+    excited = plant_fit.excitation(settings.period_s, arguments.amplitude)
+    return loop_test.on_link(board, params, excited, arguments.periods, loop_test.BOARD_SETTLE_S)
 
 
 def give(

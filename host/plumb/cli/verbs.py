@@ -24,7 +24,7 @@ COMMANDS = {
     "record": "record a running board, or a bus, to a log",
     "export": "write a log as CSV, Parquet, BLF, ASC, candump, TRC or MF4",
     "params": "read, change, save and restore a board's parameters",
-    "tune": "find settings from measurements: sensor noise at rest, Q and R of the filter",
+    "tune": "find settings from measurements: sensor noise, Q and R of the filter, gains of the PID",
     "setup": "first steps with a board: find, flash, system, sensors, calibration, green light",
     "calibrate": "calibrate a board's sensors by poses and one turn: biases, scales, signs",
     "sensor-board": "simulate a sensor board: samples in real time as frames on a bus",

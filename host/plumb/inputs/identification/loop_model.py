@@ -1,0 +1,174 @@
+"""The attitude loop as frequency responses: plant with delay, filter and PID as they are sampled; margins.
+
+The plant is what a command moves: a torque behind a first-order lag and a delay turns a body,
+
+    rate / command = gain e^(-s delay) / ((s + damping) (1 + s lag)),    tilt = rate / s
+
+The command is held for a step. The response of a sampled signal is the sum over its aliases, so that it holds up to
+half the rate of the steps.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.spec.arrays import FloatArray
+from plumb.spec.tuning import AxisTuning, Pid
+
+Response = npt.NDArray[np.complex128]
+ALIASES = 4
+GRID_POINTS = 600
+LOWEST_HZ = 0.02
+COVARIANCE_STEPS = 20_000
+SETTLED = 1e-9
+
+
+@dataclass(frozen=True)
+class PlantModel:
+    """gain_dps2: deg/s^2 per unit of command; lag_s, delay_s; damping_per_s."""
+
+    gain_dps2: float
+    lag_s: float
+    delay_s: float
+    damping_per_s: float = 0.0
+
+    def _rate(self, s: Response) -> Response:
+        turned = self.gain_dps2 * np.exp(-s * self.delay_s)
+        return np.asarray(turned / ((s + self.damping_per_s) * (1.0 + s * self.lag_s)))
+
+    def sampled(self, hz: FloatArray, period_s: float) -> tuple[Response, Response]:
+        """Rate (deg/s) and tilt (deg) at the samples, per unit of a command that is held for a period."""
+        rate, tilt = np.zeros(len(hz), np.complex128), np.zeros(len(hz), np.complex128)
+        hold = 1.0 - np.exp(-2j * math.pi * hz * period_s)
+        for alias in range(-ALIASES, ALIASES + 1):
+            s = np.asarray(2j * math.pi * (hz + alias / period_s), np.complex128)
+            one = self._rate(s) * hold / (s * period_s)
+            rate += one
+            tilt += one / s
+        return rate, tilt
+
+
+@dataclass(frozen=True)
+class Controller:
+    """Filter and PID of a one-axis tuning at its steady gains. r_deg2: R of the measurement, as it is on average."""
+
+    tuning: AxisTuning
+    r_deg2: float
+
+    def steady_gains(self) -> tuple[float, float]:
+        """K of tilt and bias after many steps with this R."""
+        ts, kalman = self.tuning.period_s, self.tuning.kalman
+        q_angle, q_bias = kalman.q_angle_deg2_per_s * ts, kalman.q_bias_dps2_per_s * ts
+        p00, p01, p11 = self.r_deg2, 0.0, 1.0
+        k0 = k1 = 0.0
+        for _ in range(COVARIANCE_STEPS):
+            p00 += q_angle - ts * (2.0 * p01 - ts * p11)
+            p01 -= ts * p11
+            p11 += q_bias
+            before = k0, k1
+            k0, k1 = p00 / (p00 + self.r_deg2), p01 / (p00 + self.r_deg2)
+            p11, p00, p01 = p11 - k1 * p01, p00 * (1.0 - k0), p01 * (1.0 - k0)
+            if abs(k0 - before[0]) < SETTLED * k0 and abs(k1 - before[1]) < SETTLED * abs(k1):
+                break
+        return k0, k1
+
+    def estimate(self, hz: FloatArray, rate: Response, tilt: Response) -> tuple[Response, Response]:
+        """Estimated tilt, and the rate less the estimated bias, of these samples of rate and tilt."""
+        ts, (k0, k1) = self.tuning.period_s, self.steady_gains()
+        back = np.exp(-2j * math.pi * hz * ts)
+        driven = ts * rate * (back if self.tuning.kalman.rate == "previous" else 1.0)
+        # tilt^ = (1 - k0) (back tilt^ + driven - ts back bias^) + k0 tilt
+        # bias^ = back bias^ + k1 (tilt - back tilt^ - driven + ts back bias^)
+        a11, a12 = 1.0 - (1.0 - k0) * back, (1.0 - k0) * ts * back
+        a21, a22 = k1 * back, 1.0 - back - k1 * ts * back
+        b1, b2 = (1.0 - k0) * driven + k0 * tilt, k1 * (tilt - driven)
+        determinant = a11 * a22 - a12 * a21
+        estimated = (a22 * b1 - a12 * b2) / determinant
+        bias = (a11 * b2 - a21 * b1) / determinant
+        return np.asarray(estimated), np.asarray(rate - bias)
+
+    def command(self, hz: FloatArray, estimated: Response, corrected: Response, pid: Pid) -> Response:
+        """Minus the command that the PID makes of them at setpoint 0."""
+        ts = self.tuning.period_s
+        back = np.exp(-2j * math.pi * hz * ts)
+        alpha = 1.0 - math.exp(-ts / pid.derivative_tau_s) if pid.derivative_tau_s else 1.0
+        filtered = corrected * alpha / (1.0 - (1.0 - alpha) * back)
+        straight = pid.kp_per_deg + pid.ki_per_deg_s * ts * back / (1.0 - back)
+        return np.asarray(straight * estimated + pid.kd_per_dps * filtered)
+
+
+@dataclass(frozen=True)
+class Margins:
+    """phase_deg at crossover_hz, where the loop gain is 1; gain_db: the loop may grow by so much, lower_gain_db:
+    shrink; delay_s: further delay that the phase margin allows; peak: of the sensitivity. stable: as the crossings
+    say."""
+
+    stable: bool
+    crossover_hz: float
+    phase_deg: float
+    gain_db: float
+    lower_gain_db: float
+    delay_s: float
+    peak: float
+
+
+class Loop:
+    """A plant under a controller: the loop broken at the command. hz: a logarithmic grid up to half the step rate."""
+
+    def __init__(self, plant: PlantModel, controller: Controller, hz: FloatArray | None = None) -> None:
+        period_s = controller.tuning.period_s
+        self.hz: FloatArray = np.geomspace(LOWEST_HZ, 0.499 / period_s, GRID_POINTS) if hz is None else hz
+        self.controller, self._plant = controller, plant
+        self.rate, self.tilt = plant.sampled(self.hz, period_s)
+        self._estimated, self._corrected = controller.estimate(self.hz, self.rate, self.tilt)
+
+    def gain(self, pid: Pid) -> Response:
+        """The loop gain with these gains of the PID."""
+        return self.controller.command(self.hz, self._estimated, self._corrected, pid)
+
+    def closed(self, hz: FloatArray, pid: Pid) -> Response:
+        """Response of the tilt to the setpoint, at any frequencies above 0."""
+        there = Loop(self._plant, self.controller, hz)
+        straight = self.controller.command(hz, np.ones(len(hz), np.complex128), np.zeros(len(hz), np.complex128), pid)
+        return np.asarray(there.tilt * straight / (1.0 + there.gain(pid)))
+
+    def margins(self, pid: Pid) -> Margins:
+        return margins(self.hz, self.gain(pid))
+
+
+def margins(hz: FloatArray, loop: Response) -> Margins:
+    """Margins of a loop gain whose plant has no unstable pole. The loop is stable if it crosses 1 once, downwards, with
+    a phase above -180 deg, and is below 1 wherever the phase passes -180 deg after that."""
+    size_db, phase = 20.0 * np.log10(np.abs(loop)), np.unwrap(np.angle(loop))
+    # Integrators and a body that only friction brakes lie between -180 and -360 deg at low frequencies.
+    phase -= 2.0 * math.pi * math.ceil((phase[0] - 1e-3) / (2.0 * math.pi))
+    log_hz, degrees = np.log(hz), np.degrees(phase)
+    crossings = np.flatnonzero((size_db[:-1] >= 0.0) != (size_db[1:] >= 0.0)).tolist()
+    peak = float(np.max(1.0 / np.abs(1.0 + loop)))
+    if len(crossings) != 1 or size_db[0] < 0.0:
+        return Margins(False, math.nan, math.nan, math.nan, math.nan, math.nan, peak)
+    share = _share(size_db, crossings[0], 0.0)
+    at_hz = math.exp(_between(log_hz, crossings[0], share))
+    phase_deg = 180.0 + _between(degrees, crossings[0], share)
+    turns = [
+        (index, _between(size_db, index, _share(degrees, index, level)))
+        for level in (-180.0, -540.0)
+        for index in np.flatnonzero((degrees[:-1] >= level) != (degrees[1:] >= level)).tolist()
+    ]
+    above = [-size for index, size in turns if index >= crossings[0]]
+    below = [size for index, size in turns if index < crossings[0]]
+    gain_db, lower_gain_db = min(above, default=math.inf), min(below, default=math.inf)
+    stable = phase_deg > 0.0 and gain_db > 0.0 and lower_gain_db > 0.0
+    return Margins(stable, at_hz, phase_deg, gain_db, lower_gain_db, phase_deg / 360.0 / at_hz, peak)
+
+
+def _share(values: FloatArray, index: int, level: float) -> float:
+    return float((level - values[index]) / (values[index + 1] - values[index]))
+
+
+def _between(values: FloatArray, index: int, share: float) -> float:
+    return float(values[index] + share * (values[index + 1] - values[index]))
