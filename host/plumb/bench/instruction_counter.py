@@ -74,6 +74,7 @@ class Profile:
     calls: int = 0
     instructions_max: int = 0
     cycles_max: int = 0
+    cycles_sum: int = 0
     cycles_2ws_max: int = 0
     stack: int = 0
     instructions_min: int = 1 << 31
@@ -86,6 +87,7 @@ class Profile:
         self.instructions_max = max(self.instructions_max, cost.instructions)
         self.instructions_min = min(self.instructions_min, cost.instructions)
         self.cycles_max = max(self.cycles_max, cost.cycles)
+        self.cycles_sum += cost.cycles
         self.cycles_2ws_max = max(self.cycles_2ws_max, cost.cycles_2ws)
         self.stack = max(self.stack, cost.stack)
 

@@ -16,7 +16,7 @@ from plumb.f103.core.timeline import TICKS_PER_S
 from plumb.f103.machine import Machine
 from plumb.link.identity import FAULT_STRAP
 from plumb.link.session import Session
-from plumb.systems.contracts import PINS, Plant, Scenario
+from plumb.systems.contracts import PINS, Plant, Scenario, fitted, link_words
 from plumb.tuning.quantise import ControlParams, quantise
 
 FOUND_US = 50_000
@@ -58,7 +58,8 @@ def show(board: SimulatedBoard, name: str, scenario: str | None, seed: int, *, o
     outputs."""
     system, live = systems.load(name), systems.load(name, PINS)
     chosen, plant = plant_of(name, scenario, seed, open_loop=open_loop)
-    configure_as(board, quantise(system.TUNINGS[live.TUNING]), period_us=chosen.period_us, **system.LINK)
+    params = quantise(fitted(chosen, system.TUNINGS[live.TUNING]))
+    configure_as(board, params, period_us=chosen.period_us, **link_words(system, chosen))
     live.Coupling(board.machine, plant)
     board.machine.advance_us(FOUND_US)
 

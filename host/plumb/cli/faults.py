@@ -1,6 +1,6 @@
 """Inject named faults into the virtual board while it is armed and drives; compare each reaction with its limit.
 
-    plumb faults                              all faults, on every system that drives an actuator
+    plumb faults                              all faults, on every system that drives an actuator or reads chips
     plumb faults gyro-frozen --system quad    one fault, on one system
     plumb faults hangs 'can-*' --json         groups and names, with * and ?
     plumb faults host-silent --phases 1000    injected at a thousand different moments within 60 ms
@@ -8,7 +8,8 @@
 
 The virtual board runs the flash image. A fault passes when every output pin is safe within its limit and stays safe,
 and the board reports the fault in the expected frame. A fault that must have no effect (limit 0) passes when every
-step is the same as without it. Exit code 1 when a fault fails.
+step is the same as without it. A system that drives nothing is not armed; its sensors' faults have to be named, and its
+steps go on. Exit code 1 when a fault fails.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ MOST_PHASES = 10_000
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("fault", nargs="*", metavar="FAULT", help="names or groups (default: all)")
-    options.add_systems(parser, "a system with an actuator (default: all)")
+    options.add_systems(parser, "a system that drives an actuator or reads chips (default: all)")
     parser.add_argument(
         "--phases", type=int, default=50, help="moments to inject a fault that depends on timing (default 50)"
     )
@@ -46,10 +47,10 @@ def main(arguments: argparse.Namespace) -> int:
 
     if not 1 <= arguments.phases <= MOST_PHASES:
         raise UsageError(f"--phases {arguments.phases}: give a number from 1 to {MOST_PHASES}")
-    driven = table.driven_systems()
+    tested = table.tested_systems()
     for name in arguments.system or ():
-        if name not in driven:
-            raise UsageError(f"'{name}' is not a system that drives an actuator; use one of {', '.join(driven)}")
+        if name not in tested:
+            raise UsageError(f"'{name}' neither drives an actuator nor reads chips; use one of {', '.join(tested)}")
     faults = table.chosen(arguments.fault)
     if arguments.list:
         return list_faults(faults, arguments.json)
@@ -57,14 +58,16 @@ def main(arguments: argparse.Namespace) -> int:
 
     from plumb.flash.image import find_image
     from plumb.proof.faults.runner import run_all
+    from plumb.proof.faults.scene import scenarios_of
     from plumb.proof.faults.text import render
 
     image = find_image(arguments.image)
-    systems = list(dict.fromkeys(arguments.system or driven))
+    systems = list(dict.fromkeys(arguments.system or tested))
+    scenes = [(system, scenario) for system in systems for scenario in scenarios_of(system)]
     rows = []
-    with tqdm(total=len(systems) * len(faults), desc="faults", unit="fault", leave=False, disable=None) as bar:
-        for system in systems:
-            rows += run_all(system, faults, image, arguments.phases, bar.update)
+    with tqdm(total=len(scenes) * len(faults), desc="faults", unit="fault", leave=False, disable=None) as bar:
+        for system, scenario in scenes:
+            rows += run_all(system, faults, image, arguments.phases, bar.update, scenario)
     if not rows:
         raise UsageError(f"none of these faults applies to {', '.join(systems)}")
     verdict = "pass" if all(row.verdict == "pass" for row in rows) else "fail"

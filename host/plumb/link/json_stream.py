@@ -3,7 +3,7 @@
 A datagram is one JSON object. `timestamp` is the time of the step in seconds of the board's clock; the other entry is
 `board` (mode, arming, counters) or the name of the system, with its signals by column, units in the names:
 
-    {"timestamp": 12.34, "quad": {"step": 617, "tilt_deg": -0.11, "rate_dps": 0.5}}
+    {"timestamp": 12.34, "SYSTEM": {"step": 617, "tilt_deg": -0.11, "rate_dps": 0.5}}
 """
 
 from __future__ import annotations

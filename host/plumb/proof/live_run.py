@@ -14,7 +14,7 @@ from plumb.link.realtime import Capture
 from plumb.link.retries import REPLY_TIMEOUT_S
 from plumb.link.session import RAW_FRAMES, Session
 from plumb.proof.runs import Run, RunInputs, columns, judge
-from plumb.systems.contracts import PINS, Conversion, Scenario
+from plumb.systems.contracts import PINS, Conversion, Scenario, link_words
 from plumb.tuning.quantise import ControlParams
 
 STANDSTILL_US = 500_000
@@ -32,7 +32,7 @@ def run_live(board: SimulatedBoard, scenario: Scenario, params: ControlParams, *
     steps = scenario.steps
     system, live = systems.load(params.system), systems.load(params.system, PINS)
     # No hold at neutral: the plant's actuators need no arming pulse, and its motion begins at once.
-    session = configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **system.LINK)
+    session = configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **link_words(system, scenario))
     coupling = live.Coupling(board.machine, system.plant(scenario, open_loop=open_loop))
     board.machine.advance_us(FOUND_US)
     capture = Capture(session, raw_frames=set(RAW_FRAMES).intersection(live.FRAMES))

@@ -122,7 +122,8 @@ class System:
     """One declared system.
 
     words: all words of its record; members: the C struct members between setpoint and flags.
-    cycles: cycle budget of a step, None without a budget. missing_samples: `held` (the last sample is used again) or
+    cycles: cycle budget of a step, cycles_mean of the mean step where work is spread over steps; None without a budget.
+    missing_samples: `held` (the last sample is used again) or
     `marked` (every count is -32768). output: "" without an actuator, else a key of OUTPUTS; output_words drive it.
     period: the parameter that holds the period of a step in s.
     groups: shared parameter groups that the step reads; parameters: rows of the system's own groups; all_groups: both.
@@ -136,6 +137,7 @@ class System:
     title: str
     folder: Path
     cycles: int | None
+    cycles_mean: int | None
     optimise: str
     channels: tuple[Channel, ...]
     sensors: str
@@ -308,6 +310,7 @@ def _system(folder: Path, table: TomlTable) -> System:
         title=table["title"],
         folder=folder,
         cycles=table.get("cycles"),
+        cycles_mean=table.get("cycles_mean"),
         optimise=table.get("optimise", "speed"),
         channels=tuple(Channel(**channel) for channel in table["channels"]),
         sensors=table["sensors"],

@@ -73,6 +73,15 @@ class FittedScenario(Protocol):
         """The tuning for this run."""
 
 
+@runtime_checkable
+class WiredScenario(Protocol):
+    """A scenario of certain sensors, which the board has to be told."""
+
+    @property
+    def link(self) -> Mapping[str, int]:
+        """Parameters of the link's part that these sensors need, by name."""
+
+
 class Plant(Protocol):
     """Simulated physics with the sensors."""
 
@@ -241,6 +250,15 @@ class AnalogPins(Protocol):
 
 
 @runtime_checkable
+class SensorSets(Protocol):
+    """pins.py of a system whose sensors come in several sets."""
+
+    @property
+    def SENSOR_SETS(self) -> tuple[str, ...]:
+        """A scenario of each set, the default one first."""
+
+
+@runtime_checkable
 class BridgePins(Protocol):
     """pins.py of a system that drives a bridge. Without BREAK_PIN a system drives speed controllers or nothing."""
 
@@ -275,6 +293,11 @@ REFERENCE = Part[ReferenceModel]("reference", ReferenceModel)
 PINS = Part[Pins]("pins", Pins, without="the board has no sensors of its own for it, its samples come as frames")
 
 POSES = Part[Poses]("poses", Poses, without="no poses are declared in which its sensors could be calibrated")
+
+
+def link_words(system: System, scenario: Scenario) -> dict[str, int]:
+    """Parameters of the link's part for a run: those of the system, then those of the scenario's sensors."""
+    return {**system.LINK, **(scenario.link if isinstance(scenario, WiredScenario) else {})}
 
 
 def fitted(scenario: Scenario, tuning: AnyTuning) -> AnyTuning:

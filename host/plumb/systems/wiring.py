@@ -69,6 +69,33 @@ CAN = Device(
     (Wire("RXD", "PA11", INPUT), Wire("TXD", "PA12", OUTPUT), Wire("VCC, GND", "3V3 GND")),
     8.6,
 )
+
+
+def _i2c(title: str, owner: str, supplies: tuple[Wire, Wire]) -> Device:
+    """Devices on the two wires of I2C1."""
+    pulled = "2.2 kΩ to 3V3"
+    lines = (Wire(f"SCL{owner}", "PB8", DRAIN, pulled), Wire(f"SDA{owner}", "PB9", DRAIN, pulled))
+    return Device(title, lines + supplies, 19.2)
+
+
+ITG3205 = _i2c("ITG-3205", "", (Wire("VDD, VLOGIC", "3V3"), Wire("GND; AD0, CLKIN", "GND")))
+TWO_CHIPS = _i2c(
+    "ITG-3205 and ADXL345",
+    " of both",
+    (Wire("VDD, VLOGIC; ADXL345's /CS", "3V3"), Wire("GND; SDO, AD0, CLKIN", "GND")),
+)
+ADXL345_ON_SPI = Device(
+    "ADXL345",
+    (
+        Wire("SDA (data in)", "PA7", OUTPUT),
+        Wire("SDO (data out)", "PA6", INPUT),
+        Wire("SCL (clock)", "PA5", OUTPUT),
+        Wire("/CS", "PA4", OUTPUT),
+        Wire("VDD, GND", "3V3 GND"),
+    ),
+    8,
+)
+SPI_NOTE = "The board has to be told where the accelerometer is: plumb params set accel_bus=1 --save."
 MPU6050 = Device(
     "MPU-6050 (GY-521 module)",
     (

@@ -56,6 +56,11 @@ def mounting_words(group: str, matrix: Sequence[Sequence[float]] | FloatArray) -
     return found
 
 
+def is_turned(matrix: Sequence[Sequence[float]] | FloatArray) -> bool:
+    """False for the identity, which leaves every value as it is."""
+    return not np.array_equal(np.asarray(matrix, np.float64), np.eye(3))
+
+
 def matrix_of(words: dict[str, int], group: str) -> FloatArray:
     """The matrix that the parameters mean, (3, 3)."""
     return np.array([words[f"{group}.{name}"] for name in mounting.NAMES], np.float64).reshape(3, 3) / mounting.ONE_Q30

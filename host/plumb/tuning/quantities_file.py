@@ -1,6 +1,6 @@
 """A parameter table as a commented TOML file in engineering units, which a person edits.
 
-    system = "quad"
+    system = "SYSTEM"
 
     pid.kp = 0.045  # 1/deg: proportional gain: command per deg of tilt error
     ...

@@ -14,6 +14,7 @@ from plumb.inputs.comparison.published import PUBLISHED, Published, imported
 from plumb.inputs.comparison.samples import Samples, vertical_of
 from plumb.spec import declarations
 from plumb.spec.system_parts import Part
+from plumb.tuning.quantise import ControlParams
 from plumb.version import installed
 
 FloatArray = npt.NDArray[np.float64]
@@ -26,10 +27,12 @@ class Compared(Protocol):
     def TUNING_NAME(self) -> str:
         """The tuning that it runs with, one for every recording."""
 
+    def params(self, samples: Samples, /) -> ControlParams:
+        """The parameters of a run. The calibration is the sensor's nominal one (`samples.sensor`): errors of the sensor
+        are the algorithm's to find. Raises UsageError for a period that the system cannot have."""
+
     def verticals(self, samples: Samples, /) -> FloatArray:
-        """The vertical in sensor coordinates after each sample, (N, 3), from the C core. The calibration is the
-        sensor's nominal one (`samples.sensor`): errors of the sensor are the algorithm's to find. Raises UsageError
-        for a period that the system cannot have."""
+        """The vertical in sensor coordinates after each sample, (N, 3), from the C core with these parameters."""
 
 
 COMPARE = Part[Compared]("compare", Compared, without="it is not compared with published algorithms")

@@ -10,7 +10,7 @@ from plumb.f103.machine import Machine
 from plumb.f103.peripherals.usart import FE, NE, ORE
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.reports import Told
-from plumb.proof.faults.scene import Scene
+from plumb.proof.faults.scene import ESTIMATE, Scene
 
 SILENCE = Told("EVENTS", "disarm_cause", 1 << 5)
 UART_FAULT = Told("STATUS", "faults", 1 << 9)
@@ -120,7 +120,16 @@ def accelerometer_gone(scene: Scene) -> None:
 
 _LOST = (Told("EVENTS", "disarm_cause", 1 << 3), (Told("SENSORS", "digital", 0xFFFF), Told("SENSORS", "bus_failures")))
 
+_SILENT = (Told("SENSORS", "digital", 0xFFFF), Told("SENSORS", "bus_failures"))
+"""What the board says of a bus that does not work while nothing is armed."""
+
 FAULTS = (
+    Fault("estimate-i2c-sda-stuck", "buses", "a chip holds SDA for nine clocks, and nothing is armed", sda_stuck,
+          "sensor", (Told("SENSORS", "bus_failures"),), CHIPS | {ESTIMATE}),
+    Fault("estimate-i2c-sda-shorted", "buses", "SDA shorted to ground, and nothing is armed", sda_shorted, "sensor",
+          (_SILENT,), CHIPS | {ESTIMATE}),
+    Fault("estimate-i2c-unplugged", "buses", "the whole I2C bus unplugged, and nothing is armed", accelerometer_gone,
+          "sensor", (_SILENT,), CHIPS | {ESTIMATE}),
     Fault("uart-garbage", "buses", "random bytes on the UART for 100 ms", uart(garbage), "silence",
           (SILENCE, REJECTED)),
     Fault("uart-framing-errors", "buses", "the host's bytes arrive wrong, with framing errors, for 100 ms",

@@ -21,7 +21,8 @@ class Fault:
     name: unique; lower case with hyphens. group: sensors, buses, clock, power, memory, host, frames or hangs.
     what: the injection and its place, as one phrase. inject: injects at pins, buses, memory or frames; time may
     pass meanwhile. limit: a row of limits.toml. told: all reports that the board must make; a tuple inside lists
-    alternatives. needs: features that the scene must have (Scene.features). link: link of the host that armed.
+    alternatives. needs: features that the scene must have (Scene.features); with `estimate`, for systems that drive
+    nothing, and for those alone. link: link of the host that armed.
     prepare: runs before the injection; time counts from its end.
     holds: the fault must have no effect: all steps equal those without it, and the board stays armed or disarmed.
     moves_on: the board must go on driving; its report tells the time from which its behaviour is the required one.

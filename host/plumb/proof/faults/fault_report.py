@@ -32,8 +32,8 @@ def write_report(folder: Path, rows: Sequence[Row], verdict: str, image: Path, c
     entry = run_identity.identity({"board": "virtual", "image": run_identity.image_of(image)}, None, command)
     failed = sum(row.verdict != "pass" for row in rows)
     reached = f"{len(rows) - failed} of {len(rows)} faults: every output safe within its limit, and the fault reported"
-    systems = list(dict.fromkeys(row.system for row in rows))
-    tables = [_table(name, [row for row in rows if row.system == name]) for name in systems]
+    systems = list(dict.fromkeys(row.scene for row in rows))
+    tables = [_table(name, [row for row in rows if row.scene == name]) for name in systems]
     html = page(
         f"Injected faults, {', '.join(systems)}",
         verdict,

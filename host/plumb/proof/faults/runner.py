@@ -14,7 +14,7 @@ from plumb.proof.faults.fault import Fault
 from plumb.proof.faults.limits import limits
 from plumb.proof.faults.outputs import Watch
 from plumb.proof.faults.reports import COUNTED, Reports, Told, report_text
-from plumb.proof.faults.scene import Scene, armed
+from plumb.proof.faults.scene import ESTIMATE, Scene, driving
 
 LISTEN_ON_S = 0.1
 """Time to watch the board after the limits have passed."""
@@ -32,11 +32,13 @@ PHASES = 50
 
 @dataclass(frozen=True)
 class Row:
-    """One result. safe_ms: from the injection until the outputs are safe for good, None: never; of a fault that must
-    have no effect, 0 when it had none. detected_ms: until the board disarmed, was reset or reported; None: not at all.
-    reported: the reports. why: reasons to fail; empty when it passes."""
+    """One result. scenario: "" for that of a served board. safe_ms: from the injection until the outputs are safe for
+    good, None: never; of a fault that must have no effect, 0 when it had none. detected_ms: until the board
+    disarmed, was reset or reported; None: not at all. reported: the reports. why: reasons to fail; empty when it
+    passes."""
 
     system: str
+    scenario: str
     group: str
     name: str
     what: str
@@ -48,6 +50,11 @@ class Row:
     detected_limit_ms: float
     verdict: str
     why: str
+
+    @property
+    def scene(self) -> str:
+        """System, and the scenario where it is not the default one."""
+        return f"{self.system}, {self.scenario}" if self.scenario else self.system
 
     def to_json(self) -> dict[str, object]:
         return asdict(self)
@@ -65,10 +72,10 @@ class Measured:
 
 
 class Runner:
-    """All faults of one system. The scene is built once for each link, and restored for every fault."""
+    """All faults of one system in one scenario. The scene is built once for each link, and restored for every fault."""
 
-    def __init__(self, system: str, image: Path | None = None, phases: int = PHASES) -> None:
-        self.system, self.image, self.phases = system, image, phases
+    def __init__(self, system: str, image: Path | None = None, phases: int = PHASES, scenario: str = "") -> None:
+        self.system, self.image, self.phases, self.scenario = system, image, phases, scenario
         self._scenes: dict[str, tuple[Scene, Snapshot]] = {}
         self._healthy: dict[tuple[str, str], dict[int, int]] = {}
 
@@ -82,13 +89,15 @@ class Runner:
 
     def scene(self, link: str) -> tuple[Scene, Snapshot]:
         if link not in self._scenes:
-            scene = armed(self.system, link, self.image)
+            scene = driving(self.system, link, self.image, self.scenario)
             self._scenes[link] = scene, scene.snapshot()
         return self._scenes[link]
 
     def applies(self, fault: Fault) -> bool:
         """Whether the system has what the fault breaks."""
         scene, _snapshot = self.scene("serial")
+        if (ESTIMATE in fault.needs) != (ESTIMATE in scene.features):
+            return False
         return fault.needs <= scene.features and (not fault.interrupt or core.handles(scene, fault.interrupt))
 
     def run(self, fault: Fault) -> Row:
@@ -110,6 +119,7 @@ class Runner:
         why += [f"not told: {missing}" for missing in worst.missing]
         return Row(
             self.system,
+            self.scenario,
             fault.group,
             fault.name,
             fault.what,
@@ -250,11 +260,16 @@ def _late(time_ms: float | None) -> float:
 
 
 def run_all(
-    system: str, faults: Iterable[Fault], image: Path | None, phases: int, done: Callable[[], object] = lambda: None
+    system: str,
+    faults: Iterable[Fault],
+    image: Path | None,
+    phases: int,
+    done: Callable[[], object] = lambda: None,
+    scenario: str = "",
 ) -> list[Row]:
-    """The rows of one system, in order of the table; done() is called after each fault."""
+    """The rows of one system in one scenario, in order of the table; done() is called after each fault."""
     rows = []
-    with Runner(system, image, phases) as runner:
+    with Runner(system, image, phases, scenario) as runner:
         for fault in faults:
             if runner.applies(fault):
                 rows.append(runner.run(fault))

@@ -1,4 +1,5 @@
-"""The scene of every fault: the flash image on the virtual board, its plant on the pins, armed and driving."""
+"""The scene of every fault: the flash image on the virtual board, its plant on the pins, armed and driving, or
+estimating where it drives nothing."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ from plumb.flash.image import find_image
 from plumb.link.identity import Identity
 from plumb.link.session import Session
 from plumb.spec.protocol import Frame, protocol
-from plumb.systems.contracts import PINS, AnalogPins, BridgePins, Coupling, Pins
+from plumb.systems.contracts import PINS, AnalogPins, BridgePins, Coupling, Pins, SensorSets, fitted, link_words
 from plumb.tuning.quantise import quantise
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 SEED = 1
 DRIVING_S = 0.5
 """Time armed before the fault: the outputs are away from neutral, and the estimate has converged."""
+ESTIMATE = "estimate"
 ARMING_S = 3.0
 """Longest time to arming, while the sensors come up and the estimate converges."""
 LISTEN_S = 0.001
@@ -47,7 +49,7 @@ class Heard:
 
 @dataclass
 class Scene:
-    """Build it with `armed`. heard: the frames that came since `listen_anew`.
+    """Build it with `driving`. heard: the frames that came since `listen_anew`.
 
     host_alive: when False, the host sends nothing but still listens. deaf: the host receives nothing.
     variant: number of the variant to inject, from 0 on.
@@ -98,10 +100,12 @@ class Scene:
 
     @property
     def features(self) -> frozenset[str]:
-        """What there is to be broken: analog (sensors on ADC pins), chips (on I2C), bridge, esc (speed controllers)."""
-        outputs = "bridge" if isinstance(self.live, BridgePins) else "esc"
+        """What there is to be broken: analog (sensors on ADC pins), chips (on I2C), bridge, esc (speed controllers);
+        estimate of a system that drives nothing."""
         inputs = "analog" if isinstance(self.live, AnalogPins) else "chips"
-        return frozenset({inputs, outputs})
+        if not systems.load(self.name).OUTPUT_FRAMES:
+            return frozenset({inputs, ESTIMATE})
+        return frozenset({inputs, "bridge" if isinstance(self.live, BridgePins) else "esc"})
 
     @property
     def says_armed(self) -> bool:
@@ -177,24 +181,34 @@ class Scene:
         return self.session.connect()
 
 
-def armed(name: str, link: str = "serial", image: Path | None = None) -> Scene:
-    """A system with its plant on the pins of the virtual board, armed over `link` and driving for DRIVING_S.
+def scenarios_of(name: str) -> tuple[str, ...]:
+    """The scenarios in which faults are injected: one for each set of sensors that the system can have, or "" for the
+    scenario of a served board."""
+    parts = systems.load(name, PINS)
+    return parts.SENSOR_SETS if isinstance(parts, SensorSets) else ("",)
 
-    The plant runs the scenario that a served board shows, in closed loop. Raises LinkError with the board's reason when
-    it does not arm within ARMING_S.
+
+def driving(name: str, link: str = "serial", image: Path | None = None, scenario_name: str = "") -> Scene:
+    """A system with its plant on the pins of the virtual board, running over `link` for DRIVING_S; one that drives
+    something is armed.
+
+    The plant runs the scenario, by default that of a served board, in closed loop. Raises LinkError with the board's
+    reason when it does not arm within ARMING_S.
     """
     system, parts = systems.load(name), systems.load(name, PINS)
-    scenario = system.scenario(parts.SCENARIO, SEED)
+    scenario = system.scenario(scenario_name or parts.SCENARIO, SEED)
     board = VirtualBoard(image, link=link)
     try:
-        params = quantise(system.TUNINGS[parts.TUNING])
-        session = plant_on_pins.configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **system.LINK)
+        params = quantise(fitted(scenario, system.TUNINGS[parts.TUNING]))
+        words = link_words(system, scenario)
+        session = plant_on_pins.configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **words)
         coupling = parts.Coupling(board.machine, system.plant(scenario))
         scene = Scene(name, link, board, coupling, image)
         board.machine.uart.timeout = LISTEN_S
         board.machine.advance_us(plant_on_pins.FOUND_US)
         session.begin("REALTIME_LIVE", frames=parts.FRAMES)
-        arm(scene)
+        if system.OUTPUT_FRAMES:
+            arm(scene)
         scene.run(DRIVING_S)
     except BaseException:
         board.close()

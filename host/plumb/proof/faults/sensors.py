@@ -7,7 +7,7 @@ from collections.abc import Callable
 from plumb.link.identity import SENSOR_CAUSES
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.reports import Told
-from plumb.proof.faults.scene import Scene, noise
+from plumb.proof.faults.scene import ESTIMATE, Scene, noise
 
 LSB_V = 3.3 / 4096
 GYRO, ACCEL_Y, ACCEL_Z = 0, 1, 2
@@ -167,6 +167,24 @@ _CHIPS = tuple(
     )
 )  # fmt: skip
 
+_ESTIMATES = tuple(
+    Fault(f"estimate-{name}", "sensors", what, inject, "sensor", told, CHIPS | {ESTIMATE})
+    for name, what, inject, told in (
+        ("gyro-silent", "the gyro does not acknowledge, and nothing is armed", chip("gyro", answers=False),
+         (digital("does not answer", 0),)),
+        ("accel-silent", "the accelerometer does not acknowledge, and nothing is armed", chip("accel", answers=False),
+         (digital("does not answer", 8),)),
+        ("gyro-frozen", "the data registers of the gyro keep their values, and nothing is armed",
+         chip("gyro", frozen=True), (Told("SENSORS", "digital", 0x00FF),)),
+        ("accel-frozen", "the data registers of the accelerometer keep their values, and nothing is armed",
+         chip("accel", frozen=True), (Told("SENSORS", "digital", 0xFF00),)),
+        ("gyro-browned-out", "the supply of the gyro dips: settings lost, and nothing is armed", browned_out("gyro"),
+         (Told("SENSORS", "digital", 0x00FF),)),
+        ("accel-browned-out", "the supply of the accelerometer dips: settings lost, and nothing is armed",
+         browned_out("accel"), (Told("SENSORS", "digital", 0xFF00),)),
+    )
+)  # fmt: skip
+
 _HALL = tuple(
     Fault(name, "sensors", what, inject, "sensor", told, BRIDGE)
     for name, what, inject, told in (
@@ -177,4 +195,4 @@ _HALL = tuple(
     )
 )  # fmt: skip
 
-FAULTS = _ANALOG + _CHIPS + _HALL
+FAULTS = _ANALOG + _CHIPS + _ESTIMATES + _HALL

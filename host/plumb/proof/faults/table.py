@@ -9,6 +9,7 @@ from plumb import systems
 from plumb.errors import UsageError
 from plumb.proof.faults import buses, clock, frames, hangs, host, memory, power, sensors
 from plumb.proof.faults.fault import Fault
+from plumb.systems.contracts import PINS, AnalogPins
 
 GROUPS = ("sensors", "buses", "clock", "power", "memory", "host", "frames", "hangs")
 FAULTS: tuple[Fault, ...] = (
@@ -17,9 +18,12 @@ FAULTS: tuple[Fault, ...] = (
 )  # fmt: skip
 
 
-def driven_systems() -> list[str]:
-    """The systems that drive an actuator; no other system can be armed."""
-    return [name for name in systems.SYSTEMS if systems.load(name).OUTPUT_FRAMES]
+def tested_systems() -> list[str]:
+    """The systems that drive an actuator, which are armed, then those that estimate from the board's own digital
+    sensors."""
+    driven = [name for name in systems.SYSTEMS if systems.load(name).OUTPUT_FRAMES]
+    on_pins = [name for name in systems.with_part(PINS.name) if name not in driven]
+    return driven + [name for name in on_pins if not isinstance(systems.load(name, PINS), AnalogPins)]
 
 
 def chosen(patterns: Sequence[str]) -> list[Fault]:

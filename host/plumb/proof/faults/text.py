@@ -17,16 +17,16 @@ def milliseconds(value: float | None) -> str:
 def render(rows: Sequence[Row], *, colour: bool = False) -> str:
     """A block for each system, a line for each fault, and a second line with the reasons of a fault that fails."""
     lines: list[str] = []
-    for system in dict.fromkeys(row.system for row in rows):
-        lines += [*([""] if lines else []), *_block(system, [row for row in rows if row.system == system], colour)]
+    for scene in dict.fromkeys(row.scene for row in rows):
+        lines += [*([""] if lines else []), *_block(scene, [row for row in rows if row.scene == scene], colour)]
     failed = sum(row.verdict != "pass" for row in rows)
     lines += ["", f"{len(rows)} faults, {failed} failed: {'fail' if failed else 'pass'}"]
     return "\n".join(lines)
 
 
-def _block(system: str, rows: Sequence[Row], colour: bool) -> list[str]:
+def _block(scene: str, rows: Sequence[Row], colour: bool) -> list[str]:
     width = max(len(HEAD[0]), *(len(row.name) for row in rows))
-    lines = [f"{system}", f"       {HEAD[0]:<{width}}  {HEAD[1]:<6} {HEAD[2]:>8} {HEAD[3]:>6} {HEAD[4]:>10}  {HEAD[5]}"]
+    lines = [scene, f"       {HEAD[0]:<{width}}  {HEAD[1]:<6} {HEAD[2]:>8} {HEAD[3]:>6} {HEAD[4]:>10}  {HEAD[5]}"]
     group = ""
     for row in rows:
         if row.group != group:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from plumb.systems.wiring import (
+    ADXL345_ON_SPI,
     CAN_POWER,
-    DRAIN,
     INPUT,
+    ITG3205,
     MPU6050,
     MPU6050_NOTES,
     OUTPUT,
+    SPI_NOTE,
     SWITCH,
     SWITCH_NOTE,
+    TWO_CHIPS,
     Device,
     Drawing,
     Wire,
@@ -62,13 +65,6 @@ BRIDGE_NOTES = (
 BRIDGE_CAN = ("CAN transceiver, 3.3 V: RXD on PA11, TXD on PA12, VCC on 3V3.", *CAN_POWER)
 
 
-def i2c(title: str, owner: str, supplies: tuple[Wire, Wire]) -> Device:
-    """The devices on the two wires of I2C1."""
-    pulled = "2.2 kΩ to 3V3"
-    lines = (Wire(f"SCL{owner}", "PB8", DRAIN, pulled), Wire(f"SDA{owner}", "PB9", DRAIN, pulled))
-    return Device(title, lines + supplies, 19.2)
-
-
 DRAWINGS = (
     Drawing(
         "balancer",
@@ -76,11 +72,7 @@ DRAWINGS = (
         "bridge",
         left=(
             *BRIDGE,
-            i2c(
-                "ITG-3205 and ADXL345",
-                " of both",
-                (Wire("VDD, VLOGIC; ADXL345's /CS", "3V3"), Wire("GND; SDO, AD0, CLKIN", "GND")),
-            ),
+            TWO_CHIPS,
         ),
         right=(HALL_C, SWITCH),
         notes=(*BRIDGE_NOTES, *BRIDGE_CAN, SWITCH_NOTE),
@@ -89,25 +81,15 @@ DRAWINGS = (
         "balancer_spi",
         "balancer, its accelerometer on SPI",
         "bridge",
-        left=(*BRIDGE, i2c("ITG-3205", "", (Wire("VDD, VLOGIC", "3V3"), Wire("GND; AD0, CLKIN", "GND")))),
+        left=(*BRIDGE, ITG3205),
         right=(
             HALL_C,
-            Device(
-                "ADXL345",
-                (
-                    Wire("SDA (data in)", "PA7", OUTPUT),
-                    Wire("SDO (data out)", "PA6", INPUT),
-                    Wire("SCL (clock)", "PA5", OUTPUT),
-                    Wire("/CS", "PA4", OUTPUT),
-                    Wire("VDD, GND", "3V3 GND"),
-                ),
-                8,
-            ),
+            ADXL345_ON_SPI,
             SWITCH,
         ),
         notes=(
             *BRIDGE_NOTES,
-            "The board has to be told where the accelerometer is: plumb params set accel_bus=1 --save.",
+            SPI_NOTE,
             *BRIDGE_CAN,
             SWITCH_NOTE,
         ),
