@@ -6,7 +6,7 @@
 #include "link/e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 2U
-#define MESSAGES_DBC_HASH 0xD12D8270U
+#define MESSAGES_DBC_HASH 0x1C12F519U
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U

@@ -12,7 +12,7 @@ typedef struct {
 } range_t;
 
 static const range_t ranges[] = {
-    {0x00000000U, 0x00000003U},
+    {0x00000000U, 0x00000004U},
     {0xFFFF8000U, 0x00007FFFU},
     {0x80000000U, 0x7FFFFFFFU},
     {0x00000000U, 0x00000001U},
@@ -35,9 +35,20 @@ static const range_t ranges[] = {
     {0x00000708U, 0x00001068U},
     {0xFFFFF6A0U, 0x00000960U},
     {0x00000708U, 0x00000898U},
+    {0x0083126EU, 0x0B439581U},
+    {0x03378CB6U, 0x46C617BBU},
+    {0x0000000FU, 0x0000007DU},
+    {0x020C49BAU, 0x11111112U},
+    {0x017CF3CFU, 0x1F400000U},
+    {0x00000000U, 0x00100000U},
+    {0x00000000U, 0x04000000U},
+    {0x00000000U, 0x40000000U},
+    {0x00000000U, 0x08000000U},
+    {0x00004000U, 0x33333333U},
+    {0x00000001U, 0x000000FFU},
+    {0x00000100U, 0x33333333U},
     {0x00000001U, 0x00007FFFU},
     {0x00000000U, 0x20000000U},
-    {0x00000000U, 0x40000000U},
     {0xFFFF8001U, 0x00007FFFU},
     {0x00000000U, 0x00007FFFU},
     {0x00000000U, 0x80000000U},
@@ -56,7 +67,6 @@ static const range_t ranges[] = {
     {0x00000000U, 0x00002710U},
     {0x000000C8U, 0x00000DACU},
     {0x0000007DU, 0x000003E8U},
-    {0x00000000U, 0x00000004U},
     {0x00000006U, 0x0000000FU},
     {0x00000001U, 0x00000006U},
 };
@@ -109,7 +119,51 @@ static const uint8_t range_of[PARAMS_COUNT] = {
     20U, /* esc.min_halfus */
     20U, /* esc.max_halfus */
     22U, /* esc.neutral_halfus */
-    23U, /* wheel.edges_max */
+    23U, /* attitude.dt_s_q33 */
+    24U, /* attitude.half_angle */
+    25U, /* attitude.block_steps */
+    26U, /* attitude.inverse_block_q32 */
+    27U, /* attitude.rest_gain_q20 */
+    3U, /* attitude.mounted */
+    7U, /* attitude.start_bias */
+    7U, /* attitude.start_scale */
+    7U, /* attitude.start_tilt */
+    7U, /* attitude.start_velocity */
+    8U, /* attitude.q_bias */
+    28U, /* attitude.q_scale */
+    29U, /* attitude.q_tilt */
+    30U, /* attitude.q_turn_q24 */
+    31U, /* attitude.q_clipped */
+    32U, /* attitude.velocity_min */
+    28U, /* attitude.velocity_share_q16 */
+    18U, /* attitude.velocity_pass_q32 */
+    30U, /* attitude.leak_q32 */
+    33U, /* attitude.lost_blocks */
+    18U, /* attitude.rest_gyro */
+    18U, /* attitude.rest_turn */
+    18U, /* attitude.rest_accel */
+    33U, /* attitude.rest_blocks */
+    34U, /* attitude.rest_variance */
+    5U, /* attitude.unsure */
+    2U, /* gyro_mounting.xx_q30 */
+    2U, /* gyro_mounting.xy_q30 */
+    2U, /* gyro_mounting.xz_q30 */
+    2U, /* gyro_mounting.yx_q30 */
+    2U, /* gyro_mounting.yy_q30 */
+    2U, /* gyro_mounting.yz_q30 */
+    2U, /* gyro_mounting.zx_q30 */
+    2U, /* gyro_mounting.zy_q30 */
+    2U, /* gyro_mounting.zz_q30 */
+    2U, /* accel_mounting.xx_q30 */
+    2U, /* accel_mounting.xy_q30 */
+    2U, /* accel_mounting.xz_q30 */
+    2U, /* accel_mounting.yx_q30 */
+    2U, /* accel_mounting.yy_q30 */
+    2U, /* accel_mounting.yz_q30 */
+    2U, /* accel_mounting.zx_q30 */
+    2U, /* accel_mounting.zy_q30 */
+    2U, /* accel_mounting.zz_q30 */
+    35U, /* wheel.edges_max */
     17U, /* wheel.edge_mps_q26 */
     18U, /* wheel.alpha_q31 */
     18U, /* wheel.accel_gain_q30 */
@@ -118,11 +172,11 @@ static const uint8_t range_of[PARAMS_COUNT] = {
     17U, /* speed.kd_q27 */
     18U, /* speed.d_alpha_q31 */
     19U, /* speed.slew_q22 */
-    24U, /* drive.speed_max_mps_q26 */
-    25U, /* drive.lean_max_turn_q34 */
-    26U, /* drive.span_q15 */
-    27U, /* drive.duty_max_q15 */
-    28U, /* drive.fall_turn_q32 */
+    36U, /* drive.speed_max_mps_q26 */
+    30U, /* drive.lean_max_turn_q34 */
+    37U, /* drive.span_q15 */
+    38U, /* drive.duty_max_q15 */
+    39U, /* drive.fall_turn_q32 */
     3U, /* phone.rates */
     4U, /* roll.r_base */
     4U, /* roll.r_max */
@@ -143,21 +197,21 @@ static const uint8_t range_of[PARAMS_COUNT] = {
     1U, /* angular.raw_max */
     2U, /* angular.gain */
     2U, /* angular.offset */
-    29U, /* gyro_filter.spike_counts */
-    30U, /* gyro_filter.smooth_q16 */
-    29U, /* angular_filter.spike_counts */
-    30U, /* angular_filter.smooth_q16 */
-    31U, /* fusion.layer */
-    32U, /* fusion.dt_s_q32 */
-    33U, /* fusion.step_hz_q16 */
-    34U, /* fusion.gyro_period_step_q24 */
-    35U, /* fusion.gyro_age_step_q24 */
-    36U, /* fusion.gyro_samples_step_q30 */
+    40U, /* gyro_filter.spike_counts */
+    41U, /* gyro_filter.smooth_q16 */
+    40U, /* angular_filter.spike_counts */
+    41U, /* angular_filter.smooth_q16 */
+    42U, /* fusion.layer */
+    43U, /* fusion.dt_s_q32 */
+    44U, /* fusion.step_hz_q16 */
+    45U, /* fusion.gyro_period_step_q24 */
+    46U, /* fusion.gyro_age_step_q24 */
+    47U, /* fusion.gyro_samples_step_q30 */
     5U, /* fusion.rest_steps */
-    37U, /* fusion.lag_step_q24 */
+    48U, /* fusion.lag_step_q24 */
     18U, /* fusion.lag_alpha_q31 */
-    25U, /* fusion.share_q30 */
-    38U, /* fusion.r_gyro_q44 */
+    30U, /* fusion.share_q30 */
+    49U, /* fusion.r_gyro_q44 */
     5U, /* fusion.q_rate_q52 */
     5U, /* fusion.q_rate_lost_q44 */
     5U, /* fusion.q_gyro_bias_q60 */
@@ -165,20 +219,20 @@ static const uint8_t range_of[PARAMS_COUNT] = {
     5U, /* fusion.p_gyro_bias_q40 */
     5U, /* fusion.p_angular_bias_q52 */
     5U, /* fusion.v_scale_q40 */
-    25U, /* fusion.v_lag_q30 */
-    39U, /* period_us */
-    40U, /* esc_period_us */
-    41U, /* arm_hold_ms */
+    30U, /* fusion.v_lag_q30 */
+    50U, /* period_us */
+    51U, /* esc_period_us */
+    52U, /* arm_hold_ms */
     3U, /* pins */
-    42U, /* dead_time_ns */
-    43U, /* can_bitrate_kbit */
-    44U, /* adc_oversample_log2 */
-    41U, /* rail_ms */
-    41U, /* stuck_ms */
-    31U, /* accel_bus */
-    45U, /* accel_rate */
-    46U, /* gyro_filter */
-    31U, /* imu_axis */
+    53U, /* dead_time_ns */
+    54U, /* can_bitrate_kbit */
+    0U, /* adc_oversample_log2 */
+    52U, /* rail_ms */
+    52U, /* stuck_ms */
+    42U, /* accel_bus */
+    55U, /* accel_rate */
+    56U, /* gyro_filter */
+    42U, /* imu_axis */
     5U, /* variance_turn2_q56 */
 };
 
@@ -230,77 +284,121 @@ static const uint32_t defaults[PARAMS_COUNT] = {
     0x000007D0U, /* 44: esc.min_halfus */
     0x00000FA0U, /* 45: esc.max_halfus */
     0x000007D0U, /* 46: esc.neutral_halfus */
-    0x00000028U, /* 47: wheel.edges_max */
-    0x017EF9A0U, /* 48: wheel.edge_mps_q26 */
-    0x063E1D3DU, /* 49: wheel.alpha_q31 */
-    0x1FD41D6AU, /* 50: wheel.accel_gain_q30 */
-    0x0A000000U, /* 51: speed.kp_q22 */
-    0x00028F5CU, /* 52: speed.ki_dt_q22 */
-    0x00000000U, /* 53: speed.kd_q27 */
-    0x7FFFFFFFU, /* 54: speed.d_alpha_q31 */
-    0x00800000U, /* 55: speed.slew_q22 */
-    0x04000000U, /* 56: drive.speed_max_mps_q26 */
-    0x16C16C17U, /* 57: drive.lean_max_turn_q34 */
-    0xFFFF8001U, /* 58: drive.span_q15 */
-    0x00007FFFU, /* 59: drive.duty_max_q15 */
-    0x20000000U, /* 60: drive.fall_turn_q32 */
-    0x00000001U, /* 61: phone.rates */
-    0x0000A1D1U, /* 62: roll.r_base */
-    0x003F35BAU, /* 63: roll.r_max */
-    0x00000000U, /* 64: roll.qa_hi */
-    0x6A0C6F6DU, /* 65: roll.qa_lo */
-    0x000006F3U, /* 66: roll.qb */
-    0x0CCA6359U, /* 67: roll.qb_frac_q30 */
-    0x00000000U, /* 68: roll.start.bias_hi */
-    0x00000000U, /* 69: roll.start.bias_lo */
-    0x00000000U, /* 70: roll.start.tilt_turn_q32 */
-    0x02000000U, /* 71: roll.start.p00_hi */
-    0x00000000U, /* 72: roll.start.p00_lo */
-    0x00000000U, /* 73: roll.start.p01_hi */
-    0x00000000U, /* 74: roll.start.p01_lo */
-    0x0000000AU, /* 75: roll.start.p11_hi */
-    0x5B36E1A0U, /* 76: roll.start.p11_lo */
-    0xFFFF8002U, /* 77: angular.raw_min */
-    0x00007FFEU, /* 78: angular.raw_max */
-    0x000091A3U, /* 79: angular.gain */
-    0x00000000U, /* 80: angular.offset */
-    0x0000020CU, /* 81: gyro_filter.spike_counts */
-    0x00010000U, /* 82: gyro_filter.smooth_q16 */
-    0x000004B0U, /* 83: angular_filter.spike_counts */
-    0x00010000U, /* 84: angular_filter.smooth_q16 */
-    0x00000000U, /* 85: fusion.layer */
-    0x010624DDU, /* 86: fusion.dt_s_q32 */
-    0x00FA0000U, /* 87: fusion.step_hz_q16 */
-    0x02800000U, /* 88: fusion.gyro_period_step_q24 */
-    0x01800000U, /* 89: fusion.gyro_age_step_q24 */
-    0x1999999AU, /* 90: fusion.gyro_samples_step_q30 */
-    0x000009C4U, /* 91: fusion.rest_steps */
-    0x02000000U, /* 92: fusion.lag_step_q24 */
-    0x325D340EU, /* 93: fusion.lag_alpha_q31 */
-    0x20000000U, /* 94: fusion.share_q30 */
-    0x00BA69DCU, /* 95: fusion.r_gyro_q44 */
-    0x00BEE32FU, /* 96: fusion.q_rate_q52 */
-    0x1D208A5BU, /* 97: fusion.q_rate_lost_q44 */
-    0x0004E300U, /* 98: fusion.q_gyro_bias_q60 */
-    0x00000520U, /* 99: fusion.q_angular_bias_q64 */
-    0x0081742EU, /* 100: fusion.p_gyro_bias_q40 */
-    0x021EF7FDU, /* 101: fusion.p_angular_bias_q52 */
-    0x0346DC5DU, /* 102: fusion.v_scale_q40 */
-    0x24000000U, /* 103: fusion.v_lag_q30 */
-    0x00004E20U, /* 104: period_us */
-    0x00004E20U, /* 105: esc_period_us */
-    0x000003E8U, /* 106: arm_hold_ms */
-    0x00000000U, /* 107: pins */
-    0x000003E8U, /* 108: dead_time_ns */
-    0x000001F4U, /* 109: can_bitrate_kbit */
-    0x00000000U, /* 110: adc_oversample_log2 */
-    0x00000032U, /* 111: rail_ms */
-    0x00000064U, /* 112: stuck_ms */
-    0x00000000U, /* 113: accel_bus */
-    0x0000000BU, /* 114: accel_rate */
-    0x00000002U, /* 115: gyro_filter */
-    0x00000001U, /* 116: imu_axis */
-    0x00E38E39U, /* 117: variance_turn2_q56 */
+    0x028F5C29U, /* 47: attitude.dt_s_q33 */
+    0x1015BF92U, /* 48: attitude.half_angle */
+    0x00000018U, /* 49: attitude.block_steps */
+    0x0AAAAAABU, /* 50: attitude.inverse_block_q32 */
+    0x06400000U, /* 51: attitude.rest_gain_q20 */
+    0x00000000U, /* 52: attitude.mounted */
+    0x2889C712U, /* 53: attitude.start_bias */
+    0x1FB82C2CU, /* 54: attitude.start_scale */
+    0x16896CB8U, /* 55: attitude.start_tilt */
+    0x17023E4FU, /* 56: attitude.start_velocity */
+    0x000002D6U, /* 57: attitude.q_bias */
+    0x00000087U, /* 58: attitude.q_scale */
+    0x00000001U, /* 59: attitude.q_tilt */
+    0x00346DC6U, /* 60: attitude.q_turn_q24 */
+    0x02889C71U, /* 61: attitude.q_clipped */
+    0x00502C3AU, /* 62: attitude.velocity_min */
+    0x00006666U, /* 63: attitude.velocity_share_q16 */
+    0x1EB851ECU, /* 64: attitude.velocity_pass_q32 */
+    0x00275254U, /* 65: attitude.leak_q32 */
+    0x00000053U, /* 66: attitude.lost_blocks */
+    0x000349DAU, /* 67: attitude.rest_gyro */
+    0x03153C2FU, /* 68: attitude.rest_turn */
+    0x00007AE1U, /* 69: attitude.rest_accel */
+    0x00000008U, /* 70: attitude.rest_blocks */
+    0x00043969U, /* 71: attitude.rest_variance */
+    0x03E62B9DU, /* 72: attitude.unsure */
+    0x40000000U, /* 73: gyro_mounting.xx_q30 */
+    0x00000000U, /* 74: gyro_mounting.xy_q30 */
+    0x00000000U, /* 75: gyro_mounting.xz_q30 */
+    0x00000000U, /* 76: gyro_mounting.yx_q30 */
+    0x40000000U, /* 77: gyro_mounting.yy_q30 */
+    0x00000000U, /* 78: gyro_mounting.yz_q30 */
+    0x00000000U, /* 79: gyro_mounting.zx_q30 */
+    0x00000000U, /* 80: gyro_mounting.zy_q30 */
+    0x40000000U, /* 81: gyro_mounting.zz_q30 */
+    0x40000000U, /* 82: accel_mounting.xx_q30 */
+    0x00000000U, /* 83: accel_mounting.xy_q30 */
+    0x00000000U, /* 84: accel_mounting.xz_q30 */
+    0x00000000U, /* 85: accel_mounting.yx_q30 */
+    0x40000000U, /* 86: accel_mounting.yy_q30 */
+    0x00000000U, /* 87: accel_mounting.yz_q30 */
+    0x00000000U, /* 88: accel_mounting.zx_q30 */
+    0x00000000U, /* 89: accel_mounting.zy_q30 */
+    0x40000000U, /* 90: accel_mounting.zz_q30 */
+    0x00000028U, /* 91: wheel.edges_max */
+    0x017EF9A0U, /* 92: wheel.edge_mps_q26 */
+    0x063E1D3DU, /* 93: wheel.alpha_q31 */
+    0x1FD41D6AU, /* 94: wheel.accel_gain_q30 */
+    0x0A000000U, /* 95: speed.kp_q22 */
+    0x00028F5CU, /* 96: speed.ki_dt_q22 */
+    0x00000000U, /* 97: speed.kd_q27 */
+    0x7FFFFFFFU, /* 98: speed.d_alpha_q31 */
+    0x00800000U, /* 99: speed.slew_q22 */
+    0x04000000U, /* 100: drive.speed_max_mps_q26 */
+    0x16C16C17U, /* 101: drive.lean_max_turn_q34 */
+    0xFFFF8001U, /* 102: drive.span_q15 */
+    0x00007FFFU, /* 103: drive.duty_max_q15 */
+    0x20000000U, /* 104: drive.fall_turn_q32 */
+    0x00000001U, /* 105: phone.rates */
+    0x0000A1D1U, /* 106: roll.r_base */
+    0x003F35BAU, /* 107: roll.r_max */
+    0x00000000U, /* 108: roll.qa_hi */
+    0x6A0C6F6DU, /* 109: roll.qa_lo */
+    0x000006F3U, /* 110: roll.qb */
+    0x0CCA6359U, /* 111: roll.qb_frac_q30 */
+    0x00000000U, /* 112: roll.start.bias_hi */
+    0x00000000U, /* 113: roll.start.bias_lo */
+    0x00000000U, /* 114: roll.start.tilt_turn_q32 */
+    0x02000000U, /* 115: roll.start.p00_hi */
+    0x00000000U, /* 116: roll.start.p00_lo */
+    0x00000000U, /* 117: roll.start.p01_hi */
+    0x00000000U, /* 118: roll.start.p01_lo */
+    0x0000000AU, /* 119: roll.start.p11_hi */
+    0x5B36E1A0U, /* 120: roll.start.p11_lo */
+    0xFFFF8002U, /* 121: angular.raw_min */
+    0x00007FFEU, /* 122: angular.raw_max */
+    0x000091A3U, /* 123: angular.gain */
+    0x00000000U, /* 124: angular.offset */
+    0x0000020CU, /* 125: gyro_filter.spike_counts */
+    0x00010000U, /* 126: gyro_filter.smooth_q16 */
+    0x000004B0U, /* 127: angular_filter.spike_counts */
+    0x00010000U, /* 128: angular_filter.smooth_q16 */
+    0x00000000U, /* 129: fusion.layer */
+    0x010624DDU, /* 130: fusion.dt_s_q32 */
+    0x00FA0000U, /* 131: fusion.step_hz_q16 */
+    0x02800000U, /* 132: fusion.gyro_period_step_q24 */
+    0x01800000U, /* 133: fusion.gyro_age_step_q24 */
+    0x1999999AU, /* 134: fusion.gyro_samples_step_q30 */
+    0x000009C4U, /* 135: fusion.rest_steps */
+    0x02000000U, /* 136: fusion.lag_step_q24 */
+    0x325D340EU, /* 137: fusion.lag_alpha_q31 */
+    0x20000000U, /* 138: fusion.share_q30 */
+    0x00BA69DCU, /* 139: fusion.r_gyro_q44 */
+    0x00BEE32FU, /* 140: fusion.q_rate_q52 */
+    0x1D208A5BU, /* 141: fusion.q_rate_lost_q44 */
+    0x0004E300U, /* 142: fusion.q_gyro_bias_q60 */
+    0x00000520U, /* 143: fusion.q_angular_bias_q64 */
+    0x0081742EU, /* 144: fusion.p_gyro_bias_q40 */
+    0x021EF7FDU, /* 145: fusion.p_angular_bias_q52 */
+    0x0346DC5DU, /* 146: fusion.v_scale_q40 */
+    0x24000000U, /* 147: fusion.v_lag_q30 */
+    0x00004E20U, /* 148: period_us */
+    0x00004E20U, /* 149: esc_period_us */
+    0x000003E8U, /* 150: arm_hold_ms */
+    0x00000000U, /* 151: pins */
+    0x000003E8U, /* 152: dead_time_ns */
+    0x000001F4U, /* 153: can_bitrate_kbit */
+    0x00000000U, /* 154: adc_oversample_log2 */
+    0x00000032U, /* 155: rail_ms */
+    0x00000064U, /* 156: stuck_ms */
+    0x00000000U, /* 157: accel_bus */
+    0x0000000BU, /* 158: accel_rate */
+    0x00000002U, /* 159: gyro_filter */
+    0x00000001U, /* 160: imu_axis */
+    0x00E38E39U, /* 161: variance_turn2_q56 */
 };
 
 static const uint16_t ids[PARAMS_COUNT] = {
@@ -351,6 +449,50 @@ static const uint16_t ids[PARAMS_COUNT] = {
     0x95AEU, /* esc.min_halfus */
     0x012EU, /* esc.max_halfus */
     0xE601U, /* esc.neutral_halfus */
+    0x2BADU, /* attitude.dt_s_q33 */
+    0x05CFU, /* attitude.half_angle */
+    0xCE85U, /* attitude.block_steps */
+    0xD757U, /* attitude.inverse_block_q32 */
+    0xD3A8U, /* attitude.rest_gain_q20 */
+    0x33B9U, /* attitude.mounted */
+    0x8B42U, /* attitude.start_bias */
+    0x8B0DU, /* attitude.start_scale */
+    0xB1C7U, /* attitude.start_tilt */
+    0xFDBDU, /* attitude.start_velocity */
+    0xA852U, /* attitude.q_bias */
+    0x8F0CU, /* attitude.q_scale */
+    0x92D7U, /* attitude.q_tilt */
+    0x2DFDU, /* attitude.q_turn_q24 */
+    0x1E84U, /* attitude.q_clipped */
+    0xD2F7U, /* attitude.velocity_min */
+    0x404EU, /* attitude.velocity_share_q16 */
+    0xEAD5U, /* attitude.velocity_pass_q32 */
+    0x0314U, /* attitude.leak_q32 */
+    0xC0C4U, /* attitude.lost_blocks */
+    0xFA22U, /* attitude.rest_gyro */
+    0x1F19U, /* attitude.rest_turn */
+    0xE46EU, /* attitude.rest_accel */
+    0x5242U, /* attitude.rest_blocks */
+    0xC102U, /* attitude.rest_variance */
+    0x778AU, /* attitude.unsure */
+    0xCD56U, /* gyro_mounting.xx_q30 */
+    0x6707U, /* gyro_mounting.xy_q30 */
+    0x89D5U, /* gyro_mounting.xz_q30 */
+    0x88F6U, /* gyro_mounting.yx_q30 */
+    0x22A7U, /* gyro_mounting.yy_q30 */
+    0xCC75U, /* gyro_mounting.yz_q30 */
+    0x4616U, /* gyro_mounting.zx_q30 */
+    0xEC47U, /* gyro_mounting.zy_q30 */
+    0x0295U, /* gyro_mounting.zz_q30 */
+    0x26B0U, /* accel_mounting.xx_q30 */
+    0x8CE1U, /* accel_mounting.xy_q30 */
+    0x6233U, /* accel_mounting.xz_q30 */
+    0x6310U, /* accel_mounting.yx_q30 */
+    0xC941U, /* accel_mounting.yy_q30 */
+    0x2793U, /* accel_mounting.yz_q30 */
+    0xADF0U, /* accel_mounting.zx_q30 */
+    0x07A1U, /* accel_mounting.zy_q30 */
+    0xE973U, /* accel_mounting.zz_q30 */
     0xF234U, /* wheel.edges_max */
     0xBFF5U, /* wheel.edge_mps_q26 */
     0xD796U, /* wheel.alpha_q31 */
@@ -473,77 +615,121 @@ PLACE(control.esc.span_halfus, 43);
 PLACE(control.esc.min_halfus, 44);
 PLACE(control.esc.max_halfus, 45);
 PLACE(control.esc.neutral_halfus, 46);
-PLACE(control.wheel.edges_max, 47);
-PLACE(control.wheel.edge_mps_q26, 48);
-PLACE(control.wheel.alpha_q31, 49);
-PLACE(control.wheel.accel_gain_q30, 50);
-PLACE(control.speed.kp_q22, 51);
-PLACE(control.speed.ki_dt_q22, 52);
-PLACE(control.speed.kd_q27, 53);
-PLACE(control.speed.d_alpha_q31, 54);
-PLACE(control.speed.slew_q22, 55);
-PLACE(control.drive.speed_max_mps_q26, 56);
-PLACE(control.drive.lean_max_turn_q34, 57);
-PLACE(control.drive.span_q15, 58);
-PLACE(control.drive.duty_max_q15, 59);
-PLACE(control.drive.fall_turn_q32, 60);
-PLACE(control.phone.rates, 61);
-PLACE(control.roll.r_base, 62);
-PLACE(control.roll.r_max, 63);
-PLACE(control.roll.qa_hi, 64);
-PLACE(control.roll.qa_lo, 65);
-PLACE(control.roll.qb, 66);
-PLACE(control.roll.qb_frac_q30, 67);
-PLACE(control.roll.start.bias_hi, 68);
-PLACE(control.roll.start.bias_lo, 69);
-PLACE(control.roll.start.tilt_turn_q32, 70);
-PLACE(control.roll.start.p00_hi, 71);
-PLACE(control.roll.start.p00_lo, 72);
-PLACE(control.roll.start.p01_hi, 73);
-PLACE(control.roll.start.p01_lo, 74);
-PLACE(control.roll.start.p11_hi, 75);
-PLACE(control.roll.start.p11_lo, 76);
-PLACE(control.angular.raw_min, 77);
-PLACE(control.angular.raw_max, 78);
-PLACE(control.angular.gain, 79);
-PLACE(control.angular.offset, 80);
-PLACE(control.gyro_filter.spike_counts, 81);
-PLACE(control.gyro_filter.smooth_q16, 82);
-PLACE(control.angular_filter.spike_counts, 83);
-PLACE(control.angular_filter.smooth_q16, 84);
-PLACE(control.fusion.layer, 85);
-PLACE(control.fusion.dt_s_q32, 86);
-PLACE(control.fusion.step_hz_q16, 87);
-PLACE(control.fusion.gyro_period_step_q24, 88);
-PLACE(control.fusion.gyro_age_step_q24, 89);
-PLACE(control.fusion.gyro_samples_step_q30, 90);
-PLACE(control.fusion.rest_steps, 91);
-PLACE(control.fusion.lag_step_q24, 92);
-PLACE(control.fusion.lag_alpha_q31, 93);
-PLACE(control.fusion.share_q30, 94);
-PLACE(control.fusion.r_gyro_q44, 95);
-PLACE(control.fusion.q_rate_q52, 96);
-PLACE(control.fusion.q_rate_lost_q44, 97);
-PLACE(control.fusion.q_gyro_bias_q60, 98);
-PLACE(control.fusion.q_angular_bias_q64, 99);
-PLACE(control.fusion.p_gyro_bias_q40, 100);
-PLACE(control.fusion.p_angular_bias_q52, 101);
-PLACE(control.fusion.v_scale_q40, 102);
-PLACE(control.fusion.v_lag_q30, 103);
-PLACE(period_us, 104);
-PLACE(esc_period_us, 105);
-PLACE(arm_hold_ms, 106);
-PLACE(pins, 107);
-PLACE(dead_time_ns, 108);
-PLACE(can_bitrate_kbit, 109);
-PLACE(adc_oversample_log2, 110);
-PLACE(rail_ms, 111);
-PLACE(stuck_ms, 112);
-PLACE(accel_bus, 113);
-PLACE(accel_rate, 114);
-PLACE(gyro_filter, 115);
-PLACE(imu_axis, 116);
-PLACE(variance_turn2_q56, 117);
+PLACE(control.attitude.dt_s_q33, 47);
+PLACE(control.attitude.half_angle, 48);
+PLACE(control.attitude.block_steps, 49);
+PLACE(control.attitude.inverse_block_q32, 50);
+PLACE(control.attitude.rest_gain_q20, 51);
+PLACE(control.attitude.mounted, 52);
+PLACE(control.attitude.start_bias, 53);
+PLACE(control.attitude.start_scale, 54);
+PLACE(control.attitude.start_tilt, 55);
+PLACE(control.attitude.start_velocity, 56);
+PLACE(control.attitude.q_bias, 57);
+PLACE(control.attitude.q_scale, 58);
+PLACE(control.attitude.q_tilt, 59);
+PLACE(control.attitude.q_turn_q24, 60);
+PLACE(control.attitude.q_clipped, 61);
+PLACE(control.attitude.velocity_min, 62);
+PLACE(control.attitude.velocity_share_q16, 63);
+PLACE(control.attitude.velocity_pass_q32, 64);
+PLACE(control.attitude.leak_q32, 65);
+PLACE(control.attitude.lost_blocks, 66);
+PLACE(control.attitude.rest_gyro, 67);
+PLACE(control.attitude.rest_turn, 68);
+PLACE(control.attitude.rest_accel, 69);
+PLACE(control.attitude.rest_blocks, 70);
+PLACE(control.attitude.rest_variance, 71);
+PLACE(control.attitude.unsure, 72);
+PLACE(control.gyro_mounting.xx_q30, 73);
+PLACE(control.gyro_mounting.xy_q30, 74);
+PLACE(control.gyro_mounting.xz_q30, 75);
+PLACE(control.gyro_mounting.yx_q30, 76);
+PLACE(control.gyro_mounting.yy_q30, 77);
+PLACE(control.gyro_mounting.yz_q30, 78);
+PLACE(control.gyro_mounting.zx_q30, 79);
+PLACE(control.gyro_mounting.zy_q30, 80);
+PLACE(control.gyro_mounting.zz_q30, 81);
+PLACE(control.accel_mounting.xx_q30, 82);
+PLACE(control.accel_mounting.xy_q30, 83);
+PLACE(control.accel_mounting.xz_q30, 84);
+PLACE(control.accel_mounting.yx_q30, 85);
+PLACE(control.accel_mounting.yy_q30, 86);
+PLACE(control.accel_mounting.yz_q30, 87);
+PLACE(control.accel_mounting.zx_q30, 88);
+PLACE(control.accel_mounting.zy_q30, 89);
+PLACE(control.accel_mounting.zz_q30, 90);
+PLACE(control.wheel.edges_max, 91);
+PLACE(control.wheel.edge_mps_q26, 92);
+PLACE(control.wheel.alpha_q31, 93);
+PLACE(control.wheel.accel_gain_q30, 94);
+PLACE(control.speed.kp_q22, 95);
+PLACE(control.speed.ki_dt_q22, 96);
+PLACE(control.speed.kd_q27, 97);
+PLACE(control.speed.d_alpha_q31, 98);
+PLACE(control.speed.slew_q22, 99);
+PLACE(control.drive.speed_max_mps_q26, 100);
+PLACE(control.drive.lean_max_turn_q34, 101);
+PLACE(control.drive.span_q15, 102);
+PLACE(control.drive.duty_max_q15, 103);
+PLACE(control.drive.fall_turn_q32, 104);
+PLACE(control.phone.rates, 105);
+PLACE(control.roll.r_base, 106);
+PLACE(control.roll.r_max, 107);
+PLACE(control.roll.qa_hi, 108);
+PLACE(control.roll.qa_lo, 109);
+PLACE(control.roll.qb, 110);
+PLACE(control.roll.qb_frac_q30, 111);
+PLACE(control.roll.start.bias_hi, 112);
+PLACE(control.roll.start.bias_lo, 113);
+PLACE(control.roll.start.tilt_turn_q32, 114);
+PLACE(control.roll.start.p00_hi, 115);
+PLACE(control.roll.start.p00_lo, 116);
+PLACE(control.roll.start.p01_hi, 117);
+PLACE(control.roll.start.p01_lo, 118);
+PLACE(control.roll.start.p11_hi, 119);
+PLACE(control.roll.start.p11_lo, 120);
+PLACE(control.angular.raw_min, 121);
+PLACE(control.angular.raw_max, 122);
+PLACE(control.angular.gain, 123);
+PLACE(control.angular.offset, 124);
+PLACE(control.gyro_filter.spike_counts, 125);
+PLACE(control.gyro_filter.smooth_q16, 126);
+PLACE(control.angular_filter.spike_counts, 127);
+PLACE(control.angular_filter.smooth_q16, 128);
+PLACE(control.fusion.layer, 129);
+PLACE(control.fusion.dt_s_q32, 130);
+PLACE(control.fusion.step_hz_q16, 131);
+PLACE(control.fusion.gyro_period_step_q24, 132);
+PLACE(control.fusion.gyro_age_step_q24, 133);
+PLACE(control.fusion.gyro_samples_step_q30, 134);
+PLACE(control.fusion.rest_steps, 135);
+PLACE(control.fusion.lag_step_q24, 136);
+PLACE(control.fusion.lag_alpha_q31, 137);
+PLACE(control.fusion.share_q30, 138);
+PLACE(control.fusion.r_gyro_q44, 139);
+PLACE(control.fusion.q_rate_q52, 140);
+PLACE(control.fusion.q_rate_lost_q44, 141);
+PLACE(control.fusion.q_gyro_bias_q60, 142);
+PLACE(control.fusion.q_angular_bias_q64, 143);
+PLACE(control.fusion.p_gyro_bias_q40, 144);
+PLACE(control.fusion.p_angular_bias_q52, 145);
+PLACE(control.fusion.v_scale_q40, 146);
+PLACE(control.fusion.v_lag_q30, 147);
+PLACE(period_us, 148);
+PLACE(esc_period_us, 149);
+PLACE(arm_hold_ms, 150);
+PLACE(pins, 151);
+PLACE(dead_time_ns, 152);
+PLACE(can_bitrate_kbit, 153);
+PLACE(adc_oversample_log2, 154);
+PLACE(rail_ms, 155);
+PLACE(stuck_ms, 156);
+PLACE(accel_bus, 157);
+PLACE(accel_rate, 158);
+PLACE(gyro_filter, 159);
+PLACE(imu_axis, 160);
+PLACE(variance_turn2_q56, 161);
 typedef char whole_table[sizeof(params_t) == 4U * PARAMS_COUNT ? 1 : -1];
 
 uint32_t params_word(const params_t *p, uint16_t index) {
@@ -579,9 +765,9 @@ static bool live(uint16_t index) {
     case 37U: /* pid.kp_q22 */
     case 38U: /* pid.ki_dt_q22 */
     case 39U: /* pid.kd_q27 */
-    case 51U: /* speed.kp_q22 */
-    case 52U: /* speed.ki_dt_q22 */
-    case 53U: /* speed.kd_q27 */
+    case 95U: /* speed.kp_q22 */
+    case 96U: /* speed.ki_dt_q22 */
+    case 97U: /* speed.kd_q27 */
         return true;
     default:
         return false;

@@ -5,7 +5,7 @@
 
 #include "systems/control.h"
 
-#define PARAMS_COUNT 118U
+#define PARAMS_COUNT 162U
 
 /* Parameters of a run: the control core's, then the link's and the board's. Words of 32 bits, in the order of their
  * numbers on the wire. */

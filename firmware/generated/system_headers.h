@@ -6,7 +6,7 @@
 #include "plumb/systems.h"
 
 /* The systems of this image, one bit each by its number. */
-#define CONTROL_SYSTEMS (1UL << PLUMB_SYSTEM_QUAD | 1UL << PLUMB_SYSTEM_BALANCER | 1UL << PLUMB_SYSTEM_TURNTABLE | 1UL << PLUMB_SYSTEM_PHONE)
+#define CONTROL_SYSTEMS (1UL << PLUMB_SYSTEM_QUAD | 1UL << PLUMB_SYSTEM_BALANCER | 1UL << PLUMB_SYSTEM_TURNTABLE | 1UL << PLUMB_SYSTEM_PHONE | 1UL << PLUMB_SYSTEM_ATTITUDE)
 
 /* The largest record of any system, in words. */
 typedef union {
@@ -14,6 +14,7 @@ typedef union {
     plumb_balancer_words_t balancer;
     plumb_turntable_words_t turntable;
     plumb_phone_words_t phone;
+    plumb_attitude_words_t attitude;
 } control_words_t;
 
 /* A whole controller of any system. Its words come first in each. */
@@ -22,6 +23,7 @@ typedef union {
     plumb_balancer_t balancer;
     plumb_turntable_t turntable;
     plumb_phone_t phone;
+    plumb_attitude_t attitude;
 } control_t;
 
 #endif

@@ -263,6 +263,47 @@ PLACE(step, 228U, 47);
 #undef PLACE
 typedef char phone_record[sizeof(plumb_phone_words_t) == 232U ? 1 : -1];
 
+/* attitude: the record is hashed as bytes, each word where the host expects it. */
+#define PLACE(member, place, number) \
+    typedef char attitude_place_##number[offsetof(plumb_attitude_words_t, member) == (place) ? 1 : -1]
+PLACE(raw[0], 0U, 0);
+PLACE(raw[1], 4U, 1);
+PLACE(raw[2], 8U, 2);
+PLACE(raw[3], 12U, 3);
+PLACE(raw[4], 16U, 4);
+PLACE(raw[5], 20U, 5);
+PLACE(setpoint, 24U, 6);
+PLACE(rate_turnps_q28[0], 28U, 7);
+PLACE(rate_turnps_q28[1], 32U, 8);
+PLACE(rate_turnps_q28[2], 36U, 9);
+PLACE(accel_g_q25[0], 40U, 10);
+PLACE(accel_g_q25[1], 44U, 11);
+PLACE(accel_g_q25[2], 48U, 12);
+PLACE(attitude.w, 52U, 13);
+PLACE(attitude.x, 56U, 14);
+PLACE(attitude.y, 60U, 15);
+PLACE(attitude.z, 64U, 16);
+PLACE(up_q30[0], 68U, 17);
+PLACE(up_q30[1], 72U, 18);
+PLACE(up_q30[2], 76U, 19);
+PLACE(bias_turnps_q32[0], 80U, 20);
+PLACE(bias_turnps_q32[1], 84U, 21);
+PLACE(bias_turnps_q32[2], 88U, 22);
+PLACE(scale_q32[0], 92U, 23);
+PLACE(scale_q32[1], 96U, 24);
+PLACE(scale_q32[2], 100U, 25);
+PLACE(velocity_gs_q28[0], 104U, 26);
+PLACE(velocity_gs_q28[1], 108U, 27);
+PLACE(velocity_square_g2s2_q24, 112U, 28);
+PLACE(velocity_variance_g2s2_q32, 116U, 29);
+PLACE(tilt_variance_rad2_q32, 120U, 30);
+PLACE(block_step, 124U, 31);
+PLACE(missing_steps, 128U, 32);
+PLACE(flags, 132U, 33);
+PLACE(step, 136U, 34);
+#undef PLACE
+typedef char attitude_record[sizeof(plumb_attitude_words_t) == 140U ? 1 : -1];
+
 static const control_frame_t quad_frames[] = {
     {0x304U, 36U, 0U, 26U}, /* ANGLE */
     {0x305U, 37U, 0U, 27U}, /* BIAS */
@@ -292,6 +333,13 @@ static const control_frame_t phone_frames[] = {
     {0x3C5U, 56U, 0U, 51U}, /* ROLL */
     {0x3C6U, 255U, 0U, 49U}, /* BIAS */
     {0x3C7U, 255U, 0U, 52U}, /* ROLL_BIAS */
+};
+
+static const control_frame_t attitude_frames[] = {
+    {0x404U, 33U, 0U, 13U}, /* QUATERNION_W */
+    {0x405U, 7U, 15U, 14U}, /* QUATERNION_X */
+    {0x406U, 8U, 15U, 15U}, /* QUATERNION_Y */
+    {0x407U, 9U, 15U, 16U}, /* QUATERNION_Z */
 };
 
 static const control_system_t quad_system = {
@@ -333,6 +381,15 @@ static const control_system_t phone_system = {
     .sensors = CONTROL_SENSORS_NONE,
 };
 
+static const control_system_t attitude_system = {
+    .frames = attitude_frames,
+    .frame_count = sizeof attitude_frames / sizeof attitude_frames[0],
+    .record_words = 35U,
+    .saturated = PLUMB_ATTITUDE_FLAGS_SATURATED,
+    .sensors = CONTROL_SENSORS_SIX_AXES,
+    .marks_missing = true,
+};
+
 /* A system that this image does not have: flags and step number, which are 0. */
 static const control_system_t no_system = {.record_words = 2U};
 
@@ -346,6 +403,8 @@ const control_system_t *control_system(const plumb_params_t *p) {
         return &turntable_system;
     case PLUMB_SYSTEM_PHONE:
         return &phone_system;
+    case PLUMB_SYSTEM_ATTITUDE:
+        return &attitude_system;
     default:
         return &no_system;
     }
@@ -364,6 +423,9 @@ void control_init(control_t *c, const plumb_params_t *p) {
         break;
     case PLUMB_SYSTEM_PHONE:
         plumb_phone_init(&c->phone, p);
+        break;
+    case PLUMB_SYSTEM_ATTITUDE:
+        plumb_attitude_init(&c->attitude, p);
         break;
     default:
         break;
@@ -384,6 +446,10 @@ void control_step(control_t *c, const plumb_params_t *p, const int16_t raw[PLUMB
         plumb_phone_step(&c->phone, p, raw, setpoint);
         return;
     }
+    if (__builtin_expect(p->system == PLUMB_SYSTEM_ATTITUDE, 1)) { /* 2500 cycles */
+        plumb_attitude_step(&c->attitude, p, raw, setpoint);
+        return;
+    }
     if (__builtin_expect(p->system == PLUMB_SYSTEM_TURNTABLE, 1)) { /* 9500 cycles */
         plumb_turntable_step(&c->turntable, p, raw, setpoint);
         return;
@@ -400,6 +466,8 @@ bool control_params_valid(const plumb_params_t *p) {
         return plumb_turntable_params_valid(p);
     case PLUMB_SYSTEM_PHONE:
         return plumb_phone_params_valid(p);
+    case PLUMB_SYSTEM_ATTITUDE:
+        return plumb_attitude_params_valid(p);
     default:
         return false;
     }

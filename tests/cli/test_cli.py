@@ -101,7 +101,7 @@ def test_the_system_that_a_command_takes_by_default_is_declared_and_told(
     asked = argparse.Namespace(system=None)
     name = options.system_with(asked, "replay")
     options.tell_default(asked, name, "replay")
-    assert capsys.readouterr().err == "system quad, the default of replay; --system takes phone, too\n"
+    assert capsys.readouterr().err == "system quad, the default of replay; --system takes phone, attitude, too\n"
     assert options.system_with(argparse.Namespace(system="phone"), "replay") == "phone"
     monkeypatch.setattr(systems, "with_part", lambda part: ("balancer", "phone"))
     with pytest.raises(UsageError, match="say which system, with --system: balancer, phone"):

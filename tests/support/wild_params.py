@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from plumb.spec import parameters
+from plumb.systems.attitude.quantise import LEAST_STEPS, MOST_STEPS
+from plumb.tuning.mounting import mounting_words
 from plumb.tuning.quantise import ControlParams
+
+LONGEST_BLOCK_Q33 = 2731598643
 
 
 def log_uniform(rng: np.random.Generator, low: int, high: int) -> int:
@@ -126,3 +130,27 @@ def wild_turntable_params(rng: np.random.Generator) -> ControlParams:
     values["fusion.gyro_age_step_q24"] = int(rng.integers(0, period))
     values |= {"fusion.rest_steps": int(rng.integers(0, 150)), "fusion.layer": int(rng.integers(0, 3))}
     return ControlParams.of("turntable", values)
+
+
+def wild_attitude_params(rng: np.random.Generator) -> ControlParams:
+    """Parameters of attitude anywhere in their ranges; half of the runs mounted, their axes mapped or almost so."""
+    values: dict[str, int] = {}
+    for name in ("gyro", "accel"):
+        for key, value in zip(("raw_min", "raw_max", "gain", "offset"), channel(rng), strict=True):
+            values[f"{name}.{key}"] = value
+        matrix = np.eye(3)[rng.permutation(3)] * rng.choice([-1.0, 1.0], 3)
+        matrix *= np.linalg.det(matrix)
+        if rng.random() < 0.7:
+            matrix = matrix + rng.uniform(-0.1, 0.1, (3, 3))
+        values |= mounting_words(f"{name}_mounting", matrix)
+    for row in parameters.table():
+        if row.name.startswith("attitude."):
+            values[row.name] = log_uniform(rng, row.min, row.max)
+    values["attitude.mounted"] = int(rng.integers(0, 2))
+    steps = LEAST_STEPS if rng.random() < 0.6 else log_uniform(rng, LEAST_STEPS, MOST_STEPS)
+    longest = min(LONGEST_BLOCK_Q33 // steps, values["attitude.dt_s_q33"])
+    values |= {"attitude.block_steps": steps, "attitude.dt_s_q33": max(longest, 8589934)}
+    values["attitude.half_angle"] = min((1 << 34) // steps, values["attitude.half_angle"])
+    for name in ("rest_blocks", "lost_blocks"):
+        values[f"attitude.{name}"] = 1 if rng.random() < 0.4 else log_uniform(rng, 1, 255)
+    return ControlParams.of("attitude", values)

@@ -63,6 +63,14 @@ def test_an_estimate_93_deg_off_is_bit_exact_and_not_accurate(name: str) -> None
         w, x, y, z = (truth[f"attitude_{axis}"] for axis in "wxyz")
         rotated = (cosine * w - sine * x, cosine * x + sine * w, cosine * y + sine * z, cosine * z - sine * y)
         turned |= {f"attitude_{axis}": values for axis, values in zip("wxyz", rotated, strict=True)}
+    if "up_x" in truth:  # the same turn, of a vertical
+        cosine, sine = np.cos(np.radians(FAR_DEG)), np.sin(np.radians(FAR_DEG))
+        y, z = truth["up_y"], truth["up_z"]
+        turned |= {"up_y": cosine * y - sine * z, "up_z": sine * y + cosine * z}
+    if "up_x" in truth:  # about the body's x
+        cosine, sine = np.cos(np.radians(FAR_DEG)), np.sin(np.radians(FAR_DEG))
+        y, z = truth["up_y"], truth["up_z"]
+        turned |= {"up_y": cosine * y - sine * z, "up_z": sine * y + cosine * z}
     wrong = replace(run, inputs=replace(run.inputs, truth=turned))
     for more in ({}, {"faults": ["stuck:gyro@1"]}, {"tuning": "own"}, {"conditions": {"lag_s": 0.0}}):
         summary = wrong.summary(**heading, **more) if "tuning" not in more else wrong.summary(**{**heading, **more})

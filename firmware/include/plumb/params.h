@@ -6,6 +6,7 @@
 #include "plumb/calibration.h"
 #include "plumb/fusion.h"
 #include "plumb/kalman.h"
+#include "plumb/mounting.h"
 #include "plumb/pid.h"
 #include "plumb/prefilter.h"
 #include "plumb/tilt.h"
@@ -18,6 +19,7 @@
 #define PLUMB_SYSTEM_BALANCER 1U
 #define PLUMB_SYSTEM_TURNTABLE 2U
 #define PLUMB_SYSTEM_PHONE 3U
+#define PLUMB_SYSTEM_ATTITUDE 4U
 
 /* esc */
 typedef struct {
@@ -27,6 +29,36 @@ typedef struct {
     int32_t max_halfus; /* 1800..4200; longest pulse while driving, at least 20 us shorter than esc_period_us */
     int32_t neutral_halfus; /* 1800..2200; pulse while disarmed: motor off */
 } plumb_esc_params_t;
+
+/* attitude */
+typedef struct {
+    uint32_t dt_s_q33; /* 8589934..188978561; period of a step */
+    int32_t half_angle; /* 53972150..1187387323; half the angle that a rate turns in a step: pi dt */
+    int32_t block_steps; /* 15..125; steps of a block: the filter takes each as one measurement */
+    int32_t inverse_block_q32; /* 34359738..286331154; 1 / block_steps */
+    int32_t rest_gain_q20; /* 24966095..524288000; rate per half angle of a step: 1 / (2 dt) */
+    uint32_t mounted; /* 0..1; 0: the sensors' axes are the body's; 1: the matrices gyro_mounting and accel_mounting turn them */
+    int32_t start_bias; /* 1..858993459; variance of the bias before the first sample */
+    int32_t start_scale; /* 1..858993459; variance of the scale error before the first sample */
+    int32_t start_tilt; /* 1..858993459; variance of the tilt before the first sample */
+    int32_t start_velocity; /* 1..858993459; variance of the velocity before the first sample */
+    int32_t q_bias; /* 0..16777216; growth of the bias' variance in a block */
+    int32_t q_scale; /* 0..1048576; growth of the scale error's variance in a block */
+    int32_t q_tilt; /* 0..67108864; growth of the tilt's variance in a block, from noise of the gyro */
+    int32_t q_turn_q24; /* 0..1073741824; growth of the tilt's variance in a block by the square of the angles turned in it */
+    int32_t q_clipped; /* 0..134217728; growth of the tilt's variance in a block in which the gyro clipped or missed samples */
+    int32_t velocity_min; /* 16384..858993459; variance with which a body that does not move has no velocity */
+    int32_t velocity_share_q16; /* 0..1048576; share of the square of the velocity in that variance */
+    int32_t velocity_pass_q32; /* 0..2147483647; share of a new square of the velocity in its low-pass */
+    int32_t leak_q32; /* 0..1073741824; share of the velocity that a block forgets */
+    int32_t lost_blocks; /* 1..255; so many blocks in which the body has moved away restart the filter */
+    int32_t rest_gyro; /* 0..2147483647; half angle of a step by which rest may differ from the mean of the block before */
+    int32_t rest_turn; /* 0..2147483647; sum of half angles of a block beyond which it is a turn, not a bias */
+    int32_t rest_accel; /* 0..2147483647; sum of accelerations of a block by which rest may differ from the block before */
+    int32_t rest_blocks; /* 1..255; so many blocks without motion are a rest */
+    int32_t rest_variance; /* 256..858993459; variance of the mean rate of a block at rest */
+    uint32_t unsure; /* 0..4294967295; variance of the tilt beyond which it is unsure */
+} plumb_attitude_params_t;
 
 /* drive */
 typedef struct {
@@ -64,6 +96,9 @@ typedef struct {
     plumb_kalman_start_t start;
     plumb_pid_params_t pid;
     plumb_esc_params_t esc;
+    plumb_attitude_params_t attitude;
+    plumb_mounting_params_t gyro_mounting;
+    plumb_mounting_params_t accel_mounting;
     plumb_wheel_params_t wheel;
     plumb_pid_params_t speed;
     plumb_drive_params_t drive;

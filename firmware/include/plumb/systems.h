@@ -11,5 +11,6 @@
 #include "plumb/turntable_tunings.h"
 #include "plumb/phone.h"
 #include "plumb/phone_tunings.h"
+#include "plumb/attitude.h"
 
 #endif

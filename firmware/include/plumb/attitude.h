@@ -1,0 +1,73 @@
+/* Attitude in three dimensions from a three-axis gyro and accelerometer.
+ *
+ *     counts -> rates, accelerations -> quaternion, turned exactly -> acceleration in earth axes -> sums of a
+ * block block -> Kalman filter of ten errors: bias and scale of the gyro, tilt, horizontal velocity ->
+ * corrections
+ *
+ * The filter measures one thing: that a body does not move away, so that the integral of its horizontal
+ * acceleration stays small. A block is about 0.12 s; its covariance is computed in slices, one a step, while
+ * the next block is summed up. docs/systems/attitude.md derives the equations,
+ * docs/reference/arithmetic/attitude.md gives every word.
+ *
+ * raw: gyro x, y, z (group gyro, turn/s Q28, within +-7), acceleration x, y, z (group accel, g Q26); counts
+ * of -32768: no sample. The heading of the quaternion is the integrated gyro's. The system drives no pin.
+ */
+#ifndef PLUMB_ATTITUDE_H
+#define PLUMB_ATTITUDE_H
+
+#include "plumb/records.h"
+#include <stdbool.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define PLUMB_ATTITUDE_STATES 10 /* bias x, y, z, scale x, y, z, tilt x, y, velocity x, y */
+
+/* State of the estimator: the record of the last step, then what the next one needs besides. */
+typedef struct {
+    plumb_attitude_words_t words;
+    int32_t
+        covariance_q32[PLUMB_ATTITUDE_STATES * (PLUMB_ATTITUDE_STATES + 1) / 2]; /* lower triangle, by rows */
+    int32_t
+        correction_q28[PLUMB_ATTITUDE_STATES]; /* of the last measured block; while aligning, [0]: g s Q28 */
+    int32_t gain_q28[PLUMB_ATTITUDE_STATES];   /* of the measurement under way */
+    int32_t measured_row_q32[PLUMB_ATTITUDE_STATES]; /* row of the covariance that it measures */
+    int32_t coupling_q32[2][6]; /* of the last block: tilt per bias and per scale error */
+    int32_t half_lever_q32;     /* of the last block: half the velocity per tilt, g s per rad */
+    int32_t tilt_growth_q32;    /* of the last block: its variance, rad^2 */
+    int32_t velocity_growth_q32;
+    int32_t rows_sum_q22[2][3];   /* of the block so far: horizontal rows of the attitude's matrix */
+    int32_t turned_sum_q28[2][3]; /* of the block so far: those times the half angles */
+    int32_t force_sum_q18[3];     /* of the block so far: acceleration in earth axes, g */
+    int32_t force_before_q18[3];  /* of the block before */
+    int32_t half_sum_q32[3];      /* of the block so far: half angles, rad, modulo 1 */
+    int32_t half_mean_q32[3];     /* of the block before */
+    uint32_t energy_q24;          /* of the block so far: squares of the half angles */
+    int32_t half_sixth_q32[3];    /* of the step before: a sixth of the half angle */
+    int32_t accel_sixth_q25[3];   /* of the step before */
+    uint32_t seen_flags;          /* of the block so far: flags of its steps */
+    uint32_t block_flags;         /* of the last block */
+    uint8_t slice;                /* of the covariance that the next step computes; 0: none */
+    uint8_t still_blocks;
+    uint8_t aligned_blocks;
+    uint8_t lost_blocks; /* so many in a row moved away too fast */
+    bool moved, started;
+} plumb_attitude_t;
+
+/* Clear the record, set attitude and covariance of the start. The first sample aligns the attitude. */
+void plumb_attitude_init(plumb_attitude_t *c, const plumb_params_t *p);
+
+/* True if the parameters are in range and no sum of a step can overflow. */
+bool plumb_attitude_params_valid(const plumb_params_t *p);
+
+/* One step. raw: gyro x, y, z, then acceleration x, y, z, counts; setpoint: unused. The result is c->words.
+ */
+void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
+                         int32_t setpoint);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,573 @@
+#include "plumb/attitude.h"
+#include "core/axis.h"
+#include "core/calibration.h"
+#include "plumb/angle.h"
+#include "plumb/mounting.h"
+
+#define ONE_Q30              (1 << 30)
+#define SIXTH_Q32            715827883
+#define TWELFTH_Q32          357913941
+#define TWENTIETH_Q32        214748365
+#define THIRTIETH_Q32        143165577
+#define FORTY_SECOND_Q32     102261126
+#define TWO_BY_PI_Q31        1367130551 /* normalised bias (rad/s times 4) Q28 to turn/s Q32 */
+#define BIAS_LIMIT_Q32       (1 << 30)  /* 90 deg/s */
+#define SCALE_LIMIT_Q32      (1 << 28)
+#define VELOCITY_LIMIT_Q28   (1 << 28) /* 1 g s */
+#define TILT_STEP_LIMIT_Q28  (1 << 26) /* largest correction of the tilt in a block, rad */
+#define VARIANCE_LIMIT_Q32   858993459 /* 0.2: where variances of tilt and velocity stop growing */
+#define ACCEL_LOST_Q32       10737418 /* (0.05 g s)^2: growth in a block in which the accelerometer clipped */
+#define WORTHLESS_G_Q25      5033165  /* 0.15 g: below it an acceleration tells no direction */
+#define ALIGNING_BLOCKS      4U
+#define LONGEST_BLOCK_S_Q33  2731598643U  /* 0.318 s: no sum of a block overflows */
+#define MOST_HALF_ANGLES_Q34 (1ULL << 34) /* 1 rad per turn/s in a block: nor does one of angles */
+#define INNOVATION_LIMIT_Q28 ((1 << 28) - 1)
+#define LOST_SQUARE_Q24      1677722 /* (0.32 g s)^2: the mean square of a velocity that no tilt explains */
+#define GYRO_LOST            (PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED | PLUMB_ATTITUDE_FLAG_MISSING)
+#define ACCEL_LOST           (PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED | PLUMB_ATTITUDE_FLAG_MISSING)
+#define JUDGED               (PLUMB_ATTITUDE_FLAG_UNSURE | PLUMB_ATTITUDE_FLAG_ACCELERATING)
+#define HALF_LIMIT_Q30       461708984 /* 0.43 rad: with coning below 1/2 */
+#define GATE                 25        /* square of the sigmas beyond which a rest is a turn */
+
+enum { BIAS = 0, SCALE = 3, TILT = 6, VELOCITY = 8, STATES = PLUMB_ATTITUDE_STATES };
+/* What a step computes of the covariance. Each measurement takes two slices; velocity x, y, and at rest bias
+ * x, y, z. */
+enum { SLICE_NONE, SLICE_JUDGE, SLICE_TILT_X, SLICE_TILT_Y, SLICE_GROWTH, SLICE_MEASURE };
+
+typedef char attitude_assert_size[sizeof(plumb_attitude_t) <= 768U ? 1 : -1];
+
+/* Once a block, or less: a call, and small rather than fast. */
+#if defined(__GNUC__)
+#define SELDOM __attribute__((noinline, cold)) static
+#else
+#define SELDOM static
+#endif
+
+/* a * b / 2^32, rounded to nearest. */
+static inline int32_t mulhi_near(int32_t a, int32_t b) {
+    const int64_t product = mul_i64(a, b);
+    return hi_i64(product) + (int32_t)(lo_u64((uint64_t)product) >> 31);
+}
+
+/* Entries of the covariance and corrections: modulo 2^32, as no input may make a sum undefined. */
+static inline void add(int32_t *to, int32_t by) {
+    *to = add_wrap(*to, by);
+}
+
+/* 16 times, modulo 2^32: a product of Q28 and Q32 from Q28 to Q32. */
+static inline int32_t times_16(int32_t x) {
+    return wrap_i32((uint32_t)x << 4);
+}
+
+/* Row `i` of a lower triangle. */
+static inline int32_t *row_of(int32_t *triangle, unsigned i) {
+    return triangle + i * (i + 1U) / 2U;
+}
+
+/* The sums of a block that begins. */
+static void clear_sums(plumb_attitude_t *c) {
+    for (unsigned j = 0; j < 3U; j++) {
+        c->rows_sum_q22[0][j] = c->rows_sum_q22[1][j] = 0;
+        c->turned_sum_q28[0][j] = c->turned_sum_q28[1][j] = 0;
+        c->force_sum_q18[j] = c->half_sum_q32[j] = 0;
+    }
+    c->energy_q24 = 0;
+    c->seen_flags = 0;
+    c->moved = false;
+}
+
+/* As before the first sample; the heading stays. */
+SELDOM void start(plumb_attitude_t *c, const plumb_attitude_params_t *a) {
+    plumb_attitude_words_t *const w = &c->words;
+    for (unsigned i = 0; i < 3U; i++)
+        w->bias_turnps_q32[i] = w->scale_q32[i] = 0;
+    w->velocity_gs_q28[0] = w->velocity_gs_q28[1] = 0;
+    w->velocity_square_g2s2_q24 = 0;
+    int32_t *entry = c->covariance_q32;
+    for (unsigned i = 0; i < STATES; i++) {
+        for (unsigned j = 0; j < i; j++)
+            *entry++ = 0;
+        *entry++ = i < SCALE      ? a->start_bias
+                   : i < TILT     ? a->start_scale
+                   : i < VELOCITY ? a->start_tilt
+                                  : a->start_velocity;
+        c->correction_q28[i] = 0;
+    }
+    w->tilt_variance_rad2_q32 = 2U * (uint32_t)a->start_tilt;
+    c->block_flags = PLUMB_ATTITUDE_FLAG_ALIGNING | PLUMB_ATTITUDE_FLAG_UNSURE;
+    c->slice = SLICE_NONE;
+    c->still_blocks = c->aligned_blocks = c->lost_blocks = 0;
+    clear_sums(c);
+}
+
+void plumb_attitude_init(plumb_attitude_t *c, const plumb_params_t *p) {
+    *c = (plumb_attitude_t){.words = {.attitude = {ONE_Q30, 0, 0, 0}, .up_q30 = {0, 0, ONE_Q30}}};
+    start(c, &p->attitude);
+}
+
+/* Turn the earth's side of the attitude: (w, x, y, 0) * q, all Q30, then a first-order normalisation. */
+SELDOM void turn_earth(plumb_quaternion_t *q, int32_t w, int32_t x, int32_t y) {
+    const int32_t qw =
+        wrap_i32((uint32_t)(mulhi_i32(w, q->w) - mulhi_i32(x, q->x) - mulhi_i32(y, q->y)) << 2);
+    const int32_t qx =
+        wrap_i32((uint32_t)(mulhi_i32(w, q->x) + mulhi_i32(x, q->w) + mulhi_i32(y, q->z)) << 2);
+    const int32_t qy =
+        wrap_i32((uint32_t)(mulhi_i32(w, q->y) + mulhi_i32(y, q->w) - mulhi_i32(x, q->z)) << 2);
+    const int32_t qz =
+        wrap_i32((uint32_t)(mulhi_i32(w, q->z) + mulhi_i32(x, q->y) - mulhi_i32(y, q->x)) << 2);
+    const int32_t square_q28 = mulhi_i32(qw, qw) + mulhi_i32(qx, qx) + mulhi_i32(qy, qy) + mulhi_i32(qz, qz);
+    const int32_t longer_q32 = ((1 << 28) - square_q28) * 8; /* (1 - |q|^2) / 2 */
+
+    q->w = qw + mulhi_i32(qw, longer_q32);
+    q->x = qx + mulhi_i32(qx, longer_q32);
+    q->y = qy + mulhi_i32(qy, longer_q32);
+    q->z = qz + mulhi_i32(qz, longer_q32);
+}
+
+/* Turn the attitude so that the acceleration (x, y, z), in earth axes, points up; components below 2^30.
+ * Returns half its length; below `least` nothing is turned. */
+SELDOM uint32_t align(plumb_quaternion_t *q, int32_t x, int32_t y, int32_t z, uint32_t least) {
+    const uint32_t half = plumb_angle_length((int32_t)plumb_angle_length(y, x), asr32(z, 1)) << 1;
+    if (half < least)
+        return half;
+
+    /* half of: (|a| + z, y, -x), the quaternion that turns a to the vertical, of any length */
+    const int32_t w = (int32_t)half + asr32(z, 1), qx = asr32(y, 1), qy = -asr32(x, 1);
+    const uint32_t length = plumb_angle_length((int32_t)plumb_angle_length(qy, qx), asr32(w, 1)) << 2;
+    if (length < half >> 8) { /* upside down: any half turn will do */
+        turn_earth(q, 0, ONE_Q30, 0);
+        return half;
+    }
+    const unsigned n = clz32(length);
+    const int32_t inverse = (int32_t)reciprocal_q61(length << n >> 1); /* 2^(62 - n) / length */
+    turn_earth(q, (int32_t)asr64(mul_i64(w, inverse), 32U - n), (int32_t)asr64(mul_i64(qx, inverse), 32U - n),
+               (int32_t)asr64(mul_i64(qy, inverse), 32U - n));
+    return half;
+}
+
+/* The horizontal velocity grows with the tilt, by half the lever of the block: called before and after the
+ * tilt has grown. */
+static void grow_velocity(int32_t *covariance, int32_t lever) {
+    int32_t *const tilt_x = row_of(covariance, TILT), *const tilt_y = row_of(covariance, TILT + 1);
+    int32_t *const x = row_of(covariance, VELOCITY), *const y = row_of(covariance, VELOCITY + 1);
+    for (unsigned i = 0; i < TILT; i++) {
+        add(&x[i], mulhi_near(lever, tilt_y[i]));
+        add(&y[i], -mulhi_near(lever, tilt_x[i]));
+    }
+    const int32_t x_by_y = x[TILT + 1], y_by_x = y[TILT], y_by_y = y[TILT + 1];
+    add(&x[TILT], mulhi_near(lever, tilt_y[TILT]));
+    add(&x[TILT + 1], mulhi_near(lever, tilt_y[TILT + 1]));
+    add(&y[TILT], -mulhi_near(lever, tilt_x[TILT]));
+    add(&y[TILT + 1], -mulhi_near(lever, tilt_y[TILT]));
+    add(&x[VELOCITY], mulhi_near(lever, add_wrap(x_by_y, x[TILT + 1])));
+    add(&y[VELOCITY], mulhi_near(lever, y_by_y) - mulhi_near(lever, x[TILT]));
+    add(&y[VELOCITY + 1], -mulhi_near(lever, add_wrap(y_by_x, y[TILT])));
+}
+
+/* Sum of the products of six, each Q32 and rounded to nearest. */
+static int32_t weighted(const int32_t by[6], const int32_t of[6]) {
+    int32_t sum = 0;
+    for (unsigned i = 0; i < 6U; i++)
+        add(&sum, mulhi_near(by[i], of[i]));
+    return sum;
+}
+
+/* One component of the tilt grows by the errors of the gyro, times the coupling. */
+static void grow_tilt(int32_t *covariance, const int32_t coupling[6], unsigned axis) {
+    int32_t *const own = row_of(covariance, TILT + axis), *const other = row_of(covariance, TILT + 1U - axis);
+    int32_t *const x = row_of(covariance, VELOCITY), *const y = row_of(covariance, VELOCITY + 1);
+    const int32_t *entry = covariance;
+    int32_t grown[6];
+    for (unsigned i = 0; i < 6U; i++) {
+        int32_t sum = own[i];
+        for (unsigned j = 0; j < i; j++, entry++) {
+            add(&sum, mulhi_near(coupling[j], *entry));
+            add(&grown[j], mulhi_near(coupling[i], *entry));
+        }
+        grown[i] = add_wrap(sum, mulhi_near(coupling[i], *entry++));
+    }
+    add(&row_of(covariance, TILT + 1)[TILT], weighted(coupling, other));
+    add(&x[TILT + axis], weighted(coupling, x));
+    add(&y[TILT + axis], weighted(coupling, y));
+    add(&own[TILT + axis], add_wrap(weighted(coupling, own), weighted(coupling, grown)));
+    for (unsigned i = 0; i < 6U; i++)
+        own[i] = grown[i];
+}
+
+/* Adds to a variance that has not reached its limit; the additions are below the limit. */
+static inline void grow(int32_t *variance, int32_t by) {
+    if (*variance < VARIANCE_LIMIT_Q32)
+        *variance += by;
+}
+
+/* Gains of one scalar measurement: that the error of state `at` is measured_q28, of that variance. A gated
+ * one that is beyond its sigmas changes nothing. */
+static void weigh(plumb_attitude_t *c, unsigned at, uint32_t variance_q32, int32_t measured_q28, bool gated) {
+    int32_t *const covariance = c->covariance_q32;
+    for (unsigned i = 0; i < STATES; i++)
+        c->measured_row_q32[i] = i <= at ? row_of(covariance, at)[i] : row_of(covariance, i)[at];
+
+    const uint32_t sum = max_u32((uint32_t)c->measured_row_q32[at] + variance_q32, 1U);
+    const int32_t innovation =
+        clamp_i32(sub_wrap(measured_q28, c->correction_q28[at]), -INNOVATION_LIMIT_Q28, INNOVATION_LIMIT_Q28);
+    /* innovation^2 Q32 against the variance of the innovation */
+    const bool beyond = gated && (uint64_t)mul_i64(innovation, innovation) >> 24 > mul_u64(GATE, sum);
+    /* gain: upper word of row * inverse, times 2^shift */
+    const unsigned n = clz32(sum), shift = n < 2U ? 0U : n - 2U;
+    const int32_t inverse = beyond ? 0 : (int32_t)(reciprocal_q61(sum << n >> 1) >> (n < 2U ? 2U - n : 0U));
+    const int32_t limit = INT32_MAX >> shift;
+    for (unsigned i = 0; i < STATES; i++) {
+        const int32_t gain_q28 =
+            clamp_i32(mulhi_i32(c->measured_row_q32[i], inverse), -limit, limit) * (1 << shift);
+        c->gain_q28[i] = gain_q28;
+        add(&c->correction_q28[i], times_16(mulhi_near(gain_q28, innovation)));
+    }
+}
+
+/* The covariance after that measurement: less gain times row. */
+static void shrink(plumb_attitude_t *c) {
+    int32_t *entry = c->covariance_q32;
+    for (unsigned i = 0; i < STATES; i++) {
+        const int32_t gain_q28 = c->gain_q28[i];
+        for (unsigned j = 0; j <= i; j++, entry++)
+            *entry = sub_wrap(*entry, times_16(mulhi_near(gain_q28, c->measured_row_q32[j])));
+    }
+}
+
+/* What a block has shown of the velocity: how far it is trusted to be zero, and whether the body has moved
+ * away. */
+SELDOM void judge(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
+    plumb_attitude_words_t *const w = &c->words;
+    uint32_t square_q24 = 0;
+    for (unsigned i = 0; i < 2U; i++) {
+        const int32_t v = clamp_i32(w->velocity_gs_q28[i], -VELOCITY_LIMIT_Q28, VELOCITY_LIMIT_Q28);
+        w->velocity_gs_q28[i] = v - mulhi_near(v, p->leak_q32);
+        square_q24 += (uint32_t)mulhi_i32(w->velocity_gs_q28[i], w->velocity_gs_q28[i]);
+    }
+    w->velocity_square_g2s2_q24 +=
+        mulhi_near((int32_t)square_q24 - w->velocity_square_g2s2_q24, p->velocity_pass_q32);
+    const int64_t moving = asr64(mul_i64(w->velocity_square_g2s2_q24, p->velocity_share_q16), 8);
+    w->velocity_variance_g2s2_q32 =
+        (uint32_t)p->velocity_min + (uint32_t)(moving < VARIANCE_LIMIT_Q32 - p->velocity_min
+                                                   ? (int32_t)moving
+                                                   : max_i32(VARIANCE_LIMIT_Q32 - p->velocity_min, 0));
+
+    w->tilt_variance_rad2_q32 = (uint32_t)row_of(c->covariance_q32, TILT)[TILT] +
+                                (uint32_t)row_of(c->covariance_q32, TILT + 1)[TILT + 1];
+    const bool unsure = w->tilt_variance_rad2_q32 > p->unsure;
+    const bool accelerating = w->velocity_variance_g2s2_q32 > 4U * (uint32_t)p->velocity_min;
+    c->block_flags = (c->block_flags & ~(uint32_t)JUDGED) | (unsure ? PLUMB_ATTITUDE_FLAG_UNSURE : 0U) |
+                     (accelerating ? PLUMB_ATTITUDE_FLAG_ACCELERATING : 0U);
+    c->lost_blocks = (uint8_t)(w->velocity_square_g2s2_q24 > LOST_SQUARE_Q24 ? c->lost_blocks + 1U : 0U);
+}
+
+/* What the last block has left to do, one slice a step. */
+__attribute__((noinline)) static void compute_slice(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
+    const unsigned slice = c->slice++;
+    if (slice == SLICE_JUDGE) {
+        judge(c, p);
+        if (c->lost_blocks == (uint32_t)p->lost_blocks) {
+            start(c, p);
+            c->block_flags |= PLUMB_ATTITUDE_FLAG_RESTARTED;
+        } else {
+            grow_velocity(c->covariance_q32, c->half_lever_q32);
+        }
+    } else if (slice < SLICE_GROWTH) {
+        const unsigned axis = slice - SLICE_TILT_X;
+        grow_tilt(c->covariance_q32, c->coupling_q32[axis], axis);
+    } else if (slice == SLICE_GROWTH) {
+        grow_velocity(c->covariance_q32, c->half_lever_q32);
+        for (unsigned i = 0; i < STATES; i++) {
+            grow(&row_of(c->covariance_q32, i)[i], i < SCALE      ? p->q_bias
+                                                   : i < TILT     ? p->q_scale
+                                                   : i < VELOCITY ? c->tilt_growth_q32
+                                                                  : c->velocity_growth_q32);
+            c->correction_q28[i] = 0;
+        }
+    } else if ((slice - SLICE_MEASURE) % 2U != 0U) {
+        shrink(c);
+    } else {
+        const unsigned number = (slice - SLICE_MEASURE) / 2U;
+        if (number < 2U)
+            weigh(c, VELOCITY + number, c->words.velocity_variance_g2s2_q32,
+                  -c->words.velocity_gs_q28[number], false);
+        else
+            weigh(c, BIAS + number - 2U, (uint32_t)p->rest_variance,
+                  sat_i32(asr64(mul_i64(c->half_mean_q32[number - 2U], p->rest_gain_q20), 20)), true);
+    }
+    const unsigned measured = (c->block_flags & PLUMB_ATTITUDE_FLAG_REST) != 0U ? 5U : 2U;
+    if (c->slice == SLICE_MEASURE + 2U * measured)
+        c->slice = SLICE_NONE;
+}
+
+/* What the last block has gained, and the corrections of the block before as it has made them grow, to the
+ * state. */
+SELDOM void correct(plumb_attitude_t *c, int32_t gained_x_q28, int32_t gained_y_q28) {
+    plumb_attitude_words_t *const w = &c->words;
+    int32_t *const by = c->correction_q28;
+    const int32_t lever = c->half_lever_q32;
+
+    add(&by[VELOCITY], mulhi_near(lever, by[TILT + 1]));
+    add(&by[VELOCITY + 1], -mulhi_near(lever, by[TILT]));
+    add(&by[TILT], weighted(c->coupling_q32[0], by));
+    add(&by[TILT + 1], weighted(c->coupling_q32[1], by));
+    add(&by[VELOCITY], mulhi_near(lever, by[TILT + 1]));
+    add(&by[VELOCITY + 1], -mulhi_near(lever, by[TILT]));
+    for (unsigned i = 0; i < 3U; i++) {
+        const int32_t bias = (int32_t)asr64(mul_i64(by[BIAS + i], TWO_BY_PI_Q31) + (1 << 30), 31);
+        w->bias_turnps_q32[i] =
+            clamp_i32(w->bias_turnps_q32[i] + clamp_i32(bias, -BIAS_LIMIT_Q32, BIAS_LIMIT_Q32),
+                      -BIAS_LIMIT_Q32, BIAS_LIMIT_Q32);
+        w->scale_q32[i] =
+            clamp_i32(w->scale_q32[i] + asr32(by[SCALE + i], 2), -SCALE_LIMIT_Q32, SCALE_LIMIT_Q32);
+    }
+    turn_earth(&w->attitude, ONE_Q30, 2 * clamp_i32(by[TILT], -TILT_STEP_LIMIT_Q28, TILT_STEP_LIMIT_Q28),
+               2 * clamp_i32(by[TILT + 1], -TILT_STEP_LIMIT_Q28, TILT_STEP_LIMIT_Q28));
+    w->velocity_gs_q28[0] = sat_i32((int64_t)w->velocity_gs_q28[0] + gained_x_q28 + by[VELOCITY]);
+    w->velocity_gs_q28[1] = sat_i32((int64_t)w->velocity_gs_q28[1] + gained_y_q28 + by[VELOCITY + 1]);
+}
+
+/* Velocity that a block has gained, g s Q28. */
+static int32_t gained(int32_t force_sum_q18, int32_t dt_s_q33) {
+    return sat_i32(asr64(mul_i64(force_sum_q18, dt_s_q33), 23));
+}
+
+/* The last step of a block: its sums become the coupling of tilt and gyro, a velocity, and what the slices of
+ * the next block need. */
+SELDOM void close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
+    plumb_attitude_words_t *const w = &c->words;
+    const int32_t dt = (int32_t)p->dt_s_q33;
+    const int32_t gained_x = gained(c->force_sum_q18[0], dt), gained_y = gained(c->force_sum_q18[1], dt);
+    bool moved = c->moved;
+
+    for (unsigned i = 0; i < 3U; i++) {
+        moved |= abs_u32(sub_wrap(c->force_sum_q18[i], c->force_before_q18[i])) > (uint32_t)p->rest_accel ||
+                 abs_u32(c->half_sum_q32[i]) > (uint32_t)p->rest_turn;
+        c->force_before_q18[i] = c->force_sum_q18[i];
+        c->half_mean_q32[i] = mulhi_i32(c->half_sum_q32[i], p->inverse_block_q32);
+    }
+    const uint32_t still = c->still_blocks + 1U;
+    c->still_blocks = (uint8_t)(moved ? 0U : min_u32(still, (uint32_t)p->rest_blocks));
+    uint32_t flags = c->still_blocks == (uint32_t)p->rest_blocks ? PLUMB_ATTITUDE_FLAG_REST : 0U;
+
+    if (c->aligned_blocks < ALIGNING_BLOCKS) {
+        /* the vertical is the mean of all so far; at least 0.02 g s, so that a fall turns nothing */
+        const int32_t x = sat_i32((int64_t)w->velocity_gs_q28[0] + gained_x);
+        const int32_t y = sat_i32((int64_t)w->velocity_gs_q28[1] + gained_y);
+        const int32_t z = sat_i32((int64_t)c->correction_q28[0] + gained(c->force_sum_q18[2], dt));
+        const uint32_t half = align(&w->attitude, asr32(x, 2), asr32(y, 2), asr32(z, 2), 1U << 20);
+        c->correction_q28[0] = (int32_t)min_u32(half << 3, INT32_MAX);
+        w->velocity_gs_q28[0] = w->velocity_gs_q28[1] = 0;
+        flags |= PLUMB_ATTITUDE_FLAG_UNSURE;
+        if (++c->aligned_blocks == ALIGNING_BLOCKS)
+            c->correction_q28[0] = 0;
+        else
+            flags |= PLUMB_ATTITUDE_FLAG_ALIGNING;
+    } else {
+        const int32_t time_q32 = (int32_t)((uint32_t)p->block_steps * p->dt_s_q33 >> 1);
+        const int32_t lever = sat_i32(asr64(mul_i64(c->force_sum_q18[2], dt), 20));
+        c->half_lever_q32 = clamp_i32(lever, asr32(time_q32, 2), time_q32);
+        for (unsigned i = 0; i < 2U; i++)
+            for (unsigned j = 0; j < 3U; j++) {
+                c->coupling_q32[i][BIAS + j] = -(int32_t)asr64(mul_i64(c->rows_sum_q22[i][j], dt), 25);
+                c->coupling_q32[i][SCALE + j] = -asr32(c->turned_sum_q28[i][j], 1);
+            }
+        correct(c, gained_x, gained_y);
+
+        const int64_t turned = asr64(mul_i64((int32_t)c->energy_q24, p->q_turn_q24), 24);
+        const int64_t growth = p->q_tilt + turned + ((c->seen_flags & GYRO_LOST) != 0U ? p->q_clipped : 0);
+        c->tilt_growth_q32 = growth < VARIANCE_LIMIT_Q32 ? (int32_t)growth : VARIANCE_LIMIT_Q32;
+        c->velocity_growth_q32 = (c->seen_flags & ACCEL_LOST) != 0U ? ACCEL_LOST_Q32 : 0;
+
+        flags |= (lever < asr32(time_q32, 2) ? PLUMB_ATTITUDE_FLAG_FALLING : 0U) | (c->block_flags & JUDGED);
+        c->slice = SLICE_JUDGE;
+    }
+    c->block_flags = flags;
+    w->block_step = 0;
+    clear_sums(c);
+}
+
+/* Turns rate and acceleration from the sensors' axes to the body's. */
+SELDOM uint32_t mount(const plumb_params_t *p, int32_t rate[3], int32_t accel[3]) {
+    return (plumb_mounting_apply(&p->gyro_mounting, rate) ? 0U : PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED) |
+           (plumb_mounting_apply(&p->accel_mounting, accel) ? 0U : PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED);
+}
+
+/* Rate of one axis, less bias and scale error. */
+KERNEL int32_t corrected(const plumb_attitude_words_t *w, unsigned axis, int32_t rate_q28) {
+    return rate_q28 - asr32(w->bias_turnps_q32[axis], 4) - mulhi_i32(w->scale_q32[axis], rate_q28);
+}
+
+/* Half the angle that a rate turns in a step, rad Q32, within 1/2. */
+KERNEL int32_t half_angle(int32_t rate_q28, int32_t per_rate) {
+    return clamp_i32(mulhi_i32(rate_q28, per_rate), -HALF_LIMIT_Q30, HALF_LIMIT_Q30) * 4;
+}
+
+/* Rate and acceleration of a sample, in body axes. */
+KERNEL uint32_t take_sample(plumb_attitude_words_t *w, const plumb_params_t *p, const int16_t raw[6]) {
+    const uint32_t gyro = PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED, accel = PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED;
+    uint32_t flags = 0;
+    int32_t rx = calibration_apply(&p->gyro, raw[0], &flags, gyro);
+    int32_t ry = calibration_apply(&p->gyro, raw[1], &flags, gyro);
+    int32_t rz = calibration_apply(&p->gyro, raw[2], &flags, gyro);
+    int32_t ax = calibration_apply(&p->accel, raw[3], &flags, accel);
+    int32_t ay = calibration_apply(&p->accel, raw[4], &flags, accel);
+    int32_t az = calibration_apply(&p->accel, raw[5], &flags, accel);
+    if (p->attitude.mounted != 0U) {
+        int32_t rates[3] = {rx, ry, rz}, accels[3] = {ax, ay, az};
+        flags |= mount(p, rates, accels);
+        rx = rates[0], ry = rates[1], rz = rates[2];
+        ax = accels[0], ay = accels[1], az = accels[2];
+    }
+    w->accel_g_q25[0] = asr32(ax, 1);
+    w->accel_g_q25[1] = asr32(ay, 1);
+    w->accel_g_q25[2] = asr32(az, 1);
+    w->rate_turnps_q28[0] = corrected(w, 0, rx);
+    w->rate_turnps_q28[1] = corrected(w, 1, ry);
+    w->rate_turnps_q28[2] = corrected(w, 2, rz);
+    return flags;
+}
+
+/* One row of the attitude's matrix into the coupling of the block. */
+KERNEL void add_row(int32_t rows[3], int32_t turned[3], const int32_t m[3], const int32_t half[3]) {
+    rows[0] += asr32(m[0], 8);
+    rows[1] += asr32(m[1], 8);
+    rows[2] += asr32(m[2], 8);
+    turned[0] += asr32(mulhi_i32(m[0], half[0]), 2);
+    turned[1] += asr32(mulhi_i32(m[1], half[1]), 2);
+    turned[2] += asr32(mulhi_i32(m[2], half[2]), 2);
+}
+
+/* Component of an acceleration along a row, Q23 of Q25. */
+KERNEL int32_t along(const int32_t m[3], int32_t x, int32_t y, int32_t z) {
+    return mulhi_i32(m[0], x) + mulhi_i32(m[1], y) + mulhi_i32(m[2], z);
+}
+
+/* Turn the attitude by half angles (rad Q32, within 1/2 each) about body axes. Returns their square, Q30.
+ * sin(h) / h = 1 - h^2/6 (1 - h^2/20 (1 - h^2/42)), cos(h) = 1 - h^2/2 (1 - h^2/12 (1 - h^2/30)) */
+KERNEL uint32_t turn_body(plumb_quaternion_t *q, int32_t hx, int32_t hy, int32_t hz) {
+    const uint32_t square =
+        ((uint32_t)mulhi_i32(hx, hx) + (uint32_t)mulhi_i32(hy, hy) + (uint32_t)mulhi_i32(hz, hz)) >> 2;
+    const int32_t s = any_i32((int32_t)square);
+    const int32_t sine =
+        ONE_Q30 - mulhi_i32(4 * mulhi_i32(s, ONE_Q30 - mulhi_i32(s, FORTY_SECOND_Q32)), TWENTIETH_Q32);
+    const int32_t missing_q32 = 4 * mulhi_i32(4 * mulhi_i32(s, sine), SIXTH_Q32); /* 1 - sin(h) / h */
+    const int32_t cosine =
+        ONE_Q30 - mulhi_i32(4 * mulhi_i32(s, ONE_Q30 - mulhi_i32(s, THIRTIETH_Q32)), TWELFTH_Q32);
+    const int32_t c = -8 * mulhi_i32(s, cosine); /* cos(h) - 1, Q32 */
+    const int32_t x = hx - mulhi_i32(hx, missing_q32);
+    const int32_t y = hy - mulhi_i32(hy, missing_q32);
+    const int32_t z = hz - mulhi_i32(hz, missing_q32);
+    int32_t qw = q->w, qx = q->x, qy = q->y, qz = q->z;
+    LOADED4(qw, qx, qy, qz);
+    q->w = qw + mulhi_i32(qw, c) - mulhi_i32(qx, x) - mulhi_i32(qy, y) - mulhi_i32(qz, z);
+    q->x = qx + mulhi_i32(qx, c) + mulhi_i32(qw, x) + mulhi_i32(qy, z) - mulhi_i32(qz, y);
+    q->y = qy + mulhi_i32(qy, c) + mulhi_i32(qw, y) + mulhi_i32(qz, x) - mulhi_i32(qx, z);
+    q->z = qz + mulhi_i32(qz, c) + mulhi_i32(qw, z) + mulhi_i32(qx, y) - mulhi_i32(qy, x);
+    return square;
+}
+
+/* Rows of the attitude's matrix, Q30: from body to earth. */
+KERNEL void matrix_of(const plumb_quaternion_t *q, int32_t m[9]) {
+    int32_t w = q->w, x = q->x, y = q->y, z = q->z;
+    LOADED4(w, x, y, z);
+    const int32_t xx = mulhi_i32(x, x), yy = mulhi_i32(y, y), zz = mulhi_i32(z, z);
+    const int32_t xy = mulhi_i32(x, y), xz = mulhi_i32(x, z), yz = mulhi_i32(y, z);
+    const int32_t wx = mulhi_i32(w, x), wy = mulhi_i32(w, y), wz = mulhi_i32(w, z);
+    m[0] = sub_wrap(ONE_Q30, wrap_i32((uint32_t)(yy + zz) << 3));
+    m[1] = wrap_i32((uint32_t)(xy - wz) << 3);
+    m[2] = wrap_i32((uint32_t)(xz + wy) << 3);
+    m[3] = wrap_i32((uint32_t)(xy + wz) << 3);
+    m[4] = sub_wrap(ONE_Q30, wrap_i32((uint32_t)(xx + zz) << 3));
+    m[5] = wrap_i32((uint32_t)(yz - wx) << 3);
+    m[6] = wrap_i32((uint32_t)(xz - wy) << 3);
+    m[7] = wrap_i32((uint32_t)(yz + wx) << 3);
+    m[8] = sub_wrap(ONE_Q30, wrap_i32((uint32_t)(xx + yy) << 3));
+}
+
+void plumb_attitude_step(plumb_attitude_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
+                         int32_t setpoint) {
+    plumb_attitude_words_t *const w = &c->words;
+    const plumb_attitude_params_t *const a = &p->attitude;
+    axis_record_raw(w->raw, raw);
+    w->setpoint = setpoint;
+    w->step++;
+
+    uint32_t flags = PLUMB_ATTITUDE_FLAG_MISSING; /* without a sample rate and acceleration go on */
+    if (raw[0] == INT16_MIN)
+        w->missing_steps++;
+    else
+        flags = take_sample(w, p, raw);
+    const int32_t hx = half_angle(w->rate_turnps_q28[0], a->half_angle);
+    const int32_t hy = half_angle(w->rate_turnps_q28[1], a->half_angle);
+    const int32_t hz = half_angle(w->rate_turnps_q28[2], a->half_angle);
+    const int32_t half[3] = {hx, hy, hz};
+    const int32_t ax = w->accel_g_q25[0], ay = w->accel_g_q25[1], az = w->accel_g_q25[2];
+    if (!c->started) {
+        c->started = align(&w->attitude, asr32(ax, 1), asr32(ay, 1), asr32(az, 1), WORTHLESS_G_Q25 / 4U) >=
+                     WORTHLESS_G_Q25 / 4U;
+        for (unsigned i = 0; i < 3U; i++) {
+            c->half_sixth_q32[i] = mulhi_i32(half[i], SIXTH_Q32);
+            c->accel_sixth_q25[i] = mulhi_i32(w->accel_g_q25[i], SIXTH_Q32);
+            c->half_mean_q32[i] = half[i];
+        }
+    }
+
+    /* the mean acceleration of the step as the end of the step sees it: with half the turn, and sculling
+     * (P. Savage, Strapdown inertial navigation integration algorithm design part 2, 1998) */
+    const int32_t ex = sub_wrap(c->half_sixth_q32[0], hx), ey = sub_wrap(c->half_sixth_q32[1], hy),
+                  ez = sub_wrap(c->half_sixth_q32[2], hz);
+    const int32_t bx = c->accel_sixth_q25[0], by = c->accel_sixth_q25[1], bz = c->accel_sixth_q25[2];
+    const int32_t fx = ax + mulhi_i32(ey, az) - mulhi_i32(ez, ay) + mulhi_i32(by, hz) - mulhi_i32(bz, hy);
+    const int32_t fy = ay + mulhi_i32(ez, ax) - mulhi_i32(ex, az) + mulhi_i32(bz, hx) - mulhi_i32(bx, hz);
+    const int32_t fz = az + mulhi_i32(ex, ay) - mulhi_i32(ey, ax) + mulhi_i32(bx, hy) - mulhi_i32(by, hx);
+    /* coning: the axis of the turn itself has turned (the same author, part 1) */
+    const int32_t sx = c->half_sixth_q32[0], sy = c->half_sixth_q32[1], sz = c->half_sixth_q32[2];
+    const int32_t turn_x = hx + mulhi_i32(sy, hz) - mulhi_i32(sz, hy);
+    const int32_t turn_y = hy + mulhi_i32(sz, hx) - mulhi_i32(sx, hz);
+    const int32_t turn_z = hz + mulhi_i32(sx, hy) - mulhi_i32(sy, hx);
+    c->half_sixth_q32[0] = mulhi_i32(hx, SIXTH_Q32);
+    c->half_sixth_q32[1] = mulhi_i32(hy, SIXTH_Q32);
+    c->half_sixth_q32[2] = mulhi_i32(hz, SIXTH_Q32);
+    c->accel_sixth_q25[0] = mulhi_i32(ax, SIXTH_Q32);
+    c->accel_sixth_q25[1] = mulhi_i32(ay, SIXTH_Q32);
+    c->accel_sixth_q25[2] = mulhi_i32(az, SIXTH_Q32);
+
+    int32_t m[9];
+    c->energy_q24 += turn_body(&w->attitude, turn_x, turn_y, turn_z) >> 6;
+    matrix_of(&w->attitude, m);
+    c->force_sum_q18[0] += asr32(along(m, fx, fy, fz), 5);
+    c->force_sum_q18[1] += asr32(along(m + 3, fx, fy, fz), 5);
+    c->force_sum_q18[2] += asr32(along(m + 6, fx, fy, fz), 5);
+    add_row(c->rows_sum_q22[0], c->turned_sum_q28[0], m, half);
+    add_row(c->rows_sum_q22[1], c->turned_sum_q28[1], m + 3, half);
+    const uint32_t still = (uint32_t)a->rest_gyro;
+    c->half_sum_q32[0] = add_wrap(c->half_sum_q32[0], hx);
+    c->half_sum_q32[1] = add_wrap(c->half_sum_q32[1], hy);
+    c->half_sum_q32[2] = add_wrap(c->half_sum_q32[2], hz);
+    c->moved = c->moved || abs_u32(sub_wrap(hx, c->half_mean_q32[0])) > still ||
+               abs_u32(sub_wrap(hy, c->half_mean_q32[1])) > still ||
+               abs_u32(sub_wrap(hz, c->half_mean_q32[2])) > still;
+    c->seen_flags |= flags;
+
+    if (c->slice != SLICE_NONE)
+        compute_slice(c, a);
+    if (++w->block_step == (uint32_t)a->block_steps) {
+        close_block(c, a);
+        matrix_of(&w->attitude, m);
+    }
+    w->up_q30[0] = m[6];
+    w->up_q30[1] = m[7];
+    w->up_q30[2] = m[8];
+    w->flags = flags | c->block_flags;
+}
+
+bool plumb_attitude_params_valid(const plumb_params_t *p) {
+    const plumb_attitude_params_t *const a = &p->attitude;
+    const uint64_t block_s_q33 = (uint64_t)a->block_steps * a->dt_s_q33;
+    const uint64_t half_angles_q34 = (uint64_t)a->block_steps * (uint32_t)a->half_angle;
+    return plumb_calibration_valid(&p->gyro) && plumb_calibration_valid(&p->accel) &&
+           plumb_mounting_valid(&p->gyro_mounting) && plumb_mounting_valid(&p->accel_mounting) &&
+           a->dt_s_q33 <= 188978561U && a->block_steps >= 15 && a->block_steps <= 125 && a->mounted <= 1U &&
+           block_s_q33 <= LONGEST_BLOCK_S_Q33 && half_angles_q34 <= MOST_HALF_ANGLES_Q34;
+}

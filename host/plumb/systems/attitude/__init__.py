@@ -1,0 +1,1 @@
+"""Attitude in three dimensions from a gyro and an accelerometer."""

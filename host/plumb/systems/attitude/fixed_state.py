@@ -1,0 +1,138 @@
+"""State of `attitude` in integers, and parts of the step that only some runs do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from plumb.kernels.fixed.kernels import Params
+from plumb.kernels.fixed.quaternion import ONE_Q30
+from plumb.kernels.integers import Integer
+
+GYRO_CLIPPED, ACCEL_CLIPPED, MISSING, ALIGNING, REST, FALLING, ACCELERATING, UNSURE, RESTARTED = (
+    1 << bit for bit in range(9)
+)
+STATES = range(10)
+BIAS, SCALE, TILT, VELOCITY = 0, 3, 6, 8
+CELL = [[max(i, j) * (max(i, j) + 1) // 2 + min(i, j) for j in STATES] for i in STATES]
+"""Where the covariance of states i and j is."""
+JUDGED = UNSURE | ACCELERATING
+"""Flags that the first slice after a block sets."""
+
+
+def zeros(count: int) -> Callable[[], list[Integer]]:
+    return lambda: [0] * count
+
+
+@dataclass(slots=True)
+class ControlState:
+    """Words of the record, then what else the next step needs; half is of the step under way."""
+
+    rate: list[Integer] = field(default_factory=zeros(3))
+    accel: list[Integer] = field(default_factory=zeros(3))
+    attitude: list[Integer] = field(default_factory=zeros(4))
+    up: list[Integer] = field(default_factory=zeros(3))
+    bias: list[Integer] = field(default_factory=zeros(3))
+    scale: list[Integer] = field(default_factory=zeros(3))
+    velocity: list[Integer] = field(default_factory=zeros(2))
+    velocity_square: Integer = 0
+    velocity_variance: Integer = 0
+    tilt_variance: Integer = 0
+    block_step: Integer = 0
+    missing_steps: Integer = 0
+    step: Integer = 0
+
+    covariance: list[Integer] = field(default_factory=zeros(55))
+    correction: list[Integer] = field(default_factory=zeros(10))
+    gain: list[Integer] = field(default_factory=zeros(10))
+    row: list[Integer] = field(default_factory=zeros(10))
+    coupling: list[Integer] = field(default_factory=zeros(12))
+    half_lever: Integer = 0
+    tilt_growth: Integer = 0
+    velocity_growth: Integer = 0
+    rows_sum: list[Integer] = field(default_factory=zeros(6))
+    turned_sum: list[Integer] = field(default_factory=zeros(6))
+    force_sum: list[Integer] = field(default_factory=zeros(3))
+    force_before: list[Integer] = field(default_factory=zeros(3))
+    half_sum: list[Integer] = field(default_factory=zeros(3))
+    half_mean: list[Integer] = field(default_factory=zeros(3))
+    energy: Integer = 0
+    half: list[Integer] = field(default_factory=zeros(3))
+    half_sixth: list[Integer] = field(default_factory=zeros(3))
+    accel_sixth: list[Integer] = field(default_factory=zeros(3))
+    block_flags: Integer = 0
+    slice: Integer = 0
+    still_blocks: Integer = 0
+    aligned_blocks: Integer = 0
+    lost_blocks: Integer = 0
+    moved: Integer = 0
+    gyro_lost: Integer = 0
+    accel_lost: Integer = 0
+    started: Integer = 0
+
+
+NAMES = tuple(one.name for one in fields(ControlState))
+SUMS = ("rows_sum", "turned_sum", "force_sum", "half_sum", "block_step", "energy", "moved", "gyro_lost", "accel_lost")
+KEPT = (
+    "rate", "accel", "attitude", "up", "velocity_variance", "block_step", "missing_steps", "step", "half", "gain",
+    "row", "coupling", "half_lever", "tilt_growth", "velocity_growth", "force_before", "half_mean", "half_sixth",
+    "accel_sixth", "started",
+)  # fmt: skip
+"""What a start leaves as it was."""
+
+
+def clear(c: ControlState, names: Iterable[str], zero: Integer) -> None:
+    """Set the named parts of the state to zero: an int, or an array with a 0 for each run."""
+    for name in names:
+        value = getattr(c, name)
+        setattr(c, name, [zero] * len(value) if isinstance(value, list) else zero)
+
+
+def in_runs(c: ControlState, p: Params, where: Integer, part: Callable[[ControlState, Params], None]) -> None:
+    """Do `part` with the state if the condition holds; with arrays, in the runs where it holds."""
+    if isinstance(where, bool):
+        if where:
+            part(c, p)
+    elif where.all():
+        part(c, p)
+    elif where.any():
+        at = np.flatnonzero(where)
+        taken = [_taken(getattr(c, name), at) for name in NAMES]
+        own = ControlState(*(list(value) if isinstance(value, list) else value for value in taken))
+        part(own, {name: column[at] for name, column in p.items() if name.startswith("attitude.")})
+        for name, before in zip(NAMES, taken, strict=True):
+            setattr(c, name, _merged(getattr(c, name), at, before, getattr(own, name)))
+
+
+def _taken(value: Integer, at: Integer) -> Integer:
+    return [one[at] for one in value] if isinstance(value, list) else value[at]
+
+
+def _merged(whole: Integer, at: Integer, before: Integer, after: Integer) -> Integer:
+    """`whole` with the runs `at` as after the part; itself where the part has changed nothing."""
+    if isinstance(whole, list):
+        return [_merged(*one) for one in zip(whole, [at] * len(whole), before, after, strict=True)]
+    if after is before:
+        return whole
+    merged = whole.copy()
+    merged[at] = after
+    return merged
+
+
+def control_init(p: Params) -> ControlState:
+    c, zero = ControlState(), 0 * p["attitude.block_steps"]
+    clear(c, NAMES, zero)
+    c.attitude[0] = c.up[2] = zero + ONE_Q30
+    start(c, p)
+    return c
+
+
+def start(c: ControlState, p: Params) -> None:
+    zero = 0 * p["attitude.block_steps"]
+    clear(c, [name for name in NAMES if name not in KEPT], zero)
+    for i, name in enumerate(["bias"] * 3 + ["scale"] * 3 + ["tilt"] * 2 + ["velocity"] * 2):
+        c.covariance[CELL[i][i]] = p[f"attitude.start_{name}"]
+    c.tilt_variance = 2 * p["attitude.start_tilt"]
+    c.block_flags = zero + (ALIGNING | UNSURE)

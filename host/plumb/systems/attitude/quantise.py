@@ -1,0 +1,174 @@
+"""Quantise the tuning of `attitude`, and back.
+
+The filter's unit of a bias is 1/4 rad/s, of a scale error 1/64, of a tilt 1 rad and of a velocity 1 g s, so that all
+standard deviations before the first sample are near 0.3 (docs/reference/arithmetic/attitude.md).
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+from plumb.systems.attitude.tuning import AttitudeTuning, Gyro, Motion, Mounting, Rest
+from plumb.tuning import mounting
+from plumb.tuning.groups import channel_of, channel_words, check_numbers, refuse, whole
+from plumb.tuning.quantise import ControlParams
+
+DEG = math.pi / 180.0
+G_MPS2 = 9.80665
+BIAS_UNITS, SCALE_UNITS = 4.0, 64.0
+"""Units of the filter in 1 rad/s of bias and in a scale error of 1."""
+Q32, Q33 = 1 << 32, 1 << 33
+LEAST_STEPS, MOST_STEPS = 15, 125
+LONGEST_BLOCK_S = 0.318
+VARIANCE_MAX = 858993459
+"""0.2, Q32: largest variance before the first sample."""
+MOST = (1 << 31) - 1
+PERIODS_US = (1_000, 21_000)
+
+
+def quantise(tuning: AttitudeTuning) -> ControlParams:
+    """The integers; raises UsageError with the parameter, its value and the limit."""
+    check_numbers(tuning)
+    if not PERIODS_US[0] <= tuning.period_us <= PERIODS_US[1]:
+        refuse("period_us", tuning.period_us, f"the attitude's steps take {PERIODS_US[0]} to {PERIODS_US[1]} us")
+    dt = Fraction(int(tuning.period_us), 10**6)
+    if tuning.block_s <= 0:
+        refuse("block_s", tuning.block_s, "give more than 0")
+    steps = max(round(Fraction(tuning.block_s) / dt), LEAST_STEPS)
+    if steps > MOST_STEPS or steps * dt > LONGEST_BLOCK_S:
+        refuse("block_s", tuning.block_s, f"a block has at most {MOST_STEPS} samples and {LONGEST_BLOCK_S} s")
+    block_s = float(steps * dt)
+    gyro, accel = tuning.gyro_mounting.matrix, tuning.accel_mounting.matrix
+    own = {
+        **channel_words("gyro", tuning.gyro, Fraction(1 << 28, 360)),
+        **channel_words("accel", tuning.accel, Fraction(1 << 26)),
+        **mounting.mounting_words("gyro_mounting", gyro),
+        **mounting.mounting_words("accel_mounting", accel),
+        "attitude.dt_s_q33": round(dt * Q33),
+        "attitude.half_angle": round(Fraction(math.pi) * dt * 4 * Q32),
+        "attitude.block_steps": steps,
+        "attitude.inverse_block_q32": round(Fraction(Q32, steps)),
+        "attitude.rest_gain_q20": round((1 << 20) / (2 * dt)),
+        "attitude.mounted": int(mounting.is_turned(gyro) or mounting.is_turned(accel)),
+        **_gyro(tuning.errors, float(dt), block_s),
+        **_motion(tuning.motion, block_s),
+        **_rest(tuning.rest, float(dt), steps),
+    }
+    return ControlParams.of("attitude", own)
+
+
+def _word(name: str, asked: float, value: float, high: int = MOST, low: int = 0) -> int:
+    if asked < 0:
+        refuse(name, asked, "it cannot be negative")
+    return whole(name, asked, Fraction(value), low, high)
+
+
+def _variance(name: str, sigma: float, units: float, low: int = 1, high: int = VARIANCE_MAX) -> int:
+    """(sigma * units)^2, Q32."""
+    return _word(name, sigma, (sigma * units) ** 2 * Q32, high, low)
+
+
+def _growth(name: str, sigma: float, units: float, seconds: float, high: int) -> int:
+    """The growth of a variance in `seconds`, Q32, as near as its integer comes: 0 below half of one."""
+    if sigma < 0:
+        refuse(name, sigma, "it cannot be negative")
+    value = round((sigma * units) ** 2 * seconds * Q32)
+    if value > high:
+        refuse(name, sigma, f"too large for its integer, the most is {math.sqrt(high / Q32 / seconds) / units:.6g}")
+    return value
+
+
+def _gyro(e: Gyro, dt: float, block_s: float) -> dict[str, int]:
+    return {
+        "attitude.start_bias": _variance("errors.bias_dps", e.bias_dps, BIAS_UNITS * DEG),
+        "attitude.start_scale": _variance("errors.scale", e.scale, SCALE_UNITS),
+        "attitude.q_bias": _growth("errors.bias_walk_dps", e.bias_walk_dps, BIAS_UNITS * DEG, block_s, 1 << 24),
+        "attitude.q_scale": _growth("errors.scale_walk", e.scale_walk, SCALE_UNITS, block_s, 1 << 20),
+        "attitude.q_tilt": _growth("errors.noise_dps", e.noise_dps, DEG, block_s, 1 << 26),
+        "attitude.q_turn_q24": _word("errors.turn_noise", e.turn_noise, 4 * e.turn_noise**2 / dt * Q32, 1 << 30),
+        "attitude.q_clipped": _growth("errors.clipped_deg", e.clipped_deg, DEG, 1.0, 1 << 27),
+    }
+
+
+def _motion(m: Motion, block_s: float) -> dict[str, int]:
+    for name, seconds in (("pass_s", m.pass_s), ("leak_s", m.leak_s)):
+        if seconds < 3 * block_s:
+            refuse(f"motion.{name}", seconds, f"at least three blocks, {3 * block_s:g} s")
+    return {
+        "attitude.start_tilt": _variance("motion.start_tilt_deg", m.start_tilt_deg, DEG),
+        "attitude.start_velocity": _variance("motion.start_velocity_mps", m.start_velocity_mps, 1 / G_MPS2),
+        "attitude.velocity_min": _variance("motion.velocity_mps", m.velocity_mps, 1 / G_MPS2, 1 << 14),
+        "attitude.velocity_share_q16": _word("motion.share", m.share, m.share * (1 << 16), 1 << 20),
+        "attitude.velocity_pass_q32": round(block_s / m.pass_s * Q32),
+        "attitude.leak_q32": round(block_s / m.leak_s * Q32),
+        "attitude.lost_blocks": _blocks("motion.lost_s", m.lost_s, block_s),
+        "attitude.unsure": _word("motion.unsure_deg", m.unsure_deg, 2 * (m.unsure_deg * DEG) ** 2 * Q32, Q32 - 1),
+    }
+
+
+def _blocks(name: str, seconds: float, block_s: float) -> int:
+    blocks = max(round(seconds / block_s), 1)
+    if blocks > 255:
+        refuse(name, seconds, f"at most {255 * block_s:g} s")
+    return blocks
+
+
+def _rest(r: Rest, dt: float, steps: int) -> dict[str, int]:
+    block_s = steps * dt
+    return {
+        "attitude.rest_gyro": _word("rest.gyro_dps", r.gyro_dps, r.gyro_dps * DEG * dt / 2 * Q32),
+        "attitude.rest_turn": _word("rest.turn_dps", r.turn_dps, r.turn_dps * DEG * block_s / 2 * Q32),
+        "attitude.rest_accel": _word("rest.accel_g", r.accel_g, r.accel_g * steps * (1 << 18)),
+        "attitude.rest_blocks": _blocks("rest.seconds", r.seconds, block_s),
+        "attitude.rest_variance": _variance("rest.noise_dps", r.noise_dps, BIAS_UNITS * DEG, 1 << 8),
+    }
+
+
+def dequantise(params: ControlParams) -> AttitudeTuning:
+    """The tuning that the integers represent."""
+    p = {name.removeprefix("attitude."): value for name, value in params.values.items()}
+    dt, steps = params.period_s, p["block_steps"]
+    block_s = steps * dt
+
+    def sigma(name: str, units: float, seconds: float = 1.0) -> float:
+        return math.sqrt(p[name] / Q32 / seconds) / units
+
+    errors = Gyro(
+        bias_dps=sigma("start_bias", BIAS_UNITS * DEG),
+        scale=sigma("start_scale", SCALE_UNITS),
+        bias_walk_dps=sigma("q_bias", BIAS_UNITS * DEG, block_s),
+        noise_dps=sigma("q_tilt", DEG, block_s),
+        turn_noise=math.sqrt(p["q_turn_q24"] / Q32 * dt / 4),
+        scale_walk=sigma("q_scale", SCALE_UNITS, block_s),
+        clipped_deg=sigma("q_clipped", DEG),
+    )
+    motion = Motion(
+        velocity_mps=sigma("velocity_min", 1 / G_MPS2),
+        share=p["velocity_share_q16"] / (1 << 16),
+        pass_s=block_s / max(p["velocity_pass_q32"], 1) * Q32,
+        leak_s=block_s / max(p["leak_q32"], 1) * Q32,
+        start_tilt_deg=sigma("start_tilt", DEG),
+        start_velocity_mps=sigma("start_velocity", 1 / G_MPS2),
+        lost_s=p["lost_blocks"] * block_s,
+        unsure_deg=math.sqrt(p["unsure"] / 2 / Q32) / DEG,
+    )
+    rest = Rest(
+        gyro_dps=p["rest_gyro"] / Q32 * 2 / dt / DEG,
+        accel_g=p["rest_accel"] / steps / (1 << 18),
+        turn_dps=p["rest_turn"] / Q32 * 2 / block_s / DEG,
+        seconds=p["rest_blocks"] * block_s,
+        noise_dps=sigma("rest_variance", BIAS_UNITS * DEG),
+    )
+    return AttitudeTuning(
+        period_us=round(dt * 1e6),
+        gyro=channel_of(params, "gyro", 2**28 / 360),
+        accel=channel_of(params, "accel", 2**26),
+        gyro_mounting=Mounting.of(mounting.matrix_of(params.values, "gyro_mounting").tolist()),
+        accel_mounting=Mounting.of(mounting.matrix_of(params.values, "accel_mounting").tolist()),
+        errors=errors,
+        motion=motion,
+        rest=rest,
+        block_s=block_s,
+        exact_period_s=dt,
+    )

@@ -1,0 +1,338 @@
+"""`attitude` in float64: the equations as docs/systems/attitude.md derives them, block by block.
+
+The same blocks, the same order of the measurements and the same delay of one block as the integers have, and none of
+their rounding. The filter counts in units in which the integers do, so that one limit of variance serves all states: a
+bias in 1/4 rad/s, a scale error in 1/64, a tilt in rad, a velocity in g s.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from plumb.kernels.reference.kernels import calibrate
+from plumb.spec.arrays import BoolArray, FloatArray
+from plumb.systems.attitude.quantise import BIAS_UNITS, DEG, G_MPS2, LEAST_STEPS, SCALE_UNITS
+from plumb.systems.attitude.tuning import AttitudeTuning
+from plumb.tuning.channels import NO_SAMPLE
+
+ALIGNING_BLOCKS = 4
+WORTHLESS_G, WORTHLESS_GS = 0.15, 1.0 / 32.0
+"""An acceleration, and the integral of one over a block, below which it tells no direction."""
+VARIANCE_LIMIT = 0.2
+ACCEL_LOST_G2S2 = 0.05**2
+LOST_G2S2 = 0.32**2
+GATE = 25.0
+TILT_STEP_RAD, HALF_ANGLE_RAD, VELOCITY_GS = 0.25, 0.43, 1.0
+BIAS_RADPS, SCALE = np.pi / 2.0, 1.0 / 16.0
+UNITS = np.array([BIAS_UNITS] * 3 + [SCALE_UNITS] * 3)
+BIASES, SCALES, TILTS, VELOCITIES = slice(0, 3), slice(3, 6), slice(6, 8), slice(8, 10)
+
+
+def turned(first: FloatArray, then: FloatArray) -> FloatArray:
+    """Product of two quaternions (4,)."""
+    w, v, x, u = first[0], first[1:], then[0], then[1:]
+    return np.concatenate([[w * x - v @ u], w * u + x * v + np.cross(v, u)])
+
+
+def matrices(q: FloatArray) -> FloatArray:
+    """Rotation matrices of quaternions (n, 4), from body to earth, (n, 3, 3)."""
+    w, x, y, z = q.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def right_products(half_rad: FloatArray) -> FloatArray:
+    """Matrices (n, 4, 4) by which a turn of twice these half angles about the body's axes multiplies a quaternion."""
+    length = np.linalg.norm(half_rad, axis=1)
+    w, (x, y, z) = np.cos(length), (half_rad * np.sinc(length / np.pi)[:, None]).T
+    rows = [[w, -x, -y, -z], [x, w, z, -y], [y, -z, w, x], [z, y, -x, w]]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def to_vertical(force: FloatArray) -> FloatArray:
+    """The shortest turn of an acceleration (3,) to the vertical, a quaternion."""
+    length = float(np.linalg.norm(force))
+    turn = np.array([length + force[2], force[1], -force[0], 0.0])
+    size = float(np.linalg.norm(turn))
+    return turn / size if size > length / 256.0 else np.array([0.0, 1.0, 0.0, 0.0])
+
+
+@dataclass
+class Filter:
+    """One run's state between two blocks. correction: of the last measured block, applied at the end of the next."""
+
+    covariance: FloatArray
+    attitude: FloatArray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
+    bias_radps: FloatArray = field(default_factory=lambda: np.zeros(3))
+    scale: FloatArray = field(default_factory=lambda: np.zeros(3))
+    velocity_gs: FloatArray = field(default_factory=lambda: np.zeros(2))
+    square_g2s2: float = 0.0
+    correction: FloatArray = field(default_factory=lambda: np.zeros(10))
+    tilt_rad2: float = 0.0
+    upwards_gs: float = 0.0
+    half_before: FloatArray = field(default_factory=lambda: np.zeros(3))
+    accel_before: FloatArray = field(default_factory=lambda: np.zeros(3))
+    half_mean: FloatArray = field(default_factory=lambda: np.zeros(3))
+    force_before: FloatArray = field(default_factory=lambda: np.zeros(3))
+    still_blocks: int = 0
+    aligned_blocks: int = 0
+    lost_blocks: int = 0
+    started: bool = False
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A block of samples in body axes: rates in rad/s, accelerations in g, (n, 3); flags (n,)."""
+
+    rate: FloatArray
+    accel: FloatArray
+    missing: BoolArray
+    gyro_clipped: BoolArray
+    accel_clipped: BoolArray
+
+    def part(self, begin: int, end: int) -> Samples:
+        cut = slice(begin, end)
+        flags = (self.missing[cut], self.gyro_clipped[cut], self.accel_clipped[cut])
+        return Samples(self.rate[cut], self.accel[cut], *flags)
+
+
+@dataclass(frozen=True)
+class Sums:
+    """What the filter needs of a block. half, force: (n, 3), of each step; rows (2, 3), turned (2, 3)."""
+
+    half: FloatArray
+    force: FloatArray
+    rows: FloatArray
+    turned: FloatArray
+    moved: bool
+    gyro_lost: bool
+    accel_lost: bool
+
+
+class Model:
+    """The filter of one tuning."""
+
+    def __init__(self, tuning: AttitudeTuning) -> None:
+        self.tuning, self.period_s = tuning, tuning.period_s
+        self.steps = max(round(tuning.block_s / self.period_s), LEAST_STEPS)
+        self.block_s = self.steps * self.period_s
+        e, m, block_s = tuning.errors, tuning.motion, self.block_s
+        self.start_variance = np.array(
+            [(BIAS_UNITS * DEG * e.bias_dps) ** 2] * 3
+            + [(SCALE_UNITS * e.scale) ** 2] * 3
+            + [(DEG * m.start_tilt_deg) ** 2] * 2
+            + [(m.start_velocity_mps / G_MPS2) ** 2] * 2
+        )
+        self.growth = np.zeros(10)
+        self.growth[BIASES] = (BIAS_UNITS * DEG * e.bias_walk_dps) ** 2 * block_s
+        self.growth[SCALES] = (SCALE_UNITS * e.scale_walk) ** 2 * block_s
+        self.rest_blocks = max(round(tuning.rest.seconds / block_s), 1)
+        self.lost_blocks = max(round(m.lost_s / block_s), 1)
+        self.rest_variance = (BIAS_UNITS * DEG * tuning.rest.noise_dps) ** 2
+
+    def begun(self) -> Filter:
+        """The state before the first sample."""
+        return Filter(np.diag(self.start_variance), tilt_rad2=2.0 * float(self.start_variance[6]))
+
+    def restarted(self, x: Filter) -> Filter:
+        """The state of a new start; it goes on with the attitude, which its blocks align."""
+        fresh = self.begun()
+        fresh.attitude, fresh.started = x.attitude, True
+        fresh.half_before, fresh.accel_before = x.half_before, x.accel_before
+        fresh.force_before, fresh.half_mean = x.force_before, x.half_mean
+        return fresh
+
+    def taken(self, counts: FloatArray) -> Samples:
+        """Counts (steps, 6) in body axes; what is missing repeats the acceleration before."""
+        gyro, accel = self.tuning.gyro, self.tuning.accel
+        rate = np.radians(calibrate(counts[:, :3], gyro)) @ np.array(self.tuning.gyro_mounting.matrix).T
+        force = calibrate(counts[:, 3:], accel) @ np.array(self.tuning.accel_mounting.matrix).T
+        missing = counts[:, 0] == NO_SAMPLE
+        last = np.maximum.accumulate(np.where(missing, -1, np.arange(len(counts))))
+        force = np.where(last[:, None] < 0, 0.0, force[np.maximum(last, 0)])
+        clipped = [
+            ((part < channel.min_counts) | (part > channel.max_counts)).any(axis=1) & ~missing
+            for part, channel in ((counts[:, :3], gyro), (counts[:, 3:], accel))
+        ]
+        return Samples(rate, force, missing, *clipped)
+
+    def half_angles(self, x: Filter, samples: Samples) -> FloatArray:
+        """Half the angles of each step; a missing one turns as the step before."""
+        rate = (1.0 - x.scale) * samples.rate - x.bias_radps
+        half = np.clip(rate * (self.period_s / 2.0), -HALF_ANGLE_RAD, HALF_ANGLE_RAD)
+        if samples.missing.any():
+            both = np.concatenate([x.half_before[None], half])
+            last = np.maximum.accumulate(np.where(samples.missing, 0, np.arange(1, len(half) + 1)))
+            half = both[last]
+        return np.asarray(half)
+
+    def summed(self, x: Filter, samples: Samples) -> tuple[Sums, FloatArray]:
+        """Turns the attitude through the samples; the sums of the block, and the attitude after each step (n, 4)."""
+        half, accel = self.half_angles(x, samples), samples.accel
+        strong = np.linalg.norm(accel, axis=1) >= WORTHLESS_G
+        begin = 0 if x.started else int(np.argmax(strong)) if strong.any() else len(half)
+        alone = np.arange(len(half)) <= (-1 if x.started else begin)  # steps that have none before them
+        half_before = np.where(alone[:, None], half, np.concatenate([x.half_before[None], half[:-1]]))
+        accel_before = np.where(alone[:, None], accel, np.concatenate([x.accel_before[None], accel[:-1]]))
+        mean = x.half_mean
+        if not x.started:
+            mean = np.where(alone[:, None], half, half[min(begin, len(half) - 1)])
+        coned = half + np.cross(half_before / 6.0, half)
+        products, attitudes, q = right_products(coned), np.empty((len(half), 4)), x.attitude
+        for step, product in enumerate(products):
+            if not x.started and step == begin:
+                q, x.started = turned(to_vertical(accel[step]), q), True
+            attitudes[step] = q = product @ q
+        x.attitude, x.half_before, x.accel_before = q, half[-1], accel[-1]
+
+        matrix = matrices(attitudes)
+        moved_to_end = accel + np.cross(half_before / 3.0 - 2.0 * half, accel) / 2.0
+        sculled = moved_to_end + np.cross(accel_before, half) / 6.0
+        return (
+            Sums(
+                half,
+                np.einsum("nij,nj->ni", matrix, sculled),
+                matrix[:, :2].sum(axis=0),
+                np.einsum("nij,nj->ij", matrix[:, :2], half),
+                bool((np.abs(half - mean) > DEG * self.tuning.rest.gyro_dps * self.period_s / 2.0).any()),
+                bool((samples.gyro_clipped | samples.missing).any()),
+                bool((samples.accel_clipped | samples.missing).any()),
+            ),
+            attitudes,
+        )
+
+    def closed(self, x: Filter, sums: Sums) -> Filter:
+        """The state after the last step of a block."""
+        rest, steps = self.tuning.rest, self.steps
+        force = sums.force.sum(axis=0)
+        mean_radps = 2.0 * sums.half.sum(axis=0) / self.block_s
+        moved = sums.moved or bool((np.abs(force - x.force_before) > rest.accel_g * steps).any())
+        moved = moved or bool((np.abs(mean_radps) > DEG * rest.turn_dps).any())
+        x.force_before, x.half_mean = force, sums.half.sum(axis=0) / steps
+        x.still_blocks = 0 if moved else min(x.still_blocks + 1, self.rest_blocks)
+        if x.aligned_blocks < ALIGNING_BLOCKS:
+            self.align(x, force * self.period_s)
+            return x
+        return self.corrected(x, sums, force * self.period_s, mean_radps)
+
+    def align(self, x: Filter, gained_gs: FloatArray) -> None:
+        """The vertical is the mean acceleration of all blocks so far."""
+        total = gained_gs + np.array([*x.velocity_gs, x.upwards_gs])
+        length = float(np.linalg.norm(total))
+        if length >= WORTHLESS_GS:
+            x.attitude = turned(to_vertical(total), x.attitude)
+        x.velocity_gs = np.zeros(2)
+        x.aligned_blocks += 1
+        x.upwards_gs = length if x.aligned_blocks < ALIGNING_BLOCKS else 0.0
+
+    def transition(self, sums: Sums, upwards_gs: float) -> FloatArray:
+        """How the errors at the end of the block follow from those at its begin, (10, 10)."""
+        half_lever, grown, tilted = np.eye(10), np.eye(10), np.eye(10)
+        lever = float(np.clip(upwards_gs, self.block_s / 2.0, 2.0 * self.block_s)) / 2.0
+        half_lever[8, 7], half_lever[9, 6] = lever, -lever
+        tilted[TILTS, BIASES] = -sums.rows * self.period_s / BIAS_UNITS
+        tilted[TILTS, SCALES] = -2.0 * sums.turned / SCALE_UNITS
+        grown[:] = half_lever @ tilted @ half_lever
+        return grown
+
+    def corrected(self, x: Filter, sums: Sums, gained_gs: FloatArray, mean_radps: FloatArray) -> Filter:
+        """The correction of the block before, brought to the end of this one; then this one is measured."""
+        errors, motion = self.tuning.errors, self.tuning.motion
+        transition = self.transition(sums, float(gained_gs[2]))
+        d = transition @ x.correction
+        x.bias_radps = np.clip(x.bias_radps + d[BIASES] / BIAS_UNITS, -BIAS_RADPS, BIAS_RADPS)
+        x.scale = np.clip(x.scale + d[SCALES] / SCALE_UNITS, -SCALE, SCALE)
+        turn = np.array([1.0, *np.clip(d[TILTS], -TILT_STEP_RAD, TILT_STEP_RAD) / 2.0, 0.0])
+        x.attitude = turned(turn, x.attitude)
+        x.attitude /= np.linalg.norm(x.attitude)
+        v = np.clip(x.velocity_gs + gained_gs[:2] + d[VELOCITIES], -VELOCITY_GS, VELOCITY_GS)
+        x.velocity_gs = v * (1.0 - self.block_s / motion.leak_s)
+        x.square_g2s2 += self.block_s / motion.pass_s * (float(x.velocity_gs @ x.velocity_gs) - x.square_g2s2)
+        variance = min((motion.velocity_mps / G_MPS2) ** 2 + motion.share * x.square_g2s2, VARIANCE_LIMIT)
+
+        growth = self.growth.copy()
+        turned_rad2 = 4.0 * float(np.sum(sums.half**2)) / self.period_s
+        growth[TILTS] = (DEG * errors.noise_dps) ** 2 * self.block_s + errors.turn_noise**2 * turned_rad2
+        growth[TILTS] += (DEG * errors.clipped_deg) ** 2 if sums.gyro_lost else 0.0
+        growth[VELOCITIES] = ACCEL_LOST_G2S2 if sums.accel_lost else 0.0
+        x.tilt_rad2 = float(x.covariance[6, 6] + x.covariance[7, 7])
+
+        x.lost_blocks = x.lost_blocks + 1 if x.square_g2s2 > LOST_G2S2 else 0
+        if x.lost_blocks == self.lost_blocks:
+            return self.restarted(x)
+        x.covariance = transition @ x.covariance @ transition.T
+        diagonal = np.diagonal(x.covariance)
+        x.covariance = x.covariance + np.diag(
+            np.where(diagonal < VARIANCE_LIMIT, np.minimum(growth, VARIANCE_LIMIT), 0)
+        )
+        x.correction = np.zeros(10)
+        for axis in range(2):
+            measure(x, 8 + axis, -float(x.velocity_gs[axis]), variance)
+        if x.still_blocks == self.rest_blocks:
+            for axis in range(3):
+                measure(x, axis, float(mean_radps[axis]) * BIAS_UNITS, self.rest_variance, gated=True)
+        return x
+
+
+def measure(x: Filter, at: int, measured: float, variance: float, *, gated: bool = False) -> None:
+    """Kalman filter: the error of state `at` is `measured`, of that variance. Beyond its sigmas a gated one is left
+    out."""
+    row = x.covariance[at].copy()
+    total, innovation = row[at] + variance, float(np.clip(measured - x.correction[at], -1.0, 1.0))
+    if gated and innovation**2 > GATE * total:
+        return
+    x.correction = x.correction + row / total * innovation
+    x.covariance = x.covariance - np.outer(row, row) / total
+
+
+NAMES = (
+    *(f"attitude_{part}" for part in "wxyz"),
+    *(f"up_{axis}" for axis in "xyz"),
+    *(f"bias_dps_{axis}" for axis in "xyz"),
+    *(f"scale_{axis}" for axis in "xyz"),
+    *(f"velocity_gs_{axis}" for axis in "xy"),
+    "tilt_sigma_deg",
+)
+
+
+def one_run(tuning: AttitudeTuning, counts: FloatArray) -> FloatArray:
+    """The columns NAMES of one run, (steps, names)."""
+    model = Model(tuning)
+    x, samples = model.begun(), model.taken(counts)
+    found = np.empty((len(counts), len(NAMES)))
+    for begin in range(0, len(counts), model.steps):
+        end = min(begin + model.steps, len(counts))
+        known = (x.bias_radps / DEG, x.scale, x.velocity_gs, [np.sqrt(max(x.tilt_rad2, 0.0)) / DEG])
+        found[begin:end, 7:] = np.concatenate(known)
+        sums, attitudes = model.summed(x, samples.part(begin, end))
+        if end - begin == model.steps:
+            x = model.closed(x, sums)
+            attitudes[-1] = x.attitude
+            known = (x.bias_radps / DEG, x.scale, x.velocity_gs, [np.sqrt(max(x.tilt_rad2, 0.0)) / DEG])
+            found[end - 1, 7:] = np.concatenate(known)
+        found[begin:end, :4] = attitudes
+        found[begin:end, 4:7] = matrices(attitudes)[:, 2]
+    return found
+
+
+def run_control(
+    tuning: AttitudeTuning, raw: npt.ArrayLike, _setpoint: npt.ArrayLike | None = None
+) -> dict[str, FloatArray]:
+    """From counts to the attitude. raw: (steps, 6[, runs]); setpoint: unused.
+
+    Returns float arrays (steps[, runs]) by name: attitude_w.., up_x.., bias_dps_x.., scale_x.., velocity_gs_x, _y, and
+    tilt_sigma_deg, the root of the sum of the variances of both axes.
+    """
+    counts = np.asarray(raw, np.float64)
+    if counts.ndim == 2:
+        found = one_run(tuning, counts)
+    else:
+        found = np.stack([one_run(tuning, counts[:, :, run]) for run in range(counts.shape[2])], axis=-1)
+    return {name: found[:, i] for i, name in enumerate(NAMES)}

@@ -1,0 +1,200 @@
+"""What `attitude` does when sensors or motion leave what it is made for: a named flag, and a bound of the error.
+
+The bodies here turn and move as prescribed, with an ideal sensor of 16 bits; native is equal to the other boards.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from plumb.boards import native_core
+from plumb.spec import declarations
+from plumb.spec.records import Words
+from plumb.spec.tuning import Channel
+from plumb.systems.attitude.quantise import quantise
+from plumb.systems.attitude.tuning import AttitudeTuning
+
+FloatArray = npt.NDArray[np.float64]
+
+PERIOD_US, MISSING_COUNT = 4000, -32768
+PERIOD_S = PERIOD_US * 1e-6
+UNIT_DPS, UNIT_G = 2000.0 / 32768, 16.0 / 32768
+BLOCK_S = 0.12
+UP = np.array([0.0, 0.0, 1.0])
+FLAGS = {flag.name: 1 << bit for bit, flag in enumerate(declarations.system("attitude").flags)}
+
+
+def steps(seconds: float) -> int:
+    return round(seconds / PERIOD_S)
+
+
+def quaternion_product(p: FloatArray, q: FloatArray) -> FloatArray:
+    w, v = p[0] * q[0] - p[1:] @ q[1:], p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:])
+    return np.array([w, *v])
+
+
+def earth_to_body(q: FloatArray) -> FloatArray:
+    w, x, y, z = q
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
+            [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
+            [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def felt(rate_dps: FloatArray, moved_g: FloatArray) -> tuple[npt.NDArray[np.int16], FloatArray]:
+    """Counts (n, 6) and the vertical in body axes after each step (n, 3) of a body that starts level. rate_dps: in body
+    axes; moved_g: acceleration in earth axes, both (n, 3)."""
+    q, raw, up = np.array([1.0, 0.0, 0.0, 0.0]), np.empty((len(rate_dps), 6)), np.empty((len(rate_dps), 3))
+    for k, (rate, moved) in enumerate(zip(np.radians(rate_dps), moved_g, strict=True)):
+        angle = rate * PERIOD_S / 4
+        half = np.linalg.norm(angle)
+        quarter_turn = np.array([np.cos(half), *(angle * np.sinc(half / np.pi))])
+        q = quaternion_product(q, quarter_turn)  # the middle of the step
+        force = earth_to_body(q) @ (moved + UP)
+        q = quaternion_product(q, quarter_turn)
+        raw[k], up[k] = [*(np.degrees(rate) / UNIT_DPS), *(force / UNIT_G)], earth_to_body(q)[:, 2]
+    return np.clip(np.rint(raw), -32767, 32767).astype(np.int16), up
+
+
+def run(raw: npt.NDArray[np.int16], limit_dps: float = 2000.0) -> Words:
+    most = min(round(limit_dps / UNIT_DPS), 32767)
+    tuning = AttitudeTuning(
+        PERIOD_US,
+        Channel(zero_counts=0.0, unit_per_count=UNIT_DPS, min_counts=-most, max_counts=most),
+        Channel(zero_counts=0.0, unit_per_count=UNIT_G, min_counts=-32766, max_counts=32766),
+    )
+    return native_core.run_control(quantise(tuning), raw, np.zeros(len(raw), np.int32))
+
+
+def error_deg(words: Words, up: FloatArray) -> FloatArray:
+    found = np.stack([words[f"up_q30_{axis}"] for axis in range(3)], 1) / 2.0**30
+    return np.asarray(
+        np.degrees(np.arctan2(np.linalg.norm(np.cross(found, up), axis=1), np.sum(found * up, axis=1))), np.float64
+    )
+
+
+def flagged(words: Words, name: str) -> npt.NDArray[np.bool_]:
+    return np.asarray((words["flags"] & FLAGS[name]) != 0)
+
+
+def still(seconds: float) -> tuple[FloatArray, FloatArray]:
+    return np.zeros((steps(seconds), 3)), np.zeros((steps(seconds), 3))
+
+
+def swing(seconds: float, amplitude_dps: float, hertz: float) -> FloatArray:
+    """Rates about x and y, a quarter of a period apart."""
+    phase = 2 * np.pi * hertz * PERIOD_S * np.arange(steps(seconds))
+    return amplitude_dps * np.stack([np.sin(phase), np.cos(phase), 0 * phase], 1)
+
+
+def test_a_gap_in_motion_is_flagged_costs_what_the_body_turned_unseen_and_is_made_good() -> None:
+    rate = np.vstack([still(3.0)[0], swing(2.0, 200.0, 0.5), still(12.0)[0]])
+    raw, up = felt(rate, np.zeros_like(rate))
+    gap = slice(steps(4.0), steps(4.1))
+    raw[gap] = MISSING_COUNT
+    words = run(raw)
+    error = error_deg(words, up)
+    assert np.array_equal(np.flatnonzero(flagged(words, "MISSING")), np.arange(gap.start, gap.stop))
+    unseen_deg = np.abs(rate[gap] - rate[gap.start - 1]).sum(axis=0).max() * PERIOD_S
+    assert unseen_deg > 0.1 and error[gap].max() < 1.5 * unseen_deg
+    assert flagged(words, "UNSURE")[gap.stop : gap.stop + steps(3 * BLOCK_S)].any()
+    assert error[-1] < 0.1
+
+
+def test_a_clipped_gyro_makes_the_tilt_unsure_and_rest_mends_it_within_ten_seconds() -> None:
+    turn = np.zeros((steps(0.5), 3))
+    turn[:, 0] = 800.0
+    rate = np.vstack([still(3.0)[0], turn, still(12.0)[0]])
+    raw, up = felt(rate, np.zeros_like(rate))
+    words = run(raw, limit_dps=500.0)
+    error, stop = error_deg(words, up), steps(3.5)
+    assert flagged(words, "GYRO_CLIPPED")[steps(3.0) : stop].all()
+    assert error[stop - 1] > 100.0, "the sensor cannot have felt 150 of the 400 degrees"
+    assert flagged(words, "UNSURE")[stop : stop + steps(BLOCK_S)].any()
+    assert error[stop + steps(10.0) :].max() < 2.0
+    assert not flagged(words, "UNSURE")[-1]
+
+
+def test_a_clipped_accelerometer_is_flagged_and_tilts_nothing() -> None:
+    rate, moved = still(6.0)
+    hit = slice(steps(3.0), steps(3.012))
+    moved[hit, 0] = 30.0
+    moved[hit.stop : hit.stop + steps(0.024), 0] = -15.0  # and it stops
+    raw, up = felt(rate, moved)
+    words = run(raw)
+    assert flagged(words, "ACCEL_CLIPPED")[hit].all()
+    assert error_deg(words, up).max() < 1.0, "the sensor missed 0.17 g s"
+
+
+def test_a_fall_is_flagged_within_two_blocks_and_does_not_tilt_the_estimate() -> None:
+    rate, moved = still(8.0)
+    fall = slice(steps(4.0), steps(5.0))
+    moved[fall, 2] = -1.0
+    rate[fall] = swing(1.0, 90.0, 1.0)
+    raw, up = felt(rate, moved)
+    words = run(raw)
+    assert flagged(words, "FALLING")[fall.start + steps(2 * BLOCK_S) : fall.stop].all()
+    assert not flagged(words, "FALLING")[: fall.start].any()
+    assert error_deg(words, up)[fall.start :].max() < 1.0
+
+
+def test_a_run_that_begins_in_a_fall_waits_for_an_acceleration_before_it_says_what_is_up() -> None:
+    rate, moved = still(4.0)
+    moved[: steps(1.0), 2] = -1.0
+    raw, up = felt(rate, moved)
+    words = run(raw)
+    assert flagged(words, "UNSURE")[: steps(1.0)].all()
+    assert error_deg(words, up)[-1] < 0.1
+
+
+def test_a_centrifuge_is_flagged_and_tilts_the_estimate_by_a_fraction_of_what_the_accelerometer_says() -> None:
+    rate, moved = still(25.0)
+    spin = slice(steps(5.0), steps(13.0))
+    turned = 2 * np.pi * 0.25 * PERIOD_S * np.arange(spin.stop - spin.start)
+    moved[spin] = 0.5 * np.stack([np.cos(turned), np.sin(turned), 0 * turned], 1)
+    rate[spin, 2] = 90.0
+    raw, up = felt(rate, moved)
+    words = run(raw)
+    error = error_deg(words, up)
+    assert flagged(words, "ACCELERATING")[spin].any()
+    assert error[spin].max() < 3.0, "the accelerometer alone is off by atan(0.5), 26.6 deg"
+    assert error[-1] < 0.5
+
+
+def test_a_start_on_a_sled_is_flagged_and_bounded() -> None:
+    rate, moved = still(30.0)
+    push = slice(steps(5.0), steps(8.0))
+    moved[push, 0] = 0.2
+    moved[push.stop : push.stop + steps(3.0), 0] = -0.2
+    raw, up = felt(rate, moved)
+    words = run(raw)
+    assert flagged(words, "ACCELERATING")[push].any()
+    error = error_deg(words, up)
+    assert error.max() < 6.0, "the accelerometer alone is off by atan(0.2), 11.3 deg"
+    assert error[-1] < 1.0
+
+
+def test_a_body_that_moves_away_restarts_the_filter_and_keeps_counting() -> None:
+    rate, moved = still(60.0)
+    moved[steps(5.0) :, 0] = 0.3
+    words = run(felt(rate, moved)[0])
+    restarted = np.flatnonzero(flagged(words, "RESTARTED"))
+    assert restarted.size and restarted[0] > steps(15.0)
+    assert flagged(words, "ALIGNING")[restarted[0]]
+    assert np.array_equal(words["step"], np.arange(1, len(words["step"]) + 1))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_after_any_input_a_minute_of_rest_is_enough(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    wild = rng.integers(-32768, 32768, (steps(10.0), 6)).astype(np.int16)
+    rest, up = felt(*still(60.0))
+    words = run(np.vstack([wild, rest]))
+    size = np.sqrt(sum((words[f"attitude_{part}_q30"] / 2.0**30) ** 2 for part in "wxyz"))
+    assert np.abs(size - 1.0).max() < 1e-3
+    assert error_deg(words, np.vstack([np.tile(up[0], (len(wild), 1)), up]))[-1] < 0.1
