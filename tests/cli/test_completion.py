@@ -17,7 +17,7 @@ ASKED = [
     ("plumb run q", ["quad"]),
     ("plumb run quad --scenario hol", ["hold"]),
     ("plumb monitor --board virt", ["virtual"]),
-    ("plumb params set system", ["system="]),
+    ("plumb params set pid.kp", ["pid.kp="]),
     ("plumb settings bo", ["board="]),
     ("plumb replay a.c", ["a.csv"]),
     ("plumb run quad --board nati", ["native"]),

@@ -18,7 +18,7 @@ from plumb.boards.link import LinkBoard
 from plumb.errors import UsageError
 from plumb.link.identity import Identity, identity_of
 from plumb.link.session import Session
-from plumb.spec import parameter_file, parameters
+from plumb.spec import declarations, parameter_file, parameters
 from plumb.spec.units import meaning
 from support.native_board import NativeBoard
 from support.params_command import in_use, params
@@ -263,7 +263,7 @@ def test_no_shipped_tuning_is_doubted(board: NativeBoard, capsys: pytest.Capture
     code, _, err = params(capsys, "tuning", system)
     assert code == 0 and "angles will be wrong" not in err
     _, _, err = params(capsys, "set", "--raw", "period_us=7000")
-    assert f"({'fusion.dt_s_q32' if system == 'turntable' else 'kalman.dt_s_q33'}): its angles will be wrong" in err
+    assert f"({declarations.system(system).period}): its angles will be wrong" in err
 
 
 @pytest.mark.parametrize(("system", "pins"), [("quad", 0), ("balancer", 1), ("turntable", 1), ("phone", 1)])

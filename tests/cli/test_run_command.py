@@ -53,7 +53,7 @@ def test_every_system_runs_open_and_closed(name: str, board: str, capsys: pytest
     """tests/proof/test_confirmed.py has the virtual board, over both links."""
     if board == "qemu" and shutil.which("qemu-system-arm") is None:
         pytest.skip("qemu-system-arm is missing")
-    seconds = "12" if name == "turntable" else "4"  # its first 10 s are at rest
+    seconds = "12" if name in ("turntable", "attitude") else "4"  # 10 s at rest; some seconds to learn the biases
     loops = {"open", "closed"} if systems.load(name).OUTPUTS else {"open"}
     for loop in loops:
         extra = ("--open-loop",) if loop == "open" else ()

@@ -35,7 +35,7 @@ def test_the_factory_values_are_valid() -> None:
         ("gyro.offset", 100 - LIMIT, 99 - LIMIT, UNIT_GAIN),
         ("gyro.offset", LIMIT - 100, LIMIT - 99, UNIT_GAIN | {"gyro.gain": -1}),
         ("gyro.offset", 100 - LIMIT, 99 - LIMIT, UNIT_GAIN | {"gyro.gain": -1}),
-        ("system", 0, 4, {}),
+        ("system", 0, 5, {}),
         ("tilt.mode", 1, 2, {}),
         ("tilt.r_base", 1, 0, {}),
         ("tilt.r_max", 5000, 4999, {"tilt.r_base": 5000}),

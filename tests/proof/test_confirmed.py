@@ -23,7 +23,7 @@ def test_every_scenario_and_tuning_is_the_same_on_the_virtual_board(
     name: str, link: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The first seconds of seed 1000; `plumb systems --confirm virtual` runs them whole."""
-    seconds = "4" if name == "phone" else "1"
+    seconds = {"phone": "4", "attitude": "2"}.get(name, "1")
     code = front.main(
         ["systems", "--confirm", "virtual", "--link", link, "--system", name, "--seconds", seconds, "--json"]
     )

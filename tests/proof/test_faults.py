@@ -181,7 +181,7 @@ def test_the_table_for_people_and_the_exit_code(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--system", "turntable"], "is not a system that drives an actuator"),
+        (["--system", "turntable"], "neither drives an actuator nor reads chips"),
         (["--phases", "0"], "from 1 to"),
         (["no-such-fault"], "no fault or group is called"),
     ],

@@ -39,7 +39,7 @@ BOOT0_WAIT_S = 60.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_board(parser, linked=True, required=False, about="this board, instead of being asked")
     options.add_system_with(parser, "poses", "system, instead of being asked")
-    options.add_image(parser)
+    options.add_link_and_image(parser)
     options.add_seed(parser, "the errors of the sensors of `virtual`")
     parser.add_argument("--answers", type=Path, metavar="FILE", help="answer the questions from this TOML file")
     options.add_json(parser, " at the end")
@@ -141,7 +141,7 @@ def open_board(
         from plumb.boards.held import open_held
 
         name = arguments.system or asked.choose("system", "   which system?", able, systems.default_for("poses"))
-        held = open_held(board, name, arguments.seed, image=arguments.image)
+        held = open_held(board, name, arguments.seed, link=arguments.link, image=arguments.image)
         return held.board, held.put
     opened = open_link_board(board)
     try:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from plumb.inputs.comparison.contenders import Contender
-from plumb.inputs.comparison.table import Compared
+from plumb.inputs.comparison.table import Compared, Row
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, Table
 
 COLOURS = (TRUTH, SENSOR, SECOND, "#7a5195", ESTIMATE, "#2e7d4f", "#c2570c")
@@ -17,22 +17,22 @@ COSTS = (
 )
 MEASURE = (
     "Angle between estimated and true vertical, deg: root mean square over the samples marked as movement, mean of the "
-    "recordings (and of the seeds). A heading error does not count."
+    "recordings (and of the seeds). A heading error does not count. -: the system cannot have this period."
 )
 
 
 def tables(results: Sequence[Compared], algorithms: Sequence[Contender]) -> list[Table]:
     """The means of every input, a table of each input by recording, and what was run."""
     names = [one.name for one in algorithms]
-    means = [[one.input.title, *(f"{one.mean_deg(name)[0]:.3f}" for name in names)] for one in results]
+    means = [[one.input.title, *(_mean(one, name) for name in names)] for one in results]
     found = [Table("Mean tilt error (deg)", ["input", *names], means, MEASURE)]
     for one in results:
         rows = []
         for recording in dict.fromkeys(row.recording for row in one.rows):
             for seed in dict.fromkeys(row.seed for row in one.rows):
-                cells = [r for r in one.rows if (r.recording, r.seed) == (recording, seed)]
+                cells = {r.algorithm: r for r in one.rows if (r.recording, r.seed) == (recording, seed)}
                 label = f"{recording}, seed {seed}" if seed else recording
-                rows.append([label, *(f"{r.rmse_deg:.3f} / {r.p95_deg:.2f} / {r.max_deg:.2f}" for r in cells)])
+                rows.append([label, *(_cell(cells.get(name)) for name in names)])
         rows.append(["mean / mean / largest", *(_all(one, name) for name in names)])
         found.append(Table(f"{one.input.title}: rms / 95 % / largest error (deg)", ["recording", *names], rows))
     ran = [[one.name, one.origin, one.settings, one.cost] for one in algorithms]
@@ -40,9 +40,22 @@ def tables(results: Sequence[Compared], algorithms: Sequence[Contender]) -> list
     return found
 
 
+NONE = "-"
+"""Of a system that cannot have the period of the input."""
+
+
+def _mean(result: Compared, name: str) -> str:
+    found = result.mean_deg(name)
+    return NONE if found is None else f"{found[0]:.3f}"
+
+
+def _cell(row: Row | None) -> str:
+    return NONE if row is None else f"{row.rmse_deg:.3f} / {row.p95_deg:.2f} / {row.max_deg:.2f}"
+
+
 def _all(result: Compared, name: str) -> str:
-    rmse_deg, p95_deg, max_deg = result.mean_deg(name)
-    return f"{rmse_deg:.3f} / {p95_deg:.2f} / {max_deg:.2f}"
+    found = result.mean_deg(name)
+    return NONE if found is None else f"{found[0]:.3f} / {found[1]:.2f} / {found[2]:.2f}"
 
 
 def plots(result: Compared) -> list[Plot]:
@@ -73,8 +86,9 @@ def to_json(results: Sequence[Compared], algorithms: Sequence[Contender]) -> dic
                 "decimate": one.input.decimate,
                 "grade": one.input.grade,
                 "means_deg": {
-                    each.name: dict(zip(("rmse_deg", "p95_deg", "max_deg"), one.mean_deg(each.name), strict=True))
+                    each.name: dict(zip(("rmse_deg", "p95_deg", "max_deg"), found, strict=True))
                     for each in algorithms
+                    if (found := one.mean_deg(each.name)) is not None
                 },
                 "rows": [asdict(row) for row in one.rows],
             }

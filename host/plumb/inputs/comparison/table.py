@@ -11,7 +11,7 @@ import numpy.typing as npt
 from plumb.errors import UsageError
 from plumb.inputs.comparison.contenders import Contender
 from plumb.inputs.comparison.grades import GRADES
-from plumb.inputs.comparison.samples import Motion, error_deg, sampled
+from plumb.inputs.comparison.samples import Motion, Samples, error_deg, sampled
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -58,9 +58,14 @@ class Compared:
     rows: tuple[Row, ...]
     traces: tuple[Trace, ...]
 
-    def mean_deg(self, algorithm: str) -> tuple[float, float, float]:
-        """Plain means over recordings and seeds of the root mean square and of the 95 %, and the largest error."""
+    def mean_deg(self, algorithm: str) -> tuple[float, float, float] | None:
+        """Plain means over recordings and seeds of the root mean square and of the 95 %, and the largest error; None
+        for an algorithm that cannot have the period of one of them."""
         own = [row for row in self.rows if row.algorithm == algorithm]
+        if len(own) < max(
+            sum(row.algorithm == name for row in self.rows) for name in {row.algorithm for row in self.rows}
+        ):
+            return None
         rmse, p95 = (float(np.mean([getattr(row, name) for row in own])) for name in ("rmse_deg", "p95_deg"))
         return rmse, p95, max(row.max_deg for row in own)
 
@@ -81,6 +86,14 @@ def runs(motions: Sequence[Motion], inputs: Sequence[Input], algorithms: Sequenc
     return len(motions) * len(algorithms) * sum(len(GRADES[one.grade].seeds) for one in inputs)
 
 
+def _verticals(algorithm: Contender, samples: Samples) -> FloatArray | None:
+    """None for a system that cannot have the period of these samples: a published algorithm takes any."""
+    try:
+        return algorithm.verticals(samples)
+    except UsageError:
+        return None
+
+
 def _compare(
     motions: Sequence[Motion], what: Input, algorithms: Sequence[Contender], done: Callable[[], object], *, traced: bool
 ) -> Compared:
@@ -94,7 +107,11 @@ def _compare(
                 raise UsageError(f"{motion.name}: no block of {what.decimate} samples is left to be scored")
             errors = {}
             for algorithm in algorithms:
-                error = error_deg(algorithm.verticals(samples), samples.up)
+                verticals = _verticals(algorithm, samples)
+                done()
+                if verticals is None:
+                    continue
+                error = error_deg(verticals, samples.up)
                 counted = error[samples.scored]
                 if not np.isfinite(counted).all():
                     raise UsageError(f"{algorithm.name} has no estimate for samples of {motion.name}")
@@ -102,7 +119,6 @@ def _compare(
                 row = Row(algorithm.name, motion.name, seed, rmse_deg, float(np.max(counted)), p95_deg)
                 rows.append(row)
                 errors[algorithm.name] = np.where(samples.scored, error, np.nan)
-                done()
             if traced and seed == grade.seeds[0]:
                 traces.append(Trace(motion.name, samples.time_s, errors))
     return Compared(what, tuple(rows), tuple(traces))
