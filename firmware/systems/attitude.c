@@ -20,9 +20,9 @@
 #define WORTHLESS_G_Q25      5033165  /* 0.15 g: below it an acceleration tells no direction */
 #define ALIGNING_BLOCKS      4U
 #define LONGEST_BLOCK_S_Q33  2731598643U  /* 0.318 s: no sum of a block overflows */
-#define MOST_HALF_ANGLES_Q34 (1ULL << 34) /* 1 rad per turn/s in a block: nor does one of angles */
+#define MOST_HALF_ANGLES_Q34 (1ULL << 34) /* block_steps * half_angle: half angles of a block below 8 rad */
 #define INNOVATION_LIMIT_Q28 ((1 << 28) - 1)
-#define LOST_SQUARE_Q24      1677722 /* (0.32 g s)^2: the mean square of a velocity that no tilt explains */
+#define LOST_SQUARE_Q24      1677722 /* 0.1 (g s)^2, 0.316 g s: a mean square that no tilt explains */
 #define GYRO_LOST            (PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED | PLUMB_ATTITUDE_FLAG_MISSING)
 #define ACCEL_LOST           (PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED | PLUMB_ATTITUDE_FLAG_MISSING)
 #define JUDGED               (PLUMB_ATTITUDE_FLAG_UNSURE | PLUMB_ATTITUDE_FLAG_ACCELERATING)
@@ -351,7 +351,7 @@ SELDOM void close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
     uint32_t flags = c->still_blocks == (uint32_t)p->rest_blocks ? PLUMB_ATTITUDE_FLAG_REST : 0U;
 
     if (c->aligned_blocks < ALIGNING_BLOCKS) {
-        /* the vertical is the mean of all so far; at least 0.02 g s, so that a fall turns nothing */
+        /* the vertical is the mean of all so far; at least 1/32 g s, so that a fall turns nothing */
         const int32_t x = sat_i32((int64_t)w->velocity_gs_q28[0] + gained_x);
         const int32_t y = sat_i32((int64_t)w->velocity_gs_q28[1] + gained_y);
         const int32_t z = sat_i32((int64_t)c->correction_q28[0] + gained(c->force_sum_q18[2], dt));

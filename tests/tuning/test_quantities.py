@@ -13,6 +13,7 @@ from plumb.spec import declarations, parameters
 from plumb.spec.tuning import NUMBER, Channel, quantity
 from plumb.systems import shipped_tunings
 from plumb.tuning import quantities
+from plumb.tuning.quantise import quantise
 
 DEFAULTS = {row.name: row.default for row in parameters.table()}
 QUAD = shipped_tunings.table_of("quad", None)
@@ -32,6 +33,14 @@ def test_every_quantity_has_a_unit_a_meaning_and_names_that_find_it(system: str)
         assert one.unit and one.meaning, name
         assert "unit" not in one.unit.split(), f"{name}: its group has no unit"
         assert quantities.find(one.alias, found) is quantities.find(name, found) is one
+
+
+@pytest.mark.parametrize("system", list(systems.SYSTEMS))
+def test_a_table_that_a_tuning_has_committed_is_read_in_units(system: str) -> None:
+    """With the unit of variance as a host sends it: 0 for a system that has none."""
+    module = systems.load(system)
+    params = quantise(module.TUNINGS[module.DEFAULT_TUNING])
+    assert quantities.values_of({**DEFAULTS, **params.values, **params.link_words()})["period_us"]
 
 
 @pytest.mark.parametrize(("system", "tuning"), SHIPPED)

@@ -1,8 +1,8 @@
 /* Attitude in three dimensions from a three-axis gyro and accelerometer.
  *
- *     counts -> rates, accelerations -> quaternion, turned exactly -> acceleration in earth axes -> sums of a
- * block block -> Kalman filter of ten errors: bias and scale of the gyro, tilt, horizontal velocity ->
- * corrections
+ * Every step: the counts become rates and accelerations; the rates turn the quaternion; the acceleration,
+ * in earth axes, is added to the sums of a block. Every block: a Kalman filter of ten errors (bias and scale
+ * of the gyro, tilt, horizontal velocity) takes the sums and corrects attitude, bias, scale and velocity.
  *
  * The filter measures one thing: that a body does not move away, so that the integral of its horizontal
  * acceleration stays small. A block is about 0.12 s; its covariance is computed in slices, one a step, while
@@ -34,8 +34,8 @@ typedef struct {
     int32_t gain_q28[PLUMB_ATTITUDE_STATES];   /* of the measurement under way */
     int32_t measured_row_q32[PLUMB_ATTITUDE_STATES]; /* row of the covariance that it measures */
     int32_t coupling_q32[2][6]; /* of the last block: tilt per bias and per scale error */
-    int32_t half_lever_q32;     /* of the last block: half the velocity per tilt, g s per rad */
-    int32_t tilt_growth_q32;    /* of the last block: its variance, rad^2 */
+    int32_t half_lever_q32;     /* of the last block: half of the velocity that a tilt makes, g s per rad */
+    int32_t tilt_growth_q32;    /* of the last block: what the variance of the tilt grows by, rad^2 */
     int32_t velocity_growth_q32;
     int32_t rows_sum_q22[2][3];   /* of the block so far: horizontal rows of the attitude's matrix */
     int32_t turned_sum_q28[2][3]; /* of the block so far: those times the half angles */

@@ -152,9 +152,10 @@ class Estimator:
     | `balancer` | `gyr_y`, `acc_x`, `acc_z` | tilt about y (pitch, forward is positive) |
     | `phone` | all of `gyr` and `acc` | pitch and roll |
     | `turntable` | all of `gyr` and `ang` (angular acceleration) | attitude from the start |
+    | `attitude` | all of `gyr` and `acc` | attitude, its vertical from `acc`, its heading from `gyr` |
 
     Args:
-        system: Name of a system: `quad`, `balancer`, `phone`, `turntable`.
+        system: Name of a system: `quad`, `balancer`, `phone`, `turntable`, `attitude`.
         tuning: Name of one of the system's tunings, a tuning object, or None for the system's default.
         period_s: Time between two samples, 0.0005 to 0.1 s, taken to the nearest microsecond; None: the tuning's.
         gyr_range_dps: Full scale of an ideal gyro, deg/s, at most 2520; None: the sensor of the tuning.
@@ -264,7 +265,8 @@ class Estimator:
             gyr_radps: Angular rate, (N, 3) rad/s.
             acc_mps2: Specific force, (N, 3) m/s^2; for systems that use `acc`.
             ang_radps2: Angular acceleration, (N, 3) rad/s^2; for systems that use `ang`. A row of NaN, of this or of
-                `gyr_radps`, is a step without a sample of that sensor, in systems of sensors of different rates.
+                `gyr_radps`, is a step without a sample of that sensor, in systems of sensors of different rates; in
+                `attitude` a row of NaN in both arrays is a step without a sample.
             channels: Counts of raw channels that no axis is, (N,) integers by name, as `edges` of `balancer`; 0 where
                 left out, wheels that stand still.
 
@@ -331,6 +333,13 @@ class Estimator:
         if len(set(lengths.values())) > 1:
             text = " and ".join(f"{name} {length}" for name, length in lengths.items())
             raise UsageError(f"the arrays have different numbers of samples: {text}")
+        if {"gyr", "acc"} <= set(arrays):
+            alone = np.isnan(arrays["acc"]).all(axis=1) & ~np.isnan(arrays["gyr"]).all(axis=1)
+            if alone.any():
+                raise UsageError(
+                    f"acc_mps2 of sample {int(np.argmax(alone))} is NaN and gyr_radps is not: a step without a sample"
+                    " has NaN in both"
+                )
         return arrays
 
     def _array(self, name: str, values: npt.ArrayLike) -> FloatArray:

@@ -59,7 +59,7 @@ def sat32(x: Integer) -> Integer:
 
 
 def coned(c: ControlState) -> list[Integer]:
-    """The half angles of the step, their axis turned by half the step before."""
+    """The half angles of the step, with coning: plus a sixth of those of the step before, times (cross) these."""
     h, s = c.half, c.half_sixth
     return [h[i] + mul(s[i - 2], h[i - 1]) - mul(s[i - 1], h[i - 2]) for i in AXES]
 
@@ -162,7 +162,7 @@ def sample(c: ControlState, p: Params, raw: Sequence[Integer]) -> Integer:
 
 
 def force_of(c: ControlState) -> list[Integer]:
-    """Acceleration of the step at its start's attitude, g Q25."""
+    """Mean acceleration of the step in the body axes of its end, with sculling, g Q25."""
     h, a, b = c.half, c.accel, c.accel_sixth
     e = [wrap_i32(c.half_sixth[i] - h[i]) for i in AXES]
     force = []

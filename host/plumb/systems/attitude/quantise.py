@@ -20,10 +20,15 @@ BIAS_UNITS, SCALE_UNITS = 4.0, 64.0
 """Units of the filter in 1 rad/s of bias and in a scale error of 1."""
 Q32, Q33 = 1 << 32, 1 << 33
 LEAST_STEPS, MOST_STEPS = 15, 125
-LONGEST_BLOCK_S = 0.318
+LONGEST_BLOCK_S = Fraction(318, 1000)
+"""A block is shorter than this."""
 VARIANCE_MAX = 858993459
 """0.2, Q32: largest variance before the first sample."""
 MOST = (1 << 31) - 1
+TOLERANCE = 1e-3
+"""Largest distance of an integer from the setting's square, relative."""
+NEVER = 0.25
+"""Stands for a share of 0 in a time constant: it is quantised to 0 again."""
 PERIODS_US = (1_000, 21_000)
 
 
@@ -36,21 +41,25 @@ def quantise(tuning: AttitudeTuning) -> ControlParams:
     if tuning.block_s <= 0:
         refuse("block_s", tuning.block_s, "give more than 0")
     steps = max(round(Fraction(tuning.block_s) / dt), LEAST_STEPS)
-    if steps > MOST_STEPS or steps * dt > LONGEST_BLOCK_S:
-        refuse("block_s", tuning.block_s, f"a block has at most {MOST_STEPS} samples and {LONGEST_BLOCK_S} s")
+    if steps > MOST_STEPS or steps * dt >= LONGEST_BLOCK_S:
+        limits = f"a block has at most {MOST_STEPS} samples and less than {float(LONGEST_BLOCK_S)} s"
+        refuse("block_s", tuning.block_s, limits)
     block_s = float(steps * dt)
-    gyro, accel = tuning.gyro_mounting.matrix, tuning.accel_mounting.matrix
+    mountings = {
+        **mounting.mounting_words("gyro_mounting", tuning.gyro_mounting.matrix),
+        **mounting.mounting_words("accel_mounting", tuning.accel_mounting.matrix),
+    }
+    turned = [mounting.is_turned(mounting.matrix_of(mountings, group)) for group in ("gyro_mounting", "accel_mounting")]
     own = {
         **channel_words("gyro", tuning.gyro, Fraction(1 << 28, 360)),
         **channel_words("accel", tuning.accel, Fraction(1 << 26)),
-        **mounting.mounting_words("gyro_mounting", gyro),
-        **mounting.mounting_words("accel_mounting", accel),
+        **mountings,
         "attitude.dt_s_q33": round(dt * Q33),
         "attitude.half_angle": round(Fraction(math.pi) * dt * 4 * Q32),
         "attitude.block_steps": steps,
         "attitude.inverse_block_q32": round(Fraction(Q32, steps)),
         "attitude.rest_gain_q20": round((1 << 20) / (2 * dt)),
-        "attitude.mounted": int(mounting.is_turned(gyro) or mounting.is_turned(accel)),
+        "attitude.mounted": int(any(turned)),
         **_gyro(tuning.errors, float(dt), block_s),
         **_motion(tuning.motion, block_s),
         **_rest(tuning.rest, float(dt), steps),
@@ -64,29 +73,46 @@ def _word(name: str, asked: float, value: float, high: int = MOST, low: int = 0)
     return whole(name, asked, Fraction(value), low, high)
 
 
-def _variance(name: str, sigma: float, units: float, low: int = 1, high: int = VARIANCE_MAX) -> int:
-    """(sigma * units)^2, Q32."""
-    return _word(name, sigma, (sigma * units) ** 2 * Q32, high, low)
+def _square(name: str, sigma: float, units: float, low: int = 1, high: int = VARIANCE_MAX, weight: float = 1.0) -> int:
+    """weight (sigma * units)^2, Q32; a refusal names the limit in the unit of sigma."""
+
+    def limit(word: int) -> float:
+        return math.sqrt(word / (Q32 * weight)) / units
+
+    _within(name, sigma, limit(high))
+    if not sigma and low:
+        refuse(name, sigma, "give more than 0")
+    value = weight * (sigma * units) ** 2 * Q32
+    if value < low and low > 1:
+        refuse(name, sigma, f"too small for its integer, the least is {limit(low):.6g}")
+    nearest = min(max(round(value), low), high)
+    if abs(nearest - value) > value * TOLERANCE:
+        refuse(name, sigma, f"too fine for its integer: ask for at least {limit(500):.3g}")
+    return nearest
 
 
 def _growth(name: str, sigma: float, units: float, seconds: float, high: int) -> int:
     """The growth of a variance in `seconds`, Q32, as near as its integer comes: 0 below half of one."""
+    _within(name, sigma, math.sqrt(high / Q32 / seconds) / units)
+    return min(round((sigma * units) ** 2 * seconds * Q32), high)
+
+
+def _within(name: str, sigma: float, most: float) -> None:
+    """Refuse what has no square in its integer. The tolerance lets the largest integer come back from its own sigma."""
     if sigma < 0:
         refuse(name, sigma, "it cannot be negative")
-    value = round((sigma * units) ** 2 * seconds * Q32)
-    if value > high:
-        refuse(name, sigma, f"too large for its integer, the most is {math.sqrt(high / Q32 / seconds) / units:.6g}")
-    return value
+    if sigma > most * (1 + TOLERANCE / 4):
+        refuse(name, sigma, f"too large for its integer, the most is {most:.6g}")
 
 
 def _gyro(e: Gyro, dt: float, block_s: float) -> dict[str, int]:
     return {
-        "attitude.start_bias": _variance("errors.bias_dps", e.bias_dps, BIAS_UNITS * DEG),
-        "attitude.start_scale": _variance("errors.scale", e.scale, SCALE_UNITS),
+        "attitude.start_bias": _square("errors.bias_dps", e.bias_dps, BIAS_UNITS * DEG),
+        "attitude.start_scale": _square("errors.scale", e.scale, SCALE_UNITS),
         "attitude.q_bias": _growth("errors.bias_walk_dps", e.bias_walk_dps, BIAS_UNITS * DEG, block_s, 1 << 24),
         "attitude.q_scale": _growth("errors.scale_walk", e.scale_walk, SCALE_UNITS, block_s, 1 << 20),
         "attitude.q_tilt": _growth("errors.noise_dps", e.noise_dps, DEG, block_s, 1 << 26),
-        "attitude.q_turn_q24": _word("errors.turn_noise", e.turn_noise, 4 * e.turn_noise**2 / dt * Q32, 1 << 30),
+        "attitude.q_turn_q24": _square("errors.turn_noise", e.turn_noise, 1.0, 0, 1 << 30, 4 / dt),
         "attitude.q_clipped": _growth("errors.clipped_deg", e.clipped_deg, DEG, 1.0, 1 << 27),
     }
 
@@ -96,18 +122,20 @@ def _motion(m: Motion, block_s: float) -> dict[str, int]:
         if seconds < 3 * block_s:
             refuse(f"motion.{name}", seconds, f"at least three blocks, {3 * block_s:g} s")
     return {
-        "attitude.start_tilt": _variance("motion.start_tilt_deg", m.start_tilt_deg, DEG),
-        "attitude.start_velocity": _variance("motion.start_velocity_mps", m.start_velocity_mps, 1 / G_MPS2),
-        "attitude.velocity_min": _variance("motion.velocity_mps", m.velocity_mps, 1 / G_MPS2, 1 << 14),
+        "attitude.start_tilt": _square("motion.start_tilt_deg", m.start_tilt_deg, DEG),
+        "attitude.start_velocity": _square("motion.start_velocity_mps", m.start_velocity_mps, 1 / G_MPS2),
+        "attitude.velocity_min": _square("motion.velocity_mps", m.velocity_mps, 1 / G_MPS2, 1 << 14),
         "attitude.velocity_share_q16": _word("motion.share", m.share, m.share * (1 << 16), 1 << 20),
         "attitude.velocity_pass_q32": round(block_s / m.pass_s * Q32),
         "attitude.leak_q32": round(block_s / m.leak_s * Q32),
         "attitude.lost_blocks": _blocks("motion.lost_s", m.lost_s, block_s),
-        "attitude.unsure": _word("motion.unsure_deg", m.unsure_deg, 2 * (m.unsure_deg * DEG) ** 2 * Q32, Q32 - 1),
+        "attitude.unsure": _square("motion.unsure_deg", m.unsure_deg, DEG, 0, Q32 - 1, 2.0),
     }
 
 
 def _blocks(name: str, seconds: float, block_s: float) -> int:
+    if seconds <= 0:
+        refuse(name, seconds, "give more than 0")
     blocks = max(round(seconds / block_s), 1)
     if blocks > 255:
         refuse(name, seconds, f"at most {255 * block_s:g} s")
@@ -121,7 +149,7 @@ def _rest(r: Rest, dt: float, steps: int) -> dict[str, int]:
         "attitude.rest_turn": _word("rest.turn_dps", r.turn_dps, r.turn_dps * DEG * block_s / 2 * Q32),
         "attitude.rest_accel": _word("rest.accel_g", r.accel_g, r.accel_g * steps * (1 << 18)),
         "attitude.rest_blocks": _blocks("rest.seconds", r.seconds, block_s),
-        "attitude.rest_variance": _variance("rest.noise_dps", r.noise_dps, BIAS_UNITS * DEG, 1 << 8),
+        "attitude.rest_variance": _square("rest.noise_dps", r.noise_dps, BIAS_UNITS * DEG, 1 << 8),
     }
 
 
@@ -146,8 +174,8 @@ def dequantise(params: ControlParams) -> AttitudeTuning:
     motion = Motion(
         velocity_mps=sigma("velocity_min", 1 / G_MPS2),
         share=p["velocity_share_q16"] / (1 << 16),
-        pass_s=block_s / max(p["velocity_pass_q32"], 1) * Q32,
-        leak_s=block_s / max(p["leak_q32"], 1) * Q32,
+        pass_s=block_s / (p["velocity_pass_q32"] or NEVER) * Q32,
+        leak_s=block_s / (p["leak_q32"] or NEVER) * Q32,
         start_tilt_deg=sigma("start_tilt", DEG),
         start_velocity_mps=sigma("start_velocity", 1 / G_MPS2),
         lost_s=p["lost_blocks"] * block_s,

@@ -23,7 +23,7 @@ WORTHLESS_G, WORTHLESS_GS = 0.15, 1.0 / 32.0
 """An acceleration, and the integral of one over a block, below which it tells no direction."""
 VARIANCE_LIMIT = 0.2
 ACCEL_LOST_G2S2 = 0.05**2
-LOST_G2S2 = 0.32**2
+LOST_G2S2 = 0.1
 GATE = 25.0
 TILT_STEP_RAD, HALF_ANGLE_RAD, VELOCITY_GS = 0.25, 0.43, 1.0
 BIAS_RADPS, SCALE = np.pi / 2.0, 1.0 / 16.0

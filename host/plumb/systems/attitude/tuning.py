@@ -71,7 +71,7 @@ class Motion:
     share: float = field(
         default=0.4,
         metadata=quantity(
-            NUMBER, "share of the mean square of the integrated velocity that is added to the square of that"
+            NUMBER, "share of the mean square of the integrated velocity that is added to the square of `velocity_mps`"
         ),
     )
     pass_s: float = field(default=1.0, metadata=quantity("s", "time constant of that mean square"))
@@ -89,7 +89,7 @@ class Motion:
     )
     lost_s: float = field(
         default=10.0,
-        metadata=quantity("s", "the filter starts again when the integrated velocity stays beyond 3 m/s for so long"),
+        metadata=quantity("s", "the filter starts again when the integrated velocity stays beyond 3.1 m/s for so long"),
     )
 
 
@@ -107,7 +107,7 @@ class Rest:
     turn_dps: float = field(
         default=11.5, metadata=quantity("deg/s", "largest mean rate of a block; beyond it is a turn, no bias")
     )
-    seconds: float = field(default=1.0, metadata=quantity("s", "for so long"))
+    seconds: float = field(default=1.0, metadata=quantity("s", "time without motion that counts as rest"))
     noise_dps: float = field(default=0.115, metadata=quantity("deg/s", "standard deviation of a block's mean rate"))
 
 
