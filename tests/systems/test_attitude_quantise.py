@@ -34,8 +34,8 @@ WILD = (0.0, -1.0, -1e-9, 1e-300, 1e-9, 1e3, 1e30, 1e300, float("inf"), float("n
 
 def with_setting(name: str, value: float) -> AttitudeTuning:
     group, _, field = name.rpartition(".")
-    if not group:
-        return replace(attitude.DEFAULT, **{field: value})
+    if name == "block_s":
+        return replace(attitude.DEFAULT, block_s=value)
     return replace(attitude.DEFAULT, **{group: replace(getattr(attitude.DEFAULT, group), **{field: value})})
 
 
