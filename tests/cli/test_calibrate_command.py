@@ -145,9 +145,10 @@ def test_answers_that_are_missing_wrong_or_nobodys(tmp_path: Path, capsys: pytes
         asked.refused("it moved")
     with pytest.raises(UsageError, match="on a terminal, or give the answers"):
         questions(None)
-    file.write_text("write = ")
-    assert front.main(["calibrate", "--board", "native", "--answers", str(file)]) == 2
-    assert "is no TOML" in capsys.readouterr().err
+    for text in ("write = ", "a = " + "[" * 30_000, "a = " + "9" * 5000):
+        file.write_text(text)
+        assert front.main(["calibrate", "--board", "native", "--answers", str(file)]) == 2
+        assert "is no TOML" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

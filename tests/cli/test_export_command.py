@@ -137,6 +137,16 @@ def test_what_cannot_be_written_is_one_sentence(
     assert sentence in said and said.count("\n") == 1
 
 
+@pytest.mark.parametrize("name", ["photo.png", "nothing"])
+def test_a_file_of_another_kind_is_told_what_would_do(
+    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / name).write_bytes(b"\x89PNG\r\n")
+    assert export(tmp_path / name, tmp_path / "run.csv") == 2
+    assert f"{name} is no file of frames, which end in .asc, .blf" in capsys.readouterr().err
+    assert not (tmp_path / "run.csv").exists()
+
+
 @pytest.mark.parametrize(("module", "suffix"), [("pyarrow", "parquet"), ("asammdf", "mf4")])
 def test_a_missing_library_is_one_sentence_that_names_its_extra(
     whole: Path, tmp_path: Path, module: str, suffix: str

@@ -13,6 +13,7 @@ import pytest
 
 from plumb import __main__ as front
 from plumb.boards.link import LinkBoard
+from plumb.cli import monitor_line
 from plumb.link import monitor
 from plumb.link.session import Session
 from plumb.spec import declarations, parameters
@@ -250,3 +251,8 @@ def test_a_plant_is_for_the_virtual_board_alone(board: NativeBoard, capsys: pyte
     assert front.main(["monitor", "--board", "memory", "--system", "balancer"]) == 2
     assert "params tuning SYSTEM" in capsys.readouterr().err
     assert front.main(["monitor", "--board", "memory", "--scenario", "hold"]) == 2
+
+
+def test_a_value_that_rounds_to_zero_has_no_minus() -> None:
+    assert monitor_line.number(-1e-5, "deg") == "+0.000 deg"
+    assert monitor_line.number(-0.0006, "") == "-0.001"

@@ -278,3 +278,8 @@ def test_an_editor_that_is_not_there_or_fails_changes_nothing(
     monkeypatch.setenv("PATH", "")
     assert "set $EDITOR to yours" in params(capsys, "edit")[2]
     assert in_use(board) == DEFAULTS
+
+
+def test_a_list_of_profiles_takes_no_name(board: NativeBoard, capsys: Capture) -> None:
+    code, out, err = params(capsys, "profile", "list", "windy")
+    assert (code, out) == (2, "") and "takes no name" in err

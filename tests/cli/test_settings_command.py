@@ -82,3 +82,11 @@ def test_flash_takes_the_port_of_the_settings(
     assert front.main(["flash"]) == 3
     err = capsys.readouterr().err
     assert "port /dev/no-port-0, the only one here" in err and "there is no port /dev/no-port-0" in err
+
+
+@pytest.mark.parametrize("text", ["board = " + "[" * 30_000, "board = " + "9" * 5000, "board = \xff"])
+def test_settings_of_any_bytes_are_one_sentence(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    settings.settings_file().parent.mkdir(parents=True, exist_ok=True)
+    settings.settings_file().write_bytes(text.encode("latin-1"))
+    assert front.main(["settings"]) == 2
+    assert "settings.toml cannot be read (" in capsys.readouterr().err

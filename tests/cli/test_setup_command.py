@@ -15,9 +15,9 @@ from plumb import __main__ as front
 from plumb.boards.link import LinkBoard
 from plumb.cli import setup
 from plumb.cli.questions import Answers, Terminal
-from plumb.errors import LinkError
+from plumb.errors import LinkError, UsageError
 from plumb.files import settings
-from plumb.inputs import green_light
+from plumb.inputs import rest_check
 from plumb.link import discovery, parameter_history, parameter_table
 from plumb.link.discovery import Answer, Candidate
 from plumb.link.identity import Identity
@@ -85,6 +85,15 @@ def test_the_shipped_parameters_are_set_when_that_is_wanted_and_remembered(board
         unique_id = opened.session.require_match().unique_id
     (change,) = parameter_history.read(unique_id)
     assert (change.did, change.tuning) == ("tuning balancer tuned", "tuned")
+
+
+def test_an_image_without_a_system_that_has_poses_is_named(
+    board: NativeBoard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unasked = argparse.Namespace(system=None, image=None, seed=1)
+    monkeypatch.setattr("plumb.systems.with_part", lambda part: ())
+    with pytest.raises(UsageError, match=r"image has only quad, .*, which plumb cannot calibrate"):
+        setup.open_board("serial:memory", unasked, Answers(answers(tmp_path)))
 
 
 def test_a_sensor_that_is_missing_ends_it(board: NativeBoard, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -161,7 +170,7 @@ LOOK: dict[str, Any] = {
     ],
 )
 def test_the_light_is_green_only_when_all_is_well(change: dict[str, Any], said: str | None) -> None:
-    found = green_light.troubles([LOOK, {**LOOK, **change}], 100.0)
+    found = rest_check.troubles([LOOK, {**LOOK, **change}], 100.0)
     assert len(found) == (said is not None), found
     assert all(str(said) in text for text in found), found
 

@@ -204,3 +204,21 @@ def test_what_pid_cannot_use_is_one_sentence(capsys: pytest.CaptureFixture[str])
     assert "500 (2 kHz) to 100000" in refusal([*native, "--period-us", "1"], capsys)
     assert "--live is for --board virtual" in refusal([*native, "--live"], capsys)
     assert "closes no loop" in refusal(["pid", "--board", "qemu", "--arm-and-move"], capsys)
+
+
+def test_a_log_shorter_than_a_rest_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    counts = scenario("quiet", 3, seconds=1.0).counts()[:15]
+    short = log_of_counts(tmp_path / "short.plog", quantise(TUNINGS["adaptive"]), counts)
+    assert "has no rest of 10 s" in refusal(["noise", str(short)], capsys)
+
+
+def test_a_folder_that_cannot_be_written_is_told_before_anything_moves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def opened(*_: object, **__: object) -> None:
+        raise AssertionError("the board was opened")
+
+    monkeypatch.setattr("plumb.boards.open_board", opened)
+    (tmp_path / "file").write_text("in the way")
+    machine = ["pid", "--board", "serial:/dev/ttyUSB0", "--arm-and-move", "--out", str(tmp_path / "file" / "out")]
+    assert "choose another folder with --out" in refusal(machine, capsys)

@@ -258,6 +258,9 @@ def test_a_path_that_cannot_be_used_is_one_sentence(
                 board.machine.uart.write(b"V\r")
                 board.machine.advance_us(5_000)
                 trace.flush()
+        with pytest.raises(UsageError, match="/dev/full cannot be written: No space left"):
+            trace.close()
+        trace.close()
         monkeypatch.setitem(__import__("sys").modules, "vcd", None)
         with pytest.raises(UsageError, match=r"pyvcd; install it"):
             VcdTrace(board.machine, tmp_path / "none")

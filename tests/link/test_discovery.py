@@ -135,7 +135,9 @@ def test_a_served_board_is_listed_while_its_process_lives(machine: Callable[...,
         assert not list(served_boards.folder().iterdir())
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"names": [], "system": "", "process": 1}', "\xff", '{"names": 3}'])
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", '{"names": [], "system": "", "process": 1}', "\xff", '{"names": 3}', "[" * 60_000]
+)
 def test_an_entry_that_cannot_be_read_is_no_board(text: str, machine: Callable[..., list[str]]) -> None:
     machine([])
     with served_boards.Entry("") as entry:

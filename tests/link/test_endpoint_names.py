@@ -91,6 +91,7 @@ def test_the_rate_behind_an_slcan_channel_is_that_of_the_adapters_port() -> None
         (parse_endpoint, "tcp:", "pty or tcp:PORT"),
         (parse_endpoint, "pty:1", "pty or tcp:PORT"),
         (parse_can_end, "slcan:tcp:99999", "pty or tcp:PORT"),
+        (parse_can_end, "can:socketcan:can0", "is not a CAN bus; write slcan:pty"),
         (parse_can_end, "socketcand:99999", "HOST:PORT:CHANNEL"),
         (parse_can_end, "vcan0", "is not a CAN bus"),
     ],

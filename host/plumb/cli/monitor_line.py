@@ -16,7 +16,7 @@ LINE_COLUMNS = {
 
 
 def number(value: float, unit: str) -> str:
-    return f"{value:+.3f} {unit}".rstrip()
+    return f"{value:+z.3f} {unit}".rstrip()
 
 
 def count(value: int | None) -> str:

@@ -183,9 +183,12 @@ class Screen:
             )
             table.add_row(
                 Text(name),
-                Text("-" if value is None else f"{value:+.3f}", style="dim" if value is None else "bold"),
+                Text("-" if value is None else f"{value:+z.3f}", style="dim" if value is None else "bold"),
                 Text(unit, style="dim"),
-                *(Text(f"{bound[column]:+.3f}" if column in bound else "-") for bound in (extremes.low, extremes.high)),
+                *(
+                    Text(f"{bound[column]:+z.3f}" if column in bound else "-")
+                    for bound in (extremes.low, extremes.high)
+                ),
                 Text(course, style="cyan"),
             )
         return table

@@ -113,9 +113,11 @@ def main(arguments: argparse.Namespace) -> int:
 
     if arguments.action == "edit":
         return params_edit.edit(arguments)
-    if arguments.action == "profile" and arguments.what != "list" and arguments.name is None:
+    if arguments.action == "profile" and (arguments.what == "list") != (arguments.name is None):
         from plumb.errors import UsageError
 
+        if arguments.name is not None:
+            raise UsageError("`profile list` takes no name: it shows every profile of the board")
         raise UsageError(f"say which profile: plumb params profile {arguments.what} NAME")
     warnings: list[str] = []
     integers = integers_asked(arguments, warnings)  # a mistake in them is told before a board is opened

@@ -39,7 +39,7 @@ class Listed(TypedDict):
 def value_text(value: Value, quantity: NamedQuantity, table: Mapping[str, int]) -> str:
     """The value as it is printed, without its unit; a choice of the link with its name, without its explanation."""
     if isinstance(value, float):
-        return f"{value:.6g}"
+        return f"{value:z.6g}"
     said = choice_of(quantity, table).partition(" (")[0]
     return f"{value} = {said}" if said else str(value)
 
@@ -128,7 +128,7 @@ def in_units(about: ParameterDescription, table: Mapping[str, int]) -> str:
     said = with_unit(value_text(about.value, quantity, table), quantity)
     bounds = " or ".join(quantity.choices)
     if about.min is not None and about.max is not None:
-        bounds = with_unit(f"{about.min:.6g} .. {about.max:.6g}", quantity)
+        bounds = with_unit(f"{about.min:z.6g} .. {about.max:z.6g}", quantity)
     also = f" (also {about.name})" if about.alias != about.name else ""
     return f"{about.alias} = {said}{also}\n  {about.meaning}\n  {bounds}\n  held by {held}"
 

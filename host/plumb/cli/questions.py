@@ -76,7 +76,7 @@ class Answers:
         self._refusals = 0
         try:
             self._said = tomllib.loads(read_text(path, MOST_BYTES, "give a TOML file of answers"))
-        except tomllib.TOMLDecodeError as error:
+        except (ValueError, RecursionError) as error:  # of a number with too many digits, ValueError itself
             raise UsageError(f"{path} is no TOML ({error}): write one answer a line, as in write = true") from None
 
     def choose(self, key: str, text: str, choices: Sequence[str], default: str) -> str:
@@ -102,7 +102,7 @@ class Answers:
 
     def _answer(self, key: str, text: str) -> object:
         if key not in self._said:
-            raise UsageError(f"{self._path} does not answer '{key}' ({text}): add {key} = ...")
+            raise UsageError(f"{self._path} does not answer '{key}' ({text.strip()}): add {key} = ...")
         return self._said[key]
 
 

@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     from plumb.cli.questions import questions
     from plumb.errors import ExitCode
-    from plumb.inputs import green_light
+    from plumb.inputs import rest_check
 
     asked = questions(arguments.answers)
     tell("1. the board")
@@ -67,7 +67,7 @@ def main(arguments: argparse.Namespace) -> int:
             calibrate(session, asked, put)
         tell("6. the first look")
         level(asked, put, session)
-        snapshot, troubles = green_light.examine(session)
+        snapshot, troubles = rest_check.examine(session)
         shown = summary(snapshot)
     for text in troubles:
         tell(f"   not well: {text}")
@@ -147,6 +147,10 @@ def open_board(
     try:
         identity = opened.session.require_match()
         able = tuple(name for name in able if name in identity.systems)
+        if not able:
+            from plumb.errors import UsageError
+
+            raise UsageError(f"the board's image has only {', '.join(identity.systems)}, which plumb cannot calibrate")
         present = declarations.name_of(by_name(parameter_table.read_table(opened.session))["system"])
         default = present if present in able else able[0]
         name = arguments.system or asked.choose("system", "   which system?", able, default)
@@ -218,7 +222,7 @@ def summary(last: Snapshot) -> str:
         ("rate", last["rate_dps"], "deg/s"),
         ("bias", last["bias_dps"], "deg/s"),
     ]
-    words = [f"{name} {value:+.2f} {unit}" for name, value, unit in values if value is not None]
+    words = [f"{name} {value:+z.2f} {unit}" for name, value, unit in values if value is not None]
     rate = last["steps_per_s"]
     return ", ".join([*words, f"{rate:.1f} steps/s" if rate is not None else "no steps"])
 

@@ -46,6 +46,9 @@ if TYPE_CHECKING:
     from plumb.proof.xy_plot import XyPlot
     from plumb.tuning.quantise import ControlParams
 
+FILES = ("report.html", "tune.json")
+"""What --out writes."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     verbs = parser.add_subparsers(dest="action", required=True, metavar="noise|filter|pid")
@@ -105,6 +108,8 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.errors import ExitCode
 
     require_scipy()
+    if arguments.out:  # before a machine moves for it
+        require_writable(arguments.out)
     good = {"noise": tune_noise, "filter": tune_filter, "pid": tune_pid}[arguments.action](arguments)
     return ExitCode.GOOD if good else ExitCode.BAD_VERDICT
 
@@ -117,6 +122,13 @@ def require_scipy() -> None:
 
     if find_spec("scipy") is None:
         raise UsageError(f"plumb tune needs scipy; install it {install_hint('tune')}")
+
+
+def require_writable(folder: Path) -> None:
+    from plumb.files import whole_files
+
+    for name in FILES:
+        whole_files.require_writable(folder / name, "choose another folder with --out")
 
 
 def tune_noise(arguments: argparse.Namespace) -> bool:
@@ -296,7 +308,7 @@ def give(
 
     if arguments.out:
         html = report.page(title, "", lead, [*tables, *plots])
-        report.write_whole(arguments.out, {"report.html": html, "tune.json": json.dumps(told, indent=1) + "\n"})
+        report.write_whole(arguments.out, dict(zip(FILES, (html, json.dumps(told, indent=1) + "\n"), strict=True)))
     print(json.dumps(told) if arguments.json else f"{lead}\n\n{table_text.text(tables)}")
     if arguments.out and not arguments.json:
-        print(f"\nreport: {arguments.out / 'report.html'}")
+        print(f"\nreport: {arguments.out / FILES[0]}")

@@ -93,6 +93,6 @@ class StepTest:
         settling = "not settled" if found.settling_s is None else f"{found.settling_s:.3f} s"
         text = (
             f"step test of {self._size:g} {unit}: rise time {rise}, overshoot {found.overshoot_percent:.0f} %, "
-            f"settling time {settling}, final error {found.off:+.3g} {unit}"
+            f"settling time {settling}, final error {found.off:+z.3g} {unit}"
         )
         return {"text": text, **asdict(found)}

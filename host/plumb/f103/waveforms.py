@@ -109,7 +109,7 @@ class VcdTrace:
             self._write(self.machine.now - HOLDBACK_TICKS)
 
     def close(self) -> None:
-        """Write what has happened up to now, and close the file; safe to call twice."""
+        """Write what has happened up to now, and close the file; safe to call twice. Raises UsageError as flush()."""
         if self.machine.probe is not self:
             return
         self._settle()
@@ -117,10 +117,11 @@ class VcdTrace:
         if self._own_edges:
             self.machine.tim1.trace = None
         try:
-            self._write(self.machine.now)
-            self._writer.close(max(self.machine.now // TICKS_PER_UNIT, self._written))
-        finally:
-            self._file.close()
+            with self._file:  # it is closed, and so flushed, in any case
+                self._write(self.machine.now)
+                self._writer.close(max(self.machine.now // TICKS_PER_UNIT, self._written))
+        except OSError as error:
+            raise UsageError(f"{self.path} cannot be written: {error.strerror}") from None
 
     def _settle(self) -> None:
         """Let the models whose state is computed when it is asked for catch up."""

@@ -34,7 +34,7 @@ def read() -> dict[str, str]:
     remedy = f"correct {path}, or delete it"
     try:
         said = tomllib.loads(read_bytes(path, MOST_BYTES, remedy).decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # of a number with too many digits, ValueError itself
         raise UsageError(f"{path} cannot be read ({str(error).splitlines()[0]}): {remedy}") from None
     for name, value in said.items():
         require_known(name)

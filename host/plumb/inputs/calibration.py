@@ -153,7 +153,7 @@ class Calibration:
         ]
         if abs(residuals[1].turn_deg) > MOST_TURN_ERROR * abs(back_deg):
             raise ReadingRefusedError(
-                f"the gyro felt {residuals[1].turn_deg:+.0f} degrees more on the way back than the accelerometer: "
+                f"the gyro felt {residuals[1].turn_deg:+z.0f} degrees more on the way back than the accelerometer: "
                 "turn it about one axis only, within the time"
             )
         return self._result(after, residuals[0], residuals[1])

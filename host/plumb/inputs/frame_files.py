@@ -28,6 +28,8 @@ _EFF_MASK = (1 << 29) - 1
 def read_frames(path: Path) -> Log:
     """The frames of a file as a log without identity. Raises UsageError for a file that cannot be read."""
     input_files.check(path, MOST_BYTES, _ADVICE)
+    if path.suffix.lower() not in READ:
+        raise UsageError(f"{path} is no file of frames, which end in {', '.join(READ)}; {_ADVICE}")
     if path.suffix.lower() == ".mf4":
         require_mf4()
     rows = []

@@ -120,9 +120,9 @@ def load(path: Path | str) -> Recording:
     """Read and check a file; raises UsageError with one sentence that names the fault."""
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix not in (".npz", ".csv"):
-        raise UsageError(f"{path} is neither .npz nor .csv; see `plumb replay --help` for both formats")
     input_files.check(path, MOST_BYTES, "give a recording, .npz or .csv")
+    if suffix not in (".npz", ".csv"):
+        raise UsageError(f"{path} is neither .npz nor .csv; see `plumb replay --help` for the formats")
     return _checked(path, _read_npz(path) if suffix == ".npz" else _read_csv(path))
 
 

@@ -203,7 +203,7 @@ def parse_can_end(text: str) -> CanEndName:
     port = _port(where)
     if kind == "socketcand" and port is not None:
         return SocketcandServerName(port)
-    if not where:
+    if not where or kind in ("can", "tcp", "udp", "file"):  # the kinds of --bus, where "can:" comes first
         raise UsageError(
             f"{quoted(text)} is not a CAN bus; write slcan:pty, slcan:tcp:PORT, socketcand:PORT or "
             "INTERFACE:CHANNEL[@KBIT]"

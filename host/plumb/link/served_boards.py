@@ -108,7 +108,7 @@ def _read(path: Path) -> ServedBoard | None:
     try:
         said = json.loads(read_bytes(path, MOST_BYTES, "").decode())
         names, system, process = said["names"], said["system"], said["process"]
-    except (OSError, PlumbError, ValueError, KeyError, TypeError):
+    except (OSError, PlumbError, ValueError, RecursionError, KeyError, TypeError):
         return None
     if not (isinstance(names, list) and names and all(isinstance(name, str) for name in names)):
         return None

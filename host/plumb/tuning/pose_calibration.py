@@ -116,7 +116,7 @@ def _not_the_pose(pose: Pose, reading: Reading, channels: Channels) -> str | Non
     wrong = [group for group in felt if abs(abs(felt[group]) - abs(pose.up_g[group])) > COARSE_G]
     if not wrong:
         return None
-    reads = ", ".join(f"{group} {felt[group]:+.2f} g" for group in felt)
+    reads = ", ".join(f"{group} {felt[group]:+z.2f} g" for group in felt)
     wanted = ", ".join(f"{group} {abs(pose.up_g[group]):.0f} g" for group in felt)
     swapped = "; or the wires of both axes are swapped" if len(wrong) > 1 else ""
     return f"this is another pose: it reads {reads}, and up or down should be {wanted}{swapped}"

@@ -1,6 +1,6 @@
 // The page of the cockpit: the link to the server, the heartbeat, and what is shown and pressed.
 
-import { Rows, View, panelsOf } from "./plots.js";
+import { Rows, View, fixed, panelsOf } from "./plots.js";
 import { showParameters, filterParameters } from "./parameters.js";
 import { anglesOf, attitudeOf, drawBody, drawHorizon } from "./attitude.js";
 
@@ -210,7 +210,7 @@ function draw(now) {
   drawHorizon($("horizon"), attitude, style);
   drawBody($("body"), attitude, style);
   if (attitude) {
-    const [roll, pitch, yaw] = anglesOf(attitude.quaternion).map((angle) => `${angle.toFixed(1)}°`);
+    const [roll, pitch, yaw] = anglesOf(attitude.quaternion).map((angle) => `${fixed(angle, 1)}°`);
     $("angles").textContent = `roll ${roll}  pitch ${pitch}${attitude.yaw ? `  yaw ${yaw}` : ""}`;
   } else $("angles").textContent = "";
 }

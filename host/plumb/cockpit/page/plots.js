@@ -76,10 +76,15 @@ function ticks(low, high, wanted) {
   return [found, Math.max(0, -Math.floor(Math.log10(step) + 1e-9))];
 }
 
+/** A number with so many places; a value that rounds to zero has no sign. */
+export function fixed(value, places) {
+  return (Number(value.toFixed(places)) + 0).toFixed(places);
+}
+
 export function shown(value) {
   if (!Number.isFinite(value)) return "–";
   const size = Math.abs(value);
-  return value.toFixed(size >= 1000 ? 0 : size >= 100 ? 1 : size >= 10 ? 2 : 3);
+  return fixed(value, size >= 1000 ? 0 : size >= 100 ? 1 : size >= 10 ? 2 : 3);
 }
 
 // One canvas with the signals of a unit. signals: [{name, column, colour, on}].

@@ -75,7 +75,7 @@ def _consistency(inputs: FilterInputs, fit: FilterFit) -> Table:
     rows = [
         ["mean NIS", *(f"{one.mean_nis:.3f}" for one in pairs), "1"],
         ["innovations inside 95 %", *(f"{100.0 * one.inside:.1f} %" for one in pairs), "95 %"],
-        ["correlation of neighbours", *(f"{one.autocorrelation[0]:+.3f}" for one in pairs), "0"],
+        ["correlation of neighbours", *(f"{one.autocorrelation[0]:+z.3f}" for one in pairs), "0"],
         [f"chance of being white ({LAGS} lags)", *(f"{one.whiteness:.2g}" for one in pairs), f"over {WHITE_CHANCE:g}"],
         ["innovation, rms (deg)", *(f"{np.std(one.innovation_deg):.4g}" for one in pairs), ""],
     ]

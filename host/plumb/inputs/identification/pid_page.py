@@ -79,7 +79,7 @@ def tables(tuning: PidTuning, again: PidTuning | None) -> list[Table]:
     holds = [hold_rms_deg(one.run, HOLD_S) for one in (tuning, *([again] if again else []))]
     if again and holds[0] is not None and holds[1] is not None:
         rows.append([f"tilt at setpoint 0, rms over {HOLD_S:g} s, deg", f"{holds[0]:.2f}", "", f"{holds[1]:.2f}", ""])
-    rows.append(["response to a torque, dB", "0", f"{tuning.design.rejection_db:+.1f}", *([""] if again else []), ""])
+    rows.append(["response to a torque, dB", "0", f"{tuning.design.rejection_db:+z.1f}", *([""] if again else []), ""])
     found.append(Table("Margins", head, rows, MARGIN_NOTE, bad_rows=_bad(tuning)))
     if tuning.faster:
         found.append(_faster(tuning))
@@ -116,7 +116,7 @@ def _faster(tuning: PidTuning) -> Table:
 
 def _reached(tuning: PidTuning, added_db: float, period_us: int) -> list[str]:
     one = tuning.faster.get(period_us, tuning.design)
-    return ["yes" if one.met else "no", f"{one.rejection_db + added_db:+.1f}"]
+    return ["yes" if one.met else "no", f"{one.rejection_db + added_db:+z.1f}"]
 
 
 def warnings(tuning: PidTuning) -> list[str]:

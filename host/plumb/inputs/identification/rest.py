@@ -142,7 +142,7 @@ def _whole(path: Path, period_s: float, channels: tuple[Channel, ...]) -> Rest:
 
 def longest_rest(whole: Rest) -> Rest:
     """The longest stretch at rest; raises UsageError where none lasts LEAST_REST_S."""
-    quiet = _quiet_blocks(whole)
+    quiet = _quiet_blocks(whole) if whole.whole_s >= LEAST_REST_S else np.zeros(0, np.bool_)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(int), [0]])))
     runs = sorted(((int(end - start), int(start)) for start, end in zip(edges[::2], edges[1::2], strict=True)))
     blocks, start = runs[-1] if runs else (0, 0)

@@ -177,8 +177,8 @@ class Screen:
         if not self._show or (words["step"] % LOOK_STEPS if self._terminal else second == self._second):
             return
         self._second = second
-        angles = "  ".join(f"{axis} {self.last[f'{axis}_deg']:+8.2f} deg" for axis in ("pitch", "roll"))
-        biases = ", ".join(f"{self.last[f'{axis}_bias_dps']:+.3f}" for axis in ("pitch", "roll"))
+        angles = "  ".join(f"{axis} {self.last[f'{axis}_deg']:+z8.2f} deg" for axis in ("pitch", "roll"))
+        biases = ", ".join(f"{self.last[f'{axis}_bias_dps']:+z.3f}" for axis in ("pitch", "roll"))
         line = f"{step.time_s:8.2f} s  {angles}  bias {biases} deg/s"
         line += "  too steep to tell roll" if words["flags"] & 4 else ""
         print(f"\r{line}\x1b[K" if self._terminal else line, end="" if self._terminal else "\n", flush=True)

@@ -51,10 +51,11 @@ def troubles(looks: Sequence[Snapshot], steps_per_s: float) -> list[str]:
         found.append("raw counts are outside their range: check the sensors' wires and supply")
     turning = _mean(looks, "rate_dps")
     if turning is not None and abs(turning) > MOST_RATE_DPS:
-        found.append(f"a rate of {turning:+.1f} deg/s at rest: hold it still, or calibrate the gyro")
+        found.append(f"a rate of {turning:+z.1f} deg/s at rest: hold it still, or calibrate the gyro")
     tilt, measured = _mean(looks, "tilt_deg"), _mean(looks, "tilt_measured_deg")
     if tilt is not None and measured is not None and abs(tilt - measured) > MOST_TILT_ERROR_DEG:
-        found.append(f"the tilt is {tilt:+.1f} deg, and {measured:+.1f} deg by the accelerometer: check axes and signs")
+        off = f"the tilt is {tilt:+z.1f} deg, and {measured:+z.1f} deg by the accelerometer"
+        found.append(f"{off}: check axes and signs")
     return found
 
 
