@@ -110,6 +110,9 @@ def test_a_replay_that_cannot_be_is_refused(tmp_path: Path) -> None:
         recording.replay("turntable")
     with pytest.raises(plumb.UsageError, match=r"0\.0005"):
         recording.replay(period_s=1.0)
+    with pytest.raises(plumb.UsageError, match="No such file"):
+        plumb.load(tmp_path / "rocking.mat")
+    (tmp_path / "rocking.mat").touch()
     with pytest.raises(plumb.UsageError, match="neither"):
         plumb.load(tmp_path / "rocking.mat")
 
