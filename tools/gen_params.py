@@ -61,21 +61,28 @@ SOURCE = """/* clang-format off */
 #include <stddef.h>
 #include <string.h>
 
+/* Every number that is a limit or a default, once: the tables hold its place here. */
+typedef {place_type} place_t;
+
+static const uint32_t numbers[] = {{
+{numbers}
+}};
+
 /* A word is signed when its minimum is negative. Many rows share a range. */
 typedef struct {{
-    uint32_t min;
-    uint32_t max;
+    place_t min;
+    place_t max;
 }} range_t;
 
 static const range_t ranges[] = {{
 {ranges}
 }};
 
-static const uint8_t range_of[PARAMS_COUNT] = {{
+static const {range_type} range_of[PARAMS_COUNT] = {{
 {range_of}
 }};
 
-static const uint32_t defaults[PARAMS_COUNT] = {{
+static const place_t defaults[PARAMS_COUNT] = {{
 {defaults}
 }};
 
@@ -101,7 +108,7 @@ void params_set_word(params_t *p, uint16_t index, uint32_t value) {{
 
 void params_default(params_t *p) {{
     for (uint16_t i = 0; i < PARAMS_COUNT; i++) {{
-        params_set_word(p, i, defaults[i]);
+        params_set_word(p, i, numbers[defaults[i]]);
     }}
 }}
 
@@ -111,9 +118,9 @@ uint32_t params_crc32(const params_t *p) {{
 
 bool params_in_range(uint16_t index, uint32_t value) {{
     const range_t *const r = &ranges[range_of[index]];
-    const uint32_t sign = r->min & 0x80000000U; /* flipping it orders two's complement as unsigned */
+    const uint32_t min = numbers[r->min], max = numbers[r->max];
 
-    return (value ^ sign) >= (r->min ^ sign) && (value ^ sign) <= (r->max ^ sign);
+    return value - min <= max - min; /* of signed words, too: both differences are taken modulo 2^32 */
 }}
 
 static bool live(uint16_t index) {{
@@ -159,18 +166,33 @@ def generate(system: int) -> dict[str, str]:
         for index, row in enumerate(rows)
     ]
     ranges = list(dict.fromkeys((row.min, row.max) for row in rows))
+    numbers = sorted({word(number) for row in rows for number in (row.min, row.max, row.default)})
+    place = {number: at for at, number in enumerate(numbers)}
     return {
         "params.h": LINE_1 + HEADER.format(count=len(rows), members=members),
         "params.c": LINE_1
         + SOURCE.format(
-            ranges="\n".join(f"    {{{word(low)}, {word(high)}}}," for low, high in ranges),
+            place_type=smallest_type(len(numbers)),
+            numbers="\n".join(f"    {number}," for number in numbers),
+            ranges="\n".join(
+                f"    {{{place[word(low)]}U, {place[word(high)]}U}}, /* {low} to {high} */" for low, high in ranges
+            ),
+            range_type=smallest_type(len(ranges)),
             range_of="\n".join(f"    {ranges.index((row.min, row.max))}U, /* {row.name} */" for row in rows),
-            defaults="\n".join(f"    {word(row.default)}, /* {index}: {row.name} */" for index, row in enumerate(rows)),
+            defaults="\n".join(
+                f"    {place[word(row.default)]}U, /* {index}: {row.name} = {row.default} */"
+                for index, row in enumerate(rows)
+            ),
             ids="\n".join(f"    0x{row.id:04X}U, /* {row.name} */" for row in rows),
             places="\n".join(places),
             live="\n".join(f"    case {index}U: /* {row.name} */" for index, row in enumerate(rows) if row.live),
         ),
     }
+
+
+def smallest_type(count: int) -> str:
+    """Of a place in a table of so many entries."""
+    return "uint8_t" if count <= 256 else "uint16_t"
 
 
 def word(value: int) -> str:

@@ -1,6 +1,7 @@
 #include "esc.h"
+#include "fixed.h"
 
-bool plumb_esc_valid(const plumb_esc_params_t *p) {
+SELDOM_CALLED bool plumb_esc_valid(const plumb_esc_params_t *p) {
     return p->neutral_halfus >= ESC_PULSE_MIN_HALFUS && p->neutral_halfus <= ESC_NEUTRAL_MAX_HALFUS &&
            p->neutral_halfus <= p->min_halfus && p->min_halfus <= p->mid_halfus &&
            p->mid_halfus <= p->max_halfus && p->max_halfus <= ESC_PULSE_MAX_HALFUS &&

@@ -17,6 +17,13 @@
 #define KERNEL static inline
 #endif
 
+/* Called when parameters change or a run begins: small rather than fast. */
+#if defined(__GNUC__)
+#define SELDOM_CALLED __attribute__((cold))
+#else
+#define SELDOM_CALLED
+#endif
+
 /* Right shifts of signed numbers must be arithmetic, as gcc and clang make them. */
 typedef char fixed_assert_arithmetic_shift[((-5) >> 1) == -3 ? 1 : -1];
 

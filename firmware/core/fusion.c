@@ -8,7 +8,7 @@ static bool in_range(int32_t x, int32_t low, int32_t high) {
     return x >= low && x <= high;
 }
 
-bool plumb_fusion_valid(const plumb_fusion_params_t *f) {
+SELDOM_CALLED bool plumb_fusion_valid(const plumb_fusion_params_t *f) {
     return f->layer <= PLUMB_FUSION_PRINTED && in_range(f->dt_s_q32, 1, 1 << 26) && f->step_hz_q16 >= 1 &&
            f->gyro_period_step_q24 >= 1UL << 24 && f->gyro_period_step_q24 <= 1UL << 28 &&
            f->gyro_age_step_q24 < f->gyro_period_step_q24 &&

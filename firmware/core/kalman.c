@@ -2,7 +2,7 @@
 
 #define COVARIANCE_MAX ((int64_t)1 << 56)
 
-void plumb_kalman_init(plumb_kalman_t *k, const plumb_kalman_start_t *s) {
+SELDOM_CALLED void plumb_kalman_init(plumb_kalman_t *k, const plumb_kalman_start_t *s) {
     *k = (plumb_kalman_t){
         .tilt_turn_q61 = make_i64(asr32(s->tilt_turn_q32, 3), (uint32_t)s->tilt_turn_q32 << 29),
         .bias_turn_q61 = make_i64(s->bias_hi, s->bias_lo),
@@ -12,7 +12,7 @@ void plumb_kalman_init(plumb_kalman_t *k, const plumb_kalman_start_t *s) {
     };
 }
 
-bool plumb_kalman_valid(const plumb_kalman_params_t *p, const plumb_kalman_start_t *s) {
+SELDOM_CALLED bool plumb_kalman_valid(const plumb_kalman_params_t *p, const plumb_kalman_start_t *s) {
     const int64_t qa = wrap_i64(make_u64(p->qa_hi, p->qa_lo));
     const int64_t p00 = wrap_i64(make_u64(s->p00_hi, s->p00_lo));
     const int64_t p01 = make_i64(s->p01_hi, s->p01_lo);

@@ -31,7 +31,7 @@ bool plumb_mounting_apply(const plumb_mounting_params_t *p, int32_t v[3]) {
 }
 
 /* The absolute values of a row sum to less than 2. */
-static bool row_valid(int32_t a, int32_t b, int32_t c) {
+SELDOM_CALLED static bool row_valid(int32_t a, int32_t b, int32_t c) {
     return (int64_t)abs_u32(a) + abs_u32(b) + abs_u32(c) < TWO_Q30;
 }
 
@@ -40,7 +40,7 @@ static int32_t minor_q28(int32_t a, int32_t b, int32_t c, int32_t d) {
     return (int32_t)asr64(mul_i64(a, d) - mul_i64(b, c), 32);
 }
 
-bool plumb_mounting_valid(const plumb_mounting_params_t *p) {
+SELDOM_CALLED bool plumb_mounting_valid(const plumb_mounting_params_t *p) {
     if (!row_valid(p->xx_q30, p->xy_q30, p->xz_q30) || !row_valid(p->yx_q30, p->yy_q30, p->yz_q30) ||
         !row_valid(p->zx_q30, p->zy_q30, p->zz_q30)) {
         return false;

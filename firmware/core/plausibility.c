@@ -14,7 +14,7 @@
 #define MISMATCH_LIMIT  (1L << 30) /* a quarter of a turn; the sum is clamped here */
 #define MEAN_OF_AT_MOST (1L << 29) /* inputs of a mean are clamped to +-2^29: their difference fits int32 */
 
-void plumb_plausibility_init(plumb_plausibility_t *p) {
+SELDOM_CALLED void plumb_plausibility_init(plumb_plausibility_t *p) {
     *p = (plumb_plausibility_t){.accel_mean_g2_q20 = 1L << 20, .missing = PLUMB_PLAUSIBILITY_MISSING_ALL};
 }
 

@@ -1,12 +1,12 @@
 #include "plumb/prefilter.h"
 #include "calibration.h"
 
-bool plumb_prefilter_valid(const plumb_prefilter_params_t *p) {
+SELDOM_CALLED bool plumb_prefilter_valid(const plumb_prefilter_params_t *p) {
     return p->spike_counts >= 1 && p->spike_counts <= 1 << 17 && p->smooth_q16 >= 1 &&
            p->smooth_q16 <= 1 << 16;
 }
 
-void plumb_prefilter_init(plumb_prefilter_t *f) {
+SELDOM_CALLED void plumb_prefilter_init(plumb_prefilter_t *f) {
     *f = (plumb_prefilter_t){.gap_steps = PLUMB_PREFILTER_GAP_MAX};
 }
 

@@ -2,7 +2,7 @@
 
 #define VARIANCE_MAX 0x1000000UL /* 2^24, as the filter wants it */
 
-bool plumb_tilt_valid(const plumb_tilt_params_t *p) {
+SELDOM_CALLED bool plumb_tilt_valid(const plumb_tilt_params_t *p) {
     if (p->mode > PLUMB_TILT_ATAN2 || p->deviation_shift > 31U ||
         p->deviation_max > UINT32_MAX >> p->deviation_shift)
         return false;

@@ -5,70 +5,229 @@
 #include <stddef.h>
 #include <string.h>
 
+/* Every number that is a limit or a default, once: the tables hold its place here. */
+typedef uint8_t place_t;
+
+static const uint32_t numbers[] = {
+    0x00000000U,
+    0x00000001U,
+    0x00000002U,
+    0x00000004U,
+    0x00000006U,
+    0x00000008U,
+    0x0000000AU,
+    0x0000000BU,
+    0x0000000DU,
+    0x0000000FU,
+    0x00000010U,
+    0x00000018U,
+    0x0000001FU,
+    0x00000028U,
+    0x00000032U,
+    0x00000053U,
+    0x00000064U,
+    0x0000007DU,
+    0x00000087U,
+    0x000000C8U,
+    0x000000FFU,
+    0x00000100U,
+    0x00000199U,
+    0x000001F4U,
+    0x0000020CU,
+    0x000002D6U,
+    0x00000320U,
+    0x000003E8U,
+    0x000004B0U,
+    0x00000520U,
+    0x00000579U,
+    0x000005D3U,
+    0x000006F3U,
+    0x00000708U,
+    0x0000079FU,
+    0x000007D0U,
+    0x000007F8U,
+    0x00000898U,
+    0x00000960U,
+    0x000009C4U,
+    0x00000BB8U,
+    0x00000DACU,
+    0x00000E67U,
+    0x00000FA0U,
+    0x00001000U,
+    0x00001068U,
+    0x00002469U,
+    0x00002710U,
+    0x00004000U,
+    0x00004E20U,
+    0x00006666U,
+    0x00007AE1U,
+    0x00007FFEU,
+    0x00007FFFU,
+    0x000091A3U,
+    0x0000A1D1U,
+    0x00010000U,
+    0x00010800U,
+    0x000186A0U,
+    0x00020000U,
+    0x00028F5CU,
+    0x000349DAU,
+    0x00043969U,
+    0x0004E300U,
+    0x00079FB8U,
+    0x0007D199U,
+    0x000DAE7DU,
+    0x00100000U,
+    0x0019999AU,
+    0x00275254U,
+    0x00346DC6U,
+    0x00374BC7U,
+    0x003F35BAU,
+    0x00502C3AU,
+    0x00800000U,
+    0x0081742EU,
+    0x0083126EU,
+    0x00888889U,
+    0x008E38E4U,
+    0x009C71C7U,
+    0x00BA69DCU,
+    0x00BEE32FU,
+    0x00E38E39U,
+    0x00FA0000U,
+    0x00FFFFFFU,
+    0x01000000U,
+    0x010624DDU,
+    0x017CF3CFU,
+    0x017EF9A0U,
+    0x01800000U,
+    0x02000000U,
+    0x020C49BAU,
+    0x021EF7FDU,
+    0x02800000U,
+    0x02889C71U,
+    0x028F5C29U,
+    0x03153C2FU,
+    0x03378CB6U,
+    0x0346DC5DU,
+    0x03E62B9DU,
+    0x03FFFFFFU,
+    0x04000000U,
+    0x040CCCCDU,
+    0x063E1D3DU,
+    0x06400000U,
+    0x08000000U,
+    0x0A000000U,
+    0x0A3D70A4U,
+    0x0AAAAAABU,
+    0x0B439581U,
+    0x0CCA6359U,
+    0x0FFFFFFFU,
+    0x10000000U,
+    0x1015BF92U,
+    0x11111112U,
+    0x16896CB8U,
+    0x16C16C17U,
+    0x17023E4FU,
+    0x187AE148U,
+    0x1999999AU,
+    0x1D208A5BU,
+    0x1EB851ECU,
+    0x1F400000U,
+    0x1FB82C2CU,
+    0x1FD41D6AU,
+    0x1FFFFFFFU,
+    0x20000000U,
+    0x23AFC4ADU,
+    0x24000000U,
+    0x2889C712U,
+    0x325D340EU,
+    0x33333333U,
+    0x3CA98CE5U,
+    0x3FFFFFFFU,
+    0x40000000U,
+    0x46C617BBU,
+    0x4EDEE9D6U,
+    0x5B36E1A0U,
+    0x64000000U,
+    0x6A0C6F6DU,
+    0x7DA7D549U,
+    0x7FFFFFFFU,
+    0x80000000U,
+    0xA6729F46U,
+    0xC0000000U,
+    0xF7C00000U,
+    0xFC000001U,
+    0xFF000000U,
+    0xFFFF8000U,
+    0xFFFF8001U,
+    0xFFFF8002U,
+    0xFFFFF6A0U,
+    0xFFFFFFFFU,
+};
+
 /* A word is signed when its minimum is negative. Many rows share a range. */
 typedef struct {
-    uint32_t min;
-    uint32_t max;
+    place_t min;
+    place_t max;
 } range_t;
 
 static const range_t ranges[] = {
-    {0x00000000U, 0x00000004U},
-    {0xFFFF8000U, 0x00007FFFU},
-    {0x80000000U, 0x7FFFFFFFU},
-    {0x00000000U, 0x00000001U},
-    {0x00000001U, 0x01000000U},
-    {0x00000000U, 0xFFFFFFFFU},
-    {0x00000000U, 0x0000001FU},
-    {0x00000001U, 0x33333333U},
-    {0x00000000U, 0x01000000U},
-    {0x00000000U, 0x3FFFFFFFU},
-    {0x00000000U, 0x1FFFFFFFU},
-    {0x40000000U, 0x7FFFFFFFU},
-    {0x00000001U, 0x00000010U},
-    {0xFC000001U, 0x03FFFFFFU},
-    {0x00000000U, 0x02000000U},
-    {0xFF000000U, 0x01000000U},
-    {0x00000000U, 0x00FFFFFFU},
-    {0xC0000000U, 0x40000000U},
-    {0x00000000U, 0x7FFFFFFFU},
-    {0x00000001U, 0x00800000U},
-    {0x00000708U, 0x00001068U},
-    {0xFFFFF6A0U, 0x00000960U},
-    {0x00000708U, 0x00000898U},
-    {0x0083126EU, 0x0B439581U},
-    {0x03378CB6U, 0x46C617BBU},
-    {0x0000000FU, 0x0000007DU},
-    {0x020C49BAU, 0x11111112U},
-    {0x017CF3CFU, 0x1F400000U},
-    {0x00000000U, 0x00100000U},
-    {0x00000000U, 0x04000000U},
-    {0x00000000U, 0x40000000U},
-    {0x00000000U, 0x08000000U},
-    {0x00004000U, 0x33333333U},
-    {0x00000001U, 0x000000FFU},
-    {0x00000100U, 0x33333333U},
-    {0x00000001U, 0x00007FFFU},
-    {0x00000000U, 0x20000000U},
-    {0xFFFF8001U, 0x00007FFFU},
-    {0x00000000U, 0x00007FFFU},
-    {0x00000000U, 0x80000000U},
-    {0x00000001U, 0x00020000U},
-    {0x00000001U, 0x00010000U},
-    {0x00000000U, 0x00000002U},
-    {0x00000001U, 0x04000000U},
-    {0x00000001U, 0x7FFFFFFFU},
-    {0x01000000U, 0x10000000U},
-    {0x00000000U, 0x0FFFFFFFU},
-    {0x04000000U, 0x40000000U},
-    {0x00000000U, 0x10000000U},
-    {0x00001000U, 0xFFFFFFFFU},
-    {0x000001F4U, 0x000186A0U},
-    {0x000007F8U, 0x00004E20U},
-    {0x00000000U, 0x00002710U},
-    {0x000000C8U, 0x00000DACU},
-    {0x0000007DU, 0x000003E8U},
-    {0x00000006U, 0x0000000FU},
-    {0x00000001U, 0x00000006U},
+    {0U, 3U}, /* 0 to 4 */
+    {148U, 53U}, /* -32768 to 32767 */
+    {142U, 141U}, /* -2147483648 to 2147483647 */
+    {0U, 1U}, /* 0 to 1 */
+    {1U, 85U}, /* 1 to 16777216 */
+    {0U, 152U}, /* 0 to 4294967295 */
+    {0U, 12U}, /* 0 to 31 */
+    {1U, 131U}, /* 1 to 858993459 */
+    {0U, 85U}, /* 0 to 16777216 */
+    {0U, 133U}, /* 0 to 1073741823 */
+    {0U, 125U}, /* 0 to 536870911 */
+    {134U, 141U}, /* 1073741824 to 2147483647 */
+    {1U, 10U}, /* 1 to 16 */
+    {146U, 100U}, /* -67108863 to 67108863 */
+    {0U, 90U}, /* 0 to 33554432 */
+    {147U, 85U}, /* -16777216 to 16777216 */
+    {0U, 84U}, /* 0 to 16777215 */
+    {144U, 134U}, /* -1073741824 to 1073741824 */
+    {0U, 141U}, /* 0 to 2147483647 */
+    {1U, 74U}, /* 1 to 8388608 */
+    {33U, 45U}, /* 1800 to 4200 */
+    {151U, 38U}, /* -2400 to 2400 */
+    {33U, 37U}, /* 1800 to 2200 */
+    {76U, 109U}, /* 8589934 to 188978561 */
+    {97U, 135U}, /* 53972150 to 1187387323 */
+    {9U, 17U}, /* 15 to 125 */
+    {91U, 114U}, /* 34359738 to 286331154 */
+    {87U, 122U}, /* 24966095 to 524288000 */
+    {0U, 67U}, /* 0 to 1048576 */
+    {0U, 101U}, /* 0 to 67108864 */
+    {0U, 134U}, /* 0 to 1073741824 */
+    {0U, 105U}, /* 0 to 134217728 */
+    {48U, 131U}, /* 16384 to 858993459 */
+    {1U, 20U}, /* 1 to 255 */
+    {21U, 131U}, /* 256 to 858993459 */
+    {1U, 53U}, /* 1 to 32767 */
+    {0U, 126U}, /* 0 to 536870912 */
+    {149U, 53U}, /* -32767 to 32767 */
+    {0U, 53U}, /* 0 to 32767 */
+    {0U, 142U}, /* 0 to 2147483648 */
+    {1U, 59U}, /* 1 to 131072 */
+    {1U, 56U}, /* 1 to 65536 */
+    {0U, 2U}, /* 0 to 2 */
+    {1U, 101U}, /* 1 to 67108864 */
+    {1U, 141U}, /* 1 to 2147483647 */
+    {85U, 112U}, /* 16777216 to 268435456 */
+    {0U, 111U}, /* 0 to 268435455 */
+    {101U, 134U}, /* 67108864 to 1073741824 */
+    {0U, 112U}, /* 0 to 268435456 */
+    {44U, 152U}, /* 4096 to 4294967295 */
+    {23U, 58U}, /* 500 to 100000 */
+    {36U, 49U}, /* 2040 to 20000 */
+    {0U, 47U}, /* 0 to 10000 */
+    {19U, 41U}, /* 200 to 3500 */
+    {17U, 27U}, /* 125 to 1000 */
+    {4U, 9U}, /* 6 to 15 */
+    {1U, 4U}, /* 1 to 6 */
 };
 
 static const uint8_t range_of[PARAMS_COUNT] = {
@@ -236,169 +395,169 @@ static const uint8_t range_of[PARAMS_COUNT] = {
     5U, /* variance_turn2_q56 */
 };
 
-static const uint32_t defaults[PARAMS_COUNT] = {
-    0x00000000U, /* 0: system */
-    0x00000579U, /* 1: gyro.raw_min */
-    0x0000079FU, /* 2: gyro.raw_max */
-    0x000DAE7DU, /* 3: gyro.gain */
-    0xA6729F46U, /* 4: gyro.offset */
-    0x00000199U, /* 5: accel.raw_min */
-    0x00000E67U, /* 6: accel.raw_max */
-    0x00010800U, /* 7: accel.gain */
-    0xF7C00000U, /* 8: accel.offset */
-    0x00000199U, /* 9: accel_up.raw_min */
-    0x00000E67U, /* 10: accel_up.raw_max */
-    0x00010800U, /* 11: accel_up.gain */
-    0xF7C00000U, /* 12: accel_up.offset */
-    0x00000001U, /* 13: tilt.mode */
-    0x00002469U, /* 14: tilt.r_base */
-    0x009C71C7U, /* 15: tilt.r_gain */
-    0x008E38E4U, /* 16: tilt.r_max */
-    0x00079FB8U, /* 17: tilt.deviation_max */
-    0x0000000DU, /* 18: tilt.deviation_shift */
-    0x0A3D70A4U, /* 19: kalman.dt_s_q33 */
-    0x00000000U, /* 20: kalman.rate_now */
-    0x00000002U, /* 21: kalman.qa_hi */
-    0x3CA98CE5U, /* 22: kalman.qa_lo */
-    0x0007D199U, /* 23: kalman.qb */
-    0x23AFC4ADU, /* 24: kalman.qb_frac_q30 */
-    0x00888889U, /* 25: kalman.bias_max_turn_q29 */
-    0x64000000U, /* 26: kalman.rate_gain */
-    0x00000006U, /* 27: kalman.rate_shift */
-    0x00000000U, /* 28: start.bias_hi */
-    0x00000000U, /* 29: start.bias_lo */
-    0x00000000U, /* 30: start.tilt_turn_q32 */
-    0x02000000U, /* 31: start.p00_hi */
-    0x00000000U, /* 32: start.p00_lo */
-    0x00000000U, /* 33: start.p01_hi */
-    0x00000000U, /* 34: start.p01_lo */
-    0x000005D3U, /* 35: start.p11_hi */
-    0x4EDEE9D6U, /* 36: start.p11_lo */
-    0x040CCCCDU, /* 37: pid.kp_q22 */
-    0x00374BC7U, /* 38: pid.ki_dt_q22 */
-    0x187AE148U, /* 39: pid.kd_q27 */
-    0x7DA7D549U, /* 40: pid.d_alpha_q31 */
-    0x0019999AU, /* 41: pid.slew_q22 */
-    0x00000BB8U, /* 42: esc.mid_halfus */
-    0x00000320U, /* 43: esc.span_halfus */
-    0x000007D0U, /* 44: esc.min_halfus */
-    0x00000FA0U, /* 45: esc.max_halfus */
-    0x000007D0U, /* 46: esc.neutral_halfus */
-    0x028F5C29U, /* 47: attitude.dt_s_q33 */
-    0x1015BF92U, /* 48: attitude.half_angle */
-    0x00000018U, /* 49: attitude.block_steps */
-    0x0AAAAAABU, /* 50: attitude.inverse_block_q32 */
-    0x06400000U, /* 51: attitude.rest_gain_q20 */
-    0x00000000U, /* 52: attitude.mounted */
-    0x2889C712U, /* 53: attitude.start_bias */
-    0x1FB82C2CU, /* 54: attitude.start_scale */
-    0x16896CB8U, /* 55: attitude.start_tilt */
-    0x17023E4FU, /* 56: attitude.start_velocity */
-    0x000002D6U, /* 57: attitude.q_bias */
-    0x00000087U, /* 58: attitude.q_scale */
-    0x00000001U, /* 59: attitude.q_tilt */
-    0x00346DC6U, /* 60: attitude.q_turn_q24 */
-    0x02889C71U, /* 61: attitude.q_clipped */
-    0x00502C3AU, /* 62: attitude.velocity_min */
-    0x00006666U, /* 63: attitude.velocity_share_q16 */
-    0x1EB851ECU, /* 64: attitude.velocity_pass_q32 */
-    0x00275254U, /* 65: attitude.leak_q32 */
-    0x00000053U, /* 66: attitude.lost_blocks */
-    0x000349DAU, /* 67: attitude.rest_gyro */
-    0x03153C2FU, /* 68: attitude.rest_turn */
-    0x00007AE1U, /* 69: attitude.rest_accel */
-    0x00000008U, /* 70: attitude.rest_blocks */
-    0x00043969U, /* 71: attitude.rest_variance */
-    0x03E62B9DU, /* 72: attitude.unsure */
-    0x40000000U, /* 73: gyro_mounting.xx_q30 */
-    0x00000000U, /* 74: gyro_mounting.xy_q30 */
-    0x00000000U, /* 75: gyro_mounting.xz_q30 */
-    0x00000000U, /* 76: gyro_mounting.yx_q30 */
-    0x40000000U, /* 77: gyro_mounting.yy_q30 */
-    0x00000000U, /* 78: gyro_mounting.yz_q30 */
-    0x00000000U, /* 79: gyro_mounting.zx_q30 */
-    0x00000000U, /* 80: gyro_mounting.zy_q30 */
-    0x40000000U, /* 81: gyro_mounting.zz_q30 */
-    0x40000000U, /* 82: accel_mounting.xx_q30 */
-    0x00000000U, /* 83: accel_mounting.xy_q30 */
-    0x00000000U, /* 84: accel_mounting.xz_q30 */
-    0x00000000U, /* 85: accel_mounting.yx_q30 */
-    0x40000000U, /* 86: accel_mounting.yy_q30 */
-    0x00000000U, /* 87: accel_mounting.yz_q30 */
-    0x00000000U, /* 88: accel_mounting.zx_q30 */
-    0x00000000U, /* 89: accel_mounting.zy_q30 */
-    0x40000000U, /* 90: accel_mounting.zz_q30 */
-    0x00000028U, /* 91: wheel.edges_max */
-    0x017EF9A0U, /* 92: wheel.edge_mps_q26 */
-    0x063E1D3DU, /* 93: wheel.alpha_q31 */
-    0x1FD41D6AU, /* 94: wheel.accel_gain_q30 */
-    0x0A000000U, /* 95: speed.kp_q22 */
-    0x00028F5CU, /* 96: speed.ki_dt_q22 */
-    0x00000000U, /* 97: speed.kd_q27 */
-    0x7FFFFFFFU, /* 98: speed.d_alpha_q31 */
-    0x00800000U, /* 99: speed.slew_q22 */
-    0x04000000U, /* 100: drive.speed_max_mps_q26 */
-    0x16C16C17U, /* 101: drive.lean_max_turn_q34 */
-    0xFFFF8001U, /* 102: drive.span_q15 */
-    0x00007FFFU, /* 103: drive.duty_max_q15 */
-    0x20000000U, /* 104: drive.fall_turn_q32 */
-    0x00000001U, /* 105: phone.rates */
-    0x0000A1D1U, /* 106: roll.r_base */
-    0x003F35BAU, /* 107: roll.r_max */
-    0x00000000U, /* 108: roll.qa_hi */
-    0x6A0C6F6DU, /* 109: roll.qa_lo */
-    0x000006F3U, /* 110: roll.qb */
-    0x0CCA6359U, /* 111: roll.qb_frac_q30 */
-    0x00000000U, /* 112: roll.start.bias_hi */
-    0x00000000U, /* 113: roll.start.bias_lo */
-    0x00000000U, /* 114: roll.start.tilt_turn_q32 */
-    0x02000000U, /* 115: roll.start.p00_hi */
-    0x00000000U, /* 116: roll.start.p00_lo */
-    0x00000000U, /* 117: roll.start.p01_hi */
-    0x00000000U, /* 118: roll.start.p01_lo */
-    0x0000000AU, /* 119: roll.start.p11_hi */
-    0x5B36E1A0U, /* 120: roll.start.p11_lo */
-    0xFFFF8002U, /* 121: angular.raw_min */
-    0x00007FFEU, /* 122: angular.raw_max */
-    0x000091A3U, /* 123: angular.gain */
-    0x00000000U, /* 124: angular.offset */
-    0x0000020CU, /* 125: gyro_filter.spike_counts */
-    0x00010000U, /* 126: gyro_filter.smooth_q16 */
-    0x000004B0U, /* 127: angular_filter.spike_counts */
-    0x00010000U, /* 128: angular_filter.smooth_q16 */
-    0x00000000U, /* 129: fusion.layer */
-    0x010624DDU, /* 130: fusion.dt_s_q32 */
-    0x00FA0000U, /* 131: fusion.step_hz_q16 */
-    0x02800000U, /* 132: fusion.gyro_period_step_q24 */
-    0x01800000U, /* 133: fusion.gyro_age_step_q24 */
-    0x1999999AU, /* 134: fusion.gyro_samples_step_q30 */
-    0x000009C4U, /* 135: fusion.rest_steps */
-    0x02000000U, /* 136: fusion.lag_step_q24 */
-    0x325D340EU, /* 137: fusion.lag_alpha_q31 */
-    0x20000000U, /* 138: fusion.share_q30 */
-    0x00BA69DCU, /* 139: fusion.r_gyro_q44 */
-    0x00BEE32FU, /* 140: fusion.q_rate_q52 */
-    0x1D208A5BU, /* 141: fusion.q_rate_lost_q44 */
-    0x0004E300U, /* 142: fusion.q_gyro_bias_q60 */
-    0x00000520U, /* 143: fusion.q_angular_bias_q64 */
-    0x0081742EU, /* 144: fusion.p_gyro_bias_q40 */
-    0x021EF7FDU, /* 145: fusion.p_angular_bias_q52 */
-    0x0346DC5DU, /* 146: fusion.v_scale_q40 */
-    0x24000000U, /* 147: fusion.v_lag_q30 */
-    0x00004E20U, /* 148: period_us */
-    0x00004E20U, /* 149: esc_period_us */
-    0x000003E8U, /* 150: arm_hold_ms */
-    0x00000000U, /* 151: pins */
-    0x000003E8U, /* 152: dead_time_ns */
-    0x000001F4U, /* 153: can_bitrate_kbit */
-    0x00000000U, /* 154: adc_oversample_log2 */
-    0x00000032U, /* 155: rail_ms */
-    0x00000064U, /* 156: stuck_ms */
-    0x00000000U, /* 157: accel_bus */
-    0x0000000BU, /* 158: accel_rate */
-    0x00000002U, /* 159: gyro_filter */
-    0x00000001U, /* 160: imu_axis */
-    0x00E38E39U, /* 161: variance_turn2_q56 */
+static const place_t defaults[PARAMS_COUNT] = {
+    0U, /* 0: system = 0 */
+    30U, /* 1: gyro.raw_min = 1401 */
+    34U, /* 2: gyro.raw_max = 1951 */
+    66U, /* 3: gyro.gain = 896637 */
+    143U, /* 4: gyro.offset = -1502437562 */
+    22U, /* 5: accel.raw_min = 409 */
+    42U, /* 6: accel.raw_max = 3687 */
+    57U, /* 7: accel.gain = 67584 */
+    145U, /* 8: accel.offset = -138412032 */
+    22U, /* 9: accel_up.raw_min = 409 */
+    42U, /* 10: accel_up.raw_max = 3687 */
+    57U, /* 11: accel_up.gain = 67584 */
+    145U, /* 12: accel_up.offset = -138412032 */
+    1U, /* 13: tilt.mode = 1 */
+    46U, /* 14: tilt.r_base = 9321 */
+    79U, /* 15: tilt.r_gain = 10252743 */
+    78U, /* 16: tilt.r_max = 9320676 */
+    64U, /* 17: tilt.deviation_max = 499640 */
+    8U, /* 18: tilt.deviation_shift = 13 */
+    107U, /* 19: kalman.dt_s_q33 = 171798692 */
+    0U, /* 20: kalman.rate_now = 0 */
+    2U, /* 21: kalman.qa_hi = 2 */
+    132U, /* 22: kalman.qa_lo = 1017744613 */
+    65U, /* 23: kalman.qb = 512409 */
+    127U, /* 24: kalman.qb_frac_q30 = 598721709 */
+    77U, /* 25: kalman.bias_max_turn_q29 = 8947849 */
+    138U, /* 26: kalman.rate_gain = 1677721600 */
+    4U, /* 27: kalman.rate_shift = 6 */
+    0U, /* 28: start.bias_hi = 0 */
+    0U, /* 29: start.bias_lo = 0 */
+    0U, /* 30: start.tilt_turn_q32 = 0 */
+    90U, /* 31: start.p00_hi = 33554432 */
+    0U, /* 32: start.p00_lo = 0 */
+    0U, /* 33: start.p01_hi = 0 */
+    0U, /* 34: start.p01_lo = 0 */
+    31U, /* 35: start.p11_hi = 1491 */
+    136U, /* 36: start.p11_lo = 1323231702 */
+    102U, /* 37: pid.kp_q22 = 67947725 */
+    71U, /* 38: pid.ki_dt_q22 = 3623879 */
+    118U, /* 39: pid.kd_q27 = 410706248 */
+    140U, /* 40: pid.d_alpha_q31 = 2108151113 */
+    68U, /* 41: pid.slew_q22 = 1677722 */
+    40U, /* 42: esc.mid_halfus = 3000 */
+    26U, /* 43: esc.span_halfus = 800 */
+    35U, /* 44: esc.min_halfus = 2000 */
+    43U, /* 45: esc.max_halfus = 4000 */
+    35U, /* 46: esc.neutral_halfus = 2000 */
+    95U, /* 47: attitude.dt_s_q33 = 42949673 */
+    113U, /* 48: attitude.half_angle = 269860754 */
+    11U, /* 49: attitude.block_steps = 24 */
+    108U, /* 50: attitude.inverse_block_q32 = 178956971 */
+    104U, /* 51: attitude.rest_gain_q20 = 104857600 */
+    0U, /* 52: attitude.mounted = 0 */
+    129U, /* 53: attitude.start_bias = 680118034 */
+    123U, /* 54: attitude.start_scale = 532163628 */
+    115U, /* 55: attitude.start_tilt = 378105016 */
+    117U, /* 56: attitude.start_velocity = 386022991 */
+    25U, /* 57: attitude.q_bias = 726 */
+    18U, /* 58: attitude.q_scale = 135 */
+    1U, /* 59: attitude.q_tilt = 1 */
+    70U, /* 60: attitude.q_turn_q24 = 3435974 */
+    94U, /* 61: attitude.q_clipped = 42507377 */
+    73U, /* 62: attitude.velocity_min = 5254202 */
+    50U, /* 63: attitude.velocity_share_q16 = 26214 */
+    121U, /* 64: attitude.velocity_pass_q32 = 515396076 */
+    69U, /* 65: attitude.leak_q32 = 2576980 */
+    15U, /* 66: attitude.lost_blocks = 83 */
+    61U, /* 67: attitude.rest_gyro = 215514 */
+    96U, /* 68: attitude.rest_turn = 51723311 */
+    51U, /* 69: attitude.rest_accel = 31457 */
+    5U, /* 70: attitude.rest_blocks = 8 */
+    62U, /* 71: attitude.rest_variance = 276841 */
+    99U, /* 72: attitude.unsure = 65416093 */
+    134U, /* 73: gyro_mounting.xx_q30 = 1073741824 */
+    0U, /* 74: gyro_mounting.xy_q30 = 0 */
+    0U, /* 75: gyro_mounting.xz_q30 = 0 */
+    0U, /* 76: gyro_mounting.yx_q30 = 0 */
+    134U, /* 77: gyro_mounting.yy_q30 = 1073741824 */
+    0U, /* 78: gyro_mounting.yz_q30 = 0 */
+    0U, /* 79: gyro_mounting.zx_q30 = 0 */
+    0U, /* 80: gyro_mounting.zy_q30 = 0 */
+    134U, /* 81: gyro_mounting.zz_q30 = 1073741824 */
+    134U, /* 82: accel_mounting.xx_q30 = 1073741824 */
+    0U, /* 83: accel_mounting.xy_q30 = 0 */
+    0U, /* 84: accel_mounting.xz_q30 = 0 */
+    0U, /* 85: accel_mounting.yx_q30 = 0 */
+    134U, /* 86: accel_mounting.yy_q30 = 1073741824 */
+    0U, /* 87: accel_mounting.yz_q30 = 0 */
+    0U, /* 88: accel_mounting.zx_q30 = 0 */
+    0U, /* 89: accel_mounting.zy_q30 = 0 */
+    134U, /* 90: accel_mounting.zz_q30 = 1073741824 */
+    13U, /* 91: wheel.edges_max = 40 */
+    88U, /* 92: wheel.edge_mps_q26 = 25098656 */
+    103U, /* 93: wheel.alpha_q31 = 104734013 */
+    124U, /* 94: wheel.accel_gain_q30 = 533994858 */
+    106U, /* 95: speed.kp_q22 = 167772160 */
+    60U, /* 96: speed.ki_dt_q22 = 167772 */
+    0U, /* 97: speed.kd_q27 = 0 */
+    141U, /* 98: speed.d_alpha_q31 = 2147483647 */
+    74U, /* 99: speed.slew_q22 = 8388608 */
+    101U, /* 100: drive.speed_max_mps_q26 = 67108864 */
+    116U, /* 101: drive.lean_max_turn_q34 = 381774871 */
+    149U, /* 102: drive.span_q15 = -32767 */
+    53U, /* 103: drive.duty_max_q15 = 32767 */
+    126U, /* 104: drive.fall_turn_q32 = 536870912 */
+    1U, /* 105: phone.rates = 1 */
+    55U, /* 106: roll.r_base = 41425 */
+    72U, /* 107: roll.r_max = 4142522 */
+    0U, /* 108: roll.qa_hi = 0 */
+    139U, /* 109: roll.qa_lo = 1779199853 */
+    32U, /* 110: roll.qb = 1779 */
+    110U, /* 111: roll.qb_frac_q30 = 214590297 */
+    0U, /* 112: roll.start.bias_hi = 0 */
+    0U, /* 113: roll.start.bias_lo = 0 */
+    0U, /* 114: roll.start.tilt_turn_q32 = 0 */
+    90U, /* 115: roll.start.p00_hi = 33554432 */
+    0U, /* 116: roll.start.p00_lo = 0 */
+    0U, /* 117: roll.start.p01_hi = 0 */
+    0U, /* 118: roll.start.p01_lo = 0 */
+    6U, /* 119: roll.start.p11_hi = 10 */
+    137U, /* 120: roll.start.p11_lo = 1530323360 */
+    150U, /* 121: angular.raw_min = -32766 */
+    52U, /* 122: angular.raw_max = 32766 */
+    54U, /* 123: angular.gain = 37283 */
+    0U, /* 124: angular.offset = 0 */
+    24U, /* 125: gyro_filter.spike_counts = 524 */
+    56U, /* 126: gyro_filter.smooth_q16 = 65536 */
+    28U, /* 127: angular_filter.spike_counts = 1200 */
+    56U, /* 128: angular_filter.smooth_q16 = 65536 */
+    0U, /* 129: fusion.layer = 0 */
+    86U, /* 130: fusion.dt_s_q32 = 17179869 */
+    83U, /* 131: fusion.step_hz_q16 = 16384000 */
+    93U, /* 132: fusion.gyro_period_step_q24 = 41943040 */
+    89U, /* 133: fusion.gyro_age_step_q24 = 25165824 */
+    119U, /* 134: fusion.gyro_samples_step_q30 = 429496730 */
+    39U, /* 135: fusion.rest_steps = 2500 */
+    90U, /* 136: fusion.lag_step_q24 = 33554432 */
+    130U, /* 137: fusion.lag_alpha_q31 = 844968974 */
+    126U, /* 138: fusion.share_q30 = 536870912 */
+    80U, /* 139: fusion.r_gyro_q44 = 12216796 */
+    81U, /* 140: fusion.q_rate_q52 = 12509999 */
+    120U, /* 141: fusion.q_rate_lost_q44 = 488671835 */
+    63U, /* 142: fusion.q_gyro_bias_q60 = 320256 */
+    29U, /* 143: fusion.q_angular_bias_q64 = 1312 */
+    75U, /* 144: fusion.p_gyro_bias_q40 = 8483886 */
+    92U, /* 145: fusion.p_angular_bias_q52 = 35583997 */
+    98U, /* 146: fusion.v_scale_q40 = 54975581 */
+    128U, /* 147: fusion.v_lag_q30 = 603979776 */
+    49U, /* 148: period_us = 20000 */
+    49U, /* 149: esc_period_us = 20000 */
+    27U, /* 150: arm_hold_ms = 1000 */
+    0U, /* 151: pins = 0 */
+    27U, /* 152: dead_time_ns = 1000 */
+    23U, /* 153: can_bitrate_kbit = 500 */
+    0U, /* 154: adc_oversample_log2 = 0 */
+    14U, /* 155: rail_ms = 50 */
+    16U, /* 156: stuck_ms = 100 */
+    0U, /* 157: accel_bus = 0 */
+    7U, /* 158: accel_rate = 11 */
+    2U, /* 159: gyro_filter = 2 */
+    1U, /* 160: imu_axis = 1 */
+    82U, /* 161: variance_turn2_q56 = 14913081 */
 };
 
 static const uint16_t ids[PARAMS_COUNT] = {
@@ -745,7 +904,7 @@ void params_set_word(params_t *p, uint16_t index, uint32_t value) {
 
 void params_default(params_t *p) {
     for (uint16_t i = 0; i < PARAMS_COUNT; i++) {
-        params_set_word(p, i, defaults[i]);
+        params_set_word(p, i, numbers[defaults[i]]);
     }
 }
 
@@ -755,9 +914,9 @@ uint32_t params_crc32(const params_t *p) {
 
 bool params_in_range(uint16_t index, uint32_t value) {
     const range_t *const r = &ranges[range_of[index]];
-    const uint32_t sign = r->min & 0x80000000U; /* flipping it orders two's complement as unsigned */
+    const uint32_t min = numbers[r->min], max = numbers[r->max];
 
-    return (value ^ sign) >= (r->min ^ sign) && (value ^ sign) <= (r->max ^ sign);
+    return value - min <= max - min; /* of signed words, too: both differences are taken modulo 2^32 */
 }
 
 static bool live(uint16_t index) {

@@ -10,7 +10,7 @@
 #define QUARTER_TURN_Q32 0x40000000U
 #define HALF_TURN_Q61    (INT64_C(1) << 60)
 
-void plumb_phone_init(plumb_phone_t *c, const plumb_params_t *p) {
+SELDOM_CALLED void plumb_phone_init(plumb_phone_t *c, const plumb_params_t *p) {
     *c = (plumb_phone_t){0};
     plumb_kalman_init(&c->words.pitch, &p->start);
     plumb_kalman_init(&c->words.roll, &p->roll.start);
@@ -138,7 +138,7 @@ void plumb_phone_step(plumb_phone_t *c, const plumb_params_t *p, const int16_t r
     w->roll_rate_corrected_turnps_q28 = roll.rate_corrected_turnps_q28;
 }
 
-bool plumb_phone_params_valid(const plumb_params_t *p) {
+SELDOM_CALLED bool plumb_phone_params_valid(const plumb_params_t *p) {
     const plumb_kalman_params_t roll_kalman = roll_filter(p);
     return plumb_calibration_valid(&p->gyro) && plumb_calibration_valid(&p->accel) &&
            plumb_tilt_valid(&p->tilt) && plumb_kalman_valid(&p->kalman, &p->start) &&

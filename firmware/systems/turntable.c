@@ -25,7 +25,7 @@ typedef struct {
     int64_t turn_angular_q60[3]; /* of the angular accelerometer's attitude, or of both */
 } turntable_step_t;
 
-void plumb_turntable_init(plumb_turntable_t *c, const plumb_params_t *p) {
+SELDOM_CALLED void plumb_turntable_init(plumb_turntable_t *c, const plumb_params_t *p) {
     const plumb_fusion_params_t *f = &p->fusion;
     plumb_turntable_words_t *w = &c->words;
     *c = (plumb_turntable_t){0};
@@ -43,7 +43,7 @@ void plumb_turntable_init(plumb_turntable_t *c, const plumb_params_t *p) {
     }
 }
 
-bool plumb_turntable_params_valid(const plumb_params_t *p) {
+SELDOM_CALLED bool plumb_turntable_params_valid(const plumb_params_t *p) {
     return plumb_calibration_valid(&p->gyro) && plumb_calibration_valid(&p->angular) &&
            plumb_prefilter_valid(&p->gyro_filter) && plumb_prefilter_valid(&p->angular_filter) &&
            plumb_fusion_valid(&p->fusion);

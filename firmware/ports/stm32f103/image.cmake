@@ -12,7 +12,7 @@ set_source_files_properties(firmware/core/plausibility.c PROPERTIES COMPILE_OPTI
     "-fschedule-insns2;-ftree-pre;-fno-rename-registers;-fno-web")
 # Link and port are optimised as one program. A large function with one caller stays a function, so that its locals do
 # not lie below its caller's on the stack. The core is left out: bench measures its functions by name.
-set(AS_ONE_PROGRAM -flto -fno-inline-functions-called-once -fno-ipa-cp)
+set(AS_ONE_PROGRAM -flto -fno-inline-functions-called-once -fno-ipa-cp -fno-move-loop-invariants)
 set(ALONE "-fno-lto;-finline-functions-called-once;-fipa-cp")
 # Statics of a file side by side: one address reaches them all (10 % of the port).
 target_compile_options(plumb_link PRIVATE -Os -fno-data-sections ${AS_ONE_PROGRAM})
