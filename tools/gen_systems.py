@@ -217,6 +217,7 @@ def systems_c(built: Iterable[System]) -> str:
             [(system, f"return plumb_{system.name}_params_valid(p);") for system in built],
             "return false;",
         ),
+        *_retune(built),
     ]
     return LINE_1 + "\n".join(lines)
 
@@ -240,8 +241,8 @@ def _places(system: System) -> list[tuple[str, int]]:
     return places
 
 
-def _switch(head: str, cases: Sequence[tuple[System, str]], otherwise: str = "break;") -> list[str]:
-    lines = [f"{head} {{", "    switch (p->system) {"]
+def _switch(head: str, cases: Sequence[tuple[System, str]], otherwise: str = "break;", table: str = "p") -> list[str]:
+    lines = [f"{head} {{", f"    switch ({table}->system) {{"]
     for system, does in cases:
         lines += [f"    case PLUMB_SYSTEM_{system.name.upper()}:", f"        {does}"]
         lines += [] if does.startswith("return") else ["        break;"]
@@ -268,6 +269,20 @@ def _step(built: Sequence[System]) -> list[str]:
     if not cases:
         return [*lines, "}", ""]
     return lines + _switch("", cases)[1:]
+
+
+def _retune(built: Sequence[System]) -> list[str]:
+    """control_retune(): only systems that read live parameters have something to do."""
+    live = {row.group for row in parameters.table() if row.live}
+    head = "void control_retune(control_t *c, const plumb_params_t *from, const plumb_params_t *to)"
+    cases = [
+        (system, f"plumb_{system.name}_retune(&c->{system.name}, from, to);")
+        for system in built
+        if live & set(system.all_groups)
+    ]
+    if not cases:
+        return [f"{head} {{", *(f"    (void){name};" for name in ("c", "from", "to")), "}", ""]
+    return _switch(head, cases, table="to")
 
 
 def systems_cmake(systems: Iterable[System], built: Iterable[System]) -> str:

@@ -4,9 +4,14 @@
  *     (2) command = demand, limited to +-1 and to +-slew from the last command
  *     (3) integral += ki dt * error, unless (2) limited and this would push it further
  *
+ *     (4) between two steps, other gains: integral += (kp error - kd filtered rate) of the old gains
+ *                                                     - (kp error - kd filtered rate) of the new ones
+ *
  * +-1 is the full range of the actuator. To use less of it, reduce the span of the output and raise the
  * gains; the sign of the span sets the direction. The integral has 64 bits; (1) uses its upper 32. |kp|, |kd|
- * <= 2^30 keep the sum below 2^30 (plumb_pid_valid).
+ * <= 2^30 keep the sum below 2^30 (plumb_pid_valid). (4) leaves the demand of the last error and rate as it
+ * was to the last bit, because the products of (1) and (4) are rounded alike; it is done only where ki dt is
+ * not 0.
  */
 #ifndef PLUMB_CORE_PID_H
 #define PLUMB_CORE_PID_H

@@ -472,3 +472,16 @@ bool control_params_valid(const plumb_params_t *p) {
         return false;
     }
 }
+
+void control_retune(control_t *c, const plumb_params_t *from, const plumb_params_t *to) {
+    switch (to->system) {
+    case PLUMB_SYSTEM_QUAD:
+        plumb_quad_retune(&c->quad, from, to);
+        break;
+    case PLUMB_SYSTEM_BALANCER:
+        plumb_balancer_retune(&c->balancer, from, to);
+        break;
+    default:
+        break;
+    }
+}

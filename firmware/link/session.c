@@ -194,6 +194,9 @@ void session_apply_staged(session_t *s) {
     if (s->staging.table->control.system != s->params->control.system) {
         telemetry_select_nothing(&s->telemetry); /* another record */
     }
+    if (s->run.mode != RUN_IDLE) {
+        control_retune(s->control, &s->params->control, &s->staging.table->control);
+    }
     staging_apply(&s->staging, s->params);
 }
 

@@ -8,7 +8,7 @@
 #define DUTY_MAX   32767       /* Q15 */
 #define FALL_NEVER (1UL << 31) /* turn Q32: half a turn, no tilt is more */
 
-void plumb_balancer_init(plumb_balancer_t *c, const plumb_params_t *p) {
+SELDOM_CALLED void plumb_balancer_init(plumb_balancer_t *c, const plumb_params_t *p) {
     *c = (plumb_balancer_t){0};
     plumb_kalman_init(&c->words.kalman, &p->start);
     plumb_pid_init(&c->words.speed);
@@ -67,13 +67,19 @@ void plumb_balancer_step(plumb_balancer_t *c, const plumb_params_t *p, const int
     w->flags = flags | (fallen ? PLUMB_BALANCER_FLAG_FALLEN : 0U);
 }
 
-static bool drive_valid(const plumb_drive_params_t *p) {
+SELDOM_CALLED void plumb_balancer_retune(plumb_balancer_t *c, const plumb_params_t *from,
+                                         const plumb_params_t *to) {
+    plumb_pid_retune(&c->words.speed, &from->speed, &to->speed);
+    plumb_pid_retune(&c->words.pid, &from->pid, &to->pid);
+}
+
+SELDOM_CALLED static bool drive_valid(const plumb_drive_params_t *p) {
     return p->speed_max_mps_q26 >= 0 && p->speed_max_mps_q26 <= SPEED_MAX && p->lean_max_turn_q34 >= 0 &&
            p->lean_max_turn_q34 <= LEAN_MAX && p->span_q15 >= -DUTY_MAX && p->span_q15 <= DUTY_MAX &&
            p->duty_max_q15 >= 0 && p->duty_max_q15 <= DUTY_MAX && p->fall_turn_q32 <= FALL_NEVER;
 }
 
-bool plumb_balancer_params_valid(const plumb_params_t *p) {
+SELDOM_CALLED bool plumb_balancer_params_valid(const plumb_params_t *p) {
     return plumb_calibration_valid(&p->gyro) && plumb_calibration_valid(&p->accel) &&
            plumb_calibration_valid(&p->accel_up) && plumb_wheel_valid(&p->wheel) &&
            plumb_tilt_valid(&p->tilt) && plumb_kalman_valid(&p->kalman, &p->start) &&

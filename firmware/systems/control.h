@@ -72,6 +72,10 @@ bool control_params_valid(const plumb_params_t *p);
  * words. */
 void control_step(control_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX], int32_t setpoint);
 
+/* Other values of live parameters (host/plumb/spec/parameters.toml) from the next step on: moves the state of
+ * the controllers so that their demand does not jump. Call between two steps, before they come into use. */
+void control_retune(control_t *c, const plumb_params_t *from, const plumb_params_t *to);
+
 /* The record of the last step: control_words_bytes() bytes, read by word of 32 bits. */
 static inline const int32_t *control_words(const control_t *c) {
     return (const int32_t *)(const void *)c;

@@ -3,7 +3,7 @@
 #include "core/esc.h"
 #include "core/pid.h"
 
-void plumb_quad_init(plumb_quad_t *c, const plumb_params_t *p) {
+SELDOM_CALLED void plumb_quad_init(plumb_quad_t *c, const plumb_params_t *p) {
     *c = (plumb_quad_t){0};
     plumb_kalman_init(&c->words.kalman, &p->start);
     plumb_pid_init(&c->words.pid);
@@ -52,7 +52,11 @@ void plumb_quad_step(plumb_quad_t *c, const plumb_params_t *p, const int16_t raw
     w->flags = flags | (w->pid.excess_q22 != 0 ? PLUMB_QUAD_FLAG_COMMAND_LIMITED : 0U);
 }
 
-bool plumb_quad_params_valid(const plumb_params_t *p) {
+SELDOM_CALLED void plumb_quad_retune(plumb_quad_t *c, const plumb_params_t *from, const plumb_params_t *to) {
+    plumb_pid_retune(&c->words.pid, &from->pid, &to->pid);
+}
+
+SELDOM_CALLED bool plumb_quad_params_valid(const plumb_params_t *p) {
     return plumb_calibration_valid(&p->gyro) && plumb_calibration_valid(&p->accel) &&
            plumb_calibration_valid(&p->accel_up) && plumb_tilt_valid(&p->tilt) &&
            plumb_kalman_valid(&p->kalman, &p->start) && plumb_pid_valid(&p->pid) && plumb_esc_valid(&p->esc);

@@ -88,6 +88,51 @@ static void no_windup(void) {
     CHECK(c.excess_q22 > 0 && c.integral_q54 == before);
 }
 
+/* kp 2 on 1/16 turn, kd 1/4 on 1/2 turn/s and an integral of 1/32: other gains leave the demand of the same
+ * error and rate as it was, to the last bit. */
+static void other_gains(void) {
+    const plumb_pid_params_t from = {.kp_q22 = 2 * ONE,
+                                     .ki_dt_q22 = ONE / 2,
+                                     .kd_q27 = 1 << 25,
+                                     .d_alpha_q31 = INT32_MAX,
+                                     .slew_q22 = NO_LIMIT};
+    plumb_pid_params_t to = from;
+    plumb_pid_t c = started(), same;
+    c.error_turn_q32 = 1 << 28;
+    pid_step(&c, &from, c.error_turn_q32, 1 << 27);
+    to.kp_q22 = 3 * ONE;
+    to.kd_q27 = 3 << 23;
+    same = c;
+    plumb_pid_retune(&c, &from, &to);
+    /* 1/8 - 3/16 of the error, less (1/8 - 3/32) of the rate */
+    CHECK(abs((int32_t)((c.integral_q54 - same.integral_q54) >> 32) + ONE / 16 + ONE / 32) <= 1);
+    CHECK((uint32_t)c.integral_q54 == (uint32_t)same.integral_q54);
+    pid_step(&same, &from, c.error_turn_q32, 2 * c.rate_filtered_turnps_q27);
+    plumb_pid_t after = c;
+    pid_step(&after, &to, c.error_turn_q32, 2 * c.rate_filtered_turnps_q27);
+    CHECK(after.command_q22 == same.command_q22 && after.excess_q22 == same.excess_q22);
+
+    /* no integral gain: nothing moves, because no step would take it away again */
+    to.ki_dt_q22 = 0;
+    same = c;
+    plumb_pid_retune(&c, &from, &to);
+    CHECK(c.integral_q54 == same.integral_q54);
+
+    /* before the first step there is no error and no rate */
+    c = started();
+    plumb_pid_retune(&c, &to, &from);
+    CHECK(c.integral_q54 == 0);
+
+    /* the largest change there is, to either side: the integral is limited, and nothing overflows */
+    const plumb_pid_params_t most = {.kp_q22 = 1 << 30, .ki_dt_q22 = 1, .kd_q27 = -(1 << 30), .slew_q22 = 1};
+    const plumb_pid_params_t least = {.kp_q22 = -(1 << 30), .ki_dt_q22 = 1, .kd_q27 = 1 << 30, .slew_q22 = 1};
+    c.error_turn_q32 = c.rate_filtered_turnps_q27 = INT32_MIN;
+    plumb_pid_retune(&c, &least, &most);
+    CHECK(c.integral_q54 >> 32 == 2 * ONE - 1);
+    plumb_pid_retune(&c, &most, &least);
+    CHECK(c.integral_q54 >> 32 == -2 * ONE);
+}
+
 /* A last command out of range, by a flipped bit, would be full command for as long as slew takes to come
  * back. */
 static void flipped_command(void) {
@@ -146,6 +191,7 @@ int main(void) {
     output_limit();
     slew_limit();
     no_windup();
+    other_gains();
     flipped_command();
     never();
     refuses();

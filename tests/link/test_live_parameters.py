@@ -37,7 +37,7 @@ def digests(capture: Capture, before: ControlParams, after: ControlParams, at: i
     setpoints = capture.setpoints.of_steps(capture.steps)
     for step in range(capture.steps - 2):
         if step == at:
-            model.use(after)
+            model.retune(after)
         model.step(capture.raw[step], setpoints[step])
         found.append(model.digest())
     return found

@@ -35,6 +35,9 @@ bool plumb_balancer_params_valid(const plumb_params_t *p);
 void plumb_balancer_step(plumb_balancer_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
                          int32_t setpoint_mps_q26);
 
+/* Other gains from the next step on, without a jump of the command (plumb_pid_retune). */
+void plumb_balancer_retune(plumb_balancer_t *c, const plumb_params_t *from, const plumb_params_t *to);
+
 /* Bounds for plausible sensors, and conditions for arming. */
 extern const plumb_plausibility_bounds_t plumb_balancer_plausibility;
 

@@ -28,7 +28,8 @@ typedef struct {
     int32_t command_q22;  /* -1..1-2^-22 */
     int32_t rate_filtered_turnps_q27;
     int32_t excess_q22;     /* demand - command: not 0 when limited */
-    int32_t error_turn_q32; /* pid_step() does not touch it: the caller records its error here */
+    int32_t error_turn_q32; /* pid_step() does not touch it: the caller records its error here, and a
+                               retuning reads it */
 } plumb_pid_t;
 
 /* All zero. */
@@ -38,6 +39,11 @@ void plumb_pid_init(plumb_pid_t *c);
  * c->command_q22; c->excess_q22 is not 0 when a limit acted. A constant number of instructions. */
 void plumb_pid_step(plumb_pid_t *c, const plumb_pid_params_t *p, int32_t error_turn_q32,
                     int32_t rate_turnps_q28);
+
+/* Other gains from the next step on, without a jump: what they would change of the demand at the last error
+ * and rate moves into the integral, which is limited as in a step. With ki_dt 0 nothing moves: no step would
+ * take it away again. Call between two steps; the slew limit holds as ever. */
+void plumb_pid_retune(plumb_pid_t *c, const plumb_pid_params_t *from, const plumb_pid_params_t *to);
 
 /* The ranges above. */
 bool plumb_pid_valid(const plumb_pid_params_t *p);

@@ -30,6 +30,9 @@ bool plumb_quad_params_valid(const plumb_params_t *p);
 void plumb_quad_step(plumb_quad_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX],
                      int32_t setpoint_turn_q32);
 
+/* Other gains from the next step on, without a jump of the command (plumb_pid_retune). */
+void plumb_quad_retune(plumb_quad_t *c, const plumb_params_t *from, const plumb_params_t *to);
+
 /* Bounds for plausible sensors, and conditions for arming. */
 extern const plumb_plausibility_bounds_t plumb_quad_plausibility;
 

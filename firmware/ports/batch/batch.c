@@ -30,6 +30,7 @@ EXPORT int32_t plumb_params_count(void);
 EXPORT int32_t plumb_params_valid(const uint32_t *params);
 EXPORT void plumb_control_init(void *control, const uint32_t *params);
 EXPORT void plumb_control_step(void *control, const uint32_t *params, const int16_t *raw, int32_t setpoint);
+EXPORT void plumb_control_retune(void *control, const uint32_t *from, const uint32_t *to);
 EXPORT void plumb_control_words(const void *control, const uint32_t *params, uint8_t *words);
 EXPORT void plumb_control_run(const uint32_t *params, const int16_t *raw, const int32_t *setpoint,
                               int32_t steps, uint8_t *words, uint32_t *digests);
@@ -42,6 +43,7 @@ EXPORT void plumb_pid_run(const uint32_t *params, const int32_t *error_turn_q32,
                           const int32_t *rate_turnps_q28, int32_t steps, uint8_t *states);
 EXPORT void plumb_pid_each(const uint32_t *params, void *states, const int32_t *error_turn_q32,
                            const int32_t *rate_turnps_q28, int32_t n);
+EXPORT void plumb_pid_retune_each(const uint32_t *from, const uint32_t *to, void *states, int32_t n);
 EXPORT void plumb_atan2_run(const int32_t *y, const int32_t *x, int32_t n, int32_t *turn_q32);
 EXPORT void plumb_asin_run(const int32_t *x_q30, int32_t n, int32_t *turn_q32);
 EXPORT void plumb_sincos_run(const int32_t *turn_q32, int32_t n, int32_t *sin_q30, int32_t *cos_q30);
@@ -100,6 +102,11 @@ void plumb_control_init(void *control, const uint32_t *params) {
 void plumb_control_step(void *control, const uint32_t *params, const int16_t *raw, int32_t setpoint) {
     const plumb_params_t p = params_of(params);
     control_step(control, &p, raw, setpoint);
+}
+
+void plumb_control_retune(void *control, const uint32_t *from, const uint32_t *to) {
+    const plumb_params_t before = params_of(from), after = params_of(to);
+    control_retune(control, &before, &after);
 }
 
 void plumb_control_words(const void *control, const uint32_t *params, uint8_t *words) {
@@ -172,6 +179,14 @@ void plumb_pid_each(const uint32_t *params, void *states, const int32_t *error_t
     plumb_pid_t *c = states;
     for (int32_t i = 0; i < n; i++)
         pid_step(&c[i], &p.pid, error_turn_q32[i], rate_turnps_q28[i]);
+}
+
+/* Other gains for each of n states (plumb_pid_t). */
+void plumb_pid_retune_each(const uint32_t *from, const uint32_t *to, void *states, int32_t n) {
+    const plumb_params_t before = params_of(from), after = params_of(to);
+    plumb_pid_t *c = states;
+    for (int32_t i = 0; i < n; i++)
+        plumb_pid_retune(&c[i], &before.pid, &after.pid);
 }
 
 void plumb_atan2_run(const int32_t *y, const int32_t *x, int32_t n, int32_t *turn_q32) {

@@ -197,6 +197,13 @@ def pid_step(params: ControlParams, states: Records, error_turn_q32: npt.ArrayLi
     return after
 
 
+def pid_retune(old: ControlParams, new: ControlParams, states: Records) -> Records:
+    """Other gains for each of n independent states of PID_DTYPE."""
+    after, before_words, after_words = states.copy(), _u32(old.words()), _u32(new.words())
+    c_core().plumb_pid_retune_each(_pointer(before_words), _pointer(after_words), _pointer(after), len(after))
+    return after
+
+
 class Controller:
     """One run, a step at a time; this object owns the state."""
 
@@ -215,6 +222,13 @@ class Controller:
         self._core.plumb_control_step(_pointer(self._memory), _pointer(self._params), _pointer(counts), target)
         self._core.plumb_control_words(_pointer(self._memory), _pointer(self._params), _pointer(self._record))
         return dict(zip(self._record.dtype.names or (), self._record[0].item(), strict=True))
+
+    def retune(self, params: ControlParams) -> None:
+        """Other values of live parameters from the next step on."""
+        require_valid(params)
+        words = _u32(params.words())
+        self._core.plumb_control_retune(_pointer(self._memory), _pointer(self._params), _pointer(words))
+        self._params = words
 
     def digest(self) -> int:
         """CRC-32 of the last step's words, by the core's own function."""

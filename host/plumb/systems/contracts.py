@@ -277,6 +277,14 @@ class FixedStep(Protocol):
         """One step: updates the state c; returns the values of the record's words, in order. raw: six counts."""
 
 
+@runtime_checkable
+class RetunedStep(Protocol):
+    """fixed.py of a system that reads live parameters."""
+
+    def control_retune(self, c: object, old: Params, new: Params, /) -> None:
+        """Other values of live parameters from the next step on: moves the state c so that no output jumps."""
+
+
 class ReferenceModel(Protocol):
     """reference.py: the published equations in float64."""
 

@@ -29,7 +29,7 @@ from plumb.kernels.fixed.kernels import (
 from plumb.kernels.fixed.trig import asin, atan2
 from plumb.spec.records import RECORDS, Words, names_of, packer
 from plumb.systems import load
-from plumb.systems.contracts import FIXED
+from plumb.systems.contracts import FIXED, RetunedStep
 from plumb.tuning.quantise import ControlParams
 
 __all__ = [
@@ -53,8 +53,11 @@ class Controller:
         self._row = self._system.control_step(self._c, self._p, counts + [0] * (6 - len(counts)), int(setpoint))
         return dict(zip(self._names, self._row, strict=True))
 
-    def use(self, params: ControlParams) -> None:
-        """Use other parameters of the same system from the next step on; the state stays."""
+    def retune(self, params: ControlParams) -> None:
+        """Use other parameters of the same system from the next step on, as a board does from the step that PARAM_USED
+        names: only live ones may differ. The state moves so that no output jumps."""
+        if isinstance(self._system, RetunedStep):
+            self._system.control_retune(self._c, self._p, params.values)
         self._p = params.values
 
     def record(self) -> bytes:

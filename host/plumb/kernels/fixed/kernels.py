@@ -34,6 +34,7 @@ class PidState:
     command_q22: Integer = 0
     rate_filtered_turnps_q27: Integer = 0
     excess_q22: Integer = 0
+    error_turn_q32: Integer = 0
 
 
 def calibrate(raw: Integer, p: Params, channel: str) -> tuple[Integer, Integer]:
@@ -134,3 +135,19 @@ def pid_step(c: PidState, p: Params, error: Integer, rate: Integer, group: str =
     further = (c.excess_q22 != 0) & ((c.excess_q22 < 0) == (error < 0))
     w = c.integral_q54 + select(further, 0, error) * p[f"{group}.ki_dt_q22"]
     c.integral_q54 = (clamp(w >> 32, -(1 << 23), (1 << 23) - 1) << 32) + wrap_u32(w)
+    c.error_turn_q32 = error
+
+
+def pid_retune(c: PidState, old: Params, new: Params, group: str = "pid") -> None:
+    """Other gains from the next step on, without a jump: at the last error and rate the demand stays as it was, because
+    the integral takes the difference. It stays as it is where ki dt is 0."""
+    moved = pid_direct(c, old, group) - pid_direct(c, new, group)
+    high = clamp((c.integral_q54 >> 32) + moved, -(1 << 23), (1 << 23) - 1)
+    keeps = new[f"{group}.ki_dt_q22"] == 0
+    c.integral_q54 = select(keeps, c.integral_q54, (high << 32) + wrap_u32(c.integral_q54))
+
+
+def pid_direct(c: PidState, p: Params, group: str) -> Integer:
+    """What a step adds to the integral at the last error and rate: the P and D terms, Q22."""
+    proportional = (c.error_turn_q32 * p[f"{group}.kp_q22"]) >> 32
+    return proportional - ((c.rate_filtered_turnps_q27 * p[f"{group}.kd_q27"]) >> 32)

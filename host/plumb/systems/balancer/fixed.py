@@ -14,6 +14,7 @@ from plumb.kernels.fixed.kernels import (
     kalman_init,
     kalman_step,
     kalman_tilt,
+    pid_retune,
     pid_step,
     tilt,
     trust,
@@ -98,3 +99,9 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_mp
         pid.integral_q54, pid.command_q22, pid.rate_filtered_turnps_q27, pid.excess_q22, error,
         lean, duty, flags, c.step,
     )  # fmt: skip
+
+
+def control_retune(c: ControlState, old: Params, new: Params) -> None:
+    """Other gains from the next step on."""
+    pid_retune(c.speed, old, new, "speed")
+    pid_retune(c.pid, old, new)
