@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from plumb.api.connection import connect as connect
     from plumb.api.estimator import Estimate as Estimate
     from plumb.api.estimator import Estimator as Estimator
+    from plumb.api.live import Gap as Gap
     from plumb.api.live import Health as Health
     from plumb.api.live import Sample as Sample
     from plumb.api.parameters import ParameterDescription as ParameterDescription
@@ -38,6 +39,7 @@ _PLACES = {
     "Board": "plumb.api.connection",
     "Estimate": "plumb.api.estimator",
     "Estimator": "plumb.api.estimator",
+    "Gap": "plumb.api.live",
     "Health": "plumb.api.live",
     "LinkError": "plumb.errors",
     "ParameterDescription": "plumb.api.parameters",
@@ -55,7 +57,7 @@ _PLACES = {
 """Public name -> the module that has it."""
 
 __all__ = [
-    "Board", "Estimate", "Estimator", "Health", "LinkError", "ParameterDescription", "Parameters", "PlumbError",
+    "Board", "Estimate", "Estimator", "Gap", "Health", "LinkError", "ParameterDescription", "Parameters", "PlumbError",
     "Recording", "RunResult", "Sample", "UsageError", "connect", "golden", "load", "run",
 ]  # fmt: skip
 

@@ -4,26 +4,30 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal, Self
 
 from plumb import __version__
 from plumb.api import arguments
-from plumb.api.live import Sample, SampleStream
+from plumb.api.live import BoardIdentity, Sample, SampleStream
 from plumb.api.parameters import Parameters
+from plumb.api.reconnection import AnotherBoardError, Before, Found, Reconnection
 from plumb.api.runs import RunResult, request_of, run_own
 from plumb.boards import SimulatedBoard, open_board, plant_on_pins
-from plumb.boards.link import LinkBoard
+from plumb.boards.link import LinkBoard, open_link_board
 from plumb.errors import LinkError, UsageError
 from plumb.link import monitor
 from plumb.link.discovery import resolved
+from plumb.link.identity import NackError
 from plumb.process_signals import endings, raise_ending
 from plumb.proof import scenario_run
 from plumb.spec import declarations
 from plumb.spec.parameter_file import by_name
+from plumb.spec.signal_units import setpoint_signal
 from plumb.tuning.quantise import quantise
 
 if TYPE_CHECKING:
@@ -31,28 +35,6 @@ if TYPE_CHECKING:
 
     from plumb.link.session import Session
     from plumb.spec.tuning import AnyTuning
-
-
-@dataclass(frozen=True)
-class BoardIdentity:
-    """Who a board says it is.
-
-    Attributes:
-        version: Version of this plumb.
-        git_hash: First 16 digits of the commit that the image was built from, with `+` when the tree differed; empty
-            where it is not known.
-        systems: Names of the systems that the image has.
-        unique_id: Number of the chip, 24 hexadecimal digits; empty for a board without a link.
-        parameter_source: Where the parameters in use come from, in words.
-        mismatch: Why the board takes no commands of this version, as a sentence; None where it does.
-    """
-
-    version: str
-    git_hash: str
-    systems: tuple[str, ...]
-    unique_id: str = ""
-    parameter_source: str = ""
-    mismatch: str | None = None
 
 
 class Board:
@@ -78,12 +60,18 @@ class Board:
         scenario: str | None = None,
         seed: int = 1000,
         open_loop: bool = True,
+        reconnect: bool | float = False,
+        on_lost: Callable[[str], None] | None = None,
     ) -> None:
         self._link = link
         self._plant = (system, scenario, seed, open_loop)
         self._attached = False
         self._live = False
         self._closed = False
+        self._params: Parameters | None = None
+        self._last: Sample | None = None
+        self._heard_s = time.monotonic()
+        self._period_s = 1.0
         if system is not None:
             declarations.system(system)
         if (system or scenario) and name not in ("native", "virtual"):
@@ -91,6 +79,13 @@ class Board:
         self.name = name = resolved(name)
         self.runs_on = open_board(name, link=link, image=image)
         self._talks_to: LinkBoard | None = self.runs_on if isinstance(self.runs_on, LinkBoard) else None
+        self._reconnection: Reconnection | None = None
+        if reconnect is not False:
+            if self._talks_to is None or isinstance(self.runs_on, SimulatedBoard):
+                self.runs_on.close()
+                raise UsageError(f"reconnect is for a board over serial or CAN: {name} is never lost")
+            patience_s = None if reconnect is True else float(reconnect)
+            self._reconnection = Reconnection(lambda: open_link_board(name), patience_s, on_lost)
 
     def __enter__(self) -> Self:
         if self._closed:
@@ -149,7 +144,11 @@ class Board:
     def params(self) -> Parameters:
         """The parameters in use, in units: `board.params["pid.kp"] = 0.05`. Raises UsageError for a board without a
         link."""
-        return Parameters(self._session())
+        session = self._session()
+        if self._params is None:
+            self._params = Parameters(session)
+        self._params.move_to(session)
+        return self._params
 
     # ---- runs in lockstep ----
 
@@ -244,8 +243,13 @@ class Board:
     def stream(self, seconds: float | None = None, *, begin: bool = True) -> Iterator[Sample]:
         """Samples of the board on its own sensors, in real time, one a step.
 
+        A board that was connected with `reconnect` and is lost makes a pause, and no exception: the first sample
+        after it has a `gap`. The run goes on where the board kept it; a board that was restarted begins another one.
+        It is never armed again by itself.
+
         Args:
-            seconds: For so many seconds of the board's time; None: until you leave the loop.
+            seconds: For so many seconds of the board's time; with `reconnect`, of this computer's, pauses included;
+                None: until you leave the loop.
             begin: Begin a run where none of this object is on. False: only listen to a run that another program
                 began; its selection says which signals come.
 
@@ -254,26 +258,86 @@ class Board:
 
         Raises:
             UsageError: A board without a link.
-            LinkError: The board does not answer, or falls silent.
+            LinkError: The board does not answer, or falls silent; with `reconnect`: it did not come back in time,
+                another board answers in its place, or another program has begun a run on it.
         """
         arguments.require_number(seconds=seconds)
         if seconds is not None and not seconds > 0:
             raise UsageError(f"seconds = {seconds:g}: ask for more than nothing")
+        self._session()
+        if self._reconnection is not None:
+            yield from self._stream_on(self._reconnection, seconds, begin)
+            return
+        first_s: float | None = None
+        for sample in self._samples(begin):
+            first_s = sample.time_s if first_s is None else first_s
+            if seconds is not None and sample.time_s - first_s >= seconds - 1e-9:
+                return
+            yield sample
+
+    def _samples(self, begin: bool, near: int = 0) -> Iterator[Sample]:
+        """Samples over one connection."""
         session = self._session()
         table = by_name(session.read_parameters())
-        stream = SampleStream(session, declarations.name_of(table["system"]), table["period_us"] * 1e-6)
+        self._period_s = table["period_us"] * 1e-6
+        stream = SampleStream(session, declarations.name_of(table["system"]), self._period_s, near)
         session.listener = stream.feed
-        first_s: float | None = None
         try:
             if begin:
                 self._begin()
             for sample in stream.samples():
-                first_s = sample.time_s if first_s is None else first_s
-                if seconds is not None and sample.time_s - first_s >= seconds - 1e-9:
-                    return
+                self._last, self._heard_s = sample, time.monotonic()
                 yield sample
         finally:
             session.listener = None
+
+    def _stream_on(self, reconnection: Reconnection, seconds: float | None, begin: bool) -> Iterator[Sample]:
+        """Samples over one connection after the other."""
+        if begin:
+            self._session().require_match()
+        end_s = None if seconds is None else time.monotonic() + seconds
+        lost: tuple[Before, Found] | None = None
+        while True:
+            near = lost[0].near() if lost is not None and lost[1].goes_on else 0
+            try:
+                for sample in self._samples(begin, near):
+                    if lost is not None:
+                        sample, lost = replace(sample, gap=lost[1].gap(lost[0], sample)), None
+                    if end_s is not None and time.monotonic() >= end_s:
+                        return
+                    yield sample
+            except (NackError, AnotherBoardError):
+                raise
+            except LinkError as error:
+                before = self._before(str(error)) if lost is None else lost[0].still(self._before(str(error)))
+                found = self._find_again(reconnection, before, end_s)
+                if found is None:
+                    return
+                lost = before, found
+
+    def _before(self, reason: str) -> Before:
+        """What is known of a board that is lost now."""
+        session, last = self._session(), self._last
+        assert session.identity is not None
+        step, armed = (None, False) if last is None else (last.step, last.armed)
+        tag = session.run_tag if self._live else None
+        table = session.parameters.table
+        return Before(reason, session.identity, table, tag, step, armed, self._heard_s, self._period_s)
+
+    def _find_again(self, reconnection: Reconnection, before: Before, end_s: float | None) -> Found | None:
+        """Close what is left of the link, and put the board in its place that is found."""
+        assert self._talks_to is not None
+        self._live = False
+        with contextlib.suppress(LinkError):
+            self._talks_to.close()
+        found = reconnection.find(self.name, before, end_s)
+        if found is not None:
+            self.runs_on = self._talks_to = found.board
+            self._live = found.goes_on and before.run_tag is not None
+            found.board.session.run_tag = before.run_tag or 0
+            if self._params is not None:
+                self._params.move_to(found.board.session)
+        return found
 
     def arm(self) -> None:
         """Arm the board: its outputs drive the actuators from here on. A run on its own sensors is begun if none is on.
@@ -297,10 +361,34 @@ class Board:
         """
         self._session().disarm()
 
+    def set_setpoint(self, value: float) -> None:
+        """Give the run that is on its setpoint, in the unit of its system: deg for `quad`, m/s for `balancer`.
+
+        The board takes it as far as its parameters allow. While this object keeps the board armed, `stream` repeats
+        it; a setpoint that is not repeated for 200 ms counts as 0.
+
+        Raises:
+            UsageError: A value that is no number or that the integer of the setpoint cannot hold, a system without a
+                setpoint, or no run.
+            LinkError: The link takes no data.
+        """
+        arguments.require_number(value=value)
+        session = self._session()
+        if not self._live:
+            raise UsageError("there is no run to give a setpoint to: arm the board, or begin a stream first")
+        system = session.system
+        signal = setpoint_signal(system)
+        if signal is None:
+            raise UsageError(f"{system} has no setpoint: it drives nothing")
+        most = ((1 << 31) - 1) * signal.scale
+        if not abs(value) <= most:
+            raise UsageError(f"a setpoint of {value:g} {signal.unit}: give one of at most {most:g} {signal.unit}")
+        session.set_setpoint(round(value / signal.scale))
+
     def _begin(self) -> None:
         if not self._live:
             monitor.begin_live(self._session())
-            self._live = True
+            self._live, self._last = True, None
 
     def _session(self) -> Session:
         """The session with the board; a simulated board gets its plant first."""
@@ -332,6 +420,8 @@ def connect(
     scenario: str | None = None,
     seed: int = 1000,
     open_loop: bool = True,
+    reconnect: bool | float = False,
+    on_lost: Callable[[str], None] | None = None,
 ) -> Board:
     """Open a board.
 
@@ -345,6 +435,10 @@ def connect(
         scenario: Scenario of that plant; None: the system's own.
         seed: Seed of that plant.
         open_loop: The plant follows its scenario. False: the outputs of the board move it.
+        reconnect: What `stream` does when a board over serial or CAN is lost. False: it raises LinkError. True: it
+            waits for the board, without limit. A number: it waits so many seconds at most. Everything else
+            (parameters, `arm`, `disarm`) raises LinkError while the board is away, and is not repeated.
+        on_lost: With `reconnect`: called with the reason, a sentence, when the board is lost.
 
     Returns:
         The board; use it in a `with` statement.
@@ -358,6 +452,14 @@ def connect(
     arguments.require_text(system=system, scenario=scenario)
     arguments.require_whole(seed=seed)
     arguments.require_link(link)
+    if not isinstance(reconnect, bool):
+        arguments.require_number(reconnect=reconnect)
+        if reconnect is None or not reconnect > 0:
+            raise UsageError(
+                f"reconnect = {arguments.shown(reconnect)}: give True, or the seconds to wait for the board"
+            )
+    if on_lost is not None and not callable(on_lost):
+        raise UsageError(f"on_lost = {arguments.shown(on_lost)}: give a function")
     return Board(
         board,
         link=link,
@@ -366,4 +468,6 @@ def connect(
         scenario=scenario,
         seed=seed,
         open_loop=open_loop,
+        reconnect=reconnect,
+        on_lost=on_lost,
     )

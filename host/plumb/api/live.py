@@ -1,8 +1,8 @@
-"""What a live board says of itself, a step at a time."""
+"""What a board says of itself: who it is, and in a run what every step came to."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from plumb.errors import LinkError
@@ -13,8 +13,31 @@ from plumb.link.session import Session
 from plumb.spec import dbc
 from plumb.spec.protocol import Frame
 from plumb.spec.signals import signals
+from plumb.tuning.quantities import Value
 
 HEALTH_EVERY_S = 0.1
+
+
+@dataclass(frozen=True)
+class BoardIdentity:
+    """Who a board says it is.
+
+    Attributes:
+        version: Version of this plumb.
+        git_hash: First 16 digits of the commit that the image was built from, with `+` when the tree differed; empty
+            where it is not known.
+        systems: Names of the systems that the image has.
+        unique_id: Number of the chip, 24 hexadecimal digits; empty for a board without a link.
+        parameter_source: Where the parameters in use come from, in words.
+        mismatch: Why the board takes no commands of this version, as a sentence; None where it does.
+    """
+
+    version: str
+    git_hash: str
+    systems: tuple[str, ...]
+    unique_id: str = ""
+    parameter_source: str = ""
+    mismatch: str | None = None
 
 
 @dataclass(frozen=True)
@@ -37,6 +60,27 @@ class Health:
 
 
 @dataclass(frozen=True)
+class Gap:
+    """What lies between two samples of a stream whose link was lost and came back.
+
+    Attributes:
+        reason: Why the link was lost, as a sentence.
+        seconds: Time between the two samples, by the clock of this computer.
+        steps: Steps of the run that did not arrive; None where a new run has begun, whose steps count from 0.
+        was_armed: Whether the sample before was of an armed board. The board is not armed any more.
+        changed: Parameters that are not as before: whole name -> (value before, value now), in units.
+        image_changed: Whether the board runs another image than before.
+    """
+
+    reason: str
+    seconds: float
+    steps: int | None
+    was_armed: bool
+    changed: Mapping[str, tuple[Value | None, Value | None]] = field(default_factory=dict)
+    image_changed: bool = False
+
+
+@dataclass(frozen=True)
 class Sample:
     """One step of a live board.
 
@@ -49,6 +93,7 @@ class Sample:
         armed: Whether the actuators may be driven.
         digest: CRC-32 of the step's words.
         health: The state of the board.
+        gap: What is missing directly before this sample, of a board that was lost and came back; else None.
     """
 
     time_s: float
@@ -57,6 +102,7 @@ class Sample:
     armed: bool
     digest: int
     health: Health
+    gap: Gap | None = None
 
 
 @dataclass
@@ -68,16 +114,18 @@ class _Step:
 
 
 class SampleStream:
-    """Puts the frames of a run in real time together by step. Feed it with the frames as they come."""
+    """Puts the frames of a run in real time together by step. Feed it with the frames as they come.
 
-    def __init__(self, session: Session, system: str, period_s: float) -> None:
+    near: about the number of the first step that will come: a frame has the low 16 bits of it."""
+
+    def __init__(self, session: Session, system: str, period_s: float, near: int = 0) -> None:
         self._session, self._period_s = session, period_s
         self._monitor = Monitor(session)
         self._message = session.protocol["STEP"]
         self._named = {i: message for i, message in session.protocol.by_identifier.items() if dbc.of_system(i)}
         self._columns = {signal: (column, scale) for signal, column, scale in signals(system)}
         self._current: _Step | None = None
-        self._last = 0
+        self._last = near
         self._done: list[_Step] = []
         self._health, self._health_s = Health(), -HEALTH_EVERY_S
 

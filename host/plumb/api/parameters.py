@@ -59,6 +59,10 @@ class Parameters(Mapping[str, Value]):
     def __init__(self, session: Session) -> None:
         self._session = session
 
+    def move_to(self, session: Session) -> None:
+        """Read and write over this session from here on: the board was lost, and is back."""
+        self._session = session
+
     # ---- reading ----
 
     def __getitem__(self, name: str) -> Value:

@@ -8,8 +8,7 @@ from plumb.cockpit.samples import Samples
 from plumb.cockpit.step_response import figures
 from plumb.errors import UsageError
 from plumb.link.session import Session
-from plumb.spec import declarations
-from plumb.spec.signal_units import word_signals
+from plumb.spec.signal_units import setpoint_signal
 from plumb.spec.signals import UNITS
 
 MOST = {"deg": 30.0, "m/s": 1.0}
@@ -38,10 +37,7 @@ class Setpoint:
 
 def setpoint_of(system: str) -> Setpoint | None:
     """The setpoint of a system that drives something; None for one without."""
-    declared = declarations.system(system)
-    if not declared.output:
-        return None
-    signal = next((one for one in word_signals(system).values() if one.word.startswith("setpoint")), None)
+    signal = setpoint_signal(system)
     if signal is None or signal.unit not in MOST:
         return None
     follows = next((name for name in _sent(system) if name.endswith(UNITS[signal.unit])), None)

@@ -33,11 +33,13 @@ class Conversation(Protocol):
 
 
 class ParameterTransfer:
-    """uploaded: the system of the table that this session last committed or read; None while unknown."""
+    """uploaded: the system of the table that this session last committed or read; None while unknown. table: the whole
+    table that it last committed or read; None while unknown."""
 
     def __init__(self, session: Conversation) -> None:
         self._session = session
         self.uploaded: str | None = None
+        self.table: tuple[int, ...] | None = None
         self._wiring: dict[str, int] | None = None
 
     def read(self) -> list[int]:
@@ -51,7 +53,9 @@ class ParameterTransfer:
             self._collect(message, values, range(count))
             if len(values) == count:
                 rows = parameters.table()
-                return [rows[i].from_word(values[i]) if i < len(rows) else values[i] for i in range(count)]
+                words = [rows[i].from_word(values[i]) if i < len(rows) else values[i] for i in range(count)]
+                self.table = tuple(words)
+                return words
             self._session.counters.repeated_requests += 1
         raise LinkError(f"only {len(values)} of {count} parameters came back: check the cable")
 
@@ -103,13 +107,15 @@ class ParameterTransfer:
                     raise
                 continue
             self.uploaded = declarations.name_of(words[0])
+            rows = parameters.table()
+            self.table = tuple(row.from_word(staged[index]) for index, row in enumerate(rows))
             self._wiring = None if self._wiring is None else {name: words[i] for i, name in self._wiring_places()}
             return crc
         raise LinkError("the parameters did not arrive as they were sent: check the cable")
 
     def forget(self) -> None:
         """Drop what is known of the board's parameters, after a command that changed them."""
-        self.uploaded = self._wiring = None
+        self.uploaded = self.table = self._wiring = None
 
     def _wiring_places(self) -> list[tuple[int, str]]:
         return [(i, row.name) for i, row in enumerate(parameters.table()) if row.name in parameters.WIRING]

@@ -59,3 +59,10 @@ def word_signals(system: str, si: bool = False) -> dict[str, WordSignal]:
         found.pop(name, None)
         found[name] = WordSignal(name, unit, value / 2.0**bits, word.name, word.doc)
     return found
+
+
+def setpoint_signal(system: str) -> WordSignal | None:
+    """The setpoint of a system that drives something; None for one that drives nothing."""
+    if not declarations.system(system).output:
+        return None
+    return next((one for one in word_signals(system).values() if one.word.startswith("setpoint")), None)
