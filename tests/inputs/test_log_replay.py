@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from plumb import __main__ as front
+from plumb.boards import Board, open_board
 from plumb.boards.native import NativeBoard as NativeCore
-from plumb.inputs import log_replay
+from plumb.errors import UnverifiedError, UsageError
+from plumb.inputs import log_replay, log_writer
 from plumb.inputs.log_file import FRAME, Frames, read_log
 from plumb.inputs.log_replay import Reproduction, chosen, open_log, reproduce, runs_of
 from plumb.inputs.log_writer import LogWriter
 from plumb.spec.protocol import protocol
-from support.recordings import blocks_of, recorded_run, rewritten, with_json
+from support.recordings import GAINS, blocks_of, recorded_run, rewritten, with_json
 
 STEER = 1 << 28
 
@@ -189,7 +192,111 @@ def test_steps_after_a_change_of_parameters_are_unverified(whole: Path, tmp_path
         done = on_native(path)
         assert done.verdict == verdict and done.compared == (12 if verdict == "unverified" else done.recorded.run.steps)
     assert "unverified" in (said := on_native(tmp_path / "pid.kp_q221.plog").statement().text)
-    assert said.endswith("parameters changed at step 12")
+    assert said.endswith("another table was committed about step 12, and the frame that tells the step is missing")
+
+
+@pytest.fixture(scope="module")
+def changed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The gains change twice in the middle of the run; the log has many blocks."""
+    path = tmp_path_factory.mktemp("log") / "changed.plog"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(log_writer, "FLUSH_EVERY_S", 0.0)
+        return recorded_run(path, setpoint=STEER, changes=[GAINS, {"pid.kp_q22": 77}])
+
+
+def step_of_change(path: Path, number: int = 0) -> int:
+    frames = read_log(path).frames
+    data = frames["data"][places(frames, "PARAM_USED")[number]].tobytes()
+    return protocol()["PARAM_USED"].decode(data)["step"]
+
+
+@pytest.mark.parametrize("board", ["fixed", "native", "qemu"])
+def test_a_run_is_reproduced_across_changes_of_its_parameters(changed: Path, board: str) -> None:
+    (recorded,) = runs_of(open_log(changed))
+    with open_board(board) as opened:
+        done = reproduce(recorded, opened, board, None, None)
+    assert [change.step for change in done.run.changes] == [step_of_change(changed, 0), step_of_change(changed, 1)]
+    assert done.verdict == "pass" and done.compared == recorded.run.steps == recorded.known
+    assert done.statement().text.endswith("recorded digests is reproduced, across 2 changes of parameters")
+    stale = replace(recorded, changes=recorded.changes[:1])
+    assert reproduce(stale, NativeCore(), board, None, None).divergence is not None, "the second change shows"
+
+
+def test_a_board_that_takes_no_parameters_in_lockstep_verifies_the_steps_before(changed: Path) -> None:
+    (recorded,) = runs_of(open_log(changed))
+
+    class Plain(Board):
+        """As a board behind a link."""
+
+        name = "plain"
+        run_injected, words_of_step = NativeCore.run_injected, NativeCore.words_of_step
+        stepper = NativeCore.stepper
+
+    done, first = reproduce(recorded, Plain(), "plain", None, None), step_of_change(changed)
+    assert (done.verdict, done.unverified_from, done.run.mismatches) == ("unverified", first, 0)
+    assert done.compared == recorded.run.steps and not done.differ, "the model follows in any case"
+    assert "plain takes no other parameters in lockstep" in done.statement().text
+
+
+@pytest.mark.parametrize("suffix", ["blf", "asc", "log", "trc"])
+def test_files_of_other_tools_carry_changes_too(changed: Path, tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"run.{suffix}"
+    assert front.main(["export", str(changed), str(path)]) == 0
+    done = on_native(path)
+    assert done.verdict == "pass" and len(done.run.changes) == 2
+
+
+def test_a_change_whose_table_nobody_told_is_unverified_from_its_step_on(changed: Path, tmp_path: Path) -> None:
+    """As on the link of another host: it hears PARAM_USED alone. A table that is read afterwards tells it."""
+    log, first = read_log(changed), step_of_change(changed)
+
+    def unheard(frames: Frames) -> Frames:
+        told = places(frames, "PARAM_STAGED") + places(frames, "PARAM_VALUE")
+        return np.delete(frames, told)
+
+    done = on_native(with_frames(changed, tmp_path / "unheard.plog", unheard))
+    assert (done.verdict, done.unverified_from, done.differ) == ("unverified", first, 0)
+    assert done.statement().text.endswith(f"the parameters changed at step {first}, and nothing tells the new ones")
+    read = with_frames(
+        changed, tmp_path / "read.plog", lambda frames: np.delete(frames, places(frames, "PARAM_STAGED"))
+    )
+    assert len(places(log.frames, "PARAM_VALUE")) > 2 * 162
+    assert on_native(read).unverified_from == step_of_change(changed, 1), "the first was read before the second"
+
+
+def test_a_table_with_another_crc_is_not_the_one_in_use(changed: Path, tmp_path: Path) -> None:
+    def other(frames: Frames) -> Frames:
+        place = places(frames, "PARAM_USED")[0]
+        data = bytearray(frames["data"][place].tobytes())
+        data[5] ^= 1
+        sealed_again(frames, place, bytes(data))
+        return frames
+
+    done = on_native(with_frames(changed, tmp_path / "crc.plog", other))
+    assert (done.verdict, done.unverified_from) == ("unverified", step_of_change(changed))
+
+
+def test_a_lost_announcement_leaves_the_steps_from_there_on_unverified(changed: Path, tmp_path: Path) -> None:
+    first = step_of_change(changed)
+    done = on_native(with_frames(changed, tmp_path / "lost.plog", without("PARAM_USED", 0)))
+    assert done.verdict == "unverified" and done.unverified_from is not None and abs(done.unverified_from - first) <= 1
+    assert "another table was committed about step" in done.statement().text
+
+
+def test_a_log_that_was_cut_anywhere_is_reproduced_to_its_end(changed: Path, tmp_path: Path) -> None:
+    """Of every length there is a verdict, and it is never that the board was wrong."""
+    data, whole_run, lengths = changed.read_bytes(), on_native(changed).compared, []
+    for cut in range(len(data) - 1, len(data) // 2, -max(1, len(data) // 60)):
+        path = tmp_path / "cut.plog"
+        path.write_bytes(data[:cut])
+        try:
+            done = on_native(path)
+        except (UsageError, UnverifiedError) as error:
+            assert "\n" not in str(error)
+            continue
+        assert done.verdict == "pass" and done.compared <= whole_run
+        lengths.append(done.compared)
+    assert lengths == sorted(lengths, reverse=True) and len(set(lengths)) > 5
 
 
 def test_a_bus_on_which_a_host_committed_a_table_needs_no_other_parameters(whole: Path, tmp_path: Path) -> None:

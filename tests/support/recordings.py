@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +13,11 @@ from plumb.files.block_file import Block, BlockWriter, read_blocks
 from plumb.inputs.log_file import MAGIC
 from plumb.inputs.log_writer import LogWriter
 from plumb.inputs.recorder import Recorder
+from plumb.link import parameter_table
 from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import parameters
+from plumb.spec.parameter_file import by_name
 from plumb.spec.protocol import protocol
 from plumb.systems import run_fixed
 from plumb.tuning.quantise import ControlParams
@@ -26,8 +28,20 @@ MOTION = ((1676, 2048, 3041), (1720, 2090, 3035), (1650, 2010, 3044), (1701, 199
 """Counts of the sensors, one after the other: the outputs change at every step."""
 
 
-def recorded_run(path: Path, seconds: float = 0.5, *, setpoint: int | None = None, late: bool = False) -> Path:
-    """A log of a live run of quad. setpoint: set in the middle. late: the recorder joins in the middle of the run."""
+GAINS = {"pid.kp_q22": 4_000_000, "pid.ki_dt_q22": 90_000, "pid.kd_q27": 2_500_000}
+"""Of a table that is committed in the middle of a run."""
+
+
+def recorded_run(
+    path: Path,
+    seconds: float = 0.5,
+    *,
+    setpoint: int | None = None,
+    late: bool = False,
+    changes: Sequence[Mapping[str, int]] = (),
+) -> Path:
+    """A log of a live run of quad. setpoint: set in the middle. late: the recorder joins in the middle of the run.
+    changes: parameters that are committed after the middle, one set after the other."""
     board = NativeBoard()
     session = Session(PlumbBus(board))
     session.connect()
@@ -41,6 +55,9 @@ def recorded_run(path: Path, seconds: float = 0.5, *, setpoint: int | None = Non
     _live(board, session, seconds / 2)
     if setpoint is not None:
         session.set_setpoint(setpoint)
+    for values in changes:
+        parameter_table.commit(session, {**by_name(session.read_parameters()), **values})
+        _live(board, session, seconds / 2)
     _live(board, session, seconds / 2)
     session.listener = None
     session.end()

@@ -31,6 +31,8 @@ EXPORT int32_t plumb_params_valid(const uint32_t *params);
 EXPORT void plumb_control_init(void *control, const uint32_t *params);
 EXPORT void plumb_control_step(void *control, const uint32_t *params, const int16_t *raw, int32_t setpoint);
 EXPORT void plumb_control_retune(void *control, const uint32_t *from, const uint32_t *to);
+EXPORT void plumb_control_steps(void *control, const uint32_t *params, const int16_t *raw,
+                                const int32_t *setpoint, int32_t steps, uint8_t *words);
 EXPORT void plumb_control_words(const void *control, const uint32_t *params, uint8_t *words);
 EXPORT void plumb_control_run(const uint32_t *params, const int16_t *raw, const int32_t *setpoint,
                               int32_t steps, uint8_t *words, uint32_t *digests);
@@ -112,6 +114,17 @@ void plumb_control_retune(void *control, const uint32_t *from, const uint32_t *t
 void plumb_control_words(const void *control, const uint32_t *params, uint8_t *words) {
     const plumb_params_t p = params_of(params);
     memcpy(words, control_words(control), control_words_bytes(&p));
+}
+
+/* More steps of a run. raw: [steps][6]; words: [steps][plumb_sizeof_words(system)]. */
+void plumb_control_steps(void *control, const uint32_t *params, const int16_t *raw, const int32_t *setpoint,
+                         int32_t steps, uint8_t *words) {
+    const plumb_params_t p = params_of(params);
+    const size_t bytes = control_words_bytes(&p);
+    for (int32_t i = 0; i < steps; i++) {
+        control_step(control, &p, raw + (size_t)i * PLUMB_RAW_MAX, setpoint[i]);
+        memcpy(words + (size_t)i * bytes, control_words(control), bytes);
+    }
 }
 
 /* A whole run from its start. raw: [steps][6]; words: [steps][plumb_sizeof_words(system)], may be NULL;

@@ -1,8 +1,9 @@
 /* The core alone on QEMU's Cortex-M3: reads the inputs from a file and writes every step's words and digest
  * to a file, by semihosting. Both files are in QEMU's working directory; all numbers are little endian.
  *
- * "plumb-in.bin":  uint32 magic, uint32 parameter words, uint32 steps, the parameter words,
- *                  then per step int16 raw[6], int32 setpoint
+ * "plumb-in.bin":  uint32 magic, uint32 parameter words, uint32 parts, then the parts of the run, each:
+ *                  uint32 steps, the parameter words that these steps use,
+ *                  per step int16 raw[6], int32 setpoint
  * "plumb-out.bin": uint32 magic, uint32 bytes of a step's words,
  *                  then per step the words (control_words()), uint32 digest
  *
@@ -33,7 +34,7 @@ typedef struct {
 typedef struct {
     uint32_t magic;
     uint32_t parameter_words;
-    uint32_t steps;
+    uint32_t parts;
 } input_header_t;
 
 static control_t control;
@@ -41,27 +42,10 @@ static plumb_params_t params;
 static sample_t samples[BATCH_STEPS];
 static uint8_t answers[BATCH_STEPS * (sizeof(control_words_t) + sizeof(uint32_t))];
 
-static run_result_t run(int32_t input, int32_t output) {
-    input_header_t header;
-    if (!semihosting_read(input, &header, sizeof header) || header.magic != MAGIC_IN) {
-        return RUN_NO_INPUT;
-    }
-    if (header.parameter_words != sizeof params / sizeof(uint32_t)) {
-        return RUN_OTHER_LAYOUT;
-    }
-    if (!semihosting_read(input, &params, sizeof params)) {
-        return RUN_NO_INPUT;
-    }
-    if (!control_params_valid(&params)) {
-        return RUN_REFUSED;
-    }
+/* Steps with the parameters in use. */
+static run_result_t run_steps(int32_t input, int32_t output, uint32_t steps) {
     const uint32_t bytes = (uint32_t)control_words_bytes(&params);
-    const uint32_t head[2] = {MAGIC_OUT, bytes};
-    if (!semihosting_write(output, head, sizeof head)) {
-        return RUN_NO_OUTPUT;
-    }
-    control_init(&control, &params);
-    for (uint32_t left = header.steps; left > 0;) {
+    for (uint32_t left = steps; left > 0;) {
         const uint32_t batch = left < BATCH_STEPS ? left : BATCH_STEPS;
         if (!semihosting_read(input, samples, batch * sizeof samples[0])) {
             return RUN_NO_INPUT;
@@ -80,6 +64,43 @@ static run_result_t run(int32_t input, int32_t output) {
         left -= batch;
     }
     return RUN_GOOD;
+}
+
+/* The first part begins the run; the others go on from its state with other parameters of the same system. */
+static run_result_t run_part(int32_t input, int32_t output, bool first) {
+    const plumb_params_t before = params;
+    uint32_t steps;
+    if (!semihosting_read(input, &steps, sizeof steps) || !semihosting_read(input, &params, sizeof params)) {
+        return RUN_NO_INPUT;
+    }
+    if (!control_params_valid(&params) || (!first && params.system != before.system)) {
+        return RUN_REFUSED;
+    }
+    if (first) {
+        const uint32_t head[2] = {MAGIC_OUT, (uint32_t)control_words_bytes(&params)};
+        if (!semihosting_write(output, head, sizeof head)) {
+            return RUN_NO_OUTPUT;
+        }
+        control_init(&control, &params);
+    } else {
+        control_retune(&control, &before, &params);
+    }
+    return run_steps(input, output, steps);
+}
+
+static run_result_t run(int32_t input, int32_t output) {
+    run_result_t result = RUN_GOOD;
+    input_header_t header;
+    if (!semihosting_read(input, &header, sizeof header) || header.magic != MAGIC_IN) {
+        return RUN_NO_INPUT;
+    }
+    if (header.parameter_words != sizeof params / sizeof(uint32_t)) {
+        return RUN_OTHER_LAYOUT;
+    }
+    for (uint32_t part = 0; part < header.parts && result == RUN_GOOD; part++) {
+        result = run_part(input, output, part == 0);
+    }
+    return result;
 }
 
 int main(void) {

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from plumb.f103.machine import Machine
     from plumb.link.session import Session
     from plumb.spec.records import Words
-    from plumb.tuning.quantise import ControlParams
+    from plumb.tuning.quantise import Changes, ControlParams
 
 RawCounts = npt.NDArray[np.int16]
 """Raw counts of every step, shape (steps, 6); a system uses the first few columns."""
@@ -37,12 +37,13 @@ class Answer:
 
     digests: CRC-32 of each step's words, shape (steps,). words: the words of all steps from boards that give them
     (fixed, native, qemu), else None: over a link only digests are sent, and `words_of_step` gets the words of one step.
-    unverified_from: first step whose digest or raw counts were lost on the link, else None.
+    unverified_from: first step whose digest or raw counts were lost on the link, else None; why: another reason.
     """
 
     digests: npt.NDArray[np.uint32]
     words: Words | None = None
     unverified_from: int | None = None
+    why: str = ""
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,14 @@ class GivesWordsOfSteps(Protocol):
     ) -> Words | None:
         """Reset the controller, run the steps 0 to `end` - 1, and return the words from step `first` on; None when the
         board cannot give them."""
+
+
+@runtime_checkable
+class ChangesParameters(Protocol):
+    """A board that takes other parameters in the middle of a run whose samples the host sends."""
+
+    def run_changed(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Answer:
+        """Reset the controller, then run every step, from the step of each change on with its parameters."""
 
 
 @runtime_checkable

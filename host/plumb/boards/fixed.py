@@ -9,7 +9,7 @@ from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Steppe
 from plumb.systems import run_fixed
 
 if TYPE_CHECKING:
-    from plumb.tuning.quantise import ControlParams
+    from plumb.tuning.quantise import Changes, ControlParams
 
 
 class FixedStepper:
@@ -30,6 +30,10 @@ class FixedBoard(Board):
 
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
         words = run_fixed.run_control(params, raw, setpoint)
+        return Answer(words.digests(), words)
+
+    def run_changed(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Answer:
+        words = run_fixed.run_changed(params, changes, raw, setpoint)
         return Answer(words.digests(), words)
 
     def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:

@@ -8,7 +8,7 @@ from plumb import systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper, native_core
 
 if TYPE_CHECKING:
-    from plumb.tuning.quantise import ControlParams
+    from plumb.tuning.quantise import Changes, ControlParams
 
 
 class NativeStepper:
@@ -31,6 +31,10 @@ class NativeBoard(Board):
 
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
         words = native_core.run_control(params, raw, setpoint)
+        return Answer(words.digests(), words)
+
+    def run_changed(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Answer:
+        words = native_core.run_changed(params, changes, raw, setpoint)
         return Answer(words.digests(), words)
 
     def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:

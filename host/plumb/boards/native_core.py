@@ -19,8 +19,8 @@ from plumb.checkout import CHECKOUT, PACKAGE
 from plumb.errors import UsageError
 from plumb.spec import declarations, parameters
 from plumb.spec.records import RECORDS, Words, block_dtype, names_of
-from plumb.systems.run_fixed import check_inputs, system_name
-from plumb.tuning.quantise import ControlParams
+from plumb.systems.run_fixed import check_inputs, parts_of, system_name
+from plumb.tuning.quantise import Changes, ControlParams
 
 LIBRARY = "libplumb_native.so"
 CORE_VARIABLE = "PLUMB_NATIVE_CORE"
@@ -230,6 +230,16 @@ class Controller:
         self._core.plumb_control_retune(_pointer(self._memory), _pointer(self._params), _pointer(words))
         self._params = words
 
+    def run(self, raw: npt.NDArray[np.int64], setpoint: npt.NDArray[np.int64]) -> Words:
+        """Run a step for each row of checked inputs (`check_inputs`); returns their records."""
+        counts, targets = np.ascontiguousarray(raw, np.int16), np.ascontiguousarray(setpoint, np.int32)
+        record = np.zeros(len(counts), self._record.dtype)
+        self._core.plumb_control_steps(
+            _pointer(self._memory), _pointer(self._params), _pointer(counts), _pointer(targets), len(counts),
+            _pointer(record),
+        )  # fmt: skip
+        return Words(record)
+
     def digest(self) -> int:
         """CRC-32 of the last step's words, by the core's own function."""
         return crc32(self._record.tobytes())
@@ -258,6 +268,17 @@ def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayL
             None,
         )
     return Words(record.T if counts.ndim == 3 else record[0])
+
+
+def run_changed(params: ControlParams, changes: Changes, raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
+    """As `run_control` for one run, whose parameters change at the given steps; the state stays."""
+    counts, setpoints = check_inputs(raw, setpoint)
+    controller, parts = Controller(params), []
+    for number, (part, now) in enumerate(parts_of(params, changes, len(counts))):
+        if number:
+            controller.retune(now)
+        parts.append(controller.run(counts[part], setpoints[part]).record)
+    return Words(np.concatenate(parts))
 
 
 def plausibility(params: ControlParams, words: Words) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.uint16]]:

@@ -23,9 +23,10 @@ from plumb.boards import Answer, Board, RawCounts, Setpoints, Stepper
 from plumb.checkout import CHECKOUT
 from plumb.errors import LinkError, UsageError
 from plumb.spec.records import RECORDS, Words
+from plumb.systems.run_fixed import parts_of
 
 if TYPE_CHECKING:
-    from plumb.tuning.quantise import ControlParams
+    from plumb.tuning.quantise import Changes, ControlParams
 
 PROGRAM = "qemu-system-arm"
 IMAGE = Path("build/stm32f103/plumb_qemu.elf")
@@ -107,14 +108,19 @@ class QemuBoard(Board):
 
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
         """Raises LinkError when QEMU fails or hangs, UsageError when the image refuses the parameters."""
+        return self.run_changed(params, (), raw, setpoint)
+
+    def run_changed(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Answer:
         steps = len(raw)
         samples = np.zeros(steps, SAMPLE_DTYPE)
         samples["raw"], samples["setpoint"] = raw, setpoint
-        words = [word & 0xFFFF_FFFF for word in params.words()]
-        head = struct.pack(f"<3I{len(words)}I", MAGIC_IN, len(words), steps, *words)
+        given = [struct.pack("<3I", MAGIC_IN, len(params.words()), 1 + len(changes))]
+        for part, now in parts_of(params, changes, steps):
+            words = [word & 0xFFFF_FFFF for word in now.words()]
+            given += [struct.pack(f"<I{len(words)}I", part.stop - part.start, *words), samples[part].tobytes()]
         with tempfile.TemporaryDirectory(prefix="plumb-qemu-") as temporary:
             folder = Path(temporary)
-            (folder / "plumb-in.bin").write_bytes(head + samples.tobytes())
+            (folder / "plumb-in.bin").write_bytes(b"".join(given))
             code = _run(self._command, folder, START_UP_S + steps * 1e-3)
             if code:
                 raise UsageError(f"the QEMU image stopped: {_EXIT_REASONS[code]}")

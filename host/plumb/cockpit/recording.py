@@ -24,6 +24,7 @@ class Recording:
         self._recorder: Recorder | None = None
         self._path = folder
         self._memory = RunMemory()
+        self._words: Sequence[int] | None = None
 
     @property
     def state(self) -> dict[str, object]:
@@ -39,12 +40,15 @@ class Recording:
         stem = time.strftime("%Y-%m-%d_%H-%M-%S")
         self._path = next(path for path in _names(self._folder, stem) if not path.exists())
         head = run_identity.identity(run_identity.part_of(board), None, self._command)
-        self._recorder = Recorder(board.session, self._path, head, before=self._memory.batches)
+        before = self._memory.batches
+        begun_with = self._words if before else None
+        self._recorder = Recorder(board.session, self._path, head, before=before, begun_with=begun_with)
         missing = "; the beginning of this run is not in it, so that it cannot be replayed"
         self._say(f"recording into {self._path}{missing if self._memory.partial else ''}")
 
     def parameters(self, words: Sequence[int]) -> None:
-        """The whole table in use from here on: a new run began."""
+        """The whole table in use from here on: a new run begins."""
+        self._words = words
         if self._recorder is not None:
             self._recorder.log.parameters(words)
 

@@ -20,9 +20,10 @@ from plumb.boards import Board
 from plumb.errors import UnverifiedError, UsageError
 from plumb.inputs import frame_files, recording
 from plumb.inputs.log_file import SUFFIX, Log, ParameterSet, read_log
-from plumb.inputs.logged_parameters import UsedParameters, heard_sets, parameters_of_run
+from plumb.inputs.logged_parameters import UsedParameters, changes_of_run, heard_sets, parameters_of_run
 from plumb.inputs.logged_runs import LoggedRun, RunFinder
 from plumb.link.session import RAW_FRAMES
+from plumb.link.used_tables import TableChange
 from plumb.proof import runs
 from plumb.proof.compare import Divergence
 from plumb.proof.report import Statement
@@ -30,6 +31,7 @@ from plumb.proof.runs import Run, RunInputs
 from plumb.proof.scenario_run import ScenarioRun
 from plumb.spec import dbc, declarations
 from plumb.spec.records import Words
+from plumb.tuning.quantise import Changes
 
 SUFFIXES = (SUFFIX, *frame_files.READ)
 """Files that carry what a board said, and can be reproduced."""
@@ -47,8 +49,9 @@ def raw_frames_of(system: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """One run of a log with its parameters. number: from 1; of: how many runs the log holds. known: number of steps
-    from the first on whose counts, setpoint and parameters are all known."""
+    """One run of a log with its parameters. number: from 1; of: how many runs the log holds. changes: of the parameters
+    in the middle of the run, as far as they are known. known: number of steps from the first on whose counts, setpoint
+    and parameters are all known; unknown_table: the change whose parameters are not."""
 
     log: Log
     run: LoggedRun
@@ -56,6 +59,8 @@ class RecordedRun:
     number: int
     of: int
     known: int
+    changes: Changes = ()
+    unknown_table: TableChange | None = None
 
     @property
     def system(self) -> str:
@@ -71,11 +76,11 @@ class RecordedRun:
             return f"its beginning is missing: the recording begins at step {run.first}"
         if not run.raw_frames:
             return "the recording carries no raw counts"
-        if self.known < run.known_until():
-            return f"parameters changed at step {self.known}"
+        if self.unknown_table is not None and self.unknown_table.step == self.known:
+            return self.unknown_table.why_unknown
         if not run.raw_known[self.known]:
             return f"the raw counts of step {self.known} did not arrive"
-        return f"the setpoint of step {self.known} did not arrive, or its parameters were changed"
+        return f"the setpoint of step {self.known} did not arrive"
 
 
 def runs_of(log: Log, given: Mapping[str, int] | None = None) -> list[RecordedRun]:
@@ -92,15 +97,11 @@ def runs_of(log: Log, given: Mapping[str, int] | None = None) -> list[RecordedRu
         used = parameters_of_run(sets, run.at, log.path.name)
         needed = raw_frames_of(used.system)
         whole = (run if needed == RAW_FRAMES else finder.runs(needed)[number - 1]).without_open_end()
-        own = used.params.own()
-        changes = [one.at for one in sets if one.at > run.at and _differs(own, one.values)]
-        known = min([whole.known_until(), *(whole.steps_before(at) for at in changes)])
-        found.append(RecordedRun(log, whole, used, number, len(rough), known))
+        blocks = [] if given else log.parameter_sets
+        changes, unknown = changes_of_run(whole, used, blocks, messages)
+        known = min(whole.known_until(), whole.steps if unknown is None else unknown.step)
+        found.append(RecordedRun(log, whole, used, number, len(rough), known, changes, unknown))
     return found
-
-
-def _differs(own: Mapping[str, int], values: Mapping[str, int]) -> bool:
-    return any(values.get(name, value) != value for name, value in own.items())
 
 
 def chosen(found: Sequence[RecordedRun], number: int | None) -> RecordedRun:
@@ -143,6 +144,8 @@ class Reproduction(ScenarioRun):
         ends = [int(step) for step in missing[:1]] + ([recorded.known] if recorded.known < recorded.run.steps else [])
         if self.doubtful and self.divergence is not None:
             ends.append(self.divergence.step)
+        if self.run.answer.unverified_from is not None:
+            ends.append(self.run.answer.unverified_from)
         return min(ends, default=None)
 
     @property
@@ -163,10 +166,14 @@ class Reproduction(ScenarioRun):
             text = f"{self.differ} of {self.compared} recorded digests differ from the model; the first at "
             return Statement("recorded", f"{text}{self.divergence}", False)
         if from_step is None:
-            return Statement("recorded", f"every one of the {self.compared} recorded digests is reproduced", True)
+            across = f", across {len(self.run.changes)} changes of parameters" if self.run.changes else ""
+            text = f"every one of the {self.compared} recorded digests is reproduced{across}"
+            return Statement("recorded", text, True)
         why = recorded.unknown
         if self.divergence is not None and from_step == self.divergence.step:
             why = f"step {from_step} differs from the model, and frames were lost, perhaps a setpoint"
+        elif from_step == self.run.answer.unverified_from:
+            why = self.run.answer.why
         elif from_step < recorded.known:
             why = f"the digest of step {from_step} did not arrive"
         same = f"{self.compared - self.differ} recorded digests are reproduced; "
@@ -184,6 +191,8 @@ class Reproduction(ScenarioRun):
             "mismatches": self.differ,
             "unverified_from_step": self.unverified_from,
         }
+        if self.run.changes:
+            of_recording["parameters_changed_at_steps"] = [change.step for change in self.run.changes]
         if self.divergence is not None:
             of_recording["first_divergence"] = self.divergence.as_dict()
         exact = {"pass": True, "fail": False}.get(self.verdict)
@@ -210,7 +219,8 @@ def reproduce(recorded: RecordedRun, board: Board, name: str, link: str | None, 
         setpoint,
         np.zeros(steps, np.bool_),
     )
-    result = runs.open_loop(board, inputs, params)
+    changes = tuple(change for change in recorded.changes if change.step < steps)
+    result = runs.open_loop(board, inputs, params, changes)
     differ, divergence = _compare(recorded.run, result, steps)
     log = recorded.log
     heading = {

@@ -9,9 +9,11 @@ import numpy as np
 
 from plumb.errors import UsageError
 from plumb.inputs.log_file import EXTENDED, Frames, ParameterSet
+from plumb.inputs.logged_runs import LoggedRun
+from plumb.link.used_tables import TableChange, UsedTables
 from plumb.spec import declarations, parameters
 from plumb.spec.protocol import Protocol, check
-from plumb.tuning.quantise import ControlParams, groups_of
+from plumb.tuning.quantise import Change, Changes, ControlParams, groups_of
 
 _NEEDED = ("PARAM_VALUE", "PARAM_STAGED", "PARAM_SET", "PARAM_COMMIT", "ACK", "HELLO")
 
@@ -57,6 +59,34 @@ def heard_sets(frames: Frames, messages: Protocol) -> list[ParameterSet]:
             if len(used) == len(rows):
                 found.append(_set(int(at) + 1, used))
     return found
+
+
+def changes_of_run(
+    run: LoggedRun, used: UsedParameters, blocks: Sequence[ParameterSet], messages: Protocol
+) -> tuple[Changes, TableChange | None]:
+    """The changes of the parameters in the middle of a run up to the first one that is not known, and that one. blocks:
+    the parameters that the log holds beside its frames."""
+    rows = parameters.table()
+    whole = all(row.name in used.table for row in rows)
+    tables = UsedTables(messages, [used.table[row.name] for row in rows] if whole else None)
+    own = used.params.own()
+    later = [one for one in blocks if run.at < one.at <= run.end]
+    for frame in (*run.table_frames, None):
+        while later and (frame is None or later[0].at <= frame.at):
+            block = later.pop(0)
+            values = {name: value for name, value in block.values.items() if name in own}
+            tables.table_said(values, run.first + run.steps_before(block.at))
+        if frame is not None:
+            tables.feed(frame.identifier, frame.data, frame.next_step)
+    changes: list[Change] = []
+    for change in tables.changes:
+        if change.step >= run.first + run.steps:
+            break
+        params = change.params(used.params)
+        if params is None or change.step < 0 or (changes and change.step < changes[-1].step):
+            return changes, change
+        changes.append(Change(change.step, params))
+    return changes, None
 
 
 def _set(at: int, words: dict[int, int]) -> ParameterSet:

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from plumb.inputs.log_file import ERROR, EXTENDED, REMOTE, Frames
-from plumb.link.realtime import SetpointReports, unwrap
+from plumb.link.realtime import SetpointReports
 from plumb.link.transports.slcan import crc8_columns
+from plumb.link.used_tables import TABLE_MESSAGES
 from plumb.spec import dbc
 from plumb.spec.arrays import BoolArray
 from plumb.spec.protocol import FRAME_DLC, Message, Protocol
@@ -35,18 +37,28 @@ LONGEST_GAP = 4096
 """A STEP that far ahead of the one before begins a part of its own, whose beginning is missing."""
 
 
+class TableFrame(NamedTuple):
+    """A frame of `TABLE_MESSAGES` in a run. at: its place among all frames; next_step: after the STEP before it."""
+
+    at: int
+    next_step: int
+    identifier: int
+    data: bytes
+
+
 @dataclass(frozen=True)
 class LoggedRun:
     """One run; n steps from number `first` on. All arrays (n,), raw (n, 6); a value that did not arrive is 0.
 
-    at: place of its first frame among all frames of the recording. raw_known, digest_known: steps whose counts and
+    at: place of its first frame among all frames of the recording; end: place after its last. raw_known, digest_known: steps whose counts and
     digest arrived; raw_frames: the RAW frames that were heard. setpoint_doubt: the first step whose setpoint is not
-    known, or that used parameters which were committed during the run. values: (frame, signal) -> raw integers, and
-    which arrived. place: of each STEP among all frames, and time_us, when it was received. lost: gaps in the counters
-    of the other frames.
+    known. values: (frame, signal) -> raw integers, and which arrived. place: of each STEP among all frames, and
+    time_us, when it was received. lost: gaps in the counters of the other frames. table_frames: those that tell of
+    parameters (`plumb.link.used_tables`).
     """
 
     at: int
+    end: int
     first: int
     raw: npt.NDArray[np.int16]
     raw_known: BoolArray
@@ -60,6 +72,7 @@ class LoggedRun:
     setpoint_doubt: int | None
     values: dict[tuple[str, str], tuple[Integers, BoolArray]] = field(default_factory=dict)
     lost: int = 0
+    table_frames: tuple[TableFrame, ...] = ()
 
     @property
     def steps(self) -> int:
@@ -204,11 +217,10 @@ class RunFinder:
         armed[numbers - first] = step.flag(message, "armed") != 0
         place[numbers - first], time_us[numbers - first] = step.at, self._time_us[step.at]
         reports = self._setpoints(places)
-        doubts = [step for step in (reports.doubt, self._other_parameters(places)) if step is not None]
         return LoggedRun(
-            first_at, first, counts, raw_known, heard, digest, known, armed, place, time_us,
-            reports.of_steps(first + count)[first:], min(doubts, default=None),
-            dict(self._values(signals, first, count)), self._gaps(first_at, last_at),
+            first_at, last_at, first, counts, raw_known, heard, digest, known, armed, place, time_us,
+            reports.of_steps(first + count)[first:], reports.doubt,
+            dict(self._values(signals, first, count)), self._gaps(first_at, last_at), self._table_frames(places),
         )  # fmt: skip
 
     def _system_frames(self) -> Iterator[str]:
@@ -246,15 +258,13 @@ class RunFinder:
             reports.note(message.decode(data.tobytes()), places.last_before(int(at)))
         return reports
 
-    def _other_parameters(self, places: _Places) -> int | None:
-        """The first step with parameters that were committed during the run."""
-        if "PARAM_USED" not in self._messages.messages:  # a log of an older version
-            return None
-        frames = places.cut(self._of("PARAM_USED"))
-        if not len(frames.at):
-            return None
-        said = self._messages["PARAM_USED"].decode(frames.data[0].tobytes())
-        return unwrap(places.last_before(int(frames.at[0])), said["step"], 16)
+    def _table_frames(self, places: _Places) -> tuple[TableFrame, ...]:
+        known = [self._messages[name].identifier for name in TABLE_MESSAGES if name in self._messages.messages]
+        chosen = np.isin(self._frames["can_id"], known)
+        frames = places.cut(_Sorted(self._at[chosen], self._frames["data"][chosen]))
+        identifiers = self._frames["can_id"][np.searchsorted(self._at, frames.at)]
+        rows = zip(frames.at.tolist(), identifiers.tolist(), frames.data, strict=True)
+        return tuple(TableFrame(at, places.next_after(at), identifier, data.tobytes()) for at, identifier, data in rows)
 
     def _gaps(self, first_at: int, last_at: int) -> int:
         """Frames that are missing by the counters of the messages that have a counter of their own."""
@@ -286,6 +296,11 @@ class _Places:
         half = 1 << bits - 1
         last = self._numbers[before]
         return last + ((low - last + half) & (1 << bits) - 1) - half
+
+    def next_after(self, at: int) -> int:
+        """The step after the last one that was received before a place."""
+        place = int(np.searchsorted(self._at, at))
+        return int(self._numbers[place - 1]) + 1 if place else int(self._numbers[0])
 
     def last_before(self, at: int) -> int:
         return int(self._numbers[max(int(np.searchsorted(self._at, at)) - 1, 0)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -14,6 +14,7 @@ from plumb.errors import UsageError
 from plumb.files.block_file import exists_sentence
 from plumb.inputs.log_writer import LogWriter
 from plumb.link.session import Session
+from plumb.link.used_tables import ALL_PARAMETERS, UsedTables
 from plumb.spec.protocol import Frame, protocol
 
 FLUSH_EVERY_S = 1.0
@@ -118,10 +119,11 @@ class RunMemory:
 
 class Recorder:
     """Writes what a session receives to a log; call `feed` with all received frames, from the beginning on: the
-    parameters are read here.
+    parameters are read here, and again when another link has changed them during a run, so that the log holds them.
 
     frames, steps: numbers received; lost: steps that are missing between them. head: entries of the log's first block.
     before: batches of frames of the run in progress with their times, as a `RunMemory` has them: they come first.
+    begun_with: the table with which that run began; None: the one that is in use now.
     """
 
     def __init__(
@@ -132,6 +134,7 @@ class Recorder:
         *,
         replace: bool = False,
         before: Iterable[Batch] = (),
+        begun_with: Sequence[int] | None = None,
     ) -> None:
         simulated = session.clock is not time.monotonic
         self._clock = session.clock
@@ -139,6 +142,7 @@ class Recorder:
         board = (session.identity or session.connect()).items
         self.frames = self.steps = self.lost = 0
         self._step, self._last = session.protocol["STEP"], -1
+        self._session = session
         self.log = LogWriter(path, {**head, "board": board}, simulated=simulated, replace=replace)
         listener, answers = session.listener, list[Batch]()
 
@@ -150,7 +154,10 @@ class Recorder:
 
         session.listener = both
         try:
-            words = session.read_parameters()
+            now = session.read_parameters()
+            words = now if begun_with is None else begun_with
+            self._tables = UsedTables(session.protocol, words)
+            self._of_tables = self._tables.identifiers
             self.log.parameters(words)
             for time_s, frames in [*before, *answers]:
                 self._add(frames, time_s)
@@ -162,12 +169,16 @@ class Recorder:
 
     def feed(self, frames: list[Frame]) -> None:
         self._add(frames, self._clock())
+        if self._tables.ask(self._clock()):
+            self._session.send([self._session.frame("PARAM_GET", ALL_PARAMETERS, 0)])
 
     def _add(self, frames: list[Frame], time_s: float) -> None:
         self.frames += len(frames)
         for identifier, data in frames:
             if identifier == self._step.identifier:
                 self._count(self._step.unpack(data)[2])
+            elif identifier in self._of_tables:
+                self._tables.feed(identifier, data, self._last + 1)
         self.log.add(frames, self._epoch_s + time_s)
 
     def _count(self, low: int) -> None:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from plumb.errors import LinkError
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES
 from plumb.link.session import RAW_FRAMES, Session
+from plumb.link.used_tables import ALL_PARAMETERS, UsedTables
 from plumb.spec import dbc
 from plumb.spec.protocol import Frame
 
@@ -64,8 +65,8 @@ class Capture:
     digest, raw: by step number, unwrapped; raw holds the six counts of a step once all its raw_frames have come.
     values: (frame, signal) -> step -> raw integer, of other selected frames. setpoints: the setpoints of the run.
     steps: number of steps received so far.
-    disarmed_step: the last step at which the board was found to have disarmed. parameters_step: the first step with
-    parameters that were committed during the run.
+    disarmed_step: the last step at which the board was found to have disarmed. tables: the parameters of the run from
+    the table on that the session last wrote or read.
     """
 
     session: Session
@@ -78,14 +79,15 @@ class Capture:
     steps: int = 0
     armed: bool = False
     disarmed_step: int | None = None
-    parameters_step: int | None = None
 
     def __post_init__(self) -> None:
         messages = self.session.protocol
         self._step, self._used = messages["STEP"], messages["SETPOINT_USED"]
         self._raw = {messages["RAW_A"].identifier: 0, messages["RAW_B"].identifier: 3}
         self._raw_message = messages["RAW_A"]
-        self._time, self._parameters = messages["TIME"], messages["PARAM_USED"]
+        self._time = messages["TIME"]
+        self.tables = UsedTables(messages, self.session.parameters.table)
+        self._of_tables = self.tables.identifiers
         self._named = {i: message for i, message in messages.by_identifier.items() if dbc.of_system(i)}
         self._last = 0
         self._wanted = {messages[name].identifier for name in self.raw_frames}
@@ -117,8 +119,18 @@ class Capture:
             elif identifier == self._time.identifier:
                 _, _, low, time_us = self._time.unpack(data)
                 self.time_us.append((unwrap(self._last, low, 16), time_us))
-            elif identifier == self._parameters.identifier and self.parameters_step is None:
-                self.parameters_step = unwrap(self._last, self._parameters.decode(data)["step"], 16)
+            elif identifier in self._of_tables:
+                self.tables.feed(identifier, data, self._last + (self.steps > 0))
+
+    @property
+    def parameters_step(self) -> int | None:
+        """The first step with parameters that were committed during the run."""
+        return self.tables.changes[0].step if self.tables.changes else None
+
+    def ask_for_table(self) -> None:
+        """Ask the board for its table when that of a change was not seen; the answer comes among the other frames."""
+        if self.tables.ask(self.session.clock()):
+            self.session.send([self.session.frame("PARAM_GET", ALL_PARAMETERS, 0)])
 
     def _note_raw(self, step: int, identifier: int, counts: list[int]) -> None:
         """Record the three counts of a RAW frame."""

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from plumb import systems
-from plumb.boards import Answer, Board, RawCounts, Setpoints
+from plumb.boards import Answer, Board, ChangesParameters, RawCounts, Setpoints
 from plumb.proof import limits
 from plumb.proof.compare import Divergence, count_mismatches, first_divergence
 from plumb.proof.report import Plot, Statement
@@ -23,7 +23,7 @@ from plumb.spec.records import Words
 from plumb.spec.system_parts import Part
 from plumb.systems import run_fixed, run_reference
 from plumb.systems.contracts import Scenario
-from plumb.tuning.quantise import ControlParams
+from plumb.tuning.quantise import Changes, ControlParams
 
 
 @dataclass(frozen=True)
@@ -73,6 +73,8 @@ class Run:
     divergence: Divergence | None
     part: Mapping[str, object] = field(default_factory=dict)
     """What ran the steps, as `plumb.proof.run_identity.part_of` says; {}: not known."""
+    changes: Changes = ()
+    """Of the parameters, in the middle of the run."""
 
     @property
     def system(self) -> str:
@@ -86,7 +88,8 @@ class Run:
     @property
     def mismatches(self) -> int:
         """Number of steps whose digest differs from the model's."""
-        return count_mismatches(self.words.digests(), self.answer.digests)
+        compared = slice(self.answer.unverified_from if self.answer.why else None)
+        return count_mismatches(self.words.digests()[compared], self.answer.digests)
 
     @property
     def verdict(self) -> str:
@@ -121,7 +124,7 @@ class Run:
             bits = f"{differ} of {steps} steps differ from the model"
             bits += f"; the first at {self.divergence}" if self.divergence is not None else ""
         elif lost is not None:
-            bits = f"not known from step {lost} on, where answers were lost"
+            bits = f"not known from step {lost} on: {self.answer.why or 'answers were lost'}"
         else:
             bits = f"every one of the {steps} steps equals the model"
         accuracy = self.accuracy(heading)
@@ -152,9 +155,19 @@ class Run:
         return {**heading, **tail}
 
 
-def open_loop(board: Board, inputs: RunInputs, params: ControlParams) -> Run:
-    """Run these inputs in lockstep."""
-    return judge(board, inputs, params, board.run_injected(params, inputs.raw, inputs.setpoint))
+def open_loop(board: Board, inputs: RunInputs, params: ControlParams, changes: Changes = ()) -> Run:
+    """Run these inputs in lockstep. changes: of the parameters, on their way; a board that does not take them in
+    lockstep runs the steps before the first one."""
+    if not changes:
+        return judge(board, inputs, params, board.run_injected(params, inputs.raw, inputs.setpoint))
+    if isinstance(board, ChangesParameters):
+        answer = board.run_changed(params, changes, inputs.raw, inputs.setpoint)
+    else:
+        first = changes[0].step
+        before = board.run_injected(params, inputs.raw[:first], inputs.setpoint[:first])
+        why = f"{board.name} takes no other parameters in lockstep; native, fixed and qemu do"
+        answer = Answer(before.digests, None, first, why)
+    return judge(board, inputs, params, answer, changes)
 
 
 def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Run:
@@ -184,11 +197,28 @@ def columns(rows: Sequence[dict[str, float]]) -> dict[str, FloatArray]:
     return {name: np.array([row[name] for row in rows], np.float64) for name in (rows[0] if rows else ())}
 
 
-def judge(board: Board, inputs: RunInputs, params: ControlParams, answer: Answer) -> Run:
+def judge(board: Board, inputs: RunInputs, params: ControlParams, answer: Answer, changes: Changes = ()) -> Run:
     """Compare an answer with the model; if they differ, find the first step and signal."""
-    words = run_fixed.run_control(params, inputs.raw, inputs.setpoint)
+    words = run_fixed.run_changed(params, changes, inputs.raw, inputs.setpoint)
+    ideal = _reference(inputs, params, changes)
+
+    def words_of_step(step: int) -> Mapping[str, int]:
+        if answer.words is not None and changes:
+            return {name: int(values[step]) for name, values in answer.words.items()}
+        return board.words_of_step(params, inputs.raw, inputs.setpoint, step)
+
+    compared = Words(words.record[: answer.unverified_from]) if answer.why else words
+    divergence = first_divergence(compared, answer.digests, words_of_step)
+    return Run(inputs, params, words, ideal, answer, divergence, part_of(board), changes)
+
+
+def _reference(inputs: RunInputs, params: ControlParams, changes: Changes) -> dict[str, FloatArray]:
+    """Results of the float64 reference. It does not follow a change of the gains: what depends on them, that is,
+    differs between the tables of the run, is not known from the first change on."""
     ideal = run_reference.run_control(params, inputs.raw, inputs.setpoint)
-    divergence = first_divergence(
-        words, answer.digests, lambda step: board.words_of_step(params, inputs.raw, inputs.setpoint, step)
-    )
-    return Run(inputs, params, words, ideal, answer, divergence, part_of(board))
+    tables = {tuple(change.params.words()): change.params for change in changes}
+    for table in tables.values():
+        for name, values in run_reference.run_control(table, inputs.raw, inputs.setpoint).items():
+            if not np.array_equal(values, ideal[name], equal_nan=True):
+                ideal[name] = np.where(np.arange(len(values)) < changes[0].step, ideal[name], np.nan)
+    return ideal

@@ -2,7 +2,8 @@
 
 When a digest differs and no frame was lost, the board is wrong: the run ends and is repeated in lockstep with every
 word of that step selected, which gives the first word that differs. After a lost frame the verdict is "unverified" from
-there on: neither pass nor fail. So it is from a step on that had parameters which were committed during the run.
+there on: neither pass nor fail. Parameters that are committed during the run are given to the model at the step that
+the board names; a table that nobody has shown is read from the board (`plumb.link.used_tables`).
 """
 
 from __future__ import annotations
@@ -15,22 +16,23 @@ from plumb.link.realtime import Capture
 from plumb.link.session import Session
 from plumb.proof.compare import Divergence, divergence_at
 from plumb.systems import run_fixed
-from plumb.tuning.quantise import ControlParams
+from plumb.tuning.quantise import Change, ControlParams
 
 
 class Shadow:
     """The model of one run. steps: number compared so far, including those of `before`, the shadow of the previous
-    run."""
+    run. changes: the parameters that the run got on its way, each with its first step."""
 
     def __init__(self, params: ControlParams, before: Shadow | None = None) -> None:
         self.params = params
+        self.changes: list[Change] = []
         self.steps: int = before.steps if before else 0
         self.unverified_runs: int = before.unverified_runs if before else 0
         self.unverified_from: int | None = None
         self.unverified_why = "a frame was lost"
         self.divergence: Divergence | None = None
         self._model = run_fixed.Controller(params)
-        self._next = 0
+        self._next = self._taken = 0
         self._raw, self._setpoints = array("h"), array("i")
         self._setpoint = 0
         self._lost_before: int | None = None
@@ -48,9 +50,7 @@ class Shadow:
             self._lost_before = lost
         while self.divergence is None and self.unverified_from is None and self._next + 1 < capture.steps:
             step = self._next
-            if capture.parameters_step is not None and step >= capture.parameters_step:
-                self.unverified_why = "the parameters were changed"
-                self._give_up(step)
+            if not self._parameters_known(capture, step):
                 return
             raw, digest = capture.raw.pop(step, None), capture.digest.pop(step, None)
             if raw is None or digest is None:
@@ -71,15 +71,37 @@ class Shadow:
             self._next += 1
             self.steps += 1
 
+    def _parameters_known(self, capture: Capture, step: int) -> bool:
+        """Give the model the parameters of a step. False when they are not known: the step waits until the board has
+        sent its table, or is unverified."""
+        tables = capture.tables
+        while self._taken < len(tables.changes) and tables.changes[self._taken].step <= step:
+            change = tables.changes[self._taken]
+            if change.words is None and not tables.lost(change):
+                capture.ask_for_table()
+                return False
+            params = change.params(self.params)
+            if params is None or change.step < step:
+                self.unverified_why = change.why_unknown
+                self._give_up(step)
+                return False
+            self._model.retune(params)
+            self.changes.append(Change(step, params))
+            self._taken += 1
+        return True
+
     def _give_up(self, step: int) -> None:
         self.unverified_from = step
         self.unverified_runs += 1
 
     def locate(self, session: Session) -> None:
-        """Run again in lockstep up to the step that differed, and find the first word that differs."""
+        """Run again in lockstep up to the step that differed, and find the first word that differs. A run whose
+        parameters changed before is not repeated, because a board does not change them in lockstep."""
         from plumb.boards.link import LinkBoard
 
         assert self.divergence is not None
+        if self.changes:
+            return
         step = self.divergence.step
         raw = np.array(self._raw, np.int16).reshape(-1, 6)
         setpoints = np.array(self._setpoints, np.int32)

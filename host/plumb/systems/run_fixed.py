@@ -7,8 +7,9 @@ shared kernels are in `plumb.kernels`. The same code works on ints (one run) and
 
 from __future__ import annotations
 
+import itertools
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -30,11 +31,12 @@ from plumb.kernels.fixed.trig import asin, atan2
 from plumb.spec.records import RECORDS, Words, names_of, packer
 from plumb.systems import load
 from plumb.systems.contracts import FIXED, RetunedStep
-from plumb.tuning.quantise import ControlParams
+from plumb.tuning.quantise import Changes, ControlParams
 
 __all__ = [
     "Controller", "KalmanState", "PidState", "asin", "atan2", "calibrate", "check_inputs", "kalman_bias", "kalman_init",
-    "kalman_step", "kalman_tilt", "pid_step", "run_control", "stack", "system_name", "tilt", "trust",
+    "kalman_step", "kalman_tilt", "parts_of", "pid_step", "run_changed", "run_control", "stack", "system_name", "tilt",
+    "trust",
 ]  # fmt: skip
 
 
@@ -60,6 +62,12 @@ class Controller:
             self._system.control_retune(self._c, self._p, params.values)
         self._p = params.values
 
+    def run(self, raw: npt.NDArray[np.int64], setpoint: npt.NDArray[np.int64]) -> bytes:
+        """Run a step for each row of checked inputs (`check_inputs`); returns the bytes of their records."""
+        step, c, p, pack = self._system.control_step, self._c, self._p, self._packer.pack
+        rows = zip(raw.tolist(), setpoint.tolist(), strict=True)
+        return b"".join(pack(*step(c, p, row, target)) for row, target in rows)
+
     def record(self) -> bytes:
         """The bytes of the last step's record, over which the digest is taken."""
         return self._packer.pack(*self._row)
@@ -80,10 +88,7 @@ def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayL
     name = system_name(params)
     system = load(name, FIXED)
     if counts.ndim == 2 and isinstance(params, ControlParams):
-        p, c, pack = params.values, system.control_init(params.values), packer(name).pack
-        rows = zip(counts.tolist(), setpoints.tolist(), strict=True)
-        data = b"".join(pack(*system.control_step(c, p, row, target)) for row, target in rows)
-        return Words.from_bytes(data, (steps,), name)
+        return Words.from_bytes(Controller(params).run(counts, setpoints), (steps,), name)
     runs = counts.shape[2] if counts.ndim == 3 else 1
     columns = stack(params, runs)
     c = system.control_init(columns)
@@ -93,6 +98,27 @@ def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayL
         for word, value in zip(names_of(name), row, strict=True):
             record[word][step] = value
     return Words(record if counts.ndim == 3 else record[:, 0])
+
+
+def run_changed(params: ControlParams, changes: Changes, raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
+    """As `run_control` for one run, whose parameters change at the given steps; the state stays."""
+    counts, setpoints = check_inputs(raw, setpoint)
+    controller = Controller(params)
+    data = []
+    for number, (part, now) in enumerate(parts_of(params, changes, len(counts))):
+        if number:
+            controller.retune(now)
+        data.append(controller.run(counts[part], setpoints[part]))
+    return Words.from_bytes(b"".join(data), (len(counts),), params.system)
+
+
+def parts_of(params: ControlParams, changes: Changes, steps: int) -> Iterator[tuple[slice, ControlParams]]:
+    """The steps of a run that have the same parameters, and these. A part may be empty: two tables may be committed
+    between two steps. Each is put into use, because a change takes up the state that the one before has left."""
+    begins = [0, *(change.step for change in changes)]
+    assert all(one <= other for one, other in itertools.pairwise([*begins, steps])), f"changes at {begins[1:]}"
+    for begin, end, now in zip(begins, [*begins[1:], steps], [params, *(one.params for one in changes)], strict=True):
+        yield slice(begin, end), now
 
 
 def system_name(params: ControlParams | Sequence[ControlParams]) -> str:

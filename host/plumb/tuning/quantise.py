@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from plumb.errors import UsageError
 from plumb.spec import declarations, parameters, system_parts
 from plumb.spec.system_parts import Part
 from plumb.spec.tuning import AnyTuning
 
-__all__ = ["QUANTISER", "ControlParams", "Quantiser", "dequantise", "groups_of", "quantise"]
+__all__ = ["QUANTISER", "Change", "Changes", "ControlParams", "Quantiser", "dequantise", "groups_of", "quantise"]
 
 
 @dataclass(frozen=True)
@@ -91,6 +91,17 @@ class ControlParams:
     @property
     def period_s(self) -> float:
         return parameters.period_s(self.system, self.values)
+
+
+class Change(NamedTuple):
+    """Other parameters of the same system, in use from a step of a run on."""
+
+    step: int
+    params: ControlParams
+
+
+Changes = Sequence[Change]
+"""The changes of a run in the order of their steps."""
 
 
 class Quantiser(Protocol):
