@@ -50,11 +50,11 @@ class TableFrame(NamedTuple):
 class LoggedRun:
     """One run; n steps from number `first` on. All arrays (n,), raw (n, 6); a value that did not arrive is 0.
 
-    at: place of its first frame among all frames of the recording; end: place after its last. raw_known, digest_known: steps whose counts and
-    digest arrived; raw_frames: the RAW frames that were heard. setpoint_doubt: the first step whose setpoint is not
-    known. values: (frame, signal) -> raw integers, and which arrived. place: of each STEP among all frames, and
-    time_us, when it was received. lost: gaps in the counters of the other frames. table_frames: those that tell of
-    parameters (`plumb.link.used_tables`).
+    at: place of its first frame among all frames of the recording; end: place after its last. raw_known, digest_known:
+    steps whose counts and digest arrived; raw_frames: the RAW frames that were heard. setpoint_doubt: the first step
+    whose setpoint is not known. values: (frame, signal) -> raw integers, and which arrived. place: of each STEP among
+    all frames, and time_us, when it was received. lost: gaps in the counters of the other frames. table_frames: those
+    that tell of parameters (`plumb.link.used_tables`).
     """
 
     at: int
