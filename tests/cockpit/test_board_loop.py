@@ -14,8 +14,11 @@ from plumb.cockpit import board_loop
 from plumb.cockpit.hold import TIMEOUT_S
 from plumb.cockpit.samples import PIECE_HEADER
 from plumb.inputs import log_replay
+from plumb.link import parameter_table
 from plumb.link.session import Session
+from plumb.spec.parameter_file import by_name
 from support.cockpit_bench import HOLDER, NEUTRAL_HALFUS, CockpitBench
+from support.recordings import GAINS
 
 
 @pytest.fixture
@@ -263,6 +266,35 @@ def test_a_recording_has_the_parameters_of_each_of_its_runs(bench: CockpitBench)
     first, second = log_replay.runs_of(log_replay.open_log(path))
     (changed,) = [name for name, value in first.used.table.items() if second.used.table[name] != value]
     assert changed.startswith("pid.kp_")
+
+
+@pytest.mark.parametrize("heard", [True, False])
+def test_the_light_stays_green_and_a_recording_replays_across_a_change_of_gains(
+    bench: CockpitBench, heard: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Committed by another program during the run, before the recording begins. heard: over this link; else the loop
+    hears of it by PARAM_USED alone, and reads the table."""
+    bench.begin()
+    bench.hold.take(HOLDER)
+    bench.turn(0.3)
+    session, feed = bench.board.session, bench.loop._feed
+    staged = session.protocol["PARAM_STAGED"].identifier
+    session.listener = feed if heard else lambda frames: feed([frame for frame in frames if frame[0] != staged])
+    table = by_name(session.read_parameters())
+    parameter_table.commit(session, {**table, **GAINS})
+    session.listener = feed
+    bench.turn(0.3)
+    bench.ask("record", on=True)
+    bench.turn(1.0)
+    assert bench.loop.state["light"]["colour"] == "green"  # type: ignore[index]
+    (change,) = bench.loop._comparison.shadow.changes  # type: ignore[union-attr]
+    bench.ask("record", on=False)
+    bench.turn(0.1)
+    (path,) = bench.loop.recording._folder.glob("*.plog")
+    (recorded,) = log_replay.runs_of(log_replay.open_log(path))
+    done = log_replay.reproduce(recorded, NativeBoard(), "native", None, None)
+    assert done.verdict == "pass" and done.compared == recorded.run.steps > change.step + 50
+    assert [one.step for one in done.run.changes] == [change.step]
 
 
 def test_a_recording_that_cannot_be_written_ends_and_the_run_goes_on(

@@ -78,6 +78,9 @@ class Summary(TypedDict, total=False):
     verified_steps: int
     unverified_runs: int
     first_divergence: dict[str, object]
+    unverified_from_step: int
+    unverified_why: str
+    parameters_changed_at_steps: list[int]
     seconds: float
 
 
@@ -266,6 +269,11 @@ def summary_of(bridge: Bridge) -> Summary:
         summary["unverified_runs"] = shadow.unverified_runs if shadow else 0
         if shadow is not None and shadow.divergence is not None:
             summary["first_divergence"] = shadow.divergence.as_dict()
+        if shadow is not None and shadow.unverified_from is not None:
+            summary["unverified_from_step"] = shadow.unverified_from
+            summary["unverified_why"] = shadow.unverified_why
+        if shadow is not None and shadow.changes:
+            summary["parameters_changed_at_steps"] = [change.step for change in shadow.changes]
     return summary
 
 
@@ -295,6 +303,13 @@ def describe(summary: Summary) -> str:
         lines.append(f"latency  sample to step: median {p['p50']} ms, 99 % within {p['p99']}, all within {p['p100']}")
     if "verdict" in summary:
         lines.append(f"shadow   {summary['verified_steps']} steps agree with the model in every bit")
+        if "parameters_changed_at_steps" in summary:
+            steps = ", ".join(map(str, summary["parameters_changed_at_steps"]))
+            lines.append(f"         the parameters changed at step {steps}")
+        if "unverified_from_step" in summary:
+            lines.append(
+                f"         unverified from step {summary['unverified_from_step']}: {summary['unverified_why']}"
+            )
         if "first_divergence" in summary:
             lines.append(f"         first divergence: {summary['first_divergence']}")
         lines.append(str(summary["verdict"]))
