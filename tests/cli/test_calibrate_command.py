@@ -17,7 +17,7 @@ from plumb.link import parameter_table
 from plumb.link.session import Session
 from plumb.spec.parameter_file import by_name
 from plumb.systems.quad.scenarios import scenario
-from plumb.tuning.pose_calibration import Pose, Residual, Turn
+from plumb.tuning.pose_calibration import Pose, Residual
 from support.native_board import NativeBoard
 
 SEED = 1003
@@ -44,7 +44,7 @@ class Clumsy:
     def place(self, pose: Pose) -> None:
         self.held.put(self.wrong.pop(pose.name, pose.name))
 
-    def turn(self, turn: Turn, end: Pose) -> None:
+    def turn(self, text: str, end: Pose) -> None:
         self.held.put(end.name)
 
     def refused(self, reason: str) -> None:
@@ -67,7 +67,7 @@ def test_wrong_signs_and_scales_are_found_and_a_wrong_pose_is_refused() -> None:
     assert [text.partition(":")[0] for text in clumsy.told] == ["motor 0 up", "upside down"]
     assert "another pose" in clumsy.told[0] and "the same as in the pose 'level'" in clumsy.told[1]
     drawn = scenario("quiet", SEED)
-    assert set(found.mirrored) == {"accel_up", "gyro"}
+    assert sorted(text.partition(" is mounted the other way")[0] for text in found.remarks) == ["accel_up", "gyro"]
     assert found.words["gyro.gain"] == pytest.approx(right["gyro.gain"] / drawn.scale, rel=0.015)
     assert found.words["accel.gain"] == pytest.approx(right["accel.gain"], rel=0.005)
     for group, offset_g in zip(("accel", "accel_up"), drawn.offset_g, strict=True):
@@ -82,7 +82,7 @@ def found_on(calibration: Calibration, _operator: object) -> Calibrated:
     """A result, without its measurements."""
     words = {name: calibration.table[name] + 7 for name in ("gyro.offset", "accel.gain")}
     before, after = Residual(0.01, 2.0, 1.5, -4.0), Residual(0.001, 0.1, 0.0, 0.2)
-    return Calibrated(calibration.system, calibration.table, words, before, after, ("gyro",))
+    return Calibrated(calibration.system, calibration.table, words, before, after, ("gyro is turned",))
 
 
 def test_the_command_writes_what_it_shows_and_undo_puts_it_back(
@@ -104,13 +104,13 @@ def test_the_command_writes_what_it_shows_and_undo_puts_it_back(
     said: dict[str, Any] = json.loads(captured.out)
     once = {**before, **{name: change["to"] for name, change in said["changed"].items()}}
     assert captured.err == "in use, and saved\n"
-    assert (said["written"], said["saved"], said["mirrored"], said["after"]["norm_g"]) == (True, True, ["gyro"], 0.001)
+    assert (said["written"], said["saved"], len(said["remarks"]), said["after"]["norm_g"]) == (True, True, 1, 0.001)
     moved = {name: before[name] + 7 for name in ("gyro.offset", "accel.gain")}
     assert table() == once == {**before, **moved}
     assert front.main(call) == 0
     shown = capsys.readouterr().out
     assert "accel.unit_per_count: 0.00100" in shown and " g per count" in shown
-    assert "10.00       1.00  mg" in shown and "gyro is mounted the other way round" in shown
+    assert "10.00       1.00  mg" in shown and "gyro is turned" in shown
     present = table()
     with Session.open(memory) as session:  # another change in between stays
         parameter_table.commit(session, {**present, "arm_hold_ms": 1234})

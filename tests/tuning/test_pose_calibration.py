@@ -9,7 +9,7 @@ import pytest
 
 from plumb.errors import UsageError
 from plumb.spec.tuning import Channel
-from plumb.systems.quad.poses import POSES, TILTS_DEG, TURN
+from plumb.systems.quad.poses import POSES, TURN
 from plumb.tuning import pose_calibration as calibration
 from plumb.tuning.pose_calibration import Pose, Reading
 
@@ -25,6 +25,7 @@ TRUE = {
 }
 UNITS = {"gyro": "turn/s", "accel": "g", "accel_up": "g"}
 BY_NAME = {pose.name: pose for pose in POSES}
+TILTS_DEG = dict(zip(BY_NAME, (0.0, 90.0, 180.0, 270.0), strict=True))
 
 
 def reading(tilt_deg: float, rate_dps: float = 0.0, seconds: float = 1.0, **changes: object) -> Reading:

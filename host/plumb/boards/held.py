@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,27 +14,24 @@ from plumb.tuning.quantise import quantise
 
 @dataclass(frozen=True)
 class HeldBoard:
-    """The board and the hand. tilts_deg: where the hand holds it, by the name of the pose."""
+    """The board and the hand."""
 
     board: LinkBoard
     hand: Hand
-    tilts_deg: Mapping[str, float]
 
     def put(self, pose: str) -> None:
         """Turn it to this pose within a second of its time."""
-        self.hand.turn_to(self.tilts_deg[pose])
+        self.hand.put(pose)
 
 
 def open_held(kind: str, name: str, seed: int, *, link: str = "serial", image: Path | None = None) -> HeldBoard:
     """The board `native` or `virtual` as this system, its body in the first pose. Raises UsageError for a system
     without poses."""
-    poses = systems.load(name, POSES)
-    hand = Hand(poses.TILTS_DEG[poses.POSES[0].name])
-    plant = poses.held(hand, seed)
+    plant, hand = systems.load(name, POSES).held(seed)
     if kind == "native":
         from plumb.boards.native_port import NativePort
 
-        return HeldBoard(NativePort(name, plant), hand, poses.TILTS_DEG)
+        return HeldBoard(NativePort(name, plant), hand)
     from plumb.boards.plant_on_pins import FOUND_US, configure_as
     from plumb.boards.virtual import VirtualBoard
 
@@ -44,4 +40,4 @@ def open_held(kind: str, name: str, seed: int, *, link: str = "serial", image: P
     configure_as(board, quantise(system.TUNINGS[live.TUNING]), period_us=system.PERIOD_US, **system.LINK)
     live.Coupling(board.machine, plant)
     board.machine.advance_us(FOUND_US)
-    return HeldBoard(board, hand, poses.TILTS_DEG)
+    return HeldBoard(board, hand)

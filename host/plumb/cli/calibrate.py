@@ -7,8 +7,9 @@
 
 It asks for one pose after the other: a system with two accelerometer axes takes four, one with three takes six. A
 reading that cannot be of the pose is refused with the reason: it moved, another side is up, a wire is off, samples were
-lost. Then it asks for one turn, which gives the gyro's sign and scale. The turn back and the rests at its ends, which
-the result does not use, show what is wrong before and after. It asks before it commits the new parameters, and again
+lost. Then it asks for a turn about each axis, which gives the gyro's axes, signs and scales; a three-axis sensor may be
+mounted any way round. The turns back and the rests at their ends, which the result does not use, show what is wrong
+before and after. It asks before it commits the new parameters, and again
 before it saves them in the board's flash. The board is disarmed throughout.
 
 What was replaced is remembered by board: --undo puts it back, in any later session, one calibration at a time, and
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from plumb.cli.questions import Questions
     from plumb.inputs.calibration import Calibrated
     from plumb.link.session import Session
-    from plumb.tuning.pose_calibration import Pose, Turn
+    from plumb.tuning.pose_calibration import Pose
 
 SIMULATED = ("virtual", "native")
 NAME = "calibrate"
@@ -90,14 +91,13 @@ class Person:
             print(f"{pose.name}: the hand of the simulated board does it: {pose.text}", file=sys.stderr)
             self._put(pose.name)
 
-    def turn(self, turn: Turn, end: Pose) -> None:
+    def turn(self, text: str, end: Pose) -> None:
         from plumb.inputs.calibration import TURN_S
 
-        how = turn.text if end.name == turn.end else f"tilt it back, {end.name}"
         if self._put is None:
-            self._asked.wait(f"the turn: {how}, within {TURN_S - 1:.0f} s of pressing Enter, and hold it still there")
+            self._asked.wait(f"the turn: {text}, within {TURN_S - 1:.0f} s of pressing Enter, and hold it still there")
         else:
-            print(f"the turn: {how}", file=sys.stderr)
+            print(f"the turn: {text}", file=sys.stderr)
             self._put(end.name)
 
     def refused(self, reason: str) -> None:
@@ -106,9 +106,12 @@ class Person:
 
 def calibrate(session: Session, asked: Questions, put: Callable[[str], None] | None, as_json: bool) -> int:
     from plumb.errors import ExitCode
-    from plumb.inputs.calibration import Calibration
+    from plumb.inputs.vector_calibration import VectorCalibration, calibration_of
 
-    found = Calibration(session).run(Person(asked, put))
+    calibration = calibration_of(session)
+    if put is None and isinstance(calibration, VectorCalibration):
+        print(calibration.poses.PICTURE, file=sys.stderr)
+    found = calibration.run(Person(asked, put))
     if not as_json:
         print("\n".join(report(found)))
     written = bool(found.words) and asked.agree("write", "write this to the board?", False)
@@ -180,18 +183,19 @@ def report(found: Calibrated) -> list[str]:
     width = max(len(row[0]) for row in rows)
     lines = [f"{'':<{width}}  {'before':>9}  {'after':>9}"]
     lines += [f"{name:<{width}}  {before:>9.2f}  {after:>9.2f}  {unit}" for name, before, after, unit in rows]
-    lines += [f"{group} is mounted the other way round: its sign is turned" for group in found.mirrored]
-    return lines + in_units(found.table, found.words)
+    return lines + list(found.remarks) + in_units(found.table, found.words)
 
 
 def in_units(table: dict[str, int], words: dict[str, int]) -> list[str]:
     """The parameters that change, in engineering units."""
+    from plumb.spec.tuning import NUMBER
     from plumb.tuning import quantities
 
     names = quantities.quantities_of(table)
     before, after = quantities.values_of(table), quantities.values_of({**table, **words})
     return [
-        f"{names[name].alias}: {before[name]:.6g} -> {after[name]:.6g} {names[name].unit}"
+        f"{names[name].alias}: {before[name]:.6g} -> {after[name]:.6g}"
+        + (f" {names[name].unit}" if names[name].unit != NUMBER else "")
         for name in before
         if before[name] != after[name]
     ]
@@ -203,7 +207,7 @@ def as_object(found: Calibrated, written: bool, saved: bool) -> dict[str, object
         "system": found.system,
         "before": asdict(found.before),
         "after": asdict(found.after),
-        "mirrored": list(found.mirrored),
+        "remarks": list(found.remarks),
         "changed": {name: {"from": found.table[name], "to": word} for name, word in found.words.items()},
         "written": written,
         "saved": saved,

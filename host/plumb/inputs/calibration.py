@@ -18,9 +18,9 @@ from plumb.link.session import Session
 from plumb.spec import declarations, parameters
 from plumb.spec.parameter_file import by_name
 from plumb.spec.tuning import Channel
-from plumb.systems.contracts import POSES
+from plumb.systems.contracts import POSES, TiltPoses
 from plumb.tuning import pose_calibration
-from plumb.tuning.pose_calibration import Pose, Reading, Residual, Turn
+from plumb.tuning.pose_calibration import Pose, Reading, Residual
 
 SETTLE_S = 1.2
 """Time from the moment that a body is said to be in its pose until the reading begins."""
@@ -37,8 +37,8 @@ class Operator(Protocol):
     def place(self, pose: Pose) -> None:
         """Return when the body is in this pose, and at rest."""
 
-    def turn(self, turn: Turn, end: Pose) -> None:
-        """Return when the reading may begin during which the body is turned to the pose `end`, of this turn or back."""
+    def turn(self, text: str, end: Pose) -> None:
+        """Return when the reading may begin during which the body is turned to the pose `end`. text: how."""
 
     def refused(self, reason: str) -> None:
         """Be told why a reading was not taken; it is asked for again."""
@@ -58,8 +58,8 @@ class Calibrated:
     words: dict[str, int]
     before: Residual
     after: Residual
-    mirrored: tuple[str, ...]
-    """Groups whose sign turned."""
+    remarks: tuple[str, ...]
+    """What else there is to know, in sentences: how a sensor is mounted."""
 
 
 def sensors_missing(session: Session) -> list[str]:
@@ -68,15 +68,26 @@ def sensors_missing(session: Session) -> list[str]:
     return [text for text in sensors_text(session.telemetry.get("SENSORS", {})) if "does not change" not in text]
 
 
+def require_sensors(session: Session) -> None:
+    """Raises LinkError when a sensor of the board does not work."""
+    lost = sensors_missing(session)
+    if lost:
+        raise LinkError(f"{'; '.join(lost)}: check its wires and its supply, then begin again")
+
+
 class Calibration:
-    """One calibration of a board over its session. Raises UsageError for a system without poses."""
+    """One calibration of a board that tilts about one axis, over its session. Raises UsageError for a system without
+    poses, or with poses of three axes."""
 
     def __init__(self, session: Session) -> None:
         session.require_match()
         self.session = session
         self.table = by_name(parameter_table.read_table(session))
         self.system = declarations.name_of(self.table["system"])
-        self.poses = systems.load(self.system, POSES)
+        poses = systems.load(self.system, POSES)
+        if not isinstance(poses, TiltPoses):
+            raise UsageError(f"{self.system} is calibrated about three axes")
+        self.poses = poses
         declared = declarations.system(self.system).channels
         self._numbers = {one.calibration: number for number, one in enumerate(declared) if one.calibration}
         units = {row.name: row.unit for row in parameters.table()}
@@ -120,7 +131,7 @@ class Calibration:
             raw_capture.begin(self.session, self._numbers)
             self._listen(SETTLE_S)
             reading = self._listen(REST_S)
-            self._require_sensors()
+            require_sensors(self.session)
             reason = pose_calibration.refusal(pose, reading, self.channels, self.poses.TURN.gyro, seen)
             if reason is None:
                 return reading
@@ -136,14 +147,14 @@ class Calibration:
         ends = {name: next(pose for pose in self.poses.POSES if pose.name == name) for name in (turn.begin, turn.end)}
         others = {name: reading for name, reading in readings.items() if name not in ends}
         begin = self._at_rest(ends[turn.begin], others, operator)
-        there, end = self._turn_to(ends[turn.end], operator)
+        there, end = self._turn_to(ends[turn.end], turn.text, operator)
         try:
             angle_deg = pose_calibration.turned_deg(turn, begin, end, channels)
             zero = fmean(rest.mean[turn.gyro] for rest in (begin, end))  # it wanders: that of these minutes counts
             gyro = pose_calibration.gyroscope(turn, zero, there, angle_deg, self.channels[turn.gyro])
         except UsageError as error:
             raise ReadingRefusedError(str(error)) from None
-        back, again = self._turn_to(ends[turn.begin], operator)
+        back, again = self._turn_to(ends[turn.begin], f"tilt it back, {turn.begin}", operator)
         back_deg = pose_calibration.turned_deg(turn, end, again, channels)
         rests = {turn.begin: again, turn.end: end}
         after = {**channels, turn.gyro: gyro}
@@ -158,9 +169,9 @@ class Calibration:
             )
         return self._result(after, residuals[0], residuals[1])
 
-    def _turn_to(self, pose: Pose, operator: Operator) -> tuple[Reading, Reading]:
+    def _turn_to(self, pose: Pose, text: str, operator: Operator) -> tuple[Reading, Reading]:
         """The reading over the turn to this pose, and that at rest in it."""
-        operator.turn(self.poses.TURN, pose)
+        operator.turn(text, pose)
         raw_capture.begin(self.session, self._numbers)
         moving, rest = self._listen(TURN_S), self._listen(REST_S)
         reason = pose_calibration.refusal(pose, rest, self.channels, self.poses.TURN.gyro, {})
@@ -171,11 +182,6 @@ class Calibration:
     def _listen(self, seconds: float) -> Reading:
         return raw_capture.capture(self.session, self._numbers, seconds, self.table["period_us"])
 
-    def _require_sensors(self) -> None:
-        lost = sensors_missing(self.session)
-        if lost:
-            raise LinkError(f"{'; '.join(lost)}: check its wires and its supply, then begin again")
-
     def _result(self, channels: dict[str, Channel], before: Residual, after: Residual) -> Calibrated:
         if after.norm_g > pose_calibration.LARGEST_NORM_ERROR_G:
             raise VerdictError(
@@ -184,9 +190,9 @@ class Calibration:
             )
         words = pose_calibration.words(channels, self._units)
         changed = {name: word for name, word in words.items() if word != self.table[name]}
-        mirrored = tuple(
-            group
+        remarks = tuple(
+            f"{group} is mounted the other way round: its sign is turned"
             for group, channel in channels.items()
             if channel.unit_per_count * self.channels[group].unit_per_count < 0.0
         )
-        return Calibrated(self.system, self.table, changed, before, after, mirrored)
+        return Calibrated(self.system, self.table, changed, before, after, remarks)

@@ -22,7 +22,8 @@ from plumb.spec.tuning import AnyTuning, Start
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
     from plumb.physics.hand import Hand
-    from plumb.tuning.pose_calibration import Pose, Turn
+    from plumb.tuning.pose_calibration import BodyTurn, Pose, Turn
+    from plumb.tuning.vector_calibration import Sensor
 
 TuningT = TypeVar("TuningT", bound=AnyTuning)
 
@@ -222,22 +223,65 @@ class Pins(Protocol):
         """The tuning for the board's own sensors."""
 
 
+class Held(NamedTuple):
+    """A plant whose body a hand holds, and the hand."""
+
+    plant: Plant
+    hand: Hand
+
+
 class Poses(Protocol):
-    """poses.py: how a system is held to calibrate its sensors. Every accelerometer group points up in one pose and down
-    in another."""
+    """poses.py: how a system is held to calibrate its sensors: TiltPoses or VectorPoses."""
+
+    @property
+    def POSES(self) -> tuple[Pose, ...]:
+        """In the order in which they are asked for; a hand begins with the first one."""
+
+    def held(self, seed: int, /) -> Held:
+        """The plant for the pins, held by a hand, with the errors of its sensors drawn from the seed."""
+
+
+@runtime_checkable
+class TiltPoses(Protocol):
+    """poses.py of a system that tilts about one axis, each sensor axis with parameters of its own. Every accelerometer
+    group points up in one pose and down in another."""
 
     @property
     def POSES(self) -> tuple[Pose, ...]: ...
 
     @property
-    def TILTS_DEG(self) -> Mapping[str, float]:
-        """Pose -> tilt at which the hand of the virtual board holds it."""
-
-    @property
     def TURN(self) -> Turn: ...
 
-    def held(self, hand: Hand, seed: int, /) -> Plant:
-        """The plant for the pins, held by a hand, with the errors of its sensors drawn from the seed."""
+
+@runtime_checkable
+class VectorPoses(Protocol):
+    """poses.py of a system with a three-axis gyro and accelerometer, each with one channel and a matrix. Every axis of
+    the body points up in one pose and down in another; the turns lead about each of them, and back to where they
+    began."""
+
+    @property
+    def POSES(self) -> tuple[Pose, ...]: ...
+
+    @property
+    def TURNS(self) -> tuple[BodyTurn, ...]: ...
+
+    @property
+    def PICTURE(self) -> str:
+        """The axes of the body, drawn for a person before the first pose."""
+
+    @property
+    def GYRO(self) -> tuple[str, ...]:
+        """Raw channels of the gyro, in the order of its axes."""
+
+    @property
+    def ACCEL(self) -> tuple[str, ...]:
+        """Raw channels of the accelerometer, in the order of its axes."""
+
+    def sensors_of(self, table: Mapping[str, int], /) -> tuple[Sensor, Sensor]:
+        """Gyro and accelerometer of a table of parameters."""
+
+    def words_of(self, gyro: Sensor, accel: Sensor, /) -> dict[str, int]:
+        """Parameters of these sensors. Raises UsageError for what their integers cannot hold."""
 
 
 @runtime_checkable

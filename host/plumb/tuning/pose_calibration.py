@@ -51,15 +51,21 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class Turn:
+class BodyTurn:
+    """A turn by 90 degrees about an axis of the body, from one pose to another."""
+
+    text: str
+    begin: str
+    end: str
+
+
+@dataclass(frozen=True)
+class Turn(BodyTurn):
     """The turn that shows the gyro's sign and gain: from one pose to another, in which the tilt grows.
 
     horizontal, upright: the groups whose arctangent is the tilt.
     """
 
-    text: str
-    begin: str
-    end: str
     gyro: str
     horizontal: str
     upright: str

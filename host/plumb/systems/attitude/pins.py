@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from plumb.f103.attached.adxl345 import Adxl345
 from plumb.f103.attached.itg3205 import Itg3205
 from plumb.f103.attached.mpu6050 import Mpu6050
-from plumb.systems.attitude.scenarios import ONE_CHIP, TWO_CHIPS, AttitudePlant
+from plumb.systems.attitude.scenarios import ONE_CHIP, TWO_CHIPS, Scenario
 from plumb.systems.contracts import Conversion
 
 if TYPE_CHECKING:
@@ -19,6 +19,16 @@ SENSOR_SETS = (TWO_CHIPS, ONE_CHIP)
 FRAMES = ("RAW_A", "RAW_B", *(f"ATTITUDE_QUATERNION_{axis}" for axis in "WXYZ"))
 
 
+class SensedBody(Protocol):
+    """A body with both sensors: it plays a scenario, or a hand holds it."""
+
+    @property
+    def scenario(self) -> Scenario: ...
+    def rate_dps(self, time_s: float, /) -> tuple[float, float, float]: ...
+    def force_g(self, time_s: float, /) -> tuple[float, float, float]: ...
+    def truth(self, time_s: float, /) -> dict[str, float]: ...
+
+
 class Coupling:
     """Connects a plant to a machine's pins. The plant's time 0 is the first gyro sample that the board reads.
 
@@ -28,7 +38,7 @@ class Coupling:
     gyro: Itg3205 | Mpu6050
     accel: Adxl345 | Mpu6050
 
-    def __init__(self, machine: Machine, plant: AttitudePlant) -> None:
+    def __init__(self, machine: Machine, plant: SensedBody) -> None:
         self.machine = machine
         self.plant = plant
         self.taken: list[Conversion] = []

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from plumb.physics.hand import Hand
+from plumb.physics.hand import TiltingHand
+from plumb.systems.contracts import Held
 from plumb.systems.quad.plant import QuadPlant
 from plumb.systems.quad.scenarios import scenario
 from plumb.tuning.pose_calibration import Pose, Turn
@@ -16,7 +17,7 @@ POSES = (
     Pose("upside down", "lay it upside down", {"accel": 0.0, "accel_up": -1.0}),
     Pose("motor 1 up", "stand it on its other side, motor 1 (PB7) straight up", {"accel": -1.0, "accel_up": 0.0}),
 )
-TILTS_DEG = {"level": 0.0, "motor 0 up": 90.0, "upside down": 180.0, "motor 1 up": 270.0}
+_TILTS_DEG = {"level": 0.0, "motor 0 up": 90.0, "upside down": 180.0, "motor 1 up": 270.0}
 TURN = Turn(
     "tilt it so that motor 0 (PB6) goes up, from level to its side", "level", "motor 0 up", "gyro", "accel", "accel_up"
 )
@@ -25,7 +26,7 @@ TURN = Turn(
 class HeldAxis(QuadPlant):
     """The axis with its sensors, held by a hand; the motors move nothing."""
 
-    def __init__(self, hand: Hand, seed: int) -> None:
+    def __init__(self, hand: TiltingHand, seed: int) -> None:
         super().__init__(scenario("quiet", seed), open_loop=True)
         self._by_hand = hand
         self.advance_to(0.0, ())
@@ -36,6 +37,7 @@ class HeldAxis(QuadPlant):
         self._force_filtered = math.sin(tilt_rad), math.cos(tilt_rad)
 
 
-def held(hand: Hand, seed: int) -> HeldAxis:
-    """The plant for the pins of the virtual board."""
-    return HeldAxis(hand, seed)
+def held(seed: int) -> Held:
+    """The plant for the pins of the virtual board, and the hand."""
+    hand = TiltingHand(_TILTS_DEG)
+    return Held(HeldAxis(hand, seed), hand)
