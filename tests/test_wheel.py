@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+from plumb.cockpit.page_server import ASSETS
 from plumb.version import FALLBACK
 from support.wheel import IMAGE, NEEDS_IMAGE, VECTORS, Built, built_wheel, run, users_environment
 
@@ -39,6 +40,7 @@ def test_the_wheel_serves_every_python_and_holds_images_and_vectors(built: Built
         "plumb/images/images.json",
     } <= names
     assert {f"plumb/vectors/{name}.golden" for name in VECTORS} <= names
+    assert {f"plumb/cockpit/page/{name}" for name, _ in ASSETS.values()} <= names
     assert {"plumb/vectors/recipe.toml", "plumb/vectors/manifest.json"} <= names
     assert not {name for name in names if not name.startswith(("plumb/", "plumb_imu-"))}
     with tarfile.open(built.sdist) as sdist:

@@ -2,15 +2,22 @@
 `plumb run` writes, and docs/images/cockpit.png, `plumb cockpit` with the armed quad of the virtual board.
 
     .venv/bin/python tools/gen_screenshot.py [report] [cockpit]
+    .venv/bin/python tools/gen_screenshot.py --check
 
-Needs Chromium or Chrome. Fonts differ between machines, so no check compares the picture.
+Needs Chromium or Chrome. Fonts differ between machines, so --check compares no pixel: each picture has its size, and
+names the digest of the files of its page as they are now. It needs no browser.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
+import struct
 import sys
 import tempfile
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from plumb.__main__ import main as plumb
@@ -25,6 +32,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 from support.chromium import Chromium, browser  # noqa: E402
 from support.cockpit_bench import serving  # noqa: E402
 
+HOST = ROOT / "host" / "plumb"
 IMAGES = ROOT / "docs" / "images"
 RUN = ("run", "quad", "--board", "native", "--scenario", "hold", "--out")
 REPORT_SIZE, COCKPIT_SIZE = (1200, 1260), (1400, 1000)
@@ -36,22 +44,67 @@ SEED, HOLD_S, BUSY_S = 1000, 30.0, 600.0
 MOST_BYTES = 300_000
 
 
+HEAD_BYTES = 33
+"""Signature and IHDR of a PNG."""
+KEYWORD = b"Source\0plumb page sha256 "
+
+
+@dataclass(frozen=True)
+class Picture:
+    """take: makes it, of this size; page: the files that it shows."""
+
+    take: Callable[[], bytes]
+    size: tuple[int, int]
+    page: tuple[str, ...]
+
+    @property
+    def chunk(self) -> bytes:
+        """Names the digest of the page's files, as text of a PNG."""
+        digest = hashlib.sha256()
+        for path in sorted(path for pattern in self.page for path in HOST.glob(pattern)):
+            digest.update(path.name.encode() + b"\0" + path.read_bytes())
+        said = KEYWORD + digest.hexdigest().encode()
+        return struct.pack(">I", len(said)) + (named := b"tEXt" + said) + struct.pack(">I", zlib.crc32(named))
+
+
 def main() -> int:
+    arguments = sys.argv[1:]
+    unknown = set(arguments) - {"--check", *PICTURES}
+    if unknown:
+        print(f"gen_screenshot: {unknown.pop()}: give {', '.join(PICTURES)} or --check", file=sys.stderr)
+        return 2
+    wanted = [name for name in PICTURES if name in arguments] or list(PICTURES)
+    if "--check" in arguments:
+        stale = [f"{name}.png: {why}" for name in wanted if (why := doubt(PICTURES[name], IMAGES / f"{name}.png"))]
+        print("\n".join(f"{line}: run tools/gen_screenshot.py" for line in stale) or "pictures are up to date")
+        return 1 if stale else 0
     if browser() is None:
         print("gen_screenshot: Chromium is not installed: tools/setup.sh test", file=sys.stderr)
         return 2
     os.environ["SOURCE_DATE_EPOCH"] = "0"
-    wanted = sys.argv[1:] or list(PICTURES)
     for name in wanted:
-        picture = PICTURES[name]()
-        if len(picture) > MOST_BYTES:
-            print(f"gen_screenshot: {name}: {len(picture)} bytes are more than {MOST_BYTES}", file=sys.stderr)
-            return 1
+        taken = PICTURES[name].take()
         target = IMAGES / f"{name}.png"
         target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(picture)
-        print(f"{target}: {len(picture)} bytes")
+        target.write_bytes(taken[:HEAD_BYTES] + PICTURES[name].chunk + taken[HEAD_BYTES:])
+        if why := doubt(PICTURES[name], target):
+            print(f"gen_screenshot: {name}: {why}", file=sys.stderr)
+            return 1
+        print(f"{target}: {target.stat().st_size} bytes")
     return 0
+
+
+def doubt(picture: Picture, path: Path) -> str:
+    """Why a picture is not what it should be; "" where it is."""
+    if not path.is_file():
+        return "is missing"
+    data = path.read_bytes()
+    size = struct.unpack(">II", data[16:24])
+    if size != picture.size:
+        return f"is {size[0]}x{size[1]} instead of {picture.size[0]}x{picture.size[1]}"
+    if len(data) > MOST_BYTES:
+        return f"{len(data)} bytes are more than {MOST_BYTES}"
+    return "" if picture.chunk in data else "is older than its page"
 
 
 def report() -> bytes:
@@ -81,7 +134,10 @@ def cockpit() -> bytes:
             return page.picture(*COCKPIT_SIZE)
 
 
-PICTURES = {"report": report, "cockpit": cockpit}
+PICTURES = {
+    "report": Picture(report, REPORT_SIZE, ("proof/report.css", "proof/report.js")),
+    "cockpit": Picture(cockpit, COCKPIT_SIZE, ("cockpit/page/*",)),
+}
 
 if __name__ == "__main__":
     sys.exit(main())

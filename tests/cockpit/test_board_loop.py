@@ -178,27 +178,76 @@ def test_a_page_that_does_not_hold_the_board_orders_nothing(bench: CockpitBench,
     assert said == [{"good": False, "text": "this page does not hold the board"}]
 
 
-def test_parameters_are_read_described_and_set_in_units(bench: CockpitBench) -> None:
+def colour(bench: CockpitBench) -> str:
+    light = bench.loop.state["light"]
+    assert isinstance(light, dict)
+    return str(light["colour"])
+
+
+def run_number(bench: CockpitBench) -> int:
+    run = bench.loop.state["run"]
+    assert isinstance(run, dict)
+    return int(run["number"])
+
+
+def described(bench: CockpitBench, name: str) -> dict[str, object]:
+    said = bench.answer("describe", name=name)
+    assert said["good"], said
+    about = said["parameter"]
+    assert isinstance(about, dict)
+    return about
+
+
+def test_parameters_are_read_and_described_in_units(bench: CockpitBench) -> None:
     bench.begin()
     bench.hold.take(HOLDER)
-    said = bench.ask("parameters")
-    bench.turn(0.1)
-    names = dict(said[0]["parameters"])  # type: ignore[call-overload]
-    said = bench.ask("describe", name="pid.kp_per_deg")
-    bench.turn(0.1)
-    about = said[0]["parameter"]
-    assert about["value"] == names["pid.kp_per_deg"] and about["unit"] == "1/deg"  # type: ignore[index]
-    said = bench.ask("set", name="pid.kp_per_deg", value=0.05)
-    bench.turn(0.3)
-    assert said[0]["good"], said
-    assert bench.loop.state["run"]["number"] == 2  # type: ignore[index]
-    said = bench.ask("describe", name="pid.kp_per_deg")
+    listed = {row["name"]: row for row in bench.answer("parameters")["parameters"]}  # type: ignore[attr-defined]
+    about = described(bench, "pid.kp_per_deg")
+    assert about["value"] == listed["pid.kp_per_deg"]["value"] and about["unit"] == "1/deg" and not about["locked"]
+    live = {name for name, row in listed.items() if row["live"]}
+    assert live == {"pid.kp_per_deg", "pid.ki_per_deg_s", "pid.kd_per_dps"}
+    assert not bench.answer("describe", name="pid.no_such")["good"]
+
+
+def test_a_write_of_what_is_not_live_begins_a_new_run(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.hold.take(HOLDER)
+    assert bench.answer("set", name="kalman.q_angle", value=0.004)["good"]
     bench.turn(0.5)
-    assert said[0]["parameter"]["value"] == pytest.approx(0.05, rel=1e-3)  # type: ignore[index]
-    assert bench.loop.state["light"]["colour"] == "green"  # type: ignore[index]
-    said = bench.ask("set", name="tilt", choice="arcsine")
-    bench.turn(0.1)
-    assert said[0]["good"], said
+    assert run_number(bench) == 2 and colour(bench) == "green"
+    assert described(bench, "kalman.q_angle")["value"] == pytest.approx(0.004, rel=1e-3)
+    assert bench.answer("set", name="tilt", choice="arcsine")["good"]
+    bench.turn(0.2)
+    assert run_number(bench) == 3
+
+
+@pytest.mark.parametrize("armed", [False])
+def test_a_live_gain_changes_while_the_run_goes_on_and_the_light_stays_green(bench: CockpitBench, armed: bool) -> None:
+    bench.begin()
+    bench.hold.take(HOLDER)
+    if armed:
+        bench.arm()
+    bench.turn(0.5)
+    before = float(described(bench, "pid.kp_per_deg")["value"])  # type: ignore[arg-type]
+    for factor in (1.5, 0.75):
+        assert bench.answer("set", name="pid.kp", value=factor * before)["good"]
+        bench.turn(0.5)
+        assert run_number(bench) == 1 and colour(bench) == "green" and bench.armed is armed
+        now = described(bench, "pid.kp_per_deg")
+        assert now["value"] == pytest.approx(factor * before, rel=1e-3)
+    words = bench.board.session.read_parameters()
+    assert list(words) == list(bench.loop._words), "what the pages are told is what the board has"
+
+
+def test_a_gain_of_0_stays_0_while_armed(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.hold.take(HOLDER)
+    assert bench.answer("set", name="pid.ki", value=0.0)["good"]
+    bench.arm()
+    assert "0" in str(described(bench, "pid.ki")["locked"])
+    assert not bench.answer("set", name="pid.ki", value=0.1)["good"]
+    bench.turn(0.2)
+    assert bench.armed
 
 
 @pytest.mark.parametrize(
@@ -258,14 +307,14 @@ def test_a_recording_has_the_parameters_of_each_of_its_runs(bench: CockpitBench)
     bench.turn(0.2)
     bench.ask("record", on=True)
     bench.turn(0.5)
-    bench.ask("set", name="pid.kp_per_deg", value=0.05)
+    bench.ask("set", name="kalman.q_angle", value=0.004)
     bench.turn(0.5)
     bench.ask("record", on=False)
     bench.turn(0.1)
     (path,) = bench.loop.recording._folder.glob("*.plog")
     first, second = log_replay.runs_of(log_replay.open_log(path))
-    (changed,) = [name for name, value in first.used.table.items() if second.used.table[name] != value]
-    assert changed.startswith("pid.kp_")
+    changed = [name for name, value in first.used.table.items() if second.used.table[name] != value]
+    assert "kalman.qa_lo" in changed
 
 
 @pytest.mark.parametrize("heard", [True, False])

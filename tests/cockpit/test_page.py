@@ -17,7 +17,7 @@ GREEN = "document.getElementById('light').className === 'green'"
 ARMED = "document.getElementById('armed').textContent === 'ARMED'"
 DISARMED = "document.getElementById('armed').textContent === 'disarmed'"
 PIXELS = """(() => {
-  const canvas = document.querySelector('.panel:not(.keys) > canvas');
+  const canvas = document.querySelector('.screen canvas');
   const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
   let blue = 0;
   for (let at = 0; at < data.length; at += 4) blue += data[at + 2] > data[at] + 60 && data[at + 3] > 128;
@@ -53,6 +53,7 @@ def test_a_page_shows_the_board_and_two_viewers_see_it_stop(server: PageServer, 
     page.until(GREEN)
     viewer.until(GREEN)
     assert viewer.value("[...document.querySelectorAll('[data-do]')].every((button) => button.disabled)")
+    page.value("document.querySelector('.screen').scrollIntoView()")  # what is not on the screen is not drawn
     page.until(f"{PIXELS} > 20")
     page.until("document.getElementById('angles').textContent.includes('roll')")
     arm(page)
@@ -86,6 +87,19 @@ def test_a_page_that_hangs_while_armed_disarms(server: PageServer, chromium: Chr
     viewer.until("document.getElementById('log').textContent.includes('the page that armed fell silent')")
 
 
+def write(page: Page, name: str, value: str, *, taken: bool = True) -> None:
+    """Open the row of a parameter, and set it by its field."""
+    row = f"document.querySelector('[data-name=\"{name}\"]')"
+    page.until(f"{row} !== null")
+    page.value(f"{row}.childElementCount > 1 || {row}.querySelector('button').click()")
+    page.until(f"{row}.querySelector('input[type=range]') !== null")
+    page.value(
+        f"{row}.querySelector('input[type=number]').value = '{value}'; {row}.querySelector('.row button').click()"
+    )
+    if taken:
+        page.until(f"{row}.querySelector('output').textContent === '{value}'")
+
+
 def test_parameters_are_set_and_a_recording_is_made_from_the_page(
     server: PageServer, chromium: Chromium, tmp_path: Path
 ) -> None:
@@ -93,15 +107,14 @@ def test_parameters_are_set_and_a_recording_is_made_from_the_page(
     page.until(GREEN)
     page.click("[data-do=parameters]")
     page.until("document.querySelectorAll('.parameter').length > 20")
-    page.value("document.querySelector('[data-name=\"pid.kp_per_deg\"] > button').click()")
-    page.until("document.querySelector('[data-name=\"pid.kp_per_deg\"] input[type=range]') !== null")
-    page.value("document.querySelector('[data-name=\"pid.kp_per_deg\"] input[type=number]').value = '0.05'")
-    page.value("document.querySelector('[data-name=\"pid.kp_per_deg\"] .row button').click()")
-    page.until("document.querySelector('[data-name=\"pid.kp_per_deg\"] output').textContent === '0.05'")
+    write(page, "kalman.q_angle_deg2_per_s", "0.004")
     page.until("document.getElementById('log').textContent.includes('run 2 of quad began')")
     page.until(GREEN)
-    page.value("document.querySelector('[data-name=\"pid.kp_per_deg\"] input[type=number]').value = '1e6'")
-    page.value("document.querySelector('[data-name=\"pid.kp_per_deg\"] .row button').click()")
+    page.until("document.querySelector('[data-name=\"pid.kp_per_deg\"] .live') !== null")
+    write(page, "pid.kp_per_deg", "0.05")
+    page.until(GREEN)
+    assert "run 3" not in page.text
+    write(page, "pid.kp_per_deg", "1e6", taken=False)
     page.until("document.getElementById('answer').className === 'bad'")
     page.click("[data-do=record]")
     page.until("document.querySelector('[data-do=record]').textContent.match(/recording .[1-9]/)")

@@ -83,6 +83,11 @@ def test_every_file_of_the_page_is_served_and_fetches_nothing_from_elsewhere(ser
     asked(job)
 
 
+def test_every_file_of_the_folder_is_served() -> None:
+    folder = Path(page_server.__file__).parent / "page"
+    assert {name for name, _ in ASSETS.values()} == {path.name for path in folder.iterdir()}
+
+
 @pytest.mark.parametrize("path", ["", "wrong/", "wrong/live", "../", "%2e%2e/"])
 def test_without_the_token_nothing_is_served(server: PageServer, path: str) -> None:
     async def job(client: aiohttp.ClientSession) -> int:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from plumb.cockpit.page_orders import Order
 from plumb.cockpit.page_server import PageServer
 
 HOLDER = 1
+TURNS_MAX = 10000
 NEUTRAL_HALFUS = 2000
 """Pulse of a disarmed speed controller of `quad`."""
 
@@ -54,6 +56,16 @@ class CockpitBench:
         answers: list[Answer] = []
         self.loop.order(Order(verb, page, **more), answers.append)  # type: ignore[arg-type]
         return answers
+
+    def answer(self, verb: str, page: int = HOLDER, **more: float | str | bool) -> Answer:
+        """Give an order, and let time pass until its answer is there; some come from another thread."""
+        answers = self.ask(verb, page, **more)
+        for _ in range(TURNS_MAX):
+            self.turn(0.01)
+            if answers:
+                return answers[0]
+            time.sleep(0.001)
+        raise AssertionError(f"no answer to {verb}")
 
     def arm(self) -> None:
         """Take control and arm, as the first page does."""

@@ -18,15 +18,16 @@ from typing import Protocol
 
 from plumb.boards.link import LinkBoard
 from plumb.cockpit import parameter_orders
-from plumb.cockpit.arming import Answer, Arming, Reply
+from plumb.cockpit.arming import Arming, Reply
 from plumb.cockpit.green_light import Comparison
 from plumb.cockpit.hold import Hold
 from plumb.cockpit.page_orders import Order
+from plumb.cockpit.questions import Questions
 from plumb.cockpit.recording import Recording
 from plumb.cockpit.samples import Samples
 from plumb.cockpit.setpoint import StepTest, setpoint_of
 from plumb.errors import LinkError, PlumbError, UsageError
-from plumb.link import monitor
+from plumb.link import monitor, parameter_table
 from plumb.link.identity import NackError
 from plumb.link.realtime import Capture
 from plumb.link.session import RAW_FRAMES, Session, selectable
@@ -45,6 +46,8 @@ SPEED_OVER_S = 1.0
 REOPEN_S = 1.0
 """Pause between two tries to open a board whose link was lost."""
 NOTES_KEPT = 50
+ORDERS_MAX = 32
+"""Orders that wait; the loop does one a turn."""
 JOINED = "this run is not the cockpit's: a run that it begins is compared"
 
 
@@ -101,7 +104,10 @@ class BoardLoop:
         self._arming = Arming(hold, self.note)
         self._own_run = False
         self._words: list[int] = []
+        self._learnt = 0
         self._test: StepTest | None = None
+        self._result: object = None
+        self._questions = Questions()
         self._runs, self._stated_s = 0, 0.0
         self._capture: Capture | None = None
         self._comparison = Comparison(None, "no run is on")
@@ -110,7 +116,10 @@ class BoardLoop:
     # ---- called by other threads ----
 
     def order(self, order: Order, reply: Reply) -> None:
-        """Queue an order of a page; reply is called in the loop's thread."""
+        """Queue an order of a page; reply is called in another thread."""
+        if self._orders.qsize() >= ORDERS_MAX:
+            reply({"good": False, "text": "too many orders wait: try again"})
+            return
         self._orders.put((order, reply))
 
     def stop(self) -> None:
@@ -188,6 +197,7 @@ class BoardLoop:
         self._pace, self._stated_s = Pace(session.clock()), 0.0
 
     def _close(self) -> None:
+        self._questions.end()
         self.recording.stop()
         self._session.listener = None
         try:
@@ -211,16 +221,25 @@ class BoardLoop:
             return
         samples.take(capture)
         session = self._session
+        self._learn(capture)
         self._comparison.follow(capture, session.counters.lost + session.frames.rejected, now_s)
         if self._arming.armed and self._comparison.differs:
             self._arming.disarm(session, f"disarmed: {self._comparison.light(now_s).text}")
         self._arming.notice(session, capture.armed)
         armed = self._arming.armed
         if self._test is not None and (done := self._test.follow(session, samples, armed)) is not None:
-            self._test = None
+            self._test, self._result = None, done.get("result")
             self.note(str(done["text"]))
         if not self._own_run and samples.is_over(capture):
             self._open_run(self._words, selectable(session.system), samples.period_s, JOINED)
+
+    def _learn(self, capture: Capture) -> None:
+        """Take the table that came into use last, whoever wrote it."""
+        changes = capture.tables.changes
+        if len(changes) > self._learnt and (words := changes[-1].words) is not None:
+            self._learnt = len(changes)
+            rows = table()
+            self._words = [rows[i].from_word(word) if i < len(rows) else word for i, word in enumerate(words)]
 
     # ---- runs ----
 
@@ -255,7 +274,7 @@ class BoardLoop:
         """Begin a run in real time on the board's own sensors, disarmed, with the counts and as many signals as the
         link carries."""
         self._arming.over("a new run began")
-        self._test = None
+        self._test = self._result = None
         self._words = words = self._session.read_parameters()
         self.recording.parameters(words)
         period_us = by_name(words)["period_us"]
@@ -268,14 +287,16 @@ class BoardLoop:
     def _open_run(self, words: list[int], frames: tuple[str, ...], period_s: float, why_not: str = "") -> None:
         raw = tuple(set(RAW_FRAMES).intersection(frames))
         self._runs += 1
-        self._capture = Capture(self._session, raw_frames=raw)
+        self._capture, self._learnt = Capture(self._session, raw_frames=raw), 0
         if not why_not and not raw:
             why_not = "the link has no room for the raw counts at this period: nothing can be compared"
         if not why_not and len(words) != len(table()):
             why_not = "the board has parameters that this version does not know: nothing can be compared"
         params = None if why_not else ControlParams.from_words(control_part(words))
         self._comparison = Comparison(params, why_not)
-        self.samples = Samples(self._runs, self._session.system, frames, period_s)
+        setpoint = setpoint_of(self._session.system)
+        column = None if setpoint is None else setpoint.column
+        self.samples = Samples(self._runs, self._session.system, frames, period_s, column)
 
     def _join(self) -> None:
         """Listen to a run that another program, or the arm switch, began."""
@@ -313,31 +334,51 @@ class BoardLoop:
             self._require_armable()
             self._arming.begin(order.page, reply, self._session.clock())
             return
+        if order.verb in ("parameters", "describe"):
+            armed = self._arming.armed
+            words = self._words
+            self._questions.ask(lambda: parameter_orders.answer(order, words, armed), reply)
+            return
         if order.verb == "record":
             self._record(order.on)
         elif order.verb in ("setpoint", "step_test"):
             self._move(order)
+        elif order.verb == "set":
+            self._set(order)
         else:
             self._require_disarmed()
-            self._do_disarmed(order, reply)
-            return
+            self._begin_anew(save=order.verb == "save")
         reply({"good": True, "text": ""})
 
-    def _do_disarmed(self, order: Order, reply: Reply) -> None:
-        """Orders that a disarmed board alone takes: they end the run, or keep the loop busy for a while."""
-        if self.watch:
-            raise UsageError("this cockpit only watches: start it without --watch")
-        answer: Answer = {}
-        if order.verb in ("parameters", "describe"):
-            answer = parameter_orders.read(self._session, order)
-        elif order.verb in ("set", "save"):
-            self.note(parameter_orders.write(self._session, order))
+    def _set(self, order: Order) -> None:
+        """Write a parameter. The run goes on when only live gains change; another write ends it, and begins a new
+        one."""
+        self._require_writable()
+        if not self._arming.armed:
+            self._require_disarmed()
+            self._words = self._session.read_parameters()  # another program may have written, too
+        wanted = parameter_orders.write(order, self._words)
+        if self._arming.armed:
+            parameter_orders.require_armed_change(wanted, self._words)
+        parameter_table.commit(self._session, wanted.values)
+        self.note(wanted.said)
+        if not wanted.live:
             self._own_run = False
             self.begin()
+
+    def _begin_anew(self, save: bool) -> None:
+        self._require_writable()
+        if save:
+            self._session.execute_idle("SAVE")
+            self.note("the parameters in use are saved to the board's flash")
+            self._own_run = False
         else:
             self._renew_plant()
-            self.begin()
-        reply({"good": True, "text": "", **answer})
+        self.begin()
+
+    def _require_writable(self) -> None:
+        if self.watch:
+            raise UsageError("this cockpit only watches: start it without --watch")
 
     def _require_disarmed(self) -> None:
         if self._arming.armed or self._arming.waiting:
@@ -403,6 +444,7 @@ class BoardLoop:
                 "unit": setpoint.unit, "most": setpoint.most, "signal": setpoint.follows
             },
             "test": None if self._test is None else self._test.state,
+            "result": self._result,
             "recording": self.recording.state,
             "health": {name: seen[name] for name in HEALTH},
         }  # fmt: skip

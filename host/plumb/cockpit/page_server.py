@@ -35,13 +35,14 @@ STATE_EVERY_S = 0.1
 SEND_TIMEOUT_S = 10.0
 """A page that takes nothing for this long is closed."""
 ANSWERS_KEPT = 100
+MODULES = (
+    "attitude", "cockpit", "columns", "control", "dom", "health", "link", "panel", "parameters", "plots", "rows",
+    "scale", "view",
+)  # fmt: skip
 ASSETS = {
     "": ("index.html", "text/html"),
     "cockpit.css": ("cockpit.css", "text/css"),
-    "cockpit.js": ("cockpit.js", "text/javascript"),
-    "plots.js": ("plots.js", "text/javascript"),
-    "parameters.js": ("parameters.js", "text/javascript"),
-    "attitude.js": ("attitude.js", "text/javascript"),
+    **{f"{name}.js": (f"{name}.js", "text/javascript") for name in MODULES},
 }
 """Path below the token -> file in the folder `page`, and its type."""
 HEADERS = {

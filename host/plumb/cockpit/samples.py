@@ -59,11 +59,25 @@ def raw_columns(system: str, frames: tuple[str, ...]) -> list[str]:
 
 
 class Samples:
-    """The rows of one run. number: of the run; period_s: of a step. Written by the board's thread, read by any."""
+    """The rows of one run. number: of the run; period_s: of a step; setpoint: a column for it, and units per LSB.
+    Written by the board's thread, read by any."""
 
-    def __init__(self, number: int, system: str, frames: tuple[str, ...], period_s: float) -> None:
+    def __init__(
+        self,
+        number: int,
+        system: str,
+        frames: tuple[str, ...],
+        period_s: float,
+        setpoint: tuple[Column, float] | None = None,
+    ) -> None:
         self.number, self.system, self.period_s = number, system, period_s
         self.columns = columns_of(system, frames)
+        self._setpoint_at: int | None = None
+        self._setpoint_scale = 0.0
+        if setpoint is not None:
+            column, self._setpoint_scale = setpoint
+            self._setpoint_at = len(self.columns) - len(raw_columns(system, frames))
+            self.columns.insert(self._setpoint_at, column)
         names = [column.name for column in self.columns]
         self._signals = [(signal, names.index(name), scale) for signal, name, scale in signals(system) if name in names]
         self._raw_at = len(names) - len(raw_columns(system, frames))
@@ -80,12 +94,15 @@ class Samples:
             if end <= 0:
                 return
             self._next = max(0, min([*capture.digest, *capture.raw], default=end))
+        setpoints = _by_step(capture, self._next, end) if self._setpoint_at is not None else ()
         for step in range(self._next, end):
             row = np.full(len(self.columns), math.nan, np.float32)
             for signal, at, scale in self._signals:
                 value = capture.values.get(signal, {}).pop(step, None)
                 if value is not None:
                     row[at] = value * scale
+            if self._setpoint_at is not None:
+                row[self._setpoint_at] = setpoints[step - self._next] * self._setpoint_scale
             counts = capture.raw.get(step)
             if counts is not None:
                 row[self._raw_at :] = counts[: len(row) - self._raw_at]
@@ -130,6 +147,18 @@ class Samples:
         """Time of the newest row, 0 before the first."""
         with self._lock:
             return float(self._time_s[(self.rows - 1) % ROWS_KEPT]) if self.rows else 0.0
+
+
+def _by_step(capture: Capture, begin: int, end: int) -> list[int]:
+    """The setpoint that each of these steps used."""
+    changes = capture.setpoints.changes
+    at = next((index for index in range(len(changes) - 1, 0, -1) if changes[index][0] <= begin), 0)
+    found = []
+    for step in range(begin, end):
+        while at + 1 < len(changes) and changes[at + 1][0] <= step:
+            at += 1
+        found.append(changes[at][1])
+    return found
 
 
 def _forget(capture: Capture, before: int) -> None:

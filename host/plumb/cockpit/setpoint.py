@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
-from plumb.cockpit.samples import Samples
+from plumb.cockpit.samples import Column, Samples
 from plumb.cockpit.step_response import figures
 from plumb.errors import UsageError
 from plumb.link.session import Session
@@ -27,6 +27,11 @@ class Setpoint:
     scale: float
     most: float
     follows: str
+
+    @property
+    def column(self) -> tuple[Column, float]:
+        """For the rows of a run."""
+        return Column(f"setpoint{UNITS[self.unit]}", self.unit), self.scale
 
     def raw(self, value: float) -> int:
         """The integer of a value; raises UsageError beyond the largest."""
@@ -68,9 +73,13 @@ class StepTest:
         return {"begin_s": self._begin_s, "seconds": self._seconds, "size": self._size}
 
     def begin(self, session: Session, samples: Samples) -> None:
+        """Step the setpoint; raises UsageError when the signal is where the step would bring it."""
         self._begin_s = samples.time_s
         _, recent = samples.series(self._setpoint.follows, self._begin_s - 0.5)
         self._before = sum(recent) / len(recent) if recent else 0.0
+        if abs(self._size - self._before) < SMALLEST_STEP * self._setpoint.most:
+            unit = self._setpoint.unit
+            raise UsageError(f"a step to {self._size:g} {unit} is too small to be seen: {self._before:.3g} {unit} now")
         session.set_setpoint(self._raw)
 
     def follow(self, session: Session, samples: Samples, armed: bool) -> dict[str, object] | None:
@@ -91,4 +100,4 @@ class StepTest:
             f"step test of {self._size:g} {unit}: rise time {rise}, overshoot {found.overshoot_percent:.0f} %, "
             f"settling time {settling}, final error {found.off:+z.3g} {unit}"
         )
-        return {"text": text, **asdict(found)}
+        return {"text": text, "result": {**self.state, "unit": unit, **asdict(found)}}

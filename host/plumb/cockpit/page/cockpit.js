@@ -1,69 +1,25 @@
-// The page of the cockpit: the link to the server, the heartbeat, and what is shown and pressed.
+// The page of the cockpit: what is shown of a state and when it is drawn, and what is pressed.
 
-import { Rows, View, fixed, panelsOf } from "./plots.js";
-import { showParameters, filterParameters } from "./parameters.js";
 import { anglesOf, attitudeOf, drawBody, drawHorizon } from "./attitude.js";
+import { showControl } from "./control.js";
+import { byId, setText } from "./dom.js";
+import { showAnswer, showHealth, showLog } from "./health.js";
+import { Link } from "./link.js";
+import { ParameterList } from "./parameters.js";
+import { plotsOf } from "./plots.js";
+import { Rows } from "./rows.js";
+import { fixed } from "./scale.js";
+import { View } from "./view.js";
 
-const HEARTBEAT_MS = 100, FRAME_MS = 1000 / 31, RECONNECT_MS = 1000, SILENT_MS = 1500;
-const $ = (id) => document.getElementById(id);
+const FRAME_MS = 1000 / 30, EARLY_MS = 4, COLOURS = 8, BESIDE_S = 0.5;
 const rows = new Rows(), view = new View(rows);
-let heardAt = 0, socket = null, state = null, panels = [], shownRun = "", tick = 0, number = 0, style = {};
-const waiting = new Map();
-
-// ---- the link ----
-
-function connect() {
-  socket = new WebSocket(`ws://${location.host}${location.pathname}live`);
-  socket.binaryType = "arraybuffer";
-  socket.onmessage = ({ data }) => {
-    heardAt = performance.now();
-    if (typeof data !== "string") { tick = rows.push(data); return; }
-    const said = JSON.parse(data);
-    if (said.type === "state") showState(said);
-    else answered(said);
-  };
-  socket.onclose = () => {
-    silent();
-    setTimeout(connect, RECONNECT_MS);
-  };
-}
-
-// Nothing on the page is of the present any more: the light is out, and says so.
-function silent() {
-  state = null;
-  trouble("plumb cockpit does not answer: it has ended, or hangs. The board is disarmed without it.");
-  $("light").className = "off";
-  $("light-text").textContent = "no connection";
-}
-
-setInterval(() => {
-  if (state && performance.now() - heardAt > SILENT_MS) silent();
-}, SILENT_MS / 2);
-
-function send(order) {
-  if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(order));
-}
-
-function order(what, then) {
-  number += 1;
-  if (then) waiting.set(number, then);
-  send({ ...what, number });
-}
-
-function answered(said) {
-  const then = waiting.get(said.number);
-  waiting.delete(said.number);
-  $("answer").textContent = said.text ?? "";
-  $("answer").className = said.good ? "" : "bad";
-  if (then) then(said);
-}
+let state = null, plots = [], shownRun = "", style = {}, drawnAt = 0, attitudeDrawn = "", cursorDrawn = "";
 
 // The page that holds the board is its dead man's handle: a hidden page is a hand off it.
-setInterval(() => {
-  if (state?.holds && !document.hidden) send({ do: "alive", tick });
-}, HEARTBEAT_MS);
+const link = new Link(rows, { heard: showState, answered: showAnswer, silent, alive: () => state?.holds && !document.hidden });
+const parameters = new ParameterList(byId("rows"), (what, then) => link.order(what, then));
 
-function stop() { send({ do: "stop" }); }
+function stop() { link.send({ do: "stop" }); }
 
 addEventListener("keydown", (event) => {
   if (event.key === " " || event.key === "Escape") {
@@ -75,145 +31,110 @@ addEventListener("keydown", (event) => {
 addEventListener("keyup", (event) => {  // a button that has the focus is pressed when Space comes up
   if (event.key === " ") { event.preventDefault(); event.stopPropagation(); }
 }, { capture: true });
-$("stop").addEventListener("click", stop);
+byId("stop").addEventListener("click", stop);
 
 // ---- what is shown ----
 
-function trouble(text) {
-  $("trouble").textContent = text;
-  $("trouble").hidden = !text;
+function trouble(said) {
+  setText(byId("trouble"), said);
+  byId("trouble").hidden = !said;
+}
+
+// Nothing on the page is of the present any more: the light is out, and says so.
+function silent() {
+  state = null;
+  trouble("plumb cockpit does not answer: it has ended, or hangs. The board is disarmed without it.");
+  document.body.className = "stale";
+  byId("light").className = "off";
+  setText(byId("light-text"), "no connection");
+  byId("armed").className = "unknown";
+  setText(byId("armed"), "unknown");
+  for (const button of document.querySelectorAll("[data-do]")) button.disabled = true;
 }
 
 function showState(said) {
   state = said;
-  tick = said.tick;
   if (!said.light) { trouble("waiting for the board"); return; }
+  document.body.className = said.lost ? "stale" : "";
   trouble(said.lost ? `${said.lost}. The cockpit tries to open the board again.` : said.mismatch);
-  $("slow").textContent = said.speed < 0.9 ? `The simulated board runs at ${said.speed.toFixed(1)} of real time.` : "";
-  $("system").textContent = `${said.run?.system ?? ""} on ${said.board}`;
-  $("light").className = said.light.colour;
-  $("light-text").textContent = said.light.text;
-  const armed = $("armed");
-  armed.className = said.armed ? "armed" : "disarmed";
-  armed.textContent = said.armed ? (said.armed_here ? "ARMED" : "ARMED elsewhere") : said.arming ? "arming" : "disarmed";
-  const key = JSON.stringify(said.run?.columns.map((column) => column.name) ?? []);
-  if (key !== shownRun) {
-    shownRun = key;
-    panels = panelsOf(said.run?.columns ?? [], rows, view);
-    $("panels").replaceChildren(...panels.map((panel) => panel.element));
-  }
+  setText(byId("slow"), said.speed < 0.9 ? `The simulated board runs at ${said.speed.toPrecision(2)} of real time.` : "");
+  setText(byId("system"), `${said.run?.system ?? ""} on ${said.board}`);
+  byId("light").className = said.light.colour;
+  setText(byId("light-text"), said.light.text);
+  byId("armed").className = said.armed ? "armed" : "disarmed";
+  setText(byId("armed"), said.armed ? (said.armed_here ? "ARMED" : "ARMED elsewhere") : said.arming ? "arming" : "disarmed");
+  showPlots(said.run?.columns ?? []);
   showControl(said);
+  parameters.showState(said);
   showHealth(said);
   showLog(said.notes);
-  $("missed").textContent = rows.missed ? `${rows.missed} rows were not drawn: this page is slow. A recording has them.` : "";
+  showValues();
+  setText(byId("missed"), rows.missed ? `${rows.missed} rows were not drawn: this page is slow. A recording has them.` : "");
 }
 
-function showControl(said) {
-  const mine = said.holds, here = said.armed || said.arming;
-  $("role").textContent = !said.may_control ? "This page watches. It can stop the board."
-    : mine ? "This page holds the board. Closed, hidden or silent, it disarms." : said.held
-      ? "Another page holds the board. This one can stop it." : "Nobody holds the board.";
-  const usable = {
-    take: said.may_control && !mine, release: mine, run: mine && !here && !said.watch,
-    arm: mine && !here && said.own_run && said.setpoint !== null, record: mine,
-    step_test: mine && said.armed_here && !said.test, parameters: mine && !here, save: mine && !here,
-  };
-  for (const button of document.querySelectorAll("[data-do]")) button.disabled = !usable[button.dataset.do];
-  const record = document.querySelector("[data-do=record]");
-  record.textContent = said.recording.on ? `Stop recording (${said.recording.steps})` : "Record";
-  record.setAttribute("aria-pressed", String(said.recording.on));
-  $("setpoint").hidden = said.setpoint === null || !said.may_control;
-  if (said.setpoint !== null) showSetpoint(said.setpoint, mine && said.armed_here);
+function showPlots(columns) {
+  const key = JSON.stringify(columns);
+  if (key === shownRun) return;
+  shownRun = key;
+  plots = plotsOf(columns, rows, view);
+  byId("empty").hidden = plots.length > 0;
+  byId("panels").style.setProperty("--count", Math.max(plots.length, 1));
+  byId("panels").replaceChildren(...plots.map((plot) => plot.element));
+  cursorDrawn = "";
 }
 
-function showSetpoint({ unit, most }, usable) {
-  const slider = $("setpoint-value"), size = $("step-size");
-  if (slider.max !== String(most)) {
-    Object.assign(slider, { min: -most, max: most, value: 0 });
-    size.value = most / 6;
-    document.querySelector("#setpoint .unit").textContent = ` ${unit} `;
-  }
-  if (!usable) slider.value = 0;
-  slider.disabled = !usable;
-  $("setpoint-shown").textContent = `${Number(slider.value).toFixed(2)} ${unit}`;
+// The values at the cursor, or the newest.
+function showValues() {
+  const at = view.cursor === null ? rows.count - 1 : Math.min(rows.find(view.timeAt(view.cursor)), rows.count - 1);
+  for (const plot of plots) plot.showValues(at);
+  setText(byId("cursor-time"), view.cursor === null ? "" : `at ${fixed(view.timeAt(view.cursor), 3)} s`);
+  byId("newest").value = rows.newest;
+  const paused = String(view.end !== null), button = document.querySelector("[data-act=pause]");
+  if (button.getAttribute("aria-pressed") !== paused) button.setAttribute("aria-pressed", paused);
 }
 
-function showHealth({ health, image, unique_id: chip, own_run: own }) {
-  const list = (texts) => (texts.length ? texts.join("; ") : "none");
-  const count = (value) => value ?? "–";
-  const lost = health.host_lost + health.host_lost_steps;
-  const lines = [
-    ["arming blocked by", health.blocked.length ? list(health.blocked) : "nothing", false],
-    ["faults", list(health.faults), health.faults.length],
-    ["last disarmed by", list(health.disarm_cause), false],
-    ["mode", `${health.mode ?? "–"}${health.live ? ", live" : ""}${own ? "" : ", another's run"}`, false],
-    ["step", `${count(health.step)}, ${health.steps_per_s?.toFixed(1) ?? "–"}/s`, false],
-    ["saturated, starved", `${count(health.saturated_steps)}, ${count(health.starved_steps)}`, false],
-    ["lost here", `${health.host_lost_steps} steps, ${health.host_lost} other frames`, lost],
-    ["rejected here", health.host_rejected, health.host_rejected],
-    ["lost by the board", `${count(health.board_lost)} frames, ${count(health.board_rejected)} rejected, `
-      + `${count(health.board_dropped)} dropped`, health.board_dropped],
-    ["CAN", `${health.can_off_bus ? "off" : "on"} the bus, errors ${count(health.can_transmit_errors)} sent, `
-      + `${count(health.can_receive_errors)} received`, health.can_off_bus],
-    ["chip", `${chip}, image ${image || "of no known commit"}`, false],
-  ];
-  const body = document.querySelector("#health tbody");
-  while (body.rows.length < lines.length) body.append(row());
-  lines.forEach(([name, text, bad], index) => {
-    const line = body.rows[index];
-    line.className = bad ? "bad" : "";
-    if (line.cells[0].textContent !== name) line.cells[0].textContent = name;
-    if (line.cells[1].textContent !== String(text)) line.cells[1].textContent = text;
-  });
-}
-
-function row() {
-  const line = document.createElement("tr");
-  line.append(document.createElement("td"), document.createElement("td"));
-  return line;
-}
-
-let loggedLast = "";
-
-function showLog(notes) {
-  const key = JSON.stringify(notes.at(-1) ?? null) + notes.length;
-  if (key === loggedLast) return;
-  loggedLast = key;
-  document.querySelector("#log ol").replaceChildren(...notes.toReversed().map(([time, text]) => {
-    const item = document.createElement("li"), when = document.createElement("time");
-    when.textContent = new Date(time * 1000).toLocaleTimeString();
-    item.append(when, text);
-    return item;
-  }));
-}
+// ---- what is drawn ----
 
 function readStyle() {
-  const of = getComputedStyle(document.documentElement);
-  for (const name of ["ground", "text", "soft", "rule", "panel", "sky", "earth", "line"]) {
-    style[name] = of.getPropertyValue(`--${name}`).trim();
-  }
+  const of = getComputedStyle(document.documentElement), value = (name) => of.getPropertyValue(`--${name}`).trim();
+  style = Object.fromEntries(["ground", "text", "soft", "rule", "panel", "sky", "earth"].map((name) => [name, value(name)]));
+  style.colours = Array.from({ length: COLOURS }, (_, index) => value(`colour-${index}`));
+  attitudeDrawn = "";
 }
 readStyle();
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", readStyle);
+addEventListener("resize", () => { attitudeDrawn = cursorDrawn = ""; });
 
-let drawnAt = 0;
-
+// Thirty times a second: what is new in the plots, and the attitude when it changed. Texts change with the state.
 function draw(now) {
   requestAnimationFrame(draw);
-  if (now - drawnAt < FRAME_MS - 4) return;
+  if (now - drawnAt < FRAME_MS - EARLY_MS) return;
   drawnAt = now;
-  for (const panel of panels) panel.draw(style);
-  $("newest").value = rows.newest;
-  $("cursor-time").textContent = view.cursor === null ? "" : `${view.cursor.toFixed(3)} s`;
-  document.querySelector("[data-act=pause]").setAttribute("aria-pressed", String(view.end !== null));
-  const attitude = state?.run ? attitudeOf(rows, state.run.columns, state.tilt_about) : null;
-  drawHorizon($("horizon"), attitude, style);
-  drawBody($("body"), attitude, style);
-  if (attitude) {
-    const [roll, pitch, yaw] = anglesOf(attitude.quaternion).map((angle) => `${fixed(angle, 1)}°`);
-    $("angles").textContent = `roll ${roll}  pitch ${pitch}${attitude.yaw ? `  yaw ${yaw}` : ""}`;
-  } else $("angles").textContent = "";
+  if (state?.run?.number === rows.run) for (const { panel } of plots) panel.draw(style, state.run.period_s);
+  markCursor();
+  drawAttitude();
+  link.drawn();
 }
+
+function markCursor() {
+  const key = `${view.cursor} ${view.brush}`;
+  if (key === cursorDrawn) return;
+  cursorDrawn = key;
+  for (const plot of plots) plot.mark();
+  showValues();
+}
+
+function drawAttitude() {
+  const attitude = state?.run ? attitudeOf(rows, state.run.columns, state.tilt_about) : null;
+  const key = attitude ? attitude.quaternion.map((part) => part.toFixed(4)).join() : "none";
+  if (key === attitudeDrawn) return;
+  attitudeDrawn = key;
+  drawHorizon(byId("horizon"), attitude, style);
+  drawBody(byId("body"), attitude, style);
+  const [roll, pitch, yaw] = attitude ? anglesOf(attitude.quaternion).map((angle) => `${fixed(angle, 1)}°`) : [];
+  setText(byId("angles"), attitude ? `roll ${roll}   pitch ${pitch}${attitude.yaw ? `   yaw ${yaw}` : ""}` : "no attitude yet");
+}
+
 requestAnimationFrame(draw);
 
 // ---- what is pressed ----
@@ -223,33 +144,43 @@ const ACTS = {
   right: () => view.pan(0.25), live: () => view.live(),
 };
 const KEYS = { p: "pause", P: "pause", "+": "in", "-": "out", ArrowLeft: "left", ArrowRight: "right", 0: "live" };
+
+function act(name) {
+  ACTS[name]();
+  showValues();
+}
+
 for (const button of document.querySelectorAll("[data-act]")) {
-  button.addEventListener("click", () => ACTS[button.dataset.act]());
+  button.addEventListener("click", () => act(button.dataset.act));
 }
 addEventListener("keydown", (event) => {
   const plain = !event.ctrlKey && !event.altKey && !event.metaKey && event.target.tagName !== "INPUT";
-  if (plain && KEYS[event.key]) ACTS[KEYS[event.key]]();
+  if (plain && KEYS[event.key]) act(KEYS[event.key]);
 });
 
 const ORDERS = {
   parameters: readParameters,
-  save: () => order({ do: "save" }),
-  record: () => order({ do: "record", on: !state.recording.on }),
-  step_test: () => order({ do: "step_test", value: Number($("step-size").value), seconds: Number($("step-seconds").value) }),
+  record: () => link.order({ do: "record", on: !state.recording.on }),
+  step_test: () => link.order({
+    do: "step_test", value: Number(byId("step-size").value), seconds: Number(byId("step-seconds").value),
+  }),
 };
+
 function readParameters() {
-  order({ do: "parameters" }, (said) => {
+  link.order({ do: "parameters" }, (said) => {
     if (!said.good) return;
-    showParameters($("rows"), said.parameters, order);
-    $("filter").hidden = document.querySelector("[data-do=save]").hidden = false;
+    parameters.show(said.parameters);
+    byId("filter").hidden = document.querySelector("[data-do=save]").hidden = false;
   });
 }
-$("filter").addEventListener("input", () => filterParameters($("rows"), $("filter").value));
 
+byId("filter").addEventListener("input", () => parameters.filter(byId("filter").value));
+byId("result-show").addEventListener("click", () => {
+  const { begin_s: begin, seconds } = state.result;
+  view.show(begin - BESIDE_S, begin + seconds + BESIDE_S);
+});
 for (const button of document.querySelectorAll("[data-do]")) {
   const what = button.dataset.do;
-  button.addEventListener("click", () => (ORDERS[what] ?? (() => order({ do: what })))());
+  button.addEventListener("click", () => (ORDERS[what] ?? (() => link.order({ do: what })))());
 }
-$("setpoint-value").addEventListener("input", () => order({ do: "setpoint", value: Number($("setpoint-value").value) }));
-
-connect();
+byId("setpoint-value").addEventListener("input", () => link.order({ do: "setpoint", value: Number(byId("setpoint-value").value) }));

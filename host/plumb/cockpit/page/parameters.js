@@ -1,5 +1,7 @@
 // The parameters of the board: a row for each, which opens to its meaning, limits, a slider and a field.
 
+import { byId, element, setText } from "./dom.js";
+
 const STEPS = 200, REACH = 4;
 
 // The stretch of a slider: a quarter to four times the value, within the limits.
@@ -12,64 +14,103 @@ function stretch(value, [least, most]) {
 
 const shown = (value) => (typeof value === "number" ? String(Number(value.toPrecision(6))) : value);
 
-export function showParameters(place, parameters, order) {
-  place.replaceChildren(...parameters.map(([name, value]) => {
-    const row = document.createElement("div"), open = document.createElement("button");
-    const output = document.createElement("output");
-    row.className = "parameter";
+// What a write does now.
+function ruleOf(said) {
+  if (!said.may_control || !said.holds) return "Only the page that holds the board reads and writes them.";
+  if (said.watch) return "The cockpit was started with --watch: it writes nothing.";
+  if (said.armed_here) {
+    return "Armed: a gain marked live changes at once, at most to half or twice its value a write. "
+      + "Everything else is locked until the board is disarmed.";
+  }
+  if (said.armed) return "Armed by another program or by the arm switch: locked.";
+  return "A gain marked live changes while the run goes on; any other write begins a new run. "
+    + "The board keeps a value until its reset, or until it is saved.";
+}
+
+export class ParameterList {
+  // order: sends an order, and calls back with its answer.
+  constructor(place, order) {
+    Object.assign(this, { place, order, mode: "" });
+  }
+
+  // Opened rows show other limits once the board is armed or disarmed.
+  showState(said) {
+    setText(byId("rule"), ruleOf(said));
+    const mode = `${said.armed} ${said.armed_here} ${said.holds}`;
+    if (mode === this.mode) return;
+    this.mode = mode;
+    for (const row of this.place.children) if (row.childElementCount > 1) this.open(row);
+  }
+
+  show(parameters) {
+    this.place.replaceChildren(...parameters.map(({ name, value, live }) => this.row(name, value, live)));
+    this.filter(byId("filter").value);
+  }
+
+  row(name, value, live) {
+    const output = element("output", "", shown(value)), button = element("button", "", name);
+    if (live) button.append(element("span", "live", "live"));
+    button.append(output);
+    button.type = "button";
+    button.setAttribute("aria-expanded", "false");
+    const row = element("div", "parameter", button);
     row.dataset.name = name;
-    open.type = "button";
-    output.textContent = shown(value);
-    open.append(name, output);
-    open.addEventListener("click", () => {
-      if (row.childElementCount > 1) { row.lastElementChild.remove(); return; }
-      order({ do: "describe", name }, (said) => {
-        if (said.good && row.childElementCount === 1) row.append(editor(name, said.parameter, output, order));
-      });
-    });
-    row.append(open);
+    button.addEventListener("click", () => (row.childElementCount > 1 ? this.close(row) : this.open(row)));
     return row;
-  }));
-}
+  }
 
-function editor(name, { unit, value, limits, meaning }, output, order) {
-  const place = document.createElement("div"), note = document.createElement("p"), line = document.createElement("p");
-  const field = document.createElement("input"), set = document.createElement("button");
-  const [least, most] = limits.map((limit) => (limit === null ? "no limit" : shown(limit)));
-  note.className = "note";
-  note.textContent = typeof value === "number" ? `${meaning}. ${least} to ${most} ${unit}` : meaning;
-  line.className = "row";
-  set.type = "button";
-  set.textContent = "Set";
-  field.type = typeof value === "number" ? "number" : "text";
-  if (typeof value === "number") field.step = "any";
-  field.value = shown(value);
-  field.setAttribute("aria-label", name);
-  const send = (wanted) => order({ do: "set", name, value: wanted }, (said) => {
-    if (!said.good) return;
-    order({ do: "describe", name }, (now) => {
-      if (!now.good) return;
-      output.textContent = field.value = shown(now.parameter.value);
-      output.className = "changed";
+  close(row) {
+    row.lastElementChild.remove();
+    row.firstElementChild.setAttribute("aria-expanded", "false");
+  }
+
+  open(row) {
+    this.order({ do: "describe", name: row.dataset.name }, (said) => {
+      if (!said.good) return;
+      if (row.childElementCount > 1) row.lastElementChild.remove();
+      row.append(this.editor(row, said.parameter));
+      row.firstElementChild.setAttribute("aria-expanded", "true");
+      setText(row.querySelector("output"), shown(said.parameter.value));
     });
-  });
-  set.addEventListener("click", () => send(field.type === "number" ? Number(field.value) : field.value));
-  line.append(field, ` ${unit} `, set);
-  place.append(note, line);
-  if (typeof value === "number") place.append(slider(name, value, limits, field, send));
-  return place;
-}
+  }
 
-function slider(name, value, limits, field, send) {
-  const range = document.createElement("input"), [low, high] = stretch(value, limits);
-  const whole = Number.isInteger(value) && limits.every(Number.isInteger);
-  Object.assign(range, { type: "range", min: low, max: high, step: whole ? 1 : (high - low) / STEPS, value });
-  range.setAttribute("aria-label", `${name}, slider`);
-  range.addEventListener("input", () => { field.value = shown(Number(range.value)); });
-  range.addEventListener("change", () => send(Number(range.value)));
-  return range;
-}
+  editor(row, { unit, value, limits, meaning, locked }) {
+    const { name } = row.dataset, number = typeof value === "number", field = element("input"), set = element("button", "", "Set");
+    const [least, most] = limits.map((limit) => (limit === null ? "no limit" : shown(limit)));
+    set.type = "button";
+    field.type = number ? "number" : "text";
+    if (number) field.step = "any";
+    field.value = shown(value);
+    field.setAttribute("aria-label", name);
+    field.disabled = set.disabled = Boolean(locked);
+    set.addEventListener("click", () => this.set(row, number ? Number(field.value) : field.value));
+    field.addEventListener("keydown", (event) => { if (event.key === "Enter") set.click(); });
+    const unitShown = unit === "1" || unit === "choice" ? "" : unit;
+    const place = element("div", "", element("p", "note", number ? `${meaning}. ${least} to ${most} ${unitShown}` : meaning));
+    if (locked) place.append(element("p", "note", locked));
+    place.append(element("p", "row", field, unitShown, set));
+    if (number && !locked) place.append(this.slider(row, value, limits, field));
+    return place;
+  }
 
-export function filterParameters(place, text) {
-  for (const row of place.children) row.hidden = !row.dataset.name.includes(text);
+  slider(row, value, limits, field) {
+    const range = element("input"), [low, high] = stretch(value, limits);
+    const whole = Number.isInteger(value) && limits.every(Number.isInteger);
+    Object.assign(range, { type: "range", min: low, max: high, step: whole ? 1 : (high - low) / STEPS, value });
+    range.setAttribute("aria-label", `${row.dataset.name}, slider`);
+    range.addEventListener("input", () => { field.value = shown(Number(range.value)); });
+    range.addEventListener("change", () => this.set(row, Number(range.value)));
+    return range;
+  }
+
+  set(row, value) {
+    this.order({ do: "set", name: row.dataset.name, value }, (said) => {
+      if (said.good) row.querySelector("output").className = "changed";
+      this.open(row);
+    });
+  }
+
+  filter(text) {
+    for (const row of this.place.children) row.hidden = !row.dataset.name.includes(text);
+  }
 }
