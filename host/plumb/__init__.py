@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from plumb.api.live import Gap as Gap
     from plumb.api.live import Health as Health
     from plumb.api.live import Sample as Sample
+    from plumb.api.logged import LoggedRun as LoggedRun
     from plumb.api.parameters import ParameterDescription as ParameterDescription
     from plumb.api.parameters import Parameters as Parameters
     from plumb.api.recordings import Recording as Recording
@@ -42,6 +43,7 @@ _PLACES = {
     "Gap": "plumb.api.live",
     "Health": "plumb.api.live",
     "LinkError": "plumb.errors",
+    "LoggedRun": "plumb.api.logged",
     "ParameterDescription": "plumb.api.parameters",
     "Parameters": "plumb.api.parameters",
     "PlumbError": "plumb.errors",
@@ -57,8 +59,8 @@ _PLACES = {
 """Public name -> the module that has it."""
 
 __all__ = [
-    "Board", "Estimate", "Estimator", "Gap", "Health", "LinkError", "ParameterDescription", "Parameters", "PlumbError",
-    "Recording", "RunResult", "Sample", "UsageError", "connect", "golden", "load", "run",
+    "Board", "Estimate", "Estimator", "Gap", "Health", "LinkError", "LoggedRun", "ParameterDescription", "Parameters",
+    "PlumbError", "Recording", "RunResult", "Sample", "UsageError", "connect", "golden", "load", "run",
 ]  # fmt: skip
 
 

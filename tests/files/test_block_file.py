@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import errno
+import os
+import stat
+import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -107,6 +111,49 @@ def test_a_disk_that_becomes_full_leaves_whole_blocks(tmp_path: Path, monkeypatc
         blocks.append("DATA", b"lost")
     found, damages = read(path)
     assert [block.payload for block in found] == [b"kept"] and damages == []
+
+
+def test_what_was_written_goes_through_to_the_disk_while_the_file_grows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once for everything that was appended, never for nothing, and in a thread of its own."""
+    synced: list[tuple[int, str]] = []
+    done, path = threading.Event(), tmp_path / "file"
+
+    def noted(descriptor: int) -> None:
+        if stat.S_ISREG(os.fstat(descriptor).st_mode):
+            synced.append((path.stat().st_size, threading.current_thread().name))
+            done.set()
+
+    monkeypatch.setattr(os, "fsync", noted)
+    with BlockWriter(path, MAGIC, sync_every_s=0.001) as writer:
+        for number in range(3):
+            assert done.wait(20.0) or not number
+            done.clear()
+            writer.append("DATA", bytes(100))
+            size = path.stat().st_size
+            assert done.wait(20.0) and synced[-1] == (size, "sync")
+        time.sleep(0.02)
+        assert len(synced) <= 4, "the first line, and each block"
+    assert synced[-1][1] == "MainThread"
+
+
+def test_a_disk_that_fails_behind_the_recorder_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    failed = threading.Event()
+
+    def fails(descriptor: int) -> None:
+        if stat.S_ISREG(os.fstat(descriptor).st_mode):
+            failed.set()
+            raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(os, "fsync", fails)
+    writer = BlockWriter(tmp_path / "file", MAGIC, sync_every_s=0.001)
+    assert failed.wait(20.0)
+    writer._syncing.join()
+    with pytest.raises(UsageError, match=r"file cannot be written: Input/output error"):
+        writer.append("DATA", b"")
+    with pytest.raises(UsageError, match=r"file cannot be written: Input/output error"):
+        writer.close()
 
 
 def test_a_file_that_was_deleted_while_it_was_written_is_no_success(tmp_path: Path) -> None:

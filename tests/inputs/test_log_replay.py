@@ -19,7 +19,7 @@ from plumb.inputs.log_file import FRAME, Frames, read_log
 from plumb.inputs.log_replay import Reproduction, chosen, open_log, reproduce, runs_of
 from plumb.inputs.log_writer import LogWriter
 from plumb.spec.protocol import protocol
-from support.recordings import GAINS, blocks_of, recorded_run, rewritten, with_json
+from support.recordings import GAINS, recorded_run, rewritten, with_frames, with_json
 
 STEER = 1 << 28
 
@@ -31,19 +31,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def on_native(path: Path, number: int | None = None) -> Reproduction:
     return reproduce(chosen(runs_of(open_log(path)), number), NativeCore(), "native", None, None)
-
-
-def with_frames(path: Path, out: Path, change: Callable[[Frames], Frames]) -> Path:
-    """A log whose frames, of all blocks together, a function has changed."""
-    frames = change(read_log(path).frames.copy())
-    left = [block.kind for block in blocks_of(path)].count("FRMS")
-
-    def one_block(kind: str, payload: bytes) -> bytes | None:
-        nonlocal left
-        left -= kind == "FRMS"
-        return payload if kind != "FRMS" else None if left else frames.tobytes()
-
-    return rewritten(path, out, one_block)
 
 
 def places(frames: Frames, name: str) -> list[int]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -264,18 +266,75 @@ def test_blocks_have_the_mean_and_the_mark_of_their_last_sample(tmp_path: Path) 
         recording.decimated(replace(whole, time_s=whole.time_s[:11]), 6)
 
 
-@pytest.mark.parametrize("system", ["quad", "phone"])
+@pytest.mark.parametrize("system", ["quad", "phone", "attitude"])
 def test_replay_decimates_as_compare_does(tmp_path: Path, system: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Half a second of a sensor of 200 Hz is 100 steps of 5 ms, 33 of 15 ms, 16 of 30 ms."""
     path = saved(tmp_path, turning("x", seconds=4.0))
     steps = []
-    for more in ([], ["--decimate", "3"], ["--decimate", "6"]):
+    sixth = ["--decimate", "6", *(["--period-us", "15000"] if system == "attitude" else [])]  # it cannot have 30 ms
+    for more in ([], ["--decimate", "3"], sixth):
         assert front.main(["replay", str(path), "--system", system, "--board", "native", "--json", *more]) == 0
         said = json.loads(capsys.readouterr().out)
         assert said["verdict"] == "pass" and said["proof"] is False
         steps.append(said["steps"])
-    if system == "quad":
-        assert steps == [800, 266, 133]
+    assert steps == {"quad": [800, 266, 133], "phone": [399, 397, 396], "attitude": [800, 266, 265]}[system]
+    if system == "attitude":
+        assert front.main(["replay", str(path), "--system", system, "--board", "native", "--decimate", "6"]) == 2
+        assert "a period of 30000 us is outside 1000 to 21000 us; resample with" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("system", ["quad", "phone", "attitude"])
+def test_what_cannot_be_decimated_is_one_sentence(
+    tmp_path: Path, system: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Blocks longer than the recording, a gap, and a stamp that runs back; a short gap is part of its block."""
+    gyr, acc = np.zeros((11, 3)), np.tile([0.0, 0.0, 9.81], (11, 1))
+    even = 0.25 * np.arange(11)
+    command = ["replay", str(tmp_path / "run.npz"), "--system", system, "--board", "native"]
+    for time_s, block, sentence in (
+        (even, "6", "too few for --decimate 6"),
+        (np.where(even > 1.0, even + 2.0, even), "3", "has a gap of 2.2 s at sample 5"),
+        (np.where(even == 1.0, 0.0, even), "3", "time stands still or runs back"),
+    ):
+        np.savez(tmp_path / "run.npz", gyr=gyr, acc=acc, time_s=time_s)
+        assert front.main([*command, "--decimate", block]) == 2
+        said = capsys.readouterr().err
+        assert sentence in said and said.count("\n") == 1
+    for wrong in ("0", "-3", "2", "1000000", "three"):
+        with pytest.raises(SystemExit, match="2"):
+            front.main([*command, "--decimate", wrong])
+        assert "--decimate" in capsys.readouterr().err
+    gappy = np.arange(600) * 0.005
+    gappy[300:] += 0.7
+    np.savez(tmp_path / "run.npz", gyr=np.zeros((600, 3)), acc=np.tile([0.0, 0.0, 9.81], (600, 1)), time_s=gappy)
+    assert front.main([*command, "--decimate", "3", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["verdict"] == "pass"
+
+
+def test_the_program_that_converts_a_recording_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As the how-to page runs it, with the names that the data set's files have."""
+    savemat = pytest.importorskip("scipy.io", reason="scipy is not installed: the extra tune").savemat
+    angle = np.radians(20.0) * np.sin(2.0 * np.pi * 0.3 * np.arange(1500) * 0.0035)
+    zero = np.zeros_like(angle)
+    quat = np.stack([np.cos(angle / 2), np.sin(angle / 2), zero, zero], 1)
+    quat[40] = np.nan
+    fields = {
+        "imu_gyr": np.stack([np.gradient(angle, 0.0035), zero, zero], 1),
+        "imu_acc": 9.80665 * np.stack([zero, np.sin(angle), np.cos(angle)], 1),
+        "imu_mag": np.zeros((1500, 3)),
+        "opt_quat": quat,
+        "movement": (np.arange(1500) > 300).astype(np.uint8),
+        "sampling_rate": 2000 / 7,
+    }
+    savemat(tmp_path / "trial.mat", fields)
+    program = Path(__file__).resolve().parents[2] / "examples" / "recordings" / "from_mat.py"
+    command = [sys.executable, str(program), str(tmp_path / "trial.mat"), str(tmp_path / "trial.npz")]
+    subprocess.run(command, check=True)
+    replayed = ["replay", str(tmp_path / "trial.npz"), "--system", "attitude", "--board", "native", "--json"]
+    assert front.main(replayed) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["steps"] == 1500 and 1190 <= said["scored_steps"] < 1200
+    assert said["metrics"]["angle_rmse_deg"] < 1.0
 
 
 def test_datagrams_are_not_decimated_and_a_log_s_options_are_refused(

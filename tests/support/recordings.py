@@ -10,7 +10,7 @@ import numpy as np
 
 from plumb.boards import RawCounts
 from plumb.files.block_file import Block, BlockWriter, read_blocks
-from plumb.inputs.log_file import MAGIC
+from plumb.inputs.log_file import MAGIC, Frames, read_log
 from plumb.inputs.log_writer import LogWriter
 from plumb.inputs.recorder import Recorder
 from plumb.link import parameter_table
@@ -112,3 +112,16 @@ def with_json(kind: str, change: Callable[[dict[str, object]], object]) -> Calla
         return json.dumps(value).encode()
 
     return changed
+
+
+def with_frames(path: Path, out: Path, change: Callable[[Frames], Frames]) -> Path:
+    """A log whose frames, of all blocks together, a function has changed."""
+    frames = change(read_log(path).frames.copy())
+    left = [block.kind for block in blocks_of(path)].count("FRMS")
+
+    def one_block(kind: str, payload: bytes) -> bytes | None:
+        nonlocal left
+        left -= kind == "FRMS"
+        return payload if kind != "FRMS" else None if left else frames.tobytes()
+
+    return rewritten(path, out, one_block)

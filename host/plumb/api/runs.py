@@ -108,8 +108,9 @@ class RunResult(Mapping[str, FloatArray]):
     @property
     def verdict(self) -> Verdict:
         """`pass`: every step of the board equals the model's in every bit. `fail`: one differs. `unverified`: answers
-        were lost on the link. It says nothing of the estimate's distance from the truth: `accuracy` does."""
-        verdict = self._done.run.verdict
+        were lost on the link, or in the log that is replayed. It says nothing of the estimate's distance from the
+        truth: `accuracy` does."""
+        verdict = self._done.verdict
         return "pass" if verdict == "pass" else "fail" if verdict == "fail" else "unverified"
 
     @property

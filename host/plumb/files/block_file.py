@@ -16,8 +16,10 @@ The format of the payloads belongs to who uses the file (docs/reference/log.md).
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import struct
+import threading
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -66,10 +68,14 @@ def sealed(number: int, kind: str, payload: bytes) -> bytes:
 
 class BlockWriter:
     """Writes a new file, a block with each call; every whole block is handed to the operating system at once, so that a
-    killed process loses none of them. Raises UsageError when the file exists, unless `replace`, or cannot be
-    written."""
+    killed process loses none of them. Raises UsageError when the file exists, unless `replace`, or cannot be written.
 
-    def __init__(self, path: Path, magic: str, *, replace: bool = False) -> None:
+    sync_every_s: a thread writes the file through to the disk at this interval, so that a machine that crashes, or
+    whose power fails, loses no more than that; None: only `close` does. The caller of `append` never waits for the
+    disk: it may be the one who keeps a board armed.
+    """
+
+    def __init__(self, path: Path, magic: str, *, replace: bool = False, sync_every_s: float | None = None) -> None:
         self._path, self._number, self._end = path, 0, 0
         with self._sentences():
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -78,6 +84,24 @@ class BlockWriter:
             except FileExistsError:
                 raise UsageError(exists_sentence(path)) from None
         self._write(magic.encode("ascii") + b"\n")
+        self._closing, self._sync_error = threading.Event(), ""
+        self._syncing = threading.Thread(target=self._keep_synced, args=(sync_every_s,), name="sync", daemon=True)
+        if sync_every_s is not None:
+            self._syncing.start()
+
+    def _keep_synced(self, every_s: float) -> None:
+        """Runs in a thread of its own."""
+        _sync_folder(self._path.parent)
+        synced = 0
+        while not self._closing.wait(every_s):
+            end = self._end
+            if end != synced:
+                try:
+                    _sync(self._file.fileno())
+                except OSError as error:
+                    self._sync_error = error.strerror or str(error)
+                    return
+                synced = end
 
     @contextlib.contextmanager
     def _sentences(self) -> Iterator[None]:
@@ -89,6 +113,10 @@ class BlockWriter:
 
     def append(self, kind: str, payload: bytes) -> None:
         """Write one block. After an error the file ends with the last whole block."""
+        if self._sync_error:
+            raise UsageError(
+                f"{self._path} cannot be written: {self._sync_error}; what was written before may be damaged"
+            )
         self._write(sealed(self._number, kind, payload))
         self._number += 1
 
@@ -106,8 +134,11 @@ class BlockWriter:
 
     def close(self) -> None:
         """Write the file to the disk and close it. Raises UsageError when that fails or the file was deleted."""
-        with self._sentences(), self._file, contextlib.suppress(OSError):  # a device has nothing to write back
-            os.fsync(self._file.fileno())
+        self._closing.set()
+        if self._syncing.ident is not None:
+            self._syncing.join()
+        with self._sentences(), self._file:
+            _sync(self._file.fileno())
         if not self._path.exists():
             raise UsageError(f"{self._path} was deleted while it was written: nothing is kept, record again")
 
@@ -116,6 +147,25 @@ class BlockWriter:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _sync(descriptor: int) -> None:
+    """Write a file through to the disk. Raises OSError."""
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # a device has nothing to write back
+            raise
+
+
+def _sync_folder(folder: Path) -> None:
+    """Write a folder's entries to the disk, so that a new file keeps its name; nothing where the system cannot."""
+    with contextlib.suppress(OSError, AttributeError):
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
 
 
 def exists_sentence(path: Path) -> str:

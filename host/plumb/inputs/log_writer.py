@@ -1,4 +1,5 @@
-"""Write a log (.plog) while its frames arrive. If the recorder is killed, at most the last FLUSH_EVERY_S is lost."""
+"""Write a log (.plog) while its frames arrive. A killed recorder loses at most the last FLUSH_EVERY_S, a crash of the
+machine at most that and SYNC_EVERY_S."""
 
 from __future__ import annotations
 
@@ -32,6 +33,8 @@ from plumb.spec.protocol import Frame
 
 FLUSH_EVERY_S = 0.25
 """Longest time that frames wait for their block."""
+SYNC_EVERY_S = 1.0
+"""Interval at which what was written goes through to the disk."""
 BLOCK_FRAMES = 4096
 """Frames of a full block: 90 KB, one second of a full UART."""
 
@@ -54,7 +57,7 @@ class LogWriter:
         self.path = path
         self._waiting = bytearray()
         self._flushed_s = time.monotonic()
-        self._blocks = BlockWriter(path, MAGIC, replace=replace)
+        self._blocks = BlockWriter(path, MAGIC, replace=replace, sync_every_s=SYNC_EVERY_S)
         self._append_json(HEAD, {"clock": SIMULATED if simulated else UTC, **head})
         self._blocks.append(DBC_TEXT, dbc.text().encode("utf-8"))
 

@@ -51,6 +51,11 @@ class ScenarioRun:
     run: Run
     heading: dict[str, Any]
 
+    @property
+    def verdict(self) -> str:
+        """pass, fail or unverified."""
+        return self.run.verdict
+
     def accuracy(self) -> limits.Accuracy:
         """The metrics against the limits that the system declares for this run."""
         return self.run.accuracy(self.heading)

@@ -18,7 +18,7 @@ from plumb.tuning.quantise import ControlParams, quantise
 def inputs_of(request: ReplayRequest) -> tuple[RunInputs, ControlParams, dict[str, object]]:
     """Inputs, parameters, and the first entries of the summary of `plumb replay`. The counts are those of the default
     sensor; samples beyond its range clip as they would there."""
-    recorded = recording.load(request.file)
+    recorded = request.recording()
     period_us = round(recorded.step_s * 1e6) if request.period_us is None else request.period_us
     low, high = PERIODS_US
     if not low <= period_us <= high:
