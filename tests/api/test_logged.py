@@ -62,7 +62,7 @@ def test_a_replay_is_that_of_the_log(log: Path) -> None:
     assert run.replay("quad", seconds=0.2).steps == 10
     for wrong in ({"system": "phone"}, {"axis": "y"}, {"period_s": 0.01}, {"seconds": "long"}, {"board": 3}):
         with pytest.raises(plumb.UsageError):
-            run.replay(**wrong)  # type: ignore[arg-type]
+            run.replay(**wrong)
 
 
 def test_a_log_that_lost_a_frame_is_unverified(log: Path, tmp_path: Path) -> None:
@@ -98,4 +98,4 @@ def test_what_cannot_be_loaded_is_a_sentence(log: Path, tmp_path: Path) -> None:
         (tmp_path / "units.npz", {"run": 1}, "run and params are for logs"),
     ):
         with pytest.raises(plumb.UsageError, match=sentence):
-            plumb.load(path, **more)  # type: ignore[arg-type]
+            plumb.load(path, **more)
