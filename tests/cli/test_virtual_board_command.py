@@ -117,7 +117,9 @@ def test_the_plant_is_on_the_pins_before_the_power_comes_on() -> None:
         plant_on_pins.configure_as(board, quantise(balancer.TUNED), period_us=balancer.PERIOD_US, **balancer.LINK)
         slots = bytes(board.machine.cpu.flash[PARAMETER_SLOTS - FLASH_BASE :])
     machine = open_machine(
-        slots=slots, strap="bridge", couple=plant_on_pins.coupler("balancer", balancer.scenario("rough", 1))
+        slots=slots,
+        strap="bridge",
+        couple=plant_on_pins.coupler("balancer", balancer.plant(balancer.scenario("rough", 1))),
     )
     with Session.open(machine.uart) as session:
         identity = session.connect()

@@ -118,7 +118,7 @@ def test_a_command_says_in_one_sentence_what_a_system_lacks(tmp_path: Path) -> N
 
 def test_a_plant_without_pins_is_refused_before_it_is_coupled() -> None:
     with pytest.raises(UsageError, match="no sensors of its own"):
-        coupler("phone", phone.scenario("static", 1, seconds=4.0))
+        coupler("phone", phone.plant(phone.scenario("static", 1, seconds=4.0)))
 
 
 def test_plants_and_couplings_are_typed() -> None:

@@ -29,12 +29,12 @@ def sampling_began_s(machine: Machine) -> float:
     return machine.tim3.started_at / TICKS_PER_S
 
 
-def coupler(system: str, scenario: Scenario) -> Callable[[Machine], None]:
-    """A function that attaches the plant of this scenario to a machine, for `open_machine`."""
+def coupler(system: str, plant: Plant) -> Callable[[Machine], None]:
+    """A function that attaches a plant of this system to a machine, for `open_machine`."""
     pins = systems.load(system, PINS)
 
     def couple(machine: Machine) -> None:
-        pins.Coupling(machine, systems.load(system).plant(scenario))
+        pins.Coupling(machine, plant)
 
     return couple
 

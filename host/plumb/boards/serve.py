@@ -51,6 +51,12 @@ class Joined(Protocol):
     def move(self) -> None: ...
 
 
+class Orders(Protocol):
+    """Orders for a hand that holds the board's body."""
+
+    def look(self) -> None: ...
+
+
 class Trace(Protocol):
     """A recording of the board's pins."""
 
@@ -69,10 +75,11 @@ def run_paced(
     kept: KeptSlots | None = None,
     say: Callable[[str], None] = lambda text: None,
     trace: Trace | None = None,
+    orders: Orders | None = None,
 ) -> None:
     """Run the board in real time until stopped() is true; bytes pass between its UART and `line`, frames through
-    `joint`. trace: flushed as time passes. say: called with a sentence when the board falls behind real time, and when
-    it keeps up again."""
+    `joint`. trace is flushed, and orders are looked at, as time passes. say: called with a sentence when the board
+    falls behind real time, and when it keeps up again."""
     begin_wall, begin_ticks = time.monotonic(), machine.now
     started_s = begin_wall
     watch = RealTimeWatch("the virtual board", "this machine is too slow or too busy for it", say, time.monotonic)
@@ -97,6 +104,8 @@ def run_paced(
             kept.look()
         if trace is not None:
             trace.flush()
+        if orders is not None:
+            orders.look()
         if behind_s < SLICE_S:
             descriptor = line.watch()
             # Sleep for a slice, or until bytes arrive. Not `selectors`: epoll counts in milliseconds.
@@ -164,15 +173,17 @@ def serve(
     announce: Callable[[str], None] = print,
     say: Callable[[str], None] = lambda text: None,
     trace: Trace | None = None,
+    orders: Orders | None = None,
 ) -> None:
     """Serve the board's UART on `spec`, and its CAN bus, coupled by join(), on `can_spec`, until stopped() is true.
 
-    announce is called with the address of each, as a board's name without `serial:`; say and trace as in `run_paced`.
+    announce is called with the address of each, as a board's name without `serial:`; say, trace and
+    orders as in `run_paced`.
     """
     line = open_endpoint(spec, link)
     try:
         with joined(join, can_spec, announce) as joint:
             announce(line.address)
-            run_paced(machine, line, stopped, joint, kept, say, trace)
+            run_paced(machine, line, stopped, joint, kept, say, trace, orders)
     finally:
         line.close()

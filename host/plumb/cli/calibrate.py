@@ -2,6 +2,7 @@
 
     plumb calibrate --board serial:/dev/ttyUSB0
     plumb calibrate --board serial:/dev/ttyUSB0 --undo
+    plumb calibrate --board serial:board --hand hand.txt    one that `plumb virtual-board --hand hand.txt` serves
     plumb calibrate --board virtual --system quad        a simulated hand holds it
     plumb calibrate --board native --system quad         the same, the main loop in this process: faster
 
@@ -47,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_system_with(parser, "poses", "system of `virtual`; another board has its own")
     options.add_link_and_image(parser)
     options.add_seed(parser, "the errors of the sensors of `virtual`")
+    options.add_hand(parser)
     parser.add_argument("--undo", action="store_true", help="put back what the last calibration of this board replaced")
     parser.add_argument("--answers", type=Path, metavar="FILE", help="answer the questions from this TOML file")
     options.add_json(parser)
@@ -67,10 +69,11 @@ def opened(arguments: argparse.Namespace) -> tuple[LinkBoard, Callable[[str], No
     """The board, and what puts its body into a pose; None where a person does."""
     from plumb.errors import UsageError
 
+    hand = options.hand_of(arguments.hand, arguments.board)
     if arguments.board not in SIMULATED:
         if arguments.system:
             raise UsageError("--system is for `virtual`: `plumb params tuning SYSTEM` makes another board that system")
-        return options.linked_board_of(arguments), None
+        return options.linked_board_of(arguments), hand
     from plumb.boards.held import open_held
 
     system = options.system_with(arguments, "poses")

@@ -7,6 +7,7 @@ board that the options name. Only the imports that argparse needs are at the top
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -224,6 +225,26 @@ def params_of(arguments: argparse.Namespace) -> dict[str, int] | None:
     from plumb.spec import parameter_file
 
     return None if arguments.params is None else parameter_file.read(arguments.params).values
+
+
+def add_hand(parser: Options) -> None:
+    """--hand, for a served board that another process holds."""
+    about = "file or pipe of `plumb virtual-board --hand FILE`: its hand makes the poses"
+    parser.add_argument("--hand", metavar="FILE", help=about)
+
+
+def hand_of(hand: str | None, board: str | None) -> Callable[[str], None] | None:
+    """What puts the body of a served board into a pose, from --hand; None without it."""
+    if hand is None:
+        return None
+    from functools import partial
+
+    from plumb.boards.hand_orders import STDIN, tell
+    from plumb.errors import UsageError
+
+    if hand == STDIN or board in ("virtual", "native"):
+        raise UsageError("--hand names the file of a board that `plumb virtual-board --hand FILE` serves")
+    return partial(tell, hand)
 
 
 def add_json(parser: Options, when: str = "") -> None:

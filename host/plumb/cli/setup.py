@@ -3,6 +3,7 @@
     plumb setup
     plumb setup --board serial:/dev/ttyUSB0
     plumb setup --board virtual --answers FILE        without anybody: for trials, and for CI
+    plumb setup --board serial:board --hand hand.txt --answers FILE    over the port of `plumb virtual-board --hand`
 
 Each step says what it found, and asks before it changes anything; Enter takes the answer in brackets. It ends with a
 green light: the board runs on its own sensors, at its period, without a fault or a loss, and its tilt is that of the
@@ -41,6 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_system_with(parser, "poses", "system, instead of being asked")
     options.add_link_and_image(parser)
     options.add_seed(parser, "the errors of the sensors of `virtual`")
+    options.add_hand(parser)
     parser.add_argument("--answers", type=Path, metavar="FILE", help="answer the questions from this TOML file")
     options.add_json(parser, " at the end")
 
@@ -53,11 +55,13 @@ def main(arguments: argparse.Namespace) -> int:
     asked = questions(arguments.answers)
     tell("1. the board")
     board = arguments.board or choose_board(asked)
+    hand = options.hand_of(arguments.hand, board)
     if board not in SIMULATED:
         tell("2. the image")
         flash(board, arguments, asked)
     tell("3. the system")
     opened, put = open_board(board, arguments, asked)
+    put = put or hand
     with opened:
         session = opened.session
         tell("4. the sensors")

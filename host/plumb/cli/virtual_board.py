@@ -13,12 +13,16 @@
     plumb virtual-board --port native              the same main loop on a board in memory: no image, no Unicorn
     plumb virtual-board --vcd board.vcd            record its pins and buses: gtkwave board.vcd
     plumb virtual-board --symlink board --keep board.flash     what `plumb params save` saves is there the next time
+    plumb virtual-board --system attitude --hand -             you hold it: type a pose, `3` or `left side up`
+    plumb virtual-board --system quad --hand hand.txt          the same from a file: echo upside down >> hand.txt
 
 The board runs the flash image unmodified, or with --port native the same main loop built for this machine, until
 Ctrl-C; starting it again is power off and on. With --system the board starts as that system, its tuning and its pin set
 saved, as after `plumb params tuning SYSTEM --save` and a reset, unless --keep has parameters; without --system it
 starts with factory parameters. The strap decides where UART and actuators are: while the saved parameter `pins`
-disagrees with it, the board drives no actuator pin. When this machine is too slow for real time, the board says so.
+disagrees with it, the board drives no actuator pin. With --hand a hand holds the body, whose sensors have the errors of
+the seed, for `plumb calibrate` and `plumb setup` over its port. A line of the hand is a pose, and if wanted a share of
+the way and a time: `left side up 50% 2s`. When this machine is too slow for real time, the board says so.
 """
 
 from __future__ import annotations
@@ -35,9 +39,11 @@ from plumb.cli import options
 
 if TYPE_CHECKING:
     from plumb.boards.flash_file import KeptSlots
+    from plumb.boards.hand_orders import HandOrders
     from plumb.boards.serve import Join, Served
     from plumb.f103.machine import Machine
     from plumb.f103.waveforms import VcdTrace
+    from plumb.systems.contracts import Plant
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,6 +61,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--port", choices=("f103", "native"), default="f103", help="the chip, or a board in memory")
     parser.add_argument("--part", help="stm32f103c8 (default), -cb, -rct6, -ret6 or -zet6")
     options.add_image(parser)
+    parser.add_argument(
+        "--hand", metavar="FILE|-", help="a hand holds the body, and follows poses in FILE, or on stdin"
+    )
     parser.add_argument("--vcd", type=Path, metavar="FILE", help="record pins and buses for GTKWave, PulseView, sigrok")
     parser.add_argument("--keep", type=Path, metavar="FILE", help="store its flash parameters in this file")
 
@@ -75,15 +84,13 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.can:
         parse_can_end(arguments.can)
     traces: list[VcdTrace] = []
-    board, join, kept = _native(arguments) if arguments.port == "native" else _f103(arguments, traces)
+    plant, orders = _plant(arguments)
+    board, join, kept = _native(arguments, plant) if arguments.port == "native" else _f103(arguments, plant, traces)
 
     def announce(address: str) -> None:
         name = address if address.startswith("can:") else f"serial:{arguments.symlink or address}"
         entry.add(address if address.startswith("can:") else f"serial:{address}")
         print(f"serving the virtual board at {address}; use it as {name}; Ctrl-C ends it", flush=True)
-
-    def say(text: str) -> None:
-        print(f"plumb: {text}", file=sys.stderr, flush=True)
 
     with contextlib.ExitStack() as stack:
         trace = stack.enter_context(traces[0]) if traces else None
@@ -100,10 +107,37 @@ def main(arguments: argparse.Namespace) -> int:
             announce=announce,
             say=say,
             trace=trace,
+            orders=orders,
         )
     if caught[:1] == [signal.SIGINT]:
         raise KeyboardInterrupt
     return 0
+
+
+def say(text: str) -> None:
+    print(f"plumb: {text}", file=sys.stderr, flush=True)
+
+
+def _plant(arguments: argparse.Namespace) -> tuple[Plant | None, HandOrders | None]:
+    """The plant of --system, and what tells the hand of --hand what to do."""
+    from plumb import systems
+    from plumb.boards import hand_orders
+    from plumb.errors import UsageError
+    from plumb.systems.contracts import PINS, POSES
+
+    if not arguments.hand:
+        if not arguments.system:
+            return None, None
+        system = systems.load(arguments.system)
+        name = arguments.scenario or systems.load(arguments.system, PINS).SCENARIO
+        return system.plant(system.scenario(name, arguments.seed)), None
+    if not arguments.system or arguments.scenario:
+        raise UsageError("--hand holds the body of a system: name it with --system, and leave --scenario out")
+    plant, hand = systems.load(arguments.system, POSES).held(arguments.seed)
+    poses = ", ".join(f"{number} {pose}" for number, pose in enumerate(hand.poses, 1))
+    orders = hand_orders.HandOrders(hand, hand_orders.lines_of(arguments.hand), say)
+    say(f"the hand holds it: {hand.poses[0]}; poses: {poses}")
+    return plant, orders
 
 
 def _strap(arguments: argparse.Namespace) -> str:
@@ -115,22 +149,18 @@ def _strap(arguments: argparse.Namespace) -> str:
     return arguments.strap or BY_PIN_SET[pins]
 
 
-def _f103(arguments: argparse.Namespace, traces: list[VcdTrace]) -> tuple[Served, Join, KeptSlots | None]:
+def _f103(
+    arguments: argparse.Namespace, plant: Plant | None, traces: list[VcdTrace]
+) -> tuple[Served, Join, KeptSlots | None]:
     """The simulated chip with the flash image; the recording of --vcd, which begins with power-up, is put on traces."""
-    from plumb import systems
     from plumb.boards import plant_on_pins
     from plumb.boards.flash_file import MachineSlots, read_slots
     from plumb.boards.virtual_can import Joint
     from plumb.boards.virtual_machine import open_machine
     from plumb.f103.waveforms import VcdTrace
-    from plumb.systems.contracts import PINS
 
     slots = read_slots(arguments.keep) if arguments.keep else b""
-    couple = None
-    if arguments.system:
-        system = systems.load(arguments.system)
-        name = arguments.scenario or systems.load(arguments.system, PINS).SCENARIO
-        couple = plant_on_pins.coupler(arguments.system, system.scenario(name, arguments.seed))
+    couple = plant_on_pins.coupler(arguments.system, plant) if plant is not None else None
     strap = _strap(arguments)
     part = arguments.part or "stm32f103c8"
 
@@ -147,14 +177,12 @@ def _f103(arguments: argparse.Namespace, traces: list[VcdTrace]) -> tuple[Served
     return machine, functools.partial(Joint, machine), kept
 
 
-def _native(arguments: argparse.Namespace) -> tuple[Served, Join, KeptSlots | None]:
+def _native(arguments: argparse.Namespace, plant: Plant | None) -> tuple[Served, Join, KeptSlots | None]:
     """The main loop on a board in memory."""
-    from plumb import systems
     from plumb.boards.flash_file import read_slots
     from plumb.boards.native_served import NativeJoint, NativeSlots, open_native
     from plumb.boards.strap import BY_PIN_SET
     from plumb.errors import UsageError
-    from plumb.systems.contracts import PINS
 
     if arguments.image or arguments.part or arguments.vcd:
         raise UsageError("--image, --part and --vcd are for --port f103: leave them out, or leave --port native out")
@@ -162,11 +190,6 @@ def _native(arguments: argparse.Namespace) -> tuple[Served, Join, KeptSlots | No
     strap = _strap(arguments)
     if strap not in BY_PIN_SET:
         raise UsageError(f"there is no strap setting '{strap}'; use one of {', '.join(BY_PIN_SET)}")
-    plant = None
-    if arguments.system:
-        system = systems.load(arguments.system)
-        name = arguments.scenario or systems.load(arguments.system, PINS).SCENARIO
-        plant = system.plant(system.scenario(name, arguments.seed))
     board = open_native(BY_PIN_SET.index(strap), slots, arguments.system, plant)
     kept = NativeSlots(board.mcu, arguments.keep) if arguments.keep else None
     return board, functools.partial(NativeJoint, board.mcu), kept
