@@ -103,6 +103,12 @@ static inline int32_t mulhi_i32(int32_t a, int32_t b) {
     return hi_i64(mul_i64(a, b));
 }
 
+/* a * b / 2^32, rounded to nearest. */
+static inline int32_t mulhi_near(int32_t a, int32_t b) {
+    const int64_t product = mul_i64(a, b);
+    return hi_i64(product) + (int32_t)(lo_u64((uint64_t)product) >> 31);
+}
+
 /* x, with its range hidden from the compiler: gcc multiplies a factor that it knows to be non-negative as
  * unsigned, and then corrects the sign of the product. */
 static inline int32_t any_i32(int32_t x) {

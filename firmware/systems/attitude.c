@@ -1,4 +1,5 @@
 #include "plumb/attitude.h"
+#include "core/attitude_errors.h"
 #include "core/axis.h"
 #include "core/calibration.h"
 #include "plumb/angle.h"
@@ -15,21 +16,17 @@
 #define SCALE_LIMIT_Q32      (1 << 28)
 #define VELOCITY_LIMIT_Q28   (1 << 28) /* 1 g s */
 #define TILT_STEP_LIMIT_Q28  (1 << 26) /* largest correction of the tilt in a block, rad */
-#define VARIANCE_LIMIT_Q32   858993459 /* 0.2: where variances of tilt and velocity stop growing */
 #define ACCEL_LOST_Q32       10737418 /* (0.05 g s)^2: growth in a block in which the accelerometer clipped */
 #define WORTHLESS_G_Q25      5033165  /* 0.15 g: below it an acceleration tells no direction */
 #define ALIGNING_BLOCKS      4U
 #define LONGEST_BLOCK_S_Q33  2731598643U  /* 0.318 s: no sum of a block overflows */
 #define MOST_HALF_ANGLES_Q34 (1ULL << 34) /* block_steps * half_angle: half angles of a block below 8 rad */
-#define INNOVATION_LIMIT_Q28 ((1 << 28) - 1)
-#define LOST_SQUARE_Q24      1677722 /* 0.1 (g s)^2, 0.316 g s: a mean square that no tilt explains */
+#define LOST_SQUARE_Q24      1677722      /* 0.1 (g s)^2, 0.316 g s: a mean square that no tilt explains */
 #define GYRO_LOST            (PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED | PLUMB_ATTITUDE_FLAG_MISSING)
 #define ACCEL_LOST           (PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED | PLUMB_ATTITUDE_FLAG_MISSING)
 #define JUDGED               (PLUMB_ATTITUDE_FLAG_UNSURE | PLUMB_ATTITUDE_FLAG_ACCELERATING)
 #define HALF_LIMIT_Q30       461708984 /* 0.43 rad: with coning below 1/2 */
-#define GATE                 25        /* square of the sigmas beyond which a rest is a turn */
 
-enum { BIAS = 0, SCALE = 3, TILT = 6, VELOCITY = 8, STATES = PLUMB_ATTITUDE_STATES };
 /* What a step computes of the covariance. Each measurement takes two slices; velocity x, y, and at rest bias
  * x, y, z. */
 enum { SLICE_NONE, SLICE_JUDGE, SLICE_TILT_X, SLICE_TILT_Y, SLICE_GROWTH, SLICE_MEASURE };
@@ -42,27 +39,6 @@ typedef char attitude_assert_size[sizeof(plumb_attitude_t) <= 768U ? 1 : -1];
 #else
 #define SELDOM static
 #endif
-
-/* a * b / 2^32, rounded to nearest. */
-static inline int32_t mulhi_near(int32_t a, int32_t b) {
-    const int64_t product = mul_i64(a, b);
-    return hi_i64(product) + (int32_t)(lo_u64((uint64_t)product) >> 31);
-}
-
-/* Entries of the covariance and corrections: modulo 2^32, as no input may make a sum undefined. */
-static inline void add(int32_t *to, int32_t by) {
-    *to = add_wrap(*to, by);
-}
-
-/* 16 times, modulo 2^32: a product of Q28 and Q32 from Q28 to Q32. */
-static inline int32_t times_16(int32_t x) {
-    return wrap_i32((uint32_t)x << 4);
-}
-
-/* Row `i` of a lower triangle. */
-static inline int32_t *row_of(int32_t *triangle, unsigned i) {
-    return triangle + i * (i + 1U) / 2U;
-}
 
 /* The sums of a block that begins. */
 static void clear_sums(plumb_attitude_t *c) {
@@ -83,16 +59,7 @@ SELDOM void start(plumb_attitude_t *c, const plumb_attitude_params_t *a) {
         w->bias_turnps_q32[i] = w->scale_q32[i] = 0;
     w->velocity_gs_q28[0] = w->velocity_gs_q28[1] = 0;
     w->velocity_square_g2s2_q24 = 0;
-    int32_t *entry = c->covariance_q32;
-    for (unsigned i = 0; i < STATES; i++) {
-        for (unsigned j = 0; j < i; j++)
-            *entry++ = 0;
-        *entry++ = i < SCALE      ? a->start_bias
-                   : i < TILT     ? a->start_scale
-                   : i < VELOCITY ? a->start_tilt
-                                  : a->start_velocity;
-        c->correction_q28[i] = 0;
-    }
+    attitude_errors_start(&c->errors, a->start_bias, a->start_scale, a->start_tilt, a->start_velocity);
     w->tilt_variance_rad2_q32 = 2U * (uint32_t)a->start_tilt;
     c->block_flags = PLUMB_ATTITUDE_FLAG_ALIGNING | PLUMB_ATTITUDE_FLAG_UNSURE;
     c->slice = SLICE_NONE;
@@ -145,97 +112,8 @@ SELDOM uint32_t align(plumb_quaternion_t *q, int32_t x, int32_t y, int32_t z, ui
     return half;
 }
 
-/* The horizontal velocity grows with the tilt, by half the lever of the block: called before and after the
- * tilt has grown. */
-static void grow_velocity(int32_t *covariance, int32_t lever) {
-    int32_t *const tilt_x = row_of(covariance, TILT), *const tilt_y = row_of(covariance, TILT + 1);
-    int32_t *const x = row_of(covariance, VELOCITY), *const y = row_of(covariance, VELOCITY + 1);
-    for (unsigned i = 0; i < TILT; i++) {
-        add(&x[i], mulhi_near(lever, tilt_y[i]));
-        add(&y[i], -mulhi_near(lever, tilt_x[i]));
-    }
-    const int32_t x_by_y = x[TILT + 1], y_by_x = y[TILT], y_by_y = y[TILT + 1];
-    add(&x[TILT], mulhi_near(lever, tilt_y[TILT]));
-    add(&x[TILT + 1], mulhi_near(lever, tilt_y[TILT + 1]));
-    add(&y[TILT], -mulhi_near(lever, tilt_x[TILT]));
-    add(&y[TILT + 1], -mulhi_near(lever, tilt_y[TILT]));
-    add(&x[VELOCITY], mulhi_near(lever, add_wrap(x_by_y, x[TILT + 1])));
-    add(&y[VELOCITY], mulhi_near(lever, y_by_y) - mulhi_near(lever, x[TILT]));
-    add(&y[VELOCITY + 1], -mulhi_near(lever, add_wrap(y_by_x, y[TILT])));
-}
-
-/* Sum of the products of six, each Q32 and rounded to nearest. */
-static int32_t weighted(const int32_t by[6], const int32_t of[6]) {
-    int32_t sum = 0;
-    for (unsigned i = 0; i < 6U; i++)
-        add(&sum, mulhi_near(by[i], of[i]));
-    return sum;
-}
-
-/* One component of the tilt grows by the errors of the gyro, times the coupling. */
-static void grow_tilt(int32_t *covariance, const int32_t coupling[6], unsigned axis) {
-    int32_t *const own = row_of(covariance, TILT + axis), *const other = row_of(covariance, TILT + 1U - axis);
-    int32_t *const x = row_of(covariance, VELOCITY), *const y = row_of(covariance, VELOCITY + 1);
-    const int32_t *entry = covariance;
-    int32_t grown[6];
-    for (unsigned i = 0; i < 6U; i++) {
-        int32_t sum = own[i];
-        for (unsigned j = 0; j < i; j++, entry++) {
-            add(&sum, mulhi_near(coupling[j], *entry));
-            add(&grown[j], mulhi_near(coupling[i], *entry));
-        }
-        grown[i] = add_wrap(sum, mulhi_near(coupling[i], *entry++));
-    }
-    add(&row_of(covariance, TILT + 1)[TILT], weighted(coupling, other));
-    add(&x[TILT + axis], weighted(coupling, x));
-    add(&y[TILT + axis], weighted(coupling, y));
-    add(&own[TILT + axis], add_wrap(weighted(coupling, own), weighted(coupling, grown)));
-    for (unsigned i = 0; i < 6U; i++)
-        own[i] = grown[i];
-}
-
-/* Adds to a variance that has not reached its limit; the additions are below the limit. */
-static inline void grow(int32_t *variance, int32_t by) {
-    if (*variance < VARIANCE_LIMIT_Q32)
-        *variance += by;
-}
-
-/* Gains of one scalar measurement: that the error of state `at` is measured_q28, of that variance. A gated
- * one that is beyond its sigmas changes nothing. */
-static void weigh(plumb_attitude_t *c, unsigned at, uint32_t variance_q32, int32_t measured_q28, bool gated) {
-    int32_t *const covariance = c->covariance_q32;
-    for (unsigned i = 0; i < STATES; i++)
-        c->measured_row_q32[i] = i <= at ? row_of(covariance, at)[i] : row_of(covariance, i)[at];
-
-    const uint32_t sum = max_u32((uint32_t)c->measured_row_q32[at] + variance_q32, 1U);
-    const int32_t innovation =
-        clamp_i32(sub_wrap(measured_q28, c->correction_q28[at]), -INNOVATION_LIMIT_Q28, INNOVATION_LIMIT_Q28);
-    /* innovation^2 Q32 against the variance of the innovation */
-    const bool beyond = gated && (uint64_t)mul_i64(innovation, innovation) >> 24 > mul_u64(GATE, sum);
-    /* gain: upper word of row * inverse, times 2^shift */
-    const unsigned n = clz32(sum), shift = n < 2U ? 0U : n - 2U;
-    const int32_t inverse = beyond ? 0 : (int32_t)(reciprocal_q61(sum << n >> 1) >> (n < 2U ? 2U - n : 0U));
-    const int32_t limit = INT32_MAX >> shift;
-    for (unsigned i = 0; i < STATES; i++) {
-        const int32_t gain_q28 =
-            clamp_i32(mulhi_i32(c->measured_row_q32[i], inverse), -limit, limit) * (1 << shift);
-        c->gain_q28[i] = gain_q28;
-        add(&c->correction_q28[i], times_16(mulhi_near(gain_q28, innovation)));
-    }
-}
-
-/* The covariance after that measurement: less gain times row. */
-static void shrink(plumb_attitude_t *c) {
-    int32_t *entry = c->covariance_q32;
-    for (unsigned i = 0; i < STATES; i++) {
-        const int32_t gain_q28 = c->gain_q28[i];
-        for (unsigned j = 0; j <= i; j++, entry++)
-            *entry = sub_wrap(*entry, times_16(mulhi_near(gain_q28, c->measured_row_q32[j])));
-    }
-}
-
 /* What a block has shown of the velocity: how far it is trusted to be zero, and whether the body has moved
- * away. */
+ * away. Then a new start, or the first growth of the covariance. */
 SELDOM void judge(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
     plumb_attitude_words_t *const w = &c->words;
     uint32_t square_q24 = 0;
@@ -252,67 +130,54 @@ SELDOM void judge(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
                                                    ? (int32_t)moving
                                                    : max_i32(VARIANCE_LIMIT_Q32 - p->velocity_min, 0));
 
-    w->tilt_variance_rad2_q32 = (uint32_t)row_of(c->covariance_q32, TILT)[TILT] +
-                                (uint32_t)row_of(c->covariance_q32, TILT + 1)[TILT + 1];
+    w->tilt_variance_rad2_q32 =
+        attitude_errors_variance(&c->errors, TILT) + attitude_errors_variance(&c->errors, TILT + 1);
     const bool unsure = w->tilt_variance_rad2_q32 > p->unsure;
     const bool accelerating = w->velocity_variance_g2s2_q32 > 4U * (uint32_t)p->velocity_min;
     c->block_flags = (c->block_flags & ~(uint32_t)JUDGED) | (unsure ? PLUMB_ATTITUDE_FLAG_UNSURE : 0U) |
                      (accelerating ? PLUMB_ATTITUDE_FLAG_ACCELERATING : 0U);
     c->lost_blocks = (uint8_t)(w->velocity_square_g2s2_q24 > LOST_SQUARE_Q24 ? c->lost_blocks + 1U : 0U);
+    if (c->lost_blocks == (uint32_t)p->lost_blocks) {
+        start(c, p);
+        c->block_flags |= PLUMB_ATTITUDE_FLAG_RESTARTED;
+    } else {
+        attitude_errors_grow_velocity(&c->errors);
+    }
 }
 
 /* What the last block has left to do, one slice a step. */
 __attribute__((noinline)) static void compute_slice(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
-    const unsigned slice = c->slice++;
+    const unsigned slice = c->slice;
+    const unsigned measured = (c->block_flags & PLUMB_ATTITUDE_FLAG_REST) != 0U ? 5U : 2U;
+    const bool last = slice + 1U == SLICE_MEASURE + 2U * measured;
+    c->slice = (uint8_t)(last ? SLICE_NONE : slice + 1U);
     if (slice == SLICE_JUDGE) {
         judge(c, p);
-        if (c->lost_blocks == (uint32_t)p->lost_blocks) {
-            start(c, p);
-            c->block_flags |= PLUMB_ATTITUDE_FLAG_RESTARTED;
-        } else {
-            grow_velocity(c->covariance_q32, c->half_lever_q32);
-        }
     } else if (slice < SLICE_GROWTH) {
-        const unsigned axis = slice - SLICE_TILT_X;
-        grow_tilt(c->covariance_q32, c->coupling_q32[axis], axis);
+        attitude_errors_grow_tilt(&c->errors, slice - SLICE_TILT_X);
     } else if (slice == SLICE_GROWTH) {
-        grow_velocity(c->covariance_q32, c->half_lever_q32);
-        for (unsigned i = 0; i < STATES; i++) {
-            grow(&row_of(c->covariance_q32, i)[i], i < SCALE      ? p->q_bias
-                                                   : i < TILT     ? p->q_scale
-                                                   : i < VELOCITY ? c->tilt_growth_q32
-                                                                  : c->velocity_growth_q32);
-            c->correction_q28[i] = 0;
-        }
+        attitude_errors_grow(&c->errors, p->q_bias, p->q_scale);
     } else if ((slice - SLICE_MEASURE) % 2U != 0U) {
-        shrink(c);
+        attitude_errors_shrink(&c->errors);
     } else {
         const unsigned number = (slice - SLICE_MEASURE) / 2U;
         if (number < 2U)
-            weigh(c, VELOCITY + number, c->words.velocity_variance_g2s2_q32,
-                  -c->words.velocity_gs_q28[number], false);
+            attitude_errors_weigh(&c->errors, VELOCITY + number, c->words.velocity_variance_g2s2_q32,
+                                  -c->words.velocity_gs_q28[number]);
         else
-            weigh(c, BIAS + number - 2U, (uint32_t)p->rest_variance,
-                  sat_i32(asr64(mul_i64(c->half_mean_q32[number - 2U], p->rest_gain_q20), 20)), true);
+            attitude_errors_weigh(
+                &c->errors, BIAS + number - 2U, (uint32_t)p->rest_variance,
+                sat_i32(asr64(mul_i64(c->half_mean_q32[number - 2U], p->rest_gain_q20), 20)));
     }
-    const unsigned measured = (c->block_flags & PLUMB_ATTITUDE_FLAG_REST) != 0U ? 5U : 2U;
-    if (c->slice == SLICE_MEASURE + 2U * measured)
-        c->slice = SLICE_NONE;
 }
 
 /* What the last block has gained, and the corrections of the block before as it has made them grow, to the
  * state. */
 SELDOM void correct(plumb_attitude_t *c, int32_t gained_x_q28, int32_t gained_y_q28) {
     plumb_attitude_words_t *const w = &c->words;
-    int32_t *const by = c->correction_q28;
-    const int32_t lever = c->half_lever_q32;
+    const int32_t *const by = c->errors.correction_q28;
 
-    add(&by[VELOCITY], mulhi_near(lever, by[TILT + 1]));
-    add(&by[VELOCITY + 1], -mulhi_near(lever, by[TILT]));
-    add(&by[TILT], weighted(c->coupling_q32[0], by));
-    add(&by[TILT + 1], weighted(c->coupling_q32[1], by));
-    add(&by[VELOCITY], mulhi_near(lever, by[TILT + 1]));
-    add(&by[VELOCITY + 1], -mulhi_near(lever, by[TILT]));
+    attitude_errors_predict(&c->errors);
     for (unsigned i = 0; i < 3U; i++) {
         const int32_t bias = (int32_t)asr64(mul_i64(by[BIAS + i], TWO_BY_PI_Q31) + (1 << 30), 31);
         w->bias_turnps_q32[i] =
@@ -354,30 +219,30 @@ SELDOM void close_block(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
         /* the vertical is the mean of all so far; at least 1/32 g s, so that a fall turns nothing */
         const int32_t x = sat_i32((int64_t)w->velocity_gs_q28[0] + gained_x);
         const int32_t y = sat_i32((int64_t)w->velocity_gs_q28[1] + gained_y);
-        const int32_t z = sat_i32((int64_t)c->correction_q28[0] + gained(c->force_sum_q18[2], dt));
+        const int32_t z = sat_i32((int64_t)c->errors.correction_q28[0] + gained(c->force_sum_q18[2], dt));
         const uint32_t half = align(&w->attitude, asr32(x, 2), asr32(y, 2), asr32(z, 2), 1U << 20);
-        c->correction_q28[0] = (int32_t)min_u32(half << 3, INT32_MAX);
+        c->errors.correction_q28[0] = (int32_t)min_u32(half << 3, INT32_MAX);
         w->velocity_gs_q28[0] = w->velocity_gs_q28[1] = 0;
         flags |= PLUMB_ATTITUDE_FLAG_UNSURE;
         if (++c->aligned_blocks == ALIGNING_BLOCKS)
-            c->correction_q28[0] = 0;
+            c->errors.correction_q28[0] = 0;
         else
             flags |= PLUMB_ATTITUDE_FLAG_ALIGNING;
     } else {
         const int32_t time_q32 = (int32_t)((uint32_t)p->block_steps * p->dt_s_q33 >> 1);
         const int32_t lever = sat_i32(asr64(mul_i64(c->force_sum_q18[2], dt), 20));
-        c->half_lever_q32 = clamp_i32(lever, asr32(time_q32, 2), time_q32);
+        c->errors.half_lever_q32 = clamp_i32(lever, asr32(time_q32, 2), time_q32);
         for (unsigned i = 0; i < 2U; i++)
             for (unsigned j = 0; j < 3U; j++) {
-                c->coupling_q32[i][BIAS + j] = -(int32_t)asr64(mul_i64(c->rows_sum_q22[i][j], dt), 25);
-                c->coupling_q32[i][SCALE + j] = -asr32(c->turned_sum_q28[i][j], 1);
+                c->errors.coupling_q32[i][BIAS + j] = -(int32_t)asr64(mul_i64(c->rows_sum_q22[i][j], dt), 25);
+                c->errors.coupling_q32[i][SCALE + j] = -asr32(c->turned_sum_q28[i][j], 1);
             }
         correct(c, gained_x, gained_y);
 
         const int64_t turned = asr64(mul_i64((int32_t)c->energy_q24, p->q_turn_q24), 24);
         const int64_t growth = p->q_tilt + turned + ((c->seen_flags & GYRO_LOST) != 0U ? p->q_clipped : 0);
-        c->tilt_growth_q32 = growth < VARIANCE_LIMIT_Q32 ? (int32_t)growth : VARIANCE_LIMIT_Q32;
-        c->velocity_growth_q32 = (c->seen_flags & ACCEL_LOST) != 0U ? ACCEL_LOST_Q32 : 0;
+        c->errors.tilt_growth_q32 = growth < VARIANCE_LIMIT_Q32 ? (int32_t)growth : VARIANCE_LIMIT_Q32;
+        c->errors.velocity_growth_q32 = (c->seen_flags & ACCEL_LOST) != 0U ? ACCEL_LOST_Q32 : 0;
 
         flags |= (lever < asr32(time_q32, 2) ? PLUMB_ATTITUDE_FLAG_FALLING : 0U) | (c->block_flags & JUDGED);
         c->slice = SLICE_JUDGE;

@@ -15,6 +15,7 @@
 #ifndef PLUMB_ATTITUDE_H
 #define PLUMB_ATTITUDE_H
 
+#include "plumb/attitude_errors.h"
 #include "plumb/records.h"
 #include <stdbool.h>
 
@@ -22,21 +23,10 @@
 extern "C" {
 #endif
 
-#define PLUMB_ATTITUDE_STATES 10 /* bias x, y, z, scale x, y, z, tilt x, y, velocity x, y */
-
 /* State of the estimator: the record of the last step, then what the next one needs besides. */
 typedef struct {
     plumb_attitude_words_t words;
-    int32_t
-        covariance_q32[PLUMB_ATTITUDE_STATES * (PLUMB_ATTITUDE_STATES + 1) / 2]; /* lower triangle, by rows */
-    int32_t
-        correction_q28[PLUMB_ATTITUDE_STATES]; /* of the last measured block; while aligning, [0]: g s Q28 */
-    int32_t gain_q28[PLUMB_ATTITUDE_STATES];   /* of the measurement under way */
-    int32_t measured_row_q32[PLUMB_ATTITUDE_STATES]; /* row of the covariance that it measures */
-    int32_t coupling_q32[2][6]; /* of the last block: tilt per bias and per scale error */
-    int32_t half_lever_q32;     /* of the last block: half of the velocity that a tilt makes, g s per rad */
-    int32_t tilt_growth_q32;    /* of the last block: what the variance of the tilt grows by, rad^2 */
-    int32_t velocity_growth_q32;
+    plumb_attitude_errors_t errors;
     int32_t rows_sum_q22[2][3];   /* of the block so far: horizontal rows of the attitude's matrix */
     int32_t turned_sum_q28[2][3]; /* of the block so far: those times the half angles */
     int32_t force_sum_q18[3];     /* of the block so far: acceleration in earth axes, g */
