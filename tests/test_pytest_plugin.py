@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import pytest
 
 ROOT = Path(__file__).parents[1]
-VECTORS = ("--plumb-vector", "quad_hold_adaptive", "--plumb-vector", "wild_walk")
+VECTORS = ("--plumb-vector", "quad_hold", "--plumb-vector", "wild_walk")
 
 
 def run(folder: Path, *arguments: str) -> tuple[int, str]:
@@ -47,7 +47,7 @@ def test_every_vector_is_a_test_that_can_be_chosen(tmp_path: Path) -> None:
     assert code == 0 and "3 passed" in said, said
     assert "plumb-golden::wild_walk[native] PASSED" in said
     cases = ElementTree.parse(tmp_path / "out.xml").getroot().iter("testcase")
-    assert {case.attrib["name"] for case in cases} == {"test_own", "wild_walk[native]", "quad_hold_adaptive[native]"}
+    assert {case.attrib["name"] for case in cases} == {"test_own", "wild_walk[native]", "quad_hold[native]"}
     code, said = run(tmp_path, "--plumb-golden", *VECTORS, "-m", "plumb_golden", "--strict-markers", "-k", "hold")
     assert code == 0 and "1 passed, 2 deselected" in said, said
 
@@ -59,8 +59,8 @@ def test_a_difference_is_one_sentence_and_a_link_takes_its_vectors_alone(tmp_pat
     code, said = run(tmp_path, "--plumb-golden", *VECTORS, "--plumb-board", board, "--plumb-board", "virtual", "-v")
     assert code == 1 and "2 failed, 1 passed" in said, said
     assert "Traceback" not in said
-    assert re.search(r"fail quad_hold_adaptive: 1500 steps, 1500 mismatches; first: .* step 0: digest is 0", said)
-    assert "quad_hold_adaptive[virtual] PASSED" in said and "wild_walk[virtual]" not in said
+    assert re.search(r"fail quad_hold: 1500 steps, 1500 mismatches; first: .* step 0: digest is 0", said)
+    assert "quad_hold[virtual] PASSED" in said and "wild_walk[virtual]" not in said
 
 
 def test_the_fixture_is_the_board_that_was_asked_for(tmp_path: Path) -> None:

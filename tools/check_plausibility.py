@@ -21,7 +21,7 @@ from plumb.boards.native import NativeBoard
 from plumb.physics import disturbance
 from plumb.spec import declarations
 from plumb.spec.records import Words
-from plumb.systems.contracts import PushedSystem
+from plumb.systems.contracts import PushedSystem, tuning_for
 from plumb.tuning.quantise import ControlParams, quantise
 
 SYSTEMS = tuple(name for name, declared in declarations.systems().items() if declared.output)
@@ -58,7 +58,8 @@ def words_of(
     faults: Sequence[object] = ()
     if loop == "pushed" and isinstance(own, PushedSystem):
         faults = own.faults([disturbance.parse(own.PUSHED[1])])
-    scenario = own.scenario(name, seed, seconds=seconds, faults=faults)
+    period_us = round(params.period_s * 1e6)
+    scenario = own.scenario(name, seed, seconds=seconds, period_us=period_us, faults=faults)
     setpoint = scenario.setpoint()
     if loop == "open":
         return native_core.run_control(params, scenario.counts(), setpoint)
@@ -74,15 +75,15 @@ def words_of(
 
 
 def cases(chosen: str | None, only: str | None) -> Iterator[tuple[str, str, str, str]]:
-    """(system, scenario, tuning, loop): the default tuning in all loops, the others in open loop."""
+    """(system, scenario, tuning, loop): the scenario's tuning in all loops, the others in open loop."""
     for name in SYSTEMS if chosen is None else (chosen,):
         own = systems.load(name)
         for scenario in own.SCENARIOS if only is None else (only,):
             for tuning in own.TUNINGS:
                 yield name, scenario, tuning, "open"
-            yield name, scenario, own.DEFAULT_TUNING, "closed"
+            yield name, scenario, tuning_for(own, scenario), "closed"
             if isinstance(own, PushedSystem) and scenario == own.PUSHED[0]:
-                yield name, scenario, own.DEFAULT_TUNING, "pushed"
+                yield name, scenario, tuning_for(own, scenario), "pushed"
 
 
 def main() -> int:

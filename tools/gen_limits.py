@@ -2,7 +2,7 @@
 """Write limits.toml of the host's systems: how far the estimate of a run may be from the truth.
 
 Every scenario is run on the native core with every tuning over 40 seeds that no tuning was fitted on; a limit is 1.5
-times the worst seed's rms. A closed loop is run with the system's default tuning. `*` is for any other tuning: the
+times the worst seed's rms. A closed loop is run with the scenario's tuning. `*` is for any other tuning: the
 greatest limit among the tunings that suit the scenario, whose worst seed stays below 20 deg. A tuning that does not
 suit it has no limit of its own, and so it fails. `shorter` is for runs of less than the scenario's length.
 
@@ -31,7 +31,7 @@ from plumb.proof import limits, runs
 from plumb.proof.figures import FIGURES
 from plumb.proof.runs import PLOTS, Run, RunInputs
 from plumb.spec import declarations
-from plumb.systems.contracts import Scenario, fitted
+from plumb.systems.contracts import Scenario, fitted, tuning_for
 from plumb.tuning.quantise import ControlParams, quantise
 
 SHORTER_S = (3.0, 10.0, 20.0)
@@ -74,9 +74,13 @@ def simulated(scenario: Scenario, params: ControlParams) -> RunInputs:
 def rms_deg(task: Task) -> tuple[Task, dict[str, float | None]]:
     """Rms error of the angle of each tuning's run; None where nothing is scored."""
     system = systems.load(task.system)
-    scenario = system.scenario(task.scenario, task.seed, seconds=task.seconds)
+    drawn: dict[int, Scenario] = {}
     found = {}
     for name in task.tunings:
+        period_us = system.TUNINGS[name].period_us
+        if period_us not in drawn:
+            drawn[period_us] = system.scenario(task.scenario, task.seed, seconds=task.seconds, period_us=period_us)
+        scenario = drawn[period_us]
         params = quantise(fitted(scenario, system.TUNINGS[name]))
         inputs = simulated(scenario, params) if task.loop == "closed" else runs.prescribed(scenario)
         words = native_core.run_control(params, inputs.raw, inputs.setpoint)
@@ -90,8 +94,10 @@ def tasks(names: Iterable[str], seeds: Iterable[int]) -> Iterator[Task]:
     for seed in seeds:
         for name in names:
             system = systems.load(name)
-            loops = {"open": tuple(system.TUNINGS), **({"closed": (system.DEFAULT_TUNING,)} if system.OUTPUTS else {})}
             for scenario, whole_s in system.SECONDS.items():
+                loops = {"open": tuple(system.TUNINGS)}
+                if system.OUTPUTS:
+                    loops["closed"] = (tuning_for(system, scenario),)
                 for loop, tunings in loops.items():
                     lengths = [
                         *whole(name, scenario, tunings, loop),
@@ -155,7 +161,7 @@ def without_limit(names: Iterable[str]) -> list[str]:
         for name in names
         for scenario in systems.load(name).SCENARIOS
         for loop in ("open", *(["closed"] if systems.load(name).OUTPUTS else []))
-        if not limits.measured(name, scenario, systems.load(name).DEFAULT_TUNING, loop)
+        if not limits.measured(name, scenario, tuning_for(systems.load(name), scenario), loop)
     ]
 
 

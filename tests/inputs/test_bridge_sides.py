@@ -66,7 +66,7 @@ class ServedSensors:
     """A quad's sensor board on a bus, in a thread, which goes by this clock. held: no samples for now."""
 
     def __init__(self, bus: can.BusABC, clock: Callable[[], float], *, greet: bool = False) -> None:
-        scenario = quad.scenario("hold", 1000)
+        scenario = quad.scenario("hold", 1000, period_us=quad.PERIOD_US)
         self.bus, self.held, self._done = bus, False, threading.Event()
         self.board = SensorBoard(
             bus, lambda: quad.plant(scenario, open_loop=True), quad.PERIOD_US, quad.OUTPUT_FRAMES, clock, greet=greet
@@ -255,7 +255,7 @@ def test_the_plant_rests_until_armed_and_is_reset_after_a_disarm() -> None:
     step = protocol()["STEP"]
     board = SensorBoard(
         bus,
-        lambda: Noted(quad.scenario("hold", 1)),
+        lambda: Noted(quad.scenario("hold", 1, period_us=quad.PERIOD_US)),
         quad.PERIOD_US,
         quad.OUTPUT_FRAMES,
         clock=lambda: 0.02 * len(times),

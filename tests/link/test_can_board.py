@@ -129,7 +129,7 @@ def test_run_over_can(loop: list[str], capsys: pytest.CaptureFixture[str]) -> No
 
 @pytest.mark.slow
 def test_a_live_run_is_armed_and_kept_alive_over_can(board: VirtualBoard) -> None:
-    trial = run_live(board, quad.scenario("hold", 1000, seconds=2), quantise(quad.TUNINGS["adaptive"]))
+    trial = run_live(board, quad.scenario("hold", 1000, seconds=2), quantise(quad.HOLD))
     assert trial.verdict == "pass" and trial.mismatches == 0
 
 

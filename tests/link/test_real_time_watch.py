@@ -84,7 +84,7 @@ def test_the_sensor_board_says_that_this_machine_is_too_slow() -> None:
         return now_s
 
     with serve_bus("udp:0") as bus:
-        scenario = quad.scenario("hold", 1000)
+        scenario = quad.scenario("hold", 1000, period_us=quad.PERIOD_US)
         board = SensorBoard(
             bus, lambda: quad.plant(scenario), quad.PERIOD_US, quad.OUTPUT_FRAMES, clock, say=said.append
         )

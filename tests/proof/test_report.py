@@ -191,7 +191,7 @@ def test_a_plot_can_be_read_on_a_narrow_screen(page: str) -> None:
 
 
 def test_a_closed_loop_shows_what_was_asked_for() -> None:
-    params, scenario = quantise(TUNINGS["adaptive"]), quad_scenario("hold", 1000, seconds=2.0)
+    params, scenario = quantise(TUNINGS["hold"]), quad_scenario("hold", 1000, seconds=2.0)
     flown = runs.closed_loop(NativeBoard(), scenario, params)
     labels = {line.label for line in quad_plots.plots(flown, closed=True)[0].lines}
     assert labels - {line.label for line in quad_plots.plots(flown, closed=False)[0].lines} == {"setpoint"}

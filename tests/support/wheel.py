@@ -21,7 +21,7 @@ from support.once_per_run import once_per_run, run_folder
 ROOT = Path(__file__).resolve().parents[2]
 IMAGE = ROOT / "build" / "stm32f103" / "firmware.bin"
 VECTORS = {
-    "quad_hold_adaptive", "quad_disturb_paper", "quad_motion_paper_link", "balancer_rough_tuned_link",
+    "quad_hold", "quad_disturb_paper", "quad_motion_paper_link", "balancer_rough_tuned_link",
     "phone_static_current_rate_link", "turntable_wild_uniform_link",
 }  # fmt: skip
 """At least one of each system, and the one of the page about golden vectors in a user's CI."""

@@ -19,17 +19,18 @@ STEPS = 5
 def test_reading_a_pin_leaves_the_plant_where_it_is(name: str) -> None:
     """Read or not, the board takes the same samples at the same times."""
     system, live = systems.load(name), systems.load(name, PINS)
+    tuning = system.TUNINGS[live.TUNING]
     with VirtualBoard() as board:
-        board.session.upload(quantise(system.TUNINGS[live.TUNING]).words(), period_us=system.PERIOD_US, **system.LINK)
+        board.session.upload(quantise(tuning).words(), period_us=tuning.period_us, **system.LINK)
         machine = board.machine
-        scenario = system.scenario(live.SHOWN, 1, seconds=1.0)
+        scenario = system.scenario(live.SHOWN, 1, seconds=1.0, period_us=tuning.period_us)
         coupling = live.Coupling(machine, system.plant(scenario))
         board.session.begin("REALTIME_LIVE", frames=live.FRAMES)
-        machine.advance_us(system.PERIOD_US * 1.5)
+        machine.advance_us(tuning.period_us * 1.5)
         before = machine.snapshot(coupling, board.session)
 
         def go_on() -> list[object]:
-            machine.advance_us(system.PERIOD_US * STEPS)
+            machine.advance_us(tuning.period_us * STEPS)
             return list(coupling.taken)
 
         unread = go_on()
@@ -50,16 +51,19 @@ def test_reading_a_pin_leaves_the_plant_where_it_is(name: str) -> None:
 @pytest.mark.parametrize("name", ["quad", "turntable"])
 def test_a_held_pin_leaves_the_other_pins_to_the_plant(name: str) -> None:
     system, live = systems.load(name), systems.load(name, PINS)
+    tuning = system.TUNINGS[live.TUNING]
     assert isinstance(live, AnalogPins)
     with VirtualBoard() as board:
-        board.session.upload(quantise(system.TUNINGS[live.TUNING]).words(), period_us=system.PERIOD_US, **system.LINK)
+        board.session.upload(quantise(tuning).words(), period_us=tuning.period_us, **system.LINK)
         machine = board.machine
-        coupling = live.Coupling(machine, system.plant(system.scenario(live.SHOWN, 1, seconds=1.0)))
+        coupling = live.Coupling(
+            machine, system.plant(system.scenario(live.SHOWN, 1, seconds=1.0, period_us=tuning.period_us))
+        )
         board.session.begin("REALTIME_LIVE", frames=live.FRAMES)
         machine.adc[live.ADC_PINS[0]] = 1.5
         seen = set()
         for _ in range(STEPS):
-            machine.advance_us(system.PERIOD_US)
+            machine.advance_us(tuning.period_us)
             seen.add(tuple(machine.adc.sampled(pin, machine.now_s) for pin in live.ADC_PINS[1:]))
         assert len(coupling.taken) >= STEPS - 1
         assert len(seen) >= STEPS - 1

@@ -16,6 +16,7 @@ from plumb import systems
 from plumb.boards import native_core
 from plumb.errors import UsageError
 from plumb.spec.records import RECORDS, Words
+from plumb.systems.contracts import tuning_for
 from plumb.tuning.quantise import quantise
 
 ACCEL, INNOVATION, RATE = 1, 2, 4
@@ -152,7 +153,7 @@ CASES = [
 def test_no_shipped_scenario_disarms(tool: ModuleType, system: str, scenario: str, loop: str) -> None:
     """20 seeds of 15 to 50 s; tools/check_plausibility.py does 200 of the whole length."""
     own = systems.load(system)
-    params = quantise(own.TUNINGS[own.DEFAULT_TUNING])
+    params = quantise(own.TUNINGS[tuning_for(own, scenario)])
     seconds = {"pushed": 22.0 if system == "quad" else 42.0}.get(loop, 15.0)
     seeds = range(2000, 2020 if loop == "open" else 2005 if loop == "pushed" else 2010)
     for seed in seeds:

@@ -8,7 +8,6 @@ accident fails as well.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -17,8 +16,6 @@ from plumb.proof import figures
 from plumb.proof.figures import Figure, Sense
 from plumb.systems.quad import figures as quad_figures
 from plumb.systems.quad import scenarios as quad
-from plumb.systems.quad.plant import QuadPlant
-from plumb.tuning import quantise
 from support.campaigns import campaign
 
 Rows = dict[tuple[str, str, str], Figure]
@@ -35,8 +32,9 @@ def convergence() -> Rows:
 
 
 @pytest.fixture(scope="module")
-def hold() -> Rows:
-    return keyed(quad_figures.hold_rows(figures.SEEDS[: campaign(5, 40)]))
+def hold() -> dict[str, Figure]:
+    """By claim."""
+    return {row.claim: row for row in quad_figures.hold_rows(figures.SEEDS[: campaign(3, 40)])}
 
 
 def keyed(rows: object) -> Rows:
@@ -114,16 +112,25 @@ def test_the_bias_converges_within_half_a_second(convergence: Rows) -> None:
 
 
 @pytest.mark.slow
-def test_the_loop_recovers_and_holds(hold: Rows) -> None:
-    recovery, rms = hold[("hold", "adaptive", "s")], hold[("hold", "adaptive", "deg rms")]
-    assert recovery.met and recovery.reached > 0.3 and recovery.worst is not None and recovery.worst <= 2.0
-    assert rms.met and rms.reached > 0.2 and rms.worst is not None and rms.worst <= 1.0
+def test_the_loop_recovers_and_holds(hold: dict[str, Figure]) -> None:
+    recovery, rms = hold["20 deg disturbance, back within 2 deg"], hold["holds, from 2 s after"]
+    assert recovery.met and recovery.reached > 0.9 and recovery.worst is not None and recovery.worst <= 4.0
+    assert rms.met and rms.reached > 0.5 and rms.worst is not None and rms.worst <= 1.3
+
+
+@pytest.mark.slow
+def test_the_loop_survives_20_ms_of_further_delay(hold: dict[str, Figure]) -> None:
+    """No limit cycle: the axis stays about as level as without the delay."""
+    late = hold["holds with 20 ms of further delay"]
+    assert late.met and late.reached == pytest.approx(hold["holds, from 2 s after"].reached, rel=0.15)
+    largest = hold["largest tilt with 20 ms of further delay"]
+    assert largest.met and largest.worst is not None and largest.worst < quad_figures.LATE_MAX_DEG
 
 
 @pytest.mark.long
-def test_float64_in_the_loop_does_no_better(hold: Rows) -> None:
-    for unit in ("s", "deg rms"):
-        row = hold[("hold", "adaptive", unit)]
+def test_float64_in_the_loop_does_no_better(hold: dict[str, Figure]) -> None:
+    for claim in ("20 deg disturbance, back within 2 deg", "holds, from 2 s after"):
+        row = hold[claim]
         assert row.reached == pytest.approx(row.reference, rel=0.02)
 
 
@@ -137,24 +144,6 @@ def test_less_bandwidth_is_less_noise_and_more_lag() -> None:
     assert all(0.44 < row.reached <= 0.60 for row in rows)
     narrowest, *wider = (row.reached for row in rows)
     assert narrowest > min(wider), "lag costs more than the noise that it keeps out"
-
-
-class LatePlant(QuadPlant):
-    """The pulses of a step arrive 10 ms late."""
-
-    late_us: Sequence[float] = (0.0, 0.0)
-
-    def advance_to(self, time_s: float, pulse_us: Sequence[float]) -> None:
-        super().advance_to(min(self.time_s + 0.010, time_s), self.late_us)
-        super().advance_to(time_s, pulse_us)
-        self.late_us = pulse_us
-
-
-def test_the_loop_stands_10_ms_of_delay(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(quad_figures, "QuadPlant", LatePlant)
-    params = quantise.quantise(quad.TUNINGS["adaptive"])
-    runs = [quad_figures.hold_run(quad_figures.Integers(params), seed) for seed in (1000, 1001, 1002)]
-    assert max(run.recovery_s for run in runs) <= 2.0 and max(run.rms_deg for run in runs) <= 1.0
 
 
 def test_a_missed_figure_is_printed_as_missed() -> None:

@@ -59,6 +59,63 @@ const plumb_quad_tuning_t PLUMB_QUAD_TUNING_ADAPTIVE = {
     },
 };
 
+const plumb_quad_tuning_t PLUMB_QUAD_TUNING_HOLD = {
+    .period_us = 5000,
+    .calibration = {
+        .gyro = {
+            .zero_counts = 1675.6363636363637,
+            .unit_per_count = 1.2024836753731343,
+            .min_counts = 1401,
+            .max_counts = 1951,
+        },
+        .accel = {
+            .zero_counts = 2048.0,
+            .unit_per_count = 0.001007080078125,
+            .min_counts = 409,
+            .max_counts = 3687,
+        },
+        .accel_up = {
+            .zero_counts = 2048.0,
+            .unit_per_count = 0.001007080078125,
+            .min_counts = 409,
+            .max_counts = 3687,
+        },
+    },
+    .kalman = {
+        .q_angle_deg2_per_s = 0.003,
+        .q_bias_dps2_per_s = 0.00039999999999999996,
+        .rate = PLUMB_TUNING_RATE_PREVIOUS,
+        .bias_max_dps = 300.0,
+    },
+    .trust = {
+        .r_deg2 = 1.0,
+        .gain_deg2 = 4400.0,
+        .r_max_deg2 = 1000.0,
+    },
+    .tilt = PLUMB_TUNING_ATAN2,
+    .start = {
+        .tilt_deg = 0.0,
+        .bias_dps = 0.0,
+        .p00_deg2 = 900.0,
+        .p01_deg2_per_s = 0.0,
+        .p11_dps2 = 100.0,
+    },
+    .pid = {
+        .kp_per_deg = 0.0196,
+        .ki_per_deg_s = 0.0432,
+        .kd_per_dps = 0.00577,
+        .derivative_tau_s = 0.0005,
+        .slew_per_s = 20.0,
+    },
+    .esc = {
+        .mid_us = 1500.0,
+        .span_us = 400.0,
+        .min_us = 1000.0,
+        .max_us = 2000.0,
+        .neutral_us = 1000.0,
+    },
+};
+
 const plumb_quad_tuning_t PLUMB_QUAD_TUNING_PAPER = {
     .period_us = 20000,
     .calibration = {

@@ -10,7 +10,8 @@
 extern "C" {
 #endif
 
-extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_ADAPTIVE; /* R follows | |a|^2 - 1 | over 1000:1; the shipped tuning */
+extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_ADAPTIVE; /* R follows | |a|^2 - 1 | over 1000:1; the shipped estimator */
+extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_HOLD; /* attitude hold every 5 ms, with margins: what drives a machine */
 extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_PAPER; /* the paper's table 2, angles from both axes */
 extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_PAPER_ARCSINE; /* the paper's table 2, its tilt = arcsin(a / g) as printed */
 extern const plumb_quad_tuning_t PLUMB_QUAD_TUNING_QUIET; /* constant R, for a frame that does not vibrate */

@@ -48,6 +48,9 @@ def clock_tolerance() -> float:
     return min(SJW / (20 * QUANTA), PHASE_2 / (2 * (13 * QUANTA - PHASE_2)))
 
 
+OWN_SENSORS = "real time, own sensors, verified"
+
+
 @dataclass(frozen=True)
 class Traffic:
     """Frames per step, to the board and from it."""
@@ -80,7 +83,7 @@ def traffic(system: str) -> Iterator[Traffic]:
     yield Traffic("lockstep, digests", samples, 1)
     yield Traffic("lockstep, every word", samples, 1 + words)
     if system in systems.with_part(PINS.name):
-        yield Traffic("real time, own sensors, verified", 0, 1 + samples)
+        yield Traffic(OWN_SENSORS, 0, 1 + samples)
     yield Traffic("real time, through a bridge, verified", samples, 1 + 2 + outputs)
 
 
@@ -96,14 +99,22 @@ def rate_table() -> str:
     return "\n".join(lines) + "\n"
 
 
+def sensor_period_us(system: str) -> int:
+    """Period of a board with its own sensors: that of their tuning. Without them it is the system's."""
+    module = systems.load(system)
+    if system not in systems.with_part(PINS.name):
+        return module.PERIOD_US
+    return module.TUNINGS[systems.load(system, PINS).TUNING].period_us
+
+
 def step_table() -> str:
     """Markdown table of the steps per second of every system and kind of run, and the load of a 500 kbit/s bus at the
     system's period."""
     head = ["system", "run", "frames down / up", "UART", *(f"CAN {kbit}" for kbit in BITRATES_KBIT), "load of 500"]
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     for system in systems.SYSTEMS:
-        period_us = systems.load(system).PERIOD_US
         for t in traffic(system):
+            period_us = sensor_period_us(system) if t.kind == OWN_SENSORS else systems.load(system).PERIOD_US
             own = f"{100 * t.share(500, period_us):.0f} %" if t.kind.startswith("real") else "-"
             steps = [f"{t.uart_steps_ps():.0f}", *(f"{t.bus_steps_ps(kbit):.0f}" for kbit in BITRATES_KBIT)]
             lines.append(f"| {system} | {t.kind} | {t.down} / {t.up} | {' | '.join(steps)} | {own} |")

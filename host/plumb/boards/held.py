@@ -37,7 +37,8 @@ def open_held(kind: str, name: str, seed: int, *, link: str = "serial", image: P
 
     board = VirtualBoard(image, link)
     system, live = systems.load(name), systems.load(name, PINS)
-    configure_as(board, quantise(system.TUNINGS[live.TUNING]), period_us=system.PERIOD_US, **system.LINK)
+    tuning = system.TUNINGS[live.TUNING]
+    configure_as(board, quantise(tuning), period_us=tuning.period_us, **system.LINK)
     live.Coupling(board.machine, plant)
     board.machine.advance_us(FOUND_US)
     return HeldBoard(board, hand)

@@ -56,10 +56,10 @@ def open_native(strap: int, slots: bytes = b"", system: str | None = None, plant
 def _save_as(mcu: NativeMcu, name: str) -> None:
     """Save the tuning for the board's own sensors, as `plumb params tuning SYSTEM --save` does."""
     system = systems.load(name)
-    tuning = systems.load(name, PINS).TUNING
+    tuning = system.TUNINGS[systems.load(name, PINS).TUNING]
     with Session.open(mcu.uart) as session:
-        params = quantise(system.TUNINGS[tuning])
-        session.upload(params.words(), **params.link_words(), period_us=system.PERIOD_US, **system.LINK)
+        params = quantise(tuning)
+        session.upload(params.words(), **params.link_words(), period_us=tuning.period_us, **system.LINK)
         session.execute_idle("SAVE")
 
 

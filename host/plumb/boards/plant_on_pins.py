@@ -88,7 +88,8 @@ def plant_of(name: str, scenario: str | None, seed: int, *, open_loop: bool) -> 
     """The scenario and the plant for the pins of a board; scenario None: what the system shows in open loop, else what
     its outputs control. Raises UsageError for a system that has no pins, or not that scenario."""
     system, live = systems.load(name), systems.load(name, PINS)
-    chosen = system.scenario(scenario or (live.SHOWN if open_loop else live.SCENARIO), seed)
+    period_us = system.TUNINGS[live.TUNING].period_us
+    chosen = system.scenario(scenario or (live.SHOWN if open_loop else live.SCENARIO), seed, period_us=period_us)
     return chosen, system.plant(chosen, open_loop=open_loop)
 
 
@@ -97,9 +98,10 @@ def boot_configured_as(machine: Machine, name: str, strap: str | None = None) ->
     --save` and a reset do, and wire its strap: from then on it starts with this tuning, period and pin set from its
     flash."""
     system, live = systems.load(name), systems.load(name, PINS)
+    tuning = system.TUNINGS[live.TUNING]
     with Session.open(machine.uart) as session:
-        params = quantise(system.TUNINGS[live.TUNING])
-        session.upload(params.words(), **params.link_words(), period_us=system.PERIOD_US, **system.LINK)
+        params = quantise(tuning)
+        session.upload(params.words(), **params.link_words(), period_us=tuning.period_us, **system.LINK)
         session.execute_idle("SAVE")
     set_strap(machine, strap or BY_PIN_SET[system.LINK.get("pins", 0)])
     machine.reset()

@@ -186,7 +186,8 @@ def bridged(arguments: argparse.Namespace, stopped: Callable[[], bool], tap: Bus
         tuning = arguments.tuning or system.DEFAULT_TUNING
         if tuning not in system.TUNINGS:
             raise UsageError(f"{name} has no tuning '{tuning}'; it has {', '.join(system.TUNINGS)}")
-        return quantise.quantise(system.TUNINGS[tuning]), {"period_us": system.PERIOD_US, **system.LINK}
+        settings = system.TUNINGS[tuning]
+        return quantise.quantise(settings), {"period_us": settings.period_us, **system.LINK}
 
     params, link = params_of(arguments.system) if arguments.system else (None, {})
     bridge = Bridge(

@@ -46,7 +46,8 @@ def main(arguments: argparse.Namespace) -> int:
 
     options.check_duration(arguments.seconds)
     system = systems.load(arguments.system)
-    scenario = system.scenario(arguments.scenario or system.DEFAULT_SCENARIO, arguments.seed)
+    name = arguments.scenario or system.DEFAULT_SCENARIO
+    scenario = system.scenario(name, arguments.seed, period_us=system.PERIOD_US)  # that of the bridge's default tuning
 
     def say(text: str) -> None:
         print(f"plumb: {text}", file=sys.stderr, flush=True)

@@ -1,8 +1,8 @@
 """Confirmation of the figures on a board. The figures are computed with the native core; here every scenario and tuning
 behind them also runs on a board, for one seed, and each step's digest is compared with that of the native core.
 
-Every scenario runs with the system's default tuning, every tuning on the system's default scenario; the scenarios of a
-system with outputs also run in closed loop.
+Every scenario runs with the tuning that it is made for, every tuning on the system's default scenario; the scenarios of
+a system with outputs also run in closed loop.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from plumb.boards import Board
 from plumb.boards.native import NativeBoard
 from plumb.proof import runs
 from plumb.proof.compare import count_mismatches
-from plumb.systems.contracts import fitted
+from plumb.systems.contracts import fitted, tuning_for
 from plumb.tuning import quantise
 
 SEED = 1000
@@ -40,14 +40,16 @@ class Confirmation:
 def confirm(board: Board, name: str, seed: int = SEED, seconds: float | None = None) -> Iterator[Confirmation]:
     """Every run of a system, as it is finished. seconds: limit for the length of each; None: the scenario's own."""
     system, native = systems.load(name), NativeBoard()
-    own = system.DEFAULT_TUNING
-    pairs = [(scenario, own, False) for scenario in system.SCENARIOS]
-    pairs += [(system.DEFAULT_SCENARIO, tuning, False) for tuning in system.TUNINGS if tuning != own]
-    pairs += [(scenario, own, True) for scenario in system.SCENARIOS if system.OUTPUTS]
+    own = {scenario: tuning_for(system, scenario) for scenario in system.SCENARIOS}
+    default = system.DEFAULT_SCENARIO
+    pairs = [(scenario, own[scenario], False) for scenario in system.SCENARIOS]
+    pairs += [(default, tuning, False) for tuning in system.TUNINGS if tuning != own[default]]
+    pairs += [(scenario, own[scenario], True) for scenario in system.SCENARIOS if system.OUTPUTS]
     for scenario, tuning, closed in pairs:
         length = system.SECONDS[scenario] if seconds is None else min(seconds, system.SECONDS[scenario])
-        run = system.scenario(scenario, seed, seconds=length)
-        params = quantise.quantise(fitted(run, system.TUNINGS[tuning]))
+        settings = system.TUNINGS[tuning]
+        run = system.scenario(scenario, seed, seconds=length, period_us=settings.period_us)
+        params = quantise.quantise(fitted(run, settings))
         if closed:
             digests, expected = (runs.closed_loop(one, run, params).answer.digests for one in (board, native))
         else:

@@ -6,7 +6,7 @@ tests/vectors/recipe.toml, a [[vector]] table each:
     system      a system's name
     tuning      a shipped tuning of that system, by name
     set         optional: dotted fields of the tuning to change, for example {"kalman.q_angle_deg2_per_s" = 10.0}
-    scenario    a scenario of that system, with `seed`; or
+    scenario    a scenario of that system, with `seed`, from the step `begin` on (default 0); or
     wild        a kind of input that no sensor gives, with `seed`: see WILD
     steps       number of steps
     on_link     optional: also run over a link
@@ -124,6 +124,7 @@ class Entry:
     seed: int
     scenario: str | None = None
     wild: str | None = None
+    begin: int = 0
     on_link: bool = False
     set: dict[str, object] = field(default_factory=dict)
 
@@ -153,10 +154,10 @@ class Entry:
         run = system.scenario(
             self.scenario or system.DEFAULT_SCENARIO,
             self.seed,
-            seconds=self.steps * tuning.period_us * 1e-6,
+            seconds=(self.begin + self.steps) * tuning.period_us * 1e-6,
             period_us=tuning.period_us,
         )
-        return quantise(fitted(run, tuning)), run.counts(), run.setpoint()
+        return quantise(fitted(run, tuning)), run.counts()[self.begin :], run.setpoint()[self.begin :]
 
 
 def _changed(part: Any, path: list[str], value: Any) -> Any:
@@ -206,7 +207,11 @@ def _entry(table: Any) -> Entry:
     for needed in ("system", "tuning", "steps", "seed"):
         if needed not in table:
             raise ValueError(f"{name} lacks the field '{needed}'")
-    for kind, of in ((str, ("system", "tuning", "scenario", "wild")), (int, ("steps", "seed")), (bool, ("on_link",))):
+    for kind, of in (
+        (str, ("system", "tuning", "scenario", "wild")),
+        (int, ("steps", "seed", "begin")),
+        (bool, ("on_link",)),
+    ):
         for key in of:
             if key in table and type(table[key]) is not kind:
                 raise ValueError(f"{name}: {key} is no {kind.__name__}")
@@ -214,6 +219,8 @@ def _entry(table: Any) -> Entry:
         raise ValueError(f"{name}: there is no system '{table['system'][:80]}'")
     if not 1 <= table["steps"] <= MAX_STEPS or not 0 <= table["seed"] <= MAX_SEED:
         raise ValueError(f"{name}: steps are 1 to {MAX_STEPS}, a seed is 0 to {MAX_SEED}")
+    if not 0 <= table.get("begin", 0) <= MAX_STEPS or ("begin" in table and "wild" in table):
+        raise ValueError(f"{name}: begin is a step of a scenario, 0 to {MAX_STEPS}")
     if ("scenario" in table) == ("wild" in table) or table.get("wild", "walk") not in WILD:
         raise ValueError(f"{name} needs either a scenario or one of wild = {', '.join(WILD)}")
     changes = table.get("set", {})

@@ -15,7 +15,7 @@ from plumb.physics import disturbance
 from plumb.proof import limits, runs
 from plumb.proof.runs import Run
 from plumb.spec.tuning import AnyTuning
-from plumb.systems.contracts import PINS, Scenario, fitted
+from plumb.systems.contracts import PINS, Scenario, fitted, tuning_for
 from plumb.tuning.quantise import ControlParams, quantise
 
 
@@ -23,7 +23,8 @@ from plumb.tuning.quantise import ControlParams, quantise
 class RunRequest:
     """Request for a run.
 
-    scenario, tuning: names of the system's lists; None: its defaults; the tuning may be an object, too. start: a
+    scenario, tuning: names of the system's lists; None: the default scenario, and the scenario's tuning; the tuning may
+    be an object, too. The period is that of the tuning. start: a
     start-up mode of the filter instead of the tuning's. seconds: length; None: the scenario's own. faults:
     KIND[:WHAT]@START[-STOP] each. conditions: NAME=NUMBER each. open_loop: prescribed motion, the outputs move nothing.
     live: the virtual board samples its own sensors by its own timer. link, image: of board `virtual`.
@@ -75,7 +76,7 @@ def perform(request: RunRequest, opened: Board | None = None) -> ScenarioRun:
     """
     system = systems.load(request.system)
     name = request.scenario or system.DEFAULT_SCENARIO
-    tuning, settings = tuning_of(request.system, request.tuning)
+    tuning, settings = tuning_of(request.system, request.tuning or tuning_for(system, name))
     if request.start:
         if request.start not in system.STARTS:
             modes = ", ".join(system.STARTS) or "none"
@@ -84,7 +85,7 @@ def perform(request: RunRequest, opened: Board | None = None) -> ScenarioRun:
     faults = system.faults([disturbance.parse(text) for text in request.faults])
     conditions = conditions_of(request.system, system.CONDITIONS, request.conditions)
     scenario = system.scenario(
-        name, request.seed, seconds=request.seconds, period_us=system.PERIOD_US, faults=faults, **conditions
+        name, request.seed, seconds=request.seconds, period_us=settings.period_us, faults=faults, **conditions
     )
     params = quantise(fitted(scenario, settings))
     closes = bool(system.OUTPUTS) and not request.open_loop

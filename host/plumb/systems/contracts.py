@@ -83,6 +83,15 @@ class WiredScenario(Protocol):
         """Parameters of the link's part that these sensors need, by name."""
 
 
+@runtime_checkable
+class TunedScenarios(Protocol):
+    """A system with scenarios that have a tuning of their own."""
+
+    @property
+    def TUNING_FOR(self) -> Mapping[str, str]:
+        """Scenario -> the tuning that it is made for, and with whose period it is drawn by default."""
+
+
 class Plant(Protocol):
     """Simulated physics with the sensors."""
 
@@ -350,6 +359,13 @@ POSES = Part[Poses]("poses", Poses, without="no poses are declared in which its 
 def link_words(system: System, scenario: Scenario) -> dict[str, int]:
     """Parameters of the link's part for a run: those of the system, then those of the scenario's sensors."""
     return {**system.LINK, **(scenario.link if isinstance(scenario, WiredScenario) else {})}
+
+
+def tuning_for(system: System, scenario: str) -> str:
+    """The tuning that a scenario runs with unless told otherwise."""
+    if isinstance(system, TunedScenarios):
+        return system.TUNING_FOR.get(scenario, system.DEFAULT_TUNING)
+    return system.DEFAULT_TUNING
 
 
 def fitted(scenario: Scenario, tuning: AnyTuning) -> AnyTuning:

@@ -34,7 +34,8 @@ def words_of(name: str, tuning: str | None) -> dict[str, int]:
         raise UsageError(f"{name} has no tuning '{chosen}'; use one of {', '.join(system.TUNINGS)}")
     pins = {"pins": 0} if system.OUTPUTS else {}  # the pins of speed controllers, unless the system names others
     params = quantise(system.TUNINGS[chosen])
-    return {**params.values, **params.link_words(), "period_us": system.PERIOD_US, **pins, **system.LINK}
+    period_us = system.TUNINGS[chosen].period_us
+    return {**params.values, **params.link_words(), "period_us": period_us, **pins, **system.LINK}
 
 
 def table_of(name: str, tuning: str | None) -> dict[str, int]:

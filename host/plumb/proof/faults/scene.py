@@ -196,10 +196,11 @@ def driving(name: str, link: str = "serial", image: Path | None = None, scenario
     reason when it does not arm within ARMING_S.
     """
     system, parts = systems.load(name), systems.load(name, PINS)
-    scenario = system.scenario(scenario_name or parts.SCENARIO, SEED)
+    tuning = system.TUNINGS[parts.TUNING]
+    scenario = system.scenario(scenario_name or parts.SCENARIO, SEED, period_us=tuning.period_us)
     board = VirtualBoard(image, link=link)
     try:
-        params = quantise(fitted(scenario, system.TUNINGS[parts.TUNING]))
+        params = quantise(fitted(scenario, tuning))
         words = link_words(system, scenario)
         session = plant_on_pins.configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **words)
         coupling = parts.Coupling(board.machine, system.plant(scenario))

@@ -133,7 +133,7 @@ _ANALOG = tuple(
          (LOST_OR_IMPLAUSIBLE,)),
         ("accel-z-at-3v", "pin of accelerometer z at 3.0 V, 1 LSB rms of noise", held(ACCEL_Z, 3.0, 1.0),
          (LOST_OR_IMPLAUSIBLE,)),
-        ("accel-y-wild", "0.5 V rms of noise on the pin of accelerometer y", wild(ACCEL_Y, 0.5),
+        ("accel-y-wild", "0.8 V rms (1 g) of noise on the pin of accelerometer y", wild(ACCEL_Y, 0.8),
          (LOST_OR_IMPLAUSIBLE,)),
         ("sensors-unplugged", "every sensor pin at 0 V", unplugged, _RAILED),
         ("converter-stops", "the ADC makes no conversions any more", converter_stops,

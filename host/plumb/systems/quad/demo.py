@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from plumb.proof.runs import Run
 from plumb.systems import run_fixed
 from plumb.systems.quad import plots
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning.quantise import quantise
 
-SCENARIO, TUNING = "hold", "adaptive"
+SCENARIO, TUNING = "hold", "hold"
 
 
 def errors(run: Run) -> dict[str, tuple[float, float]]:
     """Estimate -> (rms, largest) error of the tilt in deg."""
-    paper = run_fixed.run_control(quantise(quad.TUNINGS["paper"]), run.inputs.raw, run.inputs.setpoint)
+    paper_params = quantise(replace(quad.PAPER, period_us=quad.HOLD_PERIOD_US))
+    paper = run_fixed.run_control(paper_params, run.inputs.raw, run.inputs.setpoint)
     estimates = {
         "accelerometer only": plots.accel_only_deg(run),
         "the paper's constants, fixed": paper["tilt_turn_q32"] * plots.TURN_DEG,
-        "adaptive, float64 reference": run.reference["tilt_deg"],
-        "adaptive, fixed": run.words["tilt_turn_q32"] * plots.TURN_DEG,
-        "adaptive, the board": plots.estimate_deg(run),
+        f"{TUNING}, float64 reference": run.reference["tilt_deg"],
+        f"{TUNING}, fixed": run.words["tilt_turn_q32"] * plots.TURN_DEG,
+        f"{TUNING}, the board": plots.estimate_deg(run),
     }
     return {name: plots.rms_and_max(run, tilt_deg) for name, tilt_deg in estimates.items()}

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from plumb.f103.machine import Machine
 
 SCENARIO = "hold"
-SHOWN, TUNING = "motion", "adaptive"
+SHOWN, TUNING = "motion", "hold"
 FRAMES = ("RAW_A", "QUAD_ANGLE", "QUAD_BIAS")
 ADC_PINS = ("PA0", "PA1", "PA2")
 """Gyro, y, z."""

@@ -14,6 +14,7 @@ result does not depend on how often the pins are read.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -54,6 +55,7 @@ class QuadPlant:
         self._gust_nm = 0.0
         self._step = 0
         self._speed = [0.0, 0.0]
+        self._on_the_way = deque([[0.0, 0.0]] * round(scenario.delay_s / GRID_S))
         self._frozen: dict[Fault, float] = {}
         self.tilt_deg = self._prescribed_deg[0]
         self.rate_dps = 0.0
@@ -88,11 +90,14 @@ class QuadPlant:
         self.advance_to(time_s, [pulse / 2.0 for pulse in pulses])
 
     def advance_to(self, time_s: float, pulse_us: Sequence[float]) -> None:
-        """Simulate up to time_s with these two ESC pulses; below 1000 us, or none at all (0), the motor stands."""
+        """Simulate up to time_s with these two ESC pulses, which reach the motors after the scenario's delay; below
+        1000 us, or none at all (0), the motor stands."""
         throttle = [min(max((pulse - PULSE_ZERO_US) / PULSE_SPAN_US, 0.0), 1.0) for pulse in pulse_us]
         keep = math.exp(-GRID_S / MOTOR_TAU_S)
         for _ in range(math.floor(time_s / GRID_S + 1e-6) - self._step):
-            self._speed = [u + (w - u) * keep for u, w in zip(throttle, self._speed, strict=True)]
+            self._on_the_way.append(throttle)
+            arrived = self._on_the_way.popleft()
+            self._speed = [u + (w - u) * keep for u, w in zip(arrived, self._speed, strict=True)]
             self._advance()
 
     def volts(self, time_s: float) -> tuple[float, float, float]:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from plumb.physics.hand import TiltingHand
 from plumb.systems.contracts import Held
 from plumb.systems.quad.plant import QuadPlant
-from plumb.systems.quad.scenarios import scenario
+from plumb.systems.quad.scenarios import HOLD_PERIOD_US, scenario
 from plumb.tuning.pose_calibration import Pose, Turn
 
 POSES = (
@@ -27,7 +27,7 @@ class HeldAxis(QuadPlant):
     """The axis with its sensors, held by a hand; the motors move nothing."""
 
     def __init__(self, hand: TiltingHand, seed: int) -> None:
-        super().__init__(scenario("quiet", seed), open_loop=True)
+        super().__init__(scenario("quiet", seed, period_us=HOLD_PERIOD_US), open_loop=True)
         self._by_hand = hand
         self.advance_to(0.0, ())
 
