@@ -18,7 +18,7 @@ from plumb.f103.attached.mpu6050 import Mpu6050
 from plumb.f103.machine import Machine
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
-from plumb.spec import declarations
+from plumb.spec.system import SENSORS
 from support.sensor_bench import (
     DIGITAL,
     DIGITAL_CONTROL,
@@ -34,7 +34,7 @@ from support.sensor_bench import (
     world,
 )
 
-SIX_AXES = declarations.SENSORS.index("SIX_AXES")
+SIX_AXES = SENSORS.index("SIX_AXES")
 ON_I2C, ON_SPI, IN_GYRO = 0, 1, 2
 """Values of the parameter accel_bus."""
 RATES, FORCES = ((1.0, 0.0, 16.0), 0.4), ((0.1, 0.2, 0.95), 0.004)

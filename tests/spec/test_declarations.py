@@ -9,13 +9,14 @@ import pytest
 
 from plumb.errors import UsageError
 from plumb.spec import declarations
+from plumb.spec.system import System
 
 ERROR = '{ name = "error_counts_q16", type'
 """The second entry of the record."""
 TOY = Path(__file__).resolve().parents[1] / "toy_systems" / "toy" / "system.toml"
 
 
-def load(folder: Path, text: str) -> declarations.System:
+def load(folder: Path, text: str) -> System:
     shutil.copytree(TOY.parent / "commands", folder / "toy" / "commands")
     (folder / "toy" / "system.toml").write_text(text, encoding="utf-8")
     return declarations.load_system(folder / "toy")

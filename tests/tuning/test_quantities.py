@@ -10,6 +10,7 @@ import pytest
 from plumb import systems
 from plumb.errors import UsageError
 from plumb.spec import declarations, parameters
+from plumb.spec.system import group_of
 from plumb.spec.tuning import NUMBER, Channel, quantity
 from plumb.systems import shipped_tunings
 from plumb.tuning import quantities
@@ -122,7 +123,7 @@ def test_integers_that_stand_for_no_tuning_are_a_sentence(end: str) -> None:
     for system in systems.SYSTEMS:
         table = shipped_tunings.table_of(system, None)
         for row in parameters.table():
-            if declarations.group_of(row.name) not in declarations.system(system).all_groups:
+            if group_of(row.name) not in declarations.system(system).all_groups:
                 continue
             try:
                 values = quantities.values_of({**table, row.name: row.min if end == "min" else row.max})

@@ -15,7 +15,7 @@
 #ifndef PLUMB_ATTITUDE_H
 #define PLUMB_ATTITUDE_H
 
-#include "plumb/attitude_errors.h"
+#include "plumb/error_filter.h"
 #include "plumb/records.h"
 #include <stdbool.h>
 
@@ -26,7 +26,7 @@ extern "C" {
 /* State of the estimator: the record of the last step, then what the next one needs besides. */
 typedef struct {
     plumb_attitude_words_t words;
-    plumb_attitude_errors_t errors;
+    plumb_error_filter_t errors;
     int32_t rows_sum_q22[2][3];   /* of the block so far: horizontal rows of the attitude's matrix */
     int32_t turned_sum_q28[2][3]; /* of the block so far: those times the half angles */
     int32_t force_sum_q18[3];     /* of the block so far: acceleration in earth axes, g */

@@ -13,6 +13,7 @@ from plumb.inputs.logged_runs import LoggedRun
 from plumb.link.used_tables import TableChange, UsedTables
 from plumb.spec import declarations, parameters
 from plumb.spec.protocol import Protocol, check
+from plumb.spec.system import group_of
 from plumb.tuning.quantise import Change, Changes, ControlParams, groups_of
 
 _NEEDED = ("PARAM_VALUE", "PARAM_STAGED", "PARAM_SET", "PARAM_COMMIT", "ACK", "HELLO")
@@ -112,7 +113,7 @@ def parameters_of_run(sets: Sequence[ParameterSet], at: int, where: str) -> Used
         raise UsageError(f"{where} is of system {values['system']}, which this plumb does not have; update it")
     system = known[values["system"]]
     groups = groups_of(system)
-    own = {name: value for name, value in values.items() if declarations.group_of(name) in groups}
+    own = {name: value for name, value in values.items() if group_of(name) in groups}
     unit = values.get(parameters.UNIT, 0)
     lsb_deg2 = unit / 2.0**56 * 360.0**2 / 2.0**32 if unit else 1.0
     try:

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from plumb.spec.declarations import FRAMES_MAX, NUMBERS, Frame, Part, System, systems
+from plumb.spec.declarations import systems
+from plumb.spec.system import FRAMES_MAX, NUMBERS, Frame, Part, System
 
 LINK_PATH = Path(__file__).with_name("link_messages.dbc")
 FIRST_BLOCK, BLOCK = 0x300, 0x40

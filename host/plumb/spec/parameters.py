@@ -17,6 +17,7 @@ from functools import lru_cache
 from plumb.errors import UsageError
 from plumb.spec import declarations
 from plumb.spec.speed_controllers import GAP_HALFUS, foreign_parameter
+from plumb.spec.system import TomlTable, group_of
 
 ERASED = 0xFFFF
 """The value of erased flash; no row may have it as its id."""
@@ -52,7 +53,7 @@ class Parameter:
     @property
     def group(self) -> str:
         """The group, a member of plumb_params_t: `kalman` of kalman.qb; "" for a parameter without a group."""
-        return declarations.group_of(self.name)
+        return group_of(self.name)
 
     def out_of_range(self, value: int) -> str:
         """Error text for a value outside the range, without a full stop."""
@@ -73,7 +74,7 @@ def _system_row() -> Parameter:
     return Parameter("system", "control", "uint32", "", "choice", 0, max(numbers), min(numbers), doc)
 
 
-def _row(given: declarations.TomlTable) -> Parameter:
+def _row(given: TomlTable) -> Parameter:
     """A declared row. The text of a calibration row also names the channels that it calibrates, for each system."""
     row = Parameter(**{**given, "was": tuple(given.get("was", ()))})
     calibrated = {

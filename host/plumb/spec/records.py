@@ -16,11 +16,12 @@ import numpy.typing as npt
 
 from plumb.errors import UsageError
 from plumb.spec import declarations
+from plumb.spec.system import TYPES, Word
 
 
-def dtype_of(words: Iterable[declarations.Word]) -> np.dtype[np.void]:
+def dtype_of(words: Iterable[Word]) -> np.dtype[np.void]:
     """Packed numpy type of a record with these words."""
-    return np.dtype([(word.name, declarations.TYPES[word.type]) for word in words])
+    return np.dtype([(word.name, TYPES[word.type]) for word in words])
 
 
 RECORDS: dict[str, np.dtype[np.void]] = {
@@ -31,7 +32,7 @@ RECORDS: dict[str, np.dtype[np.void]] = {
 
 def block_dtype(name: str) -> np.dtype[np.void]:
     """Numpy type of a kernel's state struct (blocks.toml); only for structs without arrays."""
-    return np.dtype([(word["name"], declarations.TYPES[word["type"]]) for word in declarations.blocks()[name]["words"]])
+    return np.dtype([(word["name"], TYPES[word["type"]]) for word in declarations.blocks()[name]["words"]])
 
 
 def names_of(system: str) -> tuple[str, ...]:

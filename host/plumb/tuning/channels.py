@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.errors import UsageError
-from plumb.spec import declarations, parameters
+from plumb.spec import parameters
+from plumb.spec.system import Channel as RawChannel
 from plumb.spec.tuning import Channel
 from plumb.tuning.quantise import ControlParams
 
@@ -54,7 +55,7 @@ def with_channels(tuning: TuningT, channels: Mapping[str, Channel]) -> TuningT:
     return result
 
 
-def counts_of(params: ControlParams, channel: declarations.Channel, values: npt.ArrayLike) -> npt.NDArray[np.int16]:
+def counts_of(params: ControlParams, channel: RawChannel, values: npt.ArrayLike) -> npt.NDArray[np.int16]:
     """Raw counts whose calibrated values are nearest to `values` (deg/s, deg/s^2 or g, any shape), limited to 16 bits.
 
     The step itself clamps and counts values outside the channel's range. Raises UsageError for a channel without
@@ -69,9 +70,7 @@ def counts_of(params: ControlParams, channel: declarations.Channel, values: npt.
     return np.clip(counts, NO_SAMPLE + 1, -NO_SAMPLE - 1).astype(np.int16)
 
 
-def values_of(
-    params: ControlParams, channel: declarations.Channel, counts: npt.ArrayLike
-) -> npt.NDArray[np.float64] | None:
+def values_of(params: ControlParams, channel: RawChannel, counts: npt.ArrayLike) -> npt.NDArray[np.float64] | None:
     """The calibrated values of raw counts, in deg/s, deg/s^2 or g; None for a channel without such a calibration."""
     group = channel.calibration
     row = next((row for row in parameters.table() if row.name == f"{group}.offset"), None)

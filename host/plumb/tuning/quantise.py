@@ -13,6 +13,7 @@ from typing import NamedTuple, Protocol
 
 from plumb.errors import UsageError
 from plumb.spec import declarations, parameters, system_parts
+from plumb.spec.system import group_of
 from plumb.spec.system_parts import Part
 from plumb.spec.tuning import AnyTuning
 
@@ -61,7 +62,7 @@ class ControlParams:
     def own(self) -> dict[str, int]:
         """The words of the groups that the system reads."""
         groups = groups_of(self.system)
-        return {name: value for name, value in self.values.items() if declarations.group_of(name) in groups}
+        return {name: value for name, value in self.values.items() if group_of(name) in groups}
 
     def __getitem__(self, name: str) -> int:
         return self.values[name]

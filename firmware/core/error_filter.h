@@ -3,49 +3,47 @@
  *
  * A block of steps ends with its coupling (tilt per bias and scale error) and its lever (velocity per tilt).
  * Then the covariance grows: the velocity by half the lever, the two tilts, the velocity again and every
- * variance. Each scalar measurement follows: attitude_errors_weigh, then attitude_errors_shrink. Each
+ * variance. Each scalar measurement follows: error_filter_weigh, then error_filter_shrink. Each
  * function here is one slice of that work and fits into a step. Sums are modulo 2^32, as no input may make
  * one undefined.
  *
- * docs/systems/attitude.md derives the equations, docs/reference/arithmetic/attitude.md gives every word.
+ * docs/reference/arithmetic/attitude.md gives every word.
  */
-#ifndef PLUMB_CORE_ATTITUDE_ERRORS_H
-#define PLUMB_CORE_ATTITUDE_ERRORS_H
+#ifndef PLUMB_CORE_ERROR_FILTER_H
+#define PLUMB_CORE_ERROR_FILTER_H
 
-#include "plumb/attitude_errors.h"
+#include "plumb/error_filter.h"
 
-enum { BIAS = 0, SCALE = 3, TILT = 6, VELOCITY = 8, STATES = PLUMB_ATTITUDE_STATES };
+enum { BIAS = 0, SCALE = 3, TILT = 6, VELOCITY = 8, STATES = PLUMB_ERROR_STATES };
 
 #define VARIANCE_LIMIT_Q32 858993459 /* 0.2: where variances of tilt and velocity stop growing */
 
 /* Covariance of the start, with these variances; no corrections. */
-void attitude_errors_start(plumb_attitude_errors_t *e, int32_t bias, int32_t scale, int32_t tilt,
-                           int32_t velocity);
+void error_filter_start(plumb_error_filter_t *e, int32_t bias, int32_t scale, int32_t tilt, int32_t velocity);
 
 /* Variance of one state. */
-static inline uint32_t attitude_errors_variance(const plumb_attitude_errors_t *e, unsigned state) {
+static inline uint32_t error_filter_variance(const plumb_error_filter_t *e, unsigned state) {
     return (uint32_t)e->covariance_q32[state * (state + 3U) / 2U];
 }
 
 /* The corrections as a block makes them grow: velocity with tilt, tilt with bias and scale. */
-void attitude_errors_predict(plumb_attitude_errors_t *e);
+void error_filter_predict(plumb_error_filter_t *e);
 
 /* The horizontal velocity grows with the tilt, by half the lever of the block: before and after the tilt has
  * grown. */
-void attitude_errors_grow_velocity(plumb_attitude_errors_t *e);
+void error_filter_grow_velocity(plumb_error_filter_t *e);
 
 /* One component of the tilt (0, 1) grows by the errors of the gyro, times the coupling. */
-void attitude_errors_grow_tilt(plumb_attitude_errors_t *e, unsigned axis);
+void error_filter_grow_tilt(plumb_error_filter_t *e, unsigned axis);
 
 /* The velocity once more, then every variance; clears the corrections. */
-void attitude_errors_grow(plumb_attitude_errors_t *e, int32_t bias_growth_q32, int32_t scale_growth_q32);
+void error_filter_grow(plumb_error_filter_t *e, int32_t bias_growth_q32, int32_t scale_growth_q32);
 
 /* Gains and corrections of one scalar measurement: that the error of state `at` is measured_q28, of that
  * variance. One of a bias that is beyond five sigmas changes nothing: the body turns. */
-void attitude_errors_weigh(plumb_attitude_errors_t *e, unsigned at, uint32_t variance_q32,
-                           int32_t measured_q28);
+void error_filter_weigh(plumb_error_filter_t *e, unsigned at, uint32_t variance_q32, int32_t measured_q28);
 
 /* The covariance after that measurement: less gain times row. */
-void attitude_errors_shrink(plumb_attitude_errors_t *e);
+void error_filter_shrink(plumb_error_filter_t *e);
 
 #endif

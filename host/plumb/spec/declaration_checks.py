@@ -1,0 +1,205 @@
+"""Checks of a declaration: each raises UsageError with one sentence that says what is wrong.
+
+`plumb.spec.declarations` adds the name of the file.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from plumb.errors import UsageError
+from plumb.spec.base_units import BASE_UNITS, unknown_part
+from plumb.spec.system import (
+    FRAMES_MAX,
+    NUMBERS,
+    OUTPUTS,
+    RAW_CHANNELS,
+    SENSORS,
+    TYPES,
+    WORDS_MAX,
+    System,
+    TomlTable,
+    group_of,
+)
+
+_C_KEYWORDS = frozenset(
+    re.findall(
+        r"\w+",
+        "auto break case char const continue default do double else enum extern float for goto if inline int long "
+        "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while",
+    )
+)
+_LOWER, _UPPER = re.compile(r"[a-z][a-z0-9_]*"), re.compile(r"[A-Z][A-Z0-9_]*")
+_COMMAND = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+_PARAMETER = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)+")
+_FORMAT = re.compile(r"Q\d\d?|Q\([^)]*\)|integer|bits|choice|see \w+")
+_AXIS = re.compile(r"-?(gyr|acc|ang)_[xyz]")
+CALIBRATION_ROWS = ("raw_min", "raw_max", "gain", "offset")
+"""The rows of a group that calibrates a raw channel."""
+_ROW: dict[str, type] = {
+    **dict.fromkeys(("name", "owner", "type", "unit", "format", "doc"), str),
+    **dict.fromkeys(("min", "max", "default"), int),
+}
+
+
+def _check_text(what: str, value: object, pattern: re.Pattern[str] | None = None) -> None:
+    """Raises UsageError unless the value is a line of text that fits into C comments and the DBC, and, with a pattern,
+    a name that matches it."""
+    if not isinstance(value, str) or not value.isprintable() or "*/" in value or '"' in value:
+        raise UsageError(f"{what} is a line of text without quotes or */, not {value!r:.40}")
+    if pattern is not None and (not pattern.fullmatch(value) or value in _C_KEYWORDS):
+        raise UsageError(f"{what}: {value!r:.40} cannot be a name in C and in the DBC: letters, digits and _")
+
+
+def _check_units(system: System) -> None:
+    """Raises UsageError for a unit with a part that is neither a base unit nor one of the system's quantities."""
+    own = [word.name for word in system.words]
+    own += [row["name"].rpartition(".")[2] for row in system.parameters]
+    stated = [(f"word {word.name}", word.unit) for word in system.words]
+    stated += [(f"channel {channel.name}", channel.unit) for channel in system.channels]
+    stated += [(f"parameter {row['name']}", row["unit"]) for row in system.parameters]
+    for what, unit in stated:
+        part = unknown_part(unit, own)
+        if part:
+            raise UsageError(f"{what}: unit '{unit:.40}' has '{part:.40}'; units are {' '.join(sorted(BASE_UNITS))}")
+
+
+def _check_groups(system: System, shared: Sequence[TomlTable]) -> None:
+    """Raises UsageError for an unknown shared group, and for a channel whose axis or calibration is wrong."""
+    rows = [*shared, *system.parameters]
+    known = list(dict.fromkeys(group_of(row["name"]) for row in shared if row["owner"] == "control"))
+    for group in system.groups:
+        if group not in known:
+            raise UsageError(f"groups: there is no shared group {group!r:.40}; there are {', '.join(known)}")
+    for channel in system.channels:
+        if channel.axis and not (channel.calibration and _AXIS.fullmatch(str(channel.axis))):
+            raise UsageError(
+                f"channel {channel.name}: axis = {channel.axis!r:.40}: write gyr, acc or ang with _x, _y or _z, as in "
+                "gyr_x or -acc_y, and give the channel a calibration"
+            )
+        if not channel.calibration:
+            continue
+        what = f"channel {channel.name}: calibration = {channel.calibration!r:.40}"
+        if channel.calibration not in system.all_groups:
+            raise UsageError(f"{what}: it is one of the groups that the step reads, {', '.join(system.all_groups)}")
+        lacking = {f"{channel.calibration}.{row}" for row in CALIBRATION_ROWS} - {row["name"] for row in rows}
+        if lacking:
+            raise UsageError(f"{what}: a calibration has the rows {', '.join(CALIBRATION_ROWS)}")
+
+
+def _check_names(system: System) -> None:
+    """Raises UsageError for a text or a name that generated C or the DBC cannot hold."""
+    _check_text("title", system.title)
+    for word in system.words:
+        _check_text("a word of the record", word.name, _LOWER)
+        _check_text(f"{word.name}: doc", word.doc)
+        _check_text(f"{word.name}: unit", word.unit)
+        _check_text(f"{word.name}: format", word.format)
+        if not _FORMAT.fullmatch(word.format):
+            raise UsageError(
+                f"{word.name}: the format is Q and a number of bits, integer, bits or choice, not {word.format}"
+            )
+    for channel in system.channels:
+        _check_text("a channel", channel.name, _LOWER)
+        _check_text(f"channel {channel.name}: unit", channel.unit)
+    for flag in system.flags:
+        _check_text("a flag", flag.name, _UPPER)
+        _check_text(f"flag {flag.name}: doc", flag.doc)
+    for frame in system.frames:
+        _check_text("a frame", frame.name, _UPPER)
+        _check_text(f"frame {frame.name}: doc", frame.doc)
+        for part in (frame.half, frame.word):
+            if part is not None:
+                _check_text(f"frame {frame.name}: a part", part.name, _LOWER)
+                if type(part.shift) is not int or not 0 <= part.shift < 32:
+                    raise UsageError(f"frame {frame.name}: shift is 0 to 31, not {part.shift!r:.40}")
+        if frame.half is not None and frame.half.name == frame.word.name:
+            raise UsageError(f"frame {frame.name}: both parts are named {frame.word.name}")
+
+
+def _check_parameters(system: System) -> None:
+    """Raises UsageError for a malformed row of the system's own parameters. `plumb.spec.parameters` checks ranges."""
+    for row in system.parameters:
+        name = row.get("name", "without a name")
+        former = row.get("was", [])
+        if not isinstance(former, list) or not all(isinstance(old, str) for old in former):
+            raise UsageError(f"parameter {name!s:.40}: was is a list of former names, not {former!r:.40}")
+        if type(row.get("live", False)) is not bool:
+            raise UsageError(f"parameter {name!s:.40}: live is true or false, not {row['live']!r:.40}")
+        for key in (row.keys() - {"was", "live"}) ^ _ROW.keys():
+            raise UsageError(f"parameter {name!s:.40}: {key} is {'unknown' if key in row else 'missing'}")
+        for key, kind in _ROW.items():
+            if type(row[key]) is not kind:
+                wanted = "an integer" if kind is int else "text"
+                raise UsageError(f"parameter {name!s:.40}: {key} is {wanted}, not {row[key]!r:.40}")
+        _check_text("a parameter", name, _PARAMETER)
+        _check_text(f"parameter {name}: doc", row["doc"])
+        _check_text(f"parameter {name}: unit", row["unit"])
+        if not _FORMAT.fullmatch(row["format"]):
+            raise UsageError(f"parameter {name}: the format is Q and a number of bits, integer, bits or choice")
+    if not isinstance(system.period, str) or group_of(system.period) not in system.all_groups:
+        raise UsageError(f"period = {system.period!r:.40}: it names a parameter of the groups that the step reads")
+
+
+def _check_folder(system: System) -> None:
+    """Raises UsageError for a command or a part that the declaration names and the folder lacks."""
+    for name, text in system.commands.items():
+        _check_text(f"command {name}", text)
+        if not _COMMAND.fullmatch(name):
+            raise UsageError(f"commands: {name!r:.40} is no name: small letters, digits and -")
+        module = f"commands/{name.replace('-', '_')}.py"
+        if not (system.folder / module).is_file():
+            raise UsageError(f"commands: {name} is {module}, which is missing")
+    for part in system.default_for:
+        _check_text("default_for", part, _LOWER)
+        if not (system.folder / f"{part}.py").is_file():
+            raise UsageError(f"default_for: {part} is {part}.py, which is missing")
+
+
+def check(system: System, shared: Sequence[TomlTable]) -> None:
+    """Raises UsageError with the first mistake of a declaration. shared: the rows of the shared parameter groups."""
+    if type(system.number) is not int or system.number not in NUMBERS:
+        raise UsageError(f"number is an integer from 0 to {NUMBERS[-1]}, not {system.number!r:.40}")
+    _check_names(system)
+    _check_parameters(system)
+    _check_folder(system)
+    _check_units(system)
+    _check_groups(system, shared)
+    if system.output and len(system.output_words) < OUTPUTS[system.output]:
+        raise UsageError(f"output {system.output} is driven by {OUTPUTS[system.output]} words: the record ends before")
+    if system.sensors not in SENSORS:
+        raise UsageError(f"sensors is one of {', '.join(SENSORS)}, not {system.sensors}")
+    if system.missing_samples not in ("held", "marked"):
+        raise UsageError(f"missing_samples is held or marked, not {system.missing_samples}")
+    if system.optimise not in ("speed", "size"):
+        raise UsageError(f"optimise is speed or size, not {system.optimise}")
+    if len(system.channels) > RAW_CHANNELS:
+        raise UsageError(f"a sample has {RAW_CHANNELS} channels, not {len(system.channels)}")
+    if len(system.frames) > FRAMES_MAX:
+        raise UsageError(f"a system has at most {FRAMES_MAX} frames, not {len(system.frames)}")
+    if len(system.flags) > 32:
+        raise UsageError(f"a step has at most 32 flags, not {len(system.flags)}")
+    if system.record_bytes > 4 * WORDS_MAX:
+        raise UsageError(f"the record has {system.record_bytes // 4} words; {WORDS_MAX} are the most")
+    at = 0
+    for word in system.words:
+        if word.type not in TYPES:
+            raise UsageError(f"{word.name}: the type is one of {', '.join(TYPES)}, not {word.type}")
+        if at % word.size:
+            raise UsageError(f"{word.name} of 8 bytes would lie at byte {at}: put a word of 4 bytes before it")
+        at += word.size
+    if at % 8 and any(word.size == 8 for word in system.words):
+        raise UsageError(f"the record has {at} bytes; with 64-bit words it is a multiple of 8: add a word of 4 bytes")
+    for names in (
+        [word.name for word in system.words],
+        [flag.name for flag in system.flags],
+        [frame.name for frame in system.frames],
+    ):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise UsageError(f"{twice[0]} is there twice")
+    for frame in system.frames:
+        for part in (frame.half, frame.word):
+            if part is not None and part.word.size != 4:
+                raise UsageError(f"frame {frame.name}: {part.word.name} has 64 bits; a part has at most 32")
