@@ -14,6 +14,7 @@ from __future__ import annotations
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from plumb import aio as aio
     from plumb.api import golden as golden
     from plumb.api.connection import Board as Board
     from plumb.api.connection import connect as connect
@@ -51,6 +52,7 @@ _PLACES = {
     "RunResult": "plumb.api.runs",
     "Sample": "plumb.api.live",
     "UsageError": "plumb.errors",
+    "aio": "plumb",
     "connect": "plumb.api.connection",
     "golden": "plumb.api",
     "load": "plumb.api.recordings",
@@ -60,7 +62,7 @@ _PLACES = {
 
 __all__ = [
     "Board", "Estimate", "Estimator", "Gap", "Health", "LinkError", "LoggedRun", "ParameterDescription", "Parameters",
-    "PlumbError", "Recording", "RunResult", "Sample", "UsageError", "connect", "golden", "load", "run",
+    "PlumbError", "Recording", "RunResult", "Sample", "UsageError", "aio", "connect", "golden", "load", "run",
 ]  # fmt: skip
 
 
@@ -76,8 +78,9 @@ if not TYPE_CHECKING:  # a type checker would take every name for one that there
             return installed().version
         if name not in _PLACES:
             raise AttributeError(f"module 'plumb' has no attribute '{name}'")
-        module = importlib.import_module(_PLACES[name])
-        return importlib.import_module("plumb.api.golden") if name == "golden" else getattr(module, name)
+        if name in ("aio", "golden"):
+            return importlib.import_module(f"{_PLACES[name]}.{name}")
+        return getattr(importlib.import_module(_PLACES[name]), name)
 
 
 def __dir__() -> list[str]:

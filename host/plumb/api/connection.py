@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -48,6 +48,8 @@ class Board:
     Attributes:
         name: The board as it was named.
         runs_on: The board of `plumb.boards` behind it, for the modules of `plumb.proof`.
+        consent: Asked before every keep-alive of a board that is armed from then on, if it is not None; while it says
+            False, the board is left to disarm itself.
     """
 
     def __init__(
@@ -76,6 +78,7 @@ class Board:
             declarations.system(system)
         if (system or scenario) and name not in ("native", "virtual"):
             raise UsageError(f"system and scenario are for native and virtual, on which a plant is put, not for {name}")
+        self.consent: Callable[[], bool] | None = None
         self.name = name = resolved(name)
         self.runs_on = open_board(name, link=link, image=image)
         self._talks_to: LinkBoard | None = self.runs_on if isinstance(self.runs_on, LinkBoard) else None
@@ -240,7 +243,7 @@ class Board:
 
     # ---- live ----
 
-    def stream(self, seconds: float | None = None, *, begin: bool = True) -> Iterator[Sample]:
+    def stream(self, seconds: float | None = None, *, begin: bool = True) -> Generator[Sample, None, None]:
         """Samples of the board on its own sensors, in real time, one a step.
 
         A board that was connected with `reconnect` and is lost makes a pause, and no exception: the first sample
@@ -342,15 +345,33 @@ class Board:
     def arm(self) -> None:
         """Arm the board: its outputs drive the actuators from here on. A run on its own sensors is begun if none is on.
 
-        Armed, the board wants to hear this program every 40 ms: go on with `stream`.
+        Armed, the board wants to hear this program every 40 ms: go on with `stream`, or with `keep_alive`.
 
         Raises:
             UsageError: A board without a link.
             LinkError: The board refuses; the sentence says what is in the way.
         """
         session = self._session()
+        session.consent = self.consent
         self._begin()
         session.arm()
+
+    def keep_alive(self, seconds: float) -> None:
+        """Keep an armed board alive for so many seconds of its time, while you take no samples.
+
+        Raises:
+            UsageError: A board without a link.
+            LinkError: The link fails.
+        """
+        session = self._session()
+        end_s = session.clock() + seconds
+        while (left_s := end_s - session.clock()) > 0:
+            session.receive(left_s)
+
+    def wait_with(self, pause: Callable[[float], None]) -> None:
+        """Call this with the seconds of every pause between two attempts to reach a lost board; it may raise."""
+        if self._reconnection is not None:
+            self._reconnection.pause = pause
 
     def disarm(self) -> None:
         """Disarm the board: its outputs are neutral. The run goes on.
