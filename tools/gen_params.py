@@ -43,8 +43,9 @@ uint32_t params_word(const params_t *p, uint16_t index);
 void params_set_word(params_t *p, uint16_t index, uint32_t value);
 bool params_in_range(uint16_t index, uint32_t value);
 
-/* True when nothing but live parameters differs: those that may change during a run that is not armed. */
-bool params_change_live(const params_t *from, const params_t *to);
+/* The first word that differs and must not change during a run; PARAMS_COUNT: there is none. Live parameters may;
+ * near: only to at most twice and at least half of what they were, with the same sign (of 0: not at all). */
+uint16_t params_fixed_change(const params_t *from, const params_t *to, bool near);
 
 /* What stays when numbers and names change: the CRC-16 of a row's first name, never 0xFFFF. */
 uint16_t params_id(uint16_t index);
@@ -58,6 +59,7 @@ uint16_t params_find(uint16_t id);
 SOURCE = """/* clang-format off */
 #include "generated/params.h"
 #include "core/digest.h"
+#include "core/fixed.h"
 #include <stddef.h>
 #include <string.h>
 
@@ -132,13 +134,22 @@ static bool live(uint16_t index) {{
     }}
 }}
 
-bool params_change_live(const params_t *from, const params_t *to) {{
-    uint16_t index = 0;
+/* At most twice and at least half, with the same sign. */
+static bool is_near(int32_t from, int32_t to) {{
+    const uint32_t a = abs_u32(from), b = abs_u32(to);
 
-    while (index < PARAMS_COUNT && (live(index) || params_word(from, index) == params_word(to, index))) {{
-        index++;
+    return (from ^ to) >= 0 && a <= 2U * b && b <= 2U * a;
+}}
+
+uint16_t params_fixed_change(const params_t *from, const params_t *to, bool near) {{
+    for (uint16_t index = 0; index < PARAMS_COUNT; index++) {{
+        const uint32_t a = params_word(from, index), b = params_word(to, index);
+
+        if (a != b && !(live(index) && (!near || is_near((int32_t)a, (int32_t)b)))) {{
+            return index;
+        }}
     }}
-    return index == PARAMS_COUNT;
+    return PARAMS_COUNT;
 }}
 
 uint16_t params_id(uint16_t index) {{

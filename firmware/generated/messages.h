@@ -6,7 +6,7 @@
 #include "link/e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 2U
-#define MESSAGES_DBC_HASH 0x1C12F519U
+#define MESSAGES_DBC_HASH 0xD01B060DU
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U
@@ -284,6 +284,7 @@ can_frame_t message_ack_pack(const message_ack_t *m);
 #define MESSAGE_NACK_REASON_GREETING 16U
 #define MESSAGE_NACK_REASON_OWNER 17U
 #define MESSAGE_NACK_REASON_RUN_TAG 18U
+#define MESSAGE_NACK_REASON_ARMED 19U
 typedef struct {
     uint16_t request;
     uint16_t reason;

@@ -38,8 +38,9 @@ uint32_t params_word(const params_t *p, uint16_t index);
 void params_set_word(params_t *p, uint16_t index, uint32_t value);
 bool params_in_range(uint16_t index, uint32_t value);
 
-/* True when nothing but live parameters differs: those that may change during a run that is not armed. */
-bool params_change_live(const params_t *from, const params_t *to);
+/* The first word that differs and must not change during a run; PARAMS_COUNT: there is none. Live parameters may;
+ * near: only to at most twice and at least half of what they were, with the same sign (of 0: not at all). */
+uint16_t params_fixed_change(const params_t *from, const params_t *to, bool near);
 
 /* What stays when numbers and names change: the CRC-16 of a row's first name, never 0xFFFF. */
 uint16_t params_id(uint16_t index);

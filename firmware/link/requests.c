@@ -49,25 +49,40 @@ static void on_param_get(session_t *s, const request_t *q) {
     }
 }
 
-/* The staged table may be put into use during a run in real time that is not armed, if it changes nothing but
- * live parameters. */
-static bool run_forbids_staged(const session_t *s) {
-    return s->run.mode != RUN_IDLE && (s->run.mode != RUN_REALTIME || session_armed(s) ||
-                                       !params_change_live(s->params, s->staging.table));
+/* Why the staged table may not come into use now; 0: it may. Without a run it always may. A run in real time
+ * takes live parameters; while armed from its owner alone, and no more than a factor of two at a time. */
+static uint16_t run_forbids_staged(const session_t *s, const request_t *q, uint16_t *detail) {
+    const bool armed = session_armed(s);
+
+    if (s->run.mode == RUN_IDLE) {
+        return 0;
+    }
+    if (armed && s->run.links.owner != q->link) {
+        return MESSAGE_NACK_REASON_OWNER;
+    }
+    const uint16_t word = params_fixed_change(s->params, s->staging.table, armed);
+    if (s->run.mode == RUN_REALTIME && word == PARAMS_COUNT) {
+        return 0;
+    }
+    *detail = armed ? word : 0U;
+    return armed ? MESSAGE_NACK_REASON_ARMED : MESSAGE_NACK_REASON_BUSY;
 }
 
 static void on_param_commit(session_t *s, const request_t *q) {
+    const uint32_t crc = message_param_commit_unpack(q->frame).crc;
     uint16_t detail = 0;
-    const uint16_t reason = run_forbids_staged(s) ? MESSAGE_NACK_REASON_BUSY
-                                                  : staging_check_commit(&s->staging, q->frame, &detail);
+    uint16_t reason = run_forbids_staged(s, q, &detail);
 
+    if (reason == 0) {
+        reason = staging_check_commit(&s->staging, q->frame, &detail);
+    }
     if (reason != 0) {
         routing_nack(&s->routing, q, reason, detail);
     } else {
         session_apply_staged(s);
-        session_report_parameters(s);
+        session_report_parameters(s, crc);
         staging_committed(&s->staging);
-        routing_ack(&s->routing, q, message_param_commit_unpack(q->frame).crc);
+        routing_ack(&s->routing, q, crc);
     }
 }
 

@@ -200,8 +200,8 @@ void session_apply_staged(session_t *s) {
     staging_apply(&s->staging, s->params);
 }
 
-void session_report_parameters(session_t *s) {
-    const message_param_used_t m = {.step = s->run.step, .crc = params_crc32(s->params)};
+void session_report_parameters(session_t *s, uint32_t crc) {
+    const message_param_used_t m = {.step = s->run.step, .crc = crc};
 
     if (s->run.mode != RUN_IDLE) {
         routing_telemetry(&s->routing, message_param_used_pack(&m), s->run.tag);

@@ -154,12 +154,13 @@ void session_link_lost(session_t *s, link_t link, uint16_t cause);
 /* Send the STEP of one of the last RUN_QUEUE_LENGTH steps again. */
 void session_repeat_step(session_t *s, const request_t *q, uint16_t step);
 
-/* Put the staged parameters into use. Call only while no run is on, or when only live parameters change. */
+/* Put the staged parameters into use, between two steps. Call only while no run is on, or when only live
+ * parameters change: the run goes on without a jump of its outputs (control_retune()). */
 void session_apply_staged(session_t *s);
 
 /* Send PARAM_USED to every open link, if a run is on: the next step is the first one with the parameters in
- * use. */
-void session_report_parameters(session_t *s);
+ * use. crc: theirs. */
+void session_report_parameters(session_t *s, uint32_t crc);
 
 /* Enter the ROM bootloader after the reply is out, unless a run begins or the board is armed before that. */
 void session_ask_bootloader(session_t *s, uint32_t now_us);

@@ -76,6 +76,8 @@ SESSION = {
     "connect": [0, *OPENED, HELLO, CAN, HELLO, 2, HELLO, 3, LONG_WAIT, 60],
     "armed": [0, *ARMED, LONG_WAIT, 60],
     "armed_as_the_clock_wraps": [255, *ARMED, LONG_WAIT, 60],
+    "gains_while_armed": [0, *ARMED, *(2 * [UPLOAD, UART, 37, 1, 0xFF, 0x02, LONG_WAIT, 4, UPLOAD, UART, 39, 0, 9, 0])],
+    "gains_of_another_host": [0, *ARMED, HELLO, CAN, UPLOAD, CAN, 37, 1, 0xFF, 0x02, LONG_WAIT, 20],
     "let_go": [0, *ARMED, LONG_WAIT, 20, ANSWER, 0, LONG_WAIT, 20],
     "replayed": [0, *ARMED, WAIT, 40, ANSWER, 0, *(10 * [REPLAY, UART, WAIT, 20])],
     "replayed_again_and_again": [0, *ARMED, LONG_WAIT, 20, ANSWER, 8, LONG_WAIT, 20],

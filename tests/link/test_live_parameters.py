@@ -1,22 +1,20 @@
-"""Gains that change during a run: bit for bit as in the model, and never while the board is armed."""
+"""Gains that change during a run that is not armed: bit for bit as in the model."""
 
 from __future__ import annotations
 
 import pytest
 
 from plumb.link import parameter_table
-from plumb.link.identity import NackError
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.proof.shadow import Shadow
-from plumb.spec import parameters
 from plumb.spec.parameter_file import by_name
 from plumb.systems import run_fixed, shipped_tunings
 from plumb.tuning import quantities
 from plumb.tuning.quantise import ControlParams
-from support.native_board import NativeBoard, NewBoard
-from support.sessions import STEER, armed_session
+from support.native_board import NewBoard
+from support.sessions import STEER
 
 TABLE = {**shipped_tunings.table_of("quad", None), "period_us": 2500}
 STEPS = 40
@@ -80,20 +78,3 @@ def test_a_comparison_goes_on_across_a_change(new_board: NewBoard) -> None:
         assert (shadow.verdict, shadow.unverified_from, shadow.divergence) == ("pass", None, None)
         assert at is not None and shadow.steps == capture.steps - 1 > at + STEPS // 2
         assert [change.step for change in shadow.changes] == [at]
-
-
-def test_an_armed_board_takes_no_parameters_and_stays_armed() -> None:
-    board = NativeBoard()
-    session = armed_session(board)
-    words = session.read_parameters()
-    place = next(i for i, row in enumerate(parameters.table()) if row.name == "pid.kp_q22")
-    words[place] = 5
-    session.request("PARAM_SET", place, 5, answer="PARAM_STAGED", first=place)
-    with pytest.raises(NackError) as refused:
-        session.request("PARAM_COMMIT", len(words), parameters.crc32(words))
-    assert refused.value.reason == "BUSY" and board.armed
-    assert session.read_parameters()[place] != 5
-    session.disarm()
-    session.request("PARAM_COMMIT", len(words), parameters.crc32(words))  # the run goes on, disarmed
-    assert not board.armed and session.read_parameters()[place] == 5
-    session.close()

@@ -34,8 +34,8 @@ SENSORS_SAY = 1 << 11 | 1 << 12
 DEFAULTS = [row.default for row in parameters.table()]
 ROWS = {row.name: place for place, row in enumerate(parameters.table())}
 VALUES = [("period_us", value) for value in (2500, 5000, 20_000)] + [("arm_hold_ms", value) for value in (0, 300)]
-LIVE = [("pid.kp_q22", value) for value in (5, 67947725)]
-"""May change during a run in real time that is not armed."""
+LIVE = [("pid.kp_q22", value) for value in (5, 67947725, 100_000_000, 40_000_000)]
+"""May change during a run in real time; while it is armed, to at most twice and at least half."""
 NEED_GREETING = ("PARAM_SET", "PARAM_COMMIT", "RUN_BEGIN", "SAMPLE_A", "SETPOINT")
 
 links = st.sampled_from(Link)
@@ -266,12 +266,20 @@ class Hosts(RuleBasedStateMachine):
         result = model.in_use if model.staged is None else model.staged
         reason = self.reason(self.ask(link, "PARAM_COMMIT", len(result), parameters.crc32(result) ^ wrong))
         if model.link[link].lets_in and model.link[link].greeted:
-            moved = {place for place, (a, b) in enumerate(zip(model.in_use, result, strict=True)) if a != b}
-            goes_on = model.run in (None, "REALTIME_LIVE", "REALTIME_INJECTED") and not model.armed
-            may = goes_on and (model.run is None or moved <= {ROWS[name] for name, _ in LIVE})
-            assert reason == ("CRC" if wrong else "") if may else reason == "BUSY"
+            assert reason == (self.forbidden(link, result) or ("CRC" if wrong else ""))
         if reason == "":
             model.in_use, model.staged, model.source, self.damaged = result, None, 4, False
+
+    def forbidden(self, link: Link, result: list[int]) -> str:
+        """The reason why a run keeps this table from coming into use; "" without one."""
+        model = self.model
+        moved = {place: (a, b) for place, (a, b) in enumerate(zip(model.in_use, result, strict=True)) if a != b}
+        gains = moved.keys() <= {ROWS[name] for name, _ in LIVE}
+        if model.armed and model.owner is not link:
+            return "OWNER"
+        if model.armed:
+            return "" if gains and all(a <= 2 * b and b <= 2 * a for a, b in moved.values()) else "ARMED"
+        return "" if model.run is None or (model.run != "LOCKSTEP" and gains) else "BUSY"
 
     @rule(link=links, verb=st.sampled_from(["SAVE", "SAVE", "LOAD", "DEFAULTS"]))
     def verb(self, link: Link, verb: str) -> None:

@@ -51,9 +51,11 @@ class Parameters(Mapping[str, Value]):
     `kalman.q_angle`), and those of the link's part of the table (`arm_hold_ms`). `period_us` is the period of a step,
     for the filter and for the timer of the board.
 
-    Every write commits the whole table: the board takes it as a whole, or refuses it. A write disarms the board and
-    ends a run that is on; a run in real time that is not armed goes on if only gains of controllers change. A write
-    lasts until the board is reset; `save` keeps it.
+    Every write commits the whole table: the board takes it as a whole, or refuses it. A run in real time goes on if
+    only gains of controllers change (`pid.kp`, `pid.ki`, `pid.kd`), from one step to the next and without a jump; any
+    other write ends a run that is on. An armed board is never disarmed by a write: it takes gains alone, each to at
+    most twice and at least half of what it was, and refuses the rest. A write lasts until the board is reset; `save`
+    keeps it.
     """
 
     def __init__(self, session: Session) -> None:
@@ -135,23 +137,27 @@ class Parameters(Mapping[str, Value]):
 
         Raises:
             UsageError: A name that there is not, or a value that the board could not hold within 0.1 %, with the limit;
-                nothing is changed then.
-            LinkError: The board does not answer, or has other definitions.
+                or one that it does not take while armed, with the nearest one that it takes. Nothing is changed then.
+            LinkError: The board does not answer, has other definitions, or is armed over its other link.
         """
         if not isinstance(values, Mapping):
             raise UsageError(f"{values!r:.40}: give a dictionary of name and value")
         self._session.require_match()
         table = self._table()
         wanted = {_known(name, table): value for name, value in values.items()}
-        parameter_table.commit(self._session, quantities.changed(table, wanted))
+        self._session.pump()  # an armed board waits for its keep-alive
+        after = quantities.changed(table, wanted)
+        self._session.pump()
+        parameter_table.commit(self._session, after, table)
 
     def save(self) -> None:
         """Write the parameters in use to the board's flash, which it loads at every start.
 
         Raises:
+            UsageError: The board is armed, and writing its flash would end the run.
             LinkError: The board does not answer, or its flash takes nothing.
         """
-        self._session.execute_idle("SAVE")
+        self._session.execute_idle("SAVE", keep_armed=True)
 
     def _table(self) -> dict[str, int]:
         return by_name(parameter_table.read_table(self._session))

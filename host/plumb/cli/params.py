@@ -26,13 +26,14 @@ from the shipped tuning that the parameters came from, and shows the tuning's va
 of the board's table by their own names; then nothing keeps integers that belong together in step.
 
 A change is staged, then committed by the CRC-32 of the whole resulting table; the board accepts it as a whole or
-refuses it with the reason. A change disarms the board and ends a run in progress; a run in real time that is not armed
-goes on if only gains of controllers change (pid.kp, pid.ki, pid.kd). `tuning` configures the board as a system with one
-of its shipped tunings, their period and the settings of the actuator. `set`, `tuning`, `load` and `reset` change the
-parameters in use until the board is reset; `save`, or --save with any of them, writes the parameters in use to the
-board's flash, which it loads at every start. `load` takes a file of `dump`, or without a file the contents of the
-flash; `reset` restores the factory values. `virtual` is a new board every time: a change shows whether a board accepts
-it.
+refuses it with the reason. A change ends a run in progress; a run in real time goes on if only gains of controllers
+change (pid.kp, pid.ki, pid.kd). No change disarms a board: an armed one takes gains alone, from the link that armed it,
+each to at most twice and at least half of what it was, and refuses the rest with the nearest value. `tuning` configures
+the board as a system with one of its shipped tunings, their period and the settings of the actuator. `set`, `tuning`,
+`load` and `reset` change the parameters in use until the board is reset; `save`, or --save with any of them, writes the
+parameters in use to the board's flash, which it loads at every start. `load` takes a file of `dump`, or without a file
+the contents of the flash; `reset` restores the factory values. `virtual` is a new board every time: a change shows
+whether a board accepts it.
 
 `edit` opens the parameters in units in $VISUAL or $EDITOR and commits what you change; `load` takes such a file, too.
 `diff` compares two of: board, tuning (the shipped one that the board's parameters came from), defaults (factory
@@ -253,17 +254,20 @@ def change(
 
     before = parameter_file.by_name(words)
     if arguments.action == "reset":
-        session.execute_idle("DEFAULTS")
+        session.execute_idle("DEFAULTS", keep_armed=True)
     elif arguments.action == "load" and arguments.file is None:
-        session.execute_idle("LOAD")
+        session.execute_idle("LOAD", keep_armed=True)
     elif arguments.action != "save":
-        parameter_table.commit(session, wanted_table(arguments, session, before, integers))
+        session.pump()  # an armed board waits for its keep-alive
+        wanted = wanted_table(arguments, session, before, integers)
+        session.pump()
+        parameter_table.commit(session, wanted, before)
     after = parameter_table.read_table(session)
     not_kept = params_kept.keep(arguments, session, before, parameter_file.by_name(after))
     warn(not_kept)
     warnings += not_kept
     if arguments.action == "save" or getattr(arguments, "save", False):
-        session.execute_idle("SAVE")
+        session.execute_idle("SAVE", keep_armed=True)
     identity = session.connect()
     return report_change(arguments, words, after, identity, warnings)
 

@@ -80,8 +80,8 @@ class ParameterTransfer:
                     raise nack_error(self._session.protocol, nack.decode(data))
 
     def upload(self, control_words: Sequence[int], **link_words: int) -> int:
-        """Stage the whole table and commit it by its CRC-32. Returns the CRC. Ends a run in progress, unless it is one
-        in real time that is not armed and nothing but live parameters change.
+        """Stage the whole table and commit it by its CRC-32. Returns the CRC. Ends a run in progress, armed or not, if
+        the board does not let it go on with this table (`change` keeps an armed one).
 
         control_words: the control part in order. link_words: parameters of the link's part, such as period_us; the
         others get their defaults, except parameters.WIRING, which stay as the board has them. Raises UsageError for a
@@ -93,18 +93,35 @@ class ParameterTransfer:
         if wanted not in identity.systems:
             there = ", ".join(identity.systems)
             raise UsageError(f"the board's image has no {wanted}, only {there}: flash one that has it")
-        staged = {index: word & 0xFFFFFFFF for index, word in enumerate(words)}
+        return self._transfer(words, range(len(words)), ends=("BUSY", "ARMED", "OWNER"))
+
+    def change(self, before: Sequence[int], words: Sequence[int]) -> int:
+        """Stage the words that differ, and commit the whole table by its CRC-32. Returns the CRC. before: the table in
+        use, as it was just read.
+
+        A run in real time goes on if nothing but live parameters change; while it is armed, each to at most twice and
+        at least half. Another run ends, unless it is armed: then NackError ARMED has the first word that the board
+        refuses, and OWNER says that the run belongs to another link or to the arm switch. Raises as `upload`, too.
+        """
+        self._session.require_match()
+        return self._transfer(words, [i for i, word in enumerate(words) if word != before[i]], ends=("BUSY",))
+
+    def _transfer(self, words: Sequence[int], first: Collection[int], ends: Collection[str]) -> int:
+        """Stage the words of these indices first, and the whole table when that was not enough. ends: refusals at which
+        the run is ended."""
         crc = parameters.crc32(words)
+        indices = first
         for _ in range(TRIES):
-            self._stage(staged)
+            self._stage({index: words[index] & 0xFFFFFFFF for index in indices})
             try:
-                self.commit(len(words), crc)
+                self.commit(len(words), crc, ends)
             except NackError as error:
                 if error.reason == "PARAMETERS":
                     why = parameters.contradiction(words) or "see the limits in docs/reference/arithmetic"
                     raise UsageError(f"{error}: {why}") from None
                 if error.reason != "CRC":
                     raise
+                indices = range(len(words))
                 continue
             self.uploaded = declarations.name_of(words[0])
             rows = parameters.table()
@@ -144,12 +161,13 @@ class ParameterTransfer:
             self._session.counters.repeated_requests += len(words)
         raise LinkError("not every parameter was acknowledged: check the cable")
 
-    def commit(self, count: int, crc: int) -> None:
-        """Commit the staged table; ends a run in progress that the board does not let it change. Raises NackError."""
+    def commit(self, count: int, crc: int, ends: Collection[str] = ("BUSY",)) -> None:
+        """Commit the staged table; a refusal of `ends` ends the run in progress, and is tried again. Raises
+        NackError."""
         try:
             self._session.request("PARAM_COMMIT", count, crc)
         except NackError as error:
-            if error.reason != "BUSY":
+            if error.reason not in ends:
                 raise
             self._session.end()
             self._session.request("PARAM_COMMIT", count, crc)

@@ -326,15 +326,28 @@ class Session:
             self.parameters.forget()
         return detail
 
-    def execute_idle(self, verb: str) -> None:
-        """As execute, for verbs that the board refuses during a run: ends a run in progress first."""
+    def execute_idle(self, verb: str, *, keep_armed: bool = False) -> None:
+        """As execute, for verbs that the board refuses during a run: ends a run in progress first. Raises UsageError if
+        `keep_armed` and the board is armed."""
         try:
             self.execute(verb)
         except NackError as error:
             if error.reason != "BUSY":
                 raise
+            if keep_armed and self._says_armed():
+                raise UsageError(f"the board is armed, and {verb} would end its run: disarm it first") from None
             self.end()
             self.execute(verb)
+
+    def _says_armed(self) -> bool:
+        """What the next STATUS says; raises LinkError when none comes."""
+        self.telemetry.pop("STATUS", None)
+        end = self.clock() + TRIES * REPLY_TIMEOUT_S
+        while "STATUS" not in self.telemetry:
+            if self.clock() >= end:
+                raise LinkError("the board does not say whether it is armed: check the cable")
+            self.receive(REPLY_TIMEOUT_S / 5)
+        return bool(self.telemetry["STATUS"]["armed"])
 
     @property
     def system(self) -> str:

@@ -29,7 +29,7 @@ class Parameter:
 
     name: member of plumb_params_t, or of the link's part. owner: control or link. type: int32 or uint32. format: what
     the integer stands for. min, max, default: integers as the firmware holds them. was: former names, oldest first.
-    live: may change during a run that is not armed.
+    live: may change during a run in real time; while it is armed, to at most twice and at least half.
     """
 
     name: str
@@ -100,6 +100,8 @@ def load() -> tuple[Parameter, ...]:
 def check(rows: Sequence[Parameter]) -> None:
     """Raises UsageError for a row with an invalid range, type or owner, and for names or ids that collide."""
     for row in rows:
+        if row.live and row.type != "int32":
+            raise UsageError(f"parameter {row.name}: a live one is an int32")
         low, high = (-(1 << 31), (1 << 31) - 1) if row.type == "int32" else (0, (1 << 32) - 1)
         if row.type not in ("int32", "uint32") or not low <= row.min <= row.default <= row.max <= high:
             raise UsageError(f"parameter {row.name}: not {low} <= min <= default <= max <= {high}")
@@ -199,6 +201,17 @@ def whole_table(control_words: Sequence[int], **link_words: int) -> list[int]:
     for row, word in zip(rows, words, strict=True):
         check_range(row, row.from_word(word & 0xFFFFFFFF))
     return words
+
+
+def refused_while_armed(before: Mapping[str, int], after: Mapping[str, int]) -> list[Parameter]:
+    """The rows whose change an armed board refuses: all but live ones, and of those a change to more than twice or less
+    than half, to or from zero, and of the sign."""
+    return [row for row in table() if before[row.name] != after[row.name] and not _near(row, before, after)]
+
+
+def _near(row: Parameter, before: Mapping[str, int], after: Mapping[str, int]) -> bool:
+    old, new = before[row.name], after[row.name]
+    return row.live and old * new > 0 and abs(old) <= 2 * abs(new) and abs(new) <= 2 * abs(old)
 
 
 def check_range(row: Parameter, value: int) -> None:
