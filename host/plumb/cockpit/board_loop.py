@@ -360,7 +360,7 @@ class BoardLoop:
         wanted = parameter_orders.write(order, self._words)
         if self._arming.armed:
             parameter_orders.require_armed_change(wanted, self._words)
-        parameter_table.commit(self._session, wanted.values)
+        parameter_table.commit(self._session, wanted.values, by_name(self._words))
         self.note(wanted.said)
         if not wanted.live:
             self._own_run = False

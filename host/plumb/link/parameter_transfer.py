@@ -125,7 +125,7 @@ class ParameterTransfer:
                 continue
             self.uploaded = declarations.name_of(words[0])
             rows = parameters.table()
-            self.table = tuple(row.from_word(staged[index]) for index, row in enumerate(rows))
+            self.table = tuple(row.from_word(word & 0xFFFFFFFF) for row, word in zip(rows, words, strict=True))
             self._wiring = None if self._wiring is None else {name: words[i] for i, name in self._wiring_places()}
             return crc
         raise LinkError("the parameters did not arrive as they were sent: check the cable")
