@@ -296,7 +296,7 @@ def test_one_stream_at_a_time_and_a_broken_off_one_is_over() -> None:
             assert (await anext(samples)).step > last.step
             await samples.aclose()
             assert [sample async for sample in samples] == []
-            assert len([sample async for sample in board.stream(0.1)]) == 5
+            assert [sample async for sample in board.stream(0.1)][-1].step > last.step
             with pytest.raises(plumb.UsageError, match="more than nothing"):
                 await anext(board.stream(-1.0))
 
