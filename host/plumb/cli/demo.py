@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     from plumb import systems
     from plumb.boards import open_board, qemu
-    from plumb.cli.run_summary import write
+    from plumb.cli.run_summary import require_out, write
     from plumb.errors import exit_code_of
     from plumb.proof import golden
     from plumb.proof.report import Table
@@ -59,6 +59,7 @@ def main(arguments: argparse.Namespace) -> int:
     folder = golden.vectors_folder(None)
     name = options.system_with(arguments, DEMO.name)
     part = systems.load(name, DEMO)
+    require_out(arguments)
     request = RunRequest(
         name,
         "virtual",

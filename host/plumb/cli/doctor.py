@@ -41,6 +41,8 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.errors import ExitCode, LinkError
     from plumb.link.host_checks import host_checks
 
+    if not arguments.board:
+        options.check_of_virtual(arguments)
     findings = [package(), *libraries(), *tools(), native_core(), image(), *host_checks()]
     code = ExitCode.WRONG_USE if failures(findings) else ExitCode.GOOD
     about: list[Finding] = []

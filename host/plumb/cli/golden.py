@@ -57,6 +57,7 @@ def main(arguments: argparse.Namespace) -> int:
         print(json.dumps({"made": made}) if arguments.json else "\n".join(made))
         return 0
     boards = dict.fromkeys(["fixed", *(arguments.board or ["native"])])
+    options.check_of_virtual(arguments, *boards)
     require_boards(list(boards), arguments.image)  # before any vector runs
     golden_checks.require_places(path for path in (arguments.junit, arguments.html) if path)
     cases = golden.cases_named(golden.cases(folder, arguments.system), arguments.vector)

@@ -19,6 +19,8 @@ Options = argparse._ActionsContainer
 """A parser, or a group of options of one."""
 
 DEFAULT_SEED = 1000
+VIRTUAL = "virtual"
+IMAGE_SOURCES = ": a file, or NAME from the package (default: the checkout's build, else the package's)"
 ANY_BOARD = "native, qemu, virtual, serial:PORT, can:BUS or auto"
 LINKED_BOARD = "virtual, serial:PORT, can:BUS or auto"
 BUS = "serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT, can:INTERFACE:CHANNEL[@KBIT] or file:PATH"
@@ -43,7 +45,7 @@ def add_boards(parser: Options, *, default: str, also: str = "") -> None:
 
 def settle_board(arguments: argparse.Namespace) -> None:
     """Put the setting `board` where a required --board was left out, and a board's own name in the place of `auto`;
-    stderr then says which. Raises UsageError, LinkError."""
+    stderr then says which. Raises UsageError, LinkError; UsageError also for an option that the board does not take."""
     asked = getattr(arguments, "board", None)
     if asked is None and getattr(arguments, "board_required", False):
         import sys
@@ -61,8 +63,10 @@ def settle_board(arguments: argparse.Namespace) -> None:
             print(f"board {asked}, from the settings", file=sys.stderr)
     if isinstance(asked, list):
         arguments.board = [_named(one) for one in asked]
+        check_of_virtual(arguments, *arguments.board)
     elif asked is not None:
         arguments.board = _named(asked)
+        check_of_virtual(arguments, arguments.board)
 
 
 def _named(board: str) -> str:
@@ -96,21 +100,42 @@ def port_of(arguments: argparse.Namespace) -> str:
     return port
 
 
+class _OfVirtual(argparse.Action):
+    """Stores the value, and which option was given: `check_of_virtual` refuses it for other boards."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: object, option: str | None = None
+    ) -> None:
+        setattr(namespace, self.dest, values)
+        namespace.of_virtual = option
+
+
+def check_of_virtual(arguments: argparse.Namespace, *boards: str) -> None:
+    """Raises UsageError where an option of `virtual` was given and `virtual` is not among the boards."""
+    from plumb.errors import UsageError
+
+    option = getattr(arguments, "of_virtual", None)
+    if option and VIRTUAL not in boards:
+        raise UsageError(f"{option} is for board {VIRTUAL}: name {VIRTUAL} among the boards, or leave {option} out")
+
+
 def add_link(parser: Options) -> None:
-    """--link."""
-    parser.add_argument("--link", choices=("serial", "can"), default="serial", help="link to `virtual`")
+    """--link; see `check_of_virtual`."""
+    parser.add_argument(
+        "--link", action=_OfVirtual, choices=("serial", "can"), default="serial", help=f"link to `{VIRTUAL}`"
+    )
 
 
 def add_image(parser: Options, what: str = "flash image") -> None:
     """--image: a file, or the name of an image in the package."""
-    about = f"{what}: a file, or NAME from the package (default: the checkout's build, else the package's)"
-    parser.add_argument("--image", type=Path, help=about)
+    parser.add_argument("--image", type=Path, help=what + IMAGE_SOURCES)
 
 
 def add_link_and_image(parser: Options) -> None:
     """--link and --image, for --board virtual."""
     add_link(parser)
-    add_image(parser, "flash image of `virtual`")
+    about = f"flash image of `{VIRTUAL}`{IMAGE_SOURCES}"
+    parser.add_argument("--image", type=Path, action=_OfVirtual, help=about)
 
 
 def add_system_argument(parser: Options) -> None:

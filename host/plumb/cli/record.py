@@ -59,6 +59,8 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.bus and (arguments.run or arguments.format):
         wrong = "--run" if arguments.run else "--format"
         raise UsageError(f"--bus only listens: {wrong} needs --board")
+    if arguments.bus:
+        options.check_of_virtual(arguments)
     summary: dict[str, object] = {}
     try:
         with endings() as caught:

@@ -58,7 +58,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 def of_log(arguments: argparse.Namespace) -> int:
     """Reproduce a recorded run."""
-    from plumb.cli.run_summary import report
+    from plumb.cli.run_summary import report, require_out
     from plumb.errors import UsageError
     from plumb.inputs import log_replay
 
@@ -66,6 +66,7 @@ def of_log(arguments: argparse.Namespace) -> int:
         if getattr(arguments, option) is not None:
             name = f"--{option.replace('_', '-')}"
             raise UsageError(f"{name} is for recordings in units: a log is replayed as it was recorded")
+    require_out(arguments)
     log = log_replay.open_log(arguments.file)
     recorded = log_replay.chosen(log_replay.runs_of(log, options.params_of(arguments)), arguments.log_run)
     if arguments.system not in (None, recorded.system):
@@ -83,13 +84,14 @@ def of_log(arguments: argparse.Namespace) -> int:
 
 def of_units(arguments: argparse.Namespace) -> int:
     """Replay a recording of a real sensor in engineering units."""
-    from plumb.cli.run_summary import report
+    from plumb.cli.run_summary import report, require_out
     from plumb.errors import UsageError
     from plumb.inputs import replay
 
     if arguments.log_run is not None or arguments.params is not None:
         wrong = "--log-run" if arguments.log_run is not None else "--params"
         raise UsageError(f"{wrong} is for logs: {arguments.file.name} is a recording in units")
+    require_out(arguments)
     system = options.system_with(arguments, PART)
     request = replay.ReplayRequest(
         arguments.file, arguments.axis or "x", arguments.period_us, arguments.seconds, arguments.decimate or 1

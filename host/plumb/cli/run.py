@@ -48,9 +48,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb.cli.run_summary import report
+    from plumb.cli.run_summary import report, require_out
     from plumb.proof.scenario_run import RunRequest, perform
 
+    require_out(arguments)
     request = RunRequest(
         system=arguments.system,
         board=arguments.board,

@@ -14,6 +14,14 @@ if TYPE_CHECKING:
     from plumb.proof.runs import Run
 
 
+def require_out(arguments: argparse.Namespace) -> None:
+    """Raises UsageError before the run where `write` could not write the files of --out after it."""
+    if arguments.out:
+        from plumb.proof import run_report
+
+        run_report.require_writable(arguments.out)
+
+
 def report(
     arguments: argparse.Namespace,
     run: Run,

@@ -40,7 +40,8 @@ BOOT0_WAIT_S = 60.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_board(parser, linked=True, required=False, about="this board, instead of being asked")
     options.add_system_with(parser, "poses", "system, instead of being asked")
-    options.add_link_and_image(parser)
+    options.add_link(parser)
+    options.add_image(parser, "flash image of `virtual`, or to write to the board")
     options.add_seed(parser, "the errors of the sensors of `virtual`")
     options.add_hand(parser)
     parser.add_argument("--answers", type=Path, metavar="FILE", help="answer the questions from this TOML file")
@@ -55,6 +56,7 @@ def main(arguments: argparse.Namespace) -> int:
     asked = questions(arguments.answers)
     tell("1. the board")
     board = arguments.board or choose_board(asked)
+    options.check_of_virtual(arguments, board)
     hand = options.hand_of(arguments.hand, board)
     if board not in SIMULATED:
         tell("2. the image")

@@ -20,6 +20,8 @@ from pathlib import Path
 
 from plumb.cli import options
 
+DEFAULT_SEEDS, DEFAULT_FIRST_SEED = 40, 1000
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--table", action="store_true", help="run the scenarios and print the figures")
@@ -31,8 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_link_and_image(parser)
     options.add_seconds(parser, "with --confirm: at most N seconds of each run")
     parser.add_argument("--plots", type=Path, metavar="DIR", help="write the sources' figures as DIR/SYSTEM_NAME.svg")
-    parser.add_argument("--seeds", type=int, default=40, help="number of seeds (default 40)")
-    parser.add_argument("--first-seed", type=int, default=1000, metavar="N", help="first seed (default 1000)")
+    parser.add_argument("--seeds", type=int, help=f"with --table: number of seeds (default {DEFAULT_SEEDS})")
+    about = f"with --table: first seed (default {DEFAULT_FIRST_SEED})"
+    parser.add_argument("--first-seed", type=int, metavar="N", help=about)
     options.add_json(parser)
 
 
@@ -42,6 +45,7 @@ def main(arguments: argparse.Namespace) -> int:
     names = arguments.system or list(systems.SYSTEMS)
     for name in names:
         systems.load(name)
+    check_together(arguments)
     if arguments.plots:
         from plumb.proof import figures
 
@@ -61,12 +65,11 @@ def main(arguments: argparse.Namespace) -> int:
         return 0
     from tqdm import tqdm
 
-    from plumb.errors import ExitCode, UsageError
+    from plumb.errors import ExitCode
     from plumb.proof import figures
 
-    if not 1 <= arguments.seeds <= 1000 or arguments.first_seed < 0:
-        raise UsageError("the table takes 1 to 1000 seeds, from 0 on")
-    seeds = range(arguments.first_seed, arguments.first_seed + arguments.seeds)
+    first = DEFAULT_FIRST_SEED if arguments.first_seed is None else arguments.first_seed
+    seeds = range(first, first + (DEFAULT_SEEDS if arguments.seeds is None else arguments.seeds))
     rows = list(tqdm(figures.compute(names, seeds), leave=False, unit="figure", disable=None))
     if arguments.json:
         table = [{"system": name, **row.to_json()} for name, row in rows]
@@ -77,6 +80,23 @@ def main(arguments: argparse.Namespace) -> int:
         for name in figures.without_figures(names):
             print(f"{name} has no figures: nothing was asked of it (systems/{name}/figures.py)")
     return ExitCode.GOOD if all(row.met for _, row in rows) else ExitCode.BAD_VERDICT
+
+
+def check_together(arguments: argparse.Namespace) -> None:
+    """Raises UsageError for an option that the chosen work would ignore."""
+    from plumb.errors import UsageError
+
+    options.check_of_virtual(arguments, *([arguments.confirm] if arguments.confirm else []))
+    if len([work for work in (arguments.plots, arguments.confirm, arguments.table) if work]) > 1:
+        raise UsageError("give one of --table, --confirm and --plots")
+    of_table = {"--short": arguments.short or None, "--seeds": arguments.seeds, "--first-seed": arguments.first_seed}
+    for option, value in of_table.items():
+        if value is not None and not arguments.table:
+            raise UsageError(f"{option} is for --table")
+    if arguments.seconds is not None and not arguments.confirm:
+        raise UsageError("--seconds is for --confirm")
+    if (arguments.seeds is not None and not 1 <= arguments.seeds <= 1000) or (arguments.first_seed or 0) < 0:
+        raise UsageError("the table takes 1 to 1000 seeds, from 0 on")
 
 
 def confirm(arguments: argparse.Namespace, names: Sequence[str]) -> int:

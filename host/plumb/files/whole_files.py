@@ -36,13 +36,16 @@ def write_whole(contents: Mapping[Path, str | bytes], advice: str) -> None:
 
 
 def require_writable(path: Path, advice: str) -> None:
-    """Raises UsageError, with the advice, unless `write_whole` can write the file; missing folders are created."""
+    """Raises UsageError, with the advice, unless `write_whole` can write the file. Leaves nothing behind."""
     part = path.with_name(path.name + ".part")
+    missing = [folder for folder in path.parents if not folder.exists()]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, "it is a folder")
         part.touch()
         part.unlink()
+        for folder in missing:
+            folder.rmdir()
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror}; {advice}") from None

@@ -10,9 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from plumb import systems
+from plumb.files import whole_files
 from plumb.proof import run_identity
 from plumb.proof.report import Statement, Table, page, write_whole
 from plumb.proof.runs import PLOTS, Run
+
+FILES = ("report.html", "summary.json", "steps.csv")
 
 
 def budget(run: Run) -> Table:
@@ -77,13 +80,15 @@ def write_run(
     html = page(
         title, summary["verdict"], lead, [budget(run), *plots, *tables], [*run.statements(summary), *statements]
     )
-    texts = {
-        "report.html": html,
-        "summary.json": json.dumps({**summary, "identity": entry}, indent=2) + "\n",
-        "steps.csv": steps_csv(run),
-    }
-    write_whole(folder, texts)
-    return [folder / name for name in texts]
+    texts = (html, json.dumps({**summary, "identity": entry}, indent=2) + "\n", steps_csv(run))
+    write_whole(folder, dict(zip(FILES, texts, strict=True)))
+    return [folder / name for name in FILES]
+
+
+def require_writable(folder: Path) -> None:
+    """Raises UsageError unless `write_run` can write into the folder: to be asked before a run that takes long."""
+    for name in FILES:
+        whole_files.require_writable(folder / name, "choose another folder with --out")
 
 
 def _in_words(value: object) -> str | None:

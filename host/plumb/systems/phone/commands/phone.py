@@ -53,9 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     from plumb.boards import open_board
+    from plumb.cli.run_summary import require_out
     from plumb.errors import ExitCode, LinkError, UsageError
     from plumb.process_signals import endings, raise_ending
-    from plumb.proof import report
     from plumb.systems.phone.inputs import live_run, udp
 
     options.check_duration(arguments.seconds)
@@ -63,8 +63,7 @@ def main(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--wait {arguments.wait:g}: give a number greater than 0")
     params = live_run.params_of(arguments.tuning, arguments.period_us)
     where = udp.address_of(arguments.listen)
-    if arguments.out:  # checked first: a phone's motion cannot be repeated
-        report.write_whole(arguments.out, {})
+    require_out(arguments)  # checked first: a phone's motion cannot be repeated
     screen = Screen(show=not arguments.json)
     with (
         udp.Listener(arguments.udp, where) as listener,
