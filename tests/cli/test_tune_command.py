@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -169,10 +170,10 @@ def test_a_board_recording_is_tuned_with_its_own_parameters(tmp_path: Path, caps
 
 
 def test_pid_of_the_twin_has_the_margins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    options = ["--board", "native", "--periods", "4", "--out", str(tmp_path / "out")]
+    options = ["--board", "native", "--tuning", "adaptive", "--periods", "4", "--out", str(tmp_path / "out")]
     assert front.main(["tune", "pid", *options]) == 0
     printed = capsys.readouterr().out
-    assert printed.startswith("quad on native, steps of 20 ms; setpoint swung by 4 deg, 4 periods.")
+    assert printed.startswith("quad on native, steps of 20 ms; setpoint swung by 8 deg, 4 periods.")
     assert "plumb params set pid.kp_per_deg=" in printed and "after, measured" in printed
     told = json.loads((tmp_path / "out" / "tune.json").read_text())
     assert told["met"] and told["margins_before"]["phase_deg"] < 26.0
@@ -189,9 +190,21 @@ def test_a_machine_does_not_move_without_consent(
 
     monkeypatch.setattr("plumb.boards.open_board", opened)
     said = refusal(["pid", "--board", "serial:/dev/ttyUSB0"], capsys)
-    assert "swings the machine by 4 deg for 39 s" in said and "--arm-and-move" in said
+    assert "swings the machine by 8 deg for 39 s" in said and "--arm-and-move" in said
     said = refusal(["pid", "--board", "can:socketcan:can0", "--arm-and-move", "--tuning", "adaptive"], capsys)
     assert "a board is tested as it is" in said
+
+
+def test_a_broken_scipy_is_told_before_anything_moves(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def opened(*_: object, **__: object) -> None:
+        raise AssertionError("the board was opened")
+
+    monkeypatch.setattr("plumb.boards.open_board", opened)
+    monkeypatch.setitem(sys.modules, "scipy.optimize", None)
+    said = refusal(["pid", "--board", "serial:/dev/ttyUSB0", "--arm-and-move"], capsys)
+    assert "scipy is there but does not load" in said and "tune" in said
 
 
 def test_what_pid_cannot_use_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:

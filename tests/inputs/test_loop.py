@@ -10,14 +10,15 @@ import pytest
 
 from plumb.boards.native import NativeBoard
 from plumb.errors import LinkError, UsageError
-from plumb.inputs.identification import loop_model, loop_test, pid_design, pid_tuning, plant_fit
-from plumb.inputs.identification.loop_model import Controller, Loop, PlantModel
+from plumb.inputs.identification import loop_test, pid_design, pid_tuning, plant_fit
 from plumb.inputs.identification.pid_design import Wanted
 from plumb.kernels.reference.kernels import PidState, kalman_init, kalman_step, pid_step
 from plumb.spec.tuning import RateChoice, Start
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.quad import plant as quad_plant
 from plumb.systems.quad import scenarios as quad
+from plumb.tuning import loop_model
+from plumb.tuning.loop_model import Controller, Loop, PlantModel
 from plumb.tuning.quantise import quantise
 
 pytest.importorskip("scipy", reason="scipy is not installed: the extra tune")
@@ -102,6 +103,30 @@ def test_plant_of_the_twin_is_found_within_its_confidence(tested: loop_test.Loop
         assert figure.low <= getattr(TRUE, name) <= figure.high, name
     assert found.figures["delay_s"].high < 0.004 and found.mismatch < 2.0
     assert found.figures["gain_dps2"].high / found.figures["gain_dps2"].low < 1.25
+
+
+def test_lines_that_only_a_disturbance_moves_are_left_out() -> None:
+    """The slow lines of a loop with a small gain: gusts move command and rate together, and their ratio is that of the
+    controller."""
+    excited = plant_fit.excitation(quad.HOLD.period_s, 4.0)
+    with NativeBoard() as board:
+        run = loop_test.on_twin(board, quantise(quad.HOLD), excited, 6, 1000)
+    found = plant_fit.fit(run.measurement())
+    assert found.response.hz[0] > 1.0
+    assert found.plant.gain_dps2 == pytest.approx(TRUE.gain_dps2, rel=0.2) and found.plant.damping_per_s < 3.0
+    margins = Loop(found.plant, Controller(quad.HOLD, 1.0)).margins(quad.HOLD.pid)
+    assert 36.0 < margins.phase_deg < 43.0
+
+
+def test_steps_of_the_setpoint_tell_gain_and_lag_too() -> None:
+    excited = plant_fit.excitation(quad.HOLD.period_s, 6.0, plant_fit.STEP)
+    assert set(np.unique(excited.setpoint_deg)) == {-6.0, 6.0} and all(line % 2 for line in excited.lines.tolist())
+    with NativeBoard() as board:
+        run = loop_test.on_twin(board, quantise(quad.HOLD), excited, 5, 1000)
+    found = plant_fit.fit(run.measurement())
+    assert found.plant.gain_dps2 == pytest.approx(TRUE.gain_dps2, rel=0.2)
+    assert found.plant.lag_s == pytest.approx(TRUE.lag_s, abs=0.015) and found.plant.delay_s < 0.01
+    assert found.mismatch < 2.0
 
 
 def test_gains_have_the_margins_and_the_loop_shows_them(tested: loop_test.LoopRun) -> None:

@@ -144,6 +144,16 @@ def test_the_hand_lets_go_and_the_motors_turn_the_axis() -> None:
     assert up.tilt_deg == 60.0, "the stop"
 
 
+def test_the_hand_waits_for_the_motors() -> None:
+    """A board that is armed after 3 s finds the axis level, and has it from then on."""
+    axis = QuadPlant(quad.scenario("quiet", 4))
+    axis.advance_to(6.0, (1000.0, 1000.0))
+    held_deg = axis.tilt_deg
+    assert held_deg == pytest.approx(axis.scenario.on_grid(axis.scenario.prescribed_deg, 6.0))
+    axis.advance_to(6.3, (1700.0, 1300.0))
+    assert axis.tilt_deg > held_deg + 10.0
+
+
 def test_setpoints_are_binary_angles() -> None:
     motion = quad.scenario("motion", 1)
     turns = motion.setpoint() / 2.0**32

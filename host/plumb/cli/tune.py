@@ -6,7 +6,7 @@
     plumb tune filter walk.npz --out out/filter        Q and R that describe the whole recording best
     plumb tune filter today.plog --tuning constant
     plumb tune pid --board native --out out/pid        test quad's loop with its plant, and gains with margins
-    plumb tune pid --board native --period-us 5000 --phase-deg 40
+    plumb tune pid --board native --test step --phase-deg 40
     plumb tune pid --board serial:/dev/ttyUSB0 --arm-and-move
 
 RECORDING is .npz or .csv as for `plumb replay`, or a log of `plumb record`. No command changes the parameters of a
@@ -21,10 +21,11 @@ It prints settings with confidence, and how consistent the filter is before and 
 recording has a reference, the tilt error. Exit code 1 when the settings are of no use: they make the tilt error larger,
 or the board cannot hold them.
 
-`pid` swings the setpoint of a closed attitude loop by a sum of sines, fits a plant with lag and delay to what the tilt
-rate does, and works out gains with the wanted margins of phase, gain and delay. On `native` and `virtual` the system's
-plant is simulated, and the test is made again with the new gains. On a board behind a link it arms the board and moves
-the machine: only with --arm-and-move. Exit code 1 when no gains have the margins.
+`pid` swings the setpoint of a closed attitude loop by a sum of sines, or steps it up and down every 2 s (--test step),
+fits a plant with lag and delay to what the tilt rate does, and works out gains with the wanted margins of phase, gain
+and delay. On `native` and `virtual` the system's plant is simulated, and the test is made again with the new gains. On
+a board behind a link it arms the board and moves the machine: only with --arm-and-move. Exit code 1 when no gains have
+the margins.
 """
 
 from __future__ import annotations
@@ -83,7 +84,10 @@ def add_pid(pid: argparse.ArgumentParser) -> None:
         help="arm a real board and swing its machine; it is fixed so that it turns about its axis alone, and you hold "
         "the power switch",
     )
-    pid.add_argument("--amplitude", type=float, default=4.0, metavar="DEG", help="largest setpoint (default 4)")
+    pid.add_argument(
+        "--test", choices=("sines", "step"), default="sines", help="signal of the setpoint (default sines)"
+    )
+    pid.add_argument("--amplitude", type=float, default=8.0, metavar="DEG", help="largest setpoint (default 8)")
     pid.add_argument("--periods", type=int, default=8, help="repetitions of the test signal, 4 s each (default 8)")
     pid.add_argument("--phase-deg", type=float, default=35.0, help="least phase margin (default 35)")
     pid.add_argument("--gain-db", type=float, default=6.0, help="least gain margin, both ways (default 6)")
@@ -115,6 +119,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def require_scipy() -> None:
+    """Raises UsageError where scipy is missing or broken: it is loaded before a machine moves for it."""
     from importlib.util import find_spec
 
     from plumb.errors import UsageError
@@ -122,6 +127,12 @@ def require_scipy() -> None:
 
     if find_spec("scipy") is None:
         raise UsageError(f"plumb tune needs scipy; install it {install_hint('tune')}")
+    try:
+        import scipy.optimize
+        import scipy.stats  # noqa: F401
+    except Exception as error:  # a wheel of another Python or numpy fails with whatever its first import raises
+        what = f"{type(error).__name__}: {error}".partition("\n")[0]
+        raise UsageError(f"scipy is there but does not load ({what}); install it anew {install_hint('tune')}") from None
 
 
 def require_writable(folder: Path) -> None:
@@ -259,18 +270,20 @@ def simulated_test(arguments: argparse.Namespace, board: Board, params: ControlP
     from plumb.boards.link import LinkBoard
     from plumb.errors import UsageError
     from plumb.inputs.identification import chosen_settings, loop_test, plant_fit
+    from plumb.systems.contracts import tuning_for
     from plumb.tuning.quantise import quantise
 
     if arguments.live and arguments.board != "virtual":
         raise UsageError("--live is for --board virtual: its plant is on the pins of the simulated chip")
     if params is None:
         system = arguments.system or systems.default_for("demo")
-        tuning = chosen_settings.named_tuning(system, arguments.tuning)[1]
+        named = arguments.tuning or tuning_for(systems.load(system), loop_test.SCENARIO)
+        tuning = chosen_settings.named_tuning(system, named)[1]
         if arguments.period_us is not None:
             tuning = replace(tuning, period_us=arguments.period_us)
         params = quantise(tuning)
     settings = loop_test.attitude_tuning(params)
-    excited = plant_fit.excitation(settings.period_s, arguments.amplitude)
+    excited = plant_fit.excitation(settings.period_s, arguments.amplitude, arguments.test)
     if not arguments.live:
         return loop_test.on_twin(board, params, excited, arguments.periods, arguments.seed)
     assert isinstance(board, LinkBoard)
@@ -291,7 +304,7 @@ def machine_test(arguments: argparse.Namespace, board: Board) -> LoopRun:
         raise UsageError(f"{arguments.board} closes no loop: give native, {options.LINKED_BOARD}")
     params = control_of(by_name(parameter_table.read_table(board.session)))
     settings = loop_test.attitude_tuning(params)
-    excited = plant_fit.excitation(settings.period_s, arguments.amplitude)
+    excited = plant_fit.excitation(settings.period_s, arguments.amplitude, arguments.test)
     return loop_test.on_link(board, params, excited, arguments.periods, loop_test.BOARD_SETTLE_S)
 
 

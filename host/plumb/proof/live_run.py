@@ -50,7 +50,9 @@ def run_live(board: SimulatedBoard, scenario: Scenario, params: ControlParams, *
             if not session.receive(REPLY_TIMEOUT_S):
                 raise LinkError(f"the board fell silent after step {capture.steps}")
             if capture.disarmed_step is not None:
-                raise LinkError(f"the board disarmed itself before step {capture.disarmed_step}: {_why(session)}")
+                raise LinkError(
+                    f"the board disarmed itself before step {capture.disarmed_step}: {why_disarmed(session)}"
+                )
             if capture.steps > heard:
                 bar.update(capture.steps - heard)
                 heard, heard_us = capture.steps, board.machine.now_us
@@ -66,7 +68,7 @@ def run_live(board: SimulatedBoard, scenario: Scenario, params: ControlParams, *
     return judge(board, inputs, params, answer)
 
 
-def _why(session: Session) -> str:
+def why_disarmed(session: Session) -> str:
     """The board's cause of disarming; waits for the status that reports it."""
     session.telemetry.pop("EVENTS", None)
     session.telemetry.pop("PLAUSIBILITY", None)

@@ -17,6 +17,7 @@ from plumb.inputs.identification.plant_fit import Excitation, Measurement
 from plumb.link.realtime import Capture
 from plumb.link.retries import REPLY_TIMEOUT_S
 from plumb.link.session import RAW_FRAMES
+from plumb.proof.live_run import why_disarmed
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.spec.signal_units import word_signals
@@ -171,7 +172,8 @@ def _swing(capture: Capture, setpoint: Setpoints, first: int) -> None:
                 capture.set_setpoint(asked)
             session.receive(REPLY_TIMEOUT_S)
             if capture.disarmed_step is not None:
-                raise LinkError(f"the board disarmed itself before step {capture.disarmed_step}")
+                reason = why_disarmed(session)
+                raise LinkError(f"the board disarmed itself before step {capture.disarmed_step}: {reason}")
             tilts = capture.values.get(place, {})
             if tilts and abs(tilts[max(tilts)] * scale) > TILT_LIMIT_DEG:
                 raise LinkError(f"the machine tilted beyond {TILT_LIMIT_DEG:g} deg: the test is ended, disarmed")

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from plumb.inputs.identification.loop_model import Loop, Margins
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Pid
+from plumb.tuning.loop_model import Loop, Margins
 
 STEEP = 300.0
 """Cost of a margin that is missed by its own size."""

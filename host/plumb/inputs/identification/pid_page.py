@@ -8,11 +8,11 @@ from dataclasses import asdict
 import numpy as np
 
 from plumb.inputs.identification import chosen_settings
-from plumb.inputs.identification.loop_model import Margins, Response
 from plumb.inputs.identification.pid_tuning import GAINS, PidTuning, hold_rms_deg, step_response
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, Table
 from plumb.proof.xy_plot import Axis, Curve, XyPlot
 from plumb.spec.arrays import FloatArray
+from plumb.tuning.loop_model import Margins, Response
 
 PLANT_ROWS = (
     ("gain_dps2", "gain, deg/s^2 of a command of 1", 1.0),

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from plumb.inputs.identification import chosen_settings, pid_design, plant_fit
-from plumb.inputs.identification.loop_model import Controller, Loop, Margins
 from plumb.inputs.identification.loop_test import LoopRun, attitude_tuning
 from plumb.inputs.identification.pid_design import Design, Wanted
 from plumb.inputs.identification.plant_fit import PlantFit
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import AxisTuning, Pid
 from plumb.systems.run_reference import run_control
+from plumb.tuning.loop_model import Controller, Loop, Margins
 
 GAINS = ("kp_per_deg", "ki_per_deg_s", "kd_per_dps", "derivative_tau_s")
 FASTER = (2, 4)

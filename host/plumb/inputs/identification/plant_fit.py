@@ -17,10 +17,12 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.errors import UsageError
-from plumb.inputs.identification.loop_model import PlantModel
 from plumb.inputs.identification.noise_fit import Estimate
 from plumb.spec.arrays import FloatArray
+from plumb.tuning.loop_model import PlantModel
 
+SINES, STEP = "sines", "step"
+"""Test signals."""
 REPEAT_S = 4.0
 LINES = 16
 HIGHEST_HZ = 8.0
@@ -30,6 +32,10 @@ LEAST_PERIODS = 3
 WORST_SCATTER = 0.5
 """A line whose response scatters by more than this share is left out."""
 LEAST_LINES = 6
+LEAST_RATIO = 4.0
+"""Least ratio of a line of a signal to its scatter."""
+NEIGHBOURS = 2
+"""Lines on either side whose scatter counts for a line, too."""
 NAMES = ("gain_dps2", "lag_s", "delay_s", "damping_per_s")
 START = (0.05, 0.005, 0.5)
 """Lag (s), delay (s) and damping (1/s) from which the fit begins."""
@@ -48,10 +54,14 @@ class Excitation:
         return np.asarray(self.lines / (len(self.setpoint_deg) * self.period_s), np.float64)
 
 
-def excitation(period_s: float, amplitude_deg: float) -> Excitation:
-    """The test signal for steps of a period, with its largest value. Raises UsageError for a period too long."""
+def excitation(period_s: float, amplitude_deg: float, test: str = SINES) -> Excitation:
+    """The test signal for steps of a period, with its largest value: a sum of sines, or steps up and down. Raises
+    UsageError for a period too long."""
     samples = round(REPEAT_S / period_s)
     highest = min(HIGHEST_HZ, 0.4 / period_s) * samples * period_s
+    if test == STEP:  # a square wave has its odd harmonics alone
+        square = np.where(np.arange(samples) < samples // 2, amplitude_deg, -amplitude_deg)
+        return Excitation(period_s, np.asarray(square, np.float64), np.arange(1, math.floor(highest) + 1, 2))
     lines = np.unique(np.rint(np.geomspace(1.0, highest, LINES)).astype(np.int_))
     if len(lines) < LEAST_LINES:
         raise UsageError(f"steps of {1e3 * period_s:g} ms are too slow for a test of the loop")
@@ -110,13 +120,31 @@ def response_of(test: Measurement) -> Response:
             np.mean(across, axis=0)
         )
         known = np.isfinite(value) & (deviation < WORST_SCATTER * np.abs(value))
+        known &= _above_noise(towards) & _above_noise(across)
     if int(np.sum(known)) < LEAST_LINES:
         raise UsageError(
             "the test signal does not rise above the noise: give a larger --amplitude or --periods, and see that the "
             "machine can turn"
         )
     least = 1e-3 * np.abs(value[known])  # rounding of counts and command is not seen in the scatter
-    return Response(test.excitation.hz[known], value[known], np.maximum(deviation[known], least))
+    share = _with_neighbours(deviation[known] / np.abs(value[known]))
+    return Response(test.excitation.hz[known], value[known], np.maximum(share * np.abs(value[known]), least))
+
+
+def _above_noise(spectrum: npt.NDArray[np.complex128]) -> npt.NDArray[np.bool_]:
+    """Lines at which a signal follows the setpoint. Where it does not, a disturbance moves command and rate together:
+    their ratio repeats well, and is that of the controller instead of the plant."""
+    mean = np.mean(spectrum, axis=0)
+    scatter = np.sqrt(np.sum(np.abs(spectrum - mean) ** 2, axis=0) / (len(spectrum) - 1) / len(spectrum))
+    return np.asarray(np.abs(mean) > LEAST_RATIO * scatter, np.bool_)
+
+
+def _with_neighbours(share: FloatArray) -> FloatArray:
+    """Root of the mean square of each line's relative scatter and that of the lines beside it. A few periods say little
+    about the scatter of one line: one that happens to repeat well would outweigh all others in the fit."""
+    square = np.pad(share**2, NEIGHBOURS, mode="edge")
+    width = 2 * NEIGHBOURS + 1
+    return np.asarray(np.sqrt(np.convolve(square, np.full(width, 1.0 / width), "valid")), np.float64)
 
 
 def fit(test: Measurement) -> PlantFit:

@@ -14,16 +14,17 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.boards import native_core
-from plumb.proof import metrics
+from plumb.proof import loop_figures, metrics
 from plumb.proof.figures import UNASKED, Figure, Sense
 from plumb.proof.limits import Limit, Limits
+from plumb.proof.loop_figures import LeastMargins
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
 from plumb.proof.runs import closed_loop
 from plumb.spec.arrays import FloatArray
 from plumb.systems import run_reference, scoring
+from plumb.systems.balancer import loops, vehicle
 from plumb.systems.balancer import reference as reference_balancer
 from plumb.systems.balancer import scenarios as balancer
-from plumb.systems.balancer import vehicle
 from plumb.systems.balancer.plant import BalancerPlant
 from plumb.systems.balancer.plots import DUTY, RATE_DPS, TURN_DEG
 from plumb.systems.balancer.tuning import BalancerTuning
@@ -76,6 +77,8 @@ ASSUMED = (
 
 OPEN_RMS_DEG = {"rough": 0.48, "smooth": 0.40}
 CLOSED_RMS_DEG = {"rough": 0.55, "smooth": 0.48, "endure": 0.55}
+LEAST_MARGINS = {"balance": LeastMargins(45.0, 5.0, 0.005), "speed": LeastMargins(45.0, 6.0, 0.5)}
+"""Nothing was asked of them: what they have is kept. Delay of the balance loop: half a step."""
 ROCKED_MAX_DEG, STAYS_UP_DEG = 5.0, 20.0
 SETTLED_S = 5.0
 """A command counts as carried out, or not, so long after it."""
@@ -333,11 +336,18 @@ def settled_since(setpoint: npt.NDArray[np.int_], time_s: FloatArray) -> npt.NDA
     return np.asarray(since_s >= SETTLED_S)
 
 
+def loop_rows(_seeds: Iterable[int]) -> Iterator[Figure]:
+    """Margins of both loops, the wheels rolling, by the linear model of the vehicle."""
+    for loop, margins in loops.margins().items():
+        yield from loop_figures.rows(f"{loop} loop", margins, "rough", loops.TUNING, LEAST_MARGINS[loop], "model")
+
+
 SECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Figure]]] = {
     "open loop": open_rows,
     "rocked": rocked_rows,
     "closed loop": closed_rows,
     "ten minutes": endured_rows,
+    "loops": loop_rows,
 }
 
 

@@ -15,13 +15,15 @@ import numpy.typing as npt
 from plumb.boards import native_core
 from plumb.kernels.reference.blending import complementary_step, weighted_average
 from plumb.physics.sensors import ADC_NOISE_LSB, Mma7260
-from plumb.proof import metrics
+from plumb.proof import loop_figures, metrics
 from plumb.proof.figures import Figure, Sense
 from plumb.proof.limits import Limit
+from plumb.proof.loop_figures import LeastMargins
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot
 from plumb.proof.runs import Run, open_loop, prescribed
 from plumb.spec.arrays import FloatArray
 from plumb.systems import run_reference, scoring
+from plumb.systems.quad import loops
 from plumb.systems.quad import plant as quad_plant
 from plumb.systems.quad import plots as quad_plots
 from plumb.systems.quad import reference as reference_quad
@@ -299,6 +301,14 @@ def hold_run(controller: Integers | Float64, seed: int, delay_ms: float = 0.0) -
     return metrics.hold(scenario.time_s, tilt_deg, np.zeros(scenario.steps), quad.HOLD_RELEASE_S)
 
 
+def loop_rows(_seeds: Iterable[int]) -> Iterator[Figure]:
+    """Margins of attitude hold: of the model, and on the flash image."""
+    least = LeastMargins(35.0, 6.0, 1e-3 * LATE_MS)
+    for found, how in ((loops.margins(), "model"), (loop_figures.identified("quad"), "flash image")):
+        for loop, margins in found.items():
+            yield from loop_figures.rows(loop, margins, "hold", loops.TUNING, least, how)
+
+
 def bandwidth_rows(seeds: Iterable[int]) -> Iterator[Figure]:
     """`motion` with other low-passes: less bandwidth means less noise and more lag."""
     for bandwidth_hz in quad.BANDWIDTHS_HZ:
@@ -380,5 +390,6 @@ SECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Figure]]] = {
     "blended": blended_rows,
     "convergence": convergence_rows,
     "hold": hold_rows,
+    "loops": loop_rows,
     "bandwidth": bandwidth_rows,
 }

@@ -7,6 +7,8 @@ gravity as in the open-loop scenarios; stops limit it to +-60 deg. Every number 
     torque = arm * thrust * (w_0^2 - w_1^2) - friction * theta' + imbalance + gusts
     inertia * theta'' = torque
 
+The hand does not let go before a motor has been driven: a board that is armed later finds the axis where it was.
+
 Time is simulated in steps of GRID_S. Voltages are constant within a step and noise within a control period, so the
 result does not depend on how often the pins are read.
 """
@@ -57,6 +59,7 @@ class QuadPlant:
         self._speed = [0.0, 0.0]
         self._on_the_way = deque([[0.0, 0.0]] * round(scenario.delay_s / GRID_S))
         self._frozen: dict[Fault, float] = {}
+        self._driven = False
         self.tilt_deg = self._prescribed_deg[0]
         self.rate_dps = 0.0
         self._force = self._force_filtered = self._specific_force(0)
@@ -97,6 +100,7 @@ class QuadPlant:
         for _ in range(math.floor(time_s / GRID_S + 1e-6) - self._step):
             self._on_the_way.append(throttle)
             arrived = self._on_the_way.popleft()
+            self._driven = self._driven or any(arrived)
             self._speed = [u + (w - u) * keep for u, w in zip(arrived, self._speed, strict=True)]
             self._advance()
 
@@ -118,7 +122,7 @@ class QuadPlant:
     def _advance(self) -> None:
         self._step += 1
         n, last = self._step, len(self._hand) - 1
-        if self.open_loop or self._hand[min(n, last)]:
+        if self.open_loop or self._hand[min(n, last)] or not self._driven:
             before, after = self._prescribed_deg[min(n - 1, last)], self._prescribed_deg[min(n + 1, last)]
             self.tilt_deg = self._prescribed_deg[min(n, last)]
             self.rate_dps = (after - before) / (2.0 * GRID_S)

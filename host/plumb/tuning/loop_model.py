@@ -25,6 +25,7 @@ GRID_POINTS = 600
 LOWEST_HZ = 0.02
 COVARIANCE_STEPS = 20_000
 SETTLED = 1e-9
+NEAR_HALF_TURN_DEG = 5.0
 
 
 @dataclass(frozen=True)
@@ -172,3 +173,29 @@ def _share(values: FloatArray, index: int, level: float) -> float:
 
 def _between(values: FloatArray, index: int, share: float) -> float:
     return float(values[index] + share * (values[index + 1] - values[index]))
+
+
+def nearest_margins(hz: FloatArray, loop: Response) -> Margins:
+    """Margins of a loop that is known to be stable, whatever its poles are without feedback: how far gain, phase and
+    delay may go either way before it passes -1."""
+    size_db, phase = 20.0 * np.log10(np.abs(loop)), np.degrees(np.unwrap(np.angle(loop)))
+    log_hz = np.log(hz)
+    crossings = []
+    for index in np.flatnonzero((size_db[:-1] >= 0.0) != (size_db[1:] >= 0.0)).tolist():
+        share = _share(size_db, index, 0.0)
+        crossings.append((math.exp(_between(log_hz, index, share)), (180.0 + _between(phase, index, share)) % 360.0))
+    turn = np.floor((phase + 180.0) / 360.0)  # changes where the phase passes -180 deg, or another odd half turn
+    above, below = [math.inf], [math.inf]
+    for index in np.flatnonzero(turn[:-1] != turn[1:]).tolist():
+        level = 360.0 * max(turn[index], turn[index + 1]) - 180.0
+        at_db = _between(size_db, index, _share(phase, index, level))
+        (below if at_db > 0.0 else above).append(abs(at_db))
+    for end in (0, -1):  # at frequency 0 and at half the step rate the gain is a real number, negative or positive
+        if abs(phase[end] % 360.0 - 180.0) < NEAR_HALF_TURN_DEG:
+            (below if size_db[end] > 0.0 else above).append(abs(float(size_db[end])))
+    peak = float(np.max(1.0 / np.abs(1.0 + loop)))
+    if not crossings:
+        return Margins(True, math.nan, math.inf, min(above), min(below), math.inf, peak)
+    at_hz, lag_deg = min(crossings, key=lambda one: min(one[1], 360.0 - one[1]))
+    delay_s = min(lag / 360.0 / at for at, lag in crossings)
+    return Margins(True, at_hz, min(lag_deg, 360.0 - lag_deg), min(above), min(below), delay_s, peak)

@@ -1,0 +1,55 @@
+"""Rows of the table of figures for closed loops: margins worked out from the models, and identified on the flash image.
+
+loops.py of a system gives the models' margins. margins.toml in its folder has the identified ones: tools/gen_margins.py
+writes it, from the test of `plumb tune pid --board virtual --live`.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from plumb.proof.figures import Figure, Sense
+from plumb.spec import declarations
+from plumb.tuning.loop_model import Margins
+
+FILE = "margins.toml"
+
+
+@dataclass(frozen=True)
+class LeastMargins:
+    """What a loop must have: phase in deg, gain in dB upwards and downwards, further delay in s."""
+
+    phase_deg: float
+    gain_db: float
+    delay_s: float
+
+
+def gain_margin_db(found: Margins) -> float:
+    """The lesser of both directions."""
+    return min(found.gain_db, found.lower_gain_db)
+
+
+def rows(
+    loop: str, found: Margins, scenario: str, tuning: str, least: LeastMargins | None, how: str
+) -> Iterator[Figure]:
+    """Three rows of a loop. least: None for a loop that is only shown."""
+    sense: Sense = "at least" if least else "shown"
+    asked = least or LeastMargins(0.0, 0.0, 0.0)
+    reached = ("phase margin", "deg", asked.phase_deg, found.phase_deg), (
+        "gain margin, the lesser", "dB", asked.gain_db, gain_margin_db(found)
+    ), ("further delay until it is unstable", "ms", 1e3 * asked.delay_s, 1e3 * found.delay_s)  # fmt: skip
+    for claim, unit, reach, value in reached:
+        good = found.stable and math.isfinite(value)
+        yield Figure(f"{loop}: {claim}, {how}", scenario, tuning, unit, sense, reach, value if good else 0.0)
+
+
+def identified(system: str) -> Mapping[str, Margins]:
+    """Loop -> its margins on the flash image, as margins.toml has them; {} for a system without the file."""
+    path = declarations.system(system).folder / FILE
+    if not path.is_file():
+        return {}
+    tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    return {loop: Margins(**margins) for loop, margins in tables.items()}
