@@ -15,9 +15,11 @@ import pytest
 
 from plumb import __main__ as front
 from plumb.inputs import log_export
+from plumb.inputs.log_file import Frames
 from plumb.inputs.log_replay import RecordedRun, open_log, runs_of
 from plumb.spec import dbc
-from support.recordings import recorded_run
+from plumb.spec.protocol import protocol
+from support.recordings import recorded_run, with_frames
 
 
 @pytest.fixture(scope="module")
@@ -64,16 +66,16 @@ def test_a_parquet_file_has_the_same_columns_with_units_and_origin(whole: Path, 
     assert said["command"] == "a test" and said["parameters"][0]["values"]["system"] == 0
 
 
-def test_a_value_that_was_not_received_is_an_empty_cell_and_a_null(
-    whole: Path, recorded: RecordedRun, tmp_path: Path
-) -> None:
-    known = recorded.run.values["QUAD_ANGLE", "tilt"][1]
-    known[3] = False
-    try:
-        log_export.export(recorded.log, recorded, tmp_path / "run.csv")
-        log_export.export(recorded.log, recorded, tmp_path / "run.parquet")
-    finally:
-        known[3] = True
+def test_a_value_that_was_not_received_is_an_empty_cell_and_a_null(whole: Path, tmp_path: Path) -> None:
+    angle = protocol()["QUAD_ANGLE"].identifier
+
+    def without_one(frames: Frames) -> Frames:
+        return np.delete(frames, np.flatnonzero(frames["can_id"] == angle)[3])
+
+    log = open_log(with_frames(whole, tmp_path / "run.plog", without_one))
+    (lost,) = runs_of(log)
+    log_export.export(log, lost, tmp_path / "run.csv")
+    log_export.export(log, lost, tmp_path / "run.parquet")
     with (tmp_path / "run.csv").open(encoding="utf-8") as file:
         cells = [row["tilt_deg"] for row in csv.DictReader(file)]
     assert [number for number, cell in enumerate(cells) if not cell] == [3]

@@ -16,7 +16,7 @@ import pytest
 
 from plumb.errors import UsageError
 from plumb.files.block_file import sealed
-from plumb.inputs import log_writer
+from plumb.inputs import log_file, log_writer
 from plumb.inputs.log_file import EXTENDED, FRAME, MAGIC, REMOTE, Log, read_log
 from plumb.inputs.log_replay import RecordedRun, open_log, runs_of
 from plumb.inputs.log_writer import LogWriter
@@ -116,7 +116,7 @@ def test_a_recorder_that_is_killed_while_it_writes_leaves_a_log(tmp_path: Path, 
         time.sleep(more_s)
         process.send_signal(signal.SIGKILL)
     log = read_log(path)
-    assert len(log.frames) >= log_writer.BLOCK_FRAMES and log.done is None and log.lost_blocks == 0
+    assert len(log.frames) >= log_file.BLOCK_FRAMES and log.done is None and log.lost_blocks == 0
     assert np.array_equal(log.frames["time_us"], np.arange(len(log.frames)))
     assert np.array_equal(log.frames["data"].view("<u8").reshape(-1), np.arange(len(log.frames), dtype=np.uint64))
     assert [damage for damage in log.damages if not damage.at_end] == []
@@ -127,7 +127,7 @@ def test_many_frames_at_once_are_blocks_of_a_bounded_size(tmp_path: Path) -> Non
     with LogWriter(path, {}) as writer:
         writer.add([(0x123, bytes(8))] * 100_000, 1.0)
     sizes = [len(block.payload) for block in blocks_of(path) if block.kind == "FRMS"]
-    assert sum(sizes) == 100_000 * FRAME.itemsize and max(sizes) == log_writer.BLOCK_FRAMES * FRAME.itemsize
+    assert sum(sizes) == 100_000 * FRAME.itemsize and max(sizes) == log_file.BLOCK_FRAMES * FRAME.itemsize
 
 
 def test_frames_of_any_bus_keep_what_they_are(tmp_path: Path) -> None:

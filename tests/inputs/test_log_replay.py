@@ -8,13 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from plumb import __main__ as front
-from plumb.boards import Board, open_board
+from plumb.boards import Board, RawCounts, Setpoints, open_board
 from plumb.boards.native import NativeBoard as NativeCore
+from plumb.boards.native import NativeParts
 from plumb.errors import UnverifiedError, UsageError
-from plumb.inputs import log_replay, log_writer
+from plumb.inputs import log_replay, log_writer, run_parts
 from plumb.inputs.log_file import FRAME, Frames, read_log
 from plumb.inputs.log_replay import Reproduction, chosen, open_log, reproduce, runs_of
 from plumb.inputs.log_writer import LogWriter
@@ -223,6 +225,53 @@ def test_a_board_that_takes_no_parameters_in_lockstep_verifies_the_steps_before(
     assert (done.verdict, done.unverified_from, done.run.mismatches) == ("unverified", first, 0)
     assert done.compared == recorded.run.steps and not done.differ, "the model follows in any case"
     assert "plain takes no other parameters in lockstep" in done.statement().text
+
+
+@pytest.mark.parametrize("board", ["fixed", "native", "qemu", "virtual"])
+def test_a_run_that_is_too_long_for_memory_is_compared_in_parts(
+    changed: Path, tmp_path: Path, board: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(log_replay, "DETAIL_STEPS", 5)
+    monkeypatch.setattr(run_parts, "PART_STEPS", 8)
+    first = step_of_change(changed)
+
+    def wrong(frames: Frames) -> Frames:
+        for name, byte in (("STEP", 7), ("QUAD_ANGLE", 4)):
+            place = places(frames, name)[first + 3]
+            data = bytearray(frames["data"][place].tobytes())
+            data[byte] ^= 1
+            sealed_again(frames, place, bytes(data))
+        return frames
+
+    with open_board(board) as opened:
+        done = reproduce(chosen(runs_of(open_log(changed)), None), opened, board, None, None)
+        spoilt = with_frames(changed, tmp_path / "wrong.plog", wrong)
+        bad = reproduce(chosen(runs_of(open_log(spoilt)), None), opened, board, None, None)
+    steps, said = done.recorded.run.steps, done.summary()
+    takes = board != "virtual"
+    assert done.verdict == ("pass" if takes else "unverified") and done.compared == said["steps"] == steps
+    assert done.unverified_from == (None if takes else first) and not done.board_differs and not done.differ
+    assert said["recorded"]["board_steps"] == (steps if takes else first) and said["metrics_of_steps"] == 5
+    assert len(done.run.inputs.raw) == 5, "the report has the beginning"
+    assert f"the board equals the model in {steps if takes else first} steps" in done.statement().text
+    assert bad.verdict == "fail" and bad.differ == 1 and bad.divergence is not None
+    assert (bad.divergence.step, bad.divergence.signal) == (first + 3, "tilt")
+
+
+def test_a_board_that_differs_late_in_a_long_run_is_found(changed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(log_replay, "DETAIL_STEPS", 5)
+    monkeypatch.setattr(run_parts, "PART_STEPS", 8)
+    honest = NativeParts.run
+
+    def late(self: NativeParts, raw: RawCounts, setpoint: Setpoints) -> npt.NDArray[np.uint32]:
+        digests = honest(self, raw, setpoint)
+        digests[-1] ^= 1
+        return digests
+
+    monkeypatch.setattr(NativeParts, "run", late)
+    done = on_native(changed)
+    assert done.verdict == "fail" and done.board_differs > 3 and not done.differ
+    assert "steps of the board differ, the first at step" in done.statement().text
 
 
 @pytest.mark.parametrize("suffix", ["blf", "asc", "log", "trc"])

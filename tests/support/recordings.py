@@ -87,6 +87,17 @@ def log_of_counts(path: Path, params: ControlParams, counts: RawCounts, lost: Co
     return path
 
 
+def log_of_zeros(path: Path, steps: int) -> Path:
+    """A long log, made quickly: STEP and RAW_A of each step, all counts and digests 0."""
+    message = {name: protocol()[name] for name in ("STEP", "RAW_A")}
+    with LogWriter(path, {"command": "a test"}, simulated=True) as log:
+        log.parameters([row.default for row in parameters.table()])
+        for step in range(steps):
+            said = [("STEP", (step & 15, 0, step & 0xFFFF, 0)), ("RAW_A", (step & 15, step >> 4 & 3, 0, 0, 0))]
+            log.add([(message[name].identifier, message[name].pack(*words)) for name, words in said], 0.02 * step)
+    return path
+
+
 def blocks_of(path: Path) -> list[Block]:
     return [one for one in read_blocks(path, MAGIC, "") if isinstance(one, Block)]
 

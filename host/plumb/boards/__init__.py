@@ -114,6 +114,27 @@ class ChangesParameters(Protocol):
         """Reset the controller, then run every step, from the step of each change on with its parameters."""
 
 
+class PartRunner(Protocol):
+    """A run in lockstep whose samples come in parts."""
+
+    def run(self, raw: RawCounts, setpoint: Setpoints) -> npt.NDArray[np.uint32]:
+        """Run the next steps; their digests."""
+
+    def change(self, params: ControlParams) -> None:
+        """Use other parameters from the next step on. Only of a board that `ChangesParameters`."""
+
+    def end(self) -> None:
+        """End the run."""
+
+
+@runtime_checkable
+class RunsInParts(Protocol):
+    """A board that does not need all samples of a run at once."""
+
+    def part_runner(self, params: ControlParams) -> PartRunner:
+        """Reset the controller, and return a run."""
+
+
 @runtime_checkable
 class SimulatedBoard(Board, Protocol):
     """A board whose chip is simulated in this process: its pins can be reached, and its reset pin pulled."""

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+import numpy.typing as npt
+
 from plumb import systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper
+from plumb.spec.records import Words
 from plumb.systems import run_fixed
 
 if TYPE_CHECKING:
@@ -25,6 +29,21 @@ class FixedStepper:
         return [self.step(tuple(row), 0).digest for row in raw.tolist()]
 
 
+class FixedParts:
+    def __init__(self, params: ControlParams) -> None:
+        self._controller, self._system = run_fixed.Controller(params), params.system
+
+    def run(self, raw: RawCounts, setpoint: Setpoints) -> npt.NDArray[np.uint32]:
+        counts, setpoints = run_fixed.check_inputs(raw, setpoint)
+        return Words.from_bytes(self._controller.run(counts, setpoints), (len(raw),), self._system).digests()
+
+    def change(self, params: ControlParams) -> None:
+        self._controller.retune(params)
+
+    def end(self) -> None:
+        """Nothing is to be ended."""
+
+
 class FixedBoard(Board):
     name = "fixed"
 
@@ -35,6 +54,9 @@ class FixedBoard(Board):
     def run_changed(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Answer:
         words = run_fixed.run_changed(params, changes, raw, setpoint)
         return Answer(words.digests(), words)
+
+    def part_runner(self, params: ControlParams) -> FixedParts:
+        return FixedParts(params)
 
     def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:
         words = run_fixed.run_control(params, raw[: step + 1], setpoint[: step + 1])

@@ -17,6 +17,9 @@ from plumb.spec.records import Words
 from plumb.systems.contracts import System
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
     from plumb.tuning.quantise import ControlParams
 
 CHUNK_STEPS = 500
@@ -43,6 +46,22 @@ class LinkStepper:
         return [int(digest) for digest in self._run.run(raw, np.zeros(len(raw), np.int32))]
 
 
+class LinkParts:
+    """A run over a link whose samples come in parts."""
+
+    def __init__(self, session: Session) -> None:
+        self._session, self._run = session, Lockstep(session)
+
+    def run(self, raw: RawCounts, setpoint: Setpoints) -> npt.NDArray[np.uint32]:
+        return self._run.run(raw, setpoint)
+
+    def change(self, params: ControlParams) -> None:
+        raise UsageError("a board over a link takes no other parameters in lockstep")
+
+    def end(self) -> None:
+        self._session.end()
+
+
 class LinkBoard(Board):
     """A board over an open session, which it owns and closes."""
 
@@ -67,6 +86,10 @@ class LinkBoard(Board):
                 bar.update(len(digests[-1]))
         self.session.end()
         return Answer(np.concatenate(digests))
+
+    def part_runner(self, params: ControlParams) -> LinkParts:
+        self._upload(params)
+        return LinkParts(self.session)
 
     def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:
         words = self.words_of_steps(params, raw, setpoint, step, step + 1)

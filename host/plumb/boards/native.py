@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+import numpy.typing as npt
+
 from plumb import systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper, native_core
+from plumb.systems import run_fixed
 
 if TYPE_CHECKING:
     from plumb.tuning.quantise import Changes, ControlParams
@@ -26,6 +30,20 @@ class NativeStepper:
         return [self.step(tuple(row), 0).digest for row in raw.tolist()]
 
 
+class NativeParts:
+    def __init__(self, params: ControlParams) -> None:
+        self._controller = native_core.Controller(params)
+
+    def run(self, raw: RawCounts, setpoint: Setpoints) -> npt.NDArray[np.uint32]:
+        return self._controller.run(*run_fixed.check_inputs(raw, setpoint)).digests()
+
+    def change(self, params: ControlParams) -> None:
+        self._controller.retune(params)
+
+    def end(self) -> None:
+        """Nothing is to be ended."""
+
+
 class NativeBoard(Board):
     name = "native"
 
@@ -36,6 +54,9 @@ class NativeBoard(Board):
     def run_changed(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Answer:
         words = native_core.run_changed(params, changes, raw, setpoint)
         return Answer(words.digests(), words)
+
+    def part_runner(self, params: ControlParams) -> NativeParts:
+        return NativeParts(params)
 
     def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:
         words = native_core.run_control(params, raw[: step + 1], setpoint[: step + 1])

@@ -55,7 +55,7 @@ def main(arguments: argparse.Namespace) -> int:
         log_export.export(log, chosen, path)
     summary = {
         "log": str(arguments.log),
-        "frames": len(log.frames),
+        "frames": log.count,
         "run": None if chosen is None else chosen.number,
         "runs": 0 if chosen is None else chosen.of,
         "steps": 0 if chosen is None else chosen.run.steps,
@@ -65,7 +65,7 @@ def main(arguments: argparse.Namespace) -> int:
         print(json.dumps(summary))
         return 0
     of = "" if chosen is None else f", run {chosen.number} of {chosen.of} with {chosen.run.steps} steps"
-    print(f"{arguments.log}: {len(log.frames)} frames{of}")
+    print(f"{arguments.log}: {log.count} frames{of}")
     for path in arguments.files:
         print(f"file: {path}")
     return 0

@@ -6,8 +6,10 @@ its own frames carry.
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 import can
 import numpy as np
@@ -15,11 +17,13 @@ import numpy as np
 from plumb.errors import UsageError
 from plumb.extras import install_hint
 from plumb.files import input_files
-from plumb.inputs.log_file import ERROR, EXTENDED, FRAME, REMOTE, Frames, Log
+from plumb.inputs.log_file import BLOCK_FRAMES, ERROR, EXTENDED, FRAME, PACK, REMOTE, Frames, Log
 from plumb.spec.protocol import protocol
 
 READ = (".asc", ".blf", ".log", ".trc", ".mf4")
 """Suffixes of the files that are read; .log is candump's."""
+MOST_MEMORY = 32 << 20
+"""Bytes of a file's frames that are held in memory; more are spooled to a temporary file."""
 MOST_BYTES = 1 << 30
 _ADVICE = "give a log of `plumb record`, or a file of frames in the format of its suffix"
 _EFF_MASK = (1 << 29) - 1
@@ -32,22 +36,40 @@ def read_frames(path: Path) -> Log:
         raise UsageError(f"{path} is no file of frames, which end in {', '.join(READ)}; {_ADVICE}")
     if path.suffix.lower() == ".mf4":
         require_mf4()
-    rows = []
+    spool = tempfile.SpooledTemporaryFile(MOST_MEMORY)  # noqa: SIM115 (the log reads it as long as it lives)
+    count = 0
     try:
         with can.LogReader(path) as reader:
             for message in reader:
-                if message.is_fd or len(message.data or b"") > 8:
-                    continue
-                can_id = message.arbitration_id | EXTENDED * message.is_extended_id
-                can_id |= REMOTE * message.is_remote_frame | ERROR * message.is_error_frame
-                data = tuple(bytes(message.data or b"").ljust(8, b"\0"))
-                rows.append((round(message.timestamp * 1e6), can_id, min(message.dlc, 8), not message.is_rx, data))
-        frames = np.array(rows, FRAME)
+                if not message.is_fd and len(message.data or b"") <= 8:
+                    spool.write(packed(message))
+                    count += 1
     except Exception as error:  # python-can's readers raise many kinds of exceptions for a damaged file
         raise UsageError(f"{path} is damaged, or no {path.suffix} file ({type(error).__name__}); {_ADVICE}") from None
-    if not len(frames):
+    if not count:
         raise UsageError(f"{path} holds no frame; {_ADVICE}")
-    return Log(path, {"protocol": {"dbc_hash": f"0x{protocol().dbc_hash:08x}"}}, frames=frames, done={})
+    head: dict[str, object] = {"protocol": {"dbc_hash": f"0x{protocol().dbc_hash:08x}"}}
+    return Log(path, head, blocks=lambda: _blocks_of(spool), count=count, done={})
+
+
+def packed(message: can.Message) -> bytes:
+    """A frame of any bus as a record of FRAME."""
+    can_id = message.arbitration_id | EXTENDED * message.is_extended_id
+    can_id |= REMOTE * message.is_remote_frame | ERROR * message.is_error_frame
+    data = bytes(message.data or b"")[:8]
+    return PACK(round(message.timestamp * 1e6), can_id, min(message.dlc, 8), not message.is_rx, data)
+
+
+def _blocks_of(spool: IO[bytes]) -> Iterator[Frames]:
+    """The frames of a spool from its beginning. Several readers may go through it at once."""
+    at = 0
+    while True:
+        spool.seek(at)
+        data = spool.read(BLOCK_FRAMES * FRAME.itemsize)
+        if not data:
+            return
+        at += len(data)
+        yield np.frombuffer(data, FRAME)
 
 
 def require_mf4() -> None:

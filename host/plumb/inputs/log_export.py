@@ -26,7 +26,7 @@ from plumb.extras import install_hint
 from plumb.files import whole_files
 from plumb.files.block_file import exists_sentence
 from plumb.inputs import frame_files, record_report
-from plumb.inputs.log_file import ERROR, EXTENDED, REMOTE, Frames, Log
+from plumb.inputs.log_file import ERROR, EXTENDED, REMOTE, Log
 from plumb.inputs.log_replay import RecordedRun
 from plumb.inputs.step_table import Column, table_of
 from plumb.spec import dbc
@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 FRAMES = (".blf", ".asc", ".log", ".trc")
 STEPS = (".csv", ".parquet", ".html")
 FORMATS = (*STEPS, *FRAMES, ".mf4", ".dbc", ".json")
-ROWS = 65_536
-"""Rows of a CSV that are formatted at once."""
+BAR_ROWS = 1 << 18
+"""With more rows, writing a table shows a progress bar."""
 
 
 def require(paths: Sequence[Path], *, replace: bool) -> None:
@@ -87,16 +87,15 @@ def export(log: Log, recorded: RecordedRun | None, path: Path) -> None:
         whole_files.write_whole({path: json.dumps(about(log), indent=1) + "\n"}, "choose another file")
     elif suffix in FRAMES:
         with _whole(path) as part:
-            _write_frames(log.frames, part)
+            _write_frames(log, part)
     elif suffix == ".mf4":
         with _whole(path) as part:
             _write_mf4(log, recorded, part)
     else:
         assert recorded is not None
-        columns = table_of(recorded)
         with _whole(path) as part:
             write = _write_csv if suffix == ".csv" else _write_parquet
-            write(columns, part, about(log))
+            write(recorded, part, about(log))
 
 
 def about(log: Log) -> dict[str, object]:
@@ -120,24 +119,33 @@ def _whole(path: Path) -> Iterator[Path]:
         raise UsageError(f"cannot write {path}: {error.strerror or error}; choose another file") from None
 
 
-def _write_csv(columns: Sequence[Column], path: Path, _about: dict[str, object]) -> None:
-    """One row a step; a value that was not received is an empty cell."""
+def _tables(recorded: RecordedRun, what: str) -> Iterator[list[Column]]:
+    """The steps of a run as tables of a bounded number of rows, with a progress bar for many."""
     from tqdm import tqdm
 
-    rows = len(columns[0].values)
+    rows = recorded.run.steps
+    with tqdm(total=rows, desc=what, unit="step", leave=False, disable=None if rows > BAR_ROWS else True) as bar:
+        for part in recorded.run.parts():
+            yield table_of(recorded, part)
+            bar.update(len(part))
+
+
+def _write_csv(recorded: RecordedRun, path: Path, _about: dict[str, object]) -> None:
+    """One row a step; a value that was not received is an empty cell."""
     with path.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
-        table.writerow([column.name for column in columns])
-        for at in tqdm(range(0, rows, ROWS), desc="csv", leave=False, disable=None if rows > 4 * ROWS else True):
-            table.writerows(zip(*(_cells(column, slice(at, at + ROWS)) for column in columns), strict=True))
+        for number, columns in enumerate(_tables(recorded, "csv")):
+            if not number:
+                table.writerow([column.name for column in columns])
+            table.writerows(zip(*(_cells(column) for column in columns), strict=True))
 
 
-def _cells(column: Column, part: slice) -> list[str]:
+def _cells(column: Column) -> list[str]:
     format_of = _format_of(column)
-    values = column.values[part].tolist()
+    values = column.values.tolist()
     if column.known is None:
         return [format_of(value) for value in values]
-    known = column.known[part].tolist()
+    known = column.known.tolist()
     return [format_of(value) if there else "" for value, there in zip(values, known, strict=True)]
 
 
@@ -149,29 +157,34 @@ def _format_of(column: Column) -> Callable[[float], str]:
     return str if column.values.dtype.kind in "iu" else lambda value: f"{value:.9g}"
 
 
-def _write_parquet(columns: Sequence[Column], path: Path, said: dict[str, object]) -> None:
+def _write_parquet(recorded: RecordedRun, path: Path, said: dict[str, object]) -> None:
     """One row a step, null where a value was not received; units in the metadata of the columns, identity and
     parameters in that of the file, as JSON under `plumb`."""
     import pyarrow as arrow
     from pyarrow import parquet
 
-    arrays = [arrow.array(one.values, mask=None if one.known is None else ~one.known) for one in columns]
-    described = [
-        arrow.field(one.name, array.type, metadata={"unit": one.unit})
-        for one, array in zip(columns, arrays, strict=True)
-    ]
-    schema = arrow.schema(described, metadata={"plumb": json.dumps(said)})
-    parquet.write_table(arrow.table(arrays, schema=schema), path)
+    with contextlib.ExitStack() as stack:
+        writer = None
+        for columns in _tables(recorded, "parquet"):
+            arrays = [arrow.array(one.values, mask=None if one.known is None else ~one.known) for one in columns]
+            if writer is None:
+                described = [
+                    arrow.field(one.name, array.type, metadata={"unit": one.unit})
+                    for one, array in zip(columns, arrays, strict=True)
+                ]
+                schema = arrow.schema(described, metadata={"plumb": json.dumps(said)})
+                writer = stack.enter_context(parquet.ParquetWriter(path, schema))
+            writer.write_table(arrow.table(arrays, schema=schema))
 
 
-def _write_frames(frames: Frames, path: Path) -> None:
+def _write_frames(log: Log, path: Path) -> None:
     from tqdm import tqdm
 
     try:
-        with can.Logger(path) as log:
-            every = frame_files.messages_of(frames)
-            for message in tqdm(every, total=len(frames), desc=path.suffix, leave=False, disable=None):
-                log(message)
+        with can.Logger(path) as logger:
+            every = (message for block in log.blocks() for message in frame_files.messages_of(block))
+            for message in tqdm(every, total=log.count, desc=path.suffix, leave=False, disable=None):
+                logger(message)
     except ValueError as error:
         raise UsageError(f"these frames cannot be written as {path.suffix}: {error}") from None
 
@@ -181,8 +194,9 @@ def _write_mf4(log: Log, recorded: RecordedRun | None, path: Path) -> None:
     from asammdf import MDF, Signal, Source
     from can.io.mf4 import STD_DTYPE
 
-    frames = log.frames[(log.frames["can_id"] & (REMOTE | ERROR)) == 0]
-    start_us = int(log.frames["time_us"][0]) if len(log.frames) else 0
+    every = log.frames
+    frames = every[(every["can_id"] & (REMOTE | ERROR)) == 0]
+    start_us = int(every["time_us"][0]) if len(every) else 0
     samples = np.zeros(len(frames), STD_DTYPE)
     samples["CAN_DataFrame.BusChannel"] = 1
     samples["CAN_DataFrame.ID"] = frames["can_id"] & 0x1FFFFFFF
@@ -211,8 +225,8 @@ def _signal_groups(recorded: RecordedRun, start_us: int) -> Iterator[tuple[str, 
     from asammdf import Signal
 
     columns, run = table_of(recorded), recorded.run
-    received = int(np.flatnonzero(run.digest_known)[0])
-    begin_s = (int(run.time_us[received]) - start_us) * 1e-6 - float(columns[0].values[received])
+    received_us, step = run.begin_us
+    begin_s = (received_us - start_us) * 1e-6 - step * recorded.used.params.period_s
     for frame in dict.fromkeys(column.frame for column in columns[1:]):
         group = [column for column in columns[1:] if column.frame == frame]
         known = np.logical_and.reduce([run.digest_known, *(one.known for one in group if one.known is not None)])

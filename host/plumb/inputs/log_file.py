@@ -13,7 +13,8 @@ reference/log.md is the specification.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import struct
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -31,6 +32,10 @@ HEAD, DBC_TEXT, PARAMETERS, FRAMES, DONE = "HEAD", "DBCT", "PARM", "FRMS", "DONE
 FRAME = np.dtype([("time_us", "<i8"), ("can_id", "<u4"), ("length", "u1"), ("sent", "u1"), ("data", "u1", (8,))])
 """One frame. time_us: when it was received, by the clock of the head; can_id: as SocketCAN has it, with bit 31 for an
 extended identifier, 30 for a remote frame, 29 for an error frame; sent: 1 when the recording host sent it."""
+BLOCK_FRAMES = 4096
+"""Frames of a full block: 90 KB, one second of a full UART."""
+PACK = struct.Struct("<qIBB8s").pack
+"""One record of FRAME; 8s pads with zeros."""
 EXTENDED, REMOTE, ERROR = 1 << 31, 1 << 30, 1 << 29
 UTC, SIMULATED = "utc", "simulated"
 """Clocks of a head: microseconds since 1970, or since the start of a simulated board."""
@@ -53,17 +58,24 @@ class ParameterSet:
 
 @dataclass
 class Log:
-    """What a log holds. frames: those of all whole blocks. damages: places that are not; lost_blocks: numbers that are
-    missing between whole blocks. done: None when the recording was cut."""
+    """What a log holds. blocks: reads its frames from the beginning, in pieces of a bounded size; count: how many there
+    are. damages: places that are not whole blocks; lost_blocks: numbers that are missing between whole blocks. done:
+    None when the recording was cut."""
 
     path: Path
     head: dict[str, object] = field(default_factory=dict)
     dbc: str | None = None
     parameter_sets: list[ParameterSet] = field(default_factory=list)
-    frames: Frames = field(default_factory=lambda: np.zeros(0, FRAME))
+    blocks: Callable[[], Iterable[Frames]] = tuple
+    count: int = 0
     done: dict[str, object] | None = None
     damages: list[Damage] = field(default_factory=list)
     lost_blocks: int = 0
+
+    @property
+    def frames(self) -> Frames:
+        """All frames together, in memory."""
+        return np.concatenate([np.zeros(0, FRAME), *self.blocks()])
 
     @property
     def warnings(self) -> list[str]:
@@ -105,7 +117,7 @@ def _own_dbc() -> str:
 def read_log(path: Path) -> Log:
     """Read a log up to its last whole block. Raises UsageError for a file that is no log, or that holds what no
     recorder writes."""
-    log, parts, count, following = Log(path), [], 0, 0
+    log, following = Log(path, blocks=lambda: _blocks_of(path)), 0
     for one in read_blocks(path, MAGIC, ADVICE):
         if isinstance(one, Damage):
             log.damages.append(one)
@@ -113,21 +125,25 @@ def read_log(path: Path) -> Log:
         log.lost_blocks += max(one.number - following, 0)
         following = one.number + 1
         if one.kind == FRAMES:
-            parts.append(_frames_of(path, one))
-            count += len(parts[-1])
+            log.count += len(_frames_of(path, one))
         elif one.kind == DBC_TEXT:
             log.dbc = one.payload.decode("utf-8", "replace")
         elif one.kind == PARAMETERS:
-            log.parameter_sets.append(_parameters_of(path, one, count))
+            log.parameter_sets.append(_parameters_of(path, one, log.count))
         elif one.kind == HEAD:
             log.head = _json_of(path, one)
         elif one.kind == DONE:
             log.done = _json_of(path, one)
-    if parts:
-        log.frames = np.concatenate(parts)
-    if not log.head and not log.parameter_sets and not count:
+    if not log.head and not log.parameter_sets and not log.count:
         raise UsageError(f"{path} holds no whole block: nothing was recorded; record again")
     return log
+
+
+def _blocks_of(path: Path) -> Iterator[Frames]:
+    """The frames of the whole blocks. A log that grows meanwhile gives what was added, too."""
+    for one in read_blocks(path, MAGIC, ADVICE):
+        if isinstance(one, Block) and one.kind == FRAMES:
+            yield _frames_of(path, one)
 
 
 def _frames_of(path: Path, block: Block) -> Frames:

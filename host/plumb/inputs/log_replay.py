@@ -21,7 +21,8 @@ from plumb.errors import UnverifiedError, UsageError
 from plumb.inputs import frame_files, recording
 from plumb.inputs.log_file import SUFFIX, Log, ParameterSet, read_log
 from plumb.inputs.logged_parameters import UsedParameters, changes_of_run, heard_sets, parameters_of_run
-from plumb.inputs.logged_runs import LoggedRun, RunFinder
+from plumb.inputs.logged_runs import LoggedRun, Steps, runs_in
+from plumb.inputs.recorded_digests import Compared, LongReplay, replay_long
 from plumb.link.session import RAW_FRAMES
 from plumb.link.used_tables import TableChange
 from plumb.proof import runs
@@ -29,8 +30,7 @@ from plumb.proof.compare import Divergence
 from plumb.proof.report import Statement
 from plumb.proof.runs import Run, RunInputs
 from plumb.proof.scenario_run import ScenarioRun
-from plumb.spec import dbc, declarations
-from plumb.spec.records import Words
+from plumb.spec import declarations
 from plumb.tuning.quantise import Changes
 
 SUFFIXES = (SUFFIX, *frame_files.READ)
@@ -78,7 +78,7 @@ class RecordedRun:
             return "the recording carries no raw counts"
         if self.unknown_table is not None and self.unknown_table.step == self.known:
             return self.unknown_table.why_unknown
-        if not run.raw_known[self.known]:
+        if run.raw_missing == self.known:
             return f"the raw counts of step {self.known} did not arrive"
         return f"the setpoint of step {self.known} did not arrive"
 
@@ -87,20 +87,24 @@ def runs_of(log: Log, given: Mapping[str, int] | None = None) -> list[RecordedRu
     """Every run of a log. given: parameters by name, of a file, instead of the log's. Raises UsageError when the log
     has no run, or no parameters."""
     messages = log.protocol()
-    finder = RunFinder(log.frames, messages)
-    rough = finder.runs(RAW_FRAMES)
-    if not rough:
+    sets = [ParameterSet(0, dict(given))] if given else [*log.parameter_sets, *heard_sets(log.blocks(), messages)]
+    beside = [] if given else log.parameter_sets
+
+    def used_at(at: int) -> UsedParameters:
+        return parameters_of_run(sets, at, log.path.name)
+
+    def needed_at(at: int) -> tuple[str, ...]:
+        return raw_frames_of(used_at(at).system)
+
+    runs = runs_in(log.blocks, messages, needed_at, [one.at for one in beside])
+    if not runs:
         raise UsageError(f"{log.path.name} holds no step, because no run was in progress: --run live begins one")
-    sets = [ParameterSet(0, dict(given))] if given else [*log.parameter_sets, *heard_sets(log.frames, messages)]
     found = []
-    for number, run in enumerate(rough, 1):
-        used = parameters_of_run(sets, run.at, log.path.name)
-        needed = raw_frames_of(used.system)
-        whole = (run if needed == RAW_FRAMES else finder.runs(needed)[number - 1]).without_open_end()
-        blocks = [] if given else log.parameter_sets
-        changes, unknown = changes_of_run(whole, used, blocks, messages)
-        known = min(whole.known_until(), whole.steps if unknown is None else unknown.step)
-        found.append(RecordedRun(log, whole, used, number, len(rough), known, changes, unknown))
+    for number, run in enumerate(runs, 1):
+        used = used_at(run.at)
+        changes, unknown = changes_of_run(run, used, beside, messages)
+        known = min(run.known_until(), run.steps if unknown is None else unknown.step)
+        found.append(RecordedRun(log, run, used, number, len(runs), known, changes, unknown))
     return found
 
 
@@ -122,30 +126,57 @@ def unknown_truth(system: str, steps: int) -> dict[str, npt.NDArray[np.float64]]
     return {name: np.full(steps, np.nan) for name in names}
 
 
+DETAIL_STEPS = 1 << 15
+"""Of a longer run, metrics and report are those of so many steps from the first on: a minute at 500 Hz. The digests
+of all steps are compared."""
+
+
 @dataclass(frozen=True)
 class Reproduction(ScenarioRun):
-    """A recorded run on a board. recorded: the run; differ: steps whose recorded digest is not the model's; divergence:
-    the first of them."""
+    """A recorded run on a board. recorded: the run; digests: of the recording beside those of the model; changes: of
+    the parameters; long: of a run of more than DETAIL_STEPS, the board beside the model."""
 
     recorded: RecordedRun
-    differ: int
-    divergence: Divergence | None
+    digests: Compared
+    changes: Changes = ()
+    long: LongReplay | None = None
+
+    @property
+    def differ(self) -> int:
+        """Steps whose recorded digest is not the model's."""
+        return self.digests.differ
+
+    @property
+    def divergence(self) -> Divergence | None:
+        """The first of them."""
+        return self.digests.divergence
 
     @property
     def compared(self) -> int:
         """Recorded digests that were compared with the model."""
-        return int(np.count_nonzero(self.recorded.run.digest_known[: self.recorded.known]))
+        return self.digests.compared
+
+    @property
+    def board_differs(self) -> int:
+        """Steps whose digest on the board is not the model's."""
+        return self.run.mismatches if self.long is None else self.long.board.differ
+
+    @property
+    def board_until(self) -> int | None:
+        """The first step that the board did not run, or whose answer was lost."""
+        return self.run.answer.unverified_from if self.long is None else self.long.board_until
 
     @property
     def unverified_from(self) -> int | None:
         """The first step that was not verified."""
         recorded = self.recorded
-        missing = np.flatnonzero(~recorded.run.digest_known[: recorded.known])
-        ends = [int(step) for step in missing[:1]] + ([recorded.known] if recorded.known < recorded.run.steps else [])
+        ends = [recorded.known] if recorded.known < recorded.run.steps else []
+        if recorded.run.digest_missing is not None and recorded.run.digest_missing < recorded.known:
+            ends.append(recorded.run.digest_missing)
         if self.doubtful and self.divergence is not None:
             ends.append(self.divergence.step)
-        if self.run.answer.unverified_from is not None:
-            ends.append(self.run.answer.unverified_from)
+        if self.board_until is not None:
+            ends.append(self.board_until)
         return min(ends, default=None)
 
     @property
@@ -155,7 +186,7 @@ class Reproduction(ScenarioRun):
 
     @property
     def verdict(self) -> str:
-        if self.run.mismatches or (self.divergence is not None and not self.doubtful):
+        if self.board_differs or (self.divergence is not None and not self.doubtful):
             return "fail"
         return "pass" if self.unverified_from is None else "unverified"
 
@@ -166,18 +197,28 @@ class Reproduction(ScenarioRun):
             text = f"{self.differ} of {self.compared} recorded digests differ from the model; the first at "
             return Statement("recorded", f"{text}{self.divergence}", False)
         if from_step is None:
-            across = f", across {len(self.run.changes)} changes of parameters" if self.run.changes else ""
+            across = f", across {len(self.changes)} changes of parameters" if self.changes else ""
+            across += self._of_board()
             text = f"every one of the {self.compared} recorded digests is reproduced{across}"
             return Statement("recorded", text, True)
         why = recorded.unknown
         if self.divergence is not None and from_step == self.divergence.step:
             why = f"step {from_step} differs from the model, and frames were lost, perhaps a setpoint"
-        elif from_step == self.run.answer.unverified_from:
-            why = self.run.answer.why
+        elif from_step == self.board_until:
+            why = self.run.answer.why if self.long is None else self.long.why
         elif from_step < recorded.known:
             why = f"the digest of step {from_step} did not arrive"
         same = f"{self.compared - self.differ} recorded digests are reproduced; "
-        return Statement("recorded", f"{same}unverified from step {from_step} on: {why}", None)
+        return Statement("recorded", f"{same}unverified from step {from_step} on: {why}{self._of_board()}", None)
+
+    def _of_board(self) -> str:
+        """Of a long run, what the board gave after the steps of the report."""
+        if self.long is None:
+            return ""
+        board = self.long.board
+        if board.divergence is not None:
+            return f"; {board.differ} of {board.compared} steps of the board differ, the first at {board.divergence}"
+        return f"; the board equals the model in {board.compared} steps; metrics and report are of {DETAIL_STEPS} steps"
 
     def summary(self, **changed: Any) -> dict[str, Any]:  # Any: as ScenarioRun.summary, which it extends
         """What `replay --json` prints: that of a run, with the verdict over the recording, too."""
@@ -191,11 +232,14 @@ class Reproduction(ScenarioRun):
             "mismatches": self.differ,
             "unverified_from_step": self.unverified_from,
         }
-        if self.run.changes:
-            of_recording["parameters_changed_at_steps"] = [change.step for change in self.run.changes]
+        if self.changes:
+            of_recording["parameters_changed_at_steps"] = [change.step for change in self.changes]
         if self.divergence is not None:
             of_recording["first_divergence"] = self.divergence.as_dict()
         exact = {"pass": True, "fail": False}.get(self.verdict)
+        if self.long is not None:
+            of_recording["board_steps"], of_recording["board_mismatches"] = self.long.board.compared, self.board_differs
+            said |= {"steps": self.recorded.known, "metrics_of_steps": DETAIL_STEPS}
         return {**said, "verdict": self.verdict, "bit_exact": exact, "recorded": of_recording}
 
 
@@ -211,17 +255,14 @@ def reproduce(recorded: RecordedRun, board: Board, name: str, link: str | None, 
     steps = recorded.known
     if not steps:
         raise UnverifiedError(f"run {recorded.number} cannot be reproduced: {recorded.unknown}")
-    raw, setpoint = recorded.run.raw[:steps], recorded.run.setpoint[:steps]
-    inputs = RunInputs(
-        np.arange(steps, dtype=np.float64) * params.period_s,
-        unknown_truth(params.system, steps),
-        raw,
-        setpoint,
-        np.zeros(steps, np.bool_),
-    )
     changes = tuple(change for change in recorded.changes if change.step < steps)
-    result = runs.open_loop(board, inputs, params, changes)
-    differ, divergence = _compare(recorded.run, result, steps)
+    result, begin = _begin_of(recorded, min(steps, DETAIL_STEPS), board)
+    if steps > DETAIL_STEPS:
+        long = replay_long(recorded.run, steps, params, changes, board)
+        compared = long.recorded
+    else:
+        long, compared = None, Compared()
+        compared.recorded(begin, result.words)
     log = recorded.log
     heading = {
         "system": params.system,
@@ -233,35 +274,18 @@ def reproduce(recorded: RecordedRun, board: Board, name: str, link: str | None, 
         "seed": None,
         "warnings": log.warnings,
     }
-    return Reproduction(result, heading, recorded, differ, divergence)
+    return Reproduction(result, heading, recorded, compared, changes, long)
 
 
-def _compare(recorded: LoggedRun, result: Run, steps: int) -> tuple[int, Divergence | None]:
-    """Number of steps whose recorded digest differs from the model's, and the first of them."""
-    expected = result.words.digests()
-    differs = np.flatnonzero(recorded.digest_known[:steps] & (recorded.digest[:steps] != expected))
-    if not len(differs):
-        return 0, None
-    step = int(differs[0])
-    known = Divergence(step, 0, "digest", int(expected[step]), int(recorded.digest[step]))
-    return len(differs), _first_signal(recorded, result.words, step) or known
-
-
-def _first_signal(recorded: LoggedRun, words: Words, step: int) -> Divergence | None:
-    """The first recorded signal of a step that is not what its word says; None when all agree, or none was recorded."""
-    system = declarations.system(words.system)
-    for frame in system.frames:
-        for part, bits in ((frame.half, 16), (frame.word, 32)):
-            if part is None:
-                continue
-            values, came = recorded.values.get((dbc.frame_name(system, frame), part.name), (None, None))
-            if values is None or came is None or not came[step]:
-                continue
-            expected = int(words[part.word.name][step]) >> part.shift
-            signed = part.word.type.startswith("int")
-            if bits == 16:
-                low, high = (-(1 << 15), (1 << 15) - 1) if signed else (0, (1 << 16) - 1)
-                expected = min(max(expected, low), high)
-            if expected & (1 << bits) - 1 != int(values[step]) & (1 << bits) - 1:
-                return Divergence(step, 0, part.name, expected, int(values[step]))
-    return None
+def _begin_of(recorded: RecordedRun, steps: int, board: Board) -> tuple[Run, Steps]:
+    """The first steps of a recorded run on a board, with the words of all of them."""
+    params, begin = recorded.used.params, recorded.run.first_steps(steps).together
+    inputs = RunInputs(
+        np.arange(steps, dtype=np.float64) * params.period_s,
+        unknown_truth(params.system, steps),
+        begin.raw,
+        begin.setpoint,
+        np.zeros(steps, np.bool_),
+    )
+    changes = tuple(change for change in recorded.changes if change.step < steps)
+    return runs.open_loop(board, inputs, params, changes), begin

@@ -4,7 +4,6 @@ machine at most that and SYNC_EVERY_S."""
 from __future__ import annotations
 
 import json
-import struct
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,17 +12,17 @@ from typing import Self
 import can
 
 from plumb.files.block_file import BlockWriter
+from plumb.inputs.frame_files import packed
 from plumb.inputs.log_file import (
+    BLOCK_FRAMES,
     DBC_TEXT,
     DONE,
-    ERROR,
-    EXTENDED,
     FRAME,
     FRAMES,
     HEAD,
     MAGIC,
+    PACK,
     PARAMETERS,
-    REMOTE,
     SIMULATED,
     UTC,
 )
@@ -35,11 +34,6 @@ FLUSH_EVERY_S = 0.25
 """Longest time that frames wait for their block."""
 SYNC_EVERY_S = 1.0
 """Interval at which what was written goes through to the disk."""
-BLOCK_FRAMES = 4096
-"""Frames of a full block: 90 KB, one second of a full UART."""
-
-_PACK = struct.Struct("<qIBB8s").pack
-"""One record of FRAME; 8s pads with zeros."""
 _BLOCK_BYTES = BLOCK_FRAMES * FRAME.itemsize
 
 
@@ -80,16 +74,12 @@ class LogWriter:
         """Frames that were received, or sent, at one time."""
         time_us = round(time_s * 1e6)
         for identifier, data in frames:
-            self._waiting += _PACK(time_us, identifier, len(data), sent, data)
+            self._waiting += PACK(time_us, identifier, len(data), sent, data)
         self.flush()
 
     def add_message(self, message: can.Message) -> None:
         """A frame of any bus, with its own time."""
-        can_id = message.arbitration_id | EXTENDED * message.is_extended_id
-        can_id |= REMOTE * message.is_remote_frame | ERROR * message.is_error_frame
-        data = bytes(message.data or b"")[:8]
-        time_us, sent = round(message.timestamp * 1e6), int(not message.is_rx)
-        self._waiting += _PACK(time_us, can_id, min(message.dlc, 8), sent, data)
+        self._waiting += packed(message)
         self.flush()
 
     def flush(self, *, at_once: bool = False) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from plumb.errors import UsageError
-from plumb.inputs.log_file import EXTENDED, Frames, ParameterSet
+from plumb.inputs.log_file import Frames, ParameterSet
 from plumb.inputs.logged_runs import LoggedRun
 from plumb.link.used_tables import TableChange, UsedTables
 from plumb.spec import declarations, parameters
@@ -31,7 +31,7 @@ class UsedParameters:
         return self.params.system
 
 
-def heard_sets(frames: Frames, messages: Protocol) -> list[ParameterSet]:
+def heard_sets(blocks: Iterable[Frames], messages: Protocol) -> list[ParameterSet]:
     """The tables in a recording's own frames: read with PARAM_GET, or staged and committed. A table is known once all
     its parameters were heard."""
     ids = {messages[name].identifier: name for name in _NEEDED}
@@ -39,12 +39,8 @@ def heard_sets(frames: Frames, messages: Protocol) -> list[ParameterSet]:
     used: dict[int, int] = {}
     staged: dict[int, int] = {}
     found: list[ParameterSet] = []
-    for at in np.flatnonzero(np.isin(frames["can_id"] & ~np.uint32(EXTENDED), list(ids))):
-        identifier, data = int(frames["can_id"][at]), frames["data"][at].tobytes()
-        name = ids.get(identifier)
-        if name is None or int(frames["length"][at]) != 8 or not check(identifier, data):
-            continue
-        said = messages[name].decode(data)
+    for at, identifier, data in _frames_with(list(ids), blocks):
+        name, said = ids[identifier], messages[ids[identifier]].decode(data)
         if name == "PARAM_VALUE":
             complete = len(used) == len(rows)
             changed = used.get(said["index"]) != said["value"]
@@ -62,6 +58,17 @@ def heard_sets(frames: Frames, messages: Protocol) -> list[ParameterSet]:
     return found
 
 
+def _frames_with(identifiers: Sequence[int], blocks: Iterable[Frames]) -> Iterator[tuple[int, int, bytes]]:
+    """Place, identifier and data of the frames that have one of the identifiers and are whole."""
+    begin = 0
+    for frames in blocks:
+        for at in np.flatnonzero(np.isin(frames["can_id"], identifiers)).tolist():
+            identifier, data = int(frames["can_id"][at]), frames["data"][at].tobytes()
+            if int(frames["length"][at]) == 8 and check(identifier, data):
+                yield begin + at, identifier, data
+        begin += len(frames)
+
+
 def changes_of_run(
     run: LoggedRun, used: UsedParameters, blocks: Sequence[ParameterSet], messages: Protocol
 ) -> tuple[Changes, TableChange | None]:
@@ -71,12 +78,12 @@ def changes_of_run(
     whole = all(row.name in used.table for row in rows)
     tables = UsedTables(messages, [used.table[row.name] for row in rows] if whole else None)
     own = used.params.own()
-    later = [one for one in blocks if run.at < one.at <= run.end]
+    later = [one for one in blocks if one.at in run.marks]
     for frame in (*run.table_frames, None):
         while later and (frame is None or later[0].at <= frame.at):
             block = later.pop(0)
             values = {name: value for name, value in block.values.items() if name in own}
-            tables.table_said(values, run.first + run.steps_before(block.at))
+            tables.table_said(values, run.marks[block.at])
         if frame is not None:
             tables.feed(frame.identifier, frame.data, frame.next_step)
     changes: list[Change] = []

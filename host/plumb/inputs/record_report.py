@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +21,7 @@ NOT_DRAWN = ("time_s", "step", "digest", "armed")
 
 def panels(columns: Sequence[Column]) -> list[Plot]:
     """A panel for each unit, and one for each signal without a unit."""
-    time_s = np.asarray(columns[0].values[:ROWS_MAX], np.float64)
+    time_s = np.asarray(columns[0].values, np.float64)
     groups: dict[tuple[str, str], list[tuple[str, Column]]] = {}
     for column in columns:
         if column.name in NOT_DRAWN or (column.name == "setpoint" and not column.values.any()):
@@ -33,9 +34,9 @@ def panels(columns: Sequence[Column]) -> list[Plot]:
     for (title, unit), of in groups.items():
         lines = []
         for index, (name, column) in enumerate(of):
-            values = column.values[:ROWS_MAX].astype(np.float64)
+            values = column.values.astype(np.float64)
             if column.known is not None:
-                values = np.where(column.known[:ROWS_MAX], values, np.nan)
+                values = np.where(column.known, values, np.nan)
             lines.append(Line(name, values, COLOURS[index % len(COLOURS)]))
         found.append(Plot(title, unit, time_s, lines))
     return found
@@ -67,6 +68,6 @@ def page_of(recorded: RecordedRun) -> str:
         f"{recorded.system}, recorded from {name}",
         "",
         lead,
-        [*panels(table_of(recorded)), *run_identity.tables(entry, heading)],
+        [*panels(table_of(replace(recorded, run=run.first_steps(ROWS_MAX)))), *run_identity.tables(entry, heading)],
         [Statement("link", whole, not lost)] if run.steps else [],
     )

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.inputs.log_replay import RecordedRun
+from plumb.inputs.run_parts import Steps
 from plumb.spec import declarations
 from plumb.spec.arrays import BoolArray
 from plumb.spec.signals import UNITS, signals
@@ -30,11 +31,13 @@ class Column:
     frame: str = ""
 
 
-def table_of(recorded: RecordedRun) -> list[Column]:
-    """The columns of a run: time, step, digest, armed, setpoint, raw counts, calibrated sensor values, then the signals
-    that were received. The time counts the periods from the first step of the run."""
-    run, params = recorded.run, recorded.used.params
-    steps = run.first + np.arange(run.steps, dtype=np.int64)
+def table_of(recorded: RecordedRun, part: Steps | None = None) -> list[Column]:
+    """The columns of a run, or of a part of it, which has the same ones: time, step, digest, armed, setpoint, raw
+    counts, calibrated sensor values, then the signals that were received. The time counts the periods from the first
+    step of the run."""
+    whole, params = recorded.run, recorded.used.params
+    run = whole.together if part is None else part
+    steps = run.first + np.arange(len(run), dtype=np.int64)
     found = [
         Column("time_s", "s", steps.astype(np.float64) * params.period_s),
         Column("step", "", steps),
@@ -45,7 +48,7 @@ def table_of(recorded: RecordedRun) -> list[Column]:
     declared = declarations.system(recorded.system)
     channels = declared.channels
     sensed: list[Column] = []
-    for index, channel in enumerate(channels if run.raw_frames else ()):
+    for index, channel in enumerate(channels if whole.raw_frames else ()):
         counts = run.raw[:, index]
         found.append(Column(f"raw_{channel.name}_counts", "counts", counts, run.raw_known))
         sensor = values_of(params, channel, counts)
@@ -59,9 +62,8 @@ def table_of(recorded: RecordedRun) -> list[Column]:
     units = {suffix: unit for unit, suffix in UNITS.items()}
     values: Values
     for key, name, scale in signals(recorded.system):
-        values_came = run.values.get(key)
-        if values_came is not None and values_came[1].any():
-            integers, came = values_came
+        if key in whole.signals:
+            integers, came = run.signal(key)
             unit = next((unit for suffix, unit in units.items() if name.endswith(suffix)), "")
             values = integers if scale == 1.0 else np.asarray(integers * scale, np.float64)
             found.append(Column(name, unit, values, came, key[0]))

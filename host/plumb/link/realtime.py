@@ -6,6 +6,7 @@ are unverified: neither pass nor fail.
 
 from __future__ import annotations
 
+import bisect
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
@@ -49,11 +50,14 @@ class SetpointReports:
         if not same:
             self.changes.append((unwrap(last, said["step"], 16), said["setpoint"]))
 
-    def of_steps(self, steps: int) -> npt.NDArray[np.int32]:
-        """Shape (steps,): the setpoint each step used, turn_q32."""
-        result = np.zeros(steps, np.int32)
-        for step, value in self.changes:
-            result[max(step, 0) :] = value
+    def of_steps(self, end: int, first: int = 0) -> npt.NDArray[np.int32]:
+        """The setpoint that each of the steps from `first` to before `end` used, turn_q32."""
+        result = np.zeros(end - first, np.int32)
+        begin = max(bisect.bisect_right(self.changes, first, key=lambda change: change[0]) - 1, 0)
+        for step, value in self.changes[begin:]:
+            if step >= end:
+                break
+            result[max(step - first, 0) :] = value
         return result
 
 
