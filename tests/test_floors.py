@@ -17,9 +17,9 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "host" / "plumb"
 FLOORS = [
-    "checkout", "version", "__init__", "process_signals", "errors", "extras", "files", "spec", "physics", "kernels",
-    "tuning", "link", "flash", "f103", "systems", "boards", "proof", "inputs", "bench", "api", "aio", "cockpit", "cli",
-    "pytest_plugin", "__main__",
+    "checkout", "version", "__init__", "process_signals", "errors", "extras", "near_names", "files", "spec", "physics",
+    "kernels", "tuning", "link", "flash", "f103", "systems", "boards", "proof", "inputs", "bench", "api", "aio",
+    "cockpit", "cli", "pytest_plugin", "__main__",
 ]  # fmt: skip
 """From the ground up."""
 PARTS = {

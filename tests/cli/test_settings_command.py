@@ -35,7 +35,10 @@ def test_settings_are_remembered_and_forgotten(capsys: pytest.CaptureFixture[str
         ("speed=3", "there is no setting 'speed'"),
         ("board=toaster", "'toaster' is not a board"),
         ("can=serial:/dev/ttyUSB0", "is no CAN bus"),
-        ("can=auto", "'auto' is not a board"),
+        ("can=auto", "'auto' is no CAN bus"),
+        ("board=foo", "use auto, native, "),
+        ("board=/dev/ttyUSB0", "(did you mean serial:/dev/ttyUSB0?)"),
+        ("bord=auto", "there is no setting 'bord' (did you mean board?)"),
         ("port=spy:///etc/passwd", "is not opened"),
     ],
 )

@@ -114,3 +114,31 @@ def test_a_long_name_is_cut_in_the_error(parse: Callable[[str], Any], kind: str)
     with pytest.raises(UsageError) as caught:
         parse(kind + 100_000 * "x")
     assert "xxx..." in str(caught.value) and len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("/dev/ttyACM0@115200", "serial:/dev/ttyACM0@115200"),
+        ("ttyUSB0", "serial:/dev/ttyUSB0"),
+        ("cu.usbserial-110", "serial:/dev/cu.usbserial-110"),
+        ("COM3", "serial:COM3"),
+        ("socket://127.0.0.1:4000", "serial:socket://127.0.0.1:4000"),
+        ("tcp:127.0.0.1:4000", "serial:socket://127.0.0.1:4000"),
+        ("can0", "can:socketcan:can0"),
+        ("vcan1@250", "can:socketcan:vcan1@250"),
+        ("slcan:/dev/ttyACM0", "can:slcan:/dev/ttyACM0"),
+        ("Virtual", "virtual"),
+        ("nativ", "native"),
+        ("aut", "auto"),
+        ("toaster", None),
+        ("x" * 10_000, None),
+    ],
+)
+def test_a_board_without_its_kind_or_mistyped_is_guessed(text: str, meant: str | None) -> None:
+    with pytest.raises(UsageError, match="is not a board") as caught:
+        parse_board(text)
+    found = str(caught.value).partition(" (did you mean ")[2].partition("?)")[0]
+    assert found == (meant or "")
+    if meant and meant != "auto":
+        parse_board(meant)

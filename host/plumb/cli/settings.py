@@ -34,7 +34,8 @@ def main(arguments: argparse.Namespace) -> int:
     for text in arguments.assignments:
         name, equals, value = text.partition("=")
         if not equals or not value:
-            raise UsageError(f"'{text}' sets nothing: write NAME=VALUE, or --forget NAME")
+            spaces = ", without spaces" if "=" in arguments.assignments else ""
+            raise UsageError(f"'{text}' sets nothing: write NAME=VALUE{spaces}, or --forget NAME")
         check(name, value)
         wanted[name] = value
     after = settings.change(wanted) if wanted else settings.read()
@@ -58,6 +59,8 @@ def check(name: str, value: str) -> None:
     require_known(name)
     if value == AUTO and name != "can":
         return
+    if value == AUTO:
+        raise UsageError("'auto' is no CAN bus: write can:INTERFACE:CHANNEL[@KBIT]")
     if name == "port":
         check_port(value)
     elif not isinstance(parse_board(value), CanName) and name == "can":

@@ -62,12 +62,13 @@ def command_module(name: str) -> ModuleType:
     if name in COMMANDS:
         return importlib.import_module(f"plumb.cli.{name.replace('-', '_')}")
     from plumb.errors import UsageError
+    from plumb.near_names import did_you_mean
     from plumb.spec import declarations
 
     for system in declarations.systems().values():
         if name in system.commands:
             return importlib.import_module(f"plumb.systems.{system.name}.commands.{name.replace('-', '_')}")
-    raise UsageError(f"there is no command '{name}'; `plumb --help` lists them.")
+    raise UsageError(f"there is no command '{name}'{did_you_mean(name, commands())}; `plumb --help` lists them.")
 
 
 def command_parser(name: str) -> argparse.ArgumentParser:

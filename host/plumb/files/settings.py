@@ -11,6 +11,7 @@ from plumb.errors import UsageError
 from plumb.files import places
 from plumb.files.input_files import read_bytes
 from plumb.files.whole_files import write_whole
+from plumb.near_names import did_you_mean
 
 KNOWN = {
     "board": "the board of a command whose --board is left out: a name, or auto",
@@ -46,7 +47,7 @@ def read() -> dict[str, str]:
 def require_known(name: str) -> None:
     """Raises UsageError for a name that is no setting."""
     if name not in KNOWN:
-        raise UsageError(f"there is no setting '{name}'; use one of {', '.join(KNOWN)}")
+        raise UsageError(f"there is no setting '{name}'{did_you_mean(name, KNOWN)}; use one of {', '.join(KNOWN)}")
 
 
 def change(wanted: Mapping[str, str | None]) -> dict[str, str]:

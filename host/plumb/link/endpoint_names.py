@@ -10,11 +10,13 @@ gives the grammar.
 
 from __future__ import annotations
 
+import re
 import shlex
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from plumb.errors import UsageError
+from plumb.near_names import LONGEST, did_you_mean
 
 DEFAULT_BAUD = 921600
 DEFAULT_KBIT = 500
@@ -26,7 +28,7 @@ RFC2217_OPTIONS = ("ign_set_control", "poll_modem", "timeout", "logging")
 """Options that pyserial takes behind the `?` of an rfc2217:// address."""
 
 REMOTE_BOARDS = "serial:PORT[@BAUD] or can:INTERFACE:CHANNEL[@KBIT]"
-BOARDS = f"native, qemu, virtual, {REMOTE_BOARDS}; golden check also takes program:COMMAND"
+BOARDS = f"auto, native, qemu, virtual, {REMOTE_BOARDS}; golden check also takes program:COMMAND"
 BUSES = "serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT, can:INTERFACE:CHANNEL[@KBIT] or file:PATH"
 
 
@@ -114,6 +116,14 @@ class SocketcandServerName:
     port: int
 
 
+_BARE = {
+    r"/dev/\S+|COM\d+(@\d+)?|(socket|rfc2217)://\S+": "serial:",
+    r"(tty|cu\.)\w\S*": "serial:/dev/",
+    r"tcp:\S+:\d+": "serial:socket://",
+    r"(socketcan|slcan|pcan|kvaser|gs_usb|candle|socketcand|virtual):\S+": "can:",
+    r"[vs]?l?can\d+(@\d+)?": "can:socketcan:",
+}
+"""What stands alone -> what is missing before it."""
 LOCAL_BOARDS = {kind: LocalBoard(kind) for kind in ("fixed", "native", "qemu", "virtual")}
 
 BoardName = LocalBoard | SerialName | CanName | ProgramName
@@ -132,7 +142,17 @@ def parse_board(text: str) -> BoardName:
         return parse_can(address)
     if kind == "program":
         return _program(text, address)
-    raise UsageError(f"{quoted(text)} is not a board; use {BOARDS}")
+    raise UsageError(f"{quoted(text)} is not a board{_meant(text)}; use {BOARDS}")
+
+
+def _meant(text: str) -> str:
+    """` (did you mean ...?)` for a port or a bus without its kind, or a name that was mistyped; else ""."""
+    if len(text) > LONGEST:
+        return ""
+    for form, kind in _BARE.items():
+        if re.fullmatch(form, text):
+            return f" (did you mean {kind}{text.removeprefix('tcp:')}?)"
+    return did_you_mean(text, (*LOCAL_BOARDS, "auto"))
 
 
 def parse_bus(text: str) -> BusName:
