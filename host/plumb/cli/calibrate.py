@@ -98,7 +98,7 @@ class Person:
         from plumb.inputs.calibration import TURN_S
 
         if self._put is None:
-            self._asked.wait(f"the turn: {text}, within {TURN_S - 1:.0f} s of pressing Enter, and hold it still there")
+            self._asked.begin(f"within {TURN_S - 1:.0f} s: {text}; hold it still there")
         else:
             print(f"the turn: {text}", file=sys.stderr)
             self._put(end.name)

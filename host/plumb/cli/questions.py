@@ -16,11 +16,13 @@ MOST_REFUSALS = 3
 
 
 class Questions(Protocol):
-    """refused: a reading was not taken, for this reason."""
+    """wait: until this is done. begin: until somebody is ready to do this. refused: a reading was not taken, for this
+    reason."""
 
     def choose(self, key: str, text: str, choices: Sequence[str], default: str) -> str: ...
     def agree(self, key: str, text: str, default: bool) -> bool: ...
     def wait(self, text: str) -> None: ...
+    def begin(self, text: str) -> None: ...
     def refused(self, reason: str) -> None: ...
 
 
@@ -49,6 +51,9 @@ class Terminal:
 
     def wait(self, text: str) -> None:
         self._ask(f"{text}; then press Enter ")
+
+    def begin(self, text: str) -> None:
+        self._ask(f"press Enter, then {text} ")
 
     def refused(self, reason: str) -> None:
         self._tell(f"  not taken: {reason}")
@@ -93,6 +98,9 @@ class Answers:
         return said
 
     def wait(self, text: str) -> None:
+        return None
+
+    def begin(self, text: str) -> None:
         return None
 
     def refused(self, reason: str) -> None:

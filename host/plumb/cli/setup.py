@@ -11,8 +11,8 @@ accelerometer. The board is never armed. It can be begun anew at any time.
 
 `native` is the main loop in this process, faster than `virtual` and without Unicorn.
 
-FILE is TOML with an answer for each question that comes up: board and system (texts); flash, tuning, calibrate, write,
-save, remember (true or false). Exit code 0 with a green light, 1 without.
+FILE is TOML with an answer for each question that comes up: board, system, sensors (texts); flash, tuning, calibrate,
+write, save, remember (true or false). Exit code 0 with a green light, 1 without.
 """
 
 from __future__ import annotations
@@ -161,22 +161,30 @@ def open_board(
         default = present if present in able else able[0]
         name = arguments.system or asked.choose("system", "   which system?", able, default)
         if asked.agree("tuning", f"   set the shipped parameters of {name}?", name != present):
-            set_tuning(opened.session, name)
+            set_tuning(opened.session, name, sensors_of(name, asked))
     except BaseException:
         opened.close()
         raise
     return opened, None
 
 
-def set_tuning(session: Session, name: str) -> None:
-    """As `plumb params tuning NAME`, with the tuning for the board's own sensors."""
+def sensors_of(name: str, asked: Questions) -> str:
+    """The tuning for the board's own sensors; of several sets the one that is wired."""
     from plumb import systems
+    from plumb.systems.contracts import PINS, SensorSets
+
+    parts = systems.load(name, PINS)
+    if not isinstance(parts, SensorSets):
+        return parts.TUNING
+    return asked.choose("sensors", "   which sensors are wired?", parts.SENSOR_SETS, parts.TUNING)
+
+
+def set_tuning(session: Session, name: str, tuning: str) -> None:
+    """As `plumb params tuning NAME TUNING`."""
     from plumb.link import parameter_history, parameter_table
     from plumb.spec.parameter_file import by_name
     from plumb.systems import shipped_tunings
-    from plumb.systems.contracts import PINS
 
-    tuning = systems.load(name, PINS).TUNING
     before = by_name(parameter_table.read_table(session))
     after = {**before, **shipped_tunings.words_of(name, tuning)}
     parameter_table.commit(session, after)

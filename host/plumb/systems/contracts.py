@@ -197,6 +197,15 @@ class PushedSystem(Protocol):
         """Scenario, and the push as text for `faults`."""
 
 
+@runtime_checkable
+class LinkedSensors(Protocol):
+    """A system with tunings for sensors that the board has to be told of."""
+
+    @property
+    def SENSOR_LINKS(self) -> Mapping[str, Mapping[str, int]]:
+        """Tuning -> parameters outside the control step that its sensors need."""
+
+
 class Coupling(Protocol):
     """A plant joined to the pins of a simulated machine."""
 

@@ -81,6 +81,7 @@ SENSORS = {
     ),
 }
 """Of the scenarios that name their sensors, from the data sheets; the others have STANDARD."""
+SENSOR_LINKS = {name: {"accel_bus": 0, **sensors.link} for name, sensors in SENSORS.items()}
 WARM_UP_S = 30.0
 GAPS_EVERY_S, GAPS_S = 3.0, (0.02, 0.1)
 """`gaps`: one in such a time, and the shortest and longest."""
