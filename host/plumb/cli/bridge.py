@@ -19,6 +19,9 @@ the run names CAN as their source, and the STM32 accepts them from CAN only.
 socketcand:PORT to several, or on any bus of python-can, INTERFACE:CHANNEL. They only listen: what they send is
 discarded.
 
+The summary has a histogram of the latency of each direction, from the arrival of a frame here to the end of its write
+on the other side, by the clock of this computer; in --json the buckets, too.
+
 Exit codes: 1 a bit differed; 3 no run began, a bus never opened, or --shadow verified nothing; 130 Ctrl-C.
 """
 
@@ -27,10 +30,11 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import shutil
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Literal, NotRequired, TypedDict
 
 from plumb.cli import options
@@ -40,6 +44,7 @@ if TYPE_CHECKING:
     from plumb.inputs.bus_end import End
     from plumb.inputs.bus_tap import BusTap
     from plumb.inputs.frame_counts import Flow
+    from plumb.inputs.latency import LatencyHistogram, Percentiles
     from plumb.tuning.quantise import ControlParams
 
 
@@ -70,6 +75,7 @@ class Summary(TypedDict, total=False):
     skipped_samples: int
     unused_samples: int
     latency_ms: dict[str, float] | None
+    latency: dict[str, Percentiles]
     sensor: FlowCounts
     board: FlowCounts
     first: FlowCounts
@@ -163,16 +169,24 @@ def tapped(arguments: argparse.Namespace) -> Iterator[BusTap | None]:
 
 def carried(arguments: argparse.Namespace, stopped: Callable[[], bool], tap: BusTap | None) -> Summary:
     from plumb.inputs.bus_end import End, carry
+    from plumb.inputs.latency import LatencyHistogram
 
     ends = [End(arguments.sensor), End(arguments.board)]
+    there, back = latencies = LatencyHistogram(), LatencyHistogram()
+    if sys.stderr.isatty():
+        stopped = watched(lambda: (ends[0].flow.frames, ends[1].flow.frames), {"there": there, "back": back}, stopped)
     for one in ends:
         one.start()
     try:
-        carry(ends[0], ends[1], stopped, say, *([tap.send] if tap else []))
+        carry(ends[0], ends[1], stopped, say, tap.send if tap else lambda frames: None, latencies)
     finally:
         for one in ends:
             one.stop()
-    return {"first": flow(ends[0].flow, ends[0]), "second": flow(ends[1].flow, ends[1])}
+    return {
+        "first": flow(ends[0].flow, ends[0]),
+        "second": flow(ends[1].flow, ends[1]),
+        "latency": {"first to second": there.as_dict(), "second to first": back.as_dict()},
+    }
 
 
 def bridged(arguments: argparse.Namespace, stopped: Callable[[], bool], tap: BusTap | None) -> Summary:
@@ -203,30 +217,40 @@ def bridged(arguments: argparse.Namespace, stopped: Callable[[], bool], tap: Bus
         say=say,
         tap=tap.send if tap else lambda frames: None,
     )
-    bridge.run(watched(bridge, stopped) if sys.stderr.isatty() else stopped)
+    if sys.stderr.isatty():
+        latencies = {"down": bridge.down, "up": bridge.up, "to the step": bridge.sample_to_step}
+        stopped = watched(lambda: (bridge.sensor.flow.frames, bridge.board.frames), latencies, stopped, bridge)
+    bridge.run(stopped)
     return summary_of(bridge)
 
 
-def watched(bridge: Bridge, stopped: Callable[[], bool]) -> Callable[[], bool]:
-    """`stopped` that also prints the counts once a second, over the previous line."""
+def watched(
+    frames: Callable[[], tuple[int, int]],
+    latencies: Mapping[str, LatencyHistogram],
+    stopped: Callable[[], bool],
+    bridge: Bridge | None = None,
+) -> Callable[[], bool]:
+    """`stopped` that also prints the counts and the latencies (median/99 %) once a second, over the previous line."""
+    from plumb.inputs.latency import short
+
     shown_s = time.monotonic()
-    before = (0, 0, 0)
+    before: tuple[int, ...] = (0, 0, 0)
 
     def asked() -> bool:
         nonlocal shown_s, before
         now_s = time.monotonic()
         if now_s - shown_s >= 1.0:
-            count = (bridge.sensor.flow.frames, bridge.board.frames, bridge.steps)
+            count = (*frames(), bridge.steps if bridge else 0)
             rates = [(new - old) / (now_s - shown_s) for new, old in zip(count, before, strict=True)]
-            lost = bridge.sensor.flow.lost + bridge.board.lost
-            rejected = bridge.sensor.flow.rejected + bridge.board.rejected
-            took = f"{1e3 * bridge.latencies_s[-1]:.1f} ms" if bridge.latencies_s else "-"
-            verified = f", {bridge.shadow.steps} verified" if bridge.shadow else ""
-            text = (
-                f"{rates[0]:.0f} frames/s down, {rates[1]:.0f} up, {rates[2]:.0f} steps/s{verified}, "
-                f"delay {took}, lost {lost}, rejected {rejected}"
-            )
-            print(f"\r{text}\x1b[K", end="", file=sys.stderr, flush=True)
+            text = f"{rates[0]:.0f} frames/s down, {rates[1]:.0f} up"
+            if bridge is not None:
+                verified = f", {bridge.shadow.steps} verified" if bridge.shadow else ""
+                lost = bridge.sensor.flow.lost + bridge.board.lost
+                rejected = bridge.sensor.flow.rejected + bridge.board.rejected
+                text += f", {rates[2]:.0f} steps/s{verified}, lost {lost}, rejected {rejected}"
+            took = ", ".join(f"{name} {short(one.as_dict())}" for name, one in latencies.items())
+            columns = shutil.get_terminal_size().columns - 1
+            print(f"\r{f'{text}; {took}'[:columns]}\x1b[K", end="", file=sys.stderr, flush=True)
             shown_s, before = now_s, count
         return stopped()
 
@@ -242,11 +266,8 @@ def flow(flow: Flow, end: End | None = None) -> FlowCounts:
 
 def summary_of(bridge: Bridge) -> Summary:
     """All counters of the bridge."""
-    import numpy as np
-
-    counted = bridge.counted
-    took = np.array(bridge.latencies_s) * 1e3
-    latency = {f"p{p}": round(float(np.percentile(took, p)), 3) for p in (50, 99, 100)} if len(took) else None
+    counted, took = bridge.counted, bridge.sample_to_step
+    latency = {f"p{p}": round(1e3 * took.percentile_s(p), 3) for p in (50, 99, 100)} if took.count else None
     board: FlowCounts = {
         **flow(bridge.board),
         "board_rejected": counted.rejected,
@@ -260,6 +281,11 @@ def summary_of(bridge: Bridge) -> Summary:
         "skipped_samples": bridge.skipped,
         "unused_samples": bridge.unused,
         "latency_ms": latency,
+        "latency": {
+            "sensor to board": bridge.down.as_dict(),
+            "board to sensor": bridge.up.as_dict(),
+            "sample to step": took.as_dict(),
+        },
         "sensor": flow(bridge.sensor.flow, bridge.sensor),
         "board": board,
     }
@@ -280,6 +306,8 @@ def summary_of(bridge: Bridge) -> Summary:
 
 def describe(summary: Summary) -> str:
     """The summary as text."""
+    from plumb.inputs.latency import drawn
+
     seconds = summary["seconds"]
     lines = []
     for side in SIDES:
@@ -300,8 +328,9 @@ def describe(summary: Summary) -> str:
             f"counted  by the board: rejected {b['board_rejected']}, dropped {b['board_dropped']}, lost "
             f"{b['board_lost']}, including samples skipped here or lost before"
         )
-    if p := summary.get("latency_ms"):
-        lines.append(f"latency  sample to step: median {p['p50']} ms, 99 % within {p['p99']}, all within {p['p100']}")
+    for name, measured in summary.get("latency", {}).items():
+        first, *bars = drawn(measured)
+        lines += [f"latency  {name}: {first}", *bars]
     if "verdict" in summary:
         lines.append(f"shadow   {summary['verified_steps']} steps agree with the model in every bit")
         if "parameters_changed_at_steps" in summary:

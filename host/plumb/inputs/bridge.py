@@ -26,6 +26,7 @@ from plumb.inputs.bus_end import (
     Tap,
 )
 from plumb.inputs.frame_counts import BoardCounts, Flow
+from plumb.inputs.latency import LatencyHistogram
 from plumb.inputs.sample_assembler import Samples
 from plumb.link.identity import NackError, disarmed_text
 from plumb.link.real_time_watch import RealTimeWatch
@@ -62,6 +63,8 @@ class Bridge:
     to select beside the raw counts; () selects all of the system. arm: arm once, when the first run has steps; after a
     disarm the board stays disarmed. say: called with messages for the user. tap: called with all frames of both sides.
 
+    down, up: time in the bridge, from the arrival of a whole sample, or of frames of the board, to the end of their
+    write on the other side; sample_to_step: from the arrival of a sample to that of the board's report of its step.
     runs, steps: of the board. skipped: samples left out to keep the latency short. unused: samples received while no
     run was in progress. If both names are the same CAN bus, the samples reach the STM32 directly and the bridge
     forwards nothing; it is only the host of the run. The same holds with `direct`: the sensor board is on the CAN bus
@@ -92,7 +95,7 @@ class Bridge:
         self.params, self.frames, self.link, self.params_of = params, frames, link, params_of
         self.want_arm, self.want_shadow, self.say, self.tap, self._open = arm, shadow, say, tap, open_
         self.runs = self.steps = self.skipped = self.unused = 0
-        self.latencies_s: list[float] = []
+        self.sample_to_step, self.down, self.up = LatencyHistogram(), LatencyHistogram(), LatencyHistogram()
         self.shadow: Shadow | None = None
         self._quiet_s = 0.0
         names = protocol()
@@ -272,6 +275,7 @@ class _Run:
                 self._waiting.append((time_s, tuple(bridge._sample_a.unpack(frames[-1][1])[2:])))
             if frames and bridge.carries:
                 self.session.send(self.tagged(frames))
+                bridge.down.note(time.monotonic() - time_s)
 
     def tagged(self, frames: list[Frame]) -> list[Frame]:
         """The frames with this run's tag in every SETPOINT; the sensor board does not know the tag."""
@@ -285,11 +289,11 @@ class _Run:
 
     def forward_answers(self, frames: list[Frame]) -> None:
         """Forward and count the board's frames, including those that arrive while a request waits for its reply."""
-        bridge = self.bridge
+        bridge, now_s = self.bridge, time.monotonic()
         bridge.tap(frames)
         if frames and bridge.carries:
             bridge.sensor.send(frames)
-        now_s = time.monotonic()
+            bridge.up.note(time.monotonic() - now_s, len(frames))
         for identifier, data in frames:
             if not bridge.one_bus or identifier not in bridge._sample_ids:
                 bridge.board.note(identifier, data)
@@ -338,7 +342,7 @@ class _Run:
         while self._waiting:
             sent_s, sample = self._waiting.popleft()
             if sample == counts:
-                self.bridge.latencies_s.append(now_s - sent_s)
+                self.bridge.sample_to_step.note(now_s - sent_s)
                 return
 
     def end(self) -> None:

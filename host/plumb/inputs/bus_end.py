@@ -11,6 +11,7 @@ import can
 
 from plumb.errors import LinkError, UsageError
 from plumb.inputs.frame_counts import Flow
+from plumb.inputs.latency import LatencyHistogram
 from plumb.link.transports.open_bus import LogBus, open_bus
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec.protocol import Frame
@@ -23,6 +24,8 @@ POLL_INTERVAL_S = 0.1
 """Longest wait for a frame. Time the bridge spends elsewhere does not count towards PEER_TIMEOUT_S."""
 SWAPPED_PORT_HOLDOFF_S = 3 * RECONNECT_INTERVAL_S
 """How long the sensor side leaves a port alone after a board answered on it."""
+FIRST_FRAME_HINT_S = 3.0
+"""Wait for the first frame of an open bus before the user is asked whether anybody is there."""
 LOOP_INTERVAL_S = 0.001
 """Pause between two polls of a quiet bus."""
 
@@ -37,7 +40,8 @@ class End:
     receive time.
 
     only: identifiers of this end, where both ends share one bus.
-    generation: how often the peer (re)appeared. quiet_s: listening time since the last frame.
+    generation: how often the peer (re)appeared. quiet_s: listening time since the last frame. flow.opened counts a UDP
+    port when the first frame has come: opening one says nothing about the other side.
     trouble: why the bus is not open, or ''. wrong: the error of a name that can never be opened.
     """
 
@@ -51,6 +55,7 @@ class End:
         self.arrived: queue.SimpleQueue[tuple[float, Frame]] = queue.SimpleQueue()
         self._open = open_
         self._bus: can.BusABC | None = None
+        self._heard = False
         self._done = threading.Event()
         self._mistaken = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"bus {spec}", daemon=True)
@@ -93,7 +98,8 @@ class End:
                 with self._open(self.spec) as bus:
                     self._bus, self.trouble = bus, ""
                     self.generation += 1
-                    self.flow.opened += 1
+                    self._heard = not (isinstance(bus, PlumbBus) and bus.connectionless)
+                    self.flow.opened += self._heard
                     self.flow.forget()
                     self._read(bus)
             except UsageError as error:
@@ -118,6 +124,9 @@ class End:
                     self.generation += 1
                     self.flow.forget()
                 self.quiet_s = asked_at_s = 0.0
+                if not self._heard:
+                    self._heard = True
+                    self.flow.opened += 1
                 frame = message.arbitration_id, bytes(message.data)
                 if self.flow.note(*frame):
                     self.arrived.put((now_s, frame))
@@ -139,18 +148,30 @@ def carry(
     stopped: Callable[[], bool],
     say: Say = lambda text: None,
     tap: Tap = lambda frames: None,
+    latencies: tuple[LatencyHistogram, LatencyHistogram] | None = None,
 ) -> None:
-    """Forward every frame of either side to the other unchanged, until stopped() holds. tap: called with all frames."""
-    said = {one: "", other: ""}
+    """Forward every frame of either side to the other unchanged, until stopped() holds. tap: called with all frames.
+
+    latencies: from one to the other, and back: between the arrival of a frame and the end of its write."""
+    said, hinted = {one: "", other: ""}, set[End]()
+    down, up = latencies or (LatencyHistogram(), LatencyHistogram())
     while not stopped() and not one.ended and not other.ended:
         moved = False
-        for source, target in ((one, other), (other, one)):
+        for source, target, latency in ((one, other, down), (other, one, up)):
             if source.trouble != said[source]:
                 say(f"{source.spec}: {source.trouble or 'open again'}")
                 said[source] = source.trouble
-            frames = [frame for _, frame in source.drain()]
-            if frames:
+            if not source.flow.frames and source.quiet_s > FIRST_FRAME_HINT_S and not source.trouble:
+                if source not in hinted:
+                    say(f"no frame has come over {source.spec} yet: is anybody there?")
+                hinted.add(source)
+            arrived = source.drain()
+            if arrived:
+                frames = [frame for _, frame in arrived]
                 target.send(frames)
+                sent_s = time.monotonic()
+                for arrived_s, _ in arrived:
+                    latency.note(sent_s - arrived_s)
                 tap(frames)
                 moved = True
         if not moved:

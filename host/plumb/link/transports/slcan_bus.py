@@ -15,7 +15,7 @@ from can.typechecking import CanFilters
 
 from plumb.errors import LinkError
 from plumb.link.endpoint_names import DEFAULT_BAUD
-from plumb.link.transports.byte_stream import Channel, ClosedError, open_stream
+from plumb.link.transports.byte_stream import Channel, ClosedError, DatagramStream, open_stream
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.spec.protocol import FRAME_DLC, Frame
 
@@ -42,6 +42,8 @@ class PlumbBus(can.BusABC):
         **kwargs: object,
     ) -> None:
         self._stream = open_stream(channel, tty_baudrate)
+        self.connectionless = isinstance(self._stream, DatagramStream)
+        """Opening it says nothing about whether anybody is there."""
         self.parser = SlcanParser()
         self.clock = self._stream.clock
         self._frames: deque[Frame] = deque()
