@@ -8,6 +8,7 @@ import pytest
 
 import plumb
 from plumb.api.connection import Board
+from plumb.errors import UsageError
 from plumb.spec import parameters
 
 
@@ -148,3 +149,32 @@ def test_what_cannot_be_is_refused_and_changes_nothing(board: Board, name: str, 
     with pytest.raises(plumb.UsageError, match=said):
         board.params.update({"pid.kd": 0.01, name: value})
     assert board.params.words == before
+
+
+def test_an_armed_board_takes_gains_within_a_factor_of_two_and_stays_armed() -> None:
+    with plumb.connect("native", system="quad", scenario="hold") as board:
+        samples = board.stream()
+        while next(samples).time_s < 0.6:
+            pass
+        board.arm()
+        kp = board.params["pid.kp"]
+        assert isinstance(kp, float)
+        for value in (1.9 * kp, kp):
+            board.params["pid.kp"] = value
+            assert board.params["pid.kp"] == pytest.approx(value, rel=1e-3)
+        refused: list[tuple[dict[str, float], str]] = [
+            ({"pid.kp": 3.0 * kp}, f"pid.kp = .* is more than twice .*: an armed board takes {2.0 * kp:.4g} at most"),
+            ({"pid.kp": 0.3 * kp}, "pid.kp = .* is less than half of .*: an armed board takes .* at least"),
+            ({"pid.kd": 0.0}, "no gain of an armed board goes to zero"),
+            ({"esc.max_us": 1700.0}, "esc.max stays: only gains .* disarm it first"),
+            ({"period_us": 10_000.0}, "period_us stays: only gains .* disarm it first"),
+        ]
+        for values, sentence in refused:
+            with pytest.raises(UsageError, match=sentence):
+                board.params.update(values)
+        with pytest.raises(UsageError, match="is armed, and SAVE would end its run"):
+            board.params.save()
+        assert board.params["pid.kp"] == pytest.approx(kp, rel=1e-3)
+        last = [next(samples) for _ in range(60)]
+        assert last[-1].armed and [sample.armed for sample in last] == sorted(sample.armed for sample in last)
+        board.disarm()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,8 @@ from plumb import __main__ as front
 from plumb import systems
 from plumb.boards import Answer, RawCounts, Setpoints
 from plumb.boards.native import NativeBoard
-from plumb.proof import runs
+from plumb.errors import UsageError
+from plumb.proof import gain_changes, runs
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning import quantise
 from plumb.tuning.quantise import ControlParams
@@ -221,3 +223,43 @@ def test_a_live_run_without_sensors_is_refused(system: str, board: str, capsys: 
     assert front.main(["run", system, "--board", board, "--live"]) == 2
     said = capsys.readouterr().err
     assert "sensors" in said and len(said.splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_gains_change_on_the_way_of_a_live_run_and_the_model_follows(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("unicorn")
+    live = ("run", "quad", "--board", "virtual", "--live", "--seconds", "2", "--tuning", "adaptive")
+    changes = ("--change", "1.5:pid.ki=0.2", "--change", "1:pid.kp=0.08")
+    assert front.main([*live, *changes, "--out", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    (first, second) = map(int, re.findall(r"gains changed at step (\d+) and (\d+)", said)[0])
+    assert 50 <= first < second <= 80 and "bit-exact: every one of the 100 steps" in said
+    assert json.loads((tmp_path / "summary.json").read_text())["changes"] == ["1.5:pid.ki=0.2", "1:pid.kp=0.08"]
+
+
+@pytest.mark.parametrize("change", ["3", "inf:pid.kp=1", "-1:pid.kp=1", "x:pid.kp=1", "1:=5", "1:pid.kp", ""])
+def test_a_text_that_is_no_change_is_one_sentence(change: str) -> None:
+    with pytest.raises(UsageError, match="is no change: write SECONDS:NAME=VALUE"):
+        gain_changes.parse(change)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ("1:pid.nope=1", "there is no parameter 'pid.nope'"),
+        ("9:pid.kp=0.05", "comes after the run of 50 steps"),
+        ("0.5:pid.kp=0.2", "is more than twice 0.045: an armed board takes 0.09 at most"),
+    ],
+)
+def test_a_change_that_cannot_be_is_one_sentence(
+    change: str, sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("unicorn")
+    live = ["run", "quad", "--board", "virtual", "--live", "--seconds", "1", "--tuning", "adaptive"]
+    assert front.main([*live, f"--change={change}"]) == 2
+    said = capsys.readouterr().err
+    assert sentence in said and len(said.splitlines()) == 1
+    assert front.main(["run", "quad", "--board", "native", "--seconds", "1", f"--change={change}"]) == 2
+    assert "--change is for --live" in capsys.readouterr().err

@@ -175,6 +175,7 @@ def run(
     live: bool = False,
     link: Literal["serial", "can"] = "serial",
     image: Path | str | None = None,
+    changes: Sequence[str] = (),
 ) -> RunResult:
     """Run a scenario of a system on a board, and compare every step with the integer model: `plumb run`.
 
@@ -192,6 +193,8 @@ def run(
         live: Board `virtual` alone: it samples its own sensors by its own timer, armed.
         link: Link to board `virtual`.
         image: Flash image of board `virtual`; None: the one that was built or installed.
+        changes: Gains that change on the way of a live run, while the board is armed, as text: SECONDS:NAME=VALUE, for
+            example `3:pid.kp=0.06`; each to at most twice and at least half. The model follows.
 
     Returns:
         The arrays of the run and the verdict.
@@ -201,7 +204,7 @@ def run(
         LinkError: The board does not answer.
     """
     request = request_of(
-        system, board, scenario, seed, tuning, start, seconds, faults, conditions, open_loop, live, link, image
+        system, board, scenario, seed, tuning, start, seconds, faults, conditions, open_loop, live, link, image, changes
     )
     return RunResult(scenario_run.perform(request))
 
@@ -220,6 +223,7 @@ def request_of(
     live: bool,
     link: str = "serial",
     image: Path | str | None = None,
+    changes: Sequence[str] = (),
 ) -> RunRequest:
     """The request of these arguments; `run` says what each is."""
     arguments.require_text(system=system, board=board, scenario=scenario, start=start)
@@ -228,6 +232,7 @@ def request_of(
     arguments.require_whole(seed=seed)
     arguments.require_number(seconds=seconds)
     arguments.require_names(faults=faults)
+    arguments.require_names(changes=changes)
     arguments.require_mapping(conditions=conditions)
     arguments.require_number(**{f"condition {name}": number for name, number in (conditions or {}).items()})
     arguments.require_link(link)
@@ -243,6 +248,7 @@ def request_of(
         conditions=[f"{name}={number!r}" for name, number in (conditions or {}).items()],
         open_loop=open_loop,
         live=live,
+        changes=list(changes),
         link=link,
         image=arguments.optional_path_of("image", image),
     )

@@ -3,6 +3,7 @@
     plumb run quad --board native --open-loop --seed 7                the estimator on prescribed motion
     plumb run quad --board virtual --scenario hold --out out/hold     the loop closed on the flash image, and a report
     plumb run balancer --board virtual --live --seconds 20            armed, on its own sensors, Hall edges and bridge
+    plumb run quad --board virtual --live --change 2:pid.kp=0.06      gains changed on the way, armed
     plumb run turntable --board virtual --link can --tuning attitude  over CAN
     plumb run quad --board native --tuning paper --start fast --fault stuck:gyro@60-70 --condition bandwidth_hz=20
 
@@ -43,6 +44,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     options.add_open_loop(parser)
     parser.add_argument("--live", action="store_true", help="`virtual` only: its own sensors and pins, in real time")
+    parser.add_argument(
+        "--change",
+        action="append",
+        default=[],
+        metavar="SECONDS:NAME=VALUE",
+        help="--live only: a gain that changes on the way, while the board is armed, as 3:pid.kp=0.06; repeatable",
+    )
     options.add_out(parser)
     options.add_json(parser)
 
@@ -64,6 +72,7 @@ def main(arguments: argparse.Namespace) -> int:
         conditions=arguments.condition,
         open_loop=arguments.open_loop,
         live=arguments.live,
+        changes=arguments.change,
         link=arguments.link,
         image=arguments.image,
     )

@@ -58,10 +58,12 @@ def describe(run: Run, summary: dict[str, object], more: Sequence[Statement] = (
     """The summary as text: a line for each metric, the statements about bits and accuracy, and the verdict."""
     metrics = summary["metrics"]
     assert isinstance(metrics, dict)
+    changed = [change.step for change in run.changes]
+    gains = f", gains changed at step {' and '.join(map(str, changed))}" if changed else ""
     seed = "" if summary["seed"] is None else f"seed {summary['seed']}, "
     return [
         f"{summary['system']} {summary['scenario']}, tuning {summary['tuning']}, {summary['loop']} loop, "
-        f"{seed}{summary['steps']} steps on {summary['board']}{', live' if 'live' in summary else ''}",
+        f"{seed}{summary['steps']} steps on {summary['board']}{', live' if 'live' in summary else ''}{gains}",
         *(f"  {name:<28} {'nothing to score' if value is None else f'{value:.6g}'}" for name, value in metrics.items()),
         *(f"{statement}" for statement in [*run.statements(summary), *more]),
         str(summary["verdict"]),

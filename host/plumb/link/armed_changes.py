@@ -11,6 +11,7 @@ from plumb.spec import parameters
 from plumb.tuning import quantities
 from plumb.tuning.quantities import NamedQuantity
 
+PERIOD = "period_us"
 GAINS_ONLY = "only gains of controllers change while the board is armed: disarm it first"
 NO_ZERO = "no gain of an armed board goes to zero, comes from zero, or changes its sign: disarm it first"
 
@@ -30,7 +31,7 @@ def refusal(before: Mapping[str, int], after: Mapping[str, int], index: int, kee
         return in_integers(row, before[row.name], after[row.name])
     keep_alive()
     old, new = quantities.values_of(before)[one.name], quantities.values_of(after)[one.name]
-    if not row.live or isinstance(old, str) or isinstance(new, str):
+    if not row.live or one.name == PERIOD or isinstance(old, str) or isinstance(new, str):
         return f"{one.alias} stays: {GAINS_ONLY}"
     if old * new <= 0:
         return f"{one.alias} = {new:g}, which was {old:g}: {NO_ZERO}"
@@ -64,6 +65,8 @@ def _quantity_of(
 ) -> NamedQuantity | None:
     """The quantity that moved the word; the period moves words of many."""
     names, differing = quantities.quantities_of(before), quantities.differing(before, after)
+    if PERIOD in differing:
+        return names[PERIOD]
     for name in differing:
         keep_alive()
         if row in quantities.rows_of(name, before):

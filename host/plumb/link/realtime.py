@@ -178,10 +178,14 @@ class Capture:
     def unverified_from(self, steps: int) -> int | None:
         """The first step below `steps` whose digest, raw counts or setpoint did not arrive, or that had other
         parameters than the first step; else None."""
+        changed = self.parameters_step
+        doubts = (self.first_doubt(steps), changed if changed is not None and changed < steps else None)
+        return min((step for step in doubts if step is not None), default=None)
+
+    def first_doubt(self, steps: int) -> int | None:
+        """The first step below `steps` whose digest, raw counts or setpoint did not arrive; else None."""
         missing = [step for step in range(steps) if step not in self.digest or step not in self.raw]
-        changed = [step for step in (self.parameters_step,) if step is not None and step < steps]
-        doubts = missing[:1] + changed + ([self.setpoints.doubt] if self.setpoints.doubt is not None else [])
-        return min(doubts, default=None)
+        return min(missing[:1] + ([self.setpoints.doubt] if self.setpoints.doubt is not None else []), default=None)
 
     def raw_counts(self, steps: int) -> npt.NDArray[np.int16]:
         """Shape (steps, 6); zero where lost."""

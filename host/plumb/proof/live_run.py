@@ -13,6 +13,7 @@ from plumb.link.identity import disarmed_text
 from plumb.link.realtime import Capture
 from plumb.link.retries import REPLY_TIMEOUT_S
 from plumb.link.session import RAW_FRAMES, Session
+from plumb.proof.gain_changes import GainChange, GainChanges, changes_of
 from plumb.proof.runs import Run, RunInputs, columns, judge
 from plumb.systems.contracts import PINS, Conversion, Scenario, link_words
 from plumb.tuning.quantise import ControlParams
@@ -21,11 +22,19 @@ STANDSTILL_US = 500_000
 """Without a step for this long the run ends with an error: a sensor or the link has failed."""
 
 
-def run_live(board: SimulatedBoard, scenario: Scenario, params: ControlParams, *, open_loop: bool = False) -> Run:
+def run_live(
+    board: SimulatedBoard,
+    scenario: Scenario,
+    params: ControlParams,
+    *,
+    open_loop: bool = False,
+    gains: Sequence[GainChange] = (),
+) -> Run:
     """Arm, run the scenario in real time on the board's own sensors, disarm, and compare the streamed steps with the
-    model.
+    model. gains: changes on the way, while the board is armed, which the model follows.
 
-    Raises LinkError when the board disarms itself or falls silent during the run.
+    Raises UsageError when the board does not take a change, LinkError when it disarms itself or falls silent during the
+    run.
     """
     from tqdm import tqdm
 
@@ -35,6 +44,7 @@ def run_live(board: SimulatedBoard, scenario: Scenario, params: ControlParams, *
     session = configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **link_words(system, scenario))
     coupling = live.Coupling(board.machine, system.plant(scenario, open_loop=open_loop))
     board.machine.advance_us(FOUND_US)
+    changing = GainChanges(session, gains, params.period_s, steps)
     capture = Capture(session, raw_frames=set(RAW_FRAMES).intersection(live.FRAMES))
     session.begin("REALTIME_LIVE", frames=live.FRAMES)
     session.listener = capture.feed
@@ -47,6 +57,7 @@ def run_live(board: SimulatedBoard, scenario: Scenario, params: ControlParams, *
             if asked != wanted[capture.steps]:
                 asked = int(wanted[capture.steps])
                 capture.set_setpoint(asked)
+            changing.commit(capture.steps)
             if not session.receive(REPLY_TIMEOUT_S):
                 raise LinkError(f"the board fell silent after step {capture.steps}")
             if capture.disarmed_step is not None:
@@ -64,8 +75,10 @@ def run_live(board: SimulatedBoard, scenario: Scenario, params: ControlParams, *
     raw = capture.raw_counts(steps)
     truth = columns([conversion.truth for conversion in conversions_of(coupling.taken, begun_s, raw)])
     inputs = RunInputs(scenario.time_s, truth, raw, capture.setpoints.of_steps(steps), scenario.scored)
-    answer = Answer(capture.digests(steps), unverified_from=capture.unverified_from(steps))
-    return judge(board, inputs, params, answer)
+    changes, unknown = changes_of(capture, params, steps)
+    doubts = [step for step in (capture.first_doubt(steps), unknown) if step is not None]
+    answer = Answer(capture.digests(steps), unverified_from=min(doubts, default=None))
+    return judge(board, inputs, params, answer, changes)
 
 
 def why_disarmed(session: Session) -> str:

@@ -208,7 +208,8 @@ def judge(board: Board, inputs: RunInputs, params: ControlParams, answer: Answer
         return board.words_of_step(params, inputs.raw, inputs.setpoint, step)
 
     compared = Words(words.record[: answer.unverified_from]) if answer.why else words
-    divergence = first_divergence(compared, answer.digests, words_of_step)
+    asked = words_of_step if answer.words is not None or not changes else None  # no lockstep repeats a change
+    divergence = first_divergence(compared, answer.digests, asked)
     return Run(inputs, params, words, ideal, answer, divergence, part_of(board), changes)
 
 

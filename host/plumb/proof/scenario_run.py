@@ -27,7 +27,8 @@ class RunRequest:
     be an object, too. The period is that of the tuning. start: a
     start-up mode of the filter instead of the tuning's. seconds: length; None: the scenario's own. faults:
     KIND[:WHAT]@START[-STOP] each. conditions: NAME=NUMBER each. open_loop: prescribed motion, the outputs move nothing.
-    live: the virtual board samples its own sensors by its own timer. link, image: of board `virtual`.
+    live: the virtual board samples its own sensors by its own timer. changes: of gains in a live run, each
+    SECONDS:NAME=VALUE. link, image: of board `virtual`.
     """
 
     system: str
@@ -41,6 +42,7 @@ class RunRequest:
     conditions: Sequence[str] = ()
     open_loop: bool = False
     live: bool = False
+    changes: Sequence[str] = ()
     link: str = "serial"
     image: Path | None = None
 
@@ -91,6 +93,8 @@ def perform(request: RunRequest, opened: Board | None = None) -> ScenarioRun:
     closes = bool(system.OUTPUTS) and not request.open_loop
     if request.live and request.board != "virtual":
         raise UsageError("--live is for --board virtual: its plant drives the sensors' pins and follows the actuators'")
+    if request.changes and not request.live:
+        raise UsageError("--change is for --live: in lockstep a run has one table")
     if request.live:
         systems.load(request.system, PINS)
     if opened is None:
@@ -105,6 +109,7 @@ def perform(request: RunRequest, opened: Board | None = None) -> ScenarioRun:
         "loop": "closed" if closes else "open",
         "board": request.board,
         **({"live": True} if request.live else {}),
+        **({"changes": list(request.changes)} if request.changes else {}),
         "link": request.link if request.board == "virtual" else None,
         "seed": request.seed,
         **({"faults": list(request.faults)} if request.faults else {}),
@@ -117,10 +122,11 @@ def _run(board: Board, request: RunRequest, scenario: Scenario, params: ControlP
     """Run live on the board's own sensors, in open loop, or in closed loop. `qemu` runs whole vectors only: the native
     core closes the loop, then QEMU runs the same inputs."""
     if request.live:
-        from plumb.proof import live_run
+        from plumb.proof import gain_changes, live_run
 
         assert isinstance(board, SimulatedBoard)
-        return live_run.run_live(board, scenario, params, open_loop=not closes)
+        gains = [gain_changes.parse(text) for text in request.changes]
+        return live_run.run_live(board, scenario, params, open_loop=not closes, gains=gains)
     if not closes:
         return runs.open_loop(board, runs.prescribed(scenario), params)
     if request.board == "qemu":

@@ -205,6 +205,23 @@ def run_ended(scene: Scene) -> None:
     scene.run(0.15)
 
 
+def wild_gains(scene: Scene) -> None:
+    """Commits of the owner that an armed board must not take: wild gains, gains of another sign, none at all, and words
+    that are no gains, each with its right CRC."""
+    before = scene.session.read_parameters()
+    for number, row in enumerate(parameters.table()):
+        others = (
+            {row.max, row.min, 0, -before[number], 3 * before[number], before[number] // 3} if row.live else {row.min}
+        )
+        for value in others - {before[number]}:
+            if row.min <= value <= row.max:
+                words = [*before[:number], value, *before[number + 1 :]]
+                frame = scene.session.frame
+                staged = frame("PARAM_SET", number, value & 0xFFFFFFFF)
+                commit = frame("PARAM_COMMIT", len(words), parameters.crc32(words))
+                say(scene, [staged, commit, frame("PARAM_SET", number, before[number] & 0xFFFFFFFF)])
+
+
 def wild_pulses(scene: Scene) -> None:
     """Parameters under which a disarmed speed controller would get full throttle, and a live run nobody arms."""
     names = [row.name for row in parameters.table()]
@@ -256,6 +273,8 @@ FAULTS = (
           asked_and_refused("EXECUTE", "SAVE"), "held", (refused("BUSY"),), holds=True),
     Fault("arming-replayed", "frames", "all frames that armed the board a moment ago, byte for byte", arming_replayed,
           "held", (refused("NONCE"),), prepare=armed_once_more, holds=True),
+    Fault("wild-gains-while-armed", "frames", "every parameter at values that an armed board must not take",
+          wild_gains, "held", (refused("ARMED"),), holds=True),
     Fault("wild-pulses", "frames", "PARAM_SET of pulses that drive while disarmed, and a live run nobody arms",
           wild_pulses, "held", (refused("RANGE"),), ESC, prepare=run_ended, holds=True),
 )  # fmt: skip
