@@ -38,7 +38,11 @@ def test_the_light_is_green_while_every_step_equals_the_model(bench: CockpitBenc
     light = bench.loop.state["light"]
     assert isinstance(light, dict)
     assert light["colour"] == "green"
-    assert int(light["text"].split()[0]) >= 40
+    shadow, samples = bench.loop._comparison.shadow, bench.loop.samples
+    assert shadow is not None and samples is not None
+    assert shadow.steps == bench.board.mcu.wires.steps - 1, "the frames of the newest step are on the line"
+    waited = shadow.steps - int(light["text"].split()[0])
+    assert 0 <= waited * samples.period_s <= board_loop.STATE_EVERY_S, "what the page shows is as old as its last state"
 
 
 def test_a_step_that_differs_turns_the_light_red_and_disarms(bench: CockpitBench) -> None:

@@ -84,6 +84,6 @@ NOT_PUBLISHED = "not published"
 PUBLISHED = (
     Published("VQF", "vqf", "vqf", "defaults, 6D", NOT_PUBLISHED, _vqf),
     Published("BasicVQF", "vqf", "vqf", "defaults, 6D, no bias", NOT_PUBLISHED, _basic_vqf),
-    Published("Madgwick", "ahrs.filters", "AHRS", "gain 0.033", "109 operations (Madgwick 2010)", _madgwick),
+    Published("Madgwick", "ahrs.filters", "AHRS", "gain 0.033", NOT_PUBLISHED, _madgwick),
     Published("Mahony", "ahrs.filters", "AHRS", "k_P 1, k_I 0.3", NOT_PUBLISHED, _mahony),
 )
