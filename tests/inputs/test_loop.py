@@ -13,10 +13,12 @@ from plumb.errors import LinkError, UsageError
 from plumb.inputs.identification import loop_test, pid_design, pid_tuning, plant_fit
 from plumb.inputs.identification.pid_design import Wanted
 from plumb.kernels.reference.kernels import PidState, kalman_init, kalman_step, pid_step
+from plumb.link.realtime import Capture
 from plumb.spec.tuning import RateChoice, Start
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.quad import plant as quad_plant
 from plumb.systems.quad import scenarios as quad
+from plumb.systems.quad.pins import ESC_PINS
 from plumb.tuning import loop_model
 from plumb.tuning.loop_model import Controller, Loop, PlantModel
 from plumb.tuning.quantise import quantise
@@ -181,3 +183,34 @@ def test_the_flash_image_is_tested_armed_and_ends_disarmed(monkeypatch: pytest.M
         assert board.session.connect()["MODE"] == 0
     found = plant_fit.fit(run.measurement()).figures["gain_dps2"]
     assert found.low <= 1.1 * TRUE.gain_dps2 and found.high >= 0.9 * TRUE.gain_dps2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("link", ["serial", "can"])
+def test_ctrl_c_in_the_test_disarms(link: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Armed and driving one moment; the motors off the next, long before the keep-alive would have run out."""
+    from plumb.boards.virtual import VirtualBoard
+
+    params, excited = quantise(quad.HOLD), plant_fit.excitation(quad.HOLD.period_s, 8.0)
+    sent = 0
+
+    def interrupted(capture: Capture, setpoint: int) -> None:
+        nonlocal sent
+        sent += 1
+        if sent > 20:
+            assert driving(), "the test had not begun"
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Capture, "set_setpoint", interrupted)
+    with VirtualBoard(link=link) as board:
+        loop_test.attach_plant(board, params, excited, 3, 1000)
+
+        def driving() -> bool:
+            return board.machine.pwm(ESC_PINS[0]).pulse_us > 1100.0
+
+        with pytest.raises(KeyboardInterrupt):
+            loop_test.on_link(board, params, excited, 3, 0.2)
+        begun_us = board.machine.now_us
+        board.machine.advance_us(6000)
+        assert not driving() and board.machine.now_us - begun_us < 20_000
+        assert board.session.connect()["MODE"] == 0

@@ -35,6 +35,8 @@ SIMULATED_SETTLE_S, BOARD_SETTLE_S = 16.0, 3.0
 TILT_LIMIT_DEG = 45.0
 """A real machine that tilts further is disarmed."""
 COMMAND, TILT = "command", "tilt_deg"
+READY_WAIT_S = 5.0
+"""Longest wait for a machine that is not ready to be armed, the same as for the arm switch."""
 STANDSTILL_S = 0.5
 MOST_LIMITED = 0.02
 """Share of steps at which a limit of the controller may act: the loop is no linear one then."""
@@ -142,7 +144,7 @@ def on_link(board: LinkBoard, params: ControlParams, excited: Excitation, period
     try:
         session.begin("REALTIME_LIVE", frames=frames)
         session.listener = capture.feed
-        session.arm()
+        session.arm(READY_WAIT_S)
         first = capture.steps
         _swing(capture, setpoint, first)
         session.disarm()

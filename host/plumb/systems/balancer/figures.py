@@ -72,6 +72,8 @@ ASSUMED = (
     f"Raw rate: the start bias decides, {expected_raw_dps()[0]:.2f} deg/s over all that can be drawn; the mean of 40"
     f" runs scatters by {expected_raw_dps()[1] / np.sqrt(40.0):.2f} about it (one standard deviation).",
     f"rocked: held by hand, {balancer.VIBRATION_G['rocked']:g} g of vibration, which makes the source's +-10 deg.",
+    "Margins: about upright, the wheels rolling; balance broken at the command of the bridge, the speed loop closed;"
+    " speed at the lean that it asks for. Nothing was asked of them.",
 )
 
 

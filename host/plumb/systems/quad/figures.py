@@ -48,6 +48,8 @@ ASSUMED = (
     f"Hold: inertia {quad_plant.INERTIA_KGM2} kg m^2, arm {quad_plant.ARM_M} m, thrust {quad_plant.THRUST_N:g} N,"
     f" motor lag {1e3 * quad_plant.MOTOR_TAU_S:g} ms, imbalance {quad_plant.IMBALANCE_NM} and gusts"
     f" {quad_plant.GUST_NM} Nm.",
+    f"Margins: of the loop broken at the command; the model takes {1e3 * loops.PULSE_DELAY_S:g} ms from a sample to its"
+    " thrust. tools/gen_margins.py identifies those of the flash image.",
 )
 
 
