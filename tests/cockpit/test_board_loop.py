@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,9 +12,13 @@ import pytest
 from plumb.boards.native import NativeBoard
 from plumb.boards.native_mcu import NativeCanBus
 from plumb.cockpit import board_loop
+from plumb.cockpit.board_loop import ORDERS_MAX
 from plumb.cockpit.hold import TIMEOUT_S
 from plumb.cockpit.samples import PIECE_HEADER
+from plumb.cockpit.setpoint import StepTest, setpoint_of
+from plumb.errors import UsageError
 from plumb.inputs import log_replay
+from plumb.inputs.recorder import Recorder
 from plumb.link import parameter_table
 from plumb.link.session import Session
 from plumb.spec.parameter_file import by_name
@@ -225,7 +230,7 @@ def test_a_write_of_what_is_not_live_begins_a_new_run(bench: CockpitBench) -> No
     assert run_number(bench) == 3
 
 
-@pytest.mark.parametrize("armed", [False])
+@pytest.mark.parametrize("armed", [False, True])
 def test_a_live_gain_changes_while_the_run_goes_on_and_the_light_stays_green(bench: CockpitBench, armed: bool) -> None:
     bench.begin()
     bench.hold.take(HOLDER)
@@ -241,6 +246,28 @@ def test_a_live_gain_changes_while_the_run_goes_on_and_the_light_stays_green(ben
         assert now["value"] == pytest.approx(factor * before, rel=1e-3)
     words = bench.board.session.read_parameters()
     assert list(words) == list(bench.loop._words), "what the pages are told is what the board has"
+
+
+def test_an_armed_board_takes_a_live_gain_to_half_or_twice_and_nothing_else(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.arm()
+    about = described(bench, "pid.kp")
+    value, limits = about["value"], about["limits"]
+    assert isinstance(value, float) and isinstance(limits, list)
+    low, high = limits
+    assert (low, high) == pytest.approx((value / 2, value * 2))
+    for wrong in (0.45 * value, 2.1 * value, 0.0, -value):
+        said = bench.answer("set", name="pid.kp", value=wrong)
+        assert not said["good"] and "half or twice" in str(said["text"])
+    for edge in (high, low):
+        assert bench.answer("set", name="pid.kp", value=edge)["good"]
+        assert bench.answer("set", name="pid.kp", value=value)["good"]
+    for name, verb in (("kalman.q_angle", "set"), ("kalman.q_bias", "set"), ("", "save"), ("", "run")):
+        said = bench.answer(verb, name=name, value=1.0)
+        assert not said["good"] and "armed" in str(said["text"]), verb
+    assert "Locked" in str(described(bench, "kalman.q_angle")["locked"])
+    bench.turn(0.3)
+    assert bench.armed and run_number(bench) == 1 and colour(bench) == "green"
 
 
 def test_a_gain_of_0_stays_0_while_armed(bench: CockpitBench) -> None:
@@ -297,8 +324,7 @@ def test_every_step_of_a_recording_is_there_while_no_page_reads(bench: CockpitBe
     bench.turn(2.0)
     assert bench.loop.state["recording"]["on"]  # type: ignore[index]
     bench.ask("record", on=False)
-    bench.turn(0.1)
-    (path,) = bench.loop.recording._folder.glob("*.plog")
+    path = bench.recorded()
     (recorded,) = log_replay.runs_of(log_replay.open_log(path))
     assert recorded.run.steps > 90 and recorded.run.incomplete == 0
     done = log_replay.reproduce(recorded, NativeBoard(), "native", None, None)
@@ -314,8 +340,7 @@ def test_a_recording_has_the_parameters_of_each_of_its_runs(bench: CockpitBench)
     bench.ask("set", name="kalman.q_angle", value=0.004)
     bench.turn(0.5)
     bench.ask("record", on=False)
-    bench.turn(0.1)
-    (path,) = bench.loop.recording._folder.glob("*.plog")
+    path = bench.recorded()
     first, second = log_replay.runs_of(log_replay.open_log(path))
     changed = [name for name, value in first.used.table.items() if second.used.table[name] != value]
     assert "kalman.qa_lo" in changed
@@ -342,8 +367,7 @@ def test_the_light_stays_green_and_a_recording_replays_across_a_change_of_gains(
     assert bench.loop.state["light"]["colour"] == "green"  # type: ignore[index]
     (change,) = bench.loop._comparison.shadow.changes  # type: ignore[union-attr]
     bench.ask("record", on=False)
-    bench.turn(0.1)
-    (path,) = bench.loop.recording._folder.glob("*.plog")
+    path = bench.recorded()
     (recorded,) = log_replay.runs_of(log_replay.open_log(path))
     done = log_replay.reproduce(recorded, NativeBoard(), "native", None, None)
     assert done.verdict == "pass" and done.compared == recorded.run.steps > change.step + 50
@@ -353,21 +377,89 @@ def test_the_light_stays_green_and_a_recording_replays_across_a_change_of_gains(
 def test_a_recording_that_cannot_be_written_ends_and_the_run_goes_on(
     bench: CockpitBench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from plumb.errors import UsageError
-    from plumb.inputs.recorder import Recorder
-
     bench.begin()
     bench.arm()
     bench.ask("record", on=True)
     bench.turn(0.1)
+    writer = bench.loop.recording._writer
 
     def full(*_: object) -> None:
         raise UsageError("no space left")
 
-    monkeypatch.setattr(Recorder, "feed", full)
+    monkeypatch.setattr(Recorder, "add", full)
+    bench.turn(0.1)
+    assert writer is not None
+    writer.join()
     bench.turn(0.3)
     assert bench.armed and bench.loop.state["recording"] == {"on": False}
     assert any("no space left" in text for _, text in bench.loop.notes)
+
+
+def test_what_a_recording_writes_does_not_hold_the_loop(bench: CockpitBench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The beginning of a long run takes seconds to write; an armed board waits 50 ms for a keep-alive."""
+    threads = list[int]()
+    add = Recorder.add
+
+    def noted(recorder: Recorder, *batch: object) -> None:
+        threads.append(threading.get_ident())
+        add(recorder, *batch)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Recorder, "add", noted)
+    bench.begin()
+    bench.arm()
+    bench.turn(1.0)
+    before_s = bench.board.session.clock()
+    bench.loop.recording.start(bench.board, bench.loop._words)
+    assert bench.board.session.clock() == before_s, "nothing was waited for"
+    bench.turn(0.5)
+    bench.loop.recording.stop()
+    bench.recorded()
+    assert bench.armed and len(threads) > 50 and threading.get_ident() not in threads
+
+
+def test_a_board_that_is_restarted_ends_its_run_and_nothing_begins_by_itself(tmp_path: Path) -> None:
+    bench = CockpitBench(tmp_path)
+    other = Session.over(NativeCanBus(bench.board.mcu))
+    bench.begin()
+    bench.arm()
+    other.end()  # what the cockpit hears of it is what it hears of a restart: an idle board
+    bench.turn(1.0)
+    assert not bench.loop.state["armed_here"] and not bench.loop.state["own_run"]
+    assert "the run ended" in last_note(bench) and bench.pulses() == [NEUTRAL_HALFUS] * 2
+    runs = run_number(bench)
+    bench.turn(1.0)
+    assert run_number(bench) == runs
+    assert "New run" not in str(bench.answer("run")["text"])
+    bench.turn(1.0)
+    assert bench.loop.state["own_run"] and colour(bench) == "green"
+    bench.close()
+
+
+def test_orders_in_a_flood_are_refused_and_the_loop_goes_on(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.arm()
+    flood = [bench.ask("describe", name="pid.kp") for _ in range(500)]
+    refused = sum(bool(said) for said in flood)
+    assert refused == 500 - ORDERS_MAX
+    bench.turn(1.0)
+    assert bench.armed
+    assert bench.answer("setpoint", value=1.0)["good"]
+
+
+def test_a_step_to_where_the_signal_is_has_no_result(bench: CockpitBench) -> None:
+    bench.begin()
+    bench.arm()
+    said = bench.answer("step_test", value=0.31, seconds=1.0)
+    assert said["good"]
+    bench.turn(1.5)
+    with pytest.raises(UsageError, match="too small"):
+        test = StepTest(setpoint_of("quad"), 1.0, 1.0)  # type: ignore[arg-type]
+        samples = bench.loop.samples
+        assert samples is not None
+        monkey = pytest.MonkeyPatch()
+        with monkey.context() as patch:
+            patch.setattr(samples, "series", lambda *_: ([0.0], [0.9]))
+            test.begin(bench.board.session, samples)
 
 
 def test_rows_have_every_signal_of_the_steps(bench: CockpitBench) -> None:
@@ -380,7 +472,7 @@ def test_rows_have_every_signal_of_the_steps(bench: CockpitBench) -> None:
     assert (tick, run, first, missed) == (5, 1, 0, 0) and rows == end == samples.rows
     times = np.frombuffer(piece, "<f8", rows, PIECE_HEADER.size)
     values = np.frombuffer(piece, "<f4", rows * columns, PIECE_HEADER.size + 8 * rows).reshape(rows, columns)
-    assert np.allclose(times, 0.02 * np.arange(rows)) and np.isfinite(values).all()
+    assert np.allclose(times, samples.period_s * np.arange(rows)) and np.isfinite(values).all()
     assert {"tilt_deg", "rate_dps", "raw_gyro"} <= {column.name for column in samples.columns}
 
 
@@ -447,10 +539,10 @@ def test_runs_of_another_host_are_followed_and_any_page_stops_them(tmp_path: Pat
             other.pump()
 
     turn(2.0)
-    assert not bench.loop.state["own_run"] and bench.loop.samples is not None and bench.loop.samples.rows > 90
+    assert not bench.loop.state["own_run"] and bench.loop.samples is not None and bench.loop.samples.time_s > 1.8
     other.begin("REALTIME_LIVE", frames=("RAW_A", "QUAD_ANGLE"))
     turn(1.0)
-    assert 40 < bench.loop.samples.rows < 60, "the rows of the second run alone"
+    assert 0.8 < bench.loop.samples.time_s < 1.2, "the rows of the second run alone"
     assert bench.loop.state["light"]["colour"] == "off"  # type: ignore[index]
     other.arm()
     turn(1.5)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from plumb.cockpit import page_server
 from plumb.cockpit.hold import Hold
 from plumb.cockpit.page_server import PageServer
 from support.chromium import Chromium, Page
@@ -121,6 +123,31 @@ def test_parameters_are_set_and_a_recording_is_made_from_the_page(
     page.click("[data-do=record]")
     page.until("document.getElementById('log').textContent.includes('recorded')")
     assert list(tmp_path.glob("*.plog"))
+    arm(page)
+    locked = "document.querySelector('[data-name=\"kalman.q_angle_deg2_per_s\"] input').disabled"
+    page.until(locked)
+    gain = "document.querySelector('[data-name=\"pid.kp_per_deg\"] input[type=range]')"
+    page.until(f"Math.abs({gain}.max / {gain}.min - 4) < 0.01")
+    write(page, "pid.kp_per_deg", "0.04")
+    page.until(f"{gain}.max > 0.079")
+    assert page.value(ARMED) and page.value(GREEN)
+    page.press("Escape")
+    page.until(f"{DISARMED} && !{locked}")
+
+
+def test_nothing_can_be_pressed_before_the_board_is_known() -> None:
+    html = (Path(page_server.__file__).parent / "page" / "index.html").read_text(encoding="utf-8")
+    buttons = re.findall(r"<button[^>]*data-do=[^>]*>", html)
+    assert len(buttons) > 5 and all(" disabled>" in button for button in buttons)
+
+
+def test_a_server_that_ends_leaves_a_page_that_says_so(tmp_path: Path, chromium: Chromium) -> None:
+    with serving(CockpitBench(tmp_path, hold=Hold(timeout_s=HOLD_S), paced=True).loop) as server:
+        page = chromium.open(server.control_address)
+        page.until(GREEN)
+    page.until("document.getElementById('light-text').textContent === 'no connection'")
+    assert page.value("document.getElementById('armed').textContent") == "unknown"
+    assert page.value("document.querySelector('aside').inert && !document.getElementById('trouble').hidden")
 
 
 def test_a_page_that_is_hidden_gives_no_heartbeat(server: PageServer, chromium: Chromium) -> None:

@@ -197,6 +197,42 @@ def test_garbage_from_a_page_is_answered_and_the_page_goes_on(server: PageServer
     asked(job)
 
 
+def test_a_hostile_viewer_takes_nothing_from_the_page_that_armed(server: PageServer) -> None:
+    """It floods the server with junk, with orders and heartbeats that are not its to give, and with a huge message."""
+
+    async def job(client: aiohttp.ClientSession) -> None:
+        page = await armed_page(client, server.control_address)
+        hostile = await opened(client, server.watch_address)
+        for number in range(200):
+            await hostile.socket.send_json({"do": "alive", "tick": number})
+            await hostile.socket.send_str('{"do": "set", "name": "pid.kp", "value": 1e9}')
+            await hostile.socket.send_str("[" * 1000)
+            await hostile.socket.send_bytes(b"\xff" * 1000)
+        assert not (await hostile.order("arm"))["good"]
+        await hostile.socket.send_str("x" * 1_000_000)
+        while not hostile.socket.closed:
+            await hostile.socket.receive()
+        said = await page.until(armed_here=True)
+        assert said["holds"] and (await page.order("record", on=False))["good"]
+
+    asked(job)
+
+
+def test_a_page_that_lost_its_hold_orders_nothing_any_more(server: PageServer) -> None:
+    async def job(client: aiohttp.ClientSession) -> None:
+        first = await opened(client, server.control_address)
+        await first.until(holds=True)
+        second = await opened(client, server.control_address)
+        assert (await first.order("release"))["good"]
+        assert (await second.order("take"))["good"]
+        for verb in ("arm", "run", "record", "save", "release"):
+            said = await first.order(verb, on=True)
+            assert verb == "release" or not said["good"], verb
+        assert (await second.until(held=True))["holds"]
+
+    asked(job)
+
+
 def deaf_page(address: str) -> socket.socket:
     """A page that opens its socket, and never reads from it."""
     host, port = address.split("/")[2].split(":")

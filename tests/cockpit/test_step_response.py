@@ -38,7 +38,7 @@ def test_second_order_overshoots() -> None:
 def test_a_signal_that_never_moves_has_neither_rise_nor_good_end() -> None:
     found = figures(TIME_S.tolist(), np.zeros(len(TIME_S)).tolist(), 0.0, 0.0, 2.0)
     assert found is not None
-    assert found.rise_s is None and found.off == pytest.approx(-2.0)
+    assert found.rise_s is found.settling_s is None and found.off == pytest.approx(-2.0)
 
 
 def test_a_signal_that_swings_on_does_not_settle() -> None:

@@ -30,6 +30,7 @@ class CockpitBench:
     def __init__(self, folder: Path, *, hold: Hold | None = None, paced: bool = False, watch: bool = False) -> None:
         self.now_s = 0.0
         self.hold = hold or Hold(clock=lambda: self.now_s)
+        self.folder = folder
         self.board = NativePort("quad", None)
         self.loop = BoardLoop(self.board, self.hold, folder=folder, paced=paced, watch=watch, reopen=self._reopen)
 
@@ -84,7 +85,16 @@ class CockpitBench:
         """What the board's own STATUS says."""
         return bool(self.board.session.telemetry["STATUS"]["armed"])
 
+    def recorded(self) -> Path:
+        """The log of the recording that was stopped, written to its end."""
+        self.turn(0.1)
+        self.loop.recording.wait()
+        (path,) = self.folder.glob("*.plog")
+        return path
+
     def close(self) -> None:
+        self.loop.recording.stop()
+        self.loop.recording.wait()
         self.board.close()
 
 

@@ -43,6 +43,8 @@ STATE_EVERY_S = 0.1
 FIRST_STATUS_S = 1.0
 """Longest wait for the first STATUS, which says whether a run is on."""
 SPEED_OVER_S = 1.0
+IDLE_S = 0.5
+"""A board that says so for this long has no run on."""
 REOPEN_S = 1.0
 """Pause between two tries to open a board whose link was lost."""
 NOTES_KEPT = 50
@@ -104,7 +106,7 @@ class BoardLoop:
         self._arming = Arming(hold, self.note)
         self._own_run = False
         self._words: list[int] = []
-        self._learnt = 0
+        self._learnt, self._idle_s = 0, 0.0
         self._test: StepTest | None = None
         self._result: object = None
         self._questions = Questions()
@@ -191,6 +193,7 @@ class BoardLoop:
         """Take over a session: at the start, and after the board was restarted."""
         self._session = session
         self._identity = session.identity or session.connect()
+        self.recording.of(self.board)
         session.consent = self._arming.consent
         session.listener = self._feed
         self._monitor = monitor.Monitor(session)
@@ -222,6 +225,9 @@ class BoardLoop:
         samples.take(capture)
         session = self._session
         self._learn(capture)
+        self._notice_end(session)
+        if self.recording.state["on"]:
+            capture.ask_for_table()
         self._comparison.follow(capture, session.counters.lost + session.frames.rejected, now_s)
         if self._arming.armed and self._comparison.differs:
             self._arming.disarm(session, f"disarmed: {self._comparison.light(now_s).text}")
@@ -232,6 +238,16 @@ class BoardLoop:
             self.note(str(done["text"]))
         if not self._own_run and samples.is_over(capture):
             self._open_run(self._words, selectable(session.system), samples.period_s, JOINED)
+
+    def _notice_end(self, session: Session) -> None:
+        """Notice that the board is idle although the run was not ended here: it was restarted, or another host ended
+        the run. Nothing begins by itself then."""
+        idle = session.telemetry.get("STATUS", {}).get("mode", 1) == 0
+        self._idle_s = self._idle_s if idle else session.clock()
+        if self._own_run and session.clock() - self._idle_s > IDLE_S:
+            self._own_run, self._test = False, None
+            self._arming.over("the run ended")
+            self.note("the run ended: the board was restarted, or another host ended it; New run begins another one")
 
     def _learn(self, capture: Capture) -> None:
         """Take the table that came into use last, whoever wrote it."""
@@ -281,7 +297,7 @@ class BoardLoop:
         frames = monitor.selection(period_us, self._session.system, raw_first=True)
         self._open_run(words, frames, period_us * 1e-6)
         self._session.begin("REALTIME_LIVE", frames=frames)
-        self._own_run = True
+        self._own_run, self._idle_s = True, self._session.clock()
         self.note(f"run {self._runs} of {self._session.system} began, disarmed")
 
     def _open_run(self, words: list[int], frames: tuple[str, ...], period_s: float, why_not: str = "") -> None:
@@ -409,7 +425,7 @@ class BoardLoop:
 
     def _record(self, on: bool) -> None:
         if on:
-            self.recording.start(self.board)
+            self.recording.start(self.board, self._words)
         else:
             self.recording.stop()
 

@@ -159,7 +159,7 @@ class PageServer:
             return web.Response(status=403, text="wrong Origin\n")
         if len(self._pages) >= PAGES_MAX:
             return web.Response(status=503, text=f"{PAGES_MAX} pages are open: close one\n")
-        socket = web.WebSocketResponse(max_msg_size=4 * page_orders.MOST_BYTES, timeout=1.0)
+        socket = web.WebSocketResponse(max_msg_size=4 * page_orders.MOST_BYTES, timeout=1.0, compress=False)
         await socket.prepare(request)
         self._pages.add(socket)
         transport = request.transport

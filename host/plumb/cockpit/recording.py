@@ -1,86 +1,133 @@
-"""Recordings that a page starts and stops: a log each, as `plumb record` writes it, and its report."""
+"""Recordings that a page starts and stops: a log each, as `plumb record` writes it, and its report.
+
+A log is written by a thread of its own: the beginning of a long run takes seconds to write, in which an armed board
+would wait for a keep-alive. The loop only queues the frames, and no page, however slow, takes a sample from them.
+"""
 
 from __future__ import annotations
 
+import queue
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from plumb.boards.link import LinkBoard
 from plumb.errors import PlumbError, UsageError
 from plumb.inputs import log_export, log_replay
-from plumb.inputs.recorder import Recorder, RunMemory
+from plumb.inputs.recorder import Batch, Recorder, RunMemory
+from plumb.link.used_tables import ALL_PARAMETERS
 from plumb.proof import run_identity
 from plumb.spec.protocol import Frame
 
+Item = Batch | Sequence[int] | None
+"""Frames and their time; or the table with which a run begins; or the end."""
+
 
 class Recording:
-    """At most one recording at a time, into a new log in `folder`. It is written by the board's thread, from the frames
-    themselves: no page, however slow, takes a sample from it. say: called with what the user should know."""
+    """At most one recording at a time, into a new log in `folder`. say: called, by any thread, with what to tell."""
 
     def __init__(self, folder: Path, command: str, say: Callable[[str], None]) -> None:
         self._folder, self._command, self._say = folder, command, say
-        self._recorder: Recorder | None = None
-        self._path = folder
+        self._head: Mapping[str, object] = {}
         self._memory = RunMemory()
-        self._words: Sequence[int] | None = None
+        self._words: Sequence[int] = ()
+        self._writer: LogThread | None = None
+        self._ended: list[LogThread] = []
 
     @property
     def state(self) -> dict[str, object]:
-        recorder = self._recorder
-        if recorder is None:
+        writer = self._writer
+        if writer is None or writer.failed:
             return {"on": False}
-        return {"on": True, "steps": recorder.steps, "lost": recorder.lost, "log": str(self._path)}
+        recorder = writer.recorder
+        return {"on": True, "steps": recorder.steps, "lost": recorder.lost, "log": str(writer.path)}
 
-    def start(self, board: LinkBoard) -> None:
-        """Raises UsageError when one is on, or when the log cannot be written."""
-        if self._recorder is not None:
+    def of(self, board: LinkBoard) -> None:
+        """Note which board the frames are of from here on."""
+        self._head = run_identity.identity(run_identity.part_of(board), None, self._command)
+
+    def start(self, board: LinkBoard, words: Sequence[int]) -> None:
+        """Record, with the run in progress from its beginning where that is known. words: the table in use. Raises
+        UsageError when one is on, or when the log cannot be written."""
+        if self.state["on"]:
             raise UsageError("a recording is on: stop it first")
+        self.stop()
         stem = time.strftime("%Y-%m-%d_%H-%M-%S")
-        self._path = next(path for path in _names(self._folder, stem) if not path.exists())
-        head = run_identity.identity(run_identity.part_of(board), None, self._command)
+        path = next(path for path in _names(self._folder, stem) if not path.exists())
         before = self._memory.batches
-        begun_with = self._words if before else None
-        self._recorder = Recorder(board.session, self._path, head, before=before, begun_with=begun_with)
+        begun_with = self._words if before else words
+        recorder = Recorder(board.session, path, self._head, begun_with=begun_with, read=False)
+        self._writer = LogThread(recorder, path, self._say)
+        for batch in before:
+            self._writer.items.put(batch)
         missing = "; the beginning of this run is not in it, so that it cannot be replayed"
-        self._say(f"recording into {self._path}{missing if self._memory.partial else ''}")
+        self._say(f"recording into {path}{missing if self._memory.partial else ''}")
+        # The answers are recorded like all frames, so that an export to other formats has the parameters.
+        board.session.send([board.session.frame("PARAM_GET", ALL_PARAMETERS, 0)])
 
     def parameters(self, words: Sequence[int]) -> None:
         """The whole table in use from here on: a new run begins."""
         self._words = words
-        if self._recorder is not None:
-            self._recorder.log.parameters(words)
+        if self._writer is not None:
+            self._writer.items.put(list(words))
 
     def feed(self, frames: list[Frame], time_s: float) -> None:
-        """Write the frames, and remember those of the run. time_s: by the session's clock. A full disk ends the
-        recording, not the run."""
+        """Queue the frames for the log, and remember those of the run. time_s: by the session's clock."""
         self._memory.feed(frames, time_s)
-        if self._recorder is not None and frames:
-            try:
-                self._recorder.feed(frames)
-            except UsageError as error:
-                self._say(f"the recording ended: {error}")
-                self._recorder = None
+        if self._writer is not None and self._writer.failed:
+            self.stop()
+        if self._writer is not None and frames:
+            self._writer.items.put((time_s, frames))
 
     def stop(self) -> None:
-        """End the recording, if one is on, and write its report in a thread of its own: that takes a while."""
-        recorder, self._recorder = self._recorder, None
-        if recorder is None:
-            return
+        """End the recording, if one is on."""
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            writer.items.put(None)
+            self._ended = [one for one in self._ended if one.is_alive()] + [writer]
+
+    def wait(self) -> None:
+        """Until the recordings that were stopped, and their reports, are written."""
+        for writer in self._ended:
+            writer.join()
+
+
+class LogThread(threading.Thread):
+    """Writes what is queued to the log, until the end or until the log cannot be written: a full disk ends the
+    recording, not the run. items: what is to be written; failed: whether it ended by itself."""
+
+    def __init__(self, recorder: Recorder, path: Path, say: Callable[[str], None]) -> None:
+        super().__init__(name="log")
+        self.recorder, self.path, self._say = recorder, path, say
+        self.items: queue.SimpleQueue[Item] = queue.SimpleQueue()
+        self.failed = False
+        self.start()
+
+    def run(self) -> None:
         try:
-            recorder.close("stopped")
+            while (item := self.items.get()) is not None:
+                self._write(item)
+            self.recorder.close("stopped")
         except UsageError as error:
+            self.failed = True
             self._say(f"the recording ended: {error}")
             return
-        lost = f", {recorder.lost} more were lost" if recorder.lost else ""
-        self._say(f"recorded {recorder.steps} steps{lost} into {self._path}")
-        threading.Thread(target=self._report, args=(self._path,), name="report").start()
+        lost = f", {self.recorder.lost} more were lost" if self.recorder.lost else ""
+        self._say(f"recorded {self.recorder.steps} steps{lost} into {self.path}")
+        self._report()
 
-    def _report(self, path: Path) -> None:
+    def _write(self, item: Batch | Sequence[int]) -> None:
+        if isinstance(item, tuple):
+            time_s, frames = item
+            self.recorder.add(frames, time_s)
+        else:
+            self.recorder.log.parameters(item)
+
+    def _report(self) -> None:
+        page = self.path.with_suffix(".html")
         try:
-            log = log_replay.open_log(path)
-            page = path.with_suffix(".html")
+            log = log_replay.open_log(self.path)
             log_export.export(log, log_replay.chosen(log_replay.runs_of(log), None), page)
         except PlumbError as error:
             self._say(f"no report was written: {error}")

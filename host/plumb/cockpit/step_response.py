@@ -38,10 +38,10 @@ def figures(
     final = float(moved[-max(1, int(LAST_PART * len(moved))) :].mean())
     first, last = _crossing(times, moved, 0.1), _crossing(times, moved, 0.9)
     away = np.flatnonzero(np.abs(moved - final) > SETTLED)
-    settled: float | None = 0.0
-    if len(away):
-        settled = float(times[away[-1] + 1]) if away[-1] + 1 < len(times) else None
     rise = last - first if first is not None and last is not None else None
+    settled: float | None = None if rise is None else 0.0
+    if rise is not None and len(away):
+        settled = float(times[away[-1] + 1]) if away[-1] + 1 < len(times) else None
     overshoot = max(0.0, float(moved.max()) - final) * 100.0
     return StepResponse(rise, settled, overshoot, (final - 1.0) * step)
 

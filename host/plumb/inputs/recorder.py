@@ -123,7 +123,8 @@ class Recorder:
 
     frames, steps: numbers received; lost: steps that are missing between them. head: entries of the log's first block.
     before: batches of frames of the run in progress with their times, as a `RunMemory` has them: they come first.
-    begun_with: the table with which that run began; None: the one that is in use now.
+    begun_with: the table with which that run began; None: the one that is in use now. read: False for a caller that
+    gives begun_with, and asks the board for nothing here.
     """
 
     def __init__(
@@ -135,6 +136,7 @@ class Recorder:
         replace: bool = False,
         before: Iterable[Batch] = (),
         begun_with: Sequence[int] | None = None,
+        read: bool = True,
     ) -> None:
         simulated = session.clock is not time.monotonic
         self._clock = session.clock
@@ -154,13 +156,13 @@ class Recorder:
 
         session.listener = both
         try:
-            now = session.read_parameters()
+            now = session.read_parameters() if read or begun_with is None else begun_with
             words = now if begun_with is None else begun_with
             self._tables = UsedTables(session.protocol, words)
             self._of_tables = self._tables.identifiers
             self.log.parameters(words)
             for time_s, frames in [*before, *answers]:
-                self._add(frames, time_s)
+                self.add(frames, time_s)
         except BaseException:
             self.log.close("the parameters were not read")
             raise
@@ -168,11 +170,12 @@ class Recorder:
             session.listener = listener
 
     def feed(self, frames: list[Frame]) -> None:
-        self._add(frames, self._clock())
+        self.add(frames, self._clock())
         if self._tables.ask(self._clock()):
             self._session.send([self._session.frame("PARAM_GET", ALL_PARAMETERS, 0)])
 
-    def _add(self, frames: list[Frame], time_s: float) -> None:
+    def add(self, frames: list[Frame], time_s: float) -> None:
+        """Write frames that came at a time of the session's clock, and ask the board for nothing."""
         self.frames += len(frames)
         for identifier, data in frames:
             if identifier == self._step.identifier:

@@ -13,7 +13,7 @@ import { View } from "./view.js";
 
 const FRAME_MS = 1000 / 30, EARLY_MS = 4, COLOURS = 8, BESIDE_S = 0.5;
 const rows = new Rows(), view = new View(rows);
-let state = null, plots = [], shownRun = "", style = {}, drawnAt = 0, attitudeDrawn = "", cursorDrawn = "";
+let state = null, run = null, plots = [], shownColumns = "", style = {}, drawnAt = 0, attitudeDrawn = "", cursorDrawn = "";
 
 // The page that holds the board is its dead man's handle: a hidden page is a hand off it.
 const link = new Link(rows, { heard: showState, answered: showAnswer, silent, alive: () => state?.holds && !document.hidden });
@@ -43,17 +43,19 @@ function trouble(said) {
 // Nothing on the page is of the present any more: the light is out, and says so.
 function silent() {
   state = null;
+  document.querySelector("aside").inert = true;
   trouble("plumb cockpit does not answer: it has ended, or hangs. The board is disarmed without it.");
   document.body.className = "stale";
   byId("light").className = "off";
   setText(byId("light-text"), "no connection");
   byId("armed").className = "unknown";
   setText(byId("armed"), "unknown");
-  for (const button of document.querySelectorAll("[data-do]")) button.disabled = true;
 }
 
 function showState(said) {
   state = said;
+  run = said.run ?? null;
+  document.querySelector("aside").inert = false;
   if (!said.light) { trouble("waiting for the board"); return; }
   document.body.className = said.lost ? "stale" : "";
   trouble(said.lost ? `${said.lost}. The cockpit tries to open the board again.` : said.mismatch);
@@ -74,8 +76,8 @@ function showState(said) {
 
 function showPlots(columns) {
   const key = JSON.stringify(columns);
-  if (key === shownRun) return;
-  shownRun = key;
+  if (key === shownColumns) return;
+  shownColumns = key;
   plots = plotsOf(columns, rows, view);
   byId("empty").hidden = plots.length > 0;
   byId("panels").style.setProperty("--count", Math.max(plots.length, 1));
@@ -110,7 +112,7 @@ function draw(now) {
   requestAnimationFrame(draw);
   if (now - drawnAt < FRAME_MS - EARLY_MS) return;
   drawnAt = now;
-  if (state?.run?.number === rows.run) for (const { panel } of plots) panel.draw(style, state.run.period_s);
+  if (run?.number === rows.run) for (const { panel } of plots) panel.draw(style, run.period_s);
   markCursor();
   drawAttitude();
   link.drawn();
@@ -125,14 +127,14 @@ function markCursor() {
 }
 
 function drawAttitude() {
-  const attitude = state?.run ? attitudeOf(rows, state.run.columns, state.tilt_about) : null;
+  const attitude = state?.run ? attitudeOf(rows, run.columns, state.tilt_about) : null;
   const key = attitude ? attitude.quaternion.map((part) => part.toFixed(4)).join() : "none";
   if (key === attitudeDrawn) return;
   attitudeDrawn = key;
   drawHorizon(byId("horizon"), attitude, style);
   drawBody(byId("body"), attitude, style);
   const [roll, pitch, yaw] = attitude ? anglesOf(attitude.quaternion).map((angle) => `${fixed(angle, 1)}°`) : [];
-  setText(byId("angles"), attitude ? `roll ${roll}   pitch ${pitch}${attitude.yaw ? `   yaw ${yaw}` : ""}` : "no attitude yet");
+  setText(byId("angles"), attitude ? `roll ${roll}   pitch ${pitch}${attitude.yaw ? `   yaw ${yaw}` : ""}` : state ? "no attitude yet" : "");
 }
 
 requestAnimationFrame(draw);

@@ -38,6 +38,7 @@ export function showControl(said) {
   record.setAttribute("aria-pressed", String(said.recording.on));
   byId("setpoint").hidden = said.setpoint === null || !said.may_control;
   if (said.setpoint !== null) showSetpoint(said.setpoint, mine && said.armed_here);
+  setText(document.querySelector("[data-do=step_test]"), said.test ? "testing" : "Step test");
   showResult(said.result);
 }
 
@@ -58,7 +59,7 @@ function showResult(result) {
   if (!result) return;
   const { unit, size, rise_s: rise, settling_s: settling, overshoot_percent: overshoot, off } = result;
   setTable(document.querySelector("#result tbody"), [
-    ["step", `${shown(size)} ${unit}`],
+    ["step", `${size} ${unit}`],
     ["rise time", rise === null ? "not reached" : `${fixed(rise, 3)} s`],
     ["overshoot", `${fixed(overshoot, 0)} %`],
     ["settling time", settling === null ? "not settled" : `${fixed(settling, 3)} s`],

@@ -67,8 +67,10 @@ export class ParameterList {
   open(row) {
     this.order({ do: "describe", name: row.dataset.name }, (said) => {
       if (!said.good) return;
+      const used = row.contains(document.activeElement) ? document.activeElement.type : "";
       if (row.childElementCount > 1) row.lastElementChild.remove();
       row.append(this.editor(row, said.parameter));
+      row.querySelector(`input[type="${used}"]`)?.focus();
       row.firstElementChild.setAttribute("aria-expanded", "true");
       setText(row.querySelector("output"), shown(said.parameter.value));
     });

@@ -1,18 +1,13 @@
 // The plots of a run: one for each unit, with the names and values of its signals above it, a cursor and a brush.
 
 import { MASK } from "./rows.js";
+import { element } from "./dom.js";
 import { LEFT, Panel, RIGHT } from "./panel.js";
 import { shown } from "./scale.js";
 
 const COLOURS = 8, SMALLEST_BRUSH = 0.01;
+const QUANTITIES = { deg: "Angle", "deg/s": "Rate", us: "Pulse width", "m/s": "Speed", count: "Raw reading" };
 const FIRST = ["quaternion", "deg", "deg/s", "m/s"], LAST = ["count"];
-
-function element(kind, className, ...children) {
-  const found = document.createElement(kind);
-  found.className = className;
-  found.append(...children);
-  return found;
-}
 
 export class Plot {
   constructor(title, signals, rows, view) {
@@ -23,7 +18,8 @@ export class Plot {
     this.cursor = element("i", "cursor");
     this.brush = element("i", "brush");
     this.cursor.hidden = this.brush.hidden = true;
-    const heading = element("b", "", title);
+    const heading = element("b", "", QUANTITIES[title] ?? title[0].toUpperCase() + title.slice(1));
+    if (QUANTITIES[title]) heading.append(element("small", "", ` ${title}`));
     this.element = element("div", "panel", element("div", "keys", heading, ...signals.map((signal) => this.key(signal))),
       element("div", "screen", this.canvas, this.brush, this.cursor));
     this.panel = new Panel(this.canvas, signals, rows, view);
