@@ -135,8 +135,9 @@ def test_a_block_that_is_armed_ends_disarmed_by_command() -> None:
                     await board.set_setpoint(5.0)
                     armed.append(sample.armed)
                 assert driven(mcu) and armed[-1]
-                with pytest.raises(plumb.UsageError, match="at most"):
-                    await board.set_setpoint(1e9)
+                for value in (1e9, 10**400, None, float("nan")):
+                    with pytest.raises(plumb.UsageError, match="at most"):
+                        await board.set_setpoint(value)  # type: ignore[arg-type]
             assert not mcu.wires.armed
             assert await cause_of(board) == ("the host disarmed",)
             await board.set_setpoint(0.0)
@@ -303,6 +304,21 @@ def test_one_stream_at_a_time_and_a_broken_off_one_is_over() -> None:
     asyncio.run(body())
 
 
+def test_every_task_that_takes_samples_ends_when_the_board_is_closed() -> None:
+    async def taken(samples: plumb.aio.Samples) -> int:
+        return len([sample async for sample in samples])
+
+    async def body() -> None:
+        async with quad() as board:
+            samples = board.stream()
+            tasks = [asyncio.create_task(taken(samples)) for _ in range(2)]
+            await asyncio.sleep(0.02)
+        async with asyncio.timeout(10.0):
+            assert sum(await asyncio.gather(*tasks)) > 0
+
+    asyncio.run(body())
+
+
 def test_one_task_arms() -> None:
     async def body() -> None:
         async with quad() as board:
@@ -414,6 +430,31 @@ def test_leaving_while_a_board_is_lost_does_not_wait_for_it(monkeypatch: pytest.
         task = asyncio.create_task(anext(samples))
         await until(lambda: bool(reasons))
         task.cancel()
+
+    assert lost_board(monkeypatch, body)
+
+
+def test_a_stream_that_is_broken_off_while_the_board_is_lost_makes_room_for_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async def body(board: plumb.aio.Board, cable: Cable, reasons: list[str]) -> None:
+        samples = board.stream()
+        first = await anext(samples)
+        cable.cut = True
+        task = asyncio.create_task(taken(samples))
+        await until(lambda: bool(reasons))
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        del samples, task
+        other = asyncio.create_task(anext(board.stream()))
+        await asyncio.sleep(0.01)
+        cable.plug_in_again()
+        after = await other
+        assert after.gap is not None and after.step > first.step + 1
+
+    async def taken(samples: plumb.aio.Samples) -> None:
+        async for _ in samples:
+            pass
 
     assert lost_board(monkeypatch, body)
 

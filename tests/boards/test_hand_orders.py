@@ -98,9 +98,40 @@ def test_a_named_pipe_is_read_and_without_a_board_it_says_so(tmp_path: Path) -> 
     hand_orders.tell(str(pipe), "left side up")
     assert lines.read() == b"left side up\n"
     assert lines.read() == b""
-    for bad in (tmp_path, tmp_path / "no" / "folder"):
+    for bad in (tmp_path, tmp_path / "no" / "folder", Path("/dev/null")):
         with pytest.raises(UsageError, match=r"name a file that can be read and written, or -"):
             hand_orders.lines_of(str(bad))
+
+
+def test_a_pipe_that_a_stopped_board_has_filled_is_one_sentence(tmp_path: Path) -> None:
+    pipe = tmp_path / "hand"
+    os.mkfifo(pipe)
+    lines = hand_orders.lines_of(str(pipe))
+    with pytest.raises(UsageError, match="the board that reads it has stopped: start it anew"):
+        for _ in range(1000):
+            hand_orders.tell(str(pipe), "level" * 100)
+    assert lines.read().startswith(b"levellevel")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+def test_a_full_disk_is_one_sentence() -> None:
+    with pytest.raises(UsageError, match="/dev/full: No space left on device: name a file that can be written"):
+        hand_orders.tell("/dev/full", "level")
+
+
+def test_a_file_that_becomes_something_else_is_silent_until_it_is_a_file_again(tmp_path: Path) -> None:
+    """The board that reads it goes on: it does not end, and it does not wait for who writes into a pipe."""
+    path = tmp_path / "hand.txt"
+    lines = hand_orders.lines_of(str(path))
+    path.unlink()
+    path.mkdir()
+    assert lines.read() == b""
+    path.rmdir()
+    os.mkfifo(path)
+    assert lines.read() == b""
+    path.unlink()
+    path.write_text("level\n")
+    assert lines.read() == b"level\n"
 
 
 def test_orders_move_the_hand_and_mistakes_are_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

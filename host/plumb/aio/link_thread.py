@@ -65,7 +65,9 @@ class LinkThread(threading.Thread):
         self._board: Board | None = None
         self._samples: Generator[Sample, None, None] | None = None
         self._sink: Sink | None = None
-        self._receiving = self._armed = False
+        self._receiving: Sink | None = None
+        """The sink of the stream whose next sample is waited for: meanwhile it cannot be closed."""
+        self._armed = False
         self._holder: asyncio.Task[object] | None = None
         self._most_behind_s = BEHIND_S
         self._leaving = False
@@ -152,8 +154,10 @@ class LinkThread(threading.Thread):
     def close(self, board: Board | None) -> None:
         """The last request."""
         self._leaving, self._holder, self._board = True, None, None
-        if not self._receiving:
-            self._end_stream()
+        sink = self._sink
+        self._end_stream()
+        if sink is not None:
+            self._post(sink.put, None)
         if board is not None:
             board.close()
 
@@ -226,12 +230,13 @@ class LinkThread(threading.Thread):
     def end_stream(self, sink: Sink) -> None:
         """End the stream of this sink, if it is still open. One that waits for a lost board ends at its next look."""
         sink.dropped = True
-        if self._sink is sink and not self._receiving:
+        if self._sink is sink:
             self._end_stream()
 
     def _end_stream(self) -> None:
+        """One whose next sample is waited for ends there, with the next look of `_pause`."""
         samples, self._samples, self._sink = self._samples, None, None
-        if samples is not None:
+        if samples is not None and self._receiving is None:
             samples.close()
 
     def _receive_samples(self) -> None:
@@ -244,7 +249,7 @@ class LinkThread(threading.Thread):
             self._serve(FULL_LOOK_S)
             return
         item: Sample | BaseException | None
-        self._receiving = True
+        self._receiving = sink
         try:
             item = next(samples, None)
         except StreamEnded:
@@ -252,17 +257,17 @@ class LinkThread(threading.Thread):
         except Exception as error:
             item = error
         finally:
-            self._receiving = False
+            self._receiving = None
         if isinstance(item, Sample):
             sink.count(item)
-        else:
+        elif self._samples is samples:
             self._end_stream()
         self._post(sink.put, item)
 
     def _pause(self, seconds: float) -> None:
         """While a lost board is waited for, requests go on: they fail, except those to stop."""
         self._serve(seconds)
-        if self._leaving or self._loop.is_closed() or (self._sink is not None and self._sink.dropped):
+        if self._leaving or self._loop.is_closed() or (self._receiving is not None and self._receiving.dropped):
             raise StreamEnded
 
     # ---- the keep-alive ----

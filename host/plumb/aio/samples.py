@@ -75,4 +75,6 @@ class _Sink:
         if isinstance(item, Sample):
             self._taken_s = item.time_s
             self._taken += 1
+        else:
+            self._items.put_nowait(item)  # the end is for every task that waits
         return item

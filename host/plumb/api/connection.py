@@ -402,8 +402,10 @@ class Board:
         if signal is None:
             raise UsageError(f"{system} has no setpoint: it drives nothing")
         most = ((1 << 31) - 1) * signal.scale
-        if not abs(value) <= most:
-            raise UsageError(f"a setpoint of {value:g} {signal.unit}: give one of at most {most:g} {signal.unit}")
+        if value is None or not abs(value) <= most:
+            raise UsageError(
+                f"a setpoint of {arguments.shown(value)} {signal.unit}: give one of at most {most:g} {signal.unit}"
+            )
         session.set_setpoint(round(value / signal.scale))
 
     def _begin(self) -> None:

@@ -95,7 +95,7 @@ class GrowingFile:
     def read(self) -> bytes:
         try:
             state = self._path.stat()
-            if (stamp := (state.st_mtime_ns, state.st_size)) == self._stamp:
+            if (stamp := (state.st_mtime_ns, state.st_size)) == self._stamp or not stat.S_ISREG(state.st_mode):
                 return b""
             with self._path.open("rb") as file:
                 file.seek(self._end - len(self._tail))
@@ -103,7 +103,7 @@ class GrowingFile:
                 file.seek(self._end if grown else 0)
                 text = file.read(MOST_BYTES)
                 self._end = file.tell()
-        except FileNotFoundError:  # between two versions of an editor
+        except OSError:  # between two versions of an editor, or not to be read for now
             return b""
         self._stamp = stamp
         self._tail = ((self._tail if grown else b"") + text)[-COMPARED_BYTES:]
@@ -155,9 +155,12 @@ def lines_of(name: str) -> Lines:
     try:
         if path.exists() and stat.S_ISFIFO(path.stat().st_mode):
             return NamedPipe(path)
-        return GrowingFile(path)
+        if not path.exists() or path.is_file():
+            return GrowingFile(path)
+        reason = "no file and no named pipe"
     except OSError as error:
-        raise UsageError(f"{name}: {error.strerror}: name a file that can be read and written, or -") from None
+        reason = str(error.strerror)
+    raise UsageError(f"{name}: {reason}: name a file that can be read and written, or -")
 
 
 class HandOrders:
@@ -199,6 +202,10 @@ def tell(name: str, pose: str) -> None:
         raise UsageError(f"{name}: {reason}: start `plumb virtual-board --system SYSTEM --hand {name}` first") from None
     try:
         os.write(descriptor, f"{pose}\n".encode())
+    except BlockingIOError:
+        raise UsageError(f"{name}: the board that reads it has stopped: start it anew") from None
+    except OSError as error:
+        raise UsageError(f"{name}: {error.strerror}: name a file that can be written") from None
     finally:
         os.close(descriptor)
 
