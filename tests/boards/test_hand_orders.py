@@ -199,7 +199,7 @@ def test_wrong_use(arguments: list[str], said: str, tmp_path: Path, capsys: pyte
     assert said in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.long  # in real time: on a busy machine the served board falls behind, and its samples are too few
 def test_setup_ends_green_over_a_terminal_on_a_board_that_another_process_holds(tmp_path: Path) -> None:
     """The orders that `plumb setup` writes hold the served board; its calibration is written, and all is well."""
     environment = {**os.environ, "XDG_CONFIG_HOME": str(tmp_path / "c"), "XDG_STATE_HOME": str(tmp_path / "s")}
