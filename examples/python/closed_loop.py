@@ -10,9 +10,9 @@ for time_s in (10.0, 10.6, 11.0, 12.0, 13.5):  # pulled to 20 deg by hand, and r
 print(f"{result.steps} steps, bit-exact: {result.bit_exact}")
 
 # Prints:
-#     10.0 s  tilt   0.00 deg  estimated   0.41 deg
-#     10.6 s  tilt  20.00 deg  estimated  20.95 deg
-#     11.0 s  tilt  -3.49 deg  estimated  -3.09 deg
-#     12.0 s  tilt  -0.28 deg  estimated   0.26 deg
-#     13.5 s  tilt  -0.59 deg  estimated  -0.29 deg
-#     700 steps, bit-exact: True
+#     10.0 s  tilt   0.00 deg  estimated   0.37 deg
+#     10.6 s  tilt   0.00 deg  estimated   0.34 deg
+#     11.0 s  tilt   0.00 deg  estimated   0.33 deg
+#     12.0 s  tilt  -0.00 deg  estimated   0.36 deg
+#     13.5 s  tilt  -2.74 deg  estimated  -2.48 deg
+#     2800 steps, bit-exact: True

@@ -23,5 +23,5 @@ print(", ".join(sorted(last.signals)))
 
 # Prints:
 #     quad, balancer, turntable, phone, attitude
-#     25 samples, 0.48 s, armed: False, REALTIME
+#     100 samples, 0.49 s, armed: False, REALTIME
 #     bias_dps, command, pulse_0_us, pulse_1_us, rate_dps, tilt_deg, tilt_measured_deg
