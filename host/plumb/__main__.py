@@ -113,6 +113,9 @@ def _reader_left() -> bool:
     """Whether stdout is a pipe that nobody reads. A write that failed may have left nothing to flush."""
     import select
 
+    if not hasattr(select, "poll"):  # Windows: the pipe that broke is taken for this one
+        _to_nowhere(1)
+        return True
     poll = select.poll()
     poll.register(1, 0)
     left = any(event & select.POLLERR for _, event in poll.poll(0))

@@ -114,7 +114,7 @@ class NamedPipe:
     """What is written to a named pipe, by whoever opens it."""
 
     def __init__(self, path: Path) -> None:
-        self._descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        self._descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
 
     def read(self) -> bytes:
         try:

@@ -99,7 +99,7 @@ def library_path() -> Path:
 def _load(path: Path) -> ctypes.CDLL:
     """Load a copy of the library: each board needs one of its own, because the state is in static memory. It stays
     loaded."""
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:  # Windows keeps a library that is loaded
         copy = Path(folder) / path.name
         shutil.copy(path, copy)
         try:

@@ -5,7 +5,6 @@ the board sends while no client is connected are lost, as on a cable."""
 from __future__ import annotations
 
 import contextlib
-import select
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -18,7 +17,7 @@ from plumb.errors import LinkError
 from plumb.f103.core.timeline import TICKS_PER_S
 from plumb.link.endpoint_names import DEFAULT_KBIT, CanName, SocketcandServerName, parse_can_end
 from plumb.link.real_time_watch import RealTimeWatch
-from plumb.link.transports.server_endpoint import ServerEndpoint, open_endpoint
+from plumb.link.transports.server_endpoint import ServerEndpoint, open_endpoint, wait_readable
 
 SLICE_S = 0.0003
 """Pause between two turns of the serving loop: the resolution of real time."""
@@ -107,9 +106,7 @@ def run_paced(
         if orders is not None:
             orders.look()
         if behind_s < SLICE_S:
-            descriptor = line.watch()
-            # Sleep for a slice, or until bytes arrive. Not `selectors`: epoll counts in milliseconds.
-            select.select([] if descriptor is None else [descriptor], [], [], SLICE_S)
+            wait_readable(line.watch(), SLICE_S)  # not `selectors`: epoll counts in milliseconds
     if kept is not None:
         kept.write()
 

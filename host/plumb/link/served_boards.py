@@ -92,7 +92,7 @@ def _ours() -> bool:
     """Whether the folder is this user's: where the system has no such folder, it lies among the temporary files, and
     somebody else could have made it to lead a host to another board."""
     try:
-        return os.name != "posix" or folder().stat().st_uid == os.getuid()
+        return not hasattr(os, "getuid") or folder().stat().st_uid == os.getuid()
     except OSError:
         return False
 

@@ -11,6 +11,7 @@ import contextlib
 import os
 import select
 import socket
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
@@ -43,6 +44,15 @@ class ServerEndpoint(Protocol):
     def write(self, data: bytes) -> None: ...
 
     def close(self) -> None: ...
+
+
+def wait_readable(descriptor: int | None, timeout_s: float) -> None:
+    """Wait until there is something to read, or for the time-out. None: nothing can be read; select of Windows refuses
+    to wait for nothing."""
+    if descriptor is None:
+        time.sleep(timeout_s)
+    else:
+        select.select([descriptor], [], [], timeout_s)
 
 
 class Backlog:

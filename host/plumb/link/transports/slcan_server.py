@@ -7,14 +7,13 @@ discarded.
 
 from __future__ import annotations
 
-import select
 import time
 from collections import deque
 
 import can
 from can.typechecking import CanFilters
 
-from plumb.link.transports.server_endpoint import ServerEndpoint
+from plumb.link.transports.server_endpoint import ServerEndpoint, wait_readable
 from plumb.link.transports.slcan import LINE_MAX, frame_of_line, text_of_frames
 from plumb.spec.protocol import Frame
 
@@ -57,8 +56,7 @@ class AdapterBus(can.BusABC):
             remaining = _LOOK_S if end is None else end - time.monotonic()
             if remaining <= 0:
                 return None, False
-            descriptor = self._line.watch()
-            select.select([] if descriptor is None else [descriptor], [], [], min(remaining, _LOOK_S))
+            wait_readable(self._line.watch(), min(remaining, _LOOK_S))
 
     def _serve(self) -> None:
         """Read what the host has sent: queue its frames and answer its commands."""
