@@ -61,7 +61,7 @@ if platform == "win32":
 IMPORTS = """
 import importlib, pkgutil, plumb
 for module in pkgutil.walk_packages(plumb.__path__, "plumb."):
-    if module.name != "plumb.__main__":
+    if module.name != "plumb.__main__" and not module.name.startswith("plumb.lib"):  # the C core is no module
         importlib.import_module(module.name)
 print(len([name for name in sys.modules if name.startswith("plumb.")]))
 """
