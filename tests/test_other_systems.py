@@ -85,7 +85,7 @@ for line in (
     ["ports"],
     ["systems"],
     ["run", "quad", "--board", "serial:COM3"],
-    ["virtual-board", "--port", "native", "--serial", "pty"],
+    *([["virtual-board", "--port", "native", "--serial", "pty"]] if platform == "win32" else []),
 ):
     print(main(line), *line, file=sys.stderr)
 """
