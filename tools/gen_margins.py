@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Write margins.toml of the host's systems: the margins of their closed loops, identified on the flash image.
+"""Write margins.toml anew for each system that has one: the margins of its closed loop, identified on the flash image.
 
 The image runs on the virtual board, armed, in real time, its plant on the pins; its setpoint swings, and the margins
 follow from what the plant did, as with `plumb tune pid --board virtual --live`.
@@ -25,8 +25,6 @@ from plumb.systems.contracts import tuning_for
 from plumb.tuning.loop_model import Margins
 from plumb.tuning.quantise import quantise
 
-LOOPS = {"quad": "attitude hold"}
-"""System whose loop `plumb tune pid` tests -> name of the loop."""
 SEED, PERIODS, AMPLITUDE_DEG = 1000, 8, 8.0
 WITHIN = 0.1
 FIRST = (
@@ -66,7 +64,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true")
     check, wrong = parser.parse_args().check, False
-    for system, loop in LOOPS.items():
+    loops = [(system, loop) for system in declarations.names() for loop in loop_figures.identified(system)]
+    for system, loop in loops:
         path: Path = declarations.system(system).folder / loop_figures.FILE
         found = identify(system)
         if not check:
