@@ -312,6 +312,28 @@ def test_a_table_with_another_crc_is_not_the_one_in_use(changed: Path, tmp_path:
     assert (done.verdict, done.unverified_from) == ("unverified", step_of_change(changed))
 
 
+@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("step", [0, 1, 0x7FFF, 0x8000, 0xFFFF])
+def test_an_announcement_of_an_impossible_step_never_passes(
+    changed: Path, tmp_path: Path, number: int, step: int
+) -> None:
+    """Before the run, long ago, or never."""
+
+    def lying(frames: Frames) -> Frames:
+        place = places(frames, "PARAM_USED")[number]
+        data = bytearray(frames["data"][place].tobytes())
+        data[2:4] = step.to_bytes(2, "little")
+        sealed_again(frames, place, bytes(data))
+        return frames
+
+    (recorded,) = runs_of(open_log(with_frames(changed, tmp_path / "lying.plog", lying)))
+    assert 0 <= recorded.known <= recorded.run.steps
+    if recorded.known:
+        assert reproduce(recorded, NativeCore(), "native", None, None).verdict != "pass"
+    else:
+        assert "the parameters changed at step" in recorded.unknown
+
+
 def test_a_lost_announcement_leaves_the_steps_from_there_on_unverified(changed: Path, tmp_path: Path) -> None:
     first = step_of_change(changed)
     done = on_native(with_frames(changed, tmp_path / "lost.plog", without("PARAM_USED", 0)))

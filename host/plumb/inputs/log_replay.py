@@ -76,7 +76,7 @@ class RecordedRun:
             return f"its beginning is missing: the recording begins at step {run.first}"
         if not run.raw_frames:
             return "the recording carries no raw counts"
-        if self.unknown_table is not None and self.unknown_table.step == self.known:
+        if self.unknown_table is not None and max(self.unknown_table.step, 0) == self.known:
             return self.unknown_table.why_unknown
         if run.raw_missing == self.known:
             return f"the raw counts of step {self.known} did not arrive"
@@ -103,7 +103,7 @@ def runs_of(log: Log, given: Mapping[str, int] | None = None) -> list[RecordedRu
     for number, run in enumerate(runs, 1):
         used = used_at(run.at)
         changes, unknown = changes_of_run(run, used, beside, messages)
-        known = min(run.known_until(), run.steps if unknown is None else unknown.step)
+        known = min(run.known_until(), run.steps if unknown is None else max(unknown.step, 0))
         found.append(RecordedRun(log, run, used, number, len(runs), known, changes, unknown))
     return found
 
