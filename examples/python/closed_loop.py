@@ -5,14 +5,14 @@ import plumb
 result = plumb.run("quad", board="virtual", scenario="hold", seed=1000, seconds=14)
 tilt_deg, true_deg = result["tilt_deg"], result.truth["tilt_deg"]
 for time_s in (10.0, 10.6, 11.0, 12.0, 13.5):  # pulled to 20 deg by hand, and released at 10.6 s
-    at = round(time_s / 0.02)
+    at = int(result.time_s.searchsorted(time_s - 1e-9))
     print(f"{time_s:4.1f} s  tilt {true_deg[at]:6.2f} deg  estimated {tilt_deg[at]:6.2f} deg")
 print(f"{result.steps} steps, bit-exact: {result.bit_exact}")
 
 # Prints:
-#     10.0 s  tilt   0.00 deg  estimated   0.37 deg
-#     10.6 s  tilt   0.00 deg  estimated   0.34 deg
-#     11.0 s  tilt   0.00 deg  estimated   0.33 deg
-#     12.0 s  tilt  -0.00 deg  estimated   0.36 deg
-#     13.5 s  tilt  -2.74 deg  estimated  -2.48 deg
+#     10.0 s  tilt   0.00 deg  estimated  -0.96 deg
+#     10.6 s  tilt  20.00 deg  estimated  19.81 deg
+#     11.0 s  tilt -12.24 deg  estimated -12.75 deg
+#     12.0 s  tilt  -0.32 deg  estimated   0.10 deg
+#     13.5 s  tilt  -1.09 deg  estimated  -0.64 deg
 #     2800 steps, bit-exact: True
