@@ -6,6 +6,7 @@ its own frames carry.
 
 from __future__ import annotations
 
+import logging
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -37,6 +38,7 @@ def read_frames(path: Path) -> Log:
     if path.suffix.lower() == ".mf4":
         require_mf4()
     spool = tempfile.SpooledTemporaryFile(MOST_MEMORY)  # noqa: SIM115 (the log reads it as long as it lives)
+    logging.getLogger("can").addHandler(logging.NullHandler())  # its readers log the lines that they do not understand
     count = 0
     try:
         with can.LogReader(path) as reader:

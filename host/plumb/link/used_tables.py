@@ -52,6 +52,8 @@ class TableChange:
         """Why the steps from this one on cannot be verified, when `params` gives none."""
         if not self.announced:
             return f"another table was committed about step {self.step}, and the frame that tells the step is missing"
+        if self.step < 0:
+            return "the frame that tells the first step of other parameters names one before the run"
         return f"the parameters changed at step {self.step}, and nothing tells the new ones"
 
 
