@@ -33,8 +33,8 @@ static int32_t weighted(const int32_t by[6], const int32_t of[6]) {
     return sum;
 }
 
-SELDOM_CALLED void error_filter_start(plumb_error_filter_t *e, int32_t bias, int32_t scale, int32_t tilt,
-                                      int32_t velocity) {
+SELDOM_CALLED void plumb_error_filter_start(plumb_error_filter_t *e, int32_t bias, int32_t scale,
+                                            int32_t tilt, int32_t velocity) {
     *e = (plumb_error_filter_t){.half_lever_q32 = 0};
     for (unsigned i = 0; i < 3U; i++) {
         *variance_of(e, BIAS + i) = bias;
@@ -46,7 +46,7 @@ SELDOM_CALLED void error_filter_start(plumb_error_filter_t *e, int32_t bias, int
     }
 }
 
-void error_filter_predict(plumb_error_filter_t *e) {
+void plumb_error_filter_predict(plumb_error_filter_t *e) {
     int32_t *const by = e->correction_q28;
     const int32_t lever = e->half_lever_q32;
     add(&by[VELOCITY], mulhi_near(lever, by[TILT + 1]));
@@ -57,7 +57,7 @@ void error_filter_predict(plumb_error_filter_t *e) {
     add(&by[VELOCITY + 1], -mulhi_near(lever, by[TILT]));
 }
 
-void error_filter_grow_velocity(plumb_error_filter_t *e) {
+void plumb_error_filter_grow_velocity(plumb_error_filter_t *e) {
     int32_t *const covariance = e->covariance_q32;
     const int32_t lever = e->half_lever_q32;
     int32_t *const tilt_x = row_of(covariance, TILT), *const tilt_y = row_of(covariance, TILT + 1);
@@ -76,7 +76,7 @@ void error_filter_grow_velocity(plumb_error_filter_t *e) {
     add(&y[VELOCITY + 1], -mulhi_near(lever, add_wrap(y_by_x, y[TILT])));
 }
 
-void error_filter_grow_tilt(plumb_error_filter_t *e, unsigned axis) {
+void plumb_error_filter_grow_tilt(plumb_error_filter_t *e, unsigned axis) {
     int32_t *const covariance = e->covariance_q32;
     const int32_t *const coupling = e->coupling_q32[axis];
     int32_t *const own = row_of(covariance, TILT + axis), *const other = row_of(covariance, TILT + 1U - axis);
@@ -105,8 +105,8 @@ static inline void grow(int32_t *variance, int32_t by) {
         *variance += by;
 }
 
-void error_filter_grow(plumb_error_filter_t *e, int32_t bias_growth_q32, int32_t scale_growth_q32) {
-    error_filter_grow_velocity(e);
+void plumb_error_filter_grow(plumb_error_filter_t *e, int32_t bias_growth_q32, int32_t scale_growth_q32) {
+    plumb_error_filter_grow_velocity(e);
     int32_t *variance = e->covariance_q32;
     for (unsigned i = 0; i < STATES; i++) {
         grow(variance, i < SCALE      ? bias_growth_q32
@@ -118,7 +118,8 @@ void error_filter_grow(plumb_error_filter_t *e, int32_t bias_growth_q32, int32_t
     }
 }
 
-void error_filter_weigh(plumb_error_filter_t *e, unsigned at, uint32_t variance_q32, int32_t measured_q28) {
+void plumb_error_filter_weigh(plumb_error_filter_t *e, unsigned at, uint32_t variance_q32,
+                              int32_t measured_q28) {
     int32_t *const covariance = e->covariance_q32;
     for (unsigned i = 0; i < STATES; i++)
         e->measured_row_q32[i] = i <= at ? row_of(covariance, at)[i] : row_of(covariance, i)[at];
@@ -140,7 +141,7 @@ void error_filter_weigh(plumb_error_filter_t *e, unsigned at, uint32_t variance_
     }
 }
 
-void error_filter_shrink(plumb_error_filter_t *e) {
+void plumb_error_filter_shrink(plumb_error_filter_t *e) {
     int32_t *entry = e->covariance_q32;
     for (unsigned i = 0; i < STATES; i++) {
         const int32_t gain_q28 = e->gain_q28[i];

@@ -3,7 +3,7 @@
  *
  * A block of steps ends with its coupling (tilt per bias and scale error) and its lever (velocity per tilt).
  * Then the covariance grows: the velocity by half the lever, the two tilts, the velocity again and every
- * variance. Each scalar measurement follows: error_filter_weigh, then error_filter_shrink. Each
+ * variance. Each scalar measurement follows: plumb_error_filter_weigh, then plumb_error_filter_shrink. Each
  * function here is one slice of that work and fits into a step. Sums are modulo 2^32, as no input may make
  * one undefined.
  *
@@ -19,31 +19,33 @@ enum { BIAS = 0, SCALE = 3, TILT = 6, VELOCITY = 8, STATES = PLUMB_ERROR_STATES 
 #define VARIANCE_LIMIT_Q32 858993459 /* 0.2: where variances of tilt and velocity stop growing */
 
 /* Covariance of the start, with these variances; no corrections. */
-void error_filter_start(plumb_error_filter_t *e, int32_t bias, int32_t scale, int32_t tilt, int32_t velocity);
+void plumb_error_filter_start(plumb_error_filter_t *e, int32_t bias, int32_t scale, int32_t tilt,
+                              int32_t velocity);
 
 /* Variance of one state. */
-static inline uint32_t error_filter_variance(const plumb_error_filter_t *e, unsigned state) {
+static inline uint32_t plumb_error_filter_variance(const plumb_error_filter_t *e, unsigned state) {
     return (uint32_t)e->covariance_q32[state * (state + 3U) / 2U];
 }
 
 /* The corrections as a block makes them grow: velocity with tilt, tilt with bias and scale. */
-void error_filter_predict(plumb_error_filter_t *e);
+void plumb_error_filter_predict(plumb_error_filter_t *e);
 
 /* The horizontal velocity grows with the tilt, by half the lever of the block: before and after the tilt has
  * grown. */
-void error_filter_grow_velocity(plumb_error_filter_t *e);
+void plumb_error_filter_grow_velocity(plumb_error_filter_t *e);
 
 /* One component of the tilt (0, 1) grows by the errors of the gyro, times the coupling. */
-void error_filter_grow_tilt(plumb_error_filter_t *e, unsigned axis);
+void plumb_error_filter_grow_tilt(plumb_error_filter_t *e, unsigned axis);
 
 /* The velocity once more, then every variance; clears the corrections. */
-void error_filter_grow(plumb_error_filter_t *e, int32_t bias_growth_q32, int32_t scale_growth_q32);
+void plumb_error_filter_grow(plumb_error_filter_t *e, int32_t bias_growth_q32, int32_t scale_growth_q32);
 
 /* Gains and corrections of one scalar measurement: that the error of state `at` is measured_q28, of that
  * variance. One of a bias that is beyond five sigmas changes nothing: the body turns. */
-void error_filter_weigh(plumb_error_filter_t *e, unsigned at, uint32_t variance_q32, int32_t measured_q28);
+void plumb_error_filter_weigh(plumb_error_filter_t *e, unsigned at, uint32_t variance_q32,
+                              int32_t measured_q28);
 
 /* The covariance after that measurement: less gain times row. */
-void error_filter_shrink(plumb_error_filter_t *e);
+void plumb_error_filter_shrink(plumb_error_filter_t *e);
 
 #endif

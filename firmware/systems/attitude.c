@@ -59,7 +59,7 @@ SELDOM void start(plumb_attitude_t *c, const plumb_attitude_params_t *a) {
         w->bias_turnps_q32[i] = w->scale_q32[i] = 0;
     w->velocity_gs_q28[0] = w->velocity_gs_q28[1] = 0;
     w->velocity_square_g2s2_q24 = 0;
-    error_filter_start(&c->errors, a->start_bias, a->start_scale, a->start_tilt, a->start_velocity);
+    plumb_error_filter_start(&c->errors, a->start_bias, a->start_scale, a->start_tilt, a->start_velocity);
     w->tilt_variance_rad2_q32 = 2U * (uint32_t)a->start_tilt;
     c->block_flags = PLUMB_ATTITUDE_FLAG_ALIGNING | PLUMB_ATTITUDE_FLAG_UNSURE;
     c->slice = SLICE_NONE;
@@ -131,7 +131,7 @@ SELDOM void judge(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
                                                    : max_i32(VARIANCE_LIMIT_Q32 - p->velocity_min, 0));
 
     w->tilt_variance_rad2_q32 =
-        error_filter_variance(&c->errors, TILT) + error_filter_variance(&c->errors, TILT + 1);
+        plumb_error_filter_variance(&c->errors, TILT) + plumb_error_filter_variance(&c->errors, TILT + 1);
     const bool unsure = w->tilt_variance_rad2_q32 > p->unsure;
     const bool accelerating = w->velocity_variance_g2s2_q32 > 4U * (uint32_t)p->velocity_min;
     c->block_flags = (c->block_flags & ~(uint32_t)JUDGED) | (unsure ? PLUMB_ATTITUDE_FLAG_UNSURE : 0U) |
@@ -141,7 +141,7 @@ SELDOM void judge(plumb_attitude_t *c, const plumb_attitude_params_t *p) {
         start(c, p);
         c->block_flags |= PLUMB_ATTITUDE_FLAG_RESTARTED;
     } else {
-        error_filter_grow_velocity(&c->errors);
+        plumb_error_filter_grow_velocity(&c->errors);
     }
 }
 
@@ -154,19 +154,20 @@ __attribute__((noinline)) static void compute_slice(plumb_attitude_t *c, const p
     if (slice == SLICE_JUDGE) {
         judge(c, p);
     } else if (slice < SLICE_GROWTH) {
-        error_filter_grow_tilt(&c->errors, slice - SLICE_TILT_X);
+        plumb_error_filter_grow_tilt(&c->errors, slice - SLICE_TILT_X);
     } else if (slice == SLICE_GROWTH) {
-        error_filter_grow(&c->errors, p->q_bias, p->q_scale);
+        plumb_error_filter_grow(&c->errors, p->q_bias, p->q_scale);
     } else if ((slice - SLICE_MEASURE) % 2U != 0U) {
-        error_filter_shrink(&c->errors);
+        plumb_error_filter_shrink(&c->errors);
     } else {
         const unsigned number = (slice - SLICE_MEASURE) / 2U;
         if (number < 2U)
-            error_filter_weigh(&c->errors, VELOCITY + number, c->words.velocity_variance_g2s2_q32,
-                               -c->words.velocity_gs_q28[number]);
+            plumb_error_filter_weigh(&c->errors, VELOCITY + number, c->words.velocity_variance_g2s2_q32,
+                                     -c->words.velocity_gs_q28[number]);
         else
-            error_filter_weigh(&c->errors, BIAS + number - 2U, (uint32_t)p->rest_variance,
-                               sat_i32(asr64(mul_i64(c->half_mean_q32[number - 2U], p->rest_gain_q20), 20)));
+            plumb_error_filter_weigh(
+                &c->errors, BIAS + number - 2U, (uint32_t)p->rest_variance,
+                sat_i32(asr64(mul_i64(c->half_mean_q32[number - 2U], p->rest_gain_q20), 20)));
     }
 }
 
@@ -176,7 +177,7 @@ SELDOM void correct(plumb_attitude_t *c, int32_t gained_x_q28, int32_t gained_y_
     plumb_attitude_words_t *const w = &c->words;
     const int32_t *const by = c->errors.correction_q28;
 
-    error_filter_predict(&c->errors);
+    plumb_error_filter_predict(&c->errors);
     for (unsigned i = 0; i < 3U; i++) {
         const int32_t bias = (int32_t)asr64(mul_i64(by[BIAS + i], TWO_BY_PI_Q31) + (1 << 30), 31);
         w->bias_turnps_q32[i] =

@@ -72,7 +72,7 @@ def disarms(bench: Bench, capture: Capture, check: int) -> None:
     ("pin", "volts", "check"),
     [
         ("PA1", 3.0, 1), ("PA1", 0.3, 1), ("PA2", 3.2, 1), ("PA2", 1.65, 1),
-        ("PA0", 3.0, 4), ("PA0", 0.4, 4), ("PA0", 1.45, 4),
+        ("PA0", 3.0, 4), ("PA0", 0.4, 4), ("PA0", 1.45, 2),
     ],
 )  # fmt: skip
 def test_held_volts_with_noise(analog: Bench, pin: str, volts: float, check: int) -> None:
