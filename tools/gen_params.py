@@ -171,6 +171,8 @@ def generate(system: int) -> dict[str, str]:
     """File name -> text. system: the number of the system in use with factory values."""
     rows = [replace(row, default=system) if row.name == "system" else row for row in table()]
     own = [row for row in rows if row.owner == "link"]
+    wide = [row.name for row in rows if row.live and not (row.min > -(2**31) and row.max < 2**31)]
+    assert not wide, f"is_near() takes signed words and doubles their amounts: {wide}"
     members = "\n".join(f"    {row.type}_t {row.name};" for row in own)
     places = [
         f"PLACE({row.name if row.owner == 'link' else f'control.{row.name}'}, {index});"
