@@ -186,6 +186,25 @@ def test_the_flash_image_is_tested_armed_and_ends_disarmed(monkeypatch: pytest.M
 
 
 @pytest.mark.slow
+def test_a_board_slower_than_real_time_is_told_and_ends_disarmed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock of the host that goes twice as fast as the board's: half of real time."""
+    from plumb.boards.virtual import VirtualBoard
+
+    monkeypatch.setattr(plant_fit, "REPEAT_S", 1.0)
+    params, excited = quantise(TUNING), plant_fit.excitation(TUNING.period_s, 4.0)
+    with VirtualBoard() as board:
+        loop_test.attach_plant(board, params, excited, 3, 1000)
+        boards_clock = board.session.clock
+        board.session.clock = lambda: 2.0 * boards_clock()
+        with pytest.raises(
+            LinkError, match=r"the board runs at (49|50|51) % of real time: the test is ended, disarmed"
+        ):
+            loop_test.on_link(board, params, excited, 3, 1.0)
+        board.session.clock = boards_clock
+        assert board.session.connect()["MODE"] == 0
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("link", ["serial", "can"])
 def test_ctrl_c_in_the_test_disarms(link: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Armed and driving one moment; the motors off the next, long before the keep-alive would have run out."""

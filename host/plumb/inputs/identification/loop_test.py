@@ -14,6 +14,7 @@ from plumb.boards import Board, RawCounts, Setpoints, SimulatedBoard, plant_on_p
 from plumb.boards.link import LinkBoard
 from plumb.errors import LinkError, UsageError
 from plumb.inputs.identification.plant_fit import Excitation, Measurement
+from plumb.link.real_time_watch import RealTimeWatch
 from plumb.link.realtime import Capture
 from plumb.link.retries import REPLY_TIMEOUT_S
 from plumb.link.session import RAW_FRAMES
@@ -38,6 +39,11 @@ COMMAND, TILT = "command", "tilt_deg"
 READY_WAIT_S = 5.0
 """Longest wait for a machine that is not ready to be armed, the same as for the arm switch."""
 STANDSTILL_S = 0.5
+TOO_SLOW = (
+    "the test is ended, disarmed; end other programs on this computer, and test a simulated board with "
+    "--board virtual --live, which needs no real time"
+)
+"""What follows for a board whose steps come late: a simulated one on a busy computer, or a computer that reads late."""
 MOST_LIMITED = 0.02
 """Share of steps at which a limit of the controller may act: the loop is no linear one then."""
 
@@ -134,8 +140,8 @@ def attach_plant(board: LinkBoard, params: ControlParams, excited: Excitation, p
 def on_link(board: LinkBoard, params: ControlParams, excited: Excitation, periods: int, settle_s: float) -> LoopRun:
     """Armed, in real time, on the board's own sensors: the machine moves. The board ends disarmed, whatever happens.
 
-    Raises LinkError when the board disarms itself, tilts beyond TILT_LIMIT_DEG, falls silent, loses counts, or
-    disagrees with the integer model.
+    Raises LinkError when the board disarms itself, tilts beyond TILT_LIMIT_DEG, falls silent, is slower than real time,
+    loses counts, or disagrees with the integer model.
     """
     session = board.session
     frames = systems.load(params.system, PINS).FRAMES
@@ -146,7 +152,7 @@ def on_link(board: LinkBoard, params: ControlParams, excited: Excitation, period
         session.listener = capture.feed
         session.arm(READY_WAIT_S)
         first = capture.steps
-        _swing(capture, setpoint, first)
+        _swing(capture, setpoint, first, excited.period_s)
         session.disarm()
     finally:
         session.listener = None
@@ -160,13 +166,14 @@ def on_link(board: LinkBoard, params: ControlParams, excited: Excitation, period
     return LoopRun(params, excited, raw, used, first + begin, np.empty(0))
 
 
-def _swing(capture: Capture, setpoint: Setpoints, first: int) -> None:
+def _swing(capture: Capture, setpoint: Setpoints, first: int, period_s: float) -> None:
     """Send the setpoints of the steps from `first` on, as the steps come."""
     from tqdm import tqdm
 
     session, asked = capture.session, 0
     place, scale = next((at, scale) for at, column, scale in signals(session.system) if column == TILT)
     heard, heard_s = first, session.clock()
+    watch = RealTimeWatch("the board", TOO_SLOW, _end_the_test, session.clock)
     with tqdm(total=len(setpoint), desc="test", unit="step", disable=None, leave=False) as bar:
         while (at := capture.steps - first) < len(setpoint):
             if asked != setpoint[at]:
@@ -184,3 +191,8 @@ def _swing(capture: Capture, setpoint: Setpoints, first: int) -> None:
                 heard, heard_s = capture.steps, session.clock()
             elif session.clock() - heard_s > STANDSTILL_S:
                 raise LinkError(f"the board takes no steps after step {capture.steps}")
+            watch.note((capture.steps - first) * period_s, session.clock())
+
+
+def _end_the_test(sentence: str) -> None:
+    raise LinkError(sentence)
