@@ -121,7 +121,7 @@ def test_the_command_writes_what_it_shows_and_undo_puts_it_back(
     assert table() == {**before, "arm_hold_ms": 1234}
     assert front.main([*call, "--undo"]) == 2
     assert "nothing to undo" in capsys.readouterr().err
-    answers.write_text("write = false\n")
+    answers.write_text("write = false\n", encoding="utf-8")
     assert front.main(call) == 1
     assert table() == {**before, "arm_hold_ms": 1234}
 

@@ -159,7 +159,7 @@ def test_a_reader_that_leaves_before_the_verdict_is_no_0() -> None:
 @pytest.mark.skipif(not FULL.exists(), reason="the system has no /dev/full")
 @pytest.mark.parametrize(("verdict", "code"), [(0, 2), (1, 1)])
 def test_output_that_cannot_be_written_is_a_sentence_and_no_0(verdict: int, code: int) -> None:
-    with FULL.open("w") as full:
+    with FULL.open("w", encoding="utf-8") as full:
         got, _, err = program(in_the_way("ports", f"print('said'); return {verdict}"), "ports", stdout=full.fileno())
     assert got == code
     assert err.count("\n") == 1 and "No space left on device" in err
@@ -167,7 +167,7 @@ def test_output_that_cannot_be_written_is_a_sentence_and_no_0(verdict: int, code
 
 @pytest.mark.skipif(not FULL.exists(), reason="the system has no /dev/full")
 def test_a_sentence_that_cannot_be_written_keeps_its_exit_code() -> None:
-    with FULL.open("w") as full:
+    with FULL.open("w", encoding="utf-8") as full:
         done = subprocess.run([sys.executable, "-m", "plumb", "fly"], stderr=full, timeout=60, check=False)
     assert done.returncode == 2
 

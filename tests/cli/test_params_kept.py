@@ -36,7 +36,8 @@ def editing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 def edits(program: Path, how: str) -> None:
     program.write_text(
         "import pathlib, sys\nfile = pathlib.Path(sys.argv[1])\ntext = file.read_text()\n"
-        f"{how}\nfile.write_text(text)\n"
+        f"{how}\nfile.write_text(text)\n",
+        encoding="utf-8",
     )
 
 
@@ -266,7 +267,7 @@ def test_a_text_is_loaded_like_a_file_of_integers(board: NativeBoard, capsys: Ca
 def test_an_editor_that_is_not_there_or_fails_changes_nothing(
     board: NativeBoard, capsys: Capture, editing: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    editing.write_text("raise SystemExit(3)")
+    editing.write_text("raise SystemExit(3)", encoding="utf-8")
     code, _, err = params(capsys, "edit")
     assert code == 2 and "ended with code 3: nothing was changed" in err
     for value, said in (("no-such-editor -w", "no-such-editor, which is not there"), ("'", "$VISUAL is no command")):

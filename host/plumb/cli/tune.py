@@ -128,7 +128,7 @@ def require_scipy() -> None:
     if find_spec("scipy") is None:
         raise UsageError(f"plumb tune needs scipy; install it {install_hint('tune')}")
     try:
-        import scipy.optimize
+        import scipy.optimize  # noqa: F401
         import scipy.stats  # noqa: F401
     except Exception as error:  # a wheel of another Python or numpy fails with whatever its first import raises
         what = f"{type(error).__name__}: {error}".partition("\n")[0]

@@ -63,7 +63,7 @@ def _join_group(path: Path, groups: Path) -> str:
     """How this user gets the right to open the device."""
     group = path.group()
     with contextlib.suppress(OSError):
-        for line in groups.read_text(errors="replace").splitlines():
+        for line in groups.read_text(encoding="utf-8", errors="replace").splitlines():
             name, _, members = line.partition(":")
             if name == group and os.environ.get("USER", "") in members.rpartition(":")[2].split(","):
                 return f"log out and in again, or type: newgrp {group} (you are in the group, this session is not)"
