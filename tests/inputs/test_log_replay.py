@@ -21,6 +21,8 @@ from plumb.inputs import log_replay, log_writer, run_parts
 from plumb.inputs.log_file import FRAME, Frames, read_log
 from plumb.inputs.log_replay import Reproduction, chosen, open_log, reproduce, runs_of
 from plumb.inputs.log_writer import LogWriter
+from plumb.link.paced import PacedRun
+from plumb.proof.runs import judge
 from plumb.spec.protocol import protocol
 from support.recordings import GAINS, recorded_run, rewritten, with_frames, with_json
 
@@ -210,6 +212,23 @@ def test_a_run_is_reproduced_across_changes_of_its_parameters(changed: Path, boa
     assert done.statement().text.endswith("recorded digests is reproduced, across 2 changes of parameters")
     stale = replace(recorded, changes=recorded.changes[:1])
     assert reproduce(stale, NativeCore(), board, None, None).divergence is not None, "the second change shows"
+
+
+@pytest.mark.parametrize("link", ["serial", "can"])
+def test_the_virtual_board_goes_across_the_changes_in_real_time(
+    changed: Path, link: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (recorded,) = runs_of(open_log(changed))
+    with open_board("virtual", link=link) as opened:
+        done = reproduce(recorded, opened, "virtual", link, None)
+        inner = PacedRun._for_step
+        monkeypatch.setattr(PacedRun, "_for_step", lambda run, step: [] if step in (3, 4, 5) else inner(run, step))
+        early = reproduce(recorded, opened, "virtual", link, None)
+    assert (done.verdict, len(done.run.answer.digests), done.run.mismatches) == ("pass", recorded.run.steps, 0)
+    first = step_of_change(changed)
+    assert (early.verdict, early.unverified_from) == ("unverified", first), "lockstep verifies at least these"
+    spoilt = replace(done.run.answer, digests=done.run.answer.digests ^ np.uint32(1))
+    assert judge(opened, done.run.inputs, done.run.params, spoilt, done.run.changes).verdict == "fail"
 
 
 def test_a_board_that_takes_no_parameters_in_lockstep_verifies_the_steps_before(changed: Path) -> None:

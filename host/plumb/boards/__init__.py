@@ -114,6 +114,15 @@ class ChangesParameters(Protocol):
         """Reset the controller, then run every step, from the step of each change on with its parameters."""
 
 
+@runtime_checkable
+class KeepsTime(Protocol):
+    """A board whose steps in real time the host can keep up with, so that other parameters meet the step that they are
+    meant for."""
+
+    def run_paced(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Answer:
+        """As `run_changed`, in real time: unverified from the first step whose inputs the board does not confirm."""
+
+
 class PartRunner(Protocol):
     """A run in lockstep whose samples come in parts."""
 

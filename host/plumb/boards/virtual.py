@@ -6,11 +6,17 @@ Simulated time passes only while the host waits for an answer, so that two runs 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from plumb.boards import Answer, RawCounts, Setpoints
 from plumb.boards.link import LinkBoard
 from plumb.boards.virtual_machine import START_US, open_machine
 from plumb.flash.image import find_image
+from plumb.link.paced import PacedRun
 from plumb.link.session import Session
+
+if TYPE_CHECKING:
+    from plumb.tuning.quantise import Changes, ControlParams
 
 
 class VirtualBoard(LinkBoard):
@@ -32,6 +38,12 @@ class VirtualBoard(LinkBoard):
         from plumb.boards.virtual_can import MachineBus
 
         return Session.over(MachineBus(self.machine, self.machine.uart.name))
+
+    def run_paced(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Answer:
+        """Its time stands still while the host thinks: a commit meets the gap between two steps."""
+        self._upload(params)
+        answer = PacedRun(self.session, params.system, changes, raw, setpoint).run()
+        return Answer(answer.digests, None, len(answer.digests) if answer.why else None, answer.why)
 
     def restart(self) -> Session:
         """Pull the reset pin and connect again: the board then runs with its saved parameters."""

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from plumb import systems
-from plumb.boards import Answer, Board, ChangesParameters, RawCounts, Setpoints
+from plumb.boards import Answer, Board, ChangesParameters, KeepsTime, RawCounts, Setpoints
 from plumb.proof import limits
 from plumb.proof.compare import Divergence, count_mismatches, first_divergence
 from plumb.proof.report import Plot, Statement
@@ -157,17 +157,26 @@ class Run:
 
 def open_loop(board: Board, inputs: RunInputs, params: ControlParams, changes: Changes = ()) -> Run:
     """Run these inputs in lockstep. changes: of the parameters, on their way; a board that does not take them in
-    lockstep runs the steps before the first one."""
+    lockstep runs them in real time if it keeps time with the host, else the steps before the first one."""
     if not changes:
         return judge(board, inputs, params, board.run_injected(params, inputs.raw, inputs.setpoint))
     if isinstance(board, ChangesParameters):
         answer = board.run_changed(params, changes, inputs.raw, inputs.setpoint)
     else:
-        first = changes[0].step
-        before = board.run_injected(params, inputs.raw[:first], inputs.setpoint[:first])
-        why = f"{board.name} takes no other parameters in lockstep; native, fixed and qemu do"
-        answer = Answer(before.digests, None, first, why)
+        answer = _across_changes(board, inputs, params, changes)
     return judge(board, inputs, params, answer, changes)
+
+
+def _across_changes(board: Board, inputs: RunInputs, params: ControlParams, changes: Changes) -> Answer:
+    """The answer of a board that takes no other parameters in lockstep: at least that to the steps before the first."""
+    first, why = changes[0].step, f"{board.name} takes no other parameters in lockstep; native, fixed and qemu do"
+    if isinstance(board, KeepsTime):
+        answer = board.run_paced(params, changes, inputs.raw, inputs.setpoint)
+        if answer.unverified_from is None or answer.unverified_from >= first:
+            return answer
+        why = answer.why
+    before = board.run_injected(params, inputs.raw[:first], inputs.setpoint[:first])
+    return Answer(before.digests, None, first, why)
 
 
 def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Run:
