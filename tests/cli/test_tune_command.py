@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -175,6 +176,7 @@ def test_pid_of_the_twin_has_the_margins(tmp_path: Path, capsys: pytest.CaptureF
     printed = capsys.readouterr().out
     assert printed.startswith("quad on native, steps of 20 ms; setpoint swung by 8 deg, 4 periods.")
     assert "plumb params set pid.kp_per_deg=" in printed and "after, measured" in printed
+    assert re.search(r"^ +damping, 1/s +0 +0 to ", printed, re.MULTILINE), "at its bound, and no rounding of it"
     told = json.loads((tmp_path / "out" / "tune.json").read_text())
     assert told["met"] and told["margins_before"]["phase_deg"] < 26.0
     assert told["margins"]["phase_deg"] > 34.6 and told["margins_measured"]["phase_deg"] > 30.0

@@ -20,6 +20,8 @@ PLANT_ROWS = (
     ("delay_s", "delay, ms", 1e3),
     ("damping_per_s", "damping, 1/s", 1.0),
 )
+DUST = 1e-6
+"""Share of the interval's end below which a fitted figure is the bound at 0, and what is left is rounding."""
 HOLD_S = 3.0
 STEP_S = 1.5
 PLANT_NOTE = (
@@ -54,7 +56,7 @@ def tables(tuning: PidTuning, again: PidTuning | None) -> list[Table]:
     plant = [
         [
             label,
-            f"{scale * figures[name].value:.4g}",
+            f"{0.0 if figures[name].value < DUST * figures[name].high else scale * figures[name].value:.4g}",
             f"{scale * figures[name].low:.4g} to {scale * figures[name].high:.4g}",
         ]
         for name, label, scale in PLANT_ROWS
