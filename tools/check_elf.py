@@ -29,8 +29,14 @@ _FORBIDDEN = {
 def findings(
     path: Path, flash_budget: int | None = None, ram_budget: int | None = None, stack_reserve: int | None = None
 ) -> tuple[list[str], dict[str, int]]:
-    """The findings, one sentence each, and the sizes in bytes: flash, ram, stack."""
+    """The findings, one sentence each, and the sizes in bytes: flash, ram, stack. A limit that is None is the image's
+    own, as its linker script says."""
     graph = CallGraph(path)
+    if flash_budget is None or ram_budget is None or stack_reserve is None:
+        own = graph.elf.limits
+        flash_budget = own["flash"] if flash_budget is None else flash_budget
+        ram_budget = own["ram"] if ram_budget is None else ram_budget
+        stack_reserve = own["stack"] if stack_reserve is None else stack_reserve
     wrong = []
     for what, pattern in _FORBIDDEN.items():
         found = sorted(name for name in graph.elf.symbols if re.fullmatch(pattern, name))
@@ -53,13 +59,13 @@ def findings(
         wrong.append(f"{path.name} recurses: {' -> '.join(chain)}.")
         return wrong, sizes
     sizes["stack"] = graph.worst_stack_bytes()
-    if flash_budget is not None and sizes["flash"] > flash_budget:
+    if sizes["flash"] > flash_budget:
         wrong.append(f"{path.name} takes {sizes['flash']} bytes of flash, {flash_budget} are allowed.")
-    if ram_budget is not None and sizes["ram"] + sizes["stack"] > ram_budget:
+    if sizes["ram"] + sizes["stack"] > ram_budget:
         wrong.append(
             f"{path.name} takes {sizes['ram']} bytes of RAM and {sizes['stack']} of stack, {ram_budget} are allowed."
         )
-    if stack_reserve is not None and sizes["stack"] > stack_reserve:
+    if sizes["stack"] > stack_reserve:
         wrong.append(f"{path.name} may need {sizes['stack']} bytes of stack, {stack_reserve} are reserved.")
     return wrong, sizes
 
@@ -67,9 +73,10 @@ def findings(
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("image", type=Path)
-    parser.add_argument("--flash", type=int, metavar="BYTES", help="flash that the image may take")
-    parser.add_argument("--ram", type=int, metavar="BYTES", help=".data, .bss and the worst-case stack together")
-    parser.add_argument("--stack", type=int, metavar="BYTES", help="stack that the linker script reserves")
+    own = "; without it the linker script's"
+    parser.add_argument("--flash", type=int, metavar="BYTES", help=f"flash that the image may take{own}")
+    parser.add_argument("--ram", type=int, metavar="BYTES", help=f".data, .bss and the worst-case stack together{own}")
+    parser.add_argument("--stack", type=int, metavar="BYTES", help=f"stack that is reserved{own}")
     options = parser.parse_args()
     try:
         wrong, sizes = findings(options.image, options.flash, options.ram, options.stack)

@@ -77,16 +77,15 @@ def memory_table(elf: Elf) -> int:
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("image", type=Path, help="firmware.elf, changed in place")
-    parser.add_argument("--flash", type=int, metavar="BYTES", default=48 * 1024, help="flash that the image may take")
-    parser.add_argument("--ram", type=int, metavar="BYTES", default=10 * 1024, help="RAM, stack included")
     options = parser.parse_args()
     path: Path = options.image
     try:
         elf = Elf(path)
         image = flat_image(elf)
         ram = memory_table(elf)
-        print(f"  flash {len(image)} of {options.flash} bytes, RAM with stack {ram} of {options.ram} bytes")
-        if len(image) > options.flash or ram > options.ram:
+        limit = elf.limits
+        print(f"  flash {len(image)} of {limit['flash']} bytes, RAM with stack {ram} of {limit['ram']} bytes")
+        if len(image) > limit["flash"] or ram > limit["ram"]:
             raise ValueError("it is over its budget")
         finish(path, image)
     except PlumbError as error:

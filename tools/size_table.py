@@ -33,8 +33,6 @@ from plumb.errors import PlumbError, UsageError  # noqa: E402
 from plumb.flash.elf import OBJDUMP, CallGraph, Elf  # noqa: E402
 
 RAM_START = 0x20000000
-LIMITS = {"flash": 48 * 1024, "ram": 10 * 1024, "stack": 1536}
-"""Flash of the image; .data, .bss and the stack that is reserved; the worst-case stack in that reserve."""
 FIRMWARE = ("firmware", "CMakeLists.txt", "CMakePresets.json", "tools", "host/plumb")
 """Paths that an image depends on."""
 _PIECE = re.compile(r"^ (\.[\w.$]+|COMMON)\s+0x([0-9a-f]+)\s+0x([0-9a-f]+) (\S+)$", re.MULTILINE)
@@ -52,7 +50,8 @@ _PLACED = re.compile(
 )
 
 Sizes = dict[str, Any]
-"""totals, limits, and modules: name -> flash, ram, and items: name -> flash, ram, stack, deepest."""
+"""totals, limits, and modules: name -> flash, ram, and items: name -> flash, ram, stack, deepest. Totals and limits are
+the flash of the image; .data, .bss and the stack that is reserved; the worst-case stack in that reserve."""
 
 
 def module_of(place: str) -> str:
@@ -131,7 +130,7 @@ def sizes_of(elf: Path) -> Sizes:
                 item["stack"], item["deepest"] = stacks[name].depth_bytes, graph.stack_bytes(stacks[name].address)
     reserved = sum(section.size for section in graph.elf.sections if "stack" in section.name)
     totals = {"flash": graph.elf.flash_bytes, "ram": graph.elf.ram_bytes + reserved, "stack": graph.worst_stack_bytes()}
-    return {"totals": totals, "limits": LIMITS, "modules": modules}
+    return {"totals": totals, "limits": graph.elf.limits, "modules": modules}
 
 
 def module_table(sizes: Sizes, functions: bool) -> list[str]:
@@ -169,7 +168,8 @@ def differences(old: Sizes, new: Sizes) -> list[str]:
                 weight = abs(is_["flash"] - was["flash"]) + abs(is_["ram"] - was["ram"])
                 changed.append((weight, f"  {name:<26} {item:<30} {', '.join(parts)}"))
     lines = [line for _, line in sorted(changed, key=lambda entry: (-entry[0], entry[1]))]
-    totals = [f"{kind} {new['totals'][kind]} ({new['totals'][kind] - old['totals'][kind]:+d})" for kind in LIMITS]
+    was, now = old["totals"], new["totals"]
+    totals = [f"{kind} {now[kind]} ({now[kind] - was[kind]:+d})" for kind in now]
     return [*lines, ", ".join(totals)]
 
 
@@ -240,9 +240,10 @@ def main() -> int:
     except PlumbError as error:
         print(f"size_table: {error}", file=sys.stderr)
         return error.exit_code
-    over = [kind for kind, limit in LIMITS.items() if sizes["totals"][kind] > limit]
+    totals, limits = sizes["totals"], sizes["limits"]
+    over = [kind for kind in limits if totals[kind] > limits[kind]]
     for kind in over:
-        print(f"size_table: {kind} {sizes['totals'][kind]} is over its limit of {LIMITS[kind]}", file=sys.stderr)
+        print(f"size_table: {kind} {totals[kind]} is over its limit of {limits[kind]}", file=sys.stderr)
     return 1 if over else 0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -15,7 +16,7 @@ from plumb.flash.elf import CallGraph, Elf
 ROOT = Path(__file__).parents[2]
 CHECK = ROOT / "tools/check_elf.py"
 IMAGE = ROOT / "build/stm32f103/firmware.elf"
-FLASH_BYTES, RAM_BYTES = 48 * 1024, 10 * 1024
+LIMITS = "flash_budget = 64K; ram_budget = 20K; stack_bytes = 4K; "
 
 pytestmark = pytest.mark.skipif(shutil.which("arm-none-eabi-gcc") is None, reason="arm-none-eabi-gcc is not installed")
 
@@ -35,7 +36,7 @@ GOOD = "static int __attribute__((noinline)) work(int a) { return a * 3; }"
 def build(folder: Path, work: str) -> Path:
     (folder / "a.c").write_text(FRAME % work)
     (folder / "a.ld").write_text(
-        "SECTIONS { . = 0x08000000; .text : { KEEP(*(.vectors)) *(.text* .rodata*) }"
+        LIMITS + "SECTIONS { . = 0x08000000; .text : { KEEP(*(.vectors)) *(.text* .rodata*) }"
         " .ARM.exidx : { *(.ARM.exidx*) } . = 0x20000000; .data : { *(.data*) } .bss : { *(.bss* COMMON) } }"
     )
     return link(folder)
@@ -91,6 +92,18 @@ def test_a_budget_that_is_exceeded_is_named(tmp_path: Path, option: str, sentenc
     result = check(build(tmp_path, GOOD), option, "4")
     assert result.returncode == 1
     assert sentence in result.stderr
+
+
+def test_the_limits_of_the_linker_script_hold_without_options(tmp_path: Path) -> None:
+    for name, sentence in (("flash_budget", "of flash"), ("ram_budget", "of RAM"), ("stack_bytes", "of stack")):
+        script = build(tmp_path, GOOD).with_name("a.ld")
+        script.write_text(re.sub(rf"{name} = \w+;", f"{name} = 4;", script.read_text()))
+        result = check(link(tmp_path))
+        assert result.returncode == 1 and sentence in result.stderr
+    script.write_text(script.read_text().replace(LIMITS.split(";")[0], ""))
+    script.write_text(script.read_text().removeprefix(";"))
+    result = check(link(tmp_path))
+    assert result.returncode == 2 and "no symbol flash_budget" in result.stderr
 
 
 def test_worst_stack_is_call_chain_plus_handler_plus_fault(tmp_path: Path) -> None:
@@ -159,5 +172,5 @@ def test_files_that_are_no_image_are_refused_in_one_sentence(tmp_path: Path) -> 
 def test_the_flash_image_keeps_its_promises() -> None:
     if not IMAGE.is_file():
         pytest.skip("there is no flash image; build it with make image")
-    result = check(IMAGE, "--flash", str(FLASH_BYTES), "--ram", str(RAM_BYTES))
+    result = check(IMAGE)
     assert result.returncode == 0, result.stderr

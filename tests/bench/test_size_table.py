@@ -13,6 +13,9 @@ from typing import Any
 
 import pytest
 
+from plumb.flash.elf import Elf
+from support.linked_images import with_flash_limit
+
 ROOT = Path(__file__).parents[2]
 IMAGE = ROOT / "build/stm32f103/firmware.elf"
 TOOL = ROOT / "tools/size_table.py"
@@ -63,7 +66,7 @@ def test_functions_and_variables_stand_with_the_file_they_are_from(tool: ModuleT
 def test_the_build_left_the_table_beside_the_image(tool: ModuleType) -> None:
     left = json.loads(IMAGE.with_suffix(".size.json").read_text())
     assert left["totals"] == tool.sizes_of(IMAGE)["totals"]
-    assert left["limits"] == {"flash": 49152, "ram": 10240, "stack": 1536}
+    assert left["limits"] == Elf(IMAGE).limits
     assert all(left["totals"][kind] <= limit for kind, limit in left["limits"].items())
 
 
@@ -90,13 +93,11 @@ def test_differences_are_named_largest_first(tool: ModuleType) -> None:
 
 
 @needs_image
-def test_over_a_limit_is_exit_1(tool: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: Any, tmp_path: Path) -> None:
+def test_over_the_limit_that_the_image_carries_is_exit_1(tmp_path: Path) -> None:
     for suffix in (".elf", ".map"):
         shutil.copy(IMAGE.with_suffix(suffix), tmp_path)
-    monkeypatch.setitem(tool.LIMITS, "flash", 1000)
-    monkeypatch.setattr(sys, "argv", ["size_table", str(tmp_path / "firmware.elf")])
-    assert tool.main() == 1
-    assert "is over its limit of 1000" in capsys.readouterr().err
+    answer = run(str(with_flash_limit(tmp_path / "firmware.elf", 1000)))
+    assert answer.returncode == 1 and "is over its limit of 1000" in answer.stderr
 
 
 @needs_image

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import struct
 import subprocess
@@ -11,6 +12,8 @@ import zlib
 from pathlib import Path
 
 import pytest
+
+from support.linked_images import with_flash_limit
 
 ROOT = Path(__file__).parents[2]
 BUILD = ROOT / "build/stm32f103"
@@ -97,15 +100,31 @@ def test_same_sources_same_bytes_wherever_they_are_built(tmp_path: Path) -> None
     assert str(tmp_path).encode() not in results[0][2]
 
 
-def _run_finish(elf: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, str(FINISH), str(elf), *options], capture_output=True, text=True)
+def test_the_linker_says_by_how_many_bytes_and_what_to_leave_out(tmp_path: Path, image: bytes) -> None:
+    budget_bytes = (len(image) - 1000) // 4 * 4
+    source = ROOT / "firmware/ports/stm32f103/stm32f103.ld"
+    script = re.sub(r"^flash_budget = \w+;$", f"flash_budget = {budget_bytes};", source.read_text(), flags=re.M)
+    (tmp_path / "small.ld").write_text(script)
+    asked = ["ninja", "-t", "commands", "firmware.elf"]
+    link = subprocess.run(asked, cwd=BUILD, capture_output=True, text=True, check=True).stdout.splitlines()[-1]
+    link = link.split("&&")[1].replace(str(source), str(tmp_path / "small.ld"))
+    link = link.replace("-o firmware.elf", "-o over.elf").replace("firmware.map", "over.map")
+    linked = subprocess.run(link, shell=True, cwd=BUILD, capture_output=True, text=True)
+    assert linked.returncode == 1 and not (BUILD / "over.elf").exists()
+    assert f"`FLASH' overflowed by {len(image) - budget_bytes} bytes" in linked.stderr
+    assert "-DPLUMB_SYSTEMS=" in linked.stderr
+
+
+def _run_finish(elf: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, str(FINISH), str(elf)], capture_output=True, text=True)
 
 
 def test_over_budget_and_foreign_files_are_refused(tmp_path: Path) -> None:
     elf = tmp_path / "firmware.elf"
     shutil.copy(BUILD / "firmware.elf", elf)
     assert _run_finish(elf).returncode == 0
-    small = _run_finish(elf, "--flash", "1000")
+    shutil.copy(elf, tmp_path / "small.elf")
+    small = _run_finish(with_flash_limit(tmp_path / "small.elf", 1000))
     assert small.returncode == 1 and "over its budget" in small.stderr
     broken = bytearray(elf.read_bytes())
     broken[18:20] = b"\x3e\x00"  # x86-64

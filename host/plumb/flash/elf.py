@@ -127,6 +127,13 @@ class Elf:
         raise UsageError(f"{self.path.name} holds nothing at 0x{address:08x}")
 
     @property
+    def limits(self) -> dict[str, int]:
+        """What the image may take, in bytes, as its linker script says: flash, ram (data and reserved stack), and stack
+        (the reserve). Raises UsageError for a file that was linked by another script."""
+        names = {"flash": "flash_budget", "ram": "ram_budget", "stack": "stack_bytes"}
+        return {kind: self.symbol(name).address for kind, name in names.items()}
+
+    @property
     def flash_bytes(self) -> int:
         """Size in flash: everything that is loaded, initial values of variables included."""
         return sum(len(segment.data) for segment in self.segments)
