@@ -1,10 +1,8 @@
 """The floors of host/plumb: a module imports its own floor and those below it, and floors have no circles.
 
 The order is that of the data: what is given, the kernels, the link, the chip, the systems, the boards, the proof, what
-feeds them, and what people call. An import inside a function counts like one at the top of the file; one for types
-alone counts too. Plots and figures of a system lie in its folder, so that a system is one folder, and stand on the
-floor of the proof, which loads them by name. Where its samples come from stands on the floor of the inputs; its own
-commands, and what it has for single commands, on the floor of those.
+feeds them, what learns from them, and what people call. An import inside a function counts like one at the top of the
+file; one for types alone counts too. What judges a system is loaded by name, so it stands above all that it uses.
 """
 
 from __future__ import annotations
@@ -18,20 +16,10 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "host" / "plumb"
 FLOORS = [
     "checkout", "version", "__init__", "process_signals", "errors", "extras", "near_names", "files", "spec", "physics",
-    "kernels", "tuning", "link", "flash", "f103", "systems", "boards", "proof", "inputs", "bench", "api", "aio",
-    "cockpit", "cli", "pytest_plugin", "__main__",
+    "kernels", "tuning", "link", "flash", "f103", "systems", "boards", "proof", "inputs", "analyses", "bench", "api",
+    "aio", "cockpit", "cli", "pytest_plugin", "judging", "__main__",
 ]  # fmt: skip
 """From the ground up."""
-PARTS = {
-    "plots": "proof",
-    "figures": "proof",
-    "inputs": "inputs",
-    "replay": "inputs",
-    "compare": "inputs",
-    "demo": "cli",
-    "commands": "cli",
-}
-"""Parts of a system that stand on another floor than its folder."""
 CHIP = {"plumb.errors", "plumb.extras", "plumb.process_signals", "plumb.flash.image", "plumb.flash.rom_model"}
 """What the simulated chip may import besides itself: image files, the ROM loader, errors."""
 
@@ -43,8 +31,6 @@ def modules() -> list[str]:
 def floor_of(dotted: str) -> str:
     """`plumb.link.session` -> `link`; a name of the package itself, like `plumb.__version__`, -> `__init__`."""
     parts = dotted.removesuffix(".__version__").split(".")
-    if parts[1:2] == ["systems"] and parts[3:]:
-        return PARTS.get(parts[3], "systems")
     return parts[1] if len(parts) > 1 else "__init__"
 
 

@@ -193,7 +193,7 @@ def main() -> int:
         print(f"{sum(len(found) for _, found in rows)} runs, {missed} outside their limits")
         return 1 if missed else 0
     for name in given.system:
-        path = declarations.system(name).folder / limits.FILE
+        path = declarations.system(name).judging / limits.FILE
         path.write_text(tables(name, [row for row in rows if row[0].system == name]))
         print(path)
     return 0

@@ -16,9 +16,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 from plumb import systems
+from plumb.analyses.identification import loop_test, pid_tuning, plant_fit
+from plumb.analyses.identification.pid_design import Wanted
 from plumb.boards.virtual import VirtualBoard
-from plumb.inputs.identification import loop_test, pid_tuning, plant_fit
-from plumb.inputs.identification.pid_design import Wanted
 from plumb.proof import loop_figures
 from plumb.spec import declarations
 from plumb.systems.contracts import tuning_for
@@ -66,7 +66,7 @@ def main() -> int:
     check, wrong = parser.parse_args().check, False
     loops = [(system, loop) for system in declarations.names() for loop in loop_figures.identified(system)]
     for system, loop in loops:
-        path: Path = declarations.system(system).folder / loop_figures.FILE
+        path: Path = declarations.system(system).judging / loop_figures.FILE
         found = identify(system)
         if not check:
             path.write_text(text(loop, found), encoding="utf-8")

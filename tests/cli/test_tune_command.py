@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from plumb import __main__ as front
-from plumb.inputs.identification import chosen_settings, rest
+from plumb.analyses.identification import chosen_settings, rest
 from plumb.systems.quad.scenarios import TUNINGS, scenario
 from plumb.tuning.quantise import quantise
 from support.recordings import log_of_counts, recorded_run

@@ -20,6 +20,7 @@ from plumb.link.lockstep import sample_frames
 from plumb.link.session import Session
 from plumb.link.transports.open_bus import open_bus, serve_bus
 from plumb.link.transports.server_endpoint import TcpEndpoint
+from plumb.spec import dbc
 from plumb.spec.protocol import protocol
 from plumb.systems.quad import scenarios as quad
 from plumb.systems.quad.plant import QuadPlant
@@ -69,7 +70,12 @@ class ServedSensors:
         scenario = quad.scenario("hold", 1000, period_us=quad.PERIOD_US)
         self.bus, self.held, self._done = bus, False, threading.Event()
         self.board = SensorBoard(
-            bus, lambda: quad.plant(scenario, open_loop=True), quad.PERIOD_US, quad.OUTPUT_FRAMES, clock, greet=greet
+            bus,
+            lambda: quad.plant(scenario, open_loop=True),
+            quad.PERIOD_US,
+            dbc.output_frames("quad"),
+            clock,
+            greet=greet,
         )
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
@@ -257,7 +263,7 @@ def test_the_plant_rests_until_armed_and_is_reset_after_a_disarm() -> None:
         bus,
         lambda: Noted(quad.scenario("hold", 1, period_us=quad.PERIOD_US)),
         quad.PERIOD_US,
-        quad.OUTPUT_FRAMES,
+        dbc.output_frames("quad"),
         clock=lambda: 0.02 * len(times),
         rest_s=2.0,
     )

@@ -9,6 +9,7 @@ from plumb.f103.core.timeline import TICKS_PER_S
 from plumb.inputs.sensor_board import SensorBoard
 from plumb.link.real_time_watch import RealTimeWatch
 from plumb.link.transports.open_bus import serve_bus
+from plumb.spec import dbc
 from plumb.systems.quad import scenarios as quad
 
 
@@ -86,7 +87,7 @@ def test_the_sensor_board_says_that_this_machine_is_too_slow() -> None:
     with serve_bus("udp:0") as bus:
         scenario = quad.scenario("hold", 1000, period_us=quad.PERIOD_US)
         board = SensorBoard(
-            bus, lambda: quad.plant(scenario), quad.PERIOD_US, quad.OUTPUT_FRAMES, clock, say=said.append
+            bus, lambda: quad.plant(scenario), quad.PERIOD_US, dbc.output_frames("quad"), clock, say=said.append
         )
         board.run(lambda: now_s > 8.0)
     assert board.late > 0

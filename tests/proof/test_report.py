@@ -15,8 +15,8 @@ import pytest
 
 from plumb.boards.native import NativeBoard
 from plumb.errors import UsageError
+from plumb.judging.quad import plots as quad_plots
 from plumb.proof import report, runs, svg_plot
-from plumb.systems.quad import plots as quad_plots
 from plumb.systems.quad.scenarios import TUNINGS
 from plumb.systems.quad.scenarios import scenario as quad_scenario
 from plumb.tuning.quantise import quantise

@@ -17,7 +17,8 @@ TOY = Path(__file__).resolve().parents[1] / "toy_systems" / "toy" / "system.toml
 
 
 def load(folder: Path, text: str) -> System:
-    shutil.copytree(TOY.parent / "commands", folder / "toy" / "commands")
+    shutil.copytree(TOY.parents[1] / "judging", folder / "judging")
+    (folder / "toy").mkdir()
     (folder / "toy" / "system.toml").write_text(text, encoding="utf-8")
     return declarations.load_system(folder / "toy")
 

@@ -86,7 +86,8 @@ def without_quad(tmp_path_factory: pytest.TempPathFactory) -> Plumb:
     shutil.copytree(
         ROOT, copy, ignore=shutil.ignore_patterns(".git", ".venv", "build", "out", "__pycache__", ".*_cache")
     )
-    shutil.rmtree(copy / "host" / "plumb" / "systems" / "quad")
+    for place in ("systems", "judging"):
+        shutil.rmtree(copy / "host" / "plumb" / place / "quad")
     for path in [path for name in ("quad", "quad_tunings") for path in (copy / "firmware").rglob(f"{name}.[ch]")]:
         path.unlink()
     python = folder / "python"
@@ -103,7 +104,7 @@ def sources() -> list[Path]:
     found = [ROOT / "CMakeLists.txt", ROOT / "tests/c/CMakeLists.txt"]
     for folder, suffixes in folders.items():
         found += [path for path in sorted((ROOT / folder).rglob("*")) if path.suffix in suffixes]
-    own = [declared.folder for declared in declarations.systems().values()]
+    own = [folder for declared in declarations.systems().values() for folder in (declared.folder, declared.judging)]
     for name in declarations.names():
         own += [*(ROOT / "firmware").rglob(f"{name}.[ch]"), *(ROOT / "firmware").rglob(f"{name}_tunings.[ch]")]
     # README, its picture, the page of the commands and the first header of the C library show a system as their example

@@ -9,9 +9,9 @@ import pytest
 
 from plumb.boards import native_core
 from plumb.errors import UsageError
+from plumb.judging.phone import figures as phone_figures
 from plumb.physics import disturbance
 from plumb.proof.figures import UNASKED, Figure
-from plumb.systems.phone import figures as phone_figures
 from plumb.systems.phone import scenarios as phone
 from plumb.tuning import quantise
 

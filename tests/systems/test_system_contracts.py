@@ -13,10 +13,10 @@ from types import ModuleType
 import pytest
 
 from plumb import systems
+from plumb.analyses.comparison.contenders import COMPARE
 from plumb.boards.plant_on_pins import coupler
 from plumb.cli.demo import DEMO
 from plumb.errors import UsageError
-from plumb.inputs.comparison.contenders import COMPARE
 from plumb.inputs.replay import REPLAY
 from plumb.proof.figures import FIGURES
 from plumb.proof.runs import PLOTS
@@ -105,13 +105,13 @@ def plumb(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_a_command_says_in_one_sentence_what_a_system_lacks(tmp_path: Path) -> None:
-    shutil.copytree(TOY, tmp_path / "toy")
+    shutil.copytree(TOY.parent, tmp_path, dirs_exist_ok=True)
     scenarios = tmp_path / "toy" / "scenarios.py"
-    scenarios.write_text(scenarios.read_text().replace("START_NOTES", "STARTING_NOTES").replace("def plant(", "def p("))
+    scenarios.write_text(scenarios.read_text().replace("TUNING_NOTES", "TUNED_NOTES").replace("def plant(", "def p("))
     done = plumb(tmp_path, "systems", "--system", "toy")
     assert done.returncode == 2 and not done.stdout
     assert done.stderr.strip().count("\n") == 0
-    assert f"{scenarios} lacks START_NOTES, plant(); CONTRIBUTING.md" in done.stderr
+    assert f"{scenarios} lacks TUNING_NOTES, plant(); CONTRIBUTING.md" in done.stderr
     (tmp_path / "toy" / "scenarios.py").unlink()
     assert "toy has no scenarios.py: every system has this file" in plumb(tmp_path, "systems", "--system", "toy").stderr
 

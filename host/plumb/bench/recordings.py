@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from plumb import systems
+from plumb.analyses.comparison.contenders import COMPARE
+from plumb.analyses.comparison.samples import SIXTEEN_BITS, motion_of, sampled
 from plumb.bench.bench import StepDriver
 from plumb.bench.instruction_counter import Counter, Image
 from plumb.inputs import recording
-from plumb.inputs.comparison.contenders import COMPARE
-from plumb.inputs.comparison.samples import SIXTEEN_BITS, motion_of, sampled
 from plumb.spec import declarations
 
 CHUNK = 500

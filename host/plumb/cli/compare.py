@@ -44,13 +44,13 @@ def main(arguments: argparse.Namespace) -> int:
 
     from tqdm import tqdm
 
+    from plumb.analyses.comparison import page
+    from plumb.analyses.comparison.contenders import contenders
+    from plumb.analyses.comparison.grades import AS_RECORDED, GRADES
+    from plumb.analyses.comparison.samples import motion_of
+    from plumb.analyses.comparison.table import Input, compare, runs
     from plumb.errors import ExitCode, UsageError
     from plumb.inputs import recording
-    from plumb.inputs.comparison import page
-    from plumb.inputs.comparison.contenders import contenders
-    from plumb.inputs.comparison.grades import AS_RECORDED, GRADES
-    from plumb.inputs.comparison.samples import motion_of
-    from plumb.inputs.comparison.table import Input, compare, runs
     from plumb.proof import table_text
 
     grades = list(dict.fromkeys(arguments.grade or [AS_RECORDED]))

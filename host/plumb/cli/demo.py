@@ -35,7 +35,7 @@ class Demo(Protocol):
         """Estimate -> (rms, largest) error of the tilt in deg."""
 
 
-DEMO = Part[Demo]("demo", Demo, without="it has no demo")
+DEMO = Part[Demo]("demo", Demo, without="it has no demo", place="judging")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -40,9 +40,9 @@ from typing import TYPE_CHECKING
 from plumb.cli import options
 
 if TYPE_CHECKING:
+    from plumb.analyses.identification.loop_test import LoopRun
+    from plumb.analyses.identification.pid_design import Wanted
     from plumb.boards import Board
-    from plumb.inputs.identification.loop_test import LoopRun
-    from plumb.inputs.identification.pid_design import Wanted
     from plumb.proof.report import Plot, Table
     from plumb.proof.xy_plot import XyPlot
     from plumb.tuning.quantise import ControlParams
@@ -145,7 +145,7 @@ def require_writable(folder: Path) -> None:
 def tune_noise(arguments: argparse.Namespace) -> bool:
     """Whether the board can hold what was found."""
     from plumb import systems
-    from plumb.inputs.identification import noise, noise_page, rest
+    from plumb.analyses.identification import noise, noise_page, rest
 
     whole = rest.load(arguments.recording)
     if arguments.begin is None and arguments.end is None:
@@ -172,7 +172,7 @@ def tune_filter(arguments: argparse.Namespace) -> bool:
     from tqdm import tqdm
 
     from plumb import systems
-    from plumb.inputs.identification import filter_inputs, filter_page, likelihood, rest
+    from plumb.analyses.identification import filter_inputs, filter_page, likelihood, rest
 
     path = arguments.recording
     system = arguments.system or ("" if rest.is_log(path) else systems.default_for("replay"))
@@ -196,7 +196,7 @@ def tune_pid(arguments: argparse.Namespace) -> bool:
     """Whether there are gains with the wanted margins."""
     from dataclasses import replace
 
-    from plumb.inputs.identification import pid_page, pid_tuning
+    from plumb.analyses.identification import pid_page, pid_tuning
     from plumb.tuning.quantise import quantise
 
     wanted = wanted_of(arguments)
@@ -228,8 +228,8 @@ def tune_pid(arguments: argparse.Namespace) -> bool:
 
 def wanted_of(arguments: argparse.Namespace) -> Wanted:
     """The wanted margins; raises UsageError for numbers that make no sense."""
+    from plumb.analyses.identification.pid_design import Wanted
     from plumb.errors import UsageError
-    from plumb.inputs.identification.pid_design import Wanted
 
     for name, low, high in (
         ("amplitude", 0.1, 20.0),
@@ -246,9 +246,9 @@ def wanted_of(arguments: argparse.Namespace) -> Wanted:
 
 def require_consent(arguments: argparse.Namespace) -> None:
     """Raises UsageError unless the user has said that a real machine may move."""
+    from plumb.analyses.identification.loop_test import BOARD_SETTLE_S
+    from plumb.analyses.identification.plant_fit import REPEAT_S
     from plumb.errors import UsageError
-    from plumb.inputs.identification.loop_test import BOARD_SETTLE_S
-    from plumb.inputs.identification.plant_fit import REPEAT_S
 
     if arguments.system or arguments.tuning or arguments.period_us or arguments.live:
         raise UsageError(
@@ -267,9 +267,9 @@ def simulated_test(arguments: argparse.Namespace, board: Board, params: ControlP
     from dataclasses import replace
 
     from plumb import systems
+    from plumb.analyses.identification import chosen_settings, loop_test, plant_fit
     from plumb.boards.link import LinkBoard
     from plumb.errors import UsageError
-    from plumb.inputs.identification import chosen_settings, loop_test, plant_fit
     from plumb.systems.contracts import tuning_for
     from plumb.tuning.quantise import quantise
 
@@ -293,9 +293,9 @@ def simulated_test(arguments: argparse.Namespace, board: Board, params: ControlP
 
 def machine_test(arguments: argparse.Namespace, board: Board) -> LoopRun:
     """The test on a real board, with the parameters that it has."""
+    from plumb.analyses.identification import loop_test, plant_fit
     from plumb.boards.link import LinkBoard
     from plumb.errors import UsageError
-    from plumb.inputs.identification import loop_test, plant_fit
     from plumb.link import parameter_table
     from plumb.spec.parameter_file import by_name
     from plumb.tuning.quantities import control_of

@@ -67,7 +67,7 @@ def command_module(name: str) -> ModuleType:
 
     for system in declarations.systems().values():
         if name in system.commands:
-            return importlib.import_module(f"plumb.systems.{system.name}.commands.{name.replace('-', '_')}")
+            return importlib.import_module(f"plumb.judging.{system.name}.commands.{name.replace('-', '_')}")
     raise UsageError(f"there is no command '{name}'{did_you_mean(name, commands())}; `plumb --help` lists them.")
 
 

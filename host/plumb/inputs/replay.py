@@ -54,7 +54,7 @@ class Replayed(Protocol):
         """Inputs, parameters, and the first entries of the summary; its "warnings" are sentences for the user."""
 
 
-REPLAY = Part[Replayed]("replay", Replayed, without="no recording can be made its inputs")
+REPLAY = Part[Replayed]("replay", Replayed, without="no recording can be made its inputs", place="judging")
 
 
 @dataclass(frozen=True)

@@ -93,7 +93,9 @@ class FigureSections(Protocol):
         """Name -> function that gives the panels of a figure of the source, reproduced; {}: the source has none."""
 
 
-FIGURES = Part[FigureSections]("figures", FigureSections, without="there is nothing that it was asked to reach")
+FIGURES = Part[FigureSections](
+    "figures", FigureSections, without="there is nothing that it was asked to reach", place="judging"
+)
 
 
 def _part(name: str) -> FigureSections | None:

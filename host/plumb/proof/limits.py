@@ -53,7 +53,7 @@ Limits = Mapping[tuple[str, str, str], Sequence[Limit]]
 
 @cache
 def _file(system: str) -> object:
-    path = declarations.system(system).folder / FILE
+    path = declarations.system(system).judging / FILE
     return tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
 
 

@@ -50,7 +50,7 @@ def rows(
 
 def identified(system: str) -> Mapping[str, Margins]:
     """Loop -> its margins on the flash image, as margins.toml has them; {} for a system without the file."""
-    path = declarations.system(system).folder / FILE
+    path = declarations.system(system).judging / FILE
     if not path.is_file():
         return {}
     tables = tomllib.loads(path.read_text(encoding="utf-8"))

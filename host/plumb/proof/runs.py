@@ -51,7 +51,7 @@ class RunPlots(Protocol):
         """The panels of the report. closed: the loop was closed."""
 
 
-PLOTS = Part[RunPlots]("plots", RunPlots)
+PLOTS = Part[RunPlots]("plots", RunPlots, place="judging")
 
 
 def prescribed(scenario: Scenario) -> RunInputs:

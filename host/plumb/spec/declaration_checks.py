@@ -143,17 +143,17 @@ def _check_parameters(system: System) -> None:
 
 
 def _check_folder(system: System) -> None:
-    """Raises UsageError for a command or a part that the declaration names and the folder lacks."""
+    """Raises UsageError for a command or a part that the declaration names and its folders lack."""
     for name, text in system.commands.items():
         _check_text(f"command {name}", text)
         if not _COMMAND.fullmatch(name):
             raise UsageError(f"commands: {name!r:.40} is no name: small letters, digits and -")
         module = f"commands/{name.replace('-', '_')}.py"
-        if not (system.folder / module).is_file():
+        if not (system.judging / module).is_file():
             raise UsageError(f"commands: {name} is {module}, which is missing")
     for part in system.default_for:
         _check_text("default_for", part, _LOWER)
-        if not (system.folder / f"{part}.py").is_file():
+        if not any((folder / f"{part}.py").is_file() for folder in (system.folder, system.judging)):
             raise UsageError(f"default_for: {part} is {part}.py, which is missing")
 
 

@@ -17,6 +17,7 @@ TomlTable = Mapping[str, Any]  # Any: values as TOML gives them; they are checke
 """A table of a declaration."""
 
 SHIPPED = PACKAGE / "systems"
+JUDGING = PACKAGE / "judging"
 """Where the systems of this package are."""
 RAW_CHANNELS = 6
 """Number of raw counts in every record; a system uses the first ones, one for each of its channels."""
@@ -117,7 +118,7 @@ class System:
     period: the parameter that holds the period of a step in s.
     groups: shared parameter groups that the step reads; parameters: rows of the system's own groups; all_groups: both.
     structs: group -> C struct of the kernel that reads it; includes: headers of those structs.
-    commands: the system's own commands, name -> one sentence; their modules are in its folder `commands`.
+    commands: the system's own commands, name -> one sentence; their modules are in the folder `commands` of judging.
     default_for: parts (`replay`, `demo`) for which this system is the default of the command.
     """
 
@@ -149,6 +150,11 @@ class System:
     def shipped(self) -> bool:
         """True for a system of this package, False for one on PLUMB_SYSTEM_PATH."""
         return self.folder.parent == SHIPPED
+
+    @property
+    def judging(self) -> Path:
+        """The folder of what judges the system: plots, figures, limits, comparisons, commands. It may be missing."""
+        return (JUDGING if self.shipped else self.folder.parent / JUDGING.name) / self.name
 
     @property
     def all_groups(self) -> tuple[str, ...]:

@@ -1,4 +1,6 @@
-"""Load a module of a system's folder and check it against its contract.
+"""Load a module of a system's folders and check it against its contract.
+
+A system has two folders: `systems/NAME` with what its step needs, `judging/NAME` with what judges it.
 
 A contract is a Protocol, declared beside the code that uses the module: `plumb.systems.contracts` for scenarios, pins
 and steps, one each in `plumb.tuning.quantise`, `plumb.proof` and `plumb.cli`. A system is chosen by name at run time,
@@ -9,39 +11,51 @@ from __future__ import annotations
 
 import importlib
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Generic, Protocol, TypeVar, cast
 
 from plumb.errors import UsageError
 from plumb.spec import declarations
+from plumb.spec.system import System
 
 P = TypeVar("P", covariant=True)
 
 
 @dataclass(frozen=True)
 class Part(Generic[P]):
-    """A module of a system's folder.
+    """A module of one of a system's folders.
 
     name: of its file, without .py. contract: the Protocol P that it implements. without: what a system without this
-    part cannot do, for the UsageError; "" for a part that every system must have.
+    part cannot do, for the UsageError; "" for a part that every system must have. place: the folder, `systems` or
+    `judging`. defaults: name of the system -> values of the names that a module may leave out.
     """
 
     name: str
     contract: type
     without: str = ""
+    place: str = "systems"
+    defaults: Callable[[str], Mapping[str, object]] | None = None
+
+    def path(self, system: System) -> Path:
+        """The file, whether the system has it or not."""
+        return (system.folder if self.place == "systems" else system.judging) / f"{self.name}.py"
 
 
 def load(system: str, part: Part[P]) -> P:
     """The part of a system. Raises UsageError for an unknown system, a missing part, and a module that does not fulfil
     the contract."""
     declared = declarations.system(system)
-    if not (declared.folder / f"{part.name}.py").is_file():
+    if not part.path(declared).is_file():
         reason = part.without or "every system has this file: CONTRIBUTING.md, 'Add a system', says what it offers"
         raise UsageError(f"{system} has no {part.name}.py: {reason}")
-    module = importlib.import_module(f"plumb.systems.{system}.{part.name}")
+    module = importlib.import_module(f"plumb.{part.place}.{system}.{part.name}")
+    if part.defaults is not None:
+        for name, value in part.defaults(system).items():
+            vars(module).setdefault(name, value)
     check(module, part.contract)
     return cast(P, module)
 

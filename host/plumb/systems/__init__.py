@@ -1,7 +1,7 @@
 """The systems: published designs, each with its plant, sensors, scenarios and tunings.
 
-A system X is the folder systems/X and its step in C (firmware/systems/X.c, firmware/include/plumb/X.h). The contract of
-a module is a Protocol, given below in parentheses; `load` checks the module against it.
+A system X is the folder systems/X, its step in C (firmware/systems/X.c, firmware/include/plumb/X.h) and what judges it
+(plumb.judging). The contract of a module is a Protocol, given below in parentheses; `load` checks the module.
 
     system.toml   its declaration: record, parameters, raw channels, frames (plumb.spec.declarations)
     fixed.py      the step in integers, for bit-exact comparison with the C (contracts.FixedStep)
@@ -9,19 +9,12 @@ a module is a Protocol, given below in parentheses; `load` checks the module aga
     tuning.py     the tuning of a run in engineering units; settings of kernels are in plumb.spec.tuning
     quantise.py   engineering units to parameters, and back (plumb.tuning.quantise.Quantiser)
     scenarios.py  scenarios, tunings and the plant (contracts.System)
-    plots.py      metrics and plots of a run (plumb.proof.runs.RunPlots)
 
 optional:
 
     pins.py       the plant on the pins of the virtual board (contracts.Pins), unless samples only arrive as frames
     poses.py      how it is held to calibrate its sensors (contracts.Poses)
-    figures.py    targets and reached figures (plumb.proof.figures.FigureSections)
     wiring.py     the wiring of the board, for the drawings (plumb.systems.wiring.WiringDrawings)
-    replay.py     recordings of real sensors as inputs of a run (plumb.inputs.replay.Replayed)
-    compare.py    its vertical, for comparison with published algorithms (plumb.inputs.comparison.contenders.Compared)
-    demo.py       the run that `plumb demo` shows (plumb.cli.demo.Demo)
-    commands/     the system's own commands, as system.toml declares them; modules like those of plumb.cli
-    inputs/       further sources of samples
 
 Folders of systems on PLUMB_SYSTEM_PATH are modules of this package, too.
 """
@@ -58,9 +51,11 @@ def load(name: str, part: Part[P] | None = None) -> System | P:
 
 
 def with_part(part: str) -> tuple[str, ...]:
-    """Systems whose folder has that module, in the order of their numbers."""
+    """Systems with a module of that name, in either folder, in the order of their numbers."""
     return tuple(
-        name for name, declared in declarations.systems().items() if (declared.folder / f"{part}.py").is_file()
+        name
+        for name, declared in declarations.systems().items()
+        if any((folder / f"{part}.py").is_file() for folder in (declared.folder, declared.judging))
     )
 
 

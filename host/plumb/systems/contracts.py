@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar, runtime_checkab
 import numpy as np
 import numpy.typing as npt
 
+from plumb.errors import UsageError
 from plumb.kernels.fixed.kernels import Params
 from plumb.kernels.integers import Integer
 from plumb.physics.disturbance import Request
+from plumb.spec import dbc
 from plumb.spec.arrays import FloatArray
 from plumb.spec.system_parts import Part
 from plumb.spec.tuning import AnyTuning, Start
@@ -109,7 +111,7 @@ class Plant(Protocol):
 
 
 class System(Protocol):
-    """scenarios.py: the scenarios, tunings and plant of a system. A mapping without entries is empty, never absent."""
+    """scenarios.py: the scenarios, tunings and plant of a system. `absent` has the names that it may leave out."""
 
     @property
     def SCENARIOS(self) -> Mapping[str, str]:
@@ -357,7 +359,30 @@ class ReferenceModel(Protocol):
         default 0."""
 
 
-SCENARIOS = Part[System]("scenarios", System)
+def absent(name: str) -> dict[str, object]:
+    """What scenarios.py of a system may leave out: link parameters, start-up modes, conditions and faults, if there are
+    none, and the outputs, which system.toml declares."""
+
+    def faults(requests: Sequence[Request]) -> Sequence[object]:
+        if requests:
+            raise UsageError(f"{name} has no faults")
+        return ()
+
+    frames = dbc.output_frames(name)
+    return {
+        "LINK": {},
+        "STARTS": {},
+        "START_NOTES": {},
+        "CONDITIONS": {},
+        "FAULTS": {},
+        "FAULT_CHANNELS": (),
+        "OUTPUT_FRAMES": frames,
+        "OUTPUTS": tuple(frames),
+        "faults": faults,
+    }
+
+
+SCENARIOS = Part[System]("scenarios", System, defaults=absent)
 FIXED = Part[FixedStep]("fixed", FixedStep)
 REFERENCE = Part[ReferenceModel]("reference", ReferenceModel)
 PINS = Part[Pins]("pins", Pins, without="the board has no sensors of its own for it, its samples come as frames")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +10,6 @@ import numpy.typing as npt
 from plumb.systems.toy.tuning import PERIOD_US, ToyTuning
 
 from plumb.errors import UsageError
-from plumb.physics.disturbance import Request
-from plumb.spec import dbc
 from plumb.systems import scoring
 
 SCENARIOS = {"jumps": "between 1000 and 3000 counts, every second"}
@@ -20,20 +18,6 @@ DEFAULT_SCENARIO = "jumps"
 TUNINGS = {"slow": ToyTuning(), "fast": ToyTuning(share=0.5)}
 TUNING_NOTES = {"slow": "a tenth of each count", "fast": "half of each count"}
 DEFAULT_TUNING = "slow"
-STARTS: dict[str, object] = {}
-START_NOTES: dict[str, str] = {}
-CONDITIONS: dict[str, str] = {}
-FAULTS: dict[str, str] = {}
-FAULT_CHANNELS: tuple[str, ...] = ()
-OUTPUT_FRAMES = dbc.output_frames("toy")
-OUTPUTS = tuple(OUTPUT_FRAMES)
-LINK: dict[str, int] = {}
-
-
-def faults(requests: Sequence[Request]) -> tuple[object, ...]:
-    if requests:
-        raise UsageError("toy has no faults")
-    return ()
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,8 @@ import numpy.typing as npt
 from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
 from plumb.physics.sensors import FAULT_NOTES, Fault, fault_of
-from plumb.spec import dbc
 from plumb.spec.arrays import FloatArray
-from plumb.spec.tuning import Channel, Start
+from plumb.spec.tuning import Channel
 from plumb.systems import scoring
 from plumb.systems.attitude import motion
 from plumb.systems.attitude.quantise import PERIODS_US
@@ -118,14 +117,8 @@ TUNING_NOTES = {
     ONE_CHIP: "MPU-6050 at 16.4 counts per deg/s and 2048 counts per g",
 }
 DEFAULT_TUNING = "standard"
-STARTS: dict[str, Start] = {}
-START_NOTES: dict[str, str] = {}
-CONDITIONS: dict[str, str] = {}
 FAULT_CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 FAULTS = FAULT_NOTES
-OUTPUT_FRAMES = dbc.output_frames("attitude")
-OUTPUTS = tuple(OUTPUT_FRAMES)
-LINK: dict[str, int] = {}
 
 
 def faults(requests: Sequence[Request]) -> tuple[Fault, ...]:

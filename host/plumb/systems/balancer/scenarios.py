@@ -22,7 +22,6 @@ import numpy.typing as npt
 from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
 from plumb.physics.sensors import FAULT_NOTES, Adxl345, Fault, Itg3205, Push, faults_of
-from plumb.spec import dbc
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Calibration, Kalman, Pid, Start, Trust
 from plumb.systems import scoring
@@ -55,9 +54,6 @@ SCENARIOS = {
 PUSHED = ("rough", "push:6@40-40.15")
 """Scenario and push that the system's page shows."""
 DEFAULT_SCENARIO, DEFAULT_TUNING = "rough", "tuned"
-OUTPUT_FRAMES = dbc.output_frames("balancer")
-OUTPUTS = tuple(OUTPUT_FRAMES)
-CONDITIONS: dict[str, str] = {}
 FAULT_CHANNELS = ("gyro", "accel_x", "accel_z", "hall")
 FAULTS = {**FAULT_NOTES, "push": "an acceleration of the axle in m/s^2 more, closed loop, for example push:6@15-15.15"}
 SECONDS = {"rough": 120.0, "smooth": 120.0, "endure": 600.0, "rocked": 20.0}
@@ -101,8 +97,6 @@ TUNING_NOTES = {
     "paper_rule": "arctan, Q of the bias three orders of magnitude below Q of the angle",
     "paper_rule_wheel": "tuned, with that rule",
 }
-STARTS: dict[str, Start] = {}
-START_NOTES: dict[str, str] = {}
 
 
 def faults(requests: Sequence[Request]) -> tuple[Fault | Push, ...]:

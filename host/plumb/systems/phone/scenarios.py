@@ -24,9 +24,8 @@ import numpy.typing as npt
 from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
 from plumb.physics.sensors import FAULT_NOTES, Fault, band_noise, fault_of
-from plumb.spec import dbc
 from plumb.spec.arrays import FloatArray
-from plumb.spec.tuning import Channel, Start
+from plumb.spec.tuning import Channel
 from plumb.systems import scoring
 from plumb.systems.phone.tuning import PhoneAxis, PhoneTuning
 
@@ -84,14 +83,8 @@ TUNING_NOTES = {
     "printed": "the body's rates drive the filters, as the source prints them",
 }
 DEFAULT_TUNING = "euler"
-STARTS: dict[str, Start] = {}
-START_NOTES: dict[str, str] = {}
-CONDITIONS: dict[str, str] = {}
 FAULT_CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 FAULTS = FAULT_NOTES
-OUTPUT_FRAMES = dbc.output_frames("phone")
-OUTPUTS = tuple(OUTPUT_FRAMES)
-LINK: dict[str, int] = {}
 
 
 def faults(requests: Sequence[Request]) -> tuple[Fault, ...]:

@@ -34,7 +34,6 @@ from plumb.physics.sensors import (
     band_noise,
     faults_of,
 )
-from plumb.spec import dbc
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Calibration, Esc, Kalman, Pid, Start, Trust
 from plumb.systems import scoring
@@ -85,8 +84,6 @@ CONDITIONS = {
 LONGEST_DELAY_MS = 500.0
 FAULT_CHANNELS = ("gyro", "accel_y", "accel_z")
 FAULTS = {**FAULT_NOTES, "push": "a torque in Nm on the axis of a closed loop, for example push:0.1@15-15.2"}
-OUTPUT_FRAMES = dbc.output_frames("quad")
-OUTPUTS = tuple(OUTPUT_FRAMES)
 SECONDS = {"motion": 120.0, "quiet": 120.0, "disturb": 30.0, "hold": 30.0, "converge": 10.0}
 
 CALIBRATION = Calibration(gyro=GYRO.channel(), accel=Mma7260().channel(), accel_up=Mma7260().channel())

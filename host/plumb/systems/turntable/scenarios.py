@@ -25,7 +25,6 @@ import numpy.typing as npt
 from plumb.errors import UsageError
 from plumb.physics.disturbance import Request
 from plumb.physics.sensors import ADC_COUNTS
-from plumb.spec import dbc
 from plumb.spec.arrays import FloatArray
 from plumb.spec.tuning import Channel
 from plumb.systems.turntable.motion import REST_S, at, lagged, motion
@@ -80,11 +79,6 @@ SCENARIOS = {
 }
 SECONDS = {name: 110.0 if name == "warm_up" else 30.0 for name in SCENARIOS}
 DEFAULT_SCENARIO, DEFAULT_TUNING = "motion", "data"
-OUTPUT_FRAMES = dbc.output_frames("turntable")
-OUTPUTS = tuple(OUTPUT_FRAMES)
-LINK: dict[str, int] = {}
-STARTS: dict[str, object] = {}
-START_NOTES: dict[str, str] = {}
 CONDITIONS = {
     "lag_s": "the gyro's lag, s",
     "spike_share": "share of samples that are spikes",

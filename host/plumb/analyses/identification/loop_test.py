@@ -1,0 +1,198 @@
+"""Swing the setpoint of a closed attitude loop, on a simulated plant or on a board, and keep what it did.
+
+What is kept is the run's raw counts and setpoints: the integer model makes every signal of the board from them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from plumb import systems
+from plumb.analyses.identification.plant_fit import Excitation, Measurement
+from plumb.boards import Board, RawCounts, Setpoints, SimulatedBoard, plant_on_pins
+from plumb.boards.link import LinkBoard
+from plumb.errors import LinkError, UsageError
+from plumb.link.real_time_watch import RealTimeWatch
+from plumb.link.realtime import Capture
+from plumb.link.retries import REPLY_TIMEOUT_S
+from plumb.link.session import RAW_FRAMES
+from plumb.proof.live_run import why_disarmed
+from plumb.spec import declarations
+from plumb.spec.arrays import FloatArray
+from plumb.spec.signal_units import word_signals
+from plumb.spec.signals import signals
+from plumb.spec.tuning import AxisTuning
+from plumb.systems import run_fixed
+from plumb.systems.contracts import PINS
+from plumb.tuning.quantise import ControlParams, dequantise
+
+TURN_Q32 = 2.0**32
+SCENARIO = "hold"
+"""The scenario of the simulated plant: attitude hold with gusts, imbalance and the sensors' errors."""
+SIMULATED_SETTLE_S, BOARD_SETTLE_S = 16.0, 3.0
+"""Before the test signal begins. The simulated axis is held by hand, pulled and let go first."""
+TILT_LIMIT_DEG = 45.0
+"""A real machine that tilts further is disarmed."""
+COMMAND, TILT = "command", "tilt_deg"
+READY_WAIT_S = 5.0
+"""Longest wait for a machine that is not ready to be armed, the same as for the arm switch."""
+STANDSTILL_S = 0.5
+TOO_SLOW = (
+    "the test is ended, disarmed; end other programs on this computer, and test a simulated board with "
+    "--board virtual --live, which needs no real time"
+)
+"""What follows for a board whose steps come late: a simulated one on a busy computer, or a computer that reads late."""
+MOST_LIMITED = 0.02
+"""Share of steps at which a limit of the controller may act: the loop is no linear one then."""
+
+
+@dataclass(frozen=True)
+class LoopRun:
+    """A test: params, raw counts and setpoints of every step from the beginning of the run; begin: the first step of
+    the first whole period of the test signal. truth_deg: of the simulated tilt, empty on a real machine."""
+
+    params: ControlParams
+    excitation: Excitation
+    raw: RawCounts
+    setpoint: Setpoints
+    begin: int
+    truth_deg: FloatArray
+
+    def signals(self) -> dict[str, FloatArray]:
+        """Every signal by name with its unit, (steps,)."""
+        words = run_fixed.run_control(self.params, self.raw, self.setpoint)
+        return {
+            name: np.asarray(words[signal.word] * signal.scale, np.float64)
+            for name, signal in word_signals(self.params.system).items()
+        }
+
+    def measurement(self) -> Measurement:
+        """The whole periods of the test signal. Raises UsageError when a limit of the controller acted."""
+        signals = self.signals()
+        samples = len(self.excitation.setpoint_deg)
+        periods = (len(self.raw) - self.begin) // samples
+        used = slice(self.begin, self.begin + periods * samples)
+        command = signals[COMMAND][used]
+        if float(np.mean(np.abs(command) > 0.98)) > MOST_LIMITED:
+            raise UsageError("the command reaches its limit in the test: give a smaller --amplitude")
+        return Measurement(
+            self.excitation,
+            (self.setpoint[used] / TURN_Q32 * 360.0).reshape(periods, samples),
+            command.reshape(periods, samples),
+            signals["rate_dps"][used].reshape(periods, samples),
+        )
+
+
+def attitude_tuning(params: ControlParams) -> AxisTuning:
+    """The tuning of a one-axis system whose setpoint is a tilt; raises UsageError for another."""
+    system = declarations.system(params.system)
+    tuning = dequantise(params)
+    setpoint = next(word for word in system.words if word.name == "setpoint" or word.name.startswith("setpoint_"))
+    if not isinstance(tuning, AxisTuning) or setpoint.unit != "turn" or not system.output:
+        raise UsageError(f"{params.system} holds no tilt that a host sets: its loop cannot be tested so")
+    return tuning
+
+
+def schedule(excited: Excitation, settle_s: float, periods: int) -> tuple[Setpoints, int]:
+    """Setpoints of a test in the integers of the board, and the first step of its first whole period: one more comes
+    before, in which the loop settles into the signal."""
+    still = round(settle_s / excited.period_s)
+    signal_deg = np.concatenate([np.zeros(still), np.tile(excited.setpoint_deg, periods + 1)])
+    turns = np.rint(signal_deg / 360.0 * TURN_Q32).astype(np.int64).astype(np.int32)
+    return turns, still + len(excited.setpoint_deg)
+
+
+def on_twin(board: Board, params: ControlParams, excited: Excitation, periods: int, seed: int) -> LoopRun:
+    """In lockstep with the system's plant on the host."""
+    from tqdm import tqdm
+
+    system = systems.load(params.system)
+    setpoint, begin = schedule(excited, SIMULATED_SETTLE_S, periods)
+    seconds, period_us = len(setpoint) * excited.period_s, round(excited.period_s * 1e6)
+    plant = system.plant(system.scenario(SCENARIO, seed, seconds=seconds, period_us=period_us))
+    raw, truth_deg = np.zeros((len(setpoint), 6), np.int16), np.zeros(len(setpoint))
+    stepper = board.stepper(params)
+    outputs: dict[str, int] = {}
+    steps = tqdm(enumerate(setpoint.tolist()), total=len(setpoint), desc="test", unit="step", disable=None, leave=False)
+    for step, asked in steps:
+        time_s = step * excited.period_s
+        plant.follow(time_s, outputs)
+        raw[step] = plant.counts(time_s)
+        truth_deg[step] = plant.truth(time_s)["tilt_deg"]
+        outputs = stepper.step(tuple(raw[step].tolist()), asked).outputs
+    return LoopRun(params, excited, raw, setpoint, begin, truth_deg)
+
+
+def attach_plant(board: LinkBoard, params: ControlParams, excited: Excitation, periods: int, seed: int) -> None:
+    """Put the system's plant on the pins of the simulated chip, and give the board the parameters of the test."""
+    assert isinstance(board, SimulatedBoard)
+    system = systems.load(params.system)
+    setpoint, _ = schedule(excited, SIMULATED_SETTLE_S, periods)
+    seconds, period_us = len(setpoint) * excited.period_s, round(excited.period_s * 1e6)
+    scenario = system.scenario(SCENARIO, seed, seconds=seconds + 2.0, period_us=period_us)
+    plant_on_pins.configure_as(board, params, period_us=period_us, arm_hold_ms=0, **system.LINK)
+    systems.load(params.system, PINS).Coupling(board.machine, system.plant(scenario))
+    board.machine.advance_us(plant_on_pins.FOUND_US)
+
+
+def on_link(board: LinkBoard, params: ControlParams, excited: Excitation, periods: int, settle_s: float) -> LoopRun:
+    """Armed, in real time, on the board's own sensors: the machine moves. The board ends disarmed, whatever happens.
+
+    Raises LinkError when the board disarms itself, tilts beyond TILT_LIMIT_DEG, falls silent, is slower than real time,
+    loses counts, or disagrees with the integer model.
+    """
+    session = board.session
+    frames = systems.load(params.system, PINS).FRAMES
+    capture = Capture(session, raw_frames=set(RAW_FRAMES).intersection(frames))
+    setpoint, begin = schedule(excited, settle_s, periods)
+    try:
+        session.begin("REALTIME_LIVE", frames=frames)
+        session.listener = capture.feed
+        session.arm(READY_WAIT_S)
+        first = capture.steps
+        _swing(capture, setpoint, first, excited.period_s)
+        session.disarm()
+    finally:
+        session.listener = None
+        session.end()
+    steps = first + len(setpoint)
+    if capture.unverified_from(steps) is not None:
+        raise LinkError("samples were lost on the link in the test: nothing can be told from it; take a faster link")
+    raw, used = capture.raw_counts(steps), capture.setpoints.of_steps(steps)
+    if np.any(run_fixed.run_control(params, raw, used).digests() != capture.digests(steps)):
+        raise LinkError("the board's steps differ from the integer model: run `plumb golden check` on it first")
+    return LoopRun(params, excited, raw, used, first + begin, np.empty(0))
+
+
+def _swing(capture: Capture, setpoint: Setpoints, first: int, period_s: float) -> None:
+    """Send the setpoints of the steps from `first` on, as the steps come."""
+    from tqdm import tqdm
+
+    session, asked = capture.session, 0
+    place, scale = next((at, scale) for at, column, scale in signals(session.system) if column == TILT)
+    heard, heard_s = first, session.clock()
+    watch = RealTimeWatch("the board", TOO_SLOW, _end_the_test, session.clock)
+    with tqdm(total=len(setpoint), desc="test", unit="step", disable=None, leave=False) as bar:
+        while (at := capture.steps - first) < len(setpoint):
+            if asked != setpoint[at]:
+                asked = int(setpoint[at])
+                capture.set_setpoint(asked)
+            session.receive(REPLY_TIMEOUT_S)
+            if capture.disarmed_step is not None:
+                reason = why_disarmed(session)
+                raise LinkError(f"the board disarmed itself before step {capture.disarmed_step}: {reason}")
+            tilts = capture.values.get(place, {})
+            if tilts and abs(tilts[max(tilts)] * scale) > TILT_LIMIT_DEG:
+                raise LinkError(f"the machine tilted beyond {TILT_LIMIT_DEG:g} deg: the test is ended, disarmed")
+            if capture.steps > heard:
+                bar.update(capture.steps - heard)
+                heard, heard_s = capture.steps, session.clock()
+            elif session.clock() - heard_s > STANDSTILL_S:
+                raise LinkError(f"the board takes no steps after step {capture.steps}")
+            watch.note((capture.steps - first) * period_s, session.clock())
+
+
+def _end_the_test(sentence: str) -> None:
+    raise LinkError(sentence)

@@ -1,0 +1,1 @@
+"""What judges `attitude`: plots, figures, limits; recordings as inputs, comparison with published algorithms."""

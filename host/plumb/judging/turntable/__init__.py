@@ -1,0 +1,1 @@
+"""What judges `turntable`: plots, figures, limits; the gyro alone as the baseline."""

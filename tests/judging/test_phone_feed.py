@@ -1,0 +1,560 @@
+"""A phone's datagrams over loopback to a board: what arrives late, twice, in another order, damaged or from elsewhere.
+
+The phone is the scenario `general`, sent as the apps send it; the truth is the scenario's.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from plumb import __main__ as front
+from plumb import boards
+from plumb.boards import Board, RawCounts, StepOutput, Stepper, open_board, qemu
+from plumb.errors import LinkError, UsageError
+from plumb.judging.phone.inputs import live_run, udp
+from plumb.systems.phone import scenarios as phone
+from plumb.tuning.quantise import ControlParams
+
+IMAGE = Path(__file__).parents[2] / "build/stm32f103/plumb_qemu.elf"
+needs_qemu = pytest.mark.skipif(
+    shutil.which(qemu.PROGRAM) is None or not IMAGE.is_file(),
+    reason="qemu-system-arm or its image is missing: apt install qemu-system-arm, make image",
+)
+G = 9.80665
+SECONDS = 12.0
+
+
+def run_of(seed: int = 8) -> phone.Scenario:
+    return phone.scenario("general", seed, seconds=SECONDS)
+
+
+def sensagram(run: phone.Scenario, begin_s: float = 5000.0) -> list[bytes]:
+    """One event a datagram; the accelerometer 3 ms after the gyro."""
+    found = []
+    for k, time_s in enumerate(run.time_s.tolist()):
+        for sensor, delay_s, values in (
+            ("gyroscope", 0.0, np.radians(run.sensed_dps[:, k])),
+            ("accelerometer", 0.003, run.sensed_g[:, k] * G),
+        ):
+            event = {"type": f"android.sensor.{sensor}", "timestamp": round((begin_s + time_s + delay_s) * 1e9)}
+            found.append(json.dumps({**event, "values": [round(float(v), 7) for v in values]}).encode())
+    return found
+
+
+def sensorstream(run: phone.Scenario) -> list[bytes]:
+    """All sensors in one datagram, the magnetometer too."""
+    rows = zip(run.time_s, (run.sensed_g * G).T, np.radians(run.sensed_dps).T, strict=True)
+    return [
+        f"{1e5 + t:.5f}, 3, {a[0]:.5f},{a[1]:.5f},{a[2]:.5f}, 4, {w[0]:.6f},{w[1]:.6f},{w[2]:.6f}, 5, 21,-5,38".encode()
+        for t, a, w in rows
+    ]
+
+
+class Sender(threading.Thread):
+    """Sends on loopback, never far ahead of what was taken: a socket's buffer holds few datagrams."""
+
+    def __init__(self, port: int, datagrams: list[bytes], taken: Callable[[], int], host: str = "127.0.0.1") -> None:
+        super().__init__(daemon=True)
+        self._port, self._datagrams, self._taken, self._host = port, datagrams, taken, host
+        self.stopped = threading.Event()
+
+    def run(self) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+            out.bind((self._host, 0))
+            for sent, data in enumerate(self._datagrams):
+                while sent - self._taken() > 50 and not self.stopped.wait(0.001):
+                    pass
+                if self.stopped.is_set():
+                    return
+                out.sendto(data, ("127.0.0.1", self._port))
+
+
+Sending = Callable[..., None]
+
+
+@pytest.fixture
+def sending(monkeypatch: pytest.MonkeyPatch) -> Iterator[Sending]:
+    """For the command itself, which opens the port on its own (--udp 0: a free one). Once it listens, these datagrams
+    come; Ctrl-C after so many."""
+    started: list[Sender] = []
+
+    def prepare(datagrams: list[bytes], interrupt_after: int | None = None) -> None:
+        listen, receive = udp.Listener.__init__, udp.Listener.receive
+        taken = [0]
+
+        def then_send(self: Any, *given: Any, **named: Any) -> None:
+            listen(self, *given, **named)
+            started.append(Sender(self.port, datagrams, lambda: taken[0]))
+            started[-1].start()
+
+        def counting(self: Any) -> Any:
+            arrived = receive(self)
+            taken[0] += arrived is not None
+            if taken[0] == interrupt_after:
+                signal.raise_signal(signal.SIGINT)
+            return arrived
+
+        monkeypatch.setattr(udp.Listener, "__init__", then_send)
+        monkeypatch.setattr(udp.Listener, "receive", counting)
+
+    yield prepare
+    for sender in started:
+        sender.stopped.set()
+        sender.join()
+
+
+@pytest.fixture
+def native() -> Iterator[Board]:
+    with open_board("native") as board:
+        yield board
+
+
+def fed(
+    board: Board, datagrams: list[bytes], seconds: float | None = SECONDS - 0.5
+) -> tuple[Any, udp.Intake, list[Any]]:
+    """The datagrams over a real socket to a board: outcome, counts, and what was seen of every step."""
+    intake, seen = udp.Intake(phone.PERIOD_US), []
+    with udp.Listener(0) as listener:
+        follower = live_run.Follower(board, live_run.params_of("euler", phone.PERIOD_US))
+        sender = Sender(listener.port, datagrams, lambda: intake.received.datagrams)
+        sender.start()
+        live_run.follow(
+            listener, intake, follower, seconds=seconds, wait_s=20.0, stop=[], saw=lambda *now: seen.append(now)
+        )
+        sender.stopped.set()
+        sender.join()
+    return follower.outcome, intake, seen
+
+
+def worst_deg(seen: list[Any], run: phone.Scenario, late_s: float) -> float:
+    """Largest angle between the estimated and the true vertical; a step's middle is so much after the run's sample."""
+    turn = 360.0 / 2**32
+    at_s = np.array([step.time_s for step, _ in seen]) + late_s
+    truth = np.stack([np.interp(at_s, run.time_s, axis) for axis in run.vertical])
+    pitch, roll = (np.array([words[f"{axis}_turn_q32"] for _, words in seen]) * turn for axis in ("pitch", "roll"))
+    return float(phone.inclination_deg(phone.up(pitch, roll), truth)[100:].max())
+
+
+@pytest.mark.parametrize(("app", "form"), [("SensaGram", sensagram), ("Sensorstream", sensorstream)])
+def test_a_phone_over_loopback_is_followed_and_every_step_agrees(
+    native: Board, app: str, form: Callable[[phone.Scenario], list[bytes]]
+) -> None:
+    run = run_of()
+    outcome, intake, seen = fed(native, form(run))
+    assert outcome.verdict == "pass" and outcome.steps == round((SECONDS - 0.5) * 100)
+    assert intake.received.apps.keys() == {app} and intake.received.malformed == 0
+    assert worst_deg(seen, run, late_s=0.008 if app == "SensaGram" else 0.005) < 2.0
+
+
+def test_trouble_on_the_way_is_counted_and_changes_little(native: Board) -> None:
+    """One in ten lost, one in ten doubled, neighbours exchanged, some a second late, garbage in between."""
+    run, rng = run_of(), np.random.default_rng(3)
+    ordered = sensagram(run)
+    rough: list[bytes] = []
+    held: list[tuple[int, bytes]] = []
+    lost = doubled = damaged = late = 0
+    for at, data in enumerate(ordered):
+        rough += [old for due, old in held if due == at]
+        chance = rng.random()
+        if chance < 0.1:
+            lost += 1
+        elif chance < 0.2:
+            rough += [data, data]
+            doubled += 1
+        elif chance < 0.21 and at + 250 < len(ordered):
+            held.append((at + 250, data))
+            late += 1
+        else:
+            rough.append(data)
+        if rng.random() < 0.05:
+            rough.append(bytes(rng.integers(0, 256, 30, np.uint8)) + b"{")
+            damaged += 1
+    for i in range(10, len(rough) - 2, 6):
+        rough[i], rough[i + 2] = rough[i + 2], rough[i]
+    outcome, intake, seen = fed(native, rough)
+    counts, received = intake.resampler.counts, intake.received
+    assert outcome.verdict == "pass" and counts.runs == 1 and outcome.steps == round((SECONDS - 0.5) * 100)
+    assert received.malformed == pytest.approx(damaged, abs=10) and received.malformed > 20
+    assert counts.late == pytest.approx(late, abs=3) and counts.late > 5
+    assert counts.duplicate > 0.8 * doubled and counts.reordered > 100 and lost > 150
+    assert worst_deg(seen, run, late_s=0.008) < 3.0
+
+
+def test_a_second_host_is_left_out_of_the_run_and_of_the_file(tmp_path: Path) -> None:
+    run, path = run_of(), tmp_path / "walk.txt"
+    with udp.Saved(path) as saved:
+        intake = udp.Intake(phone.PERIOD_US, saved)
+        good = sensorstream(run)
+        assert not list(intake.push(b"nonsense\nof\r\nanybody", "192.0.2.9"))
+        steps = [step for data in good[:300] for step in intake.push(data, "192.0.2.1")]
+        assert not list(intake.push(good[300], "192.0.2.2"))
+        steps += [step for data in good[300:600] for step in intake.push(data, "192.0.2.1")]
+        assert path.read_bytes().count(b"\n") == 601, "written as they come"
+    assert intake.received.strangers == 1 and len(steps) == 597
+    assert intake.received.datagrams == 602
+    again, read, _ = udp.steps_of_file(path, phone.PERIOD_US)
+    assert again[:597] == steps and (read.received.datagrams, read.received.malformed) == (601, 1)
+
+
+def test_a_disk_that_is_full_is_said() -> None:
+    with udp.Saved(Path("/dev/full")) as saved, pytest.raises(UsageError, match="cannot write /dev/full"):
+        saved.write(b"1.0, 3, 1,2,3")
+
+
+def test_an_app_started_again_begins_a_new_run_on_the_board(native: Board) -> None:
+    """Its clock goes on, after a pause; filters and step number begin anew, and the model with them."""
+    run = run_of()
+    both = sensagram(run, begin_s=100.0)[:800] + sensagram(run, begin_s=300.0)[:800]
+    outcome, intake, seen = fed(native, both, seconds=7.0)
+    assert outcome.verdict == "pass" and intake.resampler.counts.runs == 2
+    numbers = [words["step"] for _, words in seen]
+    assert numbers[0] == 1 and numbers.count(1) == 2
+
+
+class Wrong(Board):
+    """A board whose integers go wrong at its 200th step, or that goes away there."""
+
+    name = "wrong"
+
+    def __init__(self, board: Board, *, dies: bool = False) -> None:
+        self._board, self._dies = board, dies
+
+    def run_injected(self, *_: Any) -> Any:
+        raise AssertionError
+
+    def words_of_step(self, params: ControlParams, raw: Any, setpoint: Any, step: int) -> dict[str, int]:
+        words = self._board.words_of_step(params, raw, setpoint, step)
+        return {**words, "roll_p11": words["roll_p11"] + 1}
+
+    def stepper(self, params: ControlParams) -> Stepper:
+        inner, dies = self._board.stepper(params), self._dies
+
+        class Stepping:
+            steps = 0
+
+            def step(self, raw: tuple[int, ...], setpoint: int) -> StepOutput:
+                self.steps += 1
+                if dies and self.steps == 200:
+                    raise LinkError("the board went away")
+                output = inner.step(raw, setpoint)
+                return StepOutput(output.digest ^ (self.steps == 200), output.outputs)
+
+            def digests(self, raw: RawCounts) -> list[int]:
+                return [self.step(tuple(row), 0).digest for row in raw.tolist()]
+
+        return Stepping()
+
+
+def test_a_board_that_goes_wrong_is_found_with_the_word(native: Board) -> None:
+    outcome, _, _ = fed(Wrong(native), sensagram(run_of())[:900], seconds=4.0)
+    assert outcome.verdict == "fail" and outcome.mismatches >= 1
+    assert outcome.divergence is not None
+    assert (outcome.divergence.step, outcome.divergence.signal) == (199, "roll_p11")
+    whole = outcome.longest.trial(live_run.params_of("euler", phone.PERIOD_US))
+    assert (whole.verdict, whole.mismatches, whole.divergence) == ("fail", 1, outcome.divergence)
+    assert len(whole.inputs.raw) == 200, "what is looked for ends the run on the board"
+
+
+@pytest.mark.parametrize("dies", [True, False])
+def test_what_was_done_before_a_board_failed_is_reported(
+    dies: bool,
+    native: Board,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    sending: Sending,
+) -> None:
+    """On a terminal, where the line of angles must end before anything else is said."""
+    out = tmp_path / "report"
+    sending(sensagram(run_of())[:900])
+    monkeypatch.setattr(boards, "open_board", lambda *_, **__: Wrong(native, dies=dies))
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    arguments = ["--udp", "0", "--seconds", "3", "--out", str(out)]
+    assert front.main(["phone", "--board", "serial:gone", *arguments]) == (3 if dies else 1)
+    said = capsys.readouterr()
+    shown = re.search(r"\x1b\[K\nphone at udp:[1-9]\d*: (\d+) steps", said.out)
+    assert shown is not None
+    steps = int(shown[1])
+    assert 100 <= steps < 200 if dies else steps == 300, "what was on its way when the board went is not counted"
+    assert said.out.rstrip().endswith("pass" if dies else "fail")
+    assert ("the board went away" in said.err) is dies
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["steps"], summary["verdict"]) == ((steps, "pass") if dies else (200, "fail"))
+
+
+@pytest.mark.parametrize("after", [300, 2])
+def test_ctrl_c_ends_with_a_report_of_what_was_done(
+    after: int, sending: Sending, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sending(sensagram(run_of()), interrupt_after=after)
+    assert front.main(["phone", "--board", "native", "--udp", "0", "--json"]) == 130
+    said = capsys.readouterr()
+    assert said.err.splitlines()[-1] == "plumb: interrupted."
+    if after == 2:
+        assert said.out == ""
+    else:
+        answer = json.loads(said.out)
+        assert answer["verdict"] == "pass" and answer["steps"] == pytest.approx(146, abs=3)
+
+
+@pytest.mark.parametrize(
+    ("datagrams", "sentence"),
+    [
+        ([], "nothing arrived"),
+        ([b"hello"] * 3, "none of a format that is known"),
+        ([b"A, 1, 1384532190123, 0.1, 0.2, 9.8"] * 3, "SensorUDP sends no gyroscope; take an app that does"),
+        (sensagram(run_of())[::2][:50], "SensaGram sent no accelerometer; switch it on"),
+    ],
+)
+def test_without_a_step_the_reason_is_one_sentence(native: Board, datagrams: list[bytes], sentence: str) -> None:
+    intake = udp.Intake(phone.PERIOD_US)
+    with udp.Listener(0) as listener:
+        follower = live_run.Follower(native, live_run.params_of("euler", phone.PERIOD_US))
+        sender = Sender(listener.port, datagrams, lambda: 0)
+        sender.start()
+        sender.join()
+        with pytest.raises(LinkError, match=sentence):
+            live_run.follow(listener, intake, follower, seconds=None, wait_s=0.4, stop=[], saw=lambda *_: None)
+
+
+@pytest.mark.parametrize(
+    ("stops", "sentence"),
+    [(lambda _: False, "the phone stopped sending"), (lambda data: b"accel" in data, "the phone's gyroscope stopped")],
+)
+def test_a_phone_that_falls_silent_ends_the_run_and_is_named(
+    native: Board, stops: Callable[[bytes], bool], sentence: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_run, "SILENCE_S", 0.5)
+    events = sensagram(run_of())
+    intake = udp.Intake(phone.PERIOD_US)
+    with udp.Listener(0) as listener:
+        follower = live_run.Follower(native, live_run.params_of("euler", phone.PERIOD_US))
+        sent = events[:600] + [data for data in events[600:800] if stops(data)]
+        sender = Sender(listener.port, sent, lambda: intake.received.datagrams)
+        sender.start()
+        said = live_run.follow(listener, intake, follower, seconds=None, wait_s=20.0, stop=[], saw=lambda *_: None)
+    assert sentence in said and follower.outcome.verdict == "pass"
+    assert follower.outcome.steps == pytest.approx(298, abs=4)
+
+
+def test_what_has_come_meanwhile_goes_to_the_board_together(native: Board) -> None:
+    """An adapter that holds every answer back for 16 ms must not make the phone's 100 samples a second wait in line."""
+    turns: list[int] = []
+
+    class Counting(Wrong):
+        def stepper(self, params: ControlParams) -> Stepper:
+            inner = native.stepper(params)
+
+            class Stepping:
+                def step(self, raw: tuple[int, ...], setpoint: int) -> StepOutput:
+                    raise AssertionError
+
+                def digests(self, raw: RawCounts) -> list[int]:
+                    turns.append(len(raw))
+                    return inner.digests(raw)
+
+            return Stepping()
+
+    with udp.Listener(0) as listener, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+        for data in sensorstream(run_of())[:100]:
+            out.sendto(data, ("127.0.0.1", listener.port))
+        follower = live_run.Follower(Counting(native), live_run.params_of("euler", phone.PERIOD_US))
+        intake = udp.Intake(phone.PERIOD_US)
+        seen: list[int] = []
+        live_run.follow(
+            listener,
+            intake,
+            follower,
+            seconds=0.9,
+            wait_s=20.0,
+            stop=[],
+            saw=lambda _, words: seen.append(words["step"]),
+        )
+    assert turns == [90] and seen == list(range(1, 91)) and follower.outcome.verdict == "pass"
+
+
+class BusyListener:
+    """A listener on a clock of its own: what it gives, after how long. Then nothing comes any more."""
+
+    address, port = "memory", 0
+
+    def __init__(self, script: list[tuple[float, bytes]]) -> None:
+        self.script, self.now_s = list(script), 0.0
+
+    def receive_all(self, stop: list[int]) -> list[tuple[bytes, str]]:
+        took_s, data = self.script.pop(0) if self.script else (udp.TURN_S, b"")
+        self.now_s += took_s
+        return [(data, "192.0.2.1")] if data else []
+
+
+def test_a_host_that_was_busy_does_not_take_the_phone_for_silent(
+    native: Board, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nine seconds before each of two datagrams, one of which completes no step: the host was away, not the phone."""
+    events = sensagram(run_of())[:600]
+    busy = [(9.0 if at % 100 > 97 else 0.0, data) for at, data in enumerate(events)]
+    for silent_s, steps in ((0.0, 298), (live_run.SILENCE_S + 1.0, 148)):
+        pause = [(udp.TURN_S, b"")] * round(silent_s / udp.TURN_S)
+        listener = BusyListener([*busy[:300], *pause, *busy[300:]])
+        monkeypatch.setattr(live_run, "time", SimpleNamespace(monotonic=lambda busy=listener: busy.now_s))
+        intake = udp.Intake(phone.PERIOD_US)
+        follower = live_run.Follower(native, live_run.params_of("euler", phone.PERIOD_US))
+        said = live_run.follow(
+            listener,  # type: ignore[arg-type]
+            intake,
+            follower,
+            seconds=None,
+            wait_s=20.0,
+            stop=[],
+            saw=lambda *_: None,
+        )
+        assert "the phone stopped sending" in said
+        assert follower.outcome.steps == pytest.approx(steps, abs=4)
+
+
+@needs_qemu
+def test_qemu_is_given_the_run_when_it_is_over(sending: Sending, capsys: pytest.CaptureFixture[str]) -> None:
+    sending(sensagram(run_of())[:500])
+    assert front.main(["phone", "--board", "qemu", "--udp", "0", "--seconds", "2", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["verdict"], answer["steps"], answer["board"]) == ("pass", 200, "qemu")
+
+
+@pytest.mark.parametrize("link", ["serial", "can"])
+def test_the_flash_image_follows_a_phone(link: str, sending: Sending, capsys: pytest.CaptureFixture[str]) -> None:
+    sending(sensorstream(run_of())[:200])
+    arguments = ["--link", link, "--udp", "0", "--seconds", "1.5", "--json"]
+    assert front.main(["phone", "--board", "virtual", *arguments]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["verdict"], answer["steps"], answer["link"]) == ("pass", 150, link)
+
+
+def test_a_phone_that_stops_before_its_time_is_link_trouble(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], sending: Sending
+) -> None:
+    monkeypatch.setattr(live_run, "SILENCE_S", 0.5)
+    sending(sensagram(run_of())[:400])
+    assert front.main(["phone", "--board", "native", "--udp", "0", "--seconds", "60"]) == 3
+    said = capsys.readouterr()
+    assert "pass" in said.out and said.err.splitlines()[-1].endswith("the phone stopped sending")
+
+
+def test_a_taken_port_and_a_wrong_address_are_link_trouble(tmp_path: Path) -> None:
+    with (
+        udp.Listener(0) as first,
+        pytest.raises(LinkError, match="Address already in use; choose another --udp"),
+    ):
+        udp.Listener(first.port)
+    with pytest.raises(LinkError, match="--listen"):
+        udp.Listener(0, "192.0.2.1")
+    with pytest.raises(UsageError, match="--save"):
+        udp.Saved(tmp_path / "no" / "file")
+
+
+def test_loopback_unless_asked() -> None:
+    with udp.Listener(0) as listener:
+        assert listener.address == "127.0.0.1"
+    with udp.Listener(0, udp.EVERYWHERE) as listener:
+        assert listener.address == "0.0.0.0"
+
+
+def test_the_command_feeds_saves_reports_and_the_file_runs_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], sending: Sending
+) -> None:
+    saved = tmp_path / "walk.txt"
+    sending([b"x"] * 30 + sensagram(run_of()))
+    out = tmp_path / "report"
+    arguments = ["--udp", "0", "--seconds", "6", "--save", str(saved), "--out", str(out), "--json"]
+    assert front.main(["phone", "--board", "native", *arguments]) == 0
+    live = json.loads(capsys.readouterr().out)
+    assert (live["verdict"], live["steps"]) == ("pass", 600)
+    assert re.fullmatch(r"udp:[1-9]\d*", live["source"])
+    assert live["received"]["malformed"] == 30 and live["received"]["apps"].keys() == {"SensaGram"}
+    assert {file.name for file in out.iterdir()} == {"report.html", "summary.json", "steps.csv"}
+    page = (out / "report.html").read_text()
+    assert "What arrived" in page and "<td>malformed</td><td>30</td>" in page
+    assert json.loads((out / "summary.json").read_text())["received"] == live["received"]
+
+    assert front.main(["replay", str(saved), "--system", "phone", "--board", "native", "--seconds", "6", "--json"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert (again["verdict"], again["steps"]) == ("pass", 600)
+    assert again["received"]["malformed"] == 30
+    rows = (out / "steps.csv").read_text().splitlines()
+    at = rows[0].split(",").index("pitch_turn_q32")
+    assert int(rows[600].split(",")[at]) * 360.0 / 2**32 == pytest.approx(live["pitch_deg"], abs=1e-3)
+
+
+def test_a_recording_with_a_reference_is_scored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The file's quaternion says where up is; the estimate is scored against it where the file says movement."""
+    run = run_of()
+    x, y, z = run.vertical
+    quat = np.stack([1.0 + z, y, -x, np.zeros_like(x)], 1)  # the shortest turn that takes z to the vertical's place
+    path = tmp_path / "walk.npz"
+    np.savez(path, gyr=np.radians(run.sensed_dps.T), acc=run.sensed_g.T * G, rate_hz=100.0, ref_quat=quat)
+    assert front.main(["replay", str(path), "--system", "phone", "--board", "native", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["verdict"] == "pass" and answer["scored_steps"] > 1000
+    assert answer["metrics"]["angle_rmse_deg"] < 1.0 < answer["metrics"]["accel_only_rmse_deg"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (["--board", "native", "--tuning", "best"], 2),
+        (["--board", "native", "--period-us", "100"], 2),
+        (["--board", "native", "--period-us", "0"], 2),
+        (["--board", "native", "--udp", "70000"], 2),
+        (["--board", "native", "--udp", "-5"], 2),
+        (["--board", "native", "--seconds", "0"], 2),
+        (["--board", "native", "--seconds", "-3"], 2),
+        (["--board", "native", "--seconds", "nan"], 2),
+        (["--board", "native", "--seconds", "inf"], 2),
+        (["--board", "native", "--wait", "0"], 2),
+        (["--board", "native", "--wait", "nan"], 2),
+        (["--board", "native", "--listen", ""], 2),
+        (["--board", "native", "--listen", "nowhere"], 2),
+        (["--board", "native", "--listen", "300.1.2.3"], 2),
+        (["--board", "native", "--listen", "::1"], 2),
+        (["--board", "native", "--out", "/proc/here/not"], 2),
+        (["--board", "native", "--save", "/proc/here/not"], 2),
+        (["--board", "native", "--listen", "192.0.2.1"], 3),
+        (["--board", "native", "--udp", "0", "--wait", "0.2"], 3),
+    ],
+)
+def test_wrong_use_is_one_sentence(arguments: list[str], code: int, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["phone", *arguments]) == code
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == (2 if "--wait" in arguments and code == 3 else 1)
+    assert "Errno" not in lines[-1]
+
+
+def test_a_file_that_makes_no_step_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "udp.txt"
+    path.write_text("A, 1, 1384532190123, 0.1, 0.2, 9.8\nA, 2, 1384532190133, 0.1, 0.2, 9.8\n")
+    assert front.main(["replay", str(path), "--system", "phone", "--board", "native"]) == 2
+    assert "no gyroscope" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "option", [("--period-us", "0"), ("--seconds", "0"), ("--seconds", "nan"), ("--seconds", "-1")]
+)
+def test_a_file_is_replayed_only_at_a_period_and_for_a_time_that_can_be(
+    option: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "walk.txt"
+    path.write_bytes(b"\n".join(sensorstream(run_of())[:200]))
+    assert front.main(["replay", str(path), "--system", "phone", "--board", "native", *option]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1

@@ -1,0 +1,1 @@
+"""A low-pass of one count, for tests."""
