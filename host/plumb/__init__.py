@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from plumb.api.live import Gap as Gap
     from plumb.api.live import Health as Health
     from plumb.api.live import Sample as Sample
+    from plumb.api.loading import load as load
     from plumb.api.logged import LoggedRun as LoggedRun
     from plumb.api.parameters import ParameterDescription as ParameterDescription
     from plumb.api.parameters import Parameters as Parameters
     from plumb.api.recordings import Recording as Recording
-    from plumb.api.recordings import load as load
     from plumb.api.runs import RunResult as RunResult
     from plumb.api.runs import run as run
     from plumb.errors import LinkError as LinkError
@@ -55,7 +55,7 @@ _PLACES = {
     "aio": "plumb",
     "connect": "plumb.api.connection",
     "golden": "plumb.api",
-    "load": "plumb.api.recordings",
+    "load": "plumb.api.loading",
     "run": "plumb.api.runs",
 }
 """Public name -> the module that has it."""

@@ -11,7 +11,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal, Self
 
-from plumb import __version__
 from plumb.api import arguments
 from plumb.api.live import BoardIdentity, Sample, SampleStream
 from plumb.api.parameters import Parameters
@@ -29,6 +28,7 @@ from plumb.spec import declarations
 from plumb.spec.parameter_file import by_name
 from plumb.spec.signal_units import setpoint_signal
 from plumb.tuning.quantise import quantise
+from plumb.version import installed
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -137,10 +137,10 @@ class Board:
     def identity(self) -> BoardIdentity:
         """Who the board says it is. Raises LinkError when it does not answer."""
         if self._talks_to is None and self.name != "native":
-            return BoardIdentity(__version__, "", declarations.names())
+            return BoardIdentity(installed().version, "", declarations.names())
         said = self._session().connect()
         return BoardIdentity(
-            __version__, said.git_hash, said.systems, said.unique_id, said.parameter_source, said.mismatch
+            installed().version, said.git_hash, said.systems, said.unique_id, said.parameter_source, said.mismatch
         )
 
     @property

@@ -46,19 +46,15 @@ this board alone: boards are told apart by their unique id. Changes and profiles
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumb.cli import options
 
 if TYPE_CHECKING:
-    from plumb.link.identity import Identity
-    from plumb.link.session import Session
+    pass
 
 VERBS = ("list", "get", "set", "tuning", "save", "load", "reset", "dump", "edit", "diff", "undo", "profile")
-CHANGES = ("set", "tuning", "load", "reset", "save", "edit", "undo")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -110,7 +106,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    from plumb.cli import params_edit
+    from plumb.cli import params_edit, params_session, params_sources
 
     if arguments.action == "edit":
         return params_edit.edit(arguments)
@@ -121,220 +117,6 @@ def main(arguments: argparse.Namespace) -> int:
             raise UsageError("`profile list` takes no name: it shows every profile of the board")
         raise UsageError(f"say which profile: plumb params profile {arguments.what} NAME")
     warnings: list[str] = []
-    integers = integers_asked(arguments, warnings)  # a mistake in them is told before a board is opened
+    integers = params_sources.integers_asked(arguments, warnings)  # a mistake in them is told before a board is opened
     with options.linked_board_of(arguments) as board:
-        return with_board(arguments, board.session, integers, warnings)
-
-
-def with_board(arguments: argparse.Namespace, session: Session, integers: dict[str, int], warnings: list[str]) -> int:
-    """Everything that is done while the board is open. integers, warnings: of `integers_asked`."""
-    from plumb.cli import params_kept
-    from plumb.link import parameter_table
-
-    raw = getattr(arguments, "raw", False)
-    identity = session.identity
-    if identity is not None and identity.mismatch:
-        warnings.append(identity.mismatch)
-        if not raw and arguments.action in ("list", "get"):
-            warnings.append("its parameters are shown as integers, as with --raw: their units may not be this plumb's")
-            raw = True
-    warn(warnings)
-    words = parameter_table.read_table(session)
-    if arguments.action in ("diff", "profile") or (arguments.action == "undo" and arguments.list):
-        session.require_match()
-        done = params_kept.show(arguments, session, words)
-        if done is not None:
-            return done
-        integers = params_kept.profile_words(arguments, session, warnings)
-    if arguments.action in CHANGES or arguments.action == "profile":
-        session.require_match()
-        return change(arguments, session, words, integers, warnings)
-    if arguments.action == "dump":
-        return dump(arguments, words)
-    print(show_integers(arguments, words) if raw else show_quantities(arguments, words, session))
-    return 0
-
-
-def integers_asked(arguments: argparse.Namespace, warnings: list[str]) -> dict[str, int]:
-    """The integers that the command line or a file asks for; raises UsageError. Adds the warnings about a file."""
-    from plumb.cli import params_text
-    from plumb.spec import parameter_file
-    from plumb.systems import shipped_tunings
-    from plumb.tuning import quantities_file
-
-    if arguments.action == "set" and arguments.raw:
-        return parameter_file.assignments(arguments.assignments)
-    if arguments.action == "tuning":
-        return shipped_tunings.words_of(arguments.system, arguments.tuning)
-    if arguments.action == "get" and arguments.raw:
-        for name in arguments.names:
-            parameter_file.row_named(name)
-    if arguments.action == "list" and arguments.raw:
-        params_text.raw_rows(arguments.filter)
-    if arguments.action != "load" or arguments.file is None or quantities_file.is_in_units(arguments.file):
-        return {}
-    return integers_of_file(arguments.file, warnings)
-
-
-def integers_of_file(path: Path, warnings: list[str]) -> dict[str, int]:
-    """The integers of a file of `dump`; raises UsageError. Adds the warnings about it."""
-    from plumb.spec import parameter_file
-
-    said = parameter_file.read(path)
-    warnings += [f"{path}: {old} is named {new} now; the value is used" for old, new in said.renamed.items()]
-    warnings += [f"{path}: there is no parameter '{name}'; it is ignored" for name in said.unknown]
-    warnings += [f"{path}: {name} is missing; the board's value stays" for name in said.missing]
-    if said.edited:
-        warnings.append(f"{path}: the values do not match the CRC-32 in the file: it was edited")
-    return said.values
-
-
-# ---- reading ----
-
-
-def show_quantities(arguments: argparse.Namespace, words: list[int], session: Session) -> str:
-    """The text of `list` or `get` in units."""
-    from plumb.api import parameters as api
-    from plumb.cli import params_kept, params_text
-    from plumb.spec import parameter_file, parameters
-
-    table = parameter_file.by_name(words)
-    crc = f"0x{parameters.crc32(words):08x}"
-    if arguments.action == "get":
-        found = [api.description(name, table) for name in arguments.names]
-        if arguments.json:
-            return json.dumps({"crc32": crc, "parameters": [params_text.described(one) for one in found]})
-        return "\n\n".join(params_text.in_units(one, table) for one in found)
-    origin = params_kept.origin_of(session, table)
-    entries = params_text.matching(arguments.filter, params_text.listed(table, origin))
-    if arguments.json:
-        said = {"crc32": crc, "system": origin.system, "tuning": origin.tuning, "parameters": entries}
-        return json.dumps(said)
-    return params_text.listing(entries, origin, table)
-
-
-def show_integers(arguments: argparse.Namespace, words: list[int]) -> str:
-    """The text of `list --raw` or `get --raw`."""
-    from plumb.cli import params_text
-    from plumb.spec import parameter_file, parameters
-
-    values = parameter_file.by_name(words)
-    if arguments.action == "get":
-        rows = tuple(parameter_file.row_named(name) for name in arguments.names)
-    else:
-        rows = params_text.raw_rows(arguments.filter)
-    entries = [params_text.describe(row, values) for row in rows if row.name in values]
-    if arguments.json:
-        return json.dumps({"crc32": f"0x{parameters.crc32(words):08x}", "parameters": entries})
-    if arguments.action == "list":
-        return params_text.raw_listing(entries)
-    return "\n\n".join(map(params_text.in_full, entries))
-
-
-def dump(arguments: argparse.Namespace, words: list[int]) -> int:
-    from plumb.spec import parameter_file, parameters
-
-    parameter_file.write(arguments.file, parameter_file.text_of(words))
-    crc = f"0x{parameters.crc32(words):08x}"
-    summary = {"file": str(arguments.file), "parameters": len(words), "crc32": crc}
-    print(json.dumps(summary) if arguments.json else f"{len(words)} parameters, CRC-32 {crc}: {arguments.file}")
-    return 0
-
-
-# ---- writing ----
-
-
-def change(
-    arguments: argparse.Namespace, session: Session, words: list[int], integers: dict[str, int], warnings: list[str]
-) -> int:
-    """Execute the verb, or commit the values that it asks for; keep what `undo` needs, and print what changed."""
-    from plumb.cli import params_kept
-    from plumb.link import parameter_table
-    from plumb.spec import parameter_file
-
-    before = parameter_file.by_name(words)
-    if arguments.action == "reset":
-        session.execute_idle("DEFAULTS", keep_armed=True)
-    elif arguments.action == "load" and arguments.file is None:
-        session.execute_idle("LOAD", keep_armed=True)
-    elif arguments.action != "save":
-        session.pump()  # an armed board waits for its keep-alive
-        wanted = wanted_table(arguments, session, before, integers)
-        session.pump()
-        parameter_table.commit(session, wanted, before)
-    after = parameter_table.read_table(session)
-    not_kept = params_kept.keep(arguments, session, before, parameter_file.by_name(after))
-    warn(not_kept)
-    warnings += not_kept
-    if arguments.action == "save" or getattr(arguments, "save", False):
-        session.execute_idle("SAVE", keep_armed=True)
-    identity = session.connect()
-    return report_change(arguments, words, after, identity, warnings)
-
-
-def wanted_table(
-    arguments: argparse.Namespace, session: Session, before: dict[str, int], integers: dict[str, int]
-) -> dict[str, int]:
-    """The whole table that a command asks for; raises UsageError."""
-    from plumb.cli import params_kept
-    from plumb.tuning import quantities, quantities_file
-
-    if arguments.action == "undo":
-        return params_kept.undone(session, before)
-    if arguments.action == "set" and not arguments.raw:
-        return quantities.changed(before, quantities.assignments(arguments.assignments, before))
-    if arguments.action in ("load", "edit") and not integers:
-        text = quantities_file.read_text(arguments.file)
-        return quantities.changed(before, quantities_file.wanted(text, str(arguments.file), before))
-    return {**before, **integers}
-
-
-def report_change(
-    arguments: argparse.Namespace, words: list[int], after_words: list[int], identity: Identity, warnings: list[str]
-) -> int:
-    """Print the parameters that changed, and where those in use come from."""
-    from plumb.cli import params_text
-    from plumb.spec import parameter_file, parameters
-
-    before, after = parameter_file.by_name(words), parameter_file.by_name(after_words)
-    crc = f"0x{parameters.crc32(after_words):08x}"
-    changed = [row for row in parameters.table() if after[row.name] != before[row.name]]
-    doubts = parameter_file.warnings(after) + at_next_start(identity, after, [row.name for row in changed])
-    source = identity.parameter_source
-    warn(doubts)
-    if arguments.json:
-        integers = {row.name: {"from": before[row.name], "to": after[row.name]} for row in changed}
-        units = params_text.changes(before, after)
-        said = {"crc32": crc, "changed": integers, "quantities": units, "source": source, "warnings": warnings + doubts}
-        print(json.dumps(said))
-        return 0
-    raw = getattr(arguments, "raw", False)
-    for line in params_text.raw_change_lines(before, after) if raw else params_text.change_lines(before, after):
-        print(line)
-    count = len(changed) if raw or before["system"] != after["system"] else len(params_text.changes(before, after))
-    what = f"{count} changed" if changed else "nothing changed"
-    print(f"in use, CRC-32 {crc}: {what}; they are {source}")
-    return 0
-
-
-def at_next_start(identity: Identity, values: dict[str, int], changed: list[str]) -> list[str]:
-    """Warnings about parameters that take effect at the next start."""
-    from plumb.link.identity import PINS
-
-    sentences = []
-    if identity["PINS"] != values["pins"]:
-        chosen, asked = PINS.get(identity["PINS"], "?"), PINS.get(values["pins"], "?")
-        sentences.append(
-            f"the board's strap says pins: {chosen}; the parameters say {asked}: save, power off, wire the strap for "
-            f"{asked}; until both agree no actuator pin is driven"
-        )
-    waiting = ["pins"] if "pins" in changed and not sentences else []
-    waiting += ["dead_time_ns"] if "dead_time_ns" in changed else []
-    if waiting:
-        sentences.append(f"{' and '.join(waiting)} is read only at the start: save and reset the board")
-    return sentences
-
-
-def warn(sentences: list[str]) -> None:
-    for sentence in sentences:
-        print(f"plumb: warning: {sentence}", file=sys.stderr)
+        return params_session.with_board(arguments, board.session, integers, warnings)

@@ -23,7 +23,7 @@ FALLBACKS = ("sensible-editor", "nano", "vi", "notepad")
 
 def edit(arguments: argparse.Namespace) -> int:
     """Edit and commit; raises UsageError. A text that is refused stays where it is, and the message names it."""
-    from plumb.cli import params
+    from plumb.cli import params_session
     from plumb.link import parameter_table
     from plumb.spec import parameter_file
     from plumb.tuning import quantities_file
@@ -52,7 +52,7 @@ def edit(arguments: argparse.Namespace) -> int:
     try:
         quantities_file.wanted(after, str(arguments.file), table)
         with options.linked_board_of(arguments) as board:
-            code = params.with_board(arguments, board.session, {}, [])
+            code = params_session.with_board(arguments, board.session, {}, [])
     except BaseException:
         note = f"your text is in {arguments.file}: correct it, then `plumb params load {arguments.file}`"
         print(f"plumb: {note}", file=sys.stderr)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from plumb.cli import params_text
+from plumb.cli import params_sources, params_text
 from plumb.errors import UsageError
 from plumb.link import parameter_history, parameter_profiles
 from plumb.link.session import Session
@@ -146,11 +146,9 @@ def _is_in_use(path: Path, words: list[int]) -> bool:
 
 def profile_words(arguments: argparse.Namespace, session: Session, warnings: list[str]) -> dict[str, int]:
     """The integers of the profile that is to be used; raises UsageError."""
-    from plumb.cli import params
-
     known = len(warnings)
-    values = params.integers_of_file(parameter_profiles.existing(board_id(session), arguments.name), warnings)
-    params.warn(warnings[known:])
+    values = params_sources.integers_of_file(parameter_profiles.existing(board_id(session), arguments.name), warnings)
+    params_sources.warn(warnings[known:])
     return values
 
 
