@@ -12,7 +12,7 @@
 
 /* board_faults(). Bits 0 to 7 and 13 to 15 disarm and block arming; bits 8 to 12 only inform. */
 #define BOARD_FAULT_ADC            0x0001u /* no conversions, or calibration did not end */
-#define BOARD_FAULT_LATE           0x0002u /* a period since board_set_period_us() was not taken in time */
+#define BOARD_FAULT_LATE           0x0002u /* a period was not taken in time; session: no step came */
 #define BOARD_FAULT_HARD           0x0004u /* a processor fault caused the last reset: identity, crash_ */
 #define BOARD_FAULT_IMAGE          0x0008u /* the CRC of the image in flash is wrong */
 #define BOARD_FAULT_BRIDGE         0x0010u /* the break input switched the bridge off, or holds it off */

@@ -58,11 +58,12 @@ void run_poll(run_t *r, uint32_t period_us, uint32_t now_us) {
     }
 }
 
-/* Without steps the outputs would keep their last pulses, whatever the sensors say. */
-bool run_step_overdue(run_t *r, bool armed, uint32_t period_us, uint32_t now_us) {
+/* Without steps the outputs would keep their last pulses, whatever the sensors say; a board that is not armed
+ * would be "not ready" for ever. Until the turn that sets the timer, `begun` is set. */
+bool run_step_overdue(run_t *r, uint32_t period_us, uint32_t now_us) {
     const uint32_t limit_us = STEPS_MISSING * period_us;
 
-    if (!armed || r->step != r->step_seen) {
+    if (r->mode != RUN_REALTIME || r->begun || r->step != r->step_seen) {
         r->step_seen = r->step;
         r->step_seen_us = now_us;
     }

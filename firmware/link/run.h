@@ -41,7 +41,7 @@ typedef struct {
     setpoint_t setpoint;
     run_sample_t held;     /* the sample of the last step */
     uint16_t step;         /* number of the next step */
-    uint16_t step_seen;    /* number of the next step when it last changed on an armed board */
+    uint16_t step_seen;    /* number of the next step when it last changed */
     uint32_t step_seen_us; /* when that was */
     uint16_t queue_in;     /* samples queued so far; in lockstep the number of the next one */
     uint16_t queue_out;    /* samples used so far */
@@ -70,9 +70,9 @@ bool run_pop_begin(run_t *r);
 /* Call on every turn of the loop: detects that the source of injected samples has gone silent. */
 void run_poll(run_t *r, uint32_t period_us, uint32_t now_us);
 
-/* True while a step is overdue: the board is armed, and the last step is more than 3 periods and more than
- * 20 ms ago. Call on every turn of the loop. */
-bool run_step_overdue(run_t *r, bool armed, uint32_t period_us, uint32_t now_us);
+/* True while a step is overdue: the last step of a run in real time, or its begin, is more than 3 periods and
+ * more than 20 ms ago. Call on every turn of the loop, before run_pop_begin(). */
+bool run_step_overdue(run_t *r, uint32_t period_us, uint32_t now_us);
 
 /* True while the injected samples of a real-time run are too old for control. */
 bool run_samples_stale(const run_t *r, uint32_t period_us);

@@ -302,7 +302,7 @@ __attribute__((noinline)) void session_poll(session_t *s, uint32_t now_us) {
     if (routing_poll(&s->routing, s->params->can_bitrate_kbit, now_us)) {
         session_link_lost(s, LINK_CAN, ARMING_BLOCK_CLOSED);
     }
-    if (run_step_overdue(&s->run, session_armed(s), s->params->period_us, now_us)) {
+    if (run_step_overdue(&s->run, s->params->period_us, now_us)) {
         s->status.faults |= BOARD_FAULT_LATE;
     }
     run_poll(&s->run, s->params->period_us, now_us);

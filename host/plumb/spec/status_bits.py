@@ -34,7 +34,7 @@ BLOCKED = {
 """Why arming is refused (STATUS.blocked), and what ended the last armed time (EVENTS.disarm_cause)."""
 FAULTS = {
     0: Bit("no_conversions", "no conversions"),
-    1: Bit("steps_missed", "control steps were missed"),
+    1: Bit("steps_missed", "control steps were missed, or none comes"),
     2: Bit("processor", "a processor fault ended the run before"),
     3: Bit("flash", "the flash does not hold what was built"),
     4: Bit(

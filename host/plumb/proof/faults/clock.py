@@ -5,13 +5,17 @@ from __future__ import annotations
 from plumb.f103.peripherals.tim import CEN, UG
 from plumb.proof.faults.fault import Fault
 from plumb.proof.faults.reports import Told
-from plumb.proof.faults.scene import Scene
+from plumb.proof.faults.scene import ESTIMATE, Scene
 
 CRYSTAL, FALLBACK, LATE = 1 << 12, 1 << 8, 1 << 1
 BY_FAULT = Told("EVENTS", "disarm_cause", 1 << 3)
 BY_WATCHDOG = Told("IDENTITY", "RESET_CAUSE", 1 << 5 | 1 << 6)
+NO_STEP = Told("STATUS", "faults", LATE)
 CHIPS = frozenset({"chips"})
+ESTIMATES = frozenset({"chips", ESTIMATE})
 STALL_S = 0.1
+SETTLED_S = 0.2
+"""After disarming: what that gives to tell has been told."""
 
 
 def crystal_fails(scene: Scene) -> None:
@@ -24,6 +28,16 @@ def steps_stop(scene: Scene) -> None:
     timer.settle(scene.machine.now)
     timer.cr1 &= ~CEN
     scene.machine.timeline.cancel("TIM3")
+
+
+def disarmed(scene: Scene) -> None:
+    scene.session.disarm()
+    scene.run(SETTLED_S)
+
+
+def begun_anew(scene: Scene) -> None:
+    """Another run, before its first step."""
+    scene.session.begin("REALTIME_LIVE", frames=scene.live.FRAMES)
 
 
 def steps_too_fast(scene: Scene) -> None:
@@ -41,8 +55,14 @@ def core_stands_still(scene: Scene) -> None:
 FAULTS = (
     Fault("crystal-fails", "clock", "the crystal stops", crystal_fails, "clock",
           (Told("IDENTITY", "FAULTS", CRYSTAL), Told("IDENTITY", "FAULTS", FALLBACK))),
-    Fault("steps-stop", "clock", "the timer that paces the steps stands still", steps_stop, "sensor",
-          ((BY_FAULT, BY_WATCHDOG),)),
+    Fault("steps-stop", "clock", "the timer that paces the steps stands still", steps_stop, "steps",
+          (NO_STEP, BY_FAULT)),
+    Fault("steps-stop-disarmed", "clock", "the timer that paces the steps stands still, and nothing is armed",
+          steps_stop, "steps", (NO_STEP,), prepare=disarmed),
+    Fault("steps-stop-before-arming", "clock", "the timer that paces the steps stands still from the begin of a run on",
+          steps_stop, "steps", (NO_STEP,), prepare=begun_anew),
+    Fault("estimate-steps-stop", "clock", "the timer that paces the steps stands still, and nothing is armed",
+          steps_stop, "steps", (NO_STEP,), ESTIMATES),
     Fault("steps-too-fast", "clock", "the timer that paces the steps ticks every 50 us", steps_too_fast, "late",
           ((Told("STATUS", "faults", LATE), BY_WATCHDOG),), CHIPS),
     Fault("core-held-up", "clock", "the core stands still for 100 ms", core_stands_still, "hang", (BY_WATCHDOG,)),

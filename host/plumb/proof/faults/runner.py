@@ -181,7 +181,7 @@ class Runner:
             said = [first[0] for told in fault.told if isinstance(told, Told) and (first := reports.first(told))]
             safe_ms = round((max(said) - begun_s) * 1e3, 1) if said else None
             why += ["it disarms"] if reports.disarmed_s() is not None else []
-        measured = self._told(fault, reports, watch, safe_ms, why)
+        measured = self._told(fault, reports, watch, safe_ms, why, was_armed)
         if brief:
             measured.missing.clear()
         return measured
@@ -228,7 +228,9 @@ class Runner:
         for key, entries in later.values.items():
             reports.values.setdefault(key, []).extend(entries)
 
-    def _told(self, fault: Fault, reports: Reports, watch: Watch, safe_ms: float | None, why: list[str]) -> Measured:
+    def _told(
+        self, fault: Fault, reports: Reports, watch: Watch, safe_ms: float | None, why: list[str], was_armed: bool
+    ) -> Measured:
         times_ms = [watch.ms(time) for time in watch.resets]
         reported, missing = [], []
         for wanted in fault.told:
@@ -246,7 +248,7 @@ class Runner:
         if said is not None and not any(text.startswith("EVENTS.disarm_cause") for text in reported):
             reported.append(cause.text(said[1]))
         disarmed_s = reports.disarmed_s()
-        if disarmed_s is not None and not fault.holds:
+        if disarmed_s is not None and was_armed and not fault.holds:
             times_ms.append(round((disarmed_s - reports.begun_s) * 1e3, 1))
         return Measured(safe_ms, min(times_ms, default=None), reported, missing, why)
 
