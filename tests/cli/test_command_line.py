@@ -99,7 +99,7 @@ SHORT = [*RUN, "--seconds", "0.1"]
         (["replay", "garbage.npz", "--board", "native"], 2, "damaged"),
         (["virtual-board", "--keep", "nowhere/board.flash"], 2, "there is no folder nowhere"),
         (["replay", "folder", "--system", "phone", "--board", "native"], 2, "a folder"),
-        (["record", "--bus", "file:garbage.blf", "--out", "a.asc"], 2, "cannot be read as a log"),
+        (["record", "--bus", "file:garbage.blf", "--out", "a.asc"], 2, "garbage.blf is damaged, or no .blf file"),
         (["record", "--bus", "file:missing.asc", "--out", "a.asc"], 2, "No such file"),
         (["record", "--bus", "file:folder", "--out", "a.asc"], 2, "a folder"),
         (["golden", "check", "--vectors", "garbage"], 2, "holds no recipe.toml"),

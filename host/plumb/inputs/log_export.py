@@ -25,10 +25,11 @@ from plumb.errors import UsageError
 from plumb.extras import install_hint
 from plumb.files import whole_files
 from plumb.files.block_file import exists_sentence
-from plumb.inputs import frame_files, record_report
+from plumb.inputs import record_report
 from plumb.inputs.log_file import ERROR, EXTENDED, REMOTE, Log
 from plumb.inputs.log_replay import RecordedRun
 from plumb.inputs.step_table import Column, table_of
+from plumb.link import foreign_frames, frame_records
 from plumb.spec import dbc
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def require(paths: Sequence[Path], *, replace: bool) -> None:
         if suffix == ".parquet":
             _require_parquet()
         elif suffix == ".mf4":
-            frame_files.require_mf4()
+            foreign_frames.require_mf4()
         if path.exists() and not replace:
             raise UsageError(exists_sentence(path))
     if len(set(paths)) != len(paths):
@@ -182,7 +183,7 @@ def _write_frames(log: Log, path: Path) -> None:
 
     try:
         with can.Logger(path) as logger:
-            every = (message for block in log.blocks() for message in frame_files.messages_of(block))
+            every = (message for block in log.blocks() for message in frame_records.messages_of(block))
             for message in tqdm(every, total=log.count, desc=path.suffix, leave=False, disable=None):
                 logger(message)
     except ValueError as error:

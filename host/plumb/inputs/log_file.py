@@ -13,36 +13,31 @@ reference/log.md is the specification.
 from __future__ import annotations
 
 import json
-import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from plumb.errors import UsageError
 from plumb.files.block_file import Block, Damage, read_blocks
+from plumb.link.frame_records import BLOCK_FRAMES as BLOCK_FRAMES
+from plumb.link.frame_records import ERROR as ERROR
+from plumb.link.frame_records import EXTENDED as EXTENDED
+from plumb.link.frame_records import FRAME as FRAME
+from plumb.link.frame_records import PACK as PACK
+from plumb.link.frame_records import REMOTE as REMOTE
+from plumb.link.frame_records import Frames as Frames
 from plumb.spec import parameters
 from plumb.spec.protocol import Protocol, database_of, protocol, protocol_of
 
 MAGIC = "plumb log 1"
 SUFFIX = ".plog"
 HEAD, DBC_TEXT, PARAMETERS, FRAMES, DONE = "HEAD", "DBCT", "PARM", "FRMS", "DONE"
-FRAME = np.dtype([("time_us", "<i8"), ("can_id", "<u4"), ("length", "u1"), ("sent", "u1"), ("data", "u1", (8,))])
-"""One frame. time_us: when it was received, by the clock of the head; can_id: as SocketCAN has it, with bit 31 for an
-extended identifier, 30 for a remote frame, 29 for an error frame; sent: 1 when the recording host sent it."""
-BLOCK_FRAMES = 4096
-"""Frames of a full block: 90 KB, one second of a full UART."""
-PACK = struct.Struct("<qIBB8s").pack
-"""One record of FRAME; 8s pads with zeros."""
-EXTENDED, REMOTE, ERROR = 1 << 31, 1 << 30, 1 << 29
 UTC, SIMULATED = "utc", "simulated"
 """Clocks of a head: microseconds since 1970, or since the start of a simulated board."""
 ADVICE = "give a log of `plumb record`"
 
-Frames = npt.NDArray[np.void]
-"""Records of FRAME, in the order in which they were received."""
 Json = Mapping[str, object]
 
 

@@ -23,6 +23,7 @@ from plumb.inputs.log_file import SUFFIX, Log, ParameterSet, read_log
 from plumb.inputs.logged_parameters import UsedParameters, changes_of_run, heard_sets, parameters_of_run
 from plumb.inputs.logged_runs import LoggedRun, Steps, runs_in
 from plumb.inputs.recorded_digests import Compared, LongReplay, replay_long
+from plumb.link import foreign_frames
 from plumb.link.session import RAW_FRAMES
 from plumb.link.used_tables import TableChange
 from plumb.proof import runs
@@ -33,7 +34,7 @@ from plumb.proof.scenario_run import ScenarioRun
 from plumb.spec import declarations
 from plumb.tuning.quantise import Changes
 
-SUFFIXES = (SUFFIX, *frame_files.READ)
+SUFFIXES = (SUFFIX, *foreign_frames.READ)
 """Files that carry what a board said, and can be reproduced."""
 
 

@@ -12,7 +12,6 @@ from typing import Self
 import can
 
 from plumb.files.block_file import BlockWriter
-from plumb.inputs.frame_files import packed
 from plumb.inputs.log_file import (
     BLOCK_FRAMES,
     DBC_TEXT,
@@ -26,6 +25,7 @@ from plumb.inputs.log_file import (
     SIMULATED,
     UTC,
 )
+from plumb.link.frame_records import packed
 from plumb.spec import dbc, parameters
 from plumb.spec.parameter_file import by_name
 from plumb.spec.protocol import Frame

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -33,13 +32,14 @@ from plumb.link.endpoint_names import (
     quoted,
     split_rate,
 )
+from plumb.link.foreign_frames import blocks_in
+from plumb.link.frame_records import messages_of
 from plumb.link.transports.can_bus import DriverBus
 from plumb.link.transports.serial_ports import check_port
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.link.transports.socketcand import SocketcandClient
 
-MOST_LOG_BYTES = 64 << 20
-"""Largest log of frames, about a million frames: a log is read as a whole."""
+LOG_SUFFIXES = (".asc", ".blf", ".csv", ".log", ".trc")
 
 
 def open_bus(spec: str, *, listen_only: bool = False) -> can.BusABC:
@@ -126,12 +126,12 @@ class LogBus(can.BusABC):
 
     def __init__(self, path: Path) -> None:
         self.ended = False
-        input_files.check(path, MOST_LOG_BYTES, "give a log of frames (.asc .blf .csv .log .trc)")
-        try:
-            self._messages: Iterator[can.Message] = iter(list(can.LogReader(path)))
-        except Exception as error:  # a damaged log makes readers raise anything
-            reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-            raise UsageError(f"{path} cannot be read as a log of frames: {reason}") from None
+        advice = f"give a log of frames, which ends in {', '.join(LOG_SUFFIXES)}"
+        input_files.check_regular(path, advice)
+        if path.suffix.lower() not in LOG_SUFFIXES:
+            raise UsageError(f"{path} is no log of frames; {advice}")
+        self._blocks = blocks_in(path, advice)
+        self._messages = (message for block in self._blocks for message in messages_of(block))
         self._next = next(self._messages, None)
         self._offset = time.monotonic() - (self._next.timestamp if self._next else 0.0)
         self.channel_info = f"the log {path}"
@@ -150,3 +150,9 @@ class LogBus(can.BusABC):
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Discard the frame."""
+
+    def shutdown(self) -> None:
+        """Close the file."""
+        super().shutdown()
+        self._messages.close()
+        self._blocks.close()
