@@ -12,7 +12,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -51,7 +51,7 @@ class Limits:
 DEFAULT_LIMITS = Limits()
 
 
-def pieces_of(reader: str, path: Path, advice: str, limits: Limits = DEFAULT_LIMITS) -> Iterator[bytes]:
+def pieces_of(reader: str, path: Path, advice: str, limits: Limits = DEFAULT_LIMITS) -> Generator[bytes, None, None]:
     """The pieces that a reader yields for a file. reader: "package.module:function", a generator of bytes that takes
     the path. Closing the iterator ends the process.
 
