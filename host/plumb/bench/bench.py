@@ -41,7 +41,8 @@ from plumb.proof import golden_recipe
 from plumb.proof.accuracy import TURN_DEG, chain_error_deg, filter_error_deg, hard_inputs, scenario_error_deg
 from plumb.proof.compare import count_mismatches
 from plumb.proof.golden import vectors_folder
-from plumb.proof.golden_recipe import WILD, random_bits
+from plumb.proof.golden_random import random_bits
+from plumb.proof.golden_recipe import WILD
 from plumb.spec import declarations
 from plumb.spec.protocol import protocol
 from plumb.spec.records import RECORDS, Words

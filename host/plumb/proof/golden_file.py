@@ -9,7 +9,8 @@ One line of JSON (at most 64 KiB), then binary, little endian, without compressi
     uint32 check                       CRC-32 of every byte before it, the header included
 
 "params" are the parameter words that the system reads, "final" the words of the last step, by name. "on_link" marks the
-vectors that are also run over a link, where a step costs a frame.
+vectors that are also run over a link, where a step costs a frame. A vector has one form: a file with other bytes, for
+example a space more in its header, is refused, although it would mean the same.
 """
 
 from __future__ import annotations
@@ -81,7 +82,10 @@ class Vector:
     def decode(cls, data: bytes, path: Path) -> Vector:
         """From the bytes of a file; raises UsageError, with the path, when they are no whole golden vector."""
         try:
-            return cls._decode(data)
+            vector = cls._decode(data)
+            if vector.encode() != data:
+                raise ValueError("it holds a vector, but in other bytes than plumb writes")
+            return vector
         except (ValueError, RecursionError, UsageError) as error:
             reason = "its header is nested too deeply" if isinstance(error, RecursionError) else str(error)
             raise UsageError(

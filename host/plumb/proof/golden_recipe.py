@@ -7,9 +7,11 @@ tests/vectors/recipe.toml, a [[vector]] table each:
     tuning      a shipped tuning of that system, by name
     set         optional: dotted fields of the tuning to change, for example {"kalman.q_angle_deg2_per_s" = 10.0}
     scenario    a scenario of that system, with `seed`, from the step `begin` on (default 0); or
-    wild        a kind of input that no sensor gives, with `seed`: see WILD
+    wild        a kind of input that no sensor gives, with `seed`: see WILD; or "reach", which moves parameters, too
+    words       optional: parameter words of that system as integers, put in after the tuning was quantised
     steps       number of steps
     on_link     optional: also run over a link
+    reaches     optional: why the vector is there, for the reader
 
 A name is lower-case letters, digits and underscores, so that it cannot lead out of the folder. Everything a recipe says
 is checked before it is used: a wrong recipe is a UsageError.
@@ -32,6 +34,8 @@ import numpy.typing as npt
 from plumb import systems
 from plumb.boards import RawCounts, Setpoints
 from plumb.errors import UsageError
+from plumb.proof.golden_random import random_bits
+from plumb.proof.golden_reach import reach
 from plumb.systems.contracts import fitted
 from plumb.tuning.quantise import ControlParams, quantise
 
@@ -41,19 +45,8 @@ MAX_BYTES = 1 << 20
 """Largest size of the recipe file."""
 MAX_SEED = (1 << 32) - 1
 _NAME = re.compile(r"[a-z0-9][a-z0-9_]{0,63}")
-UInt64Array = npt.NDArray[np.uint64]
 EXTREME_COUNTS = np.array([-32768, -32767, -4096, -1, 0, 1, 1675, 2047, 2048, 4094, 4095, 4096, 32766, 32767])
 EXTREME_ANGLES = np.array([0, 1, -1, 2**29, -(2**29), 2**30, -(2**30), 2**31 - 1, -(2**31), -(2**31) + 1])
-
-
-def random_bits(seed: int, count: int, stream: int = 0) -> UInt64Array:
-    """SplitMix64 (Steele, Lea, Flood 2014): the same numbers with every version of every library."""
-    mix = np.arange(1, count + 1, dtype=np.uint64)
-    with np.errstate(over="ignore"):
-        mix = mix * np.uint64(0x9E3779B97F4A7C15) + np.uint64((seed * 1_000_003 + stream * 7919) % 2**64)
-        mix = (mix ^ (mix >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        mix = (mix ^ (mix >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return mix ^ (mix >> np.uint64(31))
 
 
 def _counts(seed: int, steps: int) -> npt.NDArray[np.int64]:
@@ -111,6 +104,8 @@ WILD: dict[str, Callable[[int, int], tuple[npt.NDArray[np.int64], npt.NDArray[np
     "walk": _walk,
     "spin": _spin,
 }
+REACH = "reach"
+"""The kind of input that depends on the parameters, and changes them: plumb.proof.golden_reach."""
 
 
 @dataclass(frozen=True)
@@ -127,6 +122,8 @@ class Entry:
     begin: int = 0
     on_link: bool = False
     set: dict[str, object] = field(default_factory=dict)
+    words: dict[str, int] = field(default_factory=dict)
+    reaches: str = ""
 
     def params(self) -> ControlParams:
         """The parameters of the vector."""
@@ -147,17 +144,25 @@ class Entry:
         tuning = system.TUNINGS[self.tuning]
         for path, value in self.set.items():
             tuning = _changed(tuning, path.split("."), value)
-        quantise(tuning)  # refuses impossible parameters before the scenario is computed
+        params = self._exact(quantise(tuning))  # refuses impossible parameters before the scenario is computed
+        if self.wild == REACH:
+            return reach(params, self.seed, self.steps, frozenset(self.words))
         if self.wild:
             raw, setpoint = WILD[self.wild](self.seed, self.steps)
-            return quantise(tuning), raw.astype(np.int16), setpoint.astype(np.int32)
+            return params, raw.astype(np.int16), setpoint.astype(np.int32)
         run = system.scenario(
             self.scenario or system.DEFAULT_SCENARIO,
             self.seed,
             seconds=(self.begin + self.steps) * tuning.period_us * 1e-6,
             period_us=tuning.period_us,
         )
-        return quantise(fitted(run, tuning)), run.counts()[self.begin :], run.setpoint()[self.begin :]
+        return self._exact(quantise(fitted(run, tuning))), run.counts()[self.begin :], run.setpoint()[self.begin :]
+
+    def _exact(self, params: ControlParams) -> ControlParams:
+        """With the recipe's own words."""
+        if not self.words:
+            return params
+        return ControlParams.of(params.system, {**params.own(), **self.words}, params.lsb_deg2)
 
 
 def _changed(part: Any, path: list[str], value: Any) -> Any:
@@ -208,7 +213,7 @@ def _entry(table: Any) -> Entry:
         if needed not in table:
             raise ValueError(f"{name} lacks the field '{needed}'")
     for kind, of in (
-        (str, ("system", "tuning", "scenario", "wild")),
+        (str, ("system", "tuning", "scenario", "wild", "reaches")),
         (int, ("steps", "seed", "begin")),
         (bool, ("on_link",)),
     ):
@@ -221,11 +226,14 @@ def _entry(table: Any) -> Entry:
         raise ValueError(f"{name}: steps are 1 to {MAX_STEPS}, a seed is 0 to {MAX_SEED}")
     if not 0 <= table.get("begin", 0) <= MAX_STEPS or ("begin" in table and "wild" in table):
         raise ValueError(f"{name}: begin is a step of a scenario, 0 to {MAX_STEPS}")
-    if ("scenario" in table) == ("wild" in table) or table.get("wild", "walk") not in WILD:
-        raise ValueError(f"{name} needs either a scenario or one of wild = {', '.join(WILD)}")
+    if ("scenario" in table) == ("wild" in table) or table.get("wild", REACH) not in (*WILD, REACH):
+        raise ValueError(f"{name} needs either a scenario or one of wild = {', '.join((*WILD, REACH))}")
     changes = table.get("set", {})
     if not isinstance(changes, dict) or not all(map(_is_scalar, changes.values())):
         raise ValueError(f"{name}: set is a table of dotted fields and finite numbers")
+    words = table.get("words", {})
+    if not isinstance(words, dict) or any(type(value) is not int or abs(value) >= 1 << 32 for value in words.values()):
+        raise ValueError(f"{name}: words is a table of parameters and integers of 32 bits")
     return Entry(**table)
 
 

@@ -1,14 +1,17 @@
 """Trace a vector that a board fails to the step and signal at which they first differ.
 
-The integer model runs again, and the board where it gave digests alone. A difference may also lie in the vector's file:
-then its recipe says which number was changed.
+The integer model runs again, and the board where it gave digests alone. Where the model itself no longer repeats the
+file, the C core may: then its words are the right ones, so that a mismatch of `fixed` has a signal, too. Where neither
+does, the file is wrong, and its recipe says which number was changed.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from plumb.boards import Answer, Board
+import numpy as np
+
+from plumb.boards import Answer, Board, native_core
 from plumb.proof.compare import Divergence, divergence_at, first_digest_divergence, first_divergence
 from plumb.proof.golden_file import Vector
 from plumb.proof.golden_recipe import Entry
@@ -23,16 +26,20 @@ def trace(board: Board, entry: Entry, vector: Vector, answer: Answer) -> Diverge
     if step is None:
         return _first_in_words(vector, answer)
     model = run_fixed.run_control(vector.params, vector.raw, vector.setpoint)
-    in_file = first_digest_divergence(model.digests(), vector.digests)
-    if in_file is not None and in_file <= step:
-        return _first_in_file(entry, vector, model, in_file)
+    right = model
+    differs = first_digest_divergence(model.digests(), vector.digests)
+    if differs is not None and differs <= step:
+        core = native_core.run_control(vector.params, vector.raw, vector.setpoint)
+        if not np.array_equal(core.digests()[: step + 1], vector.digests[: step + 1]):
+            return _first_in_file(entry, vector, model, differs)
+        right = core
 
     def words_of_step(step: int) -> dict[str, int]:
         if answer.words is not None:
             return {name: int(values[step]) for name, values in answer.words.items()}
         return board.words_of_step(vector.params, vector.raw, vector.setpoint, step)
 
-    return _of(vector, first_divergence(Words(model.record[compared]), answer.digests[compared], words_of_step))
+    return _of(vector, first_divergence(Words(right.record[compared]), answer.digests[compared], words_of_step))
 
 
 def _of(vector: Vector, found: Divergence | None, in_file: bool = False) -> Divergence | None:

@@ -349,6 +349,14 @@ class RetunedStep(Protocol):
         """Other values of live parameters from the next step on: moves the state c so that no output jumps."""
 
 
+@runtime_checkable
+class CheckedWords(Protocol):
+    """fixed.py of a system whose arithmetic is not made for all words within the ranges of the parameter table."""
+
+    def control_valid(self, p: Params, /) -> bool:
+        """Whether the core takes these words: those of one set, as they are in memory."""
+
+
 class ReferenceModel(Protocol):
     """reference.py: the published equations in float64."""
 

@@ -30,13 +30,13 @@ from plumb.kernels.fixed.kernels import (
 from plumb.kernels.fixed.trig import asin, atan2
 from plumb.spec.records import RECORDS, Words, names_of, packer
 from plumb.systems import load
-from plumb.systems.contracts import FIXED, RetunedStep
+from plumb.systems.contracts import FIXED, CheckedWords, RetunedStep
 from plumb.tuning.quantise import Changes, ControlParams
 
 __all__ = [
     "Controller", "KalmanState", "PidState", "asin", "atan2", "calibrate", "check_inputs", "kalman_bias", "kalman_init",
-    "kalman_step", "kalman_tilt", "parts_of", "pid_step", "run_changed", "run_control", "stack", "system_name", "tilt",
-    "trust",
+    "kalman_step", "kalman_tilt", "params_valid", "parts_of", "pid_step", "run_changed", "run_control", "stack",
+    "system_name", "tilt", "trust",
 ]  # fmt: skip
 
 
@@ -127,6 +127,12 @@ def system_name(params: ControlParams | Sequence[ControlParams]) -> str:
     if len(names) != 1:
         raise UsageError(f"runs of {' and '.join(sorted(names)) or 'no system'} cannot be batched: give one system's")
     return names.pop()
+
+
+def params_valid(params: ControlParams) -> bool:
+    """Whether the arithmetic is made for these words, those of single parameters out of range included."""
+    system = load(params.system, FIXED)
+    return system.control_valid(params.values) if isinstance(system, CheckedWords) else True
 
 
 def stack(params: ControlParams | Sequence[ControlParams], runs: int) -> dict[str, npt.NDArray[np.int64]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from plumb.kernels.fixed import mounting, validity
 from plumb.kernels.fixed.kernels import Params, calibrate
 from plumb.kernels.fixed.mounting import mount
 from plumb.kernels.fixed.quaternion import ONE_Q30
@@ -276,3 +277,17 @@ def correct(c: ControlState, gains: Sequence[Integer]) -> None:
     c.attitude = turn_earth(c.attitude, ONE_Q30, x, y)
     for i in HORIZONTAL:
         c.velocity[i] = sat32(c.velocity[i] + gains[i] + d[VELOCITY + i])
+
+
+def control_valid(p: Params) -> bool:
+    dt, steps, mounted = (int(p[f"attitude.{name}"]) for name in ("dt_s_q33", "block_steps", "mounted"))
+    half_angle = int(p["attitude.half_angle"]) & 0xFFFFFFFF
+    sensors = ("gyro", "accel")
+    return (
+        all(validity.calibration(p, name) and mounting.valid(p, f"{name}_mounting") for name in sensors)
+        and 0 <= dt <= 188978561
+        and 15 <= steps <= 125
+        and mounted <= 1
+        and steps * dt <= 2731598643
+        and steps * half_angle <= 1 << 34
+    )

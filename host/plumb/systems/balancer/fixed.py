@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from plumb.kernels.fixed import validity
 from plumb.kernels.fixed.kernels import (
     KalmanState,
     Params,
@@ -105,3 +106,15 @@ def control_retune(c: ControlState, old: Params, new: Params) -> None:
     """Other gains from the next step on."""
     pid_retune(c.speed, old, new, "speed")
     pid_retune(c.pid, old, new)
+
+
+def control_valid(p: Params) -> bool:
+    channels = all(validity.calibration(p, group) for group in ("gyro", "accel", "accel_up"))
+    filters = validity.wheel(p) and validity.tilt(p) and validity.kalman(p)
+    return channels and filters and validity.pid(p, "speed") and validity.pid(p) and _drive_valid(p)
+
+
+def _drive_valid(p: Params) -> bool:
+    within = (("speed_max_mps_q26", 0, 8 << 26), ("lean_max_turn_q34", 0, 1 << 30), ("span_q15", -32767, 32767),
+              ("duty_max_q15", 0, 32767), ("fall_turn_q32", 0, 1 << 31))  # fmt: skip
+    return all(low <= int(p[f"drive.{name}"]) <= high for name, low, high in within)

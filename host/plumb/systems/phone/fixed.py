@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from plumb.kernels.fixed import validity
 from plumb.kernels.fixed.kernels import (
     KalmanState,
     Params,
@@ -122,3 +123,9 @@ def filter_words(k: KalmanState) -> tuple[Integer, ...]:
     return (
         k.tilt_turn_q61, k.bias_turn_q61, k.p00, k.p01, k.p11, k.p11_frac_q30, k.innovation_turn_q32, k.k0_q29, k.k1_q29
     )  # fmt: skip
+
+
+def control_valid(p: Params) -> bool:
+    channels = validity.calibration(p, "gyro") and validity.calibration(p, "accel") and validity.tilt(p)
+    roll = 1 <= int(p["roll.r_base"]) <= int(p["roll.r_max"]) <= validity.VARIANCE_MAX and int(p["phone.rates"]) <= 1
+    return channels and roll and validity.kalman(p) and validity.kalman(p, "roll", "roll.start")

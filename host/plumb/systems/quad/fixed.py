@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from plumb.kernels.fixed import validity
 from plumb.kernels.fixed.kernels import (
     KalmanState,
     Params,
@@ -79,3 +80,8 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint_tu
 def control_retune(c: ControlState, old: Params, new: Params) -> None:
     """Other gains from the next step on."""
     pid_retune(c.pid, old, new)
+
+
+def control_valid(p: Params) -> bool:
+    channels = all(validity.calibration(p, group) for group in ("gyro", "accel", "accel_up"))
+    return channels and validity.tilt(p) and validity.kalman(p) and validity.pid(p) and validity.esc(p)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from plumb.kernels.fixed import validity
 from plumb.kernels.fixed.kernels import Params
 from plumb.kernels.fixed.prefilter import FLAG_SAMPLE, Sensor
 from plumb.kernels.fixed.quaternion import ONE_Q30, Quaternion, chosen, difference, rotate
@@ -428,3 +429,18 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
         *(word for a in (*c.scale, *c.lag) for word in (a.variance_q60, *a.sensitivity_q28)),
         flags, c.step,
     )  # fmt: skip
+
+
+FUSION_RANGES = {
+    "layer": (DATA, PRINTED), "dt_s_q32": (1, 1 << 26), "step_hz_q16": (1, I32),
+    "gyro_period_step_q24": (1 << 24, 1 << 28), "gyro_samples_step_q30": (1 << 26, 1 << 30),
+    "lag_step_q24": (0, 1 << 28), "lag_alpha_q31": (0, I32), "share_q30": (0, 1 << 30),
+    "r_gyro_q44": (1 << 12, (1 << 32) - 1), "v_lag_q30": (0, 1 << 30),
+}  # fmt: skip
+
+
+def control_valid(p: Params) -> bool:
+    sensors = ("gyro", "angular")
+    channels = all(validity.calibration(p, name) and validity.prefilter(p, f"{name}_filter") for name in sensors)
+    ranges = all(low <= int(p[f"fusion.{name}"]) <= high for name, (low, high) in FUSION_RANGES.items())
+    return channels and ranges and int(p["fusion.gyro_age_step_q24"]) < int(p["fusion.gyro_period_step_q24"])

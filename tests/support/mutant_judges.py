@@ -1,0 +1,67 @@
+"""What kills a mutant of the core: a golden vector that it does not repeat to the last bit.
+
+The mutant runs in a process of its own, because it may crash or never end: both are seen, so both kill it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from plumb.proof.golden_file import Vector
+
+LONGEST_S = 60
+"""Of processor time, for all vectors: a hundred times what they take."""
+SURVIVED, KILLED = 0, 1
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A vector as the library takes it."""
+
+    name: str
+    params: np.ndarray
+    raw: np.ndarray
+    setpoint: np.ndarray
+    digests: np.ndarray
+
+    @classmethod
+    def of(cls, vector: Vector) -> Prepared:
+        words = np.array([word & 0xFFFFFFFF for word in vector.params.words()], np.uint32)
+        raw, setpoint = np.ascontiguousarray(vector.raw, np.int16), np.ascontiguousarray(vector.setpoint, np.int32)
+        return cls(vector.name, words, raw, setpoint, vector.digests)
+
+    def kills(self, library: ctypes.CDLL) -> bool:
+        digests = np.zeros(len(self.raw), np.uint32)
+        arrays = [array.ctypes.data_as(ctypes.c_void_p) for array in (self.params, self.raw, self.setpoint)]
+        given = [*arrays, ctypes.c_int32(len(self.raw)), None, digests.ctypes.data_as(ctypes.c_void_p)]
+        library.plumb_control_run(*given)
+        return not np.array_equal(digests, self.digests)
+
+
+def killer(library: Path, vectors: Sequence[Prepared]) -> str | None:
+    """The first vector that the library does not repeat; `crash` when it ends the process; None: it repeats all."""
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(reading)
+        signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST_S)
+        loaded = ctypes.CDLL(str(library))
+        for number, vector in enumerate(vectors):
+            if vector.kills(loaded):
+                os.write(writing, number.to_bytes(4, "little"))
+                os._exit(KILLED)
+        os._exit(SURVIVED)
+    os.close(writing)
+    with os.fdopen(reading, "rb") as said:
+        at = said.read()
+    _, status = os.waitpid(child, 0)
+    if os.WIFEXITED(status) and os.WEXITSTATUS(status) == SURVIVED:
+        return None
+    return vectors[int.from_bytes(at, "little")].name if at else "crash"
