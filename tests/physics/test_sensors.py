@@ -10,6 +10,7 @@ import pytest
 from plumb.errors import UsageError
 from plumb.physics.sensors import ADC_REFERENCE_V, Enc03, Fault, Mma7260, OnePole, adc_counts
 from plumb.systems.quad import scenarios as quad
+from plumb.systems.quad.drawn_run import GRID_S
 from plumb.systems.quad.plant import QuadPlant
 
 
@@ -74,7 +75,7 @@ def test_less_bandwidth_means_less_noise_more_lag() -> None:
     for bandwidth_hz in quad.BANDWIDTHS_HZ:
         run = quad.scenario("quiet", 1000, bandwidth_hz=bandwidth_hz, seconds=30.0)
         noise_g.append(float(np.std(run.accel_noise_g)))
-        y_g = OnePole.of(bandwidth_hz, quad.GRID_S).run(np.sin(np.radians(run.prescribed_deg)))
+        y_g = OnePole.of(bandwidth_hz, GRID_S).run(np.sin(np.radians(run.prescribed_deg)))
         lag_deg.append(float(np.max(np.abs(np.degrees(np.arcsin(y_g)) - run.prescribed_deg))))
     assert noise_g == sorted(noise_g) and lag_deg == sorted(lag_deg, reverse=True)
     assert lag_deg[0] > 1.0 > 0.1 > lag_deg[-1]

@@ -19,6 +19,7 @@ from plumb.proof import live_run
 from plumb.proof.runs import Run
 from plumb.systems.balancer import pins as balancer_live
 from plumb.systems.balancer import scenarios as balancer
+from plumb.systems.balancer.drawn_run import GYRO
 from plumb.systems.balancer.plant import BalancerPlant
 from plumb.systems.balancer.vehicle import EDGE_M
 from plumb.systems.contracts import PINS
@@ -69,7 +70,7 @@ def test_the_chips_and_the_hall_sensors_give_what_the_plant_has(inputs: tuple[Vi
     """Counts of the registers follow the truth: rate within noise, up about 1 g, edges the way that was rolled."""
     _, trial = inputs
     raw, truth = trial.inputs.raw, trial.inputs.truth
-    rate_dps = raw[:, 0] / balancer.GYRO.lsb_per_dps - truth["bias_dps"]
+    rate_dps = raw[:, 0] / GYRO.lsb_per_dps - truth["bias_dps"]
     assert np.std(rate_dps - truth["rate_dps"]) < 3 * balancer.GYRO_NOISE_DPS
     assert np.mean(raw[:, 2]) == pytest.approx(256.0, abs=6.0)
     way_m = np.sum(truth["velocity_mps"]) * balancer.PERIOD_US * 1e-6

@@ -11,6 +11,7 @@ from plumb.errors import UsageError
 from plumb.physics.sensors import Adxl345, Fault, Itg3205
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.balancer import vehicle as balancer_vehicle
+from plumb.systems.balancer.drawn_run import Scenario
 from plumb.systems.balancer.plant import BalancerPlant
 from plumb.systems.balancer.vehicle import (
     BODY_CENTRE_M,
@@ -31,7 +32,7 @@ MASS = WHEELS_KG + WHEELS_KGM2 / WHEEL_RADIUS_M**2 + BODY_KG
 MOMENT = BODY_KG * BODY_CENTRE_M
 
 
-def calm(seconds: float = 10.0) -> balancer.Scenario:
+def calm(seconds: float = 10.0) -> Scenario:
     """Nothing but gravity: no pushes, disturbance, commands, noise or sensor errors."""
     run = balancer.scenario("rough", 0, seconds=seconds)
     noise = ("bias_dps", "vibration_g", "accel_noise_lsb", "gyro_noise_dps")

@@ -15,6 +15,7 @@ from plumb.proof import metrics
 from plumb.spec.tuning import Kalman
 from plumb.systems import load, run_reference, scoring
 from plumb.systems.quad import scenarios as quad
+from plumb.systems.quad.drawn_run import Scenario
 from plumb.systems.quad.plant import QuadPlant
 from plumb.systems.quad.tuning import QuadTuning
 
@@ -22,19 +23,19 @@ SEEDS = range(1000, 1040)
 
 
 @pytest.fixture(scope="module")
-def runs() -> list[quad.Scenario]:
+def runs() -> list[Scenario]:
     return [quad.scenario("motion", seed) for seed in SEEDS]
 
 
 @pytest.fixture(scope="module")
-def engineering(runs: list[quad.Scenario]) -> np.ndarray:
+def engineering(runs: list[Scenario]) -> np.ndarray:
     """Rate in deg/s, y and z in g: (3, steps, runs)."""
     raw = np.stack([run.counts() for run in runs], axis=-1).astype(float)
     channels = (quad.CALIBRATION.gyro, quad.CALIBRATION.accel, quad.CALIBRATION.accel_up)
     return np.stack([(raw[:, i] - c.zero_counts) * c.unit_per_count for i, c in enumerate(channels)])
 
 
-def rmse_deg(runs: list[quad.Scenario], engineering: np.ndarray, tuning: QuadTuning) -> float:
+def rmse_deg(runs: list[Scenario], engineering: np.ndarray, tuning: QuadTuning) -> float:
     """Mean over runs of the float64 filter's error, a constant R."""
     rate_dps, y_g, z_g = engineering
     z_deg = np.degrees(np.arctan2(y_g, z_g) if tuning.tilt == "atan2" else np.arcsin(np.clip(y_g, -1, 1)))
@@ -48,15 +49,13 @@ def rmse_deg(runs: list[quad.Scenario], engineering: np.ndarray, tuning: QuadTun
 
 
 @pytest.mark.slow
-def test_accelerometer_only_is_within_5_percent_of_2_40_deg(runs: list[quad.Scenario], engineering: np.ndarray) -> None:
+def test_accelerometer_only_is_within_5_percent_of_2_40_deg(runs: list[Scenario], engineering: np.ndarray) -> None:
     truth = np.stack([run.tilt_deg() for run in runs], axis=-1)
     figures = metrics.accel_only_rmse_deg(engineering[1], engineering[2], truth, scoring.scored(runs[0].time_s))
     assert float(np.mean(figures)) == pytest.approx(2.40, rel=0.05)
 
 
-def test_the_papers_q_gives_1_87_deg_per_step_and_1_3_per_second(
-    runs: list[quad.Scenario], engineering: np.ndarray
-) -> None:
+def test_the_papers_q_gives_1_87_deg_per_step_and_1_3_per_second(runs: list[Scenario], engineering: np.ndarray) -> None:
     paper = quad.TUNINGS["paper"]
     assert paper.kalman.q_angle_deg2_per_s * paper.period_s == pytest.approx(0.01, rel=1e-12)
     assert paper.kalman.q_bias_dps2_per_s * paper.period_s == pytest.approx(0.005, rel=1e-12)
@@ -65,7 +64,7 @@ def test_the_papers_q_gives_1_87_deg_per_step_and_1_3_per_second(
     assert rmse_deg(runs, engineering, per_second) == pytest.approx(1.3, rel=0.05)
 
 
-def test_motion_has_the_published_amplitudes(runs: list[quad.Scenario]) -> None:
+def test_motion_has_the_published_amplitudes(runs: list[Scenario]) -> None:
     tilt_deg = runs[0].tilt_deg()
     assert np.array_equal(tilt_deg, runs[1].tilt_deg()), "the motion is prescribed, the same for every seed"
     assert np.max(np.abs(tilt_deg[runs[0].time_s < 4.5])) < 1e-5, "at rest first"
@@ -78,7 +77,7 @@ def test_motion_has_the_published_amplitudes(runs: list[quad.Scenario]) -> None:
     assert 0.25 < np.max(np.abs(lateral)) < 0.75
 
 
-def test_the_motion_is_smoothed_by_0_12_s(runs: list[quad.Scenario]) -> None:
+def test_the_motion_is_smoothed_by_0_12_s(runs: list[Scenario]) -> None:
     # A Gaussian of sigma s passes a sine of f Hz with exp(-(2 pi f s)^2 / 2); whole periods of all three parts.
     t, tilt_deg = runs[0].time_s[350:5650], runs[0].tilt_deg()[350:5650]
     for f, amplitude in ((0.25, 15.0), (0.7, 8.0)):
@@ -86,7 +85,7 @@ def test_the_motion_is_smoothed_by_0_12_s(runs: list[quad.Scenario]) -> None:
         assert seen == pytest.approx(amplitude * np.exp(-0.5 * (2.0 * np.pi * f * 0.12) ** 2), rel=0.03)
 
 
-def test_the_sensors_err_as_stated(runs: list[quad.Scenario], engineering: np.ndarray) -> None:
+def test_the_sensors_err_as_stated(runs: list[Scenario], engineering: np.ndarray) -> None:
     rest, lsb_dps, lsb_g = slice(0, 200), 1.2024, 1.00708e-3
     at_rest = np.std(engineering[:, rest], axis=1).mean(axis=1)
     # ADC: 0.7 LSB before rounding, and rounding.

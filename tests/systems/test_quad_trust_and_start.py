@@ -10,11 +10,12 @@ import pytest
 from plumb.boards import native_core
 from plumb.spec.records import Words
 from plumb.systems.quad import scenarios as quad
+from plumb.systems.quad.drawn_run import Scenario
 from plumb.systems.quad.tuning import QuadTuning
 from plumb.tuning import quantise
 
 
-def run(tuning: QuadTuning, name: str, seed: int = 1000) -> tuple[quad.Scenario, Words]:
+def run(tuning: QuadTuning, name: str, seed: int = 1000) -> tuple[Scenario, Words]:
     drawn = quad.scenario(name, seed)
     return drawn, native_core.run_control(quantise.quantise(tuning), drawn.counts(), drawn.setpoint())
 

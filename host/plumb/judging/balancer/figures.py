@@ -27,6 +27,7 @@ from plumb.systems import run_reference, scoring
 from plumb.systems.balancer import reference as reference_balancer
 from plumb.systems.balancer import scenarios as balancer
 from plumb.systems.balancer import vehicle
+from plumb.systems.balancer.drawn_run import DPS_PER_G, GYRO, VELOCITY_UNIT
 from plumb.systems.balancer.plant import BalancerPlant
 from plumb.systems.balancer.tuning import BalancerTuning
 from plumb.tuning import quantise
@@ -51,7 +52,7 @@ def expected_raw_dps() -> tuple[float, float]:
     start = np.linspace(-balancer.BIAS_DPS, balancer.BIAS_DPS, 2001)
     bias = start**2 + 2.0 * start * np.mean(warm) + np.mean(warm**2)
     walk = balancer.WALK_DPS_PER_RTS**2 * np.mean(time_s)
-    rounding = 1.0 / (12.0 * balancer.GYRO.lsb_per_dps**2)
+    rounding = 1.0 / (12.0 * GYRO.lsb_per_dps**2)
     run = np.sqrt(bias + walk + balancer.GYRO_NOISE_DPS**2 + rounding)
     return float(np.mean(run)), float(np.std(run))
 
@@ -60,7 +61,7 @@ ASSUMED = (
     "Scores t >= 10 s; tunings fitted on seeds 0-19. Accelerometer only is atan2 of the two axes, nothing taken off.",
     f"Vibration white, 0.1 g (rough, endure) or 0.02 g (smooth); bias +-{balancer.BIAS_DPS:g}, warm-up"
     f" {balancer.DRIFT_DPS:g} deg/s in {balancer.DRIFT_TAU_S:g} s, walk {balancer.WALK_DPS_PER_RTS} deg/s/sqrt(s),"
-    f" scale {100 * balancer.SCALE_ERROR:g} %, {balancer.DPS_PER_G} deg/s/g, offset {1e3 * balancer.OFFSET_G:g} mg.",
+    f" scale {100 * balancer.SCALE_ERROR:g} %, {DPS_PER_G} deg/s/g, offset {1e3 * balancer.OFFSET_G:g} mg.",
     f"Per 120 s {balancer.COMMANDS} commands to +-{balancer.COMMAND_MPS} m/s and {balancer.PUSHES} pushes of"
     f" {balancer.PUSH_S} s to +-{balancer.PUSH_MPS2:g} m/s^2; disturbance"
     f" {vehicle.DISTURBANCE_RADPS2_PER_RTS} rad/s^2/sqrt(s) through {vehicle.DISTURBANCE_TAU_S} s.",
@@ -290,7 +291,7 @@ class Float64:
         )
         x_g += accel_g
         z_deg, r_deg2 = run_reference.tilt(x_g, z_g, tuning.tilt), run_reference.trust(x_g, z_g, tuning.trust)
-        asked_mps = setpoint / balancer.VELOCITY_UNIT
+        asked_mps = setpoint / VELOCITY_UNIT
         step = reference_balancer.control_step(
             self.state, tuning, rate_dps, float(z_deg), float(r_deg2), velocity_mps, accel_g, asked_mps
         )
@@ -321,7 +322,7 @@ def balance(controller: Integers | Float64, name: str, seed: int, seconds: float
         rows[k] = true["tilt_deg"], tilt_deg, true["velocity_mps"]
     scored = scenario.scored
     apart = metrics.wrap_deg(rows[:, 1] - rows[:, 0])[scored]
-    slip = rows[:, 2] - np.array(setpoint) / balancer.VELOCITY_UNIT
+    slip = rows[:, 2] - np.array(setpoint) / VELOCITY_UNIT
     settled = scored & settled_since(np.array(setpoint), scenario.time_s)
     return Balanced(
         float(np.sqrt(np.mean(apart**2))),
@@ -454,7 +455,7 @@ def closed_plots() -> list[Plot]:
             "m/s",
             time_s,
             [
-                Line("asked for", run.setpoint()[shown] / balancer.VELOCITY_UNIT, SECOND),
+                Line("asked for", run.setpoint()[shown] / VELOCITY_UNIT, SECOND),
                 Line("true", truth["velocity_mps"][shown], TRUTH, 1.6),
             ],
         ),

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from plumb.physics.sensors import Adxl345, Itg3205
-from plumb.systems.balancer.scenarios import Scenario
+from plumb.systems.balancer.drawn_run import Scenario
 from plumb.systems.balancer.vehicle import GRID_S, Vehicle
 
 UNIT_PER_COUNT = (1.0 / Itg3205().lsb_per_dps, Adxl345().g_per_lsb, Adxl345().g_per_lsb)

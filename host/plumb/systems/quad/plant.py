@@ -22,7 +22,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from plumb.physics.sensors import Fault, OnePole, adc_counts
-from plumb.systems.quad.scenarios import CHANNELS, GRID_S, Scenario
+from plumb.systems.quad.drawn_run import CHANNELS, GRID_S, Scenario
 
 INERTIA_KGM2 = 0.015
 ARM_M = 0.225
