@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from plumb.errors import LinkError
-from plumb.link.monitor import SILENCE_S, Monitor
+from plumb.link.monitor import Monitor, require_heard
 from plumb.link.realtime import unwrap
 from plumb.link.retries import REPLY_TIMEOUT_S
 from plumb.link.session import Session
@@ -152,8 +151,7 @@ class SampleStream:
         session = self._session
         while True:
             session.receive(REPLY_TIMEOUT_S)
-            if session.clock() - self._monitor.heard_s > SILENCE_S:
-                raise LinkError("the board fell silent: check cable and power, then start again")
+            require_heard(session)
             done, self._done = self._done, []
             for one in done:
                 time_s = one.step * self._period_s

@@ -233,8 +233,8 @@ def board(spec: str, link: str = "serial") -> list[Finding]:
             found.append(Finding("crash", False, False, f"{crash}: addr2line -e firmware.elf names the line"))
         faults = [(bit, text) for bit, text in FAULTS.items() if identity["FAULTS"] >> bit & 1]
         found += [Finding("fault", False, bit in BLOCKING_FAULTS, text) for bit, text in faults]
-        end_s = session.clock() + 2 * STATUS_EVERY_S
-        while "STATUS" not in session.telemetry and session.clock() < end_s:
+        status = session.listening.timeout(2 * STATUS_EVERY_S)
+        while "STATUS" not in session.telemetry and not status.over:
             session.receive(STATUS_EVERY_S / 10)
         blocked = session.telemetry.get("STATUS", {}).get("blocked", 0)
         found += [

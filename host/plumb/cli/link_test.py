@@ -93,8 +93,8 @@ def tried(session: Session, steps: int, seed: int) -> dict[str, Any]:
 def board_counters(session: Session) -> dict[str, int]:
     """The board's own counters, from its next periodic report."""
     session.telemetry.pop("COUNTERS", None)
-    end = session.clock() + 2.0
-    while "COUNTERS" not in session.telemetry and session.clock() < end:
+    report = session.listening.timeout(2.0)
+    while "COUNTERS" not in session.telemetry and not report.over:
         session.receive(0.05)
     return session.telemetry.get("COUNTERS", {"rejected": 0, "lost": 0, "dropped": 0})
 

@@ -22,7 +22,7 @@ Reply = Callable[[Answer], None]
 AGAIN_S = 0.05
 """Pause between two tries to arm while the board is not ready."""
 SEEN_S = 1.0
-"""A board that took ARM says so in its steps within this time."""
+"""A board that took ARM says so in its steps within this time of listening."""
 WAITED_FOR = BLOCKED_NOT_READY | BLOCKED_IMPLAUSIBLE
 """What passes by itself when the board is at rest: arming waits for it."""
 
@@ -93,7 +93,7 @@ class Arming:
             self.drop(str(error))
         else:
             reply, self._reply = self._reply, None
-            self.armed, self._seen, self._armed_s = True, False, session.clock()
+            self.armed, self._seen, self._armed_s = True, False, session.listening.total_s
             self._say("armed by the page")
             reply({"good": True, "text": "armed"})
 
@@ -102,7 +102,7 @@ class Arming:
         if not self.armed:
             return
         self._seen = self._seen or steps_say_armed
-        late = not self._seen and session.clock() - self._armed_s > SEEN_S
+        late = not self._seen and session.listening.total_s - self._armed_s > SEEN_S
         if late or (self._seen and not steps_say_armed):
             self.disarm(session, "the board disarmed itself; Health says why")
 

@@ -181,8 +181,7 @@ class BoardLoop:
         self._session.receive(TURN_S)
         self._follow()
         now_s = self._session.clock()
-        if now_s - self._monitor.heard_s > monitor.SILENCE_S:
-            raise LinkError("the board fell silent: check cable and power, then start again")
+        monitor.require_heard(self._session)
         if now_s - self._stated_s >= STATE_EVERY_S or not self.state:
             self._stated_s = now_s
             self.state = self._describe()
@@ -243,8 +242,8 @@ class BoardLoop:
         """Notice that the board is idle although the run was not ended here: it was restarted, or another host ended
         the run. Nothing begins by itself then."""
         idle = session.telemetry.get("STATUS", {}).get("mode", 1) == 0
-        self._idle_s = self._idle_s if idle else session.clock()
-        if self._own_run and session.clock() - self._idle_s > IDLE_S:
+        self._idle_s = self._idle_s if idle else session.listening.total_s
+        if self._own_run and session.listening.total_s - self._idle_s > IDLE_S:
             self._own_run, self._test = False, None
             self._arming.over("the run ended")
             self.note("the run ended: the board was restarted, or another host ended it; New run begins another one")
@@ -265,8 +264,8 @@ class BoardLoop:
             self._renew_plant()
             self.begin()
             return
-        end_s = self._session.clock() + FIRST_STATUS_S
-        while "STATUS" not in self._session.telemetry and self._session.clock() < end_s:
+        status = self._session.listening.timeout(FIRST_STATUS_S)
+        while "STATUS" not in self._session.telemetry and not status.over:
             self._session.receive(TURN_S)
         mode = self._session.telemetry.get("STATUS", {}).get("mode", 0)
         if not mode and not self.watch:
@@ -297,7 +296,7 @@ class BoardLoop:
         frames = monitor.selection(period_us, self._session.system, raw_first=True)
         self._open_run(words, frames, period_us * 1e-6)
         self._session.begin("REALTIME_LIVE", frames=frames)
-        self._own_run, self._idle_s = True, self._session.clock()
+        self._own_run, self._idle_s = True, self._session.listening.total_s
         self.note(f"run {self._runs} of {self._session.system} began, disarmed")
 
     def _open_run(self, words: list[int], frames: tuple[str, ...], period_s: float, why_not: str = "") -> None:

@@ -18,7 +18,6 @@ from plumb.errors import LinkError
 from plumb.inputs.bus_end import (
     LOOP_INTERVAL_S,
     PEER_TIMEOUT_S,
-    POLL_INTERVAL_S,
     RECONNECT_INTERVAL_S,
     End,
     Open,
@@ -97,7 +96,6 @@ class Bridge:
         self.runs = self.steps = self.skipped = self.unused = 0
         self.sample_to_step, self.down, self.up = LatencyHistogram(), LatencyHistogram(), LatencyHistogram()
         self.shadow: Shadow | None = None
-        self._quiet_s = 0.0
         names = protocol()
         self._sample_a, self._raw_a = names["SAMPLE_A"], names["RAW_A"]
         self._time_id = names["TIME"].identifier
@@ -118,7 +116,6 @@ class Bridge:
                         self.say(f"the board at {self.board_spec} answers")
                         self._said_texts.clear()
                         self.counted.forget()
-                        self._quiet_s = 0.0
                         self._serve(session, stopped)
                 except LinkError as error:
                     self._say_once(f"the board's side: {error}")
@@ -194,13 +191,9 @@ class Bridge:
     def _listen(self, session: Session, timeout_s: float) -> None:
         """Receive from the board. Raises LinkError if it is silent for BOARD_TIMEOUT_S: after a reset the board is
         silent until a host opens the link again, and the cable does not show the reset."""
-        begin_s = time.monotonic()
         if session.receive(timeout_s):
-            self._quiet_s = 0.0
             self.counted.note(session.telemetry)
-            return
-        self._quiet_s += min(time.monotonic() - begin_s, POLL_INTERVAL_S)
-        if self._quiet_s > BOARD_TIMEOUT_S:
+        elif session.listening.quiet_s > BOARD_TIMEOUT_S:
             raise LinkError("it fell silent")
 
     def _one_run(self, session: Session, sample: Sample, stopped: Callable[[], bool]) -> None:
@@ -218,7 +211,6 @@ class Bridge:
         session.begin("REALTIME_INJECTED", frames=("RAW_A", "RAW_B", *named), elsewhere=elsewhere)
         self.runs += 1
         self.say(f"run {self.runs}: samples come, the board steps")
-        self._quiet_s = 0.0
         generation = self.sensor.generation
         # Begin with the newest sample that arrived during the upload: older ones would stay as a backlog.
         meanwhile = self._whole(self._drain())

@@ -12,6 +12,7 @@ import can
 from plumb.errors import LinkError, UsageError
 from plumb.inputs.frame_counts import Flow
 from plumb.inputs.latency import LatencyHistogram
+from plumb.link.listening import Listening
 from plumb.link.transports.open_bus import LogBus, open_bus
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec.protocol import Frame
@@ -21,7 +22,7 @@ RECONNECT_INTERVAL_S = 0.5
 PEER_TIMEOUT_S = 1.0
 """A peer that sends no frame for this long counts as lost: the bridge ends the run and asks the peer to restart."""
 POLL_INTERVAL_S = 0.1
-"""Longest wait for a frame. Time the bridge spends elsewhere does not count towards PEER_TIMEOUT_S."""
+"""Longest wait for a frame."""
 SWAPPED_PORT_HOLDOFF_S = 3 * RECONNECT_INTERVAL_S
 """How long the sensor side leaves a port alone after a board answered on it."""
 FIRST_FRAME_HINT_S = 3.0
@@ -48,7 +49,7 @@ class End:
     def __init__(self, spec: str, open_: Open = open_bus, only: Container[int] | None = None) -> None:
         self.spec, self.flow, self._only = spec, Flow(), only
         self.generation = 0
-        self.quiet_s = 0.0
+        self._listening, self._closed_s = Listening(time.monotonic), 0.0
         self.trouble = ""
         self.wrong: UsageError | None = None
         self.ended = False
@@ -59,6 +60,10 @@ class End:
         self._done = threading.Event()
         self._mistaken = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"bus {spec}", daemon=True)
+
+    @property
+    def quiet_s(self) -> float:
+        return self._closed_s + self._listening.quiet_s
 
     def start(self) -> None:
         self._thread.start()
@@ -108,31 +113,33 @@ class End:
             except (LinkError, can.CanError, OSError) as error:
                 self.trouble = str(error)
             self._bus = None
-            self.quiet_s += RECONNECT_INTERVAL_S
+            self._closed_s += RECONNECT_INTERVAL_S
             self._done.wait(SWAPPED_PORT_HOLDOFF_S if self._mistaken.is_set() else RECONNECT_INTERVAL_S)
             self._mistaken.clear()
 
     def _read(self, bus: can.BusABC) -> None:
-        self.quiet_s = asked_at_s = 0.0
+        self._listening, self._closed_s = Listening(time.monotonic), 0.0
+        asked = self._listening.timeout(PEER_TIMEOUT_S)
         while not self._done.is_set() and not self._mistaken.is_set():
             begin_s = time.monotonic()
             message = bus.recv(POLL_INTERVAL_S)
             now_s = time.monotonic()
-            self.quiet_s += min(now_s - begin_s, POLL_INTERVAL_S)
-            if message is not None and self._is_its_own(message):
-                if self.quiet_s > PEER_TIMEOUT_S:
+            own, quiet_s = message is not None and self._is_its_own(message), self.quiet_s
+            self._listening.note(POLL_INTERVAL_S, begin_s, own)
+            if message is not None and own:
+                if quiet_s > PEER_TIMEOUT_S:
                     self.generation += 1
                     self.flow.forget()
-                self.quiet_s = asked_at_s = 0.0
+                asked.renew()
                 if not self._heard:
                     self._heard = True
                     self.flow.opened += 1
                 frame = message.arbitration_id, bytes(message.data)
                 if self.flow.note(*frame):
                     self.arrived.put((now_s, frame))
-            elif self.quiet_s - asked_at_s > PEER_TIMEOUT_S and isinstance(bus, PlumbBus):
+            elif asked.over and isinstance(bus, PlumbBus):
                 bus.write_text(b"O\r")  # a peer that restarted waits for a host to open the link
-                asked_at_s = self.quiet_s
+                asked.renew()
             if isinstance(bus, PlumbBus):
                 self.flow.rejected = bus.parser.rejected + bus.parser.bad
             self.ended = isinstance(bus, LogBus) and bus.ended

@@ -154,7 +154,7 @@ class Lockstep:
         digests = np.zeros(count, np.uint32)
         done = sent = stalled = 0
         gap = IN_FLIGHT
-        progress_s = self.session.clock()
+        progress = self.session.listening.timeout(REPLY_TIMEOUT_S)
         while done < count:
             limit = min(count, done + IN_FLIGHT)
             if sent < limit:
@@ -178,9 +178,11 @@ class Lockstep:
                 elif identifier == self._nack_id:
                     sent = min(sent, max(done, done + self._expected(data, base + done)))
             if done > before:
-                stalled, progress_s = 0, self.session.clock()
-            elif self.session.clock() - progress_s >= REPLY_TIMEOUT_S:
-                stalled, progress_s = stalled + 1, self.session.clock()
+                stalled = 0
+                progress.renew()
+            elif progress.over:
+                stalled += 1
+                progress.renew()
                 gap, sent = IN_FLIGHT, done
                 if stalled >= TRIES:
                     raise LinkError(f"the board stopped answering after step {base + done}: check cable and power")
@@ -205,17 +207,15 @@ class Lockstep:
         flags = digest = -1
         for _ in range(TRIES):
             self._write(text)
-            end, in_time = session.clock() + REPLY_TIMEOUT_S, True
-            while pending and in_time:
-                remaining = end - session.clock()
-                in_time = remaining > 0  # False: this process was busy; frames that have arrived are still handled
-                for identifier, data in session.receive(max(0.0, remaining)):
+            reply, refused = session.listening.timeout(REPLY_TIMEOUT_S), False
+            while pending and not refused and not reply.over:
+                for identifier, data in session.receive(reply.left_s):
                     if identifier == self._step_id:
                         _, second, number, said = self._pair.unpack(data)
                         if number == step & 0xFFFF:
                             if digest < 0:
                                 pending -= 1
-                                end = session.clock() + TRIES * REPLY_TIMEOUT_S
+                                reply.renew(TRIES * REPLY_TIMEOUT_S)
                             flags, digest = second >> 4, said
                     elif identifier == self._word_id:
                         _, second, index, value = self._pair.unpack(data)
@@ -225,7 +225,7 @@ class Lockstep:
                             words[place] = value
                     elif identifier == self._nack_id:
                         self._expected(data, step)
-                        in_time = False
+                        refused = True
                     elif known[identifier].name in session.selection.frames:
                         values.update(known[identifier].decode(data))
                         pending -= 1

@@ -1,7 +1,8 @@
 """Monitor a running board: combine its telemetry into a snapshot ten times a second.
 
 The monitor only receives; the run decides at its beginning which frames its steps send. A value that has not been
-received for STALE_S is None, so that an old value is never shown as a present one.
+received for STALE_S of the board's time, or of listening to a silent link, is None, so that an old value is never shown
+as a present one.
 """
 
 from __future__ import annotations
@@ -87,30 +88,30 @@ class Extremes:
 class Monitor:
     """Combines received frames: call `feed` with them, and `snapshot` for the present state.
 
-    extremes: where the smallest and largest values are noted, None for nowhere. heard_s: time of the last frame by the
-    session's clock. lost_steps: steps whose STEP did not arrive.
+    extremes: where the smallest and largest values are noted, None for nowhere. lost_steps: steps whose STEP did not
+    arrive.
     """
 
     session: Session
     extremes: Extremes | None = None
-    heard_s: float = 0.0
     lost_steps: int = 0
-    _last: dict[str, tuple[float, bytes]] = field(default_factory=dict)
+    _last: dict[str, tuple[int, bytes]] = field(default_factory=dict)
     _step: int | None = None
     _time_us: int = 0
+    _passed_us: int = 0
     _clock: deque[tuple[int, int]] = field(default_factory=deque)
 
     def __post_init__(self) -> None:
-        self.heard_s = self.session.clock()
+        _columns_of_frames(), columns()  # slow the first time: not between a frame and its snapshot
 
     def feed(self, frames: list[Frame]) -> None:
-        messages, now_s = self.session.protocol, self.session.clock()
+        messages = self.session.protocol
         for identifier, data in frames:
             message = messages.by_identifier.get(identifier)
             if message is None:
                 continue
             name = message.name
-            self._last[name] = now_s, data
+            self._last[name] = self._passed_us, data
             if self.extremes is not None:
                 self._note_extremes(self.extremes, identifier, data)
             if name == "STEP":
@@ -118,8 +119,6 @@ class Monitor:
             elif name == "TIME":
                 _, _, step, time_us = messages["TIME"].unpack(data)
                 self._update_clock(step, time_us)
-        if frames:
-            self.heard_s = now_s
 
     def _note_extremes(self, extremes: Extremes, identifier: int, data: bytes) -> None:
         described = _columns_of_frames().get(identifier)
@@ -136,7 +135,9 @@ class Monitor:
 
     def _update_clock(self, step: int, time_us: int) -> None:
         """Unwrap the board's clock; a step number that goes back restarts the measurement of steps_per_s."""
-        self._time_us += time_us - self._time_us & 0xFFFFFFFF
+        ahead_us = time_us - self._time_us & 0xFFFFFFFF
+        self._passed_us += ahead_us if self._clock else 0
+        self._time_us += ahead_us
         if self._clock and step - self._clock[-1][1] & 0xFFFF >= 0x8000:
             self._clock.clear()
         self._clock.append((self._time_us, step))
@@ -151,7 +152,7 @@ class Monitor:
     def _fresh(self, name: str) -> dict[str, int] | None:
         """The last frame of that name as raw integers; None if it is older than STALE_S."""
         entry = self._last.get(name)
-        if entry is None or self.session.clock() - entry[0] > STALE_S:
+        if entry is None or self._passed_us - entry[0] > STALE_S * 1e6 or self.session.listening.quiet_s > STALE_S:
             return None
         return self.session.protocol[name].decode(entry[1])
 
@@ -225,6 +226,12 @@ def _texts(bits: int, names: dict[int, str]) -> list[str]:
     return bits_text(bits, names).split("; ") if bits else []
 
 
+def require_heard(session: Session) -> None:
+    """Raises LinkError when the link has brought nothing for SILENCE_S of listening."""
+    if session.listening.quiet_s > SILENCE_S:
+        raise LinkError("the board fell silent: check cable and power, then start again")
+
+
 def read_only(session: Session) -> None:
     """Make the UART link read-only: the board rejects every frame from it. Has no effect on CAN."""
     if session.fast is not None:
@@ -234,9 +241,9 @@ def read_only(session: Session) -> None:
 def present_run(session: Session) -> tuple[str, int]:
     """Mode of the board and tag of the run in progress, as its STATUS and TIME have them; raises LinkError when the
     board does not say within SILENCE_S."""
-    end_s = session.clock() + SILENCE_S
+    said = session.listening.timeout(SILENCE_S)
     while not {"STATUS", "TIME"} <= session.telemetry.keys():
-        if session.clock() >= end_s:
+        if said.over:
             raise LinkError("the board sends no status: check cable and power, then start again")
         session.receive(EVERY_S)
     mode = session.protocol["STATUS"].choice("mode", session.telemetry["STATUS"]["mode"])
@@ -276,10 +283,11 @@ def watch(
     try:
         while seconds is None or shown * EVERY_S < seconds - 1e-9:
             due_s = begin_s + (shown + 1) * EVERY_S
-            while (remaining := due_s - session.clock()) > 0 or not monitor.complete:
-                session.receive(max(remaining, EVERY_S / 10))
-                if session.clock() - monitor.heard_s > SILENCE_S:
-                    raise LinkError("the board fell silent: check cable and power, then start again")
+            while True:  # once at least: a look that is late shows what has come meanwhile
+                session.receive(max(due_s - session.clock(), EVERY_S / 10))
+                require_heard(session)
+                if monitor.complete and session.clock() >= due_s:
+                    break
             shown += 1
             yield monitor.snapshot()
     finally:

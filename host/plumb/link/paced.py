@@ -87,16 +87,17 @@ class PacedRun:
     # ---- what the next step needs ----
 
     def _send_until(self, count: int) -> None:
-        clock, capture = self._session.clock, self._capture
+        capture = self._capture
         self._session.send(self._for_step(0))
-        heard_s = clock()
+        answer = self._session.listening.timeout(TRIES * REPLY_TIMEOUT_S)
         while capture.steps < count:
             self._session.receive(REPLY_TIMEOUT_S)
             if capture.steps > self._answered:
-                self._answered, heard_s = capture.steps, clock()
+                self._answered = capture.steps
+                answer.renew()
                 if self._answered < count:
                     self._session.send(self._for_step(self._answered))
-            elif clock() - heard_s >= TRIES * REPLY_TIMEOUT_S:
+            elif answer.over:
                 raise LinkError(f"the board fell silent after step {capture.steps}: check cable and power")
 
     def _for_step(self, step: int) -> list[Frame]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from typing import Protocol
 
 from plumb.errors import LinkError, UsageError
 from plumb.link.identity import Identity, NackError, nack_error
+from plumb.link.listening import Listening
 from plumb.link.retries import IN_FLIGHT, REPLY_TIMEOUT_S, TRIES, LinkCounters
 from plumb.spec import declarations, parameters
 from plumb.spec import protocol as dbc_protocol
@@ -19,7 +20,7 @@ class Conversation(Protocol):
     protocol: dbc_protocol.Protocol
     identity: Identity | None
     counters: LinkCounters
-    clock: Callable[[], float]
+    listening: Listening
 
     def frame(self, name: str, *words: int, flags: int = 0) -> Frame: ...
     def send(self, frames: Sequence[Frame]) -> None: ...
@@ -64,15 +65,15 @@ class ParameterTransfer:
         passes without a new one."""
         nack = self._session.protocol["NACK"]
         missing = {index for index in wanted if index not in values}
-        end = self._session.clock() + REPLY_TIMEOUT_S
-        while missing and self._session.clock() < end:
+        reply = self._session.listening.timeout(REPLY_TIMEOUT_S)
+        while missing and not reply.over:
             frames = self._session.receive(REPLY_TIMEOUT_S)
             for identifier, data in frames:
                 if identifier == message.identifier:
                     index, value = message.unpack(data)[2:]
                     values[index] = value
                     missing.discard(index)
-                    end = self._session.clock() + REPLY_TIMEOUT_S
+                    reply.renew()
                 elif identifier == nack.identifier and nack.decode(data)["request"] in (
                     self._session.protocol["PARAM_SET"].identifier,
                     self._session.protocol["PARAM_GET"].identifier,

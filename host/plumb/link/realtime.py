@@ -153,9 +153,9 @@ class Capture:
         start = self.steps
         for _ in range(TRIES):
             self.session.set_setpoint(setpoint_turn_q32)
-            end = self.session.clock() + REPLY_TIMEOUT_S
-            while (remaining := end - self.session.clock()) > 0:
-                self.session.receive(remaining)
+            report = self.session.listening.timeout(REPLY_TIMEOUT_S)
+            while not report.over:
+                self.session.receive(report.left_s)
                 if reports.count > known and reports.changes[-1][1] == setpoint_turn_q32:
                     return
             reports.doubt = start if reports.doubt is None else reports.doubt
@@ -166,13 +166,13 @@ class Capture:
 
         Raises LinkError when no step comes any more.
         """
-        clock = self.session.clock
-        heard, heard_s = self.steps, clock()
+        heard, step = self.steps, self.session.listening.timeout(TRIES * REPLY_TIMEOUT_S)
         while self.steps <= steps:
             self.session.receive(REPLY_TIMEOUT_S)
             if self.steps > heard:
-                heard, heard_s = self.steps, clock()
-            elif clock() - heard_s >= TRIES * REPLY_TIMEOUT_S:
+                heard = self.steps
+                step.renew()
+            elif step.over:
                 raise LinkError(f"the board fell silent after step {self.steps}: check cable and power")
 
     def unverified_from(self, steps: int) -> int | None:

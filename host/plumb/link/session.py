@@ -19,6 +19,7 @@ import can
 from plumb.errors import LinkError, UsageError
 from plumb.link.endpoint_names import DEFAULT_BAUD
 from plumb.link.identity import Identity, NackError, identity_of, nack_error, plausibility_text, sensors_text
+from plumb.link.listening import Listening
 from plumb.link.parameter_transfer import ParameterTransfer
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES, LinkCounters
 from plumb.link.transports.byte_stream import Channel
@@ -79,7 +80,8 @@ class Session:
 
     telemetry: the last of each PERIODIC message, as raw integers by name. run_tag: tag (1 to 15) of the run that this
     session began last; its setpoints carry it. listener: called with all received frames, including those that arrive
-    while a request waits for its reply. consent: asked before keep-alive values are answered; while it returns False
+    while a request waits for its reply. listening: how long this session has listened, and heard nothing; every
+    time-out is measured by it. consent: asked before keep-alive values are answered; while it returns False
     the board is left to disarm itself.
     """
 
@@ -96,6 +98,7 @@ class Session:
         self.frames: FrameBus = self.bus if isinstance(self.bus, FrameBus) else AnyBus(self.bus)
         self.fast = self.bus if isinstance(self.bus, PlumbBus) else None
         self.clock: Callable[[], float] = self.frames.clock
+        self.listening = Listening(self.clock)
         self._sent: dict[int, int] = {}
         self._received: dict[int, int] = {}
         numbered = ("RAW_A", "RAW_B", "STEP")
@@ -174,7 +177,7 @@ class Session:
             if self._keeps_alive and self._setpoint:
                 wait_s = min(wait_s, SETPOINT_EVERY_S)
             before_s = self.clock()
-            frames = self.frames.read_frames(max(wait_s, shortest_s))
+            frames = self._read(max(wait_s, shortest_s))
             self._answer_keep_alive(frames)
             now_s = self.clock()
             if now_s >= end:
@@ -187,6 +190,12 @@ class Session:
             self._count_and_keep(frame)
         if self.listener is not None:
             self.listener(frames)
+        return frames
+
+    def _read(self, wait_s: float) -> list[Frame]:
+        begin_s = self.clock()
+        frames = self.frames.read_frames(wait_s)
+        self.listening.note(wait_s, begin_s, bool(frames))
         return frames
 
     def _answer_keep_alive(self, frames: list[Frame]) -> None:
@@ -236,9 +245,9 @@ class Session:
             frame = self.frame(name, *words, flags=flags)
             counter = frame[1][1] & 15
             self.send([frame])
-            end = self.clock() + REPLY_TIMEOUT_S
-            while (remaining := end - self.clock()) > 0:
-                for identifier, data in self.receive(remaining):
+            reply = self.listening.timeout(REPLY_TIMEOUT_S)
+            while not reply.over:
+                for identifier, data in self.receive(reply.left_s):
                     if identifier in (ack.identifier, nack.identifier):
                         said = self.protocol.by_identifier[identifier].decode(data)
                         if said["request"] != asked or said["request_counter"] != counter:
@@ -267,13 +276,13 @@ class Session:
             self._sent.clear()
             self._received.clear()
             self.send([self.frame("HELLO", self.protocol.version, self.protocol.dbc_hash)])
-            end = self.clock() + 2 * REPLY_TIMEOUT_S
-            while end_item not in items and (remaining := end - self.clock()) > 0:
-                for identifier, data in self.receive(remaining):
+            reply = self.listening.timeout(2 * REPLY_TIMEOUT_S)
+            while end_item not in items and not reply.over:
+                for identifier, data in self.receive(reply.left_s):
                     if identifier == message.identifier:
                         item, value = message.unpack(data)[2:]
                         items[item] = value
-                        end = self.clock() + 2 * REPLY_TIMEOUT_S
+                        reply.renew()
             if end_item in items and len(items) == items[end_item] + 1:
                 self.identity = identity_of(items, self.protocol, len(parameters.table()))
                 return self.identity
@@ -342,9 +351,9 @@ class Session:
     def _says_armed(self) -> bool:
         """What the next STATUS says; raises LinkError when none comes."""
         self.telemetry.pop("STATUS", None)
-        end = self.clock() + TRIES * REPLY_TIMEOUT_S
+        status = self.listening.timeout(TRIES * REPLY_TIMEOUT_S)
         while "STATUS" not in self.telemetry:
-            if self.clock() >= end:
+            if status.over:
                 raise LinkError("the board does not say whether it is armed: check the cable")
             self.receive(REPLY_TIMEOUT_S / 5)
         return bool(self.telemetry["STATUS"]["armed"])
@@ -448,7 +457,7 @@ class Session:
         `receive`.
 
         No thread does this, on purpose: if the caller hangs, the board must disarm."""
-        frames = self.frames.read_frames(0.0)
+        frames = self._read(0.0)
         self._answer_keep_alive(frames)
         self._pumped += frames
         self._repeat_setpoint()

@@ -85,8 +85,8 @@ def why_disarmed(session: Session) -> str:
     """The board's cause of disarming; waits for the status that reports it."""
     session.telemetry.pop("EVENTS", None)
     session.telemetry.pop("PLAUSIBILITY", None)
-    end_s = session.clock() + REPLY_TIMEOUT_S
-    while not {"EVENTS", "PLAUSIBILITY"} <= set(session.telemetry) and session.clock() < end_s:
+    said_why = session.listening.timeout(REPLY_TIMEOUT_S)
+    while not {"EVENTS", "PLAUSIBILITY"} <= set(session.telemetry) and not said_why.over:
         session.receive(REPLY_TIMEOUT_S / 5)
     said = session.telemetry
     return disarmed_text(said.get("EVENTS", {}).get("disarm_cause", 0), said.get("PLAUSIBILITY", {}))

@@ -172,7 +172,7 @@ def _swing(capture: Capture, setpoint: Setpoints, first: int, period_s: float) -
 
     session, asked = capture.session, 0
     place, scale = next((at, scale) for at, column, scale in signals(session.system) if column == TILT)
-    heard, heard_s = first, session.clock()
+    heard, step = first, session.listening.timeout(STANDSTILL_S)
     watch = RealTimeWatch("the board", TOO_SLOW, _end_the_test, session.clock)
     with tqdm(total=len(setpoint), desc="test", unit="step", disable=None, leave=False) as bar:
         while (at := capture.steps - first) < len(setpoint):
@@ -188,8 +188,9 @@ def _swing(capture: Capture, setpoint: Setpoints, first: int, period_s: float) -
                 raise LinkError(f"the machine tilted beyond {TILT_LIMIT_DEG:g} deg: the test is ended, disarmed")
             if capture.steps > heard:
                 bar.update(capture.steps - heard)
-                heard, heard_s = capture.steps, session.clock()
-            elif session.clock() - heard_s > STANDSTILL_S:
+                heard = capture.steps
+                step.renew()
+            elif step.over:
                 raise LinkError(f"the board takes no steps after step {capture.steps}")
             watch.note((capture.steps - first) * period_s, session.clock())
 

@@ -1,0 +1,59 @@
+"""How long a link was listened to, and for how long it has brought nothing.
+
+Silence is what a link does not bring, not what this process does not read: on a busy computer, or behind slow work, a
+second may pass between two reads of a link on which everything waits. So time passes here only while a read waits, and
+of a read at most the wait that was asked for. Every time-out of a host for what a board should send is measured here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+LATEST = 20
+"""A time-out is over after this many times its length by the clock: a host that never catches up with its link, so that
+no read ever waits, is not let wait for ever."""
+SHORTEST_S = 1e-6
+"""Less than this is nothing: it may vanish in the rounding of a sum."""
+
+
+class Listening:
+    """The time spent on reads of one link. clock: of the link, simulated for a simulated board. total_s: waited so
+    far; quiet_s: of that, since the last read that brought something."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self.clock = clock
+        self.total_s = self.quiet_s = 0.0
+
+    def note(self, asked_s: float, begin_s: float, brought: bool) -> None:
+        """A read has ended. asked_s: the longest wait that was asked for; begin_s: when it began; brought: whether it
+        brought something."""
+        waited_s = max(0.0, min(self.clock() - begin_s, asked_s))
+        self.total_s += waited_s
+        self.quiet_s = 0.0 if brought else self.quiet_s + waited_s
+
+    def timeout(self, seconds: float) -> Timeout:
+        """A time-out that begins now."""
+        return Timeout(self, seconds)
+
+
+class Timeout:
+    """A time-out of so many seconds of listening."""
+
+    def __init__(self, listening: Listening, seconds: float) -> None:
+        self._listening, self._seconds = listening, seconds
+        self.renew()
+
+    def renew(self, seconds: float | None = None) -> None:
+        """Begin again, for as long as before or for so many seconds."""
+        self._seconds = self._seconds if seconds is None else seconds
+        self._begin_s, self._latest_s = self._listening.total_s, self._listening.clock() + LATEST * self._seconds
+
+    @property
+    def left_s(self) -> float:
+        """What is left of it; 0 when it is over."""
+        left_s = self._seconds - (self._listening.total_s - self._begin_s)
+        return left_s if left_s > SHORTEST_S and self._listening.clock() < self._latest_s else 0.0
+
+    @property
+    def over(self) -> bool:
+        return self.left_s == 0.0

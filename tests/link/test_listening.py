@@ -1,0 +1,124 @@
+"""Silence is what a link does not bring: time in which nobody read is none."""
+
+from __future__ import annotations
+
+import pytest
+
+from plumb.boards.link import open_link_board
+from plumb.errors import LinkError
+from plumb.link import monitor
+from plumb.link.listening import LATEST, Listening
+from plumb.link.monitor import EVERY_S, SILENCE_S
+from plumb.link.session import Session
+
+
+class Clock:
+    """The time of a test."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+def read(listening: Listening, clock: Clock, asked_s: float, took_s: float, *, brought: bool) -> None:
+    begin_s = clock()
+    clock.now_s += took_s
+    listening.note(asked_s, begin_s, brought)
+
+
+def test_a_read_counts_for_its_wait_and_no_longer(clock: Clock) -> None:
+    listening = Listening(clock)
+    read(listening, clock, 0.1, 0.1, brought=False)
+    read(listening, clock, 0.1, 5.0, brought=False)  # this process did not run
+    clock.now_s += 60.0  # nobody read
+    assert listening.quiet_s == pytest.approx(0.2)
+    read(listening, clock, 0.1, 0.03, brought=True)
+    assert listening.quiet_s == 0.0
+    assert listening.total_s == pytest.approx(0.23)
+
+
+def test_a_time_out_passes_with_reads_alone(clock: Clock) -> None:
+    listening = Listening(clock)
+    reply = listening.timeout(0.25)
+    clock.now_s += 3.0
+    assert reply.left_s == pytest.approx(0.25)
+    read(listening, clock, 0.25, 0.1, brought=True)
+    assert reply.left_s == pytest.approx(0.15)
+    read(listening, clock, 0.15, 0.15, brought=False)
+    assert reply.over
+    reply.renew()
+    assert reply.left_s == pytest.approx(0.25)
+
+
+def test_a_host_that_never_catches_up_is_not_let_wait_for_ever(clock: Clock) -> None:
+    listening = Listening(clock)
+    reply = listening.timeout(0.25)
+    for _ in range(LATEST * 5 - 1):  # what waits is there at once, and each read is followed by slow work
+        read(listening, clock, 0.25, 0.0, brought=True)
+        clock.now_s += 0.05
+        assert not reply.over
+    clock.now_s += 0.1
+    assert reply.over
+
+
+def stalls(session: Session, seconds: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From now on this process is suspended before every read of the link, as on a machine that is too busy: the clock
+    goes on, and what the board sends waits."""
+    clock, away_s = session.clock, [0.0]
+    session.clock = session.listening.clock = lambda: clock() + away_s[0]
+    read_frames = session.frames.read_frames
+
+    def late(timeout_s: float = 0.0) -> object:
+        away_s[0] += seconds
+        return read_frames(timeout_s)
+
+    monkeypatch.setattr(session.frames, "read_frames", late)
+
+
+def test_a_host_that_is_suspended_hears_its_board(monkeypatch: pytest.MonkeyPatch) -> None:
+    with open_link_board("virtual") as board:
+        session = board.session
+        stalls(session, 2.0 * SILENCE_S, monkeypatch)
+        session.read_parameters()
+        session.begin("REALTIME_LIVE")
+        assert [look["mode"] for look in monitor.watch(session, 0.3)] == ["REALTIME"] * 3
+        assert session.counters.repeated_requests == 0
+        session.end()
+
+
+def test_a_slow_listener_is_no_silence() -> None:
+    """The work on the first frames takes longer than a board may be silent."""
+    with open_link_board("virtual") as board:
+        session = board.session
+        clock, away_s = session.clock, [0.0]
+        session.clock = session.listening.clock = lambda: clock() + away_s[0]
+
+        def slow(_frames: object) -> None:
+            away_s[0] += 2.0 * SILENCE_S
+
+        looks = monitor.watch(session, 0.3, also=slow)
+        assert next(looks)["time_s"] > 0.0
+
+
+def test_a_board_that_sends_nothing_is_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+    with open_link_board("virtual") as board:
+        session = board.session
+        session.receive(0.2)
+        clock, waited_s = session.clock, [0.0]
+        session.clock = session.listening.clock = lambda: clock() + waited_s[0]
+
+        def nothing(timeout_s: float = 0.0) -> list[object]:
+            waited_s[0] += timeout_s
+            return []
+
+        monkeypatch.setattr(session.frames, "read_frames", nothing)
+        with pytest.raises(LinkError, match="the board fell silent"):
+            list(monitor.watch(session, 10.0))
+        assert SILENCE_S < waited_s[0] < SILENCE_S + 2 * EVERY_S
