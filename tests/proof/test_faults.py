@@ -17,6 +17,7 @@ from plumb import systems
 from plumb.__main__ import main
 from plumb.errors import UsageError
 from plumb.flash.image import find_image
+from plumb.link.identity import IMPLAUSIBLE
 from plumb.proof.faults import host, table
 from plumb.proof.faults.fault import Fault
 from plumb.proof.faults.fault_report import write_report
@@ -29,6 +30,8 @@ from support.campaigns import LONG, campaign
 LEAST = {
     "sensors": 10, "buses": 6, "clock": 3, "power": 3, "memory": 5, "host": 6, "frames": 6, "hangs": 5,
 }  # fmt: skip
+RATE_CHECK = 2
+"""Bit of PLAUSIBILITY."""
 ROOT = Path(__file__).parents[2]
 DRIVEN = [name for name in systems.SYSTEMS if systems.load(name).OUTPUT_FRAMES]
 
@@ -133,7 +136,9 @@ def test_a_frozen_gyro_is_told_alone() -> None:
         ]
     assert frozen.verdict == held_off.verdict == "pass"
     assert frozen.reported.endswith("SENSORS.analog: input PA0 does not change")
-    assert held_off.reported == "EVENTS.disarm_cause: the sensors are implausible"
+    assert held_off.reported == (
+        f"EVENTS.disarm_cause: the sensors are implausible; PLAUSIBILITY.disarmed_by: {IMPLAUSIBLE[RATE_CHECK]}"
+    )
 
 
 @pytest.mark.slow

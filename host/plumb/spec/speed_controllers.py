@@ -9,6 +9,7 @@ from __future__ import annotations
 PULSE_US = (900.0, 2100.0)
 NEUTRAL_MAX_US = 1100.0
 FRAME_MIN_US = 2040.0
+FRAME_MAX_US = 20_000.0
 GAP_HALFUS = 40
 """ESC_GAP_MIN_HALFUS: shortest low time between two pulses."""
 ONE_WAY = "plumb drives one-way PWM controllers alone (pulses of 900 to 2100 us, neutral 900 to 1100 us)"

@@ -9,7 +9,7 @@ from plumb.proof.faults.scene import ESTIMATE, Scene
 
 CRYSTAL, FALLBACK, LATE = 1 << 12, 1 << 8, 1 << 1
 BY_FAULT = Told("EVENTS", "disarm_cause", 1 << 3)
-BY_WATCHDOG = Told("IDENTITY", "RESET_CAUSE", 1 << 5 | 1 << 6)
+BY_WATCHDOG = Told("IDENTITY", "RESET_CAUSE", 1 << 6)
 NO_STEP = Told("STATUS", "faults", LATE)
 CHIPS = frozenset({"chips"})
 ESTIMATES = frozenset({"chips", ESTIMATE})

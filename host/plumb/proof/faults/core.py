@@ -10,6 +10,7 @@ FOREVER = BRANCH_TO_ITSELF
 MASK_INTERRUPTS = b"\x72\xb6"
 """CPSID I."""
 UNDEFINED = b"\x00\xde"
+RETURN_TRUE = b"\x01\x20\x70\x47"
 THREAD_S = 0.05
 
 
@@ -27,6 +28,30 @@ def patch(scene: Scene, address: int, code: bytes) -> None:
     vars(cpu)["restart"] = restart_without
     flash.store(offset, code)
     cpu.forget_code()
+
+
+def replace_function(scene: Scene, name: str, code: bytes) -> None:
+    """Put this code at the entry of a function of the image."""
+    patch(scene, scene.symbol(name).address, code)
+
+
+def pause_at(scene: Scene, address: int, pause_s: float) -> None:
+    """The core branches to itself at this instruction for a while, then goes on there."""
+    cpu, flash = scene.machine.cpu, scene.machine.flash
+    offset = address - FLASH_BASE
+    before = bytes(cpu.flash[offset : offset + len(FOREVER)])
+    for code in (FOREVER, before):
+        flash.store(offset, code)
+        cpu.forget_code()
+        if code == FOREVER:
+            if not scene.machine.run_until(lambda: cpu.pc == address, THREAD_S * 1e6):
+                raise LinkError("the core never gets there: the fault cannot be injected")
+            scene.run(pause_s)
+
+
+def poke(scene: Scene, address: int, value: int) -> None:
+    """A word of RAM."""
+    scene.machine.cpu.ram[address - RAM_BASE : address - RAM_BASE + 4] = (value & 0xFFFFFFFF).to_bytes(4, "little")
 
 
 def reach_the_loop(scene: Scene) -> None:
@@ -57,3 +82,20 @@ def handles(scene: Scene, number: int) -> bool:
 def flip(scene: Scene, address: int, bit: int) -> None:
     """One bit of RAM, `bit` counted from `address`."""
     scene.machine.cpu.ram[address - RAM_BASE + bit // 8] ^= 1 << bit % 8
+
+
+def hold_off(scene: Scene, *causes: str) -> None:
+    """These resets from inside the chip (software, iwdg, wwdg) do nothing, so that the layer below them is seen."""
+    request_reset = scene.machine.request_reset
+
+    def request_other(cause: str) -> None:
+        if cause not in causes:
+            request_reset(cause)
+
+    vars(scene.machine)["request_reset"] = request_other
+
+
+def reach_sleep(scene: Scene) -> None:
+    """Let time pass until the main loop sleeps."""
+    if not scene.machine.run_until(lambda: scene.machine.cpu.sleeping, THREAD_S * 1e6):
+        raise LinkError("the main loop never sleeps: the fault cannot be injected")

@@ -25,6 +25,8 @@ class Fault:
     nothing, and for those alone. link: link of the host that armed.
     prepare: runs before the injection; time counts from its end.
     holds: the fault must have no effect: all steps equal those without it, and the board stays armed or disarmed.
+    by: the layer that must make the outputs safe (outputs.PROGRAM, outputs.RESET), where another one stands behind it
+    and would hide that it is dead; "": any.
     moves_on: the board must go on driving; its report tells the time from which its behaviour is the required one.
     after: runs at the end (the host or the supply is back); outputs must stay safe afterwards.
     phases: inject at many phases of steps, pulses and keep-alives; the worst result counts. variants: number of ways
@@ -41,6 +43,7 @@ class Fault:
     link: str = "serial"
     prepare: Action | None = None
     holds: bool = False
+    by: str = ""
     moves_on: bool = False
     after: Action | None = None
     phases: bool = False

@@ -9,12 +9,14 @@ from plumb.f103.attached.canwire import WireFrame
 from plumb.link.transports.slcan import text_of_frames
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.reports import Told
-from plumb.proof.faults.scene import Heard, Scene
+from plumb.proof.faults.scene import Heard, Scene, arm
 from plumb.spec import parameters
 from plumb.spec.protocol import Frame, protocol
 
 IDLE, COMMAND = 1 << 1, 1 << 6
 EVERY_S = 0.002
+SETTLED_S = 0.3
+OTHER_VERSION = 99
 FOREIGN_SETPOINT = 1 << 29
 """An eighth of a turn."""
 FOREIGN_NONCES = (0, 1, 0xFFFFFFFF, 0x12345678, 0x80000000)
@@ -65,6 +67,22 @@ def foreign_setpoints(*, greeted: bool) -> Action:
             stranger.send("SETPOINT", 0, FOREIGN_SETPOINT & 0xFFFFFFFF, flags=scene.session.run_tag)
 
     return inject
+
+
+def steered_from_can(scene: Scene) -> None:
+    """A run of the same host that takes its setpoints from CAN, armed."""
+    scene.session.begin("REALTIME_LIVE", frames=scene.live.FRAMES, elsewhere=("setpoints",))
+    arm(scene)
+    scene.run(SETTLED_S)
+
+
+def setpoints_without_greeting(scene: Scene) -> None:
+    """The node has everything right but its version: only the greeting that failed keeps it from steering."""
+    stranger = Stranger(scene, greeted=False)
+    stranger.send("HELLO", OTHER_VERSION, 0)
+    scene.run(0.02)
+    for _ in range(20):
+        stranger.send("SETPOINT", 0, FOREIGN_SETPOINT & 0xFFFFFFFF, flags=scene.session.run_tag)
 
 
 def foreign_keepalives(scene: Scene) -> None:
@@ -253,6 +271,9 @@ FAULTS = (
           foreign_setpoints(greeted=False), "held", (), holds=True),
     Fault("foreign-setpoint-greeted", "frames", "SETPOINT from a greeted node on CAN that does not own the run",
           foreign_setpoints(greeted=True), "held", (refused("OWNER"),), holds=True),
+    Fault("setpoint-without-greeting", "frames",
+          "SETPOINT from the node on CAN that the run names for it, after a HELLO of another version",
+          setpoints_without_greeting, "held", (refused("GREETING"),), prepare=steered_from_can, holds=True),
     Fault("foreign-keepalives", "frames", "the host is silent, a node on CAN sends its last keep-alives",
           foreign_keepalives, "silence", (_SILENCE,), prepare=recorded),
     Fault("foreign-arming", "frames", "EXECUTE ARM from a node on CAN, with guessed nonces and one of its own",

@@ -5,12 +5,16 @@ from __future__ import annotations
 from plumb.f103.core.nvic import IRQ0, SYSTICK
 from plumb.proof.faults import core
 from plumb.proof.faults.fault import Action, Fault
+from plumb.proof.faults.outputs import PROGRAM, RESET
 from plumb.proof.faults.reports import Told
 from plumb.proof.faults.scene import Scene
 
-WATCHDOG = 1 << 5 | 1 << 6
-STALLED = 1 << 13
-NOTICED = (Told("IDENTITY", "RESET_CAUSE", WATCHDOG), Told("STATUS", "faults", STALLED))
+BY_WINDOW_WATCHDOG = Told("IDENTITY", "RESET_CAUSE", 1 << 6)
+BY_WATCHDOG = Told("IDENTITY", "RESET_CAUSE", 1 << 5)
+STALLED = Told("STATUS", "faults", 1 << 13)
+DISARMED_BY_FAULT = Told("EVENTS", "disarm_cause", 1 << 3)
+PAUSE_S = 0.03
+"""Longer than the watch over the loop allows, shorter than the window watchdog does."""
 IRQS = {
     "adc-dma": 11, "spi-dma": 12, "uart-tx-dma": 14, "uart-rx-dma": 15, "i2c-dma": 17, "can-tx": 19, "can-rx0": 20,
     "can-rx1": 21, "can-errors": 22, "hall": 28, "steps": 29, "i2c-events": 31, "i2c-errors": 32, "uart": 37,
@@ -24,6 +28,27 @@ def loop_hangs(scene: Scene) -> None:
 
 def loop_hangs_masked(scene: Scene) -> None:
     core.patch_the_loop(scene, core.MASK_INTERRUPTS + core.FOREVER)
+
+
+def loop_hangs_without(*causes: str) -> Action:
+    """The main loop hangs with interrupts masked, and these resets do not come."""
+
+    def inject(scene: Scene) -> None:
+        core.hold_off(scene, *causes)
+        loop_hangs_masked(scene)
+
+    return inject
+
+
+def loop_pauses(scene: Scene) -> None:
+    """The main loop branches to itself for a while, then goes on where it was."""
+    core.reach_the_loop(scene)
+    core.pause_at(scene, scene.machine.cpu.pc, PAUSE_S)
+
+
+def loop_pauses_before_the_pulses(scene: Scene) -> None:
+    """The same where the next instructions write pulses that drive."""
+    core.pause_at(scene, scene.symbol("board_set_actuator").address, PAUSE_S)
 
 
 def handler_hangs(number: int) -> Action:
@@ -50,16 +75,24 @@ def locked_up(scene: Scene) -> None:
 
 
 FAULTS = (
-    Fault("loop-hangs", "hangs", "the main loop branches to itself", loop_hangs, "hang", (NOTICED,)),
+    Fault("loop-hangs", "hangs", "the main loop branches to itself", loop_hangs, "stall", (BY_WINDOW_WATCHDOG,),
+          by=PROGRAM),
+    Fault("loop-pauses", "hangs", "the main loop branches to itself for 30 ms", loop_pauses, "stall",
+          (STALLED, DISARMED_BY_FAULT), by=PROGRAM),
+    Fault("loop-pauses-before-the-pulses", "hangs", "the main loop branches to itself for 30 ms, then writes pulses",
+          loop_pauses_before_the_pulses, "stall", (STALLED, DISARMED_BY_FAULT), frozenset({"esc"}), by=PROGRAM),
     Fault("loop-hangs-masked", "hangs", "interrupts are masked, and the main loop branches to itself",
-          loop_hangs_masked, "hang", (NOTICED,)),
+          loop_hangs_masked, "hang", (BY_WINDOW_WATCHDOG,), by=RESET),
+    Fault("loop-hangs-without-window-watchdog", "hangs",
+          "interrupts are masked, the main loop branches to itself, and the window watchdog does not reset",
+          loop_hangs_without("wwdg"), "last", (BY_WATCHDOG,), by=RESET),
     Fault("tick-handler-hangs", "hangs", "the handler of SysTick branches to itself", handler_hangs(SYSTICK), "hang",
-          (NOTICED,)),
-    Fault("tick-stops", "hangs", "SysTick counts no more", tick_stops, "hang", (NOTICED,)),
-    Fault("core-locks-up", "hangs", "the core locks up", locked_up, "hang", (NOTICED,)),
+          (BY_WINDOW_WATCHDOG,), by=RESET),
+    Fault("tick-stops", "hangs", "SysTick counts no more", tick_stops, "hang", (BY_WINDOW_WATCHDOG,), by=RESET),
+    Fault("core-locks-up", "hangs", "the core locks up", locked_up, "hang", (BY_WINDOW_WATCHDOG,), by=RESET),
     *(
         Fault(f"{name}-handler-hangs", "hangs", f"the handler of interrupt {number} ({name}) branches to itself",
-              handler_hangs(IRQ0 + number), "hang", (NOTICED,), interrupt=IRQ0 + number)
+              handler_hangs(IRQ0 + number), "stall", (BY_WINDOW_WATCHDOG,), by=PROGRAM, interrupt=IRQ0 + number)
         for name, number in IRQS.items()
     ),
 )  # fmt: skip

@@ -5,20 +5,25 @@ from __future__ import annotations
 from plumb.flash.image import FLASH_BASE, PARAMETER_SLOTS
 from plumb.proof.faults import core
 from plumb.proof.faults.fault import Action, Fault
+from plumb.proof.faults.outputs import PROGRAM
 from plumb.proof.faults.reports import Told
 from plumb.proof.faults.scene import Scene
 
 UPSET, CRASH, PARAMETERS = 1 << 14, 1 << 2, 1 << 7
-BY_UPSET = (Told("STATUS", "faults", UPSET), Told("IDENTITY", "FAULTS", UPSET | CRASH))
-BY_CRASH = Told("IDENTITY", "FAULTS", CRASH)
+BY_UPSET = (Told("STATUS", "faults", UPSET), Told("EVENTS", "disarm_cause", 1 << 3))
+BY_CRASH = (Told("IDENTITY", "FAULTS", CRASH), Told("IDENTITY", "RESET_CAUSE", 1 << 4))
+BY_PROCESSOR_FAULT = (*BY_CRASH, Told("IDENTITY", "CRASH_EXCEPTION", value=3))
+BY_STACK_GUARD = (*BY_CRASH, Told("IDENTITY", "CRASH_EXCEPTION", value=0))
+BY_CRASH_AND_WATCHDOG = (Told("IDENTITY", "FAULTS", CRASH), Told("IDENTITY", "RESET_CAUSE", 1 << 6))
 FLIPS = 16
 SLOTS, SLOT_BYTES, DAMAGED_AT = 2, 2048, 40
 
 
 def flipped(symbol: str) -> Action:
-    """One bit of a variable, another one in every variant, evenly spread."""
+    """One bit of a variable while the loop sleeps, another one in every variant, evenly spread."""
 
     def inject(scene: Scene) -> None:
+        core.reach_sleep(scene)
         found = scene.symbol(symbol)
         core.flip(scene, found.address, (2 * scene.variant + 1) * 8 * found.size // (2 * FLIPS))
 
@@ -38,6 +43,12 @@ def guard_overwritten(scene: Scene) -> None:
 
 def undefined_instruction(scene: Scene) -> None:
     core.patch_the_loop(scene, core.UNDEFINED)
+
+
+def crash_without_reset(scene: Scene) -> None:
+    """The crash asks for a reset that does not come."""
+    core.hold_off(scene, "software")
+    undefined_instruction(scene)
 
 
 def wild_jump(scene: Scene) -> None:
@@ -60,16 +71,20 @@ def slots_damaged(scene: Scene) -> None:
 
 FAULTS = (
     Fault("flip-in-control-state", "memory", f"one bit of the control state, {FLIPS} of them", flipped("control"),
-          "memory", (BY_UPSET,), variants=FLIPS),
+          "asleep", BY_UPSET, variants=FLIPS, by=PROGRAM),
     Fault("flip-in-parameters", "memory", f"one bit of the parameters in use, {FLIPS} of them", flipped("params"),
-          "memory", (BY_UPSET,), variants=FLIPS),
+          "asleep", BY_UPSET, variants=FLIPS, by=PROGRAM),
+    Fault("flip-in-session", "memory", f"one bit of the session, {FLIPS} of them", flipped("session"),
+          "asleep", BY_UPSET, variants=FLIPS, by=PROGRAM),
     Fault("clock-set-back", "memory", "one bit of the clock, which is then behind", clock_set_back, "memory",
-          (BY_UPSET,)),
+          BY_UPSET, by=PROGRAM),
     Fault("stack-overflow", "memory", "the guard below the stack is overwritten", guard_overwritten, "memory",
-          (BY_CRASH,)),
+          BY_STACK_GUARD),
     Fault("undefined-instruction", "memory", "the main loop meets an undefined instruction", undefined_instruction,
-          "memory", (BY_CRASH,)),
-    Fault("wild-jump", "memory", "the main loop jumps to where nothing is", wild_jump, "memory", (BY_CRASH,)),
+          "memory", BY_PROCESSOR_FAULT),
+    Fault("crash-without-reset", "memory", "the main loop meets an undefined instruction, and the reset does not come",
+          crash_without_reset, "crash", BY_CRASH_AND_WATCHDOG, by=PROGRAM),
+    Fault("wild-jump", "memory", "the main loop jumps to where nothing is", wild_jump, "memory", BY_PROCESSOR_FAULT),
     Fault("saved-table-damaged", "memory", "a byte of both slots of saved parameters is 0, and a reset",
           slots_damaged, "power", (Told("STATUS", "faults", PARAMETERS),), prepare=saved),
 )  # fmt: skip

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.f103.machine import PWM_PINS
+from plumb.spec.speed_controllers import FRAME_MAX_US, FRAME_MIN_US, GAP_HALFUS, PULSE_US
 
 if TYPE_CHECKING:
     from plumb.f103.machine import Machine
@@ -16,6 +17,8 @@ LOOK_US = 100
 SAFE_PULSE_US = (900.0, 1100.0)
 """A speed controller stops its motor for a pulse of this length, and without any pulse."""
 PHASES = 3
+PROGRAM, RESET = "the program", "a reset"
+"""What made the outputs safe: neutral pulses and open gates that an instruction set, or pins that a reset let go."""
 
 
 def unsafe(machine: Machine) -> bool:
@@ -32,6 +35,19 @@ def unsafe(machine: Machine) -> bool:
     return any(share is not None for share in bridge.duty) or gate_on(machine)
 
 
+def out_of_bounds(machine: Machine) -> bool:
+    """Whether a pin carries a pulse that no speed controller may ever get, armed or not: too short, too long, in a
+    frame too short or too long, or without a gap before the next."""
+    shortest, longest = PULSE_US
+    pulses = [pulse for pin in PWM_PINS if (pulse := machine.pwm(pin)).enabled]
+    return not all(
+        shortest <= pulse.pulse_us <= longest
+        and FRAME_MIN_US <= pulse.period_us <= FRAME_MAX_US
+        and pulse.period_us - pulse.pulse_us >= GAP_HALFUS / 2
+        for pulse in pulses
+    )
+
+
 def gate_on(machine: Machine) -> bool:
     """Whether a gate is high at this moment."""
     return any(True in machine.tim1.levels(phase, machine.now) for phase in range(PHASES))
@@ -44,12 +60,14 @@ class Watch:
     machine: Machine
     begun: int = 0
     last_unsafe: int | None = None
+    out_of_bounds: int | None = None
+    """When a pulse was first found out of its bounds."""
     resets: list[int] = field(default_factory=list)
     """When the board was found to have been reset."""
     _reset_count: int = 0
 
     def begin(self) -> None:
-        self.begun, self.last_unsafe = self.machine.now, None
+        self.begun, self.last_unsafe, self.out_of_bounds = self.machine.now, None, None
         self.resets.clear()
         self._reset_count = self.machine.reset_count
         self._look(self.begun)
@@ -60,6 +78,8 @@ class Watch:
     def _look(self, now: int) -> None:
         if unsafe(self.machine):
             self.last_unsafe = now
+        if self.out_of_bounds is None and out_of_bounds(self.machine):
+            self.out_of_bounds = now
         if self.machine.reset_count != self._reset_count:
             self._reset_count = self.machine.reset_count
             self.resets.append(now)
@@ -67,6 +87,12 @@ class Watch:
 
     def ms(self, time: int) -> float:
         return round((time - self.begun) / (1000 * TICKS_PER_US), 1)
+
+    @property
+    def made_safe_by(self) -> str:
+        """Which layer ended the last unsafe moment: RESET, when the reset came with it, else PROGRAM."""
+        after = None if self.last_unsafe is None else self.last_unsafe + LOOK_US * TICKS_PER_US
+        return RESET if after in self.resets else PROGRAM
 
     @property
     def safe_ms(self) -> float | None:

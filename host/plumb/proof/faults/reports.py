@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from plumb.link.identity import BLOCKED, FAULTS, RESET_CAUSES, bits_text, sensors_text
+from plumb.link.identity import BLOCKED, FAULTS, IMPLAUSIBLE, RESET_CAUSES, bits_text, sensors_text
 from plumb.spec.protocol import protocol
 
 if TYPE_CHECKING:
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 MEANINGS: Mapping[str, dict[int, str]] = {
     "disarm_cause": BLOCKED,
     "blocked": BLOCKED,
+    "disarmed_by": IMPLAUSIBLE,
     "faults": FAULTS,
     "FAULTS": FAULTS,
     "RESET_CAUSE": RESET_CAUSES,
@@ -35,15 +36,18 @@ class Told:
     """A report that must come: a signal of a frame, or an item of IDENTITY.
 
     mask: at least one of these bits must be set; with 0, a counter must have changed, or another signal must not be 0.
-    choice: instead of a mask, the DBC's name of the value.
+    choice: instead of a mask, the DBC's name of the value. value: instead of a mask, exactly this value.
     """
 
     frame: str
     signal: str
     mask: int = 0
     choice: str = ""
+    value: int | None = None
 
     def holds(self, value: int, before: int) -> bool:
+        if self.value is not None:
+            return value == self.value
         if self.choice:
             return value == protocol()[self.frame].value(self.signal, self.choice)
         if self.mask:

@@ -175,6 +175,10 @@ class Runner:
             if not fault.holds and watch.safe_ms != safe_ms:
                 why.append("outputs leave safe again afterwards")
         watch.end()
+        if watch.out_of_bounds is not None:
+            why.append(f"a pulse out of its bounds after {watch.ms(watch.out_of_bounds):g} ms")
+        if fault.by and watch.made_safe_by != fault.by:
+            why.append(f"{watch.made_safe_by} made the outputs safe, not {fault.by}")
         if watch.resets or not scene.heard:
             self._ask(scene, reports, why)
         if fault.moves_on:
@@ -254,6 +258,8 @@ class Runner:
 
 
 def _wanted(told: Told) -> str:
+    if told.value is not None:
+        return f"{told.frame}.{told.signal}: {told.value}"
     return report_text(told.frame, told.signal, told.mask, told.choice or ("" if told.mask else "counted"))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from plumb.link.identity import SENSOR_CAUSES
@@ -13,12 +14,18 @@ LSB_V = 3.3 / 4096
 GYRO, ACCEL_Y, ACCEL_Z = 0, 1, 2
 """Order of ADC_PINS of a system on analog sensors."""
 ANALOG, CHIPS, BRIDGE = frozenset({"analog"}), frozenset({"chips"}), frozenset({"bridge"})
-SENSOR_FAULT, HALL_FAULT, BREAK_FAULT, ADC_FAULT, LATE_FAULT = 1 << 6, 1 << 5, 1 << 4, 1, 2
+HALL_FAULT, BREAK_FAULT, ADC_FAULT = 1 << 5, 1 << 4, 1
 BLOCK_FAULT, BLOCK_IMPLAUSIBLE = 1 << 3, 1 << 11
 DISARMED_BY_FAULT = Told("EVENTS", "disarm_cause", BLOCK_FAULT)
-DISARMED_BY_DOUBT = Told("EVENTS", "disarm_cause", BLOCK_FAULT | BLOCK_IMPLAUSIBLE)
-AT_A_RAIL, UNCHANGED = Told("SENSORS", "analog", 0x3F), Told("SENSORS", "analog", 0x3F00)
-LOST_OR_IMPLAUSIBLE = (Told("EVENTS", "disarm_cause", BLOCK_IMPLAUSIBLE), Told("STATUS", "faults", SENSOR_FAULT))
+DISARMED_BY_DOUBT = Told("EVENTS", "disarm_cause", BLOCK_IMPLAUSIBLE)
+
+
+def doubt(check: int) -> tuple[Told, ...]:
+    """Disarmed by this check of plausibility."""
+    return (DISARMED_BY_DOUBT, Told("PLAUSIBILITY", "disarmed_by", check))
+
+
+ACCEL, INNOVATION, RATE = (doubt(1 << bit) for bit in range(3))
 
 
 def volts_now(scene: Scene, channel: int) -> float:
@@ -115,34 +122,58 @@ def digital(cause: str, shift: int) -> Told:
     return Told("SENSORS", "digital", number << shift)
 
 
-_STUCK = (DISARMED_BY_FAULT, UNCHANGED)
-_RAILED = (DISARMED_BY_FAULT, AT_A_RAIL)
+def stuck(channel: int) -> tuple[Told, ...]:
+    return (DISARMED_BY_FAULT, Told("SENSORS", "analog", 1 << 8 + channel))
+
+
+def railed(channel: int) -> tuple[Told, ...]:
+    return (DISARMED_BY_FAULT, Told("SENSORS", "analog", 1 << channel))
+
+
+def turned(which_degrees: float) -> Action:
+    """Both accelerometer pins say that the vehicle is turned by so much, with 1 g and noise as before."""
+    volts_per_g, level_v = 0.8, 1.65
+
+    def inject(scene: Scene) -> None:
+        y, z = ((volts_now(scene, channel) - level_v) / volts_per_g for channel in (ACCEL_Y, ACCEL_Z))
+        c, s = math.cos(math.radians(which_degrees)), math.sin(math.radians(which_degrees))
+        held(ACCEL_Y, level_v + volts_per_g * (c * y + s * z), 1.0)(scene)
+        held(ACCEL_Z, level_v + volts_per_g * (c * z - s * y), 1.0)(scene)
+
+    return inject
+
+
+LIMITS = {ACCEL: "force", INNOVATION: "innovation", RATE: "rate"}
+"""Limit of each check of plausibility; other faults of sensors have the limit `sensor`."""
 
 _ANALOG = tuple(
-    Fault(name, "sensors", what, inject, "sensor", told, ANALOG)
+    Fault(name, "sensors", what, inject, LIMITS.get(told, "sensor"), told, ANALOG)
     for name, what, inject, told in (
-        ("gyro-frozen", "pin of the gyro held at its last voltage, no noise", held(GYRO), _STUCK),
-        ("accel-y-frozen", "pin of accelerometer y held at its last voltage, no noise", held(ACCEL_Y), _STUCK),
-        ("accel-z-frozen", "pin of accelerometer z held at its last voltage, no noise", held(ACCEL_Z), _STUCK),
-        ("gyro-at-ground", "pin of the gyro at 0 V", held(GYRO, 0.0), _RAILED),
-        ("gyro-at-supply", "pin of the gyro at 3.3 V", held(GYRO, 3.3), _RAILED),
-        ("accel-y-at-ground", "pin of accelerometer y at 0 V", held(ACCEL_Y, 0.0), _RAILED),
-        ("accel-z-at-supply", "pin of accelerometer z at 3.3 V", held(ACCEL_Z, 3.3), _RAILED),
-        ("gyro-held-off", "pin of the gyro at 2.2 V, 1 LSB rms of noise", held(GYRO, 2.2, 1.0), (LOST_OR_IMPLAUSIBLE,)),
+        ("gyro-frozen", "pin of the gyro held at its last voltage, no noise", held(GYRO), stuck(GYRO)),
+        ("accel-y-frozen", "pin of accelerometer y held at its last voltage, no noise", held(ACCEL_Y), stuck(ACCEL_Y)),
+        ("accel-z-frozen", "pin of accelerometer z held at its last voltage, no noise", held(ACCEL_Z), stuck(ACCEL_Z)),
+        ("gyro-at-ground", "pin of the gyro at 0 V", held(GYRO, 0.0), railed(GYRO)),
+        ("gyro-at-supply", "pin of the gyro at 3.3 V", held(GYRO, 3.3), railed(GYRO)),
+        ("accel-y-at-ground", "pin of accelerometer y at 0 V", held(ACCEL_Y, 0.0), railed(ACCEL_Y)),
+        ("accel-z-at-supply", "pin of accelerometer z at 3.3 V", held(ACCEL_Z, 3.3), railed(ACCEL_Z)),
+        ("gyro-held-off", "pin of the gyro at 2.2 V, 1 LSB rms of noise", held(GYRO, 2.2, 1.0), RATE),
         ("accel-y-at-3v", "pin of accelerometer y at 3.0 V, 1 LSB rms of noise", held(ACCEL_Y, 3.0, 1.0),
-         (LOST_OR_IMPLAUSIBLE,)),
+         ACCEL),
         ("accel-z-at-3v", "pin of accelerometer z at 3.0 V, 1 LSB rms of noise", held(ACCEL_Z, 3.0, 1.0),
-         (LOST_OR_IMPLAUSIBLE,)),
+         ACCEL),
+        ("accel-turned", "pins of the accelerometer as after a turn by 28 deg, 1 LSB rms of noise", turned(28.0),
+         INNOVATION),
         ("accel-y-wild", "0.8 V rms (1 g) of noise on the pin of accelerometer y", wild(ACCEL_Y, 0.8),
-         (LOST_OR_IMPLAUSIBLE,)),
-        ("sensors-unplugged", "every sensor pin at 0 V", unplugged, _RAILED),
+         (DISARMED_BY_DOUBT,)),
+        ("sensors-unplugged", "every sensor pin at 0 V", unplugged,
+         (*railed(GYRO), *railed(ACCEL_Y), *railed(ACCEL_Z))),
         ("converter-stops", "the ADC makes no conversions any more", converter_stops,
-         ((Told("STATUS", "faults", ADC_FAULT | LATE_FAULT), DISARMED_BY_FAULT),)),
+         (Told("STATUS", "faults", ADC_FAULT), DISARMED_BY_FAULT)),
     )
 )  # fmt: skip
 
 _CHIPS = tuple(
-    Fault(name, "sensors", what, inject, "sensor", told, CHIPS)
+    Fault(name, "sensors", what, inject, LIMITS.get(told, "sensor"), told, CHIPS)
     for name, what, inject, told in (
         ("gyro-silent", "the gyro does not acknowledge", chip("gyro", answers=False),
          (DISARMED_BY_FAULT, digital("does not answer", 0))),
@@ -157,13 +188,13 @@ _CHIPS = tuple(
         ("accel-browned-out", "the supply of the accelerometer dips: settings lost", browned_out("accel"),
          (DISARMED_BY_FAULT,)),
         ("gyro-held-off", "the gyro measures 150 deg/s too much, with its noise",
-         felt("gyro", lambda at: (at[0], at[1] + 150.0, at[2]), 0.5), (LOST_OR_IMPLAUSIBLE,)),
+         felt("gyro", lambda at: (at[0], at[1] + 150.0, at[2]), 0.5), RATE),
         ("accel-at-2g", "accelerometer x measures 2 g, with its noise",
-         felt("accel", lambda at: (2.0, at[1], at[2]), 0.005), (LOST_OR_IMPLAUSIBLE,)),
+         felt("accel", lambda at: (2.0, at[1], at[2]), 0.005), ACCEL),
         ("accel-without-gravity", "the accelerometer measures 0 g, with its noise",
-         felt("accel", lambda _at: (0.0, 0.0, 0.0), 0.005), (LOST_OR_IMPLAUSIBLE,)),
+         felt("accel", lambda _at: (0.0, 0.0, 0.0), 0.005), ACCEL),
         ("accel-wild", "1 g rms of noise on the accelerometer",
-         felt("accel", lambda at: at, 1.0), (LOST_OR_IMPLAUSIBLE,)),
+         felt("accel", lambda at: at, 1.0), (DISARMED_BY_DOUBT,)),
     )
 )  # fmt: skip
 

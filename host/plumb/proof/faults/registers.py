@@ -1,0 +1,68 @@
+"""Damaged memory that the check of memory does not find: what reaches the registers of the pulses stays in its bounds.
+
+The check of guarded memory is switched off in all of these rows, so that the bounds behind it are seen alone.
+"""
+
+from __future__ import annotations
+
+from plumb.proof.faults import core
+from plumb.proof.faults.fault import Fault
+from plumb.proof.faults.host import COMMAND, disarms
+from plumb.proof.faults.outputs import PROGRAM
+from plumb.proof.faults.reports import Told
+from plumb.proof.faults.scene import Scene
+from plumb.spec import parameters
+
+ESC = frozenset({"esc"})
+LONGEST_HALFUS = 16383
+DRIVING_HALFUS = 4000
+SHORT_FRAME = 4080 - 1
+"""Reload value of the timer for the shortest frame, in which the longest pulse does not fit."""
+ARMED = Told("STATUS", "armed", value=1)
+BY_COMMAND = Told("EVENTS", "disarm_cause", COMMAND)
+
+
+def unchecked(scene: Scene) -> None:
+    """Guarded memory is found intact, whatever is in it."""
+    core.replace_function(scene, "board_memory_intact", core.RETURN_TRUE)
+
+
+def set_parameter(scene: Scene, name: str, value: int) -> None:
+    """A word of the parameters in use, in RAM."""
+    index = next(index for index, row in enumerate(parameters.table()) if row.name == name)
+    core.poke(scene, scene.symbol("params").address + 4 * index, value)
+
+
+def pulses_wild(scene: Scene) -> None:
+    """Every pulse that the system computes is far too long; in variant 1 far too short, in variant 2 longer than its
+    frame."""
+    unchecked(scene)
+    wanted = 0 if scene.variant == 1 else LONGEST_HALFUS
+    for name in ("esc.min_halfus", "esc.mid_halfus", "esc.max_halfus"):
+        set_parameter(scene, name, wanted)
+    if scene.variant == 2:
+        scene.machine.tim4.write_arr(SHORT_FRAME)
+
+
+def neutral_wild(scene: Scene) -> None:
+    """The neutral pulse would drive, in variant 1 it is far too short, when the host disarms."""
+    unchecked(scene)
+    core.poke(scene, scene.symbol("neutral_halfus").address, 0 if scene.variant else DRIVING_HALFUS)
+    disarms(scene)
+
+
+def frame_wild(scene: Scene) -> None:
+    """The next run begins with a frame far too short, in variant 1 far too long."""
+    unchecked(scene)
+    set_parameter(scene, "esc_period_us", 32_000 if scene.variant else 1)
+    scene.session.begin("REALTIME_LIVE")
+
+
+FAULTS = (
+    Fault("pulses-wild", "memory", "the system computes pulses far out of their bounds", pulses_wild, "bounded",
+          (ARMED,), ESC, moves_on=True, variants=3),
+    Fault("neutral-wild", "memory", "the neutral pulse is out of its bounds, and the host disarms", neutral_wild,
+          "command", (BY_COMMAND,), ESC, variants=2, by=PROGRAM),
+    Fault("frame-wild", "memory", "a run begins with frames of pulses far out of their bounds", frame_wild, "command",
+          (BY_COMMAND,), ESC, variants=2, by=PROGRAM),
+)  # fmt: skip

@@ -1,0 +1,74 @@
+"""Every mechanism has a row or a test that goes red when the mechanism is broken (tests/defects, `support.defects`)."""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+from collections.abc import Iterator
+
+import pytest
+
+pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extra virtual)")
+
+from plumb.proof.faults import table
+from support.defect_tree import Tree, judged
+from support.defects import ROOT, Defect, declared, equivalents
+
+SAMPLE_SEED, SAMPLE = 1, 2
+"""`make test` builds so many defects, each caught by a single row."""
+NO_TOOLS = pytest.mark.skipif(
+    shutil.which("arm-none-eabi-gcc") is None or shutil.which("ninja") is None, reason="no compiler of the flash image"
+)
+
+
+def sample() -> list[Defect]:
+    quick = [defect for defect in declared() if len(defect.rows) == 1 and not defect.tests]
+    return random.Random(SAMPLE_SEED).sample(quick, SAMPLE)
+
+
+@pytest.fixture(scope="module")
+def tree() -> Iterator[Tree]:
+    """A copy for each process that runs tests."""
+    worker = os.environ.get("PYTEST_XDIST_WORKER", "alone")
+    with Tree.opened(ROOT / "build" / "defects" / worker) as tree:
+        yield tree
+
+
+@pytest.mark.parametrize("defect", declared(), ids=lambda defect: defect.name)
+def test_a_declared_defect_is_of_the_present_source_and_rows(defect: Defect) -> None:
+    """A defect whose line was changed is stale: write it anew, for the line that has the mechanism now."""
+    text = (ROOT / defect.source).read_text(encoding="utf-8")
+    assert defect.applied(text) != text
+    assert defect.caught_by
+    faults = {fault.name for fault in table.FAULTS}
+    assert {row.partition("@")[0] for row in defect.rows} <= faults
+    for test in defect.tests:
+        path, _, name = test.partition("::")
+        assert (ROOT / path).is_file(), test
+        function = name.partition("[")[0].rpartition("::")[2]
+        assert path.endswith(".c") or f"def {function}(" in (ROOT / path).read_text(encoding="utf-8"), test
+
+
+def test_defects_have_names_of_their_own_and_equivalents_a_reason() -> None:
+    names = [defect.name for defect in declared()]
+    assert len(set(names)) == len(names)
+    for one in equivalents():
+        assert (ROOT / one.source).read_text(encoding="utf-8").count(one.line) == 1, one.line
+        assert one.line != one.becomes and len(one.reason) > 20, one.line
+
+
+@NO_TOOLS
+@pytest.mark.slow
+@pytest.mark.parametrize("defect", sample(), ids=lambda defect: defect.name)
+def test_a_sample_of_the_defects_is_noticed(tree: Tree, defect: Defect) -> None:
+    verdicts, wrong = judged(tree, defect)
+    assert wrong == [] and all(said.red and said.image for said in verdicts)
+
+
+@NO_TOOLS
+@pytest.mark.long
+@pytest.mark.parametrize("defect", declared(), ids=lambda defect: defect.name)
+def test_every_declared_defect_is_noticed(tree: Tree, defect: Defect) -> None:
+    verdicts, wrong = judged(tree, defect)
+    assert wrong == [] and all(said.red and said.image for said in verdicts)

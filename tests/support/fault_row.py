@@ -1,0 +1,40 @@
+"""Run one row of the fault table on the first system that has it, in a process of its own; prints JSON.
+
+    python -m support.fault_row NAME[@FEATURE] PHASES
+
+FEATURE: only on a system with this feature (Scene.features), where several rows have one name.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+
+from plumb.errors import LinkError
+from plumb.flash.image import find_image
+from plumb.proof.faults import table
+from plumb.proof.faults.runner import Runner
+from plumb.proof.faults.scene import scenarios_of
+
+
+def run(name: str, phases: int) -> str:
+    """Why the row fails on this checkout's image; "" when it passes. Raises ValueError for a row that no system has."""
+    name, _, feature = name.partition("@")
+    faults = [fault for fault in table.FAULTS if fault.name == name]
+    for system in table.tested_systems():
+        with Runner(system, phases=phases, scenario=scenarios_of(system)[0]) as runner:
+            try:
+                here = feature in ("", *runner.scene("serial")[0].features)
+                found = [fault for fault in faults if here and runner.applies(fault)]
+                if found:
+                    return runner.run(found[0]).why
+            except LinkError as error:
+                return f"{system} cannot be armed: {error}"
+    raise ValueError(f"no system has a row '{name}'")
+
+
+if __name__ == "__main__":
+    image = find_image()
+    why = run(sys.argv[1], int(sys.argv[2]))
+    print(json.dumps({"why": why, "image": hashlib.sha256(image.read_bytes()).hexdigest(), "path": str(image)}))
