@@ -11,7 +11,8 @@
 
 #define ESC_PULSE_MIN_HALFUS   1800 /* 900 us */
 #define ESC_PULSE_MAX_HALFUS   4200 /* 2100 us */
-#define ESC_NEUTRAL_MAX_HALFUS 2200 /* 1100 us: up to here every one-way controller keeps its motor off */
+#define ESC_NEUTRAL_MAX_HALFUS 2200 /* 1100 us: largest that the table takes */
+#define ESC_OFF_MAX_HALFUS     2100 /* 1050 us: largest that is sent; a controller may start at 1060 us */
 #define ESC_SPAN_MAX_HALFUS    (ESC_PULSE_MAX_HALFUS - ESC_PULSE_MIN_HALFUS)
 #define ESC_FRAME_MIN_HALFUS   4080  /* 490 Hz */
 #define ESC_FRAME_MAX_HALFUS   40000 /* 50 Hz */

@@ -5,8 +5,8 @@
 
 #include "link/e2e.h"
 
-#define MESSAGES_PROTOCOL_VERSION 2U
-#define MESSAGES_DBC_HASH 0xD01B060DU
+#define MESSAGES_PROTOCOL_VERSION 3U
+#define MESSAGES_DBC_HASH 0x59EB8339U
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U
@@ -285,6 +285,7 @@ can_frame_t message_ack_pack(const message_ack_t *m);
 #define MESSAGE_NACK_REASON_OWNER 17U
 #define MESSAGE_NACK_REASON_RUN_TAG 18U
 #define MESSAGE_NACK_REASON_ARMED 19U
+#define MESSAGE_NACK_REASON_UNSAFE_PARAMETER 20U
 typedef struct {
     uint16_t request;
     uint16_t reason;
@@ -339,6 +340,7 @@ message_hello_t message_hello_unpack(const can_frame_t *frame);
 #define MESSAGE_IDENTITY_ITEM_SAVED_UNKNOWN 22U
 #define MESSAGE_IDENTITY_ITEM_SAVED_MISSING 23U
 #define MESSAGE_IDENTITY_ITEM_SYSTEMS 24U
+#define MESSAGE_IDENTITY_ITEM_UNSAFE_PARAMETER 25U
 #define MESSAGE_IDENTITY_ITEM_END 65535U
 typedef struct {
     uint16_t item;

@@ -14,8 +14,10 @@ static const uint32_t numbers[] = {
     0x00000001U,
     0x00000002U,
     0x00000004U,
+    0x00000005U,
     0x00000006U,
     0x00000008U,
+    0x00000009U,
     0x0000000AU,
     0x0000000BU,
     0x0000000DU,
@@ -32,6 +34,7 @@ static const uint32_t numbers[] = {
     0x000000C8U,
     0x000000FFU,
     0x00000100U,
+    0x00000190U,
     0x00000199U,
     0x000001F4U,
     0x0000020CU,
@@ -47,6 +50,7 @@ static const uint32_t numbers[] = {
     0x0000079FU,
     0x000007D0U,
     0x000007F8U,
+    0x00000834U,
     0x00000898U,
     0x00000960U,
     0x000009C4U,
@@ -173,62 +177,62 @@ typedef struct {
 
 static const range_t ranges[] = {
     {0U, 3U}, /* 0 to 4 */
-    {148U, 53U}, /* -32768 to 32767 */
-    {142U, 141U}, /* -2147483648 to 2147483647 */
+    {152U, 57U}, /* -32768 to 32767 */
+    {146U, 145U}, /* -2147483648 to 2147483647 */
     {0U, 1U}, /* 0 to 1 */
-    {1U, 85U}, /* 1 to 16777216 */
-    {0U, 152U}, /* 0 to 4294967295 */
-    {0U, 12U}, /* 0 to 31 */
-    {1U, 131U}, /* 1 to 858993459 */
-    {0U, 85U}, /* 0 to 16777216 */
-    {0U, 133U}, /* 0 to 1073741823 */
-    {0U, 125U}, /* 0 to 536870911 */
-    {134U, 141U}, /* 1073741824 to 2147483647 */
-    {1U, 10U}, /* 1 to 16 */
-    {146U, 100U}, /* -67108863 to 67108863 */
-    {0U, 90U}, /* 0 to 33554432 */
-    {147U, 85U}, /* -16777216 to 16777216 */
-    {0U, 84U}, /* 0 to 16777215 */
-    {144U, 134U}, /* -1073741824 to 1073741824 */
-    {0U, 141U}, /* 0 to 2147483647 */
-    {1U, 74U}, /* 1 to 8388608 */
-    {33U, 45U}, /* 1800 to 4200 */
-    {151U, 38U}, /* -2400 to 2400 */
-    {33U, 37U}, /* 1800 to 2200 */
-    {76U, 109U}, /* 8589934 to 188978561 */
-    {97U, 135U}, /* 53972150 to 1187387323 */
-    {9U, 17U}, /* 15 to 125 */
-    {91U, 114U}, /* 34359738 to 286331154 */
-    {87U, 122U}, /* 24966095 to 524288000 */
-    {0U, 67U}, /* 0 to 1048576 */
-    {0U, 101U}, /* 0 to 67108864 */
-    {0U, 134U}, /* 0 to 1073741824 */
-    {0U, 105U}, /* 0 to 134217728 */
-    {48U, 131U}, /* 16384 to 858993459 */
-    {1U, 20U}, /* 1 to 255 */
-    {21U, 131U}, /* 256 to 858993459 */
-    {1U, 53U}, /* 1 to 32767 */
-    {0U, 126U}, /* 0 to 536870912 */
-    {149U, 53U}, /* -32767 to 32767 */
-    {0U, 53U}, /* 0 to 32767 */
-    {0U, 142U}, /* 0 to 2147483648 */
-    {1U, 59U}, /* 1 to 131072 */
-    {1U, 56U}, /* 1 to 65536 */
+    {1U, 89U}, /* 1 to 16777216 */
+    {0U, 156U}, /* 0 to 4294967295 */
+    {0U, 14U}, /* 0 to 31 */
+    {1U, 135U}, /* 1 to 858993459 */
+    {0U, 89U}, /* 0 to 16777216 */
+    {0U, 137U}, /* 0 to 1073741823 */
+    {0U, 129U}, /* 0 to 536870911 */
+    {138U, 145U}, /* 1073741824 to 2147483647 */
+    {1U, 12U}, /* 1 to 16 */
+    {150U, 104U}, /* -67108863 to 67108863 */
+    {0U, 94U}, /* 0 to 33554432 */
+    {151U, 89U}, /* -16777216 to 16777216 */
+    {0U, 88U}, /* 0 to 16777215 */
+    {148U, 138U}, /* -1073741824 to 1073741824 */
+    {0U, 145U}, /* 0 to 2147483647 */
+    {1U, 78U}, /* 1 to 8388608 */
+    {36U, 49U}, /* 1800 to 4200 */
+    {155U, 42U}, /* -2400 to 2400 */
+    {36U, 41U}, /* 1800 to 2200 */
+    {80U, 113U}, /* 8589934 to 188978561 */
+    {101U, 139U}, /* 53972150 to 1187387323 */
+    {11U, 19U}, /* 15 to 125 */
+    {95U, 118U}, /* 34359738 to 286331154 */
+    {91U, 126U}, /* 24966095 to 524288000 */
+    {0U, 71U}, /* 0 to 1048576 */
+    {0U, 105U}, /* 0 to 67108864 */
+    {0U, 138U}, /* 0 to 1073741824 */
+    {0U, 109U}, /* 0 to 134217728 */
+    {52U, 135U}, /* 16384 to 858993459 */
+    {1U, 22U}, /* 1 to 255 */
+    {23U, 135U}, /* 256 to 858993459 */
+    {1U, 57U}, /* 1 to 32767 */
+    {0U, 130U}, /* 0 to 536870912 */
+    {153U, 57U}, /* -32767 to 32767 */
+    {0U, 57U}, /* 0 to 32767 */
+    {0U, 146U}, /* 0 to 2147483648 */
+    {1U, 63U}, /* 1 to 131072 */
+    {1U, 60U}, /* 1 to 65536 */
     {0U, 2U}, /* 0 to 2 */
-    {1U, 101U}, /* 1 to 67108864 */
-    {1U, 141U}, /* 1 to 2147483647 */
-    {85U, 112U}, /* 16777216 to 268435456 */
-    {0U, 111U}, /* 0 to 268435455 */
-    {101U, 134U}, /* 67108864 to 1073741824 */
-    {0U, 112U}, /* 0 to 268435456 */
-    {44U, 152U}, /* 4096 to 4294967295 */
-    {23U, 58U}, /* 500 to 100000 */
-    {36U, 49U}, /* 2040 to 20000 */
-    {0U, 47U}, /* 0 to 10000 */
-    {19U, 41U}, /* 200 to 3500 */
-    {17U, 27U}, /* 125 to 1000 */
-    {4U, 9U}, /* 6 to 15 */
-    {1U, 4U}, /* 1 to 6 */
+    {1U, 105U}, /* 1 to 67108864 */
+    {1U, 145U}, /* 1 to 2147483647 */
+    {89U, 116U}, /* 16777216 to 268435456 */
+    {0U, 115U}, /* 0 to 268435455 */
+    {105U, 138U}, /* 67108864 to 1073741824 */
+    {0U, 116U}, /* 0 to 268435456 */
+    {48U, 156U}, /* 4096 to 4294967295 */
+    {26U, 62U}, /* 500 to 100000 */
+    {39U, 53U}, /* 2040 to 20000 */
+    {0U, 51U}, /* 0 to 10000 */
+    {21U, 45U}, /* 200 to 3500 */
+    {19U, 30U}, /* 125 to 1000 */
+    {5U, 11U}, /* 6 to 15 */
+    {1U, 5U}, /* 1 to 6 */
 };
 
 static const uint8_t range_of[PARAMS_COUNT] = {
@@ -398,167 +402,167 @@ static const uint8_t range_of[PARAMS_COUNT] = {
 
 static const place_t defaults[PARAMS_COUNT] = {
     0U, /* 0: system = 0 */
-    30U, /* 1: gyro.raw_min = 1401 */
-    34U, /* 2: gyro.raw_max = 1951 */
-    66U, /* 3: gyro.gain = 896637 */
-    143U, /* 4: gyro.offset = -1502437562 */
-    22U, /* 5: accel.raw_min = 409 */
-    42U, /* 6: accel.raw_max = 3687 */
-    57U, /* 7: accel.gain = 67584 */
-    145U, /* 8: accel.offset = -138412032 */
-    22U, /* 9: accel_up.raw_min = 409 */
-    42U, /* 10: accel_up.raw_max = 3687 */
-    57U, /* 11: accel_up.gain = 67584 */
-    145U, /* 12: accel_up.offset = -138412032 */
+    33U, /* 1: gyro.raw_min = 1401 */
+    37U, /* 2: gyro.raw_max = 1951 */
+    70U, /* 3: gyro.gain = 896637 */
+    147U, /* 4: gyro.offset = -1502437562 */
+    25U, /* 5: accel.raw_min = 409 */
+    46U, /* 6: accel.raw_max = 3687 */
+    61U, /* 7: accel.gain = 67584 */
+    149U, /* 8: accel.offset = -138412032 */
+    25U, /* 9: accel_up.raw_min = 409 */
+    46U, /* 10: accel_up.raw_max = 3687 */
+    61U, /* 11: accel_up.gain = 67584 */
+    149U, /* 12: accel_up.offset = -138412032 */
     1U, /* 13: tilt.mode = 1 */
-    46U, /* 14: tilt.r_base = 9321 */
-    79U, /* 15: tilt.r_gain = 10252743 */
-    78U, /* 16: tilt.r_max = 9320676 */
-    64U, /* 17: tilt.deviation_max = 499640 */
-    8U, /* 18: tilt.deviation_shift = 13 */
-    107U, /* 19: kalman.dt_s_q33 = 171798692 */
+    50U, /* 14: tilt.r_base = 9321 */
+    83U, /* 15: tilt.r_gain = 10252743 */
+    82U, /* 16: tilt.r_max = 9320676 */
+    68U, /* 17: tilt.deviation_max = 499640 */
+    10U, /* 18: tilt.deviation_shift = 13 */
+    111U, /* 19: kalman.dt_s_q33 = 171798692 */
     0U, /* 20: kalman.rate_now = 0 */
     2U, /* 21: kalman.qa_hi = 2 */
-    132U, /* 22: kalman.qa_lo = 1017744613 */
-    65U, /* 23: kalman.qb = 512409 */
-    127U, /* 24: kalman.qb_frac_q30 = 598721709 */
-    77U, /* 25: kalman.bias_max_turn_q29 = 8947849 */
-    138U, /* 26: kalman.rate_gain = 1677721600 */
-    4U, /* 27: kalman.rate_shift = 6 */
+    136U, /* 22: kalman.qa_lo = 1017744613 */
+    69U, /* 23: kalman.qb = 512409 */
+    131U, /* 24: kalman.qb_frac_q30 = 598721709 */
+    81U, /* 25: kalman.bias_max_turn_q29 = 8947849 */
+    142U, /* 26: kalman.rate_gain = 1677721600 */
+    5U, /* 27: kalman.rate_shift = 6 */
     0U, /* 28: start.bias_hi = 0 */
     0U, /* 29: start.bias_lo = 0 */
     0U, /* 30: start.tilt_turn_q32 = 0 */
-    90U, /* 31: start.p00_hi = 33554432 */
+    94U, /* 31: start.p00_hi = 33554432 */
     0U, /* 32: start.p00_lo = 0 */
     0U, /* 33: start.p01_hi = 0 */
     0U, /* 34: start.p01_lo = 0 */
-    31U, /* 35: start.p11_hi = 1491 */
-    136U, /* 36: start.p11_lo = 1323231702 */
-    102U, /* 37: pid.kp_q22 = 67947725 */
-    71U, /* 38: pid.ki_dt_q22 = 3623879 */
-    118U, /* 39: pid.kd_q27 = 410706248 */
-    140U, /* 40: pid.d_alpha_q31 = 2108151113 */
-    68U, /* 41: pid.slew_q22 = 1677722 */
-    40U, /* 42: esc.mid_halfus = 3000 */
-    26U, /* 43: esc.span_halfus = 800 */
-    35U, /* 44: esc.min_halfus = 2000 */
-    43U, /* 45: esc.max_halfus = 4000 */
-    35U, /* 46: esc.neutral_halfus = 2000 */
-    95U, /* 47: attitude.dt_s_q33 = 42949673 */
-    113U, /* 48: attitude.half_angle = 269860754 */
-    11U, /* 49: attitude.block_steps = 24 */
-    108U, /* 50: attitude.inverse_block_q32 = 178956971 */
-    104U, /* 51: attitude.rest_gain_q20 = 104857600 */
+    34U, /* 35: start.p11_hi = 1491 */
+    140U, /* 36: start.p11_lo = 1323231702 */
+    106U, /* 37: pid.kp_q22 = 67947725 */
+    75U, /* 38: pid.ki_dt_q22 = 3623879 */
+    122U, /* 39: pid.kd_q27 = 410706248 */
+    144U, /* 40: pid.d_alpha_q31 = 2108151113 */
+    72U, /* 41: pid.slew_q22 = 1677722 */
+    44U, /* 42: esc.mid_halfus = 3000 */
+    29U, /* 43: esc.span_halfus = 800 */
+    38U, /* 44: esc.min_halfus = 2000 */
+    47U, /* 45: esc.max_halfus = 4000 */
+    38U, /* 46: esc.neutral_halfus = 2000 */
+    99U, /* 47: attitude.dt_s_q33 = 42949673 */
+    117U, /* 48: attitude.half_angle = 269860754 */
+    13U, /* 49: attitude.block_steps = 24 */
+    112U, /* 50: attitude.inverse_block_q32 = 178956971 */
+    108U, /* 51: attitude.rest_gain_q20 = 104857600 */
     0U, /* 52: attitude.mounted = 0 */
-    129U, /* 53: attitude.start_bias = 680118034 */
-    123U, /* 54: attitude.start_scale = 532163628 */
-    115U, /* 55: attitude.start_tilt = 378105016 */
-    117U, /* 56: attitude.start_velocity = 386022991 */
-    25U, /* 57: attitude.q_bias = 726 */
-    18U, /* 58: attitude.q_scale = 135 */
+    133U, /* 53: attitude.start_bias = 680118034 */
+    127U, /* 54: attitude.start_scale = 532163628 */
+    119U, /* 55: attitude.start_tilt = 378105016 */
+    121U, /* 56: attitude.start_velocity = 386022991 */
+    28U, /* 57: attitude.q_bias = 726 */
+    20U, /* 58: attitude.q_scale = 135 */
     1U, /* 59: attitude.q_tilt = 1 */
-    70U, /* 60: attitude.q_turn_q24 = 3435974 */
-    94U, /* 61: attitude.q_clipped = 42507377 */
-    73U, /* 62: attitude.velocity_min = 5254202 */
-    50U, /* 63: attitude.velocity_share_q16 = 26214 */
-    121U, /* 64: attitude.velocity_pass_q32 = 515396076 */
-    69U, /* 65: attitude.leak_q32 = 2576980 */
-    15U, /* 66: attitude.lost_blocks = 83 */
-    61U, /* 67: attitude.rest_gyro = 215514 */
-    96U, /* 68: attitude.rest_turn = 51723311 */
-    51U, /* 69: attitude.rest_accel = 31457 */
-    5U, /* 70: attitude.rest_blocks = 8 */
-    62U, /* 71: attitude.rest_variance = 276841 */
-    99U, /* 72: attitude.unsure = 65416093 */
-    134U, /* 73: gyro_mounting.xx_q30 = 1073741824 */
+    74U, /* 60: attitude.q_turn_q24 = 3435974 */
+    98U, /* 61: attitude.q_clipped = 42507377 */
+    77U, /* 62: attitude.velocity_min = 5254202 */
+    54U, /* 63: attitude.velocity_share_q16 = 26214 */
+    125U, /* 64: attitude.velocity_pass_q32 = 515396076 */
+    73U, /* 65: attitude.leak_q32 = 2576980 */
+    17U, /* 66: attitude.lost_blocks = 83 */
+    65U, /* 67: attitude.rest_gyro = 215514 */
+    100U, /* 68: attitude.rest_turn = 51723311 */
+    55U, /* 69: attitude.rest_accel = 31457 */
+    6U, /* 70: attitude.rest_blocks = 8 */
+    66U, /* 71: attitude.rest_variance = 276841 */
+    103U, /* 72: attitude.unsure = 65416093 */
+    138U, /* 73: gyro_mounting.xx_q30 = 1073741824 */
     0U, /* 74: gyro_mounting.xy_q30 = 0 */
     0U, /* 75: gyro_mounting.xz_q30 = 0 */
     0U, /* 76: gyro_mounting.yx_q30 = 0 */
-    134U, /* 77: gyro_mounting.yy_q30 = 1073741824 */
+    138U, /* 77: gyro_mounting.yy_q30 = 1073741824 */
     0U, /* 78: gyro_mounting.yz_q30 = 0 */
     0U, /* 79: gyro_mounting.zx_q30 = 0 */
     0U, /* 80: gyro_mounting.zy_q30 = 0 */
-    134U, /* 81: gyro_mounting.zz_q30 = 1073741824 */
-    134U, /* 82: accel_mounting.xx_q30 = 1073741824 */
+    138U, /* 81: gyro_mounting.zz_q30 = 1073741824 */
+    138U, /* 82: accel_mounting.xx_q30 = 1073741824 */
     0U, /* 83: accel_mounting.xy_q30 = 0 */
     0U, /* 84: accel_mounting.xz_q30 = 0 */
     0U, /* 85: accel_mounting.yx_q30 = 0 */
-    134U, /* 86: accel_mounting.yy_q30 = 1073741824 */
+    138U, /* 86: accel_mounting.yy_q30 = 1073741824 */
     0U, /* 87: accel_mounting.yz_q30 = 0 */
     0U, /* 88: accel_mounting.zx_q30 = 0 */
     0U, /* 89: accel_mounting.zy_q30 = 0 */
-    134U, /* 90: accel_mounting.zz_q30 = 1073741824 */
-    13U, /* 91: wheel.edges_max = 40 */
-    88U, /* 92: wheel.edge_mps_q26 = 25098656 */
-    103U, /* 93: wheel.alpha_q31 = 104734013 */
-    124U, /* 94: wheel.accel_gain_q30 = 533994858 */
-    106U, /* 95: speed.kp_q22 = 167772160 */
-    60U, /* 96: speed.ki_dt_q22 = 167772 */
+    138U, /* 90: accel_mounting.zz_q30 = 1073741824 */
+    15U, /* 91: wheel.edges_max = 40 */
+    92U, /* 92: wheel.edge_mps_q26 = 25098656 */
+    107U, /* 93: wheel.alpha_q31 = 104734013 */
+    128U, /* 94: wheel.accel_gain_q30 = 533994858 */
+    110U, /* 95: speed.kp_q22 = 167772160 */
+    64U, /* 96: speed.ki_dt_q22 = 167772 */
     0U, /* 97: speed.kd_q27 = 0 */
-    141U, /* 98: speed.d_alpha_q31 = 2147483647 */
-    74U, /* 99: speed.slew_q22 = 8388608 */
-    101U, /* 100: drive.speed_max_mps_q26 = 67108864 */
-    116U, /* 101: drive.lean_max_turn_q34 = 381774871 */
-    149U, /* 102: drive.span_q15 = -32767 */
-    53U, /* 103: drive.duty_max_q15 = 32767 */
-    126U, /* 104: drive.fall_turn_q32 = 536870912 */
+    145U, /* 98: speed.d_alpha_q31 = 2147483647 */
+    78U, /* 99: speed.slew_q22 = 8388608 */
+    105U, /* 100: drive.speed_max_mps_q26 = 67108864 */
+    120U, /* 101: drive.lean_max_turn_q34 = 381774871 */
+    153U, /* 102: drive.span_q15 = -32767 */
+    57U, /* 103: drive.duty_max_q15 = 32767 */
+    130U, /* 104: drive.fall_turn_q32 = 536870912 */
     1U, /* 105: phone.rates = 1 */
-    55U, /* 106: roll.r_base = 41425 */
-    72U, /* 107: roll.r_max = 4142522 */
+    59U, /* 106: roll.r_base = 41425 */
+    76U, /* 107: roll.r_max = 4142522 */
     0U, /* 108: roll.qa_hi = 0 */
-    139U, /* 109: roll.qa_lo = 1779199853 */
-    32U, /* 110: roll.qb = 1779 */
-    110U, /* 111: roll.qb_frac_q30 = 214590297 */
+    143U, /* 109: roll.qa_lo = 1779199853 */
+    35U, /* 110: roll.qb = 1779 */
+    114U, /* 111: roll.qb_frac_q30 = 214590297 */
     0U, /* 112: roll.start.bias_hi = 0 */
     0U, /* 113: roll.start.bias_lo = 0 */
     0U, /* 114: roll.start.tilt_turn_q32 = 0 */
-    90U, /* 115: roll.start.p00_hi = 33554432 */
+    94U, /* 115: roll.start.p00_hi = 33554432 */
     0U, /* 116: roll.start.p00_lo = 0 */
     0U, /* 117: roll.start.p01_hi = 0 */
     0U, /* 118: roll.start.p01_lo = 0 */
-    6U, /* 119: roll.start.p11_hi = 10 */
-    137U, /* 120: roll.start.p11_lo = 1530323360 */
-    150U, /* 121: angular.raw_min = -32766 */
-    52U, /* 122: angular.raw_max = 32766 */
-    54U, /* 123: angular.gain = 37283 */
+    8U, /* 119: roll.start.p11_hi = 10 */
+    141U, /* 120: roll.start.p11_lo = 1530323360 */
+    154U, /* 121: angular.raw_min = -32766 */
+    56U, /* 122: angular.raw_max = 32766 */
+    58U, /* 123: angular.gain = 37283 */
     0U, /* 124: angular.offset = 0 */
-    24U, /* 125: gyro_filter.spike_counts = 524 */
-    56U, /* 126: gyro_filter.smooth_q16 = 65536 */
-    28U, /* 127: angular_filter.spike_counts = 1200 */
-    56U, /* 128: angular_filter.smooth_q16 = 65536 */
+    27U, /* 125: gyro_filter.spike_counts = 524 */
+    60U, /* 126: gyro_filter.smooth_q16 = 65536 */
+    31U, /* 127: angular_filter.spike_counts = 1200 */
+    60U, /* 128: angular_filter.smooth_q16 = 65536 */
     0U, /* 129: fusion.layer = 0 */
-    86U, /* 130: fusion.dt_s_q32 = 17179869 */
-    83U, /* 131: fusion.step_hz_q16 = 16384000 */
-    93U, /* 132: fusion.gyro_period_step_q24 = 41943040 */
-    89U, /* 133: fusion.gyro_age_step_q24 = 25165824 */
-    119U, /* 134: fusion.gyro_samples_step_q30 = 429496730 */
-    39U, /* 135: fusion.rest_steps = 2500 */
-    90U, /* 136: fusion.lag_step_q24 = 33554432 */
-    130U, /* 137: fusion.lag_alpha_q31 = 844968974 */
-    126U, /* 138: fusion.share_q30 = 536870912 */
-    80U, /* 139: fusion.r_gyro_q44 = 12216796 */
-    81U, /* 140: fusion.q_rate_q52 = 12509999 */
-    120U, /* 141: fusion.q_rate_lost_q44 = 488671835 */
-    63U, /* 142: fusion.q_gyro_bias_q60 = 320256 */
-    29U, /* 143: fusion.q_angular_bias_q64 = 1312 */
-    75U, /* 144: fusion.p_gyro_bias_q40 = 8483886 */
-    92U, /* 145: fusion.p_angular_bias_q52 = 35583997 */
-    98U, /* 146: fusion.v_scale_q40 = 54975581 */
-    128U, /* 147: fusion.v_lag_q30 = 603979776 */
-    49U, /* 148: period_us = 20000 */
-    49U, /* 149: esc_period_us = 20000 */
-    27U, /* 150: arm_hold_ms = 1000 */
+    90U, /* 130: fusion.dt_s_q32 = 17179869 */
+    87U, /* 131: fusion.step_hz_q16 = 16384000 */
+    97U, /* 132: fusion.gyro_period_step_q24 = 41943040 */
+    93U, /* 133: fusion.gyro_age_step_q24 = 25165824 */
+    123U, /* 134: fusion.gyro_samples_step_q30 = 429496730 */
+    43U, /* 135: fusion.rest_steps = 2500 */
+    94U, /* 136: fusion.lag_step_q24 = 33554432 */
+    134U, /* 137: fusion.lag_alpha_q31 = 844968974 */
+    130U, /* 138: fusion.share_q30 = 536870912 */
+    84U, /* 139: fusion.r_gyro_q44 = 12216796 */
+    85U, /* 140: fusion.q_rate_q52 = 12509999 */
+    124U, /* 141: fusion.q_rate_lost_q44 = 488671835 */
+    67U, /* 142: fusion.q_gyro_bias_q60 = 320256 */
+    32U, /* 143: fusion.q_angular_bias_q64 = 1312 */
+    79U, /* 144: fusion.p_gyro_bias_q40 = 8483886 */
+    96U, /* 145: fusion.p_angular_bias_q52 = 35583997 */
+    102U, /* 146: fusion.v_scale_q40 = 54975581 */
+    132U, /* 147: fusion.v_lag_q30 = 603979776 */
+    53U, /* 148: period_us = 20000 */
+    53U, /* 149: esc_period_us = 20000 */
+    30U, /* 150: arm_hold_ms = 1000 */
     0U, /* 151: pins = 0 */
-    27U, /* 152: dead_time_ns = 1000 */
-    23U, /* 153: can_bitrate_kbit = 500 */
+    30U, /* 152: dead_time_ns = 1000 */
+    26U, /* 153: can_bitrate_kbit = 500 */
     0U, /* 154: adc_oversample_log2 = 0 */
-    14U, /* 155: rail_ms = 50 */
-    16U, /* 156: stuck_ms = 100 */
+    16U, /* 155: rail_ms = 50 */
+    18U, /* 156: stuck_ms = 100 */
     0U, /* 157: accel_bus = 0 */
-    7U, /* 158: accel_rate = 11 */
+    9U, /* 158: accel_rate = 11 */
     2U, /* 159: gyro_filter = 2 */
     1U, /* 160: imu_axis = 1 */
-    82U, /* 161: variance_turn2_q56 = 14913081 */
+    86U, /* 161: variance_turn2_q56 = 14913081 */
 };
 
 static const uint16_t ids[PARAMS_COUNT] = {
@@ -913,11 +917,14 @@ uint32_t params_crc32(const params_t *p) {
     return digest_crc32(p, sizeof *p);
 }
 
-bool params_in_range(uint16_t index, uint32_t value) {
-    const range_t *const r = &ranges[range_of[index]];
-    const uint32_t min = numbers[r->min], max = numbers[r->max];
+static bool within(range_t r, uint32_t value) {
+    const uint32_t min = numbers[r.min], max = numbers[r.max];
 
     return value - min <= max - min; /* of signed words, too: both differences are taken modulo 2^32 */
+}
+
+bool params_in_range(uint16_t index, uint32_t value) {
+    return within(ranges[range_of[index]], value);
 }
 
 static bool live(uint16_t index) {
@@ -948,6 +955,61 @@ uint16_t params_fixed_change(const params_t *from, const params_t *to, bool near
         if (a != b && !(live(index) && (!near || is_near((int32_t)a, (int32_t)b)))) {
             return index;
         }
+    }
+    return PARAMS_COUNT;
+}
+
+/* Ranges of an armed board, where they are narrower than those of the table. */
+static const struct {
+    uint8_t index;
+    range_t range;
+} armed[] = {
+    {46U, {36U, 40U}}, /* esc.neutral_halfus: 1800 to 2100 */
+    {148U, {26U, 53U}}, /* period_us: 500 to 20000 */
+    {155U, {1U, 24U}}, /* rail_ms: 1 to 400 */
+    {156U, {1U, 24U}}, /* stuck_ms: 1 to 400 */
+    {158U, {7U, 11U}}, /* accel_rate: 9 to 15 */
+    {159U, {1U, 4U}}, /* gyro_filter: 1 to 5 */
+};
+
+/* The calibrated value of four words (raw_min, raw_max, gain, offset) reaches beyond `least` on both sides of 0.
+ * Returns the word that it does not, else PARAMS_COUNT. */
+static uint16_t unreached(const params_t *p, uint16_t raw_min, int32_t least) {
+    const uint16_t raw_max = (uint16_t)(raw_min + 1U), gain_at = (uint16_t)(raw_min + 2U);
+    const int32_t gain = (int32_t)params_word(p, gain_at);
+    const int64_t offset = (int32_t)params_word(p, (uint16_t)(raw_min + 3U));
+    const int64_t low = mul_i64((int32_t)params_word(p, raw_min), gain) + offset;
+    const int64_t high = mul_i64((int32_t)params_word(p, raw_max), gain) + offset;
+
+    if (gain == 0) {
+        return gain_at;
+    }
+    if ((gain > 0 ? -low : low) < least) {
+        return raw_min;
+    }
+    return (gain > 0 ? high : -high) < least ? raw_max : PARAMS_COUNT;
+}
+
+uint16_t params_unsafe(const params_t *p) {
+    for (size_t i = 0; i < sizeof armed / sizeof armed[0]; i++) {
+        if (!within(armed[i].range, params_word(p, armed[i].index))) {
+            return armed[i].index;
+        }
+    }
+    static const struct {
+        uint16_t raw_min;
+        int32_t least;
+    } reach[] = {{1U, 89478485}, {5U, 100663296}, {9U, 100663296}};
+
+    for (size_t i = 0; i < sizeof reach / sizeof reach[0]; i++) {
+        const uint16_t index = unreached(p, reach[i].raw_min, reach[i].least);
+
+        if (index != PARAMS_COUNT) {
+            return index;
+        }
+    }
+    if (mulhi_u32(params_word(p, 14U), params_word(p, 161U)) > 7281U) {
+        return 14U;
     }
     return PARAMS_COUNT;
 }

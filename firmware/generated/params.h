@@ -42,6 +42,9 @@ bool params_in_range(uint16_t index, uint32_t value);
  * near: only to at most twice and at least half of what they were, with the same sign (of 0: not at all). */
 uint16_t params_fixed_change(const params_t *from, const params_t *to, bool near);
 
+/* The first word with which an armed board would break a promise (docs/explanation/security.md); PARAMS_COUNT: none. */
+uint16_t params_unsafe(const params_t *p);
+
 /* What stays when numbers and names change: the CRC-16 of a row's first name, never 0xFFFF. */
 uint16_t params_id(uint16_t index);
 

@@ -53,7 +53,9 @@ uint32_t identity_value(const identity_t *id, uint16_t item) {
         return saved->unknown;
     case MESSAGE_IDENTITY_ITEM_SAVED_MISSING:
         return saved->missing;
+    case MESSAGE_IDENTITY_ITEM_SYSTEMS:
+        return CONTROL_SYSTEMS;
     default:
-        return CONTROL_SYSTEMS; /* SYSTEMS, the last */
+        return id->staging->unsafe; /* UNSAFE_PARAMETER, the last */
     }
 }

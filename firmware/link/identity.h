@@ -6,7 +6,7 @@
 #include "generated/messages.h"
 #include "staging.h"
 
-#define IDENTITY_ITEMS (MESSAGE_IDENTITY_ITEM_SYSTEMS + 1U)
+#define IDENTITY_ITEMS (MESSAGE_IDENTITY_ITEM_UNSAFE_PARAMETER + 1U)
 
 /* Sources of the items. */
 typedef struct {

@@ -132,7 +132,11 @@ static void arm(session_t *s, const request_t *q) {
 
     if (first == 0U) {
         session_send_readiness(s, q->link); /* before the NACK, so that the host knows what is missing */
-        routing_nack(&s->routing, q, MESSAGE_NACK_REASON_BLOCKED, blocked);
+        if ((blocked & ARMING_BLOCK_PARAMETER) != 0) { /* by name: it does not pass by itself */
+            routing_nack(&s->routing, q, MESSAGE_NACK_REASON_UNSAFE_PARAMETER, s->staging.unsafe);
+        } else {
+            routing_nack(&s->routing, q, MESSAGE_NACK_REASON_BLOCKED, blocked);
+        }
     } else {
         routing_ack(&s->routing, q, first);
     }

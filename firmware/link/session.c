@@ -64,6 +64,7 @@ static bool actuator_present(const session_t *s) {
 /* ARMING_BLOCK_* for the host of a link; LINK_NONE: without a host. */
 static uint16_t arming_blocked(const session_t *s, link_t link) {
     const routing_link_t *const l = link != LINK_NONE ? &s->routing.link[link] : NULL;
+    const control_system_t *const system = control_system(&s->params->control);
     const run_mode_t mode = s->run.mode;
     unsigned blocked = 0;
 
@@ -76,6 +77,9 @@ static uint16_t arming_blocked(const session_t *s, link_t link) {
     blocked |= run_samples_stale(&s->run, s->params->period_us) ? ARMING_BLOCK_SAMPLES : 0U;
     blocked |= actuator_present(s) ? 0U : ARMING_BLOCK_PINS;
     blocked |= arming_switch_owns(&s->arming);
+    blocked |= system->output != CONTROL_OUTPUT_NONE && s->staging.unsafe != PARAMS_COUNT
+                   ? ARMING_BLOCK_PARAMETER
+                   : 0U;
     blocked |= readiness_blocked(&s->readiness, bounds_checked(s), arming_armed(&s->arming));
     return (uint16_t)blocked;
 }

@@ -4,7 +4,7 @@
 #include "generated/messages.h"
 
 void staging_init(staging_t *s, params_t *table, const params_t *in_use) {
-    *s = (staging_t){.table = table};
+    *s = (staging_t){.table = table, .unsafe = params_unsafe(in_use)};
     *table = *in_use;
 }
 
@@ -96,6 +96,7 @@ void staging_defaults(staging_t *s) {
 void staging_apply(staging_t *s, params_t *in_use) {
     *in_use = *s->table;
     board_parameters_seal();
+    s->unsafe = params_unsafe(in_use);
     s->pending = false;
 }
 

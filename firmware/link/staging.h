@@ -19,6 +19,7 @@ typedef struct {
     link_t by;            /* the link of that host */
     store_report_t saved; /* what flash holds */
     uint16_t source;      /* of the parameters in use: store_found_t or STAGING_FROM_HOST */
+    uint16_t unsafe;      /* params_unsafe() of the parameters in use */
 } staging_t;
 
 /* Nothing is staged, nothing is saved. table: in memory that the caller keeps; becomes a copy of *in_use. */

@@ -124,4 +124,4 @@ def test_without_power_there_is_silence_and_no_pulse() -> None:
     assert mcu.uart.read(10) == b"" and list(mcu.wires.pulse_halfus) == [0, 0]
     mcu.power_on()
     mcu.uart.write(b"V\r")
-    assert mcu.uart.read(10) == b"V0102\r"
+    assert mcu.uart.read(10) == b"V0103\r"

@@ -1,13 +1,23 @@
 /* Single functions of the link for Python: tests/support/link_functions.py. */
 #include "app/board_guard.h"
+#include "generated/params.h"
 #include "link/slcan.h"
 #include <string.h>
 
 size_t frames_parse(const uint8_t *bytes, size_t count, uint8_t *frames, uint32_t *bad);
 uint8_t frames_crc8(uint16_t id, uint8_t dlc, const uint8_t data[8]);
+uint16_t table_unsafe(const uint32_t words[PARAMS_COUNT]);
 
 /* Memory is not checked here. */
 void board_parameters_seal(void) {}
+
+/* params_unsafe() of a whole table. */
+uint16_t table_unsafe(const uint32_t words[PARAMS_COUNT]) {
+    params_t p;
+
+    memcpy(&p, words, sizeof p);
+    return params_unsafe(&p);
+}
 
 /* All frames with a right CRC out of a stream, ten bytes each (id big-endian, data); *bad: lines thrown away.
  */

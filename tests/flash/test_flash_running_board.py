@@ -45,8 +45,8 @@ def image() -> bytes:
 @pytest.fixture
 def other(image: bytes, tmp_path: Path) -> Path:
     """Another commit in its header, and another answer to V."""
-    assert image.count(b"V0102\r") == 1
-    body = bytearray(image[:-4].replace(b"V0102\r", b"V0202\r"))
+    assert image.count(b"V0103\r") == 1
+    body = bytearray(image[:-4].replace(b"V0103\r", b"V0203\r"))
     struct.pack_into("<II", body, HEADER_HASH, 0x01234567, 0x89ABCDEF)
     path = tmp_path / "other.bin"
     path.write_bytes(bytes(body) + struct.pack("<I", zlib.crc32(body)))
@@ -93,7 +93,7 @@ def test_a_running_board_goes_there_itself_and_keeps_its_parameters(
             values = session.read_parameters()
     report = json.loads(capsys.readouterr().out)
     assert report["asked"] is True and report["started"] is True and report["git_hash"] == "0123456789abcdef"
-    assert version(machine) == b"V0202" and identity["FAULTS"] & 0xFF == 0
+    assert version(machine) == b"V0203" and identity["FAULTS"] & 0xFF == 0
     assert identity.parameter_source == "saved in flash, number 1" and identity.reset_cause == "software"
     assert values == parameters.whole_table(CONTROL, period_us=3000)
     assert bytes(machine.cpu.flash[: other.stat().st_size]) == other.read_bytes()
@@ -165,7 +165,7 @@ def test_with_the_jumper_set_nobody_is_asked(other: Path, capsys: pytest.Capture
     machine.boot0 = False
     with served(machine) as port:
         assert main(["flash", "--port", port, "--image", str(other), "--json"]) == 0
-    assert version(machine) == b"V0202"
+    assert version(machine) == b"V0203"
     assert json.loads(capsys.readouterr().out)["asked"] is False
     assert machine.warnings == []
 

@@ -55,7 +55,7 @@ def without_telemetry(data: bytes) -> bytes:
 def test_waiting_in_vain_keeps_it_alive(new_board: NewBoard) -> None:
     """Who waits for an answer that does not come answers the board's values all the same."""
     board = new_board()
-    session = armed_session(board, period_us=100_000)
+    session = armed_session(board, period_us=20_000)
     board.spoil_up = without_telemetry
     session.receive(0.25)
     for _ in range(30):

@@ -41,7 +41,7 @@ def opened(new_board: NewBoard) -> NativeBoard:
         (b"L\r", b"\r"),
         (b"S6\r", b"\r"),
         (b"s001C\r", b"\r"),
-        (b"V\r", b"V0102\r"),
+        (b"V\r", b"V0103\r"),
         (b"N\r", b"N0001\r"),
         (b"C\rS8\rO\r", b"\r\r\r"),
         (b"X1\r", b"\a"),

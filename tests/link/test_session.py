@@ -235,7 +235,7 @@ def test_a_host_that_does_not_read_is_not_answered_beyond_the_queue(new_board: N
     board.run_us(1_000_000)
     text = board.heard()
     assert sum(name == "NONCE" for name, _ in said(text)) == requests
-    assert text.count(b"V0102\r") == 300
+    assert text.count(b"V0103\r") == 300
     bare = [line for line in text.split(b"\r")[:-1] if not line]
     assert len(bare) == requests + 300
 

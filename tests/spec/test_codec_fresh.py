@@ -50,12 +50,12 @@ def test_hash_does_not_hear_comments_but_hears_every_position(tmp_path: Path) ->
     assert hash_of(text.replace("SG_ digest", "SG_ checksum")) != known
     assert hash_of(text.replace("(0.5,0)", "(0.25,0)")) != known
     assert hash_of(text.replace('2 "INDEX"', '2 "PLACE"')) != known
-    assert hash_of(text.replace('VERSION "2"', 'VERSION "3"')) != known
+    assert hash_of(text.replace('VERSION "3"', 'VERSION "4"')) != known
 
 
 def test_hash_is_the_crc32_of_the_canonical_text() -> None:
     lines = canonical_text(load_database()).splitlines()
-    assert lines[0] == "version 2"
+    assert lines[0] == "version 3"
     assert lines[1] == "message 8 KEEPALIVE 8 HOST"
     at = lines.index("message 256 STEP 8 BOARD")
     assert lines[at + 1 : at + 3] == [

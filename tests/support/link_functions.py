@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -14,6 +15,7 @@ def library() -> ctypes.CDLL:
     loaded = ctypes.CDLL(str(LIBRARY))
     loaded.frames_parse.restype = ctypes.c_size_t
     loaded.frames_crc8.restype = ctypes.c_uint8
+    loaded.table_unsafe.restype = ctypes.c_uint16
     loaded.keepalive_study.restype = ctypes.c_uint32
     return loaded
 
@@ -21,6 +23,11 @@ def library() -> ctypes.CDLL:
 def crc8(identifier: int, length: int, data: bytes) -> int:
     """Byte 0 that a frame should have."""
     return int(library().frames_crc8(identifier, length, (ctypes.c_uint8 * 8)(*data)))
+
+
+def unsafe(words: Sequence[int]) -> int:
+    """Index of the first word with which the board is not armed; the number of words: there is none."""
+    return int(library().table_unsafe((ctypes.c_uint32 * len(words))(*(word & 0xFFFFFFFF for word in words))))
 
 
 def disarms(seconds: int, round_trip_ms: float, loss: float, frame_us: int, seed: int) -> int:

@@ -78,7 +78,7 @@ void board_set_bridge(int32_t duty_q15) {
 }
 
 void board_actuator_neutral(void) {
-    const bool good = neutral_halfus >= ESC_PULSE_MIN_HALFUS && neutral_halfus <= ESC_NEUTRAL_MAX_HALFUS;
+    const bool good = neutral_halfus >= ESC_PULSE_MIN_HALFUS && neutral_halfus <= ESC_OFF_MAX_HALFUS;
     const uint32_t pulse = good ? neutral_halfus : CONSTANT_NEUTRAL_HALFUS;
     set_pulses(pulse, pulse);
     bridge_off();

@@ -69,9 +69,9 @@ void board_arm_actuator(void) {
 }
 
 void board_actuator_neutral(void) {
-    /* A neutral pulse outside its bounds comes from damaged memory: use the constant. */
+    /* A neutral pulse outside its bounds comes from an old table or damaged memory: use the constant. */
     const uint32_t kept = neutral_halfus;
-    const bool good = kept >= ESC_PULSE_MIN_HALFUS && kept <= ESC_NEUTRAL_MAX_HALFUS;
+    const bool good = kept >= ESC_PULSE_MIN_HALFUS && kept <= ESC_OFF_MAX_HALFUS;
     const uint32_t pulse = good ? kept : CONSTANT_NEUTRAL_HALFUS;
     write_pair(pulse, pulse);
     bridge_off();

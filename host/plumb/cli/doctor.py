@@ -212,8 +212,9 @@ def board(spec: str, link: str = "serial") -> list[Finding]:
     """The board's identity, faults and arming state. Raises LinkError if it does not answer, UsageError for a wrong
     name."""
     from plumb.boards.link import open_link_board
-    from plumb.link.identity import BLOCKED, BLOCKING_FAULTS, FAULTS, HOST_BLOCKS
+    from plumb.link.identity import BLOCKING_FAULTS, FAULTS, HOST_BLOCKS
     from plumb.link.monitor import STATUS_EVERY_S
+    from plumb.link.unarmable import blocked_texts
 
     with open_link_board(spec, link=link) as opened:
         session = opened.session
@@ -237,9 +238,6 @@ def board(spec: str, link: str = "serial") -> list[Finding]:
         while "STATUS" not in session.telemetry and not status.over:
             session.receive(STATUS_EVERY_S / 10)
         blocked = session.telemetry.get("STATUS", {}).get("blocked", 0)
-        found += [
-            Finding("arming", False, False, text)
-            for bit, text in BLOCKED.items()
-            if blocked >> bit & 1 and bit not in HOST_BLOCKS
-        ]
+        blocked &= ~sum(1 << bit for bit in HOST_BLOCKS)
+        found += [Finding("arming", False, False, text) for text in blocked_texts(session, blocked)]
     return found

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from plumb.errors import LinkError
-from plumb.spec import declarations, parameters, status_bits
+from plumb.spec import armed_values, declarations, parameters, status_bits
 from plumb.spec.protocol import Protocol
 
 BLOCKED = {bit: one.text for bit, one in status_bits.BLOCKED.items()}
+UNSAFE_BLOCK = 14
+"""Blocking reason: a parameter in use with which an armed board would break a promise."""
 HOST_BLOCKS = (0, 1, 3, 13)
 """Blocking reasons that a host does not report: it clears them by itself, or reports each fault separately."""
 FAULT_STRAP = 15
@@ -172,6 +174,8 @@ def nack_error(mine: Protocol, said: dict[str, int]) -> NackError:
     name = request.name if request else hex(said["request"])
     if reason == "BLOCKED":
         why = bits_text(detail, BLOCKED)
+    elif reason == "UNSAFE_PARAMETER":
+        why = armed_values.reason(detail)
     elif reason in ("RANGE", "INDEX") and detail < len(parameters.table()):
         row = parameters.table()[detail]
         why = f"parameter {row.name} is outside {row.min} to {row.max}"

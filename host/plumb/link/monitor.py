@@ -17,6 +17,7 @@ from plumb.errors import LinkError
 from plumb.link.identity import BLOCKED, FAULTS, IMPLAUSIBLE, bits_text, plausibility_text, sensors_text
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES
 from plumb.link.session import PERIODIC, RAW_FRAMES, Session, selectable
+from plumb.link.unarmable import blocked_texts
 from plumb.spec import dbc, declarations
 from plumb.spec.protocol import Frame, protocol
 from plumb.spec.signals import signals
@@ -184,7 +185,7 @@ class Monitor:
             "mode": None if mode is None else self.session.protocol["STATUS"].choice("mode", mode),
             "live": _flag(status, "live"),
             "armed": _flag(status, "armed"),
-            "blocked": _texts(status.get("blocked", 0), BLOCKED) + plausibility_text(plausibility),
+            "blocked": blocked_texts(self.session, status.get("blocked", 0)) + plausibility_text(plausibility),
             "faults": _texts(status.get("faults", 0), FAULTS) + sensors_text(sensors),
             "staged": _flag(status, "staged"),
             "read_only": _flag(status, "read_only"),

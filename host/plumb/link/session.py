@@ -17,6 +17,7 @@ from typing import Self
 import can
 
 from plumb.errors import LinkError, UsageError
+from plumb.link import unarmable
 from plumb.link.endpoint_names import DEFAULT_BAUD
 from plumb.link.identity import Identity, NackError, identity_of, nack_error, plausibility_text, sensors_text
 from plumb.link.listening import Listening
@@ -434,6 +435,8 @@ class Session:
                 first = self.execute("ARM")
                 break
             except NackError as error:
+                if error.reason == "UNSAFE_PARAMETER":
+                    error.args = (f"the board refused to arm: {unarmable.reason(self, error.detail)}",)
                 if error.reason != "BLOCKED":
                     raise
                 faulty = error.detail & BLOCKED_BY_FAULT

@@ -41,6 +41,7 @@ _ROW: dict[str, type] = {
     **dict.fromkeys(("name", "owner", "type", "unit", "format", "doc"), str),
     **dict.fromkeys(("min", "max", "default"), int),
 }
+_OPTIONAL = {"was", "live", "weakens", "armed", "harmless"}
 
 
 def _check_text(what: str, value: object, pattern: re.Pattern[str] | None = None) -> None:
@@ -118,6 +119,21 @@ def _check_names(system: System) -> None:
             raise UsageError(f"frame {frame.name}: both parts are named {frame.word.name}")
 
 
+def _check_arming(system: System, row: TomlTable) -> None:
+    """Raises UsageError for a row of a system that drives something and does not say which promise it can weaken."""
+    name, weakens, armed = row["name"], row.get("weakens", []), row.get("armed", [])
+    if not isinstance(weakens, list) or not all(type(number) is int for number in weakens):
+        raise UsageError(f"parameter {name}: weakens is a list of the numbers of promises, not {weakens!r:.40}")
+    if armed and not (isinstance(armed, list) and len(armed) == 2 and all(type(end) is int for end in armed)):
+        raise UsageError(f"parameter {name}: armed is the least and the largest integer, not {armed!r:.40}")
+    _check_text(f"parameter {name}: harmless", row.get("harmless", ""))
+    if system.output and not weakens and not row.get("harmless"):
+        raise UsageError(
+            f"parameter {name}: weakens names the promises (docs/explanation/security.md) that it can weaken, "
+            "or harmless says why it can weaken none"
+        )
+
+
 def _check_parameters(system: System) -> None:
     """Raises UsageError for a malformed row of the system's own parameters. `plumb.spec.parameters` checks ranges."""
     for row in system.parameters:
@@ -127,7 +143,7 @@ def _check_parameters(system: System) -> None:
             raise UsageError(f"parameter {name!s:.40}: was is a list of former names, not {former!r:.40}")
         if type(row.get("live", False)) is not bool:
             raise UsageError(f"parameter {name!s:.40}: live is true or false, not {row['live']!r:.40}")
-        for key in (row.keys() - {"was", "live"}) ^ _ROW.keys():
+        for key in (row.keys() - _OPTIONAL) ^ _ROW.keys():
             raise UsageError(f"parameter {name!s:.40}: {key} is {'unknown' if key in row else 'missing'}")
         for key, kind in _ROW.items():
             if type(row[key]) is not kind:
@@ -168,6 +184,8 @@ def check(system: System, shared: Sequence[TomlTable]) -> None:
     _check_groups(system, shared)
     if system.output and len(system.output_words) < OUTPUTS[system.output]:
         raise UsageError(f"output {system.output} is driven by {OUTPUTS[system.output]} words: the record ends before")
+    for row in system.parameters:
+        _check_arming(system, row)
     if system.sensors not in SENSORS:
         raise UsageError(f"sensors is one of {', '.join(SENSORS)}, not {system.sensors}")
     if system.missing_samples not in ("held", "marked"):

@@ -159,6 +159,7 @@ def _system(folder: Path, table: TomlTable) -> System:
         period=table["period"],
         groups=tuple(table["groups"]),
         parameters=tuple({"owner": "control", **row} for row in table.get("parameter", ())),
+        conditions=tuple(table.get("condition", ())),
         includes=tuple(structs.pop("includes", ())),
         structs=structs,
         commands=dict(table.get("commands", {})),

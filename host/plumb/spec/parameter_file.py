@@ -19,7 +19,7 @@ from pathlib import Path
 
 from plumb.errors import UsageError
 from plumb.files import input_files, whole_files
-from plumb.spec import declarations, parameters
+from plumb.spec import armed_values, declarations, parameters
 from plumb.spec.parameters import Parameter
 from plumb.spec.units import meaning
 
@@ -83,13 +83,16 @@ def by_name(words: Sequence[int]) -> dict[str, int]:
 def warnings(values: Mapping[str, int]) -> list[str]:
     """Warnings about settings that the board accepts and that are probably a mistake, one sentence each."""
     system = declarations.name_of(values["system"])
+    found = armed_values.unsafe(values)
+    unsafe = [f"the board takes this, and is not armed with it: {found.text}"] if found else []
     name, run_us = declarations.system(system).period, values["period_us"]
     filter_us = parameters.period_s(system, values) * 1e6
     if abs(filter_us - run_us) <= 0.001 * run_us:
-        return []
+        return unsafe
     return [
+        *unsafe,
         f"a run in real time steps every {run_us} us (period_us), and the filter counts on {filter_us:.6g} us "
-        f"({name}): its angles will be wrong"
+        f"({name}): its angles will be wrong",
     ]
 
 

@@ -17,7 +17,7 @@ from functools import lru_cache
 from plumb.errors import UsageError
 from plumb.spec import declarations
 from plumb.spec.speed_controllers import GAP_HALFUS, foreign_parameter
-from plumb.spec.system import TomlTable, group_of
+from plumb.spec.system import System, TomlTable, group_of
 
 ERASED = 0xFFFF
 """The value of erased flash; no row may have it as its id."""
@@ -30,6 +30,9 @@ class Parameter:
     name: member of plumb_params_t, or of the link's part. owner: control or link. type: int32 or uint32. format: what
     the integer stands for. min, max, default: integers as the firmware holds them. was: former names, oldest first.
     live: may change during a run in real time; while it is armed, to at most twice and at least half.
+    weakens: numbered promises (docs/explanation/security.md) that it can weaken; armed: least and largest value of an
+    armed board, () where conditions of several words say it (`plumb.spec.armed_values`). harmless: why it can weaken
+    none.
     """
 
     name: str
@@ -43,6 +46,9 @@ class Parameter:
     doc: str
     was: tuple[str, ...] = ()
     live: bool = False
+    weakens: tuple[int, ...] = ()
+    armed: tuple[int, ...] = ()
+    harmless: str = ""
 
     @property
     def id(self) -> int:
@@ -71,12 +77,13 @@ def _system_row() -> Parameter:
     """The first word of the table: the number of the system in use."""
     numbers = {system.number: system.name for system in declarations.systems().values()}
     doc = "which system the step is of: " + ", ".join(f"{number} {name}" for number, name in numbers.items())
-    return Parameter("system", "control", "uint32", "", "choice", 0, max(numbers), min(numbers), doc)
+    harmless = "which step runs; every system that drives something is checked alike"
+    return Parameter("system", "control", "uint32", "", "choice", 0, max(numbers), min(numbers), doc, harmless=harmless)
 
 
 def _row(given: TomlTable) -> Parameter:
     """A declared row. The text of a calibration row also names the channels that it calibrates, for each system."""
-    row = Parameter(**{**given, "was": tuple(given.get("was", ()))})
+    row = Parameter(**{**given, **{key: tuple(given.get(key, ())) for key in ("was", "weakens", "armed")}})
     calibrated = {
         name: ", ".join(channel.name for channel in system.channels if channel.calibration == row.group)
         for name, system in declarations.systems().items()
@@ -86,11 +93,16 @@ def _row(given: TomlTable) -> Parameter:
     return replace(row, doc=f"{row.doc} ({channels})") if channels else row
 
 
+def _own_row(given: TomlTable, system: System) -> Parameter:
+    row = _row(given)
+    return row if row.weakens or row.harmless else replace(row, harmless=f"{system.name} drives nothing")
+
+
 def load() -> tuple[Parameter, ...]:
     """The rows in order: system, shared groups, groups of the systems in the order of their names, link. Raises
     UsageError for an invalid row."""
     given = [_row(row) for row in declarations.shared()["parameter"]]
-    own = [_row(row) for _, system in sorted(declarations.systems().items()) for row in system.parameters]
+    own = [_own_row(row, system) for _, system in sorted(declarations.systems().items()) for row in system.parameters]
     control = [_system_row(), *(row for row in given if row.owner == "control"), *own]
     rows = (*control, *(row for row in given if row.owner == "link"))
     check(rows)

@@ -7,12 +7,13 @@ plumb drives one-way PWM controllers only: pulses of 900 to 2100 us, neutral (mo
 from __future__ import annotations
 
 PULSE_US = (900.0, 2100.0)
-NEUTRAL_MAX_US = 1100.0
+NEUTRAL_MAX_US = 1050.0
+"""Of an armed board: ESC_OFF_MAX_HALFUS."""
 FRAME_MIN_US = 2040.0
 FRAME_MAX_US = 20_000.0
 GAP_HALFUS = 40
 """ESC_GAP_MIN_HALFUS: shortest low time between two pulses."""
-ONE_WAY = "plumb drives one-way PWM controllers alone (pulses of 900 to 2100 us, neutral 900 to 1100 us)"
+ONE_WAY = "plumb drives one-way PWM controllers alone (pulses of 900 to 2100 us, neutral 900 to 1050 us)"
 _SHORT_PULSES = (
     (30.0, "Multishot (5 to 25 us)"),
     (100.0, "OneShot42 (42 to 84 us)"),

@@ -30,6 +30,7 @@ BLOCKED = {
     11: Bit("implausible", "the sensors are implausible"),
     12: Bit("not_ready", "it is not ready to be armed"),
     13: Bit("other_link", "another link began the run, and alone may arm"),
+    14: Bit("parameter", "with its parameters an armed board would break a promise: plumb doctor names the parameter"),
 }
 """Why arming is refused (STATUS.blocked), and what ended the last armed time (EVENTS.disarm_cause)."""
 FAULTS = {

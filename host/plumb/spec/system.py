@@ -117,6 +117,7 @@ class System:
     `marked` (every count is -32768). output: "" without an actuator, else a key of OUTPUTS; output_words drive it.
     period: the parameter that holds the period of a step in s.
     groups: shared parameter groups that the step reads; parameters: rows of the system's own groups; all_groups: both.
+    conditions: what must hold of several words while the board is armed (`plumb.spec.armed_values`).
     structs: group -> C struct of the kernel that reads it; includes: headers of those structs.
     commands: the system's own commands, name -> one sentence; their modules are in the folder `commands` of judging.
     default_for: parts (`replay`, `demo`) for which this system is the default of the command.
@@ -141,6 +142,7 @@ class System:
     period: str
     groups: tuple[str, ...]
     parameters: tuple[TomlTable, ...]
+    conditions: tuple[TomlTable, ...]
     structs: Mapping[str, str]
     includes: tuple[str, ...]
     commands: Mapping[str, str]

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 LOOK_US = 100
 """Time between two looks, and the resolution of every time that is measured here."""
-SAFE_PULSE_US = (900.0, 1100.0)
+SAFE_PULSE_US = (900.0, 1050.0)
 """A speed controller stops its motor for a pulse of this length, and without any pulse."""
 PHASES = 3
 PROGRAM, RESET = "the program", "a reset"
