@@ -6,7 +6,6 @@
 #include <setjmp.h>
 #include <string.h>
 
-#define NS_PER_US      1000u
 #define SLEEP_US       1000u  /* longest sleep of the loop */
 #define STALL_US       20000u /* ports/stm32f103/stall.c */
 #define WATCHDOG_US    40000u /* ports/stm32f103/watchdog.c */
@@ -22,91 +21,43 @@
 
 typedef enum { LEFT_NOT = 0, LEFT_POWER, LEFT_BOOTLOADER } left_t;
 
-native_wires_t native;
-static uint64_t now_us;
-static uint32_t clock_offset_us; /* of the board's clock to now_us */
+static uint32_t clock_offset_us; /* of the board's clock to port.now_us */
 static jmp_buf out_of_the_loop;
 
-/* State that a reset clears. */
+/* State that a reset clears, beside what the files share (port.h). */
 static struct {
-    board_identity_t identity;
     board_setup_t setup;
-    uint32_t faults;
     uint32_t last_clock_us;
     uint64_t slept_us;  /* when the loop went to sleep */
     uint64_t turned_us; /* when its last turn began */
     uint64_t fed_us;    /* when it last fed the watchdog */
-    bool wake, driving, stalled, watchdog;
 } board;
-
-/* ---- what the files of the port share ---- */
-
-uint64_t port_now_ns(void) {
-    return now_us * NS_PER_US;
-}
-
-uint32_t port_now_ms(void) {
-    return (uint32_t)(now_us / 1000u);
-}
-
-void port_wake(void) {
-    board.wake = true;
-}
-
-void port_power_fails(void) {
-    longjmp(out_of_the_loop, LEFT_POWER);
-}
-
-bool port_drives(void) {
-    return (board.faults & BOARD_FAULT_STRAP) == 0u;
-}
-
-bool port_bridge(void) {
-    return port_drives() && board.identity.pins == BOARD_PINS_BRIDGE;
-}
-
-bool port_stalled(void) {
-    return board.stalled;
-}
-
-void port_watch(bool driving) {
-    board.driving = driving;
-}
-
-void port_clear_stall(void) {
-    board.driving = false;
-    board.stalled = false;
-}
 
 /* ---- board.h ---- */
 
 void board_init(const board_setup_t *setup) {
     board.setup = *setup;
-    board.identity = native.identity;
-    board.identity.pins = native.strap;
+    port.identity = native.identity;
+    port.identity.pins = native.strap;
     if (setup->pins != native.strap || native.strap > BOARD_PINS_BRIDGE) {
-        board.faults |= BOARD_FAULT_STRAP;
+        port.faults |= BOARD_FAULT_STRAP;
     }
     if (native.no_crystal != 0u) {
-        board.faults |= BOARD_FAULT_CLOCK_FALLBACK;
+        port.faults |= BOARD_FAULT_CLOCK_FALLBACK;
     }
     if (native.image_damaged != 0u) {
-        board.faults |= BOARD_FAULT_IMAGE;
+        port.faults |= BOARD_FAULT_IMAGE;
     }
     actuators_reset();
 }
 
-const board_identity_t *board_identity(void) {
-    return &board.identity;
-}
-
 uint32_t board_faults(void) {
-    return native.faults | board.faults | guard_faults() | links_faults() | sensors_faults() |
-           actuators_faults() | (board.stalled ? BOARD_FAULT_STALLED : 0u);
+    return native.faults | port.faults | guard_faults() | links_faults() | sensors_faults() |
+           actuators_faults() | (port.stalled ? BOARD_FAULT_STALLED : 0u);
 }
 
 uint32_t board_now_us(void) {
-    const uint32_t clock_us = (uint32_t)now_us + clock_offset_us;
+    const uint32_t clock_us = (uint32_t)port.now_us + clock_offset_us;
     if ((int32_t)(clock_us - board.last_clock_us) < 0) {
         guard_clock_upset(); /* as in ports/stm32f103/systick.c */
     }
@@ -115,11 +66,11 @@ uint32_t board_now_us(void) {
 }
 
 void board_turn(void) {
-    board.turned_us = now_us;
+    board.turned_us = port.now_us;
 }
 
 void board_feed_watchdog(void) {
-    board.fed_us = now_us;
+    board.fed_us = port.now_us;
 }
 
 void board_enter_bootloader(void) {
@@ -129,7 +80,7 @@ void board_enter_bootloader(void) {
 
 /* The host lets time pass, in native_run(). */
 void board_idle(void) {
-    board.slept_us = now_us;
+    board.slept_us = port.now_us;
 }
 
 /* ---- time ---- */
@@ -146,7 +97,7 @@ static void flash_at_work(void) {
     if (native.flash_cut == 1u && way == native.flash_cut_way) {
         native.flash_cut = 0u;
         way = 0u;
-        port_power_fails();
+        longjmp(out_of_the_loop, LEFT_POWER);
     }
     way = (way + 1u) % FLASH_WAYS;
     if (way == 0u && native.flash_cut > 1u) {
@@ -172,32 +123,33 @@ static void run_loop(void (*part)(void)) {
 
 static void start(uint32_t cause) {
     memset(&board, 0, sizeof board);
+    port = (port_t){.now_us = port.now_us};
     guard_reset();
     links_reset();
     sensors_reset();
-    board.fed_us = board.turned_us = board.slept_us = now_us;
-    board.last_clock_us = (uint32_t)now_us + clock_offset_us;
+    board.fed_us = board.turned_us = board.slept_us = port.now_us;
+    board.last_clock_us = (uint32_t)port.now_us + clock_offset_us;
     native.identity.reset_cause = cause;
-    board.faults = cause == RESET_WATCHDOG ? BOARD_FAULT_WATCHDOG : 0u;
+    port.faults = cause == RESET_WATCHDOG ? BOARD_FAULT_WATCHDOG : 0u;
     native.state = NATIVE_RUNNING;
-    board.wake = true;
+    port.wake = true;
     run_loop(loop_start);
 }
 
 /* Advances the time to this instant and handles what is due then. */
 static void advance_to(uint64_t us) {
-    now_us = us;
+    port.now_us = us;
     if (native.state != NATIVE_RUNNING) {
         return;
     }
     links_advance();
     sensors_advance();
     actuators_advance();
-    if (board.driving && now_us - board.turned_us >= STALL_US) {
-        board.stalled = true;
+    if (port.driving && port.now_us - board.turned_us >= STALL_US) {
+        port.stalled = true;
         board_actuator_neutral();
     }
-    if (now_us - board.fed_us >= WATCHDOG_US) {
+    if (port.now_us - board.fed_us >= WATCHDOG_US) {
         native.resets++;
         native.hangs = 0u; /* the reset ends it */
         start(RESET_WATCHDOG);
@@ -211,54 +163,54 @@ static uint64_t whole_us(uint64_t ns) {
 
 /* Advances from event to event, to this instant or until one wakes the loop. */
 static void pass_until(uint64_t until_us) {
-    while (now_us < until_us) {
+    while (port.now_us < until_us) {
         uint64_t next_us = until_us;
         const uint64_t events[] = {whole_us(links_next_ns()), whole_us(sensors_next_ns()),
-                                   board.driving ? board.turned_us + STALL_US : UINT64_MAX,
+                                   port.driving ? board.turned_us + STALL_US : UINT64_MAX,
                                    board.fed_us + WATCHDOG_US};
         for (size_t i = 0u; i < sizeof events / sizeof events[0] && native.state == NATIVE_RUNNING; i++) {
-            if (events[i] > now_us && events[i] < next_us) {
+            if (events[i] > port.now_us && events[i] < next_us) {
                 next_us = events[i];
             }
         }
         advance_to(next_us);
-        if (board.wake && loop_lives()) {
+        if (port.wake && loop_lives()) {
             return;
         }
     }
 }
 
 static void turn(void) {
-    board.wake = false;
+    port.wake = false;
     native.turns++;
     run_loop(loop_turn);
-    const uint64_t end_us = now_us + native.turn_us;
-    while (native.state == NATIVE_RUNNING && now_us < end_us) {
-        const bool wake = board.wake;
-        board.wake = false;
+    const uint64_t end_us = port.now_us + native.turn_us;
+    while (native.state == NATIVE_RUNNING && port.now_us < end_us) {
+        const bool wake = port.wake;
+        port.wake = false;
         pass_until(end_us); /* what happens in between wakes the loop when it sleeps */
-        board.wake = board.wake || wake;
+        port.wake = port.wake || wake;
     }
     links_advance();
 }
 
 static uint64_t wakes_us(void) {
-    return board.wake ? now_us : board.slept_us + SLEEP_US;
+    return port.wake ? port.now_us : board.slept_us + SLEEP_US;
 }
 
 void native_run(uint32_t us) {
-    const uint64_t end_us = now_us + us;
+    const uint64_t end_us = port.now_us + us;
     unsigned at_once = 0u; /* turns at this instant */
-    while (now_us <= end_us) {
+    while (port.now_us <= end_us) {
         const uint64_t due_us = !loop_lives()            ? UINT64_MAX
-                                : at_once == AT_ONCE_MAX ? now_us + 1u
+                                : at_once == AT_ONCE_MAX ? port.now_us + 1u
                                                          : wakes_us();
-        if (due_us <= now_us) {
+        if (due_us <= port.now_us) {
             turn();
             at_once++;
             continue;
         }
-        if (now_us == end_us) {
+        if (port.now_us == end_us) {
             break;
         }
         at_once = 0u;
@@ -267,9 +219,9 @@ void native_run(uint32_t us) {
 }
 
 void native_turn(uint32_t us) {
-    const uint64_t end_us = now_us + us;
-    while (now_us < end_us) {
-        board.wake = false;
+    const uint64_t end_us = port.now_us + us;
+    while (port.now_us < end_us) {
+        port.wake = false;
         pass_until(end_us);
     }
     links_advance();
@@ -279,11 +231,11 @@ void native_turn(uint32_t us) {
 }
 
 uint64_t native_now_us(void) {
-    return now_us;
+    return port.now_us;
 }
 
 void native_set_clock_us(uint32_t us) {
-    clock_offset_us = us - (uint32_t)now_us;
+    clock_offset_us = us - (uint32_t)port.now_us;
     if (native.state != NATIVE_RUNNING) {
         board.last_clock_us = us;
     }
@@ -302,7 +254,7 @@ void native_defaults(void) {
     native.raw[1] = REST_ACCEL_Y;
     native.raw[2] = REST_ACCEL_Z;
     native.can_kbit = 500u; /* of the default table */
-    now_us = 0u;
+    port.now_us = 0u;
     clock_offset_us = 0u;
     flash_blank();
     flash_half_done = flash_at_work;

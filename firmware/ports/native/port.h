@@ -7,13 +7,26 @@
 #include "app/board_store.h"
 #include "native.h"
 
-/* board.c */
+#define NS_PER_US 1000u
+
+/* Written by board.c; a reset clears all but the time. */
+typedef struct {
+    uint64_t now_us;
+    board_identity_t identity;
+    uint32_t faults; /* BOARD_FAULT_ bits of the board as a whole */
+    bool wake;       /* the loop is to make a turn */
+    bool driving;    /* the actuators may move: the stall watch is on */
+    bool stalled;
+} port_t;
+
+extern port_t port;
+
+/* port.c */
 uint64_t port_now_ns(void);
 uint32_t port_now_ms(void);
-void port_wake(void);        /* wakes the loop */
-void port_power_fails(void); /* power fails in the middle of a turn; does not return */
-bool port_drives(void);      /* strap and saved pin set agree: actuators are driven */
-bool port_bridge(void);      /* the pin set with the bridge, driven */
+void port_wake(void);   /* wakes the loop */
+bool port_drives(void); /* strap and saved pin set agree: actuators are driven */
+bool port_bridge(void); /* the pin set with the bridge, driven */
 bool port_stalled(void);
 void port_watch(bool driving); /* stall watch; driving: the actuators may move */
 void port_clear_stall(void);

@@ -2,9 +2,8 @@
 #include "port.h"
 #include <string.h>
 
-#define NS_PER_US 1000u
-#define FOUND_US  20000u /* a digital sensor, from board_use_sensors() on */
-#define LATE_MAX  255u
+#define FOUND_US 20000u /* a digital sensor, from board_use_sensors() on */
+#define LATE_MAX 255u
 
 static struct {
     board_sensors_t use;

@@ -1,0 +1,42 @@
+/* What the files of the port share: the wires, the time, and the state of the board as a whole. */
+#include "port.h"
+
+native_wires_t native;
+port_t port;
+
+uint64_t port_now_ns(void) {
+    return port.now_us * NS_PER_US;
+}
+
+uint32_t port_now_ms(void) {
+    return (uint32_t)(port.now_us / 1000u);
+}
+
+void port_wake(void) {
+    port.wake = true;
+}
+
+bool port_drives(void) {
+    return (port.faults & BOARD_FAULT_STRAP) == 0u;
+}
+
+bool port_bridge(void) {
+    return port_drives() && port.identity.pins == BOARD_PINS_BRIDGE;
+}
+
+bool port_stalled(void) {
+    return port.stalled;
+}
+
+void port_watch(bool driving) {
+    port.driving = driving;
+}
+
+void port_clear_stall(void) {
+    port.driving = false;
+    port.stalled = false;
+}
+
+const board_identity_t *board_identity(void) {
+    return &port.identity;
+}
