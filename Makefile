@@ -1,6 +1,6 @@
 # Two commands do all the set-up on a fresh Debian or Ubuntu machine: `make demo` and `make test`.
 # `make help` lists the targets, from the `##` behind each.
-.PHONY: help demo setup test test-fast test-long pytest image libraries native c-tests sanitize fuzz size check-style \
+.PHONY: help demo setup test test-fast test-long pytest release-trial image libraries native c-tests sanitize fuzz size check-style \
     format docs wheel summary clean
 .DEFAULT_GOAL := help
 
@@ -91,11 +91,16 @@ size: image ## flash, RAM and stack by function, and what differs from the commi
 	@$(SIZE) --against previous
 
 # Flash images that pass the golden vectors, for the full image and each system alone; then sdist and wheel around them.
-wheel: setup image ## sdist and wheel in dist/, with the flash images inside, and the images in dist/firmware
+wheel: ## sdist and wheel in dist/, with the flash images inside, and the images in dist/firmware
+	@tools/setup.sh release
+	@$(MAKE) --no-print-directory image libraries
 	@rm -rf dist
 	@$(VENV)/python tools/package_images.py --release dist/firmware
 	@$(VENV)/python -m build --outdir dist >build/wheel.log 2>&1 || { cat build/wheel.log; exit 1; }
 	@ls -l dist/*.whl dist/*.tar.gz
+
+release-trial: ## the wheel from a fresh clone of the last commit, installed and used in an empty folder
+	@tools/release_trial.sh
 
 summary: image native ## the image's sizes and the kernels' cycles as Markdown
 	@$(VENV)/python tools/job_summary.py

@@ -15,7 +15,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "host"))
 
 from plumb.errors import PlumbError
-from plumb.flash.elf import CallGraph
+from plumb.flash.call_graph import CallGraph
 
 _FLOATS = r"(add|sub|mul|div|neg|cmp|eq|ne|lt|le|gt|ge|unord|fix|fixuns|float|floatun|floatuns|extend|trunc|pow)"
 _FORBIDDEN = {

@@ -17,9 +17,11 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import multiprocessing
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -46,7 +48,8 @@ def built(name: str) -> Path:
         return FULL / "firmware.bin"
     folder = BUILD / name
     configure = ["cmake", "-S", str(ROOT), "-B", str(folder), "-G", "Ninja", f"-DCMAKE_TOOLCHAIN_FILE={TOOLCHAIN}",
-                 "-DCMAKE_BUILD_TYPE=Image", f"-DPLUMB_SYSTEMS={name}"]  # fmt: skip
+                 f"-DPython3_EXECUTABLE={sys.executable}", "-DCMAKE_BUILD_TYPE=Image", f"-DPLUMB_SYSTEMS={name}",
+                 ]  # fmt: skip
     for command in (configure, ["cmake", "--build", str(folder), "--target", "firmware"]):
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
@@ -54,41 +57,49 @@ def built(name: str) -> Path:
     return folder / "firmware.bin"
 
 
+def systems_of(name: str) -> list[str]:
+    return list(declarations.names()) if name == ALL_SYSTEMS else [name]
+
+
 def golden_check(image: Path, systems: list[str]) -> dict[str, int]:
     """Vectors and steps that the image passed on the virtual board; raises VerdictError when one differs."""
-    manifest = (VECTORS / "manifest.json").read_bytes()
-    key = hashlib.sha256(image.read_bytes() + manifest).hexdigest()
-    checked = json.loads(CHECKED.read_text(encoding="ascii")) if CHECKED.is_file() else {}
-    if key not in checked:
-        from plumb.boards import open_board
-        from plumb.proof import golden
+    from plumb.boards import open_board
+    from plumb.proof import golden
 
-        with open_board("virtual", image=image) as board:
-            result = golden.check(board, VECTORS, chosen=golden.cases(VECTORS, systems))
-        if result.verdict != "pass":
-            raise VerdictError(f"{image}: {result.describe()}; it does not become part of the package")
-        checked[key] = {"vectors": result.vectors, "steps": result.steps}
-        CHECKED.parent.mkdir(parents=True, exist_ok=True)
-        CHECKED.write_text(json.dumps(checked, indent=1) + "\n", encoding="ascii")
-    found: dict[str, int] = checked[key]
-    return found
+    with open_board("virtual", image=image) as board:
+        result = golden.check(board, VECTORS, chosen=golden.cases(VECTORS, systems))
+    if result.verdict != "pass":
+        raise VerdictError(f"{image}: {result.describe()}; it does not become part of the package")
+    return {"vectors": result.vectors, "steps": result.steps}
+
+
+def golden_checks(images: dict[str, Path]) -> dict[str, dict[str, int]]:
+    """golden_check of every image that was not checked before, on all cores."""
+    manifest = (VECTORS / "manifest.json").read_bytes()
+    keys = {name: hashlib.sha256(image.read_bytes() + manifest).hexdigest() for name, image in images.items()}
+    checked = json.loads(CHECKED.read_text(encoding="ascii")) if CHECKED.is_file() else {}
+    left = [name for name, key in keys.items() if key not in checked]
+    with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as pool:
+        results = pool.map(golden_check, [images[name] for name in left], [systems_of(name) for name in left])
+        checked |= {keys[name]: result for name, result in zip(left, results, strict=True)}
+    CHECKED.parent.mkdir(parents=True, exist_ok=True)
+    CHECKED.write_text(json.dumps(checked, indent=1) + "\n", encoding="ascii")
+    return {name: checked[key] for name, key in keys.items()}
 
 
 def package(names: list[str], folder: Path, release: Path | None, unchecked: bool) -> list[dict[str, object]]:
     """Writes the images and their manifest into `folder`; returns the manifest's rows."""
-    every = declarations.names()
     staged = folder.with_name(folder.name + ".part")
     for stale in (staged, *([release] if release else [])):
         shutil.rmtree(stale, ignore_errors=True)
         stale.mkdir(parents=True)
     rows: list[dict[str, object]] = []
-    for name in names:
-        image = built(name)
-        systems = list(every) if name == ALL_SYSTEMS else [name]
+    images = {name: built(name) for name in names}
+    golden = {} if unchecked else golden_checks(images)
+    for name, image in images.items():
         data = load_image(image)
         header = own_header(data, str(image))
         stem = "plumb" if name == ALL_SYSTEMS else f"plumb-{name}"
-        golden = None if unchecked else golden_check(image, systems)
         (staged / f"{stem}.bin").write_bytes(data)
         if release:
             for kind in KINDS:
@@ -101,8 +112,8 @@ def package(names: list[str], folder: Path, release: Path | None, unchecked: boo
                 "bytes": len(data),
                 "git_hash": header.git_hash,
                 "git_dirty": header.git_dirty,
-                "systems": systems,
-                "golden": golden,
+                "systems": systems_of(name),
+                "golden": golden.get(name),
             }
         )
     lines = ",\n".join("  " + json.dumps(row) for row in rows)
@@ -125,8 +136,8 @@ def main() -> int:
     try:
         alone = list(declarations.names()) if options.systems is None else options.systems
         for row in package([ALL_SYSTEMS, *alone], options.out, options.release, options.unchecked):
-            golden = row["golden"]
-            proof = f"{golden['vectors']} golden vectors" if isinstance(golden, dict) else "not checked"
+            passed = row["golden"]
+            proof = f"{passed['vectors']} golden vectors" if isinstance(passed, dict) else "not checked"
             print(f"{row['file']}: {row['bytes']} bytes, {proof}")
     except PlumbError as error:
         print(f"package_images: {error}", file=sys.stderr)

@@ -1,10 +1,10 @@
 #!/bin/sh
 # Installs what is missing on a Debian or Ubuntu machine, and nothing when nothing is.
-# usage: tools/setup.sh demo|test|docs
+# usage: tools/setup.sh demo|test|release|docs
 # Packages come from apt (with sudo when not root); Python packages go into .venv, never into the system.
 set -eu
 cd "$(dirname "$0")/.."
-purpose=${1:?usage: tools/setup.sh demo|test|docs}
+purpose=${1:?usage: tools/setup.sh demo|test|release|docs}
 
 missing=""
 need() { # command, package
@@ -73,8 +73,9 @@ wanted() {
     find host/plumb -name '*.py' | sort
 }
 if ! wanted | cmp -s - "$stamp"; then
-    extras=virtual,report,monitor,cockpit
+    extras=virtual,bench,flash,report,monitor,cockpit
     [ "$purpose" = test ] && extras=dev
+    [ "$purpose" = release ] && extras=release
     [ "$purpose" = docs ] && extras=docs
     [ -x .venv/bin/python ] || "$python" -m venv .venv
     echo "plumb: installing Python packages into .venv"

@@ -30,9 +30,11 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "host"))
 
 from plumb.errors import PlumbError, UsageError  # noqa: E402
-from plumb.flash.elf import OBJDUMP, CallGraph, Elf  # noqa: E402
+from plumb.flash.call_graph import CallGraph  # noqa: E402
+from plumb.flash.elf import Elf  # noqa: E402
 
 RAM_START = 0x20000000
+OBJDUMP = "arm-none-eabi-objdump"
 FIRMWARE = ("firmware", "CMakeLists.txt", "CMakePresets.json", "tools", "host/plumb")
 """Paths that an image depends on."""
 _PIECE = re.compile(r"^ (\.[\w.$]+|COMMON)\s+0x([0-9a-f]+)\s+0x([0-9a-f]+) (\S+)$", re.MULTILINE)
@@ -203,7 +205,8 @@ def image_of(revision: str) -> tuple[str, Path]:
             (folder / "source").rglob("toolchain.cmake"), Path("toolchain.cmake")
         )  # wherever that commit has it
         configure = ["cmake", "-S", str(folder / "source"), "-B", str(folder / "image"), "-G", "Ninja",
-                     f"-DCMAKE_TOOLCHAIN_FILE={toolchain}", "-DCMAKE_BUILD_TYPE=Image"]  # fmt: skip
+                     f"-DCMAKE_TOOLCHAIN_FILE={toolchain}", "-DCMAKE_BUILD_TYPE=Image",
+                     f"-DPython3_EXECUTABLE={sys.executable}"]  # fmt: skip
         for command in (configure, ["cmake", "--build", str(folder / "image"), "--target", "firmware"]):
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             if done.returncode:

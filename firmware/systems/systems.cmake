@@ -18,11 +18,7 @@ if(PLUMB_SYSTEMS STREQUAL "" AND PLUMB_SYSTEM_PATH STREQUAL "" AND found STREQUA
     set(GENERATED_INCLUDE ${committed})
 else()
     set(GENERATED_INCLUDE ${PROJECT_BINARY_DIR}/systems)
-    set(python ${PROJECT_SOURCE_DIR}/.venv/bin/python)
-    if(NOT EXISTS ${python})
-        find_package(Python3 3.11 REQUIRED COMPONENTS Interpreter)
-        set(python ${Python3_EXECUTABLE})
-    endif()
+    include(firmware/build_python.cmake)
     file(GLOB_RECURSE declarations CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/host/plumb/*.toml ${PROJECT_SOURCE_DIR}/host/plumb/*.dbc
          ${PROJECT_SOURCE_DIR}/tools/gen*.py)
     foreach(folder ${PLUMB_SYSTEM_PATH})
@@ -32,7 +28,7 @@ else()
     set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${declarations})
     string(REPLACE ";" ":" path "${PLUMB_SYSTEM_PATH}")
     execute_process(COMMAND ${CMAKE_COMMAND} -E env PLUMB_SYSTEM_PATH=${path}
-                            ${python} ${PROJECT_SOURCE_DIR}/tools/generate.py --out ${GENERATED_INCLUDE} "--systems=${PLUMB_SYSTEMS}"
+                            ${Python3_EXECUTABLE} ${PROJECT_SOURCE_DIR}/tools/generate.py --out ${GENERATED_INCLUDE} "--systems=${PLUMB_SYSTEMS}"
                     RESULT_VARIABLE failed ERROR_VARIABLE why)
     if(failed)
         message(FATAL_ERROR "${why}")

@@ -6,7 +6,10 @@ there; beside an installed wheel pip reads the extra from what is installed.
 
 from __future__ import annotations
 
+from typing import Any
+
 from plumb.checkout import IN_CHECKOUT
+from plumb.errors import UsageError
 
 
 def install_hint(extra: str) -> str:
@@ -15,3 +18,12 @@ def install_hint(extra: str) -> str:
     if IN_CHECKOUT:
         return f"in the checkout of plumb: pip install -e '.[{extra}]'"
     return f"with: pip install 'plumb-imu[{extra}]'"
+
+
+def required(module: str, package: str, purpose: str, extra: str) -> Any:  # Any: a package without types
+    """A module of an optional package. Raises UsageError where it is not installed: purpose begins the sentence, the
+    command that installs the extra ends it."""
+    try:
+        return __import__(module, fromlist=["_"])
+    except ImportError:
+        raise UsageError(f"{purpose} needs the package {package}; install it {install_hint(extra)}") from None

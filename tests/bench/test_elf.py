@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from plumb.errors import UsageError
-from plumb.flash.elf import CallGraph, Elf
+from plumb.flash.call_graph import CallGraph
+from plumb.flash.elf import Elf
 
 ROOT = Path(__file__).parents[2]
 CHECK = ROOT / "tools/check_elf.py"
@@ -144,6 +145,36 @@ def test_a_tail_call_and_a_jump_table_lead_on(tmp_path: Path) -> None:
     assert functions["work"].calls == {functions["middle"].address: 0}
     assert functions["deep"].address in functions["middle"].calls
     assert graph.stack_bytes(functions["work"].address) >= 300 + functions["middle"].depth_bytes
+
+
+def test_bytes_of_a_table_are_not_read_as_code(tmp_path: Path) -> None:
+    """Behind the code, where mapping symbols end with the last function, and between the instructions of one: 0xe400
+    would be a branch back beyond the image, 0xb500 a push, 0x4780 a call through a register."""
+    work = """
+    const unsigned short table[6] = {0xe400, 0xd0c0, 0xb500, 0x4780, 0xf7ff, 0xbffe};
+    __attribute__((naked, noinline)) static int inside(int a) {
+        __asm volatile("b 1f\\n .short 0xe400, 0xb500, 0x4780, 0xf7ff\\n 1: bx lr");
+    }
+    int __attribute__((noinline)) work(int a) { return inside(a) + table[a & 3]; }
+    """
+    image = build(tmp_path, work)
+    functions = {f.name: f for f in CallGraph(image).functions.values()}
+    assert "table" in Elf(image).symbols and "table" not in functions
+    assert not functions["inside"].calls and not functions["inside"].indirect and not functions["inside"].depth_bytes
+    result = check(image)
+    assert result.returncode == 0, result.stderr
+
+
+def test_an_instruction_that_an_it_block_may_skip_does_not_end_a_path(tmp_path: Path) -> None:
+    """The deepest stack lies behind a return that is taken for zero alone; what was popped for it stays counted."""
+    work = """
+    __attribute__((naked, noinline)) int work(int a) {
+        __asm volatile("push {r4, lr}\\n cmp r0, #0\\n it eq\\n popeq {r4, pc}\\n"
+                       "sub sp, #64\\n add sp, #64\\n pop {r4, pc}");
+    }
+    """
+    functions = {f.name: f for f in CallGraph(build(tmp_path, work)).functions.values()}
+    assert functions["work"].depth_bytes == 8 + 64
 
 
 def test_the_reserved_stack_is_not_counted_as_data(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ pytest.importorskip("unicorn")
 pytest.importorskip("capstone")
 
 from plumb.bench.instruction_counter import Counter, Image
-from plumb.flash.elf import CallGraph
+from plumb.flash.call_graph import CallGraph
 
 BUILD = Path(__file__).parents[2] / "build/stm32f103"
 DIGEST = "digest_crc32"

@@ -6,7 +6,6 @@ is safe with the neutral pulse or none at all, a gate of the bridge with its swi
 
 from __future__ import annotations
 
-import re
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +19,8 @@ from plumb.errors import LinkError
 from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.f103.machine import Machine
 from plumb.f103.snapshot import Snapshot
-from plumb.flash.elf import Elf, _disassemble
+from plumb.flash.elf import Elf
+from plumb.flash.thumb import Thumb
 from plumb.link.session import Session
 from plumb.spec import parameters
 from support.balancer_bench import Balancer
@@ -73,10 +73,11 @@ def vectors(image: Image) -> dict[int, str]:
 
 def between_the_pulses(image: Image) -> int:
     """Address of the instruction behind the write of the first compare register (offset 0x34)."""
-    lines = _disassemble(image.elf.path)[image.elf.symbol("board_set_actuator").address][1]
-    offsets = [re.search(r"#(\d+)\]", line.operands) if line.name == "str" else None for line in lines]
-    first = next(i for i, found in enumerate(offsets) if found and int(found[1]) & 0x3FF == 0x34)
-    return lines[first + 1].address
+    thumb, pieces = Thumb("this test"), image.elf.code_of(image.elf.symbol("board_set_actuator"))
+    lines = [line for at, code in pieces for line in thumb.instructions(code, at)]
+    stored = [line.operands[1].mem.disp if thumb.name(line) == "str" else 0 for line in lines]
+    first = next(i for i, offset in enumerate(stored) if offset & 0x3FF == 0x34)
+    return int(lines[first + 1].address)
 
 
 Hang = Callable[[Machine, Image], object]

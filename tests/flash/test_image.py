@@ -93,7 +93,8 @@ def test_same_sources_same_bytes_wherever_they_are_built(tmp_path: Path) -> None
         for part in ("CMakeLists.txt", "CMakePresets.json"):
             shutil.copy(ROOT / part, tree / part)
         clean = {key: value for key, value in os.environ.items() if not key.startswith("CMAKE")}
-        for command in (["cmake", "--preset", "stm32f103"], ["cmake", "--build", "--preset", "stm32f103"]):
+        configure = ["cmake", "--preset", "stm32f103", f"-DPython3_EXECUTABLE={sys.executable}"]
+        for command in (configure, ["cmake", "--build", "--preset", "stm32f103"]):
             subprocess.run(command, cwd=tree, env=clean, check=True, capture_output=True)
         results.append([(tree / f"build/stm32f103/firmware.{kind}").read_bytes() for kind in ("bin", "hex", "elf")])
     assert results[0] == results[1]

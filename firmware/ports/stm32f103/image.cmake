@@ -1,5 +1,5 @@
 # The flash image for the STM32F103 (firmware.elf, .bin, .hex), and the core alone as a program for QEMU.
-find_package(Python3 REQUIRED COMPONENTS Interpreter)
+include(firmware/build_python.cmake)
 
 # The core is built for speed, everything around it for size. What follows -O2 was chosen by `plumb bench`: no literal
 # pools (their loads wait for the flash), and instructions left in the order written, which has loads side by side (a

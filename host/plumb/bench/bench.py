@@ -35,7 +35,7 @@ from plumb.boards import native_core
 from plumb.boards.virtual import VirtualBoard
 from plumb.checkout import CHECKOUT
 from plumb.errors import UsageError
-from plumb.flash.elf import CallGraph
+from plumb.flash.call_graph import CallGraph
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.proof import golden_recipe
 from plumb.proof.accuracy import TURN_DEG, chain_error_deg, filter_error_deg, hard_inputs, scenario_error_deg

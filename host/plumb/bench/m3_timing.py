@@ -34,8 +34,8 @@ from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from plumb.errors import UsageError
-from plumb.extras import install_hint
+from plumb.extras import required
+from plumb.flash.thumb import Thumb
 
 FLASH_LINE_BYTES = 8
 FLASH_READ_CYCLES_2WS = 3
@@ -83,62 +83,39 @@ class Cost:
     stack: int
 
 
+PURPOSE = "counting cycles"
+
+
 def require(module: str) -> Any:  # Any: a package without types
-    try:
-        return __import__(module, fromlist=["_"])
-    except ImportError:
-        package = {"elftools": "pyelftools"}.get(module.split(".")[0], module.split(".")[0])
-        raise UsageError(f"counting cycles needs the package {package}; install it {install_hint('bench')}") from None
+    package = {"elftools": "pyelftools"}.get(module.split(".")[0], module.split(".")[0])
+    return required(module, package, PURPOSE, "bench")
 
 
 class Decoder:
     """Decodes Thumb-2 machine code to Instruction; ignores the condition of an IT block."""
 
     def __init__(self) -> None:
-        capstone = require("capstone")
-        self._arm = require("capstone.arm")
-        self._capstone = capstone.Cs(capstone.CS_ARCH_ARM, capstone.CS_MODE_THUMB | capstone.CS_MODE_MCLASS)
-        self._capstone.detail = True
+        self._thumb = Thumb(PURPOSE)
 
     def decode(self, code: bytes, address: int) -> Instruction:
         """The first instruction in `code`, which lies at `address`."""
-        arm = self._arm
-        raw = next(self._capstone.disasm(code, address, 1), None)
-        if raw is None:
-            raise UsageError(f"What lies at 0x{address:08x} is not a Thumb instruction.")
-        name = self._capstone.insn_name(raw.id)
+        thumb, arm = self._thumb, self._thumb.arm
+        raw = thumb.first(code, address)
+        name = thumb.name(raw)
         _, written = raw.regs_access()
         memory = [operand for operand in raw.operands if operand.type == arm.ARM_OP_MEM]
         bases = frozenset(r for o in memory for r in (o.mem.base, o.mem.index) if r)
-        listed = [operand for operand in raw.operands if operand.type == arm.ARM_OP_REG]
+        listed = thumb.registers(raw)
         if name in ("push", "pop"):
             bases = frozenset({arm.ARM_REG_SP})
         elif name in _MULTIPLE:
-            bases = frozenset({listed[0].reg})
+            bases = frozenset({listed[0]})
         count = len(listed) if name in ("push", "pop") else max(len(listed) - 1, 0)
         return Instruction(
             address, raw.size, f"{raw.mnemonic} {raw.op_str}".strip(), name, bases, frozenset(written), count,
             is_literal=arm.ARM_REG_PC in bases, is_register_offset=any(o.mem.index for o in memory),
-            is_call=name in ("bl", "blx"), stack_change=self._stack_change(raw, name, count),
+            is_call=name in ("bl", "blx"), stack_change=thumb.stack_change(raw) or 0,
         )  # fmt: skip
-
-    def _stack_change(self, raw: Any, name: str, count: int) -> int:  # Any: capstone has no types
-        arm = self._arm
-        operands = raw.operands
-        if name in ("push", "pop"):
-            return 4 * count * (1 if name == "pop" else -1)
-        if not operands:
-            return 0
-        on_sp = operands[0].type == arm.ARM_OP_REG and operands[0].reg == arm.ARM_REG_SP
-        if on_sp and name in ("stmdb", "ldm") and raw.writeback:
-            return 4 * count * (1 if name == "ldm" else -1)
-        if on_sp and name in ("sub", "subw", "add", "addw") and operands[-1].type == arm.ARM_OP_IMM:
-            return int(operands[-1].imm) * (1 if name.startswith("add") else -1)
-        memory = [o for o in operands if o.type == arm.ARM_OP_MEM and o.mem.base == arm.ARM_REG_SP]
-        if memory and raw.writeback:  # str lr, [sp, #-4]! and ldr pc, [sp], #4
-            moved = memory[0].mem.disp or (operands[-1].imm if operands[-1].type == arm.ARM_OP_IMM else 0)
-            return int(-moved if memory[0].subtracted and moved > 0 else moved)
-        return 0
 
 
 def _refill(target: Instruction | None) -> int:

@@ -1,26 +1,22 @@
-"""Reader of linked Arm ELF files: segments, sections, symbols, and the call graph of the machine code.
+"""Reader of linked Arm ELF files: segments, sections, symbols, and which bytes are instructions.
 
-Standard library only, so that the build can use it; the machine code is disassembled by the toolchain's objdump.
+Standard library only: boards read their image's symbols with it, and one reading takes 10 ms.
 """
 
 from __future__ import annotations
 
 import bisect
-import re
-import shutil
 import struct
-import subprocess
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 
 from plumb.errors import UsageError
 
-OBJDUMP = "arm-none-eabi-objdump"
-EXCEPTION_FRAME_BYTES = 36
-"""Eight registers, and one word where the stack was not 8-byte aligned (ARMv7-M manual, exception entry)."""
-SYSTICK = 15
-"""Its exception number."""
+CODE, DATA = "$t", "$d"
+"""Mapping symbols (ELF for the Arm architecture, 5.5.5): from here on Thumb instructions, from here on data. A further
+name may follow behind a dot."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +115,33 @@ class Elf:
         addresses, symbols = self._by_address
         return symbols[bisect.bisect_left(addresses, start) : bisect.bisect_left(addresses, end)]
 
+    @property
+    def functions(self) -> list[Symbol]:
+        """Functions with their bytes, by address, each once: of several names the one that comes first."""
+        found: dict[int, Symbol] = {}
+        for symbol in self._placed:
+            if symbol.is_function and symbol.size:
+                found.setdefault(symbol.address, symbol)
+        return [found[address] for address in sorted(found)]
+
+    @cached_property
+    def _mapping(self) -> tuple[list[int], list[bool]]:
+        """Addresses of the mapping symbols, and whether instructions follow."""
+        kinds = {s.address: s.name[:2] == CODE for s in self._placed if s.name.split(".")[0] in (CODE, DATA)}
+        return sorted(kinds), [kinds[address] for address in sorted(kinds)]
+
+    def code_of(self, function: Symbol) -> list[tuple[int, bytes]]:
+        """Address and bytes of the instructions of a function: what the mapping symbols call data is left out."""
+        addresses, are_code = self._mapping
+        end = function.address + function.size
+        inside = [at for at in addresses if function.address < at < end]
+        pieces = []
+        for start, stop in pairwise([function.address, *inside, end]):
+            index = bisect.bisect_right(addresses, start) - 1
+            if index < 0 or are_code[index]:
+                pieces.append((start, self.bytes_at(start, stop - start)))
+        return pieces
+
     def bytes_at(self, address: int, size: int) -> bytes:
         for segment in self.segments:
             if segment.address <= address < segment.address + len(segment.data):
@@ -164,205 +187,3 @@ class Elf:
             return None
         address = struct.unpack_from("<I", table, 4 * exception)[0] & ~1
         return address if address in self.vectors() else None
-
-
-@dataclass
-class Function:
-    """One function's machine code as a graph: its calls, and the depth of the stack at each."""
-
-    name: str
-    address: int
-    depth_bytes: int = 0
-    calls: dict[int, int] = field(default_factory=dict)  # callee -> own stack depth at the call
-    indirect: list[int] = field(default_factory=list)  # calls through a register
-    unbounded: list[int] = field(default_factory=list)  # the stack pointer moves by an unknown amount
-
-
-@dataclass(frozen=True)
-class _Line:
-    address: int
-    name: str
-    operands: str
-    target: int | None
-
-
-_LABEL = re.compile(r"^([0-9a-f]{8}) <(.+)>:$")
-_CODE = re.compile(r"^\s*([0-9a-f]+):\t([a-z][a-z0-9.]*)\s*(.*)$")
-_TARGET = re.compile(r"\b([0-9a-f]+) <")
-_CONDITIONS = "eq|ne|cs|cc|mi|pl|vs|vc|hi|ls|ge|lt|gt|le|hs|lo"
-_CALL = re.compile(rf"blx?({_CONDITIONS})?$")
-_BRANCH = re.compile(rf"b({_CONDITIONS})?$|cbn?z$")
-
-
-def _disassemble(path: Path) -> dict[int, tuple[str, list[_Line]]]:
-    """Function address -> name and instructions; data inside functions is left out."""
-    program = shutil.which(OBJDUMP)
-    if program is None:
-        raise UsageError(f"{OBJDUMP} is not installed; on Debian or Ubuntu: apt install binutils-arm-none-eabi")
-    command = [program, "--disassemble", "--no-show-raw-insn", str(path)]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    if result.returncode:
-        raise UsageError(f"{OBJDUMP} cannot read {path}: {result.stderr.strip()}")
-    functions: dict[int, tuple[str, list[_Line]]] = {}
-    lines: list[_Line] = []
-    for text in result.stdout.splitlines():
-        if label := _LABEL.match(text):
-            lines = functions.setdefault(int(label[1], 16), (label[2], []))[1]
-        elif code := _CODE.match(text):
-            operands = code[3].split("@")[0].split(";")[0].strip()
-            target = _TARGET.search(operands)
-            name = code[2].split(".")[0]
-            lines.append(_Line(int(code[1], 16), name, operands, int(target[1], 16) if target else None))
-    return functions
-
-
-def _registers(operands: str) -> int:
-    inside = operands[operands.index("{") + 1 : operands.index("}")]
-    count = 0
-    for part in inside.split(","):
-        ends = re.findall(r"r(\d+)", part)
-        count += int(ends[1]) - int(ends[0]) + 1 if len(ends) == 2 else 1
-    return count
-
-
-def _stack_growth(line: _Line) -> int | None:
-    """Bytes by which an instruction grows the stack; None when that is unknown.
-
-    MSR MSP, by which a fault handler returns to the top of the stack for good, counts as no growth.
-    """
-    name, operands = line.name, line.operands
-    if name in ("push", "pop"):
-        return 4 * _registers(operands) * (1 if name == "push" else -1)
-    if name in ("stmdb", "ldmia", "ldm") and operands.startswith("sp!"):
-        return 4 * _registers(operands) * (1 if name == "stmdb" else -1)
-    moved = re.search(r"\[sp, #(-?\d+)\]!|\[sp\], #(-?\d+)", operands)
-    if moved:
-        return -int(moved[1] or moved[2])
-    if name in ("stmia", "stm", "ldmia", "ldm"):
-        return 0  # without write-back; the others are above
-    if operands.startswith("sp,") and name not in ("cmp", "tst", "str", "strd"):
-        amount = re.fullmatch(r"sp, (?:sp, )?#(\d+)", operands)
-        if amount and name in ("sub", "subw", "add", "addw"):
-            return int(amount[1]) * (1 if name.startswith("sub") else -1)
-        return None
-    return 0
-
-
-def _ends_path(line: _Line) -> bool:
-    """True when execution does not continue with the next instruction."""
-    if line.name in ("b", "bx", "tbb", "tbh", "udf"):
-        return True
-    if line.name in ("pop", "ldmia"):
-        return "pc" in line.operands
-    return line.name in ("ldr", "mov") and line.operands.startswith("pc,")
-
-
-def _is_indirect(line: _Line) -> bool:
-    """True for a call or jump whose target is in a register, except the return."""
-    if _CALL.match(line.name):
-        return line.target is None
-    if line.name.startswith("bx"):
-        return line.operands != "lr"
-    return line.name in ("ldr", "mov") and line.operands.startswith("pc,") and not re.search(r"\[sp|lr", line.operands)
-
-
-def _walk(address: int, name: str, lines: list[_Line]) -> Function:
-    """Follows every path through one function and tracks the depth of its stack."""
-    function = Function(name, address)
-    index = {line.address: i for i, line in enumerate(lines)}
-    deepest: dict[int, int] = {}
-    table_depth: int | None = None
-    work = [(0, 0)]
-    while work:
-        at, depth = work.pop()
-        if at < len(lines) and deepest.get(at, -1) < depth:
-            deepest[at] = depth
-            line = lines[at]
-            growth = _stack_growth(line)
-            if growth is None:
-                function.unbounded.append(line.address)
-            if _is_indirect(line):
-                function.indirect.append(line.address)
-            elif _CALL.match(line.name) or _BRANCH.match(line.name):
-                assert line.target is not None
-                if line.target in index and not _CALL.match(line.name):
-                    work.append((index[line.target], depth))
-                else:  # a call, or a tail call
-                    function.calls[line.target] = max(depth, function.calls.get(line.target, 0))
-            elif line.name in ("tbb", "tbh"):
-                table_depth = max(depth, table_depth or 0)
-            function.depth_bytes = max(function.depth_bytes, depth + (growth or 0))
-            if not _ends_path(line):
-                work.append((at + 1, depth + (growth or 0)))
-        if not work and table_depth is not None:  # code that only a jump table reaches
-            work = [(i, table_depth) for i in range(len(lines)) if i not in deepest][:1]
-    return function
-
-
-class CallGraph:
-    """Call graph of an image, and the stack of its deepest chain of calls."""
-
-    def __init__(self, path: Path) -> None:
-        self.elf = Elf(path)
-        if not any(symbol.is_function for symbol in self.elf.symbols.values()):
-            raise UsageError(f"{path} is stripped: its call graph needs the .elf with symbols")
-        self.functions = {
-            address: _walk(address, name, lines) for address, (name, lines) in _disassemble(path).items() if lines
-        }
-
-    def name(self, address: int) -> str:
-        return self.functions[address].name if address in self.functions else f"0x{address:08x}"
-
-    def recursion(self) -> list[str] | None:
-        """A chain of calls that returns to its first function, by name; None when there is none."""
-        state: dict[int, int] = {}
-        for root in self.functions:
-            chain = self._cycle_from(root, state, [])
-            if chain:
-                return [self.name(address) for address in chain]
-        return None
-
-    def _cycle_from(self, at: int, state: dict[int, int], chain: list[int]) -> list[int] | None:
-        if state.get(at) == 2 or at not in self.functions:
-            return None
-        if state.get(at) == 1:
-            return [*chain[chain.index(at) :], at]
-        state[at] = 1
-        for callee in self.functions[at].calls:
-            found = self._cycle_from(callee, state, [*chain, at])
-            if found:
-                return found
-        state[at] = 2
-        return None
-
-    def stack_bytes(self, address: int) -> int:
-        """Stack of one function with everything that it calls; the image must be free of recursion."""
-        if address not in self._stack:
-            function = self.functions.get(address)
-            below = max((d + self.stack_bytes(c) for c, d in function.calls.items()), default=0) if function else 0
-            self._stack[address] = max(function.depth_bytes, below) if function else 0
-        return self._stack[address]
-
-    @cached_property
-    def _stack(self) -> dict[int, int]:
-        return {}
-
-    def reachable(self, address: int) -> set[int]:
-        found: set[int] = set()
-        work = [address]
-        while work:
-            at = work.pop()
-            if at in self.functions and at not in found:
-                found.add(at)
-                work.extend(self.functions[at].calls)
-        return found
-
-    def worst_stack_bytes(self) -> int:
-        """Deepest stack: the reset handler's chain, plus the deepest interrupt handler, plus SysTick's handler, plus
-        the frame of a fault, whose handler starts a stack of its own. All handlers but SysTick's have the same
-        priority, which tests/boards/test_registers.py and test_hangs.py check in the firmware."""
-        reset, *handlers = self.elf.vectors()
-        systick = self.elf.vector(SYSTICK)
-        deepest = max((self.stack_bytes(handler) for handler in handlers if handler != systick), default=0)
-        preempting = EXCEPTION_FRAME_BYTES + self.stack_bytes(systick) if systick is not None else 0
-        return self.stack_bytes(reset) + EXCEPTION_FRAME_BYTES + deepest + preempting + EXCEPTION_FRAME_BYTES
