@@ -312,7 +312,7 @@ __attribute__((noinline)) void session_poll(session_t *s, uint32_t now_us) {
     run_poll(&s->run, s->params->period_us, now_us);
     arming_poll(&s->arming, arming_blocked(s, s->run.links.owner), now_us);
     issue_keepalive(s, now_us);
-    setpoint_poll(&s->run.setpoint, session_driving(s), now_us);
+    setpoint_poll(&s->run.setpoint, session_armed(s), session_driving(s), now_us);
     send_news(s, now_us);
     send_words(s);
     send_long_replies(s, now_us);

@@ -6,6 +6,7 @@ void setpoint_begin(setpoint_t *s) {
     s->timed_out = false;
     s->turn_q32 = 0;
     s->told_turn_q32 = 0;
+    s->armed = false;
 }
 
 void setpoint_receive(setpoint_t *s, int32_t turn_q32) {
@@ -15,7 +16,17 @@ void setpoint_receive(setpoint_t *s, int32_t turn_q32) {
     s->waiting = true;
 }
 
-void setpoint_poll(setpoint_t *s, bool driving, uint32_t now_us) {
+/* Whatever disarmed the board, its setpoint ends there. */
+static void end_with_arming(setpoint_t *s, bool armed) {
+    if (s->armed && !armed && s->turn_q32 != 0) {
+        s->turn_q32 = 0;
+        s->waiting = true;
+    }
+    s->armed = armed;
+}
+
+void setpoint_poll(setpoint_t *s, bool armed, bool driving, uint32_t now_us) {
+    end_with_arming(s, armed);
     if (s->heard || !driving) {
         s->heard = false;
         s->heard_us = now_us;

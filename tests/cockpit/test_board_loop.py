@@ -302,6 +302,35 @@ def test_a_value_that_cannot_be_is_refused_and_the_run_goes_on(
     assert bench.loop.state["light"]["colour"] == "green"  # type: ignore[index]
 
 
+@pytest.mark.parametrize("how", ["stop", "page lost", "page gone", "board alone"])
+def test_whatever_ends_an_arming_ends_its_setpoint_on_the_board(bench: CockpitBench, how: str) -> None:
+    bench.begin()
+    bench.arm()
+    bench.ask("step_test", value=5.0, seconds=5.0)
+    bench.turn(0.5)
+    assert setpoint_used(bench) == pytest.approx(5.0, abs=1e-6)
+    if how == "stop":
+        bench.loop.stop()
+    elif how == "page lost":
+        bench.now_s += TIMEOUT_S + 0.001
+    elif how == "page gone":
+        bench.hold.release(HOLDER)
+    else:
+        bench.board.session.consent = lambda: False
+    bench.turn(0.4, beating=False)
+    assert not bench.armed and bench.loop.state["test"] is None
+    assert setpoint_used(bench) == 0.0
+    bench.board.session.consent = bench.loop._arming.consent
+    assert bench.hold.take(HOLDER) and bench.answer("arm") == {"good": True, "text": "armed"}
+    bench.turn(0.5)
+    assert bench.armed and setpoint_used(bench) == 0.0, "no setpoint comes back with the next arming"
+
+
+def setpoint_used(bench: CockpitBench) -> float:
+    """What the page shows: the board's own."""
+    return bench.loop.state["setpoint"]["used"]  # type: ignore[index, no-any-return]
+
+
 def test_a_step_test_moves_the_setpoint_and_says_what_came_of_it(bench: CockpitBench) -> None:
     bench.begin()
     bench.arm()

@@ -256,6 +256,12 @@ class BoardLoop:
             rows = table()
             self._words = [rows[i].from_word(word) if i < len(rows) else word for i, word in enumerate(words)]
 
+    def _setpoint_used(self, scale: float, *, idle: bool) -> float | None:
+        """The setpoint that the board's newest step used, as it says itself; None while that is not known."""
+        if self._capture is None:
+            return None
+        return 0.0 if idle else self._capture.setpoints.changes[-1][1] * scale
+
     # ---- runs ----
 
     def _begin_or_join(self) -> None:
@@ -456,7 +462,8 @@ class BoardLoop:
             },
             "tilt_about": None if samples is None else tilt_axis(samples.system),
             "setpoint": None if setpoint is None else {
-                "unit": setpoint.unit, "most": setpoint.most, "signal": setpoint.follows
+                "unit": setpoint.unit, "most": setpoint.most, "signal": setpoint.follows,
+                "used": self._setpoint_used(setpoint.scale, idle=seen["mode"] == "IDLE"),
             },
             "test": None if self._test is None else self._test.state,
             "result": self._result,

@@ -449,10 +449,10 @@ class Session:
                     raise
                 self.receive(REPLY_TIMEOUT_S / 5)
         self.send([self.frame("KEEPALIVE", 0, first)])
-        self._keeps_alive = True
+        self._keeps_alive, self._setpoint = True, 0
 
     def disarm(self) -> None:
-        self._keeps_alive = False
+        self._keeps_alive, self._setpoint = False, 0  # the board sets its own to 0
         self.request("DISARM", 0, 0)
 
     def pump(self) -> None:

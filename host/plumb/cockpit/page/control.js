@@ -37,21 +37,22 @@ export function showControl(said) {
   setText(record, said.recording.on ? `Stop recording (${said.recording.steps})` : "Record");
   record.setAttribute("aria-pressed", String(said.recording.on));
   byId("setpoint").hidden = said.setpoint === null || !said.may_control;
-  if (said.setpoint !== null) showSetpoint(said.setpoint, mine && said.armed_here);
+  if (said.setpoint !== null) showSetpoint(said.setpoint, mine && said.armed_here, said.test);
   setText(document.querySelector("[data-do=step_test]"), said.test ? "testing" : "Step test");
   showResult(said.result);
 }
 
-function showSetpoint({ unit, most }, usable) {
+// The value beside the slider is the board's own: what its newest step used.
+function showSetpoint({ unit, most, used }, usable, test) {
   const slider = byId("setpoint-value"), size = byId("step-size");
   if (slider.max !== String(most)) {
     Object.assign(slider, { min: -most, max: most, value: 0 });
     size.value = most / 6;
     document.querySelector("#setpoint .unit").textContent = ` ${unit} `;
   }
-  if (!usable) slider.value = 0;
+  if (!usable || test) slider.value = used ?? 0;
   slider.disabled = !usable;
-  setText(byId("setpoint-shown"), `${fixed(Number(slider.value), 2)} ${unit}`);
+  setText(byId("setpoint-shown"), used === null ? "unknown" : `${fixed(used, 2)} ${unit}`);
 }
 
 function showResult(result) {
