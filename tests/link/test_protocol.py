@@ -93,7 +93,7 @@ def test_hello_is_answered_by_identity(board: NativeBoard) -> None:
     names = protocol()["IDENTITY"].choices["item"]
     assert [names[item] for item, _ in items] == list(names.values())
     values = {names[item]: value for item, value in items}
-    assert values["PROTOCOL_VERSION"] == 2
+    assert values["PROTOCOL_VERSION"] == 3
     assert values["DBC_HASH"] == protocol().dbc_hash
     assert values["PARAMETER_COUNT"] == len(parameters.table())
     assert values["PARAMETER_CRC"] == parameters.crc32([row.default for row in parameters.table()])
