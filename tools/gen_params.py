@@ -44,9 +44,19 @@ uint32_t params_word(const params_t *p, uint16_t index);
 void params_set_word(params_t *p, uint16_t index, uint32_t value);
 bool params_in_range(uint16_t index, uint32_t value);
 
+#define PARAMS_LIVE {live_count}U
+
+/* The live parameters, which may change during a run. */
+typedef struct {{
+    int32_t word[PARAMS_LIVE];
+}} params_live_t;
+
+params_live_t params_live(const params_t *p);
+
 /* The first word that differs and must not change during a run; PARAMS_COUNT: there is none. Live parameters may;
- * near: only to at most twice and at least half of what they were, with the same sign (of 0: not at all). */
-uint16_t params_fixed_change(const params_t *from, const params_t *to, bool near);
+ * near, NULL for any change: only to at most twice and at least half of what is there, with the same sign (of 0: not
+ * at all). */
+uint16_t params_fixed_change(const params_t *from, const params_t *to, const params_live_t *near);
 
 /* The first word with which an armed board would break a promise (docs/explanation/security.md); PARAMS_COUNT: none. */
 uint16_t params_unsafe(const params_t *p);
@@ -132,13 +142,17 @@ bool params_in_range(uint16_t index, uint32_t value) {{
     return within(ranges[range_of[index]], value);
 }}
 
-static bool live(uint16_t index) {{
-    switch (index) {{
+static const {index_type} live[PARAMS_LIVE] = {{
 {live}
-        return true;
-    default:
-        return false;
+}};
+
+params_live_t params_live(const params_t *p) {{
+    params_live_t now;
+
+    for (size_t i = 0; i < PARAMS_LIVE; i++) {{
+        now.word[i] = (int32_t)params_word(p, live[i]);
     }}
+    return now;
 }}
 
 /* At most twice and at least half, with the same sign. */
@@ -148,13 +162,18 @@ static bool is_near(int32_t from, int32_t to) {{
     return (from ^ to) >= 0 && a <= 2U * b && b <= 2U * a;
 }}
 
-uint16_t params_fixed_change(const params_t *from, const params_t *to, bool near) {{
-    for (uint16_t index = 0; index < PARAMS_COUNT; index++) {{
-        const uint32_t a = params_word(from, index), b = params_word(to, index);
+uint16_t params_fixed_change(const params_t *from, const params_t *to, const params_live_t *near) {{
+    size_t i = 0; /* live[i] is the next live word */
 
-        if (a != b && !(live(index) && (!near || is_near((int32_t)a, (int32_t)b)))) {{
+    for (uint16_t index = 0; index < PARAMS_COUNT; index++) {{
+        const bool is_live = i < PARAMS_LIVE && live[i] == index;
+        const uint32_t word = params_word(to, index);
+
+        if (params_word(from, index) != word &&
+            !(is_live && (near == NULL || is_near(near->word[i], (int32_t)word)))) {{
             return index;
         }}
+        i += is_live;
     }}
     return PARAMS_COUNT;
 }}
@@ -225,7 +244,7 @@ def generate(system: int) -> dict[str, str]:
     numbers = sorted({word(number) for row in rows for number in (row.min, row.max, row.default, *row.armed)})
     place = {number: at for at, number in enumerate(numbers)}
     return {
-        "params.h": LINE_1 + HEADER.format(count=len(rows), members=members),
+        "params.h": LINE_1 + HEADER.format(count=len(rows), live_count=sum(row.live for row in rows), members=members),
         "params.c": LINE_1
         + SOURCE.format(
             place_type=smallest_type(len(numbers)),
@@ -249,7 +268,7 @@ def generate(system: int) -> dict[str, str]:
                 if row.armed
             ),
             conditions=condition_code([row.name for row in rows]),
-            live="\n".join(f"    case {index}U: /* {row.name} */" for index, row in enumerate(rows) if row.live),
+            live="\n".join(f"    {index}U, /* {row.name} */" for index, row in enumerate(rows) if row.live),
         ),
     }
 

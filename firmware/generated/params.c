@@ -23,6 +23,7 @@ static const uint32_t numbers[] = {
     0x0000000DU,
     0x0000000FU,
     0x00000010U,
+    0x00000014U,
     0x00000018U,
     0x0000001FU,
     0x00000028U,
@@ -177,60 +178,60 @@ typedef struct {
 
 static const range_t ranges[] = {
     {0U, 3U}, /* 0 to 4 */
-    {152U, 57U}, /* -32768 to 32767 */
-    {146U, 145U}, /* -2147483648 to 2147483647 */
+    {153U, 58U}, /* -32768 to 32767 */
+    {147U, 146U}, /* -2147483648 to 2147483647 */
     {0U, 1U}, /* 0 to 1 */
-    {1U, 89U}, /* 1 to 16777216 */
-    {0U, 156U}, /* 0 to 4294967295 */
-    {0U, 14U}, /* 0 to 31 */
-    {1U, 135U}, /* 1 to 858993459 */
-    {0U, 89U}, /* 0 to 16777216 */
-    {0U, 137U}, /* 0 to 1073741823 */
-    {0U, 129U}, /* 0 to 536870911 */
-    {138U, 145U}, /* 1073741824 to 2147483647 */
+    {1U, 90U}, /* 1 to 16777216 */
+    {0U, 157U}, /* 0 to 4294967295 */
+    {0U, 15U}, /* 0 to 31 */
+    {1U, 136U}, /* 1 to 858993459 */
+    {0U, 90U}, /* 0 to 16777216 */
+    {0U, 138U}, /* 0 to 1073741823 */
+    {0U, 130U}, /* 0 to 536870911 */
+    {139U, 146U}, /* 1073741824 to 2147483647 */
     {1U, 12U}, /* 1 to 16 */
-    {150U, 104U}, /* -67108863 to 67108863 */
-    {0U, 94U}, /* 0 to 33554432 */
-    {151U, 89U}, /* -16777216 to 16777216 */
-    {0U, 88U}, /* 0 to 16777215 */
-    {148U, 138U}, /* -1073741824 to 1073741824 */
-    {0U, 145U}, /* 0 to 2147483647 */
-    {1U, 78U}, /* 1 to 8388608 */
-    {36U, 49U}, /* 1800 to 4200 */
-    {155U, 42U}, /* -2400 to 2400 */
-    {36U, 41U}, /* 1800 to 2200 */
-    {80U, 113U}, /* 8589934 to 188978561 */
-    {101U, 139U}, /* 53972150 to 1187387323 */
-    {11U, 19U}, /* 15 to 125 */
-    {95U, 118U}, /* 34359738 to 286331154 */
-    {91U, 126U}, /* 24966095 to 524288000 */
-    {0U, 71U}, /* 0 to 1048576 */
-    {0U, 105U}, /* 0 to 67108864 */
-    {0U, 138U}, /* 0 to 1073741824 */
-    {0U, 109U}, /* 0 to 134217728 */
-    {52U, 135U}, /* 16384 to 858993459 */
-    {1U, 22U}, /* 1 to 255 */
-    {23U, 135U}, /* 256 to 858993459 */
-    {1U, 57U}, /* 1 to 32767 */
-    {0U, 130U}, /* 0 to 536870912 */
-    {153U, 57U}, /* -32767 to 32767 */
-    {0U, 57U}, /* 0 to 32767 */
-    {0U, 146U}, /* 0 to 2147483648 */
-    {1U, 63U}, /* 1 to 131072 */
-    {1U, 60U}, /* 1 to 65536 */
+    {151U, 105U}, /* -67108863 to 67108863 */
+    {0U, 95U}, /* 0 to 33554432 */
+    {152U, 90U}, /* -16777216 to 16777216 */
+    {0U, 89U}, /* 0 to 16777215 */
+    {149U, 139U}, /* -1073741824 to 1073741824 */
+    {0U, 146U}, /* 0 to 2147483647 */
+    {1U, 79U}, /* 1 to 8388608 */
+    {37U, 50U}, /* 1800 to 4200 */
+    {156U, 43U}, /* -2400 to 2400 */
+    {37U, 42U}, /* 1800 to 2200 */
+    {81U, 114U}, /* 8589934 to 188978561 */
+    {102U, 140U}, /* 53972150 to 1187387323 */
+    {11U, 20U}, /* 15 to 125 */
+    {96U, 119U}, /* 34359738 to 286331154 */
+    {92U, 127U}, /* 24966095 to 524288000 */
+    {0U, 72U}, /* 0 to 1048576 */
+    {0U, 106U}, /* 0 to 67108864 */
+    {0U, 139U}, /* 0 to 1073741824 */
+    {0U, 110U}, /* 0 to 134217728 */
+    {53U, 136U}, /* 16384 to 858993459 */
+    {1U, 23U}, /* 1 to 255 */
+    {24U, 136U}, /* 256 to 858993459 */
+    {1U, 58U}, /* 1 to 32767 */
+    {0U, 131U}, /* 0 to 536870912 */
+    {154U, 58U}, /* -32767 to 32767 */
+    {0U, 58U}, /* 0 to 32767 */
+    {0U, 147U}, /* 0 to 2147483648 */
+    {1U, 64U}, /* 1 to 131072 */
+    {1U, 61U}, /* 1 to 65536 */
     {0U, 2U}, /* 0 to 2 */
-    {1U, 105U}, /* 1 to 67108864 */
-    {1U, 145U}, /* 1 to 2147483647 */
-    {89U, 116U}, /* 16777216 to 268435456 */
-    {0U, 115U}, /* 0 to 268435455 */
-    {105U, 138U}, /* 67108864 to 1073741824 */
-    {0U, 116U}, /* 0 to 268435456 */
-    {48U, 156U}, /* 4096 to 4294967295 */
-    {26U, 62U}, /* 500 to 100000 */
-    {39U, 53U}, /* 2040 to 20000 */
-    {0U, 51U}, /* 0 to 10000 */
-    {21U, 45U}, /* 200 to 3500 */
-    {19U, 30U}, /* 125 to 1000 */
+    {1U, 106U}, /* 1 to 67108864 */
+    {1U, 146U}, /* 1 to 2147483647 */
+    {90U, 117U}, /* 16777216 to 268435456 */
+    {0U, 116U}, /* 0 to 268435455 */
+    {106U, 139U}, /* 67108864 to 1073741824 */
+    {0U, 117U}, /* 0 to 268435456 */
+    {49U, 157U}, /* 4096 to 4294967295 */
+    {27U, 63U}, /* 500 to 100000 */
+    {40U, 54U}, /* 2040 to 20000 */
+    {0U, 52U}, /* 0 to 10000 */
+    {22U, 46U}, /* 200 to 3500 */
+    {20U, 31U}, /* 125 to 1000 */
     {5U, 11U}, /* 6 to 15 */
     {1U, 5U}, /* 1 to 6 */
 };
@@ -402,167 +403,167 @@ static const uint8_t range_of[PARAMS_COUNT] = {
 
 static const place_t defaults[PARAMS_COUNT] = {
     0U, /* 0: system = 0 */
-    33U, /* 1: gyro.raw_min = 1401 */
-    37U, /* 2: gyro.raw_max = 1951 */
-    70U, /* 3: gyro.gain = 896637 */
-    147U, /* 4: gyro.offset = -1502437562 */
-    25U, /* 5: accel.raw_min = 409 */
-    46U, /* 6: accel.raw_max = 3687 */
-    61U, /* 7: accel.gain = 67584 */
-    149U, /* 8: accel.offset = -138412032 */
-    25U, /* 9: accel_up.raw_min = 409 */
-    46U, /* 10: accel_up.raw_max = 3687 */
-    61U, /* 11: accel_up.gain = 67584 */
-    149U, /* 12: accel_up.offset = -138412032 */
+    34U, /* 1: gyro.raw_min = 1401 */
+    38U, /* 2: gyro.raw_max = 1951 */
+    71U, /* 3: gyro.gain = 896637 */
+    148U, /* 4: gyro.offset = -1502437562 */
+    26U, /* 5: accel.raw_min = 409 */
+    47U, /* 6: accel.raw_max = 3687 */
+    62U, /* 7: accel.gain = 67584 */
+    150U, /* 8: accel.offset = -138412032 */
+    26U, /* 9: accel_up.raw_min = 409 */
+    47U, /* 10: accel_up.raw_max = 3687 */
+    62U, /* 11: accel_up.gain = 67584 */
+    150U, /* 12: accel_up.offset = -138412032 */
     1U, /* 13: tilt.mode = 1 */
-    50U, /* 14: tilt.r_base = 9321 */
-    83U, /* 15: tilt.r_gain = 10252743 */
-    82U, /* 16: tilt.r_max = 9320676 */
-    68U, /* 17: tilt.deviation_max = 499640 */
+    51U, /* 14: tilt.r_base = 9321 */
+    84U, /* 15: tilt.r_gain = 10252743 */
+    83U, /* 16: tilt.r_max = 9320676 */
+    69U, /* 17: tilt.deviation_max = 499640 */
     10U, /* 18: tilt.deviation_shift = 13 */
-    111U, /* 19: kalman.dt_s_q33 = 171798692 */
+    112U, /* 19: kalman.dt_s_q33 = 171798692 */
     0U, /* 20: kalman.rate_now = 0 */
     2U, /* 21: kalman.qa_hi = 2 */
-    136U, /* 22: kalman.qa_lo = 1017744613 */
-    69U, /* 23: kalman.qb = 512409 */
-    131U, /* 24: kalman.qb_frac_q30 = 598721709 */
-    81U, /* 25: kalman.bias_max_turn_q29 = 8947849 */
-    142U, /* 26: kalman.rate_gain = 1677721600 */
+    137U, /* 22: kalman.qa_lo = 1017744613 */
+    70U, /* 23: kalman.qb = 512409 */
+    132U, /* 24: kalman.qb_frac_q30 = 598721709 */
+    82U, /* 25: kalman.bias_max_turn_q29 = 8947849 */
+    143U, /* 26: kalman.rate_gain = 1677721600 */
     5U, /* 27: kalman.rate_shift = 6 */
     0U, /* 28: start.bias_hi = 0 */
     0U, /* 29: start.bias_lo = 0 */
     0U, /* 30: start.tilt_turn_q32 = 0 */
-    94U, /* 31: start.p00_hi = 33554432 */
+    95U, /* 31: start.p00_hi = 33554432 */
     0U, /* 32: start.p00_lo = 0 */
     0U, /* 33: start.p01_hi = 0 */
     0U, /* 34: start.p01_lo = 0 */
-    34U, /* 35: start.p11_hi = 1491 */
-    140U, /* 36: start.p11_lo = 1323231702 */
-    106U, /* 37: pid.kp_q22 = 67947725 */
-    75U, /* 38: pid.ki_dt_q22 = 3623879 */
-    122U, /* 39: pid.kd_q27 = 410706248 */
-    144U, /* 40: pid.d_alpha_q31 = 2108151113 */
-    72U, /* 41: pid.slew_q22 = 1677722 */
-    44U, /* 42: esc.mid_halfus = 3000 */
-    29U, /* 43: esc.span_halfus = 800 */
-    38U, /* 44: esc.min_halfus = 2000 */
-    47U, /* 45: esc.max_halfus = 4000 */
-    38U, /* 46: esc.neutral_halfus = 2000 */
-    99U, /* 47: attitude.dt_s_q33 = 42949673 */
-    117U, /* 48: attitude.half_angle = 269860754 */
-    13U, /* 49: attitude.block_steps = 24 */
-    112U, /* 50: attitude.inverse_block_q32 = 178956971 */
-    108U, /* 51: attitude.rest_gain_q20 = 104857600 */
+    35U, /* 35: start.p11_hi = 1491 */
+    141U, /* 36: start.p11_lo = 1323231702 */
+    107U, /* 37: pid.kp_q22 = 67947725 */
+    76U, /* 38: pid.ki_dt_q22 = 3623879 */
+    123U, /* 39: pid.kd_q27 = 410706248 */
+    145U, /* 40: pid.d_alpha_q31 = 2108151113 */
+    73U, /* 41: pid.slew_q22 = 1677722 */
+    45U, /* 42: esc.mid_halfus = 3000 */
+    30U, /* 43: esc.span_halfus = 800 */
+    39U, /* 44: esc.min_halfus = 2000 */
+    48U, /* 45: esc.max_halfus = 4000 */
+    39U, /* 46: esc.neutral_halfus = 2000 */
+    100U, /* 47: attitude.dt_s_q33 = 42949673 */
+    118U, /* 48: attitude.half_angle = 269860754 */
+    14U, /* 49: attitude.block_steps = 24 */
+    113U, /* 50: attitude.inverse_block_q32 = 178956971 */
+    109U, /* 51: attitude.rest_gain_q20 = 104857600 */
     0U, /* 52: attitude.mounted = 0 */
-    133U, /* 53: attitude.start_bias = 680118034 */
-    127U, /* 54: attitude.start_scale = 532163628 */
-    119U, /* 55: attitude.start_tilt = 378105016 */
-    121U, /* 56: attitude.start_velocity = 386022991 */
-    28U, /* 57: attitude.q_bias = 726 */
-    20U, /* 58: attitude.q_scale = 135 */
+    134U, /* 53: attitude.start_bias = 680118034 */
+    128U, /* 54: attitude.start_scale = 532163628 */
+    120U, /* 55: attitude.start_tilt = 378105016 */
+    122U, /* 56: attitude.start_velocity = 386022991 */
+    29U, /* 57: attitude.q_bias = 726 */
+    21U, /* 58: attitude.q_scale = 135 */
     1U, /* 59: attitude.q_tilt = 1 */
-    74U, /* 60: attitude.q_turn_q24 = 3435974 */
-    98U, /* 61: attitude.q_clipped = 42507377 */
-    77U, /* 62: attitude.velocity_min = 5254202 */
-    54U, /* 63: attitude.velocity_share_q16 = 26214 */
-    125U, /* 64: attitude.velocity_pass_q32 = 515396076 */
-    73U, /* 65: attitude.leak_q32 = 2576980 */
-    17U, /* 66: attitude.lost_blocks = 83 */
-    65U, /* 67: attitude.rest_gyro = 215514 */
-    100U, /* 68: attitude.rest_turn = 51723311 */
-    55U, /* 69: attitude.rest_accel = 31457 */
+    75U, /* 60: attitude.q_turn_q24 = 3435974 */
+    99U, /* 61: attitude.q_clipped = 42507377 */
+    78U, /* 62: attitude.velocity_min = 5254202 */
+    55U, /* 63: attitude.velocity_share_q16 = 26214 */
+    126U, /* 64: attitude.velocity_pass_q32 = 515396076 */
+    74U, /* 65: attitude.leak_q32 = 2576980 */
+    18U, /* 66: attitude.lost_blocks = 83 */
+    66U, /* 67: attitude.rest_gyro = 215514 */
+    101U, /* 68: attitude.rest_turn = 51723311 */
+    56U, /* 69: attitude.rest_accel = 31457 */
     6U, /* 70: attitude.rest_blocks = 8 */
-    66U, /* 71: attitude.rest_variance = 276841 */
-    103U, /* 72: attitude.unsure = 65416093 */
-    138U, /* 73: gyro_mounting.xx_q30 = 1073741824 */
+    67U, /* 71: attitude.rest_variance = 276841 */
+    104U, /* 72: attitude.unsure = 65416093 */
+    139U, /* 73: gyro_mounting.xx_q30 = 1073741824 */
     0U, /* 74: gyro_mounting.xy_q30 = 0 */
     0U, /* 75: gyro_mounting.xz_q30 = 0 */
     0U, /* 76: gyro_mounting.yx_q30 = 0 */
-    138U, /* 77: gyro_mounting.yy_q30 = 1073741824 */
+    139U, /* 77: gyro_mounting.yy_q30 = 1073741824 */
     0U, /* 78: gyro_mounting.yz_q30 = 0 */
     0U, /* 79: gyro_mounting.zx_q30 = 0 */
     0U, /* 80: gyro_mounting.zy_q30 = 0 */
-    138U, /* 81: gyro_mounting.zz_q30 = 1073741824 */
-    138U, /* 82: accel_mounting.xx_q30 = 1073741824 */
+    139U, /* 81: gyro_mounting.zz_q30 = 1073741824 */
+    139U, /* 82: accel_mounting.xx_q30 = 1073741824 */
     0U, /* 83: accel_mounting.xy_q30 = 0 */
     0U, /* 84: accel_mounting.xz_q30 = 0 */
     0U, /* 85: accel_mounting.yx_q30 = 0 */
-    138U, /* 86: accel_mounting.yy_q30 = 1073741824 */
+    139U, /* 86: accel_mounting.yy_q30 = 1073741824 */
     0U, /* 87: accel_mounting.yz_q30 = 0 */
     0U, /* 88: accel_mounting.zx_q30 = 0 */
     0U, /* 89: accel_mounting.zy_q30 = 0 */
-    138U, /* 90: accel_mounting.zz_q30 = 1073741824 */
-    15U, /* 91: wheel.edges_max = 40 */
-    92U, /* 92: wheel.edge_mps_q26 = 25098656 */
-    107U, /* 93: wheel.alpha_q31 = 104734013 */
-    128U, /* 94: wheel.accel_gain_q30 = 533994858 */
-    110U, /* 95: speed.kp_q22 = 167772160 */
-    64U, /* 96: speed.ki_dt_q22 = 167772 */
+    139U, /* 90: accel_mounting.zz_q30 = 1073741824 */
+    16U, /* 91: wheel.edges_max = 40 */
+    93U, /* 92: wheel.edge_mps_q26 = 25098656 */
+    108U, /* 93: wheel.alpha_q31 = 104734013 */
+    129U, /* 94: wheel.accel_gain_q30 = 533994858 */
+    111U, /* 95: speed.kp_q22 = 167772160 */
+    65U, /* 96: speed.ki_dt_q22 = 167772 */
     0U, /* 97: speed.kd_q27 = 0 */
-    145U, /* 98: speed.d_alpha_q31 = 2147483647 */
-    78U, /* 99: speed.slew_q22 = 8388608 */
-    105U, /* 100: drive.speed_max_mps_q26 = 67108864 */
-    120U, /* 101: drive.lean_max_turn_q34 = 381774871 */
-    153U, /* 102: drive.span_q15 = -32767 */
-    57U, /* 103: drive.duty_max_q15 = 32767 */
-    130U, /* 104: drive.fall_turn_q32 = 536870912 */
+    146U, /* 98: speed.d_alpha_q31 = 2147483647 */
+    79U, /* 99: speed.slew_q22 = 8388608 */
+    106U, /* 100: drive.speed_max_mps_q26 = 67108864 */
+    121U, /* 101: drive.lean_max_turn_q34 = 381774871 */
+    154U, /* 102: drive.span_q15 = -32767 */
+    58U, /* 103: drive.duty_max_q15 = 32767 */
+    131U, /* 104: drive.fall_turn_q32 = 536870912 */
     1U, /* 105: phone.rates = 1 */
-    59U, /* 106: roll.r_base = 41425 */
-    76U, /* 107: roll.r_max = 4142522 */
+    60U, /* 106: roll.r_base = 41425 */
+    77U, /* 107: roll.r_max = 4142522 */
     0U, /* 108: roll.qa_hi = 0 */
-    143U, /* 109: roll.qa_lo = 1779199853 */
-    35U, /* 110: roll.qb = 1779 */
-    114U, /* 111: roll.qb_frac_q30 = 214590297 */
+    144U, /* 109: roll.qa_lo = 1779199853 */
+    36U, /* 110: roll.qb = 1779 */
+    115U, /* 111: roll.qb_frac_q30 = 214590297 */
     0U, /* 112: roll.start.bias_hi = 0 */
     0U, /* 113: roll.start.bias_lo = 0 */
     0U, /* 114: roll.start.tilt_turn_q32 = 0 */
-    94U, /* 115: roll.start.p00_hi = 33554432 */
+    95U, /* 115: roll.start.p00_hi = 33554432 */
     0U, /* 116: roll.start.p00_lo = 0 */
     0U, /* 117: roll.start.p01_hi = 0 */
     0U, /* 118: roll.start.p01_lo = 0 */
     8U, /* 119: roll.start.p11_hi = 10 */
-    141U, /* 120: roll.start.p11_lo = 1530323360 */
-    154U, /* 121: angular.raw_min = -32766 */
-    56U, /* 122: angular.raw_max = 32766 */
-    58U, /* 123: angular.gain = 37283 */
+    142U, /* 120: roll.start.p11_lo = 1530323360 */
+    155U, /* 121: angular.raw_min = -32766 */
+    57U, /* 122: angular.raw_max = 32766 */
+    59U, /* 123: angular.gain = 37283 */
     0U, /* 124: angular.offset = 0 */
-    27U, /* 125: gyro_filter.spike_counts = 524 */
-    60U, /* 126: gyro_filter.smooth_q16 = 65536 */
-    31U, /* 127: angular_filter.spike_counts = 1200 */
-    60U, /* 128: angular_filter.smooth_q16 = 65536 */
+    28U, /* 125: gyro_filter.spike_counts = 524 */
+    61U, /* 126: gyro_filter.smooth_q16 = 65536 */
+    32U, /* 127: angular_filter.spike_counts = 1200 */
+    61U, /* 128: angular_filter.smooth_q16 = 65536 */
     0U, /* 129: fusion.layer = 0 */
-    90U, /* 130: fusion.dt_s_q32 = 17179869 */
-    87U, /* 131: fusion.step_hz_q16 = 16384000 */
-    97U, /* 132: fusion.gyro_period_step_q24 = 41943040 */
-    93U, /* 133: fusion.gyro_age_step_q24 = 25165824 */
-    123U, /* 134: fusion.gyro_samples_step_q30 = 429496730 */
-    43U, /* 135: fusion.rest_steps = 2500 */
-    94U, /* 136: fusion.lag_step_q24 = 33554432 */
-    134U, /* 137: fusion.lag_alpha_q31 = 844968974 */
-    130U, /* 138: fusion.share_q30 = 536870912 */
-    84U, /* 139: fusion.r_gyro_q44 = 12216796 */
-    85U, /* 140: fusion.q_rate_q52 = 12509999 */
-    124U, /* 141: fusion.q_rate_lost_q44 = 488671835 */
-    67U, /* 142: fusion.q_gyro_bias_q60 = 320256 */
-    32U, /* 143: fusion.q_angular_bias_q64 = 1312 */
-    79U, /* 144: fusion.p_gyro_bias_q40 = 8483886 */
-    96U, /* 145: fusion.p_angular_bias_q52 = 35583997 */
-    102U, /* 146: fusion.v_scale_q40 = 54975581 */
-    132U, /* 147: fusion.v_lag_q30 = 603979776 */
-    53U, /* 148: period_us = 20000 */
-    53U, /* 149: esc_period_us = 20000 */
-    30U, /* 150: arm_hold_ms = 1000 */
+    91U, /* 130: fusion.dt_s_q32 = 17179869 */
+    88U, /* 131: fusion.step_hz_q16 = 16384000 */
+    98U, /* 132: fusion.gyro_period_step_q24 = 41943040 */
+    94U, /* 133: fusion.gyro_age_step_q24 = 25165824 */
+    124U, /* 134: fusion.gyro_samples_step_q30 = 429496730 */
+    44U, /* 135: fusion.rest_steps = 2500 */
+    95U, /* 136: fusion.lag_step_q24 = 33554432 */
+    135U, /* 137: fusion.lag_alpha_q31 = 844968974 */
+    131U, /* 138: fusion.share_q30 = 536870912 */
+    85U, /* 139: fusion.r_gyro_q44 = 12216796 */
+    86U, /* 140: fusion.q_rate_q52 = 12509999 */
+    125U, /* 141: fusion.q_rate_lost_q44 = 488671835 */
+    68U, /* 142: fusion.q_gyro_bias_q60 = 320256 */
+    33U, /* 143: fusion.q_angular_bias_q64 = 1312 */
+    80U, /* 144: fusion.p_gyro_bias_q40 = 8483886 */
+    97U, /* 145: fusion.p_angular_bias_q52 = 35583997 */
+    103U, /* 146: fusion.v_scale_q40 = 54975581 */
+    133U, /* 147: fusion.v_lag_q30 = 603979776 */
+    54U, /* 148: period_us = 20000 */
+    54U, /* 149: esc_period_us = 20000 */
+    31U, /* 150: arm_hold_ms = 1000 */
     0U, /* 151: pins = 0 */
-    30U, /* 152: dead_time_ns = 1000 */
-    26U, /* 153: can_bitrate_kbit = 500 */
+    31U, /* 152: dead_time_ns = 1000 */
+    27U, /* 153: can_bitrate_kbit = 500 */
     0U, /* 154: adc_oversample_log2 = 0 */
-    16U, /* 155: rail_ms = 50 */
-    18U, /* 156: stuck_ms = 100 */
+    17U, /* 155: rail_ms = 50 */
+    19U, /* 156: stuck_ms = 100 */
     0U, /* 157: accel_bus = 0 */
     9U, /* 158: accel_rate = 11 */
     2U, /* 159: gyro_filter = 2 */
     1U, /* 160: imu_axis = 1 */
-    86U, /* 161: variance_turn2_q56 = 14913081 */
+    87U, /* 161: variance_turn2_q56 = 14913081 */
 };
 
 static const uint16_t ids[PARAMS_COUNT] = {
@@ -927,18 +928,22 @@ bool params_in_range(uint16_t index, uint32_t value) {
     return within(ranges[range_of[index]], value);
 }
 
-static bool live(uint16_t index) {
-    switch (index) {
-    case 37U: /* pid.kp_q22 */
-    case 38U: /* pid.ki_dt_q22 */
-    case 39U: /* pid.kd_q27 */
-    case 95U: /* speed.kp_q22 */
-    case 96U: /* speed.ki_dt_q22 */
-    case 97U: /* speed.kd_q27 */
-        return true;
-    default:
-        return false;
+static const uint8_t live[PARAMS_LIVE] = {
+    37U, /* pid.kp_q22 */
+    38U, /* pid.ki_dt_q22 */
+    39U, /* pid.kd_q27 */
+    95U, /* speed.kp_q22 */
+    96U, /* speed.ki_dt_q22 */
+    97U, /* speed.kd_q27 */
+};
+
+params_live_t params_live(const params_t *p) {
+    params_live_t now;
+
+    for (size_t i = 0; i < PARAMS_LIVE; i++) {
+        now.word[i] = (int32_t)params_word(p, live[i]);
     }
+    return now;
 }
 
 /* At most twice and at least half, with the same sign. */
@@ -948,13 +953,18 @@ static bool is_near(int32_t from, int32_t to) {
     return (from ^ to) >= 0 && a <= 2U * b && b <= 2U * a;
 }
 
-uint16_t params_fixed_change(const params_t *from, const params_t *to, bool near) {
-    for (uint16_t index = 0; index < PARAMS_COUNT; index++) {
-        const uint32_t a = params_word(from, index), b = params_word(to, index);
+uint16_t params_fixed_change(const params_t *from, const params_t *to, const params_live_t *near) {
+    size_t i = 0; /* live[i] is the next live word */
 
-        if (a != b && !(live(index) && (!near || is_near((int32_t)a, (int32_t)b)))) {
+    for (uint16_t index = 0; index < PARAMS_COUNT; index++) {
+        const bool is_live = i < PARAMS_LIVE && live[i] == index;
+        const uint32_t word = params_word(to, index);
+
+        if (params_word(from, index) != word &&
+            !(is_live && (near == NULL || is_near(near->word[i], (int32_t)word)))) {
             return index;
         }
+        i += is_live;
     }
     return PARAMS_COUNT;
 }
@@ -964,10 +974,10 @@ static const struct {
     uint8_t index;
     range_t range;
 } armed[] = {
-    {46U, {36U, 40U}}, /* esc.neutral_halfus: 1800 to 2100 */
-    {148U, {26U, 53U}}, /* period_us: 500 to 20000 */
-    {155U, {1U, 24U}}, /* rail_ms: 1 to 400 */
-    {156U, {1U, 24U}}, /* stuck_ms: 1 to 400 */
+    {46U, {37U, 41U}}, /* esc.neutral_halfus: 1800 to 2100 */
+    {148U, {27U, 54U}}, /* period_us: 500 to 20000 */
+    {155U, {1U, 25U}}, /* rail_ms: 1 to 400 */
+    {156U, {13U, 25U}}, /* stuck_ms: 20 to 400 */
     {158U, {7U, 11U}}, /* accel_rate: 9 to 15 */
     {159U, {1U, 4U}}, /* gyro_filter: 1 to 5 */
 };

@@ -38,9 +38,19 @@ uint32_t params_word(const params_t *p, uint16_t index);
 void params_set_word(params_t *p, uint16_t index, uint32_t value);
 bool params_in_range(uint16_t index, uint32_t value);
 
+#define PARAMS_LIVE 6U
+
+/* The live parameters, which may change during a run. */
+typedef struct {
+    int32_t word[PARAMS_LIVE];
+} params_live_t;
+
+params_live_t params_live(const params_t *p);
+
 /* The first word that differs and must not change during a run; PARAMS_COUNT: there is none. Live parameters may;
- * near: only to at most twice and at least half of what they were, with the same sign (of 0: not at all). */
-uint16_t params_fixed_change(const params_t *from, const params_t *to, bool near);
+ * near, NULL for any change: only to at most twice and at least half of what is there, with the same sign (of 0: not
+ * at all). */
+uint16_t params_fixed_change(const params_t *from, const params_t *to, const params_live_t *near);
 
 /* The first word with which an armed board would break a promise (docs/explanation/security.md); PARAMS_COUNT: none. */
 uint16_t params_unsafe(const params_t *p);

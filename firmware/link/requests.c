@@ -50,7 +50,7 @@ static void on_param_get(session_t *s, const request_t *q) {
 }
 
 /* Why the staged table may not come into use now; 0: it may. Without a run it always may. A run in real time
- * takes live parameters; while armed from its owner alone, and no more than a factor of two at a time. */
+ * takes live parameters; while armed from its owner alone, and no more than a factor of two from what it was at arming. */
 static uint16_t run_forbids_staged(const session_t *s, const request_t *q, uint16_t *detail) {
     const bool armed = session_armed(s);
 
@@ -60,7 +60,7 @@ static uint16_t run_forbids_staged(const session_t *s, const request_t *q, uint1
     if (armed && s->run.links.owner != q->link) {
         return MESSAGE_NACK_REASON_OWNER;
     }
-    const uint16_t word = params_fixed_change(s->params, s->staging.table, armed);
+    const uint16_t word = params_fixed_change(s->params, s->staging.table, armed ? &s->staging.gains : NULL);
     if (s->run.mode == RUN_REALTIME && word == PARAMS_COUNT) {
         return 0;
     }

@@ -201,7 +201,7 @@ void session_apply_staged(session_t *s) {
     if (s->run.mode != RUN_IDLE) {
         control_retune(s->control, &s->params->control, &s->staging.table->control);
     }
-    staging_apply(&s->staging, s->params);
+    staging_apply(&s->staging, s->params, session_armed(s));
 }
 
 void session_report_parameters(session_t *s, uint32_t crc) {

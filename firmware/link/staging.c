@@ -4,7 +4,7 @@
 #include "generated/messages.h"
 
 void staging_init(staging_t *s, params_t *table, const params_t *in_use) {
-    *s = (staging_t){.table = table, .unsafe = params_unsafe(in_use)};
+    *s = (staging_t){.table = table, .unsafe = params_unsafe(in_use), .gains = params_live(in_use)};
     *table = *in_use;
 }
 
@@ -93,10 +93,13 @@ void staging_defaults(staging_t *s) {
     s->source = STORE_NOTHING;
 }
 
-void staging_apply(staging_t *s, params_t *in_use) {
+void staging_apply(staging_t *s, params_t *in_use, bool armed) {
     *in_use = *s->table;
     board_parameters_seal();
     s->unsafe = params_unsafe(in_use);
+    if (!armed) {
+        s->gains = params_live(in_use);
+    }
     s->pending = false;
 }
 

@@ -13,7 +13,8 @@ static uint16_t refused(uint16_t index, int32_t from, int32_t to, bool near) {
     params_set_word(&a, index, (uint32_t)from);
     b = a;
     params_set_word(&b, index, (uint32_t)to);
-    return params_fixed_change(&a, &b, near);
+    const params_live_t gains = params_live(&a);
+    return params_fixed_change(&a, &b, near ? &gains : NULL);
 }
 
 static void within_a_factor_of_two(void) {
@@ -61,18 +62,35 @@ static void gains_alone(void) {
     }
     CHECK(live == 6U);
     to = from;
-    CHECK(params_fixed_change(&from, &to, true) == PARAMS_COUNT);
+    const params_live_t gains = params_live(&from);
+    CHECK(params_fixed_change(&from, &to, &gains) == PARAMS_COUNT);
     to.imu_axis ^= 1U;
     to.control.pid.slew_q22 ^= 1;
     to.control.pid.kp_q22 ^= 1;
-    CHECK(params_fixed_change(&from, &to, true) == SLEW);
+    CHECK(params_fixed_change(&from, &to, &gains) == SLEW);
     to.control.pid.kp_q22 *= 3;
-    CHECK(params_fixed_change(&from, &to, true) == KP);
-    CHECK(params_fixed_change(&from, &to, false) == SLEW);
+    CHECK(params_fixed_change(&from, &to, &gains) == KP);
+    CHECK(params_fixed_change(&from, &to, NULL) == SLEW);
+}
+
+/* Steps of a factor of two do not add up: what counts is the gain at arming. */
+static void not_step_by_step(void) {
+    params_t from, to;
+    params_default(&from);
+    to = from;
+    const params_live_t gains = params_live(&from);
+    to.control.pid.kp_q22 = 2 * from.control.pid.kp_q22;
+    CHECK(params_fixed_change(&from, &to, &gains) == PARAMS_COUNT);
+    from = to;
+    to.control.pid.kp_q22++;
+    CHECK(params_fixed_change(&from, &to, &gains) == KP);
+    to.control.pid.kp_q22 = gains.word[0] / 2; /* a quarter of what is in use */
+    CHECK(params_fixed_change(&from, &to, &gains) == PARAMS_COUNT || gains.word[0] % 2 != 0);
 }
 
 int main(void) {
     within_a_factor_of_two();
     gains_alone();
+    not_step_by_step();
     return check_failures != 0;
 }

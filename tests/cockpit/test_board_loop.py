@@ -261,6 +261,7 @@ def test_an_armed_board_takes_a_live_gain_to_half_or_twice_and_nothing_else(benc
         assert not said["good"] and "half or twice" in str(said["text"])
     for edge in (high, low):
         assert bench.answer("set", name="pid.kp", value=edge)["good"]
+        assert described(bench, "pid.kp")["limits"] == limits, "of the value at arming, whatever was written since"
         assert bench.answer("set", name="pid.kp", value=value)["good"]
     for name, verb in (("kalman.q_angle", "set"), ("kalman.q_bias", "set"), ("", "save"), ("", "run")):
         said = bench.answer(verb, name=name, value=1.0)

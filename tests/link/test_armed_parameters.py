@@ -1,4 +1,4 @@
-"""Gains of an armed run: from its owner, at most a factor of two at a time, without a jump, bit by bit as the model."""
+"""Gains of an armed run: from its owner, at most a factor of two from arming on, without a jump, bit by bit as the model."""
 
 from __future__ import annotations
 
@@ -235,10 +235,36 @@ def test_zero_stays_zero_and_the_last_bit_of_twice_and_half_counts() -> None:
     run.session.close()
 
 
+def test_six_commits_in_a_row_stay_within_twice_the_gain_at_arming(new_board: NewBoard) -> None:
+    """Up by less than twice each; back to the gain at arming; and a new arming counts anew."""
+    run = ArmedRun(new_board())
+    run.session.set_setpoint(0)
+    first = run.table["pid.kp_q22"]
+    taken = []
+    for _ in range(6):
+        try:
+            run.commit({**run.table, "pid.kp_q22": round(run.table["pid.kp_q22"] * 1.6)})
+        except UsageError as refused:
+            assert f"is more than twice {quantity(run.table, first)}, its value at arming" in str(refused)
+        taken.append(run.table["pid.kp_q22"])
+    assert taken == [round(1.6 * first)] * 6 and run.board.armed
+    run.commit({**run.table, "pid.kp_q22": first})
+    run.session.disarm()
+    run.commit({**run.table, "pid.kp_q22": 3 * first})
+    run.arm()
+    run.commit({**run.table, "pid.kp_q22": 6 * first})
+    run.session.close()
+
+
+def quantity(table: dict[str, int], kp: int) -> str:
+    """The gain in the unit of `plumb params`, as a sentence has it."""
+    return f"{quantities.values_of({**table, 'pid.kp_q22': kp})['pid.kp_per_deg']:g}"
+
+
 def test_a_thousand_random_commits_leave_no_range_and_no_doubt() -> None:
     rng = random.Random(13)
     run = ArmedRun(NativeBoard(), period_us=1000)
-    taken, refused = 0, 0
+    taken, refused, at_arming = 0, 0, dict(run.table)
     for _ in range(1000):
         table = dict(run.table)
         for row in rng.sample(LIVE, rng.randint(1, 3)):
@@ -246,7 +272,7 @@ def test_a_thousand_random_commits_leave_no_range_and_no_doubt() -> None:
             table[row.name] = min(max(value, row.min), row.max)
         if rng.random() < 0.1:
             table["esc.span_halfus"] += 1
-        allowed = not parameters.refused_while_armed(run.table, table)
+        allowed = not parameters.refused_while_armed(run.table, table, at_arming)
         try:
             parameter_table.commit(run.session, table, run.table)
         except UsageError:

@@ -65,6 +65,7 @@ class BoardModel:
     tag: int | None = None
     step: int = 0
     armed: bool = False
+    at_arming: list[int] = field(default_factory=list)
     cause: int = 0
     staged: list[int] | None = None
     staged_by: Link | None = None
@@ -278,7 +279,9 @@ class Hosts(RuleBasedStateMachine):
         if model.armed and model.owner is not link:
             return "OWNER"
         if model.armed:
-            return "" if gains and all(a <= 2 * b and b <= 2 * a for a, b in moved.values()) else "ARMED"
+            first = model.at_arming
+            near = all(first[place] <= 2 * b and b <= 2 * first[place] for place, (_, b) in moved.items())
+            return "" if gains and near else "ARMED"
         return "" if model.run is None or (model.run != "LOCKSTEP" and gains) else "BUSY"
 
     @rule(link=links, verb=st.sampled_from(["SAVE", "SAVE", "LOAD", "DEFAULTS"]))
@@ -393,6 +396,7 @@ class Hosts(RuleBasedStateMachine):
             return False
         assert expected == 0
         self.model.armed, self.model.cause, self.alive = True, 0, True
+        self.model.at_arming = list(self.model.in_use)
         self.answer(link, said[1]["detail"])
         return True
 

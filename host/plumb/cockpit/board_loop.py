@@ -358,7 +358,8 @@ class BoardLoop:
         if order.verb in ("parameters", "describe"):
             armed = self._arming.armed
             words = self._words
-            self._questions.ask(lambda: parameter_orders.answer(order, words, armed), reply)
+            first = self._session.parameters.at_arming if armed else None
+            self._questions.ask(lambda: parameter_orders.answer(order, words, armed, first), reply)
             return
         if order.verb == "record":
             self._record(order.on)
@@ -380,7 +381,7 @@ class BoardLoop:
             self._words = self._session.read_parameters()  # another program may have written, too
         wanted = parameter_orders.write(order, self._words)
         if self._arming.armed:
-            parameter_orders.require_armed_change(wanted, self._words)
+            parameter_orders.require_armed_change(wanted, self._words, self._session.parameters.at_arming)
         parameter_table.commit(self._session, wanted.values, by_name(self._words))
         self.note(wanted.said)
         if not wanted.live:

@@ -2,7 +2,7 @@
 
 What a page is told comes from the table that the loop knows, not from the board: describing takes a while, in which
 an armed board would wait for a keep-alive. Gains that the table declares live change while the run goes on. An armed
-board takes a live gain to at most twice or half of what it was; everything else is locked until it is disarmed.
+board takes a live gain to at most twice or half of what it was at arming; everything else is locked until it is disarmed.
 """
 
 from __future__ import annotations
@@ -32,12 +32,14 @@ class Write:
     said: str
 
 
-def answer(order: Order, words: Sequence[int], armed: bool) -> dict[str, object]:
+def answer(
+    order: Order, words: Sequence[int], armed: bool, at_arming: Sequence[int] | None = None
+) -> dict[str, object]:
     """`parameters`: name, value and whether it is live, of all. `describe`: unit, limits and meaning of one."""
     values = by_name(words)
     if order.verb == "parameters":
         return {"parameters": listed(values)}
-    return {"parameter": described(values, order.name, armed)}
+    return {"parameter": described(values, order.name, armed, at_arming)}
 
 
 def listed(values: Mapping[str, int]) -> list[dict[str, object]]:
@@ -54,15 +56,20 @@ def live_names(values: Mapping[str, int]) -> set[str]:
     return {name for name in names if (rows := quantities.rows_of(name, values)) and all(row.live for row in rows)}
 
 
-def described(values: Mapping[str, int], name: str, armed: bool) -> dict[str, object]:
-    """What a page shows of one. armed: with the limits of an armed board, or the reason why it is locked."""
+def described(
+    values: Mapping[str, int], name: str, armed: bool, at_arming: Sequence[int] | None = None
+) -> dict[str, object]:
+    """What a page shows of one. armed: with the limits of an armed board, or the reason why it is locked. at_arming: the
+    table with which it was armed, None for that in use."""
     said = description(name, values)
     rows = [row for row in table() if row.name in said.words]
     limits, locked = [said.min, said.max], ""
     if armed:
         locked = _lock(rows, values)
-        if not locked and isinstance(said.value, int | float):
-            limits = _armed_limits(said.value, limits, rows, values)
+        first = values if at_arming is None else by_name(at_arming)
+        value = description(name, first).value
+        if not locked and isinstance(value, int | float):
+            limits = _armed_limits(value, limits, rows, first)
     shown = [None if limit is None or not math.isfinite(limit) else limit for limit in limits]
     return {"unit": said.unit, "value": said.value, "limits": shown, "meaning": said.meaning, "locked": locked}
 
@@ -99,18 +106,19 @@ def write(order: Order, words: Sequence[int]) -> Write:
     return Write(after, all(row.live for row in changed), said)
 
 
-def require_armed_change(wanted: Write, words: Sequence[int]) -> None:
-    """Raise UsageError for a write that an armed board refuses: the reason in one sentence."""
-    values = by_name(words)
+def require_armed_change(wanted: Write, words: Sequence[int], at_arming: Sequence[int] | None = None) -> None:
+    """Raise UsageError for a write that an armed board refuses: the reason in one sentence. at_arming: the table with
+    which it was armed, None for that in use."""
+    values, first = by_name(words), by_name(words if at_arming is None else at_arming)
     for row in table():
         before, after = values[row.name], wanted.values[row.name]
         if before == after:
             continue
         if not row.live:
             raise UsageError("the board is armed: only a gain marked live changes; stop it first")
-        a, b = abs(before), abs(after)
-        if before * after <= 0 or not (a <= 2 * b and b <= 2 * a):
-            raise UsageError("the board is armed: a gain goes at most to half or twice its value at a time")
+        a, b = abs(first[row.name]), abs(after)
+        if first[row.name] * after <= 0 or not (a <= 2 * b and b <= 2 * a):
+            raise UsageError("the board is armed: a gain goes at most to half or twice its value at arming")
 
 
 def _shown(value: Value) -> str:

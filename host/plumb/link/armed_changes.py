@@ -16,13 +16,24 @@ GAINS_ONLY = "only gains of controllers change while the board is armed: disarm 
 NO_ZERO = "no gain of an armed board goes to zero, comes from zero, or changes its sign: disarm it first"
 
 
-def refusal(before: Mapping[str, int], after: Mapping[str, int], index: int, keep_alive: Callable[[], None]) -> str:
-    """The sentence for a refused commit. before, after: whole tables, in use and asked for; index: the word that the
-    board named. keep_alive is called between calculations: the board that refused is armed, and stays so."""
+def refusal(
+    before: Mapping[str, int],
+    after: Mapping[str, int],
+    index: int,
+    keep_alive: Callable[[], None],
+    at_arming: Mapping[str, int] | None = None,
+) -> str:
+    """The sentence for a refused commit. before, after: whole tables, in use and asked for; at_arming: in use when the
+    board was armed, None if that is not known; index: the word that the board named. keep_alive is called between
+    calculations: the board that refused is armed, and stays so."""
     rows = parameters.table()
     if not 0 <= index < len(rows):
         return GAINS_ONLY
     row = rows[index]
+    if at_arming is not None:
+        before = {**before, **{one.name: at_arming[one.name] for one in rows if one.live}}
+    if row not in parameters.refused_while_armed(before, after):
+        return f"{row.name} = {after[row.name]} is more than twice or less than half of what it was at arming"
     try:
         one = _quantity_of(row, before, after, keep_alive)
     except UsageError:  # integers that stand for no tuning
@@ -53,8 +64,8 @@ def in_integers(row: parameters.Parameter, old: int, new: int) -> str:
 
 def _beyond(name: str, new: str, old: str, limit: str, more: bool) -> str:
     if more:
-        return f"{name} = {new} is more than twice {old}: an armed board takes {limit} at most, and more from there"
-    return f"{name} = {new} is less than half of {old}: an armed board takes {limit} at least, and less from there"
+        return f"{name} = {new} is more than twice {old}, its value at arming: an armed board takes {limit} at most"
+    return f"{name} = {new} is less than half of {old}, its value at arming: an armed board takes {limit} at least"
 
 
 def _quantity_of(

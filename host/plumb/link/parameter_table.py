@@ -36,7 +36,9 @@ def commit(session: Session, values: Mapping[str, int], before: Mapping[str, int
         return session.parameters.change([table[row.name] for row in rows], words)
     except NackError as error:
         if error.reason == "ARMED":
-            raise UsageError(armed_changes.refusal(table, values, error.detail, session.pump)) from None
+            armed_with = session.parameters.at_arming
+            first = None if armed_with is None else by_name(armed_with)
+            raise UsageError(armed_changes.refusal(table, values, error.detail, session.pump, first)) from None
         if error.reason == "OWNER":
             raise LinkError(
                 "the board is armed over its other link or by its arm switch: only from there its gains change"

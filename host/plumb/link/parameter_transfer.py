@@ -35,12 +35,14 @@ class Conversation(Protocol):
 
 class ParameterTransfer:
     """uploaded: the system of the table that this session last committed or read; None while unknown. table: the whole
-    table that it last committed or read; None while unknown."""
+    table that it last committed or read; None while unknown. at_arming: that table when this session armed the
+    board."""
 
     def __init__(self, session: Conversation) -> None:
         self._session = session
         self.uploaded: str | None = None
         self.table: tuple[int, ...] | None = None
+        self.at_arming: tuple[int, ...] | None = None
         self._wiring: dict[str, int] | None = None
 
     def read(self) -> list[int]:
@@ -101,7 +103,7 @@ class ParameterTransfer:
         use, as it was just read.
 
         A run in real time goes on if nothing but live parameters change; while it is armed, each to at most twice and
-        at least half. Another run ends, unless it is armed: then NackError ARMED has the first word that the board
+        at least half of what it was at arming. Another run ends, unless it is armed: then NackError ARMED has the first word that the board
         refuses, and OWNER says that the run belongs to another link or to the arm switch. Raises as `upload`, too.
         """
         self._session.require_match()

@@ -450,6 +450,7 @@ class Session:
                 self.receive(REPLY_TIMEOUT_S / 5)
         self.send([self.frame("KEEPALIVE", 0, first)])
         self._keeps_alive, self._setpoint = True, 0
+        self.parameters.at_arming = self.parameters.table
 
     def disarm(self) -> None:
         self._keeps_alive, self._setpoint = False, 0  # the board sets its own to 0

@@ -29,7 +29,7 @@ class Parameter:
 
     name: member of plumb_params_t, or of the link's part. owner: control or link. type: int32 or uint32. format: what
     the integer stands for. min, max, default: integers as the firmware holds them. was: former names, oldest first.
-    live: may change during a run in real time; while it is armed, to at most twice and at least half.
+    live: may change during a run in real time; while armed, to twice or half of its value at arming.
     weakens: numbered promises (docs/explanation/security.md) that it can weaken; armed: least and largest value of an
     armed board, () where conditions of several words say it (`plumb.spec.armed_values`). harmless: why it can weaken
     none.
@@ -215,10 +215,13 @@ def whole_table(control_words: Sequence[int], **link_words: int) -> list[int]:
     return words
 
 
-def refused_while_armed(before: Mapping[str, int], after: Mapping[str, int]) -> list[Parameter]:
+def refused_while_armed(
+    before: Mapping[str, int], after: Mapping[str, int], at_arming: Mapping[str, int] | None = None
+) -> list[Parameter]:
     """The rows whose change an armed board refuses: all but live ones, and of those a change to more than twice or less
-    than half, to or from zero, and of the sign."""
-    return [row for row in table() if before[row.name] != after[row.name] and not _near(row, before, after)]
+    than half of what they were at arming, to or from zero, and of the sign. at_arming: None for the table in use."""
+    first = before if at_arming is None else at_arming
+    return [row for row in table() if before[row.name] != after[row.name] and not _near(row, first, after)]
 
 
 def _near(row: Parameter, before: Mapping[str, int], after: Mapping[str, int]) -> bool:

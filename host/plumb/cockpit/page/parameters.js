@@ -19,7 +19,7 @@ function ruleOf(said) {
   if (!said.may_control || !said.holds) return "Only the page that holds the board reads and writes them.";
   if (said.watch) return "The cockpit was started with --watch: it writes nothing.";
   if (said.armed_here) {
-    return "Armed: a gain marked live changes at once, at most to half or twice its value a write. "
+    return "Armed: a gain marked live changes at once, at most to half or twice its value at arming. "
       + "Everything else is locked until the board is disarmed.";
   }
   if (said.armed) return "Armed by another program or by the arm switch: locked.";

@@ -20,6 +20,7 @@ OTHER_VERSION = 99
 FOREIGN_SETPOINT = 1 << 29
 """An eighth of a turn."""
 FOREIGN_NONCES = (0, 1, 0xFFFFFFFF, 0x12345678, 0x80000000)
+KP = "pid.kp_q22"
 WILD_ESC = {"esc.mid_halfus": 4000, "esc.neutral_halfus": 4000, "esc.max_halfus": 16383}
 REJECTED = Told("COUNTERS", "rejected")
 ESC = frozenset({"esc"})
@@ -223,18 +224,34 @@ def run_ended(scene: Scene) -> None:
     scene.run(0.15)
 
 
+def stiffened(scene: Scene) -> None:
+    """A gain that the owner has raised since arming, as it may."""
+    words = scene.session.read_parameters()
+    kp = [row.name for row in parameters.table()].index(KP)
+    words[kp] = round(words[kp] * 1.5)
+    commit = scene.session.frame("PARAM_COMMIT", len(words), parameters.crc32(words))
+    say(scene, [scene.session.frame("PARAM_SET", kp, words[kp] & 0xFFFFFFFF), commit])
+    scene.run(0.1)
+    scene.listen_anew()
+
+
 def wild_gains(scene: Scene) -> None:
-    """Commits of the owner that an armed board must not take: wild gains, gains of another sign, none at all, and words
-    that are no gains, each with its right CRC."""
+    """Commits of the owner that an armed board must not take: wild gains, gains of another sign, none at all, words that
+    are no gains, each with its right CRC; and six in a row that go up by less than twice each."""
     before = scene.session.read_parameters()
+    frame = scene.session.frame
+    kp = [row.name for row in parameters.table()].index(KP)
+    for times in range(6):
+        words = [*before[:kp], round(before[kp] * 1.6 ** (times + 1)), *before[kp + 1 :]]
+        commit = frame("PARAM_COMMIT", len(words), parameters.crc32(words))
+        say(scene, [frame("PARAM_SET", kp, words[kp] & 0xFFFFFFFF), commit])
     for number, row in enumerate(parameters.table()):
         others = (
-            {row.max, row.min, 0, -before[number], 3 * before[number], before[number] // 3} if row.live else {row.min}
+            {row.max, row.min, 0, -before[number], 3 * before[number], before[number] // 4} if row.live else {row.min}
         )
         for value in others - {before[number]}:
             if row.min <= value <= row.max:
                 words = [*before[:number], value, *before[number + 1 :]]
-                frame = scene.session.frame
                 staged = frame("PARAM_SET", number, value & 0xFFFFFFFF)
                 commit = frame("PARAM_COMMIT", len(words), parameters.crc32(words))
                 say(scene, [staged, commit, frame("PARAM_SET", number, before[number] & 0xFFFFFFFF)])
@@ -295,7 +312,7 @@ FAULTS = (
     Fault("arming-replayed", "frames", "all frames that armed the board a moment ago, byte for byte", arming_replayed,
           "held", (refused("NONCE"),), prepare=armed_once_more, holds=True),
     Fault("wild-gains-while-armed", "frames", "every parameter at values that an armed board must not take",
-          wild_gains, "held", (refused("ARMED"),), holds=True),
+          wild_gains, "held", (refused("ARMED"),), prepare=stiffened, holds=True),
     Fault("wild-pulses", "frames", "PARAM_SET of pulses that drive while disarmed, and a live run nobody arms",
           wild_pulses, "held", (refused("RANGE"),), ESC, prepare=run_ended, holds=True),
 )  # fmt: skip

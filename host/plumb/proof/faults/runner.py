@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 from plumb.errors import LinkError
 from plumb.f103.core.bus import SimulationError
@@ -72,10 +73,17 @@ class Measured:
 
 
 class Runner:
-    """All faults of one system in one scenario. The scene is built once for each link, and restored for every fault."""
+    """All faults of one system in one scenario, with other words of the parameter table in `changes`. The scene is built once for each link, and restored for every fault."""
 
-    def __init__(self, system: str, image: Path | None = None, phases: int = PHASES, scenario: str = "") -> None:
-        self.system, self.image, self.phases, self.scenario = system, image, phases, scenario
+    def __init__(
+        self,
+        system: str,
+        image: Path | None = None,
+        phases: int = PHASES,
+        scenario: str = "",
+        changes: Mapping[str, int] = MappingProxyType({}),
+    ) -> None:
+        self.system, self.image, self.phases, self.scenario, self.changes = system, image, phases, scenario, changes
         self._scenes: dict[str, tuple[Scene, Snapshot]] = {}
         self._healthy: dict[tuple[str, str], dict[int, int]] = {}
 
@@ -89,7 +97,7 @@ class Runner:
 
     def scene(self, link: str) -> tuple[Scene, Snapshot]:
         if link not in self._scenes:
-            scene = driving(self.system, link, self.image, self.scenario)
+            scene = driving(self.system, link, self.image, self.scenario, self.changes)
             self._scenes[link] = scene, scene.snapshot()
         return self._scenes[link]
 

@@ -4,9 +4,10 @@ estimating where it drives nothing."""
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import can
@@ -19,8 +20,10 @@ from plumb.f103.core.timeline import TICKS_PER_S
 from plumb.f103.snapshot import Snapshot
 from plumb.flash.elf import Elf, Symbol
 from plumb.flash.image import find_image
+from plumb.link import parameter_table
 from plumb.link.identity import Identity
 from plumb.link.session import Session
+from plumb.spec.parameter_file import by_name
 from plumb.spec.protocol import Frame, protocol
 from plumb.systems.contracts import PINS, AnalogPins, BridgePins, Coupling, Pins, SensorSets, fitted, link_words
 from plumb.tuning.quantise import quantise
@@ -188,11 +191,18 @@ def scenarios_of(name: str) -> tuple[str, ...]:
     return parts.SENSOR_SETS if isinstance(parts, SensorSets) else ("",)
 
 
-def driving(name: str, link: str = "serial", image: Path | None = None, scenario_name: str = "") -> Scene:
+def driving(
+    name: str,
+    link: str = "serial",
+    image: Path | None = None,
+    scenario_name: str = "",
+    changes: Mapping[str, int] = MappingProxyType({}),
+) -> Scene:
     """A system with its plant on the pins of the virtual board, running over `link` for DRIVING_S; one that drives
     something is armed.
 
-    The plant runs the scenario, by default that of a served board, in closed loop. Raises LinkError with the board's
+    The plant runs the scenario, by default that of a served board, in closed loop. changes: other words of the
+    parameter table than that scenario has. Raises LinkError with the board's
     reason when it does not arm within ARMING_S.
     """
     system, parts = systems.load(name), systems.load(name, PINS)
@@ -203,6 +213,8 @@ def driving(name: str, link: str = "serial", image: Path | None = None, scenario
         params = quantise(fitted(scenario, tuning))
         words = link_words(system, scenario)
         session = plant_on_pins.configure_as(board, params, period_us=scenario.period_us, arm_hold_ms=0, **words)
+        if changes:
+            parameter_table.commit(session, {**by_name(parameter_table.read_table(session)), **changes})
         coupling = parts.Coupling(board.machine, system.plant(scenario))
         scene = Scene(name, link, board, coupling, image)
         board.machine.uart.timeout = LISTEN_S
