@@ -1,4 +1,4 @@
-"""Gains of an armed run: from its owner, at most a factor of two from arming on, without a jump, bit by bit as the model."""
+"""Gains of an armed run: from its owner, at most a factor of two in all, without a jump, bit by bit as the model."""
 
 from __future__ import annotations
 

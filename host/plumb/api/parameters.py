@@ -54,8 +54,8 @@ class Parameters(Mapping[str, Value]):
     Every write commits the whole table: the board takes it as a whole, or refuses it. A run in real time goes on if
     only gains of controllers change (`pid.kp`, `pid.ki`, `pid.kd`), from one step to the next and without a jump; any
     other write ends a run that is on. An armed board is never disarmed by a write: it takes gains alone, each to at
-    most twice and at least half of what it was, and refuses the rest. A write lasts until the board is reset; `save`
-    keeps it.
+    most twice and at least half of what it was at arming, and refuses the rest. A write lasts until the board is reset;
+    `save` keeps it.
     """
 
     def __init__(self, session: Session) -> None:

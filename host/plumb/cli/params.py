@@ -27,13 +27,13 @@ of the board's table by their own names; then nothing keeps integers that belong
 
 A change is staged, then committed by the CRC-32 of the whole resulting table; the board accepts it as a whole or
 refuses it with the reason. A change ends a run in progress; a run in real time goes on if only gains of controllers
-change (pid.kp, pid.ki, pid.kd). No change disarms a board: an armed one takes gains alone, from the link that armed it,
-each to at most twice and at least half of what it was at arming, and refuses the rest with the nearest value. `tuning` configures
-the board as a system with one of its shipped tunings, their period and the settings of the actuator. `set`, `tuning`,
-`load` and `reset` change the parameters in use until the board is reset; `save`, or --save with any of them, writes the
-parameters in use to the board's flash, which it loads at every start. `load` takes a file of `dump`, or without a file
-the contents of the flash; `reset` restores the factory values. `virtual` is a new board every time: a change shows
-whether a board accepts it.
+change (pid.kp, pid.ki, pid.kd). No change disarms a board: an armed one takes gains alone, from the link that armed
+it, each to at most twice and at least half of what it was at arming, and refuses the rest with the nearest value.
+`tuning` configures the board as a system with one of its shipped tunings, their period and the settings of the
+actuator. `set`, `tuning`, `load` and `reset` change the parameters in use until the board is reset; `save`, or --save
+with any of them, writes the parameters in use to the board's flash, which it loads at every start. `load` takes a
+file of `dump`, or without a file the contents of the flash; `reset` restores the factory values. `virtual` is a new
+board every time: a change shows whether a board accepts it.
 
 `edit` opens the parameters in units in $VISUAL or $EDITOR and commits what you change; `load` takes such a file, too.
 `diff` compares two of: board, tuning (the shipped one that the board's parameters came from), defaults (factory

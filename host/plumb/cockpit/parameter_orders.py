@@ -2,7 +2,7 @@
 
 What a page is told comes from the table that the loop knows, not from the board: describing takes a while, in which
 an armed board would wait for a keep-alive. Gains that the table declares live change while the run goes on. An armed
-board takes a live gain to at most twice or half of what it was at arming; everything else is locked until it is disarmed.
+board takes a live gain to at most twice or half of what it was at arming; everything else is locked.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ def live_names(values: Mapping[str, int]) -> set[str]:
 def described(
     values: Mapping[str, int], name: str, armed: bool, at_arming: Sequence[int] | None = None
 ) -> dict[str, object]:
-    """What a page shows of one. armed: with the limits of an armed board, or the reason why it is locked. at_arming: the
-    table with which it was armed, None for that in use."""
+    """What a page shows of one. armed: with the limits of an armed board, or the reason why it is locked. at_arming:
+    the table with which it was armed, None for that in use."""
     said = description(name, values)
     rows = [row for row in table() if row.name in said.words]
     limits, locked = [said.min, said.max], ""

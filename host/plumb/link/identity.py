@@ -46,7 +46,7 @@ _REASONS = {
     "NOTHING_SAVED": "nothing is saved",
     "OWNER": "this run takes them from another link",
     "RUN_TAG": "it is for another run",
-    "ARMED": "while it is armed, only gains of controllers change, to at most twice and at least half of what they were at arming",
+    "ARMED": "while it is armed, only gains of controllers change, to twice or half of what they were at arming",
     "GREETING": "no host of its version has connected over this link",
 }
 

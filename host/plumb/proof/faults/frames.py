@@ -236,8 +236,8 @@ def stiffened(scene: Scene) -> None:
 
 
 def wild_gains(scene: Scene) -> None:
-    """Commits of the owner that an armed board must not take: wild gains, gains of another sign, none at all, words that
-    are no gains, each with its right CRC; and six in a row that go up by less than twice each."""
+    """Commits of the owner that an armed board must not take: wild gains, gains of another sign, none at all, words
+    that are no gains, each with its right CRC; and six in a row that go up by less than twice each."""
     before = scene.session.read_parameters()
     frame = scene.session.frame
     kp = [row.name for row in parameters.table()].index(KP)

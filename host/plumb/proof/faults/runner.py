@@ -73,7 +73,8 @@ class Measured:
 
 
 class Runner:
-    """All faults of one system in one scenario, with other words of the parameter table in `changes`. The scene is built once for each link, and restored for every fault."""
+    """All faults of one system in one scenario; changes: other words of the parameter table. The scene is built once
+    for each link, and restored for every fault."""
 
     def __init__(
         self,
