@@ -50,7 +50,8 @@ static void on_param_get(session_t *s, const request_t *q) {
 }
 
 /* Why the staged table may not come into use now; 0: it may. Without a run it always may. A run in real time
- * takes live parameters; while armed from its owner alone, and no more than a factor of two from what it was at arming. */
+ * takes live parameters; while armed from its owner alone, and no more than a factor of two from what it was
+ * at arming. */
 static uint16_t run_forbids_staged(const session_t *s, const request_t *q, uint16_t *detail) {
     const bool armed = session_armed(s);
 

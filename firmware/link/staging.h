@@ -20,7 +20,8 @@ typedef struct {
     store_report_t saved; /* what flash holds */
     uint16_t source;      /* of the parameters in use: store_found_t or STAGING_FROM_HOST */
     uint16_t unsafe;      /* params_unsafe() of the parameters in use */
-    params_live_t gains;  /* of the table that came into use last while disarmed: at arming, of an armed board */
+    params_live_t
+        gains; /* of the table that came into use last while disarmed: at arming, of an armed board */
 } staging_t;
 
 /* Nothing is staged, nothing is saved. table: in memory that the caller keeps; becomes a copy of *in_use. */
@@ -47,8 +48,8 @@ uint16_t staging_save(staging_t *s, const params_t *in_use);
 uint16_t staging_load(staging_t *s, const params_t *in_use);
 void staging_defaults(staging_t *s);
 
-/* Put the staged table into use. Call only while no run is on, or when only live parameters change. armed: the
- * gains that later changes are compared with stay. */
+/* Put the staged table into use. Call only while no run is on, or when only live parameters change. armed:
+ * the gains that later changes are compared with stay. */
 void staging_apply(staging_t *s, params_t *in_use, bool armed);
 
 /* Call after a host's commit: the source of the parameters becomes STAGING_FROM_HOST. */

@@ -105,8 +105,10 @@ class ParameterTransfer:
         A run in real time goes on if nothing but live parameters change; while it is armed, each to at most twice and
         at least half of what it was at arming. Another run ends, unless it is armed: then NackError ARMED has the first
         word that the board refuses, and OWNER says that the run belongs to another link or to the arm switch. Raises as
-        `upload`, too. """ self._session.require_match() return self._transfer(words, [i for i, word in enumerate(words)
-        if word != before[i]], ends=("BUSY",))
+        `upload`, too.
+        """
+        self._session.require_match()
+        return self._transfer(words, [i for i, word in enumerate(words) if word != before[i]], ends=("BUSY",))
 
     def _transfer(self, words: Sequence[int], first: Collection[int], ends: Collection[str]) -> int:
         """Stage the words of these indices first, and the whole table when that was not enough. ends: refusals at which
