@@ -12,7 +12,7 @@ import sys
 import zlib
 
 library = ctypes.CDLL(sys.argv[1])
-vector = {"word": [], "param": []}
+vector = {"kind": "step", "word": [], "param": []}
 for line in sys.stdin:
     key, *rest = line.split()
     if key in ("word", "param"):
@@ -23,18 +23,45 @@ for line in sys.stdin:
         break
 kinds = {"int32": "i", "uint32": "I", "int64": "q", "uint64": "Q"}
 record = struct.Struct("<" + "".join(kinds[kind] for kind in vector["word"]))
-params = (ctypes.c_uint32 * len(vector["param"]))(*(int(value) & 0xFFFFFFFF for value in vector["param"]))
-control = ctypes.create_string_buffer(library.plumb_sizeof_control())
-words = ctypes.create_string_buffer(record.size)
 
+
+def table(values):
+    return (ctypes.c_uint32 * len(values))(*(int(value) & 0xFFFFFFFF for value in values))
+
+
+def say(words):
+    said = f"{zlib.crc32(words):08x}"
+    if vector["report"] == "words":
+        said += "".join(f" {value}" for value in record.unpack(words))
+    print(said)
+
+
+if vector["kind"] == "refusal":  # a table of parameters in each line: does the library take it?
+    for line in sys.stdin:
+        say(struct.pack("<I", library.plumb_params_valid(table(line.split()[1:])) != 0))
+    sys.exit()
+
+params = table(vector["param"])
+control = ctypes.create_string_buffer(library.plumb_sizeof_control())
+words = ctypes.create_string_buffer(library.plumb_sizeof_words(params[0]))
+records = []
 library.plumb_control_init(control, params)
-for step in range(int(vector["steps"])):
-    *raw, setpoint = map(int, sys.stdin.readline().split())
+for line in sys.stdin:
+    if line.startswith("retune "):
+        params, before = table(line.split()[1:]), params
+        library.plumb_control_retune(control, before, params)
+        continue
+    step = len(records)
+    *raw, setpoint = map(int, line.split())
     if len(raw) != 6:
         sys.exit(f"step {step} has {len(raw)} raw counts")
     library.plumb_control_step(control, params, (ctypes.c_int16 * 6)(*raw), ctypes.c_int32(setpoint))
     library.plumb_control_words(control, params, words)
-    said = f"{zlib.crc32(words.raw):08x}"
-    if vector["report"] == "words":
-        said += "".join(f" {value}" for value in record.unpack(words.raw))
-    print(said)
+    records.append(words.raw)
+if vector["kind"] == "plausibility":  # what its checks know after each step
+    states = ctypes.create_string_buffer(record.size * len(records))
+    unit = ctypes.c_uint32(int(vector["variance_turn2_q56"]))
+    library.plumb_plausibility_run(params, b"".join(records), len(records), unit, states)
+    records = [states.raw[at : at + record.size] for at in range(0, len(states), record.size)]
+for words in records:
+    say(words)

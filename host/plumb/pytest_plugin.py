@@ -125,9 +125,8 @@ class GoldenVectors(pytest.Collector):
         except PlumbError as error:
             raise pytest.UsageError(str(error)) from None
         for name, kind in kinds.items():
-            whole = golden.takes_every_vector(kind)
             for case in cases:
-                if whole or case.entry.on_link:
+                if golden.takes(kind, case):
                     yield GoldenVector.from_parent(
                         self,
                         name=f"{case.entry.name}[{name}]",

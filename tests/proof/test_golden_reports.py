@@ -383,9 +383,10 @@ def test_a_wrong_port_is_traced_to_its_signal(folder: Path, tmp_path: Path, caps
     """With the words to the signal, without them to the step."""
     wrong = tmp_path / "wrong.py"
     text = LIBRARY.read_text()
-    assert "\n    said = f" in text
-    spoil = "\n    if step >= 25:\n        words[24] = (words[24][0] ^ 1).to_bytes(1, 'little')\n    said = f"
-    wrong.write_text(text.replace("\n    said = f", spoil))
+    kept = "\n    records.append("
+    spoil = "\n    if step >= 25:\n        words[24] = (words[24][0] ^ 1).to_bytes(1, 'little')"
+    assert kept in text
+    wrong.write_text(text.replace(kept, spoil + kept))
     board = f"program:{PYTHON} {wrong} {native_core.core_path()}"
     shown = tmp_path / "golden.html"
     code, out, _ = run(

@@ -37,6 +37,11 @@ class Prepared:
         raw, setpoint = np.ascontiguousarray(vector.raw, np.int16), np.ascontiguousarray(vector.setpoint, np.int32)
         return cls(vector.name, words, raw, setpoint, vector.digests)
 
+    @classmethod
+    def all(cls, vectors: Sequence[Vector]) -> list[Prepared]:
+        """The vectors of steps, short ones first."""
+        return sorted((cls.of(one) for one in vectors if one.task is None), key=lambda one: len(one.raw))
+
     def kills(self, library: ctypes.CDLL) -> bool:
         digests = np.zeros(len(self.raw), np.uint32)
         arrays = [array.ctypes.data_as(ctypes.c_void_p) for array in (self.params, self.raw, self.setpoint)]

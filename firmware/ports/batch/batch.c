@@ -54,7 +54,7 @@ EXPORT void plumb_tilt_run(const uint32_t *params, const int32_t *accel_y_g_q26,
                            int32_t n, int32_t *turn_q32, uint32_t *variance);
 EXPORT void plumb_reciprocal_run(const uint32_t *d, int32_t n, uint32_t *y_q61);
 EXPORT int32_t plumb_plausibility_run(const uint32_t *params, const uint8_t *words, int32_t steps,
-                                      uint32_t variance_turn2_q56, uint16_t *failed, uint16_t *missing);
+                                      uint32_t variance_turn2_q56, uint32_t *states);
 EXPORT uint32_t plumb_crc32(const uint8_t *data, int32_t bytes);
 
 /* The words of a system's step in the order of its record; arrays as name_index. NULL: this core has no such
@@ -242,23 +242,42 @@ uint32_t plumb_crc32(const uint8_t *data, int32_t bytes) {
     return digest_crc32(data, (size_t)bytes);
 }
 
-/* The plausibility of a run, from the records of its steps. 0: this system has none to check. */
+#define PLAUSIBILITY_WORDS 15
+
+/* The plausibility of a run, from the records of its steps: the state after each as 32-bit words,
+ * [steps][15]. 0: this system has none to check. */
 int32_t plumb_plausibility_run(const uint32_t *params, const uint8_t *words, int32_t steps,
-                               uint32_t variance_turn2_q56, uint16_t *failed, uint16_t *missing) {
+                               uint32_t variance_turn2_q56, uint32_t *states) {
     plumb_params_t p;
     control_words_t record;
-    plumb_plausibility_t state;
+    plumb_plausibility_t s;
 
     memcpy(&p, params, sizeof p);
     const plumb_plausibility_bounds_t *const bounds = control_system(&p)->plausibility;
     if (bounds == NULL)
         return 0;
-    plumb_plausibility_init(&state);
+    plumb_plausibility_init(&s);
     for (int32_t k = 0; k < steps; k++) {
         memcpy(&record, words + (size_t)k * control_words_bytes(&p), control_words_bytes(&p));
-        plumb_plausibility_step(&state, bounds, &record, p.kalman.dt_s_q33, variance_turn2_q56);
-        failed[k] = state.failed;
-        missing[k] = state.missing;
+        plumb_plausibility_step(&s, bounds, &record, p.kalman.dt_s_q33, variance_turn2_q56);
+        const uint32_t now[PLAUSIBILITY_WORDS] = {
+            s.accel_s_q33,
+            s.innovation_s_q33,
+            s.rate_s_q33,
+            s.converged_s_q33,
+            s.ready_s_q33,
+            (uint32_t)s.mismatch_turn_q32,
+            (uint32_t)s.measured_turn_q32,
+            (uint32_t)s.rate_turnps_q28,
+            (uint32_t)s.innovation_turn_q32,
+            (uint32_t)s.rate_mean_turnps_q28,
+            (uint32_t)s.accel_mean_g2_q20,
+            s.begun ? 1U : 0U,
+            s.converged ? 1U : 0U,
+            s.failed,
+            s.missing,
+        };
+        memcpy(states + (size_t)k * PLAUSIBILITY_WORDS, now, sizeof now);
     }
     return 1;
 }

@@ -10,7 +10,8 @@ import numpy.typing as npt
 from plumb import systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper
 from plumb.spec.records import Words
-from plumb.systems import run_fixed
+from plumb.systems import run_fixed, run_tasks
+from plumb.systems.tasks import KINDS, Task
 
 if TYPE_CHECKING:
     from plumb.tuning.quantise import Changes, ControlParams
@@ -46,6 +47,7 @@ class FixedParts:
 
 class FixedBoard(Board):
     name = "fixed"
+    task_kinds = KINDS
 
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
         words = run_fixed.run_control(params, raw, setpoint)
@@ -54,6 +56,13 @@ class FixedBoard(Board):
     def run_changed(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Answer:
         words = run_fixed.run_changed(params, changes, raw, setpoint)
         return Answer(words.digests(), words)
+
+    def run_task(self, task: Task) -> Answer:
+        words = run_tasks.run_task(task)
+        return Answer(words.digests(), words)
+
+    def words_of_task(self, task: Task, step: int) -> dict[str, int]:
+        return {name: int(values[step]) for name, values in run_tasks.run_task(task).items()}
 
     def part_runner(self, params: ControlParams) -> FixedParts:
         return FixedParts(params)

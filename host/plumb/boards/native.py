@@ -10,6 +10,7 @@ import numpy.typing as npt
 from plumb import systems
 from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper, native_core
 from plumb.systems import run_fixed
+from plumb.systems.tasks import KINDS, Task
 
 if TYPE_CHECKING:
     from plumb.tuning.quantise import Changes, ControlParams
@@ -46,6 +47,7 @@ class NativeParts:
 
 class NativeBoard(Board):
     name = "native"
+    task_kinds = KINDS
 
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
         words = native_core.run_control(params, raw, setpoint)
@@ -54,6 +56,13 @@ class NativeBoard(Board):
     def run_changed(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Answer:
         words = native_core.run_changed(params, changes, raw, setpoint)
         return Answer(words.digests(), words)
+
+    def run_task(self, task: Task) -> Answer:
+        words = native_core.run_task(task)
+        return Answer(words.digests(), words)
+
+    def words_of_task(self, task: Task, step: int) -> dict[str, int]:
+        return {name: int(values[step]) for name, values in native_core.run_task(task).items()}
 
     def part_runner(self, params: ControlParams) -> NativeParts:
         return NativeParts(params)

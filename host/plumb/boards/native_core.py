@@ -18,8 +18,9 @@ import numpy.typing as npt
 from plumb.checkout import CHECKOUT, PACKAGE
 from plumb.errors import UsageError
 from plumb.spec import declarations, parameters
-from plumb.spec.records import RECORDS, Words, block_dtype, names_of
+from plumb.spec.records import PLAUSIBILITY, RECORDS, VALIDITY, Words, block_dtype, names_of
 from plumb.systems.run_fixed import check_inputs, parts_of, system_name
+from plumb.systems.tasks import Task
 from plumb.tuning.quantise import Changes, ControlParams
 
 LIBRARY = "libplumb_native.so"
@@ -281,17 +282,29 @@ def run_changed(params: ControlParams, changes: Changes, raw: npt.ArrayLike, set
     return Words(np.concatenate(parts))
 
 
+def run_task(task: Task) -> Words:
+    """What stands beside plain steps, by this library."""
+    if task.kind == "refusal":
+        return Words(np.array([(int(params_valid(table)),) for table in task.tables], VALIDITY))
+    words = run_changed(task.params, task.changes, task.raw, task.setpoint)
+    return _plausibility(task.params, words, task.unit_turn2_q56) if task.kind == "plausibility" else words
+
+
 def plausibility(params: ControlParams, words: Words) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.uint16]]:
     """Run core/plausibility.c over the records of one run: after each step the bits of the failing checks, and of the
     missing conditions for arming, shape (steps,) each. Raises UsageError for a system without plausibility bounds."""
-    steps = len(words.record)
-    failed, missing = np.zeros(steps, np.uint16), np.zeros(steps, np.uint16)
-    record = np.ascontiguousarray(words.record)
-    unit = ctypes.c_uint32(params.variance_turn2_q56)
-    table = _pointer(_u32(params.words()))
-    if not c_core().plumb_plausibility_run(table, _pointer(record), steps, unit, _pointer(failed), _pointer(missing)):
+    found = _plausibility(params, words, params.variance_turn2_q56)
+    return found["failed"].astype(np.uint16), found["missing"].astype(np.uint16)
+
+
+def _plausibility(params: ControlParams, words: Words, unit_turn2_q56: int) -> Words:
+    """The whole state after every step."""
+    found = np.zeros(len(words.record), PLAUSIBILITY)
+    record, table = np.ascontiguousarray(words.record), _u32(params.words())
+    unit = ctypes.c_uint32(unit_turn2_q56)
+    if not c_core().plumb_plausibility_run(_pointer(table), _pointer(record), len(record), unit, _pointer(found)):
         raise UsageError(f"{params.system} moves nothing: there is no plausibility to check")
-    return failed, missing
+    return Words(found)
 
 
 def kalman_steps_per_s(params: ControlParams, runs: int = 64, steps: int = 4000, repeats: int = 5) -> float:

@@ -13,6 +13,19 @@ to stdout, and exits with code 0. All text is ASCII, numbers are decimal, fields
     steps N                                 the last line of the header; then a line for each step:
     RAW0 RAW1 RAW2 RAW3 RAW4 RAW5 SETPOINT  six int16 counts, an int32
 
+A vector that is more than steps of one set of parameters (plumb.systems.tasks) begins with `plumb-program 2`, so that a
+program which was written for the first version refuses it. Its header has also
+
+    kind retune                             or: plausibility, refusal
+    variance_turn2_q56 N                    of plausibility: the value of 2^32 lsb of variance, for the check
+
+and before or in place of the lines of steps
+
+    retune VALUE0 VALUE1 ...                other parameters from the next step on, every word of plumb_params_t
+    table VALUE0 VALUE1 ...                 of a refusal: one table; its record is the word `valid`, 1 or 0
+
+The record of a plausibility step is plumb_plausibility_t, each member as a word of 32 bits.
+
 Lines of the header that a program does not know are to be skipped. Output, one line for each step:
 
     DIGEST                                  CRC-32 of the record's bytes, 8 hexadecimal digits
@@ -39,12 +52,14 @@ import numpy.typing as npt
 
 from plumb.boards import Answer, Board, RawCounts, Setpoints, Stepper
 from plumb.errors import LinkError, UsageError
-from plumb.spec.records import RECORDS, Words, names_of
+from plumb.spec.records import RECORDS, Words
+from plumb.systems.tasks import KINDS, Task
 
 if TYPE_CHECKING:
     from plumb.tuning.quantise import ControlParams
 
 VERSION = 1
+TASK_VERSION = 2
 START_UP_S = 30.0
 """Time limit of a run, plus STEP_S for every step."""
 STEP_S = 5e-3
@@ -58,25 +73,56 @@ def vector_text(
     params: ControlParams, raw: RawCounts, setpoint: Setpoints, *, words: bool = False, name: str = "unnamed"
 ) -> str:
     """What the program reads. words: ask for the words of every step, too."""
-    record = RECORDS[params.system]
-    head = [
-        f"plumb-program {VERSION}",
+    head = _head(VERSION, params, name, words)
+    samples = np.column_stack([raw.astype(np.int64), setpoint.astype(np.int64)]).tolist()
+    steps = [" ".join(map(str, sample)) for sample in samples]
+    return "\n".join([*head, *_layout(params, RECORDS[params.system], len(raw)), *steps]) + "\n"
+
+
+def task_text(task: Task, *, words: bool = False, name: str = "unnamed") -> str:
+    """What the program reads for a vector that is more than steps of one set of parameters."""
+    head = [*_head(TASK_VERSION, task.params, name, words), f"kind {task.kind}"]
+    if task.kind == "plausibility":
+        head.append(f"variance_turn2_q56 {task.unit_turn2_q56}")
+    head += _layout(task.params, task.record, len(task.raw))
+    if task.kind == "refusal":
+        return "\n".join([*head, *(_table("table", table) for table in task.tables)]) + "\n"
+    changes: dict[int, list[str]] = {}
+    for change in task.changes:
+        changes.setdefault(change.step, []).append(_table("retune", change.params))
+    samples = np.column_stack([task.raw.astype(np.int64), task.setpoint.astype(np.int64)]).tolist()
+    for step, sample in enumerate(samples):
+        head += [*changes.get(step, ()), " ".join(map(str, sample))]
+    return "\n".join(head) + "\n"
+
+
+def _head(version: int, params: ControlParams, name: str, words: bool) -> list[str]:
+    return [
+        f"plumb-program {version}",
         f"vector {name}",
         f"system {params.system}",
         f"period_us {round(params.period_s * 1e6)}",
         f"report {'words' if words else 'digests'}",
-        *(f"word {word} {record[word].name}" for word in names_of(params.system)),
-        *(f"param {key} {value}" for key, value in zip(params.values, params.words(), strict=True)),
-        f"steps {len(raw)}",
     ]
-    samples = np.column_stack([raw.astype(np.int64), setpoint.astype(np.int64)]).tolist()
-    return "\n".join([*head, *(" ".join(map(str, sample)) for sample in samples)]) + "\n"
+
+
+def _layout(params: ControlParams, record: np.dtype[np.void], steps: int) -> list[str]:
+    return [
+        *(f"word {word} {record[word].name}" for word in record.names or ()),
+        *(f"param {key} {value}" for key, value in zip(params.values, params.words(), strict=True)),
+        f"steps {steps}",
+    ]
+
+
+def _table(key: str, params: ControlParams) -> str:
+    return " ".join([key, *map(str, params.words())])
 
 
 class ProgramBoard(Board):
     """The board that runs each vector in a process of its own. command: the program and its arguments."""
 
     name = "program"
+    task_kinds = KINDS
 
     def __init__(self, command: Sequence[str]) -> None:
         self._command = list(command)
@@ -86,7 +132,17 @@ class ProgramBoard(Board):
 
         A program that prints too few or too many lines is no error: the steps are compared as they are.
         """
-        return Answer(self._digests(self._lines(params, raw, setpoint, words=False)))
+        return Answer(self._digests(self._lines(vector_text(params, raw, setpoint), len(raw))))
+
+    def run_task(self, task: Task) -> Answer:
+        """As `run_injected`, with the second version of the lines."""
+        return Answer(self._digests(self._lines(task_text(task), len(task.raw))))
+
+    def words_of_task(self, task: Task, step: int) -> dict[str, int]:
+        """{} when the program prints no words."""
+        lines = self._lines(task_text(task, words=True), len(task.raw))[step : step + 1]
+        words = self._words(lines, task.record) if lines else None
+        return {} if words is None else {name: int(values[0]) for name, values in words.items()}
 
     def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:
         """{} when the program prints no words."""
@@ -97,12 +153,12 @@ class ProgramBoard(Board):
         self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, first: int, end: int
     ) -> Words | None:
         """The words of the steps from `first` to before `end`, None when the program prints none for each of them."""
-        lines = self._lines(params, raw[:end], setpoint[:end], words=True)[first:end]
-        record = RECORDS[params.system]
-        names = names_of(params.system)
-        rows = np.zeros(end - first, record)
-        if len(lines) != end - first:
-            return None
+        lines = self._lines(vector_text(params, raw[:end], setpoint[:end], words=True), end)[first:end]
+        return self._words(lines, RECORDS[params.system]) if len(lines) == end - first else None
+
+    def _words(self, lines: Sequence[bytes], record: np.dtype[np.void]) -> Words | None:
+        names = record.names or ()
+        rows = np.zeros(len(lines), record)
         for row, line in zip(rows, lines, strict=True):
             values = line.split()[1:]
             if len(values) != len(names):
@@ -129,12 +185,12 @@ class ProgramBoard(Board):
             digests[step] = int(text, 16)
         return digests
 
-    def _lines(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, *, words: bool) -> list[bytes]:
+    def _lines(self, text: str, steps: int) -> list[bytes]:
         """What the program printed, at most one line more than there are steps."""
-        limit_s = START_UP_S + STEP_S * len(raw)
+        limit_s = START_UP_S + STEP_S * steps
         # Files instead of pipes: a program may end before it has read all, or print before it reads.
         with tempfile.TemporaryFile() as given, tempfile.TemporaryFile() as said, tempfile.TemporaryFile() as complaint:
-            given.write(vector_text(params, raw, setpoint, words=words).encode())
+            given.write(text.encode())
             given.seek(0)
             try:
                 process = subprocess.Popen(
@@ -145,7 +201,7 @@ class ProgramBoard(Board):
                     f"cannot run {self._command[0]}: {error.strerror}; name a program as in program:./port"
                 ) from None
             try:
-                code = self._wait(process, (said, complaint), limit_s, (len(raw) + 1) * MOST_LINE_BYTES)
+                code = self._wait(process, (said, complaint), limit_s, (steps + 1) * MOST_LINE_BYTES)
             finally:
                 if process.poll() is None:
                     _kill(process)
@@ -153,7 +209,7 @@ class ProgramBoard(Board):
                 last = _last_line(complaint)
                 raise LinkError(f"{self._command[0]} ended with code {code}: {last or 'it said nothing'}")
             said.seek(0)
-            return self._bounded(said, len(raw) + 1)
+            return self._bounded(said, steps + 1)
 
     def _wait(
         self, process: subprocess.Popen[bytes], outputs: Sequence[IO[bytes]], limit_s: float, most_bytes: int

@@ -24,6 +24,7 @@ from plumb.checkout import CHECKOUT
 from plumb.errors import LinkError, UsageError
 from plumb.spec.records import RECORDS, Words
 from plumb.systems.run_fixed import parts_of
+from plumb.systems.tasks import Task
 
 if TYPE_CHECKING:
     from plumb.tuning.quantise import Changes, ControlParams
@@ -97,6 +98,7 @@ class QemuBoard(Board):
     """The board that runs each vector in a QEMU process of its own. image: the ELF file that it runs."""
 
     name = "qemu"
+    task_kinds = ("retune",)
 
     def __init__(self, image: Path | None = None) -> None:
         program = shutil.which(PROGRAM)
@@ -109,6 +111,14 @@ class QemuBoard(Board):
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
         """Raises LinkError when QEMU fails or hangs, UsageError when the image refuses the parameters."""
         return self.run_changed(params, (), raw, setpoint)
+
+    def run_task(self, task: Task) -> Answer:
+        return self.run_changed(task.params, task.changes, task.raw, task.setpoint)
+
+    def words_of_task(self, task: Task, step: int) -> dict[str, int]:
+        words = self.run_task(task).words
+        assert words is not None
+        return {name: int(values[step]) for name, values in words.items()}
 
     def run_changed(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Answer:
         steps = len(raw)

@@ -18,6 +18,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from plumb.boards import Board, native_core
+from plumb.boards.tasks import RunsTasks
 from plumb.checkout import CHECKOUT, PACKAGE
 from plumb.errors import UsageError
 from plumb.link.endpoint_names import BoardName, LocalBoard, ProgramName
@@ -26,17 +27,22 @@ from plumb.proof.compare import Divergence, count_mismatches
 from plumb.proof.golden_file import FORMAT, MAX_FILE_BYTES, SUFFIX, Vector, read_bounded
 from plumb.proof.golden_result import Result, VectorResult, bit_exact, verdict_of, worst_of
 from plumb.proof.golden_trace import trace
-from plumb.systems import run_fixed
+from plumb.systems import run_fixed, run_tasks
 
 __all__ = [
     "FORMAT", "SUFFIX", "Case", "Divergence", "Result", "Vector", "VectorResult", "bit_exact", "build", "cases",
-    "cases_for", "cases_named", "check", "check_each", "check_vector", "load", "make", "takes_every_vector",
+    "cases_for", "cases_named", "check", "check_each", "check_vector", "load", "make", "takes",
     "vectors_folder", "verdict_of", "worst_of",
 ]  # fmt: skip
 
 RECIPE = "recipe.toml"
 WHOLE_BOARDS = ("fixed", "native", "qemu", "program")
-"""Boards that run every vector; the others run those marked `on_link`."""
+"""Boards that run every vector of steps; the others run those marked `on_link`."""
+ASKED_BOARDS = ("fixed", "native", "program")
+"""Those that also answer for what is no step."""
+
+
+TASK_BOARDS = {"retune": WHOLE_BOARDS, "plausibility": ASKED_BOARDS, "refusal": ASKED_BOARDS}
 
 
 def vectors_folder(folder: Path | None = None) -> Path:
@@ -52,9 +58,12 @@ def vectors_folder(folder: Path | None = None) -> Path:
 def build(entry: golden_recipe.Entry) -> Vector:
     """The vector that a recipe entry describes, from the integer model."""
     params, raw, setpoint = entry.inputs()
-    words = run_fixed.run_control(params, raw, setpoint)
+    task = entry.task()
+    if task is not None:
+        raw, setpoint = task.raw, task.setpoint
+    words = run_fixed.run_control(params, raw, setpoint) if task is None else run_tasks.run_task(task)
     final = {name: int(values[-1]) for name, values in words.items()}
-    return Vector(entry.name, entry.system, entry.on_link, params, raw, setpoint, words.digests(), final)
+    return Vector(entry.name, entry.system, entry.on_link, params, raw, setpoint, words.digests(), final, task)
 
 
 def make(folder: Path, systems: Sequence[str] | None = None) -> list[str]:
@@ -106,6 +115,7 @@ def _case(folder: Path, entry: golden_recipe.Entry, row: golden_manifest.Row) ->
         ("system", vector.system, entry.system),
         ("steps", len(vector.raw), entry.steps),
         ("on_link", vector.on_link, entry.on_link),
+        ("kind", vector.kind, entry.kind),
     ):
         if found != wanted:
             raise UsageError(f"{path} says {what} {found}, its recipe {wanted}; {again}")
@@ -140,13 +150,15 @@ def cases_named(every: Sequence[Case], patterns: Sequence[str] | None) -> list[C
 
 
 def cases_for(board: str, every: Sequence[Case]) -> list[Case]:
-    """Those that a board takes, by its name: over a link only those marked for one."""
-    return [case for case in every if case.entry.on_link or board in WHOLE_BOARDS]
+    """Those that a board takes, by its name: over a link only those marked for one, and of other kinds than steps
+    those that it can."""
+    return [case for case in every if case.entry.on_link or board in TASK_BOARDS.get(case.entry.kind, WHOLE_BOARDS)]
 
 
-def takes_every_vector(name: BoardName) -> bool:
-    """Whether a board that is not open yet takes all vectors, as `cases_for` of one that is."""
-    return isinstance(name, ProgramName) or (isinstance(name, LocalBoard) and name.kind in WHOLE_BOARDS)
+def takes(name: BoardName, case: Case) -> bool:
+    """Whether a board that is not open yet takes the case, as `cases_for` of one that is."""
+    kind = "program" if isinstance(name, ProgramName) else name.kind if isinstance(name, LocalBoard) else ""
+    return bool(cases_for(kind, [case]))
 
 
 def check(
@@ -171,7 +183,11 @@ def check_each(board: Board, board_name: str, every: Sequence[Case]) -> Iterator
 def check_vector(board: Board, board_name: str, case: Case) -> VectorResult:
     """Runs one vector on a board, and traces the first difference down to its signal."""
     vector, start_s = case.vector, time.monotonic()
-    answer = board.run_injected(vector.params, vector.raw, vector.setpoint)
+    if vector.task is None:
+        answer = board.run_injected(vector.params, vector.raw, vector.setpoint)
+    else:
+        assert isinstance(board, RunsTasks)  # cases_for
+        answer = board.run_task(vector.task)
     compared = slice(0, answer.unverified_from)
     wrong = count_mismatches(vector.digests[compared], answer.digests[compared])
     found = trace(board, case.entry, vector, answer)

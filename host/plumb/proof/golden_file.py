@@ -8,6 +8,13 @@ One line of JSON (at most 64 KiB), then binary, little endian, without compressi
     uint32 digest   (steps,)           CRC-32 of every step's words
     uint32 check                       CRC-32 of every byte before it, the header included
 
+A vector of another kind than steps has the format `plumb golden 4`, whose header has four fields more:
+
+    "kind"            retune, plausibility or refusal
+    "changes"         of a retune: [[step, {word: value}], ...], from that step on, against the parameters before
+    "tables"          of a refusal: [{word: value}, ...], each against "params"; "steps" is their number
+    "unit_turn2_q56"  of a plausibility: the value of 2^32 lsb of variance
+
 "params" are the parameter words that the system reads, "final" the words of the last step, by name. "on_link" marks the
 vectors that are also run over a link, where a step costs a frame. A vector has one form: a file with other bytes, for
 example a space more in its header, is refused, although it would mean the same.
@@ -20,25 +27,29 @@ import stat
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
 from plumb.boards import RawCounts, Setpoints
 from plumb.errors import UsageError
+from plumb.proof.golden_json import integer, integers, json_object
 from plumb.proof.golden_recipe import MAX_STEPS, is_name
+from plumb.proof.golden_task_file import task_fields, task_of_fields
 from plumb.spec import declarations, parameters
-from plumb.spec.records import names_of
+from plumb.spec.records import RECORDS
+from plumb.systems.tasks import Task
 from plumb.tuning.quantise import ControlParams
 
 FORMAT = "plumb golden 3"
+TASK_FORMAT = "plumb golden 4"
 SUFFIX = ".golden"
 MAX_HEADER_BYTES = 1 << 16
 MAX_FILE_BYTES = MAX_HEADER_BYTES + 20 * MAX_STEPS + 4
 """Header; for every step six counts, a setpoint and a digest; the check value."""
 _CHANNELS = 6
 _FIELDS = {"format", "name", "system", "on_link", "steps", "columns", "setpoint", "params", "final"}
+_TASK_FIELDS = _FIELDS | {"kind", "changes", "tables", "unit_turn2_q56"}
 
 
 @dataclass(frozen=True)
@@ -53,6 +64,11 @@ class Vector:
     setpoint: Setpoints
     digests: npt.NDArray[np.uint32]
     final: dict[str, int]
+    task: Task | None = None
+
+    @property
+    def kind(self) -> str:
+        return "step" if self.task is None else self.task.kind
 
     def encode(self) -> bytes:
         columns = [i for i in range(self.raw.shape[1]) if self.raw[:, i].any()]
@@ -68,6 +84,8 @@ class Vector:
             "params": self.params.own(),
             "final": self.final,
         }
+        if self.task is not None:
+            header |= {"format": TASK_FORMAT, **task_fields(self.task)}
         payload = self.raw[:, columns].astype("<i2").tobytes()
         payload += b"" if constant else self.setpoint.astype("<i4").tobytes()
         payload += self.digests.astype("<u4").tobytes()
@@ -98,12 +116,13 @@ class Vector:
         if end < 0:
             raise ValueError("it has no header")
         header = json_object(data[:end])
-        if header.get("format") != FORMAT:
-            raise ValueError(f"its format is not '{FORMAT}'")
+        if header.get("format") not in (FORMAT, TASK_FORMAT):
+            raise ValueError(f"its format is neither '{FORMAT}' nor '{TASK_FORMAT}'")
+        fields = _FIELDS if header["format"] == FORMAT else _TASK_FIELDS
         if zlib.crc32(data[:-4]) != int.from_bytes(data[-4:], "little"):
             raise ValueError("its check value is wrong, so it is damaged")
-        if set(header) != _FIELDS:
-            raise ValueError(f"its header must have exactly the fields {', '.join(sorted(_FIELDS))}")
+        if set(header) != fields:
+            raise ValueError(f"its header must have exactly the fields {', '.join(sorted(fields))}")
         name, system, on_link = header["name"], header["system"], header["on_link"]
         if not is_name(name):
             raise ValueError("its name is not valid")
@@ -132,8 +151,6 @@ class Vector:
             raise ValueError(f"it says {former}, which is named {now} now")
         params = ControlParams.of(system, values)
         final = integers(header["final"], "final")
-        if set(final) != set(names_of(system)):
-            raise ValueError(f"final does not hold the words of a step of {system}")
         raw = np.zeros((steps, _CHANNELS), np.int16)
         raw[:, columns] = np.frombuffer(payload[:counts_bytes], "<i2").reshape(steps, len(columns))
         if constant is None:
@@ -142,7 +159,10 @@ class Vector:
         else:
             setpoint = np.full(steps, constant, np.int32)
         digests = np.frombuffer(payload[counts_bytes + setpoint_bytes :], "<u4").astype(np.uint32)
-        return cls(name, system, on_link, params, raw, setpoint, digests, final)
+        task = None if header["format"] == FORMAT else task_of_fields(header, params, raw, setpoint)
+        if set(final) != set((RECORDS[system] if task is None else task.record).names or ()):
+            raise ValueError(f"final does not hold the words of a step of {system}")
+        return cls(name, system, on_link, params, raw, setpoint, digests, final, task)
 
 
 def sealed(data: bytes) -> bytes:
@@ -162,39 +182,3 @@ def read_bounded(path: Path, limit: int) -> bytes:
             return file.read(limit + 1)
     except OSError as error:
         raise UsageError(f"{path} cannot be read ({error.strerror}); make it again with: plumb golden make") from None
-
-
-def json_object(data: bytes) -> dict[str, Any]:
-    """A JSON object without floats, NaN or repeated keys; raises ValueError or RecursionError."""
-    try:
-        value = json.loads(data.decode(), object_pairs_hook=_unique, parse_float=_no_float, parse_constant=_no_float)
-    except (UnicodeDecodeError, json.JSONDecodeError):
-        raise ValueError("it is no JSON") from None
-    if not isinstance(value, dict):
-        raise ValueError("it is no JSON object")
-    return value
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) != len(pairs):
-        raise ValueError("a key appears twice")
-    return found
-
-
-def _no_float(text: str) -> NoReturn:
-    raise ValueError("a number is no integer")
-
-
-def integer(value: Any, low: int, high: int, what: str) -> int:
-    """The value when it is an integer in its range; raises ValueError otherwise. True and False are refused."""
-    if type(value) is not int or not low <= value <= high:
-        raise ValueError(f"{what} is no integer from {low} to {high}")
-    return value
-
-
-def integers(value: Any, what: str) -> dict[str, int]:
-    """An object of integers that fit into 64 bits; raises ValueError otherwise."""
-    if not isinstance(value, dict):
-        raise ValueError(f"{what} is no object")
-    return {name: integer(number, -(1 << 63), (1 << 64) - 1, f"a number of {what}") for name, number in value.items()}

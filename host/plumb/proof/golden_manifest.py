@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from plumb.errors import UsageError
-from plumb.proof.golden_file import integer, json_object, read_bounded
+from plumb.proof.golden_file import read_bounded
+from plumb.proof.golden_json import integer, json_object
 from plumb.proof.golden_recipe import MAX_STEPS, Entry, is_name
 from plumb.spec import declarations
 

@@ -51,7 +51,7 @@ def moved(params: ControlParams, draw: Draw, kept: Set[str] = frozenset()) -> Co
             params = params if kept & set(words) else _kept(params, words)
     for row in sorted(rows, key=lambda row: (draw.bits(), row.name)):
         if draw.chance(share) and row.name not in kept:
-            params = _kept(params, {row.name: _value(row, params[row.name], draw)})
+            params = _kept(params, {row.name: value_of(row, params[row.name], draw)})
     return params
 
 
@@ -61,7 +61,8 @@ def _kept(params: ControlParams, words: dict[str, int]) -> ControlParams:
     return changed if inside and run_fixed.params_valid(changed) else params
 
 
-def _value(row: Parameter, now: int, draw: Draw) -> int:
+def value_of(row: Parameter, now: int, draw: Draw) -> int:
+    """An end of the range, beside it, beside the present value, or of any size within it."""
     low, high = row.min, row.max
     kind = draw.below(8)
     if kind < 4:

@@ -11,6 +11,7 @@ tests/vectors/recipe.toml, a [[vector]] table each:
     words       optional: parameter words of that system as integers, put in after the tuning was quantised
     steps       number of steps
     on_link     optional: also run over a link
+    kind        optional: retune, plausibility or refusal in place of step: see plumb.proof.golden_tasks
     reaches     optional: why the vector is there, for the reader
 
 A name is lower-case letters, digits and underscores, so that it cannot lead out of the folder. Everything a recipe says
@@ -36,7 +37,9 @@ from plumb.boards import RawCounts, Setpoints
 from plumb.errors import UsageError
 from plumb.proof.golden_random import random_bits
 from plumb.proof.golden_reach import reach
+from plumb.proof.golden_tasks import task_of
 from plumb.systems.contracts import fitted
+from plumb.systems.tasks import KINDS, Task
 from plumb.tuning.quantise import ControlParams, quantise
 
 MAX_STEPS = 1_000_000
@@ -124,6 +127,7 @@ class Entry:
     set: dict[str, object] = field(default_factory=dict)
     words: dict[str, int] = field(default_factory=dict)
     reaches: str = ""
+    kind: str = "step"
 
     def params(self) -> ControlParams:
         """The parameters of the vector."""
@@ -157,6 +161,10 @@ class Entry:
             period_us=tuning.period_us,
         )
         return self._exact(quantise(fitted(run, tuning))), run.counts()[self.begin :], run.setpoint()[self.begin :]
+
+    def task(self) -> Task | None:
+        """What it asks of a board beside steps; None: nothing."""
+        return None if self.kind == "step" else task_of(self.kind, self.seed, *self.inputs())
 
     def _exact(self, params: ControlParams) -> ControlParams:
         """With the recipe's own words."""
@@ -213,13 +221,15 @@ def _entry(table: Any) -> Entry:
         if needed not in table:
             raise ValueError(f"{name} lacks the field '{needed}'")
     for kind, of in (
-        (str, ("system", "tuning", "scenario", "wild", "reaches")),
+        (str, ("system", "tuning", "scenario", "wild", "reaches", "kind")),
         (int, ("steps", "seed", "begin")),
         (bool, ("on_link",)),
     ):
         for key in of:
             if key in table and type(table[key]) is not kind:
                 raise ValueError(f"{name}: {key} is no {kind.__name__}")
+    if table.get("kind", "step") not in ("step", *KINDS) or ("kind" in table and table.get("on_link")):
+        raise ValueError(f"{name}: kind is one of step, {', '.join(KINDS)}, and those but step are not for a link")
     if table["system"] not in systems.SYSTEMS:
         raise ValueError(f"{name}: there is no system '{table['system'][:80]}'")
     if not 1 <= table["steps"] <= MAX_STEPS or not 0 <= table["seed"] <= MAX_SEED:

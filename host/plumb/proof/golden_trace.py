@@ -12,11 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from plumb.boards import Answer, Board, native_core
+from plumb.boards.tasks import RunsTasks
 from plumb.proof.compare import Divergence, divergence_at, first_digest_divergence, first_divergence
 from plumb.proof.golden_file import Vector
 from plumb.proof.golden_recipe import Entry
 from plumb.spec.records import Words
-from plumb.systems import run_fixed
+from plumb.systems import run_fixed, run_tasks
 
 
 def trace(board: Board, entry: Entry, vector: Vector, answer: Answer) -> Divergence | None:
@@ -25,11 +26,11 @@ def trace(board: Board, entry: Entry, vector: Vector, answer: Answer) -> Diverge
     step = first_digest_divergence(vector.digests[compared], answer.digests[compared])
     if step is None:
         return _first_in_words(vector, answer)
-    model = run_fixed.run_control(vector.params, vector.raw, vector.setpoint)
+    model = _model(vector)
     right = model
     differs = first_digest_divergence(model.digests(), vector.digests)
     if differs is not None and differs <= step:
-        core = native_core.run_control(vector.params, vector.raw, vector.setpoint)
+        core = _core(vector)
         if not np.array_equal(core.digests()[: step + 1], vector.digests[: step + 1]):
             return _first_in_file(entry, vector, model, differs)
         right = core
@@ -37,9 +38,23 @@ def trace(board: Board, entry: Entry, vector: Vector, answer: Answer) -> Diverge
     def words_of_step(step: int) -> dict[str, int]:
         if answer.words is not None:
             return {name: int(values[step]) for name, values in answer.words.items()}
+        if vector.task is not None and isinstance(board, RunsTasks):
+            return board.words_of_task(vector.task, step)
         return board.words_of_step(vector.params, vector.raw, vector.setpoint, step)
 
     return _of(vector, first_divergence(Words(right.record[compared]), answer.digests[compared], words_of_step))
+
+
+def _model(vector: Vector) -> Words:
+    if vector.task is not None:
+        return run_tasks.run_task(vector.task)
+    return run_fixed.run_control(vector.params, vector.raw, vector.setpoint)
+
+
+def _core(vector: Vector) -> Words:
+    if vector.task is not None:
+        return native_core.run_task(vector.task)
+    return native_core.run_control(vector.params, vector.raw, vector.setpoint)
 
 
 def _of(vector: Vector, found: Divergence | None, in_file: bool = False) -> Divergence | None:
@@ -53,7 +68,7 @@ def _first_in_words(vector: Vector, answer: Answer) -> Divergence | None:
         return None
     step = first_digest_divergence(answer.digests, words.digests())
     if step is not None:
-        model = run_fixed.run_control(vector.params, vector.raw[: step + 1], vector.setpoint[: step + 1])
+        model = Words(_model(vector).record[: step + 1])
         found = first_divergence(model, Words(words.record[: step + 1]))
         if found is not None:
             return _of(vector, found)
@@ -68,6 +83,7 @@ def _first_in_file(entry: Entry, vector: Vector, model: Words, step: int) -> Div
 
     Every record begins with the raw counts and the setpoint as given: an input that was changed is its first signal.
     """
-    fresh = run_fixed.run_control(*entry.inputs())
+    task = entry.task()
+    fresh = run_fixed.run_control(*entry.inputs()) if task is None else run_tasks.run_task(task)
     changed = first_divergence(fresh, model)
     return _of(vector, changed or divergence_at(step, fresh, {}, int(vector.digests[step])), in_file=True)

@@ -39,9 +39,9 @@ class Window:
 
 def window(board: Board, board_name: str, vector: Vector, result: VectorResult) -> Window | None:
     """Runs the board again up to a little after the difference. None without a difference of the board: its answers
-    were lost, or the vector's file is wrong."""
+    were lost, the vector's file is wrong, or it is no vector of steps."""
     found = result.first_divergence
-    if found is None or found.in_file:
+    if found is None or found.in_file or vector.task is not None:
         return None
     first, end = max(0, found.step - AROUND_STEPS), min(len(vector.raw), found.step + AROUND_STEPS + 1)
     model = run_fixed.run_control(vector.params, vector.raw[:end], vector.setpoint[:end])

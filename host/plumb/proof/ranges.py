@@ -31,7 +31,8 @@ class Used:
 def used(system: str) -> Iterator[Used]:
     """Every word of the system's step, over its golden vectors."""
     largest = dict.fromkeys(names_of(system), 0)
-    for vector in golden.load(golden.vectors_folder(), [system]):
+    steps = [vector for vector in golden.load(golden.vectors_folder(), [system]) if vector.task is None]
+    for vector in steps:
         words = native_core.run_control(vector.params, vector.raw, vector.setpoint)
         for name in largest:
             column = words.record[name]

@@ -30,6 +30,17 @@ RECORDS: dict[str, np.dtype[np.void]] = {
 """System -> numpy type of its record, in the order of the systems' numbers."""
 
 
+PLAUSIBILITY: np.dtype[np.void] = np.dtype(
+    [(f"{name}_s_q33", "<u4") for name in ("accel", "innovation", "rate", "converged", "ready")]
+    + [(name, "<i4") for name in ("mismatch_turn_q32", "measured_turn_q32", "rate_turnps_q28", "innovation_turn_q32",
+                                  "rate_mean_turnps_q28", "accel_mean_g2_q20")]
+    + [(name, "<u4") for name in ("begun", "converged", "failed", "missing")]
+)  # fmt: skip
+"""plumb_plausibility_t after a step, each member as a word of 32 bits."""
+VALIDITY: np.dtype[np.void] = np.dtype([("valid", "<u4")])
+"""Whether the core takes a table of parameters: 1 or 0."""
+
+
 def block_dtype(name: str) -> np.dtype[np.void]:
     """Numpy type of a kernel's state struct (blocks.toml); only for structs without arrays."""
     return np.dtype([(word["name"], TYPES[word["type"]]) for word in declarations.blocks()[name]["words"]])
@@ -47,10 +58,11 @@ def packer(system: str) -> struct.Struct:
 
 
 class Words(Mapping[str, npt.NDArray[np.int64]]):
-    """The records of a run of one system, by word: name -> int64 array of shape (steps,) or (steps, runs)."""
+    """The records of a run of one system, or what is beside them, by word: name -> int64 array of shape (steps,) or
+    (steps, runs)."""
 
     def __init__(self, record: npt.NDArray[np.void]) -> None:
-        if record.dtype not in RECORDS.values():
+        if record.dtype not in (*RECORDS.values(), PLAUSIBILITY, VALIDITY):
             raise UsageError(f"no system's step is a record of {record.dtype}")
         self.record = np.ascontiguousarray(record)
 

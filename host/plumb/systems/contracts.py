@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from plumb.errors import UsageError
 from plumb.kernels.fixed.kernels import Params
+from plumb.kernels.fixed.plausibility import Bounds
 from plumb.kernels.integers import Integer
 from plumb.physics.disturbance import Request
 from plumb.spec import dbc
@@ -355,6 +356,15 @@ class CheckedWords(Protocol):
 
     def control_valid(self, p: Params, /) -> bool:
         """Whether the core takes these words: those of one set, as they are in memory."""
+
+
+@runtime_checkable
+class BoundedSignals(Protocol):
+    """fixed.py of a system whose sensors are checked for plausibility."""
+
+    @property
+    def PLAUSIBLE(self) -> Bounds:
+        """What is plausible."""
 
 
 class ReferenceModel(Protocol):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from plumb.kernels.fixed import validity
+from plumb.kernels.fixed import plausibility, validity
 from plumb.kernels.fixed.kernels import (
     KalmanState,
     Params,
@@ -118,3 +118,13 @@ def _drive_valid(p: Params) -> bool:
     within = (("speed_max_mps_q26", 0, 8 << 26), ("lean_max_turn_q34", 0, 1 << 30), ("span_q15", -32767, 32767),
               ("duty_max_q15", 0, 32767), ("fall_turn_q32", 0, 1 << 31))  # fmt: skip
     return all(low <= int(p[f"drive.{name}"]) <= high for name, low, high in within)
+
+
+PLAUSIBLE = plausibility.Bounds(
+    setpoint="setpoint_mps_q26",
+    accel=("accel_x_g_q26", "accel_z_g_q26"),
+    accel_g2_q20=(round(0.4**2 * 2**20), round(1.8**2 * 2**20)),
+    rest_g2_q20=(round(0.9**2 * 2**20), round(1.1**2 * 2**20)),
+    rest_turnps_q28=round(10.0 / 360.0 * 2**28),
+    ready_turn_q32=round(10.0 / 360.0 * 2**32),
+)

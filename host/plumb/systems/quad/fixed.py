@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from plumb.kernels.fixed import validity
+from plumb.kernels.fixed import plausibility, validity
 from plumb.kernels.fixed.kernels import (
     KalmanState,
     Params,
@@ -85,3 +85,13 @@ def control_retune(c: ControlState, old: Params, new: Params) -> None:
 def control_valid(p: Params) -> bool:
     channels = all(validity.calibration(p, group) for group in ("gyro", "accel", "accel_up"))
     return channels and validity.tilt(p) and validity.kalman(p) and validity.pid(p) and validity.esc(p)
+
+
+PLAUSIBLE = plausibility.Bounds(
+    setpoint="setpoint_turn_q32",
+    accel=("accel_y_g_q26", "accel_z_g_q26"),
+    accel_g2_q20=(round(0.6**2 * 2**20), round(1.4**2 * 2**20)),
+    rest_g2_q20=(round(0.9**2 * 2**20), round(1.1**2 * 2**20)),
+    rest_turnps_q28=round(5.0 / 360.0 * 2**28),
+    ready_turn_q32=round(15.0 / 360.0 * 2**32),
+)

@@ -1,0 +1,32 @@
+"""The integer model of what a board is asked beside plain steps (plumb.systems.tasks)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plumb.errors import UsageError
+from plumb.kernels.fixed import plausibility
+from plumb.spec.records import PLAUSIBILITY, VALIDITY, Words
+from plumb.systems import load, run_fixed
+from plumb.systems.contracts import FIXED, BoundedSignals
+from plumb.systems.tasks import Task
+
+
+def run_task(task: Task) -> Words:
+    """Raises UsageError for a plausibility of a system that moves nothing."""
+    if task.kind == "refusal":
+        return Words(np.array([(int(run_fixed.params_valid(table)),) for table in task.tables], VALIDITY))
+    words = run_fixed.run_changed(task.params, task.changes, task.raw, task.setpoint)
+    return _plausibility(task, words) if task.kind == "plausibility" else words
+
+
+def _plausibility(task: Task, words: Words) -> Words:
+    system = load(task.params.system, FIXED)
+    if not isinstance(system, BoundedSignals):
+        raise UsageError(f"{task.params.system} moves nothing: there is no plausibility to check")
+    state, rows = plausibility.State(), []
+    for row in words.record:
+        word = {name: int(row[name]) for name in words.names}
+        plausibility.step(state, system.PLAUSIBLE, word, task.params["kalman.dt_s_q33"], task.unit_turn2_q56)
+        rows.append(state.words())
+    return Words(np.array(rows, PLAUSIBILITY))
