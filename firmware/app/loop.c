@@ -226,5 +226,4 @@ void loop_turn(void) {
         board_enter_bootloader();
     }
     seal_memory();
-    board_idle();
 }

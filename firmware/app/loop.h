@@ -3,6 +3,7 @@
  *     loop_start();
  *     for (;;) {
  *         loop_turn();
+ *         board_idle();
  *     }
  */
 #ifndef PLUMB_LOOP_H
@@ -11,8 +12,9 @@
 /* Load the saved parameters, start the board (board_init()), and open the session. Static memory is zero. */
 void loop_start(void);
 
-/* One turn: check the memory, receive, poll the session, run the steps that are due, actuate, transmit; then
- * sleep in board_idle() until there may be something to do. */
+/* One turn: check the memory, receive, poll the session, run the steps that are due, actuate, transmit. The
+ * caller sleeps in board_idle() between two turns, so that no return address of a turn lies on the stack
+ * meanwhile: the stack has no check word. */
 void loop_turn(void);
 
 #endif

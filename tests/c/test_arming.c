@@ -23,6 +23,7 @@ static void values(void) {
     CHECK(!keepalive_counts(&k, third ^ 1U, NOW + KEEPALIVE_LIFE_US)); /* a stranger's */
     CHECK(keepalive_counts(&k, third, NOW + KEEPALIVE_LIFE_US));
     CHECK(!keepalive_counts(&k, third, NOW + KEEPALIVE_LIFE_US)); /* once */
+    CHECK(!keepalive_counts(&k, 0U, NOW + KEEPALIVE_LIFE_US));    /* what stands in its place then */
     CHECK(keepalive_counts(&k, first, NOW + KEEPALIVE_LIFE_US));  /* in any order, as late as that */
     CHECK(!keepalive_counts(&k, second, NOW + KEEPALIVE_PERIOD_US + 900U + KEEPALIVE_LIFE_US + 1U));
     CHECK(keepalive_issue(&k, &chance, NOW + 1000000U) != 0U); /* after a gap: one, and no more */

@@ -104,6 +104,26 @@ def test_what_silicon_ignores_is_ignored_and_said(can: Controller) -> None:
     assert can.heard() == [0x100]
 
 
+def test_the_test_modes_take_the_node_off_the_bus_and_time_goes_on(can: Controller) -> None:
+    """All ones, as from a wild write while the controller is being set up."""
+    can.start()
+    can.write(MCR, 1)
+    can.machine.advance_us(100)
+    can.write(BTR, 0xFFFFFFFF)
+    assert can.read(BTR) == 0xC37F03FF
+    can.write(MCR, 0)
+    can.fill(0, 0x100)
+    can.machine.advance_us(100_000)
+    assert can.heard() == []
+    assert any("loop back or silent mode" in text for text in can.machine.warnings)
+    can.write(MCR, 1)
+    can.machine.advance_us(100)
+    can.write(BTR, BIT_8MHZ_500K)
+    can.write(MCR, 0)
+    can.machine.advance_us(10_000)
+    assert can.heard() == [0x100], "the frame that waited"
+
+
 def bits_by_the_book(identifier: int, data: bytes) -> int:
     """ISO 11898-1, bit after bit."""
     bits = [0, *(identifier >> i & 1 for i in range(10, -1, -1)), 0, 0, 0, *(len(data) >> i & 1 for i in (3, 2, 1, 0))]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import shutil
 from collections.abc import Iterator
 
@@ -13,7 +14,7 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extr
 
 from plumb.proof.faults import table
 from support.defect_tree import Tree, judged
-from support.defects import ROOT, Defect, declared, equivalents
+from support.defects import ROOT, Defect, declared, equivalents, replaced
 
 SAMPLE_SEED, SAMPLE = 1, 2
 """`make test` builds so many defects, each caught by a single row."""
@@ -54,8 +55,19 @@ def test_defects_have_names_of_their_own_and_equivalents_a_reason() -> None:
     names = [defect.name for defect in declared()]
     assert len(set(names)) == len(names)
     for one in equivalents():
-        assert (ROOT / one.source).read_text(encoding="utf-8").count(one.line) == 1, one.line
+        text = (ROOT / one.source).read_text(encoding="utf-8")
+        assert replaced(text, one.line, one.becomes, one.after, one.source) != text
         assert one.line != one.becomes and len(one.reason) > 20, one.line
+
+
+def test_rows_that_security_md_says_were_seen_to_fail_have_a_declared_defect() -> None:
+    text = (ROOT / "docs/explanation/security.md").read_text("utf-8")
+    promises = re.findall(r"(?m)^\d+\. \*\*.*(?:\n(?!\d+\. |\n).*)*", text)
+    noticed = {name.rpartition("::")[2].partition("@")[0] for defect in declared() for name in defect.caught_by}
+    seen = [set(re.findall(r"`([^`]+)`", promise.partition("Seen to fail")[2])) for promise in promises]
+    assert sum(len(names) >= 3 for names in seen) >= 8
+    for promise, names in zip(promises, seen, strict=True):
+        assert names <= noticed, f"{promise}\nno declared defect turned {sorted(names - noticed)} red"
 
 
 @NO_TOOLS

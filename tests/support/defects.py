@@ -7,6 +7,7 @@ tests/defects/*.toml declare them, a file for each file of the firmware:
     [[defect]]
     name = "stall-watch-dead"             unique
     line = "if (ticks < STALL_TICKS) {"   text that the source has exactly once, within one line
+    after = "bool stall_tick(void) {"     if given: text before the line that the source has once; the line is the next
     becomes = "if (true) {"               what stands there instead
     caught_by = ["loop-pauses"]           rows of `plumb faults`, or tests: tests/FOLDER/FILE.py::NAME, tests/c/NAME.c
     why = "not told"                      if given: what the failing row says, which proves that it means this defect
@@ -41,6 +42,7 @@ class Defect:
     becomes: str
     caught_by: tuple[str, ...]
     why: str = ""
+    after: str = ""
 
     @property
     def rows(self) -> tuple[str, ...]:
@@ -54,9 +56,15 @@ class Defect:
 
     def applied(self, text: str) -> str:
         """The source with the defect. Raises ValueError, with the name of the defect, when its line is not there."""
-        if text.count(self.line) != 1 or "\n" in self.line:
-            raise ValueError(f"{self.name}: {self.source} has {text.count(self.line)} places with: {self.line}")
-        return text.replace(self.line, self.becomes)
+        return replaced(text, self.line, self.becomes, self.after, f"{self.name}: {self.source}")
+
+
+def replaced(text: str, line: str, becomes: str, after: str, place: str) -> str:
+    """The text with another line. Raises ValueError when the line, or the text before it, is not there once."""
+    before, found, rest = text.partition(after) if after else ("", "", text)
+    if text.count(after or line) != 1 or line not in rest or "\n" in line:
+        raise ValueError(f"{place} has no one place with: {line}" + (f", after: {after}" if after else ""))
+    return before + found + rest.replace(line, becomes, 1)
 
 
 @dataclass(frozen=True)
@@ -67,6 +75,7 @@ class Equivalent:
     line: str
     becomes: str
     reason: str
+    after: str = ""
 
 
 @cache

@@ -180,10 +180,15 @@ static void pass_until(uint64_t until_us) {
     }
 }
 
+static void turn_and_sleep(void) {
+    loop_turn();
+    board_idle();
+}
+
 static void turn(void) {
     port.wake = false;
     native.turns++;
-    run_loop(loop_turn);
+    run_loop(turn_and_sleep);
     const uint64_t end_us = port.now_us + native.turn_us;
     while (native.state == NATIVE_RUNNING && port.now_us < end_us) {
         const bool wake = port.wake;

@@ -1,5 +1,6 @@
 /* From reset to the loop: interrupts and their vector table, image header, initial memory. */
 #include "adc.h"
+#include "app/board.h"
 #include "app/board_actuators.h"
 #include "app/loop.h"
 #include "bootloader.h"
@@ -121,5 +122,6 @@ void reset_handler(void) {
     loop_start();
     for (;;) {
         loop_turn();
+        board_idle(); /* nothing on the stack is used again after it */
     }
 }

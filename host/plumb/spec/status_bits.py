@@ -20,7 +20,7 @@ BLOCKED = {
     4: Bit("link_closed", "the link is closed or read-only"),
     5: Bit("keepalive_lost", "the keep-alive was lost"),
     6: Bit("commanded", "the host disarmed"),
-    7: Bit("no_samples", "no injected samples come, or old ones, or too many are lost"),
+    7: Bit("no_samples", "no injected samples come"),
     8: Bit("switch_opened", "the arm switch was opened"),
     9: Bit(
         "pins",

@@ -1,7 +1,7 @@
 """bxCAN (RM0008 chapter 24): modes, bit timing, three transmit mailboxes, fourteen filter banks, two FIFOs of three,
 error counters and bus-off. The bus itself is in canwire.py.
 
-Not modelled: loop back and silent mode, time-triggered communication, wake-up by bus activity.
+Not modelled: time-triggered communication, wake-up by bus activity. Off the bus in loop back and silent mode.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ TXRQ, RTR, IDE = 1, 2, 4
 TX_IRQ, RX0_IRQ, RX1_IRQ, SCE_IRQ = 19, 20, 21, 22
 MAILBOXES, BANKS, DEPTH = 3, 14, 3
 TX_WORDS, RX_WORDS = ("ti", "tdt", "tdl", "tdh"), ("ri", "rdt", "rdl", "rdh")
+TEST_MODES = 3 << 30
+"""Of BTR: silent and loop back."""
 IDLE_BITS = 11
 RECOVERY_BITS = 128 * 11
 TSR_CLEAR = {n: (1 << 8 * n, 0x0F << 8 * n) for n in range(MAILBOXES)}
@@ -124,7 +126,7 @@ class Bxcan(Peripheral):
         return (
             self.clocked
             and self.machine.powered
-            and not (self.asleep or self.initialising or self.joining or self.bus_off)
+            and not (self.asleep or self.initialising or self.joining or self.bus_off or self.btr & TEST_MODES)
         )
 
     @property
@@ -426,9 +428,11 @@ class Bxcan(Peripheral):
         if not self.initialising:
             self.machine.warn("CAN_BTR is written outside initialisation mode; the write is ignored")
             return
-        if value >> 30:
-            raise SimulationError(f"CAN_BTR = 0x{value:08X}: loop back and silent mode are not modelled")
-        self.btr = value & 0x037F03FF
+        if value & TEST_MODES:
+            self.machine.warn(
+                f"CAN_BTR = 0x{value:08X}: loop back or silent mode; the model neither sends to the bus nor hears it"
+            )
+        self.btr = value & (TEST_MODES | 0x037F03FF)
 
     def _write_filter(self, name: str, value: int, bank: int | None = None) -> None:
         if not (self.fmr & 1 or (bank is not None and not self.fa1r >> bank & 1)):

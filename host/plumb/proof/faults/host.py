@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 
 from plumb.proof.faults.fault import Action, Fault
 from plumb.proof.faults.reports import Told
 from plumb.proof.faults.scene import Scene
+from plumb.spec.protocol import Frame, protocol
 
 SILENCE, COMMAND, CLOSED, IDLE = 1 << 5, 1 << 6, 1 << 4, 1 << 1
 CAUSE = "EVENTS", "disarm_cause"
@@ -14,6 +16,9 @@ GONE_S = 0.1
 """How long the host is away."""
 REPLAY_EVERY_S = 0.015
 REPLAYED_S = 0.35
+LATE_S = 0.044
+"""Age of an answer that must not count any more; its value was issued some milliseconds before."""
+LOOK_S = 0.002
 SETPOINT = 1 << 24
 """1.4 degrees, as a binary angle."""
 
@@ -82,6 +87,39 @@ def replay(count: int, *, backwards: bool = False) -> Action:
     return inject
 
 
+def keep_back(scene: Scene, every: int) -> None:
+    """From now on every so many-th answer of the host to a value is kept back, with the time of it."""
+    identifier, kept, count = protocol()["KEEPALIVE"].identifier, scene.kept_back, itertools.count()
+    write = type(scene.session.frames).write_frames
+
+    def write_others(frames: Sequence[Frame]) -> None:
+        for frame in frames:
+            if frame[0] == identifier and next(count) % every == 0:
+                kept.append((scene.now_s, frame))
+            else:
+                write(scene.session.frames, [frame])
+
+    vars(scene.session.frames)["write_frames"] = write_others
+
+
+def answers_half(scene: Scene) -> None:
+    """The host answers every second value of the board, at once."""
+    keep_back(scene, 2)
+    scene.run(0.3)
+
+
+def answers_late(scene: Scene) -> None:
+    """From now on no answer comes at once. Those that were kept back, and all others, come LATE_S after their value,
+    each for the first time."""
+    keep_back(scene, 1)
+    end_s = scene.now_s + REPLAYED_S
+    write = type(scene.session.frames).write_frames
+    while scene.now_s < end_s:
+        due = [frame for time_s, frame in scene.kept_back if LATE_S <= scene.now_s - time_s < LATE_S + LOOK_S]
+        write(scene.session.frames, due)
+        scene.run(LOOK_S)
+
+
 def steered(scene: Scene) -> None:
     """The host asks for a setpoint other than 0."""
     scene.session.set_setpoint(SETPOINT)
@@ -123,6 +161,8 @@ FAULTS = (
           (Told(*CAUSE, SILENCE),), prepare=recorded(0.3)),
     Fault("keepalive-repeated-on-can", "host", "the host hangs, its last KEEPALIVE is sent every 15 ms", replay(1),
           "silence", (Told(*CAUSE, SILENCE),), link="can", prepare=recorded(0.3)),
+    Fault("keepalives-late", "host", "every KEEPALIVE comes 44 ms after its value, each for the first time",
+          answers_late, "silence", (Told(*CAUSE, SILENCE),), prepare=answers_half),
     Fault("keepalives-of-16-replayed", "host", "the host hangs, its last 16 KEEPALIVE are sent in a circle", replay(16),
           "silence", (Told(*CAUSE, SILENCE),), prepare=recorded(0.3)),
     Fault("keepalives-of-256-replayed", "host", "the host hangs, its last 256 KEEPALIVE are sent in a circle",

@@ -30,6 +30,13 @@ def flipped(symbol: str) -> Action:
     return inject
 
 
+def flipped_in_stack(scene: Scene) -> None:
+    """One bit of each of the words at the end of the stack while the loop sleeps: a word for every variant."""
+    core.reach_sleep(scene)
+    word = scene.symbol("stack_top").address - 4 * (scene.variant + 1)
+    core.flip(scene, word, (5 * scene.variant + 4) % 32)
+
+
 def clock_set_back(scene: Scene) -> None:
     """The highest bit that is set in the count of milliseconds, which no check word covers."""
     ticks = scene.symbol("ticks_ms").address
@@ -76,6 +83,8 @@ FAULTS = (
           "asleep", BY_UPSET, variants=FLIPS, by=PROGRAM),
     Fault("flip-in-session", "memory", f"one bit of the session, {FLIPS} of them", flipped("session"),
           "asleep", BY_UPSET, variants=FLIPS, by=PROGRAM),
+    Fault("flip-in-stack", "memory", f"one bit in each of the first {FLIPS} words of the stack", flipped_in_stack,
+          "held", holds=True, variants=FLIPS),
     Fault("clock-set-back", "memory", "one bit of the clock, which is then behind", clock_set_back, "memory",
           BY_UPSET, by=PROGRAM),
     Fault("stack-overflow", "memory", "the guard below the stack is overwritten", guard_overwritten, "memory",

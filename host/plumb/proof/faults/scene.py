@@ -52,7 +52,8 @@ class Heard:
 
 @dataclass
 class Scene:
-    """Build it with `driving`. heard: the frames that came since `listen_anew`.
+    """Build it with `driving`. heard: the frames that came since `listen_anew`. kept_back: frames of the host that a
+    fault holds up, and when the host wrote them.
 
     host_alive: when False, the host sends nothing but still listens. deaf: the host receives nothing.
     variant: number of the variant to inject, from 0 on.
@@ -65,6 +66,7 @@ class Scene:
     image: Path | None = None
     heard: list[Heard] = field(default_factory=list)
     sent: list[Frame] = field(default_factory=list)
+    kept_back: list[tuple[float, Frame]] = field(default_factory=list)
     host_alive: bool = True
     deaf: bool = False
     variant: int = 0
