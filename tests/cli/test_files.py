@@ -19,7 +19,7 @@ from plumb import __main__ as front
 from plumb.boards.flash_file import SLOTS_BYTES, read_slots
 from plumb.errors import UsageError
 from plumb.files import input_files, whole_files
-from plumb.inputs import recording
+from plumb.inputs import recording, recording_files
 from plumb.inputs.recorder import FrameLog
 from plumb.link.transports import serial_ports
 
@@ -171,14 +171,14 @@ def test_stamps_far_apart_do_not_make_more_steps_than_memory(tmp_path: Path) -> 
 
 
 def test_a_long_table_stops_at_the_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recording, "MOST_SAMPLES", 100)
+    monkeypatch.setattr(recording_files, "MOST_SAMPLES", 100)
     path = tmp_path / "long.csv"
     path.write_text("time_s\n" + "1\n" * 100)
     with pytest.raises(UsageError, match="needs columns"):
-        recording.load(path)
+        list(recording_files.pieces(path))
     path.write_text("time_s\n" + "1\n" * 101)
     with pytest.raises(UsageError, match="more than 100 samples"):
-        recording.load(path)
+        list(recording_files.pieces(path))
 
 
 # ---- writing ----

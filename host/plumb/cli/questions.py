@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import sys
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
 from plumb.errors import UsageError, VerdictError
+from plumb.files import toml_text
 
 MOST_BYTES = 1 << 16
 MOST_REFUSALS = 3
@@ -80,8 +80,8 @@ class Answers:
         self._path = path
         self._refusals = 0
         try:
-            self._said = tomllib.loads(read_text(path, MOST_BYTES, "give a TOML file of answers"))
-        except (ValueError, RecursionError) as error:  # of a number with too many digits, ValueError itself
+            self._said = toml_text.parse(read_text(path, MOST_BYTES, "give a TOML file of answers"))
+        except ValueError as error:
             raise UsageError(f"{path} is no TOML ({error}): write one answer a line, as in write = true") from None
 
     def choose(self, key: str, text: str, choices: Sequence[str], default: str) -> str:

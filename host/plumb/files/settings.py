@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
 from plumb.errors import UsageError
-from plumb.files import places
+from plumb.files import places, toml_text
 from plumb.files.input_files import read_bytes
 from plumb.files.whole_files import write_whole
 from plumb.near_names import did_you_mean
@@ -34,8 +33,8 @@ def read() -> dict[str, str]:
         return {}
     remedy = f"correct {path}, or delete it"
     try:
-        said = tomllib.loads(read_bytes(path, MOST_BYTES, remedy).decode())
-    except (ValueError, RecursionError) as error:  # of a number with too many digits, ValueError itself
+        said = toml_text.parse(read_bytes(path, MOST_BYTES, remedy).decode())
+    except ValueError as error:
         raise UsageError(f"{path} cannot be read ({str(error).splitlines()[0]}): {remedy}") from None
     for name, value in said.items():
         require_known(name)

@@ -14,6 +14,10 @@ from plumb.files.input_files import read_bytes
 from plumb.flash.packaged_images import ALL_SYSTEMS, packaged_image, packaged_images
 
 FLASH_BASE = 0x08000000
+FLASH_BYTES = 0x80000
+"""Flash of the largest part of the family that is meant here."""
+MOST_HEX_BYTES = 16 * FLASH_BYTES
+"""Largest file of Intel HEX: a record of one byte takes 13."""
 MOST_BYTES = 64 << 20
 """Largest file of an image: an ELF file contains debug information, too."""
 BUILD_IMAGE = Path("build") / "stm32f103" / "firmware.bin"
@@ -124,7 +128,7 @@ def _place(pieces: list[tuple[int, bytes]], path: Path) -> bytes:
     if not pieces:
         raise UsageError(f"{path} holds nothing to flash")
     end = max(address + len(data) for address, data in pieces)
-    if min(address for address, _ in pieces) < FLASH_BASE or end > FLASH_BASE + 0x80000:
+    if min(address for address, _ in pieces) < FLASH_BASE or end > FLASH_BASE + FLASH_BYTES:
         raise UsageError(f"{path} has data outside the flash of an STM32F103")
     image = bytearray(b"\xff" * (end - FLASH_BASE))
     for address, data in pieces:
@@ -139,10 +143,13 @@ def _from_elf(raw: bytes, path: Path) -> bytes:
         if raw[4:6] != b"\x01\x01" or machine != _ELF_ARM:
             raise UsageError(f"{path} is not a 32-bit Arm program")
         table, size, count = struct.unpack_from("<I", raw, 28)[0], *struct.unpack_from("<HH", raw, 42)
-        pieces = []
+        pieces, left = [], FLASH_BYTES
         for i in range(count):
             kind, offset, _virtual, physical, length = struct.unpack_from("<5I", raw, table + i * size)
             if kind == _PT_LOAD and length:
+                left -= length
+                if left < 0:
+                    raise UsageError(f"{path} loads more than the {FLASH_BYTES} bytes of the largest STM32F103")
                 pieces.append((physical, raw[offset : offset + length]))
     except struct.error as error:
         raise UsageError(f"{path} is a damaged ELF file") from error
@@ -151,6 +158,8 @@ def _from_elf(raw: bytes, path: Path) -> bytes:
 
 def _from_hex(raw: bytes, path: Path) -> bytes:
     """Intel HEX: data, end, and both kinds of extended address."""
+    if len(raw) > MOST_HEX_BYTES:
+        raise UsageError(f"{path} has more records than the flash of an STM32F103 has bytes")
     pieces: list[tuple[int, bytes]] = []
     upper = 0
     for number, line in enumerate(raw.split(), 1):

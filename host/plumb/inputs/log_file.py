@@ -13,6 +13,7 @@ reference/log.md is the specification.
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +22,7 @@ import numpy as np
 
 from plumb.errors import UsageError
 from plumb.files.block_file import Block, Damage, read_blocks
+from plumb.files.bounded_reader import MIB, Limits, pieces_of
 from plumb.link.frame_records import BLOCK_FRAMES as BLOCK_FRAMES
 from plumb.link.frame_records import ERROR as ERROR
 from plumb.link.frame_records import EXTENDED as EXTENDED
@@ -37,6 +39,9 @@ HEAD, DBC_TEXT, PARAMETERS, FRAMES, DONE = "HEAD", "DBCT", "PARM", "FRMS", "DONE
 UTC, SIMULATED = "utc", "simulated"
 """Clocks of a head: microseconds since 1970, or since the start of a simulated board."""
 ADVICE = "give a log of `plumb record`"
+DBC_LIMITS = Limits(cpu_s=(20.0, 0.0), memory_bytes=(512 * MIB, 0))
+"""Of reading the DBC of a log, and the factor for a slow machine is 20: plumb's own takes a second."""
+_DBC_READER = f"{__name__}:read_dbc"
 
 Json = Mapping[str, object]
 
@@ -97,10 +102,27 @@ class Log:
             raise UsageError(f"the DBC in {self.path} is lost, and this plumb has another: give an undamaged copy")
         if self.dbc == _own_dbc():
             return protocol()
+        return _foreign_protocol(self.path, self.dbc)
+
+
+def _foreign_protocol(path: Path, dbc: str) -> Protocol:
+    """The messages of another version's DBC, read first in a process with limits: cantools has none."""
+    with tempfile.TemporaryDirectory(prefix="plumb-") as folder:
+        copy = Path(folder) / f"{path.name}.dbc"
+        copy.write_text(dbc, encoding="utf-8")
         try:
-            return protocol_of(database_of(self.dbc))
+            for _ in pieces_of(_DBC_READER, copy, ADVICE, DBC_LIMITS):
+                pass
+            return protocol_of(database_of(dbc))
         except Exception as error:  # cantools raises many kinds of exceptions
-            raise UsageError(f"the DBC in {self.path} cannot be read ({type(error).__name__}); {ADVICE}") from None
+            what = "it is damaged" if isinstance(error, UsageError) else type(error).__name__
+            raise UsageError(f"the DBC in {path} cannot be read ({what}); {ADVICE}") from None
+
+
+def read_dbc(path: Path) -> Iterator[bytes]:
+    """Read a DBC, and give nothing. Runs in the process of the reader; raises what the libraries raise."""
+    protocol_of(database_of(path.read_text(encoding="utf-8")))
+    yield from ()
 
 
 def _own_dbc() -> str:

@@ -20,7 +20,7 @@ from plumb.boards import Board
 from plumb.errors import UnverifiedError, UsageError
 from plumb.inputs import frame_files, recording
 from plumb.inputs.log_file import SUFFIX, Log, ParameterSet, read_log
-from plumb.inputs.logged_parameters import UsedParameters, changes_of_run, heard_sets, parameters_of_run
+from plumb.inputs.logged_parameters import ParametersInUse, UsedParameters, changes_of_run, heard_sets
 from plumb.inputs.logged_runs import LoggedRun, Steps, runs_in
 from plumb.inputs.recorded_digests import Compared, LongReplay, replay_long
 from plumb.link import foreign_frames
@@ -91,8 +91,7 @@ def runs_of(log: Log, given: Mapping[str, int] | None = None) -> list[RecordedRu
     sets = [ParameterSet(0, dict(given))] if given else [*log.parameter_sets, *heard_sets(log.blocks(), messages)]
     beside = [] if given else log.parameter_sets
 
-    def used_at(at: int) -> UsedParameters:
-        return parameters_of_run(sets, at, log.path.name)
+    used_at = ParametersInUse(sets, log.path.name).at
 
     def needed_at(at: int) -> tuple[str, ...]:
         return raw_frames_of(used_at(at).system)

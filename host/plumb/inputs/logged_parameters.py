@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,8 @@ from plumb.spec.protocol import Protocol, check
 from plumb.spec.system import group_of
 from plumb.tuning.quantise import Change, Changes, ControlParams, groups_of
 
+MOST_CHANGES = 10_000
+"""Most changes of parameters in one run: two a second, for more than an hour."""
 _NEEDED = ("PARAM_VALUE", "PARAM_STAGED", "PARAM_SET", "PARAM_COMMIT", "ACK", "HELLO")
 
 
@@ -33,7 +36,7 @@ class UsedParameters:
 
 def heard_sets(blocks: Iterable[Frames], messages: Protocol) -> list[ParameterSet]:
     """The tables in a recording's own frames: read with PARAM_GET, or staged and committed. A table is known once all
-    its parameters were heard."""
+    its parameters were heard; the sets after the first hold what changed."""
     ids = {messages[name].identifier: name for name in _NEEDED}
     rows = parameters.table()
     used: dict[int, int] = {}
@@ -45,16 +48,17 @@ def heard_sets(blocks: Iterable[Frames], messages: Protocol) -> list[ParameterSe
             complete = len(used) == len(rows)
             changed = used.get(said["index"]) != said["value"]
             used[said["index"]] = said["value"]
-            if changed and len(used) == len(rows) and (not complete or changed):
-                found.append(_set(int(at) + 1, used))
+            if changed and len(used) == len(rows):
+                found.append(_set(int(at) + 1, {said["index"]: said["value"]} if complete else used))
         elif name in ("PARAM_SET", "PARAM_STAGED"):
             staged[said["index"]] = said["value"]
         elif name == "HELLO":
             staged = {}
         elif name == "ACK" and said["request"] == messages["PARAM_COMMIT"].identifier:
+            complete, fresh = len(used) == len(rows), staged
             used, staged = {**used, **staged}, {}
             if len(used) == len(rows):
-                found.append(_set(int(at) + 1, used))
+                found.append(_set(int(at) + 1, fresh if complete else used))
     return found
 
 
@@ -93,6 +97,8 @@ def changes_of_run(
         params = change.params(used.params)
         if params is None or change.step < 0 or (changes and change.step < changes[-1].step):
             return changes, change
+        if len(changes) == MOST_CHANGES:
+            raise UsageError(f"a run of this recording has more than {MOST_CHANGES} changes of parameters")
         changes.append(Change(change.step, params))
     return changes, None
 
@@ -102,15 +108,33 @@ def _set(at: int, words: dict[int, int]) -> ParameterSet:
     return ParameterSet(at, {row.name: row.from_word(words[i]) for i, row in enumerate(rows) if i in words})
 
 
-def parameters_of_run(sets: Sequence[ParameterSet], at: int, where: str) -> UsedParameters:
-    """The parameters in use at a place in the frames. where: the file, for the error text.
+class ParametersInUse:
+    """The parameters in use at places in the frames. where: the file, for the error text.
 
-    Raises UsageError when there are none, or when this version reads others.
+    Places are asked for in their order as a rule; then each set is looked at once, however many runs there are.
     """
-    values: dict[str, int] = {}
-    for one in sorted(sets, key=lambda one: one.at):
-        if one.at <= at:
-            values |= one.values
+
+    def __init__(self, sets: Sequence[ParameterSet], where: str) -> None:
+        self._sets, self._where = sorted(sets, key=lambda one: one.at), where
+        self._values: dict[str, int] = {}
+        self._taken = 0
+        self._used: UsedParameters | None = None
+
+    def at(self, place: int) -> UsedParameters:
+        """Those at a place. Raises UsageError when there are none, or when this version reads others."""
+        taken = bisect_right(self._sets, place, key=lambda one: one.at)
+        if taken < self._taken:
+            self._values, self._taken, self._used = {}, 0, None
+        if taken > self._taken or self._used is None:
+            for one in self._sets[self._taken : taken]:
+                self._values |= one.values
+            self._taken, self._used = taken, None
+            self._used = _used_parameters(dict(self._values), self._where)
+        return self._used
+
+
+def _used_parameters(values: dict[str, int], where: str) -> UsedParameters:
+    """Raises UsageError for values without a system, or that this version does not read."""
     if "system" not in values:
         raise UsageError(
             f"{where} holds no parameters of that run: give them as a file of `plumb params dump` with --params"

@@ -9,12 +9,18 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from plumb.errors import UsageError
 from plumb.inputs.log_file import Frames
 from plumb.inputs.run_parts import PER_STEP, RunReader, RunState, Signal, Steps, TableFrame, Values
 from plumb.spec.arrays import BoolArray
 from plumb.spec.protocol import Protocol
 
 __all__ = ["LoggedRun", "Steps", "TableFrame", "runs_in"]
+
+MOST_RUNS = 10_000
+SPARSE_STEPS, MOST_STEPS_PER_FRAME = 1 << 20, 64
+"""Most steps of a recording: so many, and so many more for each frame. A STEP that jumps ahead tells of steps that did
+not arrive, up to 4096 (LONGEST_GAP): without a limit a few megabytes of them are a run of days."""
 
 Blocks = Callable[[], Iterable[Frames]]
 """Reads the frames of a recording from its beginning, block by block."""
@@ -161,12 +167,23 @@ def runs_in(
     blocks: Blocks, messages: Protocol, needed_of: Callable[[int], tuple[str, ...]], marks: Iterable[int] = ()
 ) -> list[LoggedRun]:
     """All runs of a recording in order. needed_of, marks: as RunReader has them. The recording is read once for this,
-    and again when a run's steps are asked for."""
+    and again when a run's steps are asked for.
+
+    Raises UsageError for more runs, or steps, than its frames can tell of.
+    """
     found: list[_Tally] = []
+    steps = 0
     for state, part in RunReader(messages, needed_of, marks).parts(blocks()):
         if not found or found[-1].state is not state:
             found.append(_Tally(state))
         found[-1].add(part)
+        steps += len(part)
+        if len(found) > MOST_RUNS:
+            raise UsageError(f"this recording holds more than {MOST_RUNS} runs: record them in several files")
+        if steps > SPARSE_STEPS + MOST_STEPS_PER_FRAME * state.end:
+            raise UsageError(
+                f"this recording lacks all but a few frames of its {steps} steps and more: give an undamaged copy"
+            )
 
     def reader(number: int) -> Callable[[], Iterator[Steps]]:
         def read() -> Iterator[Steps]:

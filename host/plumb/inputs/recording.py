@@ -25,10 +25,7 @@ uses only the rate about the axis and the two accelerations perpendicular to it.
 
 from __future__ import annotations
 
-import csv
 import math
-import zipfile
-from array import array
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -37,7 +34,8 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.errors import UsageError
-from plumb.files import input_files
+from plumb.inputs import recording_files
+from plumb.inputs.recording_files import G_MPS2 as G_MPS2
 from plumb.proof.runs import RunInputs
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.tuning import AxisTuning, Calibration, Channel
@@ -45,17 +43,11 @@ from plumb.tuning.quantise import ControlParams, quantise
 
 Axis = Literal["x", "y", "z"]
 
-G_MPS2 = 9.80665
 SHORTEST_S = 2.0
 LONGEST_GAP_S = 1.0
 SINGULAR = 0.15
-MOST_SAMPLES = 1 << 21
-"""Longest recording: two hours at 285 Hz, about one gigabyte of working memory."""
 MOST_STEPS = 1 << 23
 """Most steps after resampling, which can have many more steps than the recording has samples."""
-MOST_BYTES = 256 << 20
-ROW_BYTES = 64
-"""Bytes of one sample in the widest array that is read: four float128."""
 RATE_LIMIT_DPS, ACCEL_LIMIT_G = 2500.0, 27.5
 """Largest values accepted; the firmware's calibrated values reach 7 turn/s and 28 g."""
 LEAST_SCALE_DPS, LEAST_SCALE_G = 25.0, 0.25
@@ -63,8 +55,6 @@ LEAST_SCALE_DPS, LEAST_SCALE_G = 25.0, 0.25
 the 0.1 % of a parameter, and a count is far below the noise of any sensor already."""
 FULL_SCALE_COUNTS = 32_000
 """The ideal sensor is scaled to the recording: the largest sample of a channel becomes this count, of 32767."""
-
-NPZ_NAMES = ("gyr", "acc", "rate_hz", "time_s", "ref_quat", "movement")
 
 # Columns (and signs) that make tilt = atan2(first, second) about an axis.
 _ACROSS: dict[str, tuple[tuple[int, float], tuple[int, float]]] = {
@@ -119,103 +109,7 @@ class AxisInput:
 def load(path: Path | str) -> Recording:
     """Read and check a file; raises UsageError with one sentence that names the fault."""
     path = Path(path)
-    suffix = path.suffix.lower()
-    input_files.check(path, MOST_BYTES, "give a recording, .npz or .csv")
-    if suffix not in (".npz", ".csv"):
-        raise UsageError(f"{path} is neither .npz nor .csv; see `plumb replay --help` for the formats")
-    return _checked(path, _read_npz(path) if suffix == ".npz" else _read_csv(path))
-
-
-def _too_long(path: Path) -> UsageError:
-    return UsageError(f"{path.name} holds more than {MOST_SAMPLES} samples: cut it into shorter recordings")
-
-
-def _check_sizes(path: Path) -> None:
-    """Raises UsageError for an array that would take too much memory. Reads only the headers of the arrays, because a
-    compressed file of a few kilobytes can expand to gigabytes."""
-    with zipfile.ZipFile(path) as archive:
-        for name in set(archive.namelist()) & {f"{name}.npy" for name in NPZ_NAMES}:
-            with archive.open(name) as member:
-                version = np.lib.format.read_magic(member)
-                read = np.lib.format.read_array_header_1_0 if version[0] == 1 else np.lib.format.read_array_header_2_0
-                shape, _, dtype = read(member)
-            if math.prod(shape[:1]) > MOST_SAMPLES or math.prod(shape) * dtype.itemsize > MOST_SAMPLES * ROW_BYTES:
-                raise _too_long(path)
-
-
-def _read_npz(path: Path) -> dict[str, npt.NDArray[np.float64]]:
-    try:
-        _check_sizes(path)
-        with np.load(path, allow_pickle=False) as file:
-            columns = {name: file[name].astype(np.float64, casting="same_kind") for name in NPZ_NAMES if name in file}
-            names = sorted(file.files)
-    except UsageError:
-        raise
-    except Exception as error:  # zipfile, zlib and numpy raise many kinds of exceptions for a damaged file
-        raise UsageError(f"{path.name} is damaged or no numpy .npz file of plain numbers") from error
-    missing = [name for name in ("gyr", "acc") if name not in columns]
-    if missing or not ("time_s" in columns or "rate_hz" in columns):
-        raise UsageError(f"{path.name} lacks {' and '.join(missing) or 'time_s or rate_hz'}; it has {names}")
-    if "time_s" not in columns:
-        rate_hz = float(columns["rate_hz"].reshape(-1)[0]) if columns["rate_hz"].size else 0.0
-        if not 1.0 <= rate_hz <= 1e5:
-            raise UsageError(f"{path.name} says rate_hz {rate_hz:g}; a rate is between 1 and 100000 Hz")
-        columns["time_s"] = np.arange(len(np.atleast_1d(columns["gyr"]))) / rate_hz
-    columns["gyr"] = np.degrees(columns["gyr"])
-    columns["acc"] = columns["acc"] / G_MPS2
-    return columns
-
-
-def _read_csv(path: Path) -> dict[str, npt.NDArray[np.float64]]:
-    wanted = ["time_s", "movement", *(f"ref_{c}" for c in "wxyz")]
-    wanted += [f"gyr_{c}_{u}" for c in "xyz" for u in ("radps", "dps")]
-    wanted += [f"acc_{c}_{u}" for c in "xyz" for u in ("mps2", "g")]
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = (row for row in csv.reader(file) if row)
-            header = next(rows, None)
-            if header is None:
-                raise UsageError(f"{path.name} is empty")
-            if {"step", "digest"} <= set(header):
-                raise UsageError(f"{path.name} was exported from a log of a board: replay the log itself")
-            places = {name.strip(): at for at, name in enumerate(header) if name.strip() in wanted}
-            numbers = {name: array("d") for name in places}
-            for line, row in enumerate(rows, 2):
-                if line > MOST_SAMPLES + 1:
-                    raise _too_long(path)
-                for name, at in places.items():
-                    numbers[name].append(_number(path, line, name, row, at))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise UsageError(f"{path.name} is no readable CSV text ({error})") from error
-    column: dict[str, FloatArray] = {name: np.array(values) for name, values in numbers.items()}
-    gyr = _axes(column, "gyr", (("radps", 180.0 / math.pi), ("dps", 1.0)))
-    acc = _axes(column, "acc", (("mps2", 1.0 / G_MPS2), ("g", 1.0)))
-    if gyr is None or acc is None or "time_s" not in column:
-        raise UsageError(f"{path.name} needs columns time_s, gyr_x_radps.. (or _dps) and acc_x_mps2.. (or _g)")
-    columns = {"time_s": column["time_s"], "gyr": gyr, "acc": acc}
-    if all(f"ref_{c}" in column for c in "wxyz"):
-        columns["ref_quat"] = np.stack([column[f"ref_{c}"] for c in "wxyz"], 1)
-    if "movement" in column:
-        columns["movement"] = column["movement"]
-    return columns
-
-
-def _number(path: Path, line: int, name: str, row: list[str], at: int) -> float:
-    text = row[at].strip() if at < len(row) else ""
-    if not text:
-        return math.nan
-    try:
-        return float(text)
-    except ValueError:
-        raise UsageError(f"{path.name} line {line}: '{text[:20]}' in column {name} is no number") from None
-
-
-def _axes(column: dict[str, FloatArray], stem: str, units: tuple[tuple[str, float], ...]) -> FloatArray | None:
-    for unit, factor in units:
-        names = [f"{stem}_{c}_{unit}" for c in "xyz"]
-        if all(name in column for name in names):
-            return factor * np.stack([column[name] for name in names], 1)
-    return None
+    return _checked(path, recording_files.read(path))
 
 
 def _checked(path: Path, columns: dict[str, FloatArray]) -> Recording:

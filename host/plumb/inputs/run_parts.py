@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from plumb.errors import UsageError
 from plumb.inputs.log_file import ERROR, EXTENDED, FRAME, REMOTE, Frames
 from plumb.link.realtime import SetpointReports
 from plumb.link.transports.slcan import crc8_columns
@@ -41,6 +42,8 @@ WINDOW_FRAMES = 1 << 16
 """Frames that are sorted together."""
 PART_STEPS = 1 << 15
 """Most steps of a part."""
+MOST_TABLE_FRAMES = 1 << 18
+"""Most frames of one run that tell of parameters: its whole table, read a thousand times."""
 _UNNUMBERED = ("STEP", "RAW_A", "RAW_B", "SAMPLE_A", "SAMPLE_B", "SETPOINT")
 """Messages whose counter is a step number, or that the board does not send."""
 _RAW = ("RAW_A", "RAW_B")
@@ -316,6 +319,11 @@ class RunReader:
         for at, data in zip(frames.at.tolist(), frames.data, strict=True):
             run.reports.note(used.decode(data.tobytes()), max(window.next_after(at) - 1, int(window.numbers[0])))
         for place in np.flatnonzero(np.isin(fresh.frames["can_id"], self._table_ids)).tolist():
+            if len(run.table_frames) == MOST_TABLE_FRAMES:
+                raise UsageError(
+                    f"a run of this recording holds more than {MOST_TABLE_FRAMES} frames of parameters, "
+                    "which no host asks for: give an undamaged copy"
+                )
             at, data = int(fresh.at[place]), fresh.frames["data"][place].tobytes()
             run.table_frames.append(TableFrame(at, window.next_after(at), int(fresh.frames["can_id"][place]), data))
         for mark in (mark for mark in self._marks if self._seen < mark <= run.end):

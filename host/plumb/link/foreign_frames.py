@@ -6,22 +6,21 @@ FD are left out: plumb has none.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from pathlib import Path
 
-import can
 import numpy as np
 
 from plumb.errors import UsageError
 from plumb.extras import install_hint
 from plumb.files import input_files
 from plumb.files.bounded_reader import pieces_of
-from plumb.link.frame_records import BLOCK_FRAMES, FRAME, Frames, packed
+from plumb.link.frame_records import FRAME, Frames
 
 READ = (".asc", ".blf", ".log", ".trc", ".mf4")
 """Suffixes of the files that are read; .log is candump's."""
 MOST_BYTES = 1 << 30
-_READER = f"{__name__}:pieces"
+_READER = "plumb.link.foreign_frame_reader:pieces"
 
 
 def blocks_in(path: Path, advice: str) -> Generator[Frames, None, None]:
@@ -32,20 +31,6 @@ def blocks_in(path: Path, advice: str) -> Generator[Frames, None, None]:
     input_files.check(path, MOST_BYTES, advice)
     for piece in pieces_of(_READER, path, advice):
         yield np.frombuffer(piece, FRAME)
-
-
-def pieces(path: Path) -> Iterator[bytes]:
-    """The records of a file's frames. Runs in the process of the reader; raises what the libraries raise."""
-    waiting: list[bytes] = []
-    with can.LogReader(path) as reader:
-        for message in reader:
-            if not message.is_fd and len(message.data or b"") <= 8:
-                waiting.append(packed(message))
-                if len(waiting) == BLOCK_FRAMES:
-                    yield b"".join(waiting)
-                    waiting.clear()
-    if waiting:
-        yield b"".join(waiting)
 
 
 def require_mf4() -> None:

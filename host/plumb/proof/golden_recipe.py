@@ -23,7 +23,6 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -35,6 +34,7 @@ import numpy.typing as npt
 from plumb import systems
 from plumb.boards import RawCounts, Setpoints
 from plumb.errors import UsageError
+from plumb.files import toml_text
 from plumb.proof.golden_random import random_bits
 from plumb.proof.golden_reach import reach
 from plumb.proof.golden_tasks import task_of
@@ -189,12 +189,10 @@ def read(path: Path, only: Sequence[str] | None = None) -> list[Entry]:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise ValueError(f"it is larger than {MAX_BYTES} bytes")
-        tables = tomllib.loads(path.read_text(encoding="utf-8")).get("vector")
+        tables = toml_text.parse(path.read_text(encoding="utf-8")).get("vector")
         if not isinstance(tables, list) or not tables:
             raise ValueError("it has no [[vector]]")
         entries = [_entry(table) for table in tables]
-    except RecursionError:
-        raise UsageError(f"{path} is not a recipe: it is nested too deeply") from None
     except (OSError, ValueError) as error:
         raise UsageError(f"{path} is not a recipe: {error}".partition("\n")[0]) from None
     names = [entry.name for entry in entries]

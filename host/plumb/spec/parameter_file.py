@@ -12,13 +12,12 @@ Values are the integers of parameters.toml.
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from plumb.errors import UsageError
-from plumb.files import input_files, whole_files
+from plumb.files import input_files, toml_text, whole_files
 from plumb.spec import armed_values, declarations, parameters
 from plumb.spec.parameters import Parameter
 from plumb.spec.units import meaning
@@ -156,8 +155,8 @@ def read(path: Path) -> TableFile:
     """Read a parameter file; raises UsageError if it cannot be read or holds an invalid value."""
     text = input_files.read_text(path, MOST_BYTES, "give a file of `plumb params dump`")
     try:
-        said = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # of a number with too many digits, ValueError itself
+        said = toml_text.parse(text)
+    except ValueError as error:
         raise UsageError(f"{path} is no TOML file ({error}); give a file of `plumb params dump`") from None
     given = said.get("values")
     if not isinstance(given, dict) or not given:

@@ -11,12 +11,11 @@ A file may hold some parameters only; the others stay as they are.
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from plumb.errors import UsageError
-from plumb.files import input_files
+from plumb.files import input_files, toml_text
 from plumb.spec import declarations
 from plumb.tuning import quantities
 from plumb.tuning.quantities import NamedQuantity, Value
@@ -81,8 +80,8 @@ def read_text(path: Path) -> str:
 
 def _parsed(text: str, where: str) -> dict[str, object]:
     try:
-        return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # of a number with too many digits, ValueError itself
+        return toml_text.parse(text)
+    except ValueError as error:
         raise UsageError(f"{where} is no TOML file ({error}); correct that line") from None
 
 

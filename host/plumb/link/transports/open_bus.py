@@ -12,6 +12,7 @@ wait for a client. plumb.link.endpoint_names parses the names.
 
 from __future__ import annotations
 
+import errno
 import logging
 import time
 from pathlib import Path
@@ -106,11 +107,20 @@ def open_can(name: CanName) -> can.BusABC:
         raise
     except Exception as error:  # interfaces raise any exception of their drivers
         reason = str(error).strip().partition("\n")[0] or type(error).__name__
-        raise LinkError(f"{name.text} cannot be opened ({reason}): {_remedy(interface, channel, kbit)}") from None
+        remedy = _remedy(interface, channel, kbit, getattr(error, "errno", None))
+        raise LinkError(f"{name.text} cannot be opened ({reason}): {remedy}") from None
 
 
-def _remedy(interface: str, channel: str, kbit: int) -> str:
-    """What to do about a CAN interface that does not open."""
+def _remedy(interface: str, channel: str, kbit: int, number: int | None) -> str:
+    """What to do about a CAN interface that does not open. number: of the system's error, where there is one."""
+    if interface == "socketcan" and number == errno.EAFNOSUPPORT:
+        return (
+            "this kernel has no CAN, and no interface can be brought up on it: load its module with `sudo modprobe "
+            "can_raw`, or use a kernel that has it (containers use that of their host); an adapter with a serial port "
+            "needs none of it: can:slcan:PORT"
+        )
+    if interface == "socketcan" and number == errno.ENODEV:
+        return f"there is no interface {channel}: plug its adapter in; `plumb ports` lists the interfaces"
     if interface == "socketcan":
         return f"bring it up with `sudo ip link set {channel} up type can bitrate {kbit * 1000}`"
     if interface == "slcan":

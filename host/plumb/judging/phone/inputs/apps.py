@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -149,10 +150,14 @@ def _sample(sensor: Sensor, time_s: float, values: list[float]) -> Sample:
     return Sample(sensor, time_s, (unit * values[0], unit * values[1], unit * values[2]))
 
 
+_ONE = re.compile(rb"[^\r\n]*?\}(?=\{)|[^\r\n]+")
+"""A datagram in a file: up to the next one of SensaGram on the line, or to the line's end."""
+
+
 def read_file(path: Path) -> Iterable[bytes]:
     """The datagrams of a file, one per line; those of SensaGram need no line end between them.
 
     Raises UsageError if the file cannot be read.
     """
     content = read_bytes(path, MOST_FILE_BYTES, "cut the recording, or give a file of a phone's app")
-    return [line for line in content.replace(b"}{", b"}\n{").splitlines() if line.strip()]
+    return (found[0] for found in _ONE.finditer(content) if found[0].strip())

@@ -20,6 +20,9 @@ from plumb.judging.phone.inputs.apps import Sample, Sensor, Vector
 WAIT_S = 0.02
 GAP_S = 1.0
 BACKWARD = 20
+MOST_WAITING = 1 << 14
+"""Samples of one sensor that wait for the other: those of GAP_S, far above the rate of any phone. One more begins a new
+run."""
 SENSORS: tuple[Sensor, Sensor] = ("gyro", "accel")
 
 
@@ -121,6 +124,9 @@ class Resampler:
         self._backward = 0
         track = self._tracks[sample.sensor]
         self.counts.reordered += bool(track.time_s) and sample.time_s < track.time_s[-1]
+        if len(track.time_s) >= MOST_WAITING:
+            self._begin()
+            track = self._tracks[sample.sensor]
         if not track.insert(sample):
             self.counts.duplicate += 1
             return

@@ -10,6 +10,7 @@ import ipaddress
 import socket
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
+from itertools import islice
 from pathlib import Path
 
 from plumb.errors import LinkError, UsageError
@@ -35,6 +36,8 @@ BUFFER_BYTES = 1 << 20
 """Socket buffer for datagrams that arrive while the board is busy; the operating system may grant less."""
 TOGETHER = 128
 """Most datagrams per call: about 0.6 s of a phone that sends 100 per second for each sensor."""
+MOST_STEPS = 1 << 20
+"""Most steps of a file: an hour and a half at 200 Hz. A sample a second after the one before makes hundreds."""
 TURN_S = 0.1
 """Longest wait for a datagram."""
 
@@ -215,11 +218,14 @@ def steps_of_file(
     intake, recorded = Intake(period_us), None
     if path.suffix.lower() == ".npz" or _is_table(path):
         recorded = recording.decimated(recording.load(path), decimate)
-        steps = [step for sample in samples_of(recorded) for step in intake.resampler.feed(sample)]
+        made = (step for sample in samples_of(recorded) for step in intake.resampler.feed(sample))
     else:
         if decimate != 1:
             raise UsageError(f"--decimate is for recordings in .npz and .csv, and {path.name} is a file of datagrams")
-        steps = [step for data in read_file(path) for step in intake.push(data)]
+        made = (step for data in read_file(path) for step in intake.push(data))
+    steps = list(islice(made, MOST_STEPS))
+    if next(made, None) is not None:
+        raise UsageError(f"{path.name} makes more than {MOST_STEPS} steps of {period_us} us: cut it")
     steps += intake.finish()
     if not steps:
         raise UsageError(f"{path.name} makes no step: {intake.missing()}")

@@ -1,0 +1,182 @@
+"""Readers of foreign files against files that are hostile by structure: every one ends in time, with one sentence or a
+result, and within its memory. The files come from a seed: `tests/support/hostile_files.py`."""
+
+from __future__ import annotations
+
+import random
+import resource
+import time
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from plumb.cli.questions import Answers
+from plumb.errors import PlumbError, UsageError
+from plumb.files import settings, toml_text
+from plumb.flash.image import load_own_image
+from plumb.inputs import log_export, recording
+from plumb.inputs.log_replay import chosen, open_log, runs_of
+from plumb.judging.phone.inputs.udp import steps_of_file
+from plumb.link.transports.open_bus import LogBus
+from plumb.proof import golden_manifest, golden_recipe
+from plumb.proof.golden_file import Vector
+from plumb.spec import parameter_file, parameters
+from plumb.tuning import quantities_file
+from support import hostile_files
+from support.campaigns import campaign
+from support.recordings import recorded_run
+
+VECTORS = Path(__file__).resolve().parents[1] / "vectors"
+CPU_S = 120.0
+"""Of this process, for one file. The largest has 3 MiB, whose reading may cost 20 s twice on this machine; without
+limits each of several kinds takes hours, so that the bound need not be close."""
+MEMORY_BYTES = 1500 << 20
+"""More of this process for all files of a format: the largest result is that of 2^20 steps of a phone, 500 MiB."""
+
+
+@cache
+def good_table() -> dict[str, int]:
+    return {row.name: row.default for row in parameters.table()}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A good log, in every format that is made from one."""
+    made = tmp_path_factory.mktemp("good")
+    log = recorded_run(made / "good.plog")
+    opened = open_log(log)
+    log_export.export(opened, chosen(runs_of(opened), None), made / "good.mf4")
+    return made
+
+
+def of_log(path: Path) -> None:
+    runs_of(open_log(path))
+
+
+def of_bus(path: Path) -> None:
+    bus = LogBus(path)
+    try:
+        for _ in range(3):
+            bus.recv(0.0)
+    finally:
+        bus.shutdown()
+
+
+def of_settings(path: Path) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(settings, "settings_file", lambda: path)
+        settings.read()
+
+
+def of_quantities(path: Path) -> None:
+    if quantities_file.is_in_units(path):
+        quantities_file.wanted(quantities_file.read_text(path), str(path), good_table())
+
+
+def of_manifest(path: Path) -> None:
+    golden_manifest.read(path.parent)
+
+
+Make = Callable[[random.Random, Path], bytes]
+Read = Callable[[Path], object]
+
+
+def _table_text() -> str:
+    return "[values]\n" + "\n".join(f"{name} = {value}" for name, value in good_table().items())
+
+
+@cache
+def _vector() -> bytes:
+    return min(VECTORS.glob("*.golden"), key=lambda path: path.stat().st_size).read_bytes()
+
+
+FORMATS: dict[str, tuple[str, Make, Read]] = {
+    "blf": ("a.blf", lambda rng, _: hostile_files.blf(rng), of_log),
+    "asc": ("a.asc", lambda rng, _: hostile_files.asc(rng), of_log),
+    "candump": ("a.log", lambda rng, _: hostile_files.candump(rng), of_log),
+    "trc": ("a.trc", lambda rng, _: hostile_files.trc(rng), of_log),
+    "mf4": ("a.mf4", lambda rng, good: hostile_files.mf4(rng, (good / "good.mf4").read_bytes()), of_log),
+    "frames in csv": ("a.csv", lambda rng, _: hostile_files.bus_csv(rng), of_bus),
+    "plog": ("a.plog", lambda rng, _: hostile_files.plog(rng, {"clock": "utc", "protocol": {}}, good_table()), of_log),
+    "npz": ("a.npz", lambda rng, _: hostile_files.npz(rng), recording.load),
+    "csv": ("a.csv", lambda rng, _: hostile_files.recording_csv(rng), recording.load),
+    "parameters": ("a.toml", lambda rng, _: hostile_files.toml(rng, _table_text()), parameter_file.read),
+    "quantities": (
+        "a.toml",
+        lambda rng, _: hostile_files.toml(rng, quantities_file.text_of(good_table(), "good")),
+        of_quantities,
+    ),
+    "settings": ("a.toml", lambda rng, _: hostile_files.toml(rng, 'board = "virtual"\nport = "x"'), of_settings),
+    "answers": ("a.toml", lambda rng, _: hostile_files.toml(rng, 'write = true\nboard = "b"'), Answers),
+    "recipe": (
+        "recipe.toml",
+        lambda rng, _: hostile_files.toml(rng, (VECTORS / "recipe.toml").read_text(encoding="utf-8")),
+        golden_recipe.read,
+    ),
+    "golden": ("a.golden", lambda rng, _: hostile_files.golden(rng, _vector()), Vector.read),
+    "manifest": (
+        "manifest.json",
+        lambda rng, _: hostile_files.manifest(rng, (VECTORS / "manifest.json").read_bytes()),
+        of_manifest,
+    ),
+    "elf": ("a.elf", lambda rng, _: hostile_files.elf(rng, hostile_files.good_elf()), load_own_image),
+    "hex": ("a.hex", lambda rng, _: hostile_files.ihex(rng, hostile_files.good_image()), load_own_image),
+    "bin": ("a.bin", lambda rng, _: hostile_files.spoilt(rng, hostile_files.good_image()), load_own_image),
+    "phone": ("a.log", lambda rng, _: hostile_files.datagrams(rng), lambda path: steps_of_file(path, 5000)),
+}
+"""Format -> name of the file, what makes a hostile one, what reads it."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_hostile_file_is_one_sentence_or_a_result(name: str, folder: Path, tmp_path: Path) -> None:
+    """No other exception, no minutes, no gigabytes, and no temporary file that stays."""
+    called, make, read = FORMATS[name]
+    path, before = tmp_path / called, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    refused = 0
+    for seed in range(campaign(4, 200)):
+        path.write_bytes(make(random.Random(f"{name} {seed}"), folder))
+        begin_s = time.process_time()
+        try:
+            read(path)
+        except PlumbError as error:
+            refused += 1
+            assert isinstance(error, UsageError), f"seed {seed}: {error!r}"
+            assert str(error) and "\n" not in str(error), f"seed {seed}: {error}"
+        except Exception as error:
+            raise AssertionError(f"seed {seed}") from error
+        assert time.process_time() - begin_s < CPU_S, f"seed {seed}"
+        assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 < MEMORY_BYTES, f"seed {seed}"
+    assert refused, "none of these files is hostile"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        ".".join("a" * 30_000) + " = 1",
+        "[" + ".".join(["'a.b'"] * 10_000) + "]",
+        " . ".join(['"\\""'] * 10_000) + " = 1",
+        "x = { " + ".".join("a" * 10_000) + " = 1 }",
+        "x = 'a' # '\n" + ".".join("a" * 10_000) + " = 1",
+        'x = """\n" """\n' + ".".join("a" * 10_000) + " = 1",
+        "x = " + "[" * 100_000,
+        "x = " + "9" * 10_000,
+    ],
+)
+def test_toml_that_would_take_hours_is_refused_at_once(text: str) -> None:
+    """tomllib takes a second for a key of 10,000 parts, and a hundred times as long for ten times as many."""
+    with pytest.raises(ValueError) as caught:
+        toml_text.parse(text)
+    assert "\n" not in str(caught.value)
+
+
+def test_toml_of_people_is_parsed() -> None:
+    text = 'a.b = "x.y.z"  # see a.b.c.d\nlist = [0.1, 0.2, 0.3]\n[t."q.r"]\nv = \'c:\\d\'\n# ....................\n'
+    assert toml_text.parse(text + "# " + "a." * 100) == {
+        "a": {"b": "x.y.z"},
+        "list": [0.1, 0.2, 0.3],
+        "t": {"q.r": {"v": "c:\\d"}},
+    }
