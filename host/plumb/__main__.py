@@ -79,7 +79,7 @@ def _run(arguments: list[str]) -> int:
         print(f"plumb {installed().version}" + f" ({commit})" * bool(commit))
         return 0
     from plumb.cli.command_line import check_arguments, check_numbers
-    from plumb.cli.options import settle_board
+    from plumb.cli.options import check_typed, settle_board
     from plumb.cli.verbs import command_module, command_parser
 
     module = command_module(name)
@@ -87,6 +87,9 @@ def _run(arguments: list[str]) -> int:
     parsed = command_parser(name).parse_args(rest)
     check_numbers(vars(parsed))
     parsed.command_line = shlex.join(["plumb", *arguments])
+    check_typed(parsed)
+    if hasattr(module, "check"):
+        module.check(parsed)
     settle_board(parsed)
     return int(module.main(parsed))
 

@@ -125,6 +125,39 @@ def options(parser: argparse.ArgumentParser, verb: tuple[str, ...] = ()) -> Iter
             yield verb, action.option_strings[-1]
 
 
+@pytest.mark.parametrize("board", [[], ["--board", "serial:/no/such/port"]], ids=["no board", "a board that is gone"])
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["run", "quadrotor"], "there is no system 'quadrotor'; this version has quad"),
+        (["run", "quad", "--scenario", "x"], "quad has no scenario 'x'; it has motion"),
+        (["run", "quad", "--tuning", "x"], "quad has no tuning 'x'; it has adaptive"),
+        (["run", "quad", "--start", "x"], "quad has no start-up mode 'x'; it has paper"),
+        (["run", "quad", "--fault", "x"], "'x' is no fault"),
+        (["run", "quad", "--condition", "a=1"], "quad has no condition 'a'"),
+        (["run", "quad", "--change", "3:pid.kp=1"], "--change is for --live"),
+        (["replay", "nothere.plog"], "cannot read nothere.plog: No such file"),
+        (["replay", "nothere.csv"], "cannot read nothere.csv: No such file"),
+        (["params", "load", "nothere.toml"], "cannot read nothere.toml: No such file"),
+        (["params", "tuning", "quadrotor"], "there is no system 'quadrotor'"),
+        (["calibrate", "--answers", "nothere"], "cannot read nothere: No such file"),
+        (["monitor", "--system", "quadrotor"], "there is no system 'quadrotor'"),
+    ],
+    ids=str,
+)
+def test_what_was_typed_wrong_is_named_before_the_board(
+    arguments: list[str], said: str, board: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, line = answer([*arguments, *board], capsys)
+    assert (code, said in line) == (2, True), line
+
+
+@pytest.mark.parametrize("image", ["nothere.bin"])
+def test_an_image_that_is_not_there_is_named_before_the_board(image: str, capsys: pytest.CaptureFixture[str]) -> None:
+    code, line = answer(["link-test", "--image", image], capsys)
+    assert (code, "there is no file nothere.bin" in line) == (2, True), line
+
+
 EVERY_OPTION = [(name, *found) for name in verbs.commands() for found in options(verbs.command_parser(name))]
 
 

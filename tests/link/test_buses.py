@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import socket
 import threading
 import time
@@ -152,6 +154,26 @@ def test_a_log_gives_its_frames_in_order_and_then_ends(tmp_path: Path) -> None:
     assert [bytes(m.data) for m in heard if m] == [bytes(frame(step).data) for step in range(5)]
     assert bus.recv(0.0) is None and bus.ended
     bus.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("number", "says"),
+    [
+        (errno.EAFNOSUPPORT, "this kernel has no CAN"),
+        (errno.ENODEV, "there is no interface can7: plug its adapter in"),
+        (errno.ENETDOWN, "bring it up with `sudo ip link set can7 up type can bitrate 250000`"),
+    ],
+)
+def test_what_to_do_follows_from_the_error_of_the_interface(
+    number: int, says: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(**options: object) -> can.BusABC:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(can, "Bus", fails)
+    with pytest.raises(LinkError) as caught:
+        open_bus("can:socketcan:can7@250")
+    assert says in str(caught.value) and ("ip link" in says) == ("ip link" in str(caught.value))
 
 
 @pytest.mark.parametrize(

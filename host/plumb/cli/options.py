@@ -43,6 +43,31 @@ def add_boards(parser: Options, *, default: str, also: str = "") -> None:
     parser.add_argument("--board", action="append", metavar="B", help=f"{boards}; repeatable (default: {default})")
 
 
+READ_FILES = ("file", "log", "params", "answers")
+"""Destinations of arguments that name files to read."""
+
+
+def check_typed(arguments: argparse.Namespace) -> None:
+    """Raises UsageError for a system, a file or an image that is not there: what was typed wrong is named before a
+    board that was left out, or does not answer."""
+    from plumb.files.input_files import check_regular
+    from plumb.spec import declarations
+
+    system = getattr(arguments, "system", None)
+    for name in [system] if isinstance(system, str) else system or []:
+        declarations.system(name)
+    for destination in READ_FILES:
+        given = getattr(arguments, destination, None)
+        for path in given if isinstance(given, list) else [given]:
+            if isinstance(path, Path) and not path.exists():
+                check_regular(path, "give a file that exists")
+    image = getattr(arguments, "image", None)
+    if isinstance(image, Path) and not image.exists():
+        from plumb.flash.image import find_image
+
+        find_image(image)
+
+
 def settle_board(arguments: argparse.Namespace) -> None:
     """Put the setting `board` where a required --board was left out, and a board's own name in the place of `auto`;
     stderr then says which. Raises UsageError, LinkError; UsageError also for an option that the board does not take."""

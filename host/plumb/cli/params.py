@@ -89,7 +89,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     give.add_argument("file", type=Path, nargs="?", metavar="FILE")
     verbs.add_parser("reset", parents=[each, keep], help="factory values")
     write = verbs.add_parser("dump", parents=[each], help="write the whole table and its CRC-32 to a TOML file")
-    write.add_argument("file", type=Path, metavar="FILE")
+    write.add_argument("written", type=Path, metavar="FILE")
     verbs.add_parser("edit", parents=[each, keep], help="edit the parameters in units, as text, in $VISUAL or $EDITOR")
     compare = verbs.add_parser("diff", parents=[each, integers], help="what differs; exit code 1 if anything does")
     side = "board, tuning, defaults, profile:NAME, or a file"

@@ -89,10 +89,10 @@ def show_integers(arguments: argparse.Namespace, words: list[int]) -> str:
 def dump(arguments: argparse.Namespace, words: list[int]) -> int:
     from plumb.spec import parameter_file, parameters
 
-    parameter_file.write(arguments.file, parameter_file.text_of(words))
+    parameter_file.write(arguments.written, parameter_file.text_of(words))
     crc = f"0x{parameters.crc32(words):08x}"
-    summary = {"file": str(arguments.file), "parameters": len(words), "crc32": crc}
-    print(json.dumps(summary) if arguments.json else f"{len(words)} parameters, CRC-32 {crc}: {arguments.file}")
+    summary = {"file": str(arguments.written), "parameters": len(words), "crc32": crc}
+    print(json.dumps(summary) if arguments.json else f"{len(words)} parameters, CRC-32 {crc}: {arguments.written}")
     return 0
 
 

@@ -19,8 +19,12 @@ native core closes the loop, then QEMU runs the same inputs. Exit code 1 when a 
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from plumb.cli import options
+
+if TYPE_CHECKING:
+    from plumb.proof.scenario_run import RunRequest
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,12 +59,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_json(parser)
 
 
-def main(arguments: argparse.Namespace) -> int:
-    from plumb.cli.run_summary import report, require_out
-    from plumb.proof.scenario_run import RunRequest, perform
+def check(arguments: argparse.Namespace) -> None:
+    """What is wrong whatever the board. Raises UsageError."""
+    from plumb.proof import scenario_run
 
-    require_out(arguments)
-    request = RunRequest(
+    scenario_run.check(_request(arguments))
+
+
+def _request(arguments: argparse.Namespace) -> RunRequest:
+    from plumb.proof.scenario_run import RunRequest
+
+    return RunRequest(
         system=arguments.system,
         board=arguments.board,
         scenario=arguments.scenario,
@@ -76,5 +85,12 @@ def main(arguments: argparse.Namespace) -> int:
         link=arguments.link,
         image=arguments.image,
     )
-    done = perform(request)
+
+
+def main(arguments: argparse.Namespace) -> int:
+    from plumb.cli.run_summary import report, require_out
+    from plumb.proof.scenario_run import perform
+
+    require_out(arguments)
+    done = perform(_request(arguments))
     return report(arguments, done.run, done.summary())

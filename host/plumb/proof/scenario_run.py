@@ -70,19 +70,36 @@ class ScenarioRun:
         return self.run.summary(**{name: value for name, value in heading.items() if name not in left_out})
 
 
+def check(request: RunRequest) -> None:
+    """Raises UsageError for what is wrong in a request whatever the board: a name that the system does not have."""
+    from plumb.proof import gain_changes
+
+    system = systems.load(request.system)
+    if request.scenario is not None and request.scenario not in system.SCENARIOS:
+        raise UsageError(f"{request.system} has no scenario '{request.scenario}'; it has {', '.join(system.SCENARIOS)}")
+    tuning_of(request.system, request.tuning)
+    if request.start and request.start not in system.STARTS:
+        modes = ", ".join(system.STARTS) or "none"
+        raise UsageError(f"{request.system} has no start-up mode '{request.start}'; it has {modes}")
+    system.faults([disturbance.parse(text) for text in request.faults])
+    conditions_of(request.system, system.CONDITIONS, request.conditions)
+    if request.changes and not request.live:
+        raise UsageError("--change is for --live: in lockstep a run has one table")
+    for text in request.changes:
+        gain_changes.parse(text)
+
+
 def perform(request: RunRequest, opened: Board | None = None) -> ScenarioRun:
     """Open the board, run the scenario, compare every step with the model. opened: the board, where it is open; it
     stays open.
 
     Raises UsageError for a name that the system does not have or a board that cannot do it, LinkError.
     """
+    check(request)
     system = systems.load(request.system)
     name = request.scenario or system.DEFAULT_SCENARIO
     tuning, settings = tuning_of(request.system, request.tuning or tuning_for(system, name))
     if request.start:
-        if request.start not in system.STARTS:
-            modes = ", ".join(system.STARTS) or "none"
-            raise UsageError(f"{request.system} has no start-up mode '{request.start}'; it has {modes}")
         settings, tuning = replace(settings, start=system.STARTS[request.start]), f"{tuning}, {request.start}"
     faults = system.faults([disturbance.parse(text) for text in request.faults])
     conditions = conditions_of(request.system, system.CONDITIONS, request.conditions)
@@ -93,8 +110,6 @@ def perform(request: RunRequest, opened: Board | None = None) -> ScenarioRun:
     closes = bool(system.OUTPUTS) and not request.open_loop
     if request.live and request.board != "virtual":
         raise UsageError("--live is for --board virtual: its plant drives the sensors' pins and follows the actuators'")
-    if request.changes and not request.live:
-        raise UsageError("--change is for --live: in lockstep a run has one table")
     if request.live:
         systems.load(request.system, PINS)
     if opened is None:
