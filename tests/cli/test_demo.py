@@ -67,10 +67,11 @@ def test_a_live_run_holds_the_axis_level() -> None:
         flown = live_run.run_live(board, scenario, quantise.quantise(quad.HOLD))
         assert board.machine.warnings == []
     assert flown.verdict == "pass"
+    # One seed: 1.3 deg as in tests/judging/test_quad_figures.py, which gives the reason; 4 deg is three times as much.
     late = flown.inputs.truth["tilt_deg"][flown.inputs.time_s > 13.0]
     assert 0.0 < np.sqrt(np.mean(late**2)) < 1.3 and np.max(np.abs(late)) < 4.0
     pulled = flown.inputs.truth["tilt_deg"][(flown.inputs.time_s > 10.4) & (flown.inputs.time_s < 10.6)]
-    assert pulled.max() > 19.0
+    assert pulled.max() > 19.0  # the scenario pulls the axis to 20 deg; 1 deg is the rms that the loop may have
 
 
 @pytest.mark.slow

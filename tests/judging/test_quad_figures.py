@@ -113,6 +113,13 @@ def test_the_bias_converges_within_half_a_second(convergence: Rows) -> None:
 
 @pytest.mark.slow
 def test_the_loop_recovers_and_holds(hold: dict[str, Figure]) -> None:
+    """The means have their requirements: 2 s and 1 deg rms. The worst seed has more room.
+
+    4 s: the band of 2 deg is twice the rms that is allowed, so one further excursion is no fault; it begins the dwell
+    of 1 s anew, and takes about as long to come back. 1.3 deg: the square of the tilt is correlated for 0.39 s (mean of
+    seeds 1000 to 1005), so that the rms of 17.4 s has a standard deviation of sqrt(2 * 0.39 / 17.4) / 2, 10.6 %; the
+    bound is 1 deg and three of these. 0.9 s and 0.5 deg below: half of what these seeds give, or nothing was disturbed.
+    """
     recovery, rms = hold["20 deg disturbance, back within 2 deg"], hold["holds, from 2 s after"]
     assert recovery.met and recovery.reached > 0.9 and recovery.worst is not None and recovery.worst <= 4.0
     assert rms.met and rms.reached > 0.5 and rms.worst is not None and rms.worst <= 1.3

@@ -80,7 +80,7 @@ def pieces_of(reader: str, path: Path, advice: str, limits: Limits = DEFAULT_LIM
         finally:
             code = process.wait()
     if kind == REFUSED:
-        raise UsageError(data.decode("utf-8", "replace"))
+        raise UsageError(data.decode("utf-8", "surrogatepass"))  # a file's name need not be text
     if kind != END:
         raise UsageError(f"{path} {_failure(path, kind, data, code, memory)}; {advice}")
 

@@ -49,7 +49,7 @@ def main() -> None:
     except MemoryError:
         os._exit(EXIT_LARGE)
     except PlumbError as error:
-        kind, last = REFUSED, str(error).encode("utf-8", "replace")
+        kind, last = REFUSED, str(error).encode("utf-8", "surrogatepass")
     except Exception as error:  # readers raise many kinds of exceptions for a damaged file
         kind, last = RAISED, type(error).__name__.encode("utf-8", "replace")
     _send(out, kind, last)
