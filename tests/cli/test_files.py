@@ -66,6 +66,8 @@ def test_every_command_that_opens_a_port_refuses_it(arguments: list[str], capsys
 @pytest.mark.parametrize("port", ["/dev/ttyUSB0", "COM3", "\\\\.\\COM12", "socket://host:1", "rfc2217://host:1", "a:b"])
 def test_devices_and_ports_over_a_network_pass(port: str) -> None:
     serial_ports.check_port(port)
+    with pytest.raises(UsageError, match="is not opened"):
+        serial_ports.check_port(f"spy://{port}")
 
 
 # ---- reading ----

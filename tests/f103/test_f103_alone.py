@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -24,6 +25,14 @@ def test_the_example_boots_a_foreign_image(build: Callable[[str], Path]) -> None
     said = repr(b"hello\n")
     assert run(str(EXAMPLE), str(elf.with_suffix(".bin")), "PC13") == [said, "PC13 True"]
     assert run(str(EXAMPLE), str(elf), "PC14") == [said, "PC14 None"]
+
+
+def test_the_example_says_at_which_rate_the_image_sends(build: Callable[[str], Path]) -> None:
+    image = str(build("hello").with_suffix(".bin"))
+    told, *_ = run(str(EXAMPLE), image, "PC13", "115200")
+    baud = re.fullmatch(r"USART1 is set to (\d+) baud, what came is read at 115200: give BAUD", told)
+    assert baud is not None
+    assert run(str(EXAMPLE), image, "PC13", baud[1]) == [repr(b"hello\n"), "PC13 True"]
 
 
 def test_nothing_of_the_product_is_loaded(build: Callable[[str], Path]) -> None:

@@ -93,6 +93,9 @@ class BoardModel:
 
 
 class Hosts(RuleBasedStateMachine):
+    sequences = 0
+    """How many were begun: the test must have tried that many."""
+
     def __init__(self) -> None:
         super().__init__()
         self.hosts = TwoHosts(self.each_ms, self.on_frame)
@@ -512,6 +515,7 @@ class Hosts(RuleBasedStateMachine):
     @initialize(clock_us=st.sampled_from([0, (1 << 32) - 1_500_000]))
     def start(self, clock_us: int) -> None:
         """The clock wraps after 71.6 min: in some sequences soon."""
+        Hosts.sequences += 1
         self.hosts.mcu.power_off()
         self.hosts.mcu.set_clock_us(clock_us)
         self.restart((None,))
@@ -531,3 +535,4 @@ def test_two_hosts_against_the_model() -> None:
             suppress_health_check=list(HealthCheck),
         ),
     )
+    assert Hosts.sequences >= campaign(12, 60)

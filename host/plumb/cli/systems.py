@@ -7,7 +7,8 @@
     plumb systems --plots docs/figures      draw the sources' figures with the integers
 
 The table runs the C integers over seeds 1000 to 1039 of every scenario, which takes some minutes for all systems; so
-does --confirm, with one seed. Exit code 1 when a figure is missed or a step differs.
+does --confirm, with one seed. Exit code 1 when a figure is missed or a step differs; with other seeds a scenario's own
+figure (~) is shown and not judged, because other seeds make it another one.
 """
 
 from __future__ import annotations
@@ -79,7 +80,8 @@ def main(arguments: argparse.Namespace) -> int:
             print(figures.render(rows, short=arguments.short, colour=sys.stdout.isatty()))
         for name in figures.without_figures(names):
             print(f"{name} has no figures: nothing was asked of it (systems/{name}/figures.py)")
-    return ExitCode.GOOD if all(row.met for _, row in rows) else ExitCode.BAD_VERDICT
+    judged = [row for _, row in rows if seeds == figures.SEEDS or not row.of_scenario]
+    return ExitCode.GOOD if all(row.met for row in judged) else ExitCode.BAD_VERDICT
 
 
 def check_together(arguments: argparse.Namespace) -> None:

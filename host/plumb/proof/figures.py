@@ -64,6 +64,11 @@ class Figure:
             case _:
                 return bool(abs(self.reached - self.reach) <= (ABOUT if self.sense == "about" else NEAR) * self.reach)
 
+    @property
+    def of_scenario(self) -> bool:
+        """True for a property of the scenario's own, which was stated for SEEDS: with other seeds it is another one."""
+        return self.sense == "near"
+
     def to_json(self) -> dict[str, object]:
         return {**asdict(self), "met": self.met}
 

@@ -1,6 +1,6 @@
 """The kernels that systems share in float64: the equations as the papers print them.
 
-Units: deg, deg/s, g, s. Equation numbers (1) to (5) are those of the filter the four systems share:
+Units: deg, deg/s, g, s. Equation numbers (1) to (5) are those of the filter that systems of one axis share:
 
     x = [phi, b]^T        tilt and gyro bias
     A = [[1, -Ts], [0, 1]]    B = [Ts, 0]^T    H = [1, 0]
