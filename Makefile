@@ -1,7 +1,7 @@
 # Two commands do all the set-up on a fresh Debian or Ubuntu machine: `make demo` and `make test`.
 # `make help` lists the targets, from the `##` behind each.
 .PHONY: help demo setup test test-fast test-long pytest release-trial image libraries native c-tests sanitize fuzz size check-style \
-    format docs wheel summary clean
+    format generate docs wheel summary clean
 .DEFAULT_GOAL := help
 
 VENV := .venv/bin
@@ -104,6 +104,22 @@ release-trial: ## the wheel from a fresh clone of the last commit, installed and
 
 summary: image native ## the image's sizes and the kernels' cycles as Markdown
 	@$(VENV)/python tools/job_summary.py
+
+# The order matters: later generators run code that is built from the files of earlier ones.
+GENERATED_BEFORE := build/generated_before
+LISTED = git ls-files -z --cached --others --exclude-standard | xargs -0 sha256sum 2>/dev/null
+generate: ## write all that is generated from declarations, headers and help texts, in order, and say what changed
+	@tools/setup.sh test
+	@mkdir -p build
+	@$(LISTED) >$(GENERATED_BEFORE)
+	@$(VENV)/python tools/generate.py
+	@$(VENV)/python tools/gen_tunings.py
+	@$(MAKE) --no-print-directory QUIET=">build/generate.log" image native
+	@$(VENV)/python tools/gen_wiring.py
+	@$(VENV)/python tools/gen_c_reference.py
+	@$(VENV)/python tools/gen_protocol.py
+	@$(VENV)/python tools/gen_commands.py
+	@$(LISTED) | diff $(GENERATED_BEFORE) - | sed -n 's/^> [0-9a-f]*  /changed: /p'
 
 C_FILES = $(shell git ls-files '*.c' '*.h')
 check-style: ## ruff, mypy, clang-format

@@ -12,10 +12,14 @@ import pytest
 
 from plumb import systems
 from plumb.cli import verbs
+from plumb.spec import declarations
 from plumb.systems import shipped_tunings
 from plumb.tuning import quantities
 
 ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "tools"))
+import docs_navigation  # type: ignore[import-not-found]  # noqa: E402
+
 DOCS = ROOT / "docs"
 COMMANDS = DOCS / "reference/commands.md"
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
@@ -129,5 +133,12 @@ def test_the_sensors_of_the_tutorial_give_what_its_page_shows() -> None:
 
 def test_every_page_is_in_the_navigation() -> None:
     text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
-    named = set(re.findall(r"- (?:[\w ]+: )?([\w/-]+\.md)$", text, re.MULTILINE))
-    assert named == {str(page.relative_to(DOCS)) for page in DOCS.rglob("*.md")}
+    entries = re.findall(r"- (?:[\w ]+: )?([\w/*-]+\.md)(?: #.*)?$", text, re.MULTILINE)
+    found = docs_navigation.expanded(entries, DOCS, set(entries))
+    assert isinstance(found, list) and len(found) == len(set(found))
+    assert set(found) == {page.relative_to(DOCS).as_posix() for page in DOCS.rglob("*.md")}
+
+
+def test_the_pages_of_the_systems_stand_in_the_order_of_their_numbers() -> None:
+    systems = ["systems/index.md", *(f"systems/{name}.md" for name in declarations.names())]
+    assert docs_navigation.expanded(["systems/index.md", "systems/*.md"], DOCS, {"systems/index.md"}) == systems
