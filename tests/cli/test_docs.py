@@ -40,10 +40,10 @@ def prose(page: Path) -> str:
 
 
 def anchors(page: Path) -> set[str]:
-    """The names that a link to a heading of the page may have, as mkdocs makes them."""
+    """The names that a link into the page may have: those that mkdocs makes of headings, and `<a id>`."""
     headings = re.findall(r"(?m)^#+ (.*)$", prose(page))
     words = (re.sub(r"[^\w\s-]", "", heading.replace("`", "")).strip().lower() for heading in headings)
-    return {re.sub(r"[-\s]+", "-", name) for name in words}
+    return {re.sub(r"[-\s]+", "-", name) for name in words} | set(re.findall(r'<a id="([\w-]+)"', prose(page)))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
