@@ -125,7 +125,7 @@ def test_two_periods_that_differ_are_warned_of(board: NativeBoard, capsys: pytes
 
 def test_a_file_brings_a_table_back(board: NativeBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "table.toml"
-    params(capsys, "set", "--raw", "pid.kp_q22=7", "accel_up.offset=-9", "kalman.qb=4294967295")
+    params(capsys, "set", "--raw", "pid.kp_q22=7", "accel_up.offset=-138412041", "kalman.qb=4294967295")
     before = in_use(board)
     assert params(capsys, "dump", str(file))[0] == 0
     said = tomllib.loads(file.read_text())
@@ -160,12 +160,12 @@ def test_a_former_name_in_a_file_is_taken_and_the_new_one_named(
     board: NativeBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     file = tmp_path / "table.toml"
-    params(capsys, "set", "--raw", "accel.gain=-5")
+    params(capsys, "set", "--raw", "accel.gain=67585")
     params(capsys, "dump", str(file))
     file.write_text(file.read_text().replace('"accel.gain"', '"accel_y.gain"'))
-    params(capsys, "set", "--raw", "accel.gain=7")
+    params(capsys, "set", "--raw", "accel.gain=67580")
     code, _, err = params(capsys, "load", str(file))
-    assert code == 0 and in_use(board)["accel.gain"] == -5
+    assert code == 0 and in_use(board)["accel.gain"] == 67585
     assert err.splitlines() == [f"plumb: warning: {file}: accel_y.gain is named accel.gain now; the value is used"]
     file.write_text(file.read_text() + '"accel.gain" = 6\n')
     code, out, err = params(capsys, "load", str(file))
