@@ -125,7 +125,7 @@ def test_two_periods_that_differ_are_warned_of(board: NativeBoard, capsys: pytes
 
 def test_a_file_brings_a_table_back(board: NativeBoard, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "table.toml"
-    params(capsys, "set", "--raw", "pid.kp_q22=7", "accel_up.offset=-138412041", "kalman.qb=4294967295")
+    params(capsys, "set", "--raw", "pid.kp_q22=7", "accel_up.offset=-137000000", "kalman.qb=4294967295")
     before = in_use(board)
     assert params(capsys, "dump", str(file))[0] == 0
     said = tomllib.loads(file.read_text())
