@@ -195,6 +195,8 @@ def systems_c(built: Iterable[System]) -> str:
         lines += [f"    .record_words = {system.record_bytes // 4}U,"]
         lines += [f"    .saturated = PLUMB_{upper}_FLAGS_SATURATED,"]
         lines += [f"    .sensors = CONTROL_SENSORS_{system.sensors},"]
+        noisy = sum(1 << place for place, channel in enumerate(system.channels) if channel.calibration)
+        lines += [f"    .noisy = 0x{noisy:02X}U,"]
         if system.missing_samples == "marked":
             lines += ["    .marks_missing = true,"]
         lines += ["};", ""]

@@ -6,7 +6,7 @@
 #include "link/e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 3U
-#define MESSAGES_DBC_HASH 0x59EB8339U
+#define MESSAGES_DBC_HASH 0xC1E4D4FDU
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U
@@ -222,6 +222,7 @@ typedef struct {
 can_frame_t message_can_health_pack(const message_can_health_t *m);
 
 #define MESSAGE_SENSORS_ID 0x116U
+#define MESSAGE_SENSORS_INJECTED 0x1U /* flag */
 typedef struct {
     uint16_t analog;
     uint16_t digital;

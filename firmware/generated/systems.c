@@ -351,6 +351,7 @@ static const control_system_t quad_system = {
     .record_words = 40U,
     .saturated = PLUMB_QUAD_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_ANALOG_3,
+    .noisy = 0x07U,
 };
 
 static const control_system_t balancer_system = {
@@ -362,6 +363,7 @@ static const control_system_t balancer_system = {
     .record_words = 50U,
     .saturated = PLUMB_BALANCER_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_BALANCE,
+    .noisy = 0x07U,
 };
 
 static const control_system_t turntable_system = {
@@ -370,6 +372,7 @@ static const control_system_t turntable_system = {
     .record_words = 132U,
     .saturated = PLUMB_TURNTABLE_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_ANALOG_6,
+    .noisy = 0x3FU,
     .marks_missing = true,
 };
 
@@ -379,6 +382,7 @@ static const control_system_t phone_system = {
     .record_words = 58U,
     .saturated = PLUMB_PHONE_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_NONE,
+    .noisy = 0x3FU,
 };
 
 static const control_system_t attitude_system = {
@@ -387,6 +391,7 @@ static const control_system_t attitude_system = {
     .record_words = 35U,
     .saturated = PLUMB_ATTITUDE_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_SIX_AXES,
+    .noisy = 0x3FU,
     .marks_missing = true,
 };
 

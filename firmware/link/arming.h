@@ -33,7 +33,7 @@
 #define ARMING_BLOCK_CLOSED      0x0010U /* link closed or read-only */
 #define ARMING_BLOCK_SILENCE     0x0020U /* disarmed: the keep-alive timed out */
 #define ARMING_BLOCK_COMMAND     0x0040U /* disarmed: a host sent DISARM or ended the run */
-#define ARMING_BLOCK_SAMPLES     0x0080U /* the injected samples of a real-time run are too old */
+#define ARMING_BLOCK_SAMPLES     0x0080U /* no new injected samples come, or too many are lost */
 #define ARMING_BLOCK_SWITCH      0x0100U /* disarmed: the arm switch was opened */
 #define ARMING_BLOCK_PINS        0x0200U /* the board's pin set does not have the system's actuator */
 #define ARMING_BLOCK_SWITCH_OWNS 0x0400U /* the arm switch is closed and owns arming */
@@ -44,6 +44,7 @@
 #define ARMING_BLOCK_OWNER 0x2000U /* another link began the run, and alone may arm */
 #define ARMING_BLOCK_PARAMETER                                                                               \
     0x4000U /* with the parameters in use an armed board would break a promise: params_unsafe() */
+#define ARMING_BLOCK_PERIOD 0x8000U /* injected samples at this period: a dead channel would drive for too long */
 /* Reasons that concern hosts only: they neither keep the switch from arming nor disarm it. */
 #define ARMING_BLOCKS_HOST                                                                                   \
     (ARMING_BLOCK_HELLO | ARMING_BLOCK_CLOSED | ARMING_BLOCK_SWITCH_OWNS | ARMING_BLOCK_OWNER)

@@ -210,7 +210,7 @@ static void on_keepalive(session_t *s, const request_t *q) {
 static void on_sample_a(session_t *s, const request_t *q) {
     uint16_t step;
 
-    if (run_on_sample_a(&s->run, &s->routing, q, &step)) {
+    if (run_on_sample_a(&s->run, &s->routing, q, s->params, &step)) {
         session_repeat_step(s, q, step);
     }
 }

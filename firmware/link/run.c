@@ -9,14 +9,15 @@
 #define STEP6_SHIFT      4U
 #define FLAG_STEP_HIGH   3U
 #define NO_GAP           0xFFU
-#define SAMPLE_ANY       0xFFU
 #define RAW_B_NONE       0xFFU
 #define TAG_MAX          15U    /* four flags; 0: no run */
 #define STEPS_MISSING    3U     /* a step is overdue after so many periods, */
 #define STEPS_MISSING_US 20000U /* but not before this time */
 
-void run_init(run_t *r, run_sample_t *queue, uint32_t random) {
-    *r = (run_t){.queue = queue, .links = {LINK_NONE, LINK_UART, LINK_UART}, .tag = (uint8_t)(random >> 28)};
+void run_init(run_t *r, run_buffers_t *buffers, uint32_t random) {
+    *r = (run_t){
+        .queue = buffers->queue, .links = {LINK_NONE, LINK_UART, LINK_UART}, .tag = (uint8_t)(random >> 28)};
+    injected_init(&r->injected, buffers->marks);
 }
 
 void run_begin(run_t *r, uint16_t run, run_links_t links) {
@@ -31,9 +32,8 @@ void run_begin(run_t *r, uint16_t run, run_links_t links) {
     r->step = 0;
     r->queue_in = 0;
     r->queue_out = 0;
-    r->stale = UINT16_MAX;
     r->gap_ahead = NO_GAP;
-    r->sample_expected = SAMPLE_ANY;
+    injected_begin(&r->injected);
     r->raw_b_step6 = RAW_B_NONE;
 }
 
@@ -50,12 +50,12 @@ bool run_pop_begin(run_t *r) {
     return begun;
 }
 
-/* Queued samples outlive their source by up to 1.6 s (16 at the longest period), so its silence is measured
- * by time. */
+bool run_injected(const run_t *r) {
+    return r->mode == RUN_REALTIME && !r->live;
+}
+
 void run_poll(run_t *r, uint32_t period_us, uint32_t now_us) {
-    if (now_us - r->sample_us > ARMING_SAFE_US + period_us) {
-        r->stale = UINT16_MAX;
-    }
+    injected_poll(&r->injected, period_us, now_us);
 }
 
 /* Without steps the outputs would keep their last pulses, whatever the sensors say; a board that is not armed
@@ -68,12 +68,6 @@ bool run_step_overdue(run_t *r, uint32_t period_us, uint32_t now_us) {
         r->step_seen_us = now_us;
     }
     return now_us - r->step_seen_us > (limit_us > STEPS_MISSING_US ? limit_us : STEPS_MISSING_US);
-}
-
-/* Steps with a held sample may bridge ARMING_SAFE_US, no longer. */
-bool run_samples_stale(const run_t *r, uint32_t period_us) {
-    return r->mode == RUN_REALTIME && !r->live &&
-           (r->stale == UINT16_MAX || r->stale > ARMING_SAFE_US / period_us);
 }
 
 /* ---- samples in ---- */
@@ -96,13 +90,14 @@ static void report_gap(run_t *r, routing_t *routing, const request_t *q, unsigne
     r->gap_ahead = (uint8_t)ahead;
 }
 
-static void enqueue(run_t *r, routing_t *routing, const request_t *q) {
+/* False when there is no room. */
+static bool enqueue(run_t *r, routing_t *routing, const request_t *q) {
     const message_sample_a_t m = message_sample_a_unpack(q->frame);
     run_sample_t *const sample = &r->queue[RUN_SLOT(r->queue_in)];
 
     if ((uint16_t)(r->queue_in - r->queue_out) >= RUN_QUEUE_LENGTH) {
         nack(r, routing, q, MESSAGE_NACK_REASON_QUEUE_FULL);
-        return;
+        return false;
     }
     *sample = (run_sample_t){.raw = {m.raw_0, m.raw_1, m.raw_2}, .setpoint_turn_q32 = r->setpoint.turn_q32};
     if ((e2e_flags(q->frame) & MESSAGE_SAMPLE_A_WITH_B) != 0) {
@@ -110,8 +105,8 @@ static void enqueue(run_t *r, routing_t *routing, const request_t *q) {
     }
     r->raw_b_step6 = RAW_B_NONE;
     r->gap_ahead = NO_GAP;
-    r->sample_us = routing->link[q->link].heard_us;
     r->queue_in++;
+    return true;
 }
 
 /* True when the sample repeats *step, which was run already. A repeated sample that is still queued needs no
@@ -130,26 +125,33 @@ static bool sample_in_lockstep(run_t *r, routing_t *routing, const request_t *q,
         report_gap(r, routing, q, ahead);
     } else {
         r->setpoint.waiting = false;
-        enqueue(r, routing, q);
+        (void)enqueue(r, routing, q);
     }
     return false;
 }
 
-/* A sensor board numbers its samples independently of the run: the first one sets the expected number. */
-static void sample_in_real_time(run_t *r, routing_t *routing, const request_t *q, bool incomplete) {
+/* A sensor board numbers its samples independently of the run. */
+static void sample_in_real_time(run_t *r, routing_t *routing, const request_t *q, bool incomplete,
+                                const params_t *params) {
     routing_link_t *const l = &routing->link[q->link];
-    const bool first = r->sample_expected > STEP6_MASK;
+    uint16_t lost;
+    const bool counts = injected_counts(&r->injected, step6_of(q->frame), params->period_us, q->now_us, &lost);
 
-    l->lost = (uint16_t)(l->lost + (first ? 0U : (step6_of(q->frame) - r->sample_expected) & STEP6_MASK));
-    r->sample_expected = (uint8_t)((step6_of(q->frame) + 1U) & STEP6_MASK);
-    if (incomplete) {
+    l->lost = (uint16_t)(l->lost + lost);
+    if (!counts || incomplete) {
         l->lost++;
-    } else {
-        enqueue(r, routing, q);
+    } else if (enqueue(r, routing, q)) {
+        injected_check(&r->injected, r->queue[RUN_SLOT(r->queue_in - 1U)].raw,
+                       control_system(&params->control), params);
+        return;
+    }
+    if (counts) {
+        injected_spoilt(&r->injected);
     }
 }
 
-bool run_on_sample_a(run_t *r, routing_t *routing, const request_t *q, uint16_t *step) {
+bool run_on_sample_a(run_t *r, routing_t *routing, const request_t *q, const params_t *params,
+                     uint16_t *step) {
     const bool incomplete =
         (e2e_flags(q->frame) & MESSAGE_SAMPLE_A_WITH_B) != 0 && r->raw_b_step6 != step6_of(q->frame);
 
@@ -160,7 +162,7 @@ bool run_on_sample_a(run_t *r, routing_t *routing, const request_t *q, uint16_t 
     } else if (r->mode == RUN_LOCKSTEP) {
         return sample_in_lockstep(r, routing, q, incomplete, step);
     } else {
-        sample_in_real_time(r, routing, q, incomplete);
+        sample_in_real_time(r, routing, q, incomplete, params);
     }
     return false;
 }
@@ -199,10 +201,8 @@ void run_next_sample(run_t *r, bool mark_missing, int16_t raw[PLUMB_RAW_MAX], in
     if (run_sample_waits(r)) {
         r->held = r->queue[RUN_SLOT(r->queue_out)];
         r->queue_out++;
-        r->stale = 0;
     } else {
         r->starved++;
-        r->stale = (uint16_t)(r->stale + (r->stale != UINT16_MAX ? 1U : 0U));
         for (unsigned i = 0; mark_missing && i < PLUMB_RAW_MAX; i++) {
             r->held.raw[i] = INT16_MIN;
         }

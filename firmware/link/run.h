@@ -8,7 +8,7 @@
 #ifndef PLUMB_LINK_RUN_H
 #define PLUMB_LINK_RUN_H
 
-#include "plumb/params.h"
+#include "injected.h"
 #include "setpoint.h"
 
 #define RUN_QUEUE_LENGTH 16U /* samples in flight; a power of two */
@@ -30,8 +30,15 @@ typedef struct {
     int32_t setpoint_turn_q32;
 } run_sample_t;
 
+/* Kept outside of what is checked for damage: what is in them comes from a host and is checked as such. */
+typedef struct {
+    run_sample_t queue[RUN_QUEUE_LENGTH];
+    uint8_t marks[INJECTED_NUMBERS];
+} run_buffers_t;
+
 typedef struct {
     run_sample_t *queue; /* RUN_QUEUE_LENGTH samples */
+    injected_t injected;
     run_mode_t mode;
     bool live;        /* real time on the board's own sensors */
     bool begun;       /* set by run_begin(), cleared by run_pop_begin() */
@@ -47,18 +54,14 @@ typedef struct {
     uint16_t queue_out;    /* samples used so far */
     uint16_t saturated;    /* steps with a raw count outside its range, modulo 2^16 */
     uint16_t starved;      /* real-time steps without a new sample, modulo 2^16 */
-    uint16_t stale;        /* real-time steps since the last injected sample; all ones: none came in this run,
-                              or its source has gone silent */
-    uint32_t sample_us;    /* arrival of the last injected sample */
     uint8_t gap_ahead;     /* how far the last sample was ahead of the missing one; 0xFF: none is missing */
-    uint8_t sample_expected; /* real time: low six bits of the next sample's number; above 63: any */
     uint8_t raw_b_step6;     /* low six bits of the number raw_b belongs to; above 63: none */
     int16_t raw_b[3];
 } run_t;
 
-/* No run. queue: RUN_QUEUE_LENGTH samples, in memory that the caller keeps. random: sets the first tag, so
+/* No run. buffers: in memory that the caller keeps. random: sets the first tag, so
  * that a run after a reset does not get the tag of the run before it. */
-void run_init(run_t *r, run_sample_t *queue, uint32_t random);
+void run_init(run_t *r, run_buffers_t *buffers, uint32_t random);
 
 /* Start anew with step 0 and the next tag. run: one of MESSAGE_RUN_BEGIN_RUN_*. */
 void run_begin(run_t *r, uint16_t run, run_links_t links);
@@ -74,13 +77,14 @@ void run_poll(run_t *r, uint32_t period_us, uint32_t now_us);
  * more than 20 ms ago. Call on every turn of the loop, before run_pop_begin(). */
 bool run_step_overdue(run_t *r, uint32_t period_us, uint32_t now_us);
 
-/* True while the injected samples of a real-time run are too old for control. */
-bool run_samples_stale(const run_t *r, uint32_t period_us);
+/* True during a run in real time on injected samples. */
+bool run_injected(const run_t *r);
 
 /* Handle SAMPLE_A, SAMPLE_B and SETPOINT of a link; a frame that cannot be used is answered by NACK.
  * run_on_sample_a() returns true for a repeated sample whose step was run already, because its STEP got lost
  * on the way to the host: *step is the number of that step, one of the last RUN_QUEUE_LENGTH. */
-bool run_on_sample_a(run_t *r, routing_t *routing, const request_t *q, uint16_t *step);
+bool run_on_sample_a(run_t *r, routing_t *routing, const request_t *q, const params_t *params,
+                     uint16_t *step);
 void run_on_sample_b(run_t *r, const request_t *q);
 void run_on_setpoint(run_t *r, routing_t *routing, const request_t *q);
 

@@ -74,7 +74,10 @@ static uint16_t arming_blocked(const session_t *s, link_t link) {
     blocked |= (s->status.faults & SESSION_FAULTS_BLOCKING) != 0 ? ARMING_BLOCK_FAULT : 0U;
     blocked |= l != NULL && l->open && !l->read_only ? 0U : ARMING_BLOCK_CLOSED;
     blocked |= mode != RUN_IDLE && s->run.links.owner != link ? ARMING_BLOCK_OWNER : 0U;
-    blocked |= run_samples_stale(&s->run, s->params->period_us) ? ARMING_BLOCK_SAMPLES : 0U;
+    if (run_injected(&s->run)) {
+        blocked |= injected_stale(&s->run.injected) ? ARMING_BLOCK_SAMPLES : 0U;
+        blocked |= injected_too_slow(s->params) ? ARMING_BLOCK_PERIOD : 0U;
+    }
     blocked |= actuator_present(s) ? 0U : ARMING_BLOCK_PINS;
     blocked |= arming_switch_owns(&s->arming);
     blocked |= system->output != CONTROL_OUTPUT_NONE && s->staging.unsafe != PARAMS_COUNT
@@ -301,6 +304,18 @@ static void send_time(session_t *s, uint32_t now_us) {
     }
 }
 
+/* The counts of injected samples are sensors of the board like its own. */
+static void check_injected(session_t *s) {
+    const injected_t *const in = &s->run.injected;
+
+    s->status.injected = run_injected(&s->run);
+    if (s->status.injected && (in->railed | in->stuck) != 0) {
+        s->status.sensors.railed = in->railed;
+        s->status.sensors.stuck = in->stuck;
+        s->status.faults |= BOARD_FAULT_SENSOR;
+    }
+}
+
 /* Not inlined: tests set a breakpoint here. */
 __attribute__((noinline)) void session_poll(session_t *s, uint32_t now_us) {
     if (routing_poll(&s->routing, s->params->can_bitrate_kbit, now_us)) {
@@ -310,6 +325,7 @@ __attribute__((noinline)) void session_poll(session_t *s, uint32_t now_us) {
         s->status.faults |= BOARD_FAULT_LATE;
     }
     run_poll(&s->run, s->params->period_us, now_us);
+    check_injected(s);
     arming_poll(&s->arming, arming_blocked(s, s->run.links.owner), now_us);
     issue_keepalive(s, now_us);
     setpoint_poll(&s->run.setpoint, session_armed(s), session_driving(s), now_us);
@@ -331,7 +347,7 @@ static void begin(session_t *s, session_buffers_t *buffers, const board_identity
     s->buffers = buffers;
     random_init(&s->random, board->unique_id[0] ^ board->unique_id[1] ^ board->unique_id[2] ^ board->seed);
     routing_init(&s->routing, &buffers->routing, params->can_bitrate_kbit);
-    run_init(&s->run, buffers->queue, random_next(&s->random));
+    run_init(&s->run, &buffers->run, random_next(&s->random));
     telemetry_init(&s->telemetry, buffers->digest);
     staging_init(&s->staging, &buffers->staged, params);
     arming_init(&s->arming);

@@ -46,7 +46,7 @@ typedef struct {
     routing_buffers_t routing;
     commands_t commands;
     params_t staged;
-    run_sample_t queue[RUN_QUEUE_LENGTH];
+    run_buffers_t run;
     uint32_t digest[RUN_QUEUE_LENGTH];
     status_news_t news[LINKS];
 } session_buffers_t;

@@ -74,13 +74,14 @@ ONE_KIND send_can(const status_round_t *round, const board_can_health_t *can) {
     }
 }
 
-ONE_KIND send_sensors(const status_round_t *round, const board_health_t *health) {
+ONE_KIND send_sensors(const status_round_t *round, const board_health_t *health, bool injected) {
     const message_sensors_t m = {.analog = (uint16_t)(health->railed | (unsigned)health->stuck << 8),
                                  .digital = (uint16_t)(health->gyro | (unsigned)health->accel << 8),
                                  .bus_failures = health->bus_failures};
 
     if (told_now(round, &round->news->sensors, both(m.analog, m.digital), m.bus_failures)) {
-        outbox_telemetry(round->link->outbox, message_sensors_pack(&m), 0);
+        outbox_telemetry(round->link->outbox, message_sensors_pack(&m),
+                         injected ? MESSAGE_SENSORS_INJECTED : 0U);
     }
 }
 
@@ -99,6 +100,6 @@ void status_send(const status_t *s, const status_round_t *round, message_status_
     if (s->can != NULL) {
         send_can(round, s->can);
     }
-    send_sensors(round, &s->sensors);
+    send_sensors(round, &s->sensors, s->injected);
     send_plausibility(round, plausibility);
 }

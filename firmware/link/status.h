@@ -40,6 +40,7 @@ typedef struct {
     uint32_t faults;               /* present BOARD_FAULT_* */
     const board_can_health_t *can; /* in memory that the caller keeps; NULL: there is no CAN */
     board_health_t sensors;
+    bool injected;      /* the analog inputs of `sensors` are the channels of injected samples */
     uint32_t time_us;   /* of the last TIME */
     uint32_t status_us; /* of the last STATUS */
 } status_t;

@@ -7,18 +7,18 @@
 #include "adc.h"
 #include "app/board_sensors.h"
 #include "clock.h"
+#include "core/watch.h"
 #include "nvic.h"
 #include "samples.h"
 #include "stm32f103.h"
 #include "systick.h"
-#include "watch.h"
 
 #define CALIBRATION_POLLS 64u /* 83 ADC cycles at 12 MHz are 500 processor cycles, 8 polls */
 #define SILENT_TRIGGERS   10u /* so many without a scan, 10 ms at most: the converter has failed */
 #define RESTART_MS        20u
-#define COUNT_MAX         4095u
+#define STUCK_LEAST       3u /* conversions without a change, however slow the scans are */
+#define COUNT_MAX         4095
 #define CONVERSION_US     7u /* the shortest: 84 ADC cycles at 12 MHz */
-#define LEAST_CONVERSIONS 3u /* before an input counts as railed or stuck, however slow the scans are */
 
 static volatile uint16_t scans[2u * BOARD_RAW_MAX]; /* two, of `channels` counts each */
 static uint32_t channels;
@@ -27,7 +27,6 @@ static uint32_t rail_limit, stuck_limit; /* conversions; 0: never */
 static bool marks_bad;                   /* deliver INT16_MIN for a railed or stuck channel */
 static uint32_t scans_summed;
 static uint16_t sums[BOARD_RAW_MAX]; /* of up to 16 counts of 4095 */
-static uint16_t railed_for[BOARD_RAW_MAX];
 static watch_t watches[BOARD_RAW_MAX];
 static volatile uint16_t railed, stuck; /* one bit a channel */
 static volatile bool waiting;           /* a sample was triggered and is not complete */
@@ -81,21 +80,13 @@ static void restart(void) {
     ADC1_CR2 = ADC1_CR2_ADON | ADC1_CR2_DMA | ADC1_CR2_EXTSEL_TIM3 | ADC1_CR2_EXTTRIG;
 }
 
-/* How many conversions, one every interval_us, take limit_ms: at least LEAST_CONVERSIONS; 0 for a limit of 0,
- * which means never. */
-static uint32_t conversions(uint32_t limit_ms, uint32_t interval_us) {
-    const uint32_t count = (1000u * limit_ms + interval_us - 1u) / interval_us;
-    return limit_ms == 0u || count > LEAST_CONVERSIONS ? count : LEAST_CONVERSIONS;
-}
-
 void adc_start(const board_sensors_t *sensors, uint32_t interval_us) {
     marks_bad = sensors->kind == BOARD_SENSORS_ANALOG_6;
     channels = marks_bad ? 6u : 3u;
     oversample_log2 = sensors->oversample_log2;
-    rail_limit = conversions(sensors->rail_ms, interval_us);
-    stuck_limit = conversions(sensors->stuck_ms, interval_us);
+    rail_limit = watch_limit(sensors->rail_ms, interval_us, WATCH_RAIL_LEAST);
+    stuck_limit = watch_limit(sensors->stuck_ms, interval_us, STUCK_LEAST);
     for (uint32_t i = 0u; i < BOARD_RAW_MAX; i++) {
-        railed_for[i] = 0u;
         watches[i] = (watch_t){0};
     }
     restart();
@@ -123,15 +114,9 @@ void adc_triggered(bool begins_sample) {
 
 /* Updates `railed` and `stuck` of channel i with one conversion. */
 static void check_input(uint32_t i, uint16_t count) {
-    const uint32_t bit = 1u << i;
-    if (count != 0u && count != COUNT_MAX) {
-        railed_for[i] = 0u;
-    } else if (railed_for[i] < UINT16_MAX) {
-        railed_for[i]++;
-    }
-    const bool at_rail = rail_limit > 0u && railed_for[i] >= rail_limit;
-    railed = (uint16_t)(at_rail ? railed | bit : railed & ~bit);
-    stuck = (uint16_t)(watch_stuck(&watches[i], count, stuck_limit) ? stuck | bit : stuck & ~bit);
+    watch_feed(&watches[i], (int16_t)count, 0, COUNT_MAX);
+    railed = watch_bits(railed, i, watch_railed(&watches[i], rail_limit));
+    stuck = watch_bits(stuck, i, watch_stuck(&watches[i], stuck_limit));
 }
 
 static void publish(void) {

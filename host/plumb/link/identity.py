@@ -59,10 +59,10 @@ def bits_text(bits: int, names: dict[int, str]) -> str:
 def sensors_text(said: dict[str, int]) -> list[str]:
     """A sentence for every sensor that cannot be trusted, from the words of SENSORS by name."""
     analog, digital = said.get("analog", 0), said.get("digital", 0)
-    found = [f"input {pin} is at a rail" for i, pin in enumerate(status_bits.ANALOG_INPUTS) if analog >> i & 1]
-    found += [
-        f"input {pin} does not change" for i, pin in enumerate(status_bits.ANALOG_INPUTS) if analog >> (8 + i) & 1
-    ]
+    pins = enumerate(status_bits.ANALOG_INPUTS)
+    inputs = [f"injected channel {i}" if said.get("injected") else f"input {pin}" for i, pin in pins]
+    found = [f"{name} is at a rail" for i, name in enumerate(inputs) if analog >> i & 1]
+    found += [f"{name} does not change" for i, name in enumerate(inputs) if analog >> (8 + i) & 1]
     for name, cause in (("gyro", digital & 0xFF), ("accelerometer", digital >> 8)):
         found += [f"{name}: {SENSOR_CAUSES.get(cause, f'cause {cause}')}"] if cause else []
     return found

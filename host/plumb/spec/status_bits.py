@@ -20,7 +20,7 @@ BLOCKED = {
     4: Bit("link_closed", "the link is closed or read-only"),
     5: Bit("keepalive_lost", "the keep-alive was lost"),
     6: Bit("commanded", "the host disarmed"),
-    7: Bit("no_samples", "no injected samples come"),
+    7: Bit("no_samples", "no injected samples come, or old ones, or too many are lost"),
     8: Bit("switch_opened", "the arm switch was opened"),
     9: Bit(
         "pins",
@@ -31,6 +31,7 @@ BLOCKED = {
     12: Bit("not_ready", "it is not ready to be armed"),
     13: Bit("other_link", "another link began the run, and alone may arm"),
     14: Bit("parameter", "with its parameters an armed board would break a promise: plumb doctor names the parameter"),
+    15: Bit("injected_period", "the period is too long for injected samples: a dead channel would drive for over 0.5 s"),
 }
 """Why arming is refused (STATUS.blocked), and what ended the last armed time (EVENTS.disarm_cause)."""
 FAULTS = {
