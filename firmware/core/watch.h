@@ -6,7 +6,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define WATCH_RAIL_LEAST 3U /* counts at a rail before the channel counts as railed, however slow they are */
+/* Counts at a rail before a channel counts as railed, however slow they are. */
+#define WATCH_RAIL_LEAST 3U
 
 typedef struct {
     int16_t last;

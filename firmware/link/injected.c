@@ -13,13 +13,13 @@
 
 #define SHARE_US    125000U /* half of the time over which losses are counted */
 #define LOST_ONE_IN 4U      /* may be lost */
-#define REPEATS_MAX 24U     /* noise: 0.5 LSB rms in one channel alone repeats so often once in 20 h at 5 ms */
+#define REPEATS_MAX 24U /* noise: 0.5 LSB rms in one channel alone repeats so often once in 20 h at 5 ms */
 
-#define STUCK_LEAST    20U  /* repetitions of one channel, */
-#define STUCK_LEAST_MS 300U /* for at least this time: 0.7 LSB rms stay for 20 samples of 5 ms now and then */
-#define ALL_LEAST      8U   /* repetitions of all channels together, for at least stuck_ms */
-#define NOTICED_US     500000U
-#define TURN_US        1000U
+/* One channel repeats: 0.42 s at 20 ms, the longest period that arms. Not below 300 ms: 0.7 LSB rms stay for
+ * 20 samples of 5 ms now and then. All channels together: for at least stuck_ms. */
+#define STUCK_LEAST    20U
+#define STUCK_LEAST_MS 300U
+#define ALL_LEAST      8U
 
 #define COUNT_12_BITS_MAX 4095
 
@@ -137,8 +137,4 @@ void injected_poll(injected_t *in, uint32_t period_us, uint32_t now_us) {
 
 bool injected_stale(const injected_t *in) {
     return in->silent || in->lossy || in->repeats >= REPEATS_MAX;
-}
-
-bool injected_too_slow(const params_t *params) {
-    return (STUCK_LEAST + 1U) * params->period_us + params->esc_period_us + TURN_US > NOTICED_US;
 }

@@ -1,9 +1,9 @@
 /* Injected samples in real time: whether they are new, and whether their counts can be trusted.
  *
  * New: SAMPLE carries six bits of its number. A sample counts when it is ahead of the last one that counted,
- * by no more than its time of arrival allows: a repeated one, or one of a circle of up to 32, does not. Longer
- * circles lose numbers (more than 25 % in 250 ms is too much) or show: number by number their counts are those
- * of 64 numbers ago.
+ * by no more than its time of arrival allows: a repeated one, or one of a circle of up to 32, does not.
+ * Longer circles lose numbers (more than 25 % in 250 ms is too much) or show: number by number their counts
+ * are those of 64 numbers ago.
  *
  * Trusted: the checks of core/watch.h that the board's own inputs have, at the rate of the samples. Times are
  * in us of the board's clock; differences are taken modulo 2^32. */
@@ -38,13 +38,15 @@ void injected_init(injected_t *in, uint8_t *marks);
 /* Call at the start of a run. */
 void injected_begin(injected_t *in);
 
-/* The number of a sample has come. False when it does not count; *lost: samples that are missing before it. */
+/* The number of a sample has come. False when it does not count; *lost: samples that are missing before it.
+ */
 bool injected_counts(injected_t *in, unsigned number, uint32_t period_us, uint32_t now_us, uint16_t *lost);
 
 /* A sample that counts was lost all the same: a part of it is missing. */
 void injected_spoilt(injected_t *in);
 
-/* Check the counts of a sample that counts. system: NULL, or without plausibility: its counts are not checked.
+/* Check the counts of a sample that counts. system: NULL, or without plausibility: its counts are not
+ * checked.
  */
 void injected_check(injected_t *in, const int16_t raw[PLUMB_RAW_MAX], const control_system_t *system,
                     const params_t *params);
@@ -54,8 +56,5 @@ void injected_poll(injected_t *in, uint32_t period_us, uint32_t now_us);
 
 /* True while no new samples come, or too few. */
 bool injected_stale(const injected_t *in);
-
-/* True when a channel that stops would be noticed after more than 500 ms. */
-bool injected_too_slow(const params_t *params);
 
 #endif

@@ -135,7 +135,8 @@ static void sample_in_real_time(run_t *r, routing_t *routing, const request_t *q
                                 const params_t *params) {
     routing_link_t *const l = &routing->link[q->link];
     uint16_t lost;
-    const bool counts = injected_counts(&r->injected, step6_of(q->frame), params->period_us, q->now_us, &lost);
+    const bool counts =
+        injected_counts(&r->injected, step6_of(q->frame), params->period_us, q->now_us, &lost);
 
     l->lost = (uint16_t)(l->lost + lost);
     if (!counts || incomplete) {

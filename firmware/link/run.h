@@ -55,7 +55,7 @@ typedef struct {
     uint16_t saturated;    /* steps with a raw count outside its range, modulo 2^16 */
     uint16_t starved;      /* real-time steps without a new sample, modulo 2^16 */
     uint8_t gap_ahead;     /* how far the last sample was ahead of the missing one; 0xFF: none is missing */
-    uint8_t raw_b_step6;     /* low six bits of the number raw_b belongs to; above 63: none */
+    uint8_t raw_b_step6;   /* low six bits of the number raw_b belongs to; above 63: none */
     int16_t raw_b[3];
 } run_t;
 

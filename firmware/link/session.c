@@ -74,10 +74,7 @@ static uint16_t arming_blocked(const session_t *s, link_t link) {
     blocked |= (s->status.faults & SESSION_FAULTS_BLOCKING) != 0 ? ARMING_BLOCK_FAULT : 0U;
     blocked |= l != NULL && l->open && !l->read_only ? 0U : ARMING_BLOCK_CLOSED;
     blocked |= mode != RUN_IDLE && s->run.links.owner != link ? ARMING_BLOCK_OWNER : 0U;
-    if (run_injected(&s->run)) {
-        blocked |= injected_stale(&s->run.injected) ? ARMING_BLOCK_SAMPLES : 0U;
-        blocked |= injected_too_slow(s->params) ? ARMING_BLOCK_PERIOD : 0U;
-    }
+    blocked |= run_injected(&s->run) && injected_stale(&s->run.injected) ? ARMING_BLOCK_SAMPLES : 0U;
     blocked |= actuator_present(s) ? 0U : ARMING_BLOCK_PINS;
     blocked |= arming_switch_owns(&s->arming);
     blocked |= system->output != CONTROL_OUTPUT_NONE && s->staging.unsafe != PARAMS_COUNT

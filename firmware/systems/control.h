@@ -54,8 +54,8 @@ typedef struct {
     uint8_t output;      /* control_output_t */
     uint8_t output_word; /* place in the record of the first word that drives it */
     uint8_t sensors;     /* control_sensors_t */
-    uint8_t noisy;       /* bits of the raw counts that calibrated sensors give: at rest they are not constant */
-    bool marks_missing;  /* a step without a sample gets counts of INT16_MIN; else the last sample again */
+    uint8_t noisy; /* bits of the raw counts that calibrated sensors give: at rest they are not constant */
+    bool marks_missing; /* a step without a sample gets counts of INT16_MIN; else the last sample again */
 } control_system_t;
 
 /* Of the system in use; of one that this image does not have: a record of two zeros, no

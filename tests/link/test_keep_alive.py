@@ -23,6 +23,7 @@ from plumb.tuning.quantise import quantise
 from support.balancer_bench import Balancer
 from support.kept import as_made
 from support.native_board import AT_REST
+from support.noise import with_noise
 from support.pins import at_rest
 
 SAFE_US = 50_000
@@ -61,7 +62,7 @@ def drive(session: Session, run: str, period_us: int, raw: tuple[int, ...]) -> C
     def one_period(alive: bool) -> None:
         nonlocal step
         if run == "REALTIME_INJECTED":
-            session.frames.write_frames(sample_frames(session.protocol, step, raw, 0, 0))
+            session.frames.write_frames(sample_frames(session.protocol, step, with_noise(raw, step), 0, 0))
             step += 1
         end = session.clock() + period_us * 1e-6
         while (remaining := end - session.clock()) > 0:

@@ -18,6 +18,7 @@ from plumb.link.lockstep import sample_frames
 from plumb.link.session import Session
 from plumb.spec import parameters
 from support.native_board import AT_REST
+from support.noise import with_noise
 from support.pins import at_rest
 from support.sessions import BOOT_US, CONTROL, STEER, listen, refusal, used_setpoints
 
@@ -117,7 +118,7 @@ def test_the_owner_names_the_other_link_as_the_source(machine: Machine, role: st
 
     def inject(step: int) -> None:
         asked = STEER if armed else 0
-        frames = sample_frames(other.protocol, step, AT_REST, asked, ~asked, owner.run_tag)
+        frames = sample_frames(other.protocol, step, with_noise(AT_REST, step), asked, ~asked, owner.run_tag)
         other.frames.write_frames(frames)
 
     periods(owner, other, inject, 200)
@@ -126,7 +127,7 @@ def test_the_owner_names_the_other_link_as_the_source(machine: Machine, role: st
     assert refusal(lambda: owner.request("SETPOINT", 0, 1, flags=owner.run_tag)) == "OWNER"
     owner.arm()
     armed = True
-    periods(owner, other, inject, 60)
+    periods(owner, other, lambda step: inject(200 + step), 60)
     assert set(used) == {0, STEER}
     assert owner.telemetry["STATUS"]["armed"] == 1
     assert machine.pwm("PB6").pulse_us != NEUTRAL_US

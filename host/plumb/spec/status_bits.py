@@ -31,7 +31,6 @@ BLOCKED = {
     12: Bit("not_ready", "it is not ready to be armed"),
     13: Bit("other_link", "another link began the run, and alone may arm"),
     14: Bit("parameter", "with its parameters an armed board would break a promise: plumb doctor names the parameter"),
-    15: Bit("injected_period", "the period is too long for injected samples: a dead channel would drive for over 0.5 s"),
 }
 """Why arming is refused (STATUS.blocked), and what ended the last armed time (EVENTS.disarm_cause)."""
 FAULTS = {
