@@ -4,6 +4,7 @@ disarmed. No thread and no wall clock: time passes when the bridge listens."""
 from __future__ import annotations
 
 import pytest
+from support.noise import with_noise
 
 from plumb.inputs.bridge import Bridge
 from plumb.inputs.sample_assembler import Samples
@@ -33,7 +34,7 @@ class SteadySensor:
         while self.sent * PERIOD_US <= self.board.time_us:
             before = 0 if self.sent == 0 else self.setpoint
             if self.speaks:
-                raw = (*AT_REST[:5], self.sent)
+                raw = with_noise((*AT_REST[:5], self.sent), self.sent)
                 arrived += sample_frames(protocol(), self.sent, raw, self.setpoint, before)
             self.sent += 1
         return [(0.0, entry) for entry in arrived]
@@ -98,7 +99,8 @@ def test_why_the_board_disarmed_is_told_from_what_it_says_afterwards(monkeypatch
     joined.bridge.run(over)
     assert "armed" in joined.said
     assert [text for text in joined.said if "disarmed" in text] == [
-        "the board disarmed: no injected samples come; it stays so until this is started again"
+        "the board disarmed: no injected samples come, or old ones, or too many are lost; "
+        "it stays so until this is started again"
     ]
 
 
