@@ -4,7 +4,6 @@ disarmed. No thread and no wall clock: time passes when the bridge listens."""
 from __future__ import annotations
 
 import pytest
-from support.noise import with_noise
 
 from plumb.inputs.bridge import Bridge
 from plumb.inputs.sample_assembler import Samples
@@ -14,6 +13,7 @@ from plumb.spec.protocol import Frame, protocol
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning.quantise import quantise
 from support.native_board import AT_REST, NativeBoard
+from support.noise import with_noise
 
 PERIOD_US = 20_000
 PARAMS = quantise(quad.ADAPTIVE)
