@@ -42,6 +42,8 @@ WRITE_TO = b"\x08\x00\x00\x00\x08"
 """The address 0x08000000 and its checksum."""
 Result = TypeVar("Result")
 
+MOST_DEVICE_ID = 0xFFF
+"""The number is 12 bits long (RM0008 31.6.1)."""
 # Device ids of the F103 (AN2606): density, page size in bytes, smallest flash of this density in KiB.
 _DENSITIES = {
     0x410: ("medium density", 1024, 64),
@@ -156,7 +158,7 @@ class RomLoader:
 
     def __init__(self, line: Line) -> None:
         self._module = import_stm32loader()
-        self._line = line
+        self._line, self._erasing = line, False
         self._boot: Any = self._module.Stm32Bootloader(line, device_family="F1", verbosity=0)  # Any: no types
 
     def answers(self) -> bool:
@@ -190,6 +192,10 @@ class RomLoader:
         """Identify the chip. Raises UsageError when it is not supported."""
         version = self._persist("tell its version", self._boot.get)
         device_id = self._persist("tell what it is", self._boot.get_id)
+        if device_id > MOST_DEVICE_ID:
+            raise LinkError(
+                "what answers is no bootloader: it repeats itself; check the wires, and that the port is the board's"
+            )
         part_of(device_id, None, version)
         try:
             size = int.from_bytes(self.read(FLASH_SIZE_ADDRESS, 2), "little")
@@ -207,6 +213,7 @@ class RomLoader:
 
     def erase(self, page: int) -> None:
         """Erase one page. Not repeated after a time-out: the chip could take the next command for more page numbers."""
+        self._erasing = True
         for attempt in range(_TRIES):
             try:
                 # stm32loader announces the extended command on every page.
@@ -285,11 +292,11 @@ class RomLoader:
             self._line.timeout = REPLY_S
         raise self._broken(trouble)
 
-    @staticmethod
-    def _broken(error: OSError) -> LinkError:
+    def _broken(self, error: OSError) -> LinkError:
+        left = "what it holds now is incomplete" if self._erasing else "nothing was written"
         return LinkError(
             f"the chip stopped answering ({error}): check the wires, press RESET with BOOT0 at 1 and run the command "
-            "again, since what it holds now is incomplete"
+            f"again; {left}"
         )
 
 
