@@ -89,7 +89,7 @@ def keepalive_table() -> str:
 
 def shown_value(message: Message, signal: str, value: int) -> str:
     """The value's name if it has one; hexadecimal for values that are not quantities."""
-    if message.name.startswith("KEEPALIVE"):
+    if signal in ("asker", "value") and message.name in ("CHALLENGE", "KEEPALIVE", "KEEPALIVE_VALUE"):
         return f"{value:08x}"
     if signal == "request":
         return protocol().by_identifier[value].name
@@ -98,12 +98,17 @@ def shown_value(message: Message, signal: str, value: int) -> str:
     return message.choice(signal, value)
 
 
+ASKER = 0x5EED0001
+"""What a host draws at random."""
+
+
 class Scene:
     """A session with a new board, recorded as a transcript."""
 
     def __init__(self) -> None:
         self.board = NativeBoard(seed=1)
         self.lines: list[str] = []
+        self.heard: dict[str, dict[str, int]] = {}
         self._counter: dict[int, int] = {}
 
     def _note(self, mark: str, line: bytes) -> None:
@@ -149,7 +154,7 @@ class Scene:
         data = message.pack(own if counter is None else counter, flags, *words)
         line = text_of_frames([(message.identifier, data)])
         self._note(">", line[:-1])
-        heard = self._hear(self.board.say(line, turns))
+        self.heard = heard = self._hear(self.board.say(line, turns))
         asked = [name for name in heard if name not in PERIODIC]
         return heard[asked[-1]] if asked else {}
 
@@ -215,22 +220,23 @@ def golden_run(scene: Scene) -> None:
 def arm(scene: Scene) -> None:
     scene.greet()
     verb = protocol()["EXECUTE"].value("verb", "ARM")
-    nonce = scene.say("CHALLENGE", verb, 0)["nonce"]
-    scene.say("EXECUTE", verb, nonce)
+    nonce = scene.say("CHALLENGE", verb, ASKER)["nonce"]
+    scene.say("EXECUTE", verb, nonce ^ ASKER)
     scene.remark("blocked: no run, bit 1")
     scene.begin("REALTIME_LIVE")
-    nonce = scene.say("CHALLENGE", verb, 0)["nonce"]
-    scene.say("EXECUTE", verb, nonce)
+    nonce = scene.say("CHALLENGE", verb, ASKER)["nonce"]
+    scene.say("EXECUTE", verb, nonce ^ ASKER)
     scene.remark("blocked: not ready, bit 12; PLAUSIBILITY says what is missing. After 0.6 s at rest it is:")
     scene.rest(700_000)
-    nonce = scene.say("CHALLENGE", verb, 0)["nonce"]
-    first = scene.say("EXECUTE", verb, nonce)["detail"]
-    value = scene.say("KEEPALIVE", 0, first, turns=115)["value"]
-    value = scene.say("KEEPALIVE", 0, value, turns=115)["value"]
+    nonce = scene.say("CHALLENGE", verb, ASKER)["nonce"]
+    scene.say("EXECUTE", verb, nonce ^ ASKER)
+    arming, value = scene.heard["ACK"]["detail"] & 0xFFFF, scene.heard["KEEPALIVE_VALUE"]["value"]
+    value = scene.say("KEEPALIVE", arming, value, turns=115)["value"]
+    value = scene.say("KEEPALIVE", arming, value, turns=115)["value"]
     scene.remark("silence: 49 ms less a frame of pulses after the last keep-alive that counted the board is disarmed")
     scene.board.run_us(30_000)
     scene._hear(scene.board.heard())
-    scene.say("KEEPALIVE", 0, value, turns=115)
+    scene.say("KEEPALIVE", arming, value, turns=115)
     scene.remark("too late, latched: only a new EXECUTE with a new nonce arms again")
 
 

@@ -50,12 +50,13 @@ const uint16_t messages_from_host[MESSAGES_FROM_HOST] = {
 message_keepalive_t message_keepalive_unpack(const can_frame_t *frame) {
     message_keepalive_t m;
 
+    m.arming = (uint16_t)get_u16(frame, 2);
     m.value = (uint32_t)get_u32(frame, 4);
     return m;
 }
 
 can_frame_t message_keepalive_value_pack(const message_keepalive_value_t *m) {
-    return messages_pair(MESSAGE_KEEPALIVE_VALUE_ID, 0U, (uint32_t)m->value);
+    return messages_pair(MESSAGE_KEEPALIVE_VALUE_ID, (uint16_t)m->arming, (uint32_t)m->value);
 }
 
 message_sample_a_t message_sample_a_unpack(const can_frame_t *frame) {
@@ -88,6 +89,7 @@ message_challenge_t message_challenge_unpack(const can_frame_t *frame) {
     message_challenge_t m;
 
     m.verb = (uint16_t)get_u16(frame, 2);
+    m.asker = (uint32_t)get_u32(frame, 4);
     return m;
 }
 

@@ -6,7 +6,7 @@
 #include "link/e2e.h"
 
 #define MESSAGES_PROTOCOL_VERSION 3U
-#define MESSAGES_DBC_HASH 0xC1E4D4FDU
+#define MESSAGES_DBC_HASH 0x1F396147U
 
 /* Every identifier that the host sends: what a receiver's filters let through. */
 #define MESSAGES_FROM_HOST 15U
@@ -17,6 +17,7 @@ can_frame_t messages_pair(uint16_t id, uint16_t half, uint32_t word);
 
 #define MESSAGE_KEEPALIVE_ID 0x008U
 typedef struct {
+    uint16_t arming;
     uint32_t value;
 } message_keepalive_t;
 message_keepalive_t message_keepalive_unpack(const can_frame_t *frame);
@@ -25,6 +26,7 @@ message_keepalive_t message_keepalive_unpack(const can_frame_t *frame);
 
 #define MESSAGE_KEEPALIVE_VALUE_ID 0x01CU
 typedef struct {
+    uint16_t arming;
     uint32_t value;
 } message_keepalive_value_t;
 can_frame_t message_keepalive_value_pack(const message_keepalive_value_t *m);
@@ -65,6 +67,7 @@ message_setpoint_t message_setpoint_unpack(const can_frame_t *frame);
 #define MESSAGE_CHALLENGE_VERB_REALTIME_LIVE 18U
 typedef struct {
     uint16_t verb;
+    uint32_t asker;
 } message_challenge_t;
 message_challenge_t message_challenge_unpack(const can_frame_t *frame);
 

@@ -1,7 +1,7 @@
 #include "arming.h"
 
-void arming_init(arming_t *a) {
-    *a = (arming_t){.switch_closed = true}; /* until it was seen open */
+void arming_init(arming_t *a, uint32_t random) {
+    *a = (arming_t){.switch_closed = true /* until it was seen open */, .number = (uint16_t)(random >> 16)};
 }
 
 bool arming_armed(const arming_t *a) {
@@ -17,19 +17,20 @@ static void arm(arming_t *a, bool by_switch, arming_actuator_t actuator, uint32_
     a->driving.word = 0;
     a->by_switch = by_switch;
     a->cause = 0;
+    a->number = (uint16_t)(a->number < UINT16_MAX ? a->number + 1U : 1U);
     a->keepalive_us = now_us;
     a->silence_us = ARMING_SAFE_US - ARMING_TURN_US - actuator.frame_us;
     a->armed_us = now_us;
     a->hold_us = actuator.hold_us;
 }
 
-uint32_t arming_arm(arming_t *a, uint16_t blocked, arming_actuator_t actuator, random_t *random,
-                    uint32_t now_us) {
+bool arming_arm(arming_t *a, uint16_t blocked, arming_actuator_t actuator, uint32_t now_us) {
     if (blocked != 0) {
-        return 0U;
+        return false;
     }
     arm(a, false, actuator, now_us);
-    return keepalive_begin(&a->keepalive, random, now_us);
+    keepalive_begin(&a->keepalive, now_us);
+    return true;
 }
 
 uint32_t arming_issue(arming_t *a, random_t *random, uint32_t now_us) {
@@ -78,8 +79,9 @@ void arming_try_switch(arming_t *a, uint16_t blocked, arming_actuator_t actuator
     }
 }
 
-bool arming_keepalive(arming_t *a, uint32_t value, uint32_t now_us) {
-    if (!arming_armed(a) || a->by_switch || !keepalive_counts(&a->keepalive, value, now_us)) {
+bool arming_keepalive(arming_t *a, uint16_t number, uint32_t value, uint32_t now_us) {
+    if (!arming_armed(a) || a->by_switch || number != a->number ||
+        !keepalive_counts(&a->keepalive, value, now_us)) {
         return false;
     }
     /* A late keep-alive must not keep the board armed, even when it comes before the poll that disarms. */

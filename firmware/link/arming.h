@@ -6,6 +6,9 @@
  * begins with the next frame of pulses, so the time-out is shorter by one frame and one turn of the loop.
  * Time is an argument, in us of the board's clock; differences are taken modulo 2^32.
  *
+ * Each arming has a number, which the ACK of ARM tells the host and every keep-alive value carries. Only
+ * keep-alives with the number of the present arming count: a host whose arming is over holds nothing.
+ *
  * The arm switch needs no host. Closing it arms the board, once it was seen open. It is also the dead man's
  * switch: no keep-alive is needed, and the board disarms as soon as the switch reads open. After arming by
  * either way the actuator stays at neutral for hold_us, so that speed controllers see their arming pulse;
@@ -68,6 +71,7 @@ typedef struct {
     arming_word_t driving; /* ARMING_DRIVING: armed, and the hold is over */
     bool by_switch;        /* armed by the switch; false: by a host */
     uint16_t cause;        /* ARMING_BLOCK_* of the last disarming; 0: none */
+    uint16_t number;       /* of the last arming, counting up over disarming, never 0 */
     keepalive_t keepalive;
     uint32_t keepalive_us; /* the last one that counted */
     uint32_t silence_us;   /* keep-alive time-out */
@@ -81,14 +85,16 @@ typedef struct {
     uint32_t switch_try_us; /* when switch_trying began */
 } arming_t;
 
-void arming_init(arming_t *a);
+/* random: number before that of the first arming, so that a board after a reset does not repeat its numbers.
+ */
+void arming_init(arming_t *a, uint32_t random);
 
 bool arming_armed(const arming_t *a);
 bool arming_driving(const arming_t *a); /* armed, and the hold at neutral is over */
 
-/* Arm for a host; returns the first value for its keep-alive, or 0 when blocked (ARMING_BLOCK_*) is not 0. */
-uint32_t arming_arm(arming_t *a, uint16_t blocked, arming_actuator_t actuator, random_t *random,
-                    uint32_t now_us);
+/* Arm for a host, with the next number; the first value for its keep-alive is due at once. False, with no
+ * effect, when blocked (ARMING_BLOCK_*) is not 0. */
+bool arming_arm(arming_t *a, uint16_t blocked, arming_actuator_t actuator, uint32_t now_us);
 
 /* Next value for the keep-alive of the host that armed, when one is due; else 0. */
 uint32_t arming_issue(arming_t *a, random_t *random, uint32_t now_us);
@@ -106,8 +112,9 @@ uint16_t arming_switch_owns(const arming_t *a);
  * switch has to be opened first. */
 void arming_try_switch(arming_t *a, uint16_t blocked, arming_actuator_t actuator, uint32_t now_us);
 
-/* Handle a keep-alive. False, with no effect, when the value does not count or the board is disarmed. */
-bool arming_keepalive(arming_t *a, uint32_t value, uint32_t now_us);
+/* Handle a keep-alive. False, with no effect, when it is of another arming, when the value does not count or
+ * the board is disarmed. */
+bool arming_keepalive(arming_t *a, uint16_t number, uint32_t value, uint32_t now_us);
 
 /* Disarm for this cause; a board that is disarmed already keeps its first cause. */
 void arming_disarm(arming_t *a, uint16_t cause);

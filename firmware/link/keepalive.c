@@ -22,9 +22,8 @@ static uint32_t issue(keepalive_t *k, random_t *random, uint32_t now_us) {
     return value;
 }
 
-uint32_t keepalive_begin(keepalive_t *k, random_t *random, uint32_t now_us) {
-    *k = (keepalive_t){.last_us = now_us};
-    return issue(k, random, now_us);
+void keepalive_begin(keepalive_t *k, uint32_t now_us) {
+    *k = (keepalive_t){.last_us = now_us - KEEPALIVE_PERIOD_US};
 }
 
 uint32_t keepalive_issue(keepalive_t *k, random_t *random, uint32_t now_us) {

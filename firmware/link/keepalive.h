@@ -20,10 +20,10 @@ typedef struct {
     uint8_t next;     /* index of the next value */
 } keepalive_t;
 
-/* Forget all values and issue the first; never 0. */
-uint32_t keepalive_begin(keepalive_t *k, random_t *random, uint32_t now_us);
+/* Forget all values; the first is due at once. */
+void keepalive_begin(keepalive_t *k, uint32_t now_us);
 
-/* The next value, once every KEEPALIVE_PERIOD_US; 0 while it is not due. */
+/* The next value, once every KEEPALIVE_PERIOD_US, never 0; 0 while it is not due. */
 uint32_t keepalive_issue(keepalive_t *k, random_t *random, uint32_t now_us);
 
 /* True when this value was issued, is unused and not too old; marks it as used. */

@@ -1,8 +1,10 @@
 #include "nonce.h"
 
-uint32_t nonce_issue(nonce_t *n, random_t *random, uint16_t verb, uint32_t now_us) {
-    *n = (nonce_t){.value = random_next(random), .asked_us = now_us, .verb = verb, .valid = true};
-    return n->value;
+uint32_t nonce_issue(nonce_t *n, random_t *random, uint16_t verb, uint32_t asker, uint32_t now_us) {
+    const uint32_t nonce = random_next(random);
+
+    *n = (nonce_t){.value = nonce ^ asker, .asker = asker, .asked_us = now_us, .verb = verb, .valid = true};
+    return nonce;
 }
 
 bool nonce_answer(nonce_t *n, uint16_t verb, uint32_t value, uint32_t now_us) {

@@ -3,6 +3,10 @@
 
 #define ALL_PARAMETERS 0xFFFFU
 #define RUN_TAG_SHIFT  16U /* in the ACK of RUN_BEGIN, above its run */
+/* The ACKs of RUN_BEGIN and of ARM repeat upper bits of the nonce as the host sent it: on a bus each host
+ * knows its own ACK by them. */
+#define RUN_ECHO_MASK 0xFFF00000U
+#define ARM_ECHO_MASK 0xFFFF0000U
 /* Outbox entries that one CAN frame may need: two replies (one may be a pending SETPOINT_USED), and the
  * urgent frames. */
 #define FRAME_REPLIES (2U + OUTBOX_URGENT)
@@ -91,8 +95,8 @@ static void on_param_commit(session_t *s, const request_t *q) {
 
 static void on_challenge(session_t *s, const request_t *q) {
     const message_challenge_t m = message_challenge_unpack(q->frame);
-    const message_nonce_t nonce = {.verb = m.verb,
-                                   .nonce = nonce_issue(&s->nonce[q->link], &s->random, m.verb, q->now_us)};
+    const message_nonce_t nonce = {
+        .verb = m.verb, .nonce = nonce_issue(&s->nonce[q->link], &s->random, m.verb, m.asker, q->now_us)};
 
     routing_reply(&s->routing, q, message_nonce_pack(&nonce), 0);
 }
@@ -128,18 +132,18 @@ static uint16_t execute(session_t *s, const request_t *q, uint16_t verb) {
 }
 
 static void arm(session_t *s, const request_t *q) {
+    const uint32_t echo = message_execute_unpack(q->frame).nonce & ARM_ECHO_MASK;
     uint16_t blocked;
-    const uint32_t first = session_arm(s, q, &blocked);
 
-    if (first == 0U) {
+    if (session_arm(s, q, &blocked)) {
+        routing_ack(&s->routing, q, s->arming.number | echo);
+    } else {
         session_send_readiness(s, q->link); /* before the NACK, so that the host knows what is missing */
         if ((blocked & ARMING_BLOCK_PARAMETER) != 0) { /* by name: it does not pass by itself */
             routing_nack(&s->routing, q, MESSAGE_NACK_REASON_UNSAFE_PARAMETER, s->staging.unsafe);
         } else {
             routing_nack(&s->routing, q, MESSAGE_NACK_REASON_BLOCKED, blocked);
         }
-    } else {
-        routing_ack(&s->routing, q, first);
     }
 }
 
@@ -184,7 +188,8 @@ static void on_run_begin(session_t *s, const request_t *q) {
     } else {
         arming_disarm(&s->arming, ARMING_BLOCK_COMMAND);
         session_begin_run(s, m.run, links_of_run(q->link, flags));
-        routing_ack(&s->routing, q, m.run | (uint32_t)s->run.tag << RUN_TAG_SHIFT);
+        routing_ack(&s->routing, q,
+                    m.run | (uint32_t)s->run.tag << RUN_TAG_SHIFT | (m.nonce & RUN_ECHO_MASK));
     }
 }
 
@@ -203,7 +208,9 @@ static void on_disarm(session_t *s, const request_t *q) {
 
 static void on_keepalive(session_t *s, const request_t *q) {
     if (s->run.links.owner == q->link) { /* only the link that armed keeps the board armed */
-        (void)arming_keepalive(&s->arming, message_keepalive_unpack(q->frame).value, q->now_us);
+        const message_keepalive_t m = message_keepalive_unpack(q->frame);
+
+        (void)arming_keepalive(&s->arming, m.arming, m.value, q->now_us);
     }
 }
 
@@ -234,7 +241,7 @@ void requests_handle(session_t *s, const request_t *q) {
         run_on_sample_b(&s->run, q);
         return;
     case MESSAGE_SETPOINT_ID:
-        run_on_setpoint(&s->run, &s->routing, q);
+        run_on_setpoint(&s->run, &s->routing, q, s->params->period_us);
         return;
     case MESSAGE_HELLO_ID:
         on_hello(s, q);

@@ -180,9 +180,21 @@ void run_on_sample_b(run_t *r, const request_t *q) {
     r->raw_b[2] = m.raw_5;
 }
 
+static void setpoint_in_real_time(run_t *r, routing_t *routing, const request_t *q, uint32_t period_us) {
+    const message_setpoint_t m = message_setpoint_unpack(q->frame);
+    const setpoint_age_t age = setpoint_age(&r->setpoint, m.step, r->step, period_us);
+
+    if (age == SETPOINT_COUNTS) {
+        setpoint_number(&r->setpoint, m.step);
+        setpoint_receive(&r->setpoint, m.setpoint);
+    } else if (age == SETPOINT_OLD) {
+        routing_nack(routing, q, MESSAGE_NACK_REASON_SEQUENCE, r->step);
+    }
+}
+
 /* In lockstep a setpoint for a step whose sample is queued already is a repetition, and must change nothing.
  */
-void run_on_setpoint(run_t *r, routing_t *routing, const request_t *q) {
+void run_on_setpoint(run_t *r, routing_t *routing, const request_t *q, uint32_t period_us) {
     const message_setpoint_t m = message_setpoint_unpack(q->frame);
 
     if (r->mode == RUN_IDLE) {
@@ -191,7 +203,9 @@ void run_on_setpoint(run_t *r, routing_t *routing, const request_t *q) {
         nack(r, routing, q, MESSAGE_NACK_REASON_OWNER);
     } else if (e2e_flags(q->frame) != r->tag) {
         nack(r, routing, q, MESSAGE_NACK_REASON_RUN_TAG);
-    } else if (r->mode == RUN_REALTIME || m.step == r->queue_in) {
+    } else if (r->mode == RUN_REALTIME) {
+        setpoint_in_real_time(r, routing, q, period_us);
+    } else if (m.step == r->queue_in) {
         setpoint_receive(&r->setpoint, m.setpoint);
     }
 }

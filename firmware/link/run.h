@@ -86,7 +86,7 @@ bool run_injected(const run_t *r);
 bool run_on_sample_a(run_t *r, routing_t *routing, const request_t *q, const params_t *params,
                      uint16_t *step);
 void run_on_sample_b(run_t *r, const request_t *q);
-void run_on_setpoint(run_t *r, routing_t *routing, const request_t *q);
+void run_on_setpoint(run_t *r, routing_t *routing, const request_t *q, uint32_t period_us);
 
 /* The link whose host paces the steps; LINK_NONE when none does. */
 static inline link_t run_pacer(const run_t *r) {

@@ -89,12 +89,15 @@ static arming_actuator_t actuator(const session_t *s) {
                                .hold_us = 1000U * s->params->arm_hold_ms};
 }
 
-uint32_t session_arm(session_t *s, const request_t *q, uint16_t *blocked) {
+bool session_arm(session_t *s, const request_t *q, uint16_t *blocked) {
     *blocked = arming_blocked(s, q->link);
+    /* Hosts before version 3 put no number there: on a bus that another host has greeted this one is of
+     * another version all the same. */
+    *blocked |= (uint16_t)(s->nonce[q->link].asker == 0 ? ARMING_BLOCK_HELLO : 0U);
     if (*blocked == 0) {
         s->bootloader_asked = false;
     }
-    return arming_arm(&s->arming, *blocked, actuator(s), &s->random, q->now_us);
+    return arming_arm(&s->arming, *blocked, actuator(s), q->now_us);
 }
 
 void session_link_lost(session_t *s, link_t link, uint16_t cause) {
@@ -274,7 +277,8 @@ static void send_news(session_t *s, uint32_t now_us) {
 
 /* Sends the next keep-alive value to the host that armed, ahead of all frames queued for its link. */
 static void issue_keepalive(session_t *s, uint32_t now_us) {
-    const message_keepalive_value_t m = {.value = arming_issue(&s->arming, &s->random, now_us)};
+    const message_keepalive_value_t m = {.arming = s->arming.number,
+                                         .value = arming_issue(&s->arming, &s->random, now_us)};
 
     if (m.value != 0U) {
         outbox_urgent(s->routing.link[s->run.links.owner].outbox, message_keepalive_value_pack(&m), 0);
@@ -347,7 +351,7 @@ static void begin(session_t *s, session_buffers_t *buffers, const board_identity
     run_init(&s->run, &buffers->run, random_next(&s->random));
     telemetry_init(&s->telemetry, buffers->digest);
     staging_init(&s->staging, &buffers->staged, params);
-    arming_init(&s->arming);
+    arming_init(&s->arming, random_next(&s->random));
     control_init(control, &params->control);
 }
 

@@ -144,9 +144,8 @@ bool session_bootloader_due(const session_t *s, uint32_t now_us);
 
 void session_begin_run(session_t *s, uint16_t run, run_links_t links); /* run: MESSAGE_RUN_BEGIN_RUN_* */
 
-/* Arm for the host of this request; returns the first value of its keep-alive, or 0 when *blocked
- * (ARMING_BLOCK_*) is not 0. */
-uint32_t session_arm(session_t *s, const request_t *q, uint16_t *blocked);
+/* Arm for the host of this request; false when *blocked (ARMING_BLOCK_*) is not 0. */
+bool session_arm(session_t *s, const request_t *q, uint16_t *blocked);
 
 /* A link can no longer control: if its host armed the board, disarm at once, for this cause. */
 void session_link_lost(session_t *s, link_t link, uint16_t cause);

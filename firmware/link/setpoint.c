@@ -7,6 +7,27 @@ void setpoint_begin(setpoint_t *s) {
     s->turn_q32 = 0;
     s->told_turn_q32 = 0;
     s->armed = false;
+    s->numbered = false;
+}
+
+/* A source that has heard of step n - 1, and not of step n, says n. Half a turn of the numbers after the last
+ * one that counted the order is lost; then any other number that is not old counts. */
+setpoint_age_t setpoint_age(const setpoint_t *s, uint16_t number, uint16_t next_step, uint32_t period_us) {
+    const bool ordered = s->numbered && s->steps_since <= (uint16_t)INT16_MAX;
+
+    if (s->numbered && number == s->number) {
+        return SETPOINT_REPEATED;
+    }
+    if ((uint16_t)(next_step - number) >= SETPOINT_SILENCE_US / period_us) {
+        return SETPOINT_OLD;
+    }
+    return ordered && (uint16_t)(number - s->number) > (uint16_t)INT16_MAX ? SETPOINT_OLD : SETPOINT_COUNTS;
+}
+
+void setpoint_number(setpoint_t *s, uint16_t number) {
+    s->numbered = true;
+    s->number = number;
+    s->steps_since = 0;
 }
 
 void setpoint_receive(setpoint_t *s, int32_t turn_q32) {
@@ -41,6 +62,7 @@ void setpoint_report(setpoint_t *s, routing_t *routing, link_t source, uint16_t 
     const message_setpoint_used_t used = {.step = step, .setpoint = s->turn_q32};
     unsigned flags = 0;
 
+    s->steps_since = (uint16_t)(s->steps_since + (s->steps_since < UINT16_MAX ? 1U : 0U));
     if (!s->waiting) {
         return;
     }

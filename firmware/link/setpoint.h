@@ -1,8 +1,10 @@
 /* Setpoint of the run, with a time-out of its source.
  *
  * While the actuator is driven, a source that is silent for SETPOINT_SILENCE_US counts as lost, and the
- * setpoint becomes 0; so it does when the board disarms. Setpoints are in the system's unit, turn Q32 for an
- * angle. Times are in us of the board's clock, modulo 2^32. */
+ * setpoint becomes 0; so it does when the board disarms. In real time a setpoint counts when it carries a
+ * newer step number than the last one that counted, and one that the source can have heard within
+ * SETPOINT_SILENCE_US: what repeats recorded setpoints is silence. Setpoints are in the system's unit, turn
+ * Q32 for an angle. Times are in us of the board's clock, modulo 2^32. */
 #ifndef PLUMB_LINK_SETPOINT_H
 #define PLUMB_LINK_SETPOINT_H
 
@@ -14,16 +16,31 @@ typedef struct {
     int32_t turn_q32;      /* in use; 0 at the start of a run */
     int32_t told_turn_q32; /* value of the last SETPOINT_USED */
     bool waiting;          /* lockstep: received for the next sample; real time: not reported yet */
-    bool heard;            /* one was received since the last poll */
+    bool heard;            /* one that counts was received since the last poll */
     bool timed_out;        /* set to 0 by the time-out, and not reported yet */
     bool armed;            /* at the last poll */
+    bool numbered;         /* real time: one has counted in this run */
+    uint16_t number;       /* real time: step number of the last one that counted */
+    uint16_t steps_since;  /* real time: steps since then, at most UINT16_MAX */
     uint32_t heard_us;     /* last poll at which one had been received, or the actuator was not driven */
 } setpoint_t;
 
 /* Call at the start of a run: the setpoint is 0, and nothing waits. */
 void setpoint_begin(setpoint_t *s);
 
-/* Handle a setpoint from the source of this run. */
+typedef enum {
+    SETPOINT_COUNTS,
+    SETPOINT_REPEATED, /* the step number of the last one that counted */
+    SETPOINT_OLD, /* an older number, or more than SETPOINT_SILENCE_US old, or one that is still to come */
+} setpoint_age_t;
+
+/* How a step number that came with a setpoint in real time compares. next_step: of the run. */
+setpoint_age_t setpoint_age(const setpoint_t *s, uint16_t number, uint16_t next_step, uint32_t period_us);
+
+/* Note the number of a setpoint that counts. */
+void setpoint_number(setpoint_t *s, uint16_t number);
+
+/* Handle a setpoint that counts from the source of this run. */
 void setpoint_receive(setpoint_t *s, int32_t turn_q32);
 
 /* Call on every turn of the loop: applies the time-out and the end of arming. driving: the actuator may

@@ -8,6 +8,7 @@
 #define TURN_US    500U
 #define IN_CHANNEL 64U /* frames on their way, in one direction */
 #define PPM        1000000U
+#define ASKER      1U
 #define SETTLE_US  100000U
 #define READY_US   1000000U /* at rest from the first step on, a run may be armed by then */
 
@@ -67,6 +68,10 @@ static void say(study_t *s, uint16_t id, uint16_t half, uint32_t word) {
     requests_receive_frame(&s->session, &f, s->now_us);
 }
 
+static uint16_t half_of(const can_frame_t *f) {
+    return (uint16_t)(f->data[2] | f->data[3] << 8);
+}
+
 static uint32_t word_of(const can_frame_t *f) {
     return f->data[4] | (uint32_t)f->data[5] << 8 | (uint32_t)f->data[6] << 16 | (uint32_t)f->data[7] << 24;
 }
@@ -76,7 +81,7 @@ static void arm(study_t *s) {
     nonce_t *const nonce = &s->session.nonce[LINK_CAN];
     const uint16_t verb = MESSAGE_EXECUTE_VERB_ARM;
 
-    say(s, MESSAGE_EXECUTE_ID, verb, nonce_issue(nonce, &s->session.random, verb, s->now_us));
+    say(s, MESSAGE_EXECUTE_ID, verb, nonce_issue(nonce, &s->session.random, verb, ASKER, s->now_us) ^ ASKER);
 }
 
 static void begin(study_t *s, uint32_t frame_us, uint32_t seed) {
@@ -91,7 +96,7 @@ static void begin(study_t *s, uint32_t frame_us, uint32_t seed) {
     session_report_switch(&s->session, false, s->now_us); /* the arm switch is open */
     say(s, MESSAGE_HELLO_ID, MESSAGES_PROTOCOL_VERSION, MESSAGES_DBC_HASH);
     say(s, MESSAGE_RUN_BEGIN_ID, run,
-        nonce_issue(&s->session.nonce[LINK_CAN], &s->session.random, run, s->now_us));
+        nonce_issue(&s->session.nonce[LINK_CAN], &s->session.random, run, 0, s->now_us));
 }
 
 /* One turn of the board's loop, and what the host says to what comes. */
@@ -99,10 +104,8 @@ static void turn(study_t *s) {
     can_frame_t f;
 
     while (arrived(s, &s->up, &f)) {
-        const bool first = f.id == MESSAGE_ACK_ID && (f.data[2] | f.data[3] << 8) == MESSAGE_EXECUTE_ID;
-
-        if (f.id == MESSAGE_KEEPALIVE_VALUE_ID || first) {
-            const can_frame_t answer = from_host(s, MESSAGE_KEEPALIVE_ID, 0, word_of(&f));
+        if (f.id == MESSAGE_KEEPALIVE_VALUE_ID) {
+            const can_frame_t answer = from_host(s, MESSAGE_KEEPALIVE_ID, half_of(&f), word_of(&f));
             send(s, &s->down, &answer);
         }
     }

@@ -12,7 +12,8 @@ static random_t chance = {1U};
 /* A value counts once and for KEEPALIVE_LIFE_US; values are issued in step with the clock. */
 static void values(void) {
     keepalive_t k;
-    uint32_t first = keepalive_begin(&k, &chance, NOW);
+    keepalive_begin(&k, NOW);
+    const uint32_t first = keepalive_issue(&k, &chance, NOW); /* due at once */
     CHECK(first != 0U && !keepalive_counts(&k, 0U, NOW));
     CHECK(keepalive_issue(&k, &chance, NOW + KEEPALIVE_PERIOD_US - 1U) == 0U);
     const uint32_t second = keepalive_issue(&k, &chance, NOW + KEEPALIVE_PERIOD_US + 900U);
@@ -29,31 +30,33 @@ static void values(void) {
     CHECK(keepalive_issue(&k, &chance, NOW + 1000000U) != 0U); /* after a gap: one, and no more */
     CHECK(keepalive_issue(&k, &chance, NOW + 1000000U) == 0U);
 
-    const uint32_t old = keepalive_begin(&k, &chance, NOW);
-    (void)keepalive_begin(&k, &chance, NOW);
+    keepalive_begin(&k, NOW);
+    const uint32_t old = keepalive_issue(&k, &chance, NOW);
+    keepalive_begin(&k, NOW);
     CHECK(!keepalive_counts(&k, old, NOW)); /* of the armed time before */
 }
 
 static void keep_alives(void) {
     arming_t a;
-    arming_init(&a);
-    CHECK(arming_arm(&a, GONE, actuator, &chance, NOW) == 0U);
-    CHECK(!arming_keepalive(&a, 0U, NOW) && arming_issue(&a, &chance, NOW) == 0U);
-    uint32_t value = arming_arm(&a, 0U, actuator, &chance, NOW);
+    arming_init(&a, 0x12345678U);
+    CHECK(!arming_arm(&a, GONE, actuator, NOW));
+    CHECK(!arming_keepalive(&a, a.number, 0U, NOW) && arming_issue(&a, &chance, NOW) == 0U);
+    CHECK(arming_arm(&a, 0U, actuator, NOW));
+    uint32_t value = arming_issue(&a, &chance, NOW);
     CHECK(value != 0U);
 
     /* A frame of pulses and a turn of the loop are left of the 50 ms. */
     const uint32_t silence_us = ARMING_SAFE_US - ARMING_TURN_US - actuator.frame_us;
-    CHECK(arming_keepalive(&a, value, NOW + KEEPALIVE_LIFE_US));
+    CHECK(arming_keepalive(&a, a.number, value, NOW + KEEPALIVE_LIFE_US));
     value = arming_issue(&a, &chance, NOW + KEEPALIVE_LIFE_US + 9000U);
-    CHECK(value != 0U && !arming_keepalive(&a, value + 1U, NOW + KEEPALIVE_LIFE_US + 9000U));
+    CHECK(value != 0U && !arming_keepalive(&a, a.number, value + 1U, NOW + KEEPALIVE_LIFE_US + 9000U));
     arming_poll(&a, 0U, NOW + KEEPALIVE_LIFE_US + silence_us);
     CHECK(arming_armed(&a));
-    CHECK(
-        !arming_keepalive(&a, value, NOW + KEEPALIVE_LIFE_US + silence_us + 1U)); /* before the poll, late */
+    CHECK(!arming_keepalive(&a, a.number, value,
+                            NOW + KEEPALIVE_LIFE_US + silence_us + 1U)); /* before the poll, late */
     CHECK(!arming_armed(&a) && a.cause == ARMING_BLOCK_SILENCE);
 
-    CHECK(arming_arm(&a, 0U, actuator, &chance, NOW) != 0U);
+    CHECK(arming_arm(&a, 0U, actuator, NOW));
     arming_poll(&a, GONE, NOW);
     arming_disarm(&a, ARMING_BLOCK_COMMAND);
     CHECK(!arming_armed(&a) && a.cause == GONE); /* the first cause stays */
@@ -61,10 +64,28 @@ static void keep_alives(void) {
     CHECK(!arming_armed(&a)); /* latched */
 }
 
+/* A host whose arming is over holds no later one, whatever value it sends back. */
+static void numbers(void) {
+    arming_t a;
+    arming_init(&a, UINT32_MAX); /* the number before was the largest: 0 is left out */
+    CHECK(arming_arm(&a, 0U, actuator, NOW));
+    CHECK(a.number == 1U);
+    const uint32_t old = arming_issue(&a, &chance, NOW);
+    CHECK(arming_arm(&a, 0U, actuator, NOW)); /* anew, without a disarming in between */
+    CHECK(a.number == 2U);
+    const uint32_t value = arming_issue(&a, &chance, NOW);
+    CHECK(value != 0U && !arming_keepalive(&a, 1U, value, NOW)); /* the old host answers the new value, */
+    CHECK(!arming_keepalive(&a, 0U, value, NOW));                /* a host before version 3 as well, */
+    CHECK(!arming_keepalive(&a, 2U, old, NOW));  /* and this is a value of the arming before */
+    CHECK(arming_keepalive(&a, 2U, value, NOW)); /* none of them has used it up */
+    arming_disarm(&a, ARMING_BLOCK_COMMAND);
+    CHECK(a.number == 2U && !arming_keepalive(&a, 2U, arming_issue(&a, &chance, NOW), NOW));
+}
+
 static void hold(void) {
     arming_t a;
-    arming_init(&a);
-    CHECK(arming_arm(&a, 0U, actuator, &chance, NOW) != 0U);
+    arming_init(&a, 0x12345678U);
+    CHECK(arming_arm(&a, 0U, actuator, NOW));
     arming_poll(&a, 0U, NOW + actuator.hold_us - 1U);
     CHECK(!arming_driving(&a));
     arming_poll(&a, 0U, NOW + actuator.hold_us);
@@ -72,10 +93,10 @@ static void hold(void) {
 
     /* 71.6 minutes after arming the difference is small again: no second hold in the middle of a flight. */
     uint32_t now_us = NOW + actuator.hold_us;
-    (void)arming_keepalive(&a, arming_issue(&a, &chance, now_us), now_us);
+    (void)arming_keepalive(&a, a.number, arming_issue(&a, &chance, now_us), now_us);
     for (uint32_t i = 0U; i < UINT32_MAX / 10000U + 100U; i++) {
         now_us += 10000U;
-        CHECK(arming_keepalive(&a, arming_issue(&a, &chance, now_us), now_us));
+        CHECK(arming_keepalive(&a, a.number, arming_issue(&a, &chance, now_us), now_us));
         arming_poll(&a, 0U, now_us);
         CHECK(arming_driving(&a));
     }
@@ -98,7 +119,7 @@ static uint32_t close_switch(arming_t *a) {
 
 static void handle(void) {
     arming_t a;
-    arming_init(&a);
+    arming_init(&a, 0x12345678U);
     uint32_t now_us = close_switch(&a);
     arming_try_switch(&a, GONE, actuator, now_us);
     CHECK(!arming_armed(&a));
@@ -107,13 +128,13 @@ static void handle(void) {
     CHECK(!arming_switch(&a, false, now_us + ARMING_SWITCH_TRY_US + 1U));
     CHECK(!arming_armed(&a) && a.cause == ARMING_BLOCK_SWITCH); /* the first look that finds it open */
 
-    arming_init(&a);
+    arming_init(&a, 0x12345678U);
     now_us = close_switch(&a);
     arming_try_switch(&a, GONE, actuator, now_us + ARMING_SWITCH_TRY_US);
     arming_try_switch(&a, 0U, actuator, now_us + ARMING_SWITCH_TRY_US + 1U);
     CHECK(!arming_armed(&a)); /* what was in the way went too late */
 
-    arming_init(&a);
+    arming_init(&a, 0x12345678U);
     now_us = close_switch(&a);
     arming_try_switch(&a, GONE, actuator, now_us);
     arming_try_switch(&a, ARMING_BLOCK_NOT_READY, actuator, now_us + ARMING_SWITCH_TRY_US);
@@ -122,14 +143,14 @@ static void handle(void) {
     arming_try_switch(&a, 0U, actuator, now_us + ARMING_SWITCH_READY_US);
     CHECK(arming_armed(&a));
 
-    arming_init(&a);
+    arming_init(&a, 0x12345678U);
     now_us = close_switch(&a);
     arming_try_switch(&a, ARMING_BLOCK_NOT_READY, actuator, now_us + ARMING_SWITCH_TRY_US + 1U);
     arming_try_switch(&a, GONE | ARMING_BLOCK_NOT_READY, actuator, now_us + ARMING_SWITCH_TRY_US + 2U);
     arming_try_switch(&a, 0U, actuator, now_us + ARMING_SWITCH_TRY_US + 3U);
     CHECK(!arming_armed(&a)); /* a fault meanwhile ends the waiting */
 
-    arming_init(&a);
+    arming_init(&a, 0x12345678U);
     now_us = close_switch(&a);
     arming_try_switch(&a, GONE, actuator, now_us);
     CHECK(!arming_switch(&a, false, now_us + 1000U));
@@ -141,14 +162,14 @@ static void handle(void) {
 static void flipped_words(void) {
     for (unsigned bit = 0; bit < 32U; bit++) {
         arming_t a;
-        arming_init(&a);
+        arming_init(&a, 0x12345678U);
         CHECK(!arming_armed(&a) && !arming_driving(&a));
         a.armed.word ^= 1U << bit;
         a.driving.word ^= 1U << bit;
         CHECK(!arming_armed(&a) && !arming_driving(&a));
 
-        arming_init(&a);
-        CHECK(arming_arm(&a, 0U, (arming_actuator_t){20000U, 0U}, &chance, NOW) != 0U);
+        arming_init(&a, 0x12345678U);
+        CHECK(arming_arm(&a, 0U, (arming_actuator_t){20000U, 0U}, NOW));
         arming_poll(&a, 0U, NOW);
         CHECK(arming_armed(&a) && arming_driving(&a));
         a.driving.word ^= 1U << bit;
@@ -166,6 +187,7 @@ int main(void) {
     flipped_words();
     values();
     keep_alives();
+    numbers();
     hold();
     handle();
     return check_failures != 0;

@@ -202,7 +202,8 @@ static void check_session(void) {
         if (n % 1000U == 0) { /* as if a host had begun a run */
             const uint16_t run = runs[n / 1000U % 3U];
             const message_nonce_t m = {
-                .verb = run, .nonce = nonce_issue(&session.nonce[LINK_UART], &session.random, run, now_us)};
+                .verb = run,
+                .nonce = nonce_issue(&session.nonce[LINK_UART], &session.random, run, 0, now_us)};
             can_frame_t begin = message_nonce_pack(&m);
 
             begin.id = MESSAGE_RUN_BEGIN_ID;

@@ -13,6 +13,7 @@
 #include <stddef.h>
 #include <string.h>
 
+#define ASKER          1U /* the number of this host in CHALLENGE */
 #define ROW(field)     ((uint16_t)(offsetof(params_t, field) / 4U))
 #define SYSTEM_ROW     ROW(control.system)
 #define FRAMES_MAX     4096U
@@ -71,9 +72,8 @@ static void note(const can_frame_t *f) {
     if (heard_count < FRAMES_MAX) {
         heard[heard_count++] = *f;
     }
-    const bool first = f->id == MESSAGE_ACK_ID && half_of(f) == MESSAGE_EXECUTE_ID;
-    if (keeps_alive && (f->id == MESSAGE_KEEPALIVE_VALUE_ID || first)) {
-        say(MESSAGE_KEEPALIVE_ID, 0, word_of(f));
+    if (keeps_alive && f->id == MESSAGE_KEEPALIVE_VALUE_ID) {
+        say(MESSAGE_KEEPALIVE_ID, half_of(f), word_of(f));
     }
 }
 
@@ -145,9 +145,9 @@ static void open_link(void) {
 }
 
 static bool execute(uint16_t verb) {
-    const uint32_t nonce = ask(MESSAGE_CHALLENGE_ID, verb, 0, MESSAGE_NONCE_ID);
+    const uint32_t nonce = ask(MESSAGE_CHALLENGE_ID, verb, ASKER, MESSAGE_NONCE_ID);
     heard_count = 0;
-    say(MESSAGE_EXECUTE_ID, verb, nonce);
+    say(MESSAGE_EXECUTE_ID, verb, nonce ^ ASKER);
     pass(5000);
     return last(MESSAGE_ACK_ID) != NULL && last(MESSAGE_NACK_ID) == NULL;
 }

@@ -12,28 +12,35 @@ static void nonces(void) {
     CHECK(!nonce_answer(&n, VERB, 0U, NOW)); /* none was asked for */
     CHECK(!nonce_answer(&n, 0U, 0U, 0U));
 
-    uint32_t value = nonce_issue(&n, &random, VERB, NOW);
+    uint32_t value = nonce_issue(&n, &random, VERB, 0U, NOW);
     CHECK(value != 0U);
     CHECK(nonce_answer(&n, VERB, value, NOW + NONCE_LIFE_US));
     CHECK(!nonce_answer(&n, VERB, value, NOW + NONCE_LIFE_US)); /* once */
 
-    value = nonce_issue(&n, &random, VERB, NOW);
+    value = nonce_issue(&n, &random, VERB, 0U, NOW);
     CHECK(!nonce_answer(&n, VERB, value ^ 1U, NOW));
     CHECK(!nonce_answer(&n, VERB, value, NOW)); /* used up by a wrong one, too */
 
-    value = nonce_issue(&n, &random, VERB, NOW);
+    value = nonce_issue(&n, &random, VERB, 0U, NOW);
     CHECK(!nonce_answer(&n, VERB + 1U, value, NOW)); /* another command's */
 
-    value = nonce_issue(&n, &random, VERB, NOW);
+    value = nonce_issue(&n, &random, VERB, 0U, NOW);
     CHECK(!nonce_answer(&n, VERB, value, NOW + NONCE_LIFE_US + 1U)); /* too late */
 
-    value = nonce_issue(&n, &random, VERB, NOW);
-    CHECK(value != nonce_issue(&n, &random, VERB, NOW));
+    value = nonce_issue(&n, &random, VERB, 0U, NOW);
+    CHECK(value != nonce_issue(&n, &random, VERB, 0U, NOW));
     CHECK(!nonce_answer(&n, VERB, value, NOW)); /* the newest alone counts */
 
-    value = nonce_issue(&n, &random, VERB, NOW);
-    (void)nonce_issue(&other, &random, VERB, NOW);
+    value = nonce_issue(&n, &random, VERB, 0U, NOW);
+    (void)nonce_issue(&other, &random, VERB, 0U, NOW);
     CHECK(nonce_answer(&n, VERB, value, NOW)); /* another link's does not replace it */
+
+    /* Two hosts of one bus: both hear the nonce of the second, which counts for that one alone. */
+    (void)nonce_issue(&n, &random, VERB, 7U, NOW);
+    value = nonce_issue(&n, &random, VERB, 8U, NOW);
+    CHECK(!nonce_answer(&n, VERB, value ^ 7U, NOW));
+    value = nonce_issue(&n, &random, VERB, 8U, NOW);
+    CHECK(nonce_answer(&n, VERB, value ^ 8U, NOW) && n.asker == 8U);
 }
 
 static void random_words(void) {

@@ -19,6 +19,7 @@
 #define SETTLE_US      200000U  /* for what is under way, and for a bootloader that was asked for */
 #define SAFE_US        50000U   /* from the last keep-alive that counted to neutral outputs */
 #define LIFE_US        40000U   /* of a value for the keep-alive */
+#define ASKER          0x10000U /* of these hosts, in CHALLENGE */
 #define RUN_IDLE_MODE  0U       /* STATUS.mode */
 #define RUN_LOCK_MODE  1U
 #define REST_GYRO      1676U /* counts at rest */
@@ -52,6 +53,7 @@ static struct {
     slcan_rx_t parser;
     uint32_t spent_us;
     uint32_t nonce[2], value, answers, tag, step;
+    uint16_t arming; /* number that came with value */
     unsigned value_link;
     bool value_answered;
     uint32_t used;          /* the last value that was answered */
@@ -120,10 +122,11 @@ static void answer(unsigned link) {
         host.used = host.value;
         host.counted_us = native_now_us();
     }
-    say(link, MESSAGE_KEEPALIVE_ID, 0, 0, host.value);
+    say(link, MESSAGE_KEEPALIVE_ID, 0, host.arming, host.value);
 }
 
-static void on_value(unsigned link, uint32_t value) {
+static void on_value(unsigned link, uint16_t arming, uint32_t value) {
+    host.arming = arming;
     host.value = value;
     host.value_link = link;
     host.value_answered = false;
@@ -132,10 +135,9 @@ static void on_value(unsigned link, uint32_t value) {
     }
 }
 
-static void on_ack(unsigned link, const can_frame_t *f) {
-    if (half_at(f, 2U) == MESSAGE_EXECUTE_ID && word_of(f) > 0xFFFFU) { /* of ARM: a value, else a verb */
+static void on_ack(const can_frame_t *f) {
+    if (half_at(f, 2U) == MESSAGE_EXECUTE_ID && word_of(f) > 0xFFFFU) { /* of ARM: else a verb */
         host.counted_us = native_now_us();
-        on_value(link, word_of(f));
     } else if (half_at(f, 2U) == MESSAGE_RUN_BEGIN_ID) {
         host.tag = word_of(f) >> 16 & 15U;
         host.step = 0;
@@ -149,10 +151,10 @@ static void on_frame(unsigned link, const can_frame_t *f) {
         host.nonce[link] = word_of(f);
         break;
     case MESSAGE_KEEPALIVE_VALUE_ID:
-        on_value(link, word_of(f));
+        on_value(link, half_at(f, 2U), word_of(f));
         break;
     case MESSAGE_ACK_ID:
-        on_ack(link, f);
+        on_ack(f);
         break;
     case MESSAGE_STATUS_ID: {
         const unsigned flags = e2e_flags(f);
@@ -251,7 +253,7 @@ static void check(void) {
 static void pass_slices(uint32_t us) {
     for (uint32_t passed = 0; passed < us; passed += 1000U) {
         if ((host.answers & 8U) != 0U) {
-            say(host.value_link, MESSAGE_KEEPALIVE_ID, 0, 0, host.used);
+            say(host.value_link, MESSAGE_KEEPALIVE_ID, 0, host.arming, host.used);
         }
         native_run(us - passed < 1000U ? us - passed : 1000U);
         listen();
@@ -281,12 +283,12 @@ static void power(uint32_t strap, bool crystal) {
 }
 
 static void verb(unsigned link, uint16_t number, uint8_t flags) {
-    say(link, MESSAGE_CHALLENGE_ID, 0, number, 0);
+    say(link, MESSAGE_CHALLENGE_ID, 0, number, ASKER);
     pass(1000U);
     if (number >= MESSAGE_RUN_BEGIN_RUN_LOCKSTEP) {
-        say(link, MESSAGE_RUN_BEGIN_ID, (uint8_t)(flags << 4), number, host.nonce[link]);
+        say(link, MESSAGE_RUN_BEGIN_ID, (uint8_t)(flags << 4), number, host.nonce[link] ^ ASKER);
     } else {
-        say(link, MESSAGE_EXECUTE_ID, 0, number, host.nonce[link]);
+        say(link, MESSAGE_EXECUTE_ID, 0, number, host.nonce[link] ^ ASKER);
     }
     pass(1000U);
 }

@@ -78,15 +78,15 @@ def test_pumping_keeps_it_alive_and_loses_nothing(new_board: NewBoard) -> None:
     session.close()
 
 
-def next_value(board: NativeBoard) -> int:
-    """The next value that it issues; 0: none came."""
+def next_value(board: NativeBoard) -> tuple[int, int]:
+    """The next value that it issues, after the number of its arming; 0 for a value: none came."""
     board.heard()
     for _ in range(110):
         board.turn()
-        values = [words["value"] for name, words in said(board.heard()) if name == "KEEPALIVE_VALUE"]
+        values = [(words["arming"], words["value"]) for name, words in said(board.heard()) if name == "KEEPALIVE_VALUE"]
         if values:
             return values[-1]
-    return 0
+    return 0, 0
 
 
 def test_disarming_time_to_the_turn(new_board: NewBoard) -> None:
@@ -94,7 +94,7 @@ def test_disarming_time_to_the_turn(new_board: NewBoard) -> None:
     session = armed_session(board)
     value = next_value(board)
     last = board.time_us
-    board.say(frame("KEEPALIVE", 0, value), turns=1)
+    board.say(frame("KEEPALIVE", *value), turns=1)
     while board.armed:
         board.turn()
     assert 49_000 - FRAME_US <= board.time_us - last <= 49_300 - FRAME_US
@@ -105,7 +105,7 @@ def test_a_keep_alive_that_is_too_late_does_not_revive(new_board: NewBoard) -> N
     """Even when it is the first thing that is seen after a long turn of the loop."""
     board = new_board()
     session = armed_session(board)
-    board.write(frame("KEEPALIVE", 0, next_value(board)))
+    board.write(frame("KEEPALIVE", *next_value(board)))
     board.turn(step_us=35_000)
     assert not board.armed
     session.close()
@@ -115,9 +115,11 @@ def test_a_stranger_cannot_keep_it_alive(new_board: NewBoard) -> None:
     board = new_board()
     session = armed_session(board)
     for _ in range(4):
-        value = next_value(board)
+        arming, value = next_value(board)
         for wrong in (value ^ 1, value + 1 & 0xFFFFFFFF, value - 1 & 0xFFFFFFFF, 0, value ^ 1 << 31, 0xFFFFFFFF):
-            board.say(frame("KEEPALIVE", 0, wrong), turns=1)
+            board.say(frame("KEEPALIVE", arming, wrong), turns=1)
+        for wrong in (0, arming - 1 & 0xFFFF, arming + 1 & 0xFFFF, arming ^ 0x8000):
+            board.say(frame("KEEPALIVE", wrong, value), turns=1)
     assert not board.armed
     session.close()
 

@@ -253,7 +253,7 @@ def test_what_is_stuck_in_a_buffer_holds_it_for_90_ms_at_most(link: str) -> None
         for identifier, data in session.frames.read_frames(0.001):
             if identifier == value:
                 issued_us = machine.now_us
-                stuck = [session.frame("KEEPALIVE", 0, int.from_bytes(data[4:8], "little"))]
+                stuck = [session.frame("KEEPALIVE", *session.protocol["KEEPALIVE_VALUE"].unpack(data)[2:])]
     hung_us = machine.now_us  # here the host hangs; its last answer is in the driver
     while machine.now_us - issued_us < 25_000:
         session.frames.read_frames(0.0005)

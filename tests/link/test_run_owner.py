@@ -114,11 +114,12 @@ def test_samples_of_another_link_do_not_count(machine: Machine, role: str) -> No
 def test_the_owner_names_the_other_link_as_the_source(machine: Machine, role: str) -> None:
     owner, other = both(machine, role)
     owner.begin("REALTIME_INJECTED", elsewhere=("samples", "setpoints"))
+    other.run_tag = owner.run_tag
     used, armed = used_setpoints(owner), False
 
     def inject(step: int) -> None:
         asked = STEER if armed else 0
-        frames = sample_frames(other.protocol, step, with_noise(AT_REST, step), asked, ~asked, owner.run_tag)
+        frames = other.setpoint_frames(asked) + sample_frames(other.protocol, step, with_noise(AT_REST, step), 0, 0)
         other.frames.write_frames(frames)
 
     periods(owner, other, inject, 200)

@@ -16,6 +16,7 @@ from plumb.boards.native_mcu import NEVER
 from plumb.errors import LinkError, UsageError
 from plumb.link.identity import NackError
 from plumb.link.lockstep import Lockstep
+from plumb.link.nonces import execute_with_nonce
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
 from plumb.link.transports.slcan import text_of_frames
@@ -137,7 +138,7 @@ def test_another_system_begins_with_nothing_selected(new_board: NewBoard) -> Non
         system = systems.load("balancer")
         session.upload(quantise(system.TUNINGS[system.DEFAULT_TUNING]).words(), period_us=10_000)
         session.listener = lambda frames: heard.update(identifier for identifier, _ in frames)
-        session._execute_with_nonce("RUN_BEGIN", session.protocol["RUN_BEGIN"].value("run", "REALTIME_LIVE"))
+        execute_with_nonce(session, "RUN_BEGIN", session.protocol["RUN_BEGIN"].value("run", "REALTIME_LIVE"))
         session.receive(0.05)
         session.receive(0.05)
         wanted = [session.protocol[name].identifier for name in ("STEP", "QUAD_ANGLE", "WORD")]

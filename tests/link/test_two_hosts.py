@@ -36,6 +36,8 @@ ROWS = {row.name: place for place, row in enumerate(parameters.table())}
 VALUES = [("period_us", value) for value in (2500, 5000, 20_000)] + [("arm_hold_ms", value) for value in (0, 300)]
 LIVE = [("pid.kp_q22", value) for value in (5, 67947725, 100_000_000, 40_000_000)]
 """May change during a run in real time; while it is armed, to at most twice and at least half."""
+ASKER = 0xA5F00001
+"""What a host draws at random for CHALLENGE."""
 NEED_GREETING = ("PARAM_SET", "PARAM_COMMIT", "RUN_BEGIN", "SAMPLE_A", "SETPOINT")
 
 links = st.sampled_from(Link)
@@ -103,7 +105,7 @@ class Hosts(RuleBasedStateMachine):
         self.saved: list[int] | None = None
         self.alive = False
         self.counted_us = 0
-        self.values: list[int] = []
+        self.values: list[tuple[int, int]] = []
         self.status: dict[Link, dict[str, int]] = {}
         self.events: dict[Link, dict[str, int]] = {}
         self.damaged = False
@@ -123,8 +125,8 @@ class Hosts(RuleBasedStateMachine):
         if name == "KEEPALIVE_VALUE":
             assert link is self.model.owner
             if self.alive:
-                self.values.append(said["value"])
-                self.answer(link, said["value"])
+                self.values.append((said["arming"], said["value"]))
+                self.answer(link, said["arming"], said["value"])
         elif name == "ACK" and said["request"] == self.hosts.protocol["EXECUTE"].identifier and said["detail"] > 0xFFFF:
             self.counted_us = self.hosts.now_us  # armed
         elif name == "STATUS":
@@ -132,8 +134,8 @@ class Hosts(RuleBasedStateMachine):
         elif name == "EVENTS":
             self.events[link] = said
 
-    def answer(self, link: Link, value: int) -> None:
-        self.hosts.put(link, self.hosts.sealed(link, "KEEPALIVE", 0, value))
+    def answer(self, link: Link, arming: int, value: int) -> None:
+        self.hosts.put(link, self.hosts.sealed(link, "KEEPALIVE", arming, value))
         self.model.link[link].heard_us = self.counted_us = self.hosts.now_us
 
     def pass_ms(self, count: int) -> None:
@@ -207,8 +209,8 @@ class Hosts(RuleBasedStateMachine):
 
     def with_nonce(self, link: Link, request: str, verb: str) -> tuple[str, dict[str, int]] | None:
         number = self.hosts.protocol["CHALLENGE"].value("verb", verb)
-        said = self.ask(link, "CHALLENGE", number, 0, answer="NONCE")
-        return self.ask(link, request, number, said[1]["nonce"] if said else 1)
+        said = self.ask(link, "CHALLENGE", number, ASKER, answer="NONCE")
+        return self.ask(link, request, number, said[1]["nonce"] ^ ASKER if said else 1)
 
     # ---- rules: connect and disconnect ----
 
@@ -364,7 +366,7 @@ class Hosts(RuleBasedStateMachine):
         said = self.with_nonce(link, "RUN_BEGIN", run)
         if self.reason(said) == "":
             assert said is not None
-            number, tag = said[1]["detail"] & 0xFFFF, said[1]["detail"] >> 16
+            number, tag = said[1]["detail"] & 0xFFFF, said[1]["detail"] >> 16 & 15
             assert number == self.hosts.protocol["RUN_BEGIN"].value("run", run)
             assert 1 <= tag <= 15 and (model.tag is None or tag == model.tag % 15 + 1)
             model.disarm(COMMAND)
@@ -400,7 +402,6 @@ class Hosts(RuleBasedStateMachine):
         assert expected == 0
         self.model.armed, self.model.cause, self.alive = True, 0, True
         self.model.at_arming = list(self.model.in_use)
-        self.answer(link, said[1]["detail"])
         return True
 
     def connect(self, link: Link) -> None:
@@ -431,8 +432,8 @@ class Hosts(RuleBasedStateMachine):
         """Values that were answered before, and made up ones, hold nothing, over either link."""
         self.alive = False
         for at in range(count):
-            value = self.values[-1 - at % 2] if len(self.values) >= 2 else 0x12345678
-            self.hosts.put(link, self.hosts.sealed(link, "KEEPALIVE", 0, value))
+            words = self.values[-1 - at % 2] if len(self.values) >= 2 else (1, 0x12345678)
+            self.hosts.put(link, self.hosts.sealed(link, "KEEPALIVE", *words))
             if self.model.link[link].lets_in:
                 self.model.link[link].heard_us = self.hosts.now_us
             self.pass_ms(1)

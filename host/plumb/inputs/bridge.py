@@ -217,7 +217,7 @@ class Bridge:
         self.unused += len(meanwhile) - 1
         time_s, frames = (meanwhile or [sample])[-1]
         if self._samples.setpoint is not None and self._samples.setpoint not in frames and self.carries:
-            session.send(run.tagged([self._samples.setpoint]))
+            session.send(run.told([self._samples.setpoint]))
         pending = [(time_s, frames)]
         while not stopped() and not self._finished():
             run.send_samples(pending)
@@ -266,18 +266,20 @@ class _Run:
             else:
                 self._waiting.append((time_s, tuple(bridge._sample_a.unpack(frames[-1][1])[2:])))
             if frames and bridge.carries:
-                self.session.send(self.tagged(frames))
+                self.session.send(self.told(frames))
                 bridge.down.note(time.monotonic() - time_s)
 
-    def tagged(self, frames: list[Frame]) -> list[Frame]:
-        """The frames with this run's tag in every SETPOINT; the sensor board does not know the tag."""
-        message, tag = self.session.protocol["SETPOINT"], self.session.run_tag
-        return [
-            (identifier, message.pack(data[1], tag, *message.unpack(data)[2:]))
-            if identifier == message.identifier
-            else (identifier, data)
-            for identifier, data in frames
-        ]
+    def told(self, frames: list[Frame]) -> list[Frame]:
+        """The frames, with every SETPOINT in the session's own words: the sensor board knows neither the tag of this
+        run nor its steps."""
+        message = self.session.protocol["SETPOINT"]
+        result = []
+        for identifier, data in frames:
+            if identifier == message.identifier:
+                result += self.session.setpoint_frames(message.unpack(data)[3])
+            else:
+                result.append((identifier, data))
+        return result
 
     def forward_answers(self, frames: list[Frame]) -> None:
         """Forward and count the board's frames, including those that arrive while a request waits for its reply."""

@@ -22,7 +22,7 @@ import can
 
 from plumb.link.lockstep import sample_frames
 from plumb.link.real_time_watch import RealTimeWatch
-from plumb.link.session import SETPOINT_EVERY_S
+from plumb.link.said_setpoint import SaidSetpoint
 from plumb.spec.protocol import check, protocol
 from plumb.systems.contracts import Plant
 
@@ -62,7 +62,8 @@ class SensorBoard:
         self._outputs = [(self._protocol[frame].identifier, signal, word) for word, (frame, signal) in outputs.items()]
         self._values: dict[str, int] = {}
         self._setpoint = self._run_tag = 0
-        self._setpoint_s = self._step_s = self._heard_s = self._greeted_s = float("-inf")
+        self._said = SaidSetpoint(self._protocol)
+        self._step_s = self._heard_s = self._greeted_s = float("-inf")
         self._driven_s: float | None = None
         self._greet = greet
         self._watch = RealTimeWatch("the sensor board", "this machine is too slow or too busy for it", say, clock)
@@ -98,12 +99,15 @@ class SensorBoard:
             self._greeted_s = now_s
             hello = self._protocol["HELLO"]
             self._send(hello.identifier, hello.pack(0, 0, self._protocol.version, self._protocol.dbc_hash))
-        repeat = setpoint != 0 and now_s - self._setpoint_s >= SETPOINT_EVERY_S
-        before = ~setpoint if repeat else self._setpoint
-        for frame in sample_frames(self._protocol, self.sent, counts, setpoint, before, self._run_tag):
+        if setpoint != self._setpoint:
+            self._setpoint = setpoint
+            self._said.say(setpoint, repeats=True)
+        if self._said.due(now_s, armed=True):
+            told, number = self._protocol["SETPOINT"], self._said.next_step
+            self._send(told.identifier, told.pack(self.sent & 15, self._run_tag, number, self._said.value))
+            self._said.sent(now_s)
+        for frame in sample_frames(self._protocol, self.sent, counts, 0, 0):
             self._send(*frame)
-        self._setpoint_s = now_s if repeat or setpoint != self._setpoint else self._setpoint_s
-        self._setpoint = setpoint
         self.sent += 1
         while (message := self.bus.recv(0)) is not None:
             self._handle(message)
@@ -120,7 +124,9 @@ class SensorBoard:
         if identifier == self._protocol["TIME"].identifier:
             tag = self._protocol["TIME"].decode(data)["run_tag"]
             if tag != self._run_tag:
-                self._run_tag, self._setpoint_s = tag, float("-inf")  # a new run begins with setpoint 0: send it again
+                self._run_tag, self._setpoint = tag, 0  # a new run begins with setpoint 0: send it again
+                self._said.begin()
+        self._said.follow([(identifier, data)])
         if identifier == self._protocol["STEP"].identifier:
             self.armed, self._step_s = bool(data[1] >> 4 & 1), self._clock()
         for carrier, signal, word in self._outputs:

@@ -111,7 +111,7 @@ class PacedRun:
             self._choose_words()
         wanted = int(self._setpoint[step])
         if wanted != self._sent_setpoint:
-            frames.append(session.frame("SETPOINT", step & 0xFFFF, wanted, flags=session.run_tag))
+            frames += session.setpoint_frames(wanted)
             self._sent_setpoint = wanted
         end = min(step + SAMPLES_AHEAD, len(self._raw))
         for number in range(self._sent, end):

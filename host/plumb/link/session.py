@@ -9,6 +9,7 @@ LinkError with one sentence.
 from __future__ import annotations
 
 import contextlib
+import random
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
@@ -19,10 +20,13 @@ import can
 from plumb.errors import LinkError, UsageError
 from plumb.link import unarmable
 from plumb.link.endpoint_names import DEFAULT_BAUD
+from plumb.link.holding import Holding
 from plumb.link.identity import Identity, NackError, identity_of, nack_error, plausibility_text, sensors_text
 from plumb.link.listening import Listening
+from plumb.link.nonces import execute_with_nonce
 from plumb.link.parameter_transfer import ParameterTransfer
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES, LinkCounters
+from plumb.link.said_setpoint import SETPOINT_EVERY_S, SaidSetpoint
 from plumb.link.transports.byte_stream import Channel
 from plumb.link.transports.can_bus import AnyBus, FrameBus
 from plumb.link.transports.slcan_bus import PlumbBus
@@ -32,14 +36,10 @@ from plumb.spec.records import RECORDS
 
 KEEPALIVE_EVERY_S = 0.01
 """Interval at which the board issues a keep-alive value; the host answers each."""
-KEEPALIVE_NEWEST = 4
-"""If more keep-alive values than this arrive at once, only the newest are answered: the others have expired."""
 SENSORS_START_S = 0.3
 """Time within which the sensors are found, configured and read after the start of a run."""
 BLOCKED_BY_FAULT = 1 << 3
-SETPOINT_EVERY_S = 0.05
-"""Interval at which the setpoint is repeated; the board treats a source that is silent for 200 ms as lost."""
-RUN_TAG_SHIFT = 16
+RUN_TAG_SHIFT, RUN_TAG_MASK = 16, 15
 """Position of the run's tag in the detail of the ACK to RUN_BEGIN."""
 BLOCKED_IMPLAUSIBLE, BLOCKED_NOT_READY = 1 << 11, 1 << 12
 SHORTEST_WAIT_S, STANDSTILL_S = 1e-6, 1.0
@@ -83,7 +83,8 @@ class Session:
     session began last; its setpoints carry it. listener: called with all received frames, including those that arrive
     while a request waits for its reply. listening: how long this session has listened, and heard nothing; every
     time-out is measured by it. consent: asked before keep-alive values are answered; while it returns False
-    the board is left to disarm itself.
+    the board is left to disarm itself. holding: whether the board is armed for this session. askers: the random numbers
+    by which this session knows answers to its own commands.
     """
 
     bus: can.BusABC
@@ -105,11 +106,12 @@ class Session:
         numbered = ("RAW_A", "RAW_B", "STEP")
         self._numbered = {self.protocol[name].identifier for name in numbered}
         self._kept = {self.protocol[name].identifier: name for name in PERIODIC}
-        self._value_id = self.protocol["KEEPALIVE_VALUE"].identifier
         self._pumped: list[Frame] = []
-        self._setpoint, self._setpoint_s = 0, 0.0
-        self._keeps_alive = False
+        self.holding = Holding(self.protocol)
+        self._setpoint = SaidSetpoint(self.protocol)
         self._last_sent_s = 0.0
+        # In simulated time two runs are the same to the byte.
+        self.askers = random.Random(None if isinstance(self.frames, AnyBus) else self.clock())
         self.parameters = ParameterTransfer(self)
         self.run_tag = 0
 
@@ -129,8 +131,13 @@ class Session:
             raise
         return session
 
+    @property
+    def armed(self) -> bool:
+        """Whether this session has armed the board, and nothing that was received says that this is over."""
+        return self.holding.number != 0
+
     def close(self) -> None:
-        self._keeps_alive = False
+        self._let_go()
         if self.fast is None:  # PlumbBus closes the link itself, with C
             with contextlib.suppress(LinkError):
                 self.send([self.frame("CLOSE", 0, 0)])
@@ -171,15 +178,14 @@ class Session:
         shortest_s = 0.0
         while not frames:
             self._send_presence()
-            self._repeat_setpoint()
             wait_s = max(0.0, end - self.clock())
             if self.fast is None:
                 wait_s = min(wait_s, PRESENCE_EVERY_S)
-            if self._keeps_alive and self._setpoint:
+            if self.armed and self._setpoint.value:
                 wait_s = min(wait_s, SETPOINT_EVERY_S)
             before_s = self.clock()
             frames = self._read(max(wait_s, shortest_s))
-            self._answer_keep_alive(frames)
+            self._follow(frames)
             now_s = self.clock()
             if now_s >= end:
                 break
@@ -199,18 +205,36 @@ class Session:
         self.listening.note(wait_s, begin_s, bool(frames))
         return frames
 
-    def _answer_keep_alive(self, frames: list[Frame]) -> None:
-        """Answer the keep-alive values of a board that this session armed, if whoever is asked for consent gives it."""
-        if self._keeps_alive and (self.consent is None or self.consent()):
-            unpack = self.protocol["KEEPALIVE_VALUE"].unpack
-            values = [unpack(data)[3] for identifier, data in frames if identifier == self._value_id]
-            if values:
-                self.send([self.frame("KEEPALIVE", 0, value) for value in values[-KEEPALIVE_NEWEST:]])
+    def _follow(self, frames: list[Frame]) -> None:
+        """Take what was just read. Answers the keep-alive values of this session's arming, if whoever is asked for
+        consent gives it; when the arming is over, neither values nor setpoints go out any more."""
+        armed = self.armed
+        self._setpoint.follow(frames)
+        values = self.holding.follow(frames, self.run_tag)
+        if armed and not self.armed:
+            self._setpoint.stop()
+        if values and (self.consent is None or self.consent()):
+            number = self.holding.number
+            self.send([self.frame("KEEPALIVE", number, value) for value in values])
+        self._say_setpoint()
 
-    def _repeat_setpoint(self) -> None:
-        """Repeat the setpoint of an armed board when SETPOINT_EVERY_S has passed."""
-        if self._keeps_alive and self._setpoint and self.clock() - self._setpoint_s >= SETPOINT_EVERY_S:
-            self.set_setpoint(self._setpoint)
+    def _let_go(self) -> None:
+        """This session orders the end of its arming."""
+        self.holding.release()
+        self._setpoint.stop()
+
+    def _setpoint_due(self) -> list[Frame]:
+        """The setpoint, where it waits for a step that has come, or that of an armed board is to be repeated."""
+        now_s = self.clock()
+        if not self._setpoint.due(now_s, armed=self.armed):
+            return []
+        self._setpoint.sent(now_s)
+        return [self.frame("SETPOINT", self._setpoint.next_step, self._setpoint.value, flags=self.run_tag)]
+
+    def _say_setpoint(self) -> None:
+        frames = self._setpoint_due()
+        if frames:
+            self.send(frames)
 
     def _send_presence(self) -> None:
         """On CAN, send a frame when PRESENCE_EVERY_S has passed, so that the board keeps the link open."""
@@ -232,11 +256,12 @@ class Session:
     # ---- requests ----
 
     def request(
-        self, name: str, *words: int, answer: str = "ACK", first: int | None = None, flags: int = 0
+        self, name: str, *words: int, answer: str = "ACK", first: int | None = None, flags: int = 0, echo: int = 0
     ) -> dict[str, int]:
         """Send a request and return the reply by signal name; repeat the request up to TRIES times.
 
         answer: name of the reply's message. first: value that its first word must have (an ACK must name the request).
+        echo: bits of the second word that an ACK must repeat in its detail.
         Raises NackError if the board refuses, LinkError if it does not reply.
         """
         expected, nack, ack = self.protocol[answer], self.protocol["NACK"], self.protocol["ACK"]
@@ -255,7 +280,7 @@ class Session:
                             continue
                         if identifier == nack.identifier:
                             raise nack_error(self.protocol, said)
-                        if expected is ack:
+                        if expected is ack and not (said["detail"] ^ words[1]) & echo:
                             return said
                     elif identifier == expected.identifier:
                         said = expected.decode(data)
@@ -312,25 +337,13 @@ class Session:
 
     # ---- runs and arming ----
 
-    def _execute_with_nonce(self, request: str, verb: int, flags: int = 0) -> int:
-        """Request a nonce and send the command with it; returns the detail of its ACK. Tries again with a new nonce if
-        a reply was lost."""
-        for attempt in range(TRIES):
-            nonce = self.request("CHALLENGE", verb, 0, answer="NONCE", first=verb)["nonce"]
-            try:
-                return self.request(request, verb, nonce, flags=flags)["detail"]
-            except NackError as error:
-                if error.reason != "NONCE" or attempt == TRIES - 1:
-                    raise
-        raise LinkError("the board accepts no nonce")
-
     def execute(self, verb: str, *, matching: bool = True) -> int:
         """Execute a verb of EXECUTE with a fresh nonce; returns the detail of its ACK.
 
         Raises NackError if the board refuses. Raises LinkError if `matching` and the board has other definitions."""
         if matching:
             self.require_match()
-        detail = self._execute_with_nonce("EXECUTE", self.protocol["EXECUTE"].value("verb", verb))
+        detail = execute_with_nonce(self, "EXECUTE", self.protocol["EXECUTE"].value("verb", verb))
         if verb in ("LOAD", "DEFAULTS"):  # the system may change: read it from the board when it is needed
             self.identity = None
             self.parameters.forget()
@@ -412,14 +425,15 @@ class Session:
             self.select(frames, words)
         finally:
             self.listener = listener
-        self._setpoint = 0
         message = self.protocol["RUN_BEGIN"]
         flags = sum(1 << message.flags[f"{what}_elsewhere"][0] for what in elsewhere)
-        self.run_tag = self._execute_with_nonce("RUN_BEGIN", message.value("run", run), flags) >> RUN_TAG_SHIFT
+        detail = execute_with_nonce(self, "RUN_BEGIN", message.value("run", run), flags)
+        self.run_tag = detail >> RUN_TAG_SHIFT & RUN_TAG_MASK
+        self._setpoint.begin()
 
     def end(self) -> int:
         """End the run and disarm; returns its number of steps, modulo 2^16."""
-        self._keeps_alive = False
+        self._let_go()
         return self.request("RUN_END", 0, 0)["detail"]
 
     def arm(self, ready_wait_s: float = READY_WAIT_S) -> None:
@@ -432,8 +446,10 @@ class Session:
         begin_s = self.clock()
         while True:
             try:
-                first = self.execute("ARM")
-                break
+                self.execute("ARM")
+                self._setpoint.stop()  # the board has set its own to 0
+                self.parameters.at_arming = self.parameters.table
+                return
             except NackError as error:
                 if error.reason == "UNSAFE_PARAMETER":
                     error.args = (f"the board refused to arm: {unarmable.reason(self, error.detail)}",)
@@ -448,12 +464,9 @@ class Session:
                     error.args = ("; ".join([str(error), *why]),)
                     raise
                 self.receive(REPLY_TIMEOUT_S / 5)
-        self.send([self.frame("KEEPALIVE", 0, first)])
-        self._keeps_alive, self._setpoint = True, 0
-        self.parameters.at_arming = self.parameters.table
 
     def disarm(self) -> None:
-        self._keeps_alive, self._setpoint = False, 0  # the board sets its own to 0
+        self._let_go()
         self.request("DISARM", 0, 0)
 
     def pump(self) -> None:
@@ -462,13 +475,25 @@ class Session:
 
         No thread does this, on purpose: if the caller hangs, the board must disarm."""
         frames = self._read(0.0)
-        self._answer_keep_alive(frames)
+        self._follow(frames)
         self._pumped += frames
-        self._repeat_setpoint()
         self._send_presence()
 
+    def setpoint_frames(self, setpoint_turn_q32: int) -> list[Frame]:
+        """A setpoint for a run in real time, to be sent in one write with other frames, and not repeated. Without a
+        frame while no step has come since the setpoint before it: then `receive` and `pump` send it."""
+        self._setpoint.say(setpoint_turn_q32, repeats=False)
+        return self._setpoint_due()
+
     def set_setpoint(self, setpoint_turn_q32: int) -> None:
-        """Set the setpoint of a run in real time, turn_q32. The board reports the first step that
-        uses it in SETPOINT_USED. `receive` and `pump` repeat it while this session keeps the board armed."""
-        self._setpoint, self._setpoint_s = setpoint_turn_q32, self.clock()
-        self.send([self.frame("SETPOINT", 0, setpoint_turn_q32, flags=self.run_tag)])
+        """Set the setpoint of a run in real time, turn_q32. The board reports the first step that uses it in
+        SETPOINT_USED. One is sent for every step that is heard of; of several in between the last one counts.
+
+        `receive` and `pump` repeat it while this session keeps the board armed. Raises LinkError when the arming of
+        this session has ended by itself: another host may have the board by now.
+        """
+        self.pump()  # what has arrived meanwhile has the newest step, and may say that the arming is over
+        if self.holding.over and (setpoint_turn_q32 or self.holding.another):
+            raise LinkError(f"the setpoint is not sent, because {self.holding.over}: arm again")
+        self._setpoint.say(setpoint_turn_q32, repeats=True)
+        self._say_setpoint()

@@ -19,6 +19,8 @@ SETTLED_S = 0.3
 OTHER_VERSION = 99
 FOREIGN_SETPOINT = 1 << 29
 """An eighth of a turn."""
+ASKER = 0x2545F491
+"""What a host draws at random for CHALLENGE."""
 FOREIGN_NONCES = (0, 1, 0xFFFFFFFF, 0x12345678, 0x80000000)
 KP = "pid.kp_q22"
 WILD_ESC = {"esc.mid_halfus": 4000, "esc.neutral_halfus": 4000, "esc.max_halfus": 16383}
@@ -101,8 +103,8 @@ def foreign_arming(scene: Scene) -> None:
     arm = protocol()["EXECUTE"].value("verb", "ARM")
     for nonce in FOREIGN_NONCES:
         stranger.send("EXECUTE", arm, nonce)
-    stranger.send("CHALLENGE", arm, 0)
-    stranger.send("EXECUTE", arm, stranger.last.get("nonce", 0))
+    stranger.send("CHALLENGE", arm, ASKER)
+    stranger.send("EXECUTE", arm, stranger.last.get("nonce", 0) ^ ASKER)
 
 
 def foreign_parameters(scene: Scene) -> None:
@@ -187,12 +189,13 @@ def asked_and_refused(request: str, verb: str) -> Action:
 
     def inject(scene: Scene) -> None:
         number = protocol()[request].value("verb", verb)
-        say(scene, [scene.session.frame("CHALLENGE", number, 0)])
+        say(scene, [scene.session.frame("CHALLENGE", number, ASKER)])
         scene.run(0.01)
         nonces = [heard for heard in scene.heard if heard.identifier == protocol()["NONCE"].identifier]
         if not nonces:
             raise LinkError("the board gives no nonce")
-        say(scene, [scene.session.frame(request, number, protocol()["NONCE"].decode(nonces[-1].data)["nonce"])])
+        nonce = protocol()["NONCE"].decode(nonces[-1].data)["nonce"]
+        say(scene, [scene.session.frame(request, number, nonce ^ ASKER)])
 
     return inject
 

@@ -1,0 +1,56 @@
+"""The setpoint that a session has said last, and the step number that makes it count.
+
+In real time the board takes a setpoint only with a newer number than the last one: that of the next step, as far as the
+host knows from STEP and TIME. So what a buffer or an adapter repeats does not steer.
+"""
+
+from __future__ import annotations
+
+from plumb.spec.protocol import Frame, Protocol
+
+SETPOINT_EVERY_S = 0.05
+"""Interval at which the setpoint is repeated; the board treats a source that is silent for 200 ms as lost."""
+
+
+class SaidSetpoint:
+    """value: said last; 0 at the beginning of a run. waits: it has not been sent yet, because no step has come since
+    the setpoint before it. repeats: say it again while the board is armed. next_step: as the board has said."""
+
+    def __init__(self, protocol: Protocol) -> None:
+        self.next_step = 0
+        self.value, self.waits, self.repeats = 0, False, False
+        self._sent_number: int | None = None
+        self._sent_s = 0.0
+        self._step, self._time = protocol["STEP"], protocol["TIME"]
+
+    def begin(self) -> None:
+        """A run has begun: its setpoint is 0."""
+        self.next_step, self._sent_number = 0, None
+        self.stop()
+
+    def stop(self) -> None:
+        """Say nothing any more."""
+        self.value, self.waits = 0, False
+
+    def follow(self, frames: list[Frame]) -> None:
+        """Learn the number of the next step from the newest STEP or TIME."""
+        for identifier, data in reversed(frames):
+            if identifier == self._step.identifier:
+                self.next_step = self._step.unpack(data)[2] + 1 & 0xFFFF
+                return
+            if identifier == self._time.identifier:
+                self.next_step = self._time.unpack(data)[2]
+                return
+
+    def say(self, value: int, *, repeats: bool) -> None:
+        self.value, self.waits, self.repeats = value, True, repeats
+
+    def due(self, now_s: float, *, armed: bool) -> bool:
+        """Whether to send it now: it waits for a new number that has come, or it is time to repeat it."""
+        if self.waits:
+            return self.next_step != self._sent_number
+        return armed and self.repeats and self.value != 0 and now_s - self._sent_s >= SETPOINT_EVERY_S
+
+    def sent(self, now_s: float) -> None:
+        """It goes out with the present number."""
+        self.waits, self._sent_number, self._sent_s = False, self.next_step, now_s
