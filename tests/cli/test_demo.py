@@ -12,7 +12,7 @@ import pytest
 from plumb import __main__ as front
 from plumb.errors import LinkError, UsageError
 from plumb.flash.image import find_image
-from plumb.link.session import Session
+from plumb.link.holding import Holding
 from plumb.proof import golden
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning import quantise
@@ -111,7 +111,7 @@ def test_conversions_before_the_run_are_not_its_steps() -> None:
 
 def test_a_board_that_disarms_itself_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is streamed after that is a drone that falls: no figure may come of it."""
-    monkeypatch.setattr(Session, "_answer_keep_alive", lambda session, frames: None)
+    monkeypatch.setattr(Holding, "follow", lambda holding, frames, run_tag: [])
     scenario = quad.scenario("hold", 1004, seconds=4.0)
     with VirtualBoard() as board, pytest.raises(LinkError, match="disarmed itself before step"):
         live_run.run_live(board, scenario, quantise.quantise(quad.HOLD))

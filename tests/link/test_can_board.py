@@ -202,7 +202,7 @@ def test_both_links_at_once() -> None:
     while uart.clock() < end:  # the right values are not enough: the link that armed must live
         for identifier, data in bus.frames.read_frames(0.005):
             if identifier == value.identifier:
-                uart.send([uart.frame("KEEPALIVE", 0, value.unpack(data)[3])])
+                uart.send([uart.frame("KEEPALIVE", *value.unpack(data)[2:])])
         uart.receive(0.0)
     listen(bus, 0.2)
     assert bus.telemetry["STATUS"]["armed"] == 0

@@ -6,20 +6,32 @@ board carries the nonce XORed with a random number of that host, and its ACK rep
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import random
+from typing import Protocol
 
 from plumb.errors import LinkError
+from plumb.link.holding import Holding
 from plumb.link.identity import NackError
 from plumb.link.retries import TRIES
-
-if TYPE_CHECKING:
-    from plumb.link.session import Session
+from plumb.spec import protocol
 
 ECHO_MASK = {"RUN_BEGIN": 0xFFF00000, "EXECUTE": 0xFFFF0000}
 """Bits of the nonce, as it was sent, in the detail of the ACK of RUN_BEGIN and of EXECUTE ARM."""
 
 
-def execute_with_nonce(session: Session, request: str, verb: int, flags: int = 0) -> int:
+class Commanding(Protocol):
+    """What it needs of a session."""
+
+    protocol: protocol.Protocol
+    holding: Holding
+    askers: random.Random
+
+    def request(
+        self, name: str, *words: int, answer: str = "ACK", first: int | None = None, flags: int = 0, echo: int = 0
+    ) -> dict[str, int]: ...
+
+
+def execute_with_nonce(session: Commanding, request: str, verb: int, flags: int = 0) -> int:
     """Request a nonce and send the command with it; returns the detail of its ACK. Tries again with a new nonce if a
     reply was lost."""
     arms = request == "EXECUTE" and verb == session.protocol["EXECUTE"].value("verb", "ARM")
