@@ -10,10 +10,10 @@ void setpoint_begin(setpoint_t *s) {
     s->numbered = false;
 }
 
-/* A source that has heard of step n - 1, and not of step n, says n. Half a turn of the numbers after the last
- * one that counted the order is lost; then any other number that is not old counts. */
+/* A source that has heard of step n - 1, and not of step n, says n. A quarter turn of the numbers after the
+ * last one that counted their order is not asked for any more: any other number that is not old is newer. */
 setpoint_age_t setpoint_age(const setpoint_t *s, uint16_t number, uint16_t next_step, uint32_t period_us) {
-    const bool ordered = s->numbered && s->steps_since <= (uint16_t)INT16_MAX;
+    const bool ordered = s->numbered && s->steps_since <= (uint16_t)INT16_MAX / 2U;
 
     if (s->numbered && number == s->number) {
         return SETPOINT_REPEATED;

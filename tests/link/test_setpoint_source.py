@@ -65,7 +65,7 @@ def test_a_silent_source_sets_the_setpoint_to_0_and_is_told(machine: Machine, li
     listen(session, 0.1)
     session.set_setpoint(STEER)
     said_s = session.clock()
-    session._setpoint.stop()  # a host that does not repeat it
+    session.setpoint.stop()  # a host that does not repeat it
     listen(session, 0.5)
     assert [(words["setpoint"], words["timed_out"], words["repeated"]) for _, words in reports.heard] == [
         (STEER, 0, 0),
@@ -100,7 +100,7 @@ def test_silence_counts_only_while_the_actuator_may_move(machine: Machine) -> No
     reports = flying(session, hold_ms=500)
     session.disarm()
     session.set_setpoint(STEER)
-    session._setpoint.stop()  # from here on it is not repeated
+    session.setpoint.stop()  # from here on it is not repeated
     listen(session, 0.5)
     with pytest.raises(LinkError, match="the setpoint is not 0"):
         session.arm(ready_wait_s=0.0)
@@ -109,7 +109,7 @@ def test_silence_counts_only_while_the_actuator_may_move(machine: Machine) -> No
     session.arm()
     armed_s = session.clock()
     session.set_setpoint(STEER)
-    session._setpoint.stop()
+    session.setpoint.stop()
     listen(session, 1.0)
     assert [words["timed_out"] for _, words in reports.heard] == [0, 0, 0, 1]
     assert reports.heard[3][0] - armed_s == pytest.approx(0.5 + LIMIT_S, abs=0.03)

@@ -108,7 +108,7 @@ class Session:
         self._kept = {self.protocol[name].identifier: name for name in PERIODIC}
         self._pumped: list[Frame] = []
         self.holding = Holding(self.protocol)
-        self._setpoint = SaidSetpoint(self.protocol)
+        self.setpoint = SaidSetpoint(self.protocol)
         self._last_sent_s = 0.0
         # In simulated time two runs are the same to the byte.
         self.askers = random.Random(None if isinstance(self.frames, AnyBus) else self.clock())
@@ -181,7 +181,7 @@ class Session:
             wait_s = max(0.0, end - self.clock())
             if self.fast is None:
                 wait_s = min(wait_s, PRESENCE_EVERY_S)
-            if self.armed and self._setpoint.value:
+            if self.armed and self.setpoint.value:
                 wait_s = min(wait_s, SETPOINT_EVERY_S)
             before_s = self.clock()
             frames = self._read(max(wait_s, shortest_s))
@@ -209,10 +209,10 @@ class Session:
         """Take what was just read. Answers the keep-alive values of this session's arming, if whoever is asked for
         consent gives it; when the arming is over, neither values nor setpoints go out any more."""
         armed = self.armed
-        self._setpoint.follow(frames)
+        self.setpoint.follow(frames)
         values = self.holding.follow(frames, self.run_tag)
         if armed and not self.armed:
-            self._setpoint.stop()
+            self.setpoint.stop()
         if values and (self.consent is None or self.consent()):
             number = self.holding.number
             self.send([self.frame("KEEPALIVE", number, value) for value in values])
@@ -221,15 +221,15 @@ class Session:
     def _let_go(self) -> None:
         """This session orders the end of its arming."""
         self.holding.release()
-        self._setpoint.stop()
+        self.setpoint.stop()
 
     def _setpoint_due(self) -> list[Frame]:
         """The setpoint, where it waits for a step that has come, or that of an armed board is to be repeated."""
         now_s = self.clock()
-        if not self._setpoint.due(now_s, armed=self.armed):
+        if not self.setpoint.due(now_s, armed=self.armed):
             return []
-        self._setpoint.sent(now_s)
-        return [self.frame("SETPOINT", self._setpoint.next_step, self._setpoint.value, flags=self.run_tag)]
+        self.setpoint.sent(now_s)
+        return [self.frame("SETPOINT", self.setpoint.next_step, self.setpoint.value, flags=self.run_tag)]
 
     def _say_setpoint(self) -> None:
         frames = self._setpoint_due()
@@ -429,7 +429,7 @@ class Session:
         flags = sum(1 << message.flags[f"{what}_elsewhere"][0] for what in elsewhere)
         detail = execute_with_nonce(self, "RUN_BEGIN", message.value("run", run), flags)
         self.run_tag = detail >> RUN_TAG_SHIFT & RUN_TAG_MASK
-        self._setpoint.begin()
+        self.setpoint.begin()
 
     def end(self) -> int:
         """End the run and disarm; returns its number of steps, modulo 2^16."""
@@ -447,7 +447,7 @@ class Session:
         while True:
             try:
                 self.execute("ARM")
-                self._setpoint.stop()  # the board has set its own to 0
+                self.setpoint.stop()  # the board has set its own to 0
                 self.parameters.at_arming = self.parameters.table
                 return
             except NackError as error:
@@ -482,7 +482,7 @@ class Session:
     def setpoint_frames(self, setpoint_turn_q32: int) -> list[Frame]:
         """A setpoint for a run in real time, to be sent in one write with other frames, and not repeated. Without a
         frame while no step has come since the setpoint before it: then `receive` and `pump` send it."""
-        self._setpoint.say(setpoint_turn_q32, repeats=False)
+        self.setpoint.say(setpoint_turn_q32, repeats=False)
         return self._setpoint_due()
 
     def set_setpoint(self, setpoint_turn_q32: int) -> None:
@@ -495,5 +495,5 @@ class Session:
         self.pump()  # what has arrived meanwhile has the newest step, and may say that the arming is over
         if self.holding.over and (setpoint_turn_q32 or self.holding.another):
             raise LinkError(f"the setpoint is not sent, because {self.holding.over}: arm again")
-        self._setpoint.say(setpoint_turn_q32, repeats=True)
+        self.setpoint.say(setpoint_turn_q32, repeats=True)
         self._say_setpoint()

@@ -128,7 +128,7 @@ def steered(scene: Scene) -> None:
 
 def setpoints_cease(scene: Scene) -> None:
     """The host's source of setpoints hangs; its keep-alives go on."""
-    vars(scene.session)["set_setpoint"] = lambda _setpoint: None
+    scene.session.setpoint.stop()
 
 
 def recorded(seconds: float) -> Action:

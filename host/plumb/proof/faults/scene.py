@@ -56,7 +56,8 @@ class Scene:
     fault holds up, and when the host wrote them.
 
     host_alive: when False, the host sends nothing but still listens. deaf: the host receives nothing.
-    variant: number of the variant to inject, from 0 on.
+    variant: number of the variant to inject, from 0 on. notes, stuck: numbers and frames that an injection
+    keeps from its preparation.
     """
 
     name: str
@@ -70,6 +71,8 @@ class Scene:
     host_alive: bool = True
     deaf: bool = False
     variant: int = 0
+    notes: dict[str, int] = field(default_factory=dict)
+    stuck: list[Frame] = field(default_factory=list)
 
     @property
     def machine(self) -> Machine:
@@ -146,6 +149,12 @@ class Scene:
         now_s = self.now_s
         self.heard += [Heard(now_s, identifier, data) for identifier, data in frames]
 
+    def listen(self, wait_s: float) -> list[Frame]:
+        """What comes while the host only listens."""
+        frames = self.session.frames.read_frames(wait_s)
+        self._note(frames)
+        return frames
+
     def record(self) -> None:
         """Note every frame that the host sends from here on, as it is on the wire."""
         write = self.session.frames.write_frames
@@ -169,7 +178,7 @@ class Scene:
             if self.host_alive:
                 self.session.receive(wait_s)
             else:
-                self._note(self.session.frames.read_frames(wait_s))
+                self.listen(wait_s)
 
     def run_until(self, holds: Callable[[], bool], limit_s: float) -> bool:
         """Until holds() does, looked at every LISTEN_S; False when the limit came first."""

@@ -7,14 +7,15 @@ from fnmatch import fnmatch
 
 from plumb import systems
 from plumb.errors import UsageError
-from plumb.proof.faults import buses, clock, frames, hangs, host, memory, power, registers, sensors
+from plumb.proof.faults import armings, buses, clock, frames, hangs, host, memory, power, registers, sensors
 from plumb.proof.faults.fault import Fault
 from plumb.systems.contracts import PINS, AnalogPins
 
 GROUPS = ("sensors", "buses", "clock", "power", "memory", "host", "frames", "hangs")
 FAULTS: tuple[Fault, ...] = (
     *sensors.FAULTS, *buses.FAULTS, *clock.FAULTS, *power.FAULTS, *memory.FAULTS, *registers.FAULTS,
-    *host.FAULTS, *frames.FAULTS, *hangs.FAULTS,
+    *host.FAULTS,
+    *armings.FAULTS, *frames.FAULTS, *hangs.FAULTS,
 )  # fmt: skip
 
 
