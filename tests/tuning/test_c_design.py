@@ -193,6 +193,15 @@ def test_a_refused_design_names_the_setting_and_keeps_the_parameters() -> None:
     assert (answer.field, answer.words) == ("kalman.bias_max_dps", {})
 
 
+@pytest.mark.parametrize(("neutral_us", "field"), [(900.0, ""), (1050.0, ""), (1050.5, "esc.neutral_us")])
+def test_a_neutral_pulse_ends_below_where_motors_start(neutral_us: float, field: str) -> None:
+    """Both hands; the table takes up to 1100 us, for what older versions saved."""
+    tuning = tunings("quad")["adaptive"]
+    changed = replace(tuning, esc=replace(tuning.esc, neutral_us=neutral_us, min_us=1100.0))
+    assert compare(changed)["refused"] == bool(field)
+    assert (c_design.design(changed).field or "") == field
+
+
 def test_an_integer_just_below_2_to_62_keeps_its_last_bits() -> None:
     """Process noise of the bias of 2^62 - 96: its double is 2^62."""
     tuning = tunings("quad")["paper"]

@@ -21,7 +21,7 @@ static void pulses(plumb_design_t *d, const plumb_esc_tuning_t *t, plumb_esc_par
     words->span_halfus = pulse(d, "esc.span_us", t->span_us, -span, span);
     words->min_halfus = pulse(d, "esc.min_us", t->min_us, low, high);
     words->max_halfus = pulse(d, "esc.max_us", t->max_us, low, high);
-    words->neutral_halfus = pulse(d, "esc.neutral_us", t->neutral_us, low, ESC_NEUTRAL_MAX_HALFUS);
+    words->neutral_halfus = pulse(d, "esc.neutral_us", t->neutral_us, low, ESC_OFF_MAX_HALFUS);
     in_order(d, "esc.neutral_us", t->neutral_us, t->min_us);
     in_order(d, "esc.min_us", t->min_us, t->mid_us);
     in_order(d, "esc.mid_us", t->mid_us, t->max_us);

@@ -37,7 +37,7 @@ void plumb_quad_retune(plumb_quad_t *c, const plumb_params_t *from, const plumb_
 extern const plumb_plausibility_bounds_t plumb_quad_plausibility;
 
 /* Pulses of two opposing motors: mid +- span * command, within min to max; neutral while disarmed. 900 to
- * 2100 us, neutral <= min <= mid <= max, neutral at most 1100 us. */
+ * 2100 us, neutral <= min <= mid <= max, neutral at most 1050 us. */
 typedef struct {
     double mid_us;
     double span_us; /* -1200 to 1200; the sign turns the direction */

@@ -9,6 +9,8 @@ from __future__ import annotations
 PULSE_US = (900.0, 2100.0)
 NEUTRAL_MAX_US = 1050.0
 """Of an armed board: ESC_OFF_MAX_HALFUS."""
+TWO_WAY_US = (1400.0, 1600.0)
+"""Neutral pulses of two-way controllers: 1500 us, and what they take for it."""
 FRAME_MIN_US = 2040.0
 FRAME_MAX_US = 20_000.0
 GAP_HALFUS = 40
@@ -31,9 +33,11 @@ def foreign_pulse(pulse_us: float) -> str:
 
 
 def foreign_neutral(neutral_us: float) -> str:
-    """A sentence about a neutral pulse that is not at the lower end (two-way controllers), or is too short; "" if it is
-    neither."""
-    if NEUTRAL_MAX_US < neutral_us <= PULSE_US[1]:
+    """A sentence about a neutral pulse that may turn a motor, is that of two-way controllers, or is too short; "" if it
+    is none of these."""
+    if NEUTRAL_MAX_US < neutral_us < TWO_WAY_US[0]:
+        return f"a neutral pulse of {neutral_us:g} us may already turn a motor; {ONE_WAY}"
+    if TWO_WAY_US[0] <= neutral_us <= PULSE_US[1]:
         return f"a neutral pulse of {neutral_us:g} us is that of a two-way (3D) controller; {ONE_WAY}"
     return foreign_pulse(neutral_us)
 

@@ -321,13 +321,14 @@ def esc_words(esc: Esc) -> dict[str, int]:
     for entry in fields(Esc):
         asked = float(getattr(esc, entry.name))
         row = rows[f"esc.{entry.name.removesuffix('_us')}_halfus"]
-        if not row.min <= 2 * asked <= row.max:
+        low, high = row.armed or (row.min, row.max)
+        if not low <= 2 * asked <= high:
             foreign = foreign_parameter(row.name, round(2 * asked)) or ONE_WAY
-            refuse(f"esc.{entry.name}", asked, f"outside {row.min / 2:g} to {row.max / 2:g} us; {foreign}")
-        words[row.name] = whole(f"esc.{entry.name}", asked, Fraction(asked) * 2, row.min, row.max)
-    for low, high in (("neutral_us", "min_us"), ("min_us", "mid_us"), ("mid_us", "max_us")):
-        if getattr(esc, low) > getattr(esc, high):
-            refuse(f"esc.{low}", getattr(esc, low), f"more than {high} = {getattr(esc, high):g}")
+            refuse(f"esc.{entry.name}", asked, f"outside {low / 2:g} to {high / 2:g} us; {foreign}")
+        words[row.name] = whole(f"esc.{entry.name}", asked, Fraction(asked) * 2, low, high)
+    for less, more in (("neutral_us", "min_us"), ("min_us", "mid_us"), ("mid_us", "max_us")):
+        if getattr(esc, less) > getattr(esc, more):
+            refuse(f"esc.{less}", getattr(esc, less), f"more than {more} = {getattr(esc, more):g}")
     return words
 
 
