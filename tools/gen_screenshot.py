@@ -131,7 +131,7 @@ def cockpit() -> bytes:
                 page.until(NEWEST.format(time_s), patience_s=BUSY_S)
                 page.click("[data-do=step_test]")
             page.until(NEWEST.format(SHOWN_S), patience_s=BUSY_S)
-            page.value("document.getElementById('slow').hidden = true")  # how fast this machine simulates
+            page.value("document.getElementById('speed').hidden = true")  # how fast this machine simulates
             return page.picture(*COCKPIT_SIZE)
 
 
