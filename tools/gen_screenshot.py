@@ -1,5 +1,5 @@
 """Write the pictures of the pages, as a browser shows them: docs/images/report.png, the head of the page that
-`plumb run` writes, and docs/images/cockpit.png, `plumb cockpit` with the armed quad of the virtual board.
+`plumb run` writes, and docs/images/cockpit.png, `plumb cockpit` with the armed quad of the native port.
 
     .venv/bin/python tools/gen_screenshot.py [report] [cockpit]
     .venv/bin/python tools/gen_screenshot.py --check
@@ -21,8 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from plumb.__main__ import main as plumb
-from plumb.boards.link import open_link_board
-from plumb.boards.plant_on_pins import PlantOfRuns
+from plumb.boards.native_port import NativePort, PlantOfNativeRuns
 from plumb.cockpit.board_loop import BoardLoop
 from plumb.cockpit.hold import Hold
 
@@ -117,12 +116,12 @@ def report() -> bytes:
 
 
 def cockpit() -> bytes:
-    """The quad of the virtual board, as `plumb cockpit --board virtual` has it, armed before a hand pulls it; two step
+    """The quad of the native port, as `plumb cockpit --port native` has it, armed before a hand pulls it; two step
     tests after it was let go. A busy machine may take longer for a picture than the hold of a user allows."""
     with tempfile.TemporaryDirectory() as folder, Chromium() as chromium:
-        plant = PlantOfRuns("quad", None, SEED, open_loop=False)
+        plant = PlantOfNativeRuns("quad", None, SEED, open_loop=False)
         hold = Hold(timeout_s=HOLD_S)
-        loop = BoardLoop(open_link_board("virtual"), hold, folder=Path(folder), plant=plant, paced=True)
+        loop = BoardLoop(NativePort("quad", None), hold, folder=Path(folder), plant=plant, paced=True)
         with serving(loop) as server:
             page = chromium.open(server.control_address)
             page.click("[data-do=record]")

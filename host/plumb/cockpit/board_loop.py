@@ -114,10 +114,6 @@ class BoardLoop:
         """A line in the log of the page."""
         self.notes.append((time.time(), text))
 
-    def _say_speed(self, text: str) -> None:
-        self.note(text)
-        self._tell(text)
-
     # ---- the loop ----
 
     def run(self, stopped: Callable[[], bool]) -> None:
@@ -184,7 +180,7 @@ class BoardLoop:
         session.listener = self._feed
         self._monitor = monitor.Monitor(session)
         self._pace, self._stated_s = Pace(session.clock()), 0.0
-        self._speed = BoardSpeed(self.board, self._say_speed)
+        self._speed = BoardSpeed(self.board, self._tell)
 
     def _close(self) -> None:
         self._questions.end()
