@@ -71,7 +71,9 @@ class Outside:
 def armed_and_driving(board: Board) -> Outside:
     """Arm the board, and stream until its outputs leave neutral."""
     board.params["arm_hold_ms"] = 0
+    assert not board.armed
     board.arm()
+    assert board.armed
     outside = Outside(board)
     for sample in board.stream(1.0):
         if sample.armed and NEUTRAL_US not in outside.pulses_us():

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import pytest
 
+from plumb.cockpit.arming import Arming
 from plumb.cockpit.hold import TAKEN_OVER_AFTER_S, TICKS_KEPT, TIMEOUT_S, Hold
+from plumb.link.session import Session
 
 
 class Clock:
@@ -107,3 +112,13 @@ def test_a_released_hold_is_free_at_once(clock: Clock) -> None:
     hold.release(1)
     assert not hold.alive(1)
     assert hold.take(2)
+
+
+def test_a_page_does_not_end_the_arming_of_another_host(clock: Clock) -> None:
+    """The session has no `disarm` here: a page that sent it would fail."""
+    said: list[str] = []
+    arming = Arming(Hold(clock=clock), said.append)
+    arming.armed = True
+    holding = SimpleNamespace(another=True, over="another host has armed the board")
+    arming.notice(cast(Session, SimpleNamespace(holding=holding)), steps_say_armed=True)
+    assert not arming.armed and said == ["not armed any more: another host has armed the board"]

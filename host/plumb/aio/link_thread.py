@@ -67,7 +67,6 @@ class LinkThread(threading.Thread):
         self._sink: Sink | None = None
         self._receiving: Sink | None = None
         """The sink of the stream whose next sample is waited for: meanwhile it cannot be closed."""
-        self._armed = False
         self._holder: asyncio.Task[object] | None = None
         self._most_behind_s = BEHIND_S
         self._leaving = False
@@ -145,10 +144,8 @@ class LinkThread(threading.Thread):
 
     def arm(self, board: Board) -> None:
         board.arm()
-        self._armed = True
 
     def disarm(self, board: Board) -> None:
-        self._armed = False
         board.disarm()
 
     def close(self, board: Board | None) -> None:
@@ -168,7 +165,8 @@ class LinkThread(threading.Thread):
 
     def _turn(self) -> None:
         """A request, or else what has been received."""
-        stream, armed = self._samples is not None, self._armed and self._holder is not None
+        stream = self._samples is not None
+        armed = self._holder is not None and self._board is not None and self._board.armed
         if self._serve(0.0 if stream or armed else IDLE_LOOK_S) or self._leaving:
             return
         if stream:
@@ -191,7 +189,7 @@ class LinkThread(threading.Thread):
         try:
             board.keep_alive(LOOK_S)
         except PlumbError:
-            self._armed = False
+            self._holder = None
 
     def _opened(self) -> Board:
         if self._board is None:

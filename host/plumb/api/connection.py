@@ -356,6 +356,11 @@ class Board:
         self._begin()
         session.arm()
 
+    @property
+    def armed(self) -> bool:
+        """Whether this object has armed the board, and nothing that the board said shows that this is over."""
+        return self._talks_to is not None and self._talks_to.session.armed
+
     def keep_alive(self, seconds: float) -> None:
         """Keep an armed board alive for so many seconds of its time, while you take no samples.
 

@@ -101,6 +101,10 @@ class Arming:
         """Notice a board that disarmed itself. steps_say_armed: what its newest step says."""
         if not self.armed:
             return
+        if session.holding.another:  # its arming is not this page's to end
+            self.armed = False
+            self._say(f"not armed any more: {session.holding.over}")
+            return
         self._seen = self._seen or steps_say_armed
         late = not self._seen and session.listening.total_s - self._armed_s > SEEN_S
         if late or (self._seen and not steps_say_armed):
