@@ -1,5 +1,5 @@
 """Write the pictures of the pages, as a browser shows them: docs/images/report.png, the head of the page that
-`plumb run` writes, and docs/images/cockpit.png, `plumb cockpit` with the armed quad of the native port.
+`plumb run` writes, and docs/images/cockpit.png, `plumb cockpit` with the armed quad of the virtual board.
 
     .venv/bin/python tools/gen_screenshot.py [report] [cockpit]
     .venv/bin/python tools/gen_screenshot.py --check
@@ -21,7 +21,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from plumb.__main__ import main as plumb
-from plumb.boards.native_port import NativePort, PlantOfNativeRuns
+from plumb.boards.link import open_link_board
+from plumb.boards.plant_on_pins import PlantOfRuns
 from plumb.cockpit.board_loop import BoardLoop
 from plumb.cockpit.hold import Hold
 
@@ -116,12 +117,12 @@ def report() -> bytes:
 
 
 def cockpit() -> bytes:
-    """The quad of the native port, as `plumb cockpit --port native` has it, armed before a hand pulls it; two step
+    """The quad of the virtual board, as `plumb cockpit --board virtual` has it, armed before a hand pulls it; two step
     tests after it was let go. A busy machine may take longer for a picture than the hold of a user allows."""
     with tempfile.TemporaryDirectory() as folder, Chromium() as chromium:
-        plant = PlantOfNativeRuns("quad", None, SEED, open_loop=False)
+        plant = PlantOfRuns("quad", None, SEED, open_loop=False)
         hold = Hold(timeout_s=HOLD_S)
-        loop = BoardLoop(NativePort("quad", None), hold, folder=Path(folder), plant=plant, paced=True)
+        loop = BoardLoop(open_link_board("virtual"), hold, folder=Path(folder), plant=plant, paced=True)
         with serving(loop) as server:
             page = chromium.open(server.control_address)
             page.click("[data-do=record]")
@@ -130,7 +131,7 @@ def cockpit() -> bytes:
                 page.until(NEWEST.format(time_s), patience_s=BUSY_S)
                 page.click("[data-do=step_test]")
             page.until(NEWEST.format(SHOWN_S), patience_s=BUSY_S)
-            page.value("document.getElementById('speed').hidden = true")  # how fast this machine simulates
+            page.value("document.getElementById('slow').hidden = true")  # how fast this machine simulates
             return page.picture(*COCKPIT_SIZE)
 
 

@@ -33,32 +33,16 @@ async def first_green(address: str) -> dict[str, object]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("chosen", "board", "runs_on"),
-    [
-        (["--board", "virtual"], "virtual", "the virtual chip"),
-        (["--port", "native"], "native", "the native port"),
-        (
-            ["--board", "virtual", "--port", "native", "--port", "0", "--system", "balancer"],
-            "native",
-            "the native port",
-        ),
-    ],
-)
-def test_a_page_of_a_simulated_board_turns_green_and_ctrl_c_ends_it(
-    chosen: list[str], board: str, runs_on: str, tmp_path: Path
-) -> None:
-    command = [sys.executable, "-m", "plumb", "cockpit", *chosen, "--json", "--out", str(tmp_path)]
+def test_a_page_of_the_virtual_board_turns_green_and_ctrl_c_ends_it(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "plumb", "cockpit", "--board", "virtual", "--json", "--out", str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None and process.stderr is not None
         said = json.loads(process.stdout.readline())
         state = asyncio.run(asyncio.wait_for(first_green(said["watch"]), PATIENCE_S))
         process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE_S) == 130
-        *about_speed, last = process.stderr.read().splitlines()
-    assert last == "plumb: interrupted." and all(" of real time" in line for line in about_speed)
-    assert state["may_control"] is False and state["board"] == board
-    assert said["board"] == state["runs_on"] == runs_on
+        assert process.stderr.read() == "plumb: interrupted.\n"
+    assert state["may_control"] is False and state["board"] == "virtual"
 
 
 @pytest.mark.parametrize(
@@ -66,10 +50,6 @@ def test_a_page_of_a_simulated_board_turns_green_and_ctrl_c_ends_it(
     [
         (["--board", "native"], "is no board with a link"),
         (["--board", "virtual", "--port", "70000"], "--port 70000"),
-        (["--board", "serial:/dev/none", "--port", "native"], "--port native is for board virtual"),
-        (["--port", "native", "--link", "can"], "--link is for --port f103"),
-        (["--port", "native", "--scenario", "nowhere"], "nowhere"),
-        (["--port", "native", "--system", "phone"], "phone has no pins.py"),
         (["--board", "virtual", "--seconds", "0"], "--seconds 0"),
         (["--board", "virtual", "--scenario", "nowhere"], "nowhere"),
         (["--board", "virtual", "--system", "phone"], "phone has no pins.py"),

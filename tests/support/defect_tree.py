@@ -57,6 +57,7 @@ class Tree:
 
     folder: Path
     _green: dict[str, Verdict] = field(default_factory=dict)
+    _configured: set[str] = field(default_factory=set)
 
     @classmethod
     @contextmanager
@@ -85,8 +86,9 @@ class Tree:
 
     def build(self, preset: str) -> str:
         """Build what tests of this preset load; its SHA-256. Raises CannotBuild with the last words of the build."""
-        if not (self.folder / "build" / preset / "build.ninja").exists():
-            self._called(["cmake", "--preset", preset])
+        if preset not in self._configured:  # the Python of the tests has what the checks of an image need
+            self._called(["cmake", "--preset", preset, f"-DPython3_EXECUTABLE={sys.executable}"])
+            self._configured.add(preset)
         targets = ["--target", "firmware"] if preset == IMAGE else []
         self._called(["cmake", "--build", "--preset", preset, *targets])
         return self.loaded(preset)

@@ -63,11 +63,7 @@ class LinkParts:
 
 
 class LinkBoard(Board):
-    """A board over an open session, which it owns and closes. runs_on: what the image runs on, where that is known.
-    slow_remedy: what to do when its time passes more slowly than outside."""
-
-    runs_on = ""
-    slow_remedy = "if it is simulated, its machine is too busy; `plumb virtual-board --port native` is faster"
+    """A board over an open session, which it owns and closes."""
 
     def __init__(self, name: str, session: Session) -> None:
         self.name = name

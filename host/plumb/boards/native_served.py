@@ -64,19 +64,15 @@ def _save_as(mcu: NativeMcu, name: str) -> None:
 
 
 class ServedNative:
-    """A NativeMcu with the interface `Served`, and a plant on its wires, whose time 0 is when it was put there."""
+    """A NativeMcu with the interface `Served`, and a plant on its wires, whose time 0 is the construction."""
 
     def __init__(self, mcu: NativeMcu, system: str | None = None, plant: Plant | None = None) -> None:
-        self.mcu, self.uart = mcu, mcu.uart
+        self.mcu, self.uart, self.plant = mcu, mcu.uart, plant
         declared = declarations.system(system) if system else None
         self._output = declared.output if declared else ""
         self._names = [word.name for word in declared.output_words] if declared else []
-        self.attach(plant)
-
-    def attach(self, plant: Plant | None) -> None:
-        """Put another plant on the wires."""
-        self.plant = plant
-        self._begin_us = self._follow_us = self.mcu.now_us
+        self._begin_us = mcu.now_us
+        self._follow_us = mcu.now_us
 
     @property
     def now(self) -> int:

@@ -23,9 +23,6 @@ class VirtualBoard(LinkBoard):
     """The virtual board. machine: the simulated part, for access to its pins. link: serial or can. image, image_bytes:
     the file of the flash image and its contents."""
 
-    runs_on = "the virtual chip"
-    slow_remedy = "this machine is too slow or too busy to simulate it; --port native needs less"
-
     def __init__(self, image: Path | None = None, link: str = "serial") -> None:
         self.image = find_image(image)
         self.machine = open_machine(self.image)

@@ -4,14 +4,11 @@
     plumb cockpit --board serial:/dev/ttyUSB0           a board; an idle one begins a run on its own sensors, unarmed
     plumb cockpit --board can:socketcan:can0 --watch    only watch the run that is on
     plumb cockpit --board virtual --system balancer --open-loop      prescribed motion: the outputs move nothing
-    plumb cockpit --port native                         the same main loop built for this machine, where it is too slow
-                                                        to simulate the chip; a number is the port of the page
 
 Prints two addresses on this machine, and serves them until Ctrl-C: a page of the first may take control, one of the
 second only watches. The page that armed the board holds it: when the page is closed, hidden, or silent for 0.3 s, the
 board is disarmed. Every page stops the board: Space, Esc, or the button. A run in progress, and a board that the arm
-switch or another host armed, are only watched. Page and terminal say which board runs, and at what share of real time.
-Nothing is fetched from a network.
+switch or another host armed, are only watched. Nothing is fetched from a network.
 """
 
 from __future__ import annotations
@@ -26,10 +23,7 @@ from plumb.cli import options
 if TYPE_CHECKING:
     from plumb.boards.link import LinkBoard
     from plumb.cockpit.board_loop import PlantOnBoard
-    from plumb.cockpit.page_server import PageServer
 
-NATIVE = "native"
-BOARD_PORTS = ("f103", NATIVE)
 SWITCH_S = 0.001
 """Longest time that the thread of a simulated board keeps that of the pages from a heartbeat."""
 
@@ -37,13 +31,7 @@ SWITCH_S = 0.001
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_board(parser, linked=True)
     parser.add_argument("--watch", action="store_true", help="only watch: begin nothing, write nothing")
-    parser.add_argument(
-        "--port",
-        action=_Port,
-        metavar="N|f103|native",
-        help="N: port of the page (default: a free one). f103, native: of `virtual`, the chip or a board in memory",
-    )
-    parser.set_defaults(page_port=0, board_port="")
+    parser.add_argument("--port", type=int, default=0, metavar="N", help="port of the page (default: a free one)")
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
     parser.add_argument(
         "--out", type=Path, default=Path("recordings"), metavar="DIR", help="for recordings (default: recordings)"
@@ -55,62 +43,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_json(parser, " with the addresses, at the start")
 
 
-class _Port(argparse.Action):
-    """A number is the port of the page, a name the port of the firmware that `virtual` runs, as `plumb virtual-board
-    --port` has it. A name chooses the board `virtual` where none is named."""
-
-    def __call__(
-        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: object, option: str | None = None
-    ) -> None:
-        given = str(values)
-        if given in BOARD_PORTS:
-            namespace.board_port = given
-            if namespace.board is None:
-                namespace.board = options.VIRTUAL
-        elif given.isascii() and given.isdigit():
-            namespace.page_port = int(given)
-        else:
-            parser.error(f"--port {given}: give a number for the page, or {' or '.join(BOARD_PORTS)} for the board")
-
-
-def check_port(arguments: argparse.Namespace) -> None:
-    """Raises UsageError for a port that there is not, or not with these options."""
-    from plumb.errors import UsageError
-
-    if not 0 <= arguments.page_port <= 65535:
-        raise UsageError(f"--port {arguments.page_port}: give a number from 1 to 65535")
-    if arguments.board_port and arguments.board != options.VIRTUAL:
-        raise UsageError(f"--port {arguments.board_port} is for board {options.VIRTUAL}: leave one of them out")
-    if arguments.board_port == NATIVE and getattr(arguments, "of_virtual", None):
-        raise UsageError(f"{arguments.of_virtual} is for --port f103: leave it out, or leave --port native out")
-
-
-def system_of_native(arguments: argparse.Namespace) -> str:
-    """The system of --system, else that of factory parameters."""
-    from plumb.spec import declarations
-    from plumb.spec.parameters import table
-
-    return str(arguments.system or declarations.name_of(int(table()[0].default)))
-
-
-def native_of(arguments: argparse.Namespace) -> LinkBoard:
-    """The main loop on a board in memory."""
-    from plumb.boards.native_port import NativePort
-
-    return NativePort(system_of_native(arguments), None)
-
-
 def main(arguments: argparse.Namespace) -> int:
     from plumb.errors import UsageError
     from plumb.extras import install_hint
 
     options.check_duration(arguments.seconds)
-    check_port(arguments)
+    if not 0 <= arguments.port <= 65535:
+        raise UsageError(f"--port {arguments.port}: give a number from 1 to 65535")
     try:
         import aiohttp  # noqa: F401
     except ImportError:
         raise UsageError(f"the cockpit needs aiohttp; install it {install_hint('cockpit')}") from None
-    with native_of(arguments) if arguments.board_port == NATIVE else options.linked_board_of(arguments) as board:
+    with options.linked_board_of(arguments) as board:
         serve(arguments, board)
     return 0
 
@@ -137,7 +81,6 @@ def serve(arguments: argparse.Namespace, board: LinkBoard) -> None:
         paced=plant is not None,
         reopen=None if plant is not None else lambda: options.linked_board_of(arguments),
         command=getattr(arguments, "command_line", ""),
-        tell=say,
     )
     sys.setswitchinterval(SWITCH_S)
     begin_s = time.monotonic()
@@ -148,26 +91,21 @@ def serve(arguments: argparse.Namespace, board: LinkBoard) -> None:
         late = arguments.seconds is not None and time.monotonic() - begin_s >= arguments.seconds
         return bool(caught) or late
 
-    with endings() as caught, PageServer(loop, arguments.page_port) as server:
-        announce(arguments, board, server)
+    with endings() as caught, PageServer(loop, arguments.port) as server:
+        announce(arguments, server.control_address, server.watch_address)
         loop.run(stopped)
     if caught:
         raise_ending(caught)
 
 
-def say(text: str) -> None:
-    print(f"plumb: {text}", file=sys.stderr, flush=True)
-
-
-def announce(arguments: argparse.Namespace, board: LinkBoard, server: PageServer) -> None:
-    """Print which board runs, and the addresses; open the first if that is asked for."""
+def announce(arguments: argparse.Namespace, control: str, watch: str) -> None:
+    """Print the addresses, and open the first if that is asked for."""
     import json
 
-    control, watch, runs_on = server.control_address, server.watch_address, board.runs_on or board.name
     if arguments.json:
-        print(json.dumps({"control": control, "watch": watch, "board": runs_on}), flush=True)
+        print(json.dumps({"control": control, "watch": watch}), flush=True)
     else:
-        print(f"cockpit: {control}\nto watch only: {watch}\nthe board: {runs_on}; Ctrl-C ends it", flush=True)
+        print(f"cockpit: {control}\nto watch only: {watch}\nCtrl-C ends it", flush=True)
     if arguments.open:
         import webbrowser
 
@@ -178,12 +116,7 @@ def plant_of(arguments: argparse.Namespace, board: LinkBoard) -> PlantOnBoard | 
     """The plant for the pins of a board simulated in this process; None for another board."""
     from plumb.errors import UsageError
 
-    if arguments.board_port == NATIVE:
-        from plumb.boards.native_port import PlantOfNativeRuns
-
-        system = system_of_native(arguments)
-        return PlantOfNativeRuns(system, arguments.scenario, arguments.seed, open_loop=arguments.open_loop)
-    if board.name != options.VIRTUAL:
+    if board.name != "virtual":
         if arguments.system or arguments.scenario or arguments.open_loop:
             remedy = "`plumb params tuning SYSTEM` makes another board that system"
             raise UsageError(

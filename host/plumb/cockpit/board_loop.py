@@ -21,7 +21,6 @@ from plumb.cockpit import parameter_orders
 from plumb.cockpit.arming import Arming, Reply
 from plumb.cockpit.green_light import Comparison
 from plumb.cockpit.hold import Hold
-from plumb.cockpit.pace import BoardSpeed, Pace
 from plumb.cockpit.page_orders import Order
 from plumb.cockpit.questions import Questions
 from plumb.cockpit.recording import Recording
@@ -43,6 +42,7 @@ TURN_S = 0.01
 STATE_EVERY_S = 0.1
 FIRST_STATUS_S = 1.0
 """Longest wait for the first STATUS, which says whether a run is on."""
+SPEED_OVER_S = 1.0
 IDLE_S = 0.5
 """A board that says so for this long has no run on."""
 REOPEN_S = 1.0
@@ -59,10 +59,29 @@ class PlantOnBoard(Protocol):
     def attach(self, board: LinkBoard) -> None: ...
 
 
+class Pace:
+    """Holds a simulation back to real time. speed: of the last second, 1 for real time. It does not catch up."""
+
+    def __init__(self, now_s: float) -> None:
+        self._begin_s, self._begin_wall_s = now_s, time.monotonic()
+        self._speed_s, self._speed_wall_s = self._begin_s, self._begin_wall_s
+        self.speed = 1.0
+
+    def keep(self, now_s: float) -> None:
+        """Sleep for as long as the simulation is ahead, at most for one turn of the loop. now_s: its time."""
+        wall_s = time.monotonic()
+        ahead_s = (now_s - self._begin_s) - (wall_s - self._begin_wall_s)
+        if ahead_s < -STATE_EVERY_S:
+            self._begin_s, self._begin_wall_s = now_s, wall_s
+        if wall_s - self._speed_wall_s >= SPEED_OVER_S:
+            self.speed = (now_s - self._speed_s) / (wall_s - self._speed_wall_s)
+            self._speed_s, self._speed_wall_s = now_s, wall_s
+        time.sleep(min(max(0.0, ahead_s), TURN_S))
+
+
 class BoardLoop:
     """One board. watch: only listen to the run that is on. paced: hold a board that is simulated in this process back
-    to real time. reopen: opens the board again after its link was lost; None: a lost link ends the loop. tell: called
-    with a sentence about the board's speed, for the terminal. Other threads
+    to real time. reopen: opens the board again after its link was lost; None: a lost link ends the loop. Other threads
     call `order` and `stop`, and read `samples`, `state` and `notes`."""
 
     def __init__(
@@ -76,14 +95,13 @@ class BoardLoop:
         paced: bool = False,
         reopen: Callable[[], LinkBoard] | None = None,
         command: str = "",
-        tell: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.board, self.hold, self.watch = board, hold, watch
         self.notes: deque[tuple[float, str]] = deque(maxlen=NOTES_KEPT)
         self.samples: Samples | None = None
         self.state: dict[str, object] = {}
         self.recording = Recording(folder, command, self.note)
-        self._plant, self._paced, self._reopen, self._tell = plant, paced, reopen, tell
+        self._plant, self._paced, self._reopen = plant, paced, reopen
         self._orders: queue.SimpleQueue[tuple[Order, Reply]] = queue.SimpleQueue()
         self._arming = Arming(hold, self.note)
         self._own_run = False
@@ -162,7 +180,6 @@ class BoardLoop:
         self._obey()
         self._session.receive(TURN_S)
         self._follow()
-        self._speed.follow(self._session)
         now_s = self._session.clock()
         monitor.require_heard(self._session)
         if now_s - self._stated_s >= STATE_EVERY_S or not self.state:
@@ -180,7 +197,6 @@ class BoardLoop:
         session.listener = self._feed
         self._monitor = monitor.Monitor(session)
         self._pace, self._stated_s = Pace(session.clock()), 0.0
-        self._speed = BoardSpeed(self.board, self._tell)
 
     def _close(self) -> None:
         self._questions.end()
@@ -438,9 +454,7 @@ class BoardLoop:
             "armed_here": self._arming.armed,
             "arming": self._arming.waiting,
             "own_run": self._own_run,
-            "runs_on": self.board.runs_on,
-            "speed": self._speed.share,
-            "slow": self._speed.hint,
+            "speed": round(self._pace.speed, 2),
             "run": None if samples is None else {
                 "number": samples.number,
                 "system": samples.system,

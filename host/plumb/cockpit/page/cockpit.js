@@ -59,8 +59,8 @@ function showState(said) {
   if (!said.light) { trouble("waiting for the board"); return; }
   document.body.className = said.lost ? "stale" : "";
   trouble(said.lost ? `${said.lost}. The cockpit tries to open the board again.` : said.mismatch);
-  showSpeed(said);
-  setText(byId("system"), `${said.run?.system ?? ""} on ${said.runs_on || said.board}`);
+  setText(byId("slow"), said.speed < 0.9 ? `The simulated board runs at ${said.speed.toPrecision(2)} of real time.` : "");
+  setText(byId("system"), `${said.run?.system ?? ""} on ${said.board}`);
   byId("light").className = said.light.colour;
   setText(byId("light-text"), said.light.text);
   byId("armed").className = said.armed ? "armed" : "disarmed";
@@ -72,14 +72,6 @@ function showState(said) {
   showLog(said.notes);
   showValues();
   setText(byId("missed"), rows.missed ? `${rows.missed} rows were not drawn: this page is slow. A recording has them.` : "");
-}
-
-// Which board runs, how fast its time passes, and what to do about a slow one.
-function showSpeed({ runs_on: place, board, speed, slow }) {
-  const what = place ? place[0].toUpperCase() + place.slice(1) : `The board at ${board}`;
-  const share = speed < 0.095 ? speed?.toPrecision(1) : speed?.toFixed(2);
-  setText(byId("speed"), typeof speed === "number" ? `${what} runs at ${share} of real time${slow ? `: ${slow}` : ""}.` : "");
-  byId("speed").className = slow ? "note slow" : "note";
 }
 
 function showPlots(columns) {

@@ -15,6 +15,9 @@ STALLED = Told("STATUS", "faults", 1 << 13)
 DISARMED_BY_FAULT = Told("EVENTS", "disarm_cause", 1 << 3)
 PAUSE_S = 0.03
 """Longer than the watch over the loop allows, shorter than the window watchdog does."""
+PAUSES, LONGER_S = 12, 0.0002
+"""Pauses of so many lengths, each longer by this: over a frame of pulses, 2.5 ms here. A pulse written after the
+pause reaches the pin only when a frame ends before the loop writes neutral."""
 IRQS = {
     "adc-dma": 11, "spi-dma": 12, "uart-tx-dma": 14, "uart-rx-dma": 15, "i2c-dma": 17, "can-tx": 19, "can-rx0": 20,
     "can-rx1": 21, "can-errors": 22, "hall": 28, "steps": 29, "i2c-events": 31, "i2c-errors": 32, "uart": 37,
@@ -46,9 +49,14 @@ def loop_pauses(scene: Scene) -> None:
     core.pause_at(scene, scene.machine.cpu.pc, PAUSE_S)
 
 
+def reaches_the_pulses(scene: Scene) -> None:
+    """Let time pass until the next instructions write pulses that drive."""
+    core.pause_at(scene, scene.symbol("board_set_actuator").address, 0.0)
+
+
 def loop_pauses_before_the_pulses(scene: Scene) -> None:
-    """The same where the next instructions write pulses that drive."""
-    core.pause_at(scene, scene.symbol("board_set_actuator").address, PAUSE_S)
+    """The same where the next instructions write pulses that drive, for several lengths."""
+    core.pause_at(scene, scene.symbol("board_set_actuator").address, PAUSE_S + scene.variant * LONGER_S)
 
 
 def handler_hangs(number: int) -> Action:
@@ -80,7 +88,8 @@ FAULTS = (
     Fault("loop-pauses", "hangs", "the main loop branches to itself for 30 ms", loop_pauses, "stall",
           (STALLED, DISARMED_BY_FAULT), by=PROGRAM),
     Fault("loop-pauses-before-the-pulses", "hangs", "the main loop branches to itself for 30 ms, then writes pulses",
-          loop_pauses_before_the_pulses, "stall", (STALLED, DISARMED_BY_FAULT), frozenset({"esc"}), by=PROGRAM),
+          loop_pauses_before_the_pulses, "stall", (STALLED, DISARMED_BY_FAULT), frozenset({"esc"}),
+          prepare=reaches_the_pulses, by=PROGRAM, variants=PAUSES),
     Fault("loop-hangs-masked", "hangs", "interrupts are masked, and the main loop branches to itself",
           loop_hangs_masked, "hang", (BY_WINDOW_WATCHDOG,), by=RESET),
     Fault("loop-hangs-without-window-watchdog", "hangs",
