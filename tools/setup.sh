@@ -20,6 +20,15 @@ need qemu-system-arm qemu-system-arm
     missing="$missing libnewlib-arm-none-eabi"
 if [ "$purpose" = test ]; then
     need clang clang
+    # Branches that the golden vectors take are counted with clang's coverage and the profile runtime of its version.
+    need llvm-cov llvm
+    runtime=libclang-rt-dev
+    if command -v clang >/dev/null 2>&1; then
+        major=$(clang -dumpversion)
+        runtime=libclang-rt-${major%%.*}-dev
+    fi
+    printf 'int main(void){return 0;}' | clang -fprofile-instr-generate -x c - -o /dev/null 2>/dev/null ||
+        missing="$missing $runtime"
     # Programs built against the installed C library.
     need g++ g++
     need pkg-config pkg-config

@@ -19,7 +19,7 @@ NO_STEP = ("core/commutation.c", "core/digest.c", "generated/", "ports/")
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(bool(lacking()), reason=f"{lacking()}: apt install clang llvm libclang-rt-dev")
+@pytest.mark.skipif(bool(lacking()), reason=f"{lacking()}: tools/setup.sh test")
 def test_every_branch_is_taken_or_has_a_reason(tmp_path: Path) -> None:
     listed = tomllib.loads((HERE / "golden_unreached.toml").read_text(encoding="utf-8"))["branch"]
     assert all(row["reason"].startswith(("cannot: ", "not found: ")) for row in listed)

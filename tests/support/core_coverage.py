@@ -40,7 +40,11 @@ class Unreached:
 def lacking() -> str:
     """What is missing here, '' for nothing."""
     tools = [tool for tool in ("clang", "llvm-cov", "llvm-profdata") if shutil.which(tool) is None]
-    return f"{' and '.join(tools)} missing" if tools else ""
+    if tools:
+        return f"{' and '.join(tools)} missing"
+    command = ["clang", "-fprofile-instr-generate", "-x", "c", "-", "-o", os.devnull]
+    done = subprocess.run(command, input="int main(void) { return 0; }", capture_output=True, text=True, check=False)
+    return "clang's profile runtime missing" if done.returncode else ""
 
 
 def unreached(folder: Path, vectors: Path) -> list[Unreached]:
