@@ -18,6 +18,7 @@ PARAMS = quantise(quad.TUNINGS["paper"])
 
 
 def test_a_missing_library_is_one_sentence_that_says_what_to_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(native_core.CORE_VARIABLE, raising=False)
     monkeypatch.setattr(native_core, "LIBRARY", "libplumb_nowhere.so")
     with pytest.raises(UsageError, match="cmake --preset native"):
         native_core.core_path()

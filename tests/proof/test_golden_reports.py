@@ -336,7 +336,7 @@ def test_a_report_that_cannot_be_written_is_told_before_anything_runs(
         (["--board", "virtual", "--image", "none.bin"], "there is no file none.bin"),
         (["--board", "virtual", "--image", "text.bin"], "is not an image for the STM32F103"),
         (["--board", "virtual", "--image", "broken.bin"], "is damaged: its length or checksum is wrong"),
-        (["--board", "native", "--image", "none.bin"], "is for board virtual: name virtual among the boards"),
+        (["--board", "native", "--image", "text.bin"], "is for board virtual: name virtual among the boards"),
         (["--board", "native", "--board", "program:./none"], "cannot run ./none"),
     ],
 )
