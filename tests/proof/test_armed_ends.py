@@ -18,7 +18,6 @@ from plumb.proof.faults import table
 from plumb.proof.faults.fault import Fault
 from plumb.proof.faults.runner import Runner
 from plumb.spec import parameters
-from support.campaigns import LONG
 
 try:
     find_image()
@@ -63,8 +62,7 @@ def test_a_sample_of_the_ends(changes: dict[str, int], names: tuple[str, ...]) -
     assert failures(DRIVEN[0], changes, table.chosen(names)) == {}
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(not LONG, reason="every end of every parameter takes hours: make test-long")
+@pytest.mark.long
 @pytest.mark.parametrize("system", DRIVEN)
 @pytest.mark.parametrize("changes", CASES, ids=str)
 def test_every_end(system: str, changes: dict[str, int]) -> None:

@@ -72,7 +72,7 @@ class _Reader:
             ends_path=not skipped and (name in ("b", "bx", "tbb", "tbh", "udf") or writes_pc),
         )  # fmt: skip
 
-    def _jumps_by_register(self, raw: Any, name: str, writes_pc: bool) -> bool:
+    def _jumps_by_register(self, raw: Any, name: str, writes_pc: bool) -> bool:  # Any: as capstone gives it
         """True for a jump whose target is in a register or in memory, except a return and a jump by table."""
         arm = self.thumb.arm
         if name == "bx":

@@ -25,7 +25,7 @@ class Thumb:
         """The mnemonic without condition and width."""
         return str(self._capstone.insn_name(instruction.id))
 
-    def instructions(self, code: bytes, address: int) -> Iterator[Any]:
+    def instructions(self, code: bytes, address: int) -> Iterator[Any]:  # Any: capstone has no types
         """Every instruction of `code`, which lies at `address`. Raises UsageError for bytes that are none."""
         at = address
         for found in self._capstone.disasm(code, address):
@@ -34,21 +34,21 @@ class Thumb:
         if at < address + len(code):
             raise _foreign(at)
 
-    def first(self, code: bytes, address: int) -> Any:
+    def first(self, code: bytes, address: int) -> Any:  # Any: capstone has no types
         """The first instruction in `code`; the condition of an IT block before it is unknown."""
         found = next(self._capstone.disasm(code, address, 1), None)
         if found is None:
             raise _foreign(address)
         return found
 
-    def is_conditional(self, instruction: Any) -> bool:
+    def is_conditional(self, instruction: Any) -> bool:  # Any: capstone has no types
         return instruction.cc not in (self.arm.ARM_CC_AL, self.arm.ARM_CC_INVALID)
 
-    def registers(self, instruction: Any) -> list[int]:
+    def registers(self, instruction: Any) -> list[int]:  # Any: capstone has no types
         """The registers among the operands, in order; of PUSH and POP those of the list."""
         return [operand.reg for operand in instruction.operands if operand.type == self.arm.ARM_OP_REG]
 
-    def stack_change(self, instruction: Any) -> int | None:
+    def stack_change(self, instruction: Any) -> int | None:  # Any: capstone has no types
         """Bytes by which an instruction moves the stack pointer, negative where the stack grows; None when that is
         unknown. MSR MSP, by which a fault handler returns to the top of the stack for good, counts as no move."""
         arm, name, operands = self.arm, self.name(instruction), instruction.operands

@@ -47,7 +47,7 @@ def task_of_fields(header: Mapping[str, Any], params: ControlParams, raw: RawCou
     return Task(kind, params, raw, setpoint, tuple(changes), found, unit)
 
 
-def _changed(params: ControlParams, words: Any) -> ControlParams:
+def _changed(params: ControlParams, words: object) -> ControlParams:
     ranges = {row.name: type_range(row) for row in own_rows(params)}
     given = integers(words, "words")
     for name, value in given.items():
