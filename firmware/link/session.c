@@ -363,14 +363,22 @@ void session_init(session_t *s, session_buffers_t *buffers, const board_identity
     begin(s, buffers, board, control, params);
 }
 
+/* A flag in damaged memory: its byte may be neither 0 nor 1, which is no bool. */
+static bool damaged_flag(const bool *flag) {
+    uint8_t byte;
+
+    memcpy(&byte, flag, sizeof byte);
+    return byte != 0U;
+}
+
 void session_recover(session_t *s, session_buffers_t *buffers, const board_identity_t *board,
                      control_t *control, params_t *params) {
     bool open[LINKS];
     bool read_only[LINKS];
 
     for (unsigned i = 0; i < LINKS; i++) {
-        open[i] = s->routing.link[i].open;
-        read_only[i] = s->routing.link[i].read_only;
+        open[i] = damaged_flag(&s->routing.link[i].open);
+        read_only[i] = damaged_flag(&s->routing.link[i].read_only);
     }
     begin(s, buffers, board, control, params);
     /* The damage may have hit the UART's flag: its host is informed in any case. */

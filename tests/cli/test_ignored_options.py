@@ -54,7 +54,9 @@ def test_a_report_that_cannot_be_written_is_refused_before_the_run(
 
     monkeypatch.setattr("plumb.proof.scenario_run.perform", too_late)
     monkeypatch.setattr("plumb.inputs.replay.prepare", too_late)
-    (tmp_path / "file").touch()
+    for name in ("file", "walk.csv"):
+        (tmp_path / name).touch()
+    monkeypatch.chdir(tmp_path)
     assert front.main([*words.split(), "--out", str(tmp_path / "file" / "folder")]) == 2
     said = capsys.readouterr().err
     assert "cannot write" in said and "choose another folder with --out" in said

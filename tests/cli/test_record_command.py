@@ -225,7 +225,7 @@ def test_a_board_that_falls_silent_leaves_what_was_recorded_and_the_count(
     recordable.spoil_up = lambda data: data if recordable.time_us < off_us else b""
     assert record(tmp_path / "run") == 3
     said = capsys.readouterr()
-    assert said.err == "plumb: the board fell silent: check cable and power\n"
+    assert said.err == "plumb: the board fell silent: check cable and power, then start again\n"
     summary, log = json.loads(said.out), log_replay.open_log(tmp_path / "run.plog")
     assert summary["steps"] == run_of(tmp_path / "run.plog").run.steps > 20
     assert log.done is not None and log.done["ended"] == "the link broke"

@@ -250,7 +250,7 @@ def test_a_text_that_is_no_change_is_one_sentence(change: str) -> None:
     [
         ("1:pid.nope=1", "there is no parameter 'pid.nope'"),
         ("9:pid.kp=0.05", "comes after the run of 50 steps"),
-        ("0.5:pid.kp=0.2", "is more than twice 0.045: an armed board takes 0.09 at most"),
+        ("0.5:pid.kp=0.2", "is more than twice 0.045, its value at arming: an armed board takes 0.09 at most"),
     ],
 )
 def test_a_change_that_cannot_be_is_one_sentence(

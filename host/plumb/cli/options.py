@@ -62,7 +62,9 @@ def check_typed(arguments: argparse.Namespace) -> None:
             if isinstance(path, Path) and not path.exists():
                 check_regular(path, "give a file that exists")
     image = getattr(arguments, "image", None)
-    if isinstance(image, Path) and not image.exists():
+    boards = getattr(arguments, "board", None)
+    used = VIRTUAL in boards if isinstance(boards, list) else boards in (None, VIRTUAL)
+    if used and getattr(arguments, "port", None) != "native" and isinstance(image, Path) and not image.exists():
         from plumb.flash.image import find_image
 
         find_image(image)

@@ -36,7 +36,7 @@ def main(arguments: argparse.Namespace) -> int:
         if not equals or not value:
             spaces = ", without spaces" if "=" in arguments.assignments else ""
             raise UsageError(f"'{text}' sets nothing: write NAME=VALUE{spaces}, or --forget NAME")
-        check(name, value)
+        require_valid(name, value)
         wanted[name] = value
     after = settings.change(wanted) if wanted else settings.read()
     if arguments.json:
@@ -48,7 +48,7 @@ def main(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def check(name: str, value: str) -> None:
+def require_valid(name: str, value: str) -> None:
     """Raises UsageError for a value that the setting cannot have."""
     from plumb.errors import UsageError
     from plumb.files.settings import require_known
