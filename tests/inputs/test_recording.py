@@ -345,7 +345,9 @@ def test_datagrams_are_not_decimated_and_a_log_s_options_are_refused(
     assert front.main(["replay", str(path), "--system", "phone", "--board", "native", "--decimate", "3"]) == 2
     assert "--decimate is for recordings in .npz and .csv" in capsys.readouterr().err
     units = str(saved(tmp_path, turning("x")))
-    for option in (["--log-run", "1"], ["--params", "table.toml"]):
+    table = tmp_path / "table.toml"
+    table.touch()
+    for option in (["--log-run", "1"], ["--params", str(table)]):
         assert front.main(["replay", units, "--board", "native", *option]) == 2
         assert f"{option[0]} is for logs: run.npz is a recording in units" in capsys.readouterr().err
 
