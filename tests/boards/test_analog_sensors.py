@@ -187,10 +187,10 @@ def test_an_input_that_hangs(analog: Bench) -> None:
     analog.recovers(capture)
 
 
-def test_a_board_whose_detection_is_switched_off_is_not_armed(analog: Bench) -> None:
-    for limit in ("rail_ms", "stuck_ms"):
-        with pytest.raises(NackError, match=f"{limit}: 0 .* would break promise 7"):
-            analog.armed(**{limit: 0})
+@pytest.mark.parametrize("limit", ["rail_ms", "stuck_ms"])
+def test_a_board_whose_detection_is_switched_off_is_not_armed(analog: Bench, limit: str) -> None:
+    with pytest.raises(NackError, match=f"{limit}: 0 .* would break promise 7"):
+        analog.armed(**{limit: 0})
 
 
 def test_a_noisy_input_is_no_reason_to_stop(analog: Bench) -> None:
