@@ -18,6 +18,10 @@
 #define ESC_FRAME_MAX_HALFUS   40000 /* 50 Hz */
 #define ESC_GAP_MIN_HALFUS     40    /* between two pulses: 20 us low */
 
+/* A frame that is ended early, because its pulses must not drive any longer: room for the longest pulse and
+ * the gap behind it. */
+#define ESC_FRAME_ENDED_HALFUS (ESC_PULSE_MAX_HALFUS + ESC_GAP_MIN_HALFUS)
+
 /* True when ESC_PULSE_MIN_HALFUS <= neutral <= min <= mid <= max <= ESC_PULSE_MAX_HALFUS, neutral is at most
  * ESC_NEUTRAL_MAX_HALFUS and |span| at most ESC_SPAN_MAX_HALFUS. */
 bool plumb_esc_valid(const plumb_esc_params_t *p);

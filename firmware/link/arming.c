@@ -12,23 +12,22 @@ bool arming_driving(const arming_t *a) {
     return arming_armed(a) && a->driving.word == ARMING_DRIVING;
 }
 
-static void arm(arming_t *a, bool by_switch, arming_actuator_t actuator, uint32_t now_us) {
+static void arm(arming_t *a, bool by_switch, uint32_t hold_us, uint32_t now_us) {
     a->armed.word = ARMING_ARMED;
     a->driving.word = 0;
     a->by_switch = by_switch;
     a->cause = 0;
     a->number = (uint16_t)(a->number < UINT16_MAX ? a->number + 1U : 1U);
     a->keepalive_us = now_us;
-    a->silence_us = ARMING_SAFE_US - ARMING_TURN_US - actuator.frame_us;
     a->armed_us = now_us;
-    a->hold_us = actuator.hold_us;
+    a->hold_us = hold_us;
 }
 
-bool arming_arm(arming_t *a, uint16_t blocked, arming_actuator_t actuator, uint32_t now_us) {
+bool arming_arm(arming_t *a, uint16_t blocked, uint32_t hold_us, uint32_t now_us) {
     if (blocked != 0) {
         return false;
     }
-    arm(a, false, actuator, now_us);
+    arm(a, false, hold_us, now_us);
     keepalive_begin(&a->keepalive, now_us);
     return true;
 }
@@ -62,7 +61,7 @@ uint16_t arming_switch_owns(const arming_t *a) {
     return used_up && (a->by_switch || !arming_armed(a)) ? ARMING_BLOCK_SWITCH_OWNS : 0U;
 }
 
-void arming_try_switch(arming_t *a, uint16_t blocked, arming_actuator_t actuator, uint32_t now_us) {
+void arming_try_switch(arming_t *a, uint16_t blocked, uint32_t hold_us, uint32_t now_us) {
     if (!a->switch_trying) {
         return;
     }
@@ -75,7 +74,7 @@ void arming_try_switch(arming_t *a, uint16_t blocked, arming_actuator_t actuator
         a->switch_trying = false;
     } else if (matters == 0) {
         a->switch_trying = false;
-        arm(a, true, actuator, now_us);
+        arm(a, true, hold_us, now_us);
     }
 }
 
@@ -110,7 +109,7 @@ void arming_poll(arming_t *a, uint16_t blocked, uint32_t now_us) {
     if (matters != 0) {
         arming_disarm(a, matters);
     }
-    if (!a->by_switch && now_us - a->keepalive_us > a->silence_us) {
+    if (!a->by_switch && now_us - a->keepalive_us > ARMING_SILENCE_US) {
         arming_disarm(a, ARMING_BLOCK_SILENCE);
     }
     /* arming_driving() keeps the hold over when the clock wraps. */

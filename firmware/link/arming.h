@@ -2,8 +2,9 @@
  *
  * The board disarms when an interlock blocks (ARMING_BLOCK_*) or the keep-alive times out. It stays disarmed
  * (latched) until a host sends a new arm command with a fresh nonce, or the arm switch is opened and closed
- * again. The outputs must be safe 50 ms after the last keep-alive that counted (keepalive.h). A neutral pulse
- * begins with the next frame of pulses, so the time-out is shorter by one frame and one turn of the loop.
+ * again. The outputs must be safe 50 ms after the last keep-alive that counted (keepalive.h). What else takes
+ * time is less than the rest of these 50 ms, on the slower of the board's oscillators, too:
+ * docs/reference/protocol.md adds it up.
  * Time is an argument, in us of the board's clock; differences are taken modulo 2^32.
  *
  * Each arming has a number, which the ACK of ARM tells the host and every keep-alive value carries. Only
@@ -21,7 +22,9 @@
 #include <stdint.h>
 
 #define ARMING_SAFE_US 50000U /* from the last keep-alive until the outputs are neutral, at most */
-#define ARMING_TURN_US 1000U  /* part of ARMING_SAFE_US for one turn of the loop */
+/* Keep-alive time-out: three values in a row may be lost, which is a gap of 40 ms. */
+#define ARMING_SILENCE_US 43000U
+#define ARMING_TURN_US    1500U /* a turn of the loop: 1 ms of sleep, and its work */
 
 #define ARMING_SWITCH_US     20000U  /* contacts bounce for some ms */
 #define ARMING_SWITCH_TRY_US 100000U /* after closing the switch: limit for blocking reasons to clear */
@@ -51,12 +54,6 @@
 #define ARMING_BLOCKS_HOST                                                                                   \
     (ARMING_BLOCK_HELLO | ARMING_BLOCK_CLOSED | ARMING_BLOCK_SWITCH_OWNS | ARMING_BLOCK_OWNER)
 
-/* Timing of the actuator. */
-typedef struct {
-    uint32_t frame_us; /* delay until a new pulse takes effect, below ARMING_SAFE_US - ARMING_TURN_US */
-    uint32_t hold_us;  /* the outputs stay at neutral for this long after arming */
-} arming_actuator_t;
-
 /* A flag of 32 bits. One value means yes and every other one no, so a flipped bit cannot turn a no into a
  * yes. */
 typedef struct {
@@ -74,9 +71,8 @@ typedef struct {
     uint16_t number;       /* of the last arming, counting up over disarming, never 0 */
     keepalive_t keepalive;
     uint32_t keepalive_us; /* the last one that counted */
-    uint32_t silence_us;   /* keep-alive time-out */
     uint32_t armed_us;
-    uint32_t hold_us;
+    uint32_t hold_us;       /* the outputs stay at neutral for this long after arming */
     bool switch_closed;     /* at the last reading */
     bool switch_ready;      /* was open long enough: the next closing counts */
     bool switch_trying;     /* closed, and waiting for the blocking reasons to clear */
@@ -94,7 +90,7 @@ bool arming_driving(const arming_t *a); /* armed, and the hold at neutral is ove
 
 /* Arm for a host, with the next number; the first value for its keep-alive is due at once. False, with no
  * effect, when blocked (ARMING_BLOCK_*) is not 0. */
-bool arming_arm(arming_t *a, uint16_t blocked, arming_actuator_t actuator, uint32_t now_us);
+bool arming_arm(arming_t *a, uint16_t blocked, uint32_t hold_us, uint32_t now_us);
 
 /* Next value for the keep-alive of the host that armed, when one is due; else 0. */
 uint32_t arming_issue(arming_t *a, random_t *random, uint32_t now_us);
@@ -110,7 +106,7 @@ uint16_t arming_switch_owns(const arming_t *a);
 /* Call while switch_trying: arms as soon as no reason but ARMING_BLOCKS_HOST is left. Gives up after
  * ARMING_SWITCH_TRY_US, or ARMING_SWITCH_READY_US while ARMING_BLOCK_NOT_READY is the only reason; then the
  * switch has to be opened first. */
-void arming_try_switch(arming_t *a, uint16_t blocked, arming_actuator_t actuator, uint32_t now_us);
+void arming_try_switch(arming_t *a, uint16_t blocked, uint32_t hold_us, uint32_t now_us);
 
 /* Handle a keep-alive. False, with no effect, when it is of another arming, when the value does not count or
  * the board is disarmed. */

@@ -84,9 +84,8 @@ static uint16_t arming_blocked(const session_t *s, link_t link) {
     return (uint16_t)blocked;
 }
 
-static arming_actuator_t actuator(const session_t *s) {
-    return (arming_actuator_t){.frame_us = s->params->esc_period_us,
-                               .hold_us = 1000U * s->params->arm_hold_ms};
+static uint32_t hold_us(const session_t *s) {
+    return 1000U * s->params->arm_hold_ms;
 }
 
 bool session_arm(session_t *s, const request_t *q, uint16_t *blocked) {
@@ -97,7 +96,7 @@ bool session_arm(session_t *s, const request_t *q, uint16_t *blocked) {
     if (*blocked == 0) {
         s->bootloader_asked = false;
     }
-    return arming_arm(&s->arming, *blocked, actuator(s), q->now_us);
+    return arming_arm(&s->arming, *blocked, hold_us(s), q->now_us);
 }
 
 void session_link_lost(session_t *s, link_t link, uint16_t cause) {
@@ -132,7 +131,7 @@ void session_report_switch(session_t *s, bool closed, uint32_t now_us) {
                           (run_links_t){LINK_NONE, LINK_NONE, LINK_NONE});
     }
     if (s->arming.switch_trying) {
-        arming_try_switch(&s->arming, arming_blocked(s, s->run.links.owner), actuator(s), now_us);
+        arming_try_switch(&s->arming, arming_blocked(s, s->run.links.owner), hold_us(s), now_us);
     }
     if (s->run.stand_alone && !arming_armed(&s->arming) && !s->arming.switch_trying) {
         run_end(&s->run);

@@ -5,7 +5,7 @@
 #define NOW  0xFFFFF000U /* 4 ms before the clock wraps */
 #define GONE 0x0008U     /* something that blocks */
 
-static const arming_actuator_t actuator = {.frame_us = 2500U, .hold_us = 40000U};
+static const uint32_t hold_us = 40000U;
 
 static random_t chance = {1U};
 
@@ -39,14 +39,13 @@ static void values(void) {
 static void keep_alives(void) {
     arming_t a;
     arming_init(&a, 0x12345678U);
-    CHECK(!arming_arm(&a, GONE, actuator, NOW));
+    CHECK(!arming_arm(&a, GONE, hold_us, NOW));
     CHECK(!arming_keepalive(&a, a.number, 0U, NOW) && arming_issue(&a, &chance, NOW) == 0U);
-    CHECK(arming_arm(&a, 0U, actuator, NOW));
+    CHECK(arming_arm(&a, 0U, hold_us, NOW));
     uint32_t value = arming_issue(&a, &chance, NOW);
     CHECK(value != 0U);
 
-    /* A frame of pulses and a turn of the loop are left of the 50 ms. */
-    const uint32_t silence_us = ARMING_SAFE_US - ARMING_TURN_US - actuator.frame_us;
+    const uint32_t silence_us = ARMING_SILENCE_US;
     CHECK(arming_keepalive(&a, a.number, value, NOW + KEEPALIVE_LIFE_US));
     value = arming_issue(&a, &chance, NOW + KEEPALIVE_LIFE_US + 9000U);
     CHECK(value != 0U && !arming_keepalive(&a, a.number, value + 1U, NOW + KEEPALIVE_LIFE_US + 9000U));
@@ -56,7 +55,7 @@ static void keep_alives(void) {
                             NOW + KEEPALIVE_LIFE_US + silence_us + 1U)); /* before the poll, late */
     CHECK(!arming_armed(&a) && a.cause == ARMING_BLOCK_SILENCE);
 
-    CHECK(arming_arm(&a, 0U, actuator, NOW));
+    CHECK(arming_arm(&a, 0U, hold_us, NOW));
     arming_poll(&a, GONE, NOW);
     arming_disarm(&a, ARMING_BLOCK_COMMAND);
     CHECK(!arming_armed(&a) && a.cause == GONE); /* the first cause stays */
@@ -68,10 +67,10 @@ static void keep_alives(void) {
 static void numbers(void) {
     arming_t a;
     arming_init(&a, UINT32_MAX); /* the number before was the largest: 0 is left out */
-    CHECK(arming_arm(&a, 0U, actuator, NOW));
+    CHECK(arming_arm(&a, 0U, hold_us, NOW));
     CHECK(a.number == 1U);
     const uint32_t old = arming_issue(&a, &chance, NOW);
-    CHECK(arming_arm(&a, 0U, actuator, NOW)); /* anew, without a disarming in between */
+    CHECK(arming_arm(&a, 0U, hold_us, NOW)); /* anew, without a disarming in between */
     CHECK(a.number == 2U);
     const uint32_t value = arming_issue(&a, &chance, NOW);
     CHECK(value != 0U && !arming_keepalive(&a, 1U, value, NOW)); /* the old host answers the new value, */
@@ -85,14 +84,14 @@ static void numbers(void) {
 static void hold(void) {
     arming_t a;
     arming_init(&a, 0x12345678U);
-    CHECK(arming_arm(&a, 0U, actuator, NOW));
-    arming_poll(&a, 0U, NOW + actuator.hold_us - 1U);
+    CHECK(arming_arm(&a, 0U, hold_us, NOW));
+    arming_poll(&a, 0U, NOW + hold_us - 1U);
     CHECK(!arming_driving(&a));
-    arming_poll(&a, 0U, NOW + actuator.hold_us);
+    arming_poll(&a, 0U, NOW + hold_us);
     CHECK(arming_driving(&a));
 
     /* 71.6 minutes after arming the difference is small again: no second hold in the middle of a flight. */
-    uint32_t now_us = NOW + actuator.hold_us;
+    uint32_t now_us = NOW + hold_us;
     (void)arming_keepalive(&a, a.number, arming_issue(&a, &chance, now_us), now_us);
     for (uint32_t i = 0U; i < UINT32_MAX / 10000U + 100U; i++) {
         now_us += 10000U;
@@ -121,40 +120,40 @@ static void handle(void) {
     arming_t a;
     arming_init(&a, 0x12345678U);
     uint32_t now_us = close_switch(&a);
-    arming_try_switch(&a, GONE, actuator, now_us);
+    arming_try_switch(&a, GONE, hold_us, now_us);
     CHECK(!arming_armed(&a));
-    arming_try_switch(&a, ARMING_BLOCKS_HOST, actuator, now_us + ARMING_SWITCH_TRY_US);
+    arming_try_switch(&a, ARMING_BLOCKS_HOST, hold_us, now_us + ARMING_SWITCH_TRY_US);
     CHECK(arming_armed(&a) && a.by_switch); /* what concerns a host alone is not in its way */
     CHECK(!arming_switch(&a, false, now_us + ARMING_SWITCH_TRY_US + 1U));
     CHECK(!arming_armed(&a) && a.cause == ARMING_BLOCK_SWITCH); /* the first look that finds it open */
 
     arming_init(&a, 0x12345678U);
     now_us = close_switch(&a);
-    arming_try_switch(&a, GONE, actuator, now_us + ARMING_SWITCH_TRY_US);
-    arming_try_switch(&a, 0U, actuator, now_us + ARMING_SWITCH_TRY_US + 1U);
+    arming_try_switch(&a, GONE, hold_us, now_us + ARMING_SWITCH_TRY_US);
+    arming_try_switch(&a, 0U, hold_us, now_us + ARMING_SWITCH_TRY_US + 1U);
     CHECK(!arming_armed(&a)); /* what was in the way went too late */
 
     arming_init(&a, 0x12345678U);
     now_us = close_switch(&a);
-    arming_try_switch(&a, GONE, actuator, now_us);
-    arming_try_switch(&a, ARMING_BLOCK_NOT_READY, actuator, now_us + ARMING_SWITCH_TRY_US);
-    arming_try_switch(&a, ARMING_BLOCK_NOT_READY, actuator, now_us + ARMING_SWITCH_READY_US - 1U);
+    arming_try_switch(&a, GONE, hold_us, now_us);
+    arming_try_switch(&a, ARMING_BLOCK_NOT_READY, hold_us, now_us + ARMING_SWITCH_TRY_US);
+    arming_try_switch(&a, ARMING_BLOCK_NOT_READY, hold_us, now_us + ARMING_SWITCH_READY_US - 1U);
     CHECK(!arming_armed(&a) && a.switch_trying); /* a run that has just begun is not ready for a while */
-    arming_try_switch(&a, 0U, actuator, now_us + ARMING_SWITCH_READY_US);
+    arming_try_switch(&a, 0U, hold_us, now_us + ARMING_SWITCH_READY_US);
     CHECK(arming_armed(&a));
 
     arming_init(&a, 0x12345678U);
     now_us = close_switch(&a);
-    arming_try_switch(&a, ARMING_BLOCK_NOT_READY, actuator, now_us + ARMING_SWITCH_TRY_US + 1U);
-    arming_try_switch(&a, GONE | ARMING_BLOCK_NOT_READY, actuator, now_us + ARMING_SWITCH_TRY_US + 2U);
-    arming_try_switch(&a, 0U, actuator, now_us + ARMING_SWITCH_TRY_US + 3U);
+    arming_try_switch(&a, ARMING_BLOCK_NOT_READY, hold_us, now_us + ARMING_SWITCH_TRY_US + 1U);
+    arming_try_switch(&a, GONE | ARMING_BLOCK_NOT_READY, hold_us, now_us + ARMING_SWITCH_TRY_US + 2U);
+    arming_try_switch(&a, 0U, hold_us, now_us + ARMING_SWITCH_TRY_US + 3U);
     CHECK(!arming_armed(&a)); /* a fault meanwhile ends the waiting */
 
     arming_init(&a, 0x12345678U);
     now_us = close_switch(&a);
-    arming_try_switch(&a, GONE, actuator, now_us);
+    arming_try_switch(&a, GONE, hold_us, now_us);
     CHECK(!arming_switch(&a, false, now_us + 1000U));
-    arming_try_switch(&a, 0U, actuator, now_us + 1000U);
+    arming_try_switch(&a, 0U, hold_us, now_us + 1000U);
     CHECK(!arming_armed(&a)); /* let go before it went */
 }
 
@@ -169,7 +168,7 @@ static void flipped_words(void) {
         CHECK(!arming_armed(&a) && !arming_driving(&a));
 
         arming_init(&a, 0x12345678U);
-        CHECK(arming_arm(&a, 0U, (arming_actuator_t){20000U, 0U}, NOW));
+        CHECK(arming_arm(&a, 0U, 0U, NOW));
         arming_poll(&a, 0U, NOW);
         CHECK(arming_armed(&a) && arming_driving(&a));
         a.driving.word ^= 1U << bit;

@@ -4,7 +4,11 @@
  * Update disable (UDIS) is set while both compare registers are written: both pulses change in the same
  * frame, and a frame that ends in between repeats the old pulses. No other file writes these registers, and
  * every value is clamped here to the range of core/esc.h, so that damaged memory of the caller cannot exceed
- * it. */
+ * it.
+ *
+ * Neutral does not wait for the end of a long frame: the frame that runs is ended as soon as its pulses are
+ * over (end_frame()), so a neutral pulse begins at most ESC_FRAME_ENDED_HALFUS after neutral was called for.
+ */
 #include "pwm.h"
 #include "app/board.h"
 #include "app/board_actuators.h"
@@ -19,6 +23,8 @@
 #define CONSTANT_NEUTRAL_HALFUS 2000u /* 1 ms: motor off */
 #define RUNNING                 (TIM4_CR1_ARPE | TIM4_CR1_CEN)
 
+#define END_LEAD_HALFUS 40u /* 160 cycles at 8 MHz, more than end_frame() needs to write the end */
+
 BOARD_GUARDED static uint32_t neutral_halfus;
 
 static uint32_t bounded(uint32_t value, uint32_t low, uint32_t high) {
@@ -31,6 +37,23 @@ static void write_pair(uint32_t first, uint32_t second) {
     TIM4_CCR1 = first;
     TIM4_CCR2 = second;
     TIM4_CR1 = RUNNING;
+}
+
+/* Ends the frame that runs once both pulses and a gap are over; the next one has its usual length. No pulse
+ * becomes shorter or longer: the counter is left alone, only the frame's end comes nearer. Without preload a
+ * new length takes effect at once, and the counter must not be past it: it would run on to 65535.
+ * Call it with interrupts masked. */
+static void end_frame(void) {
+    const uint32_t usual = TIM4_ARR;
+    const uint32_t soonest = TIM4_CNT + END_LEAD_HALFUS;
+    const uint32_t end = (soonest > ESC_FRAME_ENDED_HALFUS ? soonest : ESC_FRAME_ENDED_HALFUS) - 1u;
+    if (end < usual) {
+        TIM4_ARR = end; /* what is preloaded may take effect when the preload is switched off */
+        TIM4_CR1 = TIM4_CR1_CEN;
+        TIM4_ARR = end;
+        TIM4_CR1 = RUNNING;
+        TIM4_ARR = usual;
+    }
 }
 
 void pwm_init(uint32_t pins) {
@@ -73,7 +96,16 @@ void board_actuator_neutral(void) {
     const uint32_t kept = neutral_halfus;
     const bool good = kept >= ESC_PULSE_MIN_HALFUS && kept <= ESC_OFF_MAX_HALFUS;
     const uint32_t pulse = good ? kept : CONSTANT_NEUTRAL_HALFUS;
+    uint32_t masked;
+    /* Interrupts off: else SysTick could find the length that end_frame() is about to undo. SysTick comes
+     * here, too, every millisecond while the loop stalls: the frame is ended once. */
+    __asm volatile("mrs %0, primask \n cpsid i" : "=r"(masked)::"memory");
+    const bool drives = TIM4_CCR1 != pulse || TIM4_CCR2 != pulse;
     write_pair(pulse, pulse);
+    if (drives) {
+        end_frame();
+    }
+    __asm volatile("msr primask, %0" ::"r"(masked) : "memory");
     bridge_off();
     stall_watch(false);
 }
@@ -85,5 +117,6 @@ void board_clear_actuator_faults(void) {
 
 void pwm_crash(void) {
     write_pair(CONSTANT_NEUTRAL_HALFUS, CONSTANT_NEUTRAL_HALFUS);
+    end_frame();
     bridge_off();
 }

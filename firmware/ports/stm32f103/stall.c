@@ -1,7 +1,7 @@
 /* Watch over the main loop while the actuators may move: SysTick, which interrupts every other handler,
  * counts the ticks since the loop last came round. After 20 ticks the outputs become neutral and stay so
- * until the next run begins. A neutral pulse begins with the next frame, at most 20 ms later: 40 ms in all,
- * of the 50 ms limit. A hang with masked interrupts stops SysTick, too: the window watchdog resets the board.
+ * until the next run begins. A neutral pulse begins at most 2.2 ms later (pwm.c), of the 50 ms limit. A hang
+ * with masked interrupts stops SysTick, too: the window watchdog resets the board.
  */
 #include "stall.h"
 #include "app/board.h"

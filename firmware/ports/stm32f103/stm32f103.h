@@ -312,6 +312,7 @@
 #define TIM4_CCER            REG32(TIM4_BASE, 0x20u)
 #define TIM4_CCER_CC1E       (1u << 0)
 #define TIM4_CCER_CC2E       (1u << 4)
+#define TIM4_CNT             REG32(TIM4_BASE, 0x24u)
 #define TIM4_PSC             REG32(TIM4_BASE, 0x28u)
 #define TIM4_ARR             REG32(TIM4_BASE, 0x2cu)
 #define TIM4_CCR1            REG32(TIM4_BASE, 0x34u)
