@@ -92,9 +92,7 @@ def margin_table() -> str:
     longest_us = next(row.max for row in parameters.table() if row.name == "esc_period_us")
     sums = [parts(clock, longest_us) for clock in SLOW]
     lines = [f"| at most, in us | {' | '.join(SLOW)} |", "|---|---|---|"]
-    lines += [
-        f"| {row[0].name} | {' | '.join(f'{part.us:.0f}' for part in row)} |" for row in zip(*sums, strict=True)
-    ]
+    lines += [f"| {row[0].name} | {' | '.join(f'{part.us:.0f}' for part in row)} |" for row in zip(*sums, strict=True)]
     totals = [f"{sum(part.us for part in whole):.0f}" for whole in sums]
     lines.append(f"| **sum**, less than {constants()['ARMING_SAFE_US']} | {' | '.join(totals)} |")
     return "\n".join(lines) + "\n"

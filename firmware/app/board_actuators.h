@@ -28,8 +28,8 @@ void board_arm_actuator(void);
  * is off. */
 void board_set_bridge(int32_t duty_q15);
 
-/* The one safe state: every output at the neutral pulse, every switch of the bridge off. A neutral pulse begins
- * at most ESC_FRAME_ENDED_HALFUS later, however long the frame is. */
+/* The one safe state: every output at the neutral pulse, every switch of the bridge off. A neutral pulse
+ * begins at most ESC_FRAME_ENDED_HALFUS later, however long the frame is. */
 void board_actuator_neutral(void);
 
 /* Clear BOARD_FAULT_STALLED, and those of BOARD_FAULT_BRIDGE and BOARD_FAULT_HALL whose cause is gone. */

@@ -1,4 +1,4 @@
-"""From the host's last KEEPALIVE to neutral outputs the worst parts together take less than 50 ms, whatever is armed."""
+"""From the host's last KEEPALIVE to neutral outputs the worst parts together take less than 50 ms."""
 
 from __future__ import annotations
 

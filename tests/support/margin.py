@@ -21,7 +21,7 @@ SLOW = {CRYSTAL: 100e-6, INTERNAL: 0.025}
 
 
 class Part(NamedTuple):
-    """name: as in the table. us: its longest time. from_clock: the board counts it, so that a slow clock stretches it."""
+    """name: as in the table. us: its longest time. from_clock: the board counts it, and a slow clock stretches it."""
 
     name: str
     us: float
