@@ -145,7 +145,7 @@ def test_a_frozen_gyro_is_told_alone() -> None:
 @pytest.mark.parametrize("name", DRIVEN)
 def test_host_silent_over_many_phases(name: str) -> None:
     """Whatever the phase of steps, pulses and keep-alives, over either link."""
-    with Runner(name, phases=campaign(4, 50)) as runner:
+    with Runner(name, phases=campaign(4, 1000)) as runner:
         for fault in table.chosen(["host-silent*"]):
             row = runner.run(fault)
             assert row.verdict == "pass", row.why
