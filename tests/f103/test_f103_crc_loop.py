@@ -20,13 +20,18 @@ from support.pins import at_rest
 IMAGE = Path(__file__).parents[2] / "build/stm32f103/firmware.bin"
 CONTROL = [row.default for row in parameters.table() if row.owner == "control"]
 CODE = {
-    "load": (0xE8B0, 0x0170),  # ldmia r0!, {r4, r5, r6, r8}
-    "first": (0x601C,),  # str r4, [r3]
+    "load before": (0xE8B0, 0x0170),  # ldmia r0!, {r4, r5, r6, r8}
+    "first before": (0x601C,),  # str r4, [r3]
+    "second before": (0x601D,),
+    "third before": (0x601E,),
+    "last before": (0xF8C3, 0x8000),  # str.w r8, [r3]
+    "load": (0xE8B0, 0x0170),
+    "first": (0x601C,),
     "second": (0x601D,),
     "third": (0x601E,),
-    "last": (0xF8C3, 0x8000),  # str.w r8, [r3]
+    "last": (0xF8C3, 0x8000),
     "compare": (0x4288,),  # cmp r0, r1
-    "branch": (0xD1F6,),  # bne to the load
+    "branch": (0xD1EF,),  # bne to the first load
 }
 
 
@@ -37,7 +42,7 @@ def code(**instead: tuple[int, ...]) -> bytes:
 
 
 def test_the_loop_is_known_by_its_code() -> None:
-    assert code().index(b"\xc3\xf8") == BEFORE
+    assert code().rindex(b"\xc3\xf8") == BEFORE
     assert crc_loop(code()) == CrcLoop(source=0, end=1)
 
 
@@ -52,9 +57,12 @@ def test_the_loop_is_known_by_its_code() -> None:
         {"third": (0x6016,)},  # to another register
         {"third": (0x605E,)},  # to another address
         {"last": (0xF8C3, 0x8004)},
+        {"load before": (0xE890, 0x0170)},
+        {"load before": (0xE8B2, 0x0170)},  # from another address
+        {"second before": (0x6015,)},  # to another register
         {"compare": (0x4289,)},  # another register than the address
-        {"branch": (0xD1F5,)},  # to somewhere else
-        {"branch": (0xD0F6,)},  # on another condition
+        {"branch": (0xD1EE,)},  # to somewhere else
+        {"branch": (0xD0EF,)},  # on another condition
     ],
 )
 def test_what_differs_is_no_such_loop(other: dict[str, tuple[int, ...]]) -> None:

@@ -3,7 +3,8 @@
 Firmware may check hundreds of words between two steps, and every store to the unit is a call from Unicorn into Python.
 This loop is recognised by its machine code (Armv7-M A7.7):
 
-    1: ldmia Rn!, {a, b, c, d}; str a, [Rm]; str b, [Rm]; str c, [Rm]; str d, [Rm]; cmp Rn, Rend; bne 1b
+    1: ldmia Rn!, {a, b, c, d}; str a, [Rm]; str b, [Rm]; str c, [Rm]; str d, [Rm]
+       the same once more; cmp Rn, Rend; bne 1b
 
 At its last store the words of the turns to come are taken from memory, and Rn and the count of instructions go on by as
 much; no further than the slice reaches, and the last turn is left to the core: registers, flags and time are then what
@@ -16,9 +17,11 @@ import struct
 from functools import lru_cache
 from typing import NamedTuple
 
-WORDS, INSTRUCTIONS = 4, 7
+GROUP, GROUPS = 4, 2
+"""Words of a group, and groups of a turn."""
+WORDS, INSTRUCTIONS = GROUP * GROUPS, (1 + GROUP) * GROUPS + 2
 """Of a turn."""
-BEFORE = 14
+BEFORE = 24
 """Most bytes of a turn in front of its last store."""
 CODE_BYTES = BEFORE + 8
 _LOW = range(8)
@@ -41,25 +44,41 @@ def _store(halves: tuple[int, ...], at: int) -> tuple[int, int, int] | None:
     return None
 
 
-def _loop_from(halves: tuple[int, ...], begin: int, last_store: int) -> CrcLoop | None:
+def _group(halves: tuple[int, ...], begin: int) -> tuple[int, int, set[int], int, int] | None:
+    """A load of GROUP words and their stores: Rn, Rm, the registers loaded, places of the last store and of what follows."""
     load, registers = halves[begin], halves[begin + 1]
-    if load & 0xFFF0 != 0xE8B0 or registers >> 13 or registers.bit_count() != WORDS:  # neither SP, LR nor PC
+    if load & 0xFFF0 != 0xE8B0 or registers >> 13 or registers.bit_count() != GROUP:  # neither SP, LR nor PC
         return None
-    source, loaded = load & 15, [number for number in range(13) if registers >> number & 1]
-    at, targets, stored = begin + 2, set(), []
-    for _ in range(WORDS):
-        store = _store(halves, at) if at <= last_store else None
+    loaded = [number for number in range(13) if registers >> number & 1]
+    at, begun, targets, stored = begin + 2, 0, set(), []
+    for _ in range(GROUP):
+        store = _store(halves, at) if at < len(halves) - 1 else None
         if store is None:
             return None
         begun, at = at, at + store[2]
         stored.append(store[0])
         targets.add(store[1])
+    return (load & 15, targets.pop(), set(loaded), begun, at) if stored == loaded and len(targets) == 1 else None
+
+
+def _loop_from(halves: tuple[int, ...], begin: int, last_store: int) -> CrcLoop | None:
+    at, groups = begin, []
+    for _ in range(GROUPS):
+        group = _group(halves, at) if at < last_store else None
+        if group is None:
+            return None
+        groups.append(group)
+        at = group[4]
+    source, target = groups[0][:2]
+    if groups[-1][3] != last_store or at + 1 >= len(halves) or any(group[:2] != (source, target) for group in groups):
+        return None
     compare, branch = halves[at], halves[at + 1]
     end = compare >> 3 & 7
     back = begin - (at + 1) - 2  # in half-words, from the branch's address and 4
     repeats = compare & 0xFFC0 == 0x4280 and compare & 7 == source and branch == 0xD100 | back & 0xFF
-    free = len(targets) == 1 and not {source, end, *targets} & set(loaded) and source != end and source not in targets
-    return CrcLoop(source, end) if begun == last_store and stored == loaded and repeats and free else None
+    loaded = set().union(*(group[2] for group in groups))
+    free = not {source, end, target} & loaded and len({source, end, target}) == 3
+    return CrcLoop(source, end) if repeats and free else None
 
 
 @lru_cache(maxsize=64)
