@@ -333,8 +333,7 @@ class Board:
         self._live = False
         with contextlib.suppress(LinkError):
             self._talks_to.close()
-        found = reconnection.find(self.name, before, end_s)
-        if found is not None:
+        if (found := reconnection.find(self.name, before, end_s)) is not None:
             self.runs_on = self._talks_to = found.board
             self._live = found.goes_on and before.run_tag is not None
             found.board.session.run_tag = before.run_tag or 0

@@ -45,7 +45,8 @@ def _store(halves: tuple[int, ...], at: int) -> tuple[int, int, int] | None:
 
 
 def _group(halves: tuple[int, ...], begin: int) -> tuple[int, int, set[int], int, int] | None:
-    """A load of GROUP words and their stores: Rn, Rm, the registers loaded, places of the last store and of what follows."""
+    """A load of GROUP words and their stores: Rn, Rm, the loaded registers, places of the last store and of what
+    follows."""
     load, registers = halves[begin], halves[begin + 1]
     if load & 0xFFF0 != 0xE8B0 or registers >> 13 or registers.bit_count() != GROUP:  # neither SP, LR nor PC
         return None
