@@ -38,31 +38,33 @@ static uint32_t silence_us(uint32_t period_us) {
     return slow_us > SILENCE_US ? slow_us : SILENCE_US;
 }
 
-/* How many numbers this one is ahead of the last that counted: 1 to 64, or 0 when that is more than the time
- * since the last arrival allows. A circle never lets time pass without an arrival. */
-static unsigned ahead_of_last(const injected_t *in, unsigned number, uint32_t period_us, uint32_t since_us) {
-    const unsigned ahead = ((number - in->number - 1U) & NUMBER_MASK) + 1U;
+/* How many numbers this one is ahead of the last that counted: 1 to 64. */
+static unsigned ahead_of_last(const injected_t *in, unsigned number) {
+    return in->begun ? ((number - in->number - 1U) & NUMBER_MASK) + 1U : 1U;
+}
+
+/* More than the time since the last arrival allows. A circle never lets time pass without an arrival. */
+static bool too_far(unsigned ahead, uint32_t period_us, uint32_t since_us) {
     const uint32_t periods = since_us / period_us;
 
-    return ahead <= AHEAD_MOST || ahead <= periods + periods / 4U + AHEAD_EARLY ? ahead : 0U;
+    return ahead > AHEAD_MOST && ahead > periods + periods / 4U + AHEAD_EARLY;
 }
 
 bool injected_counts(injected_t *in, unsigned number, uint32_t period_us, uint32_t now_us, uint16_t *lost) {
     const uint32_t since_us = now_us - in->heard_us;
-    unsigned ahead = 1U;
+    const bool goes_on = in->begun && since_us <= silence_us(period_us);
+    const unsigned ahead = ahead_of_last(in, number);
 
-    if (in->begun && since_us <= silence_us(period_us)) {
-        ahead = ahead_of_last(in, number, period_us, since_us);
-    }
     in->heard_us = now_us;
-    *lost = (uint16_t)(ahead > 0U ? ahead - 1U : 0U);
-    if (ahead == 0U) {
+    *lost = 0;
+    if (goes_on && too_far(ahead, period_us, since_us)) {
         return false;
     }
+    *lost = (uint16_t)(ahead - 1U);
     in->begun = true;
     in->number = (uint8_t)number;
     in->counted_us = now_us;
-    in->lost = (uint16_t)(in->lost + *lost);
+    in->lost = (uint16_t)(in->lost + (goes_on ? *lost : 0U)); /* silence has ended the arming already */
     in->came++;
     return true;
 }

@@ -38,7 +38,8 @@ void injected_init(injected_t *in, uint8_t *marks);
 /* Call at the start of a run. */
 void injected_begin(injected_t *in);
 
-/* The number of a sample has come. False when it does not count; *lost: samples that are missing before it.
+/* The number of a sample has come. False when it does not count; *lost: samples that are missing before it,
+ * after a silence modulo 64.
  */
 bool injected_counts(injected_t *in, unsigned number, uint32_t period_us, uint32_t now_us, uint16_t *lost);
 

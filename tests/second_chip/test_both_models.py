@@ -25,7 +25,7 @@ CLOCKS_ON = {0x40021014: 0x557, 0x40021018: 0x38FFFD, 0x4002101C: 0x3AFEC9FF}
 WRITE_ONLY = {"AFIO_MAPR": 7 << 24, "FLASH_AR": 0xFFFFFFFF}
 """Bits whose reading is not defined (RM0008 9.4.2, PM0075 3.5)."""
 PINS = ("GPIOA_IDR", "GPIOB_IDR", "GPIOC_IDR")
-MOMENTARY = ("SYST_CVR", "WWDG_CR", "TIM3_CNT", "CRC_DR")
+MOMENTARY = ("SYST_CVR", "WWDG_CR", "TIM3_CNT", "TIM4_CNT", "CRC_DR")
 """Running counters; and of the CRC unit, the check over memory that holds them."""
 ACTING = ("RCC_C", "RCC_A", "RCC_BDCR", "FLASH_", "SCB_AIRCR", "SCB_ICSR", "NVIC_", "SYST_", "IWDG_", "WWDG_", "CRC_DR")
 """A write to these does something besides being kept."""
