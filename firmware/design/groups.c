@@ -11,7 +11,7 @@ void plumb_design_refuse(plumb_design_t *d, plumb_design_error_t error, const ch
 }
 
 void plumb_design_finite(plumb_design_t *d, const char *field, double x) {
-    if (!(x - x == 0.0)) /* infinity less itself is not a number, and such a one equals nothing */
+    if (!(x - x == 0.0)) /* inf - inf and NaN - NaN are NaN, which equals no number */
         plumb_design_refuse(d, PLUMB_DESIGN_NOT_FINITE, field, x);
 }
 

@@ -6,7 +6,7 @@
 #define STILL_TURNPS_Q28 3728270U  /* 5 deg/s */
 #define SINGULAR_G_Q25   5033165U  /* 0.15 g: below it an acceleration tells no direction */
 #define SINGULAR_G_Q26   10066330U
-#define RATE_LIMIT_Q28   0x7fffffc0U /* 8 turn/s; where a rate ended there its last six bits are anything */
+#define RATE_LIMIT_Q28   0x7fffffc0U /* 8 turn/s; a clamped rate keeps rounding noise in its last six bits */
 #define QUARTER_TURN_Q32 0x40000000U
 #define HALF_TURN_Q61    (INT64_C(1) << 60)
 

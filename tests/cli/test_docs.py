@@ -21,15 +21,15 @@ sys.path.insert(0, str(ROOT / "tools"))
 import docs_navigation  # type: ignore[import-not-found]  # noqa: E402
 
 DOCS = ROOT / "docs"
-COMMANDS = DOCS / "reference/commands.md"
+COMMANDS = DOCS / "reference/commands"
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
 
 
 def commands(page: Path) -> list[str]:
     """Lines of code that call plumb, without their comments; what only sketches a command has dots in it."""
     text = page.read_text(encoding="utf-8")
-    # The examples of the help texts, which stand in the page of the commands, have a comment without a mark.
-    prefix = r"\$ " if page == COMMANDS else r"(?: {4,}|\$ )"
+    # The examples of the help texts, which stand in the pages of the commands, have a comment without a mark.
+    prefix = r"\$ " if page.parent == COMMANDS else r"(?: {4,}|\$ )"
     found = re.findall(rf"^{prefix}plumb ([^#\n]*)", text, re.MULTILINE)
     return [line.removesuffix("&").strip().rstrip("&").strip() for line in found if "..." not in line]
 

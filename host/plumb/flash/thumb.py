@@ -26,7 +26,8 @@ class Thumb:
         return str(self._capstone.insn_name(instruction.id))
 
     def instructions(self, code: bytes, address: int) -> Iterator[Any]:  # Any: capstone has no types
-        """Every instruction of `code`, which lies at `address`. Raises UsageError for bytes that are none."""
+        """Every instruction of `code`, which lies at `address`. Raises UsageError for bytes that are no
+        instruction."""
         at = address
         for found in self._capstone.disasm(code, address):
             at = found.address + found.size

@@ -115,7 +115,8 @@ def ask_all(asked: list[Candidate]) -> list[Answer]:
 
 
 def only_board() -> Candidate:
-    """The one board of this machine, for `--board auto`. A single candidate is not opened: whoever wants it will.
+    """The one board of this machine, for `--board auto`. A single candidate is not opened here; the
+    caller opens it.
 
     Raises LinkError with the list unless there is exactly one."""
     found = candidates()

@@ -67,8 +67,8 @@ def file_of(unique_id: str) -> Path:
 
 
 def read(unique_id: str) -> list[Change]:
-    """The changes of a board, the latest last; lines that are none are left out. Raises UsageError for a file that
-    cannot be read."""
+    """The changes of a board, the latest last. Lines that describe no change are skipped. Raises UsageError for a file
+    that cannot be read."""
     path = file_of(unique_id)
     if not path.exists():
         return []

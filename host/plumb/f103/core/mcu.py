@@ -294,7 +294,7 @@ class Mcu(Protocol):
         """Level of a pin; None where it floats."""
 
     def pins_changed(self) -> None:
-        """For whoever watches levels without being asked."""
+        """Tell the observers of levels that a pin may have changed."""
 
     def host_waits_no_more(self) -> None:
         """The board has begun to send: the call that waits for it returns."""
