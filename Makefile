@@ -137,6 +137,7 @@ format: ## rewrite all files as the formatters want them
 docs: ## the documentation site, in out/site
 	@tools/setup.sh docs
 	NO_MKDOCS_2_WARNING=1 $(VENV)/mkdocs build --strict
+	@echo 'pages: out/site/index.html; with search: python3 -m http.server --bind 127.0.0.1 --directory out/site 8000'
 
 clean: ## remove all that was built
 	rm -rf build out dist host/plumb/images host/plumb/built.json
