@@ -1,6 +1,6 @@
 # Two commands do all the set-up on a fresh Debian or Ubuntu machine: `make demo` and `make test`.
 # `make help` lists the targets, from the `##` behind each.
-.PHONY: help demo setup test test-fast test-long pytest release-trial image libraries native c-tests sanitize fuzz size check-style \
+.PHONY: help demo setup test test-fast test-long test-times pytest release-trial image libraries native c-tests sanitize fuzz size check-style \
     format generate docs wheel summary clean
 .DEFAULT_GOAL := help
 
@@ -32,6 +32,9 @@ test: ## everything that has to hold before a change lands: style, C tests, sani
 
 pytest: image native ## the Python tests alone
 	$(PYTEST)
+
+test-times: ## the processor time of the last whole run, by folder and by test
+	@$(VENV)/python tools/test_times.py
 
 # Before a commit: all but the sanitizers, the ways to compile the core, and the tests marked slow.
 test-fast: ## before a commit: without sanitizers, other compilers, and slow tests
