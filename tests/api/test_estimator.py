@@ -183,9 +183,44 @@ def test_a_tuning_of_another_system_is_refused() -> None:
         plumb.Estimator("balancer", plumb.Estimator("quad").tuning)
 
 
-def test_a_signal_that_the_system_does_not_have_is_named() -> None:
+def test_a_signal_that_the_system_does_not_have_is_named_with_the_nearest() -> None:
     estimate = plumb.Estimator("quad").run(np.zeros((5, 3)), np.tile([0.0, 0.0, G], (5, 1)))
-    with pytest.raises(plumb.UsageError, match="tilt_rad"):
+    with pytest.raises(AttributeError, match="Estimate of quad has no 'quaternion'"):
         _ = estimate.quaternion
-    with pytest.raises(KeyError):
-        _ = estimate["quaternion"]
+    with pytest.raises(KeyError, match=r"quad has no signal 'tilt_dge' \(did you mean tilt_deg\?\)"):
+        _ = estimate["tilt_dge"]
+    with pytest.raises(AttributeError, match=r"did you mean saturated\?"):
+        _ = estimate.saturatd
+    assert not hasattr(estimate, "roll_deg") and "tilt_deg" in estimate and "roll_deg" not in estimate
+    assert {"tilt_deg", "tilt_rad", "digests"} <= set(dir(estimate))
+
+
+def test_a_signal_has_one_name_a_unit_on_estimates_steps_and_runs() -> None:
+    estimator = plumb.Estimator("quad", period_s=0.005)
+    acc = G * np.tile([0.0, np.sin(0.1), np.cos(0.1)], (200, 1))
+    step, estimate = estimator.step(np.zeros(3), acc[0]), estimator.run(np.zeros((200, 3)), acc)
+    result = plumb.run("quad", board="native", open_loop=True, seconds=1)
+    for found in (step, estimate, result):
+        for name in ("tilt", "bias", "rate"):
+            deg, rad = ("_deg", "_rad") if name == "tilt" else ("_dps", "_radps")
+            assert np.array_equal(found[name + deg], getattr(found, name + deg))
+            assert np.allclose(found[name + rad], np.radians(found[name + deg]), rtol=1e-12)
+    assert "tilt_rad" in list(estimate) and "tilt_deg" in list(result)
+
+
+def test_roll_pitch_and_yaw_are_those_of_the_attitude() -> None:
+    """Turned by yaw about z, then by pitch about y, then by roll about x; from the quaternion of each step."""
+    estimator = plumb.Estimator("attitude", period_s=0.01)
+    up = np.array([-np.sin(0.3), np.sin(0.2) * np.cos(0.3), np.cos(0.2) * np.cos(0.3)])  # roll 0.2, pitch 0.3
+    estimate = estimator.run(np.zeros((300, 3)), np.tile(G * up, (300, 1)))
+    assert estimate.roll_rad[-1] == pytest.approx(0.2, abs=2e-3)
+    assert estimate.pitch_deg[-1] == pytest.approx(np.degrees(0.3), abs=0.1)
+    half = 0.5 * np.array([estimate[f"{angle}_rad"] for angle in ("roll", "pitch", "yaw")])
+    (cr, cp, cy), (sr, sp, sy) = np.cos(half), np.sin(half)
+    w, x = cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy
+    y, z = cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy
+    assert np.allclose(estimate.quaternion, np.stack([w, x, y, z], axis=-1), atol=1e-6)
+    assert list(name for name in estimate if name.startswith("attitude_")) == [f"attitude_{part}" for part in "wxyz"]
+    about_z = plumb.Estimator("turntable").run(np.tile([0.0, 0.0, 0.5], (200, 1)), ang_radps2=np.zeros((200, 3)))
+    assert about_z.yaw_rad[-1] > 0.05 and abs(about_z.roll_rad[-1]) < 1e-3
+    assert estimate.quaternion.shape == (300, 4)

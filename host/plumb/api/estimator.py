@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from plumb.api import arguments
+from plumb.api.signals import ArraySignals, StepSignals
 from plumb.boards import native_core
 from plumb.errors import UsageError
 from plumb.proof.scenario_run import tuning_of
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
-from plumb.spec.signal_units import word_signals
 from plumb.spec.system import RAW_CHANNELS
 from plumb.tuning.channels import NO_SAMPLE, counts_of, ideal_channel, with_channels
 from plumb.tuning.quantise import ControlParams, quantise
@@ -33,11 +33,12 @@ _TO_CALIBRATED = {"gyr": 180.0 / np.pi, "acc": 1.0 / G_MPS2, "ang": 180.0 / np.p
 _PERIODS_S = (0.0005, 0.1)
 
 
-class Estimate(Mapping[str, FloatArray]):
+class Estimate(ArraySignals):
     """What an estimator made of N samples: a mapping of signal -> array (N,) in units of SI.
 
     The keys are the words of the system's record with the unit at the end: `tilt_rad`, `bias_radps`,
-    `rate_corrected_radps`, `accel_y_mps2`, ... `list(estimate)` names them all, and docs/records.md says what each is.
+    `rate_corrected_radps`, `accel_y_mps2`, ... `list(estimate)` names them all, and docs/reference/records.md says what
+    each is. The names in deg and g work, too, and every name is an attribute as well (plumb.api.signals).
 
     Attributes:
         period_s: Time between two samples, s.
@@ -46,22 +47,14 @@ class Estimate(Mapping[str, FloatArray]):
         saturated: Samples with a count outside its channel's range, (N,) bool.
     """
 
+    SI = True
+    words: Words
+
     def __init__(self, words: Words, raw: npt.NDArray[np.int16], period_s: float) -> None:
         self.words, self.raw, self.period_s = words, raw, period_s
-        self._signals = word_signals(words.system, si=True)
         declared = declarations.system(words.system)
         mask = sum(1 << bit for bit, flag in enumerate(declared.flags) if flag.saturated)
         self.saturated: npt.NDArray[np.bool_] = (words["flags"] & mask) != 0
-
-    def __getitem__(self, name: str) -> FloatArray:
-        signal = self._signals[name]
-        return np.asarray(self.words[signal.word] * signal.scale, np.float64)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._signals)
-
-    def __len__(self) -> int:
-        return len(self._signals)
 
     def __repr__(self) -> str:
         return f"<Estimate of {self.words.system}: {len(self.raw)} samples of {self.period_s:g} s>"
@@ -81,40 +74,9 @@ class Estimate(Mapping[str, FloatArray]):
         """CRC-32 of every step's words, (N,): equal digests are equal bits."""
         return self.words.digests()
 
-    @property
-    def tilt_rad(self) -> FloatArray:
-        """Estimated tilt, (N,) rad. Raises UsageError for a system that has no `tilt_rad`."""
-        return self._own("tilt_rad")
-
-    @property
-    def bias_radps(self) -> FloatArray:
-        """Estimated bias of the gyro, (N,) rad/s. Raises UsageError for a system that has no `bias_radps`."""
-        return self._own("bias_radps")
-
-    @property
-    def pitch_rad(self) -> FloatArray:
-        """Estimated pitch, (N,) rad. Raises UsageError for a system that has no `pitch_rad`."""
-        return self._own("pitch_rad")
-
-    @property
-    def roll_rad(self) -> FloatArray:
-        """Estimated roll, (N,) rad. Raises UsageError for a system that has no `roll_rad`."""
-        return self._own("roll_rad")
-
-    @property
-    def quaternion(self) -> FloatArray:
-        """Estimated attitude w, x, y, z from the body to the frame of the start, (N, 4). Raises UsageError for a
-        system that has no attitude."""
-        return np.stack([self._own(f"attitude_{part}") for part in "wxyz"], axis=-1)
-
-    def _own(self, name: str) -> FloatArray:
-        if name not in self._signals:
-            raise UsageError(f"{self.system} has no {name}; it has {', '.join(self._signals)}")
-        return self[name]
-
 
 @dataclass(frozen=True)
-class StepEstimate(Mapping[str, float]):
+class StepEstimate(StepSignals):
     """What `Estimator.step` made of one sample: signal -> value in units of SI, as `Estimate` has arrays.
 
     Attributes:
@@ -122,19 +84,10 @@ class StepEstimate(Mapping[str, float]):
         digest: CRC-32 of the words.
     """
 
+    SI: ClassVar[bool] = True
     system: str
     words: dict[str, int]
     digest: int
-
-    def __getitem__(self, name: str) -> float:
-        signal = word_signals(self.system, si=True)[name]
-        return self.words[signal.word] * signal.scale
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(word_signals(self.system, si=True))
-
-    def __len__(self) -> int:
-        return len(word_signals(self.system, si=True))
 
 
 class Estimator:

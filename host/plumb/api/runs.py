@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.api import arguments
+from plumb.api.signals import ArraySignals
 from plumb.errors import UsageError
 from plumb.proof import runs, scenario_run
 from plumb.proof.compare import Divergence
@@ -18,7 +19,6 @@ from plumb.proof.scenario_run import OWN, RunRequest, ScenarioRun
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
-from plumb.spec.signal_units import word_signals
 from plumb.tuning.quantise import ControlParams
 
 if TYPE_CHECKING:
@@ -28,26 +28,18 @@ if TYPE_CHECKING:
 Verdict = Literal["pass", "fail", "unverified"]
 
 
-class RunResult(Mapping[str, FloatArray]):
+class RunResult(ArraySignals):
     """A run of N steps: a mapping of signal -> array (N,) in deg, deg/s, g, m/s and us.
 
     The keys are the words of the system's record with the unit at the end: `tilt_deg`, `bias_dps`, `pulse_0_us`, ...
-    `list(result)` names them all, and docs/records.md says what each is. The values are those of the board.
+    `list(result)` names them all, and docs/reference/records.md says what each is. The names in SI work, too, and every
+    name is an attribute as well (plumb.api.signals). The values are those of the board.
     """
+
+    SI = False
 
     def __init__(self, done: ScenarioRun) -> None:
         self._done = done
-        self._signals = word_signals(done.run.system)
-
-    def __getitem__(self, name: str) -> FloatArray:
-        signal = self._signals[name]
-        return np.asarray(self.words[signal.word] * signal.scale, np.float64)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._signals)
-
-    def __len__(self) -> int:
-        return len(self._signals)
 
     def __repr__(self) -> str:
         heading = self._done.heading
