@@ -58,9 +58,8 @@ def test_turntable_turns_by_the_integral_of_its_rate() -> None:
     gyr = np.zeros((len(time_s), 3))
     gyr[:, 2] = np.gradient(angle, estimator.period_s)
     estimate = estimator.run(gyr, ang_radps2=np.gradient(gyr, estimator.period_s, axis=0))
-    assert 2.0 * np.arctan2(estimate.quaternion[-1, 3], estimate.quaternion[-1, 0]) == pytest.approx(
-        np.pi / 2, abs=0.02
-    )
+    assert estimate.yaw_rad[-1] == pytest.approx(np.pi / 2, abs=0.02)
+    assert abs(estimate.roll_rad[-1]) < 0.02 and abs(estimate.pitch_rad[-1]) < 0.02
 
 
 def test_a_row_of_nan_is_no_sample_where_samples_are_marked() -> None:
@@ -221,6 +220,4 @@ def test_roll_pitch_and_yaw_are_those_of_the_attitude() -> None:
     y, z = cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy
     assert np.allclose(estimate.quaternion, np.stack([w, x, y, z], axis=-1), atol=1e-6)
     assert list(name for name in estimate if name.startswith("attitude_")) == [f"attitude_{part}" for part in "wxyz"]
-    about_z = plumb.Estimator("turntable").run(np.tile([0.0, 0.0, 0.5], (200, 1)), ang_radps2=np.zeros((200, 3)))
-    assert about_z.yaw_rad[-1] > 0.05 and abs(about_z.roll_rad[-1]) < 1e-3
     assert estimate.quaternion.shape == (300, 4)
