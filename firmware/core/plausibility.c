@@ -48,8 +48,8 @@ static bool above_six_sigma(uint32_t innovation_turn_q32, int32_t k0_q29, uint32
     return mul_u64(square_q34, rest_q29) >> 7 > mul_u64(36U * variance, unit_turn2_q56);
 }
 
-/* Adds to the mismatch by how much the accelerometer's tilt has turned more than the gyro says. The mismatch
- * leaks with 0.25 s. */
+/* By how much the accelerometer's tilt has turned more than the gyro says: added to the mismatch, which leaks
+ * with 0.25 s; its amount, in any direction, is averaged: noise adds up to no mismatch. */
 static void compare_rates(plumb_plausibility_t *p, int32_t measured, int32_t rate, int32_t dt_s_q33,
                           int32_t share) {
     const int32_t between = asr32(p->rate_turnps_q28, 1) + asr32(rate, 1);
@@ -60,6 +60,8 @@ static void compare_rates(plumb_plausibility_t *p, int32_t measured, int32_t rat
                                                    : sum;
     const int32_t mismatch = wrap_i32(lo_u64((uint64_t)within));
     p->mismatch_turn_q32 = mismatch - mulhi_i32(mismatch, share);
+    mean(&p->unevenness_turn_q32,
+         wrap_i32(min_u32(abs_u32(wrap_i32(lo_u64((uint64_t)turned))), MEAN_OF_AT_MOST)), share);
 }
 
 static uint16_t missing(plumb_plausibility_t *p, const plumb_plausibility_bounds_t *b, const int32_t *word,
@@ -109,7 +111,8 @@ void plumb_plausibility_step(plumb_plausibility_t *p, const plumb_plausibility_b
     const bool odd_innovation =
         p->converged && innovation > INNOVATION_MAX &&
         above_six_sigma(innovation, word[b->k0], (uint32_t)word[b->variance], variance_turn2_q56);
-    const bool odd_rate = abs_u32(p->mismatch_turn_q32) > MISMATCH_MAX;
+    const bool odd_rate =
+        abs_u32(p->mismatch_turn_q32) > MISMATCH_MAX || abs_u32(p->unevenness_turn_q32) > b->uneven_turn_q32;
     unsigned failed = 0;
     failed |= lasts(&p->accel_s_q33, odd_force, dt, ACCEL_FOR) ? PLUMB_PLAUSIBILITY_ACCEL : 0U;
     failed |=

@@ -89,10 +89,11 @@ SELDOM_CALLED bool plumb_balancer_params_valid(const plumb_params_t *p) {
 /* A vehicle that is pushed and accelerates by up to 8 m/s^2. Held upright by hand it is not quite at rest. */
 const plumb_plausibility_bounds_t plumb_balancer_plausibility = {
     PLUMB_PLAUSIBILITY_PLACES(plumb_balancer_words_t, setpoint_mps_q26, accel_x_g_q26, accel_z_g_q26),
-    .accel_min_g2_q20 = 167772U,  /* 0.4 g */
-    .accel_max_g2_q20 = 3397386U, /* 1.8 g */
-    .rest_min_g2_q20 = 849347U,   /* 0.9 g */
-    .rest_max_g2_q20 = 1268777U,  /* 1.1 g */
-    .rest_turnps_q28 = 7456540U,  /* 10 deg/s */
-    .ready_turn_q32 = 119304647U, /* 10 deg */
+    .accel_min_g2_q20 = 167772U,   /* 0.4 g */
+    .accel_max_g2_q20 = 3397386U,  /* 1.8 g */
+    .rest_min_g2_q20 = 849347U,    /* 0.9 g */
+    .rest_max_g2_q20 = 1268777U,   /* 1.1 g */
+    .rest_turnps_q28 = 7456540U,   /* 10 deg/s */
+    .uneven_turn_q32 = 357913941U, /* 30 deg a step: rough ground and the motors' vibration give 17 */
+    .ready_turn_q32 = 119304647U,  /* 10 deg */
 };

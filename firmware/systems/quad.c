@@ -70,5 +70,6 @@ const plumb_plausibility_bounds_t plumb_quad_plausibility = {
     .rest_min_g2_q20 = 849347U,   /* 0.9 g */
     .rest_max_g2_q20 = 1268777U,  /* 1.1 g */
     .rest_turnps_q28 = 3728270U,  /* 5 deg/s */
+    .uneven_turn_q32 = 59652324U, /* 5 deg a step: bursts give 3.4 at 20 ms, 0.5 V of noise 9 and more */
     .ready_turn_q32 = 178956971U, /* 15 deg */
 };

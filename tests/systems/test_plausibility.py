@@ -165,6 +165,23 @@ def test_no_shipped_scenario_disarms(tool: ModuleType, system: str, scenario: st
             assert found.ready_step is not None and found.ready_step * params.period_s < 1.0, (seed, found)
 
 
+@pytest.mark.parametrize("tuning", ["hold", "adaptive"])
+def test_noise_on_an_axis_is_noticed_in_every_draw(tuning: str) -> None:
+    """0.5 V rms (0.6 g) on accelerometer y at 5 and 20 ms, 40 draws; 480 ms leave 20 for a turn and a pulse."""
+    params, own = quantise(systems.load("quad").TUNINGS[tuning]), systems.load("quad")
+    period_us = round(params.period_s * 1e6)
+    begin = 2_000_000 // period_us
+    for seed in range(40):
+        scenario = own.scenario("quiet", seed, seconds=3.0, period_us=period_us, faults=())
+        counts = scenario.counts().copy()
+        noise = np.random.default_rng(seed + 99).normal(0.0, 0.5 / 3.3 * 4096, len(counts) - begin)
+        counts[begin:, 1] = np.clip(counts[begin:, 1] + np.rint(noise), 0, 4095)
+        failed, _ = native_core.plausibility(params, native_core.run_control(params, counts, scenario.setpoint()))
+        assert not failed[:begin].any()
+        assert failed[begin:].any(), seed
+        assert (int(np.flatnonzero(failed[begin:])[0]) + 1) * period_us <= 480_000, seed
+
+
 @pytest.mark.parametrize("system", ["turntable", "phone"])
 def test_of_what_moves_nothing_nothing_is_checked(system: str) -> None:
     own = systems.load(system)

@@ -9,7 +9,8 @@
  *                 filter has converged
  *     RATE        the tilt that the accelerometer measures turns by 60 deg/s faster or slower than the gyro
  *                 says, 200 ms. The difference is low-passed with 0.25 s: the accelerometer's noise,
- *                 differentiated over one step, would be hundreds of deg/s
+ *                 differentiated over one step, would be hundreds of deg/s. Or: the two differ from step to
+ *                 step, in any direction, by more than the system's bound, mean over 0.25 s: noise
  *
  * A system is ready when it is at rest, the filter has converged, the setpoint is 0 and the tilt is below the
  * system's limit, all of them for 300 ms.
@@ -58,6 +59,7 @@ typedef struct {
     uint32_t rest_min_g2_q20; /* range of its mean at rest */
     uint32_t rest_max_g2_q20;
     uint32_t rest_turnps_q28; /* largest mean of |corrected rate| at rest */
+    uint32_t uneven_turn_q32; /* largest mean difference of a step's turn, accelerometer less gyro */
     uint32_t ready_turn_q32;  /* largest tilt at which the system may be armed */
 } plumb_plausibility_bounds_t;
 
@@ -83,6 +85,7 @@ typedef struct {
     uint32_t converged_s_q33;     /* how long the mean innovation has been near 0; stops at its limit */
     uint32_t ready_s_q33;         /* how long all conditions for arming have been met; stops at its limit */
     int32_t mismatch_turn_q32;    /* angle by the accelerometer minus angle by the gyro, leaks in 0.25 s */
+    int32_t unevenness_turn_q32;  /* mean over 0.25 s of the size of a step of that angle, up to 45 deg */
     int32_t measured_turn_q32;    /* measured tilt of the previous step */
     int32_t rate_turnps_q28;      /* rate of the previous step */
     int32_t innovation_turn_q32;  /* mean over 0.25 s of the innovation */

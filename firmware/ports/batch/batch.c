@@ -242,10 +242,10 @@ uint32_t plumb_crc32(const uint8_t *data, int32_t bytes) {
     return digest_crc32(data, (size_t)bytes);
 }
 
-#define PLAUSIBILITY_WORDS 15
+#define PLAUSIBILITY_WORDS 16
 
 /* The plausibility of a run, from the records of its steps: the state after each as 32-bit words,
- * [steps][15]. 0: this system has none to check. */
+ * [steps][16]. 0: this system has none to check. */
 int32_t plumb_plausibility_run(const uint32_t *params, const uint8_t *words, int32_t steps,
                                uint32_t variance_turn2_q56, uint32_t *states) {
     plumb_params_t p;
@@ -267,6 +267,7 @@ int32_t plumb_plausibility_run(const uint32_t *params, const uint8_t *words, int
             s.converged_s_q33,
             s.ready_s_q33,
             (uint32_t)s.mismatch_turn_q32,
+            (uint32_t)s.unevenness_turn_q32,
             (uint32_t)s.measured_turn_q32,
             (uint32_t)s.rate_turnps_q28,
             (uint32_t)s.innovation_turn_q32,

@@ -32,8 +32,8 @@ RECORDS: dict[str, np.dtype[np.void]] = {
 
 PLAUSIBILITY: np.dtype[np.void] = np.dtype(
     [(f"{name}_s_q33", "<u4") for name in ("accel", "innovation", "rate", "converged", "ready")]
-    + [(name, "<i4") for name in ("mismatch_turn_q32", "measured_turn_q32", "rate_turnps_q28", "innovation_turn_q32",
-                                  "rate_mean_turnps_q28", "accel_mean_g2_q20")]
+    + [(name, "<i4") for name in ("mismatch_turn_q32", "unevenness_turn_q32", "measured_turn_q32", "rate_turnps_q28",
+                                  "innovation_turn_q32", "rate_mean_turnps_q28", "accel_mean_g2_q20")]
     + [(name, "<u4") for name in ("begun", "converged", "failed", "missing")]
 )  # fmt: skip
 """plumb_plausibility_t after a step, each member as a word of 32 bits."""

@@ -25,13 +25,15 @@ def _time_q33(ms: int) -> int:
 
 class Bounds(NamedTuple):
     """What is plausible for a system. setpoint, accel: names of words of its record; *_g2_q20: squared acceleration,
-    g^2 Q20; rest_turnps_q28, ready_turn_q32: of the mean rate at rest, and of the tilt at which it may be armed."""
+    g^2 Q20; rest_turnps_q28, uneven_turn_q32, ready_turn_q32: of the mean rate at
+    rest, of the mean difference of a step's turn, and of the tilt at which it may be armed."""
 
     setpoint: str
     accel: tuple[str, str]
     accel_g2_q20: tuple[int, int]
     rest_g2_q20: tuple[int, int]
     rest_turnps_q28: int
+    uneven_turn_q32: int
     ready_turn_q32: int
 
 
@@ -45,6 +47,7 @@ class State:
     converged_s_q33: int = 0
     ready_s_q33: int = 0
     mismatch_turn_q32: int = 0
+    unevenness_turn_q32: int = 0
     measured_turn_q32: int = 0
     rate_turnps_q28: int = 0
     innovation_turn_q32: int = 0
@@ -82,6 +85,7 @@ def step(s: State, b: Bounds, word: Mapping[str, int], dt: int, unit_turn2_q56: 
     turned = wrap_i32(measured - before) - (((rate_before >> 1) + (rate >> 1)) * dt >> 29)
     mismatch = clamp(s.mismatch_turn_q32 + turned, -QUARTER_TURN, QUARTER_TURN)
     s.mismatch_turn_q32 = mismatch - (mismatch * share >> 32)
+    s.unevenness_turn_q32 = _mean(s.unevenness_turn_q32, min(abs(wrap_i32(turned)), MEAN_MAX), share)
     s.measured_turn_q32, s.rate_turnps_q28 = measured, rate
     s.innovation_turn_q32 = _mean(s.innovation_turn_q32, innovation, share)
     s.rate_mean_turnps_q28 = _mean(s.rate_mean_turnps_q28, min(abs(word["rate_corrected_turnps_q28"]), MEAN_MAX), share)
@@ -95,7 +99,8 @@ def step(s: State, b: Bounds, word: Mapping[str, int], dt: int, unit_turn2_q56: 
     s.accel_s_q33 = _lasts(s.accel_s_q33, odd, dt, _time_q33(200))
     odd = bool(s.converged) and abs(innovation) > ANGLE_MAX and _above_six_sigma(word, innovation, unit_turn2_q56)
     s.innovation_s_q33 = _lasts(s.innovation_s_q33, odd, dt, time)
-    s.rate_s_q33 = _lasts(s.rate_s_q33, abs(s.mismatch_turn_q32) > ANGLE_MAX, dt, _time_q33(200))
+    odd = abs(s.mismatch_turn_q32) > ANGLE_MAX or abs(s.unevenness_turn_q32) > b.uneven_turn_q32
+    s.rate_s_q33 = _lasts(s.rate_s_q33, odd, dt, _time_q33(200))
     s.failed = (
         (ACCEL if s.accel_s_q33 >= _time_q33(200) else 0)
         | (INNOVATION if s.innovation_s_q33 >= time else 0)

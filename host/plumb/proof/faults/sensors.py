@@ -163,7 +163,7 @@ _ANALOG = tuple(
          ACCEL),
         ("accel-turned", "pins of the accelerometer as after a turn by 28 deg, 1 LSB rms of noise", turned(28.0),
          INNOVATION),
-        ("accel-y-wild", "0.8 V rms (1 g) of noise on the pin of accelerometer y", wild(ACCEL_Y, 0.8),
+        ("accel-y-wild", "0.5 V rms (0.6 g) of noise on the pin of accelerometer y", wild(ACCEL_Y, 0.5),
          (DISARMED_BY_DOUBT,)),
         ("sensors-unplugged", "every sensor pin at 0 V", unplugged,
          (*railed(GYRO), *railed(ACCEL_Y), *railed(ACCEL_Z))),

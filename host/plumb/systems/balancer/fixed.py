@@ -126,5 +126,6 @@ PLAUSIBLE = plausibility.Bounds(
     accel_g2_q20=(round(0.4**2 * 2**20), round(1.8**2 * 2**20)),
     rest_g2_q20=(round(0.9**2 * 2**20), round(1.1**2 * 2**20)),
     rest_turnps_q28=round(10.0 / 360.0 * 2**28),
+    uneven_turn_q32=round(30.0 / 360.0 * 2**32),
     ready_turn_q32=round(10.0 / 360.0 * 2**32),
 )
