@@ -108,7 +108,7 @@ BUDGETS = {
     "board_memory_intact": Budget(2800, 2400, 0.0, "wrong answers"),
     "lockstep_step": Budget(None, 0, 0.0, "wrong digests", instructions=6000),
 }
-PLAUSIBILITY_BYTES, PLAUSIBILITY_ANSWER = 52, slice(23, 25)
+PLAUSIBILITY_BYTES, PLAUSIBILITY_ANSWER = 56, slice(25, 27)
 """Size of plausibility_t in bytes, and the places of `failed` and `missing` in it, in half-words."""
 SHORTEST_PERIOD_CYCLES = 500 * 72
 """The shortest `period_us`, 500, in cycles at 72 MHz."""
