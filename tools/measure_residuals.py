@@ -19,7 +19,7 @@ import numpy.typing as npt
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "host"), str(ROOT / "tests")]
 
-from plumb.link.lockstep import frame_lines  # noqa: E402
+from plumb.link.sample_codec import frame_lines  # noqa: E402
 from plumb.link.transports.slcan import text_of_frames  # noqa: E402
 from support.link_functions import parse  # noqa: E402
 

@@ -10,6 +10,7 @@
 #include "link/requests.h"
 #include "link/session.h"
 #include "systems/control.h"
+#include <string.h>
 
 #define DEADLINE_US  10000u /* of a turn; the longest sleep is 1 ms, outputs must be safe within 50 ms */
 #define CAN_PER_TURN 16u    /* frames: a flood of them must not keep the loop from its steps */
@@ -66,8 +67,9 @@ static bool take_sample(int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32) 
         if (!session_live(&session)) {
             return session_next_sample(&session, raw, setpoint_turn_q32);
         }
-        *setpoint_turn_q32 = session_setpoint(&session);
+        memset(raw, 0, PLUMB_RAW_MAX * sizeof raw[0]); /* counts that no sensor of the board gives */
         board_read_sensors(raw);
+        session_live_inputs(&session, raw, setpoint_turn_q32);
         return true;
     default:
         return false;

@@ -351,6 +351,8 @@ static const control_system_t quad_system = {
     .record_words = 40U,
     .saturated = PLUMB_QUAD_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_ANALOG_3,
+    .counts = 6U,
+    .inputs = 6U,
     .noisy = 0x07U,
 };
 
@@ -363,6 +365,8 @@ static const control_system_t balancer_system = {
     .record_words = 50U,
     .saturated = PLUMB_BALANCER_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_BALANCE,
+    .counts = 6U,
+    .inputs = 6U,
     .noisy = 0x07U,
 };
 
@@ -372,6 +376,8 @@ static const control_system_t turntable_system = {
     .record_words = 132U,
     .saturated = PLUMB_TURNTABLE_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_ANALOG_6,
+    .counts = 6U,
+    .inputs = 6U,
     .noisy = 0x3FU,
     .marks_missing = true,
 };
@@ -382,6 +388,8 @@ static const control_system_t phone_system = {
     .record_words = 58U,
     .saturated = PLUMB_PHONE_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_NONE,
+    .counts = 6U,
+    .inputs = 6U,
     .noisy = 0x3FU,
 };
 
@@ -391,6 +399,8 @@ static const control_system_t attitude_system = {
     .record_words = 35U,
     .saturated = PLUMB_ATTITUDE_FLAGS_SATURATED,
     .sensors = CONTROL_SENSORS_SIX_AXES,
+    .counts = 6U,
+    .inputs = 6U,
     .noisy = 0x3FU,
     .marks_missing = true,
 };

@@ -22,6 +22,7 @@
 #define ALL_LEAST      8U
 
 #define COUNT_12_BITS_MAX 4095
+#define LEAST_COUNTS      6U
 
 void injected_init(injected_t *in, uint8_t *marks) {
     *in = (injected_t){.marks = marks, .silent = true};
@@ -75,10 +76,10 @@ void injected_spoilt(injected_t *in) {
 }
 
 /* A circle of up to 64 samples has each number with the same counts again. */
-static void compare_with_mark(injected_t *in, const int16_t raw[PLUMB_RAW_MAX]) {
+static void compare_with_mark(injected_t *in, const int16_t *raw, unsigned counts) {
     uint32_t hash = 0;
 
-    for (unsigned i = 0; i < PLUMB_RAW_MAX; i++) {
+    for (unsigned i = 0; i < counts; i++) {
         hash = 31U * hash + (uint16_t)raw[i];
     }
     const uint8_t mark = (uint8_t)((hash ^ hash >> 8) & 0xFFU);
@@ -99,11 +100,11 @@ void injected_check(injected_t *in, const int16_t raw[PLUMB_RAW_MAX], const cont
     const uint32_t all = watch_limit(stuck_ms, params->period_us, ALL_LEAST);
     bool all_stuck = true;
 
-    compare_with_mark(in, raw);
+    compare_with_mark(in, raw, CONTROL_COUNTS_MAX == LEAST_COUNTS ? LEAST_COUNTS : system->counts);
     if (system->plausibility == NULL) {
         return;
     }
-    for (unsigned i = 0; i < PLUMB_RAW_MAX; i++) {
+    for (unsigned i = 0; i < CONTROL_COUNTS_MAX; i++) {
         watch_t *const watch = &in->watches[i];
 
         if ((system->noisy >> i & 1U) == 0U) {

@@ -29,7 +29,7 @@ typedef struct {
     uint16_t came, lost; /* samples in them, by number */
     uint16_t came_before, lost_before; /* in the 125 ms before */
     uint16_t railed, stuck;            /* one bit a channel */
-    watch_t watches[PLUMB_RAW_MAX];
+    watch_t watches[CONTROL_COUNTS_MAX];
 } injected_t;
 
 /* marks: INJECTED_NUMBERS bytes, in memory that the caller keeps. */

@@ -1,5 +1,21 @@
 #include "permissions.h"
 #include "generated/messages.h"
+#include "systems/control.h"
+
+bool permissions_more_inputs(uint16_t id) {
+#if CONTROL_COUNTS_MAX > 6U
+    if (id >= MESSAGE_SAMPLE_C_ID && id < MESSAGE_SAMPLE_C_ID + (CONTROL_COUNTS_MAX - 6U) / 3U) {
+        return true;
+    }
+#endif
+#if CONTROL_COMMANDS_MAX > 0U
+    if (id >= MESSAGE_COMMAND_A_ID && id < MESSAGE_COMMAND_A_ID + CONTROL_COMMANDS_MAX / 3U) {
+        return true;
+    }
+#endif
+    (void)id;
+    return false;
+}
 
 bool permissions_need_greeting(const can_frame_t *f) {
     switch (f->id) {
@@ -15,6 +31,6 @@ bool permissions_need_greeting(const can_frame_t *f) {
         return message_execute_unpack(f).verb != MESSAGE_EXECUTE_VERB_BOOTLOADER &&
                message_execute_unpack(f).verb != MESSAGE_EXECUTE_VERB_ARM;
     default:
-        return false;
+        return permissions_more_inputs(f->id);
     }
 }

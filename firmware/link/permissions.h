@@ -12,4 +12,7 @@
 /* True when this frame needs a greeting on its link before it is carried out. */
 bool permissions_need_greeting(const can_frame_t *frame);
 
+/* True for the frames of inputs that only some systems have: SAMPLE_C and on, COMMAND_A and on. */
+bool permissions_more_inputs(uint16_t id);
+
 #endif

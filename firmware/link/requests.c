@@ -183,6 +183,8 @@ static void on_run_begin(session_t *s, const request_t *q) {
     if (!nonce_answer(&s->nonce[q->link], m.run, m.nonce, q->now_us)) {
         routing_nack(&s->routing, q, MESSAGE_NACK_REASON_NONCE, 0);
     } else if (m.run < MESSAGE_RUN_BEGIN_RUN_LOCKSTEP || m.run > MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE ||
+               ((flags & MESSAGE_RUN_BEGIN_SETPOINTS_ELSEWHERE) != 0U &&
+                control_system(&s->params->control)->owner_alone) ||
                (m.run == MESSAGE_RUN_BEGIN_RUN_LOCKSTEP && flags != 0U)) { /* one link paces lockstep */
         routing_nack(&s->routing, q, MESSAGE_NACK_REASON_UNSUPPORTED, m.run);
     } else {
@@ -224,11 +226,31 @@ static void on_sample_a(session_t *s, const request_t *q) {
 
 /* ---- receive ---- */
 
+/* True for a frame that the SAMPLE_A or the SETPOINT after it completes. */
+static bool is_part(uint16_t id) {
+    return id == MESSAGE_SAMPLE_B_ID || permissions_more_inputs(id);
+}
+
+/* Frames that carry the inputs for which SAMPLE_A, SAMPLE_B and SETPOINT have no room. */
+static void on_more_inputs(session_t *s, const request_t *q) {
+#if CONTROL_COUNTS_MAX > 6U
+    if (q->frame->id >= MESSAGE_SAMPLE_C_ID && q->frame->id < MESSAGE_SAMPLE_C_ID + RUN_MORE_FRAMES - 1U) {
+        run_on_more_counts(&s->run, q, q->frame->id - MESSAGE_SAMPLE_C_ID + 1U);
+    }
+#endif
+#if CONTROL_COMMANDS_MAX > 0U
+    if (q->frame->id >= MESSAGE_COMMAND_A_ID && q->frame->id < MESSAGE_COMMAND_A_ID + COMMAND_FRAMES) {
+        run_on_command(&s->run, q, q->frame->id - MESSAGE_COMMAND_A_ID);
+    }
+#endif
+    (void)s, (void)q;
+}
+
 /* SAMPLE and SETPOINT carry their step number, which run.c checks; all other frames carry a counter. */
 void requests_handle(session_t *s, const request_t *q) {
     random_stir(&s->random, q->now_us);
     if (!s->routing.link[q->link].greeted && permissions_need_greeting(q->frame)) {
-        if (q->frame->id != MESSAGE_SAMPLE_B_ID) { /* the SAMPLE_A that follows gets the NACK */
+        if (!is_part(q->frame->id)) { /* the SAMPLE_A or SETPOINT that follows gets the NACK */
             routing_nack(&s->routing, q, MESSAGE_NACK_REASON_GREETING, 0);
         }
         return;
@@ -238,7 +260,7 @@ void requests_handle(session_t *s, const request_t *q) {
         on_sample_a(s, q);
         return;
     case MESSAGE_SAMPLE_B_ID:
-        run_on_sample_b(&s->run, q);
+        run_on_more_counts(&s->run, q, 0);
         return;
     case MESSAGE_SETPOINT_ID:
         run_on_setpoint(&s->run, &s->routing, q, s->params->period_us);
@@ -280,7 +302,8 @@ void requests_handle(session_t *s, const request_t *q) {
         on_param_commit(s, q);
         break;
     default:
-        return; /* other nodes' frames */
+        on_more_inputs(s, q);
+        return; /* other nodes' frames, too */
     }
     routing_note_counter(&s->routing, q);
 }

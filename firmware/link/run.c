@@ -9,7 +9,8 @@
 #define STEP6_SHIFT      4U
 #define FLAG_STEP_HIGH   3U
 #define NO_GAP           0xFFU
-#define RAW_B_NONE       0xFFU
+#define NO_STEP6         0xFFU
+#define FRAME_COUNTS     3U     /* raw counts in a frame */
 #define TAG_MAX          15U    /* four flags; 0: no run */
 #define STEPS_MISSING    3U     /* a step is overdue after so many periods, */
 #define STEPS_MISSING_US 20000U /* but not before this time */
@@ -20,21 +21,26 @@ void run_init(run_t *r, run_buffers_t *buffers, uint32_t random) {
     injected_init(&r->injected, buffers->marks);
 }
 
-void run_begin(run_t *r, uint16_t run, run_links_t links) {
+/* Forgets the frames of a sample that came before its SAMPLE_A. */
+static void forget_more(run_t *r) {
+    memset(r->more_step6, NO_STEP6, sizeof r->more_step6);
+}
+
+void run_begin(run_t *r, uint16_t run, run_links_t links, const control_system_t *system) {
     r->mode = run == MESSAGE_RUN_BEGIN_RUN_LOCKSTEP ? RUN_LOCKSTEP : RUN_REALTIME;
     r->live = run == MESSAGE_RUN_BEGIN_RUN_REALTIME_LIVE;
     r->begun = true;
     r->stand_alone = links.owner == LINK_NONE;
     r->tag = (uint8_t)(r->tag < TAG_MAX ? r->tag + 1U : 1U);
     r->links = links;
-    setpoint_begin(&r->setpoint);
+    setpoint_begin(&r->setpoint, system);
     r->held = (run_sample_t){0};
     r->step = 0;
     r->queue_in = 0;
     r->queue_out = 0;
     r->gap_ahead = NO_GAP;
     injected_begin(&r->injected);
-    r->raw_b_step6 = RAW_B_NONE;
+    forget_more(r);
 }
 
 void run_end(run_t *r) {
@@ -101,9 +107,10 @@ static bool enqueue(run_t *r, routing_t *routing, const request_t *q) {
     }
     *sample = (run_sample_t){.raw = {m.raw_0, m.raw_1, m.raw_2}, .setpoint_turn_q32 = r->setpoint.turn_q32};
     if ((e2e_flags(q->frame) & MESSAGE_SAMPLE_A_WITH_B) != 0) {
-        memcpy(&sample->raw[3], r->raw_b, sizeof r->raw_b);
+        memcpy(&sample->raw[FRAME_COUNTS], r->more, sizeof r->more);
     }
-    r->raw_b_step6 = RAW_B_NONE;
+    setpoint_copy_commands(&r->setpoint, sample->raw);
+    forget_more(r);
     r->gap_ahead = NO_GAP;
     r->queue_in++;
     return true;
@@ -151,10 +158,25 @@ static void sample_in_real_time(run_t *r, routing_t *routing, const request_t *q
     }
 }
 
+/* True when a frame that has to come before this SAMPLE_A is missing. */
+static bool is_incomplete(const run_t *r, const can_frame_t *f, const params_t *params) {
+    const unsigned frames =
+        RUN_MORE_FRAMES == 1U ? 1U : control_system(&params->control)->counts / FRAME_COUNTS - 1U;
+
+    if ((e2e_flags(f) & MESSAGE_SAMPLE_A_WITH_B) == 0) {
+        return false;
+    }
+    for (unsigned i = 0; i < frames; i++) {
+        if (r->more_step6[i] != step6_of(f)) {
+            return true;
+        }
+    }
+    return false;
+}
+
 bool run_on_sample_a(run_t *r, routing_t *routing, const request_t *q, const params_t *params,
                      uint16_t *step) {
-    const bool incomplete =
-        (e2e_flags(q->frame) & MESSAGE_SAMPLE_A_WITH_B) != 0 && r->raw_b_step6 != step6_of(q->frame);
+    const bool incomplete = is_incomplete(r, q->frame, params);
 
     if (r->mode == RUN_IDLE || r->live) {
         nack(r, routing, q, MESSAGE_NACK_REASON_NO_RUN);
@@ -168,23 +190,38 @@ bool run_on_sample_a(run_t *r, routing_t *routing, const request_t *q, const par
     return false;
 }
 
-void run_on_sample_b(run_t *r, const request_t *q) {
-    const message_sample_b_t m = message_sample_b_unpack(q->frame);
+void run_on_more_counts(run_t *r, const request_t *q, unsigned index) {
+    const message_sample_b_t m = message_sample_b_unpack(q->frame); /* all have this shape */
+    int16_t *const counts = &r->more[FRAME_COUNTS * index];
 
     if (r->links.samples != q->link) { /* no NACK: the SAMPLE_A that follows gets it */
         return;
     }
-    r->raw_b_step6 = (uint8_t)step6_of(q->frame);
-    r->raw_b[0] = m.raw_3;
-    r->raw_b[1] = m.raw_4;
-    r->raw_b[2] = m.raw_5;
+    r->more_step6[index] = (uint8_t)step6_of(q->frame);
+    counts[0] = m.raw_3;
+    counts[1] = m.raw_4;
+    counts[2] = m.raw_5;
 }
+
+#if CONTROL_COMMANDS_MAX > 0U
+/* No NACK for one that cannot be used: the SETPOINT that follows gets it. */
+void run_on_command(run_t *r, const request_t *q, unsigned index) {
+    if (r->mode != RUN_IDLE && r->links.setpoints == q->link && e2e_flags(q->frame) == r->tag) {
+        command_set_receive(&r->setpoint.commands, index, q->frame,
+                            r->mode == RUN_LOCKSTEP ? r->queue_in : r->step);
+    }
+}
+#endif
 
 static void setpoint_in_real_time(run_t *r, routing_t *routing, const request_t *q, uint32_t period_us) {
     const message_setpoint_t m = message_setpoint_unpack(q->frame);
     const setpoint_age_t age = setpoint_age(&r->setpoint, m.step, r->step, period_us);
 
-    if (age == SETPOINT_COUNTS) {
+    const uint16_t refused = age == SETPOINT_COUNTS ? setpoint_refused(&r->setpoint, m.step, r->step) : 0U;
+
+    if (refused != 0U) {
+        routing_nack(routing, q, refused, r->step);
+    } else if (age == SETPOINT_COUNTS) {
         setpoint_number(&r->setpoint, m.step);
         setpoint_receive(&r->setpoint, m.setpoint);
     } else if (age == SETPOINT_OLD) {
@@ -206,7 +243,13 @@ void run_on_setpoint(run_t *r, routing_t *routing, const request_t *q, uint32_t 
     } else if (r->mode == RUN_REALTIME) {
         setpoint_in_real_time(r, routing, q, period_us);
     } else if (m.step == r->queue_in) {
-        setpoint_receive(&r->setpoint, m.setpoint);
+        const uint16_t refused = setpoint_refused(&r->setpoint, m.step, r->queue_in);
+
+        if (refused == 0U) {
+            setpoint_receive(&r->setpoint, m.setpoint);
+        } else {
+            nack(r, routing, q, refused);
+        }
     }
 }
 
@@ -223,6 +266,9 @@ void run_next_sample(run_t *r, bool mark_missing, int16_t raw[PLUMB_RAW_MAX], in
         }
     }
     memcpy(raw, r->held.raw, sizeof r->held.raw);
+    if (r->mode != RUN_LOCKSTEP) {
+        setpoint_copy_commands(&r->setpoint, raw);
+    }
     *setpoint_turn_q32 = r->mode == RUN_LOCKSTEP ? r->held.setpoint_turn_q32 : r->setpoint.turn_q32;
 }
 

@@ -13,6 +13,7 @@
 
 #define RUN_QUEUE_LENGTH 16U /* samples in flight; a power of two */
 #define RUN_SLOT(step)   ((step) & (RUN_QUEUE_LENGTH - 1U))
+#define RUN_MORE_FRAMES  (CONTROL_COUNTS_MAX / 3U - 1U) /* of a sample, besides SAMPLE_A */
 
 typedef enum { RUN_IDLE = 0, RUN_LOCKSTEP = 1, RUN_REALTIME = 2 } run_mode_t;
 
@@ -55,16 +56,17 @@ typedef struct {
     uint16_t saturated;    /* steps with a raw count outside its range, modulo 2^16 */
     uint16_t starved;      /* real-time steps without a new sample, modulo 2^16 */
     uint8_t gap_ahead;     /* how far the last sample was ahead of the missing one; 0xFF: none is missing */
-    uint8_t raw_b_step6;   /* low six bits of the number raw_b belongs to; above 63: none */
-    int16_t raw_b[3];
+    uint8_t more_step6[RUN_MORE_FRAMES]; /* low six bits of the number that each frame of `more` belongs to;
+                                            above 63: none */
+    int16_t more[3U * RUN_MORE_FRAMES];  /* counts of SAMPLE_B and the frames after it */
 } run_t;
 
 /* No run. buffers: in memory that the caller keeps. random: sets the first tag, so
  * that a run after a reset does not get the tag of the run before it. */
 void run_init(run_t *r, run_buffers_t *buffers, uint32_t random);
 
-/* Start anew with step 0 and the next tag. run: one of MESSAGE_RUN_BEGIN_RUN_*. */
-void run_begin(run_t *r, uint16_t run, run_links_t links);
+/* Start anew with step 0 and the next tag. run: one of MESSAGE_RUN_BEGIN_RUN_*; system: the one in use. */
+void run_begin(run_t *r, uint16_t run, run_links_t links, const control_system_t *system);
 void run_end(run_t *r);
 
 /* True once after a run began. */
@@ -80,13 +82,19 @@ bool run_step_overdue(run_t *r, uint32_t period_us, uint32_t now_us);
 /* True during a run in real time on injected samples. */
 bool run_injected(const run_t *r);
 
-/* Handle SAMPLE_A, SAMPLE_B and SETPOINT of a link; a frame that cannot be used is answered by NACK.
- * run_on_sample_a() returns true for a repeated sample whose step was run already, because its STEP got lost
- * on the way to the host: *step is the number of that step, one of the last RUN_QUEUE_LENGTH. */
+/* Handle SAMPLE_A, the other frames of a sample (index 0: SAMPLE_B) and SETPOINT of a link; a frame that
+ * cannot be used is answered by NACK. run_on_sample_a() returns true for a repeated sample whose step was run
+ * already, because its STEP got lost on the way to the host: *step is the number of that step, one of the
+ * last RUN_QUEUE_LENGTH. */
 bool run_on_sample_a(run_t *r, routing_t *routing, const request_t *q, const params_t *params,
                      uint16_t *step);
-void run_on_sample_b(run_t *r, const request_t *q);
+void run_on_more_counts(run_t *r, const request_t *q, unsigned index);
 void run_on_setpoint(run_t *r, routing_t *routing, const request_t *q, uint32_t period_us);
+
+#if CONTROL_COMMANDS_MAX > 0U
+/* Handle frame `index` of a set of commands, which the SETPOINT of its step completes. */
+void run_on_command(run_t *r, const request_t *q, unsigned index);
+#endif
 
 /* The link whose host paces the steps; LINK_NONE when none does. */
 static inline link_t run_pacer(const run_t *r) {

@@ -142,7 +142,7 @@ void session_report_switch(session_t *s, bool closed, uint32_t now_us) {
 
 void session_begin_run(session_t *s, uint16_t run, run_links_t links) {
     s->bootloader_asked = false;
-    run_begin(&s->run, run, links);
+    run_begin(&s->run, run, links, control_system(&s->params->control));
     telemetry_begin(&s->telemetry);
     control_init(s->control, &s->params->control);
     readiness_begin(&s->readiness);
@@ -161,6 +161,11 @@ bool session_next_sample(session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setp
     }
     run_next_sample(&s->run, control_system(&s->params->control)->marks_missing, raw, setpoint_turn_q32);
     return true;
+}
+
+void session_live_inputs(const session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32) {
+    *setpoint_turn_q32 = s->run.setpoint.turn_q32;
+    setpoint_copy_commands(&s->run.setpoint, raw);
 }
 
 /* Flags of STEP. saturated: a raw count of that step was outside its range. */

@@ -113,7 +113,10 @@ bool session_pop_begin(session_t *s);
  * injected: true on every tick; without a new sample the last one is held and counted. */
 bool session_next_sample(session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32);
 
-/* Setpoint in use; the setpoint of the next live step. */
+/* The inputs of the next live step that a host sets: the setpoint, and behind the raw counts the commands. */
+void session_live_inputs(const session_t *s, int16_t raw[PLUMB_RAW_MAX], int32_t *setpoint_turn_q32);
+
+/* Setpoint in use. */
 int32_t session_setpoint(const session_t *s);
 
 /* Call after control_step(): sends the digest and the selected words. */

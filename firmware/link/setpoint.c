@@ -1,7 +1,41 @@
 #include "setpoint.h"
 #include "generated/messages.h"
 
-void setpoint_begin(setpoint_t *s) {
+#if CONTROL_COMMANDS_MAX > 0U
+uint16_t setpoint_refused_set(const setpoint_t *s, uint16_t number, uint16_t next_step) {
+    switch (command_set_state(&s->commands, number, next_step)) {
+    case COMMAND_SET_WHOLE:
+        return 0;
+    case COMMAND_SET_BEYOND_LIMITS:
+        return MESSAGE_NACK_REASON_RANGE;
+    default:
+        return MESSAGE_NACK_REASON_SEQUENCE;
+    }
+}
+#endif
+
+static bool is_neutral(const setpoint_t *s) {
+#if CONTROL_COMMANDS_MAX > 0U
+    return s->turn_q32 == 0 && command_set_is_neutral(&s->commands);
+#else
+    return s->turn_q32 == 0;
+#endif
+}
+
+static void become_neutral(setpoint_t *s) {
+    s->turn_q32 = 0;
+    s->waiting = true;
+#if CONTROL_COMMANDS_MAX > 0U
+    command_set_neutral(&s->commands);
+#endif
+}
+
+void setpoint_begin(setpoint_t *s, const control_system_t *system) {
+#if CONTROL_COMMANDS_MAX > 0U
+    command_set_begin(&s->commands, system);
+#else
+    (void)system;
+#endif
     s->waiting = false;
     s->timed_out = false;
     s->turn_q32 = 0;
@@ -31,18 +65,26 @@ void setpoint_number(setpoint_t *s, uint16_t number) {
 }
 
 void setpoint_receive(setpoint_t *s, int32_t turn_q32) {
+#if CONTROL_COMMANDS_MAX > 0U
+    command_set_apply(&s->commands);
+#endif
     s->turn_q32 = turn_q32;
     s->heard = true;
     s->timed_out = false;
     s->waiting = true;
 }
 
-/* Whatever disarmed the board, its setpoint ends there. */
+/* Whatever disarmed the board, its setpoint ends there. Commands begin anew with arming, too: a setpoint that
+ * is not 0 keeps the board from arming. */
 static void end_with_arming(setpoint_t *s, bool armed) {
-    if (s->armed && !armed && s->turn_q32 != 0) {
-        s->turn_q32 = 0;
-        s->waiting = true;
+    if (s->armed && !armed && !is_neutral(s)) {
+        become_neutral(s);
     }
+#if CONTROL_COMMANDS_MAX > 0U
+    if (!s->armed && armed) {
+        command_set_neutral(&s->commands);
+    }
+#endif
     s->armed = armed;
 }
 
@@ -51,10 +93,9 @@ void setpoint_poll(setpoint_t *s, bool armed, bool driving, uint32_t now_us) {
     if (s->heard || !driving) {
         s->heard = false;
         s->heard_us = now_us;
-    } else if (s->turn_q32 != 0 && now_us - s->heard_us > SETPOINT_SILENCE_US) {
-        s->turn_q32 = 0;
+    } else if (now_us - s->heard_us > SETPOINT_SILENCE_US && !is_neutral(s)) {
+        become_neutral(s);
         s->timed_out = true;
-        s->waiting = true;
     }
 }
 

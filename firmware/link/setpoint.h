@@ -8,6 +8,7 @@
 #ifndef PLUMB_LINK_SETPOINT_H
 #define PLUMB_LINK_SETPOINT_H
 
+#include "command_set.h"
 #include "routing.h"
 
 #define SETPOINT_SILENCE_US 200000U
@@ -23,10 +24,13 @@ typedef struct {
     uint16_t number;       /* real time: step number of the last one that counted */
     uint16_t steps_since;  /* real time: steps since then, at most UINT16_MAX */
     uint32_t heard_us;     /* last poll at which one had been received, or the actuator was not driven */
+#if CONTROL_COMMANDS_MAX > 0U
+    command_set_t commands; /* that come with the setpoint, and share its age */
+#endif
 } setpoint_t;
 
-/* Call at the start of a run: the setpoint is 0, and nothing waits. */
-void setpoint_begin(setpoint_t *s);
+/* Call at the start of a run of that system: the setpoint is 0, and nothing waits. */
+void setpoint_begin(setpoint_t *s, const control_system_t *system);
 
 typedef enum {
     SETPOINT_COUNTS,
@@ -34,11 +38,35 @@ typedef enum {
     SETPOINT_OLD, /* an older number, or more than SETPOINT_SILENCE_US old, or one that is still to come */
 } setpoint_age_t;
 
+#if CONTROL_COMMANDS_MAX > 0U
+uint16_t setpoint_refused_set(const setpoint_t *s, uint16_t number, uint16_t next_step);
+#endif
+
+/* Write the commands in use behind the raw counts. */
+static inline void setpoint_copy_commands(const setpoint_t *s, int16_t raw[PLUMB_RAW_MAX]) {
+#if CONTROL_COMMANDS_MAX > 0U
+    command_set_copy(&s->commands, raw);
+#else
+    (void)s, (void)raw;
+#endif
+}
+
 /* How a step number that came with a setpoint in real time compares. next_step: of the run. */
 setpoint_age_t setpoint_age(const setpoint_t *s, uint16_t number, uint16_t next_step, uint32_t period_us);
 
 /* Note the number of a setpoint that counts. */
 void setpoint_number(setpoint_t *s, uint16_t number);
+
+/* Reason (MESSAGE_NACK_REASON_*) why the setpoint of step `number` cannot be used with the commands that came
+ * before it; 0: it can. next_step: of the run. */
+static inline uint16_t setpoint_refused(const setpoint_t *s, uint16_t number, uint16_t next_step) {
+#if CONTROL_COMMANDS_MAX > 0U
+    return setpoint_refused_set(s, number, next_step);
+#else
+    (void)s, (void)number, (void)next_step;
+    return 0;
+#endif
+}
 
 /* Handle a setpoint that counts from the source of this run. */
 void setpoint_receive(setpoint_t *s, int32_t turn_q32);

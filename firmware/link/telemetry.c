@@ -13,7 +13,10 @@
 #define FRAME_RAW_A    0x01U
 #define FRAME_RAW_B    0x02U
 #define FRAMES_RAW     (FRAME_RAW_A | FRAME_RAW_B)
-#define FRAMES_DECLARE 2U /* the first bit of the frames that the system declares */
+#define FRAMES_DECLARE 2U  /* the first bit of the frames that the system declares, up to 12 */
+#define FRAMES_MORE    14U /* the first bit of RAW_C and the frames after it */
+#define INPUTS_AB      6U  /* in RAW_A and RAW_B */
+#define FRAME_INPUTS   3U
 
 /* ---- selection ---- */
 
@@ -28,7 +31,14 @@ static uint16_t bits_set(uint32_t mask) {
 
 /* Bits of bank 0 whose frames the system has. */
 static uint32_t system_frames(const plumb_params_t *params) {
-    return FRAMES_RAW | ((1U << control_system(params)->frame_count) - 1U) << FRAMES_DECLARE;
+    const control_system_t *const system = control_system(params);
+    uint32_t frames = FRAMES_RAW | ((1U << system->frame_count) - 1U) << FRAMES_DECLARE;
+
+#if PLUMB_RAW_MAX > 6
+    const unsigned inputs = system->inputs > INPUTS_AB ? system->inputs : INPUTS_AB;
+    frames |= ((1U << (inputs - INPUTS_AB) / FRAME_INPUTS) - 1U) << FRAMES_MORE;
+#endif
+    return frames;
 }
 
 /* The bits of a bank of words that lie inside the record. */
@@ -73,8 +83,8 @@ static uint8_t flags_on(const telemetry_t *t, const routing_t *r, unsigned link,
     return (uint8_t)(flags | (dropped ? MESSAGE_STEP_DROPPED : 0U));
 }
 
-/* Every record begins with the raw counts. */
-static void send_raw(const telemetry_t *t, routing_t *r, uint16_t step, const int32_t raw[PLUMB_RAW_MAX]) {
+/* Every record begins with the inputs: the raw counts, then the words of commands. */
+static void send_raw(const telemetry_t *t, routing_t *r, uint16_t step, const int32_t *raw) {
     const message_raw_a_t a = {(int16_t)raw[0], (int16_t)raw[1], (int16_t)raw[2]};
     const message_raw_b_t b = {(int16_t)raw[3], (int16_t)raw[4], (int16_t)raw[5]};
     const uint8_t low = (uint8_t)(step & E2E_COUNTER_MASK);
@@ -86,6 +96,20 @@ static void send_raw(const telemetry_t *t, routing_t *r, uint16_t step, const in
     if ((t->frames_mask & FRAME_RAW_B) != 0) {
         routing_numbered(r, message_raw_b_pack(&b), low, high);
     }
+#if PLUMB_RAW_MAX > 6
+    const uint32_t more = t->frames_mask >> FRAMES_MORE;
+
+    for (unsigned i = 0; more >> i != 0; i++) {
+        const int32_t *const words = &raw[INPUTS_AB + FRAME_INPUTS * i];
+        const message_raw_c_t c = {(int16_t)words[0], (int16_t)words[1], (int16_t)words[2]};
+        can_frame_t frame = message_raw_c_pack(&c); /* all have this shape */
+
+        frame.id = (uint16_t)(frame.id + i);
+        if ((more >> i & 1U) != 0) {
+            routing_numbered(r, frame, low, high);
+        }
+    }
+#endif
 }
 
 /* The 16 bits of a frame. */

@@ -3,8 +3,8 @@
  *
  * The caller owns all memory. A step depends only on its arguments and *c. The words of a step are its
  * record, in the order of the system's plumb_X_words_t; the digest is the CRC-32 of their bytes,
- * little-endian. Every record begins with the raw counts and the setpoint (7 words) and ends with the flags
- * and the step number (2 words). No output depends on arming or on time.
+ * little-endian. Every record begins with the inputs (raw counts, then the 16-bit words of commands) and the
+ * setpoint and ends with the flags and the step number (2 words). No output depends on arming or on time.
  *
  * The systems are declared in host/plumb/systems/NAME/system.toml. generated/systems.c, which is generated
  * from the declarations, implements this header.
@@ -44,18 +44,32 @@ typedef struct {
     uint8_t word;  /* the 32 bits */
 } control_frame_t;
 
+/* One input of a step that a host sets. Its words follow those of the one before it, the low one first. */
+typedef struct {
+    int32_t low, high; /* limits */
+    int32_t neutral;   /* when no host sets it */
+    uint8_t words;     /* 1 or 2, of 16 bits */
+} control_command_t;
+
 /* Properties of a system, without its code. */
 typedef struct {
     const control_frame_t *frames;
     const plumb_plausibility_bounds_t *plausibility; /* NULL for one that moves nothing: nothing is checked */
     uint32_t saturated; /* flags that say that a raw count was outside its range */
     uint16_t record_words;
+    uint16_t noisy; /* bits of the raw counts that calibrated sensors give: at rest they are not constant */
     uint8_t frame_count;
     uint8_t output;      /* control_output_t */
     uint8_t output_word; /* place in the record of the first word that drives it */
     uint8_t sensors;     /* control_sensors_t */
-    uint8_t noisy; /* bits of the raw counts that calibrated sensors give: at rest they are not constant */
-    bool marks_missing; /* a step without a sample gets counts of INT16_MIN; else the last sample again */
+    uint8_t counts;      /* raw counts of a step */
+    uint8_t inputs;      /* and words of commands, in whole frames */
+    bool marks_missing;  /* a step without a sample gets counts of INT16_MIN; else the last sample again */
+    bool owner_alone;    /* setpoints and commands come from the owner of the run; else from the named link */
+#if CONTROL_COMMANDS_MAX > 0U
+    const control_command_t *commands;
+    uint8_t command_count;
+#endif
 } control_system_t;
 
 /* Of the system in use; of one that this image does not have: a record of two zeros, no
@@ -69,8 +83,8 @@ void control_init(control_t *c, const plumb_params_t *p);
  * if a sum of its step could overflow. Call before parameters come into use, not in every step. */
 bool control_params_valid(const plumb_params_t *p);
 
-/* One step. raw: counts; setpoint: in the system's unit (its declaration says which). The result is in the
- * words. */
+/* One step. raw: counts, then words of commands; setpoint: in the system's unit (its declaration says which).
+ * The result is in the words. */
 void control_step(control_t *c, const plumb_params_t *p, const int16_t raw[PLUMB_RAW_MAX], int32_t setpoint);
 
 /* Other values of live parameters (host/plumb/spec/parameters.toml) from the next step on: moves the state of

@@ -318,7 +318,7 @@ void plumb_turntable_step(plumb_turntable_t *c, const plumb_params_t *p, const i
                                    w->acceleration_turnps2_q28[2]};
     const bool adjacent = w->angular.gap_steps == 0U;
     w->step++;
-    for (unsigned i = 0; i < PLUMB_RAW_MAX; i++)
+    for (unsigned i = 0; i < sizeof w->raw / sizeof w->raw[0]; i++)
         w->raw[i] = raw[i];
     w->setpoint = setpoint;
     turntable_step_t s = {.rest = w->step <= p->fusion.rest_steps};

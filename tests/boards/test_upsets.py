@@ -23,7 +23,7 @@ from plumb.errors import LinkError
 from plumb.f103.machine import Machine
 from plumb.f103.snapshot import Snapshot
 from plumb.flash.elf import Elf
-from plumb.link.lockstep import samples_text
+from plumb.link.sample_codec import samples_text
 from plumb.link.session import Session
 from plumb.spec import parameters
 from plumb.spec.protocol import protocol

@@ -16,7 +16,7 @@ static void steps(setpoint_t *s, uint32_t count) {
 
 static void first_of_a_run(void) {
     setpoint_t s = {0};
-    setpoint_begin(&s);
+    setpoint_begin(&s, NULL);
     CHECK(setpoint_age(&s, 0U, 0U, PERIOD_US) == SETPOINT_COUNTS);
     CHECK(setpoint_age(&s, 0U, FRESH - 1U, PERIOD_US) == SETPOINT_COUNTS);
     CHECK(setpoint_age(&s, 0U, FRESH, PERIOD_US) == SETPOINT_OLD);
@@ -28,7 +28,7 @@ static void newer_than_the_last(void) {
     for (uint32_t at = 0xFF00U; at < 0x10100U; at++) {
         const uint16_t now = (uint16_t)at;
         setpoint_t s = {0};
-        setpoint_begin(&s);
+        setpoint_begin(&s, NULL);
         setpoint_number(&s, now);
         CHECK(setpoint_age(&s, now, now, PERIOD_US) == SETPOINT_REPEATED);
         CHECK(setpoint_age(&s, now, (uint16_t)(now + 1000U), PERIOD_US) == SETPOINT_REPEATED);
@@ -45,7 +45,7 @@ static void periods(void) {
     static const uint32_t period_us[] = {500U, 1000U, 2500U, 5000U, 20000U, 100000U};
     for (unsigned i = 0; i < sizeof period_us / sizeof *period_us; i++) {
         setpoint_t s = {0};
-        setpoint_begin(&s);
+        setpoint_begin(&s, NULL);
         for (uint32_t step = 0; step < 70000U; step++) {
             CHECK(setpoint_age(&s, (uint16_t)step, (uint16_t)(step + 1U), period_us[i]) == SETPOINT_COUNTS);
             setpoint_number(&s, (uint16_t)step);
@@ -59,7 +59,7 @@ static void after_silence(void) {
     static const uint32_t silent[] = {0x7FFEU, 0x7FFFU, 0x8000U, 0x9000U, 0xFFFEU, 0x10000U, 0x18000U};
     for (unsigned i = 0; i < sizeof silent / sizeof *silent; i++) {
         setpoint_t s = {0};
-        setpoint_begin(&s);
+        setpoint_begin(&s, NULL);
         setpoint_number(&s, 0x1234U);
         for (uint32_t step = 1U; step <= silent[i]; step++) {
             steps(&s, 1U);

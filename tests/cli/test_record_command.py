@@ -21,7 +21,7 @@ from plumb.errors import UsageError
 from plumb.inputs import log_replay
 from plumb.inputs.recorder import FrameLog, Recorder, RunMemory
 from plumb.link import monitor
-from plumb.link.session import Session
+from plumb.link.session import Session, raw_frames_of
 from plumb.link.transports.open_bus import serve_bus
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.link.transports.slcan_server import AdapterBus
@@ -244,7 +244,7 @@ def test_raw_counts_come_first_so_that_every_recording_can_be_replayed() -> None
     for system in declarations.names():
         for period_us in (500, 2_500, 100_000):
             chosen = monitor.selection(period_us, system, raw_first=True)
-            assert chosen[: len(raw := log_replay.raw_frames_of(system))] == raw and len(set(chosen)) == len(chosen)
+            assert chosen[: len(raw := raw_frames_of(system))] == raw and len(set(chosen)) == len(chosen)
 
 
 @needs_full_disk

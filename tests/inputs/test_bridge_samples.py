@@ -7,7 +7,7 @@ import pytest
 
 from plumb.inputs.bridge import Bridge
 from plumb.inputs.sample_assembler import Samples
-from plumb.link.lockstep import sample_frames
+from plumb.link.sample_codec import Said, sample_frames
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec.protocol import Frame, protocol
 from plumb.systems.quad import scenarios as quad
@@ -35,7 +35,7 @@ class SteadySensor:
             before = 0 if self.sent == 0 else self.setpoint
             if self.speaks:
                 raw = with_noise((*AT_REST[:5], self.sent), self.sent)
-                arrived += sample_frames(protocol(), self.sent, raw, self.setpoint, before)
+                arrived += sample_frames(protocol(), self.sent, raw, self.setpoint, Said(before))
             self.sent += 1
         return [(0.0, entry) for entry in arrived]
 
@@ -119,7 +119,7 @@ def test_samples_that_falter_at_the_start_put_arming_off(monkeypatch: pytest.Mon
 
 def test_a_split_sample_is_assembled_without_frames_of_another_board() -> None:
     samples, step = Samples(), 7
-    setpoint, second, first = sample_frames(protocol(), step, (1, 2, 3, 4, 5, 6), 99, 0)
+    setpoint, second, first = sample_frames(protocol(), step, (1, 2, 3, 4, 5, 6), 99)
     assert samples.assemble([(0.1, setpoint)]) == samples.assemble([(0.2, second)]) == []
     assert samples.assemble([(0.3, first), (0.4, second)]) == [(0.3, [setpoint, second, first])]
     assert samples.setpoint == setpoint
@@ -129,6 +129,6 @@ def test_a_split_sample_is_assembled_without_frames_of_another_board() -> None:
 
 def test_parts_whose_sample_never_came_give_way_to_newer_ones() -> None:
     samples = Samples()
-    _, old, _ = sample_frames(protocol(), 7, (1, 2, 3, 4, 5, 6), 99, 0)
-    _, new, first = sample_frames(protocol(), 8, (1, 2, 3, 7, 8, 9), 99, 0)
+    _, old, _ = sample_frames(protocol(), 7, (1, 2, 3, 4, 5, 6), 99)
+    _, new, first = sample_frames(protocol(), 8, (1, 2, 3, 7, 8, 9), 99)
     assert samples.assemble([(0.1, old), (0.2, new), (0.3, first)]) == [(0.3, [new, first])]

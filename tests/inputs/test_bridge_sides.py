@@ -16,7 +16,7 @@ from plumb.inputs.bridge import BACKLOG_WINDOW, Bridge
 from plumb.inputs.bus_tap import BusTap
 from plumb.inputs.frame_counts import BoardCounts
 from plumb.inputs.sensor_board import RESET_AFTER_S, SensorBoard
-from plumb.link.lockstep import sample_frames
+from plumb.link.sample_codec import sample_frames
 from plumb.link.session import Session
 from plumb.link.transports.open_bus import open_bus, serve_bus
 from plumb.link.transports.server_endpoint import TcpEndpoint
@@ -157,7 +157,7 @@ def test_the_board_misses_the_samples_that_the_bridge_leaves_out(
         before.connect()
         before.begin("REALTIME_INJECTED")
         for step in (0, 9):
-            before.send(sample_frames(protocol(), step, (2000,) * 6, 0, 0))
+            before.send(sample_frames(protocol(), step, (2000,) * 6))
         while before.telemetry.get("COUNTERS", {}).get("lost") != 8:
             before.receive(0.1)
     running = Running(sensor, board.spec)

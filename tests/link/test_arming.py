@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from plumb.errors import LinkError
-from plumb.link.lockstep import samples_text
+from plumb.link.sample_codec import samples_text
 from plumb.link.session import Session
 from plumb.link.transports.slcan import SlcanParser, text_of_frames
 from plumb.spec import parameters
@@ -188,11 +188,11 @@ def disarm_by_fault(board: NativeBoard, session: Session) -> None:
 
 
 def disarm_by_other_version(board: NativeBoard, session: Session) -> None:
-    board.say(frame("HELLO", 99, 0))
+    board.say(frame("HELLO", 99))
 
 
 def disarm_by_other_version_and_back(board: NativeBoard, session: Session) -> None:
-    board.say(frame("HELLO", 99, 0) + frame("HELLO", session.protocol.version, session.protocol.dbc_hash))
+    board.say(frame("HELLO", 99) + frame("HELLO", session.protocol.version, session.protocol.dbc_hash))
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from plumb.errors import LinkError
-from plumb.link.lockstep import sample_frames
+from plumb.link.sample_codec import sample_frames
 from plumb.link.session import Session
 from support.native_board import AT_REST, NativeBoard
 from support.noise import with_noise
@@ -44,7 +44,7 @@ class Source:
     def send(self, counts: Counts = honest, *, number: int | None = None, every_us: int = 0) -> None:
         """One sample, and a period of time."""
         at = self.number if number is None else number
-        self.session.frames.write_frames(sample_frames(self.session.protocol, at, counts(at), 0, 0))
+        self.session.frames.write_frames(sample_frames(self.session.protocol, at, counts(at)))
         self.number = at + 1
         self.wait(every_us or self.period_us)
 

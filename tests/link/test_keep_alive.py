@@ -16,7 +16,7 @@ from plumb.errors import LinkError, UsageError
 from plumb.f103.core.timeline import TICKS_PER_US
 from plumb.f103.machine import Machine
 from plumb.flash.image import find_image
-from plumb.link.lockstep import sample_frames
+from plumb.link.sample_codec import sample_frames
 from plumb.link.session import Session
 from plumb.proof.faults.outputs import Watch
 from plumb.spec import parameters
@@ -64,7 +64,7 @@ def drive(session: Session, run: str, period_us: int, raw: tuple[int, ...]) -> C
     def one_period(alive: bool) -> None:
         nonlocal step
         if run == "REALTIME_INJECTED":
-            session.frames.write_frames(sample_frames(session.protocol, step, with_noise(raw, step), 0, 0))
+            session.frames.write_frames(sample_frames(session.protocol, step, with_noise(raw, step)))
             step += 1
         end = session.clock() + period_us * 1e-6
         while (remaining := end - session.clock()) > 0:

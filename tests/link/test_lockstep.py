@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from plumb.errors import LinkError, UsageError
-from plumb.link.lockstep import Lockstep, samples_text
+from plumb.link.lockstep import Lockstep
 from plumb.link.realtime import Capture, unwrap
+from plumb.link.sample_codec import samples_text
 from plumb.link.session import Session
 from plumb.link.transports.slcan import SlcanParser
 from plumb.spec.protocol import protocol

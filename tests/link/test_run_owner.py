@@ -14,7 +14,7 @@ from plumb.errors import UsageError
 from plumb.f103.machine import Machine
 from plumb.flash.image import find_image
 from plumb.link.identity import NackError
-from plumb.link.lockstep import sample_frames
+from plumb.link.sample_codec import sample_frames
 from plumb.link.session import Session
 from plumb.spec import parameters
 from support.native_board import AT_REST
@@ -98,7 +98,7 @@ def test_samples_of_another_link_do_not_count(machine: Machine, role: str) -> No
     starved = []
 
     def inject(step: int) -> None:
-        other.frames.write_frames(sample_frames(other.protocol, step, (1700, 2400, 3000, 1, 2, 3), 0, 0))
+        other.frames.write_frames(sample_frames(other.protocol, step, (1700, 2400, 3000, 1, 2, 3)))
         starved.append(owner.telemetry.get("EVENTS", {}).get("starved", 0))
 
     periods(owner, other, inject, 100)
@@ -119,7 +119,7 @@ def test_the_owner_names_the_other_link_as_the_source(machine: Machine, role: st
 
     def inject(step: int) -> None:
         asked = STEER if armed else 0
-        frames = other.setpoint_frames(asked) + sample_frames(other.protocol, step, with_noise(AT_REST, step), 0, 0)
+        frames = other.setpoint_frames(asked) + sample_frames(other.protocol, step, with_noise(AT_REST, step))
         other.frames.write_frames(frames)
 
     periods(owner, other, inject, 200)

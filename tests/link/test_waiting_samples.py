@@ -11,7 +11,7 @@ pytest.importorskip("unicorn", reason="the virtual board needs unicorn (the extr
 from plumb.errors import UsageError
 from plumb.f103.machine import Machine
 from plumb.flash.image import find_image
-from plumb.link.lockstep import sample_frames
+from plumb.link.sample_codec import sample_frames
 from plumb.link.session import Session
 from plumb.spec import parameters
 from support.noise import with_noise
@@ -44,7 +44,7 @@ def test_a_full_queue_does_not_outlive_its_source(period_us: int) -> None:
 
     def inject() -> None:
         number = next(numbers)
-        session.frames.write_frames(sample_frames(session.protocol, number, with_noise(SAMPLE, number), 0, 0))
+        session.frames.write_frames(sample_frames(session.protocol, number, with_noise(SAMPLE, number)))
 
     def listen(duration_us: int) -> None:
         end_us = machine.now_us + duration_us

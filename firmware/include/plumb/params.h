@@ -12,7 +12,7 @@
 #include "plumb/tilt.h"
 #include "plumb/wheel.h"
 
-#define PLUMB_RAW_MAX 6 /* raw counts of a step; a system uses the first few */
+#define PLUMB_RAW_MAX 6 /* raw counts of a step, then words of commands; a system uses the first few */
 
 /* plumb_params_t.system */
 #define PLUMB_SYSTEM_QUAD 0U

@@ -18,7 +18,7 @@
 #define PLUMB_QUAD_FLAG_COMMAND_LIMITED (1U << 3) /* a limit of the controller acted */
 #define PLUMB_QUAD_FLAGS_SATURATED (PLUMB_QUAD_FLAG_GYRO_CLAMPED | PLUMB_QUAD_FLAG_ACCEL_Y_CLAMPED | PLUMB_QUAD_FLAG_ACCEL_Z_CLAMPED) /* raw counts outside their range */
 typedef struct {
-    int32_t raw[PLUMB_RAW_MAX]; /* counts, as given */
+    int32_t raw[6]; /* counts, as given */
     int32_t setpoint_turn_q32; /* as given: tilt asked for */
     int32_t rate_turnps_q28; /* calibrated gyro */
     int32_t accel_y_g_q26; /* calibrated acceleration along y */
@@ -47,7 +47,7 @@ typedef struct {
 #define PLUMB_BALANCER_FLAG_FALLEN (1U << 7) /* kept until the run ends: the duty is 0 */
 #define PLUMB_BALANCER_FLAGS_SATURATED (PLUMB_BALANCER_FLAG_GYRO_CLAMPED | PLUMB_BALANCER_FLAG_ACCEL_X_CLAMPED | PLUMB_BALANCER_FLAG_ACCEL_Z_CLAMPED | PLUMB_BALANCER_FLAG_WHEEL_CLAMPED) /* raw counts outside their range */
 typedef struct {
-    int32_t raw[PLUMB_RAW_MAX]; /* counts, as given */
+    int32_t raw[6]; /* counts, as given */
     int32_t setpoint_mps_q26; /* as given: velocity asked for */
     int32_t rate_turnps_q28; /* calibrated gyro */
     int32_t accel_x_g_q26; /* calibrated acceleration forward, the reaction to gravity: sin(tilt) at rest */
@@ -81,7 +81,7 @@ typedef struct {
 #define PLUMB_TURNTABLE_FLAG_GYRO_LOST (1U << 8) /* the gyro is silent for too long */
 #define PLUMB_TURNTABLE_FLAGS_SATURATED (PLUMB_TURNTABLE_FLAG_GYRO_SATURATED | PLUMB_TURNTABLE_FLAG_ANGULAR_SATURATED) /* raw counts outside their range */
 typedef struct {
-    int32_t raw[PLUMB_RAW_MAX]; /* counts, as given */
+    int32_t raw[6]; /* counts, as given */
     int32_t setpoint; /* as given: not used */
     plumb_prefilter_t gyro;
     plumb_prefilter_t angular;
@@ -114,7 +114,7 @@ typedef struct {
 #define PLUMB_PHONE_FLAG_PITCH_UNCORRECTED (1U << 3) /* no acceleration to speak of: falling */
 #define PLUMB_PHONE_FLAGS_SATURATED (PLUMB_PHONE_FLAG_GYRO_CLAMPED | PLUMB_PHONE_FLAG_ACCEL_CLAMPED) /* raw counts outside their range */
 typedef struct {
-    int32_t raw[PLUMB_RAW_MAX]; /* counts, as given */
+    int32_t raw[6]; /* counts, as given */
     int32_t setpoint_turn_q32; /* as given: not used */
     int32_t rate_x_turnps_q28; /* calibrated rate about x */
     int32_t rate_y_turnps_q28; /* calibrated rate about y */
@@ -155,7 +155,7 @@ typedef struct {
 #define PLUMB_ATTITUDE_FLAG_RESTARTED (1U << 8) /* the integrated velocity stayed beyond its limit: the filter began again */
 #define PLUMB_ATTITUDE_FLAGS_SATURATED (PLUMB_ATTITUDE_FLAG_GYRO_CLIPPED | PLUMB_ATTITUDE_FLAG_ACCEL_CLIPPED) /* raw counts outside their range */
 typedef struct {
-    int32_t raw[PLUMB_RAW_MAX]; /* counts, as given */
+    int32_t raw[6]; /* counts, as given */
     int32_t setpoint; /* as given: not used */
     int32_t rate_turnps_q28[3]; /* rate less bias and scale error, in body axes: turns the attitude */
     int32_t accel_g_q25[3]; /* calibrated acceleration in body axes */

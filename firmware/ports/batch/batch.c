@@ -116,27 +116,29 @@ void plumb_control_words(const void *control, const uint32_t *params, uint8_t *w
     memcpy(words, control_words(control), control_words_bytes(&p));
 }
 
-/* More steps of a run. raw: [steps][6]; words: [steps][plumb_sizeof_words(system)]. */
+/* More steps of a run. raw: [steps][inputs of the system]; words: [steps][plumb_sizeof_words(system)]. */
 void plumb_control_steps(void *control, const uint32_t *params, const int16_t *raw, const int32_t *setpoint,
                          int32_t steps, uint8_t *words) {
     const plumb_params_t p = params_of(params);
     const size_t bytes = control_words_bytes(&p);
+    const size_t inputs = control_system(&p)->inputs;
     for (int32_t i = 0; i < steps; i++) {
-        control_step(control, &p, raw + (size_t)i * PLUMB_RAW_MAX, setpoint[i]);
+        control_step(control, &p, raw + (size_t)i * inputs, setpoint[i]);
         memcpy(words + (size_t)i * bytes, control_words(control), bytes);
     }
 }
 
-/* A whole run from its start. raw: [steps][6]; words: [steps][plumb_sizeof_words(system)], may be NULL;
- * digests: [steps], may be NULL. */
+/* A whole run from its start. raw: [steps][inputs of the system]; words: [steps][plumb_sizeof_words(system)],
+ * may be NULL; digests: [steps], may be NULL. */
 void plumb_control_run(const uint32_t *params, const int16_t *raw, const int32_t *setpoint, int32_t steps,
                        uint8_t *words, uint32_t *digests) {
     const plumb_params_t p = params_of(params);
     const size_t bytes = control_words_bytes(&p);
+    const size_t inputs = control_system(&p)->inputs;
     control_t c;
     control_init(&c, &p);
     for (int32_t i = 0; i < steps; i++) {
-        control_step(&c, &p, raw + (size_t)i * PLUMB_RAW_MAX, setpoint[i]);
+        control_step(&c, &p, raw + (size_t)i * inputs, setpoint[i]);
         if (words)
             memcpy(words + (size_t)i * bytes, control_words(&c), bytes);
         if (digests)

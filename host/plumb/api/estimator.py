@@ -17,7 +17,6 @@ from plumb.proof.scenario_run import tuning_of
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
 from plumb.spec.records import Words
-from plumb.spec.system import RAW_CHANNELS
 from plumb.tuning.channels import NO_SAMPLE, counts_of, ideal_channel, with_channels
 from plumb.tuning.quantise import ControlParams, quantise
 
@@ -186,7 +185,7 @@ class Estimator:
         arguments.require_mapping(channels=channels)
         given = self._inputs({"gyr": gyr_radps, "acc": acc_mps2, "ang": ang_radps2})
         steps = len(next(iter(given.values())))
-        raw = np.zeros((steps, RAW_CHANNELS), np.int16)
+        raw = np.zeros((steps, self._declared.counts), np.int16)
         others = dict(channels or {})
         for place, channel in enumerate(self._declared.channels):
             if channel.axis:

@@ -259,7 +259,8 @@ def run_own(
     if given.ndim != 2 or not len(given):
         raise UsageError(f"raw counts of shape {given.shape}: give (N, 3 to 6), N at least 1")
     arguments.require_steps("raw", len(given))
-    counts, setpoints = check_inputs(given, np.zeros(len(given), np.int32) if setpoint is None else setpoint)
+    asked = np.zeros(len(given), np.int32) if setpoint is None else setpoint
+    counts, setpoints = check_inputs(params.system, given, asked)
     steps = len(counts)
     inputs = RunInputs(
         np.arange(steps, dtype=np.float64) * params.period_s,

@@ -35,7 +35,7 @@ class FixedParts:
         self._controller, self._system = run_fixed.Controller(params), params.system
 
     def run(self, raw: RawCounts, setpoint: Setpoints) -> npt.NDArray[np.uint32]:
-        counts, setpoints = run_fixed.check_inputs(raw, setpoint)
+        counts, setpoints = run_fixed.check_inputs(self._system, raw, setpoint)
         return Words.from_bytes(self._controller.run(counts, setpoints), (len(raw),), self._system).digests()
 
     def change(self, params: ControlParams) -> None:

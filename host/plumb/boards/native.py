@@ -33,10 +33,10 @@ class NativeStepper:
 
 class NativeParts:
     def __init__(self, params: ControlParams) -> None:
-        self._controller = native_core.Controller(params)
+        self._controller, self._system = native_core.Controller(params), params.system
 
     def run(self, raw: RawCounts, setpoint: Setpoints) -> npt.NDArray[np.uint32]:
-        return self._controller.run(*run_fixed.check_inputs(raw, setpoint)).digests()
+        return self._controller.run(*run_fixed.check_inputs(self._system, raw, setpoint)).digests()
 
     def change(self, params: ControlParams) -> None:
         self._controller.retune(params)

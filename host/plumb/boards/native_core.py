@@ -213,12 +213,12 @@ class Controller:
         self._core, self._params = c_core(), _u32(params.words())
         self._memory = np.zeros(self._core.plumb_sizeof_control() // 8 + 1, np.int64)
         self._record = np.zeros(1, RECORDS[params.system])
+        self._whole_inputs = declarations.system(params.system).whole_inputs
         self._core.plumb_control_init(_pointer(self._memory), _pointer(self._params))
 
     def step(self, raw: Sequence[int], setpoint: int) -> dict[str, int]:
-        """The words of this step by name; raw: up to 6 counts, the rest are 0."""
-        counts = np.zeros(6, np.int16)
-        counts[: len(raw)] = raw
+        """The words of this step by name; raw: the inputs, or the first of them (`System.whole_inputs`)."""
+        counts = np.array(self._whole_inputs(raw), np.int16)
         target = ctypes.c_int32(int(setpoint))
         self._core.plumb_control_step(_pointer(self._memory), _pointer(self._params), _pointer(counts), target)
         self._core.plumb_control_words(_pointer(self._memory), _pointer(self._params), _pointer(self._record))
@@ -247,15 +247,16 @@ class Controller:
 
 
 def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
-    """Words of every step of one or more runs. raw: (steps, up to 6 counts[, runs]); setpoint: (steps[, runs]); params:
-    one set, or one per run."""
-    counts, setpoints = check_inputs(raw, setpoint)
-    steps, runs = len(counts), counts.shape[2] if counts.ndim == 3 else 1
+    """Words of every step of one or more runs. raw: (steps, inputs[, runs]), as `check_inputs` takes them; setpoint:
+    (steps[, runs]); params: one set, or one per run."""
+    name = system_name(params)
+    counts, setpoints = check_inputs(name, raw, setpoint)
+    (steps, inputs), runs = counts.shape[:2], counts.shape[2] if counts.ndim == 3 else 1
     sets = [params] * runs if isinstance(params, ControlParams) else list(params)
     if len(sets) != runs:
         raise UsageError(f"{len(sets)} parameter sets were given for {runs} runs: give one, or one per run")
-    record = np.zeros((runs, steps), RECORDS[system_name(sets)])
-    by_run = np.ascontiguousarray(np.moveaxis(counts.reshape(steps, 6, runs), 2, 0), np.int16)
+    record = np.zeros((runs, steps), RECORDS[name])
+    by_run = np.ascontiguousarray(np.moveaxis(counts.reshape(steps, inputs, runs), 2, 0), np.int16)
     targets = np.ascontiguousarray(setpoints.reshape(steps, runs).T, np.int32)
     core = c_core()
     for run, one in enumerate(sets):
@@ -273,7 +274,7 @@ def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayL
 
 def run_changed(params: ControlParams, changes: Changes, raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
     """As `run_control` for one run, whose parameters change at the given steps; the state stays."""
-    counts, setpoints = check_inputs(raw, setpoint)
+    counts, setpoints = check_inputs(params.system, raw, setpoint)
     controller, parts = Controller(params), []
     for number, (part, now) in enumerate(parts_of(params, changes, len(counts))):
         if number:

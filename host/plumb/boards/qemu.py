@@ -22,8 +22,9 @@ import numpy as np
 from plumb.boards import Answer, Board, RawCounts, Setpoints, Stepper
 from plumb.checkout import CHECKOUT
 from plumb.errors import LinkError, UsageError
+from plumb.spec import dbc
 from plumb.spec.records import RECORDS, Words
-from plumb.systems.run_fixed import parts_of
+from plumb.systems.run_fixed import check_inputs, parts_of
 from plumb.systems.tasks import Task
 
 if TYPE_CHECKING:
@@ -33,7 +34,8 @@ PROGRAM = "qemu-system-arm"
 IMAGE = Path("build/stm32f103/plumb_qemu.elf")
 MAGIC_IN = 0x49424C50
 MAGIC_OUT = 0x4F424C50
-SAMPLE_DTYPE = np.dtype([("raw", "<i2", 6), ("setpoint", "<i4")])
+SAMPLE_DTYPE = np.dtype([("raw", "<i2", dbc.inputs_most()), ("setpoint", "<i4")], align=True)
+"""As the image has it: room for the inputs of any declared system."""
 START_UP_S = 30.0
 """Time limit of a run, plus 1 ms for every step: about a hundred times the usual time."""
 _EXIT_REASONS = {
@@ -123,7 +125,8 @@ class QemuBoard(Board):
     def run_changed(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Answer:
         steps = len(raw)
         samples = np.zeros(steps, SAMPLE_DTYPE)
-        samples["raw"], samples["setpoint"] = raw, setpoint
+        inputs, samples["setpoint"] = check_inputs(params.system, raw, setpoint)
+        samples["raw"][:, : inputs.shape[1]] = inputs
         given = [struct.pack("<3I", MAGIC_IN, len(params.words()), 1 + len(changes))]
         for part, now in parts_of(params, changes, steps):
             words = [word & 0xFFFF_FFFF for word in now.words()]

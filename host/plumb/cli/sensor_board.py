@@ -40,6 +40,7 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb import systems
     from plumb.inputs.sensor_board import SensorBoard
     from plumb.link.endpoint_names import CanName, parse_bus
+    from plumb.link.sample_codec import layout_of
     from plumb.link.transports.open_bus import serve_bus
     from plumb.process_signals import endings
     from plumb.systems.contracts import Plant
@@ -59,7 +60,10 @@ def main(arguments: argparse.Namespace) -> int:
         print(f"{arguments.system} sends samples on {bus.channel_info}; Ctrl-C ends it", flush=True)
         rest_s = REST_S if system.OUTPUT_FRAMES and not arguments.open_loop else 0.0
         greet = isinstance(parse_bus(arguments.bus), CanName)
-        board = SensorBoard(bus, plant, scenario.period_us, system.OUTPUT_FRAMES, greet=greet, rest_s=rest_s, say=say)
+        layout = layout_of(arguments.system)
+        board = SensorBoard(
+            bus, plant, scenario.period_us, system.OUTPUT_FRAMES, greet=greet, rest_s=rest_s, layout=layout, say=say
+        )
         board.run(lambda: bool(caught), arguments.seconds)
     summary = {"system": arguments.system, "samples": board.sent, "late": board.late}
     if arguments.json:

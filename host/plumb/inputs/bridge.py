@@ -26,14 +26,14 @@ from plumb.inputs.bus_end import (
 )
 from plumb.inputs.frame_counts import BoardCounts, Flow
 from plumb.inputs.latency import LatencyHistogram
-from plumb.inputs.sample_assembler import Samples
+from plumb.inputs.sample_assembler import SAMPLE_MESSAGES, Samples
 from plumb.link.identity import NackError, disarmed_text
 from plumb.link.real_time_watch import RealTimeWatch
 from plumb.link.realtime import Capture
 from plumb.link.session import BLOCKED_IMPLAUSIBLE, BLOCKED_NOT_READY, Session
 from plumb.link.transports.open_bus import open_bus
 from plumb.proof.shadow import Shadow
-from plumb.spec import dbc
+from plumb.spec import dbc, declarations
 from plumb.spec.parameters import control_part
 from plumb.spec.protocol import Frame, protocol
 from plumb.tuning.quantise import ControlParams
@@ -88,7 +88,7 @@ class Bridge:
     ) -> None:
         self.one_bus, self.direct = sensor == board, direct and sensor != board
         self.carries = not self.one_bus and not self.direct
-        self._sample_ids = {protocol()[name].identifier for name in ("SAMPLE_A", "SAMPLE_B", "SETPOINT")}
+        self._sample_ids = {protocol()[name].identifier for name in SAMPLE_MESSAGES}
         self.sensor = End(sensor, open_, None if self.carries else self._sample_ids)
         self.board_spec, self.board, self.counted = board, Flow(), BoardCounts()
         self.params, self.frames, self.link, self.params_of = params, frames, link, params_of
@@ -208,7 +208,7 @@ class Bridge:
         run = _Run(self, session, params)
         session.listener = run.forward_answers
         elsewhere = ("samples", "setpoints") if self.direct else ()
-        session.begin("REALTIME_INJECTED", frames=("RAW_A", "RAW_B", *named), elsewhere=elsewhere)
+        session.begin("REALTIME_INJECTED", frames=(*run.capture.raw_frames, *named), elsewhere=elsewhere)
         self.runs += 1
         self.say(f"run {self.runs}: samples come, the board steps")
         generation = self.sensor.generation
@@ -235,7 +235,9 @@ class _Run:
     """One run of the board: forwards samples to it and its frames to the sensor board, and feeds the shadow."""
 
     def __init__(self, bridge: Bridge, session: Session, params: ControlParams) -> None:
-        self.bridge, self.session, self.capture = bridge, session, Capture(session)
+        self.bridge, self.session = bridge, session
+        self.capture = Capture(session, dbc.raw_frames(declarations.system(params.system).inputs))
+        self._command_ids = [session.protocol[name].identifier for name in dbc.command_frames(dbc.command_words_most())]
         self._waiting: deque[tuple[float, tuple[int, ...]]] = deque()
         self._standing = self._surplus = self._seen = 0
         self._armed = self._disarmed = False
@@ -262,7 +264,7 @@ class _Run:
             if self._surplus and bridge.carries:
                 self._surplus -= 1
                 bridge.skipped += 1
-                frames = [frame for frame in frames if frame[0] == bridge._setpoint_id]
+                frames = [frame for frame in frames if frame[0] in (bridge._setpoint_id, *self._command_ids)]
             else:
                 self._waiting.append((time_s, tuple(bridge._sample_a.unpack(frames[-1][1])[2:])))
             if frames and bridge.carries:
@@ -270,13 +272,17 @@ class _Run:
                 bridge.down.note(time.monotonic() - time_s)
 
     def told(self, frames: list[Frame]) -> list[Frame]:
-        """The frames, with every SETPOINT in the session's own words: the sensor board knows neither the tag of this
-        run nor its steps."""
-        message = self.session.protocol["SETPOINT"]
-        result = []
+        """The frames, with every SETPOINT and its commands in the session's own words: the sensor board knows neither
+        the tag of this run nor its steps."""
+        known = self.session.protocol
+        message = known["SETPOINT"]
+        result: list[Frame] = []
+        commands: tuple[int, ...] = ()
         for identifier, data in frames:
-            if identifier == message.identifier:
-                result += self.session.setpoint_frames(message.unpack(data)[3])
+            if identifier in self._command_ids:
+                commands += known.by_identifier[identifier].unpack(data)[2:]
+            elif identifier == message.identifier:
+                result += self.session.setpoint_frames(message.unpack(data)[3], commands or None)
             else:
                 result.append((identifier, data))
         return result

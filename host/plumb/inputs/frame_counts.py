@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from plumb.spec import dbc
 from plumb.spec.protocol import check, protocol
+
+_RAW = dbc.raw_frames(dbc.inputs_most())
+_PARTS = (*dbc.sample_frames(dbc.counts_most())[1:], *dbc.command_frames(dbc.command_words_most()), "SETPOINT")
 
 
 @dataclass
@@ -32,8 +36,8 @@ class Flow:
         if message.name == "HELLO":
             self.forget()  # a host counts anew from there
         # SAMPLE and RAW are numbered by their step in six bits; one of four repeats what its SAMPLE_A says.
-        wide = message.name in ("SAMPLE_A", "SAMPLE_B", "RAW_A", "RAW_B")
-        if message.name not in ("SAMPLE_B", "SETPOINT"):
+        wide = message.name in ("SAMPLE_A", *_RAW)
+        if message.name not in _PARTS:
             mask = 63 if wide else 15
             number = data[1] & mask
             last = self._last.get(identifier)

@@ -24,14 +24,13 @@ from plumb.inputs.logged_parameters import ParametersInUse, UsedParameters, chan
 from plumb.inputs.logged_runs import LoggedRun, Steps, runs_in
 from plumb.inputs.recorded_digests import Compared, LongReplay, replay_long
 from plumb.link import foreign_frames
-from plumb.link.session import RAW_FRAMES
+from plumb.link.session import raw_frames_of
 from plumb.link.used_tables import TableChange
 from plumb.proof import runs
 from plumb.proof.compare import Divergence
 from plumb.proof.report import Statement
 from plumb.proof.runs import Run, RunInputs
 from plumb.proof.scenario_run import ScenarioRun
-from plumb.spec import declarations
 from plumb.tuning.quantise import Changes
 
 SUFFIXES = (SUFFIX, *foreign_frames.READ)
@@ -41,11 +40,6 @@ SUFFIXES = (SUFFIX, *foreign_frames.READ)
 def open_log(path: Path) -> Log:
     """A log of plumb's own, or the frames of another tool's. Raises UsageError."""
     return read_log(path) if path.suffix.lower() == SUFFIX else frame_files.read_frames(path)
-
-
-def raw_frames_of(system: str) -> tuple[str, ...]:
-    """The RAW frames that carry the counts of a system."""
-    return RAW_FRAMES[: 1 + (len(declarations.system(system).channels) > 3)]
 
 
 @dataclass(frozen=True)

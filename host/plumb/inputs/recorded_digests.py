@@ -73,7 +73,7 @@ def replay_long(run: LoggedRun, steps: int, params: ControlParams, changes: Chan
     hidden = None if steps > BAR_STEPS else True
     with tqdm(total=steps, desc=board.name, unit="step", leave=False, disable=hidden) as bar:
         for part in run.parts(steps):
-            counts, setpoints = run_fixed.check_inputs(part.raw, part.setpoint)
+            counts, setpoints = run_fixed.check_inputs(params.system, part.raw, part.setpoint)
             data = []
             for piece in _pieces(part, left):
                 if isinstance(piece, ControlParams):

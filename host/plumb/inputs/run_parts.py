@@ -18,6 +18,7 @@ import numpy.typing as npt
 from plumb.errors import UsageError
 from plumb.inputs.log_file import ERROR, EXTENDED, FRAME, REMOTE, Frames
 from plumb.link.realtime import SetpointReports
+from plumb.link.session import RAW_FRAMES
 from plumb.link.transports.slcan import crc8_columns
 from plumb.link.used_tables import TABLE_MESSAGES
 from plumb.spec import dbc
@@ -44,9 +45,8 @@ PART_STEPS = 1 << 15
 """Most steps of a part."""
 MOST_TABLE_FRAMES = 1 << 18
 """Most frames of one run that tell of parameters: its whole table, read a thousand times."""
-_UNNUMBERED = ("STEP", "RAW_A", "RAW_B", "SAMPLE_A", "SAMPLE_B", "SETPOINT")
+_UNNUMBERED = ("STEP", "SAMPLE_A", "SAMPLE_B", "SETPOINT", *RAW_FRAMES)
 """Messages whose counter is a step number, or that the board does not send."""
-_RAW = ("RAW_A", "RAW_B")
 
 
 class TableFrame(NamedTuple):
@@ -60,9 +60,9 @@ class TableFrame(NamedTuple):
 
 @dataclass(frozen=True)
 class Steps:
-    """Consecutive steps of a run, from number `first` on. All arrays (n,), raw (n, 6); a value that did not arrive is
-    0. raw_known: whether all of a step's RAW frames came; time_us: when its STEP was received; values: of the signals
-    that came, raw integers, and which."""
+    """Consecutive steps of a run, from number `first` on. All arrays (n,), raw (n, 6 or more) with room for the inputs
+    of any system; a value that did not arrive is 0. raw_known: whether all of a step's RAW frames came; time_us: when
+    its STEP was received; values: of the signals that came, raw integers, and which."""
 
     first: int
     raw: npt.NDArray[np.int16]
@@ -175,7 +175,8 @@ class RunReader:
         self._known = np.array(sorted(messages.by_identifier), np.uint32)
         self._step, self._ack = messages["STEP"], messages["ACK"]
         self._system_ids = [i for i in messages.by_identifier if dbc.of_system(i)]
-        numbered = [self._step.identifier, *(messages[name].identifier for name in _RAW), *self._system_ids]
+        self._raw = [name for name in RAW_FRAMES if name in messages.messages]
+        numbered = [self._step.identifier, *(messages[name].identifier for name in self._raw), *self._system_ids]
         self._numbered = np.array(numbered, np.uint32)
         self._table_ids = [messages[name].identifier for name in TABLE_MESSAGES if name in messages.messages]
         self._run: RunState | None = None
@@ -298,7 +299,7 @@ class RunReader:
         run.end = end
         self._note(run, window, fresh)
         self._seen = end
-        raw = {name: self._raw_of(name, window) for name in _RAW}
+        raw = {name: self._raw_of(name, window) for name in self._raw}
         run.raw_frames |= {name for name, (steps, _) in raw.items() if len(steps)}
         signals = {i: self._signals_of(i, window) for i in self._system_ids}
         numbered = [window.numbers, *(steps for steps, _ in raw.values()), *(steps for steps, _ in signals.values())]
@@ -353,9 +354,9 @@ class RunReader:
     ) -> Steps:  # fmt: skip
         """The next `count` steps."""
         first = run.emitted
-        counts, raw_known = np.zeros((count, 6), np.int16), np.ones(count, np.bool_)
+        counts, raw_known = np.zeros((count, 3 * len(RAW_FRAMES)), np.int16), np.ones(count, np.bool_)
         for name, (steps, values) in raw.items():
-            offset = 3 * (name == "RAW_B")
+            offset = 3 * RAW_FRAMES.index(name)
             here, inside = _placed(steps, first, count)
             counts[here, offset : offset + 3] = values[inside]
             if name in run.needed:

@@ -1,8 +1,17 @@
-"""Assemble the frames of a sensor board to whole samples: SETPOINT and SAMPLE_B precede their SAMPLE_A."""
+"""Assemble the frames of a sensor board to whole samples: commands, SETPOINT and the other frames of a sample precede
+their SAMPLE_A."""
 
 from __future__ import annotations
 
+from plumb.spec import dbc
 from plumb.spec.protocol import Frame, protocol
+
+SAMPLE_MESSAGES = (
+    *dbc.sample_frames(dbc.counts_most()),
+    *dbc.command_frames(dbc.command_words_most()),
+    "SETPOINT",
+)
+"""Messages that a sensor board sends for a step."""
 
 
 class Samples:
@@ -12,7 +21,7 @@ class Samples:
     def __init__(self) -> None:
         names = protocol()
         self._last, self._setpoint = names["SAMPLE_A"].identifier, names["SETPOINT"].identifier
-        self._parts = {self._last, self._setpoint, names["SAMPLE_B"].identifier}
+        self._parts = {names[name].identifier for name in SAMPLE_MESSAGES}
         self.forget()
 
     def forget(self) -> None:

@@ -20,9 +20,9 @@ from collections.abc import Callable, Mapping
 
 import can
 
-from plumb.link.lockstep import sample_frames
 from plumb.link.real_time_watch import RealTimeWatch
 from plumb.link.said_setpoint import SaidSetpoint
+from plumb.link.sample_codec import InputLayout, sample_frames
 from plumb.spec.protocol import check, protocol
 from plumb.systems.contracts import Plant
 
@@ -48,12 +48,14 @@ class SensorBoard:
         *,
         greet: bool = False,
         rest_s: float = 0.0,
+        layout: InputLayout | None = None,
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
         """plant: creates the plant at the beginning of the scenario. outputs: word of the record -> (frame, signal)
         that carries it. greet: send HELLO while no board is heard, as a node on the board's CAN bus must. rest_s:
         length of the rest at the beginning of the scenario, repeated until the board is armed; 0 runs the scenario
-        at once. say: called with a sentence when the samples fall behind real time, and when they keep up again."""
+        at once. layout: inputs of the system; None: six counts. say: called with a sentence when the samples fall
+        behind real time, and when they keep up again."""
         self.bus, self.plant, self.period_s = bus, plant(), period_us * 1e-6
         self._new_plant = plant
         self.sent = self.late = 0
@@ -62,7 +64,9 @@ class SensorBoard:
         self._outputs = [(self._protocol[frame].identifier, signal, word) for word, (frame, signal) in outputs.items()]
         self._values: dict[str, int] = {}
         self._setpoint = self._run_tag = 0
+        self._layout = layout or InputLayout()
         self._said = SaidSetpoint(self._protocol)
+        self._said.begin(self._layout.neutral)
         self._step_s = self._heard_s = self._greeted_s = float("-inf")
         self._driven_s: float | None = None
         self._greet = greet
@@ -104,9 +108,11 @@ class SensorBoard:
             self._said.say(setpoint, repeats=True)
         if self._said.due(now_s, armed=True):
             told, number = self._protocol["SETPOINT"], self._said.next_step
+            for frame in self._said.set_frames(self._run_tag):
+                self._send(*frame)
             self._send(told.identifier, told.pack(self.sent & 15, self._run_tag, number, self._said.value))
             self._said.sent(now_s)
-        for frame in sample_frames(self._protocol, self.sent, counts, 0, 0):
+        for frame in sample_frames(self._protocol, self.sent, counts[: self._layout.counts], layout=self._layout):
             self._send(*frame)
         self.sent += 1
         while (message := self.bus.recv(0)) is not None:
@@ -125,7 +131,7 @@ class SensorBoard:
             tag = self._protocol["TIME"].decode(data)["run_tag"]
             if tag != self._run_tag:
                 self._run_tag, self._setpoint = tag, 0  # a new run begins with setpoint 0: send it again
-                self._said.begin()
+                self._said.begin(self._layout.neutral)
         self._said.follow([(identifier, data)])
         if identifier == self._protocol["STEP"].identifier:
             self.armed, self._step_s = bool(data[1] >> 4 & 1), self._clock()

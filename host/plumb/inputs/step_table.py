@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from plumb.inputs.run_parts import Steps
 from plumb.spec import declarations
 from plumb.spec.arrays import BoolArray
 from plumb.spec.signals import UNITS, signals
+from plumb.spec.system import System
 from plumb.tuning.channels import NO_SAMPLE, values_of
 
 Values = npt.NDArray[np.float64 | np.int64 | np.int16 | np.uint32]
@@ -29,6 +31,15 @@ class Column:
     values: Values
     known: BoolArray | None = None
     frame: str = ""
+
+
+def _commands(declared: System, run: Steps, raw_frames: Sequence[str]) -> Iterator[Column]:
+    """The commands that each step used, in the integers of the system."""
+    for command, place in zip(declared.step_commands, declared.command_places() if raw_frames else (), strict=False):
+        words = run.raw[:, place : place + command.size].astype(np.int64)
+        low = words[:, :-1] & 0xFFFF
+        whole = words[:, -1] << 16 * (command.size - 1) | (low[:, 0] if command.size > 1 else 0)
+        yield Column(f"command_{command.name}", "", whole, run.raw_known)
 
 
 def table_of(recorded: RecordedRun, part: Steps | None = None) -> list[Column]:
@@ -58,7 +69,7 @@ def table_of(recorded: RecordedRun, part: Steps | None = None) -> list[Column]:
             sign = -1.0 if channel.axis.startswith("-") else 1.0
             there = run.raw_known & (counts != NO_SAMPLE) if declared.missing_samples == "marked" else run.raw_known
             sensed.append(Column(f"{axis}_{suffix}", unit, sign * sensor, there))
-    found += sensed
+    found += [*sensed, *_commands(declared, run, whole.raw_frames)]
     units = {suffix: unit for unit, suffix in UNITS.items()}
     values: Values
     for key, name, scale in signals(recorded.system):

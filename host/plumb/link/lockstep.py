@@ -7,114 +7,17 @@ number, and answers a repeated sample with the digest of its step. A run complet
 from __future__ import annotations
 
 import struct
-from binascii import hexlify
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from plumb.errors import LinkError, UsageError
+from plumb.errors import LinkError
 from plumb.link.identity import NackError, nack_error
 from plumb.link.retries import IN_FLIGHT, REPLY_TIMEOUT_S, TRIES
+from plumb.link.sample_codec import Said, WholeNumbers, sample_frames, samples_text, whole_inputs
 from plumb.link.session import Session
-from plumb.link.transports.slcan import SlcanParser, crc8_columns, text_of_frames
-from plumb.spec.protocol import Frame, Protocol
-
-_WITH_B, _WITH_SETPOINT = 0x40, 0x80
-_LINE = 22
-
-
-WholeNumbers = npt.NDArray[Any]  # Any: integers of any width, or floats without a fraction
-
-
-def frame_lines(
-    identifier: int | npt.NDArray[np.int64], second: npt.NDArray[np.uint8], body: npt.NDArray[np.uint8]
-) -> npt.NDArray[np.uint8]:
-    """SLCAN lines, shape (n, 22), of frames with their CRC.
-
-    identifier: one for all frames, or (n,); second: byte 1, (n,); body: bytes 2 to 7, (n, 6).
-    """
-    count = len(second)
-    entry = np.zeros((count, 10), np.uint8)
-    entry[:, 0], entry[:, 1] = identifier >> 4, (identifier << 4 | 8) & 0xFF
-    entry[:, 3], entry[:, 4:] = second, body
-    entry[:, 2] = np.frombuffer(crc8_columns(entry.tobytes()), np.uint8)
-    lines = np.full((count, _LINE), ord("\r"), np.uint8)
-    lines[:, 0] = ord("t")
-    lines[:, 1:21] = np.frombuffer(hexlify(entry.tobytes()).upper(), np.uint8).reshape(count, 20)
-    return lines
-
-
-@dataclass(frozen=True)
-class SampleText:
-    """Samples as SLCAN text. The lines of step i are text[ends[i]:ends[i + 1]]."""
-
-    text: bytes
-    ends: npt.NDArray[np.int64]
-
-    def part(self, first: int, end: int) -> bytes:
-        return self.text[self.ends[first] : self.ends[end]]
-
-
-def samples_text(
-    protocol: Protocol,
-    raw: WholeNumbers,
-    setpoint: WholeNumbers,
-    step: int = 0,
-    before: int = 0,
-    run_tag: int = 0,
-) -> SampleText:
-    """SLCAN text of the samples from number `step` on. raw: int16 counts, (n, 3) or (n, 6); setpoint: (n,) turn_q32.
-
-    Channels 3 to 5 are sent only if one of them is not zero, a setpoint only if it differs from the previous one
-    (`before` for the first sample). run_tag: of the run, in every SETPOINT.
-    """
-    raw = np.asarray(raw)
-    setpoint = np.asarray(setpoint, np.int64)
-    if raw.ndim != 2 or raw.shape[1] not in (3, 6) or setpoint.shape != (len(raw),):
-        raise UsageError(f"samples are (n, 3) or (n, 6) and setpoints (n,), not {raw.shape} and {setpoint.shape}")
-    if raw.size and (raw.min() < -32768 or raw.max() > 32767):
-        raise UsageError("a raw count is outside -32768 to 32767")
-    counts = np.zeros((len(raw), 6), "<i2")
-    counts[:, : raw.shape[1]] = raw
-    numbers = step + np.arange(len(raw))
-    second: npt.NDArray[np.uint8] = (numbers & 63).astype(np.uint8)
-    has_b = counts[:, 3:].any(axis=1)
-    has_setpoint = np.diff(setpoint, prepend=before) != 0
-    body = np.zeros((len(raw), 6), np.uint8)
-    body[:, :2] = (numbers & 0xFFFF).astype("<u2").view(np.uint8).reshape(-1, 2)
-    body[:, 2:] = (setpoint & 0xFFFFFFFF).astype("<u4").view(np.uint8).reshape(-1, 4)
-    flagged = second | (has_b * _WITH_B).astype(np.uint8) | (has_setpoint * _WITH_SETPOINT).astype(np.uint8)
-    rows = np.stack(
-        [
-            frame_lines(protocol["SETPOINT"].identifier, (numbers & 15 | run_tag << 4).astype(np.uint8), body),
-            frame_lines(protocol["SAMPLE_B"].identifier, second, np.ascontiguousarray(counts[:, 3:]).view(np.uint8)),
-            frame_lines(protocol["SAMPLE_A"].identifier, flagged, np.ascontiguousarray(counts[:, :3]).view(np.uint8)),
-        ],
-        axis=1,
-    )
-    sent = np.stack([has_setpoint, has_b, np.ones(len(raw), bool)], axis=1)
-    ends = np.concatenate([[0], np.cumsum(sent.sum(axis=1) * _LINE)])
-    return SampleText(rows[sent].tobytes(), ends)
-
-
-def sample_frames(
-    protocol: Protocol, step: int, raw: Sequence[int], setpoint: int, before: int, run_tag: int = 0
-) -> list[Frame]:
-    """Frames of one sample of up to six counts, with the setpoint if it differs from `before`; as samples_text(), but
-    without arrays."""
-    counter, high = step & 15, step >> 4 & 3
-    rest = tuple(raw[3:]) if any(raw[3:]) else ()
-    frames = []
-    if setpoint != before:
-        frames.append(("SETPOINT", protocol["SETPOINT"].pack(counter, run_tag, step & 0xFFFF, setpoint)))
-    if rest:
-        frames.append(("SAMPLE_B", protocol["SAMPLE_B"].pack(counter, high, *rest)))
-    flags = high | bool(rest) << 2 | (setpoint != before) << 3
-    frames.append(("SAMPLE_A", protocol["SAMPLE_A"].pack(counter, flags, *raw[:3])))
-    return [(protocol[name].identifier, data) for name, data in frames]
+from plumb.link.transports.slcan import SlcanParser, text_of_frames
 
 
 @dataclass(frozen=True)
@@ -135,21 +38,23 @@ class Lockstep:
     def __init__(self, session: Session, frames: tuple[str, ...] = (), words: tuple[int, ...] = ()) -> None:
         self.session = session
         self.step = 0
-        self._setpoint = 0
         self._step_id = session.protocol["STEP"].identifier
         self._word_id = session.protocol["WORD"].identifier
         self._nack_id = session.protocol["NACK"].identifier
         self._text_parser = SlcanParser()
         self._pair = struct.Struct("<BBHI")
         session.begin("LOCKSTEP", frames, words)
+        self._layout = session.input_layout()
+        self._said = Said(0, self._layout.neutral)
 
     def run(self, raw: WholeNumbers, setpoint: WholeNumbers) -> npt.NDArray[np.uint32]:
-        """Send n samples; returns their digests, shape (n,). raw: (n, 3) or (n, 6) counts; setpoint: (n,) turn_q32.
+        """Send n samples; returns their digests, shape (n,). raw: inputs, (n, 3 or more); setpoint: (n,) turn_q32.
 
         Raises LinkError if the board stops answering.
         """
         tag = self.session.run_tag
-        samples = samples_text(self.session.protocol, raw, setpoint, self.step, self._setpoint, tag)
+        inputs = whole_inputs(self._layout, raw)
+        samples = samples_text(self.session.protocol, inputs, setpoint, self.step, self._said, tag, self._layout)
         count, base = len(samples.ends) - 1, self.step
         digests = np.zeros(count, np.uint32)
         done = sent = stalled = 0
@@ -188,7 +93,7 @@ class Lockstep:
                     raise LinkError(f"the board stopped answering after step {base + done}: check cable and power")
         self.step += count
         if count:
-            self._setpoint = int(np.asarray(setpoint)[-1])
+            self._said = Said(int(np.asarray(setpoint)[-1]), tuple(inputs[-1, self._layout.counts :].tolist()))
         return digests
 
     def exchange(self, raw: tuple[int, ...], setpoint_turn_q32: int = 0) -> StepReply:
@@ -199,7 +104,7 @@ class Lockstep:
         """
         session, step = self.session, self.step
         text = text_of_frames(
-            sample_frames(session.protocol, step, raw, setpoint_turn_q32, self._setpoint, session.run_tag)
+            sample_frames(session.protocol, step, raw, setpoint_turn_q32, self._said, session.run_tag, self._layout)
         )
         pending, known = session.selection.count() + 1, session.protocol.by_identifier
         values: dict[str, int] = {}
@@ -231,7 +136,8 @@ class Lockstep:
                         pending -= 1
             if not pending:
                 self.step += 1
-                self._setpoint = setpoint_turn_q32
+                commands = tuple(raw[self._layout.counts : self._layout.size]) or self._layout.neutral
+                self._said = Said(setpoint_turn_q32, commands)
                 return StepReply(step, digest, values, words, bool(flags & 4))
             if digest >= 0:
                 raise LinkError(f"words of step {step} were lost on the link: run again")

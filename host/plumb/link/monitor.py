@@ -16,7 +16,7 @@ from typing import Any
 from plumb.errors import LinkError
 from plumb.link.identity import BLOCKED, FAULTS, IMPLAUSIBLE, bits_text, plausibility_text, sensors_text
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES
-from plumb.link.session import PERIODIC, RAW_FRAMES, Session, selectable
+from plumb.link.session import PERIODIC, RAW_FRAMES, Session, raw_frames_of, selectable
 from plumb.link.unarmable import blocked_texts
 from plumb.spec import dbc, declarations
 from plumb.spec.protocol import Frame, protocol
@@ -43,8 +43,7 @@ def selection(period_us: int, system: str, *, raw_first: bool = False) -> tuple[
     """The frames to select so that they fill at most two thirds of the UART, STEP included, at one step per period_us.
 
     Chosen in declared order, the raw counts last; raw_first: the raw counts in any case, then the others."""
-    channels = len(declarations.system(system).channels)
-    raw, named = RAW_FRAMES[: 1 + (channels > 3)], dbc.frame_names(system)
+    raw, named = raw_frames_of(system), dbc.frame_names(system)
     room = int(LINE_FRAMES_PS * period_us * 1e-6 * 2 / 3) - 1
     if raw_first:
         return (*raw, *named)[: max(len(raw), room)]
@@ -176,7 +175,10 @@ class Monitor:
     def snapshot(self) -> Snapshot:
         """The state of the board by name, with the unit in the name; None for what is not received at present."""
         status, counters, events, sensors, plausibility, can = (self._fresh(name) or {} for name in PERIODIC[1:])
-        step, raw = self._fresh("STEP"), {**(self._fresh("RAW_A") or {}), **(self._fresh("RAW_B") or {})}
+        step = self._fresh("STEP")
+        raw: dict[str, int] = {}
+        for name in RAW_FRAMES:
+            raw |= self._fresh(name) or {}
         counted = self.session.counters
         mode = status.get("mode")
         values = self._values()
@@ -194,7 +196,7 @@ class Monitor:
             **values,
             "attitude": all_or_none(values, *QUATERNION),
             "rates_dps": all_or_none(values, *(f"rate_{axis}_dps" for axis in QUATERNION[1:])),
-            "raw": [raw[name] for name in (f"raw_{i}" for i in range(6)) if name in raw] or None,
+            "raw": [raw[name] for name in (f"raw_{i}" for i in range(3 * len(RAW_FRAMES))) if name in raw] or None,
             "saturated_steps": events.get("saturated"),
             "starved_steps": events.get("starved"),
             "disarm_cause": _texts(events.get("disarm_cause", 0), BLOCKED)

@@ -16,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.errors import LinkError
-from plumb.link.lockstep import WholeNumbers, sample_frames
 from plumb.link.realtime import Capture
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES
-from plumb.link.session import RAW_FRAMES, Session
+from plumb.link.sample_codec import WholeNumbers, layout_of, sample_frames, whole_inputs
+from plumb.link.session import Session, raw_frames_of
 from plumb.spec import declarations, parameters
 from plumb.spec.protocol import Frame
 from plumb.tuning.quantise import Changes, ControlParams
@@ -56,13 +56,15 @@ class PacedRun:
     def __init__(self, session: Session, system: str, changes: Changes, raw: WholeNumbers, setpoint: WholeNumbers):
         channels = len(declarations.system(system).channels)
         self._session, self._channels = session, channels
-        self._raw, self._setpoint = np.asarray(raw, np.int16), np.asarray(setpoint, np.int64)
+        self._layout = layout_of(system)
+        self._raw, self._setpoint = whole_inputs(self._layout, raw), np.asarray(setpoint, np.int64)
         self._tables = _tables_of(session.parameters.table or (), changes)
         self._left = deque(self._tables)
         self._to_stage: deque[tuple[int, int]] = deque()
         self._words: Sequence[int] = session.parameters.table or ()
-        self._sent = self._answered = self._sent_setpoint = 0
-        self._capture = Capture(session, RAW_FRAMES[: 1 + (channels > 3)])
+        self._sent = self._answered = 0
+        self._sent_set = 0, self._layout.neutral
+        self._capture = Capture(session, raw_frames_of(system))
 
     def run(self) -> PacedAnswer:
         """Run every step; the board is left idle. Raises LinkError if the board stops answering."""
@@ -109,14 +111,14 @@ class PacedRun:
             frames.append(session.frame("PARAM_COMMIT", len(table.words), table.crc32))
             self._words = table.words
             self._choose_words()
-        wanted = int(self._setpoint[step])
-        if wanted != self._sent_setpoint:
-            frames += session.setpoint_frames(wanted)
-            self._sent_setpoint = wanted
+        wanted = int(self._setpoint[step]), tuple(self._raw[step, self._layout.counts :].tolist())
+        if wanted != self._sent_set:
+            frames += session.setpoint_frames(*wanted)
+            self._sent_set = wanted
         end = min(step + SAMPLES_AHEAD, len(self._raw))
         for number in range(self._sent, end):
             counts = [int(one) for one in self._raw[number]]
-            frames += sample_frames(session.protocol, number, counts, 0, 0)
+            frames += sample_frames(session.protocol, number, counts[: self._layout.counts], layout=self._layout)
         self._sent = max(self._sent, end)
         for _ in range(min(STAGED_PER_STEP, len(self._to_stage))):
             frames.append(session.frame("PARAM_SET", *self._to_stage.popleft()))
@@ -133,12 +135,14 @@ class PacedRun:
 
     def _confirmed(self, count: int) -> tuple[int, str]:
         """How many steps from the first on used what was meant for them, and why not all of them."""
-        capture, channels = self._capture, self._channels
+        capture = self._capture
+        used = capture.raw_counts(count)[:, : self._layout.size]
         ends = [(count, "")]
         lost = capture.first_doubt(count)
         if lost is not None:
             ends.append((lost, f"the board's frames of step {lost} did not all arrive"))
-        other = np.flatnonzero((capture.raw_counts(count) != self._raw)[:, :channels].any(axis=1))
+        carried = [*range(self._channels), *range(self._layout.counts, self._layout.size)]
+        other = np.flatnonzero((used != self._raw)[:, carried].any(axis=1))
         if len(other):
             ends.append((int(other[0]), f"the sample of step {other[0]} did not reach the board in time"))
         other = np.flatnonzero(capture.setpoints.of_steps(count) != self._setpoint)

@@ -66,7 +66,8 @@ class Capture:
     """Frames of one real-time run, collected by step.
 
     raw_frames: the frames that carry the counts of a step; with (), any that arrive, and 0 for a missing count.
-    digest, raw: by step number, unwrapped; raw holds the six counts of a step once all its raw_frames have come.
+    digest, raw: by step number, unwrapped; raw holds the inputs of a step (0 where the system has none) once all its
+    raw_frames have come.
     values: (frame, signal) -> step -> raw integer, of other selected frames. setpoints: the setpoints of the run.
     steps: number of steps received so far.
     disarmed_step: the last step at which the board was found to have disarmed. tables: the parameters of the run from
@@ -74,7 +75,7 @@ class Capture:
     """
 
     session: Session
-    raw_frames: Collection[str] = RAW_FRAMES
+    raw_frames: Collection[str] = RAW_FRAMES[:2]
     digest: dict[int, int] = field(default_factory=dict)
     raw: dict[int, list[int]] = field(default_factory=dict)
     values: dict[tuple[str, str], dict[int, int]] = field(default_factory=dict)
@@ -87,7 +88,8 @@ class Capture:
     def __post_init__(self) -> None:
         messages = self.session.protocol
         self._step, self._used = messages["STEP"], messages["SETPOINT_USED"]
-        self._raw = {messages["RAW_A"].identifier: 0, messages["RAW_B"].identifier: 3}
+        self._raw = {messages[name].identifier: 3 * place for place, name in enumerate(RAW_FRAMES)}
+        self._inputs = 3 * len(RAW_FRAMES)
         self._raw_message = messages["RAW_A"]
         self._time = messages["TIME"]
         self.tables = UsedTables(messages, self.session.parameters.table)
@@ -138,7 +140,7 @@ class Capture:
 
     def _note_raw(self, step: int, identifier: int, counts: list[int]) -> None:
         """Record the three counts of a RAW frame."""
-        came, whole = self._part.setdefault(step, (set(), [0] * 6))
+        came, whole = self._part.setdefault(step, (set(), [0] * self._inputs))
         came.add(identifier)
         at = self._raw[identifier]
         whole[at : at + 3] = counts
@@ -188,8 +190,10 @@ class Capture:
         return min(missing[:1] + ([self.setpoints.doubt] if self.setpoints.doubt is not None else []), default=None)
 
     def raw_counts(self, steps: int) -> npt.NDArray[np.int16]:
-        """Shape (steps, 6); zero where lost."""
-        return np.array([self.raw.get(step, [0] * 6) for step in range(steps)], np.int16).reshape(steps, 6)
+        """The inputs of the steps, with room for those of any system; zero where lost. Shape (steps, 6 or more)."""
+        return np.array([self.raw.get(step, [0] * self._inputs) for step in range(steps)], np.int16).reshape(
+            steps, self._inputs
+        )
 
     def digests(self, steps: int) -> npt.NDArray[np.uint32]:
         """Shape (steps,); zero where lost."""

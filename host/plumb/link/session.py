@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import random
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Self
@@ -27,12 +27,14 @@ from plumb.link.nonces import execute_with_nonce
 from plumb.link.parameter_transfer import ParameterTransfer
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES, LinkCounters
 from plumb.link.said_setpoint import SETPOINT_EVERY_S, SaidSetpoint
+from plumb.link.sample_codec import InputLayout, layout_of
 from plumb.link.transports.byte_stream import Channel
 from plumb.link.transports.can_bus import AnyBus, FrameBus
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import dbc, declarations, parameters
 from plumb.spec.protocol import Frame, protocol
 from plumb.spec.records import RECORDS
+from plumb.spec.system import COUNTS_LEAST
 
 KEEPALIVE_EVERY_S = 0.01
 """Interval at which the board issues a keep-alive value; the host answers each."""
@@ -66,13 +68,29 @@ class Selection:
         return len(self.frames) + len(self.words)
 
 
-RAW_FRAMES = ("RAW_A", "RAW_B")
-"""Frames with the raw counts of a step, the same for every system."""
+RAW_FRAMES = dbc.raw_frames(dbc.inputs_most())
+"""Frames with the inputs of a step, of the system with the most."""
+MORE_RAW_BIT = 14
+"""Bit of SELECT bank 0 of RAW_C; the frames after it follow."""
+
+
+def raw_frames_of(system: str) -> tuple[str, ...]:
+    """The RAW frames that carry the counts of a system's channels and its commands."""
+    declared = declarations.system(system)
+    channels = len(declared.channels)
+    return dbc.raw_frames(declared.inputs if declared.step_commands or channels > COUNTS_LEAST else channels)
+
+
+def select_bits(system: str) -> dict[str, int]:
+    """Frames that can be selected for a system, with their bits of SELECT bank 0."""
+    raw, named = dbc.raw_frames(declarations.system(system).inputs), dbc.frame_names(system)
+    bits = {name: bit for bit, name in enumerate((*raw[:2], *named))}
+    return {**bits, **{name: MORE_RAW_BIT + i for i, name in enumerate(raw[2:])}}
 
 
 def selectable(system: str) -> tuple[str, ...]:
     """Frames that can be selected for a system, in the order of the bits of SELECT bank 0."""
-    return (*RAW_FRAMES, *dbc.frame_names(system))
+    return tuple(select_bits(system))
 
 
 @dataclass
@@ -103,7 +121,7 @@ class Session:
         self.listening = Listening(self.clock)
         self._sent: dict[int, int] = {}
         self._received: dict[int, int] = {}
-        numbered = ("RAW_A", "RAW_B", "STEP")
+        numbered = (*RAW_FRAMES, "STEP")
         self._numbered = {self.protocol[name].identifier for name in numbered}
         self._kept = {self.protocol[name].identifier: name for name in PERIODIC}
         self._pumped: list[Frame] = []
@@ -181,7 +199,7 @@ class Session:
             wait_s = max(0.0, end - self.clock())
             if self.fast is None:
                 wait_s = min(wait_s, PRESENCE_EVERY_S)
-            if self.armed and self.setpoint.value:
+            if self.armed and self.setpoint.moves:
                 wait_s = min(wait_s, SETPOINT_EVERY_S)
             before_s = self.clock()
             frames = self._read(max(wait_s, shortest_s))
@@ -229,7 +247,10 @@ class Session:
         if not self.setpoint.due(now_s, armed=self.armed):
             return []
         self.setpoint.sent(now_s)
-        return [self.frame("SETPOINT", self.setpoint.next_step, self.setpoint.value, flags=self.run_tag)]
+        return [
+            *self.setpoint.set_frames(self.run_tag),
+            self.frame("SETPOINT", self.setpoint.next_step, self.setpoint.value, flags=self.run_tag),
+        ]
 
     def _say_setpoint(self) -> None:
         frames = self._setpoint_due()
@@ -390,13 +411,14 @@ class Session:
         """Select the telemetry of the steps: frames of selectable(), words by position in the record. Allowed during a
         run. Raises UsageError for an unknown frame or word."""
         chosen = Selection(tuple(frames), tuple(sorted(set(words))))
-        known = RAW_FRAMES if set(chosen.frames) <= set(RAW_FRAMES) else selectable(self.system)
+        first_two = {name: bit for bit, name in enumerate(RAW_FRAMES[:2])}
+        known = first_two if set(chosen.frames) <= set(first_two) else select_bits(self.system)
         for frame in chosen.frames:
             if frame not in known:
                 raise UsageError(f"no frame '{frame}' can be selected; {self.system} has {', '.join(known)}")
         record_words = self.record_words
         banks = [0] * (1 + (record_words + 31) // 32)
-        banks[0] = sum(1 << known.index(frame) for frame in set(chosen.frames))
+        banks[0] = sum(1 << known[frame] for frame in set(chosen.frames))
         for word in chosen.words:
             if not 0 <= word < record_words:
                 raise UsageError(f"the board's record has no word {word}")
@@ -429,7 +451,7 @@ class Session:
         flags = sum(1 << message.flags[f"{what}_elsewhere"][0] for what in elsewhere)
         detail = execute_with_nonce(self, "RUN_BEGIN", message.value("run", run), flags)
         self.run_tag = detail >> RUN_TAG_SHIFT & RUN_TAG_MASK
-        self.setpoint.begin()
+        self.setpoint.begin(self.input_layout().neutral)
 
     def end(self) -> int:
         """End the run and disarm; returns its number of steps, modulo 2^16."""
@@ -479,11 +501,26 @@ class Session:
         self._pumped += frames
         self._send_presence()
 
-    def setpoint_frames(self, setpoint_turn_q32: int) -> list[Frame]:
-        """A setpoint for a run in real time, to be sent in one write with other frames, and not repeated. Without a
-        frame while no step has come since the setpoint before it: then `receive` and `pump` send it."""
-        self.setpoint.say(setpoint_turn_q32, repeats=False)
+    def input_layout(self) -> InputLayout:
+        """The inputs of a step of the system in use."""
+        return layout_of(self.system) if len(RAW_FRAMES) > 2 else InputLayout()
+
+    def setpoint_frames(self, setpoint_turn_q32: int, commands: tuple[int, ...] | None = None) -> list[Frame]:
+        """A setpoint for a run in real time, to be sent in one write with other frames, and not repeated. commands:
+        words that come with it; None: those said last. Without a frame while no step has come since the setpoint before
+        it: then `receive` and `pump` send it."""
+        self.setpoint.say(setpoint_turn_q32, commands, repeats=False)
         return self._setpoint_due()
+
+    def set_commands(self, values: Mapping[str, int], setpoint_turn_q32: int | None = None) -> None:
+        """Set the commands of a run in real time, all of them at once: those that are not given get the value that
+        they have when nothing sets them. setpoint_turn_q32: that comes with them; None: the one said last.
+
+        They are sent, counted and repeated with the setpoint (`set_setpoint`). Raises UsageError for an unknown name
+        and for a value beyond its limits, LinkError as set_setpoint does.
+        """
+        commands = declarations.system(self.system).pack_commands(values)
+        self._set(self.setpoint.value if setpoint_turn_q32 is None else setpoint_turn_q32, commands)
 
     def set_setpoint(self, setpoint_turn_q32: int) -> None:
         """Set the setpoint of a run in real time, turn_q32. The board reports the first step that uses it in
@@ -492,8 +529,11 @@ class Session:
         `receive` and `pump` repeat it while this session keeps the board armed. Raises LinkError when the arming of
         this session has ended by itself: another host may have the board by now.
         """
+        self._set(setpoint_turn_q32, None)
+
+    def _set(self, setpoint_turn_q32: int, commands: tuple[int, ...] | None) -> None:
         self.pump()  # what has arrived meanwhile has the newest step, and may say that the arming is over
         if self.holding.over and (setpoint_turn_q32 or self.holding.another):
             raise LinkError(f"the setpoint is not sent, because {self.holding.over}: arm again")
-        self.setpoint.say(setpoint_turn_q32, repeats=True)
+        self.setpoint.say(setpoint_turn_q32, commands, repeats=True)
         self._say_setpoint()

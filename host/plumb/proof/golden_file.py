@@ -3,7 +3,7 @@
 One line of JSON (at most 64 KiB), then binary, little endian, without compression:
 
     {"format", "name", "system", "on_link", "steps", "columns", "setpoint", "params", "final"} and a newline
-    int16  raw      (steps, columns)   the columns of the raw counts that are not all zero
+    int16  raw      (steps, columns)   the columns of the inputs (counts, words of commands) that are not all zero
     int32  setpoint (steps,)           left out when the header's "setpoint" is a number: constant
     uint32 digest   (steps,)           CRC-32 of every step's words
     uint32 check                       CRC-32 of every byte before it, the header included
@@ -38,6 +38,7 @@ from plumb.proof.golden_recipe import MAX_STEPS, is_name
 from plumb.proof.golden_task_file import task_fields, task_of_fields
 from plumb.spec import declarations, parameters
 from plumb.spec.records import RECORDS
+from plumb.spec.system import COMMAND_WORDS_MAX, COUNTS_MAX
 from plumb.systems.tasks import Task
 from plumb.tuning.quantise import ControlParams
 
@@ -45,16 +46,15 @@ FORMAT = "plumb golden 3"
 TASK_FORMAT = "plumb golden 4"
 SUFFIX = ".golden"
 MAX_HEADER_BYTES = 1 << 16
-MAX_FILE_BYTES = MAX_HEADER_BYTES + 20 * MAX_STEPS + 4
-"""Header; for every step six counts, a setpoint and a digest; the check value."""
-_CHANNELS = 6
+MAX_FILE_BYTES = MAX_HEADER_BYTES + (2 * (COUNTS_MAX + COMMAND_WORDS_MAX) + 8) * MAX_STEPS + 4
+"""Header; for every step the inputs, a setpoint and a digest; the check value."""
 _FIELDS = {"format", "name", "system", "on_link", "steps", "columns", "setpoint", "params", "final"}
 _TASK_FIELDS = _FIELDS | {"kind", "changes", "tables", "unit_turn2_q56"}
 
 
 @dataclass(frozen=True)
 class Vector:
-    """One golden vector. raw: (steps, 6) int16; setpoint: (steps,) int32; digests: (steps,) uint32."""
+    """One golden vector. raw: (steps, inputs) int16; setpoint: (steps,) int32; digests: (steps,) uint32."""
 
     name: str
     system: str
@@ -134,7 +134,8 @@ class Vector:
         columns = header["columns"]
         if not isinstance(columns, list):
             raise ValueError("columns is no list")
-        columns = [integer(column, 0, _CHANNELS - 1, "a column") for column in columns]
+        inputs = declarations.system(system).inputs
+        columns = [integer(column, 0, inputs - 1, "a column") for column in columns]
         if columns != sorted(set(columns)):
             raise ValueError("the columns are not in ascending order")
         constant = header["setpoint"]
@@ -151,7 +152,7 @@ class Vector:
             raise ValueError(f"it says {former}, which is named {now} now")
         params = ControlParams.of(system, values)
         final = integers(header["final"], "final")
-        raw = np.zeros((steps, _CHANNELS), np.int16)
+        raw = np.zeros((steps, inputs), np.int16)
         raw[:, columns] = np.frombuffer(payload[:counts_bytes], "<i2").reshape(steps, len(columns))
         if constant is None:
             varying = np.frombuffer(payload[counts_bytes : counts_bytes + setpoint_bytes], "<i4")

@@ -123,7 +123,8 @@ def pieces(params: ControlParams, draw: Draw, steps: int) -> tuple[Counts, Count
     """Counts (steps, 6) and setpoints (steps,)."""
     declared = declarations.system(params.system).channels
     channels = [_Channel(params, channel.calibration) for channel in declared]
-    raw, setpoint = np.zeros((steps, 6), np.int64), np.zeros(steps, np.int64)
+    whole = declarations.system(params.system).whole_inputs([])
+    raw, setpoint = np.tile(np.array(whole, np.int64), (steps, 1)), np.zeros(steps, np.int64)
     longest, at, now = draw.of((3, 20, 60, 60)), 0, 0
     while at < steps:
         count = min(1 + draw.below(longest), steps - at)

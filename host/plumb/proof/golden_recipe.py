@@ -38,7 +38,10 @@ from plumb.files import toml_text
 from plumb.proof.golden_random import random_bits
 from plumb.proof.golden_reach import reach
 from plumb.proof.golden_tasks import task_of
+from plumb.spec import declarations
+from plumb.spec.system import COUNTS_LEAST, System
 from plumb.systems.contracts import fitted
+from plumb.systems.run_fixed import check_inputs
 from plumb.systems.tasks import KINDS, Task
 from plumb.tuning.quantise import ControlParams, quantise
 
@@ -52,8 +55,8 @@ EXTREME_COUNTS = np.array([-32768, -32767, -4096, -1, 0, 1, 1675, 2047, 2048, 40
 EXTREME_ANGLES = np.array([0, 1, -1, 2**29, -(2**29), 2**30, -(2**30), 2**31 - 1, -(2**31), -(2**31) + 1])
 
 
-def _counts(seed: int, steps: int) -> npt.NDArray[np.int64]:
-    return (random_bits(seed, steps * 6) >> np.uint64(48)).astype(np.int64).reshape(steps, 6) - 32768
+def _counts(seed: int, steps: int, inputs: int) -> npt.NDArray[np.int64]:
+    return (random_bits(seed, steps * inputs) >> np.uint64(48)).astype(np.int64).reshape(steps, inputs) - 32768
 
 
 def _angles(seed: int, steps: int) -> npt.NDArray[np.int64]:
@@ -66,41 +69,41 @@ def _held(values: npt.NDArray[np.int64], seed: int, longest: int) -> npt.NDArray
     return np.repeat(values, lengths, axis=0)[: len(values)]
 
 
-def _uniform(seed: int, steps: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def _uniform(seed: int, steps: int, inputs: int = COUNTS_LEAST) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Uniformly random 16-bit counts and 32-bit setpoints, new in every step."""
-    return _counts(seed, steps), _angles(seed, steps)
+    return _counts(seed, steps, inputs), _angles(seed, steps)
 
 
-def _extremes(seed: int, steps: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def _extremes(seed: int, steps: int, inputs: int = COUNTS_LEAST) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Limits of the formats and of the ADC, and values next to them, held for up to 20 steps."""
-    counts = EXTREME_COUNTS[_counts(seed, steps) % len(EXTREME_COUNTS)]
+    counts = EXTREME_COUNTS[_counts(seed, steps, inputs) % len(EXTREME_COUNTS)]
     angles = EXTREME_ANGLES[_angles(seed, steps) % len(EXTREME_ANGLES)]
     return _held(counts, seed, 20), _held(angles, seed + 1, 50)
 
 
-def _steps(seed: int, steps: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def _steps(seed: int, steps: int, inputs: int = COUNTS_LEAST) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """12-bit counts that jump, then stay for up to 200 steps."""
-    return _held(_counts(seed, steps) & 4095, seed, 200), _held(_angles(seed, steps), seed + 1, 300)
+    return _held(_counts(seed, steps, inputs) & 4095, seed, 200), _held(_angles(seed, steps), seed + 1, 300)
 
 
-def _walk(seed: int, steps: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def _walk(seed: int, steps: int, inputs: int = COUNTS_LEAST) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """12-bit counts that wander from rail to rail, and a setpoint that rotates through whole turns."""
-    wander = np.cumsum(_counts(seed, steps) % 129 - 64, axis=0) + 2048
+    wander = np.cumsum(_counts(seed, steps, inputs) % 129 - 64, axis=0) + 2048
     folded = np.abs((wander + 4095) % 8190 - 4095)
     return folded, ((np.cumsum(_angles(seed, steps) // 64) + 2**31) % 2**32) - 2**31
 
 
-def _spin(seed: int, steps: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def _spin(seed: int, steps: int, inputs: int = COUNTS_LEAST) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Whole turns: gravity rotates with a matching gyro rate, so that tilt and innovation pass +-180 degrees."""
     angle = np.cumsum(np.full(steps, 0.02 + seed * 0.001))
-    raw = np.zeros((steps, 6))
+    raw = np.zeros((steps, inputs))
     raw[:, 0] = 1675.0 + 60.0 * np.sin(angle / 50.0)
     raw[:, 1], raw[:, 2] = 2048.0 + 992.0 * np.sin(angle), 2048.0 + 992.0 * np.cos(angle)
-    noise = _counts(seed, steps) % 7 - 3
+    noise = _counts(seed, steps, inputs) % 7 - 3
     return np.rint(raw).astype(np.int64) + noise * (raw != 0), _held(_angles(seed, steps), seed, 100)
 
 
-WILD: dict[str, Callable[[int, int], tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]]] = {
+WILD: dict[str, Callable[..., tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]]] = {
     "uniform": _uniform,
     "extremes": _extremes,
     "steps": _steps,
@@ -152,15 +155,18 @@ class Entry:
         if self.wild == REACH:
             return reach(params, self.seed, self.steps, frozenset(self.words))
         if self.wild:
-            raw, setpoint = WILD[self.wild](self.seed, self.steps)
-            return params, raw.astype(np.int16), setpoint.astype(np.int32)
+            declared = declarations.system(self.system)
+            wild, asked = WILD[self.wild](self.seed, self.steps, declared.inputs)
+            return params, _within_limits(declared, wild).astype(np.int16), asked.astype(np.int32)
         run = system.scenario(
             self.scenario or system.DEFAULT_SCENARIO,
             self.seed,
             seconds=(self.begin + self.steps) * tuning.period_us * 1e-6,
             period_us=tuning.period_us,
         )
-        return self._exact(quantise(fitted(run, tuning))), run.counts()[self.begin :], run.setpoint()[self.begin :]
+        setpoint = run.setpoint()[self.begin :]
+        raw = check_inputs(self.system, run.counts()[self.begin :], setpoint)[0].astype(np.int16)
+        return self._exact(quantise(fitted(run, tuning))), raw, setpoint
 
     def task(self) -> Task | None:
         """What it asks of a board beside steps; None: nothing."""
@@ -171,6 +177,20 @@ class Entry:
         if not self.words:
             return params
         return ControlParams.of(params.system, {**params.own(), **self.words}, params.lsb_deg2)
+
+
+def _within_limits(declared: System, raw: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """The inputs with commands that a board takes, and 0 behind them."""
+    rows = [
+        declared.pack_commands(
+            {
+                command.name: min(max(command.value(row[at : at + command.size]), command.low), command.high)
+                for command, at in zip(declared.step_commands, declared.command_places(), strict=True)
+            }
+        )
+        for row in raw.tolist()
+    ]
+    return np.hstack([raw[:, : declared.counts], np.array(rows, np.int64).reshape(len(raw), -1)])
 
 
 def _changed(part: Any, path: list[str], value: Any) -> Any:

@@ -18,6 +18,7 @@ from plumb.proof import limits
 from plumb.proof.compare import Divergence, count_mismatches, first_divergence
 from plumb.proof.report import Plot, Statement
 from plumb.proof.run_identity import part_of
+from plumb.spec import declarations
 from plumb.spec.arrays import BoolArray, FloatArray
 from plumb.spec.records import Words
 from plumb.spec.system_parts import Part
@@ -185,7 +186,8 @@ def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Run:
     from tqdm import tqdm
 
     plant, stepper = systems.load(params.system).plant(scenario), board.stepper(params)
-    raw, setpoint = np.zeros((scenario.steps, 6), np.int16), scenario.setpoint()
+    declared = declarations.system(params.system)
+    raw, setpoint = np.zeros((scenario.steps, declared.inputs), np.int16), scenario.setpoint()
     truth: list[dict[str, float]] = []
     digests = np.zeros(scenario.steps, np.uint32)
     outputs: dict[str, int] = {}
@@ -193,7 +195,7 @@ def closed_loop(board: Board, scenario: Scenario, params: ControlParams) -> Run:
         time_s = step * scenario.period_us * 1e-6
         plant.follow(time_s, outputs)
         counts = plant.counts(time_s)
-        raw[step] = counts
+        raw[step] = declared.whole_inputs(counts)
         truth.append(plant.truth(time_s))
         output = stepper.step(counts, int(setpoint[step]))
         digests[step], outputs = output.digest, output.outputs

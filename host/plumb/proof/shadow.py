@@ -103,7 +103,7 @@ class Shadow:
         if self.changes:
             return
         step = self.divergence.step
-        raw = np.array(self._raw, np.int16).reshape(-1, 6)
+        raw = np.array(self._raw, np.int16).reshape(len(self._setpoints), -1)
         setpoints = np.array(self._setpoints, np.int32)
         expected = run_fixed.run_control(self.params, raw, setpoints)
         actual = LinkBoard("board", session).words_of_step(self.params, raw, setpoints, step)

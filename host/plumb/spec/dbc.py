@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from plumb.spec.declarations import systems
-from plumb.spec.system import FRAMES_MAX, NUMBERS, Frame, Part, System
+from plumb.spec.system import FRAMES_MAX, NUMBERS, WORDS_PER_FRAME, Frame, Part, System
 
 LINK_PATH = Path(__file__).with_name("link_messages.dbc")
 FIRST_BLOCK, BLOCK = 0x300, 0x40
@@ -102,6 +102,85 @@ def _comments(system: System, index: int) -> Iterable[str]:
             yield f'CM_ SG_ {identifier} {part.name} "Of the step. Bits: {bits}.";'
 
 
+_SAMPLES, _RAWS, _COMMANDS = "CD", "CDEFGHIJ", "ABCDEF"
+"""Letters of the frames that only systems with more inputs have."""
+_FIRST_SAMPLE, _FIRST_COMMAND, _FIRST_RAW = 0x023, 0x028, 0x123
+
+
+def counts_most() -> int:
+    """The most raw counts that a step of any system has."""
+    return max(system.counts for system in systems().values())
+
+
+def inputs_most() -> int:
+    """The most inputs that a step of any system has: raw counts and words of commands."""
+    return max(system.inputs for system in systems().values())
+
+
+def command_words_most() -> int:
+    """The most words of commands that a step of any system has, in whole frames."""
+    return max(system.inputs - system.counts for system in systems().values())
+
+
+def sample_frames(counts: int) -> tuple[str, ...]:
+    """Frames of a sample with so many counts, in the order of the counts."""
+    return ("SAMPLE_A", "SAMPLE_B", *(f"SAMPLE_{letter}" for letter in _SAMPLES))[: -(-counts // WORDS_PER_FRAME)]
+
+
+def raw_frames(inputs: int) -> tuple[str, ...]:
+    """Frames with so many inputs of a step, in the order of the inputs."""
+    return ("RAW_A", "RAW_B", *(f"RAW_{letter}" for letter in _RAWS))[: -(-inputs // WORDS_PER_FRAME)]
+
+
+def command_frames(words: int) -> tuple[str, ...]:
+    """Frames of a set of commands with so many words, in the order of the words."""
+    return tuple(f"COMMAND_{letter}" for letter in _COMMANDS)[: -(-words // WORDS_PER_FRAME)]
+
+
+def _three(identifier: int, name: str, board: bool, flags: str, words: Iterable[str]) -> str:
+    """A message of three signed words; board: the sender. flags: `name bit|width`."""
+    sender, receiver = ("BOARD", "HOST") if board else ("HOST", "BOARD")
+    flag, place = flags.split()
+    high = (1 << int(place.rpartition("|")[2])) - 1
+    lines = [
+        f"BO_ {identifier} {name}: 8 {sender}",
+        f' SG_ crc8 : 0|8@1+ (1,0) [0|255] "" {receiver}',
+        f' SG_ counter : 8|4@1+ (1,0) [0|15] "" {receiver}',
+        f' SG_ {flag} : {place}@1+ (1,0) [0|{high}] "" {receiver}',
+    ]
+    lines += [
+        f' SG_ {word} : {bit}|16@1- (1,0) [-32768|32767] "LSB" {receiver}'
+        for word, bit in zip(words, (16, 32, 48), strict=True)
+    ]
+    return "\n".join(lines) + "\n\n"
+
+
+def _more_inputs() -> tuple[str, str]:
+    """Messages and comments of the frames that carry more inputs than the link's own frames."""
+    messages, comments = "", ""
+    for i, name in enumerate(sample_frames(counts_most())[2:]):
+        at = 3 * (i + 2)
+        words = [f"raw_{at + k}" for k in range(3)]
+        messages += _three(_FIRST_SAMPLE + i, name, False, "step_high 12|2", words)
+        comments += f'CM_ BO_ {_FIRST_SAMPLE + i} "As SAMPLE_B: channels {at} to {at + 2}, sent before SAMPLE_A.";\n'
+    for i, name in enumerate(command_frames(command_words_most())):
+        words = [f"command_{3 * i + k}" for k in range(3)]
+        messages += _three(_FIRST_COMMAND + i, name, False, "run_tag 12|4", words)
+        comments += (
+            f'CM_ BO_ {_FIRST_COMMAND + i} "Words {3 * i} to {3 * i + 2} of a set of commands, sent before the '
+            'SETPOINT that completes the set. Counter: the low four bits of its step number.";\n'
+        )
+    for i, name in enumerate(raw_frames(inputs_most())[2:]):
+        at = 3 * (i + 2)
+        words = [f"raw_{at + k}" for k in range(3)]
+        messages += _three(_FIRST_RAW + i, name, True, "step_high 12|2", words)
+        comments += (
+            f'CM_ BO_ {_FIRST_RAW + i} "As RAW_A: inputs {at} to {at + 2} of this step, raw counts and then words of '
+            'commands.";\n'
+        )
+    return messages, comments
+
+
 def text() -> str:
     """The whole DBC: the messages of the link and the frames of all systems, those on PLUMB_SYSTEM_PATH included."""
     link = LINK_PATH.read_text(encoding="utf-8")
@@ -114,7 +193,8 @@ def text() -> str:
         for system in systems().values()
         for number, name in system.signals().items()
     )
+    more, about = _more_inputs()
     return (
-        link[:comments] + frames + link[comments:values].rstrip("\n") + "\n" + described + "\n"
+        link[:comments] + more + frames + link[comments:values].rstrip("\n") + "\n" + about + described + "\n"
         f"VAL_ 259 index{signals} ;\n" + link[values:]
     )

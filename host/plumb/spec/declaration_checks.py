@@ -11,13 +11,17 @@ from collections.abc import Sequence
 from plumb.errors import UsageError
 from plumb.spec.base_units import BASE_UNITS, unknown_part
 from plumb.spec.system import (
+    COMMAND_SOURCES,
+    COMMAND_TYPES,
+    COMMAND_WORDS_MAX,
+    COUNTS_MAX,
     FRAMES_MAX,
     NUMBERS,
     OUTPUTS,
-    RAW_CHANNELS,
     SENSORS,
     TYPES,
     WORDS_MAX,
+    Command,
     System,
     TomlTable,
     group_of,
@@ -59,6 +63,7 @@ def _check_units(system: System) -> None:
     own += [row["name"].rpartition(".")[2] for row in system.parameters]
     stated = [(f"word {word.name}", word.unit) for word in system.words]
     stated += [(f"channel {channel.name}", channel.unit) for channel in system.channels]
+    stated += [(f"command {command.name}", command.unit) for command in system.step_commands]
     stated += [(f"parameter {row['name']}", row["unit"]) for row in system.parameters]
     for what, unit in stated:
         part = unknown_part(unit, own)
@@ -173,6 +178,32 @@ def _check_folder(system: System) -> None:
             raise UsageError(f"default_for: {part} is {part}.py, which is missing")
 
 
+def check_commands(commands: Sequence[Command]) -> None:
+    """Raises UsageError for a malformed input that a host sets."""
+    for command in commands:
+        _check_text("a command", command.name, _LOWER)
+        _check_text(f"command {command.name}: doc", command.doc)
+        _check_text(f"command {command.name}: unit", command.unit)
+        if not isinstance(command.type, str) or command.type not in COMMAND_TYPES:
+            raise UsageError(
+                f"command {command.name}: the type is {' or '.join(COMMAND_TYPES)}, not {command.type!r:.40}"
+            )
+        if not isinstance(command.format, str) or not _FORMAT.fullmatch(command.format):
+            raise UsageError(f"command {command.name}: the format is Q and a number of bits, integer, bits or choice")
+        most = 1 << COMMAND_TYPES[command.type] - 1
+        for key in ("low", "high", "default"):
+            if type(value := getattr(command, key)) is not int:
+                raise UsageError(f"command {command.name}: {key} is an integer, not {value!r:.40}")
+        if not -most <= command.low <= command.default <= command.high < most:
+            raise UsageError(
+                f"command {command.name}: low {command.low}, default {command.default} and high {command.high} "
+                f"have to rise and fit {command.type}"
+            )
+    words = sum(command.size for command in commands)
+    if words > COMMAND_WORDS_MAX:
+        raise UsageError(f"commands have at most {COMMAND_WORDS_MAX} words of 16 bits, not {words}")
+
+
 def check(system: System, shared: Sequence[TomlTable]) -> None:
     """Raises UsageError with the first mistake of a declaration. shared: the rows of the shared parameter groups."""
     if type(system.number) is not int or system.number not in NUMBERS:
@@ -192,8 +223,10 @@ def check(system: System, shared: Sequence[TomlTable]) -> None:
         raise UsageError(f"missing_samples is held or marked, not {system.missing_samples}")
     if system.optimise not in ("speed", "size"):
         raise UsageError(f"optimise is speed or size, not {system.optimise}")
-    if len(system.channels) > RAW_CHANNELS:
-        raise UsageError(f"a sample has {RAW_CHANNELS} channels, not {len(system.channels)}")
+    if len(system.channels) > COUNTS_MAX:
+        raise UsageError(f"a sample has at most {COUNTS_MAX} channels, not {len(system.channels)}")
+    if system.command_source not in COMMAND_SOURCES:
+        raise UsageError(f"command_source is one of {', '.join(COMMAND_SOURCES)}, not {system.command_source!r:.40}")
     if len(system.frames) > FRAMES_MAX:
         raise UsageError(f"a system has at most {FRAMES_MAX} frames, not {len(system.frames)}")
     if len(system.flags) > 32:

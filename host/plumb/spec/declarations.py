@@ -10,18 +10,18 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 
 from plumb.errors import UsageError
-from plumb.spec.declaration_checks import check
+from plumb.spec.declaration_checks import check, check_commands
 from plumb.spec.system import (
     OUTPUTS,
-    RAW_CHANNELS,
     SHIPPED,
     WORDS_MAX,
     Channel,
+    Command,
     Flag,
     Frame,
     Member,
@@ -29,6 +29,8 @@ from plumb.spec.system import (
     System,
     TomlTable,
     Word,
+    counts_for,
+    in_frames,
 )
 
 BLOCKS_PATH = Path(__file__).with_name("blocks.toml")
@@ -130,10 +132,12 @@ def _system(folder: Path, table: TomlTable) -> System:
         raise UsageError("the folder's name is that of the system: small letters and digits")
     setpoint = Word(type="int32", member=table["setpoint"]["name"], **table["setpoint"])
     middle, members = _record(table["record"])
-    raw = (Word(f"raw_{i}", "int32", "count", "integer", "count as given", f"raw[{i}]") for i in range(RAW_CHANNELS))
+    channels = tuple(Channel(**channel) for channel in table["channels"])
+    step_commands = tuple(Command(**command) for command in table.get("command", ()))
+    check_commands(step_commands)
     flags = Word("flags", "uint32", "", "bits", "of this step", "flags")
     step = Word("step", "uint32", "step", "integer", "number of this step in the run, from 1", "step")
-    words = (*raw, setpoint, *middle, flags, step)
+    words = (*_inputs(channels, step_commands), setpoint, *middle, flags, step)
     by_name = {word.name: word for word in words}
     output = table.get("output", {"kind": ""})
     if not isinstance(table["groups"], list):
@@ -147,7 +151,7 @@ def _system(folder: Path, table: TomlTable) -> System:
         cycles=table.get("cycles"),
         cycles_mean=table.get("cycles_mean"),
         optimise=table.get("optimise", "speed"),
-        channels=tuple(Channel(**channel) for channel in table["channels"]),
+        channels=channels,
         sensors=table["sensors"],
         missing_samples=table.get("missing_samples", "held"),
         words=words,
@@ -164,9 +168,27 @@ def _system(folder: Path, table: TomlTable) -> System:
         structs=structs,
         commands=dict(table.get("commands", {})),
         default_for=tuple(table.get("default_for", ())),
+        step_commands=step_commands,
+        command_source=table.get("command_source", "link"),
     )
     check(declared, shared()["parameter"])
     return declared
+
+
+def _inputs(channels: Sequence[Channel], step_commands: Sequence[Command]) -> Iterator[Word]:
+    """The words of a record that hold the inputs of its step: the counts, then the 16-bit words of the commands."""
+    counts = counts_for(len(channels))
+    for i in range(counts):
+        yield Word(f"raw_{i}", "int32", "count", "integer", "count as given", f"raw[{i}]")
+    at = counts
+    for command in step_commands:
+        halves = ("",) if command.size == 1 else ("_low", "_high")
+        for half in halves:
+            unit, form = (command.unit, command.format) if not half else ("", "bits")
+            yield Word(command.name + half, "int32", unit, form, f"as given: {command.doc}", f"raw[{at}]")
+            at += 1
+    for i in range(at, counts + in_frames(at - counts)):
+        yield Word(f"unused_{i}", "int32", "", "integer", "0", f"raw[{i}]")
 
 
 def _record(entries: Iterable[TomlTable]) -> tuple[list[Word], list[Member]]:

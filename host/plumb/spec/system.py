@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,16 @@ TomlTable = Mapping[str, Any]  # Any: values as TOML gives them; they are checke
 SHIPPED = PACKAGE / "systems"
 JUDGING = PACKAGE / "judging"
 """Where the systems of this package are."""
-RAW_CHANNELS = 6
-"""Number of raw counts in every record; a system uses the first ones, one for each of its channels."""
+COUNTS_LEAST, COUNTS_MAX = 6, 12
+"""Raw counts of a record: six, or as many as the channels need, in threes, because a frame carries three."""
+COMMAND_WORDS_MAX = 16
+"""Most 16-bit words of the commands of a step."""
+WORDS_PER_FRAME = 3
+"""16-bit words of inputs in one frame."""
+COMMAND_TYPES = {"int16": 16, "int32": 32}
+"""Type of a command -> bits."""
+COMMAND_SOURCES = ("owner", "link")
+"""Who may send the commands of a run: its owner alone, or the link that RUN_BEGIN names."""
 NUMBERS = range(18)
 """Numbers that a system may have. The number is the high byte of its signal numbers and selects its block of CAN
 identifiers."""
@@ -108,6 +116,38 @@ class Channel:
 
 
 @dataclass(frozen=True)
+class Command:
+    """One input of a step that a host sets, besides the setpoint. All numbers are integers of its type.
+
+    low, high: limits; the board refuses a set of commands with a value beyond them. default: the value at the start of
+    a run, after disarming, and when the source of commands is silent.
+    """
+
+    name: str
+    type: str
+    unit: str
+    format: str
+    low: int
+    high: int
+    default: int
+    doc: str
+
+    @property
+    def size(self) -> int:
+        """Number of 16-bit words."""
+        return COMMAND_TYPES[self.type] // 16
+
+    def words(self, value: int) -> tuple[int, ...]:
+        """A value as 16-bit words, signed, the low one first."""
+        return tuple((value >> 16 * i & 0xFFFF ^ 0x8000) - 0x8000 for i in range(self.size))
+
+    def value(self, words: Sequence[int]) -> int:
+        """The value of its words."""
+        *low, high = words
+        return high << 16 * len(low) | sum((word & 0xFFFF) << 16 * i for i, word in enumerate(low))
+
+
+@dataclass(frozen=True)
 class System:
     """One declared system.
 
@@ -119,7 +159,10 @@ class System:
     groups: shared parameter groups that the step reads; parameters: rows of the system's own groups; all_groups: both.
     conditions: what must hold of several words while the board is armed (`plumb.spec.armed_values`).
     structs: group -> C struct of the kernel that reads it; includes: headers of those structs.
-    commands: the system's own commands, name -> one sentence; their modules are in the folder `commands` of judging.
+    step_commands: inputs of a step that a host sets besides the setpoint; command_source: who may send them, and the
+    setpoint (COMMAND_SOURCES).
+    commands: the system's own commands of the command line, name -> one sentence; their modules are in the folder
+    `commands` of judging.
     default_for: parts (`replay`, `demo`) for which this system is the default of the command.
     """
 
@@ -147,6 +190,8 @@ class System:
     includes: tuple[str, ...]
     commands: Mapping[str, str]
     default_for: tuple[str, ...]
+    step_commands: tuple[Command, ...] = ()
+    command_source: str = "link"
 
     @property
     def shipped(self) -> bool:
@@ -157,6 +202,57 @@ class System:
     def judging(self) -> Path:
         """The folder of what judges the system: plots, figures, limits, comparisons, commands. It may be missing."""
         return (JUDGING if self.shipped else self.folder.parent / JUDGING.name) / self.name
+
+    @property
+    def counts(self) -> int:
+        """Number of raw counts of a step."""
+        return counts_for(len(self.channels))
+
+    @property
+    def command_words(self) -> int:
+        """Number of 16-bit words of the commands of a step."""
+        return sum(command.size for command in self.step_commands)
+
+    @property
+    def inputs(self) -> int:
+        """Number of 16-bit inputs of a step: the counts, then the words of the commands, in whole frames."""
+        return self.counts + in_frames(self.command_words)
+
+    @property
+    def setpoint(self) -> Word:
+        """The setpoint of a step."""
+        return self.words[self.inputs]
+
+    def default_commands(self) -> tuple[int, ...]:
+        """The inputs behind the counts when no host has set them, in whole frames."""
+        return self.pack_commands({})
+
+    def command_places(self) -> list[int]:
+        """Place of each command's first word among the inputs."""
+        sizes = [command.size for command in self.step_commands]
+        return [self.counts + sum(sizes[:i]) for i in range(len(sizes))]
+
+    def whole_inputs(self, given: Sequence[int]) -> list[int]:
+        """All inputs of a step from the first ones: counts that are not given are 0, commands have their defaults."""
+        whole = [*given[: self.inputs], *(0,) * (self.counts - len(given))]
+        return [*whole, *self.default_commands()[len(whole) - self.counts :]]
+
+    def pack_commands(self, values: Mapping[str, int]) -> tuple[int, ...]:
+        """The inputs behind the counts with these values; commands that are not given have their defaults.
+
+        Raises UsageError for an unknown name and for a value beyond its limits.
+        """
+        known = [command.name for command in self.step_commands]
+        for name in values:
+            if name not in known:
+                raise UsageError(f"{self.name} has no command '{name}'; it has {', '.join(known) or 'none'}")
+        words: list[int] = []
+        for command in self.step_commands:
+            value = values.get(command.name, command.default)
+            if not command.low <= value <= command.high:
+                raise UsageError(f"{self.name}: {command.name} is {command.low} to {command.high}, not {value}")
+            words += command.words(value)
+        return (*words, *(0,) * (self.inputs - self.counts - len(words)))
 
     @property
     def all_groups(self) -> tuple[str, ...]:
@@ -192,6 +288,16 @@ class System:
             for half in ("_lo", "_hi") if word.size == 8 else ("",):
                 names[self.number << 8 | len(names)] = word.name + half
         return names
+
+
+def in_frames(words: int) -> int:
+    """So many words, filled up to whole frames."""
+    return -(-words // WORDS_PER_FRAME) * WORDS_PER_FRAME
+
+
+def counts_for(channels: int) -> int:
+    """Number of raw counts of a step with so many channels."""
+    return max(COUNTS_LEAST, in_frames(channels))
 
 
 def group_of(parameter: str) -> str:

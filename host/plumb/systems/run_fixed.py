@@ -28,6 +28,7 @@ from plumb.kernels.fixed.kernels import (
     trust,
 )
 from plumb.kernels.fixed.trig import asin, atan2
+from plumb.spec import dbc, declarations
 from plumb.spec.records import RECORDS, Words, names_of, packer
 from plumb.systems import load
 from plumb.systems.contracts import FIXED, CheckedWords, RetunedStep
@@ -47,12 +48,13 @@ class Controller:
         self._system, self._p = load(params.system, FIXED), params.values
         self._c = self._system.control_init(params.values)
         self._names, self._packer = names_of(params.system), packer(params.system)
+        self._whole_inputs = declarations.system(params.system).whole_inputs
         self._row: tuple[int, ...] = ()
 
     def step(self, raw: Sequence[int], setpoint: int) -> dict[str, int]:
-        """Run one step; returns its words by name. raw: up to six counts, the rest are 0."""
-        counts = [int(count) for count in raw]
-        self._row = self._system.control_step(self._c, self._p, counts + [0] * (6 - len(counts)), int(setpoint))
+        """Run one step; returns its words by name. raw: the inputs, or the first of them (`System.whole_inputs`)."""
+        inputs = self._whole_inputs([int(count) for count in raw])
+        self._row = self._system.control_step(self._c, self._p, inputs, int(setpoint))
         return dict(zip(self._names, self._row, strict=True))
 
     def retune(self, params: ControlParams) -> None:
@@ -80,12 +82,12 @@ class Controller:
 def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
     """Run the integer model on many samples; returns the records.
 
-    params: one set, or one per run, all of one system. raw: (steps, up to six counts[, runs]); setpoint: (steps[,
-    runs]). Raises UsageError for wrong shapes, types or ranges.
+    params: one set, or one per run, all of one system. raw: (steps, inputs[, runs]), or the first inputs
+    (`check_inputs`); setpoint: (steps[, runs]). Raises UsageError for wrong shapes, types or ranges.
     """
-    counts, setpoints = check_inputs(raw, setpoint)
-    steps = len(counts)
     name = system_name(params)
+    counts, setpoints = check_inputs(name, raw, setpoint)
+    steps, inputs = counts.shape[:2]
     system = load(name, FIXED)
     if counts.ndim == 2 and isinstance(params, ControlParams):
         return Words.from_bytes(Controller(params).run(counts, setpoints), (steps,), name)
@@ -94,7 +96,7 @@ def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayL
     c = system.control_init(columns)
     record = np.zeros((steps, runs), RECORDS[name])
     for step in range(steps):
-        row = system.control_step(c, columns, counts[step].reshape(6, runs), setpoints[step].reshape(runs))
+        row = system.control_step(c, columns, counts[step].reshape(inputs, runs), setpoints[step].reshape(runs))
         for word, value in zip(names_of(name), row, strict=True):
             record[word][step] = value
     return Words(record if counts.ndim == 3 else record[:, 0])
@@ -102,7 +104,7 @@ def run_control(params: ControlParams | Sequence[ControlParams], raw: npt.ArrayL
 
 def run_changed(params: ControlParams, changes: Changes, raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> Words:
     """As `run_control` for one run, whose parameters change at the given steps; the state stays."""
-    counts, setpoints = check_inputs(raw, setpoint)
+    counts, setpoints = check_inputs(params.system, raw, setpoint)
     controller = Controller(params)
     data = []
     for number, (part, now) in enumerate(parts_of(params, changes, len(counts))):
@@ -143,19 +145,31 @@ def stack(params: ControlParams | Sequence[ControlParams], runs: int) -> dict[st
     return {name: np.array([one[name] for one in sets], np.int64) for name in sets[0].values}
 
 
-def check_inputs(raw: npt.ArrayLike, setpoint: npt.ArrayLike) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Counts as (steps, 6[, runs]) in the int16 range, setpoints as (steps[, runs]) in the int32 range; raises
-    UsageError for other inputs."""
+def check_inputs(
+    system: str, raw: npt.ArrayLike, setpoint: npt.ArrayLike
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """All inputs of a system as (steps, inputs[, runs]) in the int16 range, setpoints as (steps[, runs]) in the int32
+    range.
+
+    raw: the counts, at least three, and the words of the commands. Counts that are not given are 0, commands have their
+    defaults; inputs that the system does not have may be given as 0. Raises UsageError for other inputs.
+    """
+    declared = declarations.system(system)
+    most = declared.inputs
     counts, setpoints = np.asarray(raw), np.asarray(setpoint)
     for name, values, bits in (("raw counts", counts, 16), ("setpoints", setpoints, 32)):
         if values.dtype.kind not in "iu":
             raise UsageError(f"{name} are {values.dtype}: round them to integers first")
         if values.size and (values.min() < -(1 << bits - 1) or values.max() >= 1 << bits - 1):
             raise UsageError(f"{name} reach {values.min()} to {values.max()}: they have {bits} bits")
-    if counts.ndim not in (2, 3) or not 3 <= counts.shape[1] <= 6:
-        raise UsageError(f"raw counts of shape {counts.shape}: give (steps, 3 to 6) or (steps, 3 to 6, runs)")
+    if counts.ndim in (2, 3) and counts.shape[1] <= dbc.inputs_most() and not counts[:, most:].any():
+        counts = counts[:, :most]
+    if counts.ndim not in (2, 3) or not 3 <= counts.shape[1] <= most:
+        raise UsageError(f"raw counts of shape {counts.shape}: give (steps, 3 to {most}) or (steps, 3 to {most}, runs)")
     if setpoints.shape != (len(counts), *counts.shape[2:]):
         raise UsageError(f"setpoints of shape {setpoints.shape} do not match raw counts of shape {counts.shape}")
-    whole = np.zeros((len(counts), 6, *counts.shape[2:]), np.int64)
+    whole = np.zeros((len(counts), most, *counts.shape[2:]), np.int64)
+    for place, word in enumerate(declared.default_commands(), declared.counts):
+        whole[:, place] = word
     whole[:, : counts.shape[1]] = counts
     return whole, setpoints.astype(np.int64)

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from plumb.kernels.fixed.kernels import Params
 from plumb.kernels.integers import Integer, clamp, select, wrap_i32
 
+GAIN, HEADING_LOW, HEADING_HIGH, TRIM, HOLD, MODE = range(9, 15)
+"""Places of the commands among the inputs."""
+
 
 @dataclass(slots=True)
 class ControlState:
@@ -24,8 +27,12 @@ def control_step(c: ControlState, p: Params, raw: Sequence[Integer], setpoint: I
     """One step: the values of its words, in the written order."""
     c.step += 1
     used = clamp(raw[0], 0, p["toy.raw_max"])
-    c.filtered_counts_q16 = c.filtered_counts_q16 + (((used << 16) - c.filtered_counts_q16) * p["toy.share_q16"] >> 16)
+    apart = select(raw[HOLD] != 0, 0, (used << 16) - c.filtered_counts_q16)
+    c.filtered_counts_q16 = c.filtered_counts_q16 + (apart * p["toy.share_q16"] >> 16)
+    wheels = sum(raw[1:5])
+    total = raw[GAIN] * select(raw[MODE] == 0, 0, select(raw[MODE] == 1, wheels, wheels + sum(raw[5:9])))
+    heading = wrap_i32((raw[HEADING_HIGH] << 16) + (raw[HEADING_LOW] & 0xFFFF) + (raw[TRIM] << 16))
     clamped = select(used != raw[0], 1, 0)
     c.clamped_steps = c.clamped_steps + clamped
     error = wrap_i32(setpoint - c.filtered_counts_q16)
-    return (*raw, setpoint, c.filtered_counts_q16, error, c.clamped_steps, clamped, c.step)
+    return (*raw, setpoint, c.filtered_counts_q16, error, total, heading, c.clamped_steps, clamped, c.step)

@@ -10,7 +10,7 @@ from plumb.systems.contracts import Conversion
 
 SCENARIO = SHOWN = "jumps"
 TUNING = "slow"
-FRAMES = ("RAW_A", "TOY_LEVEL")
+FRAMES = ("RAW_A", "RAW_B", "RAW_C", "RAW_D", "RAW_E", "TOY_LEVEL")
 VOLTS_PER_COUNT = 3.3 / 4096
 
 

@@ -1,4 +1,4 @@
-"""`toy`: a level that jumps up and down, and noise."""
+"""`toy`: a level that jumps up and down, and noise; wheels that turn, and commands that change twice a second."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy.typing as npt
 from plumb.systems.toy.tuning import PERIOD_US, ToyTuning
 
 from plumb.errors import UsageError
+from plumb.spec import declarations
 from plumb.systems import scoring
 
 SCENARIOS = {"jumps": "between 1000 and 3000 counts, every second"}
@@ -39,8 +40,12 @@ class Scenario:
         return scoring.scored(self.time_s)
 
     def counts(self) -> npt.NDArray[np.int16]:
-        raw = np.zeros((self.steps, 6), np.int16)
+        declared = declarations.system("toy")
+        raw = np.zeros((self.steps, declared.inputs), np.int16)
         raw[:, 0] = np.rint(self.level_counts + self.noise_counts)
+        raw[:, 1:9] = (np.arange(self.steps)[:, None] * np.arange(1, 9)) % 4096
+        for step in range(self.steps):
+            raw[step, declared.counts :] = declared.pack_commands(commands(step))
         return raw
 
     def setpoint(self) -> npt.NDArray[np.int32]:
@@ -48,6 +53,18 @@ class Scenario:
 
     def truth(self) -> dict[str, npt.NDArray[np.float64]]:
         return {"level_counts": self.level_counts}
+
+
+def commands(step: int) -> dict[str, int]:
+    """Commands of a step: other ones every 50 steps."""
+    part = step // 50
+    return {
+        "gain": part % 7 - 3,
+        "heading": (part * 123_456_789 + (1 << 30)) % (1 << 31) - (1 << 30),
+        "trim": part % 201 - 100,
+        "hold": part % 3 // 2,
+        "mode": part % 3,
+    }
 
 
 @dataclass(frozen=True)
