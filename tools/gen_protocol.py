@@ -271,7 +271,8 @@ def generate(text: str) -> str:
     parts = {"messages": message_table, "values": value_table, "record": record_table}
     parts["keepalive"] = keepalive_table
     parts["margin"] = margin_table
-    parts |= {"rates": bus_load.rate_table, "load": bus_load.step_table, "residuals": residual_table}
+    parts |= {"rates": bus_load.rate_table, "load": bus_load.step_table, "inputs": bus_load.inputs_table}
+    parts["residuals"] = residual_table
 
     def part(match: re.Match[str]) -> str:
         name = match[1]

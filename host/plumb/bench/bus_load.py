@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 from plumb import systems
 from plumb.link.endpoint_names import DEFAULT_BAUD
-from plumb.link.session import KEEPALIVE_EVERY_S, PERIODIC
-from plumb.spec import declarations
+from plumb.link.sample_codec import InputLayout, layout_of
+from plumb.link.session import KEEPALIVE_EVERY_S, PERIODIC, raw_frames_of
+from plumb.spec import dbc
 from plumb.spec.records import RECORDS
 from plumb.systems.contracts import PINS
 
@@ -77,14 +78,45 @@ def traffic(system: str) -> Iterator[Traffic]:
     """Traffic of each kind of run. A sample takes a frame for each three channels; outputs: the frames that move a
     plant."""
     module = systems.load(system)
-    samples = (len(declarations.system(system).channels) + 2) // 3
+    samples = len(raw_frames_of(system)) - len(layout_of(system).commands)
     outputs = len({frame for frame, _ in module.OUTPUT_FRAMES.values()})
     words = RECORDS[system].itemsize // 4
     yield Traffic("lockstep, digests", samples, 1)
     yield Traffic("lockstep, every word", samples, 1 + words)
     if system in systems.with_part(PINS.name):
-        yield Traffic(OWN_SENSORS, 0, 1 + samples)
+        yield Traffic(OWN_SENSORS, 0, 1 + len(raw_frames_of(system)))
     yield Traffic("real time, through a bridge, verified", samples, 1 + 2 + outputs)
+
+
+INPUTS_PS = 400
+"""Steps per second of `inputs_table`."""
+SETS_PS = 50
+"""Sets of setpoint and commands per second, where not every step has one."""
+INPUTS = ((6, 0), (9, 6), (12, 16))
+"""Raw counts, and words of commands, of its rows."""
+
+
+def inputs_table() -> str:
+    """Markdown table: what the inputs of a step cost at 400 steps a second: load of the UART, in its busier direction,
+    and of a bus of 500 kbit/s. verified: the board sends the inputs of each step beside its digest."""
+    often, seldom = "a set with every step", f"{SETS_PS} sets a second"
+    lines = ["| counts | words of commands | run | frames/s down / up | UART | CAN 500 |", "|---" * 6 + "|"]
+    for counts, words in INPUTS:
+        layout = InputLayout(counts, (0,) * (-(-words // 3) * 3))
+        orders, samples, raw = len(layout.commands) + 1, len(layout.samples), len(dbc.raw_frames(layout.size))
+        for kind, sets_ps, sampled, shown in (
+            (f"own sensors, verified, {often}", INPUTS_PS, 0, raw),
+            (f"own sensors, verified, {seldom}", SETS_PS, 0, raw),
+            (f"own sensors, digests alone, {seldom}", SETS_PS, 0, 0),
+            (f"injected samples, verified, {seldom}", SETS_PS, samples, raw),
+        ):
+            down = orders * sets_ps + sampled * INPUTS_PS
+            up = (1 + shown) * INPUTS_PS + sets_ps  # STEP, and SETPOINT_USED of each set
+            uart = max(up + housekeeping_ps() - 1 / KEEPALIVE_EVERY_S, down + 1 / KEEPALIVE_EVERY_S)
+            bus = (down + up + housekeeping_ps()) / frames_ps(500)
+            share = f"{100 * uart * LINE_BITS / DEFAULT_BAUD:.0f} % | {100 * bus:.0f} %"
+            lines.append(f"| {counts} | {words} | {kind} | {down} / {up} | {share} |")
+    return "\n".join(lines) + "\n"
 
 
 def rate_table() -> str:
@@ -125,3 +157,4 @@ if __name__ == "__main__":
     print(f"each node's clock may be off by {100 * clock_tolerance():.2f} %\n")
     print(rate_table())
     print(step_table())
+    print(inputs_table())

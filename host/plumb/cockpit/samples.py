@@ -18,6 +18,7 @@ from plumb.link.realtime import Capture
 from plumb.link.session import RAW_FRAMES
 from plumb.spec import declarations
 from plumb.spec.signals import UNITS, signals
+from plumb.spec.system import Command
 
 T = TypeVar("T")
 
@@ -49,13 +50,27 @@ def columns_of(system: str, frames: tuple[str, ...]) -> list[Column]:
     for (frame, _), name, _ in signals(system):
         if frame in frames and name != "flags":
             found.append(Column(name, next((unit for end, unit in ends.items() if name.endswith(end)), "")))
+    found += [Column(name, "") for name in command_columns(system, frames)]
     return found + [Column(name, "count") for name in raw_columns(system, frames)]
 
 
 def raw_columns(system: str, frames: tuple[str, ...]) -> list[str]:
     """Names of the columns of raw counts, in the order of the channels; [] where no frame carries them."""
-    carried = 3 * len(set(RAW_FRAMES).intersection(frames))
+    carried = _carried(frames)
     return [f"raw_{channel.name}" for channel in declarations.system(system).channels[:carried]]
+
+
+def command_columns(system: str, frames: tuple[str, ...]) -> dict[str, tuple[Command, int]]:
+    """Columns of the commands that the frames carry: each with its command, and the place of its first word."""
+    declared = declarations.system(system)
+    carried = _carried(frames)
+    places = zip(declared.step_commands, declared.command_places(), strict=True)
+    return {f"command_{one.name}": (one, at) for one, at in places if at + one.size <= carried}
+
+
+def _carried(frames: tuple[str, ...]) -> int:
+    """Number of inputs, from the first on, that the frames carry."""
+    return 3 * len(set(RAW_FRAMES).intersection(frames))
 
 
 class Samples:
@@ -81,6 +96,9 @@ class Samples:
         names = [column.name for column in self.columns]
         self._signals = [(signal, names.index(name), scale) for signal, name, scale in signals(system) if name in names]
         self._raw_at = len(names) - len(raw_columns(system, frames))
+        self._commands = [
+            (names.index(name), command, at) for name, (command, at) in command_columns(system, frames).items()
+        ]
         self._time_s = np.zeros(ROWS_KEPT)
         self._values = np.zeros((ROWS_KEPT, len(names)), np.float32)
         self._lock = threading.Lock()
@@ -106,6 +124,8 @@ class Samples:
             counts = capture.raw.get(step)
             if counts is not None:
                 row[self._raw_at :] = counts[: len(row) - self._raw_at]
+                for place, command, at in self._commands:
+                    row[place] = command.value(counts[at : at + command.size])
             with self._lock:
                 at = self.rows % ROWS_KEPT
                 self._time_s[at], self._values[at] = step * self.period_s, row

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from plumb.errors import LinkError
 from plumb.spec import armed_values, declarations, parameters, status_bits
 from plumb.spec.protocol import Protocol
+from plumb.spec.system import CHECKED_CHANNELS
 
 BLOCKED = {bit: one.text for bit, one in status_bits.BLOCKED.items()}
 UNSAFE_BLOCK = 14
@@ -59,8 +60,9 @@ def bits_text(bits: int, names: dict[int, str]) -> str:
 def sensors_text(said: dict[str, int]) -> list[str]:
     """A sentence for every sensor that cannot be trusted, from the words of SENSORS by name."""
     analog, digital = said.get("analog", 0), said.get("digital", 0)
-    pins = enumerate(status_bits.ANALOG_INPUTS)
-    inputs = [f"injected channel {i}" if said.get("injected") else f"input {pin}" for i, pin in pins]
+    inputs = [f"input {pin}" for pin in status_bits.ANALOG_INPUTS]
+    if said.get("injected"):
+        inputs = [f"injected channel {i}" for i in range(CHECKED_CHANNELS)]
     found = [f"{name} is at a rail" for i, name in enumerate(inputs) if analog >> i & 1]
     found += [f"{name} does not change" for i, name in enumerate(inputs) if analog >> (8 + i) & 1]
     for name, cause in (("gyro", digital & 0xFF), ("accelerometer", digital >> 8)):

@@ -148,13 +148,14 @@ class Capture:
             self.raw[step] = whole
         self._part.pop(step - 32, None)  # the step number in these frames has six bits
 
-    def set_setpoint(self, setpoint_turn_q32: int) -> None:
-        """Change the setpoint, and wait for the board's report of the step that first used it."""
+    def set_setpoint(self, setpoint_turn_q32: int, commands: tuple[int, ...] | None = None) -> None:
+        """Change the setpoint, with these words of commands or those said last, and wait for the board's report of the
+        step that first used them."""
         reports = self.setpoints
         known = reports.count
         start = self.steps
         for _ in range(TRIES):
-            self.session.set_setpoint(setpoint_turn_q32)
+            self.session.set_inputs(setpoint_turn_q32, commands)
             report = self.session.listening.timeout(REPLY_TIMEOUT_S)
             while not report.over:
                 self.session.receive(report.left_s)

@@ -520,7 +520,7 @@ class Session:
         and for a value beyond its limits, LinkError as set_setpoint does.
         """
         commands = declarations.system(self.system).pack_commands(values)
-        self._set(self.setpoint.value if setpoint_turn_q32 is None else setpoint_turn_q32, commands)
+        self.set_inputs(self.setpoint.value if setpoint_turn_q32 is None else setpoint_turn_q32, commands)
 
     def set_setpoint(self, setpoint_turn_q32: int) -> None:
         """Set the setpoint of a run in real time, turn_q32. The board reports the first step that uses it in
@@ -529,9 +529,10 @@ class Session:
         `receive` and `pump` repeat it while this session keeps the board armed. Raises LinkError when the arming of
         this session has ended by itself: another host may have the board by now.
         """
-        self._set(setpoint_turn_q32, None)
+        self.set_inputs(setpoint_turn_q32)
 
-    def _set(self, setpoint_turn_q32: int, commands: tuple[int, ...] | None) -> None:
+    def set_inputs(self, setpoint_turn_q32: int, commands: tuple[int, ...] | None = None) -> None:
+        """As set_setpoint and set_commands; commands: their words, None: those said last."""
         self.pump()  # what has arrived meanwhile has the newest step, and may say that the arming is over
         if self.holding.over and (setpoint_turn_q32 or self.holding.another):
             raise LinkError(f"the setpoint is not sent, because {self.holding.over}: arm again")

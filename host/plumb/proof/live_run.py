@@ -15,6 +15,8 @@ from plumb.link.retries import REPLY_TIMEOUT_S
 from plumb.link.session import RAW_FRAMES, Session
 from plumb.proof.gain_changes import GainChange, GainChanges, changes_of
 from plumb.proof.runs import Run, RunInputs, columns, judge
+from plumb.spec import declarations
+from plumb.systems import run_fixed
 from plumb.systems.contracts import PINS, Conversion, Scenario, link_words
 from plumb.tuning.quantise import ControlParams
 
@@ -50,13 +52,16 @@ def run_live(
     session.listener = capture.feed
     if system.OUTPUT_FRAMES:
         session.arm()
-    wanted, asked = scenario.setpoint(), 0
+    prescribed = run_fixed.check_inputs(params.system, scenario.counts(), scenario.setpoint())
+    commands = prescribed[0][:, declarations.system(params.system).counts :].tolist()
+    wanted = list(zip(prescribed[1].tolist(), map(tuple, commands), strict=True))
+    asked = 0, declarations.system(params.system).default_commands()
     with tqdm(total=steps, desc="live on the virtual board", unit="step", leave=False, disable=None) as bar:
         heard, heard_us = 0, board.machine.now_us
         while capture.steps < steps:
             if asked != wanted[capture.steps]:
-                asked = int(wanted[capture.steps])
-                capture.set_setpoint(asked)
+                asked = wanted[capture.steps]
+                capture.set_setpoint(*asked)
             changing.commit(capture.steps)
             if not session.receive(REPLY_TIMEOUT_S):
                 raise LinkError(f"the board fell silent after step {capture.steps}")

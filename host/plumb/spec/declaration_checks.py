@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from plumb.errors import UsageError
 from plumb.spec.base_units import BASE_UNITS, unknown_part
 from plumb.spec.system import (
+    CHECKED_CHANNELS,
     COMMAND_SOURCES,
     COMMAND_TYPES,
     COMMAND_WORDS_MAX,
@@ -78,6 +79,9 @@ def _check_groups(system: System, shared: Sequence[TomlTable]) -> None:
     for group in system.groups:
         if group not in known:
             raise UsageError(f"groups: there is no shared group {group!r:.40}; there are {', '.join(known)}")
+    for channel in system.channels[CHECKED_CHANNELS:]:
+        if channel.calibration:
+            raise UsageError(f"channel {channel.name}: only the first {CHECKED_CHANNELS} may have a calibration")
     for channel in system.channels:
         if channel.axis and not (channel.calibration and _AXIS.fullmatch(str(channel.axis))):
             raise UsageError(

@@ -23,6 +23,8 @@ COUNTS_LEAST, COUNTS_MAX = 6, 12
 """Raw counts of a record: six, or as many as the channels need, in threes, because a frame carries three."""
 COMMAND_WORDS_MAX = 16
 """Most 16-bit words of the commands of a step."""
+CHECKED_CHANNELS = 8
+"""The first channels, which may have a calibration: SENSORS has a bit for a rail and one for no change of so many."""
 WORDS_PER_FRAME = 3
 """16-bit words of inputs in one frame."""
 COMMAND_TYPES = {"int16": 16, "int32": 32}
