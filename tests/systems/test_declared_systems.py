@@ -16,7 +16,8 @@ import shutil
 import site
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -27,7 +28,26 @@ ROOT = Path(__file__).resolve().parents[2]
 TOYS = ROOT / "tests" / "toy_systems"
 LIMIT_S = 300
 
-Plumb = Callable[..., subprocess.CompletedProcess[str]]
+
+@dataclass(frozen=True)
+class Plumb:
+    """`plumb` with a native core and an image. environment: beside that of this process."""
+
+    python: Path
+    core: Path
+    image: Path
+    environment: Mapping[str, str]
+
+    def __call__(self, *words: str, code: int = 0) -> subprocess.CompletedProcess[str]:
+        image = ["--image", str(self.image)] if "virtual" in words else []
+        return self.run(self.python, "-m", "plumb", *words, *image, code=code)
+
+    def run(self, *program: str | Path, code: int = 0) -> subprocess.CompletedProcess[str]:
+        """Any program in the same environment."""
+        environment = {**os.environ, "PLUMB_NATIVE_CORE": str(self.core), **self.environment}
+        done = subprocess.run(program, env=environment, capture_output=True, text=True, timeout=LIMIT_S)
+        assert done.returncode == code, done.stdout + done.stderr
+        return done
 
 
 def build(source: Path, target: Path, python: Path, *options: str) -> tuple[Path, Path]:
@@ -51,31 +71,13 @@ def build(source: Path, target: Path, python: Path, *options: str) -> tuple[Path
     return target / "native" / "libplumb_native.so", target / "image" / "firmware.elf"
 
 
-def command(python: Path, core: Path, image: Path, **environment: str) -> Plumb:
-    """`plumb` with this core and image."""
-
-    def plumb(*words: str, code: int = 0) -> subprocess.CompletedProcess[str]:
-        needs_image = "virtual" in words
-        done = subprocess.run(
-            [python, "-m", "plumb", *words, *(["--image", str(image)] if needs_image else [])],
-            env={**os.environ, "PLUMB_NATIVE_CORE": str(core), **environment},
-            capture_output=True,
-            text=True,
-            timeout=LIMIT_S,
-        )
-        assert done.returncode == code, done.stdout + done.stderr
-        return done
-
-    return plumb
-
-
 @pytest.fixture(scope="module")
 def toy(tmp_path_factory: pytest.TempPathFactory) -> Plumb:
     """An image and a core of `balancer` and the toy."""
     options = ("-DPLUMB_SYSTEMS=balancer;toy", f"-DPLUMB_SYSTEM_PATH={TOYS}")
     python = Path(sys.executable)
     core, image = build(ROOT, tmp_path_factory.mktemp("toy"), python, *options)
-    return command(python, core, image, PLUMB_SYSTEM_PATH=str(TOYS))
+    return Plumb(python, core, image, {"PLUMB_SYSTEM_PATH": str(TOYS)})
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +97,7 @@ def without_quad(tmp_path_factory: pytest.TempPathFactory) -> Plumb:
     python.write_text(f'#!/bin/sh\nPYTHONPATH="{found}" exec "{sys.executable}" -S "$@"\n')
     python.chmod(0o755)
     core, image = build(copy, folder / "build", python)
-    return command(python, core, image)
+    return Plumb(python, core, image, {})
 
 
 def sources() -> list[Path]:
@@ -193,6 +195,33 @@ def test_what_a_toy_system_sends_is_recorded_and_shown(toy: Plumb, tmp_path: Pat
     assert len(rows) > 90 and all(800 < float(row["filtered"]) < 1100 for row in rows[20:80])
     shown = json.loads(toy("monitor", *live, "--json").stdout.splitlines()[-1])
     assert 800 < shown["filtered"] < 3100 and shown["tilt_deg"] is None
+
+
+def test_commands_act_as_a_set_within_their_limits_or_not_at_all(toy: Plumb, tmp_path: Path) -> None:
+    """In a live run; its recording replays to the bit, and its export has the commands that each step used."""
+    log = tmp_path / "run.plog"
+    said = json.loads(toy.run(toy.python, TOYS / "commands_on_board.py", toy.image, log).stdout)
+    assert said["at_start"] == said["after_refusals"] == [1, 0, 0, 0, 0, 2]
+    refusals = ("elsewhere", "alone", "incomplete", "out_of_order", "beyond", "mixed")
+    assert [said[name] for name in refusals] == ["UNSUPPORTED", "SEQUENCE", "SEQUENCE", "SEQUENCE", "RANGE", "SEQUENCE"]
+    assert said["set"] == [-3, 5, -(1 << 14), -100, 0, 1]
+    assert (said["different_sets"], said["with_setpoint"], said["mismatches"]) == (2, True, 0)
+    for board in ("native", "virtual"):
+        assert json.loads(toy("replay", str(log), "--board", board, "--json").stdout)["recorded"]["mismatches"] == 0
+    toy("export", str(log), str(tmp_path / "run.csv"))
+    with (tmp_path / "run.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {(row["command_gain"], row["command_heading"]) for row in rows} == {("1", "0"), ("-3", str(-(1 << 30) + 5))}
+
+
+def test_commands_end_with_silence_and_with_arming(toy: Plumb, tmp_path: Path) -> None:
+    native, firmware = toy.core.parent, ROOT / "firmware"
+    folders = (native / "systems", native / "systems" / "include", firmware, firmware / "include", TOYS / "toy")
+    program = tmp_path / "commands"
+    libraries = [native / f"libplumb_{name}.a" for name in ("link", "core")]
+    warnings = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror")
+    toy.run("cc", *warnings, *(f"-I{one}" for one in folders), TOYS / "commands.c", *libraries, "-o", program)
+    assert toy.run(program).stdout == ""
 
 
 def test_an_image_says_which_systems_it_has(toy: Plumb) -> None:
