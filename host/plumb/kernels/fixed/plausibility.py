@@ -98,7 +98,8 @@ def step(s: State, b: Bounds, word: Mapping[str, int], dt: int, unit_turn2_q56: 
     odd = not b.accel_g2_q20[0] <= force <= b.accel_g2_q20[1]
     s.accel_s_q33 = _lasts(s.accel_s_q33, odd, dt, _time_q33(200))
     odd = bool(s.converged) and abs(innovation) > ANGLE_MAX and _above_six_sigma(word, innovation, unit_turn2_q56)
-    s.innovation_s_q33 = _lasts(s.innovation_s_q33, odd, dt, time)
+    early = 4 * dt if (word["k0_q29"] & 0xFFFFFFFF) > dt >> 3 else dt
+    s.innovation_s_q33 = _lasts(s.innovation_s_q33, odd, early, time)
     odd = abs(s.mismatch_turn_q32) > ANGLE_MAX or abs(s.unevenness_turn_q32) > b.uneven_turn_q32
     s.rate_s_q33 = _lasts(s.rate_s_q33, odd, dt, _time_q33(200))
     s.failed = (

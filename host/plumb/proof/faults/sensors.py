@@ -161,8 +161,6 @@ _ANALOG = tuple(
          ACCEL),
         ("accel-z-at-3v", "pin of accelerometer z at 3.0 V, 1 LSB rms of noise", held(ACCEL_Z, 3.0, 1.0),
          ACCEL),
-        ("accel-turned", "pins of the accelerometer as after a turn by 28 deg, 1 LSB rms of noise", turned(28.0),
-         INNOVATION),
         ("accel-y-wild", "0.5 V rms (0.6 g) of noise on the pin of accelerometer y", wild(ACCEL_Y, 0.5),
          (DISARMED_BY_DOUBT,)),
         ("sensors-unplugged", "every sensor pin at 0 V", unplugged,
@@ -170,6 +168,16 @@ _ANALOG = tuple(
         ("converter-stops", "the ADC makes no conversions any more", converter_stops,
          (Told("STATUS", "faults", ADC_FAULT), DISARMED_BY_FAULT)),
     )
+)  # fmt: skip
+
+SETTLED_S = 3.0
+"""After arming, in which the filter's gain falls until an innovation lasts for longer than its check."""
+_TURNED = "pins of the accelerometer as after a turn by 28 deg, 1 LSB rms of noise"
+_ANGLES = (
+    Fault("accel-turned", "sensors", f"{_TURNED}, {SETTLED_S:g} s after arming", turned(28.0), "innovation",
+          INNOVATION, ANALOG, prepare=lambda scene: scene.run(SETTLED_S)),
+    Fault("accel-turned-soon", "sensors", f"{_TURNED}, as soon as the board is armed", turned(28.0), "innovation_soon",
+          INNOVATION, ANALOG),
 )  # fmt: skip
 
 _CHIPS = tuple(
@@ -226,4 +234,4 @@ _HALL = tuple(
     )
 )  # fmt: skip
 
-FAULTS = _ANALOG + _CHIPS + _ESTIMATES + _HALL
+FAULTS = _ANALOG + _ANGLES + _CHIPS + _ESTIMATES + _HALL
