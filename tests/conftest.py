@@ -24,8 +24,6 @@ import pytest
 
 from plumb.link.transports.slcan_bus import PlumbBus
 
-pytest_plugins = ["support.processor_time"]
-
 LIMIT_S = float(os.environ.get("PLUMB_TEST_LIMIT_S", "300"))
 """For set-up, test and tear-down each. The longest takes some ten seconds on an idle machine."""
 

@@ -143,11 +143,20 @@ def turned(which_degrees: float) -> Action:
     return inject
 
 
+SETTLED_S = 3.0
+"""After arming, in which the filter's gain falls until an innovation lasts for longer than its check."""
+
+
+def settled(scene: Scene) -> None:
+    scene.run(SETTLED_S)
+
+
 LIMITS = {ACCEL: "force", INNOVATION: "innovation", RATE: "rate"}
-"""Limit of each check of plausibility; other faults of sensors have the limit `sensor`."""
+"""Limit of each check of plausibility, which has to act alone; other faults of sensors have the limit `sensor`."""
 
 _ANALOG = tuple(
-    Fault(name, "sensors", what, inject, LIMITS.get(told, "sensor"), told, ANALOG)
+    Fault(name, "sensors", what, inject, LIMITS.get(told, "sensor"), told, ANALOG,
+          prepare=settled if told in LIMITS else None)
     for name, what, inject, told in (
         ("gyro-frozen", "pin of the gyro held at its last voltage, no noise", held(GYRO), stuck(GYRO)),
         ("accel-y-frozen", "pin of accelerometer y held at its last voltage, no noise", held(ACCEL_Y), stuck(ACCEL_Y)),
@@ -170,18 +179,17 @@ _ANALOG = tuple(
     )
 )  # fmt: skip
 
-SETTLED_S = 3.0
-"""After arming, in which the filter's gain falls until an innovation lasts for longer than its check."""
 _TURNED = "pins of the accelerometer as after a turn by 28 deg, 1 LSB rms of noise"
 _ANGLES = (
     Fault("accel-turned", "sensors", f"{_TURNED}, {SETTLED_S:g} s after arming", turned(28.0), "innovation",
-          INNOVATION, ANALOG, prepare=lambda scene: scene.run(SETTLED_S)),
+          INNOVATION, ANALOG, prepare=settled),
     Fault("accel-turned-soon", "sensors", f"{_TURNED}, as soon as the board is armed", turned(28.0), "innovation_soon",
           INNOVATION, ANALOG),
 )  # fmt: skip
 
 _CHIPS = tuple(
-    Fault(name, "sensors", what, inject, LIMITS.get(told, "sensor"), told, CHIPS)
+    Fault(name, "sensors", what, inject, LIMITS.get(told, "sensor"), told, CHIPS,
+          prepare=settled if told in LIMITS else None)
     for name, what, inject, told in (
         ("gyro-silent", "the gyro does not acknowledge", chip("gyro", answers=False),
          (DISARMED_BY_FAULT, digital("does not answer", 0))),
@@ -197,10 +205,10 @@ _CHIPS = tuple(
          (DISARMED_BY_FAULT,)),
         ("gyro-held-off", "the gyro measures 150 deg/s too much, with its noise",
          felt("gyro", lambda at: (at[0], at[1] + 150.0, at[2]), 0.5), RATE),
-        ("accel-at-2g", "accelerometer x measures 2 g, with its noise",
-         felt("accel", lambda at: (2.0, at[1], at[2]), 0.005), ACCEL),
-        ("accel-without-gravity", "the accelerometer measures 0 g, with its noise",
-         felt("accel", lambda _at: (0.0, 0.0, 0.0), 0.005), ACCEL),
+        ("accel-at-2g", "the accelerometer measures 2.2 times what it should, with its noise: no tilt",
+         felt("accel", lambda at: (2.2 * at[0], 2.2 * at[1], 2.2 * at[2]), 0.005), ACCEL),
+        ("accel-without-gravity", "the accelerometer measures 0.3 of what it should, with its noise",
+         felt("accel", lambda at: (0.3 * at[0], 0.3 * at[1], 0.3 * at[2]), 0.005), ACCEL),
         ("accel-wild", "1 g rms of noise on the accelerometer",
          felt("accel", lambda at: at, 1.0), (DISARMED_BY_DOUBT,)),
     )
