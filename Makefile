@@ -51,6 +51,7 @@ test-long: ## the whole campaigns of random input, every board with every system
 	@$(MAKE) --no-print-directory image native
 	ctest --preset native --parallel 2 --label-regex long
 	PLUMB_LONG=1 $(PYTEST) $(LONG_TESTS)
+	$(VENV)/python tools/measure_mutants.py
 
 # The flash image, the same core as a QEMU image, and their checks.
 image: ## the flash image, and the core as a program for QEMU

@@ -1,33 +1,23 @@
 """The golden vectors notice a core that is wrong: mutants of the code that a step runs, each a small change of the C.
 
-A sample in every run of the tests; in `make test-long` 300 of them, and for those that the vectors let pass the tests
-of kernels and systems: what these notice and the vectors do not is at most 2 % of what anything notices.
+Here a sample of them. `make test-long` tries 300 by tools/measure_mutants.py, which gives those that the vectors let
+pass to the tests of kernels and systems, too.
 """
 
 from __future__ import annotations
 
-import os
 import random
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from plumb.boards.native_core import CORE_VARIABLE
 from plumb.proof import golden
-from support.campaigns import LONG, campaign
 from support.mutant_judges import Prepared, killer
 from support.mutants import FIRMWARE, Mutant, Workshop, mutants
 
 ROOT = Path(__file__).resolve().parents[2]
-SEED = 2026
-OTHERS = [
-    "tests/kernels",
-    *(f"tests/systems/test_{name}_core.py" for name in ("attitude", "balancer", "phone", "turntable")),
-]
-"""Tests of the native core with inputs of their own."""
+SEED, SAMPLE = 1, 12
 VECTORS = Prepared.all(golden.load(ROOT / "tests/vectors"))
 DEFECTS = {
     "bias bound": ("core/kalman.h", "-(1 << 26), (1 << 26) - 1)", "-(1 << 26), (1 << 26))"),
@@ -67,28 +57,9 @@ def test_a_defect_is_noticed(workshop: Workshop, name: str) -> None:
     assert killer(library, VECTORS) is not None
 
 
-def test_what_the_vectors_miss_is_at_most_2_percent(workshop: Workshop) -> None:
+def test_a_sample_of_mutants_is_killed(workshop: Workshop) -> None:
     sample = mutants()
     random.Random(SEED).shuffle(sample)
-    killed, passed = 0, []
-    for number, mutant in enumerate(sample[: campaign(12, 300)]):
-        library = workshop.library(mutant, f"mutant_{number}")
-        if library is None:
-            continue
-        if killer(library, VECTORS):
-            killed += 1
-        else:
-            passed.append((mutant, library))
-    missed = [str(mutant) for mutant, library in passed if LONG and others_notice(library)]
-    print(f"{killed} killed, {len(passed)} pass the vectors, of which other tests notice {len(missed)}: {missed}")
-    assert killed >= 0.7 * (killed + len(passed)), "more of them pass than are equal to the core or nearly so"
-    assert len(missed) <= 0.02 * (killed + len(missed)), missed
-
-
-def others_notice(library: Path) -> bool:
-    """Whether the tests of kernels and systems fail with this library, and not for want of it."""
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider", *OTHERS]
-    environment = {**os.environ, CORE_VARIABLE: str(library), "PLUMB_LONG": ""}
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=900)
-    assert done.returncode in (0, 1), done.stdout[-2000:] + done.stderr[-2000:]
-    return done.returncode == 1
+    libraries = [workshop.library(mutant, f"mutant_{number}") for number, mutant in enumerate(sample[:SAMPLE])]
+    killed = [killer(library, VECTORS) is not None for library in libraries if library is not None]
+    assert sum(killed) >= 0.7 * len(killed), "more of them pass than are equal to the core or nearly so"

@@ -1,4 +1,4 @@
-"""What kills a mutant of the core: a golden vector that it does not repeat to the last bit.
+"""What kills a mutant of the core: a golden vector that it does not repeat to the last bit, or another test.
 
 The mutant runs in a process of its own, because it may crash or never end: both are seen, so both kill it.
 """
@@ -8,12 +8,15 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from plumb.boards.native_core import CORE_VARIABLE
 from plumb.proof.golden_file import Vector
 
 LONGEST_S = 60
@@ -70,3 +73,22 @@ def killer(library: Path, vectors: Sequence[Prepared]) -> str | None:
     if os.WIFEXITED(status) and os.WEXITSTATUS(status) == SURVIVED:
         return None
     return vectors[int.from_bytes(at, "little")].name if at else "crash"
+
+
+ROOT = Path(__file__).resolve().parents[2]
+OTHERS = (
+    "tests/kernels",
+    *(f"tests/systems/test_{name}_core.py" for name in ("attitude", "balancer", "phone", "turntable")),
+)
+"""Tests of the native core with inputs of their own."""
+
+
+def other_killer(library: Path) -> str | None:
+    """The first test of kernels and systems that fails with this library, and not for want of it; None: all pass."""
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider", *OTHERS]
+    environment = {**os.environ, CORE_VARIABLE: str(library), "PLUMB_LONG": ""}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=1800, check=False)
+    if done.returncode not in (0, 1):
+        raise RuntimeError(f"the tests of kernels and systems did not run: {done.stdout[-2000:]}{done.stderr[-2000:]}")
+    failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED ", "ERROR "))]
+    return failed[0].split()[1] if failed else None

@@ -17,8 +17,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 FIRMWARE = Path(__file__).resolve().parents[2] / "firmware"
-APART = {"commutation.c", "commutation.h", "digest.c", "digest.h", "esc.c", "esc.h", "plausibility.c", "control.h"}
-"""Not run by a step: the port's motor, the digest that judges it, what runs behind it, and declarations."""
+APART = {
+    "commutation.c", "commutation.h", "digest.c", "digest.h", "esc.c", "esc.h", "plausibility.c", "watch.h",
+    "control.h",
+}  # fmt: skip
+"""Not run by a step: the port's motor, the digest that judges it, what runs behind it and before it, declarations."""
 NOT_OF_A_STEP = re.compile(r"(_valid|_retune|^in_range|^minor_q28|^direct_part)$")
 """Functions that are called when parameters change."""
 _SWAPS = {
