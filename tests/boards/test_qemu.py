@@ -1,4 +1,4 @@
-"""The core on QEMU's Cortex-M3 gives the model's words, and the process around it is always cleaned up."""
+"""The core on QEMU's Cortex-M processors gives the model's words, and the process around it is always cleaned up."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ from plumb.systems import run_fixed
 from plumb.systems.quad import scenarios as quad
 from plumb.tuning.quantise import ControlParams, quantise
 
-IMAGE = Path(__file__).parents[2] / "build/stm32f103/plumb_qemu.elf"
+FOLDER = Path(__file__).parents[2] / "build/stm32f103"
+IMAGE = FOLDER / qemu.image_name()
 needs_qemu = pytest.mark.skipif(
-    shutil.which(qemu.PROGRAM) is None or not IMAGE.is_file(),
-    reason="qemu-system-arm or its image is missing: apt install qemu-system-arm, make image",
+    shutil.which(qemu.PROGRAM) is None or not all((FOLDER / qemu.image_name(core)).is_file() for core in qemu.MACHINES),
+    reason="qemu-system-arm or an image is missing: apt install qemu-system-arm, make image",
 )
 SLEEPER = [sys.executable, "-c", "import time; time.sleep(60)"]
 
@@ -33,11 +34,15 @@ def wild(kind: str, steps: int) -> tuple[ControlParams, np.ndarray, np.ndarray]:
     return quantise(quad.TUNINGS["adaptive"]), raw.astype(np.int16), setpoint.astype(np.int32)
 
 
+CASES = [*(("m3", kind) for kind in sorted(WILD)), *((core, "extremes") for core in qemu.MACHINES if core != "m3")]
+
+
 @needs_qemu
-@pytest.mark.parametrize("kind", sorted(WILD))
-def test_every_word_and_digest_is_the_models(kind: str) -> None:
+@pytest.mark.parametrize(("core", "kind"), CASES)
+def test_every_word_and_digest_is_the_models(core: str, kind: str) -> None:
     params, raw, setpoint = wild(kind, 300)
-    with qemu.QemuBoard(IMAGE) as board:
+    with qemu.QemuBoard(core, FOLDER / qemu.image_name(core)) as board:
+        assert board.name == f"qemu:{core}"
         answer = board.run_injected(params, raw, setpoint)
         of_step = board.words_of_step(params, raw, setpoint, 123)
     expected = run_fixed.run_control(params, raw, setpoint)
@@ -56,22 +61,30 @@ def test_parameters_of_another_layout_are_refused_in_a_sentence() -> None:
 
     params, raw, setpoint = wild("uniform", 3)
     assert params.words()
-    with pytest.raises(UsageError, match="another parameter layout"), qemu.QemuBoard(IMAGE) as board:
+    with pytest.raises(UsageError, match="another parameter layout"), qemu.QemuBoard(image=IMAGE) as board:
         board.run_injected(Short(), raw, setpoint)  # type: ignore[arg-type]
 
 
 def test_missing_qemu_names_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
     with pytest.raises(UsageError, match="apt install qemu-system-arm"):
-        qemu.QemuBoard(IMAGE)
+        qemu.QemuBoard("m0", IMAGE)
 
 
 def test_missing_image_names_the_command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(shutil, "which", lambda _: sys.executable)
-    monkeypatch.setattr(qemu, "IMAGE", Path("build/stm32f103/none.elf"))
+    monkeypatch.setattr(qemu, "CHECKOUT", tmp_path)
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(UsageError, match="make image"):
-        qemu.QemuBoard()
+    with pytest.raises(UsageError, match=r"there is no build/stm32f103/plumb_qemu_m0\.elf; build it with make image"):
+        qemu.QemuBoard("m0")
+
+
+@needs_qemu
+@pytest.mark.parametrize(("core", "architecture"), [("m0", "v6S-M"), ("m3", "v7"), ("m4", "v7E-M"), ("m7", "v7E-M")])
+def test_an_image_is_of_its_processor(core: str, architecture: str) -> None:
+    command = ["arm-none-eabi-readelf", "-A", str(FOLDER / qemu.image_name(core))]
+    said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    assert f"Tag_CPU_arch: {architecture}\n" in said
 
 
 def test_a_process_that_hangs_is_stopped_and_reaped(tmp_path: Path) -> None:

@@ -39,6 +39,7 @@ SOCKETCAND = SocketcandName("can:socketcand:pi:29536:can0", "socketcand", "can0"
     ("parse", "text", "name"),
     [
         *((parse_board, kind, LocalBoard(kind)) for kind in ("fixed", "native", "qemu", "virtual")),
+        *((parse_board, f"qemu:{core}", LocalBoard("qemu", core)) for core in ("m0", "m3", "m4", "m7")),
         *((parse, PORT, SerialName("/dev/ttyUSB0", 921600)) for parse in (parse_board, parse_bus)),
         *((parse, f"{PORT}@115200", SerialName("/dev/ttyUSB0", 115200)) for parse in (parse_board, parse_bus)),
         (parse_board, "serial:socket://pi:4000", SerialName("socket://pi:4000")),

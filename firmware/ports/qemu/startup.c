@@ -1,4 +1,4 @@
-/* Vector table and reset for QEMU's mps2-an385: code at 0, 4 MiB of RAM at 0x20000000. */
+/* Vector table and reset for QEMU's machines with a Cortex-M: code at 0, RAM at 0x20000000. */
 #include "semihosting.h"
 #include <string.h>
 

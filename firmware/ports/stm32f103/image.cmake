@@ -69,3 +69,4 @@ set_target_properties(plumb_qemu PROPERTIES SUFFIX .elf LINK_DEPENDS ${QEMU_SCRI
 target_compile_options(plumb_qemu PRIVATE -O2)
 target_link_libraries(plumb_qemu PRIVATE plumb_core)
 target_link_options(plumb_qemu PRIVATE -nostartfiles --specs=nano.specs -T ${QEMU_SCRIPT} -Wl,--gc-sections)
+add_subdirectory(firmware/ports/qemu)

@@ -1,6 +1,6 @@
 """Boards: everything that can run the control step, with one interface.
 
-`fixed` is the integer model in Python, `native` the C core in this process, `qemu` the C core as Cortex-M3 code,
+`fixed` is the integer model in Python, `native` the C core in this process, `qemu` the C core as Cortex-M code,
 `virtual` the whole flash image on the simulated STM32F103. `serial:PORT[@BAUD]` and `can:INTERFACE:CHANNEL[@KBIT]` are
 the same image on silicon, or on a virtual board that another process serves. `program:COMMAND` is a program of the
 user's, which runs whole vectors.
@@ -191,7 +191,7 @@ def open_board(spec: str, *, link: str = "serial", image: Path | None = None) ->
     if name.kind == "qemu":
         from plumb.boards.qemu import QemuBoard
 
-        return QemuBoard()
+        return QemuBoard(name.core)
     from plumb.boards.virtual import VirtualBoard
 
     return VirtualBoard(image, link)

@@ -33,7 +33,7 @@ def require_boards(names: Sequence[str], image: Path | None = None) -> None:
         elif isinstance(board, LocalBoard) and board.kind == "qemu":
             from plumb.boards.qemu import QemuBoard
 
-            QemuBoard()  # finds its program and its image, and starts nothing
+            QemuBoard(board.core)  # finds its program and its image, and starts nothing
     if virtual:
         from plumb.boards.virtual_machine import require_simulator
         from plumb.flash.image import find_image, load_own_image

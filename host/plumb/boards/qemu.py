@@ -1,4 +1,4 @@
-"""The C core as Cortex-M3 code under QEMU: reads its inputs from a file, writes every step's words and digest to a
+"""The C core as code for a Cortex-M under QEMU: reads its inputs from a file, writes every step's words and digest to a
 file.
 
 firmware/ports/qemu/main.c describes the file formats. Each run is a QEMU process of its own, which outlives neither the
@@ -31,7 +31,11 @@ if TYPE_CHECKING:
     from plumb.tuning.quantise import Changes, ControlParams
 
 PROGRAM = "qemu-system-arm"
-IMAGE = Path("build/stm32f103/plumb_qemu.elf")
+MACHINES = {"m0": "microbit", "m3": "mps2-an385", "m4": "mps2-an386", "m7": "mps2-an500"}
+"""QEMU's name of a machine with each core. The Cortex-M3 runs the core as the flash image has it, the others the same
+sources compiled for them."""
+DEFAULT_CORE = "m3"
+IMAGES = Path("build/stm32f103")
 MAGIC_IN = 0x49424C50
 MAGIC_OUT = 0x4F424C50
 SAMPLE_DTYPE = np.dtype([("raw", "<i2", dbc.inputs_most()), ("setpoint", "<i4")], align=True)
@@ -47,11 +51,16 @@ _EXIT_REASONS = {
 }
 
 
-def _find_image() -> Path:
+def image_name(core: str = DEFAULT_CORE) -> str:
+    return "plumb_qemu.elf" if core == DEFAULT_CORE else f"plumb_qemu_{core}.elf"
+
+
+def _find_image(core: str) -> Path:
+    image = IMAGES / image_name(core)
     for folder in (Path.cwd(), CHECKOUT):
-        if (folder / IMAGE).is_file():
-            return (folder / IMAGE).resolve()
-    raise UsageError(f"there is no {IMAGE}; build it with make image in a checkout of plumb, and run plumb from there")
+        if (folder / image).is_file():
+            return (folder / image).resolve()
+    raise UsageError(f"there is no {image}; build it with make image in a checkout of plumb, and run plumb from there")
 
 
 def lacking() -> str:
@@ -59,9 +68,9 @@ def lacking() -> str:
     if shutil.which(PROGRAM) is None:
         return f"{PROGRAM} is not installed"
     try:
-        _find_image()
+        _find_image(DEFAULT_CORE)
     except UsageError:
-        return f"there is no {IMAGE} here, which a checkout builds"
+        return f"there is no {IMAGES / image_name()} here, which a checkout builds"
     return ""
 
 
@@ -97,17 +106,19 @@ def _run(command: list[str], folder: Path, limit_s: float) -> int:
 
 
 class QemuBoard(Board):
-    """The board that runs each vector in a QEMU process of its own. image: the ELF file that it runs."""
+    """The board that runs each vector in a QEMU process of its own. core: a key of MACHINES, "" for the default; image:
+    the ELF file that it runs."""
 
-    name = "qemu"
     task_kinds = ("retune",)
 
-    def __init__(self, image: Path | None = None) -> None:
+    def __init__(self, core: str = "", image: Path | None = None) -> None:
+        self.name = f"qemu:{core}" if core else "qemu"
+        core = core or DEFAULT_CORE
         program = shutil.which(PROGRAM)
         if program is None:
             raise UsageError(f"{PROGRAM} is not installed; on Debian or Ubuntu: apt install qemu-system-arm")
-        self.image = image or _find_image()
-        self._command = [program, "-M", "mps2-an385", "-icount", "shift=5", "-nographic"]
+        self.image = image or _find_image(core)
+        self._command = [program, "-M", MACHINES[core], "-icount", "shift=5", "-nographic"]
         self._command += ["-semihosting-config", "enable=on,target=native", "-kernel", str(self.image)]
 
     def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:

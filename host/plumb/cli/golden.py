@@ -1,6 +1,7 @@
 """Make the golden vectors from their recipe, or check boards against them.
 
     plumb golden check --board native --board qemu --board virtual      every system, without hardware
+    plumb golden check --board qemu:m0 --board qemu:m4 --board qemu:m7  the core as code for other processors
     plumb golden check --board virtual --image mine.bin                 your build of the firmware
     plumb golden check --board "program:./port"                         your port of the C core
     plumb golden check --board virtual --link can --system balancer     one system, over CAN
@@ -27,7 +28,7 @@ from plumb.cli import options
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("action", choices=("make", "check"))
-    options.add_boards(parser, default="native", also="program:COMMAND")
+    options.add_boards(parser, default="native", also="qemu:m0, qemu:m3, qemu:m4, qemu:m7, program:COMMAND")
     options.add_systems(parser, "only this system's vectors")
     parser.add_argument(
         "--vector", action="append", metavar="NAME", help="check only this vector; * and ? as in file names; repeatable"

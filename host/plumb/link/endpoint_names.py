@@ -1,6 +1,6 @@
 """Names of boards, buses and served ports as people write them, parsed into typed values.
 
-    BOARD   native | qemu | virtual | serial:PORT[@BAUD] | can:INTERFACE:CHANNEL[@KBIT] | program:COMMAND
+    BOARD   native | qemu[:CORE] | virtual | serial:PORT[@BAUD] | can:INTERFACE:CHANNEL[@KBIT] | program:COMMAND
     BUS     serial:PORT[@BAUD] | tcp:HOST:PORT | udp:PORT | can:INTERFACE:CHANNEL[@KBIT] | file:PATH
 
 A served board has its UART at pty or tcp:PORT, and its CAN bus at slcan:pty, slcan:tcp:PORT, socketcand:PORT or
@@ -28,15 +28,22 @@ RFC2217_OPTIONS = ("ign_set_control", "poll_modem", "timeout", "logging")
 """Options that pyserial takes behind the `?` of an rfc2217:// address."""
 
 REMOTE_BOARDS = "serial:PORT[@BAUD] or can:INTERFACE:CHANNEL[@KBIT]"
-BOARDS = f"auto, native, qemu, virtual, {REMOTE_BOARDS}; golden check also takes program:COMMAND"
+QEMU_CORES = ("m0", "m3", "m4", "m7")
+"""Cortex-M0, -M3, -M4 and -M7; `qemu` alone is the M3."""
+_QEMU = f"qemu[:{'|'.join(QEMU_CORES)}]"
+BOARDS = f"auto, native, {_QEMU}, virtual, {REMOTE_BOARDS}; golden check also takes program:COMMAND"
 BUSES = "serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT, can:INTERFACE:CHANNEL[@KBIT] or file:PATH"
 
 
 @dataclass(frozen=True)
 class LocalBoard:
-    """A board that runs in this process or is started by it. kind: fixed, native, qemu or virtual."""
+    """A board that runs in this process or is started by it. kind: fixed, native, qemu or virtual.
+
+    core: of qemu:CORE, "" otherwise.
+    """
 
     kind: str
+    core: str = ""
 
 
 @dataclass(frozen=True)
@@ -124,7 +131,9 @@ _BARE = {
     r"[vs]?l?can\d+(@\d+)?": "can:socketcan:",
 }
 """What stands alone -> what is missing before it."""
-LOCAL_BOARDS = {kind: LocalBoard(kind) for kind in ("fixed", "native", "qemu", "virtual")}
+LOCAL_BOARDS = {kind: LocalBoard(kind) for kind in ("fixed", "native", "qemu", "virtual")} | {
+    f"qemu:{core}": LocalBoard("qemu", core) for core in QEMU_CORES
+}
 
 BoardName = LocalBoard | SerialName | CanName | ProgramName
 BusName = SerialName | TcpName | UdpName | CanName | FileName

@@ -152,7 +152,8 @@ def cases_named(every: Sequence[Case], patterns: Sequence[str] | None) -> list[C
 def cases_for(board: str, every: Sequence[Case]) -> list[Case]:
     """Those that a board takes, by its name: over a link only those marked for one, and of other kinds than steps
     those that it can."""
-    return [case for case in every if case.entry.on_link or board in TASK_BOARDS.get(case.entry.kind, WHOLE_BOARDS)]
+    kind = board.partition(":")[0]
+    return [case for case in every if case.entry.on_link or kind in TASK_BOARDS.get(case.entry.kind, WHOLE_BOARDS)]
 
 
 def takes(name: BoardName, case: Case) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 
 from plumb import systems
 from plumb.boards import Board, SimulatedBoard, open_board
+from plumb.boards.qemu import QemuBoard
 from plumb.errors import UsageError
 from plumb.physics import disturbance
 from plumb.proof import limits, runs
@@ -144,7 +145,7 @@ def _run(board: Board, request: RunRequest, scenario: Scenario, params: ControlP
         return live_run.run_live(board, scenario, params, open_loop=not closes, gains=gains)
     if not closes:
         return runs.open_loop(board, runs.prescribed(scenario), params)
-    if request.board == "qemu":
+    if isinstance(board, QemuBoard):
         with open_board("native") as native:
             inputs = runs.closed_loop(native, scenario, params).inputs
         return runs.open_loop(board, inputs, params)

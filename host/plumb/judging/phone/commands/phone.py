@@ -74,7 +74,7 @@ def main(arguments: argparse.Namespace) -> int:
     ):
         print(f"listening on {listener.address}:{listener.port}", file=sys.stderr, flush=True)
         intake = udp.Intake(arguments.period_us, saved)
-        follower = live_run.Follower(native if arguments.board == "qemu" else board, params)
+        follower = live_run.Follower(native if arguments.board.partition(":")[0] == "qemu" else board, params)
         outcome, lost = follower.outcome, False
         try:
             cut_short = live_run.follow(
@@ -122,7 +122,7 @@ def look_back(
     from plumb.judging.phone.inputs.live_run import inputs_of
     from plumb.proof import runs
 
-    if arguments.board == "qemu":
+    if arguments.board.partition(":")[0] == "qemu":
         whole = runs.open_loop(board, inputs_of(outcome.longest.steps, params), params)
     elif arguments.out:
         whole = outcome.longest.trial(params)
@@ -130,7 +130,7 @@ def look_back(
         return
     heading = {"system": "phone", "scenario": summary["source"], "tuning": arguments.tuning, "loop": "open"}
     longest = whole.summary(**heading, board=arguments.board, seed=None)
-    if arguments.board == "qemu":
+    if arguments.board.partition(":")[0] == "qemu":
         longest["mismatches"] = whole.mismatches
         judged = ("steps", "verdict", "mismatches", "first_divergence")
         summary |= {key: longest[key] for key in judged if key in longest}
