@@ -56,6 +56,8 @@ def test_every_word_and_digest_is_the_models(core: str, kind: str) -> None:
 @needs_qemu
 def test_parameters_of_another_layout_are_refused_in_a_sentence() -> None:
     class Short:
+        system = "quad"
+
         def words(self) -> list[int]:
             return [1, 2, 3]
 
