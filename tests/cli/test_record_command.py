@@ -21,7 +21,8 @@ from plumb.errors import UsageError
 from plumb.inputs import log_replay
 from plumb.inputs.recorder import FrameLog, Recorder, RunMemory
 from plumb.link import monitor
-from plumb.link.session import Session, raw_frames_of
+from plumb.link.selection import raw_frames_of
+from plumb.link.session import Session
 from plumb.link.transports.open_bus import serve_bus
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.link.transports.slcan_server import AdapterBus

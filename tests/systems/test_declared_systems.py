@@ -195,6 +195,9 @@ def test_what_a_toy_system_sends_is_recorded_and_shown(toy: Plumb, tmp_path: Pat
     assert len(rows) > 90 and all(800 < float(row["filtered"]) < 1100 for row in rows[20:80])
     shown = json.loads(toy("monitor", *live, "--json").stdout.splitlines()[-1])
     assert 800 < shown["filtered"] < 3100 and shown["tilt_deg"] is None
+    assert shown["commands"] == {"gain": 1, "heading": 0, "trim": 0, "hold": 0, "mode": 2}
+    assert len(shown["raw"]) == 15
+    assert {(row["command_gain"], row["raw_battery_counts"]) for row in rows} == {("1", "0")}
 
 
 def test_commands_act_as_a_set_within_their_limits_or_not_at_all(toy: Plumb, tmp_path: Path) -> None:

@@ -19,7 +19,8 @@ from plumb.inputs.recorder import Recorder
 from plumb.link.identity import NackError
 from plumb.link.realtime import Capture
 from plumb.link.sample_codec import command_frames
-from plumb.link.session import Session, raw_frames_of
+from plumb.link.selection import raw_frames_of
+from plumb.link.session import Session
 from plumb.spec import declarations
 from plumb.spec.protocol import Frame
 from plumb.systems import run_fixed

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from plumb import systems
 from plumb.link.endpoint_names import DEFAULT_BAUD
 from plumb.link.sample_codec import InputLayout, layout_of
-from plumb.link.session import KEEPALIVE_EVERY_S, PERIODIC, raw_frames_of
+from plumb.link.selection import raw_frames_of
+from plumb.link.session import KEEPALIVE_EVERY_S, PERIODIC
 from plumb.spec import dbc
 from plumb.spec.records import RECORDS
 from plumb.systems.contracts import PINS

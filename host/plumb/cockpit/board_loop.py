@@ -30,7 +30,8 @@ from plumb.errors import LinkError, PlumbError, UsageError
 from plumb.link import monitor, parameter_table
 from plumb.link.identity import NackError
 from plumb.link.realtime import Capture
-from plumb.link.session import RAW_FRAMES, Session, selectable
+from plumb.link.selection import RAW_FRAMES, selectable
+from plumb.link.session import Session
 from plumb.spec import declarations
 from plumb.spec.parameter_file import by_name
 from plumb.spec.parameters import control_part, table

@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from plumb.link.realtime import Capture
-from plumb.link.session import RAW_FRAMES
+from plumb.link.selection import RAW_FRAMES
 from plumb.spec import declarations
 from plumb.spec.signals import UNITS, signals
 from plumb.spec.system import Command

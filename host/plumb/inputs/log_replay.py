@@ -24,7 +24,7 @@ from plumb.inputs.logged_parameters import ParametersInUse, UsedParameters, chan
 from plumb.inputs.logged_runs import LoggedRun, Steps, runs_in
 from plumb.inputs.recorded_digests import Compared, LongReplay, replay_long
 from plumb.link import foreign_frames
-from plumb.link.session import raw_frames_of
+from plumb.link.selection import raw_frames_of
 from plumb.link.used_tables import TableChange
 from plumb.proof import runs
 from plumb.proof.compare import Divergence

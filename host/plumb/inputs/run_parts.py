@@ -18,7 +18,7 @@ import numpy.typing as npt
 from plumb.errors import UsageError
 from plumb.inputs.log_file import ERROR, EXTENDED, FRAME, REMOTE, Frames
 from plumb.link.realtime import SetpointReports
-from plumb.link.session import RAW_FRAMES
+from plumb.link.selection import RAW_FRAMES
 from plumb.link.transports.slcan import crc8_columns
 from plumb.link.used_tables import TABLE_MESSAGES
 from plumb.spec import dbc

@@ -16,7 +16,8 @@ from typing import Any
 from plumb.errors import LinkError
 from plumb.link.identity import BLOCKED, FAULTS, IMPLAUSIBLE, bits_text, plausibility_text, sensors_text
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES
-from plumb.link.session import PERIODIC, RAW_FRAMES, Session, raw_frames_of, selectable
+from plumb.link.selection import RAW_FRAMES, raw_frames_of, selectable
+from plumb.link.session import PERIODIC, Session
 from plumb.link.unarmable import blocked_texts
 from plumb.spec import dbc, declarations
 from plumb.spec.protocol import Frame, protocol
@@ -166,6 +167,17 @@ class Monitor:
                     values[column] = said[signal] * scale
         return values
 
+    def _commands(self, raw: Mapping[str, int]) -> Snapshot:
+        """The commands that the newest step used, for a system that has some; raw: the inputs of that step."""
+        system = self.session.parameters.uploaded
+        declared = None if system is None else declarations.system(system)
+        if declared is None or not declared.step_commands:
+            return {}
+        places = zip(declared.step_commands, declared.command_places(), strict=True)
+        words = {one: [raw.get(f"raw_{at + i}") for i in range(one.size)] for one, at in places}
+        known = {one.name: one.value([w for w in of if w is not None]) for one, of in words.items() if None not in of}
+        return {"commands": known or None}
+
     def _steps_per_s(self) -> float | None:
         if len(self._clock) < 2:
             return None
@@ -197,6 +209,7 @@ class Monitor:
             "attitude": all_or_none(values, *QUATERNION),
             "rates_dps": all_or_none(values, *(f"rate_{axis}_dps" for axis in QUATERNION[1:])),
             "raw": [raw[name] for name in (f"raw_{i}" for i in range(3 * len(RAW_FRAMES))) if name in raw] or None,
+            **self._commands(raw),
             "saturated_steps": events.get("saturated"),
             "starved_steps": events.get("starved"),
             "disarm_cause": _texts(events.get("disarm_cause", 0), BLOCKED)

@@ -19,7 +19,8 @@ from plumb.errors import LinkError
 from plumb.link.realtime import Capture
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES
 from plumb.link.sample_codec import WholeNumbers, layout_of, sample_frames, whole_inputs
-from plumb.link.session import Session, raw_frames_of
+from plumb.link.selection import raw_frames_of
+from plumb.link.session import Session
 from plumb.spec import declarations, parameters
 from plumb.spec.protocol import Frame
 from plumb.tuning.quantise import Changes, ControlParams

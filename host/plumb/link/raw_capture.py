@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from plumb.link.session import RAW_FRAMES, Session
+from plumb.link.selection import RAW_FRAMES
+from plumb.link.session import Session
 from plumb.spec.arrays import FloatArray
 from plumb.spec.protocol import Frame
 from plumb.tuning.channels import NO_SAMPLE

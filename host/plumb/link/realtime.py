@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from plumb.errors import LinkError
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES
-from plumb.link.session import RAW_FRAMES, Session
+from plumb.link.selection import RAW_FRAMES
+from plumb.link.session import Session
 from plumb.link.used_tables import ALL_PARAMETERS, UsedTables
 from plumb.spec import dbc
 from plumb.spec.protocol import Frame

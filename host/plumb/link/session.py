@@ -28,13 +28,13 @@ from plumb.link.parameter_transfer import ParameterTransfer
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES, LinkCounters
 from plumb.link.said_setpoint import SETPOINT_EVERY_S, SaidSetpoint
 from plumb.link.sample_codec import InputLayout, layout_of
+from plumb.link.selection import RAW_FRAMES, Selection, select_bits
 from plumb.link.transports.byte_stream import Channel
 from plumb.link.transports.can_bus import AnyBus, FrameBus
 from plumb.link.transports.slcan_bus import PlumbBus
 from plumb.spec import dbc, declarations, parameters
 from plumb.spec.protocol import Frame, protocol
 from plumb.spec.records import RECORDS
-from plumb.spec.system import COUNTS_LEAST
 
 KEEPALIVE_EVERY_S = 0.01
 """Interval at which the board issues a keep-alive value; the host answers each."""
@@ -54,43 +54,6 @@ PERIODIC = ("TIME", "STATUS", "COUNTERS", "EVENTS", "SENSORS", "PLAUSIBILITY", "
 PRESENCE_EVERY_S, SILENCE_S = 0.5, 1.5
 """The board closes a CAN link after two seconds without a frame from the host. A waiting session therefore sends a
 frame every PRESENCE_EVERY_S, and one that was busy for more than SILENCE_S sends HELLO again."""
-
-
-@dataclass
-class Selection:
-    """The telemetry that the board sends after the STEP of every step: frames by name, words by position in the
-    record."""
-
-    frames: tuple[str, ...] = ()
-    words: tuple[int, ...] = ()
-
-    def count(self) -> int:
-        return len(self.frames) + len(self.words)
-
-
-RAW_FRAMES = dbc.raw_frames(dbc.inputs_most())
-"""Frames with the inputs of a step, of the system with the most."""
-MORE_RAW_BIT = 14
-"""Bit of SELECT bank 0 of RAW_C; the frames after it follow."""
-
-
-def raw_frames_of(system: str) -> tuple[str, ...]:
-    """The RAW frames that carry the counts of a system's channels and its commands."""
-    declared = declarations.system(system)
-    channels = len(declared.channels)
-    return dbc.raw_frames(declared.inputs if declared.step_commands or channels > COUNTS_LEAST else channels)
-
-
-def select_bits(system: str) -> dict[str, int]:
-    """Frames that can be selected for a system, with their bits of SELECT bank 0."""
-    raw, named = dbc.raw_frames(declarations.system(system).inputs), dbc.frame_names(system)
-    bits = {name: bit for bit, name in enumerate((*raw[:2], *named))}
-    return {**bits, **{name: MORE_RAW_BIT + i for i, name in enumerate(raw[2:])}}
-
-
-def selectable(system: str) -> tuple[str, ...]:
-    """Frames that can be selected for a system, in the order of the bits of SELECT bank 0."""
-    return tuple(select_bits(system))
 
 
 @dataclass
@@ -417,12 +380,7 @@ class Session:
             if frame not in known:
                 raise UsageError(f"no frame '{frame}' can be selected; {self.system} has {', '.join(known)}")
         record_words = self.record_words
-        banks = [0] * (1 + (record_words + 31) // 32)
-        banks[0] = sum(1 << known[frame] for frame in set(chosen.frames))
-        for word in chosen.words:
-            if not 0 <= word < record_words:
-                raise UsageError(f"the board's record has no word {word}")
-            banks[1 + word // 32] |= 1 << word % 32
+        banks = chosen.banks(known, record_words)
         # Banks with fewer bits first, so that no intermediate selection is larger than the old or the new one.
         for bank, mask in sorted(enumerate(banks), key=lambda entry: entry[1].bit_count()):
             self.request("SELECT", bank, mask)

@@ -12,7 +12,8 @@ from plumb.errors import LinkError
 from plumb.link.identity import disarmed_text
 from plumb.link.realtime import Capture
 from plumb.link.retries import REPLY_TIMEOUT_S
-from plumb.link.session import RAW_FRAMES, Session
+from plumb.link.selection import RAW_FRAMES
+from plumb.link.session import Session
 from plumb.proof.gain_changes import GainChange, GainChanges, changes_of
 from plumb.proof.runs import Run, RunInputs, columns, judge
 from plumb.spec import declarations

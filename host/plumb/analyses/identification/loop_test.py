@@ -17,7 +17,7 @@ from plumb.errors import LinkError, UsageError
 from plumb.link.real_time_watch import RealTimeWatch
 from plumb.link.realtime import Capture
 from plumb.link.retries import REPLY_TIMEOUT_S
-from plumb.link.session import RAW_FRAMES
+from plumb.link.selection import RAW_FRAMES
 from plumb.proof.live_run import why_disarmed
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
