@@ -26,6 +26,7 @@ DEFECTS = {
     "a fall turns nothing": ("systems/attitude.c", "if (half < least)", "if (false)"),
     "wheel clamp flag": ("core/wheel.h", "return used != edges || ", "return "),
     "wheel acceleration flag": ("core/wheel.h", " || limited_q24 != accel_q24", ""),
+    "limit of growth": ("core/error_filter.c", "*variance < VARIANCE", "*variance <= VARIANCE"),
     "variance limit of the fusion": ("core/fusion.c", "(int64_t)1 << 58)", "(int64_t)1 << 57)"),
     "first entry of the roots": ("core/angle.c", "0xfffd03e9U", "0xfffc03e9U"),
     "last entry of the roots": ("core/angle.c", "0x80810081U", "0x80800081U"),

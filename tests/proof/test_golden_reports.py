@@ -365,18 +365,32 @@ def test_a_shared_library_passes_through_the_example(folder: Path, capsys: pytes
     assert out.count("2 vectors, 120 steps, 0 mismatches") == 2
 
 
-def test_the_port_in_c_passes(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Compiled as its head says."""
-    compiler = shutil.which("cc")
-    assert compiler
-    text = (ROOT / "examples/golden/port.c").read_text()
+def compiled(example: str, port: Path) -> None:
+    """As the head of the example says."""
+    assert shutil.which("cc")
+    text = (ROOT / "examples/golden" / example).read_text()
     command = re.sub(r" \*( {4,}|/)|\\\n \*", " ", text[text.index("cc -std") : text.index("plumb golden check")])
-    command = " ".join(command.replace("*   ", "").split()).removesuffix(" *").replace("-o port", f"-o {tmp_path}/port")
-    subprocess.run(
-        command.replace("cc -std", "cc -Wall -Wextra -Wconversion -Werror -std"), shell=True, cwd=ROOT, check=True
-    )
+    command = " ".join(command.replace("*   ", "").split()).removesuffix(" *").replace("-o port", f"-o {port}")
+    strict = command.replace("cc -std", "cc -Wall -Wextra -Wconversion -Wshadow -Werror -std")
+    subprocess.run(strict, shell=True, cwd=ROOT, check=True)
+
+
+def test_the_port_in_c_passes(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    compiled("port.c", tmp_path / "port")
     code, out, err = run(capsys, "--vectors", str(folder), "--board", f"program:{tmp_path}/port")
     assert code == 0, out + err
+
+
+def test_the_short_port_in_c_passes_its_system(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its main function is what a port has to write."""
+    body = (ROOT / "examples/golden/quad.c").read_text().partition("int main(void) {\n")[2]
+    assert body.count("\n") < 35
+    compiled("quad.c", tmp_path / "port")
+    asked = ("--vector", "quad_hold", "--vector", "quad_retune_*")
+    code, out, err = run(capsys, "--board", f"program:{tmp_path}/port", *asked)
+    assert code == 0, out + err
+    assert re.search(rf"program:{tmp_path}/port: [2-9] vectors, \d+ steps, 0 mismatches", out)
+    assert run(capsys, "--board", f"program:{tmp_path}/port", "--vector", "quad_refusal_adaptive")[0] == 3
 
 
 def test_a_wrong_port_is_traced_to_its_signal(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
