@@ -217,6 +217,31 @@ def test_commands_act_as_a_set_within_their_limits_or_not_at_all(toy: Plumb, tmp
     assert {(row["command_gain"], row["command_heading"]) for row in rows} == {("1", "0"), ("-3", str(-(1 << 30) + 5))}
 
 
+COMMANDS_IN_UNITS = """
+import sys, plumb
+with plumb.connect("virtual", image=sys.argv[1]) as board:
+    board.run("toy", seconds=0.1)
+    for sample in board.stream(1.0):
+        board.set_commands({"heading": 45.0, "trim": -0.5})
+    print(round(sample.signals["heading_deg"], 2))
+    for wrong in ({"heading": 91.0}, {"nothing": 1}, {"trim": "x"}):
+        try:
+            board.set_commands(wrong)
+        except plumb.UsageError as error:
+            print(error)
+"""
+
+
+def test_commands_are_given_in_units(toy: Plumb) -> None:
+    said = toy.run(toy.python, "-c", COMMANDS_IN_UNITS, toy.image).stdout.splitlines()
+    assert said == [
+        "44.5",
+        "heading = 91.0 deg: give -90 to 90 deg",
+        "toy has no command 'nothing'; it has gain, heading, trim, hold, mode",
+        "trim = 'x': give a number",
+    ]
+
+
 def test_commands_end_with_silence_and_with_arming(toy: Plumb, tmp_path: Path) -> None:
     native, firmware = toy.core.parent, ROOT / "firmware"
     folders = (native / "systems", native / "systems" / "include", firmware, firmware / "include", TOYS / "toy")

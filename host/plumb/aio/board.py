@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Literal, Self
@@ -159,6 +159,15 @@ class Board:
             LinkError: The link takes no data.
         """
         await self._link().ask(lambda board: board.set_setpoint(value))
+
+    async def set_commands(self, values: Mapping[str, float]) -> None:
+        """Set the commands of the run, all at once, as `plumb.Board.set_commands`.
+
+        Raises:
+            UsageError: An unknown name, a value beyond its limits, or no run.
+            LinkError: The link takes no data.
+        """
+        await self._link().ask(lambda board: board.set_commands(values))
 
     def _task_ended(self, task: asyncio.Task[object]) -> None:
         thread = self._link()

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal, Self
 
-from plumb.api import arguments
+from plumb.api import arguments, given_inputs
 from plumb.api.live import BoardIdentity, Sample, SampleStream
 from plumb.api.parameters import Parameters
 from plumb.api.reconnection import AnotherBoardError, Before, Found, Reconnection
@@ -26,7 +26,6 @@ from plumb.process_signals import endings, raise_ending
 from plumb.proof import scenario_run
 from plumb.spec import declarations
 from plumb.spec.parameter_file import by_name
-from plumb.spec.signal_units import setpoint_signal
 from plumb.tuning.quantise import quantise
 from plumb.version import installed
 
@@ -398,19 +397,19 @@ class Board:
             LinkError: The link takes no data.
         """
         arguments.require_number(value=value)
-        session = self._session()
-        if not self._live:
-            raise UsageError("there is no run to give a setpoint to: arm the board, or begin a stream first")
-        system = session.system
-        signal = setpoint_signal(system)
-        if signal is None:
-            raise UsageError(f"{system} has no setpoint: it drives nothing")
-        most = ((1 << 31) - 1) * signal.scale
-        if value is None or not abs(value) <= most:
-            raise UsageError(
-                f"a setpoint of {arguments.shown(value)} {signal.unit}: give one of at most {most:g} {signal.unit}"
-            )
-        session.set_setpoint(round(value / signal.scale))
+        given_inputs.set_setpoint(self._session(), value, live=self._live)
+
+    def set_commands(self, values: Mapping[str, float]) -> None:
+        """Set the commands of the run, all at once, in the units of the system's declaration (deg for an angle).
+
+        Commands that are not given get the value that they have when nothing sets them. They come with the setpoint
+        that was set last, and count as it does (`set_setpoint`).
+
+        Raises:
+            UsageError: An unknown name, a value beyond its limits, or no run.
+            LinkError: The link takes no data.
+        """
+        given_inputs.set_commands(self._session(), values, live=self._live)
 
     def _begin(self) -> None:
         if not self._live:

@@ -61,6 +61,16 @@ def word_signals(system: str, si: bool = False) -> dict[str, WordSignal]:
     return found
 
 
+def scale_of(unit: str, form: str) -> tuple[str, float]:
+    """Unit of the project, and the value of one LSB, of an integer with a declared unit and format; a choice, bits or
+    an unknown unit stay as they are."""
+    quantity = _FORMAT.fullmatch(form)
+    if unit not in _SCALES or (quantity is None and form != "integer"):
+        return unit, 1.0
+    _, shown, value = _SCALES[unit][0]
+    return shown, value / 2.0 ** (int(quantity[1]) if quantity else 0)
+
+
 def setpoint_signal(system: str) -> WordSignal | None:
     """The setpoint of a system that drives something; None for one that drives nothing."""
     if not declarations.system(system).output:
