@@ -16,7 +16,7 @@ import shutil
 import site
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -116,16 +116,22 @@ def sources() -> list[Path]:
     return [path for path in left if "GENERATED" not in path.read_text(encoding="utf-8").partition("\n")[0]]
 
 
-def named() -> re.Pattern[str]:
-    """Finds the names of systems. One that is also a word of the glossary is sought where it cannot be that word: in
-    the path of a folder or header, and in what the C calls the system's own."""
-    words = re.findall(r"^### (.+)$", (ROOT / "docs/glossary.md").read_text(encoding="utf-8"), re.MULTILINE)
-    names = declarations.names()
-    plain, terms = ("|".join(name for name in names if (name in words) == term) or "$^" for term in (False, True))
-    return re.compile(
-        rf"(?<![a-z])({plain})(?![a-z])|(systems[./]|plumb/|plumb_)({terms})(?![a-z])|(systems import .*\b)({terms})\b",
-        re.IGNORECASE,
-    )
+def terms() -> set[str]:
+    """Words that the sources use whatever the systems are called: the glossary's, and those in names of kernels."""
+    glossary = (ROOT / "docs/glossary.md").read_text(encoding="utf-8")
+    kernels = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "host/plumb/kernels").rglob("*.py"))
+    functions = re.findall(r"^def (\w+)\(", kernels, re.MULTILINE)
+    words = {word for function in functions for word in function.split("_")}
+    return words | set(re.findall(r"^### (.+)$", glossary, re.MULTILINE))
+
+
+def named(names: Iterable[str]) -> re.Pattern[str]:
+    """Finds the names of systems. One that is also a term is sought where it cannot be that word: in the path of a
+    folder or header, and in what the C calls the system's own."""
+    known = terms()
+    plain, words = ("|".join(name for name in names if (name in known) == term) or "$^" for term in (False, True))
+    own = rf"(systems[./]|judging[./]|plumb/|plumb_)({words})(?![a-z])|(systems import .*\b)({words})\b"
+    return re.compile(rf"(?<![a-z])({plain})(?![a-z])|{own}", re.IGNORECASE)
 
 
 def without_docstrings(tree: ast.Module) -> ast.Module:
@@ -135,10 +141,23 @@ def without_docstrings(tree: ast.Module) -> ast.Module:
     return tree
 
 
+def test_a_system_may_be_called_by_a_term() -> None:
+    """The sources say `complementary` of a filter; of a system of that name they must not know."""
+    found = named(["complementary", "toy"])
+    for line in (
+        "from plumb.systems.complementary import plant",
+        "plumb_complementary_t",
+    ):
+        assert found.search(line), line
+    for line in ("def complementary(state):", "# a complementary filter", "Complementary filter and average"):
+        assert not found.search(line), line
+    assert found.search("# the toy")
+
+
 @pytest.mark.parametrize("path", sources(), ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_nothing_outside_its_folder_names_a_system(path: Path) -> None:
     """But for examples: lines `    plumb ...` of the help of a command, and docstrings of what users import or run."""
-    names = named()
+    names = named(declarations.names())
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".py" and path.parent in (ROOT / "host/plumb", ROOT / "host/plumb/api", ROOT / "tools"):
         text = ast.unparse(without_docstrings(ast.parse(text)))
