@@ -188,11 +188,11 @@ def disarm_by_fault(board: NativeBoard, session: Session) -> None:
 
 
 def disarm_by_other_version(board: NativeBoard, session: Session) -> None:
-    board.say(frame("HELLO", 99))
+    board.say(frame("HELLO", 99, 0))
 
 
 def disarm_by_other_version_and_back(board: NativeBoard, session: Session) -> None:
-    board.say(frame("HELLO", 99) + frame("HELLO", session.protocol.version, session.protocol.dbc_hash))
+    board.say(frame("HELLO", 99, 0) + frame("HELLO", session.protocol.version, session.protocol.dbc_hash))
 
 
 @pytest.mark.parametrize(

@@ -63,6 +63,12 @@ class Estimate(ArraySignals):
         """Name of the system."""
         return self.words.system
 
+    def _of(self) -> str:
+        return self.words.system
+
+    def _word(self, name: str) -> npt.NDArray[np.int64]:
+        return self.words[name]
+
     @property
     def time_s(self) -> FloatArray:
         """Time of the samples, (N,) s, from 0."""
@@ -87,6 +93,12 @@ class StepEstimate(StepSignals):
     system: str
     words: dict[str, int]
     digest: int
+
+    def _of(self) -> str:
+        return self.system
+
+    def _word(self, name: str) -> npt.NDArray[np.int64]:
+        return np.asarray(self.words[name], np.int64)
 
 
 class Estimator:

@@ -50,6 +50,12 @@ class RunResult(ArraySignals):
         """Name of the system."""
         return self._done.run.system
 
+    def _of(self) -> str:
+        return self.system
+
+    def _word(self, name: str) -> npt.NDArray[np.int64]:
+        return self.words[name]
+
     @property
     def steps(self) -> int:
         """Number of steps, N."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, ClassVar, TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from plumb.near_names import did_you_mean
 from plumb.spec.arrays import FloatArray
@@ -14,20 +15,24 @@ from plumb.spec.signal_units import word_signals
 T_co = TypeVar("T_co", covariant=True)
 
 
-def _roll(w: Any, x: Any, y: Any, z: Any) -> Any:
+def _roll(w: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
     return np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
 
 
-def _pitch(w: Any, x: Any, y: Any, z: Any) -> Any:
-    return np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
+def _pitch(w: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
+    return np.asarray(np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0)), np.float64)
 
 
-def _yaw(w: Any, x: Any, y: Any, z: Any) -> Any:
+def _yaw(w: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
     return np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 _QUATERNION = ("attitude_w", "attitude_x", "attitude_y", "attitude_z")
-_ANGLES: dict[str, Callable[..., Any]] = {"roll": _roll, "pitch": _pitch, "yaw": _yaw}
+_ANGLES: dict[str, Callable[[FloatArray, FloatArray, FloatArray, FloatArray], FloatArray]] = {
+    "roll": _roll,
+    "pitch": _pitch,
+    "yaw": _yaw,
+}
 _UNITS = {"deg": 180.0 / np.pi, "rad": 1.0}
 
 
@@ -47,13 +52,12 @@ class Signals(Mapping[str, T_co]):
 
     SI: ClassVar[bool]
     """Whether iteration lists the names in SI."""
-    system: Any  # Any: a property here, a field there
-    words: Any
 
     def __getitem__(self, name: str) -> T_co:
-        if name not in self._names():
-            raise KeyError(f"{self.system} has no signal '{name}'{did_you_mean(name, self._names())}")
-        return self._value(name)
+        names = self._names()
+        if name not in names:
+            raise KeyError(f"{self._of()} has no signal '{name}'{did_you_mean(name, names)}")
+        return self._given(self._value(name))
 
     def __getattr__(self, name: str) -> T_co:
         if name.startswith("_"):
@@ -61,14 +65,14 @@ class Signals(Mapping[str, T_co]):
         names = self._names()
         if name not in names:
             near = did_you_mean(name, [*names, *(own for own in super().__dir__() if not own.startswith("_"))])
-            raise AttributeError(f"{type(self).__name__} of {self.system} has no '{name}'{near}")
-        return self._value(name)
+            raise AttributeError(f"{type(self).__name__} of {self._of()} has no '{name}'{near}")
+        return self._given(self._value(name))
 
     def __iter__(self) -> Iterator[str]:
-        return iter(word_signals(self.system, si=self.SI))
+        return iter(word_signals(self._of(), si=self.SI))
 
     def __len__(self) -> int:
-        return len(word_signals(self.system, si=self.SI))
+        return len(word_signals(self._of(), si=self.SI))
 
     def __contains__(self, name: object) -> bool:
         return name in self._names()
@@ -79,26 +83,37 @@ class Signals(Mapping[str, T_co]):
     @property
     def quaternion(self) -> FloatArray:
         """Attitude w, x, y, z, (N, 4), or (4,) of one step. Raises AttributeError for a system that has none."""
-        return np.stack([np.asarray(getattr(self, name), np.float64) for name in _QUATERNION], axis=-1)
+        if not set(_QUATERNION) <= set(self._names()):
+            raise AttributeError("quaternion")
+        return np.stack([self._value(name) for name in _QUATERNION], axis=-1)
 
     def _names(self) -> list[str]:
         """Every name that is understood, those of iteration first."""
-        names = dict.fromkeys([*word_signals(self.system, si=self.SI), *word_signals(self.system, si=not self.SI)])
+        own, other = (word_signals(self._of(), si=si) for si in (self.SI, not self.SI))
+        names = dict.fromkeys([*own, *other])
         if set(_QUATERNION) <= names.keys():
             units = ("rad", "deg") if self.SI else ("deg", "rad")
             names |= dict.fromkeys(f"{angle}_{unit}" for unit in units for angle in _ANGLES)
         return list(names)
 
-    def _value(self, name: str) -> T_co:
+    def _value(self, name: str) -> FloatArray:
         for si in (self.SI, not self.SI):
-            signal = word_signals(self.system, si=si).get(name)
+            signal = word_signals(self._of(), si=si).get(name)
             if signal is not None:
-                return self._scaled(self.words[signal.word] * signal.scale)
+                return np.asarray(self._word(signal.word) * signal.scale, np.float64)
         angle, _, unit = name.rpartition("_")
-        parts = (self._value(part) for part in _QUATERNION)
-        return self._scaled(_ANGLES[angle](*parts) * _UNITS[unit])
+        w, x, y, z = (self._value(part) for part in _QUATERNION)
+        return _ANGLES[angle](w, x, y, z) * _UNITS[unit]
 
-    def _scaled(self, value: Any) -> T_co:
+    def _of(self) -> str:
+        """The name of the system."""
+        raise NotImplementedError
+
+    def _word(self, name: str) -> npt.NDArray[np.int64]:
+        """The integer word, (N,), or () of one step."""
+        raise NotImplementedError
+
+    def _given(self, value: FloatArray) -> T_co:
         """The value as this mapping gives it."""
         raise NotImplementedError
 
@@ -106,12 +121,12 @@ class Signals(Mapping[str, T_co]):
 class ArraySignals(Signals[FloatArray]):
     """Signals of N steps, (N,) each."""
 
-    def _scaled(self, value: Any) -> FloatArray:
-        return np.asarray(value, np.float64)
+    def _given(self, value: FloatArray) -> FloatArray:
+        return value
 
 
 class StepSignals(Signals[float]):
     """Signals of one step."""
 
-    def _scaled(self, value: Any) -> float:
+    def _given(self, value: FloatArray) -> float:
         return float(value)
