@@ -65,11 +65,12 @@ SELDOM_CALLED bool plumb_quad_params_valid(const plumb_params_t *p) {
 /* An axis on a pivot: vibration and bursts of 0.3 g, no free fall. Armed near level. */
 const plumb_plausibility_bounds_t plumb_quad_plausibility = {
     PLUMB_PLAUSIBILITY_PLACES(plumb_quad_words_t, setpoint_turn_q32, accel_y_g_q26, accel_z_g_q26),
-    .accel_min_g2_q20 = 377487U,  /* 0.6 g */
-    .accel_max_g2_q20 = 2055209U, /* 1.4 g */
-    .rest_min_g2_q20 = 849347U,   /* 0.9 g */
-    .rest_max_g2_q20 = 1268777U,  /* 1.1 g */
-    .rest_turnps_q28 = 3728270U,  /* 5 deg/s */
-    .uneven_turn_q32 = 59652324U, /* 5 deg a step: bursts give 3.4 at 20 ms, 0.5 V of noise 9 and more */
-    .ready_turn_q32 = 178956971U, /* 15 deg */
+    .accel_min_g2_q20 = 377487U,   /* 0.6 g */
+    .accel_max_g2_q20 = 2055209U,  /* 1.4 g */
+    .rest_min_g2_q20 = 849347U,    /* 0.9 g */
+    .rest_max_g2_q20 = 1268777U,   /* 1.1 g */
+    .rest_turnps_q28 = 3728270U,   /* 5 deg/s */
+    .uneven_turn_q32 = 155096041U, /* 13 deg a step: 0.1 V of noise on every pin gives 4 to 11 at 5 ms, 0.5 V
+                                      on one 16 to 38 */
+    .ready_turn_q32 = 178956971U,  /* 15 deg */
 };

@@ -117,7 +117,7 @@ def test_protocol_document_is_fresh(monkeypatch: pytest.MonkeyPatch) -> None:
         assert set(measure.KINDS) >= SAMPLED
         monkeypatch.setattr(measure, "residuals", sampled)
     assert generator.generate(text) == text, "docs/reference/protocol.md is stale: run tools/gen_protocol.py"
-    assert text.count("<!-- begin") == 13
+    assert text.count("<!-- begin") == 14
 
 
 def test_signals_on_the_wire_are_the_words_of_each_record() -> None:

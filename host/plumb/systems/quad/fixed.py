@@ -93,6 +93,6 @@ PLAUSIBLE = plausibility.Bounds(
     accel_g2_q20=(round(0.6**2 * 2**20), round(1.4**2 * 2**20)),
     rest_g2_q20=(round(0.9**2 * 2**20), round(1.1**2 * 2**20)),
     rest_turnps_q28=round(5.0 / 360.0 * 2**28),
-    uneven_turn_q32=round(5.0 / 360.0 * 2**32),
+    uneven_turn_q32=round(13.0 / 360.0 * 2**32),
     ready_turn_q32=round(15.0 / 360.0 * 2**32),
 )
