@@ -1,12 +1,15 @@
 /* Single functions of the link for Python: tests/support/link_functions.py. */
 #include "app/board_guard.h"
 #include "generated/params.h"
+#include "link/injected.h"
 #include "link/slcan.h"
 #include <string.h>
 
 size_t frames_parse(const uint8_t *bytes, size_t count, uint8_t *frames, uint32_t *bad);
 uint8_t frames_crc8(uint16_t id, uint8_t dlc, const uint8_t data[8]);
 uint16_t table_unsafe(const uint32_t words[PARAMS_COUNT]);
+uint32_t injected_first_doubt(const uint32_t words[PARAMS_COUNT], const int16_t (*counts)[PLUMB_RAW_MAX],
+                              uint32_t steps);
 
 /* Memory is not checked here. */
 void board_parameters_seal(void) {}
@@ -45,4 +48,29 @@ uint8_t frames_crc8(uint16_t id, uint8_t dlc, const uint8_t data[8]) {
 
     memcpy(frame.data, data, sizeof frame.data);
     return e2e_crc8(&frame);
+}
+
+/* The first step, from 1 on, at which punctual injected samples disarm the board; 0: none does. */
+uint32_t injected_first_doubt(const uint32_t words[PARAMS_COUNT], const int16_t (*counts)[PLUMB_RAW_MAX],
+                              uint32_t steps) {
+    uint8_t marks[INJECTED_NUMBERS];
+    injected_t in;
+    params_t p;
+    uint32_t now_us = 0;
+
+    memcpy(&p, words, sizeof p);
+    injected_init(&in, marks);
+    injected_begin(&in);
+    for (uint32_t step = 0; step < steps; step++, now_us += p.period_us) {
+        uint16_t lost;
+
+        if (injected_counts(&in, step % INJECTED_NUMBERS, p.period_us, now_us, &lost)) {
+            injected_check(&in, counts[step], control_system(&p.control), &p);
+        }
+        injected_poll(&in, p.period_us, now_us);
+        if (injected_stale(&in) || in.stuck != 0 || in.railed != 0) {
+            return step + 1U;
+        }
+    }
+    return 0;
 }

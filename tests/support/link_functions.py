@@ -7,6 +7,9 @@ from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
+
 LIBRARY = Path(__file__).resolve().parents[2] / "build" / "native" / "tests" / "c" / "liblink_functions.so"
 
 
@@ -16,6 +19,7 @@ def library() -> ctypes.CDLL:
     loaded.frames_parse.restype = ctypes.c_size_t
     loaded.frames_crc8.restype = ctypes.c_uint8
     loaded.table_unsafe.restype = ctypes.c_uint16
+    loaded.injected_first_doubt.restype = ctypes.c_uint32
     loaded.keepalive_study.restype = ctypes.c_uint32
     return loaded
 
@@ -28,6 +32,13 @@ def crc8(identifier: int, length: int, data: bytes) -> int:
 def unsafe(words: Sequence[int]) -> int:
     """Index of the first word with which the board is not armed; the number of words: there is none."""
     return int(library().table_unsafe((ctypes.c_uint32 * len(words))(*(word & 0xFFFFFFFF for word in words))))
+
+
+def first_doubt(words: Sequence[int], counts: npt.NDArray[np.int16]) -> int:
+    """The first step, from 1 on, at which punctual injected samples with these counts disarm the board; 0: none."""
+    table = (ctypes.c_uint32 * len(words))(*(word & 0xFFFFFFFF for word in words))
+    rows = np.ascontiguousarray(counts, np.int16)
+    return int(library().injected_first_doubt(table, rows.ctypes.data_as(ctypes.c_void_p), ctypes.c_uint32(len(rows))))
 
 
 def disarms(seconds: int, round_trip_ms: float, loss: float, frame_us: int, seed: int) -> int:
