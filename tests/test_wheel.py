@@ -198,7 +198,8 @@ def test_a_changed_image_of_the_package_is_refused(tmp_path: Path) -> None:
     tool.package(["all"], tmp_path / "images", None, unchecked=True)
     path = packaged_image("all", tmp_path / "images")
     assert path is not None and path.read_bytes() == IMAGE.read_bytes()
-    path.write_bytes(path.read_bytes()[:-1] + b"\0")
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-1] + bytes((whole[-1] ^ 1,)))
     with pytest.raises(UsageError, match=r"is not the image that images\.json lists; install plumb again"):
         packaged_image("all", tmp_path / "images")
     (tmp_path / "images" / "images.json").write_text("{}")

@@ -126,7 +126,7 @@ class SampleStream:
         self._current: _Step | None = None
         self._last = near
         self._done: list[_Step] = []
-        self._health, self._health_s = Health(), -HEALTH_EVERY_S
+        self._health, self._health_s, self._health_of_s = Health(), -HEALTH_EVERY_S, 0.0
 
     def feed(self, frames: list[Frame]) -> None:
         self._monitor.feed(frames)
@@ -155,13 +155,15 @@ class SampleStream:
             done, self._done = self._done, []
             for one in done:
                 time_s = one.step * self._period_s
-                yield Sample(time_s, one.step, one.signals, one.armed, one.digest, self._state())
+                yield Sample(time_s, one.step, one.signals, one.armed, one.digest, self._state(time_s))
 
-    def _state(self) -> Health:
+    def _state(self, time_s: float) -> Health:
+        """time_s: of the sample. A host that was busy reads many samples at once: their own time counts, too."""
         now_s = self._session.clock()
-        if now_s - self._health_s >= HEALTH_EVERY_S or self._health.mode is None:
+        passed_s = max(now_s - self._health_s, abs(time_s - self._health_of_s))
+        if passed_s >= HEALTH_EVERY_S or self._health.mode is None:
             said = self._monitor.snapshot()
-            self._health_s = now_s
+            self._health_s, self._health_of_s = now_s, time_s
             self._health = Health(
                 said["mode"],
                 tuple(said["blocked"]),
