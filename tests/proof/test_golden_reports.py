@@ -347,7 +347,8 @@ def test_a_wrong_board_or_image_is_told_before_any_vector_runs(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "text.bin").write_text("no vector table")
     if "broken.bin" in arguments:
-        (tmp_path / "broken.bin").write_bytes(find_image().read_bytes()[:-1] + b"\0")
+        image = find_image().read_bytes()
+        (tmp_path / "broken.bin").write_bytes(image[:-1] + bytes((image[-1] ^ 1,)))
     monkeypatch.setattr(golden, "cases", lambda *_: pytest.fail("vectors were read"))
     assert front.main(["golden", "check", *arguments]) == 2
     assert why in capsys.readouterr().err
