@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from typing import ClassVar, TypeVar
 
@@ -105,17 +106,17 @@ class Signals(Mapping[str, T_co]):
         w, x, y, z = (self._value(part) for part in _QUATERNION)
         return _ANGLES[angle](w, x, y, z) * _UNITS[unit]
 
+    @abstractmethod
     def _of(self) -> str:
         """The name of the system."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _word(self, name: str) -> npt.NDArray[np.int64]:
         """The integer word, (N,), or () of one step."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _given(self, value: FloatArray) -> T_co:
         """The value as this mapping gives it."""
-        raise NotImplementedError
 
 
 class ArraySignals(Signals[FloatArray]):
