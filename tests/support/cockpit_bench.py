@@ -111,3 +111,17 @@ def serving(loop: BoardLoop) -> Iterator[PageServer]:
         finally:
             ended.set()
             thread.join()
+
+
+def colour(bench: CockpitBench) -> str:
+    """Of the light that the pages see."""
+    light = bench.loop.state["light"]
+    assert isinstance(light, dict)
+    return str(light["colour"])
+
+
+def run_number(bench: CockpitBench) -> int:
+    """Of the run that the pages see; 1 is the first."""
+    run = bench.loop.state["run"]
+    assert isinstance(run, dict)
+    return int(run["number"])
