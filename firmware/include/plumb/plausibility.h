@@ -7,7 +7,7 @@
  *     ACCEL       the length of the acceleration is outside the system's bounds, 200 ms
  *     INNOVATION  the innovation is above 15 deg and above 6 of its standard deviations, 300 ms, once the
  *                 filter has converged. While its gain k0 exceeds 2 a second, the filter would soon hide the
- *                 innovation: a step then counts four times, 75 ms
+ *                 innovation: each step then counts as four, so that 75 ms suffice
  *     RATE        the tilt that the accelerometer measures turns by 60 deg/s faster or slower than the gyro
  *                 says, 200 ms. The difference is low-passed with 0.25 s: the accelerometer's noise,
  *                 differentiated over one step, would be hundreds of deg/s. Or: the two differ from step to
