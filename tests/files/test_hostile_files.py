@@ -3,8 +3,10 @@ result, and within its memory. The files come from a seed: `tests/support/hostil
 
 from __future__ import annotations
 
+import os
 import random
 import resource
+import struct
 import time
 from collections.abc import Callable
 from functools import cache
@@ -12,13 +14,17 @@ from pathlib import Path
 
 import pytest
 
+from plumb.boards.flash_file import read_slots
 from plumb.cli.questions import Answers
 from plumb.errors import PlumbError, UsageError
 from plumb.files import settings, toml_text
-from plumb.flash.image import load_own_image
+from plumb.flash import packaged_images
+from plumb.flash.elf import Elf
+from plumb.flash.image import find_image, load_own_image
 from plumb.inputs import log_export, recording
 from plumb.inputs.log_replay import chosen, open_log, runs_of
 from plumb.judging.phone.inputs.udp import steps_of_file
+from plumb.link import parameter_history
 from plumb.link.transports.open_bus import LogBus
 from plumb.proof import golden_manifest, golden_recipe
 from plumb.proof.golden_file import Vector
@@ -79,6 +85,25 @@ def of_manifest(path: Path) -> None:
     golden_manifest.read(path.parent)
 
 
+def of_linked(path: Path) -> None:
+    found = Elf(path)
+    found.vectors()
+    for function in found.functions:
+        found.code_of(function)
+    assert len(found.symbols) and found.limits and found.flash_bytes
+
+
+def of_images(path: Path) -> None:
+    for image in packaged_images.packaged_images(path.parent).values():
+        image.verify()
+
+
+def of_history(path: Path) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parameter_history, "file_of", lambda _: path)
+        parameter_history.read("0")
+
+
 Make = Callable[[random.Random, Path], bytes]
 Read = Callable[[Path], object]
 
@@ -122,6 +147,14 @@ FORMATS: dict[str, tuple[str, Make, Read]] = {
         of_manifest,
     ),
     "elf": ("a.elf", lambda rng, _: hostile_files.elf(rng, hostile_files.good_elf()), load_own_image),
+    "linked elf": (
+        "firmware.elf",
+        lambda rng, _: hostile_files.linked_elf(rng, find_image(None).with_suffix(".elf").read_bytes()),
+        of_linked,
+    ),
+    "images": (packaged_images.MANIFEST, lambda rng, _: hostile_files.images(rng), of_images),
+    "history": ("0.jsonl", lambda rng, _: hostile_files.history(rng, good_table()), of_history),
+    "slots": ("slots", lambda rng, _: hostile_files.spoilt(rng, bytes(4096)), read_slots),
     "hex": ("a.hex", lambda rng, _: hostile_files.ihex(rng, hostile_files.good_image()), load_own_image),
     "bin": ("a.bin", lambda rng, _: hostile_files.spoilt(rng, hostile_files.good_image()), load_own_image),
     "phone": ("a.log", lambda rng, _: hostile_files.datagrams(rng), lambda path: steps_of_file(path, 5000)),
@@ -151,6 +184,45 @@ def test_a_hostile_file_is_one_sentence_or_a_result(name: str, folder: Path, tmp
         assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 < MEMORY_BYTES, f"seed {seed}"
     assert refused, "none of these files is hostile"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_field_with_a_line_break_is_told_on_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    head = "time_s," + ",".join(
+        f"{kind}_{axis}_{unit}" for kind, unit in (("gyr", "dps"), ("acc", "g")) for axis in "xyz"
+    )
+    path.write_text(head + '\n0,1,2,3,0,0,"1\n2"\n', encoding="utf-8")
+    with pytest.raises(UsageError, match=r"^a.csv line 2: '1\\n2' in column acc_z_g is no number$"):
+        recording.load(path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+@pytest.mark.parametrize("name", sorted(FORMATS.keys() - {"images"}))  # a package may lack them, so a pipe is none
+def test_a_pipe_is_refused_before_it_is_opened(name: str, tmp_path: Path) -> None:
+    """Nobody ever writes into it: whoever opened it would wait for ever."""
+    called, _, read = FORMATS[name]
+    os.mkfifo(tmp_path / called)
+    with pytest.raises(UsageError):
+        read(tmp_path / called)
+
+
+@pytest.mark.parametrize("table", ["segments", "symbols"])
+def test_an_elf_file_whose_tables_repeat_the_whole_file_is_refused_at_once(table: str, tmp_path: Path) -> None:
+    """65,535 headers in a file of a few megabytes, each of which takes a MiB of zeros: gigabytes, or hours."""
+    data = bytearray(hostile_files.good_elf())
+    zeros_at = len(data)
+    data += bytes(1 << 20)
+    head = {
+        "segments": struct.pack("<8I", 1, zeros_at, 0x08000000, 0x08000000, 1 << 20, 1 << 20, 5, 4),
+        "symbols": struct.pack("<10I", 0, 2, 2, 0, zeros_at, 1 << 20, 0, 0, 4, 16),
+    }[table]
+    count_at, start_at = (44, 28) if table == "segments" else (48, 32)
+    struct.pack_into("<I", data, start_at, len(data))
+    struct.pack_into("<H", data, count_at, 65535)
+    path = tmp_path / "a.elf"
+    path.write_bytes(bytes(data) + head * 65535)
+    with pytest.raises(UsageError, match="is damaged"):
+        Elf(path)
 
 
 @pytest.mark.parametrize(

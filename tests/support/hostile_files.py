@@ -301,6 +301,46 @@ def elf(rng: random.Random, good: bytes) -> bytes:
     return spoilt(rng, bytes(data))
 
 
+def linked_elf(rng: random.Random, good: bytes) -> bytes:
+    """A linked image whose tables of sections and symbols lie: counts, sizes, and links to other tables or to all."""
+    data = bytearray(good)
+    at, count = struct.unpack_from("<I", data, 32)[0], struct.unpack_from("<H", data, 48)[0]
+    lies = [0, 1, 16, 40, len(data) - 8, len(data), 0xFFFFFFFF, 0x80000000]
+    for _ in range(rng.choice([1, 3, 20])):
+        struct.pack_into("<I", data, at + 40 * rng.randrange(count) + 4 * rng.randrange(10), rng.choice(lies))
+    if rng.random() < 0.3:  # every section a table of symbols that is the whole file
+        header = struct.pack("<10I", 0, 2, 2, 0, 0, len(data), 0, 0, 4, 16)
+        struct.pack_into("<I", data, 32, len(data))
+        struct.pack_into("<H", data, 48, 65535)
+        data += header * 65535
+    return elf(rng, bytes(data)) if rng.random() < 0.3 else spoilt(rng, bytes(data))
+
+
+def history(rng: random.Random, table: dict[str, int]) -> bytes:
+    """Changes of parameters, a line each, whose fields are of another type."""
+    lines = []
+    for number in range(rng.choice([1, 5, 2000])):
+        change: dict[str, Any] = {"time": "t", "did": "d", "before": dict(list(table.items())[:3]), "after": {},
+                                  "crc32": number, "tuning": None}  # fmt: skip
+        for _ in range(rng.choice([0, 1, 3])):
+            change[rng.choice([*change, "more"])] = rng.choice(CONFUSED)
+        lines.append(rng.choice([json.dumps(change)] * 8 + [deep(rng, "[", "]"), '{"a":' * 1000, "9" * 5000, ""]))
+    return spoilt(rng, "\n".join(lines).encode("utf-8", "surrogatepass"))
+
+
+def images(rng: random.Random) -> bytes:
+    """The manifest of packaged images, with rows of another type."""
+    row: dict[str, Any] = {"name": "all", "file": "all.bin", "sha256": "0" * 64, "bytes": 9, "git_hash": "0",
+                           "git_dirty": False, "systems": ["a"], "golden": {"vectors": 1, "steps": 2}}  # fmt: skip
+    said: dict[str, Any] = {"format": "plumb images 1", "images": [dict(row) for _ in range(rng.choice([1, 500]))]}
+    for _ in range(rng.choice([1, 3])):
+        one = rng.choice(said["images"])
+        one[rng.choice(list(row))] = rng.choice([*CONFUSED, "../../etc/passwd", "/dev/zero", {"steps": "x"}])
+    if rng.random() < 0.2:
+        said[rng.choice(list(said))] = rng.choice(CONFUSED)
+    return spoilt(rng, rng.choice([json.dumps(said), json.dumps(said), deep(rng, "[", "]")]).encode())
+
+
 def ihex(rng: random.Random, good: bytes) -> bytes:
     """Records with a right checksum that lie about addresses, lengths and order."""
     lines = []

@@ -14,6 +14,7 @@ Tracing only looks: a board that is traced does the same in every bit.
 from __future__ import annotations
 
 import heapq
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -250,7 +251,8 @@ def _level(high: bool | None) -> str:
 def _check_free(path: Path) -> None:
     """Raises UsageError for a file that is no VCD file: an older trace is replaced, nothing else."""
     try:
-        begin = path.read_bytes()[:1] if path.is_file() else b""
+        with path.open("rb") if path.is_file() else BytesIO() as file:
+            begin = file.read(1)
     except OSError:
         return  # opening it for writing says why
     if begin not in (b"", b"$"):

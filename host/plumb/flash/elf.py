@@ -13,7 +13,11 @@ from itertools import pairwise
 from pathlib import Path
 
 from plumb.errors import UsageError
+from plumb.files.input_files import read_bytes
 
+MOST_BYTES = 64 << 20
+"""Of a file, and of what its segments hold: an image with its debug information has 1 MiB."""
+MOST_SYMBOLS, LONGEST_NAME = 1 << 16, 256
 CODE, DATA = "$t", "$d"
 """Mapping symbols (ELF for the Arm architecture, 5.5.5): from here on Thumb instructions, from here on data. A further
 name may follow behind a dot."""
@@ -51,10 +55,7 @@ class Elf:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
-            data = path.read_bytes()
-        except OSError:
-            raise UsageError(f"there is no image {path}; build it with: make image") from None
+        data = read_bytes(path, MOST_BYTES, "build it with: make image")
         if data[:6] != b"\x7fELF\x01\x01" or len(data) < 52 or struct.unpack_from("<H", data, 18)[0] != 40:
             raise UsageError(f"{path} is not an ELF file for Arm")
         try:
@@ -65,25 +66,31 @@ class Elf:
     def _parse(self, data: bytes) -> None:
         program_at, section_at = struct.unpack_from("<2I", data, 28)
         program_size, program_count, section_size, section_count, names_index = struct.unpack_from("<5H", data, 42)
-        self.segments = []
+        self.segments, left = [], len(data)
         for index in range(program_count):
             kind, offset, address, load, in_file, in_memory = struct.unpack_from(
                 "<6I", data, program_at + index * program_size
             )
             if kind == 1 and in_memory:
                 self.segments.append(Segment(load, address, data[offset : offset + in_file], in_memory))
+                left -= in_file
+                if left < 0:
+                    raise ValueError("its segments overlap")
         headers = [struct.unpack_from("<10I", data, section_at + i * section_size) for i in range(section_count)]
 
         def text(table: int, at: int) -> str:
             start = headers[table][4] + at
-            return data[start : data.index(b"\0", start)].decode()
+            return data[start : data.index(b"\0", start, start + LONGEST_NAME)].decode()
 
         self.sections = [
             Section(text(names_index, h[0]), h[3], h[5], h[1] != 8, bool(h[2] & 1)) for h in headers if h[2] & 2
         ]
         self.symbols: dict[str, Symbol] = {}
         self._placed: list[Symbol] = []  # all of them: statics of two files may share a name
-        for header in (h for h in headers if h[1] == 2):
+        tables = [header for header in headers if header[1] == 2]
+        if sum(header[5] for header in tables) > 16 * MOST_SYMBOLS:
+            raise ValueError("it has more symbols than any image")
+        for header in tables:
             for at in range(header[4], header[4] + header[5], 16):
                 name, value, size, info, _, section = struct.unpack_from("<3I2BH", data, at)
                 if info & 15 in (0, 1, 2) and section != 0 and name:
@@ -134,7 +141,7 @@ class Elf:
         """Address and bytes of the instructions of a function: what the mapping symbols call data is left out."""
         addresses, are_code = self._mapping
         end = function.address + function.size
-        inside = [at for at in addresses if function.address < at < end]
+        inside = addresses[bisect.bisect_right(addresses, function.address) : bisect.bisect_left(addresses, end)]
         pieces = []
         for start, stop in pairwise([function.address, *inside, end]):
             index = bisect.bisect_right(addresses, start) - 1
@@ -168,9 +175,10 @@ class Elf:
 
     def vectors(self) -> list[int]:
         """Addresses of the exception handlers, reset first, each once, from the table at the image's lowest address."""
-        table = min(self.segments, key=lambda s: s.load).data
+        table = min(self.segments, key=lambda s: s.load).data if self.segments else b""
         handlers: list[int] = []
-        for (word,) in struct.iter_unpack("<I", table[4 : 4 + 4 * (15 + 68)]):
+        words = table[4 : 4 + 4 * (15 + 68)]
+        for (word,) in struct.iter_unpack("<I", words[: len(words) & ~3]):
             covered = self.symbol_at(word & ~1) if word & 1 else None
             if word and (covered is None or not covered.is_function):
                 break

@@ -150,7 +150,7 @@ def _number(path: Path, line: int, name: str, row: list[str], at: int) -> float:
     try:
         return float(text)
     except ValueError:
-        raise UsageError(f"{path.name} line {line}: '{text[:20]}' in column {name} is no number") from None
+        raise UsageError(f"{path.name} line {line}: {text[:20]!r} in column {name} is no number") from None
 
 
 def _axes(column: Columns, stem: str, units: tuple[tuple[str, float], ...]) -> FloatArray | None:

@@ -35,6 +35,7 @@ from plumb import systems
 from plumb.boards import RawCounts, Setpoints
 from plumb.errors import UsageError
 from plumb.files import toml_text
+from plumb.files.input_files import read_text
 from plumb.proof.golden_random import random_bits
 from plumb.proof.golden_reach import reach
 from plumb.proof.golden_tasks import task_of
@@ -206,14 +207,13 @@ def is_name(text: object) -> bool:
 
 def read(path: Path, only: Sequence[str] | None = None) -> list[Entry]:
     """The entries, only those of the systems `only` when given; raises UsageError for a recipe that is wrong."""
+    text = read_text(path, MAX_BYTES, "give a folder with the recipe of its golden vectors")
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise ValueError(f"it is larger than {MAX_BYTES} bytes")
-        tables = toml_text.parse(path.read_text(encoding="utf-8")).get("vector")
+        tables = toml_text.parse(text).get("vector")
         if not isinstance(tables, list) or not tables:
             raise ValueError("it has no [[vector]]")
         entries = [_entry(table) for table in tables]
-    except (OSError, ValueError) as error:
+    except ValueError as error:
         raise UsageError(f"{path} is not a recipe: {error}".partition("\n")[0]) from None
     names = [entry.name for entry in entries]
     twice = sorted({name for name in names if names.count(name) > 1})
