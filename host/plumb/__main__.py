@@ -137,8 +137,19 @@ def _quit_at_once(_number: int, _frame: object) -> None:
     os._exit(130)
 
 
+def _open_closed_streams() -> None:
+    """What the caller closed (`plumb ... >&-`) leads to nowhere: else the next file or port that is opened gets the
+    descriptor, and with it what is printed."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):  # the lowest free descriptor is the next's
+        if getattr(sys, name) is None:
+            descriptor = os.open(os.devnull, os.O_RDWR)
+            os.set_inheritable(descriptor, True)
+            setattr(sys, name, os.fdopen(descriptor, mode))
+
+
 def entry() -> None:
     """The program: signals, `main`, and what the output's reader has not taken yet."""
+    _open_closed_streams()
     takes_interrupts = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # not in the background of a shell
     if takes_interrupts:
         signal.signal(signal.SIGINT, _quit_at_once)

@@ -22,6 +22,7 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A folder with what is no input."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
+    (tmp_path / "circle").symlink_to("circle")
     for suffix in ("", ".npz", ".csv", ".asc", ".blf", ".trc", ".log", ".toml", ".bin"):
         (tmp_path / f"empty{suffix}").write_bytes(b"")
         (tmp_path / f"garbage{suffix}").write_bytes(bytes(range(256)) * 8)
@@ -98,6 +99,12 @@ SHORT = [*RUN, "--seconds", "0.1"]
         (["replay", f"{NOT_TEXT}.csv", "--board", "native"], 2, r"n\udcff\udcfe.csv needs columns"),
         (["replay", "garbage.npz", "--board", "native"], 2, "damaged"),
         (["virtual-board", "--keep", "nowhere/board.flash"], 2, "there is no folder nowhere"),
+        (["virtual-board", "--vcd", "a", "--keep", "folder/../a"], 2, "folder/../a is named twice"),
+        (["virtual-board", "--vcd", "circle", "--keep", "circle"], 2, "circle is named twice"),
+        (["cockpit", "--board", "virtual", "--out", "empty"], 2, "empty is no folder"),
+        (["cockpit", "--board", "virtual", "--out", "garbage/recordings"], 2, "garbage is no folder"),
+        (["cockpit", "--board", "virtual", "--out", "circle"], 2, "circle is no folder"),
+        (["golden", "check", "--junit", "a", "--html", "./a"], 2, "a is named twice"),
         (["replay", "folder", "--system", "phone", "--board", "native"], 2, "a folder"),
         (["record", "--bus", "file:garbage.blf", "--out", "a.asc"], 2, "garbage.blf is damaged, or no .blf file"),
         (["record", "--bus", "file:missing.asc", "--out", "a.asc"], 2, "No such file"),

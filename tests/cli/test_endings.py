@@ -157,6 +157,23 @@ def test_a_reader_that_leaves_before_the_verdict_is_no_0() -> None:
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="the system has no /dev/full")
+@pytest.mark.skipif(sys.platform == "win32", reason="the descriptors of a POSIX shell")
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&-", ">&- 2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize("verdict", [0, 1])
+def test_a_stream_that_the_caller_closed_leads_to_nowhere(closed: str, verdict: int, tmp_path: Path) -> None:
+    """No traceback, the verdict's exit code, and what is printed does not end up in a file that is opened next."""
+    body = f"file = open('file', 'w'); print('said'); print('told', file=sys.stderr); return {verdict}"
+    words = [sys.executable, "-c", in_the_way("ports", body), "ports"]
+    command = f'exec "$@" {closed}'
+    done = subprocess.run(
+        ["sh", "-c", command, "sh", *words], cwd=tmp_path, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == verdict
+    assert done.stdout == ("said\n" if closed in ("2>&-", "<&-") else "")
+    assert done.stderr == ("" if "2>&-" in closed else "told\n")
+    assert (tmp_path / "file").read_text() == ""
+
+
 @pytest.mark.parametrize(("verdict", "code"), [(0, 2), (1, 1)])
 def test_output_that_cannot_be_written_is_a_sentence_and_no_0(verdict: int, code: int) -> None:
     with FULL.open("w", encoding="utf-8") as full:

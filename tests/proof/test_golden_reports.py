@@ -320,7 +320,7 @@ def test_a_report_that_cannot_be_written_is_told_before_anything_runs(
     monkeypatch.setattr(golden, "check_each", lambda *_: pytest.fail("a board ran"))
     for place in (tmp_path, tmp_path / "file" / "golden", Path("/dev/null/x")):
         assert str(place) in sentence(capsys, folder, option, str(place))
-    assert "same name" in sentence(
+    assert "is named twice" in sentence(
         capsys, folder, "--junit", str(tmp_path / "one"), "--html", str(tmp_path / "." / "one")
     )
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file"]

@@ -14,6 +14,7 @@ switch or another host armed, are only watched. Nothing is fetched from a networ
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -50,6 +51,9 @@ def main(arguments: argparse.Namespace) -> int:
     options.check_duration(arguments.seconds)
     if not 0 <= arguments.port <= 65535:
         raise UsageError(f"--port {arguments.port}: give a number from 1 to 65535")
+    there = next((path for path in (arguments.out, *arguments.out.parents) if os.path.lexists(path)), Path())
+    if not there.is_dir():
+        raise UsageError(f"cannot record in {arguments.out}: {there} is no folder; choose another with --out")
     try:
         import aiohttp  # noqa: F401
     except ImportError:

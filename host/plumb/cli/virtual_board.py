@@ -71,6 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     from plumb.boards.serve import serve
     from plumb.errors import UsageError
+    from plumb.files.whole_files import require_different
     from plumb.link.endpoint_names import PtyName, parse_can_end, parse_endpoint
     from plumb.link.served_boards import Entry
     from plumb.link.transports.server_endpoint import NO_TERMINAL
@@ -78,6 +79,8 @@ def main(arguments: argparse.Namespace) -> int:
 
     if arguments.scenario and not arguments.system:
         raise UsageError("--scenario needs a plant: name its system with --system, or leave --scenario out")
+    named = (arguments.vcd, arguments.keep, arguments.symlink, None if arguments.hand == "-" else arguments.hand)
+    require_different((Path(path) for path in named if path), "give each of --vcd, --keep, --symlink, --hand its own")
     served = parse_endpoint(arguments.serial)
     if arguments.symlink and not isinstance(served, PtyName):
         raise UsageError(NO_TERMINAL)

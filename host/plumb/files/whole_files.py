@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import errno
-from collections.abc import Mapping
+import os
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from plumb.errors import UsageError
@@ -33,6 +34,16 @@ def write_whole(contents: Mapping[Path, str | bytes], advice: str) -> None:
         with contextlib.suppress(OSError):
             for part in parts.values():
                 part.unlink(missing_ok=True)
+
+
+def require_different(paths: Iterable[Path], advice: str) -> None:
+    """Raises UsageError, with the advice, for two that are the same file, however they are written."""
+    seen: set[str] = set()
+    for path in paths:
+        real = os.path.realpath(path)  # which takes links that lead in a circle, too
+        if real in seen:
+            raise UsageError(f"{path} is named twice; {advice}")
+        seen.add(real)
 
 
 def require_writable(path: Path, advice: str) -> None:

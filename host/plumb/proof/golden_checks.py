@@ -87,8 +87,7 @@ def check_boards(
 def require_places(paths: Iterable[Path]) -> None:
     """Raises UsageError for a report that could not be written, before a board runs."""
     named = list(paths)
-    if len({path.resolve() for path in named}) < len(named):
-        raise UsageError(f"two reports have the same name; {ADVICE}")
+    whole_files.require_different(named, ADVICE)
     for path in named:
         whole_files.require_writable(path, ADVICE)
 
