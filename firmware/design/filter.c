@@ -54,21 +54,25 @@ void plumb_design_filter_check(plumb_design_t *d, const design_filter_t *f, int3
     plumb_design_not_negative(d, f->p11_name, s->p11_dps2);
     plumb_design_not_negative(d, f->gain_name, f->trust.gain_deg2);
     if (f->trust.r_deg2 <= 0.0)
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, f->r_name, f->trust.r_deg2);
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, f->r_name, f->trust.r_deg2, 1e-100, 1e100);
     if (f->trust.gain_deg2 != 0.0 && f->trust.r_max_deg2 < f->trust.r_deg2)
-        plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, f->r_max_name, f->trust.r_max_deg2);
+        plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, f->r_max_name, f->trust.r_max_deg2, f->trust.r_deg2,
+                            DESIGN_NO_LIMIT);
     const double p00 = plumb_design_bounded(s->p00_deg2), p01 = plumb_design_bounded(s->p01_deg2_per_s);
-    if (wide_compare(wide_product(p01, p01), wide_product(p00, plumb_design_bounded(s->p11_dps2))) > 0)
-        plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, f->p01_name, s->p01_deg2_per_s);
-    const double most = s->p00_deg2 / ((double)period_us * 1e-6), quarter = f->q_angle_deg2_per_s / 4.0;
-    if (s->p01_deg2_per_s < -most || s->p01_deg2_per_s > (quarter < most ? quarter : most))
-        plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, f->p01_name, s->p01_deg2_per_s);
+    const double p11 = plumb_design_bounded(s->p11_dps2),
+                 product = plumb_design_root(p00) * plumb_design_root(p11);
+    const double reach = p00 / ((double)period_us * 1e-6), quarter = f->q_angle_deg2_per_s / 4.0;
+    const double lowest = reach < product ? reach : product, highest = quarter < lowest ? quarter : lowest;
+    if (wide_compare(wide_product(p01, p01), wide_product(p00, p11)) > 0 || p01 < -reach || p01 > reach ||
+        p01 > quarter)
+        plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, f->p01_name, s->p01_deg2_per_s, -lowest, highest);
     if (f->bias_max_dps >= 360.0)
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, f->bias_max_name, f->bias_max_dps);
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, f->bias_max_name, f->bias_max_dps, 0.0, 360.0);
     if (s->bias_dps > f->bias_max_dps || -s->bias_dps > f->bias_max_dps)
-        plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, f->bias_name, s->bias_dps);
+        plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, f->bias_name, s->bias_dps, -f->bias_max_dps,
+                            f->bias_max_dps);
     if (f->trust.r_deg2 < 1e-100 || f->trust.r_deg2 > 1e100) /* where bounded variances lose their ratio */
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, f->r_name, f->trust.r_deg2);
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, f->r_name, f->trust.r_deg2, 1e-100, 1e100);
 }
 
 static int64_t square_root(int64_t x) {
@@ -164,23 +168,25 @@ static void find_unit(plumb_design_t *d, const design_filter_t *f, const varianc
     const wide_t r_most = wide_div(v[R].deg2, wide_mul(finest, wide_of(0x1p32)));
     const wide_t most = wide_div(wide_mul(r_most, wide_of(2001.0)), wide_of(2000.0));
     if (wide_compare(most, wide_of(1.0)) < 0) {
-        plumb_design_refuse(d, PLUMB_DESIGN_TOO_SMALL, f->r_name, f->trust.r_deg2);
+        plumb_design_refuse(d, PLUMB_DESIGN_TOO_SMALL, f->r_name, f->trust.r_deg2,
+                            f->trust.r_deg2 / r_most.hi, 1e100);
         return;
     }
-    plumb_design_t first = {PLUMB_DESIGN_OK, NULL, 0.0, 0.0};
+    plumb_design_t first = PLUMB_DESIGN_NONE_REFUSED;
     wide_t fraction;
     const int64_t top = wide_floor(most, &fraction);
     const bool try_finest = wide_compare(r_most, wide_of(2000.0)) > 0;
     for (int64_t whole = (top > UNITS_MOST ? UNITS_MOST : top) + (try_finest ? 1 : 0), i = whole; i > 0;
          i--) {
         *unit = try_finest && i == whole ? finest : wide_div(v[R].deg2, wide_of((double)i * 0x1p32));
-        plumb_design_t trial = {PLUMB_DESIGN_OK, NULL, 0.0, 0.0};
+        plumb_design_t trial = PLUMB_DESIGN_NONE_REFUSED;
         in_unit(&trial, f, v, *unit, w);
         if (trial.error == PLUMB_DESIGN_OK)
             return;
-        plumb_design_refuse(&first, trial.error, trial.field, trial.asked);
+        if (first.error == PLUMB_DESIGN_OK)
+            first = trial;
     }
-    plumb_design_refuse(d, first.error, first.field, first.asked);
+    plumb_design_refuse(d, first.error, first.field, first.asked, first.least, first.most);
 }
 
 void plumb_design_filter(plumb_design_t *d, const design_filter_t *f, int32_t period_us, wide_t *unit_deg2,

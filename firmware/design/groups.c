@@ -2,32 +2,54 @@
 
 #define CALIBRATION_MOST 1879048192 /* 7 * 2^28 */
 
-void plumb_design_refuse(plumb_design_t *d, plumb_design_error_t error, const char *field, double asked) {
+static double absolute(double x) {
+    return x < 0.0 ? -x : x;
+}
+
+void plumb_design_refuse(plumb_design_t *d, plumb_design_error_t error, const char *field, double asked,
+                         double least, double most) {
     if (d->error != PLUMB_DESIGN_OK)
         return;
     d->error = error;
     d->field = field;
     d->asked = asked;
+    d->least = least;
+    d->most = most;
+}
+
+/* Scaled by powers of 4 to [1, 4), where four steps of Newton from (1 + x) / 2 reach the last bit. */
+double plumb_design_root(double x) {
+    double scale = 1.0;
+    if (!(x > 0.0))
+        return 0.0;
+    for (; x >= 4.0; x *= 0.25)
+        scale *= 2.0;
+    for (; x < 1.0; x *= 4.0)
+        scale *= 0.5;
+    double root = 0.5 + 0.5 * x;
+    for (int i = 0; i < 5; i++)
+        root = 0.5 * (root + x / root);
+    return root * scale;
 }
 
 void plumb_design_finite(plumb_design_t *d, const char *field, double x) {
     if (!(x - x == 0.0)) /* inf - inf and NaN - NaN are NaN, which equals no number */
-        plumb_design_refuse(d, PLUMB_DESIGN_NOT_FINITE, field, x);
+        plumb_design_refuse(d, PLUMB_DESIGN_NOT_FINITE, field, x, -DESIGN_NO_LIMIT, DESIGN_NO_LIMIT);
 }
 
 void plumb_design_not_negative(plumb_design_t *d, const char *field, double x) {
     if (x < 0.0)
-        plumb_design_refuse(d, PLUMB_DESIGN_NEGATIVE, field, x);
+        plumb_design_refuse(d, PLUMB_DESIGN_NEGATIVE, field, x, 0.0, DESIGN_NO_LIMIT);
 }
 
 void plumb_design_choice(plumb_design_t *d, const char *field, int32_t x, int32_t last) {
     if (x < 0 || x > last)
-        plumb_design_refuse(d, PLUMB_DESIGN_NO_CHOICE, field, (double)x);
+        plumb_design_refuse(d, PLUMB_DESIGN_NO_CHOICE, field, (double)x, 0.0, (double)last);
 }
 
 void plumb_design_period(plumb_design_t *d, int32_t period_us) {
     if (period_us < 500 || period_us > 100000)
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "period_us", (double)period_us);
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "period_us", (double)period_us, 500.0, 1e5);
 }
 
 double plumb_design_bounded(double x) {
@@ -39,19 +61,33 @@ double plumb_design_bounded(double x) {
     return x;
 }
 
+/* Record that `asked`, which is `exact` in an integer of low to high, has no integer within 0.1 %. */
+static void refuse_integer(plumb_design_t *d, const char *field, double asked, wide_t exact, int64_t low,
+                           int64_t high) {
+    if (exact.hi == 0.0) {
+        plumb_design_refuse(d, PLUMB_DESIGN_TOO_SMALL, field, asked, 0.0, DESIGN_NO_LIMIT);
+        return;
+    }
+    const double step = plumb_design_bounded(asked) / exact.hi, one = step * (double)low,
+                 other = step * (double)high, coarse = 500.0 * absolute(step);
+    const double least = one < other ? one : other, most = one < other ? other : one;
+    if (wide_compare(exact, wide_of_int(high)) > 0)
+        plumb_design_refuse(d, PLUMB_DESIGN_TOO_LARGE, field, asked, least, most);
+    else if (wide_compare(exact, wide_of_int(low)) < 0 && low != 1)
+        plumb_design_refuse(d, PLUMB_DESIGN_TOO_SMALL, field, asked, least, most);
+    else if (asked > 0.0)
+        plumb_design_refuse(d, PLUMB_DESIGN_TOO_FINE, field, asked, coarse, most);
+    else
+        plumb_design_refuse(d, PLUMB_DESIGN_TOO_FINE, field, asked, least, -coarse);
+}
+
 int64_t plumb_design_whole(plumb_design_t *d, const char *field, double asked, wide_t exact, int64_t low,
                            int64_t high) {
     int64_t nearest = wide_round(exact);
     nearest = nearest < low ? low : nearest > high ? high : nearest;
     const wide_t beside = wide_mul(wide_abs(wide_sub(wide_of_int(nearest), exact)), wide_of(1000.0));
-    if (wide_compare(beside, wide_abs(exact)) <= 0)
-        return nearest;
-    if (exact.hi != 0.0 && wide_compare(exact, wide_of_int(high)) > 0)
-        plumb_design_refuse(d, PLUMB_DESIGN_TOO_LARGE, field, asked);
-    else if (exact.hi == 0.0 || (wide_compare(exact, wide_of_int(low)) < 0 && low != 1))
-        plumb_design_refuse(d, PLUMB_DESIGN_TOO_SMALL, field, asked);
-    else
-        plumb_design_refuse(d, PLUMB_DESIGN_TOO_FINE, field, asked);
+    if (wide_compare(beside, wide_abs(exact)) > 0)
+        refuse_integer(d, field, asked, exact, low, high);
     return nearest;
 }
 
@@ -86,7 +122,8 @@ int32_t plumb_design_filter_q31(plumb_design_t *d, const char *field, double tau
     *share = tau_s > 0.0 ? plumb_design_share((double)period_us / 1e6 / tau_s) : 1.0;
     const double exact = *share * 2147483648.0;
     if (exact < 500.0)
-        plumb_design_refuse(d, PLUMB_DESIGN_TOO_LARGE, field, tau_s);
+        plumb_design_refuse(d, PLUMB_DESIGN_TOO_LARGE, field, tau_s, 0.0,
+                            (double)period_us / 1e6 * 0x1p31 / 500.0);
     return (int32_t)plumb_design_whole(d, field, tau_s, wide_of(exact), 0, DESIGN_WORD_MAX);
 }
 
@@ -102,10 +139,13 @@ void plumb_design_channel(plumb_design_t *d, const design_channel_names_t *names
                           const plumb_channel_tuning_t *channel, wide_t unit,
                           plumb_calibration_params_t *words) {
     const int32_t low = channel->min_counts, high = channel->max_counts;
-    if (low < -32768 || low > high || high > 32767) {
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, names->min_counts, (double)low);
+    if (high < -32768 || high > 32767)
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, names->max_counts, (double)high, -32768.0, 32767.0);
+    if (low < -32768 || low > high)
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, names->min_counts, (double)low, -32768.0,
+                            (double)high);
+    if (d->error != PLUMB_DESIGN_OK)
         return;
-    }
     const int64_t most = DESIGN_WORD_MAX;
     const int64_t gain =
         plumb_design_scaled(d, names->unit_per_count, channel->unit_per_count, unit, -most, most);
@@ -113,8 +153,13 @@ void plumb_design_channel(plumb_design_t *d, const design_channel_names_t *names
     const int64_t offset = wide_round(zero); /* +-2^62 if it is larger; then the sum below is, too */
     const int64_t at_low = low * gain + offset, at_high = high * gain + offset;
     if (at_low > CALIBRATION_MOST || at_low < -CALIBRATION_MOST || at_high > CALIBRATION_MOST ||
-        at_high < -CALIBRATION_MOST)
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, names->unit_per_count, channel->unit_per_count);
+        at_high < -CALIBRATION_MOST) {
+        const double below = absolute((double)low - channel->zero_counts),
+                     above = absolute((double)high - channel->zero_counts);
+        const double reach = (double)CALIBRATION_MOST / unit.hi / (below > above ? below : above);
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, names->unit_per_count, channel->unit_per_count,
+                            -reach, reach);
+    }
     words->raw_min = low;
     words->raw_max = high;
     words->gain = (int32_t)gain;
@@ -129,7 +174,8 @@ void plumb_design_pid(plumb_design_t *d, const plumb_pid_tuning_t *pid, int32_t 
     words->d_alpha_q31 =
         plumb_design_filter_q31(d, "pid.derivative_tau_s", pid->derivative_tau_s, period_us, &share);
     if (pid->slew_per_s <= 0.0)
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "pid.slew_per_s", pid->slew_per_s);
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "pid.slew_per_s", pid->slew_per_s, 0.0,
+                            DESIGN_NO_LIMIT);
     words->kp_q22 = (int32_t)plumb_design_scaled(d, "pid.kp_per_deg", pid->kp_per_deg,
                                                  wide_of(360.0 * 0x1p22), -limit, limit);
     words->ki_dt_q22 =

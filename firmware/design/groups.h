@@ -8,17 +8,26 @@
 #include "plumb/design.h"
 #include "plumb/params.h"
 #include "wide.h"
+#include <float.h>
 #include <stdbool.h>
 #include <stddef.h>
 
 #define DESIGN_WORD_MAX 2147483647 /* 2^31 - 1 */
 #define DESIGN_DEG2     129600.0   /* square degrees of a square turn */
+#define DESIGN_NO_LIMIT DBL_MAX    /* the most of a setting, or minus its least */
 
 /* The finite members of *t, in the order in which they are checked; the name is the member's path. */
 #define DESIGN_FINITE(design, t, member) plumb_design_finite(design, #member, (t)->member)
 
-/* Record a refusal, if it is the first. */
-void plumb_design_refuse(plumb_design_t *d, plumb_design_error_t error, const char *field, double asked);
+#define PLUMB_DESIGN_NONE_REFUSED                                                                            \
+    { PLUMB_DESIGN_OK, NULL, 0.0, 0.0, 0.0, 0.0 }
+
+/* Record a refusal, if it is the first. least, most: what the setting may be while the others stay. */
+void plumb_design_refuse(plumb_design_t *d, plumb_design_error_t error, const char *field, double asked,
+                         double least, double most);
+
+/* The square root of x, 0 to 2^800, within 2^-50 of itself. */
+double plumb_design_root(double x);
 
 void plumb_design_finite(plumb_design_t *d, const char *field, double x);
 
@@ -59,11 +68,11 @@ static inline wide_t design_per_period(double x, int32_t period_us) {
 
 /* Names of the settings of a channel. */
 typedef struct {
-    const char *min_counts, *zero_counts, *unit_per_count;
+    const char *min_counts, *max_counts, *zero_counts, *unit_per_count;
 } design_channel_names_t;
 
 #define DESIGN_CHANNEL_NAMES(path)                                                                           \
-    { path ".min_counts", path ".zero_counts", path ".unit_per_count" }
+    { path ".min_counts", path ".max_counts", path ".zero_counts", path ".unit_per_count" }
 
 /* unit: integer units per engineering unit. */
 void plumb_design_channel(plumb_design_t *d, const design_channel_names_t *names,

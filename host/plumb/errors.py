@@ -51,6 +51,25 @@ class UsageError(PlumbError):
 
     exit_code = ExitCode.WRONG_USE
 
+    def saying(self, message: str) -> UsageError:
+        """The same error in other words."""
+        return UsageError(message)
+
+
+class SettingError(UsageError):
+    """A setting of a tuning that has no integer, or that other settings do not allow.
+
+    setting: as the message names it; asked: its value; least, most: it may be so much while the others stay as they
+    are, infinite where it has no limit (0 stands for "above 0", 360 deg/s for "below 360 deg/s").
+    """
+
+    def __init__(self, message: str, setting: str, asked: float, least: float, most: float) -> None:
+        super().__init__(message)
+        self.setting, self.asked, self.least, self.most = setting, asked, least, most
+
+    def saying(self, message: str) -> SettingError:
+        return SettingError(message, self.setting, self.asked, self.least, self.most)
+
 
 class LinkError(PlumbError):
     """Device or link trouble: no port, no answer, a connection that closed, a version that differs."""

@@ -21,11 +21,14 @@ CHOICES = {
 
 
 class Answer(NamedTuple):
-    """What a design gives. error: plumb_design_error_t; words: of the whole control part, by name; {} when refused."""
+    """What a design gives. error: plumb_design_error_t; least, most: of the refused field; words: of the whole control
+    part, by name; {} when refused."""
 
     error: int
     field: str
     lsb_deg2: float
+    least: float
+    most: float
     words: dict[str, int]
 
 
@@ -34,6 +37,8 @@ class _Design(ctypes.Structure):
         ("error", ctypes.c_int),
         ("field", ctypes.c_char_p),
         ("asked", ctypes.c_double),
+        ("least", ctypes.c_double),
+        ("most", ctypes.c_double),
         ("lsb_deg2", ctypes.c_double),
     ]
 
@@ -91,4 +96,4 @@ def design(tuning: Any) -> Answer:
     answer = function(ctypes.byref(settings), words)
     made = {row.name: row.from_word(word) for row, word in zip(rows, words, strict=True)}
     field = (answer.field or b"").decode()
-    return Answer(answer.error, field, answer.lsb_deg2, {} if answer.error else made)
+    return Answer(answer.error, field, answer.lsb_deg2, answer.least, answer.most, {} if answer.error else made)

@@ -3,19 +3,22 @@
 
 #define GRAVITY_MPS2     9.80665
 #define WHEEL_SPEED_MOST ((int64_t)15 << 26) /* m/s Q26 */
+#define EDGES_MOST       32767
 #define LIMIT            ((int64_t)1 << 30)
 
 static void wheel_words(plumb_design_t *d, const plumb_wheel_tuning_t *t, int32_t period_us,
                         plumb_wheel_params_t *words) {
-    if (t->edges_max < 1 || t->edges_max > 32767)
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "wheel.edges_max", (double)t->edges_max);
     const wide_t steps_per_s = wide_div(wide_of(1e6), wide_of((double)period_us));
-    const int64_t edge = plumb_design_scaled(d, "wheel.edge_m", t->edge_m,
-                                             wide_mul(steps_per_s, wide_of(0x1p26)), -LIMIT, LIMIT);
-    if ((edge < 0 ? -edge : edge) * t->edges_max > WHEEL_SPEED_MOST)
-        plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, "wheel.edges_max", (double)t->edges_max);
+    const int64_t edge =
+        plumb_design_scaled(d, "wheel.edge_m", t->edge_m, wide_mul(steps_per_s, wide_of(0x1p26)),
+                            -WHEEL_SPEED_MOST, WHEEL_SPEED_MOST);
+    const int64_t size = edge < 0 ? -edge : edge, fast = size != 0 ? WHEEL_SPEED_MOST / size : EDGES_MOST,
+                  most = fast < EDGES_MOST ? fast : EDGES_MOST;
+    if (t->edges_max < 0 || t->edges_max > most)
+        plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, "wheel.edges_max", (double)t->edges_max, 0.0,
+                            (double)most);
     double share;
-    words->edges_max = t->edges_max;
+    words->edges_max = t->edges_max != 0 ? t->edges_max : (int32_t)most;
     words->edge_mps_q26 = (int32_t)edge;
     words->alpha_q31 = plumb_design_filter_q31(d, "wheel.tau_s", t->tau_s, period_us, &share);
     plumb_design_not_negative(d, "wheel.accel_share", t->accel_share);
@@ -31,13 +34,13 @@ static void speed_words(plumb_design_t *d, const plumb_speed_tuning_t *t, int32_
                         plumb_pid_params_t *words) {
     const char *const slew_name = "speed.lean_slew_dps";
     if (!(t->lean_max_deg > 0.0 && t->lean_max_deg <= 22.5)) {
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "speed.lean_max_deg", t->lean_max_deg);
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "speed.lean_max_deg", t->lean_max_deg, 0.0, 22.5);
         return;
     }
     const wide_t lean_max = wide_of(plumb_design_bounded(t->lean_max_deg));
     double share;
     if (t->lean_slew_dps <= 0.0)
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, slew_name, t->lean_slew_dps);
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, slew_name, t->lean_slew_dps, 0.0, DESIGN_NO_LIMIT);
     words->d_alpha_q31 = plumb_design_filter_q31(d, "speed.accel_tau_s", t->accel_tau_s, period_us, &share);
     words->kp_q22 = (int32_t)plumb_design_scaled(d, "speed.lean_deg_per_mps", t->lean_deg_per_mps,
                                                  wide_div(wide_of(0x1p28), lean_max), -LIMIT, LIMIT);
@@ -71,7 +74,7 @@ plumb_design_t plumb_balancer_design(const plumb_balancer_tuning_t *tuning, plum
     const plumb_balancer_tuning_t *t = tuning;
     const design_axis_t axis = {t->period_us, t->tilt,   &t->calibration, &t->kalman,
                                 &t->trust,    &t->start, &t->pid};
-    plumb_design_t d = {PLUMB_DESIGN_OK, NULL, 0.0, 0.0};
+    plumb_design_t d = PLUMB_DESIGN_NONE_REFUSED;
     plumb_design_axis_finite(&d, &axis);
     DESIGN_FINITE(&d, t, wheel.edge_m);
     DESIGN_FINITE(&d, t, wheel.tau_s);

@@ -52,7 +52,7 @@ const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_TUNED = {
     },
     .wheel = {
         .edge_m = 0.0037399912542735634,
-        .edges_max = 40,
+        .edges_max = 0,
         .tau_s = 0.2,
         .accel_share = 1.0,
     },
@@ -122,7 +122,7 @@ const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_ARCTAN = {
     },
     .wheel = {
         .edge_m = 0.0037399912542735634,
-        .edges_max = 40,
+        .edges_max = 0,
         .tau_s = 0.2,
         .accel_share = 0.0,
     },
@@ -192,7 +192,7 @@ const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_ARCTAN_FITTED = {
     },
     .wheel = {
         .edge_m = 0.0037399912542735634,
-        .edges_max = 40,
+        .edges_max = 0,
         .tau_s = 0.2,
         .accel_share = 0.0,
     },
@@ -262,7 +262,7 @@ const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_PAPER_RULE = {
     },
     .wheel = {
         .edge_m = 0.0037399912542735634,
-        .edges_max = 40,
+        .edges_max = 0,
         .tau_s = 0.2,
         .accel_share = 0.0,
     },
@@ -332,7 +332,7 @@ const plumb_balancer_tuning_t PLUMB_BALANCER_TUNING_PAPER_RULE_WHEEL = {
     },
     .wheel = {
         .edge_m = 0.0037399912542735634,
-        .edges_max = 40,
+        .edges_max = 0,
         .tau_s = 0.2,
         .accel_share = 1.0,
     },

@@ -18,7 +18,8 @@
 static void one(plumb_design_t *d, const plumb_phone_tuning_t *t, const design_filter_t *f, wide_t *unit_deg2,
                 design_filter_words_t *words) {
     if (t->r_left_out_deg2 < f->trust.r_deg2)
-        plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, "r_left_out_deg2", t->r_left_out_deg2);
+        plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, "r_left_out_deg2", t->r_left_out_deg2,
+                            f->trust.r_deg2, DESIGN_NO_LIMIT);
     if (d->error == PLUMB_DESIGN_OK)
         plumb_design_filter_check(d, f, t->period_us);
     if (d->error == PLUMB_DESIGN_OK)
@@ -70,7 +71,7 @@ plumb_design_t plumb_phone_design(const plumb_phone_tuning_t *tuning, plumb_para
     static const design_channel_names_t gyro = DESIGN_CHANNEL_NAMES("gyro"),
                                         accel = DESIGN_CHANNEL_NAMES("accel");
     const plumb_phone_tuning_t *t = tuning;
-    plumb_design_t d = {PLUMB_DESIGN_OK, NULL, 0.0, 0.0};
+    plumb_design_t d = PLUMB_DESIGN_NONE_REFUSED;
     axis_finite(&d, t);
     plumb_design_period(&d, t->period_us);
     plumb_design_choice(&d, "rates", t->rates, PLUMB_TUNING_RATES_EULER);

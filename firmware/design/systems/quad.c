@@ -6,13 +6,15 @@
 static int32_t pulse(plumb_design_t *d, const char *field, double asked_us, int32_t low, int32_t high) {
     const wide_t exact = wide_mul(wide_of(plumb_design_bounded(asked_us)), wide_of(2.0));
     if (exact.hi < (double)low || exact.hi > (double)high)
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, field, asked_us);
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, field, asked_us, (double)low / 2.0,
+                            (double)high / 2.0);
     return (int32_t)plumb_design_whole(d, field, asked_us, exact, low, high);
 }
 
 static void in_order(plumb_design_t *d, const char *field, double asked_us, double above_us) {
     if (asked_us > above_us)
-        plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, field, asked_us);
+        plumb_design_refuse(d, PLUMB_DESIGN_CONTRADICTS, field, asked_us, ESC_PULSE_MIN_HALFUS / 2.0,
+                            above_us);
 }
 
 static void pulses(plumb_design_t *d, const plumb_esc_tuning_t *t, plumb_esc_params_t *words) {
@@ -31,7 +33,7 @@ plumb_design_t plumb_quad_design(const plumb_quad_tuning_t *tuning, plumb_params
     const plumb_quad_tuning_t *t = tuning;
     const design_axis_t axis = {t->period_us, t->tilt,   &t->calibration, &t->kalman,
                                 &t->trust,    &t->start, &t->pid};
-    plumb_design_t d = {PLUMB_DESIGN_OK, NULL, 0.0, 0.0};
+    plumb_design_t d = PLUMB_DESIGN_NONE_REFUSED;
     plumb_design_axis_finite(&d, &axis);
     DESIGN_FINITE(&d, t, esc.mid_us);
     DESIGN_FINITE(&d, t, esc.span_us);

@@ -13,11 +13,12 @@ static double absolute(double x) {
 static void prefilter(plumb_design_t *d, const plumb_prefilter_tuning_t *t, double unit_per_count,
                       const char *const names[3], plumb_prefilter_params_t *words) {
     if (t->spike <= 0.0)
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, names[0], t->spike);
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, names[0], t->spike, 0.0, DESIGN_NO_LIMIT);
     if (t->smooth <= 0.0 || t->smooth > 1.0)
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, names[1], t->smooth);
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, names[1], t->smooth, 0.0, 1.0);
     if (unit_per_count == 0.0)
-        plumb_design_refuse(d, PLUMB_DESIGN_TOO_SMALL, names[2], unit_per_count);
+        plumb_design_refuse(d, PLUMB_DESIGN_TOO_SMALL, names[2], unit_per_count, -DESIGN_NO_LIMIT,
+                            DESIGN_NO_LIMIT);
     if (d->error != PLUMB_DESIGN_OK)
         return;
     const double counts = t->spike / absolute(unit_per_count);
@@ -68,7 +69,30 @@ static uint32_t square(plumb_design_t *d, const char *field, double asked, wide_
     const double x = plumb_design_bounded(asked);
     plumb_design_not_negative(d, field, asked);
     const wide_t exact = wide_mul(wide_mul(wide_product(x, x), factor), wide_of(scale));
-    return (uint32_t)plumb_design_whole(d, field, asked, exact, low, high);
+    const bool refused = d->error != PLUMB_DESIGN_OK;
+    const uint32_t word = (uint32_t)plumb_design_whole(d, field, asked, exact, low, high);
+    if (!refused && d->error != PLUMB_DESIGN_OK) { /* the limits of the square, linear in it */
+        d->least = plumb_design_root(x * d->least);
+        d->most = plumb_design_root(x * d->most);
+    }
+    return word;
+}
+
+/* (gyro_scale^2 + angular_scale^2), Q40. */
+static uint32_t scale_word(plumb_design_t *d, const plumb_fusion_tuning_t *t, wide_t scale) {
+    const double angular = plumb_design_bounded(t->angular_scale), rest = angular * angular;
+    const double most = (double)WORD / 0x1p40, least = 500.0 / 0x1p40;
+    if (rest > most)
+        plumb_design_refuse(d, PLUMB_DESIGN_TOO_LARGE, "fusion.angular_scale", t->angular_scale, 0.0,
+                            plumb_design_root(most));
+    const bool refused = d->error != PLUMB_DESIGN_OK;
+    const uint32_t word = (uint32_t)plumb_design_whole(d, "fusion.gyro_scale", t->gyro_scale,
+                                                       wide_mul(scale, wide_of(0x1p40)), 0, WORD);
+    if (!refused && d->error != PLUMB_DESIGN_OK) {
+        d->least = d->error == PLUMB_DESIGN_TOO_FINE ? plumb_design_root(least - rest) : 0.0;
+        d->most = plumb_design_root(most - rest);
+    }
+    return word;
 }
 
 /* The times, or a refusal. */
@@ -81,7 +105,7 @@ static times_t times(plumb_design_t *d, const plumb_fusion_tuning_t *t, int32_t 
         nearest_fraction(gyro_s, &p, &q);
     out.period = wide_div(wide_of(p * 1e6), wide_mul(wide_of(q), us));
     if (wide_compare(out.period, wide_of(1.0)) < 0 || wide_compare(out.period, wide_of(16.0)) > 0) {
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "fusion.gyro_period_s", gyro_s);
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "fusion.gyro_period_s", gyro_s, dt_s, 16.0 * dt_s);
         return out;
     }
     out.lag = wide_div(wide_product(plumb_design_bounded(t->lag_s), 1e6), us);
@@ -112,8 +136,7 @@ static void variances(plumb_design_t *d, const plumb_fusion_tuning_t *t, const t
     w->p_gyro_bias_q40 = square(d, "fusion.start_gyro_dps", t->start_gyro_dps, deg2, 0x1p40, 0, WORD);
     w->p_angular_bias_q52 =
         square(d, "fusion.start_angular_dps2", t->start_angular_dps2, wide_mul(deg2, four), 0x1p52, 0, WORD);
-    w->v_scale_q40 = (uint32_t)plumb_design_whole(d, "fusion.gyro_scale", t->gyro_scale,
-                                                  wide_mul(scale, wide_of(0x1p40)), 0, WORD);
+    w->v_scale_q40 = scale_word(d, t, scale);
     w->v_lag_q30 =
         square(d, "fusion.start_lag_s", t->start_lag_s, wide_div(one, wide_mul(dt, dt)), 0x1p30, 0, 1 << 30);
 }
@@ -128,18 +151,20 @@ static void fusion_words(plumb_design_t *d, const plumb_fusion_tuning_t *t, int3
     plumb_design_not_negative(d, "fusion.angular_scale", t->angular_scale);
     plumb_design_not_negative(d, "fusion.start_lag_s", t->start_lag_s);
     if (t->gyro_phase_s > PHASE_MAX_S)
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "fusion.gyro_phase_s", t->gyro_phase_s);
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "fusion.gyro_phase_s", t->gyro_phase_s, 0.0,
+                            PHASE_MAX_S);
     if (d->error != PLUMB_DESIGN_OK)
         return;
     const times_t time = times(d, t, period_us);
     const wide_t us = wide_of((double)period_us);
+    const double dt_s = (double)period_us / 1e6;
     const int64_t rest = wide_round(wide_div(wide_product(plumb_design_bounded(t->rest_s), 1e6), us));
     if (rest > WORD)
-        plumb_design_refuse(d, PLUMB_DESIGN_TOO_LARGE, "fusion.rest_s", t->rest_s);
+        plumb_design_refuse(d, PLUMB_DESIGN_TOO_LARGE, "fusion.rest_s", t->rest_s, 0.0, (double)WORD * dt_s);
     if (wide_compare(time.lag, wide_of(16.0)) > 0)
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "fusion.lag_s", t->lag_s);
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "fusion.lag_s", t->lag_s, 0.0, 16.0 * dt_s);
     if (wide_compare(wide_product(plumb_design_bounded(t->start_lag_s), 1e6), us) > 0)
-        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "fusion.start_lag_s", t->start_lag_s);
+        plumb_design_refuse(d, PLUMB_DESIGN_OUT_OF_RANGE, "fusion.start_lag_s", t->start_lag_s, 0.0, dt_s);
     if (d->error != PLUMB_DESIGN_OK)
         return;
     const double gyro = plumb_design_bounded(t->gyro_scale), angular = plumb_design_bounded(t->angular_scale);
@@ -196,11 +221,11 @@ plumb_design_t plumb_turntable_design(const plumb_turntable_tuning_t *tuning, pl
     static const char *const of_angular[3] = {"angular_filter.spike", "angular_filter.smooth",
                                               "angular.unit_per_count"};
     const plumb_turntable_tuning_t *t = tuning;
-    plumb_design_t d = {PLUMB_DESIGN_OK, NULL, 0.0, 0.0};
+    plumb_design_t d = PLUMB_DESIGN_NONE_REFUSED;
     all_finite(&d, t);
     plumb_design_period(&d, t->period_us);
     if (t->period_us > 10000)
-        plumb_design_refuse(&d, PLUMB_DESIGN_OUT_OF_RANGE, "period_us", (double)t->period_us);
+        plumb_design_refuse(&d, PLUMB_DESIGN_OUT_OF_RANGE, "period_us", (double)t->period_us, 500.0, 1e4);
     if (d.error != PLUMB_DESIGN_OK)
         return d;
     plumb_params_t made = {.system = PLUMB_SYSTEM_TURNTABLE};

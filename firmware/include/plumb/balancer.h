@@ -44,7 +44,8 @@ extern const plumb_plausibility_bounds_t plumb_balancer_plausibility;
 /* Hall edges to speed and acceleration of the axle. */
 typedef struct {
     double edge_m;      /* distance of the axle per edge; the sign sets the direction */
-    int32_t edges_max;  /* 1 to 32767 in one period, at most 15 m/s; more are clamped and flagged */
+    int32_t edges_max;  /* in one period, 1 to 32767, at most 15 m/s; more are clamped and flagged. 0: as many
+                           as  15 m/s are at this period */
     double tau_s;       /* time constant of the filter of the speed, at least 0 */
     double accel_share; /* fraction of the axle's acceleration subtracted from the forward axis; 0: none */
 } plumb_wheel_tuning_t;

@@ -32,10 +32,12 @@ typedef enum {
 /* Result of a design. */
 typedef struct {
     plumb_design_error_t error;
-    const char *field; /* the refused setting, for example "kalman.q_bias_dps2_per_s"; NULL if none. A string
-                          constant */
-    double asked;      /* value of the refused setting */
-    double lsb_deg2;   /* unit of variance of the filter, deg^2 per lsb; 0 for a system without one */
+    const char *field;  /* the refused setting, for example "kalman.q_bias_dps2_per_s"; NULL if none. A string
+                           constant */
+    double asked;       /* value of the refused setting */
+    double least, most; /* the limit that refused it, while the others stay; -DBL_MAX, DBL_MAX: none. "Above
+                           0" has the least 0. Both 0 if nothing is refused */
+    double lsb_deg2;    /* unit of variance of the filter, deg^2 per lsb; 0 for a system without one */
 } plumb_design_t;
 
 /* One sensor channel: value = (clamp(raw, min_counts, max_counts) - zero_counts) * unit_per_count, within +-7

@@ -13,7 +13,7 @@ from dataclasses import fields, is_dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, NoReturn, TypedDict
 
-from plumb.errors import UsageError
+from plumb.errors import SettingError, UsageError
 from plumb.spec import parameters
 from plumb.spec.speed_controllers import ONE_WAY, foreign_parameter
 from plumb.spec.tuning import AnyTuning, AxisTuning, Calibration, Channel, Esc, Kalman, Pid, Start, TiltMode, Trust
@@ -36,30 +36,35 @@ DEG2 = Fraction(1, 360**2)
 """Square degrees in turn^2."""
 
 
-def refuse(name: str, asked: float, reason: str) -> NoReturn:
-    """Raises UsageError that names the setting, its value and the reason."""
-    raise UsageError(f"{name} = {asked:g}: {reason}")
+def refuse(name: str, asked: float, reason: str, least: float = -math.inf, most: float = math.inf) -> NoReturn:
+    """Raises SettingError that names the setting, its value, the reason, and what the setting may be."""
+    raise SettingError(f"{name} = {asked:g}: {reason}", name, asked, least, most)
 
 
-def whole(name: str, asked: float, exact: Fraction, low: int, high: int) -> int:
-    """The integer nearest to `exact`, which is the setting `asked` in the unit of the integer.
+def whole(name: str, asked: float, exact: Fraction, low: int, high: int, power: int = 1) -> int:
+    """The integer nearest to `exact`, which is the setting `asked`, to this power, in the unit of the integer.
 
-    Raises UsageError if it is outside low to high, or more than 0.1 % off.
+    Raises SettingError if it is outside low to high, or more than 0.1 % off.
     """
     nearest = min(max(round(exact), low), high)
     if abs(nearest - exact) <= abs(exact) * TOLERANCE:
         return nearest
     if not exact:
-        refuse(name, asked, "give more than 0")
-    try:
-        step = float(abs(Fraction(asked) / exact))
-    except OverflowError:  # the square of a setting below 1e-154 has no float near it
-        step = math.inf
+        refuse(name, asked, "give more than 0", 0.0, math.inf)
+
+    def setting(word: int) -> float:
+        """The setting of an integer."""
+        there = Fraction(asked) ** power * word / exact
+        return float(there) if power == 1 else math.sqrt(there)
+
+    least, most = sorted((setting(low), setting(high)))
     if exact > high:
-        refuse(name, asked, f"too large for its integer, the most is {step * high:.6g}")
+        refuse(name, asked, f"too large for its integer, the most is {setting(high):.6g}", least, most)
     if exact < low and low != 1:
-        refuse(name, asked, f"too small for its integer, the least is {step * low:.6g}")
-    refuse(name, asked, f"too fine for its integer, whose step is {step:.3g}: ask for at least {step * 500:.3g}")
+        refuse(name, asked, f"too small for its integer, the least is {setting(low):.6g}", least, most)
+    coarse = math.copysign(setting(round(math.copysign(500, exact))), asked)
+    least, most = (coarse, most) if asked > 0 else (least, coarse)
+    refuse(name, asked, f"too fine for its integer: ask for at least {abs(coarse):.3g}", least, most)
 
 
 def _numbers(settings: DataclassInstance, path: str = "") -> Iterator[tuple[str, float]]:
@@ -80,23 +85,25 @@ def check_numbers(tuning: AnyTuning) -> None:
     """Raises UsageError unless every number is finite and the period is a whole number from 500 to 100000 us."""
     for name, value in _numbers(tuning):
         if not math.isfinite(value):
-            raise UsageError(f"{name} is {value}: give a finite number")
+            raise SettingError(f"{name} is {value}: give a finite number", name, value, -math.inf, math.inf)
     if not 500 <= tuning.period_us <= 100_000 or tuning.period_us != int(tuning.period_us):
-        refuse("period_us", tuning.period_us, "periods are whole, from 500 (2 kHz) to 100000 (10 Hz)")
+        refuse("period_us", tuning.period_us, "periods are whole, from 500 (2 kHz) to 100000 (10 Hz)", 500, 1e5)
 
 
 def not_negative(values: dict[str, float]) -> None:
     """Raises UsageError for the first value below 0."""
     for name, value in values.items():
         if value < 0:
-            refuse(name, value, "it cannot be negative")
+            refuse(name, value, "it cannot be negative", 0.0, math.inf)
 
 
 def channel_words(name: str, channel: Channel, unit: Fraction) -> dict[str, int]:
     """The words of a calibration group. unit: integer units (turn/s Q28 or g Q26) per engineering unit."""
     low, high = channel.min_counts, channel.max_counts
-    if not -32768 <= low <= high <= 32767 or low != int(low) or high != int(high):
-        raise UsageError(f"{name}.min_counts = {low}, max_counts = {high}: whole counts of 16 bits, in order")
+    if not -32768 <= high <= 32767 or high != int(high):
+        refuse(f"{name}.max_counts", high, "whole counts of 16 bits", -32768, 32767)
+    if not -32768 <= low <= high or low != int(low):
+        refuse(f"{name}.min_counts", low, f"whole counts of 16 bits, up to max_counts = {high}", -32768, high)
     per_count, zero = Fraction(channel.unit_per_count) * unit, Fraction(channel.zero_counts)
     limit = (1 << 31) - 1
     gain = whole(f"{name}.unit_per_count", channel.unit_per_count, per_count, -limit, limit)
@@ -104,7 +111,9 @@ def channel_words(name: str, channel: Channel, unit: Fraction) -> dict[str, int]
     worst = max(abs(low * gain + offset), abs(high * gain + offset))
     if worst > CALIBRATION_LIMIT:
         most, asked = float(CALIBRATION_LIMIT / unit), float(worst / unit)
-        refuse(f"{name}.unit_per_count", channel.unit_per_count, f"reaches {asked:.6g} at its counts, most {most:.6g}")
+        reach = CALIBRATION_LIMIT / float(unit) / max(abs(low - float(zero)), abs(high - float(zero)))
+        reason = f"reaches {asked:.6g} at its counts, most {most:.6g}"
+        refuse(f"{name}.unit_per_count", channel.unit_per_count, reason, -reach, reach)
     offset = whole(f"{name}.zero_counts", channel.zero_counts, -zero * gain, -(1 << 31), limit)
     return {f"{name}.raw_min": int(low), f"{name}.raw_max": int(high), f"{name}.gain": gain, f"{name}.offset": offset}
 
@@ -144,7 +153,8 @@ def _units(variances: dict[str, tuple[float, Fraction]]) -> Iterator[Fraction]:
     r_most = r / finest / (1 << 32)
     if r_most * (1 + TOLERANCE / 2) < 1:
         least = asked / float(r_most)
-        refuse("trust.r_deg2", asked, f"too small beside {name} = {variances[name][0]:g}, the least is {least:.3g}")
+        reason = f"too small beside {name} = {variances[name][0]:g}, the least is {least:.3g}"
+        refuse("trust.r_deg2", asked, reason, least, math.inf)
     if r_most > 2 / TOLERANCE:
         yield finest
     for whole in range(min(math.floor(r_most * (1 + TOLERANCE / 2)), 4000), 0, -1):
@@ -166,19 +176,22 @@ def check_filter(kalman: Kalman, start: Start, trust: Trust, period_us: int) -> 
         }
     )
     if trust.r_deg2 <= 0:
-        refuse("trust.r_deg2", trust.r_deg2, "a measurement has some variance, give more than 0")
+        refuse("trust.r_deg2", trust.r_deg2, "a measurement has some variance, give more than 0", 0.0, math.inf)
     if trust.gain_deg2 and trust.r_max_deg2 < trust.r_deg2:
-        refuse("trust.r_max_deg2", trust.r_max_deg2, f"less than r_deg2 = {trust.r_deg2:g}")
-    if Fraction(start.p01_deg2_per_s) ** 2 > Fraction(start.p00_deg2) * Fraction(start.p11_dps2):
-        refuse("start.p01_deg2_per_s", start.p01_deg2_per_s, "its square is more than p00 times p11, no covariance")
-    period_s = period_us * 1e-6
-    most = min(kalman.q_angle_deg2_per_s / 4, start.p00_deg2 / period_s)
-    if not -start.p00_deg2 / period_s <= start.p01_deg2_per_s <= most:
-        refuse("start.p01_deg2_per_s", start.p01_deg2_per_s, f"outside -p00 / period to {most:g} (Q_angle / 4)")
-    if kalman.bias_max_dps >= 360:
-        refuse("kalman.bias_max_dps", kalman.bias_max_dps, "the published bias stays below 360 deg/s")
-    if abs(start.bias_dps) > kalman.bias_max_dps:
-        refuse("start.bias_dps", start.bias_dps, f"more than kalman.bias_max_dps = {kalman.bias_max_dps:g}")
+        refuse("trust.r_max_deg2", trust.r_max_deg2, f"less than r_deg2 = {trust.r_deg2:g}", trust.r_deg2, math.inf)
+    p01, reach = start.p01_deg2_per_s, start.p00_deg2 / (period_us * 1e-6)
+    lowest = min(reach, math.sqrt(start.p00_deg2) * math.sqrt(start.p11_dps2))
+    highest = min(lowest, kalman.q_angle_deg2_per_s / 4)
+    if Fraction(p01) ** 2 > Fraction(start.p00_deg2) * Fraction(start.p11_dps2):
+        reason = "its square is more than p00 times p11, no covariance"
+        refuse("start.p01_deg2_per_s", p01, reason, -lowest, highest)
+    if not -reach <= p01 <= min(reach, kalman.q_angle_deg2_per_s / 4):
+        reason = f"outside -p00 / period to {min(reach, kalman.q_angle_deg2_per_s / 4):g} (Q_angle / 4)"
+        refuse("start.p01_deg2_per_s", p01, reason, -lowest, highest)
+    if (most := kalman.bias_max_dps) >= 360:
+        refuse("kalman.bias_max_dps", most, "the published bias stays below 360 deg/s", 0.0, 360.0)
+    if abs(start.bias_dps) > most:
+        refuse("start.bias_dps", start.bias_dps, f"more than kalman.bias_max_dps = {most:g}", -most, most)
 
 
 def filter_words(
@@ -198,16 +211,17 @@ def filter_words(
     dt = Fraction(int(period_us), 10**6)
     r_max_deg2 = trust.r_max_deg2 if trust.gain_deg2 else r_left_out_deg2 or trust.r_deg2
     variances = _variances(kalman, start, trust, r_max_deg2, dt)
-    reason: UsageError | None = None
+    reason: SettingError | None = None
     for unit in _units(variances) if unit_deg2 is None else [unit_deg2 * DEG2]:
         try:
             words = _in_unit(trust, variances, unit)
             break
-        except UsageError as error:
+        except SettingError as error:
             reason = reason or error
     else:
         largest = max(LIMITS, key=lambda name: abs(variances[name][1]) / LIMITS[name])
-        raise UsageError(f"{reason}, or for less of {largest} = {variances[largest][0]:g}, which sets the unit")
+        assert reason is not None
+        raise reason.saying(f"{reason}, or for less of {largest} = {variances[largest][0]:g}, which sets the unit")
     half_turn = 1 << 31
     rate_shift = math.floor(1 / dt).bit_length()
 
@@ -281,11 +295,12 @@ def pid_words(pid: Pid, period_us: int) -> dict[str, int]:
     if pid.derivative_tau_s:
         alpha = Fraction(-math.expm1(-float(dt) / pid.derivative_tau_s))
     if alpha * (1 << 31) < 500:
-        refuse("pid.derivative_tau_s", pid.derivative_tau_s, f"too slow, the most is {float(dt) * 2**31 / 500:.3g}")
+        slowest = float(dt) * 2**31 / 500
+        refuse("pid.derivative_tau_s", pid.derivative_tau_s, f"too slow, the most is {slowest:.3g}", 0.0, slowest)
     slew = Fraction(pid.slew_per_s) * dt
     most = (1 << 31) - 1
     if slew <= 0:
-        refuse("pid.slew_per_s", pid.slew_per_s, "the command could never move")
+        refuse("pid.slew_per_s", pid.slew_per_s, "the command could never move", 0.0, math.inf)
     return {
         "pid.kp_q22": word("kp_per_deg", 360 << 22, -(1 << 30), 1 << 30),
         "pid.ki_dt_q22": word("ki_per_deg_s", (360 << 22) * dt, 0, most),
@@ -324,11 +339,14 @@ def esc_words(esc: Esc) -> dict[str, int]:
         low, high = row.armed or (row.min, row.max)
         if not low <= 2 * asked <= high:
             foreign = foreign_parameter(row.name, round(2 * asked)) or ONE_WAY
-            refuse(f"esc.{entry.name}", asked, f"outside {low / 2:g} to {high / 2:g} us; {foreign}")
+            reason = f"outside {low / 2:g} to {high / 2:g} us; {foreign}"
+            refuse(f"esc.{entry.name}", asked, reason, low / 2, high / 2)
         words[row.name] = whole(f"esc.{entry.name}", asked, Fraction(asked) * 2, low, high)
     for less, more in (("neutral_us", "min_us"), ("min_us", "mid_us"), ("mid_us", "max_us")):
         if getattr(esc, less) > getattr(esc, more):
-            refuse(f"esc.{less}", getattr(esc, less), f"more than {more} = {getattr(esc, more):g}")
+            most = getattr(esc, more)
+            least = rows[f"esc.{less.removesuffix('_us')}_halfus"].min / 2
+            refuse(f"esc.{less}", getattr(esc, less), f"more than {more} = {most:g}", least, most)
     return words
 
 

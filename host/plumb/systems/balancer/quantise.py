@@ -6,11 +6,11 @@ import math
 from fractions import Fraction
 
 from plumb.systems.balancer.reference import GRAVITY_MPS2
-from plumb.systems.balancer.tuning import BalancerTuning, Drive, SpeedLoop, Wheel
+from plumb.systems.balancer.tuning import EDGES_MOST, SPEED_MOST_MPS, BalancerTuning, Drive, SpeedLoop, Wheel
 from plumb.tuning.groups import axis_of, axis_words, not_negative, refuse, whole
 from plumb.tuning.quantise import ControlParams
 
-WHEEL_SPEED_LIMIT = 15 << 26
+WHEEL_SPEED_LIMIT = int(SPEED_MOST_MPS) << 26
 MOST = (1 << 31) - 1
 
 
@@ -31,24 +31,22 @@ def _share(name: str, tau_s: float, dt: Fraction) -> Fraction:
     not_negative({name: tau_s})
     share = Fraction(-math.expm1(-float(dt) / tau_s)) if tau_s else Fraction(1)
     if share * (1 << 31) < 500:
-        refuse(name, tau_s, f"too slow, the most is {float(dt) * 2**31 / 500:.3g}")
+        refuse(name, tau_s, f"too slow, the most is {float(dt) * 2**31 / 500:.3g}", 0.0, float(dt) * 2**31 / 500)
     return share
 
 
 def _wheel(wheel: Wheel, dt: Fraction) -> dict[str, int]:
-    edges = wheel.edges_max
-    if not 1 <= edges <= 32767 or edges != int(edges):
-        refuse("wheel.edges_max", edges, "whole edges, 1 to 32767")
-    edge = whole("wheel.edge_m", wheel.edge_m, Fraction(wheel.edge_m) / dt * (1 << 26), -(1 << 30), 1 << 30)
-    if abs(edge) * int(edges) > WHEEL_SPEED_LIMIT:
-        refuse(
-            "wheel.edges_max", edges, f"{edges} edges are more than 15 m/s: at most {WHEEL_SPEED_LIMIT // abs(edge)}"
-        )
+    limit = WHEEL_SPEED_LIMIT
+    edge = whole("wheel.edge_m", wheel.edge_m, Fraction(wheel.edge_m) / dt * (1 << 26), -limit, limit)
+    edges, most = wheel.edges_max, min(limit // abs(edge) if edge else EDGES_MOST, EDGES_MOST)
+    if not 0 <= edges <= most or edges != int(edges):
+        reason = f"whole edges up to {most}, which are 15 m/s at this period; 0 takes as many"
+        refuse("wheel.edges_max", edges, reason, 0, most)
     share = _share("wheel.tau_s", wheel.tau_s, dt)
     not_negative({"wheel.accel_share": wheel.accel_share})
     gain = Fraction(wheel.accel_share) * share / dt / Fraction(GRAVITY_MPS2) * (1 << 30)
     return {
-        "wheel.edges_max": int(edges),
+        "wheel.edges_max": int(edges) or most,
         "wheel.edge_mps_q26": edge,
         "wheel.alpha_q31": whole("wheel.tau_s", wheel.tau_s, share * (1 << 31), 0, MOST),
         "wheel.accel_gain_q30": whole("wheel.accel_share", wheel.accel_share, gain, 0, MOST),
@@ -60,7 +58,7 @@ def _speed(speed: SpeedLoop, dt: Fraction) -> dict[str, int]:
     fraction of the largest lean."""
     lean_max, limit = Fraction(speed.lean_max_deg), 1 << 30
     if not 0 < lean_max <= Fraction(45, 2):
-        refuse("speed.lean_max_deg", speed.lean_max_deg, "leans are more than 0 and at most 22.5 deg")
+        refuse("speed.lean_max_deg", speed.lean_max_deg, "leans are more than 0 and at most 22.5 deg", 0.0, 22.5)
 
     def word(name: str, scale: Fraction | int, low: int, high: int) -> int:
         asked = float(getattr(speed, name))
@@ -68,7 +66,7 @@ def _speed(speed: SpeedLoop, dt: Fraction) -> dict[str, int]:
 
     slew = min(Fraction(speed.lean_slew_dps) / lean_max * dt, Fraction(2)) * (1 << 22)
     if slew <= 0:
-        refuse("speed.lean_slew_dps", speed.lean_slew_dps, "the lean could never change")
+        refuse("speed.lean_slew_dps", speed.lean_slew_dps, "the lean could never change", 0.0, math.inf)
     share = _share("speed.accel_tau_s", speed.accel_tau_s, dt)
     return {
         "speed.kp_q22": word("lean_deg_per_mps", 1 << 28, -limit, limit),

@@ -41,7 +41,8 @@ def wheel_step(c: WheelState, settings: Wheel, period_s: float, hall: Number) ->
     the axle in g: accel_share of the slope of the filtered velocity."""
     edges = 0.0 * hall if c.hall is None else (hall - c.hall + 32768.0) % 65536.0 - 32768.0
     c.hall = hall
-    speed = clip(edges, -settings.edges_max, settings.edges_max) * settings.edge_m / period_s
+    most = settings.most_edges(period_s)
+    speed = clip(edges, -most, most) * settings.edge_m / period_s
     share = 1.0 - math.exp(-period_s / settings.tau_s) if settings.tau_s else 1.0
     slope = share * (speed - c.velocity_mps) / period_s
     c.velocity_mps = c.velocity_mps + share * (speed - c.velocity_mps)

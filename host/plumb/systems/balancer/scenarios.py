@@ -61,7 +61,7 @@ CALIBRATION = Calibration(
 TUNED = BalancerTuning(
     period_us=PERIOD_US,
     calibration=CALIBRATION,
-    wheel=Wheel(edge_m=EDGE_M, edges_max=40, tau_s=0.2),
+    wheel=Wheel(edge_m=EDGE_M, tau_s=0.2),
     trust=Trust(r_deg2=33.0),
     kalman=Kalman(q_angle_deg2_per_s=1e-3, q_bias_dps2_per_s=1e-3),
     start=Start(p00_deg2=1.0, p11_dps2=9.0),

@@ -7,6 +7,10 @@ from typing import ClassVar
 
 from plumb.spec.tuning import NUMBER, AxisTuning, quantity
 
+SPEED_MOST_MPS = 15.0
+"""Speed that edges_max edges in a period may stand for."""
+EDGES_MOST = (1 << 15) - 1
+
 
 @dataclass(frozen=True)
 class Wheel:
@@ -17,7 +21,12 @@ class Wheel:
     """
 
     edge_m: float = field(metadata=quantity("m", "distance of the axle per edge of the Hall sensors"))
-    edges_max: int = field(metadata=quantity("edge", "most edges in a period; more are clamped and counted"))
+    edges_max: int = field(
+        default=0,
+        metadata=quantity(
+            "edge", "most edges in a period, more are clamped and counted; 0: as many as 15 m/s are at its period"
+        ),
+    )
     tau_s: float = field(default=0.2, metadata=quantity("s", "time constant of the speed's low-pass; 0 is none"))
     accel_share: float = field(
         default=1.0,
@@ -25,6 +34,12 @@ class Wheel:
             NUMBER, "share of the speed's slope that is taken off the forward axis before the arctangent"
         ),
     )
+
+    def most_edges(self, period_s: float) -> int:
+        """edges_max, or what it stands for at this period: as many as SPEED_MOST_MPS are."""
+        if self.edges_max:
+            return self.edges_max
+        return int(min(SPEED_MOST_MPS * period_s / abs(self.edge_m), EDGES_MOST)) if self.edge_m else EDGES_MOST
 
 
 @dataclass(frozen=True)

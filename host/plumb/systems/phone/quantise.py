@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 
 from plumb.errors import UsageError
@@ -45,14 +46,20 @@ def _both(tuning: PhoneTuning, finest: str = "pitch") -> tuple[dict[str, int], d
         axis: PhoneAxis = getattr(tuning, name)
         kalman, trust = tuning.kalman(axis), Trust(axis.r_deg2)
         if tuning.r_left_out_deg2 < axis.r_deg2:
-            refuse("r_left_out_deg2", tuning.r_left_out_deg2, f"less than {name}.r_deg2 = {axis.r_deg2:g}")
+            refuse(
+                "r_left_out_deg2",
+                tuning.r_left_out_deg2,
+                f"less than {name}.r_deg2 = {axis.r_deg2:g}",
+                axis.r_deg2,
+                math.inf,
+            )
         try:
             check_filter(kalman, axis.start, trust, tuning.period_us)
             words[name], unit_deg2 = filter_words(
                 kalman, axis.start, trust, tuning.period_us, r_left_out_deg2=tuning.r_left_out_deg2, unit_deg2=unit_deg2
             )
         except UsageError as error:
-            raise UsageError(f"{name}: {error}") from None
+            raise error.saying(f"{name}: {error}") from None
     assert unit_deg2 is not None
     return words["pitch"], words["roll"], unit_deg2
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
-from plumb.errors import UsageError
+from plumb.errors import SettingError, UsageError
 from plumb.spec.tuning import Channel
 from plumb.systems.turntable.tuning import Fusion, Prefilter, TurntableTuning
 from plumb.tuning.groups import DEG2, channel_of, channel_words, check_numbers, not_negative, refuse, whole
@@ -22,7 +22,7 @@ def quantise(tuning: TurntableTuning) -> ControlParams:
     """The integers; raises UsageError with the parameter, its value and the limit."""
     check_numbers(tuning)
     if not 500 <= tuning.period_us <= 10_000:
-        refuse("period_us", tuning.period_us, "the turntable's steps take 500 to 10000 us")
+        refuse("period_us", tuning.period_us, "the turntable's steps take 500 to 10000 us", 500, 10_000)
     own = {
         **channel_words("gyro", tuning.gyro, TURN),
         **channel_words("angular", tuning.angular, TURN),
@@ -34,10 +34,18 @@ def quantise(tuning: TurntableTuning) -> ControlParams:
 
 
 def _prefilter(name: str, asked: Prefilter, channel: Channel) -> dict[str, int]:
-    if asked.spike <= 0 or not 0 < asked.smooth <= 1:
-        raise UsageError(f"{name}: spike = {asked.spike:g} above 0, smooth = {asked.smooth:g} above 0, up to 1")
+    if asked.spike <= 0:
+        refuse(f"{name}.spike", asked.spike, "give more than 0", 0.0, math.inf)
+    if not 0 < asked.smooth <= 1:
+        refuse(f"{name}.smooth", asked.smooth, "give more than 0, up to 1", 0.0, 1.0)
     if channel.unit_per_count == 0:
-        refuse(f"{name.removesuffix('_filter')}.unit_per_count", 0.0, "a count must stand for something")
+        refuse(
+            f"{name.removesuffix('_filter')}.unit_per_count",
+            0.0,
+            "a count must stand for something",
+            -math.inf,
+            math.inf,
+        )
     counts = min(max(round(asked.spike / abs(channel.unit_per_count)), 1), NO_SPIKE_COUNTS)
     smooth = whole(f"{name}.smooth", asked.smooth, Fraction(asked.smooth) * (1 << 16), 1, 1 << 16)
     return {f"{name}.spike_counts": counts, f"{name}.smooth_q16": smooth}
@@ -50,15 +58,27 @@ def _fusion(f: Fusion, dt: Fraction) -> dict[str, int]:
     not_negative({f"fusion.{name}": float(getattr(f, name)) for name in names})
     period = Fraction(f.gyro_period_s).limit_denominator(10**7) / dt
     if not 1 <= period <= 16:
-        refuse("fusion.gyro_period_s", f.gyro_period_s, "a gyro sample comes every 1 to 16 steps")
+        refuse(
+            "fusion.gyro_period_s",
+            f.gyro_period_s,
+            "a gyro sample comes every 1 to 16 steps",
+            float(dt),
+            float(16 * dt),
+        )
     rest_steps = round(Fraction(f.rest_s) / dt)
     if rest_steps > WORD:
-        refuse("fusion.rest_s", f.rest_s, f"too long for its integer, the most is {float(WORD * dt):.6g}")
+        refuse(
+            "fusion.rest_s",
+            f.rest_s,
+            f"too long for its integer, the most is {float(WORD * dt):.6g}",
+            0.0,
+            float(WORD * dt),
+        )
     lag = Fraction(f.lag_s) / dt
     if lag > 16:
-        refuse("fusion.lag_s", f.lag_s, "at most 16 steps")
+        refuse("fusion.lag_s", f.lag_s, "at most 16 steps", 0.0, float(16 * dt))
     if Fraction(f.start_lag_s) / dt > 1:
-        refuse("fusion.start_lag_s", f.start_lag_s, "a lag is uncertain by at most one step")
+        refuse("fusion.start_lag_s", f.start_lag_s, "a lag is uncertain by at most one step", 0.0, float(dt))
     period_q24 = round(period * (1 << 24))
     age = (-1 - Fraction(f.gyro_phase_s) / dt) % period
     scale = Fraction(f.gyro_scale) ** 2 + Fraction(f.angular_scale) ** 2
@@ -69,7 +89,7 @@ def _fusion(f: Fusion, dt: Fraction) -> dict[str, int]:
         """(the field * DEG)^2 * factor in Q bits."""
         asked = float(getattr(f, name))
         not_negative({f"fusion.{name}": asked})
-        return whole(f"fusion.{name}", asked, Fraction(asked) ** 2 * factor * (1 << bits), low, high)
+        return whole(f"fusion.{name}", asked, Fraction(asked) ** 2 * factor * (1 << bits), low, high, power=2)
 
     four = (4 * dt) ** 2
     return {
@@ -90,9 +110,24 @@ def _fusion(f: Fusion, dt: Fraction) -> dict[str, int]:
         "fusion.q_angular_bias_q64": square("angular_walk_dps2", DEG2 * dt * four, 64),
         "fusion.p_gyro_bias_q40": square("start_gyro_dps", DEG2, 40),
         "fusion.p_angular_bias_q52": square("start_angular_dps2", DEG2 * four, 52),
-        "fusion.v_scale_q40": whole("fusion.gyro_scale", f.gyro_scale, scale * (1 << 40), 0, WORD),
+        "fusion.v_scale_q40": _scale(f),
         "fusion.v_lag_q30": square("start_lag_s", 1 / dt**2, 30, 1 << 30),
     }
+
+
+def _scale(f: Fusion) -> int:
+    """gyro_scale^2 + angular_scale^2, Q40."""
+    rest, unit = Fraction(f.angular_scale) ** 2, 1 << 40
+    if rest * unit > WORD:
+        most = math.sqrt(WORD / unit)
+        refuse("fusion.angular_scale", f.angular_scale, f"too large, the most is {most:.6g}", 0.0, most)
+    word = (Fraction(f.gyro_scale) ** 2 + rest) * unit
+    try:
+        return whole("fusion.gyro_scale", f.gyro_scale, word, 0, WORD)
+    except SettingError:
+        least, most = (math.sqrt(max(Fraction(limit, unit) - rest, Fraction(0))) for limit in (500, WORD))
+        reason = f"with angular_scale = {f.angular_scale:g} it may be {least:.3g} to {most:.6g}"
+        refuse("fusion.gyro_scale", f.gyro_scale, reason, 0.0 if word > WORD else least, most)
 
 
 def dequantise(params: ControlParams) -> TurntableTuning:
