@@ -28,6 +28,8 @@ DEFECTS = {
     "wheel acceleration flag": ("core/wheel.h", " || limited_q24 != accel_q24", ""),
     "limit of growth": ("core/error_filter.c", "*variance < VARIANCE", "*variance <= VARIANCE"),
     "variance limit of the fusion": ("core/fusion.c", "(int64_t)1 << 58)", "(int64_t)1 << 57)"),
+    "half the angle's limit in the fusion": ("core/fusion.c", "(int64_t)1 << 61)", "(int64_t)1 << 60)"),
+    "twice the angle's limit in the fusion": ("core/fusion.c", "(int64_t)1 << 61)", "(int64_t)1 << 62)"),
     "first entry of the roots": ("core/angle.c", "0xfffd03e9U", "0xfffc03e9U"),
     "last entry of the roots": ("core/angle.c", "0x80810081U", "0x80800081U"),
 }  # fmt: skip
