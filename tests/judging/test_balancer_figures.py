@@ -51,8 +51,6 @@ def rocked() -> Rows:
         ("accelerometer only", "smooth", "-", 1.47, 1.62, 1.8),
         ("tilt error", "rough", "tuned", 0.30, 0.48, 0.55),
         ("tilt error", "smooth", "tuned", 0.15, 0.40, 0.48),
-        ("tilt error", "rough", "paper_rule_wheel", 0.40, 0.48, 0.70),
-        ("tilt error", "smooth", "paper_rule_wheel", 0.28, 0.40, 0.65),
         ("corrected rate", "rough", "tuned", 0.38, 0.42, 0.42),
         ("corrected rate", "smooth", "tuned", 0.38, 0.42, 0.42),
     ],
@@ -77,10 +75,12 @@ def test_so_much_of_the_accelerometers_error_is_gone(ridden: Rows, scenario: str
 @pytest.mark.parametrize(("scenario", "asked_deg"), [("rough", 0.48), ("smooth", 0.40)])
 def test_the_sources_filter_stands_beside_and_falls_short(ridden: Rows, scenario: str, asked_deg: float) -> None:
     """With nothing taken off the figure is missed by a little with constants of its own, by more with the paper's rule;
-    with the axle's acceleration taken off the very same constants reach it."""
+    with the axle's acceleration taken off the very same constants come nearer."""
     own = ridden["tilt error", scenario, "tuned"].reached
     fitted, same, rule = (ridden["tilt error", scenario, name] for name in ("arctan_fitted", "arctan", "paper_rule"))
     assert {row.sense for row in (fitted, same, rule)} == {"beside"} and {row.reach for row in (same, rule)} == {0.0}
+    wheel = ridden["tilt error", scenario, "paper_rule_wheel"]
+    assert wheel.sense == "beside" and own < wheel.reached < rule.reached, "its runs scatter: shown, and not judged"
     assert own < asked_deg < fitted.reached < same.reached < rule.reached < 1.4 * asked_deg
     assert ridden["corrected rate", scenario, "arctan"].sense == "shown"
 
