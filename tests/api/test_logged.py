@@ -43,6 +43,7 @@ def test_a_log_is_arrays_in_units_with_time(log: Path, tmp_path: Path) -> None:
     with (tmp_path / "run.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [int(row["digest"], 16) for row in rows] == run.digest.tolist()
+    assert np.array_equal(run.signals.gyr_x_radps, np.radians(run.signals["gyr_x_dps"]))
     for name, values in run.signals.items():
         written = [float(row[name]) if row[name] else math.nan for row in rows]
         assert np.allclose(written, values, rtol=1e-8, equal_nan=True), name

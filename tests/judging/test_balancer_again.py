@@ -38,7 +38,7 @@ def outside(rng: np.random.Generator, t: FloatArray) -> tuple[FloatArray, FloatA
 
 def ridden(vibration_g: float) -> tuple[npt.NDArray[np.int16], FloatArray]:
     """Counts (steps, 6, runs), and the true tilt in deg, (steps, runs)."""
-    rng, t = np.random.default_rng(20260101), np.arange(120_000) * 1e-3
+    rng, t = np.random.default_rng(20260101), np.arange(120_000, dtype=np.float64) * 1e-3
     wanted, pushed = outside(rng, t)
     tilt, rate, speed, way, swing, accel, turning = np.zeros((7, RUNS))
     raw, truth = np.zeros((len(t) // 10, 6, RUNS), np.int16), np.zeros((len(t) // 10, RUNS))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from plumb.api.signals import ReceivedStep
 from plumb.link.monitor import Monitor, require_heard
 from plumb.link.realtime import unwrap
 from plumb.link.retries import REPLY_TIMEOUT_S
@@ -87,8 +88,9 @@ class Sample:
         time_s: Time of the step, s, counted in periods from the first step of the run.
         step: Number of the step in the run, from 0.
         signals: Signals of the step by name with unit (`tilt_deg`, `bias_dps`, `pulse_0_us`), as far as the link
-            carries them beside the steps; a signal that was lost is not there. While the board is not armed its pins
-            are neutral, whatever pulses a step comes to.
+            carries them beside the steps; a signal that was lost is not there. A mapping; the names in SI work, too,
+            every name is an attribute as well, and an attitude has roll, pitch and yaw (plumb.api.signals). While the
+            board is not armed its pins are neutral, whatever pulses a step comes to.
         armed: Whether the actuators may be driven.
         digest: CRC-32 of the step's words.
         health: The state of the board.
@@ -97,7 +99,7 @@ class Sample:
 
     time_s: float
     step: int
-    signals: dict[str, float]
+    signals: ReceivedStep
     armed: bool
     digest: int
     health: Health
@@ -118,7 +120,7 @@ class SampleStream:
     near: about the number of the first step that will come: a frame has the low 16 bits of it."""
 
     def __init__(self, session: Session, system: str, period_s: float, near: int = 0) -> None:
-        self._session, self._period_s = session, period_s
+        self._session, self._system, self._period_s = session, system, period_s
         self._monitor = Monitor(session)
         self._message = session.protocol["STEP"]
         self._named = {i: message for i, message in session.protocol.by_identifier.items() if dbc.of_system(i)}
@@ -155,7 +157,14 @@ class SampleStream:
             done, self._done = self._done, []
             for one in done:
                 time_s = one.step * self._period_s
-                yield Sample(time_s, one.step, one.signals, one.armed, one.digest, self._state(time_s))
+                yield Sample(
+                    time_s,
+                    one.step,
+                    ReceivedStep(self._system, one.signals),
+                    one.armed,
+                    one.digest,
+                    self._state(time_s),
+                )
 
     def _state(self, time_s: float) -> Health:
         """time_s: of the sample. A host that was busy reads many samples at once: their own time counts, too."""

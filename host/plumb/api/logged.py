@@ -12,6 +12,7 @@ import numpy.typing as npt
 from plumb.api import arguments
 from plumb.api.recordings import Recording
 from plumb.api.runs import RunResult
+from plumb.api.signals import ReceivedArrays
 from plumb.boards import open_board
 from plumb.errors import UsageError
 from plumb.inputs import log_replay, recording
@@ -35,7 +36,8 @@ class LoggedRun(Recording):
         digest: CRC-32 of the words of each step, (N,), 0 where it did not arrive.
         armed: Steps during which the board was armed, (N,) bool.
         signals: Every recorded signal by name with unit, (N,) float64, NaN where it did not arrive: raw counts, sensors
-            in units, the signals of the system.
+            in units, the signals of the system. A mapping; the names in SI work, too, every name is an attribute as
+            well, and an attitude has roll, pitch and yaw (plumb.api.signals).
         units: The unit of each signal; "" for a number without one.
         parameters: The parameters at the beginning of the run, in units, as `board.params` names them.
         changes: For each step from which on the run had other parameters, what changed, in units.
@@ -49,7 +51,7 @@ class LoggedRun(Recording):
     step: npt.NDArray[np.int64]
     digest: npt.NDArray[np.uint32]
     armed: npt.NDArray[np.bool_]
-    signals: dict[str, FloatArray]
+    signals: ReceivedArrays
     units: dict[str, str]
     parameters: dict[str, Value]
     changes: dict[int, dict[str, Value]]
@@ -123,7 +125,7 @@ def load_run(path: Path, number: int | None, params: Path | None) -> LoggedRun:
         step=np.asarray(columns["step"].values, np.int64),
         digest=run.digest,
         armed=run.armed,
-        signals=signals,
+        signals=ReceivedArrays(recorded.system, signals),
         units={name: columns[name].unit for name in signals},
         parameters=_values(recorded.used.table),
         changes=_changes(recorded),

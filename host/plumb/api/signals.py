@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from plumb.near_names import did_you_mean
 from plumb.spec.arrays import FloatArray
-from plumb.spec.signal_units import word_signals
+from plumb.spec.signal_units import IN_SI, word_signals
 
 T_co = TypeVar("T_co", covariant=True)
 
@@ -34,21 +34,23 @@ _ANGLES: dict[str, Callable[[FloatArray, FloatArray, FloatArray, FloatArray], Fl
     "pitch": _pitch,
     "yaw": _yaw,
 }
+_FRAMES = ("w", "x", "y", "z")
+"""What the frames of a link call them."""
 _UNITS = {"deg": 180.0 / np.pi, "rad": 1.0}
 
 
-class Signals(Mapping[str, T_co]):
-    """A mapping of signal -> value.
+class Named(Mapping[str, T_co]):
+    """A mapping of signal -> value, whose keys are attributes, too.
 
     A name is a quantity with its unit at the end. Each signal has a name in the project's units (deg, deg/s, g, us) and
     one in SI (rad, rad/s, m/s^2, s): `tilt_deg` and `tilt_rad` are the same estimate. Both work as keys and as
     attributes; iteration lists the names of one of the two sets.
 
-    A system with an attitude has `attitude_w`, `attitude_x`, `attitude_y`, `attitude_z`, from the body to the earth or
+    What has an attitude has `attitude_w`, `attitude_x`, `attitude_y`, `attitude_z`, from the body to the earth or
     to the start, and from them `roll`, `pitch` and `yaw` (`roll_deg`, `roll_rad`, ...): turned by yaw about z, then by
     pitch about y, then by roll about x. At a pitch of +-90 deg roll and yaw are not determined.
 
-    Raises KeyError, or AttributeError, with the nearest name for a signal that the system does not have.
+    Raises KeyError, or AttributeError, with the nearest name for a signal that is not there.
     """
 
     SI: ClassVar[bool]
@@ -70,10 +72,10 @@ class Signals(Mapping[str, T_co]):
         return self._given(self._value(name))
 
     def __iter__(self) -> Iterator[str]:
-        return iter(word_signals(self._of(), si=self.SI))
+        return iter(self._own(self.SI))
 
     def __len__(self) -> int:
-        return len(word_signals(self._of(), si=self.SI))
+        return len(self._own(self.SI))
 
     def __contains__(self, name: object) -> bool:
         return name in self._names()
@@ -83,15 +85,14 @@ class Signals(Mapping[str, T_co]):
 
     @property
     def quaternion(self) -> FloatArray:
-        """Attitude w, x, y, z, (N, 4), or (4,) of one step. Raises AttributeError for a system that has none."""
+        """Attitude w, x, y, z, (N, 4), or (4,) of one step. Raises AttributeError where there is none."""
         if not set(_QUATERNION) <= set(self._names()):
             raise AttributeError("quaternion")
         return np.stack([self._value(name) for name in _QUATERNION], axis=-1)
 
     def _names(self) -> list[str]:
         """Every name that is understood, those of iteration first."""
-        own, other = (word_signals(self._of(), si=si) for si in (self.SI, not self.SI))
-        names = dict.fromkeys([*own, *other])
+        names = dict.fromkeys([*self._own(self.SI), *self._own(not self.SI)])
         if set(_QUATERNION) <= names.keys():
             units = ("rad", "deg") if self.SI else ("deg", "rad")
             names |= dict.fromkeys(f"{angle}_{unit}" for unit in units for angle in _ANGLES)
@@ -99,9 +100,8 @@ class Signals(Mapping[str, T_co]):
 
     def _value(self, name: str) -> FloatArray:
         for si in (self.SI, not self.SI):
-            signal = word_signals(self._of(), si=si).get(name)
-            if signal is not None:
-                return np.asarray(self._word(signal.word) * signal.scale, np.float64)
+            if name in self._own(si):
+                return self._measured(name, si)
         angle, _, unit = name.rpartition("_")
         w, x, y, z = (self._value(part) for part in _QUATERNION)
         return _ANGLES[angle](w, x, y, z) * _UNITS[unit]
@@ -111,12 +111,31 @@ class Signals(Mapping[str, T_co]):
         """The name of the system."""
 
     @abstractmethod
-    def _word(self, name: str) -> npt.NDArray[np.int64]:
-        """The integer word, (N,), or () of one step."""
+    def _own(self, si: bool) -> Collection[str]:
+        """The names in one set of units."""
+
+    @abstractmethod
+    def _measured(self, name: str, si: bool) -> FloatArray:
+        """The value of one of these names."""
 
     @abstractmethod
     def _given(self, value: FloatArray) -> T_co:
         """The value as this mapping gives it."""
+
+
+class Signals(Named[T_co]):
+    """The signals of a system's record of words."""
+
+    def _own(self, si: bool) -> Collection[str]:
+        return word_signals(self._of(), si=si)
+
+    def _measured(self, name: str, si: bool) -> FloatArray:
+        signal = word_signals(self._of(), si=si)[name]
+        return np.asarray(self._word(signal.word) * signal.scale, np.float64)
+
+    @abstractmethod
+    def _word(self, name: str) -> npt.NDArray[np.int64]:
+        """The integer word, (N,), or () of one step."""
 
 
 class ArraySignals(Signals[FloatArray]):
@@ -128,6 +147,54 @@ class ArraySignals(Signals[FloatArray]):
 
 class StepSignals(Signals[float]):
     """Signals of one step."""
+
+    def _given(self, value: FloatArray) -> float:
+        return float(value)
+
+
+class Received(Named[T_co]):
+    """Signals that a link or a log brought, by the names of its frames; those that did not come are not there.
+
+    The frames call the attitude `w`, `x`, `y`, `z`; `attitude_w` and the others are the same here.
+    """
+
+    SI = False
+
+    def __init__(self, system: str, values: Mapping[str, T_co]) -> None:
+        self._system, self._values = system, values
+
+    def __repr__(self) -> str:
+        return repr(dict(self))
+
+    def _of(self) -> str:
+        return self._system
+
+    def _own(self, si: bool) -> Collection[str]:
+        return self._in_si() if si else self._values
+
+    def _in_si(self) -> dict[str, tuple[str, float]]:
+        """Name in SI -> name as it came, and what its value is multiplied by."""
+        found = {name: (frame, 1.0) for name, frame in zip(_QUATERNION, _FRAMES, strict=True) if frame in self._values}
+        for name in self._values:
+            quantity, _, unit = name.rpartition("_")
+            if unit in IN_SI:
+                found[f"{quantity}_{IN_SI[unit][0]}"] = (name, IN_SI[unit][1])
+        return found
+
+    def _measured(self, name: str, si: bool) -> FloatArray:
+        came, scale = self._in_si()[name] if si else (name, 1.0)
+        return np.asarray(self._values[came], np.float64) * scale
+
+
+class ReceivedArrays(Received[FloatArray]):
+    """Received signals of N steps, (N,) each, NaN where a step did not come."""
+
+    def _given(self, value: FloatArray) -> FloatArray:
+        return value
+
+
+class ReceivedStep(Received[float]):
+    """Received signals of one step."""
 
     def _given(self, value: FloatArray) -> float:
         return float(value)

@@ -26,6 +26,12 @@ _SCALES: dict[str, tuple[tuple[str, str, float], tuple[str, str, float]]] = {
     "": (("", "", 1.0), ("", "", 1.0)),
 }
 """Unit of a declared word -> (suffix of the signal's name, unit, scale), in the project's units and in SI."""
+IN_SI = {
+    name.removeprefix("_"): (si.removeprefix("_"), by / value)
+    for (name, _, value), (si, _, by) in _SCALES.values()
+    if name != si
+}
+"""Suffix of a signal's name in the project's units -> its suffix in SI, and what the value is multiplied by."""
 _NAME = re.compile(r"(?P<stem>.+?)(_(turn|turnps|turnps2|g|mps|halfus|step))?(_q\d+)?(?P<index>_\d+)?")
 _FORMAT = re.compile(r"Q(\d+)")
 
