@@ -16,7 +16,6 @@ Exit code 0: done. 1: a limit is exceeded. 2: it cannot be read, or the other co
 from __future__ import annotations
 
 import argparse
-import bisect
 import io
 import json
 import re
@@ -29,12 +28,12 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "host"))
 
+from plumb.bench.dwarf import written_in  # noqa: E402
 from plumb.errors import PlumbError, UsageError  # noqa: E402
 from plumb.flash.call_graph import CallGraph  # noqa: E402
 from plumb.flash.elf import Elf  # noqa: E402
 
 RAM_START = 0x20000000
-OBJDUMP = "arm-none-eabi-objdump"
 FIRMWARE = ("firmware", "CMakeLists.txt", "CMakePresets.json", "tools", "host/plumb")
 """Paths that an image depends on."""
 _PIECE = re.compile(r"^ (\.[\w.$]+|COMMON)\s+0x([0-9a-f]+)\s+0x([0-9a-f]+) (\S+)$", re.MULTILINE)
@@ -43,13 +42,6 @@ _LINK_TIME = re.compile(r"\.ltrans\d*\.(ltrans\.)?o$")
 """Object files that the linker's plugin compiled from several source files."""
 _NO_FILE = "(link and port)"
 """Module of code that link-time optimisation merged from several files, and of the compiler's tables."""
-_UNIT = re.compile(
-    r"^ <0><([0-9a-f]+)>.*\(DW_TAG_compile_unit\)(?:\n    <.*)*?\n    <[0-9a-f]+>   DW_AT_name .*?: (\S+)$", re.M
-)
-_PLACED = re.compile(
-    r"\n    <[0-9a-f]+>   DW_AT_abstract_origin: <0x([0-9a-f]+)>\n"
-    r"    <[0-9a-f]+>   DW_AT_(?:low_pc +: 0x|location .*DW_OP_addr: )([0-9a-f]+)"
-)
 
 Sizes = dict[str, Any]
 """totals, limits, and modules: name -> flash, ram, and items: name -> flash, ram, stack, deepest. Totals and limits are
@@ -77,14 +69,7 @@ def item_of(section: str, place: str) -> str:
 def files_of(elf: Path) -> dict[int, str]:
     """Module of each address at which a function or variable of link-time optimisation begins: the debug information
     leads from there to the file that it was written in."""
-    done = subprocess.run([OBJDUMP, "--dwarf=info", str(elf)], capture_output=True, text=True, check=False)
-    units = [(int(offset, 16), name) for offset, name in _UNIT.findall(done.stdout)]
-    offsets = [offset for offset, _ in units]
-    files = {}
-    for origin, address in _PLACED.findall(done.stdout):
-        name = units[bisect.bisect_right(offsets, int(origin, 16)) - 1][1]
-        files[int(address, 16)] = name.removeprefix("./").removeprefix("firmware/")
-    return files
+    return {at: name.removeprefix("./").removeprefix("firmware/") for at, name in written_in(elf).items()}
 
 
 def parts_of(section: str, place: str, address: int, size: int, elf: Elf) -> list[tuple[str, int]]:

@@ -63,6 +63,17 @@ def test_functions_and_variables_stand_with_the_file_they_are_from(tool: ModuleT
 
 
 @needs_image
+def test_no_tool_of_the_cross_compiler_is_asked(
+    tool: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Symbols, mapping symbols and debug information say it all: no listing for people is read."""
+    monkeypatch.setenv("PATH", str(tmp_path))
+    modules = tool.sizes_of(IMAGE)["modules"]
+    assert modules["core/systems.c"]["items"]["control_step"]["flash"] > 20
+    assert sum(module["flash"] for module in modules.values()) > 10 * modules["(link and port)"]["flash"]
+
+
+@needs_image
 def test_the_build_left_the_table_beside_the_image(tool: ModuleType) -> None:
     left = json.loads(IMAGE.with_suffix(".size.json").read_text())
     assert left["totals"] == tool.sizes_of(IMAGE)["totals"]

@@ -1,7 +1,8 @@
-"""Places where the compiler inlined functions, from the debug information of an image."""
+"""Where the compiler inlined functions, and which file the others are from, by the debug information of an image."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +10,10 @@ from typing import Any
 
 from plumb.bench.m3_timing import require
 from plumb.errors import UsageError
+
+PLACED = ("DW_TAG_subprogram", "DW_TAG_variable")
+DW_OP_ADDR = 3
+"""Operation of a location: the address that follows."""
 
 
 @dataclass(frozen=True)
@@ -31,11 +36,7 @@ def inlined(path: Path, names: Sequence[str]) -> list[Inlined]:
     debug information."""
     if not names:
         return []
-    with path.open("rb") as file:
-        elf = require("elftools.elf.elffile").ELFFile(file)
-        if not elf.has_dwarf_info():
-            raise UsageError(f"{path} has no debug information, which says where the kernels are: build it with -g")
-        dwarf = elf.get_dwarf_info()
+    with _dwarf(path) as dwarf:
         found = []
         for unit in dwarf.iter_CUs():
             for entry in unit.iter_DIEs():
@@ -44,6 +45,41 @@ def inlined(path: Path, names: Sequence[str]) -> list[Inlined]:
                     if name.value.decode() in names:
                         found.append(Inlined(name.value.decode(), tuple(_ranges(dwarf, unit, entry))))
         return [place for place in found if place.size]
+
+
+def written_in(path: Path) -> dict[int, str]:
+    """Address of each function and variable that link-time optimisation placed -> file that it was written in, as the
+    compiler was given it. Raises UsageError for an image without debug information."""
+    found = {}
+    with _dwarf(path) as dwarf:
+        for unit in dwarf.iter_CUs():
+            for entry in unit.iter_DIEs():
+                if entry.tag not in PLACED or "DW_AT_abstract_origin" not in entry.attributes:
+                    continue
+                address = _address(entry)
+                if address is not None:
+                    origin = entry.get_DIE_from_attribute("DW_AT_abstract_origin").cu.get_top_DIE()
+                    found[address] = origin.attributes["DW_AT_name"].value.decode()
+    return found
+
+
+@contextlib.contextmanager
+def _dwarf(path: Path) -> Iterator[Any]:  # Any: pyelftools has no types
+    with path.open("rb") as file:
+        elf = require("elftools.elf.elffile").ELFFile(file)
+        if not elf.has_dwarf_info():
+            raise UsageError(f"{path} has no debug information, which says where functions are: build it with -g")
+        yield elf.get_dwarf_info()
+
+
+def _address(entry: Any) -> int | None:  # Any: pyelftools has no types
+    """Of a function or variable that has one."""
+    if "DW_AT_low_pc" in entry.attributes:
+        return int(entry.attributes["DW_AT_low_pc"].value)
+    location = entry.attributes.get("DW_AT_location")
+    if location is None or location.form != "DW_FORM_exprloc" or location.value[:1] != [DW_OP_ADDR]:
+        return None
+    return int.from_bytes(bytes(location.value[1:5]), "little")
 
 
 def _ranges(dwarf: Any, unit: Any, entry: Any) -> Iterator[tuple[int, int]]:  # Any: pyelftools has no types
