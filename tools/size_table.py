@@ -101,7 +101,8 @@ def sizes_of(elf: Path) -> Sizes:
             continue
         in_ram, in_flash = address >= RAM_START, address < RAM_START or section.startswith(".data")
         if _LINK_TIME.search(place):
-            symbols = graph.elf.symbols_between(address, address + size)
+            placed_here = graph.elf.symbols_between(address, address + size)
+            symbols = list({each.address: each for each in reversed(placed_here)}.values())  # equal functions are one
             held = [(files.get(each.address, _NO_FILE), _SUFFIX.sub("", each.name), each.size) for each in symbols]
             held.append((_NO_FILE, "(padding)", size - sum(each.size for each in symbols)))
         else:

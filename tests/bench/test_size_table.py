@@ -70,7 +70,8 @@ def test_no_tool_of_the_cross_compiler_is_asked(
     monkeypatch.setenv("PATH", str(tmp_path))
     modules = tool.sizes_of(IMAGE)["modules"]
     assert modules["core/systems.c"]["items"]["control_step"]["flash"] > 20
-    assert sum(module["flash"] for module in modules.values()) > 10 * modules["(link and port)"]["flash"]
+    nobodys = modules["(link and port)"]["flash"]
+    assert 0 <= nobodys < 100, "alignment alone; functions that the linker made one are counted once"
 
 
 @needs_image
