@@ -78,15 +78,22 @@ void arming_try_switch(arming_t *a, uint16_t blocked, uint32_t hold_us, uint32_t
     }
 }
 
+static bool silent(const arming_t *a, uint32_t now_us) {
+    return !a->by_switch && now_us - a->keepalive_us > ARMING_SILENCE_US;
+}
+
 bool arming_keepalive(arming_t *a, uint16_t number, uint32_t value, uint32_t now_us) {
     if (!arming_armed(a) || a->by_switch || number != a->number ||
         !keepalive_counts(&a->keepalive, value, now_us)) {
         return false;
     }
-    /* A late keep-alive must not keep the board armed, even when it comes before the poll that disarms. */
-    arming_poll(a, 0, now_us);
+    /* A late keep-alive must not keep the board armed, even when it comes before the poll that disarms. The
+     * poll also knows whether the loop itself stood still: then that is the cause. */
+    if (silent(a, now_us)) {
+        return false;
+    }
     a->keepalive_us = now_us;
-    return arming_armed(a);
+    return true;
 }
 
 void arming_disarm(arming_t *a, uint16_t cause) {
@@ -109,7 +116,7 @@ void arming_poll(arming_t *a, uint16_t blocked, uint32_t now_us) {
     if (matters != 0) {
         arming_disarm(a, matters);
     }
-    if (!a->by_switch && now_us - a->keepalive_us > ARMING_SILENCE_US) {
+    if (silent(a, now_us)) {
         arming_disarm(a, ARMING_BLOCK_SILENCE);
     }
     /* arming_driving() keeps the hold over when the clock wraps. */

@@ -108,8 +108,8 @@ uint16_t arming_switch_owns(const arming_t *a);
  * switch has to be opened first. */
 void arming_try_switch(arming_t *a, uint16_t blocked, uint32_t hold_us, uint32_t now_us);
 
-/* Handle a keep-alive. False, with no effect, when it is of another arming, when the value does not count or
- * the board is disarmed. */
+/* Handle a keep-alive. False, with no effect on the arming, when it is of another arming, when the value does
+ * not count, when it comes too late (arming_poll() then disarms) or the board is disarmed. */
 bool arming_keepalive(arming_t *a, uint16_t number, uint32_t value, uint32_t now_us);
 
 /* Disarm for this cause; a board that is disarmed already keeps its first cause. */

@@ -53,7 +53,17 @@ static void keep_alives(void) {
     CHECK(arming_armed(&a));
     CHECK(!arming_keepalive(&a, a.number, value,
                             NOW + KEEPALIVE_LIFE_US + silence_us + 1U)); /* before the poll, late */
+    arming_poll(&a, 0U, NOW + KEEPALIVE_LIFE_US + silence_us + 1U);
     CHECK(!arming_armed(&a) && a.cause == ARMING_BLOCK_SILENCE);
+
+    /* After a pause of the loop a keep-alive is late because of the pause, which the poll knows. */
+    CHECK(arming_arm(&a, 0U, hold_us, NOW));
+    value = arming_issue(&a, &chance, NOW);
+    CHECK(arming_keepalive(&a, a.number, value, NOW));
+    value = arming_issue(&a, &chance, NOW + KEEPALIVE_PERIOD_US);
+    CHECK(value != 0U && !arming_keepalive(&a, a.number, value, NOW + silence_us + 1U));
+    arming_poll(&a, ARMING_BLOCK_FAULT, NOW + silence_us + 1U);
+    CHECK(!arming_armed(&a) && a.cause == ARMING_BLOCK_FAULT);
 
     CHECK(arming_arm(&a, 0U, hold_us, NOW));
     arming_poll(&a, GONE, NOW);

@@ -87,6 +87,11 @@ def nothing(scene: Scene) -> None:
     """No fault at all."""
 
 
+def silent_or_disarms(scene: Scene) -> None:
+    """The second way is sooner safe, and has another cause."""
+    (host.disarms if scene.variant else host.silent)(scene)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "why"),
@@ -97,6 +102,8 @@ def nothing(scene: Scene) -> None:
         (Fault("slow", "host", "silence judged as a command", host.silent, "power"), "too late"),
         (Fault("unreported", "host", "nothing", nothing, "setpoint", (Told("SETPOINT_USED", "timed_out", 1),),
                moves_on=True), "never safe"),
+        (Fault("untold-once", "host", "DISARM in one of two ways", silent_or_disarms, "silence",
+               (Told("EVENTS", "disarm_cause", 1 << 5),), variants=2), "not told: EVENTS.disarm_cause"),
         (Fault("acts", "host", "DISARM", host.disarms, "held", holds=True), "it disarms; it acts"),
     ],
     ids=lambda value: value.name if isinstance(value, Fault) else "",

@@ -27,8 +27,9 @@ CODE = {
     NATIVE: (f"build/{NATIVE}/libplumb_native.so", f"build/{NATIVE}/libplumb_board.so"),
 }
 """What is loaded, by preset."""
-PHASES = 4
-"""Moments at which a row is injected that depends on timing."""
+PHASES = 7
+"""Moments at which a row is injected that depends on timing: the runner's 60 ms in so many parts are no multiple of the
+keep-alive's 10 ms."""
 FORGET_INSTALLED = """\
 # The package of this copy is imported, not the one that is installed in the environment.
 import sys

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from plumb.errors import LinkError
 from plumb.f103.core.cpu import BRANCH_TO_ITSELF, FLASH_BASE, RAM_BASE
+from plumb.f103.core.nvic import SYSTICK
 from plumb.proof.faults.scene import Scene
 
 FOREVER = BRANCH_TO_ITSELF
@@ -55,10 +56,11 @@ def poke(scene: Scene, address: int, value: int) -> None:
 
 
 def reach_the_loop(scene: Scene) -> None:
-    """Let time pass until the core runs the main loop: awake, and in no handler."""
-    machine = scene.machine
-    in_loop = machine.run_until(lambda: not machine.nvic.active and not machine.cpu.sleeping, THREAD_S * 1e6)
-    if not in_loop:
+    """Let time pass until the core runs the main loop: awake, in no handler, and with interrupts enabled."""
+    machine, cpu = scene.machine, scene.machine.cpu
+    if not machine.run_until(
+        lambda: not machine.nvic.active and not cpu.sleeping and cpu.takes(SYSTICK), THREAD_S * 1e6
+    ):
         raise LinkError("the main loop never runs: the fault cannot be injected")
 
 

@@ -13,9 +13,12 @@ BY_WINDOW_WATCHDOG = Told("IDENTITY", "RESET_CAUSE", 1 << 6)
 BY_WATCHDOG = Told("IDENTITY", "RESET_CAUSE", 1 << 5)
 STALLED = Told("STATUS", "faults", 1 << 13)
 DISARMED_BY_FAULT = Told("EVENTS", "disarm_cause", 1 << 3)
-PAUSE_S = 0.03
-"""Longer than the watch over the loop allows, shorter than the window watchdog does."""
-PAUSES, LONGER_S = 12, 0.0002
+PAUSE_S = 0.035
+"""Longer than the watch over the loop allows, shorter than the window watchdog does, and so long that a keep-alive
+which waits after it may be late."""
+KEEPALIVE_S, MOMENTS = 0.01, 12
+"""Period of the values that the board sends, and moments in it at which a pause begins."""
+PULSES_PAUSE_S, PAUSES, LONGER_S = 0.03, 12, 0.0002
 """Pauses of so many lengths, each longer by this: over a frame of pulses, 2.5 ms here. A pulse written after the
 pause reaches the pin only when a frame ends before the loop writes neutral."""
 IRQS = {
@@ -43,6 +46,11 @@ def loop_hangs_without(*causes: str) -> Action:
     return inject
 
 
+def between_keepalives(scene: Scene) -> None:
+    """Let a part of the keep-alive's period pass: the keep-alive that waits after a pause may be late or not."""
+    scene.run(scene.variant * KEEPALIVE_S / MOMENTS)
+
+
 def loop_pauses(scene: Scene) -> None:
     """The main loop branches to itself for a while, then goes on where it was."""
     core.reach_the_loop(scene)
@@ -56,7 +64,7 @@ def reaches_the_pulses(scene: Scene) -> None:
 
 def loop_pauses_before_the_pulses(scene: Scene) -> None:
     """The same where the next instructions write pulses that drive, for several lengths."""
-    core.pause_at(scene, scene.symbol("board_set_actuator").address, PAUSE_S + scene.variant * LONGER_S)
+    core.pause_at(scene, scene.symbol("board_set_actuator").address, PULSES_PAUSE_S + scene.variant * LONGER_S)
 
 
 def handler_hangs(number: int) -> Action:
@@ -85,8 +93,8 @@ def locked_up(scene: Scene) -> None:
 FAULTS = (
     Fault("loop-hangs", "hangs", "the main loop branches to itself", loop_hangs, "stall", (BY_WINDOW_WATCHDOG,),
           by=PROGRAM),
-    Fault("loop-pauses", "hangs", "the main loop branches to itself for 30 ms", loop_pauses, "stall",
-          (STALLED, DISARMED_BY_FAULT), by=PROGRAM),
+    Fault("loop-pauses", "hangs", "the main loop branches to itself for 35 ms", loop_pauses, "stall",
+          (STALLED, DISARMED_BY_FAULT), prepare=between_keepalives, by=PROGRAM, variants=MOMENTS),
     Fault("loop-pauses-before-the-pulses", "hangs", "the main loop branches to itself for 30 ms, then writes pulses",
           loop_pauses_before_the_pulses, "stall", (STALLED, DISARMED_BY_FAULT), frozenset({"esc"}),
           prepare=reaches_the_pulses, by=PROGRAM, variants=PAUSES),

@@ -118,7 +118,7 @@ class Runner:
             for phase in range(count)
             for variant in range(fault.variants)
         ]
-        worst = max(found, key=lambda one: (bool(one.why), _late(one.safe_ms), _late(one.detected_ms)))
+        worst = max(found, key=lambda one: (bool(one.why or one.missing), _late(one.safe_ms), _late(one.detected_ms)))
         why = list(worst.why)
         detected_late = _late(worst.detected_ms) > limit.detected_ms
         if _late(worst.safe_ms) > limit.safe_ms:
