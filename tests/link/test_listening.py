@@ -7,7 +7,7 @@ import pytest
 from plumb.boards.link import open_link_board
 from plumb.errors import LinkError
 from plumb.link import monitor
-from plumb.link.listening import LATEST, Listening
+from plumb.link.listening import LATEST, BoardWait, Listening
 from plumb.link.monitor import EVERY_S, SILENCE_S
 from plumb.link.session import Session
 
@@ -66,6 +66,24 @@ def test_a_host_that_never_catches_up_is_not_let_wait_for_ever(clock: Clock) -> 
         assert not reply.over
     clock.now_s += 0.1
     assert reply.over
+
+
+def test_a_wait_for_a_board_passes_in_its_own_time(clock: Clock) -> None:
+    telemetry = {"TIME": {"time": 0xFFFFFFFF - 400_000}}
+    wait = BoardWait(telemetry, clock)
+    clock.now_s += 20.0  # a board simulated at 0.05 of real time; its clock begins anew in between
+    telemetry["TIME"] = {"time": 600_000}
+    assert not wait.over(3.0)
+    telemetry["TIME"] = {"time": 2_700_000}
+    assert wait.over(3.0)
+
+
+def test_a_wait_for_a_board_whose_time_stands_still_ends(clock: Clock) -> None:
+    wait = BoardWait({"TIME": {"time": 7}}, clock)
+    clock.now_s += LATEST * 3.0 - 0.1
+    assert not wait.over(3.0)
+    clock.now_s += 0.1
+    assert wait.over(3.0) and BoardWait({}, clock).over(0.0)
 
 
 def stalls(session: Session, seconds: float, monkeypatch: pytest.MonkeyPatch) -> None:

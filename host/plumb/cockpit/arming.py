@@ -13,6 +13,7 @@ from collections.abc import Callable
 from plumb.cockpit.hold import Hold
 from plumb.errors import PlumbError
 from plumb.link.identity import NackError
+from plumb.link.listening import BoardWait
 from plumb.link.session import BLOCKED_IMPLAUSIBLE, BLOCKED_NOT_READY, READY_WAIT_S, Session
 
 Answer = dict[str, object]
@@ -37,7 +38,8 @@ class Arming:
         self._stop_asked = threading.Event()
         self._hand: int | None = None
         self._reply: Reply | None = None
-        self._seen, self._armed_s, self._until_s, self._next_s = False, 0.0, 0.0, 0.0
+        self._seen, self._armed_s, self._next_s = False, 0.0, 0.0
+        self._waited = BoardWait({}, lambda: 0.0)
 
     @property
     def waiting(self) -> bool:
@@ -54,10 +56,10 @@ class Arming:
 
     # ---- the loop's ----
 
-    def begin(self, page: int, reply: Reply, now_s: float) -> None:
+    def begin(self, page: int, reply: Reply, session: Session) -> None:
         """Arm by the hand of a page; `follow` does it, and reply hears how it ended."""
         self._hand, self._reply = page, reply
-        self._until_s, self._next_s = now_s + READY_WAIT_S, 0.0
+        self._waited, self._next_s = BoardWait(session.telemetry, session.clock), 0.0
 
     def heed(self, session: Session) -> bool:
         """Disarm without consent. Returns whether a stop was asked for, which is done then."""
@@ -87,7 +89,7 @@ class Arming:
             session.arm(ready_wait_s=0.0)
         except NackError as error:
             waits = error.reason == "BLOCKED" and not error.detail & ~WAITED_FOR
-            if not waits or now_s >= self._until_s:
+            if not waits or self._waited.over(READY_WAIT_S):
                 self.drop(str(error))
         except PlumbError as error:
             self.drop(str(error))

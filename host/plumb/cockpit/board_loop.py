@@ -354,7 +354,7 @@ class BoardLoop:
     def _do(self, order: Order, reply: Reply) -> None:
         if order.verb == "arm":
             self._require_armable()
-            self._arming.begin(order.page, reply, self._session.clock())
+            self._arming.begin(order.page, reply, self._session)
             return
         if order.verb in ("parameters", "describe"):
             armed = self._arming.armed

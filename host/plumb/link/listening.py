@@ -7,7 +7,7 @@ of a read at most the wait that was asked for. Every time-out of a host for what
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 LATEST = 20
 """A time-out is over after this many times its length by the clock: a host that never catches up with its link, so that
@@ -57,3 +57,26 @@ class Timeout:
     @property
     def over(self) -> bool:
         return self.left_s == 0.0
+
+
+class BoardWait:
+    """A wait for seconds of the board's own time: one that is simulated at a tenth of real time is ready ten times later.
+    telemetry: a session's, with TIME; clock: of its link. The wait also ends after LATEST times its length by the clock,
+    and when the board was restarted."""
+
+    def __init__(self, telemetry: Mapping[str, Mapping[str, int]], clock: Callable[[], float]) -> None:
+        self._telemetry, self._clock = telemetry, clock
+        self._begin_us, self._begin_s = self._now_us(), clock()
+
+    def _now_us(self) -> int | None:
+        said = self._telemetry.get("TIME")
+        return None if said is None else said["time"]
+
+    def over(self, seconds: float) -> bool:
+        """Whether so many seconds have passed since it began."""
+        now_us = self._now_us()
+        if self._begin_us is None or now_us is None:
+            self._begin_us = now_us
+            return seconds <= 0.0 or self._clock() - self._begin_s >= LATEST * seconds
+        passed_s = (now_us - self._begin_us & 0xFFFFFFFF) * 1e-6
+        return passed_s >= seconds or self._clock() - self._begin_s >= LATEST * seconds

@@ -22,7 +22,7 @@ from plumb.link import unarmable
 from plumb.link.endpoint_names import DEFAULT_BAUD
 from plumb.link.holding import Holding
 from plumb.link.identity import Identity, NackError, identity_of, nack_error, plausibility_text, sensors_text
-from plumb.link.listening import Listening
+from plumb.link.listening import BoardWait, Listening
 from plumb.link.nonces import execute_with_nonce
 from plumb.link.parameter_transfer import ParameterTransfer
 from plumb.link.retries import REPLY_TIMEOUT_S, TRIES, LinkCounters
@@ -423,7 +423,7 @@ class Session:
         Waits up to SENSORS_START_S for a fault of the sensors to clear, and up to ready_wait_s for a system that is not
         ready (at rest, converged, level, setpoint 0, sensors that agree). Raises LinkError with the reasons that block.
         """
-        begin_s = self.clock()
+        waited = BoardWait(self.telemetry, self.clock)
         while True:
             try:
                 self.execute("ARM")
@@ -437,7 +437,7 @@ class Session:
                     raise
                 faulty = error.detail & BLOCKED_BY_FAULT
                 waiting = not error.detail & ~(BLOCKED_BY_FAULT | BLOCKED_NOT_READY | BLOCKED_IMPLAUSIBLE)
-                if not waiting or self.clock() - begin_s >= (SENSORS_START_S if faulty else ready_wait_s):
+                if not waiting or waited.over(SENSORS_START_S if faulty else ready_wait_s):
                     why = sensors_text(self.telemetry.get("SENSORS", {})) if faulty else []
                     if error.detail & (BLOCKED_IMPLAUSIBLE | BLOCKED_NOT_READY):
                         why += plausibility_text(self.telemetry.get("PLAUSIBILITY", {}))
