@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -233,3 +234,58 @@ def test_ctrl_c_in_the_test_disarms(link: str, monkeypatch: pytest.MonkeyPatch) 
         board.machine.advance_us(6000)
         assert not driving() and board.machine.now_us - begun_us < 20_000
         assert board.session.connect()["MODE"] == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("link", ["serial", "can"])
+def test_a_host_that_is_suspended_in_the_test_ends_disarmed_and_says_so(
+    link: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Armed and driving one moment; then this process does not run for a second, in which the board waits for it."""
+    from plumb.boards.virtual import VirtualBoard
+
+    params, excited = quantise(quad.HOLD), plant_fit.excitation(quad.HOLD.period_s, 8.0)
+    set_setpoint, sent = Capture.set_setpoint, 0
+
+    def suspended(capture: Capture, setpoint: int) -> None:
+        nonlocal sent
+        sent += 1
+        if sent == 20:
+            assert driving(), "the test had not begun"
+            board.machine.advance_us(1_000_000)
+        set_setpoint(capture, setpoint)
+
+    monkeypatch.setattr(Capture, "set_setpoint", suspended)
+    with VirtualBoard(link=link) as board:
+        loop_test.attach_plant(board, params, excited, 3, 1000)
+
+        def driving() -> bool:
+            return board.machine.pwm(ESC_PINS[0]).pulse_us > 1100.0
+
+        with pytest.raises(LinkError, match=r"the keep-alive was lost, as this computer left the link unread for 1\.0"):
+            loop_test.on_link(board, params, excited, 3, 0.2)
+        assert not driving() and board.session.connect()["MODE"] == 0
+
+
+@pytest.mark.slow
+def test_what_is_slow_the_first_time_is_done_before_the_board_is_armed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first keep-alive value expires 40 ms after its issue; tables and progress bar take longer to make."""
+    from plumb.boards.virtual import VirtualBoard
+
+    monkeypatch.setattr(plant_fit, "REPEAT_S", 1.0)
+    params, excited = quantise(TUNING), plant_fit.excitation(TUNING.period_s, 4.0)
+    made = []
+    with VirtualBoard() as board:
+        for name in ("signals", "_progress"):
+            make = getattr(loop_test, name)
+
+            def first(of: object, make: Callable[[object], object] = make, name: str = name) -> object:
+                made.append((name, board.session.armed))
+                return make(of)
+
+            monkeypatch.setattr(loop_test, name, first)
+        monkeypatch.setattr(loop_test, "TILT_LIMIT_DEG", 0.0)
+        loop_test.attach_plant(board, params, excited, 3, 1000)
+        with pytest.raises(LinkError, match="the test is ended, disarmed"):
+            loop_test.on_link(board, params, excited, 3, 0.2)
+    assert made == [("signals", False), ("_progress", False)]

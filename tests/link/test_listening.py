@@ -86,6 +86,30 @@ def test_a_wait_for_a_board_whose_time_stands_still_ends(clock: Clock) -> None:
     assert wait.over(3.0) and BoardWait({}, clock).over(0.0)
 
 
+def test_what_this_process_did_not_read_is_told(clock: Clock) -> None:
+    listening = Listening(clock)
+    clock.now_s += 0.02
+    read(listening, clock, 0.1, 0.1, brought=True)
+    assert listening.unread_s == pytest.approx(0.02) and listening.unread_text == ""
+    clock.now_s += 0.5  # between two reads
+    read(listening, clock, 0.1, 0.0, brought=True)
+    assert listening.unread_text == ", as this computer left the link unread for 0.50 s"
+    read(listening, clock, 0.1, 1.1, brought=True)  # in a read that should have ended
+    assert listening.unread_s == pytest.approx(1.0)
+    read(listening, clock, 0.1, 0.1, brought=True)
+    assert listening.unread_s == pytest.approx(1.0)
+
+
+def test_an_arming_begins_with_a_link_that_was_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    with open_link_board("virtual") as board:
+        session = board.session
+        session.listening.unread_s = 9.0
+        session.begin("REALTIME_LIVE")
+        monkeypatch.setattr(session, "execute", lambda _verb: 0)
+        session.arm()
+        assert session.listening.unread_s == 0.0
+
+
 def stalls(session: Session, seconds: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """From now on this process is suspended before every read of the link, as on a machine that is too busy: the clock
     goes on, and what the board sends waits."""

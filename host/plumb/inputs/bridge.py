@@ -331,7 +331,8 @@ class _Run:
         if self._disarmed and "EVENTS" in session.telemetry:
             self._disarmed = False
             cause = session.telemetry["EVENTS"]["disarm_cause"]
-            why = disarmed_text(cause, session.telemetry.get("PLAUSIBILITY", {}))
+            unread = session.listening.unread_text
+            why = disarmed_text(cause, session.telemetry.get("PLAUSIBILITY", {}), unread)
             bridge.say(f"the board disarmed: {why}; it stays so until this is started again")
 
     def _match(self, counts: tuple[int, ...], now_s: float) -> None:

@@ -83,10 +83,14 @@ def plausibility_text(said: dict[str, int]) -> list[str]:
     return found + [text for bit, text in NOT_READY.items() if missing >> bit & 1]
 
 
-def disarmed_text(cause: int, said: dict[str, int]) -> str:
-    """Why the board disarmed, from EVENTS.disarm_cause and the last PLAUSIBILITY."""
+KEEPALIVE_LOST = 1 << 5
+
+
+def disarmed_text(cause: int, said: dict[str, int], unread: str = "") -> str:
+    """Why the board disarmed, from EVENTS.disarm_cause and the last PLAUSIBILITY. unread: what follows a keep-alive
+    that was lost."""
     checks = bits_text(said.get("disarmed_by", 0), IMPLAUSIBLE)
-    text = bits_text(cause, BLOCKED)
+    text = bits_text(cause, BLOCKED) + (unread if cause & KEEPALIVE_LOST else "")
     return f"{text}: {checks}" if cause >> 11 & 1 and checks != "none" else text
 
 

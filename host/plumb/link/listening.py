@@ -12,24 +12,36 @@ from collections.abc import Callable, Mapping
 LATEST = 20
 """A time-out is over after this many times its length by the clock: a host that never catches up with its link, so that
 no read ever waits, is not let wait for ever."""
+UNREAD_S = 0.03
+"""A link that was left unread for longer may have cost an armed board its keep-alive: of its values, which live 40 ms
+from their issue and come every 10 ms, the answers are late then."""
 SHORTEST_S = 1e-6
 """Less than this is nothing: it may vanish in the rounding of a sum."""
 
 
 class Listening:
     """The time spent on reads of one link. clock: of the link, simulated for a simulated board. total_s: waited so
-    far; quiet_s: of that, since the last read that brought something."""
+    far; quiet_s: of that, since the last read that brought something. unread_s: the longest time for which this process
+    did not read when it should have, between two reads or because one ended late; whoever measures it sets it to 0."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self.clock = clock
-        self.total_s = self.quiet_s = 0.0
+        self.total_s = self.quiet_s = self.unread_s = 0.0
+        self._end_s = clock()
 
     def note(self, asked_s: float, begin_s: float, brought: bool) -> None:
         """A read has ended. asked_s: the longest wait that was asked for; begin_s: when it began; brought: whether it
         brought something."""
-        waited_s = max(0.0, min(self.clock() - begin_s, asked_s))
+        before_s, self._end_s = self._end_s, self.clock()
+        self.unread_s = max(self.unread_s, begin_s - before_s, self._end_s - begin_s - asked_s)
+        waited_s = max(0.0, min(self._end_s - begin_s, asked_s))
         self.total_s += waited_s
         self.quiet_s = 0.0 if brought else self.quiet_s + waited_s
+
+    @property
+    def unread_text(self) -> str:
+        """What may have ended an arming, to follow the reason that the board gives; "" when the link was read."""
+        return f", as this computer left the link unread for {self.unread_s:.2f} s" if self.unread_s > UNREAD_S else ""
 
     def timeout(self, seconds: float) -> Timeout:
         """A time-out that begins now."""
@@ -60,9 +72,9 @@ class Timeout:
 
 
 class BoardWait:
-    """A wait for seconds of the board's own time: one that is simulated at a tenth of real time is ready ten times later.
-    telemetry: a session's, with TIME; clock: of its link. The wait also ends after LATEST times its length by the clock,
-    and when the board was restarted."""
+    """A wait for seconds of the board's own time: one that is simulated at a tenth of real time is ready ten times
+    later. telemetry: a session's, with TIME; clock: of its link. The wait also ends after LATEST times its length by
+    the clock, and when the board was restarted."""
 
     def __init__(self, telemetry: Mapping[str, Mapping[str, int]], clock: Callable[[], float]) -> None:
         self._telemetry, self._clock = telemetry, clock

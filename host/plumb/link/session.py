@@ -428,6 +428,7 @@ class Session:
             try:
                 self.execute("ARM")
                 self.setpoint.stop()  # the board has set its own to 0
+                self.listening.unread_s = 0.0
                 self.parameters.at_arming = self.parameters.table
                 return
             except NackError as error:
@@ -493,6 +494,7 @@ class Session:
         """As set_setpoint and set_commands; commands: their words, None: those said last."""
         self.pump()  # what has arrived meanwhile has the newest step, and may say that the arming is over
         if self.holding.over and (setpoint_turn_q32 or self.holding.another):
-            raise LinkError(f"the setpoint is not sent, because {self.holding.over}: arm again")
+            why = self.holding.over + ("" if self.holding.another else self.listening.unread_text)
+            raise LinkError(f"the setpoint is not sent, because {why}: arm again")
         self.setpoint.say(setpoint_turn_q32, commands, repeats=True)
         self._say_setpoint()

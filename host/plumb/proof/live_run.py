@@ -95,7 +95,8 @@ def why_disarmed(session: Session) -> str:
     while not {"EVENTS", "PLAUSIBILITY"} <= set(session.telemetry) and not said_why.over:
         session.receive(REPLY_TIMEOUT_S / 5)
     said = session.telemetry
-    return disarmed_text(said.get("EVENTS", {}).get("disarm_cause", 0), said.get("PLAUSIBILITY", {}))
+    cause = said.get("EVENTS", {}).get("disarm_cause", 0)
+    return disarmed_text(cause, said.get("PLAUSIBILITY", {}), session.listening.unread_text)
 
 
 def conversions_of(taken: Sequence[Conversion], begun_s: float, raw: RawCounts) -> list[Conversion]:

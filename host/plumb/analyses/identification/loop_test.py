@@ -6,6 +6,7 @@ What is kept is the run's raw counts and setpoints: the integer model makes ever
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from plumb.link.real_time_watch import RealTimeWatch
 from plumb.link.realtime import Capture
 from plumb.link.retries import REPLY_TIMEOUT_S
 from plumb.link.selection import RAW_FRAMES
+from plumb.link.session import Session
 from plumb.proof.live_run import why_disarmed
 from plumb.spec import declarations
 from plumb.spec.arrays import FloatArray
@@ -27,6 +29,9 @@ from plumb.spec.tuning import AxisTuning
 from plumb.systems import run_fixed
 from plumb.systems.contracts import PINS
 from plumb.tuning.quantise import ControlParams, dequantise
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
 
 TURN_Q32 = 2.0**32
 SCENARIO = "hold"
@@ -147,14 +152,17 @@ def on_link(board: LinkBoard, params: ControlParams, excited: Excitation, period
     frames = systems.load(params.system, PINS).FRAMES
     capture = Capture(session, raw_frames=set(RAW_FRAMES).intersection(frames))
     setpoint, begin = schedule(excited, settle_s, periods)
+    tilt = next((at, scale) for at, column, scale in signals(session.system) if column == TILT)
+    bar = _progress(len(setpoint))
     try:
         session.begin("REALTIME_LIVE", frames=frames)
         session.listener = capture.feed
         session.arm(READY_WAIT_S)
         first = capture.steps
-        _swing(capture, setpoint, first, excited.period_s)
+        _swing(capture, setpoint, first, excited.period_s, tilt, bar)
         session.disarm()
     finally:
+        bar.close()
         session.listener = None
         session.end()
     steps = first + len(setpoint)
@@ -166,33 +174,52 @@ def on_link(board: LinkBoard, params: ControlParams, excited: Excitation, period
     return LoopRun(params, excited, raw, used, first + begin, np.empty(0))
 
 
-def _swing(capture: Capture, setpoint: Setpoints, first: int, period_s: float) -> None:
-    """Send the setpoints of the steps from `first` on, as the steps come."""
+def _progress(steps: int) -> tqdm[NoReturn]:
+    """Made before the board is armed: what is slow the first time may outlast a keep-alive value."""
     from tqdm import tqdm
 
+    return tqdm(total=steps, desc="test", unit="step", disable=None, leave=False)
+
+
+def _swing(
+    capture: Capture,
+    setpoint: Setpoints,
+    first: int,
+    period_s: float,
+    tilt: tuple[tuple[str, str], float],
+    bar: tqdm[NoReturn],
+) -> None:
+    """Send the setpoints of the steps from `first` on, as the steps come. tilt: (frame, signal) and its scale."""
     session, asked = capture.session, 0
-    place, scale = next((at, scale) for at, column, scale in signals(session.system) if column == TILT)
+    place, scale = tilt
     heard, step = first, session.listening.timeout(STANDSTILL_S)
     watch = RealTimeWatch("the board", TOO_SLOW, _end_the_test, session.clock)
-    with tqdm(total=len(setpoint), desc="test", unit="step", disable=None, leave=False) as bar:
-        while (at := capture.steps - first) < len(setpoint):
-            if asked != setpoint[at]:
-                asked = int(setpoint[at])
+    while (at := capture.steps - first) < len(setpoint):
+        if asked != setpoint[at]:
+            asked = int(setpoint[at])
+            try:
                 capture.set_setpoint(asked)
-            session.receive(REPLY_TIMEOUT_S)
-            if capture.disarmed_step is not None:
-                reason = why_disarmed(session)
-                raise LinkError(f"the board disarmed itself before step {capture.disarmed_step}: {reason}")
-            tilts = capture.values.get(place, {})
-            if tilts and abs(tilts[max(tilts)] * scale) > TILT_LIMIT_DEG:
-                raise LinkError(f"the machine tilted beyond {TILT_LIMIT_DEG:g} deg: the test is ended, disarmed")
-            if capture.steps > heard:
-                bar.update(capture.steps - heard)
-                heard = capture.steps
-                step.renew()
-            elif step.over:
-                raise LinkError(f"the board takes no steps after step {capture.steps}")
-            watch.note((capture.steps - first) * period_s, session.clock())
+            except LinkError:
+                if not session.holding.over:
+                    raise
+        session.receive(REPLY_TIMEOUT_S)
+        if session.holding.over:
+            raise LinkError(f"the board is disarmed after step {capture.steps}: {_why_over(session)}")
+        tilts = capture.values.get(place, {})
+        if tilts and abs(tilts[max(tilts)] * scale) > TILT_LIMIT_DEG:
+            raise LinkError(f"the machine tilted beyond {TILT_LIMIT_DEG:g} deg: the test is ended, disarmed")
+        if capture.steps > heard:
+            bar.update(capture.steps - heard)
+            heard = capture.steps
+            step.renew()
+        elif step.over:
+            raise LinkError(f"the board takes no steps after step {capture.steps}")
+        watch.note((capture.steps - first) * period_s, session.clock())
+
+
+def _why_over(session: Session) -> str:
+    """Why the arming is over: another host, else what the board says."""
+    return session.holding.over if session.holding.another else why_disarmed(session)
 
 
 def _end_the_test(sentence: str) -> None:
