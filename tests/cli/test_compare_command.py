@@ -44,6 +44,8 @@ def test_json_has_every_algorithm_on_every_input(tmp_path: Path, capsys: pytest.
     assert [(one["grade"], one["decimate"]) for one in told["inputs"]] == [
         ("recorded", 1), ("recorded", 3), ("bias", 1), ("bias", 3),
     ]  # fmt: skip
+    assert [one["input"] for one in told["inputs"]] == ["recorded", "recorded/3", "bias", "bias/3"]
+    assert "VQF" in told["inputs"][2]["outside"] and not told["inputs"][0]["outside"]
     for one in told["inputs"]:
         seeds = [1, 2] if one["grade"] == "bias" else [0]
         keys = [(row["recording"], row["seed"], row["algorithm"]) for row in one["rows"]]
@@ -53,12 +55,16 @@ def test_json_has_every_algorithm_on_every_input(tmp_path: Path, capsys: pytest.
         for name in can:
             own = [row["rmse_deg"] for row in one["rows"] if row["algorithm"] == name]
             assert one["means_deg"][name]["rmse_deg"] == pytest.approx(np.mean(own))
+            assert one["means_deg"][name]["worst_rmse_deg"] == max(own)
+        assert one["means_deg"]["VQF"]["sigma_deg"] is None
+        assert one["decimate"] > 1 or one["means_deg"]["attitude"]["sigma_deg"] > 0.0
 
 
 def test_table_and_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert front.main(["compare", swing(tmp_path), "--out", str(tmp_path / "out")]) == 0
     printed = capsys.readouterr().out
     assert printed.startswith("Mean tilt error (deg)\n  input ") and "gain 0.033" in printed
+    assert "\nSigma against error\n" in printed
     assert printed.rstrip().endswith(f"report: {tmp_path / 'out' / 'report.html'}")
     page = (tmp_path / "out" / "report.html").read_text()
     assert "<svg" in page and "Tilt error: swing" in page and ">VQF<" in page
@@ -77,6 +83,8 @@ def test_what_cannot_be_compared_is_one_sentence(tmp_path: Path, capsys: pytest.
     still = swing(tmp_path, movement=np.zeros(1500, bool))
     assert "nothing to score" in refusal([still], capsys)
     assert "no grade 'gold'; give all, or one of: recorded: " in refusal([swing(tmp_path), "--grade", "gold"], capsys)
+    wrong = refusal([swing(tmp_path), "--algorithm", "vqf"], capsys)
+    assert "no algorithm 'vqf' to compare; there are VQF, BasicVQF, Madgwick, Mahony, " in wrong
     assert "no-such-file.npz" in refusal(["no-such-file.npz"], capsys)
 
 

@@ -7,9 +7,11 @@ same counts: 16 bits at +-2000 deg/s and +-16 g.
     plumb compare walk.npz
     plumb compare walk.npz run.npz --decimate 3 --decimate 6
     plumb compare walk.npz --grade all --out out/compare
+    plumb compare walk.npz --grade missing-1 --algorithm VQF --algorithm attitude
 
---decimate takes the mean of every 3 or 6 samples; --grade adds the errors of another sensor, two seeds each. All
-combinations that are asked for are run; a run of Madgwick or Mahony takes seconds for every minute that was recorded.
+--decimate takes the mean of every 3 or 6 samples; --grade adds the errors of another sensor, loses samples, or starts
+inside the motion. All combinations that are asked for are run; a run of Madgwick or Mahony takes seconds for every
+minute that was recorded, and --algorithm leaves them out.
 """
 
 from __future__ import annotations
@@ -35,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="errors to add, or all; repeatable (default: recorded); a wrong name lists them",
     )
+    parser.add_argument("--algorithm", action="append", metavar="NAME", help="run this one; repeatable (default: all)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html and DIR/comparison.json")
     options.add_json(parser)
 
@@ -48,7 +51,7 @@ def main(arguments: argparse.Namespace) -> int:
     from plumb.analyses.comparison.contenders import contenders
     from plumb.analyses.comparison.grades import AS_RECORDED, GRADES
     from plumb.analyses.comparison.samples import motion_of
-    from plumb.analyses.comparison.table import Input, compare, runs
+    from plumb.analyses.comparison.table import compare, of_recordings, runs
     from plumb.errors import ExitCode, UsageError
     from plumb.inputs import recording
     from plumb.proof import table_text
@@ -60,11 +63,12 @@ def main(arguments: argparse.Namespace) -> int:
         if grade not in GRADES:
             known = "; ".join(f"{name}: {one.title}" for name, one in GRADES.items())
             raise UsageError(f"there is no grade '{grade}'; give all, or one of: {known}")
-    algorithms = contenders()
+    algorithms = contenders(arguments.algorithm or ())
     motions = [motion_of(recording.load(path)) for path in dict.fromkeys(arguments.file)]
-    inputs = [Input(block, grade) for grade in grades for block in dict.fromkeys(arguments.decimate or [1])]
-    with tqdm(total=runs(motions, inputs, algorithms), unit="run", disable=None, leave=False) as bar:
-        results = compare(motions, inputs, algorithms, bar.update)
+    blocks = dict.fromkeys(arguments.decimate or [1])
+    inputs = [of_recordings(motions, grade, block) for grade in grades for block in blocks]
+    with tqdm(total=runs(inputs, algorithms), unit="run", disable=None, leave=False) as bar:
+        results = compare(inputs, algorithms, bar.update)
     told = page.to_json(results, algorithms)
     found = page.tables(results, algorithms)
     if arguments.out:

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-import numpy.typing as npt
-
 from plumb import systems
 from plumb.analyses.comparison.published import PUBLISHED, Published, imported
-from plumb.analyses.comparison.samples import Samples, vertical_of
+from plumb.analyses.comparison.samples import Estimate, Samples, vertical_of
+from plumb.errors import UsageError
 from plumb.spec import declarations
 from plumb.spec.system_parts import Part
 from plumb.tuning.quantise import ControlParams
 from plumb.version import installed
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class Compared(Protocol):
@@ -31,8 +27,9 @@ class Compared(Protocol):
         """The parameters of a run. The calibration is the sensor's nominal one (`samples.sensor`): errors of the sensor
         are the algorithm's to find. Raises UsageError for a period that the system cannot have."""
 
-    def verticals(self, samples: Samples, /) -> FloatArray:
-        """The vertical in sensor coordinates after each sample, (N, 3), from the C core with these parameters."""
+    def estimate(self, samples: Samples, /) -> Estimate:
+        """The estimate after each sample, from the C core with these parameters. A system that takes marks of missing
+        samples runs on `samples.marked`, any other on `samples.counts`."""
 
 
 COMPARE = Part[Compared]("compare", Compared, without="it is not compared with published algorithms", place="judging")
@@ -40,26 +37,37 @@ COMPARE = Part[Compared]("compare", Compared, without="it is not compared with p
 
 @dataclass(frozen=True)
 class Contender:
-    """An algorithm. origin: package and version; cost: cycles or operations of a sample, with the source."""
+    """An algorithm. origin: package and version; cost: cycles or operations of a sample, with the source.
+    bias_limit_dps: the largest gyro bias of an axis that it can learn, None where it has no such limit."""
 
     name: str
     origin: str
     settings: str
     cost: str
-    verticals: Callable[[Samples], FloatArray]
+    estimate: Callable[[Samples], Estimate]
+    bias_limit_dps: float | None = None
 
 
-def contenders() -> tuple[Contender, ...]:
-    """The published ones, then the systems. Raises UsageError where a package is not installed."""
-    return (*map(_published, PUBLISHED), *map(_system, systems.with_part(COMPARE.name)))
+def contenders(only: Sequence[str] = ()) -> tuple[Contender, ...]:
+    """The published ones, then the systems; only: their names, () for all. Raises UsageError for a name that no
+    algorithm has, and where a package is not installed."""
+    names = (*(one.name for one in PUBLISHED), *systems.with_part(COMPARE.name))
+    for name in only:
+        if name not in names:
+            raise UsageError(f"there is no algorithm '{name}' to compare; there are {', '.join(names)}")
+    chosen = [name for name in names if not only or name in only]
+    published = {one.name: one for one in PUBLISHED}
+    return tuple(_published(published[name]) if name in published else _system(name) for name in chosen)
 
 
 def _published(one: Published) -> Contender:
-    imported(one)
-    return Contender(one.name, one.origin, one.settings, one.cost, lambda samples: vertical_of(one.run(samples)))
+    limit_dps = one.bias_limit_dps(imported(one))
+    return Contender(
+        one.name, one.origin, one.settings, one.cost, lambda samples: Estimate(vertical_of(one.run(samples))), limit_dps
+    )
 
 
 def _system(name: str) -> Contender:
     part, budget = systems.load(name, COMPARE), declarations.system(name).cycles
     cost = "no budget declared" if budget is None else f"at most {budget} cycles (plumb bench)"
-    return Contender(name, f"plumb {installed().version}", f"tuning {part.TUNING_NAME}", cost, part.verticals)
+    return Contender(name, f"plumb {installed().version}", f"tuning {part.TUNING_NAME}", cost, part.estimate)

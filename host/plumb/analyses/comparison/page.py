@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from plumb.analyses.comparison.contenders import Contender
-from plumb.analyses.comparison.table import Compared, Row
+from plumb.analyses.comparison.table import Compared, Means, Row
 from plumb.proof.report import ESTIMATE, SECOND, SENSOR, TRUTH, Line, Plot, Table
 
 COLOURS = (TRUTH, SENSOR, SECOND, "#7a5195", ESTIMATE, "#2e7d4f", "#c2570c")
@@ -17,15 +17,25 @@ COSTS = (
 )
 MEASURE = (
     "Angle between estimated and true vertical, deg: root mean square over the samples marked as movement, mean of the "
-    "recordings (and of the seeds). A heading error does not count. -: the system cannot have this period."
+    "recordings and seeds, and the worst of them in brackets. A heading error does not count. -: the system cannot "
+    "have this period."
+)
+SIGMA = (
+    "Sigma: root of the sum of the tilt variances of both axes that the algorithm states, mean over the scored "
+    "samples. The share of errors is of those above three times the sigma of their sample."
 )
 
 
 def tables(results: Sequence[Compared], algorithms: Sequence[Contender]) -> list[Table]:
-    """The means of every input, a table of each input by recording, and what was run."""
+    """The means of every input, what the algorithms say of their own error, a table of each input by recording, and
+    what was run."""
     names = [one.name for one in algorithms]
-    means = [[one.input.title, *(_mean(one, name) for name in names)] for one in results]
-    found = [Table("Mean tilt error (deg)", ["input", *names], means, MEASURE)]
+    means = [[one.input.name, one.input.title, *(_mean(one, name) for name in names)] for one in results]
+    note = " ".join([MEASURE, *_outside(results, algorithms)])
+    found = [Table("Mean tilt error (deg)", ["input", "", *names], means, note)]
+    if stated := _sigmas(results, names):
+        head = ["input", "algorithm", "sigma (deg)", "error (deg)", "sigma / error", "errors above 3 sigma"]
+        found.append(Table("Sigma against error", head, stated, SIGMA))
     for one in results:
         rows = []
         for recording in dict.fromkeys(row.recording for row in one.rows):
@@ -33,7 +43,7 @@ def tables(results: Sequence[Compared], algorithms: Sequence[Contender]) -> list
                 cells = {r.algorithm: r for r in one.rows if (r.recording, r.seed) == (recording, seed)}
                 label = f"{recording}, seed {seed}" if seed else recording
                 rows.append([label, *(_cell(cells.get(name)) for name in names)])
-        rows.append(["mean / mean / largest", *(_all(one, name) for name in names)])
+        rows.append(["mean / mean / largest", *(_all(one.means(name)) for name in names)])
         found.append(Table(f"{one.input.title}: rms / 95 % / largest error (deg)", ["recording", *names], rows))
     ran = [[one.name, one.origin, one.settings, one.cost] for one in algorithms]
     found.append(Table("Algorithms", ["algorithm", "from", "settings", "cost of a sample"], ran, COSTS))
@@ -44,18 +54,35 @@ NONE = "-"
 """Of a system that cannot have the period of the input."""
 
 
+def _outside(results: Sequence[Compared], algorithms: Sequence[Contender]) -> list[str]:
+    return [
+        f"{one.input.name}: {'; '.join(why.values())}." for one in results if (why := one.input.outside(algorithms))
+    ]
+
+
 def _mean(result: Compared, name: str) -> str:
-    found = result.mean_deg(name)
-    return NONE if found is None else f"{found[0]:.3f}"
+    found = result.means(name)
+    return NONE if found is None else f"{found.rmse_deg:.3f} ({found.worst_rmse_deg:.2f})"
+
+
+def _sigmas(results: Sequence[Compared], names: Sequence[str]) -> list[list[str]]:
+    rows = []
+    for one in results:
+        for name in names:
+            found = one.means(name)
+            if found is not None and found.sigma_deg is not None and found.beyond_3_sigma is not None:
+                ratio, share = found.sigma_deg / max(found.rmse_deg, 1e-9), 100.0 * found.beyond_3_sigma
+                told = f"{found.sigma_deg:.3f}", f"{found.rmse_deg:.3f}", f"{ratio:.2f}", f"{share:.2f} %"
+                rows.append([one.input.name, name, *told])
+    return rows
 
 
 def _cell(row: Row | None) -> str:
     return NONE if row is None else f"{row.rmse_deg:.3f} / {row.p95_deg:.2f} / {row.max_deg:.2f}"
 
 
-def _all(result: Compared, name: str) -> str:
-    found = result.mean_deg(name)
-    return NONE if found is None else f"{found[0]:.3f} / {found[1]:.2f} / {found[2]:.2f}"
+def _all(found: Means | None) -> str:
+    return NONE if found is None else f"{found.rmse_deg:.3f} / {found.p95_deg:.2f} / {found.max_deg:.2f}"
 
 
 def plots(result: Compared) -> list[Plot]:
@@ -76,19 +103,21 @@ def plots(result: Compared) -> list[Plot]:
 
 
 def to_json(results: Sequence[Compared], algorithms: Sequence[Contender]) -> dict[str, object]:
-    """For programs: {"algorithms": [...], "inputs": [{"decimate", "grade", "means_deg", "rows"}]}."""
+    """For programs: {"algorithms": [...], "inputs": [{"input", "title", "decimate", "grade", "outside", "means_deg",
+    "rows"}]}."""
     return {
         "algorithms": [
             {"name": one.name, "origin": one.origin, "settings": one.settings, "cost": one.cost} for one in algorithms
         ],
         "inputs": [
             {
+                "input": one.input.name,
+                "title": one.input.title,
                 "decimate": one.input.decimate,
                 "grade": one.input.grade,
+                "outside": one.input.outside(algorithms),
                 "means_deg": {
-                    each.name: dict(zip(("rmse_deg", "p95_deg", "max_deg"), found, strict=True))
-                    for each in algorithms
-                    if (found := one.mean_deg(each.name)) is not None
+                    each.name: asdict(found) for each in algorithms if (found := one.means(each.name)) is not None
                 },
                 "rows": [asdict(row) for row in one.rows],
             }

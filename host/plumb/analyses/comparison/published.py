@@ -33,7 +33,8 @@ Attitudes = Callable[[ModuleType, Samples], object]
 @dataclass(frozen=True)
 class Published:
     """An algorithm of a package. module: what is imported; package: its name on PyPI; settings: what it runs with;
-    cost: as published, with its source."""
+    cost: as published, with its source. bias_limit_dps: from its module the largest bias of an axis that it learns, 0
+    where it learns none, None where it sets no limit."""
 
     name: str
     module: str
@@ -41,6 +42,7 @@ class Published:
     settings: str
     cost: str
     attitudes: Attitudes
+    bias_limit_dps: Callable[[ModuleType], float | None]
 
     @property
     def origin(self) -> str:
@@ -80,10 +82,22 @@ def _mahony(module: ModuleType, samples: Samples) -> object:
     return module.Mahony(samples.gyr_radps, samples.acc_mps2, frequency=1.0 / _period_s(samples)).Q
 
 
+def _vqf_bias_limit(module: ModuleType) -> float:
+    return float(module.VQF(0.01).params["biasClip"])
+
+
+def _no_bias(_module: ModuleType) -> float:
+    return 0.0
+
+
+def _no_limit(_module: ModuleType) -> None:
+    return None
+
+
 NOT_PUBLISHED = "not published"
 PUBLISHED = (
-    Published("VQF", "vqf", "vqf", "defaults, 6D", NOT_PUBLISHED, _vqf),
-    Published("BasicVQF", "vqf", "vqf", "defaults, 6D, no bias", NOT_PUBLISHED, _basic_vqf),
-    Published("Madgwick", "ahrs.filters", "AHRS", "gain 0.033", NOT_PUBLISHED, _madgwick),
-    Published("Mahony", "ahrs.filters", "AHRS", "k_P 1, k_I 0.3", NOT_PUBLISHED, _mahony),
+    Published("VQF", "vqf", "vqf", "defaults, 6D", NOT_PUBLISHED, _vqf, _vqf_bias_limit),
+    Published("BasicVQF", "vqf", "vqf", "defaults, 6D, no bias", NOT_PUBLISHED, _basic_vqf, _no_bias),
+    Published("Madgwick", "ahrs.filters", "AHRS", "gain 0.033", NOT_PUBLISHED, _madgwick, _no_bias),
+    Published("Mahony", "ahrs.filters", "AHRS", "k_P 1, k_I 0.3", NOT_PUBLISHED, _mahony, _no_limit),
 )

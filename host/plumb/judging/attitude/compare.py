@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from plumb.analyses.comparison.samples import Samples
+from plumb.analyses.comparison.samples import Estimate, Samples
 from plumb.boards import native_core
 from plumb.systems.attitude import scenarios
 from plumb.tuning.quantise import ControlParams, quantise
@@ -22,7 +21,8 @@ def params(samples: Samples) -> ControlParams:
     return quantise(replace(tuning, period_us=samples.period_us, gyro=sensor.gyro, accel=sensor.accel))
 
 
-def verticals(samples: Samples) -> npt.NDArray[np.float64]:
-    """The vertical in sensor coordinates after each sample, (N, 3)."""
-    words = native_core.run_control(params(samples), samples.counts, np.zeros(len(samples.counts), np.int32))
-    return np.stack([words[f"up_q30_{axis}"] for axis in range(3)], 1) / 2.0**30
+def estimate(samples: Samples) -> Estimate:
+    """The vertical and the filter's own standard deviation after each sample; missing samples are marked as such."""
+    words = native_core.run_control(params(samples), samples.marked, np.zeros(len(samples.counts), np.int32))
+    up = np.stack([words[f"up_q30_{axis}"] for axis in range(3)], 1) / 2.0**30
+    return Estimate(up, np.degrees(np.sqrt(words["tilt_variance_rad2_q32"] / 2.0**32)))

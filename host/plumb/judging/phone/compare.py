@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from plumb.analyses.comparison.samples import Samples
+from plumb.analyses.comparison.samples import Estimate, Samples
 from plumb.boards import native_core
 from plumb.systems.phone import scenarios as phone
 from plumb.tuning.quantise import ControlParams, quantise
@@ -24,8 +23,8 @@ def params(samples: Samples) -> ControlParams:
     return quantise(replace(tuning, period_us=samples.period_us, gyro=sensor.gyro, accel=sensor.accel))
 
 
-def verticals(samples: Samples) -> npt.NDArray[np.float64]:
-    """The vertical in sensor coordinates after each sample, (N, 3)."""
+def estimate(samples: Samples) -> Estimate:
+    """The vertical after each sample; the two filters know no missing one, and state no tilt of their own."""
     words = native_core.run_control(params(samples), samples.counts, np.zeros(len(samples.counts), np.int32))
     pitch_deg, roll_deg = (words[f"{axis}_turn_q32"] * TURN_DEG for axis in ("pitch", "roll"))
-    return np.asarray(phone.up(pitch_deg, roll_deg).T, np.float64)
+    return Estimate(np.asarray(phone.up(pitch_deg, roll_deg).T, np.float64))
