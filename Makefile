@@ -1,6 +1,6 @@
 # Two commands do all the set-up on a fresh Debian or Ubuntu machine: `make demo` and `make test`.
 # `make help` lists the targets, from the `##` behind each.
-.PHONY: help demo setup test test-fast test-long test-times pytest release-trial image libraries native c-tests sanitize fuzz size check-style \
+.PHONY: help demo setup test test-fast test-long test-times pytest release-trial image images libraries native c-tests sanitize fuzz size check-style \
     lint-workflows format generate docs wheel summary clean
 .DEFAULT_GOAL := help
 
@@ -58,6 +58,9 @@ image: ## the flash image, and the core as a program for QEMU
 	@cmake --preset stm32f103 $(QUIET)
 	@cmake --build --preset stm32f103 $(QUIET)
 
+images: ## the flash images by name, each system alone, sets, all; each checked; NAMES="quad ..." for some
+	@$(VENV)/python tools/build_images.py $(NAMES)
+
 # The C core on this machine: the shared library that Python loads, and the C tests.
 native: ## the C core on this machine, and the C tests
 	@cmake --preset native $(QUIET)
@@ -94,7 +97,7 @@ size: image ## flash, RAM and stack by function, and what differs from the commi
 	@$(SIZE) --functions
 	@$(SIZE) --against previous
 
-# Flash images that pass the golden vectors, for the full image and each system alone; then sdist and wheel around them.
+# Flash images that pass the golden vectors; then sdist and wheel around them.
 wheel: ## sdist and wheel in dist/, with the flash images inside, and the images in dist/firmware
 	@tools/setup.sh release
 	@$(MAKE) --no-print-directory image libraries

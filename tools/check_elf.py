@@ -16,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "host"))
 
 from plumb.errors import PlumbError
 from plumb.flash.call_graph import CallGraph
+from plumb.flash.left_out import advice
 
 _FLOATS = r"(add|sub|mul|div|neg|cmp|eq|ne|lt|le|gt|ge|unord|fix|fixuns|float|floatun|floatuns|extend|trunc|pow)"
 _FORBIDDEN = {
@@ -30,7 +31,7 @@ def findings(
     path: Path, flash_budget: int | None = None, ram_budget: int | None = None, stack_reserve: int | None = None
 ) -> tuple[list[str], dict[str, int]]:
     """The findings, one sentence each, and the sizes in bytes: flash, ram, stack. A limit that is None is the image's
-    own, as its linker script says."""
+    own, as its symbols say."""
     graph = CallGraph(path)
     if flash_budget is None or ram_budget is None or stack_reserve is None:
         own = graph.elf.limits
@@ -59,11 +60,18 @@ def findings(
         wrong.append(f"{path.name} recurses: {' -> '.join(chain)}.")
         return wrong, sizes
     sizes["stack"] = graph.worst_stack_bytes()
-    if sizes["flash"] > flash_budget:
-        wrong.append(f"{path.name} takes {sizes['flash']} bytes of flash, {flash_budget} are allowed.")
-    if sizes["ram"] + sizes["stack"] > ram_budget:
+    over = sizes["flash"] - flash_budget
+    if over > 0:
         wrong.append(
-            f"{path.name} takes {sizes['ram']} bytes of RAM and {sizes['stack']} of stack, {ram_budget} are allowed."
+            f"{path.name} takes {sizes['flash']} bytes of flash, {over} more than the {flash_budget} that it may take; "
+            f"{advice(graph)}."
+        )
+    stack = max(sizes["stack"], graph.elf.reserved_stack_bytes)
+    over = sizes["ram"] + stack - ram_budget
+    if over > 0:
+        wrong.append(
+            f"{path.name} takes {sizes['ram']} bytes of RAM and {stack} of stack, {over} more than the "
+            f"{ram_budget} that it may take; {advice(graph)}."
         )
     if sizes["stack"] > stack_reserve:
         wrong.append(f"{path.name} may need {sizes['stack']} bytes of stack, {stack_reserve} are reserved.")

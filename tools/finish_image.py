@@ -84,7 +84,9 @@ def main() -> int:
         image = flat_image(elf)
         ram = memory_table(elf)
         limit = elf.limits
-        print(f"  flash {len(image)} of {limit['flash']} bytes, RAM with stack {ram} of {limit['ram']} bytes")
+        flash_free, ram_free = limit["flash"] - len(image), limit["ram"] - ram
+        print(f"  flash {len(image)} of {limit['flash']} bytes, {flash_free} free")
+        print(f"  RAM with stack {ram} of {limit['ram']} bytes, {ram_free} free")
         if len(image) > limit["flash"] or ram > limit["ram"]:
             raise ValueError("it is over its budget")
         finish(path, image)

@@ -2,7 +2,7 @@
 
 tools/generate.py                          firmware/generated/, firmware/include/ and messages.dbc, as committed
 tools/generate.py --check                  list the stale files; exit code 1
-tools/generate.py --out DIR [--systems A;B]    for a build: only the C files, into DIR, for these systems
+tools/generate.py --out DIR [--systems A;B]    for a build: only the C files, into DIR, for these systems or this image
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import gen_params  # type: ignore[import-not-found]  # noqa: E402
 import gen_reference  # type: ignore[import-not-found]  # noqa: E402
 import gen_systems  # type: ignore[import-not-found]  # noqa: E402
 from plumb.errors import UsageError  # noqa: E402
-from plumb.spec import declarations, tool_dbc  # noqa: E402
+from plumb.spec import declarations, images, tool_dbc  # noqa: E402
 
 
 def c_files(built: tuple[str, ...] = ()) -> dict[str, str]:
@@ -48,11 +48,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--check", action="store_true")
     parser.add_argument("--out", type=Path)
-    parser.add_argument("--systems", default="", help="names, separated by ;")
+    parser.add_argument("--systems", default="", help="names, separated by ;, or the name of an image")
     arguments = parser.parse_args()
-    built = tuple(name for name in arguments.systems.split(";") if name)
     try:
         if arguments.out:
+            built = images.asked([name for name in arguments.systems.split(";") if name]).systems
             write({arguments.out / name: text for name, text in c_files(built).items()})
             return 0
         if any(not system.shipped for system in declarations.systems().values()):

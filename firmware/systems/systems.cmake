@@ -1,11 +1,11 @@
 # Which systems are built, and from what.
 #
-# PLUMB_SYSTEMS (names; empty: all there are) says which of them the image and the native core have. They are found as
-# folders with a system.toml in host/plumb/systems and in the folders of PLUMB_SYSTEM_PATH, a cache variable or the
-# environment's. When they are those of this package the committed files of firmware/generated are compiled, else
-# tools/generate.py writes others into the build folder. Sets GENERATED_INCLUDE, SYSTEM_SOURCES, SYSTEM_INCLUDES and
-# SYSTEM_SOURCES_FOR_SIZE.
-set(PLUMB_SYSTEMS "" CACHE STRING "Systems to build, by name; empty: all there are")
+# PLUMB_SYSTEMS (names, or the name of an image of host/plumb/spec/images.toml; empty: all there are) says which of them
+# the image and the native core have. They are found as folders with a system.toml in host/plumb/systems and in the
+# folders of PLUMB_SYSTEM_PATH, a cache variable or the environment's. When they are those of this package the committed
+# files of firmware/generated are compiled, else tools/generate.py writes others into the build folder. Sets GENERATED_INCLUDE, SYSTEM_SOURCES, SYSTEM_INCLUDES,
+# SYSTEM_SOURCES_FOR_SIZE, IMAGE_FLASH_BYTES and IMAGE_RAM_BYTES.
+set(PLUMB_SYSTEMS "" CACHE STRING "Systems to build, by name, or an image by name; empty: all there are")
 set(PLUMB_SYSTEM_PATH "$ENV{PLUMB_SYSTEM_PATH}" CACHE STRING "Folders that hold folders of further systems")
 
 set(committed ${PROJECT_SOURCE_DIR}/firmware)

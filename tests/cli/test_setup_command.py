@@ -105,8 +105,8 @@ def test_an_image_without_a_system_that_has_poses_is_named(
     board: NativeBoard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     unasked = argparse.Namespace(system=None, image=None, seed=1)
-    monkeypatch.setattr("plumb.systems.with_part", lambda part: ())
-    with pytest.raises(UsageError, match=r"image has only quad, .*, which plumb cannot calibrate"):
+    monkeypatch.setattr(Identity, "systems", ("phone",))
+    with pytest.raises(UsageError, match="has only phone, which plumb cannot calibrate: plumb flash --image all"):
         setup.open_board("serial:memory", unasked, Answers(answers(tmp_path)))
 
 
@@ -123,7 +123,8 @@ def test_a_sensor_that_is_missing_ends_it(board: NativeBoard, monkeypatch: pytes
     [
         (Answer(Candidate("x", ""), None, "nobody answers"), "nobody answers", True),
         (Answer(Candidate("x", ""), Identity({"UNIQUE_ID_2": 5}, "other definitions")), "other definitions", True),
-        (Answer(Candidate("x", ""), Identity({"UNIQUE_ID_2": 5}, None)), "plumb board 0000000000000000000", False),
+        (Answer(Candidate("x", ""), Identity({"UNIQUE_ID_2": 5, "SYSTEMS": 1}, None)), "it has no attitude", True),
+        (Answer(Candidate("x", ""), Identity({"UNIQUE_ID_2": 5, "SYSTEMS": 16}, None)), "with attitude (image", False),
     ],
 )
 def test_flashing_is_offered_where_it_helps(
@@ -133,7 +134,7 @@ def test_flashing_is_offered_where_it_helps(
     monkeypatch.setattr(discovery, "ask", lambda candidate: answer)
     monkeypatch.setattr("plumb.flash.image.find_image", lambda image: Path("firmware.bin"))
     monkeypatch.setattr("plumb.cli.flash.main", flashed.append)
-    arguments = argparse.Namespace(image=None)
+    arguments = argparse.Namespace(image=None, system="attitude")
 
     class Enter:
         """Takes every default."""

@@ -11,6 +11,9 @@ from pathlib import Path
 import pytest
 
 from plumb.boards import open_board
+from plumb.flash.call_graph import CallGraph
+from plumb.flash.elf import Elf
+from plumb.flash.left_out import saved_bytes
 from plumb.proof import golden
 from plumb.spec import declarations
 from support.campaigns import LONG
@@ -38,6 +41,11 @@ def test_an_image_of_fewer_systems_is_one_that_can_be_shipped(tmp_path: Path, wh
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=300)
         assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     assert "no soft float, library division, heap, recursion or pointer calls" in done.stdout
+    if len(systems) > 1:  # what the full image says of leaving one out is less than what it saves
+        full = CallGraph(ROOT / "build/stm32f103/firmware.elf")
+        (left_out,) = set(NAMES) - set(systems)
+        saved = full.elf.flash_bytes - Elf(tmp_path / "firmware.elf").flash_bytes
+        assert 0 < saved_bytes(full, left_out) <= saved
     chosen = [case for case in golden.cases(VECTORS, systems) if case.entry.on_link]
     if not LONG:
         chosen = [next(case for case in chosen if case.entry.system == name) for name in systems]

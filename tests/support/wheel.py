@@ -86,7 +86,7 @@ def build(folder: Path) -> Built:
     tree, dist = folder / "tree", folder / "dist"
     copy_tracked_files(tree)
     images = tree / "host" / "plumb" / "images"
-    run(sys.executable, ROOT / "tools" / "package_images.py", "--unchecked", "--systems", "quad", "--out", images)
+    run(sys.executable, ROOT / "tools" / "package_images.py", "--unchecked", "--images", "quad", "--out", images)
     run(sys.executable, "-m", "build", "--no-isolation", "--outdir", dist, tree)
     shutil.rmtree(tree)
     (sdist,), (wheel,) = dist.glob("*.tar.gz"), dist.glob("*.whl")

@@ -273,7 +273,10 @@ def test_commands_end_with_silence_and_with_arming(toy: Plumb, tmp_path: Path) -
 
 def test_an_image_says_which_systems_it_has(toy: Plumb) -> None:
     said = toy("run", "quad", "--board", "virtual", "--open-loop", "--seconds", "1", code=2).stderr
-    assert "the board's image has no quad, only balancer, toy: flash one that has it" in said
+    assert (
+        "the board's image has no quad, only balancer, toy: plumb flash --image all has it, and keeps balancer and toy"
+        in said
+    )
     said = toy("run", "quad", "--board", "native", "--open-loop", "--seconds", "1", code=2).stderr
     assert "the native core was built without quad" in said
     assert (

@@ -225,7 +225,7 @@ def board(spec: str, link: str = "serial") -> list[Finding]:
             Finding("board", not mismatch, True, mismatch or f"{identity.unique_id}, image {commit}", update(identity)),
             Finding("chip", True, False, f"flash {flash_kib} KiB, RAM {identity['RAM_KIB']} KiB"),
             Finding("last reset", "watchdog" not in identity.reset_cause, False, identity.reset_cause),
-            Finding("systems", True, False, ", ".join(identity.systems)),
+            Finding("systems", True, False, identity.systems_text),
             Finding("parameters", True, False, identity.parameter_source),
             pins(session, identity),
         ]

@@ -148,8 +148,8 @@ class Screen:
         identity = self._identity
         head = Text()
         if identity is not None:
-            image = identity.git_hash or "of no known commit"
-            head.append(f"board {identity.unique_id}, image {image}, pins {PINS.get(identity['PINS'], '?')}\n")
+            pins = PINS.get(identity["PINS"], "?")
+            head.append(f"board {identity.unique_id}, {identity.image_text}, pins {pins}\n")
             if identity.mismatch:
                 head.append(f"{identity.mismatch}\n", style="red")
         rate = "-" if s["steps_per_s"] is None else f"{s['steps_per_s']:.1f}/s"

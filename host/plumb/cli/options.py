@@ -20,7 +20,7 @@ Options = argparse._ActionsContainer
 
 DEFAULT_SEED = 1000
 VIRTUAL = "virtual"
-IMAGE_SOURCES = ": a file, or NAME from the package (default: the checkout's build, else the package's)"
+IMAGE_SOURCES = ": a file, or the NAME of one (default: all), from the checkout's builds, else the package"
 ANY_BOARD = "native, qemu, virtual, serial:PORT, can:BUS or auto"
 LINKED_BOARD = "virtual, serial:PORT, can:BUS or auto"
 BUS = "serial:PORT[@BAUD], tcp:HOST:PORT, udp:PORT, can:INTERFACE:CHANNEL[@KBIT] or file:PATH"

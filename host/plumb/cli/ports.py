@@ -69,7 +69,7 @@ def about_answer(answer: Answer | None) -> str:
         return ""
     if answer.identity is None:
         return f"no plumb board: {answer.trouble}"
-    about = f"plumb board {answer.identity.unique_id}, image {answer.identity.git_hash or 'of no known commit'}"
+    about = f"plumb board {answer.identity.unique_id}, {answer.identity.image_text}"
     return f"{about}; {answer.identity.mismatch}" if answer.identity.mismatch else about
 
 

@@ -104,13 +104,14 @@ def choose_board(asked: Questions) -> str:
 
 
 def flash(board: str, arguments: argparse.Namespace, asked: Questions) -> None:
-    """Offer to flash the image: it is the default when no board answers, or one that does not match."""
+    """Offer to flash the image: it is the default when no board answers, or one that does not match or has not the
+    system."""
     from plumb.cli import flash as flash_command
     from plumb.flash.image import find_image
     from plumb.link.endpoint_names import SerialName, parse_board
 
     name = parse_board(board)
-    state, well = answer_of(board)
+    state, well = answer_of(board, arguments.system)
     tell(f"   {state}")
     if not isinstance(name, SerialName) or "://" in name.port:
         return
@@ -121,15 +122,19 @@ def flash(board: str, arguments: argparse.Namespace, asked: Questions) -> None:
     asked.wait("   set BOOT0 to 0 if you had set it, and press RESET")
 
 
-def answer_of(board: str) -> tuple[str, bool]:
-    """What answers there, in a sentence, and whether it matches this plumb."""
+def answer_of(board: str, system: str | None = None) -> tuple[str, bool]:
+    """What answers there, in a sentence, and whether it matches this plumb and has the system, if one is named."""
     from plumb.link.discovery import Candidate, ask
 
     answer = ask(Candidate(board, ""))
     if answer.identity is None:
         return answer.trouble, False
-    about = f"plumb board {answer.identity.unique_id}, image {answer.identity.git_hash or 'of no known commit'}"
-    return f"{about}; {answer.identity.mismatch}" if answer.identity.mismatch else about, not answer.identity.mismatch
+    about = f"plumb board {answer.identity.unique_id}, {answer.identity.image_text}"
+    if answer.identity.mismatch:
+        return f"{about}; {answer.identity.mismatch}", False
+    if system is not None and system not in answer.identity.systems:
+        return f"{about}; it has no {system}", False
+    return about, True
 
 
 def open_board(
@@ -139,10 +144,10 @@ def open_board(
     from plumb import systems
     from plumb.boards.link import open_link_board
     from plumb.link import parameter_table
-    from plumb.spec import declarations
+    from plumb.spec import declarations, images
     from plumb.spec.parameter_file import by_name
 
-    able = systems.with_part("poses")
+    able = known = systems.with_part("poses")
     if board in SIMULATED:
         from plumb.boards.held import open_held
 
@@ -156,7 +161,11 @@ def open_board(
         if not able:
             from plumb.errors import UsageError
 
-            raise UsageError(f"the board's image has only {', '.join(identity.systems)}, which plumb cannot calibrate")
+            image = images.to_flash(known[0], identity.systems).name
+            raise UsageError(
+                f"the board's image has only {', '.join(identity.systems)}, which plumb cannot calibrate: "
+                f"plumb flash --image {image}"
+            )
         present = declarations.name_of(by_name(parameter_table.read_table(opened.session))["system"])
         default = present if present in able else able[0]
         name = arguments.system or asked.choose("system", "   which system?", able, default)

@@ -6,6 +6,7 @@ read as code, whatever its bytes look like. capstone disassembles them.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -168,12 +169,13 @@ class CallGraph:
     def _stack(self) -> dict[int, int]:
         return {}
 
-    def reachable(self, address: int) -> set[int]:
+    def reachable(self, *addresses: int, closed: Collection[int] = ()) -> set[int]:
+        """The functions at these addresses with all that they call; closed: functions that are not entered."""
         found: set[int] = set()
-        work = [address]
+        work = list(addresses)
         while work:
             at = work.pop()
-            if at in self.functions and at not in found:
+            if at in self.functions and at not in found and at not in closed:
                 found.add(at)
                 work.extend(self.functions[at].calls)
         return found

@@ -173,6 +173,11 @@ class Elf:
         """Size of .data, .bss and all other writable sections, without the reserved stack."""
         return sum(s.size for s in self.sections if s.writable and "stack" not in s.name)
 
+    @property
+    def reserved_stack_bytes(self) -> int:
+        """Size of the section that is reserved for the stack, its guard included."""
+        return sum(s.size for s in self.sections if s.writable and "stack" in s.name)
+
     def vectors(self) -> list[int]:
         """Addresses of the exception handlers, reset first, each once, from the table at the image's lowest address."""
         table = min(self.segments, key=lambda s: s.load).data if self.segments else b""

@@ -8,10 +8,8 @@ import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from plumb.checkout import CHECKOUT, IN_CHECKOUT
 from plumb.errors import UsageError
 from plumb.files.input_files import read_bytes
-from plumb.flash.packaged_images import ALL_SYSTEMS, packaged_image, packaged_images
 
 FLASH_BASE = 0x08000000
 FLASH_BYTES = 0x80000
@@ -20,7 +18,6 @@ MOST_HEX_BYTES = 16 * FLASH_BYTES
 """Largest file of Intel HEX: a record of one byte takes 13."""
 MOST_BYTES = 64 << 20
 """Largest file of an image: an ELF file contains debug information, too."""
-BUILD_IMAGE = Path("build") / "stm32f103" / "firmware.bin"
 PARAMETER_SLOTS = 0x0800F000
 """Start of the parameter slots, which take the flash of the smallest part from here to its end."""
 FAMILY = 0x103
@@ -43,30 +40,13 @@ class ImageHeader:
 
 
 def find_image(image: Path | None = None) -> Path:
-    """The flash image to use: `image`, a file or the name of an image in the package (a system's, or all); without it
-    the build of this checkout, else the package's image with all systems. Raises UsageError when there is none."""
-    if image is not None:
-        if image.is_file():
-            return image
-        packaged = packaged_image(str(image))
-        if packaged is None:
-            names = ", ".join(packaged_images())
-            held = f"; the package has {names}" if names else ""
-            raise UsageError(
-                f"there is no file {image}; build an image with 'make image' or name another with --image{held}"
-            )
-        return packaged
-    for root in (CHECKOUT, Path.cwd()):
-        if (root / BUILD_IMAGE).is_file():
-            return root / BUILD_IMAGE
-    packaged = packaged_image(ALL_SYSTEMS)
-    if packaged is not None:
-        return packaged
-    if IN_CHECKOUT:
-        raise UsageError("there is no flash image; build one with 'make image' or name one with --image")
-    raise UsageError(
-        "there is no flash image in this installation of plumb; name one with --image, or install a wheel of a release"
-    )
+    """The flash image to use: `image`, a file or the name of an image; that of all systems without it. Raises
+    UsageError when there is none (`plumb.flash.named_images`)."""
+    if image is not None and image.is_file():
+        return image
+    from plumb.flash.named_images import named_image  # names are of systems, which the simulated chip does not know
+
+    return named_image(None if image is None else str(image))
 
 
 def load_image(path: Path) -> bytes:

@@ -1,4 +1,4 @@
-"""The flash images that the package carries: one with every system, and one for each system alone.
+"""The flash images that the package carries: those that plumb.spec.images names.
 
 `make wheel` writes images/ into the package (tools/package_images.py), with the manifest images.json:
 
@@ -23,8 +23,6 @@ from plumb.files.input_files import read_bytes
 FORMAT = "plumb images 1"
 FOLDER = PACKAGE / "images"
 MANIFEST = "images.json"
-ALL_SYSTEMS = "all"
-"""Name of the image with every system."""
 MOST_BYTES = 1 << 20
 _AGAIN = "install plumb again"
 

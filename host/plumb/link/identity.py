@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from plumb.errors import LinkError
-from plumb.spec import armed_values, declarations, parameters, status_bits
+from plumb.spec import armed_values, declarations, images, parameters, status_bits
 from plumb.spec.protocol import Protocol
 from plumb.spec.system import CHECKED_CHANNELS
 
@@ -116,6 +116,17 @@ class Identity:
         """The systems of the image that this version of plumb knows."""
         has = self.items.get("SYSTEMS", 0)
         return tuple(system.name for system in declarations.systems().values() if has >> system.number & 1)
+
+    @property
+    def systems_text(self) -> str:
+        """The systems of the image, and the image's name where it has one (`plumb.spec.images`)."""
+        name = images.of_systems(self.systems).name
+        return (", ".join(self.systems) or "no system that is known") + (f" (image {name})" if name else "")
+
+    @property
+    def image_text(self) -> str:
+        """The image by commit and systems."""
+        return f"image {self.git_hash or 'of no known commit'} with {self.systems_text}"
 
     @property
     def parameter_source(self) -> str:

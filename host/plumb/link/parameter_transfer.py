@@ -9,7 +9,7 @@ from plumb.errors import LinkError, UsageError
 from plumb.link.identity import Identity, NackError, nack_error
 from plumb.link.listening import Listening
 from plumb.link.retries import IN_FLIGHT, REPLY_TIMEOUT_S, TRIES, LinkCounters
-from plumb.spec import declarations, parameters
+from plumb.spec import declarations, images, parameters
 from plumb.spec import protocol as dbc_protocol
 from plumb.spec.protocol import Frame, Message
 
@@ -94,8 +94,7 @@ class ParameterTransfer:
         words = parameters.whole_table(control_words, **{**self._read_wiring(), **link_words})
         wanted = declarations.name_of(words[0])
         if wanted not in identity.systems:
-            there = ", ".join(identity.systems)
-            raise UsageError(f"the board's image has no {wanted}, only {there}: flash one that has it")
+            raise UsageError(images.lacking(wanted, identity.systems))
         return self._transfer(words, range(len(words)), ends=("BUSY", "ARMED", "OWNER"))
 
     def change(self, before: Sequence[int], words: Sequence[int]) -> int:

@@ -46,6 +46,8 @@ _ROW: dict[str, type] = {
     **dict.fromkeys(("name", "owner", "type", "unit", "format", "doc"), str),
     **dict.fromkeys(("min", "max", "default"), int),
 }
+UNLISTED_IMAGES = ("alone", "all")
+"""Tables of images.toml that every system is in: its own image, and that of all systems."""
 _OPTIONAL = {"was", "live", "weakens", "armed", "harmless"}
 
 
@@ -258,3 +260,14 @@ def check(system: System, shared: Sequence[TomlTable]) -> None:
         for part in (frame.half, frame.word):
             if part is not None and part.word.size != 4:
                 raise UsageError(f"frame {frame.name}: {part.word.name} has 64 bits; a part has at most 32")
+
+
+def check_images(system: System, tables: Sequence[str]) -> None:
+    """Raises UsageError unless each set that the system lists is one of images.toml, whose tables are given, and none
+    of these has the system's own name."""
+    if system.name in tables:
+        raise UsageError(f"'{system.name}' is the name of a set of images; rename the folder")
+    sets = [name for name in tables if name not in UNLISTED_IMAGES]
+    for name in system.images:
+        if name not in sets:
+            raise UsageError(f"images: there is no set {name!r:.40}; images.toml has {', '.join(sets)}")

@@ -15,7 +15,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from plumb.errors import UsageError
-from plumb.spec.declaration_checks import check, check_commands
+from plumb.spec.declaration_checks import check, check_commands, check_images
 from plumb.spec.system import (
     OUTPUTS,
     SHIPPED,
@@ -35,6 +35,7 @@ from plumb.spec.system import (
 
 BLOCKS_PATH = Path(__file__).with_name("blocks.toml")
 SHARED_PATH = Path(__file__).with_name("parameters.toml")
+IMAGES_PATH = Path(__file__).with_name("images.toml")
 SEARCH_PATH = "PLUMB_SYSTEM_PATH"
 """Environment variable with further folders that hold folders of systems, separated as in PATH."""
 
@@ -110,6 +111,13 @@ def shared() -> TomlTable:
     return tomllib.loads(SHARED_PATH.read_text(encoding="utf-8"))
 
 
+@lru_cache(maxsize=1)
+def image_limits() -> dict[str, tuple[int, int]]:
+    """Table of images.toml -> the most flash and RAM of its images, in bytes."""
+    tables = tomllib.loads(IMAGES_PATH.read_text(encoding="utf-8"))
+    return {name: (1024 * table["flash_kib"], 1024 * table["ram_kib"]) for name, table in tables.items()}
+
+
 def load_system(folder: Path) -> System:
     """Read and check one declaration; raises UsageError with a sentence that names the file."""
     path = folder / "system.toml"
@@ -168,10 +176,12 @@ def _system(folder: Path, table: TomlTable) -> System:
         structs=structs,
         commands=dict(table.get("commands", {})),
         default_for=tuple(table.get("default_for", ())),
+        images=tuple(table.get("images", ())),
         step_commands=step_commands,
         command_source=table.get("command_source", "link"),
     )
     check(declared, shared()["parameter"])
+    check_images(declared, tuple(image_limits()))
     return declared
 
 

@@ -166,6 +166,7 @@ class System:
     commands: the system's own commands of the command line, name -> one sentence; their modules are in the folder
     `commands` of judging.
     default_for: parts (`replay`, `demo`) for which this system is the default of the command.
+    images: sets of flash images that hold the system, besides its own and the one of all (images.toml).
     """
 
     name: str
@@ -192,6 +193,7 @@ class System:
     includes: tuple[str, ...]
     commands: Mapping[str, str]
     default_for: tuple[str, ...]
+    images: tuple[str, ...]
     step_commands: tuple[Command, ...] = ()
     command_source: str = "link"
 

@@ -1,0 +1,33 @@
+"""What an image would save without one of its systems, by its call graph."""
+
+from __future__ import annotations
+
+from plumb.flash.call_graph import CallGraph
+from plumb.spec import declarations
+
+ENTRIES = ("init", "step", "params_valid", "plausibility", "retune")
+"""Functions of a system that the dispatch calls: plumb_NAME_init() and so on."""
+
+
+def systems_in(graph: CallGraph) -> list[str]:
+    """The systems that the image holds, by the symbols of their steps."""
+    return [name for name in declarations.names() if f"plumb_{name}_step" in graph.elf.symbols]
+
+
+def saved_bytes(graph: CallGraph, system: str) -> int:
+    """Flash of the functions that only this system reaches. Constants and initial values come on top."""
+    entries = {f"plumb_{system}_{entry}" for entry in ENTRIES}
+    closed = {at for at, function in graph.functions.items() if function.name in entries}
+    handlers = graph.elf.vectors()
+    alone = graph.reachable(*handlers) - graph.reachable(*handlers, closed=closed)
+    return sum(symbol.size for symbol in graph.elf.functions if symbol.address in alone)
+
+
+def advice(graph: CallGraph) -> str:
+    """What to leave out of an image that is over its limits, as the end of a sentence."""
+    systems = systems_in(graph)
+    if len(systems) < 2:
+        return f"tools/size_table.py {graph.elf.path.name} --functions says what takes them"
+    saved = sorted(((saved_bytes(graph, name), name) for name in systems), reverse=True)
+    each = ", ".join(f"{name} ({size} bytes of code)" for size, name in saved)
+    return f"leave out one of {each}: -DPLUMB_SYSTEMS=NAMES names those to keep"

@@ -1,0 +1,89 @@
+"""The flash images by name: which systems each holds, and how much flash and RAM it may take.
+
+`images.toml` has the named sets and their limits. Which systems a set holds follows from the declarations of the
+systems: a new system has an image of its own and is in `all` without an edit of any file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from plumb.errors import UsageError
+from plumb.spec import declarations
+from plumb.spec.declaration_checks import UNLISTED_IMAGES
+
+ALONE, ALL = UNLISTED_IMAGES
+"""Tables of images.toml: limits of the images of one system; name and limits of the image with every system."""
+
+
+@dataclass(frozen=True)
+class Image:
+    """One flash image. name: "" for systems that no named image holds alone. systems: in the order of their numbers.
+
+    flash_bytes, ram_bytes: the most that it may take; RAM with the reserved stack.
+    """
+
+    name: str
+    systems: tuple[str, ...]
+    flash_bytes: int
+    ram_bytes: int
+
+
+def images() -> dict[str, Image]:
+    """Name -> image: of each system alone, of the sets that have a system, and of all systems."""
+    systems, limits = declarations.systems(), declarations.image_limits()
+    found = {name: Image(name, (name,), *limits[ALONE]) for name in systems}
+    for name in limits:
+        held = tuple(system.name for system in systems.values() if name == ALL or name in system.images)
+        if held:
+            found[name] = Image(name, held, *limits[name])
+    return found
+
+
+def image(name: str) -> Image:
+    """The image of that name; raises UsageError for an unknown one."""
+    found = images().get(name)
+    if found is None:
+        raise UsageError(f"there is no image '{name}'; there are {', '.join(images())}")
+    return found
+
+
+def holding(systems: Collection[str]) -> list[Image]:
+    """The images that hold all these systems, those of fewest systems first."""
+    found = [one for one in images().values() if set(systems) <= set(one.systems)]
+    return sorted(found, key=lambda one: len(one.systems))
+
+
+def of_systems(systems: Collection[str]) -> Image:
+    """The image of exactly these systems; where none is named, one without a name and with the limits of `all`."""
+    for one in holding(systems):
+        if len(one.systems) == len(set(systems)):
+            return one
+    ordered = tuple(name for name in declarations.names() if name in systems)
+    return Image("", ordered, *declarations.image_limits()[ALL])
+
+
+def asked(names: Sequence[str]) -> Image:
+    """The image that a build was asked for: by the name of an image, or by names of systems; `all` without any. Raises
+    UsageError for a name that is neither."""
+    if len(names) < 2:
+        return image(names[0] if names else ALL)
+    return of_systems([declarations.system(name).name for name in names])
+
+
+def to_flash(wanted: str, present: Sequence[str]) -> Image:
+    """The image to flash for a system that a board lacks: the smallest that keeps the systems which it has."""
+    return next((one for one in holding([wanted]) if set(present) <= set(one.systems)), image(wanted))
+
+
+def lacking(wanted: str, present: Sequence[str]) -> str:
+    """What to do where a board's image has no system `wanted`, as a sentence. present: the systems that it has."""
+    best = to_flash(wanted, present)
+    there = ", ".join(present) or "none that this version of plumb knows"
+    keeps = f" has it, and keeps {' and '.join(present)}" if present else " has it"
+    others = " and ".join(one.name for one in holding([wanted]) if one != best)
+    return (
+        f"the board's image has no {wanted}, only {there}: plumb flash --image {best.name}{keeps}; "
+        f"so have the images {others}"
+    )
