@@ -95,3 +95,20 @@ def test_a_missing_package_says_what_to_install(
     monkeypatch.setitem(sys.modules, module, None)
     package = {"vqf": "vqf", "ahrs.filters": "AHRS"}[module]
     assert f"{package} is not installed; install it " in refusal([swing(tmp_path)], capsys)
+
+
+def test_motions_need_no_recording_and_name_their_rows(capsys: pytest.CaptureFixture[str]) -> None:
+    chosen = ["--only", "dash-5", "--only", "arm-170", "--algorithm", "VQF", "--algorithm", "attitude"]
+    assert front.main(["compare", "--motions", "--seeds", "2", *chosen, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [one["input"] for one in told["inputs"]] == ["arm-170", "dash-5"]
+    assert [(row["seed"], row["algorithm"]) for row in told["inputs"][0]["rows"]] == [
+        (1000, "VQF"), (1000, "attitude"), (1001, "VQF"), (1001, "attitude"),
+    ]  # fmt: skip
+
+
+def test_motions_that_cannot_be_chosen_are_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "name recordings, or give --motions" in refusal([], capsys)
+    assert "give --motions" in refusal([swing(tmp_path), "--seeds", "3"], capsys)
+    assert "no motion 'arm'; there are arm-170, " in refusal(["--motions", "--only", "arm"], capsys)
+    assert "--seeds is 1 or more, not 0" in refusal(["--motions", "--seeds", "0"], capsys)

@@ -1,4 +1,4 @@
-"""Compare tilt errors of published algorithms and of plumb's systems on recordings with a reference.
+"""Compare tilt errors of published algorithms and of plumb's systems, on recordings or on prescribed motions.
 
 FILE is a recording as `plumb replay` takes it, with a reference. VQF, BasicVQF (package vqf), Madgwick and Mahony
 (package AHRS) run with their documented defaults, and every system of plumb that declares itself comparable, all on the
@@ -8,10 +8,12 @@ same counts: 16 bits at +-2000 deg/s and +-16 g.
     plumb compare walk.npz run.npz --decimate 3 --decimate 6
     plumb compare walk.npz --grade all --out out/compare
     plumb compare walk.npz --grade missing-1 --algorithm VQF --algorithm attitude
+    plumb compare --motions --seeds 10 --algorithm VQF --algorithm attitude
 
 --decimate takes the mean of every 3 or 6 samples; --grade adds the errors of another sensor, loses samples, or starts
 inside the motion. All combinations that are asked for are run; a run of Madgwick or Mahony takes seconds for every
-minute that was recorded, and --algorithm leaves them out.
+minute that was recorded, and --algorithm leaves them out. --motions runs on motions that no recording has: on an arm,
+in dashes, round a roundabout, in a bank turn, vibrating. Each has sensors of its own for every seed, from 1000 on.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from plumb.cli import options
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", type=Path, nargs="+", metavar="FILE", help="recordings with a reference")
+    parser.add_argument("file", type=Path, nargs="*", metavar="FILE", help="recordings with a reference")
     parser.add_argument(
         "--decimate",
         type=int,
@@ -37,6 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="errors to add, or all; repeatable (default: recorded); a wrong name lists them",
     )
+    parser.add_argument("--motions", action="store_true", help="run on prescribed motions, too")
+    parser.add_argument("--only", action="append", metavar="NAME", help="this motion only; repeatable (default: all)")
+    parser.add_argument("--seeds", type=int, metavar="N", help="seeds of a motion (default 4)")
     parser.add_argument("--algorithm", action="append", metavar="NAME", help="run this one; repeatable (default: all)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write DIR/report.html and DIR/comparison.json")
     options.add_json(parser)
@@ -47,7 +52,7 @@ def main(arguments: argparse.Namespace) -> int:
 
     from tqdm import tqdm
 
-    from plumb.analyses.comparison import page
+    from plumb.analyses.comparison import motions, page
     from plumb.analyses.comparison.contenders import contenders
     from plumb.analyses.comparison.grades import AS_RECORDED, GRADES
     from plumb.analyses.comparison.samples import motion_of
@@ -63,10 +68,23 @@ def main(arguments: argparse.Namespace) -> int:
         if grade not in GRADES:
             known = "; ".join(f"{name}: {one.title}" for name, one in GRADES.items())
             raise UsageError(f"there is no grade '{grade}'; give all, or one of: {known}")
+    if not (arguments.file or arguments.motions):
+        raise UsageError("there is nothing to compare on: name recordings, or give --motions")
+    if (arguments.only or arguments.seeds is not None) and not arguments.motions:
+        raise UsageError("--only and --seeds choose among motions: give --motions")
+    if arguments.seeds is not None and arguments.seeds < 1:
+        raise UsageError(f"--seeds is 1 or more, not {arguments.seeds}")
+    for name in arguments.only or ():
+        if name not in motions.MOTIONS:
+            raise UsageError(f"there is no motion '{name}'; there are {', '.join(motions.MOTIONS)}")
     algorithms = contenders(arguments.algorithm or ())
-    motions = [motion_of(recording.load(path)) for path in dict.fromkeys(arguments.file)]
+    recorded = [motion_of(recording.load(path)) for path in dict.fromkeys(arguments.file)]
     blocks = dict.fromkeys(arguments.decimate or [1])
-    inputs = [of_recordings(motions, grade, block) for grade in grades for block in blocks]
+    inputs = [of_recordings(recorded, grade, block) for grade in grades for block in blocks] if recorded else []
+    if arguments.motions:
+        seeds = range(motions.FIRST_SEED, motions.FIRST_SEED + (arguments.seeds or motions.SEEDS))
+        chosen = [name for name in motions.MOTIONS if name in (arguments.only or motions.MOTIONS)]
+        inputs += [motions.of_motion(name, seeds) for name in chosen]
     with tqdm(total=runs(inputs, algorithms), unit="run", disable=None, leave=False) as bar:
         results = compare(inputs, algorithms, bar.update)
     told = page.to_json(results, algorithms)
@@ -74,7 +92,7 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.out:
         from plumb.proof import report
 
-        lead = f"{len(motions)} recordings, {len(algorithms)} algorithms on the same counts."
+        lead = f"{len(inputs)} inputs, {len(algorithms)} algorithms on the same counts."
         html = report.page("Tilt error, compared", "", lead, [*found, *page.plots(results[0])])
         texts = {"report.html": html, "comparison.json": json.dumps(told, indent=1) + "\n"}
         report.write_whole(arguments.out, texts)

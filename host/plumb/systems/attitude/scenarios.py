@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb.errors import UsageError
+from plumb.physics import rotation
 from plumb.physics.disturbance import Request
 from plumb.physics.sensors import FAULT_NOTES, Fault, fault_of
 from plumb.spec.arrays import FloatArray
@@ -275,13 +276,13 @@ def scenario(
 
     grid_s = np.arange(points, dtype=np.float64) * motion.GRID_S
     turn, accel_g = motion.MOTIONS[MOVES.get(name, "hand")](grid_s, white)
-    begun = motion.quaternions(np.array([[inclined[0]], [inclined[1]], [0.0]]))
-    attitude = motion.product(motion.quaternions(turn), np.broadcast_to(begun, (4, points)))
-    rate = motion.rates_radps(attitude)
-    force = motion.to_body(attitude, accel_g + np.array([[0.0], [0.0], [1.0]]))
+    begun = rotation.quaternions(np.array([[inclined[0]], [inclined[1]], [0.0]]))
+    attitude = rotation.product(rotation.quaternions(turn), np.broadcast_to(begun, (4, points)))
+    rate = rotation.rates_radps(attitude, motion.GRID_S)
+    force = rotation.to_body(attitude, accel_g + np.array([[0.0], [0.0], [1.0]]))
     at_s: FloatArray = np.arange(steps, dtype=np.float64) * period_s
     at = np.minimum(np.rint(at_s / motion.GRID_S).astype(np.int64), points - 1)
-    up = motion.to_body(attitude[:, at], np.tile([[0.0], [0.0], [1.0]], steps))
+    up = rotation.to_body(attitude[:, at], np.tile([[0.0], [0.0], [1.0]], steps))
     drifting = bias[:, None] + warm_up[:, None] * (1.0 - np.exp(-at_s / WARM_UP_S))
     return Scenario(
         name,

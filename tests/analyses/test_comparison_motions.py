@@ -1,0 +1,91 @@
+"""Prescribed motions against their closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from plumb.analyses.comparison import motions
+from plumb.analyses.comparison.samples import Motion, error_deg
+from plumb.inputs.recording import G_MPS2
+
+NAMES = [
+    "arm-170", "arm-200", "arm-230", "dash-5", "dash-12", "dash-20", "roundabout-15", "roundabout-40", "bank-turn",
+    "vibration-100", "vibration-200", "vibration-300", "vibration-400", "vibration-500",
+]  # fmt: skip
+
+
+def at(motion: Motion, time_s: float) -> tuple[float, float, float]:
+    """Length of the acceleration in g, its angle from the vertical and the rate, deg and deg/s."""
+    row = round(time_s / motion.period_s)
+    force = motion.acc_g[row : row + 1]
+    tilt_deg = float(error_deg(force, motion.up[row : row + 1])[0])
+    return float(np.linalg.norm(force)), tilt_deg, float(np.linalg.norm(motion.gyr_dps[row]))
+
+
+def test_the_rows_are_those_of_the_page() -> None:
+    assert list(motions.MOTIONS) == NAMES
+
+
+@pytest.mark.parametrize(("dps", "speed"), [(170.0, 2.97), (200.0, 3.49), (230.0, 4.01)])
+def test_an_arm_pulls_to_its_centre(dps: float, speed: float) -> None:
+    length, tilt_deg, rate_dps = at(motions.prescribed(f"arm-{dps:g}", 1000), 30.0)
+    assert rate_dps == pytest.approx(dps, rel=1e-4) and f"{speed:.1f} m/s" in motions.MOTIONS[f"arm-{dps:g}"][2]
+    assert np.tan(np.radians(tilt_deg)) == pytest.approx(speed**2 / motions.ARM_M / G_MPS2, rel=0.01)
+    assert length == pytest.approx(1.0 / np.cos(np.radians(tilt_deg)), rel=1e-3)
+
+
+def test_roundabouts_and_bank_turn_have_their_radius() -> None:
+    for radius in (15.0, 40.0):
+        length, tilt_deg, rate_dps = at(motions.prescribed(f"roundabout-{radius:g}", 1000), 30.0)
+        assert np.tan(np.radians(tilt_deg)) == pytest.approx(100.0 / radius / G_MPS2, rel=1e-3)
+        assert np.radians(rate_dps) == pytest.approx(10.0 / radius, rel=1e-4)
+        assert length > 1.0
+    banked = motions.prescribed("bank-turn", 1000)
+    length, tilt_deg, rate_dps = at(banked, 30.0)
+    assert (length, tilt_deg) == pytest.approx((np.sqrt(2.0), 45.0), rel=1e-3)
+    assert np.radians(rate_dps) == pytest.approx(G_MPS2 / 20.0, rel=1e-3)
+    # Coordinated: the acceleration keeps its direction in the body.
+    entry, rest = (banked.acc_g[round(t / banked.period_s)] for t in (30.0, 5.0))
+    assert float(error_deg(entry[None], rest[None])[0]) < 0.1
+
+
+def test_dashes_end_where_they_began() -> None:
+    for size in (5.0, 12.0, 20.0):
+        motion = motions.prescribed(f"dash-{size:g}", 1000)
+        gained = np.cumsum(_along(motion)) * motion.period_s
+        assert np.max(np.abs(gained)) * G_MPS2 == pytest.approx(size, rel=1e-3)
+        assert abs(gained[-1]) * G_MPS2 < 0.01
+        ups = np.sum(np.diff(np.sign(np.round(gained, 3))) != 0) // 2
+        assert ups >= 2 and not motion.gyr_dps.any()
+
+
+def _along(motion: Motion) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """Acceleration in g along the direction of the dash."""
+    pulled = motion.acc_g - motion.up
+    strongest = pulled[np.argmax(np.linalg.norm(pulled, axis=1))]
+    return np.asarray(pulled @ strongest / np.linalg.norm(strongest), np.float64)
+
+
+def test_vibration_has_its_size_and_turns_nothing_for_good() -> None:
+    motion = motions.prescribed("vibration-100", 1000)
+    shaken = motion.acc_g - motion.up
+    # A mean over a quarter of a period of 100 Hz leaves sin(x) / x of the size.
+    left = np.sin(np.pi / 4.0) / (np.pi / 4.0)
+    on = motion.movement
+    for values, size in ((shaken, motions.SHAKE_G), (motion.gyr_dps, motions.SHAKE_DPS)):
+        rms = np.sqrt(np.mean(np.sum(values[on] ** 2, axis=1)))
+        assert rms == pytest.approx(size * left / np.sqrt(2.0), rel=0.01)
+        assert np.max(np.abs(values[: np.argmax(on)])) < 1e-6
+    assert float(np.max(error_deg(motion.up, np.broadcast_to(motion.up[0], motion.up.shape)))) < 0.2
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_seed_is_a_run_with_rest_at_its_begin_and_sensors_of_its_own(name: str) -> None:
+    one, again, other = (next(iter(motions.of_motion(name, [seed]).trials())).pieces[0] for seed in (1000, 1000, 1001))
+    assert np.array_equal(one.counts, again.counts) and not np.array_equal(one.counts, other.counts)
+    assert one.period_us == 2500 and len(one.counts) == 24_000
+    assert one.scored.tolist() == [False] * 4000 + [True] * 18_400 + [False] * 1600
+    biases_dps = np.mean(one.counts[:3999, :3] * one.sensor.gyro.unit_per_count, axis=0)
+    assert np.abs(biases_dps) == pytest.approx([1.0] * 3, abs=0.01)
+    assert np.linalg.norm(np.mean(one.acc_mps2[:3999], axis=0)) == pytest.approx(G_MPS2, rel=0.01)
