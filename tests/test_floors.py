@@ -8,16 +8,17 @@ file; one for types alone counts too. What judges a system is loaded by name, so
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "host" / "plumb"
 FLOORS = [
-    "checkout", "version", "__init__", "process_signals", "errors", "extras", "near_names", "files", "spec", "physics",
+    "checkout", "version", "process_signals", "errors", "extras", "near_names", "files", "spec", "physics",
     "kernels", "tuning", "link", "flash", "f103", "systems", "boards", "proof", "inputs", "analyses", "bench", "api",
-    "aio", "cockpit", "cli", "pytest_plugin", "judging", "__main__",
+    "aio", "__init__", "cockpit", "cli", "pytest_plugin", "judging", "__main__",
 ]  # fmt: skip
 """From the ground up."""
 CHIP = {"plumb.errors", "plumb.extras", "plumb.process_signals", "plumb.flash.image", "plumb.flash.rom_model"}
@@ -29,45 +30,32 @@ def modules() -> list[str]:
 
 
 def floor_of(dotted: str) -> str:
-    """`plumb.link.session` -> `link`; a name of the package itself, like `plumb.__version__`, -> `__init__`."""
-    parts = dotted.removesuffix(".__version__").split(".")
+    """`plumb.link.session` -> `link`; the package itself -> `__init__`."""
+    parts = dotted.removesuffix(".__init__").split(".")
     return parts[1] if len(parts) > 1 else "__init__"
 
 
+def dotted(module: str) -> str:
+    """`link/session` -> `plumb.link.session`; `link/__init__` -> `plumb.link`."""
+    return ".".join(["plumb", *(part for part in module.split("/") if part != "__init__")])
+
+
+@cache
+def names() -> frozenset[str]:
+    return frozenset(dotted(module) for module in modules())
+
+
 def imported_by(module: str) -> set[str]:
-    """Dotted names of plumb that a module imports: modules and packages, not the names inside them."""
+    """Dotted names of the modules of plumb that a module imports, not the names inside them."""
     found = set()
     for node in ast.walk(ast.parse((PACKAGE / f"{module}.py").read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            assert not node.level, f"{module} imports relatively: write the whole name"
-            found |= (
-                {f"{node.module}.{alias.name}" for alias in node.names} if node.module == "plumb" else {node.module}
-            )
-    return {name for name in found if name == "plumb" or name.startswith("plumb.")}
-
-
-def at_the_top(statements: list[ast.stmt]) -> Iterator[ast.Import | ast.ImportFrom]:
-    """Imports of a module outside its functions and classes: those under `if TYPE_CHECKING`, too."""
-    for node in statements:
-        if isinstance(node, ast.Import | ast.ImportFrom):
-            yield node
-        elif isinstance(node, ast.If | ast.Try):
-            yield from at_the_top([*node.body, *node.orelse])
-
-
-def loaded_with(module: str) -> set[str]:
-    """Modules that a module imports at its top, without `plumb.`: when it is loaded, or for types alone."""
-    found = set()
-    for node in at_the_top(ast.parse((PACKAGE / f"{module}.py").read_text(encoding="utf-8")).body):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        else:
-            found |= {f"{node.module}.{alias.name}" for alias in node.names} | {str(node.module)}
-    return {name.removeprefix("plumb.") for name in found if name.startswith("plumb.")} - {
-        module.removesuffix("/__init__").replace("/", ".")
-    }
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level and node.module, f"{module} imports relatively: write the whole name"
+            inside = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= {name if name in names() else node.module for name in inside}
+    return found & names() - {dotted(module)}
 
 
 def test_every_module_stands_on_a_floor() -> None:
@@ -76,9 +64,7 @@ def test_every_module_stands_on_a_floor() -> None:
 
 @pytest.mark.parametrize("module", modules())
 def test_no_module_imports_a_floor_above_its_own(module: str) -> None:
-    if module == "__init__":
-        return  # it alone names what stands on the floor of the API, and loads it when a name is used first
-    own = FLOORS.index(floor_of("plumb." + module.replace("/", ".")))
+    own = FLOORS.index(floor_of(dotted(module)))
     above = {name for name in imported_by(module) if FLOORS.index(floor_of(name)) > own}
     assert not above, f"{module} imports {', '.join(sorted(above))}"
 
@@ -90,12 +76,10 @@ def test_the_chip_knows_nothing_of_the_product(module: str) -> None:
 
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
-    """Of what is imported at the top of a module, for types alone as well: a Protocol says what a part needs of the
-    whole that it is in."""
-    names = {module.removesuffix("/__init__").replace("/", "."): module for module in modules()}
-    graph = {name: loaded_with(module) & set(names) for name, module in names.items()}
-    left = dict(graph)
-    while free := [name for name, needs in left.items() if not needs & set(left)]:
-        for name in free:
-            del left[name]
-    assert not left, f"in a circle, or above one: {', '.join(sorted(left))}"
+    """Of every import, those inside functions and those for types alone as well."""
+    graph = {dotted(module): imported_by(module) for module in modules()}
+    try:
+        order = list(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        raise AssertionError(" imports ".join(reversed(error.args[1]))) from error
+    assert len(order) == len(modules())

@@ -26,7 +26,8 @@ from typing import NamedTuple
 import numpy as np
 
 from plumb import systems
-from plumb.boards import Answer, native_core
+from plumb.boards import native_core
+from plumb.boards.contract import Answer
 from plumb.proof import limits, runs
 from plumb.proof.figures import FIGURES
 from plumb.proof.runs import PLOTS, Run, RunInputs

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from plumb.__main__ import main as plumb
-from plumb.boards.link import open_link_board
+from plumb.boards import open_link_board
 from plumb.boards.plant_on_pins import PlantOfRuns
 from plumb.cockpit.board_loop import BoardLoop
 from plumb.cockpit.hold import Hold

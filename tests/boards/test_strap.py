@@ -161,7 +161,7 @@ def test_doctor_names_both_sides_of_a_disagreement(
         machine, _ = started("standard", slots["bridge"])
         return LinkBoard(spec, Session.open(machine.uart))
 
-    monkeypatch.setattr("plumb.boards.link.open_link_board", opened)
+    monkeypatch.setattr("plumb.boards.open_link_board", opened)
     assert front.main(["doctor", "--board", "virtual"]) == 1
     said = capsys.readouterr().out
     assert "MISS pins: the strap says standard; the parameters are for bridge" in said

@@ -20,7 +20,7 @@ def board(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFact
     def opened(_spec: str, **_options: Any) -> LinkBoard:
         return LinkBoard("memory", Session.open(memory))
 
-    monkeypatch.setattr("plumb.boards.link.open_link_board", opened)
+    monkeypatch.setattr("plumb.boards.open_link_board", opened)
     kept: Path = tmp_path_factory.mktemp("kept")
     for place in ("CONFIG", "STATE"):
         monkeypatch.setenv(f"XDG_{place}_HOME", str(kept / place))

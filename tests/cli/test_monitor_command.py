@@ -33,7 +33,7 @@ def board(monkeypatch: pytest.MonkeyPatch) -> NativeBoard:
     def opened(_spec: str, **_options: Any) -> LinkBoard:
         return LinkBoard("memory", Session.open(memory))
 
-    monkeypatch.setattr("plumb.boards.link.open_link_board", opened)
+    monkeypatch.setattr("plumb.boards.open_link_board", opened)
     return memory
 
 

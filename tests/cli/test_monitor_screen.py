@@ -37,7 +37,7 @@ COLOUR = re.compile(r"\x1b\[(?:\d+;)*(?:3[0-7]|4[0-7])m")
 def board(monkeypatch: pytest.MonkeyPatch) -> NativeBoard:
     memory = NativeBoard()
     memory.sensors(RAW)
-    monkeypatch.setattr("plumb.boards.link.open_link_board", lambda *_, **__: LinkBoard("memory", Session.open(memory)))
+    monkeypatch.setattr("plumb.boards.open_link_board", lambda *_, **__: LinkBoard("memory", Session.open(memory)))
     return memory
 
 
@@ -231,7 +231,7 @@ class Cut:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, board: NativeBoard) -> None:
         self.attempts, self.board = 0, board
         self.between: Callable[[], None] = lambda: None
-        monkeypatch.setattr("plumb.boards.link.open_link_board", self.opened)
+        monkeypatch.setattr("plumb.boards.open_link_board", self.opened)
         monkeypatch.setattr(command, "RECONNECT_INTERVAL_S", 0.0)
 
     def opened(self, *_: Any, **__: Any) -> LinkBoard:

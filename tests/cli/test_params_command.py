@@ -426,7 +426,7 @@ def test_every_verb_over_either_link(
     def opened(_spec: str, **_options: Any) -> LinkBoard:
         return LinkBoard(link, Session.over(MachineBus(machine)) if link == "can" else Session.open(machine.uart))
 
-    monkeypatch.setattr("plumb.boards.link.open_link_board", opened)
+    monkeypatch.setattr("plumb.boards.open_link_board", opened)
     file = tmp_path / "table.toml"
 
     def value() -> int:

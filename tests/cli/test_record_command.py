@@ -211,7 +211,7 @@ def recordable(board: NativeBoard, monkeypatch: pytest.MonkeyPatch) -> NativeBoa
     def opened(_spec: str, **_options: Any) -> LinkBoard:
         return LinkBoard("memory", Session.open(board))
 
-    monkeypatch.setattr("plumb.boards.link.open_link_board", opened)
+    monkeypatch.setattr("plumb.boards.open_link_board", opened)
     return board
 
 

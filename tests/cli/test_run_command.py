@@ -15,7 +15,7 @@ import pytest
 
 from plumb import __main__ as front
 from plumb import systems
-from plumb.boards import Answer, RawCounts, Setpoints
+from plumb.boards.contract import Answer, RawCounts, Setpoints
 from plumb.boards.native import NativeBoard
 from plumb.errors import UsageError
 from plumb.proof import gain_changes, runs

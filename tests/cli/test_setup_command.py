@@ -70,7 +70,7 @@ def board(monkeypatch: pytest.MonkeyPatch) -> Iterator[NativeBoard]:
     """A board in memory, behind the name serial:memory."""
     memory = NativeBoard()
     memory.run_us(50_000)
-    monkeypatch.setattr("plumb.boards.link.open_link_board", lambda spec: LinkBoard(spec, Session.open(memory)))
+    monkeypatch.setattr("plumb.boards.open_link_board", lambda spec: LinkBoard(spec, Session.open(memory)))
     yield memory
 
 

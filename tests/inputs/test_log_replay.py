@@ -13,7 +13,8 @@ import numpy.typing as npt
 import pytest
 
 from plumb import __main__ as front
-from plumb.boards import Board, RawCounts, Setpoints, open_board
+from plumb.boards import open_board
+from plumb.boards.contract import Board, RawCounts, Setpoints
 from plumb.boards.native import NativeBoard as NativeCore
 from plumb.boards.native import NativeParts
 from plumb.errors import UnverifiedError, UsageError

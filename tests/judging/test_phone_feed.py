@@ -22,7 +22,8 @@ import pytest
 
 from plumb import __main__ as front
 from plumb import boards
-from plumb.boards import Board, RawCounts, StepOutput, Stepper, open_board, qemu
+from plumb.boards import open_board, qemu
+from plumb.boards.contract import Board, RawCounts, StepOutput, Stepper
 from plumb.errors import LinkError, UsageError
 from plumb.judging.phone.inputs import live_run, udp
 from plumb.systems.phone import scenarios as phone

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from plumb.boards import Answer, native_core
+from plumb.boards import native_core
+from plumb.boards.contract import Answer
 from plumb.judging.turntable import plots
 from plumb.proof import runs
 from plumb.proof.report import Plot

@@ -103,7 +103,7 @@ def test_monitor_sends_them(
     plotter: socket.socket, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     board = board_of()
-    monkeypatch.setattr("plumb.boards.link.open_link_board", lambda *_, **__: LinkBoard("memory", Session.open(board)))
+    monkeypatch.setattr("plumb.boards.open_link_board", lambda *_, **__: LinkBoard("memory", Session.open(board)))
     monitor = ["monitor", "--board", "memory", "--run", "live", "--seconds", "1", "--json"]
     assert front.main([*monitor, "--udp", str(plotter.getsockname()[1])]) == 0
     assert any("quad" in one for one in received(plotter))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from plumb.boards.link import open_link_board
+from plumb.boards import open_link_board
 from plumb.errors import LinkError
 from plumb.link import monitor
 from plumb.link.listening import LATEST, BoardWait, Listening

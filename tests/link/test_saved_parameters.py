@@ -248,7 +248,7 @@ def test_the_command_saves_loads_and_resets(
     def opened(_spec: str, **_options: Any) -> LinkBoard:
         return LinkBoard("memory", Session.open(board))
 
-    monkeypatch.setattr("plumb.boards.link.open_link_board", opened)
+    monkeypatch.setattr("plumb.boards.open_link_board", opened)
     code, _, err = command(capsys, "load")
     assert code == 3 and err == "plumb: the board refused EXECUTE: nothing is saved\n"
     code, out, _ = command(capsys, "set", "arm_hold_ms=5", "--save", "--json")

@@ -12,7 +12,7 @@ pytest.importorskip("unicorn")
 
 from plumb import __main__ as front
 from plumb import systems
-from plumb.boards import Answer
+from plumb.boards.contract import Answer
 from plumb.boards.native import NativeBoard
 from plumb.proof import confirmed
 

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from plumb import systems
-from plumb.boards import Answer, Board, open_board
+from plumb.boards import open_board
+from plumb.boards.contract import Answer, Board
 from plumb.errors import PlumbError, UsageError
 from plumb.proof import golden, golden_manifest, golden_recipe
 from plumb.proof.golden import Vector

@@ -18,7 +18,8 @@ import pytest
 
 import plumb
 import plumb.__main__ as front
-from plumb.boards import Answer, GivesWordsOfSteps, native_core, open_board
+from plumb.boards import native_core, open_board
+from plumb.boards.contract import Answer, GivesWordsOfSteps
 from plumb.boards.native import NativeBoard
 from plumb.boards.program import vector_text
 from plumb.errors import LinkError

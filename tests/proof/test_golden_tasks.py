@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 
 import plumb.__main__ as front
-from plumb.boards import Answer, native_core, open_board
+from plumb.boards import native_core, open_board
+from plumb.boards.contract import Answer
 from plumb.errors import UsageError
 from plumb.link.endpoint_names import parse_board
 from plumb.proof import golden, golden_recipe

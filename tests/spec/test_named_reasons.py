@@ -52,7 +52,7 @@ def board(monkeypatch: pytest.MonkeyPatch) -> NativeBoard:
     memory = NativeBoard()
     memory.switch(False)
     memory.run_us(50_000)
-    monkeypatch.setattr("plumb.boards.link.open_link_board", lambda spec, link: LinkBoard(spec, Session.open(memory)))
+    monkeypatch.setattr("plumb.boards.open_link_board", lambda spec, link: LinkBoard(spec, Session.open(memory)))
     return memory
 
 

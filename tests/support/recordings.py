@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from plumb.boards import RawCounts
+from plumb.boards.contract import RawCounts
 from plumb.files.block_file import Block, BlockWriter, read_blocks
 from plumb.inputs.log_file import MAGIC, Frames, read_log
 from plumb.inputs.log_writer import LogWriter

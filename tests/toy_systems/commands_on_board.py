@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from plumb import systems
-from plumb.boards import SimulatedBoard, open_board
+from plumb.boards import open_board
+from plumb.boards.contract import SimulatedBoard
 from plumb.boards.plant_on_pins import configure_as
 from plumb.inputs.recorder import Recorder
 from plumb.link.identity import NackError

@@ -3,6 +3,11 @@
 
 native_wires_t native;
 port_t port;
+jmp_buf port_out_of_the_loop;
+
+void port_leave_loop(left_t how) {
+    longjmp(port_out_of_the_loop, how);
+}
 
 uint64_t port_now_ns(void) {
     return port.now_us * NS_PER_US;

@@ -6,12 +6,18 @@
 #include "app/board_links.h"
 #include "app/board_store.h"
 #include "native.h"
+#include <setjmp.h>
 
 #define NS_PER_US 1000u
 
-/* Written by board.c; a reset clears all but the time. */
+/* Written by board.c and machine.c; a reset clears all but the first two. */
 typedef struct {
     uint64_t now_us;
+    uint32_t clock_offset_us; /* of the board's clock to now_us */
+    uint32_t last_clock_us;   /* what the loop read last of the board's clock */
+    uint64_t turned_us;       /* when the last turn of the loop began */
+    uint64_t slept_us;        /* when it went to sleep */
+    uint64_t fed_us;          /* when it last fed the watchdog */
     board_identity_t identity;
     uint32_t faults; /* BOARD_FAULT_ bits of the board as a whole */
     bool wake;       /* the loop is to make a turn */
@@ -21,7 +27,13 @@ typedef struct {
 
 extern port_t port;
 
+/* How the loop is left in the middle of a turn. */
+typedef enum { LEFT_NOT = 0, LEFT_POWER, LEFT_BOOTLOADER } left_t;
+
+extern jmp_buf port_out_of_the_loop; /* set by machine.c before it runs a part of the loop */
+
 /* port.c */
+void port_leave_loop(left_t how); /* does not return */
 uint64_t port_now_ns(void);
 uint32_t port_now_ms(void);
 void port_wake(void);   /* wakes the loop */

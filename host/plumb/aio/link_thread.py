@@ -18,7 +18,7 @@ from typing import Protocol, TypeVar
 
 from plumb.api.connection import Board
 from plumb.api.live import Sample
-from plumb.boards import SimulatedBoard
+from plumb.boards.contract import SimulatedBoard
 from plumb.errors import PlumbError, UsageError
 
 T = TypeVar("T")

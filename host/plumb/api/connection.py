@@ -16,8 +16,9 @@ from plumb.api.live import BoardIdentity, Sample, SampleStream
 from plumb.api.parameters import Parameters
 from plumb.api.reconnection import AnotherBoardError, Before, Found, Reconnection
 from plumb.api.runs import RunResult, request_of, run_own
-from plumb.boards import SimulatedBoard, open_board, plant_on_pins
-from plumb.boards.link import LinkBoard, open_link_board
+from plumb.boards import open_board, open_link_board, plant_on_pins
+from plumb.boards.contract import SimulatedBoard
+from plumb.boards.link import LinkBoard
 from plumb.errors import LinkError, UsageError
 from plumb.link import monitor
 from plumb.link.discovery import resolved

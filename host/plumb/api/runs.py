@@ -22,7 +22,7 @@ from plumb.spec.records import Words
 from plumb.tuning.quantise import ControlParams
 
 if TYPE_CHECKING:
-    from plumb.boards import Board
+    from plumb.boards.contract import Board
     from plumb.spec.tuning import AnyTuning
 
 Verdict = Literal["pass", "fail", "unverified"]

@@ -3,163 +3,20 @@
 `fixed` is the integer model in Python, `native` the C core in this process, `qemu` the C core as Cortex-M code,
 `virtual` the whole flash image on the simulated STM32F103. `serial:PORT[@BAUD]` and `can:INTERFACE:CHANNEL[@KBIT]` are
 the same image on silicon, or on a virtual board that another process serves. `program:COMMAND` is a program of the
-user's, which runs whole vectors.
+user's, which runs whole vectors. Their interface is `contract.Board`.
 """
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING
 
-import numpy as np
-import numpy.typing as npt
-
-from plumb.link.endpoint_names import CanName, ProgramName, SerialName, parse_board
+from plumb.errors import UsageError
+from plumb.link.endpoint_names import REMOTE_BOARDS, CanName, LocalBoard, ProgramName, SerialName, parse_board
 
 if TYPE_CHECKING:
-    from plumb.f103.machine import Machine
-    from plumb.link.session import Session
-    from plumb.spec.records import Words
-    from plumb.tuning.quantise import Changes, ControlParams
-
-RawCounts = npt.NDArray[np.int16]
-"""Raw counts of every step, shape (steps, 6); a system uses the first few columns."""
-Setpoints = npt.NDArray[np.int32]
-"""Setpoint of every step, shape (steps,), in the unit that the system declares; of an angle a full turn is 2**32."""
-
-
-@dataclass(frozen=True)
-class Answer:
-    """Output of a run on a board.
-
-    digests: CRC-32 of each step's words, shape (steps,). words: the words of all steps from boards that give them
-    (fixed, native, qemu), else None: over a link only digests are sent, and `words_of_step` gets the words of one step.
-    unverified_from: first step whose digest or raw counts were lost on the link, else None; why: another reason.
-    """
-
-    digests: npt.NDArray[np.uint32]
-    words: Words | None = None
-    unverified_from: int | None = None
-    why: str = ""
-
-
-@dataclass(frozen=True)
-class StepOutput:
-    """Digest and outputs of one step. outputs: the words that the system lists in OUTPUTS, by name."""
-
-    digest: int
-    outputs: dict[str, int]
-
-
-class Stepper(Protocol):
-    """A run in lockstep, one sample at a time: for closed loops whose plant runs on the host."""
-
-    def step(self, raw: tuple[int, ...], setpoint: int) -> StepOutput: ...
-
-    def digests(self, raw: RawCounts) -> list[int]:
-        """Run a step for each sample with setpoint 0; the digests of these steps."""
-        ...
-
-
-class Board(Protocol):
-    """Anything that runs the control step: fixed, native, qemu, virtual, and a board behind a link. A context manager:
-    leaving it closes the link."""
-
-    name: str
-
-    @abstractmethod
-    def run_injected(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints) -> Answer:
-        """Reset the controller, then run every step in lockstep."""
-
-    @abstractmethod
-    def words_of_step(self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, step: int) -> dict[str, int]:
-        """Reset the controller, run the steps 0 to `step`, and return every word of step `step` by name."""
-
-    @abstractmethod
-    def stepper(self, params: ControlParams) -> Stepper:
-        """Reset the controller, and return a run that the caller paces."""
-
-    def close(self) -> None:
-        """Close the link, if there is one."""
-        return None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-
-@runtime_checkable
-class GivesWordsOfSteps(Protocol):
-    """A board whose `run_injected` gives digests alone, and which gives the words of some steps when asked."""
-
-    def words_of_steps(
-        self, params: ControlParams, raw: RawCounts, setpoint: Setpoints, first: int, end: int
-    ) -> Words | None:
-        """Reset the controller, run the steps 0 to `end` - 1, and return the words from step `first` on; None when the
-        board cannot give them."""
-
-
-@runtime_checkable
-class ChangesParameters(Protocol):
-    """A board that takes other parameters in the middle of a run whose samples the host sends."""
-
-    def run_changed(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Answer:
-        """Reset the controller, then run every step, from the step of each change on with its parameters."""
-
-
-@runtime_checkable
-class KeepsTime(Protocol):
-    """A board whose steps in real time the host can keep up with, so that other parameters meet the step that they are
-    meant for."""
-
-    def run_paced(self, params: ControlParams, changes: Changes, raw: RawCounts, setpoint: Setpoints) -> Answer:
-        """As `run_changed`, in real time: unverified from the first step whose inputs the board does not confirm."""
-
-
-class PartRunner(Protocol):
-    """A run in lockstep whose samples come in parts."""
-
-    def run(self, raw: RawCounts, setpoint: Setpoints) -> npt.NDArray[np.uint32]:
-        """Run the next steps; their digests."""
-
-    def change(self, params: ControlParams) -> None:
-        """Use other parameters from the next step on. Only of a board that `ChangesParameters`."""
-
-    def end(self) -> None:
-        """End the run."""
-
-
-@runtime_checkable
-class RunsInParts(Protocol):
-    """A board that does not need all samples of a run at once."""
-
-    def part_runner(self, params: ControlParams) -> PartRunner:
-        """Reset the controller, and return a run."""
-
-
-@runtime_checkable
-class SimulatedBoard(Board, Protocol):
-    """A board whose chip is simulated in this process: its pins can be reached, and its reset pin pulled."""
-
-    @property
-    def machine(self) -> Machine:
-        """The chip."""
-
-    session: Session
-    """The host's conversation with it, until the next restart or reconnect."""
-
-    def restart(self) -> Session:
-        """Pull the reset pin and connect again; the board then uses its saved parameters."""
-
-    def reconnect(self) -> Session:
-        """Connect anew, as after a reset that came from elsewhere."""
+    from plumb.boards.contract import Board
+    from plumb.boards.link import LinkBoard
 
 
 def open_board(spec: str, *, link: str = "serial", image: Path | None = None) -> Board:
@@ -195,3 +52,15 @@ def open_board(spec: str, *, link: str = "serial", image: Path | None = None) ->
     from plumb.boards.virtual import VirtualBoard
 
     return VirtualBoard(image, link)
+
+
+def open_link_board(spec: str, *, link: str = "serial", image: Path | None = None) -> LinkBoard:
+    """The board that `spec` names; raises UsageError for a board without a link."""
+    from plumb.boards.link import LinkBoard
+
+    name = parse_board(spec)
+    if isinstance(name, ProgramName) or (isinstance(name, LocalBoard) and name.kind != "virtual"):
+        raise UsageError(f"'{spec}' is no board with a link; use virtual, {REMOTE_BOARDS}")
+    board = open_board(spec, link=link, image=image)
+    assert isinstance(board, LinkBoard)
+    return board

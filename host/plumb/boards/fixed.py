@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb import systems
-from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper
+from plumb.boards.contract import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper
 from plumb.spec.records import Words
 from plumb.systems import run_fixed, run_tasks
 from plumb.systems.tasks import KINDS, Task

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import struct
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumb import systems
-from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper, open_board
+from plumb.boards.contract import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper
 from plumb.errors import UsageError
-from plumb.link.endpoint_names import REMOTE_BOARDS, CanName, LocalBoard, ProgramName, SerialName, parse_board
+from plumb.link.endpoint_names import CanName, SerialName
 from plumb.link.lockstep import Lockstep
 from plumb.link.session import Session
 from plumb.link.transports.open_bus import open_can
@@ -128,13 +127,3 @@ class CanBoard(LinkBoard):
 
     def __init__(self, name: CanName) -> None:
         super().__init__(name.text, Session.over(open_can(name)))
-
-
-def open_link_board(spec: str, *, link: str = "serial", image: Path | None = None) -> LinkBoard:
-    """The board that `spec` names; raises UsageError for a board without a link."""
-    name = parse_board(spec)
-    if isinstance(name, ProgramName) or (isinstance(name, LocalBoard) and name.kind != "virtual"):
-        raise UsageError(f"'{spec}' is no board with a link; use virtual, {REMOTE_BOARDS}")
-    board = open_board(spec, link=link, image=image)
-    assert isinstance(board, LinkBoard)
-    return board

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb import systems
-from plumb.boards import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper, native_core
+from plumb.boards import native_core
+from plumb.boards.contract import Answer, Board, RawCounts, Setpoints, StepOutput, Stepper
 from plumb.systems import run_fixed
 from plumb.systems.tasks import KINDS, Task
 

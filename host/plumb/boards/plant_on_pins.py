@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from plumb import systems
-from plumb.boards import SimulatedBoard
+from plumb.boards.contract import SimulatedBoard
 from plumb.boards.link import LinkBoard
 from plumb.boards.strap import BY_PIN_SET, set_strap
 from plumb.boards.virtual_machine import START_US

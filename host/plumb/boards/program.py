@@ -50,7 +50,7 @@ from typing import IO, TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from plumb.boards import Answer, Board, RawCounts, Setpoints, Stepper
+from plumb.boards.contract import Answer, Board, RawCounts, Setpoints, Stepper
 from plumb.errors import LinkError, UsageError
 from plumb.spec.records import RECORDS, Words
 from plumb.systems.tasks import KINDS, Task

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plumb.boards import Answer, Board, RawCounts, Setpoints, Stepper
+from plumb.boards.contract import Answer, Board, RawCounts, Setpoints, Stepper
 from plumb.checkout import CHECKOUT
 from plumb.errors import LinkError, UsageError
 from plumb.spec import dbc

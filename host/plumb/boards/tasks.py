@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
-from plumb.boards import Answer
+from plumb.boards.contract import Answer
 from plumb.systems.tasks import Task
 
 

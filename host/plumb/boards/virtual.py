@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from plumb.boards import Answer, RawCounts, Setpoints
+from plumb.boards.contract import Answer, RawCounts, Setpoints
 from plumb.boards.link import LinkBoard
 from plumb.boards.virtual_machine import START_US, open_machine
 from plumb.flash.image import find_image

@@ -211,7 +211,7 @@ def update(identity: Identity) -> str:
 def board(spec: str, link: str = "serial") -> list[Finding]:
     """The board's identity, faults and arming state. Raises LinkError if it does not answer, UsageError for a wrong
     name."""
-    from plumb.boards.link import open_link_board
+    from plumb.boards import open_link_board
     from plumb.link.identity import BLOCKING_FAULTS, FAULTS, HOST_BLOCKS
     from plumb.link.monitor import STATUS_EVERY_S
     from plumb.link.unarmable import blocked_texts

@@ -274,7 +274,8 @@ def attach_plant(board: LinkBoard, system: str | None, scenario: str | None, see
             remedy = "`plumb params tuning SYSTEM` makes another board that system"
             raise UsageError(f"--system and --scenario are for --board virtual, whose pins a plant drives; {remedy}")
         return False
-    from plumb.boards import SimulatedBoard, plant_on_pins
+    from plumb.boards import plant_on_pins
+    from plumb.boards.contract import SimulatedBoard
 
     assert isinstance(board, SimulatedBoard)
     plant_on_pins.show(board, system or board.session.system, scenario, seed)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from plumb.boards import Board
+    from plumb.boards.contract import Board
     from plumb.boards.link import LinkBoard
 
 Options = argparse._ActionsContainer
@@ -321,7 +321,7 @@ def board_of(arguments: argparse.Namespace, board: str | None = None) -> Board:
 
 def linked_board_of(arguments: argparse.Namespace) -> LinkBoard:
     """The same for commands that need a link; raises UsageError for a board without one, LinkError."""
-    from plumb.boards.link import open_link_board
+    from plumb.boards import open_link_board
 
     return open_link_board(arguments.board, link=arguments.link, image=arguments.image)
 

@@ -142,7 +142,7 @@ def open_board(
 ) -> tuple[LinkBoard, Callable[[str], None] | None]:
     """The board as the chosen system, and what puts its body into a pose; None where a person does."""
     from plumb import systems
-    from plumb.boards.link import open_link_board
+    from plumb.boards import open_link_board
     from plumb.link import parameter_table
     from plumb.spec import declarations, images
     from plumb.spec.parameter_file import by_name

@@ -42,7 +42,7 @@ from plumb.cli import options
 if TYPE_CHECKING:
     from plumb.analyses.identification.loop_test import LoopRun
     from plumb.analyses.identification.pid_design import Wanted
-    from plumb.boards import Board
+    from plumb.boards.contract import Board
     from plumb.proof.report import Plot, Table
     from plumb.proof.xy_plot import XyPlot
     from plumb.tuning.quantise import ControlParams

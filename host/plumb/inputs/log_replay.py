@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb import systems
-from plumb.boards import Board
+from plumb.boards.contract import Board
 from plumb.errors import UnverifiedError, UsageError
 from plumb.inputs import frame_files, recording
 from plumb.inputs.log_file import SUFFIX, Log, ParameterSet, read_log

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from plumb.boards import Board, ChangesParameters, PartRunner, RunsInParts
+from plumb.boards.contract import Board, ChangesParameters, PartRunner, RunsInParts
 from plumb.inputs.logged_runs import LoggedRun, Steps
 from plumb.proof.compare import Divergence
 from plumb.spec import dbc, declarations

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Protocol
 
 from plumb import systems
-from plumb.boards import Board
+from plumb.boards.contract import Board
 from plumb.inputs import recording
 from plumb.inputs.recording import Recording
 from plumb.proof import runs

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from plumb import systems
-from plumb.boards import Board
+from plumb.boards.contract import Board
 from plumb.boards.native import NativeBoard
 from plumb.proof import runs
 from plumb.proof.compare import count_mismatches

@@ -17,7 +17,8 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from plumb.boards import Board, native_core
+from plumb.boards import native_core
+from plumb.boards.contract import Board
 from plumb.boards.tasks import RunsTasks
 from plumb.checkout import CHECKOUT, PACKAGE
 from plumb.errors import UsageError

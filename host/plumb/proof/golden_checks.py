@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from plumb.boards import Board
+from plumb.boards.contract import Board
 from plumb.errors import LinkError, UsageError
 from plumb.files import whole_files
 from plumb.proof import golden

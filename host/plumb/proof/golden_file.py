@@ -31,7 +31,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from plumb.boards import RawCounts, Setpoints
+from plumb.boards.contract import RawCounts, Setpoints
 from plumb.errors import UsageError
 from plumb.proof.golden_json import integer, integers, json_object
 from plumb.proof.golden_recipe import MAX_STEPS, is_name

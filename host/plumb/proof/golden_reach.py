@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from plumb.boards import RawCounts, Setpoints
+from plumb.boards.contract import RawCounts, Setpoints
 from plumb.proof.golden_random import Draw
 from plumb.spec import declarations, parameters
 from plumb.spec.parameters import Parameter

@@ -32,7 +32,7 @@ import numpy as np
 import numpy.typing as npt
 
 from plumb import systems
-from plumb.boards import RawCounts, Setpoints
+from plumb.boards.contract import RawCounts, Setpoints
 from plumb.errors import UsageError
 from plumb.files import toml_text
 from plumb.files.input_files import read_text

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from plumb.boards import RawCounts, Setpoints
+from plumb.boards.contract import RawCounts, Setpoints
 from plumb.proof.golden_json import integer, integers
 from plumb.proof.golden_tasks import own_rows, type_range
 from plumb.systems.tasks import KINDS, Task

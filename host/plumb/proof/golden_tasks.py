@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from plumb.boards import RawCounts, Setpoints
+from plumb.boards.contract import RawCounts, Setpoints
 from plumb.proof.golden_random import Draw
 from plumb.proof.golden_reach import value_of
 from plumb.spec import declarations, parameters

@@ -11,7 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from plumb.boards import Answer, Board, native_core
+from plumb.boards import native_core
+from plumb.boards.contract import Answer, Board
 from plumb.boards.tasks import RunsTasks
 from plumb.proof.compare import Divergence, divergence_at, first_digest_divergence, first_divergence
 from plumb.proof.golden_file import Vector

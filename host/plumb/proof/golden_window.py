@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from plumb.boards import Board, GivesWordsOfSteps
+from plumb.boards.contract import Board, GivesWordsOfSteps
 from plumb.proof.golden_file import Vector
 from plumb.proof.golden_result import VectorResult
 from plumb.spec import declarations

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from plumb import systems
-from plumb.boards import Answer, RawCounts, SimulatedBoard
+from plumb.boards.contract import Answer, RawCounts, SimulatedBoard
 from plumb.boards.plant_on_pins import FOUND_US, configure_as, sampling_began_s
 from plumb.errors import LinkError
 from plumb.link.identity import disarmed_text

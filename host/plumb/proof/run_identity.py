@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from plumb.boards import Board
+from plumb.boards.contract import Board
 from plumb.boards.link import LinkBoard
 from plumb.boards.native import NativeBoard
 from plumb.boards.qemu import QemuBoard

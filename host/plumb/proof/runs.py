@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from plumb import systems
-from plumb.boards import Answer, Board, ChangesParameters, KeepsTime, RawCounts, Setpoints
+from plumb.boards.contract import Answer, Board, ChangesParameters, KeepsTime, RawCounts, Setpoints
 from plumb.proof import limits
 from plumb.proof.compare import Divergence, count_mismatches, first_divergence
 from plumb.proof.report import Plot, Statement

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from plumb import systems
-from plumb.boards import Board, SimulatedBoard, open_board
+from plumb.boards import open_board
+from plumb.boards.contract import Board, SimulatedBoard
 from plumb.boards.qemu import QemuBoard
 from plumb.errors import UsageError
 from plumb.physics import disturbance

@@ -12,7 +12,8 @@ import numpy as np
 
 from plumb import systems
 from plumb.analyses.identification.plant_fit import Excitation, Measurement
-from plumb.boards import Board, RawCounts, Setpoints, SimulatedBoard, plant_on_pins
+from plumb.boards import plant_on_pins
+from plumb.boards.contract import Board, RawCounts, Setpoints, SimulatedBoard
 from plumb.boards.link import LinkBoard
 from plumb.errors import LinkError, UsageError
 from plumb.link.real_time_watch import RealTimeWatch

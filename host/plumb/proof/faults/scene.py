@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import can
 
 from plumb import systems
-from plumb.boards import SimulatedBoard, plant_on_pins
+from plumb.boards import plant_on_pins
+from plumb.boards.contract import SimulatedBoard
 from plumb.boards.virtual import VirtualBoard
 from plumb.errors import LinkError, UsageError
 from plumb.f103.core.timeline import TICKS_PER_S

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 from plumb.cli import options
 
 if TYPE_CHECKING:
-    from plumb.boards import Board
+    from plumb.boards.contract import Board
     from plumb.judging.phone.inputs.live_run import Outcome
     from plumb.judging.phone.inputs.resampler import Step
     from plumb.proof.report import Table

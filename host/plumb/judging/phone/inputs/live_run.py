@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from plumb.boards import Answer, Board, RawCounts, Stepper
+from plumb.boards.contract import Answer, Board, RawCounts, Stepper
 from plumb.errors import LinkError, UsageError
 from plumb.inputs import recording
 from plumb.judging.phone.inputs.resampler import Step
