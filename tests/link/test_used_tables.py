@@ -10,7 +10,7 @@ from plumb.link import parameter_table, used_tables
 from plumb.link.realtime import Capture
 from plumb.link.session import Session
 from plumb.link.transports.slcan_bus import PlumbBus
-from plumb.link.used_tables import TABLE_MESSAGES, UsedTables
+from plumb.link.used_tables import ASK_EVERY_S, ASKED_MOST, NEXT, TABLE_MESSAGES, TableEvent, TableState, UsedTables
 from plumb.proof.shadow import Shadow
 from plumb.spec import parameters
 from plumb.spec.parameter_file import by_name
@@ -121,6 +121,77 @@ def test_the_board_is_asked_a_few_times_and_not_more() -> None:
     asked = [second for second in range(0, 60) if tables.ask(0.5 * second)]
     assert asked == [0, 2, 4, 6, 8]
     assert tables.lost(tables.changes[0])
+
+
+# ---- every way from one state to another ----
+
+OTHER = [*DEFAULT[:KP], 1234, *DEFAULT[KP + 1 :]]
+BEGUN = said("ACK", MESSAGES["RUN_BEGIN"].identifier, 3)
+
+
+def asked_until_given_up(tables: UsedTables) -> None:
+    for request in range(ASKED_MOST + 1):
+        tables.ask(ASK_EVERY_S * request)
+
+
+def in_state(state: TableState) -> UsedTables:
+    """A follower that has come into that state by frames and requests alone."""
+    tables = fed(
+        [] if state in (TableState.UNREAD, TableState.KNOWN) else [used(100)],
+        words=None if state is TableState.UNREAD else DEFAULT,
+    )
+    if state is TableState.LOST:
+        asked_until_given_up(tables)
+    assert tables.state is state
+    return tables
+
+
+def happen(tables: UsedTables, event: TableEvent) -> None:
+    if event is TableEvent.GIVEN_UP:
+        asked_until_given_up(tables)
+        return
+    frames = {TableEvent.FOUND: read(NEW), TableEvent.CHANGED: [used(120, OTHER)], TableEvent.BEGUN: [BEGUN]}
+    for identifier, data in frames[event]:
+        tables.feed(identifier, data, 120)
+
+
+@pytest.mark.parametrize(("before", "event"), NEXT)
+def test_every_transition_of_the_table_happens(before: TableState, event: TableEvent) -> None:
+    tables = in_state(before)
+    happen(tables, event)
+    assert tables.state is NEXT[before, event]
+    known = tables.state is TableState.KNOWN
+    assert known == (event is TableEvent.FOUND or (before is TableState.KNOWN and event is TableEvent.BEGUN))
+    if tables.changes:
+        assert (tables.changes[-1].words is not None) == known
+        assert tables.lost(tables.changes[-1]) == (tables.state is TableState.LOST)
+    if known or tables.state is TableState.UNREAD:  # a staged word makes the next table only of one that is known
+        base = NEW if event is TableEvent.FOUND else DEFAULT
+        tables.feed(*said("PARAM_STAGED", KP, 99), 130)
+        tables.feed(*used(130, [*base[:KP], 99, *base[KP + 1 :]]), 130)
+        assert tables.state is (TableState.KNOWN if known else TableState.PENDING)
+
+
+@pytest.mark.parametrize("state", TableState)
+def test_what_is_no_event_of_a_state_leaves_it(state: TableState) -> None:
+    for event in TableEvent:
+        if (state, event) not in NEXT:
+            tables = in_state(state)
+            happen(tables, event)
+            assert tables.state is state
+
+
+def test_staged_and_read_words_are_kept_until_a_table_is_known() -> None:
+    tables = fed([STAGED, *read(NEW)[:2]])
+    assert (tables.seen.staged, tables.seen.read) == ({KP: 4711}, dict(enumerate(NEW[:2])))
+    tables.feed(*used(100), 100)
+    assert (tables.seen.staged, tables.seen.read, tables.state) == ({}, {}, TableState.KNOWN)
+
+
+def test_a_table_that_was_given_up_counts_when_another_host_reads_it() -> None:
+    tables = in_state(TableState.LOST)
+    happen(tables, TableEvent.FOUND)
+    assert tables.changes[0].words == tuple(NEW) and not tables.lost(tables.changes[0])
 
 
 # ---- a board whose parameters another host changes ----

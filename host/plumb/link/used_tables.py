@@ -4,14 +4,19 @@ A board that takes another table during a run sends PARAM_USED on every link: th
 its CRC-32. The words themselves are seen on the link of the host that wrote them (PARAM_SET, PARAM_STAGED); every other
 host reads the table from the board (PARAM_VALUE). However the words came, a table counts as known only when its CRC-32
 is the one of PARAM_USED. A log, the bridge's shadow and the light of the cockpit follow a run with this class.
+
+What is known of the table in use is a `TableState`; `NEXT` has every way from one to another. The words that it is made
+of are `SeenWords`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum, auto
 
 from plumb.errors import UsageError
+from plumb.link.seen_words import SeenWords, unsigned, whole
 from plumb.spec import parameters
 from plumb.spec.protocol import Protocol
 from plumb.tuning.quantise import ControlParams
@@ -24,6 +29,49 @@ ASKED_MOST = 5
 """Requests before the table counts as lost."""
 TABLE_MESSAGES = ("PARAM_SET", "PARAM_STAGED", "PARAM_VALUE", "PARAM_USED", "ACK", "HELLO", "IDENTITY")
 """Messages that tell what a board's table is, and since when."""
+
+
+class TableState(Enum):
+    """What is known of the table in use."""
+
+    UNREAD = auto()
+    """No word of it is known, or not all, and no table has followed it since the run began."""
+    KNOWN = auto()
+    """All of its words."""
+    PENDING = auto()
+    """It has followed another one, and its words are not known: the board is asked for them."""
+    LOST = auto()
+    """The board was asked as often as makes sense. Its words count yet when another host reads them."""
+
+
+class TableEvent(Enum):
+    """What changes the state."""
+
+    FOUND = auto()
+    """The words that were seen are those of the table in use."""
+    CHANGED = auto()
+    """The board uses another table."""
+    BEGUN = auto()
+    """A run began: with the table in use, and before any change."""
+    GIVEN_UP = auto()
+    """The last request for the table was not answered."""
+
+
+NEXT = {
+    (TableState.UNREAD, TableEvent.FOUND): TableState.KNOWN,
+    (TableState.UNREAD, TableEvent.CHANGED): TableState.PENDING,
+    (TableState.UNREAD, TableEvent.BEGUN): TableState.UNREAD,
+    (TableState.KNOWN, TableEvent.CHANGED): TableState.PENDING,
+    (TableState.KNOWN, TableEvent.BEGUN): TableState.KNOWN,
+    (TableState.PENDING, TableEvent.FOUND): TableState.KNOWN,
+    (TableState.PENDING, TableEvent.CHANGED): TableState.PENDING,
+    (TableState.PENDING, TableEvent.BEGUN): TableState.UNREAD,
+    (TableState.PENDING, TableEvent.GIVEN_UP): TableState.LOST,
+    (TableState.LOST, TableEvent.FOUND): TableState.KNOWN,
+    (TableState.LOST, TableEvent.CHANGED): TableState.PENDING,
+    (TableState.LOST, TableEvent.BEGUN): TableState.UNREAD,
+}
+"""State and event -> the next state. No other event occurs in a state."""
 
 
 @dataclass
@@ -59,17 +107,16 @@ class TableChange:
 
 class UsedTables:
     """Follows the table of a run. words: the table at its beginning, None where it is not known. changes: of this run,
-    in the order of their steps."""
+    in the order of their steps. state: what is known of the table in use; seen: the words that may be of it."""
 
     def __init__(self, messages: Protocol, words: Sequence[int] | None = None) -> None:
         self.changes: list[TableChange] = []
+        self.state = TableState.UNREAD if words is None else TableState.KNOWN
+        self.seen = SeenWords()
         self._messages = messages
         self._names = {messages[name].identifier: name for name in TABLE_MESSAGES if name in messages.messages}
         self._commit, self._begin = (messages[name].identifier for name in ("PARAM_COMMIT", "RUN_BEGIN"))
-        self._count = len(parameters.table())
-        self._words = None if words is None else _unsigned(words)
-        self._staged: dict[int, int] = {}
-        self._read: dict[int, int] = {}
+        self._words = None if words is None else tuple(unsigned(word) for word in words)  # of the last known table
         self._asked, self._asked_s = 0, 0.0
 
     @property
@@ -84,18 +131,17 @@ class UsedTables:
             return
         said = self._messages[name].decode(data)
         if name in ("PARAM_SET", "PARAM_STAGED"):
-            self._staged[said["index"]] = said["value"] & 0xFFFFFFFF
+            self.seen.staged[said["index"]] = unsigned(said["value"])
         elif name in ("HELLO", "IDENTITY"):  # a greeting discards what the same link has staged
-            self._staged = {}
+            self.seen.staged = {}
         elif name == "PARAM_VALUE":
-            self._read[said["index"]] = said["value"] & 0xFFFFFFFF
-            self._resolve()
+            self.seen.read[said["index"]] = unsigned(said["value"])
+            self._find()
         elif name == "PARAM_USED":
             ahead = (said["step"] - next_step + 0x8000 & 0xFFFF) - 0x8000
             self._change(TableChange(next_step + ahead, said["crc"]))
         elif said["request"] == self._begin:
-            self._words = None if self._pending else self._words
-            self.changes = []
+            self._begin_run()
         elif said["request"] == self._commit:
             last = self.changes[-1].crc32 if self.changes else self._crc32()
             if last != said["detail"]:  # PARAM_USED came before, and was lost
@@ -105,58 +151,62 @@ class UsedTables:
         """A block of a log: parameters by name that are in use from its place on."""
         for index, row in enumerate(parameters.table()):
             if row.name in values:
-                self._read[index] = values[row.name] & 0xFFFFFFFF
-        self._resolve()
+                self.seen.read[index] = unsigned(values[row.name])
+        self._find()
         known = dict(enumerate(self._words or ()))
-        if not self._pending and any(known.get(index, word) != word for index, word in self._read.items()):
+        if not self._sought and any(known.get(index, word) != word for index, word in self.seen.read.items()):
             self._change(TableChange(next_step, None, announced=False))
-
-    @property
-    def _pending(self) -> bool:
-        """Whether the table of the last change is not known."""
-        return bool(self.changes) and self.changes[-1].words is None
 
     def ask(self, now_s: float) -> bool:
         """Whether to ask the board for its table now, because that of the last change has not been seen."""
-        if not self._pending or self._asked > ASKED_MOST or (self._asked and now_s - self._asked_s < ASK_EVERY_S):
+        if self.state is not TableState.PENDING or (self._asked and now_s - self._asked_s < ASK_EVERY_S):
+            return False
+        if self._asked == ASKED_MOST:
+            self._follow(TableEvent.GIVEN_UP)
             return False
         self._asked, self._asked_s = self._asked + 1, now_s
-        return self._asked <= ASKED_MOST
+        return True
 
     def lost(self, change: TableChange) -> bool:
         """Whether the parameters of a change will not be known any more: the board does not send its table, has another
         by now, or did not say the step."""
-        given_up = change is not self.changes[-1] or self._asked > ASKED_MOST
-        return not change.announced or (change.words is None and given_up)
+        over = change is not self.changes[-1] or self.state is TableState.LOST
+        return not change.announced or (change.words is None and over)
+
+    @property
+    def _sought(self) -> bool:
+        """Whether the words of the last change are not known."""
+        return self.state in (TableState.PENDING, TableState.LOST)
+
+    def _follow(self, event: TableEvent) -> None:
+        self.state = NEXT[self.state, event]
+
+    def _begin_run(self) -> None:
+        self._follow(TableEvent.BEGUN)
+        if self.state is TableState.UNREAD:
+            self._words = None
+        self.changes = []
 
     def _change(self, change: TableChange) -> None:
+        self._follow(TableEvent.CHANGED)
         self.changes.append(change)
         self._asked = 0
         if change.crc32 is not None:
-            self._read = {}
-        self._resolve()
+            self.seen.read = {}  # of the table before
+        self._find()
 
-    def _resolve(self) -> None:
-        """Find the words of the last change among what was staged and what was read."""
-        if not self.changes:
-            if self._words is None and len(self._read) >= self._count:
-                self._words = tuple(self._read[index] for index in range(len(self._read)) if index in self._read)
-            return
-        if not self._pending:
-            return
-        change = self.changes[-1]
-        for seen in (self._read,) if change.crc32 is None else (self._staged, self._read):
-            known = dict(enumerate(self._words or ())) | seen
-            words = tuple(known[index] for index in range(len(known)) if index in known)
-            whole = len(words) == len(known) == max(self._count, len(self._words or ()))
-            if whole and change.crc32 in (None, parameters.crc32(words)):
-                change.words = self._words = words
-                self._staged, self._read = {}, {}
-                return
+    def _find(self) -> None:
+        """Look for the table in use among the words that were seen."""
+        if self.state is TableState.UNREAD:
+            self._words = whole(self.seen.read)
+            if self._words is not None:
+                self._follow(TableEvent.FOUND)
+        elif self._sought:
+            words = self.seen.table(self.changes[-1].crc32, self._words)
+            if words is not None:
+                self._follow(TableEvent.FOUND)
+                self.changes[-1].words = self._words = words
+                self.seen.clear()
 
     def _crc32(self) -> int | None:
         return None if self._words is None else parameters.crc32(self._words)
-
-
-def _unsigned(words: Sequence[int]) -> tuple[int, ...]:
-    return tuple(word & 0xFFFFFFFF for word in words)
